@@ -1,0 +1,1 @@
+"""Shapes from sparse touches, in batch: arrays in, frozen results out."""

@@ -1,0 +1,1 @@
+"""Exploratory procedures, waypoint sequences and their orderings."""

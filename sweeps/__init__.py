@@ -1,0 +1,1 @@
+"""Specs, runner, store, metrics, leaderboard, report and the command line."""

@@ -1,0 +1,1 @@
+"""Batched simulation of exploration by touch: robot, objects, sensors, guarded motion."""
