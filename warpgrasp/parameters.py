@@ -1,0 +1,110 @@
+"""Every number of the physical model, one table per device, each with its source.
+
+Tags: [paper] Allen and Michelman 1990; [ref] read in the source named; [est] an estimate, no
+source found. Inside the program all units are SI; a spec writes the same fields in `_mm` and
+`_deg` (see `sweeps.spec`). Bounds and choices in the metadata are checked where a spec is read.
+"""
+
+from dataclasses import dataclass, field
+from math import inf, pi, radians
+from typing import Any
+
+
+def _number(default: Any, low: float = 0.0, high: float = inf, doc: str = "") -> Any:
+    """A field with its default, the closed range each entry must lie in, and its meaning."""
+    return field(default=default, metadata={"low": low, "high": high, "doc": doc})
+
+
+def _choice(default: str, choices: tuple[str, ...], doc: str) -> Any:
+    return field(default=default, metadata={"choices": choices, "doc": doc})
+
+
+@dataclass(frozen=True)
+class ArmTable:
+    """PUMA 560, standard Denavit-Hartenberg parameters (robotics-toolbox-python) [ref]."""
+
+    d_m: tuple[float, ...] = _number((0.67183, 0.0, 0.15005, 0.4318, 0.0, 0.0), 0.0, 2.0,
+                                     "joint offsets [ref]")
+    a_m: tuple[float, ...] = _number((0.0, 0.4318, 0.0203, 0.0, 0.0, 0.0), 0.0, 2.0,
+                                     "link lengths [ref]")
+    limit_low_rad: tuple[float, ...] = _number(
+        tuple(radians(v) for v in (-160, -35, -225, -266, -100, -266)), -2 * pi, 2 * pi,
+        "joint limits [ref: Unimation bulletin]")
+    limit_high_rad: tuple[float, ...] = _number(
+        tuple(radians(v) for v in (160, 215, 45, 266, 100, 266)), -2 * pi, 2 * pi,
+        "joint limits [ref: Unimation bulletin]")
+    speed_rad_s: tuple[float, ...] = _number(
+        tuple(radians(v) for v in (82, 54, 122, 228, 241, 228)), 1e-3, 100.0, "joint speeds [est]")
+    encoder_step_rad: float = _number(1e-4, 0.0, 0.1, "encoder step [est]")
+    repeatability_m: float = _number(1e-4, 0.0, 0.1, "sigma of the tip's place [ref: bulletin]")
+    mount_error_m: float = _number(5e-4, 0.0, 0.1,
+                                   "sigma per axis of the arm-hand mount, drawn per episode [est]")
+    mount_error_rad: float = _number(radians(0.2), 0.0, 0.5, "same, rotation vector [est]")
+    guarded_step_s: float = _number(0.05, 0.0, 10.0, "time of one guarded step [est]")
+    finger_speed_rad_s: float = _number(radians(90), 1e-3, 100.0, "finger strokes [est]")
+
+
+@dataclass(frozen=True)
+class HandTable:
+    """Utah-MIT hand: four identical fingers of four joints, thumb opposite three [paper].
+
+    Link lengths are estimates bracketed by GraspIt!'s human hand and the Allegro hand.
+    """
+
+    abduction_offset_m: float = _number(0.0095, 0.0, 0.1, "abduction axis to first flexion [est]")
+    link_length_m: tuple[float, ...] = _number((0.043, 0.033, 0.028), 0.005, 0.2,
+                                               "proximal, middle, distal link [est]")
+    link_radius_m: float = _number(0.008, 0.001, 0.05, "capsule radius of a link [est]")
+    finger_spacing_m: float = _number(0.028, 0.0, 0.1, "between neighbouring fingers [est]")
+    palm_gap_m: float = _number(0.080, 0.02, 0.3, "fingers' bases to the thumb's base [est]")
+    palm_thickness_m: float = _number(0.040, 0.0, 0.2, "palm slab behind the finger bases [est]")
+    mount_length_m: float = _number(0.100, 0.0, 0.5, "wrist flange to finger bases [est]")
+    abduction_limit_rad: tuple[float, ...] = _number((radians(-25), radians(25)), -pi, pi, "[est]")
+    flexion_low_rad: tuple[float, ...] = _number((radians(-10), 0.0, 0.0), -pi, pi, "[est]")
+    flexion_high_rad: tuple[float, ...] = _number(
+        (radians(90), radians(95), radians(95)), -pi, pi, "[est]")
+    moment_arm_m: tuple[float, ...] = _number((0.010, 0.010, 0.008, 0.006), 1e-3, 0.1,
+                                              "tendon moment arm of each joint [est]")
+    co_contraction_N: float = _number(9.0, 0.0, 200.0, "tension of both tendons at rest [est]")
+    tension_low_N: float = _number(2.0, 0.0, 200.0, "[est]")
+    tension_high_N: float = _number(130.0, 1.0, 1000.0, "[est]")
+    joint_stiffness_Nm_rad: float = _number(2.0, 0.01, 1000.0, "joint position servo [est]")
+    skin_stiffness_N_m: float = _number(2e4, 10.0, 1e7, "skin of a link [est]")
+    tendon_friction: float = _number(0.07, 0.0, 0.9, "Coulomb, fraction of the tension [est]")
+
+
+@dataclass(frozen=True)
+class SensorTable:
+    """32 tendon tensions and 16 joint angles of the hand [paper], their errors, the threshold."""
+
+    tendon_threshold_N: float = _number(6.0, 0.0, 1000.0,
+                                        "stop when flexor - extensor tension passes this [est]")
+    tension_noise_N: float = _number(0.3, 0.0, 50.0, "sigma of one reading [est]")
+    tension_step_N: float = _number(0.05, 0.0, 10.0, "converter step; 0 switches it off [est]")
+    tension_readings: int = _number(16, 1, 1000, "readings averaged after the stop")
+    joint_noise_rad: float = _number(radians(0.3), 0.0, 0.5, "sigma of a joint angle [est]")
+    contact_estimator: str = _choice("intrinsic", ("fingertip", "intrinsic"),
+                                     "fingertip: the paper's; intrinsic: from joint torques")
+
+
+@dataclass(frozen=True)
+class ObjectTable:
+    """Where the object stands, and how well a strategy is told."""
+
+    x_m: float = _number(0.45, -2.0, 2.0, "place on the table, base frame [paper: near]")
+    y_m: float = _number(0.0, -2.0, 2.0, "place on the table")
+    yaw_rad: float | None = _number(None, -inf, inf, "turn about the vertical; unset: at random")
+    prior_sigma_m: float = _number(0.010, 0.0, 0.5,
+                                   "error of each number of the bounding cylinder told [est]")
+
+
+@dataclass(frozen=True)
+class FitTable:
+    """What evidence the recovered body is fitted to; each can be switched off."""
+
+    taper: bool = field(default=True, metadata={"doc": "13 instead of 11 parameters"})
+    table_plane: bool = field(default=True, metadata={"doc": "the body stands on the table"})
+    free_space: bool = field(default=True, metadata={"doc": "links that swept lie outside"})
+    weights: bool = field(default=True, metadata={"doc": "weigh contacts by their covariance"})
+    loss: str = _choice("cauchy", ("none", "cauchy"), "robust loss of the point residuals")
+    residual: str = _choice("solina", ("solina", "radial"), "solina: with the volume factor")
