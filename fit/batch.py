@@ -39,8 +39,8 @@ def _lane_slices(count: int) -> list[tuple[int, int]]:
 
 
 @lru_cache(maxsize=256)
-def _compiled(lane_function: Callable) -> Callable:
-    return jax.jit(jax.vmap(lane_function))
+def _compiled(lane_function: Callable, lanes: int, shared: int) -> Callable:
+    return jax.jit(jax.vmap(lane_function, in_axes=(0,) * lanes + (None,) * shared))
 
 
 @lru_cache(maxsize=1)
@@ -53,12 +53,13 @@ def use_compilation_cache() -> None:
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
 
 
-def map_lanes(lane_function: Callable, *lanes: Any) -> Any:
-    """`lane_function` of each lane, in float64.
+def map_lanes(lane_function: Callable, *lanes: Any, shared: tuple = ()) -> Any:
+    """`lane_function(*lane, *shared)` of each lane, in float64.
 
     `lane_function` must be one cached object (it names the compiled program); `lanes` are trees of
     arrays with the lane as first axis. Returns a tree of numpy arrays, lane first.
     """
+    program = _compiled(lane_function, len(lanes), len(shared))
     use_compilation_cache()
     count = len(jax.tree.leaves(lanes)[0])
     parts = []
@@ -67,7 +68,7 @@ def map_lanes(lane_function: Callable, *lanes: Any) -> Any:
         index = np.minimum(np.arange(start, start + LANES), stop - 1)
         chunk = jax.tree.map(lambda leaf, index=index: leaf[index], lanes)
         with _lock, jax.enable_x64(True):
-            out = jax.device_get(_compiled(lane_function)(*chunk))
+            out = jax.device_get(program(*chunk, *shared))
         parts.append(jax.tree.map(lambda leaf, n=stop - start: np.asarray(leaf)[:n], out))
     return jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
 
@@ -75,14 +76,3 @@ def map_lanes(lane_function: Callable, *lanes: Any) -> Any:
 def take(tree: Any, index: np.ndarray) -> Any:
     """The lanes `index` of a tree of arrays."""
     return jax.tree.map(lambda leaf: leaf[index], tree)
-
-
-def put(tree: Any, index: np.ndarray, values: Any) -> Any:
-    """A copy of `tree` whose lanes `index` hold `values`."""
-
-    def write(leaf, value):
-        leaf = np.array(leaf)
-        leaf[index] = value
-        return leaf
-
-    return jax.tree.map(write, tree, values)

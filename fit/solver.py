@@ -1,7 +1,7 @@
 """Levenberg-Marquardt by jaxopt: the one file that knows jaxopt, which is no longer developed.
 
-The solver is advanced by a given number of iterations and hands back its whole state, so that a
-batch can stop, drop the lanes that are done, and go on with the rest where it left off.
+A descent is cut into calls of so many iterations, each given where the last one stood and its
+damping: a batch can then drop the lanes that are done and go on with the rest.
 """
 
 from __future__ import annotations
@@ -23,18 +23,21 @@ DAMPING = 1e-3
 
 
 class Descent(NamedTuple):
-    """Where one descent stands; a tree of arrays, so that lanes can be gathered and scattered."""
+    """Where one descent stands."""
 
     theta: Any
     """Parameters, shape [parameter]."""
-    state: Any
-    """jaxopt's own state."""
+    damping: Any
+    """Damping to go on with; 0 to choose one."""
+    cost: Any
+    """Half the sum of squared residuals."""
     fallen: Any
     """By how much the last call lowered the cost, as a share of the cost before it."""
 
 
-def _solver(residual: Callable) -> LevenbergMarquardt:
-    return LevenbergMarquardt(
+def descend(residual: Callable, theta, damping, iterations, *data: Any) -> Descent:
+    """`iterations` (a traced number) steps from `theta` for `residual(theta, *data)`."""
+    solver = LevenbergMarquardt(
         residual,
         damping_parameter=DAMPING,
         solver="cholesky",
@@ -43,24 +46,17 @@ def _solver(residual: Callable) -> LevenbergMarquardt:
         jit=False,
         unroll=False,
     )
-
-
-def begin(residual: Callable, theta: jax.Array, *data: Any) -> Descent:
-    """A descent at its start: residual and Jacobian of `residual(theta, *data)` evaluated once."""
-    state = _solver(residual).init_state(theta, *data)
-    state = state._replace(increase_factor=jnp.asarray(2.0, theta.dtype))
-    return Descent(theta, state, jnp.asarray(1.0, theta.dtype))
-
-
-def advance(residual: Callable, descent: Descent, iterations: int, *data: Any) -> Descent:
-    """The descent `iterations` steps further on."""
-    solver = _solver(residual)
+    state = solver.init_state(theta, *data)
+    state = state._replace(
+        increase_factor=jnp.asarray(2.0, theta.dtype),
+        damping_factor=jnp.where(damping > 0, damping, state.damping_factor),
+    )
 
     def step(_, carry):
         theta, state = solver.update(carry[0], carry[1], *data)
         return theta, state._replace(increase_factor=state.increase_factor.astype(theta.dtype))
 
-    before = descent.state.value
-    theta, state = jax.lax.fori_loop(0, iterations, step, (descent.theta, descent.state))
+    before = state.value
+    theta, state = jax.lax.fori_loop(0, iterations, step, (theta, state))
     fallen = (before - state.value) / jnp.maximum(before, 1e-30)
-    return Descent(theta, state, fallen)
+    return Descent(theta, state.damping_factor, state.value, fallen)

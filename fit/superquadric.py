@@ -17,14 +17,13 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from fit import solver
-from fit.batch import map_lanes, point_bucket, put, take
+from fit.batch import map_lanes, point_bucket, take
 from fit.prepare import Sets, prepare
 from fit.rotation import quaternion_of_matrix
 from fit.status import FitStatus
 from fit.superquadric_model import (
     Form,
     Lane,
-    cayley,
     distance,
     log_radius_gradient,
     point_residual,
@@ -34,6 +33,8 @@ from fit.superquadric_model import (
 from fit.superquadric_starts import box_starts
 
 START_EXPONENT_LOGIT = 0.0
+CONVERGED_FALL = 1e-10
+"""A fit has converged when a round lowers its cost by less than this share."""
 ROBUST_TUNING = {"none": 1.0, "pseudo_huber": 1.345, "cauchy": 2.385, "geman_mcclure": 3.0}
 """Standard deviations at which each loss bends: 95 % efficiency on clean Gaussian residuals."""
 
@@ -171,21 +172,29 @@ def _fit_bucket(sets: Sets, options: SuperquadricOptions) -> dict[str, np.ndarra
     lanes, theta = _refresh(lanes, theta, sets, form, options)
     if form.loss != "none" or sets.covariance is not None:
         # Weights and scale belong to a shape: settle both before the finish.
-        theta = map_lanes(_settle(form, options.round_iterations), theta, lanes)
+        moved = _descend(form, theta, np.zeros(len(theta)), options.round_iterations, lanes)
+        theta = moved.theta
         lanes, theta = _refresh(lanes, theta, sets, form, options)
-    descent = map_lanes(_begin(form), theta, lanes)
-    left = np.arange(len(theta))
-    iterations = np.zeros(len(theta), int)
-    status = np.full(len(theta), FitStatus.not_converged)
+    theta, cost, iterations, status = _finish(lanes, theta, form, options)
+    return _rows(theta, cost, lanes, sets, form, iterations, status)
+
+
+def _finish(lanes: Lane, theta, form: Form, options: SuperquadricOptions):
+    """Descents to their end, in rounds over the fits that still fall."""
+    n = len(theta)
+    damping, cost = np.zeros(n), np.zeros(n)
+    iterations = np.zeros(n, int)
+    status = np.full(n, FitStatus.not_converged)
+    left = np.arange(n)
     while len(left) and iterations.max() < options.iterations:
-        moved = map_lanes(_advance(form, options.round_iterations),
-                          take(descent, left), take(lanes, left))
-        descent = put(descent, left, moved)
+        moved = _descend(form, theta[left], damping[left], options.round_iterations,
+                         take(lanes, left))
+        theta[left], damping[left], cost[left] = moved.theta, moved.damping, moved.cost
         iterations[left] += options.round_iterations
-        done = (moved.fallen < 1e-10) | (moved.state.value < 1e-24)
+        done = (moved.fallen < CONVERGED_FALL) | (moved.cost < 1e-24)
         status[left[done]] = FitStatus.converged
         left = left[~done]
-    return _rows(descent, lanes, sets, form, iterations, status)
+    return theta, cost, iterations, status
 
 
 def _lanes(sets: Sets, options: SuperquadricOptions) -> Lane:
@@ -238,15 +247,15 @@ def _screen(lanes: Lane, sets: Sets, form: Form, options: SuperquadricOptions):
     theta[..., 8:11] = centre
     spread = take(lanes, np.repeat(np.arange(n), starts))
     spread = spread._replace(rotation=rotation.reshape(-1, 3, 3))
-    found, cost = map_lanes(_try(form, options.screen_iterations),
-                            theta.reshape(n * starts, -1), spread)
-    best = np.arange(n) * starts + np.argmin(cost.reshape(n, starts), axis=1)
-    return lanes._replace(rotation=spread.rotation[best]), found[best]
+    tried = _descend(form, theta.reshape(n * starts, -1), np.zeros(n * starts),
+                     options.screen_iterations, spread)
+    best = np.arange(n) * starts + np.argmin(tried.cost.reshape(n, starts), axis=1)
+    return lanes._replace(rotation=spread.rotation[best]), tried.theta[best]
 
 
 def _refresh(lanes: Lane, theta, sets: Sets, form: Form, options: SuperquadricOptions):
     """Lanes whose tangent, weights and loss scale belong to the shape at `theta`."""
-    _, normal, raw = map_lanes(_look(form), theta, lanes)
+    body, _, normal, raw = map_lanes(_look(form), theta, lanes)
     weight = lanes.weight
     if sets.covariance is not None:
         variance = np.einsum("fip,fpij,fjp->fp", normal, sets.covariance, normal)
@@ -259,16 +268,14 @@ def _refresh(lanes: Lane, theta, sets: Sets, form: Form, options: SuperquadricOp
         deviation = 1.4826 * np.nanmedian(size, axis=1) / np.sqrt(spare)
         scale = np.clip(ROBUST_TUNING[form.loss] * deviation, 1e-4 / np.sqrt(sets.count),
                         lanes.loss_scale)
-    turned = map_lanes(_turned, theta, lanes.rotation)
     theta = theta.copy()
     theta[:, 5:8] = 0.0
-    return lanes._replace(rotation=turned, weight=weight, loss_scale=scale), theta
+    return lanes._replace(rotation=body.rotation, weight=weight, loss_scale=scale), theta
 
 
-def _rows(descent, lanes: Lane, sets: Sets, form: Form, iterations, status) -> dict:
+def _rows(theta, cost, lanes: Lane, sets: Sets, form: Form, iterations, status) -> dict:
     """The fits in metres and in the world, by the name of their field."""
-    away, _, _ = map_lanes(_look(form), descent.theta, lanes)
-    body = map_lanes(_body(form), descent.theta, lanes.rotation)
+    body, away, _, _ = map_lanes(_look(form), theta, lanes)
     n = len(status)
     scale = sets.scale
     square = np.where(sets.mask, away**2, 0.0).sum(1) / sets.count
@@ -281,7 +288,7 @@ def _rows(descent, lanes: Lane, sets: Sets, form: Form, iterations, status) -> d
         "taper": np.zeros((n, 2)) if body.taper is None else body.taper,
         "bend": np.stack([np.hypot(*bend.T) / scale, np.arctan2(bend[:, 1], bend[:, 0])], axis=1),
         "rms_m": np.sqrt(square) * scale,
-        "cost": descent.state.value,
+        "cost": cost,
         "iterations": iterations,
         "status": status,
         "n_points": sets.count,
@@ -291,54 +298,28 @@ def _rows(descent, lanes: Lane, sets: Sets, form: Form, iterations, status) -> d
 # The lane functions: cached, since each names one compiled program.
 
 
-@lru_cache(maxsize=64)
-def _try(form: Form, iterations: int):
-    def screen(theta, lane):
-        residual = _residual(form)
-        end = solver.advance(residual, solver.begin(residual, theta, lane), iterations, lane)
-        return end.theta, end.state.value
-
-    return screen
+def _descend(form: Form, theta, damping, iterations: int, lanes: Lane) -> solver.Descent:
+    return map_lanes(_descent(form), theta, damping, lanes, shared=(np.int64(iterations),))
 
 
 @lru_cache(maxsize=64)
-def _settle(form: Form, iterations: int):
-    return lambda theta, lane: _try(form, iterations)(theta, lane)[0]
+def _descent(form: Form):
+    def descent(theta, damping, lane, iterations):
+        residual = lambda theta, lane: residuals(theta, lane, form)  # noqa: E731
+        return solver.descend(residual, theta, damping, iterations, lane)
 
-
-@lru_cache(maxsize=64)
-def _begin(form: Form):
-    return lambda theta, lane: solver.begin(_residual(form), theta, lane)
-
-
-@lru_cache(maxsize=64)
-def _advance(form: Form, iterations: int):
-    return lambda descent, lane: solver.advance(_residual(form), descent, iterations, lane)
+    return descent
 
 
 @lru_cache(maxsize=64)
 def _look(form: Form):
-    """Distance of each point, the model's unit normal there, and the unweighted residual."""
+    """The body; each point's distance, the normal there, and its unweighted residual."""
 
     def look(theta, lane):
         body = unpack(theta, lane.rotation, form)
         gradient = log_radius_gradient(body, lane.points)
         length = jnp.sqrt(jnp.sum(gradient**2, axis=0) + 1e-24)
         raw = point_residual(body, lane.points, form)
-        return distance(body, lane.points), gradient / length, raw
+        return body, distance(body, lane.points), gradient / length, raw
 
     return look
-
-
-@lru_cache(maxsize=64)
-def _body(form: Form):
-    return lambda theta, rotation: unpack(theta, rotation, form)
-
-
-def _turned(theta, rotation):
-    return rotation @ cayley(theta[5:8])
-
-
-@lru_cache(maxsize=64)
-def _residual(form: Form):
-    return lambda theta, lane: residuals(theta, lane, form)
