@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from fit import solver
-from fit.batch import map_lanes, point_bucket, take
+from fit.batch import map_lanes, take
 from fit.prepare import Sets, prepare
 from fit.rotation import quaternion_of_matrix
 from fit.status import FitStatus
@@ -137,11 +137,8 @@ def fit_superquadric(
     options = options or SuperquadricOptions()
     sets = prepare(points, mask, covariance, normals, table_z, free_points, free_radius, free_mask)
     rows = _placeholder(sets)
-    usable = sets.status == FitStatus.converged
-    buckets = np.array([point_bucket(count) for count in sets.count])
-    for bucket in np.unique(buckets[usable]):
-        index = np.flatnonzero(usable & (buckets == bucket))
-        for name, values in _fit_bucket(sets.narrow(index, int(bucket)), options).items():
+    for index, bucket in sets.buckets():
+        for name, values in _fit_bucket(bucket, options).items():
             rows[name][index] = values
     return SuperquadricFit(**rows)
 
