@@ -6,7 +6,7 @@ from strategies.strategy import Strategy
 from strategies.waypoints import Column, Opposing, Random, Ring, Top
 
 STRATEGIES: dict[str, Strategy] = {s.name: s for s in (
-    Strategy("ring6", (Ring(count=6, tilt_rad=radians(35)),), doc="six poses around, tilted 35 deg"),
+    Strategy("ring6", (Ring(count=6, tilt_rad=radians(35)),), doc="six around at 35 deg"),
     Strategy("top2-ring6", (Top(count=2), Ring(count=6)),
              doc="two poses from above, then six around at 55 deg"),
     Strategy("column", (Column(),), doc="three rings of three up the object at 55 deg"),

@@ -6,6 +6,7 @@ takes as the contact, is what touches.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 from math import ceil, radians
 
 import numpy as np
@@ -55,7 +56,7 @@ def closing_commands(path: ClosingPath) -> np.ndarray:
     """
     knots = np.asarray(path.knots_rad, float)
     rows = [knots[:1]]
-    for start, end in zip(knots[:-1], knots[1:], strict=True):
+    for start, end in pairwise(knots):
         count = max(1, ceil(np.abs(end - start).max() / path.step_rad - 1e-9))
         rows.append(start + (end - start) * (np.arange(1, count + 1) / count)[:, None])
     commands = np.concatenate(rows)

@@ -7,15 +7,12 @@ object, 0 being the side of the robot's base; `roll` turns the hand about its ap
 fingers close horizontally. `aim` is the height aimed at, as a fraction of the object's.
 """
 
-import csv
-from collections.abc import Callable
+
 from dataclasses import dataclass, field
-from math import inf, pi, radians
-from pathlib import Path
+from math import pi, radians
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 
 class WaypointError(ValueError):
@@ -43,7 +40,7 @@ _COUNT = {"low": 1, "high": 256, "doc": "poses"}
 class Placement:
     """What every family shares: how far the palm stays away, which way the hand is turned."""
 
-    palm_clearance_m: float = _number(0.045, -0.05, 0.3, "palm to the told cylinder, along approach")
+    palm_clearance_m: float = _number(0.045, -0.05, 0.3, "palm to the told cylinder")
     roll_rad: float = _number(0.0, -2 * pi, 2 * pi, "turn about the approach direction")
     azimuth_rad: float = _number(0.0, -2 * pi, 2 * pi, "azimuth of the first pose")
     tilt_rad: float = _number(radians(55), 0.0, pi, "between approach and straight down")
