@@ -35,9 +35,9 @@ def object_weights(seed: int, count: int) -> np.ndarray:
 class MeanOverObjects:
     """The mean over objects of each entry's mean over episodes, for the data and each replicate.
 
-    A failed episode (not finite) counts as `failure_score`, or, if that is None, as the worst
-    value that any entry had on the same object: no entry gains by failing. An object on which
-    every entry always failed has no value and is left out.
+    An episode without a value (not finite) counts as `failure_score`, or, if that is None, as the
+    worst value that any entry had on the same object: no entry gains by it. An object on which no
+    entry ever has a value is left out.
     """
 
     def __init__(self, entries: int, failure_score: float | None) -> None:

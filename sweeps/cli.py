@@ -8,7 +8,8 @@ from typing import Annotated
 from cyclopts import App, CycloptsError, Parameter
 
 app = App(name="warpgrasp", help="Batched simulation of robots that learn shape by touch.",
-          version_flags=["--version"], help_format="plaintext")
+          version_flags=["--version"], help_format="plaintext",
+          suppress_keyboard_interrupt=False)
 
 Json = Annotated[bool, Parameter(negative="")]
 Settings = Annotated[list[str] | None, Parameter(name="--set", negative="")]

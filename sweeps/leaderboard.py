@@ -2,8 +2,9 @@
 
 An entry is a strategy, under each setting of the grid and zip axes; Sobol and Latin hypercube
 axes are draws of a nuisance and are averaged over. Entries are compared on the same objects and
-episodes. A failed episode scores IoU 0 (or coverage 0) and, for distances, the largest distance
-that any entry had on that object; `failure_rate` says how many there were.
+episodes. A failed episode counts too, or failing would pay: it scores what its row says (the body
+the strategy was told before it touched anything) or, where the row has no number, IoU and coverage
+0 and the largest distance that any entry had on that object. `failure_rate` says how many failed.
 """
 
 import csv
@@ -194,8 +195,7 @@ def _find(stores: Sequence[Store], unit: Unit) -> Columns | None:
 def _add_block(table: _Table, found: Sequence[Columns], metric: str, weights: np.ndarray) -> None:
     failed = [_failed(rows) for rows in found]
     for mean, name in ((table.metric, metric), (table.iou, "iou")):
-        mean.add(np.column_stack([np.where(bad, np.nan, _values(rows, name))
-                                  for rows, bad in zip(found, failed, strict=True)]), weights)
+        mean.add(np.column_stack([_values(rows, name) for rows in found]), weights)
     for name in PLAIN:
         columns = [bad.astype(float) if name == "failure_rate" else _values(rows, name)
                    for rows, bad in zip(found, failed, strict=True)]
