@@ -167,7 +167,7 @@ def _add_object(plan: Plan, stores: Sequence[Store], table: _Table, axes: Sequen
         cells = [plan.study.cell(entry.strategy, number,
                                  _setting_index(plan, {**case, **entry.points}))
                  for entry in table.entries]
-        hashes = [cell_hash(cell) for cell in cells]
+        hashes = [cell_hash(cell, plan.study.objects[number]) for cell in cells]
         for block in range(plan.block_count):
             units = [plan.unit(cell, name, block)
                      for cell, name in zip(cells, hashes, strict=True)]

@@ -62,7 +62,7 @@ class Plan:
             number += self.block_count
             if mine:
                 cell = self.study.cell(strategy, body, setting)
-                name = cell_hash(cell)
+                name = cell_hash(cell, self.study.objects[body])
                 for block in mine:
                     yield self.unit(cell, name, block)
 
@@ -85,11 +85,11 @@ def digest(value: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
-def cell_hash(cell: Cell) -> str:
+def cell_hash(cell: Cell, body: Body) -> str:
     """A hash of all that the episodes of a cell depend on."""
     return digest({
         "strategy": canonical_strategy(cell.strategy), "object": cell.object_name,
-        "body": canonical_body(cell.body_table), "seed": cell.seed,
+        "body": canonical_body(body), "seed": cell.seed,
         **{name: asdict(getattr(cell, name))
            for name in ("arm", "hand", "sensors", "placement", "fit")}})
 
@@ -111,14 +111,14 @@ def canonical_strategy(strategy: Strategy) -> dict[str, Any]:
             "order": list(strategy.order)}
 
 
-def canonical_body(table: Mapping[str, Any]) -> dict[str, Any]:
-    """An object's table as plain data; files by their content (`sha256`), not their place."""
-    return {key: _without_folders(key, value) for key, value in table.items()}
+def canonical_body(body: Body) -> dict[str, Any]:
+    """An object as plain data; files by their content, not their place."""
+    return {"table": _without_folders("", body.table), "sha256": body.sha256}
 
 
 def _without_folders(key: str, value: Any) -> Any:
     if isinstance(value, Mapping):
-        return canonical_body(value)
+        return {name: _without_folders(name, entry) for name, entry in value.items()}
     if isinstance(value, list | tuple):
         return [_without_folders("", entry) for entry in value]
     return Path(value).name if key in FILE_KEYS and isinstance(value, str) else value
@@ -130,7 +130,7 @@ def canonical_study(study: Study) -> dict[str, Any]:
         "results_schema": RESULTS_SCHEMA,
         "seed": study.head.seed,
         "episodes_per_cell": study.head.episodes_per_cell,
-        "objects": {body.name: canonical_body(body.table) for body in study.objects},
+        "objects": {body.name: canonical_body(body) for body in study.objects},
         "strategies": {s.name: canonical_strategy(s) for s in study.strategies},
         **{name: asdict(table) for name, table in study.tables.items()},
         "sweep": [_canonical_axis(axis) for axis in study.axes],
@@ -167,7 +167,7 @@ def study_of(resolved: Mapping[str, Any], name: str = "") -> Study:
     return Study(
         StudyTable(name=name, seed=resolved["seed"],
                    episodes_per_cell=resolved["episodes_per_cell"]),
-        tuple(Body(label, table) for label, table in resolved["objects"].items()),
+        tuple(Body(label, **values) for label, values in resolved["objects"].items()),
         tuple(strategy(label, values) for label, values in resolved["strategies"].items()),
         {section: table(**{k: _tuples(v) for k, v in resolved[section].items()})
          for section, table in SECTIONS.items()},

@@ -63,9 +63,8 @@ def read_object(value: Any, path: Path, base_dir: FilePath, problems: Problems) 
     except BodyError as error:
         problems.add(path, str(error))
         return None
-    if files:
-        table["sha256"] = hashlib.sha256(b"".join(map(_content, files))).hexdigest()
-    return Body(name, table)
+    content = hashlib.sha256(b"".join(map(_content, files))).hexdigest() if files else ""
+    return Body(name, table, content)
 
 
 class _NoFile(Exception):

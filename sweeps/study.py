@@ -40,10 +40,11 @@ class Axis:
 
 @dataclass(frozen=True)
 class Body:
-    """An object of the study by its name, its table and the hash of all that shapes it."""
+    """An object of the study: its name, its table, and the hash of the files that it names."""
 
     name: str
     table: Mapping[str, Any]
+    sha256: str = ""
 
 
 @dataclass(frozen=True)

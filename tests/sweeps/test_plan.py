@@ -79,7 +79,7 @@ def test_other_studies_do_not_extend_and_differences_are_told(tmp_path: Path) ->
     for old, new, line in [
             ("seed = 7", "seed = 8", "seed: 7 -> 8"),
             ("count = 3", "count = 4", 'strategies.mine.waypoints: [{"kind": "ring"'),
-            ('"block", ', "", 'objects.block.name: "block" -> absent')]:
+            ('"block", ', "", 'objects.block.sha256: "" -> absent')]:
         after = plan_of(tmp_path, SMALL.replace(old, new))
         assert not extends(before.resolved, after.resolved)
         assert any(text.startswith(line) for text in differences(before.resolved, after.resolved))
@@ -88,4 +88,5 @@ def test_other_studies_do_not_extend_and_differences_are_told(tmp_path: Path) ->
 def test_a_setting_that_changes_nothing_names_the_same_cell(tmp_path: Path) -> None:
     study = plan_of(tmp_path, SMALL + '[sweep.grid]\n"sensors.tendon_threshold_N" = [3, 6]\n').study
     plain = plan_of(tmp_path, SMALL).study
-    assert cell_hash(study.cell(0, 0, 1)) == cell_hash(plain.cell(0, 0, 0))
+    body = study.objects[0]
+    assert cell_hash(study.cell(0, 0, 1), body) == cell_hash(plain.cell(0, 0, 0), body)

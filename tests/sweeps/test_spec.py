@@ -13,10 +13,12 @@ from studies import SMALL, write_spec
 from strategies.waypoints import WAYPOINT_KINDS, Ring, Top
 from sweeps.cell import SECTIONS
 from sweeps.edge import edge_fields
+from sweeps.plan import canonical_body
 from sweeps.problems import Problems, SpecError
 from sweeps.spec import read_spec
 from sweeps.study import Study
 from sweeps.template import template
+from warpgrasp.catalogue import body_from_table
 
 
 def read(folder: Path, text: str, *overrides: str) -> Study:
@@ -199,15 +201,18 @@ def test_meshes_are_checked(tmp_path: Path) -> None:
 
 
 def test_a_mesh_is_known_by_its_content_not_its_path(tmp_path: Path) -> None:
-    tables = []
+    bodies = []
     for name in ("a", "b"):
         folder = tmp_path / name
         folder.mkdir()
         trimesh.creation.box((80, 80, 80)).export(folder / "mug.stl")
         text = SMALL.replace('"block"', '{ mesh = "mug.stl", units = "mm" }')
-        tables.append(dict(read(folder, text).objects[0].table))
-    assert tables[0].pop("mesh") != tables[1].pop("mesh")
-    assert tables[0] == tables[1]
+        bodies.append(read(folder, text).objects[0])
+    assert bodies[0].table["mesh"] != bodies[1].table["mesh"]
+    assert canonical_body(bodies[0]) == canonical_body(bodies[1])
+    body_from_table(bodies[0].table, Path())
+    trimesh.creation.box((80, 80, 81)).export(tmp_path / "b" / "mug.stl")
+    assert canonical_body(read(tmp_path / "b", text).objects[0]) != canonical_body(bodies[1])
 
 
 def test_settings_are_the_product_of_the_axes(tmp_path: Path) -> None:
