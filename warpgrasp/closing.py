@@ -151,6 +151,7 @@ def _closing_kernel(
     march_scale: real,
     # Probe in:
     key: wp.array[wp.uint64],
+    probe_first: int,
     probe_status: wp.array3d[int],
     hand_pose: wp.array2d[transform],
     commands: wp.array4d[real],
@@ -195,7 +196,7 @@ def _closing_kernel(
     to_body = wp.transform_inverse(body_pose[w])
     base = wp.transform_multiply(
         to_body, wp.transform_multiply(hand_pose[w, p], finger_base(hand, finger)))
-    stream = counter_key(counter_key(counter_key(key[w], p), g), finger)
+    stream = counter_key(counter_key(counter_key(key[w], probe_first + p), g), finger)
     last = command_count[g] - 1
 
     # First passage of a false stop: exponential in the summed hazard of the free steps.
@@ -310,6 +311,7 @@ def close_fingers(
     commands_rad: np.ndarray,
     command_count: np.ndarray,
     *,
+    probe_first: int = 0,
     march_scale: float = 1.0,
     device: str = "cpu",
 ) -> tuple[Closing, ClosingTruth]:
@@ -317,7 +319,8 @@ def close_fingers(
 
     `body` (world or 1,) numbers the scene's bodies, `body_pose` and `hand_pose` (the true ones) are
     [m] and quaternion xyzw, shapes (world, 7) and (world, probe, 7), in the base frame, the table
-    at z = 0. `key` (world,) uint64 seeds the noise. `probe_status` (world, probe, grasp) says
+    at z = 0. `key` (world,) uint64 seeds the noise,
+    `probe_first` numbers the probes on. `probe_status` (world, probe, grasp) says
     CONTACT where the probe is to be made; other values are passed on. `commands_rad` has shape
     (grasp, finger, step, 4), of which `command_count` (grasp,) steps count. `march_scale` shortens
     the skipping of free steps for bodies whose distance is not a sure bound. Raises ShapeError.
@@ -346,7 +349,7 @@ def close_fingers(
         "hands": wp.array([hand_of(hand)], dtype=Hand, device=device),
         "sensors": wp.array([tendon_sensor_of(hand, sensors)], dtype=TendonSensor, device=device),
         "march_scale": march_scale,
-        "key": wp.array(key, dtype=wp.uint64, device=device),
+        "key": wp.array(key, dtype=wp.uint64, device=device), "probe_first": probe_first,
         "probe_status": wp.array(probe_status, dtype=int, device=device),
         "hand_pose": wp.array(hand_pose, dtype=transform, device=device),
         "commands": wp.array(commands_rad, dtype=real, device=device),

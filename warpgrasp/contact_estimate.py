@@ -36,6 +36,10 @@ _NAN = wp.constant(real(float("nan")))
 _ALONG = wp.constant(24)  # places along a link
 _AROUND = wp.constant(13)  # places around the palmar half
 _CAP = wp.constant(5)  # rings of the tip's cap
+# Warp turns a constant that is cast in one place into a real everywhere: have both kinds.
+_ALONG_REAL = wp.constant(real(24))
+_AROUND_REAL = wp.constant(real(13))
+_CAP_REAL = wp.constant(real(5))
 _RELATIVE = wp.constant(real(0.03))  # model error of a torque, of the largest [est]
 _FLOOR = wp.constant(real(5e-4))  # model error of a torque [N m] [est]
 
@@ -117,7 +121,10 @@ def _estimate_kernel(
     covariance: wp.array4d[mat33],
     normal: wp.array4d[vec3],
     link_out: wp.array4d[int],
-    joint_point: wp.array(dtype=vec3, ndim=5),  # pyright: ignore
+    joint_1: wp.array4d[vec3],
+    joint_2: wp.array4d[vec3],
+    joint_3: wp.array4d[vec3],
+    tip: wp.array4d[vec3],
 ):
     w, p, g, finger = wp.tid()
     w += first
@@ -129,10 +136,10 @@ def _estimate_kernel(
     pose = hand_pose[w, p]
     angles = q[w, p, g, finger]
     f = finger_pose(hand, finger_base(hand, finger), angles)
-    joint_point[w, p, g, finger, 0] = wp.transform_point(pose, f.p1)
-    joint_point[w, p, g, finger, 1] = wp.transform_point(pose, f.p2)
-    joint_point[w, p, g, finger, 2] = wp.transform_point(pose, f.p3)
-    joint_point[w, p, g, finger, 3] = wp.transform_point(pose, f.p4)
+    joint_1[w, p, g, finger] = wp.transform_point(pose, f.p1)
+    joint_2[w, p, g, finger] = wp.transform_point(pose, f.p2)
+    joint_3[w, p, g, finger] = wp.transform_point(pose, f.p3)
+    tip[w, p, g, finger] = wp.transform_point(pose, f.p4)
     if status[w, p, g, finger] != _CONTACT:
         return
     unit = wp.identity(n=3, dtype=wp.float64)
@@ -174,28 +181,28 @@ def _estimate_kernel(
             u = f.u3
             n = f.n3
         length = hand.link_length[link]
-        ring = PI * r / real(_AROUND) * length / real(_ALONG)
+        ring = PI * r / _AROUND_REAL * length / _ALONG_REAL
         for k in range(_AROUND):
-            turn = PI * (real(k) + real(0.5)) / real(_AROUND) - PI * real(0.5)
+            turn = PI * (real(k) + real(0.5)) / _AROUND_REAL - PI * real(0.5)
             out = n * wp.cos(turn) + f.side * wp.sin(turn)
             # Torque is linear in the place along the link: two ends give all between.
             j_low = finger_jacobian(f, link, a, out)
             j_high = finger_jacobian(f, link, a + u * length, out)
             for i in range(_ALONG):
-                share = (real(i) + real(0.5)) / real(_ALONG)
+                share = (real(i) + real(0.5)) / _ALONG_REAL
                 misfit = _misfit(j_low + (j_high - j_low) * share, torque, precision)
                 if misfit < post.best + real(40.0):
                     post = _gather(post, a + u * (length * share) + out * r, out, ring, misfit,
                                    link)
             if link == 2:
                 for c in range(_CAP):
-                    up = PI * real(0.5) * (real(c) + real(0.5)) / real(_CAP)
+                    up = PI * real(0.5) * (real(c) + real(0.5)) / _CAP_REAL
                     tip_out = out * wp.cos(up) + u * wp.sin(up)
-                    j = finger_jacobian(f, 2, f.p4, tip_out)
-                    misfit = _misfit(j, torque, precision)
+                    push = finger_jacobian(f, 2, f.p4, tip_out)
+                    misfit = _misfit(push, torque, precision)
                     if misfit < post.best + real(40.0):
-                        area = (PI * r / real(_AROUND) * wp.cos(up)) * (
-                            PI * real(0.5) * r / real(_CAP))
+                        area = (PI * r / _AROUND_REAL * wp.cos(up)) * (
+                            PI * real(0.5) * r / _CAP_REAL)
                         post = _gather(post, f.p4 + tip_out * r, tip_out, area, misfit, 2)
     if post.weight <= ZERO:
         return
@@ -241,7 +248,8 @@ def estimate_contacts(
     covariance = wp.empty(dims, dtype=mat33, device=device)
     normal = wp.empty(dims, dtype=vec3, device=device)
     link = wp.empty(dims, dtype=int, device=device)
-    joint_point = wp.empty((*dims, 4), dtype=vec3, device=device)
+    joints = {name: wp.empty(dims, dtype=vec3, device=device)
+              for name in ("joint_1", "joint_2", "joint_3", "tip")}
     pose_sigma = (arm.mount_error_m**2 + arm.repeatability_m**2
                   + (0.15 * arm.mount_error_rad) ** 2)
     each = "world probe grasp finger"
@@ -252,7 +260,7 @@ def estimate_contacts(
     launch(_estimate_kernel, dict(zip(("world", "probe", "grasp", "finger"), dims, strict=True)), {
         "status": each, "hand_pose": "world probe", "q": each, "flexor": each, "extensor": each,
         "moving": each, "point": each, "covariance": each, "normal": each, "link_out": each,
-        "joint_point": each + " 4"}, {
+        **dict.fromkeys(joints, each)}, {
         "hand": hand_of(hand), "sensor": tendon_sensor_of(hand, sensors),
         "intrinsic": int(sensors.contact_estimator == "intrinsic"),
         "pose_variance": pose_sigma, "angle_variance": sensors.joint_noise_rad**2 * 2.0,
@@ -261,11 +269,12 @@ def estimate_contacts(
         "q": put(closing.q_rad, vec4), "flexor": put(closing.tension_N[..., 0], vec4),
         "extensor": put(closing.tension_N[..., 1], vec4),
         "moving": put(_moving(closing, commands_rad), vec4), "point": point,
-        "covariance": covariance, "normal": normal, "link_out": link, "joint_point": joint_point},
+        "covariance": covariance, "normal": normal, "link_out": link, **joints},
         device=device)
     assert fingers == FINGER_COUNT
     return ContactEstimate(point.numpy().copy(), covariance.numpy().copy(),
-                           normal.numpy().copy(), link.numpy().copy(), joint_point.numpy().copy())
+                           normal.numpy().copy(), link.numpy().copy(),
+                           np.stack([joint.numpy() for joint in joints.values()], axis=-2))
 
 
 def _moving(closing: Closing, commands_rad: np.ndarray) -> np.ndarray:
