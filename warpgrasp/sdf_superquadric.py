@@ -13,7 +13,7 @@ from warpgrasp.real import HALF, ONE, TINY, TWO, ZERO, real, vec3, vec4
 from warpgrasp.sdf_primitive import sign_of
 
 _STRAIGHT = wp.constant(real(1e-6))  # curvatures below are no bend [1/m]
-_THIN = wp.constant(real(0.05))  # a section tapered to less counts as this, to stay finite
+_THIN = wp.constant(real(0.02))  # a section tapered to less counts as this, to stay finite
 
 
 @wp.struct

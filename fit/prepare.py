@@ -1,0 +1,160 @@
+"""Sets of points made ready for a batch: checked, sorted, centred and scaled to unit size."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from fit.status import FitStatus
+
+LEAST_POINTS = 8
+FLAT = 1e-5
+"""A set is flat, straight or a point where its spread is below this share of its length."""
+FREE_BUCKET = 32
+"""Free balls are padded to a multiple of this."""
+
+
+@dataclass(frozen=True)
+class Sets:
+    """Sets of points in their unit frames: world = origin + scale * unit."""
+
+    points: Float[np.ndarray, "fit point 3"]
+    """Kept points first, in an order that does not depend on the order they came in."""
+    mask: Bool[np.ndarray, "fit point"]
+    count: Int[np.ndarray, " fit"]
+    origin: Float[np.ndarray, "fit 3"]
+    scale: Float[np.ndarray, " fit"]
+    low: Float[np.ndarray, "fit 3"]
+    """Lowest coordinates of the finite points kept [m]."""
+    high: Float[np.ndarray, "fit 3"]
+    status: Int[np.ndarray, " fit"]
+    """`converged` where the set can be fitted, otherwise why not."""
+    covariance: Float[np.ndarray, "fit point 3 3"] | None = None
+    normals: Float[np.ndarray, "fit point 3"] | None = None
+    """NaN where none was felt."""
+    plane: Float[np.ndarray, "fit 4"] | None = None
+    """Down direction and the table's height along it."""
+    free: Float[np.ndarray, "fit 4 free"] | None = None
+    """Centres and radii of balls outside the body; radius 0 for padding."""
+
+    def narrow(self, index: np.ndarray, width: int) -> Sets:
+        """The sets `index`, with `width` point slots."""
+        rows = {name: value[index] for name, value in vars(self).items() if value is not None}
+        for name in ("points", "mask", "covariance", "normals"):
+            if name in rows:
+                rows[name] = _fitted(rows[name], width)
+        # Padding repeats a true point, so that a masked slot is computed like any other.
+        points, mask = rows["points"], rows["mask"]
+        rows["points"] = np.where(mask[..., None], points, points[:, :1])
+        return replace(self, **rows)
+
+
+def _fitted(array: np.ndarray, width: int) -> np.ndarray:
+    """`array` [fit, point, ...] cut or zero-padded to `width` points."""
+    array = array[:, :width]
+    missing = width - array.shape[1]
+    return np.pad(array, [(0, 0), (0, missing)] + [(0, 0)] * (array.ndim - 2))
+
+
+def prepare(
+    points, mask, covariance=None, normals=None, table_z=None,
+    free_points=None, free_radius=None, free_mask=None,
+) -> Sets:
+    """Sets from the arguments of a fit; raises ValueError for a wrong shape, never for a value."""
+    points = _array("points", points, (None, None, 3))
+    n, width = points.shape[:2]
+    mask = np.ones((n, width), bool) if mask is None else _array("mask", mask, (n, width), bool)
+    finite = np.isfinite(points).all(axis=2)
+    bad = (mask & ~finite).any(axis=1)
+    kept = mask & finite
+
+    # An order of their own: sums then do not depend on the order the points came in.
+    order = np.lexsort((*np.moveaxis(np.where(kept[..., None], points, 0.0), 2, 0)[::-1], ~kept))
+    rows = np.arange(n)[:, None]
+    points, kept = points[rows, order], kept[rows, order]
+    points = np.where(kept[..., None], points, 0.0)
+    count = kept.sum(axis=1)
+
+    some = np.maximum(count, 1)
+    origin = points.sum(axis=1) / some[:, None]
+    centred = np.where(kept[..., None], points - origin[:, None], 0.0)
+    scatter = np.einsum("fpi,fpj->fij", centred, centred) / some[:, None, None]
+    lengths = np.sqrt(np.maximum(np.linalg.eigvalsh(scatter), 0.0))[:, ::-1]
+    size = np.sqrt((lengths**2).sum(axis=1))
+    scale = np.where(size > 0, size, 1.0)
+    reach = np.abs(origin).max(axis=1) + size
+    status = _status(count, lengths, reach, bad)
+
+    def bounds(fill, pick):
+        edge = pick(np.where(kept[..., None], points, fill), axis=1, initial=fill)
+        return np.where(np.isfinite(edge), edge, 0.0)
+
+    if covariance is not None:
+        covariance = _array("covariance", covariance, (n, width, 3, 3))[rows, order]
+        wrong = kept & ~np.isfinite(covariance).all(axis=(2, 3))
+        status = np.where(wrong.any(axis=1), FitStatus.bad_points, status)
+        covariance = np.where((kept & ~wrong)[..., None, None], covariance, 0.0)
+        covariance = covariance / scale[:, None, None, None] ** 2
+    if normals is not None:
+        normals = _array("normals", normals, (n, width, 3))[rows, order]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            normals = normals / np.linalg.norm(normals, axis=2, keepdims=True)
+    plane = None
+    if table_z is not None:
+        height = np.broadcast_to(np.asarray(table_z, float), (n,))
+        status = np.where(np.isfinite(height), status, FitStatus.bad_points)
+        plane = np.zeros((n, 4))
+        plane[:, 2] = -1.0
+        plane[:, 3] = -(np.nan_to_num(height) - origin[:, 2]) / scale
+    free = None
+    if free_points is not None:
+        free = _free(n, free_points, free_radius, free_mask, origin, scale)
+    return Sets(
+        points=centred / scale[:, None, None], mask=kept, count=count, origin=origin, scale=scale,
+        low=bounds(np.inf, np.min), high=bounds(-np.inf, np.max), status=status,
+        covariance=covariance, normals=normals, plane=plane, free=free,
+    )
+
+
+def _status(count, lengths, reach, bad) -> np.ndarray:
+    """Why a set cannot be fitted, or `converged` where it can."""
+    # Rounding alone spreads coinciding points by about 1e-16 of their distance from zero.
+    point = lengths[:, 0] <= 1e-12 * np.maximum(reach, 1e-300)
+    line = lengths[:, 1] <= FLAT * lengths[:, 0]
+    plane = lengths[:, 2] <= FLAT * lengths[:, 0]
+    return np.select(
+        [bad, count < LEAST_POINTS, point, line, plane],
+        [FitStatus.bad_points, FitStatus.too_few_points, FitStatus.degenerate_point,
+         FitStatus.degenerate_line, FitStatus.degenerate_plane],
+        FitStatus.converged,
+    )
+
+
+def _free(n, free_points, free_radius, free_mask, origin, scale) -> np.ndarray:
+    free_points = _array("free_points", free_points, (n, None, 3))
+    balls = free_points.shape[1]
+    radius = np.broadcast_to(np.asarray(0.0 if free_radius is None else free_radius, float),
+                             (n, balls))
+    kept = np.ones((n, balls), bool) if free_mask is None else _array(
+        "free_mask", free_mask, (n, balls), bool)
+    kept = kept & np.isfinite(free_points).all(axis=2) & np.isfinite(radius)
+    width = max(-(-balls // FREE_BUCKET), 1) * FREE_BUCKET
+    free = np.zeros((n, 4, width))
+    unit = (free_points - origin[:, None]) / scale[:, None, None]
+    free[:, :3, :balls] = np.where(kept[:, None], np.moveaxis(unit, 2, 1), 10.0)
+    free[:, :3, balls:] = 10.0
+    # A ball of no size is still a point outside; the least radius tells it from padding.
+    free[:, 3, :balls] = np.where(kept, np.maximum(radius / scale[:, None], 1e-6), 0.0)
+    return free
+
+
+def _array(name: str, value, shape: tuple, dtype=float) -> np.ndarray:
+    value = np.asarray(value, dtype)
+    fits = value.ndim == len(shape) and all(
+        want is None or have == want for have, want in zip(value.shape, shape, strict=True))
+    if not fits:
+        wanted = ", ".join("any" if want is None else str(want) for want in shape)
+        raise ValueError(f"{name}: shape {value.shape}, should be ({wanted})")
+    return value

@@ -1,0 +1,43 @@
+"""Unit quaternions x, y, z, w and rotation matrices, in batch, plain numpy."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+
+def matrix_of_quaternion(quaternion_xyzw: Float[np.ndarray, "*batch 4"]) -> np.ndarray:
+    """Rotation matrices, shape [..., 3, 3], whose columns are the body's axes in the world."""
+    x, y, z, w = np.moveaxis(np.asarray(quaternion_xyzw, float), -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def quaternion_of_matrix(rotation: Float[np.ndarray, "*batch 3 3"]) -> np.ndarray:
+    """Unit quaternions x, y, z, w with w >= 0, shape [..., 4], stable for every angle.
+
+    The symmetric matrix of products of quaternion components is linear in the rotation; its
+    longest row is the quaternion up to scale (Bar-Itzhack 2000, with the eigenvector replaced by
+    a row, which is exact for a true rotation).
+    """
+    r = np.asarray(rotation, float)
+    xx, yy, zz = r[..., 0, 0], r[..., 1, 1], r[..., 2, 2]
+    xy, xz, yz = (r[..., i, j] + r[..., j, i] for i, j in ((0, 1), (0, 2), (1, 2)))
+    xw, yw, zw = (r[..., i, j] - r[..., j, i] for i, j in ((2, 1), (0, 2), (1, 0)))
+    products = np.stack(
+        [
+            np.stack([1 + xx - yy - zz, xy, xz, xw], axis=-1),
+            np.stack([xy, 1 - xx + yy - zz, yz, yw], axis=-1),
+            np.stack([xz, yz, 1 - xx - yy + zz, zw], axis=-1),
+            np.stack([xw, yw, zw, 1 + xx + yy + zz], axis=-1),
+        ],
+        axis=-2,
+    )
+    longest = np.argmax(np.diagonal(products, axis1=-2, axis2=-1), axis=-1)
+    row = np.take_along_axis(products, longest[..., None, None], axis=-2)[..., 0, :]
+    row = row / np.linalg.norm(row, axis=-1, keepdims=True)
+    return np.where(row[..., 3:] < 0, -row, row)

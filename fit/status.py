@@ -1,0 +1,29 @@
+"""What became of one fit: a status instead of an exception, so one bad set never stops a batch."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+
+class FitStatus(IntEnum):
+    """Outcome of one fit. `converged` is the only one whose parameters are an optimum."""
+
+    converged = 0
+    """The cost no longer falls."""
+    not_converged = 1
+    """The iterations were spent first; the parameters are usable and finite."""
+    too_few_points = 2
+    """Fewer points than the shape needs; the output is the bounding box of what there is."""
+    degenerate_point = 3
+    """All points coincide."""
+    degenerate_line = 4
+    """All points lie on a line."""
+    degenerate_plane = 5
+    """All points lie in a plane, where a solid has no thickness to be known."""
+    bad_points = 6
+    """A point that the mask keeps (or its evidence) is NaN or infinite."""
+
+
+def status_names(status) -> list[str]:
+    """Names of an array of status codes, shape [fit], as they are written to files."""
+    return [FitStatus(int(code)).name for code in status]

@@ -1,0 +1,205 @@
+"""The geometry of a superquadric, plain numpy and in batch: inside or outside, volume, surface.
+
+The body of Allen and Michelman (1990), equation (1):
+
+    F = ((x/a1)^(2/e2) + (y/a2)^(2/e2))^(e2/e1) + (z/a3)^(2/e1),   inside where F < 1,
+
+tapered linearly, then bent along a circle, then rotated and moved (Solina and Bajcsy 1990):
+
+    taper  x -> x (Kx z/a3 + 1),  y -> y (Ky z/a3 + 1)
+    bend   by the angle k z in the plane that contains z and the direction alpha in x, y
+
+A cylinder along z has e1 ~ 0.1 and e2 ~ 1. Lengths in metres, the bend's curvature k in 1/m.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from jaxtyping import Float
+from scipy.special import beta
+
+from fit.rotation import matrix_of_quaternion
+
+TINY = 1e-20
+"""Added to squared coordinates over size, so that logarithms stay finite on the axes."""
+LEAST_TAPER_FACTOR = 0.02
+"""Beyond the body's ends a full taper would shrink the section through zero."""
+
+
+class SuperquadricLike(Protocol):
+    """What the functions here read of a fit, or of any record with these fields."""
+
+    @property
+    def size_m(self) -> Float[np.ndarray, "fit 3"]: ...  # noqa: D102
+    @property
+    def exponents(self) -> Float[np.ndarray, "fit 2"]: ...  # noqa: D102
+    @property
+    def position_m(self) -> Float[np.ndarray, "fit 3"]: ...  # noqa: D102
+    @property
+    def quaternion_xyzw(self) -> Float[np.ndarray, "fit 4"]: ...  # noqa: D102
+    @property
+    def taper(self) -> Float[np.ndarray, "fit 2"]: ...  # noqa: D102
+    @property
+    def bend(self) -> Float[np.ndarray, "fit 2"]: ...  # noqa: D102
+
+
+class Superquadric(NamedTuple):
+    """Bodies given by their parameters alone; every field has the fit as its first axis."""
+
+    size_m: np.ndarray
+    """Half extents a1, a2, a3 [m], shape [fit, 3]."""
+    exponents: np.ndarray
+    """e1 (along z) and e2 (across), shape [fit, 2]."""
+    position_m: np.ndarray
+    """Centre [m], shape [fit, 3]."""
+    quaternion_xyzw: np.ndarray
+    """Orientation, body to world, shape [fit, 4]."""
+    taper: np.ndarray
+    """Kx, Ky in [-1, 1], shape [fit, 2]."""
+    bend: np.ndarray
+    """Curvature [1/m] and direction alpha [rad], shape [fit, 2]."""
+
+
+def superquadric(
+    size_m, exponents, position_m=(0, 0, 0), quaternion_xyzw=(0, 0, 0, 1), taper=(0, 0), bend=(0, 0)
+) -> Superquadric:
+    """A `Superquadric` from any mixture of single values and batches, shapes [n] or [fit, n]."""
+    fields = [np.atleast_2d(np.asarray(v, float)) for v in
+              (size_m, exponents, position_m, quaternion_xyzw, taper, bend)]
+    count = max(len(v) for v in fields)
+    return Superquadric(*(np.broadcast_to(v, (count, v.shape[1])) for v in fields))
+
+
+def superquadric_inside_outside(
+    body: SuperquadricLike, points: Float[np.ndarray, "fit point 3"]
+) -> Float[np.ndarray, "fit point"]:
+    """F^(e1/2) of points [m]: the scaled radius, 1 on the surface, < 1 inside, growing linearly.
+
+    F itself is its power 2/e1, which overflows for blocky bodies; `value ** (2 / e1)` gives it.
+    """
+    x, y, z = np.moveaxis(to_straight_frame(body, points), -1, 0)
+    e1, e2 = body.exponents[:, 0, None], body.exponents[:, 1, None]
+    lx, ly, lz = (np.log((c / a[:, None]) ** 2 + TINY)
+                  for c, a in zip((x, y, z), body.size_m.T, strict=True))
+    section = e2 * np.logaddexp(lx / e2, ly / e2)
+    return np.exp(0.5 * e1 * np.logaddexp(section / e1, lz / e1))
+
+
+def superquadric_volume(body: SuperquadricLike) -> Float[np.ndarray, " fit"]:
+    """Volume [m^3], exact: the superellipsoid's (Jaklic et al. 2000) times 1 + Kx Ky <(z/a3)^2>.
+
+    The taper's odd powers of z cancel. A bend changes nothing, for it lengthens the outer half of
+    every section as much as it shortens the inner, as long as the body does not fold into itself.
+    """
+    e1, e2 = body.exponents.T
+    plain = 2 * np.prod(body.size_m, axis=1) * e1 * e2 * beta(e1 / 2 + 1, e1) * beta(e2 / 2, e2 / 2)
+    mean_square_height = beta(1.5 * e1, e1 + 1) / beta(0.5 * e1, e1 + 1)
+    return plain * (1 + body.taper[:, 0] * body.taper[:, 1] * mean_square_height)
+
+
+def superquadric_surface(
+    body: SuperquadricLike, n: int = 1000
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """About `n` surface points [m], outward unit normals, and the area [m^2] each stands for.
+
+    Shapes [fit, point, 3], [fit, point, 3], [fit, point]; the least 6 k^2 >= n points. The grid is
+    a cube's, projected radially in the frame scaled by the sizes, so that flat faces are covered
+    as well as corners; the areas are those of the deformed quadrilaterals, and sum to the surface.
+    """
+    cells = max(int(np.ceil(np.sqrt(n / 6))), 1)
+    corners, vertices = _cube_grid(cells)
+    on_surface = from_straight_frame(body, _project(body, vertices))
+    quads = on_surface[:, corners]
+    vector = 0.5 * np.cross(quads[:, :, 2] - quads[:, :, 0], quads[:, :, 3] - quads[:, :, 1])
+    area = np.linalg.norm(vector, axis=-1)
+    points = from_straight_frame(body, _project(body, vertices[corners].mean(axis=1)))
+    normals = superquadric_normals(body, points)
+    # Where a deformed corner leaves no gradient, the facet's own normal stands in.
+    facet = vector / np.maximum(area, 1e-300)[..., None]
+    found = np.isfinite(normals).all(axis=-1, keepdims=True)
+    return points, np.where(found, normals, facet), area
+
+
+def superquadric_normals(
+    body: SuperquadricLike, points: Float[np.ndarray, "fit point 3"]
+) -> Float[np.ndarray, "fit point 3"]:
+    """Outward unit normals at points on (or near) the surface: the gradient of the scaled radius.
+
+    By central differences over a millionth of the smallest size, since taper and bend stand
+    between the world and the closed form.
+    """
+    step = 1e-6 * body.size_m.min(axis=1)[:, None]
+    gradient = np.empty_like(points, dtype=float)
+    for axis in range(3):
+        offset = np.zeros((len(points), 1, 3))
+        offset[:, :, axis] = step
+        gradient[..., axis] = (superquadric_inside_outside(body, points + offset)
+                               - superquadric_inside_outside(body, points - offset))
+    with np.errstate(invalid="ignore"):
+        return gradient / np.linalg.norm(gradient, axis=-1, keepdims=True)
+
+
+def from_straight_frame(body: SuperquadricLike, points: np.ndarray) -> np.ndarray:
+    """World points [m] of points [m] of the body before taper and bend, both [fit, point, 3]."""
+    x, y, z = np.moveaxis(points, -1, 0)
+    height = z / body.size_m[:, 2, None]
+    x = x * np.maximum(1 + body.taper[:, 0, None] * height, LEAST_TAPER_FACTOR)
+    y = y * np.maximum(1 + body.taper[:, 1, None] * height, LEAST_TAPER_FACTOR)
+    k, alpha = body.bend[:, 0, None], body.bend[:, 1, None]
+    cos, sin = np.cos(alpha), np.sin(alpha)
+    inward = 1 - k * (x * cos + y * sin)
+    # (1/k - r)(1 - cos kz) and (1/k - r) sin kz without a division by k.
+    shift = inward * 0.5 * k * z**2 * np.sinc(0.5 * k * z / np.pi) ** 2
+    rise = inward * z * np.sinc(k * z / np.pi)
+    bent = np.stack([x + cos * shift, y + sin * shift, rise], axis=-1)
+    rotation = matrix_of_quaternion(body.quaternion_xyzw)
+    return np.einsum("fij,fpj->fpi", rotation, bent) + body.position_m[:, None]
+
+
+def to_straight_frame(body: SuperquadricLike, points: np.ndarray) -> np.ndarray:
+    """Inverse of `from_straight_frame`: world points into the body before taper and bend."""
+    rotation = matrix_of_quaternion(body.quaternion_xyzw)
+    local = np.einsum("fji,fpj->fpi", rotation, points - body.position_m[:, None])
+    x, y, z = np.moveaxis(local, -1, 0)
+    k, alpha = body.bend[:, 0, None], body.bend[:, 1, None]
+    cos, sin = np.cos(alpha), np.sin(alpha)
+    outer = x * cos + y * sin
+    ahead = 1 - k * outer
+    radius = np.hypot(ahead, k * z)
+    longer = (outer * (k * outer - 2) + k * z**2) / (1 + radius)
+    shift = k * (outer * longer + outer**2 + z**2) / (1 + radius)
+    straight = np.where(k < 1e-12, z, np.arctan2(k * z, ahead) / np.maximum(k, 1e-12))
+    x, y, z = x - cos * shift, y - sin * shift, straight
+    height = z / body.size_m[:, 2, None]
+    x = x / np.maximum(1 + body.taper[:, 0, None] * height, LEAST_TAPER_FACTOR)
+    y = y / np.maximum(1 + body.taper[:, 1, None] * height, LEAST_TAPER_FACTOR)
+    return np.stack([x, y, z], axis=-1)
+
+
+def _project(body: SuperquadricLike, directions: np.ndarray) -> np.ndarray:
+    """Surface points of the straight body along `directions` [point, 3] of the scaled frame."""
+    e1, e2 = body.exponents[:, 0, None], body.exponents[:, 1, None]
+    lx, ly, lz = np.log(np.moveaxis(directions, -1, 0) ** 2 + TINY)
+    section = e2 * np.logaddexp(lx / e2, ly / e2)
+    radius = np.exp(0.5 * e1 * np.logaddexp(section / e1, lz / e1))
+    return directions / radius[..., None] * body.size_m[:, None]
+
+
+def _cube_grid(cells: int) -> tuple[np.ndarray, np.ndarray]:
+    """Quadrilaterals [6 cells^2, 4] and vertices [6 (cells+1)^2, 3] of the cube [-1, 1]^3.
+
+    Lines stand at tangents of even angles, which evens out the projected spacing; corners run
+    counter-clockwise seen from outside.
+    """
+    line = np.tan(np.linspace(-np.pi / 4, np.pi / 4, cells + 1))
+    u, v = (grid.ravel() for grid in np.meshgrid(line, line, indexing="ij"))
+    one = np.ones_like(u)
+    faces = [(one, u, v), (-one, v, u), (v, one, u), (u, -one, v), (u, v, one), (v, u, -one)]
+    vertices = np.concatenate([np.stack(face, axis=-1) for face in faces])
+    i, j = (grid.ravel() for grid in np.meshgrid(*[np.arange(cells)] * 2, indexing="ij"))
+    side = cells + 1
+    first, second = i * side + j, (i + 1) * side + j
+    quad = np.stack([first, second, second + 1, first + 1], axis=-1)
+    return np.concatenate([quad + face * side**2 for face in range(6)]), vertices

@@ -1,0 +1,87 @@
+"""Where the descents of a superquadric fit begin: box frames around the points, in plain numpy."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+YAW_CANDIDATES = 18
+"""Directions tried for the smallest upright box, over a quarter turn."""
+SHORTEST_EXTENT = 0.05
+"""No start is thinner than this share of the points' scale."""
+
+
+def box_starts(
+    points: Float[np.ndarray, "fit point 3"],
+    mask: Bool[np.ndarray, "fit point"],
+    down: Float[np.ndarray, "fit 3"] | None,
+    floor: Float[np.ndarray, " fit"] | None,
+    trim: float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rotations [fit, start, 3, 3], half extents and centres [fit, start, 3] of the starts.
+
+    Three starts from the principal axes, each axis tried as z, since a tapered shape fails along
+    the wrong one. With a support plane, three more from the upright box of least area: touches
+    lie unevenly, and a principal axis easily stands askew to the faces. `trim` is the share of
+    points beyond each extent, for outliers. `floor` is the plane's height along `down`.
+    """
+    kept = mask[..., None]
+    mean = (points * kept).sum(1) / kept.sum(1)
+    spread = np.where(kept, points - mean[:, None], 0.0)
+    frames = [_cycled(_principal_axes(spread))]
+    if down is not None:
+        frames.append(_cycled(_upright_axes(spread, mask, down)))
+    rotation = np.concatenate(frames, axis=1)
+    local = np.einsum("fpi,fsij->fspj", points, rotation)
+    low, high = _extent(local, mask[:, None], trim)
+    if down is not None and floor is not None:
+        # The body reaches the table, whether or not a finger touched it there.
+        along = np.einsum("fi,fsij->fsj", down, rotation)
+        bottom = floor[:, None, None] / np.where(np.abs(along) > 0.9, along, 1.0)
+        low = np.where(along < -0.9, np.minimum(low, bottom), low)
+        high = np.where(along > 0.9, np.maximum(high, bottom), high)
+    half = 0.5 * (high - low)
+    half = np.maximum(half, SHORTEST_EXTENT * half.max(axis=-1, keepdims=True))
+    centre = np.einsum("fsij,fsj->fsi", rotation, 0.5 * (high + low))
+    return rotation, half, centre
+
+
+def _principal_axes(spread: np.ndarray) -> np.ndarray:
+    """Right-handed principal axes as columns, shape [fit, 3, 3], the longest last."""
+    _, axes = np.linalg.eigh(np.einsum("fpi,fpj->fij", spread, spread))
+    return axes * np.where(np.linalg.det(axes) < 0, -1.0, 1.0)[:, None, None]
+
+
+def _upright_axes(spread: np.ndarray, mask: np.ndarray, down: np.ndarray) -> np.ndarray:
+    """Axes with z up whose x, y box has the least area; angles count from a principal axis."""
+    up = -down
+    flat = spread - (spread @ up[..., None]) * up[:, None]
+    x = _principal_axes(flat)[:, :, 2]
+    y = np.cross(up, x)
+    angle = np.arange(YAW_CANDIDATES) * (np.pi / 2 / YAW_CANDIDATES)
+    cos, sin = np.cos(angle), np.sin(angle)
+    px, py = (np.einsum("fpi,fi->fp", flat, axis)[:, None] for axis in (x, y))
+    c, s = cos[None, :, None], sin[None, :, None]
+    area = np.ones((len(spread), YAW_CANDIDATES))
+    for coordinate in (c * px + s * py, c * py - s * px):
+        low, high = _extent(coordinate[..., None], mask[:, None], 0.0)
+        area *= (high - low)[..., 0]
+    best = np.argmin(area, axis=1)
+    cos, sin = cos[best, None], sin[best, None]
+    return np.stack([cos * x + sin * y, cos * y - sin * x, up], axis=-1)
+
+
+def _cycled(axes: np.ndarray) -> np.ndarray:
+    """The three right-handed frames that take each axis as z, shape [fit, 3, 3, 3]."""
+    return np.stack([axes, axes[..., [1, 2, 0]], axes[..., [2, 0, 1]]], axis=1)
+
+
+def _extent(local: np.ndarray, mask: np.ndarray, trim: float) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest coordinate along the second last axis, `trim` of them beyond each."""
+    ordered = np.sort(np.where(mask[..., None], local, np.inf), axis=-2)
+    count = np.broadcast_to(mask.sum(-1), local.shape[:-2])
+    beyond = np.floor(trim * count).astype(int)[..., None, None]
+    low = np.take_along_axis(ordered, np.broadcast_to(beyond, (*count.shape, 1, 1)), axis=-2)
+    top = count[..., None, None] - 1 - beyond
+    high = np.take_along_axis(ordered, top, axis=-2)
+    return low[..., 0, :], high[..., 0, :]

@@ -1,0 +1,112 @@
+"""The batch fit: quality, invariances, bad sets; on small batches."""
+
+import numpy as np
+import pytest
+from quality_bodies import standing_bodies, touches, volume_iou
+
+from fit.status import FitStatus
+from fit.superquadric import SuperquadricFit, SuperquadricOptions, fit_superquadric
+from fit.superquadric_shape import superquadric, superquadric_inside_outside
+
+RNG_SEED = 11
+
+
+@pytest.fixture(scope="module")
+def sets():
+    rng = np.random.default_rng(RNG_SEED)
+    body = standing_bodies(8, rng)
+    return body, touches(body, 60, 1e-3, rng)
+
+
+@pytest.fixture(scope="module")
+def fitted(sets) -> SuperquadricFit:
+    return fit_superquadric(sets[1], table_z=0.0)
+
+
+def same_bits(a: SuperquadricFit, b: SuperquadricFit) -> bool:
+    return all(np.array_equal(value, vars(b)[name]) for name, value in vars(a).items())
+
+
+def test_recovers_bodies_from_sixty_touches(sets, fitted) -> None:
+    iou = volume_iou(sets[0], fitted)
+    assert np.median(iou) > 0.95
+    assert iou.min() > 0.88
+    assert (fitted.status == FitStatus.converged).all()
+    assert (fitted.rms_m < 1.3e-3).all()
+
+
+def test_padding_order_and_neighbours_change_no_bit(sets, fitted) -> None:
+    points = sets[1]
+    padded = np.full((8, 100, 3), np.nan)
+    mask = np.zeros((8, 100), bool)
+    order = np.random.default_rng(0).permutation(100)[:60]
+    padded[:, order], mask[:, order] = points, True
+    assert same_bits(fit_superquadric(padded, mask, table_z=0.0), fitted)
+    alone = fit_superquadric(points[3:4], table_z=0.0)
+    assert same_bits(alone, fitted[3:4])
+
+
+def test_an_upright_cylinder_has_small_e1_and_round_e2() -> None:
+    body = superquadric([0.03, 0.03, 0.05], [0.1, 1.0], [0.45, 0.0, 0.05])
+    rng = np.random.default_rng(5)
+    found = fit_superquadric(touches(body, 100, 2e-4, rng), table_z=0.0)
+    upright = superquadric_inside_outside(found, np.array([[[0.45, 0.0, 0.1]]]))
+    assert upright == pytest.approx(1, abs=0.03)
+    assert found.exponents[0] == pytest.approx([0.1, 1.0], abs=0.1)
+
+
+def test_bad_sets_have_a_status_and_finite_rows_and_spoil_nobody(sets, fitted) -> None:
+    good = sets[1][0]
+    line = np.linspace(0, 1, 60)[:, None] * [0.1, 0.05, 0.02]
+    flat = good * [1, 1, 0]
+    nan, infinite = good.copy(), good.copy()
+    nan[7, 1], infinite[3, 2] = np.nan, np.inf
+    one = np.tile(good[:1], (60, 1))
+    points = np.stack([good, line, flat, nan, infinite, one, good, good])
+    mask = np.ones((8, 60), bool)
+    mask[6, 5:] = False
+    mask[7] = False
+    found = fit_superquadric(points, mask, table_z=0.0)
+    assert [FitStatus(s).name for s in found.status] == [
+        "converged", "degenerate_line", "degenerate_plane", "bad_points", "bad_points",
+        "degenerate_point", "too_few_points", "too_few_points"]
+    assert all(np.isfinite(value).all() for value in vars(found).values())
+    assert same_bits(found[0:1], fitted[0:1])
+
+
+def test_taper_and_bend_are_found() -> None:
+    rng = np.random.default_rng(2)
+    body = standing_bodies(4, rng, taper=0.6, bend=6.0)
+    found = fit_superquadric(touches(body, 120, 5e-4, rng), table_z=0.0,
+                             options=SuperquadricOptions(taper=True, bend=True))
+    assert np.median(volume_iou(body, found)) > 0.95
+
+
+def test_outliers_with_a_robust_loss(sets) -> None:
+    rng = np.random.default_rng(RNG_SEED)
+    points = touches(sets[0], 60, 1e-3, rng, outliers=0.1)
+    found = fit_superquadric(points, table_z=0.0, options=SuperquadricOptions(loss="cauchy"))
+    assert np.quantile(volume_iou(sets[0], found), 0.1) > 0.85
+
+
+def test_covariance_and_free_balls_and_normals_run_and_help_or_do_no_harm(sets) -> None:
+    body, points = sets
+    rng = np.random.default_rng(1)
+    poor = points.copy()
+    poor[:, ::3] += 8e-3 * rng.normal(size=poor[:, ::3].shape)
+    covariance = np.broadcast_to(np.eye(3) * 1e-8, (8, 60, 3, 3)).copy()
+    covariance[:, ::3] = np.eye(3) * 64e-6
+    known = volume_iou(body, fit_superquadric(poor, covariance=covariance, table_z=0.0))
+    blind = volume_iou(body, fit_superquadric(poor, table_z=0.0))
+    assert np.median(known) > np.median(blind)
+    free = np.array([[0.45, 0.0, 0.2], [0.6, 0.1, 0.05]])
+    found = fit_superquadric(points, table_z=0.0, free_points=np.tile(free, (8, 1, 1)),
+                             free_radius=0.008)
+    assert np.median(volume_iou(body, found)) > 0.95
+
+
+def test_wrong_shapes_are_named() -> None:
+    with pytest.raises(ValueError, match="points: shape"):
+        fit_superquadric(np.zeros((3, 2)))
+    with pytest.raises(ValueError, match="covariance: shape"):
+        fit_superquadric(np.zeros((1, 9, 3)), covariance=np.zeros((1, 9, 3)))
