@@ -5,11 +5,11 @@ from dataclasses import fields, replace
 from pathlib import Path as FilePath
 from typing import Any
 
-from strategies import waypoints
 from strategies.catalogue import STRATEGIES
 from strategies.closing_paths import CLOSING_PATHS
 from strategies.procedures import PROCEDURES
 from strategies.strategy import Strategy
+from strategies.waypoint_poses import poses_from_csv
 from strategies.waypoints import WAYPOINT_KINDS, WaypointError
 from sweeps.edge import read_table
 from sweeps.problems import Path, Problems, choose, short
@@ -112,13 +112,6 @@ def _read_family(table: Any, path: Path, base_dir: FilePath, problems: Problems)
     return family(**values)
 
 
-def read_poses(file: FilePath) -> None:
-    """Checks a file of hand poses; `WaypointError` says what is wrong and in which line."""
-    reader = getattr(waypoints, "read_poses", None)
-    if reader is not None:
-        reader(file)
-
-
 def _read_pose_file(family: type, values: dict[str, Any], path: Path, base_dir: FilePath,
                     problems: Problems) -> object | None:
     if not values.get("file"):
@@ -126,7 +119,7 @@ def _read_pose_file(family: type, values: dict[str, Any], path: Path, base_dir: 
         return None
     file = (base_dir / values["file"]).resolve()
     try:
-        read_poses(file)
+        poses_from_csv(file)
     except WaypointError as error:
         problems.add((*path, "file"), str(error))
     except (OSError, ValueError) as error:

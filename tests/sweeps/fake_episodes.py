@@ -68,3 +68,12 @@ def broken_disk(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.n
     if episodes[0] > 0:
         sweeps.atomic.os.fsync = no_space  # type: ignore[attr-defined]
     return run_episodes(cell, episodes, device)
+
+
+def logged_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
+    """Slow, and notes in FAKE_LOG/<cell and block> whether its unit was there when it began."""
+    name = f"{cell.strategy.name}-{cell.object_name}-{episodes[0]}"
+    log = Path(os.environ["FAKE_LOG"]) / name
+    with log.open("a") as stream:
+        stream.write("after\n" if log.with_suffix(".written").exists() else "before\n")
+    return slow_episodes(cell, episodes, device)
