@@ -51,8 +51,8 @@ class SuperquadricOptions:
     """See `superquadric_model.point_residual`."""
     loss: Literal["none", "pseudo_huber", "cauchy", "geman_mcclure"] = "none"
     """Robust loss of the points' (and normals') residuals, its scale from their median."""
-    screen_iterations: int = 8
-    round_iterations: int = 10
+    screen_iterations: int = 5
+    round_iterations: int = 6
     """Iterations between two looks at which fits are done."""
     iterations: int = 80
     """Most iterations of the finish."""
@@ -247,10 +247,15 @@ def _screen(lanes: Lane, sets: Sets, form: Form, options: SuperquadricOptions):
     theta[..., 8:11] = centre
     spread = take(lanes, np.repeat(np.arange(n), starts))
     spread = spread._replace(rotation=rotation.reshape(-1, 3, 3))
-    tried = _descend(form, theta.reshape(n * starts, -1), np.zeros(n * starts),
-                     options.screen_iterations, spread)
-    best = np.arange(n) * starts + np.argmin(tried.cost.reshape(n, starts), axis=1)
-    return lanes._replace(rotation=spread.rotation[best]), tried.theta[best]
+    theta, damping = theta.reshape(n * starts, -1), np.zeros(n * starts)
+    tried = _descend(form, theta, damping, options.screen_iterations, spread)
+    # Half of them are plainly worse by now; the better two need a second look.
+    order = np.argsort(tried.cost.reshape(n, starts), axis=1, kind="stable")[:, :2]
+    pair = (np.arange(n)[:, None] * starts + order).ravel()
+    again = _descend(form, tried.theta[pair], tried.damping[pair], options.screen_iterations,
+                     take(spread, pair))
+    better = 2 * np.arange(n) + np.argmin(again.cost.reshape(n, 2), axis=1)
+    return lanes._replace(rotation=spread.rotation[pair[better]]), again.theta[better]
 
 
 def _refresh(lanes: Lane, theta, sets: Sets, form: Form, options: SuperquadricOptions):

@@ -103,10 +103,46 @@ def cayley(w: Float[Array, " 3"]) -> Float[Array, "3 3"]:
 def log_square_radius(body: Body, points: Float[Array, "3 point"]) -> Float[Array, " point"]:
     """log F^e1 of points: twice the log of the scaled radius, 0 on the surface."""
     x, y, z = straighten(body, points)
-    (a1, a2, a3), (e1, e2) = body.size, body.exponents
-    lx, ly, lz = (jnp.log((c / a) ** 2 + TINY) for c, a in ((x, a1), (y, a2), (z, a3)))
-    section = e2 * jnp.logaddexp(lx / e2, ly / e2)
-    return e1 * jnp.logaddexp(section / e1, lz / e1)
+    scaled = jnp.log((jnp.stack([x, y, z]) / body.size[:, None]) ** 2 + TINY)
+    return _log_f_e1(scaled, body.exponents)
+
+
+@jax.custom_jvp
+def _log_f_e1(logs: Float[Array, "3 point"], exponents: Float[Array, " 2"]):
+    """log F^e1 from logs of squared scaled coordinates."""
+    return _log_f_e1_parts(logs, exponents)[0]
+
+
+def _log_f_e1_parts(logs, exponents):
+    """The value, its shares of the three coordinates, and its slopes along e1 and e2.
+
+    log F^e1 is a soft maximum of soft maxima: its slopes along the logs are the weights of the
+    soft maxima, which sum to one, and along an exponent the entropy of the weights it governs.
+    """
+    (lx, ly, lz), (e1, e2) = logs, exponents
+    section, x_share, section_entropy = _soft_maximum(lx, ly, e2)
+    value, section_share, entropy = _soft_maximum(section, lz, e1)
+    shares = (section_share * x_share, section_share * (1.0 - x_share), 1.0 - section_share)
+    return value, shares, (entropy, section_share * section_entropy)
+
+
+def _soft_maximum(a, b, heat):
+    """heat log(exp(a/heat) + exp(b/heat)), the weight of a, and the entropy of the two weights."""
+    gap = (a - b) / heat
+    decay = jnp.exp(-jnp.abs(gap))
+    spill = jnp.log1p(decay)
+    larger = 1.0 / (1.0 + decay)
+    weight = jnp.where(gap > 0.0, larger, 1.0 - larger)
+    entropy = spill + jnp.abs(gap) * (1.0 - larger)
+    return jnp.maximum(a, b) + heat * spill, weight, entropy
+
+
+@_log_f_e1.defjvp
+def _log_f_e1_jvp(primals, tangents):
+    value, shares, slopes = _log_f_e1_parts(*primals)
+    logs, exponents = tangents
+    along = shares[0] * logs[0] + shares[1] * logs[1] + shares[2] * logs[2]
+    return value, along + slopes[0] * exponents[0] + slopes[1] * exponents[1]
 
 
 def straighten(body: Body, points: Float[Array, "3 point"]):
@@ -148,19 +184,30 @@ def support(body: Body, direction: Float[Tensor, " 3"], nodes: int = 17) -> Floa
     by the bend: its own support is closed-form, so the body's is a maximum over the height alone.
     Taken on a grid of the profile's angle and refined by a parabola; by the envelope theorem the
     derivative at the best height held fixed is the derivative of the support. Without taper and
-    bend it equals the closed form [(|a1 d1|^p2 + |a2 d2|^p2)^(p1/p2) + |a3 d3|^p1]^(1/p1).
+    bend: [(|a1 d1|^p2 + |a2 d2|^p2)^(p1/p2) + |a3 d3|^p1]^(1/p1), p = 2/(2 - e).
     """
     d = body.rotation.T @ direction
+    if body.taper is None and body.bend is None:
+        return _straight_support(body, d)
     angles = jnp.linspace(-jnp.pi / 2, jnp.pi / 2, nodes)
-    reach = jax.lax.stop_gradient(jax.vmap(lambda a: _section_support(body, d, a))(angles))
-    best = jnp.clip(jnp.argmax(reach), 1, nodes - 2)
+    at = lambda angle: _section_support(body, d, angle)  # noqa: E731
+    reach = jax.vmap(at)(angles)
+    top = jnp.argmax(reach)
+    best = jnp.clip(top, 1, nodes - 2)
     left, middle, right = reach[best - 1], reach[best], reach[best + 1]
     bow = jnp.minimum(left - 2.0 * middle + right, -1e-12)
     shift = jnp.clip(0.5 * (left - right) / bow, -1.0, 1.0)
     refined = angles[best] + shift * (angles[1] - angles[0])
-    candidates = jnp.stack([refined, angles[jnp.argmax(reach)]])
-    values = jax.vmap(lambda a: _section_support(body, d, a))(jax.lax.stop_gradient(candidates))
-    return jnp.max(values)
+    chosen = jnp.where(at(refined) >= reach[top], refined, angles[top])
+    return at(jax.lax.stop_gradient(chosen))
+
+
+def _straight_support(body: Body, d: Float[Array, " 3"]) -> Float[Array, ""]:
+    e1, e2 = body.exponents
+    p1, p2 = (2.0 / jnp.maximum(2.0 - e, 1e-3) for e in (e1, e2))
+    lx, ly, lz = jnp.log((body.size * d) ** 2 + TINY)
+    section = jnp.logaddexp(0.5 * p2 * lx, 0.5 * p2 * ly) / p2
+    return jnp.exp(jnp.logaddexp(p1 * section, 0.5 * p1 * lz) / p1)
 
 
 def _section_support(body: Body, d: Float[Array, " 3"], angle: Float[Array, ""]):

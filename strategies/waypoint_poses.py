@@ -21,12 +21,15 @@ from strategies.waypoints import (
     WaypointError,
 )
 from warpgrasp.counter_random import Purpose, counter_key_host, counter_uniform_host
+from warpgrasp.parameters import HandTable
 
+TABLE_CLEARANCE_M = 0.010
+THIN_RADIUS_M = 0.020
 CSV_COLUMNS = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
 
 
 def waypoint_poses(
-    waypoints: Sequence[object], told: BoundingCylinder, key: np.ndarray
+    waypoints: Sequence[object], told: BoundingCylinder, hand: HandTable, key: np.ndarray
 ) -> np.ndarray:
     """Hand poses of all families, one after the other, shape (world, probe, 7).
 
@@ -35,17 +38,18 @@ def waypoint_poses(
     """
     stream = counter_key_host(key, int(Purpose.WAYPOINT))
     return np.concatenate([
-        _FAMILY[type(family)](family, told, counter_key_host(stream, number))
+        _FAMILY[type(family)](family, told, hand, counter_key_host(stream, number))
         for number, family in enumerate(waypoints)], axis=1)
 
 
 def pose_about(
     told: BoundingCylinder, azimuth: np.ndarray, tilt: np.ndarray, roll: np.ndarray,
-    aim: np.ndarray, clearance_m: float
+    aim: np.ndarray, aim_out: float, clearance_m: float, per_radius: float, hand: HandTable
 ) -> np.ndarray:
     """Hand poses about told cylinders, all angles [rad] of shape (world, probe) or broadcast to it.
 
-    Angles and `aim` as the module `waypoints` defines them. Returns shape (world, probe, 7).
+    Angles and `aim` as the module `waypoints` defines them; a hand whose open fingers would come
+    within TABLE_CLEARANCE_M of the table backs off along its approach. Shape (world, probe, 7).
     """
     x, y, radius, height = (v[:, None] for v in (told.x_m, told.y_m, told.radius_m, told.height_m))
     azimuth, tilt, roll, aim, _ = np.broadcast_arrays(azimuth, tilt, roll, aim, x + azimuth)
@@ -57,64 +61,81 @@ def pose_about(
     c, s = np.cos(roll)[..., None], np.sin(roll)[..., None]
     frame = np.stack([c * level + s * third, c * third - s * level, approach], -1)
     with np.errstate(divide="ignore"):
-        sideways = np.where(sin_t > 1e-9, radius / np.maximum(sin_t, 1e-9), np.inf)
+        out = radius * aim_out
+        sideways = np.where(sin_t > 1e-9, (radius - out) / np.maximum(sin_t, 1e-9), np.inf)
         end = np.where(cos_t > 0, height * (1 - aim), height * aim)
         endways = np.where(np.abs(cos_t) > 1e-9, end / np.maximum(np.abs(cos_t), 1e-9), np.inf)
-    away = np.maximum(np.minimum(sideways, endways), 0.0) + clearance_m
-    centre = np.stack([np.broadcast_to(x, aim.shape), np.broadcast_to(y, aim.shape),
-                       aim * height], -1)
+    # A hand opens only so far: what does not fit between its fingers is touched from farther off.
+    stay = clearance_m + per_radius * np.maximum(radius - THIN_RADIUS_M, 0.0)
+    away = np.maximum(np.minimum(sideways, endways), 0.0) + stay
+    centre = np.stack([x + out * np.cos(angle), y + out * np.sin(angle), aim * height], -1)
     place = centre - approach * away[..., None]
+    lowest = place[..., 2] + _open_fingers_below(hand, frame)
+    back = np.maximum(TABLE_CLEARANCE_M - lowest, 0.0) / np.maximum(cos_t, 0.1)
+    place = place - approach * back[..., None]
     turn = Rotation.from_matrix(frame.reshape(-1, 3, 3)).as_quat().reshape(*aim.shape, 4)
     return np.concatenate([place, turn], -1)
 
 
-def _about(f: Placement, told: BoundingCylinder, azimuth: np.ndarray, *, tilt: Any = None,
-           roll: Any = None, aim: Any = None) -> np.ndarray:
+def _open_fingers_below(hand: HandTable, frame: np.ndarray) -> np.ndarray:
+    """Height of the lowest point of the open fingers over the hand's origin [m], (world, probe)."""
+    spread = -hand.flexion_low_rad[0]
+    length = sum(hand.link_length_m)
+    x = hand.palm_gap_m / 2 + length * np.sin(spread)
+    z = hand.abduction_offset_m + length * np.cos(spread)
+    tips = np.array([(sx * x, y * hand.finger_spacing_m, z) for sx in (-1, 1) for y in (-1, 1)])
+    return np.einsum("wpk,tk->wpt", frame[..., 2, :], tips).min(-1) - hand.link_radius_m
+
+
+def _about(f: Placement, told: BoundingCylinder, hand: HandTable, azimuth: np.ndarray, *,
+           tilt: Any = None, roll: Any = None, aim: Any = None) -> np.ndarray:
     return pose_about(told, np.atleast_2d(azimuth) + f.azimuth_rad,
                       np.asarray(f.tilt_rad if tilt is None else tilt),
                       np.asarray(0.0 if roll is None else roll) + f.roll_rad,
-                      np.asarray(f.aim if aim is None else aim), f.palm_clearance_m)
+                      np.asarray(f.aim if aim is None else aim), f.aim_out,
+                      f.palm_clearance_m, f.clearance_per_radius, hand)
 
 
-def _ring(f: Ring, told: BoundingCylinder, key: np.ndarray) -> np.ndarray:
-    return _about(f, told, 2 * pi * np.arange(f.count) / f.count)
+def _ring(f: Ring, told: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np.ndarray:
+    return _about(f, told, hand, 2 * pi * np.arange(f.count) / f.count)
 
 
-def _column(f: Column, told: BoundingCylinder, key: np.ndarray) -> np.ndarray:
+def _column(f: Column, told: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np.ndarray:
     level = np.arange(f.count) % f.levels
     around = np.arange(f.count) // f.levels
     per_level = -(-f.count // f.levels)
     # Each level is turned by a share of the spacing, so that no two fingers retrace a line.
     azimuth = 2 * pi * (around + level / f.levels) / per_level
     share = level / max(1, f.levels - 1)
-    return _about(f, told, azimuth, aim=f.aim_low + (f.aim_high - f.aim_low) * share)
+    return _about(f, told, hand, azimuth, aim=f.aim_low + (f.aim_high - f.aim_low) * share)
 
 
-def _opposing(f: Opposing, told: BoundingCylinder, key: np.ndarray) -> np.ndarray:
+def _opposing(f: Opposing, told: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np.ndarray:
     pair = np.arange(f.count) // 2
     pairs = -(-f.count // 2)
-    return _about(f, told, pi * pair / pairs + pi * (np.arange(f.count) % 2))
+    return _about(f, told, hand, pi * pair / pairs + pi * (np.arange(f.count) % 2))
 
 
-def _top(f: Top, told: BoundingCylinder, key: np.ndarray) -> np.ndarray:
-    return _about(f, told, np.zeros(f.count), tilt=0.0, roll=pi * np.arange(f.count) / f.count)
+def _top(f: Top, told: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np.ndarray:
+    roll = pi * np.arange(f.count) / f.count
+    return _about(f, told, hand, np.zeros(f.count), tilt=0.0, roll=roll)
 
 
-def _random(f: Random, told: BoundingCylinder, key: np.ndarray) -> np.ndarray:
+def _random(f: Random, told: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np.ndarray:
     draw = counter_uniform_host(counter_key_host(
         key[:, None, None], np.arange(f.count)[None, :, None], np.arange(4)))
     cos_tilt = 1.0 - draw[..., 1] * (1.0 - np.cos(f.tilt_rad))
-    return _about(f, told, 2 * pi * draw[..., 0], tilt=np.arccos(cos_tilt),
+    return _about(f, told, hand, 2 * pi * draw[..., 0], tilt=np.arccos(cos_tilt),
                   roll=2 * pi * draw[..., 2],
                   aim=f.aim_low + (f.aim_high - f.aim_low) * draw[..., 3])
 
 
-def _csv(f: Csv, told: BoundingCylinder, key: np.ndarray) -> np.ndarray:
+def _csv(f: Csv, told: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np.ndarray:
     poses = poses_from_csv(Path(f.file))
     return np.broadcast_to(poses, (len(told.x_m), *poses.shape)).copy()
 
 
-_FAMILY: dict[type, Callable[[Any, BoundingCylinder, np.ndarray], np.ndarray]] = {
+_FAMILY: dict[type, Callable[[Any, BoundingCylinder, HandTable, np.ndarray], np.ndarray]] = {
     Ring: _ring, Column: _column, Opposing: _opposing, Top: _top, Random: _random, Csv: _csv,
 }
 

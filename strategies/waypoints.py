@@ -4,7 +4,8 @@ A family places poses about the bounding cylinder a strategy is told (place, rad
 with errors). The hand's z axis is its approach direction; `tilt` is the angle between the approach
 and straight down (0: from above, 90 deg: level); `azimuth` is where the hand stands around the
 object, 0 being the side of the robot's base; `roll` turns the hand about its approach, 0 having the
-fingers close horizontally. `aim` is the height aimed at, as a fraction of the object's.
+fingers close horizontally. `aim` is the height aimed at, as a fraction of the object's;
+`aim_out` moves that point from the axis towards the hand, 1 being the rim.
 """
 
 
@@ -40,11 +41,14 @@ _COUNT = {"low": 1, "high": 256, "doc": "poses"}
 class Placement:
     """What every family shares: how far the palm stays away, which way the hand is turned."""
 
-    palm_clearance_m: float = _number(0.045, -0.05, 0.3, "palm to the told cylinder")
+    palm_clearance_m: float = _number(0.040, -0.05, 0.3, "palm to a thin object's told cylinder")
+    clearance_per_radius: float = _number(1.5, 0.0, 5.0,
+                                          "further away by this times the radius over 20 mm")
     roll_rad: float = _number(0.0, -2 * pi, 2 * pi, "turn about the approach direction")
     azimuth_rad: float = _number(0.0, -2 * pi, 2 * pi, "azimuth of the first pose")
     tilt_rad: float = _number(radians(55), 0.0, pi, "between approach and straight down")
     aim: float = _number(0.5, -1.0, 2.0, "height aimed at / height of the object")
+    aim_out: float = _number(0.0, -2.0, 2.0, "aimed off the axis, towards the hand / radius")
 
 
 @dataclass(frozen=True)

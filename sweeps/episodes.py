@@ -108,7 +108,7 @@ def run_block(cell: Cell, episodes: np.ndarray, device: str) -> EpisodeBlock:
     truth = Truth(body_pose)
     robot = Robot([body], np.zeros(1, int), truth, key, cell.arm, cell.hand, cell.sensors,
                   device=device)
-    poses = waypoint_poses(cell.strategy.waypoints, told, key)
+    poses = waypoint_poses(cell.strategy.waypoints, told, cell.hand, key)
     grasps = explore_by_containment(robot, poses, np.ones(poses.shape[:2], bool),
                                     cell.strategy.closings)
     evidence = evidence_from_grasps(grasps, cell.hand.link_radius_m)
