@@ -108,6 +108,45 @@ def leaderboard(folders: list[Path], /, *,
 
 
 @app.command
+def explore(object_: str, /, *, strategy: str,
+            out: Annotated[Path, Parameter(name=["--out", "-o"])], units: str | None = None,
+            seed: int = 0, yaw_deg: float | None = None, x_m: float = 0.45, y_m: float = 0.0,
+            device: str = "cpu") -> int:
+    """Run one episode and write all that was felt: contacts, shape, a figure.
+
+    Parameters
+    ----------
+    object_
+        A name (`warpgrasp objects`) or a mesh file, then with its units.
+    strategy
+        A name (`warpgrasp strategies`).
+    out
+        The directory to write to.
+    units
+        Of a mesh: m, cm or mm.
+    seed
+        Names every random number of the episode.
+    yaw_deg
+        How the object is turned; at random if not given.
+    x_m
+        Where it stands, ahead of the robot's base.
+    y_m
+        Where it stands, to the left of the robot's base.
+    device
+        cpu, or cuda:0.
+    """
+    from sweeps import commands
+
+    for name, value in (("--yaw-deg", yaw_deg or 0.0), ("--x-m", x_m), ("--y-m", y_m)):
+        if not abs(value) < 1e6:
+            raise UsageError(f"{name}: is {value}; should be a finite number")
+    if not 0 <= seed < 2**63:
+        raise UsageError(f"--seed: is {seed}; should be a whole number from 0 to 2^63 - 1")
+    return commands.explore(object_, strategy, out, units=units, seed=seed, yaw_deg=yaw_deg,
+                            x_m=x_m, y_m=y_m, device=_device(device))
+
+
+@app.command
 def objects(*, json: Json = False) -> int:
     """List the objects there are.
 
@@ -186,6 +225,8 @@ def _explain(error: Exception) -> int:
         return _refuse(str(error), 3)
     if isinstance(error, StoreError):
         return _refuse(str(error), error.exit_code)
+    if isinstance(error, OSError):
+        return _refuse(f"{error.filename or 'warpgrasp'}: {error.strerror or error}", 1)
     if type(error).__name__ in ("LeaderboardError", "BodyError", "WaypointError"):
         return _refuse(str(error))
     raise error

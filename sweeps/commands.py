@@ -5,6 +5,7 @@ import signal
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
+from math import radians
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -13,9 +14,11 @@ from sweeps.atomic import write_atomic
 from sweeps.estimate import estimate_cost
 from sweeps.leaderboard import Leaderboard, make_leaderboard
 from sweeps.plan import Plan, plan_study, study_of
+from sweeps.problems import choose
 from sweeps.progress import Progress
 from sweeps.runner import Options, run
 from sweeps.spec import read_spec
+from sweeps.spec_objects import object_of_argument
 from sweeps.store import OtherStudy, Store, StoreError
 from sweeps.table import print_table
 from sweeps.worker import EPISODES
@@ -121,6 +124,31 @@ def leaderboard(folders: Sequence[Path], out: Path | None, *, metric: str,
         except OSError as error:
             raise StoreError(f"{out}: cannot be written: {error.strerror}") from None
     _show(board, as_json)
+    return DONE
+
+
+def explore(what: str, strategy: str, folder: Path, *, units: str | None, seed: int,
+            yaw_deg: float | None, x_m: float, y_m: float, device: str) -> int:
+    """One episode with all that was felt, as files."""
+    with _quiet_stdout():
+        from strategies.catalogue import STRATEGIES
+
+        if strategy not in STRATEGIES:
+            raise StoreError(f"--strategy: no strategy {strategy!r}; "
+                             f"{choose(strategy, STRATEGIES)}")
+        table = object_of_argument(what, units)
+        from sweeps.explore import explore as explore_object
+
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            explore_object(
+                body_table=table, strategy=STRATEGIES[strategy], seed=seed,
+                yaw_rad=None if yaw_deg is None else radians(yaw_deg), x_m=x_m, y_m=y_m,
+                out=folder, device=device)
+        except OSError as error:
+            raise StoreError(f"{folder}: cannot be written: {error.strerror or error}") from None
+    for file in sorted(folder.iterdir()):
+        print(file)
     return DONE
 
 

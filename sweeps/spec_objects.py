@@ -67,6 +67,21 @@ def read_object(value: Any, path: Path, base_dir: FilePath, problems: Problems) 
     return Body(name, table, content)
 
 
+def object_of_argument(what: str, units: str | None) -> dict[str, Any]:
+    """The table of an object named on the command line; `BodyError` says what is wrong."""
+    if what in BODY_NAMES:
+        return {"name": what}
+    file = FilePath(what)
+    if not file.is_file():
+        raise BodyError(f"no object {what!r}; {choose(what, BODY_NAMES)}; or a mesh file with "
+                        "--units m|cm|mm")
+    if units is None:
+        raise BodyError(f"{what}: a mesh wants its units: --units m, --units cm or --units mm")
+    table = {"mesh": str(file.resolve()), "units": units, "name": file.stem}
+    body_from_table(table, FilePath())
+    return table
+
+
 class _NoFile(Exception):
     def __init__(self, path: Path, what: str) -> None:
         self.path = path

@@ -87,7 +87,7 @@ def _run_once(run: list[str], given: dict[str, str], chance: random.Random,
     process = subprocess.Popen(run, env=given, stdout=subprocess.DEVNULL,
                                stderr=subprocess.DEVNULL, start_new_session=True)
     try:
-        return process.wait(chance.uniform(0.0, 5.0) if kill else None)
+        return process.wait(chance.uniform(0.5, 8.0) if kill else None)
     except subprocess.TimeoutExpired:
         # all at once (a lost machine) or the parent alone (its workers must notice)
         if chance.random() < 0.5:
@@ -124,7 +124,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--kills", type=int, default=50)
     parser.add_argument("--units", type=int, default=60)
-    parser.add_argument("--seconds", type=float, default=2.0, help="that a unit takes")
+    parser.add_argument("--seconds", type=float, default=1.0, help="that a unit takes")
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:

@@ -26,7 +26,7 @@ def test_a_study_survives_kills(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_study_survives_fifty_kills(tmp_path: Path) -> None:
-    wrong, _ = kill_and_resume(tmp_path, units=60, kills=50, seconds=2.0, seed=1)
+    wrong, _ = kill_and_resume(tmp_path, units=60, kills=50, seconds=1.0, seed=1)
     assert not wrong
 
 

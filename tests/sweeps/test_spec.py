@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from fuzz_spec import fuzz
 from hypothesis import given
 from hypothesis import strategies as st
 from studies import SMALL, write_spec
@@ -289,3 +290,15 @@ def test_the_template_is_a_spec_that_names_every_key(tmp_path: Path) -> None:
             value: Any = getattr(study.tables[name], f.name)
             if isinstance(f.default, float | tuple):
                 assert np.allclose(value, f.default, rtol=1e-9), f.name
+
+
+def test_fuzzed_specs_are_read_or_refused(tmp_path: Path) -> None:
+    counts, wrong = fuzz(tmp_path, 400, seed=1)
+    assert not wrong, wrong[:3]
+    assert counts["read"] >= 5
+
+
+@pytest.mark.slow
+def test_ten_thousand_fuzzed_specs_are_read_or_refused(tmp_path: Path) -> None:
+    _, wrong = fuzz(tmp_path, 10_000, seed=2)
+    assert not wrong, wrong[:3]
