@@ -1,0 +1,138 @@
+"""Means over objects and episodes with honest intervals, in memory that does not grow.
+
+Two levels are resampled: the objects, and the episodes within each object. Every strategy meets
+the same episodes (same object pose, same noise), so a replicate uses one set of weights for all:
+differences are paired. Episode weights are Poisson(1), which makes the bootstrap a running sum;
+each object's mean is a ratio of weighted sums, so the random total does not bias it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+REPLICATES = 1000
+INTERVAL = (0.025, 0.975)
+
+
+def episode_weights(seed: int, place: tuple[int, int, int], count: int) -> np.ndarray:
+    """Weights of a block's episodes, shape (1 + replicate, episode); row 0 is the data itself.
+
+    `place` is (object, case, block): the weights depend on nothing else, so they are the same for
+    every strategy and whatever order the units are read in.
+    """
+    generator = np.random.Generator(np.random.Philox(np.random.SeedSequence([seed, 1, *place])))
+    drawn = generator.poisson(1.0, (REPLICATES, count)).astype(float)
+    return np.concatenate([np.ones((1, count)), drawn])
+
+
+def object_weights(seed: int, count: int) -> np.ndarray:
+    """How often each object is drawn, shape (1 + replicate, object); row 0 is the data itself."""
+    generator = np.random.Generator(np.random.Philox(np.random.SeedSequence([seed, 2])))
+    drawn = generator.multinomial(count, np.full(count, 1 / count), REPLICATES)
+    return np.concatenate([np.ones((1, count)), drawn.astype(float)])
+
+
+class MeanOverObjects:
+    """The mean over objects of each entry's mean over episodes, for the data and each replicate.
+
+    An episode without a value (not finite) counts as `failure_score`, or, if that is None, as the
+    worst value that any entry had on the same object: no entry gains by it. An object on which no
+    entry ever has a value is left out.
+    """
+
+    def __init__(self, entries: int, failure_score: float | None) -> None:
+        self.failure_score = failure_score
+        self.total = np.zeros((1 + REPLICATES, entries))
+        self.weight = np.zeros((1 + REPLICATES, 1))
+        self._start()
+
+    def _start(self) -> None:
+        self.sums = np.zeros_like(self.total)
+        self.failed = np.zeros_like(self.total)
+        self.episodes = np.zeros_like(self.weight)
+        self.worst = -np.inf
+
+    def add(self, values: np.ndarray, weights: np.ndarray) -> None:
+        """Takes in a block, values of shape (episode, entry)."""
+        good = np.isfinite(values)
+        # einsum's own loops, not BLAS: the sum does not depend on a number of threads
+        self.sums += np.einsum("re,ek->rk", weights, np.where(good, values, 0.0))
+        self.failed += np.einsum("re,ek->rk", weights, (~good).astype(float))
+        self.episodes += weights.sum(axis=1, keepdims=True)
+        self.worst = max(self.worst, values[good].max(initial=-np.inf))
+
+    def finish_object(self, weights: np.ndarray) -> None:
+        """Closes an object that weighs `weights`, shape (1 + replicate,)."""
+        score = self.worst if self.failure_score is None else self.failure_score
+        if np.isfinite(score) and (self.failure_score is None or self.worst > -np.inf):
+            seen = self.episodes > 0
+            means = np.divide(self.sums + self.failed * score, self.episodes,
+                              where=seen, out=np.zeros_like(self.sums))
+            self.total += weights[:, None] * means
+            self.weight += weights[:, None] * seen
+        self._start()
+
+    def means(self) -> np.ndarray:
+        """Shape (1 + replicate, entry); NaN where nothing was measured."""
+        return np.divide(self.total, self.weight, where=self.weight > 0,
+                         out=np.full_like(self.total, np.nan))
+
+
+class PlainMean:
+    """The mean over objects of each entry's mean over the episodes that have a value."""
+
+    def __init__(self, entries: int) -> None:
+        self.objects = np.zeros((2, entries))  # sum, count
+        self.episodes = np.zeros((2, entries))
+
+    def add(self, values: np.ndarray) -> None:
+        """Takes in a block, values of shape (episode, entry); NaN is no value."""
+        good = np.isfinite(values)
+        self.episodes += np.where(good, values, 0.0).sum(axis=0), good.sum(axis=0)
+
+    def finish_object(self) -> None:
+        """Closes an object."""
+        self.objects += _ratio(self.episodes), self.episodes[1] > 0
+        self.episodes = np.zeros_like(self.episodes)
+
+    def means(self) -> np.ndarray:
+        """Shape (entry,); NaN where nothing was measured."""
+        return np.where(self.objects[1] > 0, _ratio(self.objects), np.nan)
+
+
+def _ratio(sum_and_count: np.ndarray) -> np.ndarray:
+    total, count = sum_and_count
+    return np.divide(total, count, where=count > 0, out=np.zeros_like(total))
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value for each entry with its interval, shapes (entry,)."""
+
+    value: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+
+def estimate(means: np.ndarray) -> Estimate:
+    """The data's values with percentile intervals over the replicates."""
+    drawn = means[1:][np.isfinite(means[1:]).all(axis=1)]
+    if not len(drawn):
+        nothing = np.full(means.shape[1], np.nan)
+        return Estimate(means[0], nothing, nothing)
+    low, high = np.quantile(drawn, INTERVAL, axis=0)
+    return Estimate(means[0], low, high)
+
+
+def difference_to(means: np.ndarray, best: int) -> Estimate:
+    """Each entry minus entry `best`, paired: within the same replicate."""
+    return estimate(means - means[:, best:best + 1])
+
+
+def probability_best(means: np.ndarray, sign: float) -> np.ndarray:
+    """The share of replicates that each entry wins (ties shared); `sign` -1 if more is better."""
+    drawn = sign * means[1:][np.isfinite(means[1:]).all(axis=1)]
+    if not len(drawn):
+        return np.full(means.shape[1], np.nan)
+    wins = drawn == drawn.min(axis=1, keepdims=True)
+    return (wins / wins.sum(axis=1, keepdims=True)).mean(axis=0)

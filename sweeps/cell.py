@@ -1,0 +1,33 @@
+"""One cell of a study: a strategy on an object under one setting, all defaults filled in."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from strategies.strategy import Strategy
+from warpgrasp.parameters import ArmTable, FitTable, HandTable, ObjectTable, SensorTable
+
+SECTIONS: dict[str, type] = {
+    "arm": ArmTable, "hand": HandTable, "sensors": SensorTable, "object": ObjectTable,
+    "fit": FitTable,
+}
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Everything the episodes of one cell depend on, picklable.
+
+    `body_table` names the object: `{"name": ...}` for the catalogue, otherwise the spec's table
+    with a mesh file made absolute and its content hash under `sha256`.
+    """
+
+    strategy: Strategy
+    body_table: Mapping[str, Any]
+    object_name: str
+    arm: ArmTable = field(default_factory=ArmTable)
+    hand: HandTable = field(default_factory=HandTable)
+    sensors: SensorTable = field(default_factory=SensorTable)
+    placement: ObjectTable = field(default_factory=ObjectTable)
+    fit: FitTable = field(default_factory=FitTable)
+    seed: int = 0
+    setting: Mapping[str, Any] = field(default_factory=dict)

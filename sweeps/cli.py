@@ -1,0 +1,260 @@
+"""The command line. Commands import what they need when they run, so that help answers at once."""
+
+import re
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, CycloptsError, Parameter
+
+app = App(name="warpgrasp", help="Batched simulation of robots that learn shape by touch.",
+          version_flags=["--version"], help_format="plaintext",
+          suppress_keyboard_interrupt=False)
+
+Json = Annotated[bool, Parameter(negative="")]
+Settings = Annotated[list[str] | None, Parameter(name="--set", negative="")]
+
+
+class UsageError(ValueError):
+    """An argument that cannot be used."""
+
+
+@app.command
+def sweep(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])],
+          workers: int = 1, shard: str = "1/1", device: str = "cpu", set_: Settings = None,
+          json: Json = False) -> int:
+    """Run a study, or what is left of it, and print its leaderboard.
+
+    Parameters
+    ----------
+    spec
+        The study, a TOML file; `warpgrasp init` writes a template.
+    out
+        The directory of the study; running again goes on where it stopped.
+    workers
+        Cores to use, one process each.
+    shard
+        I/N: only every N-th unit, for several machines; `leaderboard` merges them.
+    device
+        cpu, or cuda:0.
+    set_
+        KEY=V1,V2: adds or replaces a grid axis; seed=, episodes_per_cell= replace a value.
+    json
+        Print the leaderboard as JSON.
+    """
+    from sweeps import commands
+
+    return commands.sweep(spec, out, workers=_count(workers, "--workers"), shard=_shard(shard),
+                          device=_device(device), settings=set_ or [], as_json=json)
+
+
+@app.command
+def check(spec: Path, /, *, set_: Settings = None, json: Json = False) -> int:
+    """Check a study; print its cells, episodes, disk and time.
+
+    Parameters
+    ----------
+    spec
+        The study, a TOML file.
+    set_
+        KEY=V1,V2: as for sweep.
+    json
+        Print JSON.
+    """
+    from sweeps import commands
+
+    return commands.check(spec, settings=set_ or [], as_json=json)
+
+
+@app.command
+def status(folder: Path, /, *, json: Json = False) -> int:
+    """Print how far a study is, also while it runs.
+
+    Parameters
+    ----------
+    folder
+        The directory of a study.
+    json
+        Print JSON.
+    """
+    from sweeps import commands
+
+    return commands.status(folder, as_json=json)
+
+
+@app.command
+def leaderboard(folders: list[Path], /, *,
+                out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
+                metric: str = "chamfer_mm", by: str | None = None, json: Json = False) -> int:
+    """Rank a study's strategies, with intervals.
+
+    Parameters
+    ----------
+    folders
+        The directory of a study, or several that hold parts (shards) of one.
+    out
+        Also write the whole table, as CSV.
+    metric
+        What to rank by.
+    by
+        What tells entries apart: strategy, object, swept keys, with commas between.
+        Default: the strategy and the keys of [sweep.grid] and [sweep.zip].
+    json
+        Print JSON.
+    """
+    from sweeps import commands
+
+    return commands.leaderboard(folders, out, metric=metric, by=by, as_json=json)
+
+
+@app.command
+def explore(object_: str, /, *, strategy: str,
+            out: Annotated[Path, Parameter(name=["--out", "-o"])], units: str | None = None,
+            seed: int = 0, yaw_deg: float | None = None, x_m: float = 0.45, y_m: float = 0.0,
+            device: str = "cpu") -> int:
+    """Run one episode and write all that was felt: contacts, shape, a figure.
+
+    Parameters
+    ----------
+    object_
+        A name (`warpgrasp objects`) or a mesh file, then with its units.
+    strategy
+        A name (`warpgrasp strategies`).
+    out
+        The directory to write to.
+    units
+        Of a mesh: m, cm or mm.
+    seed
+        Names every random number of the episode.
+    yaw_deg
+        How the object is turned; at random if not given.
+    x_m
+        Where it stands, ahead of the robot's base.
+    y_m
+        Where it stands, to the left of the robot's base.
+    device
+        cpu, or cuda:0.
+    """
+    from sweeps import commands
+
+    for name, value in (("--yaw-deg", yaw_deg or 0.0), ("--x-m", x_m), ("--y-m", y_m)):
+        if not abs(value) < 1e6:
+            raise UsageError(f"{name}: is {value}; should be a finite number")
+    if not 0 <= seed < 2**63:
+        raise UsageError(f"--seed: is {seed}; should be a whole number from 0 to 2^63 - 1")
+    return commands.explore(object_, strategy, out, units=units, seed=seed, yaw_deg=yaw_deg,
+                            x_m=x_m, y_m=y_m, device=_device(device))
+
+
+@app.command
+def objects(*, json: Json = False) -> int:
+    """List the objects there are.
+
+    Parameters
+    ----------
+    json
+        Print JSON.
+    """
+    from sweeps import commands
+
+    return commands.objects(as_json=json)
+
+
+@app.command
+def strategies(*, json: Json = False) -> int:
+    """List the ready-made strategies.
+
+    Parameters
+    ----------
+    json
+        Print JSON.
+    """
+    from sweeps import commands
+
+    return commands.strategies(as_json=json)
+
+
+@app.command
+def init(spec: Path, /, *, force: Annotated[bool, Parameter(negative="")] = False) -> int:
+    """Write a commented template of a study.
+
+    Parameters
+    ----------
+    spec
+        The TOML file to write.
+    force
+        Write over a file that is there.
+    """
+    from sweeps import commands
+
+    return commands.init(spec, force=force)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """The entry point: runs a command and exits with its code."""
+    sys.exit(run(sys.argv[1:] if arguments is None else arguments))
+
+
+def run(arguments: list[str]) -> int:
+    """Runs a command; the exit code comes back, user errors are one message on stderr."""
+    try:
+        code = app(arguments or ["--help"], exit_on_error=False, print_error=False,
+                   result_action="return_value")
+    except CycloptsError as error:
+        return _refuse(f"warpgrasp: {error}; see warpgrasp --help")
+    except UsageError as error:
+        return _refuse(f"warpgrasp: {error}")
+    except KeyboardInterrupt:
+        print("interrupted; what was finished is kept", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        return 0
+    except Exception as error:
+        return _explain(error)
+    return code if isinstance(code, int) else 0
+
+
+def _explain(error: Exception) -> int:
+    """A user error as a message and its exit code; anything else is a defect and raised on."""
+    from sweeps.problems import SpecError
+    from sweeps.store import OtherStudy, StoreError
+
+    if isinstance(error, SpecError):
+        return _refuse(str(error))
+    if isinstance(error, OtherStudy):
+        return _refuse(str(error), 3)
+    if isinstance(error, StoreError):
+        return _refuse(str(error), error.exit_code)
+    if isinstance(error, OSError):
+        return _refuse(f"{error.filename or 'warpgrasp'}: {error.strerror or error}", 1)
+    if type(error).__name__ in ("LeaderboardError", "BodyError", "WaypointError"):
+        return _refuse(str(error))
+    raise error
+
+
+def _refuse(text: str, code: int = 2) -> int:
+    print(text, file=sys.stderr)
+    return code
+
+
+def _count(value: int, name: str) -> int:
+    if not 1 <= value <= 4096:
+        raise UsageError(f"{name}: is {value}; should be a whole number from 1 to 4096")
+    return value
+
+
+def _shard(text: str) -> tuple[int, int]:
+    match = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text)
+    if not match or not 1 <= int(match[1]) <= int(match[2]):
+        raise UsageError(f"--shard: is {text!r}; should be I/N with I from 1 to N, such as 2/8")
+    return int(match[1]), int(match[2])
+
+
+def _device(text: str) -> str:
+    if not re.fullmatch(r"cpu|cuda(:\d{1,2})?", text):
+        raise UsageError(f"--device: is {text!r}; should be cpu or cuda:0")
+    return text
+
+
+if __name__ == "__main__":
+    main()

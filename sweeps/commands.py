@@ -1,0 +1,237 @@
+"""What the commands do. Each answers with the process's exit code; results go to stdout."""
+
+import json
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout
+from math import radians
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from sweeps.atomic import write_atomic
+from sweeps.estimate import estimate_cost
+from sweeps.leaderboard import Leaderboard, make_leaderboard
+from sweeps.plan import Plan, plan_study, study_of
+from sweeps.problems import choose
+from sweeps.progress import Progress
+from sweeps.runner import Options, run
+from sweeps.spec import read_spec
+from sweeps.spec_objects import object_of_argument
+from sweeps.store import OtherStudy, Store, StoreError
+from sweeps.table import print_table
+from sweeps.worker import EPISODES
+
+DONE, SOME_FAILED, BAD_USAGE, OTHER_SPEC, INTERRUPTED = 0, 1, 2, 3, 130
+# Columns that fit a terminal; the file has them all.
+SHOWN = ("rank", "strategy", "_ci_low", "_ci_high", "p_best", "iou", "recognized", "touches",
+         "robot_time_s", "failure_rate", "n_objects", "n_episodes")
+
+
+def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], device: str,
+          settings: Sequence[str], as_json: bool) -> int:
+    """Runs what is left of a study, then ranks it."""
+    plan = _plan(spec, settings)
+    store = Store(folder)
+    for note in store.open_for(plan, spec.read_bytes(), device):
+        _say(note)
+    total = len(range(shard[0] - 1, plan.unit_count, shard[1]))
+    note = store.logs / f"progress-{shard[0]}-of-{shard[1]}.json"
+    with _terminated_as_interrupted(), store.lock(shard):
+        with Progress(total, note) as progress:
+            outcome = run(plan, store, Options(workers, shard, device, EPISODES), progress)
+        if outcome.done + outcome.failed == 0:
+            _say(f"{folder}: finished already, {outcome.kept} units")
+        if shard[1] == 1:
+            board = make_leaderboard(plan, [store])
+            write_atomic(folder / "leaderboard.csv", board.csv())
+            _show(board, as_json)
+    if shard[1] > 1:
+        _say(f"shard {shard[0]} of {shard[1]} is done; `warpgrasp leaderboard` merges directories")
+    if outcome.failed:
+        _say(f"{outcome.failed} units failed; see {store.logs}/*.failed.log")
+    return SOME_FAILED if outcome.failed else DONE
+
+
+def check(spec: Path, *, settings: Sequence[str], as_json: bool) -> int:
+    """Prints what a spec amounts to, without running it."""
+    plan = _plan(spec, settings)
+    head = plan.study.head
+    rows = [
+        ("study", head.name), ("hash", plan.hash),
+        ("strategies", f"{len(plan.study.strategies)}"), ("objects", f"{len(plan.study.objects)}"),
+        ("settings", f"{plan.study.setting_count}"), ("cells", f"{plan.study.cell_count}"),
+        ("episodes", f"{plan.study.cell_count * head.episodes_per_cell}"),
+        ("units", f"{plan.unit_count}"), *estimate_cost(plan),
+    ]
+    if as_json:
+        print(json.dumps(dict(rows), indent=1))
+    else:
+        width = max(len(name) for name, _ in rows)
+        for name, value in rows:
+            print(f"{name.ljust(width)}  {value}")
+    return DONE
+
+
+def status(folder: Path, *, as_json: bool) -> int:
+    """Prints how far a study is; reads only what is there."""
+    store = Store(folder)
+    plan = _plan_of(store)
+    done = failed = 0
+    for unit in plan.units():
+        if store.path(unit).exists():
+            done += 1
+        elif store.log(unit).exists():
+            failed += 1
+    holders = store.holders()
+    notes = [json.loads(file.read_bytes()) for file in sorted(store.logs.glob("progress-*.json"))
+             ] if holders else []
+    rates = [note["units_per_s"] for note in notes if note["units_per_s"]]
+    left = plan.unit_count - done - failed
+    found: dict[str, Any] = {
+        "study": store.resolved().get("name", ""), "hash": plan.hash, "units": plan.unit_count,
+        "done": done, "failed": failed,
+        "running": sum(note["running"] for note in notes), "left": left,
+        "units_per_s": round(sum(rates), 4) if rates else None,
+        "seconds_left": round(left / sum(rates), 1) if rates else None,
+        "held_by": holders,
+        "other_files": _count_files(store) - done,
+    }
+    if as_json:
+        print(json.dumps(found, indent=1))
+    else:
+        for name, value in found.items():
+            text = ", ".join(value) if isinstance(value, list) else value
+            print(f"{name.ljust(12)}  {'-' if text in (None, '') else text}")
+    return DONE
+
+
+def leaderboard(folders: Sequence[Path], out: Path | None, *, metric: str,
+                by: str | None, as_json: bool) -> int:
+    """Ranks a study from one directory or from several that hold parts of it."""
+    stores = [Store(folder) for folder in folders]
+    found = [store.resolved() for store in stores]
+    for store, resolved in zip(stores, found, strict=True):
+        if resolved["hash"] != found[0]["hash"]:
+            raise OtherStudy(store.folder, [f"hash: {found[0]['hash']} ({folders[0]}) -> "
+                                            f"{resolved['hash']} ({store.folder})"])
+    names = [name.strip() for name in by.split(",")] if by is not None else None
+    board = make_leaderboard(_plan_of(stores[0]), stores, metric, names)
+    if out is not None:
+        try:
+            write_atomic(out, board.csv())
+        except OSError as error:
+            raise StoreError(f"{out}: cannot be written: {error.strerror}") from None
+    _show(board, as_json)
+    return DONE
+
+
+def explore(what: str, strategy: str, folder: Path, *, units: str | None, seed: int,
+            yaw_deg: float | None, x_m: float, y_m: float, device: str) -> int:
+    """One episode with all that was felt, as files."""
+    with _quiet_stdout():
+        from strategies.catalogue import STRATEGIES
+
+        if strategy not in STRATEGIES:
+            raise StoreError(f"--strategy: no strategy {strategy!r}; "
+                             f"{choose(strategy, STRATEGIES)}")
+        table = object_of_argument(what, units)
+        from sweeps.explore import explore as explore_object
+
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            explore_object(
+                body_table=table, strategy=STRATEGIES[strategy], seed=seed,
+                yaw_rad=None if yaw_deg is None else radians(yaw_deg), x_m=x_m, y_m=y_m,
+                out=folder, device=device)
+        except OSError as error:
+            raise StoreError(f"{folder}: cannot be written: {error.strerror or error}") from None
+    for file in sorted(folder.iterdir()):
+        print(file)
+    return DONE
+
+
+def objects(*, as_json: bool) -> int:
+    """Prints the catalogue of objects."""
+    with _quiet_stdout():
+        from warpgrasp.catalogue import BODY_NAMES
+    print_table(("object", "what"), list(BODY_NAMES.items()), as_json)
+    return DONE
+
+
+def strategies(*, as_json: bool) -> int:
+    """Prints the ready-made strategies."""
+    from strategies.catalogue import STRATEGIES
+
+    print_table(("strategy", "what"), [(s.name, s.doc) for s in STRATEGIES.values()], as_json)
+    return DONE
+
+
+def init(spec: Path, *, force: bool) -> int:
+    """Writes a commented template."""
+    from sweeps.template import template
+
+    if spec.exists() and not force:
+        raise StoreError(f"{spec}: is there already; choose another name, or say --force")
+    try:
+        write_atomic(spec, template().encode())
+    except OSError as error:
+        raise StoreError(f"{spec}: cannot be written: {error.strerror}") from None
+    _say(f"{spec}: written; `warpgrasp check {spec}` says what it amounts to")
+    return DONE
+
+
+def _plan(spec: Path, settings: Sequence[str]) -> Plan:
+    with _quiet_stdout():  # building objects may print
+        return plan_study(read_spec(spec, settings))
+
+
+def _plan_of(store: Store) -> Plan:
+    resolved = store.resolved()
+    try:
+        plan = plan_study(study_of(resolved["study"], resolved.get("name", "")))
+    except (KeyError, TypeError, ValueError):
+        plan = None
+    if plan is None or plan.hash != resolved["hash"]:
+        raise StoreError(f"{store.folder}/resolved.json: was written by another version, or "
+                         "altered; run the sweep again in a new directory")
+    return plan
+
+
+def _show(board: Leaderboard, as_json: bool) -> None:
+    keep = [n for n, name in enumerate(board.header)
+            if as_json or n == 2 or any(name == s or (s[0] == "_" and name == board.header[2] + s)
+                                        for s in SHOWN)]
+    print_table([board.header[n] for n in keep], [[row[n] for n in keep] for row in board.rows],
+                as_json)
+    for note in board.notes:
+        _say(f"note: {note}")
+
+
+def _count_files(store: Store) -> int:
+    return sum(1 for _ in store.units.glob("*.parquet"))
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
+@contextmanager
+def _quiet_stdout() -> Iterator[None]:
+    """Keeps what libraries print out of the results."""
+    with redirect_stdout(sys.stderr):
+        yield
+
+
+@contextmanager
+def _terminated_as_interrupted() -> Iterator[None]:
+    """A batch system's SIGTERM ends a sweep as Ctrl-C does: what is finished is kept."""
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -1,0 +1,164 @@
+"""Scores of recovered superquadrics against true bodies, for a whole batch.
+
+Points of the true surface and volume come from `warpgrasp.body_sample`, points of the recovered
+surface from `fit.superquadric_shape`. Distances from the recovered surface to the true body are
+exact (its signed distance); those from the true surface to the recovered body are to the nearest
+of some thousand surface elements, each a disc of the element's own area.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+from scipy.spatial.transform import Rotation
+
+from fit.superquadric_shape import SuperquadricLike, superquadric_surface, superquadric_volume
+from warpgrasp.body import Body, distance_to_bodies, scene_of
+from warpgrasp.body_sample import sample_body
+from warpgrasp.launch import launch
+from warpgrasp.real import ONE, ZERO, real, transform, vec3
+from warpgrasp.sdf_superquadric import SuperquadricShape, superquadric_deformed_gauge
+
+SURFACE_POINTS = 512
+ELEMENTS = 864
+INSIDE_POINTS = 2048
+COVERAGE_M = 0.005
+
+_FAR = wp.constant(real(1e18))
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Scores, shape (world,) each."""
+
+    chamfer_m: np.ndarray
+    """Mean of the two mean distances, surface to surface."""
+    hausdorff95_m: np.ndarray
+    """Larger of the two 95 % quantiles of distance, surface to surface."""
+    iou: np.ndarray
+    """Volume of the intersection over that of the union."""
+    volume_ratio: np.ndarray
+    """Recovered volume over true volume."""
+    coverage: np.ndarray
+    """Share of the true surface within 5 mm of the recovered one."""
+
+
+@wp.kernel(enable_backward=False)
+def _element_distance_kernel(
+    first: int,
+    # Recovered surface in:
+    element: wp.array2d[vec3],
+    normal: wp.array2d[vec3],
+    radius: wp.array2d[real],
+    widest: wp.array[real],
+    # True surface in:
+    point: wp.array2d[vec3],
+    # Distance out:
+    distance: wp.array2d[real],
+):
+    w, i = wp.tid()
+    w += first
+    p = point[w, i]
+    best = real(1e9)
+    reach_sq = _FAR
+    for k in range(element.shape[1]):
+        v = p - element[w, k]
+        d_sq = wp.dot(v, v)
+        if d_sq < reach_sq:
+            height = wp.dot(v, normal[w, k])
+            aside = wp.max(wp.sqrt(wp.max(d_sq - height * height, ZERO)) - radius[w, k], ZERO)
+            d = wp.sqrt(height * height + aside * aside)
+            if d < best:
+                best = d
+                reach_sq = (d + widest[w]) * (d + widest[w])
+    distance[w, i] = best
+
+
+@wp.kernel(enable_backward=False)
+def _inside_kernel(
+    first: int,
+    # Recovered body in:
+    shape: wp.array[SuperquadricShape],
+    pose: wp.array[transform],
+    # True volume in:
+    point: wp.array2d[vec3],
+    # Share out:
+    inside: wp.array2d[int],
+):
+    w, i = wp.tid()
+    w += first
+    local = wp.transform_point(wp.transform_inverse(pose[w]), point[w, i])
+    inside[w, i] = 0
+    if superquadric_deformed_gauge(local, shape[w])[3] < ONE:
+        inside[w, i] = 1
+
+
+def score_superquadrics(
+    fits: SuperquadricLike, body: Body, body_pose: np.ndarray, *, device: str = "cpu"
+) -> Scores:
+    """Score one fit a world against `body`, which stands at `body_pose` (world, 7)."""
+    worlds = len(body_pose)
+    sample = sample_body(body, surface=SURFACE_POINTS, inside=INSIDE_POINTS)
+    turn = Rotation.from_quat(body_pose[:, 3:]).as_matrix()
+    true_surface = np.einsum("wij,pj->wpi", turn, sample.surface_m) + body_pose[:, None, :3]
+    true_inside = np.einsum("wij,pj->wpi", turn, sample.inside_m) + body_pose[:, None, :3]
+    element, normal, area = superquadric_surface(fits, ELEMENTS)
+
+    to_fit = _distance_to_elements(true_surface, element, normal, area, device)
+    in_body = np.einsum("wji,wpj->wpi", turn, element - body_pose[:, None, :3])
+    signed, _ = distance_to_bodies(scene_of([body], device), np.zeros(1, int), in_body,
+                                   device=device)
+    to_body = np.abs(signed)
+    share = area / area.sum(1, keepdims=True)
+    mean_to_body = (to_body * share).sum(1)
+    chamfer = 0.5 * (to_fit.mean(1) + mean_to_body)
+    hausdorff = np.maximum(np.quantile(to_fit, 0.95, axis=1), _quantile(to_body, share, 0.95))
+    common = sample.volume_m3 * _share_inside(fits, true_inside, device)
+    volume = superquadric_volume(fits)
+    return Scores(
+        chamfer_m=chamfer,
+        hausdorff95_m=hausdorff,
+        iou=common / (volume + sample.volume_m3 - common),
+        volume_ratio=volume / sample.volume_m3,
+        coverage=(to_fit <= COVERAGE_M).mean(1) * np.ones(worlds),
+    )
+
+
+def _quantile(values: np.ndarray, share: np.ndarray, q: float) -> np.ndarray:
+    """Weighted quantile of each row."""
+    order = np.argsort(values, axis=1, kind="stable")
+    cumulative = np.cumsum(np.take_along_axis(share, order, 1), axis=1)
+    at = np.minimum((cumulative < q).sum(1), values.shape[1] - 1)
+    return np.take_along_axis(values, order, 1)[np.arange(len(values)), at]
+
+
+def _distance_to_elements(
+    points: np.ndarray, element: np.ndarray, normal: np.ndarray, area: np.ndarray, device: str
+) -> np.ndarray:
+    radius = np.sqrt(area / np.pi)
+    out = wp.empty(points.shape[:2], dtype=real, device=device)
+    launch(_element_distance_kernel, {"world": len(points), "point": points.shape[1]}, {
+        "element": "world element", "normal": "world element", "radius": "world element",
+        "widest": "world", "point": "world point", "distance": "world point"}, {
+        "element": wp.array(element, dtype=vec3, device=device),
+        "normal": wp.array(normal, dtype=vec3, device=device),
+        "radius": wp.array(radius, dtype=real, device=device),
+        "widest": wp.array(radius.max(1), dtype=real, device=device),
+        "point": wp.array(points, dtype=vec3, device=device), "distance": out}, device=device)
+    return out.numpy().copy()
+
+
+def _share_inside(fits: SuperquadricLike, points: np.ndarray, device: str) -> np.ndarray:
+    shapes = np.zeros(len(points), dtype=SuperquadricShape.numpy_dtype())
+    shapes["size"] = fits.size_m
+    shapes["e1"], shapes["e2"] = fits.exponents.T
+    shapes["kx"], shapes["ky"] = fits.taper.T
+    shapes["bend"], shapes["bend_angle"] = fits.bend.T
+    pose = np.concatenate([fits.position_m, fits.quaternion_xyzw], axis=1)
+    out = wp.empty(points.shape[:2], dtype=int, device=device)
+    launch(_inside_kernel, {"world": len(points), "point": points.shape[1]}, {
+        "shape": "world", "pose": "world", "point": "world point", "inside": "world point"}, {
+        "shape": wp.array(shapes, dtype=SuperquadricShape, device=device),
+        "pose": wp.array(pose, dtype=transform, device=device),
+        "point": wp.array(points, dtype=vec3, device=device), "inside": out}, device=device)
+    return out.numpy().mean(1)

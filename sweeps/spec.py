@@ -1,0 +1,91 @@
+"""Reading a spec: TOML to a resolved `Study`, or every problem at once with file and line."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path as FilePath
+from typing import Any
+
+from sweeps.cell import SECTIONS
+from sweeps.edge import read_table
+from sweeps.problems import Problem, Problems, SpecError, choose
+from sweeps.spec_objects import read_objects
+from sweeps.spec_strategies import read_strategies
+from sweeps.spec_sweep import read_axes, read_overrides
+from sweeps.study import CELL_LIMIT, EPISODE_LIMIT, Study, StudyTable
+from sweeps.toml_lines import read_toml
+
+HEAD = ("schema", "name", "seed", "episodes_per_cell")
+REQUIRED = ("schema", "objects", "strategy")
+TOP = (*HEAD, "objects", "strategy", *SECTIONS, "sweep")
+
+
+def read_spec(file: FilePath, overrides: Sequence[str] = ()) -> Study:
+    """The study a spec describes, with `--set KEY=V1,V2` overrides; `SpecError` lists problems."""
+    values, lines = read_toml(file)
+    problems = Problems(str(file), lines)
+    try:
+        text_axes, head_values = read_overrides(overrides)
+    except SpecError as error:
+        problems.found.extend(error.problems)
+        text_axes, head_values = {}, {}
+    study = resolve({**values, **head_values}, file.resolve().parent, problems, text_axes)
+    if problems.found:
+        raise SpecError(sorted(problems.found, key=_place))
+    return study
+
+
+def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
+            extra_grid: Mapping[str, list[Any]] | None = None) -> Study:
+    """The study a spec's values describe; what is wrong is noted in `problems`."""
+    for key in REQUIRED:
+        if key not in values:
+            problems.add((), f"{key}: missing; {_EXAMPLES[key]}")
+    for key in values:
+        if key not in TOP:
+            problems.add((key,), f"unknown key; {choose(key, TOP)}")
+    head = StudyTable(**read_table(StudyTable, {k: v for k, v in values.items() if k in HEAD},
+                                   (), problems))
+    if not head.name:
+        head = replace(head, name=FilePath(problems.file).stem)
+    tables = {name: table(**read_table(table, values.get(name, {}), (name,), problems))
+              for name, table in SECTIONS.items()}
+    _check_order(tables, values, problems)
+    strategies = read_strategies(values.get("strategy", []), base_dir, problems)
+    objects = read_objects(values.get("objects", []), base_dir, problems)
+    axes = read_axes(values.get("sweep", {}), extra_grid or {}, strategies, head.seed, problems)
+    study = Study(head, objects, strategies, tables, axes)
+    if study.cell_count > CELL_LIMIT:
+        problems.add(("sweep",), f"spans {study.cell_count:,} cells; the limit is {CELL_LIMIT:,}")
+    elif study.cell_count * head.episodes_per_cell > EPISODE_LIMIT:
+        problems.add(("episodes_per_cell",),
+                     f"makes {study.cell_count * head.episodes_per_cell:,} episodes in "
+                     f"{study.cell_count:,} cells; the limit is {EPISODE_LIMIT:,}")
+    return study
+
+
+_EXAMPLES = {
+    "schema": "write schema = 1",
+    "objects": 'name at least one, as in objects = ["block", "wine_bottle"]',
+    "strategy": 'name at least one, as in [[strategy]] with name = "ring6"',
+}
+_ORDERED = (("arm", "limit_low_rad", "limit_high_rad"), ("hand", "flexion_low_rad",
+            "flexion_high_rad"), ("hand", "tension_low_N", "tension_high_N"))
+
+
+def _check_order(tables: Mapping[str, Any], values: Mapping[str, Any], problems: Problems) -> None:
+    """Lower limits must lie below upper ones, whichever of the two was given."""
+    from sweeps.edge import edge_fields
+
+    for section, low, high in _ORDERED:
+        pair = [getattr(tables[section], name) for name in (low, high)]
+        lows, highs = (v if isinstance(v, tuple) else (v,) for v in pair)
+        if any(a >= b for a, b in zip(lows, highs, strict=True)):
+            names = {f.name: key for key, f in edge_fields(SECTIONS[section]).items()}
+            given = values.get(section, {})
+            at = names[low] if names[low] in given else names[high]
+            problems.add((section, at), f"{names[low]} should be below {names[high]}")
+
+
+def _place(problem: Problem) -> tuple[bool, int]:
+    line = problem.where.rpartition(":")[2]
+    return not line.isdigit(), int(line) if line.isdigit() else 0

@@ -1,0 +1,125 @@
+"""The `objects` of a spec: catalogue names, meshes, compounds, superquadrics."""
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path as FilePath
+from typing import Any
+
+from sweeps.plan import FILE_KEYS
+from sweeps.problems import Path, Problems, choose, short
+from sweeps.spec_strategies import check_name
+from sweeps.study import Body
+from warpgrasp.catalogue import BODY_NAMES, BodyError, body_from_table
+
+SHAPES = ("mesh", "compound", "superquadric", "profile")
+
+
+def read_objects(values: Any, base_dir: FilePath, problems: Problems) -> tuple[Body, ...]:
+    """Every object of a spec, built once to see that it can be."""
+    path: Path = ("objects",)
+    if not isinstance(values, list):
+        problems.add(path, f"is {short(values)}; should be a list such as [\"block\"]")
+        return ()
+    if not values and path in problems.lines:
+        problems.add(path, "is empty; name at least one object")
+    found: list[Body] = []
+    for n, value in enumerate(values):
+        body = read_object(value, (*path, n), base_dir, problems)
+        if body and any(body.name == other.name for other in found):
+            problems.add((*path, n), f"is {body.name!r} a second time; give one another name")
+        elif body:
+            found.append(body)
+    return tuple(found)
+
+
+def read_object(value: Any, path: Path, base_dir: FilePath, problems: Problems) -> Body | None:
+    """One object; None where something is wrong with it."""
+    if isinstance(value, str):
+        if value not in BODY_NAMES:
+            problems.add(path, f"no object {short(value)}; {choose(value, BODY_NAMES)}; or a mesh, "
+                         'as in { mesh = "mug.stl", units = "cm" }')
+            return None
+        return Body(value, {"name": value})
+    if not isinstance(value, Mapping):
+        problems.add(path, f"is {short(value)}; should be a name or a table")
+        return None
+    given = [shape for shape in SHAPES if shape in value]
+    if len(given) != 1:
+        problems.add(path, f"should hold exactly one of {', '.join(SHAPES)}")
+        return None
+    files: list[FilePath] = []
+    try:
+        table = _absolute(value, path, base_dir, files)
+    except _NoFile as error:
+        problems.add(error.path, error.what)
+        return None
+    if given[0] in FILE_KEYS:
+        table.setdefault("name", files[0].stem)
+    name = check_name(table.get("name"), (*path, "name"), problems)
+    if name is None:
+        return None
+    try:
+        body_from_table(table, base_dir)
+    except BodyError as error:
+        problems.add(path, str(error))
+        return None
+    content = hashlib.sha256(b"".join(map(_content, files))).hexdigest() if files else ""
+    return Body(name, table, content)
+
+
+def object_of_argument(what: str, units: str | None) -> dict[str, Any]:
+    """The table of an object named on the command line; `BodyError` says what is wrong."""
+    if what in BODY_NAMES:
+        return {"name": what}
+    file = FilePath(what)
+    if not file.is_file():
+        raise BodyError(f"no object {what!r}; {choose(what, BODY_NAMES)}; or a mesh file with "
+                        "--units m|cm|mm")
+    if units is None:
+        raise BodyError(f"{what}: a mesh wants its units: --units m, --units cm or --units mm")
+    table = {"mesh": str(file.resolve()), "units": units, "name": file.stem}
+    body_from_table(table, FilePath())
+    return table
+
+
+class _NoFile(Exception):
+    def __init__(self, path: Path, what: str) -> None:
+        self.path = path
+        self.what = what
+
+
+def _absolute(table: Mapping[str, Any], path: Path, base_dir: FilePath,
+              files: list[FilePath]) -> dict[str, Any]:
+    """The table with every file it names made absolute; the files are noted in order."""
+    found: dict[str, Any] = {}
+    for key, value in table.items():
+        if key in FILE_KEYS:
+            files.append(_file(value, (*path, key), base_dir))
+            found[key] = str(files[-1])
+        elif isinstance(value, Mapping):
+            found[key] = _absolute(value, (*path, key), base_dir, files)
+        elif isinstance(value, list):
+            found[key] = [_absolute(entry, (*path, key, n), base_dir, files)
+                          if isinstance(entry, Mapping) else entry
+                          for n, entry in enumerate(value)]
+        else:
+            found[key] = value
+    return found
+
+
+def _file(value: Any, path: Path, base_dir: FilePath) -> FilePath:
+    if not isinstance(value, str) or not value:
+        raise _NoFile(path, f"is {short(value)}; should be a file")
+    try:
+        file = (base_dir / value).resolve()
+        if file.is_file():
+            return file
+    except (OSError, ValueError, RuntimeError):
+        pass
+    raise _NoFile(path, f"{short(value)} is not a file; relative to the spec that is "
+                  f"{short(str(base_dir / value), 200)}")
+
+
+def _content(file: FilePath) -> bytes:
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").digest()

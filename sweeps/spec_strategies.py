@@ -1,0 +1,127 @@
+"""The `[[strategy]]` tables of a spec: waypoint families, closing paths, order of procedures."""
+
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from pathlib import Path as FilePath
+from typing import Any
+
+from strategies.catalogue import STRATEGIES
+from strategies.closing_paths import CLOSING_PATHS
+from strategies.procedures import PROCEDURES
+from strategies.strategy import Strategy
+from strategies.waypoint_poses import poses_from_csv
+from strategies.waypoints import WAYPOINT_KINDS, WaypointError
+from sweeps.edge import read_table
+from sweeps.problems import Path, Problems, choose, short
+
+KEYS = ("name", "waypoints", "closings", "order")
+NAME_LIMIT = 80
+
+
+def read_strategies(values: Any, base_dir: FilePath, problems: Problems) -> tuple[Strategy, ...]:
+    """Every strategy of a spec; a name alone is the ready-made strategy of that name."""
+    path: Path = ("strategy",)
+    if not isinstance(values, list):
+        problems.add(path, "should be a list of tables, each under [[strategy]]")
+        return ()
+    if not values and path in problems.lines:
+        problems.add(path, "is empty; name at least one strategy")
+    found: list[Strategy] = []
+    for n, table in enumerate(values):
+        strategy = _read_strategy(table, (*path, n), base_dir, problems)
+        if strategy and any(strategy.name == other.name for other in found):
+            problems.add((*path, n, "name"), f"is {strategy.name!r} a second time; "
+                         "each strategy needs its own name")
+        elif strategy:
+            found.append(strategy)
+    return tuple(found)
+
+
+def _read_strategy(table: Any, path: Path, base_dir: FilePath,
+                   problems: Problems) -> Strategy | None:
+    if not isinstance(table, Mapping):
+        problems.add(path, f"is {short(table)}; should be a table with a name")
+        return None
+    for key in table:
+        if key not in KEYS:
+            problems.add((*path, key), f"unknown key; {choose(key, KEYS)}")
+    name = check_name(table.get("name"), (*path, "name"), problems)
+    if name is None:
+        return None
+    if set(table) <= {"name"}:
+        if name not in STRATEGIES:
+            problems.add((*path, "name"), f"no ready-made strategy {name!r}; "
+                         f"{choose(name, STRATEGIES)}; or give it waypoints of its own")
+        return STRATEGIES.get(name, Strategy(name))
+    strategy = replace(STRATEGIES.get(name, Strategy(name)), doc="")
+    if "waypoints" in table:
+        strategy = replace(strategy, waypoints=_read_waypoints(
+            table["waypoints"], (*path, "waypoints"), base_dir, problems))
+    for key in ("closings", "order"):
+        if key in table:
+            strategy = replace(strategy, **{
+                key: read_names(key, table[key], (*path, key), problems)})
+    return strategy
+
+
+def read_names(key: str, value: Any, path: Path, problems: Problems) -> tuple[str, ...]:
+    """A list of closing paths or of procedures, by name."""
+    valid = {"closings": CLOSING_PATHS, "order": PROCEDURES}[key]
+    if not isinstance(value, list) or not value:
+        problems.add(path, f"is {short(value)}; should be a list of names; {choose(None, valid)}")
+        return ()
+    for n, name in enumerate(value):
+        if not isinstance(name, str) or name not in valid:
+            problems.add((*path, n), f"is {short(name)}; {choose(name, valid)}")
+    return tuple(name for name in value if isinstance(name, str))
+
+
+def check_name(name: Any, path: Path, problems: Problems) -> str | None:
+    """A name that can stand in a table and a CSV: short, printable, on one line."""
+    if isinstance(name, str) and 0 < len(name) <= NAME_LIMIT and name.isprintable() and (
+            name == name.strip()):
+        return name
+    what = "missing" if name is None else f"is {short(name)}"
+    problems.add(path, f"{what}; should be a name of 1 to {NAME_LIMIT} printable characters")
+    return None
+
+
+def _read_waypoints(value: Any, path: Path, base_dir: FilePath,
+                    problems: Problems) -> tuple[object, ...]:
+    tables = value if isinstance(value, list) else [value]
+    if not tables:
+        problems.add(path, "is empty; give at least one table such as { kind = \"ring\" }")
+    return tuple(family for n, table in enumerate(tables)
+                 if (family := _read_family(table, (*path, n) if tables is value else path,
+                                            base_dir, problems)) is not None)
+
+
+def _read_family(table: Any, path: Path, base_dir: FilePath, problems: Problems) -> object | None:
+    if not isinstance(table, Mapping):
+        problems.add(path, f"is {short(table)}; should be a table such as {{ kind = \"ring\" }}")
+        return None
+    kind = table.get("kind")
+    if not isinstance(kind, str) or kind not in WAYPOINT_KINDS:
+        what = "missing" if kind is None else f"is {short(kind)}"
+        problems.add((*path, "kind"), f"{what}; {choose(kind, WAYPOINT_KINDS)}")
+        return None
+    family = WAYPOINT_KINDS[kind]
+    values = read_table(family, table, path, problems, ignore=("kind",))
+    if "file" in {f.name for f in fields(family)}:
+        return _read_pose_file(family, values, path, base_dir, problems)
+    return family(**values)
+
+
+def _read_pose_file(family: type, values: dict[str, Any], path: Path, base_dir: FilePath,
+                    problems: Problems) -> object | None:
+    if not values.get("file"):
+        problems.add((*path, "file"), "missing; should be a CSV file of hand poses")
+        return None
+    file = (base_dir / values["file"]).resolve()
+    try:
+        poses_from_csv(file)
+    except WaypointError as error:
+        problems.add((*path, "file"), str(error))
+    except (OSError, ValueError) as error:
+        problems.add((*path, "file"), f"{file} cannot be read: {error}")
+    return family(**{**values, "file": str(file)})

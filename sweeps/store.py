@@ -1,0 +1,179 @@
+"""The directory of a study: one file a unit, and that it exists is the only ledger."""
+
+import fcntl
+import json
+import os
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from sweeps.atomic import write_atomic
+from sweeps.environment import describe_environment
+from sweeps.plan import Plan, Unit, differences, extends
+from sweeps.unit_file import Columns, DamagedUnit, read_unit
+
+
+class OtherStudy(ValueError):
+    """The directory belongs to another spec; `lines` say where the two differ."""
+
+    def __init__(self, folder: Path, lines: list[str]) -> None:
+        self.lines = lines
+        shown = [f"  {line}" for line in lines[:20]]
+        more = [f"  ... {len(lines) - 20} more"] if len(lines) > 20 else []
+        super().__init__("\n".join([
+            f"{folder}: belongs to another spec; choose another directory, or undo:",
+            *shown, *more]))
+
+
+class StoreError(ValueError):
+    """A directory that cannot be used; the message says why."""
+
+    def __init__(self, message: str, exit_code: int = 2) -> None:
+        super().__init__(message)
+        self.exit_code = exit_code
+
+
+class Held(StoreError):
+    """Another run holds the directory."""
+
+
+class Store:
+    """The files of one study below one directory."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.units = folder / "units"
+        self.logs = folder / "logs"
+
+    def open_for(self, plan: Plan, spec_text: bytes | None, device: str) -> list[str]:
+        """Makes the directory the study's own; notes worth telling the user come back.
+
+        `OtherStudy` if it belongs to another spec. A study that only grew (more episodes,
+        strategies or objects) is taken up: every unit that is still the same is kept.
+        """
+        notes: list[str] = []
+        try:
+            self.units.mkdir(parents=True, exist_ok=True)
+            self.logs.mkdir(exist_ok=True)
+            notes += self._claim(plan)
+            if spec_text is not None:
+                write_atomic(self.folder / "spec.toml", spec_text)
+            notes += self._note_environment(device)
+        except OSError as error:
+            raise StoreError(f"{self.folder}: cannot be written: {error.strerror}") from None
+        return notes
+
+    def _claim(self, plan: Plan) -> list[str]:
+        file = self.folder / "resolved.json"
+        notes = []
+        if file.exists():
+            old = self.resolved()
+            if old["hash"] == plan.hash:
+                return []
+            if not extends(old["study"], plan.resolved):
+                raise OtherStudy(self.folder, differences(old["study"], dict(plan.resolved)))
+            notes = ["the study has grown; units that are still the same are kept"]
+        content = {"hash": plan.hash, "name": plan.study.head.name, "study": plan.resolved}
+        write_atomic(file, (json.dumps(content, indent=1) + "\n").encode())
+        return notes
+
+    def _note_environment(self, device: str) -> list[str]:
+        file = self.folder / "environment.json"
+        now = describe_environment(device)
+        if file.exists():
+            try:
+                before = json.loads(file.read_bytes())
+            except ValueError:
+                before = {}
+            changed = [f"{key}: {before.get(key)} -> {now.get(key)}"
+                       for key in sorted({*before, *now}) if before.get(key) != now.get(key)]
+            if changed:
+                return ["finished units were made in another environment, bits may differ: "
+                        + "; ".join(changed)]
+            return []
+        write_atomic(file, (json.dumps(now, indent=1, sort_keys=True) + "\n").encode())
+        return []
+
+    def resolved(self) -> dict[str, Any]:
+        """The study this directory belongs to, as `resolved.json` has it."""
+        file = self.folder / "resolved.json"
+        try:
+            found = json.loads(file.read_bytes())
+            if not isinstance(found, dict) or not {"hash", "study"} <= set(found):
+                raise ValueError
+        except FileNotFoundError:
+            raise StoreError(f"{self.folder}: holds no study; `warpgrasp sweep SPEC.toml -o "
+                             f"{self.folder}` makes one") from None
+        except OSError as error:
+            raise StoreError(f"{file}: cannot be read: {error.strerror}") from None
+        except ValueError:
+            raise StoreError(f"{file}: is damaged; remove it and run the sweep again, "
+                             "finished units are kept") from None
+        return found
+
+    def path(self, unit: Unit) -> Path:
+        """Where a unit's rows are, or will be."""
+        return self.units / f"{unit.id}.parquet"
+
+    def log(self, unit: Unit) -> Path:
+        """Where it is said why a unit was set aside as failed."""
+        return self.logs / f"{unit.id}.failed.log"
+
+    def read(self, unit: Unit) -> Columns | None:
+        """A unit's rows; None if it is not there; a damaged file is set aside first."""
+        path = self.path(unit)
+        try:
+            return read_unit(path, unit.id, unit.stop - unit.start)
+        except FileNotFoundError:
+            return None
+        except DamagedUnit as error:
+            self.set_aside(path, str(error))
+            return None
+
+    def set_aside(self, path: Path, reason: str) -> None:
+        """Moves a damaged unit file out of the ledger, under a name that says so."""
+        aside = self.logs / f"{path.stem}.damaged"
+        try:
+            os.replace(path, aside)
+            write_atomic(self.logs / f"{path.stem}.damaged.log", f"{reason}\n".encode())
+        except OSError:
+            pass  # read-only: the unit still counts as missing
+
+    @contextmanager
+    def lock(self, shard: tuple[int, int]) -> Iterator[None]:
+        """Holds a shard for this process; `Held` names who holds it already.
+
+        The kernel lets go of the lock when its holder dies, however that happens.
+        """
+        file = self.folder / f".lock-{shard[0]}-of-{shard[1]}"
+        descriptor = os.open(file, os.O_RDWR | os.O_CREAT, 0o644)
+        try:
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                holder = os.read(descriptor, 200).decode(errors="replace").strip()
+                raise Held(f"{self.folder}: is being worked on by {holder or 'another run'}; "
+                           "wait for it, or give each run its own --shard I/N") from None
+            os.ftruncate(descriptor, 0)
+            os.pwrite(descriptor, f"process {os.getpid()} on {socket.gethostname()}".encode(), 0)
+            yield
+        finally:
+            os.close(descriptor)
+
+    def holders(self) -> list[str]:
+        """Who works on this directory right now, one text a shard."""
+        found = []
+        for file in sorted(self.folder.glob(".lock-*")):
+            with file.open("rb") as stream:
+                try:
+                    fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
+                except BlockingIOError:
+                    found.append(stream.read(200).decode(errors="replace"))
+        return found
+
+    def sweep_out(self, unit: Unit) -> None:
+        """Removes temporary files that a killed run left of a unit."""
+        for left in self.units.glob(f".{unit.id}.parquet.*.tmp"):
+            left.unlink(missing_ok=True)

@@ -1,0 +1,85 @@
+"""One unit of work as a Parquet file that says what it is and notices when it was damaged."""
+
+import hashlib
+import io
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from sweeps.atomic import write_atomic
+
+Columns = dict[str, np.ndarray]
+
+
+class DamagedUnit(ValueError):
+    """A unit file that is truncated, altered, or not the unit its name says."""
+
+
+def encode_unit(unit_id: str, columns: Mapping[str, np.ndarray]) -> bytes:
+    """The bytes of a unit file: the same rows give the same bytes."""
+    plain = {name: _plain(name, values) for name, values in columns.items()}
+    if len({len(values) for values in plain.values()}) != 1:
+        raise ValueError("columns of a unit should be equally long: "
+                         f"{ {name: len(values) for name, values in plain.items()} }")
+    table = pa.table({name: pa.array(values.tolist() if values.dtype == object else values)
+                      for name, values in plain.items()})
+    table = table.replace_schema_metadata({"unit": unit_id, "content": _content_hash(plain)})
+    buffer = io.BytesIO()
+    pq.write_table(table, buffer, compression="zstd")
+    return buffer.getvalue()
+
+
+def write_unit(path: Path, unit_id: str, columns: Mapping[str, np.ndarray]) -> None:
+    """Writes a unit file whole or not at all."""
+    write_atomic(path, encode_unit(unit_id, columns))
+
+
+def read_unit(path: Path, unit_id: str, row_count: int | None = None) -> Columns:
+    """The columns of a unit file; `DamagedUnit` where its content is not what was written."""
+    try:
+        table = pq.read_table(io.BytesIO(path.read_bytes()), use_threads=False)
+        columns = {name: _column(table, name) for name in table.column_names}
+        metadata = table.schema.metadata or {}
+    except FileNotFoundError:
+        raise
+    except Exception as error:  # whatever a damaged file makes the decoder raise
+        raise DamagedUnit(f"cannot be decoded: {error}"[:200]) from None
+    if metadata.get(b"unit", b"").decode("utf-8", "replace") != unit_id:
+        raise DamagedUnit("is another unit than its name says")
+    if metadata.get(b"content", b"").decode("utf-8", "replace") != _content_hash(columns):
+        raise DamagedUnit("holds other rows than were written")
+    if row_count is not None and any(len(v) != row_count for v in columns.values()):
+        raise DamagedUnit(f"does not hold {row_count} rows")
+    return columns
+
+
+def _plain(name: str, values: np.ndarray) -> np.ndarray:
+    values = np.asarray(values)
+    if values.ndim != 1:
+        raise ValueError(f"column {name} of a unit should be one-dimensional")
+    if values.dtype.kind in "UO":
+        return values.astype(object)
+    if values.dtype.kind not in "bif":
+        raise ValueError(f"column {name} of a unit should hold numbers or strings")
+    return values
+
+
+def _column(table: pa.Table, name: str) -> np.ndarray:
+    column = table.column(name)
+    if pa.types.is_string(column.type) or pa.types.is_large_string(column.type):
+        return np.array(column.to_pylist(), dtype=object)
+    return column.to_numpy()
+
+
+def _content_hash(columns: Mapping[str, np.ndarray]) -> str:
+    found = hashlib.sha256()
+    for name, values in columns.items():
+        found.update(f"{name}:{values.dtype.str}:{len(values)};".encode())
+        if values.dtype == object:
+            found.update("\0".join(map(str, values)).encode("utf-8", "surrogatepass"))
+        else:
+            found.update(np.ascontiguousarray(values).tobytes())
+    return found.hexdigest()

@@ -1,0 +1,79 @@
+"""Stand-ins for the simulator: rows from counters, quick and the same everywhere."""
+
+import hashlib
+import os
+import signal
+import time
+from pathlib import Path
+
+import numpy as np
+
+from sweeps.cell import Cell
+
+
+def _uniform(cell: Cell, episode: int, purpose: str) -> float:
+    """Keyed as the simulator's numbers are: by seed, object and episode, not by the strategy."""
+    text = f"{cell.seed} {cell.object_name} {episode} {purpose}"
+    return int.from_bytes(hashlib.sha256(text.encode()).digest()[:6]) / 2**48
+
+
+def run_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
+    quality = len(cell.strategy.name) + 0.1 * cell.sensors.tendon_threshold_N
+    luck = np.array([_uniform(cell, int(e), "luck") for e in episodes])
+    own = np.array([_uniform(cell, int(e), cell.strategy.name) for e in episodes])
+    failed = own < 0.05
+    return {
+        "status": np.where(failed, "fit_failed", "ok"),
+        "contacts": (20 + 10 * luck).astype(np.int64),
+        "touches": (40 + 10 * luck).astype(np.int64),
+        "robot_time_s": 60 + 5 * luck,
+        "chamfer_mm": np.where(failed, np.nan, quality + 4 * luck + own),
+        "iou": np.where(failed, np.nan, 1 / (1 + 0.1 * (quality + luck))),
+        "recognized_as": np.where(own < 0.7, cell.object_name, "block"),
+    }
+
+
+def slow_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
+    time.sleep(float(os.environ.get("FAKE_SECONDS", "0.02")))
+    return run_episodes(cell, episodes, device)
+
+
+def counted_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
+    """Leaves a line a unit in the file FAKE_LOG."""
+    with Path(os.environ["FAKE_LOG"]).open("a") as log:
+        log.write(f"{cell.strategy.name} {cell.object_name} {episodes[0]}\n")
+    return run_episodes(cell, episodes, device)
+
+
+def deadly_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
+    """Kills its worker on one object, once or always; raises on another."""
+    if cell.object_name == "wedge":
+        once = Path(os.environ["FAKE_LOG"])
+        if not once.exists():
+            once.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+    if cell.object_name == "funnel":
+        os.kill(os.getpid(), signal.SIGSEGV)
+    if cell.object_name == "lightbulb":
+        raise RuntimeError("this bulb always breaks")
+    return run_episodes(cell, episodes, device)
+
+
+def broken_disk(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
+    import sweeps.atomic
+
+    def no_space(descriptor: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    if episodes[0] > 0:
+        sweeps.atomic.os.fsync = no_space  # type: ignore[attr-defined]
+    return run_episodes(cell, episodes, device)
+
+
+def logged_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
+    """Slow, and notes in FAKE_LOG/<cell and block> whether its unit was there when it began."""
+    name = f"{cell.strategy.name}-{cell.object_name}-{episodes[0]}"
+    log = Path(os.environ["FAKE_LOG"]) / name
+    with log.open("a") as stream:
+        stream.write("after\n" if log.with_suffix(".written").exists() else "before\n")
+    return slow_episodes(cell, episodes, device)

@@ -1,0 +1,112 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sweeps.bootstrap import (
+    MeanOverObjects,
+    PlainMean,
+    difference_to,
+    episode_weights,
+    estimate,
+    object_weights,
+    probability_best,
+)
+
+
+def means_of(data: np.ndarray, failure_score: float | None = None, seed: int = 3,
+             block: int = 16) -> np.ndarray:
+    """Replicate means of data [object, episode, entry], fed in blocks."""
+    mean = MeanOverObjects(data.shape[2], failure_score)
+    weights = object_weights(seed, len(data))
+    for n, values in enumerate(data):
+        for number, start in enumerate(range(0, len(values), block)):
+            part = values[start:start + block]
+            mean.add(part, episode_weights(seed, (n, 0, number), len(part)))
+        mean.finish_object(weights[:, n])
+    return mean.means()
+
+
+def test_the_first_row_is_the_plain_mean_of_object_means() -> None:
+    data = np.random.default_rng(1).normal(5, 1, (7, 40, 3))
+    assert np.allclose(means_of(data)[0], data.mean(axis=1).mean(axis=0), rtol=1e-12)
+
+
+def test_standard_error_is_that_of_the_textbook_two_level_design() -> None:
+    """Variance of the mean: between-object variance over objects + within over all episodes."""
+    generator = np.random.default_rng(2)
+    objects, episodes = 40, 30
+    data = (generator.normal(0, 2.0, (objects, 1, 1))
+            + generator.normal(0, 3.0, (objects, episodes, 1)))
+    spread = means_of(data)[1:, 0].std()
+    between = data.mean(axis=1).var(ddof=0) / objects
+    within = data.var(axis=1).mean() / (objects * episodes)
+    assert spread == pytest.approx(np.sqrt(between + within), rel=0.1)
+
+
+def test_intervals_hold_the_truth_about_as_often_as_they_say() -> None:
+    generator = np.random.default_rng(4)
+    held = 0
+    for trial in range(60):
+        data = (generator.normal(0, 1, (25, 1, 1)) + generator.normal(0, 1, (25, 20, 1)))
+        found = estimate(means_of(data, seed=trial))
+        held += bool(found.low[0] <= 0 <= found.high[0])
+    assert held >= 50  # 57 expected, binomial sigma 1.7
+
+
+def test_differences_are_paired() -> None:
+    """Two entries that differ by a constant on every episode differ by it for certain."""
+    base = np.random.default_rng(5).normal(0, 10, (6, 30, 1))
+    means = means_of(np.concatenate([base, base + 0.1], axis=2))
+    delta = difference_to(means, 0)
+    assert np.allclose([delta.value[1], delta.low[1], delta.high[1]], 0.1, rtol=1e-9)
+    assert probability_best(means, 1.0).tolist() == [1.0, 0.0]
+    assert probability_best(means, -1.0).tolist() == [0.0, 1.0]
+
+
+def test_ties_share_the_win() -> None:
+    data = np.repeat(np.random.default_rng(6).normal(0, 1, (6, 30, 1)), 2, axis=2)
+    assert probability_best(means_of(data), 1.0).tolist() == [0.5, 0.5]
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 2**32), st.data())
+def test_failing_never_pays(seed: int, data: st.DataObject) -> None:
+    """Turning an episode into a failure never betters an entry, unless it was itself the worst."""
+    values = np.random.default_rng(seed).exponential(1.0, (3, 8, 2))
+    body, episode = data.draw(st.integers(0, 2)), data.draw(st.integers(0, 7))
+    values[body, (episode + 1) % 8, 1] = values[body].max() * 2  # another entry did worse
+    failed = values.copy()
+    failed[body, episode, 0] = np.nan
+    assert means_of(failed)[0, 0] >= means_of(values)[0, 0]
+    assert means_of(failed, 0.0)[0, 0] <= means_of(values, 0.0)[0, 0]
+
+
+def test_an_object_that_all_entries_fail_on_is_left_out() -> None:
+    data = np.ones((3, 10, 2))
+    data[1] = np.nan
+    data[2] = 4.0
+    assert means_of(data)[0].tolist() == [2.5, 2.5]
+    assert np.isnan(means_of(np.full((2, 4, 2), np.nan))).all()
+    assert np.isnan(estimate(means_of(np.full((2, 4, 2), np.nan))).low).all()
+
+
+def test_weights_depend_on_their_place_alone() -> None:
+    weights = episode_weights(9, (1, 2, 3), 64)
+    assert (weights == episode_weights(9, (1, 2, 3), 64)).all()
+    assert (weights[0] == 1).all()
+    for place in ((0, 2, 3), (1, 0, 3), (1, 2, 0)):
+        assert (weights != episode_weights(9, place, 64)).any()
+    assert weights[1:].mean() == pytest.approx(1, abs=0.02)
+    assert weights[1:].var() == pytest.approx(1, abs=0.03)
+    assert (object_weights(9, 7).sum(axis=1) == 7).all()
+
+
+def test_a_plain_mean_passes_over_what_was_not_measured() -> None:
+    mean = PlainMean(2)
+    mean.add(np.array([[1.0, np.nan], [3.0, np.nan]]))
+    mean.finish_object()
+    mean.add(np.array([[4.0, np.nan]]))
+    mean.finish_object()
+    assert mean.means()[0] == 3.0
+    assert np.isnan(mean.means()[1])

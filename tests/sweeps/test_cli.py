@@ -1,0 +1,131 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from studies import SMALL, write_spec
+
+from sweeps import cli, commands, worker
+
+BIG = SMALL.replace("= 70\no", "= 640\no")
+
+
+@pytest.fixture
+def fake(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sweeps of the command line run the stand-in."""
+    monkeypatch.setattr(commands, "EPISODES", "fake_episodes:run_episodes")
+
+
+def test_a_sweep_ends_with_its_leaderboard(
+        tmp_path: Path, fake: None, capsys: pytest.CaptureFixture[str]) -> None:
+    spec, out = write_spec(tmp_path), tmp_path / "out"
+    assert cli.run(["sweep", str(spec), "-o", str(out)]) == 0
+    printed = capsys.readouterr()
+    assert printed.out.splitlines()[0].split()[:3] == ["rank", "strategy", "chamfer_mm"]
+    assert (out / "leaderboard.csv").read_text().startswith("rank,strategy,chamfer_mm,")
+    assert (out / "spec.toml").read_bytes() == spec.read_bytes()
+    assert {"resolved.json", "environment.json", "units", "logs"} <= set(os.listdir(out))
+
+    assert cli.run(["sweep", str(spec), "-o", str(out), "--json"]) == 0
+    again = capsys.readouterr()
+    assert "finished already, 8 units" in again.err
+    assert [row["strategy"] for row in json.loads(again.out)] == ["mine", "ring6"]
+
+    assert cli.run(["status", str(out), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["done"], found["failed"], found["left"], found["held_by"]) == (8, 0, 0, [])
+
+    board = tmp_path / "board.csv"
+    assert cli.run(["leaderboard", str(out), "-o", str(board)]) == 0
+    assert board.read_bytes() == (out / "leaderboard.csv").read_bytes()
+
+    assert cli.run(["sweep", str(spec), "-o", str(out), "--set", "seed=8"]) == 3
+    assert "seed: 7 -> 8" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("arguments", "says"), [
+    (["swep"], "swe"),
+    (["sweep", "SPEC"], "--out"),
+    (["sweep", "SPEC", "-o", "OUT", "--workers", "0"], "--workers: is 0"),
+    (["sweep", "SPEC", "-o", "OUT", "--workers", "two"], "--workers"),
+    (["sweep", "SPEC", "-o", "OUT", "--shard", "3/2"], "--shard: is '3/2'; should be I/N"),
+    (["sweep", "SPEC", "-o", "OUT", "--device", "gpu"], "--device: is 'gpu'; should be cpu or"),
+    (["sweep", "SPEC", "-o", "SPEC"], "cannot be written"),
+    (["sweep", "SPEC", "-o", "OUT", "--set", "seed"], "--set: seed: should be KEY=VALUE"),
+    (["check", "OUT"], "cannot be read"),
+    (["check", "SPEC", "--set", "fit.los=none"], "did you mean fit.loss?"),
+    (["status", "OUT"], "holds no study"),
+    (["leaderboard", "OUT"], "holds no study"),
+    (["leaderboard", "SPEC"], "cannot be read"),
+    (["init", "SPEC"], "is there already"),
+    (["init", "OUT/none/SPEC"], "cannot be written"),
+])
+def test_bad_usage_ends_with_2_and_one_message(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str],
+        says: str) -> None:
+    spec = str(write_spec(tmp_path))
+    given = [a.replace("SPEC", spec) if a == "SPEC" else a.replace("OUT", str(tmp_path / "no"))
+             for a in arguments]
+    assert cli.run(given) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert says in printed.err
+    assert "Traceback" not in printed.err
+
+
+def test_lists_and_check_and_init(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name, expected in (("objects", "wine_bottle"), ("strategies", "ring6")):
+        assert cli.run([name]) == 0
+        assert expected in capsys.readouterr().out
+        assert cli.run([name, "--json"]) == 0
+        assert any(expected in row.values() for row in json.loads(capsys.readouterr().out))
+    spec = tmp_path / "new.toml"
+    assert cli.run(["init", str(spec)]) == 0
+    assert cli.run(["check", str(spec), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["cells"], found["episodes"], found["units"]) == ("12", "768", "12")
+
+
+def start(tmp_path: Path, **environment: str) -> subprocess.Popen[str]:
+    spec = write_spec(tmp_path, BIG)
+    code = ("import sys; from sweeps import cli, commands; "
+            "commands.EPISODES = 'fake_episodes:slow_episodes'; cli.main(sys.argv[1:])")
+    return subprocess.Popen(
+        [sys.executable, "-c", code, "sweep", str(spec), "-o", str(tmp_path / "out"),
+         "--workers", "2"], text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parent), "FAKE_SECONDS": "0.2",
+             **environment})
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_keeps_what_is_finished(tmp_path: Path, number: signal.Signals) -> None:
+    process = start(tmp_path)
+    units = tmp_path / "out" / "units"
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline and not list(units.glob("*.parquet")):
+        time.sleep(0.05)
+    process.send_signal(number)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert out == ""
+    assert "interrupted; what was finished is kept" in err
+    assert "Traceback" not in err
+    assert 0 < len(list(units.glob("*.parquet"))) < 40
+    assert not list(units.glob(".*.tmp"))
+
+
+def test_help_needs_nothing_heavy() -> None:
+    code = ("import sys; from sweeps.cli import run; run(['--help']); "
+            "print(sorted({'numpy', 'jax', 'warp', 'pyarrow', 'scipy', 'pydantic'} "
+            "& set(sys.modules)), file=sys.stderr)")
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr.strip() == "[]"
+    assert "sweep" in done.stdout
+
+
+def test_workers_are_told_to_use_one_thread() -> None:
+    assert {"NPROC", "OMP_NUM_THREADS", "WARPGRASP_THREADS"} <= set(worker.ENVIRONMENT)

@@ -1,0 +1,159 @@
+import os
+from pathlib import Path
+
+import fake_episodes
+import numpy as np
+import pytest
+from studies import SMALL, plan_of
+
+from sweeps.leaderboard import make_leaderboard
+from sweeps.plan import Plan
+from sweeps.progress import Progress
+from sweeps.runner import Options, Outcome, run
+from sweeps.store import Held, OtherStudy, Store, StoreError
+from sweeps.worker import run_unit
+
+
+def run_in(folder: Path, plan: Plan, function: str = "run_episodes", workers: int = 1,
+           shard: tuple[int, int] = (1, 1)) -> Outcome:
+    store = Store(folder)
+    store.open_for(plan, None, "cpu")
+    options = Options(workers, shard, "cpu", f"fake_episodes:{function}")
+    with store.lock(shard), Progress(plan.unit_count, quiet=True) as progress:
+        return run(plan, store, options, progress)
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {file.name: file.read_bytes() for file in (folder / "units").iterdir()}
+
+
+def board(plan: Plan, *folders: Path) -> bytes:
+    return make_leaderboard(plan, [Store(folder) for folder in folders]).csv()
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Plan, Path]:
+    folder = tmp_path_factory.mktemp("whole")
+    plan = plan_of(folder / "spec")
+    assert run_in(folder, plan) == Outcome(kept=0, done=8, failed=0)
+    return plan, folder
+
+
+def test_two_workers_give_the_same_bytes(whole: tuple[Plan, Path], tmp_path: Path) -> None:
+    plan, folder = whole
+    run_in(tmp_path, plan, workers=2)
+    assert contents(tmp_path) == contents(folder)
+    assert board(plan, tmp_path) == board(plan, folder)
+
+
+def test_shards_merge_to_the_same_bytes(whole: tuple[Plan, Path], tmp_path: Path) -> None:
+    plan, folder = whole
+    shards = [tmp_path / str(n) for n in range(3)]
+    for n, shard in enumerate(shards):
+        run_in(shard, plan, shard=(n + 1, 3))
+    merged: dict[str, bytes] = {}
+    for shard in shards:
+        assert not merged.keys() & contents(shard).keys()
+        merged |= contents(shard)
+    assert merged == contents(folder)
+    assert board(plan, *shards) == board(plan, *reversed(shards)) == board(plan, folder)
+
+
+def test_a_finished_study_runs_nothing(whole: tuple[Plan, Path]) -> None:
+    plan, folder = whole
+    before = contents(folder)
+    assert run_in(folder, plan, "no_such_function") == Outcome(kept=8)
+    assert contents(folder) == before
+
+
+def test_damaged_and_missing_units_are_done_again(
+        whole: tuple[Plan, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan, folder = whole
+    run_in(tmp_path, plan)
+    first, second, third = sorted((tmp_path / "units").iterdir())[:3]
+    first.write_bytes(first.read_bytes()[:-50])
+    second.write_bytes(b"")
+    third.unlink()
+    (tmp_path / "units" / f".{third.name}.123.tmp").write_bytes(b"left by a kill")
+    (tmp_path / "units" / "0123.parquet").write_bytes(b"of an older schema")
+    monkeypatch.setenv("FAKE_LOG", str(tmp_path / "ran"))
+    assert run_in(tmp_path, plan, "counted_episodes") == Outcome(kept=5, done=3)
+    assert len((tmp_path / "ran").read_text().splitlines()) == 3
+    (tmp_path / "units" / "0123.parquet").unlink()
+    assert contents(tmp_path) == contents(folder)
+    assert len(list((tmp_path / "logs").glob("*.damaged"))) == 2
+
+
+def test_a_grown_study_runs_only_what_is_new(
+        whole: tuple[Plan, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan, _ = whole
+    run_in(tmp_path, plan)
+    grown = plan_of(tmp_path / "spec", SMALL.replace('"wedge"', '"wedge", "funnel"'))
+    monkeypatch.setenv("FAKE_LOG", str(tmp_path / "ran"))
+    assert run_in(tmp_path, grown, "counted_episodes") == Outcome(kept=8, done=4)
+    assert all("funnel" in line for line in (tmp_path / "ran").read_text().splitlines())
+    with pytest.raises(OtherStudy, match=r"objects\.funnel"):
+        run_in(tmp_path, plan)
+
+
+def test_another_spec_is_refused_and_changes_nothing(whole: tuple[Plan, Path]) -> None:
+    _, folder = whole
+    before = (folder / "resolved.json").read_bytes()
+    other = plan_of(folder / "other", SMALL.replace("seed = 7", "seed = 8"))
+    with pytest.raises(OtherStudy, match="seed: 7 -> 8"):
+        run_in(folder, other)
+    assert (folder / "resolved.json").read_bytes() == before
+
+
+def test_deadly_units_are_set_aside_and_the_rest_goes_on(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FAKE_LOG", str(tmp_path / "killed once"))
+    text = SMALL.replace('"block", "wedge"', '"funnel", "wedge", "lightbulb", "block"').replace(
+        "= 70\no", "= 3\no")
+    plan = plan_of(tmp_path / "spec", text)
+    outcome = run_in(tmp_path, plan, "deadly_episodes", workers=2)
+    assert outcome == Outcome(kept=0, done=4, failed=4)
+    assert (tmp_path / "killed once").exists()
+    logs = "\n".join(file.read_text() for file in (tmp_path / "logs").glob("*.failed.log"))
+    assert "this bulb always breaks" in logs
+    assert "the worker died (exit code -11)" in logs
+    assert "strategy ring6, object funnel" in logs
+    rows = make_leaderboard(plan, [Store(tmp_path)]).rows
+    assert [row[-3] for row in rows] == ["0.5000", "0.5000"]  # failed units count as failures
+    assert run_in(tmp_path, plan).failed == 0  # the next run tries them again
+    assert not list((tmp_path / "logs").glob("*.failed.log"))
+
+
+def test_a_full_disk_ends_the_run_and_loses_nothing(tmp_path: Path) -> None:
+    plan = plan_of(tmp_path / "spec")
+    with pytest.raises(StoreError, match="No space left on device; finished units are kept"):
+        run_in(tmp_path, plan, "broken_disk")
+    assert len(contents(tmp_path)) == 1
+    assert run_in(tmp_path, plan) == Outcome(kept=1, done=7)
+
+
+def test_a_worker_that_cannot_start_is_told(tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match="no_such_function"):
+        run_in(tmp_path, plan_of(tmp_path / "spec"), "no_such_function")
+
+
+def test_the_second_of_two_runs_is_told_who_holds_the_directory(
+        whole: tuple[Plan, Path]) -> None:
+    plan, folder = whole
+    store = Store(folder)
+    assert store.holders() == []
+    with store.lock((1, 1)):
+        assert store.holders() == [f"process {os.getpid()} on {os.uname().nodename}"]
+        with pytest.raises(Held, match=f"process {os.getpid()} on "):
+            run_in(folder, plan)
+    run_in(folder, plan)
+
+
+def test_rows_are_named_by_their_unit_and_must_be_whole(whole: tuple[Plan, Path]) -> None:
+    plan, _ = whole
+    unit = next(plan.units())
+    rows = run_unit(fake_episodes.run_episodes, unit, "cpu")
+    assert list(rows)[:4] == ["episode", "strategy", "object", "seed"]
+    assert rows["episode"].tolist() == list(range(64))
+    with pytest.raises(ValueError, match="64 episodes were asked for"):
+        run_unit(lambda cell, episodes, device: {"iou": np.zeros(3)}, unit, "cpu")

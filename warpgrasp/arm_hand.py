@@ -1,0 +1,247 @@
+"""Arm and hand together: taking the hand to a sequence of poses, and what that costs.
+
+A probe is approached from a retreat behind its pose, straight along the hand's z axis, and left the
+same way. Between retreats the arm moves joint by joint, the slowest joint governing; that the way
+between retreats is free is assumed, not checked. The believed pose is what the encoders and the
+nominal mount say; the true one differs by repeatability and by a mount error fixed per episode.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+from scipy.spatial.transform import Rotation
+
+from warpgrasp.counter_random import (
+    Purpose,
+    counter_key,
+    counter_key_host,
+    counter_normal,
+    normal_vector_host,
+)
+from warpgrasp.hand_clearance import hand_clearance
+from warpgrasp.launch import launch
+from warpgrasp.parameters import ArmTable, HandTable
+from warpgrasp.puma560 import Arm, arm_of, move_time, puma_forward, puma_reach
+from warpgrasp.real import ONE, TWO, ZERO, quat, real, transform, vec3, vec6
+from warpgrasp.scene import Scene
+from warpgrasp.status import ProbeStatus
+from warpgrasp.utah_mit_hand import Hand, hand_of
+
+RETREAT_M = 0.12
+HOME_RAD = tuple(np.radians((19.5, 28.8, 160.0, 0.0, -8.8, -160.5)))
+"""Where an episode starts: the hand some 0.35 m above the table, pointing down."""
+
+_TRY = wp.constant(int(ProbeStatus.CONTACT))
+_UNREACHABLE = wp.constant(int(ProbeStatus.UNREACHABLE))
+_COLLISION = wp.constant(int(ProbeStatus.COLLISION))
+_ARM = wp.constant(int(Purpose.ARM))
+_RETREAT = wp.constant(real(RETREAT_M))
+_MARCHES = wp.constant(64)
+_SHORTEST = wp.constant(real(5e-4))
+_GLANCE = wp.constant(real(1e-6))
+
+
+@dataclass(frozen=True)
+class ArmState:
+    """Where each arm stands between batches of probes: joints [rad], shape (world, 6)."""
+
+    q_rad: np.ndarray
+
+    @staticmethod
+    def home(worlds: int) -> "ArmState":
+        """All arms at home."""
+        return ArmState(np.tile(HOME_RAD, (worlds, 1)))
+
+
+@dataclass(frozen=True)
+class ArmMoves:
+    """What taking the hand to each pose came to. Shapes start with (world, probe)."""
+
+    status: np.ndarray
+    """(..., grasp) ProbeStatus: CONTACT means ready to close, else why the probe is not made."""
+    believed_pose: np.ndarray
+    """Hand pose the robot believes, [m] and quaternion xyzw, (..., 7)."""
+    time_s: np.ndarray
+    """From the last retreat to this pose and back to its retreat."""
+    path_m: np.ndarray
+    """Path of the hand's origin over the same moves, straight between its stations."""
+    state: ArmState
+
+
+def mount_error(table: ArmTable, key: np.ndarray) -> np.ndarray:
+    """The arm-hand mount's calibration error of each world, (world, 7), drawn from its key."""
+    draw = normal_vector_host(counter_key_host(key, int(Purpose.MOUNT)), 6)
+    turn = Rotation.from_rotvec(draw[:, 3:] * table.mount_error_rad).as_quat()
+    return np.concatenate([draw[:, :3] * table.mount_error_m, turn], axis=1)
+
+
+@wp.kernel(enable_backward=False)
+def _move_kernel(
+    first: int,
+    # Robot:
+    arm: Arm,
+    # Probe in:
+    key: wp.array[wp.uint64],
+    probe_first: int,
+    mount: wp.array[transform],
+    wanted: wp.array2d[transform],
+    wanted_status: wp.array2d[int],
+    start: wp.array[vec6],
+    # Moves out:
+    status: wp.array2d[int],
+    believed: wp.array2d[transform],
+    actual: wp.array2d[transform],
+    time: wp.array2d[real],
+    path: wp.array2d[real],
+    end: wp.array[vec6],
+):
+    w = wp.tid() + first
+    hand_on_flange = transform(vec3(ZERO, ZERO, arm.mount), quat(ZERO, ZERO, ZERO, ONE))
+    flange_on_hand = wp.transform_inverse(hand_on_flange)
+    back = transform(vec3(ZERO, ZERO, -_RETREAT), quat(ZERO, ZERO, ZERO, ONE))
+    last = start[w]
+    for p in range(wanted.shape[1]):
+        status[w, p] = wanted_status[w, p]
+        believed[w, p] = wanted[w, p]
+        actual[w, p] = wanted[w, p]
+        time[w, p] = ZERO
+        path[w, p] = ZERO
+        if wanted_status[w, p] == _TRY:
+            retreat = wp.transform_multiply(wanted[w, p], back)
+            q_retreat = puma_reach(arm, wp.transform_multiply(retreat, flange_on_hand), last)
+            q = puma_reach(arm, wp.transform_multiply(wanted[w, p], flange_on_hand), q_retreat)
+            if wp.isfinite(q_retreat[0]) and wp.isfinite(q[0]):
+                if arm.encoder_step > ZERO:
+                    for j in range(6):
+                        q[j] = arm.encoder_step * wp.round(q[j] / arm.encoder_step)
+                pose = wp.transform_multiply(puma_forward(arm, q), hand_on_flange)
+                believed[w, p] = pose
+                noise = counter_key(counter_key(key[w], _ARM), probe_first + p)
+                wobble = vec3(counter_normal(counter_key(noise, 0)),
+                              counter_normal(counter_key(noise, 1)),
+                              counter_normal(counter_key(noise, 2))) * arm.repeatability
+                real_pose = wp.transform_multiply(pose, mount[w])
+                actual[w, p] = transform(wp.transform_get_translation(real_pose) + wobble,
+                                         wp.transform_get_rotation(real_pose))
+                time[w, p] = move_time(arm, last, q_retreat) + TWO * move_time(arm, q_retreat, q)
+                before = wp.transform_multiply(puma_forward(arm, last), hand_on_flange)
+                path[w, p] = TWO * _RETREAT + wp.length(
+                    wp.transform_get_translation(retreat) - wp.transform_get_translation(before))
+                last = q_retreat
+            else:
+                status[w, p] = _UNREACHABLE
+    end[w] = last
+
+
+@wp.kernel(enable_backward=False)
+def _clearance_kernel(
+    first: int,
+    # Scene:
+    scene: Scene,
+    body: wp.array[int],
+    body_pose: wp.array[transform],
+    # Robot:
+    hand: Hand,
+    mount_length: real,
+    march_scale: real,
+    # Probe in:
+    move_status: wp.array2d[int],
+    actual: wp.array2d[transform],
+    commands: wp.array4d[real],
+    # Status out:
+    status: wp.array3d[int],
+):
+    w, p, g = wp.tid()
+    w += first
+    status[w, p, g] = move_status[w, p]
+    if move_status[w, p] != _TRY:
+        return
+    pose = wp.transform_multiply(wp.transform_inverse(body_pose[w]), actual[w, p])
+    z = wp.transform_vector(pose, vec3(ZERO, ZERO, ONE))
+    place = wp.transform_get_translation(pose)
+    turn = wp.transform_get_rotation(pose)
+    left = ZERO
+    if g == 0:
+        left = _RETREAT  # the first grasp of a probe comes with the approach
+    for _ in range(_MARCHES):
+        here = transform(place - z * left, turn)
+        clear = hand_clearance(scene, body[w % body.shape[0]], hand, here, mount_length,
+                               commands, g)
+        if clear < ZERO:
+            status[w, p, g] = _COLLISION
+            return
+        if left <= ZERO:
+            return
+        left = wp.max(left - wp.max(clear * march_scale, _SHORTEST), ZERO)
+        if left < _GLANCE:
+            left = ZERO
+
+
+def move_hand(
+    scene: Scene,
+    body: np.ndarray,
+    body_pose: np.ndarray,
+    arm: ArmTable,
+    hand: HandTable,
+    key: np.ndarray,
+    state: ArmState,
+    wanted_pose: np.ndarray,
+    wanted: np.ndarray,
+    commands_rad: np.ndarray,
+    *,
+    probe_first: int = 0,
+    march_scale: float = 1.0,
+    device: str = "cpu",
+) -> tuple[ArmMoves, np.ndarray]:
+    """Take each world's hand to its poses in turn, and say which probes can be made.
+
+    `wanted_pose` (world, probe, 7) are hand poses [m], quaternion xyzw, base frame; `wanted`
+    (world, probe) is False where a world has no such probe. `commands_rad` (grasp, finger, step, 4)
+    gives each grasp's open hand (its first step), which must clear object and table on the last
+    0.12 m of the approach. `probe_first` numbers the probes on, for the noise. Returns the moves
+    and the true hand poses (world, probe, 7), which only the simulator may use. Raises ShapeError.
+    """
+    worlds, probes = wanted_pose.shape[:2]
+    grasps = len(commands_rad)
+    status = wp.empty((worlds, probes), dtype=int, device=device)
+    believed = wp.empty((worlds, probes), dtype=transform, device=device)
+    actual = wp.empty((worlds, probes), dtype=transform, device=device)
+    time = wp.empty((worlds, probes), dtype=real, device=device)
+    path = wp.empty((worlds, probes), dtype=real, device=device)
+    end = wp.empty(worlds, dtype=vec6, device=device)
+    tries = np.where(wanted, int(ProbeStatus.CONTACT), int(ProbeStatus.NOT_TRIED))
+    finite = np.isfinite(wanted_pose).all(-1)
+    tries = np.where(wanted & ~finite, int(ProbeStatus.UNREACHABLE), tries)
+    extents = {"world": worlds}
+    launch(_move_kernel, extents, {
+        "key": "world", "mount": "world", "wanted": "world probe", "wanted_status": "world probe",
+        "start": "world", "status": "world probe", "believed": "world probe",
+        "actual": "world probe", "time": "world probe", "path": "world probe", "end": "world"}, {
+        "arm": arm_of(arm, hand.mount_length_m),
+        "key": wp.array(key, dtype=wp.uint64, device=device), "probe_first": probe_first,
+        "mount": wp.array(mount_error(arm, key), dtype=transform, device=device),
+        "wanted": wp.array(wanted_pose, dtype=transform, device=device),
+        "wanted_status": wp.array(tries, dtype=int, device=device),
+        "start": wp.array(state.q_rad, dtype=vec6, device=device), "status": status,
+        "believed": believed, "actual": actual, "time": time, "path": path, "end": end},
+        device=device)
+    ready = wp.empty((worlds, probes, grasps), dtype=int, device=device)
+    launch(_clearance_kernel, {"world": worlds, "probe": probes, "grasp": grasps}, {
+        "body": "world?", "body_pose": "world", "move_status": "world probe",
+        "actual": "world probe", "commands": "grasp 4 step 4", "status": "world probe grasp"}, {
+        "scene": scene, "body": wp.array(body, dtype=int, device=device),
+        "body_pose": wp.array(body_pose, dtype=transform, device=device),
+        "hand": hand_of(hand), "mount_length": hand.mount_length_m, "march_scale": march_scale,
+        "move_status": status, "actual": actual,
+        "commands": wp.array(commands_rad, dtype=real, device=device), "status": ready},
+        device=device)
+    ready_host = ready.numpy().copy()
+    # A probe whose way in is barred is barred for all its grasps.
+    barred = ready_host[:, :, :1] == int(ProbeStatus.COLLISION)
+    ready_host = np.where(barred, int(ProbeStatus.COLLISION), ready_host)
+    moves = ArmMoves(ready_host, believed.numpy().copy(), time.numpy().copy(),
+                     path.numpy().copy(), ArmState(end.numpy().copy()))
+    return moves, actual.numpy().copy()
+
+

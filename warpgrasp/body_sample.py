@@ -1,0 +1,108 @@
+"""Points of a body for its scorer: inside, on the surface, and its volume, from distances alone.
+
+Low-discrepancy (Sobol, unscrambled) points fill the body's box; those inside sample the volume, and
+those of a thin shell, moved along the gradient onto the surface, sample the area evenly. The same
+body always gives the same points.
+"""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from scipy.stats import qmc
+
+from warpgrasp.body import Body, BodyError, distance_to_bodies, scene_of
+
+_LOG2_POINTS = 17
+
+
+@dataclass(frozen=True)
+class BodySample:
+    """Points of one body in its own frame [m]."""
+
+    surface_m: np.ndarray
+    """Even over the area, shape (surface, 3)."""
+    surface_normal: np.ndarray
+    """Outward, unit, shape (surface, 3)."""
+    inside_m: np.ndarray
+    """Even over the volume, shape (inside, 3)."""
+    volume_m3: float
+
+
+def sample_body(body: Body, *, surface: int = 1024, inside: int = 4096) -> BodySample:
+    """Sample a body. Raises BodyError where it has (almost) no volume or surface in its box."""
+    return _sample(_Keyed(body.content, body), surface, inside)
+
+
+@dataclass(frozen=True)
+class _Keyed:
+    content: str
+    body: Body
+
+    def __hash__(self) -> int:
+        return hash(self.content)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Keyed) and self.content == other.content
+
+
+@lru_cache(maxsize=64)
+def _sample(keyed: _Keyed, surface: int, inside: int) -> BodySample:
+    body = keyed.body
+    points, distance, gradient, box = _box_distances(body)
+    within = points[distance < 0.0]
+    if len(within) < 64:
+        raise BodyError(f"{body.name}: almost no volume: do its parts cut each other away?")
+    volume = box * len(within) / len(points)
+    shell = 0.02 * box ** (1 / 3)
+    near = np.abs(distance) < shell
+    scene = scene_of([body], "cpu")
+    on = points[near] - distance[near, None] * gradient[near]
+    for _ in range(4):
+        d, g = distance_to_bodies(scene, np.zeros(1, int), on[None])
+        on = on - d[0, :, None] * g[0]
+    d, g = distance_to_bodies(scene, np.zeros(1, int), on[None])
+    good = np.abs(d[0]) < 1e-4
+    return BodySample(_spread(on[good], surface), _spread(g[0][good], surface),
+                      _spread(within, inside), float(volume))
+
+
+def _spread(rows: np.ndarray, count: int) -> np.ndarray:
+    """`count` rows evenly out of all (repeated where there are fewer), in the Sobol order."""
+    return rows[np.arange(count) * len(rows) // count]
+
+
+def _box_distances(body: Body) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    low, high = np.asarray(body.low_m), np.asarray(body.high_m)
+    pad = 0.03 * (high - low).max()
+    low, high = low - pad, high + pad
+    points = low + qmc.Sobol(3, scramble=False).random_base2(_LOG2_POINTS) * (high - low)
+    d, g = distance_to_bodies(scene_of([body], "cpu"), np.zeros(1, int), points[None])
+    return points, d[0], g[0], float(np.prod(high - low))
+
+
+def body_lowered(body: Body) -> Body:
+    """The body moved so that it stands on z = 0, its box about the z axis.
+
+    Raises BodyError where nothing of it is left.
+    """
+    points, distance, gradient, _ = _box_distances(body)
+    if not (distance < 0.0).any():
+        raise BodyError(f"{body.name}: nothing is left of it: do its parts cut each other away?")
+    cell = float(np.max(np.subtract(body.high_m, body.low_m))) * 0.03
+    near = np.abs(distance) < cell
+    on = points[near] - distance[near, None] * gradient[near]
+    scene = scene_of([body], "cpu")
+    for _ in range(6):
+        d, g = distance_to_bodies(scene, np.zeros(1, int), on[None])
+        on = on - d[0, :, None] * g[0]
+    d, _ = distance_to_bodies(scene, np.zeros(1, int), on[None])
+    on = on[np.abs(d[0]) < 1e-5]
+    low, high = on.min(0), on.max(0)
+    shift = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
+    parts = tuple(
+        replace(p, place=(*(float(v) for v in np.asarray(p.place[:3]) - shift), *p.place[3:]))
+        for p in body.parts)
+    low, high = low - shift, high - shift
+    return replace(body, parts=parts, low_m=(float(low[0]), float(low[1]), 0.0),
+                   high_m=(float(high[0]), float(high[1]), float(high[2])))

@@ -1,0 +1,365 @@
+"""Tendon-guarded closing: the contact event of the paper's first exploratory procedure.
+
+All fingers of all grasps of all probes of all worlds close in one launch. A finger steps along its
+commands; at each step it rests where its energy is least; it stops at the first step whose tendon
+difference of a flexion joint exceeds the threshold (Allen and Michelman 1990, section IV-C).
+
+Free steps are not simulated one by one: while the distance to everything exceeds how far the links
+can have moved, the finger follows its command exactly, and a false stop (friction and noise alone
+past the threshold) is drawn from its exact first-passage law.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from warpgrasp.counter_random import (
+    Purpose,
+    counter_key,
+    counter_normal,
+    counter_uniform,
+)
+from warpgrasp.finger_rest import (
+    Rest,
+    finger_rest,
+    link_direction,
+    link_start,
+    nearest_along,
+)
+from warpgrasp.launch import launch
+from warpgrasp.parameters import HandTable, SensorTable
+from warpgrasp.real import HALF, ONE, ZERO, real, transform, vec3, vec4
+from warpgrasp.scene import Scene, stand_distance, stand_distance_grad
+from warpgrasp.status import ProbeStatus
+from warpgrasp.tendon import (
+    TendonSensor,
+    tendon_sensor_of,
+    tendon_tensions,
+    tension_difference_read,
+    tension_mean_read,
+)
+from warpgrasp.utah_mit_hand import FINGER_COUNT, Hand, finger_base, finger_pose, hand_of
+
+_CONTACT = wp.constant(int(ProbeStatus.CONTACT))
+_NO_CONTACT = wp.constant(int(ProbeStatus.NO_CONTACT))
+_FALSE_STOP = wp.constant(int(Purpose.FALSE_STOP))
+_TENSION_STEP = wp.constant(int(Purpose.TENSION_STEP))
+_TENSION_REST = wp.constant(int(Purpose.TENSION_REST))
+_JOINT = wp.constant(int(Purpose.JOINT))
+_NAN = wp.constant(real(float("nan")))
+_REDRAWS = wp.constant(100000)
+
+
+@dataclass(frozen=True)
+class ClosingTruth:
+    """What happened, for the scorer alone. Shapes start with (world, probe, grasp, finger)."""
+
+    q_rad: np.ndarray
+    """Joints at rest [rad], (..., 4)."""
+    torque_Nm: np.ndarray
+    """Joint torques at rest [N m], (..., 4)."""
+    link: np.ndarray
+    """Link that bears the largest force (0 proximal to 2 distal), -1: none, a false stop."""
+    point_m: np.ndarray
+    """Contact on the surface, base frame [m], (..., 3); NaN without contact."""
+    normal: np.ndarray
+    """Outward surface normal there, (..., 3)."""
+    on_table: np.ndarray
+    """Whether the table, not the object, was touched."""
+
+
+@dataclass(frozen=True)
+class Closing:
+    """What the robot knows of a closing. Shapes start with (world, probe, grasp, finger)."""
+
+    status: np.ndarray
+    """ProbeStatus."""
+    step: np.ndarray
+    """Command at which the finger stopped (its number on the path)."""
+    q_rad: np.ndarray
+    """Joint angles as read [rad], (..., 4)."""
+    tension_N: np.ndarray
+    """Mean tensions read at rest [N], (..., joint 4, flexor and extensor 2)."""
+    tension_difference_N: np.ndarray
+    """The reading that stopped the finger [N] (largest of the flexions); NaN without a stop."""
+
+
+@wp.func
+def _command(commands: wp.array4d[real], grasp: int, finger: int, step: int):
+    return vec4(commands[grasp, finger, step, 0], commands[grasp, finger, step, 1],
+                commands[grasp, finger, step, 2], commands[grasp, finger, step, 3])
+
+
+@wp.func
+def _sign(x: real):
+    if x > real(1e-12):
+        return ONE
+    if x < real(-1e-12):
+        return -ONE
+    return ZERO
+
+
+@wp.func
+def _clearance(scene: Scene, body: int, hand: Hand, base: transform, q: vec4, link: int):
+    """Distance of a link's skin to everything [m], or a lower bound where it is far."""
+    f = finger_pose(hand, base, q)
+    a = link_start(f, link)
+    u = link_direction(f, link)
+    length = hand.link_length[link]
+    bound = stand_distance(scene, body, a + u * (length * HALF)) - length * HALF
+    if bound > hand.link_radius + real(0.004):
+        return bound - hand.link_radius
+    return nearest_along(scene, body, a, u, length)[1] - hand.link_radius
+
+
+@wp.func
+def _motion_bound(hand: Hand, delta: vec4, link: int):
+    """How far any point of a link can move [m] in one step of the command."""
+    reach = hand.link_length[link] + hand.link_radius
+    total = wp.abs(delta[link + 1]) * reach
+    for k in range(link):
+        reach += hand.link_length[link - 1 - k]
+        total += wp.abs(delta[link - k]) * reach
+    return total + wp.abs(delta[0]) * (reach + hand.abduction_offset)
+
+
+@wp.func
+def _stop_reading(
+    hand: Hand, sensor: TendonSensor, torque: vec4, delta: vec4, key: wp.uint64
+):
+    """The largest tendon difference of the flexion joints in one reading of each [N], by size."""
+    largest = real(0.0)
+    for j in range(1, 4):
+        d = tension_difference_read(
+            sensor, tendon_tensions(hand, j, torque[j], _sign(delta[j])), counter_key(key, j))
+        if wp.abs(d) > wp.abs(largest):
+            largest = d
+    return largest
+
+
+@wp.kernel(enable_backward=False)
+def _closing_kernel(
+    first: int,
+    # Scene:
+    scene: Scene,
+    body: wp.array[int],
+    body_pose: wp.array[transform],
+    # Robot:
+    hands: wp.array[Hand],
+    sensors: wp.array[TendonSensor],
+    march_scale: real,
+    # Probe in:
+    key: wp.array[wp.uint64],
+    probe_first: int,
+    probe_status: wp.array3d[int],
+    hand_pose: wp.array2d[transform],
+    commands: wp.array4d[real],
+    command_count: wp.array[int],
+    # Contact out:
+    status: wp.array4d[int],
+    step_out: wp.array4d[int],
+    q_read: wp.array4d[vec4],
+    tension_flexor: wp.array4d[vec4],
+    tension_extensor: wp.array4d[vec4],
+    difference: wp.array4d[real],
+    # Truth out:
+    q_true: wp.array4d[vec4],
+    torque_true: wp.array4d[vec4],
+    link_true: wp.array4d[int],
+    point_true: wp.array4d[vec3],
+    normal_true: wp.array4d[vec3],
+    on_table: wp.array4d[int],
+):
+    w, p, g, finger = wp.tid()
+    w += first
+    status[w, p, g, finger] = probe_status[w, p, g]
+    nan3 = vec3(_NAN, _NAN, _NAN)
+    nan4 = vec4(_NAN, _NAN, _NAN, _NAN)
+    step_out[w, p, g, finger] = -1
+    link_true[w, p, g, finger] = -1
+    on_table[w, p, g, finger] = 0
+    difference[w, p, g, finger] = _NAN
+    q_read[w, p, g, finger] = nan4
+    q_true[w, p, g, finger] = nan4
+    torque_true[w, p, g, finger] = nan4
+    tension_flexor[w, p, g, finger] = nan4
+    tension_extensor[w, p, g, finger] = nan4
+    point_true[w, p, g, finger] = nan3
+    normal_true[w, p, g, finger] = nan3
+    if probe_status[w, p, g] != _CONTACT:
+        return
+
+    hand = hands[w % hands.shape[0]]
+    sensor = sensors[w % sensors.shape[0]]
+    which = body[w % body.shape[0]]
+    to_body = wp.transform_inverse(body_pose[w])
+    base = wp.transform_multiply(
+        to_body, wp.transform_multiply(hand_pose[w, p], finger_base(hand, finger)))
+    stream = counter_key(counter_key(counter_key(key[w], probe_first + p), g), finger)
+    last = command_count[g] - 1
+
+    # First passage of a false stop: exponential in the summed hazard of the free steps.
+    patience = -wp.log(counter_uniform(counter_key(stream, _FALSE_STOP)))
+    hazard_moving = -wp.log(wp.max(ONE - sensor.false_stop_moving, real(1e-300)))
+    hazard_still = -wp.log(wp.max(ONE - sensor.false_stop_still, real(1e-300)))
+    hazard = real(0.0)
+
+    command = _command(commands, g, finger, 0)
+    q = command
+    free = vec3(ZERO, ZERO, ZERO)  # how far each link can still move for certain [m]
+    torque = vec4(ZERO, ZERO, ZERO, ZERO)
+    delta = vec4(ZERO, ZERO, ZERO, ZERO)
+    stopped = int(-1)
+    reading = real(0.0)
+    rest = Rest()
+    touching = int(0)
+    for s in range(last + 1):
+        next_command = _command(commands, g, finger, s)
+        delta = next_command - command
+        command = next_command
+        q = q + delta
+        maybe = int(touching)
+        for link in range(3):
+            free[link] = free[link] - _motion_bound(hand, delta, link)
+            if free[link] <= ZERO:
+                maybe = int(1)
+        if maybe == 1 and touching == 0:
+            maybe = int(0)
+            for link in range(3):
+                if free[link] <= ZERO:
+                    clear = _clearance(scene, which, hand, base, q, link)
+                    free[link] = clear * march_scale
+                    if clear <= ZERO:
+                        maybe = int(1)
+        if maybe == 1:
+            rest = finger_rest(scene, which, hand, base, command, q)
+            q = rest.q
+            torque = (command - q) * hand.stiffness
+            touching = int(0)
+            for link in range(3):
+                free[link] = ZERO
+                if rest.depth[link] > ZERO:
+                    touching = int(1)
+        if touching == 1:
+            reading = _stop_reading(hand, sensor, torque, delta,
+                                    counter_key(counter_key(stream, _TENSION_STEP), s))
+            if wp.abs(reading) > sensor.threshold:
+                stopped = int(s)
+                break
+        else:
+            torque = vec4(ZERO, ZERO, ZERO, ZERO)
+            for j in range(1, 4):
+                if wp.abs(delta[j]) > real(1e-12):
+                    hazard += hazard_moving
+                else:
+                    hazard += hazard_still
+            if hazard >= patience:
+                stopped = int(s)
+                redraw = counter_key(counter_key(stream, _FALSE_STOP), s)
+                for attempt in range(_REDRAWS):
+                    reading = _stop_reading(hand, sensor, torque, delta,
+                                            counter_key(redraw, attempt))
+                    if wp.abs(reading) > sensor.threshold:
+                        break
+                break
+
+    q_true[w, p, g, finger] = q
+    torque_true[w, p, g, finger] = torque
+    reader = counter_key(stream, _JOINT)
+    for j in range(4):
+        q_read[w, p, g, finger][j] = q[j] + sensor.joint_noise * counter_normal(
+            counter_key(reader, j))
+    if stopped < 0:
+        status[w, p, g, finger] = _NO_CONTACT
+        step_out[w, p, g, finger] = last
+        return
+    step_out[w, p, g, finger] = stopped
+    difference[w, p, g, finger] = reading
+    reader = counter_key(stream, _TENSION_REST)
+    for j in range(4):
+        t = tendon_tensions(hand, j, torque[j], _sign(delta[j]))
+        tension_flexor[w, p, g, finger][j] = tension_mean_read(sensor, t[0],
+                                                               counter_key(reader, 2 * j))
+        tension_extensor[w, p, g, finger][j] = tension_mean_read(sensor, t[1],
+                                                                 counter_key(reader, 2 * j + 1))
+    if touching == 1:
+        bearing = int(0)
+        for link in range(1, 3):
+            if rest.depth[link] > rest.depth[bearing]:
+                bearing = int(link)
+        f = finger_pose(hand, base, q)
+        x = link_start(f, bearing) + link_direction(f, bearing) * rest.along[bearing]
+        n = stand_distance_grad(scene, which, x)
+        normal = vec3(n[0], n[1], n[2])
+        link_true[w, p, g, finger] = bearing
+        point_true[w, p, g, finger] = wp.transform_point(body_pose[w], x - normal * n[3])
+        normal_true[w, p, g, finger] = wp.transform_vector(body_pose[w], normal)
+        if x[2] <= hand.link_radius and wp.abs(n[3] - x[2]) < real(1e-12) and n[2] > real(0.999):
+            on_table[w, p, g, finger] = 1
+
+
+def close_fingers(
+    scene: Scene,
+    body: np.ndarray,
+    body_pose: np.ndarray,
+    hand: HandTable,
+    sensors: SensorTable,
+    key: np.ndarray,
+    probe_status: np.ndarray,
+    hand_pose: np.ndarray,
+    commands_rad: np.ndarray,
+    command_count: np.ndarray,
+    *,
+    probe_first: int = 0,
+    march_scale: float = 1.0,
+    device: str = "cpu",
+) -> tuple[Closing, ClosingTruth]:
+    """Close every finger of every grasp at every probe, guarded by the tendon difference.
+
+    `body` (world or 1,) numbers the scene's bodies, `body_pose` and `hand_pose` (the true ones) are
+    [m] and quaternion xyzw, shapes (world, 7) and (world, probe, 7), in the base frame, the table
+    at z = 0. `key` (world,) uint64 seeds the noise,
+    `probe_first` numbers the probes on. `probe_status` (world, probe, grasp) says
+    CONTACT where the probe is to be made; other values are passed on. `commands_rad` has shape
+    (grasp, finger, step, 4), of which `command_count` (grasp,) steps count. `march_scale` shortens
+    the skipping of free steps for bodies whose distance is not a sure bound. Raises ShapeError.
+    """
+    worlds, probes = hand_pose.shape[:2]
+    grasps = len(command_count)
+    extents = {"world": worlds, "probe": probes, "grasp": grasps, "finger": FINGER_COUNT}
+    dims = tuple(extents.values())
+
+    def empty(dtype: type) -> wp.array:
+        return wp.empty(dims, dtype=dtype, device=device)
+
+    out = {"status": empty(int), "step_out": empty(int), "q_read": empty(vec4),
+           "tension_flexor": empty(vec4), "tension_extensor": empty(vec4),
+           "difference": empty(real), "q_true": empty(vec4), "torque_true": empty(vec4),
+           "link_true": empty(int), "point_true": empty(vec3), "normal_true": empty(vec3),
+           "on_table": empty(int)}
+    shapes = dict.fromkeys(out, "world probe grasp finger") | {
+        "body": "world?", "body_pose": "world", "hands": "world?", "sensors": "world?",
+        "key": "world", "probe_status": "world probe grasp", "hand_pose": "world probe",
+        "commands": "grasp finger step 4", "command_count": "grasp"}
+    launch(_closing_kernel, extents, shapes, {
+        "scene": scene,
+        "body": wp.array(body, dtype=int, device=device),
+        "body_pose": wp.array(body_pose, dtype=transform, device=device),
+        "hands": wp.array([hand_of(hand)], dtype=Hand, device=device),
+        "sensors": wp.array([tendon_sensor_of(hand, sensors)], dtype=TendonSensor, device=device),
+        "march_scale": march_scale,
+        "key": wp.array(key, dtype=wp.uint64, device=device), "probe_first": probe_first,
+        "probe_status": wp.array(probe_status, dtype=int, device=device),
+        "hand_pose": wp.array(hand_pose, dtype=transform, device=device),
+        "commands": wp.array(commands_rad, dtype=real, device=device),
+        "command_count": wp.array(command_count, dtype=int, device=device),
+        **out}, device=device)
+    host = {name: array.numpy().copy() for name, array in out.items()}
+    tension = np.stack([host["tension_flexor"], host["tension_extensor"]], -1)
+    felt = Closing(host["status"], host["step_out"], host["q_read"], tension, host["difference"])
+    truth = ClosingTruth(host["q_true"], host["torque_true"], host["link_true"],
+                         host["point_true"], host["normal_true"], host["on_table"].astype(bool))
+    return felt, truth
+
+

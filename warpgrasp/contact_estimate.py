@@ -1,0 +1,287 @@
+"""Where the robot believes a finger touched, with a covariance.
+
+`fingertip`, as in the paper: the palmar surface point of the tip, by nominal forward kinematics
+from the joint angles as read. `intrinsic`: contact sensing from joint torques (after Bicchi,
+Salisbury and Brock 1993, "Contact sensing from force measurements", with joint torques in place of
+a wrist's): a frictionless contact pushes along the normal of a link's capsule, and the four torques
+of a finger tell where; the posterior over all places of the three capsules gives mean and spread.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from warpgrasp.closing import Closing
+from warpgrasp.launch import launch
+from warpgrasp.parameters import ArmTable, HandTable, SensorTable
+from warpgrasp.real import ONE, PI, ZERO, mat33, real, transform, vec3, vec4
+from warpgrasp.status import ProbeStatus
+from warpgrasp.tendon import TendonSensor, tendon_sensor_of, torque_from_tensions
+from warpgrasp.utah_mit_hand import (
+    FINGER_COUNT,
+    Hand,
+    finger_base,
+    finger_jacobian,
+    finger_pose,
+    fingertip_point,
+    hand_of,
+)
+
+FINGERTIP_SIGMA_M = 0.006
+"""Spread given to a fingertip estimate [est]: its error is mostly that another place touched."""
+
+_CONTACT = wp.constant(int(ProbeStatus.CONTACT))
+_NAN = wp.constant(real(float("nan")))
+_ALONG = wp.constant(24)  # places along a link
+_AROUND = wp.constant(13)  # places around the palmar half
+_CAP = wp.constant(5)  # rings of the tip's cap
+# Warp turns a constant that is cast in one place into a real everywhere: have both kinds.
+_ALONG_REAL = wp.constant(real(24))
+_AROUND_REAL = wp.constant(real(13))
+_CAP_REAL = wp.constant(real(5))
+_RELATIVE = wp.constant(real(0.03))  # model error of a torque, of the largest [est]
+_FLOOR = wp.constant(real(5e-4))  # model error of a torque [N m] [est]
+
+
+@dataclass(frozen=True)
+class ContactEstimate:
+    """Believed contacts, base frame. Shapes start with (world, probe, grasp, finger)."""
+
+    point_m: np.ndarray
+    """(..., 3), NaN without a contact."""
+    covariance_m2: np.ndarray
+    """(..., 3, 3)."""
+    normal: np.ndarray
+    """Outward normal of the object's surface, (..., 3)."""
+    link: np.ndarray
+    """Link believed in touch (0 proximal to 2 distal), -1 without a contact."""
+    link_points_m: np.ndarray
+    """Believed joints and tip centre of each finger, (..., 4, 3): the links' axes between them."""
+
+
+@wp.struct
+class _Posterior:
+    weight: real
+    best: real
+    mean: vec3
+    second: mat33
+    normal: vec3
+    link: int
+
+
+@wp.func
+def _misfit(j: vec4, torque: vec4, precision: vec4):
+    """Weighted square misfit of torques explained by a push of the best size >= 0."""
+    ww = wp.dot(wp.cw_mul(j, precision), j)
+    wt = wp.dot(wp.cw_mul(j, precision), torque)
+    tt = wp.dot(wp.cw_mul(torque, precision), torque)
+    if wt <= ZERO or ww <= ZERO:
+        return tt
+    return tt - wt * wt / ww
+
+
+@wp.func
+def _gather(post: _Posterior, x: vec3, outward: vec3, area: real, misfit: real, link: int):
+    if misfit < post.best:
+        scale = wp.exp(-(post.best - misfit) * real(0.5))
+        post.weight *= scale
+        post.mean = post.mean * scale
+        post.second = post.second * scale
+        post.normal = post.normal * scale
+        post.best = misfit
+        post.link = link
+    weight = area * wp.exp(-(misfit - post.best) * real(0.5))
+    post.weight += weight
+    post.mean += x * weight
+    post.second += wp.outer(x, x) * weight
+    post.normal -= outward * weight
+    return post
+
+
+@wp.kernel(enable_backward=False)
+def _estimate_kernel(
+    first: int,
+    # Robot:
+    hand: Hand,
+    sensor: TendonSensor,
+    intrinsic: int,
+    pose_variance: real,
+    angle_variance: real,
+    tip_variance: real,
+    # Felt in:
+    status: wp.array4d[int],
+    hand_pose: wp.array2d[transform],
+    q: wp.array4d[vec4],
+    flexor: wp.array4d[vec4],
+    extensor: wp.array4d[vec4],
+    moving: wp.array4d[vec4],
+    # Estimate out:
+    point: wp.array4d[vec3],
+    covariance: wp.array4d[mat33],
+    normal: wp.array4d[vec3],
+    link_out: wp.array4d[int],
+    joint_1: wp.array4d[vec3],
+    joint_2: wp.array4d[vec3],
+    joint_3: wp.array4d[vec3],
+    tip: wp.array4d[vec3],
+):
+    w, p, g, finger = wp.tid()
+    w += first
+    nan3 = vec3(_NAN, _NAN, _NAN)
+    point[w, p, g, finger] = nan3
+    normal[w, p, g, finger] = nan3
+    covariance[w, p, g, finger] = mat33(_NAN, _NAN, _NAN, _NAN, _NAN, _NAN, _NAN, _NAN, _NAN)
+    link_out[w, p, g, finger] = -1
+    pose = hand_pose[w, p]
+    angles = q[w, p, g, finger]
+    f = finger_pose(hand, finger_base(hand, finger), angles)
+    joint_1[w, p, g, finger] = wp.transform_point(pose, f.p1)
+    joint_2[w, p, g, finger] = wp.transform_point(pose, f.p2)
+    joint_3[w, p, g, finger] = wp.transform_point(pose, f.p3)
+    tip[w, p, g, finger] = wp.transform_point(pose, f.p4)
+    if status[w, p, g, finger] != _CONTACT:
+        return
+    unit = wp.identity(n=3, dtype=wp.float64)
+    if intrinsic == 0:
+        point[w, p, g, finger] = wp.transform_point(pose, fingertip_point(hand, f))
+        normal[w, p, g, finger] = wp.transform_vector(pose, -f.n3)
+        covariance[w, p, g, finger] = unit * (tip_variance + pose_variance)
+        link_out[w, p, g, finger] = 2
+        return
+
+    torque = vec4(ZERO, ZERO, ZERO, ZERO)
+    largest = real(0.0)
+    for j in range(4):
+        tensions = wp.vec2d(flexor[w, p, g, finger][j], extensor[w, p, g, finger][j])
+        torque[j] = torque_from_tensions(hand, j, tensions, moving[w, p, g, finger][j])
+        largest = wp.max(largest, wp.abs(torque[j]))
+    precision = vec4(ZERO, ZERO, ZERO, ZERO)
+    for j in range(4):
+        s = hand.moment_arm[j]
+        v = s * s * real(2.0) * (sensor.noise * sensor.noise + sensor.step * sensor.step
+                                 / real(12.0)) / real(sensor.readings)
+        m = _RELATIVE * largest
+        precision[j] = ONE / (v + m * m + _FLOOR * _FLOOR)
+
+    r = hand.link_radius
+    post = _Posterior()
+    post.best = real(1e30)
+    post.weight = ZERO
+    for link in range(3):
+        a = f.p1
+        u = f.u1
+        n = f.n1
+        if link == 1:
+            a = f.p2
+            u = f.u2
+            n = f.n2
+        if link == 2:
+            a = f.p3
+            u = f.u3
+            n = f.n3
+        length = hand.link_length[link]
+        ring = PI * r / _AROUND_REAL * length / _ALONG_REAL
+        for k in range(_AROUND):
+            turn = PI * (real(k) + real(0.5)) / _AROUND_REAL - PI * real(0.5)
+            out = n * wp.cos(turn) + f.side * wp.sin(turn)
+            # Torque is linear in the place along the link: two ends give all between.
+            j_low = finger_jacobian(f, link, a, out)
+            j_high = finger_jacobian(f, link, a + u * length, out)
+            for i in range(_ALONG):
+                share = (real(i) + real(0.5)) / _ALONG_REAL
+                misfit = _misfit(j_low + (j_high - j_low) * share, torque, precision)
+                if misfit < post.best + real(40.0):
+                    post = _gather(post, a + u * (length * share) + out * r, out, ring, misfit,
+                                   link)
+            if link == 2:
+                for c in range(_CAP):
+                    up = PI * real(0.5) * (real(c) + real(0.5)) / _CAP_REAL
+                    tip_out = out * wp.cos(up) + u * wp.sin(up)
+                    push = finger_jacobian(f, 2, f.p4, tip_out)
+                    misfit = _misfit(push, torque, precision)
+                    if misfit < post.best + real(40.0):
+                        area = (PI * r / _AROUND_REAL * wp.cos(up)) * (
+                            PI * real(0.5) * r / _CAP_REAL)
+                        post = _gather(post, f.p4 + tip_out * r, tip_out, area, misfit, 2)
+    if post.weight <= ZERO:
+        return
+    mean = post.mean / post.weight
+    cov = post.second / post.weight - wp.outer(mean, mean)
+    # The grid's own cell, the joint angles read (each turning the tip), and the arm's pose.
+    lever = wp.length(mean - f.p1)
+    floor = (length_cell(hand) * length_cell(hand) / real(12.0) + pose_variance
+             + angle_variance * lever * lever)
+    cov = cov + unit * floor
+    rot = wp.quat_to_matrix(wp.transform_get_rotation(pose))
+    point[w, p, g, finger] = wp.transform_point(pose, mean)
+    covariance[w, p, g, finger] = rot * cov * wp.transpose(rot)
+    normal[w, p, g, finger] = wp.normalize(wp.transform_vector(pose, post.normal))
+    link_out[w, p, g, finger] = post.link
+
+
+@wp.func
+def length_cell(hand: Hand):
+    """Widest cell of the posterior's grid along a link [m]."""
+    return wp.max(hand.link_length[0], wp.max(hand.link_length[1], hand.link_length[2])) / real(
+        _ALONG)
+
+
+def estimate_contacts(
+    closing: Closing,
+    believed_pose: np.ndarray,
+    commands_rad: np.ndarray,
+    arm: ArmTable,
+    hand: HandTable,
+    sensors: SensorTable,
+    *,
+    device: str = "cpu",
+) -> ContactEstimate:
+    """Contacts as the robot believes them, by `sensors.contact_estimator`.
+
+    `believed_pose` (world, probe, 7), `commands_rad` (grasp, finger, step, 4) as closed along.
+    Raises ShapeError where shapes disagree.
+    """
+    worlds, probes, grasps, fingers = closing.status.shape
+    dims = (worlds, probes, grasps, fingers)
+    point = wp.empty(dims, dtype=vec3, device=device)
+    covariance = wp.empty(dims, dtype=mat33, device=device)
+    normal = wp.empty(dims, dtype=vec3, device=device)
+    link = wp.empty(dims, dtype=int, device=device)
+    joints = {name: wp.empty(dims, dtype=vec3, device=device)
+              for name in ("joint_1", "joint_2", "joint_3", "tip")}
+    pose_sigma = (arm.mount_error_m**2 + arm.repeatability_m**2
+                  + (0.15 * arm.mount_error_rad) ** 2)
+    each = "world probe grasp finger"
+
+    def put(values: np.ndarray, dtype: type) -> wp.array:
+        return wp.array(np.ascontiguousarray(values), dtype=dtype, device=device)
+
+    launch(_estimate_kernel, dict(zip(("world", "probe", "grasp", "finger"), dims, strict=True)), {
+        "status": each, "hand_pose": "world probe", "q": each, "flexor": each, "extensor": each,
+        "moving": each, "point": each, "covariance": each, "normal": each, "link_out": each,
+        **dict.fromkeys(joints, each)}, {
+        "hand": hand_of(hand), "sensor": tendon_sensor_of(hand, sensors),
+        "intrinsic": int(sensors.contact_estimator == "intrinsic"),
+        "pose_variance": pose_sigma, "angle_variance": sensors.joint_noise_rad**2 * 2.0,
+        "tip_variance": FINGERTIP_SIGMA_M**2,
+        "status": put(closing.status, int), "hand_pose": put(believed_pose, transform),
+        "q": put(closing.q_rad, vec4), "flexor": put(closing.tension_N[..., 0], vec4),
+        "extensor": put(closing.tension_N[..., 1], vec4),
+        "moving": put(_moving(closing, commands_rad), vec4), "point": point,
+        "covariance": covariance, "normal": normal, "link_out": link, **joints},
+        device=device)
+    assert fingers == FINGER_COUNT
+    return ContactEstimate(point.numpy().copy(), covariance.numpy().copy(),
+                           normal.numpy().copy(), link.numpy().copy(),
+                           np.stack([joint.numpy() for joint in joints.values()], axis=-2))
+
+
+def _moving(closing: Closing, commands_rad: np.ndarray) -> np.ndarray:
+    """Sign of each joint's last command step, (world, probe, grasp, finger, 4)."""
+    step = np.maximum(closing.step, 0)
+    before = np.maximum(step - 1, 0)
+    grasp = np.arange(len(commands_rad))[:, None]
+    finger = np.arange(FINGER_COUNT)[None, :]
+    return np.sign(np.round(commands_rad[grasp, finger, step]
+                            - commands_rad[grasp, finger, before], 12))

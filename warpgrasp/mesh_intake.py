@@ -1,0 +1,187 @@
+"""Meshes in: read, checked, stood on the table, baked once to a distance grid, cached."""
+
+import hashlib
+import os
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import warp as wp
+
+from warpgrasp.body import Body, BodyError, Part, distance_to_bodies, scene_of
+from warpgrasp.launch import launch
+from warpgrasp.scene import Shape
+
+UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+LARGEST_FILE_BYTES = 256 * 2**20
+LARGEST_FACE_COUNT = 2_000_000
+SMALLEST_M, LARGEST_M = 0.005, 1.0  # of the longest side: what one hand can explore
+_NODES = 96  # along the longest side
+_MARGIN_CELLS = 4
+_BAKE_VERSION = 1
+
+
+def body_from_mesh(path: Path, *, units: str, name: str | None = None) -> Body:
+    """A body from a watertight mesh file (STL, OBJ, PLY, ...), standing on its lowest point.
+
+    The file's z axis is up; the middle of its bounding box goes on the z axis. `units` is "m", "cm"
+    or "mm". Raises BodyError with what is wrong (missing, empty, open, out of size) and the mend.
+    """
+    if units not in UNITS_M:
+        raise BodyError(f"{path}: units {units!r}: one of {', '.join(UNITS_M)}")
+    try:
+        size = path.stat().st_size
+    except OSError as error:
+        raise BodyError(f"{path}: cannot be read: {error.strerror or error}") from None
+    if size == 0:
+        raise BodyError(f"{path}: the file is empty; a mesh with faces is wanted")
+    if size > LARGEST_FILE_BYTES:
+        raise BodyError(f"{path}: {size / 2**20:.0f} MiB; at most {LARGEST_FILE_BYTES >> 20} MiB: "
+                        "simplify the mesh first")
+    content = hashlib.sha256(path.read_bytes())
+    content.update(f"{units} {_NODES} {_MARGIN_CELLS} {_BAKE_VERSION}".encode())
+    cached = _cache_folder() / f"{content.hexdigest()[:32]}.npz"
+    baked = _read_cached(cached)
+    if baked is None:
+        vertices, faces = _read_checked(path, units)
+        baked = _bake(vertices, faces)
+        _write_cached(cached, baked)
+    grid, origin, cell, low, high, error = (
+        baked[k] for k in ("grid", "origin", "cell", "low", "high", "error"))
+    part = Part(Shape.GRID, grid_m=grid, grid_origin_m=_triple(origin), grid_cell_m=float(cell))
+    return Body(name or path.stem, (part,), _triple(low), _triple(high),
+                f"mesh {path.name}", float(error))
+
+
+def _triple(values: np.ndarray) -> tuple[float, float, float]:
+    return float(values[0]), float(values[1]), float(values[2])
+
+
+def _read_checked(path: Path, units: str) -> tuple[np.ndarray, np.ndarray]:
+    import trimesh  # heavy, and only meshes need it
+
+    _check_declared_faces(path)
+    try:
+        mesh = trimesh.load_mesh(path, process=True)
+    except Exception as error:  # any reader's failure is the file's fault here
+        reason = str(error).strip().split("\n")[0] or type(error).__name__
+        raise BodyError(f"{path}: not a mesh that can be read ({reason}); "
+                        "STL, OBJ or PLY are") from None
+    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
+        raise BodyError(f"{path}: no faces in it; a closed surface of triangles is wanted")
+    if len(mesh.faces) > LARGEST_FACE_COUNT:
+        raise BodyError(f"{path}: {len(mesh.faces):,} faces; at most {LARGEST_FACE_COUNT:,}: "
+                        "simplify the mesh first")
+    if not np.isfinite(mesh.vertices).all():
+        raise BodyError(f"{path}: a vertex is not a finite number")
+    mesh.merge_vertices(merge_tex=True, merge_norm=True)
+    mesh.update_faces(mesh.nondegenerate_faces())
+    longest = float(mesh.extents.max()) * UNITS_M[units]
+    if not SMALLEST_M <= longest <= LARGEST_M:
+        fits = [u for u, s in UNITS_M.items()
+                if SMALLEST_M <= longest / UNITS_M[units] * s <= LARGEST_M]
+        hint = f"; in {' or '.join(fits)} it would fit: are the units right?" if fits else ""
+        raise BodyError(f"{path}: {longest:.4g} m long when read in {units}; "
+                        f"{SMALLEST_M} to {LARGEST_M} m can be explored{hint}")
+    if not mesh.is_watertight:
+        edges = np.sort(mesh.edges, axis=1)
+        _, counts = np.unique(edges, axis=0, return_counts=True)
+        raise BodyError(
+            f"{path}: the surface is open: {int((counts == 1).sum())} edges border one face and "
+            f"{int((counts > 2).sum())} more than two; close its holes first "
+            "(trimesh.repair.fill_holes, MeshLab 'Close Holes', Blender 3D-Print toolbox)")
+    if mesh.volume < 0.0:
+        mesh.invert()
+    vertices = mesh.vertices * UNITS_M[units]
+    low, high = vertices.min(0), vertices.max(0)
+    vertices = vertices - [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]]
+    return vertices, np.asarray(mesh.faces)
+
+
+def _check_declared_faces(path: Path) -> None:
+    """Refuse a header that declares more faces than the file could hold, before reading on."""
+    with path.open("rb") as file:
+        head = file.read(4096)
+    declared = 0
+    if path.suffix.lower() == ".ply":
+        for line in head.split(b"\n"):
+            words = line.split()
+            if len(words) == 3 and words[0] == b"element" and words[1] in (b"face", b"vertex"):
+                declared = max(declared, int(words[2]) if words[2].isdigit() else 0)
+    elif path.suffix.lower() == ".stl" and len(head) >= 84 and not head.startswith(b"solid"):
+        declared = int.from_bytes(head[80:84], "little")
+    if declared > LARGEST_FACE_COUNT:
+        raise BodyError(f"{path}: its header declares {declared:,} faces or vertices; at most "
+                        f"{LARGEST_FACE_COUNT:,}")
+
+
+@wp.kernel(enable_backward=False)
+def _bake_kernel(
+    first: int,
+    # Mesh:
+    mesh: wp.uint64,
+    # Query in:
+    point: wp.array[wp.vec3f],
+    # Distance out:
+    distance: wp.array[wp.float32],
+):
+    i = wp.tid() + first
+    query = wp.mesh_query_point_sign_winding_number(mesh, point[i], 10.0)
+    nearest = wp.mesh_eval_position(mesh, query.face, query.u, query.v)
+    distance[i] = query.sign * wp.length(point[i] - nearest)
+
+
+def _bake(vertices: np.ndarray, faces: np.ndarray) -> dict[str, np.ndarray]:
+    mesh = wp.Mesh(points=wp.array(vertices, dtype=wp.vec3f, device="cpu"),
+                   indices=wp.array(faces.ravel(), dtype=int, device="cpu"),
+                   support_winding_number=True)
+    low, high = vertices.min(0), vertices.max(0)
+    cell = float((high - low).max()) / (_NODES - 2 * _MARGIN_CELLS - 1)
+    origin = low - _MARGIN_CELLS * cell
+    nodes = np.ceil((high - low) / cell).astype(int) + 2 * _MARGIN_CELLS + 1
+    axes = [origin[k] + cell * np.arange(nodes[k]) for k in range(3)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
+    grid = _mesh_distance(mesh, points).reshape(nodes)
+    # The error is measured where contacts happen: within two cells of the surface.
+    near = points[np.abs(grid.ravel()) < 2 * cell]
+    near = near[:: max(1, len(near) // 4000)] + 0.5 * cell * np.array([1.0, 0.7, 0.4])
+    body = Body("", (Part(Shape.GRID, grid_m=grid, grid_origin_m=_triple(origin),
+                          grid_cell_m=cell),), _triple(low), _triple(high))
+    baked, _ = distance_to_bodies(scene_of([body], "cpu"), np.zeros(1, int), near[None])
+    error = float(np.quantile(np.abs(baked[0] - _mesh_distance(mesh, near)), 0.99))
+    return {"grid": grid, "origin": origin, "cell": np.float64(cell), "low": low, "high": high,
+            "error": np.float64(error)}
+
+
+def _mesh_distance(mesh: wp.Mesh, points: np.ndarray) -> np.ndarray:
+    out = wp.empty(len(points), dtype=wp.float32, device="cpu")
+    launch(_bake_kernel, {"point": len(points)}, {"point": "point", "distance": "point"},
+           {"mesh": mesh.id, "point": wp.array(points, dtype=wp.vec3f, device="cpu"),
+            "distance": out}, device="cpu")
+    return out.numpy().copy()
+
+
+def _cache_folder() -> Path:
+    base = os.environ.get("WARPGRASP_CACHE") or os.path.join(
+        os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), "warpgrasp")
+    return Path(base) / "grids"
+
+
+def _read_cached(path: Path) -> dict[str, np.ndarray] | None:
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            return {key: stored[key] for key in stored.files}
+    except (OSError, ValueError, EOFError, KeyError):
+        return None  # absent or damaged: bake again
+    except Exception:  # zipfile's own errors share no base class
+        return None
+
+
+def _write_cached(path: Path, baked: dict[str, np.ndarray]) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".tmp", delete=False) as file:
+            np.savez_compressed(file, allow_pickle=False, **baked)
+        os.replace(file.name, path)
+    except OSError:
+        pass  # a read-only home costs a second bake, not the run

@@ -1,0 +1,214 @@
+"""PUMA 560: forward kinematics, the eight closed-form inverse solutions, and moves between poses.
+
+Standard Denavit-Hartenberg frames. The inverse follows Paul and Zhang 1986, "Computationally
+efficient kinematics for manipulators with spherical wrists".
+"""
+
+import numpy as np
+import warp as wp
+
+from warpgrasp.launch import launch
+from warpgrasp.parameters import ArmTable
+from warpgrasp.real import HALF, ONE, PI, TWO, TWO_PI, ZERO, quat, real, transform, vec3, vec6
+
+ALPHA_RAD = (np.pi / 2, 0.0, -np.pi / 2, np.pi / 2, -np.pi / 2, 0.0)
+_SINGULAR = wp.constant(real(1e-10))
+_QUARTER = wp.constant(real(np.pi / 2))
+
+
+@wp.struct
+class Arm:
+    """The numbers of an ArmTable that kernels need [m, rad, rad/s]."""
+
+    d1: real
+    d3: real
+    d4: real
+    a2: real
+    a3: real
+    low: vec6
+    high: vec6
+    speed: vec6
+    mount: real
+    encoder_step: real
+    repeatability: real
+
+
+def arm_of(table: ArmTable, mount_length_m: float) -> Arm:
+    """The kernels' arm. Raises ValueError for a table the closed-form inverse does not cover."""
+    d, a = table.d_m, table.a_m
+    if d[1] or d[4] or d[5] or a[0] or any(a[3:]):
+        raise ValueError("the closed-form inverse wants d2 = d5 = d6 = a1 = a4 = a5 = a6 = 0")
+    arm = Arm()
+    arm.d1, arm.d3, arm.d4, arm.a2, arm.a3 = d[0], d[2], d[3], a[1], a[2]
+    arm.low, arm.high = vec6(*table.limit_low_rad), vec6(*table.limit_high_rad)
+    arm.speed = vec6(*table.speed_rad_s)
+    arm.mount = mount_length_m
+    arm.encoder_step, arm.repeatability = table.encoder_step_rad, table.repeatability_m
+    return arm
+
+
+@wp.func
+def _dh(theta: real, d: real, a: real, quarter_turns: real):
+    """One joint: turn and rise along z, then shift and turn (in quarter turns) along x."""
+    c = wp.cos(theta)
+    s = wp.sin(theta)
+    h = theta * HALF
+    k = quarter_turns * _QUARTER * HALF
+    about_z = quat(ZERO, ZERO, wp.sin(h), wp.cos(h))
+    about_x = quat(wp.sin(k), ZERO, ZERO, wp.cos(k))
+    return transform(vec3(a * c, a * s, d), about_z * about_x)
+
+
+@wp.func
+def puma_wrist(arm: Arm, q: vec6):
+    """Pose of joint frame 3, from which the spherical wrist turns."""
+    t = _dh(q[0], arm.d1, ZERO, ONE)
+    t = wp.transform_multiply(t, _dh(q[1], ZERO, arm.a2, ZERO))
+    return wp.transform_multiply(t, _dh(q[2], arm.d3, arm.a3, -ONE))
+
+
+@wp.func
+def puma_forward(arm: Arm, q: vec6):
+    """Pose of the flange (joint frame 6) in the base frame."""
+    t = wp.transform_multiply(puma_wrist(arm, q), _dh(q[3], arm.d4, ZERO, ONE))
+    t = wp.transform_multiply(t, _dh(q[4], ZERO, ZERO, -ONE))
+    return wp.transform_multiply(t, _dh(q[5], ZERO, ZERO, ZERO))
+
+
+@wp.func
+def puma_inverse(arm: Arm, flange: transform, branch: int, wrist_hint: real):
+    """Joint angles of one of the eight branches (bits: lefty, elbow, flip), NaN out of reach.
+
+    In the wrist singularity, where only q4 + q6 is fixed, q4 is taken from `wrist_hint`.
+    """
+    p = wp.transform_get_translation(flange)
+    r = wp.sqrt(p[0] * p[0] + p[1] * p[1])
+    z = p[2] - arm.d1
+    azimuth = wp.atan2(p[1], p[0])
+    shoulder = wp.asin(arm.d3 / r)  # NaN where the wrist is nearer the axis than the shoulder
+    q1 = azimuth + shoulder
+    if (branch & 1) != 0:
+        q1 = azimuth + PI - shoulder
+    v = p[0] * wp.cos(q1) + p[1] * wp.sin(q1)
+    reach_sq = v * v + z * z
+    cosine = (arm.a2 * arm.a2 - arm.d4 * arm.d4 - arm.a3 * arm.a3 + reach_sq) / (
+        TWO * arm.a2 * wp.sqrt(reach_sq))
+    elbow = wp.acos(cosine)  # NaN out of reach
+    if wp.abs(cosine) > ONE or arm.d3 > r:
+        elbow = wp.sqrt(-ONE)
+    q2 = wp.atan2(z, v) + elbow
+    if (branch & 2) != 0:
+        q2 = wp.atan2(z, v) - elbow
+    c2 = wp.cos(q2)
+    s2 = wp.sin(q2)
+    q3 = wp.atan2(arm.a3, arm.d4) - wp.atan2(c2 * v + s2 * z - arm.a2, c2 * z - s2 * v)
+    q = vec6(q1, q2, q3, ZERO, ZERO, ZERO)
+    before = wp.quat_to_matrix(wp.transform_get_rotation(puma_wrist(arm, q)))
+    m = wp.transpose(before) * wp.quat_to_matrix(wp.transform_get_rotation(flange))
+    sine = wp.sqrt(m[0, 2] * m[0, 2] + m[1, 2] * m[1, 2])
+    q4 = wp.atan2(m[1, 2], m[0, 2])
+    q5 = -wp.atan2(sine, m[2, 2])
+    q6 = wp.atan2(m[2, 1], -m[2, 0])
+    if sine < _SINGULAR:
+        q4 = wrist_hint
+        about = wp.atan2(m[1, 0], m[0, 0])
+        q6 = about - q4
+        if m[2, 2] < ZERO:
+            q6 = q4 - wp.atan2(-m[1, 0], -m[0, 0])
+    if (branch & 4) != 0:
+        q4 += PI
+        q5 = -q5
+        q6 += PI
+    return vec6(q1, q2, q3, q4, q5, q6)
+
+
+@wp.func
+def _into_limits(angle: real, low: real, high: real, near: real):
+    """The equivalent angle inside the limits nearest to `near`; NaN if there is none."""
+    best = angle + TWO_PI * wp.round((near - angle) / TWO_PI)
+    if best > high:
+        best -= TWO_PI * wp.ceil((best - high) / TWO_PI)
+    if best < low:
+        best += TWO_PI * wp.ceil((low - best) / TWO_PI)
+    if best > high:
+        return wp.sqrt(-ONE)
+    return best
+
+
+@wp.func
+def move_time(arm: Arm, start: vec6, end: vec6):
+    """Time of a joint move [s]: the slowest joint governs."""
+    t = real(0.0)
+    for j in range(6):
+        t = wp.max(t, wp.abs(end[j] - start[j]) / arm.speed[j])
+    return t
+
+
+@wp.func
+def puma_reach(arm: Arm, flange: transform, last: vec6):
+    """The branch inside the limits that is soonest reached from `last`; NaN joints if none is."""
+    best = vec6(wp.sqrt(-ONE), ZERO, ZERO, ZERO, ZERO, ZERO)
+    best_time = real(1.0e30)
+    for branch in range(8):
+        q = puma_inverse(arm, flange, branch, last[3])
+        for j in range(6):
+            q[j] = _into_limits(q[j], arm.low[j], arm.high[j], last[j])
+        t = move_time(arm, last, q)
+        good = int(1)
+        for j in range(6):
+            if not wp.isfinite(q[j]):
+                good = int(0)
+        if good == 1 and t < best_time:
+            best = q
+            best_time = t
+    return best
+
+
+@wp.kernel(enable_backward=False)
+def _forward_kernel(
+    first: int,
+    arm: Arm,
+    # Joints in:
+    q: wp.array[vec6],
+    # Pose out:
+    flange: wp.array[transform],
+):
+    i = wp.tid() + first
+    flange[i] = puma_forward(arm, q[i])
+
+
+@wp.kernel(enable_backward=False)
+def _inverse_kernel(
+    first: int,
+    arm: Arm,
+    # Pose in:
+    flange: wp.array[transform],
+    # Joints out:
+    q: wp.array2d[vec6],
+):
+    i, branch = wp.tid()
+    q[i + first, branch] = puma_inverse(arm, flange[i + first], branch, ZERO)
+
+
+def puma_forward_batch(table: ArmTable, q_rad: np.ndarray, *, device: str = "cpu") -> np.ndarray:
+    """Flange poses (x, y, z [m], quaternion xyzw), shape (pose, 7), of joints (pose, 6) [rad]."""
+    out = wp.empty(len(q_rad), dtype=transform, device=device)
+    launch(_forward_kernel, {"pose": len(q_rad)}, {"q": "pose", "flange": "pose"},
+           {"arm": arm_of(table, 0.0), "q": wp.array(q_rad, dtype=vec6, device=device),
+            "flange": out}, device=device)
+    return out.numpy().copy()
+
+
+def puma_inverse_batch(table: ArmTable, flange: np.ndarray, *, device: str = "cpu") -> np.ndarray:
+    """All eight branches [rad], shape (pose, 8, 6), of flange poses (pose, 7); NaN out of reach.
+
+    Branch bits: 1 lefty, 2 elbow, 4 wrist flip. Limits are not applied.
+    """
+    out = wp.empty((len(flange), 8), dtype=vec6, device=device)
+    launch(_inverse_kernel, {"pose": len(flange), "branch": 8},
+           {"flange": "pose", "q": "pose branch"},
+           {"arm": arm_of(table, 0.0), "flange": wp.array(flange, dtype=transform, device=device),
+            "q": out}, device=device)
+    return out.numpy().copy()
+
+

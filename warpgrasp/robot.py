@@ -1,0 +1,111 @@
+"""A batch of robots, each before its own object: what a strategy may do, and what it then feels.
+
+The robot offers guarded moves and nothing higher. What truly happened goes to the `Truth` its
+maker keeps for the scorer; a strategy is handed the robot, never the truth.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from warpgrasp.arm_hand import ArmMoves, ArmState, move_hand
+from warpgrasp.body import Body, scene_of
+from warpgrasp.closing import Closing, ClosingTruth, close_fingers
+from warpgrasp.contact_estimate import ContactEstimate, estimate_contacts
+from warpgrasp.parameters import ArmTable, HandTable, SensorTable
+from warpgrasp.scene import Shape
+from warpgrasp.status import ProbeStatus
+
+
+@dataclass(frozen=True)
+class Grasps:
+    """What the robot knows of a batch of grasps. Shapes start with (world, probe)."""
+
+    moves: ArmMoves
+    closing: Closing
+    estimate: ContactEstimate
+    time_s: np.ndarray
+    """Arm and finger time of each probe [s]."""
+    commands_rad: np.ndarray
+    """As closed along, (grasp, finger, step, 4)."""
+
+
+@dataclass
+class Truth:
+    """What truly happened, in the order it did: for the scorer alone."""
+
+    body_pose: np.ndarray
+    """Where the objects truly stand, (world, 7)."""
+    closings: list[ClosingTruth] = field(default_factory=list)
+    hand_poses: list[np.ndarray] = field(default_factory=list)
+    """True hand poses of each batch of grasps, (world, probe, 7)."""
+
+
+class Robot:
+    """Robots in lock-step, one a world. All methods take and give arrays with world as axis 0."""
+
+    def __init__(
+        self,
+        bodies: list[Body],
+        body: np.ndarray,
+        truth: Truth,
+        key: np.ndarray,
+        arm: ArmTable,
+        hand: HandTable,
+        sensors: SensorTable,
+        *,
+        device: str = "cpu",
+    ) -> None:
+        """`body` (world or 1,) numbers `bodies`; `key` (world,) uint64 seeds all noise."""
+        self._scene = scene_of(bodies, device)
+        self._body = body
+        self._truth = truth
+        self._key = key
+        self._device = device
+        self._probes_made = 0
+        self._state = ArmState.home(len(key))
+        # A first-order distance to a deformed superquadric may overshoot: march half of it.
+        deformed = any(p.shape == Shape.SUPERQUADRIC for b in bodies for p in b.parts)
+        self._march_scale = 0.5 if deformed else 1.0
+        self.arm, self.hand, self.sensors = arm, hand, sensors
+
+    @property
+    def worlds(self) -> int:
+        """Number of worlds."""
+        return len(self._key)
+
+    def grasp(
+        self, hand_pose: np.ndarray, wanted: np.ndarray, commands_rad: np.ndarray,
+        command_count: np.ndarray,
+    ) -> Grasps:
+        """Take the hands to poses in turn; at each, close guarded once along every path.
+
+        `hand_pose` (world, probe, 7) [m], quaternion xyzw; `wanted` (world, probe) bool;
+        `commands_rad` (grasp, finger, step, 4), `command_count` (grasp,) steps that count.
+        """
+        moves, actual = move_hand(
+            self._scene, self._body, self._truth.body_pose, self.arm, self.hand, self._key,
+            self._state, hand_pose, wanted, commands_rad, probe_first=self._probes_made,
+            march_scale=self._march_scale, device=self._device)
+        closing, truth = close_fingers(
+            self._scene, self._body, self._truth.body_pose, self.hand, self.sensors, self._key,
+            moves.status, actual, commands_rad, command_count, probe_first=self._probes_made,
+            march_scale=self._march_scale, device=self._device)
+        self._truth.closings.append(truth)
+        self._truth.hand_poses.append(actual)
+        self._probes_made += hand_pose.shape[1]
+        self._state = moves.state
+        estimate = estimate_contacts(closing, moves.believed_pose, commands_rad, self.arm,
+                                     self.hand, self.sensors, device=self._device)
+        return Grasps(moves, closing, estimate,
+                      moves.time_s + self._finger_time(closing, commands_rad), commands_rad)
+
+    def _finger_time(self, closing: Closing, commands_rad: np.ndarray) -> np.ndarray:
+        """Time of closing and opening again at each probe [s], (world, probe)."""
+        stroke = np.abs(np.diff(commands_rad, axis=2)).max(-1)
+        reached = np.concatenate([np.zeros_like(stroke[:, :, :1]), stroke.cumsum(2)], axis=2)
+        made = np.isin(closing.status, (ProbeStatus.CONTACT, ProbeStatus.NO_CONTACT))
+        grasp = np.arange(len(commands_rad))[:, None]
+        finger = np.arange(commands_rad.shape[1])[None, :]
+        travelled = np.where(made, reached[grasp, finger, np.maximum(closing.step, 0)], 0.0)
+        return 2.0 * travelled.max(-1).sum(-1) / self.arm.finger_speed_rad_s

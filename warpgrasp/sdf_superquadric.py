@@ -1,0 +1,109 @@
+"""Superquadrics with linear taper and bend: first-order distance bounds, with gradients.
+
+The gauge f = F^(e1/2), F the inside-outside function of Allen and Michelman 1990, equation (1), is
+homogeneous of degree one and, for exponents up to 2, convex; so (f - 1) / |grad f| never exceeds
+the true distance outside, and agrees with it to first order at the surface. Taper and bend (Solina
+and Bajcsy 1990) keep the agreement at the surface; away from it the value is an estimate of the
+distance that is not guaranteed a bound, and marching must step shorter (see `scene.march_scale`).
+"""
+
+import warp as wp
+
+from warpgrasp.real import HALF, ONE, TINY, TWO, ZERO, real, vec3, vec4
+from warpgrasp.sdf_primitive import sign_of
+
+_STRAIGHT = wp.constant(real(1e-6))  # curvatures below are no bend [1/m]
+_THIN = wp.constant(real(0.02))  # a section tapered to less counts as this, to stay finite
+
+
+@wp.struct
+class SuperquadricShape:
+    """Half axes [m], exponents, taper (Kx, Ky), bend curvature [1/m] and its direction [rad]."""
+
+    size: vec3
+    e1: real
+    e2: real
+    kx: real
+    ky: real
+    bend: real
+    bend_angle: real
+
+
+@wp.func
+def _power(base: real, exponent: real):
+    if base < TINY:
+        return ZERO
+    return wp.pow(base, exponent)
+
+
+@wp.func
+def superquadric_gauge(p: vec3, size: vec3, e1: real, e2: real):
+    """Gradient and value (gx, gy, gz, f) of the undeformed gauge f = F^(e1/2), 1 on the body."""
+    u = wp.abs(p[0]) / size[0]
+    v = wp.abs(p[1]) / size[1]
+    w = wp.abs(p[2]) / size[2]
+    m = wp.max(wp.max(u, v), wp.max(w, TINY))
+    u = u / m
+    v = v / m
+    w = w / m
+    a = _power(u, TWO / e2) + _power(v, TWO / e2)
+    total = _power(a, e2 / e1) + _power(w, TWO / e1)
+    f = wp.pow(total, e1 * HALF)
+    common = f / total
+    ring = common * _power(a, e2 / e1 - ONE)
+    if a < TINY:
+        ring = ZERO
+    return vec4(sign_of(p[0]) * ring * _power(u, TWO / e2 - ONE) / size[0],
+                sign_of(p[1]) * ring * _power(v, TWO / e2 - ONE) / size[1],
+                sign_of(p[2]) * common * _power(w, TWO / e1 - ONE) / size[2],
+                m * f)
+
+
+@wp.func
+def superquadric_deformed_gauge(p: vec3, s: SuperquadricShape):
+    """Gradient and value of the gauge of the tapered and bent body at `p`."""
+    x = p[0]
+    y = p[1]
+    z = p[2]
+    ca = wp.cos(s.bend_angle)
+    sa = wp.sin(s.bend_angle)
+    lever = ZERO
+    rho = ONE
+    if s.bend > _STRAIGHT:
+        along = p[0] * ca + p[1] * sa
+        lever = ONE / s.bend - along
+        rho = wp.max(wp.sqrt(p[2] * p[2] + lever * lever), TINY)
+        shift = along - (ONE / s.bend - rho)
+        x = p[0] - ca * shift
+        y = p[1] - sa * shift
+        z = wp.atan2(p[2], lever) / s.bend
+    tx = s.kx * z / s.size[2] + ONE
+    ty = s.ky * z / s.size[2] + ONE
+    thin_x = tx < _THIN
+    thin_y = ty < _THIN
+    tx = wp.max(tx, _THIN)
+    ty = wp.max(ty, _THIN)
+    g = superquadric_gauge(vec3(x / tx, y / ty, z), s.size, s.e1, s.e2)
+    gx = g[0] / tx
+    gy = g[1] / ty
+    gz = g[2]
+    if not thin_x:
+        gz -= g[0] * x * s.kx / (s.size[2] * tx * tx)
+    if not thin_y:
+        gz -= g[1] * y * s.ky / (s.size[2] * ty * ty)
+    if s.bend > _STRAIGHT:
+        gr = gx * ca + gy * sa
+        turn = gz / (s.bend * rho * rho)
+        along_part = gr * (lever / rho - ONE) + turn * p[2]
+        gz = turn * lever - gr * p[2] / rho
+        gx += along_part * ca
+        gy += along_part * sa
+    return vec4(gx, gy, gz, g[3])
+
+
+@wp.func
+def sdf_superquadric_bound_grad(p: vec3, s: SuperquadricShape):
+    """Unit gradient and first-order distance (nx, ny, nz, d) [m], see the module's text."""
+    g = superquadric_deformed_gauge(p, s)
+    slope = wp.max(wp.sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]), TINY)
+    return vec4(g[0] / slope, g[1] / slope, g[2] / slope, (g[3] - ONE) / slope)
