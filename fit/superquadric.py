@@ -62,7 +62,7 @@ class SuperquadricOptions:
     """Weight of all the free balls together, against all the points."""
     normal_weight: float = 0.3
     """Weight of a normal's tangent-plane residual against its point's."""
-    prior: float = 0.7
+    prior: float = 0.3
     """Inverse standard deviation of the prior on the exponents' logits, the taper's arctanh and
     the bend, against the noise that the residuals show; 0 switches it off."""
 
