@@ -87,7 +87,8 @@ def choose_shape(
     weight = np.exp(-0.5 * (criterion - least[:, None]))
     probability = weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-300)
     plain, tapered, bent = fits
-    return ShapeChoice(best, criterion, probability, places, plain, tapered, bent, faces, round_body)
+    return ShapeChoice(best, criterion, probability, places, plain, tapered, bent, faces,
+                       round_body)
 
 
 def count_places(points, mask, same_place_m: float) -> Int[np.ndarray, " fit"]:
