@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from fit.batch import point_bucket
 from fit.status import FitStatus
 
-LEAST_POINTS = 8
+SOLID_POINTS = 8
+"""Fewest points of a solid."""
 FLAT = 1e-5
 """A set is flat, straight or a point where its spread is below this share of its length."""
 FREE_BUCKET = 32
@@ -23,6 +26,8 @@ class Sets:
     points: Float[np.ndarray, "fit point 3"]
     """Kept points first, in an order that does not depend on the order they came in."""
     mask: Bool[np.ndarray, "fit point"]
+    order: Int[np.ndarray, "fit point"]
+    """Slot each point came from."""
     count: Int[np.ndarray, " fit"]
     origin: Float[np.ndarray, "fit 3"]
     scale: Float[np.ndarray, " fit"]
@@ -42,13 +47,21 @@ class Sets:
     def narrow(self, index: np.ndarray, width: int) -> Sets:
         """The sets `index`, with `width` point slots."""
         rows = {name: value[index] for name, value in vars(self).items() if value is not None}
-        for name in ("points", "mask", "covariance", "normals"):
+        for name in ("points", "mask", "order", "covariance", "normals"):
             if name in rows:
                 rows[name] = _fitted(rows[name], width)
         # Padding repeats a true point, so that a masked slot is computed like any other.
         points, mask = rows["points"], rows["mask"]
         rows["points"] = np.where(mask[..., None], points, points[:, :1])
         return replace(self, **rows)
+
+    def buckets(self) -> Iterator[tuple[np.ndarray, Sets]]:
+        """The sets that can be fitted, by the bucket of their own number of points."""
+        usable = self.status == FitStatus.converged
+        widths = np.array([point_bucket(count) for count in self.count], int)
+        for width in np.unique(widths[usable]):
+            index = np.flatnonzero(usable & (widths == width))
+            yield index, self.narrow(index, int(width))
 
 
 def _fitted(array: np.ndarray, width: int) -> np.ndarray:
@@ -60,9 +73,13 @@ def _fitted(array: np.ndarray, width: int) -> np.ndarray:
 
 def prepare(
     points, mask, covariance=None, normals=None, table_z=None,
-    free_points=None, free_radius=None, free_mask=None,
+    free_points=None, free_radius=None, free_mask=None, *,
+    least_points=SOLID_POINTS, solid=True,
 ) -> Sets:
-    """Sets from the arguments of a fit; raises ValueError for a wrong shape, never for a value."""
+    """Sets from the arguments of a fit; raises ValueError for a wrong shape, never for a value.
+
+    `least_points` and `solid` say what the shape needs: a `solid` needs points off a plane.
+    """
     points = _array("points", points, (None, None, 3))
     n, width = points.shape[:2]
     mask = np.ones((n, width), bool) if mask is None else _array("mask", mask, (n, width), bool)
@@ -85,7 +102,7 @@ def prepare(
     size = np.sqrt((lengths**2).sum(axis=1))
     scale = np.where(size > 0, size, 1.0)
     reach = np.abs(origin).max(axis=1) + size
-    status = _status(count, lengths, reach, bad)
+    status = _status(count, lengths, reach, bad, least_points, solid)
 
     def bounds(fill, pick):
         edge = pick(np.where(kept[..., None], points, fill), axis=1, initial=fill)
@@ -112,20 +129,21 @@ def prepare(
     if free_points is not None:
         free = _free(n, free_points, free_radius, free_mask, origin, scale)
     return Sets(
-        points=centred / scale[:, None, None], mask=kept, count=count, origin=origin, scale=scale,
+        points=centred / scale[:, None, None], mask=kept, order=order, count=count,
+        origin=origin, scale=scale,
         low=bounds(np.inf, np.min), high=bounds(-np.inf, np.max), status=status,
         covariance=covariance, normals=normals, plane=plane, free=free,
     )
 
 
-def _status(count, lengths, reach, bad) -> np.ndarray:
+def _status(count, lengths, reach, bad, least_points, solid) -> np.ndarray:
     """Why a set cannot be fitted, or `converged` where it can."""
     # Rounding alone spreads coinciding points by about 1e-16 of their distance from zero.
     point = lengths[:, 0] <= 1e-12 * np.maximum(reach, 1e-300)
     line = lengths[:, 1] <= FLAT * lengths[:, 0]
-    plane = lengths[:, 2] <= FLAT * lengths[:, 0]
+    plane = solid & (lengths[:, 2] <= FLAT * lengths[:, 0])
     return np.select(
-        [bad, count < LEAST_POINTS, point, line, plane],
+        [bad, count < least_points, point, line, plane],
         [FitStatus.bad_points, FitStatus.too_few_points, FitStatus.degenerate_point,
          FitStatus.degenerate_line, FitStatus.degenerate_plane],
         FitStatus.converged,

@@ -16,11 +16,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from fit import solver
-from fit.batch import map_lanes, point_bucket, take
+from fit.batch import map_lanes, take
+from fit.descent import Finished, advance, finish, screen
 from fit.prepare import Sets, prepare
 from fit.rotation import quaternion_of_matrix
-from fit.status import FitStatus
 from fit.superquadric_model import (
     Form,
     Lane,
@@ -33,8 +32,6 @@ from fit.superquadric_model import (
 from fit.superquadric_starts import box_starts
 
 START_EXPONENT_LOGIT = 0.0
-CONVERGED_FALL = 1e-10
-"""A fit has converged when a round lowers its cost by less than this share."""
 ROBUST_TUNING = {"none": 1.0, "pseudo_huber": 1.345, "cauchy": 2.385, "geman_mcclure": 3.0}
 """Standard deviations at which each loss bends: 95 % efficiency on clean Gaussian residuals."""
 
@@ -137,11 +134,8 @@ def fit_superquadric(
     options = options or SuperquadricOptions()
     sets = prepare(points, mask, covariance, normals, table_z, free_points, free_radius, free_mask)
     rows = _placeholder(sets)
-    usable = sets.status == FitStatus.converged
-    buckets = np.array([point_bucket(count) for count in sets.count])
-    for bucket in np.unique(buckets[usable]):
-        index = np.flatnonzero(usable & (buckets == bucket))
-        for name, values in _fit_bucket(sets.narrow(index, int(bucket)), options).items():
+    for index, bucket in sets.buckets():
+        for name, values in _fit_bucket(bucket, options).items():
             rows[name][index] = values
     return SuperquadricFit(**rows)
 
@@ -172,29 +166,11 @@ def _fit_bucket(sets: Sets, options: SuperquadricOptions) -> dict[str, np.ndarra
     lanes, theta = _refresh(lanes, theta, sets, form, options)
     if form.loss != "none" or sets.covariance is not None:
         # Weights and scale belong to a shape: settle both before the finish.
-        moved = _descend(form, theta, np.zeros(len(theta)), options.round_iterations, lanes)
-        theta = moved.theta
+        theta = advance(_residual(form), theta, lanes, options.round_iterations).theta
         lanes, theta = _refresh(lanes, theta, sets, form, options)
-    theta, cost, iterations, status = _finish(lanes, theta, form, options)
-    return _rows(theta, cost, lanes, sets, form, iterations, status)
-
-
-def _finish(lanes: Lane, theta, form: Form, options: SuperquadricOptions):
-    """Descents to their end, in rounds over the fits that still fall."""
-    n = len(theta)
-    damping, cost = np.zeros(n), np.zeros(n)
-    iterations = np.zeros(n, int)
-    status = np.full(n, FitStatus.not_converged)
-    left = np.arange(n)
-    while len(left) and iterations.max() < options.iterations:
-        moved = _descend(form, theta[left], damping[left], options.round_iterations,
-                         take(lanes, left))
-        theta[left], damping[left], cost[left] = moved.theta, moved.damping, moved.cost
-        iterations[left] += options.round_iterations
-        done = (moved.fallen < CONVERGED_FALL) | (moved.cost < 1e-24)
-        status[left[done]] = FitStatus.converged
-        left = left[~done]
-    return theta, cost, iterations, status
+    end = finish(_residual(form), theta, lanes, at_a_time=options.round_iterations,
+                 at_most=options.iterations)
+    return _rows(end, lanes, sets, form)
 
 
 def _lanes(sets: Sets, options: SuperquadricOptions) -> Lane:
@@ -247,15 +223,8 @@ def _screen(lanes: Lane, sets: Sets, form: Form, options: SuperquadricOptions):
     theta[..., 8:11] = centre
     spread = take(lanes, np.repeat(np.arange(n), starts))
     spread = spread._replace(rotation=rotation.reshape(-1, 3, 3))
-    theta, damping = theta.reshape(n * starts, -1), np.zeros(n * starts)
-    tried = _descend(form, theta, damping, options.screen_iterations, spread)
-    # Half of them are plainly worse by now; the better two need a second look.
-    order = np.argsort(tried.cost.reshape(n, starts), axis=1, kind="stable")[:, :2]
-    pair = (np.arange(n)[:, None] * starts + order).ravel()
-    again = _descend(form, tried.theta[pair], tried.damping[pair], options.screen_iterations,
-                     take(spread, pair))
-    better = 2 * np.arange(n) + np.argmin(again.cost.reshape(n, 2), axis=1)
-    return lanes._replace(rotation=spread.rotation[pair[better]]), again.theta[better]
+    best, found = screen(_residual(form), theta, spread, options.screen_iterations)
+    return lanes._replace(rotation=rotation[np.arange(n), best]), found
 
 
 def _refresh(lanes: Lane, theta, sets: Sets, form: Form, options: SuperquadricOptions):
@@ -278,10 +247,10 @@ def _refresh(lanes: Lane, theta, sets: Sets, form: Form, options: SuperquadricOp
     return lanes._replace(rotation=body.rotation, weight=weight, loss_scale=scale), theta
 
 
-def _rows(theta, cost, lanes: Lane, sets: Sets, form: Form, iterations, status) -> dict:
+def _rows(end: Finished, lanes: Lane, sets: Sets, form: Form) -> dict[str, np.ndarray]:
     """The fits in metres and in the world, by the name of their field."""
-    body, away, _, _ = map_lanes(_look(form), theta, lanes)
-    n = len(status)
+    body, away, _, _ = map_lanes(_look(form), end.theta, lanes)
+    n = len(end.status)
     scale = sets.scale
     square = np.where(sets.mask, away**2, 0.0).sum(1) / sets.count
     bend = np.zeros((n, 2)) if body.bend is None else body.bend
@@ -293,27 +262,14 @@ def _rows(theta, cost, lanes: Lane, sets: Sets, form: Form, iterations, status) 
         "taper": np.zeros((n, 2)) if body.taper is None else body.taper,
         "bend": np.stack([np.hypot(*bend.T) / scale, np.arctan2(bend[:, 1], bend[:, 0])], axis=1),
         "rms_m": np.sqrt(square) * scale,
-        "cost": cost,
-        "iterations": iterations,
-        "status": status,
+        "cost": end.cost,
+        "iterations": end.iterations,
+        "status": end.status,
         "n_points": sets.count,
     }
 
 
 # The lane functions: cached, since each names one compiled program.
-
-
-def _descend(form: Form, theta, damping, iterations: int, lanes: Lane) -> solver.Descent:
-    return map_lanes(_descent(form), theta, damping, lanes, shared=(np.int64(iterations),))
-
-
-@lru_cache(maxsize=64)
-def _descent(form: Form):
-    def descent(theta, damping, lane, iterations):
-        residual = lambda theta, lane: residuals(theta, lane, form)  # noqa: E731
-        return solver.descend(residual, theta, damping, iterations, lane)
-
-    return descent
 
 
 @lru_cache(maxsize=64)
@@ -328,3 +284,8 @@ def _look(form: Form):
         return body, distance(body, lane.points), gradient / length, raw
 
     return look
+
+
+@lru_cache(maxsize=64)
+def _residual(form: Form):
+    return lambda theta, lane: residuals(theta, lane, form)

@@ -1,0 +1,79 @@
+"""Many descents at once: starts screened, the best finished, lanes dropped as they are done.
+
+`residual(theta, lane)` is one cached function, for it names the compiled program.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fit import solver
+from fit.batch import map_lanes, take
+from fit.status import FitStatus
+
+CONVERGED_FALL = 1e-10
+"""A fit has converged when a round lowers its cost by less than this share."""
+NOTHING_LEFT = 1e-24
+"""Cost, in unit frames, below which there is only rounding."""
+
+
+class Finished(NamedTuple):
+    """Descents at their end, a row each."""
+
+    theta: np.ndarray
+    cost: np.ndarray
+    iterations: np.ndarray
+    status: np.ndarray
+
+
+def advance(residual: Callable, theta, lanes: Any, iterations: int, damping=None) -> Any:
+    """`solver.Descent` of every lane, `iterations` steps on."""
+    damping = np.zeros(len(theta)) if damping is None else damping
+    return map_lanes(_program(residual), theta, damping, lanes, shared=(np.int64(iterations),))
+
+
+def screen(residual: Callable, theta, lanes: Any, iterations: int) -> tuple[np.ndarray, np.ndarray]:
+    """The best start of each fit: its index and where it has got to.
+
+    theta is [fit, start, parameter], and `lanes` has a row for every start of every fit. After
+    some iterations all but two starts are dropped; the better of these after as many again.
+    """
+    n, starts = theta.shape[:2]
+    tried = advance(residual, theta.reshape(n * starts, -1), lanes, iterations)
+    order = np.argsort(tried.cost.reshape(n, starts), axis=1, kind="stable")[:, :2]
+    if order.shape[1] == 1:
+        return order[:, 0], tried.theta
+    pair = (np.arange(n)[:, None] * starts + order).ravel()
+    again = advance(residual, tried.theta[pair], take(lanes, pair), iterations, tried.damping[pair])
+    better = np.argmin(again.cost.reshape(n, 2), axis=1)
+    row = np.arange(n)
+    return order[row, better], again.theta.reshape(n, 2, -1)[row, better]
+
+
+def finish(residual: Callable, theta, lanes: Any, *, at_a_time: int, at_most: int) -> Finished:
+    """Descents to their end, in rounds over the fits that still fall."""
+    n = len(theta)
+    theta, damping, cost = theta.copy(), np.zeros(n), np.zeros(n)
+    iterations = np.zeros(n, int)
+    status = np.full(n, FitStatus.not_converged)
+    left = np.arange(n)
+    while len(left) and iterations.max() < at_most:
+        moved = advance(residual, theta[left], take(lanes, left), at_a_time, damping[left])
+        theta[left], damping[left], cost[left] = moved.theta, moved.damping, moved.cost
+        iterations[left] += at_a_time
+        done = (moved.fallen < CONVERGED_FALL) | (moved.cost < NOTHING_LEFT)
+        status[left[done]] = FitStatus.converged
+        left = left[~done]
+    return Finished(theta, cost, iterations, status)
+
+
+@lru_cache(maxsize=64)
+def _program(residual: Callable) -> Callable:
+    def descent(theta, damping, lane, iterations):
+        return solver.descend(residual, theta, damping, iterations, lane)
+
+    return descent

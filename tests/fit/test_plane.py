@@ -1,0 +1,113 @@
+"""Planes and faces against closed forms, with touches off the plane and bad sets."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fit.plane import fit_faces, fit_plane
+from fit.rotation import matrix_of_quaternion
+from fit.status import FitStatus
+
+
+def patch(n: int, count: int, noise: float, rng, off: float = 0.0):
+    """Patches 60 x 30 mm of random planes, a share of touches up to 50 mm off."""
+    q = rng.normal(size=(n, 4))
+    turn = matrix_of_quaternion(q / np.linalg.norm(q, axis=1, keepdims=True))
+    flat = rng.uniform(-0.5, 0.5, (n, count, 3)) * [0.06, 0.03, 0.0]
+    flat[..., 2] += noise * rng.normal(size=(n, count))
+    stray = round(off * count)
+    flat[:, :stray, 2] += rng.uniform(0.005, 0.05, (n, stray)) * rng.choice([-1, 1], (n, stray))
+    centre = rng.uniform(-0.3, 0.3, (n, 3))
+    return np.einsum("fij,fpj->fpi", turn, flat) + centre[:, None], turn[:, :, 2], centre
+
+
+def angle(a, b):
+    return np.arcsin(np.minimum(np.linalg.norm(np.cross(a, b), axis=-1), 1))
+
+
+def test_exact_plane() -> None:
+    points, normal, centre = patch(5, 20, 0.0, np.random.default_rng(0))
+    found = fit_plane(points)
+    assert (found.status == FitStatus.converged).all()
+    assert angle(found.normal, normal).max() < 1e-7
+    assert np.allclose(found.offset_m, np.einsum("fi,fi->f", found.normal, centre), atol=1e-9)
+    assert (found.extent_m[:, 0] > found.extent_m[:, 1]).all()
+
+
+def test_agrees_with_the_singular_value_decomposition() -> None:
+    points, _, _ = patch(6, 30, 1e-3, np.random.default_rng(1))
+    found = fit_plane(points, robust=False)
+    for p, normal, rms in zip(points, found.normal, found.rms_m, strict=True):
+        _, values, axes = np.linalg.svd(p - p.mean(axis=0))
+        assert angle(axes[2], normal) < 1e-7
+        assert rms == pytest.approx(values[2] / np.sqrt(len(p)), rel=1e-6)
+
+
+def test_a_third_off_the_plane_does_not_matter() -> None:
+    points, normal, _ = patch(40, 30, 1e-3, np.random.default_rng(2), off=0.3)
+    robust = angle(fit_plane(points).normal, normal)
+    assert np.degrees(np.quantile(robust, 0.9)) < 4
+    assert np.degrees(np.median(angle(fit_plane(points, robust=False).normal, normal))) > 10
+
+
+def test_covariance_covers_the_truth() -> None:
+    points, normal, _ = patch(600, 40, 1e-3, np.random.default_rng(3))
+    found = fit_plane(points)
+    away = np.cross(found.normal, normal * np.sign((found.normal * normal).sum(1))[:, None])
+    tips = np.einsum("fki,fi->fk", found.axes, away)
+    std = np.sqrt(np.diagonal(found.covariance, axis1=1, axis2=2))[:, :2]
+    covered = np.mean(np.abs(tips) < 1.645 * std)
+    assert 0.85 <= covered <= 0.95
+
+
+@settings(deadline=None, max_examples=25)
+@given(st.tuples(*[st.floats(-1, 1)] * 4), st.tuples(*[st.floats(-1, 1)] * 3))
+def test_a_rigid_motion_moves_the_plane_with_it(q, shift) -> None:
+    if np.linalg.norm(q) < 0.1:
+        return
+    turn = matrix_of_quaternion(np.array(q) / np.linalg.norm(q))
+    points, _, _ = patch(3, 30, 1e-3, np.random.default_rng(4))
+    here, there = fit_plane(points, robust=False), fit_plane(points @ turn.T + shift, robust=False)
+    assert angle(there.normal, here.normal @ turn.T).max() < 1e-6
+    assert np.allclose(there.centre_m, here.centre_m @ turn.T + shift, atol=1e-9)
+
+
+def test_padding_and_neighbours_change_no_bit() -> None:
+    points, _, _ = patch(4, 20, 1e-3, np.random.default_rng(5), off=0.2)
+    padded = np.full((4, 45, 3), np.inf)
+    mask = np.zeros((4, 45), bool)
+    padded[:, 10:30], mask[:, 10:30] = points, True
+    plain, found = fit_plane(points), fit_plane(padded, mask)
+    assert np.array_equal(found.weight[:, 10:30], plain.weight)
+    for name in ("normal", "offset_m", "rms_m", "extent_m"):
+        assert np.array_equal(getattr(found, name), getattr(plain, name))
+        assert np.array_equal(getattr(fit_plane(points[2:3]), name)[0], getattr(plain, name)[2])
+
+
+def test_bad_sets_have_a_status() -> None:
+    good = patch(1, 12, 1e-3, np.random.default_rng(6))[0][0]
+    nan = good.copy()
+    nan[0, 0] = np.nan
+    line = np.outer(np.linspace(0, 1, 12), [0.1, 0.2, 0.3])
+    found = fit_plane(np.stack([good, nan, line, np.tile(good[:1], (12, 1))]))
+    assert [FitStatus(s).name for s in found.status] == [
+        "converged", "bad_points", "degenerate_line", "degenerate_point"]
+    assert all(np.isfinite(value).all() for value in vars(found).values())
+
+
+def test_faces_of_a_box_together_beat_each_alone() -> None:
+    rng = np.random.default_rng(7)
+    q = rng.normal(size=(30, 4))
+    turn = matrix_of_quaternion(q / np.linalg.norm(q, axis=1, keepdims=True))
+    normals = np.eye(3)
+    points = rng.uniform(-0.02, 0.02, (30, 3, 15, 3))
+    for k in range(3):
+        points[:, k, :, k] = 0.03 + 1e-3 * rng.normal(size=(30, 15))
+    world = np.einsum("fij,fkpj->fkpi", turn, points)
+    found = fit_faces(world, None, normals)
+    true = np.einsum("fij,kj->fki", turn, normals)
+    alone = fit_plane(world.reshape(-1, 15, 3)).normal.reshape(30, 3, 3)
+    assert np.median(angle(found.normal, true)) < 0.8 * np.median(angle(alone, true))
+    across = np.einsum("fki,fli->fkl", found.normal, found.normal)
+    assert np.allclose(across, np.eye(3), atol=1e-9)

@@ -1,0 +1,74 @@
+"""Intervals that hold the truth, and symmetries that are named."""
+
+import numpy as np
+import pytest
+from quality_bodies import standing_bodies, touches
+
+from fit.superquadric import SuperquadricOptions, fit_superquadric
+from fit.superquadric_shape import superquadric, superquadric_surface, superquadric_volume
+from fit.superquadric_uncertainty import (
+    Symmetry,
+    moved,
+    superquadric_uncertainty,
+    surface_distance,
+    surface_std,
+)
+
+
+def coverage(n: int, count: int, noise: float) -> tuple[float, float]:
+    """Share of 90 % intervals that hold the true volume, and the true surface."""
+    rng = np.random.default_rng(5)
+    body = standing_bodies(n, rng)
+    points = touches(body, count, noise, rng)
+    covariance = np.broadcast_to(np.eye(3) * noise**2, (n, count, 3, 3))
+    evidence = {"covariance": covariance, "table_z": 0.0}
+    options = SuperquadricOptions(sigma_floor_m=1e-4)
+    fit = fit_superquadric(points, options=options, **evidence)
+    known = superquadric_uncertainty(fit, points, sigma_floor_m=1e-4, **evidence)
+    low, high = known.volume_interval_m3().T
+    true = superquadric_volume(body)
+    surface, _, _ = superquadric_surface(body, 150)
+    away, _ = surface_distance(fit, surface)
+    held = np.abs(away) < 1.645 * surface_std(fit, known, surface)
+    return float(np.mean((low < true) & (true < high))), float(held.mean())
+
+
+def test_intervals_hold_the_truth_about_as_often_as_they_say() -> None:
+    volume, surface = coverage(60, 60, 1e-3)
+    assert 0.8 <= volume <= 1.0
+    assert 0.82 <= surface <= 0.96
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("count", "noise"), [(60, 1e-3), (30, 2e-3)])
+def test_ninety_percent_intervals_are_calibrated(count: int, noise: float) -> None:
+    volume, surface = coverage(400, count, noise)
+    print(f"{count} touches, {noise * 1e3:.0f} mm: volume {volume:.3f}, surface {surface:.3f}")
+    assert 0.85 <= volume <= 0.95
+    assert 0.85 <= surface <= 0.95
+
+
+def test_symmetries_are_named_and_nothing_is_singular() -> None:
+    rng = np.random.default_rng(1)
+    body = superquadric([[0.03, 0.03, 0.05], [0.025, 0.035, 0.05]], [[0.1, 1.0], [0.1, 0.1]],
+                        [[0.45, 0, 0.05]] * 2)
+    points = touches(body, 80, 5e-4, rng)
+    fit = fit_superquadric(points, table_z=0.0)
+    known = superquadric_uncertainty(fit, points, table_z=0.0)
+    assert known.symmetry[0] & Symmetry.turns_about_z
+    assert not known.symmetry[1] & (Symmetry.turns_about_z | Symmetry.quarter_turn)
+    turn_std = np.sqrt(known.covariance[:, 7, 7])
+    assert turn_std[0] > 5 * turn_std[1]
+    assert turn_std[1] < 0.05
+    assert np.isfinite(known.covariance).all()
+
+
+def test_a_step_along_the_tangent_moves_the_surface_as_the_slopes_say() -> None:
+    body = superquadric([0.03, 0.04, 0.06], [0.5, 0.8], [0.1, 0, 0], [0, 0, 0.6, 0.8], [0.2, -0.1],
+                        [3.0, 0.5])
+    step = np.zeros((1, 15))
+    step[0, 8:11] = [1e-6, -2e-6, 3e-6]
+    surface, normal, _ = superquadric_surface(body, 200)
+    away, _ = surface_distance(moved(body, step), surface)
+    # What is left is of second order: a step squared times the curvature at an edge.
+    assert np.allclose(away, -normal @ step[0, 8:11], atol=2e-9)
