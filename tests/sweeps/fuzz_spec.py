@@ -112,7 +112,7 @@ def write(value: Any) -> str:
 
 
 def _string(text: str) -> str:
-    return '"' + "".join(c if c.isascii() and c.isalnum() or c in "._-/" else f"\\U{ord(c):08x}"
+    return '"' + "".join(c if (c.isascii() and c.isalnum()) or c in "._-/" else f"\\U{ord(c):08x}"
                          for c in text) + '"'
 
 

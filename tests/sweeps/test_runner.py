@@ -9,8 +9,9 @@ from studies import SMALL, plan_of
 from sweeps.leaderboard import make_leaderboard
 from sweeps.plan import Plan
 from sweeps.progress import Progress
-from sweeps.runner import Options, Outcome, run
+from sweeps.runner import Options, run
 from sweeps.store import Held, OtherStudy, Store, StoreError
+from sweeps.work import Outcome
 from sweeps.worker import run_unit
 
 
