@@ -62,7 +62,10 @@ class SuperquadricOptions:
     """Weight of all the free balls together, against all the points."""
     normal_weight: float = 0.3
     """Weight of a normal's tangent-plane residual against its point's."""
-    prior: float = 0.3
+    upright_std_rad: float | None = None
+    """Standard deviation of the tilt of a body known to stand upright, on whichever of its three
+    axes [rad], against the noise that the residuals show; None: it may lie as it likes."""
+    prior: float = 0.1
     """Inverse standard deviation of the prior on the exponents' logits, the taper's arctanh and
     the bend, against the noise that the residuals show; 0 switches it off."""
 
@@ -203,6 +206,7 @@ def _lanes(sets: Sets, options: SuperquadricOptions) -> Lane:
         rotation=np.tile(np.eye(3), (n, 1, 1)),
         loss_scale=0.1 / np.sqrt(sets.count),
         ridge=np.full(n, 1e-3 * options.prior),
+        upright=None if options.upright_std_rad is None else 0.1 / np.sqrt(sets.count),
         plane=plane,
         normals=normals,
         normal_weight=normal_weight,
@@ -231,8 +235,17 @@ def _screen(lanes: Lane, sets: Sets, form: Form, options: SuperquadricOptions):
     theta[..., 8:11] = centre
     spread = take(lanes, np.repeat(np.arange(n), starts))
     spread = spread._replace(rotation=rotation.reshape(-1, 3, 3))
-    best, found = screen(_residual(form), theta, spread, options.screen_iterations)
+    badness = _badness(form)
+    best, found = screen(_residual(form), theta, spread, options.screen_iterations, badness)
     return lanes._replace(rotation=rotation[np.arange(n), best]), found
+
+
+def _badness(form: Form):
+    """What starts are compared by: the cost, without the volume where that is a mere factor."""
+    if form.residual != "volume_distance":
+        return lambda theta, cost: cost
+    # A body shrunk to nothing costs nothing, however far from the touches it lies.
+    return lambda theta, cost: cost * np.exp(-theta[:, 0:3].sum(axis=1))
 
 
 def _refresh(lanes: Lane, theta, sets: Sets, form: Form, options: SuperquadricOptions):
@@ -250,11 +263,15 @@ def _refresh(lanes: Lane, theta, sets: Sets, form: Form, options: SuperquadricOp
     scale = lanes.loss_scale
     if form.loss != "none":
         scale = np.clip(ROBUST_TUNING[form.loss] * deviation, least, scale)
-    ridge = options.prior * np.clip(deviation, 0.1 * least, lanes.loss_scale)
+    deviation = np.clip(deviation, 0.1 * least, lanes.loss_scale)
+    ridge = options.prior * deviation
+    upright = lanes.upright
+    if options.upright_std_rad is not None:
+        upright = deviation / options.upright_std_rad
     theta = theta.copy()
     theta[:, 5:8] = 0.0
     return lanes._replace(rotation=body.rotation, weight=weight, loss_scale=scale,
-                          ridge=ridge), theta
+                          ridge=ridge, upright=upright), theta
 
 
 def _rows(end: Finished, lanes: Lane, sets: Sets, form: Form) -> dict[str, np.ndarray]:

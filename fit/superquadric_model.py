@@ -53,6 +53,8 @@ class Lane(NamedTuple):
     """Residual (weighted) at which the robust loss begins to bend."""
     ridge: Float[Tensor, ""]
     """Weight of the prior that keeps what no point shows from drifting."""
+    upright: Float[Tensor, ""] | None = None
+    """Weight of the prior that one of the body's axes, whichever, is vertical."""
     plane: Float[Tensor, " 5"] | None = None
     """Down direction (3), height of the plane along it, weight of the support residual."""
     normals: Float[Tensor, "3 point"] | None = None
@@ -248,6 +250,10 @@ def residuals(theta, lane: Lane, form: Form) -> Float[Array, " residual"]:
     if lane.plane is not None:
         down, height, weight = lane.plane[:3], lane.plane[3], lane.plane[4]
         parts.append(weight * (down @ body.position + support(body, down) - height)[None])
+    if lane.upright is not None:
+        u = body.rotation[2]
+        # The products vanish exactly where one axis is vertical, and grow with the tilt.
+        parts.append(lane.upright * jnp.stack([u[0] * u[1], u[1] * u[2], u[2] * u[0]]))
     if lane.normals is not None and lane.normal_weight is not None:
         # The tangent plane at a touch is a plane of the dual superquadric: n.(x - t) = h(n).
         reach = jax.vmap(lambda n: support(body, n), in_axes=1)(lane.normals)
