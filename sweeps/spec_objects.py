@@ -63,6 +63,9 @@ def read_object(value: Any, path: Path, base_dir: FilePath, problems: Problems) 
     except BodyError as error:
         problems.add(path, str(error))
         return None
+    except (TypeError, ValueError, OverflowError) as error:  # values of a kind nobody foresaw
+        problems.add(path, f"cannot be built: {error}; the template of `warpgrasp init` shows how")
+        return None
     content = hashlib.sha256(b"".join(map(_content, files))).hexdigest() if files else ""
     return Body(name, table, content)
 
