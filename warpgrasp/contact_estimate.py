@@ -56,6 +56,12 @@ class ContactEstimate:
     """Outward normal of the object's surface, (..., 3)."""
     link: np.ndarray
     """Link believed in touch (0 proximal to 2 distal), -1 without a contact."""
+    link_weight: np.ndarray
+    """Posterior probability of each link, (..., link 3); zeros without a contact."""
+    along_m: np.ndarray
+    """Place of the touch along each link's axis, were it that link, (..., link 3)."""
+    along_variance_m2: np.ndarray
+    """Its variance, (..., link 3)."""
     link_points_m: np.ndarray
     """Believed joints and tip centre of each finger, (..., 4, 3): the links' axes between them."""
 
@@ -68,6 +74,9 @@ class _Posterior:
     second: mat33
     normal: vec3
     link: int
+    link_weight: vec3
+    along: vec3
+    along_second: vec3
 
 
 @wp.func
@@ -82,13 +91,18 @@ def _misfit(j: vec4, torque: vec4, precision: vec4):
 
 
 @wp.func
-def _gather(post: _Posterior, x: vec3, outward: vec3, area: real, misfit: real, link: int):
+def _gather(
+    post: _Posterior, x: vec3, outward: vec3, area: real, misfit: real, link: int, along: real
+):
     if misfit < post.best:
         scale = wp.exp(-(post.best - misfit) * real(0.5))
         post.weight *= scale
         post.mean = post.mean * scale
         post.second = post.second * scale
         post.normal = post.normal * scale
+        post.link_weight = post.link_weight * scale
+        post.along = post.along * scale
+        post.along_second = post.along_second * scale
         post.best = misfit
         post.link = link
     weight = area * wp.exp(-(misfit - post.best) * real(0.5))
@@ -96,6 +110,9 @@ def _gather(post: _Posterior, x: vec3, outward: vec3, area: real, misfit: real, 
     post.mean += x * weight
     post.second += wp.outer(x, x) * weight
     post.normal -= outward * weight
+    post.link_weight[link] += weight
+    post.along[link] += along * weight
+    post.along_second[link] += along * along * weight
     return post
 
 
@@ -121,6 +138,9 @@ def _estimate_kernel(
     covariance: wp.array4d[mat33],
     normal: wp.array4d[vec3],
     link_out: wp.array4d[int],
+    link_weight: wp.array4d[vec3],
+    along: wp.array4d[vec3],
+    along_variance: wp.array4d[vec3],
     joint_1: wp.array4d[vec3],
     joint_2: wp.array4d[vec3],
     joint_3: wp.array4d[vec3],
@@ -133,6 +153,9 @@ def _estimate_kernel(
     normal[w, p, g, finger] = nan3
     covariance[w, p, g, finger] = mat33(_NAN, _NAN, _NAN, _NAN, _NAN, _NAN, _NAN, _NAN, _NAN)
     link_out[w, p, g, finger] = -1
+    link_weight[w, p, g, finger] = vec3(ZERO, ZERO, ZERO)
+    along[w, p, g, finger] = vec3(ZERO, ZERO, ZERO)
+    along_variance[w, p, g, finger] = vec3(ZERO, ZERO, ZERO)
     pose = hand_pose[w, p]
     angles = q[w, p, g, finger]
     f = finger_pose(hand, finger_base(hand, finger), angles)
@@ -148,6 +171,9 @@ def _estimate_kernel(
         normal[w, p, g, finger] = wp.transform_vector(pose, -f.n3)
         covariance[w, p, g, finger] = unit * (tip_variance + pose_variance)
         link_out[w, p, g, finger] = 2
+        link_weight[w, p, g, finger] = vec3(ZERO, ZERO, ONE)
+        along[w, p, g, finger] = vec3(ZERO, ZERO, hand.link_length[2])
+        along_variance[w, p, g, finger] = vec3(ZERO, ZERO, tip_variance)
         return
 
     torque = vec4(ZERO, ZERO, ZERO, ZERO)
@@ -193,7 +219,7 @@ def _estimate_kernel(
                 misfit = _misfit(j_low + (j_high - j_low) * share, torque, precision)
                 if misfit < post.best + real(40.0):
                     post = _gather(post, a + u * (length * share) + out * r, out, ring, misfit,
-                                   link)
+                                   link, length * share)
             if link == 2:
                 for c in range(_CAP):
                     up = PI * real(0.5) * (real(c) + real(0.5)) / _CAP_REAL
@@ -203,7 +229,8 @@ def _estimate_kernel(
                     if misfit < post.best + real(40.0):
                         area = (PI * r / _AROUND_REAL * wp.cos(up)) * (
                             PI * real(0.5) * r / _CAP_REAL)
-                        post = _gather(post, f.p4 + tip_out * r, tip_out, area, misfit, 2)
+                        post = _gather(post, f.p4 + tip_out * r, tip_out, area, misfit, 2,
+                                       length)
     if post.weight <= ZERO:
         return
     mean = post.mean / post.weight
@@ -218,6 +245,13 @@ def _estimate_kernel(
     covariance[w, p, g, finger] = rot * cov * wp.transpose(rot)
     normal[w, p, g, finger] = wp.normalize(wp.transform_vector(pose, post.normal))
     link_out[w, p, g, finger] = post.link
+    link_weight[w, p, g, finger] = post.link_weight / post.weight
+    for link in range(3):
+        if post.link_weight[link] > ZERO:
+            place = post.along[link] / post.link_weight[link]
+            along[w, p, g, finger][link] = place
+            along_variance[w, p, g, finger][link] = wp.max(
+                post.along_second[link] / post.link_weight[link] - place * place, ZERO)
 
 
 @wp.func
@@ -248,6 +282,8 @@ def estimate_contacts(
     covariance = wp.empty(dims, dtype=mat33, device=device)
     normal = wp.empty(dims, dtype=vec3, device=device)
     link = wp.empty(dims, dtype=int, device=device)
+    by_link = {name: wp.empty(dims, dtype=vec3, device=device)
+               for name in ("link_weight", "along", "along_variance")}
     joints = {name: wp.empty(dims, dtype=vec3, device=device)
               for name in ("joint_1", "joint_2", "joint_3", "tip")}
     pose_sigma = (arm.mount_error_m**2 + arm.repeatability_m**2
@@ -260,7 +296,7 @@ def estimate_contacts(
     launch(_estimate_kernel, dict(zip(("world", "probe", "grasp", "finger"), dims, strict=True)), {
         "status": each, "hand_pose": "world probe", "q": each, "flexor": each, "extensor": each,
         "moving": each, "point": each, "covariance": each, "normal": each, "link_out": each,
-        **dict.fromkeys(joints, each)}, {
+        **dict.fromkeys(by_link, each), **dict.fromkeys(joints, each)}, {
         "hand": hand_of(hand), "sensor": tendon_sensor_of(hand, sensors),
         "intrinsic": int(sensors.contact_estimator == "intrinsic"),
         "pose_variance": pose_sigma, "angle_variance": sensors.joint_noise_rad**2 * 2.0,
@@ -269,11 +305,13 @@ def estimate_contacts(
         "q": put(closing.q_rad, vec4), "flexor": put(closing.tension_N[..., 0], vec4),
         "extensor": put(closing.tension_N[..., 1], vec4),
         "moving": put(_moving(closing, commands_rad), vec4), "point": point,
-        "covariance": covariance, "normal": normal, "link_out": link, **joints},
+        "covariance": covariance, "normal": normal, "link_out": link, **by_link,
+        **joints},
         device=device)
     assert fingers == FINGER_COUNT
     return ContactEstimate(point.numpy().copy(), covariance.numpy().copy(),
                            normal.numpy().copy(), link.numpy().copy(),
+                           *(values.numpy().copy() for values in by_link.values()),
                            np.stack([joint.numpy() for joint in joints.values()], axis=-2))
 
 
