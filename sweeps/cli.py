@@ -69,9 +69,9 @@ def check(spec: Path, /, *, set_: Settings = None, json: Json = False) -> int:
     json
         Print JSON.
     """
-    from sweeps import commands
+    from sweeps import previews
 
-    return commands.check(spec, settings=set_ or [], as_json=json)
+    return previews.check(spec, settings=set_ or [], as_json=json)
 
 
 @app.command
@@ -163,9 +163,9 @@ def objects(*, json: Json = False) -> int:
     json
         Print JSON.
     """
-    from sweeps import commands
+    from sweeps import previews
 
-    return commands.objects(as_json=json)
+    return previews.objects(as_json=json)
 
 
 @app.command
@@ -177,9 +177,9 @@ def strategies(*, json: Json = False) -> int:
     json
         Print JSON.
     """
-    from sweeps import commands
+    from sweeps import previews
 
-    return commands.strategies(as_json=json)
+    return previews.strategies(as_json=json)
 
 
 @app.command
@@ -193,9 +193,9 @@ def init(spec: Path, /, *, force: Annotated[bool, Parameter(negative="")] = Fals
     force
         Write over a file that is there.
     """
-    from sweeps import commands
+    from sweeps import previews
 
-    return commands.init(spec, force=force)
+    return previews.init(spec, force=force)
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -235,7 +235,7 @@ def _explain(error: Exception) -> int:
         return _refuse(str(error), error.exit_code)
     if isinstance(error, OSError):
         return _refuse(f"{error.filename or 'warpgrasp'}: {error.strerror or error}", 1)
-    if type(error).__name__ in ("LeaderboardError", "BodyError", "WaypointError"):
+    if type(error).__name__ in ("LeaderboardError", "ObjectError", "BodyError", "WaypointError"):
         return _refuse(str(error))
     raise error
 

@@ -1,21 +1,21 @@
-"""What the commands do. Each answers with the process's exit code; results go to stdout."""
+"""The commands that run or read a study: each answers with the process's exit code."""
 
 import json
 import signal
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager
 from math import radians
 from pathlib import Path
 from types import FrameType
 from typing import Any
 
 from sweeps.atomic import write_atomic
-from sweeps.estimate import estimate_cost
 from sweeps.leaderboard import Leaderboard, make_leaderboard
 from sweeps.plan import Plan, plan_study, study_of
 from sweeps.problems import choose
 from sweeps.progress import Progress
+from sweeps.quiet import quiet_stdout, start_warp
 from sweeps.runner import Options, run
 from sweeps.spec import read_spec
 from sweeps.spec_objects import object_of_argument
@@ -33,7 +33,7 @@ def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], dev
           settings: Sequence[str], as_json: bool, engine: str = "local",
           address: str | None = None) -> int:
     """Runs what is left of a study, then ranks it."""
-    plan = _plan(spec, settings)
+    plan = plan_study(read_spec(spec, settings))
     store = Store(folder)
     for note in store.open_for(plan, spec.read_bytes(), device):
         _say(note)
@@ -59,26 +59,6 @@ def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], dev
     if outcome.failed:
         _say(f"{outcome.failed} units failed; see {store.logs}/*.failed.log")
     return SOME_FAILED if outcome.failed else DONE
-
-
-def check(spec: Path, *, settings: Sequence[str], as_json: bool) -> int:
-    """Prints what a spec amounts to, without running it."""
-    plan = _plan(spec, settings)
-    head = plan.study.head
-    rows = [
-        ("study", head.name), ("hash", plan.hash),
-        ("strategies", f"{len(plan.study.strategies)}"), ("objects", f"{len(plan.study.objects)}"),
-        ("settings", f"{plan.study.setting_count}"), ("cells", f"{plan.study.cell_count}"),
-        ("episodes", f"{plan.study.cell_count * head.episodes_per_cell}"),
-        ("units", f"{plan.unit_count}"), *estimate_cost(plan),
-    ]
-    if as_json:
-        print(json.dumps(dict(rows), indent=1))
-    else:
-        width = max(len(name) for name, _ in rows)
-        for name, value in rows:
-            print(f"{name.ljust(width)}  {value}")
-    return DONE
 
 
 def status(folder: Path, *, as_json: bool) -> int:
@@ -137,7 +117,8 @@ def leaderboard(folders: Sequence[Path], out: Path | None, *, metric: str,
 def explore(what: str, strategy: str, folder: Path, *, units: str | None, seed: int,
             yaw_deg: float | None, x_m: float, y_m: float, device: str) -> int:
     """One episode with all that was felt, as files."""
-    with _quiet_stdout():
+    with quiet_stdout():
+        start_warp()
         from strategies.catalogue import STRATEGIES
 
         if strategy not in STRATEGIES:
@@ -157,41 +138,6 @@ def explore(what: str, strategy: str, folder: Path, *, units: str | None, seed: 
     for file in sorted(folder.iterdir()):
         print(file)
     return DONE
-
-
-def objects(*, as_json: bool) -> int:
-    """Prints the catalogue of objects."""
-    with _quiet_stdout():
-        from warpgrasp.catalogue import BODY_NAMES
-    print_table(("object", "what"), list(BODY_NAMES.items()), as_json)
-    return DONE
-
-
-def strategies(*, as_json: bool) -> int:
-    """Prints the ready-made strategies."""
-    from strategies.catalogue import STRATEGIES
-
-    print_table(("strategy", "what"), [(s.name, s.doc) for s in STRATEGIES.values()], as_json)
-    return DONE
-
-
-def init(spec: Path, *, force: bool) -> int:
-    """Writes a commented template."""
-    from sweeps.template import template
-
-    if spec.exists() and not force:
-        raise StoreError(f"{spec}: is there already; choose another name, or say --force")
-    try:
-        write_atomic(spec, template().encode())
-    except OSError as error:
-        raise StoreError(f"{spec}: cannot be written: {error.strerror}") from None
-    _say(f"{spec}: written; `warpgrasp check {spec}` says what it amounts to")
-    return DONE
-
-
-def _plan(spec: Path, settings: Sequence[str]) -> Plan:
-    with _quiet_stdout():  # building objects may print
-        return plan_study(read_spec(spec, settings))
 
 
 def _plan_of(store: Store) -> Plan:
@@ -222,13 +168,6 @@ def _count_files(store: Store) -> int:
 
 def _say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
-
-
-@contextmanager
-def _quiet_stdout() -> Iterator[None]:
-    """Keeps what libraries print out of the results."""
-    with redirect_stdout(sys.stderr):
-        yield
 
 
 @contextmanager

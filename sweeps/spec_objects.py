@@ -7,11 +7,16 @@ from typing import Any
 
 from sweeps.plan import FILE_KEYS
 from sweeps.problems import Path, Problems, choose, short
+from sweeps.quiet import quiet_stdout, start_warp
 from sweeps.spec_strategies import check_name
 from sweeps.study import Body
-from warpgrasp.catalogue import BODY_NAMES, BodyError, body_from_table
+from warpgrasp.body_names import BODY_NAMES
 
 SHAPES = ("mesh", "compound", "superquadric", "profile")
+
+
+class ObjectError(ValueError):
+    """An object that cannot be built; the message says why."""
 
 
 def read_objects(values: Any, base_dir: FilePath, problems: Problems) -> tuple[Body, ...]:
@@ -60,7 +65,7 @@ def read_object(value: Any, path: Path, base_dir: FilePath, problems: Problems) 
         return None
     try:
         _build(table, base_dir)
-    except BodyError as error:
+    except ObjectError as error:
         problems.add(path, str(error))
         return None
     content = hashlib.sha256(b"".join(map(_content, files))).hexdigest() if files else ""
@@ -68,28 +73,32 @@ def read_object(value: Any, path: Path, base_dir: FilePath, problems: Problems) 
 
 
 def object_of_argument(what: str, units: str | None) -> dict[str, Any]:
-    """The table of an object named on the command line; `BodyError` says what is wrong."""
+    """The table of an object named on the command line; `ObjectError` says what is wrong."""
     if what in BODY_NAMES:
         return {"name": what}
     file = FilePath(what)
     if not file.is_file():
-        raise BodyError(f"no object {what!r}; {choose(what, BODY_NAMES)}; or a mesh file with "
+        raise ObjectError(f"no object {what!r}; {choose(what, BODY_NAMES)}; or a mesh file with "
                         "--units m|cm|mm")
     if units is None:
-        raise BodyError(f"{what}: a mesh wants its units: --units m, --units cm or --units mm")
+        raise ObjectError(f"{what}: a mesh wants its units: --units m, --units cm or --units mm")
     table = {"mesh": str(file.resolve()), "units": units, "name": file.stem}
     _build(table, FilePath())
     return table
 
 
 def _build(table: Mapping[str, Any], base_dir: FilePath) -> None:
-    """Builds the object once; `BodyError` if it cannot be, whatever its file made a reader do."""
+    """Builds the object once; `ObjectError` if it cannot be, whatever its file made a reader do."""
+    start_warp()
+    from warpgrasp.catalogue import BodyError, body_from_table  # heavy; names need no building
+
     try:
-        body_from_table(table, base_dir)
-    except BodyError:
-        raise
+        with quiet_stdout():
+            body_from_table(table, base_dir)
+    except BodyError as error:
+        raise ObjectError(str(error)) from error
     except Exception as error:  # not foreseen, but a user's file or table is no reason to crash
-        raise BodyError(f"cannot be built: {type(error).__name__}: {error}; the template of "
+        raise ObjectError(f"cannot be built: {type(error).__name__}: {error}; the template of "
                         "`warpgrasp init` shows how objects are written") from error
 
 

@@ -9,7 +9,6 @@ from strategies.catalogue import STRATEGIES
 from strategies.closing_paths import CLOSING_PATHS
 from strategies.procedures import PROCEDURES
 from strategies.strategy import Strategy
-from strategies.waypoint_poses import poses_from_csv
 from strategies.waypoints import WAYPOINT_KINDS, WaypointError
 from sweeps.edge import read_table
 from sweeps.problems import Path, Problems, choose, short
@@ -117,6 +116,8 @@ def _read_pose_file(family: type, values: dict[str, Any], path: Path, base_dir: 
     if not values.get("file"):
         problems.add((*path, "file"), "missing; should be a CSV file of hand poses")
         return None
+    from strategies.waypoint_poses import poses_from_csv  # heavy, and only files need it
+
     try:
         file = (base_dir / values["file"]).resolve()
         poses_from_csv(file)

@@ -76,6 +76,9 @@ def _read_checked(path: Path, units: str) -> tuple[np.ndarray, np.ndarray]:
         raise BodyError(f"{path}: a vertex is not a finite number")
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
     mesh.update_faces(mesh.nondegenerate_faces())
+    mesh.remove_unreferenced_vertices()
+    if len(mesh.faces) == 0:
+        raise BodyError(f"{path}: every face is a line or a point; faces with an area are wanted")
     longest = float(mesh.extents.max()) * UNITS_M[units]
     if not SMALLEST_M <= longest <= LARGEST_M:
         fits = [u for u, s in UNITS_M.items()

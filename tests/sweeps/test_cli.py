@@ -118,13 +118,29 @@ def test_an_interrupt_keeps_what_is_finished(tmp_path: Path, number: signal.Sign
     assert not list(units.glob(".*.tmp"))
 
 
-def test_help_needs_nothing_heavy() -> None:
-    code = ("import sys; from sweeps.cli import run; run(['--help']); "
-            "print(sorted({'numpy', 'jax', 'warp', 'pyarrow', 'scipy', 'pydantic'} "
+@pytest.mark.parametrize(("arguments", "needs"), [
+    (["--help"], []), (["objects"], []), (["strategies"], ["numpy"]),
+    (["check", "SPEC"], ["numpy", "pydantic"])])
+def test_light_commands_import_nothing_heavy(
+        tmp_path: Path, arguments: list[str], needs: list[str]) -> None:
+    code = ("import sys; from sweeps.cli import run; run(sys.argv[1:]); "
+            "print(sorted({'numpy', 'jax', 'warp', 'pyarrow', 'scipy', 'pydantic', 'trimesh'} "
             "& set(sys.modules)), file=sys.stderr)")
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stderr.strip() == "[]"
-    assert "sweep" in done.stdout
+    spec = str(write_spec(tmp_path))
+    done = subprocess.run(
+        [sys.executable, "-c", code, *(spec if a == "SPEC" else a for a in arguments)],
+        capture_output=True, text=True, check=True)
+    assert done.stderr.strip() == str(needs)
+    assert done.stdout
+
+
+def test_a_machine_without_gpu_hears_nothing_of_it(tmp_path: Path) -> None:
+    """What Warp's native code says on stderr at its start is no message of ours."""
+    spec = write_spec(tmp_path, SMALL.replace(
+        '"block"', '{ name = "t", compound = [{ shape = "sphere", radius_mm = 20 }] }'))
+    done = subprocess.run([sys.executable, "-m", "sweeps.cli", "check", str(spec)],
+                          capture_output=True, text=True, check=True)
+    assert done.stderr == ""
 
 
 def test_workers_are_told_to_use_one_thread() -> None:

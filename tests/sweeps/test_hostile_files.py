@@ -83,11 +83,24 @@ HOSTILE = {
     "index.obj": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 999999999\n",
     "words.obj": b"v a b c\nf x y z\n",
     "no.obj": b"",
+    "flat.obj": b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\nf 3 2 1\n",
     "library.obj": b"mtllib ../../../../etc/passwd\nv 0 0 0\nf 1 1 1\n",
     "bytes.glb": b"glTF\x02\x00\x00\x00\xff\xff\xff\xff",
     "unknown.xyz": b"1 2 3\n",
     "picture.png": b"\x89PNG\r\n\x1a\n",
 }
+
+
+@pytest.mark.parametrize(("part", "says"), [
+    ("shape = {}", "shape {}: one of block"),
+    ("shape = [1]", "shape [1]: one of block"),
+    ('shape = "block", join = []', "join []: one of union"),
+    (f'shape = "sphere", radius_mm = 1{"0" * 400}', "sphere: radius_mm = 1000"),
+    ('shape = "sphere", radius_mm = nan', "sphere: radius_mm = nan: a number from 1 to 1000"),
+])
+def test_odd_parts_of_a_compound_are_told(tmp_path: Path, part: str, says: str) -> None:
+    said = read_with(tmp_path, '"block"', f'{{ name = "t", compound = [{{ {part} }}] }}')
+    assert f"spec.toml:4: objects[0]: compound[0]: {says}" in said
 
 
 @pytest.mark.parametrize("name", [*HOSTILE, "bomb.3mf"])
