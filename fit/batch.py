@@ -18,8 +18,9 @@ import jax
 import numpy as np
 
 POINT_BUCKETS = (16, 32, 64, 128, 256, 512)
-LANES = 64
-"""Lanes of every launch: another number rounds differently in the last bit."""
+LANES = 16
+"""Lanes of every launch: another number rounds differently in the last bit, and a larger one is
+paid for in full by small batches."""
 
 # Two Python threads in one jitted batched Cholesky hang on a CPU: one call at a time.
 _lock = threading.Lock()

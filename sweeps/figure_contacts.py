@@ -47,6 +47,7 @@ def draw_contacts(block: EpisodeBlock, name: str, world: int = 0) -> bytes:
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
+    from matplotlib.colors import to_rgb
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     body = Superquadric(*(field[world:world + 1] for field in block.recovered))
@@ -69,7 +70,7 @@ def draw_contacts(block: EpisodeBlock, name: str, world: int = 0) -> bytes:
     middle = faces.mean(axis=1)
     outward = np.sign(((middle - middle.mean(0)) * normal).sum(1, keepdims=True))
     light = 0.55 + 0.45 * np.clip((normal * outward) @ np.array([0.3, -0.6, 0.74]), 0.0, 1.0)
-    colour = np.concatenate([np.array(matplotlib.colors.to_rgb(_BODY)) * light[:, None],
+    colour = np.concatenate([np.array(to_rgb(_BODY)) * light[:, None],
                              np.full((len(faces), 1), 1.0)], axis=1)
     facing = ((normal * outward) @ eye) > 0.0
     axes.add_collection3d(Poly3DCollection(list(faces[facing]), facecolors=colour[facing],

@@ -79,7 +79,7 @@ def _finish(ray: Any, work: Work, unit: Unit, reference: Any) -> None:
 def _ray() -> Any:
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # it reports usage unless told not to
     try:
-        import ray
+        import ray  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise StoreError("--engine ray: Ray is not installed; "
                          "pip install 'warpgrasp[ray]' adds it") from None

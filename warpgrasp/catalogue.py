@@ -76,7 +76,8 @@ def body_from_table(table: Mapping[str, Any], base_dir: Path) -> Body:
         a3 = part.superquadric[2]
         place = (0.0, 0.0, a3, 0.0, 0.0, 0.0, 1.0)
         return _body(name, (Part(Shape.SUPERQUADRIC, place=place,
-                                 superquadric=part.superquadric),), "superquadric", on_table=True)
+                                 superquadric=part.superquadric),), "superquadric",
+                     on_table=part.superquadric[7] > 0.0)
     parts = table["compound"]
     if not isinstance(parts, list) or not 0 < len(parts) <= _LARGEST_COMPOUND:
         raise BodyError(f"{name}: compound wants a list of 1 to {_LARGEST_COMPOUND} tables")
