@@ -38,8 +38,11 @@ def recover_bodies(
     Without `links` (the paper's fingertip estimate) the points stay where they are felt, and one
     more fit brings in free space.
     """
-    fits = fit_evidence(evidence, replace(table, free_space=False))
-    placed = evidence
+    # No body yet, so no free balls yet; masked ones in their place, for one compiled program.
+    first = slice(0, FREE_BALLS)
+    placed = replace(evidence, free_m=evidence.free_m[:, first],
+                     free_mask=np.zeros_like(evidence.free_mask[:, first]))
+    fits = fit_evidence(placed, table)
     for _ in range(table.rounds if links is not None else int(table.free_space)):
         if links is not None:
             placed = contacts_placed(evidence, links, fits)
