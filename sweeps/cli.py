@@ -274,7 +274,7 @@ def _shard(text: str) -> tuple[int, int]:
 def _device(text: str) -> str:
     if not re.fullmatch(r"cpu|cuda(:\d{1,2})?", text):
         raise UsageError(f"--device: is {text!r}; should be cpu or cuda:0")
-    return text
+    return "cuda:0" if text == "cuda" else text
 
 
 if __name__ == "__main__":

@@ -14,8 +14,8 @@ from sweeps.atomic import write_atomic
 from sweeps.leaderboard import Leaderboard, make_leaderboard
 from sweeps.plan import Plan, plan_study, study_of
 from sweeps.problems import choose
-from sweeps.progress import Progress
-from sweeps.quiet import quiet_stdout, start_warp
+from sweeps.progress import Progress, read_note
+from sweeps.quiet import devices, quiet_stdout, start_warp
 from sweeps.runner import UNIT_TIMEOUT_S, Options, run
 from sweeps.spec import read_spec
 from sweeps.spec_objects import object_of_argument
@@ -35,6 +35,8 @@ def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], dev
           address: str | None = None, unit_timeout_s: float = UNIT_TIMEOUT_S,
           verify: bool = False) -> int:
     """Runs what is left of a study, then ranks it."""
+    if device != "cpu" and engine == "local" and device not in (found := devices()):
+        raise StoreError(f"--device: there is no {device} here; there are: {', '.join(found)}")
     plan = plan_study(read_spec(spec, settings))
     store = Store(folder)
     for note in store.open_for(plan, spec.read_bytes(), device):
@@ -65,7 +67,7 @@ def _run(plan: Plan, store: Store, options: Options, engine: str,
     """Runs what is left of a shard on one of the engines."""
     index, count = options.shard
     total = len(range(index - 1, plan.unit_count, count))
-    with Progress(total, store.logs / f"progress-{index}-of-{count}.json") as progress:
+    with Progress(total, store.note(f"{index}-of-{count}")) as progress:
         if engine == "ray":
             from sweeps.ray_engine import run_on_ray
 
@@ -84,8 +86,7 @@ def status(folder: Path, *, as_json: bool) -> int:
         elif store.log(unit).exists():
             failed += 1
     holders = store.holders()
-    notes = [json.loads(file.read_bytes()) for file in sorted(store.logs.glob("progress-*.json"))
-             ] if holders else []
+    notes = [read_note(store.note(shard)) for shard in holders]
     rates = [note["units_per_s"] for note in notes if note["units_per_s"]]
     left = plan.unit_count - done - failed
     found: dict[str, Any] = {
@@ -94,7 +95,7 @@ def status(folder: Path, *, as_json: bool) -> int:
         "running": sum(note["running"] for note in notes), "left": left,
         "units_per_s": round(sum(rates), 4) if rates else None,
         "seconds_left": round(left / sum(rates), 1) if rates else None,
-        "held_by": holders,
+        "held_by": list(holders.values()),
         "other_files": _count_files(store) - done,
     }
     if as_json:

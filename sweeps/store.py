@@ -190,16 +190,21 @@ class Store:
         finally:
             os.close(descriptor)
 
-    def holders(self) -> list[str]:
-        """Who works on this directory right now, one text a shard."""
-        found = []
+    def holders(self) -> dict[str, str]:
+        """Who works on this directory right now, by shard (`1-of-3`)."""
+        found: dict[str, str] = {}
         for file in sorted(self.folder.glob(".lock-*")):
             with file.open("rb") as stream:
                 try:
                     fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
                 except BlockingIOError:
-                    found.append(stream.read(200).decode(errors="replace"))
+                    shard = file.name.removeprefix(".lock-")
+                    found[shard] = stream.read(200).decode(errors="replace")
         return found
+
+    def note(self, shard: str) -> Path:
+        """Where a run of a shard (`1-of-3`) notes how far it is."""
+        return self.logs / f"progress-{shard}.json"
 
     def _remove_temporaries(self) -> None:
         for folder in (self.folder, self.units, self.logs):

@@ -168,9 +168,9 @@ def test_the_second_of_two_runs_is_told_who_holds_the_directory(
         whole: tuple[Plan, Path]) -> None:
     plan, folder = whole
     store = Store(folder)
-    assert store.holders() == []
+    assert store.holders() == {}
     with store.lock((1, 1)):
-        assert store.holders() == [f"process {os.getpid()} on {os.uname().nodename}"]
+        assert store.holders() == {"1-of-1": f"process {os.getpid()} on {os.uname().nodename}"}
         with pytest.raises(Held, match=f"process {os.getpid()} on "):
             run_in(folder, plan)
     run_in(folder, plan)
