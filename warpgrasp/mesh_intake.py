@@ -74,14 +74,16 @@ def _triple(values: np.ndarray) -> tuple[float, float, float]:
 @contextmanager
 def _quiet_reader() -> Iterator[None]:
     """Keeps the reader's log and warnings off stderr: what is wrong is told once, by BodyError."""
-    log = logging.getLogger("trimesh")
-    before, log.disabled = log.disabled, True
+    log, nowhere = logging.getLogger("trimesh"), logging.NullHandler()
+    before, log.propagate = log.propagate, False
+    log.addHandler(nowhere)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield
     finally:
-        log.disabled = before
+        log.propagate = before
+        log.removeHandler(nowhere)
 
 
 def _read_checked(path: Path, content: bytes, units: str) -> tuple[np.ndarray, np.ndarray]:

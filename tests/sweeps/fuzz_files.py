@@ -84,6 +84,8 @@ CORPUS: dict[str, Callable[[], bytes]] = {name: (lambda content=content: content
     "billion.stl": b"\0" * 80 + struct.pack("<I", 4_000_000_000) + b"\0" * 100,
     "million.stl": b"\0" * 80 + struct.pack("<I", 1_999_999) + b"\0" * 100,
     "text.stl": b"solid x\nfacet normal 0 0 nonsense\n",
+    "normal.stl": b"solid\nfacet normal 0 0 1e\nouter loop\nvertex 0 0 0\nvertex 1 0 0\n"
+                  b"vertex 0 1 0\nendloop\nendfacet\nendsolid\n",
     "bytes.stl": bytes(range(256)) * 8,
     "billion.off": b"OFF\n1000000000 1000000000 0\n0 0 0\n",
     "million.off": b"OFF\n1999999 1999999 0\n0 0 0\n",
