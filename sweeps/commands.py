@@ -14,13 +14,14 @@ from sweeps.atomic import write_atomic
 from sweeps.leaderboard import Leaderboard, make_leaderboard
 from sweeps.plan import Plan, plan_study, study_of
 from sweeps.problems import choose
-from sweeps.progress import Progress
-from sweeps.quiet import quiet_stdout, start_warp
-from sweeps.runner import Options, run
+from sweeps.progress import Progress, read_note
+from sweeps.quiet import devices, quiet_stdout, start_warp
+from sweeps.runner import UNIT_TIMEOUT_S, Options, run
 from sweeps.spec import read_spec
 from sweeps.spec_objects import object_of_argument
 from sweeps.store import OtherStudy, Store, StoreError
 from sweeps.table import print_table
+from sweeps.work import Outcome
 from sweeps.worker import EPISODES
 
 DONE, SOME_FAILED, BAD_USAGE, OTHER_SPEC, INTERRUPTED = 0, 1, 2, 3, 130
@@ -31,27 +32,27 @@ SHOWN = ("rank", "strategy", "_ci_low", "_ci_high", "p_best", "iou", "recognized
 
 def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], device: str,
           settings: Sequence[str], as_json: bool, engine: str = "local",
-          address: str | None = None) -> int:
+          address: str | None = None, unit_timeout_s: float = UNIT_TIMEOUT_S,
+          verify: bool = False) -> int:
     """Runs what is left of a study, then ranks it."""
+    if device != "cpu" and engine == "local" and device not in (found := devices()):
+        raise StoreError(f"--device: there is no {device} here; there are: {', '.join(found)}")
     plan = plan_study(read_spec(spec, settings))
     store = Store(folder)
     for note in store.open_for(plan, spec.read_bytes(), device):
         _say(note)
-    total = len(range(shard[0] - 1, plan.unit_count, shard[1]))
-    note = store.logs / f"progress-{shard[0]}-of-{shard[1]}.json"
+    options = Options(workers, shard, device, EPISODES, unit_timeout_s, verify)
     with _terminated_as_interrupted(), store.lock(shard):
-        with Progress(total, note) as progress:
-            options = Options(workers, shard, device, EPISODES)
-            if engine == "ray":
-                from sweeps.ray_engine import run_on_ray
-
-                outcome = run_on_ray(plan, store, options, progress, address)
-            else:
-                outcome = run(plan, store, options, progress)
+        outcome = _run(plan, store, options, engine, address)
         if outcome.done + outcome.failed == 0:
             _say(f"{folder}: finished already, {outcome.kept} units")
         if shard[1] == 1:
+            before = store.damaged
             board = make_leaderboard(plan, [store])
+            if store.damaged > before:  # seen only by reading every row
+                _say(f"{store.damaged - before} damaged units are done again; see {store.logs}")
+                outcome = _run(plan, store, options, engine, address)
+                board = make_leaderboard(plan, [store])
             write_atomic(folder / "leaderboard.csv", board.csv())
             _show(board, as_json)
     if shard[1] > 1:
@@ -59,6 +60,19 @@ def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], dev
     if outcome.failed:
         _say(f"{outcome.failed} units failed; see {store.logs}/*.failed.log")
     return SOME_FAILED if outcome.failed else DONE
+
+
+def _run(plan: Plan, store: Store, options: Options, engine: str,
+         address: str | None) -> Outcome:
+    """Runs what is left of a shard on one of the engines."""
+    index, count = options.shard
+    total = len(range(index - 1, plan.unit_count, count))
+    with Progress(total, store.note(f"{index}-of-{count}")) as progress:
+        if engine == "ray":
+            from sweeps.ray_engine import run_on_ray
+
+            return run_on_ray(plan, store, options, progress, address)
+        return run(plan, store, options, progress)
 
 
 def status(folder: Path, *, as_json: bool) -> int:
@@ -72,8 +86,7 @@ def status(folder: Path, *, as_json: bool) -> int:
         elif store.log(unit).exists():
             failed += 1
     holders = store.holders()
-    notes = [json.loads(file.read_bytes()) for file in sorted(store.logs.glob("progress-*.json"))
-             ] if holders else []
+    notes = [read_note(store.note(shard)) for shard in holders]
     rates = [note["units_per_s"] for note in notes if note["units_per_s"]]
     left = plan.unit_count - done - failed
     found: dict[str, Any] = {
@@ -82,7 +95,7 @@ def status(folder: Path, *, as_json: bool) -> int:
         "running": sum(note["running"] for note in notes), "left": left,
         "units_per_s": round(sum(rates), 4) if rates else None,
         "seconds_left": round(left / sum(rates), 1) if rates else None,
-        "held_by": holders,
+        "held_by": list(holders.values()),
         "other_files": _count_files(store) - done,
     }
     if as_json:
@@ -111,6 +124,10 @@ def leaderboard(folders: Sequence[Path], out: Path | None, *, metric: str,
         except OSError as error:
             raise StoreError(f"{out}: cannot be written: {error.strerror}") from None
     _show(board, as_json)
+    for store in stores:
+        if store.damaged:
+            _say(f"note: {store.damaged} damaged units were set aside; see {store.logs}; running "
+                 "the sweep again does them again")
     return DONE
 
 

@@ -18,6 +18,14 @@ def quiet_stdout() -> Iterator[None]:
         yield
 
 
+def devices() -> list[str]:
+    """The devices of this machine: cpu, cuda:0, ..."""
+    start_warp()
+    import warp
+
+    return [str(device) for device in warp.get_devices()]
+
+
 @cache
 def start_warp() -> None:
     """Starts Warp; on stderr comes what it says, but for the lack of a GPU driver."""

@@ -8,6 +8,7 @@ from typing import Any
 from sweeps.plan import FILE_KEYS
 from sweeps.problems import Path, Problems, choose, short
 from sweeps.quiet import quiet_stdout, start_warp
+from sweeps.spec_files import CSV_LIMIT, MESH_LIMIT, NoFile, named_file
 from sweeps.spec_strategies import check_name
 from sweeps.study import Body
 from warpgrasp.body_names import BODY_NAMES
@@ -55,7 +56,7 @@ def read_object(value: Any, path: Path, base_dir: FilePath, problems: Problems) 
     files: list[FilePath] = []
     try:
         table = _absolute(value, path, base_dir, files)
-    except _NoFile as error:
+    except _FileProblem as error:
         problems.add(error.path, error.what)
         return None
     if given[0] in FILE_KEYS:
@@ -102,7 +103,7 @@ def _build(table: Mapping[str, Any], base_dir: FilePath) -> None:
                         "`warpgrasp init` shows how objects are written") from error
 
 
-class _NoFile(Exception):
+class _FileProblem(Exception):
     def __init__(self, path: Path, what: str) -> None:
         self.path = path
         self.what = what
@@ -114,7 +115,11 @@ def _absolute(table: Mapping[str, Any], path: Path, base_dir: FilePath,
     found: dict[str, Any] = {}
     for key, value in table.items():
         if key in FILE_KEYS:
-            files.append(_file(value, (*path, key), base_dir))
+            try:
+                limit = MESH_LIMIT if key == "mesh" else CSV_LIMIT
+                files.append(named_file(value, base_dir, limit))
+            except NoFile as error:
+                raise _FileProblem((*path, key), str(error)) from None
             found[key] = str(files[-1])
         elif isinstance(value, Mapping):
             found[key] = _absolute(value, (*path, key), base_dir, files)
@@ -125,19 +130,6 @@ def _absolute(table: Mapping[str, Any], path: Path, base_dir: FilePath,
         else:
             found[key] = value
     return found
-
-
-def _file(value: Any, path: Path, base_dir: FilePath) -> FilePath:
-    if not isinstance(value, str) or not value:
-        raise _NoFile(path, f"is {short(value)}; should be a file")
-    try:
-        file = (base_dir / value).resolve()
-        if file.is_file():
-            return file
-    except (OSError, ValueError, RuntimeError):
-        pass
-    raise _NoFile(path, f"{short(value)} is not a file; relative to the spec that is "
-                  f"{short(str(base_dir / value), 200)}")
 
 
 def _content(file: FilePath) -> bytes:

@@ -39,8 +39,21 @@ def test_a_sweep_ends_with_its_leaderboard(
     found = json.loads(capsys.readouterr().out)
     assert (found["done"], found["failed"], found["left"], found["held_by"]) == (8, 0, 0, [])
 
+    with commands.Store(out).lock((1, 1)):  # a run that has not noted anything sound
+        (out / "logs" / "progress-1-of-1.json").write_text("{")
+        assert cli.run(["status", str(out)]) == 0
+        assert "process" in capsys.readouterr().out
+
     board = tmp_path / "board.csv"
     assert cli.run(["leaderboard", str(out), "-o", str(board)]) == 0
+    assert board.read_bytes() == (out / "leaderboard.csv").read_bytes()
+
+    unit = min((out / "units").iterdir())
+    content = bytearray(unit.read_bytes())
+    content[len(content) // 4] ^= 0xFF
+    unit.write_bytes(content)
+    assert cli.run(["sweep", str(spec), "-o", str(out)]) == 0
+    assert "1 damaged units are done again" in capsys.readouterr().err
     assert board.read_bytes() == (out / "leaderboard.csv").read_bytes()
 
     assert cli.run(["sweep", str(spec), "-o", str(out), "--set", "seed=8"]) == 3
@@ -53,6 +66,9 @@ def test_a_sweep_ends_with_its_leaderboard(
     (["sweep", "SPEC", "-o", "OUT", "--workers", "0"], "--workers: is 0"),
     (["sweep", "SPEC", "-o", "OUT", "--workers", "two"], "--workers"),
     (["sweep", "SPEC", "-o", "OUT", "--shard", "3/2"], "--shard: is '3/2'; should be I/N"),
+    (["sweep", "SPEC", "-o", "OUT", "--unit-timeout-s", "0"], "--unit-timeout-s: is 0; should be"),
+    (["sweep", "SPEC", "-o", "OUT", "--unit-timeout-s", "nan"], "--unit-timeout-s: is nan"),
+    (["sweep", "SPEC", "-o", "OUT", "--device", "cuda:99"], "--device: there is no cuda:99 here"),
     (["sweep", "SPEC", "-o", "OUT", "--device", "gpu"], "--device: is 'gpu'; should be cpu or"),
     (["sweep", "SPEC", "-o", "SPEC"], "cannot be written"),
     (["sweep", "SPEC", "-o", "OUT", "--set", "seed"], "--set: seed: should be KEY=VALUE"),
