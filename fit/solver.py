@@ -22,6 +22,14 @@ DAMPING = 1e-3
 """First damping, as a share of the largest diagonal element of JᵀJ."""
 
 
+class Problem(NamedTuple):
+    """A least-squares problem: functions of (theta, data) for one fit."""
+
+    residuals: Callable
+    jacobian: Callable | None = None
+    """Derivatives of the residuals, [residual, parameter]; None: by forward differentiation."""
+
+
 class Descent(NamedTuple):
     """Where one descent stands."""
 
@@ -35,10 +43,10 @@ class Descent(NamedTuple):
     """By how much the last call lowered the cost, as a share of the cost before it."""
 
 
-def descend(residual: Callable, theta, damping, iterations, *data: Any) -> Descent:
-    """`iterations` (a traced number) steps from `theta` for `residual(theta, *data)`."""
+def descend(problem: Problem, theta, damping, iterations, *data: Any) -> Descent:
+    """`iterations` (a traced number) steps from `theta` for `problem`."""
     solver = LevenbergMarquardt(
-        residual,
+        problem.residuals,
         damping_parameter=DAMPING,
         solver="cholesky",
         materialize_jac=True,
@@ -46,6 +54,9 @@ def descend(residual: Callable, theta, damping, iterations, *data: Any) -> Desce
         jit=False,
         unroll=False,
     )
+    if problem.jacobian is not None:
+        # Its `jac_fun` option is read only without `materialize_jac`.
+        solver._jac_fun = problem.jacobian
     state = solver.init_state(theta, *data)
     state = state._replace(
         increase_factor=jnp.asarray(2.0, theta.dtype),

@@ -12,7 +12,6 @@ from dataclasses import dataclass, fields
 from functools import lru_cache
 from typing import Literal
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
@@ -20,16 +19,9 @@ from fit.batch import map_lanes, take
 from fit.descent import Finished, advance, finish, screen
 from fit.prepare import Sets, prepare
 from fit.rotation import quaternion_of_matrix
-from fit.superquadric_model import (
-    TAPER_REACH,
-    Form,
-    Lane,
-    distance,
-    log_radius_gradient,
-    point_residual,
-    residuals,
-    unpack,
-)
+from fit.solver import Problem
+from fit.superquadric_body import TAPER_REACH, Form
+from fit.superquadric_model import Lane, jacobian, look, residuals
 from fit.superquadric_starts import box_starts, taper_starts
 
 START_EXPONENT_LOGIT = 0.0
@@ -46,7 +38,7 @@ class SuperquadricOptions:
     bend: bool = False
     """Circular bend: two parameters more."""
     residual: Literal["solina", "radial", "distance", "volume_distance"] | None = None
-    """See `superquadric_model.point_residual`; None: solina, or volume_distance with a taper."""
+    """See `superquadric_field.residual`; None: solina, or volume_distance with a taper."""
     loss: Literal["none", "pseudo_huber", "cauchy", "geman_mcclure"] = "none"
     """Robust loss of the points' (and normals') residuals, its scale from their median."""
     screen_iterations: int = 5
@@ -172,9 +164,9 @@ def _fit_bucket(sets: Sets, options: SuperquadricOptions) -> dict[str, np.ndarra
     lanes, theta = _refresh(lanes, theta, sets, form, options)
     if form.loss != "none" or sets.covariance is not None:
         # Weights and scale belong to a shape: settle both before the finish.
-        theta = advance(_residual(form), theta, lanes, options.round_iterations).theta
+        theta = advance(_problem(form), theta, lanes, options.round_iterations).theta
         lanes, theta = _refresh(lanes, theta, sets, form, options)
-    end = finish(_residual(form), theta, lanes, at_a_time=options.round_iterations,
+    end = finish(_problem(form), theta, lanes, at_a_time=options.round_iterations,
                  at_most=options.iterations)
     return _rows(end, lanes, sets, form)
 
@@ -236,7 +228,7 @@ def _screen(lanes: Lane, sets: Sets, form: Form, options: SuperquadricOptions):
     spread = take(lanes, np.repeat(np.arange(n), starts))
     spread = spread._replace(rotation=rotation.reshape(-1, 3, 3))
     badness = _badness(form)
-    best, found = screen(_residual(form), theta, spread, options.screen_iterations, badness)
+    best, found = screen(_problem(form), theta, spread, options.screen_iterations, badness)
     return lanes._replace(rotation=rotation[np.arange(n), best]), found
 
 
@@ -296,23 +288,15 @@ def _rows(end: Finished, lanes: Lane, sets: Sets, form: Form) -> dict[str, np.nd
     }
 
 
-# The lane functions: cached, since each names one compiled program.
+# What names the compiled programs: cached, so that each is one object.
 
 
 @lru_cache(maxsize=64)
 def _look(form: Form):
-    """The body; each point's distance, the normal there, and its unweighted residual."""
-
-    def look(theta, lane):
-        body = unpack(theta, lane.rotation, form)
-        gradient = log_radius_gradient(body, lane.points)
-        length = jnp.sqrt(jnp.sum(gradient**2, axis=0) + 1e-24)
-        raw = point_residual(body, lane.points, form)
-        return body, distance(body, lane.points), gradient / length, raw
-
-    return look
+    return lambda theta, lane: look(theta, lane, form)
 
 
 @lru_cache(maxsize=64)
-def _residual(form: Form):
-    return lambda theta, lane: residuals(theta, lane, form)
+def _problem(form: Form) -> Problem:
+    return Problem(lambda theta, lane: residuals(theta, lane, form),
+                   lambda theta, lane: jacobian(theta, lane, form))
