@@ -1,6 +1,4 @@
 """Many descents at once: starts screened, the best finished, lanes dropped as they are done.
-
-A `Problem` is one cached object of functions of (theta, lane), for it names the compiled program.
 """
 
 from __future__ import annotations
@@ -11,15 +9,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fit import solver
 from fit.batch import map_lanes, take
-from fit.solver import Problem
 from fit.status import FitStatus
 
 CONVERGED_FALL = 1e-12
 """A fit has converged when a round lowers its cost by less than this share."""
 NOTHING_LEFT = 1e-24
 """Cost, in unit frames, below which there is only rounding."""
+
+
+class Problem(NamedTuple):
+    """A least-squares problem of one fit and what descends it; one cached object, for it names the
+    compiled program."""
+
+    function: Callable
+    """Of (theta, lane): what `descend` needs of the problem."""
+    descend: Callable
+    """`solver.descend` for residuals, `normal_descent.descend` for normal equations."""
 
 
 class Finished(NamedTuple):
@@ -79,7 +85,5 @@ def finish(problem: Problem, theta, lanes: Any, *, at_a_time: int, at_most: int)
 
 @lru_cache(maxsize=64)
 def _program(problem: Problem) -> Callable:
-    def descent(theta, damping, lane, iterations):
-        return solver.descend(problem, theta, damping, iterations, lane)
-
-    return descent
+    return lambda theta, damping, lane, iterations: problem.descend(
+        problem.function, theta, damping, iterations, lane)

@@ -17,11 +17,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from fit import solver
 from fit.batch import map_lanes, take
-from fit.descent import advance, finish, screen
+from fit.descent import Problem, advance, finish, screen
 from fit.prepare import Sets, prepare
 from fit.robust import robust
-from fit.solver import Problem
 from fit.status import FitStatus
 from fit.superquadric_body import Tensor
 from fit.superquadric_starts import box_starts
@@ -263,13 +263,13 @@ def _problem(options: RevolutionOptions) -> Problem:
         parts.append(1e-3 * theta[0:2])
         return jnp.concatenate(parts)
 
-    return Problem(residual)
+    return Problem(residual, solver.descend)
 
 
 @lru_cache(maxsize=64)
 def _look(options: RevolutionOptions):
     """Body, distances, information matrix, and the slopes of the volume."""
-    residual = _problem(options).residuals
+    residual = _problem(options).function
 
     def volume(theta, rotation):
         _, _, height, radius = _body(theta, rotation)

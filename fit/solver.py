@@ -8,45 +8,22 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
+
+from fit.normal_descent import DAMPING, Descent
 
 with warnings.catch_warnings():
     # It says on import that it is no longer developed, which is why it is pinned and kept here.
     warnings.simplefilter("ignore", DeprecationWarning)
     from jaxopt import LevenbergMarquardt
 
-DAMPING = 1e-3
-"""First damping, as a share of the largest diagonal element of JᵀJ."""
-
-
-class Problem(NamedTuple):
-    """A least-squares problem: functions of (theta, data) for one fit."""
-
-    residuals: Callable
-    jacobian: Callable | None = None
-    """Derivatives of the residuals, [residual, parameter]; None: by forward differentiation."""
-
-
-class Descent(NamedTuple):
-    """Where one descent stands."""
-
-    theta: Any
-    """Parameters, shape [parameter]."""
-    damping: Any
-    """Damping to go on with; 0 to choose one."""
-    cost: Any
-    """Half the sum of squared residuals."""
-    fallen: Any
-    """By how much the last call lowered the cost, as a share of the cost before it."""
-
-
-def descend(problem: Problem, theta, damping, iterations, *data: Any) -> Descent:
-    """`iterations` (a traced number) steps from `theta` for `problem`."""
+def descend(residuals: Callable, theta, damping, iterations, *data: Any) -> Descent:
+    """`iterations` (a traced number) steps from `theta` for `residuals(theta, *data)`."""
     solver = LevenbergMarquardt(
-        problem.residuals,
+        residuals,
         damping_parameter=DAMPING,
         solver="cholesky",
         materialize_jac=True,
@@ -54,9 +31,6 @@ def descend(problem: Problem, theta, damping, iterations, *data: Any) -> Descent
         jit=False,
         unroll=False,
     )
-    if problem.jacobian is not None:
-        # Its `jac_fun` option is read only without `materialize_jac`.
-        solver._jac_fun = problem.jacobian
     state = solver.init_state(theta, *data)
     state = state._replace(
         increase_factor=jnp.asarray(2.0, theta.dtype),

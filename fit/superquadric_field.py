@@ -59,14 +59,14 @@ def residual(shape: Shape, local: Float[Array, "3 point"], kind: Kind) -> Float[
 
 def slopes(
     function: Callable, shape: Shape, local: Float[Array, "3 point"]
-) -> tuple[Shape, Float[Array, "3 point"]]:
-    """Derivatives of an elementwise `function(shape, local)` by the shape and by the point.
+) -> tuple[Float[Array, " point"], Shape, Float[Array, "3 point"]]:
+    """An elementwise `function(shape, local)`, its derivatives by the shape and by the point.
 
     The shape's own are given a point each: fields [n, point].
     """
     copies = jax.tree.map(lambda v: jnp.broadcast_to(v, (len(v), local.shape[1])), shape)
-    _, back = jax.vjp(function, copies, local)
-    return back(jnp.ones(local.shape[1], local.dtype))
+    value, back = jax.vjp(function, copies, local)
+    return (value, *back(jnp.ones_like(value)))
 
 
 def log_square_radius(shape: Shape, local: Float[Array, "3 point"]) -> Float[Array, " point"]:

@@ -1,4 +1,4 @@
-"""The least-squares problem of one superquadric, in JAX: residuals and their exact Jacobian.
+"""The least-squares problem of one superquadric, in JAX: residuals and normal equations.
 
 Everything here is for a single fit, in a frame where the points have unit scale; `batch` makes a
 batch of it.
@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from fit.normal_descent import Normal
 from fit.robust import robust
 from fit.superquadric_body import Body, Form, Tensor, body_slopes, unpack
 from fit.superquadric_field import distance, log_square_radius, residual, slopes
@@ -41,30 +42,34 @@ class Lane(NamedTuple):
     """Balls known to lie outside: centre (3), radius, weight."""
 
 
-def residuals(theta, lane: Lane, form: Form) -> Float[Array, " residual"]:
-    """All residuals of one fit: points, free balls, then the other evidence and the ridge."""
-    body = unpack(theta, lane.rotation, form)
-    each = [function(body.shape, body.local(places)) for function, places in _fields(lane, form)]
-    return jnp.concatenate([*each, _others(theta, lane, form)])
+def normal_equations(theta, lane: Lane, form: Form) -> Normal:
+    """JᵀJ, Jᵀr and cost of all residuals: points, free balls, the other evidence, the ridge.
 
-
-def jacobian(theta, lane: Lane, form: Form) -> Float[Array, "residual parameter"]:
-    """Derivatives of `residuals` by theta.
-
-    Of the many residuals at points by one backward pass to the numbers of the body, a copy for
-    each point, and from there by one small matrix; of the few others in forward mode.
+    The many residuals at points are differentiated by one backward pass to the numbers of the
+    body, a copy for each point; summed there; and brought to theta by one small matrix. The few
+    others in forward mode.
     """
     body = unpack(theta, lane.rotation, form)
     step = body_slopes(theta, lane.rotation, form)
-    rows = []
+    sums = jnp.zeros((len(step) + 1,) * 2, theta.dtype)
     for function, places in _fields(lane, form):
         local = body.local(places)
-        by_shape, by_place = slopes(function, body.shape, local)
+        value, by_shape, by_place = slopes(function, body.shape, local)
         # A turn of the body moves a point the other way in its frame.
         by_turn = jnp.cross(by_place, local, axis=0)
-        by_body = jnp.concatenate([*jax.tree.leaves(by_shape), by_turn, by_place])
-        rows.append(by_body.T @ step)
-    return jnp.concatenate([*rows, jax.jacfwd(_others)(theta, lane, form)])
+        rows = jnp.concatenate([*jax.tree.leaves(by_shape), by_turn, by_place, value[None]])
+        sums = sums + rows @ rows.T
+    r = _others(theta, lane, form)
+    j = jax.jacfwd(_others)(theta, lane, form)
+    return Normal(step.T @ sums[:-1, :-1] @ step + j.T @ j,
+                  sums[-1, :-1] @ step + r @ j, 0.5 * (sums[-1, -1] + r @ r))
+
+
+def residuals(theta, lane: Lane, form: Form) -> Float[Array, " residual"]:
+    """The residuals themselves, in the order of `normal_equations`."""
+    body = unpack(theta, lane.rotation, form)
+    each = [function(body.shape, body.local(places)) for function, places in _fields(lane, form)]
+    return jnp.concatenate([*each, _others(theta, lane, form)])
 
 
 def _fields(lane: Lane, form: Form) -> list[tuple[Callable, Tensor]]:
@@ -105,7 +110,7 @@ def look(theta, lane: Lane, form: Form) -> tuple[Body, Array, Array, Array]:
     """The body; each point's distance, the normal there, and its unweighted residual."""
     body = unpack(theta, lane.rotation, form)
     local = body.local(lane.points)
-    _, steepest = slopes(log_square_radius, body.shape, local)
+    _, _, steepest = slopes(log_square_radius, body.shape, local)
     normal = steepest / jnp.sqrt(jnp.sum(steepest**2, axis=0) + 1e-24)
     return (body, distance(body.shape, local), body.rotation @ normal,
             residual(body.shape, local, form.residual))
