@@ -43,16 +43,20 @@ def recover_bodies(
     placed = replace(evidence, free_m=evidence.free_m[:, first],
                      free_mask=np.zeros_like(evidence.free_mask[:, first]))
     fits = fit_evidence(placed, table)
-    for _ in range(table.rounds if links is not None else int(table.free_space)):
+    rounds = table.rounds if links is not None else int(table.free_space)
+    for number in range(rounds):
         if links is not None:
             placed = contacts_placed(evidence, links, fits)
         placed = nearest_free(placed, evidence, fits)
-        fits = fit_evidence(placed, table)
+        # Early bodies may be wrong as a whole: only the later rounds go on from the last one.
+        fits = fit_evidence(placed, table, start=fits if 2 * number >= rounds else None)
     return fits, placed
 
 
-def fit_evidence(evidence: Evidence, table: FitTable) -> SuperquadricFit:
-    """One fit a world, to the evidence that the table switches on."""
+def fit_evidence(
+    evidence: Evidence, table: FitTable, *, start: SuperquadricFit | None = None
+) -> SuperquadricFit:
+    """One fit a world, to the evidence that the table switches on, going on from `start`."""
     options = SuperquadricOptions(
         taper=table.taper, residual=table.residual, loss=table.loss,  # pyright: ignore
         upright_std_rad=table.upright_rad if table.table_plane else None)
@@ -63,7 +67,7 @@ def fit_evidence(evidence: Evidence, table: FitTable) -> SuperquadricFit:
         free_points=evidence.free_m if table.free_space else None,
         free_radius=evidence.free_radius_m if table.free_space else None,
         free_mask=evidence.free_mask if table.free_space else None,
-        options=options)
+        options=options, start=start)
 
 
 def contacts_placed(
