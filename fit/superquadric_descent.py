@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 
+import jax
 import numpy as np
 
 from fit import normal_descent
@@ -204,7 +205,7 @@ def _rows(end: Finished, lanes: Lane, sets: Sets, form: Form) -> dict[str, np.nd
 
 @lru_cache(maxsize=64)
 def _look(form: Form):
-    return lambda theta, lane: look(theta, lane, form)
+    return jax.vmap(lambda theta, lane: look(theta, lane, form))
 
 
 @lru_cache(maxsize=64)
