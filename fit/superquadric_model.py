@@ -50,7 +50,7 @@ def normal_equations(theta, lane: Lane, form: Form) -> Normal:
     others in forward mode.
     """
     body = unpack(theta, lane.rotation, form)
-    step = body_slopes(theta, lane.rotation, form)
+    step = body_slopes(theta, form)
     sums = jnp.zeros((len(step) + 1,) * 2, theta.dtype)
     for function, places in _fields(lane, form):
         local = body.local(places)
