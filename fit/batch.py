@@ -38,10 +38,11 @@ def point_bucket(count: int) -> int:
 
 
 @lru_cache(maxsize=256)
-def _compiled(lane_function: Callable, shared: int) -> Callable:
+def _compiled(group_function: Callable) -> Callable:
     def launch(groups, lanes, *common):
         """`groups` groups of `lanes`, one after the other; rows beyond them stay zero."""
-        group = jax.vmap(lambda lane: lane_function(*lane, *common))
+        # Jitted by itself only to be traced once for its shapes and for the loop.
+        group = jax.jit(lambda lanes: group_function(*lanes, *common))
         part = lambda tree, start: jax.tree.map(  # noqa: E731
             lambda leaf: jax.lax.dynamic_slice_in_dim(leaf, start, GROUP), tree)
 
@@ -68,13 +69,13 @@ def use_compilation_cache() -> None:
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
 
 
-def map_lanes(lane_function: Callable, *lanes: Any, shared: tuple = ()) -> Any:
-    """`lane_function(*lane, *shared)` of each lane, in float64.
+def map_lanes(group_function: Callable, *lanes: Any, shared: tuple = ()) -> Any:
+    """`group_function(*lanes, *shared)` over all lanes, a group at a time, in float64.
 
-    `lane_function` must be one cached object (it names the compiled program); `lanes` are trees of
-    arrays with the lane as first axis. Returns a tree of numpy arrays, lane first.
+    `group_function` is vmapped, and one cached object (it names the compiled program); `lanes` are
+    trees of arrays with the lane as first axis. Returns a tree of numpy arrays, lane first.
     """
-    program = _compiled(lane_function, len(shared))
+    program = _compiled(group_function)
     use_compilation_cache()
     count = len(jax.tree.leaves(lanes)[0])
     parts = []

@@ -1,7 +1,8 @@
-"""Levenberg-Marquardt for problems that give their normal equations, in JAX, one fit at a time.
+"""Levenberg-Marquardt for problems that give their normal equations, in JAX, a group at once.
 
 The same damping as `solver` (Nielsen 1999: by the gain ratio), but the equations are evaluated
-once a step, in one place, and the Jacobian itself is never stored.
+once a step, in one place, and the Jacobian itself is never stored. The loop stands outside the
+vmap: a loop that is vmapped is traced several times.
 """
 
 from __future__ import annotations
@@ -49,33 +50,38 @@ class _State(NamedTuple):
     first: Any
 
 
-def descend(normal: Callable, theta, damping, iterations, *data: Any) -> Descent:
-    """`iterations` (a traced number) steps from `theta`; `normal(theta, *data)` is a `Normal`."""
-    n = theta.shape[0]
-    one = jnp.ones((), theta.dtype)
-    nowhere = Normal(jnp.eye(n, dtype=theta.dtype), jnp.zeros_like(theta), jnp.inf * one)
+def descend(normal: Callable, theta, damping, iterations, lanes: Any) -> Descent:
+    """`iterations` (a traced number) steps of every lane from `theta` [lane, parameter].
 
-    def round_(index, state: _State) -> _State:
-        # The first round is no step: it finds out where the descent begins.
-        begins = index == 0
-        trial = normal(state.theta + state.step, *data)
-        promised = 0.5 * state.step @ (state.damping * state.step - state.at.gradient)
-        gain = (state.at.cost - trial.cost) / jnp.where(begins, 1.0, promised)
-        better = trial.cost < state.at.cost
-        at = jax.tree.map(lambda new, old: jnp.where(better, new, old), trial, state.at)
-        theta = jnp.where(better, state.theta + state.step, state.theta)
-        lower = jnp.maximum(1.0 / 3.0, 1.0 - (2.0 * jnp.minimum(gain, 10.0) - 1.0) ** 3)
-        damping = state.damping * jnp.where(better, lower, state.growth)
-        chosen = jnp.where(state.damping > 0.0, state.damping,
-                           DAMPING * jnp.max(jnp.diagonal(at.matrix)))
-        damping = jnp.where(begins, chosen, jnp.minimum(damping, 1e32))
-        growth = jnp.where(better, 2.0, jnp.minimum(2.0 * state.growth, 1e32))
-        damped = at.matrix + damping * jnp.eye(n, dtype=theta.dtype)
-        step = -jax.scipy.linalg.solve(damped, at.gradient, assume_a="pos")
-        return _State(theta, at, step, damping, growth,
-                      jnp.where(begins, trial.cost, state.first))
-
+    `normal(theta, lane)` is the `Normal` of one lane.
+    """
+    count, n = theta.shape
+    one = jnp.ones(count, theta.dtype)
+    nowhere = Normal(jnp.broadcast_to(jnp.eye(n, dtype=theta.dtype), (count, n, n)),
+                     jnp.zeros_like(theta), jnp.inf * one)
     begin = _State(theta, nowhere, jnp.zeros_like(theta), damping, 2.0 * one, one)
-    end = jax.lax.fori_loop(0, iterations + 1, round_, begin)
+    round_ = jax.vmap(lambda index, state, lane: _round(normal, index, state, lane),
+                      in_axes=(None, 0, 0))
+    end = jax.lax.fori_loop(0, iterations + 1, lambda i, state: round_(i, state, lanes), begin)
     fallen = (end.first - end.at.cost) / jnp.maximum(end.first, 1e-30)
     return Descent(end.theta, end.damping, end.at.cost, fallen)
+
+
+def _round(normal: Callable, index, state: _State, lane: Any) -> _State:
+    """One step of one lane. The first is none: it finds out where the descent begins."""
+    begins = index == 0
+    trial = normal(state.theta + state.step, lane)
+    promised = 0.5 * state.step @ (state.damping * state.step - state.at.gradient)
+    gain = (state.at.cost - trial.cost) / jnp.where(begins, 1.0, promised)
+    better = trial.cost < state.at.cost
+    at = jax.tree.map(lambda new, old: jnp.where(better, new, old), trial, state.at)
+    theta = jnp.where(better, state.theta + state.step, state.theta)
+    lower = jnp.maximum(1.0 / 3.0, 1.0 - (2.0 * jnp.minimum(gain, 10.0) - 1.0) ** 3)
+    damping = state.damping * jnp.where(better, lower, state.growth)
+    chosen = jnp.where(state.damping > 0.0, state.damping,
+                       DAMPING * jnp.max(jnp.diagonal(at.matrix)))
+    damping = jnp.where(begins, chosen, jnp.minimum(damping, 1e32))
+    growth = jnp.where(better, 2.0, jnp.minimum(2.0 * state.growth, 1e32))
+    damped = at.matrix + damping * jnp.eye(len(theta), dtype=theta.dtype)
+    step = -jax.scipy.linalg.solve(damped, at.gradient, assume_a="pos")
+    return _State(theta, at, step, damping, growth, jnp.where(begins, trial.cost, state.first))

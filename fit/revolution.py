@@ -283,7 +283,7 @@ def _look(options: RevolutionOptions):
         return (body, _distance(body, lane.points), jac.T @ jac,
                 jax.grad(volume)(theta, lane.rotation))
 
-    return look
+    return jax.vmap(look)
 
 
 def revolution_inside(fit: RevolutionFit, points: Float[np.ndarray, "fit point 3"]) -> np.ndarray:

@@ -20,8 +20,12 @@ with warnings.catch_warnings():
     warnings.simplefilter("ignore", DeprecationWarning)
     from jaxopt import LevenbergMarquardt
 
-def descend(residuals: Callable, theta, damping, iterations, *data: Any) -> Descent:
-    """`iterations` (a traced number) steps from `theta` for `residuals(theta, *data)`."""
+
+def descend(residuals: Callable, theta, damping, iterations, lanes: Any) -> Descent:
+    """`iterations` (a traced number) steps of every lane from `theta` [lane, parameter].
+
+    `residuals(theta, lane)` are those of one lane.
+    """
     solver = LevenbergMarquardt(
         residuals,
         damping_parameter=DAMPING,
@@ -31,17 +35,21 @@ def descend(residuals: Callable, theta, damping, iterations, *data: Any) -> Desc
         jit=False,
         unroll=False,
     )
-    state = solver.init_state(theta, *data)
-    state = state._replace(
-        increase_factor=jnp.asarray(2.0, theta.dtype),
-        damping_factor=jnp.where(damping > 0, damping, state.damping_factor),
-    )
 
-    def step(_, carry):
-        theta, state = solver.update(carry[0], carry[1], *data)
+    def begin(theta, damping, lane):
+        state = solver.init_state(theta, lane)
+        return state._replace(
+            increase_factor=jnp.asarray(2.0, theta.dtype),
+            damping_factor=jnp.where(damping > 0, damping, state.damping_factor),
+        )
+
+    def step(carry, lane):
+        theta, state = solver.update(*carry, lane)
         return theta, state._replace(increase_factor=state.increase_factor.astype(theta.dtype))
 
+    state = jax.vmap(begin)(theta, damping, lanes)
     before = state.value
-    theta, state = jax.lax.fori_loop(0, iterations, step, (theta, state))
+    theta, state = jax.lax.fori_loop(
+        0, iterations, lambda _, carry: jax.vmap(step)(carry, lanes), (theta, state))
     fallen = (before - state.value) / jnp.maximum(before, 1e-30)
     return Descent(theta, state.damping_factor, state.value, fallen)

@@ -62,15 +62,17 @@ def unpack(theta: Float[Array, " parameter"], rotation: Float[Tensor, "3 3"], fo
     """The body of a parameter vector.
 
     theta: log sizes (3), logits of the exponents (2), turn about `rotation` (3, Cayley), position
-    (3), then arctanh of the taper (2) and the bend (2) where the form has them.
+    along its axes (3), then arctanh of the taper (2) and the bend (2) where the form has them. No
+    number belongs to the world's axes, so that a turned set descends by the turned path.
     """
     shape = _shape(theta, form)
-    return Body(shape.size, shape.exponents, jnp.matmul(rotation, cayley(theta[5:8])),
-                theta[8:11], shape.taper, shape.bend)
+    turned = jnp.matmul(rotation, cayley(theta[5:8]))
+    position = jnp.matmul(rotation, theta[8:11])
+    return Body(shape.size, shape.exponents, turned, position, shape.taper, shape.bend)
 
 
 def body_slopes(
-    theta: Float[Array, " parameter"], rotation: Float[Tensor, "3 3"], form: Form
+    theta: Float[Array, " parameter"], form: Form
 ) -> Float[Array, "motion parameter"]:
     """Derivatives of the body by theta: of the shape's numbers, of its turn about its own axes,
     and of the place of a fixed point in its frame as it is shifted.
@@ -80,7 +82,7 @@ def body_slopes(
     numbers = jax.jacfwd(lambda t: jnp.concatenate(jax.tree.leaves(_shape(t, form))))(theta)
     h = 0.5 * theta[5:8]
     turn = (jnp.eye(3) - _skew(h)) / (1.0 + h @ h)
-    shift = -jnp.matmul(rotation, cayley(theta[5:8])).T
+    shift = -cayley(theta[5:8]).T
     rest = jnp.zeros((3, form.parameters - 11), theta.dtype)
     none = jnp.zeros((3, 3), theta.dtype)
     before = jnp.zeros((3, 5), theta.dtype)

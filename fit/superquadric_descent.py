@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 
+import jax
 import numpy as np
 
 from fit import normal_descent
@@ -71,7 +72,8 @@ def _parameters_of(start: SuperquadricFit, sets: Sets, form: Form) -> np.ndarray
     theta = np.zeros((len(size), form.parameters))
     theta[:, 0:3] = np.log(size)
     theta[:, 3:5] = np.log(share / (1 - share))
-    theta[:, 8:11] = (start.position_m - sets.origin) / sets.scale[:, None]
+    shift = (start.position_m - sets.origin) / sets.scale[:, None]
+    theta[:, 8:11] = np.einsum("fji,fj->fi", matrix_of_quaternion(start.quaternion_xyzw), shift)
     if form.taper:
         theta[:, 11:13] = np.arctanh(np.clip(start.taper / TAPER_REACH, -0.95, 0.95))
     if form.bend:
@@ -135,7 +137,7 @@ def _screen(lanes: Lane, sets: Sets, form: Form, options: SuperquadricOptions):
         half = half / np.concatenate([1 + np.abs(taper), np.ones((n, starts, 1))], axis=2)
     theta[..., 0:3] = np.log(half)
     theta[..., 3:5] = START_EXPONENT_LOGIT
-    theta[..., 8:11] = centre
+    theta[..., 8:11] = np.einsum("fsji,fsj->fsi", rotation, centre)
     spread = take(lanes, np.repeat(np.arange(n), starts))
     spread = spread._replace(rotation=rotation.reshape(-1, 3, 3))
     badness = _badness(form)
@@ -173,6 +175,7 @@ def _refresh(lanes: Lane, theta, sets: Sets, form: Form, options: SuperquadricOp
         upright = deviation / options.upright_std_rad
     theta = theta.copy()
     theta[:, 5:8] = 0.0
+    theta[:, 8:11] = np.einsum("fji,fj->fi", body.rotation, body.position)
     return lanes._replace(rotation=body.rotation, weight=weight, loss_scale=scale,
                           ridge=ridge, upright=upright), theta
 
@@ -204,7 +207,7 @@ def _rows(end: Finished, lanes: Lane, sets: Sets, form: Form) -> dict[str, np.nd
 
 @lru_cache(maxsize=64)
 def _look(form: Form):
-    return lambda theta, lane: look(theta, lane, form)
+    return jax.vmap(lambda theta, lane: look(theta, lane, form))
 
 
 @lru_cache(maxsize=64)

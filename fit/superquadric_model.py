@@ -50,7 +50,7 @@ def normal_equations(theta, lane: Lane, form: Form) -> Normal:
     others in forward mode.
     """
     body = unpack(theta, lane.rotation, form)
-    step = body_slopes(theta, lane.rotation, form)
+    step = body_slopes(theta, form)
     sums = jnp.zeros((len(step) + 1,) * 2, theta.dtype)
     for function, places in _fields(lane, form):
         local = body.local(places)
@@ -59,8 +59,8 @@ def normal_equations(theta, lane: Lane, form: Form) -> Normal:
         by_turn = jnp.cross(by_place, local, axis=0)
         rows = jnp.concatenate([*jax.tree.leaves(by_shape), by_turn, by_place, value[None]])
         sums = sums + rows @ rows.T
-    r = _others(theta, lane, form)
-    j = jax.jacfwd(_others)(theta, lane, form)
+    others = lambda t: (_others(t, lane, form),) * 2  # noqa: E731
+    j, r = jax.jacfwd(others, has_aux=True)(theta)
     return Normal(step.T @ sums[:-1, :-1] @ step + j.T @ j,
                   sums[-1, :-1] @ step + r @ j, 0.5 * (sums[-1, -1] + r @ r))
 

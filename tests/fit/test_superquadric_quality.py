@@ -57,8 +57,8 @@ def test_a_rigid_motion_and_a_scale_move_the_fit_with_them() -> None:
         worst = gap.max(axis=1)
         print(f"\n{name}: median {np.median(worst):.1e} m, p90 {np.quantile(worst, 0.9):.1e} m, "
               f"max {worst.max():.1e} m")
-    assert np.quantile(apart.max(axis=1), 0.9) < 1e-6
-    assert np.quantile(larger.max(axis=1), 0.9) < 1e-6
+    assert apart.max() < 1e-6
+    assert larger.max() < 1e-6
 
 
 FORMS = {11: {}, 13: {"taper": True}, 15: {"taper": True, "bend": True}}
