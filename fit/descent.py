@@ -15,7 +15,7 @@ from fit import solver
 from fit.batch import map_lanes, take
 from fit.status import FitStatus
 
-CONVERGED_FALL = 1e-10
+CONVERGED_FALL = 1e-12
 """A fit has converged when a round lowers its cost by less than this share."""
 NOTHING_LEFT = 1e-24
 """Cost, in unit frames, below which there is only rounding."""
@@ -36,20 +36,25 @@ def advance(residual: Callable, theta, lanes: Any, iterations: int, damping=None
     return map_lanes(_program(residual), theta, damping, lanes, shared=(np.int64(iterations),))
 
 
-def screen(residual: Callable, theta, lanes: Any, iterations: int) -> tuple[np.ndarray, np.ndarray]:
+def screen(
+    residual: Callable, theta, lanes: Any, iterations: int,
+    badness: Callable = lambda theta, cost: cost,
+) -> tuple[np.ndarray, np.ndarray]:
     """The best start of each fit: its index and where it has got to.
 
     theta is [fit, start, parameter], and `lanes` has a row for every start of every fit. After
     some iterations all but two starts are dropped; the better of these after as many again.
+    `badness(theta, cost)` is what they are compared by.
     """
     n, starts = theta.shape[:2]
     tried = advance(residual, theta.reshape(n * starts, -1), lanes, iterations)
-    order = np.argsort(tried.cost.reshape(n, starts), axis=1, kind="stable")[:, :2]
+    rank = badness(tried.theta, tried.cost).reshape(n, starts)
+    order = np.argsort(rank, axis=1, kind="stable")[:, :2]
     if order.shape[1] == 1:
         return order[:, 0], tried.theta
     pair = (np.arange(n)[:, None] * starts + order).ravel()
     again = advance(residual, tried.theta[pair], take(lanes, pair), iterations, tried.damping[pair])
-    better = np.argmin(again.cost.reshape(n, 2), axis=1)
+    better = np.argmin(badness(again.theta, again.cost).reshape(n, 2), axis=1)
     row = np.arange(n)
     return order[row, better], again.theta.reshape(n, 2, -1)[row, better]
 

@@ -21,6 +21,7 @@ from fit.descent import Finished, advance, finish, screen
 from fit.prepare import Sets, prepare
 from fit.rotation import quaternion_of_matrix
 from fit.superquadric_model import (
+    TAPER_REACH,
     Form,
     Lane,
     distance,
@@ -29,7 +30,7 @@ from fit.superquadric_model import (
     residuals,
     unpack,
 )
-from fit.superquadric_starts import box_starts
+from fit.superquadric_starts import box_starts, taper_starts
 
 START_EXPONENT_LOGIT = 0.0
 ROBUST_TUNING = {"none": 1.0, "pseudo_huber": 1.345, "cauchy": 2.385, "geman_mcclure": 3.0}
@@ -44,8 +45,8 @@ class SuperquadricOptions:
     """Linear taper Kx, Ky: 13 parameters."""
     bend: bool = False
     """Circular bend: two parameters more."""
-    residual: Literal["solina", "radial", "distance"] = "solina"
-    """See `superquadric_model.point_residual`."""
+    residual: Literal["solina", "radial", "distance", "volume_distance"] | None = None
+    """See `superquadric_model.point_residual`; None: solina, or volume_distance with a taper."""
     loss: Literal["none", "pseudo_huber", "cauchy", "geman_mcclure"] = "none"
     """Robust loss of the points' (and normals') residuals, its scale from their median."""
     screen_iterations: int = 5
@@ -61,8 +62,12 @@ class SuperquadricOptions:
     """Weight of all the free balls together, against all the points."""
     normal_weight: float = 0.3
     """Weight of a normal's tangent-plane residual against its point's."""
-    ridge: float = 1e-3
-    """Weight of the prior on exponents, taper and bend, in the unit frame."""
+    upright_std_rad: float | None = None
+    """Standard deviation of the tilt of a body known to stand upright, on whichever of its three
+    axes [rad], against the noise that the residuals show; None: it may lie as it likes."""
+    prior: float = 0.1
+    """Inverse standard deviation of the prior on the exponents' logits, the taper's arctanh and
+    the bend, against the noise that the residuals show; 0 switches it off."""
 
 
 @dataclass(frozen=True)
@@ -160,7 +165,8 @@ def _placeholder(sets: Sets) -> dict[str, np.ndarray]:
 
 def _fit_bucket(sets: Sets, options: SuperquadricOptions) -> dict[str, np.ndarray]:
     """Rows of usable sets that share one padded number of points."""
-    form = Form(options.taper, options.bend, options.residual, options.loss)
+    residual = options.residual or ("volume_distance" if options.taper else "solina")
+    form = Form(options.taper, options.bend, residual, options.loss)
     lanes = _lanes(sets, options)
     lanes, theta = _screen(lanes, sets, form, options)
     lanes, theta = _refresh(lanes, theta, sets, form, options)
@@ -199,7 +205,8 @@ def _lanes(sets: Sets, options: SuperquadricOptions) -> Lane:
         weight=_unit(weight),
         rotation=np.tile(np.eye(3), (n, 1, 1)),
         loss_scale=0.1 / np.sqrt(sets.count),
-        ridge=np.full(n, options.ridge),
+        ridge=np.full(n, 1e-3 * options.prior),
+        upright=None if options.upright_std_rad is None else 0.1 / np.sqrt(sets.count),
         plane=plane,
         normals=normals,
         normal_weight=normal_weight,
@@ -218,13 +225,27 @@ def _screen(lanes: Lane, sets: Sets, form: Form, options: SuperquadricOptions):
     rotation, half, centre = box_starts(sets.points, sets.mask, down, floor, trim)
     n, starts = rotation.shape[:2]
     theta = np.zeros((n, starts, form.parameters))
+    if form.taper:
+        taper = taper_starts(sets.points, sets.mask, rotation, half, centre)
+        theta[..., 11:13] = np.arctanh(taper / TAPER_REACH)
+        # The widest section gave the extents; the sizes belong to the middle one.
+        half = half / np.concatenate([1 + np.abs(taper), np.ones((n, starts, 1))], axis=2)
     theta[..., 0:3] = np.log(half)
     theta[..., 3:5] = START_EXPONENT_LOGIT
     theta[..., 8:11] = centre
     spread = take(lanes, np.repeat(np.arange(n), starts))
     spread = spread._replace(rotation=rotation.reshape(-1, 3, 3))
-    best, found = screen(_residual(form), theta, spread, options.screen_iterations)
+    badness = _badness(form)
+    best, found = screen(_residual(form), theta, spread, options.screen_iterations, badness)
     return lanes._replace(rotation=rotation[np.arange(n), best]), found
+
+
+def _badness(form: Form):
+    """What starts are compared by: the cost, without the volume where that is a mere factor."""
+    if form.residual != "volume_distance":
+        return lambda theta, cost: cost
+    # A body shrunk to nothing costs nothing, however far from the touches it lies.
+    return lambda theta, cost: cost * np.exp(-theta[:, 0:3].sum(axis=1))
 
 
 def _refresh(lanes: Lane, theta, sets: Sets, form: Form, options: SuperquadricOptions):
@@ -235,16 +256,22 @@ def _refresh(lanes: Lane, theta, sets: Sets, form: Form, options: SuperquadricOp
         variance = np.einsum("fip,fpij,fjp->fp", normal, sets.covariance, normal)
         variance = variance + (options.sigma_floor_m / sets.scale[:, None]) ** 2
         weight = _unit(sets.mask / np.sqrt(variance))
+    size = np.where(sets.mask, np.abs(raw) * weight, np.nan)
+    spare = np.maximum(sets.count - form.parameters, 1) / sets.count
+    deviation = 1.4826 * np.nanmedian(size, axis=1) / np.sqrt(spare)
+    least = 1e-4 / np.sqrt(sets.count)
     scale = lanes.loss_scale
     if form.loss != "none":
-        size = np.where(sets.mask, np.abs(raw) * weight, np.nan)
-        spare = np.maximum(sets.count - form.parameters, 1) / sets.count
-        deviation = 1.4826 * np.nanmedian(size, axis=1) / np.sqrt(spare)
-        scale = np.clip(ROBUST_TUNING[form.loss] * deviation, 1e-4 / np.sqrt(sets.count),
-                        lanes.loss_scale)
+        scale = np.clip(ROBUST_TUNING[form.loss] * deviation, least, scale)
+    deviation = np.clip(deviation, 0.1 * least, lanes.loss_scale)
+    ridge = options.prior * deviation
+    upright = lanes.upright
+    if options.upright_std_rad is not None:
+        upright = deviation / options.upright_std_rad
     theta = theta.copy()
     theta[:, 5:8] = 0.0
-    return lanes._replace(rotation=body.rotation, weight=weight, loss_scale=scale), theta
+    return lanes._replace(rotation=body.rotation, weight=weight, loss_scale=scale,
+                          ridge=ridge, upright=upright), theta
 
 
 def _rows(end: Finished, lanes: Lane, sets: Sets, form: Form) -> dict[str, np.ndarray]:

@@ -18,6 +18,8 @@ LEAST_EXPONENT, GREATEST_EXPONENT = 0.1, 2.0
 TINY = 1e-12
 """Added to squared scaled coordinates: moves a surface by less than a micrometre."""
 LEAST_TAPER_FACTOR = 0.02
+TAPER_REACH = 1.05
+"""Above one, so that the full taper of a wedge or a cone lies at a finite parameter."""
 GREATEST_BEND = 1.0
 """Curvature times the body's half diagonal stays below this, so that it never folds."""
 
@@ -30,7 +32,7 @@ class Form(NamedTuple):
 
     taper: bool
     bend: bool
-    residual: Literal["solina", "radial", "distance"]
+    residual: Literal["solina", "radial", "distance", "volume_distance"]
     loss: Literal["none", "pseudo_huber", "cauchy", "geman_mcclure"]
 
     @property
@@ -51,6 +53,8 @@ class Lane(NamedTuple):
     """Residual (weighted) at which the robust loss begins to bend."""
     ridge: Float[Tensor, ""]
     """Weight of the prior that keeps what no point shows from drifting."""
+    upright: Float[Tensor, ""] | None = None
+    """Weight of the prior that one of the body's axes, whichever, is vertical."""
     plane: Float[Tensor, " 5"] | None = None
     """Down direction (3), height of the plane along it, weight of the support residual."""
     normals: Float[Tensor, "3 point"] | None = None
@@ -82,7 +86,7 @@ def unpack(theta: Float[Array, " parameter"], rotation: Float[Tensor, "3 3"], fo
     exponents = LEAST_EXPONENT + span * jax.nn.sigmoid(theta[3:5])
     taper, bend = None, None
     if form.taper:
-        taper = jnp.tanh(theta[11:13])
+        taper = jnp.clip(TAPER_REACH * jnp.tanh(theta[11:13]), -1.0, 1.0)
     if form.bend:
         v = theta[form.parameters - 2 :]
         limit = GREATEST_BEND / jnp.sqrt(jnp.sum(size**2))
@@ -102,8 +106,11 @@ def cayley(w: Float[Array, " 3"]) -> Float[Array, "3 3"]:
 
 def log_square_radius(body: Body, points: Float[Array, "3 point"]) -> Float[Array, " point"]:
     """log F^e1 of points: twice the log of the scaled radius, 0 on the surface."""
-    x, y, z = straighten(body, points)
-    scaled = jnp.log((jnp.stack([x, y, z]) / body.size[:, None]) ** 2 + TINY)
+    return _log_square_radius(body, straighten(body, points))
+
+
+def _log_square_radius(body: Body, straight: Float[Array, "3 point"]):
+    scaled = jnp.log((straight / body.size[:, None]) ** 2 + TINY)
     return _log_f_e1(scaled, body.exponents)
 
 
@@ -243,6 +250,10 @@ def residuals(theta, lane: Lane, form: Form) -> Float[Array, " residual"]:
     if lane.plane is not None:
         down, height, weight = lane.plane[:3], lane.plane[3], lane.plane[4]
         parts.append(weight * (down @ body.position + support(body, down) - height)[None])
+    if lane.upright is not None:
+        u = body.rotation[2]
+        # The products vanish exactly where one axis is vertical, and grow with the tilt.
+        parts.append(lane.upright * jnp.stack([u[0] * u[1], u[1] * u[2], u[2] * u[0]]))
     if lane.normals is not None and lane.normal_weight is not None:
         # The tangent plane at a touch is a plane of the dual superquadric: n.(x - t) = h(n).
         reach = jax.vmap(lambda n: support(body, n), in_axes=1)(lane.normals)
@@ -260,32 +271,43 @@ def point_residual(body: Body, points, form: Form) -> Float[Array, " point"]:
 
     solina: sqrt(a1 a2 a3) (F^e1 - 1), whose volume factor prefers the least body that explains the
     touches (Solina and Bajcsy 1990); radial: distance along the ray from the centre;
-    distance: that along the surface normal, to first order.
+    distance: that along the surface normal, to first order; volume_distance: the latter with
+    Solina's volume factor, which serves tapered bodies, for near the tip of a taper F^e1 grows so
+    fast that a touch there counts for many.
     """
     if form.residual == "solina":
         log_square = jnp.clip(log_square_radius(body, points), -30.0, 8.0)
         return jnp.sqrt(jnp.prod(body.size)) * jnp.expm1(log_square)
     if form.residual == "radial":
-        return radial(body, points)
-    return distance(body, points)
-
-
-def radial(body: Body, points) -> Float[Array, " point"]:
-    """Signed distance from the surface along the ray from the centre, in the straight frame."""
-    local = straighten(body, points)
-    length = jnp.sqrt(jnp.sum(local**2, axis=0) + TINY)
-    log_square = jnp.clip(log_square_radius(body, points), -8.0, 30.0)
-    return -length * jnp.expm1(-0.5 * log_square)
+        straight = straighten(body, points)
+        length = jnp.sqrt(jnp.sum(straight**2, axis=0) + TINY)
+        return -length * jnp.expm1(-0.5 * _log_square_radius(body, straight))
+    away = distance(body, points)
+    if form.residual == "distance":
+        return away
+    return 2.0 * jnp.sqrt(jnp.prod(body.size)) * away
 
 
 def distance(body: Body, points) -> Float[Array, " point"]:
     """Signed distance along the normal to first order: (beta - 1)/|grad beta|, beta the radius.
 
-    beta is convex for exponents up to 2 and no taper, so outside this never exceeds the distance.
+    Without taper beta is convex for exponents up to 2, so outside this never exceeds the distance.
+    The gradient is that before the bend, which turns it and hardly stretches it.
     """
-    log_square = jnp.clip(log_square_radius(body, points), -8.0, 30.0)
-    slope = jnp.sqrt(jnp.sum(log_radius_gradient(body, points) ** 2, axis=0) + TINY)
-    return -jnp.expm1(-0.5 * log_square) / slope
+    straight = straighten(body, points)
+    scaled = jnp.log((straight / body.size[:, None]) ** 2 + TINY)
+    log_square, shares, _ = _log_f_e1_parts(scaled, body.exponents)
+    x, y, z = straight
+    gx, gy, gz = (share * c / (c**2 + TINY * a**2)
+                  for share, c, a in zip(shares, straight, body.size, strict=True))
+    if body.taper is not None:
+        factors = 1.0 + body.taper[:, None] * (z / body.size[2])
+        kx, ky = jnp.where(factors > LEAST_TAPER_FACTOR, body.taper[:, None], 0.0)
+        fx, fy = jnp.maximum(factors, LEAST_TAPER_FACTOR)
+        gx, gy = gx / fx, gy / fy
+        gz = gz - (gx * x * kx + gy * y * ky) / body.size[2]
+    slope = jnp.sqrt(gx**2 + gy**2 + gz**2 + TINY)
+    return -jnp.expm1(-0.5 * jnp.clip(log_square, -8.0, 30.0)) / slope
 
 
 def log_radius_gradient(body: Body, points) -> Float[Array, "3 point"]:

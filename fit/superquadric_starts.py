@@ -46,6 +46,31 @@ def box_starts(
     return rotation, half, centre
 
 
+def taper_starts(
+    points: Float[np.ndarray, "fit point 3"],
+    mask: Bool[np.ndarray, "fit point"],
+    rotation: Float[np.ndarray, "fit start 3 3"],
+    half: Float[np.ndarray, "fit start 3"],
+    centre: Float[np.ndarray, "fit start 3"],
+) -> Float[np.ndarray, "fit start 2"]:
+    """Taper of each start, from the widths of the points above and below its middle.
+
+    A section half way up stands 1 + K/2 wide, half way down 1 - K/2; the widths are root mean
+    squares, which touches on two faces and on a round wall both follow.
+    """
+    local = np.einsum("fpi,fsij->fspj", points, rotation)
+    local = local - np.einsum("fsi,fsij->fsj", centre, rotation)[:, :, None]
+    height = local[..., 2] / half[..., None, 2]
+    width = []
+    for side in (1.0, -1.0):
+        # Points near an end may lie on its flat face and say nothing of the wall.
+        weight = mask[:, None] * ((side * height > 0.1) & (side * height < 0.85))
+        total = np.maximum(weight.sum(axis=2), 1)
+        square = (weight[..., None] * local[..., :2] ** 2).sum(axis=2) / total[..., None]
+        width.append(np.sqrt(square) + 1e-6)
+    return np.clip(2 * (width[0] - width[1]) / (width[0] + width[1]), -0.9, 0.9)
+
+
 def _principal_axes(spread: np.ndarray) -> np.ndarray:
     """Right-handed principal axes as columns, shape [fit, 3, 3], the longest last."""
     _, axes = np.linalg.eigh(np.einsum("fpi,fpj->fij", spread, spread))

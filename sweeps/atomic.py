@@ -6,7 +6,7 @@ from pathlib import Path
 
 def write_atomic(path: Path, content: bytes) -> None:
     """Writes under a temporary name, syncs, renames, and syncs the folder."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    temporary = path.with_name(f".{path.name}.{os.urandom(6).hex()}.tmp")
     try:
         with temporary.open("wb") as stream:
             stream.write(content)

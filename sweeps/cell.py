@@ -18,7 +18,7 @@ class Cell:
     """Everything the episodes of one cell depend on, picklable.
 
     `body_table` names the object: `{"name": ...}` for the catalogue, otherwise the spec's table
-    with a mesh file made absolute and its content hash under `sha256`.
+    with its files made absolute, as `warpgrasp.catalogue.body_from_table` takes it.
     """
 
     strategy: Strategy

@@ -3,7 +3,7 @@
 import re
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 
@@ -22,6 +22,7 @@ class UsageError(ValueError):
 @app.command
 def sweep(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])],
           workers: int = 1, shard: str = "1/1", device: str = "cpu", set_: Settings = None,
+          engine: Literal["local", "ray"] = "local", address: str | None = None,
           json: Json = False) -> int:
     """Run a study, or what is left of it, and print its leaderboard.
 
@@ -39,13 +40,20 @@ def sweep(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])
         cpu, or cuda:0.
     set_
         KEY=V1,V2: adds or replaces a grid axis; seed=, episodes_per_cell= replace a value.
+    engine
+        local: worker processes here; ray: tasks on a Ray cluster (an optional extra).
+    address
+        Of the Ray cluster, or auto; without it Ray runs on this machine's cores.
     json
         Print the leaderboard as JSON.
     """
     from sweeps import commands
 
+    if address is not None and engine != "ray":
+        raise UsageError("--address: is for --engine ray")
     return commands.sweep(spec, out, workers=_count(workers, "--workers"), shard=_shard(shard),
-                          device=_device(device), settings=set_ or [], as_json=json)
+                          device=_device(device), settings=set_ or [], engine=engine,
+                          address=address, as_json=json)
 
 
 @app.command

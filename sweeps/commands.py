@@ -30,7 +30,8 @@ SHOWN = ("rank", "strategy", "_ci_low", "_ci_high", "p_best", "iou", "recognized
 
 
 def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], device: str,
-          settings: Sequence[str], as_json: bool) -> int:
+          settings: Sequence[str], as_json: bool, engine: str = "local",
+          address: str | None = None) -> int:
     """Runs what is left of a study, then ranks it."""
     plan = _plan(spec, settings)
     store = Store(folder)
@@ -40,7 +41,13 @@ def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], dev
     note = store.logs / f"progress-{shard[0]}-of-{shard[1]}.json"
     with _terminated_as_interrupted(), store.lock(shard):
         with Progress(total, note) as progress:
-            outcome = run(plan, store, Options(workers, shard, device, EPISODES), progress)
+            options = Options(workers, shard, device, EPISODES)
+            if engine == "ray":
+                from sweeps.ray_engine import run_on_ray
+
+                outcome = run_on_ray(plan, store, options, progress, address)
+            else:
+                outcome = run(plan, store, options, progress)
         if outcome.done + outcome.failed == 0:
             _say(f"{folder}: finished already, {outcome.kept} units")
         if shard[1] == 1:

@@ -1,13 +1,11 @@
 """Running the units of a study that are not there yet, in worker processes.
 
-The parent hands out one unit at a time and never imports the simulator. A unit whose worker dies
-or raises is tried once more; the second time it is set aside as failed, with its log, and the
-rest goes on. Until the first unit is finished only one worker works: it fills the kernel and
-XLA caches that the others then load, instead of all compiling the same.
+The parent hands out one unit at a time and runs none itself. Until the first unit has come back
+only one worker works: it fills the kernel and XLA caches that the others then load, instead of
+all compiling the same.
 """
 
 import os
-from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -16,13 +14,13 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
-from sweeps.atomic import write_atomic
 from sweeps.plan import Plan, Unit
 from sweeps.progress import Progress
 from sweeps.store import Store, StoreError
-from sweeps.worker import ENVIRONMENT, EPISODES, Report, work
+from sweeps.work import Outcome, Work
+from sweeps.worker import EPISODES, Report, work, worker_environment
 
-ATTEMPTS = 2
+EARLY_DEATHS = 2  # workers that may die before they are ready
 LOG_TAIL = 20_000  # characters of a worker's output kept with a failed unit
 
 
@@ -34,15 +32,6 @@ class Options:
     shard: tuple[int, int] = (1, 1)
     device: str = "cpu"
     function: str = EPISODES
-
-
-@dataclass
-class Outcome:
-    """What a run did, in units."""
-
-    kept: int = 0  # were there already
-    done: int = 0
-    failed: int = 0
 
 
 @dataclass
@@ -58,40 +47,29 @@ class _Slot:
 
 @dataclass
 class _Run:
-    plan: Plan
-    store: Store
+    work: Work
     options: Options
-    progress: Progress
-    outcome: Outcome = field(default_factory=Outcome)
     slots: list[_Slot] = field(default_factory=list)
-    again: deque[Unit] = field(default_factory=deque)
-    attempts: dict[str, int] = field(default_factory=dict)
     early_deaths: int = 0
-    exhausted: bool = False
 
-    def __post_init__(self) -> None:
-        self.fresh = self.plan.units(self.options.shard)
+    def go(self) -> None:
+        first = [unit for _ in range(self.options.workers) if (unit := self.work.take())]
+        for number, unit in enumerate(first, 1):
+            self.work.put_back(unit)
+            self.slots.append(self._start_worker(number))
+        while not self.work.over:
+            self._hand_out()
+            ready = wait([slot.pipe for slot in self.slots], timeout=1.0)
+            for number, slot in enumerate(self.slots):
+                if slot.pipe in ready:
+                    self.slots[number] = self._hear(slot, number + 1)
+            self.work.progress.tick(len(self.work.in_hand))
 
-    def next_unit(self) -> Unit | None:
-        """What to do next, retries first; units that are there are counted and passed over."""
-        if self.again:
-            return self.again.popleft()
-        for unit in self.fresh:
-            held = any(slot.unit and slot.unit.id == unit.id for slot in self.slots)
-            tried = self.attempts.get(unit.id, 0) > 0
-            if not (held or tried or self.store.read(unit) is not None):
-                return unit
-            self.outcome.kept += 1
-            self.progress.kept()
-        self.exhausted = True
-        return None
-
-    def start_worker(self) -> _Slot:
+    def _start_worker(self, number: int) -> _Slot:
         context = get_context("spawn")
         mine, theirs = context.Pipe()
         index, count = self.options.shard
-        number = len(self.slots) + 1
-        log = self.store.logs / f"worker-{number}-shard-{index}-of-{count}.log"
+        log = self.work.store.logs / f"worker-{number}-shard-{index}-of-{count}.log"
         process = context.Process(
             target=work, args=(theirs, self.options.function, self.options.device, log),
             name=f"warpgrasp worker {number}", daemon=True)
@@ -100,78 +78,45 @@ class _Run:
         theirs.close()
         return _Slot(process, mine, log)
 
-    def go(self) -> None:
-        first = [unit for _ in range(self.options.workers) if (unit := self.next_unit())]
-        self.again.extend(first)
-        for _ in first:
-            self.slots.append(self.start_worker())
-        while not self.exhausted or self.again or self._busy():
-            self._hand_out()
-            ready = wait([slot.pipe for slot in self.slots], timeout=1.0)
-            for slot in [slot for slot in self.slots if slot.pipe in ready]:
-                self._hear(slot)
-            self.progress.tick(self._busy())
-
-    def _busy(self) -> int:
-        return sum(slot.unit is not None for slot in self.slots)
-
     def _hand_out(self) -> None:
-        warm = self.outcome.done > 0 or bool(self.attempts)
-        for slot in self.slots if warm else self.slots[:1]:
-            if slot.ready and slot.unit is None and (unit := self.next_unit()):
-                self.store.sweep_out(unit)
+        for slot in self.slots if self.work.tried_any else self.slots[:1]:
+            if slot.ready and slot.unit is None and (unit := self.work.take()):
                 slot.unit = unit
                 with suppress(OSError):  # it has died: its pipe says so in a moment
-                    slot.pipe.send((unit, self.store.path(unit)))
+                    slot.pipe.send((unit, self.work.store.path(unit)))
 
-    def _hear(self, slot: _Slot) -> None:
+    def _hear(self, slot: _Slot, number: int) -> _Slot:
+        """Takes a worker's report; the slot to go on with comes back."""
         try:
             report: Report = slot.pipe.recv()
         except (EOFError, OSError):
-            self._bury(slot)
-            return
+            return self._bury(slot, number)
         unit, slot.unit = slot.unit, None
         if report.kind == "ready":
             slot.ready = True
         elif report.kind == "broken":
             raise StoreError(f"a worker cannot start:\n{report.text.rstrip()}", 1)
         elif report.kind == "disk":
-            raise StoreError(f"{self.store.folder}: cannot be written: {report.text}; finished "
-                             "units are kept, the same command goes on from there", 1)
+            raise disk_error(self.work.store, report.text)
         elif unit is not None and report.kind == "done":
-            self.outcome.done += 1
-            self.store.log(unit).unlink(missing_ok=True)
-            self.progress.done(unit.stop - unit.start)
+            self.work.done(unit)
         elif unit is not None:
-            self._tried(unit, report.text)
+            self.work.failed(unit, report.text)
+        return slot
 
-    def _bury(self, slot: _Slot) -> None:
-        """A worker died: its unit is tried again, a new worker takes its place."""
+    def _bury(self, slot: _Slot, number: int) -> _Slot:
+        """A worker died: its unit has failed once more, a new worker takes its place."""
         slot.process.join()
         slot.pipe.close()
         code = slot.process.exitcode
         if slot.unit is not None:
-            self._tried(slot.unit, f"the worker died (exit code {code})\n{_tail(slot.log)}")
+            self.work.failed(slot.unit, f"{_tail(slot.log)}\nthe worker died (exit code {code})")
         elif not slot.ready:
             self.early_deaths += 1
-            if self.early_deaths > ATTEMPTS:
+            if self.early_deaths > EARLY_DEATHS:
                 raise StoreError(f"workers die at their start (exit code {code}); "
                                  f"see {slot.log}", 1)
-        place = self.slots.index(slot)
-        self.slots.remove(slot)
-        self.slots.insert(place, self.start_worker())
-
-    def _tried(self, unit: Unit, text: str) -> None:
-        self.attempts[unit.id] = self.attempts.get(unit.id, 0) + 1
-        if self.attempts[unit.id] < ATTEMPTS:
-            self.again.append(unit)
-            return
-        self.outcome.failed += 1
-        about = (f"strategy {unit.cell.strategy.name}, object {unit.cell.object_name}, setting "
-                 f"{dict(unit.cell.setting)}, episodes {unit.start} to {unit.stop - 1}")
-        write_atomic(self.store.log(unit), f"{about}\n\n{text}\n".encode())
-        reason = text.rstrip().rpartition("\n")[2]
-        self.progress.failed(f"unit set aside as failed: {about}: {reason[:200]}")
+        return self._start_worker(number)
 
     def stop(self) -> None:
         for slot in self.slots:
@@ -185,17 +130,23 @@ class _Run:
                 slot.process.kill()
                 slot.process.join()
             if slot.unit is not None:
-                self.store.sweep_out(slot.unit)
+                self.work.store.sweep_out(slot.unit)
 
 
 def run(plan: Plan, store: Store, options: Options, progress: Progress) -> Outcome:
     """Runs what is left of a study's shard; the caller holds the shard's lock."""
-    current = _Run(plan, store, options, progress)
+    current = _Run(Work(plan, store, options.shard, progress), options)
     try:
         current.go()
     finally:
         current.stop()
-    return current.outcome
+    return current.work.outcome
+
+
+def disk_error(store: Store, reason: str) -> StoreError:
+    """A unit that could not be written ends the run: the next would meet the same."""
+    return StoreError(f"{store.folder}: cannot be written: {reason}; finished units are kept, "
+                      "the same command goes on from there", 1)
 
 
 def _tail(log: Path) -> str:
@@ -209,12 +160,7 @@ def _tail(log: Path) -> str:
 def _environment() -> Iterator[None]:
     """The environment that a worker must find before it imports anything."""
     before = dict(os.environ)
-    os.environ.update(ENVIRONMENT)
-    if "XLA_FLAGS" in before:
-        os.environ["XLA_FLAGS"] = f"{before['XLA_FLAGS']} {ENVIRONMENT['XLA_FLAGS']}"
-    cache = Path(before.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "warpgrasp" / "jax"
-    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(cache))
-    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.3")
+    os.environ.update(worker_environment(before))
     try:
         yield
     finally:

@@ -59,7 +59,7 @@ def read_object(value: Any, path: Path, base_dir: FilePath, problems: Problems) 
     if name is None:
         return None
     try:
-        body_from_table(table, base_dir)
+        _build(table, base_dir)
     except BodyError as error:
         problems.add(path, str(error))
         return None
@@ -78,8 +78,19 @@ def object_of_argument(what: str, units: str | None) -> dict[str, Any]:
     if units is None:
         raise BodyError(f"{what}: a mesh wants its units: --units m, --units cm or --units mm")
     table = {"mesh": str(file.resolve()), "units": units, "name": file.stem}
-    body_from_table(table, FilePath())
+    _build(table, FilePath())
     return table
+
+
+def _build(table: Mapping[str, Any], base_dir: FilePath) -> None:
+    """Builds the object once; `BodyError` if it cannot be, whatever its file made a reader do."""
+    try:
+        body_from_table(table, base_dir)
+    except BodyError:
+        raise
+    except Exception as error:  # not foreseen, but a user's file or table is no reason to crash
+        raise BodyError(f"cannot be built: {type(error).__name__}: {error}; the template of "
+                        "`warpgrasp init` shows how objects are written") from error
 
 
 class _NoFile(Exception):

@@ -117,11 +117,13 @@ def _read_pose_file(family: type, values: dict[str, Any], path: Path, base_dir: 
     if not values.get("file"):
         problems.add((*path, "file"), "missing; should be a CSV file of hand poses")
         return None
-    file = (base_dir / values["file"]).resolve()
     try:
+        file = (base_dir / values["file"]).resolve()
         poses_from_csv(file)
     except WaypointError as error:
         problems.add((*path, "file"), str(error))
-    except (OSError, ValueError) as error:
-        problems.add((*path, "file"), f"{file} cannot be read: {error}")
-    return family(**{**values, "file": str(file)})
+    except (OSError, ValueError, RuntimeError) as error:
+        problems.add((*path, "file"), f"{short(values['file'])} cannot be read: {error}")
+    else:
+        return family(**{**values, "file": str(file)})
+    return None

@@ -14,7 +14,7 @@ from sweeps.spec_strategies import read_names
 from sweeps.study import Axis
 
 KINDS = ("grid", "zip", "sobol", "lhs")
-POINT_LIMIT = 10**6  # points of one sampled axis
+POINT_LIMIT = 10**5  # points of one sampled axis
 SETTABLE = ("seed", "episodes_per_cell", "name")
 Reader = Callable[[Any, Path, Problems], Any]
 

@@ -4,6 +4,7 @@ import fcntl
 import json
 import os
 import socket
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -37,6 +38,18 @@ class StoreError(ValueError):
 
 class Held(StoreError):
     """Another run holds the directory."""
+
+
+def _locked(descriptor: int) -> bool:
+    """Takes the lock; patient for a moment, since `holders` touches it in passing."""
+    for _ in range(10):
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            time.sleep(0.05)
+        else:
+            return True
+    return False
 
 
 class Store:
@@ -150,14 +163,14 @@ class Store:
         file = self.folder / f".lock-{shard[0]}-of-{shard[1]}"
         descriptor = os.open(file, os.O_RDWR | os.O_CREAT, 0o644)
         try:
-            try:
-                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
+            if not _locked(descriptor):
                 holder = os.read(descriptor, 200).decode(errors="replace").strip()
                 raise Held(f"{self.folder}: is being worked on by {holder or 'another run'}; "
-                           "wait for it, or give each run its own --shard I/N") from None
+                           "wait for it, or give each run its own --shard I/N")
             os.ftruncate(descriptor, 0)
             os.pwrite(descriptor, f"process {os.getpid()} on {socket.gethostname()}".encode(), 0)
+            if len(self.holders()) == 1:  # nobody else is writing: what is left is of killed runs
+                self._remove_temporaries()
             yield
         finally:
             os.close(descriptor)
@@ -172,6 +185,11 @@ class Store:
                 except BlockingIOError:
                     found.append(stream.read(200).decode(errors="replace"))
         return found
+
+    def _remove_temporaries(self) -> None:
+        for folder in (self.folder, self.units, self.logs):
+            for left in folder.glob(".*.tmp"):
+                left.unlink(missing_ok=True)
 
     def sweep_out(self, unit: Unit) -> None:
         """Removes temporary files that a killed run left of a unit."""

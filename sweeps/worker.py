@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from multiprocessing import parent_process
 from multiprocessing.connection import Connection
@@ -37,6 +37,19 @@ ENVIRONMENT = {
     "WARPGRASP_THREADS": "1",
     "PYTHONHASHSEED": "0",
 }
+
+
+def worker_environment(outer: Mapping[str, str]) -> dict[str, str]:
+    """What a worker's environment adds to the one the command was started in."""
+    found = dict(ENVIRONMENT)
+    if outer.get("XLA_FLAGS"):
+        found["XLA_FLAGS"] = f"{outer['XLA_FLAGS']} {found['XLA_FLAGS']}"
+    cache = Path(outer.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "warpgrasp" / "jax"
+    for name, value in (("JAX_COMPILATION_CACHE_DIR", str(cache)),
+                        ("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.3")):
+        if name not in outer:
+            found[name] = value
+    return found
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
     python tests/sweeps/fuzz_spec.py --count 10000 --seed 1
 
 Each must be read or refused with a line and a reason, never with another exception, and within
-five seconds. What once went wrong is kept in CORPUS.
+five seconds of processor time. What once went wrong is kept in CORPUS.
 """
 
 import argparse
@@ -26,6 +26,12 @@ CORPUS: tuple[str, ...] = (
     "objects = [{ mesh = \"\\u0000\", units = \"m\" }]", f"seed = {'9' * 4000}",
     "objects = [{ mesh = \"/dev/zero\", units = \"m\" }]",
     "objects = [{ mesh = \"../../etc/passwd\", units = \"m\" }]",
+    "objects = [{ name = \"t\", compound = [{ shape = {} }] }]",
+    "objects = [{ name = \"t\", compound = [{ shape = \"block\", size_mm = [9, "
+    f"1{'0' * 400}, 9] }}] }}]",
+    "[[strategy]]\nname = \"a\"\nwaypoints = { kind = \"csv\", file = \"\\u0000\" }",
+    "[sweep.sobol]\nn = 1000000\n\"arm.guarded_step_s\" = { low = 0, high = 1 }",
+    "[sweep.lhs]\nn = 100000\n\"arm.guarded_step_s\" = { low = 0, high = 1 }",
 )
 VALID: dict[str, Any] = {
     "schema": 1, "name": "a", "seed": 7, "episodes_per_cell": 3,
@@ -112,7 +118,7 @@ def write(value: Any) -> str:
 
 
 def _string(text: str) -> str:
-    return '"' + "".join(c if c.isascii() and c.isalnum() or c in "._-/" else f"\\U{ord(c):08x}"
+    return '"' + "".join(c if (c.isascii() and c.isalnum()) or c in "._-/" else f"\\U{ord(c):08x}"
                          for c in text) + '"'
 
 
@@ -120,7 +126,7 @@ def outcome(folder: Path, text: str) -> str:
     """`read`, `refused`, or what went wrong."""
     file = folder / "spec.toml"
     file.write_text(text, encoding="utf-8", errors="surrogatepass")
-    began = time.monotonic()
+    began = time.process_time()
     try:
         read_spec(file)
         found = "read"
@@ -131,7 +137,7 @@ def outcome(folder: Path, text: str) -> str:
                 found = f"a problem without its place or reason: {problem}"
     except Exception as error:
         found = f"{type(error).__name__}: {error}"
-    seconds = time.monotonic() - began
+    seconds = time.process_time() - began
     return found if seconds < LIMIT_S else f"took {seconds:.1f} s"
 
 

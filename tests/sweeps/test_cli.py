@@ -129,3 +129,29 @@ def test_help_needs_nothing_heavy() -> None:
 
 def test_workers_are_told_to_use_one_thread() -> None:
     assert {"NPROC", "OMP_NUM_THREADS", "WARPGRASP_THREADS"} <= set(worker.ENVIRONMENT)
+
+
+def test_a_terminal_gets_a_bar_and_the_results_stay_clean(tmp_path: Path) -> None:
+    """On a terminal stderr shows a bar; stdout holds the leaderboard alone."""
+    spec = write_spec(tmp_path)
+    parent, child = os.openpty()
+    code = ("import sys; from sweeps import cli, commands; "
+            "commands.EPISODES = 'fake_episodes:run_episodes'; cli.main(sys.argv[1:])")
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, "sweep", str(spec), "-o", str(tmp_path / "out")], text=True,
+        stdout=subprocess.PIPE, stderr=child, stdin=subprocess.DEVNULL,
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parent), "TERM": "xterm"})
+    os.close(child)
+    shown = b""
+    while True:
+        try:
+            part = os.read(parent, 4096)
+        except OSError:  # the other end is closed
+            break
+        if not part:
+            break
+        shown += part
+    assert process.communicate()[0].splitlines()[0].startswith("rank  strategy")
+    assert process.returncode == 0
+    assert b"8/8" in shown
+    os.close(parent)

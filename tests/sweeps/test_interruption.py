@@ -20,7 +20,7 @@ from sweeps.unit_file import read_unit, write_unit
 
 
 def test_a_study_survives_kills(tmp_path: Path) -> None:
-    wrong, _ = kill_and_resume(tmp_path, units=6, kills=2, seconds=0.8, seed=3)
+    wrong, _ = kill_and_resume(tmp_path, units=6, kills=1, seconds=0.3, seed=2)
     assert not wrong
 
 

@@ -293,9 +293,9 @@ def test_the_template_is_a_spec_that_names_every_key(tmp_path: Path) -> None:
 
 
 def test_fuzzed_specs_are_read_or_refused(tmp_path: Path) -> None:
-    counts, wrong = fuzz(tmp_path, 400, seed=1)
+    counts, wrong = fuzz(tmp_path, 250, seed=1)
     assert not wrong, wrong[:3]
-    assert counts["read"] >= 5
+    assert counts["read"] >= 3
 
 
 @pytest.mark.slow

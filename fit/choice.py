@@ -1,0 +1,99 @@
+"""Which kind of shape a set of touches supports: superquadrics, a polyhedron, or a revolution.
+
+By the Bayesian information criterion (Schwarz 1978), n log(mean square distance) + k log n, with n
+the number of *different* places touched: a place touched twice does not speak twice.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from fit.polyhedron import PolyhedronFit, fit_polyhedron
+from fit.revolution import RevolutionFit, RevolutionOptions, fit_revolution
+from fit.status import FitStatus
+from fit.superquadric import SuperquadricFit, SuperquadricOptions, fit_superquadric
+
+MODELS = ("superquadric", "tapered", "bent", "polyhedron", "revolution")
+"""Columns of a choice, the simplest first."""
+
+
+@dataclass(frozen=True)
+class ShapeChoice:
+    """The supported kind of shape of each set, with all the fits it was chosen from."""
+
+    model: Int[np.ndarray, " fit"]
+    """Index into `MODELS`; -1 where no model could be fitted."""
+    criterion: Float[np.ndarray, "fit model"]
+    """Information criterion, less is better; infinite where a model could not be fitted."""
+    probability: Float[np.ndarray, "fit model"]
+    """Posterior probability of each model, all alike beforehand; zeros where none was fitted."""
+    places: Int[np.ndarray, " fit"]
+    """Different places touched."""
+    superquadric: SuperquadricFit
+    tapered: SuperquadricFit
+    bent: SuperquadricFit
+    polyhedron: PolyhedronFit
+    revolution: RevolutionFit
+
+    def names(self) -> list[str]:
+        """Chosen model of each set; `none` where there is none."""
+        return [MODELS[k] if k >= 0 else "none" for k in self.model]
+
+
+def choose_shape(
+    points: Float[np.ndarray, "fit point 3"],
+    mask: Bool[np.ndarray, "fit point"] | None = None,
+    *,
+    table_z: float | Float[np.ndarray, " fit"] | None = None,
+    noise_m: float = 5e-4,
+    same_place_m: float = 1e-3,
+    options: SuperquadricOptions | None = None,
+    revolution: RevolutionOptions | None = None,
+) -> ShapeChoice:
+    """The kind of shape each set of touches [m] supports.
+
+    `noise_m` is the least noise a touch can have (no model is rewarded for less); touches nearer
+    than `same_place_m` count once. Raises ValueError for an array of the wrong shape.
+    """
+    points = np.asarray(points, float)
+    mask = np.ones(points.shape[:2], bool) if mask is None else np.asarray(mask, bool)
+    base = options or SuperquadricOptions()
+    forms = ((False, False), (True, False), (True, True))
+    # One residual for all, or their distances could not be compared.
+    fits = [fit_superquadric(points, mask, table_z=table_z, options=replace(
+        base, taper=taper, bend=bend, residual="volume_distance")) for taper, bend in forms]
+    round_body = fit_revolution(points, mask, table_z=table_z, options=revolution)
+    faces = fit_polyhedron(points, mask, fits[0])
+    places = count_places(points, mask, same_place_m)
+
+    good = np.isin(fits[0].status, (FitStatus.converged, FitStatus.not_converged))
+    n_points = np.maximum(fits[0].n_points, 1)
+    flat = np.sqrt((faces.distance_m**2).sum(axis=1) / n_points)
+    rms = np.stack([*(fit.rms_m for fit in fits), flat, round_body.rms_m], axis=1)
+    contour = round_body.radius_m.shape[1] + 6
+    parameters = np.tile([11, 13, 15, 0, contour], (len(points), 1))
+    # Three numbers a plane, and which face a touch lies on is no free choice: the outermost.
+    parameters[:, 3] = 3 * faces.used.sum(axis=1)
+    n = np.maximum(places, 1)[:, None]
+    criterion = n * np.log(rms**2 + noise_m**2) + parameters * np.log(n)
+    # As many parameters as places explain nothing.
+    criterion = np.where(good[:, None] & (parameters < n), criterion, np.inf)
+    some = np.isfinite(criterion).any(axis=1)
+    best = np.where(some, np.argmin(criterion, axis=1), -1)
+    least = np.where(some, criterion.min(axis=1), 0.0)
+    weight = np.exp(-0.5 * (criterion - least[:, None]))
+    probability = weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-300)
+    plain, tapered, bent = fits
+    return ShapeChoice(best, criterion, probability, places, plain, tapered, bent, faces,
+                       round_body)
+
+
+def count_places(points, mask, same_place_m: float) -> Int[np.ndarray, " fit"]:
+    """Different places touched: touches in one cell of a grid of that width are one place."""
+    with np.errstate(invalid="ignore"):
+        cells = np.round(points / same_place_m)
+    kept = mask & np.isfinite(cells).all(axis=2)
+    return np.array([len(np.unique(c[k], axis=0)) for c, k in zip(cells, kept, strict=True)], int)

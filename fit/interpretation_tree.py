@@ -1,0 +1,174 @@
+"""Recognition by faces: the interpretation tree of Grimson and Lozano-Perez (1984, 1987).
+
+Touched faces (a point and an outward normal each) are assigned to the faces of a model one by one.
+A branch dies as soon as a pair of assignments breaks one of three constraints: the angle between
+normals, the range of distances between points, the range of the components of their separation
+along the normals. What survives gives a pose, and the pose is verified: every touch must lie
+inside the bounds of its face.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from fit.rotation import quaternion_of_matrix
+
+
+@dataclass(frozen=True)
+class FaceModel:
+    """A polyhedron by its faces."""
+
+    name: str
+    faces: tuple[Float[np.ndarray, "corner 3"], ...]
+    """Corners of each convex face [m], counter-clockwise seen from outside."""
+
+    @cached_property
+    def normals(self) -> Float[np.ndarray, "face 3"]:
+        """Outward unit normals (Newell's sum, which any corner order of a plane face suits)."""
+        sums = [np.cross(c, np.roll(c, -1, axis=0)).sum(axis=0) for c in self.faces]
+        return np.array([s / np.linalg.norm(s) for s in sums])
+
+    @cached_property
+    def distance_range(self) -> Float[np.ndarray, "face face 2"]:
+        """Least and greatest distance [m] between points of two faces, from corners and centres.
+
+        The greatest lies at corners. The least is bounded below by the separation along the
+        normals and along the line of centres, each exact for convex faces as a lower bound.
+        """
+        n = len(self.faces)
+        table = np.zeros((n, n, 2))
+        for i, a in enumerate(self.faces):
+            for j, b in enumerate(self.faces):
+                apart = b[None] - a[:, None]
+                table[i, j, 1] = np.linalg.norm(apart, axis=2).max()
+                line = b.mean(axis=0) - a.mean(axis=0)
+                length = np.linalg.norm(line)
+                for axis in (self.normals[i], self.normals[j], line / max(length, 1e-12)):
+                    along = apart @ axis
+                    gap = max(along.min(), -along.max(), 0.0)
+                    table[i, j, 0] = max(table[i, j, 0], gap)
+        return table
+
+    @cached_property
+    def component_range(self) -> Float[np.ndarray, "face face 2"]:
+        """Range [m] of (q - p).n_i over points p of face i and q of face j: exact, at corners."""
+        along = [[(b[None] - a[:, None]) @ self.normals[i] for b in self.faces]
+                 for i, a in enumerate(self.faces)]
+        return np.array([[[x.min(), x.max()] for x in row] for row in along])
+
+
+@dataclass(frozen=True)
+class Interpretation:
+    """One verified way to see touched faces as faces of a model."""
+
+    model: str
+    assignment: tuple[int, ...]
+    """Model face of each touched face."""
+    quaternion_xyzw: Float[np.ndarray, " 4"]
+    """Turn from model to world."""
+    position_m: Float[np.ndarray, " 3"]
+    rms_m: float
+    """Root mean square distance of the touches to the planes of their faces."""
+
+
+def interpret(
+    points: Float[np.ndarray, "touch 3"],
+    normals: Float[np.ndarray, "touch 3"],
+    model: FaceModel,
+    *,
+    angle_rad: float = 0.2,
+    distance_m: float = 4e-3,
+    most: int = 100,
+) -> list[Interpretation]:
+    """Interpretations of touches [m] with outward normals, the best first; none: not this model.
+
+    `angle_rad` and `distance_m` are the most a normal and a point may err. At most `most`
+    interpretations are verified; symmetric bodies have several of equal worth. Raises ValueError
+    for arrays of the wrong shape.
+    """
+    points, normals = np.asarray(points, float), np.asarray(normals, float)
+    if points.ndim != 2 or points.shape[1] != 3 or normals.shape != points.shape:
+        raise ValueError(f"touches: points {points.shape}, normals {normals.shape}, "
+                         "should both be (touch, 3)")
+    branches: list[tuple[int, ...]] = [()]
+    compatible = _compatible(points, normals, model, angle_rad, distance_m)
+    for touch in range(len(points)):
+        branches = [(*branch, face) for branch in branches for face in range(len(model.faces))
+                    if all(compatible[k, touch, branch[k], face] for k in range(touch))]
+        # The breadth is bounded: the last levels prune fastest, and a cube has 24 equal answers.
+        branches = branches[: 50 * most]
+    found = [_verified(points, normals, model, branch, angle_rad, distance_m)
+             for branch in branches[:most]]
+    return sorted((f for f in found if f is not None), key=lambda f: f.rms_m)
+
+
+def _compatible(points, normals, model, angle_rad, distance_m) -> np.ndarray:
+    """Whether two touches may lie on two faces, shape [touch, touch, face, face]."""
+    turn = np.arccos(np.clip(normals @ normals.T, -1, 1))[:, :, None, None]
+    true = np.arccos(np.clip(model.normals @ model.normals.T, -1, 1))
+    fits = np.abs(turn - true) <= 2 * angle_rad
+    apart = points[None] - points[:, None]
+    length = np.linalg.norm(apart, axis=2)[:, :, None, None]
+    low, high = np.moveaxis(model.distance_range, 2, 0)
+    fits &= (length >= low - 2 * distance_m) & (length <= high + 2 * distance_m)
+    # A normal that errs by an angle errs the component by as much of the distance.
+    slack = 2 * distance_m + length * np.sin(angle_rad)
+    low, high = np.moveaxis(model.component_range, 2, 0)
+    along = np.einsum("abi,ai->ab", apart, normals)[:, :, None, None]
+    fits &= (along >= low - slack) & (along <= high + slack)
+    back = -np.einsum("abi,bi->ab", apart, normals)[:, :, None, None]
+    return fits & (back >= low.T - slack) & (back <= high.T + slack)
+
+
+def _verified(points, normals, model, assignment, angle_rad, distance_m) -> Interpretation | None:
+    """The pose of an assignment, if there is one and every touch lies inside its face."""
+    faces: Int[np.ndarray, " touch"] = np.array(assignment)
+    true = model.normals[faces]
+    u, values, vt = np.linalg.svd(normals.T @ true)
+    if values[1] < 1e-6:
+        return None  # all normals alike: the turn about them is free
+    rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+    turned = true @ rotation.T
+    if (np.einsum("ti,ti->t", turned, normals) < np.cos(angle_rad)).any():
+        return None
+    offset = np.array([model.faces[f][0] @ model.normals[f] for f in faces])
+    # n.(x - t) = offset, least squares for t; what no plane fixes is fixed by the faces' centres.
+    centre = np.array([model.faces[f].mean(axis=0) for f in faces]) @ rotation.T
+    weak = 1e-3
+    matrix = np.concatenate([turned, weak * np.tile(np.eye(3), (len(faces), 1))])
+    right = np.concatenate([np.einsum("ti,ti->t", turned, points) - offset,
+                            weak * (points - centre).ravel()])
+    position = np.linalg.lstsq(matrix, right, rcond=None)[0]
+    local = (points - position) @ rotation
+    away = np.einsum("ti,ti->t", local, true) - offset
+    if np.abs(away).max() > 2 * distance_m:
+        return None
+    for p, f in zip(local, faces, strict=True):
+        corners = model.faces[f]
+        edges = np.roll(corners, -1, axis=0) - corners
+        inward = np.cross(model.normals[f], edges)
+        inward /= np.linalg.norm(inward, axis=1, keepdims=True)
+        if (np.einsum("ei,ei->e", p - corners, inward) < -2 * distance_m).any():
+            return None
+    rms = float(np.sqrt(np.mean(away**2)))
+    return Interpretation(model.name, tuple(assignment), quaternion_of_matrix(rotation), position,
+                          rms)
+
+
+def block_model(name: str, size_m: tuple[float, float, float]) -> FaceModel:
+    """A block of full size x, y, z [m] centred on the origin."""
+    half = np.asarray(size_m) / 2
+    square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
+    faces = []
+    for axis in range(3):
+        for side in (1.0, -1.0):
+            corners = np.empty((4, 3))
+            corners[:, axis] = side
+            corners[:, (axis + 1) % 3] = square[:, 0]
+            corners[:, (axis + 2) % 3] = square[:, 1]
+            faces.append((corners if side > 0 else corners[::-1]) * half)
+    return FaceModel(name, tuple(faces))

@@ -1,0 +1,183 @@
+"""Sets of touches from a CSV, and fits to one: the file contracts of `warpgrasp fit`.
+
+In: columns `set, x_m, y_m, z_m` (no `set`: one set; optional `nx, ny, nz`). Out: a row a set.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from fit.plane import PlaneFit
+from fit.revolution import RevolutionFit
+from fit.status import status_names
+from fit.superquadric import SuperquadricFit
+
+
+class PointsError(ValueError):
+    """Everything wrong with a points file, a line each: `file:line: column: what and what not`."""
+
+    def __init__(self, problems: Sequence[str]):
+        super().__init__("\n".join(problems))
+        self.problems = tuple(problems)
+
+
+@dataclass(frozen=True)
+class PointSets:
+    """Sets of touches, padded."""
+
+    names: tuple[str, ...]
+    """Name of each set, in order of first appearance."""
+    points: Float[np.ndarray, "fit point 3"]
+    """Touches [m]."""
+    mask: Bool[np.ndarray, "fit point"]
+    normals: Float[np.ndarray, "fit point 3"] | None
+    """Outward normals, NaN where not given; None without the columns."""
+
+
+def read_points(path: str | Path, *, most_problems: int = 20) -> PointSets:
+    """Sets of touches from a CSV file.
+
+    Raises PointsError naming file, line and column of everything wrong: a missing column, a cell
+    that is no number, a row too short or long, no rows. NaN and infinity are numbers here: a fit
+    of such a set has the status `bad_points`. An OSError says why a file cannot be read.
+    """
+    path = Path(path)
+    problems: list[str] = []
+    sets: dict[str, list[list[float]]] = {}
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        reader = csv.reader(file)
+        header = [name.strip() for name in next(reader, [])]
+        columns = _columns(path, header)
+        wanted = [columns[name] for name in ("x_m", "y_m", "z_m")]
+        has_normals = "nx" in columns
+        if has_normals:
+            wanted += [columns[name] for name in ("nx", "ny", "nz")]
+        for row in reader:
+            if not row or all(not cell.strip() for cell in row):
+                continue
+            where = f"{path}:{reader.line_num}"
+            if len(row) != len(header):
+                problems.append(f"{where}: {len(row)} cells, should be {len(header)} as in line 1")
+                continue
+            numbers = []
+            for k in wanted:
+                value = _number(row[k], optional=header[k] in ("nx", "ny", "nz"))
+                if value is None:
+                    problems.append(f"{where}: {header[k]}: {row[k].strip()!r} is not a number; "
+                                    "write metres such as 0.0425")
+                    value = math.nan
+                numbers.append(value)
+            name = row[columns["set"]].strip() if "set" in columns else "0"
+            sets.setdefault(name, []).append(numbers)
+    if not sets and not problems:
+        problems.append(f"{path}:2: no points; a row of numbers for each touch should follow")
+    if problems:
+        hidden = len(problems) - most_problems
+        shown = problems[:most_problems]
+        raise PointsError([*shown, f"{path}: {hidden} more"] if hidden > 0 else shown)
+    return _padded(sets, has_normals)
+
+
+def _columns(path: Path, header: list[str]) -> dict[str, int]:
+    columns = {name: k for k, name in enumerate(header)}
+    problems = [f"{path}:1: {name}: column is missing; there are: {', '.join(header) or 'none'}"
+                for name in ("x_m", "y_m", "z_m") if name not in columns]
+    normals = [name for name in ("nx", "ny", "nz") if name in columns]
+    if 0 < len(normals) < 3:
+        problems.append(f"{path}:1: {normals[0]}: a normal needs all of nx, ny, nz")
+    problems += [f"{path}:1: {name}: column appears twice" for name in columns
+                 if name and header.count(name) > 1]
+    if problems:
+        raise PointsError(problems)
+    return columns
+
+
+def _number(cell: str, *, optional: bool) -> float | None:
+    cell = cell.strip()
+    if optional and cell in ("", "NA"):
+        return math.nan
+    try:
+        return float(cell)
+    except ValueError:
+        return None
+
+
+def _padded(sets: dict[str, list[list[float]]], has_normals: bool) -> PointSets:
+    width = max(len(rows) for rows in sets.values())
+    values = np.full((len(sets), width, 6 if has_normals else 3), np.nan)
+    mask = np.zeros((len(sets), width), bool)
+    for k, rows in enumerate(sets.values()):
+        values[k, : len(rows)] = rows
+        mask[k, : len(rows)] = True
+    points = np.where(mask[..., None], values[..., :3], 0.0)
+    return PointSets(tuple(sets), points, mask, values[..., 3:] if has_normals else None)
+
+
+def superquadric_rows(names: Sequence[str], fit: SuperquadricFit) -> tuple[list[str], list[list]]:
+    """Header and rows of the contract for superquadrics."""
+    header = ["set", "n", "a1_m", "a2_m", "a3_m", "eps1", "eps2", "px_m", "py_m", "pz_m",
+              "qx", "qy", "qz", "qw", "kx", "ky", "bend_per_m", "bend_angle_rad",
+              "rms_mm", "iterations", "status"]  # fmt: skip
+    numbers = np.concatenate([fit.size_m, fit.exponents, fit.position_m, fit.quaternion_xyzw,
+                              fit.taper, fit.bend, 1e3 * fit.rms_m[:, None]], axis=1)
+    return header, [[name, int(n), *row, int(iterations), status]
+                    for name, n, row, iterations, status in
+                    zip(names, fit.n_points, numbers, fit.iterations, status_names(fit.status),
+                        strict=True)]
+
+
+def plane_rows(names: Sequence[str], fit: PlaneFit) -> tuple[list[str], list[list]]:
+    """Header and rows of the contract for planes."""
+    header = ["set", "n", "nx", "ny", "nz", "offset_m", "rms_mm", "extent_u_m",
+              "extent_v_m", "status"]
+    numbers = np.concatenate([fit.normal, fit.offset_m[:, None], 1e3 * fit.rms_m[:, None],
+                              fit.extent_m], axis=1)
+    return header, _rows(names, fit.n_points, numbers, fit.status)
+
+
+def revolution_rows(names: Sequence[str], fit: RevolutionFit) -> tuple[list[str], list[list]]:
+    """Header and rows of the contract for surfaces of revolution; see `profile_rows`."""
+    header = ["set", "n", "px_m", "py_m", "pz_m", "ax", "ay", "az",
+              "height_m", "volume_m3", "rms_mm", "status"]
+    numbers = np.concatenate([fit.position_m, fit.axis, fit.height_m[:, None],
+                              fit.volume_m3[:, None], 1e3 * fit.rms_m[:, None]], axis=1)
+    return header, _rows(names, fit.n_points, numbers, fit.status)
+
+
+def profile_rows(names: Sequence[str], fit: RevolutionFit) -> tuple[list[str], list[list]]:
+    """Header and rows of the second file of revolutions: a row a node of each contour."""
+    header = ["set", "z_m", "radius_m", "radius_std_m"]
+    share = np.linspace(0.0, 1.0, fit.radius_m.shape[1])
+    return header, [[name, s * height, radius, std]
+                    for name, height, radii, stds in
+                    zip(names, fit.height_m, fit.radius_m, fit.radius_std_m, strict=True)
+                    for s, radius, std in zip(share, radii, stds, strict=True)]
+
+
+def _rows(names, counts, numbers, status) -> list[list]:
+    return [[name, int(n), *row, word] for name, n, row, word in
+            zip(names, counts, numbers, status_names(status), strict=True)]
+
+
+def write_rows(path: str | Path, header: Sequence[str], rows: Iterable[Sequence]) -> None:
+    """Write a CSV whole or not at all: nine significant digits, NA for what is not a number."""
+    path = Path(path)
+    part = path.with_name(path.name + ".part")
+    with part.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(header)
+        writer.writerows([_cell(value) for value in row] for row in rows)
+    part.replace(path)
+
+
+def _cell(value) -> str:
+    if isinstance(value, float | np.floating):
+        return format(value + 0.0, ".9g") if math.isfinite(value) else "NA"
+    return str(value)

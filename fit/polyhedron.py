@@ -1,0 +1,72 @@
+"""Convex polyhedra from touches, in batch: a touch lies on the face it is furthest out of.
+
+Begun from a box (a fitted superquadric's frame), then touches are assigned to faces and every face
+with enough of them is fitted anew, in turns, until nothing changes (k-planes).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from fit.rotation import matrix_of_quaternion
+from fit.superquadric_shape import SuperquadricLike
+
+FACE_POINTS = 4
+"""Fewest touches that may tilt a face; with one to three it only shifts."""
+ROUNDS = 30
+
+
+@dataclass(frozen=True)
+class PolyhedronFit:
+    """Polyhedra n.x <= offset for every face in use, a row each."""
+
+    normal: Float[np.ndarray, "fit face 3"]
+    offset_m: Float[np.ndarray, "fit face"]
+    used: Bool[np.ndarray, "fit face"]
+    """Faces that touches determine; the others are where the box had them."""
+    touches: Float[np.ndarray, "fit face"]
+    """Touches on each face."""
+    distance_m: Float[np.ndarray, "fit point"]
+    """Signed distance of each touch to its face's plane; 0 for padding."""
+
+
+def fit_polyhedron(
+    points: Float[np.ndarray, "fit point 3"],
+    mask: Bool[np.ndarray, "fit point"],
+    box: SuperquadricLike,
+) -> PolyhedronFit:
+    """Six-faced convex polyhedra of touches [m], begun from the boxes around `box`."""
+    rotation = matrix_of_quaternion(box.quaternion_xyzw)
+    axes = np.moveaxis(rotation, 2, 1)
+    normal = np.concatenate([axes, -axes], axis=1)
+    offset = np.einsum("fki,fi->fk", normal, box.position_m) + np.tile(box.size_m, (1, 2))
+    mask = mask & np.isfinite(points).all(axis=2)
+    points = np.where(mask[..., None], points, 0.0)
+    face = np.full(mask.shape, -1)
+    for _ in range(ROUNDS):
+        out = np.einsum("fpi,fki->fpk", points, normal) - offset[:, None]
+        now = np.where(mask, np.argmax(out, axis=2), -1)
+        if np.array_equal(now, face):
+            break
+        face = now
+        member = (face[..., None] == np.arange(6)) & mask[..., None]
+        count = member.sum(axis=1)
+        some = np.maximum(count, 1)
+        mean = np.einsum("fpk,fpi->fki", member, points) / some[..., None]
+        spread = points[:, None] - mean[:, :, None]
+        scatter = np.einsum("fpk,fkpi,fkpj->fkij", member, spread, spread)
+        values, vectors = np.linalg.eigh(scatter)
+        found = vectors[..., 0]
+        found = found * np.sign(np.einsum("fki,fki->fk", found, normal) + 1e-12)[..., None]
+        # A face turns only with touches spread both ways, and never past its neighbours.
+        wide = values[..., 1] > 4 * values[..., 0] + 1e-18
+        close = np.einsum("fki,fki->fk", found, normal) > 0.75
+        turns = (count >= FACE_POINTS) & wide & close
+        normal = np.where(turns[..., None], found, normal)
+        offset = np.where(count > 0, np.einsum("fki,fki->fk", normal, mean), offset)
+    out = np.einsum("fpi,fki->fpk", points, normal) - offset[:, None]
+    count = ((np.argmax(out, axis=2)[..., None] == np.arange(6)) & mask[..., None]).sum(axis=1)
+    return PolyhedronFit(normal, offset, count > 0, count, np.where(mask, out.max(axis=2), 0.0))

@@ -1,0 +1,86 @@
+"""The same units on a Ray cluster: tasks compute a unit's rows, this process writes the files.
+
+Rows travel back as the bytes of the unit's file, so nodes need no common folder for results; they
+need this package, and meshes and pose files at the paths where the spec found them.
+"""
+
+import os
+import traceback
+from typing import Any
+
+from sweeps.atomic import write_atomic
+from sweeps.plan import Plan, Unit
+from sweeps.progress import Progress
+from sweeps.runner import Options, disk_error
+from sweeps.store import Store, StoreError
+from sweeps.unit_file import encode_unit
+from sweeps.work import Outcome, Work
+from sweeps.worker import find_function, run_unit, worker_environment
+
+LOST_TASK_RETRIES = 4  # a node that goes away is no fault of the unit
+AHEAD = 2  # tasks in hand for each core
+
+
+def compute_unit(unit: Unit, function: str, device: str) -> bytes | str:
+    """The bytes of a unit's file, or the traceback of what it raised."""
+    try:
+        return encode_unit(unit.id, run_unit(find_function(function), unit, device))
+    except Exception:
+        return traceback.format_exc()
+
+
+def run_on_ray(plan: Plan, store: Store, options: Options, progress: Progress,
+               address: str | None) -> Outcome:
+    """Runs what is left of a study's shard on a cluster (`address`), or on this machine's cores.
+
+    The caller holds the shard's lock.
+    """
+    ray = _ray()
+    ray.init(address=address, num_cpus=None if address else options.workers,
+             include_dashboard=False, configure_logging=False, log_to_driver=False,
+             runtime_env={"env_vars": worker_environment({})})
+    try:
+        work = Work(plan, store, options.shard, progress)
+        _go(ray, work, options)
+        return work.outcome
+    finally:
+        ray.shutdown()
+
+
+def _go(ray: Any, work: Work, options: Options) -> None:
+    gpus = float(options.device.startswith("cuda"))
+    task = ray.remote(num_cpus=1, num_gpus=gpus, max_retries=LOST_TASK_RETRIES)(compute_unit)
+    running: dict[Any, Unit] = {}
+    while not work.over:
+        room = AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1)))
+        while len(running) < room and (unit := work.take()) is not None:
+            running[task.remote(unit, options.function, options.device)] = unit
+        ready, _ = ray.wait(list(running), num_returns=1, timeout=1.0) if running else ([], [])
+        for reference in ready:
+            _finish(ray, work, running.pop(reference), reference)
+        work.progress.tick(len(running))
+
+
+def _finish(ray: Any, work: Work, unit: Unit, reference: Any) -> None:
+    try:
+        result = ray.get(reference)
+    except ray.exceptions.RayError as error:  # its process died, again and again
+        result = f"the task was lost: {error}"
+    if isinstance(result, str):
+        work.failed(unit, result)
+        return
+    try:
+        write_atomic(work.store.path(unit), result)
+    except OSError as error:
+        raise disk_error(work.store, error.strerror or str(error)) from None
+    work.done(unit)
+
+
+def _ray() -> Any:
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # it reports usage unless told not to
+    try:
+        import ray
+    except ImportError:
+        raise StoreError("--engine ray: Ray is not installed; "
+                         "pip install 'warpgrasp[ray]' adds it") from None
+    return ray

@@ -1,0 +1,62 @@
+"""Reading sets of touches, with every mistake named; writing the contract's rows."""
+
+import csv
+
+import numpy as np
+import pytest
+
+from fit.plane import fit_plane
+from fit.points_csv import PointsError, plane_rows, read_points, write_rows
+
+
+def test_sets_in_any_order_with_some_normals(tmp_path) -> None:
+    path = tmp_path / "points.csv"
+    path.write_text("set,x_m,y_m,z_m,nx,ny,nz\nb,1,2,3,0,0,1\na,4,5,6,,,\nb,7,8,9,NA,NA,NA\n")
+    sets = read_points(path)
+    assert sets.names == ("b", "a")
+    assert sets.mask.tolist() == [[True, True], [True, False]]
+    assert sets.points[0].tolist() == [[1, 2, 3], [7, 8, 9]]
+    assert sets.normals is not None
+    assert np.isfinite(sets.normals).all(axis=2).tolist() == [[True, False], [False, False]]
+
+
+def test_without_a_set_column_there_is_one_set(tmp_path) -> None:
+    path = tmp_path / "points.csv"
+    path.write_text("x_m,y_m,z_m\n1,2,3\n\n4,5,6\n")
+    sets = read_points(path)
+    assert sets.points.shape == (1, 2, 3)
+    assert sets.normals is None
+
+
+@pytest.mark.parametrize(("text", "said"), [
+    ("x_m,y_m\n1,2\n", "points.csv:1: z_m: column is missing"),
+    ("x_m,y_m,z_m\n1,two,3\n4,5,six\n", "points.csv:2: y_m: 'two' is not a number"),
+    ("x_m,y_m,z_m\n1,2\n", "points.csv:2: 2 cells, should be 3"),
+    ("x_m,y_m,z_m\n", "points.csv:2: no points"),
+    ("", "points.csv:1: x_m: column is missing; there are: none"),
+    ("x_m,y_m,z_m,nx\n1,2,3,0\n", "points.csv:1: nx: a normal needs all of nx, ny, nz"),
+])
+def test_mistakes_name_the_line(tmp_path, text, said) -> None:
+    path = tmp_path / "points.csv"
+    path.write_text(text)
+    with pytest.raises(PointsError) as error:
+        read_points(path)
+    assert said in str(error.value)
+
+
+def test_every_mistake_at_once(tmp_path) -> None:
+    path = tmp_path / "points.csv"
+    path.write_text("x_m,y_m,z_m\n1,two,3\n4,5,six\n")
+    with pytest.raises(PointsError) as error:
+        read_points(path)
+    assert len(error.value.problems) == 2
+
+
+def test_rows_of_planes(tmp_path) -> None:
+    points = np.random.default_rng(0).uniform(-1, 1, (2, 9, 3)) * [1, 1, 0] + [0, 0, 0.5]
+    path = tmp_path / "fits.csv"
+    write_rows(path, *plane_rows(["a", "b"], fit_plane(points)))
+    rows = list(csv.DictReader(path.read_text().splitlines()))
+    assert [row["set"] for row in rows] == ["a", "b"]
+    assert float(rows[1]["offset_m"]) == pytest.approx(0.5)
+    assert rows[0]["status"] == "converged"
