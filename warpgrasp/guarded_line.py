@@ -388,7 +388,8 @@ class LineMove:
     hand_pose: np.ndarray
     """Where the line starts, as believed, [m] and quaternion xyzw, (row, 7)."""
     direction: np.ndarray
-    """Unit vector of the arm's line, base frame, (row, 3); zero: the arm stays."""
+    """Way of the arm in one interval, in units of it, base frame, (row, 3): a unit vector, a
+    shorter one for shorter intervals, zero where the arm stays."""
     interval_m: float
     steps: int
     finger: int

@@ -68,6 +68,7 @@ class Robot:
         self._device = device
         self._probes_made = 0
         self._lines_made = np.zeros(len(key), int)
+        self._line_count = 0
         self._mount = mount_error(arm, key)
         self._state = ArmState.home(len(key))
         # A first-order distance to a deformed superquadric may overshoot: march half of it.
@@ -80,6 +81,11 @@ class Robot:
     def worlds(self) -> int:
         """Number of worlds."""
         return len(self._key)
+
+    @property
+    def line_count(self) -> int:
+        """Guarded lines made so far: the number the next one will have."""
+        return self._line_count
 
     def grasp(
         self, hand_pose: np.ndarray, wanted: np.ndarray, commands_rad: np.ndarray,
@@ -115,7 +121,7 @@ class Robot:
         """Move arm or finger along a line in intervals until a pad of `finger` feels.
 
         Only the worlds `rows` (row,) move; `hand_pose` (row, 7) is where the hand starts,
-        `direction` (row, 3) the arm's unit direction (zero: the arm stays), `commands_rad`
+        `direction` (row, 3) the arm's way in intervals (unit; zero: the arm stays), `commands_rad`
         (finger 4, step, 4) the joints at each interval, the last held. `until` RELEASE ends when
         the pads feel nothing any more.
         """
@@ -127,6 +133,7 @@ class Robot:
             march_scale=self._march_scale, device=self._device)
         self._truth.lines.append(truth)
         self._lines_made[rows] += 1
+        self._line_count += 1
         q = self._state.q_rad.copy()
         q[rows] = arm_q
         self._state = ArmState(q)
