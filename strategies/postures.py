@@ -24,6 +24,21 @@ def _posture(*fingers_deg: tuple[float, float, float, float]) -> np.ndarray:
 POKE_RAD = _posture((0, 0, 0, 0), (0, -10, 95, 95), (0, -10, 95, 95), (0, 10, 95, 95))
 """Index finger extended, the others folded."""
 
+PINCH_OPEN_RAD = _posture((14.3, -10, 0, 0), (0, 30, 95, 95), (0, 30, 95, 95), (0, -10, 0, 0))
+"""Index finger and thumb opened wide, the index finger abducted to face the thumb; others fold."""
+_CLOSED_DEG = 30.0
+_CLOSING_STEPS = 81
+
+
+def pinch_commands(finger: int) -> np.ndarray:
+    """Commands (finger 4, step, 4) [rad] that close one straight finger from its base.
+
+    Half a degree a step: a millimetre at the fingertip.
+    """
+    commands = np.repeat(PINCH_OPEN_RAD, _CLOSING_STEPS, axis=1)
+    commands[finger, :, 1] = np.radians(np.linspace(-10.0, _CLOSED_DEG, _CLOSING_STEPS))
+    return commands
+
 
 def poke_tip_m(hand: HandTable) -> np.ndarray:
     """Centre of the extended index fingertip in the hand frame [m]."""
