@@ -25,6 +25,7 @@ _PITCH_RAD = np.radians(30)
 _AZIMUTHS_RAD = np.radians([0, 25, -25, 50, -50, 75, -75])
 _BACK_OFF_M = 0.004
 _SHIFT_M = 0.006
+_LOWER_END = 6.0
 _WIDEST_HALF_M = 0.041
 """Half chord the open fingertips can stand astride with some room."""
 
@@ -68,6 +69,8 @@ class ContourOptions:
     """The end is searched by halving the step down to this."""
     beyond_m: tuple[float, float] = (0.005, -0.003)
     """How far fingertips reach beyond the axis, section by section in turn."""
+    swing_rad: float = np.radians(20)
+    """The hand stands turned about the axis by this, one way and the other in turn."""
     table_clear_m: float = 0.002
     retreat_m: float = 0.10
     """The hand comes from this far behind its first place."""
@@ -140,7 +143,7 @@ class _Follower:
         self.missed = np.zeros(worlds, int)
         self.thrown_out = np.zeros(worlds, int)
         self.time, self.path = np.zeros(worlds), np.zeros(worlds)
-        self.frame = np.tile(np.eye(3), (worlds, 1, 1))
+        self.frames = np.tile(np.eye(3), (worlds, 2, 1, 1))
         self.last_pose = np.zeros((worlds, 7))
         self.log = TouchLog(worlds)
 
@@ -155,33 +158,46 @@ class _Follower:
         return ContourExploration(self.log.table(), self.reason, self.axis, self.found,
                                   self.nothing, self.thrown_out, self.time, self.path)
 
+    @property
+    def frame(self) -> np.ndarray:
+        """Hand axes of the present sections as columns, (world, 3, 3); two sections a turn."""
+        return self.frames[np.arange(len(self.frames)), (self.section // 2) % 2]
+
     def _choose_azimuth(self) -> None:
         """From which side the hand comes, so that the arm reaches both ends of the axis."""
         rows = np.flatnonzero(self.reason == EndReason.GOING_ON)
         if len(rows) == 0:
             return
         low = self._lowest()
-        ends = np.stack([low, np.maximum(0.98 * self.axis.length_m, low)], 1)
-        reached = np.zeros((len(rows), len(_AZIMUTHS_RAD)), int)
-        frames = []
-        for k, azimuth in enumerate(_AZIMUTHS_RAD):
-            self.frame = self._frame(azimuth)
-            frames.append(self.frame)
-            for end in range(2):
-                self.place = ends[:, end]
-                poses = self._pose(rows)
-                behind = poses.copy()
-                behind[:, :3] -= self.frame[rows][:, :, 2] * self.o.retreat_m
-                reached[:, k] += hand_reachable(self.robot.arm, self.robot.hand, poses) * (
-                    2 - end)
-                if end == 0:
-                    reached[:, k] += 4 * hand_reachable(self.robot.arm, self.robot.hand, behind)
-        best = reached.argmax(1)
-        chosen = np.stack(frames)
-        self.frame[rows] = chosen[best, rows]
+        high = np.maximum(0.98 * self.axis.length_m, low)
+        chosen, reached = [], []
+        for azimuth in _AZIMUTHS_RAD:
+            self.frames = np.stack([self._frame(azimuth + self.o.swing_rad),
+                                    self._frame(azimuth - self.o.swing_rad)], 1)
+            chosen.append(self.frames)
+            reached.append(self._reaches(rows, low, high))
+        best = np.argmax(reached, axis=0)
+        self.frames[rows] = np.stack(chosen)[best, rows]
         # At least the lower end, and the way in to it.
-        self.reason[rows[reached.max(1) < 6]] = EndReason.UNREACHABLE
+        self.reason[rows[np.max(reached, axis=0) < _LOWER_END]] = EndReason.UNREACHABLE
         self.place = low
+
+    def _reaches(self, rows: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        """How much of the axis the arm reaches: the lower end and the way in count most."""
+        arm, hand = self.robot.arm, self.robot.hand
+        score = np.zeros(len(rows))
+        for turn in range(2):
+            self.section[:] = 2 * turn
+            self.place = low
+            poses = self._pose(rows)
+            behind = poses.copy()
+            behind[:, :3] -= self.frame[rows][:, :, 2] * self.o.retreat_m
+            score += 2.0 * hand_reachable(arm, hand, poses)
+            score += 2.0 * hand_reachable(arm, hand, behind) * (turn == 0)
+            self.place = high
+            score += hand_reachable(arm, hand, self._pose(rows))
+        self.section[:] = 0
+        return score
 
     def _lowest(self) -> np.ndarray:
         """Lowest section at which the pitched fingertips clear the table."""
