@@ -26,6 +26,7 @@ _AZIMUTHS_RAD = np.radians([0, 25, -25, 50, -50, 75, -75])
 _BACK_OFF_M = 0.004
 _SHIFT_M = 0.006
 _LOWER_END = 6.0
+_LEAST_REACH = 0.75  # fingertips short of the axis by more of the radius could pass in front of it
 _WIDEST_HALF_M = 0.041
 """Half chord the open fingertips can stand astride with some room."""
 
@@ -130,10 +131,13 @@ class _Follower:
         self.radius = np.where(good, axis.radius_m, 0.03)
         self.reason = np.where(good, EndReason.GOING_ON, EndReason.BAD_START)
         # Fingers wrap an axis that stands; a lying one would need the palm above it.
-        self.reason[good & (self.along[:, 2] < np.cos(np.radians(40)))] = EndReason.UNREACHABLE
+        lying = self.along[:, 2] < np.cos(np.radians(40))
+        self.reason[good & lying] = EndReason.UNREACHABLE
+        self.along[lying] = [0.0, 0.0, 1.0]
         if wanted is not None:
             self.reason = np.where(wanted, self.reason, EndReason.COMPLETE)
         self.offset = np.zeros((worlds, 3))  # measured centre against the axis as given
+        self.hold = np.zeros(worlds)  # how much farther off the hand stays, to clear the object
         self.place = np.zeros(worlds)  # of the section, along the axis from its foot
         self.step = np.full(worlds, options.step_m)
         self.searching = np.zeros(worlds, bool)  # for the end, by halving
@@ -225,7 +229,8 @@ class _Follower:
         wide = np.sqrt(np.maximum(self.radius[rows]**2 - _WIDEST_HALF_M**2, 0.0))
         beyond = np.take(self.o.beyond_m, self.section[rows] % 2) - wide * (
             1.0 + 0.4 * (self.section[rows] % 2))
-        beyond /= np.cos(_PITCH_RAD)
+        beyond = np.maximum(beyond / np.cos(_PITCH_RAD) - self.hold[rows],
+                            -_LEAST_REACH * self.radius[rows])
         centre = (self.foot[rows] + self.offset[rows]
                   + self.along[rows] * self.place[rows][:, None])
         # The fingertips, not the hand's middle, are to be at the section's height.
@@ -256,7 +261,7 @@ class _Follower:
             shallow = stopped & (short < 0.6 * self.radius[left] + _BACK_OFF_M)
             free = (touch.status == ProbeStatus.NO_CONTACT) | shallow
             self.offset[left[free]] += self.frame[left[free]][:, :, 0] * sideways
-            self.offset[left[shallow]] -= (z * np.cos(_PITCH_RAD) * short[:, None])[shallow]
+            self.hold[left[shallow]] += short[shallow]
             self.reason[left[touch.status == ProbeStatus.UNREACHABLE]] = EndReason.UNREACHABLE
             left = left[~free & (touch.status != ProbeStatus.UNREACHABLE)]
         self.reason[left] = EndReason.START_BLOCKED
@@ -310,10 +315,9 @@ class _Follower:
     def _shift_from(self, rows: np.ndarray, status: np.ndarray) -> None:
         """A finger that cannot close, or stands against the object, says where the object is."""
         hindered = np.isin(status, (ProbeStatus.BLOCKED, ProbeStatus.COLLISION))
-        across = self.frame[rows][:, :, 0] * (_SHIFT_M * hindered @ [1.0, -1.0])[:, None]
-        back = -self.frame[rows][:, :, 2] * (_SHIFT_M * hindered.all(1))[:, None]
-        back -= (back * self.along[rows]).sum(1, keepdims=True) * self.along[rows]
-        self.offset[rows] += across + back
+        self.offset[rows] += self.frame[rows][:, :, 0] * (
+            _SHIFT_M * hindered @ [1.0, -1.0])[:, None]
+        self.hold[rows] += _SHIFT_M * hindered.all(1)
         self.place[rows[self.missed[rows] == 2]] += self.o.step_m
 
     def _steer(self, rows: np.ndarray, thumb: LineTouch, index: LineTouch,

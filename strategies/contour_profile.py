@@ -39,12 +39,13 @@ class Profile:
 
 def profile_of(
     exploration: ContourExploration, *, table_z_m: float | None = 0.0, spacing_m: float = 0.010,
-    options: RevolutionOptions = FIT,
+    refine: bool = True, options: RevolutionOptions = FIT,
 ) -> Profile:
     """Refine the axes and make the contours of linear segments.
 
     Nodes stand `spacing_m` apart; each is a weighted line through the touches near it. With
     `table_z_m` the lowest radius is carried down to the table, else the touches are the ends.
+    Without `refine` the given direction is kept, through the middle of the fitted axis.
     """
     given = exploration.axis
     worlds = len(exploration.reason)
@@ -56,6 +57,9 @@ def profile_of(
     good = usable(fit)
     axis_local = np.where(good[:, None], fit.axis, [0.0, 0.0, 1.0])
     point_local = np.where(good[:, None], fit.position_m, 0.0)
+    if not refine:
+        point_local = point_local + axis_local * (0.5 * fit.height_m)[:, None]
+        axis_local = np.tile([0.0, 0.0, 1.0], (worlds, 1))
     arms = local - point_local[:, None]
     t = np.einsum("wpi,wi->wp", arms, axis_local)
     rho = np.linalg.norm(arms - t[..., None] * axis_local[:, None], axis=2)

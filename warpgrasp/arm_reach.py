@@ -15,7 +15,7 @@ def hand_reachable(arm: ArmTable, hand: HandTable, hand_pose: np.ndarray) -> np.
     """
     poses = np.asarray(hand_pose, float)
     flat = poses.reshape(-1, 7)
-    finite = np.isfinite(flat).all(1)
+    finite = np.asarray(np.isfinite(flat).all(1))
     flange = np.where(finite[:, None], flat, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
     flange[:, :3] -= Rotation.from_quat(flange[:, 3:]).apply([0.0, 0.0, hand.mount_length_m])
     q = puma_inverse_batch(arm, flange)
@@ -24,4 +24,4 @@ def hand_reachable(arm: ArmTable, hand: HandTable, hand_pose: np.ndarray) -> np.
     with np.errstate(invalid="ignore"):
         wrapped = low + np.mod(q - low, 2 * np.pi)
         inside = (np.isfinite(q) & (wrapped <= high)).all(-1).any(-1)
-    return (inside & finite).reshape(poses.shape[:-1])
+    return np.asarray(inside & finite).reshape(poses.shape[:-1])

@@ -32,6 +32,7 @@ class Purpose(IntEnum):
     PAD_FALSE = 14
     PAD_JOINT = 15
     LINE_ARM = 16
+    CAMERA = 17
 
 
 _GAMMA = 0x9E3779B97F4A7C15

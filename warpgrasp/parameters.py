@@ -125,6 +125,20 @@ class PadTable:
 
 
 @dataclass(frozen=True)
+class StereoTable:
+    """Two pinhole cameras side by side, both turned towards the object [est]."""
+
+    pixels: int = _number(256, 16, 1024, "rows and columns of an image [est]")
+    field_of_view_rad: float = _number(radians(30), 0.01, 2.0, "full angle of an image [est]")
+    distance_m: float = _number(0.8, 0.1, 10.0, "cameras to the place looked at [est]")
+    baseline_m: float = _number(0.3, 1e-3, 5.0, "between the cameras [est]")
+    azimuth_rad: float = _number(radians(-90), -2 * pi, 2 * pi, "of the cameras, seen from the "
+                                 "object, from the x axis [est]")
+    elevation_rad: float = _number(radians(15), -1.5, 1.5, "of the cameras above the object [est]")
+    pixel_noise: float = _number(0.3, 0.0, 20.0, "sigma of an edge's place in pixels [est]")
+
+
+@dataclass(frozen=True)
 class ObjectTable:
     """Where the object stands, and how well a strategy is told."""
 

@@ -12,9 +12,11 @@ from warpgrasp.arm_hand import ArmMoves, ArmState, mount_error, move_hand
 from warpgrasp.body import Body, scene_of
 from warpgrasp.closing import Closing, ClosingTruth, close_fingers
 from warpgrasp.contact_estimate import ContactEstimate, estimate_contacts
+from warpgrasp.counter_random import Purpose, counter_key_host, normal_vector_host
 from warpgrasp.guarded_line import LineMove, LineTouch, LineTruth, Until, guarded_line
 from warpgrasp.parameters import ArmTable, HandTable, PadTable, SensorTable
 from warpgrasp.scene import Shape
+from warpgrasp.silhouette import Cameras, silhouettes
 from warpgrasp.status import ProbeStatus
 
 
@@ -138,6 +140,15 @@ class Robot:
         q[rows] = arm_q
         self._state = ArmState(q)
         return touch
+
+    def look(self, cameras: Cameras) -> np.ndarray:
+        """Silhouettes of the objects, bool (world, camera, row, column)."""
+        return silhouettes(self._scene, self._body, self._truth.body_pose, cameras,
+                           march_scale=self._march_scale, device=self._device)
+
+    def camera_noise(self, size: int) -> np.ndarray:
+        """Standard normals (world, size) for what is read off the cameras' images."""
+        return normal_vector_host(counter_key_host(self._key, int(Purpose.CAMERA)), size)
 
     def _finger_time(self, closing: Closing, commands_rad: np.ndarray) -> np.ndarray:
         """Time of closing and opening again at each probe [s], (world, probe)."""
