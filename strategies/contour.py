@@ -26,7 +26,8 @@ _AZIMUTHS_RAD = np.radians([0, 25, -25, 50, -50, 75, -75])
 _BACK_OFF_M = 0.004
 _SHIFT_M = 0.006
 _LOWER_END = 6.0
-_LEAST_REACH = 0.75  # fingertips short of the axis by more of the radius could pass in front of it
+_LEAST_REACH = 0.75  # wide objects: fingertips short of the axis by this share of the radius
+_FINGERS_PASS = 0.9  # by more, however much the hand is held off, they could pass in front of it
 _WIDEST_HALF_M = 0.041
 """Half chord the open fingertips can stand astride with some room."""
 
@@ -229,8 +230,8 @@ class _Follower:
         wide = np.sqrt(np.maximum(self.radius[rows]**2 - _WIDEST_HALF_M**2, 0.0))
         beyond = np.take(self.o.beyond_m, self.section[rows] % 2) - wide * (
             1.0 + 0.4 * (self.section[rows] % 2))
-        beyond = np.maximum(beyond / np.cos(_PITCH_RAD) - self.hold[rows],
-                            -_LEAST_REACH * self.radius[rows])
+        beyond = np.maximum(beyond / np.cos(_PITCH_RAD), -_LEAST_REACH * self.radius[rows])
+        beyond = np.maximum(beyond - self.hold[rows], -_FINGERS_PASS * self.radius[rows])
         centre = (self.foot[rows] + self.offset[rows]
                   + self.along[rows] * self.place[rows][:, None])
         # The fingertips, not the hand's middle, are to be at the section's height.
@@ -317,7 +318,9 @@ class _Follower:
         hindered = np.isin(status, (ProbeStatus.BLOCKED, ProbeStatus.COLLISION))
         self.offset[rows] += self.frame[rows][:, :, 0] * (
             _SHIFT_M * hindered @ [1.0, -1.0])[:, None]
-        self.hold[rows] += _SHIFT_M * hindered.all(1)
+        # An open hand that already touches is too narrow here: also hold it farther off.
+        self.hold[rows] += _SHIFT_M * np.where(hindered.all(1), 1.0, 0.5 * (
+            status == ProbeStatus.COLLISION).any(1))
         self.place[rows[self.missed[rows] == 2]] += self.o.step_m
 
     def _steer(self, rows: np.ndarray, thumb: LineTouch, index: LineTouch,

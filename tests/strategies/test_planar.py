@@ -141,6 +141,7 @@ def test_steps_are_bounded_and_unwanted_worlds_are_left_alone() -> None:
     assert set(np.unique(e.touches.world)) == {0, 2}
     assert (e.direction_reason[wanted] == EndReason.SPENT).all()
     assert (e.time_s[~wanted] == 0).all()
+    assert all(set(line.rows) <= {0, 2} for line in truth.lines)  # the others cost nothing
 
 
 def test_a_face_does_not_depend_on_the_batch() -> None:
