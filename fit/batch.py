@@ -1,8 +1,9 @@
 """Batches of fixed shapes for JAX: the one place that vmaps, jits, pads, locks and chooses x64.
 
 A fit's result may depend on nothing but its own points. So every fit is put in the bucket of its
-*own* number of points, whatever array it came in, and every launch has the same number of lanes;
-so nothing recompiles either.
+*own* number of points, whatever array it came in, and lanes are computed in groups of one size by
+one program, whose number of groups is a number at run time: nothing recompiles, a small batch
+costs little, and the same instructions run whatever the batch.
 """
 
 from __future__ import annotations
@@ -15,11 +16,14 @@ from pathlib import Path
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 POINT_BUCKETS = (16, 32, 64, 128, 256, 512)
-LANES = 64
-"""Lanes of every launch: another number rounds differently in the last bit."""
+GROUP = 16
+"""Lanes computed side by side: another number rounds differently in the last bit."""
+LANES = 16 * GROUP
+"""Lanes that one launch has room for."""
 
 # Two Python threads in one jitted batched Cholesky hang on a CPU: one call at a time.
 _lock = threading.Lock()
@@ -33,14 +37,25 @@ def point_bucket(count: int) -> int:
     return -(-count // POINT_BUCKETS[-1]) * POINT_BUCKETS[-1]
 
 
-def _lane_slices(count: int) -> list[tuple[int, int]]:
-    """(start, stop) of the launches that together cover `count` lanes."""
-    return [(start, min(start + LANES, count)) for start in range(0, count, LANES)]
-
-
 @lru_cache(maxsize=256)
-def _compiled(lane_function: Callable, lanes: int, shared: int) -> Callable:
-    return jax.jit(jax.vmap(lane_function, in_axes=(0,) * lanes + (None,) * shared))
+def _compiled(lane_function: Callable, shared: int) -> Callable:
+    def launch(groups, lanes, *common):
+        """`groups` groups of `lanes`, one after the other; rows beyond them stay zero."""
+        group = jax.vmap(lambda lane: lane_function(*lane, *common))
+        part = lambda tree, start: jax.tree.map(  # noqa: E731
+            lambda leaf: jax.lax.dynamic_slice_in_dim(leaf, start, GROUP), tree)
+
+        def step(index, out):
+            start = index * GROUP
+            return jax.tree.map(
+                lambda whole, rows: jax.lax.dynamic_update_slice_in_dim(whole, rows, start, 0),
+                out, group(part(lanes, start)))
+
+        shapes = jax.eval_shape(group, part(lanes, 0))
+        empty = jax.tree.map(lambda leaf: jnp.zeros((LANES, *leaf.shape[1:]), leaf.dtype), shapes)
+        return jax.lax.fori_loop(0, groups, step, empty)
+
+    return jax.jit(launch)
 
 
 @lru_cache(maxsize=1)
@@ -59,18 +74,27 @@ def map_lanes(lane_function: Callable, *lanes: Any, shared: tuple = ()) -> Any:
     `lane_function` must be one cached object (it names the compiled program); `lanes` are trees of
     arrays with the lane as first axis. Returns a tree of numpy arrays, lane first.
     """
-    program = _compiled(lane_function, len(lanes), len(shared))
+    program = _compiled(lane_function, len(shared))
     use_compilation_cache()
     count = len(jax.tree.leaves(lanes)[0])
     parts = []
-    for start, stop in _lane_slices(count):
-        # The last lane is repeated: valid data, whose results are dropped.
-        index = np.minimum(np.arange(start, start + LANES), stop - 1)
-        chunk = jax.tree.map(lambda leaf, index=index: leaf[index], lanes)
+    for start in range(0, count, LANES):
+        rows = min(LANES, count - start)
+        groups = -(-rows // GROUP)
+        chunk = jax.tree.map(lambda leaf, start=start, rows=rows: _padded(leaf, start, rows), lanes)
         with _lock, jax.enable_x64(True):
-            out = jax.device_get(program(*chunk, *shared))
-        parts.append(jax.tree.map(lambda leaf, n=stop - start: np.asarray(leaf)[:n], out))
+            out = jax.device_get(program(np.int64(groups), chunk, *shared))
+        parts.append(jax.tree.map(lambda leaf, rows=rows: np.asarray(leaf)[:rows], out))
     return jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
+
+
+def _padded(leaf: np.ndarray, start: int, rows: int) -> np.ndarray:
+    """`rows` lanes from `start` and room for the others; the last group is filled with its last
+    lane, valid data whose results are dropped."""
+    room = np.zeros((LANES, *leaf.shape[1:]), leaf.dtype)
+    room[:rows] = leaf[start : start + rows]
+    room[rows : -(-rows // GROUP) * GROUP] = leaf[start + rows - 1]
+    return room
 
 
 def take(tree: Any, index: np.ndarray) -> Any:

@@ -1,6 +1,4 @@
 """Many descents at once: starts screened, the best finished, lanes dropped as they are done.
-
-`residual(theta, lane)` is one cached function, for it names the compiled program.
 """
 
 from __future__ import annotations
@@ -11,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fit import solver
 from fit.batch import map_lanes, take
 from fit.status import FitStatus
 
@@ -19,6 +16,16 @@ CONVERGED_FALL = 1e-12
 """A fit has converged when a round lowers its cost by less than this share."""
 NOTHING_LEFT = 1e-24
 """Cost, in unit frames, below which there is only rounding."""
+
+
+class Problem(NamedTuple):
+    """A least-squares problem of one fit and what descends it; one cached object, for it names the
+    compiled program."""
+
+    function: Callable
+    """Of (theta, lane): what `descend` needs of the problem."""
+    descend: Callable
+    """`solver.descend` for residuals, `normal_descent.descend` for normal equations."""
 
 
 class Finished(NamedTuple):
@@ -30,14 +37,14 @@ class Finished(NamedTuple):
     status: np.ndarray
 
 
-def advance(residual: Callable, theta, lanes: Any, iterations: int, damping=None) -> Any:
+def advance(problem: Problem, theta, lanes: Any, iterations: int, damping=None) -> Any:
     """`solver.Descent` of every lane, `iterations` steps on."""
     damping = np.zeros(len(theta)) if damping is None else damping
-    return map_lanes(_program(residual), theta, damping, lanes, shared=(np.int64(iterations),))
+    return map_lanes(_program(problem), theta, damping, lanes, shared=(np.int64(iterations),))
 
 
 def screen(
-    residual: Callable, theta, lanes: Any, iterations: int,
+    problem: Problem, theta, lanes: Any, iterations: int,
     badness: Callable = lambda theta, cost: cost,
 ) -> tuple[np.ndarray, np.ndarray]:
     """The best start of each fit: its index and where it has got to.
@@ -47,19 +54,19 @@ def screen(
     `badness(theta, cost)` is what they are compared by.
     """
     n, starts = theta.shape[:2]
-    tried = advance(residual, theta.reshape(n * starts, -1), lanes, iterations)
+    tried = advance(problem, theta.reshape(n * starts, -1), lanes, iterations)
     rank = badness(tried.theta, tried.cost).reshape(n, starts)
     order = np.argsort(rank, axis=1, kind="stable")[:, :2]
     if order.shape[1] == 1:
         return order[:, 0], tried.theta
     pair = (np.arange(n)[:, None] * starts + order).ravel()
-    again = advance(residual, tried.theta[pair], take(lanes, pair), iterations, tried.damping[pair])
+    again = advance(problem, tried.theta[pair], take(lanes, pair), iterations, tried.damping[pair])
     better = np.argmin(badness(again.theta, again.cost).reshape(n, 2), axis=1)
     row = np.arange(n)
     return order[row, better], again.theta.reshape(n, 2, -1)[row, better]
 
 
-def finish(residual: Callable, theta, lanes: Any, *, at_a_time: int, at_most: int) -> Finished:
+def finish(problem: Problem, theta, lanes: Any, *, at_a_time: int, at_most: int) -> Finished:
     """Descents to their end, in rounds over the fits that still fall."""
     n = len(theta)
     theta, damping, cost = theta.copy(), np.zeros(n), np.zeros(n)
@@ -67,7 +74,7 @@ def finish(residual: Callable, theta, lanes: Any, *, at_a_time: int, at_most: in
     status = np.full(n, FitStatus.not_converged)
     left = np.arange(n)
     while len(left) and iterations.max() < at_most:
-        moved = advance(residual, theta[left], take(lanes, left), at_a_time, damping[left])
+        moved = advance(problem, theta[left], take(lanes, left), at_a_time, damping[left])
         theta[left], damping[left], cost[left] = moved.theta, moved.damping, moved.cost
         iterations[left] += at_a_time
         done = (moved.fallen < CONVERGED_FALL) | (moved.cost < NOTHING_LEFT)
@@ -77,8 +84,6 @@ def finish(residual: Callable, theta, lanes: Any, *, at_a_time: int, at_most: in
 
 
 @lru_cache(maxsize=64)
-def _program(residual: Callable) -> Callable:
-    def descent(theta, damping, lane, iterations):
-        return solver.descend(residual, theta, damping, iterations, lane)
-
-    return descent
+def _program(problem: Problem) -> Callable:
+    return lambda theta, damping, lane, iterations: problem.descend(
+        problem.function, theta, damping, iterations, lane)

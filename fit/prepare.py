@@ -44,12 +44,13 @@ class Sets:
     free: Float[np.ndarray, "fit 4 free"] | None = None
     """Centres and radii of balls outside the body; radius 0 for padding."""
 
-    def narrow(self, index: np.ndarray, width: int) -> Sets:
-        """The sets `index`, with `width` point slots."""
+    def narrow(self, index: np.ndarray, width: int | None = None) -> Sets:
+        """The sets `index`, with `width` point slots (as many as there are where None)."""
+        slots = self.points.shape[1] if width is None else width
         rows = {name: value[index] for name, value in vars(self).items() if value is not None}
         for name in ("points", "mask", "order", "covariance", "normals"):
             if name in rows:
-                rows[name] = _fitted(rows[name], width)
+                rows[name] = _fitted(rows[name], slots)
         # Padding repeats a true point, so that a masked slot is computed like any other.
         points, mask = rows["points"], rows["mask"]
         rows["points"] = np.where(mask[..., None], points, points[:, :1])

@@ -17,11 +17,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from fit import solver
 from fit.batch import map_lanes, take
-from fit.descent import advance, finish, screen
+from fit.descent import Problem, advance, finish, screen
 from fit.prepare import Sets, prepare
+from fit.robust import robust
 from fit.status import FitStatus
-from fit.superquadric_model import Form, Tensor, robust
+from fit.superquadric_body import Tensor
 from fit.superquadric_starts import box_starts
 
 
@@ -146,14 +148,14 @@ def _fit_bucket(sets: Sets, options: RevolutionOptions) -> dict[str, np.ndarray]
                   0.1 / np.sqrt(sets.count), plane)
     spread = take(lanes, np.repeat(np.arange(n), starts))
     spread = spread._replace(rotation=rotation.reshape(-1, 3, 3))
-    residual = _residual(options)
-    best, found = screen(residual, theta, spread, options.screen_iterations)
+    problem = _problem(options)
+    best, found = screen(problem, theta, spread, options.screen_iterations)
     lanes = lanes._replace(rotation=rotation[np.arange(n), best])
     if options.loss != "none":
         for _ in range(2):
             lanes = lanes._replace(loss_scale=_scale(found, lanes, sets, options))
-            found = advance(residual, found, lanes, options.round_iterations).theta
-    end = finish(residual, found, lanes, at_a_time=options.round_iterations,
+            found = advance(problem, found, lanes, options.round_iterations).theta
+    end = finish(problem, found, lanes, at_a_time=options.round_iterations,
                  at_most=options.iterations)
     return _rows(end, lanes, sets, options)
 
@@ -239,14 +241,12 @@ def _distance(body, points):
 
 
 @lru_cache(maxsize=64)
-def _residual(options: RevolutionOptions):
-    form = Form(False, False, "radial", options.loss)
-
+def _problem(options: RevolutionOptions) -> Problem:
     def residual(theta, lane: _Lane):
         body = _body(theta, lane.rotation)
         foot, axis, height, radius = body
         away = lane.weight * _distance(body, lane.points)
-        parts = [robust(away, lane.loss_scale, form)]
+        parts = [robust(away, lane.loss_scale, options.loss)]
         if lane.plane is not None:
             down = lane.plane[:3]
             ends = jnp.stack([down @ foot, down @ (foot + height * axis)])
@@ -263,13 +263,13 @@ def _residual(options: RevolutionOptions):
         parts.append(1e-3 * theta[0:2])
         return jnp.concatenate(parts)
 
-    return residual
+    return Problem(residual, solver.descend)
 
 
 @lru_cache(maxsize=64)
 def _look(options: RevolutionOptions):
     """Body, distances, information matrix, and the slopes of the volume."""
-    residual = _residual(options)
+    residual = _problem(options).function
 
     def volume(theta, rotation):
         _, _, height, radius = _body(theta, rotation)

@@ -1,16 +1,29 @@
 """Ready-made strategies, found by name."""
 
+from dataclasses import replace
 from math import radians
 
 from strategies.strategy import Strategy
 from strategies.waypoints import Column, Opposing, Random, Ring, Top
 
+_RIM = Ring(count=6, tilt_rad=radians(50), roll_rad=radians(90), aim=1.0, aim_out=1.0,
+            palm_clearance_m=0.080, clearance_per_radius=0.0)
+_RIM_TURNED = replace(_RIM, roll_rad=radians(-90), azimuth_rad=radians(30))
+_AROUND = Ring(count=6, tilt_rad=radians(50), palm_clearance_m=0.045, clearance_per_radius=1.0)
+_CLOSE = Ring(count=6, tilt_rad=radians(50), palm_clearance_m=0.030, clearance_per_radius=0.5,
+              azimuth_rad=radians(30))
+
 STRATEGIES: dict[str, Strategy] = {s.name: s for s in (
     Strategy("ring6", (Ring(count=6, tilt_rad=radians(35)),), doc="six around at 35 deg"),
+    Strategy("ring18", (Ring(count=18, tilt_rad=radians(50)),), doc="eighteen around at 50 deg"),
     Strategy("top2-ring6", (Top(count=2), Ring(count=6)),
-             doc="two poses from above, then six around at 55 deg"),
-    Strategy("column", (Column(),), doc="three rings of three up the object at 55 deg"),
-    Strategy("opposing6", (Opposing(count=6),), doc="three pairs of poses half a turn apart"),
-    Strategy("random6", (Random(count=6),), doc="six poses at random from the upper side"),
-    Strategy("top6", (Top(count=6),), doc="six poses from above, turned evenly"),
+             doc="two from above, then six around at 55 deg"),
+    Strategy("rim6-ring12", (_RIM, _AROUND, _CLOSE),
+             doc="six on the rim, six around, six around and closer"),
+    Strategy("rim12-ring12", (_RIM, _RIM_TURNED, _AROUND, _CLOSE),
+             doc="twelve on the rim, thumb below and above, six around, six closer"),
+    Strategy("column9", (Column(count=9),), doc="three rings of three up the object at 55 deg"),
+    Strategy("opposing6", (Opposing(count=6),), doc="three pairs half a turn apart"),
+    Strategy("random6", (Random(count=6),), doc="six at random from the upper side"),
+    Strategy("random18", (Random(count=18),), doc="eighteen at random from the upper side"),
 )}

@@ -15,6 +15,6 @@ class Strategy:
 
     name: str
     waypoints: tuple[object, ...] = (Ring(),)
-    closings: tuple[str, ...] = ("curl25", "curl55")
+    closings: tuple[str, ...] = ("curl40", "base_then_curl")
     order: tuple[str, ...] = ("containment",)
     doc: str = ""

@@ -23,6 +23,7 @@ class UsageError(ValueError):
 def sweep(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])],
           workers: int = 1, shard: str = "1/1", device: str = "cpu", set_: Settings = None,
           engine: Literal["local", "ray"] = "local", address: str | None = None,
+          unit_timeout_s: float = 3600.0, verify: Annotated[bool, Parameter(negative="")] = False,
           json: Json = False) -> int:
     """Run a study, or what is left of it, and print its leaderboard.
 
@@ -44,6 +45,11 @@ def sweep(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])
         local: worker processes here; ray: tasks on a Ray cluster (an optional extra).
     address
         Of the Ray cluster, or auto; without it Ray runs on this machine's cores.
+    unit_timeout_s
+        A unit of work (64 episodes, seconds) that takes longer than this many seconds is stopped
+        and set aside as failed; the rest goes on.
+    verify
+        Read every row of the finished units first, not just the ends of their files.
     json
         Print the leaderboard as JSON.
     """
@@ -53,7 +59,8 @@ def sweep(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])
         raise UsageError("--address: is for --engine ray")
     return commands.sweep(spec, out, workers=_count(workers, "--workers"), shard=_shard(shard),
                           device=_device(device), settings=set_ or [], engine=engine,
-                          address=address, as_json=json)
+                          address=address, unit_timeout_s=_timeout(unit_timeout_s), verify=verify,
+                          as_json=json)
 
 
 @app.command
@@ -69,9 +76,9 @@ def check(spec: Path, /, *, set_: Settings = None, json: Json = False) -> int:
     json
         Print JSON.
     """
-    from sweeps import commands
+    from sweeps import previews
 
-    return commands.check(spec, settings=set_ or [], as_json=json)
+    return previews.check(spec, settings=set_ or [], as_json=json)
 
 
 @app.command
@@ -163,9 +170,9 @@ def objects(*, json: Json = False) -> int:
     json
         Print JSON.
     """
-    from sweeps import commands
+    from sweeps import previews
 
-    return commands.objects(as_json=json)
+    return previews.objects(as_json=json)
 
 
 @app.command
@@ -177,9 +184,9 @@ def strategies(*, json: Json = False) -> int:
     json
         Print JSON.
     """
-    from sweeps import commands
+    from sweeps import previews
 
-    return commands.strategies(as_json=json)
+    return previews.strategies(as_json=json)
 
 
 @app.command
@@ -193,9 +200,9 @@ def init(spec: Path, /, *, force: Annotated[bool, Parameter(negative="")] = Fals
     force
         Write over a file that is there.
     """
-    from sweeps import commands
+    from sweeps import previews
 
-    return commands.init(spec, force=force)
+    return previews.init(spec, force=force)
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -235,7 +242,7 @@ def _explain(error: Exception) -> int:
         return _refuse(str(error), error.exit_code)
     if isinstance(error, OSError):
         return _refuse(f"{error.filename or 'warpgrasp'}: {error.strerror or error}", 1)
-    if type(error).__name__ in ("LeaderboardError", "BodyError", "WaypointError"):
+    if type(error).__name__ in ("LeaderboardError", "ObjectError", "BodyError", "WaypointError"):
         return _refuse(str(error))
     raise error
 
@@ -251,6 +258,12 @@ def _count(value: int, name: str) -> int:
     return value
 
 
+def _timeout(value: float) -> float:
+    if not 1 <= value <= 1e9:
+        raise UsageError(f"--unit-timeout-s: is {value:g}; should be a number from 1 to 1e9")
+    return value
+
+
 def _shard(text: str) -> tuple[int, int]:
     match = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text)
     if not match or not 1 <= int(match[1]) <= int(match[2]):
@@ -261,7 +274,7 @@ def _shard(text: str) -> tuple[int, int]:
 def _device(text: str) -> str:
     if not re.fullmatch(r"cpu|cuda(:\d{1,2})?", text):
         raise UsageError(f"--device: is {text!r}; should be cpu or cuda:0")
-    return text
+    return "cuda:0" if text == "cuda" else text
 
 
 if __name__ == "__main__":

@@ -1,26 +1,27 @@
-"""What the commands do. Each answers with the process's exit code; results go to stdout."""
+"""The commands that run or read a study: each answers with the process's exit code."""
 
 import json
 import signal
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager
 from math import radians
 from pathlib import Path
 from types import FrameType
 from typing import Any
 
 from sweeps.atomic import write_atomic
-from sweeps.estimate import estimate_cost
 from sweeps.leaderboard import Leaderboard, make_leaderboard
 from sweeps.plan import Plan, plan_study, study_of
 from sweeps.problems import choose
-from sweeps.progress import Progress
-from sweeps.runner import Options, run
+from sweeps.progress import Progress, read_note
+from sweeps.quiet import devices, quiet_stdout, start_warp
+from sweeps.runner import UNIT_TIMEOUT_S, Options, run
 from sweeps.spec import read_spec
 from sweeps.spec_objects import object_of_argument
 from sweeps.store import OtherStudy, Store, StoreError
 from sweeps.table import print_table
+from sweeps.work import Outcome
 from sweeps.worker import EPISODES
 
 DONE, SOME_FAILED, BAD_USAGE, OTHER_SPEC, INTERRUPTED = 0, 1, 2, 3, 130
@@ -31,27 +32,27 @@ SHOWN = ("rank", "strategy", "_ci_low", "_ci_high", "p_best", "iou", "recognized
 
 def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], device: str,
           settings: Sequence[str], as_json: bool, engine: str = "local",
-          address: str | None = None) -> int:
+          address: str | None = None, unit_timeout_s: float = UNIT_TIMEOUT_S,
+          verify: bool = False) -> int:
     """Runs what is left of a study, then ranks it."""
-    plan = _plan(spec, settings)
+    if device != "cpu" and engine == "local" and device not in (found := devices()):
+        raise StoreError(f"--device: there is no {device} here; there are: {', '.join(found)}")
+    plan = plan_study(read_spec(spec, settings))
     store = Store(folder)
     for note in store.open_for(plan, spec.read_bytes(), device):
         _say(note)
-    total = len(range(shard[0] - 1, plan.unit_count, shard[1]))
-    note = store.logs / f"progress-{shard[0]}-of-{shard[1]}.json"
+    options = Options(workers, shard, device, EPISODES, unit_timeout_s, verify)
     with _terminated_as_interrupted(), store.lock(shard):
-        with Progress(total, note) as progress:
-            options = Options(workers, shard, device, EPISODES)
-            if engine == "ray":
-                from sweeps.ray_engine import run_on_ray
-
-                outcome = run_on_ray(plan, store, options, progress, address)
-            else:
-                outcome = run(plan, store, options, progress)
+        outcome = _run(plan, store, options, engine, address)
         if outcome.done + outcome.failed == 0:
             _say(f"{folder}: finished already, {outcome.kept} units")
         if shard[1] == 1:
+            before = store.damaged
             board = make_leaderboard(plan, [store])
+            if store.damaged > before:  # seen only by reading every row
+                _say(f"{store.damaged - before} damaged units are done again; see {store.logs}")
+                outcome = _run(plan, store, options, engine, address)
+                board = make_leaderboard(plan, [store])
             write_atomic(folder / "leaderboard.csv", board.csv())
             _show(board, as_json)
     if shard[1] > 1:
@@ -61,24 +62,17 @@ def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], dev
     return SOME_FAILED if outcome.failed else DONE
 
 
-def check(spec: Path, *, settings: Sequence[str], as_json: bool) -> int:
-    """Prints what a spec amounts to, without running it."""
-    plan = _plan(spec, settings)
-    head = plan.study.head
-    rows = [
-        ("study", head.name), ("hash", plan.hash),
-        ("strategies", f"{len(plan.study.strategies)}"), ("objects", f"{len(plan.study.objects)}"),
-        ("settings", f"{plan.study.setting_count}"), ("cells", f"{plan.study.cell_count}"),
-        ("episodes", f"{plan.study.cell_count * head.episodes_per_cell}"),
-        ("units", f"{plan.unit_count}"), *estimate_cost(plan),
-    ]
-    if as_json:
-        print(json.dumps(dict(rows), indent=1))
-    else:
-        width = max(len(name) for name, _ in rows)
-        for name, value in rows:
-            print(f"{name.ljust(width)}  {value}")
-    return DONE
+def _run(plan: Plan, store: Store, options: Options, engine: str,
+         address: str | None) -> Outcome:
+    """Runs what is left of a shard on one of the engines."""
+    index, count = options.shard
+    total = len(range(index - 1, plan.unit_count, count))
+    with Progress(total, store.note(f"{index}-of-{count}")) as progress:
+        if engine == "ray":
+            from sweeps.ray_engine import run_on_ray
+
+            return run_on_ray(plan, store, options, progress, address)
+        return run(plan, store, options, progress)
 
 
 def status(folder: Path, *, as_json: bool) -> int:
@@ -92,8 +86,7 @@ def status(folder: Path, *, as_json: bool) -> int:
         elif store.log(unit).exists():
             failed += 1
     holders = store.holders()
-    notes = [json.loads(file.read_bytes()) for file in sorted(store.logs.glob("progress-*.json"))
-             ] if holders else []
+    notes = [read_note(store.note(shard)) for shard in holders]
     rates = [note["units_per_s"] for note in notes if note["units_per_s"]]
     left = plan.unit_count - done - failed
     found: dict[str, Any] = {
@@ -102,7 +95,7 @@ def status(folder: Path, *, as_json: bool) -> int:
         "running": sum(note["running"] for note in notes), "left": left,
         "units_per_s": round(sum(rates), 4) if rates else None,
         "seconds_left": round(left / sum(rates), 1) if rates else None,
-        "held_by": holders,
+        "held_by": list(holders.values()),
         "other_files": _count_files(store) - done,
     }
     if as_json:
@@ -131,13 +124,18 @@ def leaderboard(folders: Sequence[Path], out: Path | None, *, metric: str,
         except OSError as error:
             raise StoreError(f"{out}: cannot be written: {error.strerror}") from None
     _show(board, as_json)
+    for store in stores:
+        if store.damaged:
+            _say(f"note: {store.damaged} damaged units were set aside; see {store.logs}; running "
+                 "the sweep again does them again")
     return DONE
 
 
 def explore(what: str, strategy: str, folder: Path, *, units: str | None, seed: int,
             yaw_deg: float | None, x_m: float, y_m: float, device: str) -> int:
     """One episode with all that was felt, as files."""
-    with _quiet_stdout():
+    with quiet_stdout():
+        start_warp()
         from strategies.catalogue import STRATEGIES
 
         if strategy not in STRATEGIES:
@@ -157,41 +155,6 @@ def explore(what: str, strategy: str, folder: Path, *, units: str | None, seed: 
     for file in sorted(folder.iterdir()):
         print(file)
     return DONE
-
-
-def objects(*, as_json: bool) -> int:
-    """Prints the catalogue of objects."""
-    with _quiet_stdout():
-        from warpgrasp.catalogue import BODY_NAMES
-    print_table(("object", "what"), list(BODY_NAMES.items()), as_json)
-    return DONE
-
-
-def strategies(*, as_json: bool) -> int:
-    """Prints the ready-made strategies."""
-    from strategies.catalogue import STRATEGIES
-
-    print_table(("strategy", "what"), [(s.name, s.doc) for s in STRATEGIES.values()], as_json)
-    return DONE
-
-
-def init(spec: Path, *, force: bool) -> int:
-    """Writes a commented template."""
-    from sweeps.template import template
-
-    if spec.exists() and not force:
-        raise StoreError(f"{spec}: is there already; choose another name, or say --force")
-    try:
-        write_atomic(spec, template().encode())
-    except OSError as error:
-        raise StoreError(f"{spec}: cannot be written: {error.strerror}") from None
-    _say(f"{spec}: written; `warpgrasp check {spec}` says what it amounts to")
-    return DONE
-
-
-def _plan(spec: Path, settings: Sequence[str]) -> Plan:
-    with _quiet_stdout():  # building objects may print
-        return plan_study(read_spec(spec, settings))
 
 
 def _plan_of(store: Store) -> Plan:
@@ -222,13 +185,6 @@ def _count_files(store: Store) -> int:
 
 def _say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
-
-
-@contextmanager
-def _quiet_stdout() -> Iterator[None]:
-    """Keeps what libraries print out of the results."""
-    with redirect_stdout(sys.stderr):
-        yield
 
 
 @contextmanager

@@ -13,9 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from fit.status import FitStatus, status_names
-from fit.superquadric import SuperquadricFit, SuperquadricOptions, fit_superquadric
+from fit.superquadric import SuperquadricFit
 from fit.superquadric_shape import Superquadric
-from strategies.containment import Evidence, evidence_from_grasps, explore_by_containment
+from strategies.containment import explore_by_containment
+from strategies.evidence import Evidence, evidence_from_grasps, touched_links
+from strategies.recovery import recover_bodies
 from strategies.waypoint_poses import waypoint_poses
 from strategies.waypoints import BoundingCylinder
 from sweeps.cell import Cell
@@ -29,7 +31,7 @@ from warpgrasp.counter_random import (
     counter_normal_host,
     counter_uniform_host,
 )
-from warpgrasp.parameters import FitTable, ObjectTable
+from warpgrasp.parameters import ObjectTable
 from warpgrasp.robot import Grasps, Robot, Truth
 from warpgrasp.status import ProbeStatus
 
@@ -91,7 +93,7 @@ def run_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.
         "shape": np.where(fitted, "tapered_superquadric" if cell.fit.taper else "superquadric",
                           "told_cylinder"),
     }
-    for name, values in _parameters(recovered).items():
+    for name, values in recovered_parameters(recovered).items():
         columns[name] = values
     columns["fit_rms_mm"] = np.where(fitted, fits.rms_m * 1e3, np.nan)
     columns["fit_iterations"] = fits.iterations.astype(np.int64)
@@ -112,7 +114,10 @@ def run_block(cell: Cell, episodes: np.ndarray, device: str) -> EpisodeBlock:
     grasps = explore_by_containment(robot, poses, np.ones(poses.shape[:2], bool),
                                     cell.strategy.closings)
     evidence = evidence_from_grasps(grasps, cell.hand.link_radius_m)
-    fits = fit_evidence(evidence, cell.fit)
+    links = None
+    if cell.sensors.contact_estimator == "intrinsic":
+        links = touched_links(grasps, cell.hand.link_radius_m)
+    fits, evidence = recover_bodies(evidence, links, cell.fit)
     enough = evidence.mask.sum(1) >= FEWEST_CONTACTS
     good = np.isin(fits.status, (FitStatus.converged, FitStatus.not_converged))
     status = np.where(~enough, "too_few_contacts", np.where(good, "ok", "fit_failed"))
@@ -161,20 +166,6 @@ def tell_cylinder(
     )
 
 
-def fit_evidence(evidence: Evidence, table: FitTable) -> SuperquadricFit:
-    """Superquadrics of what has been felt, with the evidence that the table switches on."""
-    options = SuperquadricOptions(taper=table.taper, residual=table.residual,  # pyright: ignore
-                                  loss=table.loss)  # pyright: ignore
-    return fit_superquadric(
-        evidence.points_m, evidence.mask,
-        covariance=evidence.covariance_m2 if table.weights else None,
-        table_z=0.0 if table.table_plane else None,
-        free_points=evidence.free_m if table.free_space else None,
-        free_radius=evidence.free_radius_m if table.free_space else None,
-        free_mask=evidence.free_mask if table.free_space else None,
-        options=options)
-
-
 def _or_told(fits: SuperquadricFit, told: BoundingCylinder, good: np.ndarray) -> Superquadric:
     """The fits, and the told cylinder where there is none."""
     zero = np.zeros_like(told.x_m)
@@ -192,7 +183,8 @@ def _or_told(fits: SuperquadricFit, told: BoundingCylinder, good: np.ndarray) ->
     )
 
 
-def _parameters(s: Superquadric) -> dict[str, np.ndarray]:
+def recovered_parameters(s: Superquadric) -> dict[str, np.ndarray]:
+    """Columns of a recovered body's parameters, by the names of the file contract."""
     return {
         "a1_m": s.size_m[:, 0], "a2_m": s.size_m[:, 1], "a3_m": s.size_m[:, 2],
         "eps1": s.exponents[:, 0], "eps2": s.exponents[:, 1],

@@ -14,6 +14,15 @@ LINE_EVERY_S = 30.0
 NOTE_EVERY_S = 2.0
 
 
+def read_note(file: Path) -> dict[str, Any]:
+    """What a run noted last; nothing running where there is no note, or a damaged one."""
+    try:
+        found = json.loads(file.read_bytes())
+        return {"running": int(found["running"]), "units_per_s": float(found["units_per_s"] or 0)}
+    except (OSError, ValueError, TypeError, KeyError):
+        return {"running": 0, "units_per_s": 0.0}
+
+
 class Progress:
     """Counts units; writes a note that `warpgrasp status` reads while the run goes on."""
 

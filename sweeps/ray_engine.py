@@ -5,6 +5,7 @@ need this package, and meshes and pose files at the paths where the spec found t
 """
 
 import os
+import time
 import traceback
 from typing import Any
 
@@ -40,7 +41,7 @@ def run_on_ray(plan: Plan, store: Store, options: Options, progress: Progress,
              include_dashboard=False, configure_logging=False, log_to_driver=False,
              runtime_env={"env_vars": worker_environment({})})
     try:
-        work = Work(plan, store, options.shard, progress)
+        work = Work(plan, store, options.shard, progress, options.verify)
         _go(ray, work, options)
         return work.outcome
     finally:
@@ -50,14 +51,21 @@ def run_on_ray(plan: Plan, store: Store, options: Options, progress: Progress,
 def _go(ray: Any, work: Work, options: Options) -> None:
     gpus = float(options.device.startswith("cuda"))
     task = ray.remote(num_cpus=1, num_gpus=gpus, max_retries=LOST_TASK_RETRIES)(compute_unit)
-    running: dict[Any, Unit] = {}
+    running: dict[Any, tuple[Unit, float]] = {}
+    limit = AHEAD * options.unit_timeout_s  # it may wait for another before it begins
     while not work.over:
         room = AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1)))
         while len(running) < room and (unit := work.take()) is not None:
-            running[task.remote(unit, options.function, options.device)] = unit
+            reference = task.remote(unit, options.function, options.device)
+            running[reference] = unit, time.monotonic()
         ready, _ = ray.wait(list(running), num_returns=1, timeout=1.0) if running else ([], [])
         for reference in ready:
-            _finish(ray, work, running.pop(reference), reference)
+            _finish(ray, work, running.pop(reference)[0], reference)
+        for reference in [r for r, (_, began) in running.items()
+                          if time.monotonic() - began > limit]:
+            ray.cancel(reference, force=True)
+            work.failed(running.pop(reference)[0], "stopped: it took longer than "
+                        f"{options.unit_timeout_s:g} s (--unit-timeout-s)", final=True)
         work.progress.tick(len(running))
 
 
@@ -79,7 +87,7 @@ def _finish(ray: Any, work: Work, unit: Unit, reference: Any) -> None:
 def _ray() -> Any:
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # it reports usage unless told not to
     try:
-        import ray
+        import ray  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise StoreError("--engine ray: Ray is not installed; "
                          "pip install 'warpgrasp[ray]' adds it") from None

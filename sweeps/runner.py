@@ -6,6 +6,7 @@ all compiling the same.
 """
 
 import os
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -18,9 +19,11 @@ from sweeps.plan import Plan, Unit
 from sweeps.progress import Progress
 from sweeps.store import Store, StoreError
 from sweeps.work import Outcome, Work
-from sweeps.worker import EPISODES, Report, work, worker_environment
+from sweeps.worker import EPISODES, SAY_WHERE, Report, work, worker_environment
 
 EARLY_DEATHS = 2  # workers that may die before they are ready
+UNIT_TIMEOUT_S = 3600.0  # a unit takes seconds; what takes this long hangs
+SAY_WHERE_S = 0.5  # for a hanging worker to do so
 LOG_TAIL = 20_000  # characters of a worker's output kept with a failed unit
 
 
@@ -32,6 +35,8 @@ class Options:
     shard: tuple[int, int] = (1, 1)
     device: str = "cpu"
     function: str = EPISODES
+    unit_timeout_s: float = UNIT_TIMEOUT_S
+    verify: bool = False
 
 
 @dataclass
@@ -43,6 +48,7 @@ class _Slot:
     log: Path
     unit: Unit | None = None
     ready: bool = False
+    since: float = field(default_factory=time.monotonic)  # when it was started, or got its unit
 
 
 @dataclass
@@ -63,6 +69,8 @@ class _Run:
             for number, slot in enumerate(self.slots):
                 if slot.pipe in ready:
                     self.slots[number] = self._hear(slot, number + 1)
+                elif self._hangs(slot):
+                    self.slots[number] = self._bury(slot, number + 1, hung=True)
             self.work.progress.tick(len(self.work.in_hand))
 
     def _start_worker(self, number: int) -> _Slot:
@@ -81,7 +89,7 @@ class _Run:
     def _hand_out(self) -> None:
         for slot in self.slots if self.work.tried_any else self.slots[:1]:
             if slot.ready and slot.unit is None and (unit := self.work.take()):
-                slot.unit = unit
+                slot.unit, slot.since = unit, time.monotonic()
                 with suppress(OSError):  # it has died: its pipe says so in a moment
                     slot.pipe.send((unit, self.work.store.path(unit)))
 
@@ -104,12 +112,21 @@ class _Run:
             self.work.failed(unit, report.text)
         return slot
 
-    def _bury(self, slot: _Slot, number: int) -> _Slot:
-        """A worker died: its unit has failed once more, a new worker takes its place."""
+    def _hangs(self, slot: _Slot) -> bool:
+        busy = slot.unit is not None or not slot.ready
+        return busy and time.monotonic() - slot.since > self.options.unit_timeout_s
+
+    def _bury(self, slot: _Slot, number: int, hung: bool = False) -> _Slot:
+        """A worker died or hangs: its unit has failed, a new worker takes its place."""
+        if hung:
+            _kill(slot)
         slot.process.join()
         slot.pipe.close()
         code = slot.process.exitcode
-        if slot.unit is not None:
+        if slot.unit is not None and hung:
+            self.work.failed(slot.unit, f"{_tail(slot.log)}\nstopped: it took longer than "
+                             f"{self.options.unit_timeout_s:g} s (--unit-timeout-s)", final=True)
+        elif slot.unit is not None:
             self.work.failed(slot.unit, f"{_tail(slot.log)}\nthe worker died (exit code {code})")
         elif not slot.ready:
             self.early_deaths += 1
@@ -135,7 +152,7 @@ class _Run:
 
 def run(plan: Plan, store: Store, options: Options, progress: Progress) -> Outcome:
     """Runs what is left of a study's shard; the caller holds the shard's lock."""
-    current = _Run(Work(plan, store, options.shard, progress), options)
+    current = _Run(Work(plan, store, options.shard, progress, options.verify), options)
     try:
         current.go()
     finally:
@@ -147,6 +164,14 @@ def disk_error(store: Store, reason: str) -> StoreError:
     """A unit that could not be written ends the run: the next would meet the same."""
     return StoreError(f"{store.folder}: cannot be written: {reason}; finished units are kept, "
                       "the same command goes on from there", 1)
+
+
+def _kill(slot: _Slot) -> None:
+    """Ends a worker that hangs; where it hung goes to its log first."""
+    if slot.ready and slot.process.pid is not None:
+        os.kill(slot.process.pid, SAY_WHERE)
+        slot.process.join(SAY_WHERE_S)
+    slot.process.kill()
 
 
 def _tail(log: Path) -> str:

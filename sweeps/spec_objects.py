@@ -7,11 +7,17 @@ from typing import Any
 
 from sweeps.plan import FILE_KEYS
 from sweeps.problems import Path, Problems, choose, short
+from sweeps.quiet import quiet_stdout, start_warp
+from sweeps.spec_files import CSV_LIMIT, MESH_LIMIT, NoFile, named_file
 from sweeps.spec_strategies import check_name
 from sweeps.study import Body
-from warpgrasp.catalogue import BODY_NAMES, BodyError, body_from_table
+from warpgrasp.body_names import BODY_NAMES
 
 SHAPES = ("mesh", "compound", "superquadric", "profile")
+
+
+class ObjectError(ValueError):
+    """An object that cannot be built; the message says why."""
 
 
 def read_objects(values: Any, base_dir: FilePath, problems: Problems) -> tuple[Body, ...]:
@@ -50,7 +56,7 @@ def read_object(value: Any, path: Path, base_dir: FilePath, problems: Problems) 
     files: list[FilePath] = []
     try:
         table = _absolute(value, path, base_dir, files)
-    except _NoFile as error:
+    except _FileProblem as error:
         problems.add(error.path, error.what)
         return None
     if given[0] in FILE_KEYS:
@@ -60,7 +66,7 @@ def read_object(value: Any, path: Path, base_dir: FilePath, problems: Problems) 
         return None
     try:
         _build(table, base_dir)
-    except BodyError as error:
+    except ObjectError as error:
         problems.add(path, str(error))
         return None
     content = hashlib.sha256(b"".join(map(_content, files))).hexdigest() if files else ""
@@ -68,32 +74,36 @@ def read_object(value: Any, path: Path, base_dir: FilePath, problems: Problems) 
 
 
 def object_of_argument(what: str, units: str | None) -> dict[str, Any]:
-    """The table of an object named on the command line; `BodyError` says what is wrong."""
+    """The table of an object named on the command line; `ObjectError` says what is wrong."""
     if what in BODY_NAMES:
         return {"name": what}
     file = FilePath(what)
     if not file.is_file():
-        raise BodyError(f"no object {what!r}; {choose(what, BODY_NAMES)}; or a mesh file with "
+        raise ObjectError(f"no object {what!r}; {choose(what, BODY_NAMES)}; or a mesh file with "
                         "--units m|cm|mm")
     if units is None:
-        raise BodyError(f"{what}: a mesh wants its units: --units m, --units cm or --units mm")
+        raise ObjectError(f"{what}: a mesh wants its units: --units m, --units cm or --units mm")
     table = {"mesh": str(file.resolve()), "units": units, "name": file.stem}
     _build(table, FilePath())
     return table
 
 
 def _build(table: Mapping[str, Any], base_dir: FilePath) -> None:
-    """Builds the object once; `BodyError` if it cannot be, whatever its file made a reader do."""
+    """Builds the object once; `ObjectError` if it cannot be, whatever its file made a reader do."""
+    start_warp()
+    from warpgrasp.catalogue import BodyError, body_from_table  # heavy; names need no building
+
     try:
-        body_from_table(table, base_dir)
-    except BodyError:
-        raise
+        with quiet_stdout():
+            body_from_table(table, base_dir)
+    except BodyError as error:
+        raise ObjectError(str(error)) from error
     except Exception as error:  # not foreseen, but a user's file or table is no reason to crash
-        raise BodyError(f"cannot be built: {type(error).__name__}: {error}; the template of "
+        raise ObjectError(f"cannot be built: {type(error).__name__}: {error}; the template of "
                         "`warpgrasp init` shows how objects are written") from error
 
 
-class _NoFile(Exception):
+class _FileProblem(Exception):
     def __init__(self, path: Path, what: str) -> None:
         self.path = path
         self.what = what
@@ -105,7 +115,11 @@ def _absolute(table: Mapping[str, Any], path: Path, base_dir: FilePath,
     found: dict[str, Any] = {}
     for key, value in table.items():
         if key in FILE_KEYS:
-            files.append(_file(value, (*path, key), base_dir))
+            try:
+                limit = MESH_LIMIT if key == "mesh" else CSV_LIMIT
+                files.append(named_file(value, base_dir, limit))
+            except NoFile as error:
+                raise _FileProblem((*path, key), str(error)) from None
             found[key] = str(files[-1])
         elif isinstance(value, Mapping):
             found[key] = _absolute(value, (*path, key), base_dir, files)
@@ -116,19 +130,6 @@ def _absolute(table: Mapping[str, Any], path: Path, base_dir: FilePath,
         else:
             found[key] = value
     return found
-
-
-def _file(value: Any, path: Path, base_dir: FilePath) -> FilePath:
-    if not isinstance(value, str) or not value:
-        raise _NoFile(path, f"is {short(value)}; should be a file")
-    try:
-        file = (base_dir / value).resolve()
-        if file.is_file():
-            return file
-    except (OSError, ValueError, RuntimeError):
-        pass
-    raise _NoFile(path, f"{short(value)} is not a file; relative to the spec that is "
-                  f"{short(str(base_dir / value), 200)}")
 
 
 def _content(file: FilePath) -> bytes:

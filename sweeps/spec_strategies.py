@@ -9,10 +9,10 @@ from strategies.catalogue import STRATEGIES
 from strategies.closing_paths import CLOSING_PATHS
 from strategies.procedures import PROCEDURES
 from strategies.strategy import Strategy
-from strategies.waypoint_poses import poses_from_csv
 from strategies.waypoints import WAYPOINT_KINDS, WaypointError
 from sweeps.edge import read_table
 from sweeps.problems import Path, Problems, choose, short
+from sweeps.spec_files import CSV_LIMIT, NoFile, named_file
 
 KEYS = ("name", "waypoints", "closings", "order")
 NAME_LIMIT = 80
@@ -117,12 +117,14 @@ def _read_pose_file(family: type, values: dict[str, Any], path: Path, base_dir: 
     if not values.get("file"):
         problems.add((*path, "file"), "missing; should be a CSV file of hand poses")
         return None
+    from strategies.waypoint_poses import poses_from_csv  # heavy, and only files need it
+
     try:
-        file = (base_dir / values["file"]).resolve()
+        file = named_file(values["file"], base_dir, CSV_LIMIT)
         poses_from_csv(file)
-    except WaypointError as error:
+    except (WaypointError, NoFile) as error:
         problems.add((*path, "file"), str(error))
-    except (OSError, ValueError, RuntimeError) as error:
+    except (OSError, ValueError) as error:
         problems.add((*path, "file"), f"{short(values['file'])} cannot be read: {error}")
     else:
         return family(**{**values, "file": str(file)})

@@ -13,7 +13,7 @@ from typing import Any
 from sweeps.atomic import write_atomic
 from sweeps.environment import describe_environment
 from sweeps.plan import Plan, Unit, differences, extends
-from sweeps.unit_file import Columns, DamagedUnit, read_unit
+from sweeps.unit_file import Columns, DamagedUnit, looks_whole, read_unit
 
 
 class OtherStudy(ValueError):
@@ -59,6 +59,7 @@ class Store:
         self.folder = folder
         self.units = folder / "units"
         self.logs = folder / "logs"
+        self.damaged = 0  # units set aside so far
 
     def open_for(self, plan: Plan, spec_text: bytes | None, device: str) -> list[str]:
         """Makes the directory the study's own; notes worth telling the user come back.
@@ -145,8 +146,22 @@ class Store:
             self.set_aside(path, str(error))
             return None
 
+    def has(self, unit: Unit) -> bool:
+        """Whether a unit is there, by a look at its file's end; a damaged file is set aside."""
+        path = self.path(unit)
+        try:
+            if looks_whole(path, unit.id):
+                return True
+        except FileNotFoundError:
+            return False
+        except IsADirectoryError:
+            pass
+        self.set_aside(path, "does not end as a unit file does")
+        return False
+
     def set_aside(self, path: Path, reason: str) -> None:
         """Moves a damaged unit file out of the ledger, under a name that says so."""
+        self.damaged += 1
         aside = self.logs / f"{path.stem}.damaged"
         try:
             os.replace(path, aside)
@@ -175,16 +190,21 @@ class Store:
         finally:
             os.close(descriptor)
 
-    def holders(self) -> list[str]:
-        """Who works on this directory right now, one text a shard."""
-        found = []
+    def holders(self) -> dict[str, str]:
+        """Who works on this directory right now, by shard (`1-of-3`)."""
+        found: dict[str, str] = {}
         for file in sorted(self.folder.glob(".lock-*")):
             with file.open("rb") as stream:
                 try:
                     fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
                 except BlockingIOError:
-                    found.append(stream.read(200).decode(errors="replace"))
+                    shard = file.name.removeprefix(".lock-")
+                    found[shard] = stream.read(200).decode(errors="replace")
         return found
+
+    def note(self, shard: str) -> Path:
+        """Where a run of a shard (`1-of-3`) notes how far it is."""
+        return self.logs / f"progress-{shard}.json"
 
     def _remove_temporaries(self) -> None:
         for folder in (self.folder, self.units, self.logs):

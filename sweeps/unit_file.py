@@ -2,6 +2,7 @@
 
 import hashlib
 import io
+import os
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -11,6 +12,9 @@ import pyarrow.parquet as pq
 
 from sweeps.atomic import write_atomic
 
+_LARGEST_BYTES = 64 << 20
+_MAGIC = b"PAR1"  # how a Parquet file begins and ends
+_TAIL_BYTES = 16_384  # the footer of a usual unit
 Columns = dict[str, np.ndarray]
 
 
@@ -39,12 +43,11 @@ def write_unit(path: Path, unit_id: str, columns: Mapping[str, np.ndarray]) -> N
 
 def read_unit(path: Path, unit_id: str, row_count: int | None = None) -> Columns:
     """The columns of a unit file; `DamagedUnit` where its content is not what was written."""
+    content = _read_bytes(path)
     try:
-        table = pq.read_table(io.BytesIO(path.read_bytes()), use_threads=False)
+        table = pq.read_table(io.BytesIO(content), use_threads=False)
         columns = {name: _column(table, name) for name in table.column_names}
         metadata = table.schema.metadata or {}
-    except FileNotFoundError:
-        raise
     except Exception as error:  # whatever a damaged file makes the decoder raise
         raise DamagedUnit(f"cannot be decoded: {error}"[:200]) from None
     if metadata.get(b"unit", b"").decode("utf-8", "replace") != unit_id:
@@ -54,6 +57,37 @@ def read_unit(path: Path, unit_id: str, row_count: int | None = None) -> Columns
     if row_count is not None and any(len(v) != row_count for v in columns.values()):
         raise DamagedUnit(f"does not hold {row_count} rows")
     return columns
+
+
+def _read_bytes(path: Path) -> bytes:
+    """The bytes of a file no larger than a unit can be; another error than that is the disk's."""
+    try:
+        with path.open("rb") as stream:
+            content = stream.read(_LARGEST_BYTES + 1)
+    except IsADirectoryError:
+        raise DamagedUnit("is a directory") from None
+    if len(content) > _LARGEST_BYTES:
+        raise DamagedUnit(f"is larger than {_LARGEST_BYTES >> 20} MiB")
+    return content
+
+
+def looks_whole(path: Path, unit_id: str) -> bool:
+    """Whether a file ends as the unit's file does, without reading its rows.
+
+    Sees a file that was cut, emptied or is another unit's, not a bit that flipped among the rows:
+    that is seen by `read_unit`, which every leaderboard uses.
+    """
+    with path.open("rb") as stream:
+        size = stream.seek(0, os.SEEK_END)
+        stream.seek(max(0, size - _TAIL_BYTES))
+        tail = stream.read()
+        footer = int.from_bytes(tail[-8:-4], "little")
+        if len(tail) < 12 or tail[-4:] != _MAGIC or footer + 12 > size:
+            return False
+        if footer + 8 > len(tail):
+            stream.seek(size - 8 - footer)
+            tail = stream.read()
+    return unit_id.encode() in tail[-8 - footer:]
 
 
 def _plain(name: str, values: np.ndarray) -> np.ndarray:

@@ -32,6 +32,7 @@ class Work:
     store: Store
     shard: tuple[int, int]
     progress: Progress
+    verify: bool = False  # read every row of what is there, not just the files' ends
     outcome: Outcome = field(default_factory=Outcome)
     again: deque[Unit] = field(default_factory=deque)
     attempts: dict[str, int] = field(default_factory=dict)
@@ -49,7 +50,7 @@ class Work:
             return unit
         for unit in self.fresh:
             known = unit.id in self.in_hand or unit.id in self.attempts
-            if not (known or self.store.read(unit) is not None):
+            if not (known or self._is_there(unit)):
                 self.store.sweep_out(unit)
                 self.in_hand.add(unit.id)
                 return unit
@@ -57,6 +58,9 @@ class Work:
             self.progress.kept()
         self.exhausted = True
         return None
+
+    def _is_there(self, unit: Unit) -> bool:
+        return self.store.read(unit) is not None if self.verify else self.store.has(unit)
 
     @property
     def over(self) -> bool:
@@ -80,11 +84,11 @@ class Work:
         self.store.log(unit).unlink(missing_ok=True)
         self.progress.done(unit.stop - unit.start)
 
-    def failed(self, unit: Unit, text: str) -> None:
-        """A unit raised, or its worker died."""
+    def failed(self, unit: Unit, text: str, final: bool = False) -> None:
+        """A unit raised, its worker died, or (`final`: it is not tried again) its time ran out."""
         self.in_hand.discard(unit.id)
         self.attempts[unit.id] = self.attempts.get(unit.id, 0) + 1
-        if self.attempts[unit.id] < ATTEMPTS:
+        if self.attempts[unit.id] < ATTEMPTS and not final:
             self.again.append(unit)
             return
         self.outcome.failed += 1

@@ -25,6 +25,7 @@ from sweeps.plan import Unit
 from sweeps.unit_file import Columns, write_unit
 
 RunEpisodes = Callable[[Cell, np.ndarray, str], Columns]
+SAY_WHERE = signal.SIGUSR1  # a worker answers with where each of its threads is, in its log
 EPISODES = "sweeps.episodes:run_episodes"
 
 # One thread each: two workers on two cores must not fight, and sums must not depend on threads.
@@ -132,6 +133,7 @@ def _redirect_output(log: Path) -> None:
     sys.stdout = os.fdopen(1, "w", buffering=1, closefd=False)
     sys.stderr = os.fdopen(2, "w", buffering=1, closefd=False)
     faulthandler.enable(sys.stderr)
+    faulthandler.register(SAY_WHERE, sys.stderr)
 
 
 def _die_with_parent() -> None:

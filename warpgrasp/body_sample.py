@@ -68,8 +68,9 @@ def _sample(keyed: _Keyed, surface: int, inside: int) -> BodySample:
 
 
 def _spread(rows: np.ndarray, count: int) -> np.ndarray:
-    """`count` rows evenly out of all (repeated where there are fewer), in the Sobol order."""
-    return rows[np.arange(count) * len(rows) // count]
+    """The first `count` rows, which any start of a Sobol sequence spreads evenly (a stride would
+    not), over again where there are fewer."""
+    return rows[np.arange(count) % len(rows)]
 
 
 def _box_distances(body: Body) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:

@@ -15,24 +15,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from warpgrasp.body import Body, BodyError, Part
+from warpgrasp.body_names import BODY_NAMES
 from warpgrasp.mesh_intake import body_from_mesh
 from warpgrasp.scene import Join, Shape
 
 _PROFILES = Path(__file__).parent / "profiles"
 _LARGEST_COMPOUND = 64
-
-BODY_NAMES: dict[str, str] = {
-    "block": "block 60 x 80 x 120 mm [est]",
-    "large_cylinder": "cylinder of diameter 70, height 120 mm [est]",
-    "small_cylinder": "cylinder of diameter 40, height 90 mm [est]",
-    "wedge": "triangular wedge, base 60 x 60, ridge at 100 mm [est]",
-    "lightbulb": "A19 lightbulb, diameter 60, height 110 mm [sourced; profile est]",
-    "funnel": "funnel, bowl 100 mm, 60 deg [sourced; stem est]",
-    "wine_bottle": "wine bottle, diameter 73.6, height 322 mm [sourced; shoulder est]",
-    "beer_bottle": "beer bottle, diameter 61, height 231 mm [sourced; shoulder est]",
-    "coke_bottle": "coke bottle, height 197 mm [est]",
-    "orangina_bottle": "orangina bottle, height 145 mm [est]",
-}
 
 
 @cache
@@ -66,7 +54,7 @@ def body_from_table(table: Mapping[str, Any], base_dir: Path) -> Body:
     """
     name = table.get("name")
     if name is not None and not (isinstance(name, str) and name.strip() and len(name) <= 64):
-        raise BodyError(f"name {name!r}: a text of 1 to 64 characters is wanted")
+        raise BodyError(f"name {_short(name)}: a text of 1 to 64 characters is wanted")
     kinds = {"mesh": {"mesh", "units", "name"}, "compound": {"compound", "name"},
              "superquadric": {"superquadric", "name"}, "profile": {"profile", "name"}}
     kind = next((k for k in kinds if k in table), None)
@@ -88,7 +76,8 @@ def body_from_table(table: Mapping[str, Any], base_dir: Path) -> Body:
         a3 = part.superquadric[2]
         place = (0.0, 0.0, a3, 0.0, 0.0, 0.0, 1.0)
         return _body(name, (Part(Shape.SUPERQUADRIC, place=place,
-                                 superquadric=part.superquadric),), "superquadric", on_table=True)
+                                 superquadric=part.superquadric),), "superquadric",
+                     on_table=part.superquadric[7] > 0.0)
     parts = table["compound"]
     if not isinstance(parts, list) or not 0 < len(parts) <= _LARGEST_COMPOUND:
         raise BodyError(f"{name}: compound wants a list of 1 to {_LARGEST_COMPOUND} tables")
@@ -113,13 +102,15 @@ def profile_from_csv(path: Path) -> np.ndarray:
         cells = [c.strip() for c in line.split(",")]
         if not header_seen:
             if cells != ["z_mm", "r_mm"]:
-                raise BodyError(f"{path}:{number}: the columns are z_mm,r_mm, not {line.strip()!r}")
+                raise BodyError(f"{path}:{number}: the columns are z_mm,r_mm, not "
+                                f"{_short(line.strip())}")
             header_seen = True
             continue
         try:
             z, r = (float(c) for c in cells)
         except ValueError:
-            raise BodyError(f"{path}:{number}: {line.strip()!r}: two numbers are wanted") from None
+            raise BodyError(f"{path}:{number}: {_short(line.strip())}: two numbers are "
+                            "wanted") from None
         if not (isfinite(z) and isfinite(r) and r >= 0.0 and r <= 1000.0):
             raise BodyError(f"{path}:{number}: r_mm {r}: 0 to 1000 is wanted, and finite numbers")
         if rows and z <= rows[-1][0]:
@@ -135,8 +126,17 @@ def profile_from_csv(path: Path) -> np.ndarray:
 def _mapping(table: Mapping[str, Any], key: str) -> Mapping[str, Any]:
     value = table[key]
     if not isinstance(value, Mapping):
-        raise BodyError(f"{key}: a table is wanted, not {value!r}")
+        raise BodyError(f"{key}: a table is wanted, not {_short(value)}")
     return value
+
+
+def _short(value: Any) -> str:
+    """A value as a message shows it, cut to a bearable length."""
+    try:
+        text = repr(value)
+    except ValueError:  # an integer of too many digits to print
+        return "a huge number"
+    return text if len(text) <= 80 else text[:77] + "..."
 
 
 def _refuse_unknown(table: Mapping[str, Any], known: set[str], what: str) -> None:
@@ -144,7 +144,7 @@ def _refuse_unknown(table: Mapping[str, Any], known: set[str], what: str) -> Non
         if key not in known:
             close = get_close_matches(str(key), known, 1)
             hint = f"did you mean {close[0]}? " if close else ""
-            raise BodyError(f"{what}: unknown key {key!r}; {hint}there are: "
+            raise BodyError(f"{what}: unknown key {_short(key)}; {hint}there are: "
                             f"{', '.join(sorted(known))}")
 
 
@@ -155,12 +155,12 @@ def _numbers(table: Mapping[str, Any], key: str, count: int, low: float, high: f
         raise BodyError(f"{table.get('shape', 'object')}: {key} is missing")
     values = value if isinstance(value, (list, tuple)) else [value]
     good = len(values) == count and all(
-        isinstance(v, (int, float)) and not isinstance(v, bool) and isfinite(v) and low <= v <= high
+        isinstance(v, (int, float)) and not isinstance(v, bool) and low <= v <= high
         for v in values)
     if not good:
         wanted = f"{count} numbers" if count > 1 else "a number"
-        raise BodyError(f"{table.get('shape', 'object')}: {key} = {value!r}: {wanted} from {low:g} "
-                        f"to {high:g} is right")
+        raise BodyError(f"{table.get('shape', 'object')}: {key} = {_short(value)}: {wanted} from "
+                        f"{low:g} to {high:g} is right")
     return tuple(float(v) for v in values)
 
 
@@ -191,7 +191,7 @@ _COMPOUND_KEYS: dict[str, tuple[Shape, dict[str, int]]] = {
 
 def _placed_part(table: Any, index: int, base_dir: Path) -> Part:
     if not isinstance(table, Mapping):
-        raise BodyError(f"compound[{index}]: a table is wanted, not {table!r}")
+        raise BodyError(f"compound[{index}]: a table is wanted, not {_short(table)}")
     try:
         return _checked_part(table, index, base_dir)
     except BodyError as error:
@@ -200,12 +200,13 @@ def _placed_part(table: Any, index: int, base_dir: Path) -> Part:
 
 def _checked_part(table: Mapping[str, Any], index: int, base_dir: Path) -> Part:
     kind = table.get("shape")
-    if kind not in _COMPOUND_KEYS:
-        raise BodyError(f"shape {kind!r}: one of {', '.join(_COMPOUND_KEYS)}")
+    if not isinstance(kind, str) or kind not in _COMPOUND_KEYS:
+        raise BodyError(f"shape {_short(kind)}: one of {', '.join(_COMPOUND_KEYS)}")
     joins = {j.name.lower(): j for j in Join}
     join = table.get("join", "union")
-    if join not in joins or (index == 0 and join != "union"):
-        raise BodyError(f"join {join!r}: one of {', '.join(joins)}, and the first part a union")
+    if not isinstance(join, str) or join not in joins or (index == 0 and join != "union"):
+        raise BodyError(f"join {_short(join)}: one of {', '.join(joins)}, and the first part a "
+                        "union")
     at = tuple(v / 1000 for v in _numbers(table, "at_mm", 3, -1000.0, 1000.0, (0.0, 0.0, 0.0)))
     rpy = _numbers(table, "rpy_deg", 3, -360.0, 360.0, (0.0, 0.0, 0.0))
     turn = Rotation.from_euler("xyz", rpy, degrees=True).as_quat() if any(rpy) else (0, 0, 0, 1.0)

@@ -16,6 +16,8 @@ from typing import Any
 
 import warp as wp
 
+wp.config.log_level = wp.LOG_ERROR  # banners are not results
+
 _SMALLEST_SLICE = 512  # threads; below, starting a Python thread costs more than it saves
 _pool: ThreadPoolExecutor | None = None
 _thread_count = max(1, int(os.environ.get("WARPGRASP_THREADS", os.cpu_count() or 1)))

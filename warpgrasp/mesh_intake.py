@@ -1,8 +1,13 @@
 """Meshes in: read, checked, stood on the table, baked once to a distance grid, cached."""
 
 import hashlib
+import io
+import logging
 import os
 import tempfile
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +17,8 @@ from warpgrasp.body import Body, BodyError, Part, distance_to_bodies, scene_of
 from warpgrasp.launch import launch
 from warpgrasp.scene import Shape
 
+KINDS = ("stl", "obj", "ply", "off")
+"""File kinds that are read. Archives and scenes (3MF, GLB, ZIP) could unfold to any size."""
 UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 LARGEST_FILE_BYTES = 256 * 2**20
 LARGEST_FACE_COUNT = 2_000_000
@@ -22,13 +29,15 @@ _BAKE_VERSION = 1
 
 
 def body_from_mesh(path: Path, *, units: str, name: str | None = None) -> Body:
-    """A body from a watertight mesh file (STL, OBJ, PLY, ...), standing on its lowest point.
+    """A body from a watertight mesh file (STL, OBJ, PLY or OFF), standing on its lowest point.
 
     The file's z axis is up; the middle of its bounding box goes on the z axis. `units` is "m", "cm"
     or "mm". Raises BodyError with what is wrong (missing, empty, open, out of size) and the mend.
     """
     if units not in UNITS_M:
         raise BodyError(f"{path}: units {units!r}: one of {', '.join(UNITS_M)}")
+    if path.suffix.lower().lstrip(".") not in KINDS:
+        raise BodyError(f"{path}: not a kind of mesh that is read; {', '.join(KINDS)} are")
     try:
         size = path.stat().st_size
     except OSError as error:
@@ -38,12 +47,17 @@ def body_from_mesh(path: Path, *, units: str, name: str | None = None) -> Body:
     if size > LARGEST_FILE_BYTES:
         raise BodyError(f"{path}: {size / 2**20:.0f} MiB; at most {LARGEST_FILE_BYTES >> 20} MiB: "
                         "simplify the mesh first")
-    content = hashlib.sha256(path.read_bytes())
-    content.update(f"{units} {_NODES} {_MARGIN_CELLS} {_BAKE_VERSION}".encode())
-    cached = _cache_folder() / f"{content.hexdigest()[:32]}.npz"
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise BodyError(f"{path}: cannot be read: {error.strerror or error}") from None
+    key = hashlib.sha256(content)
+    key.update(f"{units} {_NODES} {_MARGIN_CELLS} {_BAKE_VERSION}".encode())
+    cached = _cache_folder() / f"{key.hexdigest()[:32]}.npz"
     baked = _read_cached(cached)
     if baked is None:
-        vertices, faces = _read_checked(path, units)
+        with _quiet_reader():
+            vertices, faces = _read_checked(path, content, units)
         baked = _bake(vertices, faces)
         _write_cached(cached, baked)
     grid, origin, cell, low, high, error = (
@@ -57,16 +71,32 @@ def _triple(values: np.ndarray) -> tuple[float, float, float]:
     return float(values[0]), float(values[1]), float(values[2])
 
 
-def _read_checked(path: Path, units: str) -> tuple[np.ndarray, np.ndarray]:
+@contextmanager
+def _quiet_reader() -> Iterator[None]:
+    """Keeps the reader's log and warnings off stderr: what is wrong is told once, by BodyError."""
+    log, nowhere = logging.getLogger("trimesh"), logging.NullHandler()
+    before, log.propagate = log.propagate, False
+    log.addHandler(nowhere)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        log.propagate = before
+        log.removeHandler(nowhere)
+
+
+def _read_checked(path: Path, content: bytes, units: str) -> tuple[np.ndarray, np.ndarray]:
     import trimesh  # heavy, and only meshes need it
 
-    _check_declared_faces(path)
-    try:
-        mesh = trimesh.load_mesh(path, process=True)
+    kind = path.suffix.lower().lstrip(".")
+    _check_declared_faces(path, kind, content)
+    try:  # from memory: files that a mesh names beside itself (materials, textures) stay closed
+        mesh = trimesh.load_mesh(io.BytesIO(content), file_type=kind, process=True)
     except Exception as error:  # any reader's failure is the file's fault here
         reason = str(error).strip().split("\n")[0] or type(error).__name__
         raise BodyError(f"{path}: not a mesh that can be read ({reason}); "
-                        "STL, OBJ or PLY are") from None
+                        "STL, OBJ, PLY and OFF files are") from None
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise BodyError(f"{path}: no faces in it; a closed surface of triangles is wanted")
     if len(mesh.faces) > LARGEST_FACE_COUNT:
@@ -76,6 +106,9 @@ def _read_checked(path: Path, units: str) -> tuple[np.ndarray, np.ndarray]:
         raise BodyError(f"{path}: a vertex is not a finite number")
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
     mesh.update_faces(mesh.nondegenerate_faces())
+    mesh.remove_unreferenced_vertices()
+    if len(mesh.faces) == 0:
+        raise BodyError(f"{path}: every face is a line or a point; faces with an area are wanted")
     longest = float(mesh.extents.max()) * UNITS_M[units]
     if not SMALLEST_M <= longest <= LARGEST_M:
         fits = [u for u, s in UNITS_M.items()
@@ -98,21 +131,28 @@ def _read_checked(path: Path, units: str) -> tuple[np.ndarray, np.ndarray]:
     return vertices, np.asarray(mesh.faces)
 
 
-def _check_declared_faces(path: Path) -> None:
-    """Refuse a header that declares more faces than the file could hold, before reading on."""
-    with path.open("rb") as file:
-        head = file.read(4096)
+def _check_declared_faces(path: Path, kind: str, content: bytes) -> None:
+    """Refuse a header that declares more than can be read, before anything is read on."""
+    head = content[:65_536]
     declared = 0
-    if path.suffix.lower() == ".ply":
+    if kind == "ply":
         for line in head.split(b"\n"):
             words = line.split()
-            if len(words) == 3 and words[0] == b"element" and words[1] in (b"face", b"vertex"):
-                declared = max(declared, int(words[2]) if words[2].isdigit() else 0)
-    elif path.suffix.lower() == ".stl" and len(head) >= 84 and not head.startswith(b"solid"):
+            if len(words) == 3 and words[0] == b"element":
+                declared = max(declared, _count(words[2]))
+    elif kind == "stl" and len(head) >= 84 and not head.startswith(b"solid"):
         declared = int.from_bytes(head[80:84], "little")
+    elif kind == "off":
+        declared = max(map(_count, head.split()[:4]), default=0)
+    elif kind == "obj":
+        declared = content.count(b"\nf")
     if declared > LARGEST_FACE_COUNT:
         raise BodyError(f"{path}: its header declares {declared:,} faces or vertices; at most "
                         f"{LARGEST_FACE_COUNT:,}")
+
+
+def _count(word: bytes) -> int:
+    return int(word[:20]) if word.isdigit() else 0
 
 
 @wp.kernel(enable_backward=False)

@@ -105,6 +105,22 @@ def test_covariance_and_free_balls_and_normals_run_and_help_or_do_no_harm(sets) 
     assert np.median(volume_iou(body, found)) > 0.95
 
 
+def test_a_fit_goes_on_from_a_former_one_and_fits_without_one_are_screened(sets, fitted) -> None:
+    body, points = sets
+    former = fit_superquadric(points[:, :50], table_z=0.0)
+    former.status[2] = FitStatus.bad_points
+    found = fit_superquadric(points, table_z=0.0, start=former)
+    assert volume_iou(body, found).min() > 0.88
+    assert same_bits(found[2:3], fitted[2:3])
+    alone = fit_superquadric(points[5:6], table_z=0.0, start=former[5:6])
+    assert same_bits(alone, found[5:6])
+    again = fit_superquadric(points, table_z=0.0, start=fitted)
+    assert np.allclose(again.position_m, fitted.position_m, atol=1e-5)
+    assert again.iterations.mean() < fitted.iterations.mean()
+    with pytest.raises(ValueError, match="start: 3 fits for 8 sets"):
+        fit_superquadric(points, start=former[:3])
+
+
 def test_wrong_shapes_are_named() -> None:
     with pytest.raises(ValueError, match="points: shape"):
         fit_superquadric(np.zeros((3, 2)))

@@ -70,6 +70,13 @@ def broken_disk(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.n
     return run_episodes(cell, episodes, device)
 
 
+def hanging_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
+    """Never comes back on one object."""
+    while cell.object_name == "wedge":
+        time.sleep(3600)
+    return run_episodes(cell, episodes, device)
+
+
 def logged_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
     """Slow, and notes in FAKE_LOG/<cell and block> whether its unit was there when it began."""
     name = f"{cell.strategy.name}-{cell.object_name}-{episodes[0]}"

@@ -28,7 +28,7 @@ objects = ["block", "wedge", "funnel"]
 [[strategy]]
 name = "ring6"
 [[strategy]]
-name = "top6"
+name = "random6"
 """
 RUN = ("import sys; from sweeps import cli, commands; "
        "commands.EPISODES = 'fake_episodes:logged_episodes'; cli.main(sys.argv[1:])")

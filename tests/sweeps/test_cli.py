@@ -39,8 +39,21 @@ def test_a_sweep_ends_with_its_leaderboard(
     found = json.loads(capsys.readouterr().out)
     assert (found["done"], found["failed"], found["left"], found["held_by"]) == (8, 0, 0, [])
 
+    with commands.Store(out).lock((1, 1)):  # a run that has not noted anything sound
+        (out / "logs" / "progress-1-of-1.json").write_text("{")
+        assert cli.run(["status", str(out)]) == 0
+        assert "process" in capsys.readouterr().out
+
     board = tmp_path / "board.csv"
     assert cli.run(["leaderboard", str(out), "-o", str(board)]) == 0
+    assert board.read_bytes() == (out / "leaderboard.csv").read_bytes()
+
+    unit = min((out / "units").iterdir())
+    content = bytearray(unit.read_bytes())
+    content[len(content) // 4] ^= 0xFF
+    unit.write_bytes(content)
+    assert cli.run(["sweep", str(spec), "-o", str(out)]) == 0
+    assert "1 damaged units are done again" in capsys.readouterr().err
     assert board.read_bytes() == (out / "leaderboard.csv").read_bytes()
 
     assert cli.run(["sweep", str(spec), "-o", str(out), "--set", "seed=8"]) == 3
@@ -53,6 +66,9 @@ def test_a_sweep_ends_with_its_leaderboard(
     (["sweep", "SPEC", "-o", "OUT", "--workers", "0"], "--workers: is 0"),
     (["sweep", "SPEC", "-o", "OUT", "--workers", "two"], "--workers"),
     (["sweep", "SPEC", "-o", "OUT", "--shard", "3/2"], "--shard: is '3/2'; should be I/N"),
+    (["sweep", "SPEC", "-o", "OUT", "--unit-timeout-s", "0"], "--unit-timeout-s: is 0; should be"),
+    (["sweep", "SPEC", "-o", "OUT", "--unit-timeout-s", "nan"], "--unit-timeout-s: is nan"),
+    (["sweep", "SPEC", "-o", "OUT", "--device", "cuda:99"], "--device: there is no cuda:99 here"),
     (["sweep", "SPEC", "-o", "OUT", "--device", "gpu"], "--device: is 'gpu'; should be cpu or"),
     (["sweep", "SPEC", "-o", "SPEC"], "cannot be written"),
     (["sweep", "SPEC", "-o", "OUT", "--set", "seed"], "--set: seed: should be KEY=VALUE"),
@@ -118,13 +134,29 @@ def test_an_interrupt_keeps_what_is_finished(tmp_path: Path, number: signal.Sign
     assert not list(units.glob(".*.tmp"))
 
 
-def test_help_needs_nothing_heavy() -> None:
-    code = ("import sys; from sweeps.cli import run; run(['--help']); "
-            "print(sorted({'numpy', 'jax', 'warp', 'pyarrow', 'scipy', 'pydantic'} "
+@pytest.mark.parametrize(("arguments", "needs"), [
+    (["--help"], []), (["objects"], []), (["strategies"], ["numpy"]),
+    (["check", "SPEC"], ["numpy", "pydantic"])])
+def test_light_commands_import_nothing_heavy(
+        tmp_path: Path, arguments: list[str], needs: list[str]) -> None:
+    code = ("import sys; from sweeps.cli import run; run(sys.argv[1:]); "
+            "print(sorted({'numpy', 'jax', 'warp', 'pyarrow', 'scipy', 'pydantic', 'trimesh'} "
             "& set(sys.modules)), file=sys.stderr)")
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stderr.strip() == "[]"
-    assert "sweep" in done.stdout
+    spec = str(write_spec(tmp_path))
+    done = subprocess.run(
+        [sys.executable, "-c", code, *(spec if a == "SPEC" else a for a in arguments)],
+        capture_output=True, text=True, check=True)
+    assert done.stderr.strip() == str(needs)
+    assert done.stdout
+
+
+def test_a_machine_without_gpu_hears_nothing_of_it(tmp_path: Path) -> None:
+    """What Warp's native code says on stderr at its start is no message of ours."""
+    spec = write_spec(tmp_path, SMALL.replace(
+        '"block"', '{ name = "t", compound = [{ shape = "sphere", radius_mm = 20 }] }'))
+    done = subprocess.run([sys.executable, "-m", "sweeps.cli", "check", str(spec)],
+                          capture_output=True, text=True, check=True)
+    assert done.stderr == ""
 
 
 def test_workers_are_told_to_use_one_thread() -> None:

@@ -68,7 +68,7 @@ def test_ids_depend_on_what_rows_depend_on(tmp_path: Path) -> None:
 def test_a_grown_study_keeps_its_units(tmp_path: Path) -> None:
     before = plan_of(tmp_path, SMALL.replace("= 70\no", "= 64\no"))
     after = plan_of(tmp_path, SMALL.replace("= 70\no", "= 200\no").replace(
-        '"block", "wedge"', '"funnel", "wedge", "block"') + '[[strategy]]\nname = "top6"\n')
+        '"block", "wedge"', '"funnel", "wedge", "block"') + '[[strategy]]\nname = "random6"\n')
     assert set(ids(before)) < set(ids(after))
     assert extends(before.resolved, after.resolved)
     assert not extends(after.resolved, before.resolved)

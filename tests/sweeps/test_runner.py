@@ -1,5 +1,6 @@
 import os
 from pathlib import Path
+from typing import Any
 
 import fake_episodes
 import numpy as np
@@ -16,10 +17,10 @@ from sweeps.worker import run_unit
 
 
 def run_in(folder: Path, plan: Plan, function: str = "run_episodes", workers: int = 1,
-           shard: tuple[int, int] = (1, 1)) -> Outcome:
+           shard: tuple[int, int] = (1, 1), **more: Any) -> Outcome:
     store = Store(folder)
     store.open_for(plan, None, "cpu")
-    options = Options(workers, shard, "cpu", f"fake_episodes:{function}")
+    options = Options(workers, shard, "cpu", f"fake_episodes:{function}", **more)
     with store.lock(shard), Progress(plan.unit_count, quiet=True) as progress:
         return run(plan, store, options, progress)
 
@@ -125,6 +126,31 @@ def test_deadly_units_are_set_aside_and_the_rest_goes_on(
     assert not list((tmp_path / "logs").glob("*.failed.log"))
 
 
+def test_a_unit_that_hangs_is_set_aside_and_the_rest_goes_on(tmp_path: Path) -> None:
+    text = SMALL.replace("= 70\no", "= 3\no").partition('[[strategy]]\nname = "mine"')[0]
+    plan = plan_of(tmp_path / "spec", text)
+    outcome = run_in(tmp_path, plan, "hanging_episodes", unit_timeout_s=1.5)
+    assert outcome == Outcome(kept=0, done=1, failed=1)
+    log, = (file.read_text() for file in (tmp_path / "logs").glob("*.failed.log"))
+    assert "strategy ring6, object wedge" in log
+    assert "in hanging_episodes" in log  # where it hung
+    assert log.endswith("stopped: it took longer than 1.5 s (--unit-timeout-s)\n")
+    assert run_in(tmp_path, plan) == Outcome(kept=1, done=1)
+
+
+def test_a_flipped_bit_is_found_when_asked_for_and_by_every_ranking(
+        whole: tuple[Plan, Path], tmp_path: Path) -> None:
+    plan, folder = whole
+    run_in(tmp_path, plan)
+    unit = min((tmp_path / "units").iterdir())
+    content = bytearray(unit.read_bytes())
+    content[len(content) // 4] ^= 0xFF
+    unit.write_bytes(content)
+    assert run_in(tmp_path, plan) == Outcome(kept=8)  # a look at its end does not tell
+    assert run_in(tmp_path, plan, verify=True) == Outcome(kept=7, done=1)
+    assert contents(tmp_path) == contents(folder)
+
+
 def test_a_full_disk_ends_the_run_and_loses_nothing(tmp_path: Path) -> None:
     plan = plan_of(tmp_path / "spec")
     with pytest.raises(StoreError, match="No space left on device; finished units are kept"):
@@ -142,9 +168,9 @@ def test_the_second_of_two_runs_is_told_who_holds_the_directory(
         whole: tuple[Plan, Path]) -> None:
     plan, folder = whole
     store = Store(folder)
-    assert store.holders() == []
+    assert store.holders() == {}
     with store.lock((1, 1)):
-        assert store.holders() == [f"process {os.getpid()} on {os.uname().nodename}"]
+        assert store.holders() == {"1-of-1": f"process {os.getpid()} on {os.uname().nodename}"}
         with pytest.raises(Held, match=f"process {os.getpid()} on "):
             run_in(folder, plan)
     run_in(folder, plan)

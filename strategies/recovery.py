@@ -1,0 +1,126 @@
+"""From what was felt to a body: fits and contacts, in turns.
+
+Joint torques say which link touched and where along it, but hardly on which side of a round tip.
+The body says the rest: a link touches where its axis is nearest, along the body's normal there. So
+a body is fitted, every contact is placed anew against it (its link chosen by torque and by distance
+together), and the body is fitted again. Of the space that links swept without touching, only the
+balls nearest to the body last fitted can matter; the next fit is given those.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from fit.superquadric import SuperquadricFit, SuperquadricOptions, fit_superquadric
+from fit.superquadric_shape import (
+    SuperquadricLike,
+    superquadric_inside_outside,
+    superquadric_normals,
+)
+from strategies.evidence import Evidence, TouchedLinks
+from warpgrasp.parameters import FitTable
+
+FREE_BALLS = 64
+"""Free balls given to a fit, the nearest to the body last fitted."""
+PLACE_SIGMA_M = 0.003
+"""How well a body still being fitted predicts where a link's axis must pass [est]."""
+NORMAL_SIGMA_M = 0.0008
+"""Spread of a placed contact along the normal: joint angles, mount, repeatability [est]."""
+FARTHEST_M = 0.02
+"""A link farther than this from the body is no less likely than one this far."""
+
+
+def recover_bodies(
+    evidence: Evidence, links: TouchedLinks | None, table: FitTable
+) -> tuple[SuperquadricFit, Evidence]:
+    """Superquadrics of all worlds, and the contacts as placed for the last fit.
+
+    Without `links` (the paper's fingertip estimate) the points stay where they are felt, and one
+    more fit brings in free space.
+    """
+    # No body yet, so no free balls yet; masked ones in their place, for one compiled program.
+    first = slice(0, FREE_BALLS)
+    placed = replace(evidence, free_m=evidence.free_m[:, first],
+                     free_mask=np.zeros_like(evidence.free_mask[:, first]))
+    fits = fit_evidence(placed, table)
+    for _ in range(table.rounds if links is not None else int(table.free_space)):
+        if links is not None:
+            placed = contacts_placed(evidence, links, fits)
+        placed = nearest_free(placed, evidence, fits)
+        fits = fit_evidence(placed, table)
+    return fits, placed
+
+
+def fit_evidence(evidence: Evidence, table: FitTable) -> SuperquadricFit:
+    """One fit a world, to the evidence that the table switches on."""
+    options = SuperquadricOptions(
+        taper=table.taper, residual=table.residual, loss=table.loss,  # pyright: ignore
+        upright_std_rad=table.upright_rad if table.table_plane else None)
+    return fit_superquadric(
+        evidence.points_m, evidence.mask,
+        covariance=evidence.covariance_m2 if table.weights else None,
+        table_z=0.0 if table.table_plane else None,
+        free_points=evidence.free_m if table.free_space else None,
+        free_radius=evidence.free_radius_m if table.free_space else None,
+        free_mask=evidence.free_mask if table.free_space else None,
+        options=options)
+
+
+def contacts_placed(
+    evidence: Evidence, links: TouchedLinks, body: SuperquadricLike
+) -> Evidence:
+    """Contacts where links touch `body`, each on its likeliest link, moved along its axis."""
+    worlds, slots = evidence.mask.shape
+    flat = links.centre_m.reshape(worlds, -1, 3)
+    distance, normal = _distance(body, flat)
+    distance = distance.reshape(worlds, slots, 3)
+    normal = normal.reshape(worlds, slots, 3, 3)
+    slope = np.einsum("wplk,wplk->wpl", links.direction, normal)
+    miss = distance - links.radius_m
+    spread = PLACE_SIGMA_M**2 + slope**2 * links.variance_m2
+    misfit = (np.minimum(miss**2, FARTHEST_M**2) / spread
+              - 2.0 * np.log(np.maximum(links.weight, 1e-9)))
+    likeliest = np.argmin(misfit, axis=-1)
+
+    def pick(values: np.ndarray) -> np.ndarray:
+        index = likeliest.reshape(worlds, slots, *([1] * (values.ndim - 2)))
+        return np.take_along_axis(values, index, axis=2)[:, :, 0]
+
+    direction, variance = pick(links.direction), pick(links.variance_m2)
+    # The torque's place along the axis and the body's meet in the middle, by their spreads.
+    shift = -pick(miss) * pick(slope) / (
+        PLACE_SIGMA_M**2 / np.maximum(variance, 1e-8) + pick(slope) ** 2)
+    reach = 2.0 * np.sqrt(variance)
+    centre = pick(links.centre_m) + direction * np.clip(shift, -reach, reach)[..., None]
+    points = centre - links.radius_m * pick(normal)
+    covariance = (np.eye(3) * NORMAL_SIGMA_M**2
+                  + direction[..., :, None] * direction[..., None, :] * variance[..., None, None])
+    mask = evidence.mask & np.isfinite(points).all(-1)
+    return replace(
+        evidence, points_m=np.where(mask[..., None], points, 0.0), mask=mask,
+        covariance_m2=np.where(mask[..., None, None], covariance, np.eye(3)),
+        normals=np.where(mask[..., None], pick(normal), np.nan))
+
+
+def nearest_free(placed: Evidence, evidence: Evidence, body: SuperquadricLike) -> Evidence:
+    """`placed` with the free balls of `evidence` that are nearest to `body`."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        gauge = superquadric_inside_outside(body, evidence.free_m)
+        away = np.linalg.norm(evidence.free_m - body.position_m[:, None], axis=-1)
+        radial = (1.0 - 1.0 / np.maximum(gauge, 1e-3)) * away
+    clearance = np.where(evidence.free_mask & np.isfinite(radial), radial, np.inf)
+    chosen = np.argsort(clearance, axis=1, kind="stable")[:, :FREE_BALLS]
+    return replace(
+        placed, free_m=np.take_along_axis(evidence.free_m, chosen[..., None], 1),
+        free_mask=np.isfinite(np.take_along_axis(clearance, chosen, 1)))
+
+
+def _distance(body: SuperquadricLike, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First-order signed distance [m] and outward unit normal, (world, point) and (..., 3)."""
+    step = 1e-5
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        gauge = superquadric_inside_outside(body, points)
+        normal = superquadric_normals(body, points)
+        ahead = superquadric_inside_outside(body, points + step * normal)
+        distance = (gauge - 1.0) / np.maximum((ahead - gauge) / step, 1e-3)
+    return np.where(np.isfinite(distance), distance, 1.0), normal

@@ -1,0 +1,124 @@
+"""A figure of contacts over the recovered body, after figure 4 of Allen and Michelman 1990.
+
+Left the recovered body with the contacts on it, what is behind it hidden; right its outline and the
+true one, seen from the front and from above.
+"""
+
+import io
+
+import numpy as np
+
+from fit.superquadric_shape import (
+    Superquadric,
+    from_straight_frame,
+    superquadric,
+    superquadric_inside_outside,
+)
+from sweeps.episodes import EpisodeBlock
+from warpgrasp.body_sample import sample_body
+
+_BODY = "#9db7d5"
+_CONTACT = "#b2182b"
+_TRUE = "#4d4d4d"
+_FIT = "#2166ac"
+_VIEW = (22.0, -55.0)  # elevation, azimuth [deg]
+
+
+def surface_mesh(body: Superquadric, rows: int = 48) -> np.ndarray:
+    """Quadrilaterals of the first body of a batch, shape (face, 4, 3) [m]."""
+    up = np.linspace(0.0, np.pi, rows + 1)
+    around = np.linspace(0.0, 2.0 * np.pi, 2 * rows + 1)
+    u, a = np.meshgrid(up, around, indexing="ij")
+    ball = np.stack([np.sin(u) * np.cos(a), np.sin(u) * np.sin(a), np.cos(u)], -1)
+    # Radial projection in the scaled frame, stretched to a cube first so that edges are kept.
+    cube = ball / np.abs(ball).max(-1, keepdims=True)
+    straight = superquadric(body.size_m[:1], body.exponents[:1])
+    flat = (cube * body.size_m[0]).reshape(1, -1, 3)
+    on = flat / superquadric_inside_outside(straight, flat)[..., None]
+    first = Superquadric(*(field[:1] for field in body))
+    grid = from_straight_frame(first, on)[0].reshape(*u.shape, 3)
+    return np.stack([grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]],
+                    axis=2).reshape(-1, 4, 3)
+
+
+def draw_contacts(block: EpisodeBlock, name: str, world: int = 0) -> bytes:
+    """A PNG of one world of a block; the same block gives the same bytes."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+    from matplotlib.colors import to_rgb
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    body = Superquadric(*(field[world:world + 1] for field in block.recovered))
+    pose = block.truth.body_pose[world]
+    faces = 1e3 * (surface_mesh(body) - pose[:3])
+    points = 1e3 * (block.evidence.points_m[world][block.evidence.mask[world]] - pose[:3])
+    yaw = 2.0 * np.arctan2(pose[5], pose[6])
+    turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
+    true = 1e3 * sample_body(block.body, surface=8192).surface_m @ turn.T
+
+    figure = plt.figure(figsize=(9.0, 4.6), dpi=150, layout="constrained")
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.35, 1.0))
+    axes = figure.add_subplot(grid[:, 0], projection="3d")
+    elevation, azimuth = np.radians(_VIEW)
+    eye = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth),
+                    np.sin(elevation)])
+    normal = np.cross(faces[:, 2] - faces[:, 0], faces[:, 3] - faces[:, 1])
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    normal = normal / np.maximum(length, 1e-12)
+    middle = faces.mean(axis=1)
+    outward = np.sign(((middle - middle.mean(0)) * normal).sum(1, keepdims=True))
+    light = 0.55 + 0.45 * np.clip((normal * outward) @ np.array([0.3, -0.6, 0.74]), 0.0, 1.0)
+    colour = np.concatenate([np.array(to_rgb(_BODY)) * light[:, None],
+                             np.full((len(faces), 1), 1.0)], axis=1)
+    facing = ((normal * outward) @ eye) > 0.0
+    axes.add_collection3d(Poly3DCollection(list(faces[facing]), facecolors=colour[facing],
+                                           edgecolors="none", zsort="average", zorder=1))
+    seen = _visible(points, middle, normal * outward, eye)
+    axes.scatter(*points[seen].T, s=14, color=_CONTACT, depthshade=False, zorder=10,
+                 label="contacts in sight")
+    low, high = true.min(0), true.max(0)
+    middle_box, reach = (low + high) / 2, 0.62 * (high - low).max()
+    axes.set(xlim=(middle_box[0] - reach, middle_box[0] + reach),
+             ylim=(middle_box[1] - reach, middle_box[1] + reach),
+             zlim=(0.0, 2.0 * reach), xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
+    axes.set_box_aspect((1, 1, 1))
+    axes.view_init(*_VIEW)
+    axes.computed_zorder = False
+    axes.set_title(f"{name}: recovered body and contacts", fontsize=10)
+
+    for row, (i, j, label) in enumerate(((0, 2, "front"), (0, 1, "above"))):
+        flat = figure.add_subplot(grid[row, 1])
+        for cloud, tint, style, text in ((true, _TRUE, "-", "true"),
+                                         (faces.reshape(-1, 3), _FIT, "--", "recovered")):
+            outline = _outline(cloud[:, [i, j]])
+            flat.plot(*outline.T, style, color=tint, lw=1.4, label=text)
+        flat.plot(points[:, i], points[:, j], ".", color=_CONTACT, ms=3, label="contacts")
+        flat.set_aspect("equal")
+        flat.set(xlabel="xyz"[i] + " [mm]", ylabel="xyz"[j] + " [mm]")
+        flat.set_title(f"outlines from {label}" if row else "outlines from the front", fontsize=9)
+        if row == 0:
+            flat.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    text = io.BytesIO()
+    figure.savefig(text, format="png", metadata={"Software": None})
+    plt.close(figure)
+    return text.getvalue()
+
+
+def _visible(points: np.ndarray, middle: np.ndarray, normal: np.ndarray,
+             eye: np.ndarray) -> np.ndarray:
+    """Which points lie on the side of the body that faces the eye."""
+    if len(points) == 0:
+        return np.zeros(0, bool)
+    nearest = np.argmin(((points[:, None] - middle[None]) ** 2).sum(-1), axis=1)
+    return normal[nearest] @ eye > 0.0
+
+
+def _outline(cloud: np.ndarray) -> np.ndarray:
+    """A silhouette: the farthest point in each direction from the middle, closed, (point, 2)."""
+    from scipy.spatial import ConvexHull
+
+    hull = ConvexHull(cloud)
+    ring = cloud[hull.vertices]
+    return np.concatenate([ring, ring[:1]])

@@ -1,0 +1,49 @@
+"""Keeps what libraries print out of results and messages."""
+
+import os
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
+from functools import cache
+
+# Written by native code where a machine has no GPU; no setting of Warp's turns it off.
+NO_DRIVER = b"Could not find or load the NVIDIA CUDA driver"
+
+
+@contextmanager
+def quiet_stdout() -> Iterator[None]:
+    """Sends what libraries print on stdout to stderr."""
+    with redirect_stdout(sys.stderr):
+        yield
+
+
+def devices() -> list[str]:
+    """The devices of this machine: cpu, cuda:0, ..."""
+    start_warp()
+    import warp
+
+    return [str(device) for device in warp.get_devices()]
+
+
+@cache
+def start_warp() -> None:
+    """Starts Warp; on stderr comes what it says, but for the lack of a GPU driver."""
+    import warp
+
+    warp.config.log_level = warp.LOG_ERROR
+    sys.stderr.flush()
+    kept = os.dup(2)
+    try:
+        with tempfile.TemporaryFile() as said:
+            os.dup2(said.fileno(), 2)
+            try:
+                warp.init()
+            finally:
+                os.dup2(kept, 2)
+            said.seek(0)
+            for line in said:
+                if NO_DRIVER not in line:
+                    os.write(2, line)
+    finally:
+        os.close(kept)

@@ -1,0 +1,107 @@
+"""Waypoints: hands look at the object, keep off the table, and files are checked line by line."""
+
+from math import pi, radians
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from strategies.closing_paths import CLOSING_PATHS, closing_commands
+from strategies.waypoint_poses import CSV_COLUMNS, TABLE_CLEARANCE_M, poses_from_csv, waypoint_poses
+from strategies.waypoints import (
+    BoundingCylinder,
+    Column,
+    Csv,
+    Opposing,
+    Random,
+    Ring,
+    Top,
+    WaypointError,
+)
+from warpgrasp.parameters import HandTable
+from warpgrasp.utah_mit_hand import hand_links
+
+HAND = HandTable()
+
+
+def told(radius: float = 0.03, height: float = 0.12) -> BoundingCylinder:
+    return BoundingCylinder(*(np.array([v]) for v in (0.45, 0.02, radius, height)))
+
+
+def axis(poses: np.ndarray, which: int) -> np.ndarray:
+    return Rotation.from_quat(poses[..., 3:].reshape(-1, 4)).as_matrix()[:, :, which]
+
+
+families = st.one_of(
+    st.builds(Ring, count=st.integers(1, 9), tilt_rad=st.floats(0.0, 1.2),
+              roll_rad=st.floats(-3, 3), aim=st.floats(0, 1), aim_out=st.floats(0, 1)),
+    st.builds(Column, count=st.integers(1, 9), levels=st.integers(1, 4)),
+    st.builds(Opposing, count=st.integers(1, 8)), st.builds(Top, count=st.integers(1, 4)),
+    st.builds(Random, count=st.integers(1, 8)))
+
+
+@settings(max_examples=60, deadline=None)
+@given(families, st.floats(0.01, 0.06), st.floats(0.03, 0.35))
+def test_hands_look_down_and_open_fingers_keep_off_the_table(family, radius, height) -> None:
+    poses = waypoint_poses((family,), told(radius, height), HAND, np.zeros(1, np.uint64))
+    assert poses.shape == (1, family.count, 7)
+    assert np.allclose(np.linalg.norm(poses[..., 3:], axis=-1), 1.0)
+    assert (axis(poses, 2)[:, 2] < 0).all()
+    q = np.zeros((family.count, 4, 4))
+    q[..., 1] = HAND.flexion_low_rad[0]
+    points, _ = hand_links(HAND, poses[0], q)
+    assert points[..., 2].min() - HAND.link_radius_m >= TABLE_CLEARANCE_M - 1e-9
+
+
+def test_a_ring_stands_around_at_its_tilt_and_clearance() -> None:
+    ring = Ring(count=4, tilt_rad=radians(80), palm_clearance_m=0.1, clearance_per_radius=0.0)
+    poses = waypoint_poses((ring,), told(), HAND, np.zeros(1, np.uint64))[0]
+    approach = axis(poses, 2)
+    assert np.allclose(-approach[:, 2], np.cos(radians(80)))
+    aside = poses[:, :2] - [0.45, 0.02]
+    azimuth = np.arctan2(aside[:, 1], aside[:, 0])
+    assert np.allclose(np.sort(np.diff(np.unwrap(azimuth))), pi / 2, atol=1e-6)
+    assert np.allclose((aside * approach[:, :2]).sum(1) / np.linalg.norm(aside, axis=1),
+                       -np.sin(radians(80)))
+    assert np.allclose(axis(poses, 0)[:, 2], 0.0)  # at roll 0 the fingers close level
+
+
+def test_random_poses_depend_on_the_key_alone() -> None:
+    two = BoundingCylinder(*(np.repeat(v, 2) for v in vars(told()).values()))
+    both = waypoint_poses((Random(),), two, HAND, np.array([5, 6], np.uint64))
+    one = waypoint_poses((Random(),), told(), HAND, np.array([6], np.uint64))
+    assert np.array_equal(both[1], one[0])
+    assert not np.allclose(both[0], both[1])
+
+
+@pytest.mark.parametrize(("line", "message"), [
+    ("0.4,0,0.3,1,0,0,zero", ":3: qw: 'zero' is not a number"),
+    ("nan,0,0.3,1,0,0,0", ":3: x_m: nan is not finite"),
+    ("0.4,0,0.3,1,0,0", ":3: 6 cells, 7 are wanted"),
+    ("0.4,0,0.3,1,1,0,0", ":3: qx..qw: a quaternion of length 1.414"),
+])
+def test_pose_files_name_the_line(tmp_path: Path, line: str, message: str) -> None:
+    file = tmp_path / "poses.csv"
+    file.write_text(",".join(CSV_COLUMNS) + "\n0.4,0,0.3,1,0,0,0\n" + line + "\n")
+    with pytest.raises(WaypointError, match=message.replace(".", r"\.")):
+        poses_from_csv(file)
+
+
+def test_pose_files_are_used_as_they_stand(tmp_path: Path) -> None:
+    file = tmp_path / "poses.csv"
+    file.write_text(",".join(CSV_COLUMNS) + "\n0.4,0,0.3,1,0,0,0\n0.5,0.1,0.3,0,1,0,0\n")
+    poses = waypoint_poses((Csv(str(file)),), told(), HAND, np.zeros(1, np.uint64))
+    assert np.allclose(poses[0, 1], [0.5, 0.1, 0.3, 0, 1, 0, 0])
+
+
+@pytest.mark.parametrize("name", CLOSING_PATHS)
+def test_no_joint_outruns_the_step_and_ranges_are_kept(name: str) -> None:
+    path = CLOSING_PATHS[name]
+    commands = closing_commands(path)
+    assert np.abs(np.diff(commands, axis=1)).max() <= path.step_rad + 1e-12
+    assert (commands[..., 1:] >= np.array(HAND.flexion_low_rad) - 1e-9).all()
+    assert (commands[..., 1:] <= np.array(HAND.flexion_high_rad) + 1e-9).all()
+    assert np.abs(commands[..., 0]).max() <= HAND.abduction_limit_rad[1]

@@ -1,0 +1,52 @@
+"""Scores against meshes and nearest neighbours that nobody here wrote."""
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from fit.superquadric_shape import Superquadric, superquadric, superquadric_surface
+from sweeps.metrics import score_superquadrics
+from warpgrasp.body_sample import sample_body
+from warpgrasp.catalogue import body_from_name
+
+AT = np.array([[0.45, 0.1, 0, 0, 0, np.sin(0.4), np.cos(0.4)]])
+
+
+def standing(size, exponents, taper=(0, 0)) -> Superquadric:
+    """A superquadric that stands where `AT` says."""
+    return superquadric(size, exponents, [0.45, 0.1, size[2]], AT[0, 3:], taper)
+
+
+def test_a_perfect_fit_scores_perfectly() -> None:
+    scores = score_superquadrics(standing([0.03, 0.04, 0.06], [0.01, 0.01]),
+                                 body_from_name("block"), AT)
+    assert scores.iou[0] == pytest.approx(1.0, abs=0.01)
+    assert scores.chamfer_m[0] < 2e-4
+    assert scores.coverage[0] == 1.0
+    assert scores.volume_ratio[0] == pytest.approx(1.0, abs=0.01)
+
+
+def test_an_inscribed_block_has_the_ratio_of_volumes() -> None:
+    scores = score_superquadrics(standing([0.024, 0.032, 0.048], [0.01, 0.01]),
+                                 body_from_name("block"), AT)
+    assert scores.iou[0] == pytest.approx(0.8**3, abs=0.01)
+
+
+@pytest.mark.parametrize(("name", "size", "exponents", "taper"), [
+    ("large_cylinder", [0.037, 0.033, 0.063], [0.3, 0.9], (0, 0)),
+    ("wedge", [0.03, 0.03, 0.05], [0.1, 0.1], (-0.8, 0.1)),
+    ("lightbulb", [0.03, 0.03, 0.055], [0.9, 1.0], (0.4, 0.4)),
+])
+def test_distances_against_a_kd_tree(name: str, size, exponents, taper) -> None:
+    body, fits = body_from_name(name), standing(size, exponents, taper)
+    scores = score_superquadrics(fits, body, AT)
+    turn = np.array([[np.cos(0.8), -np.sin(0.8), 0], [np.sin(0.8), np.cos(0.8), 0], [0, 0, 1]])
+    true = sample_body(body, surface=16384).surface_m @ turn.T + AT[0, :3]
+    found, _, area = superquadric_surface(fits, 24_000)
+    share = area[0] / area[0].sum()
+    there, back = cKDTree(found[0]).query(true)[0], cKDTree(true).query(found[0])[0]
+    chamfer = 0.5 * (there.mean() + (back * share).sum())
+    assert scores.chamfer_m[0] == pytest.approx(chamfer, abs=4e-4)
+    order = np.argsort(back)
+    tail = back[order][np.searchsorted(np.cumsum(share[order]), 0.95)]
+    assert scores.hausdorff95_m[0] == pytest.approx(max(np.quantile(there, 0.95), tail), abs=1e-3)
