@@ -26,6 +26,13 @@ class Purpose(IntEnum):
     JOINT = 8
     WAYPOINT = 9
     STRATEGY = 10
+    PAD_GAIN = 11
+    PAD_DEAD = 12
+    PAD_READING = 13
+    PAD_FALSE = 14
+    PAD_JOINT = 15
+    LINE_ARM = 16
+    CAMERA = 17
 
 
 _GAMMA = 0x9E3779B97F4A7C15

@@ -110,7 +110,8 @@ def link_direction(f: FingerPose, link: int):
 
 
 @wp.func
-def _energy_at(scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, q: vec4):
+def rest_energy(scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, q: vec4):
+    """Energy, its gradient and the depths of the links at joints `q`; `base` in body frame."""
     rest = Rest()
     rest.q = q
     f = finger_pose(hand, base, q)
@@ -160,7 +161,7 @@ def finger_rest(
     scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, start: vec4
 ):
     """The rest configuration for a command, descending from `start`; `base` in the body's frame."""
-    rest = _energy_at(scene, body, hand, base, command, start)
+    rest = rest_energy(scene, body, hand, base, command, start)
     for _ in range(_ITERATIONS):
         worst = wp.max(wp.max(wp.abs(rest.gradient[0]), wp.abs(rest.gradient[1])),
                        wp.max(wp.abs(rest.gradient[2]), wp.abs(rest.gradient[3])))
@@ -170,7 +171,7 @@ def finger_rest(
         scale = real(1.0)
         descended = int(0)
         for _h in range(_HALVINGS):
-            trial = _energy_at(scene, body, hand, base, command, rest.q + step * scale)
+            trial = rest_energy(scene, body, hand, base, command, rest.q + step * scale)
             if trial.energy < rest.energy:
                 rest = trial
                 descended = int(1)

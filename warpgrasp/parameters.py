@@ -88,6 +88,57 @@ class SensorTable:
 
 
 @dataclass(frozen=True)
+class PadTable:
+    """Force-sensing pads of 16 x 16 taxels on 0.5 x 1.0 in, 8-bit converter [paper].
+
+    A taxel is an elastic-foundation spring; what its resistance is to force, `law` says: falling
+    exponentially [paper] or as the vendor's inverse power [ref]. It is read in a voltage divider.
+    Pads sit on the palmar faces; up to 16 can be addressed [paper], a hand has room for 12.
+    """
+
+    distal: bool = field(default=True, metadata={"doc": "pads on the four distal links [paper]"})
+    middle: bool = field(default=False, metadata={"doc": "pads on the middle links"})
+    proximal: bool = field(default=False, metadata={"doc": "pads on the proximal links"})
+    width_m: float = _number(0.0127, 0.002, 0.05, "across the link [paper]")
+    length_m: float = _number(0.0254, 0.002, 0.05, "along the link [paper]")
+    wrap_rad: float = _number(radians(80), 0.0, pi / 2,
+                              "how far the distal pad bends over the fingertip [est]")
+    thickness_m: float = _number(0.001, 1e-4, 0.01, "stands proud of the link's skin [est]")
+    stiffness_N_m: float = _number(1000.0, 1.0, 1e6, "of one taxel: 1 N at 1 mm [est]")
+    law: str = _choice("exponential", ("exponential", "inverse_power"),
+                       "resistance against force")
+    rest_ohm: float = _number(1e5, 1.0, 1e9, "resistance without force [est]")
+    least_ohm: float = _number(1e3, 0.0, 1e9, "resistance at great force, exponential law [est]")
+    force_scale_N: float = _number(0.3, 1e-3, 100.0, "e-fold of the exponential law [est]")
+    newton_ohm: float = _number(3e3, 1.0, 1e9, "resistance at 1 N, inverse power law [est]")
+    power: float = _number(1.0, 0.1, 5.0, "exponent of the inverse power law [ref]")
+    reference_ohm: float = _number(1e4, 1.0, 1e9, "the other resistor of the divider [est]")
+    floor_N: float = _number(0.013, 0.0, 10.0, "a taxel feels nothing below [ref, scaled]")
+    saturation_N: float = _number(1.2, 1e-3, 100.0, "full scale of the converter [ref, scaled]")
+    gain_spread: float = _number(0.15, 0.0, 0.5, "sigma between taxels, fixed per episode [ref]")
+    repeatability: float = _number(0.03, 0.0, 0.5, "sigma of one taxel from time to time [ref]")
+    noise_counts: float = _number(1.0, 0.0, 100.0, "sigma of one reading [est]")
+    dead_fraction: float = _number(0.005, 0.0, 1.0, "taxels that always read 0 [est]")
+    threshold_counts: float = _number(6.0, 1.0, 255.0, "a pad feels from here on [est]")
+    yield_rad: float = _number(radians(1.5), 1e-4, 1.0,
+                               "a joint this far from its command did not move the whole way [est]")
+
+
+@dataclass(frozen=True)
+class StereoTable:
+    """Two pinhole cameras side by side, both turned towards the object [est]."""
+
+    pixels: int = _number(256, 16, 1024, "rows and columns of an image [est]")
+    field_of_view_rad: float = _number(radians(30), 0.01, 2.0, "full angle of an image [est]")
+    distance_m: float = _number(0.8, 0.1, 10.0, "cameras to the place looked at [est]")
+    baseline_m: float = _number(0.3, 1e-3, 5.0, "between the cameras [est]")
+    azimuth_rad: float = _number(radians(-90), -2 * pi, 2 * pi, "of the cameras, seen from the "
+                                 "object, from the x axis [est]")
+    elevation_rad: float = _number(radians(15), -1.5, 1.5, "of the cameras above the object [est]")
+    pixel_noise: float = _number(0.3, 0.0, 20.0, "sigma of an edge's place in pixels [est]")
+
+
+@dataclass(frozen=True)
 class ObjectTable:
     """Where the object stands, and how well a strategy is told."""
 

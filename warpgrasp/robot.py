@@ -8,12 +8,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from warpgrasp.arm_hand import ArmMoves, ArmState, move_hand
+from warpgrasp.arm_hand import ArmMoves, ArmState, mount_error, move_hand
 from warpgrasp.body import Body, scene_of
 from warpgrasp.closing import Closing, ClosingTruth, close_fingers
 from warpgrasp.contact_estimate import ContactEstimate, estimate_contacts
-from warpgrasp.parameters import ArmTable, HandTable, SensorTable
+from warpgrasp.counter_random import Purpose, counter_key_host, normal_vector_host
+from warpgrasp.guarded_line import LineMove, LineTouch, LineTruth, Until, guarded_line
+from warpgrasp.parameters import ArmTable, HandTable, PadTable, SensorTable
 from warpgrasp.scene import Shape
+from warpgrasp.silhouette import Cameras, silhouettes
 from warpgrasp.status import ProbeStatus
 
 
@@ -39,6 +42,8 @@ class Truth:
     closings: list[ClosingTruth] = field(default_factory=list)
     hand_poses: list[np.ndarray] = field(default_factory=list)
     """True hand poses of each batch of grasps, (world, probe, 7)."""
+    lines: list[LineTruth] = field(default_factory=list)
+    """Guarded lines, in the order they were made."""
 
 
 class Robot:
@@ -54,6 +59,7 @@ class Robot:
         hand: HandTable,
         sensors: SensorTable,
         *,
+        pads: PadTable | None = None,
         device: str = "cpu",
     ) -> None:
         """`body` (world or 1,) numbers `bodies`; `key` (world,) uint64 seeds all noise."""
@@ -63,16 +69,25 @@ class Robot:
         self._key = key
         self._device = device
         self._probes_made = 0
+        self._lines_made = np.zeros(len(key), int)
+        self._line_count = 0
+        self._mount = mount_error(arm, key)
         self._state = ArmState.home(len(key))
         # A first-order distance to a deformed superquadric may overshoot: march half of it.
         deformed = any(p.shape == Shape.SUPERQUADRIC for b in bodies for p in b.parts)
         self._march_scale = 0.5 if deformed else 1.0
         self.arm, self.hand, self.sensors = arm, hand, sensors
+        self.pads = pads or PadTable()
 
     @property
     def worlds(self) -> int:
         """Number of worlds."""
         return len(self._key)
+
+    @property
+    def line_count(self) -> int:
+        """Guarded lines made so far: the number the next one will have."""
+        return self._line_count
 
     def grasp(
         self, hand_pose: np.ndarray, wanted: np.ndarray, commands_rad: np.ndarray,
@@ -99,6 +114,41 @@ class Robot:
                                      self.hand, self.sensors, device=self._device)
         return Grasps(moves, closing, estimate,
                       moves.time_s + self._finger_time(closing, commands_rad), commands_rad)
+
+    def guarded_line(
+        self, rows: np.ndarray, hand_pose: np.ndarray, direction: np.ndarray, *,
+        interval_m: float, steps: int, finger: int, commands_rad: np.ndarray,
+        until: Until = Until.CONTACT,
+    ) -> LineTouch:
+        """Move arm or finger along a line in intervals until a pad of `finger` feels.
+
+        Only the worlds `rows` (row,) move; `hand_pose` (row, 7) is where the hand starts,
+        `direction` (row, 3) the arm's way in intervals (unit; zero: the arm stays), `commands_rad`
+        (finger 4, step, 4) the joints at each interval, the last held. `until` RELEASE ends when
+        the pads feel nothing any more.
+        """
+        move = LineMove(rows, self._lines_made[rows], hand_pose, direction, interval_m, steps,
+                        finger, commands_rad, until)
+        touch, truth, arm_q = guarded_line(
+            self._scene, self._body, self._truth.body_pose, self.arm, self.hand, self.sensors,
+            self.pads, self._key, self._mount, self._state.q_rad[rows], move,
+            march_scale=self._march_scale, device=self._device)
+        self._truth.lines.append(truth)
+        self._lines_made[rows] += 1
+        self._line_count += 1
+        q = self._state.q_rad.copy()
+        q[rows] = arm_q
+        self._state = ArmState(q)
+        return touch
+
+    def look(self, cameras: Cameras) -> np.ndarray:
+        """Silhouettes of the objects, bool (world, camera, row, column)."""
+        return silhouettes(self._scene, self._body, self._truth.body_pose, cameras,
+                           march_scale=self._march_scale, device=self._device)
+
+    def camera_noise(self, size: int) -> np.ndarray:
+        """Standard normals (world, size) for what is read off the cameras' images."""
+        return normal_vector_host(counter_key_host(self._key, int(Purpose.CAMERA)), size)
 
     def _finger_time(self, closing: Closing, commands_rad: np.ndarray) -> np.ndarray:
         """Time of closing and opening again at each probe [s], (world, probe)."""

@@ -1,0 +1,144 @@
+"""From touches along an axis to a body: the axis refined, linear segments, size and volume.
+
+The touches of both contours are turned so that the given axis stands upright; a surface of
+revolution is fitted to them (`fit.revolution`, jaxopt), which refines the axis; about that axis
+each section is a circle, and the contour runs straight from one section to the next.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from fit.revolution import RevolutionFit, RevolutionOptions, fit_revolution, usable
+from strategies.contour import ContourExploration
+
+FIT = RevolutionOptions(nodes=10, upright=True)
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Recovered surfaces of revolution. Shapes start with (world,); NaN where nothing was felt."""
+
+    foot_m: np.ndarray
+    """Lower end of the refined axis, (world, 3)."""
+    axis: np.ndarray
+    """Its direction, upwards, (world, 3)."""
+    height_m: np.ndarray
+    """Of each node along the axis from the foot, rising, (world, node); NaN after the last."""
+    radius_m: np.ndarray
+    """(world, node)."""
+    volume_m3: np.ndarray
+    largest_radius_m: np.ndarray
+    length_m: np.ndarray
+    rms_m: np.ndarray
+    """Of the touches about the contour."""
+    fit: RevolutionFit
+    """In the frame whose z is the axis as given, its origin that axis' foot."""
+
+
+def profile_of(
+    exploration: ContourExploration, *, table_z_m: float | None = 0.0, spacing_m: float = 0.010,
+    refine: bool = True, options: RevolutionOptions = FIT,
+) -> Profile:
+    """Refine the axes and make the contours of linear segments.
+
+    Nodes stand `spacing_m` apart; each is a weighted line through the touches near it. With
+    `table_z_m` the lowest radius is carried down to the table, else the touches are the ends.
+    Without `refine` the given direction is kept, through the middle of the fitted axis.
+    """
+    given = exploration.axis
+    worlds = len(exploration.reason)
+    points, mask = exploration.touches.sets(worlds)
+    to_axis = [_upright(d) for d in np.nan_to_num(given.direction, nan=0.0)]
+    local = np.stack([turn.apply(p - f) for turn, p, f in
+                      zip(to_axis, points, np.nan_to_num(given.foot_m), strict=True)])
+    fit = fit_revolution(local, mask, options=options)
+    good = usable(fit)
+    axis_local = np.where(good[:, None], fit.axis, [0.0, 0.0, 1.0])
+    point_local = np.where(good[:, None], fit.position_m, 0.0)
+    if not refine:
+        point_local = point_local + axis_local * (0.5 * fit.height_m)[:, None]
+        axis_local = np.tile([0.0, 0.0, 1.0], (worlds, 1))
+    arms = local - point_local[:, None]
+    t = np.einsum("wpi,wi->wp", arms, axis_local)
+    rho = np.linalg.norm(arms - t[..., None] * axis_local[:, None], axis=2)
+    axis = np.stack([turn.inv().apply(a) for turn, a in zip(to_axis, axis_local, strict=True)])
+    through = np.stack([turn.inv().apply(p) for turn, p in zip(to_axis, point_local, strict=True)])
+    through = through + np.nan_to_num(given.foot_m)
+    bottom = np.where(mask, t, np.inf).min(1, initial=np.inf)
+    if table_z_m is not None:
+        bottom = (table_z_m - through[:, 2]) / np.maximum(axis[:, 2], 0.1)
+    top = np.where(mask, t, -np.inf).max(1, initial=-np.inf)
+    known = good & (top > bottom)
+    bottom, top = np.where(known, bottom, 0.0), np.where(known, top, 0.0)
+    height, radius = _segments(t - bottom[:, None], rho, mask, top - bottom, spacing_m)
+    height[~known], radius[~known] = np.nan, np.nan
+    expected = np.stack([np.interp(x, h[np.isfinite(h)], r[np.isfinite(h)]) if k else x * np.nan
+                         for x, h, r, k in zip(t - bottom[:, None], height, radius, known,
+                                               strict=True)])
+    count = np.maximum(mask.sum(1), 1)
+    rms = np.sqrt((np.where(mask, rho - expected, 0.0) ** 2).sum(1) / count)
+    low, high, step = radius[:, :-1], radius[:, 1:], np.diff(height, axis=1)
+    volume = np.pi / 3 * np.nansum(step * (low**2 + low * high + high**2), axis=1)
+    largest = np.where(known, np.where(np.isfinite(radius), radius, -1.0).max(1), np.nan)
+    return Profile(through + axis * bottom[:, None], axis, height, radius,
+                   np.where(known, volume, np.nan), largest,
+                   np.where(known, top - bottom, np.nan), np.where(known, rms, np.nan), fit)
+
+
+def _upright(direction: np.ndarray) -> Rotation:
+    """The least turn that takes `direction` to z."""
+    length = np.linalg.norm(direction)
+    if length < 1e-9:
+        return Rotation.identity()
+    axis = np.cross(direction / length, [0.0, 0.0, 1.0])
+    size = np.linalg.norm(axis)
+    angle = np.arctan2(size, direction[2] / length)
+    return Rotation.from_rotvec(axis / max(size, 1e-12) * angle)
+
+
+def _segments(
+    t: np.ndarray, rho: np.ndarray, mask: np.ndarray, length: np.ndarray, spacing: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes (world, node) from the foot to the top: local lines through the touches around each."""
+    most = max(int(np.ceil(length.max(initial=0.0) / spacing)), 1) + 1
+    count = np.maximum(np.ceil(length / spacing).astype(int), 1)
+    place = np.arange(most)[None]
+    height = np.where(place <= count[:, None], place / count[:, None] * length[:, None], np.nan)
+    lowest = np.where(mask, t, np.inf).min(1, initial=np.inf)
+    at = np.clip(height, np.where(np.isfinite(lowest), lowest, 0.0)[:, None], None)
+    near = (t[:, None] - np.nan_to_num(at)[:, :, None]) / spacing
+    weight = np.where(mask[:, None], np.exp(-0.5 * (near / 0.6) ** 2), 0.0) + 1e-12 * mask[:, None]
+    total = np.maximum(weight.sum(2), 1e-300)
+    mean_t, mean_r = (weight * near).sum(2) / total, (weight * rho[:, None]).sum(2) / total
+    dt = near - mean_t[..., None]
+    slope = (weight * dt * rho[:, None]).sum(2) / ((weight * dt**2).sum(2) + 0.05 * total)
+    return height, np.where(np.isfinite(height), np.maximum(mean_r - slope * mean_t, 0.0), np.nan)
+
+
+def radius_at(profile: Profile, height_m: np.ndarray) -> np.ndarray:
+    """Radii (world, n) at heights (n,) above the foot, 0 beyond the top [m]."""
+    return np.stack([np.interp(height_m, h[np.isfinite(h)], r[np.isfinite(h)], right=0.0)
+                     if np.isfinite(h[:1]).all() else np.full(len(height_m), np.nan)
+                     for h, r in zip(profile.height_m, profile.radius_m, strict=True)])
+
+
+def match_profiles(profile: Profile, candidates: dict[str, np.ndarray]) -> list[str]:
+    """The candidate each recovered contour is most like; "" where nothing was recovered.
+
+    `candidates` are (z, r) [m], shape (point, 2). The measure is the mean difference of the radii
+    over the taller of the two, at steps of 2 mm.
+    """
+    tallest = max(c[-1, 0] for c in candidates.values())
+    tallest = max(tallest, float(np.nanmax(profile.length_m, initial=0.0)))
+    grid = np.arange(0.001, tallest + 0.002, 0.002)
+    ours = radius_at(profile, grid)
+    apart = []
+    for points in candidates.values():
+        theirs = np.interp(grid, points[:, 0], points[:, 1], right=0.0)
+        either = (ours > 0) | (theirs > 0)
+        apart.append((np.abs(ours - theirs) * either).sum(1) / np.maximum(either.sum(1), 1))
+    distance = np.stack(apart, 1)
+    names = list(candidates)
+    return [names[row.argmin()] if np.isfinite(row).all() else "" for row in distance]

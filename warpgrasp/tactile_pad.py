@@ -1,0 +1,293 @@
+"""Tactile pads: where taxels are, what they bear, what the converter reads.
+
+A pad of 16 x 16 taxels lies on the palmar face of a link, bent with it across, the distal one also
+over the fingertip. A taxel bears k * depth, depth being how far its place lies inside body or table
+by the true signed distance (elastic foundation). Rows run along the link towards the tip, columns
+along the flexion axis.
+"""
+
+from dataclasses import dataclass
+from math import erf, sqrt
+
+import numpy as np
+import warp as wp
+
+from warpgrasp.counter_random import Purpose, counter_key, counter_normal, counter_uniform
+from warpgrasp.finger_rest import link_direction, link_start
+from warpgrasp.launch import launch
+from warpgrasp.parameters import HandTable, PadTable
+from warpgrasp.real import HALF, ONE, ZERO, real, transform, vec3, vec4
+from warpgrasp.scene import Scene, stand_distance
+from warpgrasp.utah_mit_hand import (
+    FINGER_COUNT,
+    LINK_COUNT,
+    FingerPose,
+    Hand,
+    finger_base,
+    finger_pose,
+    hand_of,
+)
+
+wp.set_module_options({"max_unroll": 1})
+TAXELS = 16
+"""Rows and columns of a pad [paper]."""
+_SIDE = wp.constant(16)
+_SIDE_REAL = wp.constant(real(16.0))
+_BLOCKS = wp.constant(4)  # 4 x 4 blocks of 4 x 4 taxels, each skipped by one distance
+_EXPONENTIAL = wp.constant(0)
+_GAIN = wp.constant(int(Purpose.PAD_GAIN))
+_DEAD = wp.constant(int(Purpose.PAD_DEAD))
+_READING = wp.constant(int(Purpose.PAD_READING))
+_FULL = wp.constant(real(255.0))
+
+
+@wp.struct
+class Pad:
+    """The numbers of a PadTable that kernels need, SI."""
+
+    on: wp.vec3i
+    width: real
+    length: real
+    wrap: real
+    thickness: real
+    stiffness: real
+    law: int
+    rest_ohm: real
+    least_ohm: real
+    force_scale: real
+    newton_ohm: real
+    power: real
+    reference_ohm: real
+    floor: real
+    saturation: real
+    gain_spread: real
+    repeatability: real
+    noise: real
+    dead: real
+    threshold: real
+    yield_angle: real
+    false_touch: real
+
+
+@wp.struct
+class PadPlace:
+    """A place on a pad's surface and the pad's outward normal there."""
+
+    x: vec3
+    out: vec3
+
+
+def pad_of(table: PadTable, hand: HandTable) -> Pad:
+    """The kernels' pad. Raises ValueError for a pad that does not fit its links."""
+    radius = hand.link_radius_m + table.thickness_m
+    for link, on in enumerate((table.proximal, table.middle, table.distal)):
+        straight = table.length_m - (table.wrap_rad * radius if link == 2 else 0.0)
+        if on and not 0.0 <= straight <= hand.link_length_m[link]:
+            raise ValueError(f"pad of {table.length_m * 1e3:g} mm does not fit link {link} of "
+                             f"{hand.link_length_m[link] * 1e3:g} mm")
+    pad = Pad()
+    pad.on = wp.vec3i(int(table.proximal), int(table.middle), int(table.distal))
+    pad.width, pad.length, pad.wrap = table.width_m, table.length_m, table.wrap_rad
+    pad.thickness, pad.stiffness = table.thickness_m, table.stiffness_N_m
+    pad.law = int(table.law != "exponential")
+    pad.rest_ohm, pad.least_ohm = table.rest_ohm, table.least_ohm
+    pad.force_scale, pad.newton_ohm, pad.power = table.force_scale_N, table.newton_ohm, table.power
+    pad.reference_ohm, pad.floor = table.reference_ohm, table.floor_N
+    pad.saturation, pad.gain_spread = table.saturation_N, table.gain_spread
+    pad.repeatability, pad.noise = table.repeatability, table.noise_counts
+    pad.dead, pad.threshold = table.dead_fraction, table.threshold_counts
+    pad.yield_angle = table.yield_rad
+    pad.false_touch = false_touch_probability(table)
+    return pad
+
+
+def false_touch_probability(table: PadTable) -> float:
+    """Chance that noise alone takes some taxel of one unloaded pad to the threshold, one reading.
+
+    Counts are rounded: the threshold is reached from half a count below the next whole number.
+    """
+    if table.noise_counts == 0.0:
+        return 0.0
+    level = (np.ceil(table.threshold_counts) - 0.5) / table.noise_counts
+    one = 0.5 * (1.0 - erf(level / sqrt(2.0))) * (1.0 - table.dead_fraction)
+    return float(-np.expm1(TAXELS**2 * np.log1p(-one))) if one < 1.0 else 1.0
+
+
+@wp.func
+def pad_place(pad: Pad, hand: Hand, f: FingerPose, link: int, row: real, column: real):
+    """The place at (row, column), taxel centres being whole numbers; in the frame of `f`."""
+    radius = hand.link_radius + pad.thickness
+    turn = (column + HALF - _SIDE_REAL * HALF) * pad.width / (_SIDE_REAL * radius)
+    s = (row + HALF) * pad.length / _SIDE_REAL
+    u = link_direction(f, link)
+    n = wp.cross(f.side, u)
+    straight = pad.length
+    start = (hand.link_length[link] - straight) * HALF
+    if link == 2:
+        straight = pad.length - pad.wrap * radius
+        start = hand.link_length[2] - straight
+    place = PadPlace()
+    if s <= straight:
+        place.out = n * wp.cos(turn) + f.side * wp.sin(turn)
+        place.x = link_start(f, link) + u * (start + s) + place.out * radius
+    else:
+        bend = (s - straight) / radius
+        place.out = (n * wp.cos(bend) + u * wp.sin(bend)) * wp.cos(turn) + f.side * wp.sin(turn)
+        place.x = f.p4 + place.out * radius
+    return place
+
+
+@wp.func
+def pad_near(scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, link: int):
+    """Whether a pad may touch anything: a bound from its middle."""
+    middle = pad_place(pad, hand, f, link, _SIDE_REAL * HALF, _SIDE_REAL * HALF)
+    return stand_distance(scene, body, middle.x) < (pad.length + pad.width) * HALF
+
+
+@wp.func
+def block_near(
+    scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, link: int, block: int
+):
+    """Whether one of a pad's 16 blocks of 4 x 4 taxels may touch anything."""
+    middle = pad_place(pad, hand, f, link, real(4 * (block // _BLOCKS)) + real(1.5),
+                       real(4 * (block % _BLOCKS)) + real(1.5))
+    reach = real(1.5) * (pad.length + pad.width) / _SIDE_REAL
+    return stand_distance(scene, body, middle.x) < reach
+
+
+@wp.func
+def taxel_force(scene: Scene, body: int, pad: Pad, x: vec3):
+    """Force on a taxel at x [N]."""
+    return pad.stiffness * wp.max(-stand_distance(scene, body, x), ZERO)
+
+
+@wp.func
+def _voltage(pad: Pad, force: real):
+    """Share of the supply voltage at the divider."""
+    ohm = pad.rest_ohm
+    if pad.law == _EXPONENTIAL:
+        ohm = pad.least_ohm + (pad.rest_ohm - pad.least_ohm) * wp.exp(-force / pad.force_scale)
+    else:
+        if force > ZERO:
+            ohm = wp.min(pad.rest_ohm, pad.newton_ohm * wp.pow(force, -pad.power))
+    return pad.reference_ohm / (pad.reference_ohm + ohm)
+
+
+@wp.func
+def taxel_count(pad: Pad, force: real, taxel_key: wp.uint64, reading_key: wp.uint64):
+    """What the converter reads for a force [N]: 0 to 255.
+
+    `taxel_key` is the taxel's own for an episode, `reading_key` this reading's of this taxel.
+    """
+    if counter_uniform(counter_key(taxel_key, _DEAD)) < pad.dead:
+        return int(0)
+    felt = force * wp.exp(pad.gain_spread * counter_normal(counter_key(taxel_key, _GAIN)))
+    felt = felt * (ONE + pad.repeatability * counter_normal(counter_key(reading_key, 0)))
+    if felt < pad.floor:
+        felt = ZERO
+    none = _voltage(pad, ZERO)
+    level = _FULL * (_voltage(pad, felt) - none) / (_voltage(pad, pad.saturation) - none)
+    level = wp.min(level, _FULL) + pad.noise * counter_normal(counter_key(reading_key, 1))
+    return int(wp.clamp(wp.floor(level + HALF), ZERO, _FULL))
+
+
+@wp.func
+def pad_taxel_key(key: wp.uint64, finger: int, link: int, taxel: int):
+    """Key of one taxel of one pad of an episode."""
+    return counter_key(counter_key(counter_key(key, _GAIN), finger * 4 + link), taxel)
+
+
+@wp.func
+def pad_reading_key(key: wp.uint64, move: int, step: int, finger: int, link: int):
+    """Key of one reading of a pad; taxels are hashed in by the caller."""
+    k = counter_key(counter_key(counter_key(key, _READING), move), step)
+    return counter_key(k, finger * 4 + link)
+
+
+@wp.kernel(enable_backward=False)
+def _pads_kernel(
+    first: int,
+    # Scene:
+    scene: Scene,
+    body: wp.array[int],
+    body_pose: wp.array[transform],
+    # Robot:
+    hand: Hand,
+    pad: Pad,
+    # Pose in:
+    key: wp.array[wp.uint64],
+    hand_pose: wp.array[transform],
+    q: wp.array2d[vec4],
+    reading: int,
+    # Pads out:
+    force: wp.array4d[real],
+    count: wp.array4d[wp.uint8],
+):
+    i, finger, link = wp.tid()
+    i += first
+    slot = finger * LINK_COUNT + link
+    which = body[i % body.shape[0]]
+    if pad.on[link] == 0:
+        return
+    base = wp.transform_multiply(
+        wp.transform_inverse(body_pose[i]),
+        wp.transform_multiply(hand_pose[i], finger_base(hand, finger)))
+    f = finger_pose(hand, base, q[i, finger])
+    if pad_near(scene, which, pad, hand, f, link):
+        for row in range(_SIDE):
+            for column in range(_SIDE):
+                place = pad_place(pad, hand, f, link, real(row), real(column))
+                force[i, slot, row, column] = taxel_force(scene, which, pad, place.x)
+    read = pad_reading_key(key[i], -1, reading, finger, link)
+    for row in range(_SIDE):
+        for column in range(_SIDE):
+            taxel = row * _SIDE + column
+            count[i, slot, row, column] = wp.uint8(taxel_count(
+                pad, force[i, slot, row, column], pad_taxel_key(key[i], finger, link, taxel),
+                counter_key(read, taxel)))
+
+
+@dataclass(frozen=True)
+class PadImages:
+    """One reading of all pads. Shapes start with (pose, finger 4, link 3, row 16, column 16)."""
+
+    counts: np.ndarray
+    """Converter counts, uint8; 0 where a link has no pad."""
+    force_N: np.ndarray
+    """True force on each taxel, for the scorer alone."""
+
+
+def read_pads(
+    scene: Scene,
+    body: np.ndarray,
+    body_pose: np.ndarray,
+    hand: HandTable,
+    pads: PadTable,
+    key: np.ndarray,
+    hand_pose: np.ndarray,
+    q_rad: np.ndarray,
+    *,
+    reading: int = 0,
+    device: str = "cpu",
+) -> PadImages:
+    """Read every pad of hands held still at given joints.
+
+    `body` (pose or 1,), `body_pose` and true `hand_pose` (pose, 7) [m], quaternion xyzw, base
+    frame; `q_rad` (pose, finger 4, 4); `key` (pose,) uint64, an episode's: its taxels keep their
+    gains, `reading` numbers the readings. Raises ShapeError.
+    """
+    n = len(hand_pose)
+    force = wp.zeros((n, FINGER_COUNT * LINK_COUNT, TAXELS, TAXELS), dtype=real, device=device)
+    count = wp.zeros(force.shape, dtype=wp.uint8, device=device)
+    launch(_pads_kernel, {"pose": n, "finger": FINGER_COUNT, "link": LINK_COUNT}, {
+        "body": "pose?", "body_pose": "pose", "key": "pose", "hand_pose": "pose",
+        "q": "pose finger", "force": "pose 12 16 16", "count": "pose 12 16 16"}, {
+        "scene": scene, "body": wp.array(body, dtype=int, device=device),
+        "body_pose": wp.array(body_pose, dtype=transform, device=device),
+        "hand": hand_of(hand), "pad": pad_of(pads, hand),
+        "key": wp.array(key, dtype=wp.uint64, device=device),
+        "hand_pose": wp.array(hand_pose, dtype=transform, device=device),
+        "q": wp.array(q_rad, dtype=vec4, device=device), "reading": reading,
+        "force": force, "count": count}, device=device)
+    shape = (n, FINGER_COUNT, LINK_COUNT, TAXELS, TAXELS)
+    return PadImages(count.numpy().reshape(shape).copy(), force.numpy().reshape(shape).copy())
