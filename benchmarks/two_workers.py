@@ -53,8 +53,9 @@ def run(spec: Path, out: Path, workers: int, episodes: int) -> dict[str, float]:
     share = found["workers_cpu_s"] / (workers * found["wall_s"])
     print(f"{workers} worker{'s' * (workers > 1)}: {found['wall_s']:.1f} s, {rate:.2f} episodes/s, "
           f"parent {found['parent_cpu_s']:.2f} s of processor time = "
-          f"{100 * found['parent_cpu_s'] / found['wall_s']:.2f} % of the run, "
-          f"workers {found['workers_cpu_s']:.1f} s = {100 * share:.0f} % of their cores",
+          f"{100 * found['parent_cpu_s'] / found['wall_s']:.2f} % of the run and "
+          f"{100 * found['parent_cpu_s'] / found['workers_cpu_s']:.2f} % of the workers' "
+          f"{found['workers_cpu_s']:.1f} s, who had {100 * share:.0f} % of their cores",
           flush=True)
     return found
 

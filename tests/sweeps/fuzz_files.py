@@ -100,7 +100,7 @@ CORPUS: dict[str, Callable[[], bytes]] = {name: (lambda content=content: content
     "picture.png": b"\x89PNG\r\n\x1a\n",
     "laughs.dae": b'<!DOCTYPE a [<!ENTITY b "bbbb"><!ENTITY c "&b;&b;&b;&b;">]><a>&c;</a>',
 }.items()}
-CORPUS |= {"bomb.3mf": lambda: bomb(512), "bomb.zip": lambda: bomb(512, "a.stl"),
+CORPUS |= {"bomb.3mf": lambda: bomb(128), "bomb.zip": lambda: bomb(128, "a.stl"),
            "outside.zip": lambda: bomb(1, "../../../../tmp/warpgrasp-was-here.stl"),
            "faces.obj": lambda: b"v 0 0 0\n" + b"f 1 1 1\n" * 2_000_001}
 

@@ -197,8 +197,10 @@ def test_meshes_are_checked(tmp_path: Path) -> None:
     assert said('{ mesh = "mug.stl", units = "mm" }') == "ok mug"
     assert said('{ mesh = "mug.stl", units = "mm", name = "cup" }') == "ok cup"
     for table in ('{ mesh = "mug.stl", units = "m" }', '{ mesh = "open.stl", units = "mm" }',
-                  '{ mesh = "empty.stl", units = "mm" }', '{ mesh = "mug.stl" }'):
+                  '{ mesh = "mug.stl" }'):
         assert "spec.toml:4: objects[0]: " in said(table)
+    assert "spec.toml:4: objects[0].mesh: 'empty.stl' is empty" in said(
+        '{ mesh = "empty.stl", units = "mm" }')
 
 
 def test_a_mesh_is_known_by_its_content_not_its_path(tmp_path: Path) -> None:
