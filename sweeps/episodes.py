@@ -39,6 +39,10 @@ FEWEST_CONTACTS = 8
 """With fewer contacts no body is fitted: the told cylinder is scored, the status says why."""
 
 
+TOLD_MARGIN_M = 0.03
+"""Three standard deviations of what is told, for telling a body that has run away."""
+
+
 @dataclass(frozen=True)
 class EpisodeBlock:
     """Everything about a block of episodes, for rows, files and figures."""
@@ -120,7 +124,9 @@ def run_block(cell: Cell, episodes: np.ndarray, device: str) -> EpisodeBlock:
     fits, evidence = recover_bodies(evidence, links, cell.fit)
     enough = evidence.mask.sum(1) >= FEWEST_CONTACTS
     good = np.isin(fits.status, (FitStatus.converged, FitStatus.not_converged))
-    status = np.where(~enough, "too_few_contacts", np.where(good, "ok", "fit_failed"))
+    sane = _plausible(fits, told)
+    status = np.where(~enough, "too_few_contacts",
+                      np.where(~good, "fit_failed", np.where(sane, "ok", "fit_implausible")))
     recovered = _or_told(fits, told, status == "ok")
     scores = score_superquadrics(recovered, body, body_pose, device=device)
     return EpisodeBlock(body, truth, told, grasps, evidence, fits, recovered, status, scores)
@@ -164,6 +170,19 @@ def tell_cylinder(
         radius_m=np.maximum(radius + error[:, 2], 0.010),
         height_m=np.maximum(body.high_m[2] + error[:, 3], 0.020),
     )
+
+
+def _plausible(fits: SuperquadricFit, told: BoundingCylinder) -> np.ndarray:
+    """Whether a body stays within twice the reach of the cylinder told (and what it may err by).
+
+    Few contacts on one side may let a fit run away; whoever was told the rough size would not
+    believe it, and neither is it scored.
+    """
+    middle = np.stack([told.x_m, told.y_m, told.height_m / 2], axis=1)
+    reach = np.hypot(told.radius_m, told.height_m / 2) + TOLD_MARGIN_M
+    far = (np.linalg.norm(fits.position_m - middle, axis=1)
+           + np.linalg.norm(fits.size_m, axis=1))
+    return far <= 2.0 * reach
 
 
 def _or_told(fits: SuperquadricFit, told: BoundingCylinder, good: np.ndarray) -> Superquadric:
