@@ -48,7 +48,13 @@ def read_points(path: str | Path, *, most_problems: int = 20) -> PointSets:
     that is no number, a row too short or long, no rows. NaN and infinity are numbers here: a fit
     of such a set has the status `bad_points`. An OSError says why a file cannot be read.
     """
-    path = Path(path)
+    try:
+        return _read_points(Path(path), most_problems)
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise PointsError([f"{path}: is not CSV text in UTF-8: {error}"]) from None
+
+
+def _read_points(path: Path, most_problems: int) -> PointSets:
     problems: list[str] = []
     sets: dict[str, list[list[float]]] = {}
     with path.open(newline="", encoding="utf-8-sig") as file:

@@ -70,8 +70,8 @@ def test_hostile_meshes_are_refused_in_bounded_time_and_memory(tmp_path: Path, n
     assert not Path("/tmp/warpgrasp-was-here.stl").exists()
 
 
-@pytest.mark.parametrize("kind", ["poses", "profile", "mesh"])
-@pytest.mark.parametrize("count", [40, pytest.param(10_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", ["poses", "profile", "points", "mesh"])
+@pytest.mark.parametrize("count", [60, pytest.param(10_000, marks=pytest.mark.slow)])
 def test_spoiled_files_are_read_or_refused(tmp_path: Path, kind: str, count: int) -> None:
     counts, wrong = fuzz(tmp_path, kind, count, seed=3)
     assert not wrong
