@@ -58,7 +58,7 @@ def _begin(sets: Sets, form: Form, options: SuperquadricOptions, start: Superqua
     if fresh.any():
         rows = np.flatnonzero(fresh)
         rotation = lanes.rotation.copy()
-        rotation[rows], theta[rows] = _screen(take(lanes, rows), sets.narrow(rows), form, options)
+        rotation[rows], theta[rows] = _screen(sets.narrow(rows), form, options)
         lanes = lanes._replace(rotation=rotation)
     return lanes, theta
 
@@ -123,8 +123,9 @@ def _unit(weight: np.ndarray) -> np.ndarray:
     return weight / np.sqrt((weight**2).sum(axis=1, keepdims=True))
 
 
-def _screen(lanes: Lane, sets: Sets, form: Form, options: SuperquadricOptions):
-    """Rotation and parameters of each fit's best start after a few iterations."""
+def begin_starts(sets: Sets, form: Form, options: SuperquadricOptions) -> tuple[Lane, np.ndarray]:
+    """The starts of each fit: lanes, a row for every start of every fit, and parameters, shape
+    [fit, start, parameter]."""
     down, floor = (None, None) if sets.plane is None else (sets.plane[:, :3], sets.plane[:, 3])
     trim = 0.0 if options.loss == "none" else 0.05
     rotation, half, centre = box_starts(sets.points, sets.mask, down, floor, trim)
@@ -138,11 +139,16 @@ def _screen(lanes: Lane, sets: Sets, form: Form, options: SuperquadricOptions):
     theta[..., 0:3] = np.log(half)
     theta[..., 3:5] = START_EXPONENT_LOGIT
     theta[..., 8:11] = np.einsum("fsji,fsj->fsi", rotation, centre)
-    spread = take(lanes, np.repeat(np.arange(n), starts))
-    spread = spread._replace(rotation=rotation.reshape(-1, 3, 3))
-    badness = _badness(form)
-    best, found = screen(_problem(form), theta, spread, options.screen_iterations, badness)
-    return rotation[np.arange(n), best], found
+    spread = take(_lanes(sets, options), np.repeat(np.arange(n), starts))
+    return spread._replace(rotation=rotation.reshape(-1, 3, 3)), theta
+
+
+def _screen(sets: Sets, form: Form, options: SuperquadricOptions):
+    """Rotation and parameters of each fit's best start after a few iterations."""
+    spread, theta = begin_starts(sets, form, options)
+    best, found = screen(_problem(form), theta, spread, options.screen_iterations, _badness(form))
+    row = np.arange(len(found))
+    return spread.rotation.reshape(*theta.shape[:2], 3, 3)[row, best], found
 
 
 def _badness(form: Form):
