@@ -25,7 +25,7 @@ class Problem(NamedTuple):
     function: Callable
     """Of (theta, lane): what `descend` needs of the problem."""
     descend: Callable
-    """`solver.descend` for residuals, `normal_descent.descend` for normal equations."""
+    """`solver.descend`."""
 
 
 class Finished(NamedTuple):

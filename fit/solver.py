@@ -8,17 +8,32 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-
-from fit.normal_descent import DAMPING, Descent
 
 with warnings.catch_warnings():
     # It says on import that it is no longer developed, which is why it is pinned and kept here.
     warnings.simplefilter("ignore", DeprecationWarning)
     from jaxopt import LevenbergMarquardt
+
+
+DAMPING = 1e-3
+"""First damping, as a share of the largest diagonal element of JᵀJ."""
+
+
+class Descent(NamedTuple):
+    """Where one descent stands."""
+
+    theta: Any
+    """Parameters, shape [parameter]."""
+    damping: Any
+    """Damping to go on with; 0 to choose one."""
+    cost: Any
+    """Half the sum of squared residuals."""
+    fallen: Any
+    """By how much the last call lowered the cost, as a share of the cost before it."""
 
 
 def descend(residuals: Callable, theta, damping, iterations, lanes: Any) -> Descent:

@@ -7,9 +7,10 @@ from functools import lru_cache
 import jax
 import numpy as np
 
-from fit import normal_descent
+from fit import solver
 from fit.batch import map_lanes, take
 from fit.descent import Finished, Problem, advance, finish, screen
+from fit.normal_residual import normal_residuals
 from fit.prepare import Sets
 from fit.rotation import matrix_of_quaternion, quaternion_of_matrix
 from fit.status import FitStatus
@@ -218,4 +219,5 @@ def _look(form: Form):
 
 @lru_cache(maxsize=64)
 def _problem(form: Form) -> Problem:
-    return Problem(lambda theta, lane: normal_equations(theta, lane, form), normal_descent.descend)
+    return Problem(normal_residuals(lambda theta, lane: normal_equations(theta, lane, form)),
+                   solver.descend)

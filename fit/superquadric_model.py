@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from fit.normal_descent import Normal
+from fit.normal_residual import Normal
 from fit.robust import robust
 from fit.superquadric_body import Body, Form, Tensor, body_slopes, unpack
 from fit.superquadric_field import distance, log_square_radius, residual, slopes
