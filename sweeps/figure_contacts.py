@@ -48,6 +48,7 @@ def draw_contacts(block: EpisodeBlock, name: str, world: int = 0) -> bytes:
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
     from matplotlib.colors import to_rgb
+    from matplotlib.ticker import MaxNLocator
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     body = Superquadric(*(field[world:world + 1] for field in block.recovered))
@@ -74,16 +75,20 @@ def draw_contacts(block: EpisodeBlock, name: str, world: int = 0) -> bytes:
                              np.full((len(faces), 1), 1.0)], axis=1)
     facing = ((normal * outward) @ eye) > 0.0
     axes.add_collection3d(Poly3DCollection(list(faces[facing]), facecolors=colour[facing],
-                                           edgecolors="none", zsort="average", zorder=1))
+                                           edgecolors=colour[facing], linewidths=0.3,
+                                           zsort="average", zorder=1))
     seen = _visible(points, middle, normal * outward, eye)
     axes.scatter(*points[seen].T, s=14, color=_CONTACT, depthshade=False, zorder=10,
                  label="contacts in sight")
     low, high = true.min(0), true.max(0)
-    middle_box, reach = (low + high) / 2, 0.62 * (high - low).max()
-    axes.set(xlim=(middle_box[0] - reach, middle_box[0] + reach),
-             ylim=(middle_box[1] - reach, middle_box[1] + reach),
-             zlim=(0.0, 2.0 * reach), xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
-    axes.set_box_aspect((1, 1, 1))
+    middle_box, aside = (low + high) / 2, 0.65 * (high - low)[:2].max()
+    tall = 1.08 * high[2]
+    axes.set(xlim=(middle_box[0] - aside, middle_box[0] + aside),
+             ylim=(middle_box[1] - aside, middle_box[1] + aside),
+             zlim=(0.0, tall), xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
+    axes.set_box_aspect((2.0 * aside, 2.0 * aside, tall), zoom=0.9)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MaxNLocator(4))
     axes.view_init(*_VIEW)
     axes.computed_zorder = False
     axes.set_title(f"{name}: recovered body and contacts", fontsize=10)
@@ -96,6 +101,7 @@ def draw_contacts(block: EpisodeBlock, name: str, world: int = 0) -> bytes:
             flat.plot(*outline.T, style, color=tint, lw=1.4, label=text)
         flat.plot(points[:, i], points[:, j], ".", color=_CONTACT, ms=3, label="contacts")
         flat.set_aspect("equal")
+        flat.xaxis.set_major_locator(MaxNLocator(3))
         flat.set(xlabel="xyz"[i] + " [mm]", ylabel="xyz"[j] + " [mm]")
         flat.set_title(f"outlines from {label}" if row else "outlines from the front", fontsize=9)
         if row == 0:
