@@ -1,7 +1,7 @@
 """A figure of contacts over the recovered body, after figure 4 of Allen and Michelman 1990.
 
-Left the recovered body with the contacts on it, what is behind it hidden; right its outline and the
-true one, seen from the front and from above.
+Left the recovered body with the contacts on it, what is behind it hidden; right the convex hulls
+of its outline and of the true one, seen from the front and from above.
 """
 
 import io
@@ -103,7 +103,7 @@ def draw_contacts(block: EpisodeBlock, name: str, world: int = 0) -> bytes:
         flat.set_aspect("equal")
         flat.xaxis.set_major_locator(MaxNLocator(3))
         flat.set(xlabel="xyz"[i] + " [mm]", ylabel="xyz"[j] + " [mm]")
-        flat.set_title(f"outlines from {label}" if row else "outlines from the front", fontsize=9)
+        flat.set_title(f"hulls from {label}" if row else "hulls from the front", fontsize=9)
         if row == 0:
             flat.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     text = io.BytesIO()
@@ -122,7 +122,7 @@ def _visible(points: np.ndarray, middle: np.ndarray, normal: np.ndarray,
 
 
 def _outline(cloud: np.ndarray) -> np.ndarray:
-    """A silhouette: the farthest point in each direction from the middle, closed, (point, 2)."""
+    """The convex hull of a silhouette, closed, (point, 2)."""
     from scipy.spatial import ConvexHull
 
     hull = ConvexHull(cloud)
