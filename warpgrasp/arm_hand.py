@@ -22,11 +22,11 @@ from warpgrasp.counter_random import (
 from warpgrasp.hand_clearance import hand_clearance
 from warpgrasp.launch import launch
 from warpgrasp.parameters import ArmTable, HandTable
-from warpgrasp.puma560 import Arm, arm_of, move_time, puma_forward, puma_reach
+from warpgrasp.puma560 import Arm, arm_of, move_time, puma_forward, puma_forward_batch, puma_reach
 from warpgrasp.real import ONE, TWO, ZERO, quat, real, transform, vec3, vec6
 from warpgrasp.scene import Scene
 from warpgrasp.status import ProbeStatus
-from warpgrasp.utah_mit_hand import Hand, hand_of
+from warpgrasp.utah_mit_hand import Hand, hand_links, hand_of
 
 RETREAT_M = 0.12
 HOME_RAD = tuple(np.radians((19.5, 28.8, 160.0, 0.0, -8.8, -160.5)))
@@ -67,6 +67,23 @@ class ArmMoves:
     path_m: np.ndarray
     """Path of the hand's origin over the same moves, straight between its stations."""
     state: ArmState
+
+
+def arm_hand_links(
+    arm: ArmTable, hand: HandTable, q_rad: np.ndarray, *, device: str = "cpu"
+) -> tuple[np.ndarray, np.ndarray]:
+    """Every joint and fingertip of the whole robot in the base frame, nominal mount.
+
+    `q_rad` (pose, 22) [rad]: six joints of the arm, then four of each finger, the thumb last.
+    Returns points [m], (pose, finger 4, 5, 3): base, flexion joints, tip centre; and unit palmar
+    normals, (pose, finger 4, link 3, 3). Raises ValueError for another shape.
+    """
+    if q_rad.ndim != 2 or q_rad.shape[1] != 22:
+        raise ValueError(f"q_rad has shape {q_rad.shape}, wants (pose, 22)")
+    pose = puma_forward_batch(arm, q_rad[:, :6], device=device)
+    reach = Rotation.from_quat(pose[:, 3:]).apply([0.0, 0.0, hand.mount_length_m])
+    pose[:, :3] += reach
+    return hand_links(hand, pose, q_rad[:, 6:].reshape(-1, 4, 4), device=device)
 
 
 def mount_error(table: ArmTable, key: np.ndarray) -> np.ndarray:
