@@ -86,7 +86,8 @@ def draw_contacts(block: EpisodeBlock, name: str, world: int = 0) -> bytes:
     axes.set(xlim=(middle_box[0] - aside, middle_box[0] + aside),
              ylim=(middle_box[1] - aside, middle_box[1] + aside),
              zlim=(0.0, tall), xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
-    axes.set_box_aspect((2.0 * aside, 2.0 * aside, tall), zoom=0.9)
+    axes.set_box_aspect((2.0 * aside, 2.0 * aside, tall),
+                        zoom=0.9)  # pyright: ignore[reportArgumentType]
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MaxNLocator(4))
     axes.view_init(*_VIEW)
