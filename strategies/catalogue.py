@@ -4,7 +4,7 @@ from dataclasses import replace
 from math import radians
 
 from strategies.strategy import Strategy
-from strategies.waypoints import Column, Opposing, Random, Ring, Top
+from strategies.waypoints import Column, Hemisphere, Opposing, Random, Ring, Spiral, Top
 
 _RIM = Ring(count=6, tilt_rad=radians(50), roll_rad=radians(90), aim=1.0, aim_out=1.0,
             palm_clearance_m=0.080, clearance_per_radius=0.0)
@@ -37,6 +37,8 @@ STRATEGIES: dict[str, Strategy] = {s.name: s for s in (
     Strategy("contour-only", order=("contour",), doc="the contour about the told cylinder"),
     Strategy("column9", (Column(count=9),), doc="three rings of three up the object at 55 deg"),
     Strategy("opposing6", (Opposing(count=6),), doc="three pairs half a turn apart"),
+    Strategy("spiral12", (Spiral(count=12),), doc="twelve up the object, twice around"),
+    Strategy("hemisphere12", (Hemisphere(count=12),), doc="twelve directions evenly from above"),
     Strategy("random6", (Random(count=6),), doc="six at random from the upper side"),
     Strategy("random18", (Random(count=18),), doc="eighteen at random from the upper side"),
     *(Strategy(name, call=name, touches=TOUCHES, doc=doc) for name, doc in (

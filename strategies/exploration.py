@@ -201,8 +201,8 @@ class _Run:
             if found.any():
                 world, number = np.argwhere(found)[0]
                 shown = np.array2string(pose[world, number], precision=3)
-                self._blame(np.asarray(found.any(1)), f"{place_of(planner)}: {what}: world {world}, "
-                            f"probe {number}: {shown}")
+                self._blame(np.asarray(found.any(1)), f"{place_of(planner)}: {what}: "
+                            f"world {world}, probe {number}: {shown}")
         return mask & ~(bad | turned | below).any(1)[:, None]
 
     def _blame(self, worlds: np.ndarray, text: str) -> None:
