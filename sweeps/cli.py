@@ -2,6 +2,7 @@
 
 import re
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -120,6 +121,34 @@ def leaderboard(folders: list[Path], /, *,
     from sweeps import commands
 
     return commands.leaderboard(folders, out, metric=metric, by=by, as_json=json)
+
+
+@app.command
+def table(words: list[str], /, *,
+          out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
+          metric: str = "chamfer_mm", against: str | None = None, json: Json = False) -> int:
+    """Print what else a study tells: pairs, objects, confusion, curves, reach, pareto, settings.
+
+    Parameters
+    ----------
+    words
+        DIR... KIND: the directories of a study, then one of pairs (paired tests), objects
+        (medians on each), confusion (recognition), curves (error against touches and robot
+        time), reach (touches and seconds to 5 mm and 3 mm), pareto (error against robot time),
+        settings (what each swept factor does).
+    out
+        Also write it, as CSV.
+    metric
+        Of pairs, objects, pareto and settings.
+    against
+        For pairs: compare with one strategy only; best is the leaderboard's first.
+    json
+        Print JSON.
+    """
+    from sweeps import tables
+
+    folders, kind = _folders_and_kind(words, tables.KINDS)
+    return tables.table(folders, kind, out, metric=metric, against=against, as_json=json)
 
 
 @app.command
@@ -250,6 +279,16 @@ def _explain(error: Exception) -> int:
 def _refuse(text: str, code: int = 2) -> int:
     print(text, file=sys.stderr)
     return code
+
+
+def _folders_and_kind(words: list[str], kinds: Iterable[str]) -> tuple[list[Path], str]:
+    from sweeps.problems import choose
+
+    if words[-1] not in kinds:
+        raise UsageError(f"KIND: is {words[-1]!r}; {choose(words[-1], kinds)}")
+    if len(words) < 2:
+        raise UsageError("DIR: is missing; name the directory of a study before the kind")
+    return [Path(word) for word in words[:-1]], words[-1]
 
 
 def _count(value: int, name: str) -> int:
