@@ -152,6 +152,37 @@ def table(words: list[str], /, *,
 
 
 @app.command
+def figure(words: list[str], /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])],
+           metric: str = "chamfer_mm", strategy: str | None = None,
+           object_: Annotated[str | None, Parameter(name="--object")] = None,
+           episode: int = 0) -> int:
+    """Draw a figure of a study, one column wide: SVG, PDF or PNG.
+
+    Parameters
+    ----------
+    words
+        DIR... KIND: the directories of a study, then one of forest (the leaderboard),
+        curves-touches, curves-time (error as it falls), pareto (error and robot time),
+        confusion (recognition), settings (swept factors), contacts (one episode, run again).
+    out
+        The file; its ending, .svg, .pdf or .png, names the format.
+    metric
+        Of forest, pareto and settings.
+    strategy
+        For confusion and contacts; by default the best.
+    object_
+        For contacts; by default the first.
+    episode
+        For contacts: which episode of that strategy and object.
+    """
+    from sweeps import figures
+
+    folders, kind = _folders_and_kind(words, figures.KINDS)
+    return figures.figure(folders, kind, out, metric=metric, strategy=strategy, object_=object_,
+                          episode=episode)
+
+
+@app.command
 def explore(object_: str, /, *, strategy: str,
             out: Annotated[Path, Parameter(name=["--out", "-o"])], units: str | None = None,
             seed: int = 0, yaw_deg: float | None = None, x_m: float = 0.45, y_m: float = 0.0,
