@@ -1,6 +1,6 @@
 """Error against robot time, with intervals in both and the front that nothing beats."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -37,8 +37,8 @@ def draw_pareto(paired: Paired, metric: str) -> "Figure":
     return drawn
 
 
-def _bars(found: Pareto, which: list[int]) -> dict[str, np.ndarray]:
-    bars = {}
+def _bars(found: Pareto, which: list[int]) -> dict[str, Any]:
+    bars: dict[str, Any] = {}
     for name, estimate in (("xerr", found.cost), ("yerr", found.error)):
         value, low, high = (v[which] for v in (estimate.value, estimate.low, estimate.high))
         bars[name] = np.maximum(np.stack([value - low, high - value]), 0.0)

@@ -55,7 +55,7 @@ def looks_right(drawn: Figure) -> None:
     written = texts(drawn)
     assert written
     for text, (x0, y0, x1, y1) in written:
-        assert x0 >= -1 and y0 >= -1 and x1 <= width + 1 and y1 <= height + 1, text
+        assert min(x0, y0, width - x1, height - y1) >= -1, text
     for (a, p), (b, q) in combinations(written, 2):
         apart = p[2] <= q[0] + 1 or q[2] <= p[0] + 1 or p[3] <= q[1] + 1 or q[3] <= p[1] + 1
         assert apart, f"{a!r} is over {b!r}"
