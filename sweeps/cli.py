@@ -2,6 +2,7 @@
 
 import re
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -120,6 +121,65 @@ def leaderboard(folders: list[Path], /, *,
     from sweeps import commands
 
     return commands.leaderboard(folders, out, metric=metric, by=by, as_json=json)
+
+
+@app.command
+def table(words: list[str], /, *,
+          out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
+          metric: str = "chamfer_mm", against: str | None = None, json: Json = False) -> int:
+    """Print what else a study tells: pairs, objects, confusion, curves, reach, pareto, settings.
+
+    Parameters
+    ----------
+    words
+        DIR... KIND: the directories of a study, then one of pairs (paired tests), objects
+        (medians on each), confusion (recognition), curves (error against touches and robot
+        time), reach (touches and seconds to 5 mm and 3 mm), pareto (error against robot time),
+        settings (what each swept factor does).
+    out
+        Also write it, as CSV.
+    metric
+        Of pairs, objects, pareto and settings.
+    against
+        For pairs: compare with one strategy only; best is the leaderboard's first.
+    json
+        Print JSON.
+    """
+    from sweeps import tables
+
+    folders, kind = _folders_and_kind(words, tables.KINDS)
+    return tables.table(folders, kind, out, metric=metric, against=against, as_json=json)
+
+
+@app.command
+def figure(words: list[str], /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])],
+           metric: str = "chamfer_mm", strategy: str | None = None,
+           object_: Annotated[str | None, Parameter(name="--object")] = None,
+           episode: int = 0) -> int:
+    """Draw a figure of a study, one column wide: SVG, PDF or PNG.
+
+    Parameters
+    ----------
+    words
+        DIR... KIND: the directories of a study, then one of forest (the leaderboard),
+        curves-touches, curves-time (error as it falls), pareto (error and robot time),
+        confusion (recognition), settings (swept factors), contacts (one episode, run again).
+    out
+        The file; its ending, .svg, .pdf or .png, names the format.
+    metric
+        Of forest, pareto and settings.
+    strategy
+        For confusion and contacts; by default the best.
+    object_
+        For contacts; by default the first.
+    episode
+        For contacts: which episode of that strategy and object.
+    """
+    from sweeps import figures
+
+    folders, kind = _folders_and_kind(words, figures.KINDS)
+    return figures.figure(folders, kind, out, metric=metric, strategy=strategy, object_=object_,
+                          episode=episode)
 
 
 @app.command
@@ -250,6 +310,16 @@ def _explain(error: Exception) -> int:
 def _refuse(text: str, code: int = 2) -> int:
     print(text, file=sys.stderr)
     return code
+
+
+def _folders_and_kind(words: list[str], kinds: Iterable[str]) -> tuple[list[Path], str]:
+    from sweeps.problems import choose
+
+    if words[-1] not in kinds:
+        raise UsageError(f"KIND: is {words[-1]!r}; {choose(words[-1], kinds)}")
+    if len(words) < 2:
+        raise UsageError("DIR: is missing; name the directory of a study before the kind")
+    return [Path(word) for word in words[:-1]], words[-1]
 
 
 def _count(value: int, name: str) -> int:

@@ -13,14 +13,15 @@ from typing import Any
 from strategies.strategy import Strategy
 from sweeps.atomic import write_atomic
 from sweeps.leaderboard import Leaderboard, make_leaderboard
-from sweeps.plan import Plan, plan_study, study_of
+from sweeps.opened import open_study, plan_of
+from sweeps.plan import Plan, plan_study
 from sweeps.problems import choose
 from sweeps.progress import Progress, read_note
 from sweeps.quiet import devices, quiet_stdout, start_warp
 from sweeps.runner import UNIT_TIMEOUT_S, Options, run
 from sweeps.spec import read_spec
 from sweeps.spec_objects import object_of_argument
-from sweeps.store import OtherStudy, Store, StoreError
+from sweeps.store import Store, StoreError
 from sweeps.table import print_table
 from sweeps.work import Outcome
 from sweeps.worker import EPISODES
@@ -79,7 +80,7 @@ def _run(plan: Plan, store: Store, options: Options, engine: str,
 def status(folder: Path, *, as_json: bool) -> int:
     """Prints how far a study is; reads only what is there."""
     store = Store(folder)
-    plan = _plan_of(store)
+    plan = plan_of(store)
     done = failed = 0
     for unit in plan.units():
         if store.path(unit).exists():
@@ -111,14 +112,9 @@ def status(folder: Path, *, as_json: bool) -> int:
 def leaderboard(folders: Sequence[Path], out: Path | None, *, metric: str,
                 by: str | None, as_json: bool) -> int:
     """Ranks a study from one directory or from several that hold parts of it."""
-    stores = [Store(folder) for folder in folders]
-    found = [store.resolved() for store in stores]
-    for store, resolved in zip(stores, found, strict=True):
-        if resolved["hash"] != found[0]["hash"]:
-            raise OtherStudy(store.folder, [f"hash: {found[0]['hash']} ({folders[0]}) -> "
-                                            f"{resolved['hash']} ({store.folder})"])
+    plan, stores = open_study(folders)
     names = [name.strip() for name in by.split(",")] if by is not None else None
-    board = make_leaderboard(_plan_of(stores[0]), stores, metric, names)
+    board = make_leaderboard(plan, stores, metric, names)
     if out is not None:
         try:
             write_atomic(out, board.csv())
@@ -170,18 +166,6 @@ def _strategy_of_argument(name: str) -> Strategy:
         raise StoreError(f"--strategy: no strategy {name!r}; {choose(name, STRATEGIES)}; or a "
                          "function in a file, as mine.py:next_best") from None
     return Strategy(name, call=name, touches=TOUCHES)
-
-
-def _plan_of(store: Store) -> Plan:
-    resolved = store.resolved()
-    try:
-        plan = plan_study(study_of(resolved["study"], resolved.get("name", "")))
-    except (KeyError, TypeError, ValueError):
-        plan = None
-    if plan is None or plan.hash != resolved["hash"]:
-        raise StoreError(f"{store.folder}/resolved.json: was written by another version, or "
-                         "altered; run the sweep again in a new directory")
-    return plan
 
 
 def _show(board: Leaderboard, as_json: bool) -> None:
