@@ -189,6 +189,28 @@ def strategies(*, json: Json = False) -> int:
     return previews.strategies(as_json=json)
 
 
+@app.command(name="export")
+def export_(file: Path, /, *, arm: Annotated[bool, Parameter(negative="")] = False,
+            object_: Annotated[str | None, Parameter(name="--object")] = None,
+            units: str | None = None) -> int:
+    """Write the hand as MJCF or URDF, from the tables the simulator uses.
+
+    Parameters
+    ----------
+    file
+        Ends in .xml for MJCF (MuJoCo), in .urdf for URDF.
+    arm
+        The whole robot: PUMA 560 with the hand, 22 joints.
+    object_
+        Put this object before it: a name (`warpgrasp objects`) or a mesh file, then with its units.
+    units
+        Of a mesh: m, cm or mm.
+    """
+    from sweeps.export import export
+
+    return export(file, arm=arm, what=object_, units=units)
+
+
 @app.command
 def init(spec: Path, /, *, force: Annotated[bool, Parameter(negative="")] = False) -> int:
     """Write a commented template of a study.
