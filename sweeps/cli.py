@@ -249,6 +249,52 @@ def strategies(*, json: Json = False) -> int:
     return previews.strategies(as_json=json)
 
 
+@app.command(name="export")
+def export_(file: Path, /, *, arm: Annotated[bool, Parameter(negative="")] = False,
+            object_: Annotated[str | None, Parameter(name="--object")] = None,
+            units: str | None = None) -> int:
+    """Write the hand as MJCF or URDF, from the tables the simulator uses.
+
+    Parameters
+    ----------
+    file
+        Ends in .xml for MJCF (MuJoCo), in .urdf for URDF.
+    arm
+        The whole robot: PUMA 560 with the hand, 22 joints.
+    object_
+        Put this object before it: a name (`warpgrasp objects`) or a mesh file, then with its units.
+    units
+        Of a mesh: m, cm or mm.
+    """
+    from sweeps.export import export
+
+    return export(file, arm=arm, what=object_, units=units)
+
+
+@app.command
+def sensitivity(*, out: Annotated[Path, Parameter(name=["--out", "-o"])], episodes: int = 16,
+                workers: int = 1, spec: Path | None = None, json: Json = False) -> int:
+    """Vary each estimated constant over its bracket; print what becomes of the ranking.
+
+    Parameters
+    ----------
+    out
+        The directory of the study; running again goes on where it stopped.
+    episodes
+        Of each strategy on each object under each setting.
+    workers
+        Cores to use, one process each.
+    spec
+        Another study of this kind: one zip axis, its first row the defaults.
+    json
+        Print the table as JSON.
+    """
+    from sweeps.sensitivity_command import sensitivity as run_sensitivity
+
+    return run_sensitivity(out, episodes=_count(episodes, "--episodes"),
+                           workers=_count(workers, "--workers"), spec=spec, as_json=json)
+
+
 @app.command
 def init(spec: Path, /, *, force: Annotated[bool, Parameter(negative="")] = False) -> int:
     """Write a commented template of a study.
