@@ -222,6 +222,40 @@ def explore(object_: str, /, *, strategy: str,
 
 
 @app.command
+def fit(shape: Literal["superquadric", "plane", "revolution"], points: Path, /, *,
+        out: Annotated[Path, Parameter(name=["--out", "-o"])],
+        taper: Annotated[bool, Parameter(negative="")] = False,
+        bend: Annotated[bool, Parameter(negative="")] = False,
+        robust: Annotated[bool, Parameter(negative="")] = False, table_z: float | None = None,
+        figure: Path | None = None) -> int:
+    """Fit shapes to sets of touched points of your own.
+
+    Parameters
+    ----------
+    shape
+        superquadric, plane or revolution.
+    points
+        A CSV with columns x_m, y_m, z_m; set where there are several; nx, ny, nz where felt.
+    out
+        The CSV to write, a row a set; contours of revolutions go to OUT.profile.csv.
+    taper
+        Superquadric: let it taper along z, 13 parameters instead of 11.
+    bend
+        Superquadric: let it bend, two parameters more.
+    robust
+        Superquadric: bear touches that are wrong (the other shapes always do).
+    table_z
+        Height of the table the body stands on, in metres.
+    figure
+        Also draw the sets, as .png, .svg or .pdf.
+    """
+    from sweeps import fit_command
+
+    return fit_command.fit(shape, points, out, taper=taper, bend=bend, robust=robust,
+                           table_z_m=table_z, figure=figure)
+
+
+@app.command
 def objects(*, json: Json = False) -> int:
     """List the objects there are.
 
@@ -348,7 +382,8 @@ def _explain(error: Exception) -> int:
         return _refuse(str(error), error.exit_code)
     if isinstance(error, OSError):
         return _refuse(f"{error.filename or 'warpgrasp'}: {error.strerror or error}", 1)
-    if type(error).__name__ in ("LeaderboardError", "ObjectError", "BodyError", "WaypointError"):
+    if type(error).__name__ in ("LeaderboardError", "ObjectError", "BodyError", "WaypointError",
+                                "PointsError"):
         return _refuse(str(error))
     raise error
 
