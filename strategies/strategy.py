@@ -34,3 +34,5 @@ class Strategy:
     """Budget; see `strategies.budget`."""
     robot_time_s: float | None = None
     volume_ratio: float | None = None
+    noise_stream: int = 0
+    """Strategies of one stream meet the same noise; another number draws noise of its own."""

@@ -129,7 +129,8 @@ def run_block(cell: Cell, episodes: np.ndarray, device: str) -> EpisodeBlock:
     body_pose = place_objects(cell.placement, key)
     told = tell_cylinder(body, body_pose, cell.placement.prior_sigma_m, key)
     truth = Truth(body_pose)
-    robot = Robot([body], np.zeros(1, int), truth, key, cell.arm, cell.hand, cell.sensors,
+    noise = _noise_key(key, cell.strategy.noise_stream)
+    robot = Robot([body], np.zeros(1, int), truth, noise, cell.arm, cell.hand, cell.sensors,
                   pads=cell.pads, device=device)
     moments: list[Moment] = []
 
@@ -141,7 +142,7 @@ def run_block(cell: Cell, episodes: np.ndarray, device: str) -> EpisodeBlock:
     if isinstance(planner, Oracle):
         planner.let_see(lambda recovered: score_recovered(
             recovered, body, body_pose, device=device).chamfer_m)
-    found = explore(robot, planner, told, counter_key_host(key, int(Purpose.STRATEGY)),
+    found = explore(robot, planner, told, counter_key_host(noise, int(Purpose.STRATEGY)),
                     table=cell.fit, closings=cell.strategy.closings,
                     budget=budget_of(cell.strategy), observe=observe)
     if fault:
@@ -150,6 +151,11 @@ def run_block(cell: Cell, episodes: np.ndarray, device: str) -> EpisodeBlock:
         found.recovered, body, body_pose, device=device)
     recognized = _recognizer(device).names(found.belief, found.recovered)
     return EpisodeBlock(body, truth, told, found, scores, tuple(moments), recognized)
+
+
+def _noise_key(key: np.ndarray, stream: int) -> np.ndarray:
+    """Keys of the noise: the episodes' own, or those of another stream."""
+    return key if stream == 0 else counter_key_host(key, int(Purpose.NOISE_STREAM), stream)
 
 
 def _planner(cell: Cell, robot: Robot, told: BoundingCylinder) -> tuple[Planner, str]:

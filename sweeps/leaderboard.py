@@ -76,7 +76,7 @@ def make_leaderboard(plan: Plan, stores: Sequence[Store], metric: str = "chamfer
                        np.zeros(len(entries), bool))
         weights = object_weights(seed, len(group))
         for place, number in enumerate(group):
-            _add_object(plan, stores, table, axes, number, metric, seed)
+            _add_object(plan, stores, table, axes, number, metric, seed, len(group))
             for mean in (table.metric, table.iou):
                 mean.finish_object(weights[:, place])
             for mean in table.plain.values():
@@ -92,13 +92,13 @@ def _mean(metric: str, entries: Sequence[Entry]) -> MeanOverObjects:
 
 
 def _add_object(plan: Plan, stores: Sequence[Store], table: _Table, axes: Sequence[int],
-                number: int, metric: str, seed: int) -> None:
+                number: int, metric: str, seed: int, objects: int) -> None:
     for block in paired_blocks(plan, stores, table.entries, axes, number):
         if block.missing:
             table.missing += block.missing
             continue  # paired: a block counts for all entries or for none
         _add_block(table, block.rows, metric,
-                   episode_weights(seed, (number, block.case, block.number), block.count))
+                   episode_weights(seed, (number, block.case, block.number), block.count, objects))
         table.episode_count += block.count
         table.objects.add(number)
 
@@ -123,12 +123,12 @@ def _header(metric: str) -> tuple[str, ...]:
 def _rows(table: _Table, metric: str, label: str) -> list[tuple[str, ...]]:
     sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
     means = table.metric.means()
-    value = estimate(means)
+    value = estimate(means, bounds_of(metric))
     key = np.where(np.isfinite(value.value), sign * value.value, np.inf)
     order = sorted(range(len(table.entries)), key=lambda n: (key[n], table.entries[n].label))
     delta = difference_to(means, order[0])
     best = probability_best(means, sign)
-    iou = estimate(table.iou.means())
+    iou = estimate(table.iou.means(), bounds_of("iou"))
     plain = {name: mean.means() for name, mean in table.plain.items()}
     plain["recognized"] = np.where(table.offered, plain["recognized"], np.nan)
     digits = 4 if metric in HIGHER_IS_BETTER else 3
@@ -155,6 +155,11 @@ def _rows(table: _Table, metric: str, label: str) -> list[tuple[str, ...]]:
         rows.append(tuple(cells["delta" if column.startswith("delta_to") else column]
                           for column in _header(metric)))
     return rows
+
+
+def bounds_of(metric: str) -> tuple[float, float]:
+    """Between what values a mean can lie."""
+    return 0.0, 1.0 if metric in HIGHER_IS_BETTER else np.inf
 
 
 def _notes(plan: Plan, missing: int, per_object: bool) -> Iterator[str]:

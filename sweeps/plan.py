@@ -115,7 +115,7 @@ def canonical_strategy(strategy: Strategy) -> dict[str, Any]:
     return found
 
 
-_PLAIN = ("call", "refit_every", "touches", "robot_time_s", "volume_ratio")
+_PLAIN = ("call", "refit_every", "touches", "robot_time_s", "volume_ratio", "noise_stream")
 
 
 def canonical_body(body: Body) -> dict[str, Any]:

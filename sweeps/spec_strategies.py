@@ -16,7 +16,8 @@ from sweeps.edge import read_table
 from sweeps.problems import Path, Problems, choose, short
 from sweeps.spec_files import CSV_LIMIT, NoFile, named_file
 
-KEYS = ("name", "waypoints", "closings", "order", "strategy", "options", "refit_every", "budget")
+KEYS = ("name", "waypoints", "closings", "order", "strategy", "options", "refit_every", "budget",
+        "noise_stream")
 NAME_LIMIT = 80
 REFIT = (int, 0, 256, "poses between two fits")
 
@@ -67,6 +68,9 @@ def _read_strategy(table: Any, path: Path, base_dir: FilePath,
     if "refit_every" in table:
         value = read_number(table["refit_every"], *REFIT[:3], (*path, "refit_every"), problems)
         strategy = replace(strategy, refit_every=value or 0)
+    if "noise_stream" in table:
+        value = read_number(table["noise_stream"], int, 0, 10**6, (*path, "noise_stream"), problems)
+        strategy = replace(strategy, noise_stream=value or 0)
     if "budget" in table:
         strategy = _read_budget(strategy, table["budget"], (*path, "budget"), problems)
     return _read_call(strategy, table, path, base_dir, problems)
