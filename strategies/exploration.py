@@ -245,7 +245,7 @@ class _Run:
         first = self.felt.mask.shape[1]
         self._touched("contour", found, wanted, CONTOUR_TOUCHES)
         self.contour = np.concatenate([self.contour, np.arange(first, first + CONTOUR_TOUCHES)])
-        profile = profile_of(found)
+        profile = profile_of(found, refine=probe.refine)
         self.profile = profile if self.profile is None else later_profile(self.profile, profile)
 
     def _touched(self, name: str, found: PlanarExploration | ContourExploration,
