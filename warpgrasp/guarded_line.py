@@ -16,9 +16,10 @@ import numpy as np
 import warp as wp
 
 from warpgrasp.counter_random import Purpose, counter_key, counter_normal, counter_uniform
-from warpgrasp.finger_rest import link_direction, link_start, nearest_along
+from warpgrasp.finger_rest import link_direction, link_start
 from warpgrasp.hand_clearance import finger_clearance, palm_clearance
 from warpgrasp.launch import launch
+from warpgrasp.link_nearest import nearest_along
 from warpgrasp.pad_rest import PadRest, pad_rest
 from warpgrasp.pad_touch import felt_above, image_centroid, pad_load, read_image
 from warpgrasp.parameters import ArmTable, HandTable, PadTable, SensorTable
