@@ -99,11 +99,13 @@ def contacts_placed(
     points = centre - links.radius_m * pick(normal)
     covariance = (np.eye(3) * NORMAL_SIGMA_M**2
                   + direction[..., :, None] * direction[..., None, :] * variance[..., None, None])
-    mask = evidence.mask & np.isfinite(points).all(-1)
+    linked = links.linked[None]
+    mask = evidence.mask & (np.isfinite(points).all(-1) | ~linked)
+    move = mask & linked
     return replace(
-        evidence, points_m=np.where(mask[..., None], points, 0.0), mask=mask,
-        covariance_m2=np.where(mask[..., None, None], covariance, np.eye(3)),
-        normals=np.where(mask[..., None], pick(normal), np.nan))
+        evidence, points_m=np.where(move[..., None], points, evidence.points_m), mask=mask,
+        covariance_m2=np.where(move[..., None, None], covariance, evidence.covariance_m2),
+        normals=np.where(move[..., None], pick(normal), evidence.normals))
 
 
 def nearest_free(placed: Evidence, evidence: Evidence, body: SuperquadricLike) -> Evidence:

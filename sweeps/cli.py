@@ -2,6 +2,7 @@
 
 import re
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -123,6 +124,65 @@ def leaderboard(folders: list[Path], /, *,
 
 
 @app.command
+def table(words: list[str], /, *,
+          out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
+          metric: str = "chamfer_mm", against: str | None = None, json: Json = False) -> int:
+    """Print what else a study tells: pairs, objects, confusion, curves, reach, pareto, settings.
+
+    Parameters
+    ----------
+    words
+        DIR... KIND: the directories of a study, then one of pairs (paired tests), objects
+        (medians on each), confusion (recognition), curves (error against touches and robot
+        time), reach (touches and seconds to 5 mm and 3 mm), pareto (error against robot time),
+        settings (what each swept factor does).
+    out
+        Also write it, as CSV.
+    metric
+        Of pairs, objects, pareto and settings.
+    against
+        For pairs: compare with one strategy only; best is the leaderboard's first.
+    json
+        Print JSON.
+    """
+    from sweeps import tables
+
+    folders, kind = _folders_and_kind(words, tables.KINDS)
+    return tables.table(folders, kind, out, metric=metric, against=against, as_json=json)
+
+
+@app.command
+def figure(words: list[str], /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])],
+           metric: str = "chamfer_mm", strategy: str | None = None,
+           object_: Annotated[str | None, Parameter(name="--object")] = None,
+           episode: int = 0) -> int:
+    """Draw a figure of a study, one column wide: SVG, PDF or PNG.
+
+    Parameters
+    ----------
+    words
+        DIR... KIND: the directories of a study, then one of forest (the leaderboard),
+        curves-touches, curves-time (error as it falls), pareto (error and robot time),
+        confusion (recognition), settings (swept factors), contacts (one episode, run again).
+    out
+        The file; its ending, .svg, .pdf or .png, names the format.
+    metric
+        Of forest, pareto and settings.
+    strategy
+        For confusion and contacts; by default the best.
+    object_
+        For contacts; by default the first.
+    episode
+        For contacts: which episode of that strategy and object.
+    """
+    from sweeps import figures
+
+    folders, kind = _folders_and_kind(words, figures.KINDS)
+    return figures.figure(folders, kind, out, metric=metric, strategy=strategy, object_=object_,
+                          episode=episode)
+
+
+@app.command
 def explore(object_: str, /, *, strategy: str,
             out: Annotated[Path, Parameter(name=["--out", "-o"])], units: str | None = None,
             seed: int = 0, yaw_deg: float | None = None, x_m: float = 0.45, y_m: float = 0.0,
@@ -162,6 +222,40 @@ def explore(object_: str, /, *, strategy: str,
 
 
 @app.command
+def fit(shape: Literal["superquadric", "plane", "revolution"], points: Path, /, *,
+        out: Annotated[Path, Parameter(name=["--out", "-o"])],
+        taper: Annotated[bool, Parameter(negative="")] = False,
+        bend: Annotated[bool, Parameter(negative="")] = False,
+        robust: Annotated[bool, Parameter(negative="")] = False, table_z: float | None = None,
+        figure: Path | None = None) -> int:
+    """Fit shapes to sets of touched points of your own.
+
+    Parameters
+    ----------
+    shape
+        superquadric, plane or revolution.
+    points
+        A CSV with columns x_m, y_m, z_m; set where there are several; nx, ny, nz where felt.
+    out
+        The CSV to write, a row a set; contours of revolutions go to OUT.profile.csv.
+    taper
+        Superquadric: let it taper along z, 13 parameters instead of 11.
+    bend
+        Superquadric: let it bend, two parameters more.
+    robust
+        Superquadric: bear touches that are wrong (the other shapes always do).
+    table_z
+        Height of the table the body stands on, in metres.
+    figure
+        Also draw the sets, as .png, .svg or .pdf.
+    """
+    from sweeps import fit_command
+
+    return fit_command.fit(shape, points, out, taper=taper, bend=bend, robust=robust,
+                           table_z_m=table_z, figure=figure)
+
+
+@app.command
 def objects(*, json: Json = False) -> int:
     """List the objects there are.
 
@@ -187,6 +281,52 @@ def strategies(*, json: Json = False) -> int:
     from sweeps import previews
 
     return previews.strategies(as_json=json)
+
+
+@app.command(name="export")
+def export_(file: Path, /, *, arm: Annotated[bool, Parameter(negative="")] = False,
+            object_: Annotated[str | None, Parameter(name="--object")] = None,
+            units: str | None = None) -> int:
+    """Write the hand as MJCF or URDF, from the tables the simulator uses.
+
+    Parameters
+    ----------
+    file
+        Ends in .xml for MJCF (MuJoCo), in .urdf for URDF.
+    arm
+        The whole robot: PUMA 560 with the hand, 22 joints.
+    object_
+        Put this object before it: a name (`warpgrasp objects`) or a mesh file, then with its units.
+    units
+        Of a mesh: m, cm or mm.
+    """
+    from sweeps.export import export
+
+    return export(file, arm=arm, what=object_, units=units)
+
+
+@app.command
+def sensitivity(*, out: Annotated[Path, Parameter(name=["--out", "-o"])], episodes: int = 16,
+                workers: int = 1, spec: Path | None = None, json: Json = False) -> int:
+    """Vary each estimated constant over its bracket; print what becomes of the ranking.
+
+    Parameters
+    ----------
+    out
+        The directory of the study; running again goes on where it stopped.
+    episodes
+        Of each strategy on each object under each setting.
+    workers
+        Cores to use, one process each.
+    spec
+        Another study of this kind: one zip axis, its first row the defaults.
+    json
+        Print the table as JSON.
+    """
+    from sweeps.sensitivity_command import sensitivity as run_sensitivity
+
+    return run_sensitivity(out, episodes=_count(episodes, "--episodes"),
+                           workers=_count(workers, "--workers"), spec=spec, as_json=json)
 
 
 @app.command
@@ -242,7 +382,8 @@ def _explain(error: Exception) -> int:
         return _refuse(str(error), error.exit_code)
     if isinstance(error, OSError):
         return _refuse(f"{error.filename or 'warpgrasp'}: {error.strerror or error}", 1)
-    if type(error).__name__ in ("LeaderboardError", "ObjectError", "BodyError", "WaypointError"):
+    if type(error).__name__ in ("LeaderboardError", "ObjectError", "BodyError", "WaypointError",
+                                "PointsError"):
         return _refuse(str(error))
     raise error
 
@@ -250,6 +391,16 @@ def _explain(error: Exception) -> int:
 def _refuse(text: str, code: int = 2) -> int:
     print(text, file=sys.stderr)
     return code
+
+
+def _folders_and_kind(words: list[str], kinds: Iterable[str]) -> tuple[list[Path], str]:
+    from sweeps.problems import choose
+
+    if words[-1] not in kinds:
+        raise UsageError(f"KIND: is {words[-1]!r}; {choose(words[-1], kinds)}")
+    if len(words) < 2:
+        raise UsageError("DIR: is missing; name the directory of a study before the kind")
+    return [Path(word) for word in words[:-1]], words[-1]
 
 
 def _count(value: int, name: str) -> int:

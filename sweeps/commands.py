@@ -10,16 +10,18 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
+from strategies.strategy import Strategy
 from sweeps.atomic import write_atomic
 from sweeps.leaderboard import Leaderboard, make_leaderboard
-from sweeps.plan import Plan, plan_study, study_of
+from sweeps.opened import open_study, plan_of
+from sweeps.plan import Plan, plan_study
 from sweeps.problems import choose
 from sweeps.progress import Progress, read_note
 from sweeps.quiet import devices, quiet_stdout, start_warp
 from sweeps.runner import UNIT_TIMEOUT_S, Options, run
 from sweeps.spec import read_spec
 from sweeps.spec_objects import object_of_argument
-from sweeps.store import OtherStudy, Store, StoreError
+from sweeps.store import Store, StoreError
 from sweeps.table import print_table
 from sweeps.work import Outcome
 from sweeps.worker import EPISODES
@@ -78,7 +80,7 @@ def _run(plan: Plan, store: Store, options: Options, engine: str,
 def status(folder: Path, *, as_json: bool) -> int:
     """Prints how far a study is; reads only what is there."""
     store = Store(folder)
-    plan = _plan_of(store)
+    plan = plan_of(store)
     done = failed = 0
     for unit in plan.units():
         if store.path(unit).exists():
@@ -110,14 +112,9 @@ def status(folder: Path, *, as_json: bool) -> int:
 def leaderboard(folders: Sequence[Path], out: Path | None, *, metric: str,
                 by: str | None, as_json: bool) -> int:
     """Ranks a study from one directory or from several that hold parts of it."""
-    stores = [Store(folder) for folder in folders]
-    found = [store.resolved() for store in stores]
-    for store, resolved in zip(stores, found, strict=True):
-        if resolved["hash"] != found[0]["hash"]:
-            raise OtherStudy(store.folder, [f"hash: {found[0]['hash']} ({folders[0]}) -> "
-                                            f"{resolved['hash']} ({store.folder})"])
+    plan, stores = open_study(folders)
     names = [name.strip() for name in by.split(",")] if by is not None else None
-    board = make_leaderboard(_plan_of(stores[0]), stores, metric, names)
+    board = make_leaderboard(plan, stores, metric, names)
     if out is not None:
         try:
             write_atomic(out, board.csv())
@@ -136,37 +133,39 @@ def explore(what: str, strategy: str, folder: Path, *, units: str | None, seed: 
     """One episode with all that was felt, as files."""
     with quiet_stdout():
         start_warp()
-        from strategies.catalogue import STRATEGIES
-
-        if strategy not in STRATEGIES:
-            raise StoreError(f"--strategy: no strategy {strategy!r}; "
-                             f"{choose(strategy, STRATEGIES)}")
+        chosen = _strategy_of_argument(strategy)
         table = object_of_argument(what, units)
         from sweeps.explore import explore as explore_object
 
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            explore_object(
-                body_table=table, strategy=STRATEGIES[strategy], seed=seed,
+            written = explore_object(
+                body_table=table, strategy=chosen, seed=seed,
                 yaw_rad=None if yaw_deg is None else radians(yaw_deg), x_m=x_m, y_m=y_m,
                 out=folder, device=device)
         except OSError as error:
             raise StoreError(f"{folder}: cannot be written: {error.strerror or error}") from None
-    for file in sorted(folder.iterdir()):
+    for file in written:
         print(file)
     return DONE
 
 
-def _plan_of(store: Store) -> Plan:
-    resolved = store.resolved()
+def _strategy_of_argument(name: str) -> Strategy:
+    """A ready-made strategy by its name, or a planner of the user's, as `mine.py:next_best`."""
+    from strategies.catalogue import STRATEGIES, TOUCHES
+
+    if name in STRATEGIES:
+        return STRATEGIES[name]
+    from strategies.registry import PlannerError, make_planner
+
     try:
-        plan = plan_study(study_of(resolved["study"], resolved.get("name", "")))
-    except (KeyError, TypeError, ValueError):
-        plan = None
-    if plan is None or plan.hash != resolved["hash"]:
-        raise StoreError(f"{store.folder}/resolved.json: was written by another version, or "
-                         "altered; run the sweep again in a new directory")
-    return plan
+        make_planner(name, {})
+    except PlannerError as error:
+        if ".py:" in name:
+            raise StoreError(f"--strategy: {error}") from None
+        raise StoreError(f"--strategy: no strategy {name!r}; {choose(name, STRATEGIES)}; or a "
+                         "function in a file, as mine.py:next_best") from None
+    return Strategy(name, call=name, touches=TOUCHES)
 
 
 def _show(board: Leaderboard, as_json: bool) -> None:

@@ -4,7 +4,7 @@ Left the recovered body with the contacts on it, what is behind it hidden; right
 of its outline and of the true one, seen from the front and from above.
 """
 
-import io
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,7 +15,11 @@ from fit.superquadric_shape import (
     superquadric_inside_outside,
 )
 from sweeps.episodes import EpisodeBlock
+from sweeps.figure_style import drawing, encode, figure
 from warpgrasp.body_sample import sample_body
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _BODY = "#9db7d5"
 _CONTACT = "#b2182b"
@@ -43,25 +47,40 @@ def surface_mesh(body: Superquadric, rows: int = 48) -> np.ndarray:
 
 def draw_contacts(block: EpisodeBlock, name: str, world: int = 0) -> bytes:
     """A PNG of one world of a block; the same block gives the same bytes."""
-    import matplotlib
+    with drawing():
+        return encode(contacts_figure(block, name, world, wide=True), "png")
 
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
+
+def contacts_figure(block: EpisodeBlock, name: str, world: int = 0,
+                    wide: bool = False) -> "Figure":
+    """One world of a block: a page wide, or one column with the hulls below the body."""
+    with drawing():
+        return _draw(block, name, world, wide)
+
+
+def _draw(block: EpisodeBlock, name: str, world: int, wide: bool) -> "Figure":
     from matplotlib.colors import to_rgb
     from matplotlib.ticker import MaxNLocator
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    body = Superquadric(*(field[world:world + 1] for field in block.recovered))
+    body = Superquadric(*(field[world:world + 1] for field in block.recovered.superquadric))
     pose = block.truth.body_pose[world]
     faces = 1e3 * (surface_mesh(body) - pose[:3])
-    points = 1e3 * (block.evidence.points_m[world][block.evidence.mask[world]] - pose[:3])
+    evidence = block.exploration.belief.evidence
+    points = 1e3 * (evidence.points_m[world][evidence.mask[world]] - pose[:3])
     yaw = 2.0 * np.arctan2(pose[5], pose[6])
     turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
     true = 1e3 * sample_body(block.body, surface=8192).surface_m @ turn.T
 
-    figure = plt.figure(figsize=(9.0, 4.6), dpi=150, layout="constrained")
-    grid = figure.add_gridspec(2, 2, width_ratios=(1.35, 1.0))
-    axes = figure.add_subplot(grid[:, 0], projection="3d")
+    if wide:
+        drawn = figure(3.5, 6.85)
+        grid = drawn.add_gridspec(2, 2, width_ratios=(1.35, 1.0))
+        places = (grid[:, 0], grid[0, 1], grid[1, 1])
+    else:
+        drawn = figure(5.0)
+        grid = drawn.add_gridspec(2, 2, height_ratios=(1.5, 1.0))
+        places = (grid[0, :], grid[1, 0], grid[1, 1])
+    axes = drawn.add_subplot(places[0], projection="3d")
     elevation, azimuth = np.radians(_VIEW)
     eye = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth),
                     np.sin(elevation)])
@@ -87,30 +106,29 @@ def draw_contacts(block: EpisodeBlock, name: str, world: int = 0) -> bytes:
              ylim=(middle_box[1] - aside, middle_box[1] + aside),
              zlim=(0.0, tall), xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
     axes.set_box_aspect((2.0 * aside, 2.0 * aside, tall),
-                        zoom=0.9)  # pyright: ignore[reportArgumentType]
+                        zoom=0.9 if wide else 0.78)  # pyright: ignore[reportArgumentType]
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MaxNLocator(4))
     axes.view_init(*_VIEW)
     axes.computed_zorder = False
-    axes.set_title(f"{name}: recovered body and contacts", fontsize=10)
+    axes.set_title(f"{name}: recovered body and contacts")
 
     for row, (i, j, label) in enumerate(((0, 2, "front"), (0, 1, "above"))):
-        flat = figure.add_subplot(grid[row, 1])
+        flat = drawn.add_subplot(places[1 + row])
         for cloud, tint, style, text in ((true, _TRUE, "-", "true"),
                                          (faces.reshape(-1, 3), _FIT, "--", "recovered")):
             outline = _outline(cloud[:, [i, j]])
-            flat.plot(*outline.T, style, color=tint, lw=1.4, label=text)
+            flat.plot(*outline.T, style, color=tint, lw=1.2, label=text)
         flat.plot(points[:, i], points[:, j], ".", color=_CONTACT, ms=3, label="contacts")
         flat.set_aspect("equal")
         flat.xaxis.set_major_locator(MaxNLocator(3))
         flat.set(xlabel="xyz"[i] + " [mm]", ylabel="xyz"[j] + " [mm]")
-        flat.set_title(f"hulls from {label}" if row else "hulls from the front", fontsize=9)
-        if row == 0:
-            flat.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-    text = io.BytesIO()
-    figure.savefig(text, format="png", metadata={"Software": None})
-    plt.close(figure)
-    return text.getvalue()
+        flat.set_title(f"hulls from {label}" if row else "hulls from the front")
+        if row == 0 and wide:
+            flat.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+        elif row == 0:
+            drawn.legend(*flat.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return drawn
 
 
 def _visible(points: np.ndarray, middle: np.ndarray, normal: np.ndarray,

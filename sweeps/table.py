@@ -1,9 +1,38 @@
 """Tables on stdout: aligned text for people, JSON for programs."""
 
+import csv
+import io
 import json
+import math
 import os
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """Rows of text under a header, and what a reader should know about them."""
+
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    notes: tuple[str, ...] = ()
+
+    def csv(self) -> bytes:
+        """The bytes of a CSV file."""
+        stream = io.StringIO()
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(self.header)
+        writer.writerows(self.rows)
+        return stream.getvalue().encode()
+
+
+def number_text(value: float, digits: int) -> str:
+    """A number with fixed digits; NA for what is not one, no minus before zero."""
+    if not math.isfinite(value):
+        return "NA"
+    text = f"{value:.{digits}f}"
+    return text.removeprefix("-") if float(text) == 0 else text
 
 
 def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], as_json: bool) -> None:

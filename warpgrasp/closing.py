@@ -23,10 +23,10 @@ from warpgrasp.counter_random import (
 from warpgrasp.finger_path import PathStep, first_uncertain, path_table
 from warpgrasp.finger_rest import finger_rest, link_direction, link_start, rest_from
 from warpgrasp.launch import launch
-from warpgrasp.link_nearest import link_nearest
+from warpgrasp.link_nearest import link_nearest, lower_end
 from warpgrasp.parameters import HandTable, SensorTable
 from warpgrasp.real import HALF, ONE, ZERO, real, transform, vec3, vec4
-from warpgrasp.scene import Scene, stand_distance_grad
+from warpgrasp.scene import Scene, body_distance_grad
 from warpgrasp.status import ProbeStatus
 from warpgrasp.tendon import (
     TendonSensor,
@@ -107,7 +107,8 @@ def _clearance(scene: Scene, body: int, hand: Hand, base: transform, at: PathSte
     length = hand.link_length[link]
     u = (wp.transform_point(base, b) - a) / length
     near = link_nearest(scene, body, a, u, length, -ONE, ONE, 1, length * HALF + hand.link_radius)
-    return near.distance - hand.link_radius
+    table = a[2] + wp.min(u[2], ZERO) * length
+    return wp.min(near.distance, table) - hand.link_radius
 
 
 @wp.func
@@ -227,8 +228,9 @@ def _closing_kernel(
             q = known.q
             touching = int(0)
             for link in range(3):
-                free[link] = -march_scale * known.depth[link]
-                if known.depth[link] > ZERO:
+                pressed = wp.max(known.depth[link], known.table[link])
+                free[link] = -march_scale * pressed
+                if pressed > ZERO:
                     touching = int(1)
         if touching == 1:
             torque = (at.command - q) * hand.stiffness
@@ -291,18 +293,23 @@ def _closing_kernel(
                                                                  counter_key(reader, 2 * j + 1))
     if touching == 1:
         bearing = int(0)
-        for link in range(1, 3):
-            if known.depth[link] > known.depth[bearing]:
+        deepest = real(0.0)
+        for link in range(3):
+            if wp.max(known.depth[link], known.table[link]) > deepest:
                 bearing = int(link)
+                deepest = wp.max(known.depth[link], known.table[link])
         f = finger_pose(hand, base, q)
-        x = link_start(f, bearing) + link_direction(f, bearing) * known.along[bearing]
-        n = stand_distance_grad(scene, which, x)
+        u = link_direction(f, bearing)
+        x = link_start(f, bearing) + u * known.along[bearing]
+        n = body_distance_grad(scene, which, x)
+        if known.table[bearing] > known.depth[bearing]:
+            x = link_start(f, bearing) + u * lower_end(u, hand.link_length[bearing])
+            n = vec4(ZERO, ZERO, ONE, x[2])
+            on_table[w, p, g, finger] = 1
         normal = vec3(n[0], n[1], n[2])
         link_true[w, p, g, finger] = bearing
         point_true[w, p, g, finger] = wp.transform_point(body_pose[w], x - normal * n[3])
         normal_true[w, p, g, finger] = wp.transform_vector(body_pose[w], normal)
-        if x[2] <= hand.link_radius and wp.abs(n[3] - x[2]) < real(1e-12) and n[2] > real(0.999):
-            on_table[w, p, g, finger] = 1
 
 
 def close_fingers(

@@ -1,15 +1,17 @@
 """Where a finger rests: the least energy of its joint servos and its skin against rigid things.
 
-    E(q) = 1/2 K |q_cmd - q|^2 + sum over links 1/2 k max(0, r - phi(x_link(q)))^2
+    E(q) = 1/2 K |q_cmd - q|^2 + sum over links and obstacles 1/2 k max(0, r - phi(x_link(q)))^2
 
-phi is the signed distance of body and table, x_link the point of the link's axis nearest to them.
+The obstacles are the body and the table, phi the signed distance of one of them, x_link the point
+of the link's axis nearest to it: a link between object and table bears on both. (With one distance
+for both, the energy has a kink where they are equally near, and a descent stalls on it.)
 Newton steps on the Gauss-Newton Hessian with backtracking: E never rises. Links that are surely
 free are not looked at, and those that touch are followed from where they touched.
 """
 
 import warp as wp
 
-from warpgrasp.link_nearest import link_nearest
+from warpgrasp.link_nearest import link_nearest, lower_end
 from warpgrasp.real import HALF, ONE, ZERO, mat44, real, vec3, vec4
 from warpgrasp.scene import Scene
 from warpgrasp.sine_cosine import sine_cosine
@@ -26,10 +28,10 @@ class Rest:
 
     `compliance` is the inverse of the energy's Gauss-Newton Hessian.
 
-    `along` is the place on each link's axis [m from its joint] nearest to body or table, negative
-    where it is not known, `bend` helps to follow it (see `link_nearest`). `depth` is the
-    penetration [m] of the skin, not positive where a link is free: then it surely is, by at least
-    that much.
+    `along` is the place on each link's axis [m from its joint] nearest to the body, negative where
+    it is not known, `bend` helps to follow it (see `link_nearest`). `depth` is how far the body
+    presses the skin in [m], not positive where a link is free: then it surely is, by at least that
+    much. `table` is the same of the table, at the link's lower end.
     """
 
     q: vec4
@@ -39,6 +41,7 @@ class Rest:
     along: vec3
     bend: vec3
     depth: vec3
+    table: vec3
 
 
 @wp.func
@@ -161,6 +164,19 @@ def rest_energy(
                 # Sherman and Morrison: the Hessian gains skin times j j^T.
                 yields = c * j
                 c -= wp.outer(yields, yields / (ONE / hand.skin + wp.dot(j, yields)))
+        end = lower_end(u, length)
+        low = a + u * end
+        pressed = hand.link_radius - low[2]
+        if pressed > ZERO:
+            swing = wp.cross(vec3(ZERO, ZERO, ONE), side)
+            j = vec4(wp.dot(wp.cross(low - origin, x), vec3(ZERO, ZERO, ONE)),
+                     wp.dot(swing, low - p1), wp.where(link >= 1, wp.dot(swing, low - p2), ZERO),
+                     wp.where(link >= 2, wp.dot(swing, low - p3), ZERO))
+            rest.energy += HALF * hand.skin * pressed * pressed
+            rest.gradient -= j * (hand.skin * pressed)
+            yields = c * j
+            c -= wp.outer(yields, yields / (ONE / hand.skin + wp.dot(j, yields)))
+        rest.table = put(rest.table, link, pressed)
         rest.along = put(rest.along, link, along)
         rest.bend = put(rest.bend, link, bend)
         rest.depth = put(rest.depth, link, depth)

@@ -54,10 +54,12 @@ def _finger_free(scene: Scene, body: int, hand: Hand, pad: Pad, base: transform,
         radius = hand.link_radius
         if pad.on[link] != 0:
             radius += pad.thickness
+        a = link_start(f, link)
+        u = link_direction(f, link)
         length = hand.link_length[link]
-        near = link_nearest(scene, body, link_start(f, link), link_direction(f, link), length,
-                            -ONE, ONE, 1, wp.min(free + radius, length * HALF + radius))
-        free = wp.min(free, near.distance - radius)
+        near = link_nearest(scene, body, a, u, length, -ONE, ONE, 1, length * HALF + radius)
+        table = a[2] + wp.min(u[2], ZERO) * length
+        free = wp.min(free, wp.min(near.distance, table) - radius)
     return free
 
 

@@ -1,9 +1,9 @@
-"""Where a link comes nearest to body and table: one point of a segment, found by its slope.
+"""Where a link comes nearest to the body: one point of a segment, found by its slope.
 
-The table's nearest point is an end of the segment. The body's is a valley of its distance along the
-segment. Five samples choose the valley (a distance need not be convex along a segment), or one is
-followed from where it was. In it the slope is brought to zero by secants on distance times slope,
-which along a straight line is linear in the place where the body is a corner or an edge.
+It is a valley of the distance along the segment. (The table's nearest point is an end.) Five samples
+choose the valley (a distance need not be convex along a segment), or one is followed from where it
+was. In it the slope is brought to zero by secants on distance times slope, which is linear along a
+straight line where the body is a corner or an edge.
 """
 
 import warp as wp
@@ -22,8 +22,8 @@ _FLATTEST = wp.constant(real(1e-3))
 
 @wp.struct
 class Near:
-    """The point of a segment nearest to something: place [m from its start], distance [m], slope
-    of distance times slope (to go on from), outward normal there."""
+    """The point of a segment nearest to a body: place [m from its start], distance [m], slope of
+    distance times slope (to go on from), outward normal there."""
 
     along: real
     distance: real
@@ -88,14 +88,13 @@ def link_nearest(
     scene: Scene, body: int, a: vec3, u: vec3, length: real, guess: real, bend: real, check: int,
     enough: real
 ):
-    """The point of a segment nearest to body and table.
+    """The point of a segment nearest to the body.
 
     `guess` (not negative) follows the body's valley from there with the `bend` found before, and
     with `check` makes sure that none of the samples lies lower. Else the samples choose. Without a
     guess, a distance above `enough` may be a lower bound.
     """
     spacing = length / real(_SAMPLES - 1)
-    table = wp.min(a[2], a[2] + u[2] * length)
     near = Near()
     near.distance = real(1e9)
     begin = real(guess)
@@ -105,7 +104,7 @@ def link_nearest(
     search = int(1)
     if guess < ZERO:
         bound = body_distance(scene, body, a + u * (length * HALF)) - length * HALF
-        if bound > wp.min(enough, table):
+        if bound > enough:
             near.distance = bound
             near.along = length * HALF
             near.bend = ONE
@@ -128,16 +127,22 @@ def link_nearest(
                             low = wp.max(t - spacing, ZERO)
                             high = wp.min(t + spacing, length)
                             search = int(1)
-    if table < near.distance:
-        near.distance = table
-        near.normal = vec3(ZERO, ZERO, ONE)
-        near.along = wp.where(u[2] < ZERO, length, ZERO)
-        near.bend = ONE
     return near
+
+
+@wp.func
+def lower_end(u: vec3, length: real):
+    """Place [m] along a segment where it is nearest to the table."""
+    if u[2] < ZERO:
+        return length
+    return ZERO
 
 
 @wp.func
 def nearest_along(scene: Scene, body: int, a: vec3, u: vec3, length: real):
     """Place [m from a] and distance of the point of a segment nearest to body and table."""
     near = link_nearest(scene, body, a, u, length, -ONE, ONE, 1, real(1e9))
+    low = lower_end(u, length)
+    if a[2] + u[2] * low < near.distance:
+        return vec2(low, a[2] + u[2] * low)
     return vec2(near.along, near.distance)

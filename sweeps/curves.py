@@ -1,0 +1,145 @@
+"""Error as it falls with touches or robot time: step functions, averaged over objects, episodes.
+
+An episode's error is that of its last refit so far, and stays after its end. Rows of a strategy
+that was fitted once, at its end, hold no curve: it is that one step. At a point of the grid
+episodes that have no fit yet are left out; where they are more than one in twenty there is no
+mean (a mean over the quick ones alone would flatter).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sweeps.bootstrap import REPLICATES, Estimate, episode_weights, object_weights, widened
+from sweeps.entries import Entry, entries_of, entry_axes, paired_blocks, values_of
+from sweeps.paired import filled, reading_notes
+from sweeps.plan import Plan
+from sweeps.store import Store
+from sweeps.unit_file import Columns
+
+AXES = {"touches": ("curve_touches", "touches"), "time_s": ("curve_time_s", "robot_time_s")}
+POINTS = 48
+KNOWN = 0.95
+Steps = tuple[np.ndarray, np.ndarray]  # where an episode was refitted, and its error then [mm]
+
+
+@dataclass(frozen=True)
+class Curves:
+    """What every episode's curve was, by axis, object, entry and episode, with their weights."""
+
+    entries: tuple[Entry, ...]
+    objects: tuple[str, ...]
+    steps: dict[str, list[list[list[Steps]]]]
+    weights: list[np.ndarray]
+    """For each object (1 + replicate, episode), small whole numbers."""
+    drawn: np.ndarray
+    """How often each object is drawn, (1 + replicate, object)."""
+    notes: tuple[str, ...]
+
+    @property
+    def labels(self) -> list[str]:
+        """The entries' names."""
+        return [entry.label for entry in self.entries]
+
+
+def read_curves(plan: Plan, stores: Sequence[Store]) -> Curves:
+    """Reads a study's units once; memory grows with the episodes."""
+    axes, _ = entry_axes(plan, None)
+    entries = entries_of(plan, axes)
+    seed = int(plan.hash, 16)
+    drawn = object_weights(seed, len(plan.study.objects))
+    steps: dict[str, list[list[list[Steps]]]] = {axis: [] for axis in AXES}
+    weights, objects, kept, missing = [], [], [], 0
+    for number, body in enumerate(plan.study.objects):
+        mine: dict[str, list[list[Steps]]] = {axis: [[] for _ in entries] for axis in AXES}
+        own = []
+        for block in paired_blocks(plan, stores, entries, axes, number):
+            if block.missing:
+                missing += block.missing
+                continue
+            own.append(episode_weights(seed, (number, block.case, block.number),
+                                       block.count, len(plan.study.objects)).astype(np.uint8))
+            for axis, of_entries in mine.items():
+                for found, rows in zip(of_entries, block.rows, strict=True):
+                    found += episode_steps(rows, axis)
+        if own:
+            objects.append(body.name)
+            kept.append(number)
+            weights.append(np.concatenate(own, axis=1))
+            for axis, of_entries in mine.items():
+                steps[axis].append(_failures_filled(of_entries))
+    return Curves(tuple(entries), tuple(objects), steps, weights, drawn[:, kept],
+                  tuple(reading_notes(plan, missing, len(objects))))
+
+
+def episode_steps(rows: Columns, axis: str) -> list[Steps]:
+    """Each row's curve; rows without one are a single step at their end."""
+    curve, end = AXES[axis]
+    if curve in rows and "curve_chamfer_mm" in rows:
+        found = [(_numbers(at), _numbers(error))
+                 for at, error in zip(rows[curve], rows["curve_chamfer_mm"], strict=True)]
+    else:
+        found = [(_numbers(()), _numbers(()))] * len(rows["status"])
+    ends = zip(found, values_of(rows, end), values_of(rows, "chamfer_mm"), strict=True)
+    return [steps if len(steps[0]) else (np.array([at]), np.array([error]))
+            for steps, at, error in ends]
+
+
+def _numbers(values: object) -> np.ndarray:
+    return np.asarray(() if values is None else values, float)
+
+
+def _failures_filled(of_entries: list[list[Steps]]) -> list[list[Steps]]:
+    """An error that is no number counts as the worst on its object, as in a leaderboard."""
+    errors = [error for found in of_entries for _, error in found]
+    every = filled(np.concatenate(errors), None) if errors else np.zeros(0)
+    parts = iter(np.split(every, np.cumsum([len(error) for error in errors])[:-1]))
+    return [[(np.where(np.isfinite(at), at, np.inf), next(parts)) for at, _ in found]
+            for found in of_entries]
+
+
+def grid_of(curves: Curves, axis: str) -> np.ndarray:
+    """Points from 0 to the longest episode: the same for every entry, a round step apart."""
+    ends = [at[-1] for objects in curves.steps[axis] for found in objects for at, _ in found
+            if np.isfinite(at[-1])]
+    longest = max(ends, default=1.0)
+    raw = max(longest / POINTS, 1e-9)
+    size = 10.0 ** np.floor(np.log10(raw))
+    step = next(m * size for m in (1.0, 2.0, 5.0, 10.0) if m * size >= raw * (1 - 1e-12))
+    if axis == "touches":
+        step = max(step, 1.0)
+    return step * np.arange(int(np.ceil(longest / step - 1e-9)) + 1)
+
+
+def on_grid(steps: Steps, grid: np.ndarray) -> np.ndarray:
+    """A step function at the grid's points; NaN before the first step."""
+    at, error = steps
+    last = np.searchsorted(at, grid, side="right") - 1
+    return np.where(last >= 0, error[np.maximum(last, 0)], np.nan)
+
+
+def mean_curve(curves: Curves, axis: str, entry: int, grid: np.ndarray) -> Estimate:
+    """The mean over objects, then episodes, with its interval; NaN where too few have a fit."""
+    total = np.zeros((1 + REPLICATES, len(grid)))
+    weight = np.zeros_like(total)
+    unknown = np.zeros(len(grid))
+    for number, found in enumerate(curves.steps[axis]):
+        values = np.array([on_grid(steps, grid) for steps in found[entry]])
+        good = np.isfinite(values)
+        drawn = curves.weights[number].astype(float)
+        count = np.einsum("re,eg->rg", drawn, good.astype(float))
+        seen = count > 0
+        mean = np.divide(np.einsum("re,eg->rg", drawn, np.where(good, values, 0.0)), count,
+                         where=seen, out=np.zeros_like(total))
+        total += curves.drawn[:, [number]] * mean
+        weight += curves.drawn[:, [number]] * seen
+        unknown = np.maximum(unknown, 1.0 - good.mean(axis=0))
+    mean = np.divide(total, weight, where=weight > 0, out=np.full_like(total, np.nan))
+    mean = np.maximum(widened(mean, len(curves.objects)), 0.0)
+    mean[:, unknown > 1.0 - KNOWN] = np.nan
+    shown = np.isfinite(mean).all(axis=0)
+    low, high = np.full((2, len(grid)), np.nan)
+    if shown.any():
+        low[shown], high[shown] = np.quantile(mean[1:, shown], (0.025, 0.975), axis=0)
+    return Estimate(mean[0], low, high)

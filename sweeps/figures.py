@@ -1,0 +1,106 @@
+"""`warpgrasp figure`: figures of a study, made from its units."""
+
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sweeps.atomic import write_atomic
+from sweeps.entries import check_metric
+from sweeps.opened import open_study
+from sweeps.plan import Plan
+from sweeps.store import Store, StoreError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a figure is to show."""
+
+    plan: Plan
+    stores: Sequence[Store]
+    metric: str = "chamfer_mm"
+    strategy: str | None = None
+    object: str | None = None
+    episode: int = 0
+
+
+def _forest(asked: Asked) -> "Figure":
+    from sweeps.figure_forest import draw_forest
+    from sweeps.paired import read_paired
+
+    return draw_forest(read_paired(asked.plan, asked.stores, [asked.metric]), asked.metric)
+
+
+def _curves_touches(asked: Asked) -> "Figure":
+    from sweeps.curves import read_curves
+    from sweeps.figure_curves import draw_curves
+
+    return draw_curves(read_curves(asked.plan, asked.stores), "touches")
+
+
+def _curves_time(asked: Asked) -> "Figure":
+    from sweeps.curves import read_curves
+    from sweeps.figure_curves import draw_curves
+
+    return draw_curves(read_curves(asked.plan, asked.stores), "time_s")
+
+
+def _pareto(asked: Asked) -> "Figure":
+    from sweeps.figure_pareto import draw_pareto
+    from sweeps.paired import read_paired
+    from sweeps.table_pareto import COST
+
+    return draw_pareto(read_paired(asked.plan, asked.stores, [asked.metric, COST]), asked.metric)
+
+
+def _confusion(asked: Asked) -> "Figure":
+    from sweeps.figure_confusion import draw_confusion
+    from sweeps.table_confusion import read_confusion
+
+    return draw_confusion(read_confusion(asked.plan, asked.stores), asked.strategy)
+
+
+def _settings(asked: Asked) -> "Figure":
+    from sweeps.figure_settings import draw_settings
+    from sweeps.table_settings import read_settings
+
+    return draw_settings(asked.plan, read_settings(asked.plan, asked.stores, asked.metric),
+                         asked.metric)
+
+
+def _contacts(asked: Asked) -> "Figure":
+    from sweeps.figure_contacts import contacts_figure
+    from sweeps.rerun import choose_episode, rerun
+
+    episode = choose_episode(asked.plan, asked.stores, asked.strategy, asked.object,
+                             asked.episode)
+    return contacts_figure(rerun(asked.plan, episode),
+                           asked.plan.study.objects[episode.body].name)
+
+
+KINDS: dict[str, Callable[[Asked], "Figure"]] = {
+    "forest": _forest, "curves-touches": _curves_touches, "curves-time": _curves_time,
+    "pareto": _pareto, "confusion": _confusion, "settings": _settings,
+    "contacts": _contacts,
+}
+
+
+def figure(folders: Sequence[Path], kind: str, out: Path, *, metric: str, strategy: str | None,
+           object_: str | None, episode: int) -> int:
+    """Draws one figure into a file; its ending names the format."""
+    from sweeps.figure_style import encode
+
+    check_metric(metric)
+    plan, stores = open_study(folders)
+    asked = Asked(plan, stores, metric, strategy, object_, episode)
+    content = encode(KINDS[kind](asked), out.suffix.removeprefix("."))
+    try:
+        write_atomic(out, content)
+    except OSError as error:
+        raise StoreError(f"{out}: cannot be written: {error.strerror}") from None
+    print(out, file=sys.stderr)
+    return 0

@@ -1,0 +1,75 @@
+"""Running one episode of a study again, with all that was felt: the same bits as before."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sweeps.episodes import EpisodeBlock, run_block
+from sweeps.leaderboard import make_leaderboard
+from sweeps.plan import FILE_KEYS, Plan
+from sweeps.problems import choose
+from sweeps.quiet import quiet_stdout, start_warp
+from sweeps.store import Store, StoreError
+
+
+@dataclass(frozen=True)
+class Episode:
+    """Which episode of a study: indices into its strategies, objects and settings."""
+
+    strategy: int
+    body: int
+    episode: int
+    setting: int = 0
+
+
+def choose_episode(plan: Plan, stores: Sequence[Store], strategy: str | None,
+                   body: str | None, episode: int) -> Episode:
+    """An episode by name; without a strategy that of the best, without an object the first.
+
+    Raises StoreError for what the study does not have.
+    """
+    names = [s.name for s in plan.study.strategies]
+    bodies = [b.name for b in plan.study.objects]
+    if strategy is None:
+        label = make_leaderboard(plan, stores).rows[0][1]
+        strategy = next(name for name in sorted(names, key=len, reverse=True)
+                        if label == name or label.startswith(f"{name} ["))
+    for option, value, known in (("--strategy", strategy, names), ("--object", body, bodies)):
+        if value is not None and value not in known:
+            raise StoreError(f"{option}: the study has no {value!r}; {choose(value, known)}")
+    count = plan.study.head.episodes_per_cell
+    if not 0 <= episode < count:
+        raise StoreError(f"--episode: is {episode}; should be a whole number from 0 to "
+                         f"{count - 1}")
+    return Episode(names.index(strategy), 0 if body is None else bodies.index(body), episode)
+
+
+def rerun(plan: Plan, episode: Episode, device: str = "cpu") -> EpisodeBlock:
+    """A block of this one episode. Raises StoreError where the study's files are not at hand."""
+    missing = file_read(plan, episode)
+    if missing:
+        raise StoreError(f"{missing}: was read from a file that the study does not keep; only "
+                         "episodes of catalogue objects, compounds and waypoint families can be "
+                         "run again")
+    with quiet_stdout():
+        start_warp()
+        cell = plan.study.cell(episode.strategy, episode.body, episode.setting)
+        return run_block(cell, np.array([episode.episode]), device)
+
+
+def file_read(plan: Plan, episode: Episode) -> str:
+    """What of an episode came from a file of its own (its name, or nothing)."""
+    body = plan.study.objects[episode.body]
+    if _names_a_file(body.table):
+        return body.name
+    strategy = plan.study.strategies[episode.strategy]
+    files = [getattr(family, "file", "") for family in strategy.waypoints]
+    return strategy.name if any(files) else ""
+
+
+def _names_a_file(value: Any) -> bool:
+    if isinstance(value, dict):
+        return any(key in FILE_KEYS or _names_a_file(entry) for key, entry in value.items())
+    return isinstance(value, list | tuple) and any(_names_a_file(entry) for entry in value)
