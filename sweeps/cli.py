@@ -183,6 +183,30 @@ def figure(words: list[str], /, *, out: Annotated[Path, Parameter(name=["--out",
 
 
 @app.command
+def report(folders: list[Path], /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])],
+           views: bool = True, workers: int = 1, device: str = "cpu") -> int:
+    """Write a study as one HTML file that needs no network.
+
+    Parameters
+    ----------
+    folders
+        The directory of a study, or several that hold parts (shards) of one.
+    out
+        The HTML file.
+    views
+        Run the best, median and worst episode of each strategy again, for their 3-D views.
+    workers
+        Cores to use for that, one process each.
+    device
+        cpu, or cuda:0.
+    """
+    from sweeps import report
+
+    return report.report(folders, out, views=views, device=_device(device),
+                         workers=_count(workers, "--workers"))
+
+
+@app.command
 def explore(object_: str, /, *, strategy: str,
             out: Annotated[Path, Parameter(name=["--out", "-o"])], units: str | None = None,
             seed: int = 0, yaw_deg: float | None = None, x_m: float = 0.45, y_m: float = 0.0,
