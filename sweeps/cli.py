@@ -207,6 +207,41 @@ def report(folders: list[Path], /, *, out: Annotated[Path, Parameter(name=["--ou
 
 
 @app.command
+def show(folders: list[Path], /, *, episode: int = 0, strategy: str | None = None,
+         object_: Annotated[str | None, Parameter(name="--object")] = None,
+         out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
+         live: Annotated[bool, Parameter(negative="")] = False, port: int = 8080,
+         device: str = "cpu") -> int:
+    """Play an episode again: arm, hand, object, contacts, and the shape believed.
+
+    Parameters
+    ----------
+    folders
+        The directory of a study, or several that hold parts (shards) of one.
+    episode
+        Which episode of the strategy and object, from 0.
+    strategy
+        Whose; by default the leaderboard's first.
+    object_
+        On what; by default the study's first.
+    out
+        An HTML file to write, which needs no network.
+    live
+        Serve it on this machine alone (127.0.0.1) until Ctrl-C.
+    port
+        For --live.
+    device
+        cpu, or cuda:0.
+    """
+    from sweeps import replay
+
+    if out is None and not live:
+        raise UsageError("show: wants -o FILE.html, or --live")
+    return replay.show(folders, out, strategy=strategy, body=object_, episode=episode,
+                       live=live, port=port, device=_device(device))
+
+
+@app.command
 def explore(object_: str, /, *, strategy: str,
             out: Annotated[Path, Parameter(name=["--out", "-o"])], units: str | None = None,
             seed: int = 0, yaw_deg: float | None = None, x_m: float = 0.45, y_m: float = 0.0,
