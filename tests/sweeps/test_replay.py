@@ -95,24 +95,30 @@ def test_in_a_browser(played: tuple[Replay, object], tmp_path: Path,
                       monkeypatch: pytest.MonkeyPatch) -> None:
     """Plays without a network: the body, the estimate and contacts are on the screen."""
     pytest.importorskip("viser")
+    from selenium.common.exceptions import TimeoutException
+
     flags = [flag for flag in FLAGS if flag != "--disable-gpu"]
     monkeypatch.setattr(browser_module, "FLAGS", (
         *flags, "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"))
     out = tmp_path / "replay.html"
     replay.write_replay(played[0], out)
     with browser(tmp_path / "profile") as driver:
+        driver.set_window_size(640, 480)
         driver.get(out.as_uri())
         seen: set[str] = set()
-        deadline = time.monotonic() + 120
+        deadline = time.monotonic() + 240
         while seen < {"blue", "orange"} and time.monotonic() < deadline:
             time.sleep(2)
             file = tmp_path / "shot.png"
-            file.write_bytes(base64.b64decode(driver.get_screenshot_as_base64()))
+            try:
+                file.write_bytes(base64.b64decode(driver.get_screenshot_as_base64()))
+            except TimeoutException:  # WebGL in software, on a busy machine
+                continue
             with Image.open(file) as image:
-                shown = np.asarray(image.convert("RGB")).astype(int)[:700, 330:]
+                shown = np.asarray(image.convert("RGB")).astype(int)[:, 200:]
             r, g, b = np.moveaxis(shown, -1, 0)
-            seen |= {"blue"} if ((b - r > 40) & (b > 90)).sum() > 300 else set()
-            seen |= {"orange"} if ((r - b > 60) & (r > g + 25)).sum() > 20 else set()
+            seen |= {"blue"} if ((b - r > 40) & (b > 90)).sum() > 60 else set()
+            seen |= {"orange"} if ((r - b > 60) & (r > g + 25)).sum() > 4 else set()
         assert seen == {"blue", "orange"}
         asked = [a for a in asked_for(driver) if not a.startswith(("data:", "blob:"))]
         assert asked == [out.as_uri()]
