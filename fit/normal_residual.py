@@ -30,23 +30,14 @@ class Normal(NamedTuple):
 
 
 def normal_residuals(normal: Callable[..., Normal]) -> Callable:
-    """Residuals of `normal(theta, lane)`, shape [parameter + 1], for any solver of residuals."""
+    """Residuals [parameter + 1] of `normal(theta, lane)` and their Jacobian, for `solver`."""
 
-    def factor(theta, lane):
+    def residuals(theta, lane):
         at = normal(theta, lane)
         lift = _LIFT * jnp.max(jnp.diagonal(at.matrix)) + 1e-300
         lower = jnp.linalg.cholesky(at.matrix + lift * jnp.eye(len(theta), dtype=theta.dtype))
         few = jax.scipy.linalg.solve_triangular(lower, at.gradient, lower=True)
         rest = jnp.sqrt(jnp.maximum(2.0 * at.cost - few @ few, 0.0))
-        return jnp.append(few, rest), lower
-
-    @jax.custom_jvp
-    def residuals(theta, lane):
-        return factor(theta, lane)[0]
-
-    @residuals.defjvp
-    def _(primals, tangents):
-        value, lower = factor(*primals)
-        return value, jnp.append(lower.T @ tangents[0], 0.0)
+        return jnp.append(few, rest), jnp.append(lower.T, jnp.zeros_like(few)[None], axis=0)
 
     return residuals

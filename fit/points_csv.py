@@ -6,6 +6,7 @@ In: columns `set, x_m, y_m, z_m` (no `set`: one set; optional `nx, ny, nz`). Out
 from __future__ import annotations
 
 import csv
+import io
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -110,7 +111,8 @@ def _number(cell: str, *, optional: bool) -> float | None:
     if optional and cell in ("", "NA"):
         return math.nan
     try:
-        return float(cell)
+        # Python's own digits with underscores are no numbers in a CSV.
+        return None if "_" in cell else float(cell)
     except ValueError:
         return None
 
@@ -172,15 +174,13 @@ def _rows(names, counts, numbers, status) -> list[list]:
             zip(names, counts, numbers, status_names(status), strict=True)]
 
 
-def write_rows(path: str | Path, header: Sequence[str], rows: Iterable[Sequence]) -> None:
-    """Write a CSV whole or not at all: nine significant digits, NA for what is not a number."""
-    path = Path(path)
-    part = path.with_name(path.name + ".part")
-    with part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(header)
-        writer.writerows([_cell(value) for value in row] for row in rows)
-    part.replace(path)
+def rows_csv(header: Sequence[str], rows: Iterable[Sequence]) -> bytes:
+    """A CSV file's content: nine significant digits, NA for what is not a number."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows([_cell(value) for value in row] for row in rows)
+    return text.getvalue().encode()
 
 
 def _cell(value) -> str:

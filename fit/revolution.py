@@ -241,7 +241,7 @@ def _distance(body, points):
 
 
 @lru_cache(maxsize=64)
-def _problem(options: RevolutionOptions) -> Problem:
+def _residual(options: RevolutionOptions):
     def residual(theta, lane: _Lane):
         body = _body(theta, lane.rotation)
         foot, axis, height, radius = body
@@ -263,13 +263,25 @@ def _problem(options: RevolutionOptions) -> Problem:
         parts.append(1e-3 * theta[0:2])
         return jnp.concatenate(parts)
 
-    return Problem(residual, solver.descend)
+    return residual
+
+
+@lru_cache(maxsize=64)
+def _problem(options: RevolutionOptions) -> Problem:
+    residual = _residual(options)
+    twice = lambda theta, lane: (residual(theta, lane),) * 2  # noqa: E731
+
+    def both(theta, lane):
+        jacobian, value = jax.jacfwd(twice, has_aux=True)(theta, lane)
+        return value, jacobian
+
+    return Problem(both, solver.descend)
 
 
 @lru_cache(maxsize=64)
 def _look(options: RevolutionOptions):
     """Body, distances, information matrix, and the slopes of the volume."""
-    residual = _problem(options).function
+    residual = _residual(options)
 
     def volume(theta, rotation):
         _, _, height, radius = _body(theta, rotation)

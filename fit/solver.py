@@ -19,6 +19,14 @@ with warnings.catch_warnings():
     from jaxopt import LevenbergMarquardt
 
 
+class _Solver(LevenbergMarquardt):
+    """jaxopt's, which forgets the Jacobian it is given where it is to materialize one."""
+
+    def __post_init__(self):
+        super().__post_init__()
+        self._jac_fun = self.jac_fun
+
+
 DAMPING = 1e-3
 """First damping, as a share of the largest diagonal element of JᵀJ."""
 
@@ -39,10 +47,12 @@ class Descent(NamedTuple):
 def descend(residuals: Callable, theta, damping, iterations, lanes: Any) -> Descent:
     """`iterations` (a traced number) steps of every lane from `theta` [lane, parameter].
 
-    `residuals(theta, lane)` are those of one lane.
+    `residuals(theta, lane)` are those of one lane, and their Jacobian.
     """
-    solver = LevenbergMarquardt(
-        residuals,
+    residual_fun, jac_fun = _evaluated_once(residuals)
+    solver = _Solver(
+        residual_fun,
+        jac_fun=jac_fun,
         damping_parameter=DAMPING,
         solver="cholesky",
         materialize_jac=True,
@@ -68,3 +78,19 @@ def descend(residuals: Callable, theta, damping, iterations, lanes: Any) -> Desc
         0, iterations, lambda _, carry: jax.vmap(step)(carry, lanes), (theta, state))
     fallen = (before - state.value) / jnp.maximum(before, 1e-30)
     return Descent(theta, state.damping_factor, state.value, fallen)
+
+
+def _evaluated_once(residuals: Callable) -> tuple[Callable, Callable]:
+    """Residuals and Jacobian apart, of one evaluation a point.
+
+    jaxopt asks three times at every point, and XLA does not see that it is the same: what is asked
+    again in one tracing is the same traced value, so the answer is kept by it.
+    """
+    last: dict[str, Any] = {}
+
+    def at(theta, lane):
+        if last.get("theta") is not theta:
+            last.update(theta=theta, found=residuals(theta, lane))
+        return last["found"]
+
+    return lambda theta, lane: at(theta, lane)[0], lambda theta, lane: at(theta, lane)[1]

@@ -5,7 +5,8 @@ revolution is fitted to them (`fit.revolution`, jaxopt), which refines the axis;
 each section is a circle, and the contour runs straight from one section to the next.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -142,3 +143,22 @@ def match_profiles(profile: Profile, candidates: dict[str, np.ndarray]) -> list[
     distance = np.stack(apart, 1)
     names = list(candidates)
     return [names[row.argmin()] if np.isfinite(row).all() else "" for row in distance]
+
+
+def later_profile(old: Profile, new: Profile) -> Profile:
+    """Contours of two followings: the later one, where it found anything."""
+    found = np.isfinite(new.volume_m3)
+
+    def pick(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        if a.ndim > 1 and a.shape[1] != b.shape[1]:
+            width = max(a.shape[1], b.shape[1])
+            a, b = (np.pad(v, ((0, 0), (0, width - v.shape[1])), constant_values=np.nan)
+                    for v in (a, b))
+        return np.where(found.reshape(-1, *([1] * (a.ndim - 1))), b, a)
+
+    def merged(one: Any, other: Any) -> dict[str, Any]:
+        return {f.name: pick(getattr(one, f.name), getattr(other, f.name)) for f in fields(one)
+                if isinstance(getattr(one, f.name), np.ndarray)}
+
+    fit = type(new.fit)(**merged(old.fit, new.fit))
+    return Profile(**merged(old, new), fit=fit)

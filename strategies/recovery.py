@@ -22,6 +22,8 @@ from warpgrasp.parameters import FitTable
 
 FREE_BALLS = 64
 """Free balls given to a fit, the nearest to the body last fitted."""
+REFINE_ROUNDS = 2
+"""Rounds for a body that is known already and felt a little more."""
 PLACE_SIGMA_M = 0.003
 """How well a body still being fitted predicts where a link's axis must pass [est]."""
 NORMAL_SIGMA_M = 0.0008
@@ -50,6 +52,19 @@ def recover_bodies(
         placed = nearest_free(placed, evidence, fits)
         # Early bodies may be wrong as a whole: only the later rounds go on from the last one.
         fits = fit_evidence(placed, table, start=fits if 2 * number >= rounds else None)
+    return fits, placed
+
+
+def refine_bodies(
+    evidence: Evidence, links: TouchedLinks | None, table: FitTable, start: SuperquadricFit
+) -> tuple[SuperquadricFit, Evidence]:
+    """Bodies of worlds that felt a little more, going on from the bodies last fitted."""
+    placed, fits = evidence, start
+    for _ in range(min(REFINE_ROUNDS, max(table.rounds, 1)) if links is not None else 1):
+        if links is not None:
+            placed = contacts_placed(evidence, links, fits)
+        placed = nearest_free(placed, evidence, fits)
+        fits = fit_evidence(placed, table, start=fits)
     return fits, placed
 
 
@@ -99,11 +114,13 @@ def contacts_placed(
     points = centre - links.radius_m * pick(normal)
     covariance = (np.eye(3) * NORMAL_SIGMA_M**2
                   + direction[..., :, None] * direction[..., None, :] * variance[..., None, None])
-    mask = evidence.mask & np.isfinite(points).all(-1)
+    linked = links.linked[None]
+    mask = evidence.mask & (np.isfinite(points).all(-1) | ~linked)
+    move = mask & linked
     return replace(
-        evidence, points_m=np.where(mask[..., None], points, 0.0), mask=mask,
-        covariance_m2=np.where(mask[..., None, None], covariance, np.eye(3)),
-        normals=np.where(mask[..., None], pick(normal), np.nan))
+        evidence, points_m=np.where(move[..., None], points, evidence.points_m), mask=mask,
+        covariance_m2=np.where(move[..., None, None], covariance, evidence.covariance_m2),
+        normals=np.where(move[..., None], pick(normal), evidence.normals))
 
 
 def nearest_free(placed: Evidence, evidence: Evidence, body: SuperquadricLike) -> Evidence:

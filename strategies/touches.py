@@ -8,6 +8,9 @@ import numpy as np
 from warpgrasp.guarded_line import LineTouch
 from warpgrasp.robot import Truth
 
+SLOTS = 256
+"""More than one exploration can make with the options' limits."""
+
 
 class EndReason(IntEnum):
     """Why an exploration, or one direction of it, ended. Every episode ends with one of these."""
@@ -82,7 +85,11 @@ class TouchTable:
         return len(self.world)
 
     def sets(self, worlds: int, keep: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Points (world, slot, 3) and mask (world, slot) of the contacts (and `keep`, (row,))."""
+        """Points (world, slot, 3) and mask (world, slot) of the contacts (and `keep`, (row,)).
+
+        Always `SLOTS` slots (a multiple, should a world have more): sums over them must not depend
+        on how many touches its neighbours made.
+        """
         felt = np.isfinite(self.point_m).all(1)
         felt = felt if keep is None else felt & keep
         world = self.world[felt]
@@ -90,7 +97,8 @@ class TouchTable:
         count = np.bincount(world, minlength=worlds)
         slot = np.empty(len(world), int)
         slot[order] = np.arange(len(world)) - np.repeat(count.cumsum() - count, count)
-        points = np.zeros((worlds, max(int(count.max(initial=0)), 1), 3))
+        most = max(int(count.max(initial=0)), 1)
+        points = np.zeros((worlds, -(-most // SLOTS) * SLOTS, 3))
         mask = np.zeros(points.shape[:2], bool)
         points[world, slot], mask[world, slot] = self.point_m[felt], True
         return points, mask

@@ -13,10 +13,12 @@ from strategies.waypoints import (
     BoundingCylinder,
     Column,
     Csv,
+    Hemisphere,
     Opposing,
     Placement,
     Random,
     Ring,
+    Spiral,
     Top,
     WaypointError,
 )
@@ -130,13 +132,28 @@ def _random(f: Random, told: BoundingCylinder, hand: HandTable, key: np.ndarray)
                   aim=f.aim_low + (f.aim_high - f.aim_low) * draw[..., 3])
 
 
+def _spiral(f: Spiral, told: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np.ndarray:
+    share = np.arange(f.count) / max(1, f.count - 1)
+    return _about(f, told, hand, 2 * pi * f.turns * share,
+                  aim=f.aim_low + (f.aim_high - f.aim_low) * share)
+
+
+def _hemisphere(f: Hemisphere, told: BoundingCylinder, hand: HandTable,
+                key: np.ndarray) -> np.ndarray:
+    # Swinbank and Purser 2006, Fibonacci grids: equal areas, azimuths by the golden angle.
+    share = (np.arange(f.count) + 0.5) / f.count
+    tilt = np.arccos(1.0 - share * (1.0 - np.cos(f.tilt_rad)))
+    return _about(f, told, hand, pi * (3.0 - np.sqrt(5.0)) * np.arange(f.count), tilt=tilt)
+
+
 def _csv(f: Csv, told: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np.ndarray:
     poses = poses_from_csv(Path(f.file))
     return np.broadcast_to(poses, (len(told.x_m), *poses.shape)).copy()
 
 
 _FAMILY: dict[type, Callable[[Any, BoundingCylinder, HandTable, np.ndarray], np.ndarray]] = {
-    Ring: _ring, Column: _column, Opposing: _opposing, Top: _top, Random: _random, Csv: _csv,
+    Ring: _ring, Column: _column, Opposing: _opposing, Top: _top, Random: _random,
+    Spiral: _spiral, Hemisphere: _hemisphere, Csv: _csv,
 }
 
 

@@ -92,6 +92,23 @@ class Random(Placement):
 
 
 @dataclass(frozen=True)
+class Spiral(Placement):
+    """Up the object as on a screw: height rises as the azimuth goes `turns` times around."""
+
+    count: int = field(default=12, metadata=_COUNT)
+    turns: float = _number(2.0, 0.0, 64.0, "times around from the first pose to the last")
+    aim_low: float = _number(0.2, -1.0, 2.0, "height aimed at first / height of the object")
+    aim_high: float = _number(0.9, -1.0, 2.0, "height aimed at last")
+
+
+@dataclass(frozen=True)
+class Hemisphere(Placement):
+    """Directions evenly over the part of the sphere above `tilt_rad` (a Fibonacci lattice)."""
+
+    count: int = field(default=12, metadata=_COUNT)
+
+
+@dataclass(frozen=True)
 class Csv:
     """Poses from a file: x_m, y_m, z_m, qx, qy, qz, qw of the hand in the robot's base frame."""
 
@@ -99,5 +116,6 @@ class Csv:
 
 
 WAYPOINT_KINDS: dict[str, type] = {
-    "ring": Ring, "column": Column, "opposing": Opposing, "top": Top, "random": Random, "csv": Csv,
+    "ring": Ring, "column": Column, "opposing": Opposing, "top": Top, "random": Random,
+    "spiral": Spiral, "hemisphere": Hemisphere, "csv": Csv,
 }

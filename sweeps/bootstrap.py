@@ -1,9 +1,12 @@
 """Means over objects and episodes with honest intervals, in memory that does not grow.
 
-Two levels are resampled: the objects, and the episodes within each object. Every strategy meets
-the same episodes (same object pose, same noise), so a replicate uses one set of weights for all:
-differences are paired. Episode weights are Poisson(1), which makes the bootstrap a running sum;
-each object's mean is a ratio of weighted sums, so the random total does not bias it.
+Every strategy meets the same episodes (same object pose, same noise), so a replicate uses one set
+of weights for all: differences are paired. Objects are drawn with replacement, and with each object
+its episodes: the spread of the objects' means holds that of their episodes already, and to draw the
+episodes anew on top of it would count it twice (Davison and Hinkley 1997, Bootstrap Methods and
+their Application, section 3.8). Only where there is one object, and nothing to be said of others,
+its episodes are drawn, by Poisson(1) weights. Few objects know their own spread badly: replicates
+are widened to the variance of a sample and to Student's t (see `widened`).
 """
 
 from dataclasses import dataclass
@@ -14,12 +17,16 @@ REPLICATES = 1000
 INTERVAL = (0.025, 0.975)
 
 
-def episode_weights(seed: int, place: tuple[int, int, int], count: int) -> np.ndarray:
+def episode_weights(seed: int, place: tuple[int, int, int], count: int,
+                    objects: int = 1) -> np.ndarray:
     """Weights of a block's episodes, shape (1 + replicate, episode); row 0 is the data itself.
 
     `place` is (object, case, block): the weights depend on nothing else, so they are the same for
-    every strategy and whatever order the units are read in.
+    every strategy and whatever order the units are read in. All are 1 where there are several
+    objects to draw.
     """
+    if objects > 1:
+        return np.ones((1 + REPLICATES, count))
     generator = np.random.Generator(np.random.Philox(np.random.SeedSequence([seed, 1, *place])))
     drawn = generator.poisson(1.0, (REPLICATES, count)).astype(float)
     return np.concatenate([np.ones((1, count)), drawn])
@@ -30,6 +37,21 @@ def object_weights(seed: int, count: int) -> np.ndarray:
     generator = np.random.Generator(np.random.Philox(np.random.SeedSequence([seed, 2])))
     drawn = generator.multinomial(count, np.full(count, 1 / count), REPLICATES)
     return np.concatenate([np.ones((1, count)), drawn.astype(float)])
+
+
+def widened(means: np.ndarray, objects: int) -> np.ndarray:
+    """Replicates, axis 0 with the data first, spread about the data as `objects` of them deserve.
+
+    By sqrt(n / (n - 1)), for drawing n of n with replacement falls short of a sample's variance by
+    that, and by Student's t over the normal quantile. It is linear, so differences of widened
+    replicates are widened differences.
+    """
+    if objects < 2:
+        return means
+    from scipy.stats import norm, t
+
+    factor = float(t.ppf(INTERVAL[1], objects - 1) / norm.ppf(INTERVAL[1]))
+    return means[:1] + factor * np.sqrt(objects / (objects - 1)) * (means - means[:1])
 
 
 class MeanOverObjects:
@@ -44,6 +66,7 @@ class MeanOverObjects:
         self.failure_score = failure_score
         self.total = np.zeros((1 + REPLICATES, entries))
         self.weight = np.zeros((1 + REPLICATES, 1))
+        self.objects = 0
         self._start()
 
     def _start(self) -> None:
@@ -70,12 +93,13 @@ class MeanOverObjects:
                               where=seen, out=np.zeros_like(self.sums))
             self.total += weights[:, None] * means
             self.weight += weights[:, None] * seen
+            self.objects += 1
         self._start()
 
     def means(self) -> np.ndarray:
-        """Shape (1 + replicate, entry); NaN where nothing was measured."""
-        return np.divide(self.total, self.weight, where=self.weight > 0,
-                         out=np.full_like(self.total, np.nan))
+        """Shape (1 + replicate, entry), widened; NaN where nothing was measured."""
+        return widened(np.divide(self.total, self.weight, where=self.weight > 0,
+                                 out=np.full_like(self.total, np.nan)), self.objects)
 
 
 class PlainMean:
@@ -114,13 +138,13 @@ class Estimate:
     high: np.ndarray
 
 
-def estimate(means: np.ndarray) -> Estimate:
-    """The data's values with percentile intervals over the replicates."""
+def estimate(means: np.ndarray, bounds: tuple[float, float] = (-np.inf, np.inf)) -> Estimate:
+    """The data's values with percentile intervals over the replicates, within `bounds`."""
     drawn = means[1:][np.isfinite(means[1:]).all(axis=1)]
     if not len(drawn):
         nothing = np.full(means.shape[1], np.nan)
         return Estimate(means[0], nothing, nothing)
-    low, high = np.quantile(drawn, INTERVAL, axis=0)
+    low, high = np.clip(np.quantile(drawn, INTERVAL, axis=0), *bounds)
     return Estimate(means[0], low, high)
 
 

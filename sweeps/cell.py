@@ -5,12 +5,24 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from strategies.strategy import Strategy
-from warpgrasp.parameters import ArmTable, FitTable, HandTable, ObjectTable, SensorTable
+from strategies.tables import ContourTable, DecideTable, PlanarTable
+from warpgrasp.parameters import (
+    ArmTable,
+    FitTable,
+    HandTable,
+    ObjectTable,
+    PadTable,
+    SensorTable,
+    StereoTable,
+)
 
 SECTIONS: dict[str, type] = {
     "arm": ArmTable, "hand": HandTable, "sensors": SensorTable, "object": ObjectTable,
-    "fit": FitTable,
+    "fit": FitTable, "pads": PadTable, "stereo": StereoTable, "planar": PlanarTable,
+    "contour": ContourTable, "decide": DecideTable,
 }
+TABLES = tuple("placement" if name == "object" else name for name in SECTIONS)
+"""Names of the sections' fields in a `Cell`."""
 
 
 @dataclass(frozen=True)
@@ -29,5 +41,10 @@ class Cell:
     sensors: SensorTable = field(default_factory=SensorTable)
     placement: ObjectTable = field(default_factory=ObjectTable)
     fit: FitTable = field(default_factory=FitTable)
+    pads: PadTable = field(default_factory=PadTable)
+    stereo: StereoTable = field(default_factory=StereoTable)
+    planar: PlanarTable = field(default_factory=PlanarTable)
+    contour: ContourTable = field(default_factory=ContourTable)
+    decide: DecideTable = field(default_factory=DecideTable)
     seed: int = 0
     setting: Mapping[str, Any] = field(default_factory=dict)

@@ -281,6 +281,40 @@ def explore(object_: str, /, *, strategy: str,
 
 
 @app.command
+def fit(shape: Literal["superquadric", "plane", "revolution"], points: Path, /, *,
+        out: Annotated[Path, Parameter(name=["--out", "-o"])],
+        taper: Annotated[bool, Parameter(negative="")] = False,
+        bend: Annotated[bool, Parameter(negative="")] = False,
+        robust: Annotated[bool, Parameter(negative="")] = False, table_z: float | None = None,
+        figure: Path | None = None) -> int:
+    """Fit shapes to sets of touched points of your own.
+
+    Parameters
+    ----------
+    shape
+        superquadric, plane or revolution.
+    points
+        A CSV with columns x_m, y_m, z_m; set where there are several; nx, ny, nz where felt.
+    out
+        The CSV to write, a row a set; contours of revolutions go to OUT.profile.csv.
+    taper
+        Superquadric: let it taper along z, 13 parameters instead of 11.
+    bend
+        Superquadric: let it bend, two parameters more.
+    robust
+        Superquadric: bear touches that are wrong (the other shapes always do).
+    table_z
+        Height of the table the body stands on, in metres.
+    figure
+        Also draw the sets, as .png, .svg or .pdf.
+    """
+    from sweeps import fit_command
+
+    return fit_command.fit(shape, points, out, taper=taper, bend=bend, robust=robust,
+                           table_z_m=table_z, figure=figure)
+
+
+@app.command
 def objects(*, json: Json = False) -> int:
     """List the objects there are.
 
@@ -306,6 +340,52 @@ def strategies(*, json: Json = False) -> int:
     from sweeps import previews
 
     return previews.strategies(as_json=json)
+
+
+@app.command(name="export")
+def export_(file: Path, /, *, arm: Annotated[bool, Parameter(negative="")] = False,
+            object_: Annotated[str | None, Parameter(name="--object")] = None,
+            units: str | None = None) -> int:
+    """Write the hand as MJCF or URDF, from the tables the simulator uses.
+
+    Parameters
+    ----------
+    file
+        Ends in .xml for MJCF (MuJoCo), in .urdf for URDF.
+    arm
+        The whole robot: PUMA 560 with the hand, 22 joints.
+    object_
+        Put this object before it: a name (`warpgrasp objects`) or a mesh file, then with its units.
+    units
+        Of a mesh: m, cm or mm.
+    """
+    from sweeps.export import export
+
+    return export(file, arm=arm, what=object_, units=units)
+
+
+@app.command
+def sensitivity(*, out: Annotated[Path, Parameter(name=["--out", "-o"])], episodes: int = 16,
+                workers: int = 1, spec: Path | None = None, json: Json = False) -> int:
+    """Vary each estimated constant over its bracket; print what becomes of the ranking.
+
+    Parameters
+    ----------
+    out
+        The directory of the study; running again goes on where it stopped.
+    episodes
+        Of each strategy on each object under each setting.
+    workers
+        Cores to use, one process each.
+    spec
+        Another study of this kind: one zip axis, its first row the defaults.
+    json
+        Print the table as JSON.
+    """
+    from sweeps.sensitivity_command import sensitivity as run_sensitivity
+
+    return run_sensitivity(out, episodes=_count(episodes, "--episodes"),
+                           workers=_count(workers, "--workers"), spec=spec, as_json=json)
 
 
 @app.command
@@ -361,7 +441,8 @@ def _explain(error: Exception) -> int:
         return _refuse(str(error), error.exit_code)
     if isinstance(error, OSError):
         return _refuse(f"{error.filename or 'warpgrasp'}: {error.strerror or error}", 1)
-    if type(error).__name__ in ("LeaderboardError", "ObjectError", "BodyError", "WaypointError"):
+    if type(error).__name__ in ("LeaderboardError", "ObjectError", "BodyError", "WaypointError",
+                                "PointsError"):
         return _refuse(str(error))
     raise error
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
+from strategies.strategy import Strategy
 from sweeps.atomic import write_atomic
 from sweeps.leaderboard import Leaderboard, make_leaderboard
 from sweeps.opened import open_study, plan_of
@@ -132,25 +133,39 @@ def explore(what: str, strategy: str, folder: Path, *, units: str | None, seed: 
     """One episode with all that was felt, as files."""
     with quiet_stdout():
         start_warp()
-        from strategies.catalogue import STRATEGIES
-
-        if strategy not in STRATEGIES:
-            raise StoreError(f"--strategy: no strategy {strategy!r}; "
-                             f"{choose(strategy, STRATEGIES)}")
+        chosen = _strategy_of_argument(strategy)
         table = object_of_argument(what, units)
         from sweeps.explore import explore as explore_object
 
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            explore_object(
-                body_table=table, strategy=STRATEGIES[strategy], seed=seed,
+            written = explore_object(
+                body_table=table, strategy=chosen, seed=seed,
                 yaw_rad=None if yaw_deg is None else radians(yaw_deg), x_m=x_m, y_m=y_m,
                 out=folder, device=device)
         except OSError as error:
             raise StoreError(f"{folder}: cannot be written: {error.strerror or error}") from None
-    for file in sorted(folder.iterdir()):
+    for file in written:
         print(file)
     return DONE
+
+
+def _strategy_of_argument(name: str) -> Strategy:
+    """A ready-made strategy by its name, or a planner of the user's, as `mine.py:next_best`."""
+    from strategies.catalogue import STRATEGIES, TOUCHES
+
+    if name in STRATEGIES:
+        return STRATEGIES[name]
+    from strategies.registry import PlannerError, make_planner
+
+    try:
+        make_planner(name, {})
+    except PlannerError as error:
+        if ".py:" in name:
+            raise StoreError(f"--strategy: {error}") from None
+        raise StoreError(f"--strategy: no strategy {name!r}; {choose(name, STRATEGIES)}; or a "
+                         "function in a file, as mine.py:next_best") from None
+    return Strategy(name, call=name, touches=TOUCHES)
 
 
 def _show(board: Leaderboard, as_json: bool) -> None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sweeps.bootstrap import REPLICATES, Estimate, episode_weights, object_weights
+from sweeps.bootstrap import REPLICATES, Estimate, episode_weights, object_weights, widened
 from sweeps.entries import Entry, entries_of, entry_axes, paired_blocks, values_of
 from sweeps.paired import filled, reading_notes
 from sweeps.plan import Plan
@@ -59,7 +59,7 @@ def read_curves(plan: Plan, stores: Sequence[Store]) -> Curves:
                 missing += block.missing
                 continue
             own.append(episode_weights(seed, (number, block.case, block.number),
-                                       block.count).astype(np.uint8))
+                                       block.count, len(plan.study.objects)).astype(np.uint8))
             for axis, of_entries in mine.items():
                 for found, rows in zip(of_entries, block.rows, strict=True):
                     found += episode_steps(rows, axis)
@@ -136,6 +136,7 @@ def mean_curve(curves: Curves, axis: str, entry: int, grid: np.ndarray) -> Estim
         weight += curves.drawn[:, [number]] * seen
         unknown = np.maximum(unknown, 1.0 - good.mean(axis=0))
     mean = np.divide(total, weight, where=weight > 0, out=np.full_like(total, np.nan))
+    mean = np.maximum(widened(mean, len(curves.objects)), 0.0)
     mean[:, unknown > 1.0 - KNOWN] = np.nan
     shown = np.isfinite(mean).all(axis=0)
     low, high = np.full((2, len(grid)), np.nan)

@@ -1,27 +1,30 @@
 """A block of episodes of one cell, from placing the objects to the rows of results.
 
-    cell + episode numbers → placed objects → procedures → evidence → fits → scores → rows
+    cell + episode numbers → placed objects → exploration → recovered bodies → scores → rows
 
 An episode's object, pose, told cylinder and noise come from (study seed, object, episode number)
 alone: the same for every strategy and setting, whatever block it runs in.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 from math import pi
 from pathlib import Path
 
 import numpy as np
 
-from fit.status import FitStatus, status_names
-from fit.superquadric import SuperquadricFit
+from fit.status import status_names
 from fit.superquadric_shape import Superquadric
-from strategies.containment import explore_by_containment
-from strategies.evidence import Evidence, evidence_from_grasps, touched_links
-from strategies.recovery import recover_bodies
-from strategies.waypoint_poses import waypoint_poses
+from strategies.belief import Belief
+from strategies.exploration import Exploration, Planner, explore
+from strategies.oracle import Oracle
+from strategies.planners import budget_of, planner_of
+from strategies.recognition import Recognizer, recognizer
+from strategies.recovered import Recovered, Shape
+from strategies.registry import PlannerError
 from strategies.waypoints import BoundingCylinder
 from sweeps.cell import Cell
-from sweeps.metrics import Scores, score_superquadrics
+from sweeps.metrics import Scores, score_recovered
 from warpgrasp.body import Body
 from warpgrasp.body_sample import sample_body
 from warpgrasp.catalogue import body_from_name, body_from_table
@@ -35,12 +38,14 @@ from warpgrasp.parameters import ObjectTable
 from warpgrasp.robot import Grasps, Robot, Truth
 from warpgrasp.status import ProbeStatus
 
-FEWEST_CONTACTS = 8
-"""With fewer contacts no body is fitted: the told cylinder is scored, the status says why."""
 
+@dataclass(frozen=True)
+class Moment:
+    """What an episode had reached when its bodies were fitted. Shapes (world,)."""
 
-TOLD_MARGIN_M = 0.03
-"""Three standard deviations of what is told, for telling a body that has run away."""
+    touches: np.ndarray
+    time_s: np.ndarray
+    scores: Scores
 
 
 @dataclass(frozen=True)
@@ -50,59 +55,71 @@ class EpisodeBlock:
     body: Body
     truth: Truth
     told: BoundingCylinder
-    grasps: Grasps
-    evidence: Evidence
-    fits: SuperquadricFit
-    recovered: Superquadric
-    """What is scored: the fit, or the told cylinder where there is none."""
-    status: np.ndarray
+    exploration: Exploration
     scores: Scores
+    moments: tuple[Moment, ...]
+    recognized: np.ndarray
+    """Name of the catalogue's object that was felt, "none of these", or "", str (world,)."""
+
+    @property
+    def status(self) -> np.ndarray:
+        """How each world ended."""
+        return self.exploration.status
+
+    @property
+    def recovered(self) -> Recovered:
+        """What is scored."""
+        return self.exploration.recovered
+
+    @property
+    def grasps(self) -> list[Grasps]:
+        """Every batch of grasps, in order."""
+        return [p.felt for p in self.exploration.procedures if isinstance(p.felt, Grasps)]
 
 
 def run_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
     """Rows of episodes `episodes` (numbers within the study) of a cell, a column each.
 
-    Columns after the file contract of the README; text columns hold str.
+    Columns after the file contract of the README; text columns hold str, curves an array a row.
     """
     block = run_block(cell, episodes, device)
-    closing = block.grasps.closing
-    tried = np.isin(closing.status, (ProbeStatus.CONTACT, ProbeStatus.NO_CONTACT))
-    probes = block.grasps.moves.status[:, :, 0]
-    fits, scores, recovered = block.fits, block.scores, block.recovered
     worlds = len(episodes)
-    fitted = block.status == "ok"
-
-    def count(rows: np.ndarray) -> np.ndarray:
-        return rows.reshape(worlds, -1).sum(1)
-
+    belief, scores, recovered = block.exploration.belief, block.scores, block.recovered
+    fits = belief.fits
+    # Probes in turn, a column each: which of them the arm could not make, and why.
+    probes = np.concatenate([np.zeros((worlds, 0), int),
+                             *(g.moves.status[:, :, 0] for g in block.grasps)], axis=1)
+    fitted = recovered.shape == Shape.SUPERQUADRIC
+    names = np.array(["told_cylinder", "tapered_superquadric" if cell.fit.taper else
+                      "superquadric", "revolution"])
     columns: dict[str, np.ndarray] = {
         "episode": np.asarray(episodes, np.int64),
         "strategy": np.full(worlds, cell.strategy.name),
         "object": np.full(worlds, cell.object_name),
         "seed": np.full(worlds, cell.seed, np.int64),
         "status": block.status,
-        "contacts": block.evidence.mask.sum(1),
-        "touches": count(tried),
-        "probes": count(probes == ProbeStatus.CONTACT),
-        "unreachable": count(probes == ProbeStatus.UNREACHABLE),
-        "collisions": count(probes == ProbeStatus.COLLISION),
-        "robot_time_s": block.grasps.time_s.sum(1),
-        "arm_path_m": block.grasps.moves.path_m.sum(1),
+        "note": np.where(block.status == "strategy_failed", block.exploration.fault, ""),
+        "contacts": belief.evidence.mask.sum(1),
+        "touches": belief.touches,
+        "probes": (probes == ProbeStatus.CONTACT).sum(1),
+        "unreachable": (probes == ProbeStatus.UNREACHABLE).sum(1),
+        "collisions": (probes == ProbeStatus.COLLISION).sum(1),
+        "procedures": _procedures(block),
+        "robot_time_s": belief.time_s,
+        "arm_path_m": belief.path_m,
         "chamfer_mm": scores.chamfer_m * 1e3,
         "hausdorff95_mm": scores.hausdorff95_m * 1e3,
         "iou": scores.iou,
         "volume_ratio": scores.volume_ratio,
         "coverage5mm": scores.coverage,
-        "recognized_as": np.full(worlds, ""),
-        "shape": np.where(fitted, "tapered_superquadric" if cell.fit.taper else "superquadric",
-                          "told_cylinder"),
+        "recognized_as": block.recognized,
+        "shape": names[recovered.shape],
     }
-    for name, values in recovered_parameters(recovered).items():
-        columns[name] = values
+    columns |= recovered_parameters(recovered.superquadric)
     columns["fit_rms_mm"] = np.where(fitted, fits.rms_m * 1e3, np.nan)
     columns["fit_iterations"] = fits.iterations.astype(np.int64)
     columns["fit_status"] = np.array(status_names(fits.status))
-    return columns
+    return columns | curves(block.moments, worlds)
 
 
 def run_block(cell: Cell, episodes: np.ndarray, device: str) -> EpisodeBlock:
@@ -112,24 +129,80 @@ def run_block(cell: Cell, episodes: np.ndarray, device: str) -> EpisodeBlock:
     body_pose = place_objects(cell.placement, key)
     told = tell_cylinder(body, body_pose, cell.placement.prior_sigma_m, key)
     truth = Truth(body_pose)
-    robot = Robot([body], np.zeros(1, int), truth, key, cell.arm, cell.hand, cell.sensors,
-                  device=device)
-    poses = waypoint_poses(cell.strategy.waypoints, told, cell.hand, key)
-    grasps = explore_by_containment(robot, poses, np.ones(poses.shape[:2], bool),
-                                    cell.strategy.closings)
-    evidence = evidence_from_grasps(grasps, cell.hand.link_radius_m)
-    links = None
-    if cell.sensors.contact_estimator == "intrinsic":
-        links = touched_links(grasps, cell.hand.link_radius_m)
-    fits, evidence = recover_bodies(evidence, links, cell.fit)
-    enough = evidence.mask.sum(1) >= FEWEST_CONTACTS
-    good = np.isin(fits.status, (FitStatus.converged, FitStatus.not_converged))
-    sane = _plausible(fits, told)
-    status = np.where(~enough, "too_few_contacts",
-                      np.where(~good, "fit_failed", np.where(sane, "ok", "fit_implausible")))
-    recovered = _or_told(fits, told, status == "ok")
-    scores = score_superquadrics(recovered, body, body_pose, device=device)
-    return EpisodeBlock(body, truth, told, grasps, evidence, fits, recovered, status, scores)
+    noise = _noise_key(key, cell.strategy.noise_stream)
+    robot = Robot([body], np.zeros(1, int), truth, noise, cell.arm, cell.hand, cell.sensors,
+                  pads=cell.pads, device=device)
+    moments: list[Moment] = []
+
+    def observe(belief: Belief, recovered: Recovered) -> None:
+        moments.append(Moment(belief.touches, belief.time_s, score_recovered(
+            recovered, body, body_pose, device=device)))
+
+    planner, fault = _planner(cell, robot, told)
+    if isinstance(planner, Oracle):
+        planner.let_see(lambda recovered: score_recovered(
+            recovered, body, body_pose, device=device).chamfer_m)
+    found = explore(robot, planner, told, counter_key_host(noise, int(Purpose.STRATEGY)),
+                    table=cell.fit, closings=cell.strategy.closings,
+                    budget=budget_of(cell.strategy), observe=observe)
+    if fault:
+        found = replace(found, fault=fault, status=np.full(len(key), "strategy_failed"))
+    scores = moments[-1].scores if moments else score_recovered(
+        found.recovered, body, body_pose, device=device)
+    recognized = _recognizer(device).names(found.belief, found.recovered)
+    return EpisodeBlock(body, truth, told, found, scores, tuple(moments), recognized)
+
+
+def _noise_key(key: np.ndarray, stream: int) -> np.ndarray:
+    """Keys of the noise: the episodes' own, or those of another stream."""
+    return key if stream == 0 else counter_key_host(key, int(Purpose.NOISE_STREAM), stream)
+
+
+def _planner(cell: Cell, robot: Robot, told: BoundingCylinder) -> tuple[Planner, str]:
+    """The strategy at work, or one that does nothing and what is wrong with the one named."""
+    try:
+        return planner_of(cell.strategy, cell.planar, cell.contour, cell.decide, cell.stereo,
+                          robot, told), ""
+    except PlannerError as error:
+        return lambda belief: [], str(error)
+
+
+@cache
+def _recognizer(device: str) -> Recognizer:
+    return recognizer(device=device)
+
+
+def _procedures(block: EpisodeBlock) -> np.ndarray:
+    """The procedures that each world took part in, in order, as text: "containment planar"."""
+    worlds = len(block.status)
+    words: list[list[str]] = [[] for _ in range(worlds)]
+    for procedure in block.exploration.procedures:
+        for world in np.flatnonzero(procedure.took_part):
+            if not words[world] or words[world][-1] != procedure.name:
+                words[world].append(procedure.name)
+    return np.array([" ".join(w) for w in words])
+
+
+def curves(moments: tuple[Moment, ...], worlds: int) -> dict[str, np.ndarray]:
+    """Columns of arrays: touches, time and scores at each fit that had felt something new."""
+    columns: dict[str, list[np.ndarray]] = {name: [] for name in CURVES}
+    for world in range(worlds):
+        touches = np.array([m.touches[world] for m in moments], float)
+        new = np.flatnonzero(np.diff(touches, prepend=-1.0) > 0)
+        columns["curve_touches"].append(touches[new])
+        for name, values in (
+                ("curve_time_s", [m.time_s[world] for m in moments]),
+                ("curve_chamfer_mm", [m.scores.chamfer_m[world] * 1e3 for m in moments]),
+                ("curve_iou", [m.scores.iou[world] for m in moments])):
+            columns[name].append(np.array(values, float)[new])
+    found = {}
+    for name, rows in columns.items():
+        found[name] = np.empty(worlds, object)
+        found[name][:] = rows
+    return found
+
+
+CURVES = ("curve_touches", "curve_time_s", "curve_chamfer_mm", "curve_iou")
 
 
 def cell_body(cell: Cell) -> Body:
@@ -169,36 +242,6 @@ def tell_cylinder(
         y_m=body_pose[:, 1] + error[:, 1],
         radius_m=np.maximum(radius + error[:, 2], 0.010),
         height_m=np.maximum(body.high_m[2] + error[:, 3], 0.020),
-    )
-
-
-def _plausible(fits: SuperquadricFit, told: BoundingCylinder) -> np.ndarray:
-    """Whether a body stays within twice the reach of the cylinder told (and what it may err by).
-
-    Few contacts on one side may let a fit run away; whoever was told the rough size would not
-    believe it, and neither is it scored.
-    """
-    middle = np.stack([told.x_m, told.y_m, told.height_m / 2], axis=1)
-    reach = np.hypot(told.radius_m, told.height_m / 2) + TOLD_MARGIN_M
-    far = (np.linalg.norm(fits.position_m - middle, axis=1)
-           + np.linalg.norm(fits.size_m, axis=1))
-    return far <= 2.0 * reach
-
-
-def _or_told(fits: SuperquadricFit, told: BoundingCylinder, good: np.ndarray) -> Superquadric:
-    """The fits, and the told cylinder where there is none."""
-    zero = np.zeros_like(told.x_m)
-    pick = good[:, None]
-    upright = np.array([0.0, 0.0, 0.0, 1.0])
-    return Superquadric(
-        size_m=np.where(pick, fits.size_m,
-                        np.stack([told.radius_m, told.radius_m, told.height_m / 2], 1)),
-        exponents=np.where(pick, fits.exponents, [0.1, 1.0]),
-        position_m=np.where(pick, fits.position_m,
-                            np.stack([told.x_m, told.y_m, told.height_m / 2], 1)),
-        quaternion_xyzw=np.where(pick, fits.quaternion_xyzw, upright),
-        taper=np.where(pick, fits.taper, np.stack([zero, zero], 1)),
-        bend=np.where(pick, fits.bend, np.stack([zero, zero], 1)),
     )
 
 

@@ -1,21 +1,30 @@
-"""One episode with all that was felt: contacts.csv, shape.json and a figure."""
+"""One episode with all that was felt: contacts.csv, shape.json and figures."""
 
 import csv
 import io
 import json
-from collections.abc import Mapping
+import sys
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fit.status import status_names
+from strategies.contour import ContourExploration
+from strategies.exploration import Procedure
+from strategies.planar import PlanarExploration
+from strategies.recovered import Shape
 from strategies.strategy import Strategy
+from strategies.touches import REASON_TEXT, EndReason, true_touches
 from sweeps.atomic import write_atomic
 from sweeps.cell import Cell
 from sweeps.episodes import EpisodeBlock, recovered_parameters, run_block
 from sweeps.figure_contacts import draw_contacts
+from sweeps.figure_contour import draw_contour
+from sweeps.figure_faces import draw_faces
 from warpgrasp.parameters import ObjectTable
+from warpgrasp.robot import Grasps
 from warpgrasp.status import ProbeStatus
 
 HAND_COLUMNS = ("hand_x_m", "hand_y_m", "hand_z_m", "hand_qx", "hand_qy", "hand_qz", "hand_qw")
@@ -29,46 +38,87 @@ COLUMNS = (
 def explore(
     *, body_table: Mapping[str, Any], strategy: Strategy, seed: int, yaw_rad: float | None,
     x_m: float, y_m: float, out: Path, device: str,
-) -> None:
-    """Run one episode and write `contacts.csv`, `shape.json` and `contacts.png` into `out`.
+) -> list[Path]:
+    """Run one episode, write `contacts.csv`, `shape.json` and figures; answer with the files.
 
-    `body_table` names the object as in a spec; `yaw_rad` None turns it at random. Raises BodyError
-    for an object that cannot be built, OSError where `out` cannot be written.
+    `contacts.png` always; `faces.png` where faces were crossed, `contour.png` where a contour was
+    followed. `body_table` names the object as in a spec; `yaw_rad` None turns it at random. Raises
+    BodyError for an object that cannot be built, OSError where `out` cannot be written.
     """
     name = str(body_table.get("name") or Path(str(body_table.get("mesh", "object"))).stem)
     cell = Cell(strategy, body_table, name, seed=seed,
                 placement=ObjectTable(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad))
     block = run_block(cell, np.arange(1), device)
-    write_atomic(out / "contacts.csv", contacts_csv(block).encode())
-    write_atomic(out / "shape.json", (json.dumps(shape_record(cell, block), indent=2) + "\n")
-                 .encode())
-    write_atomic(out / "contacts.png", draw_contacts(block, name))
+    shape = json.dumps(shape_record(cell, block), indent=2) + "\n"
+    files = {"contacts.csv": contacts_csv(block).encode(), "contacts.png":
+             draw_contacts(block, name), "shape.json": shape.encode()}
+    if any(p.name == "planar" for p in block.exploration.procedures):
+        files["faces.png"] = draw_faces(block, name)
+    profile = block.exploration.belief.profile
+    if profile is not None and np.isfinite(profile.volume_m3[0]):
+        files["contour.png"] = draw_contour(block, name)
+    for file, content in files.items():
+        write_atomic(out / file, content)
+    if block.exploration.fault:
+        print(f"the strategy failed: {block.exploration.fault}", file=sys.stderr)
+    return [out / file for file in sorted(files)]
 
 
 def contacts_csv(block: EpisodeBlock, world: int = 0) -> str:
-    """Every guarded closing of one world, a line each, tried or not; text of a CSV file.
+    """Every guarded move of one world that could feel, a line each; text of a CSV file.
 
     x, y, z are where the robot believes the contact to be (in the end: contacts used by the fit as
-    they were placed for it). Truth is there for the reader; no strategy or fit sees it.
+    they were placed for it). Truth is there for the reader; no strategy or fit sees it. For touches
+    of pads `grasp` is the direction of a face or the section of a contour.
     """
-    closing, truth = block.grasps.closing, block.truth.closings[0]
-    estimate, moves = block.grasps.estimate, block.grasps.moves
-    placed = block.evidence.points_m[world]
-    used = block.evidence.mask[world]
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
+    slot = probe = 0
+    for procedure in block.exploration.procedures:
+        if isinstance(procedure.felt, Grasps):
+            rows, slots, probes = _grasp_rows(block, procedure, world, slot, probe)
+            slot, probe = slot + slots, probe + probes
+        else:
+            slot += procedure.slots
+            rows = list(_touch_rows(block, procedure.name, procedure.felt, world, probe))
+            probe += len(rows)
+        writer.writerows(rows)
+    return text.getvalue()
+
+
+def _grasp_rows(block: EpisodeBlock, procedure: Procedure, world: int, slot: int,
+                first: int) -> tuple[list[list[Any]], int, int]:
+    grasps = procedure.felt
+    assert isinstance(grasps, Grasps)
+    closing, truth = grasps.closing, block.truth.closings[procedure.closing]
+    evidence = block.exploration.belief.evidence
+    rows = []
     shape = closing.status.shape[1:]
-    for slot, (p, g, f) in enumerate(np.ndindex(*shape)):
+    for number, (p, g, f) in enumerate(np.ndindex(*shape)):
         at = (world, p, g, f)
-        believed = placed[slot] if used[slot] else estimate.point_m[at]
-        writer.writerow([
-            "containment", p, g, f, int(truth.link[at]),
+        used = evidence.mask[world, slot + number]
+        believed = (evidence.points_m[world, slot + number] if used
+                    else grasps.estimate.point_m[at])
+        rows.append([
+            procedure.name, first + p, g, f, int(truth.link[at]),
             ProbeStatus(int(closing.status[at])).name.lower(),
             *_cells(believed), *_cells(truth.point_m[at]), *_cells(truth.normal[at]),
             *_cells(closing.q_rad[at]), *_cells([closing.tension_difference_N[at]]),
-            "", *_cells(moves.believed_pose[world, p])])
-    return text.getvalue()
+            "", *_cells(grasps.moves.believed_pose[world, p])])
+    return rows, int(np.prod(shape)), shape[0]
+
+
+def _touch_rows(block: EpisodeBlock, name: str, felt: PlanarExploration | ContourExploration,
+                world: int, first: int) -> Iterator[list[Any]]:
+    table = felt.touches
+    point, normal = true_touches(table, block.truth)
+    for number, row in enumerate(np.flatnonzero(table.world == world)):
+        yield [name, first + number, int(table.part[row]), int(table.finger[row]),
+               int(table.link[row]), ProbeStatus(int(table.status[row])).name.lower(),
+               *_cells(table.point_m[row]), *_cells(point[row]), *_cells(normal[row]),
+               *_cells(table.q_rad[row]), "", int(table.taxel_peak[row]),
+               *_cells(table.hand_pose[row])]
 
 
 def _cells(values: Any) -> list[str]:
@@ -77,32 +127,85 @@ def _cells(values: Any) -> list[str]:
 
 def shape_record(cell: Cell, block: EpisodeBlock, world: int = 0) -> dict[str, Any]:
     """What `shape.json` holds: the recovered models, the chosen one, and its scores."""
-    scores, fits = block.scores, block.fits
-    parameters = {k: float(v[world]) for k, v in recovered_parameters(block.recovered).items()}
-    ok = str(block.status[world]) == "ok"
-    kind = ("tapered_superquadric" if cell.fit.taper else "superquadric") if ok else "told_cylinder"
-    model = {"shape": kind, "parameters": parameters,
-             "rms_mm": float(fits.rms_m[world] * 1e3) if ok else None,
-             "status": status_names(fits.status)[world], "contacts": int(fits.n_points[world])}
+    scores, belief = block.scores, block.exploration.belief
+    shape = Shape(int(block.recovered.shape[world]))
+    kinds = {Shape.TOLD_CYLINDER: "told_cylinder", Shape.REVOLUTION: "revolution",
+             Shape.SUPERQUADRIC: "tapered_superquadric" if cell.fit.taper else "superquadric"}
     pose = block.truth.body_pose[world]
     return {
         "object": cell.object_name,
         "strategy": cell.strategy.name,
         "seed": cell.seed,
         "status": str(block.status[world]),
-        "models": [model],
-        "chosen": kind,
-        "recognized_as": None,
+        "models": list(_models(cell, block, world)),
+        "chosen": kinds[shape],
+        "recognized_as": str(block.recognized[world]) or None,
         "true_pose": {"x_m": float(pose[0]), "y_m": float(pose[1]),
                       "yaw_rad": float(2 * np.arctan2(pose[5], pose[6]))},
+        "procedures": list(_ends(block, world)),
         "metrics": {
             "chamfer_mm": float(scores.chamfer_m[world] * 1e3),
             "hausdorff95_mm": float(scores.hausdorff95_m[world] * 1e3),
             "iou": float(scores.iou[world]),
             "volume_ratio": float(scores.volume_ratio[world]),
             "coverage5mm": float(scores.coverage[world]),
-            "robot_time_s": float(block.grasps.time_s[world].sum()),
-            "arm_path_m": float(block.grasps.moves.path_m[world].sum()),
+            "touches": int(belief.touches[world]),
+            "robot_time_s": float(belief.time_s[world]),
+            "arm_path_m": float(belief.path_m[world]),
         },
         "grid_error_mm": block.body.grid_error_m * 1e3,
     }
+
+
+def _models(cell: Cell, block: EpisodeBlock, world: int) -> Iterator[dict[str, Any]]:
+    """Every model of the body: the superquadric (or what was told), faces, the contour."""
+    belief = block.exploration.belief
+    ok = bool(belief.fitted[world])
+    kind = ("tapered_superquadric" if cell.fit.taper else "superquadric") if ok else "told_cylinder"
+    numbers = recovered_parameters(belief.body)
+    yield {"shape": kind, "parameters": {k: float(v[world]) for k, v in numbers.items()},
+           "rms_mm": float(belief.fits.rms_m[world] * 1e3) if ok else None,
+           "status": status_names(belief.fits.status)[world],
+           "contacts": int(belief.fits.n_points[world])}
+    for face in belief.faces:
+        fit = face.fit
+        if fit.n_points[world] == 0:
+            continue
+        n, extent = face.normal[world], fit.extent_m[world]
+        yield {"shape": "plane", "parameters": {
+            "nx": float(n[0]), "ny": float(n[1]), "nz": float(n[2]),
+            "offset_m": float(face.offset_m[world]),
+            "extent_u_m": float(extent[0]), "extent_v_m": float(extent[1])},
+            "rms_mm": float(fit.rms_m[world] * 1e3), "flat": bool(face.flat[world]),
+            "status": status_names(fit.status)[world], "contacts": int(fit.n_points[world])}
+    profile = belief.profile
+    if profile is not None and np.isfinite(profile.volume_m3[world]):
+        known = np.isfinite(profile.height_m[world])
+        foot, axis = profile.foot_m[world], profile.axis[world]
+        yield {"shape": "revolution", "parameters": {
+            "px_m": float(foot[0]), "py_m": float(foot[1]), "pz_m": float(foot[2]),
+            "ax": float(axis[0]), "ay": float(axis[1]), "az": float(axis[2]),
+            "height_m": float(profile.length_m[world]),
+            "volume_m3": float(profile.volume_m3[world]),
+            "profile_z_m": [float(v) for v in profile.height_m[world][known]],
+            "profile_r_m": [float(v) for v in profile.radius_m[world][known]]},
+            "rms_mm": float(profile.rms_m[world] * 1e3),
+            "status": status_names(profile.fit.status)[world],
+            "contacts": int(profile.fit.n_points[world])}
+
+
+def _ends(block: EpisodeBlock, world: int) -> Iterator[dict[str, Any]]:
+    """What became of each procedure, in words."""
+    for procedure in block.exploration.procedures:
+        if not procedure.took_part[world]:
+            continue
+        if isinstance(procedure.felt, Grasps):
+            status = procedure.felt.closing.status[world]
+            yield {"procedure": procedure.name, "contacts": int((status == ProbeStatus.CONTACT)
+                                                                .sum())}
+        else:
+            reason = EndReason(int(procedure.felt.reason[world]))
+            yield {"procedure": procedure.name, "ended": reason.name.lower(),
+                   "because": REASON_TEXT[reason],
+                   "touches": int((procedure.felt.touches.world == world).sum()),
+                   "thrown_out": int(procedure.felt.thrown_out[world])}

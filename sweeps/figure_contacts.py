@@ -68,10 +68,11 @@ def _draw(block: EpisodeBlock, name: str, world: int, wide: bool) -> "Figure":
     from matplotlib.ticker import MaxNLocator
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    body = Superquadric(*(field[world:world + 1] for field in block.recovered))
+    body = Superquadric(*(field[world:world + 1] for field in block.recovered.superquadric))
     pose = block.truth.body_pose[world]
     faces = 1e3 * (surface_mesh(body) - pose[:3])
-    points = 1e3 * (block.evidence.points_m[world][block.evidence.mask[world]] - pose[:3])
+    evidence = block.exploration.belief.evidence
+    points = 1e3 * (evidence.points_m[world][evidence.mask[world]] - pose[:3])
     yaw = 2.0 * np.arctan2(pose[5], pose[6])
     turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
     true = 1e3 * sample_body(block.body, surface=8192).surface_m @ turn.T

@@ -54,6 +54,7 @@ class _Table:
     episode_count: int = 0
     missing: int = 0
     objects: set[int] = field(default_factory=set)
+    faults: dict[str, str] = field(default_factory=dict)  # of strategies: the first of each
 
 
 PLAIN = ("recognized", "touches", "robot_time_s", "failure_rate")
@@ -70,13 +71,14 @@ def make_leaderboard(plan: Plan, stores: Sequence[Store], metric: str = "chamfer
         list(range(len(plan.study.objects)))]
     rows: list[tuple[str, ...]] = []
     missing = 0
+    faults: dict[str, str] = {}
     for group in groups:
         table = _Table(entries, _mean(metric, entries), _mean("iou", entries),
                        {name: PlainMean(len(entries)) for name in PLAIN},
                        np.zeros(len(entries), bool))
         weights = object_weights(seed, len(group))
         for place, number in enumerate(group):
-            _add_object(plan, stores, table, axes, number, metric, seed)
+            _add_object(plan, stores, table, axes, number, metric, seed, len(group))
             for mean in (table.metric, table.iou):
                 mean.finish_object(weights[:, place])
             for mean in table.plain.values():
@@ -84,7 +86,10 @@ def make_leaderboard(plan: Plan, stores: Sequence[Store], metric: str = "chamfer
         label = f"object={plan.study.objects[group[0]].name}" if per_object else ""
         rows += _rows(table, metric, label)
         missing += table.missing
-    return Leaderboard(_header(metric), tuple(rows), tuple(_notes(plan, missing, per_object)))
+        faults |= {**table.faults, **faults}
+    notes = (*_notes(plan, missing, per_object),
+             *(f"strategy {name} failed: {fault}" for name, fault in sorted(faults.items())))
+    return Leaderboard(_header(metric), tuple(rows), notes)
 
 
 def _mean(metric: str, entries: Sequence[Entry]) -> MeanOverObjects:
@@ -92,13 +97,13 @@ def _mean(metric: str, entries: Sequence[Entry]) -> MeanOverObjects:
 
 
 def _add_object(plan: Plan, stores: Sequence[Store], table: _Table, axes: Sequence[int],
-                number: int, metric: str, seed: int) -> None:
+                number: int, metric: str, seed: int, objects: int) -> None:
     for block in paired_blocks(plan, stores, table.entries, axes, number):
         if block.missing:
             table.missing += block.missing
             continue  # paired: a block counts for all entries or for none
         _add_block(table, block.rows, metric,
-                   episode_weights(seed, (number, block.case, block.number), block.count))
+                   episode_weights(seed, (number, block.case, block.number), block.count, objects))
         table.episode_count += block.count
         table.objects.add(number)
 
@@ -108,6 +113,10 @@ def _add_block(table: _Table, found: Sequence[Columns], metric: str, weights: np
         mean.add(np.column_stack([values_of(rows, name) for rows in found]), weights)
     for name in PLAIN:
         table.plain[name].add(np.column_stack([values_of(rows, name) for rows in found]))
+    for entry, rows in zip(table.entries, found, strict=True):
+        fault = next((str(note) for note in rows.get("note", ()) if note), "")
+        if fault:
+            table.faults.setdefault(entry.label, fault)
     table.offered |= [any(rows.get("recognized_as", ())) for rows in found]
 
 
@@ -123,12 +132,12 @@ def _header(metric: str) -> tuple[str, ...]:
 def _rows(table: _Table, metric: str, label: str) -> list[tuple[str, ...]]:
     sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
     means = table.metric.means()
-    value = estimate(means)
+    value = estimate(means, bounds_of(metric))
     key = np.where(np.isfinite(value.value), sign * value.value, np.inf)
     order = sorted(range(len(table.entries)), key=lambda n: (key[n], table.entries[n].label))
     delta = difference_to(means, order[0])
     best = probability_best(means, sign)
-    iou = estimate(table.iou.means())
+    iou = estimate(table.iou.means(), bounds_of("iou"))
     plain = {name: mean.means() for name, mean in table.plain.items()}
     plain["recognized"] = np.where(table.offered, plain["recognized"], np.nan)
     digits = 4 if metric in HIGHER_IS_BETTER else 3
@@ -155,6 +164,11 @@ def _rows(table: _Table, metric: str, label: str) -> list[tuple[str, ...]]:
         rows.append(tuple(cells["delta" if column.startswith("delta_to") else column]
                           for column in _header(metric)))
     return rows
+
+
+def bounds_of(metric: str) -> tuple[float, float]:
+    """Between what values a mean can lie."""
+    return 0.0, 1.0 if metric in HIGHER_IS_BETTER else np.inf
 
 
 def _notes(plan: Plan, missing: int, per_object: bool) -> Iterator[str]:

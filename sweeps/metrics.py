@@ -1,18 +1,22 @@
-"""Scores of recovered superquadrics against true bodies, for a whole batch.
+"""Scores of recovered bodies against true ones, for a whole batch.
 
 Points of the true surface and volume come from `warpgrasp.body_sample`, points of the recovered
-surface from `fit.superquadric_shape`. Distances from the recovered surface to the true body are
-exact (its signed distance); those from the true surface to the recovered body are to the nearest
-of some thousand surface elements, each a disc of the element's own area.
+surface from `fit.superquadric_shape` or `fit.revolution_shape`. Distances from the recovered
+surface to the true body are exact (its signed distance); those from the true surface to the
+recovered body are to the nearest of some thousand surface elements, each a disc of the element's
+own area.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
 from scipy.spatial.transform import Rotation
 
+from fit.revolution_shape import revolution_inside, revolution_surface, revolution_volume
 from fit.superquadric_shape import SuperquadricLike, superquadric_surface, superquadric_volume
+from strategies.recovered import Recovered, Shape
 from warpgrasp.body import Body, distance_to_bodies, scene_of
 from warpgrasp.body_sample import sample_body
 from warpgrasp.launch import launch
@@ -93,33 +97,75 @@ def _inside_kernel(
         inside[w, i] = 1
 
 
+@dataclass(frozen=True)
+class _Surface:
+    """Recovered surfaces as elements, their volumes, and which points lie inside."""
+
+    element: np.ndarray
+    normal: np.ndarray
+    area: np.ndarray
+    volume: np.ndarray
+    common: np.ndarray
+    """Share of the true body's inside points that lie inside, (world,)."""
+
+
 def score_superquadrics(
     fits: SuperquadricLike, body: Body, body_pose: np.ndarray, *, device: str = "cpu"
 ) -> Scores:
-    """Score one fit a world against `body`, which stands at `body_pose` (world, 7)."""
+    """Score one superquadric a world against `body`, which stands at `body_pose` (world, 7)."""
+    return _score(lambda inside: _superquadrics(fits, inside, device), body, body_pose, device)
+
+
+def score_recovered(
+    recovered: Recovered, body: Body, body_pose: np.ndarray, *, device: str = "cpu"
+) -> Scores:
+    """Score what each world ended with, superquadric or contour, against `body`."""
+    turned = np.flatnonzero(recovered.shape == Shape.REVOLUTION)
+    if len(turned) == 0 or recovered.revolution is None:
+        return score_superquadrics(recovered.superquadric, body, body_pose, device=device)
+    revolution = recovered.revolution[turned]
+
+    def surface(inside: np.ndarray) -> _Surface:
+        found = _superquadrics(recovered.superquadric, inside, device)
+        element, normal, area = revolution_surface(revolution)
+        for whole, part in ((found.element, element), (found.normal, normal), (found.area, area),
+                            (found.volume, revolution_volume(revolution)),
+                            (found.common, revolution_inside(revolution, inside[turned]).mean(1))):
+            whole[turned] = part
+        return found
+
+    return _score(surface, body, body_pose, device)
+
+
+def _superquadrics(fits: SuperquadricLike, inside: np.ndarray, device: str) -> _Surface:
+    element, normal, area = superquadric_surface(fits, ELEMENTS)
+    return _Surface(element, normal, area, superquadric_volume(fits),
+                    _share_inside(fits, inside, device))
+
+
+def _score(recovered: Callable[[np.ndarray], _Surface], body: Body, body_pose: np.ndarray,
+           device: str) -> Scores:
     worlds = len(body_pose)
     sample = sample_body(body, surface=SURFACE_POINTS, inside=INSIDE_POINTS)
     turn = Rotation.from_quat(body_pose[:, 3:]).as_matrix()
     true_surface = np.einsum("wij,pj->wpi", turn, sample.surface_m) + body_pose[:, None, :3]
     true_inside = np.einsum("wij,pj->wpi", turn, sample.inside_m) + body_pose[:, None, :3]
-    element, normal, area = superquadric_surface(fits, ELEMENTS)
-
-    to_fit = _distance_to_elements(true_surface, element, normal, area, device)
-    in_body = np.einsum("wji,wpj->wpi", turn, element - body_pose[:, None, :3])
+    found = recovered(true_inside)
+    to_fit = _distance_to_elements(true_surface, found.element, found.normal, found.area, device)
+    in_body = np.einsum("wji,wpj->wpi", turn, found.element - body_pose[:, None, :3])
     signed, _ = distance_to_bodies(scene_of([body], device), np.zeros(1, int), in_body,
                                    device=device)
     to_body = np.abs(signed)
-    share = area / area.sum(1, keepdims=True)
+    share = found.area / found.area.sum(1, keepdims=True)
     mean_to_body = (to_body * share).sum(1)
     chamfer = 0.5 * (to_fit.mean(1) + mean_to_body)
     hausdorff = np.maximum(np.quantile(to_fit, 0.95, axis=1), _quantile(to_body, share, 0.95))
-    common = sample.volume_m3 * _share_inside(fits, true_inside, device)
-    volume = superquadric_volume(fits)
+    common = sample.volume_m3 * found.common
     return Scores(
         chamfer_m=chamfer,
         hausdorff95_m=hausdorff,
-        iou=common / (volume + sample.volume_m3 - common),
-        volume_ratio=volume / sample.volume_m3,
+        iou=common / (found.volume + sample.volume_m3 - common),
+        volume_ratio=found.volume / sample.volume_m3,
         coverage=(to_fit <= COVERAGE_M).mean(1) * np.ones(worlds),
     )
 

@@ -56,7 +56,8 @@ def read_paired(plan: Plan, stores: Sequence[Store], metrics: Sequence[str],
             if block.missing:
                 missing += block.missing
                 continue
-            drawn = episode_weights(seed, (number, block.case, block.number), block.count)
+            drawn = episode_weights(seed, (number, block.case, block.number), block.count,
+                                    len(plan.study.objects))
             for name in metrics:
                 table = np.column_stack([values_of(rows, name) for rows in block.rows])
                 parts[name].append(table)

@@ -15,10 +15,10 @@ from typing import Any
 
 from strategies.strategy import Strategy
 from strategies.waypoints import WAYPOINT_KINDS
-from sweeps.cell import SECTIONS, Cell
+from sweeps.cell import SECTIONS, TABLES, Cell
 from sweeps.study import Axis, Body, Study, StudyTable
 
-RESULTS_SCHEMA = 1  # raise when rows change their meaning: older units are then done anew
+RESULTS_SCHEMA = 2  # raise when rows change their meaning: older units are then done anew
 FILE_KEYS = ("mesh", "profile")  # of an object's table, however deep: files it is read from
 BLOCK = 64  # episodes of a unit; rows do not depend on it
 
@@ -90,8 +90,7 @@ def cell_hash(cell: Cell, body: Body) -> str:
     return digest({
         "strategy": canonical_strategy(cell.strategy), "object": cell.object_name,
         "body": canonical_body(body), "seed": cell.seed,
-        **{name: asdict(getattr(cell, name))
-           for name in ("arm", "hand", "sensors", "placement", "fit")}})
+        **{name: asdict(getattr(cell, name)) for name in TABLES}})
 
 
 def unit_id(cell_name: str, start: int, stop: int) -> str:
@@ -107,8 +106,16 @@ def canonical_strategy(strategy: Strategy) -> dict[str, Any]:
         if "file" in values:
             values["sha256"] = _file_hash(values.pop("file"))
         waypoints.append({"kind": type(family).__name__.lower(), **values})
-    return {"name": strategy.name, "waypoints": waypoints, "closings": list(strategy.closings),
-            "order": list(strategy.order)}
+    found = {"name": strategy.name, "waypoints": waypoints, "closings": list(strategy.closings),
+             "order": list(strategy.order), "options": [list(pair) for pair in strategy.options],
+             **{key: getattr(strategy, key) for key in _PLAIN}}
+    file, colon, function = strategy.call.rpartition(":")
+    if colon and file.endswith(".py"):
+        found |= {"call": f"{Path(file).name}:{function}", "call_sha256": _file_hash(file)}
+    return found
+
+
+_PLAIN = ("call", "refit_every", "touches", "robot_time_s", "volume_ratio", "noise_stream")
 
 
 def canonical_body(body: Body) -> dict[str, Any]:
@@ -143,8 +150,8 @@ def _canonical_axis(axis: Axis) -> dict[str, Any]:
 
 @cache
 def _file_hash(file: str) -> str:
-    if file.startswith("sha256:"):
-        return file.removeprefix("sha256:")
+    if file.startswith("sha256:"):  # of a study read back from its canonical form
+        return file.removeprefix("sha256:").partition("/")[0]
     return hashlib.sha256(Path(file).read_bytes()).hexdigest()
 
 
@@ -155,8 +162,13 @@ def study_of(resolved: Mapping[str, Any], name: str = "") -> Study:
     a study can be found, but not run.
     """
     def strategy(label: str, values: Mapping[str, Any]) -> Strategy:
+        call = values["call"]
+        if "call_sha256" in values:
+            call = f"sha256:{values['call_sha256']}/{call}"
+        plain = {key: values[key] for key in _PLAIN if key != "call"}
         return Strategy(label, tuple(family(v) for v in values["waypoints"]),
-                        tuple(values["closings"]), tuple(values["order"]))
+                        tuple(values["closings"]), tuple(values["order"]), call=call,
+                        options=tuple((k, _tuples(v)) for k, v in values["options"]), **plain)
 
     def family(values: Mapping[str, Any]) -> object:
         given = {k: _tuples(v) for k, v in values.items() if k not in ("kind", "sha256")}

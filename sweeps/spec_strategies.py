@@ -2,9 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import fields, replace
+from math import inf
 from pathlib import Path as FilePath
 from typing import Any
 
+from strategies.budget_keys import BUDGET_KEYS
 from strategies.catalogue import STRATEGIES
 from strategies.closing_paths import CLOSING_PATHS
 from strategies.procedures import PROCEDURES
@@ -14,8 +16,10 @@ from sweeps.edge import read_table
 from sweeps.problems import Path, Problems, choose, short
 from sweeps.spec_files import CSV_LIMIT, NoFile, named_file
 
-KEYS = ("name", "waypoints", "closings", "order")
+KEYS = ("name", "waypoints", "closings", "order", "strategy", "options", "refit_every", "budget",
+        "noise_stream")
 NAME_LIMIT = 80
+REFIT = (int, 0, 256, "poses between two fits")
 
 
 def read_strategies(values: Any, base_dir: FilePath, problems: Problems) -> tuple[Strategy, ...]:
@@ -61,7 +65,78 @@ def _read_strategy(table: Any, path: Path, base_dir: FilePath,
         if key in table:
             strategy = replace(strategy, **{
                 key: read_names(key, table[key], (*path, key), problems)})
-    return strategy
+    if "refit_every" in table:
+        value = read_number(table["refit_every"], *REFIT[:3], (*path, "refit_every"), problems)
+        strategy = replace(strategy, refit_every=value or 0)
+    if "noise_stream" in table:
+        value = read_number(table["noise_stream"], int, 0, 10**6, (*path, "noise_stream"), problems)
+        strategy = replace(strategy, noise_stream=value or 0)
+    if "budget" in table:
+        strategy = _read_budget(strategy, table["budget"], (*path, "budget"), problems)
+    return _read_call(strategy, table, path, base_dir, problems)
+
+
+def _read_call(strategy: Strategy, table: Mapping[str, Any], path: Path, base_dir: FilePath,
+               problems: Problems) -> Strategy:
+    """The planner that a strategy names, and its options."""
+    call, options = table.get("strategy", strategy.call), table.get("options", {})
+    if "strategy" in table:
+        clash = [key for key in ("order", "waypoints") if key in table]
+        if not isinstance(call, str) or not call:
+            problems.add((*path, "strategy"), f"is {short(call)}; should be a planner's name, or "
+                         'a file and a function in it, as "mine.py:next_best"')
+            return strategy
+        for key in clash:
+            problems.add((*path, key), "has no meaning beside a planner (strategy = ...), which "
+                         "chooses for itself")
+    if not isinstance(options, Mapping) or any(
+            not isinstance(v, int | float | str | bool) for v in options.values()):
+        problems.add((*path, "options"), "should be a table of numbers, texts and booleans")
+        options = {}
+    if options and not call:
+        problems.add((*path, "options"), "has no meaning without a planner (strategy = ...)")
+    if not call:
+        return strategy
+    file, colon, _ = call.rpartition(":")
+    if colon and file.endswith(".py"):
+        try:
+            call = f"{named_file(file, base_dir, CSV_LIMIT)}:{call.rpartition(':')[2]}"
+        except (OSError, NoFile, ValueError) as error:
+            problems.add((*path, "strategy"), str(error))
+            return strategy
+    from strategies.registry import PlannerError, make_planner  # heavy, and only planners need it
+
+    try:
+        make_planner(call, options)
+    except PlannerError as error:
+        problems.add((*path, "strategy"), str(error))
+    return replace(strategy, call=call, options=tuple(sorted(options.items())))
+
+
+def _read_budget(strategy: Strategy, value: Any, path: Path, problems: Problems) -> Strategy:
+    if not isinstance(value, Mapping):
+        problems.add(path, f"is {short(value)}; should be a table such as {{ touches = 96 }}")
+        return strategy
+    found = {}
+    for key, given in value.items():
+        if key not in BUDGET_KEYS:
+            problems.add((*path, key), f"unknown key; {choose(key, BUDGET_KEYS)}")
+            continue
+        kind, low, high, _ = BUDGET_KEYS[key]
+        found[key] = read_number(given, kind, low, high, (*path, key), problems)
+    return replace(strategy, **found)
+
+
+def read_number(value: Any, kind: type, low: float, high: float, path: Path,
+                problems: Problems) -> Any:
+    """A number within limits, or None and a problem noted."""
+    good = isinstance(value, int if kind is int else int | float) and not isinstance(value, bool)
+    if good and low <= value <= high:
+        return kind(value)
+    what = "a whole number" if kind is int else "a number"
+    limits = f"of at least {low:g}" if high == inf else f"from {low:g} to {high:g}"
+    problems.add(path, f"is {short(value)}; should be {what} {limits}")
+    return None
 
 
 def read_names(key: str, value: Any, path: Path, problems: Problems) -> tuple[str, ...]:

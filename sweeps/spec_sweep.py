@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from strategies.budget_keys import BUDGET_KEYS
 from strategies.strategy import Strategy
 from sweeps.cell import SECTIONS
 from sweeps.edge import edge_fields
 from sweeps.problems import Path, Problem, Problems, SpecError, choose, short
-from sweeps.spec_strategies import read_names
+from sweeps.spec_strategies import REFIT, read_names, read_number
 from sweeps.study import Axis
 
 KINDS = ("grid", "zip", "sobol", "lhs")
@@ -99,6 +100,10 @@ def _readers(strategies: Sequence[Strategy]) -> dict[str, Reader]:
     for name in ("closings", "order"):
         readers[f"strategy.{name}"] = lambda value, path, problems, name=name: read_names(
             name, value, path, problems) or None
+    for name, (kind, low, high, _) in {**BUDGET_KEYS, "refit_every": REFIT}.items():
+        readers[f"strategy.{name}"] = (
+            lambda value, path, problems, kind=kind, low=low, high=high: read_number(
+                value, kind, low, high, path, problems))
     return readers
 
 

@@ -5,8 +5,9 @@ from dataclasses import dataclass, field, replace
 from math import prod
 from typing import Any
 
+from strategies.budget_keys import BUDGET_KEYS
 from strategies.strategy import Strategy
-from sweeps.cell import SECTIONS, Cell
+from sweeps.cell import SECTIONS, TABLES, Cell
 
 EPISODE_LIMIT = 10**9
 CELL_LIMIT = 10**7
@@ -90,9 +91,8 @@ class Study:
             else:
                 tables[section] = replace(tables[section], **{_si_name(section, name): value})
         return Cell(chosen, self.objects[body].table, self.objects[body].name,
-                    arm=tables["arm"], hand=tables["hand"], sensors=tables["sensors"],
-                    placement=tables["object"], fit=tables["fit"], seed=self.head.seed,
-                    setting=edge)
+                    **dict(zip(TABLES, (tables[name] for name in SECTIONS), strict=True)),
+                    seed=self.head.seed, setting=edge)
 
     def cells(self) -> Iterator[tuple[int, int, int]]:
         """Index triples (strategy, object, setting), the strategies of one case side by side."""
@@ -112,7 +112,7 @@ def with_strategy_value(strategy: Strategy, edge_name: str, value: Any) -> Strat
     """The strategy with a field of its own, or of every waypoint family that has it, replaced."""
     from sweeps.edge import edge_fields
 
-    if edge_name in ("closings", "order"):
+    if edge_name in ("closings", "order", "refit_every", *BUDGET_KEYS):
         return replace(strategy, **{edge_name: value})
     return replace(strategy, waypoints=tuple(
         replace(family, **{edge_fields(type(family))[edge_name].name: value})  # type: ignore

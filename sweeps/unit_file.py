@@ -28,8 +28,7 @@ def encode_unit(unit_id: str, columns: Mapping[str, np.ndarray]) -> bytes:
     if len({len(values) for values in plain.values()}) != 1:
         raise ValueError("columns of a unit should be equally long: "
                          f"{ {name: len(values) for name, values in plain.items()} }")
-    table = pa.table({name: pa.array(values.tolist() if values.dtype == object else values)
-                      for name, values in plain.items()})
+    table = pa.table({name: _arrow(values) for name, values in plain.items()})
     table = table.replace_schema_metadata({"unit": unit_id, "content": _content_hash(plain)})
     buffer = io.BytesIO()
     pq.write_table(table, buffer, compression="zstd")
@@ -90,12 +89,26 @@ def looks_whole(path: Path, unit_id: str) -> bool:
     return unit_id.encode() in tail[-8 - footer:]
 
 
+def _arrow(values: np.ndarray) -> pa.Array:
+    if _holds_curves(values):
+        return pa.array([v.tolist() for v in values], type=pa.list_(pa.float64()))
+    return pa.array(values.tolist() if values.dtype == object else values)
+
+
+def _holds_curves(values: np.ndarray) -> bool:
+    """Whether a column holds an array of numbers a row."""
+    return values.dtype == object and len(values) > 0 and isinstance(values[0], np.ndarray)
+
+
 def _plain(name: str, values: np.ndarray) -> np.ndarray:
     values = np.asarray(values)
     if values.ndim != 1:
         raise ValueError(f"column {name} of a unit should be one-dimensional")
     if values.dtype.kind in "UO":
-        return values.astype(object)
+        values = values.astype(object)
+        if _holds_curves(values) and any(v.dtype != float or v.ndim != 1 for v in values):
+            raise ValueError(f"column {name} of a unit should hold 1-D arrays of float64")
+        return values
     if values.dtype.kind not in "bif":
         raise ValueError(f"column {name} of a unit should hold numbers or strings")
     return values
@@ -105,6 +118,10 @@ def _column(table: pa.Table, name: str) -> np.ndarray:
     column = table.column(name)
     if pa.types.is_string(column.type) or pa.types.is_large_string(column.type):
         return np.array(column.to_pylist(), dtype=object)
+    if pa.types.is_list(column.type):
+        rows = np.empty(len(column), object)
+        rows[:] = [np.asarray(row, float) for row in column.to_pylist()]
+        return rows
     return column.to_numpy()
 
 
@@ -112,7 +129,10 @@ def _content_hash(columns: Mapping[str, np.ndarray]) -> str:
     found = hashlib.sha256()
     for name, values in columns.items():
         found.update(f"{name}:{values.dtype.str}:{len(values)};".encode())
-        if values.dtype == object:
+        if _holds_curves(values):
+            for row in values:
+                found.update(f"{len(row)};".encode() + np.ascontiguousarray(row).tobytes())
+        elif values.dtype == object:
             found.update("\0".join(map(str, values)).encode("utf-8", "surrogatepass"))
         else:
             found.update(np.ascontiguousarray(values).tobytes())

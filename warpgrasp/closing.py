@@ -25,12 +25,13 @@ from warpgrasp.finger_rest import (
     finger_rest,
     link_direction,
     link_start,
+    lower_end,
     nearest_along,
 )
 from warpgrasp.launch import launch
 from warpgrasp.parameters import HandTable, SensorTable
 from warpgrasp.real import HALF, ONE, ZERO, real, transform, vec3, vec4
-from warpgrasp.scene import Scene, stand_distance, stand_distance_grad
+from warpgrasp.scene import Scene, body_distance_grad, stand_distance
 from warpgrasp.status import ProbeStatus
 from warpgrasp.tendon import (
     TendonSensor,
@@ -239,7 +240,7 @@ def _closing_kernel(
             touching = int(0)
             for link in range(3):
                 free[link] = ZERO
-                if rest.depth[link] > ZERO:
+                if rest.depth[link] > ZERO or rest.table[link] > ZERO:
                     touching = int(1)
         if touching == 1:
             reading = _stop_reading(hand, sensor, torque, delta,
@@ -285,18 +286,23 @@ def _closing_kernel(
                                                                  counter_key(reader, 2 * j + 1))
     if touching == 1:
         bearing = int(0)
-        for link in range(1, 3):
-            if rest.depth[link] > rest.depth[bearing]:
+        deepest = real(0.0)
+        for link in range(3):
+            if wp.max(rest.depth[link], rest.table[link]) > deepest:
                 bearing = int(link)
+                deepest = wp.max(rest.depth[link], rest.table[link])
         f = finger_pose(hand, base, q)
-        x = link_start(f, bearing) + link_direction(f, bearing) * rest.along[bearing]
-        n = stand_distance_grad(scene, which, x)
+        u = link_direction(f, bearing)
+        x = link_start(f, bearing) + u * rest.along[bearing]
+        n = body_distance_grad(scene, which, x)
+        if rest.table[bearing] > rest.depth[bearing]:
+            x = link_start(f, bearing) + u * lower_end(u, hand.link_length[bearing])
+            n = vec4(ZERO, ZERO, ONE, x[2])
+            on_table[w, p, g, finger] = 1
         normal = vec3(n[0], n[1], n[2])
         link_true[w, p, g, finger] = bearing
         point_true[w, p, g, finger] = wp.transform_point(body_pose[w], x - normal * n[3])
         normal_true[w, p, g, finger] = wp.transform_vector(body_pose[w], normal)
-        if x[2] <= hand.link_radius and wp.abs(n[3] - x[2]) < real(1e-12) and n[2] > real(0.999):
-            on_table[w, p, g, finger] = 1
 
 
 def close_fingers(

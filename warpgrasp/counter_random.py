@@ -33,6 +33,7 @@ class Purpose(IntEnum):
     PAD_JOINT = 15
     LINE_ARM = 16
     CAMERA = 17
+    NOISE_STREAM = 18
 
 
 _GAMMA = 0x9E3779B97F4A7C15

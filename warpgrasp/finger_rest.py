@@ -1,15 +1,17 @@
 """Where a finger rests: the least energy of its joint servos and its skin against rigid things.
 
-    E(q) = 1/2 K |q_cmd - q|^2 + sum over links 1/2 k max(0, r - phi(x_link(q)))^2
+    E(q) = 1/2 K |q_cmd - q|^2 + sum over links and obstacles 1/2 k max(0, r - phi(x_link(q)))^2
 
-phi is the signed distance of body and table, x_link the point of the link's axis nearest to them.
+The obstacles are the body and the table, phi the signed distance of one of them, x_link the point
+of the link's axis nearest to it: a link between object and table bears on both. (With one distance
+for both, the energy has a kink where they are equally near, and a descent stalls on it.)
 Newton steps on the Gauss-Newton Hessian with backtracking: E never rises.
 """
 
 import warp as wp
 
-from warpgrasp.real import HALF, ZERO, mat44, real, vec2, vec3, vec4
-from warpgrasp.scene import Scene, stand_distance, stand_distance_grad
+from warpgrasp.real import HALF, ONE, ZERO, mat44, real, vec2, vec3, vec4
+from warpgrasp.scene import Scene, body_distance, body_distance_grad
 from warpgrasp.utah_mit_hand import FingerPose, Hand, finger_jacobian, finger_pose
 
 _SAMPLES = wp.constant(5)
@@ -25,8 +27,9 @@ _FAR = wp.constant(real(1e9))
 class Rest:
     """A finger at rest: joints, energy [J], its gradient, and where each link touches.
 
-    `along` is the place on each link's axis [m from its joint], `depth` the penetration [m] of the
-    skin, not positive where a link is free.
+    `along` is the place on each link's axis [m from its joint] nearest to the body, `depth` how far
+    the body presses the skin in [m], `table` the same of the table (at the link's lower end); not
+    positive where a link is free.
     """
 
     q: vec4
@@ -34,11 +37,30 @@ class Rest:
     gradient: vec4
     along: vec3
     depth: vec3
+    table: vec3
+
+
+@wp.func
+def lower_end(u: vec3, length: real):
+    """Place [m] along a segment where it is nearest to the table."""
+    if u[2] < ZERO:
+        return length
+    return ZERO
 
 
 @wp.func
 def nearest_along(scene: Scene, body: int, a: vec3, u: vec3, length: real):
-    """Place [m from a] and distance of the point of a segment nearest to body and table.
+    """Place [m from a] and distance of the point of a segment nearest to body and table."""
+    near = nearest_on_body(scene, body, a, u, length)
+    low = lower_end(u, length)
+    if a[2] + u[2] * low < near[1]:
+        return vec2(low, a[2] + u[2] * low)
+    return near
+
+
+@wp.func
+def nearest_on_body(scene: Scene, body: int, a: vec3, u: vec3, length: real):
+    """Place [m from a] and distance of the point of a segment nearest to the body.
 
     Five samples choose the valley (a distance need not be convex along a segment), then the slope
     is brought to zero inside it by bisection with secants.
@@ -47,17 +69,17 @@ def nearest_along(scene: Scene, body: int, a: vec3, u: vec3, length: real):
     best_d = _FAR
     spacing = length / real(_SAMPLES - 1)
     for k in range(_SAMPLES):
-        d = stand_distance(scene, body, a + u * (spacing * real(k)))
+        d = body_distance(scene, body, a + u * (spacing * real(k)))
         if d < best_d:
             best_d = d
             best = int(k)
     low = spacing * real(wp.max(best - 1, 0))
     high = spacing * real(wp.min(best + 1, _SAMPLES - 1))
-    g = stand_distance_grad(scene, body, a + u * low)
+    g = body_distance_grad(scene, body, a + u * low)
     slope_low = g[0] * u[0] + g[1] * u[1] + g[2] * u[2]
     if slope_low >= ZERO:
         return vec2(low, g[3])
-    g = stand_distance_grad(scene, body, a + u * high)
+    g = body_distance_grad(scene, body, a + u * high)
     slope_high = g[0] * u[0] + g[1] * u[1] + g[2] * u[2]
     if slope_high <= ZERO:
         return vec2(high, g[3])
@@ -69,7 +91,7 @@ def nearest_along(scene: Scene, body: int, a: vec3, u: vec3, length: real):
         t = (low * slope_high - high * slope_low) / (slope_high - slope_low)
         if k % 3 == 2:
             t = (low + high) * HALF
-        g = stand_distance_grad(scene, body, a + u * t)
+        g = body_distance_grad(scene, body, a + u * t)
         d = g[3]
         slope = g[0] * u[0] + g[1] * u[1] + g[2] * u[2]
         if wp.abs(slope) < real(1e-10) or high - low < _WIDTH * length:
@@ -110,6 +132,14 @@ def link_direction(f: FingerPose, link: int):
 
 
 @wp.func
+def table_jacobian(f: FingerPose, link: int, length: real):
+    """Rise of a link's lower end per radian a joint."""
+    u = link_direction(f, link)
+    x = link_start(f, link) + u * lower_end(u, length)
+    return finger_jacobian(f, link, x, vec3(ZERO, ZERO, ONE))
+
+
+@wp.func
 def rest_energy(scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, q: vec4):
     """Energy, its gradient and the depths of the links at joints `q`; `base` in body frame."""
     rest = Rest()
@@ -122,23 +152,29 @@ def rest_energy(scene: Scene, body: int, hand: Hand, base: wp.transformd, comman
         a = link_start(f, link)
         u = link_direction(f, link)
         length = hand.link_length[link]
-        middle = stand_distance(scene, body, a + u * (length * HALF))
+        middle = body_distance(scene, body, a + u * (length * HALF))
         rest.along[link] = length * HALF
         rest.depth[link] = hand.link_radius - (middle - length * HALF)
         if rest.depth[link] > ZERO:
-            near = nearest_along(scene, body, a, u, length)
+            near = nearest_on_body(scene, body, a, u, length)
             rest.along[link] = near[0]
             depth = hand.link_radius - near[1]
             rest.depth[link] = depth
             if depth > ZERO:
                 x = a + u * near[0]
-                g = stand_distance_grad(scene, body, x)
+                g = body_distance_grad(scene, body, x)
                 j = finger_jacobian(f, link, x, vec3(g[0], g[1], g[2]))
                 rest.energy += HALF * hand.skin * depth * depth
                 rest.gradient -= j * (hand.skin * depth)
         else:
             # A bound from the link's middle: free for certain, depth at most this.
             rest.depth[link] = wp.min(rest.depth[link], ZERO)
+        low = a + u * lower_end(u, length)
+        rest.table[link] = hand.link_radius - low[2]
+        if rest.table[link] > ZERO:
+            pressed = rest.table[link]
+            rest.energy += HALF * hand.skin * pressed * pressed
+            rest.gradient -= table_jacobian(f, link, length) * (hand.skin * pressed)
     return rest
 
 
@@ -150,8 +186,11 @@ def _newton_step(scene: Scene, body: int, hand: Hand, base: wp.transformd, rest:
     for link in range(3):
         if rest.depth[link] > ZERO:
             x = link_start(f, link) + link_direction(f, link) * rest.along[link]
-            g = stand_distance_grad(scene, body, x)
+            g = body_distance_grad(scene, body, x)
             j = finger_jacobian(f, link, x, vec3(g[0], g[1], g[2]))
+            h += wp.outer(j, j) * hand.skin
+        if rest.table[link] > ZERO:
+            j = table_jacobian(f, link, hand.link_length[link])
             h += wp.outer(j, j) * hand.skin
     return -(wp.inverse(h) * rest.gradient)
 

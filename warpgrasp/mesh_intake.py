@@ -67,6 +67,15 @@ def body_from_mesh(path: Path, *, units: str, name: str | None = None) -> Body:
                 f"mesh {path.name}", float(error))
 
 
+def mesh_triangles(path: Path, *, units: str) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices [m], (n, 3), and faces, (m, 3), of a mesh file as `body_from_mesh` stands it.
+
+    The file is one that `body_from_mesh` takes. Raises BodyError as it does.
+    """
+    with _quiet_reader():
+        return _read_checked(path, path.read_bytes(), units)
+
+
 def _triple(values: np.ndarray) -> tuple[float, float, float]:
     return float(values[0]), float(values[1]), float(values[2])
 

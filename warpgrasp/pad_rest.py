@@ -7,9 +7,9 @@ Pads stand proud of the skin, so they yield first and the skin behind them takes
 
 import warp as wp
 
-from warpgrasp.finger_rest import Rest, link_direction, link_start, rest_energy
+from warpgrasp.finger_rest import Rest, link_direction, link_start, rest_energy, table_jacobian
 from warpgrasp.real import HALF, ZERO, mat44, real, vec3, vec4
-from warpgrasp.scene import Scene, stand_distance, stand_distance_grad
+from warpgrasp.scene import Scene, body_distance_grad, stand_distance, stand_distance_grad
 from warpgrasp.tactile_pad import Pad, block_near, pad_near, pad_place
 from warpgrasp.utah_mit_hand import Hand, finger_jacobian, finger_pose
 
@@ -41,9 +41,12 @@ def pad_rest_energy(
     for link in range(3):
         if rest.skin.depth[link] > ZERO:
             x = link_start(f, link) + link_direction(f, link) * rest.skin.along[link]
-            g = stand_distance_grad(scene, body, x)
+            g = body_distance_grad(scene, body, x)
             j = finger_jacobian(f, link, x, vec3(g[0], g[1], g[2]))
             h += wp.outer(j, j) * hand.skin
+        if rest.skin.table[link] > ZERO:
+            low = table_jacobian(f, link, hand.link_length[link])
+            h += wp.outer(low, low) * hand.skin
         if pad.on[link] != 0 and pad_near(scene, body, pad, hand, f, link):
             for block in range(16):
                 if block_near(scene, body, pad, hand, f, link, block):

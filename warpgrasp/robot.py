@@ -4,6 +4,7 @@ The robot offers guarded moves and nothing higher. What truly happened goes to t
 maker keeps for the scorer; a strategy is handed the robot, never the truth.
 """
 
+from copy import copy
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -88,6 +89,13 @@ class Robot:
     def line_count(self) -> int:
         """Guarded lines made so far: the number the next one will have."""
         return self._line_count
+
+    def rehearsing(self) -> "Robot":
+        """A copy that goes on from here, noise and all, and leaves no trace in this one's truth."""
+        other = copy(self)
+        other._truth = Truth(self._truth.body_pose)
+        other._lines_made = self._lines_made.copy()
+        return other
 
     def grasp(
         self, hand_pose: np.ndarray, wanted: np.ndarray, commands_rad: np.ndarray,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fit.plane import fit_plane
-from fit.points_csv import PointsError, plane_rows, read_points, write_rows
+from fit.points_csv import PointsError, plane_rows, read_points, rows_csv
 
 
 def test_sets_in_any_order_with_some_normals(tmp_path) -> None:
@@ -52,11 +52,10 @@ def test_every_mistake_at_once(tmp_path) -> None:
     assert len(error.value.problems) == 2
 
 
-def test_rows_of_planes(tmp_path) -> None:
+def test_rows_of_planes() -> None:
     points = np.random.default_rng(0).uniform(-1, 1, (2, 9, 3)) * [1, 1, 0] + [0, 0, 0.5]
-    path = tmp_path / "fits.csv"
-    write_rows(path, *plane_rows(["a", "b"], fit_plane(points)))
-    rows = list(csv.DictReader(path.read_text().splitlines()))
+    text = rows_csv(*plane_rows(["a", "b"], fit_plane(points))).decode()
+    rows = list(csv.DictReader(text.splitlines()))
     assert [row["set"] for row in rows] == ["a", "b"]
     assert float(rows[1]["offset_m"]) == pytest.approx(0.5)
     assert rows[0]["status"] == "converged"

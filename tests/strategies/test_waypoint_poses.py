@@ -15,9 +15,11 @@ from strategies.waypoints import (
     BoundingCylinder,
     Column,
     Csv,
+    Hemisphere,
     Opposing,
     Random,
     Ring,
+    Spiral,
     Top,
     WaypointError,
 )
@@ -40,7 +42,8 @@ families = st.one_of(
               roll_rad=st.floats(-3, 3), aim=st.floats(0, 1), aim_out=st.floats(0, 1)),
     st.builds(Column, count=st.integers(1, 9), levels=st.integers(1, 4)),
     st.builds(Opposing, count=st.integers(1, 8)), st.builds(Top, count=st.integers(1, 4)),
-    st.builds(Random, count=st.integers(1, 8)))
+    st.builds(Random, count=st.integers(1, 8)), st.builds(Spiral, count=st.integers(1, 8)),
+    st.builds(Hemisphere, count=st.integers(1, 8)))
 
 
 @settings(max_examples=60, deadline=None)
@@ -105,3 +108,25 @@ def test_no_joint_outruns_the_step_and_ranges_are_kept(name: str) -> None:
     assert (commands[..., 1:] >= np.array(HAND.flexion_low_rad) - 1e-9).all()
     assert (commands[..., 1:] <= np.array(HAND.flexion_high_rad) + 1e-9).all()
     assert np.abs(commands[..., 0]).max() <= HAND.abduction_limit_rad[1]
+
+
+def test_a_spiral_climbs_as_it_goes_around() -> None:
+    poses = waypoint_poses((Spiral(count=9, turns=2.0, tilt_rad=radians(90)),), told(height=0.3),
+                           HAND, np.zeros(1, np.uint64))[0]
+    assert (np.diff(poses[:, 2]) > 0).all()
+    angle = np.unwrap(np.arctan2(poses[:, 1] - 0.02, poses[:, 0] - 0.45))
+    assert np.allclose(angle[-1] - angle[0], 4 * pi, atol=1e-9)
+
+
+def test_hemisphere_directions_are_spread_over_the_whole_cap() -> None:
+    cap = radians(70)
+    poses = waypoint_poses((Hemisphere(count=64, tilt_rad=cap),), told(), HAND,
+                           np.zeros(1, np.uint64))[0]
+    up = -axis(poses[None], 2)
+    assert up[:, 2].min() > np.cos(cap)
+    assert up[:, 2].min() < np.cos(cap) + 0.03
+    apart = np.arccos(np.clip(up @ up.T, -1, 1)) + 10 * np.eye(64)
+    # An even lattice of 64 on this cap: every direction has its neighbour near, none is crowded.
+    ideal = np.sqrt(2 * pi * (1 - np.cos(cap)) / 64)
+    assert apart.min() > 0.6 * ideal
+    assert apart.min(1).max() < 1.4 * ideal

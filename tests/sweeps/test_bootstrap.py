@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.stats import norm, t
 
 from sweeps.bootstrap import (
     MeanOverObjects,
@@ -22,7 +23,7 @@ def means_of(data: np.ndarray, failure_score: float | None = None, seed: int = 3
     for n, values in enumerate(data):
         for number, start in enumerate(range(0, len(values), block)):
             part = values[start:start + block]
-            mean.add(part, episode_weights(seed, (n, 0, number), len(part)))
+            mean.add(part, episode_weights(seed, (n, 0, number), len(part), len(data)))
         mean.finish_object(weights[:, n])
     return mean.means()
 
@@ -32,26 +33,38 @@ def test_the_first_row_is_the_plain_mean_of_object_means() -> None:
     assert np.allclose(means_of(data)[0], data.mean(axis=1).mean(axis=0), rtol=1e-12)
 
 
-def test_standard_error_is_that_of_the_textbook_two_level_design() -> None:
-    """Variance of the mean: between-object variance over objects + within over all episodes."""
+@pytest.mark.parametrize("interaction", [0.0, 2.0])
+def test_standard_error_is_that_of_the_textbook_two_level_design(interaction: float) -> None:
+    """Var of the mean = (between + within / episodes) / objects, times Student's widening."""
     generator = np.random.default_rng(2)
     objects, episodes = 40, 30
-    data = (generator.normal(0, 2.0, (objects, 1, 1))
-            + generator.normal(0, 3.0, (objects, episodes, 1)))
-    spread = means_of(data)[1:, 0].std()
-    between = data.mean(axis=1).var(ddof=0) / objects
-    within = data.var(axis=1).mean() / (objects * episodes)
-    assert spread == pytest.approx(np.sqrt(between + within), rel=0.1)
+    spread = []
+    for trial in range(12):
+        data = (generator.normal(0, interaction, (objects, 1, 1))
+                + generator.normal(0, 3.0, (objects, episodes, 1)))
+        spread.append(means_of(data, seed=trial)[1:, 0].std())
+    expected = np.sqrt((interaction**2 + 3.0**2 / episodes) / objects)
+    student = t.ppf(0.975, objects - 1) / norm.ppf(0.975)
+    assert np.mean(spread) == pytest.approx(expected * student, rel=0.07)
 
 
-def test_intervals_hold_the_truth_about_as_often_as_they_say() -> None:
+@pytest.mark.parametrize("between", [0.0, 1.0])
+@pytest.mark.parametrize("objects", [6, 10])
+def test_intervals_hold_the_truth_as_often_as_they_say(objects: int, between: float) -> None:
+    """Neither seldom nor always: whether strategies differ between objects (`between`) or not."""
     generator = np.random.default_rng(4)
-    held = 0
-    for trial in range(60):
-        data = (generator.normal(0, 1, (25, 1, 1)) + generator.normal(0, 1, (25, 20, 1)))
+    held, trials = 0, 400
+    for trial in range(trials):
+        data = (generator.normal(0, between, (objects, 1, 1))
+                + generator.normal(0, 1, (objects, 4, 1)))
         found = estimate(means_of(data, seed=trial))
         held += bool(found.low[0] <= 0 <= found.high[0])
-    assert held >= 50  # 57 expected, binomial sigma 1.7
+    assert 0.915 * trials <= held <= 0.98 * trials  # 0.95 give or take three deviations
+
+
+def test_one_object_draws_its_episodes() -> None:
+    data = np.random.default_rng(7).normal(0, 1, (1, 200, 1))
+    assert means_of(data)[1:, 0].std() == pytest.approx(data.std() / np.sqrt(200), rel=0.1)
 
 
 def test_differences_are_paired() -> None:

@@ -1,0 +1,92 @@
+"""What a strategy is handed: what has been felt and fitted so far. Plain arrays, no truth."""
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+
+import numpy as np
+
+from fit.superquadric import SuperquadricFit
+from fit.superquadric_shape import Superquadric
+from fit.superquadric_uncertainty import SuperquadricUncertainty, superquadric_uncertainty
+from strategies.contour_profile import Profile
+from strategies.evidence import Evidence
+from strategies.planar_faces import Face
+from strategies.waypoints import BoundingCylinder
+from warpgrasp.parameters import ArmTable, HandTable
+
+_PACK = 64
+
+
+@dataclass(frozen=True)
+class Belief:
+    """A batch of beliefs, axis 0 the world. Lengths in m, angles in rad, base frame."""
+
+    step: int
+    """How often the strategy has been asked before."""
+    active: np.ndarray
+    """Worlds that may go on, bool (world,); probes of the others are not made."""
+    told: BoundingCylinder
+    """Rough place and size, told beforehand, with errors."""
+    seed: np.ndarray
+    """For a strategy's own random numbers (`warpgrasp.counter_random`), uint64 (world,)."""
+    arm: ArmTable
+    hand: HandTable
+    evidence: Evidence
+    """All that was felt, contacts placed as for the last fit; its slots grow step by step."""
+    fits: SuperquadricFit
+    """The superquadrics last fitted; see `fitted`."""
+    fitted: np.ndarray
+    """Whether the fit is to be believed, bool (world,)."""
+    body: Superquadric
+    """The fit where there is one to believe, else the told cylinder."""
+    faces: tuple[Face, ...]
+    """Faces crossed so far; `Face.fit.status` says in which worlds."""
+    profile: Profile | None
+    """Recovered contours; NaN where none was followed."""
+    shape: np.ndarray
+    """Which model stands for the body, `strategies.recovered.Shape`, (world,)."""
+    touches: np.ndarray
+    """Guarded closings and pad touches made, (world,)."""
+    time_s: np.ndarray
+    """Robot time spent, (world,)."""
+    path_m: np.ndarray
+    """Path of the hand, (world,)."""
+
+    @property
+    def worlds(self) -> int:
+        """Number of worlds."""
+        return len(self.seed)
+
+    @cached_property
+    def uncertainty(self) -> SuperquadricUncertainty:
+        """Covariance of the body's parameters, made when first asked for."""
+        return believed_uncertainty(self.body, self.evidence)
+
+
+def believed_uncertainty(body: Superquadric, evidence: Evidence) -> SuperquadricUncertainty:
+    """Uncertainty of each world's body from its own contacts alone.
+
+    Contacts are packed to a number of slots that depends on the world's own count: sums over more
+    empty slots, for a neighbour's sake, would round otherwise.
+    """
+    worlds = len(evidence.mask)
+    slots = -(-np.maximum(evidence.mask.sum(1), 1) // _PACK) * _PACK
+    found: dict[str, np.ndarray] = {}
+    for width in np.unique(slots):
+        rows = np.flatnonzero(slots == width)
+        order = np.argsort(~evidence.mask[rows], axis=1, kind="stable")[:, :width]
+        pad = max(0, width - order.shape[1])
+
+        def packed(values: np.ndarray, rows=rows, order=order, pad=pad) -> np.ndarray:
+            index = order.reshape(*order.shape, *([1] * (values.ndim - 2)))
+            taken = np.take_along_axis(values[rows], index, 1)
+            return np.pad(taken, [(0, 0), (0, pad)] + [(0, 0)] * (values.ndim - 2))
+
+        part = superquadric_uncertainty(
+            Superquadric(*(field[rows] for field in body)), packed(evidence.points_m),
+            packed(evidence.mask), covariance=packed(evidence.covariance_m2), table_z=0.0)
+        for f in fields(SuperquadricUncertainty):
+            values = getattr(part, f.name)
+            whole = found.setdefault(f.name, np.zeros((worlds, *values.shape[1:]), values.dtype))
+            whole[rows] = values
+    return SuperquadricUncertainty(**found)

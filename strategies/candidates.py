@@ -1,0 +1,81 @@
+"""Hand poses an adaptive strategy chooses from, and what each would touch if belief were right."""
+
+from dataclasses import replace
+from math import radians
+
+import numpy as np
+
+from strategies.belief import Belief
+from strategies.closing_paths import CLOSING_PATHS
+from strategies.containment import padded_commands
+from strategies.upright import stand_upright
+from strategies.waypoint_poses import waypoint_poses
+from strategies.waypoints import BoundingCylinder, Placement, Ring, Top
+from warpgrasp.arm_reach import hand_reachable
+from warpgrasp.body import Body, Part
+from warpgrasp.parameters import SensorTable
+from warpgrasp.robot import Robot, Truth
+from warpgrasp.scene import Shape
+
+_RIM = Ring(count=6, tilt_rad=radians(50), roll_rad=radians(90), aim=1.0, aim_out=1.0,
+            palm_clearance_m=0.080, clearance_per_radius=0.0)
+_AROUND = Ring(count=6, tilt_rad=radians(50), palm_clearance_m=0.045, clearance_per_radius=1.0)
+POOL: tuple[Placement, ...] = (
+    _RIM, replace(_RIM, roll_rad=radians(-90), azimuth_rad=radians(30)), _AROUND,
+    replace(_AROUND, azimuth_rad=radians(30), palm_clearance_m=0.030, clearance_per_radius=0.5),
+    replace(_AROUND, aim=0.25, azimuth_rad=radians(15)),
+    replace(_AROUND, aim=0.8, azimuth_rad=radians(45)),
+    Top(count=2),
+)
+"""Rims from two sides, rings at three heights and two distances, two from above: 38 poses."""
+
+
+def candidate_poses(belief: Belief, *, about: str = "belief") -> tuple[np.ndarray, np.ndarray]:
+    """Hand poses (world, candidate, 7) and whether the arm reaches them, bool (world, candidate).
+
+    They stand about the body believed, or about what was told (`about` "told").
+    """
+    cylinder = belief.told
+    if about == "belief":
+        stands = stand_upright(belief.body)
+        cylinder = BoundingCylinder(
+            stands.centre_m[:, 0], stands.centre_m[:, 1],
+            np.clip(stands.radius_m, 0.010, belief.told.radius_m + 0.03),
+            np.clip(stands.top_m, 0.020, belief.told.height_m + 0.03))
+    poses = waypoint_poses(POOL, cylinder, belief.hand, belief.seed)
+    return poses, hand_reachable(belief.arm, belief.hand, poses)
+
+
+def predicted_touches(
+    belief: Belief, hand_pose: np.ndarray, wanted: np.ndarray, closing: str = "curl40",
+    device: str = "cpu",
+) -> tuple[np.ndarray, np.ndarray]:
+    """Where the fingers would touch the body believed, without noise.
+
+    `hand_pose` (world, candidate, 7). Returns points [m] (world, candidate, finger, 3) and whether
+    there is one, bool (world, candidate, finger). The closing is that of the simulator, against the
+    superquadric that is believed: nothing true enters.
+    """
+    bodies = [_body_of(belief, world) for world in range(belief.worlds)]
+    pose = np.concatenate([belief.body.position_m, belief.body.quaternion_xyzw], 1)
+    truth = Truth(pose)
+    quiet = SensorTable(tension_noise_N=0.0, joint_noise_rad=0.0, tension_step_N=0.0)
+    exact = replace(belief.arm, mount_error_m=0.0, mount_error_rad=0.0, repeatability_m=0.0)
+    robot = Robot(bodies, np.arange(belief.worlds), truth, np.zeros(belief.worlds, np.uint64),
+                  exact, belief.hand, quiet, device=device)
+    assert closing in CLOSING_PATHS
+    commands, count = padded_commands((closing,))
+    robot.grasp(hand_pose, wanted, commands, count)
+    found = truth.closings[-1]
+    points = found.point_m[:, :, 0]
+    return np.nan_to_num(points), np.asarray(np.isfinite(points).all(-1))
+
+
+def _body_of(belief: Belief, world: int) -> Body:
+    body = belief.body
+    size = body.size_m[world]
+    reach = float(np.linalg.norm(size)) * 2
+    return Body("believed", (Part(Shape.SUPERQUADRIC, superquadric=(
+        *(float(v) for v in size), *(float(v) for v in body.exponents[world]),
+        *(float(v) for v in body.taper[world]), *(float(v) for v in body.bend[world]))),),
+        (-reach, -reach, -reach), (reach, reach, reach))

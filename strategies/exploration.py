@@ -1,0 +1,353 @@
+"""An episode's one loop, for a whole batch: ask the strategy, probe, fuse what was felt, fit anew.
+
+    belief → strategy → probes → guarded moves → evidence → fits → belief → ...
+
+until the strategy wants nothing more, the budget is spent, or the steps are. A strategy that fails
+(raises, answers with the wrong shape, with NaN, or with a pose through the table) ends the episode
+in the worlds concerned; what was felt before still counts.
+"""
+
+from collections.abc import Callable, Sequence
+from copy import copy
+from dataclasses import dataclass, fields, replace
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from fit.status import FitStatus
+from fit.superquadric import SuperquadricFit, fit_superquadric
+from strategies.belief import Belief
+from strategies.budget import Budget, within_budget
+from strategies.containment import explore_by_containment
+from strategies.contour import ContourExploration, explore_contour
+from strategies.contour_profile import Profile, later_profile, profile_of
+from strategies.evidence import Evidence, TouchedLinks, evidence_from_grasps, touched_links
+from strategies.fault import fault_text, place_of
+from strategies.fusion import (
+    CONTOUR_TOUCHES,
+    FACE_TOUCHES,
+    evidence_from_touches,
+    evidence_rows,
+    joined_evidence,
+    joined_links,
+    link_rows,
+    no_evidence,
+    no_links,
+)
+from strategies.planar import PlanarExploration, explore_plane
+from strategies.planar_faces import Face, planes_of
+from strategies.probes import CrossFaces, FollowContour, Grasp, Probe, wanted_of
+from strategies.recovered import Recovered, choose_body, or_told, plausible
+from strategies.recovery import recover_bodies, refine_bodies
+from strategies.waypoints import BoundingCylinder
+from warpgrasp.parameters import FitTable
+from warpgrasp.robot import Grasps, Robot
+from warpgrasp.status import ProbeStatus
+
+FEWEST_CONTACTS = 8
+"""With fewer contacts no body is fitted."""
+REGROWN = 1.5
+"""A body is fitted from scratch when its contacts have grown by this since that was last done."""
+MOST_STEPS = 64
+"""Times a strategy is asked in one episode."""
+TABLE_M = 0.0
+"""A hand whose origin is asked to be lower than the table is a fault of the strategy."""
+FINGERS = 4
+_SAFE_POSE = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
+
+
+class Planner(Protocol):
+    """A strategy at work: what to do next, given what is believed."""
+
+    def __call__(self, belief: Belief, /) -> Sequence[Probe]: ...  # noqa: D102
+
+
+@runtime_checkable
+class Foreseeing(Protocol):
+    """A planner that may try a grasp on a copy of the episode: the oracle."""
+
+    foresee: Callable[[Grasp], Recovered] | None
+
+
+@dataclass(frozen=True)
+class Procedure:
+    """One exploratory procedure as carried out, for the whole batch."""
+
+    name: str
+    """containment, planar or contour."""
+    step: int
+    felt: Grasps | PlanarExploration | ContourExploration
+    took_part: np.ndarray
+    """Bool (world,)."""
+    slots: int
+    """How many slots of the evidence are its own; procedures fill them in order."""
+    closing: int = -1
+    """Of a containment: which of the truth's closings it is."""
+
+
+@dataclass(frozen=True)
+class Exploration:
+    """An episode of each world, as the robot knows it."""
+
+    procedures: tuple[Procedure, ...]
+    belief: Belief
+    """At the end."""
+    recovered: Recovered
+    status: np.ndarray
+    """ok, too_few_contacts, fit_failed, fit_implausible or strategy_failed, (world,)."""
+    fault: str
+    """What the strategy did wrong, with file and line; empty where nothing."""
+
+
+def explore(
+    robot: Robot, planner: Planner, told: BoundingCylinder, seed: np.ndarray, *, table: FitTable,
+    closings: tuple[str, ...], budget: Budget | None = None,
+    observe: Callable[[Belief, Recovered], None] | None = None,
+) -> Exploration:
+    """Run one episode in every world.
+
+    `seed` (world,) uint64 is the strategy's own; `table` says what the fits go by; `closings` are
+    the paths of grasps that name none. `observe` is shown the belief after every step.
+    """
+    run = _Run(robot, told, seed, table, closings, budget or Budget())
+    if isinstance(planner, Foreseeing):
+        planner.foresee = run.imagine
+    while run.step < MOST_STEPS and run.active.any():
+        before = run.step
+        run.take_step(planner)
+        if run.step == before:
+            break
+        if observe is not None:
+            observe(run.belief, run.recovered)
+    return Exploration(tuple(run.procedures), run.belief, run.recovered, run.status(), run.fault)
+
+
+class _Run:
+    def __init__(self, robot: Robot, told: BoundingCylinder, seed: np.ndarray, table: FitTable,
+                 closings: tuple[str, ...], budget: Budget) -> None:
+        worlds = robot.worlds
+        self.robot, self.told, self.seed, self.table = robot, told, seed, table
+        self.closings, self.budget = closings, budget
+        radius = robot.hand.link_radius_m
+        self.intrinsic = robot.sensors.contact_estimator == "intrinsic"
+        self.felt = no_evidence(worlds, radius)
+        self.links = no_links(worlds, 0, radius)
+        self.contour = np.zeros(0, int)  # slots of touches along a contour
+        self.procedures: list[Procedure] = []
+        self.closings_made = self.step = 0
+        self.active = np.ones(worlds, bool)
+        self.faulty = np.zeros(worlds, bool)
+        self.fault = ""
+        self.faces: list[Face] = []
+        self.profile: Profile | None = None
+        self.touches = np.zeros(worlds, int)
+        self.time, self.path = np.zeros(worlds), np.zeros(worlds)
+        self.fits = _no_fits(worlds)
+        self.count_anew = np.zeros(worlds, int)
+        self.by_pads = np.zeros(worlds, bool)
+        self.placed = self.felt
+        self._conclude()
+
+    def take_step(self, planner: Planner) -> None:
+        """Ask once and carry out the answer; a step that wants nothing is not counted."""
+        try:
+            probes = list(planner(self.belief))
+            wanted = [wanted_of(probe, self.robot.worlds) for probe in probes]
+        except Exception as error:  # whatever a user's strategy may raise
+            self._blame(np.ones(self.robot.worlds, bool), fault_text(planner, error))
+            return
+        changed = np.zeros(self.robot.worlds, bool)
+        for probe, mask in zip(probes, wanted, strict=True):
+            mask = self._sound(probe, mask & self.active[:, None], planner)
+            if not mask.any():
+                continue
+            changed |= mask.any(1)
+            if isinstance(probe, Grasp):
+                self._grasp(probe, mask)
+            elif isinstance(probe, CrossFaces):
+                self._cross(probe, mask)
+            else:
+                self._follow(probe, mask[:, 0])
+        if changed.any():
+            self.step += 1
+            self._refit(np.flatnonzero(changed))
+            self._conclude()
+            self.active &= within_budget(self.budget, self.belief)
+            self.belief = replace(self.belief, active=self.active.copy())
+
+    def imagine(self, probe: Grasp) -> Recovered:
+        """What would be recovered after a grasp, noise and all; nothing of it is kept."""
+        copied = copy(self)
+        copied.robot = self.robot.rehearsing()
+        copied.procedures = []
+        copied.touches, copied.time, copied.path = (
+            v.copy() for v in (self.touches, self.time, self.path))
+        mask = wanted_of(probe, self.robot.worlds) & self.active[:, None]
+        copied._grasp(probe, mask)
+        copied._refit(np.flatnonzero(mask.any(1)))
+        copied._conclude()
+        return copied.recovered
+
+    def _sound(self, probe: Probe, mask: np.ndarray, planner: Planner) -> np.ndarray:
+        """The probes that can be made; a world asked for one that cannot is done."""
+        if not isinstance(probe, Grasp):
+            return mask  # the procedures that feel with pads name a bad start themselves
+        pose = np.asarray(probe.hand_pose, float)
+        with np.errstate(invalid="ignore"):
+            length = np.linalg.norm(pose[..., 3:], axis=-1)
+            below = pose[..., 2] < TABLE_M
+        bad = mask & ~np.isfinite(pose).all(-1)
+        turned = mask & ~bad & (np.abs(length - 1.0) > 1e-3)
+        below = mask & ~bad & ~turned & below
+        for found, what in ((bad, "a hand pose that is not finite"),
+                            (turned, "a quaternion whose length is not 1"),
+                            (below, "a hand pose through the table (z below 0)")):
+            if found.any():
+                world, number = np.argwhere(found)[0]
+                shown = np.array2string(pose[world, number], precision=3)
+                self._blame(np.asarray(found.any(1)), f"{place_of(planner)}: {what}: "
+                            f"world {world}, probe {number}: {shown}")
+        return mask & ~(bad | turned | below).any(1)[:, None]
+
+    def _blame(self, worlds: np.ndarray, text: str) -> None:
+        self.faulty |= worlds & self.active
+        self.active &= ~worlds
+        self.fault = self.fault or text
+
+    def _grasp(self, probe: Grasp, mask: np.ndarray) -> None:
+        closings = probe.closings or self.closings
+        each = len(closings) * FINGERS
+        if self.budget.touches is not None:
+            room = -(-(self.budget.touches - self.touches) // each)
+            mask = mask & (np.cumsum(mask, axis=1) <= room[:, None])
+        pose = np.where(mask[..., None], np.asarray(probe.hand_pose, float), _SAFE_POSE)
+        grasps = explore_by_containment(self.robot, pose, mask, closings)
+        radius = self.robot.hand.link_radius_m
+        links = touched_links(grasps, radius)
+        evidence = evidence_from_grasps(grasps, radius)
+        self._add(evidence, links)
+        made = np.isin(grasps.closing.status, (ProbeStatus.CONTACT, ProbeStatus.NO_CONTACT))
+        self.touches += made.reshape(len(made), -1).sum(1)
+        self.time += np.where(mask, grasps.time_s, 0.0).sum(1)
+        self.path += np.where(mask, grasps.moves.path_m, 0.0).sum(1)
+        self.procedures.append(Procedure("containment", self.step, grasps, np.asarray(mask.any(1)),
+                                         evidence.mask.shape[1], self.closings_made))
+        self.closings_made += 1
+
+    def _cross(self, probe: CrossFaces, mask: np.ndarray) -> None:
+        point, normal = np.asarray(probe.point_m, float), np.asarray(probe.normal, float)
+        for face in range(mask.shape[1]):
+            if not mask[:, face].any():
+                continue
+            found = explore_plane(self.robot, point[:, face], normal[:, face],
+                                  wanted=mask[:, face], options=probe.options)
+            self._touched("planar", found, mask[:, face], FACE_TOUCHES)
+            self.faces.append(planes_of(found))
+
+    def _follow(self, probe: FollowContour, wanted: np.ndarray) -> None:
+        found = explore_contour(self.robot, probe.axis, wanted=wanted, options=probe.options)
+        first = self.felt.mask.shape[1]
+        self._touched("contour", found, wanted, CONTOUR_TOUCHES)
+        self.contour = np.concatenate([self.contour, np.arange(first, first + CONTOUR_TOUCHES)])
+        profile = profile_of(found, refine=probe.refine)
+        self.profile = profile if self.profile is None else later_profile(self.profile, profile)
+
+    def _touched(self, name: str, found: PlanarExploration | ContourExploration,
+                 wanted: np.ndarray, slots: int) -> None:
+        worlds = self.robot.worlds
+        self._add(evidence_from_touches(found.touches, worlds, slots, self.felt),
+                  no_links(worlds, slots, self.links.radius_m))
+        made = np.bincount(found.touches.world, minlength=worlds)
+        self.touches += made
+        self.by_pads = self.by_pads | (made > 0)
+        self.time += found.time_s
+        self.path += found.path_m
+        self.procedures.append(Procedure(name, self.step, found, wanted, slots))
+
+    def _add(self, evidence: Evidence, links: TouchedLinks) -> None:
+        self.felt = joined_evidence(self.felt, evidence)
+        self.links = joined_links(self.links, links)
+
+    def _refit(self, rows: np.ndarray) -> None:
+        """Bodies of the worlds that felt something new.
+
+        From scratch where the contacts have grown by half since that was last done, or pads felt
+        something; otherwise from the body last fitted.
+        """
+        count = self.felt.mask.sum(1)
+        anew = ~self.believed() | (count >= REGROWN * self.count_anew) | self.by_pads
+        self.by_pads = np.zeros_like(self.by_pads)
+        for part, start in ((rows[anew[rows]], None), (rows[~anew[rows]], self.fits)):
+            if len(part) == 0:
+                continue
+            evidence = evidence_rows(self.felt, part)
+            links: TouchedLinks | None = link_rows(self.links, part) if self.intrinsic else None
+            if start is None:
+                fits, placed = recover_bodies(evidence, links, self.table)
+                self.count_anew = _with(self.count_anew, part, count[part])
+            else:
+                fits, placed = refine_bodies(evidence, links, self.table, start[part])
+            self._take(part, fits, placed)
+
+    def _take(self, rows: np.ndarray, fits: SuperquadricFit, placed: Evidence) -> None:
+        """New fits, and the contacts as placed for them, into the rows they are of."""
+        self.fits = SuperquadricFit(**{
+            f.name: _with(getattr(self.fits, f.name), rows, getattr(fits, f.name))
+            for f in fields(SuperquadricFit)})
+        widened = _widened(self.placed, self.felt, placed.free_m.shape[1])
+        values: dict[str, Any] = {
+            f.name: getattr(placed, f.name) if f.name == "free_radius_m" else
+            _with(getattr(widened, f.name), rows, getattr(placed, f.name))
+            for f in fields(Evidence)}
+        self.placed = Evidence(**values)
+
+    def believed(self) -> np.ndarray:
+        """Worlds whose fit is to be believed, bool (world,)."""
+        good = np.isin(self.fits.status, (FitStatus.converged, FitStatus.not_converged))
+        return (self.placed.mask.sum(1) >= FEWEST_CONTACTS) & good & plausible(self.fits, self.told)
+
+    def _conclude(self) -> None:
+        """What is believed now."""
+        fitted = self.believed()
+        body = or_told(self.fits, self.told, fitted)
+        self.recovered = choose_body(fitted, body, self.profile, self.placed, self.contour)
+        self.belief = Belief(
+            self.step, self.active.copy(), self.told, self.seed, self.robot.arm,
+            self.robot.hand, self.placed, self.fits, fitted, body, tuple(self.faces), self.profile,
+            self.recovered.shape, self.touches.copy(), self.time.copy(), self.path.copy())
+
+    def status(self) -> np.ndarray:
+        """How each world ended."""
+        known = self.recovered.shape > 0
+        enough = self.placed.mask.sum(1) >= FEWEST_CONTACTS
+        good = np.isin(self.fits.status, (FitStatus.converged, FitStatus.not_converged))
+        return np.where(self.faulty, "strategy_failed", np.where(
+            known, "ok", np.where(~enough, "too_few_contacts", np.where(
+                good, "fit_implausible", "fit_failed"))))
+
+
+def _no_fits(worlds: int) -> SuperquadricFit:
+    """Fits of nothing."""
+    return fit_superquadric(np.zeros((worlds, 1, 3)), np.zeros((worlds, 1), bool))
+
+
+def _with(array: np.ndarray, rows: np.ndarray, values: np.ndarray) -> np.ndarray:
+    array = array.copy()
+    array[rows] = values
+    return array
+
+
+def _widened(placed: Evidence, felt: Evidence, free: int) -> Evidence:
+    """The evidence last placed, with empty slots where more has been felt since."""
+    worlds, before = placed.mask.shape
+    new = slice(before, None)
+    free_m = np.zeros((worlds, free, 3))
+    free_mask = np.zeros((worlds, free), bool)
+    kept = min(free, placed.free_m.shape[1])
+    free_m[:, :kept], free_mask[:, :kept] = placed.free_m[:, :kept], placed.free_mask[:, :kept]
+    return Evidence(
+        np.concatenate([placed.points_m, felt.points_m[:, new]], 1),
+        np.concatenate([placed.mask, np.zeros_like(felt.mask[:, new])], 1),
+        np.concatenate([placed.covariance_m2, felt.covariance_m2[:, new]], 1),
+        np.concatenate([placed.normals, felt.normals[:, new]], 1),
+        free_m, felt.free_radius_m, free_mask)

@@ -1,0 +1,101 @@
+"""What a strategy may ask for next: grasps, faces to cross, a contour to follow.
+
+A strategy answers with a list of these for the whole batch; an empty list, or one that wants
+nothing in any world, ends the episode.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from strategies.contour import Axis, ContourOptions
+from strategies.planar import PlanarOptions
+
+
+@dataclass(frozen=True)
+class Grasp:
+    """Grasping by containment at hand poses, in turn."""
+
+    hand_pose: np.ndarray
+    """Position [m] and quaternion xyzw of the hand in the base frame, (world, probe, 7)."""
+    wanted: np.ndarray | None = None
+    """Which of them to make, bool (world, probe); all where None."""
+    closings: tuple[str, ...] = ()
+    """Closing paths at each pose; the strategy's own where empty."""
+
+
+@dataclass(frozen=True)
+class CrossFaces:
+    """Planar surface exploration of faces, one after the other."""
+
+    point_m: np.ndarray
+    """A point near each face, (world, face, 3)."""
+    normal: np.ndarray
+    """Its outward normal, (world, face, 3)."""
+    wanted: np.ndarray | None = None
+    """Bool (world, face); all where None."""
+    options: PlanarOptions | None = None
+
+
+@dataclass(frozen=True)
+class FollowContour:
+    """Contour following along an axis."""
+
+    axis: Axis
+    """Shapes (world, ...)."""
+    wanted: np.ndarray | None = None
+    """Bool (world,); all where None."""
+    options: ContourOptions | None = None
+    refine: bool = True
+    """Fit the axis to the touches; else the direction is kept as given."""
+
+
+Probe = Grasp | CrossFaces | FollowContour
+
+
+class ProbeError(ValueError):
+    """A probe that cannot be asked for; the message says what is wrong and what would be right."""
+
+
+def wanted_of(probe: Probe, worlds: int) -> np.ndarray:
+    """Which probes are wanted, bool (world, probe or face or 1). Raises ProbeError for shapes."""
+    if isinstance(probe, Grasp):
+        pose = _checked("Grasp.hand_pose", probe.hand_pose, worlds, 7)
+        return _mask("Grasp.wanted", probe.wanted, pose.shape[:2])
+    if isinstance(probe, CrossFaces):
+        point = _checked("CrossFaces.point_m", probe.point_m, worlds, 3)
+        normal = _checked("CrossFaces.normal", probe.normal, worlds, 3)
+        if point.shape != normal.shape:
+            raise ProbeError(f"CrossFaces.point_m has shape {point.shape}, its normal "
+                             f"{normal.shape}; both should be (world {worlds}, face, 3)")
+        return _mask("CrossFaces.wanted", probe.wanted, point.shape[:2])
+    if isinstance(probe, FollowContour):
+        for name, width in (("foot_m", 3), ("direction", 3), ("length_m", 0), ("radius_m", 0)):
+            value = np.asarray(getattr(probe.axis, name))
+            shape = (worlds, width) if width else (worlds,)
+            if value.shape != shape:
+                raise ProbeError(f"FollowContour.axis.{name} has shape {value.shape}; "
+                                 f"should be {shape}")
+        wanted = None if probe.wanted is None else np.asarray(probe.wanted)[:, None]
+        return _mask("FollowContour.wanted", wanted, (worlds, 1))
+    raise ProbeError(f"a strategy answered with {type(probe).__name__}; should be a list of "
+                     "Grasp, CrossFaces and FollowContour")
+
+
+def _checked(name: str, value: np.ndarray, worlds: int, width: int) -> np.ndarray:
+    array = np.asarray(value)
+    if array.ndim != 3 or array.shape[0] != worlds or array.shape[2] != width or (
+            array.dtype.kind not in "fiu"):
+        raise ProbeError(f"{name} is {array.dtype} of shape {array.shape}; "
+                         f"should be numbers of shape (world {worlds}, any, {width})")
+    return array
+
+
+def _mask(name: str, value: np.ndarray | None, shape: tuple[int, ...]) -> np.ndarray:
+    if value is None:
+        return np.ones(shape, bool)
+    array = np.asarray(value)
+    if array.shape != shape or array.dtype != bool:
+        raise ProbeError(f"{name} is {array.dtype} of shape {array.shape}; "
+                         f"should be bool of shape {shape}")
+    return array

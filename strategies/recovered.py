@@ -1,0 +1,128 @@
+"""The body an episode ends with: superquadric, contour of revolution, or only what was told."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from fit.revolution_shape import RevolutionBody, revolution_distance
+from fit.superquadric import SuperquadricFit
+from fit.superquadric_shape import Superquadric, superquadric_inside_outside, superquadric_normals
+from strategies.contour_profile import Profile
+from strategies.evidence import Evidence
+from strategies.waypoints import BoundingCylinder
+
+FEWEST_NODES = 4
+"""Of a contour that is to stand for a body."""
+PREFERENCE = 0.8
+"""The contour must come this much nearer to the touches than the superquadric, whose parameters
+are fewer; on a cylinder, where both do, the superquadric stays."""
+CONTRADICTS_M = 0.010
+"""Contacts farther than this from a contour do not belong to it."""
+MOST_STRAYED = 0.1
+FARTHEST_M = 0.05
+TOLD_MARGIN_M = 0.03
+"""Three standard deviations of what is told, for telling a body that has run away."""
+
+
+class Shape(IntEnum):
+    """Which model stands for a world's body."""
+
+    TOLD_CYLINDER = 0
+    SUPERQUADRIC = 1
+    REVOLUTION = 2
+
+
+@dataclass(frozen=True)
+class Recovered:
+    """A batch of recovered bodies; `shape` says which of the two models counts in a world."""
+
+    shape: np.ndarray
+    """`Shape`, (world,)."""
+    superquadric: Superquadric
+    """The fit, or the told cylinder."""
+    revolution: RevolutionBody | None = None
+
+    def __len__(self) -> int:
+        return len(self.shape)
+
+
+def revolution_of(profile: Profile) -> RevolutionBody:
+    """The body of a recovered contour."""
+    return RevolutionBody(profile.foot_m, profile.axis, profile.height_m, profile.radius_m)
+
+
+def choose_body(
+    fitted: np.ndarray, superquadric: Superquadric, profile: Profile | None, evidence: Evidence,
+    contour: np.ndarray
+) -> Recovered:
+    """The model of each world; `contour` (slot,) numbers the evidence's touches along contours.
+
+    A contour is taken where it explains those touches clearly better than the superquadric that
+    was fitted to everything (on a block it does not, however the fingers pinched it), and where the
+    rest of the evidence does not contradict it: a contour that was broken off half way up leaves
+    contacts above it.
+    """
+    shape = np.where(fitted, Shape.SUPERQUADRIC, Shape.TOLD_CYLINDER)
+    if profile is None:
+        return Recovered(shape, superquadric)
+    body = revolution_of(profile)
+    mask = evidence.mask[:, contour]
+    nodes = np.isfinite(body.height_m).sum(1)
+    known = (nodes >= FEWEST_NODES) & np.isfinite(profile.volume_m3) & (mask.sum(1) >= 6)
+    rows = np.flatnonzero(known)
+    away = revolution_distance(body[rows], evidence.points_m[rows])
+    part = Superquadric(*(field[rows] for field in superquadric))
+    other = np.abs(_distance(part, evidence.points_m[rows][:, contour]))
+    better = _rms(away[:, contour], mask[rows]) < PREFERENCE * _rms(other, mask[rows])
+    felt = evidence.mask[rows]
+    strayed = (felt & (away > CONTRADICTS_M)).sum(1) / np.maximum(felt.sum(1), 1)
+    taken = (better & (strayed <= MOST_STRAYED)) | ~fitted[rows]
+    shape[rows[taken]] = Shape.REVOLUTION
+    return Recovered(shape, superquadric, body)
+
+
+def _rms(distance: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    square = np.where(mask, np.minimum(distance, FARTHEST_M) ** 2, 0.0).sum(1)
+    return np.sqrt(square / np.maximum(mask.sum(1), 1))
+
+
+def _distance(body: Superquadric, points: np.ndarray) -> np.ndarray:
+    """First-order signed distance [m], (world, point)."""
+    step = 1e-5
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        gauge = superquadric_inside_outside(body, points)
+        ahead = superquadric_inside_outside(
+            body, points + step * superquadric_normals(body, points))
+        distance = (gauge - 1.0) / np.maximum((ahead - gauge) / step, 1e-3)
+    return np.where(np.isfinite(distance), distance, 1.0)
+
+
+def plausible(fits: SuperquadricFit, told: BoundingCylinder) -> np.ndarray:
+    """Whether a body stays within twice the reach of the cylinder told (and what it may err by).
+
+    Few contacts on one side may let a fit run away; whoever was told the rough size would not
+    believe it, and neither is it scored.
+    """
+    middle = np.stack([told.x_m, told.y_m, told.height_m / 2], axis=1)
+    reach = np.hypot(told.radius_m, told.height_m / 2) + TOLD_MARGIN_M
+    far = (np.linalg.norm(fits.position_m - middle, axis=1)
+           + np.linalg.norm(fits.size_m, axis=1))
+    return far <= 2.0 * reach
+
+
+def or_told(fits: SuperquadricFit, told: BoundingCylinder, good: np.ndarray) -> Superquadric:
+    """The fits, and the told cylinder where there is none."""
+    zero = np.zeros_like(told.x_m)
+    pick = good[:, None]
+    upright = np.array([0.0, 0.0, 0.0, 1.0])
+    return Superquadric(
+        size_m=np.where(pick, fits.size_m,
+                        np.stack([told.radius_m, told.radius_m, told.height_m / 2], 1)),
+        exponents=np.where(pick, fits.exponents, [0.1, 1.0]),
+        position_m=np.where(pick, fits.position_m,
+                            np.stack([told.x_m, told.y_m, told.height_m / 2], 1)),
+        quaternion_xyzw=np.where(pick, fits.quaternion_xyzw, upright),
+        taper=np.where(pick, fits.taper, np.stack([zero, zero], 1)),
+        bend=np.where(pick, fits.bend, np.stack([zero, zero], 1)),
+    )

@@ -1,0 +1,141 @@
+"""Finding planners by name: in the package, in installed entry points, in a user's own file.
+
+    @planner("mine", "grasps where it likes")
+    def mine(belief: Belief) -> list[Probe]: ...
+
+A class or a function that takes keyword options works too: what is registered is called with the
+options of the strategy, if there are any, and answers with the planner itself; a function of one
+argument is the planner.
+"""
+
+import importlib.util
+import inspect
+import sys
+from collections.abc import Callable, Mapping
+from hashlib import sha256
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any, TypeVar
+
+from strategies.exploration import Planner
+
+GROUP = "warpgrasp.strategies"
+FILE_LIMIT = 1 << 20
+
+
+Maker = TypeVar("Maker", bound=Callable[..., Any])
+
+
+class PlannerError(ValueError):
+    """A planner that cannot be found or made; the message says where and what would be right."""
+
+
+PLANNERS: dict[str, tuple[Callable[..., Any], str]] = {}
+
+
+def planner(name: str, doc: str = "") -> Callable[[Maker], Maker]:
+    """Register a planner under a name, for `strategy = "name"` in a spec."""
+    def register(found: Maker) -> Maker:
+        PLANNERS[name] = (found, doc or first_line(found))
+        return found
+
+    return register
+
+
+def first_line(found: Any) -> str:
+    """The first line of a docstring."""
+    return (inspect.getdoc(found) or "").partition("\n")[0]
+
+
+def make_planner(call: str, options: Mapping[str, Any]) -> Planner:
+    """A planner, fresh for one batch. Raises PlannerError.
+
+    `call` is a registered name, the name of an entry point of the group `warpgrasp.strategies`, or
+    `path/to/file.py:name`. A file is run as a program is: name only files you trust.
+    """
+    found = find_planner(call)
+    if inspect.isclass(found) or not takes_belief(found):
+        try:
+            made: Any = found(**options)
+            return made
+        except TypeError as error:
+            raise PlannerError(f"strategy {call!r} cannot take the options "
+                               f"{sorted(options)}: {error}") from None
+    if options:
+        raise PlannerError(f"strategy {call!r} is a plain function; it takes no options, "
+                           f"but has {sorted(options)}")
+    return found
+
+
+def takes_belief(found: Any) -> bool:
+    """Whether a function is itself a planner: its one required argument is the belief."""
+    try:
+        needed = [p for p in inspect.signature(found).parameters.values()
+                  if p.default is p.empty and p.kind in (p.POSITIONAL_ONLY,
+                                                         p.POSITIONAL_OR_KEYWORD)]
+    except (TypeError, ValueError):
+        return False
+    return len(needed) == 1
+
+
+def find_planner(call: str) -> Callable[..., Any]:
+    """What `call` names. Raises PlannerError."""
+    import strategies.adaptive
+    import strategies.oracle
+    import strategies.surface_gaussian_process  # noqa: F401
+
+    if call in PLANNERS:
+        return PLANNERS[call][0]
+    file, colon, name = call.rpartition(":")
+    if colon and file.endswith(".py"):
+        return _from_file(Path(file), name)
+    for entry in entry_points(group=GROUP):
+        if entry.name == call:
+            try:
+                return entry.load()
+            except Exception as error:
+                raise PlannerError(f"strategy {call!r}: its entry point {entry.value} cannot be "
+                                   f"loaded: {type(error).__name__}: {error}") from error
+    known = ", ".join(sorted(PLANNERS))
+    raise PlannerError(f"no strategy {call!r}; there are: {known}; or name a file, as in "
+                       "\"mine.py:next_best\"")
+
+
+def _from_file(file: Path, name: str) -> Callable[..., Any]:
+    try:
+        content = file.read_bytes()
+    except OSError as error:
+        raise PlannerError(f"{file}: cannot be read: {error.strerror}") from None
+    if len(content) > FILE_LIMIT:
+        raise PlannerError(f"{file}: {len(content)} bytes; at most {FILE_LIMIT}")
+    label = f"_strategy_{sha256(str(file.resolve()).encode() + content).hexdigest()[:16]}"
+    module = sys.modules.get(label)
+    if module is None:
+        spec = importlib.util.spec_from_file_location(label, file)
+        if spec is None or spec.loader is None:
+            raise PlannerError(f"{file}: is no Python file")
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[label] = module
+        try:
+            spec.loader.exec_module(module)
+        except BaseException as error:
+            del sys.modules[label]
+            if isinstance(error, KeyboardInterrupt):
+                raise
+            line = getattr(error, "lineno", None) or _line_in(error, file)
+            raise PlannerError(f"{file}:{line}: {type(error).__name__}: {error}") from None
+    found = getattr(module, name, None)
+    if not callable(found):
+        functions = [n for n, v in vars(module).items() if callable(v) and not n.startswith("_")]
+        raise PlannerError(f"{file}: has no function or class {name!r}; it has: "
+                           f"{', '.join(functions) or 'none'}")
+    return found
+
+
+def _line_in(error: BaseException, file: Path) -> int:
+    line, trace = 0, error.__traceback__
+    while trace is not None:
+        if trace.tb_frame.f_code.co_filename == str(file):
+            line = trace.tb_lineno
+        trace = trace.tb_next
+    return line

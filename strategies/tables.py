@@ -1,0 +1,52 @@
+"""Numbers of the exploratory procedures that a spec may set or sweep, with their bounds."""
+
+from dataclasses import dataclass, field
+from math import inf, radians
+from typing import Any
+
+
+def _number(default: Any, low: float = 0.0, high: float = inf, doc: str = "") -> Any:
+    return field(default=default, metadata={"low": low, "high": high, "doc": doc})
+
+
+def _choice(default: str, choices: tuple[str, ...], doc: str) -> Any:
+    return field(default=default, metadata={"choices": choices, "doc": doc})
+
+
+@dataclass(frozen=True)
+class PlanarTable:
+    """Crossing faces (paper, section IV-D)."""
+
+    faces: int = _number(5, 1, 5, "faces crossed: the top, then sides, those facing the arm first")
+    step_m: float = _number(0.006, 5e-4, 0.1, "along the surface")
+    interval_m: float = _number(0.001, 1e-4, 0.02, "of a guarded line")
+    stand_off_m: float = _number(0.030, 0.001, 0.2, "the approach starts this far before a face")
+    edge_drop_m: float = _number(0.004, 5e-4, 0.1, "no contact this far down: the face ended")
+    most_steps: int = _number(60, 1, 60, "in one direction")
+
+
+@dataclass(frozen=True)
+class ContourTable:
+    """Following a contour with thumb and index finger (paper, section IV-E)."""
+
+    axis: str = _choice("vertical", ("vertical", "fit", "stereo"),
+                        "direction of exploration: upright, the body's own, or seen by two cameras")
+    axis_error_rad: float = _number(0.0, 0.0, radians(40), "the direction is wrong by this, "
+                                    "towards an azimuth at random")
+    step_m: float = _number(0.010, 0.001, 0.1, "along the axis")
+    finest_step_m: float = _number(0.0025, 2e-4, 0.05, "the end is searched down to this")
+    refine: bool = field(default=True, metadata={"doc": "fit the axis to the touches"})
+
+
+@dataclass(frozen=True)
+class DecideTable:
+    """How the recovered shape picks the next procedure."""
+
+    round_from: float = _number(0.5, 0.0, 2.0,
+                                "exponent of the level section from which a body counts as round")
+    flat_share: float = _number(0.5, 0.0, 1.0, "share of the sides crossed that must prove flat, "
+                                "or the body is followed as a round one after all")
+    ends: bool = field(default=True, metadata={"doc": "cross the top of a round body that is flat "
+                                               "there, too"})
+    flat_below: float = _number(0.4, 0.0, 2.0,
+                                "exponent of the upright section below which the top is flat")

@@ -1,0 +1,109 @@
+"""`warpgrasp fit`: a CSV of sets of touches in, a CSV of recovered shapes out, a row a set."""
+
+import sys
+from collections import Counter
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from fit.points_csv import (
+    PointSets,
+    plane_rows,
+    profile_rows,
+    read_points,
+    revolution_rows,
+    rows_csv,
+    superquadric_rows,
+)
+from fit.status import status_names
+from sweeps.atomic import write_atomic
+from sweeps.store import StoreError
+
+FIGURE_FORMATS = (".png", ".svg", ".pdf")
+
+
+def fit(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, robust: bool,
+        table_z_m: float | None, figure: Path | None) -> int:
+    """Fits every set of `points`, writes `out` (and the contours of revolutions beside it).
+
+    Prints the files written; stderr says what became of the sets. Raises PointsError with all that
+    is wrong in the file, StoreError for options that contradict and files that cannot be used.
+    """
+    _check(shape, points, out, taper, bend, robust, table_z_m, figure)
+    try:
+        sets = read_points(points)
+    except OSError as error:
+        raise StoreError(f"{points}: cannot be read: {error.strerror or error}") from None
+    found = fit_shape(shape, sets, taper=taper, bend=bend, robust=robust, table_z_m=table_z_m)
+    files = {out: rows_csv(*_rows(shape, sets.names, found))}
+    if shape == "revolution":
+        files[profile_path(out)] = rows_csv(*profile_rows(sets.names, found))
+    if figure is not None:
+        from sweeps.figure_fits import draw_fits
+
+        files[figure] = draw_fits(sets, found, figure.suffix[1:])
+    for path, content in files.items():
+        try:
+            write_atomic(path, content)
+        except OSError as error:
+            raise StoreError(f"{path}: cannot be written: {error.strerror or error}") from None
+        print(path)
+    became = Counter(status_names(found.status))
+    print(f"{len(sets.names)} sets: " + ", ".join(f"{n} {name}" for name, n in became.items()),
+          file=sys.stderr)
+    return 0
+
+
+def fit_shape(shape: str, sets: PointSets, *, taper: bool = False, bend: bool = False,
+              robust: bool = False, table_z_m: float | None = None) -> Any:
+    """The fits of one shape to all sets: a `SuperquadricFit`, `PlaneFit` or `RevolutionFit`."""
+    if shape == "plane":
+        from fit.plane import fit_plane
+
+        return fit_plane(sets.points, sets.mask)
+    if shape == "revolution":
+        from fit.revolution import fit_revolution
+
+        return fit_revolution(sets.points, sets.mask, table_z=table_z_m)
+    from fit.superquadric import SuperquadricOptions, fit_superquadric
+
+    options = SuperquadricOptions(taper=taper, bend=bend, loss="cauchy" if robust else "none")
+    return fit_superquadric(sets.points, sets.mask, normals=sets.normals, table_z=table_z_m,
+                            options=options)
+
+
+def profile_path(out: Path) -> Path:
+    """The file of the contours beside `out`: fits.csv has fits.profile.csv."""
+    return out.with_name(f"{out.stem}.profile{out.suffix or '.csv'}")
+
+
+def _rows(shape: str, names: tuple[str, ...], found: Any) -> tuple[list[str], list[list]]:
+    return {"superquadric": superquadric_rows, "plane": plane_rows,
+            "revolution": revolution_rows}[shape](names, found)
+
+
+def _check(shape: str, points: Path, out: Path, taper: bool, bend: bool, robust: bool,
+           table_z_m: float | None, figure: Path | None) -> None:
+    """Raises StoreError with everything wrong about the options."""
+    problems = [f"{name}: is for superquadric, not for {shape}" for name, given in
+                (("--taper", taper), ("--bend", bend), ("--robust", robust))
+                if given and shape != "superquadric"]
+    if table_z_m is not None:
+        if shape == "plane":
+            problems.append("--table-z: is for superquadric and revolution, not for plane")
+        elif not isfinite(table_z_m):
+            problems.append(f"--table-z: is {table_z_m}; should be a finite number of metres")
+    if figure is not None and figure.suffix.lower() not in FIGURE_FORMATS:
+        problems.append(f"--figure: {figure}: should end in {', '.join(FIGURE_FORMATS)}")
+    named = [path.resolve() for path in (points, out, figure) if path is not None]
+    if shape == "revolution":
+        named.append(profile_path(out).resolve())
+    if len(set(named)) < len(named):
+        problems.append(f"--out: {out}: a file is named twice; it would be written over")
+    for path in (out, figure):
+        if path is not None and not path.parent.is_dir():
+            problems.append(f"{path}: cannot be written: there is no folder {path.parent}")
+        elif path is not None and path.is_dir():
+            problems.append(f"{path}: cannot be written: it is a folder")
+    if problems:
+        raise StoreError("\n".join(problems))

@@ -1,0 +1,40 @@
+"""The command `sensitivity`: runs the study of `sweeps.sensitivity` and prints its table."""
+
+import csv
+import io
+import sys
+from pathlib import Path
+
+from sweeps import commands
+from sweeps.atomic import write_atomic
+from sweeps.plan import plan_study
+from sweeps.runner import UNIT_TIMEOUT_S
+from sweeps.sensitivity import HEADER, sensitivity_spec, sensitivity_table
+from sweeps.spec import read_spec
+from sweeps.store import Store, StoreError
+from sweeps.table import print_table
+
+
+def sensitivity(
+    folder: Path, *, episodes: int, workers: int, spec: Path | None, as_json: bool
+) -> int:
+    """Run what is left of the study (or of `spec`, one of its kind), write and print the table."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = spec
+        if file is None:
+            file = folder / "sensitivity.toml"
+            write_atomic(file, sensitivity_spec(episodes=episodes).encode())
+    except OSError as error:
+        raise StoreError(f"{folder}: cannot be written: {error.strerror or error}") from None
+    with commands.quiet_stdout():
+        code = commands.sweep(file, folder, workers=workers, shard=(1, 1), device="cpu",
+                              settings=[], as_json=False, unit_timeout_s=UNIT_TIMEOUT_S)
+    rows, notes = sensitivity_table(plan_study(read_spec(file)), Store(folder))
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([HEADER, *rows])
+    write_atomic(folder / "sensitivity.csv", text.getvalue().encode())
+    print_table(HEADER, rows, as_json)
+    for note in notes:
+        print(f"note: {note}", file=sys.stderr)
+    return code

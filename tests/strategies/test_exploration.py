@@ -1,0 +1,163 @@
+"""The loop of an episode: orders, budgets, strategies that fail, results that depend on nothing
+but their own world."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from strategies.budget import Budget
+from strategies.catalogue import STRATEGIES
+from strategies.exploration import MOST_STEPS, Exploration, explore
+from strategies.ordering import OrderedPlanner
+from strategies.registry import PlannerError, make_planner
+from strategies.strategy import Strategy
+from strategies.tables import ContourTable, DecideTable, PlanarTable
+from strategies.waypoints import BoundingCylinder, Ring
+from warpgrasp.catalogue import body_from_name
+from warpgrasp.counter_random import counter_key_host
+from warpgrasp.parameters import ArmTable, FitTable, HandTable, SensorTable
+from warpgrasp.robot import Robot, Truth
+
+MINE = Path(__file__).parent / "mine.py"
+QUICK = FitTable()
+CLOSINGS = ("curl40",)
+
+
+def run(planner, episodes=(0, 1), name="large_cylinder", budget: Budget | None = None,
+        table: FitTable = QUICK, closings=CLOSINGS) -> Exploration:
+    worlds = len(episodes)
+    key = counter_key_host(7, np.asarray(episodes))
+    pose = np.tile([0.45, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (worlds, 1))
+    body = body_from_name(name)
+    robot = Robot([body], np.zeros(1, int), Truth(pose), key, ArmTable(), HandTable(),
+                  SensorTable())
+    one = np.ones(worlds)
+    told = BoundingCylinder(0.45 * one, 0.0 * one, float(np.hypot(*body.high_m[:2])) * one,
+                            body.high_m[2] * one)
+    return explore(robot, planner, told, key, table=table, closings=closings, budget=budget)
+
+
+def ordered(*order: str, count: int = 6, refit_every: int = 0) -> OrderedPlanner:
+    strategy = Strategy("s", (Ring(count=count),), order=order, refit_every=refit_every)
+    return OrderedPlanner(strategy, PlanarTable(faces=1), ContourTable(), DecideTable())
+
+
+def mine(name: str, **options):
+    return make_planner(f"{MINE}:{name}", options)
+
+
+def test_a_users_function_and_class_run() -> None:
+    found = run(mine("one_ring"))
+    assert (found.status == "ok").all()
+    assert found.fault == ""
+    assert [p.name for p in found.procedures] == ["containment"]
+    assert found.belief.step == 1
+    assert (found.belief.touches > 8).all()
+    several = run(mine("Several", count=3))
+    assert [p.step for p in several.procedures] == [0, 1, 2]
+    assert np.array_equal(several.belief.evidence.mask.sum(1) > 0, [True, True])
+
+
+@pytest.mark.parametrize(("name", "says", "worlds"), [
+    ("raises", "mine.py:27: raises: IndexError", [True, True]),
+    ("wrong_shape", "shape (2, 7)", [True, True]),
+    ("not_finite", "not finite: world 1, probe 2", [False, True]),
+    ("through_the_table", "through the table (z below 0): world 0, probe 0", [True, False]),
+])
+def test_a_broken_strategy_is_a_status_with_file_and_line(name, says, worlds) -> None:
+    found = run(mine(name))
+    assert np.array_equal(found.status == "strategy_failed", worlds)
+    assert says in found.fault
+    assert found.fault.startswith("mine.py:")
+
+
+def test_a_strategy_that_never_ends_is_stopped() -> None:
+    found = run(mine("never_ends"), episodes=(0,), table=QUICK,
+                budget=Budget(touches=40))
+    assert found.belief.touches[0] >= 40
+    assert found.belief.step <= MOST_STEPS
+
+
+def test_planners_that_cannot_be_made_say_why(tmp_path: Path) -> None:
+    for call, options, says in (
+            ("nonsense", {}, "no strategy 'nonsense'; there are: "),
+            (f"{MINE}:nonsense", {}, "has no function or class 'nonsense'"),
+            (f"{tmp_path}/absent.py:f", {}, "cannot be read"),
+            (f"{MINE}:one_ring", {"count": 1}, "takes no options"),
+            (f"{MINE}:Several", {"size": 1}, "cannot take the options ['size']")):
+        with pytest.raises(PlannerError, match=None) as error:
+            make_planner(call, options)
+        assert says in str(error.value)
+    broken = tmp_path / "broken.py"
+    broken.write_text("import numpy\n\nx = 1 / 0\n")
+    with pytest.raises(PlannerError, match=r"broken\.py:3: ZeroDivisionError"):
+        make_planner(f"{broken}:f", {})
+    broken.write_text("def f(:\n")
+    with pytest.raises(PlannerError, match=r"broken\.py:1: SyntaxError"):
+        make_planner(f"{broken}:f", {})
+
+
+def test_the_decorator_registers() -> None:
+    make_planner(f"{MINE}:registered", {})
+    assert make_planner("registered-by-a-test", {}).__name__ == "registered"
+
+
+def test_budgets_end_an_episode() -> None:
+    by_touches = run(ordered("containment", refit_every=1), budget=Budget(touches=10))
+    reached = by_touches.belief.touches
+    assert ((reached >= 10) & (reached < 10 + 4)).all()
+    by_time = run(ordered("containment", refit_every=1), budget=Budget(robot_time_s=15.0))
+    assert (by_time.belief.time_s >= 15.0).all()
+    assert (by_time.belief.time_s < 40.0).all()
+    whole = run(ordered("containment", refit_every=1, count=12), table=QUICK)
+    sure = run(ordered("containment", refit_every=1, count=12), table=QUICK,
+               budget=Budget(volume_ratio=3.0))
+    assert (sure.belief.touches < whole.belief.touches).all()
+
+
+def test_orders_repeat_and_share_out_their_waypoints() -> None:
+    found = run(ordered("containment", "planar", "containment"), name="block")
+    names = [p.name for p in found.procedures]
+    assert names == ["containment", "planar", "containment"]
+    shapes = [p.felt.closing.status.shape[1] for p in found.procedures if p.name == "containment"]
+    assert shapes == [3, 3]
+    assert found.belief.evidence.mask.shape[1] == sum(p.slots for p in found.procedures)
+    assert len(found.belief.faces) == 1
+
+
+def test_cutting_a_sequence_changes_no_contact() -> None:
+    whole, cut = run(ordered("containment")), run(ordered("containment", refit_every=2))
+    assert np.array_equal(whole.belief.touches, cut.belief.touches)
+    a, b = (np.concatenate([p.felt.closing.q_rad for p in f.procedures], 1)
+            for f in (whole, cut))
+    assert np.array_equal(a, b, equal_nan=True)
+
+
+@pytest.mark.parametrize("name", ["block", "large_cylinder"])
+def test_a_world_does_not_depend_on_the_worlds_beside_it(name: str) -> None:
+    strategy = STRATEGIES["coarse-to-fine"]
+
+    def planner() -> OrderedPlanner:
+        return OrderedPlanner(strategy, PlanarTable(faces=2), ContourTable(), DecideTable())
+
+    both = run(planner(), (0, 3), name, closings=strategy.closings)
+    alone = run(planner(), (3,), name, closings=strategy.closings)
+    assert np.array_equal(both.belief.touches[1:], alone.belief.touches)
+    for field in alone.recovered.superquadric._fields:
+        assert np.array_equal(getattr(both.recovered.superquadric, field)[1:],
+                              getattr(alone.recovered.superquadric, field)), field
+    assert np.array_equal(both.recovered.shape[1:], alone.recovered.shape)
+    if alone.recovered.revolution is not None and both.recovered.revolution is not None:
+        mine_, theirs = alone.recovered.revolution.radius_m, both.recovered.revolution.radius_m
+        width = mine_.shape[1]
+        assert np.array_equal(theirs[1:, :width], mine_, equal_nan=True)
+    wanted = {"block": "planar", "large_cylinder": "contour"}[name]
+    assert wanted in [p.name for p in alone.procedures]
+
+
+def test_belief_holds_no_truth() -> None:
+    found = run(ordered("containment"))
+    for name in vars(found.belief):
+        assert "true" not in name
+        assert "truth" not in name
