@@ -183,6 +183,65 @@ def figure(words: list[str], /, *, out: Annotated[Path, Parameter(name=["--out",
 
 
 @app.command
+def report(folders: list[Path], /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])],
+           views: bool = True, workers: int = 1, device: str = "cpu") -> int:
+    """Write a study as one HTML file that needs no network.
+
+    Parameters
+    ----------
+    folders
+        The directory of a study, or several that hold parts (shards) of one.
+    out
+        The HTML file.
+    views
+        Run the best, median and worst episode of each strategy again, for their 3-D views.
+    workers
+        Cores to use for that, one process each.
+    device
+        cpu, or cuda:0.
+    """
+    from sweeps import report
+
+    return report.report(folders, out, views=views, device=_device(device),
+                         workers=_count(workers, "--workers"))
+
+
+@app.command
+def show(folders: list[Path], /, *, episode: int = 0, strategy: str | None = None,
+         object_: Annotated[str | None, Parameter(name="--object")] = None,
+         out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
+         live: Annotated[bool, Parameter(negative="")] = False, port: int = 8080,
+         device: str = "cpu") -> int:
+    """Play an episode again: arm, hand, object, contacts, and the shape believed.
+
+    Parameters
+    ----------
+    folders
+        The directory of a study, or several that hold parts (shards) of one.
+    episode
+        Which episode of the strategy and object, from 0.
+    strategy
+        Whose; by default the leaderboard's first.
+    object_
+        On what; by default the study's first.
+    out
+        An HTML file to write, which needs no network.
+    live
+        Serve it on this machine alone (127.0.0.1) until Ctrl-C.
+    port
+        For --live.
+    device
+        cpu, or cuda:0.
+    """
+    from sweeps import replay
+
+    if out is None and not live:
+        raise UsageError("show: wants -o FILE.html, or --live")
+    return replay.show(folders, out, strategy=strategy, body=object_, episode=episode,
+                       live=live, port=port, device=_device(device))
+
+
+@app.command
 def explore(object_: str, /, *, strategy: str,
             out: Annotated[Path, Parameter(name=["--out", "-o"])], units: str | None = None,
             seed: int = 0, yaw_deg: float | None = None, x_m: float = 0.45, y_m: float = 0.0,

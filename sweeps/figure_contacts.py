@@ -28,8 +28,8 @@ _FIT = "#2166ac"
 _VIEW = (22.0, -55.0)  # elevation, azimuth [deg]
 
 
-def surface_mesh(body: Superquadric, rows: int = 48) -> np.ndarray:
-    """Quadrilaterals of the first body of a batch, shape (face, 4, 3) [m]."""
+def surface_grid(body: Superquadric, rows: int = 48) -> np.ndarray:
+    """Points of the first body of a batch, from pole to pole and around, (row, column, 3) [m]."""
     up = np.linspace(0.0, np.pi, rows + 1)
     around = np.linspace(0.0, 2.0 * np.pi, 2 * rows + 1)
     u, a = np.meshgrid(up, around, indexing="ij")
@@ -40,7 +40,12 @@ def surface_mesh(body: Superquadric, rows: int = 48) -> np.ndarray:
     flat = (cube * body.size_m[0]).reshape(1, -1, 3)
     on = flat / superquadric_inside_outside(straight, flat)[..., None]
     first = Superquadric(*(field[:1] for field in body))
-    grid = from_straight_frame(first, on)[0].reshape(*u.shape, 3)
+    return from_straight_frame(first, on)[0].reshape(*u.shape, 3)
+
+
+def surface_mesh(body: Superquadric, rows: int = 48) -> np.ndarray:
+    """Quadrilaterals of the first body of a batch, shape (face, 4, 3) [m]."""
+    grid = surface_grid(body, rows)
     return np.stack([grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]],
                     axis=2).reshape(-1, 4, 3)
 
