@@ -8,6 +8,7 @@ import numpy as np
 from strategies.belief import Belief
 from strategies.closing_paths import CLOSING_PATHS
 from strategies.containment import padded_commands
+from strategies.recovered import or_told
 from strategies.upright import stand_upright
 from strategies.waypoint_poses import waypoint_poses
 from strategies.waypoints import BoundingCylinder, Placement, Ring, Top
@@ -28,6 +29,20 @@ POOL: tuple[Placement, ...] = (
     Top(count=2),
 )
 """Rims from two sides, rings at three heights and two distances, two from above: 38 poses."""
+
+
+TRUSTED_FROM = 24
+"""Contacts from which a fitted body is a better guide than what was told [est]."""
+
+
+def working_belief(belief: Belief) -> Belief:
+    """The belief with the told cylinder for a body until enough was felt to trust a fit.
+
+    A body fitted to eight contacts of one grasp may lie beside the object; poses about it, and
+    touches predicted on it, would meet nothing.
+    """
+    trusted = belief.fitted & (belief.evidence.mask.sum(1) >= TRUSTED_FROM)
+    return replace(belief, body=or_told(belief.body, belief.told, trusted))
 
 
 def candidate_poses(belief: Belief, *, about: str = "belief") -> tuple[np.ndarray, np.ndarray]:
