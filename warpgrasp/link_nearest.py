@@ -1,9 +1,9 @@
 """Where a link comes nearest to the body: one point of a segment, found by its slope.
 
-It is a valley of the distance along the segment. (The table's nearest point is an end.) Five samples
-choose the valley (a distance need not be convex along a segment), or one is followed from where it
-was. In it the slope is brought to zero by secants on distance times slope, which is linear along a
-straight line where the body is a corner or an edge.
+It is a valley of the distance along the segment. (The table's nearest point is an end.) Five
+samples choose the valley (a distance need not be convex along a segment), or one is followed from
+where it was. In it the slope is brought to zero by secants on distance times slope, which is linear
+along a straight line where the body is a corner or an edge.
 """
 
 import warp as wp

@@ -23,9 +23,9 @@ UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 LARGEST_FILE_BYTES = 256 * 2**20
 LARGEST_FACE_COUNT = 2_000_000
 SMALLEST_M, LARGEST_M = 0.005, 1.0  # of the longest side: what one hand can explore
-_NODES = 128  # along the longest side
-_MARGIN_M = 0.016  # around the body: beyond the grid distances are bounds, and links have radii
-_BAKE_VERSION = 2
+_NODES = 96  # along the longest side
+_MARGIN_M = 0.016  # all around: skin that touches has its link's axis 8 mm away, inside the grid
+_BAKE_VERSION = 3
 
 
 def body_from_mesh(path: Path, *, units: str, name: str | None = None) -> Body:
@@ -187,7 +187,7 @@ def _bake(vertices: np.ndarray, faces: np.ndarray) -> dict[str, np.ndarray]:
     low, high = vertices.min(0), vertices.max(0)
     cell = (float((high - low).max()) + 2 * _MARGIN_M) / (_NODES - 1)
     origin = low - _MARGIN_M
-    nodes = np.ceil((high - low + 2 * _MARGIN_M) / cell).astype(int) + 1
+    nodes = np.ceil((high - low + 2 * _MARGIN_M) / cell - 1e-9).astype(int) + 1
     axes = [origin[k] + cell * np.arange(nodes[k]) for k in range(3)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
     grid = _mesh_distance(mesh, points).reshape(nodes)
