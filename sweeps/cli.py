@@ -8,7 +8,8 @@ from typing import Annotated, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 
-app = App(name="warpgrasp", help="Batched simulation of robots that learn shape by touch.",
+app = App(name="warpgrasp", help="Batched simulation of robots that learn shape by touch. Every command takes "
+          "--quiet: no progress and no notes.",
           version_flags=["--version"], help_format="plaintext",
           suppress_keyboard_interrupt=False)
 
@@ -440,6 +441,37 @@ def init(spec: Path, /, *, force: Annotated[bool, Parameter(negative="")] = Fals
     return previews.init(spec, force=force)
 
 
+@app.command
+def doctor(*, test: bool = True, json: Json = False) -> int:
+    """Say what is installed, where caches are, and whether it computes; 1 if something is wrong.
+
+    Parameters
+    ----------
+    test
+        Also compute a distance and a fit (seconds; the first time compiles).
+    json
+        Print JSON.
+    """
+    from sweeps.doctor import doctor as examine
+
+    return examine(as_json=json, test=test)
+
+
+@app.command
+def completion(shell: Literal["bash", "zsh"], /) -> int:
+    """Print a script that completes commands and options: source <(warpgrasp completion bash).
+
+    Parameters
+    ----------
+    shell
+        bash or zsh.
+    """
+    from sweeps.completion import completion as script
+
+    print(script(shell), end="")
+    return 0
+
+
 def main(arguments: list[str] | None = None) -> None:
     """The entry point: runs a command and exits with its code."""
     sys.exit(run(sys.argv[1:] if arguments is None else arguments))
@@ -447,6 +479,11 @@ def main(arguments: list[str] | None = None) -> None:
 
 def run(arguments: list[str]) -> int:
     """Runs a command; the exit code comes back, user errors are one message on stderr."""
+    if "--quiet" in arguments:
+        from sweeps.quiet import ask_quiet
+
+        ask_quiet()
+        arguments = [argument for argument in arguments if argument != "--quiet"]
     try:
         code = app(arguments or ["--help"], exit_on_error=False, print_error=False,
                    result_action="return_value")

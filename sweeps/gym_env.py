@@ -5,8 +5,7 @@ the shape believed falls. An extra: `pip install 'warpgrasp[gym]'`. Importing th
 `warpgrasp/Grasp-v0` for `gymnasium.make_vec` and, one world at a time, `gymnasium.make`.
 """
 
-from dataclasses import replace
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
@@ -17,23 +16,14 @@ from gymnasium.vector.utils import batch_space
 from fit.status import FitStatus
 from fit.superquadric_shape import Superquadric
 from strategies.containment import explore_by_containment
-from strategies.evidence import (
-    Evidence,
-    TouchedLinks,
-    evidence_from_grasps,
-    touched_links,
-)
+from strategies.evidence import Evidence, TouchedLinks, evidence_from_grasps, touched_links
+from strategies.exploration import FEWEST_CONTACTS
+from strategies.fusion import joined_evidence, joined_links
+from strategies.recovered import or_told, plausible
 from strategies.recovery import recover_bodies
 from strategies.waypoint_poses import pose_about
 from strategies.waypoints import Placement
-from sweeps.episodes import (
-    FEWEST_CONTACTS,
-    _or_told,
-    _plausible,
-    place_objects,
-    recovered_parameters,
-    tell_cylinder,
-)
+from sweeps.episodes import place_objects, recovered_parameters, tell_cylinder
 from sweeps.metrics import score_superquadrics
 from warpgrasp.catalogue import body_from_name
 from warpgrasp.counter_random import counter_key_host
@@ -55,7 +45,8 @@ class GraspVectorEnv(VectorEnv):
     contacts in the told cylinder's frame, (path, finger) x (felt, x, y, z [m]).
     """
 
-    metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}
+    metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
+        "autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}
 
     def __init__(self, num_envs: int = 16, object_name: str = "block", probes: int = 8,
                  closings: tuple[str, ...] = ("curl40", "base_then_curl"),
@@ -117,8 +108,8 @@ class GraspVectorEnv(VectorEnv):
     def _gather(self, grasps: Grasps) -> None:
         radius = HandTable().link_radius_m
         new, links = evidence_from_grasps(grasps, radius), touched_links(grasps, radius)
-        self._evidence = new if self._evidence is None else _joined(self._evidence, new)
-        self._links = links if self._links is None else _joined(self._links, links)
+        self._evidence = new if self._evidence is None else joined_evidence(self._evidence, new)
+        self._links = links if self._links is None else joined_links(self._links, links)
         told = np.stack([self._told.x_m, self._told.y_m, np.zeros(self.num_envs)], axis=1)
         points = np.where(new.mask[..., None], new.points_m - told[:, None], 0.0)
         self._last = np.concatenate([new.mask[..., None], points], axis=-1).reshape(
@@ -139,8 +130,8 @@ class GraspVectorEnv(VectorEnv):
             fits, placed = recover_bodies(self._evidence, self._links, FitTable())
             good = ((placed.mask.sum(axis=1) >= FEWEST_CONTACTS)
                     & np.isin(fits.status, (FitStatus.converged, FitStatus.not_converged))
-                    & _plausible(fits, self._told))
-            self._recovered = _or_told(fits, self._told, good)
+                    & plausible(fits, self._told))
+            self._recovered = or_told(fits, self._told, good)
         scores = score_superquadrics(self._recovered, self._body, self._pose, device=self._device)
         self._error_mm = scores.chamfer_m * 1e3
 
@@ -161,7 +152,7 @@ class GraspVectorEnv(VectorEnv):
 class GraspEnv(gymnasium.Env):
     """One world of `GraspVectorEnv`, for what wants a single environment."""
 
-    metadata: dict[str, Any] = {"render_modes": []}
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": []}  # type: ignore[misc]
 
     def __init__(self, **settings: Any) -> None:
         """`settings` as of `GraspVectorEnv`, without `num_envs`."""
@@ -183,12 +174,5 @@ class GraspEnv(gymnasium.Env):
                 {"chamfer_mm": float(info["chamfer_mm"][0])})
 
 
-def _joined(first: Any, second: Any) -> Any:
-    """Two records side by side along their slots (axis 1)."""
-    return replace(first, **{name: np.concatenate([value, getattr(second, name)], axis=1)
-                             for name, value in vars(first).items()
-                             if isinstance(value, np.ndarray)})
-
-
 gymnasium.register("warpgrasp/Grasp-v0", entry_point=GraspEnv,
-                   vector_entry_point=GraspVectorEnv)
+                   vector_entry_point=GraspVectorEnv)  # type: ignore

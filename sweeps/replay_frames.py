@@ -13,18 +13,26 @@ from scipy.spatial.transform import Rotation
 
 from fit.superquadric_shape import Superquadric
 from strategies.evidence import evidence_from_grasps, touched_links
+from strategies.exploration import FEWEST_CONTACTS
+from strategies.fusion import evidence_rows, link_rows
+from strategies.postures import PINCH_OPEN_RAD, POKE_RAD
+from strategies.recovered import Recovered, Shape
 from strategies.recovery import recover_bodies
+from strategies.touches import TouchTable
 from sweeps.cell import Cell
-from sweeps.episodes import FEWEST_CONTACTS, EpisodeBlock
-from sweeps.figure_contacts import surface_grid
+from sweeps.episodes import EpisodeBlock
+from sweeps.recovered_surface import recovered_grid, surface_grid
 from warpgrasp.arm_hand import HOME_RAD, RETREAT_M, arm_hand_links
 from warpgrasp.body_mesh import body_mesh
 from warpgrasp.parameters import ArmTable
 from warpgrasp.puma560 import ALPHA_RAD, puma_inverse_batch
+from warpgrasp.robot import Grasps
 from warpgrasp.status import ProbeStatus
 
 TRAVEL, APPROACH, CLOSE = 4, 2, 5
 """Frames of a way between retreats, of one from a retreat to the pose, of a closing."""
+FAR_RAD = 0.2
+"""Between touches of pads the arm moves a little; a longer way than this is shown in frames."""
 
 
 @dataclass(frozen=True)
@@ -65,54 +73,139 @@ def make_replay(cell: Cell, block: EpisodeBlock, world: int = 0) -> Replay:
     """Frames of one world of a block."""
     pose = block.truth.body_pose[world]
     vertices, faces = body_mesh(block.body, 24)
-    status = block.grasps.closing.status[world]
-    points = block.grasps.estimate.point_m[world]
-    felt = (status == ProbeStatus.CONTACT) & np.isfinite(points).all(-1)
-    estimates, believed = _estimates(cell, block, world)
-    frames = tuple(_frames(cell, block, world, felt, believed))
+    made = _Made(cell, block, world)
+    frames = tuple(made.frames())
     score = float(block.scores.chamfer_m[world] * 1e3)
     return Replay(
-        f"{cell.strategy.name} on {cell.object_name}: {felt.sum()} contacts, chamfer "
-        f"{score:.1f} mm", frames, points[felt], estimates,
+        f"{cell.strategy.name} on {cell.object_name}: {len(made.contacts)} contacts, chamfer "
+        f"{score:.1f} mm", frames, np.array(made.contacts).reshape(-1, 3), tuple(made.estimates),
         Rotation.from_quat(pose[3:]).apply(vertices) + pose[:3], faces, cell.hand.link_radius_m)
 
 
-def _estimates(cell: Cell, block: EpisodeBlock, world: int) -> tuple[
-        tuple[np.ndarray, ...], list[int]]:
-    """The body fitted to what was felt up to each probe, and which of them holds after each."""
-    one = _world(block.grasps, world)
+class _Made:
+    """What has been made of an episode so far, procedure by procedure."""
+
+    def __init__(self, cell: Cell, block: EpisodeBlock, world: int) -> None:
+        self.cell, self.block, self.world = cell, block, world
+        self.arm = np.asarray(HOME_RAD, float)
+        self.contacts: list[np.ndarray] = []
+        self.estimates: list[np.ndarray] = []
+        self.believed = -1
+
+    def frames(self) -> Iterator[Frame]:
+        procedures = [p for p in self.block.exploration.procedures if p.took_part[self.world]]
+        alone = len({p.step for p in procedures}) == 1
+        for number, procedure in enumerate(procedures):
+            if isinstance(procedure.felt, Grasps):
+                growing = refits(self.cell, procedure.felt, self.world) if alone else []
+                yield from self._grasps(procedure.felt, growing)
+            else:
+                yield from self._touches(procedure.name, procedure.felt.touches)
+            last = number + 1 == len(procedures)
+            if last or procedures[number + 1].step != procedure.step:
+                self._believe(self.block.moments[procedure.step].recovered)
+                yield self._still("what was felt, and what is believed" if last
+                                  else f"{procedure.name}: fitted again")
+
+    def _believe(self, recovered: Recovered) -> None:
+        if recovered.shape[self.world] != Shape.TOLD_CYLINDER:
+            self.estimates.append(recovered_grid(recovered, self.world, 12))
+            self.believed = len(self.estimates) - 1
+
+    def _grasps(self, grasps: Grasps, growing: list[np.ndarray | None]) -> Iterator[Frame]:
+        commands, step = grasps.commands_rad, grasps.closing.step[self.world]
+        status = grasps.closing.status[self.world]
+        points = grasps.estimate.point_m[self.world]
+        felt = (status == ProbeStatus.CONTACT) & np.isfinite(points).all(-1)
+        opened = commands[0, :, 0]
+        probes = len(step)
+        for probe in range(probes):
+            label = "containment" + (f", pose {probe + 1} of {probes}" if probes > 1 else "")
+            move = ProbeStatus(int(grasps.moves.status[self.world, probe, 0]))
+            if move == ProbeStatus.NOT_TRIED:
+                continue
+            if move != ProbeStatus.CONTACT:
+                yield self._still(f"{label}: {move.name.lower()}")
+                continue
+            pose = grasps.moves.believed_pose[self.world, probe]
+            away = _reach(self.cell, _backed(pose, RETREAT_M), self.arm)
+            there = _reach(self.cell, pose, away)
+            yield from self._way(away, TRAVEL, opened, label)
+            yield from self._way(there, APPROACH, opened, label)
+            for grasp in range(len(commands)):
+                last = np.maximum(step[probe, grasp], 0)
+                for share in np.arange(1, CLOSE + 1) / CLOSE:
+                    at = np.round(share * last).astype(int)
+                    yield self._frame(commands[grasp, np.arange(4), at], None, label)
+                self.contacts += list(points[probe, grasp][felt[probe, grasp]])
+                yield self._frame(commands[grasp, np.arange(4), last], felt[probe, grasp], label)
+            if growing and (grid := growing[probe]) is not None:
+                self.estimates.append(grid)
+                self.believed = len(self.estimates) - 1
+                label = f"{label}: fitted again"
+            yield self._frame(opened, None, label)
+            self.arm = away
+
+    def _touches(self, name: str, table: TouchTable) -> Iterator[Frame]:
+        rows = np.flatnonzero(table.world == self.world)
+        posture = (POKE_RAD if name == "planar" else PINCH_OPEN_RAD)[:, 0]
+        for row in rows:
+            label = f"{name}, part {int(table.part[row]) + 1}"
+            goal = _reach(self.cell, table.hand_pose[row], self.arm)
+            far = np.abs(goal - self.arm).max() > FAR_RAD
+            fingers = posture.copy()
+            yield from self._way(goal, TRAVEL if far else 1, fingers, label)
+            finger = int(table.finger[row])
+            fingers[finger] = table.q_rad[row]
+            contact = bool(table.status[row] == ProbeStatus.CONTACT)
+            if contact:
+                self.contacts.append(table.point_m[row])
+            yield self._frame(fingers, (np.arange(4) == finger) & contact, label)
+
+    def _way(self, goal: np.ndarray, count: int, fingers: np.ndarray,
+             label: str) -> Iterator[Frame]:
+        start = self.arm
+        for share in np.arange(1, count + 1) / count:
+            self.arm = start + share * (goal - start)
+            yield self._frame(fingers, None, label)
+
+    def _still(self, label: str) -> Frame:
+        return self._frame(np.zeros((4, 4)), None, label)
+
+    def _frame(self, fingers: np.ndarray, felt: np.ndarray | None, label: str) -> Frame:
+        return _frame(self.cell, self.arm, fingers, felt, len(self.contacts), self.believed, label)
+
+
+def refits(cell: Cell, grasps: Grasps, world: int) -> list[np.ndarray | None]:
+    """Surfaces fitted to what was felt up to each probe: how the belief would have grown.
+
+    An episode of one step is fitted once, at its end; this is for looking at it alone.
+    """
+    one = _world(grasps, world)
     evidence = evidence_from_grasps(one, cell.hand.link_radius_m)
     links = (touched_links(one, cell.hand.link_radius_m)
              if cell.sensors.contact_estimator == "intrinsic" else None)
     probes = one.closing.status.shape[1]
-    every = _repeated(evidence, probes)
+    copies = np.zeros(probes, int)
+    every = evidence_rows(evidence, copies)
     every = replace(every, mask=every.mask & _so_far(every.mask.shape),
                     free_mask=every.free_mask & _so_far(every.free_mask.shape))
-    fits, _ = recover_bodies(every, None if links is None else _repeated(links, probes), cell.fit)
-    grids, believed, last = [], [], 0
-    counts = every.mask.sum(axis=1)
-    for probe in range(probes):
+    fits, _ = recover_bodies(every, None if links is None else link_rows(links, copies), cell.fit)
+    grids: list[np.ndarray | None] = []
+    last = 0
+    for probe, count in enumerate(every.mask.sum(axis=1)):
         body = Superquadric(*(np.asarray(getattr(fits, name))[probe:probe + 1]
                               for name in Superquadric._fields))
-        if counts[probe] >= FEWEST_CONTACTS and counts[probe] > last and all(
-                np.isfinite(field).all() for field in body):
-            grids.append(surface_grid(body, 12))
-            last = int(counts[probe])
-        believed.append(len(grids) - 1)
-    return tuple(grids), believed
+        known = count >= FEWEST_CONTACTS and all(np.isfinite(field).all() for field in body)
+        grids.append(surface_grid(body, 12) if known and count > last else None)
+        last = int(count)
+    return grids
 
 
 def _so_far(shape: tuple[int, ...]) -> np.ndarray:
     """Which slots of (probe, slot) were filled by then: the same number by each probe."""
     probes, slots = shape
     return np.arange(probes)[:, None] >= np.arange(slots)[None] // (slots // probes)
-
-
-def _repeated(record: Any, times: int) -> Any:
-    """A record of one world, that many times."""
-    return replace(record, **{name: np.repeat(value, times, axis=0)
-                              for name, value in vars(record).items()
-                              if isinstance(value, np.ndarray)})
 
 
 def _world(grasps: Any, world: int) -> Any:
@@ -123,44 +216,6 @@ def _world(grasps: Any, world: int) -> Any:
     if "commands_rad" in values:
         values["commands_rad"] = grasps.commands_rad
     return type(grasps)(**values)
-
-
-def _frames(cell: Cell, block: EpisodeBlock, world: int, felt: np.ndarray,
-            believed: list[int]) -> Iterator[Frame]:
-    grasps = block.grasps
-    commands, step = grasps.commands_rad, grasps.closing.step[world]
-    opened = commands[0, :, 0]
-    arm = np.asarray(HOME_RAD, float)
-    made, estimate = 0, -1
-    probes = len(step)
-    for probe in range(probes):
-        label = f"containment, pose {probe + 1} of {probes}"
-        status = ProbeStatus(int(grasps.moves.status[world, probe, 0]))
-        if status != ProbeStatus.CONTACT:
-            yield _frame(cell, arm, opened, None, made, estimate,
-                         f"{label}: {status.name.lower()}")
-            continue
-        pose = grasps.moves.believed_pose[world, probe]
-        away = _reach(cell, _backed(pose, RETREAT_M), arm)
-        there = _reach(cell, pose, away)
-        for start, end, count in ((arm, away, TRAVEL), (away, there, APPROACH)):
-            for share in np.arange(1, count + 1) / count:
-                yield _frame(cell, start + share * (end - start), opened, None, made, estimate,
-                             label)
-        for grasp, name in enumerate(cell.strategy.closings):
-            now = f"{label}, {name}"
-            last = np.maximum(step[probe, grasp], 0)
-            for share in np.arange(1, CLOSE + 1) / CLOSE:
-                at = np.round(share * last).astype(int)
-                yield _frame(cell, there, commands[grasp, np.arange(4), at], None, made,
-                             estimate, now)
-            made += int(felt[probe, grasp].sum())
-            q = commands[grasp, np.arange(4), last]
-            yield _frame(cell, there, q, felt[probe, grasp], made, estimate, now)
-        estimate = believed[probe]
-        yield _frame(cell, there, opened, None, made, estimate, f"{label}: fitted again")
-        arm = away
-    yield _frame(cell, arm, opened, None, made, estimate, "what was felt, and what is believed")
 
 
 def _frame(cell: Cell, arm: np.ndarray, fingers: np.ndarray, felt: np.ndarray | None, made: int,

@@ -16,6 +16,7 @@ from sweeps.leaderboard import Leaderboard, make_leaderboard
 from sweeps.opened import open_study
 from sweeps.paired import Paired, read_paired
 from sweeps.plan import Plan
+from sweeps.quiet import quiet_asked
 from sweeps.report_html import listed, page, paragraph
 from sweeps.report_sections import (
     confusion_section,
@@ -123,4 +124,6 @@ def _environment(stores: Sequence[Store]) -> dict[str, Any]:
 
 
 def _say(text: str) -> None:
+    if quiet_asked():
+        return
     print(text, file=sys.stderr, flush=True)

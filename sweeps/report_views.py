@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fit.superquadric_shape import Superquadric
 from sweeps.entries import values_of
-from sweeps.figure_contacts import surface_grid
 from sweeps.plan import Plan
+from sweeps.recovered_surface import recovered_grid
 from sweeps.rerun import Episode, file_read, rerun_all
 from sweeps.store import Store
 from warpgrasp.body import Body
@@ -89,15 +88,15 @@ def make_views(plan: Plan, picked: Sequence[Picked], device: str = "cpu",
         body = plan.study.objects[pick.body].name
         if body not in bodies:
             bodies[body] = body_data(block.body)
+        evidence = block.exploration.belief.evidence
         again = float(block.scores.chamfer_m[0] * 1e3)
         differ += again != pick.chamfer_mm
         episodes.append({
             "place": pick.place, "strategy": plan.study.strategies[pick.strategy].name,
             "object": body, "episode": pick.episode, "chamfer_mm": round(again, 3),
             "iou": round(float(block.scores.iou[0]), 4), "status": str(block.status[0]),
-            **episode_data(Superquadric(*(field[:1] for field in block.recovered)),
-                           block.truth.body_pose[0],
-                           block.evidence.points_m[0][block.evidence.mask[0]])})
+            **episode_data(recovered_grid(block.recovered, rows=16), block.truth.body_pose[0],
+                           evidence.points_m[0][evidence.mask[0]])})
     notes = [f"{', '.join(sorted(set(left_out)))}: read from files that the study does not keep, "
              "so that no episode of it is shown"] if left_out else []
     if differ:
@@ -114,10 +113,9 @@ def body_data(body: Body) -> dict[str, Any]:
     return {"points": _packed(vertices), "faces": _encoded(faces.astype("<u2"))}
 
 
-def episode_data(recovered: Superquadric, pose: np.ndarray, felt: np.ndarray) -> dict[str, Any]:
-    """The recovered surface and the contacts (point, 3), seen from the true body's frame."""
+def episode_data(grid: np.ndarray, pose: np.ndarray, felt: np.ndarray) -> dict[str, Any]:
+    """The recovered surface (row, column, 3) and the contacts, seen from the true body's frame."""
     turn = Rotation.from_quat(pose[3:]).inv()
-    grid = surface_grid(recovered, 16)
     return {"grid": _packed(turn.apply(grid.reshape(-1, 3) - pose[:3])),
             "rows": grid.shape[0], "columns": grid.shape[1],
             "contacts": _packed(turn.apply(felt - pose[:3]) if len(felt) else felt)}

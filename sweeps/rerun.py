@@ -96,10 +96,14 @@ def _quietly(function: Callable[[Any], Any], task: Any) -> Any:
 
 
 def _run(task: tuple[Cell, int, str]) -> "EpisodeBlock":
+    return _quietly(_run_block, task)
+
+
+def _run_block(task: tuple[Cell, int, str]) -> "EpisodeBlock":
     from sweeps.episodes import run_block
 
     cell, episode, device = task
-    return _quietly(lambda _: run_block(cell, np.array([episode]), device), None)
+    return run_block(cell, np.array([episode]), device)
 
 
 def file_read(plan: Plan, episode: Episode) -> str:
@@ -109,7 +113,7 @@ def file_read(plan: Plan, episode: Episode) -> str:
         return body.name
     strategy = plan.study.strategies[episode.strategy]
     files = [getattr(family, "file", "") for family in strategy.waypoints]
-    return strategy.name if any(files) else ""
+    return strategy.name if any(files) or ".py:" in strategy.call else ""
 
 
 def _names_a_file(value: Any) -> bool:

@@ -14,6 +14,7 @@ from fit.superquadric_shape import superquadric
 from sweeps import cli
 from sweeps.leaderboard import make_leaderboard
 from sweeps.plan import Plan
+from sweeps.recovered_surface import surface_grid
 from sweeps.report import make_report
 from sweeps.report_charts import nice_ticks
 from sweeps.report_html import source_hash
@@ -35,14 +36,14 @@ def drawn_views(plan: Plan, picked: list[Picked], device: str = "cpu",
                 workers: int = 1, say: object = None) -> Views:
     """Views of the right size without running an episode: an ellipsoid and 120 contacts each."""
     points = np.random.default_rng(1).normal(0, 0.03, (120, 3))
-    recovered = superquadric(np.array([[0.03, 0.03, 0.06]]), np.array([[1.0, 1.0]]))
+    grid = surface_grid(superquadric(np.array([[0.03, 0.03, 0.06]]), np.array([[1.0, 1.0]])), 16)
     pose = np.array([0, 0, 0, 0, 0, 0, 1.0])
     return Views(
         {name: body_data(body_from_name(name)) for name in OBJECTS[:len(plan.study.objects)]},
         [{"place": p.place, "strategy": plan.study.strategies[p.strategy].name,
           "object": plan.study.objects[p.body].name, "episode": p.episode,
           "chamfer_mm": p.chamfer_mm, "iou": 0.5, "status": "ok",
-          **episode_data(recovered, pose, points)} for p in picked], [])
+          **episode_data(grid, pose, points)} for p in picked], [])
 
 
 @pytest.fixture
