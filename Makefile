@@ -32,7 +32,7 @@ paper-docs: $(VENV)/.installed  ## the paper's experiments anew: docs/paper
 
 sensitivity-docs: $(VENV)/.installed  ## the sensitivity table anew: docs/fidelity
 	$(BIN)/warpgrasp sensitivity -o runs/sensitivity --workers $(WORKERS)
-	cp runs/sensitivity/sensitivity.csv docs/fidelity/
+	cp runs/sensitivity/sensitivity.csv runs/sensitivity/sensitivity.md docs/fidelity/
 
 $(VENV)/.installed-validate: $(VENV)/.installed requirements-validate.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-validate.lock

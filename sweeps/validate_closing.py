@@ -53,7 +53,7 @@ class _Tally:
     causes: Counter[str] = field(default_factory=Counter)
 
 
-def compare_closings(poses: int = 24) -> list[Comparison]:
+def compare_closing(poses: int = 8) -> list[Comparison]:
     """All comparisons; `poses` random hand poses for each body and closing path."""
     rows: list[Comparison] = []
     exact, total = _Tally(), 0  # hands
@@ -70,7 +70,7 @@ def compare_closings(poses: int = 24) -> list[Comparison]:
         tally = _Tally()
         for name in ("box", "cylinder"):
             body, solids = bodies_compared()[name]
-            _compare(tally, body, solids, "base_then_curl", max(poses // 2, 4), friction, limits)
+            _compare(tally, body, solids, "base_then_curl", max(poses // 4, 2), friction, limits)
         rows += _rows(f"box and cylinder, {what}", tally, False)
     return rows
 

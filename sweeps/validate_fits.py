@@ -28,7 +28,7 @@ ONE_VALLEY_M = 1e-5
 POINTS, SIGMA_M = 60, 0.001
 
 
-def compare_fits(sets_each: int = 2) -> list[Comparison]:
+def compare_fits(sets_each: int = 1) -> list[Comparison]:
     """Costs and bodies at the optimum, from every start of fits to touches of six objects."""
     return [row for parameters, taper in ((11, False), (13, True))
             for row in _compare(parameters, taper, sets_each)]
