@@ -1,10 +1,13 @@
 """The comparisons with other engines: small ones here, the whole by `make validate`."""
 
+import importlib
 import importlib.util
 
 import numpy as np
 import pytest
 
+from sweeps.cli import run
+from sweeps.validate import CHECKS
 from sweeps.validate_distances import compare_distances
 from sweeps.validate_metrics import compare_metrics
 from sweeps.validation import HEADER, Comparison, MissingEngine, engine
@@ -29,6 +32,18 @@ def test_a_row_keeps_or_breaks_its_bound() -> None:
 def test_a_missing_engine_says_how_to_get_it() -> None:
     with pytest.raises(MissingEngine, match="make validate"):
         engine("an_engine_that_is_not_there")
+
+
+@pytest.mark.skipif(NO_MUJOCO, reason="MuJoCo is not installed: make validate")
+@pytest.mark.parametrize("name", CHECKS)
+def test_every_check_is_where_the_command_looks(name: str) -> None:
+    module = importlib.import_module(f"sweeps.validate_{name}")
+    assert callable(getattr(module, f"compare_{name}"))
+
+
+def test_an_unknown_check_is_refused(capsys) -> None:
+    assert run(["validate", "--only", "pumas"]) == 2
+    assert "puma" in capsys.readouterr().err
 
 
 @pytest.mark.skipif(NO_MUJOCO, reason="MuJoCo is not installed: make validate")
