@@ -367,7 +367,7 @@ def export_(file: Path, /, *, arm: Annotated[bool, Parameter(negative="")] = Fal
 
 @app.command
 def validate(*, only: Annotated[list[str] | None, Parameter(negative="")] = None,
-             out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None, poses: int = 16,
+             out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None, poses: int = 24,
              json: Json = False) -> int:
     """Compare with MuJoCo, roboticstoolbox, trimesh and SciPy; print ours, theirs, difference.
 
