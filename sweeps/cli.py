@@ -472,6 +472,43 @@ def completion(shell: Literal["bash", "zsh"], /) -> int:
     return 0
 
 
+@app.command
+def warmup(*, device: str = "cpu") -> int:
+    """Compile the kernels and the programs of the fits into the caches, once for a version.
+
+    Parameters
+    ----------
+    device
+        cpu, or cuda:0.
+    """
+    from sweeps.warmup import warmup as compile_all
+
+    return compile_all(_device(device))
+
+
+@app.command
+def bench(*, out: Annotated[Path, Parameter(name=["--out", "-o"])] = Path("runs/bench"),
+          quick: Annotated[bool, Parameter(negative="")] = False,
+          peers: Annotated[bool, Parameter(negative="")] = False,
+          only: list[str] | None = None) -> int:
+    """Measure this machine: a JSON line for each row, bench.jsonl and bench.md.
+
+    Parameters
+    ----------
+    out
+        The directory to write to.
+    quick
+        Fewer rows, each run once.
+    peers
+        Beside MuJoCo, numba, JAX, scipy and trimesh (the optional group `peers`).
+    only
+        Rows of this name alone (repeatable): closings, touches, metrics, fits, episodes, start.
+    """
+    from sweeps.bench import bench as measure_all
+
+    return measure_all(out, quick=quick, peers=peers, only=only or ())
+
+
 def main(arguments: list[str] | None = None) -> None:
     """The entry point: runs a command and exits with its code."""
     sys.exit(run(sys.argv[1:] if arguments is None else arguments))
