@@ -366,6 +366,42 @@ def export_(file: Path, /, *, arm: Annotated[bool, Parameter(negative="")] = Fal
 
 
 @app.command
+def validate(*, only: Annotated[list[str] | None, Parameter(negative="")] = None,
+             out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None, poses: int = 16,
+             json: Json = False) -> int:
+    """Compare with MuJoCo, roboticstoolbox, trimesh and SciPy; print ours, theirs, difference.
+
+    Parameters
+    ----------
+    only
+        Only these checks: puma, distances, pads, metrics, fits, closing.
+    out
+        Also write the table there, as CSV and Markdown.
+    poses
+        Random hand poses of each body and closing path, for closing.
+    json
+        Print JSON.
+    """
+    from sweeps.validate import validate as run_validate
+
+    return run_validate(only or [], out, poses=_count(poses, "--poses"), as_json=json)
+
+
+@app.command
+def paper(*, out: Annotated[Path, Parameter(name=["--out", "-o"])]) -> int:
+    """Run the experiments of Allen and Michelman 1990 beside what they printed.
+
+    Parameters
+    ----------
+    out
+        The directory for the tables, figures and paper.md; the same bytes every time.
+    """
+    from sweeps.paper import paper as run_paper
+
+    return run_paper(out)
+
+
+@app.command
 def sensitivity(*, out: Annotated[Path, Parameter(name=["--out", "-o"])], episodes: int = 16,
                 workers: int = 1, spec: Path | None = None, json: Json = False) -> int:
     """Vary each estimated constant over its bracket; print what becomes of the ranking.

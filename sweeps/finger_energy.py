@@ -7,15 +7,35 @@ and independent of the kernels' search. Only the body's distance is shared with 
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from warpgrasp.body import Body, distance_to_bodies, scene_of
 from warpgrasp.parameters import HandTable
+from warpgrasp.scene import Scene
 
 _SAMPLES = 33
 _ROUNDS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class _Held:
+    """A body that does not enter a cache's key."""
+
+    body: Body
+
+    def __hash__(self) -> int:
+        return 0
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Held)
+
+
+@lru_cache(maxsize=16)
+def _scene(content: str, held: _Held) -> Scene:
+    return scene_of([held.body], "cpu")
 
 
 @dataclass(frozen=True)
@@ -34,7 +54,7 @@ class FingerEnergy:
     """Energy of one finger (number 0 to 3) of a hand held at a pose (7,) in the body's frame."""
 
     def __init__(self, body: Body, hand: HandTable, pose: np.ndarray, finger: int) -> None:
-        self._scene = scene_of([body], "cpu")
+        self._scene = _scene(body.content, _Held(body))
         self.hand = hand
         turn = Rotation.from_quat(pose[3:])
         x = hand.palm_gap_m / 2 * (1.0 if finger == 3 else -1.0)

@@ -40,6 +40,8 @@ class MujocoStop:
     contacts: int
     """Contacts of this finger with a force."""
     settled: bool
+    touch_N: float
+    """What the touch sensor of the distal pad's site reads."""
 
 
 class MujocoHand:
@@ -152,7 +154,8 @@ class MujocoHand:
             self.hand.link_length_m[2])
         return MujocoStop(step, d.qpos.reshape(4, 4)[f].copy(),
                           d.actuator_force.reshape(4, 4)[f].copy(), tip.copy(), link,
-                          point.copy(), normal.copy(), int(contacts), settled)
+                          point.copy(), normal.copy(), int(contacts), settled,
+                          float(d.sensordata[f]))
 
 
 def tension_differences(

@@ -16,8 +16,8 @@ from scipy.stats import kendalltau
 from sweeps.plan import Plan, cell_hash
 from sweeps.store import Store
 
-STRATEGIES = ("ring6", "top2-ring6", "column9", "opposing6", "random18", "rim12-ring12")
-OBJECTS = ("block", "small_cylinder", "wedge", "lightbulb")
+STRATEGIES = ("ring6", "column9", "random18", "rim12-ring12")
+OBJECTS = ("block", "small_cylinder", "lightbulb")
 EPISODES = 16
 METRIC = "chamfer_mm"
 SURE = 2.0

@@ -3,6 +3,7 @@
 import csv
 import io
 import sys
+from contextlib import redirect_stdout
 from pathlib import Path
 
 from sweeps import commands
@@ -27,7 +28,7 @@ def sensitivity(
             write_atomic(file, sensitivity_spec(episodes=episodes).encode())
     except OSError as error:
         raise StoreError(f"{folder}: cannot be written: {error.strerror or error}") from None
-    with commands.quiet_stdout():
+    with redirect_stdout(io.StringIO()):  # a leaderboard of every setting would drown the table
         code = commands.sweep(file, folder, workers=workers, shard=(1, 1), device="cpu",
                               settings=[], as_json=False, unit_timeout_s=UNIT_TIMEOUT_S)
     rows, notes = sensitivity_table(plan_study(read_spec(file)), Store(folder))

@@ -97,13 +97,19 @@ def scene_of(bodies: Sequence[Body], device: str) -> Scene:
                 grid_count += part.grid_m.size
             rows.append(row)
         firsts.append(len(rows))
+    arrays = {
+        "body_first": wp.array(firsts, dtype=int, device=device),
+        "primitives": wp.array(rows, dtype=Primitive, device=device),
+        "profile": wp.array(np.concatenate(profiles) if profiles else np.zeros((1, 2)),
+                            dtype=vec2, device=device),
+        "grid": wp.array(np.concatenate(grids) if grids else np.zeros(1, np.float32),
+                         dtype=wp.float32, device=device)}
     scene = Scene()
-    scene.body_first = wp.array(firsts, dtype=int, device=device)
-    scene.primitives = wp.array(rows, dtype=Primitive, device=device)
-    scene.profile = wp.array(np.concatenate(profiles) if profiles else np.zeros((1, 2)),
-                             dtype=vec2, device=device)
-    scene.grid = wp.array(np.concatenate(grids) if grids else np.zeros(1, np.float32),
-                          dtype=wp.float32, device=device)
+    for name, array in arrays.items():
+        setattr(scene, name, array.ptr)
+    scene.bodies, scene.primitive_count = len(bodies), len(rows)
+    scene.profile_count, scene.grid_count = len(arrays["profile"]), len(arrays["grid"])
+    scene.__dict__["kept"] = arrays  # as long as the scene lives, so do its arrays
     return scene
 
 

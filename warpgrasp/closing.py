@@ -5,8 +5,8 @@ commands; at each step it rests where its energy is least; it stops at the first
 difference of a flexion joint exceeds the threshold (Allen and Michelman 1990, section IV-C).
 
 Free steps are not simulated one by one: while the distance to everything exceeds how far the links
-can have moved, the finger follows its command exactly, and a false stop (friction and noise alone
-past the threshold) is drawn from its exact first-passage law.
+can have moved, the finger follows its command exactly (see `finger_path`), and a false stop
+(friction and noise alone past the threshold) is drawn from its exact first-passage law.
 """
 
 from dataclasses import dataclass
@@ -20,21 +20,17 @@ from warpgrasp.counter_random import (
     counter_normal,
     counter_uniform,
 )
-from warpgrasp.finger_rest import (
-    Rest,
-    finger_rest,
-    link_direction,
-    link_start,
-    lower_end,
-    nearest_along,
-)
+from warpgrasp.finger_path import PathStep, first_uncertain, path_table
+from warpgrasp.finger_rest import finger_rest, link_direction, link_start, rest_from
 from warpgrasp.launch import launch
+from warpgrasp.link_nearest import link_nearest, lower_end
 from warpgrasp.parameters import HandTable, SensorTable
 from warpgrasp.real import HALF, ONE, ZERO, real, transform, vec3, vec4
-from warpgrasp.scene import Scene, body_distance_grad, stand_distance
+from warpgrasp.scene import Scene, body_distance_grad
 from warpgrasp.status import ProbeStatus
 from warpgrasp.tendon import (
     TendonSensor,
+    may_cross,
     tendon_sensor_of,
     tendon_tensions,
     tension_difference_read,
@@ -42,6 +38,7 @@ from warpgrasp.tendon import (
 )
 from warpgrasp.utah_mit_hand import FINGER_COUNT, Hand, finger_base, finger_pose, hand_of
 
+wp.set_module_options({"max_unroll": 1})  # few copies of the distance: they are then inlined
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
 _NO_CONTACT = wp.constant(int(ProbeStatus.NO_CONTACT))
 _FALSE_STOP = wp.constant(int(Purpose.FALSE_STOP))
@@ -87,12 +84,6 @@ class Closing:
 
 
 @wp.func
-def _command(commands: wp.array4d[real], grasp: int, finger: int, step: int):
-    return vec4(commands[grasp, finger, step, 0], commands[grasp, finger, step, 1],
-                commands[grasp, finger, step, 2], commands[grasp, finger, step, 3])
-
-
-@wp.func
 def _sign(x: real):
     if x > real(1e-12):
         return ONE
@@ -102,40 +93,40 @@ def _sign(x: real):
 
 
 @wp.func
-def _clearance(scene: Scene, body: int, hand: Hand, base: transform, q: vec4, link: int):
-    """Distance of a link's skin to everything [m], or a lower bound where it is far."""
-    f = finger_pose(hand, base, q)
-    a = link_start(f, link)
-    u = link_direction(f, link)
+def _clearance(scene: Scene, body: int, hand: Hand, base: transform, at: PathStep, link: int):
+    """Distance of a free link's skin to everything [m], or a lower bound where it is far."""
+    a = at.p1
+    b = at.p2
+    if link == 1:
+        a = at.p2
+        b = at.p3
+    elif link == 2:
+        a = at.p3
+        b = at.p4
+    a = wp.transform_point(base, a)
     length = hand.link_length[link]
-    bound = stand_distance(scene, body, a + u * (length * HALF)) - length * HALF
-    if bound > hand.link_radius + real(0.004):
-        return bound - hand.link_radius
-    return nearest_along(scene, body, a, u, length)[1] - hand.link_radius
-
-
-@wp.func
-def _motion_bound(hand: Hand, delta: vec4, link: int):
-    """How far any point of a link can move [m] in one step of the command."""
-    reach = hand.link_length[link] + hand.link_radius
-    total = wp.abs(delta[link + 1]) * reach
-    for k in range(link):
-        reach += hand.link_length[link - 1 - k]
-        total += wp.abs(delta[link - k]) * reach
-    return total + wp.abs(delta[0]) * (reach + hand.abduction_offset)
+    u = (wp.transform_point(base, b) - a) / length
+    near = link_nearest(scene, body, a, u, length, -ONE, ONE, 1, length * HALF + hand.link_radius)
+    table = a[2] + wp.min(u[2], ZERO) * length
+    return wp.min(near.distance, table) - hand.link_radius
 
 
 @wp.func
 def _stop_reading(
     hand: Hand, sensor: TendonSensor, torque: vec4, delta: vec4, key: wp.uint64
 ):
-    """The largest tendon difference of the flexion joints in one reading of each [N], by size."""
+    """The largest tendon difference of the flexion joints in one reading of each [N], by size.
+
+    Readings that are sure to stay below the threshold are left out.
+    """
     largest = real(0.0)
     for j in range(1, 4):
-        d = tension_difference_read(
-            sensor, tendon_tensions(hand, j, torque[j], _sign(delta[j])), counter_key(key, j))
-        if wp.abs(d) > wp.abs(largest):
-            largest = d
+        tensions = tendon_tensions(hand, j, torque[j], _sign(delta[j]))
+        noise = counter_key(key, j)
+        if may_cross(sensor, tensions, noise):
+            d = tension_difference_read(sensor, tensions, noise)
+            if wp.abs(d) > wp.abs(largest):
+                largest = d
     return largest
 
 
@@ -155,7 +146,8 @@ def _closing_kernel(
     probe_first: int,
     probe_status: wp.array3d[int],
     hand_pose: wp.array2d[transform],
-    commands: wp.array4d[real],
+    path: wp.array3d[PathStep],
+    travel: wp.array3d[vec3],
     command_count: wp.array[int],
     # Contact out:
     status: wp.array4d[int],
@@ -206,64 +198,79 @@ def _closing_kernel(
     hazard_still = -wp.log(wp.max(ONE - sensor.false_stop_still, real(1e-300)))
     hazard = real(0.0)
 
-    command = _command(commands, g, finger, 0)
-    q = command
+    q = path[g, finger, 0].command
+    known = rest_from(q)  # of the links, when the finger last rested
     free = vec3(ZERO, ZERO, ZERO)  # how far each link can still move for certain [m]
     torque = vec4(ZERO, ZERO, ZERO, ZERO)
     delta = vec4(ZERO, ZERO, ZERO, ZERO)
     stopped = int(-1)
     reading = real(0.0)
-    rest = Rest()
     touching = int(0)
-    for s in range(last + 1):
-        next_command = _command(commands, g, finger, s)
-        delta = next_command - command
-        command = next_command
-        q = q + delta
+    s = int(0)
+    while s <= last:
+        at = path[g, finger, s]
+        delta = at.command - path[g, finger, wp.max(s - 1, 0)].command
         maybe = int(touching)
-        for link in range(3):
-            free[link] = free[link] - _motion_bound(hand, delta, link)
-            if free[link] <= ZERO:
-                maybe = int(1)
-        if maybe == 1 and touching == 0:
-            maybe = int(0)
+        if touching == 0:
+            q = at.command
+            known = rest_from(q)
             for link in range(3):
                 if free[link] <= ZERO:
-                    clear = _clearance(scene, which, hand, base, q, link)
-                    free[link] = clear * march_scale
-                    if clear <= ZERO:
+                    free[link] = march_scale * _clearance(scene, which, hand, base, at, link)
+                    if free[link] <= ZERO:
                         maybe = int(1)
         if maybe == 1:
-            rest = finger_rest(scene, which, hand, base, command, q)
-            q = rest.q
-            torque = (command - q) * hand.stiffness
+            # Where the joints go to first order when the command moves on.
+            ahead = q
+            if touching == 1:
+                ahead = q + known.compliance * (delta * hand.stiffness)
+            known = finger_rest(scene, which, hand, base, at.command, ahead, known)
+            q = known.q
             touching = int(0)
             for link in range(3):
-                free[link] = ZERO
-                if rest.depth[link] > ZERO or rest.table[link] > ZERO:
+                pressed = wp.max(known.depth[link], known.table[link])
+                free[link] = -march_scale * pressed
+                if pressed > ZERO:
                     touching = int(1)
         if touching == 1:
+            torque = (at.command - q) * hand.stiffness
             reading = _stop_reading(hand, sensor, torque, delta,
                                     counter_key(counter_key(stream, _TENSION_STEP), s))
             if wp.abs(reading) > sensor.threshold:
                 stopped = int(s)
                 break
+            s += 1
         else:
             torque = vec4(ZERO, ZERO, ZERO, ZERO)
-            for j in range(1, 4):
-                if wp.abs(delta[j]) > real(1e-12):
-                    hazard += hazard_moving
-                else:
-                    hazard += hazard_still
-            if hazard >= patience:
-                stopped = int(s)
-                redraw = counter_key(counter_key(stream, _FALSE_STOP), s)
+            next_step = first_uncertain(travel, g, finger, s, last, free)
+            moves = path[g, finger, next_step - 1].moves - path[g, finger, wp.max(s - 1, 0)].moves
+            ahead_hazard = hazard_moving * moves + hazard_still * (
+                real(3 * (next_step - s)) - moves)
+            if hazard + ahead_hazard >= patience:
+                # Noise stops the finger on the way: at the first step that uses up the patience.
+                for k in range(s, next_step):
+                    before = path[g, finger, wp.max(k - 1, 0)]
+                    delta = path[g, finger, k].command - before.command
+                    moves = path[g, finger, k].moves - before.moves
+                    hazard += hazard_moving * moves + hazard_still * (real(3.0) - moves)
+                    stopped = int(k)
+                    if hazard >= patience:
+                        break
+                q = path[g, finger, stopped].command
+                redraw = counter_key(counter_key(stream, _FALSE_STOP), stopped)
                 for attempt in range(_REDRAWS):
                     reading = _stop_reading(hand, sensor, torque, delta,
                                             counter_key(redraw, attempt))
                     if wp.abs(reading) > sensor.threshold:
                         break
                 break
+            hazard += ahead_hazard
+            if next_step > last:
+                q = path[g, finger, last].command
+                delta = q - path[g, finger, wp.max(last - 1, 0)].command
+            else:
+                free -= travel[g, finger, next_step] - travel[g, finger, s]
+            s = next_step
 
     q_true[w, p, g, finger] = q
     torque_true[w, p, g, finger] = torque
@@ -288,14 +295,14 @@ def _closing_kernel(
         bearing = int(0)
         deepest = real(0.0)
         for link in range(3):
-            if wp.max(rest.depth[link], rest.table[link]) > deepest:
+            if wp.max(known.depth[link], known.table[link]) > deepest:
                 bearing = int(link)
-                deepest = wp.max(rest.depth[link], rest.table[link])
+                deepest = wp.max(known.depth[link], known.table[link])
         f = finger_pose(hand, base, q)
         u = link_direction(f, bearing)
-        x = link_start(f, bearing) + u * rest.along[bearing]
+        x = link_start(f, bearing) + u * known.along[bearing]
         n = body_distance_grad(scene, which, x)
-        if rest.table[bearing] > rest.depth[bearing]:
+        if known.table[bearing] > known.depth[bearing]:
             x = link_start(f, bearing) + u * lower_end(u, hand.link_length[bearing])
             n = vec4(ZERO, ZERO, ONE, x[2])
             on_table[w, p, g, finger] = 1
@@ -347,7 +354,8 @@ def close_fingers(
     shapes = dict.fromkeys(out, "world probe grasp finger") | {
         "body": "world?", "body_pose": "world", "hands": "world?", "sensors": "world?",
         "key": "world", "probe_status": "world probe grasp", "hand_pose": "world probe",
-        "commands": "grasp finger step 4", "command_count": "grasp"}
+        "path": "grasp finger step", "travel": "grasp finger step", "command_count": "grasp"}
+    path, travel = path_table(hand, commands_rad)
     launch(_closing_kernel, extents, shapes, {
         "scene": scene,
         "body": wp.array(body, dtype=int, device=device),
@@ -358,7 +366,8 @@ def close_fingers(
         "key": wp.array(key, dtype=wp.uint64, device=device), "probe_first": probe_first,
         "probe_status": wp.array(probe_status, dtype=int, device=device),
         "hand_pose": wp.array(hand_pose, dtype=transform, device=device),
-        "commands": wp.array(commands_rad, dtype=real, device=device),
+        "path": wp.array(path, dtype=PathStep, device=device),
+        "travel": wp.array(travel, dtype=vec3, device=device),
         "command_count": wp.array(command_count, dtype=int, device=device),
         **out}, device=device)
     host = {name: array.numpy().copy() for name, array in out.items()}

@@ -5,110 +5,52 @@
 The obstacles are the body and the table, phi the signed distance of one of them, x_link the point
 of the link's axis nearest to it: a link between object and table bears on both. (With one distance
 for both, the energy has a kink where they are equally near, and a descent stalls on it.)
-Newton steps on the Gauss-Newton Hessian with backtracking: E never rises.
+Newton steps on the Gauss-Newton Hessian with backtracking: E never rises. Links that are surely
+free are not looked at, and those that touch are followed from where they touched.
 """
 
 import warp as wp
 
-from warpgrasp.real import HALF, ONE, ZERO, mat44, real, vec2, vec3, vec4
-from warpgrasp.scene import Scene, body_distance, body_distance_grad
-from warpgrasp.utah_mit_hand import FingerPose, Hand, finger_jacobian, finger_pose
+from warpgrasp.link_nearest import link_nearest, lower_end
+from warpgrasp.real import HALF, ONE, ZERO, mat44, real, vec3, vec4
+from warpgrasp.scene import Scene
+from warpgrasp.sine_cosine import sine_cosine
+from warpgrasp.utah_mit_hand import FingerPose, Hand
 
-_SAMPLES = wp.constant(5)
-_REFINEMENTS = wp.constant(24)
-_WIDTH = wp.constant(real(1e-9))  # of the place along a link, relative to its length
 _ITERATIONS = wp.constant(30)
 _HALVINGS = wp.constant(12)
-_GRADIENT = wp.constant(real(1e-8))  # [N m]
-_FAR = wp.constant(real(1e9))
+_GRADIENT = wp.constant(real(1e-6))  # [N m]; 0.2 mN on a tendon, a 300th of the converter's step
 
 
 @wp.struct
 class Rest:
-    """A finger at rest: joints, energy [J], its gradient, and where each link touches.
+    """A finger at rest: joints, energy [J], its gradient, compliance, and its links.
 
-    `along` is the place on each link's axis [m from its joint] nearest to the body, `depth` how far
-    the body presses the skin in [m], `table` the same of the table (at the link's lower end); not
-    positive where a link is free.
+    `compliance` is the inverse of the energy's Gauss-Newton Hessian.
+
+    `along` is the place on each link's axis [m from its joint] nearest to the body, negative where
+    it is not known, `bend` helps to follow it (see `link_nearest`). `depth` is how far the body
+    presses the skin in [m], not positive where a link is free: then it surely is, by at least that
+    much. `table` is the same of the table, at the link's lower end.
     """
 
     q: vec4
     energy: real
     gradient: vec4
+    compliance: mat44
     along: vec3
+    bend: vec3
     depth: vec3
     table: vec3
 
 
 @wp.func
-def lower_end(u: vec3, length: real):
-    """Place [m] along a segment where it is nearest to the table."""
-    if u[2] < ZERO:
-        return length
-    return ZERO
-
-
-@wp.func
-def nearest_along(scene: Scene, body: int, a: vec3, u: vec3, length: real):
-    """Place [m from a] and distance of the point of a segment nearest to body and table."""
-    near = nearest_on_body(scene, body, a, u, length)
-    low = lower_end(u, length)
-    if a[2] + u[2] * low < near[1]:
-        return vec2(low, a[2] + u[2] * low)
-    return near
-
-
-@wp.func
-def nearest_on_body(scene: Scene, body: int, a: vec3, u: vec3, length: real):
-    """Place [m from a] and distance of the point of a segment nearest to the body.
-
-    Five samples choose the valley (a distance need not be convex along a segment), then the slope
-    is brought to zero inside it by bisection with secants.
-    """
-    best = int(0)
-    best_d = _FAR
-    spacing = length / real(_SAMPLES - 1)
-    for k in range(_SAMPLES):
-        d = body_distance(scene, body, a + u * (spacing * real(k)))
-        if d < best_d:
-            best_d = d
-            best = int(k)
-    low = spacing * real(wp.max(best - 1, 0))
-    high = spacing * real(wp.min(best + 1, _SAMPLES - 1))
-    g = body_distance_grad(scene, body, a + u * low)
-    slope_low = g[0] * u[0] + g[1] * u[1] + g[2] * u[2]
-    if slope_low >= ZERO:
-        return vec2(low, g[3])
-    g = body_distance_grad(scene, body, a + u * high)
-    slope_high = g[0] * u[0] + g[1] * u[1] + g[2] * u[2]
-    if slope_high <= ZERO:
-        return vec2(high, g[3])
-    t = low
-    d = g[3]
-    side = int(0)
-    for k in range(_REFINEMENTS):
-        # The Illinois variant of false position; every third step halves, against kinks.
-        t = (low * slope_high - high * slope_low) / (slope_high - slope_low)
-        if k % 3 == 2:
-            t = (low + high) * HALF
-        g = body_distance_grad(scene, body, a + u * t)
-        d = g[3]
-        slope = g[0] * u[0] + g[1] * u[1] + g[2] * u[2]
-        if wp.abs(slope) < real(1e-10) or high - low < _WIDTH * length:
-            break
-        if slope < ZERO:
-            low = t
-            slope_low = slope
-            if side == 1:
-                slope_high = slope_high * HALF
-            side = int(1)
-        else:
-            high = t
-            slope_high = slope
-            if side == 2:
-                slope_low = slope_low * HALF
-            side = int(2)
-    return vec2(t, d)
+def rest_from(q: vec4):
+    """A finger of whose links nothing is known, to begin with."""
+    rest = Rest()
+    rest.q = q
+    rest.along = vec3(-ONE, -ONE, -ONE)
+    return rest
 
 
 @wp.func
@@ -132,92 +74,141 @@ def link_direction(f: FingerPose, link: int):
 
 
 @wp.func
-def table_jacobian(f: FingerPose, link: int, length: real):
-    """Rise of a link's lower end per radian a joint."""
-    u = link_direction(f, link)
-    x = link_start(f, link) + u * lower_end(u, length)
-    return finger_jacobian(f, link, x, vec3(ZERO, ZERO, ONE))
+def pick(v: vec3, link: int):
+    """`v[link]`; an index not known when compiled would keep `v` out of the registers."""
+    return wp.where(link == 0, v[0], wp.where(link == 1, v[1], v[2]))
 
 
 @wp.func
-def rest_energy(scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, q: vec4):
-    """Energy, its gradient and the depths of the links at joints `q`; `base` in body frame."""
+def put(v: vec3, link: int, value: real):
+    """`v` with `value` at `link`."""
+    return vec3(wp.where(link == 0, value, v[0]), wp.where(link == 1, value, v[1]),
+                wp.where(link == 2, value, v[2]))
+
+
+@wp.func
+def rest_energy(
+    scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, q: vec4, last: Rest,
+    check: int
+):
+    """Energy, its gradient and compliance, and the depths of the links at joints `q`.
+
+    `base` is in the body's frame. `last` is known of other joints near by: links free there by more
+    than they can have moved are free; the others' valleys are followed, and with `check` compared.
+    """
     rest = Rest()
     rest.q = q
-    f = finger_pose(hand, base, q)
     lag = command - q
-    rest.energy = HALF * hand.stiffness * wp.dot(lag, lag)
-    rest.gradient = -lag * hand.stiffness
+    k = hand.stiffness
+    rest.energy = HALF * k * wp.dot(lag, lag)
+    rest.gradient = -lag * k
+    e = ONE / k
+    c = mat44(e, ZERO, ZERO, ZERO, ZERO, e, ZERO, ZERO, ZERO, ZERO, e, ZERO, ZERO, ZERO, ZERO, e)
+    # The chain of `finger_pose`, link by link.
+    r = wp.transform_get_rotation(base)
+    origin = wp.transform_get_translation(base)
+    x = wp.quat_rotate(r, vec3(ONE, ZERO, ZERO))
+    y = wp.quat_rotate(r, vec3(ZERO, ONE, ZERO))
+    z = wp.quat_rotate(r, vec3(ZERO, ZERO, ONE))
+    turn = sine_cosine(q[0])
+    turn1 = sine_cosine(q[1])
+    turn2 = sine_cosine(q[1] + q[2])
+    turn3 = sine_cosine(q[1] + q[2] + q[3])
+    side = y * turn[1] - z * turn[0]
+    z = z * turn[1] + y * turn[0]
+    u = x * turn1[0] + z * turn1[1]
+    u2 = x * turn2[0] + z * turn2[1]
+    u3 = x * turn3[0] + z * turn3[1]
+    p1 = origin + z * hand.abduction_offset
+    p2 = p1 + u * hand.link_length[0]
+    p3 = p2 + u2 * hand.link_length[1]
+    a = p1
+    length = hand.link_length[0]
+    moved = vec4(wp.abs(q[0] - last.q[0]), wp.abs(q[1] - last.q[1]), wp.abs(q[2] - last.q[2]),
+                 wp.abs(q[3] - last.q[3]))
+    # How far any point of a link can have moved: each joint's turn times what lies beyond it.
+    turned = moved[0]
+    travel = moved[0] * hand.abduction_offset
     for link in range(3):
-        a = link_start(f, link)
-        u = link_direction(f, link)
-        length = hand.link_length[link]
-        middle = body_distance(scene, body, a + u * (length * HALF))
-        rest.along[link] = length * HALF
-        rest.depth[link] = hand.link_radius - (middle - length * HALF)
-        if rest.depth[link] > ZERO:
-            near = nearest_on_body(scene, body, a, u, length)
-            rest.along[link] = near[0]
-            depth = hand.link_radius - near[1]
-            rest.depth[link] = depth
+        if link == 0:
+            turned += moved[1]
+        elif link == 1:
+            turned += moved[2]
+            length = hand.link_length[1]
+            a = p2
+            u = u2
+        else:
+            turned += moved[3]
+            length = hand.link_length[2]
+            a = p3
+            u = u3
+        travel += turned * length
+        before = pick(last.depth, link)
+        depth = before + travel
+        along = pick(last.along, link)
+        bend = pick(last.bend, link)
+        if depth >= ZERO or before >= ZERO:
+            near = link_nearest(scene, body, a, u, length, along, bend, check, hand.link_radius)
+            depth = hand.link_radius - near.distance
+            along = near.along
+            bend = near.bend
             if depth > ZERO:
-                x = a + u * near[0]
-                g = body_distance_grad(scene, body, x)
-                j = finger_jacobian(f, link, x, vec3(g[0], g[1], g[2]))
+                n = near.normal
+                at = a + u * along
+                swing = wp.cross(n, side)
+                j = vec4(wp.dot(wp.cross(at - origin, x), n), wp.dot(swing, at - p1),
+                         wp.where(link >= 1, wp.dot(swing, at - p2), ZERO),
+                         wp.where(link >= 2, wp.dot(swing, at - p3), ZERO))
                 rest.energy += HALF * hand.skin * depth * depth
                 rest.gradient -= j * (hand.skin * depth)
-        else:
-            # A bound from the link's middle: free for certain, depth at most this.
-            rest.depth[link] = wp.min(rest.depth[link], ZERO)
-        low = a + u * lower_end(u, length)
-        rest.table[link] = hand.link_radius - low[2]
-        if rest.table[link] > ZERO:
-            pressed = rest.table[link]
+                # Sherman and Morrison: the Hessian gains skin times j j^T.
+                yields = c * j
+                c -= wp.outer(yields, yields / (ONE / hand.skin + wp.dot(j, yields)))
+        end = lower_end(u, length)
+        low = a + u * end
+        pressed = hand.link_radius - low[2]
+        if pressed > ZERO:
+            swing = wp.cross(vec3(ZERO, ZERO, ONE), side)
+            j = vec4(wp.dot(wp.cross(low - origin, x), vec3(ZERO, ZERO, ONE)),
+                     wp.dot(swing, low - p1), wp.where(link >= 1, wp.dot(swing, low - p2), ZERO),
+                     wp.where(link >= 2, wp.dot(swing, low - p3), ZERO))
             rest.energy += HALF * hand.skin * pressed * pressed
-            rest.gradient -= table_jacobian(f, link, length) * (hand.skin * pressed)
+            rest.gradient -= j * (hand.skin * pressed)
+            yields = c * j
+            c -= wp.outer(yields, yields / (ONE / hand.skin + wp.dot(j, yields)))
+        rest.table = put(rest.table, link, pressed)
+        rest.along = put(rest.along, link, along)
+        rest.bend = put(rest.bend, link, bend)
+        rest.depth = put(rest.depth, link, depth)
+    rest.compliance = c
     return rest
-
-
-@wp.func
-def _newton_step(scene: Scene, body: int, hand: Hand, base: wp.transformd, rest: Rest):
-    f = finger_pose(hand, base, rest.q)
-    k = hand.stiffness
-    h = mat44(k, ZERO, ZERO, ZERO, ZERO, k, ZERO, ZERO, ZERO, ZERO, k, ZERO, ZERO, ZERO, ZERO, k)
-    for link in range(3):
-        if rest.depth[link] > ZERO:
-            x = link_start(f, link) + link_direction(f, link) * rest.along[link]
-            g = body_distance_grad(scene, body, x)
-            j = finger_jacobian(f, link, x, vec3(g[0], g[1], g[2]))
-            h += wp.outer(j, j) * hand.skin
-        if rest.table[link] > ZERO:
-            j = table_jacobian(f, link, hand.link_length[link])
-            h += wp.outer(j, j) * hand.skin
-    return -(wp.inverse(h) * rest.gradient)
 
 
 @wp.func
 def finger_rest(
-    scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, start: vec4
+    scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, start: vec4,
+    last: Rest
 ):
-    """The rest configuration for a command, descending from `start`; `base` in the body's frame."""
-    rest = rest_energy(scene, body, hand, base, command, start)
-    for _ in range(_ITERATIONS):
+    """The rest configuration for a command, descending from `start`; `base` in the body's frame.
+
+    Valleys are chosen at the start and followed from there.
+    """
+    rest = last
+    step = start - last.q
+    scale = real(1.0)
+    halvings = int(0)
+    for k in range(_ITERATIONS):
+        trial = rest_energy(scene, body, hand, base, command, rest.q + step * scale, rest,
+                            wp.where(k == 0, 1, 0))
+        halvings += 1
+        scale = scale * HALF
+        if k == 0 or trial.energy < rest.energy:
+            rest = trial
+            halvings = int(0)
+            scale = real(1.0)
+            step = -(rest.compliance * rest.gradient)
         worst = wp.max(wp.max(wp.abs(rest.gradient[0]), wp.abs(rest.gradient[1])),
                        wp.max(wp.abs(rest.gradient[2]), wp.abs(rest.gradient[3])))
-        if worst < _GRADIENT:
-            break
-        step = _newton_step(scene, body, hand, base, rest)
-        scale = real(1.0)
-        descended = int(0)
-        for _h in range(_HALVINGS):
-            trial = rest_energy(scene, body, hand, base, command, rest.q + step * scale)
-            if trial.energy < rest.energy:
-                rest = trial
-                descended = int(1)
-                break
-            scale = scale * HALF
-        if descended == 0:
+        if worst < _GRADIENT or halvings >= _HALVINGS:
             break
     return rest
-
-

@@ -2,7 +2,8 @@
 
 import warp as wp
 
-from warpgrasp.finger_rest import link_direction, link_start, nearest_along
+from warpgrasp.finger_rest import link_direction, link_start
+from warpgrasp.link_nearest import nearest_along
 from warpgrasp.real import HALF, ONE, ZERO, real, transform, vec3, vec4
 from warpgrasp.scene import Scene, stand_distance
 from warpgrasp.utah_mit_hand import Hand, finger_base, finger_pose

@@ -24,8 +24,8 @@ LARGEST_FILE_BYTES = 256 * 2**20
 LARGEST_FACE_COUNT = 2_000_000
 SMALLEST_M, LARGEST_M = 0.005, 1.0  # of the longest side: what one hand can explore
 _NODES = 96  # along the longest side
-_MARGIN_CELLS = 4
-_BAKE_VERSION = 1
+_MARGIN_M = 0.016  # all around: skin that touches has its link's axis 8 mm away, inside the grid
+_BAKE_VERSION = 3
 
 
 def body_from_mesh(path: Path, *, units: str, name: str | None = None) -> Body:
@@ -52,7 +52,7 @@ def body_from_mesh(path: Path, *, units: str, name: str | None = None) -> Body:
     except OSError as error:
         raise BodyError(f"{path}: cannot be read: {error.strerror or error}") from None
     key = hashlib.sha256(content)
-    key.update(f"{units} {_NODES} {_MARGIN_CELLS} {_BAKE_VERSION}".encode())
+    key.update(f"{units} {_NODES} {_MARGIN_M} {_BAKE_VERSION}".encode())
     cached = _cache_folder() / f"{key.hexdigest()[:32]}.npz"
     baked = _read_cached(cached)
     if baked is None:
@@ -185,9 +185,9 @@ def _bake(vertices: np.ndarray, faces: np.ndarray) -> dict[str, np.ndarray]:
                    indices=wp.array(faces.ravel(), dtype=int, device="cpu"),
                    support_winding_number=True)
     low, high = vertices.min(0), vertices.max(0)
-    cell = float((high - low).max()) / (_NODES - 2 * _MARGIN_CELLS - 1)
-    origin = low - _MARGIN_CELLS * cell
-    nodes = np.ceil((high - low) / cell).astype(int) + 2 * _MARGIN_CELLS + 1
+    cell = (float((high - low).max()) + 2 * _MARGIN_M) / (_NODES - 1)
+    origin = low - _MARGIN_M
+    nodes = np.ceil((high - low + 2 * _MARGIN_M) / cell - 1e-9).astype(int) + 1
     axes = [origin[k] + cell * np.arange(nodes[k]) for k in range(3)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
     grid = _mesh_distance(mesh, points).reshape(nodes)

@@ -8,8 +8,11 @@ from warpgrasp.scene import Scene
 from warpgrasp.tactile_pad import (
     Pad,
     block_near,
+    noise_may_reach,
+    pad_columns,
     pad_near,
-    pad_place,
+    pad_point,
+    pad_row,
     pad_taxel_key,
     taxel_count,
     taxel_force,
@@ -28,15 +31,44 @@ def pad_load(scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, link:
     if pad_near(scene, body, pad, hand, f, link):
         for block in range(16):
             if block_near(scene, body, pad, hand, f, link, block):
-                for cell in range(16):
-                    place = pad_place(pad, hand, f, link, real(4 * (block // 4) + cell // 4),
-                                      real(4 * (block % 4) + cell % 4))
-                    force = taxel_force(scene, body, pad, place.x)
-                    total += force
-                    centre += place.x * force
+                columns = pad_columns(pad, hand, 4 * (block % 4))
+                for i in range(4):
+                    row = pad_row(pad, hand, f, link, real(4 * (block // 4) + i))
+                    for j in range(4):
+                        x = pad_point(pad, hand, f, row, columns[j]).x
+                        force = taxel_force(scene, body, pad, x)
+                        total += force
+                        centre += x * force
     if total > ZERO:
         centre = centre / total
     return vec4(centre[0], centre[1], centre[2], total)
+
+
+@wp.func
+def pad_feels(
+    scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, finger: int, link: int,
+    episode: wp.uint64, reading: wp.uint64
+):
+    """Whether some taxel of a pad reads the threshold: as `read_image` would, less work."""
+    for block in range(16):
+        near = block_near(scene, body, pad, hand, f, link, block)
+        columns = pad_columns(pad, hand, 4 * (block % 4))
+        for i in range(4):
+            row_number = 4 * (block // 4) + i
+            row = pad_row(pad, hand, f, link, real(row_number))
+            for j in range(4):
+                taxel = row_number * _SIDE + 4 * (block % 4) + j
+                force = real(0.0)
+                if near:
+                    force = taxel_force(scene, body, pad,
+                                        pad_point(pad, hand, f, row, columns[j]).x)
+                key = counter_key(reading, taxel)
+                if force > ZERO or noise_may_reach(pad, key):
+                    count = taxel_count(pad, force, pad_taxel_key(episode, finger, link, taxel),
+                                        key)
+                    if real(count) >= pad.threshold:
+                        return True
+    return False
 
 
 @wp.func
@@ -46,15 +78,23 @@ def read_image(
 ):
     """Read a pad into row `i` of `image`; returns the largest count."""
     peak = int(0)
-    for taxel in range(_SIDE * _SIDE):
-        row = taxel // _SIDE
-        column = taxel % _SIDE
-        place = pad_place(pad, hand, f, link, real(row), real(column))
-        count = taxel_count(pad, taxel_force(scene, body, pad, place.x),
-                            pad_taxel_key(episode, finger, link, taxel),
-                            counter_key(reading, taxel))
-        image[i, row, column] = wp.uint8(count)
-        peak = wp.max(peak, count)
+    for block in range(16):
+        near = block_near(scene, body, pad, hand, f, link, block)
+        columns = pad_columns(pad, hand, 4 * (block % 4))
+        for k in range(4):
+            row_number = 4 * (block // 4) + k
+            row = pad_row(pad, hand, f, link, real(row_number))
+            for j in range(4):
+                column_number = 4 * (block % 4) + j
+                taxel = row_number * _SIDE + column_number
+                force = real(0.0)
+                if near:
+                    force = taxel_force(scene, body, pad,
+                                        pad_point(pad, hand, f, row, columns[j]).x)
+                count = taxel_count(pad, force, pad_taxel_key(episode, finger, link, taxel),
+                                    counter_key(reading, taxel))
+                image[i, row_number, column_number] = wp.uint8(count)
+                peak = wp.max(peak, count)
     return peak
 
 

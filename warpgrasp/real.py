@@ -17,6 +17,10 @@ quat = wp.quatd
 transform = wp.transformd
 
 
+class mat42(wp.types.matrix(shape=(4, 2), dtype=wp.float64)):
+    """Four pairs."""
+
+
 class vec6(wp.types.vector(length=6, dtype=wp.float64)):
     """Six arm joints."""
 

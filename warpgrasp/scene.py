@@ -80,85 +80,91 @@ class Primitive:
 
 @wp.struct
 class Scene:
-    """All bodies of a batch: rows `body_first[b]` to `body_first[b + 1]` make body b."""
+    """All bodies of a batch: rows `body_first[b]` to `body_first[b + 1]` make body b.
 
-    body_first: wp.array[int]
-    primitives: wp.array[Primitive]
-    profile: wp.array[vec2]  # (z, r) [m]
-    grid: wp.array[wp.float32]  # [m]
+    Addresses and lengths of arrays that `body.scene_of` keeps: Warp hands structs on by value, and
+    four whole arrays in each call cost more than the distances they are for.
+    """
+
+    body_first: wp.uint64
+    bodies: int
+    primitives: wp.uint64
+    primitive_count: int
+    profile: wp.uint64  # (z, r) [m]
+    profile_count: int
+    grid: wp.uint64  # [m], float32
+    grid_count: int
 
 
 @wp.func
-def _primitive_distance(scene: Scene, k: int, p: vec3):
-    shape = scene.primitives[k].shape
-    size = scene.primitives[k].size
-    if shape == _BLOCK:
+def _first_row(scene: Scene, body: int):
+    rows = wp.array(ptr=scene.body_first, shape=(scene.bodies + 1,), dtype=int)
+    return rows[body]
+
+
+@wp.func
+def _primitive_distance(scene: Scene, row: Primitive, p: vec3):
+    size = row.size
+    if row.shape == _BLOCK:
         return sdf_block(p, size)
-    if shape == _CYLINDER:
+    if row.shape == _CYLINDER:
         return sdf_cylinder(p, size[0], size[2])
-    if shape == _REVOLUTION:
-        return sdf_revolution(p, scene.profile, scene.primitives[k].first,
-                              scene.primitives[k].count)
-    if shape == _WEDGE:
+    if row.shape == _REVOLUTION:
+        profile = wp.array(ptr=scene.profile, shape=(scene.profile_count,), dtype=vec2)
+        return sdf_revolution(p, profile, row.first, row.count)
+    if row.shape == _WEDGE:
         return sdf_wedge(p, size)
-    if shape == _SPHERE:
+    if row.shape == _SPHERE:
         return sdf_sphere(p, size[0])
-    if shape == _CAPSULE:
+    if row.shape == _CAPSULE:
         return sdf_capsule(p, size[0], size[2])
-    if shape == _SUPERQUADRIC:
-        return sdf_superquadric_bound_grad(p, scene.primitives[k].superquadric)[3]
-    return sdf_grid_grad(p, scene.grid, scene.primitives[k].first, scene.primitives[k].nodes,
-                         scene.primitives[k].origin, scene.primitives[k].cell)[3]
+    if row.shape == _SUPERQUADRIC:
+        return sdf_superquadric_bound_grad(p, row.superquadric)[3]
+    grid = wp.array(ptr=scene.grid, shape=(scene.grid_count,), dtype=wp.float32)
+    return sdf_grid_grad(p, grid, row.first, row.nodes, row.origin, row.cell)[3]
 
 
 @wp.func
-def _with_distance(g: vec3, d: real):
-    return vec4(g[0], g[1], g[2], d)
+def _primitive_distance_grad(scene: Scene, row: Primitive, p: vec3):
+    size = row.size
+    if row.shape == _BLOCK:
+        return sdf_block_grad(p, size)
+    if row.shape == _CYLINDER:
+        return sdf_cylinder_grad(p, size[0], size[2])
+    if row.shape == _REVOLUTION:
+        profile = wp.array(ptr=scene.profile, shape=(scene.profile_count,), dtype=vec2)
+        return sdf_revolution_grad(p, profile, row.first, row.count)
+    if row.shape == _WEDGE:
+        return sdf_wedge_grad(p, size)
+    if row.shape == _SPHERE:
+        return sdf_sphere_grad(p, size[0])
+    if row.shape == _CAPSULE:
+        return sdf_capsule_grad(p, size[0], size[2])
+    if row.shape == _SUPERQUADRIC:
+        return sdf_superquadric_bound_grad(p, row.superquadric)
+    grid = wp.array(ptr=scene.grid, shape=(scene.grid_count,), dtype=wp.float32)
+    return sdf_grid_grad(p, grid, row.first, row.nodes, row.origin, row.cell)
 
 
 @wp.func
-def _primitive_distance_grad(scene: Scene, k: int, p: vec3):
-    shape = scene.primitives[k].shape
-    size = scene.primitives[k].size
-    if shape == _BLOCK:
-        return _with_distance(sdf_block_grad(p, size), sdf_block(p, size))
-    if shape == _CYLINDER:
-        return _with_distance(sdf_cylinder_grad(p, size[0], size[2]),
-                              sdf_cylinder(p, size[0], size[2]))
-    if shape == _REVOLUTION:
-        first = scene.primitives[k].first
-        count = scene.primitives[k].count
-        return _with_distance(sdf_revolution_grad(p, scene.profile, first, count),
-                              sdf_revolution(p, scene.profile, first, count))
-    if shape == _WEDGE:
-        return _with_distance(sdf_wedge_grad(p, size), sdf_wedge(p, size))
-    if shape == _SPHERE:
-        return _with_distance(sdf_sphere_grad(p, size[0]), sdf_sphere(p, size[0]))
-    if shape == _CAPSULE:
-        return _with_distance(sdf_capsule_grad(p, size[0], size[2]),
-                              sdf_capsule(p, size[0], size[2]))
-    if shape == _SUPERQUADRIC:
-        return sdf_superquadric_bound_grad(p, scene.primitives[k].superquadric)
-    return sdf_grid_grad(p, scene.grid, scene.primitives[k].first, scene.primitives[k].nodes,
-                         scene.primitives[k].origin, scene.primitives[k].cell)
-
-
-@wp.func
-def _in_primitive_frame(scene: Scene, k: int, p: vec3):
-    if scene.primitives[k].placed == 0:
+def _in_primitive_frame(row: Primitive, p: vec3):
+    if row.placed == 0:
         return p
-    return wp.transform_point(wp.transform_inverse(scene.primitives[k].to_body), p)
+    return wp.transform_point(wp.transform_inverse(row.to_body), p)
 
 
 @wp.func
 def body_distance(scene: Scene, body: int, p: vec3):
     """Signed distance [m] of a point of the body's frame to body number `body`."""
-    first = scene.body_first[body]
-    d = _primitive_distance(scene, first, _in_primitive_frame(scene, first, p))
-    for k in range(first + 1, scene.body_first[body + 1]):
-        other = _primitive_distance(scene, k, _in_primitive_frame(scene, k, p))
-        join = scene.primitives[k].join
-        if join == _UNION:
+    rows = wp.array(ptr=scene.primitives, shape=(scene.primitive_count,), dtype=Primitive)
+    first = _first_row(scene, body)
+    d = real(0.0)
+    for k in range(first, _first_row(scene, body + 1)):
+        other = _primitive_distance(scene, rows[k], _in_primitive_frame(rows[k], p))
+        join = rows[k].join
+        if k == first:
+            d = other
+        elif join == _UNION:
             d = wp.min(d, other)
         elif join == _DIFFERENCE:
             d = wp.max(d, -other)
@@ -170,28 +176,24 @@ def body_distance(scene: Scene, body: int, p: vec3):
 @wp.func
 def body_distance_grad(scene: Scene, body: int, p: vec3):
     """Gradient and distance (gx, gy, gz, d) [m] in the body's frame."""
-    first = scene.body_first[body]
-    value = _primitive_distance_grad(scene, first, _in_primitive_frame(scene, first, p))
-    chosen = int(first)
-    flip = real(1.0)
-    for k in range(first + 1, scene.body_first[body + 1]):
-        other = _primitive_distance_grad(scene, k, _in_primitive_frame(scene, k, p))
-        join = scene.primitives[k].join
-        s = ONE
-        take = other[3] > value[3] * flip
+    rows = wp.array(ptr=scene.primitives, shape=(scene.primitive_count,), dtype=Primitive)
+    first = _first_row(scene, body)
+    value = vec4(ZERO, ZERO, ZERO, ZERO)
+    for k in range(first, _first_row(scene, body + 1)):
+        other = _primitive_distance_grad(scene, rows[k], _in_primitive_frame(rows[k], p))
+        if rows[k].placed != 0:
+            g = wp.quat_rotate(wp.transform_get_rotation(rows[k].to_body),
+                               vec3(other[0], other[1], other[2]))
+            other = vec4(g[0], g[1], g[2], other[3])
+        join = rows[k].join
+        if k > first and join == _DIFFERENCE:
+            other = -other
+        take = other[3] > value[3]
         if join == _UNION:
-            take = other[3] < value[3] * flip
-        elif join == _DIFFERENCE:
-            take = -other[3] > value[3] * flip
-            s = -ONE
-        if take:
+            take = other[3] < value[3]
+        if k == first or take:
             value = other
-            chosen = k
-            flip = s
-    g = vec3(value[0], value[1], value[2])
-    if scene.primitives[chosen].placed != 0:
-        g = wp.quat_rotate(wp.transform_get_rotation(scene.primitives[chosen].to_body), g)
-    return vec4(g[0] * flip, g[1] * flip, g[2] * flip, value[3] * flip)
+    return value
 
 
 @wp.func
@@ -203,8 +205,9 @@ def stand_distance(scene: Scene, body: int, p: vec3):
 @wp.func
 def stand_distance_grad(scene: Scene, body: int, p: vec3):
     """Gradient and distance [m] to the body and the table it stands on."""
-    if body_distance(scene, body, p) <= p[2]:
-        return body_distance_grad(scene, body, p)
+    g = body_distance_grad(scene, body, p)
+    if g[3] <= p[2]:
+        return g
     return vec4(ZERO, ZERO, ONE, p[2])
 
 

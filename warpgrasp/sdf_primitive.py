@@ -2,12 +2,13 @@
 
 Negative inside. Every solid stands on z = 0 of its own frame, on the z axis, as an object stands
 on a table. `sdf_x` is the distance [m], `sdf_x_grad` its gradient (unit length where the distance
-is differentiable). All are exact, hence 1-Lipschitz, after the constructions in Quilez, "3D SDFs".
+is differentiable) and the distance, (gx, gy, gz, d), worked out together. All are exact, hence
+1-Lipschitz, after the constructions in Quilez, "3D SDFs".
 """
 
 import warp as wp
 
-from warpgrasp.real import HALF, ONE, TINY, ZERO, real, vec2, vec3
+from warpgrasp.real import HALF, ONE, TINY, ZERO, real, vec2, vec3, vec4
 
 
 @wp.func
@@ -28,6 +29,16 @@ def unit_or_up(v: vec3):
 
 
 @wp.func
+def _from_offset(v: vec3, radius: real):
+    """Gradient and distance outside a body whose nearest point, or its `radius`, is `v` away."""
+    n = wp.length(v)
+    if n < TINY:
+        return vec4(ZERO, ZERO, ONE, n - radius)
+    scale = ONE / n
+    return vec4(v[0] * scale, v[1] * scale, v[2] * scale, n - radius)
+
+
+@wp.func
 def sdf_block(p: vec3, size: vec3):
     """Block of full `size`, standing on z = 0."""
     h = size * HALF
@@ -38,19 +49,19 @@ def sdf_block(p: vec3, size: vec3):
 
 @wp.func
 def sdf_block_grad(p: vec3, size: vec3):
-    """Gradient of `sdf_block`."""
+    """Gradient and distance of `sdf_block`."""
     h = size * HALF
     c = vec3(p[0], p[1], p[2] - h[2])
     q = vec3(wp.abs(c[0]) - h[0], wp.abs(c[1]) - h[1], wp.abs(c[2]) - h[2])
     s = vec3(sign_of(c[0]), sign_of(c[1]), sign_of(c[2]))
     if q[0] > ZERO or q[1] > ZERO or q[2] > ZERO:
-        return unit_or_up(vec3(s[0] * wp.max(q[0], ZERO), s[1] * wp.max(q[1], ZERO),
-                               s[2] * wp.max(q[2], ZERO)))
+        return _from_offset(vec3(s[0] * wp.max(q[0], ZERO), s[1] * wp.max(q[1], ZERO),
+                                 s[2] * wp.max(q[2], ZERO)), ZERO)
     if q[0] >= q[1] and q[0] >= q[2]:
-        return vec3(s[0], ZERO, ZERO)
+        return vec4(s[0], ZERO, ZERO, q[0])
     if q[1] >= q[2]:
-        return vec3(ZERO, s[1], ZERO)
-    return vec3(ZERO, ZERO, s[2])
+        return vec4(ZERO, s[1], ZERO, q[1])
+    return vec4(ZERO, ZERO, s[2], q[2])
 
 
 @wp.func
@@ -64,7 +75,7 @@ def sdf_cylinder(p: vec3, radius: real, height: real):
 
 @wp.func
 def sdf_cylinder_grad(p: vec3, radius: real, height: real):
-    """Gradient of `sdf_cylinder`."""
+    """Gradient and distance of `sdf_cylinder`."""
     rho = wp.sqrt(p[0] * p[0] + p[1] * p[1])
     radial = vec3(ONE, ZERO, ZERO)
     if rho > TINY:
@@ -73,10 +84,10 @@ def sdf_cylinder_grad(p: vec3, radius: real, height: real):
     a = rho - radius
     b = wp.abs(p[2] - height * HALF) - height * HALF
     if a > ZERO or b > ZERO:
-        return unit_or_up(radial * wp.max(a, ZERO) + axial * wp.max(b, ZERO))
+        return _from_offset(radial * wp.max(a, ZERO) + axial * wp.max(b, ZERO), ZERO)
     if a >= b:
-        return radial
-    return axial
+        return vec4(radial[0], radial[1], ZERO, a)
+    return vec4(ZERO, ZERO, axial[2], b)
 
 
 @wp.func
@@ -87,8 +98,8 @@ def sdf_sphere(p: vec3, radius: real):
 
 @wp.func
 def sdf_sphere_grad(p: vec3, radius: real):
-    """Gradient of `sdf_sphere`."""
-    return unit_or_up(p - vec3(ZERO, ZERO, radius))
+    """Gradient and distance of `sdf_sphere`."""
+    return _from_offset(p - vec3(ZERO, ZERO, radius), radius)
 
 
 @wp.func
@@ -100,9 +111,9 @@ def sdf_capsule(p: vec3, radius: real, height: real):
 
 @wp.func
 def sdf_capsule_grad(p: vec3, radius: real, height: real):
-    """Gradient of `sdf_capsule`."""
+    """Gradient and distance of `sdf_capsule`."""
     z = wp.clamp(p[2], radius, wp.max(radius, height - radius))
-    return unit_or_up(p - vec3(ZERO, ZERO, z))
+    return _from_offset(p - vec3(ZERO, ZERO, z), radius)
 
 
 @wp.func
@@ -141,7 +152,7 @@ def sdf_wedge(p: vec3, size: vec3):
 
 @wp.func
 def sdf_wedge_grad(p: vec3, size: vec3):
-    """Gradient of `sdf_wedge`."""
+    """Gradient and distance of `sdf_wedge`."""
     half = size[0] * HALF
     w = _wedge_section(vec2(p[0], p[2]), half, size[2])
     length = wp.sqrt(w[0] * w[0] + w[1] * w[1])
@@ -154,10 +165,20 @@ def sdf_wedge_grad(p: vec3, size: vec3):
     a = w[2] * length
     b = wp.abs(p[1]) - size[1] * HALF
     if a > ZERO or b > ZERO:
-        return unit_or_up(section * wp.max(a, ZERO) + side * wp.max(b, ZERO))
+        return _from_offset(section * wp.max(a, ZERO) + side * wp.max(b, ZERO), ZERO)
     if a >= b:
-        return section
-    return side
+        return vec4(section[0], section[1], section[2], a)
+    return vec4(side[0], side[1], side[2], b)
+
+
+@wp.func
+def _nearer(best: vec3, p: vec2, a: vec2, b: vec2):
+    """(offset, squared distance) of the nearer of `best` and the segment from `a` to `b`."""
+    d = p - _nearest_on_segment(p, a, b)
+    sq = wp.dot(d, d)
+    if sq < best[2]:
+        return vec3(d[0], d[1], sq)
+    return best
 
 
 @wp.func
@@ -165,35 +186,48 @@ def sdf_revolution_section(rho: real, z: real, profile: wp.array[vec2], first: i
     """Signed offset (rho, z, sign) from the nearest point of a profile closed by its two ends.
 
     `profile` holds (z, r) [m] with z rising; the solid lies between the polyline and the axis.
-    The nearest point is found over every segment and both flat ends: exact.
+    The nearest point is exact: from the segment at the point's own height outwards, until the
+    next one's whole band of heights is farther than the best so far.
     """
     p = vec2(rho, z)
     low = profile[first]
     high = profile[first + count - 1]
-    best = p - vec2(wp.min(rho, low[1]), low[0])
-    best_sq = wp.dot(best, best)
+    d = p - vec2(wp.min(rho, low[1]), low[0])
+    best = vec3(d[0], d[1], wp.dot(d, d))
     d = p - vec2(wp.min(rho, high[1]), high[0])
-    if wp.dot(d, d) < best_sq:
-        best = d
-        best_sq = wp.dot(d, d)
-    inside = int(0)
-    a = vec2(low[1], low[0])
-    for k in range(1, count):
-        b = vec2(profile[first + k][1], profile[first + k][0])
-        # Skip a segment whose whole band of heights is farther than the best point so far.
-        gap = wp.max(a[1] - z, z - b[1])
-        if gap <= ZERO or gap * gap < best_sq:
-            d = p - _nearest_on_segment(p, a, b)
-            if wp.dot(d, d) < best_sq:
-                best = d
-                best_sq = wp.dot(d, d)
-            if z >= a[1] and z < b[1]:
-                if rho < a[0] + (b[0] - a[0]) * (z - a[1]) / (b[1] - a[1]):
-                    inside = int(1)
-        a = b
+    if wp.dot(d, d) < best[2]:
+        best = vec3(d[0], d[1], wp.dot(d, d))
+    # The segment at this height, or the end one.
+    k = int(0)
+    above = int(count - 1)
+    while above - k > 1:
+        middle = (k + above) // 2
+        if profile[first + middle][0] <= z:
+            k = middle
+        else:
+            above = middle
+    at = profile[first + k]
+    b = profile[first + above]
+    best = _nearer(best, p, vec2(at[1], at[0]), vec2(b[1], b[0]))
     s = ONE
-    if inside == 1:
-        s = -ONE
+    if z >= at[0] and z < b[0]:
+        if rho < at[1] + (b[1] - at[1]) * (z - at[0]) / (b[0] - at[0]):
+            s = -ONE
+    a = at
+    for i in range(k):
+        gap = wp.max(z - a[0], ZERO)
+        if gap * gap >= best[2]:
+            break
+        c = profile[first + k - 1 - i]
+        best = _nearer(best, p, vec2(c[1], c[0]), vec2(a[1], a[0]))
+        a = c
+    for i in range(above + 1, count):
+        gap = wp.max(b[0] - z, ZERO)
+        if gap * gap >= best[2]:
+            break
+        c = profile[first + i]
+        best = _nearer(best, p, vec2(b[1], b[0]), vec2(c[1], c[0]))
+        b = c
     return vec3(best[0], best[1], s)
 
 
@@ -207,15 +241,14 @@ def sdf_revolution(p: vec3, profile: wp.array[vec2], first: int, count: int):
 
 @wp.func
 def sdf_revolution_grad(p: vec3, profile: wp.array[vec2], first: int, count: int):
-    """Gradient of `sdf_revolution`."""
+    """Gradient and distance of `sdf_revolution`."""
     rho = wp.sqrt(p[0] * p[0] + p[1] * p[1])
     w = sdf_revolution_section(rho, p[2], profile, first, count)
     radial = vec2(ONE, ZERO)
     if rho > TINY:
         radial = vec2(p[0] / rho, p[1] / rho)
-    v = vec3(radial[0] * w[0], radial[1] * w[0], w[1]) * w[2]
-    if wp.length(v) < TINY:
-        return vec3(radial[0], radial[1], ZERO)
-    return wp.normalize(v)
-
-
+    length = wp.sqrt(w[0] * w[0] + w[1] * w[1])
+    if length < TINY:
+        return vec4(radial[0], radial[1], ZERO, w[2] * length)
+    s = w[2] / length
+    return vec4(radial[0] * w[0] * s, radial[1] * w[0] * s, w[1] * s, w[2] * length)

@@ -16,8 +16,9 @@ from warpgrasp.counter_random import Purpose, counter_key, counter_normal, count
 from warpgrasp.finger_rest import link_direction, link_start
 from warpgrasp.launch import launch
 from warpgrasp.parameters import HandTable, PadTable
-from warpgrasp.real import HALF, ONE, ZERO, real, transform, vec3, vec4
+from warpgrasp.real import HALF, ONE, ZERO, mat42, real, transform, vec2, vec3, vec4
 from warpgrasp.scene import Scene, stand_distance
+from warpgrasp.sine_cosine import sine_cosine
 from warpgrasp.utah_mit_hand import (
     FINGER_COUNT,
     LINK_COUNT,
@@ -113,11 +114,18 @@ def false_touch_probability(table: PadTable) -> float:
     return float(-np.expm1(TAXELS**2 * np.log1p(-one))) if one < 1.0 else 1.0
 
 
+@wp.struct
+class PadRow:
+    """A row of a pad: a point of the link's axis, and which way is out at the row's middle."""
+
+    axis: vec3
+    out: vec3
+
+
 @wp.func
-def pad_place(pad: Pad, hand: Hand, f: FingerPose, link: int, row: real, column: real):
-    """The place at (row, column), taxel centres being whole numbers; in the frame of `f`."""
+def pad_row(pad: Pad, hand: Hand, f: FingerPose, link: int, row: real):
+    """Row `row` of a pad, taxels' rows being whole numbers; in the frame of `f`."""
     radius = hand.link_radius + pad.thickness
-    turn = (column + HALF - _SIDE_REAL * HALF) * pad.width / (_SIDE_REAL * radius)
     s = (row + HALF) * pad.length / _SIDE_REAL
     u = link_direction(f, link)
     n = wp.cross(f.side, u)
@@ -126,15 +134,47 @@ def pad_place(pad: Pad, hand: Hand, f: FingerPose, link: int, row: real, column:
     if link == 2:
         straight = pad.length - pad.wrap * radius
         start = hand.link_length[2] - straight
+    at = PadRow()
+    at.out = n
+    at.axis = link_start(f, link) + u * (start + s)
+    if s > straight:
+        bend = sine_cosine((s - straight) / radius)
+        at.out = n * bend[1] + u * bend[0]
+        at.axis = f.p4
+    return at
+
+
+@wp.func
+def pad_column(pad: Pad, hand: Hand, column: real):
+    """(sin, cos) of a column's turn about the link's axis."""
+    radius = hand.link_radius + pad.thickness
+    return sine_cosine((column + HALF - _SIDE_REAL * HALF) * pad.width / (_SIDE_REAL * radius))
+
+
+@wp.func
+def pad_columns(pad: Pad, hand: Hand, first: int):
+    """Rows of a matrix: (sin, cos) of the turns of four columns from `first` on."""
+    a = pad_column(pad, hand, real(first))
+    b = pad_column(pad, hand, real(first + 1))
+    c = pad_column(pad, hand, real(first + 2))
+    d = pad_column(pad, hand, real(first + 3))
+    return mat42(a[0], a[1], b[0], b[1], c[0], c[1], d[0], d[1])
+
+
+@wp.func
+def pad_point(pad: Pad, hand: Hand, f: FingerPose, row: PadRow, column: vec2):
+    """The place of a row and a column of a pad."""
     place = PadPlace()
-    if s <= straight:
-        place.out = n * wp.cos(turn) + f.side * wp.sin(turn)
-        place.x = link_start(f, link) + u * (start + s) + place.out * radius
-    else:
-        bend = (s - straight) / radius
-        place.out = (n * wp.cos(bend) + u * wp.sin(bend)) * wp.cos(turn) + f.side * wp.sin(turn)
-        place.x = f.p4 + place.out * radius
+    place.out = row.out * column[1] + f.side * column[0]
+    place.x = row.axis + place.out * (hand.link_radius + pad.thickness)
     return place
+
+
+@wp.func
+def pad_place(pad: Pad, hand: Hand, f: FingerPose, link: int, row: real, column: real):
+    """The place at (row, column), taxel centres being whole numbers; in the frame of `f`."""
+    return pad_point(pad, hand, f, pad_row(pad, hand, f, link, row),
+                     pad_column(pad, hand, column))
 
 
 @wp.func
@@ -151,7 +191,7 @@ def block_near(
     """Whether one of a pad's 16 blocks of 4 x 4 taxels may touch anything."""
     middle = pad_place(pad, hand, f, link, real(4 * (block // _BLOCKS)) + real(1.5),
                        real(4 * (block % _BLOCKS)) + real(1.5))
-    reach = real(1.5) * (pad.length + pad.width) / _SIDE_REAL
+    reach = real(1.5) * wp.sqrt(pad.length * pad.length + pad.width * pad.width) / _SIDE_REAL
     return stand_distance(scene, body, middle.x) < reach
 
 
@@ -181,14 +221,23 @@ def taxel_count(pad: Pad, force: real, taxel_key: wp.uint64, reading_key: wp.uin
     """
     if counter_uniform(counter_key(taxel_key, _DEAD)) < pad.dead:
         return int(0)
-    felt = force * wp.exp(pad.gain_spread * counter_normal(counter_key(taxel_key, _GAIN)))
-    felt = felt * (ONE + pad.repeatability * counter_normal(counter_key(reading_key, 0)))
-    if felt < pad.floor:
-        felt = ZERO
-    none = _voltage(pad, ZERO)
-    level = _FULL * (_voltage(pad, felt) - none) / (_voltage(pad, pad.saturation) - none)
+    level = real(0.0)
+    if force > ZERO:
+        felt = force * wp.exp(pad.gain_spread * counter_normal(counter_key(taxel_key, _GAIN)))
+        felt = felt * (ONE + pad.repeatability * counter_normal(counter_key(reading_key, 0)))
+        if felt >= pad.floor:
+            none = _voltage(pad, ZERO)
+            level = _FULL * (_voltage(pad, felt) - none) / (_voltage(pad, pad.saturation) - none)
     level = wp.min(level, _FULL) + pad.noise * counter_normal(counter_key(reading_key, 1))
     return int(wp.clamp(wp.floor(level + HALF), ZERO, _FULL))
+
+
+@wp.func
+def noise_may_reach(pad: Pad, reading_key: wp.uint64):
+    """False where an unloaded taxel is sure to read less than the threshold in this reading."""
+    least = (wp.ceil(pad.threshold) - HALF) / wp.max(pad.noise, real(1e-9))
+    u = counter_uniform(counter_key(counter_key(reading_key, 1), 1))
+    return u < wp.exp(-HALF * least * least)
 
 
 @wp.func

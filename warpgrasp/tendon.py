@@ -11,7 +11,7 @@ from math import erf, sqrt
 import numpy as np
 import warp as wp
 
-from warpgrasp.counter_random import counter_key, counter_normal
+from warpgrasp.counter_random import counter_key, counter_normal, counter_uniform
 from warpgrasp.parameters import HandTable, SensorTable
 from warpgrasp.real import HALF, ONE, ZERO, real, vec2
 from warpgrasp.utah_mit_hand import Hand
@@ -52,6 +52,24 @@ def tension_difference_read(sensor: TendonSensor, tensions: vec2, key: wp.uint64
     flexor = tensions[0] + sensor.noise * counter_normal(counter_key(key, 0))
     extensor = tensions[1] + sensor.noise * counter_normal(counter_key(key, 1))
     return _quantised(flexor, sensor.step) - _quantised(extensor, sensor.step)
+
+
+@wp.func
+def may_cross(sensor: TendonSensor, tensions: vec2, key: wp.uint64):
+    """False where a reading by `tension_difference_read` is sure to stay below the threshold.
+
+    A normal of Box and Muller is at most sqrt(-2 log u) by size, and u takes no root or cosine.
+    """
+    margin = sensor.threshold - wp.abs(tensions[0] - tensions[1]) - sensor.step
+    if margin <= ZERO:
+        return True
+    if sensor.noise <= ZERO:
+        return False
+    share = margin / (real(2.0) * sensor.noise)
+    least = wp.exp(-HALF * share * share)
+    flexor = counter_uniform(counter_key(counter_key(key, 0), 1))
+    extensor = counter_uniform(counter_key(counter_key(key, 1), 1))
+    return flexor < least or extensor < least
 
 
 @wp.func

@@ -13,6 +13,7 @@ import warp as wp
 from warpgrasp.launch import launch
 from warpgrasp.parameters import HandTable
 from warpgrasp.real import HALF, ONE, ZERO, quat, real, transform, vec3, vec4
+from warpgrasp.sine_cosine import sine_cosine
 
 FINGER_COUNT = 4
 LINK_COUNT = 3  # proximal, middle, distal
@@ -93,19 +94,23 @@ def finger_pose(hand: Hand, base: transform, q: vec4):
     x = wp.quat_rotate(r, vec3(ONE, ZERO, ZERO))
     y0 = wp.quat_rotate(r, vec3(ZERO, ONE, ZERO))
     z0 = wp.quat_rotate(r, vec3(ZERO, ZERO, ONE))
-    z = z0 * wp.cos(q[0]) + y0 * wp.sin(q[0])
+    turn = sine_cosine(q[0])
+    z = z0 * turn[1] + y0 * turn[0]
     f = FingerPose()
-    f.side = y0 * wp.cos(q[0]) - z0 * wp.sin(q[0])
+    f.side = y0 * turn[1] - z0 * turn[0]
     f.abduct = -x
     a = q[1]
-    f.u1 = x * wp.sin(a) + z * wp.cos(a)
-    f.n1 = x * wp.cos(a) - z * wp.sin(a)
+    turn = sine_cosine(a)
+    f.u1 = x * turn[0] + z * turn[1]
+    f.n1 = x * turn[1] - z * turn[0]
     a += q[2]
-    f.u2 = x * wp.sin(a) + z * wp.cos(a)
-    f.n2 = x * wp.cos(a) - z * wp.sin(a)
+    turn = sine_cosine(a)
+    f.u2 = x * turn[0] + z * turn[1]
+    f.n2 = x * turn[1] - z * turn[0]
     a += q[3]
-    f.u3 = x * wp.sin(a) + z * wp.cos(a)
-    f.n3 = x * wp.cos(a) - z * wp.sin(a)
+    turn = sine_cosine(a)
+    f.u3 = x * turn[0] + z * turn[1]
+    f.n3 = x * turn[1] - z * turn[0]
     f.base = wp.transform_get_translation(base)
     f.p1 = f.base + z * hand.abduction_offset
     f.p2 = f.p1 + f.u1 * hand.link_length[0]
@@ -117,12 +122,12 @@ def finger_pose(hand: Hand, base: transform, q: vec4):
 @wp.func
 def finger_jacobian(f: FingerPose, link: int, x: vec3, d: vec3):
     """Motion along `d` of the point `x` of a link (0 proximal to 2 distal) per radian a joint."""
-    j = vec4(wp.dot(wp.cross(f.abduct, x - f.base), d),
-             wp.dot(wp.cross(f.side, x - f.p1), d), ZERO, ZERO)
+    c = wp.cross(d, f.side)
+    j = vec4(wp.dot(wp.cross(f.abduct, x - f.base), d), wp.dot(c, x - f.p1), ZERO, ZERO)
     if link >= 1:
-        j[2] = wp.dot(wp.cross(f.side, x - f.p2), d)
+        j[2] = wp.dot(c, x - f.p2)
     if link >= 2:
-        j[3] = wp.dot(wp.cross(f.side, x - f.p3), d)
+        j[3] = wp.dot(c, x - f.p3)
     return j
 
 

@@ -1,0 +1,67 @@
+"""The lines of a benchmark as Markdown: rates, scaling, peers with ratios, starts."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+Line = Mapping[str, Any]
+PEERS = ("same_closing", "mujoco_rollout", "numba_closing", "jax_closing", "scipy_fits",
+         "trimesh_distances", "mujoco_scipy_episode")
+
+
+def markdown(lines: Sequence[Line]) -> str:
+    """The tables of one run."""
+    head = next((v for v in lines if v["row"] == "environment"), {})
+    rates = [v for v in lines if v["row"] not in ("environment", "start", *PEERS)]
+    text = [f"Commit {str(head.get('commit'))[:10]}, {head.get('processor')}, "
+            f"{head.get('cores')} cores, load {head.get('load')} at the start, "
+            f"warp-lang {head.get('version.warp-lang')}, jax {head.get('version.jax')}, "
+            f"Python {head.get('python')}. `a second of processor` is one core's rate whatever "
+            "else the machine does.", ""]
+    text += _table(
+        ("what", "of", "batch", "threads", "a second", "a second of processor", "first call [s]",
+         "peak [MiB]", "bytes each"),
+        ((v["row"], v["of"], v["batch"], v["threads"], _rate(v, "per_s"), _rate(v, "per_cpu_s"),
+          v.get("first_s", ""), v.get("peak_MiB", ""), v.get("bytes_per_episode", ""))
+         for v in rates))
+    peers = [v for v in lines if v["row"] in PEERS]
+    if peers:
+        text += ["", "Peers, same work, same run; the ratio is ours over theirs, by processor "
+                 "time.", ""]
+        text += _table(("peer", "setting", "a second", "a second of processor", "ratio", "notes"),
+                       ((v["row"], v["of"], _rate(v, "per_s"), _rate(v, "per_cpu_s"),
+                         _ratio(v, lines), _notes(v)) for v in peers))
+    starts = [v for v in lines if v["row"] == "start"]
+    if starts:
+        text += [""]
+        text += _table(("start", "s", "s of processor"),
+                       ((v["of"], v["s"], v["cpu_s"]) for v in starts))
+    return "\n".join(text) + "\n"
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> list[str]:
+    return ["| " + " | ".join(head) + " |", "|" + "---|" * len(head),
+            *("| " + " | ".join(str(cell) for cell in row) + " |" for row in rows)]
+
+
+def _rate(line: Line, key: str) -> str:
+    if "failed" in line:
+        return "failed"
+    value = line[key]
+    return f"{value:,.0f}" if value >= 100 else f"{value:.3g}"
+
+
+def _ratio(line: Line, lines: Sequence[Line]) -> str:
+    """Of our row that does the same work."""
+    wanted = {"mujoco_rollout": ("same_closing", "-"), "numba_closing": ("same_closing", "-"),
+              "jax_closing": ("same_closing", "-"), "scipy_fits": ("fits", line["of"]),
+              "trimesh_distances": ("trimesh_distances", "ours"),
+              "mujoco_scipy_episode": ("episodes", line["of"])}.get(line["row"])
+    ours = next((v for v in lines if (v["row"], v.get("of")) == wanted and "failed" not in v), None)
+    if ours is None or ours is line or "failed" in line:
+        return ""
+    return f"{ours['per_cpu_s'] / line['per_cpu_s']:,.1f}"
+
+
+def _notes(line: Line) -> str:
+    known = ("tip_error_mm", "steps", "steps_off", "closings", "failed")
+    return ", ".join(f"{key} {line[key]}" for key in known if key in line)

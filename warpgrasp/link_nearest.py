@@ -1,0 +1,148 @@
+"""Where a link comes nearest to the body: one point of a segment, found by its slope.
+
+It is a valley of the distance along the segment. (The table's nearest point is an end.) Five
+samples choose the valley (a distance need not be convex along a segment), or one is followed from
+where it was. In it the slope is brought to zero by secants on distance times slope, which is linear
+along a straight line where the body is a corner or an edge.
+"""
+
+import warp as wp
+
+from warpgrasp.real import HALF, ONE, ZERO, real, vec2, vec3
+from warpgrasp.scene import Scene, body_distance, body_distance_grad
+
+_SAMPLES = wp.constant(5)
+_REFINEMENTS = wp.constant(32)
+_HALVE_FROM = wp.constant(4)
+_LEVEL = wp.constant(real(1e-9))  # slope
+_WIDTH = wp.constant(real(1e-7))  # of the bracket, relative to the link's length
+_SHALLOW = wp.constant(real(1e-3))  # [m]; keeps distance times slope rising inside a body
+_FLATTEST = wp.constant(real(1e-3))
+
+
+@wp.struct
+class Near:
+    """The point of a segment nearest to a body: place [m from its start], distance [m], slope of
+    distance times slope (to go on from), outward normal there."""
+
+    along: real
+    distance: real
+    bend: real
+    normal: vec3
+
+
+@wp.func
+def _valley(
+    scene: Scene, body: int, a: vec3, u: vec3, low: real, high: real, start: real, rate: real
+):
+    """The bottom of the valley that `start` lies in, between `low` and `high`."""
+    near = Near()
+    below = real(low)
+    above = real(high)
+    descends = int(0)  # at `below`
+    rises = int(0)  # at `above`
+    t = real(start)
+    bend = real(rate)
+    last_t = real(0.0)
+    last_psi = real(0.0)
+    for k in range(_REFINEMENTS):
+        g = body_distance_grad(scene, body, a + u * t)
+        near.along = t
+        near.distance = g[3]
+        near.normal = vec3(g[0], g[1], g[2])
+        slope = wp.dot(near.normal, u)
+        psi = slope * wp.max(g[3], _SHALLOW)
+        if k > 0:
+            bend = (psi - last_psi) / (t - last_t)
+            if bend < _FLATTEST:
+                bend = ONE
+        last_t = t
+        last_psi = psi
+        if wp.abs(slope) < _LEVEL:
+            break
+        if slope > ZERO:
+            if t <= below:
+                break
+            above = t
+            rises = int(1)
+        else:
+            if t >= above:
+                break
+            below = t
+            descends = int(1)
+        if above - below < _WIDTH * (high - low):
+            break
+        t = t - psi / bend
+        if t <= below:
+            t = wp.where(descends == 1, (below + above) * HALF, below)
+        elif t >= above:
+            t = wp.where(rises == 1, (below + above) * HALF, above)
+        elif k >= _HALVE_FROM and k % 2 == 0 and descends == 1 and rises == 1:
+            t = (below + above) * HALF  # against kinks
+    near.bend = bend
+    return near
+
+
+@wp.func
+def link_nearest(
+    scene: Scene, body: int, a: vec3, u: vec3, length: real, guess: real, bend: real, check: int,
+    enough: real
+):
+    """The point of a segment nearest to the body.
+
+    `guess` (not negative) follows the body's valley from there with the `bend` found before, and
+    with `check` makes sure that none of the samples lies lower. Else the samples choose. Without a
+    guess, a distance above `enough` may be a lower bound.
+    """
+    spacing = length / real(_SAMPLES - 1)
+    near = Near()
+    near.distance = real(1e9)
+    begin = real(guess)
+    rate = real(bend)
+    low = real(0.0)
+    high = real(length)
+    search = int(1)
+    if guess < ZERO:
+        bound = body_distance(scene, body, a + u * (length * HALF)) - length * HALF
+        if bound > enough:
+            near.distance = bound
+            near.along = length * HALF
+            near.bend = ONE
+            search = int(0)
+    for attempt in range(2):
+        if search == 1:
+            if begin >= ZERO:
+                near = _valley(scene, body, a, u, low, high, begin, rate)
+            search = int(0)
+            if attempt == 0 and (guess < ZERO or check == 1):
+                least = near.distance - real(1e-9)
+                for k in range(_SAMPLES):
+                    t = spacing * real(k)
+                    if guess < ZERO or wp.abs(t - near.along) > spacing * HALF:
+                        d = body_distance(scene, body, a + u * t)
+                        if d < least:
+                            least = d
+                            begin = t
+                            rate = real(1.0)
+                            low = wp.max(t - spacing, ZERO)
+                            high = wp.min(t + spacing, length)
+                            search = int(1)
+    return near
+
+
+@wp.func
+def lower_end(u: vec3, length: real):
+    """Place [m] along a segment where it is nearest to the table."""
+    if u[2] < ZERO:
+        return length
+    return ZERO
+
+
+@wp.func
+def nearest_along(scene: Scene, body: int, a: vec3, u: vec3, length: real):
+    """Place [m from a] and distance of the point of a segment nearest to body and table."""
+    near = link_nearest(scene, body, a, u, length, -ONE, ONE, 1, real(1e9))
+    low = lower_end(u, length)
+    if a[2] + u[2] * low < near.distance:
+        return vec2(low, a[2] + u[2] * low)
+    return vec2(near.along, near.distance)
