@@ -6,7 +6,7 @@ DEMO_EPISODES ?= 64
 DEMO_DIR ?= runs/demo
 WORKERS ?= 2
 
-.PHONY: demo bench test test-slow lint check validate paper-docs sensitivity-docs lock clean
+.PHONY: demo bench test test-slow lint check validate paper-docs sensitivity-docs docs lock clean
 
 demo: $(VENV)/.installed  ## environment, install, the demo sweep, its leaderboard
 	$(BIN)/warpgrasp sweep sweeps/studies/demo.toml -o $(DEMO_DIR) --workers $(WORKERS) \
@@ -53,3 +53,6 @@ lock:  ## pin every version with its hash, without addresses (needs uv)
 
 clean:
 	rm -rf $(VENV) runs
+
+docs: $(VENV)/.installed  ## the pages and the API reference, every link checked
+	$(BIN)/python -m sphinx -W --keep-going -q -b html -d runs/docs/trees docs runs/docs/site

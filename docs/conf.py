@@ -18,7 +18,8 @@ html_sidebars = {"**": ["navigation.html", "searchbox.html"]}
 html_show_copyright = html_show_sphinx = False
 html_last_updated_fmt = None
 myst_heading_anchors = 4
-suppress_warnings = ["toc.not_included", "toc.empty_glob", "misc.highlighting_failure"]
+# A page that the menu names and that is not there yet is left out; links within pages are checked.
+suppress_warnings = ["toc.not_included", "toc.not_readable", "misc.highlighting_failure"]
 
 
 def setup(app) -> None:

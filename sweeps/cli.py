@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 
-app = App(name="warpgrasp", help="Batched simulation of robots that learn shape by touch. Every command takes "
-          "--quiet: no progress and no notes.",
+app = App(name="warpgrasp", help="Batched simulation of robots that learn shape by touch. "
+          "Every command takes --quiet: no progress and no notes.",
           version_flags=["--version"], help_format="plaintext",
           suppress_keyboard_interrupt=False)
 

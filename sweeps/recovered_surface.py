@@ -3,12 +3,7 @@
 import numpy as np
 
 from fit.revolution_shape import RevolutionBody
-from fit.superquadric_shape import (
-    Superquadric,
-    from_straight_frame,
-    superquadric,
-    superquadric_inside_outside,
-)
+from fit.superquadric_shape import Superquadric, from_straight_frame
 from strategies.recovered import Recovered, Shape
 
 
@@ -21,18 +16,31 @@ def recovered_grid(recovered: Recovered, world: int = 0, rows: int = 48) -> np.n
 
 
 def surface_grid(body: Superquadric, rows: int = 48) -> np.ndarray:
-    """Points of the first superquadric of a batch, from pole to pole, (row, column, 3) [m]."""
-    up = np.linspace(0.0, np.pi, rows + 1)
-    around = np.linspace(0.0, 2.0 * np.pi, 2 * rows + 1)
-    u, a = np.meshgrid(up, around, indexing="ij")
-    ball = np.stack([np.sin(u) * np.cos(a), np.sin(u) * np.sin(a), np.cos(u)], -1)
-    # Radial projection in the scaled frame, stretched to a cube first so that edges are kept.
-    cube = ball / np.abs(ball).max(-1, keepdims=True)
-    straight = superquadric(body.size_m[:1], body.exponents[:1])
-    flat = (cube * body.size_m[0]).reshape(1, -1, 3)
-    on = flat / superquadric_inside_outside(straight, flat)[..., None]
+    """Points of the first superquadric of a batch, from pole to pole, (row, column, 3) [m].
+
+    The product of two superellipses, each sampled evenly along the square about it, so that the
+    edges of a block and the rims of a cylinder are lines of the grid; `rows` a multiple of four.
+    """
+    c, s = square_path(np.linspace(2.0, -2.0, rows + 1))
+    x, y = square_path(np.linspace(-4.0, 4.0, 2 * rows + 1))
+    up = np.stack([c, s]) * _onto(c, s, float(body.exponents[0, 0]))
+    around = np.stack([x, y]) * _onto(x, y, float(body.exponents[0, 1]))
+    unit = np.stack([np.outer(up[0], around[0]), np.outer(up[0], around[1]),
+                     np.repeat(up[1][:, None], 2 * rows + 1, axis=1)], axis=-1)
     first = Superquadric(*(field[:1] for field in body))
-    return from_straight_frame(first, on)[0].reshape(*u.shape, 3)
+    flat = (unit * body.size_m[0]).reshape(1, -1, 3)
+    return from_straight_frame(first, flat)[0].reshape(unit.shape)
+
+
+def square_path(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points along the square of half side 1 from (1, 0), two units of `t` a side."""
+    return (np.clip(np.abs((t + 4.0) % 8.0 - 4.0) * -1.0 + 2.0, -1.0, 1.0),
+            np.clip(np.abs((t + 2.0) % 8.0 - 4.0) * -1.0 + 2.0, -1.0, 1.0))
+
+
+def _onto(x: np.ndarray, y: np.ndarray, exponent: float) -> np.ndarray:
+    """What brings points of the square onto the superellipse, along their rays."""
+    return (np.abs(x) ** (2.0 / exponent) + np.abs(y) ** (2.0 / exponent)) ** (-exponent / 2.0)
 
 
 def revolution_grid(body: RevolutionBody, world: int, columns: int) -> np.ndarray:

@@ -10,7 +10,8 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-COMMAND = re.compile(r"^(?:    |\$ )?(?:\.venv/bin/)?warpgrasp ([a-z].*?)(?:  +#.*)?$", re.MULTILINE)
+COMMAND = re.compile(r"^(?:    |\$ )?(?:\.venv/bin/)?warpgrasp ([a-z].*?)(?:  +#.*)?$",
+                     re.MULTILINE)
 
 
 def commands() -> list[tuple[str, str]]:
