@@ -161,7 +161,7 @@ def episodes(of: str, batch: int) -> Work:
 
     cell = Cell(STRATEGIES[of], {"name": "block"}, "block", seed=SEED)
     folder = tempfile.mkdtemp()
-    extra = {"object": "block"}
+    extra: dict[str, str | int] = {"object": "block"}
     done = 0
 
     def call() -> int:

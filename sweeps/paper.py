@@ -108,7 +108,7 @@ def _text(tables: dict[str, tuple[Any, Any]], recovered: Sequence[Recovered],
     spread = float(np.std(angle))
     plain = [r for r in recovered if r.way == "as the paper"]
     iterations = np.concatenate([r.iterations[np.isfinite(r.iterations)] for r in plain])
-    contacts = np.concatenate([r.block.evidence.mask.sum(1) for r in plain])
+    contacts = np.concatenate([r.block.exploration.belief.evidence.mask.sum(1) for r in plain])
     ended = np.concatenate([f.ended for f in bottles])
     sized = np.concatenate([f.by_volume[f.ended] == f.name for f in bottles])
     lines = [

@@ -61,7 +61,7 @@ def recover_objects(episodes: int) -> list[Recovered]:
 
 def _convergence(block: EpisodeBlock) -> tuple[np.ndarray, float]:
     """Iterations of the best start of a plain fit to the contacts, one at a time."""
-    evidence = block.evidence
+    evidence = block.exploration.belief.evidence
     iterations = np.full(len(evidence.mask), np.nan)
     enough = np.flatnonzero(evidence.mask.sum(1) >= 14)
     if len(enough) == 0:
@@ -100,7 +100,7 @@ def recovery_rows(found: list[Recovered]) -> list[tuple[str, ...]]:
     """The table, a row an object and way; low and high are the 10 % and 90 % quantiles."""
     rows = []
     for r in found:
-        contacts = r.block.evidence.mask.sum(1)
+        contacts = r.block.exploration.belief.evidence.mask.sum(1)
         scores, seen = r.block.scores, r.iterations[np.isfinite(r.iterations)]
         low, high = np.quantile(contacts, [0.1, 0.9])
         rows.append((
