@@ -368,7 +368,7 @@ def export_(file: Path, /, *, arm: Annotated[bool, Parameter(negative="")] = Fal
 @app.command
 def validate(*, only: Annotated[list[str] | None, Parameter(negative="")] = None,
              out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None, poses: int = 24,
-             json: Json = False) -> int:
+             workers: int = 2, json: Json = False) -> int:
     """Compare with MuJoCo, roboticstoolbox, trimesh and SciPy; print ours, theirs, difference.
 
     Parameters
@@ -379,12 +379,15 @@ def validate(*, only: Annotated[list[str] | None, Parameter(negative="")] = None
         Also write the table there, as CSV and Markdown.
     poses
         Random hand poses of each body and closing path, for closing.
+    workers
+        Processes, for closing.
     json
         Print JSON.
     """
     from sweeps.validate import validate as run_validate
 
-    return run_validate(only or [], out, poses=_count(poses, "--poses"), as_json=json)
+    return run_validate(only or [], out, poses=_count(poses, "--poses"),
+                        workers=_count(workers, "--workers"), as_json=json)
 
 
 @app.command

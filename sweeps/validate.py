@@ -19,7 +19,8 @@ CHECKS = ("puma", "distances", "pads", "metrics", "fits", "closing")
 """Each is a file `sweeps/validate_NAME.py` with a function `compare_NAME`, the longest last."""
 
 
-def validate(only: Sequence[str], out: Path | None, *, poses: int, as_json: bool) -> int:
+def validate(only: Sequence[str], out: Path | None, *, poses: int, workers: int,
+             as_json: bool) -> int:
     """Run the checks, print the table, write it to `out`; 1 where a difference breaks its bound."""
     for name in only:
         if name not in CHECKS:
@@ -31,7 +32,7 @@ def validate(only: Sequence[str], out: Path | None, *, poses: int, as_json: bool
         for name in only or CHECKS:
             print(f"{name} ...", file=sys.stderr, flush=True)
             try:
-                rows += _compare(name, poses)()
+                rows += _compare(name, poses, workers)()
             except (MissingEngine, ModuleNotFoundError) as error:
                 missing = True
                 print(f"{name}: left out: {error}; `make validate` installs what it needs",
@@ -49,9 +50,9 @@ def validate(only: Sequence[str], out: Path | None, *, poses: int, as_json: bool
     return 1 if broken or missing else 0
 
 
-def _compare(name: str, poses: int) -> Callable[[], list[Comparison]]:
+def _compare(name: str, poses: int, workers: int) -> Callable[[], list[Comparison]]:
     function = getattr(import_module(f"sweeps.validate_{name}"), f"compare_{name}")
-    return partial(function, poses) if name == "closing" else function
+    return partial(function, poses, workers) if name == "closing" else function
 
 
 def csv_of(rows: Sequence[Comparison]) -> bytes:

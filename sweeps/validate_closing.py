@@ -6,8 +6,10 @@ closing; every closing that differs is put down to a cause.
 
 from collections import Counter
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from math import nan
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from strategies.closing_paths import CLOSING_PATHS, closing_commands
 from sweeps.finger_energy import FingerEnergy
 from sweeps.mujoco_closing import MujocoHand, MujocoStop, tension_differences
+from sweeps.quiet import start_warp
 from sweeps.validation import Comparison
 from warpgrasp.body import Body, Part, scene_of
 from warpgrasp.catalogue import body_from_name, body_from_table
@@ -53,35 +56,48 @@ class _Tally:
     causes: Counter[str] = field(default_factory=Counter)
 
 
-def compare_closing(poses: int = 8) -> list[Comparison]:
+def compare_closing(poses: int = 24, workers: int = 2) -> list[Comparison]:
     """All comparisons; `poses` random hand poses for each body and closing path."""
+    runs = [(name, PATHS, poses, 0.0, False) for name in bodies_compared()]
+    some = max(poses // 4, 2)
+    variants = {"friction 0.01": (0.01, False), "friction 0.5": (0.5, False),
+                "joint limits kept": (0.0, True)}
+    runs += [(name, PATHS[1:], some, *variant) for variant in variants.values()
+             for name in _VARIED]
+    with ProcessPoolExecutor(workers, get_context("spawn"), initializer=start_warp) as pool:
+        tallies = list(pool.map(_tally, *zip(*runs, strict=True)))
+    exact = _Tally()
     rows: list[Comparison] = []
-    exact, total = _Tally(), 0  # hands
-    for name, (body, solids) in bodies_compared().items():
-        tally = _Tally()
-        for path in PATHS:
-            total += _compare(tally, body, solids, path, poses)
+    for (name, *_), tally in zip(runs, tallies[:len(bodies_compared())], strict=False):
+        rows += _rows(name, tally, name in EXACT)
         if name in EXACT:
             _add(exact, tally)
-        rows += _rows(f"{name}", tally, name in EXACT)
-    rows = _rows(f"all exact bodies, {total} hands", exact, True) + rows
-    for friction, limits, what in ((0.01, False, "friction 0.01"), (0.5, False, "friction 0.5"),
-                                   (0.0, True, "joint limits kept")):
-        tally = _Tally()
-        for name in ("box", "cylinder"):
-            body, solids = bodies_compared()[name]
-            _compare(tally, body, solids, "base_then_curl", max(poses // 4, 2), friction, limits)
-        rows += _rows(f"box and cylinder, {what}", tally, False)
+    hands = len(EXACT) * len(PATHS) * poses
+    rows = _rows(f"all exact bodies, {hands} hands", exact, True) + rows
+    left = iter(tallies[len(bodies_compared()):])
+    for what in variants:
+        both = _Tally()
+        for _ in _VARIED:
+            _add(both, next(left))
+        rows += _rows(f"box and cylinder, {what}", both, False)
     return rows
+
+
+_VARIED = ("box", "cylinder")
+
+
+def _tally(name: str, paths: Sequence[str], poses: int, friction: float = 0.0,
+           limits: bool = False) -> "_Tally":
+    body, solids = bodies_compared()[name]
+    tally = _Tally()
+    for path in paths:
+        _compare(tally, body, solids, path, poses, friction, limits)
+    return tally
 
 
 def compare_body(name: str, poses: int) -> list[Comparison]:
     """The comparisons of one of `bodies_compared` alone."""
-    body, solids = bodies_compared()[name]
-    tally = _Tally()
-    for path in PATHS:
-        _compare(tally, body, solids, path, poses)
-    return _rows(name, tally, name in EXACT)
+    return _rows(name, _tally(name, PATHS, poses), name in EXACT)
 
 
 EXACT = ("box", "cylinder", "capsule", "ellipsoid", "wedge")

@@ -48,8 +48,8 @@ def touches(sets_each: int) -> np.ndarray:
 
 
 def _compare(parameters: int, taper: bool, sets_each: int) -> list[Comparison]:
-    options = SuperquadricOptions(taper=taper)
-    form = Form(taper, False, "volume_distance" if taper else "solina", "none")
+    options = SuperquadricOptions(taper=taper, residual="solina")
+    form = Form(taper, False, "solina", "none")  # what recovery descends
     _, sets = next(iter(prepare(touches(sets_each), None, table_z=0.0).buckets()))
     lanes, theta = begin_starts(sets, form, options)
     starts = theta.reshape(-1, theta.shape[-1])
