@@ -56,7 +56,8 @@ def fit_rate(parameters: int, n: int) -> dict[str, float]:
 
 
 def scipy_rate(parameters: int, n: int = 4) -> float:
-    """Fits a second of processor time by scipy's least_squares, all six starts descended."""
+    """Fits a second of processor time by scipy's least_squares, all six starts of each to the
+    end."""
     options = SuperquadricOptions(**FORMS[parameters])
     _, sets = next(iter(prepare(points_of(n), None, table_z=0.0).buckets()))
     form = Form(options.taper, options.bend, "volume_distance" if options.taper else "solina",

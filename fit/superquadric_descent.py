@@ -39,10 +39,9 @@ def fit_sets(
     form = Form(options.taper, options.bend, residual, options.loss)
     lanes, theta = _begin(sets, form, options, start)
     lanes, theta = _refresh(lanes, theta, sets, form, options)
-    if form.loss != "none" or sets.covariance is not None:
-        # Weights and scale belong to a shape: settle both before the finish.
-        theta = advance(_problem(form), theta, lanes, options.round_iterations).theta
-        lanes, theta = _refresh(lanes, theta, sets, form, options)
+    # Weights, scale and the strength of priors belong to a shape: settle them before the finish.
+    theta = advance(_problem(form), theta, lanes, options.round_iterations).theta
+    lanes, theta = _refresh(lanes, theta, sets, form, options)
     end = finish(_problem(form), theta, lanes, at_a_time=options.round_iterations,
                  at_most=options.iterations)
     return _rows(end, lanes, sets, form)
