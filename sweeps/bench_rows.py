@@ -8,6 +8,7 @@ import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -161,7 +162,7 @@ def episodes(of: str, batch: int) -> Work:
 
     cell = Cell(STRATEGIES[of], {"name": "block"}, "block", seed=SEED)
     folder = tempfile.mkdtemp()
-    extra = {"object": "block"}
+    extra: dict[str, Any] = {"object": "block"}
     done = 0
 
     def call() -> int:
