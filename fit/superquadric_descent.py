@@ -25,7 +25,8 @@ from fit.superquadric_model import Lane, look, normal_equations
 from fit.superquadric_record import SuperquadricFit, SuperquadricOptions
 from fit.superquadric_starts import box_starts, taper_starts
 
-START_EXPONENT_LOGIT = 0.0
+START_EXPONENT_LOGITS = (-2.0, -1.0)
+"""e1 0.33 and e2 0.61: flat rather than round, and not so flat that a descent could not turn."""
 ROBUST_TUNING = {"none": 1.0, "pseudo_huber": 1.345, "cauchy": 2.385, "geman_mcclure": 3.0}
 """Standard deviations at which each loss bends: 95 % efficiency on clean Gaussian residuals."""
 
@@ -112,12 +113,27 @@ def _lanes(sets: Sets, options: SuperquadricOptions) -> Lane:
         rotation=np.tile(np.eye(3), (n, 1, 1)),
         loss_scale=0.1 / np.sqrt(sets.count),
         ridge=np.full(n, 1e-3 * options.prior),
-        upright=None if options.upright_std_rad is None else 0.1 / np.sqrt(sets.count),
+        edge=1e-3 * _edge(options) * np.ones(n),
+        upright=_upright(0.01 / np.sqrt(sets.count), sets, options),
         plane=plane,
         normals=normals,
         normal_weight=normal_weight,
         free=free,
     )
+
+
+def _edge(options: SuperquadricOptions) -> float:
+    """Weight of the prior on e1, in standard deviations of the noise."""
+    if options.mean_exponent is None:
+        return 0.0
+    rate = 1.0 / (options.mean_exponent - LEAST_EXPONENT)
+    return float(np.sqrt(2.0 * rate * (GREATEST_EXPONENT - LEAST_EXPONENT)))
+
+
+def _upright(deviation: np.ndarray, sets: Sets, options: SuperquadricOptions):
+    if options.upright_std_rad is None or sets.plane is None:
+        return None
+    return np.stack([np.full(len(deviation), options.upright_std_rad), deviation], axis=1)
 
 
 def _unit(weight: np.ndarray) -> np.ndarray:
@@ -138,7 +154,7 @@ def begin_starts(sets: Sets, form: Form, options: SuperquadricOptions) -> tuple[
         # The widest section gave the extents; the sizes belong to the middle one.
         half = half / np.concatenate([1 + np.abs(taper), np.ones((n, starts, 1))], axis=2)
     theta[..., 0:3] = np.log(half)
-    theta[..., 3:5] = START_EXPONENT_LOGIT
+    theta[..., 3:5] = START_EXPONENT_LOGITS
     theta[..., 8:11] = np.einsum("fsji,fsj->fsi", rotation, centre)
     spread = take(_lanes(sets, options), np.repeat(np.arange(n), starts))
     return spread._replace(rotation=rotation.reshape(-1, 3, 3)), theta
@@ -177,14 +193,13 @@ def _refresh(lanes: Lane, theta, sets: Sets, form: Form, options: SuperquadricOp
         scale = np.clip(ROBUST_TUNING[form.loss] * deviation, least, scale)
     deviation = np.clip(deviation, 0.1 * least, lanes.loss_scale)
     ridge = options.prior * deviation
-    upright = lanes.upright
-    if options.upright_std_rad is not None:
-        upright = deviation / options.upright_std_rad
+    upright = _upright(deviation, sets, options)
     theta = theta.copy()
     theta[:, 5:8] = 0.0
     theta[:, 8:11] = np.einsum("fji,fj->fi", body.rotation, body.position)
     return lanes._replace(rotation=body.rotation, weight=weight, loss_scale=scale,
-                          ridge=ridge, upright=upright), theta
+                          ridge=ridge, edge=_edge(options) * deviation,
+                          upright=upright), theta
 
 
 def _rows(end: Finished, lanes: Lane, sets: Sets, form: Form) -> dict[str, np.ndarray]:

@@ -75,24 +75,33 @@ def log_square_radius(shape: Shape, local: Float[Array, "3 point"]) -> Float[Arr
 
 
 def distance(shape: Shape, local: Float[Array, "3 point"]) -> Float[Array, " point"]:
-    """Signed distance along the normal to first order: (beta - 1)/|grad beta|, beta the radius.
+    """Signed distance of points to the surface: the larger of two bounds from below.
 
-    Without taper beta is convex for exponents up to 2, so outside this never exceeds the distance.
-    The gradient is that before the bend, which turns it and hardly stretches it.
+    One is (beta - 1)/|grad beta|, beta the scaled radius, which without taper is convex for
+    exponents up to 2. It is exact to first order at the surface, but deep in a thin body it looks
+    to the end and not to the nearer side. The other is the distance to the box around the body
+    (with taper a frustum's): the larger of the signed distances to its faces. The gradient is that
+    before the bend, which turns it and hardly stretches it.
     """
     straight = straighten(shape, local)
     log_square, shares = _log_f_e1(_logs(shape, straight), shape.exponents)
     x, y, z = straight
+    a1, a2, a3 = shape.size
     gx, gy, gz = (share * c / (c**2 + TINY * a**2)
                   for share, c, a in zip(shares, straight, shape.size, strict=True))
+    past_x, past_y, past_z = jnp.abs(x) - a1, jnp.abs(y) - a2, jnp.abs(z) - a3
     if shape.taper is not None:
-        factors = 1.0 + shape.taper * (z / shape.size[2])
-        kx, ky = jnp.where(factors > LEAST_TAPER_FACTOR, shape.taper, 0.0)
-        fx, fy = jnp.maximum(factors, LEAST_TAPER_FACTOR)
+        factors = _taper_factors(shape, z)
+        tapers = (factors > LEAST_TAPER_FACTOR) & (past_z < 0.0)
+        kx, ky = jnp.where(tapers, shape.taper, 0.0)
+        fx, fy = factors
         gx, gy = gx / fx, gy / fy
-        gz = gz - (gx * x * kx + gy * y * ky) / shape.size[2]
+        gz = gz - (gx * x * kx + gy * y * ky) / a3
+        past_x = past_x * fx / jnp.sqrt(1.0 + (kx * a1 / a3) ** 2)
+        past_y = past_y * fy / jnp.sqrt(1.0 + (ky * a2 / a3) ** 2)
     slope = jnp.sqrt(gx**2 + gy**2 + gz**2 + TINY)
-    return -jnp.expm1(-0.5 * jnp.clip(log_square, -8.0, 30.0)) / slope
+    first_order = -jnp.expm1(-0.5 * jnp.clip(log_square, -8.0, 30.0)) / slope
+    return jnp.maximum(first_order, jnp.maximum(jnp.maximum(past_x, past_y), past_z))
 
 
 def straighten(shape: Shape, local: Float[Array, "3 point"]) -> Float[Array, "3 point"]:
@@ -101,10 +110,20 @@ def straighten(shape: Shape, local: Float[Array, "3 point"]) -> Float[Array, "3 
     if shape.bend is not None:
         x, y, z = _unbend(x, y, z, shape.bend)
     if shape.taper is not None:
-        height = z / shape.size[2]
-        x = x / jnp.maximum(1.0 + shape.taper[0] * height, LEAST_TAPER_FACTOR)
-        y = y / jnp.maximum(1.0 + shape.taper[1] * height, LEAST_TAPER_FACTOR)
+        factors = _taper_factors(shape, z)
+        x, y = x / factors[0], y / factors[1]
     return jnp.stack([x, y, z])
+
+
+def _taper_factors(shape: Shape, z: Float[Array, " point"]) -> Float[Array, "2 point"]:
+    """Width of the section at z by that of the middle one, along x and y.
+
+    Beyond an end it stays that of the end: a section that went on to shrink would make a spike of
+    small distances above a body that is too short.
+    """
+    height = jnp.clip(z / shape.size[2], -1.0, 1.0)
+    assert shape.taper is not None
+    return jnp.maximum(1.0 + shape.taper * height, LEAST_TAPER_FACTOR)
 
 
 def _unbend(x, y, z, bend):

@@ -19,6 +19,9 @@ from fit.superquadric_body import Body, Form, Tensor, body_slopes, unpack
 from fit.superquadric_field import distance, log_square_radius, residual, slopes
 from fit.superquadric_support import support
 
+UPRIGHT_DOUBT = 3.0
+"""Standard deviations of tilt beyond which a body is rather believed to lean."""
+
 
 class Lane(NamedTuple):
     """The data of one fit, in its own unit frame. Optional evidence is None where switched off."""
@@ -32,8 +35,11 @@ class Lane(NamedTuple):
     """Residual (weighted) at which the robust loss begins to bend."""
     ridge: Float[Tensor, ""]
     """Weight of the prior that keeps what no point shows from drifting."""
-    upright: Float[Tensor, ""] | None = None
-    """Weight of the prior that one of the body's axes, whichever, is vertical."""
+    edge: Float[Tensor, ""]
+    """Weight of the prior on the profile's exponent."""
+    upright: Float[Tensor, " 2"] | None = None
+    """Of the prior that one of the body's axes, whichever, is vertical: the standard deviation of
+    the tilt, and the weight of so many of them."""
     plane: Float[Tensor, " 5"] | None = None
     """Down direction (3), height of the plane along it, weight of the support residual."""
     normals: Float[Tensor, "3 point"] | None = None
@@ -96,13 +102,16 @@ def _others(theta, lane: Lane, form: Form) -> Float[Array, " residual"]:
     if lane.upright is not None:
         u = body.rotation[2]
         # The products vanish exactly where one axis is vertical, and grow with the tilt.
-        parts.append(lane.upright * jnp.stack([u[0] * u[1], u[1] * u[2], u[2] * u[0]]))
+        tilt = jnp.stack([u[0] * u[1], u[1] * u[2], u[2] * u[0]]) / lane.upright[0]
+        parts.append(lane.upright[1] * robust(tilt, UPRIGHT_DOUBT, "cauchy"))
     if lane.normals is not None and lane.normal_weight is not None:
         # The tangent plane at a touch is a plane of the dual superquadric: n.(x - t) = h(n).
         reach = jax.vmap(lambda n: support(body, n), in_axes=1)(lane.normals)
         along = jnp.sum(lane.normals * (lane.points - body.position[:, None]), axis=0)
         parts.append(robust(lane.normal_weight * (along - reach), lane.loss_scale, form.loss))
     parts.append(lane.ridge * jnp.concatenate([theta[3:5], theta[11:]]))
+    # Half its square is the exponent above its least: that of an exponential distribution.
+    parts.append(lane.edge * jnp.sqrt(jax.nn.sigmoid(theta[3:4])))
     return jnp.concatenate(parts)
 
 

@@ -21,7 +21,7 @@ class SuperquadricOptions:
     """See `superquadric_field.residual`; None: solina, or volume_distance with a taper."""
     loss: Literal["none", "pseudo_huber", "cauchy", "geman_mcclure"] = "none"
     """Robust loss of the points' (and normals') residuals, its scale from their median."""
-    screen_iterations: int = 5
+    screen_iterations: int = 4
     round_iterations: int = 6
     """Iterations between two looks at which fits are done."""
     iterations: int = 80
@@ -34,9 +34,13 @@ class SuperquadricOptions:
     """Weight of all the free balls together, against all the points."""
     normal_weight: float = 0.3
     """Weight of a normal's tangent-plane residual against its point's."""
-    upright_std_rad: float | None = None
-    """Standard deviation of the tilt of a body known to stand upright, on whichever of its three
-    axes [rad], against the noise that the residuals show; None: it may lie as it likes."""
+    upright_std_rad: float | None = 0.01
+    """Standard deviation of the tilt of a body that stands on a table, on whichever of its three
+    axes [rad], against the noise that the residuals show. Touches that clearly say that it leans
+    win; None: it may lie as it likes. Without a table it is not used."""
+    mean_exponent: float | None = 0.6
+    """Mean of the exponential prior on e1: where nothing shows how a body ends above and below,
+    flat ends are likelier than round ones. None: no prior."""
     prior: float = 0.1
     """Inverse standard deviation of the prior on the exponents' logits, the taper's arctanh and
     the bend, against the noise that the residuals show; 0 switches it off."""

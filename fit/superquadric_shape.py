@@ -25,7 +25,7 @@ from fit.rotation import matrix_of_quaternion
 TINY = 1e-20
 """Added to squared coordinates over size, so that logarithms stay finite on the axes."""
 LEAST_TAPER_FACTOR = 0.02
-"""Beyond the body's ends a full taper would shrink the section through zero."""
+"""A full taper would shrink the section at an end to nothing; beyond an end it stays as it is."""
 
 
 class SuperquadricLike(Protocol):
@@ -144,7 +144,7 @@ def superquadric_normals(
 def from_straight_frame(body: SuperquadricLike, points: np.ndarray) -> np.ndarray:
     """World points [m] of points [m] of the body before taper and bend, both [fit, point, 3]."""
     x, y, z = np.moveaxis(points, -1, 0)
-    height = z / body.size_m[:, 2, None]
+    height = np.clip(z / body.size_m[:, 2, None], -1.0, 1.0)
     x = x * np.maximum(1 + body.taper[:, 0, None] * height, LEAST_TAPER_FACTOR)
     y = y * np.maximum(1 + body.taper[:, 1, None] * height, LEAST_TAPER_FACTOR)
     k, alpha = body.bend[:, 0, None], body.bend[:, 1, None]
@@ -172,7 +172,7 @@ def to_straight_frame(body: SuperquadricLike, points: np.ndarray) -> np.ndarray:
     shift = k * (outer * longer + outer**2 + z**2) / (1 + radius)
     straight = np.where(k < 1e-12, z, np.arctan2(k * z, ahead) / np.maximum(k, 1e-12))
     x, y, z = x - cos * shift, y - sin * shift, straight
-    height = z / body.size_m[:, 2, None]
+    height = np.clip(z / body.size_m[:, 2, None], -1.0, 1.0)
     x = x / np.maximum(1 + body.taper[:, 0, None] * height, LEAST_TAPER_FACTOR)
     y = y / np.maximum(1 + body.taper[:, 1, None] * height, LEAST_TAPER_FACTOR)
     return np.stack([x, y, z], axis=-1)

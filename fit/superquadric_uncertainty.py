@@ -72,15 +72,17 @@ def superquadric_uncertainty(
     table_z: float | np.ndarray | None = None,
     sigma_floor_m: float = 1e-3,
     table_sigma_m: float = 5e-4,
+    common_sigma_m: float = 0.0,
 ) -> SuperquadricUncertainty:
     """Uncertainty of `fit` to `points` [m] with the evidence it was fitted to.
 
     Without `covariance` [m^2] the noise is taken from the residuals (by their median, with the
     parameters counted); with it, each touch has n.C n + sigma_floor^2, enlarged where the residuals
-    are larger than it promises.
+    are larger than it promises. `common_sigma_m` is the standard deviation of an error along the
+    normal that all touches share (skin, link radius, calibration): no number of touches averages
+    it out, so it is carried to the parameters as a whole.
     """
-    fields = (fit.size_m, fit.exponents, fit.position_m, fit.quaternion_xyzw, fit.taper, fit.bend)
-    body = Superquadric(*fields)
+    body = _body(fit)
     points = np.asarray(points, float)
     mask = np.ones(points.shape[:2], bool) if mask is None else mask
     kept = np.isfinite(points).all(axis=2) & mask
@@ -99,6 +101,9 @@ def superquadric_uncertainty(
         information += row[:, :, None] * row[:, None, :]
     # In units of the prior the matrix is at least the identity: never singular.
     unit = np.linalg.inv(information)
+    if common_sigma_m:
+        shared = np.einsum("fij,fpj,fp->fi", unit, rows, kept / sigma) * common_sigma_m
+        unit = unit + shared[:, :, None] * shared[:, None, :]
     cov = unit * prior[:, :, None] * prior[:, None, :]
     log_volume_std = _log_volume_std(body, cov, prior)
     return SuperquadricUncertainty(cov, superquadric_volume(body), log_volume_std,
@@ -110,11 +115,16 @@ def surface_std(
     points: Float[np.ndarray, "fit point 3"],
 ) -> Float[np.ndarray, "fit point"]:
     """Standard deviation [m] along the normal of the surface at (or near) `points` [m]."""
-    fields = (fit.size_m, fit.exponents, fit.position_m, fit.quaternion_xyzw, fit.taper, fit.bend)
-    body = Superquadric(*fields)
+    body = _body(fit)
     prior = _prior(body)
     slopes = distance_slopes(body, points, prior) / prior[:, None]
     return np.sqrt(np.einsum("fpi,fij,fpj->fp", slopes, uncertainty.covariance, slopes))
+
+
+def _body(fit: SuperquadricLike) -> Superquadric:
+    """The bodies alone; those of sets without extent are given a little, to be finite."""
+    return Superquadric(np.maximum(fit.size_m, 1e-6), fit.exponents, fit.position_m,
+                        fit.quaternion_xyzw, fit.taper, fit.bend)
 
 
 def surface_distance(body: SuperquadricLike, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -9,7 +9,7 @@ import numpy as np
 from fit.superquadric_shape import Superquadric
 from fit.superquadric_uncertainty import distance_slopes, surface_std
 from strategies.belief import Belief
-from strategies.candidates import candidate_poses, predicted_touches
+from strategies.candidates import candidate_poses, predicted_touches, working_belief
 from strategies.probes import Grasp, Probe
 from strategies.registry import planner
 from warpgrasp.counter_random import counter_key_host, counter_uniform_host
@@ -30,6 +30,7 @@ class OneAtATime:
 
     def __call__(self, belief: Belief) -> list[Probe]:
         """One grasp in every world that has a candidate left."""
+        belief = working_belief(belief)
         poses, reachable = candidate_poses(belief, about=self.about)
         if self.taken is None:
             self.taken = np.zeros(reachable.shape, bool)

@@ -8,6 +8,7 @@ import numpy as np
 from strategies.belief import Belief
 from strategies.closing_paths import CLOSING_PATHS
 from strategies.containment import padded_commands
+from strategies.recovered import or_told
 from strategies.upright import stand_upright
 from strategies.waypoint_poses import waypoint_poses
 from strategies.waypoints import BoundingCylinder, Placement, Ring, Top
@@ -28,6 +29,20 @@ POOL: tuple[Placement, ...] = (
     Top(count=2),
 )
 """Rims from two sides, rings at three heights and two distances, two from above: 38 poses."""
+
+
+TRUSTED_FROM = 24
+"""Contacts from which a fitted body is a better guide than what was told [est]."""
+
+
+def working_belief(belief: Belief) -> Belief:
+    """The belief with the told cylinder for a body until enough was felt to trust a fit.
+
+    A body fitted to eight contacts of one grasp may lie beside the object; poses about it, and
+    touches predicted on it, would meet nothing.
+    """
+    trusted = belief.fitted & (belief.evidence.mask.sum(1) >= TRUSTED_FROM)
+    return replace(belief, body=or_told(belief.body, belief.told, trusted))
 
 
 def candidate_poses(belief: Belief, *, about: str = "belief") -> tuple[np.ndarray, np.ndarray]:
@@ -57,8 +72,7 @@ def predicted_touches(
     superquadric that is believed: nothing true enters.
     """
     bodies = [_body_of(belief, world) for world in range(belief.worlds)]
-    pose = np.concatenate([belief.body.position_m, belief.body.quaternion_xyzw], 1)
-    truth = Truth(pose)
+    truth = Truth(np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (belief.worlds, 1)))
     quiet = SensorTable(tension_noise_N=0.0, joint_noise_rad=0.0, tension_step_N=0.0)
     exact = replace(belief.arm, mount_error_m=0.0, mount_error_rad=0.0, repeatability_m=0.0)
     robot = Robot(bodies, np.arange(belief.worlds), truth, np.zeros(belief.worlds, np.uint64),
@@ -72,10 +86,13 @@ def predicted_touches(
 
 
 def _body_of(belief: Belief, world: int) -> Body:
+    """In the base frame: a body's frame has the table at its z = 0."""
     body = belief.body
-    size = body.size_m[world]
-    reach = float(np.linalg.norm(size)) * 2
-    return Body("believed", (Part(Shape.SUPERQUADRIC, superquadric=(
-        *(float(v) for v in size), *(float(v) for v in body.exponents[world]),
-        *(float(v) for v in body.taper[world]), *(float(v) for v in body.bend[world]))),),
-        (-reach, -reach, -reach), (reach, reach, reach))
+    numbers = [float(v) for row in (body.size_m, body.exponents, body.taper, body.bend)
+               for v in row[world]]
+    middle = [float(v) for v in body.position_m[world]]
+    reach = 2 * float(np.linalg.norm(body.size_m[world]))
+    low = (middle[0] - reach, middle[1] - reach, middle[2] - reach)
+    high = (middle[0] + reach, middle[1] + reach, middle[2] + reach)
+    return Body("believed", (Part(Shape.SUPERQUADRIC, superquadric=tuple(numbers), place=(
+        *middle, *(float(v) for v in body.quaternion_xyzw[world]))),), low, high)

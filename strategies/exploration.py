@@ -38,7 +38,7 @@ from strategies.planar import PlanarExploration, explore_plane
 from strategies.planar_faces import Face, planes_of
 from strategies.probes import CrossFaces, FollowContour, Grasp, Probe, wanted_of
 from strategies.recovered import Recovered, choose_body, or_told, plausible
-from strategies.recovery import recover_bodies
+from strategies.recovery import recover_bodies, refine_bodies
 from strategies.waypoints import BoundingCylinder
 from warpgrasp.parameters import FitTable
 from warpgrasp.robot import Grasps, Robot
@@ -46,6 +46,8 @@ from warpgrasp.status import ProbeStatus
 
 FEWEST_CONTACTS = 8
 """With fewer contacts no body is fitted."""
+REGROWN = 1.5
+"""A body is fitted from scratch when its contacts have grown by this since that was last done."""
 MOST_STEPS = 64
 """Times a strategy is asked in one episode."""
 TABLE_M = 0.0
@@ -141,6 +143,8 @@ class _Run:
         self.touches = np.zeros(worlds, int)
         self.time, self.path = np.zeros(worlds), np.zeros(worlds)
         self.fits = _no_fits(worlds)
+        self.count_anew = np.zeros(worlds, int)
+        self.by_pads = np.zeros(worlds, bool)
         self.placed = self.felt
         self._conclude()
 
@@ -245,7 +249,7 @@ class _Run:
         first = self.felt.mask.shape[1]
         self._touched("contour", found, wanted, CONTOUR_TOUCHES)
         self.contour = np.concatenate([self.contour, np.arange(first, first + CONTOUR_TOUCHES)])
-        profile = profile_of(found)
+        profile = profile_of(found, refine=probe.refine)
         self.profile = profile if self.profile is None else later_profile(self.profile, profile)
 
     def _touched(self, name: str, found: PlanarExploration | ContourExploration,
@@ -253,7 +257,9 @@ class _Run:
         worlds = self.robot.worlds
         self._add(evidence_from_touches(found.touches, worlds, slots, self.felt),
                   no_links(worlds, slots, self.links.radius_m))
-        self.touches += np.bincount(found.touches.world, minlength=worlds)
+        made = np.bincount(found.touches.world, minlength=worlds)
+        self.touches += made
+        self.by_pads = self.by_pads | (made > 0)
         self.time += found.time_s
         self.path += found.path_m
         self.procedures.append(Procedure(name, self.step, found, wanted, slots))
@@ -263,10 +269,28 @@ class _Run:
         self.links = joined_links(self.links, links)
 
     def _refit(self, rows: np.ndarray) -> None:
-        """Bodies of the worlds that felt something new."""
-        evidence = evidence_rows(self.felt, rows)
-        links: TouchedLinks | None = link_rows(self.links, rows) if self.intrinsic else None
-        fits, placed = recover_bodies(evidence, links, self.table)
+        """Bodies of the worlds that felt something new.
+
+        From scratch where the contacts have grown by half since that was last done, or pads felt
+        something; otherwise from the body last fitted.
+        """
+        count = self.felt.mask.sum(1)
+        anew = ~self.believed() | (count >= REGROWN * self.count_anew) | self.by_pads
+        self.by_pads = np.zeros_like(self.by_pads)
+        for part, start in ((rows[anew[rows]], None), (rows[~anew[rows]], self.fits)):
+            if len(part) == 0:
+                continue
+            evidence = evidence_rows(self.felt, part)
+            links: TouchedLinks | None = link_rows(self.links, part) if self.intrinsic else None
+            if start is None:
+                fits, placed = recover_bodies(evidence, links, self.table)
+                self.count_anew = _with(self.count_anew, part, count[part])
+            else:
+                fits, placed = refine_bodies(evidence, links, self.table, start[part])
+            self._take(part, fits, placed)
+
+    def _take(self, rows: np.ndarray, fits: SuperquadricFit, placed: Evidence) -> None:
+        """New fits, and the contacts as placed for them, into the rows they are of."""
         self.fits = SuperquadricFit(**{
             f.name: _with(getattr(self.fits, f.name), rows, getattr(fits, f.name))
             for f in fields(SuperquadricFit)})
@@ -277,13 +301,14 @@ class _Run:
             for f in fields(Evidence)}
         self.placed = Evidence(**values)
 
+    def believed(self) -> np.ndarray:
+        """Worlds whose fit is to be believed, bool (world,)."""
+        good = np.isin(self.fits.status, (FitStatus.converged, FitStatus.not_converged))
+        return (self.placed.mask.sum(1) >= FEWEST_CONTACTS) & good & plausible(self.fits, self.told)
+
     def _conclude(self) -> None:
         """What is believed now."""
-        good = np.isin(self.fits.status, (FitStatus.converged, FitStatus.not_converged))
-        self.enough = self.placed.mask.sum(1) >= FEWEST_CONTACTS
-        self.good = good
-        self.sane = plausible(self.fits, self.told)
-        fitted = self.enough & good & self.sane
+        fitted = self.believed()
         body = or_told(self.fits, self.told, fitted)
         self.recovered = choose_body(fitted, body, self.profile, self.placed, self.contour)
         self.belief = Belief(
@@ -294,9 +319,11 @@ class _Run:
     def status(self) -> np.ndarray:
         """How each world ended."""
         known = self.recovered.shape > 0
+        enough = self.placed.mask.sum(1) >= FEWEST_CONTACTS
+        good = np.isin(self.fits.status, (FitStatus.converged, FitStatus.not_converged))
         return np.where(self.faulty, "strategy_failed", np.where(
-            known, "ok", np.where(~self.enough, "too_few_contacts", np.where(
-                self.good, "fit_implausible", "fit_failed"))))
+            known, "ok", np.where(~enough, "too_few_contacts", np.where(
+                good, "fit_implausible", "fit_failed"))))
 
 
 def _no_fits(worlds: int) -> SuperquadricFit:

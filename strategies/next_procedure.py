@@ -68,8 +68,8 @@ def contour_to_follow(
     if table.axis_error_rad > 0:
         draw = counter_uniform_host(counter_key_host(belief.seed, int(Purpose.STRATEGY), 1))
         axis = axis.turned(zero + table.axis_error_rad, 2 * np.pi * draw)
-    return FollowContour(axis, wanted, ContourOptions(step_m=table.step_m,
-                                                      finest_step_m=table.finest_step_m))
+    return FollowContour(axis, wanted, ContourOptions(
+        step_m=table.step_m, finest_step_m=table.finest_step_m), table.refine)
 
 
 def decide(belief: Belief, table: DecideTable) -> tuple[np.ndarray, np.ndarray]:

@@ -46,6 +46,8 @@ class FollowContour:
     wanted: np.ndarray | None = None
     """Bool (world,); all where None."""
     options: ContourOptions | None = None
+    refine: bool = True
+    """Fit the axis to the touches; else the direction is kept as given."""
 
 
 Probe = Grasp | CrossFaces | FollowContour

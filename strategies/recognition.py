@@ -27,6 +27,8 @@ MODEL_SIGMA_M = 0.0015
 """Added to a touch's own spread: what estimates leave out [est]."""
 TOP_SIGMA_M = 0.006
 """How well the height of what was felt is known [est]."""
+TOP_CAP = 6.0
+"""The same for the height, which is one number and decides more."""
 EFFECTIVE = 0.25
 """Independent touches of all: neighbours err together [est]."""
 NONE_SQUARE = 2.2
@@ -73,7 +75,7 @@ class Recognizer:
         sigma = np.sqrt(np.where(along > 0, along, trace / 3) + MODEL_SIGMA_M**2)
         square = np.stack([
             self._square(number, evidence.points_m, mask, sigma, centre)
-            + np.minimum((top - body.high_m[2]) / TOP_SIGMA_M, CAP) ** 2
+            + np.minimum(np.abs(top - body.high_m[2]) / TOP_SIGMA_M, TOP_CAP) ** 2
             / np.maximum(EFFECTIVE * mask.sum(1), 1.0)
             for number, body in enumerate(self.bodies.values())], 1)
         count = EFFECTIVE * mask.sum(1, keepdims=True)

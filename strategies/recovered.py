@@ -7,7 +7,12 @@ import numpy as np
 
 from fit.revolution_shape import RevolutionBody, revolution_distance
 from fit.superquadric import SuperquadricFit
-from fit.superquadric_shape import Superquadric, superquadric_inside_outside, superquadric_normals
+from fit.superquadric_shape import (
+    Superquadric,
+    SuperquadricLike,
+    superquadric_inside_outside,
+    superquadric_normals,
+)
 from strategies.contour_profile import Profile
 from strategies.evidence import Evidence
 from strategies.waypoints import BoundingCylinder
@@ -111,7 +116,7 @@ def plausible(fits: SuperquadricFit, told: BoundingCylinder) -> np.ndarray:
     return far <= 2.0 * reach
 
 
-def or_told(fits: SuperquadricFit, told: BoundingCylinder, good: np.ndarray) -> Superquadric:
+def or_told(fits: SuperquadricLike, told: BoundingCylinder, good: np.ndarray) -> Superquadric:
     """The fits, and the told cylinder where there is none."""
     zero = np.zeros_like(told.x_m)
     pick = good[:, None]

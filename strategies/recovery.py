@@ -22,10 +22,14 @@ from warpgrasp.parameters import FitTable
 
 FREE_BALLS = 64
 """Free balls given to a fit, the nearest to the body last fitted."""
+REFINE_ROUNDS = 2
+"""Rounds for a body that is known already and felt a little more."""
 PLACE_SIGMA_M = 0.003
 """How well a body still being fitted predicts where a link's axis must pass [est]."""
 NORMAL_SIGMA_M = 0.0008
 """Spread of a placed contact along the normal: joint angles, mount, repeatability [est]."""
+ROUGH_ITERATIONS, LAST_ITERATIONS = 6, 24
+"""Iterations of a fit whose contacts are still to move, and of the last one."""
 FARTHEST_M = 0.02
 """A link farther than this from the body is no less likely than one this far."""
 
@@ -42,23 +46,48 @@ def recover_bodies(
     first = slice(0, FREE_BALLS)
     placed = replace(evidence, free_m=evidence.free_m[:, first],
                      free_mask=np.zeros_like(evidence.free_mask[:, first]))
-    fits = fit_evidence(placed, table)
     rounds = table.rounds if links is not None else int(table.free_space)
+    # Contacts that are still to move need no optimum; a few slow descents would cost the most.
+    fits = fit_evidence(placed, table, iterations=ROUGH_ITERATIONS if rounds else LAST_ITERATIONS)
     for number in range(rounds):
         if links is not None:
             placed = contacts_placed(evidence, links, fits)
         placed = nearest_free(placed, evidence, fits)
         # Early bodies may be wrong as a whole: only the later rounds go on from the last one.
-        fits = fit_evidence(placed, table, start=fits if 2 * number >= rounds else None)
+        fits = fit_evidence(
+            placed, table, start=fits if 2 * number >= rounds else None,
+            iterations=LAST_ITERATIONS if number == rounds - 1 else ROUGH_ITERATIONS)
+    return fits, placed
+
+
+def refine_bodies(
+    evidence: Evidence, links: TouchedLinks | None, table: FitTable, start: SuperquadricFit
+) -> tuple[SuperquadricFit, Evidence]:
+    """Bodies of worlds that felt a little more, going on from the bodies last fitted."""
+    placed, fits = evidence, start
+    rounds = min(REFINE_ROUNDS, max(table.rounds, 1)) if links is not None else 1
+    for number in range(rounds):
+        if links is not None:
+            placed = contacts_placed(evidence, links, fits)
+        placed = nearest_free(placed, evidence, fits)
+        fits = fit_evidence(
+            placed, table, start=fits,
+            iterations=LAST_ITERATIONS if number == rounds - 1 else ROUGH_ITERATIONS)
     return fits, placed
 
 
 def fit_evidence(
-    evidence: Evidence, table: FitTable, *, start: SuperquadricFit | None = None
+    evidence: Evidence, table: FitTable, *, start: SuperquadricFit | None = None,
+    iterations: int = LAST_ITERATIONS,
 ) -> SuperquadricFit:
     """One fit a world, to the evidence that the table switches on, going on from `start`."""
+    residual = table.residual
+    if residual == "solina_first":
+        # Distances are truer for tapered bodies, but from afar a body shrunk to nothing fits too.
+        residual = "volume_distance" if table.taper and start is not None else "solina"
     options = SuperquadricOptions(
-        taper=table.taper, residual=table.residual, loss=table.loss,  # pyright: ignore
+        taper=table.taper, residual=residual, loss=table.loss,  # pyright: ignore
+        iterations=iterations,
         upright_std_rad=table.upright_rad if table.table_plane else None)
     return fit_superquadric(
         evidence.points_m, evidence.mask,

@@ -8,7 +8,6 @@ import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -162,7 +161,7 @@ def episodes(of: str, batch: int) -> Work:
 
     cell = Cell(STRATEGIES[of], {"name": "block"}, "block", seed=SEED)
     folder = tempfile.mkdtemp()
-    extra: dict[str, Any] = {"object": "block"}
+    extra: dict[str, str | int] = {"object": "block"}
     done = 0
 
     def call() -> int:

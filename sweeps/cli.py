@@ -8,7 +8,8 @@ from typing import Annotated, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 
-app = App(name="warpgrasp", help="Batched simulation of robots that learn shape by touch.",
+app = App(name="warpgrasp", help="Batched simulation of robots that learn shape by touch. "
+          "Every command takes --quiet: no progress and no notes.",
           version_flags=["--version"], help_format="plaintext",
           suppress_keyboard_interrupt=False)
 
@@ -183,6 +184,65 @@ def figure(words: list[str], /, *, out: Annotated[Path, Parameter(name=["--out",
 
 
 @app.command
+def report(folders: list[Path], /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])],
+           views: bool = True, workers: int = 1, device: str = "cpu") -> int:
+    """Write a study as one HTML file that needs no network.
+
+    Parameters
+    ----------
+    folders
+        The directory of a study, or several that hold parts (shards) of one.
+    out
+        The HTML file.
+    views
+        Run the best, median and worst episode of each strategy again, for their 3-D views.
+    workers
+        Cores to use for that, one process each.
+    device
+        cpu, or cuda:0.
+    """
+    from sweeps import report
+
+    return report.report(folders, out, views=views, device=_device(device),
+                         workers=_count(workers, "--workers"))
+
+
+@app.command
+def show(folders: list[Path], /, *, episode: int = 0, strategy: str | None = None,
+         object_: Annotated[str | None, Parameter(name="--object")] = None,
+         out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
+         live: Annotated[bool, Parameter(negative="")] = False, port: int = 8080,
+         device: str = "cpu") -> int:
+    """Play an episode again: arm, hand, object, contacts, and the shape believed.
+
+    Parameters
+    ----------
+    folders
+        The directory of a study, or several that hold parts (shards) of one.
+    episode
+        Which episode of the strategy and object, from 0.
+    strategy
+        Whose; by default the leaderboard's first.
+    object_
+        On what; by default the study's first.
+    out
+        An HTML file to write, which needs no network.
+    live
+        Serve it on this machine alone (127.0.0.1) until Ctrl-C.
+    port
+        For --live.
+    device
+        cpu, or cuda:0.
+    """
+    from sweeps import replay
+
+    if out is None and not live:
+        raise UsageError("show: wants -o FILE.html, or --live")
+    return replay.show(folders, out, strategy=strategy, body=object_, episode=episode,
+                       live=live, port=port, device=_device(device))
+
+
+@app.command
 def explore(object_: str, /, *, strategy: str,
             out: Annotated[Path, Parameter(name=["--out", "-o"])], units: str | None = None,
             seed: int = 0, yaw_deg: float | None = None, x_m: float = 0.45, y_m: float = 0.0,
@@ -306,6 +366,45 @@ def export_(file: Path, /, *, arm: Annotated[bool, Parameter(negative="")] = Fal
 
 
 @app.command
+def validate(*, only: Annotated[list[str] | None, Parameter(negative="")] = None,
+             out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None, poses: int = 24,
+             workers: int = 2, json: Json = False) -> int:
+    """Compare with MuJoCo, roboticstoolbox, trimesh and SciPy; print ours, theirs, difference.
+
+    Parameters
+    ----------
+    only
+        Only these checks: puma, distances, pads, metrics, fits, closing.
+    out
+        Also write the table there, as CSV and Markdown.
+    poses
+        Random hand poses of each body and closing path, for closing.
+    workers
+        Processes, for closing.
+    json
+        Print JSON.
+    """
+    from sweeps.validate import validate as run_validate
+
+    return run_validate(only or [], out, poses=_count(poses, "--poses"),
+                        workers=_count(workers, "--workers"), as_json=json)
+
+
+@app.command
+def paper(*, out: Annotated[Path, Parameter(name=["--out", "-o"])]) -> int:
+    """Run the experiments of Allen and Michelman 1990 beside what they printed.
+
+    Parameters
+    ----------
+    out
+        The directory for the tables, figures and paper.md; the same bytes every time.
+    """
+    from sweeps.paper import paper as run_paper
+
+    return run_paper(out)
+
+
+@app.command
 def sensitivity(*, out: Annotated[Path, Parameter(name=["--out", "-o"])], episodes: int = 16,
                 workers: int = 1, spec: Path | None = None, json: Json = False) -> int:
     """Vary each estimated constant over its bracket; print what becomes of the ranking.
@@ -343,6 +442,37 @@ def init(spec: Path, /, *, force: Annotated[bool, Parameter(negative="")] = Fals
     from sweeps import previews
 
     return previews.init(spec, force=force)
+
+
+@app.command
+def doctor(*, test: bool = True, json: Json = False) -> int:
+    """Say what is installed, where caches are, and whether it computes; 1 if something is wrong.
+
+    Parameters
+    ----------
+    test
+        Also compute a distance and a fit (seconds; the first time compiles).
+    json
+        Print JSON.
+    """
+    from sweeps.doctor import doctor as examine
+
+    return examine(as_json=json, test=test)
+
+
+@app.command
+def completion(shell: Literal["bash", "zsh"], /) -> int:
+    """Print a script that completes commands and options: source <(warpgrasp completion bash).
+
+    Parameters
+    ----------
+    shell
+        bash or zsh.
+    """
+    from sweeps.completion import completion as script
+
+    print(script(shell), end="")
+    return 0
 
 
 @app.command
@@ -389,6 +519,11 @@ def main(arguments: list[str] | None = None) -> None:
 
 def run(arguments: list[str]) -> int:
     """Runs a command; the exit code comes back, user errors are one message on stderr."""
+    if "--quiet" in arguments:
+        from sweeps.quiet import ask_quiet
+
+        ask_quiet()
+        arguments = [argument for argument in arguments if argument != "--quiet"]
     try:
         code = app(arguments or ["--help"], exit_on_error=False, print_error=False,
                    result_action="return_value")

@@ -17,7 +17,7 @@ from sweeps.opened import open_study, plan_of
 from sweeps.plan import Plan, plan_study
 from sweeps.problems import choose
 from sweeps.progress import Progress, read_note
-from sweeps.quiet import devices, quiet_stdout, start_warp
+from sweeps.quiet import devices, quiet_asked, quiet_stdout, start_warp
 from sweeps.runner import UNIT_TIMEOUT_S, Options, run
 from sweeps.spec import read_spec
 from sweeps.spec_objects import object_of_argument
@@ -183,6 +183,8 @@ def _count_files(store: Store) -> int:
 
 
 def _say(text: str) -> None:
+    if quiet_asked():
+        return
     print(text, file=sys.stderr, flush=True)
 
 

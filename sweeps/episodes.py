@@ -46,6 +46,7 @@ class Moment:
     touches: np.ndarray
     time_s: np.ndarray
     scores: Scores
+    recovered: Recovered
 
 
 @dataclass(frozen=True)
@@ -136,7 +137,7 @@ def run_block(cell: Cell, episodes: np.ndarray, device: str) -> EpisodeBlock:
 
     def observe(belief: Belief, recovered: Recovered) -> None:
         moments.append(Moment(belief.touches, belief.time_s, score_recovered(
-            recovered, body, body_pose, device=device)))
+            recovered, body, body_pose, device=device), recovered))
 
     planner, fault = _planner(cell, robot, told)
     if isinstance(planner, Oracle):

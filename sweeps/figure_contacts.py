@@ -8,14 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fit.superquadric_shape import (
-    Superquadric,
-    from_straight_frame,
-    superquadric,
-    superquadric_inside_outside,
-)
 from sweeps.episodes import EpisodeBlock
 from sweeps.figure_style import drawing, encode, figure
+from sweeps.recovered_surface import quadrilaterals, recovered_grid
 from warpgrasp.body_sample import sample_body
 
 if TYPE_CHECKING:
@@ -26,23 +21,6 @@ _CONTACT = "#b2182b"
 _TRUE = "#4d4d4d"
 _FIT = "#2166ac"
 _VIEW = (22.0, -55.0)  # elevation, azimuth [deg]
-
-
-def surface_mesh(body: Superquadric, rows: int = 48) -> np.ndarray:
-    """Quadrilaterals of the first body of a batch, shape (face, 4, 3) [m]."""
-    up = np.linspace(0.0, np.pi, rows + 1)
-    around = np.linspace(0.0, 2.0 * np.pi, 2 * rows + 1)
-    u, a = np.meshgrid(up, around, indexing="ij")
-    ball = np.stack([np.sin(u) * np.cos(a), np.sin(u) * np.sin(a), np.cos(u)], -1)
-    # Radial projection in the scaled frame, stretched to a cube first so that edges are kept.
-    cube = ball / np.abs(ball).max(-1, keepdims=True)
-    straight = superquadric(body.size_m[:1], body.exponents[:1])
-    flat = (cube * body.size_m[0]).reshape(1, -1, 3)
-    on = flat / superquadric_inside_outside(straight, flat)[..., None]
-    first = Superquadric(*(field[:1] for field in body))
-    grid = from_straight_frame(first, on)[0].reshape(*u.shape, 3)
-    return np.stack([grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]],
-                    axis=2).reshape(-1, 4, 3)
 
 
 def draw_contacts(block: EpisodeBlock, name: str, world: int = 0) -> bytes:
@@ -63,9 +41,8 @@ def _draw(block: EpisodeBlock, name: str, world: int, wide: bool) -> "Figure":
     from matplotlib.ticker import MaxNLocator
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    body = Superquadric(*(field[world:world + 1] for field in block.recovered.superquadric))
     pose = block.truth.body_pose[world]
-    faces = 1e3 * (surface_mesh(body) - pose[:3])
+    faces = 1e3 * (quadrilaterals(recovered_grid(block.recovered, world)) - pose[:3])
     evidence = block.exploration.belief.evidence
     points = 1e3 * (evidence.points_m[world][evidence.mask[world]] - pose[:3])
     yaw = 2.0 * np.arctan2(pose[5], pose[6])

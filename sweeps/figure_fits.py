@@ -16,7 +16,7 @@ from fit.points_csv import PointSets
 from fit.revolution import RevolutionFit, revolution_inside
 from fit.status import FitStatus, status_names
 from fit.superquadric_shape import Superquadric, superquadric_inside_outside
-from sweeps.figure_contacts import surface_mesh
+from sweeps.recovered_surface import surface_mesh
 
 MOST_SETS = 12
 """Sets drawn, the first of them."""

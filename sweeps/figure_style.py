@@ -42,7 +42,6 @@ def drawing() -> Iterator[None]:
     """Matplotlib without a screen, in the house style."""
     import matplotlib
 
-    matplotlib.use("Agg")
     with matplotlib.rc_context(_STYLE):  # type: ignore
         yield
 

@@ -2,11 +2,14 @@
 
     E(q) = 1/2 K |q_cmd - q|^2 + sum over links and obstacles 1/2 k max(0, r - phi(x_link(q)))^2
 
-The obstacles are the body and the table. The nearest point of a link is found by sampling, its neighbourhood sampled again, and so on: slow,
-and independent of the kernels' search. Only the body's distance is shared with them.
+The obstacles are the body and the table. The nearest point of a link is found by sampling, its
+neighbourhood sampled again, and so on: slow, and independent of the kernels' search. Only the
+body's distance is shared with them.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -18,9 +21,27 @@ _SAMPLES = 33
 _ROUNDS = 5
 
 
+@dataclass(frozen=True, eq=False)
+class _Held:
+    """A body that does not enter a cache's key."""
+
+    body: Body
+
+    def __hash__(self) -> int:
+        return 0
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Held)
+
+
+@lru_cache(maxsize=16)
+def _scene(content: str, held: _Held) -> Any:
+    return scene_of([held.body], "cpu")
+
+
 @dataclass(frozen=True)
 class LinkState:
-    """Links of one finger against body and table. Shapes (link 3, obstacle 2, ...), body's frame."""
+    """Links of one finger against body and table, shapes (link 3, obstacle 2, ...)."""
 
     depth_m: np.ndarray
     """How far skin is pressed in [m], not positive where free."""
@@ -34,7 +55,7 @@ class FingerEnergy:
     """Energy of one finger (number 0 to 3) of a hand held at a pose (7,) in the body's frame."""
 
     def __init__(self, body: Body, hand: HandTable, pose: np.ndarray, finger: int) -> None:
-        self._scene = scene_of([body], "cpu")
+        self._scene = _scene(body.content, _Held(body))
         self.hand = hand
         turn = Rotation.from_quat(pose[3:])
         x = hand.palm_gap_m / 2 * (1.0 if finger == 3 else -1.0)
@@ -60,7 +81,7 @@ class FingerEnergy:
         places, _ = self.chain(q)
         start, along = places[:3], places[1:] - places[:3]
         low, high = np.zeros(3), np.ones(3)
-        rows = np.arange(3)
+        rows, best, points = np.arange(3), np.zeros(3, int), start[:, None]
         for _ in range(_ROUNDS):
             t = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, _SAMPLES)
             points = start[:, None] + t[..., None] * along[:, None]

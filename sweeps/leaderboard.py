@@ -54,6 +54,7 @@ class _Table:
     episode_count: int = 0
     missing: int = 0
     objects: set[int] = field(default_factory=set)
+    faults: dict[str, str] = field(default_factory=dict)  # of strategies: the first of each
 
 
 PLAIN = ("recognized", "touches", "robot_time_s", "failure_rate")
@@ -70,6 +71,7 @@ def make_leaderboard(plan: Plan, stores: Sequence[Store], metric: str = "chamfer
         list(range(len(plan.study.objects)))]
     rows: list[tuple[str, ...]] = []
     missing = 0
+    faults: dict[str, str] = {}
     for group in groups:
         table = _Table(entries, _mean(metric, entries), _mean("iou", entries),
                        {name: PlainMean(len(entries)) for name in PLAIN},
@@ -84,7 +86,10 @@ def make_leaderboard(plan: Plan, stores: Sequence[Store], metric: str = "chamfer
         label = f"object={plan.study.objects[group[0]].name}" if per_object else ""
         rows += _rows(table, metric, label)
         missing += table.missing
-    return Leaderboard(_header(metric), tuple(rows), tuple(_notes(plan, missing, per_object)))
+        faults |= {**table.faults, **faults}
+    notes = (*_notes(plan, missing, per_object),
+             *(f"strategy {name} failed: {fault}" for name, fault in sorted(faults.items())))
+    return Leaderboard(_header(metric), tuple(rows), notes)
 
 
 def _mean(metric: str, entries: Sequence[Entry]) -> MeanOverObjects:
@@ -108,6 +113,10 @@ def _add_block(table: _Table, found: Sequence[Columns], metric: str, weights: np
         mean.add(np.column_stack([values_of(rows, name) for rows in found]), weights)
     for name in PLAIN:
         table.plain[name].add(np.column_stack([values_of(rows, name) for rows in found]))
+    for entry, rows in zip(table.entries, found, strict=True):
+        fault = next((str(note) for note in rows.get("note", ()) if note), "")
+        if fault:
+            table.faults.setdefault(entry.label, fault)
     table.offered |= [any(rows.get("recognized_as", ())) for rows in found]
 
 

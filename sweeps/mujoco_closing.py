@@ -7,15 +7,17 @@ A the approximate inverse mass it keeps for each body (its documentation, "Const
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
-import mujoco
 import numpy as np
 
+from sweeps.validation import engine
 from warpgrasp.export_mjcf import mjcf_text
 from warpgrasp.export_object import Solid
 from warpgrasp.parameters import HandTable, PadTable
 from warpgrasp.robot_tree import FINGERS, PHALANGES, hand_tree
 
+mujoco: Any = engine("mujoco")
 _IMPEDANCE = 0.9
 _STILL_RAD_S = 1e-4
 _STEPS_BETWEEN_LOOKS = 10
@@ -40,6 +42,8 @@ class MujocoStop:
     contacts: int
     """Contacts of this finger with a force."""
     settled: bool
+    touch_N: float
+    """What the touch sensor of the distal pad's site reads."""
 
 
 class MujocoHand:
@@ -113,7 +117,7 @@ class MujocoHand:
             for f in np.flatnonzero(~held):
                 for k, threshold in enumerate(thresholds_N):
                     if found[f][k] is None and np.abs(reading[f]).max() > threshold:
-                        found[f][k] = self._stop(f, step, settled)
+                        found[f][k] = self._stop(int(f), step, settled)
                 held[f] = found[f][-1] is not None
             if held.all():
                 break
@@ -152,7 +156,8 @@ class MujocoHand:
             self.hand.link_length_m[2])
         return MujocoStop(step, d.qpos.reshape(4, 4)[f].copy(),
                           d.actuator_force.reshape(4, 4)[f].copy(), tip.copy(), link,
-                          point.copy(), normal.copy(), int(contacts), settled)
+                          point.copy(), normal.copy(), int(contacts), settled,
+                          float(d.sensordata[f]))
 
 
 def tension_differences(

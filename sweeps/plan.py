@@ -151,7 +151,7 @@ def _canonical_axis(axis: Axis) -> dict[str, Any]:
 @cache
 def _file_hash(file: str) -> str:
     if file.startswith("sha256:"):  # of a study read back from its canonical form
-        return file.removeprefix("sha256:").removesuffix(".py")
+        return file.removeprefix("sha256:").partition("/")[0]
     return hashlib.sha256(Path(file).read_bytes()).hexdigest()
 
 
@@ -164,7 +164,7 @@ def study_of(resolved: Mapping[str, Any], name: str = "") -> Study:
     def strategy(label: str, values: Mapping[str, Any]) -> Strategy:
         call = values["call"]
         if "call_sha256" in values:
-            call = f"sha256:{values['call_sha256']}.py:{call.rpartition(':')[2]}"
+            call = f"sha256:{values['call_sha256']}/{call}"
         plain = {key: values[key] for key in _PLAIN if key != "call"}
         return Strategy(label, tuple(family(v) for v in values["waypoints"]),
                         tuple(values["closings"]), tuple(values["order"]), call=call,

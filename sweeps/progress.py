@@ -9,6 +9,7 @@ from types import TracebackType
 from typing import Any
 
 from sweeps.atomic import write_atomic
+from sweeps.quiet import quiet_asked
 
 LINE_EVERY_S = 30.0
 NOTE_EVERY_S = 2.0
@@ -29,7 +30,7 @@ class Progress:
     def __init__(self, total: int, note: Path | None = None, quiet: bool = False) -> None:
         self.total = total
         self.note = note
-        self.quiet = quiet
+        self.quiet = quiet or quiet_asked()
         self.kept_units = self.done_units = self.failed_units = self.episodes = 0
         self.began = self.first = time.monotonic()
         self.last_line = self.last_note = self.began

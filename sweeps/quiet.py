@@ -11,6 +11,19 @@ from functools import cache
 NO_DRIVER = b"Could not find or load the NVIDIA CUDA driver"
 
 
+ASKED = "WARPGRASP_QUIET"
+
+
+def ask_quiet() -> None:
+    """From now on no progress and no notes on stderr, here and in workers; errors still."""
+    os.environ[ASKED] = "1"
+
+
+def quiet_asked() -> bool:
+    """Whether `--quiet` was given, or WARPGRASP_QUIET=1 is set."""
+    return os.environ.get(ASKED, "") not in ("", "0")
+
+
 @contextmanager
 def quiet_stdout() -> Iterator[None]:
     """Sends what libraries print on stdout to stderr."""

@@ -1,17 +1,23 @@
 """Running one episode of a study again, with all that was felt: the same bits as before."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from typing import Any
+from multiprocessing import get_context
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sweeps.episodes import EpisodeBlock, run_block
+from sweeps.cell import Cell
 from sweeps.leaderboard import make_leaderboard
 from sweeps.plan import FILE_KEYS, Plan
 from sweeps.problems import choose
 from sweeps.quiet import quiet_stdout, start_warp
+from sweeps.runner import as_a_worker
 from sweeps.store import Store, StoreError
+
+if TYPE_CHECKING:
+    from sweeps.episodes import EpisodeBlock
 
 
 @dataclass(frozen=True)
@@ -46,17 +52,58 @@ def choose_episode(plan: Plan, stores: Sequence[Store], strategy: str | None,
     return Episode(names.index(strategy), 0 if body is None else bodies.index(body), episode)
 
 
-def rerun(plan: Plan, episode: Episode, device: str = "cpu") -> EpisodeBlock:
-    """A block of this one episode. Raises StoreError where the study's files are not at hand."""
-    missing = file_read(plan, episode)
-    if missing:
-        raise StoreError(f"{missing}: was read from a file that the study does not keep; only "
-                         "episodes of catalogue objects, compounds and waypoint families can be "
-                         "run again")
+def cell_of(plan: Plan, episode: Episode) -> Cell:
+    """The episode's cell. Raises StoreError where the files that it was read from are not kept."""
+    if missing := file_read(plan, episode):
+        raise StoreError(
+            f"{missing}: was read from a file that the study does not keep; only episodes of "
+            "catalogue objects, compounds and waypoint families can be run again")
+    return plan.study.cell(episode.strategy, episode.body, episode.setting)
+
+
+def rerun(plan: Plan, episode: Episode, device: str = "cpu") -> "EpisodeBlock":
+    """A block of this one episode; StoreError as `cell_of`."""
+    return next(rerun_all(plan, [episode], device))
+
+
+def rerun_all(plan: Plan, episodes: Sequence[Episode], device: str = "cpu",
+              workers: int = 1) -> Iterator["EpisodeBlock"]:
+    """A block of each episode, in order; StoreError as `cell_of`."""
+    tasks = [(cell_of(plan, e), e.episode, device) for e in episodes]
+    if not tasks:
+        return
+    with as_a_worker(), _pool(min(workers, len(tasks))) as pool:
+        yield from pool.map(_run, tasks)
+
+
+def in_a_worker(function: Callable[[Any], Any], task: Any) -> Any:
+    """`function(task)` in a process set up as a sweep's workers are.
+
+    Their environment matters to the last bits: XLA sums in another order with more threads.
+    """
+    with as_a_worker(), _pool(1) as pool:
+        return pool.submit(_quietly, function, task).result()
+
+
+def _pool(workers: int) -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
+
+
+def _quietly(function: Callable[[Any], Any], task: Any) -> Any:
     with quiet_stdout():
         start_warp()
-        cell = plan.study.cell(episode.strategy, episode.body, episode.setting)
-        return run_block(cell, np.array([episode.episode]), device)
+        return function(task)
+
+
+def _run(task: tuple[Cell, int, str]) -> "EpisodeBlock":
+    return _quietly(_run_block, task)
+
+
+def _run_block(task: tuple[Cell, int, str]) -> "EpisodeBlock":
+    from sweeps.episodes import run_block
+
+    cell, episode, device = task
+    return run_block(cell, np.array([episode]), device)
 
 
 def file_read(plan: Plan, episode: Episode) -> str:
@@ -66,7 +113,7 @@ def file_read(plan: Plan, episode: Episode) -> str:
         return body.name
     strategy = plan.study.strategies[episode.strategy]
     files = [getattr(family, "file", "") for family in strategy.waypoints]
-    return strategy.name if any(files) else ""
+    return strategy.name if any(files) or ".py:" in strategy.call else ""
 
 
 def _names_a_file(value: Any) -> bool:

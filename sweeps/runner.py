@@ -81,7 +81,7 @@ class _Run:
         process = context.Process(
             target=work, args=(theirs, self.options.function, self.options.device, log),
             name=f"warpgrasp worker {number}", daemon=True)
-        with _environment():
+        with as_a_worker():
             process.start()
         theirs.close()
         return _Slot(process, mine, log)
@@ -182,7 +182,7 @@ def _tail(log: Path) -> str:
 
 
 @contextmanager
-def _environment() -> Iterator[None]:
+def as_a_worker() -> Iterator[None]:
     """The environment that a worker must find before it imports anything."""
     before = dict(os.environ)
     os.environ.update(worker_environment(before))

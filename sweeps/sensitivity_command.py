@@ -3,6 +3,7 @@
 import csv
 import io
 import sys
+from contextlib import redirect_stdout
 from pathlib import Path
 
 from sweeps import commands
@@ -27,13 +28,17 @@ def sensitivity(
             write_atomic(file, sensitivity_spec(episodes=episodes).encode())
     except OSError as error:
         raise StoreError(f"{folder}: cannot be written: {error.strerror or error}") from None
-    with commands.quiet_stdout():
+    with redirect_stdout(io.StringIO()):  # a leaderboard of every setting would drown the table
         code = commands.sweep(file, folder, workers=workers, shard=(1, 1), device="cpu",
                               settings=[], as_json=False, unit_timeout_s=UNIT_TIMEOUT_S)
     rows, notes = sensitivity_table(plan_study(read_spec(file)), Store(folder))
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([HEADER, *rows])
     write_atomic(folder / "sensitivity.csv", text.getvalue().encode())
+    table = [HEADER, ("---",) * len(HEADER), *rows]
+    lines = ["<!-- written by `warpgrasp sensitivity`; do not edit -->", "",
+             *("| " + " | ".join(row) + " |" for row in table), "", *(f"- {n}" for n in notes), ""]
+    write_atomic(folder / "sensitivity.md", "\n".join(lines).encode())
     print_table(HEADER, rows, as_json)
     for note in notes:
         print(f"note: {note}", file=sys.stderr)

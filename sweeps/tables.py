@@ -8,6 +8,7 @@ from sweeps.atomic import write_atomic
 from sweeps.entries import check_metric
 from sweeps.opened import open_study
 from sweeps.plan import Plan
+from sweeps.quiet import quiet_asked
 from sweeps.store import Store, StoreError
 from sweeps.table import TextTable, print_table
 
@@ -84,6 +85,6 @@ def table(folders: Sequence[Path], kind: str, out: Path | None, *, metric: str,
         except OSError as error:
             raise StoreError(f"{out}: cannot be written: {error.strerror}") from None
     print_table(made.header, made.rows, as_json)
-    for note in made.notes:
+    for note in () if quiet_asked() else made.notes:
         print(f"note: {note}", file=sys.stderr)
     return 0

@@ -102,13 +102,22 @@ def _assets(solids: Sequence[Solid]) -> list[str]:
 
 
 def _solid(solid: Solid, k: int) -> str:
-    size = solid.size
-    sizes = {"box": [v / 2 for v in size], "cylinder": [size[0], size[1] / 2] if size else [],
-             "capsule": [size[0], size[1] / 2 - size[0]] if len(size) > 1 else [],
-             "sphere": size, "ellipsoid": size}
-    shape = (f'type="mesh" mesh="object_{k}"' if solid.kind == "mesh"
-             else f'type="{solid.kind}" size="{_all(sizes[solid.kind])}"')
+    if solid.kind == "mesh":
+        shape = f'type="mesh" mesh="object_{k}"'
+    else:
+        shape = f'type="{solid.kind}" size="{_all(_half_sizes(solid))}"'
     return f'<geom name="object_{k}" {shape} {_place(solid.place)} {_STANDS}/>'
+
+
+def _half_sizes(solid: Solid) -> list[float]:
+    size = solid.size
+    if solid.kind == "box":
+        return [v / 2 for v in size]
+    if solid.kind == "cylinder":
+        return [size[0], size[1] / 2]
+    if solid.kind == "capsule":
+        return [size[0], size[1] / 2 - size[0]]
+    return list(size)
 
 
 def _place(place: Sequence[float]) -> str:

@@ -24,8 +24,8 @@ LARGEST_FILE_BYTES = 256 * 2**20
 LARGEST_FACE_COUNT = 2_000_000
 SMALLEST_M, LARGEST_M = 0.005, 1.0  # of the longest side: what one hand can explore
 _NODES = 96  # along the longest side
-_MARGIN_M = 0.012  # all around: skin that touches has its link's axis 8 mm away, inside the grid
-_BAKE_VERSION = 2
+_MARGIN_M = 0.016  # all around: skin that touches has its link's axis 8 mm away, inside the grid
+_BAKE_VERSION = 3
 
 
 def body_from_mesh(path: Path, *, units: str, name: str | None = None) -> Body:

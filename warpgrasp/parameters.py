@@ -158,8 +158,10 @@ class FitTable:
     free_space: bool = field(default=True, metadata={"doc": "links that swept lie outside"})
     weights: bool = field(default=True, metadata={"doc": "weigh contacts by their covariance"})
     loss: str = _choice("cauchy", ("none", "cauchy"), "robust loss of the point residuals")
-    residual: str = _choice("solina", ("solina", "radial", "distance", "volume_distance"),
-                            "solina and volume_distance prefer the smallest body")
-    upright_rad: float | None = _number(0.15, 1e-3, 10.0,
+    residual: str = _choice("solina_first", ("solina_first", "solina", "radial", "distance",
+                                             "volume_distance"),
+                            "solina and volume_distance prefer the smallest body; solina_first "
+                            "takes the latter once a tapered body is found")
+    upright_rad: float | None = _number(0.01, 1e-3, 10.0,
                                         "sigma of the tilt of a body that stands on the table")
     rounds: int = _number(4, 0, 32, "times contacts are placed anew against the body last fitted")

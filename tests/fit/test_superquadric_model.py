@@ -18,7 +18,8 @@ def lane(rng: np.random.Generator) -> Lane:
     balls = np.concatenate([rng.normal(size=(3, 16)), np.full((1, 16), 0.3), np.ones((1, 16))])
     turn = matrix_of_quaternion(q / np.linalg.norm(q))
     return Lane(rng.normal(size=(3, 24)), rng.random(24), turn,
-                np.float64(0.2), np.float64(0.1), np.float64(0.3), free=balls)
+                np.float64(0.2), np.float64(0.1), np.float64(0.3), upright=np.array([0.2, 0.3]),
+                free=balls)
 
 
 @pytest.mark.parametrize("form", [PLAIN, BENT], ids=["plain", "bent"])

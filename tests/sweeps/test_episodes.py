@@ -11,6 +11,11 @@ from strategies.catalogue import STRATEGIES
 from sweeps.cell import Cell
 from sweeps.episodes import run_block, run_episodes
 from sweeps.explore import COLUMNS, explore
+from sweeps.leaderboard import make_leaderboard
+from sweeps.plan import plan_study
+from sweeps.spec import read_spec
+from sweeps.store import Store
+from sweeps.unit_file import write_unit
 from warpgrasp.parameters import FitTable, SensorTable
 from warpgrasp.status import ProbeStatus
 
@@ -79,3 +84,59 @@ def test_explore_writes_contacts_shape_and_a_figure(tmp_path: Path) -> None:
     assert shape["chosen"] in ("tapered_superquadric", "told_cylinder")
     assert 0.0 <= shape["metrics"]["iou"] <= 1.0
     assert (tmp_path / "contacts.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_explore_writes_faces_and_a_contour(tmp_path: Path) -> None:
+    for strategy, name, figure, shape in (
+            ("planar", "block", "faces.png", "plane"),
+            ("contour-only", "beer_bottle", "contour.png", "revolution")):
+        out = tmp_path / name
+        out.mkdir()
+        files = explore(body_table={"name": name}, strategy=STRATEGIES[strategy], seed=3,
+                        yaw_rad=0.3, x_m=0.45, y_m=0.0, out=out, device="cpu")
+        assert {f.name for f in files} >= {"contacts.csv", "shape.json", "contacts.png", figure}
+        assert (out / figure).read_bytes().startswith(b"\x89PNG")
+        rows = [line.split(",") for line in (out / "contacts.csv").read_text().splitlines()]
+        column = {key: n for n, key in enumerate(rows[0])}
+        touches = [r for r in rows[1:] if r[0] in ("planar", "contour")]
+        assert len(touches) > 30
+        felt = [r for r in touches if r[column["status"]] == "contact"]
+        assert all(int(r[column["taxel_peak"]]) >= 6 for r in felt)
+        apart = [np.linalg.norm([float(r[column[f"{axis}_m"]]) - float(r[column[f"true_{axis}_m"]])
+                                 for axis in "xyz"]) for r in felt
+                 if r[column["true_x_m"]] and r[column["x_m"]]]
+        assert np.median(apart) < 0.002
+        record = json.loads((out / "shape.json").read_text())
+        assert shape in [model["shape"] for model in record["models"]]
+        assert record["recognized_as"] == name
+        assert record["metrics"]["iou"] > 0.85
+        assert record["procedures"][-1]["because"]
+
+
+def test_a_broken_strategy_is_rows_and_a_note_in_the_leaderboard(tmp_path: Path) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text("def broken(belief):\n    return belief.no_such_thing\n")
+    spec = tmp_path / "study.toml"
+    spec.write_text('''schema = 1
+episodes_per_cell = 2
+objects = ["large_cylinder"]
+[[strategy]]
+name = "mine"
+strategy = "mine.py:broken"
+[[strategy]]
+name = "ring6"
+''')
+    plan = plan_study(read_spec(spec))
+    store = Store(tmp_path / "run")
+    store.open_for(plan, spec.read_bytes(), "cpu")
+    for unit in plan.units():
+        write_unit(store.path(unit), unit.id,
+                   run_episodes(unit.cell, np.arange(unit.start, unit.stop), "cpu"))
+    rows = [store.read(unit) for unit in plan.units()]
+    assert rows[0] is not None and rows[1] is not None  # noqa: PT018
+    assert list(rows[0]["status"]) == ["strategy_failed"] * 2
+    assert list(rows[1]["note"]) == ["", ""]
+    board = make_leaderboard(plan, [store])
+    assert any("strategy mine failed: mine.py:2: broken: AttributeError" in note
+               for note in board.notes)
+    assert [row[1] for row in board.rows] == ["ring6", "mine"]

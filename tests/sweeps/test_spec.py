@@ -14,7 +14,7 @@ from studies import SMALL, write_spec
 from strategies.waypoints import WAYPOINT_KINDS, Ring, Top
 from sweeps.cell import SECTIONS
 from sweeps.edge import edge_fields
-from sweeps.plan import canonical_body
+from sweeps.plan import _file_hash, canonical_body, plan_study, study_of
 from sweeps.problems import Problems, SpecError
 from sweeps.spec import read_spec
 from sweeps.study import Study
@@ -304,3 +304,52 @@ def test_fuzzed_specs_are_read_or_refused(tmp_path: Path) -> None:
 def test_ten_thousand_fuzzed_specs_are_read_or_refused(tmp_path: Path) -> None:
     _, wrong = fuzz(tmp_path, 10_000, seed=2)
     assert not wrong, wrong[:3]
+
+
+MINE = '[[strategy]]\nname = "mine"\n'
+
+
+@pytest.mark.parametrize(("lines", "says"), [
+    ('strategy = "absent.py:f"', "is not a file"),
+    ('strategy = "mine.py:absent"', "has no function or class 'absent'"),
+    ('strategy = "broken.py:f"', "broken.py:1: ZeroDivisionError"),
+    ('strategy = "nonsense"', "no strategy 'nonsense'"),
+    ('strategy = 3', "should be a planner's name"),
+    ('strategy = "mine.py:f"\norder = ["containment"]', "has no meaning beside a planner"),
+    ('strategy = "mine.py:f"\noptions = { size = 3 }', "takes no options"),
+    ('options = { size = 3 }', "has no meaning without a planner"),
+    ('budget = { touches = 0 }', "should be a whole number from 1 to 1e+06"),
+    ('budget = { touches = 1.5 }', "should be a whole number"),
+    ('budget = { hours = 3 }', "unknown key"),
+    ('budget = 3', "should be a table such as"),
+    ('volume = 3', "unknown key"),
+    ('refit_every = -1', "should be a whole number from 0 to 256"),
+    ('order = ["guess"]', "'guess'"),
+])
+def test_what_is_wrong_with_a_strategy_is_told_with_its_line(
+        tmp_path: Path, lines: str, says: str) -> None:
+    (tmp_path / "mine.py").write_text("def f(belief):\n    return []\n")
+    (tmp_path / "broken.py").write_text("1 / 0\n")
+    file = tmp_path / "study.toml"
+    file.write_text(f'schema = 1\nobjects = ["block"]\n{MINE}{lines}\n')
+    with pytest.raises(SpecError) as error:
+        read_spec(file)
+    assert any(says in problem.what for problem in error.value.problems), error.value.problems
+    assert all(f"{file}:" in problem.where for problem in error.value.problems)
+
+
+def test_a_users_planner_is_named_by_its_content(tmp_path: Path) -> None:
+    file, code = tmp_path / "study.toml", tmp_path / "mine.py"
+    file.write_text(f'schema = 1\nobjects = ["block"]\n{MINE}strategy = "mine.py:f"\n'
+                    'budget = { touches = 40, volume_ratio = 1.5 }\nrefit_every = 2\n')
+    code.write_text("def f(belief):\n    return []\n")
+    first = plan_study(read_spec(file))
+    strategy = first.study.strategies[0]
+    assert strategy.call == f"{code}:f"
+    assert (strategy.touches, strategy.volume_ratio, strategy.refit_every) == (40, 1.5, 2)
+    assert plan_study(study_of(first.resolved)).hash == first.hash
+    assert [u.id for u in plan_study(study_of(first.resolved)).units()] == [
+        u.id for u in first.units()]
+    _file_hash.cache_clear()
+    code.write_text("def f(belief):\n    return [] \n")
+    assert plan_study(read_spec(file)).hash != first.hash

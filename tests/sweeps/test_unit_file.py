@@ -71,3 +71,19 @@ def test_another_unit_under_this_name_is_refused(tmp_path: Path) -> None:
 def test_rows_that_are_no_table_are_refused(rows: dict[str, np.ndarray]) -> None:
     with pytest.raises(ValueError, match="of a unit should"):
         encode_unit("a", rows)
+
+
+def test_curves_come_back_to_the_bit_and_a_changed_one_is_noticed(tmp_path: Path) -> None:
+    curves = np.empty(3, object)
+    curves[:] = [np.array([1.0, np.nan, 0.1]), np.zeros(0), np.array([1e-300])]
+    file = tmp_path / "a.parquet"
+    write_unit(file, "a", {"episode": np.arange(3), "curve": curves})
+    found = read_unit(file, "a", 3)["curve"]
+    assert [row.tobytes() for row in found] == [row.tobytes() for row in curves]
+    other = curves.copy()
+    other[2] = np.array([2e-300])
+    assert encode_unit("a", {"curve": curves}) != encode_unit("a", {"curve": other})
+    bad = curves.copy()
+    bad[1] = np.zeros((2, 2))
+    with pytest.raises(ValueError, match="1-D arrays of float64"):
+        encode_unit("a", {"curve": bad})

@@ -1,0 +1,40 @@
+"use strict";
+// The 3-D view of one episode: the recovered body, the true one as wires, the contacts.
+const stage = document.getElementById("stage");
+if (stage) {
+  const data = JSON.parse(document.getElementById("episodes").textContent);
+  const solids = new Solids(stage);
+  const about = document.getElementById("about");
+  const shown = name => document.getElementById(`show-${name}`).checked;
+  let current = 0;
+
+  const draw = () => {
+    const episode = data.episodes[current];
+    const body = data.bodies[episode.object];
+    body.metres ??= metres(body.points);
+    body.quads ??= quads(body.faces);
+    const things = [];
+    if (shown("recovered")) things.push({points: metres(episode.grid), colour: "--t5",
+      faces: gridFaces(episode.rows, episode.columns)});
+    if (shown("true")) things.push({points: body.metres, faces: body.quads, colour: "--soft",
+      wire: true});
+    if (shown("contacts")) things.push({points: metres(episode.contacts), colour: "--t1",
+      dots: true});
+    solids.show(things, frameOf(body.metres));
+    const text = `${episode.strategy}, ${episode.place}: ${episode.object}, episode `
+      + `${episode.episode}. Chamfer ${episode.chamfer_mm} mm, IoU ${episode.iou}, `
+      + `${episode.status}.`;
+    about.textContent = text;
+    stage.setAttribute("aria-label", `3-D view. ${text} Arrow keys turn it, plus and minus zoom.`);
+  };
+
+  const buttons = [...document.querySelectorAll("button[data-episode]")];
+  for (const button of buttons) button.addEventListener("click", () => {
+    current = Number(button.dataset.episode);
+    for (const other of buttons) other.setAttribute("aria-pressed", String(other === button));
+    draw();
+  });
+  for (const box of document.querySelectorAll("input[id^=show-]"))
+    box.addEventListener("change", draw);
+  draw();
+}

@@ -1,0 +1,69 @@
+"""A headless Chromium that may talk to nobody, and notes whatever it tries."""
+
+import base64
+import io
+import json
+import shutil
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+DRIVER = shutil.which("chromedriver") or shutil.which("chromium-driver")
+FLAGS = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+         "--disable-background-networking", "--disable-component-update", "--disable-sync",
+         "--disable-dev-shm-usage", "--window-size=1280,900",
+         "--host-resolver-rules=MAP * ~NOTFOUND")
+
+needs_browser = pytest.mark.skipif(
+    not (CHROMIUM and DRIVER), reason="needs Debian's chromium and chromium-driver: "
+    "apt-get install chromium chromium-driver")
+
+
+@contextmanager
+def browser(profile: Path) -> Iterator[Any]:
+    """A driver with a fresh profile, its console and requests recorded."""
+    from selenium import webdriver
+    from selenium.webdriver.chrome.service import Service
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = str(CHROMIUM)
+    for flag in (*FLAGS, f"--user-data-dir={profile}"):
+        options.add_argument(flag)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    driver = webdriver.Chrome(options=options, service=Service(str(DRIVER)))
+    driver.set_page_load_timeout(60)
+    driver.get("about:blank")
+    driver.get_log("performance")  # what the browser did by itself, before any page of ours
+    try:
+        yield driver
+    finally:
+        driver.quit()
+
+
+def said(driver: Any) -> list[str]:
+    """What the page wrote to its console since last asked, as the browser shows it."""
+    return [entry["message"] for entry in driver.get_log("browser")]
+
+
+def asked_for(driver: Any) -> list[str]:
+    """The addresses that pages asked for since last asked, whatever came of it."""
+    messages = [json.loads(entry["message"])["message"]
+                for entry in driver.get_log("performance")]
+    return [message["params"]["request"]["url"] for message in messages
+            if message["method"] == "Network.requestWillBeSent"]
+
+
+def pixels(driver: Any, canvas: str) -> np.ndarray:
+    """The red, green, blue, alpha of a canvas, by its id, shape (pixel, 4)."""
+    time.sleep(0.3)  # it is painted before the next frame
+    text = driver.execute_script(
+        "return document.getElementById(arguments[0]).toDataURL('image/png')", canvas)
+    with Image.open(io.BytesIO(base64.b64decode(text.partition(",")[2]))) as image:
+        return np.asarray(image.convert("RGBA")).reshape(-1, 4).astype(int)
