@@ -32,6 +32,7 @@ RETREAT_M = 0.12
 HOME_RAD = tuple(np.radians((19.5, 28.8, 160.0, 0.0, -8.8, -160.5)))
 """Where an episode starts: the hand some 0.35 m above the table, pointing down."""
 
+wp.set_module_options({"max_unroll": 1})  # compiles in half the time
 _TRY = wp.constant(int(ProbeStatus.CONTACT))
 _UNREACHABLE = wp.constant(int(ProbeStatus.UNREACHABLE))
 _COLLISION = wp.constant(int(ProbeStatus.COLLISION))
