@@ -6,7 +6,7 @@ DEMO_EPISODES ?= 64
 DEMO_DIR ?= runs/demo
 WORKERS ?= 2
 
-.PHONY: demo test test-slow lint check lock clean docs
+.PHONY: demo bench test test-slow lint check validate paper-docs sensitivity-docs docs lock clean
 
 demo: $(VENV)/.installed  ## environment, install, the demo sweep, its leaderboard
 	$(BIN)/warpgrasp sweep sweeps/studies/demo.toml -o $(DEMO_DIR) --workers $(WORKERS) \
@@ -24,14 +24,32 @@ lint: $(VENV)/.installed
 
 check: lint test  ## everything a change must pass
 
+validate: $(VENV)/.installed-validate  ## beside MuJoCo, roboticstoolbox, trimesh, SciPy: docs/fidelity
+	$(BIN)/warpgrasp validate -o docs/fidelity
+
+paper-docs: $(VENV)/.installed  ## the paper's experiments anew: docs/paper
+	$(BIN)/warpgrasp paper -o docs/paper
+
+sensitivity-docs: $(VENV)/.installed  ## the sensitivity table anew: docs/fidelity
+	$(BIN)/warpgrasp sensitivity -o runs/sensitivity --workers $(WORKERS)
+	cp runs/sensitivity/sensitivity.csv runs/sensitivity/sensitivity.md docs/fidelity/
+
+$(VENV)/.installed-validate: $(VENV)/.installed requirements-validate.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-validate.lock
+	touch $@
+
 $(VENV)/.installed: requirements.lock pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	touch $@
 
+bench: $(VENV)/.installed  ## measure this machine; the table goes to runs/bench/bench.md
+	$(BIN)/warpgrasp bench -o runs/bench
+
 lock:  ## pin every version with its hash, without addresses (needs uv)
 	uv pip compile --universal --generate-hashes --no-header --python-version 3.11 --group dev pyproject.toml -o requirements.lock
+	uv pip compile --universal --generate-hashes --no-header --python-version 3.11 --group dev --extra validate -c requirements.lock pyproject.toml -o requirements-validate.lock
 
 clean:
 	rm -rf $(VENV) runs

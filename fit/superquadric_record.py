@@ -21,7 +21,7 @@ class SuperquadricOptions:
     """See `superquadric_field.residual`; None: solina, or volume_distance with a taper."""
     loss: Literal["none", "pseudo_huber", "cauchy", "geman_mcclure"] = "none"
     """Robust loss of the points' (and normals') residuals, its scale from their median."""
-    screen_iterations: int = 5
+    screen_iterations: int = 4
     round_iterations: int = 6
     """Iterations between two looks at which fits are done."""
     iterations: int = 80

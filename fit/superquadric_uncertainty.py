@@ -82,8 +82,7 @@ def superquadric_uncertainty(
     normal that all touches share (skin, link radius, calibration): no number of touches averages
     it out, so it is carried to the parameters as a whole.
     """
-    fields = (fit.size_m, fit.exponents, fit.position_m, fit.quaternion_xyzw, fit.taper, fit.bend)
-    body = Superquadric(*fields)
+    body = _body(fit)
     points = np.asarray(points, float)
     mask = np.ones(points.shape[:2], bool) if mask is None else mask
     kept = np.isfinite(points).all(axis=2) & mask
@@ -116,11 +115,16 @@ def surface_std(
     points: Float[np.ndarray, "fit point 3"],
 ) -> Float[np.ndarray, "fit point"]:
     """Standard deviation [m] along the normal of the surface at (or near) `points` [m]."""
-    fields = (fit.size_m, fit.exponents, fit.position_m, fit.quaternion_xyzw, fit.taper, fit.bend)
-    body = Superquadric(*fields)
+    body = _body(fit)
     prior = _prior(body)
     slopes = distance_slopes(body, points, prior) / prior[:, None]
     return np.sqrt(np.einsum("fpi,fij,fpj->fp", slopes, uncertainty.covariance, slopes))
+
+
+def _body(fit: SuperquadricLike) -> Superquadric:
+    """The bodies alone; those of sets without extent are given a little, to be finite."""
+    return Superquadric(np.maximum(fit.size_m, 1e-6), fit.exponents, fit.position_m,
+                        fit.quaternion_xyzw, fit.taper, fit.bend)
 
 
 def surface_distance(body: SuperquadricLike, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -65,11 +65,14 @@ def refine_bodies(
 ) -> tuple[SuperquadricFit, Evidence]:
     """Bodies of worlds that felt a little more, going on from the bodies last fitted."""
     placed, fits = evidence, start
-    for _ in range(min(REFINE_ROUNDS, max(table.rounds, 1)) if links is not None else 1):
+    rounds = min(REFINE_ROUNDS, max(table.rounds, 1)) if links is not None else 1
+    for number in range(rounds):
         if links is not None:
             placed = contacts_placed(evidence, links, fits)
         placed = nearest_free(placed, evidence, fits)
-        fits = fit_evidence(placed, table, start=fits)
+        fits = fit_evidence(
+            placed, table, start=fits,
+            iterations=LAST_ITERATIONS if number == rounds - 1 else ROUGH_ITERATIONS)
     return fits, placed
 
 

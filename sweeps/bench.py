@@ -7,7 +7,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -35,7 +35,7 @@ def rows(*, quick: bool, peers: bool) -> Iterator[Row]:
         yield from (("closings", of, 4096, threads) for of in objects)
         yield from (("touches", of, 1024, threads) for of in objects[:-1])
     yield from (("metrics", "block", 256, threads) for threads in cores)
-    for of in SHAPES[-1:] if quick else SHAPES:
+    for of in SHAPES[3:4] if quick else SHAPES:
         yield from (("fits", of, 512, threads) for threads in cores)
     names = ("ring6",) if quick else [
         s.name for s in STRATEGIES.values() if getattr(s, "waypoints", None)]
@@ -62,16 +62,20 @@ def rows(*, quick: bool, peers: bool) -> Iterator[Row]:
         yield ("trimesh_distances", "trimesh", 500, 1)
 
 
-def bench(out: Path, *, quick: bool, peers: bool) -> int:
-    """Measure every row; `bench.jsonl` and `bench.md` in `out`, the lines on stdout too."""
+def bench(out: Path, *, quick: bool, peers: bool, only: Collection[str] = ()) -> int:
+    """Measure every row, or those of the names `only`; `bench.jsonl` and `bench.md` in `out`.
+
+    The lines go to stdout too.
+    """
     head = {**describe_environment("cpu"), "when": datetime.now(UTC).isoformat(timespec="seconds"),
             "cores": os.cpu_count(), "load": [round(v, 1) for v in os.getloadavg()]}
     lines = [{"row": "environment", **head}]
     _say(lines[0])
-    for row in [*rows(quick=quick, peers=peers)]:
-        lines.append(_measure(row, quick))
-        _say(lines[-1])
-    for line in _starts(quick):
+    for row in rows(quick=quick, peers=peers):
+        if not only or row[0] in only:
+            lines.append(_measure(row, quick))
+            _say(lines[-1])
+    for line in _starts(quick) if not only or "start" in only else ():
         lines.append(line)
         _say(line)
     out.mkdir(parents=True, exist_ok=True)

@@ -371,7 +371,7 @@ def export_(file: Path, /, *, arm: Annotated[bool, Parameter(negative="")] = Fal
 
 @app.command
 def validate(*, only: Annotated[list[str] | None, Parameter(negative="")] = None,
-             out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None, poses: int = 16,
+             out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None, poses: int = 24,
              json: Json = False) -> int:
     """Compare with MuJoCo, roboticstoolbox, trimesh and SciPy; print ours, theirs, difference.
 
@@ -474,6 +474,43 @@ def completion(shell: Literal["bash", "zsh"], /) -> int:
 
     print(script(shell), end="")
     return 0
+
+
+@app.command
+def warmup(*, device: str = "cpu") -> int:
+    """Compile the kernels and the programs of the fits into the caches, once for a version.
+
+    Parameters
+    ----------
+    device
+        cpu, or cuda:0.
+    """
+    from sweeps.warmup import warmup as compile_all
+
+    return compile_all(_device(device))
+
+
+@app.command
+def bench(*, out: Annotated[Path, Parameter(name=["--out", "-o"])] = Path("runs/bench"),
+          quick: Annotated[bool, Parameter(negative="")] = False,
+          peers: Annotated[bool, Parameter(negative="")] = False,
+          only: list[str] | None = None) -> int:
+    """Measure this machine: a JSON line for each row, bench.jsonl and bench.md.
+
+    Parameters
+    ----------
+    out
+        The directory to write to.
+    quick
+        Fewer rows, each run once.
+    peers
+        Beside MuJoCo, numba, JAX, scipy and trimesh (the optional group `peers`).
+    only
+        Rows of this name alone (repeatable): closings, touches, metrics, fits, episodes, start.
+    """
+    from sweeps.bench import bench as measure_all
+
+    return measure_all(out, quick=quick, peers=peers, only=only or ())
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -2,19 +2,20 @@
 
     E(q) = 1/2 K |q_cmd - q|^2 + sum over links and obstacles 1/2 k max(0, r - phi(x_link(q)))^2
 
-The obstacles are the body and the table. The nearest point of a link is found by sampling, its neighbourhood sampled again, and so on: slow,
-and independent of the kernels' search. Only the body's distance is shared with them.
+The obstacles are the body and the table. The nearest point of a link is found by sampling, its
+neighbourhood sampled again, and so on: slow, and independent of the kernels' search. Only the
+body's distance is shared with them.
 """
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from warpgrasp.body import Body, distance_to_bodies, scene_of
 from warpgrasp.parameters import HandTable
-from warpgrasp.scene import Scene
 
 _SAMPLES = 33
 _ROUNDS = 5
@@ -34,13 +35,13 @@ class _Held:
 
 
 @lru_cache(maxsize=16)
-def _scene(content: str, held: _Held) -> Scene:
+def _scene(content: str, held: _Held) -> Any:
     return scene_of([held.body], "cpu")
 
 
 @dataclass(frozen=True)
 class LinkState:
-    """Links of one finger against body and table. Shapes (link 3, obstacle 2, ...), body's frame."""
+    """Links of one finger against body and table, shapes (link 3, obstacle 2, ...)."""
 
     depth_m: np.ndarray
     """How far skin is pressed in [m], not positive where free."""
@@ -80,7 +81,7 @@ class FingerEnergy:
         places, _ = self.chain(q)
         start, along = places[:3], places[1:] - places[:3]
         low, high = np.zeros(3), np.ones(3)
-        rows = np.arange(3)
+        rows, best, points = np.arange(3), np.zeros(3, int), start[:, None]
         for _ in range(_ROUNDS):
             t = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, _SAMPLES)
             points = start[:, None] + t[..., None] * along[:, None]

@@ -20,7 +20,7 @@ from strategies.recovered import Recovered, Shape
 from warpgrasp.body import Body, distance_to_bodies, scene_of
 from warpgrasp.body_sample import sample_body
 from warpgrasp.launch import launch
-from warpgrasp.real import ONE, ZERO, real, transform, vec3
+from warpgrasp.real import ONE, ZERO, real, transform, vec3, vec4
 from warpgrasp.sdf_superquadric import SuperquadricShape, superquadric_deformed_gauge
 
 SURFACE_POINTS = 512
@@ -28,7 +28,9 @@ ELEMENTS = 864
 INSIDE_POINTS = 2048
 COVERAGE_M = 0.005
 
-_FAR = wp.constant(real(1e18))
+PATCH = 12
+"""Elements that follow each other lie side by side: so many share a ball."""
+_PATCH = wp.constant(PATCH)
 
 
 @dataclass(frozen=True)
@@ -54,27 +56,39 @@ def _element_distance_kernel(
     element: wp.array2d[vec3],
     normal: wp.array2d[vec3],
     radius: wp.array2d[real],
-    widest: wp.array[real],
+    ball: wp.array2d[vec4],
     # True surface in:
     point: wp.array2d[vec3],
     # Distance out:
     distance: wp.array2d[real],
 ):
+    """Distance to the nearest element; `ball` holds a patch of elements, discs and all."""
     w, i = wp.tid()
     w += first
     p = point[w, i]
+    nearest = int(0)
+    least = real(1e18)
+    for g in range(ball.shape[1]):
+        b = ball[w, g]
+        v = p - vec3(b[0], b[1], b[2])
+        if wp.dot(v, v) < least:
+            least = wp.dot(v, v)
+            nearest = int(g)
     best = real(1e9)
-    reach_sq = _FAR
-    for k in range(element.shape[1]):
-        v = p - element[w, k]
-        d_sq = wp.dot(v, v)
-        if d_sq < reach_sq:
-            height = wp.dot(v, normal[w, k])
-            aside = wp.max(wp.sqrt(wp.max(d_sq - height * height, ZERO)) - radius[w, k], ZERO)
-            d = wp.sqrt(height * height + aside * aside)
-            if d < best:
-                best = d
-                reach_sq = (d + widest[w]) * (d + widest[w])
+    for turn in range(ball.shape[1] + 1):
+        g = turn - 1
+        if turn == 0:
+            g = nearest
+        b = ball[w, g]
+        v = p - vec3(b[0], b[1], b[2])
+        reach = best + b[3]
+        if wp.dot(v, v) < reach * reach and (turn == 0 or g != nearest):
+            for k in range(g * _PATCH, wp.min((g + 1) * _PATCH, element.shape[1])):
+                v = p - element[w, k]
+                height = wp.dot(v, normal[w, k])
+                aside = wp.max(
+                    wp.sqrt(wp.max(wp.dot(v, v) - height * height, ZERO)) - radius[w, k], ZERO)
+                best = wp.min(best, wp.sqrt(height * height + aside * aside))
     distance[w, i] = best
 
 
@@ -148,11 +162,11 @@ def _score(recovered: Callable[[np.ndarray], _Surface], body: Body, body_pose: n
     worlds = len(body_pose)
     sample = sample_body(body, surface=SURFACE_POINTS, inside=INSIDE_POINTS)
     turn = Rotation.from_quat(body_pose[:, 3:]).as_matrix()
-    true_surface = np.einsum("wij,pj->wpi", turn, sample.surface_m) + body_pose[:, None, :3]
-    true_inside = np.einsum("wij,pj->wpi", turn, sample.inside_m) + body_pose[:, None, :3]
+    true_surface = sample.surface_m @ turn.transpose(0, 2, 1) + body_pose[:, None, :3]
+    true_inside = sample.inside_m @ turn.transpose(0, 2, 1) + body_pose[:, None, :3]
     found = recovered(true_inside)
     to_fit = _distance_to_elements(true_surface, found.element, found.normal, found.area, device)
-    in_body = np.einsum("wji,wpj->wpi", turn, found.element - body_pose[:, None, :3])
+    in_body = (found.element - body_pose[:, None, :3]) @ turn
     signed, _ = distance_to_bodies(scene_of([body], device), np.zeros(1, int), in_body,
                                    device=device)
     to_body = np.abs(signed)
@@ -185,13 +199,23 @@ def _distance_to_elements(
     out = wp.empty(points.shape[:2], dtype=real, device=device)
     launch(_element_distance_kernel, {"world": len(points), "point": points.shape[1]}, {
         "element": "world element", "normal": "world element", "radius": "world element",
-        "widest": "world", "point": "world point", "distance": "world point"}, {
+        "ball": "world patch", "point": "world point", "distance": "world point"}, {
         "element": wp.array(element, dtype=vec3, device=device),
         "normal": wp.array(normal, dtype=vec3, device=device),
         "radius": wp.array(radius, dtype=real, device=device),
-        "widest": wp.array(radius.max(1), dtype=real, device=device),
+        "ball": wp.array(_balls(element, radius), dtype=vec4, device=device),
         "point": wp.array(points, dtype=vec3, device=device), "distance": out}, device=device)
     return out.numpy().copy()
+
+
+def _balls(element: np.ndarray, radius: np.ndarray) -> np.ndarray:
+    """A ball (centre, radius) around every patch of elements that follow each other."""
+    firsts = np.arange(0, element.shape[1], PATCH)
+    sizes = np.diff(np.append(firsts, element.shape[1]))
+    centre = np.add.reduceat(element, firsts, axis=1) / sizes[:, None]
+    away = np.linalg.norm(element - np.repeat(centre, sizes, axis=1), axis=-1) + radius
+    reach = np.maximum.reduceat(away, firsts, axis=1)
+    return np.concatenate([centre, reach[..., None]], axis=-1)
 
 
 def _share_inside(fits: SuperquadricLike, points: np.ndarray, device: str) -> np.ndarray:

@@ -7,15 +7,17 @@ A the approximate inverse mass it keeps for each body (its documentation, "Const
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
-import mujoco
 import numpy as np
 
+from sweeps.validation import engine
 from warpgrasp.export_mjcf import mjcf_text
 from warpgrasp.export_object import Solid
 from warpgrasp.parameters import HandTable, PadTable
 from warpgrasp.robot_tree import FINGERS, PHALANGES, hand_tree
 
+mujoco: Any = engine("mujoco")
 _IMPEDANCE = 0.9
 _STILL_RAD_S = 1e-4
 _STEPS_BETWEEN_LOOKS = 10
@@ -115,7 +117,7 @@ class MujocoHand:
             for f in np.flatnonzero(~held):
                 for k, threshold in enumerate(thresholds_N):
                     if found[f][k] is None and np.abs(reading[f]).max() > threshold:
-                        found[f][k] = self._stop(f, step, settled)
+                        found[f][k] = self._stop(int(f), step, settled)
                 held[f] = found[f][-1] is not None
             if held.all():
                 break

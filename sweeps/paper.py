@@ -8,6 +8,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -100,8 +101,8 @@ def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
             *("| " + " | ".join(row) + " |" for row in rows)]
 
 
-def _text(tables: dict, recovered: Sequence[Recovered], faces: Sequence[Explored],  # noqa: ANN001
-          bottles: Sequence[Followed]) -> str:
+def _text(tables: dict[str, tuple[Any, Any]], recovered: Sequence[Recovered],
+          faces: Sequence[Explored], bottles: Sequence[Followed]) -> str:
     angle = faces[0].angle_deg
     percent = 100.0 * float((angle < PRINTED_DEG).mean())
     spread = float(np.std(angle))
@@ -144,11 +145,14 @@ def _text(tables: dict, recovered: Sequence[Recovered], faces: Sequence[Explored
         f"{(PRINTED_DEG - 90.0) / max(spread, 1e-9):.0f} standard deviations out. What would make "
         "an error of 6 degrees typical (the median), each source alone:", "",
         *_table(("source", "size"), typical_sizes(list(faces))), "",
-        "A turned mount turns both planes alike and drops out of the angle, whatever its size. "
-        "What does not drop out: few touches on a face, joint sensors wrong by several degrees, "
-        "an arm that repeats to more than a millimetre, or a hand that slips in its mount between "
-        "the faces. The likeliest for 1990 is the first: a trace of a handful of touches a face "
-        "needs no bad sensor to miss by 6 degrees.", "",
+        "A turned mount turns both planes alike and drops out of the angle, and noise of pads or "
+        "coarser guarded steps average out over a trace; none of them explains 96. What makes 6 "
+        "degrees typical, or all but, is little to average over or a hand that moved: a few "
+        "touches a face (with one step each way from the first touch the spread is the largest), "
+        "an arm that repeats no better than one to two millimetres (touches then land past edges "
+        "and some planes are not of the face at all), or a hand that shifts in its mount by some "
+        "10 degrees between the faces. Short traces are the likeliest: they need no bad sensor.",
+        "",
         "## Four bottles (figure 6)", "", "![Bottles](figure6.png)", "",
         *_table(*tables["bottles"]), "",
         "True sizes are those of `warpgrasp/profiles`, which say what is sourced.", "",

@@ -1,4 +1,4 @@
-"""The paper's third experiment: four bottles by contour following, told apart by size and volume."""
+"""The paper's third experiment: four bottles by contour following, told apart by size."""
 
 from dataclasses import dataclass
 
@@ -82,5 +82,6 @@ def bottle_rows(found: list[Followed]) -> list[tuple[str, ...]]:
             f"{1e3 * np.median(p.largest_radius_m[end]):.1f}", f"{1e3 * contour[-1, 0]:.0f}",
             f"{1e3 * np.median(p.length_m[end]):.0f}", f"{1e6 * volume_of(contour):.0f}",
             f"{1e6 * np.median(p.volume_m3[end]):.0f}", f"{low:.0f}", f"{high:.0f}",
-            f"{(f.by_volume[end] == f.name).mean():.2f}", f"{(f.matched[end] == f.name).mean():.2f}"))
+            f"{(f.by_volume[end] == f.name).mean():.2f}",
+            f"{(f.matched[end] == f.name).mean():.2f}"))
     return rows

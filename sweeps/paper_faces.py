@@ -19,7 +19,8 @@ from warpgrasp.robot import Robot, Truth
 PRINTED_DEG = 96.0
 TYPICAL_DEG = 6.0
 """An error of this size is typical when half of all angles err by as much or more."""
-FACES = {"near": ((-0.03, 0.0, 0.06), (-1.0, 0.0, 0.0)), "left": ((0.0, 0.04, 0.06), (0.0, 1.0, 0.0))}
+FACES = {"near": ((-0.03, 0.0, 0.06), (-1.0, 0.0, 0.0)),
+         "left": ((0.0, 0.04, 0.06), (0.0, 1.0, 0.0))}
 _TOLD_RAD, _TOLD_M = radians(4), 0.004  # error of the normal and place told [est]
 
 
@@ -102,11 +103,11 @@ def _explore(case: Case, worlds: int) -> Explored:
         planes.append(planes_of(faces[-1]))
     slip = Rotation.from_rotvec(rng.normal(size=(worlds, 3)) * case.mount_slip_rad)
     angle = angle_between(planes[0], replace(planes[1], normal=slip.apply(planes[1].normal)))[0]
-    done = np.all([f.reason == EndReason.COMPLETE for f in faces], axis=0) & np.all(
-        [np.isfinite(f.touches.sets(worlds)[0]).all((1, 2)) & (f.touches.sets(worlds)[1].sum(1) >= 3)
-         for f in faces], axis=0)
-    touches = sum(f.touches.sets(worlds)[1].sum(1) for f in faces)
-    return Explored(case, np.degrees(angle[done]), np.asarray(touches)[done], worlds,
+    felt = [f.touches.sets(worlds)[1].sum(1) for f in faces]
+    done = np.all([f.reason == EndReason.COMPLETE for f in faces], axis=0) & (
+        np.min(felt, axis=0) >= 3)
+    touches = np.sum(felt, axis=0)
+    return Explored(case, np.degrees(angle[done]), touches[done], worlds,
                     tuple(faces), tuple(planes), truth)
 
 
@@ -143,7 +144,7 @@ def typical_sizes(found: list[Explored]) -> list[tuple[str, str]]:
             answers.append((source, f"{enough.case.size}, {np.median(enough.touches):.0f} touches "
                                     "on both faces together"))
         elif len(mine) < 2 or errors.max() < TYPICAL_DEG:
-            answers.append((source, f"at none tried: {errors.max():.1f} deg at "
+            answers.append((source, f"not reached: {errors.max():.1f} deg at "
                                     f"{mine[int(errors.argmax())].case.size}"))
         elif errors[0] >= TYPICAL_DEG:
             answers.append((source, f"below {mine[0].case.size}"))

@@ -1,7 +1,8 @@
-"""Figures in the manner of figures 4, 5 and 6 of Allen and Michelman 1990. Same data, same bytes."""
+"""Figures in the manner of the paper's 4, 5 and 6. Same data, same bytes."""
 
 import io
 from collections.abc import Sequence
+from typing import Any
 
 import matplotlib
 
@@ -19,7 +20,7 @@ from sweeps.paper_recovery import Recovered, median_world
 _BODY, _CONTACT, _TRUE, _FIT = "#c9d8e8", "#b2182b", "#4d4d4d", "#2166ac"
 
 
-def _png(figure) -> bytes:  # noqa: ANN001
+def _png(figure: Any) -> bytes:
     stream = io.BytesIO()
     figure.savefig(stream, format="png", metadata={"Software": None})
     plt.close(figure)

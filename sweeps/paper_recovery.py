@@ -47,7 +47,8 @@ class Recovered:
 def recover_objects(episodes: int) -> list[Recovered]:
     """Every object, as the paper did it and with our evidence."""
     found = []
-    for way, sensors, fit in (("as the paper", SensorTable(contact_estimator="fingertip"), AS_PAPER),
+    fingertip = SensorTable(contact_estimator="fingertip")
+    for way, sensors, fit in (("as the paper", fingertip, AS_PAPER),
                               ("ours", SensorTable(), FitTable())):
         for name in OBJECTS:
             cell = Cell(STRATEGIES[STRATEGY], {"name": name}, name, sensors=sensors, fit=fit,

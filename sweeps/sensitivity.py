@@ -44,7 +44,7 @@ BRACKETS = (
             ([7.0, 7.0, 5.6, 4.2], [14.0, 14.0, 11.2, 8.4]), "0.7 and 1.4 times"),
     Bracket("hand.joint_stiffness_Nm_rad", 2.0, (1.0, 5.0), "half to 2.5 times"),
     Bracket("hand.skin_stiffness_N_m", 2e4, (5e3, 1e5), "a quarter to five times"),
-    Bracket("hand.tendon_friction", 0.07, (0.02, 0.15), "of a tendon over pulleys to one in a tube"),
+    Bracket("hand.tendon_friction", 0.07, (0.02, 0.15), "over pulleys, or in a tube"),
     Bracket("hand.co_contraction_N", 9.0, (5.0, 15.0), "0.6 to 1.7 times"),
     Bracket("sensors.tension_noise_N", 0.3, (0.1, 1.0), "a third to three times"),
     Bracket("sensors.joint_noise_deg", 0.3, (0.1, 1.0), "a third to three times"),
@@ -85,7 +85,7 @@ HEADER = ("constant", "value", "tau", "best", "best_chamfer_mm", "mean_change_mm
 
 
 def sensitivity_table(plan: Plan, store: Store) -> tuple[list[tuple[str, ...]], list[str]]:
-    """A row a setting, and notes. `tau` is Kendall's rank correlation with the default's ranking."""
+    """A row a setting, and notes. `tau` is Kendall's rank correlation with the default's."""
     scores = _scores(plan, store)  # (setting, strategy, object, episode)
     names = [s.name for s in plan.study.strategies]
     base = scores[0]
@@ -127,7 +127,7 @@ def _means(values: np.ndarray) -> np.ndarray:
 
 
 def _tau(one: np.ndarray, other: np.ndarray) -> float:
-    return float(kendalltau(one, other).statistic)
+    return float(kendalltau(one, other)[0])  # pyright: ignore[reportArgumentType]
 
 
 def _tau_by_chance(base: np.ndarray, draws: int = 500) -> np.ndarray:

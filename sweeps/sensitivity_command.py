@@ -35,6 +35,10 @@ def sensitivity(
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([HEADER, *rows])
     write_atomic(folder / "sensitivity.csv", text.getvalue().encode())
+    table = [HEADER, ("---",) * len(HEADER), *rows]
+    lines = ["<!-- written by `warpgrasp sensitivity`; do not edit -->", "",
+             *("| " + " | ".join(row) + " |" for row in table), "", *(f"- {n}" for n in notes), ""]
+    write_atomic(folder / "sensitivity.md", "\n".join(lines).encode())
     print_table(HEADER, rows, as_json)
     for note in notes:
         print(f"note: {note}", file=sys.stderr)

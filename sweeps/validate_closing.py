@@ -29,7 +29,7 @@ from warpgrasp.utah_mit_hand import hand_links
 THRESHOLDS_N = (3.0, 6.0, 12.0)
 PATHS = ("curl40", "base_then_curl")
 SMALLEST_SHARE, TIP_M, TORQUE = 0.97, 1e-4, 0.05
-"""What must hold: same stop within a step, tip and torque (of the largest) at the 95th percentile."""
+"""Must hold: same stop within a step; tip and torque (of the largest) at the 95th percentile."""
 HAND = HandTable()
 _HALF_AXES_M = (0.030, 0.050)  # of the ellipsoid, across and along its axis
 
@@ -53,11 +53,11 @@ class _Tally:
     causes: Counter[str] = field(default_factory=Counter)
 
 
-def compare_closings(poses: int = 24) -> list[Comparison]:
+def compare_closing(poses: int = 8) -> list[Comparison]:
     """All comparisons; `poses` random hand poses for each body and closing path."""
     rows: list[Comparison] = []
     exact, total = _Tally(), 0  # hands
-    for name, (body, solids) in test_bodies().items():
+    for name, (body, solids) in bodies_compared().items():
         tally = _Tally()
         for path in PATHS:
             total += _compare(tally, body, solids, path, poses)
@@ -69,17 +69,26 @@ def compare_closings(poses: int = 24) -> list[Comparison]:
                                    (0.0, True, "joint limits kept")):
         tally = _Tally()
         for name in ("box", "cylinder"):
-            body, solids = test_bodies()[name]
-            _compare(tally, body, solids, "base_then_curl", max(poses // 2, 4), friction, limits)
+            body, solids = bodies_compared()[name]
+            _compare(tally, body, solids, "base_then_curl", max(poses // 4, 2), friction, limits)
         rows += _rows(f"box and cylinder, {what}", tally, False)
     return rows
+
+
+def compare_body(name: str, poses: int) -> list[Comparison]:
+    """The comparisons of one of `bodies_compared` alone."""
+    body, solids = bodies_compared()[name]
+    tally = _Tally()
+    for path in PATHS:
+        _compare(tally, body, solids, path, poses)
+    return _rows(name, tally, name in EXACT)
 
 
 EXACT = ("box", "cylinder", "capsule", "ellipsoid", "wedge")
 """Bodies whose distance is exact; a wedge is a convex mesh to MuJoCo."""
 
 
-def test_bodies() -> dict[str, tuple[Body, list[Solid]]]:
+def bodies_compared() -> dict[str, tuple[Body, list[Solid]]]:
     """Bodies by name, each with the solids that MuJoCo is given."""
     across, along = _HALF_AXES_M
     angle = np.linspace(0.0, np.pi, 400)
@@ -263,6 +272,7 @@ def _rows(what: str, t: _Tally, promised: bool) -> list[Comparison]:
     causes = "; ".join(f"{count} x {cause}" for cause, count in sorted(t.causes.items()))
     torque = np.mean(t.torque_Nm, 0) if t.torque_Nm else [nan, nan]
     force = np.asarray(t.force_N).reshape(-1, 2)
+    mean = force.mean(0) if len(force) else [nan, nan]
     share = (f"links proximal {t.links[0]}, middle {t.links[1]}, distal {t.links[2]}; "
              f"{t.other_link} on different links")
     return [
@@ -274,8 +284,6 @@ def _rows(what: str, t: _Tally, promised: bool) -> list[Comparison]:
             p95(t.torque), TORQUE, f"relative; largest {max(t.torque, default=nan):.3g}"),
         row("contact point, p95", "mm", nan, nan, 1e3 * p95(t.point_m), nan, share),
         row("contact normal, p95", "deg", nan, nan, float(np.degrees(p95(t.normal_rad)))),
-        row("force on a distal link, touch sensor (means left)", "N", *(
-            force.mean(0) if len(force) else (nan, nan)),
-            p95(np.abs(force[:, 0] - force[:, 1]) / force[:, 1]) if len(force) else nan, TORQUE,
-            "relative, p95"),
+        row("force on a distal link, touch sensor (means left)", "N", mean[0], mean[1],
+            p95(list(np.abs(force[:, 0] - force[:, 1]) / force[:, 1])), TORQUE, "relative, p95"),
     ]

@@ -1,6 +1,7 @@
 """Superquadric fits against scipy's least squares, on the same residuals from the same starts."""
 
 from math import nan
+from typing import Any
 
 import jax
 import numpy as np
@@ -27,7 +28,7 @@ ONE_VALLEY_M = 1e-5
 POINTS, SIGMA_M = 60, 0.001
 
 
-def compare_fits(sets_each: int = 2) -> list[Comparison]:
+def compare_fits(sets_each: int = 1) -> list[Comparison]:
     """Costs and bodies at the optimum, from every start of fits to touches of six objects."""
     return [row for parameters, taper in ((11, False), (13, True))
             for row in _compare(parameters, taper, sets_each)]
@@ -76,7 +77,7 @@ def _compare(parameters: int, taper: bool, sets_each: int) -> list[Comparison]:
                    float(ours.cost[same].mean()), float(cost[same].mean()), float(gap.max()), NEAR,
                    f"{same.sum()} ended at one body, {(done & ~same).sum()} at two, "
                    f"{(~done).sum()} of ours not converged in 1000 iterations"),
-        Comparison("fits", f"{what}: how far scipy still falls from our optimum, median", "relative", nan,
+        Comparison("fits", f"{what}: how far scipy falls from our optimum, median", "relative", nan,
                    nan, float(np.median(left)), NEAR,
                    f"{(left > NEAR).sum()} of {done.sum()} fall more; largest {left.max():.2g}"),
         Comparison("fits", f"{what}: size and place at the same optimum, p95", "mm", nan, nan,
@@ -90,12 +91,12 @@ def _compare(parameters: int, taper: bool, sets_each: int) -> list[Comparison]:
     ]
 
 
-def _descend(value, start: np.ndarray, lane):  # noqa: ANN001, ANN202
+def _descend(value: Any, start: np.ndarray, lane: Any) -> Any:
     return least_squares(lambda t: np.asarray(value(t, lane)), start,
                          jac="3-point", xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=1000)
 
 
-def _apart(form: Form, lanes, one: np.ndarray, other: np.ndarray,  # noqa: ANN001
+def _apart(form: Form, lanes: Any, one: np.ndarray, other: np.ndarray,
            scale: np.ndarray) -> np.ndarray:
     """Largest difference of half axes and place [m] of two bodies, (lane,)."""
     program = jax.vmap(lambda theta, lane: look(theta, lane, form)[0])

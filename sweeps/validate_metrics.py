@@ -39,8 +39,8 @@ def compare_metrics(recovered_each: int = 3) -> list[Comparison]:
     rows = []
     for k, (name, unit, bound) in enumerate(zip(
             names, ("mm", "mm", "", ""), (CHAMFER_MM, HAUSDORFF_MM, IOU, IOU), strict=True)):
-        rows.append(Comparison("metrics", f"{name}, largest of {len(a)} pairs of bodies (means left)",
-                               unit, float(a[:, k].mean()), float(b[:, k].mean()),
+        what = f"{name}, largest of {len(a)} pairs of bodies (means left)"
+        rows.append(Comparison("metrics", what, unit, float(a[:, k].mean()), float(b[:, k].mean()),
                                float(np.abs(a[:, k] - b[:, k]).max()), bound))
     return rows
 

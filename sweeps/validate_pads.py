@@ -1,4 +1,4 @@
-"""Pads against scipy's integral of the foundation, and against MuJoCo's distances under each taxel."""
+"""Pads against scipy's integral of the foundation, and MuJoCo's distances under each taxel."""
 
 from typing import Any
 

@@ -28,12 +28,12 @@ def compare_puma(poses: int = POSES) -> list[Comparison]:
     theirs = np.asarray(robot.fkine(q).A).reshape(-1, 4, 4)
     rows += _poses(f"forward, {poses} poses", ours, theirs)
     branches = puma_inverse_batch(table, ours)
-    reached = np.isfinite(branches).all(-1)
+    reached = np.isfinite(branches.sum(-1))
     wanted = np.repeat(ours[:, None], 8, 1)[reached]
     rows += _poses(f"inverse then their forward, {reached.sum()} solutions of 8 branches", wanted,
                    np.asarray(robot.fkine(branches[reached]).A).reshape(-1, 4, 4))
-    nearest = np.nanmin(np.where(reached[..., None], np.abs(_turned(branches - q[:, None])),
-                                 np.nan).max(-1), axis=1)
+    off = np.abs(_turned(branches - q[:, None])).max(-1)
+    nearest = np.min(np.where(reached, off, np.inf), axis=1)
     rows.append(Comparison("puma", "configuration the pose came from, nearest branch, p99", "rad",
                            nan, nan, float(np.quantile(nearest, 0.99)), NEAR,
                            f"largest {nearest.max():.2g}, near the wrist's singularity"))
@@ -52,7 +52,7 @@ def _table(robot: Any, table: ArmTable) -> list[Comparison]:
     return rows
 
 
-def _poses(what: str, ours: np.ndarray, theirs: np.ndarray) -> list[Comparison]:
+def _poses(what: str, ours: np.ndarray, theirs: Any) -> list[Comparison]:
     apart = np.linalg.norm(ours[:, :3] - theirs[:, :3, 3], axis=1)
     turn = Rotation.from_quat(ours[:, 3:]).as_matrix()
     # Of a small turn, the sine: an arc cosine would drown it in rounding.

@@ -53,9 +53,8 @@ def _valley(
         slope = wp.dot(near.normal, u)
         psi = slope * wp.max(g[3], _SHALLOW)
         if k > 0:
-            bend = (psi - last_psi) / (t - last_t)
-            if bend < _FLATTEST:
-                bend = ONE
+            # Along a face the slope does not change: on to the end, or the middle, of the bracket.
+            bend = wp.max((psi - last_psi) / (t - last_t), _FLATTEST)
         last_t = t
         last_psi = psi
         if wp.abs(slope) < _LEVEL:

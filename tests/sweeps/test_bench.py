@@ -1,0 +1,38 @@
+"""The bench: what it runs, what it writes. Rates themselves are no tests."""
+
+from sweeps.bench import rows
+from sweeps.bench_measure import Work, measure
+from sweeps.bench_rows import ROWS
+from sweeps.bench_table import markdown
+
+
+def test_rows_name_what_there_is() -> None:
+    every = list(rows(quick=False, peers=False))
+    assert len(set(every)) == len(every)
+    assert {row for row, *_ in every} == set(ROWS)
+    assert set(rows(quick=True, peers=False)) < set(every)
+
+
+def test_measure_keeps_the_first_call_apart() -> None:
+    calls = []
+    found = measure(Work("things", lambda: calls.append(1) or 5), quick=True)
+    assert len(calls) == 2
+    assert found["count"] == 5
+    assert found["per_s"] > 0
+    assert found["first_s"] >= 0
+
+
+def test_the_table_gives_ratios_of_one_run_and_says_what_failed() -> None:
+    line = {"batch": 64, "threads": 2, "per_s": 4000.0, "per_cpu_s": 2000.0}
+    text = markdown([
+        {"row": "environment", "commit": "0123456789abcdef", "cores": 2, "load": [0, 0, 0]},
+        {**line, "row": "closings", "of": "block"},
+        {"row": "touches", "of": "block", "batch": 64, "threads": 2, "failed": "no"},
+        {**line, "row": "same_closing", "of": "-"},
+        {**line, "row": "mujoco_rollout", "of": "2", "per_s": 8.0, "per_cpu_s": 4.0},
+        {"row": "start", "of": "help", "s": 0.4, "cpu_s": 0.3},
+    ])
+    assert "| closings | block | 64 | 2 | 4,000 | 2,000 |" in text
+    assert "| touches | block | 64 | 2 | failed |" in text
+    assert "| mujoco_rollout | 2 | 8 | 4 | 500.0 |" in text
+    assert "| help | 0.4 | 0.3 |" in text

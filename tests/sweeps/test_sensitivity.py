@@ -1,0 +1,48 @@
+"""The sensitivity study: its spec is a study, its table tells a swap from noise."""
+
+import numpy as np
+import pytest
+
+from sweeps.cli import run
+from sweeps.plan import plan_study
+from sweeps.sensitivity import BRACKETS, _swapped, sensitivity_spec
+from sweeps.spec import read_spec
+
+
+def test_the_spec_varies_one_constant_a_setting(tmp_path) -> None:
+    file = tmp_path / "s.toml"
+    file.write_text(sensitivity_spec())
+    study = plan_study(read_spec(file)).study
+    assert study.setting_count == 1 + sum(len(b.ends) for b in BRACKETS)
+    base, _ = study.setting(0)
+    for number in range(1, study.setting_count):
+        edge, _ = study.setting(number)
+        assert sum(edge[key] != base[key] for key in edge) == 1
+
+
+def test_defaults_are_the_tables() -> None:
+    from sweeps.cell import SECTIONS
+    from sweeps.edge import edge_fields
+
+    for bracket in BRACKETS:
+        section, name = bracket.key.split(".")
+        default = edge_fields(SECTIONS[section])[name].edge_default
+        assert np.allclose(default, bracket.default), bracket.key
+
+
+def test_only_sure_swaps_count() -> None:
+    rng = np.random.default_rng(0)
+    base = rng.normal(0.0, 0.1, (2, 3, 16)) + np.array([1.0, 2.0])[:, None, None]
+    assert _swapped(base, base[::-1], ("a", "b")) == "a > b"
+    assert _swapped(base, base, ("a", "b")) == "none"
+    assert _swapped(base, base + rng.normal(0.0, 9.0, base.shape), ("a", "b")) == "none"
+
+
+@pytest.mark.slow
+def test_the_command_prints_a_row_a_setting(tmp_path, capsys) -> None:
+    few = sensitivity_spec(BRACKETS[:1], ("ring6", "column9"), ("block",), 2)
+    spec = tmp_path / "few.toml"
+    spec.write_text(few)
+    assert run(["sensitivity", "-o", str(tmp_path / "out"), "--spec", str(spec)]) == 0
+    assert "hand.link_length_mm" in capsys.readouterr().out
+    assert (tmp_path / "out" / "sensitivity.csv").read_text().count("\n") == 4

@@ -1,0 +1,125 @@
+"""What is skipped of a closing changes nothing, and nearest points are nearest."""
+
+import numpy as np
+import pytest
+import trimesh
+import warp as wp
+
+from strategies.catalogue import STRATEGIES
+from strategies.containment import padded_commands
+from strategies.waypoint_poses import waypoint_poses
+from sweeps.episodes import place_objects, tell_cylinder
+from warpgrasp.body import distance_to_bodies, scene_of
+from warpgrasp.catalogue import body_from_name
+from warpgrasp.closing import close_fingers
+from warpgrasp.counter_random import counter_key_host
+from warpgrasp.launch import launch
+from warpgrasp.link_nearest import nearest_along
+from warpgrasp.mesh_intake import body_from_mesh
+from warpgrasp.parameters import HandTable, ObjectTable, SensorTable
+from warpgrasp.real import real, vec2, vec3
+from warpgrasp.scene import Scene
+from warpgrasp.sine_cosine import sine_cosine
+
+HAND = HandTable()
+
+
+@pytest.mark.parametrize("name", ["block", "lightbulb"])
+def test_looking_more_often_changes_no_stop(name: str) -> None:
+    """`march_scale` shortens every jump: other steps are looked at, the same happens."""
+    body, worlds = body_from_name(name), 8
+    key = counter_key_host(3, np.arange(worlds))
+    pose = place_objects(ObjectTable(), key)
+    strategy = STRATEGIES["ring6"]
+    hands = waypoint_poses(strategy.waypoints, tell_cylinder(body, pose, 0.01, key), HAND, key)
+    commands, count = padded_commands(strategy.closings)
+    made = np.ones((*hands.shape[:2], len(count)), int)
+    found = [close_fingers(scene_of([body], "cpu"), np.zeros(1, int), pose, HAND,
+                           SensorTable(tendon_threshold_N=2.6), key, made, hands, commands, count,
+                           march_scale=scale) for scale in (1.0, 0.3)]
+    (felt, truth), (again, truth_again) = found
+    assert 0.05 < (truth.link == -1).mean() < 0.95  # false stops and contacts
+    np.testing.assert_array_equal(felt.step, again.step)
+    np.testing.assert_array_equal(truth.link, truth_again.link)
+    np.testing.assert_allclose(truth.q_rad, truth_again.q_rad, atol=1e-6)
+
+
+@wp.kernel(enable_backward=False)
+def _near_kernel(
+    first: int, scene: Scene, body: int, a: wp.array[vec3], u: wp.array[vec3], length: real,
+    out: wp.array[vec2],
+):
+    i = wp.tid() + first
+    out[i] = nearest_along(scene, body, a[i], u[i], length)
+
+
+@pytest.mark.parametrize("name", ["block", "small_cylinder", "wedge", "wine_bottle", "lightbulb"])
+def test_nearest_point_of_a_link_against_fine_sampling(name: str) -> None:
+    body, length, n = body_from_name(name), 0.043, 400
+    rng = np.random.default_rng(1)
+    a = rng.uniform([-0.08, -0.08, 0.02], [0.08, 0.08, 0.2], (n, 3))
+    u = rng.normal(size=(n, 3))
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    scene = scene_of([body], "cpu")
+    out = wp.zeros(n, dtype=vec2, device="cpu")
+    launch(_near_kernel, {"row": n}, {"a": "row", "u": "row", "out": "row"}, {
+        "scene": scene, "body": 0, "a": wp.array(a, dtype=vec3, device="cpu"),
+        "u": wp.array(u, dtype=vec3, device="cpu"), "length": length, "out": out}, device="cpu")
+    along, distance = out.numpy().T
+    places = a[:, None] + u[:, None] * np.linspace(0, length, 2001)[:, None]
+    sampled = np.minimum(distance_to_bodies(scene, np.zeros(1, int), places)[0], places[..., 2])
+    at = a + u * along[:, None]
+    exact = np.minimum(distance_to_bodies(scene, np.zeros(1, int), at[:, None])[0][:, 0], at[:, 2])
+    np.testing.assert_allclose(distance, exact, atol=1e-12)
+    outside = sampled.min(1) > 0.002
+    # Bodies that are not convex may have a second valley between samples.
+    missed = distance[outside] > sampled.min(1)[outside] + 1e-7
+    assert missed.mean() <= (0.0 if name in ("block", "small_cylinder", "wedge") else 0.02)
+
+
+def test_a_baked_mesh_is_as_far_as_it_is_where_links_touch(tmp_path) -> None:
+    """A link's axis lies 8 mm from what its skin touches: that is inside the grid."""
+    mesh = trimesh.creation.box([0.03, 0.04, 0.06])
+    mesh.export(tmp_path / "box.ply")
+    scene = scene_of([body_from_mesh(tmp_path / "box.ply", units="m")], "cpu")
+    gap = np.linspace(0.004, 0.011, 15)
+    for axis, half, middle in ((0, 0.015, 0.03), (1, 0.02, 0.03), (2, 0.03, 0.03)):
+        at = np.tile([0.0, 0.0, middle], (len(gap), 1))
+        at[:, axis] += half + gap
+        distance, gradient = distance_to_bodies(scene, np.zeros(1, int), at[None])
+        np.testing.assert_allclose(distance[0], gap, atol=2e-5)
+        np.testing.assert_allclose(gradient[0, :, axis], 1.0, atol=1e-3)
+
+
+def test_a_grid_s_gradient_is_its_value_s() -> None:
+    """Inside and outside the grid, where the value is a bound."""
+    scene = scene_of([_ellipsoid()], "cpu")
+    at = np.random.default_rng(2).uniform([-0.08, -0.08, -0.02], [0.08, 0.08, 0.2], (500, 3))
+    step = 1e-6
+    slopes = [(distance_to_bodies(scene, np.zeros(1, int), at[None] + step * e)[0]
+               - distance_to_bodies(scene, np.zeros(1, int), at[None] - step * e)[0]) / (2 * step)
+              for e in np.eye(3)]
+    _, gradient = distance_to_bodies(scene, np.zeros(1, int), at[None])
+    error = np.abs(np.stack(slopes, -1) - gradient)[0].max(1)
+    assert np.quantile(error, 0.99) < 1e-4  # but for points whose neighbours lie across a border
+
+
+def _ellipsoid():
+    from sweeps.bench_rows import mesh_body
+
+    return mesh_body()
+
+
+@wp.kernel(enable_backward=False)
+def _sine_kernel(first: int, x: wp.array[real], out: wp.array[vec2]):
+    i = wp.tid() + first
+    out[i] = sine_cosine(x[i])
+
+
+def test_sine_and_cosine_to_the_last_digits() -> None:
+    x = np.concatenate([np.random.default_rng(0).uniform(-20, 20, 10_000),
+                        np.arange(-16, 17) * np.pi / 4])
+    out = wp.zeros(len(x), dtype=vec2, device="cpu")
+    launch(_sine_kernel, {"row": len(x)}, {"x": "row", "out": "row"},
+           {"x": wp.array(x, dtype=real, device="cpu"), "out": out}, device="cpu")
+    np.testing.assert_allclose(out.numpy(), np.stack([np.sin(x), np.cos(x)], 1), atol=3e-16)

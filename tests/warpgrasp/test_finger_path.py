@@ -1,0 +1,45 @@
+"""Closing paths tabled: places as forward kinematics has them, ways never shorter than they are."""
+
+import numpy as np
+
+from strategies.closing_paths import CLOSING_PATHS, closing_commands
+from warpgrasp.finger_path import path_table
+from warpgrasp.parameters import HandTable
+from warpgrasp.utah_mit_hand import hand_links
+
+HAND = HandTable()
+
+
+def chains(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Table, ways, and joints 1 to 3 and tip by forward kinematics, (step, 4, 3), of finger 2."""
+    commands = closing_commands(CLOSING_PATHS[name])
+    table, travel = path_table(HAND, commands[None])
+    still = np.tile([0, 0, 0, 0, 0, 0, 1.0], (commands.shape[1], 1))
+    points, _ = hand_links(HAND, still, commands.transpose(1, 0, 2))
+    return table[0, 2], travel[0, 2], points[:, 2, 1:] - points[:, 2, :1]
+
+
+def test_links_stand_where_forward_kinematics_puts_them() -> None:
+    for name in CLOSING_PATHS:
+        table, _, points = chains(name)
+        for k in range(4):
+            np.testing.assert_allclose(table[f"p{k + 1}"], points[:, k], atol=1e-15)
+
+
+def test_no_point_of_a_link_comes_farther_than_the_table_says() -> None:
+    rng = np.random.default_rng(0)
+    for name in CLOSING_PATHS:
+        _, travel, points = chains(name)
+        pairs = np.sort(rng.integers(0, len(points), (200, 2)), axis=1)
+        share = rng.random((200, 1))
+        for link in range(3):
+            place = [(1 - share) * points[step, link] + share * points[step, link + 1]
+                     for step in pairs.T]
+            way = np.linalg.norm(place[1] - place[0], axis=1)
+            assert (way <= np.diff(travel[pairs, link], axis=1)[:, 0] + 1e-12).all()
+
+
+def test_moves_count_the_flexion_joints_that_move() -> None:
+    table, _, _ = chains("curl40")
+    curl, close = 80, 200  # steps of half a degree: two joints curl, then one closes
+    assert table["moves"][[0, curl, curl + close]].tolist() == [0, 2 * curl, 2 * curl + close]
