@@ -12,10 +12,10 @@ import numpy as np
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from fit.superquadric_shape import Superquadric
-from sweeps.figure_contacts import surface_mesh
 from sweeps.paper_bottles import Followed, contour_of
 from sweeps.paper_faces import Explored
 from sweeps.paper_recovery import Recovered, median_world
+from sweeps.recovered_surface import surface_mesh
 
 _BODY, _CONTACT, _TRUE, _FIT = "#c9d8e8", "#b2182b", "#4d4d4d", "#2166ac"
 
@@ -36,7 +36,7 @@ def draw_recovered(found: Sequence[Recovered]) -> bytes:
         axes = figure.add_subplot(len(ways), count, place + 1, projection="3d")
         world = median_world(r)
         pose = r.block.truth.body_pose[world]
-        body = Superquadric(*(f[world:world + 1] for f in r.block.recovered))
+        body = Superquadric(*(f[world:world + 1] for f in r.block.recovered.superquadric))
         faces = 1e3 * (surface_mesh(body, rows=12) - pose[:3])
         points = 1e3 * (r.block.evidence.points_m[world][r.block.evidence.mask[world]] - pose[:3])
         axes.add_collection3d(Poly3DCollection(list(faces), facecolors=_BODY, edgecolors=_FIT,

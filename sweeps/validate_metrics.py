@@ -7,8 +7,8 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from fit.superquadric_shape import Superquadric
-from sweeps.figure_contacts import surface_mesh
 from sweeps.metrics import score_superquadrics
+from sweeps.recovered_surface import surface_mesh
 from sweeps.validation import Comparison, engine
 from warpgrasp.catalogue import body_from_name
 from warpgrasp.export_object import object_solids
