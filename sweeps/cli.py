@@ -246,6 +246,7 @@ def show(folders: list[Path], /, *, episode: int = 0, strategy: str | None = Non
 def explore(object_: str, /, *, strategy: str,
             out: Annotated[Path, Parameter(name=["--out", "-o"])], units: str | None = None,
             seed: int = 0, yaw_deg: float | None = None, x_m: float = 0.45, y_m: float = 0.0,
+            replay: Annotated[bool, Parameter(negative="")] = False,
             device: str = "cpu") -> int:
     """Run one episode and write all that was felt: contacts, shape, a figure.
 
@@ -267,6 +268,8 @@ def explore(object_: str, /, *, strategy: str,
         Where it stands, ahead of the robot's base.
     y_m
         Where it stands, to the left of the robot's base.
+    replay
+        Also write replay.html: the episode played again in 3-D (needs the extra `show`).
     device
         cpu, or cuda:0.
     """
@@ -278,7 +281,8 @@ def explore(object_: str, /, *, strategy: str,
     if not 0 <= seed < 2**63:
         raise UsageError(f"--seed: is {seed}; should be a whole number from 0 to 2^63 - 1")
     return commands.explore(object_, strategy, out, units=units, seed=seed, yaw_deg=yaw_deg,
-                            x_m=x_m, y_m=y_m, device=_device(device))
+                            x_m=x_m, y_m=y_m, device=_device(device),
+                            replay=replay)
 
 
 @app.command

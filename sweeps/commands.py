@@ -129,8 +129,13 @@ def leaderboard(folders: Sequence[Path], out: Path | None, *, metric: str,
 
 
 def explore(what: str, strategy: str, folder: Path, *, units: str | None, seed: int,
-            yaw_deg: float | None, x_m: float, y_m: float, device: str) -> int:
+            yaw_deg: float | None, x_m: float, y_m: float, device: str,
+            replay: bool = False) -> int:
     """One episode with all that was felt, as files."""
+    if replay:
+        from sweeps.replay import check_viser
+
+        check_viser()
     with quiet_stdout():
         start_warp()
         chosen = _strategy_of_argument(strategy)
@@ -142,7 +147,7 @@ def explore(what: str, strategy: str, folder: Path, *, units: str | None, seed: 
             written = explore_object(
                 body_table=table, strategy=chosen, seed=seed,
                 yaw_rad=None if yaw_deg is None else radians(yaw_deg), x_m=x_m, y_m=y_m,
-                out=folder, device=device)
+                out=folder, device=device, replay=replay)
         except OSError as error:
             raise StoreError(f"{folder}: cannot be written: {error.strerror or error}") from None
     for file in written:

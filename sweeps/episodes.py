@@ -16,6 +16,7 @@ import numpy as np
 from fit.status import status_names
 from fit.superquadric_shape import Superquadric
 from strategies.belief import Belief
+from strategies.evidence import Evidence
 from strategies.exploration import Exploration, Planner, explore
 from strategies.oracle import Oracle
 from strategies.planners import budget_of, planner_of
@@ -71,6 +72,11 @@ class EpisodeBlock:
     def recovered(self) -> Recovered:
         """What is scored."""
         return self.exploration.recovered
+
+    @property
+    def evidence(self) -> Evidence:
+        """All that was felt, as placed for the last fit."""
+        return self.exploration.belief.evidence
 
     @property
     def grasps(self) -> list[Grasps]:

@@ -37,13 +37,14 @@ COLUMNS = (
 
 def explore(
     *, body_table: Mapping[str, Any], strategy: Strategy, seed: int, yaw_rad: float | None,
-    x_m: float, y_m: float, out: Path, device: str,
+    x_m: float, y_m: float, out: Path, device: str, replay: bool = False,
 ) -> list[Path]:
     """Run one episode, write `contacts.csv`, `shape.json` and figures; answer with the files.
 
     `contacts.png` always; `faces.png` where faces were crossed, `contour.png` where a contour was
-    followed. `body_table` names the object as in a spec; `yaw_rad` None turns it at random. Raises
-    BodyError for an object that cannot be built, OSError where `out` cannot be written.
+    followed; `replay.html` if asked for. `body_table` names the object as in a spec; `yaw_rad` None
+    turns it at random. Raises BodyError for an object that cannot be built, OSError where `out`
+    cannot be written.
     """
     name = str(body_table.get("name") or Path(str(body_table.get("mesh", "object"))).stem)
     cell = Cell(strategy, body_table, name, seed=seed,
@@ -59,6 +60,12 @@ def explore(
         files["contour.png"] = draw_contour(block, name)
     for file, content in files.items():
         write_atomic(out / file, content)
+    if replay:
+        from sweeps.replay import write_replay
+        from sweeps.replay_frames import make_replay
+
+        write_replay(make_replay(cell, block), out / "replay.html")
+        files["replay.html"] = b""
     if block.exploration.fault:
         print(f"the strategy failed: {block.exploration.fault}", file=sys.stderr)
     return [out / file for file in sorted(files)]

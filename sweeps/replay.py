@@ -115,7 +115,8 @@ class _Drawn:
         self.replay, scene = replay, server.scene
         self.now: dict[tuple[int, str], Any] = {}
         middle = replay.body_m.mean(axis=0)
-        server.initial_camera.position = tuple(middle + [0.36, 0.26, 0.20])
+        farther = max(1.0, float(np.ptp(replay.body_m[:, 2])) / 0.16)
+        server.initial_camera.position = tuple(middle + farther * np.array([0.36, 0.26, 0.20]))
         server.initial_camera.fov = 0.8
         server.initial_camera.look_at = tuple(middle)
         server.initial_camera.up = (0.0, 0.0, 1.0)
@@ -154,7 +155,7 @@ class _Drawn:
         for handles, points, felt in zip(self.fingers, frame.fingers_m, frame.felt, strict=True):
             for handle, (a, b) in zip(handles, pairwise(points), strict=True):
                 self._place(handle, a, b)
-            self._set(handles[-1], color=_FELT if felt else _LINK)
+            self._set(handles[-1], color=_lit(float(felt)))
         for n, handle in enumerate(self.contacts):
             self._set(handle, visible=n < frame.contacts)
         for n, handle in enumerate(self.estimates):
@@ -173,6 +174,12 @@ class _Drawn:
             if key not in self.now or self.now[key] != value:
                 self.now[key] = value
                 setattr(handle, name, value)
+
+
+def _lit(level: float) -> tuple[int, ...]:
+    """A fingertip's colour: the link's, and from a third of the way to that of touch by level."""
+    share = 0.0 if level <= 0.0 else 0.35 + 0.65 * min(level, 1.0)
+    return tuple(round(a + share * (b - a)) for a, b in zip(_LINK, _FELT, strict=True))
 
 
 def _capsule(scene: Any, name: str, length: float, radius: float, colour: tuple) -> Any:

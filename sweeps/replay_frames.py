@@ -31,6 +31,8 @@ from warpgrasp.status import ProbeStatus
 
 TRAVEL, APPROACH, CLOSE = 4, 2, 5
 """Frames of a way between retreats, of one from a retreat to the pose, of a closing."""
+FULL_COUNT = 255
+"""Of a pad's 8-bit converter."""
 FAR_RAD = 0.2
 """Between touches of pads the arm moves a little; a longer way than this is shown in frames."""
 
@@ -46,7 +48,8 @@ class Frame:
     fingers_m: np.ndarray
     """Base, flexion joints and tip of each finger, (4, 5, 3)."""
     felt: np.ndarray
-    """Which fingers feel something now, (4,)."""
+    """How strongly each finger feels something now, 0 to 1, (4,): a grasp's contact is 1, a pad's
+    its largest count over full scale."""
     contacts: int
     """How many of the replay's contacts have been made."""
     estimate: int
@@ -160,7 +163,8 @@ class _Made:
             contact = bool(table.status[row] == ProbeStatus.CONTACT)
             if contact:
                 self.contacts.append(table.point_m[row])
-            yield self._frame(fingers, (np.arange(4) == finger) & contact, label)
+            level = float(table.taxel_peak[row]) / FULL_COUNT if contact else 0.0
+            yield self._frame(fingers, np.where(np.arange(4) == finger, level, 0.0), label)
 
     def _way(self, goal: np.ndarray, count: int, fingers: np.ndarray,
              label: str) -> Iterator[Frame]:
@@ -222,8 +226,8 @@ def _frame(cell: Cell, arm: np.ndarray, fingers: np.ndarray, felt: np.ndarray | 
            estimate: int, label: str) -> Frame:
     joints, turn = arm_points(cell.arm, arm, cell.hand.mount_length_m)
     points, _ = arm_hand_links(cell.arm, cell.hand, np.concatenate([arm, fingers.ravel()])[None])
-    return Frame(joints, turn, points[0], np.zeros(4, bool) if felt is None else felt, made,
-                 estimate, label)
+    lit = np.zeros(4) if felt is None else np.asarray(felt, float)
+    return Frame(joints, turn, points[0], lit, made, estimate, label)
 
 
 def arm_points(arm: ArmTable, q_rad: np.ndarray, mount_m: float) -> tuple[np.ndarray, np.ndarray]:
