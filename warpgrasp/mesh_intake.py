@@ -23,7 +23,7 @@ UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 LARGEST_FILE_BYTES = 256 * 2**20
 LARGEST_FACE_COUNT = 2_000_000
 SMALLEST_M, LARGEST_M = 0.005, 1.0  # of the longest side: what one hand can explore
-_NODES = 128  # along the longest side
+_NODES = 96  # along the longest side
 _MARGIN_M = 0.016  # around the body: beyond the grid distances are bounds, and links have radii
 _BAKE_VERSION = 2
 
