@@ -112,7 +112,7 @@ def test_budgets_end_an_episode() -> None:
     assert (by_time.belief.time_s < 40.0).all()
     whole = run(ordered("containment", refit_every=1, count=12), table=QUICK)
     sure = run(ordered("containment", refit_every=1, count=12), table=QUICK,
-               budget=Budget(volume_ratio=3.0))
+               budget=Budget(volume_ratio=30.0))
     assert (sure.belief.touches < whole.belief.touches).all()
 
 
