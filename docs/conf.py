@@ -19,8 +19,8 @@ html_show_copyright = html_show_sphinx = False
 html_last_updated_fmt = None
 myst_heading_anchors = 4
 # A page that the menu names and that is not there yet is left out; links within pages are checked.
-suppress_warnings = ["toc.not_included", "toc.not_readable", "misc.highlighting_failure",
-                     "myst.header"]  # tables written by commands begin at the second level
+suppress_warnings = ["toc.not_included", "toc.not_readable", "myst.header",
+                     "misc.highlighting_failure"]
 
 
 def setup(app) -> None:
