@@ -114,7 +114,9 @@ def start(tmp_path: Path, **environment: str) -> subprocess.Popen[str]:
         [sys.executable, "-c", code, "sweep", str(spec), "-o", str(tmp_path / "out"),
          "--workers", "2"], text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         env={**os.environ, "PYTHONPATH": str(Path(__file__).parent), "FAKE_SECONDS": "0.2",
-             **environment})
+             **environment},
+        # A shell that starts the tests in the background has them ignore SIGINT; so would the sweep.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
