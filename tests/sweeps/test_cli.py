@@ -115,7 +115,7 @@ def start(tmp_path: Path, **environment: str) -> subprocess.Popen[str]:
          "--workers", "2"], text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         env={**os.environ, "PYTHONPATH": str(Path(__file__).parent), "FAKE_SECONDS": "0.2",
              **environment},
-        # A shell that starts the tests in the background has them ignore SIGINT; so would the sweep.
+        # Tests that a shell started in the background ignore SIGINT; so would the sweep.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
 
 
