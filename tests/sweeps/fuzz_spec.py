@@ -41,7 +41,10 @@ VALID: dict[str, Any] = {
                                      {"shape": "sphere", "radius_mm": 20, "at_mm": [0, 0, 9]}]}],
     "strategy": [{"name": "ring6"}, {"name": "b", "waypoints": [
         {"kind": "ring", "count": 4, "tilt_deg": 30}, {"kind": "csv", "file": "poses.csv"}],
-        "closings": ["curl25"], "order": ["containment"]}],
+        "closings": ["curl25"], "order": ["containment", "decide"], "refit_every": 2},
+        {"name": "c", "strategy": "random", "budget": {"touches": 40, "volume_ratio": 1.5},
+         "noise_stream": 1},
+        {"name": "d", "strategy": "gaussian-process", "options": {"length_m": 0.02}}],
     "hand": {"link_length_mm": [43, 33, 28], "tendon_friction": 0.1},
     "sensors": {"tension_readings": 4, "contact_estimator": "intrinsic"},
     "fit": {"taper": True, "loss": "none"}, "object": {"yaw_deg": 20.0},
