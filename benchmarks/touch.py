@@ -63,7 +63,8 @@ def planar(worlds: int, seed: int) -> None:
         across = local[:, 1] if name == "near" else local[:, 0]
         for world in np.flatnonzero(found[name].reason == EndReason.COMPLETE):
             mine = (table.world == world) & np.isfinite(point[:, 0])
-            share.append(min(np.ptp(across[mine]) / size[0], np.ptp(local[mine, 2]) / size[1]))
+            share.append(min(np.ptp(across[mine]) / size[0], np.ptp(local[mine, 2]) / size[1])
+                         if mine.any() else 0.0)
         ended, count = np.unique(found[name].reason, return_counts=True)
         print(f"| block, {name} face: how episodes ended | named | " + ", ".join(
             f"{EndReason(int(r)).name.lower()} {c}" for r, c in zip(ended, count, strict=True))
@@ -92,6 +93,7 @@ def contours(worlds: int, seed: int, error_deg: float) -> None:
         exploration = explore_contour(robot, axis)
         ended = exploration.reason == EndReason.END_OF_OBJECT
         profile = profile_of(exploration)
+        ended &= np.isfinite(profile.volume_m3)
         grid = np.arange(0.004, contour[-1, 0] - 0.004, 0.002)
         off = np.abs(radius_at(profile, grid)[ended] - np.interp(grid, *contour.T))
         z, r = contour.T
