@@ -58,9 +58,9 @@ def make_planner(call: str, options: Mapping[str, Any]) -> Planner:
         try:
             made: Any = found(**options)
             return made
-        except TypeError as error:
-            raise PlannerError(f"strategy {call!r} cannot take the options "
-                               f"{sorted(options)}: {error}") from None
+        except Exception as error:  # anything may go wrong in a planner that somebody else wrote
+            raise PlannerError(f"strategy {call!r} cannot take the options {dict(options)!r:.200}: "
+                               f"{type(error).__name__}: {error!s:.200}") from None
     if options:
         raise PlannerError(f"strategy {call!r} is a plain function; it takes no options, "
                            f"but has {sorted(options)}")

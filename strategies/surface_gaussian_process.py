@@ -23,9 +23,11 @@ class SurfaceGaussianProcess(OneAtATime):
     """Greatest joint uncertainty, with a Matern 3/2 kernel."""
 
     def __init__(self, length_m: float = 0.03) -> None:
-        """`length_m`: over which distances the surface is alike."""
+        """`length_m`: over which distances the surface is alike. Raises ValueError."""
         super().__init__()
         self.length_m = float(length_m)
+        if not 1e-3 <= self.length_m <= 1.0:
+            raise ValueError(f"length_m is {length_m!r}; should be from 0.001 to 1")
 
     def gain(self, belief: Belief, poses: np.ndarray, free: np.ndarray) -> np.ndarray:
         """Entropy of the surface's distances at each pose's predicted touches, up to a constant."""

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import fields, replace
-from math import inf
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -134,8 +133,7 @@ def read_number(value: Any, kind: type, low: float, high: float, path: Path,
     if good and low <= value <= high:
         return kind(value)
     what = "a whole number" if kind is int else "a number"
-    limits = f"of at least {low:g}" if high == inf else f"from {low:g} to {high:g}"
-    problems.add(path, f"is {short(value)}; should be {what} {limits}")
+    problems.add(path, f"is {short(value)}; should be {what} from {low:g} to {high:g}")
     return None
 
 

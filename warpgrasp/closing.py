@@ -14,29 +14,35 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from warpgrasp.closing_reading import read_stops
 from warpgrasp.counter_random import (
     Purpose,
     counter_key,
-    counter_normal,
     counter_uniform,
 )
+from warpgrasp.finger_energy import rest_from
 from warpgrasp.finger_path import PathStep, first_uncertain, path_table
-from warpgrasp.finger_rest import finger_rest, link_direction, link_start, rest_from
+from warpgrasp.finger_rest import finger_rest
 from warpgrasp.launch import launch
-from warpgrasp.link_nearest import link_nearest, lower_end
+from warpgrasp.link_nearest import LINK_SAMPLES, link_nearest
 from warpgrasp.parameters import HandTable, SensorTable
 from warpgrasp.real import HALF, ONE, ZERO, real, transform, vec3, vec4
-from warpgrasp.scene import Scene, body_distance_grad
+from warpgrasp.scene import Scene
 from warpgrasp.status import ProbeStatus
 from warpgrasp.tendon import (
     TendonSensor,
     may_cross,
+    moving_sign,
     tendon_sensor_of,
     tendon_tensions,
     tension_difference_read,
-    tension_mean_read,
 )
-from warpgrasp.utah_mit_hand import FINGER_COUNT, Hand, finger_base, finger_pose, hand_of
+from warpgrasp.utah_mit_hand import (
+    FINGER_COUNT,
+    Hand,
+    finger_base,
+    hand_of,
+)
 
 wp.set_module_options({"max_unroll": 1})  # few copies of the distance: they are then inlined
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
@@ -84,15 +90,6 @@ class Closing:
 
 
 @wp.func
-def _sign(x: real):
-    if x > real(1e-12):
-        return ONE
-    if x < real(-1e-12):
-        return -ONE
-    return ZERO
-
-
-@wp.func
 def _clearance(scene: Scene, body: int, hand: Hand, base: transform, at: PathStep, link: int):
     """Distance of a free link's skin to everything [m], or a lower bound where it is far."""
     a = at.p1
@@ -106,7 +103,8 @@ def _clearance(scene: Scene, body: int, hand: Hand, base: transform, at: PathSte
     a = wp.transform_point(base, a)
     length = hand.link_length[link]
     u = (wp.transform_point(base, b) - a) / length
-    near = link_nearest(scene, body, a, u, length, -ONE, ONE, 1, length * HALF + hand.link_radius)
+    near = link_nearest(scene, body, a, u, length, -ONE, ONE, LINK_SAMPLES,
+                        length * HALF + hand.link_radius)
     table = a[2] + wp.min(u[2], ZERO) * length
     return wp.min(near.distance, table) - hand.link_radius
 
@@ -121,7 +119,7 @@ def _stop_reading(
     """
     largest = real(0.0)
     for j in range(1, 4):
-        tensions = tendon_tensions(hand, j, torque[j], _sign(delta[j]))
+        tensions = tendon_tensions(hand, j, torque[j], moving_sign(delta[j]))
         noise = counter_key(key, j)
         if may_cross(sensor, tensions, noise):
             d = tension_difference_read(sensor, tensions, noise)
@@ -149,37 +147,22 @@ def _closing_kernel(
     path: wp.array3d[PathStep],
     travel: wp.array3d[vec3],
     command_count: wp.array[int],
-    # Contact out:
+    # Out:
     status: wp.array4d[int],
-    step_out: wp.array4d[int],
-    q_read: wp.array4d[vec4],
-    tension_flexor: wp.array4d[vec4],
-    tension_extensor: wp.array4d[vec4],
+    step: wp.array4d[int],
     difference: wp.array4d[real],
-    # Truth out:
     q_true: wp.array4d[vec4],
     torque_true: wp.array4d[vec4],
     link_true: wp.array4d[int],
-    point_true: wp.array4d[vec3],
-    normal_true: wp.array4d[vec3],
-    on_table: wp.array4d[int],
 ):
     w, p, g, finger = wp.tid()
     w += first
     status[w, p, g, finger] = probe_status[w, p, g]
-    nan3 = vec3(_NAN, _NAN, _NAN)
-    nan4 = vec4(_NAN, _NAN, _NAN, _NAN)
-    step_out[w, p, g, finger] = -1
+    step[w, p, g, finger] = -1
     link_true[w, p, g, finger] = -1
-    on_table[w, p, g, finger] = 0
     difference[w, p, g, finger] = _NAN
-    q_read[w, p, g, finger] = nan4
-    q_true[w, p, g, finger] = nan4
-    torque_true[w, p, g, finger] = nan4
-    tension_flexor[w, p, g, finger] = nan4
-    tension_extensor[w, p, g, finger] = nan4
-    point_true[w, p, g, finger] = nan3
-    normal_true[w, p, g, finger] = nan3
+    q_true[w, p, g, finger] = vec4(_NAN, _NAN, _NAN, _NAN)
+    torque_true[w, p, g, finger] = vec4(_NAN, _NAN, _NAN, _NAN)
     if probe_status[w, p, g] != _CONTACT:
         return
 
@@ -274,42 +257,13 @@ def _closing_kernel(
 
     q_true[w, p, g, finger] = q
     torque_true[w, p, g, finger] = torque
-    reader = counter_key(stream, _JOINT)
-    for j in range(4):
-        q_read[w, p, g, finger][j] = q[j] + sensor.joint_noise * counter_normal(
-            counter_key(reader, j))
     if stopped < 0:
         status[w, p, g, finger] = _NO_CONTACT
-        step_out[w, p, g, finger] = last
+        step[w, p, g, finger] = last
         return
-    step_out[w, p, g, finger] = stopped
+    step[w, p, g, finger] = stopped
     difference[w, p, g, finger] = reading
-    reader = counter_key(stream, _TENSION_REST)
-    for j in range(4):
-        t = tendon_tensions(hand, j, torque[j], _sign(delta[j]))
-        tension_flexor[w, p, g, finger][j] = tension_mean_read(sensor, t[0],
-                                                               counter_key(reader, 2 * j))
-        tension_extensor[w, p, g, finger][j] = tension_mean_read(sensor, t[1],
-                                                                 counter_key(reader, 2 * j + 1))
-    if touching == 1:
-        bearing = int(0)
-        deepest = real(0.0)
-        for link in range(3):
-            if wp.max(known.depth[link], known.table[link]) > deepest:
-                bearing = int(link)
-                deepest = wp.max(known.depth[link], known.table[link])
-        f = finger_pose(hand, base, q)
-        u = link_direction(f, bearing)
-        x = link_start(f, bearing) + u * known.along[bearing]
-        n = body_distance_grad(scene, which, x)
-        if known.table[bearing] > known.depth[bearing]:
-            x = link_start(f, bearing) + u * lower_end(u, hand.link_length[bearing])
-            n = vec4(ZERO, ZERO, ONE, x[2])
-            on_table[w, p, g, finger] = 1
-        normal = vec3(n[0], n[1], n[2])
-        link_true[w, p, g, finger] = bearing
-        point_true[w, p, g, finger] = wp.transform_point(body_pose[w], x - normal * n[3])
-        normal_true[w, p, g, finger] = wp.transform_vector(body_pose[w], normal)
+    link_true[w, p, g, finger] = touching - 1
 
 
 def close_fingers(
@@ -346,33 +300,32 @@ def close_fingers(
     def empty(dtype: type) -> wp.array:
         return wp.empty(dims, dtype=dtype, device=device)
 
-    out = {"status": empty(int), "step_out": empty(int), "q_read": empty(vec4),
-           "tension_flexor": empty(vec4), "tension_extensor": empty(vec4),
-           "difference": empty(real), "q_true": empty(vec4), "torque_true": empty(vec4),
-           "link_true": empty(int), "point_true": empty(vec3), "normal_true": empty(vec3),
-           "on_table": empty(int)}
-    shapes = dict.fromkeys(out, "world probe grasp finger") | {
+    stop = {"status": empty(int), "step": empty(int), "difference": empty(real),
+            "q_true": empty(vec4), "torque_true": empty(vec4), "link_true": empty(int)}
+    shapes = dict.fromkeys(stop, "world probe grasp finger") | {
         "body": "world?", "body_pose": "world", "hands": "world?", "sensors": "world?",
         "key": "world", "probe_status": "world probe grasp", "hand_pose": "world probe",
         "path": "grasp finger step", "travel": "grasp finger step", "command_count": "grasp"}
     path, travel = path_table(hand, commands_rad)
-    launch(_closing_kernel, extents, shapes, {
+    given = {
         "scene": scene,
         "body": wp.array(body, dtype=int, device=device),
         "body_pose": wp.array(body_pose, dtype=transform, device=device),
         "hands": wp.array([hand_of(hand)], dtype=Hand, device=device),
         "sensors": wp.array([tendon_sensor_of(hand, sensors)], dtype=TendonSensor, device=device),
-        "march_scale": march_scale,
         "key": wp.array(key, dtype=wp.uint64, device=device), "probe_first": probe_first,
-        "probe_status": wp.array(probe_status, dtype=int, device=device),
         "hand_pose": wp.array(hand_pose, dtype=transform, device=device),
-        "path": wp.array(path, dtype=PathStep, device=device),
+        "path": wp.array(path, dtype=PathStep, device=device)}
+    launch(_closing_kernel, extents, shapes, given | stop | {
+        "march_scale": march_scale,
+        "probe_status": wp.array(probe_status, dtype=int, device=device),
         "travel": wp.array(travel, dtype=vec3, device=device),
-        "command_count": wp.array(command_count, dtype=int, device=device),
-        **out}, device=device)
-    host = {name: array.numpy().copy() for name, array in out.items()}
+        "command_count": wp.array(command_count, dtype=int, device=device)}, device=device)
+    difference = stop.pop("difference").numpy().copy()
+    read = read_stops(extents, given | stop, device)
+    host = {name: array.numpy().copy() for name, array in (stop | read).items()}
     tension = np.stack([host["tension_flexor"], host["tension_extensor"]], -1)
-    felt = Closing(host["status"], host["step_out"], host["q_read"], tension, host["difference"])
+    felt = Closing(host["status"], host["step"], host["q_read"], tension, difference)
     truth = ClosingTruth(host["q_true"], host["torque_true"], host["link_true"],
                          host["point_true"], host["normal_true"], host["on_table"].astype(bool))
     return felt, truth

@@ -7,9 +7,8 @@ first-passage law. A false yield (joint noise past `yield_rad`, five sigma by de
 import warp as wp
 
 from warpgrasp.counter_random import Purpose, counter_key, counter_normal, counter_uniform
-from warpgrasp.finger_rest import link_direction, link_start
 from warpgrasp.hand_clearance import finger_clearance, palm_clearance
-from warpgrasp.link_nearest import link_nearest
+from warpgrasp.link_nearest import LINK_SAMPLES, link_nearest
 from warpgrasp.pad_rest import pad_rest
 from warpgrasp.pad_touch import felt_above, image_centroid, pad_feels, pad_load, read_image
 from warpgrasp.puma560 import Arm, move_time, puma_forward, puma_reach
@@ -17,7 +16,13 @@ from warpgrasp.real import HALF, ONE, ZERO, quat, real, transform, vec3, vec4, v
 from warpgrasp.scene import Scene, stand_distance_grad
 from warpgrasp.status import ProbeStatus
 from warpgrasp.tactile_pad import Pad, pad_place, pad_reading_key
-from warpgrasp.utah_mit_hand import Hand, finger_base, finger_pose
+from warpgrasp.utah_mit_hand import (
+    Hand,
+    finger_base,
+    finger_pose,
+    link_direction,
+    link_start,
+)
 
 wp.set_module_options({"max_unroll": 1})  # unrolled taxels take minutes to compile
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
@@ -57,7 +62,8 @@ def _finger_free(scene: Scene, body: int, hand: Hand, pad: Pad, base: transform,
         a = link_start(f, link)
         u = link_direction(f, link)
         length = hand.link_length[link]
-        near = link_nearest(scene, body, a, u, length, -ONE, ONE, 1, length * HALF + radius)
+        near = link_nearest(scene, body, a, u, length, -ONE, ONE, LINK_SAMPLES,
+                            length * HALF + radius)
         table = a[2] + wp.min(u[2], ZERO) * length
         free = wp.min(free, wp.min(near.distance, table) - radius)
     return free

@@ -2,11 +2,16 @@
 
 import warp as wp
 
-from warpgrasp.finger_rest import link_direction, link_start
 from warpgrasp.link_nearest import nearest_along
 from warpgrasp.real import HALF, ONE, ZERO, real, transform, vec3, vec4
 from warpgrasp.scene import Scene, stand_distance
-from warpgrasp.utah_mit_hand import Hand, finger_base, finger_pose
+from warpgrasp.utah_mit_hand import (
+    Hand,
+    finger_base,
+    finger_pose,
+    link_direction,
+    link_start,
+)
 
 _PALM_BARS = wp.constant(3)  # across the palm, side by side: a slab with rounded edges
 _FAR = wp.constant(real(1e9))

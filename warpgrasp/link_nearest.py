@@ -1,7 +1,7 @@
 """Where a link comes nearest to the body: one point of a segment, found by its slope.
 
-It is a valley of the distance along the segment. (The table's nearest point is an end.) Five
-samples choose the valley (a distance need not be convex along a segment), or one is followed from
+It is a valley of the distance along the segment. (The table's nearest point is an end.) Samples
+choose the valley (a distance need not be convex along a segment), or one is followed from
 where it was. In it the slope is brought to zero by secants on distance times slope, which is linear
 along a straight line where the body is a corner or an edge.
 """
@@ -11,13 +11,16 @@ import warp as wp
 from warpgrasp.real import HALF, ONE, ZERO, real, vec2, vec3
 from warpgrasp.scene import Scene, body_distance, body_distance_grad
 
-_SAMPLES = wp.constant(5)
+LINK_SAMPLES = wp.constant(5)
 _REFINEMENTS = wp.constant(32)
 _HALVE_FROM = wp.constant(4)
 _LEVEL = wp.constant(real(1e-9))  # slope
 _WIDTH = wp.constant(real(1e-7))  # of the bracket, relative to the link's length
 _SHALLOW = wp.constant(real(1e-3))  # [m]; keeps distance times slope rising inside a body
 _FLATTEST = wp.constant(real(1e-3))
+
+
+_Ends = wp.types.vector(length=9, dtype=real)
 
 
 @wp.struct
@@ -84,16 +87,16 @@ def _valley(
 
 @wp.func
 def link_nearest(
-    scene: Scene, body: int, a: vec3, u: vec3, length: real, guess: real, bend: real, check: int,
-    enough: real
+    scene: Scene, body: int, a: vec3, u: vec3, length: real, guess: real, bend: real,
+    samples: int, enough: real
 ):
     """The point of a segment nearest to the body.
 
     `guess` (not negative) follows the body's valley from there with the `bend` found before, and
-    with `check` makes sure that none of the samples lies lower. Else the samples choose. Without a
-    guess, a distance above `enough` may be a lower bound.
+    makes sure that none of so many `samples` (0, or 2 and more) lies lower. Else they choose.
+    Without a guess, a distance above `enough` may be a lower bound.
     """
-    spacing = length / real(_SAMPLES - 1)
+    spacing = length / real(wp.max(samples - 1, 1))
     near = Near()
     near.distance = real(1e9)
     begin = real(guess)
@@ -113,9 +116,9 @@ def link_nearest(
             if begin >= ZERO:
                 near = _valley(scene, body, a, u, low, high, begin, rate)
             search = int(0)
-            if attempt == 0 and (guess < ZERO or check == 1):
+            if attempt == 0:
                 least = near.distance - real(1e-9)
-                for k in range(_SAMPLES):
+                for k in range(samples):
                     t = spacing * real(k)
                     if guess < ZERO or wp.abs(t - near.along) > spacing * HALF:
                         d = body_distance(scene, body, a + u * t)
@@ -130,6 +133,54 @@ def link_nearest(
 
 
 @wp.func
+def deepest_valley(
+    scene: Scene, body: int, a: vec3, u: vec3, length: real, parts: int, enough: real
+):
+    """The place [m from its start] where a segment is nearest to the body, or negative.
+
+    Negative where it surely is farther than `enough` [m]. Eight stretches, each in so many `parts`:
+    every valley is looked at that these show. A stretch is left out where no place of it can be
+    nearer than its ends allow (a distance changes no faster than one walks).
+    """
+    best = real(-1.0)
+    stretch = length / real(8.0)
+    ends = _Ends()
+    least = real(1e9)
+    nearest = real(1e9)
+    if body_distance(scene, body, a + u * (length * HALF)) - length * HALF <= enough:
+        for k in range(9):
+            ends[k] = body_distance(scene, body, a + u * (stretch * real(k)))
+            least = wp.min(least, ends[k])
+    if least - stretch * HALF <= enough:
+        step = stretch / real(parts)
+        before = real(1e9)
+        here = ends[0]
+        for k in range(8):
+            count = int(1)
+            if (ends[k] + ends[k + 1] - stretch) * HALF < wp.min(least, enough):
+                count = parts
+            for j in range(count):
+                t = stretch * real(k) + step * real(j)
+                after = ends[k + 1]
+                if j < count - 1:
+                    after = body_distance(scene, body, a + u * (t + step))
+                if here <= before and here <= after and here - step * HALF <= least:
+                    near = _valley(scene, body, a, u, wp.max(t - step, ZERO),
+                                   wp.min(t + step, length), t, ONE)
+                    if near.distance < nearest:
+                        nearest = near.distance
+                        least = wp.min(least, nearest)
+                        best = near.along
+                before = here
+                here = after
+        if here <= before and here - step * HALF <= least:
+            near_end = _valley(scene, body, a, u, length - step, length, length, ONE)
+            if near_end.distance < nearest:
+                best = near_end.along
+    return best
+
+
+@wp.func
 def lower_end(u: vec3, length: real):
     """Place [m] along a segment where it is nearest to the table."""
     if u[2] < ZERO:
@@ -140,7 +191,7 @@ def lower_end(u: vec3, length: real):
 @wp.func
 def nearest_along(scene: Scene, body: int, a: vec3, u: vec3, length: real):
     """Place [m from a] and distance of the point of a segment nearest to body and table."""
-    near = link_nearest(scene, body, a, u, length, -ONE, ONE, 1, real(1e9))
+    near = link_nearest(scene, body, a, u, length, -ONE, ONE, LINK_SAMPLES, real(1e9))
     low = lower_end(u, length)
     if a[2] + u[2] * low < near.distance:
         return vec2(low, a[2] + u[2] * low)

@@ -1,4 +1,4 @@
-"""Where a finger rests when its pads bear too: the energy of `finger_rest` plus the pads' springs.
+"""Where a finger rests when its pads bear too: the `finger_energy` plus the pads' springs.
 
     E(q) = E_servo,skin(q) + sum over taxels 1/2 k max(0, -phi(x_taxel(q)))^2
 
@@ -7,7 +7,8 @@ Pads stand proud of the skin, so they yield first and the skin behind them takes
 
 import warp as wp
 
-from warpgrasp.finger_rest import Rest, rest_energy, rest_from
+from warpgrasp.finger_energy import Rest, finger_energy, rest_from, worst_of
+from warpgrasp.link_nearest import LINK_SAMPLES
 from warpgrasp.real import HALF, ZERO, mat44, real, vec3, vec4
 from warpgrasp.scene import Scene, stand_distance, stand_distance_grad
 from warpgrasp.tactile_pad import Pad, block_near, pad_columns, pad_near, pad_point, pad_row
@@ -31,14 +32,14 @@ class PadRest:
 @wp.func
 def pad_rest_energy(
     scene: Scene, body: int, hand: Hand, pad: Pad, base: wp.transformd, command: vec4, q: vec4,
-    last: Rest, check: int
+    last: Rest, samples: int
 ):
     """Energy, gradient and Gauss-Newton Hessian at joints `q`; `base` in the body's frame.
 
-    `last` and `check` are handed on to `rest_energy`.
+    `last` and `samples` are handed on to `finger_energy`.
     """
     rest = PadRest()
-    rest.skin = rest_energy(scene, body, hand, base, command, q, last, check)
+    rest.skin = finger_energy(scene, body, hand, base, command, q, last, samples)
     h = wp.inverse(rest.skin.compliance)
     f = finger_pose(hand, base, q)
     for link in range(3):
@@ -74,7 +75,8 @@ def pad_rest(
     halvings = int(0)
     for k in range(_ITERATIONS):
         trial = pad_rest_energy(scene, body, hand, pad, base, command,
-                                rest.skin.q + step * scale, rest.skin, wp.where(k == 0, 1, 0))
+                                rest.skin.q + step * scale, rest.skin,
+                                wp.where(k == 0, LINK_SAMPLES, 0))
         halvings += 1
         scale = scale * HALF
         if k == 0 or trial.skin.energy < rest.skin.energy:
@@ -82,8 +84,6 @@ def pad_rest(
             halvings = int(0)
             scale = real(1.0)
             step = -(wp.inverse(rest.hessian) * rest.skin.gradient)
-        worst = wp.max(wp.max(wp.abs(rest.skin.gradient[0]), wp.abs(rest.skin.gradient[1])),
-                       wp.max(wp.abs(rest.skin.gradient[2]), wp.abs(rest.skin.gradient[3])))
-        if worst < _GRADIENT or halvings >= _HALVINGS:
+        if worst_of(rest.skin.gradient) < _GRADIENT or halvings >= _HALVINGS:
             break
     return rest

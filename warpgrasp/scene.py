@@ -147,6 +147,14 @@ def _primitive_distance_grad(scene: Scene, row: Primitive, p: vec3):
 
 
 @wp.func
+def body_is_convex(scene: Scene, body: int):
+    """Whether a body surely is convex: one primitive of a convex kind."""
+    rows = wp.array(ptr=scene.primitives, shape=(scene.primitive_count,), dtype=Primitive)
+    first = _first_row(scene, body)
+    return _first_row(scene, body + 1) - first == 1 and rows[first].shape <= _CAPSULE
+
+
+@wp.func
 def _in_primitive_frame(row: Primitive, p: vec3):
     if row.placed == 0:
         return p

@@ -13,7 +13,6 @@ import numpy as np
 import warp as wp
 
 from warpgrasp.counter_random import Purpose, counter_key, counter_normal, counter_uniform
-from warpgrasp.finger_rest import link_direction, link_start
 from warpgrasp.launch import launch
 from warpgrasp.parameters import HandTable, PadTable
 from warpgrasp.real import HALF, ONE, ZERO, mat42, real, transform, vec2, vec3, vec4
@@ -27,6 +26,8 @@ from warpgrasp.utah_mit_hand import (
     finger_base,
     finger_pose,
     hand_of,
+    link_direction,
+    link_start,
 )
 
 wp.set_module_options({"max_unroll": 1})

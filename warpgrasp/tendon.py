@@ -31,6 +31,16 @@ class TendonSensor:
 
 
 @wp.func
+def moving_sign(x: real):
+    """Which way a command moves a tendon: 1, -1, or 0 where it stands still."""
+    if x > real(1e-12):
+        return ONE
+    if x < real(-1e-12):
+        return -ONE
+    return ZERO
+
+
+@wp.func
 def tendon_tensions(hand: Hand, joint: int, torque: real, moving: real):
     """Flexor and extensor tension [N] at the actuators, `moving` the sign of the command's step."""
     pull = torque / (real(2.0) * hand.moment_arm[joint])

@@ -120,6 +120,26 @@ def finger_pose(hand: Hand, base: transform, q: vec4):
 
 
 @wp.func
+def link_start(f: FingerPose, link: int):
+    """Joint a link starts from."""
+    if link == 0:
+        return f.p1
+    if link == 1:
+        return f.p2
+    return f.p3
+
+
+@wp.func
+def link_direction(f: FingerPose, link: int):
+    """Unit vector along a link."""
+    if link == 0:
+        return f.u1
+    if link == 1:
+        return f.u2
+    return f.u3
+
+
+@wp.func
 def finger_jacobian(f: FingerPose, link: int, x: vec3, d: vec3):
     """Motion along `d` of the point `x` of a link (0 proximal to 2 distal) per radian a joint."""
     c = wp.cross(d, f.side)

@@ -31,6 +31,9 @@ CORPUS: tuple[str, ...] = (
     f"1{'0' * 400}, 9] }}] }}]",
     "[[strategy]]\nname = \"a\"\nwaypoints = { kind = \"csv\", file = \"\\u0000\" }",
     "[sweep.sobol]\nn = 1000000\n\"arm.guarded_step_s\" = { low = 0, high = 1 }",
+    "episodes_per_cell = 1\nobjects = [\"block\"]\n[[strategy]]\nname = \"a\"\nstrategy = "
+    "\"gaussian-process\"\noptions = { length_m = \"block\" }",
+    f"[[strategy]]\nname = \"a\"\nbudget = {{ volume_ratio = 1{'0' * 400} }}",
     "[sweep.lhs]\nn = 100000\n\"arm.guarded_step_s\" = { low = 0, high = 1 }",
 )
 VALID: dict[str, Any] = {

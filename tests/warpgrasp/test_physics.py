@@ -151,15 +151,36 @@ def test_a_link_between_object_and_table_bears_on_both() -> None:
     assert between > 0
 
 
+def worst_slopes(body: Body, path: str, count: int) -> list[tuple[float, float]]:
+    """Of every rest the largest slope at the nearest places, and with creases allowed [N m]."""
+    return [(float(np.abs(energy.gradient(q, command)).max()),
+             float(np.abs(energy.slope(q, command)).max()))
+            for energy, q, command, _ in rests(body, poses_about(body, count, 5), path, 6.0)]
+
+
+def test_a_stop_is_looked_at_closely() -> None:
+    """Where a link lies deeper at a place that five samples miss, the rest goes on from there; one
+    of these stood 0.8 N m off its rest."""
+    assert max(slope for _, slope in worst_slopes(body_of("lightbulb"), "base_then_curl", 60)
+               ) <= GRADIENT_NM
+
+
+def test_a_rest_on_a_crease_is_a_rest() -> None:
+    """Flush with a face or in a neck a link has two places equally near: neither slope vanishes
+    there, a mean of the two does."""
+    slopes = np.array(worst_slopes(body_of("wine_bottle"), "base_then_curl", 60))
+    creased = slopes[:, 0] > GRADIENT_NM
+    assert creased.any()
+    assert (slopes[creased, 1] <= GRADIENT_NM).all()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "share"), [
-    *((name, 0.0) for name in ROUND), *((name, 0.02) for name in FLAT),
-    *((name, 0.06) for name in HOLLOW)])
+    *((name, 0.0) for name in ROUND), *((name, 0.01) for name in (*FLAT, *HOLLOW))])
 def test_rests_of_many_closings(name: str, share: float) -> None:
-    """A link flush with a flat face, or between two walls of a hollow, has two places equally
-    near: the energy is creased there, and the slope need not vanish. Those few are counted."""
+    """Creases allowed, hardly a rest is left that is none: those on which BFGS itself stalls."""
     body = body_of(name)
-    slopes = [np.abs(energy.gradient(q, command)).max() for path in ("curl40", "base_then_curl")
-              for energy, q, command, _ in rests(body, poses_about(body, 60, 5), path, 6.0)]
+    slopes = [slope for path in ("curl40", "base_then_curl")
+              for _, slope in worst_slopes(body, path, 60)]
     assert len(slopes) > 50
     assert np.mean(np.array(slopes) > GRADIENT_NM) <= share

@@ -1,0 +1,100 @@
+"""Rests looked at closely, also those on a crease of the energy.
+
+A link flush with a flat face, or between two walls of a hollow, presses by the nearer of two places
+(`finger_energy`), so the energy has a crease where they are equal, and Newton steps stall at it;
+where a link turns about a sharp edge they creep. BFGS steps with a weak Wolfe line search get on in
+both (Lewis and Overton, Nonsmooth optimization via quasi-Newton methods, 2013). At a stop the
+closing hands its rest on to here: if some place of a link was missed, or the slope is not level, it
+goes on to the least energy near by.
+"""
+
+import warp as wp
+
+from warpgrasp.finger_energy import Rest, finger_energy, put, rest_from, worst_of
+from warpgrasp.link_nearest import deepest_valley
+from warpgrasp.real import HALF, ONE, ZERO, mat44, real, vec4
+from warpgrasp.scene import Scene, body_is_convex
+from warpgrasp.utah_mit_hand import Hand, finger_pose, link_direction, link_start
+
+_PARTS = wp.constant(4)  # of an eighth of a link
+_FAR = wp.constant(real(1.0))  # [m]
+_ITERATIONS = wp.constant(60)
+_SEARCH = wp.constant(40)
+_ATTEMPTS = wp.constant(6)
+_LEVEL = wp.constant(real(1e-6))  # slope [N m]
+_NUDGE = wp.constant(real(1e-4))  # [rad]: off the crease that the first attempt starts on
+_SAME = wp.constant(real(1e-12))  # [J]: found twice
+_ARMIJO = wp.constant(real(1e-4))
+_WOLFE = wp.constant(real(0.5))
+
+
+@wp.func
+def secant_compliance(compliance: mat44, step: vec4, rise: vec4):
+    """The BFGS update of an inverse Hessian by a step and the change of slope along it."""
+    share = ONE / wp.dot(step, rise)
+    keep = wp.identity(n=4, dtype=real) - wp.outer(step, rise) * share
+    return keep * compliance * wp.transpose(keep) + wp.outer(step, step) * share
+
+
+@wp.func
+def close_energy(
+    scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, q: vec4, parts: int
+):
+    """`finger_energy` with every valley of the distance looked at, see `deepest_valley`."""
+    f = finger_pose(hand, base, q)
+    known = rest_from(q)
+    for link in range(3):
+        along = deepest_valley(scene, body, link_start(f, link), link_direction(f, link),
+                               hand.link_length[link], parts, hand.link_radius)
+        known.along = put(known.along, link, along)
+        known.bend = put(known.bend, link, ONE)
+        known.depth = put(known.depth, link, wp.where(along < ZERO, -_FAR, ZERO))
+    return finger_energy(scene, body, hand, base, command, q, known, 0)
+
+
+@wp.func
+def settled_rest(
+    scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, q: vec4
+):
+    """The rest at or below joints `q`; `base` in the body's frame. E never rises."""
+    parts = wp.where(body_is_convex(scene, body), 1, _PARTS)
+    best = Rest()
+    nudge = vec4(ZERO, ZERO, ZERO, ZERO)
+    for attempt in range(_ATTEMPTS):
+        at = wp.where(attempt == 0, q, best.q)
+        rest = close_energy(scene, body, hand, base, command, at + nudge, parts)
+        compliance = rest.compliance
+        for _iteration in range(_ITERATIONS):
+            if worst_of(rest.gradient) < _LEVEL:
+                break
+            way = -(compliance * rest.gradient)
+            fall = wp.dot(rest.gradient, way)
+            share = real(1.0)
+            low = real(0.0)
+            high = real(-1.0)
+            found = int(0)
+            trial = rest
+            for _try in range(_SEARCH):
+                trial = close_energy(scene, body, hand, base, command, rest.q + way * share,
+                                     parts)
+                if trial.energy >= rest.energy + _ARMIJO * share * fall:
+                    high = share
+                elif wp.dot(trial.gradient, way) < _WOLFE * fall:
+                    low = share
+                else:
+                    found = int(1)
+                    break
+                share = wp.where(high < ZERO, share + share, (low + high) * HALF)
+            if found == 0:
+                break
+            compliance = secant_compliance(compliance, trial.q - rest.q,
+                                           trial.gradient - rest.gradient)
+            rest = trial
+        again = wp.abs(rest.energy - best.energy) < _SAME
+        if attempt == 0 or rest.energy < best.energy:
+            best = rest
+        if worst_of(best.gradient) < _LEVEL or again:
+            break
+        for j in range(4):
+            nudge[j] = _NUDGE * real(2 * (((5 * attempt + 3) >> j) & 1) - 1)
+    return best

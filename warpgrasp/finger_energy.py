@@ -1,0 +1,166 @@
+"""The energy of a finger: its joint servos and its skin against rigid things.
+
+    E(q) = 1/2 K |q_cmd - q|^2 + sum over links and obstacles 1/2 k max(0, r - phi(x_link(q)))^2
+
+The obstacles are the body and the table, phi the signed distance of one of them, x_link the point
+of the link's axis nearest to it: a link between object and table bears on both. (With one distance
+for both, the energy would have a kink where they are equally near.) Links that are surely free are
+not looked at, and those that touch are followed from where they touched.
+"""
+
+import warp as wp
+
+from warpgrasp.link_nearest import link_nearest, lower_end
+from warpgrasp.real import HALF, ONE, ZERO, mat44, real, vec3, vec4
+from warpgrasp.scene import Scene
+from warpgrasp.sine_cosine import sine_cosine
+from warpgrasp.utah_mit_hand import Hand
+
+
+@wp.struct
+class Rest:
+    """A finger at rest: joints, energy [J], its gradient, compliance, and its links.
+
+    `compliance` is the inverse of the energy's Gauss-Newton Hessian.
+
+    `along` is the place on each link's axis [m from its joint] nearest to the body, negative where
+    it is not known, `bend` helps to follow it (see `link_nearest`). `depth` is how far the body
+    presses the skin in [m], not positive where a link is free: then it surely is, by at least that
+    much. `table` is the same of the table, at the link's lower end.
+    """
+
+    q: vec4
+    energy: real
+    gradient: vec4
+    compliance: mat44
+    along: vec3
+    bend: vec3
+    depth: vec3
+    table: vec3
+
+
+@wp.func
+def rest_from(q: vec4):
+    """A finger of whose links nothing is known, to begin with."""
+    rest = Rest()
+    rest.q = q
+    rest.along = vec3(-ONE, -ONE, -ONE)
+    return rest
+
+
+@wp.func
+def pick(v: vec3, link: int):
+    """`v[link]`; an index not known when compiled would keep `v` out of the registers."""
+    return wp.where(link == 0, v[0], wp.where(link == 1, v[1], v[2]))
+
+
+@wp.func
+def put(v: vec3, link: int, value: real):
+    """`v` with `value` at `link`."""
+    return vec3(wp.where(link == 0, value, v[0]), wp.where(link == 1, value, v[1]),
+                wp.where(link == 2, value, v[2]))
+
+
+@wp.func
+def finger_energy(
+    scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, q: vec4, last: Rest,
+    samples: int
+):
+    """Energy, its gradient and compliance, and the depths of the links at joints `q`.
+
+    `base` is in the body's frame. `last` is known of other joints near by: links free there by more
+    than they can have moved are free; the others' valleys are followed, with `samples` compared.
+    """
+    rest = Rest()
+    rest.q = q
+    lag = command - q
+    k = hand.stiffness
+    rest.energy = HALF * k * wp.dot(lag, lag)
+    rest.gradient = -lag * k
+    e = ONE / k
+    c = mat44(e, ZERO, ZERO, ZERO, ZERO, e, ZERO, ZERO, ZERO, ZERO, e, ZERO, ZERO, ZERO, ZERO, e)
+    # The chain of `finger_pose`, link by link.
+    r = wp.transform_get_rotation(base)
+    origin = wp.transform_get_translation(base)
+    x = wp.quat_rotate(r, vec3(ONE, ZERO, ZERO))
+    y = wp.quat_rotate(r, vec3(ZERO, ONE, ZERO))
+    z = wp.quat_rotate(r, vec3(ZERO, ZERO, ONE))
+    turn = sine_cosine(q[0])
+    turn1 = sine_cosine(q[1])
+    turn2 = sine_cosine(q[1] + q[2])
+    turn3 = sine_cosine(q[1] + q[2] + q[3])
+    side = y * turn[1] - z * turn[0]
+    z = z * turn[1] + y * turn[0]
+    u = x * turn1[0] + z * turn1[1]
+    u2 = x * turn2[0] + z * turn2[1]
+    u3 = x * turn3[0] + z * turn3[1]
+    p1 = origin + z * hand.abduction_offset
+    p2 = p1 + u * hand.link_length[0]
+    p3 = p2 + u2 * hand.link_length[1]
+    a = p1
+    length = hand.link_length[0]
+    moved = vec4(wp.abs(q[0] - last.q[0]), wp.abs(q[1] - last.q[1]), wp.abs(q[2] - last.q[2]),
+                 wp.abs(q[3] - last.q[3]))
+    # How far any point of a link can have moved: each joint's turn times what lies beyond it.
+    turned = moved[0]
+    travel = moved[0] * hand.abduction_offset
+    for link in range(3):
+        if link == 0:
+            turned += moved[1]
+        elif link == 1:
+            turned += moved[2]
+            length = hand.link_length[1]
+            a = p2
+            u = u2
+        else:
+            turned += moved[3]
+            length = hand.link_length[2]
+            a = p3
+            u = u3
+        travel += turned * length
+        before = pick(last.depth, link)
+        depth = before + travel
+        along = pick(last.along, link)
+        bend = pick(last.bend, link)
+        if depth >= ZERO or before >= ZERO:
+            near = link_nearest(scene, body, a, u, length, along, bend, samples,
+                                hand.link_radius)
+            depth = hand.link_radius - near.distance
+            along = near.along
+            bend = near.bend
+            if depth > ZERO:
+                n = near.normal
+                at = a + u * along
+                swing = wp.cross(n, side)
+                j = vec4(wp.dot(wp.cross(at - origin, x), n), wp.dot(swing, at - p1),
+                         wp.where(link >= 1, wp.dot(swing, at - p2), ZERO),
+                         wp.where(link >= 2, wp.dot(swing, at - p3), ZERO))
+                rest.energy += HALF * hand.skin * depth * depth
+                rest.gradient -= j * (hand.skin * depth)
+                # Sherman and Morrison: the Hessian gains skin times j j^T.
+                yields = c * j
+                c -= wp.outer(yields, yields / (ONE / hand.skin + wp.dot(j, yields)))
+        end = lower_end(u, length)
+        low = a + u * end
+        pressed = hand.link_radius - low[2]
+        if pressed > ZERO:
+            swing = wp.cross(vec3(ZERO, ZERO, ONE), side)
+            j = vec4(wp.dot(wp.cross(low - origin, x), vec3(ZERO, ZERO, ONE)),
+                     wp.dot(swing, low - p1), wp.where(link >= 1, wp.dot(swing, low - p2), ZERO),
+                     wp.where(link >= 2, wp.dot(swing, low - p3), ZERO))
+            rest.energy += HALF * hand.skin * pressed * pressed
+            rest.gradient -= j * (hand.skin * pressed)
+            yields = c * j
+            c -= wp.outer(yields, yields / (ONE / hand.skin + wp.dot(j, yields)))
+        rest.table = put(rest.table, link, pressed)
+        rest.along = put(rest.along, link, along)
+        rest.bend = put(rest.bend, link, bend)
+        rest.depth = put(rest.depth, link, depth)
+    rest.compliance = c
+    return rest
+
+
+@wp.func
+def worst_of(v: vec4):
+    """The largest size among four numbers."""
+    return wp.max(wp.max(wp.abs(v[0]), wp.abs(v[1])), wp.max(wp.abs(v[2]), wp.abs(v[3])))
