@@ -8,16 +8,17 @@ costs little, and the same instructions run whatever the batch.
 
 from __future__ import annotations
 
-import os
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+
+from fit.program_cache import load_or_compile
 
 POINT_BUCKETS = (16, 32, 64, 128, 256, 512)
 GROUP = 16
@@ -27,6 +28,7 @@ LANES = 16 * GROUP
 
 # Two Python threads in one jitted batched Cholesky hang on a CPU: one call at a time.
 _lock = threading.Lock()
+_programs: dict[Any, Callable] = {}
 
 
 def point_bucket(count: int) -> int:
@@ -37,8 +39,20 @@ def point_bucket(count: int) -> int:
     return -(-count // POINT_BUCKETS[-1]) * POINT_BUCKETS[-1]
 
 
+@dataclass(frozen=True)
+class Program:
+    """A function of a group of lanes, and a name that says all that it closes over."""
+
+    name: str
+    function: Callable
+
+    def __call__(self, *arguments: Any) -> Any:
+        """The function's answer."""
+        return self.function(*arguments)
+
+
 @lru_cache(maxsize=256)
-def _compiled(group_function: Callable) -> Callable:
+def _jitted(group_function: Callable) -> Callable:
     def launch(groups, lanes, *common):
         """`groups` groups of `lanes`, one after the other; rows beyond them stay zero."""
         # Jitted by itself only to be traced once for its shapes and for the loop.
@@ -59,24 +73,25 @@ def _compiled(group_function: Callable) -> Callable:
     return jax.jit(launch)
 
 
-@lru_cache(maxsize=1)
-def use_compilation_cache() -> None:
-    """Keep compiled programs across processes, in JAX_COMPILATION_CACHE_DIR or the user's cache."""
-    if getattr(jax.config, "jax_compilation_cache_dir", None):
-        return  # chosen by JAX_COMPILATION_CACHE_DIR or by the program that uses us
-    root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    jax.config.update("jax_compilation_cache_dir", str(root / "warpgrasp" / "jax"))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
+def _run(group_function: Callable, arguments: tuple) -> Any:
+    """Traced, compiled and loaded once a process for arguments of one form."""
+    leaves, form = jax.tree.flatten(arguments)
+    key = group_function, form, tuple((leaf.shape, leaf.dtype) for leaf in leaves)
+    if key not in _programs:
+        program = _jitted(group_function)
+        if isinstance(group_function, Program):
+            program = load_or_compile(group_function.name, program, arguments)
+        _programs[key] = program
+    return _programs[key](*arguments)
 
 
 def map_lanes(group_function: Callable, *lanes: Any, shared: tuple = ()) -> Any:
     """`group_function(*lanes, *shared)` over all lanes, a group at a time, in float64.
 
-    `group_function` is vmapped, and one cached object (it names the compiled program); `lanes` are
-    trees of arrays with the lane as first axis. Returns a tree of numpy arrays, lane first.
+    `group_function` is vmapped, and one cached object; if it is a Program, it is compiled once for
+    all processes. `lanes` are trees of arrays with the lane as first axis. Returns a tree of numpy
+    arrays, lane first.
     """
-    program = _compiled(group_function)
-    use_compilation_cache()
     count = len(jax.tree.leaves(lanes)[0])
     parts = []
     for start in range(0, count, LANES):
@@ -84,7 +99,7 @@ def map_lanes(group_function: Callable, *lanes: Any, shared: tuple = ()) -> Any:
         groups = -(-rows // GROUP)
         chunk = jax.tree.map(lambda leaf, start=start, rows=rows: _padded(leaf, start, rows), lanes)
         with _lock, jax.enable_x64(True):
-            out = jax.device_get(program(np.int64(groups), chunk, *shared))
+            out = jax.device_get(_run(group_function, (np.int64(groups), chunk, *shared)))
         parts.append(jax.tree.map(lambda leaf, rows=rows: np.asarray(leaf)[:rows], out))
     return jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fit.batch import map_lanes, take
+from fit.batch import Program, map_lanes, take
 from fit.status import FitStatus
 
 CONVERGED_FALL = 1e-12
@@ -19,13 +19,14 @@ NOTHING_LEFT = 1e-24
 
 
 class Problem(NamedTuple):
-    """A least-squares problem of one fit and what descends it; one cached object, for it names the
-    compiled program."""
+    """A least-squares problem of one fit and what descends it; one cached object."""
 
     function: Callable
     """Of (theta, lane): what `descend` needs of the problem."""
     descend: Callable
     """`solver.descend`."""
+    name: str
+    """All that the function closes over, in words."""
 
 
 class Finished(NamedTuple):
@@ -84,6 +85,6 @@ def finish(problem: Problem, theta, lanes: Any, *, at_a_time: int, at_most: int)
 
 
 @lru_cache(maxsize=64)
-def _program(problem: Problem) -> Callable:
-    return lambda theta, damping, lane, iterations: problem.descend(
-        problem.function, theta, damping, iterations, lane)
+def _program(problem: Problem) -> Program:
+    return Program(f"descend {problem.name}", lambda theta, damping, lane, iterations:
+                   problem.descend(problem.function, theta, damping, iterations, lane))

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from fit import solver
-from fit.batch import map_lanes, take
+from fit.batch import Program, map_lanes, take
 from fit.descent import Problem, advance, finish, screen
 from fit.prepare import Sets, prepare
 from fit.robust import robust
@@ -275,7 +275,7 @@ def _problem(options: RevolutionOptions) -> Problem:
         jacobian, value = jax.jacfwd(twice, has_aux=True)(theta, lane)
         return value, jacobian
 
-    return Problem(both, solver.descend)
+    return Problem(both, solver.descend, f"{options}")
 
 
 @lru_cache(maxsize=64)
@@ -295,7 +295,7 @@ def _look(options: RevolutionOptions):
         return (body, _distance(body, lane.points), jac.T @ jac,
                 jax.grad(volume)(theta, lane.rotation))
 
-    return jax.vmap(look)
+    return Program(f"look {options}", jax.vmap(look))
 
 
 def revolution_inside(fit: RevolutionFit, points: Float[np.ndarray, "fit point 3"]) -> np.ndarray:

@@ -8,7 +8,7 @@ import jax
 import numpy as np
 
 from fit import solver
-from fit.batch import map_lanes, take
+from fit.batch import Program, map_lanes, take
 from fit.descent import Finished, Problem, advance, finish, screen
 from fit.normal_residual import normal_residuals
 from fit.prepare import Sets
@@ -228,10 +228,10 @@ def _rows(end: Finished, lanes: Lane, sets: Sets, form: Form) -> dict[str, np.nd
 
 @lru_cache(maxsize=64)
 def _look(form: Form):
-    return jax.vmap(lambda theta, lane: look(theta, lane, form))
+    return Program(f"look {form}", jax.vmap(lambda theta, lane: look(theta, lane, form)))
 
 
 @lru_cache(maxsize=64)
 def _problem(form: Form) -> Problem:
     return Problem(normal_residuals(lambda theta, lane: normal_equations(theta, lane, form)),
-                   solver.descend)
+                   solver.descend, f"{form}")

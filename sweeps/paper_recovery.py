@@ -68,7 +68,8 @@ def _convergence(block: EpisodeBlock) -> tuple[np.ndarray, float]:
         return iterations, float("nan")
     options = SuperquadricOptions(taper=True, residual="solina")
     form = Form(True, False, "solina", "none")
-    problem = Problem(normal_residuals(lambda t, lane: normal_equations(t, lane, form)), descend)
+    problem = Problem(normal_residuals(lambda t, lane: normal_equations(t, lane, form)), descend,
+                      f"{form}")
     seconds = float("nan")
     for rows, sets in prepare(evidence.points_m[enough], evidence.mask[enough]).buckets():
         lanes, theta = begin_starts(sets, form, options)

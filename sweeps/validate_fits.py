@@ -54,7 +54,7 @@ def _compare(parameters: int, taper: bool, sets_each: int) -> list[Comparison]:
     lanes, theta = begin_starts(sets, form, options)
     starts = theta.reshape(-1, theta.shape[-1])
     problem = Problem(normal_residuals(lambda t, lane: normal_equations(t, lane, form)),
-                      solver.descend)
+                      solver.descend, f"{form}")
     ours = finish(problem, starts, lanes, at_a_time=50, at_most=1000)
     with jax.enable_x64(True):
         value = jax.jit(lambda t, lane: residuals(t, lane, form))
