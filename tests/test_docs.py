@@ -32,13 +32,14 @@ def test_there_are_commands_to_check() -> None:
 def test_commands_are_ones_there_are(page: str, command: str) -> None:
     """Names, options and kinds are right; what they do is tested beside each command."""
     from sweeps import cli, figures, tables
+    from sweeps.cli_arguments import folders_and_kind
 
     words = shlex.split(re.sub(r"\$\{?\w+\}?", "1", command.replace("...", "")))
     function, bound, _ = cli.app.parse_args(
         [word for word in words if word != "--quiet"], exit_on_error=False, print_error=False)
     kinds = {"table": tables.KINDS, "figure": figures.KINDS}.get(function.__name__)
     if kinds:
-        cli._folders_and_kind(bound.args[0] if bound.args else bound.arguments["words"], kinds)
+        folders_and_kind(bound.args[0] if bound.args else bound.arguments["words"], kinds)
 
 
 def test_the_site_is_built_and_every_link_leads_somewhere(tmp_path: Path) -> None:
