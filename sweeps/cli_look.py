@@ -49,17 +49,19 @@ def figure(words: list[str], /, *, out: Annotated[Path, Parameter(name=["--out",
     words
         DIR... KIND: the directories of a study, then one of forest (the leaderboard),
         curves-touches, curves-time (error as it falls), pareto (error and robot time),
-        confusion (recognition), settings (swept factors), contacts (one episode, run again).
+        confusion (recognition), settings (swept factors); of one episode, run again: contacts (over
+        the recovered body), faces (traces and planes), contour (the solid of revolution), taxels
+        (images of pads, with their moments).
     out
         The file; its ending, .svg, .pdf or .png, names the format.
     metric
         Of forest, pareto and settings.
     strategy
-        For confusion and contacts; by default the best.
+        For confusion and the figures of one episode; by default the best.
     object_
-        For contacts; by default the first.
+        For those of one episode; by default the first.
     episode
-        For contacts: which episode of that strategy and object.
+        For those: which episode of that strategy and object.
     """
     from sweeps import figures
 
