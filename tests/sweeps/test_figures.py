@@ -22,7 +22,7 @@ from sweeps.episodes import run_block
 from sweeps.figure_contacts import contacts_figure
 from sweeps.figure_contour import contour_figure
 from sweeps.figure_faces import faces_figure
-from sweeps.figure_style import COLUMN_IN, encode
+from sweeps.figure_style import COLUMN_IN, encode, told_apart
 from sweeps.figure_taxels import PadTouch, draw_taxels, image_ellipse, taxels_figure
 from sweeps.figures import KINDS, Asked
 from sweeps.plan import Plan
@@ -188,3 +188,14 @@ def test_contacts_of_an_episode_run_again(tmp_path: Path) -> None:
     first, second = (figures.KINDS["contacts"](Asked(plan, [store])) for _ in range(2))
     assert encode(first, "svg") == encode(second, "svg")
     looks_right(first)
+
+
+def test_short_labels_still_tell_entries_apart() -> None:
+    long = [f"coarse-to-fine [sensors.tendon_threshold_N={n}, fit.loss=none]" for n in (3, 6)]
+    names, keys = told_apart(long, 26)
+    assert names == ["coarse-to-fine [3, none]", "coarse-to-fine [6, none]"]
+    assert keys == "[sensors.tendon_threshold_N, fit.loss]"
+    names, _ = told_apart(long, 18)
+    assert len(set(names)) == 2
+    assert told_apart(["ring6", "a name with [brackets]"], 30) == (
+        ["ring6", "a name with [brackets]"], "")
