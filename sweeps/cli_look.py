@@ -51,7 +51,7 @@ def figure(words: list[str], /, *, out: Annotated[Path, Parameter(name=["--out",
         curves-touches, curves-time (error as it falls), pareto (error and robot time),
         confusion (recognition), settings (swept factors); of one episode, run again: contacts (over
         the recovered body), faces (traces and planes), contour (the solid of revolution), taxels
-        (images of pads, with their moments).
+        (images of pads, with their moments), grasp (the hand on the object).
     out
         The file; its ending, .svg, .pdf or .png, names the format.
     metric

@@ -103,10 +103,23 @@ def _taxels(asked: Asked) -> "Figure":
     return taxels_figure(block, cell.pads, cell.object_name)
 
 
+def _grasp(asked: Asked) -> "Figure":
+    from sweeps.figure_grasp import grasp_figure
+    from sweeps.replay import replay_of
+    from sweeps.rerun import cell_of, choose_episode, in_a_worker
+
+    episode = choose_episode(asked.plan, asked.stores, asked.strategy, asked.object,
+                             asked.episode)
+    cell = cell_of(asked.plan, episode)
+    return grasp_figure(in_a_worker(replay_of, (cell, episode.episode, "cpu")), cell.object_name)
+
+
 def _played_again(asked: Asked) -> "tuple[Cell, EpisodeBlock]":
     """The one episode that was asked for, run again."""
+    from sweeps.quiet import start_warp
     from sweeps.rerun import cell_of, choose_episode, rerun
 
+    start_warp()
     episode = choose_episode(asked.plan, asked.stores, asked.strategy, asked.object,
                              asked.episode)
     return cell_of(asked.plan, episode), rerun(asked.plan, episode)
@@ -116,6 +129,7 @@ KINDS: dict[str, Callable[[Asked], "Figure"]] = {
     "forest": _forest, "curves-touches": _curves_touches, "curves-time": _curves_time,
     "pareto": _pareto, "confusion": _confusion, "settings": _settings,
     "contacts": _contacts, "faces": _faces, "contour": _contour, "taxels": _taxels,
+    "grasp": _grasp,
 }
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
 PROGRAM = re.compile(
-    r"(?:\.venv/bin/)?(?:warpgrasp|make|python|pytest|pip)(?= )|source |sbatch |git |cd "
+    r"(?:\.venv/bin/)?(?:warpgrasp|make|python|pytest|pip)(?= )|source |sbatch |cp "
     r"|benchmarks/\S+\.sh|examples/\S+\.sh")
 OUTPUT = re.compile(r"rank |spec \(TOML\)")  # indented blocks that a reader does not type
 _FENCE = re.compile(r"^```([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)

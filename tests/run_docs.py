@@ -23,23 +23,25 @@ sys.path.insert(0, str(Path(__file__).parent))
 from doc_blocks import ROOT, Block, blocks
 
 EXCUSED = {
-    r"make (test|test-slow|check)": "runs these very tests",
-    r"make docs-commands": "is this",
+    r"make (test|check)": "runs these very tests",
     r"make validate": "installs from a package index; `warpgrasp validate` itself is run",
-    r".*pip install '\.\[ray\]'": "installs from a package index; Ray is not among what tests need",
+    r".*pip install '\.\[ray\]'.*": "installs from a package index; tests do not need Ray",
     r".*--engine ray.*": "wants Ray and a cluster that runs",
+    r"sbatch .*": "wants SLURM; the script that it is handed is run",
     r"benchmarks/gpu\.sh": "wants a CUDA device",
 }
 """What cannot run here, by a pattern of the whole command, and why."""
 
 FEW = "--set episodes_per_cell=4"
 SHRINKS = (
-    (r"make (?!demo)(.*)", r"make -o .venv/.installed \1"),  # an environment is there already
-    (r"make demo", r"make -o .venv/.installed demo DEMO_EPISODES=4"),
+    (r"make pictures", r"make -o .venv/.installed pictures DEMO_EPISODES=5"),
+    (r"make (?!demo|pictures)(.*)", r"make -o .venv/.installed \1"),  # an environment is there already
+    (r"make demo", r"make -o .venv/.installed demo DEMO_EPISODES=5"),
     (r"(.*)pip install (.*)", r"\1pip install --dry-run --no-index --no-build-isolation -q \2"),
     (r"(.*warpgrasp sweep .*)", rf"\1 {FEW}"),
     (r"(warpgrasp sensitivity .*)", r"\1 --episodes 1"),
     (r"(warpgrasp bench.*)", r"\1 --quick --only touches --only start"),
+    (r"(warpgrasp validate -o .*)", r"\1 --only metrics"),  # whole it has been run before
     (r"(warpgrasp validate.*)", r"\1 --poses 1"),
     (r"(.*pytest .*)", r"\1 -q --collect-only"),  # the tests themselves run in their own time
     (r"(.*kill_study.py).*", r"\1 --kills 2 --units 6"),
@@ -122,7 +124,7 @@ def prepare(folder: Path) -> None:
     np.save(folder / "touches.npy", points)
     trimesh.creation.cylinder(4.0, 9.0).export(folder / "mug.stl")
     (folder / "vase.csv").write_text("z_mm,r_mm\n0,30\n60,40\n110,25\n")
-    shutil.copy(folder / "examples/least_touched_side.py", folder)
+    shutil.copy(folder / "examples/mine/mine.py", folder)
 
 
 def copy_tree(folder: Path) -> None:
