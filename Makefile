@@ -6,7 +6,7 @@ DEMO_EPISODES ?= 64
 DEMO_DIR ?= runs/demo
 WORKERS ?= 2
 
-.PHONY: demo bench test test-slow lint check validate paper-docs sensitivity-docs docs lock clean
+.PHONY: demo bench test test-slow lint check validate paper-docs sensitivity-docs pictures docs docs-commands lock clean
 
 demo: $(VENV)/.installed  ## environment, install, the demo sweep, its leaderboard
 	$(BIN)/warpgrasp sweep sweeps/studies/demo.toml -o $(DEMO_DIR) --workers $(WORKERS) \
@@ -34,6 +34,10 @@ sensitivity-docs: $(VENV)/.installed  ## the sensitivity table anew: docs/fideli
 	$(BIN)/warpgrasp sensitivity -o runs/sensitivity --workers $(WORKERS)
 	cp runs/sensitivity/sensitivity.csv runs/sensitivity/sensitivity.md docs/fidelity/
 
+pictures: demo  ## the pictures of the README anew, from the demo's study: docs/images
+	$(BIN)/warpgrasp figure $(DEMO_DIR) forest -o docs/images/leaderboard.svg
+	$(BIN)/warpgrasp figure $(DEMO_DIR) grasp --object lightbulb --episode 4 -o docs/images/grasp.png
+
 $(VENV)/.installed-validate: $(VENV)/.installed requirements-validate.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-validate.lock
 	touch $@
@@ -56,3 +60,6 @@ clean:
 
 docs: $(VENV)/.installed  ## the pages and the API reference, every link checked
 	$(BIN)/python -m sphinx -W --keep-going -q -b html -d runs/docs/trees docs runs/docs/site
+
+docs-commands: $(VENV)/.installed  ## run every command and code block of the docs, small, in a copy
+	$(BIN)/python tests/run_docs.py

@@ -1,6 +1,7 @@
 """Sphinx: Markdown pages, and an API reference read from the source without importing it."""
 
 import ast
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -31,6 +32,7 @@ def setup(app) -> None:
 def write_api(folder: Path) -> None:
     """A page a package: every public function and class with its signature and docstring."""
     folder.mkdir(exist_ok=True)
+    (folder / "parameters.md").write_text("\n".join(_parameters()))
     names = "\n".join(PACKAGES)
     (folder / "index.md").write_text(
         "# API reference\n\nFrom the docstrings: shapes, units, errors raised, sources.\n\n"
@@ -44,6 +46,29 @@ def write_api(folder: Path) -> None:
             if entries and file.name != "__init__.py":
                 parts += [f"## {module}\n", _text(ast.get_docstring(tree) or ""), *entries]
         (folder / f"{package}.md").write_text("\n".join(parts))
+
+
+def _parameters() -> Iterator[str]:
+    """Every number of the model as a spec writes it, from the tables that the simulator uses."""
+    sys.path.insert(0, str(ROOT))
+    from sweeps.cell import SECTIONS
+    from sweeps.edge import edge_fields
+
+    yield ("# Every number of the model\n\nAs a spec sets and sweeps them (`[hand]`, then "
+           "`link_radius_mm = 9`), with the default, the source and what is estimated: [paper] "
+           "Allen and Michelman 1990, [ref] read in the source named, [est] an estimate. "
+           "`warpgrasp init` writes the same.\n")
+    for section, table in SECTIONS.items():
+        yield f"## {section}\n\n{_line(table.__doc__)}\n"
+        yield "| key | default | meaning and source |\n|---|---|---|"
+        for field in edge_fields(table).values():
+            choices = f" (one of {', '.join(field.choices)})" if field.choices else ""
+            yield f"| `{field.edge_name}` | {field.edge_default} | {_line(field.doc)}{choices} |"
+        yield ""
+
+
+def _line(text: str | None) -> str:
+    return " ".join((text or "").split()).replace("|", "\\|")
 
 
 def _entries(tree: ast.Module) -> Iterator[str]:

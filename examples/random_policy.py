@@ -1,6 +1,6 @@
 """A policy that touches anywhere, in sixteen worlds at once: the floor that learning must clear.
 
-Run it with `python examples/random_policy.py` (needs the extra: pip install 'warpgrasp[gym]').
+Run it with `python examples/random_policy.py` (needs the extra: pip install '.[gym]').
 """
 
 import gymnasium

@@ -7,6 +7,7 @@ import numpy as np
 
 from warpgrasp.guarded_line import LineTouch
 from warpgrasp.robot import Truth
+from warpgrasp.tactile_pad import TAXELS
 
 SLOTS = 256
 """More than one exploration can make with the options' limits."""
@@ -75,6 +76,8 @@ class TouchTable:
     q_rad: np.ndarray
     """(row, 4)."""
     taxel_peak: np.ndarray
+    image: np.ndarray
+    """Counts of the pad that felt, or of the distal pad, uint8 (row, 16, 16)."""
     hand_pose: np.ndarray
     """Believed, (row, 7)."""
     line: np.ndarray
@@ -122,7 +125,8 @@ class TouchLog:
         self._parts.append(TouchTable(
             at, self._made[at].copy(), part[which], np.full(len(which), finger), touch.link[which],
             touch.status[which], touch.point_m[which], touch.normal[which], touch.q_rad[which],
-            touch.taxel_peak[which], touch.hand_pose[which], np.full(len(which), line), which))
+            touch.taxel_peak[which], touch.image[which], touch.hand_pose[which],
+            np.full(len(which), line), which))
         self._made[at] += 1
 
     def table(self) -> TouchTable:
@@ -130,8 +134,9 @@ class TouchLog:
         names = [field.name for field in fields(TouchTable)]
         if not self._parts:
             none = np.zeros(0, int)
-            wide = {"point_m": 3, "normal": 3, "q_rad": 4, "hand_pose": 7}
-            return TouchTable(**{name: np.zeros((0, wide[name])) if name in wide else none
+            wide = {"point_m": (3,), "normal": (3,), "q_rad": (4,), "hand_pose": (7,),
+                    "image": (TAXELS, TAXELS)}
+            return TouchTable(**{name: np.zeros((0, *wide[name])) if name in wide else none
                                  for name in names})
         return TouchTable(**{name: np.concatenate([getattr(p, name) for p in self._parts])
                              for name in names})

@@ -19,7 +19,7 @@ complete -o filenames -F _warpgrasp warpgrasp
 KINDS = {
     "table": ("pairs", "objects", "confusion", "curves", "reach", "pareto", "settings"),
     "figure": ("forest", "curves-touches", "curves-time", "pareto", "confusion", "settings",
-               "contacts"),
+               "contacts", "faces", "contour", "taxels", "grasp"),
     "fit": ("superquadric", "plane", "revolution"),
 }
 

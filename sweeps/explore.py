@@ -23,6 +23,8 @@ from sweeps.episodes import EpisodeBlock, recovered_parameters, run_block
 from sweeps.figure_contacts import draw_contacts
 from sweeps.figure_contour import draw_contour
 from sweeps.figure_faces import draw_faces
+from sweeps.figure_style import encode
+from sweeps.figure_taxels import pad_touches, taxels_figure
 from warpgrasp.parameters import ObjectTable
 from warpgrasp.robot import Grasps
 from warpgrasp.status import ProbeStatus
@@ -42,9 +44,9 @@ def explore(
     """Run one episode, write `contacts.csv`, `shape.json` and figures; answer with the files.
 
     `contacts.png` always; `faces.png` where faces were crossed, `contour.png` where a contour was
-    followed; `replay.html` if asked for. `body_table` names the object as in a spec; `yaw_rad` None
-    turns it at random. Raises BodyError for an object that cannot be built, OSError where `out`
-    cannot be written.
+    followed, `taxels.png` where pads felt; `replay.html` if asked for. `body_table` names the
+    object as in a spec; `yaw_rad` None turns it at random. Raises BodyError for an object that
+    cannot be built, OSError where `out` cannot be written.
     """
     name = str(body_table.get("name") or Path(str(body_table.get("mesh", "object"))).stem)
     cell = Cell(strategy, body_table, name, seed=seed,
@@ -58,6 +60,8 @@ def explore(
     profile = block.exploration.belief.profile
     if profile is not None and np.isfinite(profile.volume_m3[0]):
         files["contour.png"] = draw_contour(block, name)
+    if pad_touches(block):
+        files["taxels.png"] = encode(taxels_figure(block, cell.pads, name), "png")
     for file, content in files.items():
         write_atomic(out / file, content)
     if replay:

@@ -41,6 +41,6 @@ def draw_confusion(found: Confusion, label: str | None = None) -> "Figure":
         axes.tick_params(length=0)
         axes.spines[:].set_visible(False)
         axes.set(xlabel="recognized as", ylabel="object felt")
-        axes.set_title(f"{cut(label, 28)}: {100 * right:.1f} % right")
+        axes.set_title(f"{cut(label, 50)}\n{100 * right:.1f} % right")
         drawn.colorbar(image, label="share of episodes [1]", fraction=0.05)
     return drawn

@@ -77,15 +77,17 @@ def _draw(block: EpisodeBlock, name: str, world: int, wide: bool) -> "Figure":
     axes.scatter(*points[seen].T, s=14, color=_CONTACT, depthshade=False, zorder=10,
                  label="contacts in sight")
     low, high = true.min(0), true.max(0)
-    middle_box, aside = (low + high) / 2, 0.65 * (high - low)[:2].max()
     tall = 1.08 * high[2]
+    # A floor wide enough for its numbers, under a bottle too.
+    middle_box, aside = (low + high) / 2, max(0.65 * (high - low)[:2].max(), 0.38 * tall)
     axes.set(xlim=(middle_box[0] - aside, middle_box[0] + aside),
              ylim=(middle_box[1] - aside, middle_box[1] + aside),
              zlim=(0.0, tall), xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
     axes.set_box_aspect((2.0 * aside, 2.0 * aside, tall),
                         zoom=0.9 if wide else 0.78)  # pyright: ignore[reportArgumentType]
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(MaxNLocator(4))
+    for axis, ticks in ((axes.xaxis, 3), (axes.yaxis, 3), (axes.zaxis, 5)):
+        axis.set_major_locator(MaxNLocator(ticks))
+    axes.zaxis.labelpad = 6.0
     axes.view_init(*_VIEW)
     axes.computed_zorder = False
     axes.set_title(f"{name}: recovered body and contacts")

@@ -1,13 +1,18 @@
 """A figure of a body recovered by its contour, after figure 6 of Allen and Michelman 1990: the
 solid of revolution, and its contour over the true one."""
 
-import io
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from strategies.contour_profile import Profile
 from sweeps.episodes import EpisodeBlock
+from sweeps.figure_style import cut, drawing, encode, figure
+from sweeps.store import StoreError
 from warpgrasp.body_sample import sample_body
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _BODY, _TRUE, _FIT, _TOUCH = "#9db7d5", "#4d4d4d", "#2166ac", "#b2182b"
 _AROUND = 48
@@ -15,16 +20,26 @@ _AROUND = 48
 
 def draw_contour(block: EpisodeBlock, name: str, world: int = 0) -> bytes:
     """A PNG of one world; the same block gives the same bytes."""
-    import matplotlib
+    with drawing():
+        return encode(contour_figure(block, name, world, wide=True), "png")
 
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
+
+def contour_figure(block: EpisodeBlock, name: str, world: int = 0,
+                   wide: bool = False) -> "Figure":
+    """One world of a block, a page or a column wide. Raises StoreError without a contour."""
+    profile = block.exploration.belief.profile
+    if profile is None or not np.isfinite(profile.volume_m3[world]):
+        raise StoreError("contour: none was followed to its end in this episode; ask for one of a "
+                         'strategy that follows contours (order = ["containment", "contour"])')
+    with drawing():
+        return _draw(block, profile, name, world, wide)
+
+
+def _draw(block: EpisodeBlock, profile: Profile, name: str, world: int, wide: bool) -> "Figure":
     from matplotlib.colors import to_rgb
     from matplotlib.ticker import MaxNLocator
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    profile = block.exploration.belief.profile
-    assert profile is not None
     known = np.isfinite(profile.height_m[world])
     z, r = 1e3 * profile.height_m[world][known], 1e3 * profile.radius_m[world][known]
     angle = np.linspace(0, 2 * np.pi, _AROUND + 1)
@@ -39,20 +54,21 @@ def draw_contour(block: EpisodeBlock, name: str, world: int = 0) -> bytes:
     colour = np.array(to_rgb(_BODY)) * light[:, None]
     seen = normal @ eye > 0
 
-    figure = plt.figure(figsize=(6.4, 4.6), dpi=150)
-    axes: Any = figure.add_axes((0.0, 0.05, 0.45, 0.88), projection="3d")
+    drawn = figure(4.2, 6.85) if wide else figure(3.3)
+    grid = drawn.add_gridspec(1, 2, width_ratios=(1.2, 1.0))
+    axes: Any = drawn.add_subplot(grid[0, 0], projection="3d")
     axes.add_collection3d(Poly3DCollection(
         [*quads[seen], ring[-1]], facecolors=[*colour[seen], np.array(to_rgb(_BODY))],
-        edgecolors="#5b7288", linewidths=0.15))
+        edgecolors="#5b7288", linewidths=0.15), autolim=False)
     half, tall = 1.15 * r.max(), z.max()
     axes.set(xlim=(-half, half), ylim=(-half, half), zlim=(0, tall))
-    axes.set_box_aspect((2 * half, 2 * half, tall))
+    axes.set_box_aspect((2 * half, 2 * half, tall), zoom=1.35)
     axes.view_init(20, -55)
     axes.set_axis_off()
     volume = 1e6 * profile.volume_m3[world]
-    axes.set_title(f"{name}: solid of revolution\n{tall:.0f} mm tall, {volume:.0f} ml", fontsize=9)
+    axes.set_title(f"{cut(name)}: solid of\nrevolution, {tall:.0f} mm tall,\n{volume:.0f} ml")
 
-    flat = figure.add_axes((0.50, 0.13, 0.30, 0.76))
+    flat = drawn.add_subplot(grid[0, 1])
     sample = 1e3 * sample_body(block.body, surface=8192).surface_m
     _true_outline(flat, sample)
     for side in (-1, 1):
@@ -66,13 +82,11 @@ def draw_contour(block: EpisodeBlock, name: str, world: int = 0) -> bytes:
     flat.set_aspect("equal")
     flat.xaxis.set_major_locator(MaxNLocator(3))
     flat.set(xlabel="from the axis [mm]", ylabel="along the axis [mm]")
-    flat.set_title("contour", fontsize=9)
-    flat.tick_params(labelsize=8)
-    flat.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.02, 0.5), frameon=False)
-    stream = io.BytesIO()
-    figure.savefig(stream, format="png", metadata={"Software": None})
-    plt.close(figure)
-    return stream.getvalue()
+    flat.set_title("contour")
+    drawn.legend(*flat.get_legend_handles_labels(),
+                 loc="outside right center" if wide else "outside lower center",
+                 ncols=1 if wide else 3)
+    return drawn
 
 
 def _touches(block: EpisodeBlock, world: int) -> tuple[np.ndarray, np.ndarray]:

@@ -1,37 +1,54 @@
 """A figure of traces on faces with the planes fitted to them, after figure 5 of Allen and Michelman
 1990."""
 
-import io
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from strategies.planar import PlanarExploration
 from sweeps.episodes import EpisodeBlock
+from sweeps.figure_style import COLOURS, cut, drawing, encode, figure
+from sweeps.store import StoreError
 
-# Okabe and Ito's colours: told apart by readers who see few.
-_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 _ELEVATION, _TURN = 24.0, 40.0  # deg; seen from the side on which most faces were crossed
 
 
 def draw_faces(block: EpisodeBlock, name: str, world: int = 0) -> bytes:
     """A PNG of one world; the same block gives the same bytes."""
-    import matplotlib
+    with drawing():
+        return encode(faces_figure(block, name, world, wide=True), "png")
 
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
+
+def faces_figure(block: EpisodeBlock, name: str, world: int = 0,
+                 wide: bool = False) -> "Figure":
+    """One world of a block: a page wide, or one column with the planes' numbers below.
+
+    Raises StoreError where no face was crossed.
+    """
+    faces = block.exploration.belief.faces
+    known = [n for n, face in enumerate(faces) if face.fit.n_points[world] >= 3]
+    if not known:
+        raise StoreError("faces: none was crossed in this episode; ask for one of a strategy that "
+                         'crosses faces (order = ["containment", "planar"])')
+    with drawing():
+        return _draw(block, known, name, world, wide)
+
+
+def _draw(block: EpisodeBlock, known: list[int], name: str, world: int, wide: bool) -> "Figure":
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     origin = block.truth.body_pose[world, :3]
     crossed = [p.felt for p in block.exploration.procedures
                if isinstance(p.felt, PlanarExploration)]
     faces = block.exploration.belief.faces
-    known = [n for n, face in enumerate(faces) if face.fit.n_points[world] >= 3]
-    figure = plt.figure(figsize=(7.2, 4.8), dpi=150)
-    axes: Any = figure.add_axes((0.0, 0.05, 0.68, 0.88), projection="3d")
+    drawn = figure(4.2, 6.85) if wide else figure(4.1)
+    axes: Any = drawn.add_subplot(projection="3d")
     axes.computed_zorder = False
     clouds = [np.zeros((1, 3))]
-    normals = np.array([faces[n].normal[world] for n in known] or [[0.0, -1.0, 0.0]])
+    normals = np.array([faces[n].normal[world] for n in known])
     sides = normals[np.abs(normals[:, 2]) < 0.7]
     # Between the two sides whose planes make the angle that the title tells.
     facing = (sides[0] + sides[1] if len(sides) > 1 and sides[0] @ sides[1] > -0.5
@@ -42,7 +59,7 @@ def draw_faces(block: EpisodeBlock, name: str, world: int = 0) -> bytes:
     eye = np.array([np.cos(way[1]) * np.cos(way[0]), np.cos(way[1]) * np.sin(way[0]),
                     np.sin(way[1])])
     for place, number in enumerate(known):
-        tint = _COLOURS[place % len(_COLOURS)]
+        tint = COLOURS[place % len(COLOURS)]
         fit = faces[number].fit
         u, v = fit.axes[world] * fit.extent_m[world][:, None] / 2
         corner = np.array([-u - v, u - v, u + v, v - u]) + fit.centre_m[world] - origin
@@ -60,22 +77,22 @@ def draw_faces(block: EpisodeBlock, name: str, world: int = 0) -> bytes:
                       zorder=1 if hidden else 3)
         n = faces[number].normal[world]
         label = (f"face {place + 1}: {len(points)} touches\n  "
-                 f"normal ({n[0]:+.2f}, {n[1]:+.2f}, {n[2]:+.2f})\n  "
+                 f"normal ({n[0]:.2f}, {n[1]:.2f}, {n[2]:.2f})\n  "
                  f"rms {1e3 * fit.rms_m[world]:.2f} mm"
                  + ("" if faces[number].flat[world] else ", not flat"))
         axes.scatter(*points.T, s=5, color=tint, depthshade=False, label=label,
                      alpha=0.3 if hidden else 1.0, zorder=1 if hidden else 4)
-    _frame(axes, np.concatenate(clouds))
+    _frame(axes, np.concatenate(clouds), 1.0 if wide else 0.86)
     axes.view_init(_ELEVATION, azimuth)
     angle = _neighbours(normals)
-    axes.set_title(f"{name}: traces on faces, planes fitted"
-                   + ("" if angle is None else f"; neighbours at {angle:.1f} deg"), fontsize=9)
-    if known:
-        figure.legend(fontsize=6.5, loc="center left", bbox_to_anchor=(0.71, 0.5), frameon=False)
-    stream = io.BytesIO()
-    figure.savefig(stream, format="png", metadata={"Software": None})
-    plt.close(figure)
-    return stream.getvalue()
+    axes.set_title(f"{cut(name)}: traces on faces, planes fitted"
+                   + ("" if angle is None else f"; neighbours at {angle:.1f} deg"))
+    if wide:
+        drawn.legend(loc="outside right center")
+    else:
+        drawn.legend(loc="outside lower center", ncols=2, handletextpad=0.2, columnspacing=0.8,
+                     borderpad=0.0)
+    return drawn
 
 
 def _neighbours(normals: np.ndarray) -> float | None:
@@ -88,7 +105,7 @@ def _neighbours(normals: np.ndarray) -> float | None:
     return None
 
 
-def _frame(axes: Any, cloud: np.ndarray) -> None:
+def _frame(axes: Any, cloud: np.ndarray, zoom: float) -> None:
     """Equal scales on all axes, few ticks, units named."""
     from matplotlib.ticker import MaxNLocator
 
@@ -97,7 +114,6 @@ def _frame(axes: Any, cloud: np.ndarray) -> None:
     axes.set(xlim=(middle[0] - half, middle[0] + half),
              ylim=(middle[1] - half, middle[1] + half), zlim=(middle[2] - half, middle[2] + half),
              xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
-    axes.set_box_aspect((1.0, 1.0, 1.0))
+    axes.set_box_aspect((1.0, 1.0, 1.0), zoom=zoom)
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.set_major_locator(MaxNLocator(4))
-    axes.tick_params(labelsize=7)

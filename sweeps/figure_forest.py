@@ -6,7 +6,7 @@ import numpy as np
 
 from sweeps.bootstrap import difference_to, estimate
 from sweeps.entries import HIGHER_IS_BETTER
-from sweeps.figure_style import COLOURS, cut, drawing, figure, metric_label
+from sweeps.figure_style import COLOURS, drawing, figure, metric_label, told_apart
 from sweeps.paired import Paired
 
 if TYPE_CHECKING:
@@ -20,8 +20,9 @@ def draw_forest(paired: Paired, metric: str) -> "Figure":
     key = np.where(np.isfinite(means[0]), sign * means[0], np.inf)
     order = sorted(range(len(paired.labels)), key=lambda n: (key[n], paired.labels[n]))
     place = np.arange(len(order))
+    names, keys = told_apart([paired.labels[n] for n in order], 26)
     with drawing():
-        drawn = figure(0.75 + 0.17 * len(order))
+        drawn = figure(0.75 + 0.17 * len(order) + (0.12 if keys else 0.0))
         left, right = drawn.subplots(1, 2, sharey=True, width_ratios=(1.25, 1.0))
         for axes, found, colour in ((left, estimate(means), COLOURS[0]),
                                     (right, difference_to(means, order[0]), COLOURS[1])):
@@ -31,10 +32,11 @@ def draw_forest(paired: Paired, metric: str) -> "Figure":
             axes.grid(axis="x", lw=0.3, color="#d0d0d0")
             axes.margins(x=0.06)
             axes.tick_params(axis="y", length=0)
-        left.set_yticks(place, [cut(paired.labels[n], 26) for n in order])
+        left.set_yticks(place, names)
         right.axvline(0.0, color="#555555", lw=0.6)
         left.set_ylim(len(order) - 0.4, -0.6)
         left.set_title("mean")
         right.set_title("minus the best")
-        drawn.supxlabel(f"{metric_label(metric)}; 95 % intervals", fontsize=7.0)
+        drawn.supxlabel(f"{metric_label(metric)}; 95 % intervals" + (f"\n{keys}" if keys else ""),
+                        fontsize=7.0)
     return drawn

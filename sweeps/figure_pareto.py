@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sweeps.figure_style import COLOURS, MARKERS, MUTED, UNITS, cut, drawing, figure
+from sweeps.figure_style import COLOURS, MARKERS, MUTED, UNITS, drawing, figure, told_apart
 from sweeps.paired import Paired
 from sweeps.table_pareto import Pareto, find_front
 
@@ -19,6 +19,7 @@ def draw_pareto(paired: Paired, metric: str) -> "Figure":
     front = sorted((n for n, by in enumerate(found.dominated_by)
                     if by is None and np.isfinite(error.value[n])),
                    key=lambda n: cost.value[n])
+    names, keys = told_apart(paired.labels, 24)
     with drawing():
         drawn = figure(2.3 + 0.12 * ((len(front) + 2) // 2))
         axes = drawn.add_subplot()
@@ -30,10 +31,10 @@ def draw_pareto(paired: Paired, metric: str) -> "Figure":
         for place, n in enumerate(front):
             axes.errorbar(cost.value[[n]], error.value[[n]], **_bars(found, [n]), lw=1.0, ms=4,
                           fmt=MARKERS[place % len(MARKERS)], color=COLOURS[place % len(COLOURS)],
-                          label=cut(paired.labels[n], 24))
+                          label=names[n])
         axes.set(xlabel="robot time [s], less is better", ylabel=UNITS.get(metric, metric))
         axes.grid(lw=0.3, color="#d0d0d0")
-        drawn.legend(loc="outside lower center", ncols=2)
+        drawn.legend(loc="outside lower center", ncols=2, title=keys, title_fontsize=6.5)
     return drawn
 
 

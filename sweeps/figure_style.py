@@ -5,7 +5,8 @@ One column of a journal wide (85 mm), colours that the colour-blind can tell apa
 """
 
 import io
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -70,6 +71,24 @@ def metric_label(metric: str) -> str:
     """An axis label with its unit, and which way is better."""
     way = "more" if metric in HIGHER_IS_BETTER else "less"
     return f"{UNITS.get(metric, metric)}, {way} is better"
+
+
+def told_apart(labels: Sequence[str], width: int) -> tuple[list[str], str]:
+    """Labels no longer than `width` that still differ, and what stands in their brackets.
+
+    Where all entries sweep the same keys the values alone are left: `ring6 [hand.x=3, y=4]` becomes
+    `ring6 [3, 4]`, and the keys are for a legend to tell.
+    """
+    found = [re.fullmatch(r"(.*?) \[(\S+=.*)\]", label) for label in labels]
+    told = [[part.partition("=") for part in match[2].split(", ")] for match in found if match]
+    keys = {tuple(key for key, _, _ in parts) for parts in told}
+    if not labels or len(told) < len(labels) or len(keys) > 1:
+        return [cut(label, width) for label in labels], ""
+    short = []
+    for match, parts in zip(found, told, strict=True):
+        values = " [" + ", ".join(value for _, _, value in parts) + "]"
+        short.append(cut(match[1] if match else "", max(width - len(values), 6)) + values)
+    return short, f"[{', '.join(keys.pop())}]"
 
 
 def cut(label: str, width: int = 30) -> str:

@@ -15,6 +15,9 @@ from sweeps.store import Store, StoreError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from sweeps.cell import Cell
+    from sweeps.episodes import EpisodeBlock
+
 
 @dataclass(frozen=True)
 class Asked:
@@ -74,18 +77,59 @@ def _settings(asked: Asked) -> "Figure":
 
 def _contacts(asked: Asked) -> "Figure":
     from sweeps.figure_contacts import contacts_figure
-    from sweeps.rerun import choose_episode, rerun
+
+    cell, block = _played_again(asked)
+    return contacts_figure(block, cell.object_name)
+
+
+def _faces(asked: Asked) -> "Figure":
+    from sweeps.figure_faces import faces_figure
+
+    cell, block = _played_again(asked)
+    return faces_figure(block, cell.object_name)
+
+
+def _contour(asked: Asked) -> "Figure":
+    from sweeps.figure_contour import contour_figure
+
+    cell, block = _played_again(asked)
+    return contour_figure(block, cell.object_name)
+
+
+def _taxels(asked: Asked) -> "Figure":
+    from sweeps.figure_taxels import taxels_figure
+
+    cell, block = _played_again(asked)
+    return taxels_figure(block, cell.pads, cell.object_name)
+
+
+def _grasp(asked: Asked) -> "Figure":
+    from sweeps.figure_grasp import grasp_figure
+    from sweeps.replay import replay_of
+    from sweeps.rerun import cell_of, choose_episode, in_a_worker
 
     episode = choose_episode(asked.plan, asked.stores, asked.strategy, asked.object,
                              asked.episode)
-    return contacts_figure(rerun(asked.plan, episode),
-                           asked.plan.study.objects[episode.body].name)
+    cell = cell_of(asked.plan, episode)
+    return grasp_figure(in_a_worker(replay_of, (cell, episode.episode, "cpu")), cell.object_name)
+
+
+def _played_again(asked: Asked) -> "tuple[Cell, EpisodeBlock]":
+    """The one episode that was asked for, run again."""
+    from sweeps.quiet import start_warp
+    from sweeps.rerun import cell_of, choose_episode, rerun
+
+    start_warp()
+    episode = choose_episode(asked.plan, asked.stores, asked.strategy, asked.object,
+                             asked.episode)
+    return cell_of(asked.plan, episode), rerun(asked.plan, episode)
 
 
 KINDS: dict[str, Callable[[Asked], "Figure"]] = {
     "forest": _forest, "curves-touches": _curves_touches, "curves-time": _curves_time,
     "pareto": _pareto, "confusion": _confusion, "settings": _settings,
-    "contacts": _contacts,
+    "contacts": _contacts, "faces": _faces, "contour": _contour, "taxels": _taxels,
+    "grasp": _grasp,
 }
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sweeps.atomic import write_atomic
+from sweeps.capsule_mesh import capsule_mesh
 from sweeps.cell import Cell
 from sweeps.opened import open_study
 from sweeps.replay_frames import Replay
@@ -183,21 +184,8 @@ def _lit(level: float) -> tuple[int, ...]:
 
 
 def _capsule(scene: Any, name: str, length: float, radius: float, colour: tuple) -> Any:
-    """A capsule about the middle of its axis, along z."""
-    around, rings = 12, 4
-    bend = np.linspace(0.0, np.pi / 2, rings + 1)
-    z = np.concatenate([-length / 2 - radius * np.cos(bend), length / 2 + radius * np.sin(bend)])
-    r = np.concatenate([radius * np.sin(bend), radius * np.cos(bend)])
-    turn = np.linspace(0.0, 2 * np.pi, around, endpoint=False)
-    points = np.stack([r[:, None] * np.cos(turn), r[:, None] * np.sin(turn),
-                       np.repeat(z[:, None], around, 1)], axis=-1)
-    faces = []
-    for row in range(len(z) - 1):
-        a = row * around + np.arange(around)
-        b = row * around + (np.arange(around) + 1) % around
-        faces.append(np.stack([a, b, b + around, a + around], axis=1))
-    return scene.add_mesh_simple(name, points.reshape(-1, 3).astype(np.float32),
-                                 _triangles(np.concatenate(faces)), color=colour)
+    points, quads = capsule_mesh(length, radius)
+    return scene.add_mesh_simple(name, points.astype(np.float32), _triangles(quads), color=colour)
 
 
 def _lengths(points: np.ndarray) -> np.ndarray:

@@ -1,5 +1,10 @@
-"""Docs: built without a warning, commands that parse, Python that runs, the notebook too."""
+"""Docs: built without a warning, and everything that they ask a reader to type does run.
 
+What takes long is left to the slow test, which is `make docs-commands`: every command and block in
+a copy of the tree. Here each is parsed, and the light ones run on a stand-in of the simulator.
+"""
+
+import os
 import re
 import shlex
 import subprocess
@@ -7,38 +12,115 @@ import sys
 from pathlib import Path
 
 import pytest
+import run_docs
+from doc_blocks import ROOT, Block, blocks, commands, pages
 
-ROOT = Path(__file__).parent.parent
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-COMMAND = re.compile(r"^(?:    |\$ )?(?:\.venv/bin/)?warpgrasp ([a-z].*?)(?:  +#.*)?$",
-                     re.MULTILINE)
-
-
-def commands() -> list[tuple[str, str]]:
-    """Every command of a page that stands on a line of its own, with the page's name."""
-    found = []
-    for page in PAGES:
-        text = page.read_text().replace("\\\n", " ")
-        found += [(page.name, command.partition("  #")[0].strip())
-                  for command in COMMAND.findall(text)]
-    return found
+LIGHT = {"objects", "strategies", "init", "check", "sweep", "status", "leaderboard", "table",
+         "figure", "export", "completion"}
+PROGRAMS = [block for block in commands() if "warpgrasp " in block.text
+            and not run_docs.excuse(block)]
 
 
-def test_there_are_commands_to_check() -> None:
-    assert len(commands()) > 15
+def words_of(block: Block) -> list[str]:
+    """The words after `warpgrasp`, placeholders and variables filled in."""
+    command = run_docs.shrunk(block.text).partition("warpgrasp ")[2]
+    return shlex.split(re.sub(r"\$\{?\w+\}?", "1", command))
 
 
-@pytest.mark.parametrize(("page", "command"), commands())
-def test_commands_are_ones_there_are(page: str, command: str) -> None:
-    """Names, options and kinds are right; what they do is tested beside each command."""
+def test_every_page_is_in_the_menu() -> None:
+    generated = {"fidelity/sensitivity.md", "index.md"}
+    written = {str(page.relative_to(ROOT / "docs")) for page in (ROOT / "docs").rglob("*.md")
+               if "api" not in page.parts}
+    assert written - generated == {str(page.relative_to(ROOT / "docs")) for page in pages()[1:]}
+
+
+def test_there_are_commands_and_blocks_to_check() -> None:
+    kinds = [block.kind for block in blocks()]
+    assert len(PROGRAMS) > 40
+    assert kinds.count("python") >= 6
+    assert kinds.count("toml") >= 4
+
+
+@pytest.mark.parametrize("block", PROGRAMS, ids=lambda block: f"{block.place} {block.text}")
+def test_commands_are_ones_there_are(block: Block) -> None:
+    """Names, options and kinds are right."""
     from sweeps import cli, figures, tables
+    from sweeps.cli_arguments import folders_and_kind
 
-    words = shlex.split(re.sub(r"\$\{?\w+\}?", "1", command.replace("...", "")))
-    function, bound, _ = cli.app.parse_args(
-        [word for word in words if word != "--quiet"], exit_on_error=False, print_error=False)
+    if run_docs.is_name(block) or "pip install" in block.text:
+        return
+    words = [word for word in words_of(block) if word not in ("--quiet", "--help")]
+    function, bound, _ = cli.app.parse_args(words, exit_on_error=False, print_error=False)
     kinds = {"table": tables.KINDS, "figure": figures.KINDS}.get(function.__name__)
     if kinds:
-        cli._folders_and_kind(bound.args[0] if bound.args else bound.arguments["words"], kinds)
+        folders_and_kind(bound.args[0] if bound.args else bound.arguments["words"], kinds)
+
+
+def test_what_is_not_run_is_there_and_nothing_else_is_excused() -> None:
+    """Every excuse and every way to make a command small belongs to a command of the docs."""
+    texts = [block.text for block in blocks() if block.kind == "shell"]
+    for pattern in run_docs.EXCUSED:
+        assert any(re.fullmatch(pattern, text) for text in texts), pattern
+    for pattern, _ in run_docs.SHRINKS:
+        assert any(re.fullmatch(pattern, text) for text in texts), pattern
+    excused = {block.text for block in blocks() if run_docs.excuse(block)}
+    assert excused == {
+        "make test", "make check", "make validate", "benchmarks/gpu.sh",
+        ".venv/bin/pip install '.[ray]'", "sbatch array.sh",
+        "warpgrasp sweep study.toml -o DIR --engine ray --address auto"}
+    names = {block.text for block in blocks() if block.kind == "shell" and run_docs.is_name(block)}
+    assert names == {f"warpgrasp {name}" for name in ("check", "fit", "init", "paper")}
+
+
+def test_light_commands_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                            capfd: pytest.CaptureFixture[str]) -> None:
+    """Those that need no simulator, in order, as a reader would; sweeps run a stand-in."""
+    sys.path.insert(0, str(ROOT / "tests/sweeps"))
+    from sweeps import cli, commands
+
+    monkeypatch.setattr(commands, "EPISODES", "curved_episodes:run_episodes")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("WARPGRASP_QUIET", "1")
+    for folder in ("sweeps/studies", "examples"):
+        (tmp_path / folder).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / folder).symlink_to(ROOT / folder)
+    run_docs.prepare(tmp_path)
+    assert cli.run(["sweep", "sweeps/studies/demo.toml", "-o", "runs/demo",
+                    "--set", "episodes_per_cell=4"]) == 0
+    ran = 0
+    for number, block in enumerate(blocks()):
+        if block.kind == "toml":
+            spec = tmp_path / f"block-{number}.toml"
+            spec.write_text(run_docs.whole_spec(block.text))
+            words = ["check", str(spec)]
+        elif block in PROGRAMS and not run_docs.is_name(block) and words_of(block)[0] in LIGHT:
+            words = [word for word in words_of(block) if word != "--workers"]
+            words = [word for n, word in enumerate(words) if not (n and word == "2")]
+        elif block.text == "cp -r examples/mine .":
+            run_docs.run_step(block, block.text, tmp_path, "")
+            continue
+        else:
+            continue
+        if "study-" in block.text:  # what SLURM's tasks wrote
+            continue
+        assert cli.run(words) == 0, (block.place, words, capfd.readouterr().err)
+        ran += 1
+    assert ran > 25
+
+
+@pytest.mark.slow
+def test_everything_runs() -> None:
+    done = subprocess.run([sys.executable, str(ROOT / "tests/run_docs.py")], text=True,
+                          stdout=subprocess.PIPE, env={**os.environ, "WARPGRASP_QUIET": ""})
+    assert done.returncode == 0, done.stdout
+
+
+def test_the_newcomer_needs_no_step_that_the_readme_does_not_have() -> None:
+    script = (ROOT / "examples/newcomer.sh").read_text()
+    steps = re.findall(r"^step (.*)$", script, re.MULTILINE)
+    asked = [block.text for block in blocks() if block.page == "README.md"]
+    assert len(steps) >= 7
+    assert [step for step in steps if step not in asked] == []
 
 
 def test_the_site_is_built_and_every_link_leads_somewhere(tmp_path: Path) -> None:
@@ -53,8 +135,13 @@ def test_the_site_is_built_and_every_link_leads_somewhere(tmp_path: Path) -> Non
 
 
 def test_readme_links_lead_somewhere() -> None:
-    for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", (ROOT / "README.md").read_text()):
+    text = (ROOT / "README.md").read_text()
+    targets = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", text)
+    pictures = re.findall(r'src="([^"]+)"', text)
+    assert len(pictures) >= 2
+    for target in targets + pictures:
         assert (ROOT / target).exists(), target
+    assert all((ROOT / picture).stat().st_size < 200_000 for picture in pictures)
 
 
 def test_a_batch_of_probes_in_ten_lines() -> None:

@@ -1,7 +1,10 @@
 """Figures: the same bytes twice, and no text over another or off the page."""
 
+from collections.abc import Callable
 from itertools import combinations
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,13 +15,22 @@ from matplotlib.text import Text
 from PIL import Image
 from test_tables import SWEPT
 
+from strategies.catalogue import STRATEGIES
 from sweeps import cli, figures
-from sweeps.figure_style import COLUMN_IN, encode
+from sweeps.cell import Cell
+from sweeps.episodes import run_block
+from sweeps.figure_contacts import contacts_figure
+from sweeps.figure_contour import contour_figure
+from sweeps.figure_faces import faces_figure
+from sweeps.figure_style import COLUMN_IN, encode, told_apart
+from sweeps.figure_taxels import PadTouch, draw_taxels, image_ellipse, taxels_figure
 from sweeps.figures import KINDS, Asked
 from sweeps.plan import Plan
-from sweeps.store import Store
+from sweeps.store import Store, StoreError
+from warpgrasp.parameters import PadTable
 
-STUDY_KINDS = [kind for kind in KINDS if kind not in ("contacts", "settings")]
+EPISODE_KINDS = ("contacts", "faces", "contour", "taxels")
+STUDY_KINDS = [kind for kind in KINDS if kind not in (*EPISODE_KINDS, "settings")]
 
 
 @pytest.fixture(scope="module")
@@ -104,9 +116,86 @@ def test_bad_usage(study: tuple[Plan, Store], arguments: list[str], says: str,
     assert says in capsys.readouterr().err
 
 
+def test_moments_of_a_tactile_image_are_those_of_its_ellipse() -> None:
+    """Sums written out anew, in millimetres, over the taxels that the robot itself goes by."""
+    pads = PadTable()
+    row, column = np.mgrid[:16, :16]
+    image = np.round(90 * np.exp(-(((row - 9) / 1.2) ** 2 + ((column - 6 - (row - 9) / 2)
+                                                             / 1.1) ** 2) / 2)).astype(np.uint8)
+    image[0, 0] = 5  # noise far off
+    found = image_ellipse(image, pads)
+    counts = {(r, c): float(image[r, c]) for r in range(6, 13) for c in range(3, 10)
+              if image[r, c] >= pads.threshold_counts / 2}
+    mass = sum(counts.values())
+    x, y = ({(r, c): 1e3 * (c + 0.5) * pads.width_m / 16 for r, c in counts},
+            {(r, c): 1e3 * (r + 0.5) * pads.length_m / 16 for r, c in counts})
+    mean = [sum(counts[k] * axis[k] for k in counts) / mass for axis in (x, y)]
+    assert found.centroid_mm == pytest.approx(mean)
+    second = np.array([[sum(counts[k] * (a[k] - m) * (b[k] - n) for k in counts) / mass
+                        for b, n in ((x, mean[0]), (y, mean[1]))]
+                       for a, m in ((x, mean[0]), (y, mean[1]))])
+    assert np.allclose(found.axes_mm.T @ found.axes_mm, second)
+    assert np.linalg.norm(found.axes_mm[0]) > np.linalg.norm(found.axes_mm[1])
+    assert found.axes_mm[0] @ found.axes_mm[1] == pytest.approx(0.0, abs=1e-9)
+    alone = np.zeros((16, 16), np.uint8)
+    alone[15, 0] = 1  # a corner, below the level
+    assert image_ellipse(alone, pads).centroid_mm == pytest.approx([0.397, 24.606], abs=1e-3)
+
+
+@pytest.mark.parametrize("count", [1, 4])
+def test_tactile_images_are_legible_and_the_same_bytes(count: int) -> None:
+    rng = np.random.default_rng(1)
+    touches = [PadTouch(100 + n, 3 - n, rng.poisson(0.5, (16, 16)).astype(np.uint8) + 60 * (
+        np.add.outer(abs(np.arange(16) - 8 - n), abs(np.arange(16) - 5)) < 2).astype(np.uint8))
+        for n in range(count)]
+    first, second = (draw_taxels(touches, PadTable(), "orangina_bottle") for _ in range(2))
+    looks_right(first)
+    assert encode(first, "svg") == encode(second, "svg")
+
+
+@pytest.mark.parametrize(("draw", "says"), [
+    (lambda block: taxels_figure(block, PadTable(), "block"), "no pad touched anything"),
+    (lambda block: faces_figure(block, "block"), "faces: none was crossed"),
+    (lambda block: contour_figure(block, "block"), "contour: none was followed"),
+])
+def test_figures_of_what_did_not_happen_say_so(
+        draw: Callable[[Any], Figure], says: str) -> None:
+    nothing = SimpleNamespace(exploration=SimpleNamespace(
+        procedures=(), belief=SimpleNamespace(faces=(), profile=None)))
+    with pytest.raises(StoreError, match=says):
+        draw(nothing)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("strategy", "body", "kinds"), [
+    ("planar", "block", ("contacts", "faces", "taxels")),
+    ("contour", "wine_bottle", ("contacts", "contour", "taxels"))])
+def test_figures_of_an_episode_of_pads(tmp_path: Path, strategy: str, body: str,
+                                       kinds: tuple[str, ...]) -> None:
+    cell = Cell(STRATEGIES[strategy], {"name": body}, body, seed=4)
+    block = run_block(cell, np.arange(1), "cpu")
+    draw = {"contacts": contacts_figure, "faces": faces_figure, "contour": contour_figure,
+            "taxels": lambda block, name: taxels_figure(block, cell.pads, name)}
+    for kind in kinds:
+        first, second = (draw[kind](block, body) for _ in range(2))
+        assert encode(first, "svg") == encode(second, "svg"), kind
+        looks_right(first)
+
+
 @pytest.mark.slow
 def test_contacts_of_an_episode_run_again(tmp_path: Path) -> None:
     plan, store = wide_study(tmp_path, wide_text(1, 1, 2))
     first, second = (figures.KINDS["contacts"](Asked(plan, [store])) for _ in range(2))
     assert encode(first, "svg") == encode(second, "svg")
     looks_right(first)
+
+
+def test_short_labels_still_tell_entries_apart() -> None:
+    long = [f"coarse-to-fine [sensors.tendon_threshold_N={n}, fit.loss=none]" for n in (3, 6)]
+    names, keys = told_apart(long, 26)
+    assert names == ["coarse-to-fine [3, none]", "coarse-to-fine [6, none]"]
+    assert keys == "[sensors.tendon_threshold_N, fit.loss]"
+    names, _ = told_apart(long, 18)
+    assert len(set(names)) == 2
+    assert told_apart(["ring6", "a name with [brackets]"], 30) == (
+        ["ring6", "a name with [brackets]"], "")

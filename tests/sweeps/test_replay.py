@@ -1,13 +1,20 @@
 """A replay: frames that agree with the robot's own kinematics, and a page that plays offline."""
 
 import base64
+import pickle
+import signal
+import socket
+import subprocess
+import sys
 import time
 from pathlib import Path
+from urllib.request import urlopen
 
 import browser as browser_module
 import numpy as np
 import pytest
 from browser import FLAGS, asked_for, browser, needs_browser
+from curved_episodes import wide_study, wide_text
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
@@ -92,6 +99,60 @@ def test_a_file_that_loads_nothing(played: tuple[Replay, EpisodeBlock], tmp_path
     content = out.read_bytes()
     assert len(content) <= 2e6
     assert content.lstrip()[:9].lower() == b"<!doctype"
+
+
+LIVE = """
+import pickle, signal, sys
+from pathlib import Path
+from sweeps import cli, replay
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a background shell ignores it
+replay.in_a_worker = lambda function, task: pickle.loads(Path(sys.argv[1]).read_bytes())
+cli.main(["show", sys.argv[2], "--live", "--port", sys.argv[3]])
+"""  # the episode itself is not run again: that is tested elsewhere, and takes its time
+
+
+@pytest.mark.slow
+def test_live_on_this_machine_alone(played: tuple[Replay, EpisodeBlock], tmp_path: Path) -> None:
+    """Serves its page on 127.0.0.1, is not there on any other address, and ends by Ctrl-C."""
+    pytest.importorskip("viser")
+    _, store = wide_study(tmp_path / "study", wide_text(1, 1, 2))
+    (tmp_path / "replay").write_bytes(pickle.dumps(played[0]))
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    process = subprocess.Popen(
+        [sys.executable, "-c", LIVE, str(tmp_path / "replay"), str(store.folder), str(port)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        assert process.stderr
+        assert process.stderr.readline() == f"http://127.0.0.1:{port} (Ctrl-C ends it)\n"
+        with urlopen(f"http://127.0.0.1:{port}", timeout=30) as page:
+            assert page.read(15).lower() == b"<!doctype html>"
+        listening = [line.split()[1] for name in ("tcp", "tcp6")
+                     for line in Path(f"/proc/net/{name}").read_text().splitlines()[1:]
+                     if line.split()[3] == "0A" and line.split()[1].endswith(f":{port:04X}")]
+        assert listening == [f"0100007F:{port:04X}"]
+        for address in own_addresses():
+            with pytest.raises(ConnectionRefusedError), socket.create_connection(
+                    (address, port), timeout=10):
+                pass
+        time.sleep(1.0)  # it plays
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 130
+    assert out == ""
+    assert err == "interrupted; what was finished is kept\n"
+
+
+def own_addresses() -> list[str]:
+    """This machine's addresses other than 127.0.0.1; the loopback's others are its own too."""
+    try:
+        found = {str(info[4][0]) for info in socket.getaddrinfo(socket.gethostname(), None)}
+    except OSError:
+        found = set()
+    return sorted(found - {"127.0.0.1", "::1"} | {"127.0.0.2"})
 
 
 @needs_browser

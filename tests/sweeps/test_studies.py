@@ -21,5 +21,5 @@ def test_a_study_is_a_plan_and_is_explained(file: Path) -> None:
 
 
 def test_the_example_in_the_docs_is_the_file() -> None:
-    code = (ROOT / "examples" / "least_touched_side.py").read_text().split("\n\n", 1)[1].strip()
+    code = (ROOT / "examples" / "mine" / "mine.py").read_text().split("\n\n", 1)[1].strip()
     assert code in (ROOT / "docs" / "strategies.md").read_text()
