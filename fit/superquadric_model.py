@@ -65,17 +65,22 @@ def normal_equations(theta, lane: Lane, form: Form) -> Normal:
         by_turn = jnp.cross(by_place, local, axis=0)
         rows = jnp.concatenate([*jax.tree.leaves(by_shape), by_turn, by_place, value[None]])
         sums = sums + rows @ rows.T
+    matrix = step.T @ sums[:-1, :-1] @ step
+    gradient, cost = sums[-1, :-1] @ step, 0.5 * sums[-1, -1]
+    if lane.plane is not None:
+        r, j = jax.value_and_grad(_above_table)(theta, lane, form)
+        matrix, gradient, cost = matrix + jnp.outer(j, j), gradient + r * j, cost + 0.5 * r**2
     others = lambda t: (_others(t, lane, form),) * 2  # noqa: E731
     j, r = jax.jacfwd(others, has_aux=True)(theta)
-    return Normal(step.T @ sums[:-1, :-1] @ step + j.T @ j,
-                  sums[-1, :-1] @ step + r @ j, 0.5 * (sums[-1, -1] + r @ r))
+    return Normal(matrix + j.T @ j, gradient + r @ j, cost + 0.5 * r @ r)
 
 
 def residuals(theta, lane: Lane, form: Form) -> Float[Array, " residual"]:
     """The residuals themselves, in the order of `normal_equations`."""
     body = unpack(theta, lane.rotation, form)
     each = [function(body.shape, body.local(places)) for function, places in _fields(lane, form)]
-    return jnp.concatenate([*each, _others(theta, lane, form)])
+    table = [] if lane.plane is None else [_above_table(theta, lane, form)[None]]
+    return jnp.concatenate([*each, *table, _others(theta, lane, form)])
 
 
 def _fields(lane: Lane, form: Form) -> list[tuple[Callable, Tensor]]:
@@ -92,13 +97,18 @@ def _fields(lane: Lane, form: Form) -> list[tuple[Callable, Tensor]]:
     return fields
 
 
+def _above_table(theta, lane: Lane, form: Form) -> Float[Array, ""]:
+    """Residual of the support plane: the body's lowest point lies on it."""
+    assert lane.plane is not None
+    body = unpack(theta, lane.rotation, form)
+    down, height, weight = lane.plane[:3], lane.plane[3], lane.plane[4]
+    return weight * (down @ body.position + support(body, down) - height)
+
+
 def _others(theta, lane: Lane, form: Form) -> Float[Array, " residual"]:
-    """Residuals of the body as a whole, and the ridge."""
+    """The other residuals of the body as a whole, and the ridge."""
     body = unpack(theta, lane.rotation, form)
     parts = []
-    if lane.plane is not None:
-        down, height, weight = lane.plane[:3], lane.plane[3], lane.plane[4]
-        parts.append(weight * (down @ body.position + support(body, down) - height)[None])
     if lane.upright is not None:
         u = body.rotation[2]
         # The products vanish exactly where one axis is vertical, and grow with the tilt.

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from fit.superquadric_body import Body, Tensor
-from fit.superquadric_field import LEAST_TAPER_FACTOR, TINY
+from fit.superquadric_distance import LEAST_TAPER_FACTOR, TINY
 
 
 def support(body: Body, direction: Float[Tensor, " 3"], nodes: int = 17) -> Float[Array, ""]:
