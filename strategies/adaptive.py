@@ -4,34 +4,54 @@ All choose among the same candidates (`strategies.candidates`), one pose a step 
 budget is spent. What tells them apart is the gain they see in a pose.
 """
 
+from abc import ABC, abstractmethod
+
 import numpy as np
 
 from fit.superquadric_shape import Superquadric
 from fit.superquadric_uncertainty import distance_slopes, surface_std
 from strategies.belief import Belief
-from strategies.candidates import candidate_poses, predicted_touches, working_belief
+from strategies.candidates import candidate_poses, predicted_touches
+from strategies.planning_body import planning_belief
 from strategies.probes import Grasp, Probe
+from strategies.recovered import TOLD_MARGIN_M
 from strategies.registry import planner
 from warpgrasp.counter_random import counter_key_host, counter_uniform_host
 
 NEW_AT_M = 0.03
 """A touch this far from all others is as new as can be."""
+BARRED_M, EMPTY_M = 0.006, 0.010
+"""An object where the hand struck something is taken to be this much larger than before; one where
+most fingers closed on nothing, this much smaller [est]."""
+POOR = 0.4
+"""Share of contacts among the closings below which most closed on nothing."""
+FORGETS = 0.7
+"""What is kept of that after a pose that went well [est]."""
 TOUCH_SIGMA_M = 0.0015
 """Spread of one touch along the normal, as an adaptive strategy reckons [est]."""
 
 
-class OneAtATime:
+class OneAtATime(ABC):
     """Base of these planners: the candidate of the greatest gain that was not taken yet."""
 
     about = "belief"
 
     def __init__(self) -> None:
         self.taken: np.ndarray | None = None
+        self.last: np.ndarray | None = None
+        """Where the hand is, (world, 1, 7)."""
+        self.larger_m: np.ndarray | float = 0.0
+        """By how much the object is taken to be larger than believed, (world,)."""
+        self._before: tuple[np.ndarray, np.ndarray] | None = None
 
     def __call__(self, belief: Belief) -> list[Probe]:
         """One grasp in every world that has a candidate left."""
-        belief = working_belief(belief)
-        poses, reachable = candidate_poses(belief, about=self.about)
+        margin: np.ndarray | float = 0.0
+        if self.about == "belief":
+            self._learn(belief)
+            belief, trusted = planning_belief(belief, self.larger_m)
+            margin = np.where(trusted, self.larger_m, 0.0)
+        poses, reachable = candidate_poses(belief, about=self.about, margin_m=margin)
         if self.taken is None:
             self.taken = np.zeros(reachable.shape, bool)
         free = reachable & ~self.taken & belief.active[:, None]
@@ -40,11 +60,22 @@ class OneAtATime:
         rows = np.arange(belief.worlds)
         wanted = np.isfinite(gain[rows, best])
         self.taken[rows[wanted], best[wanted]] = True
+        self.last = poses[rows, best][:, None]
         return [Grasp(poses[rows, best][:, None], wanted[:, None])]
 
+    def _learn(self, belief: Belief) -> None:
+        """How the last pose went says whether the object is larger or smaller than believed."""
+        contacts = belief.evidence.mask.sum(1)
+        if self._before is not None:
+            closed, felt = belief.touches - self._before[0], contacts - self._before[1]
+            larger = np.where(closed == 0, self.larger_m + BARRED_M, np.where(
+                felt < POOR * closed, self.larger_m - EMPTY_M, FORGETS * self.larger_m))
+            self.larger_m = np.clip(larger, -TOLD_MARGIN_M, TOLD_MARGIN_M)
+        self._before = belief.touches.copy(), contacts
+
+    @abstractmethod
     def gain(self, belief: Belief, poses: np.ndarray, free: np.ndarray) -> np.ndarray:
         """What each pose is worth, (world, candidate); only `free` ones count."""
-        raise NotImplementedError
 
 
 @planner("random", "a pose at random among the candidates about the told cylinder")

@@ -4,11 +4,11 @@ from dataclasses import replace
 from math import radians
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from strategies.belief import Belief
-from strategies.closing_paths import CLOSING_PATHS
 from strategies.containment import padded_commands
-from strategies.recovered import or_told
+from strategies.recovered import TOLD_MARGIN_M
 from strategies.upright import stand_upright
 from strategies.waypoint_poses import waypoint_poses
 from strategies.waypoints import BoundingCylinder, Placement, Ring, Top
@@ -29,47 +29,47 @@ POOL: tuple[Placement, ...] = (
     Top(count=2),
 )
 """Rims from two sides, rings at three heights and two distances, two from above: 38 poses."""
+APPROACH_M = 0.12
+"""A hand comes from this far behind its pose."""
+MOST_TAPER = 0.75
+"""Of a body that touches are predicted on: beyond, the simulator's distances to it are so much too
+small a little way off that every hand would seem to strike it."""
 
 
-TRUSTED_FROM = 24
-"""Contacts from which a fitted body is a better guide than what was told [est]."""
-
-
-def working_belief(belief: Belief) -> Belief:
-    """The belief with the told cylinder for a body until enough was felt to trust a fit.
-
-    A body fitted to eight contacts of one grasp may lie beside the object; poses about it, and
-    touches predicted on it, would meet nothing.
-    """
-    trusted = belief.fitted & (belief.evidence.mask.sum(1) >= TRUSTED_FROM)
-    return replace(belief, body=or_told(belief.body, belief.told, trusted))
-
-
-def candidate_poses(belief: Belief, *, about: str = "belief") -> tuple[np.ndarray, np.ndarray]:
+def candidate_poses(
+    belief: Belief, *, about: str = "belief", margin_m: np.ndarray | float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
     """Hand poses (world, candidate, 7) and whether the arm reaches them, bool (world, candidate).
 
-    They stand about the body believed, or about what was told (`about` "told").
+    They stand about the body believed, or about what was told (`about` "told"); about one larger
+    all around by `margin_m` (world,).
     """
     cylinder = belief.told
     if about == "belief":
         stands = stand_upright(belief.body)
         cylinder = BoundingCylinder(
             stands.centre_m[:, 0], stands.centre_m[:, 1],
-            np.clip(stands.radius_m, 0.010, belief.told.radius_m + 0.03),
-            np.clip(stands.top_m, 0.020, belief.told.height_m + 0.03))
+            np.clip(stands.radius_m + margin_m, 0.010, belief.told.radius_m + TOLD_MARGIN_M),
+            np.clip(stands.top_m + np.maximum(margin_m, 0.0), 0.020,
+                    belief.told.height_m + TOLD_MARGIN_M))
     poses = waypoint_poses(POOL, cylinder, belief.hand, belief.seed)
-    return poses, hand_reachable(belief.arm, belief.hand, poses)
+    behind = poses.copy()
+    behind[..., :3] -= Rotation.from_quat(poses[..., 3:].reshape(-1, 4)).apply(
+        [0.0, 0.0, APPROACH_M]).reshape(behind[..., :3].shape)
+    return poses, (hand_reachable(belief.arm, belief.hand, poses)
+                   & hand_reachable(belief.arm, belief.hand, behind))
 
 
 def predicted_touches(
-    belief: Belief, hand_pose: np.ndarray, wanted: np.ndarray, closing: str = "curl40",
-    device: str = "cpu",
+    belief: Belief, hand_pose: np.ndarray, wanted: np.ndarray,
+    closings: tuple[str, ...] = ("curl40", "base_then_curl"), device: str = "cpu",
 ) -> tuple[np.ndarray, np.ndarray]:
     """Where the fingers would touch the body believed, without noise.
 
-    `hand_pose` (world, candidate, 7). Returns points [m] (world, candidate, finger, 3) and whether
-    there is one, bool (world, candidate, finger). The closing is that of the simulator, against the
-    superquadric that is believed: nothing true enters.
+    `hand_pose` (world, candidate, 7). Returns points [m] (world, candidate, touch, 3) and whether
+    there is one, bool (world, candidate, touch): four fingers for each of `closings`, one after the
+    other. The closing is that of the simulator, against the superquadric that is believed: nothing
+    true enters.
     """
     bodies = [_body_of(belief, world) for world in range(belief.worlds)]
     truth = Truth(np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (belief.worlds, 1)))
@@ -77,18 +77,17 @@ def predicted_touches(
     exact = replace(belief.arm, mount_error_m=0.0, mount_error_rad=0.0, repeatability_m=0.0)
     robot = Robot(bodies, np.arange(belief.worlds), truth, np.zeros(belief.worlds, np.uint64),
                   exact, belief.hand, quiet, device=device)
-    assert closing in CLOSING_PATHS
-    commands, count = padded_commands((closing,))
-    robot.grasp(hand_pose, wanted, commands, count)
-    found = truth.closings[-1]
-    points = found.point_m[:, :, 0]
+    robot.grasp(hand_pose, wanted, *padded_commands(closings))
+    found = truth.closings[-1].point_m
+    points = found.reshape(*found.shape[:2], -1, 3)
     return np.nan_to_num(points), np.asarray(np.isfinite(points).all(-1))
 
 
 def _body_of(belief: Belief, world: int) -> Body:
     """In the base frame: a body's frame has the table at its z = 0."""
     body = belief.body
-    numbers = [float(v) for row in (body.size_m, body.exponents, body.taper, body.bend)
+    taper = np.clip(body.taper, -MOST_TAPER, MOST_TAPER)
+    numbers = [float(v) for row in (body.size_m, body.exponents, taper, body.bend)
                for v in row[world]]
     middle = [float(v) for v in body.position_m[world]]
     reach = 2 * float(np.linalg.norm(body.size_m[world]))

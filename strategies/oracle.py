@@ -10,7 +10,8 @@ from collections.abc import Callable
 import numpy as np
 
 from strategies.belief import Belief
-from strategies.candidates import candidate_poses, working_belief
+from strategies.candidates import candidate_poses
+from strategies.planning_body import planning_belief
 from strategies.probes import Grasp, Probe
 from strategies.recovered import Recovered
 from strategies.registry import planner
@@ -37,7 +38,7 @@ class Oracle:
         """One grasp in every world that has a candidate left."""
         if self.foresee is None or self.error is None:
             raise RuntimeError("the oracle sees nothing outside a sweep")
-        poses, reachable = candidate_poses(working_belief(belief))
+        poses, reachable = candidate_poses(planning_belief(belief)[0])
         if self.taken is None:
             self.taken = np.zeros(reachable.shape, bool)
         free = reachable & ~self.taken & belief.active[:, None]

@@ -18,6 +18,8 @@ from fit.superquadric_shape import (
     superquadric_normals,
 )
 from strategies.evidence import Evidence, TouchedLinks
+from strategies.fusion import evidence_rows, link_rows
+from strategies.rivals import CLEARLY, DOUBTED_M, RIVAL, touch_misfit, with_rows
 from warpgrasp.parameters import FitTable
 
 FREE_BALLS = 64
@@ -40,8 +42,14 @@ def recover_bodies(
     """Superquadrics of all worlds, and the contacts as placed for the last fit.
 
     Without `links` (the paper's fingertip estimate) the points stay where they are felt, and one
-    more fit brings in free space.
+    more fit brings in free space. Bodies that are doubted have rivals (`strategies.rivals`).
     """
+    return _against_rivals(*_recover(evidence, links, table), evidence, links, table)
+
+
+def _recover(
+    evidence: Evidence, links: TouchedLinks | None, table: FitTable
+) -> tuple[SuperquadricFit, Evidence]:
     # No body yet, so no free balls yet; masked ones in their place, for one compiled program.
     first = slice(0, FREE_BALLS)
     placed = replace(evidence, free_m=evidence.free_m[:, first],
@@ -73,7 +81,23 @@ def refine_bodies(
         fits = fit_evidence(
             placed, table, start=fits,
             iterations=LAST_ITERATIONS if number == rounds - 1 else ROUGH_ITERATIONS)
-    return fits, placed
+    return _against_rivals(fits, placed, evidence, links, table)
+
+
+def _against_rivals(
+    fits: SuperquadricFit, placed: Evidence, evidence: Evidence, links: TouchedLinks | None,
+    table: FitTable
+) -> tuple[SuperquadricFit, Evidence]:
+    """The fits, or in doubted worlds those of the rival residual where they are nearer."""
+    misfit = touch_misfit(fits, placed)
+    rows = np.flatnonzero((misfit > DOUBTED_M) & placed.mask.any(1) & table.rivals)
+    if len(rows) == 0:
+        return fits, placed
+    rival, where = _recover(evidence_rows(evidence, rows), links and link_rows(links, rows),
+                            replace(table, residual=RIVAL))
+    won = touch_misfit(rival, where) < CLEARLY * misfit[rows]
+    return (with_rows(fits, rows[won], rival[won]),
+            with_rows(placed, rows[won], evidence_rows(where, won)))
 
 
 def fit_evidence(

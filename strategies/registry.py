@@ -81,6 +81,7 @@ def takes_belief(found: Any) -> bool:
 def find_planner(call: str) -> Callable[..., Any]:
     """What `call` names. Raises PlannerError."""
     import strategies.adaptive
+    import strategies.expected_error
     import strategies.oracle
     import strategies.surface_gaussian_process  # noqa: F401
 

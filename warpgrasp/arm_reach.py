@@ -14,6 +14,31 @@ def hand_reachable(arm: ArmTable, hand: HandTable, hand_pose: np.ndarray) -> np.
     finite is not reachable.
     """
     poses = np.asarray(hand_pose, float)
+    inside, _ = _configurations(arm, hand, poses)
+    return inside.any(-1)
+
+
+def travel_time(
+    arm: ArmTable, hand: HandTable, start_pose: np.ndarray, end_pose: np.ndarray
+) -> np.ndarray:
+    """About how long the arm takes between hand poses, broadcast (..., 7) each [s], shape (...,).
+
+    The slowest joint governs, over the pair of configurations that are nearest in time; inf where
+    either pose is out of reach.
+    """
+    inside, q = _configurations(arm, hand, np.asarray(start_pose, float))
+    inside_end, q_end = _configurations(arm, hand, np.asarray(end_pose, float))
+    apart = np.abs(q[..., :, None, :] - q_end[..., None, :, :])
+    time = (apart / np.asarray(arm.speed_rad_s)).max(-1)
+    possible = inside[..., :, None] & inside_end[..., None, :]
+    return np.where(possible, time, np.inf).min((-1, -2))
+
+
+def _configurations(
+    arm: ArmTable, hand: HandTable, poses: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The eight configurations [rad] of hand poses (..., 7), each angle the least inside the
+    limits where there is one: whether they are (..., 8), and the angles (..., 8, 6)."""
     flat = poses.reshape(-1, 7)
     finite = np.asarray(np.isfinite(flat).all(1))
     flange = np.where(finite[:, None], flat, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
@@ -23,5 +48,6 @@ def hand_reachable(arm: ArmTable, hand: HandTable, hand_pose: np.ndarray) -> np.
     # The least equivalent angle that is not below the lower limit.
     with np.errstate(invalid="ignore"):
         wrapped = low + np.mod(q - low, 2 * np.pi)
-        inside = (np.isfinite(q) & (wrapped <= high)).all(-1).any(-1)
-    return np.asarray(inside & finite).reshape(poses.shape[:-1])
+        inside = (np.isfinite(q) & (wrapped <= high)).all(-1) & finite[:, None]
+    shape = poses.shape[:-1]
+    return inside.reshape(*shape, 8), np.nan_to_num(wrapped).reshape(*shape, 8, 6)

@@ -162,6 +162,8 @@ class FitTable:
                                              "volume_distance"),
                             "solina and volume_distance prefer the smallest body; solina_first "
                             "takes the latter once a tapered body is found")
+    rivals: bool = field(default=True, metadata={
+        "doc": "another residual too, where touches lie far from the body"})
     upright_rad: float | None = _number(0.01, 1e-3, 10.0,
                                         "sigma of the tilt of a body that stands on the table")
     rounds: int = _number(4, 0, 32, "times contacts are placed anew against the body last fitted")

@@ -77,10 +77,14 @@ def superquadric_deformed_gauge(p: vec3, s: SuperquadricShape):
         x = p[0] - ca * shift
         y = p[1] - sa * shift
         z = wp.atan2(p[2], lever) / s.bend
-    tx = s.kx * z / s.size[2] + ONE
-    ty = s.ky * z / s.size[2] + ONE
-    thin_x = tx < _THIN
-    thin_y = ty < _THIN
+    # Above and below the body the taper goes no further: carried on, it would close to a point
+    # there, and open air above a wedge would count as touched.
+    height = wp.clamp(z / s.size[2], -ONE, ONE)
+    tx = s.kx * height + ONE
+    ty = s.ky * height + ONE
+    beyond = wp.abs(z) > s.size[2]
+    thin_x = tx < _THIN or beyond
+    thin_y = ty < _THIN or beyond
     tx = wp.max(tx, _THIN)
     ty = wp.max(ty, _THIN)
     g = superquadric_gauge(vec3(x / tx, y / ty, z), s.size, s.e1, s.e2)
@@ -106,4 +110,9 @@ def sdf_superquadric_bound_grad(p: vec3, s: SuperquadricShape):
     """Unit gradient and first-order distance (nx, ny, nz, d) [m], see the module's text."""
     g = superquadric_deformed_gauge(p, s)
     slope = wp.max(wp.sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]), TINY)
-    return vec4(g[0] / slope, g[1] / slope, g[2] / slope, (g[3] - ONE) / slope)
+    distance = (g[3] - ONE) / slope
+    # No straight body reaches beyond its ends. Over a ridge the gauge's slope is that of its sides.
+    beyond = wp.abs(p[2]) - s.size[2]
+    if s.bend <= _STRAIGHT and beyond > wp.max(distance, ZERO):
+        return vec4(ZERO, ZERO, sign_of(p[2]), beyond)
+    return vec4(g[0] / slope, g[1] / slope, g[2] / slope, distance)

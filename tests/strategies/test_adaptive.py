@@ -56,11 +56,20 @@ def test_candidates_are_reachable_hand_poses() -> None:
 
 def test_predicted_touches_lie_on_the_body_believed() -> None:
     poses, reachable = candidate_poses(belief())
-    points, found = predicted_touches(belief(), poses, reachable)
+    points, found = predicted_touches(belief(), poses, reachable, ("curl40",))
     assert found.any(-1)[reachable].mean() > 0.5
     assert not found[~reachable].any()
     gauge = superquadric_inside_outside(BODY, points.reshape(2, -1, 3)).reshape(found.shape)
     assert np.abs(gauge[found] - 1).max() < 0.02
+
+
+def test_both_closings_are_predicted_one_after_the_other() -> None:
+    poses, reachable = candidate_poses(belief())
+    points, found = predicted_touches(belief(), poses, reachable)
+    first, first_found = predicted_touches(belief(), poses, reachable, ("curl40",))
+    assert found.shape[2] == 8
+    assert np.array_equal(points[:, :, :4], first) and np.array_equal(found[:, :, :4], first_found)
+    assert found[:, :, 4:].any()
 
 
 @pytest.mark.parametrize("make", [GreedyCoverage, SurfaceGaussianProcess, MostUncertain])

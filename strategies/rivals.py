@@ -1,0 +1,51 @@
+"""Rival bodies: where touches lie far from the body fitted, another residual is asked as well.
+
+Solina's residual and its like multiply by the volume, which prefers the smallest body that explains
+the touches; with few or crowded touches a body shrunk to a needle, which costs nothing however far
+from the touches it lies, may win. The radial residual has no such factor and does not shrink, but errs
+elsewhere. So where a body is doubted it is tried from scratch, and what lies nearer to the touches
+stays.
+"""
+
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from fit.status import FitStatus
+from fit.superquadric import SuperquadricFit
+from fit.superquadric_uncertainty import surface_distance
+from strategies.evidence import Evidence
+
+RIVAL = "radial"
+"""Residual tried where a body is doubted; see `fit.superquadric_field`."""
+DOUBTED_M = 0.0015
+"""Mean distance of the touches from which a body is doubted; noise alone leaves 0.8 mm [est]."""
+CLEARLY = 0.95
+"""A rival must come this much nearer."""
+FARTHEST_M = 0.010
+"""A touch farther than this counts as this far: some are no touches of the body at all."""
+
+
+def touch_misfit(fits: SuperquadricFit, placed: Evidence) -> np.ndarray:
+    """Mean distance [m] of each world's touches from its body, each capped, (world,); inf where
+    there is no usable fit."""
+    with np.errstate(all="ignore"):
+        distance, _ = surface_distance(fits, placed.points_m)
+    away = np.where(np.isfinite(distance), np.minimum(np.abs(distance), FARTHEST_M), FARTHEST_M)
+    count = placed.mask.sum(1)
+    mean = np.where(placed.mask, away, 0.0).sum(1) / np.maximum(count, 1)
+    good = np.isin(fits.status, (FitStatus.converged, FitStatus.not_converged)) & (count > 0)
+    return np.where(good, mean, np.inf)
+
+
+def with_rows(whole: Any, rows: np.ndarray, part: Any) -> Any:
+    """A record (fits or evidence) whose `rows` (n,) are those of `part`."""
+    values = {}
+    for field in fields(whole):
+        value = getattr(whole, field.name)
+        if isinstance(value, np.ndarray):
+            value = value.copy()
+            value[rows] = getattr(part, field.name)
+        values[field.name] = value
+    return type(whole)(**values)
