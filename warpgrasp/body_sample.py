@@ -84,8 +84,8 @@ def _box_distances(body: Body) -> tuple[np.ndarray, np.ndarray, np.ndarray, floa
 def sobol_points(log2_count: int) -> np.ndarray:
     """The first 2^n points of Sobol's sequence in the unit cube, shape (2^n, 3).
 
-    In the order of the Gray code, directions of Joe and Kuo (2008), the same as `scipy.stats.qmc.Sobol(3, scramble=False)`, whose
-    import takes longer than an episode.
+    In the order of the Gray code, directions of Joe and Kuo (2008); the same as
+    `scipy.stats.qmc.Sobol(3, scramble=False)`, whose import takes longer than an episode.
     """
     index = np.arange(1 << log2_count, dtype=np.uint32)
     gray = index ^ (index >> 1)

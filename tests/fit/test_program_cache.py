@@ -42,7 +42,8 @@ def test_a_program_is_loaded_and_says_the_same(folder: Path) -> None:
     assert len(list(folder.iterdir())) == 1
     assert np.array_equal(map_lanes(never(), SETS), made)
     text = ("import sys, numpy as np; sys.path.insert(0, sys.argv[1]); "
-            "import test_program_cache as t; from pathlib import Path; t.program_cache._folder = lambda: Path(sys.argv[2]);"
+            "import test_program_cache as t; from pathlib import Path; "
+            "t.program_cache._folder = lambda: Path(sys.argv[2]);"
             "print(t.map_lanes(t.never(), t.SETS).tobytes().hex())")
     fresh = subprocess.run([sys.executable, "-c", text, str(Path(__file__).parent), str(folder)],
                            check=True, capture_output=True, text=True)
