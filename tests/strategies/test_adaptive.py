@@ -68,7 +68,8 @@ def test_both_closings_are_predicted_one_after_the_other() -> None:
     points, found = predicted_touches(belief(), poses, reachable)
     first, first_found = predicted_touches(belief(), poses, reachable, ("curl40",))
     assert found.shape[2] == 8
-    assert np.array_equal(points[:, :, :4], first) and np.array_equal(found[:, :, :4], first_found)
+    assert np.array_equal(points[:, :, :4], first)
+    assert np.array_equal(found[:, :, :4], first_found)
     assert found[:, :, 4:].any()
 
 
