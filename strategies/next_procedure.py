@@ -107,7 +107,8 @@ def turned(belief: Belief, table: DecideTable) -> np.ndarray:
         return np.zeros(belief.worlds, bool)
     turned_off = revolution_misfit(revolution_of_all(belief.evidence, belief.told),
                                    belief.evidence)
-    return turned_off <= table.turned_within * touch_misfit(belief.fits, belief.evidence)
+    near = turned_off <= table.turned_within * touch_misfit(belief.fits, belief.evidence)
+    return near & (turned_off <= table.turned_within_m)
 
 
 def sides_crossed(belief: Belief) -> tuple[np.ndarray, np.ndarray]:

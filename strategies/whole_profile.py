@@ -17,8 +17,9 @@ from strategies.fusion import evidence_rows
 from strategies.waypoints import TOLD_MARGIN_M, BoundingCylinder
 
 OPTIONS = RevolutionOptions(nodes=10, upright=True)
-COVERED = 0.8
-"""Share of the height over which a contour is to have been followed, to be left as it is."""
+COVERED = (0.3, 0.9)
+"""A contour followed from below the first share of the height to above the second is left as it
+is: fingers that must clear the table begin a little above it."""
 FEWEST_TOUCHES = 4
 """Along a contour that counts as followed at all."""
 FAR_M = 0.010
@@ -59,9 +60,9 @@ def whole_profile(
     profile: Profile, evidence: Evidence, contour: np.ndarray, told: BoundingCylinder
 ) -> Profile:
     """The profiles, those of broken contours replaced; `contour` (slot,) numbers their touches."""
-    along = contour_span(profile, evidence, contour)
+    low, high = contour_span(profile, evidence, contour)
     followed = evidence.mask[:, contour].sum(1) >= FEWEST_TOUCHES
-    rows = np.flatnonzero(followed & (along < COVERED))
+    rows = np.flatnonzero(followed & ((low > COVERED[0]) | (high < COVERED[1])))
     if len(rows) == 0:
         return profile
     fit = revolution_of_all(evidence_rows(evidence, rows), BoundingCylinder(
@@ -91,8 +92,10 @@ def whole_profile(
         rms_m=with_rows(profile.rms_m, fit.rms_m[good]))
 
 
-def contour_span(profile: Profile, evidence: Evidence, contour: np.ndarray) -> np.ndarray:
-    """Share of the height that was felt at all over which the contour was felt, (world,)."""
+def contour_span(
+    profile: Profile, evidence: Evidence, contour: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """From where to where the contour was felt, as shares of the height felt at all, (world,)."""
     known = np.isfinite(profile.volume_m3)[:, None]
     foot = np.where(known, profile.foot_m, 0.0)
     t = np.einsum("wpi,wi->wp", evidence.points_m - foot[:, None],
@@ -104,4 +107,5 @@ def contour_span(profile: Profile, evidence: Evidence, contour: np.ndarray) -> n
     felt = np.sort(np.where(evidence.mask, t, np.inf), axis=1)
     last = np.maximum(np.ceil(0.95 * evidence.mask.sum(1)).astype(int) - 1, 0)
     top = felt[np.arange(len(felt)), last]
-    return np.where(own.any(1), (high - low) / np.maximum(np.maximum(top, high), 1e-6), 0.0)
+    height = np.maximum(np.where(np.isfinite(top), np.maximum(top, high), 1.0), 1e-6)
+    return low / height, high / height
