@@ -58,9 +58,10 @@ def make_planner(call: str, options: Mapping[str, Any]) -> Planner:
         try:
             made: Any = found(**options)
             return made
-        except TypeError as error:
+        except Exception as error:  # whatever a user's planner may raise
+            kind = "" if isinstance(error, TypeError) else f"{type(error).__name__}: "
             raise PlannerError(f"strategy {call!r} cannot take the options "
-                               f"{sorted(options)}: {error}") from None
+                               f"{sorted(options)}: {kind}{error}") from None
     if options:
         raise PlannerError(f"strategy {call!r} is a plain function; it takes no options, "
                            f"but has {sorted(options)}")

@@ -13,7 +13,7 @@ from strategies.candidates import POOL, candidate_poses, predicted_touches
 from strategies.oracle import Oracle
 from strategies.probes import Grasp
 from strategies.recovered import Recovered, Shape
-from strategies.registry import make_planner
+from strategies.registry import PlannerError, make_planner
 from strategies.surface_gaussian_process import SurfaceGaussianProcess
 
 
@@ -115,3 +115,10 @@ def test_the_oracle_takes_what_turns_out_best() -> None:
     assert np.allclose(probe.hand_pose[:, 0], tried[np.arange(2), best])
     with pytest.raises(RuntimeError, match="sees nothing"):
         Oracle()(here)
+
+
+def test_options_a_planner_cannot_use_are_refused_by_name() -> None:
+    with pytest.raises(PlannerError, match="length_m.*could not convert"):
+        make_planner("gaussian-process", {"length_m": "wide"})
+    with pytest.raises(PlannerError, match="breadth"):
+        make_planner("even", {"breadth": 1})
