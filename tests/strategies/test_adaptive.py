@@ -118,7 +118,7 @@ def test_the_oracle_takes_what_turns_out_best() -> None:
 
 
 def test_options_a_planner_cannot_use_are_refused_by_name() -> None:
-    with pytest.raises(PlannerError, match="length_m.*could not convert"):
+    with pytest.raises(PlannerError, match=r"length_m.*could not convert"):
         make_planner("gaussian-process", {"length_m": "wide"})
     with pytest.raises(PlannerError, match="breadth"):
         make_planner("even", {"breadth": 1})
