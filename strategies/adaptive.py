@@ -14,8 +14,8 @@ from strategies.belief import Belief
 from strategies.candidates import candidate_poses, predicted_touches
 from strategies.planning_body import planning_belief
 from strategies.probes import Grasp, Probe
-from strategies.recovered import TOLD_MARGIN_M
 from strategies.registry import planner
+from strategies.waypoints import TOLD_MARGIN_M
 from warpgrasp.counter_random import counter_key_host, counter_uniform_host
 
 NEW_AT_M = 0.03

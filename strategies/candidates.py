@@ -8,10 +8,9 @@ from scipy.spatial.transform import Rotation
 
 from strategies.belief import Belief
 from strategies.containment import padded_commands
-from strategies.recovered import TOLD_MARGIN_M
 from strategies.upright import stand_upright
 from strategies.waypoint_poses import waypoint_poses
-from strategies.waypoints import BoundingCylinder, Placement, Ring, Top
+from strategies.waypoints import TOLD_MARGIN_M, BoundingCylinder, Placement, Ring, Top
 from warpgrasp.arm_reach import hand_reachable
 from warpgrasp.body import Body, Part
 from warpgrasp.parameters import SensorTable

@@ -6,7 +6,8 @@ that no superquadric can (a Matern 3/2 kernel), as large as the residuals of the
 their marginal likelihood. Touches say what it is at places; so do those that a pose is predicted to
 make. The gain of a pose is by how much they lower the mean over the surface of the standard
 deviation, to which the mean distance between the surfaces is proportional. In the language of
-experimental design it is I-optimal (Cox and Cohn 1996, Active learning with statistical models);
+experimental design it is I-optimal (Cohn, Ghahramani and Jordan 1996, Active learning with
+statistical models);
 the parametric part alone would be blind to what the body believed cannot be, the other alone to
 what is known of a whole side from a few touches of it.
 """

@@ -40,6 +40,7 @@ from strategies.probes import CrossFaces, FollowContour, Grasp, Probe, wanted_of
 from strategies.recovered import Recovered, choose_body, or_told, plausible
 from strategies.recovery import recover_bodies, refine_bodies
 from strategies.waypoints import BoundingCylinder
+from strategies.whole_profile import whole_profile
 from warpgrasp.parameters import FitTable
 from warpgrasp.robot import Grasps, Robot
 from warpgrasp.status import ProbeStatus
@@ -310,10 +311,12 @@ class _Run:
         """What is believed now."""
         fitted = self.believed()
         body = or_told(self.fits, self.told, fitted)
-        self.recovered = choose_body(fitted, body, self.profile, self.placed, self.contour)
+        profile = self.profile and whole_profile(
+            self.profile, self.placed, self.contour, self.told)
+        self.recovered = choose_body(fitted, body, profile, self.placed, self.contour)
         self.belief = Belief(
             self.step, self.active.copy(), self.told, self.seed, self.robot.arm,
-            self.robot.hand, self.placed, self.fits, fitted, body, tuple(self.faces), self.profile,
+            self.robot.hand, self.placed, self.fits, fitted, body, tuple(self.faces), profile,
             self.recovered.shape, self.touches.copy(), self.time.copy(), self.path.copy())
 
     def status(self) -> np.ndarray:

@@ -7,10 +7,13 @@ from strategies.belief import Belief
 from strategies.contour import Axis, ContourOptions
 from strategies.planar import PlanarOptions
 from strategies.probes import CrossFaces, FollowContour
-from strategies.recovered import TOLD_MARGIN_M, Shape
+from strategies.recovered import Shape
+from strategies.rivals import touch_misfit
 from strategies.stereo_axis import StereoAxis
 from strategies.tables import ContourTable, DecideTable, PlanarTable
 from strategies.upright import faces_of, stand_upright
+from strategies.waypoints import TOLD_MARGIN_M
+from strategies.whole_profile import revolution_misfit, revolution_of_all
 from warpgrasp.counter_random import Purpose, counter_key_host, counter_uniform_host
 
 _DOWN = -0.5  # the face a body stands on, and what leans over it, is out of reach
@@ -76,12 +79,13 @@ def decide(belief: Belief, table: DecideTable) -> tuple[np.ndarray, np.ndarray]:
     """Which worlds go on with faces and which with a contour, bool (world,) each.
 
     A body whose level section is a rectangle has faces; one whose section is an ellipse has a
-    contour. The exact gate of the model document: a z-axis cylinder has eps1 ~ 0.1, eps2 ~ 1.
+    contour (a z-axis cylinder has eps1 ~ 0.1, eps2 ~ 1), and so has one that a surface of
+    revolution describes as well.
     Where one of them was done already it is left at that, if it bore out the choice (sides that
     are flat, a contour that explains the touches); if not, the other is next.
     """
     stands = stand_upright(belief.body)
-    round_ = (stands.section_exponent >= table.round_from) | ~belief.fitted
+    round_ = (stands.section_exponent >= table.round_from) | ~belief.fitted | turned(belief, table)
     crossed, flat = sides_crossed(belief)
     followed = (np.zeros(belief.worlds, bool) if belief.profile is None
                 else np.isfinite(belief.profile.volume_m3))
@@ -91,6 +95,20 @@ def decide(belief: Belief, table: DecideTable) -> tuple[np.ndarray, np.ndarray]:
     contour = ~done & ~followed & np.where(crossed > 0, True, round_)
     faces = ~done & ~contour & (crossed == 0)
     return faces, contour
+
+
+def turned(belief: Belief, table: DecideTable) -> np.ndarray:
+    """Whether a surface of revolution explains the touches about as well as the superquadric.
+
+    The exponent alone may be told wrong by few touches, or by a body that no superquadric is; on a
+    block or a wedge no surface of revolution comes near all touches. Bool (world,).
+    """
+    if table.turned_within == 0.0:
+        return np.zeros(belief.worlds, bool)
+    turned_off = revolution_misfit(revolution_of_all(belief.evidence, belief.told),
+                                   belief.evidence)
+    near = turned_off <= table.turned_within * touch_misfit(belief.fits, belief.evidence)
+    return near & (turned_off <= table.turned_within_m)
 
 
 def sides_crossed(belief: Belief) -> tuple[np.ndarray, np.ndarray]:

@@ -14,9 +14,9 @@ import numpy as np
 from fit.status import FitStatus
 from fit.superquadric import SuperquadricOptions, fit_superquadric
 from strategies.belief import Belief
-from strategies.recovered import TOLD_MARGIN_M, or_told, plausible
+from strategies.recovered import or_told, plausible
 from strategies.rivals import touch_misfit
-from strategies.waypoints import BoundingCylinder
+from strategies.waypoints import TOLD_MARGIN_M, BoundingCylinder
 
 TRUSTED_FROM = 32
 """Contacts from which a fit to them alone is the better guide [est]."""
@@ -29,7 +29,9 @@ _AROUND, _LEVELS = 8, 3
 _OPTIONS = SuperquadricOptions(taper=True, residual="radial", loss="cauchy", iterations=12)
 
 
-def planning_belief(belief: Belief, larger_m: np.ndarray | float = 0.0) -> tuple[Belief, np.ndarray]:
+def planning_belief(
+    belief: Belief, larger_m: np.ndarray | float = 0.0
+) -> tuple[Belief, np.ndarray]:
     """The belief with a body that is a guide to where touches will be found, in every world, and
     in which worlds that is the fit to touches alone, bool (world,).
 

@@ -15,10 +15,12 @@ from fit.superquadric_shape import (
 )
 from strategies.contour_profile import Profile
 from strategies.evidence import Evidence
-from strategies.waypoints import BoundingCylinder
+from strategies.waypoints import TOLD_MARGIN_M, BoundingCylinder
 
 FEWEST_NODES = 4
 """Of a contour that is to stand for a body."""
+FEWEST_TOUCHES = 4
+"""Along it."""
 PREFERENCE = 0.8
 """The contour must come this much nearer to the touches than the superquadric, whose parameters
 are fewer; on a cylinder, where both do, the superquadric stays."""
@@ -26,8 +28,6 @@ CONTRADICTS_M = 0.010
 """Contacts farther than this from a contour do not belong to it."""
 MOST_STRAYED = 0.1
 FARTHEST_M = 0.05
-TOLD_MARGIN_M = 0.03
-"""Three standard deviations of what is told, for telling a body that has run away."""
 
 
 class Shape(IntEnum):
@@ -74,7 +74,8 @@ def choose_body(
     body = revolution_of(profile)
     mask = evidence.mask[:, contour]
     nodes = np.isfinite(body.height_m).sum(1)
-    known = (nodes >= FEWEST_NODES) & np.isfinite(profile.volume_m3) & (mask.sum(1) >= 6)
+    known = (nodes >= FEWEST_NODES) & (mask.sum(1) >= FEWEST_TOUCHES)
+    known &= np.isfinite(profile.volume_m3)
     rows = np.flatnonzero(known)
     away = revolution_distance(body[rows], evidence.points_m[rows])
     part = Superquadric(*(field[rows] for field in superquadric))

@@ -2,9 +2,9 @@
 
 Solina's residual and its like multiply by the volume, which prefers the smallest body that explains
 the touches; with few or crowded touches a body shrunk to a needle, which costs nothing however far
-from the touches it lies, may win. The radial residual has no such factor and does not shrink, but errs
-elsewhere. So where a body is doubted it is tried from scratch, and what lies nearer to the touches
-stays.
+from the touches it lies, may win. The radial residual has no such factor and does not shrink, but
+errs elsewhere. So where a body is doubted it is tried from scratch, and what lies nearer to the
+touches stays.
 """
 
 from dataclasses import fields

@@ -44,6 +44,10 @@ class DecideTable:
 
     round_from: float = _number(0.5, 0.0, 2.0,
                                 "exponent of the level section from which a body counts as round")
+    turned_within: float = _number(1.15, 0.0, 10.0, "or from which a surface of revolution leaves "
+                                   "this many times the superquadric's mean distance; 0: not asked")
+    turned_within_m: float = _number(0.0025, 0.0, 1.0, "and no more than this, by which no surface "
+                                     "of revolution comes near a block or a wedge")
     flat_share: float = _number(0.5, 0.0, 1.0, "share of the sides crossed that must prove flat, "
                                 "or the body is followed as a round one after all")
     ends: bool = field(default=True, metadata={"doc": "cross the top of a round body that is flat "

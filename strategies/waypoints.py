@@ -15,6 +15,9 @@ from typing import Any
 
 import numpy as np
 
+TOLD_MARGIN_M = 0.03
+"""Three standard deviations of each number told."""
+
 
 class WaypointError(ValueError):
     """A waypoint table or file that cannot be used; the message says where and what is right."""

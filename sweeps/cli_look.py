@@ -13,21 +13,22 @@ from sweeps.cli_arguments import count_of, device_of, folders_and_kind
 def table(words: list[str], /, *,
           out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
           metric: str = "chamfer_mm", against: str | None = None, json: Json = False) -> int:
-    """Print what else a study tells: pairs, objects, confusion, curves, reach, pareto, settings.
+    """Print what else a study tells: pairs, objects, curves, reach, same-time, pareto and more.
 
     Parameters
     ----------
     words
         DIR... KIND: the directories of a study, then one of pairs (paired tests), objects
         (medians on each), confusion (recognition), curves (error against touches and robot
-        time), reach (touches and seconds to 5 mm and 3 mm), pareto (error against robot time),
-        settings (what each swept factor does).
+        time), reach (touches and seconds to 5 mm and 3 mm), same-time (errors when the
+        strategy of --against ended), pareto (error against robot time), settings (what each
+        swept factor does).
     out
         Also write it, as CSV.
     metric
         Of pairs, objects, pareto and settings.
     against
-        For pairs: compare with one strategy only; best is the leaderboard's first.
+        For pairs and same-time: compare with one strategy only; best is the leaderboard's first.
     json
         Print JSON.
     """

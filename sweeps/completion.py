@@ -17,7 +17,8 @@ _warpgrasp() {{
 complete -o filenames -F _warpgrasp warpgrasp
 """
 KINDS = {
-    "table": ("pairs", "objects", "confusion", "curves", "reach", "pareto", "settings"),
+    "table": ("pairs", "objects", "confusion", "curves", "reach", "same-time", "pareto",
+              "settings"),
     "figure": ("forest", "curves-touches", "curves-time", "pareto", "confusion", "settings",
                "contacts", "faces", "contour", "taxels", "grasp"),
     "fit": ("superquadric", "plane", "revolution"),

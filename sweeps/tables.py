@@ -49,6 +49,14 @@ def _reach(plan: Plan, stores: Sequence[Store], metric: str, against: str | None
     return reach_table(read_curves(plan, stores))
 
 
+def _same_time(plan: Plan, stores: Sequence[Store], metric: str,
+               against: str | None) -> TextTable:
+    from sweeps.curves import read_curves
+    from sweeps.table_same_time import same_time_table
+
+    return same_time_table(read_curves(plan, stores), against)
+
+
 def _pareto(plan: Plan, stores: Sequence[Store], metric: str, against: str | None) -> TextTable:
     from sweeps.paired import read_paired
     from sweeps.table_pareto import COST, pareto_table
@@ -68,6 +76,7 @@ KINDS: dict[str, tuple[Maker, str]] = {
     "confusion": (_confusion, "what each object was taken for"),
     "curves": (_curves, "error against touches and robot time"),
     "reach": (_reach, "touches and seconds to come within 5 mm and 3 mm"),
+    "same-time": (_same_time, "errors at the robot time at which one strategy ended"),
     "pareto": (_pareto, "error against robot time, and which strategies are dominated"),
     "settings": (_settings, "what each swept factor does"),
 }

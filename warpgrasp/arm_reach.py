@@ -15,7 +15,7 @@ def hand_reachable(arm: ArmTable, hand: HandTable, hand_pose: np.ndarray) -> np.
     """
     poses = np.asarray(hand_pose, float)
     inside, _ = _configurations(arm, hand, poses)
-    return inside.any(-1)
+    return np.asarray(inside.any(-1))
 
 
 def travel_time(

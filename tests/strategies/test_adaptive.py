@@ -1,50 +1,20 @@
 """Adaptive planners choose what they say they choose; predictions are the simulator's."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from beliefs import BODY, belief, on_side
 
-from fit.superquadric_shape import superquadric, superquadric_inside_outside
+from fit.superquadric_shape import superquadric_inside_outside
 from strategies.adaptive import EvenPoses, GreedyCoverage, MostInformation, MostUncertain
-from strategies.belief import Belief, believed_uncertainty
+from strategies.belief import believed_uncertainty
 from strategies.candidates import POOL, candidate_poses, predicted_touches
-from strategies.evidence import Evidence
 from strategies.oracle import Oracle
 from strategies.probes import Grasp
 from strategies.recovered import Recovered, Shape
-from strategies.registry import make_planner
+from strategies.registry import PlannerError, make_planner
 from strategies.surface_gaussian_process import SurfaceGaussianProcess
-from strategies.waypoints import BoundingCylinder
-from warpgrasp.parameters import ArmTable, HandTable
-
-BODY = superquadric((0.035, 0.035, 0.07), (0.1, 1.0), [(0.45, 0.0, 0.07), (0.45, 0.02, 0.07)])
-
-
-def belief(points: np.ndarray | None = None) -> Belief:
-    """Two worlds with a cylinder believed; `points` (2, n, 3) were felt."""
-    points = np.zeros((2, 0, 3)) if points is None else points
-    n = points.shape[1]
-    evidence = Evidence(points, np.ones((2, n), bool), np.tile(np.eye(3) * 1e-6, (2, n, 1, 1)),
-                        np.full(points.shape, np.nan), np.zeros((2, 0, 3)), 0.006,
-                        np.zeros((2, 0), bool))
-    told = BoundingCylinder(*(np.array(v) for v in (
-        (0.45, 0.45), (0.0, 0.02), (0.035, 0.035), (0.14, 0.14))))
-    zero = np.zeros(2)
-    return Belief(step=0, active=np.ones(2, bool), told=told, seed=np.arange(2).astype(np.uint64),
-                  arm=ArmTable(), hand=HandTable(), evidence=evidence,
-                  fits=SimpleNamespace(), fitted=np.ones(2, bool),  # pyright: ignore
-                  body=BODY, faces=(), profile=None, shape=np.ones(2, int),
-                  touches=zero.astype(int), time_s=zero, path_m=zero)
-
-
-def on_side(angle_low: float, angle_high: float, n: int = 40) -> np.ndarray:
-    """Points of the cylinders' sides between two azimuths [deg]."""
-    rng = np.random.default_rng(0)
-    angle = np.radians(rng.uniform(angle_low, angle_high, n))
-    ring = np.stack([0.035 * np.cos(angle), 0.035 * np.sin(angle), rng.uniform(-0.06, 0.06, n)], 1)
-    return BODY.position_m[:, None] + ring
 
 
 def test_candidates_are_reachable_hand_poses() -> None:
@@ -68,7 +38,8 @@ def test_both_closings_are_predicted_one_after_the_other() -> None:
     points, found = predicted_touches(belief(), poses, reachable)
     first, first_found = predicted_touches(belief(), poses, reachable, ("curl40",))
     assert found.shape[2] == 8
-    assert np.array_equal(points[:, :, :4], first) and np.array_equal(found[:, :, :4], first_found)
+    assert np.array_equal(points[:, :, :4], first)
+    assert np.array_equal(found[:, :, :4], first_found)
     assert found[:, :, 4:].any()
 
 
@@ -144,3 +115,10 @@ def test_the_oracle_takes_what_turns_out_best() -> None:
     assert np.allclose(probe.hand_pose[:, 0], tried[np.arange(2), best])
     with pytest.raises(RuntimeError, match="sees nothing"):
         Oracle()(here)
+
+
+def test_options_a_planner_cannot_use_are_refused_by_name() -> None:
+    with pytest.raises(PlannerError, match=r"length_m.*could not convert"):
+        make_planner("gaussian-process", {"length_m": "wide"})
+    with pytest.raises(PlannerError, match="breadth"):
+        make_planner("even", {"breadth": 1})

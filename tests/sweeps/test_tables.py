@@ -26,6 +26,7 @@ from sweeps.table_curves import curves_table, reach, reach_table
 from sweeps.table_objects import ALSO, median_interval, object_rows, objects_table
 from sweeps.table_pairs import compare_pairs, episodes_test, holm, objects_test, pairs_table
 from sweeps.table_pareto import dominating, pareto_table
+from sweeps.table_same_time import same_time_table
 from sweeps.table_settings import effects, read_settings, settings_table
 from sweeps.tables import KINDS
 
@@ -198,6 +199,29 @@ def test_reach_by_hand(study: tuple[Plan, Store]) -> None:
     assert got.low <= got.median <= got.high
     assert len(reach_table(curves).rows) == 6
     assert {row["within_mm"] for row in rows_of(reach_table(curves))} == {"5", "3"}
+
+
+def test_errors_at_the_same_time_are_those_when_the_other_ended(
+    study: tuple[Plan, Store]
+) -> None:
+    plan, store = study
+    curves = read_curves(plan, [store])
+    label = curves.labels[0]
+    rows = rows_of(same_time_table(curves, label))
+    assert [row["strategy"] for row in rows] == curves.labels[1:]
+    for entry, row in enumerate(rows, 1):
+        means = []
+        for found in curves.steps["time_s"]:
+            ends = [steps[0][-1] for steps in found[0]]
+            every = np.array([[on_grid(steps, np.array([end]))[0] for steps, end in
+                               zip(one, ends, strict=True)] for one in found])
+            means.append(np.where(np.isfinite(every), every, np.nanmax(every)).mean(1))
+        then = np.mean(means, axis=0)
+        assert row["chamfer_mm_then"] == f"{then[entry]:.3f}"
+        assert abs(float(row["chamfer_mm_difference"]) - (then[entry] - then[0])) < 2e-3
+        assert float(row["ci_low"]) <= float(row["ci_high"])
+    with pytest.raises(LeaderboardError, match="there are"):
+        same_time_table(curves, "nobody")
 
 
 @settings(max_examples=50, deadline=None)

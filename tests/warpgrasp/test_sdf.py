@@ -112,3 +112,13 @@ def test_lumps_of_clay() -> None:
     assert d[1] == pytest.approx(-0.002, abs=1e-6)
     assert d[2] == pytest.approx(-0.003, abs=1e-6)
     assert g[0][2] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_taper_goes_no_further_than_the_body() -> None:
+    """Above a wedge or a ridge is open air, as far as it truly is."""
+    wedge = body_from_table({"name": "ridge", "superquadric": {
+        "size_mm": [30, 30, 50], "exponents": [0.3, 0.3], "taper": [-0.8, 0.0]}}, Path())
+    above = np.array([[[0.0, 0.0, 0.14], [0.002, 0.0, 0.2], [0.0, 0.01, 0.3]]])
+    distance, normal = distance_to_bodies(scene_of([wedge], "cpu"), np.zeros(1, int), above)
+    assert np.allclose(distance, above[..., 2] - 0.1, atol=1e-3)
+    assert np.allclose(normal[..., 2], 1.0, atol=1e-2)
