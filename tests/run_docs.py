@@ -28,6 +28,7 @@ EXCUSED = {
     r".*pip install '\.\[ray\]'.*": "installs from a package index; tests do not need Ray",
     r".*--engine ray.*": "wants Ray and a cluster that runs",
     r"sbatch .*": "wants SLURM; the script that it is handed is run",
+    r"examples/newcomer\.sh": "is the commands around it, whole: a quarter of an hour",
     r"benchmarks/gpu\.sh": "wants a CUDA device",
 }
 """What cannot run here, by a pattern of the whole command, and why."""
@@ -35,14 +36,15 @@ EXCUSED = {
 FEW = "--set episodes_per_cell=4"
 SHRINKS = (
     (r"make pictures", r"make -o .venv/.installed pictures DEMO_EPISODES=5"),
-    (r"make (?!demo|pictures)(.*)", r"make -o .venv/.installed \1"),  # an environment is there already
+    (r"make (?!demo|pictures)(.*)", r"make -o .venv/.installed \1"),  # installed already
     (r"make demo", r"make -o .venv/.installed demo DEMO_EPISODES=5"),
     (r"(.*)pip install (.*)", r"\1pip install --dry-run --no-index --no-build-isolation -q \2"),
-    (r"(.*warpgrasp sweep .*)", rf"\1 {FEW}"),
+    (r"(warpgrasp sweep (?:sweeps|mine)/.*)", r"\1 --set episodes_per_cell=1"),
+    (r"(warpgrasp sweep .*)", rf"\1 {FEW}"),
     (r"(warpgrasp sensitivity .*)", r"\1 --episodes 1"),
     (r"(warpgrasp bench.*)", r"\1 --quick --only touches --only start"),
-    (r"(warpgrasp validate -o .*)", r"\1 --only metrics"),  # whole it has been run before
-    (r"(warpgrasp validate.*)", r"\1 --poses 1"),
+    (r"(warpgrasp validate --only closing)", r"\1 --poses 1"),
+    (r"(warpgrasp validate.*)", r"\1 --only puma --only pads --only metrics"),
     (r"(.*pytest .*)", r"\1 -q --collect-only"),  # the tests themselves run in their own time
     (r"(.*kill_study.py).*", r"\1 --kills 2 --units 6"),
     (r"(.*fuzz_(?:spec|files).py).*", r"\1 --count 20"),
