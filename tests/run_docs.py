@@ -1,6 +1,6 @@
 """Runs every command and code block of the docs, in order, in a copy of the tree, and times each.
 
-    python tests/run_docs.py [--only WORD]
+    python tests/run_docs.py [--only WORD] [--without WORD ...]
 
 Each runs as it is written, but for what `SHRINKS` adds to make studies small, and the few that
 `EXCUSED` names with the reason. What a page has made is there for the pages after it. One that ends
@@ -186,9 +186,12 @@ def main() -> int:
     """Runs them all; 1 where one did not end well."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", default="", help="those whose page or text has this word")
-    only = parser.parse_args().only
+    parser.add_argument("--without", default=[], nargs="+",
+                        help="leave out those whose text has one of these words")
+    asked = parser.parse_args()
     chosen = [(block, command) for block, command in steps()
-              if only in block.place or only in block.text]
+              if (asked.only in block.place or asked.only in block.text)
+              and not any(word in block.text for word in asked.without)]
     failed = 0
     began = time.monotonic()
     with tempfile.TemporaryDirectory() as name:
