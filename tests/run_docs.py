@@ -202,7 +202,7 @@ def main() -> int:
         for number, (block, command) in enumerate(chosen, 1):
             start = time.monotonic()
             code, said = run_step(block, command, folder, earlier.get(block.page, ""))
-            if block.kind == "python":
+            if block.kind == "python" and not said:
                 earlier[block.page] = earlier.get(block.page, "") + block.text
             failed += bool(said)
             shown = command if block.kind == "shell" else f"{command} ({block.kind})"
