@@ -26,6 +26,7 @@ EXCUSED = {
     r"make (test|check)": "runs these very tests",
     r"make validate": "installs from a package index; `warpgrasp validate` itself is run",
     r".*pip install '\.\[ray\]'.*": "installs from a package index; tests do not need Ray",
+    r"pytest tests/sweeps/test_ray_engine.py": "wants Ray, and says so",
     r".*--engine ray.*": "wants Ray and a cluster that runs",
     r"sbatch .*": "wants SLURM; the script that it is handed is run",
     r"examples/newcomer\.sh": "is the commands around it, whole: a quarter of an hour",
