@@ -75,7 +75,8 @@ def test_what_is_not_run_is_there_and_nothing_else_is_excused() -> None:
     excused = {block.text for block in blocks() if run_docs.excuse(block)}
     assert excused == {
         "make test", "make check", "make validate", "benchmarks/gpu.sh",
-        ".venv/bin/pip install '.[ray]'", "pytest tests/sweeps/test_ray_engine.py", "sbatch array.sh", "examples/newcomer.sh",
+        ".venv/bin/pip install '.[ray]'", "pytest tests/sweeps/test_ray_engine.py",
+        "sbatch array.sh", "examples/newcomer.sh",
         "warpgrasp sweep study.toml -o DIR --engine ray --address auto"}
     names = {block.text for block in blocks() if block.kind == "shell" and run_docs.is_name(block)}
     assert names == {f"warpgrasp {name}" for name in ("check", "fit", "init", "paper")}
