@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LABELS = {"touches": "touches [1]", "time_s": "robot time [s]"}
-_BANDS = 3  # more bands than these hide one another
+BANDS = 3  # more bands than these hide one another
 
 
 def draw_curves(curves: Curves, axis: str) -> "Figure":
@@ -40,7 +40,7 @@ def draw_curves(curves: Curves, axis: str) -> "Figure":
         axes, ends = drawn.subplots(1, 2, sharey=True, width_ratios=(4.2, 1.0))
         for place, n in enumerate(shown):
             _curve(axes, grid, found[n], place, names[n])
-            if len(shown) <= _BANDS:
+            if len(shown) <= BANDS:
                 axes.fill_between(grid, found[n].low, found[n].high, step="post",
                                   color=COLOURS[place], alpha=0.2, lw=0)
             ends.vlines(place, found[n].low[-1], found[n].high[-1], color=COLOURS[place], lw=1.2)

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from strategies.contour import ContourExploration
-from strategies.planar import PlanarExploration
 from sweeps.episodes import EpisodeBlock
 from sweeps.figure_style import cut, drawing, figure
 from sweeps.store import StoreError
 from warpgrasp.parameters import PadTable
+from warpgrasp.robot import Grasps
 from warpgrasp.status import ProbeStatus
 from warpgrasp.tactile_image import moments
 from warpgrasp.tactile_pad import TAXELS
@@ -56,7 +55,7 @@ def pad_touches(block: EpisodeBlock, world: int = 0) -> list[PadTouch]:
     found = []
     made = 0
     for procedure in block.exploration.procedures:
-        if not isinstance(procedure.felt, PlanarExploration | ContourExploration):
+        if isinstance(procedure.felt, Grasps):
             continue
         table = procedure.felt.touches
         for row in np.flatnonzero(table.world == world):

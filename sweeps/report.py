@@ -35,7 +35,7 @@ from sweeps.store import Store, StoreError
 from sweeps.table_confusion import Confusion, read_confusion
 
 METRIC = "chamfer_mm"
-SCRIPTS = ("tables.js", "solids.js", "views.js")
+SCRIPTS = ("tables.js", "solids.js", "views.js", "print.js")
 MANY_FAIL = 0.2
 
 

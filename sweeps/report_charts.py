@@ -50,14 +50,15 @@ class Chart:
         low, high = self.y
         return HEIGHT - BOTTOM - (HEIGHT - BOTTOM - TOP) * (y - low) / (high - low)
 
-    def steps(self, x: np.ndarray, found: Estimate, tone: int, label: str) -> None:
-        """A step function with its band; values that are not known are left out."""
+    def steps(self, x: np.ndarray, found: Estimate, tone: int, label: str, stop: float,
+              band: bool) -> None:
+        """A step function up to `stop`, with its band; values that are not known are left out."""
         known = np.isfinite(found.value)
         if not known.any():
             return
         x, value, low, high = x[known], found.value[known], found.low[known], found.high[known]
-        end = np.append(x[1:], self.x[1])
-        if tone < COLOURED:
+        end = np.append(x[1:], stop)
+        if band and tone < COLOURED:
             edge = [(a, v) for a, b, h in zip(x, end, high, strict=True) for a, v in
                     ((a, h), (b, h))]
             back = [(a, v) for a, b, w in zip(x, end, low, strict=True) for a, v in
@@ -69,11 +70,17 @@ class Chart:
         self.parts.append(f'<path class="line {_tone(tone)}" d="{path}">'
                           f"<title>{escape(label)}</title></path>")
 
+    def bar(self, x: float, found: tuple[float, float, float], tone: int, label: str) -> None:
+        """A marker with a standing interval; `found` is (value, low, high)."""
+        if np.isfinite(found).all():
+            self.point((x, x, x), found, tone, label)
+
     def point(self, x: tuple[float, float, float], y: tuple[float, float, float], tone: int,
               label: str) -> None:
         """A marker with intervals both ways; `x` and `y` are (value, low, high)."""
         (px, x0, x1), (py, y0, y1) = map(self._px, x), map(self._py, y)
-        bars = f'<path class="line {_tone(tone)}" d="M{x0:.1f} {py:.1f}H{x1:.1f}M{px:.1f} {y0:.1f}'
+        bars = (f'<path class="line whisker {_tone(tone)}" '
+                f'd="M{x0:.1f} {py:.1f}H{x1:.1f}M{px:.1f} {y0:.1f}')
         shape = _SHAPES[MARKERS[tone % len(MARKERS)]] if tone < COLOURED else _SHAPES["o"]
         self.parts.append(f'{bars}V{y1:.1f}"/><path class="mark {_tone(tone)}" '
                           f'transform="translate({px:.1f} {py:.1f})" d="{shape}">'

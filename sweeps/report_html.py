@@ -58,10 +58,13 @@ def table(caption: str, header: Sequence[str], rows: Iterable[Sequence[str]], *,
           row_names: int = 0, pictures: dict[int, Sequence[str]] | None = None,
           heat: Sequence[Sequence[str]] | None = None, sortable: bool = True) -> str:
     """A table; column `row_names` names the rows, `pictures` are columns of markup at the end."""
-    head = "".join(f'<th scope="col"{_left(n == row_names)}>{escape(name)}</th>'
-                   for n, name in enumerate(header))
+    every = list(rows)
+    words = [n == row_names or not all(_is_number(row[n]) for row in every)
+             for n in range(len(header))]
+    head = "".join(f'<th scope="col"{_left(left)}>{escape(name)}</th>'
+                   for left, name in zip(words, header, strict=True))
     body = []
-    for r, row in enumerate(rows):
+    for r, row in enumerate(every):
         cells = []
         for n, cell in enumerate(row):
             if pictures and n in pictures:
@@ -69,8 +72,8 @@ def table(caption: str, header: Sequence[str], rows: Iterable[Sequence[str]], *,
             elif n == row_names:
                 cells.append(f'<th scope="row">{escape(cell)}</th>')
             else:
-                tint = f' class="{heat[r][n]}"' if heat and heat[r][n] else ""
-                cells.append(f"<td{tint}{_text_class(cell, tint)}>{escape(cell)}</td>")
+                tint = f' class="{heat[r][n]}"' if heat and heat[r][n] else _left(words[n])
+                cells.append(f"<td{tint}>{escape(cell)}</td>")
         body.append(f"<tr>{''.join(cells)}</tr>")
     kind = ' class="sortable"' if sortable else ""
     return (f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(caption)}">'
@@ -82,9 +85,12 @@ def _left(left: bool) -> str:
     return ' class="text"' if left else ""
 
 
-def _text_class(cell: str, tint: str) -> str:
-    return ' class="text"' if not tint and cell and not cell[0].isdigit() and cell[0] not in "-N" \
-        else ""
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return cell in ("", "NA")
+    return True
 
 
 def details(summary: str, inner: str, opened: bool = False) -> str:
@@ -93,10 +99,9 @@ def details(summary: str, inner: str, opened: bool = False) -> str:
             "</details>")
 
 
-def drawing(markup: str, caption: str, kind: str = "") -> str:
+def drawing(markup: str, caption: str) -> str:
     """A figure with its caption."""
-    return (f'<figure class="{kind}">{markup}<figcaption>{escape(caption)}</figcaption>'
-            "</figure>")
+    return f"<figure>{markup}<figcaption>{escape(caption)}</figcaption></figure>"
 
 
 def preformatted(text: str) -> str:

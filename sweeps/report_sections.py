@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from sweeps.curves import AXES, Curves, grid_of, mean_curve
+from sweeps.figure_curves import BANDS
 from sweeps.figure_style import UNITS
 from sweeps.leaderboard import Leaderboard
 from sweeps.paired import Paired
@@ -51,14 +52,24 @@ def curves_section(curves: Curves) -> str:
         order = sorted(range(len(found)), key=lambda n: (last[n], curves.labels[n]))
         top = max((float(np.nanmax(f.high)) for f in found if np.isfinite(f.high).any()),
                   default=1.0)
+        shown = min(len(order), COLOURED)
+        bands = len(order) <= BANDS
+        stop = 1.02 * float(grid[-1])
+        aside = 0.0 if bands else 0.028 * stop
         chart = Chart(f"Chamfer distance against {AXIS_LABELS[axis]}", AXIS_LABELS[axis],
-                      "chamfer distance [mm]", (0.0, 1.02 * float(grid[-1])), (0.0, 1.05 * top))
+                      "chamfer distance [mm]", (0.0, stop + (shown + 0.5) * aside),
+                      (0.0, 1.05 * top))
         for tone, n in reversed(list(enumerate(order))):
-            chart.steps(grid, found[n], tone, curves.labels[n])
+            chart.steps(grid, found[n], tone, curves.labels[n], stop, bands)
+            if not bands and tone < shown:
+                chart.bar(stop + (tone + 1) * aside, (
+                    found[n].value[-1], found[n].low[-1], found[n].high[-1]), tone,
+                    curves.labels[n])
         charts.append(drawing(chart.svg() + legend(
             [curves.labels[n] for n in order[:COLOURED]], max(0, len(order) - COLOURED)),
-            f"Against {AXIS_LABELS[axis]}, with 95 % bands; from where 95 % of the episodes have "
-            "a fit."))
+            f"Against {AXIS_LABELS[axis]}, with 95 % "
+            + ("bands" if bands else "intervals of the last errors on the right")
+            + "; from where 95 % of the episodes have a fit."))
     reached = reach_table(curves)
     return section("Error as it falls", f'<div class="charts">{"".join(charts)}</div>', details(
         "Touches and seconds to 5 mm and 3 mm", table(
@@ -86,7 +97,7 @@ def pareto_section(paired: Paired, metric: str) -> str:
         parts.append(drawing(chart.svg() + legend(
             [paired.labels[n] for n in front[:COLOURED]],
             len(rest) + max(0, len(front) - COLOURED), marks=True),
-            "Coloured: on the front, no other strategy is better in both.", "points"))
+            "Coloured: on the front, no other strategy is better in both."))
     made = pareto_table(paired, metric)
     return section(f"Error and {COST.split('_')[1]}", *parts, details(
         "As a table", table("Error against robot time", made.header, made.rows)), name="pareto")

@@ -1,6 +1,6 @@
 """Runs every command and code block of the docs, in order, in a copy of the tree, and times each.
 
-    python tests/run_docs.py [--only WORD]
+    python tests/run_docs.py [--only WORD] [--without WORD ...]
 
 Each runs as it is written, but for what `SHRINKS` adds to make studies small, and the few that
 `EXCUSED` names with the reason. What a page has made is there for the pages after it. One that ends
@@ -26,8 +26,10 @@ EXCUSED = {
     r"make (test|check)": "runs these very tests",
     r"make validate": "installs from a package index; `warpgrasp validate` itself is run",
     r".*pip install '\.\[ray\]'.*": "installs from a package index; tests do not need Ray",
+    r"pytest tests/sweeps/test_ray_engine.py": "wants Ray, and says so",
     r".*--engine ray.*": "wants Ray and a cluster that runs",
     r"sbatch .*": "wants SLURM; the script that it is handed is run",
+    r"examples/newcomer\.sh": "is the commands around it, whole: a quarter of an hour",
     r"benchmarks/gpu\.sh": "wants a CUDA device",
 }
 """What cannot run here, by a pattern of the whole command, and why."""
@@ -35,14 +37,15 @@ EXCUSED = {
 FEW = "--set episodes_per_cell=4"
 SHRINKS = (
     (r"make pictures", r"make -o .venv/.installed pictures DEMO_EPISODES=5"),
-    (r"make (?!demo|pictures)(.*)", r"make -o .venv/.installed \1"),  # an environment is there already
+    (r"make (?!demo|pictures)(.*)", r"make -o .venv/.installed \1"),  # installed already
     (r"make demo", r"make -o .venv/.installed demo DEMO_EPISODES=5"),
     (r"(.*)pip install (.*)", r"\1pip install --dry-run --no-index --no-build-isolation -q \2"),
-    (r"(.*warpgrasp sweep .*)", rf"\1 {FEW}"),
+    (r"(warpgrasp sweep (?:sweeps|mine)/.*)", r"\1 --set episodes_per_cell=1"),
+    (r"(warpgrasp sweep .*)", rf"\1 {FEW}"),
     (r"(warpgrasp sensitivity .*)", r"\1 --episodes 1"),
     (r"(warpgrasp bench.*)", r"\1 --quick --only touches --only start"),
-    (r"(warpgrasp validate -o .*)", r"\1 --only metrics"),  # whole it has been run before
-    (r"(warpgrasp validate.*)", r"\1 --poses 1"),
+    (r"(warpgrasp validate --only closing)", r"\1 --poses 1"),
+    (r"(warpgrasp validate.*)", r"\1 --only puma --only pads --only metrics"),
     (r"(.*pytest .*)", r"\1 -q --collect-only"),  # the tests themselves run in their own time
     (r"(.*kill_study.py).*", r"\1 --kills 2 --units 6"),
     (r"(.*fuzz_(?:spec|files).py).*", r"\1 --count 20"),
@@ -184,9 +187,12 @@ def main() -> int:
     """Runs them all; 1 where one did not end well."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", default="", help="those whose page or text has this word")
-    only = parser.parse_args().only
+    parser.add_argument("--without", default=[], nargs="+",
+                        help="leave out those whose text has one of these words")
+    asked = parser.parse_args()
     chosen = [(block, command) for block, command in steps()
-              if only in block.place or only in block.text]
+              if (asked.only in block.place or asked.only in block.text)
+              and not any(word in block.text for word in asked.without)]
     failed = 0
     began = time.monotonic()
     with tempfile.TemporaryDirectory() as name:
@@ -197,7 +203,7 @@ def main() -> int:
         for number, (block, command) in enumerate(chosen, 1):
             start = time.monotonic()
             code, said = run_step(block, command, folder, earlier.get(block.page, ""))
-            if block.kind == "python":
+            if block.kind == "python" and not said:
                 earlier[block.page] = earlier.get(block.page, "") + block.text
             failed += bool(said)
             shown = command if block.kind == "shell" else f"{command} ({block.kind})"

@@ -34,6 +34,15 @@ def test_every_page_is_in_the_menu() -> None:
     assert written - generated == {str(page.relative_to(ROOT / "docs")) for page in pages()[1:]}
 
 
+def test_every_kind_of_table_and_figure_is_told() -> None:
+    from sweeps import figures, tables
+
+    text = (ROOT / "docs/leaderboard.md").read_text()
+    assert [kind for kind in (*tables.KINDS, *figures.KINDS) if f"`{kind}`" not in text] == []
+    assert "ten kinds more" in (ROOT / "README.md").read_text()
+    assert len(figures.KINDS) == 11
+
+
 def test_there_are_commands_and_blocks_to_check() -> None:
     kinds = [block.kind for block in blocks()]
     assert len(PROGRAMS) > 40
@@ -66,7 +75,8 @@ def test_what_is_not_run_is_there_and_nothing_else_is_excused() -> None:
     excused = {block.text for block in blocks() if run_docs.excuse(block)}
     assert excused == {
         "make test", "make check", "make validate", "benchmarks/gpu.sh",
-        ".venv/bin/pip install '.[ray]'", "sbatch array.sh",
+        ".venv/bin/pip install '.[ray]'", "pytest tests/sweeps/test_ray_engine.py",
+        "sbatch array.sh", "examples/newcomer.sh",
         "warpgrasp sweep study.toml -o DIR --engine ray --address auto"}
     names = {block.text for block in blocks() if block.kind == "shell" and run_docs.is_name(block)}
     assert names == {f"warpgrasp {name}" for name in ("check", "fit", "init", "paper")}
@@ -101,7 +111,7 @@ def test_light_commands_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
             continue
         else:
             continue
-        if "study-" in block.text:  # what SLURM's tasks wrote
+        if "study-" in block.text or "grasp" in words:  # what SLURM's tasks wrote; an episode
             continue
         assert cli.run(words) == 0, (block.place, words, capfd.readouterr().err)
         ran += 1

@@ -29,7 +29,7 @@ from sweeps.plan import Plan
 from sweeps.store import Store, StoreError
 from warpgrasp.parameters import PadTable
 
-EPISODE_KINDS = ("contacts", "faces", "contour", "taxels")
+EPISODE_KINDS = ("contacts", "faces", "contour", "taxels", "grasp")
 STUDY_KINDS = [kind for kind in KINDS if kind not in (*EPISODE_KINDS, "settings")]
 
 

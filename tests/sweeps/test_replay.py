@@ -1,12 +1,14 @@
 """A replay: frames that agree with the robot's own kinematics, and a page that plays offline."""
 
 import base64
+import io
 import pickle
 import signal
 import socket
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from urllib.request import urlopen
 
@@ -21,9 +23,13 @@ from scipy.spatial.transform import Rotation
 from strategies.strategy import Strategy
 from strategies.waypoints import Ring
 from sweeps import replay
+from sweeps.capsule_mesh import capsule_mesh
 from sweeps.cell import Cell
 from sweeps.episodes import EpisodeBlock, run_block
+from sweeps.figure_grasp import grasp_figure
+from sweeps.figure_style import encode
 from sweeps.replay_frames import Replay, arm_points, make_replay
+from sweeps.store import StoreError
 from warpgrasp.arm_hand import arm_hand_links
 from warpgrasp.parameters import ArmTable, HandTable
 from warpgrasp.puma560 import puma_forward_batch
@@ -152,6 +158,27 @@ def own_addresses() -> list[str]:
     except OSError:
         found = set()
     return sorted(found - {"127.0.0.1", "::1"} | {"127.0.0.2"})
+
+
+@pytest.mark.slow
+def test_a_figure_of_the_hand_on_the_object(played: tuple[Replay, EpisodeBlock]) -> None:
+    first, second = (encode(grasp_figure(played[0], "large_cylinder"), "png") for _ in range(2))
+    assert first == second
+    with Image.open(io.BytesIO(first)) as image:
+        r, g, b = np.moveaxis(np.asarray(image.convert("RGB")).astype(int), -1, 0)
+    assert ((b - r > 30) & (b > 80)).mean() > 0.02  # the hand
+    assert ((r - b > 100) & (r > g + 60)).mean() > 0.002  # tips that feel
+    numb = replace(played[0], frames=tuple(replace(f, felt=np.zeros(4)) for f in played[0].frames))
+    with pytest.raises(StoreError, match="no finger felt"):
+        grasp_figure(numb, "large_cylinder")
+
+
+def test_capsules_are_closed_and_face_outwards() -> None:
+    points, faces = capsule_mesh(0.05, 0.01)
+    corners = points[faces]
+    normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    volume = (corners.mean(1) * normal).sum() / 6
+    assert volume == pytest.approx(np.pi * 0.01**2 * (0.05 + 4 / 3 * 0.01), rel=0.1)
 
 
 @needs_browser

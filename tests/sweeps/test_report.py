@@ -175,6 +175,18 @@ def test_in_a_browser(tmp_path: Path, quick_views: None, study: tuple[Plan, Stor
             driver.find_element("id", f"show-{name}").click()
         assert not pixels(driver, "stage").any()
         assert driver.execute_script("return document.body.scrollWidth <= innerWidth")
+        folded = ("return [...document.querySelectorAll('details:not([open])')]"
+                  ".map(part => part.querySelector('pre') !== null)")
+        shut = driver.execute_script(folded)
+        driver.execute_script("dispatchEvent(new Event('beforeprint'))")
+        assert driver.execute_script(folded) == [True] * sum(shut)  # on paper all but listings
+        driver.execute_script("dispatchEvent(new Event('afterprint'))")
+        assert driver.execute_script(folded) == shut
+        driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+        driver.set_window_size(1040, 720)  # A4 across, less its margins, at 96 to the inch
+        assert driver.execute_script(
+            "return [...document.querySelectorAll('table')].every("
+            "table => table.getBoundingClientRect().right <= innerWidth)")
         assert said(driver) == []
         assert asked_for(driver) == [file.as_uri()]
 
