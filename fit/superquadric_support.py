@@ -13,7 +13,6 @@ from jaxtyping import Array, Float
 from fit.superquadric_body import Body, Tensor
 from fit.superquadric_distance import LEAST_TAPER_FACTOR, TINY
 
-
 NODES = 9
 """Heights tried first: a bent body may have more than one that is highest thereabouts."""
 POLISH = 2
