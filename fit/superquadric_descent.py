@@ -160,16 +160,10 @@ def begin_starts(sets: Sets, form: Form, options: SuperquadricOptions) -> tuple[
 
 
 def _screen(sets: Sets, form: Form, options: SuperquadricOptions):
-    """Rotation and parameters of each fit's best start after a few iterations.
-
-    The starts differ in where z lies, which a straight body tells as well as a bent one.
-    """
-    straight = form._replace(bend=False)
-    spread, theta = begin_starts(sets, straight, options)
-    best, found = screen(_problem(straight), theta, spread, options.screen_iterations,
-                         _badness(straight))
+    """Rotation and parameters of each fit's best start after a few iterations."""
+    spread, theta = begin_starts(sets, form, options)
+    best, found = screen(_problem(form), theta, spread, options.screen_iterations, _badness(form))
     row = np.arange(len(found))
-    found = np.pad(found, [(0, 0), (0, form.parameters - straight.parameters)])
     return spread.rotation.reshape(*theta.shape[:2], 3, 3)[row, best], found
 
 
@@ -239,5 +233,6 @@ def _look(form: Form):
 
 @lru_cache(maxsize=64)
 def _problem(form: Form) -> Problem:
-    return Problem(normal_residuals(lambda theta, lane: normal_equations(theta, lane, form)),
-                   solver.descend)
+    # Jitted by itself only to be traced once, for the first evaluation and for every other.
+    equations = jax.jit(lambda theta, lane: normal_equations(theta, lane, form))
+    return Problem(normal_residuals(equations), solver.descend)
