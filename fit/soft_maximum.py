@@ -8,13 +8,13 @@ import jax.numpy as jnp
 
 @jax.custom_vjp
 def soft_maximum(a, b, heat):
-    """heat log(exp(a/heat) + exp(b/heat)), and the weight of a, elementwise."""
-    return soft_maximum_parts(a, b, heat)[:2]
+    """heat log(exp(a/heat) + exp(b/heat)), elementwise."""
+    return soft_maximum_parts(a, b, heat)[0]
 
 
 def soft_maximum_parts(a, b, heat):
     """The soft maximum, the weight of a, (a - b)/heat, the product of the two weights, and their
-    entropy, which is the slope along the heat."""
+    entropy. The weights are the slopes along a and b, the entropy is that along the heat."""
     gap = (a - b) / heat
     decay = jnp.exp(-jnp.abs(gap))
     spill = jnp.log1p(decay)
@@ -25,16 +25,13 @@ def soft_maximum_parts(a, b, heat):
 
 
 def _forward(a, b, heat):
-    value, weight, gap, spread, entropy = soft_maximum_parts(a, b, heat)
-    return (value, weight), (weight, gap, spread / heat, entropy)
+    value, weight, _, _, entropy = soft_maximum_parts(a, b, heat)
+    return value, (weight, entropy)
 
 
-def _backward(kept, cotangents):
-    weight, gap, spread, entropy = kept
-    of_value, of_weight = cotangents
-    steep = of_weight * spread
-    return (of_value * weight + steep, of_value * (1.0 - weight) - steep,
-            of_value * entropy - steep * gap)
+def _backward(kept, cotangent):
+    weight, entropy = kept
+    return cotangent * weight, cotangent * (1.0 - weight), cotangent * entropy
 
 
 soft_maximum.defvjp(_forward, _backward)

@@ -233,5 +233,6 @@ def _look(form: Form):
 
 @lru_cache(maxsize=64)
 def _problem(form: Form) -> Problem:
-    return Problem(normal_residuals(lambda theta, lane: normal_equations(theta, lane, form)),
-                   solver.descend, f"{form}")
+    # Jitted by itself only to be traced once, for the first evaluation and for every other.
+    equations = jax.jit(lambda theta, lane: normal_equations(theta, lane, form))
+    return Problem(normal_residuals(equations), solver.descend, f"{form}")

@@ -44,7 +44,7 @@ def _forward(size, exponents, taper, local):
     within = jnp.abs(z) < a3
 
     # x = X / fx, and the face at x = a1 leans by the angle whose cosine is nx.
-    def section(wide, k, inverse_size, a):
+    def section(wide, k, a):
         if k is None:
             return wide, 1.0, 1.0, 0.0, 0.0, False
         wanted = 1.0 + k * height
@@ -55,8 +55,8 @@ def _forward(size, exponents, taper, local):
         return wide / factor, factor, 1.0 / jnp.sqrt(1.0 + lean**2), leans, lean, tapers
 
     kx, ky = (None, None) if taper is None else taper
-    x, fx, nx, lx_taper, lean_x, tapers_x = section(wide_x, kx, i1, a1)
-    y, fy, ny, ly_taper, lean_y, tapers_y = section(wide_y, ky, i2, a2)
+    x, fx, nx, lx_taper, lean_x, tapers_x = section(wide_x, kx, a1)
+    y, fy, ny, ly_taper, lean_y, tapers_y = section(wide_y, ky, a2)
 
     def logarithm(c, inverse_size):
         """log(u^2 + TINY) of u = c/a, u/(u^2 + TINY)/a, and 1/(u^2 + TINY)/a."""

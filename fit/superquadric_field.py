@@ -49,7 +49,7 @@ def residual(shape: Shape, local: Float[Array, "3 point"], kind: Kind) -> Float[
         return jnp.sqrt(jnp.prod(shape.size, axis=0)) * jnp.expm1(log_square)
     if kind == "radial":
         straight = straighten(shape, local)
-        length = jnp.sqrt(jnp.sum(straight**2, axis=0) + TINY)
+        length = jnp.sqrt(sum(c**2 for c in straight) + TINY)
         return -length * jnp.expm1(-0.5 * _log_square_radius(shape, straight))
     away = distance(shape, local)
     if kind == "distance":
@@ -90,7 +90,7 @@ def distance(shape: Shape, local: Float[Array, "3 point"]) -> Float[Array, " poi
     return straight_distance(shape.size, shape.exponents, shape.taper, unbent)
 
 
-def straighten(shape: Shape, local: Float[Array, "3 point"]) -> Float[Array, "3 point"]:
+def straighten(shape: Shape, local: Float[Array, "3 point"]) -> list[Float[Array, " point"]]:
     """x, y, z of points in the body's frame with bend and taper undone."""
     x, y, z = local
     if shape.bend is not None:
@@ -98,7 +98,7 @@ def straighten(shape: Shape, local: Float[Array, "3 point"]) -> Float[Array, "3 
     if shape.taper is not None:
         factors = _taper_factors(shape, z)
         x, y = x / factors[0], y / factors[1]
-    return jnp.stack([x, y, z])
+    return [x, y, z]
 
 
 def _taper_factors(shape: Shape, z: Float[Array, " point"]) -> Float[Array, "2 point"]:
@@ -112,22 +112,8 @@ def _taper_factors(shape: Shape, z: Float[Array, " point"]) -> Float[Array, "2 p
     return jnp.maximum(1.0 + shape.taper * height, LEAST_TAPER_FACTOR)
 
 
-def _logs(shape: Shape, straight):
-    """Logs of squared scaled coordinates."""
-    return jnp.log((straight / shape.size) ** 2 + TINY)
-
-
 def _log_square_radius(shape: Shape, straight):
-    return _log_f_e1(_logs(shape, straight), shape.exponents)[0]
-
-
-def _log_f_e1(logs: Float[Array, "3 point"], exponents: Float[Array, "2 point"]):
-    """log F^e1, and its slopes along the three logs.
-
-    log F^e1 is a soft maximum of soft maxima: its slopes along the logs are the weights of the
-    soft maxima, which sum to one.
-    """
-    (lx, ly, lz), (e1, e2) = logs, exponents
-    section, x_share = soft_maximum(lx, ly, e2)
-    value, section_share = soft_maximum(section, lz, e1)
-    return value, (section_share * x_share, section_share * (1.0 - x_share), 1.0 - section_share)
+    """A soft maximum of soft maxima of the logs of the squared scaled coordinates."""
+    x, y, z = (jnp.log((c / a) ** 2 + TINY) for c, a in zip(straight, shape.size, strict=True))
+    e1, e2 = shape.exponents
+    return soft_maximum(soft_maximum(x, y, e2), z, e1)

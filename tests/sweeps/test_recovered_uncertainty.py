@@ -23,16 +23,17 @@ def test_ninety_percent_intervals_over_simulated_grasps() -> None:
     for name, volume in VOLUMES_M3.items():
         cell = Cell(STRATEGIES["rim12-ring12"], {"name": name}, name, seed=7)
         block = run_block(cell, np.arange(64), "cpu")
+        fits = block.exploration.belief.fits
         fitted = block.status == "ok"
-        known = recovered_uncertainty(block.fits, block.evidence, cell.fit)
+        known = recovered_uncertainty(fits, block.evidence, cell.fit)
         low, high = known.volume_interval_m3().T
         pose = block.truth.body_pose
         surface = sample_body(block.body, surface=256).surface_m
         surface = surface @ matrix_of_quaternion(pose[:, 3:]).swapaxes(1, 2) + pose[:, None, :3]
-        away, _ = surface_distance(block.recovered, surface)
-        held = np.abs(away) < 1.645 * surface_std(block.fits, known, surface)
+        away, _ = surface_distance(fits[fitted], surface[fitted])
+        held = np.abs(away) < 1.645 * surface_std(fits, known, surface)[fitted]
         volume_held.append(((low < volume) & (volume < high))[fitted])
-        surface_held.append(held[fitted].mean(axis=1))
+        surface_held.append(held.mean(axis=1))
         print(f"\n{name}: volume {volume_held[-1].mean():.3f}, "
               f"surface {surface_held[-1].mean():.3f} of {fitted.sum()} episodes")
     assert 0.85 <= np.concatenate(volume_held).mean() <= 0.95
