@@ -42,11 +42,18 @@ def load_or_compile(name: str, function: Any, arguments: tuple) -> Callable:
     except Exception:  # absent, cut short, or of another world: whatever it was, compile
         compiled = function.lower(*arguments).compile()
     try:
-        payload, _, result = serialize_executable.serialize(compiled)
+        payload, given, result = serialize_executable.serialize(compiled)
+        # One that came out of JAX's own cache cannot be written down whole: see before it is kept.
+        serialize_executable.deserialize_and_load(payload, given, result)
         _write(file, pickle.dumps((payload, jax.tree.unflatten(result, range(result.num_leaves)))))
-    except Exception:  # a full disk, a folder that cannot be written: only time is lost
+    except Exception:  # nor to a full disk or a closed folder: only time is lost
         pass
     return compiled
+
+
+def any_kept() -> bool:
+    """Whether a program of this version was compiled here before."""
+    return any(_folder().glob("*.xla"))
 
 
 @lru_cache(maxsize=1)

@@ -123,8 +123,7 @@ def _starts(quick: bool) -> Iterator[dict[str, Any]]:
     """Cold and warm start of the command line [s]; cold is with empty caches of programs."""
     command = shutil.which("warpgrasp") or str(Path(sys.executable).parent / "warpgrasp")
     with tempfile.TemporaryDirectory() as folder:
-        empty = {"WARP_CACHE_PATH": f"{folder}/warp", "XDG_CACHE_HOME": folder,
-                 "JAX_COMPILATION_CACHE_DIR": f"{folder}/jax"}
+        empty = {"WARP_CACHE_PATH": f"{folder}/warp", "XDG_CACHE_HOME": folder}
         explore = ["explore", "block", "--strategy", "ring6", "-o", f"{folder}/out"]
         yield _start("help", [command, "--help"], {})
         if not quick:

@@ -1,8 +1,8 @@
 """Running the units of a study that are not there yet, in worker processes.
 
-The parent hands out one unit at a time and runs none itself. Until the first unit has come back
-only one worker works: it fills the kernel and XLA caches that the others then load, instead of
-all compiling the same.
+The parent hands out one unit at a time and runs none itself. Where nothing was compiled before,
+only one worker works until the first unit has come back: it fills the caches of kernels and fits
+that the others then load, instead of all compiling the same.
 """
 
 import os
@@ -48,6 +48,7 @@ class _Slot:
     log: Path
     unit: Unit | None = None
     ready: bool = False
+    warm: bool = False  # nothing is left to compile
     since: float = field(default_factory=time.monotonic)  # when it was started, or got its unit
 
 
@@ -87,8 +88,9 @@ class _Run:
         return _Slot(process, mine, log)
 
     def _hand_out(self) -> None:
-        for slot in self.slots if self.work.tried_any else self.slots[:1]:
-            if slot.ready and slot.unit is None and (unit := self.work.take()):
+        for slot in self.slots:
+            may = self.work.tried_any or slot.warm or slot is self.slots[0]
+            if may and slot.ready and slot.unit is None and (unit := self.work.take()):
                 slot.unit, slot.since = unit, time.monotonic()
                 with suppress(OSError):  # it has died: its pipe says so in a moment
                     slot.pipe.send((unit, self.work.store.path(unit)))
@@ -101,7 +103,7 @@ class _Run:
             return self._bury(slot, number)
         unit, slot.unit = slot.unit, None
         if report.kind == "ready":
-            slot.ready = True
+            slot.ready, slot.warm = True, report.text == "warm"
         elif report.kind == "broken":
             raise StoreError(f"a worker cannot start:\n{report.text.rstrip()}", 1)
         elif report.kind == "disk":

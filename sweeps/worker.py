@@ -45,17 +45,13 @@ def worker_environment(outer: Mapping[str, str]) -> dict[str, str]:
     found = dict(ENVIRONMENT)
     if outer.get("XLA_FLAGS"):
         found["XLA_FLAGS"] = f"{outer['XLA_FLAGS']} {found['XLA_FLAGS']}"
-    cache = Path(outer.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "warpgrasp" / "jax"
-    for name, value in (("JAX_COMPILATION_CACHE_DIR", str(cache)),
-                        ("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.3")):
-        if name not in outer:
-            found[name] = value
     return found
 
 
 @dataclass(frozen=True)
 class Report:
-    """What a worker says: `ready`, `done`, `error` (of a unit), `disk`, or `broken` (at start)."""
+    """What a worker says: `ready` (`warm` if all is compiled), `done`, `error` (of a unit), `disk`,
+    or `broken` (at start)."""
 
     kind: str
     text: str = ""
@@ -71,7 +67,8 @@ def work(pipe: Connection, function: str, device: str, log: Path) -> None:
     except Exception:
         pipe.send(Report("broken", traceback.format_exc()))
         return
-    pipe.send(Report("ready"))
+    programs = sys.modules.get("fit.program_cache")  # only where the episodes need it
+    pipe.send(Report("ready", "warm" if programs and programs.any_kept() else ""))
     while True:
         try:
             task = pipe.recv()

@@ -108,15 +108,15 @@ def test_lists_and_check_and_init(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 def start(tmp_path: Path, **environment: str) -> subprocess.Popen[str]:
     spec = write_spec(tmp_path, BIG)
-    code = ("import sys; from sweeps import cli, commands; "
+    # Tests that a shell started in the background ignore SIGINT; so would the sweep.
+    code = ("import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
+            "from sweeps import cli, commands; "
             "commands.EPISODES = 'fake_episodes:slow_episodes'; cli.main(sys.argv[1:])")
     return subprocess.Popen(
         [sys.executable, "-c", code, "sweep", str(spec), "-o", str(tmp_path / "out"),
          "--workers", "2"], text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         env={**os.environ, "PYTHONPATH": str(Path(__file__).parent), "FAKE_SECONDS": "0.2",
-             **environment},
-        # Tests that a shell started in the background ignore SIGINT; so would the sweep.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
+             **environment})
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
