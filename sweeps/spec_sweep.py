@@ -2,6 +2,7 @@
 
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -97,6 +98,10 @@ def _readers(strategies: Sequence[Strategy]) -> dict[str, Reader]:
             for name, field in edge_fields(type(family)).items():
                 if name != "file":
                     readers.setdefault(f"strategy.{name}", field.read)
+    for name in {name for strategy in strategies for name, _ in strategy.options}:
+        readers[f"strategy.options.{name}"] = (
+            lambda value, path, problems, name=name: _read_option(
+                name, value, strategies, path, problems))
     for name in ("closings", "order"):
         readers[f"strategy.{name}"] = lambda value, path, problems, name=name: read_names(
             name, value, path, problems) or None
@@ -105,6 +110,24 @@ def _readers(strategies: Sequence[Strategy]) -> dict[str, Reader]:
             lambda value, path, problems, kind=kind, low=low, high=high: read_number(
                 value, kind, low, high, path, problems))
     return readers
+
+
+def _read_option(name: str, value: Any, strategies: Sequence[Strategy], path: Path,
+                 problems: Problems) -> Any:
+    """A value of a planner's option, tried on every planner of the spec that has it."""
+    from strategies.registry import PlannerError, make_planner  # heavy, and only planners need it
+
+    if not isinstance(value, int | float | str | bool):
+        problems.add(path, f"is {short(value)}; should be a number, a text or a boolean")
+        return value
+    for strategy in strategies:
+        options = dict(strategy.options)
+        if name in options:
+            try:
+                make_planner(strategy.call, {**options, name: value})
+            except PlannerError as error:
+                problems.add(path, str(error))
+    return value
 
 
 def _check_keys(parts: Mapping[str, Mapping[str, tuple[Path, Any]]],
@@ -163,41 +186,76 @@ def _sampled(kind: str, table: Mapping[str, tuple[Path, Any]], readers: Mapping[
     ranges = [_range(table[key][1], table[key][0], readers[key], problems) for key in keys]
     if len(problems.found) > before or type(n) is not int:
         return []
-    low, high = np.array([r or (0.0, 1.0) for r in ranges], float).T
+    known = [found for found in ranges if found is not None]
+    ends = np.cumsum([len(found.low) for found in known])
     generator = np.random.default_rng([seed, KINDS.index(kind)])
     if kind == "sobol":  # balanced only in powers of two: draw the next one, keep n
-        unit = qmc.Sobol(len(keys), rng=generator).random_base2(max(0, (n - 1).bit_length()))[:n]
+        unit = qmc.Sobol(ends[-1], rng=generator).random_base2(max(0, (n - 1).bit_length()))[:n]
     else:
-        unit = qmc.LatinHypercube(len(keys), rng=generator).random(n)
-    whole = [isinstance(table[key][1]["low"], int) and isinstance(table[key][1]["high"], int)
-             and _takes_only_whole(readers[key], table[key][1]["low"]) for key in keys]
-    points = []
-    for row in unit:
-        points.append(tuple(
-            int(a + np.floor(u * (b - a + 1))) if w else float(a + u * (b - a))
-            for u, a, b, w in zip(row, low, high, whole, strict=True)))
+        unit = qmc.LatinHypercube(ends[-1], rng=generator).random(n)
+    points = [tuple(found.at(part) for found, part in zip(known, np.split(row, ends[:-1]),
+                                                          strict=True)) for row in unit]
     si = [tuple(readers[key](value, table[key][0], problems)
                 for key, value in zip(keys, point, strict=True)) for point in points]
-    return [Axis(tuple(keys), tuple(points), tuple(si), sampled=True)]
+    if len(problems.found) > before:
+        return []
+    return [Axis(tuple(keys), tuple(tuple(_frozen(list(point))) for point in points), tuple(si),
+                 sampled=True)]
 
 
-def _takes_only_whole(reader: Reader, value: int) -> bool:
-    trial = Problems("", {})
-    reader(value + 0.5, (), trial)
-    return bool(trial.found)
+@dataclass(frozen=True)
+class _Range:
+    """Where a key's value is drawn from; of a list every number for itself."""
+
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    whole: bool
+    listed: bool
+
+    def at(self, unit: np.ndarray) -> Any:
+        """The value at a point of the unit cube, shape (number,)."""
+        values = [int(a + np.floor(u * (b - a + 1))) if self.whole else float(a + u * (b - a))
+                  for u, a, b in zip(unit, self.low, self.high, strict=True)]
+        return values if self.listed else values[0]
 
 
-def _range(value: Any, path: Path, reader: Reader, problems: Problems) -> tuple[float, ...] | None:
+def _range(value: Any, path: Path, reader: Reader, problems: Problems) -> _Range | None:
     if not isinstance(value, Mapping) or set(value) != {"low", "high"} or not all(
-            type(v) in (int, float) for v in value.values()):
-        problems.add(path, f"is {short(value)}; should be a range such as {{ low = 0, high = 1 }}")
+            _numbers(v) for v in value.values()):
+        problems.add(path, f"is {short(value)}; should be a range such as {{ low = 0, high = 1 }}, "
+                     "of lists where the value is a list")
         return None
     before = len(problems.found)
     for end in ("low", "high"):
         reader(value[end], (*path, end), problems)
-    if len(problems.found) == before and not value["low"] < value["high"]:
-        problems.add(path, f"low {value['low']} should be below high {value['high']}")
-    return (value["low"], value["high"]) if len(problems.found) == before else None
+    if len(problems.found) > before:
+        return None
+    low, high = value["low"], value["high"]
+    listed = isinstance(low, list)
+    lows, highs = (tuple(v) if isinstance(v, list) else (v,) for v in (low, high))
+    if listed != isinstance(high, list) or len(lows) != len(highs):
+        problems.add(path, "low and high should be equally long lists, or both numbers")
+    elif not all(a <= b for a, b in zip(lows, highs, strict=True)) or lows == highs:
+        problems.add(path, f"low {short(low)} should be below high {short(high)}")
+    if len(problems.found) > before:
+        return None
+    between = [v + 0.5 for v in lows]
+    whole = all(isinstance(v, int) for v in (*lows, *highs)) and _refused(
+        reader, between if listed else between[0])
+    return _Range(lows, highs, whole, listed)
+
+
+def _numbers(value: Any) -> bool:
+    """Whether it is a number, or a list of some."""
+    if isinstance(value, list):
+        return bool(value) and all(type(v) in (int, float) for v in value)
+    return type(value) in (int, float)
+
+
+def _refused(reader: Reader, value: Any) -> bool:
+    trial = Problems("", {})
+    reader(value, (), trial)
+    return bool(trial.found)
 
 
 def _frozen(values: list[Any]) -> list[Any]:

@@ -109,11 +109,16 @@ def _si_name(section: str, edge_name: str) -> str:
 
 
 def with_strategy_value(strategy: Strategy, edge_name: str, value: Any) -> Strategy:
-    """The strategy with a field of its own, or of every waypoint family that has it, replaced."""
+    """The strategy with a field or an option of its own, or of every waypoint family that has it,
+    replaced."""
     from sweeps.edge import edge_fields
 
     if edge_name in ("closings", "order", "refit_every", *BUDGET_KEYS):
         return replace(strategy, **{edge_name: value})
+    if edge_name.startswith("options."):
+        option = edge_name.removeprefix("options.")
+        return replace(strategy, options=tuple(
+            (name, value if name == option else given) for name, given in strategy.options))
     return replace(strategy, waypoints=tuple(
         replace(family, **{edge_fields(type(family))[edge_name].name: value})  # type: ignore
         if edge_name in edge_fields(type(family)) else family

@@ -34,10 +34,12 @@ SWEEP = """\
 # [sweep.grid]                         # every combination; entries of the leaderboard
 # "sensors.tendon_threshold_N" = [3.0, 6.0, 12.0]
 # "strategy.tilt_deg" = [35, 55]       # every waypoint family that has it
+# "strategy.options.poses" = [8, 12]   # every planner that is given this option
 # [sweep.zip]                          # lists of equal length that advance together
 # [sweep.sobol]                        # draws of a nuisance, averaged over; [sweep.lhs] likewise
 # n = 32
 # "object.yaw_deg" = { low = -180, high = 180 }
+# "hand.link_length_mm" = { low = [39, 30, 25], high = [47, 36, 31] }   # each for itself
 """
 
 

@@ -34,6 +34,8 @@ CORPUS: tuple[str, ...] = (
     "episodes_per_cell = 1\nobjects = [\"block\"]\n[[strategy]]\nname = \"a\"\nstrategy = "
     "\"gaussian-process\"\noptions = { length_m = \"block\" }",
     f"[[strategy]]\nname = \"a\"\nbudget = {{ volume_ratio = 1{'0' * 400} }}",
+    "[sweep.lhs]\nn = 4\n\"hand.link_length_mm\" = { low = [40, [1]], high = [nan, 1, 2] }",
+    "[sweep.lhs]\nn = 4\n\"hand.link_length_mm\" = { low = [], high = [] }",
     "[sweep.lhs]\nn = 100000\n\"arm.guarded_step_s\" = { low = 0, high = 1 }",
 )
 VALID: dict[str, Any] = {

@@ -148,6 +148,11 @@ BAD_TABLES = [
     ("[sweep.sobol]\nn = 4", "sweep.sobol: is empty"),
     ('[sweep.lhs]\nn = 4\n"object.x_mm" = { low = 2, high = 1 }', "low 2 should be below high 1"),
     ('[sweep.lhs]\nn = 4\n"object.x_mm" = [1, 2]', "should be a range such as"),
+    ('[sweep.lhs]\nn = 4\n"hand.link_length_mm" = { low = [40, 30], high = [50, 40] }',
+     "hand.link_length_mm'.low: is [40, 30]; list should have at least 3 items"),
+    ('[sweep.lhs]\nn = 4\n"hand.link_length_mm" = { low = 40, high = [50, 40, 30] }', "is 40; "),
+    ('[sweep.lhs]\nn = 4\n"hand.link_length_mm" = { low = [40, 30, 20], high = [50, 29, 30] }',
+     "low [40, 30, 20] should be below high [50, 29, 30]"),
     ('[sweep.lhs]\nn = 4\n"object.x_mm" = { low = -5000, high = 1 }', "is -5000; should be"),
 ]
 
@@ -263,6 +268,49 @@ def test_sampled_axes_depend_on_the_seed_alone(tmp_path: Path) -> None:
         assert first.axes == again.axes != other.axes
         cells = sorted(int((v[0] + 180) // 22.5) for v in first.axes[0].values)
         assert cells == list(range(16))  # one draw in each sixteenth
+
+
+def test_a_range_of_lists_draws_every_number_for_itself(tmp_path: Path) -> None:
+    sampled = """[sweep.sobol]
+n = 16
+"hand.link_length_mm" = { low = [40, 30, 28], high = [48, 38, 28] }
+"object.yaw_deg" = { low = -180, high = 180 }
+"""
+    (axis,) = read(tmp_path, SMALL + sampled).axes
+    lengths = np.array([values[0] for values in axis.values])
+    assert lengths.shape == (16, 3)
+    for column, low in ((0, 40), (1, 30)):  # each balanced in its own eighths
+        assert sorted((lengths[:, column] - low) // 1.0) == sorted(2 * list(range(8)))
+    assert abs(np.corrcoef(lengths[:, :2].T)[0, 1]) < 0.5
+    assert set(lengths[:, 2]) == {28.0}
+    np.testing.assert_allclose([si[0] for si in axis.si], lengths * 1e-3)
+
+
+def test_an_option_of_a_planner_can_be_swept(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(
+        "class Mine:\n"
+        "    def __init__(self, poses=3):\n"
+        "        if poses < 1:\n"
+        "            raise ValueError('poses: at least 1')\n"
+        "    def __call__(self, belief):\n"
+        "        return []\n")
+    text = SMALL + """[[strategy]]
+name = "planned"
+strategy = "mine.py:Mine"
+options = { poses = 2 }
+[sweep.grid]
+"strategy.options.poses" = [4, 8]
+"""
+    study = read(tmp_path, text)
+    assert [study.cell(2, 0, n).strategy.options for n in (0, 1)] == [
+        (("poses", 4),), (("poses", 8),)]
+    assert study.cell(0, 0, 1).strategy.options == ()
+    assert any("poses: at least 1" in line
+               for line in refusals(tmp_path, text.replace("[4, 8]", "[4, 0]")))
+    assert any("should be a number, a text or a boolean" in line
+               for line in refusals(tmp_path, text.replace("[4, 8]", "[[4], 8]")))
+    assert any("unknown key 'strategy.options.pose'" in line
+               for line in refusals(tmp_path, text.replace("options.poses", "options.pose")))
 
 
 def test_overrides_add_and_replace(tmp_path: Path) -> None:
