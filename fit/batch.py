@@ -25,6 +25,9 @@ GROUP = 16
 """Lanes computed side by side: another number rounds differently in the last bit."""
 LANES = 16 * GROUP
 """Lanes that one launch has room for."""
+MOST_PROGRAMS = 48
+"""Compiled programs held at a time: each takes up to 70 MB and a thousand of the 65,530 memory
+mappings that Linux gives a process. An episode of all procedures uses some forty."""
 
 # Two Python threads in one jitted batched Cholesky hang on a CPU: one call at a time.
 _lock = threading.Lock()
@@ -74,15 +77,18 @@ def _jitted(group_function: Callable) -> Callable:
 
 
 def _run(group_function: Callable, arguments: tuple) -> Any:
-    """Traced, compiled and loaded once a process for arguments of one form."""
+    """Traced, compiled and loaded once for arguments of one form, unless dropped meanwhile."""
     leaves, form = jax.tree.flatten(arguments)
     key = group_function, form, tuple((leaf.shape, leaf.dtype) for leaf in leaves)
-    if key not in _programs:
+    program = _programs.pop(key, None)
+    if program is None:
+        while len(_programs) >= MOST_PROGRAMS:
+            del _programs[next(iter(_programs))]
         program = _jitted(group_function)
         if isinstance(group_function, Program):
             program = load_or_compile(group_function.name, program, arguments)
-        _programs[key] = program
-    return _programs[key](*arguments)
+    _programs[key] = program  # the last one used comes last
+    return program(*arguments)
 
 
 def map_lanes(group_function: Callable, *lanes: Any, shared: tuple = ()) -> Any:

@@ -74,3 +74,14 @@ def test_a_damaged_file_is_made_anew(folder: Path, content: bytes | None) -> Non
 def test_where_nothing_can_be_written_only_time_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(program_cache, "_folder", lambda: Path("/dev/null/programs"))
     assert map_lanes(factors(), SETS).shape == (5, 3, 3)
+
+
+def test_the_program_used_longest_ago_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
+    # A study over fit options needs many; a process has only so many memory mappings.
+    monkeypatch.setattr(batch, "MOST_PROGRAMS", 2)
+    batch._programs.clear()
+    first, second, third = (factors(name) for name in ("first", "second", "third"))
+    found = [map_lanes(program, SETS) for program in (first, second, first, third, second)]
+    assert [key[0] for key in batch._programs] == [third, second]
+    for answer in found[1:]:
+        np.testing.assert_array_equal(answer, found[0])
