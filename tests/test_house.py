@@ -36,3 +36,11 @@ def test_jaxopt_lives_in_one_file() -> None:
     users = [p for name in MAY_IMPORT for p in (ROOT / name).rglob("*.py")
              if "jaxopt" in imported_roots(p)]
     assert len(users) <= 1, users
+
+
+def test_warmup_compiles_every_file_with_a_kernel() -> None:
+    from sweeps.warmup import KERNEL_MODULES
+
+    files = {p for name in MAY_IMPORT for p in (ROOT / name).rglob("*.py")
+             if "@wp.kernel" in p.read_text()}
+    assert {str(p.relative_to(ROOT))[:-3].replace("/", ".") for p in files} == set(KERNEL_MODULES)

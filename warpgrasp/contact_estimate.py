@@ -28,6 +28,9 @@ from warpgrasp.utah_mit_hand import (
     hand_of,
 )
 
+# Loops over the grid of places are not unrolled: that would be two hundred copies of `_gather`.
+wp.set_module_options({"max_unroll": 1})
+
 FINGERTIP_SIGMA_M = 0.006
 """Spread given to a fingertip estimate [est]: its error is mostly that another place touched."""
 
