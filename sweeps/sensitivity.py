@@ -17,7 +17,7 @@ from sweeps.plan import Plan, cell_hash
 from sweeps.store import Store
 
 STRATEGIES = ("ring6", "column9", "random18", "rim12-ring12")
-OBJECTS = ("block", "small_cylinder", "lightbulb")
+OBJECTS = ("block", "large_cylinder", "small_cylinder", "wedge", "lightbulb", "funnel")
 EPISODES = 16
 METRIC = "chamfer_mm"
 SURE = 2.0

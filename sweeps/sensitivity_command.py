@@ -37,6 +37,7 @@ def sensitivity(
     write_atomic(folder / "sensitivity.csv", text.getvalue().encode())
     table = [HEADER, ("---",) * len(HEADER), *rows]
     lines = ["<!-- written by `warpgrasp sensitivity`; do not edit -->", "",
+             "# Each constant over its bracket", "",
              *("| " + " | ".join(row) + " |" for row in table), "", *(f"- {n}" for n in notes), ""]
     write_atomic(folder / "sensitivity.md", "\n".join(lines).encode())
     print_table(HEADER, rows, as_json)

@@ -64,7 +64,8 @@ def csv_of(rows: Sequence[Comparison]) -> bytes:
 
 def markdown_of(rows: Sequence[Comparison]) -> bytes:
     """The table as Markdown, a section a check."""
-    lines = ["<!-- written by `warpgrasp validate -o docs/fidelity`; do not edit -->"]
+    lines = ["<!-- written by `warpgrasp validate -o docs/fidelity`; do not edit -->", "",
+             "# Every comparison"]
     for check in dict.fromkeys(row.check for row in rows):
         lines += ["", f"## {check}", "",
                   "| what | unit | ours | theirs | difference | bound | ok | note |",

@@ -28,10 +28,9 @@ def words_of(block: Block) -> list[str]:
 
 
 def test_every_page_is_in_the_menu() -> None:
-    generated = {"fidelity/sensitivity.md", "index.md"}
     written = {str(page.relative_to(ROOT / "docs")) for page in (ROOT / "docs").rglob("*.md")
                if "api" not in page.parts}
-    assert written - generated == {str(page.relative_to(ROOT / "docs")) for page in pages()[1:]}
+    assert written - {"index.md"} == {str(page.relative_to(ROOT / "docs")) for page in pages()[1:]}
 
 
 def test_every_kind_of_table_and_figure_is_told() -> None:
