@@ -78,7 +78,8 @@ def test_what_is_not_run_is_there_and_nothing_else_is_excused() -> None:
         "sbatch array.sh", "examples/newcomer.sh",
         "warpgrasp sweep study.toml -o DIR --engine ray --address auto"}
     names = {block.text for block in blocks() if block.kind == "shell" and run_docs.is_name(block)}
-    assert names == {f"warpgrasp {name}" for name in ("check", "fit", "init", "paper", "sensitivity")}
+    assert names == {f"warpgrasp {name}" for name in ("check", "fit", "init", "paper",
+                                                      "sensitivity")}
 
 
 def test_light_commands_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
