@@ -114,12 +114,20 @@ def superquadric_surface(
     quads = on_surface[:, corners]
     vector = 0.5 * np.cross(quads[:, :, 2] - quads[:, :, 0], quads[:, :, 3] - quads[:, :, 1])
     area = np.linalg.norm(vector, axis=-1)
-    points = from_straight_frame(body, _project(body, vertices[corners].mean(axis=1)))
+    points = superquadric_points(body, n)
     normals = superquadric_normals(body, points)
     # Where a deformed corner leaves no gradient, the facet's own normal stands in.
     facet = vector / np.maximum(area, 1e-300)[..., None]
     found = np.isfinite(normals).all(axis=-1, keepdims=True)
     return points, np.where(found, normals, facet), area
+
+
+def superquadric_points(
+    body: SuperquadricLike, n: int = 1000
+) -> Float[np.ndarray, "fit point 3"]:
+    """The points [m] of `superquadric_surface` alone."""
+    corners, vertices = _cube_grid(max(int(np.ceil(np.sqrt(n / 6))), 1))
+    return from_straight_frame(body, _project(body, vertices[corners].mean(axis=1)))
 
 
 def superquadric_normals(
