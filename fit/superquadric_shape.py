@@ -109,17 +109,25 @@ def superquadric_surface(
     as well as corners; the areas are those of the deformed quadrilaterals, and sum to the surface.
     """
     cells = max(int(np.ceil(np.sqrt(n / 6))), 1)
-    corners, vertices = _cube_grid(cells)
+    corners, vertices = cube_grid(cells)
     on_surface = from_straight_frame(body, _project(body, vertices))
     quads = on_surface[:, corners]
     vector = 0.5 * np.cross(quads[:, :, 2] - quads[:, :, 0], quads[:, :, 3] - quads[:, :, 1])
     area = np.linalg.norm(vector, axis=-1)
-    points = from_straight_frame(body, _project(body, vertices[corners].mean(axis=1)))
+    points = superquadric_points(body, n)
     normals = superquadric_normals(body, points)
     # Where a deformed corner leaves no gradient, the facet's own normal stands in.
     facet = vector / np.maximum(area, 1e-300)[..., None]
     found = np.isfinite(normals).all(axis=-1, keepdims=True)
     return points, np.where(found, normals, facet), area
+
+
+def superquadric_points(
+    body: SuperquadricLike, n: int = 1000
+) -> Float[np.ndarray, "fit point 3"]:
+    """The points [m] of `superquadric_surface` alone."""
+    corners, vertices = cube_grid(max(int(np.ceil(np.sqrt(n / 6))), 1))
+    return from_straight_frame(body, _project(body, vertices[corners].mean(axis=1)))
 
 
 def superquadric_normals(
@@ -147,13 +155,9 @@ def from_straight_frame(body: SuperquadricLike, points: np.ndarray) -> np.ndarra
     height = np.clip(z / body.size_m[:, 2, None], -1.0, 1.0)
     x = x * np.maximum(1 + body.taper[:, 0, None] * height, LEAST_TAPER_FACTOR)
     y = y * np.maximum(1 + body.taper[:, 1, None] * height, LEAST_TAPER_FACTOR)
-    k, alpha = body.bend[:, 0, None], body.bend[:, 1, None]
-    cos, sin = np.cos(alpha), np.sin(alpha)
-    inward = 1 - k * (x * cos + y * sin)
-    # (1/k - r)(1 - cos kz) and (1/k - r) sin kz without a division by k.
-    shift = inward * 0.5 * k * z**2 * np.sinc(0.5 * k * z / np.pi) ** 2
-    rise = inward * z * np.sinc(k * z / np.pi)
-    bent = np.stack([x + cos * shift, y + sin * shift, rise], axis=-1)
+    if body.bend[:, 0].any():
+        x, y, z = _bent(body, x, y, z)
+    bent = np.stack([x, y, z], axis=-1)
     rotation = matrix_of_quaternion(body.quaternion_xyzw)
     return np.einsum("fij,fpj->fpi", rotation, bent) + body.position_m[:, None]
 
@@ -163,6 +167,27 @@ def to_straight_frame(body: SuperquadricLike, points: np.ndarray) -> np.ndarray:
     rotation = matrix_of_quaternion(body.quaternion_xyzw)
     local = np.einsum("fji,fpj->fpi", rotation, points - body.position_m[:, None])
     x, y, z = np.moveaxis(local, -1, 0)
+    if body.bend[:, 0].any():
+        x, y, z = _unbent(body, x, y, z)
+    height = np.clip(z / body.size_m[:, 2, None], -1.0, 1.0)
+    x = x / np.maximum(1 + body.taper[:, 0, None] * height, LEAST_TAPER_FACTOR)
+    y = y / np.maximum(1 + body.taper[:, 1, None] * height, LEAST_TAPER_FACTOR)
+    return np.stack([x, y, z], axis=-1)
+
+
+def _bent(body: SuperquadricLike, x, y, z) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Coordinates [fit, point] after the bend."""
+    k, alpha = body.bend[:, 0, None], body.bend[:, 1, None]
+    cos, sin = np.cos(alpha), np.sin(alpha)
+    inward = 1 - k * (x * cos + y * sin)
+    # (1/k - r)(1 - cos kz) and (1/k - r) sin kz without a division by k.
+    shift = inward * 0.5 * k * z**2 * np.sinc(0.5 * k * z / np.pi) ** 2
+    rise = inward * z * np.sinc(k * z / np.pi)
+    return x + cos * shift, y + sin * shift, rise
+
+
+def _unbent(body: SuperquadricLike, x, y, z) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Coordinates [fit, point] before the bend."""
     k, alpha = body.bend[:, 0, None], body.bend[:, 1, None]
     cos, sin = np.cos(alpha), np.sin(alpha)
     outer = x * cos + y * sin
@@ -171,11 +196,7 @@ def to_straight_frame(body: SuperquadricLike, points: np.ndarray) -> np.ndarray:
     longer = (outer * (k * outer - 2) + k * z**2) / (1 + radius)
     shift = k * (outer * longer + outer**2 + z**2) / (1 + radius)
     straight = np.where(k < 1e-12, z, np.arctan2(k * z, ahead) / np.maximum(k, 1e-12))
-    x, y, z = x - cos * shift, y - sin * shift, straight
-    height = np.clip(z / body.size_m[:, 2, None], -1.0, 1.0)
-    x = x / np.maximum(1 + body.taper[:, 0, None] * height, LEAST_TAPER_FACTOR)
-    y = y / np.maximum(1 + body.taper[:, 1, None] * height, LEAST_TAPER_FACTOR)
-    return np.stack([x, y, z], axis=-1)
+    return x - cos * shift, y - sin * shift, straight
 
 
 def _project(body: SuperquadricLike, directions: np.ndarray) -> np.ndarray:
@@ -187,7 +208,7 @@ def _project(body: SuperquadricLike, directions: np.ndarray) -> np.ndarray:
     return directions / radius[..., None] * body.size_m[:, None]
 
 
-def _cube_grid(cells: int) -> tuple[np.ndarray, np.ndarray]:
+def cube_grid(cells: int) -> tuple[np.ndarray, np.ndarray]:
     """Quadrilaterals [6 cells^2, 4] and vertices [6 (cells+1)^2, 3] of the cube [-1, 1]^3.
 
     Lines stand at tangents of even angles, which evens out the projected spacing; corners run

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from strategies.belief import Belief
+from strategies.placement import placed_squares
 from strategies.recovered import Recovered, Shape
 from strategies.upright import stand_upright
 from warpgrasp.body import Body, distance_to_bodies, scene_of
@@ -20,9 +21,9 @@ from warpgrasp.catalogue import body_from_name
 
 NONE = "none of these"
 TURNS = 12
-ITERATIONS = 8
-CAP = 3.0
-"""Deviations beyond which a touch says no more against a body: one bad touch decides nothing."""
+"""Of a whole turn, from which a body with sides is laid down."""
+SAME_M = 1e-6
+"""Bodies whose distances differ by no more are the same."""
 MODEL_SIGMA_M = 0.0015
 """Added to a touch's own spread: what estimates leave out [est]."""
 TOP_SIGMA_M = 0.006
@@ -55,7 +56,7 @@ class Recognizer:
             raise ValueError("bodies: empty; give at least one known body")
         self.bodies, self.device = bodies, device
         self.scene = scene_of(list(bodies.values()), device)
-        self.turns = [TURNS if _has_sides(body, device) else 1 for body in bodies.values()]
+        self.turns = [_turns(body, device) for body in bodies.values()]
 
     def ranking(self, belief: Belief, recovered: Recovered) -> Ranking:
         """Each known body against each world's touches."""
@@ -73,12 +74,12 @@ class Recognizer:
         normal = np.nan_to_num(evidence.normals)
         along = np.einsum("wpi,wpij,wpj->wp", normal, evidence.covariance_m2, normal)
         sigma = np.sqrt(np.where(along > 0, along, trace / 3) + MODEL_SIGMA_M**2)
-        square = np.stack([
-            self._square(number, evidence.points_m, mask, sigma, centre)
-            + np.minimum(np.abs(top - body.high_m[2]) / TOP_SIGMA_M, TOP_CAP) ** 2
-            / np.maximum(EFFECTIVE * mask.sum(1), 1.0)
-            for number, body in enumerate(self.bodies.values())], 1)
         count = EFFECTIVE * mask.sum(1, keepdims=True)
+        heights = np.array([body.high_m[2] for body in self.bodies.values()])
+        square = placed_squares(self.scene, self.turns, evidence.points_m, mask, sigma, centre,
+                                device=self.device)
+        square += (np.minimum(np.abs(top[:, None] - heights) / TOP_SIGMA_M, TOP_CAP) ** 2
+                   / np.maximum(count, 1.0))
         log = -0.5 * count * np.concatenate(
             [square, np.full((len(square), 1), NONE_SQUARE)], axis=1)
         log[:, :-1] -= np.log(len(self.bodies))
@@ -93,42 +94,6 @@ class Recognizer:
         answers = np.array([*found.names, NONE], object)[found.probability.argmax(1)]
         return np.where(recovered.shape == Shape.TOLD_CYLINDER, "", answers)
 
-    def _square(self, number: int, points: np.ndarray, mask: np.ndarray, sigma: np.ndarray,
-                centre: np.ndarray) -> np.ndarray:
-        """Mean capped square of one body's best placement, (world,)."""
-        turns = self.turns[number]
-        worlds = len(points)
-        pose = np.repeat(np.concatenate([centre, np.zeros((worlds, 1))], 1), turns, axis=0)
-        pose[:, 2] = np.tile(2 * np.pi * np.arange(turns) / turns, worlds)
-        p, m, s = (np.repeat(v, turns, axis=0) for v in (points, mask, sigma))
-        for _ in range(ITERATIONS):
-            distance, slope = self._distance(number, pose, p)
-            r = distance / s
-            weight = np.where(m, 1.0 / (1.0 + (r / CAP) ** 2) ** 2, 0.0) / s**2
-            jtj = np.einsum("wp,wpi,wpj->wij", weight, slope, slope)
-            jtj += np.eye(3) * np.array([1.0, 1.0, 1e-4]) * 10.0
-            step = np.linalg.solve(jtj, np.einsum("wp,wpi,wp->wi", weight, slope,
-                                                  distance)[..., None])[..., 0]
-            step[:, 2] = 0.0 if turns == 1 else np.clip(step[:, 2], -0.3, 0.3)
-            pose = pose - np.clip(step, -0.3, 0.3)
-        distance, _ = self._distance(number, pose, p)
-        square = np.minimum((distance / s) ** 2, CAP**2) * m
-        mean = square.sum(1) / np.maximum(m.sum(1), 1)
-        return mean.reshape(worlds, turns).min(1)
-
-    def _distance(self, number: int, pose: np.ndarray, points: np.ndarray) -> tuple[
-            np.ndarray, np.ndarray]:
-        """Distances of points to a body at poses (x, y, turn), and their slopes in the three."""
-        c, s = np.cos(pose[:, 2])[:, None], np.sin(pose[:, 2])[:, None]
-        dx, dy = points[..., 0] - pose[:, :1], points[..., 1] - pose[:, 1:2]
-        local = np.stack([c * dx + s * dy, c * dy - s * dx, points[..., 2]], -1)
-        distance, gradient = distance_to_bodies(self.scene, np.array([number]), local,
-                                                device=self.device)
-        gx, gy = gradient[..., 0], gradient[..., 1]
-        slope = np.stack([-(c * gx - s * gy), -(s * gx + c * gy),
-                          gx * local[..., 1] - gy * local[..., 0]], -1)
-        return distance, np.nan_to_num(slope)
-
 
 def recognizer(names: tuple[str, ...] = (), *, device: str = "cpu") -> Recognizer:
     """A recognizer of catalogue objects, all of them where none is named."""
@@ -136,13 +101,20 @@ def recognizer(names: tuple[str, ...] = (), *, device: str = "cpu") -> Recognize
                       device=device)
 
 
-def _has_sides(body: Body, device: str) -> bool:
-    """Whether a turn about the vertical changes the body."""
+def _turns(body: Body, device: str) -> np.ndarray:
+    """Turns [rad] to lay a body down from: those of a whole turn that do not give the same body."""
     high = np.asarray(body.high_m)
-    angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    angle = 2 * np.pi * np.arange(2 * TURNS) / (2 * TURNS)
     rings = [np.stack([r * high[0] * np.cos(angle), r * high[0] * np.sin(angle),
-                       np.full(24, z * high[2])], 1) for r in (0.4, 0.8, 1.1)
+                       np.full(len(angle), z * high[2])], 1) for r in (0.4, 0.8, 1.1)
              for z in (0.2, 0.5, 0.8)]
     distance, _ = distance_to_bodies(scene_of([body], device), np.zeros(1, int),
                                      np.concatenate(rings)[None], device=device)
-    return bool(np.ptp(distance.reshape(len(rings), 24), axis=1).max() > 1e-6)
+    distance = distance.reshape(len(rings), len(angle))
+    if np.ptp(distance, axis=1).max() <= SAME_M:
+        return np.zeros(1)
+    starts = 2 * np.pi * np.arange(TURNS) / TURNS
+    for fold in (4, 2):
+        if np.abs(distance - np.roll(distance, len(angle) // fold, axis=1)).max() <= SAME_M:
+            return starts[: TURNS // fold]
+    return starts

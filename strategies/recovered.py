@@ -7,12 +7,8 @@ import numpy as np
 
 from fit.revolution_shape import RevolutionBody, revolution_distance
 from fit.superquadric import SuperquadricFit
-from fit.superquadric_shape import (
-    Superquadric,
-    SuperquadricLike,
-    superquadric_inside_outside,
-    superquadric_normals,
-)
+from fit.superquadric_shape import Superquadric, SuperquadricLike
+from strategies.body_query import surface_distances
 from strategies.contour_profile import Profile
 from strategies.evidence import Evidence
 from strategies.waypoints import TOLD_MARGIN_M, BoundingCylinder
@@ -79,8 +75,8 @@ def choose_body(
     rows = np.flatnonzero(known)
     away = revolution_distance(body[rows], evidence.points_m[rows])
     part = Superquadric(*(field[rows] for field in superquadric))
-    other = np.abs(_distance(part, evidence.points_m[rows][:, contour]))
-    better = _rms(away[:, contour], mask[rows]) < PREFERENCE * _rms(other, mask[rows])
+    other = surface_distances(part, evidence.points_m[rows][:, contour], mask[rows])
+    better = _rms(away[:, contour], mask[rows]) < PREFERENCE * _rms(np.abs(other), mask[rows])
     felt = evidence.mask[rows]
     strayed = (felt & (away > CONTRADICTS_M)).sum(1) / np.maximum(felt.sum(1), 1)
     taken = (better & (strayed <= MOST_STRAYED)) | ~fitted[rows]
@@ -91,17 +87,6 @@ def choose_body(
 def _rms(distance: np.ndarray, mask: np.ndarray) -> np.ndarray:
     square = np.where(mask, np.minimum(distance, FARTHEST_M) ** 2, 0.0).sum(1)
     return np.sqrt(square / np.maximum(mask.sum(1), 1))
-
-
-def _distance(body: Superquadric, points: np.ndarray) -> np.ndarray:
-    """First-order signed distance [m], (world, point)."""
-    step = 1e-5
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        gauge = superquadric_inside_outside(body, points)
-        ahead = superquadric_inside_outside(
-            body, points + step * superquadric_normals(body, points))
-        distance = (gauge - 1.0) / np.maximum((ahead - gauge) / step, 1e-3)
-    return np.where(np.isfinite(distance), distance, 1.0)
 
 
 def plausible(fits: SuperquadricFit, told: BoundingCylinder) -> np.ndarray:

@@ -14,7 +14,7 @@ import numpy as np
 
 from fit.status import FitStatus
 from fit.superquadric import SuperquadricFit
-from fit.superquadric_uncertainty import surface_distance
+from strategies.body_query import surface_distances
 from strategies.evidence import Evidence
 
 RIVAL = "radial"
@@ -30,9 +30,8 @@ FARTHEST_M = 0.010
 def touch_misfit(fits: SuperquadricFit, placed: Evidence) -> np.ndarray:
     """Mean distance [m] of each world's touches from its body, each capped, (world,); inf where
     there is no usable fit."""
-    with np.errstate(all="ignore"):
-        distance, _ = surface_distance(fits, placed.points_m)
-    away = np.where(np.isfinite(distance), np.minimum(np.abs(distance), FARTHEST_M), FARTHEST_M)
+    distance = surface_distances(fits, placed.points_m, placed.mask, ahead_m=0.0)
+    away = np.minimum(np.abs(distance), FARTHEST_M)
     count = placed.mask.sum(1)
     mean = np.where(placed.mask, away, 0.0).sum(1) / np.maximum(count, 1)
     good = np.isin(fits.status, (FitStatus.converged, FitStatus.not_converged)) & (count > 0)

@@ -13,7 +13,7 @@ from fit.superquadric_shape import (
     Superquadric,
     superquadric_inside_outside,
     superquadric_normals,
-    superquadric_surface,
+    superquadric_points,
 )
 
 
@@ -41,7 +41,7 @@ def stand_upright(body: Superquadric) -> Upright:
     upright = np.abs(axes[:, 2]).argmax(1)
     e1, e2 = body.exponents.T
     on_z = upright == 2
-    points, _, _ = superquadric_surface(body, 600)
+    points = superquadric_points(body, 600)
     away = np.hypot(points[..., 0] - body.position_m[:, None, 0],
                     points[..., 1] - body.position_m[:, None, 1])
     axis = axes[np.arange(len(axes)), :, upright]

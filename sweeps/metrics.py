@@ -15,8 +15,10 @@ import warp as wp
 from scipy.spatial.transform import Rotation
 
 from fit.revolution_shape import revolution_inside, revolution_surface, revolution_volume
-from fit.superquadric_shape import SuperquadricLike, superquadric_surface, superquadric_volume
+from fit.superquadric_shape import SuperquadricLike, superquadric_volume
+from strategies.body_query import bodies_on
 from strategies.recovered import Recovered, Shape
+from sweeps.surface_elements import surface_elements
 from warpgrasp.body import Body, distance_to_bodies, scene_of
 from warpgrasp.body_sample import sample_body
 from warpgrasp.launch import launch
@@ -85,11 +87,37 @@ def _element_distance_kernel(
         if wp.dot(v, v) < reach * reach and (turn == 0 or g != nearest):
             for k in range(g * _PATCH, wp.min((g + 1) * _PATCH, element.shape[1])):
                 v = p - element[w, k]
-                height = wp.dot(v, normal[w, k])
-                aside = wp.max(
-                    wp.sqrt(wp.max(wp.dot(v, v) - height * height, ZERO)) - radius[w, k], ZERO)
-                best = wp.min(best, wp.sqrt(height * height + aside * aside))
+                square = wp.dot(v, v)
+                reach = best + radius[w, k]
+                if square < reach * reach:
+                    height = wp.dot(v, normal[w, k])
+                    aside = wp.max(
+                        wp.sqrt(wp.max(square - height * height, ZERO)) - radius[w, k], ZERO)
+                    best = wp.min(best, wp.sqrt(height * height + aside * aside))
     distance[w, i] = best
+
+
+@wp.kernel(enable_backward=False)
+def _ball_kernel(
+    first: int,
+    # Recovered surface in:
+    element: wp.array2d[vec3],
+    radius: wp.array2d[real],
+    # Balls out:
+    ball: wp.array2d[vec4],
+):
+    """A ball (centre, radius) around every patch of elements that follow each other."""
+    w, g = wp.tid()
+    w += first
+    stop = wp.min((g + 1) * _PATCH, element.shape[1])
+    centre = vec3(ZERO, ZERO, ZERO)
+    for k in range(g * _PATCH, stop):
+        centre += element[w, k]
+    centre = centre / real(stop - g * _PATCH)
+    reach = real(0.0)
+    for k in range(g * _PATCH, stop):
+        reach = wp.max(reach, wp.length(element[w, k] - centre) + radius[w, k])
+    ball[w, g] = vec4(centre[0], centre[1], centre[2], reach)
 
 
 @wp.kernel(enable_backward=False)
@@ -152,7 +180,7 @@ def score_recovered(
 
 
 def _superquadrics(fits: SuperquadricLike, inside: np.ndarray, device: str) -> _Surface:
-    element, normal, area = superquadric_surface(fits, ELEMENTS)
+    element, normal, area = surface_elements(fits, ELEMENTS, device=device)
     return _Surface(element, normal, area, superquadric_volume(fits),
                     _share_inside(fits, inside, device))
 
@@ -195,40 +223,27 @@ def _quantile(values: np.ndarray, share: np.ndarray, q: float) -> np.ndarray:
 def _distance_to_elements(
     points: np.ndarray, element: np.ndarray, normal: np.ndarray, area: np.ndarray, device: str
 ) -> np.ndarray:
-    radius = np.sqrt(area / np.pi)
+    worlds, elements = area.shape
+    patches = -(-elements // PATCH)
+    surface = {"element": wp.array(element, dtype=vec3, device=device),
+               "radius": wp.array(np.sqrt(area / np.pi), dtype=real, device=device)}
+    shapes = {"element": "world element", "radius": "world element", "ball": "world patch"}
+    ball = wp.empty((worlds, patches), dtype=vec4, device=device)
+    launch(_ball_kernel, {"world": worlds, "patch": patches}, shapes,
+           {**surface, "ball": ball}, device=device)
     out = wp.empty(points.shape[:2], dtype=real, device=device)
-    launch(_element_distance_kernel, {"world": len(points), "point": points.shape[1]}, {
-        "element": "world element", "normal": "world element", "radius": "world element",
-        "ball": "world patch", "point": "world point", "distance": "world point"}, {
-        "element": wp.array(element, dtype=vec3, device=device),
-        "normal": wp.array(normal, dtype=vec3, device=device),
-        "radius": wp.array(radius, dtype=real, device=device),
-        "ball": wp.array(_balls(element, radius), dtype=vec4, device=device),
+    launch(_element_distance_kernel, {"world": worlds, "point": points.shape[1]}, {
+        **shapes, "normal": "world element", "point": "world point", "distance": "world point"}, {
+        **surface, "ball": ball, "normal": wp.array(normal, dtype=vec3, device=device),
         "point": wp.array(points, dtype=vec3, device=device), "distance": out}, device=device)
     return out.numpy().copy()
 
 
-def _balls(element: np.ndarray, radius: np.ndarray) -> np.ndarray:
-    """A ball (centre, radius) around every patch of elements that follow each other."""
-    firsts = np.arange(0, element.shape[1], PATCH)
-    sizes = np.diff(np.append(firsts, element.shape[1]))
-    centre = np.add.reduceat(element, firsts, axis=1) / sizes[:, None]
-    away = np.linalg.norm(element - np.repeat(centre, sizes, axis=1), axis=-1) + radius
-    reach = np.maximum.reduceat(away, firsts, axis=1)
-    return np.concatenate([centre, reach[..., None]], axis=-1)
-
-
 def _share_inside(fits: SuperquadricLike, points: np.ndarray, device: str) -> np.ndarray:
-    shapes = np.zeros(len(points), dtype=SuperquadricShape.numpy_dtype())
-    shapes["size"] = fits.size_m
-    shapes["e1"], shapes["e2"] = fits.exponents.T
-    shapes["kx"], shapes["ky"] = fits.taper.T
-    shapes["bend"], shapes["bend_angle"] = fits.bend.T
-    pose = np.concatenate([fits.position_m, fits.quaternion_xyzw], axis=1)
+    shape, pose = bodies_on(fits, device)
     out = wp.empty(points.shape[:2], dtype=int, device=device)
     launch(_inside_kernel, {"world": len(points), "point": points.shape[1]}, {
         "shape": "world", "pose": "world", "point": "world point", "inside": "world point"}, {
-        "shape": wp.array(shapes, dtype=SuperquadricShape, device=device),
-        "pose": wp.array(pose, dtype=transform, device=device),
+        "shape": shape, "pose": pose,
         "point": wp.array(points, dtype=vec3, device=device), "inside": out}, device=device)
     return out.numpy().mean(1)

@@ -13,6 +13,7 @@ from warpgrasp.real import HALF, ONE, TINY, TWO, ZERO, real, vec3, vec4
 from warpgrasp.sdf_primitive import sign_of
 
 _STRAIGHT = wp.constant(real(1e-6))  # curvatures below are no bend [1/m]
+_SMALL = wp.constant(real(1e-4))  # angles whose sine is taken by its series [rad]
 _THIN = wp.constant(real(0.02))  # a section tapered to less counts as this, to stay finite
 
 
@@ -59,50 +60,106 @@ def superquadric_gauge(p: vec3, size: vec3, e1: real, e2: real):
                 m * f)
 
 
+@wp.struct
+class Straightened:
+    """A point before taper and bend, and what leads a gradient there back to where it came from."""
+
+    point: vec3
+    untapered: vec3
+    tx: real
+    ty: real
+    thin_x: bool
+    thin_y: bool
+    ca: real
+    sa: real
+    lever: real
+    rho: real
+
+
 @wp.func
-def superquadric_deformed_gauge(p: vec3, s: SuperquadricShape):
-    """Gradient and value of the gauge of the tapered and bent body at `p`."""
+def straighten(p: vec3, s: SuperquadricShape):
+    """The point whose place in the plain body is that of `p` in the tapered and bent one."""
     x = p[0]
     y = p[1]
     z = p[2]
-    ca = wp.cos(s.bend_angle)
-    sa = wp.sin(s.bend_angle)
-    lever = ZERO
-    rho = ONE
+    q = Straightened()
+    q.lever = ZERO
+    q.rho = ONE
     if s.bend > _STRAIGHT:
-        along = p[0] * ca + p[1] * sa
-        lever = ONE / s.bend - along
-        rho = wp.max(wp.sqrt(p[2] * p[2] + lever * lever), TINY)
-        shift = along - (ONE / s.bend - rho)
-        x = p[0] - ca * shift
-        y = p[1] - sa * shift
-        z = wp.atan2(p[2], lever) / s.bend
+        q.ca = wp.cos(s.bend_angle)
+        q.sa = wp.sin(s.bend_angle)
+        along = p[0] * q.ca + p[1] * q.sa
+        q.lever = ONE / s.bend - along
+        q.rho = wp.max(wp.sqrt(p[2] * p[2] + q.lever * q.lever), TINY)
+        shift = along - (ONE / s.bend - q.rho)
+        x = p[0] - q.ca * shift
+        y = p[1] - q.sa * shift
+        z = wp.atan2(p[2], q.lever) / s.bend
     # Above and below the body the taper goes no further: carried on, it would close to a point
     # there, and open air above a wedge would count as touched.
     height = wp.clamp(z / s.size[2], -ONE, ONE)
     tx = s.kx * height + ONE
     ty = s.ky * height + ONE
     beyond = wp.abs(z) > s.size[2]
-    thin_x = tx < _THIN or beyond
-    thin_y = ty < _THIN or beyond
-    tx = wp.max(tx, _THIN)
-    ty = wp.max(ty, _THIN)
-    g = superquadric_gauge(vec3(x / tx, y / ty, z), s.size, s.e1, s.e2)
-    gx = g[0] / tx
-    gy = g[1] / ty
+    q.thin_x = tx < _THIN or beyond
+    q.thin_y = ty < _THIN or beyond
+    q.tx = wp.max(tx, _THIN)
+    q.ty = wp.max(ty, _THIN)
+    q.untapered = vec3(x, y, z)
+    q.point = vec3(x / q.tx, y / q.ty, z)
+    return q
+
+
+@wp.func
+def deformed_gradient(g: vec4, p: vec3, q: Straightened, s: SuperquadricShape):
+    """The gradient at `p` of the field whose gradient and value at `q.point` are `g`."""
+    gx = g[0] / q.tx
+    gy = g[1] / q.ty
     gz = g[2]
-    if not thin_x:
-        gz -= g[0] * x * s.kx / (s.size[2] * tx * tx)
-    if not thin_y:
-        gz -= g[1] * y * s.ky / (s.size[2] * ty * ty)
+    if not q.thin_x:
+        gz -= g[0] * q.untapered[0] * s.kx / (s.size[2] * q.tx * q.tx)
+    if not q.thin_y:
+        gz -= g[1] * q.untapered[1] * s.ky / (s.size[2] * q.ty * q.ty)
     if s.bend > _STRAIGHT:
-        gr = gx * ca + gy * sa
-        turn = gz / (s.bend * rho * rho)
-        along_part = gr * (lever / rho - ONE) + turn * p[2]
-        gz = turn * lever - gr * p[2] / rho
-        gx += along_part * ca
-        gy += along_part * sa
+        gr = gx * q.ca + gy * q.sa
+        turn = gz / (s.bend * q.rho * q.rho)
+        along_part = gr * (q.lever / q.rho - ONE) + turn * p[2]
+        gz = turn * q.lever - gr * p[2] / q.rho
+        gx += along_part * q.ca
+        gy += along_part * q.sa
     return vec4(gx, gy, gz, g[3])
+
+
+@wp.func
+def _sinc(x: real):
+    if wp.abs(x) < _SMALL:
+        return ONE - x * x / real(6.0)
+    return wp.sin(x) / x
+
+
+@wp.func
+def taper_and_bend(p: vec3, s: SuperquadricShape):
+    """Where a point of the plain body comes to lie; the inverse of `straighten`."""
+    height = wp.clamp(p[2] / s.size[2], -ONE, ONE)
+    x = p[0] * wp.max(s.kx * height + ONE, _THIN)
+    y = p[1] * wp.max(s.ky * height + ONE, _THIN)
+    if s.bend <= _STRAIGHT:
+        return vec3(x, y, p[2])
+    # (1/k - r)(1 - cos kz) and (1/k - r) sin kz without a division by k.
+    ca = wp.cos(s.bend_angle)
+    sa = wp.sin(s.bend_angle)
+    inward = ONE - s.bend * (x * ca + y * sa)
+    turn = s.bend * p[2]
+    half = _sinc(HALF * turn)
+    shift = inward * HALF * turn * p[2] * half * half
+    return vec3(x + ca * shift, y + sa * shift, inward * p[2] * _sinc(turn))
+
+
+@wp.func
+def superquadric_deformed_gauge(p: vec3, s: SuperquadricShape):
+    """Gradient and value of the gauge of the tapered and bent body at `p`."""
+    q = straighten(p, s)
+    return deformed_gradient(superquadric_gauge(q.point, s.size, s.e1, s.e2), p, q, s)
 
 
 @wp.func

@@ -1,0 +1,83 @@
+"""Recovered superquadrics asked at points, in a kernel: how far it is to them."""
+
+import numpy as np
+import warp as wp
+
+from fit.superquadric_shape import SuperquadricLike
+from warpgrasp.launch import launch
+from warpgrasp.real import ONE, ZERO, real, transform, vec3, vec4
+from warpgrasp.sdf_superquadric import SuperquadricShape
+from warpgrasp.superquadric_radius import superquadric_radius
+
+AHEAD_M = 1e-5
+"""Step outwards whose slope a distance is divided by [m]."""
+_LEAST_SLOPE = wp.constant(real(1e-3))  # [1/m]
+
+
+@wp.func
+def world_radius(p: vec3, shape: SuperquadricShape, pose: transform):
+    """Gradient and value of the scaled radius at a point of the world."""
+    g = superquadric_radius(wp.transform_point(wp.transform_inverse(pose), p), shape)
+    turned = wp.quat_rotate(wp.transform_get_rotation(pose), vec3(g[0], g[1], g[2]))
+    return vec4(turned[0], turned[1], turned[2], g[3])
+
+
+@wp.kernel(enable_backward=False)
+def _distance_kernel(
+    first: int,
+    # Bodies in:
+    shape: wp.array[SuperquadricShape],
+    pose: wp.array[transform],
+    # Points in:
+    point: wp.array2d[vec3],
+    kept: wp.array2d[wp.bool],
+    ahead: real,
+    # Distance out:
+    distance: wp.array2d[real],
+):
+    w, i = wp.tid()
+    w += first
+    distance[w, i] = ONE
+    if not kept[w, i]:
+        return
+    g = world_radius(point[w, i], shape[w], pose[w])
+    slope = wp.length(vec3(g[0], g[1], g[2]))
+    if ahead > ZERO:
+        step = ahead / slope * vec3(g[0], g[1], g[2])
+        slope = (world_radius(point[w, i] + step, shape[w], pose[w])[3] - g[3]) / ahead
+    away = (g[3] - ONE) / wp.max(slope, _LEAST_SLOPE)
+    if wp.isfinite(away):
+        distance[w, i] = away
+
+
+def surface_distances(
+    body: SuperquadricLike, points_m: np.ndarray, kept: np.ndarray, *, ahead_m: float = AHEAD_M,
+    device: str = "cpu"
+) -> np.ndarray:
+    """First-order signed distances [m] of points (world, point, 3), (world, point).
+
+    The scaled radius beyond one over its slope: over a step of `ahead_m` outwards, or where that is
+    0 its gradient. 1 m where not `kept` and where a body has no gradient. Raises ShapeError where
+    shapes disagree.
+    """
+    shape, pose = bodies_on(body, device)
+    out = wp.empty(points_m.shape[:2], dtype=real, device=device)
+    launch(_distance_kernel, {"world": len(points_m), "point": points_m.shape[1]}, {
+        "shape": "world", "pose": "world", "point": "world point", "kept": "world point",
+        "distance": "world point"}, {
+        "shape": shape, "pose": pose, "point": wp.array(points_m, dtype=vec3, device=device),
+        "kept": wp.array(kept, dtype=wp.bool, device=device), "ahead": ahead_m,
+        "distance": out}, device=device)
+    return out.numpy()
+
+
+def bodies_on(body: SuperquadricLike, device: str) -> tuple[wp.array, wp.array]:
+    """The kernels' shapes and poses of recovered bodies."""
+    rows = np.zeros(len(body.size_m), dtype=SuperquadricShape.numpy_dtype())
+    rows["size"] = body.size_m
+    rows["e1"], rows["e2"] = body.exponents.T
+    rows["kx"], rows["ky"] = body.taper.T
+    rows["bend"], rows["bend_angle"] = body.bend.T
+    pose = np.concatenate([body.position_m, body.quaternion_xyzw], axis=1)
+    return (wp.array(rows, dtype=SuperquadricShape, device=device),
+            wp.array(pose, dtype=transform, device=device))

@@ -1,0 +1,49 @@
+"""Superquadrics asked by kernels, against the plain NumPy of `fit.superquadric_shape`."""
+
+import numpy as np
+
+from fit.superquadric_shape import Superquadric, superquadric, superquadric_inside_outside
+from fit.superquadric_uncertainty import surface_distance
+from strategies.body_query import surface_distances
+
+POINTS = 60
+
+
+def bodies(count: int = 40) -> Superquadric:
+    """Tapered bodies of every exponent, one in three bent."""
+    rng = np.random.default_rng(8)
+    turn = rng.normal(size=(count, 4))
+    bend = np.stack([np.where(np.arange(count) % 3 == 0, 6.0, 0.0), rng.uniform(-3, 3, count)], 1)
+    return superquadric(
+        rng.uniform(0.01, 0.08, (count, 3)), rng.uniform(0.1, 1.9, (count, 2)),
+        rng.normal(0.0, 0.05, (count, 3)), turn / np.linalg.norm(turn, axis=1, keepdims=True),
+        rng.uniform(-0.9, 0.9, (count, 2)), bend)
+
+
+def points_about(body: Superquadric) -> np.ndarray:
+    rng = np.random.default_rng(9)
+    return body.position_m[:, None] + rng.normal(0.0, 0.05, (len(body.size_m), POINTS, 3))
+
+
+def test_distances_are_those_of_the_geometry() -> None:
+    body = bodies()
+    points = points_about(body)
+    asked = np.ones(points.shape[:2], bool)
+    # Where a taper ends within the step of a difference, the difference is no slope.
+    wanted, normal = surface_distance(body, points)
+    by_gradient = surface_distances(body, points, asked, ahead_m=0.0)
+    assert np.quantile(np.abs(by_gradient - wanted), 0.999) < 1e-8
+    radius = superquadric_inside_outside(body, points)
+    slope = (superquadric_inside_outside(body, points + 1e-5 * normal) - radius) / 1e-5
+    ahead = surface_distances(body, points, asked)
+    assert np.quantile(np.abs(ahead - (radius - 1) / slope), 0.999) < 1e-8
+
+
+def test_a_world_hangs_on_nothing_beside_it_and_points_not_asked_for_are_far() -> None:
+    body = bodies()
+    points = points_about(body)
+    asked = np.random.default_rng(1).uniform(size=points.shape[:2]) < 0.7
+    distance = surface_distances(body, points, asked)
+    alone = surface_distances(Superquadric(*(f[3:4] for f in body)), points[3:4], asked[3:4])
+    assert np.array_equal(distance[3:4], alone)
+    assert (distance[~asked] == 1.0).all()
