@@ -21,7 +21,6 @@ from pathlib import Path
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 from jax.experimental import serialize_executable
 
 
@@ -82,7 +81,7 @@ def _processor() -> str:
 @lru_cache(maxsize=1)
 def _load_linear_algebra() -> None:
     """Programs call LAPACK by addresses that JAX fills in when it first lowers such a call."""
-    jax.jit(jnp.linalg.cholesky).lower(jnp.eye(2))
+    jax.jit(jax.lax.linalg.cholesky).lower(jax.ShapeDtypeStruct((2, 2), "float64"))
 
 
 def _write(file: Path, content: bytes) -> None:

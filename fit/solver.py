@@ -13,20 +13,6 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-with warnings.catch_warnings():
-    # It says on import that it is no longer developed, which is why it is pinned and kept here.
-    warnings.simplefilter("ignore", DeprecationWarning)
-    from jaxopt import LevenbergMarquardt
-
-
-class _Solver(LevenbergMarquardt):
-    """jaxopt's, which forgets the Jacobian it is given where it is to materialize one."""
-
-    def __post_init__(self):
-        super().__post_init__()
-        self._jac_fun = self.jac_fun
-
-
 DAMPING = 1e-3
 """First damping, as a share of the largest diagonal element of JᵀJ."""
 
@@ -47,10 +33,47 @@ class Descent(NamedTuple):
 def descend(residuals: Callable, theta, damping, iterations, lanes: Any) -> Descent:
     """`iterations` (a traced number) steps of every lane from `theta` [lane, parameter].
 
-    `residuals(theta, lane)` are those of one lane, and their Jacobian.
+    `residuals(theta, lane)` are those of one lane, and their Jacobian. They are in the program only
+    once, for it is most of what is compiled and loaded: where a descent begins is evaluated by a
+    step of its own, from a state that has it stay where it is and take whatever it finds.
     """
-    residual_fun, jac_fun = _evaluated_once(residuals)
-    solver = _Solver(
+    solver = _solver(*_evaluated_once(residuals))
+
+    def step(first, begin, carry, lane):
+        theta, state = solver.update(*carry, lane)
+        chosen = DAMPING * jnp.max(jnp.diagonal(state.jtj))
+        damping = jnp.where(first, jnp.where(begin > 0, begin, chosen), state.damping_factor)
+        return theta, state._replace(
+            damping_factor=damping,
+            increase_factor=jnp.asarray(state.increase_factor, theta.dtype))
+
+    def turn(index, carry):
+        at, before = carry
+        moved = jax.vmap(step, (None, 0, 0, 0))(index == 0, damping, at, lanes)
+        return moved, jnp.where(index == 0, moved[1].value, before)
+
+    blank = jax.vmap(lambda theta, lane: _blank(solver, theta, lane))(theta, lanes)
+    (theta, state), before = jax.lax.fori_loop(
+        0, iterations + 1, turn, ((theta, blank), blank.value))
+    fallen = (before - state.value) / jnp.maximum(before, 1e-30)
+    return Descent(theta, state.damping_factor, state.value, fallen)
+
+
+def _solver(residual_fun: Callable, jac_fun: Callable) -> Any:
+    """jaxopt's; imported here, for a process whose programs are kept never comes by."""
+    with warnings.catch_warnings():
+        # It says on import that it is no longer developed, which is why it is pinned and kept here.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        from jaxopt import LevenbergMarquardt
+
+    class Solver(LevenbergMarquardt):
+        """Forgets no Jacobian that it is given where it is to materialize one."""
+
+        def __post_init__(self):
+            super().__post_init__()
+            self._jac_fun = self.jac_fun
+
+    return Solver(
         residual_fun,
         jac_fun=jac_fun,
         damping_parameter=DAMPING,
@@ -61,23 +84,17 @@ def descend(residuals: Callable, theta, damping, iterations, lanes: Any) -> Desc
         unroll=False,
     )
 
-    def begin(theta, damping, lane):
-        state = solver.init_state(theta, lane)
-        return state._replace(
-            increase_factor=jnp.asarray(2.0, theta.dtype),
-            damping_factor=jnp.where(damping > 0, damping, state.damping_factor),
-        )
 
-    def step(carry, lane):
-        theta, state = solver.update(*carry, lane)
-        return theta, state._replace(increase_factor=state.increase_factor.astype(theta.dtype))
-
-    state = jax.vmap(begin)(theta, damping, lanes)
-    before = state.value
-    theta, state = jax.lax.fori_loop(
-        0, iterations, lambda _, carry: jax.vmap(step)(carry, lanes), (theta, state))
-    fallen = (before - state.value) / jnp.maximum(before, 1e-30)
-    return Descent(theta, state.damping_factor, state.value, fallen)
+def _blank(solver: Any, theta, lane) -> Any:
+    """A state whose next step d is zero and is taken: the cost falls from infinity, by a predicted
+    fall of half d.(damping d - gradient), which is +0 whatever the signs of the zeros."""
+    form = jax.eval_shape(solver.init_state, theta, lane)
+    zeros = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), form)
+    return zeros._replace(
+        jtj=jnp.eye(len(theta), dtype=theta.dtype),
+        increase_factor=jnp.asarray(2.0, theta.dtype),
+        value=jnp.asarray(jnp.inf, theta.dtype),
+    )
 
 
 def _evaluated_once(residuals: Callable) -> tuple[Callable, Callable]:

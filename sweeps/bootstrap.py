@@ -48,9 +48,10 @@ def widened(means: np.ndarray, objects: int) -> np.ndarray:
     """
     if objects < 2:
         return means
-    from scipy.stats import norm, t
+    # Not scipy.stats, whose import takes longer than all else that a sweep's parent does.
+    from scipy.special import ndtri, stdtrit
 
-    factor = float(t.ppf(INTERVAL[1], objects - 1) / norm.ppf(INTERVAL[1]))
+    factor = float(stdtrit(objects - 1, INTERVAL[1]) / ndtri(INTERVAL[1]))
     return means[:1] + factor * np.sqrt(objects / (objects - 1)) * (means - means[:1])
 
 

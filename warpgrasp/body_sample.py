@@ -47,6 +47,14 @@ class _Keyed:
 
 @lru_cache(maxsize=64)
 def _sample(keyed: _Keyed, surface: int, inside: int) -> BodySample:
+    on, normal, within, volume = _dense(keyed)
+    return BodySample(_spread(on, surface), _spread(normal, surface), _spread(within, inside),
+                      volume)
+
+
+@lru_cache(maxsize=2)  # megabytes, for samples of several sizes that are taken one after the other
+def _dense(keyed: _Keyed) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """All points on the surface, their normals, all points within, and the volume of a body."""
     body = keyed.body
     points, distance, gradient, box = _box_distances(body)
     within = points[distance < 0.0]
@@ -62,8 +70,7 @@ def _sample(keyed: _Keyed, surface: int, inside: int) -> BodySample:
         on = on - d[0, :, None] * g[0]
     d, g = distance_to_bodies(scene, np.zeros(1, int), on[None])
     good = np.abs(d[0]) < 1e-4
-    return BodySample(_spread(on[good], surface), _spread(g[0][good], surface),
-                      _spread(within, inside), float(volume))
+    return on[good], g[0][good], within, float(volume)
 
 
 def _spread(rows: np.ndarray, count: int) -> np.ndarray:

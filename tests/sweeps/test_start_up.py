@@ -1,0 +1,34 @@
+"""What commands do not import: it is most of the time that they take to start."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from studies import write_spec
+
+
+def modules_after(code: str, *arguments: str) -> set[str]:
+    """Names of all modules that a fresh Python has imported once `code` has run."""
+    tail = "; print('\\n'.join(sys.modules), file=sys.stderr)"
+    done = subprocess.run(
+        [sys.executable, "-c", f"import sys; {code}{tail}", *arguments], check=True,
+        capture_output=True, text=True,
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parent)})
+    return set(done.stderr.splitlines())
+
+
+def test_explore_starts_without_what_only_compiling_needs() -> None:
+    """jaxopt is for tracing programs, which are kept; none of its solvers is needed to run them."""
+    found = modules_after("import sweeps.explore")
+    assert {"jax", "warp"} <= found
+    assert not found & {"jaxopt", "scipy.optimize", "scipy.stats", "trimesh", "pandas"}
+
+
+def test_the_parent_of_a_sweep_simulates_nothing(tmp_path: Path) -> None:
+    found = modules_after(
+        "from sweeps import cli, commands; commands.EPISODES = 'fake_episodes:run_episodes'; "
+        "cli.run(sys.argv[1:])", "sweep", str(write_spec(tmp_path)), "-o", str(tmp_path / "out"))
+    assert "sweeps.leaderboard" in found
+    assert (tmp_path / "out" / "leaderboard.csv").exists()
+    assert not found & {"jax", "warp", "scipy.stats", "scipy.optimize", "matplotlib"}
