@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from strategies.postures import INDEX, PINCH_OPEN_RAD, THUMB, pinch_commands
-from strategies.touches import EndReason, TouchLog, TouchTable
+from strategies.touches import EndReason, MissedTips, TouchLog, TouchTable
 from warpgrasp.arm_reach import hand_reachable
 from warpgrasp.guarded_line import LineTouch
 from warpgrasp.robot import Robot
@@ -101,6 +101,8 @@ class ContourExploration:
     """Closings blocked without tactile contact."""
     time_s: np.ndarray
     path_m: np.ndarray
+    missed: MissedTips
+    """Where the finger met nothing."""
 
 
 def explore_contour(
@@ -161,7 +163,8 @@ class _Follower:
                 break
             self._take_section(rows)
         return ContourExploration(self.log.table(), self.reason, self.axis, self.found,
-                                  self.nothing, self.thrown_out, self.time, self.path)
+                                  self.nothing, self.thrown_out, self.time, self.path,
+                                  self.log.missed())
 
     @property
     def frame(self) -> np.ndarray:
@@ -308,6 +311,7 @@ class _Follower:
             rows, pose, np.zeros((len(rows), 3)), interval_m=0.001, steps=commands.shape[1] - 1,
             finger=finger, commands_rad=commands)
         self._spend(rows, touch)
+        self.log.miss(rows, touch)
         noted = np.isin(touch.status, (ProbeStatus.CONTACT, ProbeStatus.BLOCKED))
         self.log.add(rows, touch, np.flatnonzero(noted), self.section[rows], finger,
                      self.robot.line_count - 1)

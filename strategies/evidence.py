@@ -30,6 +30,8 @@ class Evidence:
     free_radius_m: float
     free_mask: np.ndarray
     """(..., free)."""
+    by_pad: np.ndarray
+    """Contacts felt by a pad, whose normal was measured, (..., point)."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,7 @@ def evidence_from_grasps(grasps: Grasps, link_radius_m: float) -> Evidence:
         free_m=np.nan_to_num(balls.reshape(worlds, -1, 3)),
         free_radius_m=link_radius_m - FREE_SLACK_M,
         free_mask=free_mask,
+        by_pad=np.zeros_like(mask),
     )
 
 

@@ -256,7 +256,8 @@ class _Run:
     def _touched(self, name: str, found: PlanarExploration | ContourExploration,
                  wanted: np.ndarray, slots: int) -> None:
         worlds = self.robot.worlds
-        self._add(evidence_from_touches(found.touches, worlds, slots, self.felt),
+        missed = found.missed if self.table.free_tips else None
+        self._add(evidence_from_touches(found.touches, missed, worlds, slots, self.felt),
                   no_links(worlds, slots, self.links.radius_m))
         made = np.bincount(found.touches.world, minlength=worlds)
         self.touches += made
@@ -353,4 +354,4 @@ def _widened(placed: Evidence, felt: Evidence, free: int) -> Evidence:
         np.concatenate([placed.mask, np.zeros_like(felt.mask[:, new])], 1),
         np.concatenate([placed.covariance_m2, felt.covariance_m2[:, new]], 1),
         np.concatenate([placed.normals, felt.normals[:, new]], 1),
-        free_m, felt.free_radius_m, free_mask)
+        free_m, felt.free_radius_m, free_mask, felt.by_pad)

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from strategies.postures import INDEX, POKE_RAD, poke_tip_m, poking_pose
-from strategies.touches import EndReason, TouchLog, TouchTable
+from strategies.touches import EndReason, MissedTips, TouchLog, TouchTable
 from warpgrasp.arm_reach import hand_reachable
 from warpgrasp.guarded_line import LineTouch, Until
 from warpgrasp.robot import Robot
@@ -71,6 +71,8 @@ class PlanarExploration:
     """Moves that were blocked without tactile contact, (world,)."""
     time_s: np.ndarray
     path_m: np.ndarray
+    missed: MissedTips
+    """Where the finger met nothing."""
 
 
 def explore_plane(
@@ -119,7 +121,7 @@ class _Explorer:
                 break
             self._cross(rows)
         return PlanarExploration(self.log.table(), self.reason, self.direction_reason, self.axes,
-                                 self.thrown_out, self.time, self.path)
+                                 self.thrown_out, self.time, self.path, self.log.missed())
 
     def _approach(self) -> None:
         """Choose how the hand leans, come up to the face, and touch it."""
@@ -135,6 +137,7 @@ class _Explorer:
         self.place = pose[:, :3] - inward * o.stand_off_m
         touch = self._line(rows, inward, (o.stand_off_m + o.search_m))
         status = touch.status
+        self.log.miss(rows, touch)
         self._note(rows, touch, np.flatnonzero(np.isin(status, (ProbeStatus.CONTACT,
                                                                 ProbeStatus.BLOCKED))))
         ended = {ProbeStatus.NO_CONTACT: EndReason.NO_CONTACT,
@@ -183,6 +186,7 @@ class _Explorer:
             ProbeStatus.UNREACHABLE, ProbeStatus.COLLISION))], EndReason.UNREACHABLE)
         rows = rows[down.status == ProbeStatus.NO_CONTACT]
         further = self._line(rows, inward, o.fall_drop_m)
+        self.log.miss(rows, further)
         fell = further.status == ProbeStatus.CONTACT
         self._note(rows, further, np.flatnonzero(fell))
         self._end_direction(rows[fell], EndReason.FELL_AWAY)

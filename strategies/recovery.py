@@ -116,11 +116,17 @@ def fit_evidence(
     return fit_superquadric(
         evidence.points_m, evidence.mask,
         covariance=evidence.covariance_m2 if table.weights else None,
+        normals=_felt_normals(evidence) if table.normals else None,
         table_z=0.0 if table.table_plane else None,
         free_points=evidence.free_m if table.free_space else None,
         free_radius=evidence.free_radius_m if table.free_space else None,
         free_mask=evidence.free_mask if table.free_space else None,
         options=options, start=start)
+
+
+def _felt_normals(evidence: Evidence) -> np.ndarray:
+    """Normals that were measured; those of placed contacts are the body's own."""
+    return np.where(evidence.by_pad[..., None], evidence.normals, np.nan)
 
 
 def contacts_placed(

@@ -7,6 +7,7 @@ import numpy as np
 
 from warpgrasp.guarded_line import LineTouch
 from warpgrasp.robot import Truth
+from warpgrasp.status import ProbeStatus
 from warpgrasp.tactile_pad import TAXELS
 
 SLOTS = 256
@@ -107,11 +108,21 @@ class TouchTable:
         return points, mask
 
 
+@dataclass(frozen=True)
+class MissedTips:
+    """Where fingers went to touch and met nothing, in the order of going, a row each."""
+
+    world: np.ndarray
+    tip_m: np.ndarray
+    """Believed centre of the fingertip [m], (row, 3)."""
+
+
 class TouchLog:
-    """Gathers touches while a procedure runs."""
+    """Gathers touches, and what was missed, while a procedure runs."""
 
     def __init__(self, worlds: int) -> None:
         self._parts: list[TouchTable] = []
+        self._missed: list[MissedTips] = []
         self._made = np.zeros(worlds, int)
 
     def add(
@@ -128,6 +139,17 @@ class TouchLog:
             touch.taxel_peak[which], touch.image[which], touch.hand_pose[which],
             np.full(len(which), line), which))
         self._made[at] += 1
+
+    def miss(self, world: np.ndarray, touch: LineTouch) -> None:
+        """Note the rows of `touch`, of worlds `world`, whose finger met nothing on its way."""
+        free = (touch.status == ProbeStatus.NO_CONTACT) & np.isfinite(touch.tip_m).all(1)
+        self._missed.append(MissedTips(world[free], touch.tip_m[free]))
+
+    def missed(self) -> MissedTips:
+        """All that was missed so far."""
+        parts = [MissedTips(np.zeros(0, int), np.zeros((0, 3))), *self._missed]
+        return MissedTips(np.concatenate([p.world for p in parts]),
+                          np.concatenate([p.tip_m for p in parts]))
 
     def table(self) -> TouchTable:
         """All touches so far."""

@@ -156,6 +156,10 @@ class FitTable:
     taper: bool = field(default=True, metadata={"doc": "13 instead of 11 parameters"})
     table_plane: bool = field(default=True, metadata={"doc": "the body stands on the table"})
     free_space: bool = field(default=True, metadata={"doc": "links that swept lie outside"})
+    free_tips: bool = field(default=False, metadata={
+        "doc": "so do fingertips whose pads met nothing, if free_space"})
+    normals: bool = field(default=False, metadata={
+        "doc": "normals felt by pads, as planes of the dual body"})
     weights: bool = field(default=True, metadata={"doc": "weigh contacts by their covariance"})
     loss: str = _choice("cauchy", ("none", "cauchy"), "robust loss of the point residuals")
     residual: str = _choice("solina_first", ("solina_first", "solina", "radial", "distance",
