@@ -13,6 +13,7 @@ from fit.descent import Finished, Problem, advance, finish, screen
 from fit.normal_residual import normal_residuals
 from fit.prepare import Sets
 from fit.rotation import matrix_of_quaternion, quaternion_of_matrix
+from fit.row_median import row_medians
 from fit.status import FitStatus
 from fit.superquadric_body import (
     GREATEST_BEND,
@@ -185,7 +186,7 @@ def _refresh(lanes: Lane, theta, sets: Sets, form: Form, options: SuperquadricOp
         weight = _unit(sets.mask / np.sqrt(variance))
     size = np.where(sets.mask, np.abs(raw) * weight, np.nan)
     spare = np.maximum(sets.count - form.parameters, 1) / sets.count
-    deviation = 1.4826 * np.nanmedian(size, axis=1) / np.sqrt(spare)
+    deviation = 1.4826 * row_medians(size) / np.sqrt(spare)
     least = 1e-4 / np.sqrt(sets.count)
     scale = lanes.loss_scale
     if form.loss != "none":

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from fit.rotation import matrix_of_quaternion, quaternion_of_matrix
+from fit.row_median import row_medians
 from fit.superquadric_shape import (
     Superquadric,
     SuperquadricLike,
@@ -207,7 +208,7 @@ def _sigma(distance, normal, kept, parameters, covariance, floor) -> np.ndarray:
     typical = np.full(len(count), 1.0)
     some = count > 0
     # The root mean square, with what lies beyond three deviations by the median drawn in.
-    middle = 1.4826 * np.nanmedian(away[some], axis=1)
+    middle = 1.4826 * row_medians(away[some])
     drawn = np.minimum(away[some], 3 * middle[:, None])
     typical[some] = np.sqrt(np.nansum(drawn**2, axis=1) / spare[some])
     least = 1e-7 if covariance is None else 1.0
