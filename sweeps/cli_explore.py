@@ -40,16 +40,16 @@ def explore(object_: str, /, *, strategy: str,
     device
         cpu, or cuda:0.
     """
-    from sweeps import commands
+    from sweeps import explore_command
 
     for name, value in (("--yaw-deg", yaw_deg or 0.0), ("--x-m", x_m), ("--y-m", y_m)):
         if not abs(value) < 1e6:
             raise UsageError(f"{name}: is {value}; should be a finite number")
     if not 0 <= seed < 2**63:
         raise UsageError(f"--seed: is {seed}; should be a whole number from 0 to 2^63 - 1")
-    return commands.explore(object_, strategy, out, units=units, seed=seed, yaw_deg=yaw_deg,
-                            x_m=x_m, y_m=y_m, device=device_of(device),
-                            replay=replay)
+    return explore_command.explore(
+        object_, strategy, out, units=units, seed=seed, yaw_deg=yaw_deg, x_m=x_m, y_m=y_m,
+        device=device_of(device), replay=replay)
 
 
 @app.command

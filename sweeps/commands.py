@@ -5,22 +5,18 @@ import signal
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from math import radians
 from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from strategies.strategy import Strategy
 from sweeps.atomic import write_atomic
 from sweeps.leaderboard import Leaderboard, make_leaderboard
 from sweeps.opened import open_study, plan_of
 from sweeps.plan import Plan, plan_study
-from sweeps.problems import choose
 from sweeps.progress import Progress, read_note
-from sweeps.quiet import devices, quiet_asked, quiet_stdout, start_warp
+from sweeps.quiet import devices, quiet_asked
 from sweeps.runner import UNIT_TIMEOUT_S, Options, run
 from sweeps.spec import read_spec
-from sweeps.spec_objects import object_of_argument
 from sweeps.store import Store, StoreError
 from sweeps.table import print_table
 from sweeps.work import Outcome
@@ -126,51 +122,6 @@ def leaderboard(folders: Sequence[Path], out: Path | None, *, metric: str,
             _say(f"note: {store.damaged} damaged units were set aside; see {store.logs}; running "
                  "the sweep again does them again")
     return DONE
-
-
-def explore(what: str, strategy: str, folder: Path, *, units: str | None, seed: int,
-            yaw_deg: float | None, x_m: float, y_m: float, device: str,
-            replay: bool = False) -> int:
-    """One episode with all that was felt, as files."""
-    if replay:
-        from sweeps.replay import check_viser
-
-        check_viser()
-    with quiet_stdout():
-        start_warp()
-        chosen = _strategy_of_argument(strategy)
-        table = object_of_argument(what, units)
-        from sweeps.explore import explore as explore_object
-
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            written = explore_object(
-                body_table=table, strategy=chosen, seed=seed,
-                yaw_rad=None if yaw_deg is None else radians(yaw_deg), x_m=x_m, y_m=y_m,
-                out=folder, device=device, replay=replay)
-        except OSError as error:
-            raise StoreError(f"{folder}: cannot be written: {error.strerror or error}") from None
-    for file in written:
-        print(file)
-    return DONE
-
-
-def _strategy_of_argument(name: str) -> Strategy:
-    """A ready-made strategy by its name, or a planner of the user's, as `mine.py:next_best`."""
-    from strategies.catalogue import STRATEGIES, TOUCHES
-
-    if name in STRATEGIES:
-        return STRATEGIES[name]
-    from strategies.registry import PlannerError, make_planner
-
-    try:
-        make_planner(name, {})
-    except PlannerError as error:
-        if ".py:" in name:
-            raise StoreError(f"--strategy: {error}") from None
-        raise StoreError(f"--strategy: no strategy {name!r}; {choose(name, STRATEGIES)}; or a "
-                         "function in a file, as mine.py:next_best") from None
-    return Strategy(name, call=name, touches=TOUCHES)
 
 
 def _show(board: Leaderboard, as_json: bool) -> None:

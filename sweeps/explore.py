@@ -6,7 +6,6 @@ import json
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from threading import Thread
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,7 @@ from sweeps.episodes import EpisodeBlock, recovered_parameters, run_block
 from sweeps.figure_contacts import draw_contacts
 from sweeps.figure_contour import draw_contour
 from sweeps.figure_faces import draw_faces
-from sweeps.figure_style import encode, import_drawing
+from sweeps.figure_style import encode
 from sweeps.figure_taxels import pad_touches, taxels_figure
 from warpgrasp.parameters import ObjectTable
 from warpgrasp.robot import Grasps
@@ -52,13 +51,7 @@ def explore(
     name = str(body_table.get("name") or Path(str(body_table.get("mesh", "object"))).stem)
     cell = Cell(strategy, body_table, name, seed=seed,
                 placement=ObjectTable(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad))
-    # An episode leaves much of its time to loading programs and running them, outside of Python.
-    beside = Thread(target=import_drawing, name="imports for figures")
-    beside.start()
-    try:
-        block = run_block(cell, np.arange(1), device)
-    finally:
-        beside.join()
+    block = run_block(cell, np.arange(1), device)
     shape = json.dumps(shape_record(cell, block), indent=2) + "\n"
     files = {"contacts.csv": contacts_csv(block).encode(), "contacts.png":
              draw_contacts(block, name), "shape.json": shape.encode()}

@@ -4,11 +4,10 @@ One column of a journal wide (85 mm), colours that the colour-blind can tell apa
 2008), and never by colour alone: lines differ in dash, points in marker.
 """
 
-import importlib
 import io
 import re
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from sweeps.entries import HIGHER_IS_BETTER, LeaderboardError
@@ -46,13 +45,6 @@ def drawing() -> Iterator[None]:
 
     with matplotlib.rc_context(_STYLE):  # type: ignore
         yield
-
-
-def import_drawing() -> None:
-    """Imports what figures in space are drawn with: half a second that a thread can take over."""
-    with suppress(ImportError):  # said by whoever draws
-        importlib.import_module("mpl_toolkits.mplot3d.art3d")
-        importlib.import_module("matplotlib.backends.backend_agg")
 
 
 def figure(height_in: float, width_in: float = COLUMN_IN) -> "Figure":

@@ -3,9 +3,11 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
+from typing import Any
 
 Path = tuple[str | int, ...]
 LISTED = 24  # names listed in full; longer lists are cut
+NAME_LIMIT = 80
 
 
 @dataclass(frozen=True)
@@ -76,3 +78,13 @@ def choose(name: object, valid: Iterable[str]) -> str:
     guess = f"did you mean {near[0]}? " if near else ""
     more = f", ... ({len(names)} in all)" if len(names) > LISTED else ""
     return f"{guess}there are: {', '.join(names[:LISTED])}{more}"
+
+
+def check_name(name: Any, path: Path, problems: Problems) -> str | None:
+    """A name that can stand in a table and a CSV: short, printable, on one line."""
+    if isinstance(name, str) and 0 < len(name) <= NAME_LIMIT and name.isprintable() and (
+            name == name.strip()):
+        return name
+    what = "missing" if name is None else f"is {short(name)}"
+    problems.add(path, f"{what}; should be a name of 1 to {NAME_LIMIT} printable characters")
+    return None

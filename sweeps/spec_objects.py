@@ -6,10 +6,9 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from sweeps.plan import FILE_KEYS
-from sweeps.problems import Path, Problems, choose, short
+from sweeps.problems import Path, Problems, check_name, choose, short
 from sweeps.quiet import quiet_stdout, start_warp
 from sweeps.spec_files import CSV_LIMIT, MESH_LIMIT, NoFile, named_file
-from sweeps.spec_strategies import check_name
 from sweeps.study import Body
 from warpgrasp.body_names import BODY_NAMES
 

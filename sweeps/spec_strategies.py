@@ -12,12 +12,11 @@ from strategies.procedures import PROCEDURES
 from strategies.strategy import Strategy
 from strategies.waypoints import WAYPOINT_KINDS, WaypointError
 from sweeps.edge import read_table
-from sweeps.problems import Path, Problems, choose, short
+from sweeps.problems import Path, Problems, check_name, choose, short
 from sweeps.spec_files import CSV_LIMIT, NoFile, named_file
 
 KEYS = ("name", "waypoints", "closings", "order", "strategy", "options", "refit_every", "budget",
         "noise_stream")
-NAME_LIMIT = 80
 REFIT = (int, 0, 256, "poses between two fits")
 
 
@@ -147,16 +146,6 @@ def read_names(key: str, value: Any, path: Path, problems: Problems) -> tuple[st
         if not isinstance(name, str) or name not in valid:
             problems.add((*path, n), f"is {short(name)}; {choose(name, valid)}")
     return tuple(name for name in value if isinstance(name, str))
-
-
-def check_name(name: Any, path: Path, problems: Problems) -> str | None:
-    """A name that can stand in a table and a CSV: short, printable, on one line."""
-    if isinstance(name, str) and 0 < len(name) <= NAME_LIMIT and name.isprintable() and (
-            name == name.strip()):
-        return name
-    what = "missing" if name is None else f"is {short(name)}"
-    problems.add(path, f"{what}; should be a name of 1 to {NAME_LIMIT} printable characters")
-    return None
 
 
 def _read_waypoints(value: Any, path: Path, base_dir: FilePath,
