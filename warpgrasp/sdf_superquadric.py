@@ -47,13 +47,18 @@ def superquadric_gauge(p: vec3, size: vec3, e1: real, e2: real):
     u = u / m
     v = v / m
     w = w / m
+    # By the wider of the two across: the other way round a body square across and round above loses
+    # its pole, where the powers of both are too small to count.
+    across = wp.max(wp.max(u, v), TINY)
+    u = u / across
+    v = v / across
     a = _power(u, TWO / e2) + _power(v, TWO / e2)
-    total = _power(a, e2 / e1) + _power(w, TWO / e1)
+    if a < HALF:
+        a = ONE  # on the axis: `across` alone says that nothing is there
+    total = _power(across, TWO / e1) * wp.pow(a, e2 / e1) + _power(w, TWO / e1)
     f = wp.pow(total, e1 * HALF)
     common = f / total
-    ring = common * _power(a, e2 / e1 - ONE)
-    if a < TINY:
-        ring = ZERO
+    ring = common * _power(across, TWO / e1 - ONE) * wp.pow(a, e2 / e1 - ONE)
     return vec4(sign_of(p[0]) * ring * _power(u, TWO / e2 - ONE) / size[0],
                 sign_of(p[1]) * ring * _power(v, TWO / e2 - ONE) / size[1],
                 sign_of(p[2]) * common * _power(w, TWO / e1 - ONE) / size[2],

@@ -102,6 +102,26 @@ def test_a_superquadric_of_exponent_one_is_an_ellipsoid_and_never_overstates_out
         assert d[outside].min() > -1e-7
 
 
+@pytest.mark.parametrize(("e1", "e2"), [(1.0, 0.1), (1.9, 0.1), (0.1, 1.0), (0.1, 0.1), (2.0, 2.0)])
+def test_a_superquadrics_surface_is_where_its_formula_says(e1: float, e2: float) -> None:
+    """Square across and round above, its poles once lay flat: powers too small were left out."""
+    body = body_from_table({"name": "dome", "superquadric": {
+        "size_mm": [30, 40, 50], "exponents": [e1, e2]}}, Path())
+    way = np.random.default_rng(8).normal(size=(400, 3)) * np.repeat([[1, 1, 1], [0.2, 0.2, 1]],
+                                                                     200, axis=0)
+    log = np.log(np.abs(way / np.array([0.03, 0.04, 0.05])))
+    across = 0.5 * e2 * np.logaddexp(2 * log[:, 0] / e2, 2 * log[:, 1] / e2)
+    radius = np.exp(0.5 * e1 * np.logaddexp(2 * across / e1, 2 * log[:, 2] / e1))
+    points = way / radius[:, None] + [0, 0, 0.05]
+    found, slope = distance(body, points)
+    assert np.abs(found).max() < 1e-9
+    step = 1e-7 * way / np.linalg.norm(way, axis=1, keepdims=True)
+    ahead = distance(body, points + step)[0] - distance(body, points - step)[0]
+    expected = 2 * (step * slope).sum(1)
+    smooth = np.abs(ahead - expected) < 1e-3 * np.abs(expected) + 1e-12
+    assert smooth.mean() > 0.97  # but for edges
+
+
 def test_lumps_of_clay() -> None:
     mug = body_from_table({"name": "mug", "compound": [
         {"shape": "cylinder", "radius_mm": 40, "height_mm": 90},
