@@ -6,6 +6,7 @@ where the actuator pulls, less where it pays out. The difference therefore does 
 motion, and a threshold must clear it.
 """
 
+from functools import lru_cache
 from math import erf, sqrt
 
 import numpy as np
@@ -111,6 +112,7 @@ def _upper_tail(x: float) -> float:
     return 0.5 * (1.0 - erf(x / sqrt(2.0)))
 
 
+@lru_cache(maxsize=64)
 def false_stop_probability(hand: HandTable, sensor: SensorTable, *, moving: bool) -> float:
     """Chance that one joint's reading crosses the threshold in one step of free motion.
 
