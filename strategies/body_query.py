@@ -6,8 +6,7 @@ import warp as wp
 from fit.superquadric_shape import SuperquadricLike
 from warpgrasp.launch import launch
 from warpgrasp.real import ONE, ZERO, real, transform, vec3, vec4
-from warpgrasp.sdf_superquadric import SuperquadricShape
-from warpgrasp.superquadric_radius import superquadric_radius
+from warpgrasp.sdf_superquadric import SuperquadricShape, superquadric_deformed_gauge
 
 AHEAD_M = 1e-5
 """Step outwards whose slope a distance is divided by [m]."""
@@ -17,7 +16,7 @@ _LEAST_SLOPE = wp.constant(real(1e-3))  # [1/m]
 @wp.func
 def world_radius(p: vec3, shape: SuperquadricShape, pose: transform):
     """Gradient and value of the scaled radius at a point of the world."""
-    g = superquadric_radius(wp.transform_point(wp.transform_inverse(pose), p), shape)
+    g = superquadric_deformed_gauge(wp.transform_point(wp.transform_inverse(pose), p), shape)
     turned = wp.quat_rotate(wp.transform_get_rotation(pose), vec3(g[0], g[1], g[2]))
     return vec4(turned[0], turned[1], turned[2], g[3])
 

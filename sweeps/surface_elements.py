@@ -10,12 +10,16 @@ from typing import NamedTuple
 import numpy as np
 import warp as wp
 
-from fit.superquadric_shape import TINY, SuperquadricLike, cube_grid
+from fit.superquadric_shape import SuperquadricLike, cube_grid
 from strategies.body_query import bodies_on
 from warpgrasp.launch import launch
 from warpgrasp.real import HALF, ZERO, real, transform, vec3
-from warpgrasp.sdf_superquadric import SuperquadricShape, taper_and_bend
-from warpgrasp.superquadric_radius import log_radius, superquadric_radius
+from warpgrasp.sdf_superquadric import (
+    SuperquadricShape,
+    superquadric_deformed_gauge,
+    superquadric_gauge,
+    taper_and_bend,
+)
 
 _TINY_AREA = wp.constant(real(1e-300))
 
@@ -32,10 +36,10 @@ class Elements(NamedTuple):
 
 
 @wp.func
-def _on_surface(direction: vec3, logarithm: vec3, s: SuperquadricShape):
+def _on_surface(direction: vec3, s: SuperquadricShape):
     """The surface point, in the body's frame, along a direction of the cube's frame."""
-    radius = wp.exp(HALF * log_radius(logarithm[0], logarithm[1], logarithm[2], s.e1, s.e2)[3])
-    return taper_and_bend(wp.cw_mul(direction / radius, s.size), s)
+    p = wp.cw_mul(direction, s.size)
+    return taper_and_bend(p / superquadric_gauge(p, s.size, s.e1, s.e2)[3], s)
 
 
 @wp.kernel(enable_backward=False)
@@ -44,13 +48,12 @@ def _vertex_kernel(
     # Bodies and the grid's vertices in:
     shape: wp.array[SuperquadricShape],
     direction: wp.array[vec3],
-    logarithm: wp.array[vec3],
     # Vertices on the bodies out, in their frames:
     vertex: wp.array2d[vec3],
 ):
     w, i = wp.tid()
     w += first
-    vertex[w, i] = _on_surface(direction[i], logarithm[i], shape[w])
+    vertex[w, i] = _on_surface(direction[i], shape[w])
 
 
 @wp.kernel(enable_backward=False)
@@ -61,7 +64,6 @@ def _element_kernel(
     pose: wp.array[transform],
     corner: wp.array[wp.vec4i],
     direction: wp.array[vec3],
-    logarithm: wp.array[vec3],
     vertex: wp.array2d[vec3],
     # Elements out:
     point: wp.array2d[vec3],
@@ -73,8 +75,8 @@ def _element_kernel(
     c = corner[i]
     facet = HALF * wp.cross(vertex[w, c[2]] - vertex[w, c[0]], vertex[w, c[3]] - vertex[w, c[1]])
     size = wp.length(facet)
-    p = _on_surface(direction[i], logarithm[i], shape[w])
-    g = superquadric_radius(p, shape[w])
+    p = _on_surface(direction[i], shape[w])
+    g = superquadric_deformed_gauge(p, shape[w])
     n = vec3(g[0], g[1], g[2])
     slope = wp.length(n)
     # Where a deformed corner leaves no gradient, the facet's own normal stands in.
@@ -94,17 +96,18 @@ def surface_elements(body: SuperquadricLike, count: int, *, device: str) -> Elem
     shape, pose = bodies_on(body, device)
     on = wp.empty((worlds, len(vertices)), dtype=vec3, device=device)
     launch(_vertex_kernel, {"world": worlds, "vertex": len(vertices)}, {
-        "shape": "world", "direction": "vertex", "logarithm": "vertex", "vertex": "world vertex"}, {
-        "shape": shape, **_directions(vertices, device), "vertex": on}, device=device)
+        "shape": "world", "direction": "vertex", "vertex": "world vertex"}, {
+        "shape": shape, "direction": wp.array(vertices, dtype=vec3, device=device), "vertex": on},
+        device=device)
     point, normal = (wp.empty((worlds, elements), dtype=vec3, device=device) for _ in range(2))
     area = wp.empty((worlds, elements), dtype=real, device=device)
     launch(_element_kernel, {"world": worlds, "element": elements}, {
         "shape": "world", "pose": "world", "corner": "element", "direction": "element",
-        "logarithm": "element", "vertex": "world vertex", "point": "world element",
+        "vertex": "world vertex", "point": "world element",
         "normal": "world element", "area": "world element"}, {
         "shape": shape, "pose": pose, "corner": wp.array(corners, dtype=wp.vec4i, device=device),
-        **_directions(middles, device), "vertex": on, "point": point, "normal": normal,
-        "area": area}, device=device)
+        "direction": wp.array(middles, dtype=vec3, device=device), "vertex": on, "point": point,
+        "normal": normal, "area": area}, device=device)
     return Elements(point.numpy(), normal.numpy(), area.numpy())
 
 
@@ -114,7 +117,3 @@ def _grid(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     corners, vertices = cube_grid(max(int(np.ceil(np.sqrt(count / 6))), 1))
     return vertices, corners.astype(np.int32), vertices[corners].mean(axis=1)
 
-
-def _directions(directions: np.ndarray, device: str) -> dict[str, wp.array]:
-    return {"direction": wp.array(directions, dtype=vec3, device=device),
-            "logarithm": wp.array(np.log(directions**2 + TINY), dtype=vec3, device=device)}

@@ -18,6 +18,7 @@ from warpgrasp.utah_mit_hand import Hand, finger_pose, link_direction, link_star
 
 _PARTS = wp.constant(4)  # of an eighth of a link
 _FAR = wp.constant(real(1.0))  # [m]
+_STIFF = wp.constant(real(1e4))  # a valley already found is not left: steps of micrometres
 _ITERATIONS = wp.constant(60)
 _SEARCH = wp.constant(40)
 _ATTEMPTS = wp.constant(6)
@@ -47,7 +48,7 @@ def close_energy(
         along = deepest_valley(scene, body, link_start(f, link), link_direction(f, link),
                                hand.link_length[link], parts, hand.link_radius)
         known.along = put(known.along, link, along)
-        known.bend = put(known.bend, link, ONE)
+        known.bend = put(known.bend, link, _STIFF)
         known.depth = put(known.depth, link, wp.where(along < ZERO, -_FAR, ZERO))
     return finger_energy(scene, body, hand, base, command, q, known, 0)
 
