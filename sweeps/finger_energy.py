@@ -23,6 +23,8 @@ _SAMPLES = 17
 _ROUNDS = 5
 _CREASE_M = 1e-7
 """Places of a link so much nearer or farther than another are equally near to the body."""
+_FLUSH_M = 2e-3
+"""A stretch of a link equally near and longer than this lies flush with a face."""
 _FINE = 2001
 
 
@@ -167,10 +169,18 @@ class FingerEnergy:
                 point, least = start + near[best] * (end - start), float(gaps[best])
                 low, high = near[max(best - 1, 0)], near[min(best + 1, _SAMPLES - 1)]
             if least < gap.min() + _CREASE_M:
-                about = point + _CREASE_M * np.concatenate(
-                    [np.zeros((1, 3)), np.eye(3), -np.eye(3)])
-                for normal in np.unique(self._distance(about[None])[1][0].round(9), axis=0):
-                    yield point, normal
+                yield from self._sides(point)
+        flush = np.flatnonzero(gap < gap.min() + _CREASE_M)
+        for run in np.split(flush, np.flatnonzero(np.diff(flush) > 1) + 1):
+            if (t[run[-1]] - t[run[0]]) * np.linalg.norm(end - start) > _FLUSH_M:
+                for k in (run[0], run[-1]):
+                    yield from self._sides(t[k] * (end - start) + start)
+
+    def _sides(self, point: np.ndarray):
+        """The point with each of the body's normals there and just beside it."""
+        about = point + _CREASE_M * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
+        for normal in np.unique(self._distance(about[None])[1][0].round(9), axis=0):
+            yield point, normal
 
     def _distance(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         value, normal = distance_to_bodies(self._scene, np.zeros(1, int),

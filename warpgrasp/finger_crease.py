@@ -16,7 +16,7 @@ from warpgrasp.real import HALF, ONE, ZERO, mat44, real, vec4
 from warpgrasp.scene import Scene, body_is_convex
 from warpgrasp.utah_mit_hand import Hand, finger_pose, link_direction, link_start
 
-_PARTS = wp.constant(4)  # of an eighth of a link
+_PARTS = wp.constant(8)  # of an eighth of a link: half a millimetre
 _FAR = wp.constant(real(1.0))  # [m]
 _STIFF = wp.constant(real(1e4))  # a valley already found is not left: steps of micrometres
 _ITERATIONS = wp.constant(60)
