@@ -8,24 +8,23 @@ keeps to the valley of the distance it lies in. Where it stops is looked at clos
 import warp as wp
 
 from warpgrasp.finger_energy import Rest, finger_energy, worst_of
-from warpgrasp.link_nearest import LINK_SAMPLES
 from warpgrasp.real import HALF, real, vec4
 from warpgrasp.scene import Scene
 from warpgrasp.utah_mit_hand import Hand
 
 _ITERATIONS = wp.constant(30)
 _HALVINGS = wp.constant(12)
-_GRADIENT = wp.constant(real(1e-6))  # [N m]; 0.2 mN on a tendon, a 300th of the converter's step
 
 
 @wp.func
 def finger_rest(
     scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, start: vec4,
-    last: Rest
+    last: Rest, samples: int, level: real
 ):
     """The rest configuration for a command, descending from `start`; `base` in the body's frame.
 
-    Valleys are chosen at the start and followed from there.
+    It ends where the gradient falls below `level` [N m]. Valleys are chosen at the start, with
+    `samples` compared, and followed from there.
     """
     rest = last
     step = start - last.q
@@ -33,7 +32,7 @@ def finger_rest(
     halvings = int(0)
     for k in range(_ITERATIONS):
         trial = finger_energy(scene, body, hand, base, command, rest.q + step * scale, rest,
-                              wp.where(k == 0, LINK_SAMPLES, 0))
+                              wp.where(k == 0, samples, 0))
         halvings += 1
         scale = scale * HALF
         if k == 0 or trial.energy < rest.energy:
@@ -41,6 +40,6 @@ def finger_rest(
             halvings = int(0)
             scale = real(1.0)
             step = -(rest.compliance * rest.gradient)
-        if worst_of(rest.gradient) < _GRADIENT or halvings >= _HALVINGS:
+        if worst_of(rest.gradient) < level or halvings >= _HALVINGS:
             break
     return rest

@@ -66,12 +66,12 @@ def tension_difference_read(sensor: TendonSensor, tensions: vec2, key: wp.uint64
 
 
 @wp.func
-def may_cross(sensor: TendonSensor, tensions: vec2, key: wp.uint64):
-    """False where a reading by `tension_difference_read` is sure to stay below the threshold.
+def may_cross(sensor: TendonSensor, difference: real, key: wp.uint64):
+    """False where a reading of a true `difference` [N, a size] surely stays below the threshold.
 
     A normal of Box and Muller is at most sqrt(-2 log u) by size, and u takes no root or cosine.
     """
-    margin = sensor.threshold - wp.abs(tensions[0] - tensions[1]) - sensor.step
+    margin = sensor.threshold - difference - sensor.step
     if margin <= ZERO:
         return True
     if sensor.noise <= ZERO:
