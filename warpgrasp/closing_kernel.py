@@ -20,10 +20,10 @@ import warp as wp
 
 from warpgrasp.closing_guard import may_stop, stop_reading
 from warpgrasp.counter_random import Purpose, counter_key, counter_uniform
-from warpgrasp.finger_between import command_ahead, command_met, in_both, torque_after
+from warpgrasp.finger_between import agree, in_both, joints_ahead, torque_after
 from warpgrasp.finger_energy import put, rest_from, worst_of
 from warpgrasp.finger_path import PathStep, first_uncertain
-from warpgrasp.finger_rest import finger_rest
+from warpgrasp.finger_rest import LEVEL, finger_rest
 from warpgrasp.link_nearest import LINK_SAMPLES, link_nearest
 from warpgrasp.real import HALF, ONE, ZERO, real, transform, vec3, vec4
 from warpgrasp.scene import Scene
@@ -38,9 +38,10 @@ _FALSE_STOP = wp.constant(int(Purpose.FALSE_STOP))
 _TENSION_STEP = wp.constant(int(Purpose.TENSION_STEP))
 _NAN = wp.constant(real(float("nan")))
 _REDRAWS = wp.constant(100000)
+_FAR = wp.constant(1000000)
+_BRISK = wp.constant(30)  # energies of a look ahead
+_PATIENT = wp.constant(30)
 _STRIDE = wp.constant(real(0.05))  # [rad] of a joint's command from look to look
-_FINE = wp.constant(real(1e-6))  # gradient [N m]; 0.2 mN on a tendon, a 300th of the converter's step
-_ROUGH = wp.constant(real(1e-3))  # where the reading is far from the threshold
 
 
 @wp.func
@@ -131,11 +132,11 @@ def closing_kernel(
     # what was found ahead at `high_step`, if that is not negative.
     low = rest_from(path[g, finger, 0].command)
     low_step = int(-1)
-    low_met = low.q
+    low_command = low.q
     low_pressed = int(0)
     high = rest_from(low.q)
     high_step = int(-1)
-    high_met = low.q
+    high_command = low.q
     high_pressed = int(0)
     high_reading = real(0.0)
     free = vec3(ZERO, ZERO, ZERO)  # how far each link can still move for certain [m]
@@ -144,7 +145,8 @@ def closing_kernel(
     reading = real(0.0)
     s = int(0)
     sure = int(1)  # no step before `s` stops the finger
-    level = real(_ROUGH)
+    reach = int(_FAR)  # looks ahead go so many steps at most, up to step `slips`
+    slips = int(-1)
     while low_step < last:
         # Look at step `s`.
         at = path[g, finger, s]
@@ -155,7 +157,7 @@ def closing_kernel(
         samples = int(LINK_SAMPLES)
         maybe = int(low_pressed)
         if low_pressed == 1:
-            start = command_ahead(command, low_met, low, k)
+            start = joints_ahead(low_command, low, command, k)
         else:
             look = rest_from(command)
             samples = int(0)
@@ -170,28 +172,29 @@ def closing_kernel(
             look.depth = -free
         pressed = int(0)
         reading = real(0.0)
-        met = vec4(command)
         if maybe == 1:
-            look = finger_rest(scene, which, hand, base, command, start, look, samples, level)
-            met = command_met(command, look, k)
-            deepest = wp.max(wp.max(look.depth), wp.max(look.table))
-            if deepest > ZERO:
-                pressed = int(1)
-        if maybe == 1 and level > _FINE:
-            if pressed == 0 or may_stop(hand, sensor, torque_after(command, met, look, k), delta,
-                                        counter_key(reader, s)):
-                level = real(_FINE)
+            limit = wp.where(low_pressed == 1 and s > low_step + 1, _BRISK, _PATIENT)
+            look = finger_rest(scene, which, hand, base, command, start, look, samples, limit)
+            for link in range(3):
+                deepest = wp.max(look.depth[link], look.table[link])
+                free[link] = -march_scale * deepest
+                if deepest > ZERO:
+                    pressed = int(1)
+        if low_pressed == 1 and s > low_step + 1:
+            if worst_of(look.gradient) > LEVEL or not agree(low_command, low, command, look, k):
+                # Something slips on the way here.
+                slips = int(s)
+                reach = (s - low_step) // 2
+                s = low_step + reach
+                sure = int(reach == 1)
                 continue
-        if pressed == 1 and level <= _FINE:
+        if pressed == 1:
             reading = stop_reading(hand, sensor, (command - look.q) * k, delta,
                                    counter_key(reader, s))
-        if maybe == 1:
-            for link in range(3):
-                free[link] = -march_scale * wp.max(look.depth[link], look.table[link])
         if sure == 1:
             low = look
             low_step = int(s)
-            low_met = met
+            low_command = command
             low_pressed = int(pressed)
             torque = (command - look.q) * k
             if wp.abs(reading) > sensor.threshold:
@@ -200,7 +203,7 @@ def closing_kernel(
         else:
             high = look
             high_step = int(s)
-            high_met = met
+            high_command = command
             high_pressed = int(pressed)
             high_reading = reading
         free_step = int(low_step)
@@ -233,11 +236,13 @@ def closing_kernel(
                 hazard += ahead_hazard
             low_step = next_step - 1
             low = rest_from(path[g, finger, low_step].command)
-            low_met = low.q
+            low_command = low.q
 
+        if low_step >= slips:
+            reach = int(_FAR)
         # Leave out the steps that cannot stop the finger.
         s = low_step + 1
-        while s <= last:
+        while s <= last and (low_pressed == 1 or high_step >= 0):
             command = path[g, finger, s].command
             if s == high_step:
                 high_step = int(-1)
@@ -245,17 +250,17 @@ def closing_kernel(
                     break
                 low = high
                 low_step = int(s)
-                low_met = high_met
+                low_command = high_command
                 reading = high_reading
                 torque = (command - low.q) * k
                 if wp.abs(reading) > sensor.threshold:
                     stopped = int(s)
                     break
             else:
-                ball = torque_after(command, low_met, low, k)
+                ball = torque_after(low_command, low, command, k)
                 if high_step >= 0:
-                    ball = in_both(ball, torque_after(command, high_met, high, k))
-                elif worst_of(command - low_met) > stride:
+                    ball = in_both(ball, torque_after(high_command, high, command, k))
+                elif s - low_step >= reach or worst_of(command - low_command) > stride:
                     break
                 delta = command - path[g, finger, s - 1].command
                 if may_stop(hand, sensor, ball, delta, counter_key(reader, s)):
@@ -264,31 +269,24 @@ def closing_kernel(
         if stopped >= 0 or low_step == last:
             break
         s = wp.min(s, last)
-        level = real(_ROUGH)
         sure = int(1)
         if low_pressed == 0:
             free -= travel[g, finger, s] - travel[g, finger, free_step]
-        else:
-            # And look where the reading should stop the finger.
+        elif high_step < 0:
+            # On to where the reading should stop the finger.
             ahead = int(s)
-            searching = int(1)
-            while searching == 1:
+            while ahead < last and ahead - low_step < reach and (
+                    worst_of(command - low_command) <= stride):
                 command = path[g, finger, ahead].command
                 delta = command - path[g, finger, ahead - 1].command
-                guess = (command - command_ahead(command, low_met, low, k)) * k
+                guess = (command - joints_ahead(low_command, low, command, k)) * k
                 if wp.abs(stop_reading(hand, sensor, guess, delta,
                                        counter_key(reader, ahead))) > sensor.threshold:
-                    level = real(_FINE)
-                    searching = int(0)
-                elif ahead == last or high_step >= 0 or worst_of(command - low_met) > stride:
-                    searching = int(0)
-                else:
-                    ahead += 1
+                    break
+                ahead += 1
             if ahead > s:
                 sure = int(0)
             s = int(ahead)
-        if s == last:
-            level = real(_FINE)
 
     q_true[w, p, g, finger] = low.q
     torque_true[w, p, g, finger] = torque

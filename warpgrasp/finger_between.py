@@ -4,17 +4,26 @@ A finger rests where 1/2 K |command - q|^2 + C(q) is least, C being the energy o
 the proximal point of the command. Where C is convex, Moreau's theorem (Proximite et dualite dans un
 espace hilbertien, 1965) makes the map from the command to `command - q` firmly nonexpansive, as the
 map to q is (Bauschke and Combettes, Convex analysis and monotone operator theory, 2nd edition,
-propositions 4.4 and 12.28): as a command moves by d, the joints' torques K (command - q) move by an
-`a` with |a|^2 <= a . K d. So `a` lies in the ball that has 0 and K d as the ends of a diameter.
+propositions 4.4 and 12.28): where a command moves by d, the torques K (command - q) of the joints
+move by an `a` with |a|^2 <= a . K d. So `a` lies in the ball that has 0 and K d as the ends of a
+diameter.
 
-Joints q not wholly at rest are at rest for another command: `q + grad C(q) / K`, which is the
-command plus the gradient of the energy over K. So nothing said here asks for a finished descent.
+A link that bears on an edge or a round wall is not quite convex: as it turns it can slip away. So C
+is taken to be convex once w K / 2 |q|^2 is added, with w = `_WEAK` (that is, weakly convex). The
+rests are then those of stiffness (1 - w) K, commands K / (1 - w) / K as far out and contact torques
+u = (1 - w) K (command - q) + w K command, and |u|^2 <= u . K d for the changes of these gives a ball
+round K d (1 - 2 w) / (2 - 2 w) of radius K |d| / (2 - 2 w). Whether two rests bear that out they say
+themselves: their torques must not change against their joints by more than w K.
 """
 
 import warp as wp
 
 from warpgrasp.finger_energy import Rest
 from warpgrasp.real import HALF, ONE, ZERO, real, vec4
+
+_WEAK = wp.constant(real(1e-6))
+_TOL = wp.constant(real(0.3))  # of the joints' stiffness
+_SLACK = wp.constant(real(1e-9))  # [N m rad], of rests that are not quite level
 
 
 @wp.struct
@@ -26,17 +35,11 @@ class Ball:
 
 
 @wp.func
-def command_met(command: vec4, rest: Rest, stiffness: real):
-    """The command for which the joints of `rest`, a descent to `command`, are at rest."""
-    return command + rest.gradient / stiffness
-
-
-@wp.func
-def torque_after(command: vec4, met: vec4, rest: Rest, stiffness: real):
-    """Torques possible at `command`, where `rest` is that of the command `met`."""
+def torque_after(command: vec4, rest: Rest, other: vec4, stiffness: real):
+    """Torques possible at another command, where `rest` is that of `command`."""
     ball = Ball()
-    way = (command - met) * (stiffness * HALF)
-    ball.centre = (met - rest.q) * stiffness + way
+    way = (other - command) * (stiffness * HALF / (ONE - _WEAK))
+    ball.centre = (command - rest.q) * stiffness + way * (ONE - _WEAK - _WEAK)
     ball.radius = wp.length(way)
     return ball
 
@@ -50,19 +53,26 @@ def in_both(one: Ball, two: Ball):
     """
     apart = two.centre - one.centre
     square = wp.dot(apart, apart)
+    here = one.radius * one.radius
+    there = two.radius * two.radius
     s = ZERO
     if square > ZERO:
-        s = wp.clamp(HALF + HALF * (one.radius * one.radius - two.radius * two.radius) / square,
-                     ZERO, ONE)
+        s = wp.clamp(HALF + HALF * (here - there) / square, ZERO, ONE)
     ball = Ball()
     ball.centre = one.centre + apart * s
-    ball.radius = wp.sqrt(wp.max(
-        one.radius * one.radius * (ONE - s) + two.radius * two.radius * s - square * s * (ONE - s),
-        ZERO))
+    ball.radius = wp.sqrt(wp.max(here * (ONE - s) + there * s - square * s * (ONE - s), ZERO))
     return ball
 
 
 @wp.func
-def command_ahead(command: vec4, met: vec4, rest: Rest, stiffness: real):
-    """Joints at `command` to first order, where `rest` is that of the command `met`."""
-    return rest.q + rest.compliance * ((command - met) * stiffness)
+def agree(command: vec4, rest: Rest, other: vec4, other_rest: Rest, stiffness: real):
+    """Whether two rests are as such an energy allows."""
+    turn = other_rest.q - rest.q
+    rise = (other - command - turn) * stiffness
+    return wp.dot(rise, turn) >= -_TOL * stiffness * wp.dot(turn, turn) - _SLACK
+
+
+@wp.func
+def joints_ahead(command: vec4, rest: Rest, other: vec4, stiffness: real):
+    """Joints at another command to first order, where `rest` is that of `command`."""
+    return rest.q + rest.compliance * ((other - command) * stiffness)
