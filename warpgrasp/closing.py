@@ -5,14 +5,15 @@ what is felt where they stop is read in a second one (`closing_reading`).
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import warp as wp
 
 from warpgrasp.closing_kernel import closing_kernel
-from warpgrasp.closing_reading import read_stops
-from warpgrasp.finger_path import PathStep, path_table
-from warpgrasp.launch import launch
+from warpgrasp.closing_reading import reading_step
+from warpgrasp.finger_path import path_on_device
+from warpgrasp.launch import launch_in_turn
 from warpgrasp.parameters import HandTable, SensorTable
 from warpgrasp.real import real, transform, vec3, vec4
 from warpgrasp.scene import Scene
@@ -52,6 +53,13 @@ class Closing:
     """Mean tensions read at rest [N], (..., joint 4, flexor and extensor 2)."""
     tension_difference_N: np.ndarray
     """The reading that stopped the finger [N] (largest of the flexions); NaN without a stop."""
+
+
+@lru_cache(maxsize=32)
+def _robot(hand: HandTable, sensors: SensorTable, device: str) -> tuple[wp.array, wp.array]:
+    """Hand and tendons as the kernels take them; kept for the next launch."""
+    return (wp.array([hand_of(hand)], dtype=Hand, device=device),
+            wp.array([tendon_sensor_of(hand, sensors)], dtype=TendonSensor, device=device))
 
 
 def close_fingers(
@@ -94,26 +102,27 @@ def close_fingers(
         "body": "world?", "body_pose": "world", "hands": "world?", "sensors": "world?",
         "key": "world", "probe_status": "world probe grasp", "hand_pose": "world probe",
         "path": "grasp finger step", "travel": "grasp finger step", "command_count": "grasp"}
-    path, travel = path_table(hand, commands_rad)
+    path, travel = path_on_device(hand, commands_rad, device)
+    hands, tendons = _robot(hand, sensors, device)
     given = {
         "scene": scene,
         "body": wp.array(body, dtype=int, device=device),
         "body_pose": wp.array(body_pose, dtype=transform, device=device),
-        "hands": wp.array([hand_of(hand)], dtype=Hand, device=device),
-        "sensors": wp.array([tendon_sensor_of(hand, sensors)], dtype=TendonSensor, device=device),
+        "hands": hands, "sensors": tendons,
         "key": wp.array(key, dtype=wp.uint64, device=device), "probe_first": probe_first,
         "hand_pose": wp.array(hand_pose, dtype=transform, device=device),
-        "path": wp.array(path, dtype=PathStep, device=device)}
-    launch(closing_kernel, extents, shapes, given | stop | {
-        "march_scale": march_scale,
+        "path": path}
+    close = (closing_kernel, shapes, given | stop | {
+        "march_scale": march_scale, "travel": travel,
         "probe_status": wp.array(probe_status, dtype=int, device=device),
-        "travel": wp.array(travel, dtype=vec3, device=device),
-        "command_count": wp.array(command_count, dtype=int, device=device)}, device=device)
-    difference = stop.pop("difference").numpy().copy()
-    read = read_stops(extents, given | stop, device)
+        "command_count": wp.array(command_count, dtype=int, device=device)})
+    stops = {name: array for name, array in stop.items() if name != "difference"}
+    reading, read = reading_step(extents, given | stops, device)
+    launch_in_turn(extents, [close, reading], device=device)
     host = {name: array.numpy().copy() for name, array in (stop | read).items()}
     tension = np.stack([host["tension_flexor"], host["tension_extensor"]], -1)
-    felt = Closing(host["status"], host["step"], host["q_read"], tension, difference)
+    felt = Closing(host["status"], host["step"], host["q_read"], tension,
+                   host["difference"])
     truth = ClosingTruth(host["q_true"], host["torque_true"], host["link_true"],
                          host["point_true"], host["normal_true"], host["on_table"].astype(bool))
     return felt, truth

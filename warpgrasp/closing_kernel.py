@@ -23,7 +23,7 @@ from warpgrasp.counter_random import Purpose, counter_key, counter_uniform
 from warpgrasp.finger_between import agree, in_both, joints_ahead, torque_after
 from warpgrasp.finger_energy import put, rest_from, worst_of
 from warpgrasp.finger_path import PathStep, first_uncertain
-from warpgrasp.finger_rest import LEVEL, finger_rest
+from warpgrasp.finger_rest import finger_rest
 from warpgrasp.link_nearest import LINK_SAMPLES, link_nearest
 from warpgrasp.real import HALF, ONE, ZERO, real, transform, vec3, vec4
 from warpgrasp.scene import Scene
@@ -39,8 +39,6 @@ _TENSION_STEP = wp.constant(int(Purpose.TENSION_STEP))
 _NAN = wp.constant(real(float("nan")))
 _REDRAWS = wp.constant(100000)
 _FAR = wp.constant(1000000)
-_BRISK = wp.constant(30)  # energies of a look ahead
-_PATIENT = wp.constant(30)
 _STRIDE = wp.constant(real(0.05))  # [rad] of a joint's command from look to look
 
 
@@ -128,6 +126,10 @@ def closing_kernel(
     if hazard_moving * moves + hazard_still * (real(3 * (last + 1)) - moves) >= patience:
         stride = ZERO
 
+    free = vec3(ZERO, ZERO, ZERO)  # how far each link can still move for certain [m]
+    along = vec3(ZERO, ZERO, ZERO)  # where and how it was nearest when looked at
+    bend = vec3(ZERO, ZERO, ZERO)
+    known_free = int(0)
     # `low` is what was found at `low_step`, the last step known not to stop the finger; `high` is
     # what was found ahead at `high_step`, if that is not negative.
     low = rest_from(path[g, finger, 0].command)
@@ -139,7 +141,6 @@ def closing_kernel(
     high_command = low.q
     high_pressed = int(0)
     high_reading = real(0.0)
-    free = vec3(ZERO, ZERO, ZERO)  # how far each link can still move for certain [m]
     torque = vec4(ZERO, ZERO, ZERO, ZERO)
     stopped = int(-1)
     reading = real(0.0)
@@ -147,102 +148,92 @@ def closing_kernel(
     sure = int(1)  # no step before `s` stops the finger
     reach = int(_FAR)  # looks ahead go so many steps at most, up to step `slips`
     slips = int(-1)
-    while low_step < last:
+    while s <= last:
+        if low_pressed == 0:
+            # Free, to the step at which something may be touched.
+            touches = int(0)
+            while s <= last and touches == 0:
+                if known_free == 0:
+                    at = path[g, finger, s]
+                    for link in range(3):
+                        if free[link] <= ZERO:
+                            near = _free_link(scene, which, hand, base, at, link)
+                            free[link] = march_scale * near.distance
+                            along = put(along, link, near.along)
+                            bend = put(bend, link, near.bend)
+                            if free[link] <= ZERO:
+                                touches = int(1)
+                known_free = int(0)
+                if touches == 0:
+                    next_step = first_uncertain(travel, g, finger, s, last, free)
+                    if stride == ZERO:
+                        moves = path[g, finger, next_step - 1].moves - (
+                            path[g, finger, wp.max(s - 1, 0)].moves)
+                        ahead_hazard = hazard_moving * moves + hazard_still * (
+                            real(3 * (next_step - s)) - moves)
+                        if hazard + ahead_hazard >= patience:
+                            stopped = int(s)
+                            break
+                        hazard += ahead_hazard
+                    if next_step <= last:
+                        free -= travel[g, finger, next_step] - travel[g, finger, s]
+                    s = int(next_step)
+            if touches == 0:
+                break
+            low = rest_from(path[g, finger, s].command)
+            low.along = along
+            low.bend = bend
+            low.depth = -free
+
         # Look at step `s`.
-        at = path[g, finger, s]
-        command = at.command
-        delta = command - path[g, finger, wp.max(s - 1, 0)].command
-        look = low
+        command = path[g, finger, s].command
         start = vec4(command)
-        samples = int(LINK_SAMPLES)
-        maybe = int(low_pressed)
+        samples = int(0)
         if low_pressed == 1:
             start = joints_ahead(low_command, low, command, k)
-        else:
-            look = rest_from(command)
-            samples = int(0)
-            for link in range(3):
-                if free[link] <= ZERO:
-                    near = _free_link(scene, which, hand, base, at, link)
-                    free[link] = march_scale * near.distance
-                    look.along = put(look.along, link, near.along)
-                    look.bend = put(look.bend, link, near.bend)
-                    if free[link] <= ZERO:
-                        maybe = int(1)
-            look.depth = -free
-        pressed = int(0)
-        reading = real(0.0)
-        if maybe == 1:
-            limit = wp.where(low_pressed == 1 and s > low_step + 1, _BRISK, _PATIENT)
-            look = finger_rest(scene, which, hand, base, command, start, look, samples, limit)
-            for link in range(3):
-                deepest = wp.max(look.depth[link], look.table[link])
-                free[link] = -march_scale * deepest
-                if deepest > ZERO:
-                    pressed = int(1)
+            samples = int(LINK_SAMPLES)
+        look = finger_rest(scene, which, hand, base, command, start, low, samples)
         if low_pressed == 1 and s > low_step + 1:
-            if worst_of(look.gradient) > LEVEL or not agree(low_command, low, command, look, k):
+            if not agree(low_command, low, command, look, k):
                 # Something slips on the way here.
                 slips = int(s)
                 reach = (s - low_step) // 2
                 s = low_step + reach
                 sure = int(reach == 1)
                 continue
+        pressed = int(wp.max(wp.max(look.depth), wp.max(look.table)) > ZERO)
+        reading = real(0.0)
         if pressed == 1:
+            delta = command - path[g, finger, wp.max(s - 1, 0)].command
             reading = stop_reading(hand, sensor, (command - look.q) * k, delta,
                                    counter_key(reader, s))
-        if sure == 1:
+        if sure == 0:
+            high = look
+            high_step = int(s)
+            high_command = vec4(command)
+            high_pressed = int(pressed)
+            high_reading = reading
+            sure = int(1)
+        else:
             low = look
             low_step = int(s)
-            low_command = command
+            low_command = vec4(command)
             low_pressed = int(pressed)
             torque = (command - look.q) * k
             if wp.abs(reading) > sensor.threshold:
                 stopped = int(s)
                 break
-        else:
-            high = look
-            high_step = int(s)
-            high_command = command
-            high_pressed = int(pressed)
-            high_reading = reading
-        free_step = int(low_step)
-        if low_pressed == 0:
-            torque = vec4(ZERO, ZERO, ZERO, ZERO)
-            next_step = first_uncertain(travel, g, finger, low_step, last, free)
-            if stride == ZERO:
-                before = path[g, finger, wp.max(low_step - 1, 0)]
-                moves = path[g, finger, next_step - 1].moves - before.moves
-                ahead_hazard = hazard_moving * moves + hazard_still * (
-                    real(3 * (next_step - low_step)) - moves)
-                if hazard + ahead_hazard >= patience:
-                    # Noise stops the finger on the way: at the first step that uses up patience.
-                    for n in range(low_step, next_step):
-                        before = path[g, finger, wp.max(n - 1, 0)]
-                        delta = path[g, finger, n].command - before.command
-                        moves = path[g, finger, n].moves - before.moves
-                        hazard += hazard_moving * moves + hazard_still * (real(3.0) - moves)
-                        stopped = int(n)
-                        if hazard >= patience:
-                            break
-                    low.q = path[g, finger, stopped].command
-                    redraw = counter_key(counter_key(stream, _FALSE_STOP), stopped)
-                    for attempt in range(_REDRAWS):
-                        reading = stop_reading(hand, sensor, torque, delta,
-                                               counter_key(redraw, attempt))
-                        if wp.abs(reading) > sensor.threshold:
-                            break
-                    break
-                hazard += ahead_hazard
-            low_step = next_step - 1
-            low = rest_from(path[g, finger, low_step].command)
-            low_command = low.q
+            if pressed == 0:
+                known_free = int(1)
+                for link in range(3):
+                    free[link] = -march_scale * wp.max(look.depth[link], look.table[link])
+                continue
 
+        # Leave out the steps that cannot stop the finger.
         if low_step >= slips:
             reach = int(_FAR)
-        # Leave out the steps that cannot stop the finger.
         s = low_step + 1
-        while s <= last and (low_pressed == 1 or high_step >= 0):
+        while s <= last:
             command = path[g, finger, s].command
             if s == high_step:
                 high_step = int(-1)
@@ -250,9 +241,9 @@ def closing_kernel(
                     break
                 low = high
                 low_step = int(s)
-                low_command = high_command
-                reading = high_reading
+                low_command = vec4(high_command)
                 torque = (command - low.q) * k
+                reading = high_reading
                 if wp.abs(reading) > sensor.threshold:
                     stopped = int(s)
                     break
@@ -269,10 +260,7 @@ def closing_kernel(
         if stopped >= 0 or low_step == last:
             break
         s = wp.min(s, last)
-        sure = int(1)
-        if low_pressed == 0:
-            free -= travel[g, finger, s] - travel[g, finger, free_step]
-        elif high_step < 0:
+        if high_step < 0:
             # On to where the reading should stop the finger.
             ahead = int(s)
             while ahead < last and ahead - low_step < reach and (
@@ -289,6 +277,26 @@ def closing_kernel(
             s = int(ahead)
 
     q_true[w, p, g, finger] = low.q
+    if low_pressed == 0:
+        torque = vec4(ZERO, ZERO, ZERO, ZERO)
+        q_true[w, p, g, finger] = path[g, finger, last].command
+        if stopped >= 0:
+            # Noise stops the finger on the way: at the first step that uses up the patience.
+            delta = vec4(ZERO, ZERO, ZERO, ZERO)
+            for n in range(stopped, last + 1):
+                before = path[g, finger, wp.max(n - 1, 0)]
+                delta = path[g, finger, n].command - before.command
+                moves = path[g, finger, n].moves - before.moves
+                hazard += hazard_moving * moves + hazard_still * (real(3.0) - moves)
+                stopped = int(n)
+                if hazard >= patience:
+                    break
+            q_true[w, p, g, finger] = path[g, finger, stopped].command
+            redraw = counter_key(counter_key(stream, _FALSE_STOP), stopped)
+            for attempt in range(_REDRAWS):
+                reading = stop_reading(hand, sensor, torque, delta, counter_key(redraw, attempt))
+                if wp.abs(reading) > sensor.threshold:
+                    break
     torque_true[w, p, g, finger] = torque
     if stopped < 0:
         status[w, p, g, finger] = _NO_CONTACT

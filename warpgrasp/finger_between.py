@@ -22,7 +22,7 @@ from warpgrasp.finger_energy import Rest
 from warpgrasp.real import HALF, ONE, ZERO, real, vec4
 
 _WEAK = wp.constant(real(1e-6))
-_TOL = wp.constant(real(0.3))  # of the joints' stiffness
+_TOL = wp.constant(real(0.2))
 _SLACK = wp.constant(real(1e-9))  # [N m rad], of rests that are not quite level
 
 

@@ -12,9 +12,10 @@ from warpgrasp.real import HALF, ONE, ZERO, mat44, real, vec4
 from warpgrasp.scene import Scene
 from warpgrasp.utah_mit_hand import Hand
 
+_ITERATIONS = wp.constant(30)
 _HALVINGS = wp.constant(12)
 _BRISK = wp.constant(2)
-LEVEL = wp.constant(real(1e-6))  # [N m]; 0.2 mN on a tendon, a 300th of the converter's step
+_GRADIENT = wp.constant(real(1e-6))  # [N m]; 0.2 mN on a tendon, a 300th of the converter's step
 
 
 @wp.func
@@ -28,18 +29,17 @@ def secant_compliance(compliance: mat44, step: vec4, rise: vec4):
 @wp.func
 def finger_rest(
     scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, start: vec4,
-    last: Rest, samples: int, energies: int
+    last: Rest, samples: int
 ):
     """The rest configuration for a command, descending from `start`; `base` in the body's frame.
 
     Valleys are chosen at the start, with `samples` compared, and followed from there.
-    At most so many `energies` are worked out.
     """
     rest = last
     step = start - last.q
     scale = real(1.0)
     halvings = int(0)
-    for k in range(energies):
+    for k in range(_ITERATIONS):
         trial = finger_energy(scene, body, hand, base, command, rest.q + step * scale, rest,
                               wp.where(k == 0, samples, 0))
         halvings += 1
@@ -54,6 +54,6 @@ def finger_rest(
             halvings = int(0)
             scale = real(1.0)
             step = -(rest.compliance * rest.gradient)
-        if worst_of(rest.gradient) < LEVEL or halvings >= _HALVINGS:
+        if worst_of(rest.gradient) < _GRADIENT or halvings >= _HALVINGS:
             break
     return rest
