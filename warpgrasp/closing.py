@@ -15,7 +15,7 @@ from warpgrasp.closing_reading import reading_step
 from warpgrasp.finger_path import path_on_device
 from warpgrasp.launch import launch_in_turn
 from warpgrasp.parameters import HandTable, SensorTable
-from warpgrasp.real import real, transform, vec3, vec4
+from warpgrasp.real import real, transform, vec4
 from warpgrasp.scene import Scene
 from warpgrasp.tendon import TendonSensor, tendon_sensor_of
 from warpgrasp.utah_mit_hand import FINGER_COUNT, Hand, hand_of

@@ -13,7 +13,8 @@ first step whose tendon difference of a flexion joint exceeds the threshold (All
   reading would cross it to first order; what that one does not clear is looked at after it.
 
 So the finger stops where it would if every step were looked at, as far as its contacts' energy is
-convex. It is not where a finger slips off an edge, so a look goes no farther than `_STRIDE`.
+convex. Where it slips off an edge it is not: looks go no farther than `_STRIDE`, and one that does
+not agree with the last one makes the next one go half as far, down to single steps.
 """
 
 import warp as wp
@@ -38,8 +39,8 @@ _FALSE_STOP = wp.constant(int(Purpose.FALSE_STOP))
 _TENSION_STEP = wp.constant(int(Purpose.TENSION_STEP))
 _NAN = wp.constant(real(float("nan")))
 _REDRAWS = wp.constant(100000)
-_FAR = wp.constant(1000000)
-_STRIDE = wp.constant(real(0.05))  # [rad] of a joint's command from look to look
+_FAR = wp.constant(1000000)  # steps
+_STRIDE = wp.constant(real(0.04))  # [rad] of a joint's command from look to look
 
 
 @wp.func
@@ -93,6 +94,7 @@ def closing_kernel(
     torque_true: wp.array4d[vec4],
     link_true: wp.array4d[int],
 ):
+    """A finger's closing: status, step, and what is true there before it is looked at closely."""
     w, p, g, finger = wp.tid()
     w += first
     status[w, p, g, finger] = probe_status[w, p, g]

@@ -119,7 +119,7 @@ def _reading_kernel(
 def reading_step(
     extents: Mapping[str, int], stops: Mapping[str, Any], device: str
 ) -> tuple[tuple[wp.Kernel, dict[str, str], dict[str, Any]], dict[str, wp.array]]:
-    """The launch that reads stops (world, probe, grasp, finger), for `launch_in_turn`, and readings.
+    """The step of `launch_in_turn` that reads stops (world, probe, grasp, finger); its readings.
 
     `stops` are given by the kernel's names; joints, torques and links are made closer in place.
     """

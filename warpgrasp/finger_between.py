@@ -8,12 +8,9 @@ propositions 4.4 and 12.28): where a command moves by d, the torques K (command 
 move by an `a` with |a|^2 <= a . K d. So `a` lies in the ball that has 0 and K d as the ends of a
 diameter.
 
-A link that bears on an edge or a round wall is not quite convex: as it turns it can slip away. So C
-is taken to be convex once w K / 2 |q|^2 is added, with w = `_WEAK` (that is, weakly convex). The
-rests are then those of stiffness (1 - w) K, commands K / (1 - w) / K as far out and contact torques
-u = (1 - w) K (command - q) + w K command, and |u|^2 <= u . K d for the changes of these gives a ball
-round K d (1 - 2 w) / (2 - 2 w) of radius K |d| / (2 - 2 w). Whether two rests bear that out they say
-themselves: their torques must not change against their joints by more than w K.
+A link that bears on an edge or a round wall is not quite convex: as it turns it can slip away. Then
+torques fall while joints move on. Two rests show it: `agree` asks whether torques change against
+the joints by no more than a share of their stiffness.
 """
 
 import warp as wp
@@ -21,8 +18,7 @@ import warp as wp
 from warpgrasp.finger_energy import Rest
 from warpgrasp.real import HALF, ONE, ZERO, real, vec4
 
-_WEAK = wp.constant(real(1e-6))
-_TOL = wp.constant(real(0.2))
+_AGAINST = wp.constant(real(0.2))  # of the joints' stiffness
 _SLACK = wp.constant(real(1e-9))  # [N m rad], of rests that are not quite level
 
 
@@ -38,8 +34,8 @@ class Ball:
 def torque_after(command: vec4, rest: Rest, other: vec4, stiffness: real):
     """Torques possible at another command, where `rest` is that of `command`."""
     ball = Ball()
-    way = (other - command) * (stiffness * HALF / (ONE - _WEAK))
-    ball.centre = (command - rest.q) * stiffness + way * (ONE - _WEAK - _WEAK)
+    way = (other - command) * (stiffness * HALF)
+    ball.centre = (command - rest.q) * stiffness + way
     ball.radius = wp.length(way)
     return ball
 
@@ -66,10 +62,10 @@ def in_both(one: Ball, two: Ball):
 
 @wp.func
 def agree(command: vec4, rest: Rest, other: vec4, other_rest: Rest, stiffness: real):
-    """Whether two rests are as such an energy allows."""
+    """Whether two rests are as an all but convex energy has them."""
     turn = other_rest.q - rest.q
     rise = (other - command - turn) * stiffness
-    return wp.dot(rise, turn) >= -_TOL * stiffness * wp.dot(turn, turn) - _SLACK
+    return wp.dot(rise, turn) >= -_AGAINST * stiffness * wp.dot(turn, turn) - _SLACK
 
 
 @wp.func

@@ -11,9 +11,8 @@ goes on to the least energy near by.
 import warp as wp
 
 from warpgrasp.finger_energy import Rest, finger_energy, put, rest_from, worst_of
-from warpgrasp.finger_rest import secant_compliance
 from warpgrasp.link_nearest import deepest_valley
-from warpgrasp.real import HALF, ZERO, real, vec4
+from warpgrasp.real import HALF, ONE, ZERO, mat44, real, vec4
 from warpgrasp.scene import Scene, body_is_convex
 from warpgrasp.utah_mit_hand import Hand, finger_pose, link_direction, link_start
 
@@ -28,6 +27,14 @@ _NUDGE = wp.constant(real(1e-4))  # [rad]: off the crease that the first attempt
 _SAME = wp.constant(real(1e-12))  # [J]: found twice
 _ARMIJO = wp.constant(real(1e-4))
 _WOLFE = wp.constant(real(0.5))
+
+
+@wp.func
+def secant_compliance(compliance: mat44, step: vec4, rise: vec4):
+    """The BFGS update of an inverse Hessian by a step and the change of slope along it."""
+    share = ONE / wp.dot(step, rise)
+    keep = wp.identity(n=4, dtype=real) - wp.outer(step, rise) * share
+    return keep * compliance * wp.transpose(keep) + wp.outer(step, step) * share
 
 
 @wp.func

@@ -8,22 +8,13 @@ keeps to the valley of the distance it lies in. Where it stops is looked at clos
 import warp as wp
 
 from warpgrasp.finger_energy import Rest, finger_energy, worst_of
-from warpgrasp.real import HALF, ONE, ZERO, mat44, real, vec4
+from warpgrasp.real import HALF, real, vec4
 from warpgrasp.scene import Scene
 from warpgrasp.utah_mit_hand import Hand
 
 _ITERATIONS = wp.constant(30)
 _HALVINGS = wp.constant(12)
-_BRISK = wp.constant(2)
 _GRADIENT = wp.constant(real(1e-6))  # [N m]; 0.2 mN on a tendon, a 300th of the converter's step
-
-
-@wp.func
-def secant_compliance(compliance: mat44, step: vec4, rise: vec4):
-    """The BFGS update of an inverse Hessian by a step and the change of slope along it."""
-    share = ONE / wp.dot(step, rise)
-    keep = wp.identity(n=4, dtype=real) - wp.outer(step, rise) * share
-    return keep * compliance * wp.transpose(keep) + wp.outer(step, step) * share
 
 
 @wp.func
@@ -45,11 +36,6 @@ def finger_rest(
         halvings += 1
         scale = scale * HALF
         if k == 0 or trial.energy < rest.energy:
-            if k >= _BRISK:
-                moved = trial.q - rest.q
-                rise = trial.gradient - rest.gradient
-                if wp.dot(moved, rise) > ZERO:
-                    trial.compliance = secant_compliance(trial.compliance, moved, rise)
             rest = trial
             halvings = int(0)
             scale = real(1.0)

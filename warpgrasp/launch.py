@@ -140,7 +140,7 @@ def _run(
 
 
 def _take_slices(
-    commands: Sequence[wp.Launch], cuts: Iterator[tuple[int, int]], dim: tuple[int, ...]
+    commands: Sequence[Any], cuts: Iterator[tuple[int, int]], dim: tuple[int, ...]
 ) -> None:
     """A thread's work: the next slice that no thread has taken, until there is none."""
     for start, stop in cuts:

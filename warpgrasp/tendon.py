@@ -17,7 +17,6 @@ from warpgrasp.parameters import HandTable, SensorTable
 from warpgrasp.real import HALF, ONE, ZERO, real, vec2
 from warpgrasp.utah_mit_hand import Hand
 
-
 _SIXTH = wp.constant(real(1.0 / 6.0))
 _TWENTYFOURTH = wp.constant(real(1.0 / 24.0))
 
@@ -73,7 +72,8 @@ def tension_difference_read(sensor: TendonSensor, tensions: vec2, key: wp.uint64
 def may_cross(sensor: TendonSensor, difference: real, key: wp.uint64):
     """False where a reading of a true `difference` [N, a size] surely stays below the threshold.
 
-    A normal of Box and Muller is at most sqrt(-2 log u) by size, and u takes no root or cosine.
+    A normal of Box and Muller is at most sqrt(-2 log u) by size, and u takes no root or cosine;
+    for exp(-x), which u is compared with, the first terms of exp(x) do.
     """
     margin = sensor.threshold - difference - sensor.step
     if margin <= ZERO:
@@ -82,7 +82,6 @@ def may_cross(sensor: TendonSensor, difference: real, key: wp.uint64):
         return False
     share = margin / (real(2.0) * sensor.noise)
     x = HALF * share * share
-    # No less than exp(-x), by the first terms of the series of exp(x).
     least = ONE / (ONE + x * (ONE + x * (HALF + x * (_SIXTH + x * _TWENTYFOURTH))))
     flexor = counter_uniform(counter_key(counter_key(key, 0), 1))
     extensor = counter_uniform(counter_key(counter_key(key, 1), 1))
