@@ -78,6 +78,7 @@ def _checked(
 ) -> list[Any]:
     """The arguments in the kernel's order."""
     bound = dict(extents)
+    there = wp.get_device(device)
     ordered: list[Any] = []
     for argument in kernel.adj.args[1:]:
         if argument.label not in arguments:
@@ -85,7 +86,7 @@ def _checked(
         value = arguments[argument.label]
         if isinstance(value, wp.array):
             _check_shape(kernel.key, argument.label, value, shapes.get(argument.label), bound)
-            if str(value.device) != str(wp.get_device(device)):
+            if value.device != there:
                 raise ShapeError(f"{kernel.key}: {argument.label!r} is on {value.device}, "
                                  f"the launch on {device}")
         ordered.append(value)
