@@ -198,7 +198,8 @@ def closing_kernel(
         if low_pressed == 1 and s > low_step + 1:
             if not agree(low_command, low, command, look, k):
                 # Something slips on the way here.
-                slips = int(s)
+                high_step = int(-1)
+                slips = wp.max(slips, s)
                 reach = (s - low_step) // 2
                 s = low_step + reach
                 sure = int(reach == 1)
