@@ -12,7 +12,6 @@ import warp as wp
 from warpgrasp.counter_random import Purpose, counter_key, counter_normal
 from warpgrasp.finger_crease import settled_rest
 from warpgrasp.finger_path import PathStep
-from warpgrasp.launch import launch
 from warpgrasp.link_nearest import lower_end
 from warpgrasp.real import ONE, ZERO, real, transform, vec3, vec4
 from warpgrasp.scene import Scene, body_distance_grad
@@ -117,12 +116,12 @@ def _reading_kernel(
                                                                  counter_key(reader, 2 * j + 1))
 
 
-def read_stops(
+def reading_step(
     extents: Mapping[str, int], stops: Mapping[str, Any], device: str
-) -> dict[str, wp.array]:
-    """Readings and contacts of stops (world, probe, grasp, finger), given by the kernel's names.
+) -> tuple[tuple[wp.Kernel, dict[str, str], dict[str, Any]], dict[str, wp.array]]:
+    """The step of `launch_in_turn` that reads stops (world, probe, grasp, finger); its readings.
 
-    Joints, torques and links of `stops` are made closer in place. Raises ShapeError.
+    `stops` are given by the kernel's names; joints, torques and links are made closer in place.
     """
     dims = tuple(extents.values())
     read = {name: wp.empty(dims, dtype=kind, device=device) for name, kind in {
@@ -131,5 +130,4 @@ def read_stops(
     shapes = dict.fromkeys(_reading_kernel.adj.arg_types, "world probe grasp finger") | {
         "body": "world?", "body_pose": "world", "hands": "world?", "sensors": "world?",
         "key": "world", "hand_pose": "world probe", "path": "grasp finger step"}
-    launch(_reading_kernel, extents, shapes, {**stops, **read}, device=device)
-    return read
+    return (_reading_kernel, shapes, {**stops, **read}), read

@@ -6,6 +6,8 @@ for all worlds. A closing looks up how many steps nothing can happen in, by the 
 free, and jumps there.
 """
 
+from functools import lru_cache
+
 import numpy as np
 import warp as wp
 
@@ -56,6 +58,23 @@ def path_table(hand: HandTable, commands_rad: np.ndarray) -> tuple[np.ndarray, n
     moving = np.abs(np.diff(commands_rad[..., 1:], axis=2)) > _STILL
     table["moves"][:, :, 1:] = moving.sum(-1).cumsum(-1)
     return table, travel
+
+
+@lru_cache(maxsize=32)
+def _tabled(
+    hand: HandTable, shape: tuple[int, ...], commands: bytes, device: str
+) -> tuple[wp.array, wp.array]:
+    path, travel = path_table(hand, np.frombuffer(commands).reshape(shape))
+    return (wp.array(path, dtype=PathStep, device=device),
+            wp.array(travel, dtype=vec3, device=device))
+
+
+def path_on_device(
+    hand: HandTable, commands_rad: np.ndarray, device: str
+) -> tuple[wp.array, wp.array]:
+    """`path_table` as kernels take it; kept for the next launch along the same commands."""
+    commands = np.ascontiguousarray(commands_rad, np.float64)
+    return _tabled(hand, commands.shape, commands.tobytes(), device)
 
 
 @wp.func

@@ -8,7 +8,6 @@ keeps to the valley of the distance it lies in. Where it stops is looked at clos
 import warp as wp
 
 from warpgrasp.finger_energy import Rest, finger_energy, worst_of
-from warpgrasp.link_nearest import LINK_SAMPLES
 from warpgrasp.real import HALF, real, vec4
 from warpgrasp.scene import Scene
 from warpgrasp.utah_mit_hand import Hand
@@ -21,11 +20,11 @@ _GRADIENT = wp.constant(real(1e-6))  # [N m]; 0.2 mN on a tendon, a 300th of the
 @wp.func
 def finger_rest(
     scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, start: vec4,
-    last: Rest
+    last: Rest, samples: int
 ):
     """The rest configuration for a command, descending from `start`; `base` in the body's frame.
 
-    Valleys are chosen at the start and followed from there.
+    Valleys are chosen at the start, with `samples` compared, and followed from there.
     """
     rest = last
     step = start - last.q
@@ -33,7 +32,7 @@ def finger_rest(
     halvings = int(0)
     for k in range(_ITERATIONS):
         trial = finger_energy(scene, body, hand, base, command, rest.q + step * scale, rest,
-                              wp.where(k == 0, LINK_SAMPLES, 0))
+                              wp.where(k == 0, samples, 0))
         halvings += 1
         scale = scale * HALF
         if k == 0 or trial.energy < rest.energy:

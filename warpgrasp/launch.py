@@ -9,9 +9,10 @@ argument because `wp.tid()` restarts at zero in each slice.
 """
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
+from math import prod
 from typing import Any
 
 import warp as wp
@@ -19,6 +20,7 @@ import warp as wp
 wp.config.log_level = wp.LOG_ERROR  # banners are not results
 
 _SMALLEST_SLICE = 512  # threads; below, starting a Python thread costs more than it saves
+_SLICES = 16  # for each thread
 _pool: ThreadPoolExecutor | None = None
 _thread_count = max(1, int(os.environ.get("WARPGRASP_THREADS", os.cpu_count() or 1)))
 
@@ -52,7 +54,31 @@ def launch(
     (bound at first sight, then held), a number, or `name?` for an axis that may also be 1 (shared
     by all). Raises ShapeError naming the argument, what it is and what it should be.
     """
+    launch_in_turn(extents, [(kernel, shapes, arguments)], device=device)
+
+
+def launch_in_turn(
+    extents: Mapping[str, int],
+    steps: Sequence[tuple[wp.Kernel, Mapping[str, str], Mapping[str, Any]]],
+    *,
+    device: str,
+) -> None:
+    """`launch` several kernels, each step (kernel, shapes, arguments) after the one before it.
+
+    Only rows wait for themselves: threads that share a CPU take a slice through all steps.
+    """
+    checked = [(kernel, _checked(kernel, extents, shapes, arguments, device))
+               for kernel, shapes, arguments in steps]
+    _run(checked, tuple(extents.values()), device)
+
+
+def _checked(
+    kernel: wp.Kernel, extents: Mapping[str, int], shapes: Mapping[str, str],
+    arguments: Mapping[str, Any], device: str,
+) -> list[Any]:
+    """The arguments in the kernel's order."""
     bound = dict(extents)
+    there = wp.get_device(device)
     ordered: list[Any] = []
     for argument in kernel.adj.args[1:]:
         if argument.label not in arguments:
@@ -60,14 +86,14 @@ def launch(
         value = arguments[argument.label]
         if isinstance(value, wp.array):
             _check_shape(kernel.key, argument.label, value, shapes.get(argument.label), bound)
-            if str(value.device) != str(wp.get_device(device)):
+            if value.device != there:
                 raise ShapeError(f"{kernel.key}: {argument.label!r} is on {value.device}, "
                                  f"the launch on {device}")
         ordered.append(value)
     unknown = set(arguments) - {argument.label for argument in kernel.adj.args}
     if unknown:
         raise ShapeError(f"{kernel.key}: no argument {sorted(unknown)}")
-    _run(kernel, tuple(extents.values()), ordered, device)
+    return ordered
 
 
 def _check_shape(
@@ -90,27 +116,36 @@ def _check_shape(
         raise ShapeError(f"{kernel}: {label!r} has shape {tuple(array.shape)}, wants ({wanted})")
 
 
-def _run(kernel: wp.Kernel, dim: tuple[int, ...], ordered: list[Any], device: str) -> None:
+def _run(
+    steps: Sequence[tuple[wp.Kernel, list[Any]]], dim: tuple[int, ...], device: str
+) -> None:
     global _pool
-    rows = dim[0]
-    total = 1
-    for extent in dim:
-        total *= extent
+    rows, total = dim[0], prod(dim)
     if total == 0:
         return
     # More slices than threads: rows differ in cost, and a thread that is done takes the next.
-    slices = min(4 * _thread_count, rows, total // _SMALLEST_SLICE)
+    slices = min(_SLICES * _thread_count, rows, total // _SMALLEST_SLICE)
     if _thread_count == 1 or slices < 2 or not wp.get_device(device).is_cpu:
-        wp.launch(kernel, dim=dim, inputs=[0, *ordered], device=device)
+        for kernel, ordered in steps:
+            wp.launch(kernel, dim=dim, inputs=[0, *ordered], device=device)
         return
-    kernel.module.load(wp.get_device(device), 1)  # once, before the threads race for it
     if _pool is None:
         _pool = ThreadPoolExecutor(_thread_count, thread_name_prefix="warpgrasp")
-    cuts = [rows * k // slices for k in range(slices + 1)]
-    jobs = [
-        _pool.submit(wp.launch, kernel, dim=(stop - start, *dim[1:]), inputs=[start, *ordered],
-                     device=device)
-        for start, stop in pairwise(cuts)
-    ]
+    cuts = iter(list(pairwise(rows * k // slices for k in range(slices + 1))))
+    # Arguments are packed once a thread, here, since packing holds the interpreter's lock.
+    jobs = [_pool.submit(_take_slices, [
+        wp.launch(kernel, dim=dim, inputs=[0, *ordered], device=device, record_cmd=True)
+        for kernel, ordered in steps], cuts, dim) for _ in range(min(_thread_count, slices))]
     for job in jobs:
         job.result()
+
+
+def _take_slices(
+    commands: Sequence[Any], cuts: Iterator[tuple[int, int]], dim: tuple[int, ...]
+) -> None:
+    """A thread's work: the next slice that no thread has taken, until there is none."""
+    for start, stop in cuts:
+        for command in commands:
+            command.set_dim((stop - start, *dim[1:]))
+            command.set_param_at_index(0, start)
+            command.launch()

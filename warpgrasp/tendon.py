@@ -17,6 +17,9 @@ from warpgrasp.parameters import HandTable, SensorTable
 from warpgrasp.real import HALF, ONE, ZERO, real, vec2
 from warpgrasp.utah_mit_hand import Hand
 
+_SIXTH = wp.constant(real(1.0 / 6.0))
+_TWENTYFOURTH = wp.constant(real(1.0 / 24.0))
+
 
 @wp.struct
 class TendonSensor:
@@ -66,18 +69,20 @@ def tension_difference_read(sensor: TendonSensor, tensions: vec2, key: wp.uint64
 
 
 @wp.func
-def may_cross(sensor: TendonSensor, tensions: vec2, key: wp.uint64):
-    """False where a reading by `tension_difference_read` is sure to stay below the threshold.
+def may_cross(sensor: TendonSensor, difference: real, key: wp.uint64):
+    """False where a reading of a true `difference` [N, a size] surely stays below the threshold.
 
-    A normal of Box and Muller is at most sqrt(-2 log u) by size, and u takes no root or cosine.
+    A normal of Box and Muller is at most sqrt(-2 log u) by size, and u takes no root or cosine;
+    for exp(-x), which u is compared with, the first terms of exp(x) do.
     """
-    margin = sensor.threshold - wp.abs(tensions[0] - tensions[1]) - sensor.step
+    margin = sensor.threshold - difference - sensor.step
     if margin <= ZERO:
         return True
     if sensor.noise <= ZERO:
         return False
     share = margin / (real(2.0) * sensor.noise)
-    least = wp.exp(-HALF * share * share)
+    x = HALF * share * share
+    least = ONE / (ONE + x * (ONE + x * (HALF + x * (_SIXTH + x * _TWENTYFOURTH))))
     flexor = counter_uniform(counter_key(counter_key(key, 0), 1))
     extensor = counter_uniform(counter_key(counter_key(key, 1), 1))
     return flexor < least or extensor < least

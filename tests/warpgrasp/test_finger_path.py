@@ -3,7 +3,7 @@
 import numpy as np
 
 from strategies.closing_paths import CLOSING_PATHS, closing_commands
-from warpgrasp.finger_path import path_table
+from warpgrasp.finger_path import path_on_device, path_table
 from warpgrasp.parameters import HandTable
 from warpgrasp.utah_mit_hand import hand_links
 
@@ -43,3 +43,14 @@ def test_moves_count_the_flexion_joints_that_move() -> None:
     table, _, _ = chains("curl40")
     curl, close = 80, 200  # steps of half a degree: two joints curl, then one closes
     assert table["moves"][[0, curl, curl + close]].tolist() == [0, 2 * curl, 2 * curl + close]
+
+
+def test_a_path_is_tabled_once_and_anew_when_it_changes() -> None:
+    commands = closing_commands(CLOSING_PATHS["curl40"])[None].copy()
+    first = path_on_device(HAND, commands, "cpu")
+    assert path_on_device(HAND, commands.copy(), "cpu")[0] is first[0]
+    commands[0, 1, 5] += 0.01  # in place
+    path, travel = path_on_device(HAND, commands, "cpu")
+    table, ways = path_table(HAND, commands)
+    np.testing.assert_array_equal(path.numpy()["command"], table["command"])
+    np.testing.assert_array_equal(travel.numpy(), ways)
