@@ -34,7 +34,7 @@ NORMAL_SIGMA_M = 0.0008
 """Spread of a placed contact along the normal: joint angles, mount, repeatability [est]."""
 ROUGH_ITERATIONS, LAST_ITERATIONS = 6, 24
 """Iterations of a fit whose contacts are still to move, and of the last one."""
-PARCEL = 32
+PARCEL = 64
 """Worlds whose contacts are placed side by side."""
 FARTHEST_M = 0.02
 """A link farther than this from the body is no less likely than one this far."""
