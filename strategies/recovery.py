@@ -216,7 +216,9 @@ def _parcels(asked: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     little to be worked out for nothing. Where a world asks for fewer than others it is given more.
     """
     count = asked.sum(1)
-    for rows in np.array_split(np.argsort(count, kind="stable"), -(-len(count) // PARCEL)):
+    order = np.argsort(count, kind="stable")
+    for first in range(0, len(order), PARCEL):
+        rows = order[first:first + PARCEL]
         most = max(count[rows].max(), 1)
         yield rows[:, None], np.argsort(~asked[rows], axis=1, kind="stable")[:, :most]
 
