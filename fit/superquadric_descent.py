@@ -41,8 +41,12 @@ def fit_sets(
     lanes, theta = _begin(sets, form, options, start)
     lanes, theta = _refresh(lanes, theta, sets, form, options)
     # Weights, scale and the strength of priors belong to a shape: settle them before the finish.
-    theta = advance(_problem(form), theta, lanes, options.round_iterations).theta
-    lanes, theta = _refresh(lanes, theta, sets, form, options)
+    settled = advance(_problem(form), theta, lanes, options.round_iterations)
+    if options.iterations == 0:
+        none = np.zeros(len(theta), int)
+        end = Finished(settled.theta, settled.cost, none, none + FitStatus.not_converged)
+        return _rows(end, lanes, sets, form)
+    lanes, theta = _refresh(lanes, settled.theta, sets, form, options)
     end = finish(_problem(form), theta, lanes, at_a_time=options.round_iterations,
                  at_most=options.iterations)
     return _rows(end, lanes, sets, form)

@@ -18,6 +18,7 @@ from fit.robust import robust
 from fit.superquadric_body import Body, Form, Tensor, body_slopes, unpack
 from fit.superquadric_field import distance, log_square_radius, residual, slopes
 from fit.superquadric_support import support
+from fit.where_any import where_any
 
 UPRIGHT_DOUBT = 3.0
 """Standard deviations of tilt beyond which a body is rather believed to lean."""
@@ -57,14 +58,12 @@ def normal_equations(theta, lane: Lane, form: Form) -> Normal:
     """
     body = unpack(theta, lane.rotation, form)
     step = body_slopes(theta, form)
-    sums = jnp.zeros((len(step) + 1,) * 2, theta.dtype)
-    for function, places in _fields(lane, form):
-        local = body.local(places)
-        value, by_shape, by_place = slopes(function, body.shape, local)
-        # A turn of the body moves a point the other way in its frame.
-        by_turn = jnp.cross(by_place, local, axis=0)
-        rows = jnp.concatenate([*jax.tree.leaves(by_shape), by_turn, by_place, value[None]])
-        sums = sums + rows @ rows.T
+    sums = _sums(_touched(lane, form), body, lane.points)
+    if lane.free is not None:
+        # Fits that know no free space yet have it masked, for they share the compiled program.
+        sums = sums + where_any(
+            lambda body, free: _sums(_free(free), body, free[:3]),
+            jnp.any(lane.free[4] > 0.0), body, lane.free)
     matrix = step.T @ sums[:-1, :-1] @ step
     gradient, cost = sums[-1, :-1] @ step, 0.5 * sums[-1, -1]
     if lane.plane is not None:
@@ -78,23 +77,32 @@ def normal_equations(theta, lane: Lane, form: Form) -> Normal:
 def residuals(theta, lane: Lane, form: Form) -> Float[Array, " residual"]:
     """The residuals themselves, in the order of `normal_equations`."""
     body = unpack(theta, lane.rotation, form)
-    each = [function(body.shape, body.local(places)) for function, places in _fields(lane, form)]
+    each = [_touched(lane, form)(body.shape, body.local(lane.points))]
+    if lane.free is not None:
+        each.append(_free(lane.free)(body.shape, body.local(lane.free[:3])))
     table = [] if lane.plane is None else [_above_table(theta, lane, form)[None]]
     return jnp.concatenate([*each, *table, _others(theta, lane, form)])
 
 
-def _fields(lane: Lane, form: Form) -> list[tuple[Callable, Tensor]]:
-    """Residuals that are functions of (shape, point in its frame), and their points."""
-    def touched(shape, local):
-        return robust(lane.weight * residual(shape, local, form.residual), lane.loss_scale,
-                      form.loss)
+def _touched(lane: Lane, form: Form) -> Callable:
+    """The residuals of touches, of (shape, point in its frame)."""
+    return lambda shape, local: robust(
+        lane.weight * residual(shape, local, form.residual), lane.loss_scale, form.loss)
 
-    fields: list[tuple[Callable, Tensor]] = [(touched, lane.points)]
-    if lane.free is not None:
-        radius, weight = lane.free[3], lane.free[4]
-        fields.append((lambda shape, local: weight * jnp.maximum(radius - distance(shape, local),
-                                                                 0.0), lane.free[:3]))
-    return fields
+
+def _free(free: Float[Tensor, "5 free"]) -> Callable:
+    """Those of balls known to lie outside."""
+    return lambda shape, local: free[4] * jnp.maximum(free[3] - distance(shape, local), 0.0)
+
+
+def _sums(function: Callable, body: Body, places: Float[Tensor, "3 point"]):
+    """The sums of products of residuals and their derivatives by the numbers of the body."""
+    local = body.local(places)
+    value, by_shape, by_place = slopes(function, body.shape, local)
+    # A turn of the body moves a point the other way in its frame.
+    by_turn = jnp.cross(by_place, local, axis=0)
+    rows = jnp.concatenate([*jax.tree.leaves(by_shape), by_turn, by_place, value[None]])
+    return rows @ rows.T
 
 
 def _above_table(theta, lane: Lane, form: Form) -> Float[Array, ""]:

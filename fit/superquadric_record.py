@@ -25,7 +25,7 @@ class SuperquadricOptions:
     round_iterations: int = 6
     """Iterations between two looks at which fits are done."""
     iterations: int = 80
-    """Most iterations of the finish."""
+    """Most iterations of the finish; 0: a rough fit, `not_converged`."""
     sigma_floor_m: float = 1e-3
     """Standard deviation added to a contact's covariance along the normal [m]."""
     plane_weight: float = 1.0

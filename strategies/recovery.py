@@ -32,8 +32,10 @@ PLACE_SIGMA_M = 0.003
 """How well a body still being fitted predicts where a link's axis must pass [est]."""
 NORMAL_SIGMA_M = 0.0008
 """Spread of a placed contact along the normal: joint angles, mount, repeatability [est]."""
-ROUGH_ITERATIONS, LAST_ITERATIONS = 6, 24
-"""Iterations of a fit whose contacts are still to move, and of the last one."""
+SCREEN_ITERATIONS = 3
+"""Iterations by which starts are compared: few, for longer ones shrink into whatever is felt."""
+LAST_ITERATIONS = 24
+"""Iterations of the last fit's finish; those whose contacts are still to move have none."""
 PARCEL = 64
 """Worlds whose contacts are placed side by side."""
 FARTHEST_M = 0.02
@@ -59,16 +61,19 @@ def _recover(
     placed = replace(evidence, free_m=evidence.free_m[:, first],
                      free_mask=np.zeros_like(evidence.free_mask[:, first]))
     rounds = table.rounds if links is not None else int(table.free_space)
-    # Contacts that are still to move need no optimum; a few slow descents would cost the most.
-    fits = fit_evidence(placed, table, iterations=ROUGH_ITERATIONS if rounds else LAST_ITERATIONS)
+    fits = fit_evidence(placed, table, iterations=0 if rounds else LAST_ITERATIONS)
     for number in range(rounds):
         if links is not None:
             placed = contacts_placed(evidence, links, fits)
         placed = nearest_free(placed, evidence, fits)
-        # Early bodies may be wrong as a whole: only the later rounds go on from the last one.
-        fits = fit_evidence(
-            placed, table, start=fits if 2 * number >= rounds else None,
-            iterations=LAST_ITERATIONS if number == rounds - 1 else ROUGH_ITERATIONS)
+        # Early bodies may be wrong as a whole: from scratch where they are doubted.
+        anew = (touch_misfit(fits, placed) > DOUBTED_M) & (2 * number < rounds)
+        iterations = LAST_ITERATIONS if number == rounds - 1 else 0
+        for rows, start in ((np.flatnonzero(anew), False), (np.flatnonzero(~anew), True)):
+            if len(rows):
+                found = fit_evidence(evidence_rows(placed, rows), table,
+                                     start=fits[rows] if start else None, iterations=iterations)
+                fits = with_rows(fits, rows, found)
     return fits, placed
 
 
@@ -84,7 +89,7 @@ def refine_bodies(
         placed = nearest_free(placed, evidence, fits)
         fits = fit_evidence(
             placed, table, start=fits,
-            iterations=LAST_ITERATIONS if number == rounds - 1 else ROUGH_ITERATIONS)
+            iterations=LAST_ITERATIONS if number == rounds - 1 else 0)
     return _against_rivals(fits, placed, evidence, links, table)
 
 
@@ -115,7 +120,7 @@ def fit_evidence(
         residual = "volume_distance" if table.taper and start is not None else "solina"
     options = SuperquadricOptions(
         taper=table.taper, residual=residual, loss=table.loss,  # pyright: ignore
-        iterations=iterations,
+        iterations=iterations, screen_iterations=SCREEN_ITERATIONS,
         upright_std_rad=table.upright_rad if table.table_plane else None)
     return fit_superquadric(
         evidence.points_m, evidence.mask,
