@@ -4,35 +4,40 @@ Points of the true surface and volume come from `warpgrasp.body_sample`, points 
 surface from `fit.superquadric_shape` or `fit.revolution_shape`. Distances from the recovered
 surface to the true body are exact (its signed distance); those from the true surface to the
 recovered body are to the nearest of some thousand surface elements, each a disc of the element's
-own area.
+own area. All is done in the true body's frame, so that its points are the same in every world.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import warp as wp
-from scipy.spatial.transform import Rotation
 
-from fit.revolution_shape import revolution_inside, revolution_surface, revolution_volume
-from fit.superquadric_shape import SuperquadricLike, superquadric_volume
+from fit.revolution_shape import (
+    RevolutionBody,
+    revolution_inside,
+    revolution_surface,
+    revolution_volume,
+)
+from fit.rotation import matrix_of_quaternion, quaternion_of_matrix
+from fit.superquadric_shape import Superquadric, SuperquadricLike, superquadric_volume
 from strategies.body_query import bodies_on
 from strategies.recovered import Recovered, Shape
-from sweeps.surface_elements import surface_elements
+from sweeps.surface_elements import TILE, surface_elements
 from warpgrasp.body import Body, distance_to_bodies, scene_of
-from warpgrasp.body_sample import sample_body
+from warpgrasp.body_sample import BodySample, sample_body
 from warpgrasp.launch import launch
 from warpgrasp.real import ONE, ZERO, real, transform, vec3, vec4
-from warpgrasp.sdf_superquadric import SuperquadricShape, superquadric_deformed_gauge
+from warpgrasp.sdf_superquadric import SuperquadricShape, straighten, superquadric_gauge
 
 SURFACE_POINTS = 512
 ELEMENTS = 864
 INSIDE_POINTS = 2048
 COVERAGE_M = 0.005
 
-PATCH = 12
+PATCH = TILE[0] * TILE[1]
 """Elements that follow each other lie side by side: so many share a ball."""
 _PATCH = wp.constant(PATCH)
+_ROUNDING = wp.constant(real(1e-9))
 
 
 @dataclass(frozen=True)
@@ -60,14 +65,14 @@ def _element_distance_kernel(
     radius: wp.array2d[real],
     ball: wp.array2d[vec4],
     # True surface in:
-    point: wp.array2d[vec3],
+    point: wp.array[vec3],
     # Distance out:
     distance: wp.array2d[real],
 ):
     """Distance to the nearest element; `ball` holds a patch of elements, discs and all."""
     w, i = wp.tid()
     w += first
-    p = point[w, i]
+    p = point[i]
     nearest = int(0)
     least = real(1e18)
     for g in range(ball.shape[1]):
@@ -120,6 +125,25 @@ def _ball_kernel(
     ball[w, g] = vec4(centre[0], centre[1], centre[2], reach)
 
 
+@wp.func
+def _is_inside(p: vec3, s: SuperquadricShape):
+    """Whether the gauge is below one; without its powers where simpler bodies tell.
+
+    A superquadric lies in its box, and holds the box's ellipsoid where its exponents are up to 1.
+    """
+    q = straighten(p, s).point
+    u = wp.abs(q[0]) / s.size[0]
+    v = wp.abs(q[1]) / s.size[1]
+    w = wp.abs(q[2]) / s.size[2]
+    if wp.max(wp.max(u, v), w) > ONE + _ROUNDING:
+        return int(0)
+    if wp.max(s.e1, s.e2) <= ONE and u * u + v * v + w * w < ONE - _ROUNDING:
+        return int(1)
+    if superquadric_gauge(q, s.size, s.e1, s.e2)[3] < ONE:
+        return int(1)
+    return int(0)
+
+
 @wp.kernel(enable_backward=False)
 def _inside_kernel(
     first: int,
@@ -127,21 +151,19 @@ def _inside_kernel(
     shape: wp.array[SuperquadricShape],
     pose: wp.array[transform],
     # True volume in:
-    point: wp.array2d[vec3],
-    # Share out:
+    point: wp.array[vec3],
+    # Whether a point is in both out:
     inside: wp.array2d[int],
 ):
     w, i = wp.tid()
     w += first
-    local = wp.transform_point(wp.transform_inverse(pose[w]), point[w, i])
-    inside[w, i] = 0
-    if superquadric_deformed_gauge(local, shape[w])[3] < ONE:
-        inside[w, i] = 1
+    inside[w, i] = _is_inside(
+        wp.transform_point(wp.transform_inverse(pose[w]), point[i]), shape[w])
 
 
 @dataclass(frozen=True)
 class _Surface:
-    """Recovered surfaces as elements, their volumes, and which points lie inside."""
+    """Recovered surfaces in the true body's frame, their volumes, and what they share with it."""
 
     element: np.ndarray
     normal: np.ndarray
@@ -155,47 +177,50 @@ def score_superquadrics(
     fits: SuperquadricLike, body: Body, body_pose: np.ndarray, *, device: str = "cpu"
 ) -> Scores:
     """Score one superquadric a world against `body`, which stands at `body_pose` (world, 7)."""
-    return _score(lambda inside: _superquadrics(fits, inside, device), body, body_pose, device)
+    sample = sample_body(body, surface=SURFACE_POINTS, inside=INSIDE_POINTS)
+    return _score(_superquadrics(fits, sample, body_pose, device), body, sample, device)
 
 
 def score_recovered(
     recovered: Recovered, body: Body, body_pose: np.ndarray, *, device: str = "cpu"
 ) -> Scores:
     """Score what each world ended with, superquadric or contour, against `body`."""
-    turned = np.flatnonzero(recovered.shape == Shape.REVOLUTION)
-    if len(turned) == 0 or recovered.revolution is None:
-        return score_superquadrics(recovered.superquadric, body, body_pose, device=device)
-    revolution = recovered.revolution[turned]
-
-    def surface(inside: np.ndarray) -> _Surface:
-        found = _superquadrics(recovered.superquadric, inside, device)
-        element, normal, area = revolution_surface(revolution)
-        for whole, part in ((found.element, element), (found.normal, normal), (found.area, area),
-                            (found.volume, revolution_volume(revolution)),
-                            (found.common, revolution_inside(revolution, inside[turned]).mean(1))):
-            whole[turned] = part
-        return found
-
-    return _score(surface, body, body_pose, device)
-
-
-def _superquadrics(fits: SuperquadricLike, inside: np.ndarray, device: str) -> _Surface:
-    element, normal, area = surface_elements(fits, ELEMENTS, device=device)
-    return _Surface(element, normal, area, superquadric_volume(fits),
-                    _share_inside(fits, inside, device))
-
-
-def _score(recovered: Callable[[np.ndarray], _Surface], body: Body, body_pose: np.ndarray,
-           device: str) -> Scores:
-    worlds = len(body_pose)
     sample = sample_body(body, surface=SURFACE_POINTS, inside=INSIDE_POINTS)
-    turn = Rotation.from_quat(body_pose[:, 3:]).as_matrix()
-    true_surface = sample.surface_m @ turn.transpose(0, 2, 1) + body_pose[:, None, :3]
-    true_inside = sample.inside_m @ turn.transpose(0, 2, 1) + body_pose[:, None, :3]
-    found = recovered(true_inside)
-    to_fit = _distance_to_elements(true_surface, found.element, found.normal, found.area, device)
-    in_body = (found.element - body_pose[:, None, :3]) @ turn
-    signed, _ = distance_to_bodies(scene_of([body], device), np.zeros(1, int), in_body,
+    found = _superquadrics(recovered.superquadric, sample, body_pose, device)
+    turned = np.flatnonzero(recovered.shape == Shape.REVOLUTION)
+    if len(turned) and recovered.revolution is not None:
+        part = _revolutions(recovered.revolution[turned], sample, body_pose[turned])
+        for field in fields(_Surface):
+            getattr(found, field.name)[turned] = getattr(part, field.name)
+    return _score(found, body, sample, device)
+
+
+def _superquadrics(
+    fits: SuperquadricLike, sample: BodySample, body_pose: np.ndarray, device: str
+) -> _Surface:
+    turn = matrix_of_quaternion(body_pose[:, 3:])
+    seen = Superquadric(
+        fits.size_m, fits.exponents,
+        ((fits.position_m - body_pose[:, :3])[:, None] @ turn)[:, 0],
+        quaternion_of_matrix(turn.transpose(0, 2, 1) @ matrix_of_quaternion(fits.quaternion_xyzw)),
+        fits.taper, fits.bend)
+    return _Surface(*surface_elements(seen, ELEMENTS, device=device), superquadric_volume(fits),
+                    _share_inside(seen, sample.inside_m, device))
+
+
+def _revolutions(
+    bodies: RevolutionBody, sample: BodySample, body_pose: np.ndarray
+) -> _Surface:
+    turn, place = matrix_of_quaternion(body_pose[:, 3:]), body_pose[:, None, :3]
+    element, normal, area = revolution_surface(bodies)
+    inside = revolution_inside(bodies, sample.inside_m @ turn.transpose(0, 2, 1) + place)
+    return _Surface((element - place) @ turn, normal @ turn, area, revolution_volume(bodies),
+                    inside.mean(1))
+
+
+def _score(found: _Surface, body: Body, sample: BodySample, device: str) -> Scores:
+    to_fit = _distance_to_elements(sample.surface_m, found, device)
+    signed, _ = distance_to_bodies(scene_of([body], device), np.zeros(1, int), found.element,
                                    device=device)
     to_body = np.abs(signed)
     share = found.area / found.area.sum(1, keepdims=True)
@@ -208,7 +233,7 @@ def _score(recovered: Callable[[np.ndarray], _Surface], body: Body, body_pose: n
         hausdorff95_m=hausdorff,
         iou=common / (found.volume + sample.volume_m3 - common),
         volume_ratio=found.volume / sample.volume_m3,
-        coverage=(to_fit <= COVERAGE_M).mean(1) * np.ones(worlds),
+        coverage=(to_fit <= COVERAGE_M).mean(1),
     )
 
 
@@ -220,30 +245,31 @@ def _quantile(values: np.ndarray, share: np.ndarray, q: float) -> np.ndarray:
     return np.take_along_axis(values, order, 1)[np.arange(len(values)), at]
 
 
-def _distance_to_elements(
-    points: np.ndarray, element: np.ndarray, normal: np.ndarray, area: np.ndarray, device: str
-) -> np.ndarray:
-    worlds, elements = area.shape
+def _distance_to_elements(points: np.ndarray, found: _Surface, device: str) -> np.ndarray:
+    """From each point (point, 3) to each world's surface, (world, point)."""
+    worlds, elements = found.area.shape
     patches = -(-elements // PATCH)
-    surface = {"element": wp.array(element, dtype=vec3, device=device),
-               "radius": wp.array(np.sqrt(area / np.pi), dtype=real, device=device)}
+    surface = {
+        "element": wp.array(found.element, dtype=vec3, device=device),
+        "radius": wp.array(np.sqrt(found.area / np.pi), dtype=real, device=device)}
     shapes = {"element": "world element", "radius": "world element", "ball": "world patch"}
     ball = wp.empty((worlds, patches), dtype=vec4, device=device)
     launch(_ball_kernel, {"world": worlds, "patch": patches}, shapes,
            {**surface, "ball": ball}, device=device)
-    out = wp.empty(points.shape[:2], dtype=real, device=device)
-    launch(_element_distance_kernel, {"world": worlds, "point": points.shape[1]}, {
-        **shapes, "normal": "world element", "point": "world point", "distance": "world point"}, {
-        **surface, "ball": ball, "normal": wp.array(normal, dtype=vec3, device=device),
+    out = wp.empty((worlds, len(points)), dtype=real, device=device)
+    launch(_element_distance_kernel, {"world": worlds, "point": len(points)}, {
+        **shapes, "normal": "world element", "point": "point", "distance": "world point"}, {
+        **surface, "ball": ball, "normal": wp.array(found.normal, dtype=vec3, device=device),
         "point": wp.array(points, dtype=vec3, device=device), "distance": out}, device=device)
     return out.numpy().copy()
 
 
 def _share_inside(fits: SuperquadricLike, points: np.ndarray, device: str) -> np.ndarray:
+    """Share of points (point, 3) that lie in each world's body, (world,)."""
     shape, pose = bodies_on(fits, device)
-    out = wp.empty(points.shape[:2], dtype=int, device=device)
-    launch(_inside_kernel, {"world": len(points), "point": points.shape[1]}, {
-        "shape": "world", "pose": "world", "point": "world point", "inside": "world point"}, {
+    out = wp.empty((len(fits.size_m), len(points)), dtype=int, device=device)
+    launch(_inside_kernel, {"world": len(fits.size_m), "point": len(points)}, {
+        "shape": "world", "pose": "world", "point": "point", "inside": "world point"}, {
         "shape": shape, "pose": pose,
         "point": wp.array(points, dtype=vec3, device=device), "inside": out}, device=device)
     return out.numpy().mean(1)

@@ -1,6 +1,6 @@
-"""The same units on a Ray cluster: tasks compute a unit's rows, this process writes the files.
+"""The same units on a Ray cluster: tasks compute batches of them, this process writes the files.
 
-Rows travel back as the bytes of the unit's file, so nodes need no common folder for results; they
+Rows travel back as the bytes of the units' files, so nodes need no common folder for results; they
 need this package, and meshes and pose files at the paths where the spec found them.
 """
 
@@ -16,18 +16,23 @@ from sweeps.runner import Options, disk_error
 from sweeps.store import Store, StoreError
 from sweeps.unit_file import encode_unit
 from sweeps.work import Outcome, Work
-from sweeps.worker import find_function, run_unit, worker_environment
+from sweeps.worker import find_function, run_units, worker_environment
 
 LOST_TASK_RETRIES = 4  # a node that goes away is no fault of the unit
 AHEAD = 2  # tasks in hand for each core
 
 
-def compute_unit(unit: Unit, function: str, device: str) -> bytes | str:
-    """The bytes of a unit's file, or the traceback of what it raised."""
+def compute_units(
+    units: list[Unit], function: str, device: str
+) -> tuple[list[bytes], float] | str:
+    """The bytes of each unit's file and the seconds a unit took, or what was raised."""
+    began = time.monotonic()
     try:
-        return encode_unit(unit.id, run_unit(find_function(function), unit, device))
+        found = run_units(find_function(function), units, device)
+        files = [encode_unit(unit.id, rows) for unit, rows in zip(units, found, strict=True)]
     except Exception:
         return traceback.format_exc()
+    return files, (time.monotonic() - began) / len(units)
 
 
 def run_on_ray(plan: Plan, store: Store, options: Options, progress: Progress,
@@ -41,7 +46,7 @@ def run_on_ray(plan: Plan, store: Store, options: Options, progress: Progress,
              include_dashboard=False, configure_logging=False, log_to_driver=False,
              runtime_env={"env_vars": worker_environment({})})
     try:
-        work = Work(plan, store, options.shard, progress, options.verify)
+        work = Work(plan, store, options.shard, progress, options.verify, options.unit_timeout_s)
         _go(ray, work, options)
         return work.outcome
     finally:
@@ -50,14 +55,14 @@ def run_on_ray(plan: Plan, store: Store, options: Options, progress: Progress,
 
 def _go(ray: Any, work: Work, options: Options) -> None:
     gpus = float(options.device.startswith("cuda"))
-    task = ray.remote(num_cpus=1, num_gpus=gpus, max_retries=LOST_TASK_RETRIES)(compute_unit)
-    running: dict[Any, tuple[Unit, float]] = {}
+    task = ray.remote(num_cpus=1, num_gpus=gpus, max_retries=LOST_TASK_RETRIES)(compute_units)
+    running: dict[Any, tuple[list[Unit], float]] = {}
     limit = AHEAD * options.unit_timeout_s  # it may wait for another before it begins
     while not work.over:
         room = AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1)))
-        while len(running) < room and (unit := work.take()) is not None:
-            reference = task.remote(unit, options.function, options.device)
-            running[reference] = unit, time.monotonic()
+        while len(running) < room and (units := work.take(room)):
+            reference = task.remote(units, options.function, options.device)
+            running[reference] = units, time.monotonic()
         ready, _ = ray.wait(list(running), num_returns=1, timeout=1.0) if running else ([], [])
         for reference in ready:
             _finish(ray, work, running.pop(reference)[0], reference)
@@ -66,22 +71,24 @@ def _go(ray: Any, work: Work, options: Options) -> None:
             ray.cancel(reference, force=True)
             work.failed(running.pop(reference)[0], "stopped: it took longer than "
                         f"{options.unit_timeout_s:g} s (--unit-timeout-s)", final=True)
-        work.progress.tick(len(running))
+        work.progress.tick(len(work.in_hand))
 
 
-def _finish(ray: Any, work: Work, unit: Unit, reference: Any) -> None:
+def _finish(ray: Any, work: Work, units: list[Unit], reference: Any) -> None:
     try:
         result = ray.get(reference)
     except ray.exceptions.RayError as error:  # its process died, again and again
         result = f"the task was lost: {error}"
     if isinstance(result, str):
-        work.failed(unit, result)
+        work.failed(units, result)
         return
-    try:
-        write_atomic(work.store.path(unit), result)
-    except OSError as error:
-        raise disk_error(work.store, error.strerror or str(error)) from None
-    work.done(unit)
+    files, seconds = result
+    for unit, content in zip(units, files, strict=True):
+        try:
+            write_atomic(work.store.path(unit), content)
+        except OSError as error:
+            raise disk_error(work.store, error.strerror or str(error)) from None
+        work.done(unit, seconds)
 
 
 def _ray() -> Any:

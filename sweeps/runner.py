@@ -1,8 +1,8 @@
 """Running the units of a study that are not there yet, in worker processes.
 
-The parent hands out one unit at a time and runs none itself. Where nothing was compiled before,
-only one worker works until the first unit has come back: it fills the caches of kernels and fits
-that the others then load, instead of all compiling the same.
+The parent hands out batches of units (`sweeps.work`) and runs none itself. Where nothing was
+compiled before, only one worker works until the first unit has come back: it fills the caches of
+kernels and fits that the others then load, instead of all compiling the same.
 """
 
 import os
@@ -41,15 +41,15 @@ class Options:
 
 @dataclass
 class _Slot:
-    """One worker process and the unit it holds."""
+    """One worker process and the units it holds."""
 
     process: BaseProcess
     pipe: Connection
     log: Path
-    unit: Unit | None = None
+    units: list[Unit] = field(default_factory=list)
     ready: bool = False
     warm: bool = False  # nothing is left to compile
-    since: float = field(default_factory=time.monotonic)  # when it was started, or got its unit
+    since: float = field(default_factory=time.monotonic)  # when it was started, or got its units
 
 
 @dataclass
@@ -60,9 +60,9 @@ class _Run:
     early_deaths: int = 0
 
     def go(self) -> None:
-        first = [unit for _ in range(self.options.workers) if (unit := self.work.take())]
-        for number, unit in enumerate(first, 1):
-            self.work.put_back(unit)
+        first = [batch for _ in range(self.options.workers) if (batch := self.work.take())]
+        for number, batch in enumerate(first, 1):
+            self.work.put_back(batch)
             self.slots.append(self._start_worker(number))
         while not self.work.over:
             self._hand_out()
@@ -90,10 +90,13 @@ class _Run:
     def _hand_out(self) -> None:
         for slot in self.slots:
             may = self.work.tried_any or slot.warm or slot is self.slots[0]
-            if may and slot.ready and slot.unit is None and (unit := self.work.take()):
-                slot.unit, slot.since = unit, time.monotonic()
+            if not (may and slot.ready) or slot.units:
+                continue
+            slot.units, slot.since = self.work.take(len(self.slots)), time.monotonic()
+            if slot.units:
+                paths = [self.work.store.path(unit) for unit in slot.units]
                 with suppress(OSError):  # it has died: its pipe says so in a moment
-                    slot.pipe.send((unit, self.work.store.path(unit)))
+                    slot.pipe.send((slot.units, paths))
 
     def _hear(self, slot: _Slot, number: int) -> _Slot:
         """Takes a worker's report; the slot to go on with comes back."""
@@ -101,35 +104,35 @@ class _Run:
             report: Report = slot.pipe.recv()
         except (EOFError, OSError):
             return self._bury(slot, number)
-        unit, slot.unit = slot.unit, None
         if report.kind == "ready":
             slot.ready, slot.warm = True, report.text == "warm"
         elif report.kind == "broken":
             raise StoreError(f"a worker cannot start:\n{report.text.rstrip()}", 1)
         elif report.kind == "disk":
             raise disk_error(self.work.store, report.text)
-        elif unit is not None and report.kind == "done":
-            self.work.done(unit)
-        elif unit is not None:
-            self.work.failed(unit, report.text)
+        elif report.kind == "done":
+            self.work.done(slot.units.pop(0), float(report.text))
+        else:
+            units, slot.units = slot.units, []
+            self.work.failed(units, report.text)
         return slot
 
     def _hangs(self, slot: _Slot) -> bool:
-        busy = slot.unit is not None or not slot.ready
+        busy = bool(slot.units) or not slot.ready
         return busy and time.monotonic() - slot.since > self.options.unit_timeout_s
 
     def _bury(self, slot: _Slot, number: int, hung: bool = False) -> _Slot:
-        """A worker died or hangs: its unit has failed, a new worker takes its place."""
+        """A worker died or hangs: its units have failed, a new worker takes its place."""
         if hung:
             _kill(slot)
         slot.process.join()
         slot.pipe.close()
         code = slot.process.exitcode
-        if slot.unit is not None and hung:
-            self.work.failed(slot.unit, f"{_tail(slot.log)}\nstopped: it took longer than "
+        if slot.units and hung:
+            self.work.failed(slot.units, f"{_tail(slot.log)}\nstopped: it took longer than "
                              f"{self.options.unit_timeout_s:g} s (--unit-timeout-s)", final=True)
-        elif slot.unit is not None:
-            self.work.failed(slot.unit, f"{_tail(slot.log)}\nthe worker died (exit code {code})")
+        elif slot.units:
+            self.work.failed(slot.units, f"{_tail(slot.log)}\nthe worker died (exit code {code})")
         elif not slot.ready:
             self.early_deaths += 1
             if self.early_deaths > EARLY_DEATHS:
@@ -141,20 +144,21 @@ class _Run:
         for slot in self.slots:
             with suppress(OSError):
                 slot.pipe.close()  # an idle worker ends by itself
-            if slot.unit is not None:
+            if slot.units:
                 slot.process.kill()
         for slot in self.slots:
             slot.process.join(5)
             if slot.process.is_alive():
                 slot.process.kill()
                 slot.process.join()
-            if slot.unit is not None:
-                self.work.store.sweep_out(slot.unit)
+            for unit in slot.units:
+                self.work.store.sweep_out(unit)
 
 
 def run(plan: Plan, store: Store, options: Options, progress: Progress) -> Outcome:
     """Runs what is left of a study's shard; the caller holds the shard's lock."""
-    current = _Run(Work(plan, store, options.shard, progress, options.verify), options)
+    current = _Run(Work(plan, store, options.shard, progress, options.verify,
+                        options.unit_timeout_s), options)
     try:
         current.go()
     finally:

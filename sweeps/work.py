@@ -1,7 +1,10 @@
 """What a run still has to do, and what became of it: the part that every engine shares."""
 
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import groupby, islice
+from math import inf
 
 from sweeps.atomic import write_atomic
 from sweeps.plan import Plan, Unit
@@ -9,6 +12,10 @@ from sweeps.progress import Progress
 from sweeps.store import Store
 
 ATTEMPTS = 2
+MOST_UNITS = 8
+"""Units handed out together: 512 episodes; twice as many save no more and take 0.2 GiB more."""
+IN_HAND_S = 10.0
+"""Seconds of work handed out together: what a kill may lose, of each worker."""
 
 
 @dataclass
@@ -22,9 +29,10 @@ class Outcome:
 
 @dataclass
 class Work:
-    """The units of a shard, handed out one at a time.
+    """The units of a shard, handed out in batches: units of one cell, to be run in one call.
 
-    A unit that fails is handed out once more; the second time it is set aside as failed, with its
+    A batch that fails is handed out again unit by unit, which counts against none of them. A unit
+    that fails alone is handed out once more; the second time it is set aside as failed, with its
     log, and the rest goes on.
     """
 
@@ -33,31 +41,62 @@ class Work:
     shard: tuple[int, int]
     progress: Progress
     verify: bool = False  # read every row of what is there, not just the files' ends
+    unit_timeout_s: float = inf  # a batch should end long before
     outcome: Outcome = field(default_factory=Outcome)
     again: deque[Unit] = field(default_factory=deque)
     attempts: dict[str, int] = field(default_factory=dict)
     in_hand: set[str] = field(default_factory=set)
+    seconds: dict[str, float] = field(default_factory=dict)  # a unit of a strategy took last
+    alone: set[str] = field(default_factory=set)  # cells of which a batch has failed
     exhausted: bool = False
 
     def __post_init__(self) -> None:
-        self.fresh = self.plan.units(self.shard)
+        self.cells = groupby(self.plan.units(self.shard), key=lambda unit: unit.cell_hash)
+        self.fresh: Iterator[Unit] = iter(())  # of the cell under way
+        index, count = self.shard
+        self.ahead = len(range(index - 1, self.plan.unit_count, count))  # not looked at yet
 
-    def take(self) -> Unit | None:
-        """What to do next, retries first; units that are there are counted and passed over."""
+    def take(self, workers: int = 1) -> list[Unit]:
+        """What one of `workers` should do next, retries first; nothing where nothing is left.
+
+        Units that are there are counted and passed over.
+        """
         if self.again:
-            unit = self.again.popleft()
-            self.in_hand.add(unit.id)
-            return unit
-        for unit in self.fresh:
+            batch = [self.again.popleft()]
+            self.in_hand.add(batch[0].id)
+            return batch
+        while not (batch := list(islice(self.fresh, 1))):
+            _, units = next(self.cells, (None, None))
+            if units is None:
+                self.exhausted = True
+                return []
+            self.fresh = self._missing(units)
+        return batch + list(islice(self.fresh, self._room(batch[0], workers) - 1))
+
+    def _missing(self, units: Iterator[Unit]) -> Iterator[Unit]:
+        for unit in units:
+            self.ahead -= 1
             known = unit.id in self.in_hand or unit.id in self.attempts
-            if not (known or self._is_there(unit)):
+            if known or self._is_there(unit):
+                self.outcome.kept += 1
+                self.progress.kept()
+            else:
                 self.store.sweep_out(unit)
                 self.in_hand.add(unit.id)
-                return unit
-            self.outcome.kept += 1
-            self.progress.kept()
-        self.exhausted = True
-        return None
+                yield unit
+
+    def _room(self, unit: Unit, workers: int) -> int:
+        """How many units to hand out with this one as the first.
+
+        One where it is not known yet how long they take; ever fewer towards the end, so that no
+        worker is idle long while another has many. Planners of one's own are called for a unit at
+        a time, since they need not keep worlds apart.
+        """
+        seconds = self.seconds.get(unit.cell.strategy.name, inf)
+        if unit.cell.strategy.call or unit.cell_hash in self.alone:
+            return 1
+        short = min(IN_HAND_S, self.unit_timeout_s / 4) / max(seconds, 1e-9)
+        return int(max(1, min(MOST_UNITS, short, (self.ahead + 1) / (2 * workers))))
 
     def _is_there(self, unit: Unit) -> bool:
         return self.store.read(unit) is not None if self.verify else self.store.has(unit)
@@ -72,20 +111,28 @@ class Work:
         """Whether any unit has come back yet."""
         return bool(self.outcome.done or self.attempts)
 
-    def put_back(self, unit: Unit) -> None:
-        """A unit that was taken and not begun."""
-        self.in_hand.discard(unit.id)
-        self.again.append(unit)
+    def put_back(self, batch: list[Unit]) -> None:
+        """Units that were taken and not begun, or failed together: each is to be run alone."""
+        for unit in batch:
+            self.in_hand.discard(unit.id)
+            self.again.append(unit)
 
-    def done(self, unit: Unit) -> None:
-        """A unit has been written."""
+    def done(self, unit: Unit, seconds: float) -> None:
+        """A unit has been written; it took `seconds`, or its share of its batch's."""
         self.in_hand.discard(unit.id)
+        self.seconds[unit.cell.strategy.name] = seconds
         self.outcome.done += 1
         self.store.log(unit).unlink(missing_ok=True)
         self.progress.done(unit.stop - unit.start)
 
-    def failed(self, unit: Unit, text: str, final: bool = False) -> None:
-        """A unit raised, its worker died, or (`final`: it is not tried again) its time ran out."""
+    def failed(self, batch: list[Unit], text: str, final: bool = False) -> None:
+        """A call raised, its worker died, or (`final`: it is not tried again) its time ran out."""
+        if len(batch) > 1:  # nobody can tell whose fault it was
+            self.alone.add(batch[0].cell_hash)
+            self.attempts |= {unit.id: 0 for unit in batch}
+            self.put_back(batch)
+            return
+        unit = batch[0]
         self.in_hand.discard(unit.id)
         self.attempts[unit.id] = self.attempts.get(unit.id, 0) + 1
         if self.attempts[unit.id] < ATTEMPTS and not final:

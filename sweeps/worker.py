@@ -1,4 +1,5 @@
-"""A worker process: takes units from a pipe, runs them on one thread, writes their files.
+"""A worker process: takes batches of units from a pipe, runs each in one call on one thread, and
+writes the units' files.
 
 Nothing heavy is imported at the top: the parent sets the environment that keeps JAX and Warp to
 one thread, and only the worker itself imports them.
@@ -12,7 +13,7 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from multiprocessing import parent_process
 from multiprocessing.connection import Connection
@@ -27,6 +28,7 @@ from sweeps.unit_file import Columns, write_unit
 RunEpisodes = Callable[[Cell, np.ndarray, str], Columns]
 SAY_WHERE = signal.SIGUSR1  # a worker answers with where each of its threads is, in its log
 EPISODES = "sweeps.episodes:run_episodes"
+NAMED = ("episode", "strategy", "object", "seed")  # columns that a unit gives its rows
 
 # One thread each: two workers on two cores must not fight, and sums must not depend on threads.
 ENVIRONMENT = {
@@ -50,15 +52,15 @@ def worker_environment(outer: Mapping[str, str]) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Report:
-    """What a worker says: `ready` (`warm` if all is compiled), `done`, `error` (of a unit), `disk`,
-    or `broken` (at start)."""
+    """What a worker says: `ready` (`warm` if all is compiled), `done` (the next unit of its batch,
+    and the seconds it took), `error` (of the rest of it), `disk`, or `broken` (at start)."""
 
     kind: str
     text: str = ""
 
 
 def work(pipe: Connection, function: str, device: str, log: Path) -> None:
-    """The life of a worker: report ready, then a unit at a time until the pipe closes."""
+    """The life of a worker: report ready, then a batch at a time until the pipe closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what Ctrl-C means
     _redirect_output(log)
     threading.Thread(target=_die_with_parent, daemon=True).start()
@@ -76,8 +78,9 @@ def work(pipe: Connection, function: str, device: str, log: Path) -> None:
             return
         if task is None:
             return
-        unit, path = task
-        pipe.send(_run_unit(run_episodes, unit, path, device))
+        units, paths = task
+        for report in _run_batch(run_episodes, units, paths, device):
+            pipe.send(report)
 
 
 def find_function(name: str) -> RunEpisodes:
@@ -86,36 +89,45 @@ def find_function(name: str) -> RunEpisodes:
     return getattr(importlib.import_module(module), attribute)
 
 
-def run_unit(run_episodes: RunEpisodes, unit: Unit, device: str) -> Columns:
-    """The rows of a unit; what names them comes from the unit itself."""
-    episodes = np.arange(unit.start, unit.stop, dtype=np.int64)
-    rows = run_episodes(unit.cell, episodes, device)
+def run_units(run_episodes: RunEpisodes, units: Sequence[Unit], device: str) -> list[Columns]:
+    """The rows of each of some units of one cell, from one call.
+
+    They are the rows of a call for each, bit for bit. What names them comes from the units. Where
+    a strategy failed it is told in which world of its batch, so the units are then run alone.
+    """
+    cell = units[0].cell
+    episodes = np.concatenate([np.arange(u.start, u.stop, dtype=np.int64) for u in units])
+    rows = run_episodes(cell, episodes, device)
+    if len(units) > 1 and "strategy_failed" in rows.get("status", ()):
+        return [run_units(run_episodes, [unit], device)[0] for unit in units]
     count = len(episodes)
-    named = {
-        "episode": episodes,
-        "strategy": np.full(count, unit.cell.strategy.name, object),
-        "object": np.full(count, unit.cell.object_name, object),
-        "seed": np.full(count, unit.cell.seed, np.int64),
-    }
     short = {name: len(values) for name, values in rows.items() if len(values) != count}
     if short:
         raise ValueError(f"{count} episodes were asked for; columns hold {short}")
-    return {**named, **{name: values for name, values in rows.items() if name not in named}}
+    rows = {"episode": episodes, "strategy": np.full(count, cell.strategy.name, object),
+            "object": np.full(count, cell.object_name, object),
+            "seed": np.full(count, cell.seed, np.int64)} | {
+        name: values for name, values in rows.items() if name not in NAMED}
+    ends = np.cumsum([unit.stop - unit.start for unit in units])
+    return [{name: values[end - (unit.stop - unit.start):end] for name, values in rows.items()}
+            for unit, end in zip(units, ends, strict=True)]
 
 
-def _run_unit(run_episodes: RunEpisodes, unit: Unit, path: Path, device: str) -> Report:
+def _run_batch(run_episodes: RunEpisodes, units: Sequence[Unit], paths: Sequence[Path],
+               device: str) -> Iterator[Report]:
+    """Writes the units' files in turn, with a report on each."""
     began = time.monotonic()
     try:
-        rows = run_unit(run_episodes, unit, device)
+        found = run_units(run_episodes, units, device)
+        for unit, path, rows in zip(units, paths, found, strict=True):
+            try:
+                write_unit(path, unit.id, rows)
+            except OSError as error:
+                yield Report("disk", error.strerror or str(error))
+                return
+            yield Report("done", f"{(time.monotonic() - began) / len(units):.6f}")
     except Exception:
-        return Report("error", traceback.format_exc())
-    try:
-        write_unit(path, unit.id, rows)
-    except OSError as error:
-        return Report("disk", error.strerror or str(error))
-    except Exception:
-        return Report("error", traceback.format_exc())
-    return Report("done", f"{time.monotonic() - began:.3f}")
+        yield Report("error", traceback.format_exc())
 
 
 def _redirect_output(log: Path) -> None:

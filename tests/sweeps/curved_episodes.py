@@ -10,7 +10,7 @@ from sweeps.cell import Cell
 from sweeps.plan import Plan
 from sweeps.store import Store
 from sweeps.unit_file import write_unit
-from sweeps.worker import run_unit
+from sweeps.worker import run_units
 
 OBJECTS = ("block", "large_cylinder", "small_cylinder", "wedge", "lightbulb", "funnel",
            "wine_bottle", "beer_bottle", "coke_bottle", "orangina_bottle")
@@ -55,5 +55,5 @@ def wide_study(folder: Path, text: str | None = None) -> tuple[Plan, Store]:
     store = Store(folder)
     store.open_for(plan, (folder / "spec.toml").read_bytes(), "cpu")
     for unit in plan.units():
-        write_unit(store.path(unit), unit.id, run_unit(run_episodes, unit, "cpu"))
+        write_unit(store.path(unit), unit.id, run_units(run_episodes, [unit], "cpu")[0])
     return plan, store

@@ -9,12 +9,18 @@ from pathlib import Path
 import numpy as np
 
 from sweeps.cell import Cell
+from sweeps.plan import BLOCK
 
 
 def _uniform(cell: Cell, episode: int, purpose: str) -> float:
     """Keyed as the simulator's numbers are: by seed, object and episode, not by the strategy."""
     text = f"{cell.seed} {cell.object_name} {episode} {purpose}"
     return int.from_bytes(hashlib.sha256(text.encode()).digest()[:6]) / 2**48
+
+
+def _units(episodes: np.ndarray) -> np.ndarray:
+    """The first episode of each unit."""
+    return episodes[episodes % BLOCK == 0]
 
 
 def run_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
@@ -34,14 +40,15 @@ def run_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.
 
 
 def slow_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
-    time.sleep(float(os.environ.get("FAKE_SECONDS", "0.02")))
+    time.sleep(float(os.environ.get("FAKE_SECONDS", "0.02")) * len(_units(episodes)))
     return run_episodes(cell, episodes, device)
 
 
 def counted_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
     """Leaves a line a unit in the file FAKE_LOG."""
     with Path(os.environ["FAKE_LOG"]).open("a") as log:
-        log.write(f"{cell.strategy.name} {cell.object_name} {episodes[0]}\n")
+        for first in _units(episodes):
+            log.write(f"{cell.strategy.name} {cell.object_name} {first}\n")
     return run_episodes(cell, episodes, device)
 
 
@@ -78,9 +85,31 @@ def hanging_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str,
 
 
 def logged_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
-    """Slow, and notes in FAKE_LOG/<cell and block> whether its unit was there when it began."""
-    name = f"{cell.strategy.name}-{cell.object_name}-{episodes[0]}"
-    log = Path(os.environ["FAKE_LOG"]) / name
-    with log.open("a") as stream:
-        stream.write("after\n" if log.with_suffix(".written").exists() else "before\n")
+    """Slow, and notes in FAKE_LOG/<cell and block> whether each unit was there when it began."""
+    for first in _units(episodes):
+        log = Path(os.environ["FAKE_LOG"]) / f"{cell.strategy.name}-{cell.object_name}-{first}"
+        with log.open("a") as stream:
+            stream.write("after\n" if log.with_suffix(".written").exists() else "before\n")
     return slow_episodes(cell, episodes, device)
+
+
+def batched_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
+    """Leaves a line a call in the file FAKE_LOG: of what, and how many units it was for."""
+    with Path(os.environ["FAKE_LOG"]).open("a") as log:
+        log.write(f"{cell.object_name} {len(_units(episodes))}\n")
+    return run_episodes(cell, episodes, device)
+
+
+BAD = 320
+
+
+def bad_episode(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
+    """Raises, dies or hangs (FAKE_HOW) where one episode of the block is asked for."""
+    rows = batched_episodes(cell, episodes, device)
+    if cell.object_name == "block" and BAD in episodes:
+        if os.environ["FAKE_HOW"] == "die":
+            os.kill(os.getpid(), signal.SIGKILL)
+        if os.environ["FAKE_HOW"] == "hang":
+            time.sleep(3600)
+        raise RuntimeError("this episode is bad")
+    return rows

@@ -13,7 +13,7 @@ from sweeps.leaderboard import Leaderboard, LeaderboardError, make_leaderboard
 from sweeps.plan import Plan
 from sweeps.store import Store
 from sweeps.unit_file import write_unit
-from sweeps.worker import run_unit
+from sweeps.worker import run_units
 
 COLUMNS = ("rank,strategy,chamfer_mm,chamfer_mm_ci_low,chamfer_mm_ci_high,delta_to_best_mm,"
            "delta_ci_low,delta_ci_high,p_best,iou,iou_ci_low,iou_ci_high,recognized,touches,"
@@ -32,7 +32,7 @@ def fill(folder: Path, plan: Plan, episodes: Any = fake_episodes.run_episodes) -
     store = Store(folder)
     store.open_for(plan, None, "cpu")
     for unit in plan.units():
-        write_unit(store.path(unit), unit.id, run_unit(episodes, unit, "cpu"))
+        write_unit(store.path(unit), unit.id, run_units(episodes, [unit], "cpu")[0])
     return store
 
 

@@ -13,7 +13,7 @@ from sweeps.progress import Progress
 from sweeps.runner import Options, run
 from sweeps.store import Held, OtherStudy, Store, StoreError
 from sweeps.work import Outcome
-from sweeps.worker import run_unit
+from sweeps.worker import run_units
 
 
 def run_in(folder: Path, plan: Plan, function: str = "run_episodes", workers: int = 1,
@@ -179,8 +179,8 @@ def test_the_second_of_two_runs_is_told_who_holds_the_directory(
 def test_rows_are_named_by_their_unit_and_must_be_whole(whole: tuple[Plan, Path]) -> None:
     plan, _ = whole
     unit = next(plan.units())
-    rows = run_unit(fake_episodes.run_episodes, unit, "cpu")
+    rows, = run_units(fake_episodes.run_episodes, [unit], "cpu")
     assert list(rows)[:4] == ["episode", "strategy", "object", "seed"]
     assert rows["episode"].tolist() == list(range(64))
     with pytest.raises(ValueError, match="64 episodes were asked for"):
-        run_unit(lambda cell, episodes, device: {"iou": np.zeros(3)}, unit, "cpu")
+        run_units(lambda cell, episodes, device: {"iou": np.zeros(3)}, [unit], "cpu")

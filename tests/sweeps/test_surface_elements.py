@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from fit.superquadric_shape import superquadric, superquadric_surface
 from sweeps.surface_elements import surface_elements
@@ -17,7 +18,11 @@ def test_elements_are_those_of_the_geometry(bend: float) -> None:
         rng.normal(0.0, 0.05, (n, 3)), turn / np.linalg.norm(turn, axis=1, keepdims=True),
         rng.uniform(-0.9, 0.9, (n, 2)), (bend, 0.7))
     point, normal, area = surface_elements(body, 500, device="cpu")
-    points, normals, areas = superquadric_surface(body, 500)
+    order = np.array([cKDTree(a).query(b)[1] for a, b in zip(
+        superquadric_surface(body, 500)[0], point, strict=True)])  # these come tile by tile
+    assert (np.sort(order, axis=1) == np.arange(order.shape[1])).all()
+    points, normals, areas = (
+        np.stack([rows[w][order[w]] for w in range(n)]) for rows in superquadric_surface(body, 500))
     assert np.allclose(point, points, rtol=0, atol=1e-14)
     assert np.allclose(area, areas, rtol=1e-9)
     # Where a taper ends within the step of a difference, the difference is no slope.

@@ -1,0 +1,131 @@
+"""Units of one cell that are run in one call: the same files, and no one suffers for another."""
+
+from pathlib import Path
+
+import fake_episodes
+import numpy as np
+import pytest
+from studies import SMALL, plan_of
+from test_runner import contents, run_in
+
+from sweeps.cell import Cell
+from sweeps.plan import Plan
+from sweeps.progress import Progress
+from sweeps.store import Store
+from sweeps.unit_file import Columns, encode_unit
+from sweeps.work import IN_HAND_S, MOST_UNITS, Outcome, Work
+from sweeps.worker import run_units
+
+TEXT = SMALL.replace("= 70\no", "= 1000\no").partition('[[strategy]]\nname = "mine"')[0]
+UNITS = 16  # of each of two cells
+BAD = fake_episodes.BAD // 64
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory: pytest.TempPathFactory) -> Plan:
+    return plan_of(tmp_path_factory.mktemp("batches"), TEXT)
+
+
+@pytest.fixture(scope="module")
+def right(plan: Plan) -> dict[str, bytes]:
+    """Files of units run one by one."""
+    return {f"{unit.id}.parquet": encode_unit(unit.id, rows) for unit in plan.units()
+            for rows in run_units(fake_episodes.run_episodes, [unit], "cpu")}
+
+
+@pytest.fixture
+def calls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("FAKE_LOG", str(tmp_path / "calls"))
+    return tmp_path / "calls"
+
+
+def sizes(calls: Path, name: str) -> list[int]:
+    lines = [line.split() for line in calls.read_text().splitlines()]
+    return [int(units) for of, units in lines if of == name]
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_batches_give_the_files_of_units_run_one_by_one(
+        tmp_path: Path, plan: Plan, right: dict[str, bytes], calls: Path, workers: int) -> None:
+    assert run_in(tmp_path, plan, "batched_episodes", workers) == Outcome(done=2 * UNITS)
+    assert contents(tmp_path) == right
+    assert [sum(sizes(calls, name)) for name in ("block", "wedge")] == [UNITS, UNITS]
+    assert max(sizes(calls, "block")) >= 4 / workers
+
+
+@pytest.mark.parametrize(("how", "timeout", "told"), [
+    ("raise", 60.0, "this episode is bad"),
+    ("die", 60.0, "the worker died (exit code -9)"),
+    ("hang", 1.5, "stopped: it took longer than 1.5 s (--unit-timeout-s)")])
+def test_a_bad_unit_spoils_none_of_its_batch(
+        tmp_path: Path, plan: Plan, right: dict[str, bytes], calls: Path,
+        monkeypatch: pytest.MonkeyPatch, how: str, timeout: float, told: str) -> None:
+    monkeypatch.setenv("FAKE_HOW", how)
+    outcome = run_in(tmp_path, plan, "bad_episode", unit_timeout_s=timeout)
+    assert outcome == Outcome(done=2 * UNITS - 1, failed=1)
+    bad = next(unit for unit in plan.units() if unit.start == 64 * BAD)
+    assert contents(tmp_path) == {
+        name: content for name, content in right.items() if bad.id not in name}
+    log, = (tmp_path / "logs").glob("*.failed.log")
+    assert log.stem.startswith(bad.id)
+    assert told in log.read_text()
+    together = [size for size in sizes(calls, "block") if size > 1]
+    assert len(together) == 1
+    tries = 1 if how == "hang" else 2
+    assert sum(sizes(calls, "block")) == UNITS + together[0] + tries - 1
+    assert max(sizes(calls, "wedge")) > 1  # the next cell comes in batches again
+
+
+def test_batches_shrink_towards_the_end_and_keep_to_one_cell(tmp_path: Path, plan: Plan) -> None:
+    work = work_of(plan, tmp_path)
+    first = work.take(2)
+    assert len(first) == 1  # nobody knows yet how long it takes
+    work.done(first[0], 0.001)
+    batches = []
+    while batch := work.take(2):
+        batches.append(batch)
+        assert len({unit.cell_hash for unit in batch}) == 1
+    assert len(batches[0]) == 7  # of 31 left, for two workers, each to come back for more
+    assert [len(batch) for batch in batches[-3:]] == [1, 1, 1]
+    names = [unit.id for batch in [first, *batches] for unit in batch]
+    assert names == [unit.id for unit in plan.units()]
+
+
+@pytest.mark.parametrize(("seconds", "most"), [
+    (1e-9, MOST_UNITS), (IN_HAND_S / 2.5, 2), (2 * IN_HAND_S, 1)])
+def test_a_batch_holds_seconds_of_work_at_most(
+        tmp_path: Path, seconds: float, most: int) -> None:
+    work = work_of(plan_of(tmp_path / "spec", TEXT.replace("1000", "10000")), tmp_path)
+    work.done(work.take()[0], seconds)
+    assert len(work.take()) == most
+
+
+def test_planners_of_ones_own_are_called_for_a_unit_at_a_time(tmp_path: Path) -> None:
+    own = TEXT.replace("ring6", "random")
+    work = work_of(plan_of(tmp_path / "spec", own), tmp_path)
+    work.done(work.take()[0], 0.001)
+    assert len(work.take()) == 1
+
+
+def test_where_a_strategy_fails_units_are_run_alone(plan: Plan) -> None:
+    """The fault names a world of its batch, which must not depend on how units were handed out."""
+    def failing(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
+        asked.append(len(episodes))
+        bad = episodes == fake_episodes.BAD
+        note = f"world {np.argmax(bad)}" if bad.any() else ""
+        return {"status": np.where(bad, "strategy_failed", "ok"),
+                "note": np.where(bad, note, "")}
+
+    asked: list[int] = []
+    units = list(plan.units())[BAD - 1:BAD + 2]
+    together = run_units(failing, units, "cpu")
+    assert asked == [192, 64, 64, 64]
+    for unit, rows in zip(units, together, strict=True):
+        alone, = run_units(failing, [unit], "cpu")
+        assert encode_unit("a", rows) == encode_unit("a", alone)
+
+
+def work_of(plan: Plan, folder: Path) -> Work:
+    store = Store(folder)
+    store.open_for(plan, None, "cpu")
+    return Work(plan, store, (1, 1), Progress(plan.unit_count, quiet=True))
