@@ -1,4 +1,6 @@
-"""Recovered superquadrics asked at points, in a kernel: how far it is to them."""
+"""Recovered superquadrics asked at points, in kernels: how far it is to them, and which way."""
+
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -11,6 +13,8 @@ from warpgrasp.sdf_superquadric import SuperquadricShape, superquadric_deformed_
 AHEAD_M = 1e-5
 """Step outwards whose slope a distance is divided by [m]."""
 _LEAST_SLOPE = wp.constant(real(1e-3))  # [1/m]
+_LEAST_RADIUS = wp.constant(real(1e-3))  # scaled
+_INFINITY = wp.constant(real(float("inf")))
 
 
 @wp.func
@@ -33,41 +37,87 @@ def _distance_kernel(
     ahead: real,
     # Distance out:
     distance: wp.array2d[real],
+    normal: wp.array2d[vec3],
 ):
     w, i = wp.tid()
     w += first
     distance[w, i] = ONE
+    normal[w, i] = vec3(ZERO, ZERO, ZERO)
     if not kept[w, i]:
         return
     g = world_radius(point[w, i], shape[w], pose[w])
     slope = wp.length(vec3(g[0], g[1], g[2]))
+    outwards = vec3(g[0], g[1], g[2]) / slope
     if ahead > ZERO:
-        step = ahead / slope * vec3(g[0], g[1], g[2])
+        step = ahead * outwards
         slope = (world_radius(point[w, i] + step, shape[w], pose[w])[3] - g[3]) / ahead
     away = (g[3] - ONE) / wp.max(slope, _LEAST_SLOPE)
     if wp.isfinite(away):
         distance[w, i] = away
+        normal[w, i] = outwards
+
+
+@wp.kernel(enable_backward=False)
+def _radial_kernel(
+    first: int,
+    # Bodies in:
+    shape: wp.array[SuperquadricShape],
+    pose: wp.array[transform],
+    # Points in:
+    point: wp.array2d[vec3],
+    kept: wp.array2d[wp.bool],
+    # Distance out:
+    distance: wp.array2d[real],
+):
+    w, i = wp.tid()
+    w += first
+    distance[w, i] = _INFINITY
+    if kept[w, i]:
+        radius = world_radius(point[w, i], shape[w], pose[w])[3]
+        away = wp.length(point[w, i] - wp.transform_get_translation(pose[w]))
+        radial = (ONE - ONE / wp.max(radius, _LEAST_RADIUS)) * away
+        if wp.isfinite(radial):
+            distance[w, i] = radial
 
 
 def surface_distances(
     body: SuperquadricLike, points_m: np.ndarray, kept: np.ndarray, *, ahead_m: float = AHEAD_M,
     device: str = "cpu"
-) -> np.ndarray:
-    """First-order signed distances [m] of points (world, point, 3), (world, point).
+) -> tuple[np.ndarray, np.ndarray]:
+    """First-order signed distances [m] of points (world, point, 3), (world, point), and the unit
+    normals outwards there, (world, point, 3).
 
     The scaled radius beyond one over its slope: over a step of `ahead_m` outwards, or where that is
-    0 its gradient. 1 m where not `kept` and where a body has no gradient. Raises ShapeError where
-    shapes disagree.
+    0 its gradient. 1 m and a normal of no length where not `kept` and where a body has no gradient.
+    Raises ShapeError where shapes disagree.
     """
+    distance = wp.empty(points_m.shape[:2], dtype=real, device=device)
+    normal = wp.empty(points_m.shape[:2], dtype=vec3, device=device)
+    _ask(_distance_kernel, body, points_m, kept,
+         {"ahead": ahead_m, "distance": distance, "normal": normal}, device)
+    return distance.numpy(), normal.numpy()
+
+
+def radial_distances(
+    body: SuperquadricLike, points_m: np.ndarray, kept: np.ndarray, *, device: str = "cpu"
+) -> np.ndarray:
+    """Signed distances [m] of points (world, point, 3) along the rays from the bodies' centres,
+    (world, point); inf where not `kept`. Raises ShapeError where shapes disagree."""
+    distance = wp.empty(points_m.shape[:2], dtype=real, device=device)
+    _ask(_radial_kernel, body, points_m, kept, {"distance": distance}, device)
+    return distance.numpy()
+
+
+def _ask(
+    kernel: wp.Kernel, body: SuperquadricLike, points_m: np.ndarray, kept: np.ndarray,
+    others: dict[str, Any], device: str
+) -> None:
     shape, pose = bodies_on(body, device)
-    out = wp.empty(points_m.shape[:2], dtype=real, device=device)
-    launch(_distance_kernel, {"world": len(points_m), "point": points_m.shape[1]}, {
-        "shape": "world", "pose": "world", "point": "world point", "kept": "world point",
-        "distance": "world point"}, {
+    launch(kernel, {"world": len(points_m), "point": points_m.shape[1]}, {
+        "shape": "world", "pose": "world",
+        **dict.fromkeys(("point", "kept", "distance", "normal"), "world point")}, {
         "shape": shape, "pose": pose, "point": wp.array(points_m, dtype=vec3, device=device),
-        "kept": wp.array(kept, dtype=wp.bool, device=device), "ahead": ahead_m,
-        "distance": out}, device=device)
-    return out.numpy()
+        "kept": wp.array(kept, dtype=wp.bool, device=device), **others}, device=device)
 
 
 def bodies_on(body: SuperquadricLike, device: str) -> tuple[wp.array, wp.array]:

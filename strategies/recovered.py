@@ -75,7 +75,7 @@ def choose_body(
     rows = np.flatnonzero(known)
     away = revolution_distance(body[rows], evidence.points_m[rows])
     part = Superquadric(*(field[rows] for field in superquadric))
-    other = surface_distances(part, evidence.points_m[rows][:, contour], mask[rows])
+    other = surface_distances(part, evidence.points_m[rows][:, contour], mask[rows])[0]
     better = _rms(away[:, contour], mask[rows]) < PREFERENCE * _rms(np.abs(other), mask[rows])
     felt = evidence.mask[rows]
     strayed = (felt & (away > CONTRADICTS_M)).sum(1) / np.maximum(felt.sum(1), 1)

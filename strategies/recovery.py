@@ -7,18 +7,13 @@ together), and the body is fitted again. Of the space that links swept without t
 balls nearest to the body last fitted can matter; the next fit is given those.
 """
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from fit.superquadric import SuperquadricFit, SuperquadricOptions, fit_superquadric
-from fit.superquadric_shape import (
-    Superquadric,
-    SuperquadricLike,
-    superquadric_inside_outside,
-    superquadric_normals,
-)
+from fit.superquadric_shape import SuperquadricLike
+from strategies.body_query import radial_distances, surface_distances
 from strategies.evidence import Evidence, TouchedLinks
 from strategies.fusion import evidence_rows, link_rows
 from strategies.rivals import CLEARLY, DOUBTED_M, RIVAL, touch_misfit, with_rows
@@ -36,8 +31,6 @@ SCREEN_ITERATIONS = 3
 """Iterations by which starts are compared: few, for longer ones shrink into whatever is felt."""
 LAST_ITERATIONS = 24
 """Iterations of the last fit's finish; those whose contacts are still to move have none."""
-PARCEL = 64
-"""Worlds whose contacts are placed side by side."""
 FARTHEST_M = 0.02
 """A link farther than this from the body is no less likely than one this far."""
 
@@ -141,10 +134,13 @@ def _felt_normals(evidence: Evidence) -> np.ndarray:
 def contacts_placed(
     evidence: Evidence, links: TouchedLinks, body: SuperquadricLike
 ) -> Evidence:
-    """Contacts where links touch `body`, each on its likeliest link, moved along its axis."""
+    """Contacts where links touch `body`, each on its likeliest link, moved along its axis.
+
+    Where a body is none, its contacts stay where they are felt.
+    """
     worlds, slots = evidence.mask.shape
     felt = np.repeat(evidence.mask & links.linked, links.centre_m.shape[2], axis=1)
-    distance, normal = _distance(body, links.centre_m.reshape(worlds, -1, 3), felt)
+    distance, normal = surface_distances(body, links.centre_m.reshape(worlds, -1, 3), felt)
     distance = distance.reshape(worlds, slots, -1)
     normal = normal.reshape(worlds, slots, -1, 3)
     slope = np.einsum("wplk,wplk->wpl", links.direction, normal)
@@ -167,66 +163,17 @@ def contacts_placed(
     points = centre - links.radius_m * pick(normal)
     covariance = (np.eye(3) * NORMAL_SIGMA_M**2
                   + direction[..., :, None] * direction[..., None, :] * variance[..., None, None])
-    linked = links.linked[None]
-    mask = evidence.mask & (np.isfinite(points).all(-1) | ~linked)
-    move = mask & linked
+    move = evidence.mask & links.linked[None] & pick(normal).any(-1) & np.isfinite(points).all(-1)
     return replace(
-        evidence, points_m=np.where(move[..., None], points, evidence.points_m), mask=mask,
+        evidence, points_m=np.where(move[..., None], points, evidence.points_m),
         covariance_m2=np.where(move[..., None, None], covariance, evidence.covariance_m2),
         normals=np.where(move[..., None], pick(normal), evidence.normals))
 
 
 def nearest_free(placed: Evidence, evidence: Evidence, body: SuperquadricLike) -> Evidence:
     """`placed` with the free balls of `evidence` that are nearest to `body`."""
-    clearance = np.full(evidence.free_mask.shape, np.inf)
-    for rows, slots in _parcels(evidence.free_mask):
-        some, points = _bodies_of(body, rows), evidence.free_m[rows, slots]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            gauge = superquadric_inside_outside(some, points)
-            away = np.linalg.norm(points - some.position_m[:, None], axis=-1)
-            radial = (1.0 - 1.0 / np.maximum(gauge, 1e-3)) * away
-        clearance[rows, slots] = np.where(np.isfinite(radial), radial, np.inf)
-    clearance = np.where(evidence.free_mask, clearance, np.inf)
+    clearance = radial_distances(body, evidence.free_m, evidence.free_mask)
     chosen = np.argsort(clearance, axis=1, kind="stable")[:, :FREE_BALLS]
     return replace(
         placed, free_m=np.take_along_axis(evidence.free_m, chosen[..., None], 1),
         free_mask=np.isfinite(np.take_along_axis(clearance, chosen, 1)))
-
-
-def _distance(
-    body: SuperquadricLike, points: np.ndarray, asked: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """First-order signed distance [m] and outward unit normal, (world, point) and (..., 3).
-
-    1 m and a normal of no length where not `asked`.
-    """
-    step = 1e-5
-    whole, normals = np.ones(points.shape[:2]), np.zeros(points.shape)
-    for rows, slots in _parcels(asked):
-        body_of, some = _bodies_of(body, rows), points[rows, slots]
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            gauge = superquadric_inside_outside(body_of, some)
-            normal = superquadric_normals(body_of, some)
-            ahead = superquadric_inside_outside(body_of, some + step * normal)
-            distance = (gauge - 1.0) / np.maximum((ahead - gauge) / step, 1e-3)
-        whole[rows, slots] = np.where(np.isfinite(distance), distance, 1.0)
-        normals[rows, slots] = normal
-    return np.where(asked, whole, 1.0), np.where(asked[..., None], normals, 0.0)
-
-
-def _parcels(asked: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Rows (world, 1) of worlds that ask for about as many slots, and those slots (world, slot).
-
-    Many slots are empty, and not the same share in every world: alike worlds side by side leave
-    little to be worked out for nothing. Where a world asks for fewer than others it is given more.
-    """
-    count = asked.sum(1)
-    order = np.argsort(count, kind="stable")
-    for first in range(0, len(order), PARCEL):
-        rows = order[first:first + PARCEL]
-        most = max(count[rows].max(), 1)
-        yield rows[:, None], np.argsort(~asked[rows], axis=1, kind="stable")[:, :most]
-
-
-def _bodies_of(body: SuperquadricLike, rows: np.ndarray) -> Superquadric:
-    return Superquadric(*(getattr(body, name)[rows[:, 0]] for name in Superquadric._fields))

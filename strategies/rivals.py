@@ -30,7 +30,7 @@ FARTHEST_M = 0.010
 def touch_misfit(fits: SuperquadricFit, placed: Evidence) -> np.ndarray:
     """Mean distance [m] of each world's touches from its body, each capped, (world,); inf where
     there is no usable fit."""
-    distance = surface_distances(fits, placed.points_m, placed.mask, ahead_m=0.0)
+    distance, _ = surface_distances(fits, placed.points_m, placed.mask, ahead_m=0.0)
     away = np.minimum(np.abs(distance), FARTHEST_M)
     count = placed.mask.sum(1)
     mean = np.where(placed.mask, away, 0.0).sum(1) / np.maximum(count, 1)

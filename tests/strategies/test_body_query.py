@@ -4,7 +4,7 @@ import numpy as np
 
 from fit.superquadric_shape import Superquadric, superquadric, superquadric_inside_outside
 from fit.superquadric_uncertainty import surface_distance
-from strategies.body_query import surface_distances
+from strategies.body_query import radial_distances, surface_distances
 
 POINTS = 60
 
@@ -31,11 +31,12 @@ def test_distances_are_those_of_the_geometry() -> None:
     asked = np.ones(points.shape[:2], bool)
     # Where a taper ends within the step of a difference, the difference is no slope.
     wanted, normal = surface_distance(body, points)
-    by_gradient = surface_distances(body, points, asked, ahead_m=0.0)
+    by_gradient, outwards = surface_distances(body, points, asked, ahead_m=0.0)
+    assert np.quantile(np.linalg.norm(outwards - normal, axis=-1), 0.999) < 1e-8
     assert np.quantile(np.abs(by_gradient - wanted), 0.999) < 1e-8
     radius = superquadric_inside_outside(body, points)
     slope = (superquadric_inside_outside(body, points + 1e-5 * normal) - radius) / 1e-5
-    ahead = surface_distances(body, points, asked)
+    ahead, _ = surface_distances(body, points, asked)
     assert np.quantile(np.abs(ahead - (radius - 1) / slope), 0.999) < 1e-8
 
 
@@ -43,7 +44,23 @@ def test_a_world_hangs_on_nothing_beside_it_and_points_not_asked_for_are_far() -
     body = bodies()
     points = points_about(body)
     asked = np.random.default_rng(1).uniform(size=points.shape[:2]) < 0.7
-    distance = surface_distances(body, points, asked)
-    alone = surface_distances(Superquadric(*(f[3:4] for f in body)), points[3:4], asked[3:4])
+    one = Superquadric(*(f[3:4] for f in body)), points[3:4], asked[3:4]
+    distance, normal = surface_distances(body, points, asked)
+    alone, its_normal = surface_distances(*one)
     assert np.array_equal(distance[3:4], alone)
+    assert np.array_equal(normal[3:4], its_normal)
     assert (distance[~asked] == 1.0).all()
+    assert not normal[~asked].any()
+    radial = radial_distances(body, points, asked)
+    assert np.array_equal(radial[3:4], radial_distances(*one))
+    assert np.isinf(radial[~asked]).all()
+
+
+def test_along_rays_from_the_centre_the_surface_lies_where_it_is_told() -> None:
+    body = bodies()
+    straight = body._replace(taper=np.zeros_like(body.taper), bend=np.zeros_like(body.bend))
+    points = points_about(straight)
+    away = points - straight.position_m[:, None]
+    radial = radial_distances(straight, points, np.ones(points.shape[:2], bool))
+    foot = points - radial[..., None] * away / np.linalg.norm(away, axis=-1, keepdims=True)
+    np.testing.assert_allclose(superquadric_inside_outside(straight, foot), 1.0, atol=1e-9)
