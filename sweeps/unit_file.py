@@ -44,7 +44,7 @@ def read_unit(path: Path, unit_id: str, row_count: int | None = None) -> Columns
     """The columns of a unit file; `DamagedUnit` where its content is not what was written."""
     content = _read_bytes(path)
     try:
-        table = pq.read_table(io.BytesIO(content), use_threads=False)
+        table = pq.ParquetFile(io.BytesIO(content)).read(use_threads=False)
         columns = {name: _column(table, name) for name in table.column_names}
         metadata = table.schema.metadata or {}
     except Exception as error:  # whatever a damaged file makes the decoder raise
