@@ -211,6 +211,10 @@ class Store:
             for left in folder.glob(".*.tmp"):
                 left.unlink(missing_ok=True)
 
+    def left_behind(self) -> set[str]:
+        """Ids of units of which a killed run left temporary files; lists the folder once."""
+        return {file.name[1:].partition(".parquet.")[0] for file in self.units.glob(".*.tmp")}
+
     def sweep_out(self, unit: Unit) -> None:
         """Removes temporary files that a killed run left of a unit."""
         for left in self.units.glob(f".{unit.id}.parquet.*.tmp"):

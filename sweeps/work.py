@@ -53,6 +53,7 @@ class Work:
     def __post_init__(self) -> None:
         self.cells = groupby(self.plan.units(self.shard), key=lambda unit: unit.cell_hash)
         self.fresh: Iterator[Unit] = iter(())  # of the cell under way
+        self.left_behind = self.store.left_behind()
         index, count = self.shard
         self.ahead = len(range(index - 1, self.plan.unit_count, count))  # not looked at yet
 
@@ -81,7 +82,8 @@ class Work:
                 self.outcome.kept += 1
                 self.progress.kept()
             else:
-                self.store.sweep_out(unit)
+                if unit.id in self.left_behind:
+                    self.store.sweep_out(unit)
                 self.in_hand.add(unit.id)
                 yield unit
 

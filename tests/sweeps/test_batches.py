@@ -129,3 +129,19 @@ def work_of(plan: Plan, folder: Path) -> Work:
     store = Store(folder)
     store.open_for(plan, None, "cpu")
     return Work(plan, store, (1, 1), Progress(plan.unit_count, quiet=True))
+
+
+def test_folders_are_not_listed_for_each_unit(
+        tmp_path: Path, plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A study of many units would spend the parent's time on it."""
+    store = Store(tmp_path)
+    store.open_for(plan, None, "cpu")
+    left = next(plan.units())
+    (store.units / f".{left.id}.parquet.0123.tmp").write_bytes(b"of a run that was killed")
+    swept: list[str] = []
+    monkeypatch.setattr(Store, "sweep_out", lambda self, unit: swept.append(unit.id))
+    work = Work(plan, store, (1, 1), Progress(plan.unit_count, quiet=True))
+    while work.take():
+        pass
+    assert work.exhausted
+    assert swept == [left.id]
