@@ -20,6 +20,7 @@ from jaxtyping import Bool, Float, Int
 from fit import solver
 from fit.batch import Program, map_lanes, take
 from fit.descent import Problem, advance, finish, screen
+from fit.normal_equations import normal_of
 from fit.prepare import Sets, prepare
 from fit.robust import robust
 from fit.status import FitStatus
@@ -268,14 +269,7 @@ def _residual(options: RevolutionOptions):
 
 @lru_cache(maxsize=64)
 def _problem(options: RevolutionOptions) -> Problem:
-    residual = _residual(options)
-    twice = lambda theta, lane: (residual(theta, lane),) * 2  # noqa: E731
-
-    def both(theta, lane):
-        jacobian, value = jax.jacfwd(twice, has_aux=True)(theta, lane)
-        return value, jacobian
-
-    return Problem(both, solver.descend, f"{options}")
+    return Problem(normal_of(_residual(options)), solver.descend, f"{options}")
 
 
 @lru_cache(maxsize=64)

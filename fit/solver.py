@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import jax
@@ -30,21 +31,24 @@ class Descent(NamedTuple):
     """By how much the last call lowered the cost, as a share of the cost before it."""
 
 
-def descend(residuals: Callable, theta, damping, iterations, lanes: Any) -> Descent:
+def descend(equations: Callable, theta, damping, iterations, lanes: Any) -> Descent:
     """`iterations` (a traced number) steps of every lane from `theta` [lane, parameter].
 
-    `residuals(theta, lane)` are those of one lane, and their Jacobian. They are in the program only
-    once, for it is most of what is compiled and loaded: where a descent begins is evaluated by a
+    `equations(theta, lane)` are the `Normal` equations of one lane. They are in the program only
+    once, for they are most of what is compiled and loaded: where a descent begins is evaluated by a
     step of its own, from a state that has it stay where it is and take whatever it finds.
     """
-    solver = _solver(*_evaluated_once(residuals))
+    solver = _solver(*_evaluated_once(equations))
+    none = _Jacobian(jnp.zeros(theta.shape[1:] * 2), jnp.zeros(theta.shape[1:]))
 
     def step(first, begin, carry, lane):
-        theta, state = solver.update(*carry, lane)
+        theta, state = carry
+        # The Jacobian is only ever asked for its products, which the state has.
+        theta, state = solver.update(theta, state._replace(jac=none, jt=none), lane)
         chosen = DAMPING * jnp.max(jnp.diagonal(state.jtj))
         damping = jnp.where(first, jnp.where(begin > 0, begin, chosen), state.damping_factor)
         return theta, state._replace(
-            damping_factor=damping,
+            damping_factor=damping, jac=None, jt=None,
             increase_factor=jnp.asarray(state.increase_factor, theta.dtype))
 
     def turn(index, carry):
@@ -57,6 +61,40 @@ def descend(residuals: Callable, theta, damping, iterations, lanes: Any) -> Desc
         0, iterations + 1, turn, ((theta, blank), blank.value))
     fallen = (before - state.value) / jnp.maximum(before, 1e-30)
     return Descent(theta, state.damping_factor, state.value, fallen)
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class _Jacobian:
+    """What jaxopt takes for a Jacobian J, and for its transpose: known by its products alone."""
+
+    matrix: Any
+    gradient: Any
+
+    @property
+    def T(self) -> _Jacobian:
+        return self
+
+    def __matmul__(self, other: Any) -> Any:
+        """JᵀJ with itself, Jᵀr with the residual."""
+        return self.matrix if isinstance(other, _Jacobian) else self.gradient
+
+
+def _evaluated_once(equations: Callable) -> tuple[Callable, Callable]:
+    """One residual of the same cost, and the Jacobian, of one evaluation a point.
+
+    jaxopt asks three times at every point, and XLA does not see that it is the same: what is asked
+    again in one tracing is the same traced value, so the answer is kept by it.
+    """
+    last: dict[str, Any] = {}
+
+    def at(theta, lane):
+        if last.get("theta") is not theta:
+            last.update(theta=theta, found=equations(theta, lane))
+        return last["found"]
+
+    return (lambda theta, lane: jnp.sqrt(2.0 * at(theta, lane).cost)[None],
+            lambda theta, lane: _Jacobian(*at(theta, lane)[:2]))
 
 
 def _solver(residual_fun: Callable, jac_fun: Callable) -> Any:
@@ -94,20 +132,6 @@ def _blank(solver: Any, theta, lane) -> Any:
         jtj=jnp.eye(len(theta), dtype=theta.dtype),
         increase_factor=jnp.asarray(2.0, theta.dtype),
         value=jnp.asarray(jnp.inf, theta.dtype),
+        jac=None,
+        jt=None,
     )
-
-
-def _evaluated_once(residuals: Callable) -> tuple[Callable, Callable]:
-    """Residuals and Jacobian apart, of one evaluation a point.
-
-    jaxopt asks three times at every point, and XLA does not see that it is the same: what is asked
-    again in one tracing is the same traced value, so the answer is kept by it.
-    """
-    last: dict[str, Any] = {}
-
-    def at(theta, lane):
-        if last.get("theta") is not theta:
-            last.update(theta=theta, found=residuals(theta, lane))
-        return last["found"]
-
-    return lambda theta, lane: at(theta, lane)[0], lambda theta, lane: at(theta, lane)[1]

@@ -13,11 +13,15 @@ Derived by a compiler the same numbers are worked out many times over, one fit's
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from fit.worked_out_once import storing
+
+Row = Float[Array, " point"]
 
 LEAST_AHEAD = 0.1
 """w stays above it: beyond the circle's centre, where no body reaches, the map would fold."""
@@ -26,10 +30,11 @@ SMALL = 1e-4
 
 
 @jax.custom_vjp
-def unbend(
-    bend: Float[Array, "2 point"], local: Float[Array, "3 point"]
-) -> Float[Array, "3 point"]:
-    """Points of the bent body's frame, where they were before the bend."""
+def unbend(bend: Sequence[Row], local: Sequence[Row]) -> tuple[Row, ...]:
+    """Points of the bent body's frame, x, y and z, where they were before the bend.
+
+    Both sequences are lists or tuples; the numbers broadcast against the points.
+    """
     return _forward(bend, local)[0]
 
 
@@ -52,15 +57,15 @@ def _forward(bend, local):
     series = -1.0 / 3.0 + q * (0.4 - q * (3.0 / 7.0))
     by_q = jnp.where(small, series, 0.5 * (1.0 / (1.0 + safe) - ratio) / safe)
     rise = slant * ratio
-    stored = storing(w)
+    stored = storing(z)
     shift, rise = stored(shift), stored(rise)
-    straight = jnp.stack([x - bx * shift, y - by * shift, rise])
+    straight = (x - bx * shift, y - by * shift, rise)
     return straight, (bend, local, ahead > LEAST_AHEAD, 1.0 / rho, w, shift, slant**3 * by_q)
 
 
 def _backward(kept, cotangent):
     (bx, by), (x, y, z), free, inverse, w, shift, rise_by_square = kept
-    stored = storing(w)
+    stored = storing(z)
     cx, cy, cz = (stored(c) for c in cotangent)
     of_shift = stored(-(cx * bx + cy * by))
     up = cz * inverse
@@ -68,9 +73,9 @@ def _backward(kept, cotangent):
     of_turn = stored(jnp.where(free, (of_shift * shift + up * z) * inverse, 0.0))
     of_z = (of_shift * z + up * w) * inverse
     of_square = stored(cz * rise_by_square - 0.5 * of_shift * shift**2 * inverse)
-    by_bend = jnp.stack([of_turn * x + 2.0 * of_square * bx - cx * shift,
-                         of_turn * y + 2.0 * of_square * by - cy * shift])
-    return by_bend, jnp.stack([cx + of_turn * bx, cy + of_turn * by, of_z])
+    by_bend = (of_turn * x + 2.0 * of_square * bx - cx * shift,
+               of_turn * y + 2.0 * of_square * by - cy * shift)
+    return by_bend, (cx + of_turn * bx, cy + of_turn * by, of_z)
 
 
 unbend.defvjp(_forward, _backward)

@@ -13,6 +13,7 @@ from fit.robust import Loss
 from fit.superquadric_field import Kind, Shape
 
 LEAST_EXPONENT, GREATEST_EXPONENT = 0.1, 2.0
+_SPAN = GREATEST_EXPONENT - LEAST_EXPONENT
 TAPER_REACH = 1.05
 """Above one, so that the full taper of a wedge or a cone lies at a finite parameter."""
 GREATEST_BEND = 1.0
@@ -48,14 +49,22 @@ class Body(NamedTuple):
     """Curvature as a vector in the body's x, y plane, per unit length."""
 
     @property
+    def numbers(self) -> Shape:
+        """What it is wherever it lies."""
+        return Shape(self.size, self.exponents, self.taper, self.bend)
+
+    @property
     def shape(self) -> Shape:
-        """What it is wherever it lies, to be evaluated at points."""
-        return jax.tree.map(lambda v: v[:, None],
-                            Shape(self.size, self.exponents, self.taper, self.bend))
+        """The same, to be evaluated at points."""
+        return jax.tree.map(lambda v: v[:, None], self.numbers)
 
     def local(self, points: Float[Tensor, "3 point"]) -> Float[Array, "3 point"]:
         """Points in the body's own frame."""
         return self.rotation.T @ (points - self.position[:, None])
+
+    def inward(self, directions: Float[Tensor, "3 n"]) -> Float[Array, "3 n"]:
+        """World directions in the body's own frame."""
+        return product(self.rotation.T, directions)
 
 
 def unpack(theta: Float[Array, " parameter"], rotation: Float[Tensor, "3 3"], form: Form) -> Body:
@@ -71,29 +80,49 @@ def unpack(theta: Float[Array, " parameter"], rotation: Float[Tensor, "3 3"], fo
     return Body(shape.size, shape.exponents, turned, position, shape.taper, shape.bend)
 
 
-def body_slopes(
-    theta: Float[Array, " parameter"], form: Form
-) -> Float[Array, "motion parameter"]:
-    """Derivatives of the body by theta: of the shape's numbers, of its turn about its own axes,
-    and of the place of a fixed point in its frame as it is shifted.
+def by_parameters(
+    slopes: Float[Array, "number column"], theta: Float[Array, " parameter"], form: Form
+) -> Float[Array, "parameter column"]:
+    """Derivatives by theta of what has these derivatives by the body: the chain rule, by hand.
 
-    The rows belong to the shape's fields one after the other, then the turn, then the shift.
+    Rows of `slopes`: by the numbers of the shape, field by field; by a turn of the body about its
+    own axes (3); by a shift of a fixed point in its frame (3), which is one of the body the other
+    way; then whatever else, which stays. The product with a matrix, written out: it is mostly
+    zeros, and compilers make slow work of small ones.
     """
-    numbers = jax.jacfwd(lambda t: jnp.concatenate(jax.tree.leaves(_shape(t, form))))(theta)
+    size, exponents, taper, bend = _shape(theta, form)
+    numbers = form.parameters - 6
+    turn, shift, rest = jnp.split(slopes[numbers:], [3, 6])
+    per_size = jnp.where((theta[0:3] > -8.0) & (theta[0:3] < 4.0), size, 0.0)
+    by_size = per_size[:, None] * slopes[0:3]
+    share = (exponents - LEAST_EXPONENT) / _SPAN
+    rows = [(_SPAN * share * (1.0 - share))[:, None] * slopes[3:5]]
     h = 0.5 * theta[5:8]
-    turn = (jnp.eye(3) - _skew(h)) / (1.0 + h @ h)
-    shift = -cayley(theta[5:8]).T
-    rest = jnp.zeros((3, form.parameters - 11), theta.dtype)
-    none = jnp.zeros((3, 3), theta.dtype)
-    before = jnp.zeros((3, 5), theta.dtype)
-    return jnp.concatenate([numbers, jnp.concatenate([before, turn, none, rest], axis=1),
-                            jnp.concatenate([before, none, shift, rest], axis=1)])
+    rows.append((turn + jnp.cross(h[:, None], turn, axis=0)) / (1.0 + jnp.sum(h**2)))
+    rows.append(-product(cayley(theta[5:8]), shift))
+    if taper is not None:
+        steep = TAPER_REACH * (1.0 - jnp.tanh(theta[11:13]) ** 2)
+        rows.append(jnp.where(jnp.abs(taper) < 1.0, steep, 0.0)[:, None] * slopes[5:7])
+    if bend is not None:
+        by_bend = slopes[numbers - 2 : numbers]
+        v = theta[form.parameters - 2 :]
+        longer = 1.0 + jnp.sum(v**2)
+        along = jnp.sum(by_bend * bend[:, None], axis=0)
+        square = jnp.sum(size**2)
+        by_size = by_size - (per_size * size / square)[:, None] * along
+        limit = GREATEST_BEND / jnp.sqrt(square * longer)
+        rows.append(limit * by_bend - (v / longer)[:, None] * along)
+    return jnp.concatenate([by_size, *rows, rest])
+
+
+def product(matrix: Float[Tensor, "3 3"], columns: Float[Tensor, "3 n"]) -> Float[Array, "3 n"]:
+    """`matrix @ columns`, written out."""
+    return sum(matrix[:, k, None] * columns[None, k] for k in range(3))  # pyright: ignore
 
 
 def _shape(theta: Float[Array, " parameter"], form: Form) -> Shape:
     size = jnp.exp(jnp.clip(theta[0:3], -8.0, 4.0))
-    span = GREATEST_EXPONENT - LEAST_EXPONENT
-    exponents = LEAST_EXPONENT + span * jax.nn.sigmoid(theta[3:5])
+    exponents = LEAST_EXPONENT + _SPAN * jax.nn.sigmoid(theta[3:5])
     taper, bend = None, None
     if form.taper:
         taper = jnp.clip(TAPER_REACH * jnp.tanh(theta[11:13]), -1.0, 1.0)
@@ -110,8 +139,10 @@ def cayley(w: Float[Array, " 3"]) -> Float[Array, "3 3"]:
     Its only blind spot is half a turn, which no descent from a sensible start makes.
     """
     h = 0.5 * w
-    skew = _skew(h)
-    return jnp.eye(3) + 2.0 * (skew + skew @ skew) / (1.0 + h @ h)
+    square = jnp.sum(h**2)
+    # The square of the skew matrix is h hᵀ - |h|².
+    twice = _skew(h) + h[:, None] * h - square * jnp.eye(3)
+    return jnp.eye(3) + 2.0 * twice / (1.0 + square)
 
 
 def _skew(h):

@@ -10,7 +10,6 @@ import numpy as np
 from fit import solver
 from fit.batch import Program, map_lanes, take
 from fit.descent import Finished, Problem, advance, finish, screen
-from fit.normal_residual import normal_residuals
 from fit.prepare import Sets
 from fit.rotation import matrix_of_quaternion, quaternion_of_matrix
 from fit.row_median import row_medians
@@ -240,4 +239,4 @@ def _look(form: Form):
 def _problem(form: Form) -> Problem:
     # Jitted by itself only to be traced once, for the first evaluation and for every other.
     equations = jax.jit(lambda theta, lane: normal_equations(theta, lane, form))
-    return Problem(normal_residuals(equations), solver.descend, f"{form}")
+    return Problem(equations, solver.descend, f"{form}")

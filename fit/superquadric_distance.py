@@ -18,6 +18,8 @@ from jaxtyping import Array, Float
 from fit.soft_maximum import soft_maximum_parts
 from fit.worked_out_once import storing
 
+Row = Float[Array, " point"]
+
 TINY = 1e-12
 """Added to squared scaled coordinates: moves a surface by less than a micrometre."""
 LEAST_TAPER_FACTOR = 0.02
@@ -25,11 +27,11 @@ LEAST_TAPER_FACTOR = 0.02
 
 @jax.custom_vjp
 def straight_distance(
-    size: Float[Array, "3 point"],
-    exponents: Float[Array, "2 point"],
-    taper: Float[Array, "2 point"] | None,
-    local: Float[Array, "3 point"],
-) -> Float[Array, " point"]:
+    size: tuple[Row, Row, Row],
+    exponents: tuple[Row, Row],
+    taper: tuple[Row, Row] | None,
+    local: tuple[Row, Row, Row],
+) -> Row:
     """Distance of points of the unbent body's frame, a body a point."""
     return _forward(size, exponents, taper, local)[0]
 
@@ -38,7 +40,7 @@ def _forward(size, exponents, taper, local):
     a1, a2, a3 = size
     e1, e2 = exponents
     wide_x, wide_y, z = local
-    stored = storing(a1)
+    stored = storing(z)
     i1, i2, i3 = 1.0 / a1, 1.0 / a2, 1.0 / a3
     height = jnp.clip(z * i3, -1.0, 1.0)
     within = jnp.abs(z) < a3
@@ -140,9 +142,7 @@ def _forward(size, exponents, taper, local):
     of_a2 = of_a2 - jnp.where(on_y, fy * ny, 0.0)
     of_a3 = of_a3 - jnp.where(on_z, 1.0, 0.0)
     if taper is None:
-        grads = (jnp.stack([of_a1, of_a2, of_a3]), jnp.stack([of_e1, of_e2]), None,
-                 jnp.stack([of_x, of_y, of_z]))
-        return value, grads
+        return value, ((of_a1, of_a2, of_a3), (of_e1, of_e2), None, (of_x, of_y, of_z))
 
     def tapered(of_c, c, of_g, g, of_leans, chosen, past, a, factor, cosine, lean, k, tapers):
         """What taper adds: by the wide coordinate, by k, by a and by a3."""
@@ -162,9 +162,8 @@ def _forward(size, exponents, taper, local):
         of_y, y, of_gy, gy, of_ky, on_y, past_y, a2, fy, ny, lean_y, ky, tapers_y)
     of_height = (height_x + height_y) * i3
     of_a3 = of_a3 + a3_x + a3_y - of_height * height
-    grads = (jnp.stack([of_a1 + a_x, of_a2 + a_y, of_a3]), jnp.stack([of_e1, of_e2]),
-             jnp.stack([of_kx, of_ky]), jnp.stack([wide_of_x, wide_of_y, of_z + of_height]))
-    return value, grads
+    return value, ((of_a1 + a_x, of_a2 + a_y, of_a3), (of_e1, of_e2), (of_kx, of_ky),
+                   (wide_of_x, wide_of_y, of_z + of_height))
 
 
 def _backward(slopes, cotangent):

@@ -11,8 +11,8 @@ trial step would poison a lane for ever.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Literal, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -25,17 +25,21 @@ from fit.superquadric_distance import LEAST_TAPER_FACTOR, TINY, straight_distanc
 Kind = Literal["solina", "radial", "distance", "volume_distance"]
 
 
+Rows = Sequence[Float[Array, " point"]] | Float[Array, "row point"]
+"""Numbers of a body, or coordinates of points, a row each."""
+
+
 class Shape(NamedTuple):
     """What a superquadric is wherever it lies; every number has a last axis of 1 or of points."""
 
-    size: Float[Array, "3 point"]
-    exponents: Float[Array, "2 point"]
-    taper: Float[Array, "2 point"] | None
-    bend: Float[Array, "2 point"] | None
+    size: Rows
+    exponents: Rows
+    taper: Rows | None
+    bend: Rows | None
     """Curvature as a vector in the body's x, y plane, per unit length."""
 
 
-def residual(shape: Shape, local: Float[Array, "3 point"], kind: Kind) -> Float[Array, " point"]:
+def residual(shape: Shape, local: Rows, kind: Kind) -> Float[Array, " point"]:
     """Unweighted residual of points in the body's frame, in units of length of that frame.
 
     solina: sqrt(a1 a2 a3) (F^e1 - 1), whose volume factor prefers the least body that explains the
@@ -46,7 +50,7 @@ def residual(shape: Shape, local: Float[Array, "3 point"], kind: Kind) -> Float[
     """
     if kind == "solina":
         log_square = jnp.clip(log_square_radius(shape, local), -30.0, 8.0)
-        return jnp.sqrt(jnp.prod(shape.size, axis=0)) * jnp.expm1(log_square)
+        return _volume_factor(shape) * jnp.expm1(log_square)
     if kind == "radial":
         straight = straighten(shape, local)
         length = jnp.sqrt(sum(c**2 for c in straight) + TINY)
@@ -54,54 +58,49 @@ def residual(shape: Shape, local: Float[Array, "3 point"], kind: Kind) -> Float[
     away = distance(shape, local)
     if kind == "distance":
         return away
-    return 2.0 * jnp.sqrt(jnp.prod(shape.size, axis=0)) * away
+    return 2.0 * _volume_factor(shape) * away
 
 
-def slopes(
-    function: Callable, shape: Shape, local: Float[Array, "3 point"]
-) -> tuple[Float[Array, " point"], Shape, Float[Array, "3 point"]]:
+def slopes(function: Callable, shape: Shape, local: Rows) -> tuple[Any, Shape, tuple]:
     """An elementwise `function(shape, local)`, its derivatives by the shape and by the point.
 
-    The shape's own are given a point each: fields [n, point].
+    The shape's own are given a point each: in its fields, rows [point].
     """
-    leaves, tree = jax.tree.flatten(shape)
-    n = local.shape[1]
-    rows = [[jnp.broadcast_to(row, (n,)) for row in leaf] for leaf in leaves]
+    n = local[0].shape[-1]
+    spread = lambda rows: tuple(jnp.broadcast_to(row, (n,)) for row in rows)  # noqa: E731
     # Row by row: a compiler that sees a stack works every row out where it needs one of them.
-    at = lambda rows, places: function(  # noqa: E731
-        jax.tree.unflatten(tree, [jnp.stack(leaf) for leaf in rows]), jnp.stack(places))
-    value, back = jax.vjp(at, rows, list(local))
-    by_shape, by_place = back(jnp.ones_like(value))
-    by_shape = jax.tree.unflatten(tree, [jnp.stack(leaf) for leaf in by_shape])
-    return value, by_shape, jnp.stack(by_place)
+    copies = Shape(*(None if rows is None else spread(rows) for rows in shape))
+    value, back = jax.vjp(function, copies, spread(local))
+    return value, *back(jnp.ones_like(value))
 
 
-def log_square_radius(shape: Shape, local: Float[Array, "3 point"]) -> Float[Array, " point"]:
+def log_square_radius(shape: Shape, local: Rows) -> Float[Array, " point"]:
     """log F^e1: twice the log of the scaled radius, 0 on the surface."""
     return _log_square_radius(shape, straighten(shape, local))
 
 
-def distance(shape: Shape, local: Float[Array, "3 point"]) -> Float[Array, " point"]:
+def distance(shape: Shape, local: Rows) -> Float[Array, " point"]:
     """Signed distance of points to the surface, see `superquadric_distance`.
 
     It is that before the bend, which turns the gradient and hardly stretches it.
     """
-    unbent = local if shape.bend is None else unbend(shape.bend, local)
-    return straight_distance(shape.size, shape.exponents, shape.taper, unbent)
+    unbent = local if shape.bend is None else unbend(tuple(shape.bend), tuple(local))
+    taper = None if shape.taper is None else tuple(shape.taper)
+    return straight_distance(tuple(shape.size), tuple(shape.exponents), taper, tuple(unbent))
 
 
-def straighten(shape: Shape, local: Float[Array, "3 point"]) -> list[Float[Array, " point"]]:
+def straighten(shape: Shape, local: Rows) -> list[Float[Array, " point"]]:
     """x, y, z of points in the body's frame with bend and taper undone."""
     x, y, z = local
     if shape.bend is not None:
-        x, y, z = unbend(shape.bend, local)
+        x, y, z = unbend(tuple(shape.bend), (x, y, z))
     if shape.taper is not None:
-        factors = _taper_factors(shape, z)
-        x, y = x / factors[0], y / factors[1]
+        along_x, along_y = _taper_factors(shape, z)
+        x, y = x / along_x, y / along_y
     return [x, y, z]
 
 
-def _taper_factors(shape: Shape, z: Float[Array, " point"]) -> Float[Array, "2 point"]:
+def _taper_factors(shape: Shape, z: Float[Array, " point"]) -> list[Float[Array, " point"]]:
     """Width of the section at z by that of the middle one, along x and y.
 
     Beyond an end it stays that of the end: a section that went on to shrink would make a spike of
@@ -109,7 +108,12 @@ def _taper_factors(shape: Shape, z: Float[Array, " point"]) -> Float[Array, "2 p
     """
     height = jnp.clip(z / shape.size[2], -1.0, 1.0)
     assert shape.taper is not None
-    return jnp.maximum(1.0 + shape.taper * height, LEAST_TAPER_FACTOR)
+    return [jnp.maximum(1.0 + k * height, LEAST_TAPER_FACTOR) for k in shape.taper]
+
+
+def _volume_factor(shape: Shape):
+    a1, a2, a3 = shape.size
+    return jnp.sqrt(a1 * a2 * a3)
 
 
 def _log_square_radius(shape: Shape, straight):

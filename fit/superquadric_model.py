@@ -11,14 +11,16 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-from fit.normal_residual import Normal
+from fit.normal_equations import Normal
 from fit.robust import robust
-from fit.superquadric_body import Body, Form, Tensor, body_slopes, unpack
+from fit.superquadric_body import Body, Form, Tensor, by_parameters, product, unpack
 from fit.superquadric_field import distance, log_square_radius, residual, slopes
-from fit.superquadric_support import support
+from fit.superquadric_support import shape_support
 from fit.where_any import where_any
+from fit.worked_out_once import storing
 
 UPRIGHT_DOUBT = 3.0
 """Standard deviations of tilt beyond which a body is rather believed to lean."""
@@ -50,94 +52,168 @@ class Lane(NamedTuple):
 
 
 def normal_equations(theta, lane: Lane, form: Form) -> Normal:
-    """JᵀJ, Jᵀr and cost of all residuals: points, free balls, the other evidence, the ridge.
+    """JᵀJ, Jᵀr and cost of all residuals: points, free balls, the other evidence, the priors.
 
-    The many residuals at points are differentiated by one backward pass to the numbers of the
-    body, a copy for each point; summed there; and brought to theta by one small matrix. The few
-    others in forward mode.
+    Residuals are differentiated backwards to the numbers of the body, a copy of these for each,
+    and summed there; the sums are brought to theta by hand. The priors have a parameter each.
     """
     body = unpack(theta, lane.rotation, form)
-    step = body_slopes(theta, form)
-    sums = _sums(_touched(lane, form), body, lane.points)
+    few = []
+    if lane.plane is not None:
+        few.append(_of_table(body, lane.plane))
+    if lane.upright is not None:
+        few.append(_of_tilt(body, lane.upright))
+    if lane.normals is not None:
+        few.append(_of_normals(body, lane, form))
+    sums = _sums(_at_points(body, lane.points, *_touched(lane, form)))
+    if few:
+        sums = sums + _sums(jnp.concatenate(few, axis=1))
     if lane.free is not None:
         # Fits that know no free space yet have it masked, for they share the compiled program.
         sums = sums + where_any(
-            lambda body, free: _sums(_free(free), body, free[:3]),
+            lambda body, free: _sums(_at_points(body, free[:3], *_free(free))),
             jnp.any(lane.free[4] > 0.0), body, lane.free)
-    matrix = step.T @ sums[:-1, :-1] @ step
-    gradient, cost = sums[-1, :-1] @ step, 0.5 * sums[-1, -1]
-    if lane.plane is not None:
-        r, j = jax.value_and_grad(_above_table)(theta, lane, form)
-        matrix, gradient, cost = matrix + jnp.outer(j, j), gradient + r * j, cost + 0.5 * r**2
-    others = lambda t: (_others(t, lane, form),) * 2  # noqa: E731
-    j, r = jax.jacfwd(others, has_aux=True)(theta)
-    return Normal(matrix + j.T @ j, gradient + r @ j, cost + 0.5 * r @ r)
+    sums = by_parameters(by_parameters(sums, theta, form).T, theta, form)
+    stiffness, pull, energy = _priors(theta, lane)
+    return Normal(sums[:-1, :-1] + stiffness * np.eye(len(theta)), sums[-1, :-1] + pull,
+                  0.5 * sums[-1, -1] + energy)
 
 
 def residuals(theta, lane: Lane, form: Form) -> Float[Array, " residual"]:
     """The residuals themselves, in the order of `normal_equations`."""
     body = unpack(theta, lane.rotation, form)
-    each = [_touched(lane, form)(body.shape, body.local(lane.points))]
-    if lane.free is not None:
-        each.append(_free(lane.free)(body.shape, body.local(lane.free[:3])))
-    table = [] if lane.plane is None else [_above_table(theta, lane, form)[None]]
-    return jnp.concatenate([*each, *table, _others(theta, lane, form)])
-
-
-def _touched(lane: Lane, form: Form) -> Callable:
-    """The residuals of touches, of (shape, point in its frame)."""
-    return lambda shape, local: robust(
-        lane.weight * residual(shape, local, form.residual), lane.loss_scale, form.loss)
-
-
-def _free(free: Float[Tensor, "5 free"]) -> Callable:
-    """Those of balls known to lie outside."""
-    return lambda shape, local: free[4] * jnp.maximum(free[3] - distance(shape, local), 0.0)
-
-
-def _sums(function: Callable, body: Body, places: Float[Tensor, "3 point"]):
-    """The sums of products of residuals and their derivatives by the numbers of the body."""
-    local = body.local(places)
-    value, by_shape, by_place = slopes(function, body.shape, local)
-    # A turn of the body moves a point the other way in its frame.
-    by_turn = jnp.cross(by_place, local, axis=0)
-    rows = jnp.concatenate([*jax.tree.leaves(by_shape), by_turn, by_place, value[None]])
-    return rows @ rows.T
-
-
-def _above_table(theta, lane: Lane, form: Form) -> Float[Array, ""]:
-    """Residual of the support plane: the body's lowest point lies on it."""
-    assert lane.plane is not None
-    body = unpack(theta, lane.rotation, form)
-    down, height, weight = lane.plane[:3], lane.plane[3], lane.plane[4]
-    return weight * (down @ body.position + support(body, down) - height)
-
-
-def _others(theta, lane: Lane, form: Form) -> Float[Array, " residual"]:
-    """The other residuals of the body as a whole, and the ridge."""
-    body = unpack(theta, lane.rotation, form)
-    parts = []
+    raw, made = _touched(lane, form)
+    each = [made(raw(body.shape, body.local(lane.points)))]
+    if lane.plane is not None:
+        each.append(_above_table(body, lane.plane)[None])
     if lane.upright is not None:
-        u = body.rotation[2]
-        # The products vanish exactly where one axis is vertical, and grow with the tilt.
-        tilt = jnp.stack([u[0] * u[1], u[1] * u[2], u[2] * u[0]]) / lane.upright[0]
-        parts.append(lane.upright[1] * robust(tilt, UPRIGHT_DOUBT, "cauchy"))
-    if lane.normals is not None and lane.normal_weight is not None:
-        # The tangent plane at a touch is a plane of the dual superquadric: n.(x - t) = h(n).
-        reach = jax.vmap(lambda n: support(body, n), in_axes=1)(lane.normals)
-        along = jnp.sum(lane.normals * (lane.points - body.position[:, None]), axis=0)
-        parts.append(robust(lane.normal_weight * (along - reach), lane.loss_scale, form.loss))
-    parts.append(lane.ridge * jnp.concatenate([theta[3:5], theta[11:]]))
-    # Half its square is the exponent above its least: that of an exponential distribution.
-    parts.append(lane.edge * jnp.sqrt(jax.nn.sigmoid(theta[3:4])))
-    return jnp.concatenate(parts)
+        each.append(_tilt(body.rotation[2], lane.upright))
+    if lane.normals is not None:
+        reach = jax.vmap(shape_support, (None, 1))(body.numbers, body.inward(lane.normals))
+        each.append(robust(_outside_planes(body, lane, reach), lane.loss_scale, form.loss))
+    if lane.free is not None:
+        raw, made = _free(lane.free)
+        each.append(made(raw(body.shape, body.local(lane.free[:3]))))
+    edge = lane.edge * jnp.sqrt(jax.nn.sigmoid(theta[3:4]))
+    return jnp.concatenate([*each, lane.ridge * theta[3:5], lane.ridge * theta[11:], edge])
+
+
+def _touched(lane: Lane, form: Form) -> tuple[Callable, Callable]:
+    """A touch's raw residual, of (shape, point in its frame), and what is made of it."""
+    return (lambda shape, local: residual(shape, local, form.residual),
+            lambda raw: robust(lane.weight * raw, lane.loss_scale, form.loss))
+
+
+def _free(free: Float[Tensor, "5 free"]) -> tuple[Callable, Callable]:
+    """The same of balls known to lie outside."""
+    return distance, lambda away: free[4] * jnp.maximum(free[3] - away, 0.0)
+
+
+def _at_points(
+    body: Body, places: Float[Tensor, "3 point"], raw: Callable, made: Callable
+) -> Float[Array, "row point"]:
+    """The derivatives of residuals at points, as `_columns`."""
+    local = body.local(places)
+    value, by_shape, by_place = slopes(raw, body.shape, local)
+    value, factor = jax.jvp(made, (value,), (jnp.ones_like(value),))
+    return _columns(value, jax.tree.leaves(by_shape), by_place, local, by_place,
+                    storing(places[2])(factor))
+
+
+def _columns(value, by_shape, by_arm, arm, by_shift, factor) -> Float[Array, "row column"]:
+    """Derivatives, times a factor, of what hangs on a body's numbers, on places or directions
+    `arm` in its frame and on a shift of the frame: a turn of the body turns them the other way.
+    A column each; in the order of `by_parameters`, and last the values themselves."""
+    (x, y, z), (dx, dy, dz) = arm, by_arm
+    by_turn = [dy * z - dz * y, dz * x - dx * z, dx * y - dy * x]
+    rows = [*by_shape, *by_turn, *by_shift]
+    return jnp.stack([*(row * factor for row in rows), value])
+
+
+def _sums(columns):
+    """Sums of products of residuals and their derivatives."""
+    return columns @ columns.T
+
+
+def _above_table(body: Body, plane: Float[Tensor, " 5"]) -> Float[Array, ""]:
+    """Residual of the support plane: the body's lowest point lies on it."""
+    down, height, weight = plane[:3], plane[3], plane[4]
+    reach = shape_support(body.numbers, body.inward(down[:, None])[:, 0])
+    return weight * (jnp.sum(down * body.position) + reach - height)
+
+
+def _of_table(body: Body, plane: Float[Tensor, " 5"]):
+    down = body.inward(plane[:3, None])
+    by_shape, by_down = jax.grad(shape_support, argnums=(0, 1))(body.numbers, down[:, 0])
+    numbers = jnp.concatenate(jax.tree.leaves(by_shape))[:, None]
+    return _columns(
+        _above_table(body, plane)[None], numbers, by_down[:, None], down, -down, plane[4])
+
+
+def _tilt(up: Float[Array, " 3"], upright: Float[Tensor, " 2"]) -> Float[Array, " 3"]:
+    """Residuals of the prior that an axis of the body is vertical, of the vertical in its frame.
+
+    Products of two coordinates each: they vanish exactly there, and grow with the tilt.
+    """
+    return _tilt_of(up * jnp.roll(up, -1), upright)
+
+
+def _tilt_of(products, upright):
+    return upright[1] * robust(products / upright[0], UPRIGHT_DOUBT, "cauchy")
+
+
+def _of_tilt(body: Body, upright: Float[Tensor, " 2"]):
+    up = body.rotation[2]
+    after = jnp.roll(up, -1)
+    value, slope = jax.jvp(lambda products: _tilt_of(products, upright), (up * after,),
+                           (jnp.ones_like(up),))
+    by_up = after * np.eye(3) + up * np.roll(np.eye(3), 1, axis=0)
+    none = jnp.zeros(3, up.dtype)
+    numbers = sum(len(v) for v in jax.tree.leaves(body.numbers))
+    return _columns(value, [none] * numbers, by_up, up[:, None], [none] * 3, slope)
+
+
+def _outside_planes(body: Body, lane: Lane, reach: Float[Array, " point"]):
+    """How far touches lie outside the body's planes of the normals felt, weighted.
+
+    The tangent plane at a touch is a plane of the dual superquadric: n.(x - t) = h(n).
+    """
+    along = jnp.sum(lane.normals * (lane.points - body.position[:, None]), axis=0)
+    return lane.normal_weight * (along - reach)
+
+
+def _of_normals(body: Body, lane: Lane, form: Form):
+    normals = body.inward(lane.normals)
+    reach, (by_shape, by_normal) = jax.vmap(
+        jax.value_and_grad(shape_support, argnums=(0, 1)), (None, 1), (0, -1))(
+        body.numbers, normals)
+    value, slope = jax.jvp(lambda away: robust(away, lane.loss_scale, form.loss),
+                           (_outside_planes(body, lane, reach),), (lane.normal_weight,))
+    numbers = jnp.concatenate(jax.tree.leaves(by_shape))
+    return _columns(value, numbers, by_normal, normals, -normals, -slope)
+
+
+def _priors(theta, lane: Lane) -> tuple[Array, Array, Array]:
+    """Diagonal of JᵀJ, Jᵀr and cost of the residuals that have a parameter each.
+
+    The ridge, and one on the profile's exponent, half whose square is the exponent above its
+    least: that of an exponential distribution.
+    """
+    ridged, profile = np.zeros((2, len(theta)))
+    ridged[3:5], ridged[11:], profile[3] = 1.0, 1.0, 1.0
+    share = jax.nn.sigmoid(theta[3])
+    edge = lane.edge**2 * share
+    half = 0.5 * (1.0 - share)
+    ridge = lane.ridge**2 * ridged
+    return (ridge + edge * half**2 * profile, ridge * theta + edge * half * profile,
+            0.5 * (jnp.sum(ridge * theta**2) + edge))
 
 
 def look(theta, lane: Lane, form: Form) -> tuple[Body, Array, Array, Array]:
     """The body; each point's distance, the normal there, and its unweighted residual."""
     body = unpack(theta, lane.rotation, form)
     local = body.local(lane.points)
-    _, _, steepest = slopes(log_square_radius, body.shape, local)
+    steepest = jnp.stack(slopes(log_square_radius, body.shape, local)[2])
     normal = steepest / jnp.sqrt(jnp.sum(steepest**2, axis=0) + 1e-24)
-    return (body, distance(body.shape, local), body.rotation @ normal,
+    return (body, distance(body.shape, local), product(body.rotation, normal),
             residual(body.shape, local, form.residual))

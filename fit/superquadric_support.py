@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 
 from fit.superquadric_body import Body, Tensor
 from fit.superquadric_distance import LEAST_TAPER_FACTOR, TINY
+from fit.superquadric_field import Shape
 
 NODES = 9
 """Heights tried first: a bent body may have more than one that is highest thereabouts."""
@@ -24,7 +25,12 @@ FAR = 600.0
 
 
 def support(body: Body, direction: Float[Tensor, " 3"]) -> Float[Array, ""]:
-    """How far the body reaches along a world direction, from its position.
+    """How far the body reaches along a world direction, from its position."""
+    return shape_support(body.numbers, body.rotation.T @ direction)
+
+
+def shape_support(body: Shape, d: Float[Array, " 3"]) -> Float[Array, ""]:
+    """How far a shape reaches along a direction of its own frame; its numbers have one axis.
 
     Every section across z is a superellipse, scaled by the profile and the taper, moved and turned
     by the bend: its own support is closed-form, so the body's is a maximum over the height alone,
@@ -34,7 +40,6 @@ def support(body: Body, direction: Float[Tensor, " 3"]) -> Float[Array, ""]:
     theorem the derivative at the best height held fixed is the derivative of the support. Without
     taper and bend: [(|a1 d1|^p2 + |a2 d2|^p2)^(p1/p2) + |a3 d3|^p1]^(1/p1), p = 2/(2 - e).
     """
-    d = body.rotation.T @ direction
     if body.taper is None and body.bend is None:
         return _straight_support(body, d)
 
@@ -79,7 +84,7 @@ def _profile(e1, side, logit):
             jnp.exp(0.5 * e1 * jax.nn.log_sigmoid(logit)))
 
 
-def _straight_support(body: Body, d: Float[Array, " 3"]) -> Float[Array, ""]:
+def _straight_support(body: Shape, d: Float[Array, " 3"]) -> Float[Array, ""]:
     e1, e2 = body.exponents
     p1, p2 = (2.0 / jnp.maximum(2.0 - e, 1e-3) for e in (e1, e2))
     lx, ly, lz = jnp.log((body.size * d) ** 2 + TINY)
@@ -87,7 +92,7 @@ def _straight_support(body: Body, d: Float[Array, " 3"]) -> Float[Array, ""]:
     return jnp.exp(jnp.logaddexp(p1 * section, 0.5 * p1 * lz) / p1)
 
 
-def _section(body: Body, d: Float[Array, " 3"], height: Float[Array, ""]):
+def _section(body: Shape, d: Float[Array, " 3"], height: Float[Array, ""]):
     """Reach along d (body frame) of the centre of the section at a3 times `height`, and of the
     section itself, unscaled by the profile, from there."""
     e2 = body.exponents[1]

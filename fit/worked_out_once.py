@@ -12,8 +12,9 @@ from collections.abc import Callable
 import jax.numpy as jnp
 
 
-def storing(positive) -> Callable:
-    """A function that gives its argument back, bit for bit, stored; `positive` is any number > 0
-    of the computation, of the argument's shape."""
-    one = jnp.sign(positive)
+def storing(places) -> Callable:
+    """A function that gives its argument back, bit for bit, stored; `places` are any finite
+    numbers of the computation, of the argument's shape and not one number for all: by such a one
+    it would multiply instead."""
+    one = jnp.sign(1.0 + places * places)
     return lambda value: value / one

@@ -7,7 +7,6 @@ import numpy as np
 
 from fit.batch import take
 from fit.descent import Problem, advance
-from fit.normal_residual import normal_residuals
 from fit.prepare import prepare
 from fit.solver import descend
 from fit.superquadric import SuperquadricOptions
@@ -68,8 +67,7 @@ def _convergence(block: EpisodeBlock) -> tuple[np.ndarray, float]:
         return iterations, float("nan")
     options = SuperquadricOptions(taper=True, residual="solina")
     form = Form(True, False, "solina", "none")
-    problem = Problem(normal_residuals(lambda t, lane: normal_equations(t, lane, form)), descend,
-                      f"{form}")
+    problem = Problem(lambda t, lane: normal_equations(t, lane, form), descend, f"{form}")
     seconds = float("nan")
     for rows, sets in prepare(evidence.points_m[enough], evidence.mask[enough]).buckets():
         lanes, theta = begin_starts(sets, form, options)

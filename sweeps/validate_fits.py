@@ -10,7 +10,6 @@ from scipy.optimize import least_squares
 from fit import solver
 from fit.batch import map_lanes
 from fit.descent import Problem, finish
-from fit.normal_residual import normal_residuals
 from fit.prepare import prepare
 from fit.status import FitStatus
 from fit.superquadric import SuperquadricOptions
@@ -53,8 +52,7 @@ def _compare(parameters: int, taper: bool, sets_each: int) -> list[Comparison]:
     _, sets = next(iter(prepare(touches(sets_each), None, table_z=0.0).buckets()))
     lanes, theta = begin_starts(sets, form, options)
     starts = theta.reshape(-1, theta.shape[-1])
-    problem = Problem(normal_residuals(lambda t, lane: normal_equations(t, lane, form)),
-                      solver.descend, f"{form}")
+    problem = Problem(lambda t, lane: normal_equations(t, lane, form), solver.descend, f"{form}")
     ours = finish(problem, starts, lanes, at_a_time=50, at_most=1000)
     with jax.enable_x64(True):
         value = jax.jit(lambda t, lane: residuals(t, lane, form))
