@@ -15,7 +15,7 @@ SOLID_POINTS = 8
 """Fewest points of a solid."""
 FLAT = 1e-5
 """A set is flat, straight or a point where its spread is below this share of its length."""
-FREE_BUCKET = 32
+FREE_BUCKET = 8
 """Free balls are padded to a multiple of this."""
 
 

@@ -11,7 +11,7 @@ trial step would poison a lane for ever.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, Literal, NamedTuple
 
 import jax
@@ -25,8 +25,8 @@ from fit.superquadric_distance import LEAST_TAPER_FACTOR, TINY, straight_distanc
 Kind = Literal["solina", "radial", "distance", "volume_distance"]
 
 
-Rows = Sequence[Float[Array, " point"]] | Float[Array, "row point"]
-"""Numbers of a body, or coordinates of points, a row each."""
+Rows = Any
+"""Numbers of a body, or coordinates of points, a row each: an array [row, point], or a sequence."""
 
 
 class Shape(NamedTuple):
@@ -34,8 +34,8 @@ class Shape(NamedTuple):
 
     size: Rows
     exponents: Rows
-    taper: Rows | None
-    bend: Rows | None
+    taper: Rows
+    bend: Rows
     """Curvature as a vector in the body's x, y plane, per unit length."""
 
 

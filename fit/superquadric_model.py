@@ -18,7 +18,7 @@ from fit.normal_equations import Normal
 from fit.robust import robust
 from fit.superquadric_body import Body, Form, Tensor, by_parameters, product, unpack
 from fit.superquadric_field import distance, log_square_radius, residual, slopes
-from fit.superquadric_support import shape_support
+from fit.superquadric_support import support
 from fit.where_any import where_any
 from fit.worked_out_once import storing
 
@@ -89,7 +89,7 @@ def residuals(theta, lane: Lane, form: Form) -> Float[Array, " residual"]:
     if lane.upright is not None:
         each.append(_tilt(body.rotation[2], lane.upright))
     if lane.normals is not None:
-        reach = jax.vmap(shape_support, (None, 1))(body.numbers, body.inward(lane.normals))
+        reach = jax.vmap(support, (None, 1))(body.numbers, body.inward(lane.normals))
         each.append(robust(_outside_planes(body, lane, reach), lane.loss_scale, form.loss))
     if lane.free is not None:
         raw, made = _free(lane.free)
@@ -138,13 +138,13 @@ def _sums(columns):
 def _above_table(body: Body, plane: Float[Tensor, " 5"]) -> Float[Array, ""]:
     """Residual of the support plane: the body's lowest point lies on it."""
     down, height, weight = plane[:3], plane[3], plane[4]
-    reach = shape_support(body.numbers, body.inward(down[:, None])[:, 0])
+    reach = support(body.numbers, body.inward(down[:, None])[:, 0])
     return weight * (jnp.sum(down * body.position) + reach - height)
 
 
 def _of_table(body: Body, plane: Float[Tensor, " 5"]):
     down = body.inward(plane[:3, None])
-    by_shape, by_down = jax.grad(shape_support, argnums=(0, 1))(body.numbers, down[:, 0])
+    by_shape, by_down = jax.grad(support, argnums=(0, 1))(body.numbers, down[:, 0])
     numbers = jnp.concatenate(jax.tree.leaves(by_shape))[:, None]
     return _columns(
         _above_table(body, plane)[None], numbers, by_down[:, None], down, -down, plane[4])
@@ -178,14 +178,16 @@ def _outside_planes(body: Body, lane: Lane, reach: Float[Array, " point"]):
 
     The tangent plane at a touch is a plane of the dual superquadric: n.(x - t) = h(n).
     """
+    assert lane.normals is not None and lane.normal_weight is not None
     along = jnp.sum(lane.normals * (lane.points - body.position[:, None]), axis=0)
     return lane.normal_weight * (along - reach)
 
 
 def _of_normals(body: Body, lane: Lane, form: Form):
+    assert lane.normals is not None
     normals = body.inward(lane.normals)
     reach, (by_shape, by_normal) = jax.vmap(
-        jax.value_and_grad(shape_support, argnums=(0, 1)), (None, 1), (0, -1))(
+        jax.value_and_grad(support, argnums=(0, 1)), (None, 1), (0, -1))(
         body.numbers, normals)
     value, slope = jax.jvp(lambda away: robust(away, lane.loss_scale, form.loss),
                            (_outside_planes(body, lane, reach),), (lane.normal_weight,))
@@ -193,7 +195,7 @@ def _of_normals(body: Body, lane: Lane, form: Form):
     return _columns(value, numbers, by_normal, normals, -normals, -slope)
 
 
-def _priors(theta, lane: Lane) -> tuple[Array, Array, Array]:
+def _priors(theta, lane: Lane) -> tuple[Tensor, Array, Array]:
     """Diagonal of JᵀJ, Jᵀr and cost of the residuals that have a parameter each.
 
     The ridge, and one on the profile's exponent, half whose square is the exponent above its

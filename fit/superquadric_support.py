@@ -10,7 +10,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from fit.superquadric_body import Body, Tensor
 from fit.superquadric_distance import LEAST_TAPER_FACTOR, TINY
 from fit.superquadric_field import Shape
 
@@ -24,13 +23,8 @@ FAR = 600.0
 """Bound of the profile's logit: beyond it is a pole."""
 
 
-def support(body: Body, direction: Float[Tensor, " 3"]) -> Float[Array, ""]:
-    """How far the body reaches along a world direction, from its position."""
-    return shape_support(body.numbers, body.rotation.T @ direction)
-
-
-def shape_support(body: Shape, d: Float[Array, " 3"]) -> Float[Array, ""]:
-    """How far a shape reaches along a direction of its own frame; its numbers have one axis.
+def support(shape: Shape, d: Float[Array, " 3"]) -> Float[Array, ""]:
+    """How far a shape, whose numbers have one axis, reaches along a direction of its own frame.
 
     Every section across z is a superellipse, scaled by the profile and the taper, moved and turned
     by the bend: its own support is closed-form, so the body's is a maximum over the height alone,
@@ -40,20 +34,20 @@ def shape_support(body: Shape, d: Float[Array, " 3"]) -> Float[Array, ""]:
     theorem the derivative at the best height held fixed is the derivative of the support. Without
     taper and bend: [(|a1 d1|^p2 + |a2 d2|^p2)^(p1/p2) + |a3 d3|^p1]^(1/p1), p = 2/(2 - e).
     """
-    if body.taper is None and body.bend is None:
-        return _straight_support(body, d)
+    if shape.taper is None and shape.bend is None:
+        return _straight_support(shape, d)
 
     def reach(side, logit):
-        s, c = _profile(body.exponents[0], side, logit)
-        centre, width = _section(body, d, s)
+        s, c = _profile(shape.exponents[0], side, logit)
+        centre, width = _section(shape, d, s)
         return centre + c * width
 
     def step(side, logit):
-        s, c = _profile(body.exponents[0], side, logit)
+        s, c = _profile(shape.exponents[0], side, logit)
         (_, width), (rise, widens) = jax.jvp(
-            lambda s: _section(body, d, s), (s,), (jnp.ones_like(s),))
+            lambda s: _section(shape, d, s), (s,), (jnp.ones_like(s),))
         along = rise + c * widens
-        power = 2.0 / (2.0 - jnp.minimum(body.exponents[0], 2.0 - 1e-3))
+        power = 2.0 / (2.0 - jnp.minimum(shape.exponents[0], 2.0 - 1e-3))
         logit = power * (jnp.log(width) - jnp.log(jnp.abs(along) + TINY))
         return jnp.where(along < 0.0, -1.0, 1.0), jnp.clip(logit, -FAR, FAR)
 
@@ -84,32 +78,32 @@ def _profile(e1, side, logit):
             jnp.exp(0.5 * e1 * jax.nn.log_sigmoid(logit)))
 
 
-def _straight_support(body: Shape, d: Float[Array, " 3"]) -> Float[Array, ""]:
-    e1, e2 = body.exponents
+def _straight_support(shape: Shape, d: Float[Array, " 3"]) -> Float[Array, ""]:
+    e1, e2 = shape.exponents
     p1, p2 = (2.0 / jnp.maximum(2.0 - e, 1e-3) for e in (e1, e2))
-    lx, ly, lz = jnp.log((body.size * d) ** 2 + TINY)
+    lx, ly, lz = jnp.log((shape.size * d) ** 2 + TINY)
     section = jnp.logaddexp(0.5 * p2 * lx, 0.5 * p2 * ly) / p2
     return jnp.exp(jnp.logaddexp(p1 * section, 0.5 * p1 * lz) / p1)
 
 
-def _section(body: Shape, d: Float[Array, " 3"], height: Float[Array, ""]):
+def _section(shape: Shape, d: Float[Array, " 3"], height: Float[Array, ""]):
     """Reach along d (body frame) of the centre of the section at a3 times `height`, and of the
     section itself, unscaled by the profile, from there."""
-    e2 = body.exponents[1]
-    z = body.size[2] * height
+    e2 = shape.exponents[1]
+    z = shape.size[2] * height
     across, centre = d[:2], z * d[2]
-    if body.bend is not None:
+    if shape.bend is not None:
         # So small a curvature that nothing bends, and great enough to divide by.
-        k = jnp.sqrt(jnp.sum(body.bend**2) + 1e-18)
-        toward = body.bend / k
+        k = jnp.sqrt(jnp.sum(shape.bend**2) + 1e-18)
+        toward = shape.bend / k
         sin, cos = jnp.sin(0.5 * k * z), jnp.cos(0.5 * k * z)
         # Along the bend's direction the section's own axis tips out of the plane towards z.
         tip = 2.0 * sin * (sin * (toward @ d[:2]) + cos * d[2])
         across = across - tip * toward
         centre = tip / k
-    widths = body.size[:2] * across
-    if body.taper is not None:
-        widths = widths * jnp.maximum(1.0 + body.taper * height, LEAST_TAPER_FACTOR)
+    widths = shape.size[:2] * across
+    if shape.taper is not None:
+        widths = widths * jnp.maximum(1.0 + shape.taper * height, LEAST_TAPER_FACTOR)
     power = 2.0 / jnp.maximum(2.0 - e2, 1e-3)
     wide = jnp.exp(jnp.logaddexp(*(0.5 * power * jnp.log(widths**2 + TINY))) / power)
     return centre, wide

@@ -19,7 +19,7 @@ from strategies.fusion import evidence_rows, link_rows
 from strategies.rivals import CLEARLY, DOUBTED_M, RIVAL, touch_misfit, with_rows
 from warpgrasp.parameters import FitTable
 
-FREE_BALLS = 64
+FREE_BALLS = 24
 """Free balls given to a fit, the nearest to the body last fitted."""
 REFINE_ROUNDS = 2
 """Rounds for a body that is known already and felt a little more."""

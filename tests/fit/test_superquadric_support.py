@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from fit.rotation import matrix_of_quaternion
-from fit.superquadric_body import Body
+from fit.superquadric_field import Shape
 from fit.superquadric_shape import superquadric, superquadric_surface
 from fit.superquadric_support import support
 
@@ -25,8 +25,7 @@ def test_support_is_the_highest_point_and_its_slopes_are_exact() -> None:
 
     def reach(flat, rotation):
         size, exponents, taper, bent = jnp.split(flat, [3, 5, 7])
-        return support(Body(size, exponents, rotation, jnp.zeros(3), taper, bent),
-                       jnp.asarray(DOWN))
+        return support(Shape(size, exponents, taper, bent), rotation.T @ DOWN)
 
     flat = np.concatenate(numbers, axis=1)
     with jax.enable_x64(True):
