@@ -8,78 +8,22 @@ height and radius, so touches on the ends count too.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from fit import solver
 from fit.batch import Program, map_lanes, take
 from fit.descent import Problem, advance, finish, screen
-from fit.normal_equations import normal_of
 from fit.prepare import Sets, prepare
-from fit.robust import robust
+from fit.revolution_model import Lane, look, normal_equations
+from fit.revolution_record import RevolutionFit, RevolutionOptions
 from fit.status import FitStatus
-from fit.superquadric_body import Tensor
 from fit.superquadric_starts import box_starts
 
-
-@dataclass(frozen=True)
-class RevolutionOptions:
-    """How to fit; hashable, for it names the compiled program."""
-
-    nodes: int = 8
-    """Nodes of the contour, both ends included."""
-    smoothing: float = 0.05
-    """Weight of the contour's second differences, against all the touches."""
-    monotone: Literal["none", "falling", "rising"] = "none"
-    """Radii that may only fall, or rise, with height along the axis."""
-    loss: Literal["none", "pseudo_huber", "cauchy", "geman_mcclure"] = "cauchy"
-    upright: bool = False
-    """Try only axes along the world's z (the axis stays free to tilt)."""
-    plane_weight: float = 1.0
-    screen_iterations: int = 6
-    round_iterations: int = 8
-    iterations: int = 80
-
-
-@dataclass(frozen=True)
-class RevolutionFit:
-    """Surfaces of revolution, a row each; every field is finite whatever the status."""
-
-    position_m: Float[np.ndarray, "fit 3"]
-    """Point of the axis at its lower end [m]."""
-    axis: Float[np.ndarray, "fit 3"]
-    """Unit direction of the axis, with a positive z (else y, else x)."""
-    height_m: Float[np.ndarray, " fit"]
-    """Length along the axis [m]."""
-    radius_m: Float[np.ndarray, "fit node"]
-    """Radii at nodes evenly spaced from the lower end to the upper [m]."""
-    volume_m3: Float[np.ndarray, " fit"]
-    rms_m: Float[np.ndarray, " fit"]
-    """Root mean square distance of the touches to the contour [m]."""
-    cost: Float[np.ndarray, " fit"]
-    radius_std_m: Float[np.ndarray, "fit node"]
-    """Standard deviation of each radius [m], from the residuals' own size."""
-    volume_std_m3: Float[np.ndarray, " fit"]
-    iterations: Int[np.ndarray, " fit"]
-    status: Int[np.ndarray, " fit"]
-    n_points: Int[np.ndarray, " fit"]
-
-    def __len__(self) -> int:
-        return len(self.status)
-
-
-class _Lane(NamedTuple):
-    points: Tensor  # [3, point]
-    weight: Tensor  # [point]
-    rotation: Tensor  # [3, 3], z the start's axis
-    loss_scale: Tensor
-    plane: Tensor | None  # down (3), height along it, weight
+__all__ = ["RevolutionFit", "RevolutionOptions", "fit_revolution"]
 
 
 def fit_revolution(
@@ -145,7 +89,7 @@ def _fit_bucket(sets: Sets, options: RevolutionOptions) -> dict[str, np.ndarray]
     plane = None
     if sets.plane is not None:
         plane = np.concatenate([sets.plane, np.full((n, 1), options.plane_weight)], axis=1)
-    lanes = _Lane(np.moveaxis(sets.points, 2, 1).copy(), weight, rotation[:, 0],
+    lanes = Lane(np.moveaxis(sets.points, 2, 1).copy(), weight, rotation[:, 0],
                   0.1 / np.sqrt(sets.count), plane)
     spread = take(lanes, np.repeat(np.arange(n), starts))
     spread = spread._replace(rotation=rotation.reshape(-1, 3, 3))
@@ -161,7 +105,7 @@ def _fit_bucket(sets: Sets, options: RevolutionOptions) -> dict[str, np.ndarray]
     return _rows(end, lanes, sets, options)
 
 
-def _scale(theta, lanes: _Lane, sets: Sets, options: RevolutionOptions) -> np.ndarray:
+def _scale(theta, lanes: Lane, sets: Sets, options: RevolutionOptions) -> np.ndarray:
     """Scale of the robust loss: 2.4 deviations of the residuals by their median."""
     away = map_lanes(_look(options), theta, lanes)[1]
     size = np.where(sets.mask, np.abs(away) * lanes.weight, np.nan)
@@ -170,7 +114,7 @@ def _scale(theta, lanes: _Lane, sets: Sets, options: RevolutionOptions) -> np.nd
     return np.clip(2.4 * deviation, 1e-4 / np.sqrt(sets.count), lanes.loss_scale)
 
 
-def _rows(end, lanes: _Lane, sets: Sets, options: RevolutionOptions) -> dict[str, np.ndarray]:
+def _rows(end, lanes: Lane, sets: Sets, options: RevolutionOptions) -> dict[str, np.ndarray]:
     body, away, information, slopes = map_lanes(_look(options), end.theta, lanes)
     position, axis, height, radius = body
     scale = sets.scale
@@ -206,90 +150,18 @@ def _rows(end, lanes: _Lane, sets: Sets, options: RevolutionOptions) -> dict[str
     }
 
 
-# One fit, in JAX. theta: slopes of the axis against the start's z (2), its foot in the start's
-# x, y (2), lower and upper end along the start's z (2), logarithms of the radii.
-
-
-def _body(theta, rotation):
-    slopes = theta[0:2]
-    local = jnp.array([slopes[0], slopes[1], 1.0]) / jnp.sqrt(1.0 + jnp.sum(slopes**2))
-    axis = rotation @ local
-    middle = rotation @ jnp.array([theta[2], theta[3], 0.5 * (theta[4] + theta[5])])
-    height = jnp.sqrt((theta[5] - theta[4]) ** 2 + 1e-6)
-    return middle - 0.5 * height * axis, axis, height, jnp.exp(jnp.clip(theta[6:], -6.0, 3.0))
-
-
-def _distance(body, points):
-    """Signed distance of points to the closed contour, in the half plane of height and radius."""
-    foot, axis, height, radius = body
-    arms = points - foot[:, None]
-    s = axis @ arms
-    rho = jnp.sqrt(jnp.sum((arms - axis[:, None] * s) ** 2, axis=0) + 1e-12)
-    nodes = jnp.linspace(0.0, 1.0, radius.shape[0]) * height
-    heights = jnp.concatenate([jnp.zeros(1), nodes, height[None]])
-    radii = jnp.concatenate([jnp.zeros(1), radius, jnp.zeros(1)])
-    h0, r0 = heights[:-1, None], radii[:-1, None]
-    dh, dr = heights[1:, None] - h0, radii[1:, None] - r0
-    square = dh**2 + dr**2
-    share = jnp.clip(((s - h0) * dh + (rho - r0) * dr) / square, 0.0, 1.0)
-    gap = (s - h0 - share * dh) ** 2 + (rho - r0 - share * dr) ** 2
-    nearest = jax.lax.stop_gradient(jnp.argmin(gap, axis=0))
-    pick = lambda table: jnp.take_along_axis(  # noqa: E731
-        jnp.broadcast_to(table, gap.shape), nearest[None], axis=0)[0]
-    # Outside lies to the right of a contour that runs from the lower end up.
-    side = jnp.sign(pick((rho - r0) * dh - (s - h0) * dr))
-    return side * jnp.sqrt(pick(gap) + 1e-14)
-
-
-@lru_cache(maxsize=64)
-def _residual(options: RevolutionOptions):
-    def residual(theta, lane: _Lane):
-        body = _body(theta, lane.rotation)
-        foot, axis, height, radius = body
-        away = lane.weight * _distance(body, lane.points)
-        parts = [robust(away, lane.loss_scale, options.loss)]
-        if lane.plane is not None:
-            down = lane.plane[:3]
-            ends = jnp.stack([down @ foot, down @ (foot + height * axis)])
-            rim = jnp.sqrt(jnp.maximum(1.0 - (down @ axis) ** 2, 0.0) + 1e-12)
-            reach = jnp.max(ends + rim * jnp.stack([radius[0], radius[-1]]))
-            parts.append(lane.plane[4] * (reach - lane.plane[3])[None])
-        bow = radius[2:] - 2.0 * radius[1:-1] + radius[:-2]
-        parts.append(options.smoothing * bow)
-        if options.monotone != "none":
-            # Along the world's up: the contour runs with the axis.
-            rise = jnp.diff(radius) * jnp.sign(axis[2] + 1e-12)
-            wrong = rise if options.monotone == "falling" else -rise
-            parts.append(3.0 * jnp.maximum(wrong, 0.0))
-        parts.append(1e-3 * theta[0:2])
-        return jnp.concatenate(parts)
-
-    return residual
+# What names the compiled programs: cached, so that each is one object.
 
 
 @lru_cache(maxsize=64)
 def _problem(options: RevolutionOptions) -> Problem:
-    return Problem(normal_of(_residual(options)), solver.descend, f"{options}")
+    return Problem(lambda theta, lane: normal_equations(theta, lane, options), solver.descend,
+                   f"{options}")
 
 
 @lru_cache(maxsize=64)
 def _look(options: RevolutionOptions):
-    """Body, distances, information matrix, and the slopes of the volume."""
-    residual = _residual(options)
-
-    def volume(theta, rotation):
-        _, _, height, radius = _body(theta, rotation)
-        low, high = radius[:-1], radius[1:]
-        frustums = low**2 + low * high + high**2
-        return jnp.pi / 3 * height / (radius.shape[0] - 1) * jnp.sum(frustums)
-
-    def look(theta, lane):
-        body = _body(theta, lane.rotation)
-        jac = jax.jacfwd(residual)(theta, lane)
-        return (body, _distance(body, lane.points), jac.T @ jac,
-                jax.grad(volume)(theta, lane.rotation))
-
-    return Program(f"look {options}", jax.vmap(look))
+    return Program(f"look {options}", jax.vmap(lambda theta, lane: look(theta, lane, options)))
 
 
 def revolution_inside(fit: RevolutionFit, points: Float[np.ndarray, "fit point 3"]) -> np.ndarray:

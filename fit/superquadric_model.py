@@ -178,7 +178,8 @@ def _outside_planes(body: Body, lane: Lane, reach: Float[Array, " point"]):
 
     The tangent plane at a touch is a plane of the dual superquadric: n.(x - t) = h(n).
     """
-    assert lane.normals is not None and lane.normal_weight is not None
+    assert lane.normals is not None
+    assert lane.normal_weight is not None
     along = jnp.sum(lane.normals * (lane.points - body.position[:, None]), axis=0)
     return lane.normal_weight * (along - reach)
 

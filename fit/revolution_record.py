@@ -1,0 +1,55 @@
+"""What a fit of a surface of revolution is asked, and what it answers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float, Int
+
+
+@dataclass(frozen=True)
+class RevolutionOptions:
+    """How to fit; hashable, for it names the compiled program."""
+
+    nodes: int = 8
+    """Nodes of the contour, both ends included."""
+    smoothing: float = 0.05
+    """Weight of the contour's second differences, against all the touches."""
+    monotone: Literal["none", "falling", "rising"] = "none"
+    """Radii that may only fall, or rise, with height along the axis."""
+    loss: Literal["none", "pseudo_huber", "cauchy", "geman_mcclure"] = "cauchy"
+    upright: bool = False
+    """Try only axes along the world's z (the axis stays free to tilt)."""
+    plane_weight: float = 1.0
+    screen_iterations: int = 6
+    round_iterations: int = 8
+    iterations: int = 80
+
+
+@dataclass(frozen=True)
+class RevolutionFit:
+    """Surfaces of revolution, a row each; every field is finite whatever the status."""
+
+    position_m: Float[np.ndarray, "fit 3"]
+    """Point of the axis at its lower end [m]."""
+    axis: Float[np.ndarray, "fit 3"]
+    """Unit direction of the axis, with a positive z (else y, else x)."""
+    height_m: Float[np.ndarray, " fit"]
+    """Length along the axis [m]."""
+    radius_m: Float[np.ndarray, "fit node"]
+    """Radii at nodes evenly spaced from the lower end to the upper [m]."""
+    volume_m3: Float[np.ndarray, " fit"]
+    rms_m: Float[np.ndarray, " fit"]
+    """Root mean square distance of the touches to the contour [m]."""
+    cost: Float[np.ndarray, " fit"]
+    radius_std_m: Float[np.ndarray, "fit node"]
+    """Standard deviation of each radius [m], from the residuals' own size."""
+    volume_std_m3: Float[np.ndarray, " fit"]
+    iterations: Int[np.ndarray, " fit"]
+    status: Int[np.ndarray, " fit"]
+    n_points: Int[np.ndarray, " fit"]
+
+    def __len__(self) -> int:
+        return len(self.status)
