@@ -6,7 +6,7 @@ since is free. Of 256 taxels some twenty are left, and all that a press needs as
 
 import warp as wp
 
-from warpgrasp.real import ZERO, mat42, real, transform, vec4
+from warpgrasp.real import mat42, real, transform, vec4
 from warpgrasp.scene import Scene, stand_distance
 from warpgrasp.tactile_pad import Pad, pad_column, pad_near, pad_point, pad_row
 from warpgrasp.utah_mit_hand import Hand, finger_pose
