@@ -19,6 +19,7 @@ from warpgrasp.launch import ShapeError, launch
 from warpgrasp.parameters import ArmTable, HandTable, PadTable, SensorTable
 from warpgrasp.puma560 import arm_of
 from warpgrasp.real import real
+from warpgrasp.records import Records, record_type
 from warpgrasp.scene import Scene
 from warpgrasp.tactile_pad import TAXELS, pad_of
 from warpgrasp.utah_mit_hand import hand_of
@@ -141,7 +142,7 @@ def guarded_line(
     (row, 6) where the arms stand. Worlds not among `move.rows` cost nothing. Raises ShapeError.
     """
     n = len(move.rows)
-    begin = np.zeros(n, LineBegin.numpy_dtype())
+    begin = np.zeros(n, record_type(LineBegin))
     for name, value in {
             "body": np.broadcast_to(body, len(key))[move.rows], "body_pose": body_pose[move.rows],
             "mount": mount[move.rows], "key": key[move.rows], "number": move.number,
@@ -156,17 +157,17 @@ def guarded_line(
              + pads.thickness_m)
     swing = np.abs(np.diff(commands[move.finger], axis=0)).sum(-1).max(initial=0.0) * reach
     images = wp.zeros((n, TAXELS, TAXELS), dtype=wp.uint8, device=device)
-    ends = wp.zeros(n, dtype=LineEnd, device=device)
+    begins, ends = Records(LineBegin, begin, device), Records(LineEnd, n, device)
     launch(line_kernel, {"row": n}, {
         "begins": "row", "commands": "4 step 4", "image": "row 16 16", "ends": "row"}, {
         "scene": scene, **_robot(arm, hand, pads), "joint_noise": sensors.joint_noise_rad,
-        "march_scale": march_scale, "begins": wp.array(begin, dtype=LineBegin, device=device),
+        "march_scale": march_scale, "begins": begins.array,
         "interval": move.interval_m, "steps": move.steps, "finger": move.finger,
         "commands": _commands(commands.shape, commands.tobytes(), device),
         "step_bound": move.interval_m * speed + swing,
-        "until_release": int(move.until == Until.RELEASE), "image": images, "ends": ends},
+        "until_release": int(move.until == Until.RELEASE), "image": images, "ends": ends.array},
         device=device)
-    end, image = ends.numpy().copy(), images.numpy().copy()
+    end, image = ends.numpy(), images.numpy().copy()
     gone = end["made"] * move.interval_m * np.linalg.norm(move.direction, axis=1)
     touch = LineTouch(
         status=end["status"], link=end["link"], point_m=end["point"], normal=end["normal"],
