@@ -208,9 +208,9 @@ def taxel_count(pad: Pad, force: real, taxel_key: wp.uint64, reading_key: wp.uin
 
     `taxel_key` is the taxel's own for an episode, `reading_key` this reading's of this taxel.
     """
-    if counter_uniform(counter_key(taxel_key, _DEAD)) < pad.dead:
-        return int(0)
     if force <= ZERO and _noise_lowers(reading_key):
+        return int(0)
+    if counter_uniform(counter_key(taxel_key, _DEAD)) < pad.dead:
         return int(0)
     level = real(0.0)
     if force > ZERO:
