@@ -53,7 +53,7 @@ class LineTouch:
     q_rad: np.ndarray
     """Joint angles of the finger as read, (row, 4)."""
     taxel_peak: np.ndarray
-    """Largest count of the pad that felt, or was pressed most where the line was blocked; else 0."""
+    """Largest count of the pad that felt, or that bore most where the line was blocked; else 0."""
     image: np.ndarray
     """Its counts, uint8, (row, 16, 16)."""
     steps: np.ndarray

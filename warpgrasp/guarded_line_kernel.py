@@ -300,7 +300,9 @@ def line_kernel(
         s += ahead
         others -= arm_step * real(ahead)
 
-    if felt_link >= 0 and noise_alone == 0 and (status == _CONTACT or status == _BLOCKED):
+    if status != _CONTACT and status != _BLOCKED:
+        felt_link = int(-1)  # a pad's image is read of a touch or a block alone
+    if felt_link >= 0 and noise_alone == 0:
         base = wp.transform_multiply(wp.transform_multiply(to_body, here),
                                      finger_base(hand, finger))
         peak = read_image(scene, which, pad, hand, finger_pose(hand, base, q), finger, felt_link,
