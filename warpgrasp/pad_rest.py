@@ -55,18 +55,19 @@ def pad_rest_energy(
                 if bits != 0:
                     columns = block_columns(pad, hand, block)
                     for i in range(4):
-                        row = pad_row(pad, hand, f, link, real(4 * (block // 4) + i))
-                        for j in range(4):
-                            if (bits & (1 << (4 * i + j))) != 0:
-                                x = pad_point(pad, hand, f, row, columns[j]).x
-                                if stand_distance(scene, body, x) < ZERO:
-                                    g = stand_distance_grad(scene, body, x)
-                                    jt = finger_jacobian(f, link, x, vec3(g[0], g[1], g[2]))
-                                    load = -g[3] * pad.stiffness
-                                    rest.skin.energy -= HALF * load * g[3]
-                                    rest.skin.gradient -= jt * load
-                                    rest.pad_force += load
-                                    h += wp.outer(jt, jt) * pad.stiffness
+                        if (bits & (15 << (4 * i))) != 0:
+                            row = pad_row(pad, hand, f, link, real(4 * (block // 4) + i))
+                            for j in range(4):
+                                if (bits & (1 << (4 * i + j))) != 0:
+                                    x = pad_point(pad, hand, f, row, columns[j]).x
+                                    if stand_distance(scene, body, x) < ZERO:
+                                        g = stand_distance_grad(scene, body, x)
+                                        jt = finger_jacobian(f, link, x, vec3(g[0], g[1], g[2]))
+                                        load = -g[3] * pad.stiffness
+                                        rest.skin.energy -= HALF * load * g[3]
+                                        rest.skin.gradient -= jt * load
+                                        rest.pad_force += load
+                                        h += wp.outer(jt, jt) * pad.stiffness
     rest.hessian = h
     return rest
 

@@ -34,13 +34,14 @@ def pad_load(
         if bits != 0:
             columns = block_columns(pad, hand, block)
             for i in range(4):
-                row = pad_row(pad, hand, f, link, real(4 * (block // 4) + i))
-                for j in range(4):
-                    if (bits & (1 << (4 * i + j))) != 0:
-                        x = pad_point(pad, hand, f, row, columns[j]).x
-                        force = taxel_force(scene, body, pad, x)
-                        total += force
-                        centre += x * force
+                if (bits & (15 << (4 * i))) != 0:
+                    row = pad_row(pad, hand, f, link, real(4 * (block // 4) + i))
+                    for j in range(4):
+                        if (bits & (1 << (4 * i + j))) != 0:
+                            x = pad_point(pad, hand, f, row, columns[j]).x
+                            force = taxel_force(scene, body, pad, x)
+                            total += force
+                            centre += x * force
     if total > ZERO:
         centre = centre / total
     return vec4(centre[0], centre[1], centre[2], total)
