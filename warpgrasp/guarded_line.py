@@ -174,6 +174,8 @@ def guarded_line(
         tip_m=end["tip"], hand_pose=end["believed"], q_rad=end["q_read"], taxel_peak=end["peak"],
         image=image, steps=end["made"],
         time_s=end["arm_time"] + end["made"] * arm.guarded_step_s, path_m=gone)
-    truth = LineTruth(move.rows, end["q_true"], end["point_true"], end["normal_true"],
-                      end["force_true"], end["on_table"].astype(bool), end["pose_true"])
+    # Copies: a truth is kept for the whole episode, and a view would keep all of the record.
+    truth = LineTruth(move.rows, end["q_true"].copy(), end["point_true"].copy(),
+                      end["normal_true"].copy(), end["force_true"].copy(),
+                      end["on_table"].astype(bool), end["pose_true"].copy())
     return touch, truth, end["arm_q"]
