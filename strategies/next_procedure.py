@@ -5,6 +5,7 @@ import numpy as np
 from fit.status import FitStatus
 from strategies.belief import Belief
 from strategies.contour import Axis, ContourOptions
+from strategies.fusion import evidence_rows
 from strategies.planar import PlanarOptions
 from strategies.probes import CrossFaces, FollowContour
 from strategies.recovered import Shape
@@ -12,7 +13,7 @@ from strategies.rivals import touch_misfit
 from strategies.stereo_axis import StereoAxis
 from strategies.tables import ContourTable, DecideTable, PlanarTable
 from strategies.upright import faces_of, stand_upright
-from strategies.waypoints import TOLD_MARGIN_M
+from strategies.waypoints import TOLD_MARGIN_M, BoundingCylinder
 from strategies.whole_profile import revolution_misfit, revolution_of_all
 from warpgrasp.counter_random import Purpose, counter_key_host, counter_uniform_host
 
@@ -85,29 +86,33 @@ def decide(belief: Belief, table: DecideTable) -> tuple[np.ndarray, np.ndarray]:
     are flat, a contour that explains the touches); if not, the other is next.
     """
     stands = stand_upright(belief.body)
-    round_ = (stands.section_exponent >= table.round_from) | ~belief.fitted | turned(belief, table)
+    round_ = (stands.section_exponent >= table.round_from) | ~belief.fitted
     crossed, flat = sides_crossed(belief)
     followed = (np.zeros(belief.worlds, bool) if belief.profile is None
                 else np.isfinite(belief.profile.volume_m3))
     has_faces = (crossed > 0) & (flat >= table.flat_share * crossed)
     has_contour = followed & (belief.shape == Shape.REVOLUTION)
     done = has_faces | has_contour
+    asked = np.flatnonzero(~done & ~followed & (crossed == 0) & ~round_)
+    round_[asked] = turned(belief, table, asked)
     contour = ~done & ~followed & np.where(crossed > 0, True, round_)
     faces = ~done & ~contour & (crossed == 0)
     return faces, contour
 
 
-def turned(belief: Belief, table: DecideTable) -> np.ndarray:
+def turned(belief: Belief, table: DecideTable, rows: np.ndarray) -> np.ndarray:
     """Whether a surface of revolution explains the touches about as well as the superquadric.
 
     The exponent alone may be told wrong by few touches, or by a body that no superquadric is; on a
-    block or a wedge no surface of revolution comes near all touches. Bool (world,).
+    block or a wedge no surface of revolution comes near all touches. Asked of the worlds `rows`
+    (row,) alone, for it takes a fit; bool (row,).
     """
-    if table.turned_within == 0.0:
-        return np.zeros(belief.worlds, bool)
-    turned_off = revolution_misfit(revolution_of_all(belief.evidence, belief.told),
-                                   belief.evidence)
-    near = turned_off <= table.turned_within * touch_misfit(belief.fits, belief.evidence)
+    if table.turned_within == 0.0 or len(rows) == 0:
+        return np.zeros(len(rows), bool)
+    evidence, told = evidence_rows(belief.evidence, rows), belief.told
+    turned_off = revolution_misfit(revolution_of_all(evidence, BoundingCylinder(
+        told.x_m[rows], told.y_m[rows], told.radius_m[rows], told.height_m[rows])), evidence)
+    near = turned_off <= table.turned_within * touch_misfit(belief.fits[rows], evidence)
     return near & (turned_off <= table.turned_within_m)
 
 

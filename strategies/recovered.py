@@ -73,15 +73,24 @@ def choose_body(
     known = (nodes >= FEWEST_NODES) & (mask.sum(1) >= FEWEST_TOUCHES)
     known &= np.isfinite(profile.volume_m3)
     rows = np.flatnonzero(known)
-    away = revolution_distance(body[rows], evidence.points_m[rows])
+    felt = evidence.mask[rows]
+    away = distance_felt(body[rows], evidence.points_m[rows], felt)
     part = Superquadric(*(field[rows] for field in superquadric))
     other = surface_distances(part, evidence.points_m[rows][:, contour], mask[rows])[0]
     better = _rms(away[:, contour], mask[rows]) < PREFERENCE * _rms(np.abs(other), mask[rows])
-    felt = evidence.mask[rows]
     strayed = (felt & (away > CONTRADICTS_M)).sum(1) / np.maximum(felt.sum(1), 1)
     taken = (better & (strayed <= MOST_STRAYED)) | ~fitted[rows]
     shape[rows[taken]] = Shape.REVOLUTION
     return Recovered(shape, superquadric, body)
+
+
+def distance_felt(body: RevolutionBody, points_m: np.ndarray, felt: np.ndarray) -> np.ndarray:
+    """`revolution_distance` of the touches `felt`, inf elsewhere: most slots are empty."""
+    order = np.argsort(~felt, axis=1, kind="stable")[:, :felt.sum(1).max(initial=0)]
+    away = np.full(felt.shape, np.inf)
+    np.put_along_axis(away, order, revolution_distance(
+        body, np.take_along_axis(points_m, order[..., None], 1)), 1)
+    return away
 
 
 def _rms(distance: np.ndarray, mask: np.ndarray) -> np.ndarray:

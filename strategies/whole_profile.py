@@ -10,10 +10,11 @@ from dataclasses import replace
 import numpy as np
 
 from fit.revolution import RevolutionFit, RevolutionOptions, fit_revolution, usable
-from fit.revolution_shape import RevolutionBody, revolution_distance
+from fit.revolution_shape import RevolutionBody
 from strategies.contour_profile import Profile
 from strategies.evidence import Evidence
 from strategies.fusion import evidence_rows
+from strategies.recovered import distance_felt
 from strategies.waypoints import TOLD_MARGIN_M, BoundingCylinder
 
 OPTIONS = RevolutionOptions(nodes=10, upright=True)
@@ -50,7 +51,7 @@ def revolution_misfit(fit: RevolutionFit, evidence: Evidence) -> np.ndarray:
 
     Measured as `strategies.rivals.touch_misfit` measures it for superquadrics.
     """
-    away = np.minimum(revolution_distance(body_of_fit(fit), evidence.points_m), FAR_M)
+    away = np.minimum(distance_felt(body_of_fit(fit), evidence.points_m, evidence.mask), FAR_M)
     count = evidence.mask.sum(1)
     mean = np.where(evidence.mask, away, 0.0).sum(1) / np.maximum(count, 1)
     return np.where(usable(fit) & (count > 0), mean, np.inf)

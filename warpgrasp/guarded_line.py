@@ -8,15 +8,18 @@ by the energy of `pad_rest`. The same move backwards ends when the pads feel not
 
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import warp as wp
 
-from warpgrasp.guarded_line_kernel import line_kernel
-from warpgrasp.launch import launch
+from warpgrasp.guarded_line_kernel import LineBegin, LineEnd, line_kernel
+from warpgrasp.launch import ShapeError, launch
 from warpgrasp.parameters import ArmTable, HandTable, PadTable, SensorTable
 from warpgrasp.puma560 import arm_of
-from warpgrasp.real import real, transform, vec3, vec4, vec6
+from warpgrasp.real import real
+from warpgrasp.records import Records, record_type
 from warpgrasp.scene import Scene
 from warpgrasp.tactile_pad import TAXELS, pad_of
 from warpgrasp.utah_mit_hand import hand_of
@@ -50,7 +53,7 @@ class LineTouch:
     q_rad: np.ndarray
     """Joint angles of the finger as read, (row, 4)."""
     taxel_peak: np.ndarray
-    """Largest count of the pad that felt, or of the distal pad."""
+    """Largest count of the pad that felt, or that bore most where the line was blocked; else 0."""
     image: np.ndarray
     """Its counts, uint8, (row, 16, 16)."""
     steps: np.ndarray
@@ -104,6 +107,19 @@ class LineMove:
     until: Until = Until.CONTACT
 
 
+@lru_cache(maxsize=32)
+def _robot(arm: ArmTable, hand: HandTable, pads: PadTable) -> dict[str, Any]:
+    """The robot as the kernel takes it; kept for the next line."""
+    return {"arm": arm_of(arm, hand.mount_length_m), "hand": hand_of(hand),
+            "pad": pad_of(pads, hand)}
+
+
+@lru_cache(maxsize=32)
+def _commands(shape: tuple[int, ...], commands: bytes, device: str) -> wp.array:
+    """Commands on a device; kept for the next line along them."""
+    return wp.array(np.frombuffer(commands).reshape(shape), dtype=real, device=device)
+
+
 def guarded_line(
     scene: Scene,
     body: np.ndarray,
@@ -126,45 +142,40 @@ def guarded_line(
     (row, 6) where the arms stand. Worlds not among `move.rows` cost nothing. Raises ShapeError.
     """
     n = len(move.rows)
+    begin = np.zeros(n, record_type(LineBegin))
+    for name, value in {
+            "body": np.broadcast_to(body, len(key))[move.rows], "body_pose": body_pose[move.rows],
+            "mount": mount[move.rows], "key": key[move.rows], "number": move.number,
+            "start": move.hand_pose, "direction": move.direction, "arm_q": arm_q_rad}.items():
+        if np.shape(value) != begin[name].shape:
+            raise ShapeError(f"guarded line: {name!r} has shape {np.shape(value)}, "
+                             f"wants {begin[name].shape}")
+        begin[name] = value
     commands = np.ascontiguousarray(move.commands_rad, float)
     speed = float(np.linalg.norm(move.direction, axis=1).max(initial=0.0))
     reach = (hand.abduction_offset_m + sum(hand.link_length_m) + hand.link_radius_m
              + pads.thickness_m)
     swing = np.abs(np.diff(commands[move.finger], axis=0)).sum(-1).max(initial=0.0) * reach
-    out = {name: wp.zeros(n, dtype=dtype, device=device) for name, dtype in {
-        "status": int, "link_out": int, "point": vec3, "normal": vec3, "tip": vec3,
-        "believed": transform, "q_read": vec4, "peak_out": int, "made": int, "arm_time": real,
-        "arm_end": vec6, "q_true": vec4, "point_true": vec3, "normal_true": vec3,
-        "force_true": real, "on_table": int, "pose_true": transform}.items()}
-    out["image"] = wp.zeros((n, TAXELS, TAXELS), dtype=wp.uint8, device=device)
+    images = wp.zeros((n, TAXELS, TAXELS), dtype=wp.uint8, device=device)
+    begins, ends = Records(LineBegin, begin, device), Records(LineEnd, n, device)
     launch(line_kernel, {"row": n}, {
-        **dict.fromkeys(out, "row"), "image": "row 16 16", "body": "world", "body_pose": "world",
-        "mount": "world", "key": "world", "rows": "row", "move": "row", "start": "row",
-        "direction": "row", "commands": "4 step 4", "arm_q": "row"}, {
-        "scene": scene, "body": wp.array(np.broadcast_to(body, len(key)), dtype=int, device=device),
-        "body_pose": wp.array(body_pose, dtype=transform, device=device),
-        "arm": arm_of(arm, hand.mount_length_m), "hand": hand_of(hand),
-        "pad": pad_of(pads, hand), "joint_noise": sensors.joint_noise_rad,
-        "mount": wp.array(mount, dtype=transform, device=device),
-        "mount_length": hand.mount_length_m, "march_scale": march_scale,
-        "key": wp.array(key, dtype=wp.uint64, device=device),
-        "rows": wp.array(move.rows, dtype=int, device=device),
-        "move": wp.array(move.number, dtype=int, device=device),
-        "start": wp.array(move.hand_pose, dtype=transform, device=device),
-        "direction": wp.array(move.direction, dtype=vec3, device=device),
+        "begins": "row", "commands": "4 step 4", "image": "row 16 16", "ends": "row"}, {
+        "scene": scene, **_robot(arm, hand, pads), "joint_noise": sensors.joint_noise_rad,
+        "march_scale": march_scale, "begins": begins.array,
         "interval": move.interval_m, "steps": move.steps, "finger": move.finger,
-        "commands": wp.array(commands, dtype=real, device=device),
+        "commands": _commands(commands.shape, commands.tobytes(), device),
         "step_bound": move.interval_m * speed + swing,
-        "until_release": int(move.until == Until.RELEASE),
-        "arm_q": wp.array(arm_q_rad, dtype=vec6, device=device), **out}, device=device)
-    host = {name: array.numpy().copy() for name, array in out.items()}
-    gone = host["made"] * move.interval_m * np.linalg.norm(move.direction, axis=1)
+        "until_release": int(move.until == Until.RELEASE), "image": images, "ends": ends.array},
+        device=device)
+    end, image = ends.numpy(), images.numpy().copy()
+    gone = end["made"] * move.interval_m * np.linalg.norm(move.direction, axis=1)
     touch = LineTouch(
-        status=host["status"], link=host["link_out"], point_m=host["point"],
-        normal=host["normal"], tip_m=host["tip"], hand_pose=host["believed"],
-        q_rad=host["q_read"], taxel_peak=host["peak_out"], image=host["image"],
-        steps=host["made"], time_s=host["arm_time"] + host["made"] * arm.guarded_step_s,
-        path_m=gone)
-    truth = LineTruth(move.rows, host["q_true"], host["point_true"], host["normal_true"],
-                      host["force_true"], host["on_table"].astype(bool), host["pose_true"])
-    return touch, truth, host["arm_end"]
+        status=end["status"], link=end["link"], point_m=end["point"], normal=end["normal"],
+        tip_m=end["tip"], hand_pose=end["believed"], q_rad=end["q_read"], taxel_peak=end["peak"],
+        image=image, steps=end["made"],
+        time_s=end["arm_time"] + end["made"] * arm.guarded_step_s, path_m=gone)
+    # Copies: a truth is kept for the whole episode, and a view would keep all of the record.
+    truth = LineTruth(move.rows, end["q_true"].copy(), end["point_true"].copy(),
+                      end["normal_true"].copy(), end["force_true"].copy(),
+                      end["on_table"].astype(bool), end["pose_true"].copy())
+    return touch, truth, end["arm_q"]

@@ -10,6 +10,7 @@ from warpgrasp.counter_random import Purpose, counter_key, counter_normal, count
 from warpgrasp.hand_clearance import finger_clearance, palm_clearance
 from warpgrasp.link_nearest import LINK_SAMPLES, link_nearest
 from warpgrasp.pad_rest import pad_rest
+from warpgrasp.pad_sight import PadSight
 from warpgrasp.pad_touch import felt_above, image_centroid, pad_feels, pad_load, read_image
 from warpgrasp.puma560 import Arm, move_time, puma_forward, puma_reach
 from warpgrasp.real import HALF, ONE, ZERO, quat, real, transform, vec3, vec4, vec6
@@ -35,6 +36,45 @@ _JOINT = wp.constant(int(Purpose.PAD_JOINT))
 _ARM = wp.constant(int(Purpose.LINE_ARM))
 _NAN = wp.constant(real(float("nan")))
 _SIDE = wp.constant(16)
+
+
+@wp.struct
+class LineBegin:
+    """What one row of a guarded line starts from, see `guarded_line.LineMove`."""
+
+    body: int
+    body_pose: transform
+    mount: transform
+    """The mount's error."""
+    key: wp.uint64
+    number: int
+    start: transform
+    direction: vec3
+    arm_q: vec6
+
+
+@wp.struct
+class LineEnd:
+    """What came of it: what the robot knows, see `guarded_line.LineTouch`, and what is true."""
+
+    status: int
+    link: int
+    point: vec3
+    normal: vec3
+    tip: vec3
+    believed: transform
+    q_read: vec4
+    peak: int
+    made: int
+    arm_time: real
+    arm_q: vec6
+    # Truth:
+    q_true: vec4
+    point_true: vec3
+    normal_true: vec3
+    force_true: real
+    on_table: int
+    pose_true: transform
 
 
 @wp.func
@@ -95,74 +135,52 @@ def line_kernel(
     first: int,
     # Scene:
     scene: Scene,
-    body: wp.array[int],
-    body_pose: wp.array[transform],
     # Robot:
     arm: Arm,
     hand: Hand,
     pad: Pad,
     joint_noise: real,
-    mount: wp.array[transform],
-    mount_length: real,
     march_scale: real,
     # Move in:
-    key: wp.array[wp.uint64],
-    rows: wp.array[int],
-    move: wp.array[int],
-    start: wp.array[transform],
-    direction: wp.array[vec3],
+    begins: wp.array[LineBegin],
     interval: real,
     steps: int,
     finger: int,
     commands: wp.array3d[real],
     step_bound: real,
     until_release: int,
-    arm_q: wp.array[vec6],
     # Touch out:
-    status: wp.array[int],
-    link_out: wp.array[int],
-    point: wp.array[vec3],
-    normal: wp.array[vec3],
-    tip: wp.array[vec3],
-    believed: wp.array[transform],
-    q_read: wp.array[vec4],
-    peak_out: wp.array[int],
     image: wp.array3d[wp.uint8],
-    made: wp.array[int],
-    arm_time: wp.array[real],
-    arm_end: wp.array[vec6],
-    # Truth out:
-    q_true: wp.array[vec4],
-    point_true: wp.array[vec3],
-    normal_true: wp.array[vec3],
-    force_true: wp.array[real],
-    on_table: wp.array[int],
-    pose_true: wp.array[transform],
+    ends: wp.array[LineEnd],
 ):
     """One row of `guarded_line.guarded_line`, which says what goes in and what comes out."""
     i = wp.tid() + first
-    w = rows[i]
-    which = body[w % body.shape[0]]
+    begin = begins[i]
+    which = begin.body
+    key = begin.key
+    number = begin.number
+    line = begin.start
+    way = begin.direction
     nan3 = vec3(_NAN, _NAN, _NAN)
-    link_out[i] = -1
-    point[i] = nan3
-    normal[i] = nan3
-    point_true[i] = nan3
-    normal_true[i] = nan3
-    line = start[i]
-    way = direction[i]
+    end = LineEnd()
+    end.link = -1
+    end.point = nan3
+    end.normal = nan3
+    end.point_true = nan3
+    end.normal_true = nan3
     hand_on_flange = transform(vec3(ZERO, ZERO, arm.mount), quat(ZERO, ZERO, ZERO, ONE))
     flange_on_hand = wp.transform_inverse(hand_on_flange)
 
     # How far along the line the arm can go.
-    arm_start = puma_reach(arm, wp.transform_multiply(line, flange_on_hand), arm_q[i])
+    arm_start = puma_reach(arm, wp.transform_multiply(line, flange_on_hand), begin.arm_q)
     reachable = int(steps)
     if not wp.isfinite(arm_start[0]):
-        status[i] = _UNREACHABLE
-        believed[i] = line
-        arm_end[i] = arm_q[i]
-        q_read[i] = vec4(_NAN, _NAN, _NAN, _NAN)
-        tip[i] = nan3
+        end.status = _UNREACHABLE
+        end.believed = line
+        end.arm_q = begin.arm_q
+        end.q_read = vec4(_NAN, _NAN, _NAN, _NAN)
+        end.tip = nan3
+        ends[i] = end
         return
     arm_last = puma_reach(arm, wp.transform_multiply(
         _along(line, way, interval * real(steps)), flange_on_hand), arm_start)
@@ -179,27 +197,28 @@ def line_kernel(
                 high = middle
         reachable = low
 
-    noise = counter_key(counter_key(key[w], _ARM), move[i])
+    noise = counter_key(counter_key(key, _ARM), number)
     wobble = vec3(counter_normal(counter_key(noise, 0)), counter_normal(counter_key(noise, 1)),
                   counter_normal(counter_key(noise, 2))) * arm.repeatability
-    to_body = wp.transform_inverse(body_pose[w])
-    patience = -wp.log(counter_uniform(counter_key(counter_key(key[w], _FALSE), move[i])))
+    to_body = wp.transform_inverse(begin.body_pose)
+    patience = -wp.log(counter_uniform(counter_key(counter_key(key, _FALSE), number)))
     hazard_step = -wp.log(wp.max(ONE - pad.false_touch, real(1e-300)))
     hazard = real(0.0)
 
-    end = _NO_CONTACT
+    status = _NO_CONTACT
     if reachable < steps:
-        end = _UNREACHABLE
+        status = _UNREACHABLE
     s = int(0)
     q = _command(commands, finger, 0)
     here = line
-    reader = counter_key(counter_key(key[w], _JOINT), move[i])
+    reader = counter_key(counter_key(key, _JOINT), number)
     read = q
     felt_link = int(-1)
     peak = int(0)
     noise_alone = int(0)
     most = vec4(ZERO, ZERO, ZERO, ZERO)
     moved = int(0)
+    sight = PadSight()
     # Palm and other fingers move with the arm alone: a clearance lasts until it may be used up.
     others = real(0.0)
     arm_step = interval * wp.length(way) / march_scale
@@ -207,31 +226,33 @@ def line_kernel(
         command = _command(commands, finger, s)
         if moved == 0:
             q = command
-        here = wp.transform_multiply(_along(line, way, interval * real(s)), mount[w])
+        here = wp.transform_multiply(_along(line, way, interval * real(s)), begin.mount)
         here = transform(wp.transform_get_translation(here) + wobble,
                          wp.transform_get_rotation(here))
         pose = wp.transform_multiply(to_body, here)
         base = wp.transform_multiply(pose, finger_base(hand, finger))
         if others <= ZERO:
-            others = _others_free(scene, which, hand, pose, mount_length, commands, finger)
+            others = _others_free(scene, which, hand, pose, arm.mount, commands, finger)
         free = wp.min(_finger_free(scene, which, hand, pad, base, command), others)
         felt_link = int(-1)
         felt = int(0)
         most = vec4(ZERO, ZERO, ZERO, ZERO)
         if free <= ZERO:
-            q = pad_rest(scene, which, hand, pad, base, command, q).skin.q
+            rest = pad_rest(scene, which, hand, pad, base, command, q)
+            q = rest.skin.q
+            sight = rest.sight
             moved = int(1)
             f = finger_pose(hand, base, q)
             # All pads are read; the one pressed most speaks for the finger.
             for link in range(3):
                 if pad.on[link] != 0:
-                    load = pad_load(scene, which, pad, hand, f, link)
+                    load = pad_load(scene, which, pad, hand, f, link, sight)
                     if load[3] > most[3]:
                         most = load
                         felt_link = int(link)
             if felt_link >= 0:
-                if pad_feels(scene, which, pad, hand, f, finger, felt_link, key[w],
-                             pad_reading_key(key[w], move[i], s, finger, felt_link)):
+                if pad_feels(scene, which, pad, hand, f, finger, felt_link, key,
+                             pad_reading_key(key, number, s, finger, felt_link), sight):
                     felt = int(1)
         else:
             q = command
@@ -244,20 +265,20 @@ def line_kernel(
             lag = wp.max(lag, wp.abs(read[j] - command[j]))
         if until_release == 0 and s == 0 and free <= ZERO and (
                 lag > pad.yield_angle or others <= ZERO):
-            end = _COLLISION
+            status = _COLLISION
             break
         if until_release == 0 and felt == 1:
-            end = _CONTACT
+            status = _CONTACT
             break
         if until_release == 1 and felt == 0:
-            end = _NO_CONTACT
+            status = _NO_CONTACT
             break
         if until_release == 1 and s >= reachable:
-            end = _CONTACT
+            status = _CONTACT
             break
         if until_release == 0 and free <= ZERO and (
                 lag > pad.yield_angle or others <= ZERO):
-            end = _BLOCKED
+            status = _BLOCKED
             break
         if s >= reachable:
             break
@@ -268,51 +289,55 @@ def line_kernel(
             hazard += hazard_step * real(ahead)
             if hazard > patience:
                 # Noise alone reached the threshold: some taxel, its count the threshold's.
-                end = _CONTACT
+                status = _CONTACT
                 felt_link = 2
                 noise_alone = int(1)
                 peak = int(wp.ceil(pad.threshold))
-                draw = counter_key(counter_key(key[w], _FALSE), move[i])
+                draw = counter_key(counter_key(key, _FALSE), number)
                 where = wp.min(int(counter_uniform(counter_key(draw, 1)) * real(256.0)), 255)
                 image[i, where // _SIDE, where % _SIDE] = wp.uint8(peak)
                 break
         s += ahead
         others -= arm_step * real(ahead)
 
+    if status != _CONTACT and status != _BLOCKED:
+        felt_link = int(-1)  # a pad's image is read of a touch or a block alone
     if felt_link >= 0 and noise_alone == 0:
         base = wp.transform_multiply(wp.transform_multiply(to_body, here),
                                      finger_base(hand, finger))
         peak = read_image(scene, which, pad, hand, finger_pose(hand, base, q), finger, felt_link,
-                          key[w], pad_reading_key(key[w], move[i], s, finger, felt_link), image, i)
-    status[i] = end
-    made[i] = s
-    peak_out[i] = peak
-    q_true[i] = q
-    q_read[i] = read
-    pose_true[i] = here
+                          key, pad_reading_key(key, number, s, finger, felt_link), sight,
+                          image, i)
+    end.status = status
+    end.made = s
+    end.peak = peak
+    end.q_true = q
+    end.q_read = read
+    end.pose_true = here
     arm_stop = puma_reach(arm, wp.transform_multiply(
         _along(line, way, interval * real(s)), flange_on_hand), arm_start)
-    arm_time[i] = move_time(arm, arm_q[i], arm_start)
-    arm_end[i] = arm_stop
+    end.arm_time = move_time(arm, begin.arm_q, arm_start)
+    end.arm_q = arm_stop
     if arm.encoder_step > ZERO:
         for j in range(6):
             arm_stop[j] = arm.encoder_step * wp.round(arm_stop[j] / arm.encoder_step)
     pose_read = wp.transform_multiply(puma_forward(arm, arm_stop), hand_on_flange)
-    believed[i] = pose_read
-    tip[i] = _tip(hand, pose_read, finger, read)
+    end.believed = pose_read
+    end.tip = _tip(hand, pose_read, finger, read)
     if most[3] > ZERO:
         centre = vec3(most[0], most[1], most[2])
         g = stand_distance_grad(scene, which, centre)
         n = vec3(g[0], g[1], g[2])
-        force_true[i] = most[3]
-        point_true[i] = wp.transform_point(body_pose[w], centre - n * g[3])
-        normal_true[i] = wp.transform_vector(body_pose[w], n)
+        end.force_true = most[3]
+        end.point_true = wp.transform_point(begin.body_pose, centre - n * g[3])
+        end.normal_true = wp.transform_vector(begin.body_pose, n)
         if wp.abs(g[3] - centre[2]) < real(1e-12) and n[2] > real(0.999):
-            on_table[i] = 1
-    if end == _CONTACT and felt_link >= 0:
-        link_out[i] = felt_link
+            end.on_table = 1
+    if status == _CONTACT and felt_link >= 0:
+        end.link = felt_link
         at = image_centroid(image, i, felt_above(pad))
         touch = pad_place(pad, hand, finger_pose(hand, wp.transform_multiply(
             pose_read, finger_base(hand, finger)), read), felt_link, at[0], at[1])
-        point[i] = touch.x
-        normal[i] = -touch.out
+        end.point = touch.x
+        end.normal = -touch.out
+    ends[i] = end

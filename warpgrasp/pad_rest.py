@@ -9,9 +9,10 @@ import warp as wp
 
 from warpgrasp.finger_energy import Rest, finger_energy, rest_from, worst_of
 from warpgrasp.link_nearest import LINK_SAMPLES
+from warpgrasp.pad_sight import PadSight, block_columns, pad_sight, sight_holds
 from warpgrasp.real import HALF, ZERO, mat44, real, vec3, vec4
 from warpgrasp.scene import Scene, stand_distance, stand_distance_grad
-from warpgrasp.tactile_pad import Pad, block_near, pad_columns, pad_near, pad_point, pad_row
+from warpgrasp.tactile_pad import Pad, pad_point, pad_row
 from warpgrasp.utah_mit_hand import Hand, finger_jacobian, finger_pose
 
 _ITERATIONS = wp.constant(30)
@@ -21,44 +22,52 @@ _GRADIENT = wp.constant(real(1e-6))  # [N m]: some 1e-5 N at the tip, a taxel fe
 
 @wp.struct
 class PadRest:
-    """A finger at rest: skin and servos (energy and gradient include the pads), curvature, load."""
+    """A finger at rest: skin and servos (energy and gradient include the pads), curvature, load.
+
+    `sight` holds at its joints.
+    """
 
     skin: Rest
     hessian: mat44
     pad_force: real
     """Sum over all taxels [N]."""
+    sight: PadSight
 
 
 @wp.func
 def pad_rest_energy(
     scene: Scene, body: int, hand: Hand, pad: Pad, base: wp.transformd, command: vec4, q: vec4,
-    last: Rest, samples: int
+    last: Rest, samples: int, sight: PadSight
 ):
     """Energy, gradient and Gauss-Newton Hessian at joints `q`; `base` in the body's frame.
 
     `last` and `samples` are handed on to `finger_energy`.
     """
     rest = PadRest()
+    rest.sight = sight
     rest.skin = finger_energy(scene, body, hand, base, command, q, last, samples)
     h = wp.inverse(rest.skin.compliance)
     f = finger_pose(hand, base, q)
     for link in range(3):
-        if pad.on[link] != 0 and pad_near(scene, body, pad, hand, f, link):
+        if pad.on[link] != 0:
             for block in range(16):
-                if block_near(scene, body, pad, hand, f, link, block):
-                    columns = pad_columns(pad, hand, 4 * (block % 4))
+                bits = sight.taxels[link, block]
+                if bits != 0:
+                    columns = block_columns(pad, hand, block)
                     for i in range(4):
-                        row = pad_row(pad, hand, f, link, real(4 * (block // 4) + i))
-                        for j in range(4):
-                            x = pad_point(pad, hand, f, row, columns[j]).x
-                            if stand_distance(scene, body, x) < ZERO:
-                                g = stand_distance_grad(scene, body, x)
-                                jt = finger_jacobian(f, link, x, vec3(g[0], g[1], g[2]))
-                                load = -g[3] * pad.stiffness
-                                rest.skin.energy -= HALF * load * g[3]
-                                rest.skin.gradient -= jt * load
-                                rest.pad_force += load
-                                h += wp.outer(jt, jt) * pad.stiffness
+                        if (bits & (15 << (4 * i))) != 0:
+                            row = pad_row(pad, hand, f, link, real(4 * (block // 4) + i))
+                            for j in range(4):
+                                if (bits & (1 << (4 * i + j))) != 0:
+                                    x = pad_point(pad, hand, f, row, columns[j]).x
+                                    if stand_distance(scene, body, x) < ZERO:
+                                        g = stand_distance_grad(scene, body, x)
+                                        jt = finger_jacobian(f, link, x, vec3(g[0], g[1], g[2]))
+                                        load = -g[3] * pad.stiffness
+                                        rest.skin.energy -= HALF * load * g[3]
+                                        rest.skin.gradient -= jt * load
+                                        rest.pad_force += load
+                                        h += wp.outer(jt, jt) * pad.stiffness
     rest.hessian = h
     return rest
 
@@ -70,13 +79,16 @@ def pad_rest(
     """The rest configuration for a command, descending from `start`; the energy never rises."""
     rest = PadRest()
     rest.skin = rest_from(start)
+    sight = pad_sight(scene, body, pad, hand, base, start)
     step = vec4(ZERO, ZERO, ZERO, ZERO)
     scale = real(1.0)
     halvings = int(0)
     for k in range(_ITERATIONS):
-        trial = pad_rest_energy(scene, body, hand, pad, base, command,
-                                rest.skin.q + step * scale, rest.skin,
-                                wp.where(k == 0, LINK_SAMPLES, 0))
+        q = rest.skin.q + step * scale
+        if not sight_holds(pad, hand, sight, q):
+            sight = pad_sight(scene, body, pad, hand, base, q)
+        trial = pad_rest_energy(scene, body, hand, pad, base, command, q, rest.skin,
+                                wp.where(k == 0, LINK_SAMPLES, 0), sight)
         halvings += 1
         scale = scale * HALF
         if k == 0 or trial.skin.energy < rest.skin.energy:

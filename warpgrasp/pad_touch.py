@@ -3,14 +3,13 @@
 import warp as wp
 
 from warpgrasp.counter_random import counter_key
+from warpgrasp.pad_sight import PadSight, block_columns
 from warpgrasp.real import HALF, ZERO, real, vec2, vec3, vec4
 from warpgrasp.scene import Scene
 from warpgrasp.tactile_pad import (
     Pad,
-    block_near,
     noise_may_reach,
-    pad_columns,
-    pad_near,
+    pad_column,
     pad_point,
     pad_row,
     pad_taxel_key,
@@ -24,77 +23,75 @@ _WINDOW = wp.constant(3)  # taxels each way from the peak that count for the cen
 
 
 @wp.func
-def pad_load(scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, link: int):
+def pad_load(
+    scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, link: int, sight: PadSight
+):
     """Centre of force (x, y, z) and the sum of the forces on all taxels [N]; zeros without load."""
     total = real(0.0)
     centre = vec3(ZERO, ZERO, ZERO)
-    if pad_near(scene, body, pad, hand, f, link):
-        for block in range(16):
-            if block_near(scene, body, pad, hand, f, link, block):
-                columns = pad_columns(pad, hand, 4 * (block % 4))
-                for i in range(4):
+    for block in range(16):
+        bits = sight.taxels[link, block]
+        if bits != 0:
+            columns = block_columns(pad, hand, block)
+            for i in range(4):
+                if (bits & (15 << (4 * i))) != 0:
                     row = pad_row(pad, hand, f, link, real(4 * (block // 4) + i))
                     for j in range(4):
-                        x = pad_point(pad, hand, f, row, columns[j]).x
-                        force = taxel_force(scene, body, pad, x)
-                        total += force
-                        centre += x * force
+                        if (bits & (1 << (4 * i + j))) != 0:
+                            x = pad_point(pad, hand, f, row, columns[j]).x
+                            force = taxel_force(scene, body, pad, x)
+                            total += force
+                            centre += x * force
     if total > ZERO:
         centre = centre / total
     return vec4(centre[0], centre[1], centre[2], total)
 
 
 @wp.func
+def _pressing(
+    scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, link: int, sight: PadSight,
+    taxel: int
+):
+    """Force on one taxel [N]."""
+    row = taxel // _SIDE
+    column = taxel % _SIDE
+    bits = sight.taxels[link, 4 * (row // 4) + column // 4]
+    if (bits & (1 << (4 * (row % 4) + column % 4))) == 0:
+        return ZERO
+    return taxel_force(scene, body, pad, pad_point(
+        pad, hand, f, pad_row(pad, hand, f, link, real(row)),
+        pad_column(pad, hand, real(column))).x)
+
+
+@wp.func
 def pad_feels(
     scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, finger: int, link: int,
-    episode: wp.uint64, reading: wp.uint64
+    episode: wp.uint64, reading: wp.uint64, sight: PadSight
 ):
     """Whether some taxel of a pad reads the threshold: as `read_image` would, less work."""
-    for block in range(16):
-        near = block_near(scene, body, pad, hand, f, link, block)
-        columns = pad_columns(pad, hand, 4 * (block % 4))
-        for i in range(4):
-            row_number = 4 * (block // 4) + i
-            row = pad_row(pad, hand, f, link, real(row_number))
-            for j in range(4):
-                taxel = row_number * _SIDE + 4 * (block % 4) + j
-                force = real(0.0)
-                if near:
-                    force = taxel_force(scene, body, pad,
-                                        pad_point(pad, hand, f, row, columns[j]).x)
-                key = counter_key(reading, taxel)
-                if force > ZERO or noise_may_reach(pad, key):
-                    count = taxel_count(pad, force, pad_taxel_key(episode, finger, link, taxel),
-                                        key)
-                    if real(count) >= pad.threshold:
-                        return True
+    for taxel in range(_SIDE * _SIDE):
+        key = counter_key(reading, taxel)
+        force = _pressing(scene, body, pad, hand, f, link, sight, taxel)
+        if force > ZERO or noise_may_reach(pad, key):
+            count = taxel_count(pad, force, pad_taxel_key(episode, finger, link, taxel), key)
+            if real(count) >= pad.threshold:
+                return True
     return False
 
 
 @wp.func
 def read_image(
     scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, finger: int, link: int,
-    episode: wp.uint64, reading: wp.uint64, image: wp.array3d[wp.uint8], i: int
+    episode: wp.uint64, reading: wp.uint64, sight: PadSight, image: wp.array3d[wp.uint8], i: int
 ):
     """Read a pad into row `i` of `image`; returns the largest count."""
     peak = int(0)
-    for block in range(16):
-        near = block_near(scene, body, pad, hand, f, link, block)
-        columns = pad_columns(pad, hand, 4 * (block % 4))
-        for k in range(4):
-            row_number = 4 * (block // 4) + k
-            row = pad_row(pad, hand, f, link, real(row_number))
-            for j in range(4):
-                column_number = 4 * (block % 4) + j
-                taxel = row_number * _SIDE + column_number
-                force = real(0.0)
-                if near:
-                    force = taxel_force(scene, body, pad,
-                                        pad_point(pad, hand, f, row, columns[j]).x)
-                count = taxel_count(pad, force, pad_taxel_key(episode, finger, link, taxel),
-                                    counter_key(reading, taxel))
-                image[i, row_number, column_number] = wp.uint8(count)
-                peak = wp.max(peak, count)
+    for taxel in range(_SIDE * _SIDE):
+        force = _pressing(scene, body, pad, hand, f, link, sight, taxel)
+        count = taxel_count(pad, force, pad_taxel_key(episode, finger, link, taxel),
+                            counter_key(reading, taxel))
+        image[i, taxel // _SIDE, taxel % _SIDE] = wp.uint8(count)
+        peak = wp.max(peak, count)
     return peak
 
 

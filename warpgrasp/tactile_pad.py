@@ -15,7 +15,7 @@ import warp as wp
 from warpgrasp.counter_random import Purpose, counter_key, counter_normal, counter_uniform
 from warpgrasp.launch import launch
 from warpgrasp.parameters import HandTable, PadTable
-from warpgrasp.real import HALF, ONE, ZERO, mat42, real, transform, vec2, vec3, vec4
+from warpgrasp.real import HALF, ONE, ZERO, real, transform, vec2, vec3, vec4
 from warpgrasp.scene import Scene, stand_distance
 from warpgrasp.sine_cosine import sine_cosine
 from warpgrasp.utah_mit_hand import (
@@ -35,12 +35,12 @@ TAXELS = 16
 """Rows and columns of a pad [paper]."""
 _SIDE = wp.constant(16)
 _SIDE_REAL = wp.constant(real(16.0))
-_BLOCKS = wp.constant(4)  # 4 x 4 blocks of 4 x 4 taxels, each skipped by one distance
 _EXPONENTIAL = wp.constant(0)
 _GAIN = wp.constant(int(Purpose.PAD_GAIN))
 _DEAD = wp.constant(int(Purpose.PAD_DEAD))
 _READING = wp.constant(int(Purpose.PAD_READING))
 _FULL = wp.constant(real(255.0))
+_QUARTER = wp.constant(real(0.25))
 
 
 @wp.struct
@@ -153,16 +153,6 @@ def pad_column(pad: Pad, hand: Hand, column: real):
 
 
 @wp.func
-def pad_columns(pad: Pad, hand: Hand, first: int):
-    """Rows of a matrix: (sin, cos) of the turns of four columns from `first` on."""
-    a = pad_column(pad, hand, real(first))
-    b = pad_column(pad, hand, real(first + 1))
-    c = pad_column(pad, hand, real(first + 2))
-    d = pad_column(pad, hand, real(first + 3))
-    return mat42(a[0], a[1], b[0], b[1], c[0], c[1], d[0], d[1])
-
-
-@wp.func
 def pad_point(pad: Pad, hand: Hand, f: FingerPose, row: PadRow, column: vec2):
     """The place of a row and a column of a pad."""
     place = PadPlace()
@@ -179,21 +169,12 @@ def pad_place(pad: Pad, hand: Hand, f: FingerPose, link: int, row: real, column:
 
 
 @wp.func
-def pad_near(scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, link: int):
-    """Whether a pad may touch anything: a bound from its middle."""
-    middle = pad_place(pad, hand, f, link, _SIDE_REAL * HALF, _SIDE_REAL * HALF)
-    return stand_distance(scene, body, middle.x) < (pad.length + pad.width) * HALF
-
-
-@wp.func
-def block_near(
-    scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, link: int, block: int
+def pad_near(
+    scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, link: int, margin: real
 ):
-    """Whether one of a pad's 16 blocks of 4 x 4 taxels may touch anything."""
-    middle = pad_place(pad, hand, f, link, real(4 * (block // _BLOCKS)) + real(1.5),
-                       real(4 * (block % _BLOCKS)) + real(1.5))
-    reach = real(1.5) * wp.sqrt(pad.length * pad.length + pad.width * pad.width) / _SIDE_REAL
-    return stand_distance(scene, body, middle.x) < reach
+    """Whether a pad may come nearer than `margin` to anything: a bound from its middle."""
+    middle = pad_place(pad, hand, f, link, _SIDE_REAL * HALF, _SIDE_REAL * HALF)
+    return stand_distance(scene, body, middle.x) < (pad.length + pad.width) * HALF + margin
 
 
 @wp.func
@@ -215,11 +196,20 @@ def _voltage(pad: Pad, force: real):
 
 
 @wp.func
+def _noise_lowers(reading_key: wp.uint64):
+    """Whether a reading's noise surely is not positive: the cosine of its `counter_normal`."""
+    v = counter_uniform(counter_key(counter_key(reading_key, 1), 2))
+    return v >= _QUARTER and v <= ONE - _QUARTER
+
+
+@wp.func
 def taxel_count(pad: Pad, force: real, taxel_key: wp.uint64, reading_key: wp.uint64):
     """What the converter reads for a force [N]: 0 to 255.
 
     `taxel_key` is the taxel's own for an episode, `reading_key` this reading's of this taxel.
     """
+    if force <= ZERO and _noise_lowers(reading_key):
+        return int(0)
     if counter_uniform(counter_key(taxel_key, _DEAD)) < pad.dead:
         return int(0)
     level = real(0.0)
@@ -283,7 +273,7 @@ def _pads_kernel(
         wp.transform_inverse(body_pose[i]),
         wp.transform_multiply(hand_pose[i], finger_base(hand, finger)))
     f = finger_pose(hand, base, q[i, finger])
-    if pad_near(scene, which, pad, hand, f, link):
+    if pad_near(scene, which, pad, hand, f, link, ZERO):
         for row in range(_SIDE):
             for column in range(_SIDE):
                 place = pad_place(pad, hand, f, link, real(row), real(column))

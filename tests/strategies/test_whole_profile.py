@@ -79,5 +79,6 @@ def test_a_funnel_is_round_and_a_block_is_not() -> None:
         evidence = evidence_of(points)
         fits = fit_superquadric(evidence.points_m, evidence.mask, table_z=0.0)
         belief = SimpleNamespace(worlds=1, evidence=evidence, fits=fits, told=TOLD)
-        assert turned(belief, DecideTable())[0] == expected  # pyright: ignore
-        assert not turned(belief, replace(DecideTable(), turned_within=0.0))[0]  # pyright: ignore
+        row, never = np.arange(1), replace(DecideTable(), turned_within=0.0)
+        assert turned(belief, DecideTable(), row)[0] == expected  # pyright: ignore
+        assert not turned(belief, never, row)[0]  # pyright: ignore

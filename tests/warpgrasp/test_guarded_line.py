@@ -12,6 +12,7 @@ from warpgrasp.guarded_line import Until
 from warpgrasp.parameters import ArmTable, HandTable, PadTable, SensorTable
 from warpgrasp.robot import Robot, Truth
 from warpgrasp.status import ProbeStatus
+from warpgrasp.tactile_pad import read_pads
 
 EXACT_ARM = ArmTable(encoder_step_rad=0.0, repeatability_m=0.0, mount_error_m=0.0,
                      mount_error_rad=0.0)
@@ -67,6 +68,30 @@ def test_default_noise_leaves_the_touch_within_a_millimetre_or_two() -> None:
     assert np.median(np.linalg.norm(error, axis=1)) < 2.0e-3
     lean = np.degrees(np.arccos(-touch.normal[:, 0]))
     assert np.median(lean) < 5.0
+
+
+@pytest.mark.parametrize("name", ["block", "wine_bottle"])
+def test_the_load_is_that_of_all_taxels(name: str) -> None:
+    """No taxel that presses is overlooked: `read_pads` asks every one."""
+    n = 60
+    body, pose = body_from_name(name), np.tile([0.45, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (n, 1))
+    truth, pads = Truth(pose), PadTable(middle=True)
+    key = np.arange(n).astype(np.uint64) + np.uint64(7)
+    robot = Robot([body], np.zeros(1, int), truth, key, ArmTable(), HandTable(), SensorTable(),
+                  pads=pads)
+    angle = np.linspace(-1.0, 1.0, n)
+    inward = np.stack([np.cos(angle), np.sin(angle), 0 * angle], 1)
+    start = poking_pose(robot.hand, pads, np.array([0.45, 0.0, 0.05]) - 0.06 * inward, inward,
+                        np.array([0.0, 0.0, -1.0]))
+    robot.guarded_line(np.arange(n), start, inward, interval_m=0.001, steps=60, finger=0,
+                       commands_rad=POKE_RAD)
+    line = truth.lines[0]
+    q = np.repeat(POKE_RAD[None, :, 0], n, axis=0)
+    q[:, 0] = line.q_rad
+    every = read_pads(robot._scene, np.zeros(1, int), pose, robot.hand, pads, key, line.hand_pose,
+                      q).force_N[:, 0].sum((2, 3)).max(1)
+    assert (every > 0.05).mean() > 0.8
+    np.testing.assert_allclose(line.force_N, every, rtol=1e-9, atol=1e-12)
 
 
 def test_servo_torques_balance_the_pad() -> None:
