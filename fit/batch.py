@@ -20,7 +20,7 @@ import numpy as np
 
 from fit.program_cache import load_or_compile
 
-POINT_BUCKETS = (16, 32, 64, 128, 256, 512)
+POINT_BUCKETS = (32, 64, 128, 256, 512)
 GROUP = 16
 """Lanes computed side by side: another number rounds differently in the last bit."""
 LANES = 16 * GROUP

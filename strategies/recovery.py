@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from fit.superquadric import SuperquadricFit, SuperquadricOptions, fit_superquadric
-from fit.superquadric_shape import SuperquadricLike
+from fit.superquadric_shape import Superquadric, SuperquadricLike
 from strategies.body_query import radial_distances, surface_distances
 from strategies.evidence import Evidence, TouchedLinks
 from strategies.fusion import evidence_rows, link_rows
@@ -138,36 +138,38 @@ def contacts_placed(
 
     Where a body is none, its contacts stay where they are felt.
     """
-    worlds, slots = evidence.mask.shape
-    felt = np.repeat(evidence.mask & links.linked, links.centre_m.shape[2], axis=1)
-    distance, normal = surface_distances(body, links.centre_m.reshape(worlds, -1, 3), felt)
-    distance = distance.reshape(worlds, slots, -1)
-    normal = normal.reshape(worlds, slots, -1, 3)
-    slope = np.einsum("wplk,wplk->wpl", links.direction, normal)
+    rows = np.nonzero(evidence.mask & links.linked)
+    centre, direction, variance = (
+        field[rows] for field in (links.centre_m, links.direction, links.variance_m2))
+    of_contact = Superquadric(*(getattr(body, name)[rows[0]] for name in Superquadric._fields))
+    distance, normal = surface_distances(of_contact, centre, np.ones(variance.shape, bool))
+    slope = np.sum(direction * normal, axis=-1)
     miss = distance - links.radius_m
-    spread = PLACE_SIGMA_M**2 + slope**2 * links.variance_m2
+    spread = PLACE_SIGMA_M**2 + slope**2 * variance
     misfit = (np.minimum(miss**2, FARTHEST_M**2) / spread
-              - 2.0 * np.log(np.maximum(links.weight, 1e-9)))
-    likeliest = np.argmin(misfit, axis=-1)
-
-    def pick(values: np.ndarray) -> np.ndarray:
-        index = likeliest.reshape(worlds, slots, *([1] * (values.ndim - 2)))
-        return np.take_along_axis(values, index, axis=2)[:, :, 0]
-
-    direction, variance = pick(links.direction), pick(links.variance_m2)
+              - 2.0 * np.log(np.maximum(links.weight[rows], 1e-9)))
+    likeliest = np.arange(len(misfit)), np.argmin(misfit, axis=-1)
+    centre, direction, variance, normal, slope, miss = (
+        values[likeliest] for values in (centre, direction, variance, normal, slope, miss))
     # The torque's place along the axis and the body's meet in the middle, by their spreads.
-    shift = -pick(miss) * pick(slope) / (
-        PLACE_SIGMA_M**2 / np.maximum(variance, 1e-8) + pick(slope) ** 2)
+    shift = -miss * slope / (PLACE_SIGMA_M**2 / np.maximum(variance, 1e-8) + slope**2)
     reach = 2.0 * np.sqrt(variance)
-    centre = pick(links.centre_m) + direction * np.clip(shift, -reach, reach)[..., None]
-    points = centre - links.radius_m * pick(normal)
+    centre = centre + direction * np.clip(shift, -reach, reach)[:, None]
+    points = centre - links.radius_m * normal
     covariance = (np.eye(3) * NORMAL_SIGMA_M**2
-                  + direction[..., :, None] * direction[..., None, :] * variance[..., None, None])
-    move = evidence.mask & links.linked[None] & pick(normal).any(-1) & np.isfinite(points).all(-1)
+                  + direction[:, :, None] * direction[:, None, :] * variance[:, None, None])
+    moved = normal.any(-1) & np.isfinite(points).all(-1)
+    there = rows[0][moved], rows[1][moved]
+
+    def put(values: np.ndarray, new: np.ndarray) -> np.ndarray:
+        out = values.copy()
+        out[there] = new[moved]
+        return out
+
     return replace(
-        evidence, points_m=np.where(move[..., None], points, evidence.points_m),
-        covariance_m2=np.where(move[..., None, None], covariance, evidence.covariance_m2),
-        normals=np.where(move[..., None], pick(normal), evidence.normals))
+        evidence, points_m=put(evidence.points_m, points),
+        covariance_m2=put(evidence.covariance_m2, covariance),
+        normals=put(evidence.normals, normal))
 
 
 def nearest_free(placed: Evidence, evidence: Evidence, body: SuperquadricLike) -> Evidence:
