@@ -58,16 +58,14 @@ def normal_equations(theta, lane: Lane, form: Form) -> Normal:
     and summed there; the sums are brought to theta by hand. The priors have a parameter each.
     """
     body = unpack(theta, lane.rotation, form)
-    few = []
+    columns = [_at_points(body, lane.points, *_touched(lane, form))]
     if lane.plane is not None:
-        few.append(_of_table(body, lane.plane))
+        columns.append(_of_table(body, lane.plane))
     if lane.upright is not None:
-        few.append(_of_tilt(body, lane.upright))
+        columns.append(_of_tilt(body, lane.upright))
     if lane.normals is not None:
-        few.append(_of_normals(body, lane, form))
-    sums = _sums(_at_points(body, lane.points, *_touched(lane, form)))
-    if few:
-        sums = sums + _sums(jnp.concatenate(few, axis=1))
+        columns.append(_of_normals(body, lane, form))
+    sums = _sums(jnp.concatenate(columns, axis=1))
     if lane.free is not None:
         # Fits that know no free space yet have it masked, for they share the compiled program.
         sums = sums + where_any(
@@ -85,7 +83,8 @@ def residuals(theta, lane: Lane, form: Form) -> Float[Array, " residual"]:
     raw, made = _touched(lane, form)
     each = [made(raw(body.shape, body.local(lane.points)))]
     if lane.plane is not None:
-        each.append(_above_table(body, lane.plane)[None])
+        reach = support(body.numbers, body.inward(lane.plane[:3, None])[:, 0])
+        each.append(_above_table(body, lane.plane, reach)[None])
     if lane.upright is not None:
         each.append(_tilt(body.rotation[2], lane.upright))
     if lane.normals is not None:
@@ -135,19 +134,19 @@ def _sums(columns):
     return columns @ columns.T
 
 
-def _above_table(body: Body, plane: Float[Tensor, " 5"]) -> Float[Array, ""]:
+def _above_table(body: Body, plane: Float[Tensor, " 5"], reach) -> Float[Array, ""]:
     """Residual of the support plane: the body's lowest point lies on it."""
     down, height, weight = plane[:3], plane[3], plane[4]
-    reach = support(body.numbers, body.inward(down[:, None])[:, 0])
     return weight * (jnp.sum(down * body.position) + reach - height)
 
 
 def _of_table(body: Body, plane: Float[Tensor, " 5"]):
     down = body.inward(plane[:3, None])
-    by_shape, by_down = jax.grad(support, argnums=(0, 1))(body.numbers, down[:, 0])
+    reach, (by_shape, by_down) = jax.value_and_grad(support, argnums=(0, 1))(
+        body.numbers, down[:, 0])
     numbers = jnp.concatenate(jax.tree.leaves(by_shape))[:, None]
-    return _columns(
-        _above_table(body, plane)[None], numbers, by_down[:, None], down, -down, plane[4])
+    value = _above_table(body, plane, reach)[None]
+    return _columns(value, numbers, by_down[:, None], down, -down, plane[4])
 
 
 def _tilt(up: Float[Array, " 3"], upright: Float[Tensor, " 2"]) -> Float[Array, " 3"]:
