@@ -16,6 +16,8 @@ from strategies.catalogue import STRATEGIES
 from sweeps.atomic import write_atomic
 from sweeps.bench_table import markdown
 from sweeps.environment import describe_environment
+from sweeps.problems import choose
+from sweeps.store import StoreError
 from sweeps.worker import worker_environment
 
 BATCHES = (64, 256, 1024, 4096, 16384)
@@ -65,8 +67,12 @@ def rows(*, quick: bool, peers: bool) -> Iterator[Row]:
 def bench(out: Path, *, quick: bool, peers: bool, only: Collection[str] = ()) -> int:
     """Measure every row, or those of the names `only`; `bench.jsonl` and `bench.md` in `out`.
 
-    The lines go to stdout too.
+    The lines go to stdout too. Raises StoreError for a name that no row has.
     """
+    names = dict.fromkeys([row[0] for row in rows(quick=False, peers=True)] + ["start"])
+    for name in only:
+        if name not in names:
+            raise StoreError(f"--only: no row {name!r}; {choose(name, names)}")
     head = {**describe_environment("cpu"), "when": datetime.now(UTC).isoformat(timespec="seconds"),
             "cores": os.cpu_count(), "load": [round(v, 1) for v in os.getloadavg()]}
     lines = [{"row": "environment", **head}]

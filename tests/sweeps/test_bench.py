@@ -1,9 +1,14 @@
 """The bench: what it runs, what it writes. Rates themselves are no tests."""
 
-from sweeps.bench import rows
+from pathlib import Path
+
+import pytest
+
+from sweeps.bench import bench, rows
 from sweeps.bench_measure import Work, measure
 from sweeps.bench_rows import ROWS
 from sweeps.bench_table import markdown
+from sweeps.store import StoreError
 
 
 def test_rows_name_what_there_is() -> None:
@@ -11,6 +16,12 @@ def test_rows_name_what_there_is() -> None:
     assert len(set(every)) == len(every)
     assert {row for row, *_ in every} == set(ROWS)
     assert set(rows(quick=True, peers=False)) < set(every)
+
+
+def test_a_name_that_no_row_has_is_named(tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match="--only: no row 'fits,touches'.*fits"):
+        bench(tmp_path / "out", quick=True, peers=False, only=["fits,touches"])
+    assert not (tmp_path / "out").exists()
 
 
 def test_measure_keeps_the_first_call_apart() -> None:
