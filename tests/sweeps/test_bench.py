@@ -19,7 +19,7 @@ def test_rows_name_what_there_is() -> None:
 
 
 def test_a_name_that_no_row_has_is_named(tmp_path: Path) -> None:
-    with pytest.raises(StoreError, match="--only: no row 'fits,touches'.*fits"):
+    with pytest.raises(StoreError, match=r"--only: no row 'fits,touches'.*fits"):
         bench(tmp_path / "out", quick=True, peers=False, only=["fits,touches"])
     assert not (tmp_path / "out").exists()
 
