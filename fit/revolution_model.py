@@ -48,7 +48,7 @@ class Nearest(NamedTuple):
     by_height: Float[Array, " point"]
     by_radius: Float[Array, " point"]
     """Slopes of the distance: the contour's normal, but at its corners."""
-    height: Float[Array, " point"]
+    height: Float[Tensor, " point"]
     """Of the contour's nearest place."""
     segment: Float[Array, " point"]
     """0 is the lower end, then one a pair of nodes, the last is the upper end."""
@@ -62,8 +62,7 @@ def unpack(theta, rotation: Float[Tensor, "3 3"]) -> Body:
     axis = rotation @ local
     middle = rotation @ _middle(theta)
     height = _height(theta)
-    return Body(middle - 0.5 * height * axis, axis, height,
-                jnp.exp(jnp.clip(theta[6:], -6.0, 3.0)))
+    return Body(middle - 0.5 * height * axis, axis, height, _radius(theta))
 
 
 def normal_equations(theta, lane: Lane, options: RevolutionOptions) -> Normal:
@@ -83,12 +82,16 @@ def residuals(theta, lane: Lane, options: RevolutionOptions) -> Float[Array, " r
 def look(theta, lane: Lane, options: RevolutionOptions) -> tuple[Body, Array, Array, Array]:
     """Body, distances of the touches, information matrix, and the slopes of the volume."""
     body = unpack(theta, lane.rotation)
-    return (body, nearest_of_contour(body.height, body.radius, *_half_plane(theta, lane)[:2])[0],
+    s, rho, *_ = _half_plane(theta, lane)
+    return (body, nearest_of_contour(body.height, body.radius, s, rho).distance,
             normal_equations(theta, lane, options).matrix, jax.grad(_volume)(theta))
 
 
-def nearest_of_contour(height, radius: Float[Array, " node"], s, rho) -> Nearest:
-    """The place nearest to (`s`, `rho`) of the contour, closed by flat ends."""
+def nearest_of_contour(
+    height: Float[Tensor, ""], radius: Float[Tensor, " node"],
+    s: Float[Tensor, " point"], rho: Float[Tensor, " point"],
+) -> Nearest:
+    """The place nearest to (`s`, `rho`), height and radius, of the contour closed by flat ends."""
     count = radius.shape[0]
     radii = jnp.concatenate([jnp.zeros(1), radius, jnp.zeros(1)])
     step = height / (count - 1)
@@ -104,7 +107,7 @@ def nearest_of_contour(height, radius: Float[Array, " node"], s, rho) -> Nearest
     every = jnp.arange(count + 1.0)[:, None]
     *_, off_s, off_rho = along(every, radii[:-1, None], radii[1:, None])
     index = jnp.argmin(off_s**2 + off_rho**2, axis=0)
-    segment, r0 = index.astype(s.dtype), radii[index]
+    segment, r0 = index.astype(radii.dtype), radii[index]
     h0, dh, dr, share, off_s, off_rho = along(segment, r0, radii[index + 1])
     # Outside lies to the right of a contour that runs from the lower end up.
     side = jnp.sign((rho - r0) * dh - (s - h0) * dr)
@@ -130,8 +133,12 @@ def _height(theta):
     return jnp.sqrt((theta[5] - theta[4]) ** 2 + 1e-6)
 
 
+def _radius(theta) -> Float[Array, " node"]:
+    return jnp.exp(jnp.clip(theta[6:], -6.0, 3.0))
+
+
 def _volume(theta):
-    radius = jnp.exp(jnp.clip(theta[6:], -6.0, 3.0))
+    radius = _radius(theta)
     low, high = radius[:-1], radius[1:]
     frustums = low**2 + low * high + high**2
     return jnp.pi / 3 * _height(theta) / (radius.shape[0] - 1) * jnp.sum(frustums)
@@ -150,7 +157,7 @@ def _touched(theta, lane: Lane, options: RevolutionOptions) -> Float[Array, "row
     """Derivatives by theta of the touches' residuals; the last row are the residuals."""
     height = _height(theta)
     axis = _direction(theta)
-    radius = jnp.exp(jnp.clip(theta[6:], -6.0, 3.0))
+    radius = _radius(theta)
     s, rho, (x, y, z), along = _half_plane(theta, lane)
     at = nearest_of_contour(height, radius, s, rho)
     value, factor = jax.jvp(

@@ -13,7 +13,7 @@ from strategies.rivals import touch_misfit
 from strategies.stereo_axis import StereoAxis
 from strategies.tables import ContourTable, DecideTable, PlanarTable
 from strategies.upright import faces_of, stand_upright
-from strategies.waypoints import TOLD_MARGIN_M, BoundingCylinder
+from strategies.waypoints import TOLD_MARGIN_M
 from strategies.whole_profile import revolution_misfit, revolution_of_all
 from warpgrasp.counter_random import Purpose, counter_key_host, counter_uniform_host
 
@@ -109,9 +109,8 @@ def turned(belief: Belief, table: DecideTable, rows: np.ndarray) -> np.ndarray:
     """
     if table.turned_within == 0.0 or len(rows) == 0:
         return np.zeros(len(rows), bool)
-    evidence, told = evidence_rows(belief.evidence, rows), belief.told
-    turned_off = revolution_misfit(revolution_of_all(evidence, BoundingCylinder(
-        told.x_m[rows], told.y_m[rows], told.radius_m[rows], told.height_m[rows])), evidence)
+    evidence = evidence_rows(belief.evidence, rows)
+    turned_off = revolution_misfit(revolution_of_all(evidence, belief.told[rows]), evidence)
     near = turned_off <= table.turned_within * touch_misfit(belief.fits[rows], evidence)
     return near & (turned_off <= table.turned_within_m)
 

@@ -48,8 +48,7 @@ def planning_belief(
     rows = np.flatnonzero(~trusted & (count > 0) & belief.active)
     if len(rows) == 0:
         return replace(belief, body=body), trusted
-    told = BoundingCylinder(*(v[rows] for v in (
-        told.x_m, told.y_m, told.radius_m, told.height_m)))
+    told = told[rows]
     points = told_surface(told)
     spread = np.tile(TOLD_SIGMA_M**2 * np.eye(3), (*points.shape[:2], 1, 1))
     fits = fit_superquadric(

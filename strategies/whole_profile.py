@@ -66,8 +66,7 @@ def whole_profile(
     rows = np.flatnonzero(followed & ((low > COVERED[0]) | (high < COVERED[1])))
     if len(rows) == 0:
         return profile
-    fit = revolution_of_all(evidence_rows(evidence, rows), BoundingCylinder(
-        told.x_m[rows], told.y_m[rows], told.radius_m[rows], told.height_m[rows]))
+    fit = revolution_of_all(evidence_rows(evidence, rows), told[rows])
     body = body_of_fit(fit)
     good = usable(fit)
     rows, body = rows[good], body[good]

@@ -10,7 +10,7 @@ from enum import IntEnum
 import numpy as np
 import warp as wp
 
-from warpgrasp.real import TWO, TWO_PI, real
+from warpgrasp.real import ONE, TWO, TWO_PI, real
 
 
 class Purpose(IntEnum):
@@ -46,6 +46,7 @@ _S31 = wp.constant(wp.uint64(31))
 _S11 = wp.constant(wp.uint64(11))
 _TO_UNIT = wp.constant(real(2.0**-53))
 _HALF_UNIT = wp.constant(real(2.0**-54))
+_QUARTER = wp.constant(real(0.25))
 
 
 @wp.func
@@ -69,6 +70,13 @@ def counter_normal(key: wp.uint64):
     u = counter_uniform(counter_key(key, 1))
     v = counter_uniform(counter_key(key, 2))
     return wp.sqrt(-TWO * wp.log(u)) * wp.cos(TWO_PI * v)
+
+
+@wp.func
+def counter_normal_falls(key: wp.uint64):
+    """Whether `counter_normal` is negative: the sign of its cosine, without its logarithm."""
+    v = counter_uniform(counter_key(key, 2))
+    return v > _QUARTER and v < ONE - _QUARTER
 
 
 def counter_key_host(key: np.ndarray | int, *counters: np.ndarray | int) -> np.ndarray:

@@ -12,7 +12,13 @@ from math import erf, sqrt
 import numpy as np
 import warp as wp
 
-from warpgrasp.counter_random import Purpose, counter_key, counter_normal, counter_uniform
+from warpgrasp.counter_random import (
+    Purpose,
+    counter_key,
+    counter_normal,
+    counter_normal_falls,
+    counter_uniform,
+)
 from warpgrasp.launch import launch
 from warpgrasp.parameters import HandTable, PadTable
 from warpgrasp.real import HALF, ONE, ZERO, real, transform, vec2, vec3, vec4
@@ -40,7 +46,6 @@ _GAIN = wp.constant(int(Purpose.PAD_GAIN))
 _DEAD = wp.constant(int(Purpose.PAD_DEAD))
 _READING = wp.constant(int(Purpose.PAD_READING))
 _FULL = wp.constant(real(255.0))
-_QUARTER = wp.constant(real(0.25))
 
 
 @wp.struct
@@ -196,19 +201,12 @@ def _voltage(pad: Pad, force: real):
 
 
 @wp.func
-def _noise_lowers(reading_key: wp.uint64):
-    """Whether a reading's noise surely is not positive: the cosine of its `counter_normal`."""
-    v = counter_uniform(counter_key(counter_key(reading_key, 1), 2))
-    return v >= _QUARTER and v <= ONE - _QUARTER
-
-
-@wp.func
 def taxel_count(pad: Pad, force: real, taxel_key: wp.uint64, reading_key: wp.uint64):
     """What the converter reads for a force [N]: 0 to 255.
 
     `taxel_key` is the taxel's own for an episode, `reading_key` this reading's of this taxel.
     """
-    if force <= ZERO and _noise_lowers(reading_key):
+    if force <= ZERO and counter_normal_falls(counter_key(reading_key, 1)):
         return int(0)
     if counter_uniform(counter_key(taxel_key, _DEAD)) < pad.dead:
         return int(0)

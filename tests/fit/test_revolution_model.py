@@ -1,11 +1,12 @@
-"""The normal equations of a surface of revolution against differences of its residuals."""
+"""A surface of revolution's normal equations against differences, its distances against NumPy's."""
 
 import jax
 import numpy as np
 import pytest
 
-from fit.revolution_model import Lane, normal_equations, residuals
+from fit.revolution_model import Lane, nearest_of_contour, normal_equations, residuals
 from fit.revolution_record import RevolutionOptions
+from fit.revolution_shape import RevolutionBody, revolution_distance
 from fit.rotation import matrix_of_quaternion
 
 PLAIN = RevolutionOptions(nodes=6, loss="none")
@@ -32,3 +33,19 @@ def test_normal_equations_are_those_of_the_residuals(options: RevolutionOptions)
     assert found.cost == pytest.approx(0.5 * r @ r, rel=1e-12)
     assert np.allclose(found.gradient, j.T @ r, rtol=1e-6, atol=1e-8)
     assert np.allclose(found.matrix, j.T @ j, rtol=1e-6, atol=1e-8)
+
+
+def test_distances_are_those_of_the_numpy_body() -> None:
+    rng = np.random.default_rng(5)
+    points = rng.uniform((-0.8, -0.8, -0.3), (0.8, 0.8, 1.6), (400, 3))
+    radius = 0.2 + 0.5 * rng.random(7)
+    body = RevolutionBody(np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]),
+                          np.linspace(0.0, 1.3, 7)[None], radius[None])
+    s, rho = points[:, 2], np.hypot(points[:, 0], points[:, 1])
+    with jax.enable_x64(True):
+        found = jax.device_get(nearest_of_contour(np.float64(1.3), radius, s, rho))
+    assert np.allclose(np.abs(found.distance), revolution_distance(body, points[None])[0],
+                       atol=1e-12)
+    inside = (s > 0.0) & (s < 1.3) & (rho < np.interp(s, body.height_m[0], radius))
+    assert 20 < inside.sum() < 380
+    assert np.array_equal(found.distance < 0.0, inside)

@@ -8,6 +8,7 @@ from warpgrasp.counter_random import (
     counter_key,
     counter_key_host,
     counter_normal,
+    counter_normal_falls,
     counter_normal_host,
     counter_uniform,
     counter_uniform_host,
@@ -15,20 +16,24 @@ from warpgrasp.counter_random import (
 
 
 @wp.kernel(enable_backward=False)
-def draw(key: wp.uint64, uniform: wp.array[wp.float64], normal: wp.array[wp.float64]):
+def draw(key: wp.uint64, uniform: wp.array[wp.float64], normal: wp.array[wp.float64],
+         falls: wp.array[wp.bool]):
     i = wp.tid()
     k = counter_key(counter_key(key, i), -3)
     uniform[i] = counter_uniform(k)
     normal[i] = counter_normal(k)
+    falls[i] = counter_normal_falls(k)
 
 
 def test_kernel_and_host_draw_the_same() -> None:
     uniform = wp.empty(1000, dtype=wp.float64, device="cpu")
     normal = wp.empty(1000, dtype=wp.float64, device="cpu")
-    wp.launch(draw, 1000, inputs=[wp.uint64(7), uniform, normal], device="cpu")
+    falls = wp.empty(1000, dtype=wp.bool, device="cpu")
+    wp.launch(draw, 1000, inputs=[wp.uint64(7), uniform, normal, falls], device="cpu")
     keys = counter_key_host(7, np.arange(1000), -3)
     assert np.array_equal(uniform.numpy(), counter_uniform_host(keys))
     assert np.allclose(normal.numpy(), counter_normal_host(keys), rtol=1e-12)
+    assert np.array_equal(falls.numpy(), normal.numpy() < 0.0)
 
 
 def test_streams_are_even_and_uncorrelated() -> None:
