@@ -88,7 +88,7 @@ def look(theta, lane: Lane, options: RevolutionOptions) -> tuple[Body, Array, Ar
 
 
 def nearest_of_contour(
-    height: Float[Tensor, ""], radius: Float[Tensor, " node"],
+    height: Float[Tensor, ""], radius: Float[Array, " node"],
     s: Float[Tensor, " point"], rho: Float[Tensor, " point"],
 ) -> Nearest:
     """The place nearest to (`s`, `rho`), height and radius, of the contour closed by flat ends."""
@@ -102,15 +102,19 @@ def nearest_of_contour(
         dh = jnp.where((segment > 0.5) & (segment < count - 0.5), step, 0.0)
         dr = r1 - r0
         share = jnp.clip(((s - h0) * dh + (rho - r0) * dr) / (dh**2 + dr**2), 0.0, 1.0)
-        return h0, dh, dr, share, s - h0 - share * dh, rho - r0 - share * dr
+        return h0, dh, share, s - h0 - share * dh, rho - r0 - share * dr
 
     every = jnp.arange(count + 1.0)[:, None]
     *_, off_s, off_rho = along(every, radii[:-1, None], radii[1:, None])
     index = jnp.argmin(off_s**2 + off_rho**2, axis=0)
-    segment, r0 = index.astype(radii.dtype), radii[index]
-    h0, dh, dr, share, off_s, off_rho = along(segment, r0, radii[index + 1])
-    # Outside lies to the right of a contour that runs from the lower end up.
-    side = jnp.sign((rho - r0) * dh - (s - h0) * dr)
+    segment = index.astype(radii.dtype)
+    h0, dh, share, off_s, off_rho = along(segment, radii[index], radii[index + 1])
+    # Not by the side of the segment: beyond a sharp corner a place outside lies inside of one.
+    place = jnp.clip(s / step, 0.0, count - 1.0)
+    below = jnp.minimum(jnp.floor(place), count - 2.0)
+    low = below.astype(jnp.int32)
+    wall = radius[low] + (place - below) * (radius[low + 1] - radius[low])
+    side = jnp.where((s > 0.0) & (s < height) & (rho < wall), -1.0, 1.0)
     length = jnp.sqrt(off_s**2 + off_rho**2 + 1e-14)
     return Nearest(side * length, side * off_s / length, side * off_rho / length,
                    h0 + share * dh, segment, share)

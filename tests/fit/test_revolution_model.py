@@ -1,6 +1,7 @@
 """A surface of revolution's normal equations against differences, its distances against NumPy's."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -43,7 +44,8 @@ def test_distances_are_those_of_the_numpy_body() -> None:
                           np.linspace(0.0, 1.3, 7)[None], radius[None])
     s, rho = points[:, 2], np.hypot(points[:, 0], points[:, 1])
     with jax.enable_x64(True):
-        found = jax.device_get(nearest_of_contour(np.float64(1.3), radius, s, rho))
+        found = jax.device_get(nearest_of_contour(
+            np.float64(1.3), jnp.asarray(radius), s, rho))
     assert np.allclose(np.abs(found.distance), revolution_distance(body, points[None])[0],
                        atol=1e-12)
     inside = (s > 0.0) & (s < 1.3) & (rho < np.interp(s, body.height_m[0], radius))
