@@ -6,6 +6,7 @@ one thread, and only the worker itself imports them.
 """
 
 import faulthandler
+import gc
 import importlib
 import os
 import signal
@@ -64,11 +65,14 @@ def work(pipe: Connection, function: str, device: str, log: Path) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what Ctrl-C means
     _redirect_output(log)
     threading.Thread(target=_die_with_parent, daemon=True).start()
+    gc.disable()  # imports make many objects and no garbage
     try:
         run_episodes = find_function(function)
     except Exception:
         pipe.send(Report("broken", traceback.format_exc()))
         return
+    gc.freeze()
+    gc.enable()
     programs = sys.modules.get("fit.program_cache")  # only where the episodes need it
     pipe.send(Report("ready", "warm" if programs and programs.any_kept() else ""))
     while True:
