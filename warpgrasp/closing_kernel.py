@@ -22,12 +22,12 @@ import warp as wp
 from warpgrasp.closing_guard import may_stop, stop_reading
 from warpgrasp.counter_random import Purpose, counter_key, counter_uniform
 from warpgrasp.finger_between import agree, in_both, joints_ahead, torque_after
-from warpgrasp.finger_energy import put, rest_from, worst_of
+from warpgrasp.finger_energy import pick, put, rest_from, worst_of
 from warpgrasp.finger_path import PathStep, first_uncertain
 from warpgrasp.finger_rest import finger_rest
 from warpgrasp.link_nearest import LINK_SAMPLES, link_nearest
 from warpgrasp.real import HALF, ONE, ZERO, real, transform, vec3, vec4
-from warpgrasp.scene import Scene
+from warpgrasp.scene import Scene, body_is_convex
 from warpgrasp.status import ProbeStatus
 from warpgrasp.tendon import TendonSensor
 from warpgrasp.utah_mit_hand import Hand, finger_base
@@ -44,10 +44,13 @@ _STRIDE = wp.constant(real(0.04))  # [rad] of a joint's command from look to loo
 
 
 @wp.func
-def _free_link(scene: Scene, body: int, hand: Hand, base: transform, at: PathStep, link: int):
+def _free_link(
+    scene: Scene, body: int, hand: Hand, base: transform, at: PathStep, link: int, guess: real,
+    bend: real, samples: int
+):
     """The nearest point of a free link; its distance is its skin's to everything [m].
 
-    Or a lower bound where it is far.
+    Or a lower bound where it is far. `guess`, `bend` and `samples` are those of `link_nearest`.
     """
     a = at.p1
     b = at.p2
@@ -60,7 +63,7 @@ def _free_link(scene: Scene, body: int, hand: Hand, base: transform, at: PathSte
     a = wp.transform_point(base, a)
     length = hand.link_length[link]
     u = (wp.transform_point(base, b) - a) / length
-    near = link_nearest(scene, body, a, u, length, -ONE, ONE, LINK_SAMPLES,
+    near = link_nearest(scene, body, a, u, length, guess, bend, samples,
                         length * HALF + hand.link_radius)
     table = a[2] + wp.min(u[2], ZERO) * length
     near.distance = wp.min(near.distance, table) - hand.link_radius
@@ -117,6 +120,10 @@ def closing_kernel(
     last = command_count[g] - 1
     k = hand.stiffness
 
+    # Along a link the distance to a convex body has one valley.
+    convex = body_is_convex(scene, which)
+    samples = wp.where(convex, 0, LINK_SAMPLES)
+
     # First passage of a false stop: exponential in the summed hazard of the free steps.
     patience = -wp.log(counter_uniform(counter_key(stream, _FALSE_STOP)))
     hazard_moving = -wp.log(wp.max(ONE - sensor.false_stop_moving, real(1e-300)))
@@ -129,8 +136,8 @@ def closing_kernel(
         stride = ZERO
 
     free = vec3(ZERO, ZERO, ZERO)  # how far each link can still move for certain [m]
-    along = vec3(ZERO, ZERO, ZERO)  # where and how it was nearest when looked at
-    bend = vec3(ZERO, ZERO, ZERO)
+    along = hand.link_length * HALF  # where and how it was nearest when looked at
+    bend = vec3(ONE, ONE, ONE)
     known_free = int(0)
     # `low` is what was found at `low_step`, the last step known not to stop the finger; `high` is
     # what was found ahead at `high_step`, if that is not negative.
@@ -159,7 +166,10 @@ def closing_kernel(
                     at = path[g, finger, s]
                     for link in range(3):
                         if free[link] <= ZERO:
-                            near = _free_link(scene, which, hand, base, at, link)
+                            near = _free_link(
+                                scene, which, hand, base, at, link,
+                                wp.where(convex, pick(along, link), -ONE),
+                                wp.where(convex, pick(bend, link), ONE), samples)
                             free[link] = march_scale * near.distance
                             along = put(along, link, near.along)
                             bend = put(bend, link, near.bend)
@@ -167,7 +177,7 @@ def closing_kernel(
                                 touches = int(1)
                 known_free = int(0)
                 if touches == 0:
-                    next_step = first_uncertain(travel, g, finger, s, last, free)
+                    next_step = first_uncertain(travel[g, finger], s, last, free)
                     if stride == ZERO:
                         moves = path[g, finger, next_step - 1].moves - (
                             path[g, finger, wp.max(s - 1, 0)].moves)
@@ -190,11 +200,10 @@ def closing_kernel(
         # Look at step `s`.
         command = path[g, finger, s].command
         start = vec4(command)
-        samples = int(0)
         if low_pressed == 1:
             start = joints_ahead(low_command, low, command, k)
-            samples = int(LINK_SAMPLES)
-        look = finger_rest(scene, which, hand, base, command, start, low, samples)
+        look = finger_rest(scene, which, hand, base, command, start, low,
+                           wp.where(low_pressed == 1, samples, 0))
         if low_pressed == 1 and s > low_step + 1:
             if not agree(low_command, low, command, look, k):
                 # Something slips on the way here.

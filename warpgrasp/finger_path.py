@@ -79,20 +79,22 @@ def path_on_device(
 
 @wp.func
 def first_uncertain(
-    travel: wp.array3d[vec3], grasp: int, finger: int, step: int, last: int, free: vec3
+    travel: wp.array[vec3], step: int, last: int, free: vec3
 ):
     """The first step after `step` at which some link may have used up what is `free` [m] to it.
 
     `last + 1` if there is none up to `last`.
     """
-    limit = travel[grasp, finger, step] + free
+    limit = travel[step] + free
     low = int(step)
     high = int(last + 1)
+    stride = int(1)  # doubled until it is too long: the step is most often a near one
     while high - low > 1:
-        middle = (low + high) // 2
-        beyond = travel[grasp, finger, middle] - limit
+        middle = wp.min(low + stride, (low + high) // 2)
+        beyond = travel[middle] - limit
         if wp.max(beyond[0], wp.max(beyond[1], beyond[2])) >= ZERO:
             high = middle
         else:
             low = middle
+        stride += stride
     return high

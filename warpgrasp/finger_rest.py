@@ -8,14 +8,15 @@ keeps to the valley of the distance it lies in. Where it stops is looked at clos
 import warp as wp
 
 from warpgrasp.finger_energy import Rest, finger_energy, worst_of
-from warpgrasp.real import HALF, ONE, ZERO, real, vec4
+from warpgrasp.real import HALF, ONE, ZERO, real, vec3, vec4
 from warpgrasp.scene import Scene
-from warpgrasp.utah_mit_hand import Hand
+from warpgrasp.utah_mit_hand import Hand, finger_length
 
 _ITERATIONS = wp.constant(30)
 _HALVINGS = wp.constant(12)
 _GRADIENT = wp.constant(real(1e-6))  # [N m]; 0.2 mN on a tendon, a 300th of the converter's step
 _LAST = wp.constant(real(5e-6))  # [rad]
+_JOINTS = wp.constant(real(4.0))
 _CREEP = wp.constant(real(0.1))
 _STILL = wp.constant(real(1e-7))  # [rad]
 
@@ -60,10 +61,11 @@ def finger_rest(
             step = joints_toward(rest, -rest.gradient, hand.skin)
             level_before = level
             level = worst_of(rest.gradient)
-            if level < _GRADIENT:
-                break
-            if worst_of(step) < _LAST and level * level < _GRADIENT * level_before:
+            last_step = worst_of(step)
+            if level < _GRADIENT or (
+                    last_step < _LAST and level * level < _GRADIENT * level_before):
                 rest.q += step
+                rest.depth += vec3(ONE, ONE, ONE) * (last_step * _JOINTS * finger_length(hand))
                 break
             change = step - way
             plain = int(1)
