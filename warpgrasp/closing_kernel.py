@@ -125,15 +125,19 @@ def closing_kernel(
     samples = wp.where(convex, 0, LINK_SAMPLES)
 
     # First passage of a false stop: exponential in the summed hazard of the free steps.
-    patience = -wp.log(counter_uniform(counter_key(stream, _FALSE_STOP)))
-    hazard_moving = -wp.log(wp.max(ONE - sensor.false_stop_moving, real(1e-300)))
-    hazard_still = -wp.log(wp.max(ONE - sensor.false_stop_still, real(1e-300)))
+    hazard_moving = sensor.hazard_moving
+    hazard_still = sensor.hazard_still
     hazard = real(0.0)
     # Where none can come, it does not matter which of the steps left out were free.
     moves = path[g, finger, last].moves
+    ahead_hazard = hazard_moving * moves + hazard_still * (real(3 * (last + 1)) - moves)
+    draw = counter_uniform(counter_key(stream, _FALSE_STOP))
+    patience = real(1e300)
     stride = real(_STRIDE)
-    if hazard_moving * moves + hazard_still * (real(3 * (last + 1)) - moves) >= patience:
-        stride = ZERO
+    if draw + ahead_hazard >= ONE:  # exp(-x) >= 1 - x
+        patience = -wp.log(draw)
+        if ahead_hazard >= patience:
+            stride = ZERO
 
     free = vec3(ZERO, ZERO, ZERO)  # how far each link can still move for certain [m]
     along = hand.link_length * HALF  # where and how it was nearest when looked at
