@@ -44,6 +44,20 @@ _STRIDE = wp.constant(real(0.04))  # [rad] of a joint's command from look to loo
 
 
 @wp.func
+def _link_end(at: PathStep, end: int):
+    """The first to fourth end of links in the frame of a finger's base."""
+    return wp.where(end < 2, wp.where(end == 0, at.p1, at.p2), wp.where(end == 2, at.p3, at.p4))
+
+
+@wp.func
+def _clearance(plane: vec4, at: PathStep, link: int):
+    """How far a link's skin stays before a `plane` (normal, offset) of its base's frame [m]."""
+    normal = vec3(plane[0], plane[1], plane[2])
+    return plane[3] + wp.min(wp.dot(normal, _link_end(at, link)),
+                             wp.dot(normal, _link_end(at, link + 1)))
+
+
+@wp.func
 def _free_link(
     scene: Scene, body: int, hand: Hand, base: transform, at: PathStep, link: int, guess: real,
     bend: real, samples: int
@@ -52,17 +66,9 @@ def _free_link(
 
     Or a lower bound where it is far. `guess`, `bend` and `samples` are those of `link_nearest`.
     """
-    a = at.p1
-    b = at.p2
-    if link == 1:
-        a = at.p2
-        b = at.p3
-    elif link == 2:
-        a = at.p3
-        b = at.p4
-    a = wp.transform_point(base, a)
-    length = hand.link_length[link]
-    u = (wp.transform_point(base, b) - a) / length
+    a = wp.transform_point(base, _link_end(at, link))
+    length = pick(hand.link_length, link)
+    u = (wp.transform_point(base, _link_end(at, link + 1)) - a) / length
     near = link_nearest(scene, body, a, u, length, guess, bend, samples,
                         length * HALF + hand.link_radius)
     table = a[2] + wp.min(u[2], ZERO) * length
@@ -142,6 +148,13 @@ def closing_kernel(
     free = vec3(ZERO, ZERO, ZERO)  # how far each link can still move for certain [m]
     along = hand.link_length * HALF  # where and how it was nearest when looked at
     bend = vec3(ONE, ONE, ONE)
+    # Planes (normal, offset) of the base's frame behind which all of body and table lie.
+    rotation = wp.transform_get_rotation(base)
+    up = wp.quat_rotate_inv(rotation, vec3(ZERO, ZERO, ONE))
+    table = vec4(up[0], up[1], up[2], base[2] - hand.link_radius)
+    plane1 = vec4(ZERO, ZERO, ZERO, -ONE)
+    plane2 = vec4(ZERO, ZERO, ZERO, -ONE)
+    plane3 = vec4(ZERO, ZERO, ZERO, -ONE)
     known_free = int(0)
     # `low` is what was found at `low_step`, the last step known not to stop the finger; `high` is
     # what was found ahead at `high_step`, if that is not negative.
@@ -170,15 +183,32 @@ def closing_kernel(
                     at = path[g, finger, s]
                     for link in range(3):
                         if free[link] <= ZERO:
-                            near = _free_link(
-                                scene, which, hand, base, at, link,
-                                wp.where(convex, pick(along, link), -ONE),
-                                wp.where(convex, pick(bend, link), ONE), samples)
-                            free[link] = march_scale * near.distance
-                            along = put(along, link, near.along)
-                            bend = put(bend, link, near.bend)
-                            if free[link] <= ZERO:
-                                touches = int(1)
+                            plane = wp.where(link == 0, plane1, wp.where(link == 1, plane2, plane3))
+                            clear = wp.min(_clearance(plane, at, link), _clearance(table, at, link))
+                            if clear < ZERO:
+                                near = _free_link(
+                                    scene, which, hand, base, at, link,
+                                    wp.where(convex, pick(along, link), -ONE),
+                                    wp.where(convex, pick(bend, link), ONE), samples)
+                                clear = near.distance
+                                along = put(along, link, near.along)
+                                bend = put(bend, link, near.bend)
+                                if clear < ZERO:
+                                    touches = int(1)
+                                if convex:
+                                    normal = wp.quat_rotate_inv(rotation, near.normal)
+                                    share = near.along / pick(hand.link_length, link)
+                                    place = _link_end(at, link) * (ONE - share) + (
+                                        _link_end(at, link + 1) * share)
+                                    plane = vec4(normal[0], normal[1], normal[2],
+                                                 clear - wp.dot(normal, place))
+                                    if link == 0:
+                                        plane1 = plane
+                                    elif link == 1:
+                                        plane2 = plane
+                                    else:
+                                        plane3 = plane
+                            free[link] = march_scale * clear
                 known_free = int(0)
                 if touches == 0:
                     next_step = first_uncertain(travel[g, finger], s, last, free)
