@@ -185,7 +185,7 @@ def closing_kernel(
                         if free[link] <= ZERO:
                             plane = wp.where(link == 0, plane1, wp.where(link == 1, plane2, plane3))
                             clear = wp.min(_clearance(plane, at, link), _clearance(table, at, link))
-                            if clear < ZERO:
+                            if clear <= ZERO:
                                 near = _free_link(
                                     scene, which, hand, base, at, link,
                                     wp.where(convex, pick(along, link), -ONE),
