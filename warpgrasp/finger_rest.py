@@ -15,7 +15,7 @@ from warpgrasp.utah_mit_hand import Hand, finger_length
 _ITERATIONS = wp.constant(30)
 _HALVINGS = wp.constant(12)
 _GRADIENT = wp.constant(real(1e-6))  # [N m]; 0.2 mN on a tendon, a 300th of the converter's step
-_LAST = wp.constant(real(5e-6))  # [rad]
+_LAST = wp.constant(real(5e-5))  # [rad]
 _JOINTS = wp.constant(real(4.0))
 _CREEP = wp.constant(real(0.1))
 _STILL = wp.constant(real(1e-7))  # [rad]

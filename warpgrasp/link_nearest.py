@@ -14,7 +14,7 @@ from warpgrasp.scene import Scene, body_distance, body_distance_grad
 LINK_SAMPLES = wp.constant(5)
 _REFINEMENTS = wp.constant(32)
 _HALVE_FROM = wp.constant(4)
-_LEVEL = wp.constant(real(1e-9))  # slope
+_LEVEL = wp.constant(real(1e-7))  # slope
 _WIDTH = wp.constant(real(1e-7))  # of the bracket, relative to the link's length
 _SHALLOW = wp.constant(real(1e-3))  # [m]; keeps distance times slope rising inside a body
 _FLATTEST = wp.constant(real(1e-3))
