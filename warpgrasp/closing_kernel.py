@@ -182,15 +182,16 @@ def closing_kernel(
                 if known_free == 0:
                     at = path[g, finger, s]
                     for link in range(3):
-                        if free[link] <= ZERO:
+                        if convex or free[link] <= ZERO:
                             plane = wp.where(link == 0, plane1, wp.where(link == 1, plane2, plane3))
                             clear = wp.min(_clearance(plane, at, link), _clearance(table, at, link))
-                            if clear <= ZERO:
+                            if clear <= ZERO and free[link] <= ZERO:
                                 near = _free_link(
                                     scene, which, hand, base, at, link,
                                     wp.where(convex, pick(along, link), -ONE),
                                     wp.where(convex, pick(bend, link), ONE), samples)
                                 clear = near.distance
+                                free[link] = march_scale * clear
                                 along = put(along, link, near.along)
                                 bend = put(bend, link, near.bend)
                                 if clear < ZERO:
@@ -208,7 +209,7 @@ def closing_kernel(
                                         plane2 = plane
                                     else:
                                         plane3 = plane
-                            free[link] = march_scale * clear
+                            free[link] = wp.max(free[link], march_scale * clear)
                 known_free = int(0)
                 if touches == 0:
                     next_step = first_uncertain(travel[g, finger], s, last, free)
