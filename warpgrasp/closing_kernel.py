@@ -23,7 +23,7 @@ from warpgrasp.closing_guard import may_stop, stop_reading
 from warpgrasp.counter_random import Purpose, counter_key, counter_uniform
 from warpgrasp.finger_between import agree, in_both, joints_ahead, torque_after
 from warpgrasp.finger_energy import pick, put, rest_from, worst_of
-from warpgrasp.finger_path import PathStep, first_uncertain
+from warpgrasp.finger_path import PathStep
 from warpgrasp.finger_rest import finger_rest
 from warpgrasp.link_nearest import LINK_SAMPLES, link_nearest
 from warpgrasp.real import HALF, ONE, ZERO, real, transform, vec3, vec4
@@ -212,7 +212,10 @@ def closing_kernel(
                             free[link] = wp.max(free[link], march_scale * clear)
                 known_free = int(0)
                 if touches == 0:
-                    next_step = first_uncertain(travel[g, finger], s, last, free)
+                    # The first step at which some link may have used up what is free to it.
+                    room = wp.cw_mul(free, path[g, finger, s].steps)
+                    next_step = s + 1 + int(wp.min(wp.min(room[0], room[1]),
+                                                   wp.min(room[2], real(last - s))))
                     if stride == ZERO:
                         moves = path[g, finger, next_step - 1].moves - (
                             path[g, finger, wp.max(s - 1, 0)].moves)
