@@ -3,6 +3,14 @@
 Newton steps on the Gauss-Newton Hessian of `finger_energy` with backtracking: E never rises. A link
 keeps to the valley of the distance it lies in. Where it stops is looked at closely, see
 `finger_crease`.
+
+- A link that a step would press counts as pressing: else a finger that has just lost its contact is
+  sent to its command, deep inside the body, and comes back by halves.
+- Along an edge Newton steps creep, since the energy curves less there than its Hessian says. They
+  are made longer as two steps show it, by Anderson's mixing with one step kept (Walker and Ni,
+  Anderson acceleration for fixed-point iterations, 2011), as long as E falls.
+- The last step is taken without a look where it is small and the steps before show that it is the
+  last.
 """
 
 import warp as wp
@@ -15,10 +23,10 @@ from warpgrasp.utah_mit_hand import Hand, finger_length
 _ITERATIONS = wp.constant(30)
 _HALVINGS = wp.constant(12)
 _GRADIENT = wp.constant(real(1e-6))  # [N m]; 0.2 mN on a tendon, a 300th of the converter's step
-_LAST = wp.constant(real(5e-5))  # [rad]
-_JOINTS = wp.constant(real(4.0))
+_LAST = wp.constant(real(2e-5))  # [rad]; to a tendon's reading a tenth of a converter's step
+_STILL = wp.constant(real(1e-7))  # [rad]; less is not halved again
 _CREEP = wp.constant(real(0.1))
-_STILL = wp.constant(real(1e-7))  # [rad]
+_JOINTS = wp.constant(real(4.0))
 
 
 @wp.func
@@ -70,6 +78,7 @@ def finger_rest(
             change = step - way
             plain = int(1)
             way = step
+            # How much of a step is gained by going it: 1 where the Hessian is right.
             share = -wp.dot(change, turned) / wp.dot(turned, turned)
             if k >= 2 and share > _CREEP and share < ONE - _CREEP:
                 step -= (turned + change) * (wp.dot(step, change) / wp.dot(change, change))
