@@ -40,6 +40,7 @@ _TENSION_STEP = wp.constant(int(Purpose.TENSION_STEP))
 _NAN = wp.constant(real(float("nan")))
 _REDRAWS = wp.constant(100000)
 _FAR = wp.constant(1000000)  # steps
+_ROUNDING = wp.constant(real(1e-12))  # [m]; a link pressed by no more bears 20 nN
 _STRIDE = wp.constant(real(0.04))  # [rad] of a joint's command from look to look
 
 
@@ -185,7 +186,7 @@ def closing_kernel(
                         if convex or free[link] <= ZERO:
                             plane = wp.where(link == 0, plane1, wp.where(link == 1, plane2, plane3))
                             clear = wp.min(_clearance(plane, at, link), _clearance(table, at, link))
-                            if clear <= ZERO and free[link] <= ZERO:
+                            if clear < -_ROUNDING and free[link] <= ZERO:
                                 near = _free_link(
                                     scene, which, hand, base, at, link,
                                     wp.where(convex, pick(along, link), -ONE),
@@ -194,7 +195,7 @@ def closing_kernel(
                                 free[link] = march_scale * clear
                                 along = put(along, link, near.along)
                                 bend = put(bend, link, near.bend)
-                                if clear < ZERO:
+                                if clear < -_ROUNDING:
                                     touches = int(1)
                                 if convex:
                                     normal = wp.quat_rotate_inv(rotation, near.normal)
