@@ -119,9 +119,8 @@ def close_fingers(
     stops = {name: array for name, array in stop.items() if name != "difference"}
     reading, read = reading_step(extents, given | stops, device)
     launch_in_turn(extents, [close, reading], device=device)
-    host = {name: array.numpy().copy() for name, array in (stop | read).items()}
-    tension = np.stack([host["tension_flexor"], host["tension_extensor"]], -1)
-    felt = Closing(host["status"], host["step"], host["q_read"], tension,
+    host = {name: array.numpy() for name, array in (stop | read).items()}
+    felt = Closing(host["status"], host["step"], host["q_read"], host["tension"],
                    host["difference"])
     truth = ClosingTruth(host["q_true"], host["torque_true"], host["link_true"],
                          host["point_true"], host["normal_true"], host["on_table"].astype(bool))

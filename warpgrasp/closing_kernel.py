@@ -22,12 +22,12 @@ import warp as wp
 from warpgrasp.closing_guard import may_stop, stop_reading
 from warpgrasp.counter_random import Purpose, counter_key, counter_uniform
 from warpgrasp.finger_between import agree, in_both, joints_ahead, torque_after
-from warpgrasp.finger_energy import put, rest_from, worst_of
-from warpgrasp.finger_path import PathStep, first_uncertain
+from warpgrasp.finger_energy import pick, put, rest_from, worst_of
+from warpgrasp.finger_path import PathStep
 from warpgrasp.finger_rest import finger_rest
 from warpgrasp.link_nearest import LINK_SAMPLES, link_nearest
 from warpgrasp.real import HALF, ONE, ZERO, real, transform, vec3, vec4
-from warpgrasp.scene import Scene
+from warpgrasp.scene import Scene, body_is_convex
 from warpgrasp.status import ProbeStatus
 from warpgrasp.tendon import TendonSensor
 from warpgrasp.utah_mit_hand import Hand, finger_base
@@ -40,27 +40,37 @@ _TENSION_STEP = wp.constant(int(Purpose.TENSION_STEP))
 _NAN = wp.constant(real(float("nan")))
 _REDRAWS = wp.constant(100000)
 _FAR = wp.constant(1000000)  # steps
+_ROUNDING = wp.constant(real(1e-12))  # [m]; a link pressed by no more bears 20 nN
 _STRIDE = wp.constant(real(0.04))  # [rad] of a joint's command from look to look
 
 
 @wp.func
-def _free_link(scene: Scene, body: int, hand: Hand, base: transform, at: PathStep, link: int):
+def _link_end(at: PathStep, end: int):
+    """The first to fourth end of links in the frame of a finger's base."""
+    return wp.where(end < 2, wp.where(end == 0, at.p1, at.p2), wp.where(end == 2, at.p3, at.p4))
+
+
+@wp.func
+def _clearance(plane: vec4, at: PathStep, link: int):
+    """How far a link's skin stays before a `plane` (normal, offset) of its base's frame [m]."""
+    normal = vec3(plane[0], plane[1], plane[2])
+    return plane[3] + wp.min(wp.dot(normal, _link_end(at, link)),
+                             wp.dot(normal, _link_end(at, link + 1)))
+
+
+@wp.func
+def _free_link(
+    scene: Scene, body: int, hand: Hand, base: transform, at: PathStep, link: int, guess: real,
+    bend: real, samples: int
+):
     """The nearest point of a free link; its distance is its skin's to everything [m].
 
-    Or a lower bound where it is far.
+    Or a lower bound where it is far. `guess`, `bend` and `samples` are those of `link_nearest`.
     """
-    a = at.p1
-    b = at.p2
-    if link == 1:
-        a = at.p2
-        b = at.p3
-    elif link == 2:
-        a = at.p3
-        b = at.p4
-    a = wp.transform_point(base, a)
-    length = hand.link_length[link]
-    u = (wp.transform_point(base, b) - a) / length
-    near = link_nearest(scene, body, a, u, length, -ONE, ONE, LINK_SAMPLES,
+    a = wp.transform_point(base, _link_end(at, link))
+    length = pick(hand.link_length, link)
+    u = (wp.transform_point(base, _link_end(at, link + 1)) - a) / length
+    near = link_nearest(scene, body, a, u, length, guess, bend, samples,
                         length * HALF + hand.link_radius)
     table = a[2] + wp.min(u[2], ZERO) * length
     near.distance = wp.min(near.distance, table) - hand.link_radius
@@ -117,20 +127,35 @@ def closing_kernel(
     last = command_count[g] - 1
     k = hand.stiffness
 
+    # Along a link the distance to a convex body has one valley.
+    convex = body_is_convex(scene, which)
+    samples = wp.where(convex, 0, LINK_SAMPLES)
+
     # First passage of a false stop: exponential in the summed hazard of the free steps.
-    patience = -wp.log(counter_uniform(counter_key(stream, _FALSE_STOP)))
-    hazard_moving = -wp.log(wp.max(ONE - sensor.false_stop_moving, real(1e-300)))
-    hazard_still = -wp.log(wp.max(ONE - sensor.false_stop_still, real(1e-300)))
+    hazard_moving = sensor.hazard_moving
+    hazard_still = sensor.hazard_still
     hazard = real(0.0)
     # Where none can come, it does not matter which of the steps left out were free.
     moves = path[g, finger, last].moves
+    ahead_hazard = hazard_moving * moves + hazard_still * (real(3 * (last + 1)) - moves)
+    draw = counter_uniform(counter_key(stream, _FALSE_STOP))
+    patience = real(1e300)
     stride = real(_STRIDE)
-    if hazard_moving * moves + hazard_still * (real(3 * (last + 1)) - moves) >= patience:
-        stride = ZERO
+    if draw + ahead_hazard >= ONE:  # exp(-x) >= 1 - x
+        patience = -wp.log(draw)
+        if ahead_hazard >= patience:
+            stride = ZERO
 
     free = vec3(ZERO, ZERO, ZERO)  # how far each link can still move for certain [m]
-    along = vec3(ZERO, ZERO, ZERO)  # where and how it was nearest when looked at
-    bend = vec3(ZERO, ZERO, ZERO)
+    along = hand.link_length * HALF  # where and how it was nearest when looked at
+    bend = vec3(ONE, ONE, ONE)
+    # Planes (normal, offset) of the base's frame behind which all of body and table lie.
+    rotation = wp.transform_get_rotation(base)
+    up = wp.quat_rotate_inv(rotation, vec3(ZERO, ZERO, ONE))
+    table = vec4(up[0], up[1], up[2], base[2] - hand.link_radius)
+    plane1 = vec4(ZERO, ZERO, ZERO, -ONE)
+    plane2 = vec4(ZERO, ZERO, ZERO, -ONE)
+    plane3 = vec4(ZERO, ZERO, ZERO, -ONE)
     known_free = int(0)
     # `low` is what was found at `low_step`, the last step known not to stop the finger; `high` is
     # what was found ahead at `high_step`, if that is not negative.
@@ -158,16 +183,40 @@ def closing_kernel(
                 if known_free == 0:
                     at = path[g, finger, s]
                     for link in range(3):
-                        if free[link] <= ZERO:
-                            near = _free_link(scene, which, hand, base, at, link)
-                            free[link] = march_scale * near.distance
-                            along = put(along, link, near.along)
-                            bend = put(bend, link, near.bend)
-                            if free[link] <= ZERO:
-                                touches = int(1)
+                        if convex or free[link] <= ZERO:
+                            plane = wp.where(link == 0, plane1, wp.where(link == 1, plane2, plane3))
+                            clear = wp.min(_clearance(plane, at, link), _clearance(table, at, link))
+                            if clear < -_ROUNDING and free[link] <= ZERO:
+                                near = _free_link(
+                                    scene, which, hand, base, at, link,
+                                    wp.where(convex, pick(along, link), -ONE),
+                                    wp.where(convex, pick(bend, link), ONE), samples)
+                                clear = near.distance
+                                free[link] = march_scale * clear
+                                along = put(along, link, near.along)
+                                bend = put(bend, link, near.bend)
+                                if clear < -_ROUNDING:
+                                    touches = int(1)
+                                if convex:
+                                    normal = wp.quat_rotate_inv(rotation, near.normal)
+                                    share = near.along / pick(hand.link_length, link)
+                                    place = _link_end(at, link) * (ONE - share) + (
+                                        _link_end(at, link + 1) * share)
+                                    plane = vec4(normal[0], normal[1], normal[2],
+                                                 clear - wp.dot(normal, place))
+                                    if link == 0:
+                                        plane1 = plane
+                                    elif link == 1:
+                                        plane2 = plane
+                                    else:
+                                        plane3 = plane
+                            free[link] = wp.max(free[link], march_scale * clear)
                 known_free = int(0)
                 if touches == 0:
-                    next_step = first_uncertain(travel, g, finger, s, last, free)
+                    # The first step at which some link may have used up what is free to it.
+                    room = wp.cw_mul(free, path[g, finger, s].steps)
+                    next_step = s + 1 + int(wp.min(wp.min(room[0], room[1]),
+                                                   wp.min(room[2], real(last - s))))
                     if stride == ZERO:
                         moves = path[g, finger, next_step - 1].moves - (
                             path[g, finger, wp.max(s - 1, 0)].moves)
@@ -190,11 +239,10 @@ def closing_kernel(
         # Look at step `s`.
         command = path[g, finger, s].command
         start = vec4(command)
-        samples = int(0)
         if low_pressed == 1:
             start = joints_ahead(low_command, low, command, k)
-            samples = int(LINK_SAMPLES)
-        look = finger_rest(scene, which, hand, base, command, start, low, samples)
+        look = finger_rest(scene, which, hand, base, command, start, low,
+                           wp.where(low_pressed == 1, samples, 0))
         if low_pressed == 1 and s > low_step + 1:
             if not agree(low_command, low, command, look, k):
                 # Something slips on the way here.

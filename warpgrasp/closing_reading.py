@@ -13,7 +13,7 @@ from warpgrasp.counter_random import Purpose, counter_key, counter_normal
 from warpgrasp.finger_crease import settled_rest
 from warpgrasp.finger_path import PathStep
 from warpgrasp.link_nearest import lower_end
-from warpgrasp.real import ONE, ZERO, real, transform, vec3, vec4
+from warpgrasp.real import ONE, ZERO, mat42, real, transform, vec3, vec4
 from warpgrasp.scene import Scene, body_distance_grad
 from warpgrasp.status import ProbeStatus
 from warpgrasp.tendon import TendonSensor, moving_sign, tendon_tensions, tension_mean_read
@@ -50,8 +50,7 @@ def _reading_kernel(
     link_true: wp.array4d[int],
     # Contact out:
     q_read: wp.array4d[vec4],
-    tension_flexor: wp.array4d[vec4],
-    tension_extensor: wp.array4d[vec4],
+    tension: wp.array4d[mat42],
     # Truth out:
     point_true: wp.array4d[vec3],
     normal_true: wp.array4d[vec3],
@@ -60,8 +59,7 @@ def _reading_kernel(
     w, p, g, finger = wp.tid()
     w += first
     q_read[w, p, g, finger] = vec4(_NAN, _NAN, _NAN, _NAN)
-    tension_flexor[w, p, g, finger] = vec4(_NAN, _NAN, _NAN, _NAN)
-    tension_extensor[w, p, g, finger] = vec4(_NAN, _NAN, _NAN, _NAN)
+    tension[w, p, g, finger] = mat42(_NAN, _NAN, _NAN, _NAN, _NAN, _NAN, _NAN, _NAN)
     point_true[w, p, g, finger] = vec3(_NAN, _NAN, _NAN)
     normal_true[w, p, g, finger] = vec3(_NAN, _NAN, _NAN)
     on_table[w, p, g, finger] = 0
@@ -108,12 +106,12 @@ def _reading_kernel(
         return
     delta = path[g, finger, at].command - path[g, finger, wp.max(at - 1, 0)].command
     reader = counter_key(stream, _TENSION_REST)
+    pulls = mat42()
     for j in range(4):
         t = tendon_tensions(hand, j, torque_true[w, p, g, finger][j], moving_sign(delta[j]))
-        tension_flexor[w, p, g, finger][j] = tension_mean_read(sensor, t[0],
-                                                               counter_key(reader, 2 * j))
-        tension_extensor[w, p, g, finger][j] = tension_mean_read(sensor, t[1],
-                                                                 counter_key(reader, 2 * j + 1))
+        pulls[j, 0] = tension_mean_read(sensor, t[0], counter_key(reader, 2 * j))
+        pulls[j, 1] = tension_mean_read(sensor, t[1], counter_key(reader, 2 * j + 1))
+    tension[w, p, g, finger] = pulls
 
 
 def reading_step(
@@ -125,8 +123,8 @@ def reading_step(
     """
     dims = tuple(extents.values())
     read = {name: wp.empty(dims, dtype=kind, device=device) for name, kind in {
-        "q_read": vec4, "tension_flexor": vec4, "tension_extensor": vec4, "point_true": vec3,
-        "normal_true": vec3, "on_table": int}.items()}
+        "q_read": vec4, "tension": mat42, "point_true": vec3, "normal_true": vec3,
+        "on_table": int}.items()}
     shapes = dict.fromkeys(_reading_kernel.adj.arg_types, "world probe grasp finger") | {
         "body": "world?", "body_pose": "world", "hands": "world?", "sensors": "world?",
         "key": "world", "hand_pose": "world probe", "path": "grasp finger step"}

@@ -88,9 +88,12 @@ def settled_rest(
                 share = wp.where(high < ZERO, share + share, (low + high) * HALF)
             if found == 0:
                 break
-            compliance = secant_compliance(compliance, trial.q - rest.q,
-                                           trial.gradient - rest.gradient)
+            turned = trial.q - rest.q
+            rise = trial.gradient - rest.gradient
             rest = trial
+            if wp.dot(turned, rise) <= ZERO:
+                break  # a step so small that nothing is learnt by it
+            compliance = secant_compliance(compliance, turned, rise)
         again = wp.abs(rest.energy - best.energy) < _SAME
         if attempt == 0 or rest.energy < best.energy:
             best = rest

@@ -27,6 +27,9 @@ class Rest:
     it is not known, `bend` helps to follow it (see `link_nearest`). `depth` is how far the body
     presses the skin in [m], not positive where a link is free: then it surely is, by at least that
     much. `table` is the same of the table, at the link's lower end.
+
+    `near_depth` is that of the nearest place that bears nothing (not positive), `near` what it
+    loses by a turn of the joints.
     """
 
     q: vec4
@@ -37,6 +40,8 @@ class Rest:
     bend: vec3
     depth: vec3
     table: vec3
+    near: vec4
+    near_depth: real
 
 
 @wp.func
@@ -45,6 +50,7 @@ def rest_from(q: vec4):
     rest = Rest()
     rest.q = q
     rest.along = vec3(-ONE, -ONE, -ONE)
+    rest.near_depth = -ONE
     return rest
 
 
@@ -102,6 +108,7 @@ def finger_energy(
     moved = vec4(wp.abs(q[0] - last.q[0]), wp.abs(q[1] - last.q[1]), wp.abs(q[2] - last.q[2]),
                  wp.abs(q[3] - last.q[3]))
     # How far any point of a link can have moved: each joint's turn times what lies beyond it.
+    rest.near_depth = -ONE
     turned = moved[0]
     travel = moved[0] * hand.abduction_offset
     for link in range(3):
@@ -128,18 +135,22 @@ def finger_energy(
             depth = hand.link_radius - near.distance
             along = near.along
             bend = near.bend
-            if depth > ZERO:
+            if depth > rest.near_depth:
                 n = near.normal
                 at = a + u * along
                 swing = wp.cross(n, side)
                 j = vec4(wp.dot(wp.cross(at - origin, x), n), wp.dot(swing, at - p1),
                          wp.where(link >= 1, wp.dot(swing, at - p2), ZERO),
                          wp.where(link >= 2, wp.dot(swing, at - p3), ZERO))
-                rest.energy += HALF * hand.skin * depth * depth
-                rest.gradient -= j * (hand.skin * depth)
-                # Sherman and Morrison: the Hessian gains skin times j j^T.
-                yields = c * j
-                c -= wp.outer(yields, yields / (ONE / hand.skin + wp.dot(j, yields)))
+                if depth > ZERO:
+                    rest.energy += HALF * hand.skin * depth * depth
+                    rest.gradient -= j * (hand.skin * depth)
+                    # Sherman and Morrison: the Hessian gains skin times j j^T.
+                    yields = c * j
+                    c -= wp.outer(yields, yields / (ONE / hand.skin + wp.dot(j, yields)))
+                else:
+                    rest.near = j
+                    rest.near_depth = depth
         end = lower_end(u, length)
         low = a + u * end
         pressed = hand.link_radius - low[2]

@@ -12,10 +12,12 @@ import numpy as np
 import warp as wp
 
 from warpgrasp.parameters import HandTable
-from warpgrasp.real import ZERO, real, vec3, vec4
+from warpgrasp.real import real, vec3, vec4
 
 _STILL = 1e-12
 """Joint steps below are none [rad]."""
+_UNMOVED = 1e9
+"""Steps a metre of a link that stands still."""
 
 
 @wp.struct
@@ -23,7 +25,8 @@ class PathStep:
     """A command and the free finger there, in the frame of its base.
 
     `p1` to `p3` are the flexion joints, `p4` the tip's centre; `moves` counts the flexion joints'
-    moves since the start.
+    moves since the start. `steps` is in how many steps a metre each link goes at the fastest, from
+    here on.
     """
 
     command: vec4
@@ -32,6 +35,7 @@ class PathStep:
     p3: vec3
     p4: vec3
     moves: real
+    steps: vec3
 
 
 def path_table(hand: HandTable, commands_rad: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -55,6 +59,10 @@ def path_table(hand: HandTable, commands_rad: np.ndarray) -> tuple[np.ndarray, n
     travel = np.zeros((*table.shape, 3))
     for link in range(3):
         travel[:, :, 1:, link] = np.maximum(moved[link], moved[link + 1]).cumsum(-1)
+    fastest = np.maximum.accumulate(np.diff(travel, axis=2)[:, :, ::-1], axis=2)[:, :, ::-1]
+    table["steps"] = _UNMOVED
+    with np.errstate(divide="ignore"):
+        table["steps"][:, :, :-1] = np.minimum(1.0 / fastest, _UNMOVED)
     moving = np.abs(np.diff(commands_rad[..., 1:], axis=2)) > _STILL
     table["moves"][:, :, 1:] = moving.sum(-1).cumsum(-1)
     return table, travel
@@ -75,24 +83,3 @@ def path_on_device(
     """`path_table` as kernels take it; kept for the next launch along the same commands."""
     commands = np.ascontiguousarray(commands_rad, np.float64)
     return _tabled(hand, commands.shape, commands.tobytes(), device)
-
-
-@wp.func
-def first_uncertain(
-    travel: wp.array3d[vec3], grasp: int, finger: int, step: int, last: int, free: vec3
-):
-    """The first step after `step` at which some link may have used up what is `free` [m] to it.
-
-    `last + 1` if there is none up to `last`.
-    """
-    limit = travel[grasp, finger, step] + free
-    low = int(step)
-    high = int(last + 1)
-    while high - low > 1:
-        middle = (low + high) // 2
-        beyond = travel[grasp, finger, middle] - limit
-        if wp.max(beyond[0], wp.max(beyond[1], beyond[2])) >= ZERO:
-            high = middle
-        else:
-            low = middle
-    return high

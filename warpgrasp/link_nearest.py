@@ -14,10 +14,11 @@ from warpgrasp.scene import Scene, body_distance, body_distance_grad
 LINK_SAMPLES = wp.constant(5)
 _REFINEMENTS = wp.constant(32)
 _HALVE_FROM = wp.constant(4)
-_LEVEL = wp.constant(real(1e-9))  # slope
+_LEVEL = wp.constant(real(1e-7))  # slope
 _WIDTH = wp.constant(real(1e-7))  # of the bracket, relative to the link's length
 _SHALLOW = wp.constant(real(1e-3))  # [m]; keeps distance times slope rising inside a body
 _FLATTEST = wp.constant(real(1e-3))
+_FAR = wp.constant(real(1e9))  # [m]
 
 
 _Ends = wp.types.vector(length=9, dtype=real)
@@ -36,9 +37,13 @@ class Near:
 
 @wp.func
 def _valley(
-    scene: Scene, body: int, a: vec3, u: vec3, low: real, high: real, start: real, rate: real
+    scene: Scene, body: int, a: vec3, u: vec3, low: real, high: real, start: real, rate: real,
+    enough: real
 ):
-    """The bottom of the valley that `start` lies in, between `low` and `high`."""
+    """The bottom of the valley that `start` lies in, between `low` and `high`.
+
+    Where a distance at `start` shows that all there are above `enough`, that lower bound.
+    """
     near = Near()
     below = real(low)
     above = real(high)
@@ -53,6 +58,11 @@ def _valley(
         near.along = t
         near.distance = g[3]
         near.normal = vec3(g[0], g[1], g[2])
+        if k == 0:
+            bound = g[3] - wp.max(t - low, high - t)
+            if bound > enough:
+                near.distance = bound
+                break
         slope = wp.dot(near.normal, u)
         psi = slope * wp.max(g[3], _SHALLOW)
         if k > 0:
@@ -94,7 +104,7 @@ def link_nearest(
 
     `guess` (not negative) follows the body's valley from there with the `bend` found before, and
     makes sure that none of so many `samples` (0, or 2 and more) lies lower. Else they choose.
-    Without a guess, a distance above `enough` may be a lower bound.
+    A distance above `enough` may be a lower bound.
     """
     spacing = length / real(wp.max(samples - 1, 1))
     near = Near()
@@ -114,9 +124,9 @@ def link_nearest(
     for attempt in range(2):
         if search == 1:
             if begin >= ZERO:
-                near = _valley(scene, body, a, u, low, high, begin, rate)
+                near = _valley(scene, body, a, u, low, high, begin, rate, enough)
             search = int(0)
-            if attempt == 0:
+            if attempt == 0 and (begin < ZERO or near.distance <= enough):
                 least = near.distance - real(1e-9)
                 for k in range(samples):
                     t = spacing * real(k)
@@ -166,7 +176,7 @@ def deepest_valley(
                     after = body_distance(scene, body, a + u * (t + step))
                 if here <= before and here <= after and here - step * HALF <= least:
                     near = _valley(scene, body, a, u, wp.max(t - step, ZERO),
-                                   wp.min(t + step, length), t, ONE)
+                                   wp.min(t + step, length), t, ONE, _FAR)
                     if near.distance < nearest:
                         nearest = near.distance
                         least = wp.min(least, nearest)
@@ -174,7 +184,8 @@ def deepest_valley(
                 before = here
                 here = after
         if here <= before and here - step * HALF <= least:
-            near_end = _valley(scene, body, a, u, length - step, length, length, ONE)
+            near_end = _valley(scene, body, a, u, length - step, length, length, ONE,
+                               _FAR)
             if near_end.distance < nearest:
                 best = near_end.along
     return best
@@ -191,7 +202,7 @@ def lower_end(u: vec3, length: real):
 @wp.func
 def nearest_along(scene: Scene, body: int, a: vec3, u: vec3, length: real):
     """Place [m from a] and distance of the point of a segment nearest to body and table."""
-    near = link_nearest(scene, body, a, u, length, -ONE, ONE, LINK_SAMPLES, real(1e9))
+    near = link_nearest(scene, body, a, u, length, -ONE, ONE, LINK_SAMPLES, _FAR)
     low = lower_end(u, length)
     if a[2] + u[2] * low < near.distance:
         return vec2(low, a[2] + u[2] * low)

@@ -7,16 +7,17 @@ motion, and a threshold must clear it.
 """
 
 from functools import lru_cache
-from math import erf, sqrt
+from math import erf, log1p, sqrt
 
 import numpy as np
 import warp as wp
 
 from warpgrasp.counter_random import counter_key, counter_normal, counter_uniform
 from warpgrasp.parameters import HandTable, SensorTable
-from warpgrasp.real import HALF, ONE, ZERO, real, vec2
+from warpgrasp.real import HALF, ONE, ZERO, real, vec2, vec4
 from warpgrasp.utah_mit_hand import Hand
 
+_CERTAIN = 1.0 - 1e-16  # a chance that has a logarithm
 _SIXTH = wp.constant(real(1.0 / 6.0))
 _TWENTYFOURTH = wp.constant(real(1.0 / 24.0))
 
@@ -30,8 +31,13 @@ class TendonSensor:
     step: real
     readings: int
     joint_noise: real
-    false_stop_moving: real
-    false_stop_still: real
+    hazard_moving: real
+    """Of a false stop in a step of a joint whose tendons move, -log(1 - its chance)."""
+    hazard_still: real
+    per_torque: vec4
+    """Tension difference for a joint's torque [N / (N m)], out of range less."""
+    rub: real
+    """The largest that friction adds to it [N]."""
 
 
 @wp.func
@@ -61,10 +67,16 @@ def _quantised(value: real, step: real):
 
 
 @wp.func
-def tension_difference_read(sensor: TendonSensor, tensions: vec2, key: wp.uint64):
+def tension_noise(key: wp.uint64):
+    """What noise does to a flexor's and an extensor's reading, in standard deviations."""
+    return vec2(counter_normal(counter_key(key, 0)), counter_normal(counter_key(key, 1)))
+
+
+@wp.func
+def tension_difference_read(sensor: TendonSensor, tensions: vec2, noise: vec2):
     """One noisy, quantised reading of flexor minus extensor tension [N]."""
-    flexor = tensions[0] + sensor.noise * counter_normal(counter_key(key, 0))
-    extensor = tensions[1] + sensor.noise * counter_normal(counter_key(key, 1))
+    flexor = tensions[0] + sensor.noise * noise[0]
+    extensor = tensions[1] + sensor.noise * noise[1]
     return _quantised(flexor, sensor.step) - _quantised(extensor, sensor.step)
 
 
@@ -155,6 +167,10 @@ def tendon_sensor_of(hand: HandTable, sensor: SensorTable) -> TendonSensor:
     s.threshold, s.noise = sensor.tendon_threshold_N, sensor.tension_noise_N
     s.step, s.readings = sensor.tension_step_N, sensor.tension_readings
     s.joint_noise = sensor.joint_noise_rad
-    s.false_stop_moving = false_stop_probability(hand, sensor, moving=True)
-    s.false_stop_still = false_stop_probability(hand, sensor, moving=False)
+    s.hazard_moving, s.hazard_still = (
+        -log1p(-min(false_stop_probability(hand, sensor, moving=moving), _CERTAIN))
+        for moving in (True, False))
+    s.per_torque = vec4(*(1.0 / arm for arm in hand.moment_arm_m))
+    s.rub = 2.0 * hand.tendon_friction * min(
+        max(hand.co_contraction_N, hand.tension_low_N), hand.tension_high_N)
     return s

@@ -88,6 +88,12 @@ def finger_base(hand: Hand, finger: int):
 
 
 @wp.func
+def finger_length(hand: Hand):
+    """From a finger's base to the centre of its tip, stretched out [m]."""
+    return hand.abduction_offset + hand.link_length[0] + hand.link_length[1] + hand.link_length[2]
+
+
+@wp.func
 def finger_pose(hand: Hand, base: transform, q: vec4):
     """Forward kinematics of one finger, joints (abduction, flexion 1, 2, 3) [rad]."""
     r = wp.transform_get_rotation(base)

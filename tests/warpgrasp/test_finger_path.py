@@ -54,3 +54,16 @@ def test_a_path_is_tabled_once_and_anew_when_it_changes() -> None:
     table, ways = path_table(HAND, commands)
     np.testing.assert_array_equal(path.numpy()["command"], table["command"])
     np.testing.assert_array_equal(travel.numpy(), ways)
+
+
+def test_no_jump_goes_beyond_what_is_free() -> None:
+    """As many steps as a table's `steps` allows for a free way: no link comes farther than it."""
+    rng = np.random.default_rng(1)
+    for name in CLOSING_PATHS:
+        table, travel, _ = chains(name)
+        step = rng.integers(0, len(travel), 300)
+        free = rng.uniform(0.0, 0.05, (300, 3))
+        jump = np.floor((free * table["steps"][step]).min(1)).astype(int)
+        there = np.minimum(step + jump, len(travel) - 1)
+        assert (travel[there] - travel[step] <= free + 1e-12).all()
+        assert (jump > 0).mean() > 0.8
