@@ -314,8 +314,10 @@ def line_kernel(
     end.q_true = q
     end.q_read = read
     end.pose_true = here
-    arm_stop = puma_reach(arm, wp.transform_multiply(
-        _along(line, way, interval * real(s)), flange_on_hand), arm_start)
+    arm_stop = arm_last
+    if s < steps:
+        arm_stop = puma_reach(arm, wp.transform_multiply(
+            _along(line, way, interval * real(s)), flange_on_hand), arm_start)
     end.arm_time = move_time(arm, begin.arm_q, arm_start)
     end.arm_q = arm_stop
     if arm.encoder_step > ZERO:

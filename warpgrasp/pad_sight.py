@@ -51,25 +51,30 @@ def pad_sight(scene: Scene, body: int, pad: Pad, hand: Hand, base: transform, q:
     sight = PadSight()
     sight.q = q
     f = finger_pose(hand, base, q)
-    reach = _MARGIN + _MIDDLE * wp.sqrt(
-        pad.length * pad.length + pad.width * pad.width) / _SIDE_REAL
+    pitch = pad.length / _SIDE_REAL
+    width = pad.width / _SIDE_REAL
+    reach = _MARGIN + _MIDDLE * wp.sqrt(pitch * pitch + width * width)
+    quad_reach = _MARGIN + _MIDDLE * width
     middles = pad_columns(pad, hand, _MIDDLE, real(4.0))
     for link in range(3):
         if pad.on[link] != 0 and pad_near(scene, body, pad, hand, f, link, _MARGIN):
-            for block in range(16):
-                top = real(4 * (block // _BLOCKS))
-                middle = pad_point(pad, hand, f, pad_row(pad, hand, f, link, top + _MIDDLE),
-                                   middles[block % _BLOCKS]).x
-                if stand_distance(scene, body, middle) < reach:
-                    bits = int(0)
-                    columns = block_columns(pad, hand, block)
-                    for i in range(4):
-                        row = pad_row(pad, hand, f, link, top + real(i))
-                        for j in range(4):
-                            x = pad_point(pad, hand, f, row, columns[j]).x
-                            if stand_distance(scene, body, x) < _MARGIN:
-                                bits = bits | (1 << (4 * i + j))
-                    sight.taxels[link, block] = bits
+            for top in range(4):
+                first = real(4 * top)
+                across = pad_row(pad, hand, f, link, first + _MIDDLE)
+                for side in range(4):
+                    middle = pad_point(pad, hand, f, across, middles[side]).x
+                    if stand_distance(scene, body, middle) < reach:
+                        bits = int(0)
+                        columns = block_columns(pad, hand, 4 * top + side)
+                        for i in range(4):
+                            row = pad_row(pad, hand, f, link, first + real(i))
+                            x = pad_point(pad, hand, f, row, middles[side]).x
+                            if stand_distance(scene, body, x) < quad_reach:
+                                for j in range(4):
+                                    x = pad_point(pad, hand, f, row, columns[j]).x
+                                    if stand_distance(scene, body, x) < _MARGIN:
+                                        bits = bits | (1 << (4 * i + j))
+                        sight.taxels[link, _BLOCKS * top + side] = bits
     return sight
 
 

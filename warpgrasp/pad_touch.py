@@ -8,7 +8,8 @@ from warpgrasp.real import HALF, ZERO, real, vec2, vec3, vec4
 from warpgrasp.scene import Scene
 from warpgrasp.tactile_pad import (
     Pad,
-    noise_may_reach,
+    noise_draw,
+    noise_reaches,
     pad_column,
     pad_point,
     pad_row,
@@ -48,19 +49,20 @@ def pad_load(
 
 
 @wp.func
-def _pressing(
-    scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, link: int, sight: PadSight,
-    taxel: int
-):
-    """Force on one taxel [N]."""
+def _seen(sight: PadSight, link: int, taxel: int):
+    """Whether a taxel may press."""
     row = taxel // _SIDE
     column = taxel % _SIDE
     bits = sight.taxels[link, 4 * (row // 4) + column // 4]
-    if (bits & (1 << (4 * (row % 4) + column % 4))) == 0:
-        return ZERO
+    return (bits & (1 << (4 * (row % 4) + column % 4))) != 0
+
+
+@wp.func
+def _pressing(scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, link: int, taxel: int):
+    """Force on one taxel [N]."""
     return taxel_force(scene, body, pad, pad_point(
-        pad, hand, f, pad_row(pad, hand, f, link, real(row)),
-        pad_column(pad, hand, real(column))).x)
+        pad, hand, f, pad_row(pad, hand, f, link, real(taxel // _SIDE)),
+        pad_column(pad, hand, real(taxel % _SIDE))).x)
 
 
 @wp.func
@@ -68,13 +70,26 @@ def pad_feels(
     scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, finger: int, link: int,
     episode: wp.uint64, reading: wp.uint64, sight: PadSight
 ):
-    """Whether some taxel of a pad reads the threshold: as `read_image` would, less work."""
+    """Whether some taxel of a pad reads the threshold: as `read_image` would, less work.
+
+    Pressed taxels are asked first, those that noise alone may raise only if none of them says so.
+    """
+    for taxel in range(_SIDE * _SIDE):
+        if _seen(sight, link, taxel):
+            force = _pressing(scene, body, pad, hand, f, link, taxel)
+            if force > ZERO and real(taxel_count(
+                    pad, force, pad_taxel_key(episode, finger, link, taxel),
+                    counter_key(reading, taxel))) >= pad.threshold:
+                return True
+    most = noise_reaches(pad)
     for taxel in range(_SIDE * _SIDE):
         key = counter_key(reading, taxel)
-        force = _pressing(scene, body, pad, hand, f, link, sight, taxel)
-        if force > ZERO or noise_may_reach(pad, key):
-            count = taxel_count(pad, force, pad_taxel_key(episode, finger, link, taxel), key)
-            if real(count) >= pad.threshold:
+        if noise_draw(key) < most:
+            force = real(0.0)
+            if _seen(sight, link, taxel):
+                force = _pressing(scene, body, pad, hand, f, link, taxel)
+            if real(taxel_count(
+                    pad, force, pad_taxel_key(episode, finger, link, taxel), key)) >= pad.threshold:
                 return True
     return False
 
@@ -87,7 +102,9 @@ def read_image(
     """Read a pad into row `i` of `image`; returns the largest count."""
     peak = int(0)
     for taxel in range(_SIDE * _SIDE):
-        force = _pressing(scene, body, pad, hand, f, link, sight, taxel)
+        force = real(0.0)
+        if _seen(sight, link, taxel):
+            force = _pressing(scene, body, pad, hand, f, link, taxel)
         count = taxel_count(pad, force, pad_taxel_key(episode, finger, link, taxel),
                             counter_key(reading, taxel))
         image[i, taxel // _SIDE, taxel % _SIDE] = wp.uint8(count)

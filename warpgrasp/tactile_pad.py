@@ -222,11 +222,16 @@ def taxel_count(pad: Pad, force: real, taxel_key: wp.uint64, reading_key: wp.uin
 
 
 @wp.func
-def noise_may_reach(pad: Pad, reading_key: wp.uint64):
-    """False where an unloaded taxel is sure to read less than the threshold in this reading."""
+def noise_reaches(pad: Pad):
+    """An unloaded taxel reads less than the threshold unless its `noise_draw` is below this."""
     least = (wp.ceil(pad.threshold) - HALF) / wp.max(pad.noise, real(1e-9))
-    u = counter_uniform(counter_key(counter_key(reading_key, 1), 1))
-    return u < wp.exp(-HALF * least * least)
+    return wp.exp(-HALF * least * least)
+
+
+@wp.func
+def noise_draw(reading_key: wp.uint64):
+    """The number in (0, 1) that the size of a reading's noise is drawn by."""
+    return counter_uniform(counter_key(counter_key(reading_key, 1), 1))
 
 
 @wp.func
