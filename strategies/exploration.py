@@ -20,7 +20,7 @@ from strategies.belief import Belief
 from strategies.budget import Budget, within_budget
 from strategies.containment import explore_by_containment
 from strategies.contour import ContourExploration, explore_contour
-from strategies.contour_profile import Profile, later_profile, profile_of
+from strategies.contour_profile import Profile, later_profile, profile_of, with_profiles
 from strategies.evidence import Evidence, TouchedLinks, evidence_from_grasps, touched_links
 from strategies.fault import fault_text, place_of
 from strategies.fusion import (
@@ -37,7 +37,14 @@ from strategies.fusion import (
 from strategies.planar import PlanarExploration, explore_plane
 from strategies.planar_faces import Face, planes_of
 from strategies.probes import CrossFaces, FollowContour, Grasp, Probe, wanted_of
-from strategies.recovered import Recovered, choose_body, or_told, plausible
+from strategies.recovered import (
+    Recovered,
+    choose_body,
+    or_told,
+    plausible,
+    revolution_of,
+    superquadric_rows,
+)
 from strategies.recovery import recover_bodies, refine_bodies
 from strategies.waypoints import BoundingCylinder
 from strategies.whole_profile import whole_profile
@@ -140,14 +147,15 @@ class _Run:
         self.faulty = np.zeros(worlds, bool)
         self.fault = ""
         self.faces: list[Face] = []
-        self.profile: Profile | None = None
+        self.profile: Profile | None = None  # as followed
+        self.whole: Profile | None = None  # and completed by all else that was felt
         self.touches = np.zeros(worlds, int)
         self.time, self.path = np.zeros(worlds), np.zeros(worlds)
         self.fits = _no_fits(worlds)
         self.count_anew = np.zeros(worlds, int)
         self.by_pads = np.zeros(worlds, bool)
         self.placed = self.felt
-        self._conclude()
+        self._conclude(np.arange(worlds))
 
     def take_step(self, planner: Planner) -> None:
         """Ask once and carry out the answer; a step that wants nothing is not counted."""
@@ -172,7 +180,7 @@ class _Run:
         if changed.any():
             self.step += 1
             self._refit(np.flatnonzero(changed))
-            self._conclude()
+            self._conclude(np.flatnonzero(changed))
             self.active &= within_budget(self.budget, self.belief)
             self.belief = replace(self.belief, active=self.active.copy())
 
@@ -185,8 +193,9 @@ class _Run:
             v.copy() for v in (self.touches, self.time, self.path))
         mask = wanted_of(probe, self.robot.worlds) & self.active[:, None]
         copied._grasp(probe, mask)
-        copied._refit(np.flatnonzero(mask.any(1)))
-        copied._conclude()
+        rows = np.flatnonzero(mask.any(1))
+        copied._refit(rows)
+        copied._conclude(rows)
         return copied.recovered
 
     def _sound(self, probe: Probe, mask: np.ndarray, planner: Planner) -> np.ndarray:
@@ -308,16 +317,23 @@ class _Run:
         good = np.isin(self.fits.status, (FitStatus.converged, FitStatus.not_converged))
         return (self.placed.mask.sum(1) >= FEWEST_CONTACTS) & good & plausible(self.fits, self.told)
 
-    def _conclude(self) -> None:
-        """What is believed now."""
+    def _conclude(self, rows: np.ndarray) -> None:
+        """What is believed now; only `rows` felt something new, the others' bodies stay."""
         fitted = self.believed()
         body = or_told(self.fits, self.told, fitted)
-        profile = self.profile and whole_profile(
-            self.profile, self.placed, self.contour, self.told)
-        self.recovered = choose_body(fitted, body, profile, self.placed, self.contour)
+        profile = None
+        if self.profile is not None:
+            profile = whole_profile(
+                self.profile[rows], evidence_rows(self.placed, rows), self.contour, self.told[rows])
+            self.whole = with_profiles(self.whole or self.profile, rows, profile)
+        shape = np.zeros(len(fitted), int) if self.step == 0 else self.recovered.shape.copy()
+        shape[rows] = choose_body(
+            fitted[rows], superquadric_rows(body, rows), profile,
+            evidence_rows(self.placed, rows), self.contour).shape
+        self.recovered = Recovered(shape, body, self.whole and revolution_of(self.whole))
         self.belief = Belief(
             self.step, self.active.copy(), self.told, self.seed, self.robot.arm,
-            self.robot.hand, self.placed, self.fits, fitted, body, tuple(self.faces), profile,
+            self.robot.hand, self.placed, self.fits, fitted, body, tuple(self.faces), self.whole,
             self.recovered.shape, self.touches.copy(), self.time.copy(), self.path.copy())
 
     def status(self) -> np.ndarray:
