@@ -61,9 +61,11 @@ def profile_of(
     worlds = len(exploration.reason)
     points, mask = exploration.touches.sets(worlds)
     ways, which = np.unique(np.nan_to_num(given.direction, nan=0.0), axis=0, return_inverse=True)
-    to_axis = [(_upright(way), which == k) for k, way in enumerate(ways)]
-    foot = np.nan_to_num(given.foot_m)
-    local = _turned(to_axis, points - foot[:, None])
+    turns = [_upright(way) for way in ways]
+    to_axis, from_axis = ([each[k] for k in which.ravel()] for each in (
+        turns, [turn.inv() for turn in turns]))
+    local = np.stack([turn.apply(p - f) for turn, p, f in
+                      zip(to_axis, points, np.nan_to_num(given.foot_m), strict=True)])
     fit = fit_revolution(local, mask, options=options)
     good = usable(fit)
     axis_local = np.where(good[:, None], fit.axis, [0.0, 0.0, 1.0])
@@ -74,9 +76,9 @@ def profile_of(
     arms = local - point_local[:, None]
     t = np.einsum("wpi,wi->wp", arms, axis_local)
     rho = np.linalg.norm(arms - t[..., None] * axis_local[:, None], axis=2)
-    back = [(turn.inv(), rows) for turn, rows in to_axis]
-    axis = _turned(back, axis_local)
-    through = _turned(back, point_local) + foot
+    axis = np.stack([turn.apply(a) for turn, a in zip(from_axis, axis_local, strict=True)])
+    through = np.stack([turn.apply(p) for turn, p in zip(from_axis, point_local, strict=True)])
+    through = through + np.nan_to_num(given.foot_m)
     bottom = np.where(mask, t, np.inf).min(1, initial=np.inf)
     if table_z_m is not None:
         bottom = (table_z_m - through[:, 2]) / np.maximum(axis[:, 2], 0.1)
@@ -96,14 +98,6 @@ def profile_of(
     return Profile(through + axis * bottom[:, None], axis, height, radius,
                    np.where(known, volume, np.nan), largest,
                    np.where(known, top - bottom, np.nan), np.where(known, rms, np.nan), fit)
-
-
-def _turned(turns: list[tuple[Rotation, np.ndarray]], values: np.ndarray) -> np.ndarray:
-    """Vectors (world, ..., 3), those of each turn's worlds turned by it."""
-    out = np.empty_like(values)
-    for turn, rows in turns:
-        out[rows] = turn.apply(values[rows].reshape(-1, 3)).reshape(values[rows].shape)
-    return out
 
 
 def _upright(direction: np.ndarray) -> Rotation:
