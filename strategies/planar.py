@@ -134,6 +134,7 @@ class _Explorer:
         self.reason[rows[~reachable]] = EndReason.UNREACHABLE
         rows = rows[reachable]
         self.turn = pose[:, 3:]
+        self.tip = fingertip_from(robot, self.turn)  # the finger stays as it is
         self.place = pose[:, :3] - inward * o.stand_off_m
         touch = self._line(rows, inward, (o.stand_off_m + o.search_m))
         status = touch.status
@@ -165,7 +166,7 @@ class _Explorer:
         touch = self._line(rows, along, o.step_m)
         status = touch.status
         felt, stopped = status == ProbeStatus.CONTACT, status == ProbeStatus.BLOCKED
-        out = np.isin(status, (ProbeStatus.UNREACHABLE, ProbeStatus.COLLISION))
+        out = (status == ProbeStatus.UNREACHABLE) | (status == ProbeStatus.COLLISION)
         strange = felt & self._other_surface(rows, touch)
         self._note(rows, touch, np.flatnonzero(felt & ~strange | stopped))
         self._end_direction(rows[strange], EndReason.OBSTACLE)
@@ -182,8 +183,8 @@ class _Explorer:
         felt, stopped = down.status == ProbeStatus.CONTACT, down.status == ProbeStatus.BLOCKED
         self._note(rows, down, np.flatnonzero(felt | stopped))
         self._count_blocked(rows, felt, stopped)
-        self._end_direction(rows[np.isin(down.status, (
-            ProbeStatus.UNREACHABLE, ProbeStatus.COLLISION))], EndReason.UNREACHABLE)
+        out = (down.status == ProbeStatus.UNREACHABLE) | (down.status == ProbeStatus.COLLISION)
+        self._end_direction(rows[out], EndReason.UNREACHABLE)
         rows = rows[down.status == ProbeStatus.NO_CONTACT]
         further = self._line(rows, inward, o.fall_drop_m)
         self.log.miss(rows, further)
@@ -222,11 +223,11 @@ class _Explorer:
 
     def _step_above_table(self, rows: np.ndarray, along: np.ndarray) -> np.ndarray:
         """Share of a step that leaves the fingertip clear of the table."""
-        tip = fingertip_of(self.robot, np.concatenate([self.place[rows], self.turn[rows]], 1))
+        height = self.place[rows, 2] + self.tip[rows, 2]
         lowest = (self.robot.hand.link_radius_m + self.robot.pads.thickness_m
                   + self.o.table_clear_m)
         sinks = np.maximum(-along[rows, 2], 1e-9) * self.o.step_m
-        return np.clip((tip[:, 2] - lowest) / sinks, 0.0, 1.0)
+        return np.clip((height - lowest) / sinks, 0.0, 1.0)
 
     def _end_direction(self, rows: np.ndarray, why: EndReason) -> None:
         """Back to the first contact, and on in the next direction, if there is one."""
@@ -248,9 +249,10 @@ def face_axes(normal: np.ndarray) -> np.ndarray:
     return np.stack([u, np.cross(normal, u), normal], 1)
 
 
-def fingertip_of(robot: Robot, pose: np.ndarray) -> np.ndarray:
-    """Centre of the extended index fingertip [m], (n, 3), for hand poses (n, 7)."""
-    return pose[:, :3] + Rotation.from_quat(pose[:, 3:]).apply(poke_tip_m(robot.hand))
+def fingertip_from(robot: Robot, turn: np.ndarray) -> np.ndarray:
+    """From the hand's origin to the centre of the extended index fingertip [m], (n, 3), for the
+    hand's quaternions (n, 4)."""
+    return Rotation.from_quat(turn).apply(poke_tip_m(robot.hand))
 
 
 def choose_lean(
