@@ -10,7 +10,7 @@ in the worlds concerned; what was felt before still counts.
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, fields, replace
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -140,6 +140,8 @@ class _Run:
         self.intrinsic = robot.sensors.contact_estimator == "intrinsic"
         self.felt = no_evidence(worlds, radius)
         self.links = no_links(worlds, 0, radius)
+        self.news: list[tuple[Evidence, TouchedLinks]] = []  # felt since the last fit
+        self.slots = 0
         self.contour = np.zeros(0, int)  # slots of touches along a contour
         self.procedures: list[Procedure] = []
         self.closings_made = self.step = 0
@@ -256,9 +258,9 @@ class _Run:
 
     def _follow(self, probe: FollowContour, wanted: np.ndarray) -> None:
         found = explore_contour(self.robot, probe.axis, wanted=wanted, options=probe.options)
-        first = self.felt.mask.shape[1]
+        own = np.arange(self.slots, self.slots + CONTOUR_TOUCHES)
         self._touched("contour", found, wanted, CONTOUR_TOUCHES)
-        self.contour = np.concatenate([self.contour, np.arange(first, first + CONTOUR_TOUCHES)])
+        self.contour = np.concatenate([self.contour, own])
         profile = profile_of(found, refine=probe.refine)
         self.profile = profile if self.profile is None else later_profile(self.profile, profile)
 
@@ -276,8 +278,8 @@ class _Run:
         self.procedures.append(Procedure(name, self.step, found, wanted, slots))
 
     def _add(self, evidence: Evidence, links: TouchedLinks) -> None:
-        self.felt = joined_evidence(self.felt, evidence)
-        self.links = joined_links(self.links, links)
+        self.news = [*self.news, (evidence, links)]
+        self.slots += evidence.mask.shape[1]
 
     def _refit(self, rows: np.ndarray) -> None:
         """Bodies of the worlds that felt something new.
@@ -285,6 +287,9 @@ class _Run:
         From scratch where the contacts have grown by half since that was last done, or pads felt
         something; otherwise from the body last fitted.
         """
+        self.felt = joined_evidence(self.felt, *(evidence for evidence, _ in self.news))
+        self.links = joined_links(self.links, *(links for _, links in self.news))
+        self.news = []
         count = self.felt.mask.sum(1)
         anew = ~self.believed() | (count >= REGROWN * self.count_anew) | self.by_pads
         self.by_pads = np.zeros_like(self.by_pads)
@@ -305,12 +310,10 @@ class _Run:
         self.fits = SuperquadricFit(**{
             f.name: _with(getattr(self.fits, f.name), rows, getattr(fits, f.name))
             for f in fields(SuperquadricFit)})
-        widened = _widened(self.placed, self.felt, placed.free_m.shape[1])
-        values: dict[str, Any] = {
-            f.name: getattr(placed, f.name) if f.name == "free_radius_m" else
-            _with(getattr(widened, f.name), rows, getattr(placed, f.name))
-            for f in fields(Evidence)}
-        self.placed = Evidence(**values)
+        self.placed = _widened(self.placed, self.felt, placed.free_m.shape[1])
+        for f in fields(Evidence):
+            if f.name not in ("free_radius_m", "by_pad"):
+                getattr(self.placed, f.name)[rows] = getattr(placed, f.name)
 
     def believed(self) -> np.ndarray:
         """Worlds whose fit is to be believed, bool (world,)."""
@@ -358,7 +361,8 @@ def _with(array: np.ndarray, rows: np.ndarray, values: np.ndarray) -> np.ndarray
 
 
 def _widened(placed: Evidence, felt: Evidence, free: int) -> Evidence:
-    """The evidence last placed, with empty slots where more has been felt since."""
+    """The evidence last placed, with empty slots where more has been felt since; arrays of its own.
+    """
     worlds, before = placed.mask.shape
     new = slice(before, None)
     free_m = np.zeros((worlds, free, 3))
