@@ -24,7 +24,7 @@ from warpgrasp.robot import Robot
 from warpgrasp.status import ProbeStatus
 
 DIRECTIONS = 4  # along u both ways, then along v both ways
-_LEANS = 8
+_LEANS = np.array([0, 1, -1, 2, -2, 3, -3, 4]) * 2 * np.pi / 8
 _SHORTEST_STEP = 0.15
 _TURN_MOST_RAD = np.radians(55)  # a believed normal further off belongs to something else
 
@@ -263,20 +263,31 @@ def choose_lean(
     Preferred is a finger that points downwards at an upright face; among the leans that can be
     reached over the most of a cross of 40 mm about the point, the one nearest to that.
     """
-    n = len(point)
-    angle = np.array([0, 1, -1, 2, -2, 3, -3, 4]) * 2 * np.pi / _LEANS
+    pose, usable, score = _lean_poses(robot, point, axes, options, _LEANS[:1])
+    # No other lean is better than the first one, where that reaches all of the cross.
+    rest = np.flatnonzero(~usable | (score < 6.0))
+    if len(rest):
+        pose[rest], usable[rest], _ = _lean_poses(robot, point[rest], axes[rest], options, _LEANS)
+    return pose, usable
+
+
+def _lean_poses(
+    robot: Robot, point: np.ndarray, axes: np.ndarray, options: PlanarOptions, leans: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The best of some leans for each point: its pose (n, 7), whether it is usable, how much of the
+    cross it reaches, less a little for every lean before it, (n,)."""
     u, v, normal = axes[:, 0], axes[:, 1], axes[:, 2]
-    lean = (-np.cos(angle)[None, :, None] * v[:, None]
-            + np.sin(angle)[None, :, None] * u[:, None])
+    lean = (-np.cos(leans)[None, :, None] * v[:, None]
+            + np.sin(leans)[None, :, None] * u[:, None])
     cross = np.stack([0 * u, 0.04 * u, -0.04 * u, 0.04 * v, -0.04 * v,
                       options.stand_off_m * normal], 1)
     poses = poking_pose(robot.hand, robot.pads, (point[:, None] + cross)[:, None],
                         -normal[:, None, None], lean[:, :, None])
     reached = hand_reachable(robot.arm, robot.hand, poses)
-    score = reached.sum(-1) - 0.1 * np.arange(_LEANS)
+    score = reached.sum(-1) - 0.1 * np.arange(len(leans))
     usable = reached[:, :, 0] & reached[:, :, -1]
     # On an upright face a finger that points upwards would run its hand into the table.
     usable &= (lean[:, :, 2] < 0.2) | (np.abs(normal[:, None, 2]) > 0.7)
     best = np.where(usable, score, -1.0).argmax(1)
-    rows = np.arange(n)
-    return poses[rows, best, 0], usable[rows, best]
+    rows = np.arange(len(point))
+    return poses[rows, best, 0], usable[rows, best], score[rows, best]
