@@ -69,6 +69,19 @@ class ContactEstimate:
     """Believed joints and tip centre of each finger, (..., 4, 3): the links' axes between them."""
 
 
+@wp.struct
+class _Posterior:
+    weight: real
+    best: real
+    mean: vec3
+    second: mat33
+    normal: vec3
+    link: int
+    link_weight: vec3
+    along: vec3
+    along_second: vec3
+
+
 @wp.func
 def _misfit(j: vec4, torque: vec4, precision: vec4):
     """Weighted square misfit of torques explained by a push of the best size >= 0."""
@@ -78,6 +91,32 @@ def _misfit(j: vec4, torque: vec4, precision: vec4):
     if wt <= ZERO or ww <= ZERO:
         return tt
     return tt - wt * wt / ww
+
+
+@wp.func
+def _gather(
+    post: _Posterior, x: vec3, outward: vec3, area: real, misfit: real, link: int, along: real
+):
+    if misfit < post.best:
+        scale = wp.exp(-(post.best - misfit) * real(0.5))
+        post.weight *= scale
+        post.mean = post.mean * scale
+        post.second = post.second * scale
+        post.normal = post.normal * scale
+        post.link_weight = post.link_weight * scale
+        post.along = post.along * scale
+        post.along_second = post.along_second * scale
+        post.best = misfit
+        post.link = link
+    weight = area * wp.exp(-(misfit - post.best) * real(0.5))
+    post.weight += weight
+    post.mean += x * weight
+    post.second += wp.outer(x, x) * weight
+    post.normal -= outward * weight
+    post.link_weight[link] += weight
+    post.along[link] += along * weight
+    post.along_second[link] += along * along * weight
+    return post
 
 
 @wp.kernel(enable_backward=False)
@@ -155,16 +194,9 @@ def _estimate_kernel(
         precision[j] = ONE / (v + m * m + _FLOOR * _FLOOR)
 
     r = hand.link_radius
-    # The posterior's sums, in units of its best place so far.
-    best = real(1e30)
-    weight = real(0.0)
-    mean = vec3(ZERO, ZERO, ZERO)
-    second = mat33(ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO)
-    push = vec3(ZERO, ZERO, ZERO)
-    best_link = int(0)
-    weights = vec3(ZERO, ZERO, ZERO)  # a link each
-    places = vec3(ZERO, ZERO, ZERO)
-    squares = vec3(ZERO, ZERO, ZERO)
+    post = _Posterior()
+    post.best = real(1e30)
+    post.weight = ZERO
     for link in range(3):
         a = f.p1
         u = f.u1
@@ -178,65 +210,34 @@ def _estimate_kernel(
             u = f.u3
             n = f.n3
         length = hand.link_length[link]
-        count = wp.where(link == 2, _ALONG + _CAP, _ALONG)
         ring = PI * r / _AROUND_REAL * length / _ALONG_REAL
-        own = real(0.0)
-        own_place = real(0.0)
-        own_square = real(0.0)
         for k in range(_AROUND):
             turn = PI * (real(k) + real(0.5)) / _AROUND_REAL - PI * real(0.5)
             out = n * wp.cos(turn) + f.side * wp.sin(turn)
             # Torque is linear in the place along the link: two ends give all between.
             j_low = finger_jacobian(f, link, a, out)
             j_high = finger_jacobian(f, link, a + u * length, out)
-            for i in range(count):
+            for i in range(_ALONG):
                 share = (real(i) + real(0.5)) / _ALONG_REAL
-                swing = j_low + (j_high - j_low) * share
-                outward = out
-                up = real(0.0)
-                if i >= _ALONG:  # on the tip's cap
-                    up = PI * real(0.5) * (real(i - _ALONG) + real(0.5)) / _CAP_REAL
-                    outward = out * wp.cos(up) + u * wp.sin(up)
-                    swing = finger_jacobian(f, 2, f.p4, outward)
-                misfit = _misfit(swing, torque, precision)
-                if misfit < best + real(40.0):
-                    along_link = length * share
-                    x = a + u * along_link + outward * r
-                    area = ring
-                    if i >= _ALONG:
-                        along_link = length
-                        x = f.p4 + outward * r
+                misfit = _misfit(j_low + (j_high - j_low) * share, torque, precision)
+                if misfit < post.best + real(40.0):
+                    post = _gather(post, a + u * (length * share) + out * r, out, ring, misfit,
+                                   link, length * share)
+            if link == 2:
+                for c in range(_CAP):
+                    up = PI * real(0.5) * (real(c) + real(0.5)) / _CAP_REAL
+                    tip_out = out * wp.cos(up) + u * wp.sin(up)
+                    push = finger_jacobian(f, 2, f.p4, tip_out)
+                    misfit = _misfit(push, torque, precision)
+                    if misfit < post.best + real(40.0):
                         area = (PI * r / _AROUND_REAL * wp.cos(up)) * (
                             PI * real(0.5) * r / _CAP_REAL)
-                    if misfit < best:
-                        scale = wp.exp(-(best - misfit) * real(0.5))
-                        weight = weight * scale
-                        mean = mean * scale
-                        second = second * scale
-                        push = push * scale
-                        weights = weights * scale
-                        places = places * scale
-                        squares = squares * scale
-                        own = own * scale
-                        own_place = own_place * scale
-                        own_square = own_square * scale
-                        best = misfit
-                        best_link = link
-                    more = area * wp.exp(-(misfit - best) * real(0.5))
-                    weight += more
-                    mean += x * more
-                    second += wp.outer(x, x) * more
-                    push -= outward * more
-                    own += more
-                    own_place += along_link * more
-                    own_square += along_link * along_link * more
-        weights[link] = own
-        places[link] = own_place
-        squares[link] = own_square
-    if weight <= ZERO:
+                        post = _gather(post, f.p4 + tip_out * r, tip_out, area, misfit, 2,
+                                       length)
+    if post.weight <= ZERO:
         return
-    mean = mean / weight
-    cov = second / weight - wp.outer(mean, mean)
+    mean = post.mean / post.weight
+    cov = post.second / post.weight - wp.outer(mean, mean)
     # The grid's own cell, the joint angles read (each turning the tip), and the arm's pose.
     lever = wp.length(mean - f.p1)
     floor = (length_cell(hand) * length_cell(hand) / real(12.0) + pose_variance
@@ -245,15 +246,15 @@ def _estimate_kernel(
     rot = wp.quat_to_matrix(wp.transform_get_rotation(pose))
     point[w, p, g, finger] = wp.transform_point(pose, mean)
     covariance[w, p, g, finger] = rot * cov * wp.transpose(rot)
-    normal[w, p, g, finger] = wp.normalize(wp.transform_vector(pose, push))
-    link_out[w, p, g, finger] = best_link
-    link_weight[w, p, g, finger] = weights / weight
+    normal[w, p, g, finger] = wp.normalize(wp.transform_vector(pose, post.normal))
+    link_out[w, p, g, finger] = post.link
+    link_weight[w, p, g, finger] = post.link_weight / post.weight
     for link in range(3):
-        if weights[link] > ZERO:
-            place = places[link] / weights[link]
+        if post.link_weight[link] > ZERO:
+            place = post.along[link] / post.link_weight[link]
             along[w, p, g, finger][link] = place
             along_variance[w, p, g, finger][link] = wp.max(
-                squares[link] / weights[link] - place * place, ZERO)
+                post.along_second[link] / post.link_weight[link] - place * place, ZERO)
 
 
 @wp.func
