@@ -19,6 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from fit.program_cache import load_or_compile
+from fit.xla_options import ask_for_options
 
 POINT_BUCKETS = (32, 64, 128, 256, 512)
 GROUP = 16
@@ -29,6 +30,7 @@ MOST_PROGRAMS = 48
 """Compiled programs held at a time: each takes up to 70 MB and a thousand of the 65,530 memory
 mappings that Linux gives a process. An episode of all procedures uses some forty."""
 
+ask_for_options()
 # Two Python threads in one jitted batched Cholesky hang on a CPU: one call at a time.
 _lock = threading.Lock()
 _programs: dict[Any, Callable] = {}

@@ -129,7 +129,7 @@ def _scatter(points, weight) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     total = np.maximum(weight.sum(axis=1), 1e-300)
     mean = (points * weight[..., None]).sum(axis=1) / total[:, None]
     spread = points - mean[:, None]
-    values, axes = np.linalg.eigh(np.einsum("fp,fpi,fpj->fij", weight, spread, spread))
+    values, axes = np.linalg.eigh(np.einsum("fpi,fpj->fij", weight[..., None] * spread, spread))
     return mean, axes, np.maximum(values, 0.0)
 
 

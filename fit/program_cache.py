@@ -23,6 +23,8 @@ from typing import Any
 import jax
 from jax.experimental import serialize_executable
 
+from fit.xla_options import in_force
+
 
 def load_or_compile(name: str, function: Any, arguments: tuple) -> Callable:
     """The jitted `function` compiled for arguments of these shapes, from the cache if it is there.
@@ -40,6 +42,8 @@ def load_or_compile(name: str, function: Any, arguments: tuple) -> Callable:
             payload, jax.tree.structure((arguments, {})), jax.tree.structure(skeleton))
     except Exception:  # absent, cut short, or of another world: whatever it was, compile
         compiled = function.lower(*arguments).compile()
+    if not in_force():
+        return compiled  # by other options than the folder is named after
     try:
         payload, given, result = serialize_executable.serialize(compiled)
         # One that came out of JAX's own cache cannot be written down whole: see before it is kept.

@@ -159,7 +159,7 @@ def from_straight_frame(body: SuperquadricLike, points: np.ndarray) -> np.ndarra
         x, y, z = _bent(body, x, y, z)
     bent = np.stack([x, y, z], axis=-1)
     rotation = matrix_of_quaternion(body.quaternion_xyzw)
-    return np.einsum("fij,fpj->fpi", rotation, bent) + body.position_m[:, None]
+    return bent @ rotation.swapaxes(1, 2) + body.position_m[:, None]
 
 
 def to_straight_frame(body: SuperquadricLike, points: np.ndarray) -> np.ndarray:

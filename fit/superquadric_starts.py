@@ -32,7 +32,7 @@ def box_starts(
     if down is not None:
         frames.append(_cycled(_upright_axes(spread, mask, down)))
     rotation = np.concatenate(frames, axis=1)
-    local = np.einsum("fpi,fsij->fspj", points, rotation)
+    local = points[:, None] @ rotation
     low, high = _extent(local, mask[:, None], trim)
     if down is not None and floor is not None:
         # The body reaches the table, whether or not a finger touched it there.
@@ -58,7 +58,7 @@ def taper_starts(
     A section half way up stands 1 + K/2 wide, half way down 1 - K/2; the widths are root mean
     squares, which touches on two faces and on a round wall both follow.
     """
-    local = np.einsum("fpi,fsij->fspj", points, rotation)
+    local = points[:, None] @ rotation
     local = local - np.einsum("fsi,fsij->fsj", centre, rotation)[:, :, None]
     height = local[..., 2] / half[..., None, 2]
     width = []

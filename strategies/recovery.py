@@ -175,7 +175,7 @@ def contacts_placed(
 def nearest_free(placed: Evidence, evidence: Evidence, body: SuperquadricLike) -> Evidence:
     """`placed` with the free balls of `evidence` that are nearest to `body`."""
     clearance = radial_distances(body, evidence.free_m, evidence.free_mask)
-    chosen = np.argsort(clearance, axis=1, kind="stable")[:, :FREE_BALLS]
+    chosen = np.argsort(clearance, axis=1)[:, :FREE_BALLS]
     return replace(
         placed, free_m=np.take_along_axis(evidence.free_m, chosen[..., None], 1),
         free_mask=np.isfinite(np.take_along_axis(clearance, chosen, 1)))

@@ -42,8 +42,7 @@ def stand_upright(body: Superquadric) -> Upright:
     e1, e2 = body.exponents.T
     on_z = upright == 2
     points = superquadric_points(body, 600)
-    away = np.hypot(points[..., 0] - body.position_m[:, None, 0],
-                    points[..., 1] - body.position_m[:, None, 1])
+    square = ((points[..., :2] - body.position_m[:, None, :2]) ** 2).sum(2)
     axis = axes[np.arange(len(axes)), :, upright]
     return Upright(
         section_exponent=np.where(on_z, e2, e1),
@@ -51,7 +50,7 @@ def stand_upright(body: Superquadric) -> Upright:
         profile_exponent=np.where(on_z, e1, e2),
         top_m=points[..., 2].max(1),
         centre_m=body.position_m,
-        radius_m=away.max(1),
+        radius_m=np.sqrt(square.max(1)),
         axis=axis * np.where(axis[:, 2:] < 0, -1.0, 1.0),
     )
 

@@ -32,7 +32,7 @@ NAMED = ("episode", "strategy", "object", "seed")  # columns that a unit gives i
 
 # One thread each: two workers on two cores must not fight, and sums must not depend on threads.
 ENVIRONMENT = {
-    "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1",
+    "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false",
     "NPROC": "1",
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",

@@ -15,7 +15,7 @@ import warp as wp
 from warpgrasp.closing import Closing
 from warpgrasp.launch import launch
 from warpgrasp.parameters import ArmTable, HandTable, SensorTable
-from warpgrasp.real import ONE, PI, ZERO, mat33, real, transform, vec3, vec4
+from warpgrasp.real import HALF, ONE, PI, ZERO, mat33, real, transform, vec2, vec3, vec4
 from warpgrasp.status import ProbeStatus
 from warpgrasp.tendon import TendonSensor, tendon_sensor_of, torque_from_tensions
 from warpgrasp.utah_mit_hand import (
@@ -40,9 +40,19 @@ _ALONG = wp.constant(24)  # places along a link
 _AROUND = wp.constant(13)  # places around the palmar half
 _CAP = wp.constant(5)  # rings of the tip's cap
 # Warp turns a constant that is cast in one place into a real everywhere: have both kinds.
-_ALONG_REAL = wp.constant(real(24))
 _AROUND_REAL = wp.constant(real(13))
 _CAP_REAL = wp.constant(real(5))
+_vec13 = wp.types.vector(length=13, dtype=real)
+_vec5 = wp.types.vector(length=5, dtype=real)
+_TURNS = np.pi * ((np.arange(13) + 0.5) / 13 - 0.5)
+_UPS = 0.5 * np.pi * (np.arange(5) + 0.5) / 5
+_AROUND_COS = wp.constant(_vec13(*np.cos(_TURNS)))
+_AROUND_SIN = wp.constant(_vec13(*np.sin(_TURNS)))
+_CAP_COS = wp.constant(_vec5(*np.cos(_UPS)))
+_CAP_SIN = wp.constant(_vec5(*np.sin(_UPS)))
+_STEP = wp.constant(real(1.0 / 24.0))
+_TINY = wp.constant(real(1e-300))
+_DEEPEST = wp.constant(real(40.0))  # places that explain so much less than the best are left out
 _RELATIVE = wp.constant(real(0.03))  # model error of a torque, of the largest [est]
 _FLOOR = wp.constant(real(5e-4))  # model error of a torque [N m] [est]
 
@@ -71,6 +81,8 @@ class ContactEstimate:
 
 @wp.struct
 class _Posterior:
+    """Sums over places, each by its weight: its area times exp((its gain - the most) / 2)."""
+
     weight: real
     best: real
     mean: vec3
@@ -83,39 +95,55 @@ class _Posterior:
 
 
 @wp.func
-def _misfit(j: vec4, torque: vec4, precision: vec4):
-    """Weighted square misfit of torques explained by a push of the best size >= 0."""
-    ww = wp.dot(wp.cw_mul(j, precision), j)
-    wt = wp.dot(wp.cw_mul(j, precision), torque)
-    tt = wp.dot(wp.cw_mul(torque, precision), torque)
-    if wt <= ZERO or ww <= ZERO:
-        return tt
-    return tt - wt * wt / ww
+def _gain(square: real, along: real):
+    """How much of the torques' weighted square a push of the best size >= 0 explains.
+
+    `square` is that of a unit push's torques, `along` their product with those felt.
+    """
+    push = wp.max(along, ZERO)
+    return push * push / wp.max(square, _TINY)
 
 
 @wp.func
-def _gather(
-    post: _Posterior, x: vec3, outward: vec3, area: real, misfit: real, link: int, along: real
+def _gain_at(square: vec3, along: vec2, share: real):
+    """The gain of a push from so far along a link: torques are linear in the place there."""
+    return _gain(square[0] + share * (square[1] + share * square[2]), along[0] + share * along[1])
+
+
+@wp.func
+def _most_gain(square: vec3, along: vec2):
+    """The most that a push from anywhere along the link explains."""
+    most = wp.max(_gain_at(square, along, ZERO), _gain_at(square, along, ONE))
+    # Where the derivative of along^2 / square vanishes.
+    top = along[0] * square[1] - real(2.0) * along[1] * square[0]
+    bottom = along[1] * square[1] - real(2.0) * along[0] * square[2]
+    if top * bottom > ZERO and wp.abs(top) < wp.abs(bottom):
+        most = wp.max(most, _gain_at(square, along, top / bottom))
+    return most
+
+
+@wp.func
+def _gathered(
+    post: _Posterior, x: vec3, u: vec3, outward: vec3, sums: vec3, link: int, along: real,
+    gain: real
 ):
-    if misfit < post.best:
-        scale = wp.exp(-(post.best - misfit) * real(0.5))
-        post.weight *= scale
-        post.mean = post.mean * scale
-        post.second = post.second * scale
-        post.normal = post.normal * scale
-        post.link_weight = post.link_weight * scale
-        post.along = post.along * scale
-        post.along_second = post.along_second * scale
-        post.best = misfit
+    """`post` with places x + u t whose weights, times 1, t and t^2, sum to `sums`.
+
+    The best of them has this `gain`.
+    """
+    if gain > post.best:
+        post.best = gain
         post.link = link
-    weight = area * wp.exp(-(misfit - post.best) * real(0.5))
-    post.weight += weight
-    post.mean += x * weight
-    post.second += wp.outer(x, x) * weight
-    post.normal -= outward * weight
-    post.link_weight[link] += weight
-    post.along[link] += along * weight
-    post.along_second[link] += along * along * weight
+    mean = x * sums[0] + u * sums[1]
+    cross = wp.outer(x, u) * sums[1]
+    post.weight += sums[0]
+    post.mean += mean
+    post.second += (wp.outer(x, x) * sums[0] + cross + wp.transpose(cross)
+                    + wp.outer(u, u) * sums[2])
+    post.normal -= outward * sums[0]
+    post.link_weight[link] += sums[0]
+    post.along[link] += along * sums[0] + sums[1]
+    post.along_second[link] += along * (along * sums[0] + real(2.0) * sums[1]) + sums[2]
     return post
 
 
@@ -182,7 +210,7 @@ def _estimate_kernel(
     torque = vec4(ZERO, ZERO, ZERO, ZERO)
     largest = real(0.0)
     for j in range(4):
-        tensions = wp.vec2d(flexor[w, p, g, finger][j], extensor[w, p, g, finger][j])
+        tensions = vec2(flexor[w, p, g, finger][j], extensor[w, p, g, finger][j])
         torque[j] = torque_from_tensions(hand, j, tensions, moving[w, p, g, finger][j])
         largest = wp.max(largest, wp.abs(torque[j]))
     precision = vec4(ZERO, ZERO, ZERO, ZERO)
@@ -193,47 +221,64 @@ def _estimate_kernel(
         m = _RELATIVE * largest
         precision[j] = ONE / (v + m * m + _FLOOR * _FLOOR)
 
+    # In units of their deviations, all torques weigh the same.
+    root = vec4(wp.sqrt(precision[0]), wp.sqrt(precision[1]), wp.sqrt(precision[2]),
+                wp.sqrt(precision[3]))
+    felt = wp.cw_mul(torque, root)
     r = hand.link_radius
     post = _Posterior()
-    post.best = real(1e30)
-    post.weight = ZERO
-    for link in range(3):
-        a = f.p1
-        u = f.u1
-        n = f.n1
-        if link == 1:
-            a = f.p2
-            u = f.u2
-            n = f.n2
-        if link == 2:
-            a = f.p3
-            u = f.u3
-            n = f.n3
-        length = hand.link_length[link]
-        ring = PI * r / _AROUND_REAL * length / _ALONG_REAL
+    # First what a place explains at most, then the places that explain about as much.
+    most = real(0.0)
+    for look in range(2):
         for k in range(_AROUND):
-            turn = PI * (real(k) + real(0.5)) / _AROUND_REAL - PI * real(0.5)
-            out = n * wp.cos(turn) + f.side * wp.sin(turn)
-            # Torque is linear in the place along the link: two ends give all between.
-            j_low = finger_jacobian(f, link, a, out)
-            j_high = finger_jacobian(f, link, a + u * length, out)
-            for i in range(_ALONG):
-                share = (real(i) + real(0.5)) / _ALONG_REAL
-                misfit = _misfit(j_low + (j_high - j_low) * share, torque, precision)
-                if misfit < post.best + real(40.0):
-                    post = _gather(post, a + u * (length * share) + out * r, out, ring, misfit,
-                                   link, length * share)
-            if link == 2:
-                for c in range(_CAP):
-                    up = PI * real(0.5) * (real(c) + real(0.5)) / _CAP_REAL
-                    tip_out = out * wp.cos(up) + u * wp.sin(up)
-                    push = finger_jacobian(f, 2, f.p4, tip_out)
-                    misfit = _misfit(push, torque, precision)
-                    if misfit < post.best + real(40.0):
-                        area = (PI * r / _AROUND_REAL * wp.cos(up)) * (
-                            PI * real(0.5) * r / _CAP_REAL)
-                        post = _gather(post, f.p4 + tip_out * r, tip_out, area, misfit, 2,
-                                       length)
+            side = f.side * real(_AROUND_SIN[k])
+            for link in range(3):
+                a = f.p1
+                u = f.u1
+                n = f.n1
+                if link == 1:
+                    a = f.p2
+                    u = f.u2
+                    n = f.n2
+                if link == 2:
+                    a = f.p3
+                    u = f.u3
+                    n = f.n3
+                length = hand.link_length[link]
+                out = n * real(_AROUND_COS[k]) + side
+                low = wp.cw_mul(finger_jacobian(f, link, a, out), root)
+                rise = wp.cw_mul(finger_jacobian(f, link, a + u * length, out), root) - low
+                square = vec3(wp.dot(low, low), real(2.0) * wp.dot(low, rise), wp.dot(rise, rise))
+                product = vec2(wp.dot(low, felt), wp.dot(rise, felt))
+                ring_most = _most_gain(square, product)
+                if look == 0:
+                    most = wp.max(most, ring_most)
+                elif ring_most >= most - _DEEPEST:
+                    sums = vec3(ZERO, ZERO, ZERO)
+                    best = real(-1.0)
+                    for i in range(_ALONG):
+                        share = (real(i) + HALF) * _STEP
+                        gain = _gain_at(square, product, share)
+                        best = wp.max(best, gain)
+                        if gain >= most - _DEEPEST:
+                            weight = wp.exp((gain - most) * HALF)
+                            sums += vec3(ONE, share, share * share) * weight
+                    ring = PI * r / _AROUND_REAL * length * _STEP
+                    sums = vec3(sums[0], sums[1] * length, sums[2] * length * length) * ring
+                    post = _gathered(post, a + out * r, u, out, sums, link, ZERO, best)
+                if link == 2:
+                    for c in range(_CAP):
+                        tip_out = out * real(_CAP_COS[c]) + u * real(_CAP_SIN[c])
+                        push = wp.cw_mul(finger_jacobian(f, 2, f.p4, tip_out), root)
+                        gain = _gain(wp.dot(push, push), wp.dot(push, felt))
+                        if look == 0:
+                            most = wp.max(most, gain)
+                        elif gain >= most - _DEEPEST:
+                            area = (PI * r / _AROUND_REAL * real(_CAP_COS[c])) * (
+                                PI * HALF * r / _CAP_REAL)
+                            weight = area * wp.exp((gain - most) * HALF)
+                            post = _gathered(post, f.p4 + tip_out * r, u, tip_out,
+                                             vec3(weight, ZERO, ZERO), 2, length, gain)
     if post.weight <= ZERO:
         return
     mean = post.mean / post.weight

@@ -85,3 +85,11 @@ def test_the_program_used_longest_ago_is_dropped(monkeypatch: pytest.MonkeyPatch
     assert [key[0] for key in batch._programs] == [third, second]
     for answer in found[1:]:
         np.testing.assert_array_equal(answer, found[0])
+
+
+def test_a_program_of_other_options_is_not_kept(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(program_cache, "in_force", lambda: False)
+    map_lanes(factors("by other options"), SETS)
+    assert not list(folder.iterdir())
