@@ -25,7 +25,7 @@ _PITCH_RAD = np.radians(30)
 _AZIMUTHS_RAD = np.radians([0, 25, -25, 50, -50, 75, -75])
 _BACK_OFF_M = 0.004
 _SHIFT_M = 0.006
-_LOWER_END = 6.0
+_LOWER_END, _ALL_REACHED = 6.0, 8.0  # see `_reaches`
 _LEAST_REACH = 0.75  # wide objects: fingertips short of the axis by this share of the radius
 _FINGERS_PASS = 0.9  # by more, however much the hand is held off, they could pass in front of it
 _WIDEST_HALF_M = 0.041
@@ -178,16 +178,20 @@ class _Follower:
             return
         low = self._lowest()
         high = np.maximum(0.98 * self.axis.length_m, low)
-        chosen, reached = [], []
+        best, frames = np.full(len(rows), -1.0), self.frames.copy()
         for azimuth in _AZIMUTHS_RAD:
+            left = np.flatnonzero(best < _ALL_REACHED)
+            if len(left) == 0:
+                break
             self.frames = np.stack([self._frame(azimuth + self.o.swing_rad),
                                     self._frame(azimuth - self.o.swing_rad)], 1)
-            chosen.append(self.frames)
-            reached.append(self._reaches(rows, low, high))
-        best = np.argmax(reached, axis=0)
-        self.frames[rows] = np.stack(chosen)[best, rows]
+            score = self._reaches(rows[left], low, high)
+            better = left[score > best[left]]
+            best[left] = np.maximum(best[left], score)
+            frames[rows[better]] = self.frames[rows[better]]
+        self.frames = frames
         # At least the lower end, and the way in to it.
-        self.reason[rows[np.max(reached, axis=0) < _LOWER_END]] = EndReason.UNREACHABLE
+        self.reason[rows[best < _LOWER_END]] = EndReason.UNREACHABLE
         self.place = low
 
     def _reaches(self, rows: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:

@@ -5,6 +5,7 @@ revolution is fitted to them (`fit.revolution`, jaxopt), which refines the axis;
 each section is a circle, and the contour runs straight from one section to the next.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -37,6 +38,14 @@ class Profile:
     fit: RevolutionFit
     """In the frame whose z is the axis as given, its origin that axis' foot."""
 
+    def __getitem__(self, rows: np.ndarray) -> "Profile":
+        """The profiles of the worlds `rows`."""
+        def of(record: Any) -> dict[str, Any]:
+            return {f.name: getattr(record, f.name)[rows] for f in fields(record)
+                    if f.name != "fit"}
+
+        return Profile(**of(self), fit=RevolutionFit(**of(self.fit)))
+
 
 def profile_of(
     exploration: ContourExploration, *, table_z_m: float | None = 0.0, spacing_m: float = 0.010,
@@ -51,7 +60,10 @@ def profile_of(
     given = exploration.axis
     worlds = len(exploration.reason)
     points, mask = exploration.touches.sets(worlds)
-    to_axis = [_upright(d) for d in np.nan_to_num(given.direction, nan=0.0)]
+    ways, which = np.unique(np.nan_to_num(given.direction, nan=0.0), axis=0, return_inverse=True)
+    turns = [_upright(way) for way in ways]
+    to_axis, from_axis = ([each[k] for k in which.ravel()] for each in (
+        turns, [turn.inv() for turn in turns]))
     local = np.stack([turn.apply(p - f) for turn, p, f in
                       zip(to_axis, points, np.nan_to_num(given.foot_m), strict=True)])
     fit = fit_revolution(local, mask, options=options)
@@ -64,8 +76,8 @@ def profile_of(
     arms = local - point_local[:, None]
     t = np.einsum("wpi,wi->wp", arms, axis_local)
     rho = np.linalg.norm(arms - t[..., None] * axis_local[:, None], axis=2)
-    axis = np.stack([turn.inv().apply(a) for turn, a in zip(to_axis, axis_local, strict=True)])
-    through = np.stack([turn.inv().apply(p) for turn, p in zip(to_axis, point_local, strict=True)])
+    axis = np.stack([turn.apply(a) for turn, a in zip(from_axis, axis_local, strict=True)])
+    through = np.stack([turn.apply(p) for turn, p in zip(from_axis, point_local, strict=True)])
     through = through + np.nan_to_num(given.foot_m)
     bottom = np.where(mask, t, np.inf).min(1, initial=np.inf)
     if table_z_m is not None:
@@ -148,17 +160,35 @@ def match_profiles(profile: Profile, candidates: dict[str, np.ndarray]) -> list[
 def later_profile(old: Profile, new: Profile) -> Profile:
     """Contours of two followings: the later one, where it found anything."""
     found = np.isfinite(new.volume_m3)
+    return _merged(old, new, lambda a, b: np.where(
+        found.reshape(-1, *([1] * (a.ndim - 1))), b, a))
 
-    def pick(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        if a.ndim > 1 and a.shape[1] != b.shape[1]:
-            width = max(a.shape[1], b.shape[1])
-            a, b = (np.pad(v, ((0, 0), (0, width - v.shape[1])), constant_values=np.nan)
-                    for v in (a, b))
-        return np.where(found.reshape(-1, *([1] * (a.ndim - 1))), b, a)
 
-    def merged(one: Any, other: Any) -> dict[str, Any]:
-        return {f.name: pick(getattr(one, f.name), getattr(other, f.name)) for f in fields(one)
-                if isinstance(getattr(one, f.name), np.ndarray)}
+def with_profiles(whole: Profile, rows: np.ndarray, part: Profile) -> Profile:
+    """The profiles, those of the worlds `rows` replaced by `part`."""
+    def put(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        a = a.copy()
+        a[rows] = b
+        return a
 
-    fit = type(new.fit)(**merged(old.fit, new.fit))
-    return Profile(**merged(old, new), fit=fit)
+    return _merged(whole, part, put)
+
+
+def _merged(
+    one: Profile, other: Profile, join: Callable[[np.ndarray, np.ndarray], np.ndarray]
+) -> Profile:
+    """`join` of every field, padded to as many nodes in both."""
+    def joined(a: Any, b: Any) -> dict[str, Any]:
+        return {f.name: join(*_as_wide(getattr(a, f.name), getattr(b, f.name)))
+                for f in fields(a) if isinstance(getattr(a, f.name), np.ndarray)}
+
+    fit = type(one.fit)(**joined(one.fit, other.fit))
+    return Profile(**joined(one, other), fit=fit)
+
+
+def _as_wide(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, ...]:
+    if a.ndim == 1 or a.shape[1] == b.shape[1]:
+        return a, b
+    width = max(a.shape[1], b.shape[1])
+    return tuple(np.pad(v, ((0, 0), (0, width - v.shape[1])), constant_values=np.nan)
+                 for v in (a, b))

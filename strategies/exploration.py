@@ -10,7 +10,7 @@ in the worlds concerned; what was felt before still counts.
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, fields, replace
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from strategies.belief import Belief
 from strategies.budget import Budget, within_budget
 from strategies.containment import explore_by_containment
 from strategies.contour import ContourExploration, explore_contour
-from strategies.contour_profile import Profile, later_profile, profile_of
+from strategies.contour_profile import Profile, later_profile, profile_of, with_profiles
 from strategies.evidence import Evidence, TouchedLinks, evidence_from_grasps, touched_links
 from strategies.fault import fault_text, place_of
 from strategies.fusion import (
@@ -37,7 +37,14 @@ from strategies.fusion import (
 from strategies.planar import PlanarExploration, explore_plane
 from strategies.planar_faces import Face, planes_of
 from strategies.probes import CrossFaces, FollowContour, Grasp, Probe, wanted_of
-from strategies.recovered import Recovered, choose_body, or_told, plausible
+from strategies.recovered import (
+    Recovered,
+    choose_body,
+    or_told,
+    plausible,
+    revolution_of,
+    superquadric_rows,
+)
 from strategies.recovery import recover_bodies, refine_bodies
 from strategies.waypoints import BoundingCylinder
 from strategies.whole_profile import whole_profile
@@ -133,6 +140,8 @@ class _Run:
         self.intrinsic = robot.sensors.contact_estimator == "intrinsic"
         self.felt = no_evidence(worlds, radius)
         self.links = no_links(worlds, 0, radius)
+        self.news: list[tuple[Evidence, TouchedLinks]] = []  # felt since the last fit
+        self.slots = 0
         self.contour = np.zeros(0, int)  # slots of touches along a contour
         self.procedures: list[Procedure] = []
         self.closings_made = self.step = 0
@@ -140,14 +149,15 @@ class _Run:
         self.faulty = np.zeros(worlds, bool)
         self.fault = ""
         self.faces: list[Face] = []
-        self.profile: Profile | None = None
+        self.profile: Profile | None = None  # as followed
+        self.whole: Profile | None = None  # and completed by all else that was felt
         self.touches = np.zeros(worlds, int)
         self.time, self.path = np.zeros(worlds), np.zeros(worlds)
         self.fits = _no_fits(worlds)
         self.count_anew = np.zeros(worlds, int)
         self.by_pads = np.zeros(worlds, bool)
         self.placed = self.felt
-        self._conclude()
+        self._conclude(np.arange(worlds))
 
     def take_step(self, planner: Planner) -> None:
         """Ask once and carry out the answer; a step that wants nothing is not counted."""
@@ -172,7 +182,7 @@ class _Run:
         if changed.any():
             self.step += 1
             self._refit(np.flatnonzero(changed))
-            self._conclude()
+            self._conclude(np.flatnonzero(changed))
             self.active &= within_budget(self.budget, self.belief)
             self.belief = replace(self.belief, active=self.active.copy())
 
@@ -185,8 +195,9 @@ class _Run:
             v.copy() for v in (self.touches, self.time, self.path))
         mask = wanted_of(probe, self.robot.worlds) & self.active[:, None]
         copied._grasp(probe, mask)
-        copied._refit(np.flatnonzero(mask.any(1)))
-        copied._conclude()
+        rows = np.flatnonzero(mask.any(1))
+        copied._refit(rows)
+        copied._conclude(rows)
         return copied.recovered
 
     def _sound(self, probe: Probe, mask: np.ndarray, planner: Planner) -> np.ndarray:
@@ -247,9 +258,9 @@ class _Run:
 
     def _follow(self, probe: FollowContour, wanted: np.ndarray) -> None:
         found = explore_contour(self.robot, probe.axis, wanted=wanted, options=probe.options)
-        first = self.felt.mask.shape[1]
+        own = np.arange(self.slots, self.slots + CONTOUR_TOUCHES)
         self._touched("contour", found, wanted, CONTOUR_TOUCHES)
-        self.contour = np.concatenate([self.contour, np.arange(first, first + CONTOUR_TOUCHES)])
+        self.contour = np.concatenate([self.contour, own])
         profile = profile_of(found, refine=probe.refine)
         self.profile = profile if self.profile is None else later_profile(self.profile, profile)
 
@@ -267,8 +278,8 @@ class _Run:
         self.procedures.append(Procedure(name, self.step, found, wanted, slots))
 
     def _add(self, evidence: Evidence, links: TouchedLinks) -> None:
-        self.felt = joined_evidence(self.felt, evidence)
-        self.links = joined_links(self.links, links)
+        self.news = [*self.news, (evidence, links)]
+        self.slots += evidence.mask.shape[1]
 
     def _refit(self, rows: np.ndarray) -> None:
         """Bodies of the worlds that felt something new.
@@ -276,6 +287,9 @@ class _Run:
         From scratch where the contacts have grown by half since that was last done, or pads felt
         something; otherwise from the body last fitted.
         """
+        self.felt = joined_evidence(self.felt, *(evidence for evidence, _ in self.news))
+        self.links = joined_links(self.links, *(links for _, links in self.news))
+        self.news = []
         count = self.felt.mask.sum(1)
         anew = ~self.believed() | (count >= REGROWN * self.count_anew) | self.by_pads
         self.by_pads = np.zeros_like(self.by_pads)
@@ -296,28 +310,33 @@ class _Run:
         self.fits = SuperquadricFit(**{
             f.name: _with(getattr(self.fits, f.name), rows, getattr(fits, f.name))
             for f in fields(SuperquadricFit)})
-        widened = _widened(self.placed, self.felt, placed.free_m.shape[1])
-        values: dict[str, Any] = {
-            f.name: getattr(placed, f.name) if f.name == "free_radius_m" else
-            _with(getattr(widened, f.name), rows, getattr(placed, f.name))
-            for f in fields(Evidence)}
-        self.placed = Evidence(**values)
+        self.placed = _widened(self.placed, self.felt, placed.free_m.shape[1])
+        for f in fields(Evidence):
+            if f.name not in ("free_radius_m", "by_pad"):
+                getattr(self.placed, f.name)[rows] = getattr(placed, f.name)
 
     def believed(self) -> np.ndarray:
         """Worlds whose fit is to be believed, bool (world,)."""
         good = np.isin(self.fits.status, (FitStatus.converged, FitStatus.not_converged))
         return (self.placed.mask.sum(1) >= FEWEST_CONTACTS) & good & plausible(self.fits, self.told)
 
-    def _conclude(self) -> None:
-        """What is believed now."""
+    def _conclude(self, rows: np.ndarray) -> None:
+        """What is believed now; only `rows` felt something new, the others' bodies stay."""
         fitted = self.believed()
         body = or_told(self.fits, self.told, fitted)
-        profile = self.profile and whole_profile(
-            self.profile, self.placed, self.contour, self.told)
-        self.recovered = choose_body(fitted, body, profile, self.placed, self.contour)
+        profile = None
+        if self.profile is not None:
+            profile = whole_profile(
+                self.profile[rows], evidence_rows(self.placed, rows), self.contour, self.told[rows])
+            self.whole = with_profiles(self.whole or self.profile, rows, profile)
+        shape = np.zeros(len(fitted), int) if self.step == 0 else self.recovered.shape.copy()
+        shape[rows] = choose_body(
+            fitted[rows], superquadric_rows(body, rows), profile,
+            evidence_rows(self.placed, rows), self.contour).shape
+        self.recovered = Recovered(shape, body, self.whole and revolution_of(self.whole))
         self.belief = Belief(
             self.step, self.active.copy(), self.told, self.seed, self.robot.arm,
-            self.robot.hand, self.placed, self.fits, fitted, body, tuple(self.faces), profile,
+            self.robot.hand, self.placed, self.fits, fitted, body, tuple(self.faces), self.whole,
             self.recovered.shape, self.touches.copy(), self.time.copy(), self.path.copy())
 
     def status(self) -> np.ndarray:
@@ -342,7 +361,8 @@ def _with(array: np.ndarray, rows: np.ndarray, values: np.ndarray) -> np.ndarray
 
 
 def _widened(placed: Evidence, felt: Evidence, free: int) -> Evidence:
-    """The evidence last placed, with empty slots where more has been felt since."""
+    """The evidence last placed, with empty slots where more has been felt since; arrays of its own.
+    """
     worlds, before = placed.mask.shape
     new = slice(before, None)
     free_m = np.zeros((worlds, free, 3))

@@ -78,19 +78,19 @@ def no_links(worlds: int, slots: int, radius_m: float) -> TouchedLinks:
     return TouchedLinks(wide, wide, narrow, narrow, radius_m, np.zeros(slots, bool))
 
 
-def joined_evidence(one: Evidence, other: Evidence) -> Evidence:
-    """The slots of both, in order."""
+def joined_evidence(*parts: Evidence) -> Evidence:
+    """The slots of all parts, in order."""
     values: dict[str, Any] = {
-        f.name: one.free_radius_m if f.name == "free_radius_m" else np.concatenate(
-            [getattr(one, f.name), getattr(other, f.name)], axis=1) for f in fields(Evidence)}
+        f.name: parts[0].free_radius_m if f.name == "free_radius_m" else np.concatenate(
+            [getattr(part, f.name) for part in parts], axis=1) for f in fields(Evidence)}
     return Evidence(**values)
 
 
-def joined_links(one: TouchedLinks, other: TouchedLinks) -> TouchedLinks:
-    """The slots of both, in order."""
+def joined_links(*parts: TouchedLinks) -> TouchedLinks:
+    """The slots of all parts, in order."""
     values: dict[str, Any] = {
-        f.name: one.radius_m if f.name == "radius_m" else np.concatenate(
-            [getattr(one, f.name), getattr(other, f.name)], axis=0 if f.name == "linked" else 1)
+        f.name: parts[0].radius_m if f.name == "radius_m" else np.concatenate(
+            [getattr(part, f.name) for part in parts], axis=0 if f.name == "linked" else 1)
         for f in fields(TouchedLinks)}
     return TouchedLinks(**values)
 

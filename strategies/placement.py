@@ -119,6 +119,10 @@ def placed_squares(
     that body. Touches are (world, point, 3), their mask and standard deviations (world, point),
     where bodies start (world, 2). Raises ShapeError where shapes disagree.
     """
+    # Most slots are empty: the touches first, in their order.
+    first = np.argsort(~mask, axis=1, kind="stable")[:, :max(int(mask.sum(1).max(initial=0)), 1)]
+    points_m = np.take_along_axis(points_m, first[..., None], 1)
+    mask, sigma_m = (np.take_along_axis(values, first, 1) for values in (mask, sigma_m))
     counts = [len(starts) for starts in turns]
     body = np.repeat(np.arange(len(turns)), counts)
     start = np.concatenate(turns)

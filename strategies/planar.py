@@ -24,7 +24,7 @@ from warpgrasp.robot import Robot
 from warpgrasp.status import ProbeStatus
 
 DIRECTIONS = 4  # along u both ways, then along v both ways
-_LEANS = 8
+_LEANS = np.array([0, 1, -1, 2, -2, 3, -3, 4]) * 2 * np.pi / 8
 _SHORTEST_STEP = 0.15
 _TURN_MOST_RAD = np.radians(55)  # a believed normal further off belongs to something else
 
@@ -134,6 +134,7 @@ class _Explorer:
         self.reason[rows[~reachable]] = EndReason.UNREACHABLE
         rows = rows[reachable]
         self.turn = pose[:, 3:]
+        self.tip = fingertip_from(robot, self.turn)  # the finger stays as it is
         self.place = pose[:, :3] - inward * o.stand_off_m
         touch = self._line(rows, inward, (o.stand_off_m + o.search_m))
         status = touch.status
@@ -165,7 +166,7 @@ class _Explorer:
         touch = self._line(rows, along, o.step_m)
         status = touch.status
         felt, stopped = status == ProbeStatus.CONTACT, status == ProbeStatus.BLOCKED
-        out = np.isin(status, (ProbeStatus.UNREACHABLE, ProbeStatus.COLLISION))
+        out = (status == ProbeStatus.UNREACHABLE) | (status == ProbeStatus.COLLISION)
         strange = felt & self._other_surface(rows, touch)
         self._note(rows, touch, np.flatnonzero(felt & ~strange | stopped))
         self._end_direction(rows[strange], EndReason.OBSTACLE)
@@ -182,8 +183,8 @@ class _Explorer:
         felt, stopped = down.status == ProbeStatus.CONTACT, down.status == ProbeStatus.BLOCKED
         self._note(rows, down, np.flatnonzero(felt | stopped))
         self._count_blocked(rows, felt, stopped)
-        self._end_direction(rows[np.isin(down.status, (
-            ProbeStatus.UNREACHABLE, ProbeStatus.COLLISION))], EndReason.UNREACHABLE)
+        out = (down.status == ProbeStatus.UNREACHABLE) | (down.status == ProbeStatus.COLLISION)
+        self._end_direction(rows[out], EndReason.UNREACHABLE)
         rows = rows[down.status == ProbeStatus.NO_CONTACT]
         further = self._line(rows, inward, o.fall_drop_m)
         self.log.miss(rows, further)
@@ -222,11 +223,11 @@ class _Explorer:
 
     def _step_above_table(self, rows: np.ndarray, along: np.ndarray) -> np.ndarray:
         """Share of a step that leaves the fingertip clear of the table."""
-        tip = fingertip_of(self.robot, np.concatenate([self.place[rows], self.turn[rows]], 1))
+        height = self.place[rows, 2] + self.tip[rows, 2]
         lowest = (self.robot.hand.link_radius_m + self.robot.pads.thickness_m
                   + self.o.table_clear_m)
         sinks = np.maximum(-along[rows, 2], 1e-9) * self.o.step_m
-        return np.clip((tip[:, 2] - lowest) / sinks, 0.0, 1.0)
+        return np.clip((height - lowest) / sinks, 0.0, 1.0)
 
     def _end_direction(self, rows: np.ndarray, why: EndReason) -> None:
         """Back to the first contact, and on in the next direction, if there is one."""
@@ -248,9 +249,10 @@ def face_axes(normal: np.ndarray) -> np.ndarray:
     return np.stack([u, np.cross(normal, u), normal], 1)
 
 
-def fingertip_of(robot: Robot, pose: np.ndarray) -> np.ndarray:
-    """Centre of the extended index fingertip [m], (n, 3), for hand poses (n, 7)."""
-    return pose[:, :3] + Rotation.from_quat(pose[:, 3:]).apply(poke_tip_m(robot.hand))
+def fingertip_from(robot: Robot, turn: np.ndarray) -> np.ndarray:
+    """From the hand's origin to the centre of the extended index fingertip [m], (n, 3), for the
+    hand's quaternions (n, 4)."""
+    return Rotation.from_quat(turn).apply(poke_tip_m(robot.hand))
 
 
 def choose_lean(
@@ -261,20 +263,31 @@ def choose_lean(
     Preferred is a finger that points downwards at an upright face; among the leans that can be
     reached over the most of a cross of 40 mm about the point, the one nearest to that.
     """
-    n = len(point)
-    angle = np.array([0, 1, -1, 2, -2, 3, -3, 4]) * 2 * np.pi / _LEANS
+    pose, usable, score = _lean_poses(robot, point, axes, options, _LEANS[:1])
+    # No other lean is better than the first one, where that reaches all of the cross.
+    rest = np.flatnonzero(~usable | (score < 6.0))
+    if len(rest):
+        pose[rest], usable[rest], _ = _lean_poses(robot, point[rest], axes[rest], options, _LEANS)
+    return pose, usable
+
+
+def _lean_poses(
+    robot: Robot, point: np.ndarray, axes: np.ndarray, options: PlanarOptions, leans: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The best of some leans for each point: its pose (n, 7), whether it is usable, how much of the
+    cross it reaches, less a little for every lean before it, (n,)."""
     u, v, normal = axes[:, 0], axes[:, 1], axes[:, 2]
-    lean = (-np.cos(angle)[None, :, None] * v[:, None]
-            + np.sin(angle)[None, :, None] * u[:, None])
+    lean = (-np.cos(leans)[None, :, None] * v[:, None]
+            + np.sin(leans)[None, :, None] * u[:, None])
     cross = np.stack([0 * u, 0.04 * u, -0.04 * u, 0.04 * v, -0.04 * v,
                       options.stand_off_m * normal], 1)
     poses = poking_pose(robot.hand, robot.pads, (point[:, None] + cross)[:, None],
                         -normal[:, None, None], lean[:, :, None])
     reached = hand_reachable(robot.arm, robot.hand, poses)
-    score = reached.sum(-1) - 0.1 * np.arange(_LEANS)
+    score = reached.sum(-1) - 0.1 * np.arange(len(leans))
     usable = reached[:, :, 0] & reached[:, :, -1]
     # On an upright face a finger that points upwards would run its hand into the table.
     usable &= (lean[:, :, 2] < 0.2) | (np.abs(normal[:, None, 2]) > 0.7)
     best = np.where(usable, score, -1.0).argmax(1)
-    rows = np.arange(n)
-    return poses[rows, best, 0], usable[rows, best]
+    rows = np.arange(len(point))
+    return poses[rows, best, 0], usable[rows, best], score[rows, best]

@@ -1,6 +1,6 @@
 """What explored faces say: planes, whether they are flat, angles and distances between them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -40,20 +40,27 @@ def planes_of(
     """
     worlds = len(exploration.reason)
     points, mask = exploration.touches.sets(worlds)
-    fit = fit_plane(points, mask)
+    # Where nothing was felt all worlds are alike: one of them is fitted for all.
+    felt = mask.any(1)
+    like = np.where(felt, np.arange(worlds), felt.argmin())
+    rows, index = np.unique(like, return_inverse=True)
+    part = fit_plane(points[rows], mask[rows])
+    fit = PlaneFit(**{f.name: getattr(part, f.name)[index] for f in fields(PlaneFit)})
     outward = np.where((fit.normal * exploration.axes[:, 2]).sum(1) < 0, -1.0, 1.0)
     share = (fit.weight > 0.05).sum(1) / np.maximum(mask.sum(1), 1)
-    bow = _bow(exploration)
+    bow = _bow(exploration, rows)[index]
     flat = ((fit.status == FitStatus.converged) & (fit.rms_m <= flat_rms_m)
             & (np.abs(bow) <= flat_bow_m).all(1))
     return Face(fit.normal * outward[:, None], fit.offset_m * outward, share, bow, flat, fit)
 
 
-def _bow(exploration: PlanarExploration) -> np.ndarray:
-    """Sagittas of h = a + b u + c v + d u^2 + e v^2 over the touches that face outwards."""
+def _bow(exploration: PlanarExploration, rows: np.ndarray) -> np.ndarray:
+    """Sagittas of h = a + b u + c v + d u^2 + e v^2 over the touches that face outwards, (row, 2).
+    """
     table, axes = exploration.touches, exploration.axes
     facing = (table.normal * axes[table.world, 2]).sum(1) > np.cos(_FACING_RAD)
-    points, mask = table.sets(len(axes), facing)
+    points, mask = (values[rows] for values in table.sets(len(axes), facing))
+    axes = axes[rows]
     count = np.maximum(mask.sum(1), 1)[:, None, None]
     centred = (points - (points * mask[..., None]).sum(1, keepdims=True) / count) * mask[..., None]
     u, v, h = np.moveaxis(np.einsum("wpi,wki->wpk", centred, axes), 2, 0)

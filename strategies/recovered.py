@@ -1,6 +1,6 @@
 """The body an episode ends with: superquadric, contour of revolution, or only what was told."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import IntEnum
 
 import numpy as np
@@ -47,6 +47,31 @@ class Recovered:
     def __len__(self) -> int:
         return len(self.shape)
 
+    def __getitem__(self, rows: np.ndarray) -> "Recovered":
+        """The bodies of the worlds `rows`."""
+        return Recovered(self.shape[rows], superquadric_rows(self.superquadric, rows),
+                         self.revolution and self.revolution[rows])
+
+
+def superquadric_rows(bodies: Superquadric, rows: np.ndarray) -> Superquadric:
+    """The superquadrics of the worlds `rows`."""
+    return Superquadric(*(field[rows] for field in bodies))
+
+
+def same_bodies(one: Recovered, other: Recovered) -> np.ndarray:
+    """Whether the bodies of each world are the same to the last bit, bool (world,)."""
+    same = one.shape == other.shape
+    for a, b in zip(one.superquadric, other.superquadric, strict=True):
+        same &= (a == b).all(1)
+    turned = np.flatnonzero(same & (one.shape == Shape.REVOLUTION))
+    if one.revolution is not None and other.revolution is not None:
+        for f in fields(RevolutionBody):
+            a, b = (getattr(body, f.name)[turned] for body in (one.revolution, other.revolution))
+            kept = min(a.shape[1], b.shape[1])
+            same[turned] &= ((a[:, :kept] == b[:, :kept]) | np.isnan(a[:, :kept])).all(1)
+            same[turned] &= (np.isfinite(a).sum(1) == np.isfinite(b).sum(1))
+    return same
+
 
 def revolution_of(profile: Profile) -> RevolutionBody:
     """The body of a recovered contour."""
@@ -75,7 +100,7 @@ def choose_body(
     rows = np.flatnonzero(known)
     felt = evidence.mask[rows]
     away = distance_felt(body[rows], evidence.points_m[rows], felt)
-    part = Superquadric(*(field[rows] for field in superquadric))
+    part = superquadric_rows(superquadric, rows)
     other = surface_distances(part, evidence.points_m[rows][:, contour], mask[rows])[0]
     better = _rms(away[:, contour], mask[rows]) < PREFERENCE * _rms(np.abs(other), mask[rows])
     strayed = (felt & (away > CONTRADICTS_M)).sum(1) / np.maximum(felt.sum(1), 1)

@@ -25,7 +25,7 @@ from strategies.recovered import Recovered, Shape
 from strategies.registry import PlannerError
 from strategies.waypoints import BoundingCylinder
 from sweeps.cell import Cell
-from sweeps.metrics import Scores, score_recovered
+from sweeps.metrics import Scores, score_recovered, scores_again
 from warpgrasp.body import Body
 from warpgrasp.body_sample import sample_body
 from warpgrasp.catalogue import body_from_name, body_from_table
@@ -142,8 +142,10 @@ def run_block(cell: Cell, episodes: np.ndarray, device: str) -> EpisodeBlock:
     moments: list[Moment] = []
 
     def observe(belief: Belief, recovered: Recovered) -> None:
-        moments.append(Moment(belief.touches, belief.time_s, score_recovered(
-            recovered, body, body_pose, device=device), recovered))
+        scores = score_recovered(recovered, body, body_pose, device=device) if not moments else (
+            scores_again(recovered, moments[-1].recovered, moments[-1].scores, body, body_pose,
+                         device=device))
+        moments.append(Moment(belief.touches, belief.time_s, scores, recovered))
 
     planner, fault = _planner(cell, robot, told)
     if isinstance(planner, Oracle):

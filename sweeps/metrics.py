@@ -21,7 +21,7 @@ from fit.revolution_shape import (
 from fit.rotation import matrix_of_quaternion, quaternion_of_matrix
 from fit.superquadric_shape import Superquadric, SuperquadricLike, superquadric_volume
 from strategies.body_query import bodies_on
-from strategies.recovered import Recovered, Shape
+from strategies.recovered import Recovered, Shape, same_bodies, superquadric_rows
 from sweeps.surface_elements import TILE, surface_elements
 from warpgrasp.body import Body, distance_to_bodies, scene_of
 from warpgrasp.body_sample import BodySample, sample_body
@@ -186,13 +186,33 @@ def score_recovered(
 ) -> Scores:
     """Score what each world ended with, superquadric or contour, against `body`."""
     sample = sample_body(body, surface=SURFACE_POINTS, inside=INSIDE_POINTS)
-    found = _superquadrics(recovered.superquadric, sample, body_pose, device)
-    turned = np.flatnonzero(recovered.shape == Shape.REVOLUTION)
+    round_ = (recovered.shape == Shape.REVOLUTION) & (recovered.revolution is not None)
+    turned, others = np.flatnonzero(round_), np.flatnonzero(~round_)
+    parts: list[_Surface] = []
+    if len(others) or not len(turned):
+        parts.append(_superquadrics(superquadric_rows(recovered.superquadric, others), sample,
+                                    body_pose[others], device))
     if len(turned) and recovered.revolution is not None:
-        part = _revolutions(recovered.revolution[turned], sample, body_pose[turned])
-        for field in fields(_Surface):
-            getattr(found, field.name)[turned] = getattr(part, field.name)
+        parts.append(_revolutions(recovered.revolution[turned], sample, body_pose[turned]))
+    order = np.argsort(np.concatenate([others, turned]), kind="stable")
+    found = _Surface(*(np.concatenate([getattr(part, field.name) for part in parts])[order]
+                       for field in fields(_Surface)))
     return _score(found, body, sample, device)
+
+
+def scores_again(
+    recovered: Recovered, before: Recovered, scores: Scores, body: Body, body_pose: np.ndarray, *,
+    device: str = "cpu"
+) -> Scores:
+    """`score_recovered`, given the `scores` of the bodies `before`: only what changed is scored."""
+    rows = np.flatnonzero(~same_bodies(recovered, before))
+    if len(rows) == 0:
+        return scores
+    part = score_recovered(recovered[rows], body, body_pose[rows], device=device)
+    values = {f.name: getattr(scores, f.name).copy() for f in fields(Scores)}
+    for name, value in values.items():
+        value[rows] = getattr(part, name)
+    return Scores(**values)
 
 
 def _superquadrics(

@@ -115,9 +115,14 @@ def _robot(arm: ArmTable, hand: HandTable, pads: PadTable) -> dict[str, Any]:
 
 
 @lru_cache(maxsize=32)
-def _commands(shape: tuple[int, ...], commands: bytes, device: str) -> wp.array:
-    """Commands on a device; kept for the next line along them."""
-    return wp.array(np.frombuffer(commands).reshape(shape), dtype=real, device=device)
+def _commands(
+    shape: tuple[int, ...], commands: bytes, finger: int, device: str
+) -> tuple[wp.array, float]:
+    """Commands on a device, and the most that a finger's joints turn in one of them [rad]; kept for
+    the next line along them."""
+    there = np.frombuffer(commands).reshape(shape)
+    turned = np.abs(np.diff(there[finger], axis=0)).sum(-1).max(initial=0.0)
+    return wp.array(there, dtype=real, device=device), turned
 
 
 def guarded_line(
@@ -147,15 +152,17 @@ def guarded_line(
             "body": np.broadcast_to(body, len(key))[move.rows], "body_pose": body_pose[move.rows],
             "mount": mount[move.rows], "key": key[move.rows], "number": move.number,
             "start": move.hand_pose, "direction": move.direction, "arm_q": arm_q_rad}.items():
-        if np.shape(value) != begin[name].shape:
+        column = begin[name]
+        if np.shape(value) != column.shape:
             raise ShapeError(f"guarded line: {name!r} has shape {np.shape(value)}, "
-                             f"wants {begin[name].shape}")
-        begin[name] = value
-    commands = np.ascontiguousarray(move.commands_rad, float)
-    speed = float(np.linalg.norm(move.direction, axis=1).max(initial=0.0))
+                             f"wants {column.shape}")
+        column[...] = value
+    speed = np.linalg.norm(move.direction, axis=1)
     reach = (hand.abduction_offset_m + sum(hand.link_length_m) + hand.link_radius_m
              + pads.thickness_m)
-    swing = np.abs(np.diff(commands[move.finger], axis=0)).sum(-1).max(initial=0.0) * reach
+    commands, swing = _commands(
+        np.shape(move.commands_rad), np.ascontiguousarray(move.commands_rad, float).tobytes(),
+        move.finger, device)
     images = wp.zeros((n, TAXELS, TAXELS), dtype=wp.uint8, device=device)
     begins, ends = Records(LineBegin, begin, device), Records(LineEnd, n, device)
     launch(line_kernel, {"row": n}, {
@@ -163,12 +170,12 @@ def guarded_line(
         "scene": scene, **_robot(arm, hand, pads), "joint_noise": sensors.joint_noise_rad,
         "march_scale": march_scale, "begins": begins.array,
         "interval": move.interval_m, "steps": move.steps, "finger": move.finger,
-        "commands": _commands(commands.shape, commands.tobytes(), device),
-        "step_bound": move.interval_m * speed + swing,
+        "commands": commands,
+        "step_bound": move.interval_m * float(speed.max(initial=0.0)) + swing * reach,
         "until_release": int(move.until == Until.RELEASE), "image": images, "ends": ends.array},
         device=device)
     end, image = ends.numpy(), images.numpy().copy()
-    gone = end["made"] * move.interval_m * np.linalg.norm(move.direction, axis=1)
+    gone = end["made"] * move.interval_m * speed
     touch = LineTouch(
         status=end["status"], link=end["link"], point_m=end["point"], normal=end["normal"],
         tip_m=end["tip"], hand_pose=end["believed"], q_rad=end["q_read"], taxel_peak=end["peak"],

@@ -10,7 +10,7 @@ from warpgrasp.counter_random import Purpose, counter_key, counter_normal, count
 from warpgrasp.hand_clearance import finger_clearance, palm_clearance
 from warpgrasp.link_nearest import LINK_SAMPLES, link_nearest
 from warpgrasp.pad_rest import pad_rest
-from warpgrasp.pad_sight import PadSight
+from warpgrasp.pad_sight import PadSight, pad_turns
 from warpgrasp.pad_touch import felt_above, image_centroid, pad_feels, pad_load, read_image
 from warpgrasp.puma560 import Arm, move_time, puma_forward, puma_reach
 from warpgrasp.real import HALF, ONE, ZERO, quat, real, transform, vec3, vec4, vec6
@@ -219,6 +219,7 @@ def line_kernel(
     most = vec4(ZERO, ZERO, ZERO, ZERO)
     moved = int(0)
     sight = PadSight()
+    turns = pad_turns(pad, hand)
     # Palm and other fingers move with the arm alone: a clearance lasts until it may be used up.
     others = real(0.0)
     arm_step = interval * wp.length(way) / march_scale
@@ -238,7 +239,7 @@ def line_kernel(
         felt = int(0)
         most = vec4(ZERO, ZERO, ZERO, ZERO)
         if free <= ZERO:
-            rest = pad_rest(scene, which, hand, pad, base, command, q)
+            rest = pad_rest(scene, which, hand, pad, turns, base, command, q)
             q = rest.skin.q
             sight = rest.sight
             moved = int(1)
@@ -246,12 +247,12 @@ def line_kernel(
             # All pads are read; the one pressed most speaks for the finger.
             for link in range(3):
                 if pad.on[link] != 0:
-                    load = pad_load(scene, which, pad, hand, f, link, sight)
+                    load = pad_load(scene, which, pad, hand, turns, f, link, sight)
                     if load[3] > most[3]:
                         most = load
                         felt_link = int(link)
             if felt_link >= 0:
-                if pad_feels(scene, which, pad, hand, f, finger, felt_link, key,
+                if pad_feels(scene, which, pad, hand, turns, f, finger, felt_link, key,
                              pad_reading_key(key, number, s, finger, felt_link), sight):
                     felt = int(1)
         else:
@@ -305,8 +306,8 @@ def line_kernel(
     if felt_link >= 0 and noise_alone == 0:
         base = wp.transform_multiply(wp.transform_multiply(to_body, here),
                                      finger_base(hand, finger))
-        peak = read_image(scene, which, pad, hand, finger_pose(hand, base, q), finger, felt_link,
-                          key, pad_reading_key(key, number, s, finger, felt_link), sight,
+        peak = read_image(scene, which, pad, hand, turns, finger_pose(hand, base, q), finger,
+                          felt_link, key, pad_reading_key(key, number, s, finger, felt_link), sight,
                           image, i)
     end.status = status
     end.made = s
@@ -314,8 +315,10 @@ def line_kernel(
     end.q_true = q
     end.q_read = read
     end.pose_true = here
-    arm_stop = puma_reach(arm, wp.transform_multiply(
-        _along(line, way, interval * real(s)), flange_on_hand), arm_start)
+    arm_stop = arm_last
+    if s < steps:
+        arm_stop = puma_reach(arm, wp.transform_multiply(
+            _along(line, way, interval * real(s)), flange_on_hand), arm_start)
     end.arm_time = move_time(arm, begin.arm_q, arm_start)
     end.arm_q = arm_stop
     if arm.encoder_step > ZERO:

@@ -9,10 +9,19 @@ import warp as wp
 
 from warpgrasp.finger_energy import Rest, finger_energy, rest_from, worst_of
 from warpgrasp.link_nearest import LINK_SAMPLES
-from warpgrasp.pad_sight import PadSight, block_columns, pad_sight, sight_holds
+from warpgrasp.pad_sight import (
+    PadSight,
+    PadTurns,
+    pad_in_sight,
+    rows_in_sight,
+    sight_holds,
+    sight_margin,
+    taxel_place,
+    taxel_row,
+)
 from warpgrasp.real import HALF, ZERO, mat44, real, vec3, vec4
 from warpgrasp.scene import Scene, stand_distance, stand_distance_grad
-from warpgrasp.tactile_pad import Pad, pad_point, pad_row
+from warpgrasp.tactile_pad import Pad
 from warpgrasp.utah_mit_hand import Hand, finger_jacobian, finger_pose
 
 _ITERATIONS = wp.constant(30)
@@ -36,31 +45,43 @@ class PadRest:
 
 @wp.func
 def pad_rest_energy(
-    scene: Scene, body: int, hand: Hand, pad: Pad, base: wp.transformd, command: vec4, q: vec4,
-    last: Rest, samples: int, sight: PadSight
+    scene: Scene, body: int, hand: Hand, pad: Pad, turns: PadTurns, base: wp.transformd,
+    command: vec4, q: vec4, last: Rest, samples: int, sight: PadSight, look: int
 ):
     """Energy, gradient and Gauss-Newton Hessian at joints `q`; `base` in the body's frame.
 
-    `last` and `samples` are handed on to `finger_energy`.
+    `last` and `samples` are handed on to `finger_energy`. With `look` the taxels in sight are
+    looked up anew, else `sight` must hold.
     """
     rest = PadRest()
     rest.sight = sight
+    if look == 1:
+        rest.sight.q = q
     rest.skin = finger_energy(scene, body, hand, base, command, q, last, samples)
     h = wp.inverse(rest.skin.compliance)
     f = finger_pose(hand, base, q)
     for link in range(3):
         if pad.on[link] != 0:
+            near = int(1)
+            if look == 1 and not pad_in_sight(scene, body, pad, hand, f, link):
+                near = int(0)
             for block in range(16):
                 bits = sight.taxels[link, block]
+                if look == 1:
+                    bits = int(0)
+                    if near == 1:
+                        bits = rows_in_sight(scene, body, pad, hand, f, link, block, turns)
+                seen = int(bits)
                 if bits != 0:
-                    columns = block_columns(pad, hand, block)
                     for i in range(4):
                         if (bits & (15 << (4 * i))) != 0:
-                            row = pad_row(pad, hand, f, link, real(4 * (block // 4) + i))
+                            row = taxel_row(pad, hand, f, link, 4 * (block // 4) + i, turns)
                             for j in range(4):
-                                if (bits & (1 << (4 * i + j))) != 0:
-                                    x = pad_point(pad, hand, f, row, columns[j]).x
-                                    if stand_distance(scene, body, x) < ZERO:
+                                bit = 1 << (4 * i + j)
+                                if (bits & bit) != 0:
+                                    x = taxel_place(pad, hand, f, row, 4 * (block % 4) + j, turns)
+                                    d = stand_distance(scene, body, x)
+                                    if d < ZERO:
                                         g = stand_distance_grad(scene, body, x)
                                         jt = finger_jacobian(f, link, x, vec3(g[0], g[1], g[2]))
                                         load = -g[3] * pad.stiffness
@@ -68,27 +89,34 @@ def pad_rest_energy(
                                         rest.skin.gradient -= jt * load
                                         rest.pad_force += load
                                         h += wp.outer(jt, jt) * pad.stiffness
+                                    elif d >= sight_margin():
+                                        seen = seen ^ bit
+                if look == 1:
+                    rest.sight.taxels[link, block] = seen
     rest.hessian = h
     return rest
 
 
 @wp.func
 def pad_rest(
-    scene: Scene, body: int, hand: Hand, pad: Pad, base: wp.transformd, command: vec4, start: vec4
+    scene: Scene, body: int, hand: Hand, pad: Pad, turns: PadTurns, base: wp.transformd,
+    command: vec4, start: vec4
 ):
     """The rest configuration for a command, descending from `start`; the energy never rises."""
     rest = PadRest()
     rest.skin = rest_from(start)
-    sight = pad_sight(scene, body, pad, hand, base, start)
+    sight = PadSight()
     step = vec4(ZERO, ZERO, ZERO, ZERO)
     scale = real(1.0)
     halvings = int(0)
     for k in range(_ITERATIONS):
         q = rest.skin.q + step * scale
-        if not sight_holds(pad, hand, sight, q):
-            sight = pad_sight(scene, body, pad, hand, base, q)
-        trial = pad_rest_energy(scene, body, hand, pad, base, command, q, rest.skin,
-                                wp.where(k == 0, LINK_SAMPLES, 0), sight)
+        look = int(1)
+        if k > 0 and sight_holds(pad, hand, sight, q):
+            look = int(0)
+        trial = pad_rest_energy(scene, body, hand, pad, turns, base, command, q, rest.skin,
+                                wp.where(k == 0, LINK_SAMPLES, 0), sight, look)
+        sight = trial.sight
         halvings += 1
         scale = scale * HALF
         if k == 0 or trial.skin.energy < rest.skin.energy:

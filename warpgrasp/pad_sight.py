@@ -2,23 +2,38 @@
 
 A distance changes no faster than one walks: a taxel farther off than the finger can have moved
 since is free. Of 256 taxels some twenty are left, and all that a press needs asks those alone.
+`pad_rest` looks them up while it works out an energy.
 """
 
 import warp as wp
 
-from warpgrasp.real import mat42, real, transform, vec4
+from warpgrasp.real import mat42, real, vec4
 from warpgrasp.scene import Scene, stand_distance
-from warpgrasp.tactile_pad import Pad, pad_column, pad_near, pad_point, pad_row
-from warpgrasp.utah_mit_hand import Hand, finger_pose
+from warpgrasp.tactile_pad import (
+    Pad,
+    PadRow,
+    pad_bend,
+    pad_column,
+    pad_near,
+    pad_point,
+    pad_row,
+    pad_row_bent,
+)
+from warpgrasp.utah_mit_hand import FingerPose, Hand
 
 _MARGIN = wp.constant(real(3e-4))  # [m]
 _BLOCKS = wp.constant(4)  # 4 x 4 blocks of 4 x 4 taxels, each skipped by one distance
+_SIDE = wp.constant(16)
 _SIDE_REAL = wp.constant(real(16.0))
 _MIDDLE = wp.constant(real(1.5))  # of a block, in taxels
 
 
 class _Bits(wp.types.matrix(shape=(3, 16), dtype=int)):
     """For each link and block a bit for each taxel, row by row."""
+
+
+class _Turns(wp.types.matrix(shape=(16, 2), dtype=real)):
+    """(sin, cos) of sixteen turns."""
 
 
 @wp.struct
@@ -29,48 +44,71 @@ class PadSight:
     taxels: _Bits
 
 
-@wp.func
-def pad_columns(pad: Pad, hand: Hand, first: real, step: real):
-    """Rows of a matrix: (sin, cos) of the turns of four columns from `first` on."""
-    a = pad_column(pad, hand, first)
-    b = pad_column(pad, hand, first + step)
-    c = pad_column(pad, hand, first + step * real(2.0))
-    d = pad_column(pad, hand, first + step * real(3.0))
-    return mat42(a[0], a[1], b[0], b[1], c[0], c[1], d[0], d[1])
+@wp.struct
+class PadTurns:
+    """What of a pad's places does not hang on the finger: turns of columns, bends of rows."""
+
+    columns: _Turns
+    rows: _Turns
+    middles: mat42
+    """Columns in the middles of blocks."""
 
 
 @wp.func
-def block_columns(pad: Pad, hand: Hand, block: int):
-    """`pad_columns` of a block's taxels."""
-    return pad_columns(pad, hand, real(4 * (block % _BLOCKS)), real(1.0))
+def pad_turns(pad: Pad, hand: Hand):
+    """A pad's turns, worked out once for all that is asked of it."""
+    turns = PadTurns()
+    for k in range(_SIDE):
+        a = pad_column(pad, hand, real(k))
+        turns.columns[k, 0] = a[0]
+        turns.columns[k, 1] = a[1]
+        b = pad_bend(pad, hand, real(k))
+        turns.rows[k, 0] = b[0]
+        turns.rows[k, 1] = b[1]
+    for k in range(_BLOCKS):
+        c = pad_column(pad, hand, _MIDDLE + real(4 * k))
+        turns.middles[k, 0] = c[0]
+        turns.middles[k, 1] = c[1]
+    return turns
 
 
 @wp.func
-def pad_sight(scene: Scene, body: int, pad: Pad, hand: Hand, base: transform, q: vec4):
-    """The taxels that may press near joints `q`; `base` in the body's frame."""
-    sight = PadSight()
-    sight.q = q
-    f = finger_pose(hand, base, q)
-    reach = _MARGIN + _MIDDLE * wp.sqrt(
-        pad.length * pad.length + pad.width * pad.width) / _SIDE_REAL
-    middles = pad_columns(pad, hand, _MIDDLE, real(4.0))
-    for link in range(3):
-        if pad.on[link] != 0 and pad_near(scene, body, pad, hand, f, link, _MARGIN):
-            for block in range(16):
-                top = real(4 * (block // _BLOCKS))
-                middle = pad_point(pad, hand, f, pad_row(pad, hand, f, link, top + _MIDDLE),
-                                   middles[block % _BLOCKS]).x
-                if stand_distance(scene, body, middle) < reach:
-                    bits = int(0)
-                    columns = block_columns(pad, hand, block)
-                    for i in range(4):
-                        row = pad_row(pad, hand, f, link, top + real(i))
-                        for j in range(4):
-                            x = pad_point(pad, hand, f, row, columns[j]).x
-                            if stand_distance(scene, body, x) < _MARGIN:
-                                bits = bits | (1 << (4 * i + j))
-                    sight.taxels[link, block] = bits
-    return sight
+def taxel_row(pad: Pad, hand: Hand, f: FingerPose, link: int, row: int, turns: PadTurns):
+    """`pad_row` of a row of taxels."""
+    return pad_row_bent(pad, hand, f, link, real(row), turns.rows[row])
+
+
+@wp.func
+def taxel_place(pad: Pad, hand: Hand, f: FingerPose, row: PadRow, column: int, turns: PadTurns):
+    """Where a taxel of a row is."""
+    return pad_point(pad, hand, f, row, turns.columns[column]).x
+
+
+@wp.func
+def sight_margin():
+    """A taxel farther off than this is left out [m]."""
+    return _MARGIN
+
+
+@wp.func
+def rows_in_sight(
+    scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, link: int, block: int,
+    turns: PadTurns
+):
+    """The rows of four taxels of a block that may come into sight: all their bits."""
+    pitch = pad.length / _SIDE_REAL
+    width = pad.width / _SIDE_REAL
+    top = 4 * (block // _BLOCKS)
+    column = turns.middles[block % _BLOCKS]
+    bits = int(0)
+    middle = pad_point(pad, hand, f, pad_row(pad, hand, f, link, real(top) + _MIDDLE), column).x
+    if stand_distance(scene, body, middle) < _MARGIN + _MIDDLE * wp.sqrt(
+            pitch * pitch + width * width):
+        for i in range(4):
+            x = pad_point(pad, hand, f, taxel_row(pad, hand, f, link, top + i, turns), column).x
+            if stand_distance(scene, body, x) < _MARGIN + _MIDDLE * width:
+                bits = bits | (15 << (4 * i))
+    return bits
 
 
 @wp.func
@@ -82,3 +120,9 @@ def sight_holds(pad: Pad, hand: Hand, sight: PadSight, q: vec4):
         turned += wp.abs(q[link + 1] - sight.q[link + 1])
         travel += turned * hand.link_length[link]
     return travel + turned * (hand.link_radius + pad.thickness) < _MARGIN
+
+
+@wp.func
+def pad_in_sight(scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, link: int):
+    """Whether any taxel of a link's pad may come into sight."""
+    return pad_near(scene, body, pad, hand, f, link, _MARGIN)

@@ -3,15 +3,13 @@
 import warp as wp
 
 from warpgrasp.counter_random import counter_key
-from warpgrasp.pad_sight import PadSight, block_columns
+from warpgrasp.pad_sight import PadSight, PadTurns, taxel_place, taxel_row
 from warpgrasp.real import HALF, ZERO, real, vec2, vec3, vec4
 from warpgrasp.scene import Scene
 from warpgrasp.tactile_pad import (
     Pad,
-    noise_may_reach,
-    pad_column,
-    pad_point,
-    pad_row,
+    noise_draw,
+    noise_reaches,
     pad_taxel_key,
     taxel_count,
     taxel_force,
@@ -24,7 +22,8 @@ _WINDOW = wp.constant(3)  # taxels each way from the peak that count for the cen
 
 @wp.func
 def pad_load(
-    scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, link: int, sight: PadSight
+    scene: Scene, body: int, pad: Pad, hand: Hand, turns: PadTurns, f: FingerPose, link: int,
+    sight: PadSight
 ):
     """Centre of force (x, y, z) and the sum of the forces on all taxels [N]; zeros without load."""
     total = real(0.0)
@@ -32,13 +31,12 @@ def pad_load(
     for block in range(16):
         bits = sight.taxels[link, block]
         if bits != 0:
-            columns = block_columns(pad, hand, block)
             for i in range(4):
                 if (bits & (15 << (4 * i))) != 0:
-                    row = pad_row(pad, hand, f, link, real(4 * (block // 4) + i))
+                    row = taxel_row(pad, hand, f, link, 4 * (block // 4) + i, turns)
                     for j in range(4):
                         if (bits & (1 << (4 * i + j))) != 0:
-                            x = pad_point(pad, hand, f, row, columns[j]).x
+                            x = taxel_place(pad, hand, f, row, 4 * (block % 4) + j, turns)
                             force = taxel_force(scene, body, pad, x)
                             total += force
                             centre += x * force
@@ -48,46 +46,65 @@ def pad_load(
 
 
 @wp.func
-def _pressing(
-    scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, link: int, sight: PadSight,
-    taxel: int
-):
-    """Force on one taxel [N]."""
+def _seen(sight: PadSight, link: int, taxel: int):
+    """Whether a taxel may press."""
     row = taxel // _SIDE
     column = taxel % _SIDE
     bits = sight.taxels[link, 4 * (row // 4) + column // 4]
-    if (bits & (1 << (4 * (row % 4) + column % 4))) == 0:
-        return ZERO
-    return taxel_force(scene, body, pad, pad_point(
-        pad, hand, f, pad_row(pad, hand, f, link, real(row)),
-        pad_column(pad, hand, real(column))).x)
+    return (bits & (1 << (4 * (row % 4) + column % 4))) != 0
+
+
+@wp.func
+def _pressing(
+    scene: Scene, body: int, pad: Pad, hand: Hand, turns: PadTurns, f: FingerPose, link: int,
+    taxel: int
+):
+    """Force on one taxel [N]."""
+    row = taxel_row(pad, hand, f, link, taxel // _SIDE, turns)
+    return taxel_force(scene, body, pad, taxel_place(pad, hand, f, row, taxel % _SIDE, turns))
 
 
 @wp.func
 def pad_feels(
-    scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, finger: int, link: int,
-    episode: wp.uint64, reading: wp.uint64, sight: PadSight
+    scene: Scene, body: int, pad: Pad, hand: Hand, turns: PadTurns, f: FingerPose, finger: int,
+    link: int, episode: wp.uint64, reading: wp.uint64, sight: PadSight
 ):
-    """Whether some taxel of a pad reads the threshold: as `read_image` would, less work."""
+    """Whether some taxel of a pad reads the threshold: as `read_image` would, less work.
+
+    Pressed taxels are asked first, those that noise alone may raise only if none of them says so.
+    """
+    for taxel in range(_SIDE * _SIDE):
+        if _seen(sight, link, taxel):
+            force = _pressing(scene, body, pad, hand, turns, f, link, taxel)
+            if force > ZERO and real(taxel_count(
+                    pad, force, pad_taxel_key(episode, finger, link, taxel),
+                    counter_key(reading, taxel))) >= pad.threshold:
+                return True
+    most = noise_reaches(pad)
     for taxel in range(_SIDE * _SIDE):
         key = counter_key(reading, taxel)
-        force = _pressing(scene, body, pad, hand, f, link, sight, taxel)
-        if force > ZERO or noise_may_reach(pad, key):
-            count = taxel_count(pad, force, pad_taxel_key(episode, finger, link, taxel), key)
-            if real(count) >= pad.threshold:
+        if noise_draw(key) < most:
+            force = real(0.0)
+            if _seen(sight, link, taxel):
+                force = _pressing(scene, body, pad, hand, turns, f, link, taxel)
+            if real(taxel_count(
+                    pad, force, pad_taxel_key(episode, finger, link, taxel), key)) >= pad.threshold:
                 return True
     return False
 
 
 @wp.func
 def read_image(
-    scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, finger: int, link: int,
-    episode: wp.uint64, reading: wp.uint64, sight: PadSight, image: wp.array3d[wp.uint8], i: int
+    scene: Scene, body: int, pad: Pad, hand: Hand, turns: PadTurns, f: FingerPose, finger: int,
+    link: int, episode: wp.uint64, reading: wp.uint64, sight: PadSight,
+    image: wp.array3d[wp.uint8], i: int
 ):
     """Read a pad into row `i` of `image`; returns the largest count."""
     peak = int(0)
     for taxel in range(_SIDE * _SIDE):
-        force = _pressing(scene, body, pad, hand, f, link, sight, taxel)
+        force = real(0.0)
+        if _seen(sight, link, taxel):
+            force = _pressing(scene, body, pad, hand, turns, f, link, taxel)
         count = taxel_count(pad, force, pad_taxel_key(episode, finger, link, taxel),
                             counter_key(reading, taxel))
         image[i, taxel // _SIDE, taxel % _SIDE] = wp.uint8(count)

@@ -129,25 +129,45 @@ class PadRow:
 
 
 @wp.func
-def pad_row(pad: Pad, hand: Hand, f: FingerPose, link: int, row: real):
-    """Row `row` of a pad, taxels' rows being whole numbers; in the frame of `f`."""
-    radius = hand.link_radius + pad.thickness
+def _straight(pad: Pad, hand: Hand, link: int):
+    """Length of a pad's straight part [m]."""
+    if link == 2:
+        return pad.length - pad.wrap * (hand.link_radius + pad.thickness)
+    return pad.length
+
+
+@wp.func
+def pad_bend(pad: Pad, hand: Hand, row: real):
+    """(sin, cos) of a row's turn over the fingertip, (0, 1) before it."""
+    s = (row + HALF) * pad.length / _SIDE_REAL
+    straight = _straight(pad, hand, 2)
+    if s > straight:
+        return sine_cosine((s - straight) / (hand.link_radius + pad.thickness))
+    return vec2(ZERO, ONE)
+
+
+@wp.func
+def pad_row_bent(pad: Pad, hand: Hand, f: FingerPose, link: int, row: real, bend: vec2):
+    """`pad_row`, its `pad_bend` given."""
     s = (row + HALF) * pad.length / _SIDE_REAL
     u = link_direction(f, link)
     n = wp.cross(f.side, u)
-    straight = pad.length
-    start = (hand.link_length[link] - straight) * HALF
-    if link == 2:
-        straight = pad.length - pad.wrap * radius
-        start = hand.link_length[2] - straight
+    straight = _straight(pad, hand, link)
     at = PadRow()
-    at.out = n
-    at.axis = link_start(f, link) + u * (start + s)
     if s > straight:
-        bend = sine_cosine((s - straight) / radius)
         at.out = n * bend[1] + u * bend[0]
         at.axis = f.p4
+    else:
+        start = (hand.link_length[link] - straight) * wp.where(link == 2, ONE, HALF)
+        at.out = n
+        at.axis = link_start(f, link) + u * (start + s)
     return at
+
+
+@wp.func
+def pad_row(pad: Pad, hand: Hand, f: FingerPose, link: int, row: real):
+    """Row `row` of a pad, taxels' rows being whole numbers; in the frame of `f`."""
+    return pad_row_bent(pad, hand, f, link, row, pad_bend(pad, hand, row))
 
 
 @wp.func
@@ -222,11 +242,16 @@ def taxel_count(pad: Pad, force: real, taxel_key: wp.uint64, reading_key: wp.uin
 
 
 @wp.func
-def noise_may_reach(pad: Pad, reading_key: wp.uint64):
-    """False where an unloaded taxel is sure to read less than the threshold in this reading."""
+def noise_reaches(pad: Pad):
+    """An unloaded taxel reads less than the threshold unless its `noise_draw` is below this."""
     least = (wp.ceil(pad.threshold) - HALF) / wp.max(pad.noise, real(1e-9))
-    u = counter_uniform(counter_key(counter_key(reading_key, 1), 1))
-    return u < wp.exp(-HALF * least * least)
+    return wp.exp(-HALF * least * least)
+
+
+@wp.func
+def noise_draw(reading_key: wp.uint64):
+    """The number in (0, 1) that the size of a reading's noise is drawn by."""
+    return counter_uniform(counter_key(counter_key(reading_key, 1), 1))
 
 
 @wp.func

@@ -1,12 +1,13 @@
 """A broken contour is completed by what grasps felt; what is round is told from what is not."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from types import SimpleNamespace
 
 import numpy as np
 
+from fit.revolution import RevolutionFit
 from fit.superquadric import fit_superquadric
-from strategies.contour_profile import Profile
+from strategies.contour_profile import Profile, with_profiles
 from strategies.evidence import Evidence
 from strategies.next_procedure import turned
 from strategies.tables import DecideTable
@@ -82,3 +83,17 @@ def test_a_funnel_is_round_and_a_block_is_not() -> None:
         row, never = np.arange(1), replace(DecideTable(), turned_within=0.0)
         assert turned(belief, DecideTable(), row)[0] == expected  # pyright: ignore
         assert not turned(belief, never, row)[0]  # pyright: ignore
+
+
+def test_profiles_of_some_worlds_take_their_place_among_all() -> None:
+    none = RevolutionFit(**{f.name: np.zeros(3) for f in fields(RevolutionFit)})
+    one = followed_to(0.04)
+    three = replace(one, **{f.name: np.repeat(getattr(one, f.name), 3, axis=0)
+                            for f in fields(Profile) if f.name != "fit"}, fit=none)
+    taller = np.array([[0.0, 0.02, 0.06]])
+    part = replace(three[np.array([1])], height_m=taller, radius_m=taller * 0.0 + 0.007)
+    found = with_profiles(three, np.array([1]), part)
+    assert np.array_equal(found.height_m[1:2], taller)
+    assert np.array_equal(found.height_m[[0, 2], :2], three.height_m[[0, 2]])
+    assert np.isnan(found.height_m[[0, 2], 2]).all()
+    assert np.array_equal(found.foot_m, three.foot_m)

@@ -1,11 +1,15 @@
 """Scores against meshes and nearest neighbours that nobody here wrote."""
 
+from dataclasses import asdict, replace
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from fit.revolution_shape import RevolutionBody
 from fit.superquadric_shape import Superquadric, superquadric, superquadric_surface
-from sweeps.metrics import score_superquadrics
+from strategies.recovered import Recovered, Shape
+from sweeps.metrics import score_recovered, score_superquadrics, scores_again
 from warpgrasp.body_sample import sample_body
 from warpgrasp.catalogue import body_from_name
 
@@ -50,3 +54,24 @@ def test_distances_against_a_kd_tree(name: str, size, exponents, taper) -> None:
     order = np.argsort(back)
     tail = back[order][np.searchsorted(np.cumsum(share[order]), 0.95)]
     assert scores.hausdorff95_m[0] == pytest.approx(max(np.quantile(there, 0.95), tail), abs=1e-3)
+
+
+def test_only_bodies_that_changed_are_scored_again() -> None:
+    body, pose = body_from_name("block"), np.repeat(AT, 4, axis=0)
+    one = standing([0.03, 0.04, 0.06], [0.1, 0.1])
+    fits = Superquadric(*(np.repeat(field, 4, axis=0) for field in one))
+    height = np.tile([0.0, 0.06, 0.12, np.nan], (4, 1))
+    turned = RevolutionBody(np.tile([0.45, 0.1, 0.0], (4, 1)), np.tile([0.0, 0.0, 1.0], (4, 1)),
+                            height, np.where(np.isnan(height), np.nan, 0.03))
+    first = Recovered(np.array([1, 1, 2, 2]), fits, turned)
+    scores = score_recovered(first, body, pose)
+    assert scores_again(first, first, scores, body, pose) is scores
+    # One larger, one another model; a contour with more room for nodes is the same contour.
+    size = fits.size_m * np.array([1.0, 1.1, 1.0, 1.0])[:, None]
+    wide = replace(turned, height_m=np.pad(height, ((0, 0), (0, 2)), constant_values=np.nan),
+                   radius_m=np.pad(turned.radius_m, ((0, 0), (0, 2)), constant_values=np.nan))
+    then = Recovered(np.array([1, 1, 2, Shape.SUPERQUADRIC]), fits._replace(size_m=size), wide)
+    again, whole = scores_again(then, first, scores, body, pose), score_recovered(then, body, pose)
+    for name, values in asdict(again).items():
+        assert np.array_equal(values, getattr(whole, name)), name
+    assert (again.iou != scores.iou).tolist() == [False, True, False, True]
