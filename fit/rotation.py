@@ -17,6 +17,23 @@ def matrix_of_quaternion(quaternion_xyzw: Float[np.ndarray, "*batch 4"]) -> np.n
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
+def turn_points(
+    rotation: Float[np.ndarray, "*#batch 3 3"], points: Float[np.ndarray, "*#batch point 3"]
+) -> Float[np.ndarray, "*#batch point 3"]:
+    """Points turned by rotations.
+
+    Written out: einsum takes three to five times as long, and a product of matrices rounds by where
+    they lie in memory, so that rows would hang on their neighbours.
+    """
+    x, y, z = (np.ascontiguousarray(v) for v in np.moveaxis(points, -1, 0))
+    r = rotation[..., None]
+    turned = np.empty((*np.broadcast_shapes(rotation.shape[:-2], points.shape[:-2]),
+                       *points.shape[-2:]))
+    for i in range(3):
+        turned[..., i] = r[..., i, 0, :] * x + r[..., i, 1, :] * y + r[..., i, 2, :] * z
+    return turned
+
+
 def quaternion_of_matrix(rotation: Float[np.ndarray, "*batch 3 3"]) -> np.ndarray:
     """Unit quaternions x, y, z, w with w >= 0, shape [..., 4], stable for every angle.
 

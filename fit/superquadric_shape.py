@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import beta
 
-from fit.rotation import matrix_of_quaternion
+from fit.rotation import matrix_of_quaternion, turn_points
 
 TINY = 1e-20
 """Added to squared coordinates over size, so that logarithms stay finite on the axes."""
@@ -159,7 +159,7 @@ def from_straight_frame(body: SuperquadricLike, points: np.ndarray) -> np.ndarra
         x, y, z = _bent(body, x, y, z)
     bent = np.stack([x, y, z], axis=-1)
     rotation = matrix_of_quaternion(body.quaternion_xyzw)
-    return bent @ rotation.swapaxes(1, 2) + body.position_m[:, None]
+    return turn_points(rotation, bent) + body.position_m[:, None]
 
 
 def to_straight_frame(body: SuperquadricLike, points: np.ndarray) -> np.ndarray:

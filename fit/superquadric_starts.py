@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float
 
+from fit.rotation import turn_points
+
 YAW_CANDIDATES = 18
 """Directions tried for the smallest upright box, over a quarter turn."""
 SHORTEST_EXTENT = 0.05
@@ -32,7 +34,7 @@ def box_starts(
     if down is not None:
         frames.append(_cycled(_upright_axes(spread, mask, down)))
     rotation = np.concatenate(frames, axis=1)
-    local = points[:, None] @ rotation
+    local = turn_points(rotation.swapaxes(2, 3), points[:, None])
     low, high = _extent(local, mask[:, None], trim)
     if down is not None and floor is not None:
         # The body reaches the table, whether or not a finger touched it there.
@@ -58,7 +60,7 @@ def taper_starts(
     A section half way up stands 1 + K/2 wide, half way down 1 - K/2; the widths are root mean
     squares, which touches on two faces and on a round wall both follow.
     """
-    local = points[:, None] @ rotation
+    local = turn_points(rotation.swapaxes(2, 3), points[:, None])
     local = local - np.einsum("fsi,fsij->fsj", centre, rotation)[:, :, None]
     height = local[..., 2] / half[..., None, 2]
     width = []
