@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fit.rotation import matrix_of_quaternion, quaternion_of_matrix
+from fit.rotation import matrix_of_quaternion, quaternion_of_matrix, turn_points
 from fit.superquadric_shape import (
     from_straight_frame,
     superquadric,
@@ -87,3 +87,13 @@ def test_quaternion_of_its_own_matrix(q) -> None:
     assert np.allclose(matrix_of_quaternion(back), matrix_of_quaternion(unit), atol=1e-12)
     assert back[3] >= 0
     assert np.linalg.norm(back) == pytest.approx(1)
+
+
+def test_turned_points_are_the_products_and_hang_on_no_neighbour() -> None:
+    rng = np.random.default_rng(8)
+    quaternion = rng.normal(size=(9, 4))
+    rotation = matrix_of_quaternion(quaternion / np.linalg.norm(quaternion, axis=1)[:, None])
+    points = rng.normal(size=(9, 33, 3))
+    turned = turn_points(rotation, points)
+    assert np.allclose(turned, points @ rotation.swapaxes(1, 2), atol=1e-14)
+    assert np.array_equal(turn_points(rotation[3:8:2], points[3:8:2]), turned[3:8:2])
