@@ -46,6 +46,7 @@ from strategies.recovered import (
     superquadric_rows,
 )
 from strategies.recovery import recover_bodies, refine_bodies
+from strategies.rivals import DOUBTED_M, touch_misfit
 from strategies.waypoints import BoundingCylinder
 from strategies.whole_profile import whole_profile
 from warpgrasp.parameters import FitTable
@@ -55,7 +56,8 @@ from warpgrasp.status import ProbeStatus
 FEWEST_CONTACTS = 8
 """With fewer contacts no body is fitted."""
 REGROWN = 1.5
-"""A body is fitted from scratch when its contacts have grown by this since that was last done."""
+"""A body is fitted from scratch when links have made this times as many contacts as when that was
+last done."""
 MOST_STEPS = 64
 """Times a strategy is asked in one episode."""
 TABLE_M = 0.0
@@ -155,7 +157,6 @@ class _Run:
         self.time, self.path = np.zeros(worlds), np.zeros(worlds)
         self.fits = _no_fits(worlds)
         self.count_anew = np.zeros(worlds, int)
-        self.by_pads = np.zeros(worlds, bool)
         self.placed = self.felt
         self._conclude(np.arange(worlds))
 
@@ -272,7 +273,6 @@ class _Run:
                   no_links(worlds, slots, self.links.radius_m))
         made = np.bincount(found.touches.world, minlength=worlds)
         self.touches += made
-        self.by_pads = self.by_pads | (made > 0)
         self.time += found.time_s
         self.path += found.path_m
         self.procedures.append(Procedure(name, self.step, found, wanted, slots))
@@ -284,15 +284,15 @@ class _Run:
     def _refit(self, rows: np.ndarray) -> None:
         """Bodies of the worlds that felt something new.
 
-        From scratch where the contacts have grown by half since that was last done, or pads felt
-        something; otherwise from the body last fitted.
+        From scratch where links have made half as many contacts again since that was last done, or
+        pads felt something where the body is not; otherwise from the body last fitted.
         """
         self.felt = joined_evidence(self.felt, *(evidence for evidence, _ in self.news))
         self.links = joined_links(self.links, *(links for _, links in self.news))
         self.news = []
-        count = self.felt.mask.sum(1)
-        anew = ~self.believed() | (count >= REGROWN * self.count_anew) | self.by_pads
-        self.by_pads = np.zeros_like(self.by_pads)
+        count = (self.felt.mask & ~self.felt.by_pad).sum(1)
+        anew = ~self.believed() | (count > REGROWN * self.count_anew)
+        anew[rows] |= self._contradicted(rows)
         for part, start in ((rows[anew[rows]], None), (rows[~anew[rows]], self.fits)):
             if len(part) == 0:
                 continue
@@ -304,6 +304,12 @@ class _Run:
             else:
                 fits, placed = refine_bodies(evidence, links, self.table, start[part])
             self._take(part, fits, placed)
+
+    def _contradicted(self, rows: np.ndarray) -> np.ndarray:
+        """In which worlds pads have felt something far from the body last fitted, bool (row,)."""
+        felt = evidence_rows(self.felt, rows)
+        by_pad = replace(felt, mask=felt.mask & felt.by_pad)
+        return by_pad.mask.any(1) & (touch_misfit(self.fits[rows], by_pad) > DOUBTED_M)
 
     def _take(self, rows: np.ndarray, fits: SuperquadricFit, placed: Evidence) -> None:
         """New fits, and the contacts as placed for them, into the rows they are of."""
