@@ -16,7 +16,6 @@ from warpgrasp.tactile_pad import (
     pad_column,
     pad_near,
     pad_point,
-    pad_row,
     pad_row_bent,
 )
 from warpgrasp.utah_mit_hand import FingerPose, Hand
@@ -50,8 +49,10 @@ class PadTurns:
 
     columns: _Turns
     rows: _Turns
-    middles: mat42
-    """Columns in the middles of blocks."""
+    middle_columns: mat42
+    """Turns of columns in the middles of blocks."""
+    middle_rows: mat42
+    """Bends of rows there."""
 
 
 @wp.func
@@ -67,8 +68,11 @@ def pad_turns(pad: Pad, hand: Hand):
         turns.rows[k, 1] = b[1]
     for k in range(_BLOCKS):
         c = pad_column(pad, hand, _MIDDLE + real(4 * k))
-        turns.middles[k, 0] = c[0]
-        turns.middles[k, 1] = c[1]
+        turns.middle_columns[k, 0] = c[0]
+        turns.middle_columns[k, 1] = c[1]
+        d = pad_bend(pad, hand, _MIDDLE + real(4 * k))
+        turns.middle_rows[k, 0] = d[0]
+        turns.middle_rows[k, 1] = d[1]
     return turns
 
 
@@ -99,9 +103,10 @@ def rows_in_sight(
     pitch = pad.length / _SIDE_REAL
     width = pad.width / _SIDE_REAL
     top = 4 * (block // _BLOCKS)
-    column = turns.middles[block % _BLOCKS]
+    column = turns.middle_columns[block % _BLOCKS]
     bits = int(0)
-    middle = pad_point(pad, hand, f, pad_row(pad, hand, f, link, real(top) + _MIDDLE), column).x
+    row = pad_row_bent(pad, hand, f, link, real(top) + _MIDDLE, turns.middle_rows[block // _BLOCKS])
+    middle = pad_point(pad, hand, f, row, column).x
     if stand_distance(scene, body, middle) < _MARGIN + _MIDDLE * wp.sqrt(
             pitch * pitch + width * width):
         for i in range(4):
