@@ -20,12 +20,18 @@ def rows_of(record: Record, rows: Any) -> Record:
 
 def with_rows(record: Record, rows: Any, part: Record) -> Record:
     """A copy of `record` whose worlds `rows` are those of `part`, in their order."""
+    copied = _of_arrays(np.copy, record)
+    put_rows(copied, rows, part)
+    return copied
+
+
+def put_rows(record: Record, rows: Any, part: Record) -> None:
+    """Put the worlds of `part` into the arrays of `record`, which nobody else must hold."""
     def put(array: np.ndarray, values: np.ndarray) -> np.ndarray:
-        array = array.copy()
         array[rows] = values
         return array
 
-    return _of_arrays(put, record, part)
+    _of_arrays(put, record, part)
 
 
 def _of_arrays(change: Callable[..., np.ndarray], record: Any, *others: Any) -> Any:

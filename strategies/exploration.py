@@ -14,7 +14,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from fit.rows import rows_of, with_rows
+from fit.rows import put_rows, rows_of, with_rows
 from fit.status import FitStatus
 from fit.superquadric import SuperquadricFit, fit_superquadric
 from strategies.belief import Belief
@@ -44,7 +44,7 @@ from strategies.recovered import (
     revolution_of,
 )
 from strategies.recovery import recover_bodies, refine_bodies
-from strategies.refit import REGROWN, contradicted, explained
+from strategies.refit import REGROWN, contradicted, explained, felt_by_pads
 from strategies.waypoints import BoundingCylinder
 from strategies.whole_profile import whole_profile
 from warpgrasp.parameters import FitTable
@@ -287,27 +287,27 @@ class _Run:
         self.felt = joined_evidence(self.felt, *(evidence for evidence, _ in self.news))
         self.links = joined_links(self.links, *(links for _, links in self.news))
         self.news = []
-        felt, links = rows_of(self.felt, rows), rows_of(self.links, rows)
-        believed = self.believed()[rows]
-        count = (felt.mask & ~felt.by_pad).sum(1)
-        anew = ~believed | (count > REGROWN * self.count_anew[rows])
-        anew |= contradicted(self.fits[rows], felt)
-        turned = believed & explained(rows_of(self.profile, rows), felt)
-        for part, start, table in (
+        by_pads = felt_by_pads(self.felt, rows)
+        believed = self.believed()
+        count = (self.felt.mask & ~self.felt.by_pad).sum(1)
+        anew = ~believed | (count > REGROWN * self.count_anew) | contradicted(self.fits, by_pads)
+        turned = believed & explained(self.profile, by_pads)
+        for among, start, table in (
                 (anew & ~turned, False, self.table), (~anew & ~turned, True, self.table),
                 (turned, True, replace(self.table, rivals=False))):
-            if not part.any():
+            part = rows[among[rows]]
+            if len(part) == 0:
                 continue
-            worlds = rows[part]
-            touched = rows_of(links, part) if self.intrinsic else None
+            felt = rows_of(self.felt, part)
+            links = rows_of(self.links, part) if self.intrinsic else None
             if start:
-                fits, placed = refine_bodies(rows_of(felt, part), touched, table, self.fits[worlds])
+                fits, placed = refine_bodies(felt, links, table, self.fits[part])
             else:
-                fits, placed = recover_bodies(rows_of(felt, part), touched, table)
-                self.count_anew = with_rows(self.count_anew, worlds, count[part])
-            self.fits = with_rows(self.fits, worlds, fits)
-            widened = _widened(self.placed, self.felt, placed.free_m.shape[1])
-            self.placed = with_rows(widened, worlds, placed)
+                fits, placed = recover_bodies(felt, links, table)
+                self.count_anew = with_rows(self.count_anew, part, count[part])
+            self.fits = with_rows(self.fits, part, fits)
+            self.placed = _widened(self.placed, self.felt, placed.free_m.shape[1])
+            put_rows(self.placed, part, placed)
 
     def believed(self) -> np.ndarray:
         """Worlds whose fit is to be believed, bool (world,)."""
@@ -364,4 +364,4 @@ def _widened(placed: Evidence, felt: Evidence, free: int) -> Evidence:
         np.concatenate([placed.mask, np.zeros_like(felt.mask[:, new])], 1),
         np.concatenate([placed.covariance_m2, felt.covariance_m2[:, new]], 1),
         np.concatenate([placed.normals, felt.normals[:, new]], 1),
-        free_m, felt.free_radius_m, free_mask, felt.by_pad)
+        free_m, felt.free_radius_m, free_mask, felt.by_pad.copy())

@@ -20,22 +20,28 @@ FEWEST_EXPLAINED = 8
 """Fewer touches do not show that a contour explains them."""
 
 
-def contradicted(fits: SuperquadricFit, felt: Evidence) -> np.ndarray:
+def felt_by_pads(felt: Evidence, rows: np.ndarray) -> Evidence:
+    """What pads of the worlds `rows` have felt; nothing in the others."""
+    here = np.zeros((len(felt.mask), 1), bool)
+    here[rows] = True
+    return replace(felt, mask=felt.mask & felt.by_pad & here)
+
+
+def contradicted(fits: SuperquadricFit, by_pads: Evidence) -> np.ndarray:
     """Where pads have felt something far from the body last fitted, bool (world,)."""
-    by_pad = felt.mask & felt.by_pad
-    return by_pad.any(1) & (touch_misfit(fits, replace(felt, mask=by_pad)) > DOUBTED_M)
+    return by_pads.mask.any(1) & (touch_misfit(fits, by_pads) > DOUBTED_M)
 
 
-def explained(profile: Profile | None, felt: Evidence) -> np.ndarray:
+def explained(profile: Profile | None, by_pads: Evidence) -> np.ndarray:
     """Where a contour lies near all that pads have felt, bool (world,).
 
     It will stand for the body then (`strategies.recovered.choose_body`): of what no superquadric
     is, a better superquadric is not worth a fit from scratch, nor a rival's.
     """
-    by_pad = felt.mask & felt.by_pad
+    mask = by_pads.mask
     if profile is None:
-        return np.zeros(len(by_pad), bool)
-    away = np.minimum(distance_felt(revolution_of(profile), felt.points_m, by_pad), FARTHEST_M)
-    count = by_pad.sum(1)
-    mean = np.where(by_pad, away, 0.0).sum(1) / np.maximum(count, 1)
+        return np.zeros(len(mask), bool)
+    away = np.minimum(distance_felt(revolution_of(profile), by_pads.points_m, mask), FARTHEST_M)
+    count = mask.sum(1)
+    mean = np.where(mask, away, 0.0).sum(1) / np.maximum(count, 1)
     return (count >= FEWEST_EXPLAINED) & (mean < EXPLAINED_M)
