@@ -351,8 +351,7 @@ def _no_fits(worlds: int) -> SuperquadricFit:
 
 
 def _widened(placed: Evidence, felt: Evidence, free: int) -> Evidence:
-    """The evidence last placed, with empty slots where more has been felt since; arrays of its own.
-    """
+    """The evidence last placed, empty where more has been felt since; arrays of its own."""
     worlds, before = placed.mask.shape
     new = slice(before, None)
     free_m = np.zeros((worlds, free, 3))

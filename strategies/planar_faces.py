@@ -56,7 +56,9 @@ def planes_of(
 
 
 def _bow(exploration: PlanarExploration, rows: np.ndarray) -> np.ndarray:
-    """Sagittas of h = a + b u + c v + d u^2 + e v^2 over the touches that face outwards, (row, 2).
+    """Sagittas of h = a + b u + c v + d u^2 + e v^2 over the touches that face outwards.
+
+    `rows` (row,) are worlds; shape (row, 2).
     """
     table, axes = exploration.touches, exploration.axes
     facing = (table.normal * axes[table.world, 2]).sum(1) > np.cos(_FACING_RAD)

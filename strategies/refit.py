@@ -1,5 +1,4 @@
-"""What pads have felt, held against what is believed: which bodies are worth fitting from scratch.
-"""
+"""What pads have felt against what is believed: which bodies are worth fitting from scratch."""
 
 from dataclasses import replace
 

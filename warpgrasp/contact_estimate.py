@@ -284,7 +284,7 @@ def _estimate_kernel(
     cov = post.second / post.weight - wp.outer(mean, mean)
     # The grid's own cell, the joint angles read (each turning the tip), and the arm's pose.
     lever = wp.length(mean - f.p1)
-    floor = (length_cell(hand) * length_cell(hand) / real(12.0) + pose_variance
+    floor = (_length_cell(hand) * _length_cell(hand) / real(12.0) + pose_variance
              + angle_variance * lever * lever)
     cov = cov + unit * floor
     rot = wp.quat_to_matrix(wp.transform_get_rotation(pose))
@@ -302,7 +302,7 @@ def _estimate_kernel(
 
 
 @wp.func
-def length_cell(hand: Hand):
+def _length_cell(hand: Hand):
     """Widest cell of the posterior's grid along a link [m]."""
     return wp.max(hand.link_length[0], wp.max(hand.link_length[1], hand.link_length[2])) / real(
         _ALONG)

@@ -10,12 +10,12 @@ import warp as wp
 from warpgrasp.finger_energy import Rest, finger_energy, rest_from, worst_of
 from warpgrasp.link_nearest import LINK_SAMPLES
 from warpgrasp.pad_sight import (
+    SIGHT_MARGIN,
     PadSight,
     PadTurns,
     pad_in_sight,
     rows_in_sight,
     sight_holds,
-    sight_margin,
     taxel_place,
     taxel_row,
 )
@@ -96,7 +96,7 @@ def pad_rest_energy(
                                         rest.skin.gradient -= jt * load
                                         rest.pad_force += load
                                         h += wp.outer(jt, jt) * pad.stiffness
-                                    elif d >= sight_margin():
+                                    elif d >= SIGHT_MARGIN:
                                         seen = seen ^ bit
                 if look == 1:
                     rest.sight.taxels[link, block] = seen

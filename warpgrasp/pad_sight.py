@@ -20,7 +20,8 @@ from warpgrasp.tactile_pad import (
 )
 from warpgrasp.utah_mit_hand import FingerPose, Hand
 
-_MARGIN = wp.constant(real(3e-4))  # [m]
+SIGHT_MARGIN = wp.constant(real(3e-4))
+"""A taxel farther off than this [m] is left out."""
 _BLOCKS = wp.constant(4)  # 4 x 4 blocks of 4 x 4 taxels, each skipped by one distance
 _SIDE = wp.constant(16)
 _SIDE_REAL = wp.constant(real(16.0))
@@ -89,12 +90,6 @@ def taxel_place(pad: Pad, hand: Hand, f: FingerPose, row: PadRow, column: int, t
 
 
 @wp.func
-def sight_margin():
-    """A taxel farther off than this is left out [m]."""
-    return _MARGIN
-
-
-@wp.func
 def rows_in_sight(
     scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, link: int, block: int,
     turns: PadTurns
@@ -107,11 +102,11 @@ def rows_in_sight(
     bits = int(0)
     row = pad_row_bent(pad, hand, f, link, real(top) + _MIDDLE, turns.middle_rows[block // _BLOCKS])
     middle = pad_point(pad, hand, f, row, column).x
-    if stand_distance(scene, body, middle) < _MARGIN + _MIDDLE * wp.sqrt(
+    if stand_distance(scene, body, middle) < SIGHT_MARGIN + _MIDDLE * wp.sqrt(
             pitch * pitch + width * width):
         for i in range(4):
             x = pad_point(pad, hand, f, taxel_row(pad, hand, f, link, top + i, turns), column).x
-            if stand_distance(scene, body, x) < _MARGIN + _MIDDLE * width:
+            if stand_distance(scene, body, x) < SIGHT_MARGIN + _MIDDLE * width:
                 bits = bits | (15 << (4 * i))
     return bits
 
@@ -124,10 +119,10 @@ def sight_holds(pad: Pad, hand: Hand, sight: PadSight, q: vec4):
     for link in range(3):
         turned += wp.abs(q[link + 1] - sight.q[link + 1])
         travel += turned * hand.link_length[link]
-    return travel + turned * (hand.link_radius + pad.thickness) < _MARGIN
+    return travel + turned * (hand.link_radius + pad.thickness) < SIGHT_MARGIN
 
 
 @wp.func
 def pad_in_sight(scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, link: int):
     """Whether any taxel of a link's pad may come into sight."""
-    return pad_near(scene, body, pad, hand, f, link, _MARGIN)
+    return pad_near(scene, body, pad, hand, f, link, SIGHT_MARGIN)
