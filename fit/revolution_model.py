@@ -45,7 +45,7 @@ class Nearest(NamedTuple):
 
     distance: Float[Array, " point"]
     """Signed, positive outside."""
-    by_height: Float[Tensor, " point"]
+    by_height: Float[Array, " point"]
     by_radius: Float[Array, " point"]
     """Slopes of the distance: the contour's normal, but at its corners."""
     height: Float[Tensor, " point"]
