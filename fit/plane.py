@@ -22,6 +22,8 @@ TRIPLES = 96
 TUKEY = 4.685
 """Deviations at which a touch loses all weight: 95 % efficiency on Gaussian residuals."""
 ROUNDS = 25
+SETTLED = 1e-8
+"""Weights that change by no more in a round stay."""
 
 
 @dataclass(frozen=True)
@@ -91,13 +93,20 @@ def _weights(sets: Sets, robust: bool) -> np.ndarray:
         return sets.mask.astype(float)
     normal, offset = _best_triple(sets)
     weight = np.zeros(sets.mask.shape)
+    left = np.arange(len(weight))
     for _ in range(ROUNDS):
-        away = np.abs(np.einsum("fpi,fi->fp", sets.points, normal) - offset[:, None])
+        points, mask = sets.points[left], sets.mask[left]
+        away = np.abs(np.einsum("fpi,fi->fp", points, normal) - offset[:, None])
         # At half weight for the lower half: the median of touches that need not all be on it.
-        typical = 1.4826 * _masked_median(away, sets.mask)
+        typical = 1.4826 * _masked_median(away, mask)
         scale = np.maximum(TUKEY * typical, 1e-9)
-        weight = np.where(sets.mask, np.maximum(1 - (away / scale[:, None]) ** 2, 0.0) ** 2, 0.0)
-        mean, axes, _ = _scatter(sets.points, weight)
+        new = np.where(mask, np.maximum(1 - (away / scale[:, None]) ** 2, 0.0) ** 2, 0.0)
+        moves = np.abs(new - weight[left]).max(axis=1) > SETTLED
+        weight[left] = new
+        left = left[moves]
+        if len(left) == 0:
+            break
+        mean, axes, _ = _scatter(points[moves], new[moves])
         normal = axes[:, :, 0]
         offset = np.einsum("fi,fi->f", mean, normal)
     return weight
