@@ -101,8 +101,8 @@ def close_fingers(
     shapes = dict.fromkeys(stop, "world probe grasp finger") | {
         "body": "world?", "body_pose": "world", "hands": "world?", "sensors": "world?",
         "key": "world", "probe_status": "world probe grasp", "hand_pose": "world probe",
-        "path": "grasp finger step", "travel": "grasp finger step", "command_count": "grasp"}
-    path, travel = path_on_device(hand, commands_rad, device)
+        "path": "grasp finger step", "links": "grasp finger 3 step", "command_count": "grasp"}
+    path, links = path_on_device(hand, commands_rad, device)
     hands, tendons = _robot(hand, sensors, device)
     given = {
         "scene": scene,
@@ -113,7 +113,7 @@ def close_fingers(
         "hand_pose": wp.array(hand_pose, dtype=transform, device=device),
         "path": path}
     close = (closing_kernel, shapes, given | stop | {
-        "march_scale": march_scale, "travel": travel,
+        "march_scale": march_scale, "links": links,
         "probe_status": wp.array(probe_status, dtype=int, device=device),
         "command_count": wp.array(command_count, dtype=int, device=device)})
     stops = {name: array for name, array in stop.items() if name != "difference"}

@@ -84,7 +84,8 @@ def finger_energy(
     rest.energy = HALF * k * wp.dot(lag, lag)
     rest.gradient = -lag * k
     e = ONE / k
-    c = mat44(e, ZERO, ZERO, ZERO, ZERO, e, ZERO, ZERO, ZERO, ZERO, e, ZERO, ZERO, ZERO, ZERO, e)
+    rest.compliance = mat44(e, ZERO, ZERO, ZERO, ZERO, e, ZERO, ZERO, ZERO, ZERO, e, ZERO, ZERO,
+                            ZERO, ZERO, e)
     # The chain of `finger_pose`, link by link.
     r = wp.transform_get_rotation(base)
     origin = wp.transform_get_translation(base)
@@ -146,8 +147,9 @@ def finger_energy(
                     rest.energy += HALF * hand.skin * depth * depth
                     rest.gradient -= j * (hand.skin * depth)
                     # Sherman and Morrison: the Hessian gains skin times j j^T.
-                    yields = c * j
-                    c -= wp.outer(yields, yields / (ONE / hand.skin + wp.dot(j, yields)))
+                    yields = rest.compliance * j
+                    rest.compliance -= wp.outer(
+                        yields, yields / (ONE / hand.skin + wp.dot(j, yields)))
                 else:
                     rest.near = j
                     rest.near_depth = depth
@@ -161,13 +163,13 @@ def finger_energy(
                      wp.where(link >= 2, wp.dot(swing, low - p3), ZERO))
             rest.energy += HALF * hand.skin * pressed * pressed
             rest.gradient -= j * (hand.skin * pressed)
-            yields = c * j
-            c -= wp.outer(yields, yields / (ONE / hand.skin + wp.dot(j, yields)))
+            yields = rest.compliance * j
+            rest.compliance -= wp.outer(
+                yields, yields / (ONE / hand.skin + wp.dot(j, yields)))
         rest.table = put(rest.table, link, pressed)
         rest.along = put(rest.along, link, along)
         rest.bend = put(rest.bend, link, bend)
         rest.depth = put(rest.depth, link, depth)
-    rest.compliance = c
     return rest
 
 

@@ -27,22 +27,27 @@ _Ends = wp.types.vector(length=9, dtype=real)
 @wp.struct
 class Near:
     """The point of a segment nearest to a body: place [m from its start], distance [m], slope of
-    distance times slope (to go on from), outward normal there."""
+    distance times slope (to go on from), outward normal there.
+
+    `least` is a lower bound of the distance all along, which may be far from the nearest point."""
 
     along: real
     distance: real
+    least: real
     bend: real
     normal: vec3
 
 
 @wp.func
-def _valley(
+def link_valley(
     scene: Scene, body: int, a: vec3, u: vec3, low: real, high: real, start: real, rate: real,
-    enough: real
+    enough: real, convex: bool
 ):
     """The bottom of the valley that `start` lies in, between `low` and `high`.
 
-    Where a distance at `start` shows that all there are above `enough`, that lower bound.
+    Where a distance at `start` shows that all there are above `enough`, that lower bound. Before a
+    body said to be `convex` the search ends where the plane through the body's nearest point shows
+    that the whole segment stays out of `enough` by half as much as the place looked at.
     """
     near = Near()
     below = real(low)
@@ -57,13 +62,20 @@ def _valley(
         g = body_distance_grad(scene, body, a + u * t)
         near.along = t
         near.distance = g[3]
+        near.least = g[3]
         near.normal = vec3(g[0], g[1], g[2])
-        if k == 0:
+        slope = wp.dot(near.normal, u)
+        if convex:
+            bound = g[3] + wp.min((low - t) * slope, (high - t) * slope)
+            if bound - enough > HALF * (g[3] - enough):
+                near.least = bound
+                break
+        elif k == 0:
             bound = g[3] - wp.max(t - low, high - t)
             if bound > enough:
                 near.distance = bound
+                near.least = bound
                 break
-        slope = wp.dot(near.normal, u)
         psi = slope * wp.max(g[3], _SHALLOW)
         if k > 0:
             # Along a face the slope does not change: on to the end, or the middle, of the bracket.
@@ -118,13 +130,15 @@ def link_nearest(
         bound = body_distance(scene, body, a + u * (length * HALF)) - length * HALF
         if bound > enough:
             near.distance = bound
+            near.least = bound
             near.along = length * HALF
             near.bend = ONE
             search = int(0)
     for attempt in range(2):
         if search == 1:
             if begin >= ZERO:
-                near = _valley(scene, body, a, u, low, high, begin, rate, enough)
+                near = link_valley(scene, body, a, u, low, high, begin, rate, enough,
+                                   False)
             search = int(0)
             if attempt == 0 and (begin < ZERO or near.distance <= enough):
                 least = near.distance - real(1e-9)
@@ -175,8 +189,8 @@ def deepest_valley(
                 if j < count - 1:
                     after = body_distance(scene, body, a + u * (t + step))
                 if here <= before and here <= after and here - step * HALF <= least:
-                    near = _valley(scene, body, a, u, wp.max(t - step, ZERO),
-                                   wp.min(t + step, length), t, ONE, _FAR)
+                    near = link_valley(scene, body, a, u, wp.max(t - step, ZERO),
+                                   wp.min(t + step, length), t, ONE, _FAR, False)
                     if near.distance < nearest:
                         nearest = near.distance
                         least = wp.min(least, nearest)
@@ -184,8 +198,8 @@ def deepest_valley(
                 before = here
                 here = after
         if here <= before and here - step * HALF <= least:
-            near_end = _valley(scene, body, a, u, length - step, length, length, ONE,
-                               _FAR)
+            near_end = link_valley(scene, body, a, u, length - step, length, length, ONE,
+                                   _FAR, False)
             if near_end.distance < nearest:
                 best = near_end.along
     return best

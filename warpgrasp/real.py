@@ -17,6 +17,10 @@ quat = wp.quatd
 transform = wp.transformd
 
 
+class mat34(wp.types.matrix(shape=(3, 4), dtype=wp.float64)):
+    """Three planes, each a normal and an offset."""
+
+
 class mat42(wp.types.matrix(shape=(4, 2), dtype=wp.float64)):
     """Four pairs."""
 
