@@ -4,8 +4,8 @@ A finger steps along its commands; at each step it rests where its energy is lea
 first step whose tendon difference of a flexion joint exceeds the threshold (Allen and Michelman
 1990, section IV-C). Few steps are looked at:
 
-- Free: the finger follows its command exactly until a link touches (`finger_free`), and a false stop (friction and noise alone past
-  the threshold) is drawn from its exact first-passage law.
+- Free: the finger follows its command exactly until a link touches (`finger_free`); a false stop
+  (friction and noise alone past the threshold) is drawn from its exact first-passage law.
 - Pressing: from a look the joints' torques at later steps are known to within a ball, from two
   looks better between them (see `finger_between`). A step is left out where its reading, of the
   noise drawn for it, stays below the threshold all over the ball. The next look is where the
@@ -19,6 +19,7 @@ not agree with the last one makes the next one go half as far, down to single st
 import warp as wp
 
 from warpgrasp.closing_guard import may_stop, stop_reading
+from warpgrasp.closing_record import ClosingRow, ClosingTruthRow
 from warpgrasp.counter_random import Purpose, counter_key, counter_uniform
 from warpgrasp.finger_between import agree, in_both, joints_ahead, torque_after
 from warpgrasp.finger_energy import Rest, rest_from, worst_of
@@ -76,22 +77,18 @@ def closing_kernel(
     links: wp.array4d[LinkStep],
     command_count: wp.array[int],
     # Out:
-    status: wp.array4d[int],
-    step: wp.array4d[int],
-    difference: wp.array4d[real],
-    q_true: wp.array4d[vec4],
-    torque_true: wp.array4d[vec4],
-    link_true: wp.array4d[int],
+    felt: wp.array4d[ClosingRow],
+    truth: wp.array4d[ClosingTruthRow],
 ):
     """A finger's closing: status, step, and what is true there before it is looked at closely."""
     w, p, g, finger = wp.tid()
     w += first
-    status[w, p, g, finger] = probe_status[w, p, g]
-    step[w, p, g, finger] = -1
-    link_true[w, p, g, finger] = -1
-    difference[w, p, g, finger] = _NAN
-    q_true[w, p, g, finger] = vec4(_NAN, _NAN, _NAN, _NAN)
-    torque_true[w, p, g, finger] = vec4(_NAN, _NAN, _NAN, _NAN)
+    felt[w, p, g, finger].status = probe_status[w, p, g]
+    felt[w, p, g, finger].step = -1
+    felt[w, p, g, finger].difference = _NAN
+    truth[w, p, g, finger].link = -1
+    truth[w, p, g, finger].q = vec4(_NAN, _NAN, _NAN, _NAN)
+    truth[w, p, g, finger].torque = vec4(_NAN, _NAN, _NAN, _NAN)
     if probe_status[w, p, g] != _CONTACT:
         return
 
@@ -257,10 +254,10 @@ def closing_kernel(
                 sure = int(0)
             s = int(ahead)
 
-    q_true[w, p, g, finger] = now.low.q
+    truth[w, p, g, finger].q = now.low.q
     if low_pressed == 0:
         torque = vec4(ZERO, ZERO, ZERO, ZERO)
-        q_true[w, p, g, finger] = path[g, finger, last].command
+        truth[w, p, g, finger].q = path[g, finger, last].command
         if stopped >= 0:
             # Noise stops the finger on the way: at the first step that uses up the patience.
             delta = vec4(ZERO, ZERO, ZERO, ZERO)
@@ -272,17 +269,20 @@ def closing_kernel(
                 stopped = int(n)
                 if hazard >= patience:
                     break
-            q_true[w, p, g, finger] = path[g, finger, stopped].command
+            truth[w, p, g, finger].q = path[g, finger, stopped].command
             redraw = counter_key(counter_key(stream, _FALSE_STOP), stopped)
             for attempt in range(_REDRAWS):
                 reading = stop_reading(hand, sensor, torque, delta, counter_key(redraw, attempt))
                 if wp.abs(reading) > sensor.threshold:
                     break
-    torque_true[w, p, g, finger] = torque
+    truth[w, p, g, finger].torque = torque
+    truth[w, p, g, finger].along = now.low.along
+    truth[w, p, g, finger].bend = now.low.bend
+    truth[w, p, g, finger].depth = now.low.depth
     if stopped < 0:
-        status[w, p, g, finger] = _NO_CONTACT
-        step[w, p, g, finger] = last
+        felt[w, p, g, finger].status = _NO_CONTACT
+        felt[w, p, g, finger].step = last
         return
-    step[w, p, g, finger] = stopped
-    difference[w, p, g, finger] = reading
-    link_true[w, p, g, finger] = low_pressed - 1
+    felt[w, p, g, finger].step = stopped
+    felt[w, p, g, finger].difference = reading
+    truth[w, p, g, finger].link = low_pressed - 1
