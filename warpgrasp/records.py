@@ -31,8 +31,9 @@ class Records:
         self._type = record_type(struct)
         if isinstance(rows, tuple):
             self._shape = rows
-            make = wp.zeros if clear else wp.empty
-            self._bytes = make(prod(rows) * self._type.itemsize, dtype=wp.uint8, device=device)
+            self._bytes = wp.empty(prod(rows) * self._type.itemsize, dtype=wp.uint8, device=device)
+            if clear:
+                self._bytes.zero_()
         else:
             self._shape = rows.shape
             self._bytes = wp.array(rows.view(np.uint8).ravel(), dtype=wp.uint8, device=device)
