@@ -75,9 +75,24 @@ def path_table(hand: HandTable, commands_rad: np.ndarray) -> tuple[np.ndarray, n
 def _tabled(
     hand: HandTable, shape: tuple[int, ...], commands: bytes, device: str
 ) -> tuple[wp.array, wp.array]:
-    path, links = path_table(hand, np.frombuffer(commands).reshape(shape))
-    return (wp.array(path, dtype=PathStep, device=device),
-            wp.array(links, dtype=LinkStep, device=device))
+    paths = np.frombuffer(commands).reshape(shape)
+    # Fingers that go the same way share one table, which then stays in the processor's cache.
+    own = shape[1] if (paths != paths[:, :1]).any() else min(shape[1], 1)
+    path, links = path_table(hand, paths[:, :own])
+    return (_for_fingers(wp.array(path, dtype=PathStep, device=device), shape[1]),
+            _for_fingers(wp.array(links, dtype=LinkStep, device=device), shape[1]))
+
+
+def _for_fingers(table: wp.array, fingers: int) -> wp.array:
+    """A table (grasp, finger, ...), of which the one finger's rows stand for all of `fingers`."""
+    if table.shape[1] == fingers:
+        return table
+    shared = wp.array(
+        ptr=table.ptr, dtype=table.dtype, device=table.device,
+        shape=(table.shape[0], fingers, *table.shape[2:]),
+        strides=(table.strides[0], 0, *table.strides[2:]))
+    shared._ref = table  # as long as the view lives, so does the table
+    return shared
 
 
 def path_on_device(

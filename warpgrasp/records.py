@@ -31,7 +31,8 @@ class Records:
         self._type = record_type(struct)
         if isinstance(rows, tuple):
             self._shape = rows
-            self._bytes = wp.empty(prod(rows) * self._type.itemsize, dtype=wp.uint8, device=device)
+            size = prod(rows) * self._type.itemsize
+            self._bytes = wp.array(shape=size, dtype=wp.uint8, device=device)
             if clear:
                 self._bytes.zero_()
         else:

@@ -49,6 +49,8 @@ def test_moves_count_the_flexion_joints_that_move() -> None:
 def test_a_path_is_tabled_once_and_anew_when_it_changes() -> None:
     commands = closing_commands(CLOSING_PATHS["curl40"])[None].copy()
     first = path_on_device(HAND, commands, "cpu")
+    for shared, whole in zip(first, path_table(HAND, commands), strict=True):
+        np.testing.assert_array_equal(shared.numpy(), whole)  # all fingers go the same way
     assert path_on_device(HAND, commands.copy(), "cpu")[0] is first[0]
     commands[0, 1, 5] += 0.01  # in place
     path, links = path_on_device(HAND, commands, "cpu")
