@@ -38,6 +38,13 @@ class Near:
     normal: vec3
 
 
+@wp.struct
+class Found:
+    """A field changes in place; a struct assigned in a branch is copied at its end."""
+
+    near: Near
+
+
 @wp.func
 def link_valley(
     scene: Scene, body: int, a: vec3, u: vec3, low: real, high: real, start: real, rate: real,
@@ -119,8 +126,8 @@ def link_nearest(
     A distance above `enough` may be a lower bound.
     """
     spacing = length / real(wp.max(samples - 1, 1))
-    near = Near()
-    near.distance = real(1e9)
+    found = Found()
+    found.near.distance = real(1e9)
     begin = real(guess)
     rate = real(bend)
     low = real(0.0)
@@ -129,22 +136,22 @@ def link_nearest(
     if guess < ZERO:
         bound = body_distance(scene, body, a + u * (length * HALF)) - length * HALF
         if bound > enough:
-            near.distance = bound
-            near.least = bound
-            near.along = length * HALF
-            near.bend = ONE
+            found.near.distance = bound
+            found.near.least = bound
+            found.near.along = length * HALF
+            found.near.bend = ONE
             search = int(0)
     for attempt in range(2):
         if search == 1:
             if begin >= ZERO:
-                near = link_valley(scene, body, a, u, low, high, begin, rate, enough,
-                                   False)
+                found.near = link_valley(scene, body, a, u, low, high, begin, rate, enough,
+                                         False)
             search = int(0)
-            if attempt == 0 and (begin < ZERO or near.distance <= enough):
-                least = near.distance - real(1e-9)
+            if attempt == 0 and (begin < ZERO or found.near.distance <= enough):
+                least = found.near.distance - real(1e-9)
                 for k in range(samples):
                     t = spacing * real(k)
-                    if guess < ZERO or wp.abs(t - near.along) > spacing * HALF:
+                    if guess < ZERO or wp.abs(t - found.near.along) > spacing * HALF:
                         d = body_distance(scene, body, a + u * t)
                         if d < least:
                             least = d
@@ -153,7 +160,7 @@ def link_nearest(
                             low = wp.max(t - spacing, ZERO)
                             high = wp.min(t + spacing, length)
                             search = int(1)
-    return near
+    return found.near
 
 
 @wp.func

@@ -77,9 +77,8 @@ def sdf_cylinder(p: vec3, radius: real, height: real):
 def sdf_cylinder_grad(p: vec3, radius: real, height: real):
     """Gradient and distance of `sdf_cylinder`."""
     rho = wp.sqrt(p[0] * p[0] + p[1] * p[1])
-    radial = vec3(ONE, ZERO, ZERO)
-    if rho > TINY:
-        radial = vec3(p[0] / rho, p[1] / rho, ZERO)
+    radial = vec3(wp.where(rho > TINY, p[0] / rho, ONE), wp.where(rho > TINY, p[1] / rho, ZERO),
+                  ZERO)
     axial = vec3(ZERO, ZERO, sign_of(p[2] - height * HALF))
     a = rho - radius
     b = wp.abs(p[2] - height * HALF) - height * HALF
