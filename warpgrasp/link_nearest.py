@@ -39,7 +39,7 @@ class Near:
 
 
 @wp.struct
-class Found:
+class _Found:
     """A field changes in place; a struct assigned in a branch is copied at its end."""
 
     near: Near
@@ -126,7 +126,7 @@ def link_nearest(
     A distance above `enough` may be a lower bound.
     """
     spacing = length / real(wp.max(samples - 1, 1))
-    found = Found()
+    found = _Found()
     found.near.distance = real(1e9)
     begin = real(guess)
     rate = real(bend)
