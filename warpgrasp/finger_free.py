@@ -13,7 +13,18 @@ import warp as wp
 from warpgrasp.finger_energy import pick, put
 from warpgrasp.finger_path import LinkStep
 from warpgrasp.link_nearest import LINK_SAMPLES, link_nearest, link_valley
-from warpgrasp.real import HALF, ONE, ZERO, mat34, real, transform, vec3, vec4
+from warpgrasp.real import (
+    HALF,
+    ONE,
+    ZERO,
+    greater,
+    lesser,
+    mat34,
+    real,
+    transform,
+    vec3,
+    vec4,
+)
 from warpgrasp.scene import Scene
 from warpgrasp.utah_mit_hand import Hand
 
@@ -49,10 +60,12 @@ def free_from(hand: Hand):
 
 
 @wp.func
-def _clearance(plane: vec4, at: LinkStep):
-    """How far a link's skin stays before a `plane` [m]."""
-    normal = vec3(plane[0], plane[1], plane[2])
-    return plane[3] + wp.min(wp.dot(normal, at.start), wp.dot(normal, at.end))
+def _clearance(plane: vec4, table: vec4, at: LinkStep):
+    """How far a link's skin stays before two planes [m]."""
+    n = vec3(plane[0], plane[1], plane[2])
+    up = vec3(table[0], table[1], table[2])
+    return lesser(plane[3] + lesser(wp.dot(n, at.start), wp.dot(n, at.end)),
+                  table[3] + lesser(wp.dot(up, at.start), wp.dot(up, at.end)))
 
 
 @wp.func
@@ -73,8 +86,6 @@ def free_on(
     for inward in range(3):
         link = 2 - inward
         length = pick(hand.link_length, link)
-        plane = vec4(was.planes[link, 0], was.planes[link, 1], was.planes[link, 2],
-                     was.planes[link, 3])
         room = pick(was.room, link)
         seen = links[grasp, finger, link, wp.max(was.step, 0)].come
         s = int(was.step + 1)
@@ -84,8 +95,8 @@ def free_on(
             seen = at.come
             clear = -ONE
             if convex:
-                clear = wp.min(_clearance(plane, at), _clearance(table, at))
-                room = wp.max(room, scale * clear)
+                clear = _clearance(free.planes[link], table, at)
+                room = greater(room, scale * clear)
             if room <= ZERO and clear < -_ROUNDING:
                 a = wp.transform_point(base, at.start)
                 u = (wp.transform_point(base, at.end) - a) / length
@@ -94,31 +105,28 @@ def free_on(
                                        pick(free.bend, link), hand.link_radius, True)
                     n = wp.quat_rotate_inv(rotation, near.normal)
                     place = at.start + (at.end - at.start) * (near.along / length)
-                    plane = vec4(n[0], n[1], n[2],
-                                 near.distance - hand.link_radius - wp.dot(n, place))
+                    free.planes[link] = vec4(
+                        n[0], n[1], n[2], near.distance - hand.link_radius - wp.dot(n, place))
                 else:
                     near = link_nearest(scene, body, a, u, length, -ONE, ONE, LINK_SAMPLES,
                                         length * HALF + hand.link_radius)
                 free.along = put(free.along, link, near.along)
                 free.bend = put(free.bend, link, near.bend)
-                clear = wp.min(near.least - hand.link_radius, _clearance(table, at))
+                clear = lesser(near.least - hand.link_radius,
+                               lesser(a[2], a[2] + u[2] * length) - hand.link_radius)
                 room = scale * clear
                 if clear < -_ROUNDING:
                     free.step = int(s)
-            s += 1 + int(wp.min(wp.max(room, ZERO) * at.steps, real(end)))
+            s += 1 + int(lesser(greater(room, ZERO) * at.steps, real(end)))
         come = put(come, link, seen)
         free.room = put(free.room, link, room)
-        for k in range(4):
-            free.planes[link, k] = plane[k]
     if free.step < end:
         for link in range(3):
             at = links[grasp, finger, link, free.step]
             # A link may have been followed beyond the step: back again takes as much.
             room = pick(free.room, link) - wp.abs(at.come - pick(come, link))
             if convex:
-                plane = vec4(free.planes[link, 0], free.planes[link, 1], free.planes[link, 2],
-                             free.planes[link, 3])
-                room = wp.max(room, wp.min(_clearance(plane, at), _clearance(table, at)))
+                room = greater(room, _clearance(free.planes[link], table, at))
             elif room <= ZERO and at.come != pick(come, link):
                 free.along = put(free.along, link, -ONE)
             free.room = put(free.room, link, room)
