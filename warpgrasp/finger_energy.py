@@ -11,7 +11,7 @@ not looked at, and those that touch are followed from where they touched.
 import warp as wp
 
 from warpgrasp.link_nearest import link_nearest, lower_end
-from warpgrasp.real import HALF, ONE, ZERO, mat33, mat44, real, vec3, vec4
+from warpgrasp.real import HALF, ONE, ZERO, greater, mat33, mat44, real, vec3, vec4
 from warpgrasp.scene import Scene
 from warpgrasp.sine_cosine import sine_cosine
 from warpgrasp.utah_mit_hand import Hand
@@ -169,4 +169,4 @@ def finger_energy(
 @wp.func
 def worst_of(v: vec4):
     """The largest size among four numbers."""
-    return wp.max(wp.max(wp.abs(v[0]), wp.abs(v[1])), wp.max(wp.abs(v[2]), wp.abs(v[3])))
+    return greater(greater(wp.abs(v[0]), wp.abs(v[1])), greater(wp.abs(v[2]), wp.abs(v[3])))

@@ -8,7 +8,7 @@ along a straight line where the body is a corner or an edge.
 
 import warp as wp
 
-from warpgrasp.real import HALF, ONE, ZERO, real, vec2, vec3
+from warpgrasp.real import HALF, ONE, ZERO, greater, lesser, real, vec2, vec3
 from warpgrasp.scene import Scene, body_distance, body_distance_grad
 
 LINK_SAMPLES = wp.constant(5)
@@ -73,20 +73,20 @@ def link_valley(
         near.normal = vec3(g[0], g[1], g[2])
         slope = wp.dot(near.normal, u)
         if convex:
-            bound = g[3] + wp.min((low - t) * slope, (high - t) * slope)
+            bound = g[3] + lesser((low - t) * slope, (high - t) * slope)
             if bound - enough > HALF * (g[3] - enough):
                 near.least = bound
                 break
         elif k == 0:
-            bound = g[3] - wp.max(t - low, high - t)
+            bound = g[3] - greater(t - low, high - t)
             if bound > enough:
                 near.distance = bound
                 near.least = bound
                 break
-        psi = slope * wp.max(g[3], _SHALLOW)
+        psi = slope * greater(g[3], _SHALLOW)
         if k > 0:
             # Along a face the slope does not change: on to the end, or the middle, of the bracket.
-            bend = wp.max((psi - last_psi) / (t - last_t), _FLATTEST)
+            bend = greater((psi - last_psi) / (t - last_t), _FLATTEST)
         last_t = t
         last_psi = psi
         if wp.abs(slope) < _LEVEL:
@@ -157,8 +157,8 @@ def link_nearest(
                             least = d
                             begin = t
                             rate = real(1.0)
-                            low = wp.max(t - spacing, ZERO)
-                            high = wp.min(t + spacing, length)
+                            low = greater(t - spacing, ZERO)
+                            high = lesser(t + spacing, length)
                             search = int(1)
     return found.near
 
@@ -181,14 +181,14 @@ def deepest_valley(
     if body_distance(scene, body, a + u * (length * HALF)) - length * HALF <= enough:
         for k in range(9):
             ends[k] = body_distance(scene, body, a + u * (stretch * real(k)))
-            least = wp.min(least, ends[k])
+            least = lesser(least, ends[k])
     if least - stretch * HALF <= enough:
         step = stretch / real(parts)
         before = real(1e9)
         here = ends[0]
         for k in range(8):
             count = int(1)
-            if (ends[k] + ends[k + 1] - stretch) * HALF < wp.min(least, enough):
+            if (ends[k] + ends[k + 1] - stretch) * HALF < lesser(least, enough):
                 count = parts
             for j in range(count):
                 t = stretch * real(k) + step * real(j)
@@ -196,11 +196,11 @@ def deepest_valley(
                 if j < count - 1:
                     after = body_distance(scene, body, a + u * (t + step))
                 if here <= before and here <= after and here - step * HALF <= least:
-                    near = link_valley(scene, body, a, u, wp.max(t - step, ZERO),
-                                   wp.min(t + step, length), t, ONE, _FAR, False)
+                    near = link_valley(scene, body, a, u, greater(t - step, ZERO),
+                                   lesser(t + step, length), t, ONE, _FAR, False)
                     if near.distance < nearest:
                         nearest = near.distance
-                        least = wp.min(least, nearest)
+                        least = lesser(least, nearest)
                         best = near.along
                 before = here
                 here = after
