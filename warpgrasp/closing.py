@@ -11,11 +11,13 @@ import numpy as np
 import warp as wp
 
 from warpgrasp.closing_kernel import closing_kernel
-from warpgrasp.closing_reading import reading_step
+from warpgrasp.closing_reading import reading_kernel
+from warpgrasp.closing_record import ClosingRow, ClosingTruthRow
 from warpgrasp.finger_path import path_on_device
 from warpgrasp.launch import launch_in_turn
 from warpgrasp.parameters import HandTable, SensorTable
-from warpgrasp.real import real, transform, vec4
+from warpgrasp.real import transform
+from warpgrasp.records import Records
 from warpgrasp.scene import Scene
 from warpgrasp.tendon import TendonSensor, tendon_sensor_of
 from warpgrasp.utah_mit_hand import FINGER_COUNT, Hand, hand_of
@@ -55,6 +57,13 @@ class Closing:
     """The reading that stopped the finger [N] (largest of the flexions); NaN without a stop."""
 
 
+_SHAPES = {
+    "body": "world?", "body_pose": "world", "hands": "world?", "sensors": "world?", "key": "world",
+    "probe_status": "world probe grasp", "hand_pose": "world probe", "path": "grasp finger step",
+    "links": "grasp finger 3 step", "command_count": "grasp",
+    "felt": "world probe grasp finger", "truth": "world probe grasp finger"}
+
+
 @lru_cache(maxsize=32)
 def _robot(hand: HandTable, sensors: SensorTable, device: str) -> tuple[wp.array, wp.array]:
     """Hand and tendons as the kernels take them; kept for the next launch."""
@@ -89,39 +98,28 @@ def close_fingers(
     the skipping of free steps for bodies whose distance is not a sure bound. Raises ShapeError.
     """
     worlds, probes = hand_pose.shape[:2]
-    grasps = len(command_count)
-    extents = {"world": worlds, "probe": probes, "grasp": grasps, "finger": FINGER_COUNT}
+    extents = {"world": worlds, "probe": probes, "grasp": len(command_count),
+               "finger": FINGER_COUNT}
     dims = tuple(extents.values())
-
-    def empty(dtype: type) -> wp.array:
-        return wp.empty(dims, dtype=dtype, device=device)
-
-    stop = {"status": empty(int), "step": empty(int), "difference": empty(real),
-            "q_true": empty(vec4), "torque_true": empty(vec4), "link_true": empty(int)}
-    shapes = dict.fromkeys(stop, "world probe grasp finger") | {
-        "body": "world?", "body_pose": "world", "hands": "world?", "sensors": "world?",
-        "key": "world", "probe_status": "world probe grasp", "hand_pose": "world probe",
-        "path": "grasp finger step", "travel": "grasp finger step", "command_count": "grasp"}
-    path, travel = path_on_device(hand, commands_rad, device)
+    felt, truth = (Records(row, dims, device, clear=False) for row in (ClosingRow, ClosingTruthRow))
+    path, links = path_on_device(hand, commands_rad, device)
     hands, tendons = _robot(hand, sensors, device)
+
+    def there(values: np.ndarray, dtype: type) -> wp.array:
+        return wp.array(values, dtype=dtype, device=device, copy=False)
+
     given = {
-        "scene": scene,
-        "body": wp.array(body, dtype=int, device=device),
-        "body_pose": wp.array(body_pose, dtype=transform, device=device),
-        "hands": hands, "sensors": tendons,
-        "key": wp.array(key, dtype=wp.uint64, device=device), "probe_first": probe_first,
-        "hand_pose": wp.array(hand_pose, dtype=transform, device=device),
-        "path": path}
-    close = (closing_kernel, shapes, given | stop | {
-        "march_scale": march_scale, "travel": travel,
-        "probe_status": wp.array(probe_status, dtype=int, device=device),
-        "command_count": wp.array(command_count, dtype=int, device=device)})
-    stops = {name: array for name, array in stop.items() if name != "difference"}
-    reading, read = reading_step(extents, given | stops, device)
-    launch_in_turn(extents, [close, reading], device=device)
-    host = {name: array.numpy() for name, array in (stop | read).items()}
-    felt = Closing(host["status"], host["step"], host["q_read"], host["tension"],
-                   host["difference"])
-    truth = ClosingTruth(host["q_true"], host["torque_true"], host["link_true"],
-                         host["point_true"], host["normal_true"], host["on_table"].astype(bool))
-    return felt, truth
+        "scene": scene, "body": there(body, int), "body_pose": there(body_pose, transform),
+        "hands": hands, "sensors": tendons, "key": there(key, wp.uint64),
+        "probe_first": probe_first, "hand_pose": there(hand_pose, transform), "path": path,
+        "felt": felt.array, "truth": truth.array}
+    launch_in_turn(extents, [
+        (closing_kernel, _SHAPES, given | {
+            "march_scale": march_scale, "links": links,
+            "probe_status": there(probe_status, int), "command_count": there(command_count, int)}),
+        (reading_kernel, _SHAPES, given)], device=device)
+    row = felt.numpy()
+    true = truth.numpy()
+    return (Closing(row["status"], row["step"], row["q"], row["tension"], row["difference"]),
+            ClosingTruth(true["q"], true["torque"], true["link"], true["point"], true["normal"],
+                         true["on_table"].astype(bool)))

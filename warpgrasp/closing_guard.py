@@ -7,7 +7,6 @@ from warpgrasp.finger_between import Ball
 from warpgrasp.real import HALF, ONE, ZERO, real, vec4
 from warpgrasp.tendon import (
     TendonSensor,
-    may_cross,
     moving_sign,
     tendon_tensions,
     tension_difference_read,
@@ -20,28 +19,19 @@ _THIRTYSECOND = wp.constant(real(1.0 / 32.0))
 
 
 @wp.func
-def _least_draw(key: wp.uint64, joint: int):
-    """The key of the lesser of the uniform numbers that `may_cross` asks of a joint's reading."""
-    noise = counter_key(key, joint)
-    return wp.min(counter_key(counter_key(noise, 0), 1), counter_key(counter_key(noise, 1), 1))
+def _surely_below(sensor: TendonSensor, pull: real, moving: real, noise: wp.uint64):
+    """Whether a joint's reading surely stays below the threshold; `pull` [N] is its true size.
 
-
-@wp.func
-def _surely_below(sensor: TendonSensor, torque: vec4, slack: real, key: wp.uint64):
-    """Whether no reading of joints with these torques, give or take `slack` [N m], can stop.
-
-    `may_cross` for the largest of the three differences with the least of their six numbers.
+    Friction adds to it where tendons move. A normal of Box and Muller is at most sqrt(-2 log u) by
+    size, and u takes no root or cosine; for exp(-x), which u is compared with, the first terms of
+    exp(x / 4) to the fourth do.
     """
-    pull = wp.max((wp.abs(torque[1]) + slack) * sensor.per_torque[1],
-                  wp.max((wp.abs(torque[2]) + slack) * sensor.per_torque[2],
-                         (wp.abs(torque[3]) + slack) * sensor.per_torque[3]))
-    margin = sensor.threshold - sensor.step - sensor.rub - pull
+    margin = sensor.threshold - sensor.step - wp.abs(moving) * sensor.rub - pull
     if margin <= ZERO or sensor.noise <= ZERO:
         return margin > ZERO
-    share = margin / sensor.noise
-    x = share * share * _THIRTYSECOND  # a quarter of what exp is of
+    x = margin * margin * (_THIRTYSECOND / (sensor.noise * sensor.noise))
     e = ONE + x * (ONE + x * (HALF + x * _SIXTH))
-    least = wp.min(_least_draw(key, 1), wp.min(_least_draw(key, 2), _least_draw(key, 3)))
+    least = wp.min(counter_key(counter_key(noise, 0), 1), counter_key(counter_key(noise, 1), 1))
     return counter_uniform(least) * (e * e) * (e * e) >= ONE
 
 
@@ -55,13 +45,12 @@ def stop_reading(
     out.
     """
     largest = real(0.0)
-    if _surely_below(sensor, torque, ZERO, key):
-        return largest
     for j in range(1, 4):
-        tensions = tendon_tensions(hand, j, torque[j], moving_sign(delta[j]))
+        moving = moving_sign(delta[j])
         noise = counter_key(key, j)
-        if may_cross(sensor, wp.abs(tensions[0] - tensions[1]), noise):
-            d = tension_difference_read(sensor, tensions, tension_noise(noise))
+        if not _surely_below(sensor, wp.abs(torque[j]) * sensor.per_torque[j], moving, noise):
+            d = tension_difference_read(
+                sensor, tendon_tensions(hand, j, torque[j], moving), tension_noise(noise))
             if wp.abs(d) > wp.abs(largest):
                 largest = d
     return largest
@@ -73,15 +62,15 @@ def may_stop(hand: Hand, sensor: TendonSensor, torque: Ball, delta: vec4, key: w
 
     A reading rises with the torque, so the ends of what is possible tell.
     """
-    if _surely_below(sensor, torque.centre, torque.radius, key):
-        return False
     for j in range(1, 4):
         moving = moving_sign(delta[j])
-        low = tendon_tensions(hand, j, torque.centre[j] - torque.radius, moving)
-        high = tendon_tensions(hand, j, torque.centre[j] + torque.radius, moving)
         noise = counter_key(key, j)
-        if may_cross(sensor, wp.max(wp.abs(low[0] - low[1]), wp.abs(high[0] - high[1])), noise):
+        centre = torque.centre[j]
+        if not _surely_below(sensor, (wp.abs(centre) + torque.radius) * sensor.per_torque[j],
+                             moving, noise):
             drawn = tension_noise(noise)
+            low = tendon_tensions(hand, j, centre - torque.radius, moving)
+            high = tendon_tensions(hand, j, centre + torque.radius, moving)
             if tension_difference_read(sensor, high, drawn) > sensor.threshold:
                 return True
             if tension_difference_read(sensor, low, drawn) < -sensor.threshold:

@@ -4,9 +4,8 @@ A finger steps along its commands; at each step it rests where its energy is lea
 first step whose tendon difference of a flexion joint exceeds the threshold (Allen and Michelman
 1990, section IV-C). Few steps are looked at:
 
-- Free: while the distance to everything exceeds how far the links can have moved, the finger
-  follows its command exactly (see `finger_path`), and a false stop (friction and noise alone past
-  the threshold) is drawn from its exact first-passage law.
+- Free: the finger follows its command exactly until a link touches (`finger_free`); a false stop
+  (friction and noise alone past the threshold) is drawn from its exact first-passage law.
 - Pressing: from a look the joints' torques at later steps are known to within a ball, from two
   looks better between them (see `finger_between`). A step is left out where its reading, of the
   noise drawn for it, stays below the threshold all over the ball. The next look is where the
@@ -20,13 +19,15 @@ not agree with the last one makes the next one go half as far, down to single st
 import warp as wp
 
 from warpgrasp.closing_guard import may_stop, stop_reading
+from warpgrasp.closing_record import ClosingRow, ClosingTruthRow
 from warpgrasp.counter_random import Purpose, counter_key, counter_uniform
 from warpgrasp.finger_between import agree, in_both, joints_ahead, torque_after
-from warpgrasp.finger_energy import pick, put, rest_from, worst_of
-from warpgrasp.finger_path import PathStep
+from warpgrasp.finger_energy import Rest, rest_from, worst_of
+from warpgrasp.finger_free import Free, free_from, free_on
+from warpgrasp.finger_path import LinkStep, PathStep
 from warpgrasp.finger_rest import finger_rest
-from warpgrasp.link_nearest import LINK_SAMPLES, link_nearest
-from warpgrasp.real import HALF, ONE, ZERO, real, transform, vec3, vec4
+from warpgrasp.link_nearest import LINK_SAMPLES
+from warpgrasp.real import ONE, ZERO, real, transform, vec4
 from warpgrasp.scene import Scene, body_is_convex
 from warpgrasp.status import ProbeStatus
 from warpgrasp.tendon import TendonSensor
@@ -40,41 +41,20 @@ _TENSION_STEP = wp.constant(int(Purpose.TENSION_STEP))
 _NAN = wp.constant(real(float("nan")))
 _REDRAWS = wp.constant(100000)
 _FAR = wp.constant(1000000)  # steps
-_ROUNDING = wp.constant(real(1e-12))  # [m]; a link pressed by no more bears 20 nN
 _STRIDE = wp.constant(real(0.04))  # [rad] of a joint's command from look to look
 
 
-@wp.func
-def _link_end(at: PathStep, end: int):
-    """The first to fourth end of links in the frame of a finger's base."""
-    return wp.where(end < 2, wp.where(end == 0, at.p1, at.p2), wp.where(end == 2, at.p3, at.p4))
+@wp.struct
+class Course:
+    """A finger on its way; fields change in place, variables are copied at every branch.
 
-
-@wp.func
-def _clearance(plane: vec4, at: PathStep, link: int):
-    """How far a link's skin stays before a `plane` (normal, offset) of its base's frame [m]."""
-    normal = vec3(plane[0], plane[1], plane[2])
-    return plane[3] + wp.min(wp.dot(normal, _link_end(at, link)),
-                             wp.dot(normal, _link_end(at, link + 1)))
-
-
-@wp.func
-def _free_link(
-    scene: Scene, body: int, hand: Hand, base: transform, at: PathStep, link: int, guess: real,
-    bend: real, samples: int
-):
-    """The nearest point of a free link; its distance is its skin's to everything [m].
-
-    Or a lower bound where it is far. `guess`, `bend` and `samples` are those of `link_nearest`.
+    `low` is what was found at the last step known not to stop the finger, `high` what was found
+    ahead, `free` what is known of a finger that does not press.
     """
-    a = wp.transform_point(base, _link_end(at, link))
-    length = pick(hand.link_length, link)
-    u = (wp.transform_point(base, _link_end(at, link + 1)) - a) / length
-    near = link_nearest(scene, body, a, u, length, guess, bend, samples,
-                        length * HALF + hand.link_radius)
-    table = a[2] + wp.min(u[2], ZERO) * length
-    near.distance = wp.min(near.distance, table) - hand.link_radius
-    return near
+
+    low: Rest
+    high: Rest
+    free: Free
 
 
 @wp.kernel(enable_backward=False)
@@ -94,25 +74,21 @@ def closing_kernel(
     probe_status: wp.array3d[int],
     hand_pose: wp.array2d[transform],
     path: wp.array3d[PathStep],
-    travel: wp.array3d[vec3],
+    links: wp.array4d[LinkStep],
     command_count: wp.array[int],
     # Out:
-    status: wp.array4d[int],
-    step: wp.array4d[int],
-    difference: wp.array4d[real],
-    q_true: wp.array4d[vec4],
-    torque_true: wp.array4d[vec4],
-    link_true: wp.array4d[int],
+    felt: wp.array4d[ClosingRow],
+    truth: wp.array4d[ClosingTruthRow],
 ):
     """A finger's closing: status, step, and what is true there before it is looked at closely."""
     w, p, g, finger = wp.tid()
     w += first
-    status[w, p, g, finger] = probe_status[w, p, g]
-    step[w, p, g, finger] = -1
-    link_true[w, p, g, finger] = -1
-    difference[w, p, g, finger] = _NAN
-    q_true[w, p, g, finger] = vec4(_NAN, _NAN, _NAN, _NAN)
-    torque_true[w, p, g, finger] = vec4(_NAN, _NAN, _NAN, _NAN)
+    felt[w, p, g, finger].status = probe_status[w, p, g]
+    felt[w, p, g, finger].step = -1
+    felt[w, p, g, finger].difference = _NAN
+    truth[w, p, g, finger].link = -1
+    truth[w, p, g, finger].q = vec4(_NAN, _NAN, _NAN, _NAN)
+    truth[w, p, g, finger].torque = vec4(_NAN, _NAN, _NAN, _NAN)
     if probe_status[w, p, g] != _CONTACT:
         return
 
@@ -146,26 +122,15 @@ def closing_kernel(
         if ahead_hazard >= patience:
             stride = ZERO
 
-    free = vec3(ZERO, ZERO, ZERO)  # how far each link can still move for certain [m]
-    along = hand.link_length * HALF  # where and how it was nearest when looked at
-    bend = vec3(ONE, ONE, ONE)
-    # Planes (normal, offset) of the base's frame behind which all of body and table lie.
-    rotation = wp.transform_get_rotation(base)
-    up = wp.quat_rotate_inv(rotation, vec3(ZERO, ZERO, ONE))
-    table = vec4(up[0], up[1], up[2], base[2] - hand.link_radius)
-    plane1 = vec4(ZERO, ZERO, ZERO, -ONE)
-    plane2 = vec4(ZERO, ZERO, ZERO, -ONE)
-    plane3 = vec4(ZERO, ZERO, ZERO, -ONE)
-    known_free = int(0)
-    # `low` is what was found at `low_step`, the last step known not to stop the finger; `high` is
-    # what was found ahead at `high_step`, if that is not negative.
-    low = rest_from(path[g, finger, 0].command)
+    now = Course()
+    now.free = free_from(hand)
+    # Steps of `now.low` and, if not negative, of `now.high`.
+    now.low = rest_from(path[g, finger, 0].command)
     low_step = int(-1)
-    low_command = low.q
+    low_command = now.low.q
     low_pressed = int(0)
-    high = rest_from(low.q)
     high_step = int(-1)
-    high_command = low.q
+    high_command = now.low.q
     high_pressed = int(0)
     high_reading = real(0.0)
     torque = vec4(ZERO, ZERO, ZERO, ZERO)
@@ -178,73 +143,35 @@ def closing_kernel(
     while s <= last:
         if low_pressed == 0:
             # Free, to the step at which something may be touched.
-            touches = int(0)
-            while s <= last and touches == 0:
-                if known_free == 0:
-                    at = path[g, finger, s]
-                    for link in range(3):
-                        if convex or free[link] <= ZERO:
-                            plane = wp.where(link == 0, plane1, wp.where(link == 1, plane2, plane3))
-                            clear = wp.min(_clearance(plane, at, link), _clearance(table, at, link))
-                            if clear < -_ROUNDING and free[link] <= ZERO:
-                                near = _free_link(
-                                    scene, which, hand, base, at, link,
-                                    wp.where(convex, pick(along, link), -ONE),
-                                    wp.where(convex, pick(bend, link), ONE), samples)
-                                clear = near.distance
-                                free[link] = march_scale * clear
-                                along = put(along, link, near.along)
-                                bend = put(bend, link, near.bend)
-                                if clear < -_ROUNDING:
-                                    touches = int(1)
-                                if convex:
-                                    normal = wp.quat_rotate_inv(rotation, near.normal)
-                                    share = near.along / pick(hand.link_length, link)
-                                    place = _link_end(at, link) * (ONE - share) + (
-                                        _link_end(at, link + 1) * share)
-                                    plane = vec4(normal[0], normal[1], normal[2],
-                                                 clear - wp.dot(normal, place))
-                                    if link == 0:
-                                        plane1 = plane
-                                    elif link == 1:
-                                        plane2 = plane
-                                    else:
-                                        plane3 = plane
-                            free[link] = wp.max(free[link], march_scale * clear)
-                known_free = int(0)
-                if touches == 0:
-                    # The first step at which some link may have used up what is free to it.
-                    room = wp.cw_mul(free, path[g, finger, s].steps)
-                    next_step = s + 1 + int(wp.min(wp.min(room[0], room[1]),
-                                                   wp.min(room[2], real(last - s))))
-                    if stride == ZERO:
-                        moves = path[g, finger, next_step - 1].moves - (
-                            path[g, finger, wp.max(s - 1, 0)].moves)
-                        ahead_hazard = hazard_moving * moves + hazard_still * (
-                            real(3 * (next_step - s)) - moves)
-                        if hazard + ahead_hazard >= patience:
-                            stopped = int(s)
-                            break
-                        hazard += ahead_hazard
-                    if next_step <= last:
-                        free -= travel[g, finger, next_step] - travel[g, finger, s]
-                    s = int(next_step)
-            if touches == 0:
+            now.free = free_on(scene, which, convex, hand, base, links, g, finger, march_scale,
+                               now.free, last + 1)
+            if stride == ZERO:
+                moves = path[g, finger, wp.max(now.free.step - 1, 0)].moves - (
+                    path[g, finger, wp.max(s - 1, 0)].moves)
+                ahead_hazard = hazard_moving * moves + hazard_still * (
+                    real(3 * (now.free.step - s)) - moves)
+                if hazard + ahead_hazard >= patience:
+                    stopped = int(s)
+                    break
+                hazard += ahead_hazard
+            s = int(now.free.step)
+            if s > last:
                 break
-            low = rest_from(path[g, finger, s].command)
-            low.along = along
-            low.bend = bend
-            low.depth = -free
+            now.low = rest_from(path[g, finger, s].command)
+            now.low.along = now.free.along
+            now.low.bend = now.free.bend
+            now.low.depth = -now.free.room
 
         # Look at step `s`.
         command = path[g, finger, s].command
         start = vec4(command)
         if low_pressed == 1:
-            start = joints_ahead(low_command, low, command, k)
-        look = finger_rest(scene, which, hand, base, command, start, low,
-                           wp.where(low_pressed == 1, samples, 0))
+            start = joints_ahead(low_command, now.low, command, k)
+        known = low_pressed == 0 and wp.min(now.low.along) >= ZERO
+        look = finger_rest(scene, which, hand, base, command, start, now.low,
+                           wp.where(known, 0, samples))
         if low_pressed == 1 and s > low_step + 1:
-            if not agree(low_command, low, command, look, k):
+            if not agree(low_command, now.low, command, look, k):
                 # Something slips on the way here.
                 high_step = int(-1)
                 slips = wp.max(slips, s)
@@ -259,14 +186,14 @@ def closing_kernel(
             reading = stop_reading(hand, sensor, (command - look.q) * k, delta,
                                    counter_key(reader, s))
         if sure == 0:
-            high = look
+            now.high = look
             high_step = int(s)
             high_command = vec4(command)
             high_pressed = int(pressed)
             high_reading = reading
             sure = int(1)
         else:
-            low = look
+            now.low = look
             low_step = int(s)
             low_command = vec4(command)
             low_pressed = int(pressed)
@@ -275,9 +202,9 @@ def closing_kernel(
                 stopped = int(s)
                 break
             if pressed == 0:
-                known_free = int(1)
+                now.free.step = int(s)
                 for link in range(3):
-                    free[link] = -march_scale * wp.max(look.depth[link], look.table[link])
+                    now.free.room[link] = -march_scale * wp.max(look.depth[link], look.table[link])
                 continue
 
         # Leave out the steps that cannot stop the finger.
@@ -290,18 +217,18 @@ def closing_kernel(
                 high_step = int(-1)
                 if high_pressed == 0:
                     break
-                low = high
+                now.low = now.high
                 low_step = int(s)
                 low_command = vec4(high_command)
-                torque = (command - low.q) * k
+                torque = (command - now.low.q) * k
                 reading = high_reading
                 if wp.abs(reading) > sensor.threshold:
                     stopped = int(s)
                     break
             else:
-                ball = torque_after(low_command, low, command, k)
+                ball = torque_after(low_command, now.low, command, k)
                 if high_step >= 0:
-                    ball = in_both(ball, torque_after(high_command, high, command, k))
+                    ball = in_both(ball, torque_after(high_command, now.high, command, k))
                 elif s - low_step >= reach or worst_of(command - low_command) > stride:
                     break
                 delta = command - path[g, finger, s - 1].command
@@ -318,7 +245,7 @@ def closing_kernel(
                     worst_of(command - low_command) <= stride):
                 command = path[g, finger, ahead].command
                 delta = command - path[g, finger, ahead - 1].command
-                guess = (command - joints_ahead(low_command, low, command, k)) * k
+                guess = (command - joints_ahead(low_command, now.low, command, k)) * k
                 if wp.abs(stop_reading(hand, sensor, guess, delta,
                                        counter_key(reader, ahead))) > sensor.threshold:
                     break
@@ -327,10 +254,10 @@ def closing_kernel(
                 sure = int(0)
             s = int(ahead)
 
-    q_true[w, p, g, finger] = low.q
+    truth[w, p, g, finger].q = now.low.q
     if low_pressed == 0:
         torque = vec4(ZERO, ZERO, ZERO, ZERO)
-        q_true[w, p, g, finger] = path[g, finger, last].command
+        truth[w, p, g, finger].q = path[g, finger, last].command
         if stopped >= 0:
             # Noise stops the finger on the way: at the first step that uses up the patience.
             delta = vec4(ZERO, ZERO, ZERO, ZERO)
@@ -342,17 +269,20 @@ def closing_kernel(
                 stopped = int(n)
                 if hazard >= patience:
                     break
-            q_true[w, p, g, finger] = path[g, finger, stopped].command
+            truth[w, p, g, finger].q = path[g, finger, stopped].command
             redraw = counter_key(counter_key(stream, _FALSE_STOP), stopped)
             for attempt in range(_REDRAWS):
                 reading = stop_reading(hand, sensor, torque, delta, counter_key(redraw, attempt))
                 if wp.abs(reading) > sensor.threshold:
                     break
-    torque_true[w, p, g, finger] = torque
+    truth[w, p, g, finger].torque = torque
+    truth[w, p, g, finger].along = now.low.along
+    truth[w, p, g, finger].bend = now.low.bend
+    truth[w, p, g, finger].depth = now.low.depth
     if stopped < 0:
-        status[w, p, g, finger] = _NO_CONTACT
-        step[w, p, g, finger] = last
+        felt[w, p, g, finger].status = _NO_CONTACT
+        felt[w, p, g, finger].step = last
         return
-    step[w, p, g, finger] = stopped
-    difference[w, p, g, finger] = reading
-    link_true[w, p, g, finger] = low_pressed - 1
+    felt[w, p, g, finger].step = stopped
+    felt[w, p, g, finger].difference = reading
+    truth[w, p, g, finger].link = low_pressed - 1

@@ -11,6 +11,7 @@ import numpy as np
 import warp as wp
 
 from warpgrasp.real import ONE, TWO, TWO_PI, real
+from warpgrasp.sine_cosine import sine_cosine
 
 
 class Purpose(IntEnum):
@@ -69,7 +70,7 @@ def counter_normal(key: wp.uint64):
     """Standard normal (Box-Muller, one of the pair)."""
     u = counter_uniform(counter_key(key, 1))
     v = counter_uniform(counter_key(key, 2))
-    return wp.sqrt(-TWO * wp.log(u)) * wp.cos(TWO_PI * v)
+    return wp.sqrt(-TWO * wp.log(u)) * sine_cosine(TWO_PI * v)[1]
 
 
 @wp.func

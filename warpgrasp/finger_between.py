@@ -16,7 +16,7 @@ the joints by no more than a share of their stiffness.
 import warp as wp
 
 from warpgrasp.finger_energy import Rest
-from warpgrasp.real import HALF, ONE, ZERO, real, vec4
+from warpgrasp.real import HALF, ONE, ZERO, greater, real, vec4
 
 _AGAINST = wp.constant(real(0.2))  # of the joints' stiffness
 _SLACK = wp.constant(real(1e-9))  # [N m rad], of rests that are not quite level
@@ -56,7 +56,7 @@ def in_both(one: Ball, two: Ball):
         s = wp.clamp(HALF + HALF * (here - there) / square, ZERO, ONE)
     ball = Ball()
     ball.centre = one.centre + apart * s
-    ball.radius = wp.sqrt(wp.max(here * (ONE - s) + there * s - square * s * (ONE - s), ZERO))
+    ball.radius = wp.sqrt(greater(here * (ONE - s) + there * s - square * s * (ONE - s), ZERO))
     return ball
 
 

@@ -39,31 +39,39 @@ def secant_compliance(compliance: mat44, step: vec4, rise: vec4):
 
 @wp.func
 def close_energy(
-    scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, q: vec4, parts: int
+    scene: Scene, body: int, convex: bool, hand: Hand, base: wp.transformd, command: vec4, q: vec4,
+    last: Rest
 ):
-    """`finger_energy` with every valley of the distance looked at, see `deepest_valley`."""
-    f = finger_pose(hand, base, q)
-    known = rest_from(q)
-    for link in range(3):
-        along = deepest_valley(scene, body, link_start(f, link), link_direction(f, link),
-                               hand.link_length[link], parts, hand.link_radius)
-        known.along = put(known.along, link, along)
-        known.bend = put(known.bend, link, _STIFF)
-        known.depth = put(known.depth, link, wp.where(along < ZERO, -_FAR, ZERO))
+    """`finger_energy` with every valley of the distance looked at, see `deepest_valley`.
+
+    Before a convex body there is one: that which the `last` rest lies in.
+    """
+    known = rest_from(last.q)
+    known.along = last.along
+    known.bend = last.bend
+    known.depth = last.depth
+    if not convex:
+        f = finger_pose(hand, base, q)
+        for link in range(3):
+            along = deepest_valley(scene, body, link_start(f, link), link_direction(f, link),
+                                   hand.link_length[link], _PARTS, hand.link_radius)
+            known.along = put(known.along, link, along)
+            known.bend = put(known.bend, link, _STIFF)
+            known.depth = put(known.depth, link, wp.where(along < ZERO, -_FAR, ZERO))
     return finger_energy(scene, body, hand, base, command, q, known, 0)
 
 
 @wp.func
 def settled_rest(
-    scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, q: vec4
+    scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, begun: Rest
 ):
-    """The rest at or below joints `q`; `base` in the body's frame. E never rises."""
-    parts = wp.where(body_is_convex(scene, body), 1, _PARTS)
+    """The rest at or below the one `begun` from; `base` in the body's frame. E never rises."""
+    convex = body_is_convex(scene, body)
     best = Rest()
     nudge = vec4(ZERO, ZERO, ZERO, ZERO)
     for attempt in range(_ATTEMPTS):
-        at = wp.where(attempt == 0, q, best.q)
-        rest = close_energy(scene, body, hand, base, command, at + nudge, parts)
+        at = wp.where(attempt == 0, begun.q, best.q)
+        rest = close_energy(scene, body, convex, hand, base, command, at + nudge, begun)
         compliance = rest.compliance
         for _iteration in range(_ITERATIONS):
             if worst_of(rest.gradient) < _LEVEL:
@@ -76,8 +84,8 @@ def settled_rest(
             found = int(0)
             trial = rest
             for _try in range(_SEARCH):
-                trial = close_energy(scene, body, hand, base, command, rest.q + way * share,
-                                     parts)
+                trial = close_energy(scene, body, convex, hand, base, command,
+                                     rest.q + way * share, rest)
                 if trial.energy >= rest.energy + _ARMIJO * share * fall:
                     high = share
                 elif wp.dot(trial.gradient, way) < _WOLFE * fall:

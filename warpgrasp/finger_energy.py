@@ -11,7 +11,7 @@ not looked at, and those that touch are followed from where they touched.
 import warp as wp
 
 from warpgrasp.link_nearest import link_nearest, lower_end
-from warpgrasp.real import HALF, ONE, ZERO, mat44, real, vec3, vec4
+from warpgrasp.real import HALF, ONE, ZERO, greater, mat33, mat44, real, vec3, vec4
 from warpgrasp.scene import Scene
 from warpgrasp.sine_cosine import sine_cosine
 from warpgrasp.utah_mit_hand import Hand
@@ -68,6 +68,17 @@ def put(v: vec3, link: int, value: real):
 
 
 @wp.func
+def _lost(
+    n: vec3, at: vec3, origin: vec3, x: vec3, side: vec3, p1: vec3, p2: vec3, p3: vec3, link: int
+):
+    """Depth lost by a turn of each joint, at a place of a link pressed in against `n` [m/rad]."""
+    swing = wp.cross(n, side)
+    return vec4(wp.dot(wp.cross(at - origin, x), n), wp.dot(swing, at - p1),
+                wp.where(link >= 1, wp.dot(swing, at - p2), ZERO),
+                wp.where(link >= 2, wp.dot(swing, at - p3), ZERO))
+
+
+@wp.func
 def finger_energy(
     scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, q: vec4, last: Rest,
     samples: int
@@ -84,7 +95,8 @@ def finger_energy(
     rest.energy = HALF * k * wp.dot(lag, lag)
     rest.gradient = -lag * k
     e = ONE / k
-    c = mat44(e, ZERO, ZERO, ZERO, ZERO, e, ZERO, ZERO, ZERO, ZERO, e, ZERO, ZERO, ZERO, ZERO, e)
+    rest.compliance = mat44(e, ZERO, ZERO, ZERO, ZERO, e, ZERO, ZERO, ZERO, ZERO, e, ZERO, ZERO,
+                            ZERO, ZERO, e)
     # The chain of `finger_pose`, link by link.
     r = wp.transform_get_rotation(base)
     origin = wp.transform_get_translation(base)
@@ -103,75 +115,58 @@ def finger_energy(
     p1 = origin + z * hand.abduction_offset
     p2 = p1 + u * hand.link_length[0]
     p3 = p2 + u2 * hand.link_length[1]
-    a = p1
-    length = hand.link_length[0]
-    moved = vec4(wp.abs(q[0] - last.q[0]), wp.abs(q[1] - last.q[1]), wp.abs(q[2] - last.q[2]),
-                 wp.abs(q[3] - last.q[3]))
+    # Rows are looked up: a vector assigned in a branch would be copied at its end.
+    starts = mat33(p1[0], p1[1], p1[2], p2[0], p2[1], p2[2], p3[0], p3[1], p3[2])
+    ways = mat33(u[0], u[1], u[2], u2[0], u2[1], u2[2], u3[0], u3[1], u3[2])
+    flexed = vec3(wp.abs(q[1] - last.q[1]), wp.abs(q[2] - last.q[2]), wp.abs(q[3] - last.q[3]))
     # How far any point of a link can have moved: each joint's turn times what lies beyond it.
     rest.near_depth = -ONE
-    turned = moved[0]
-    travel = moved[0] * hand.abduction_offset
+    turned = wp.abs(q[0] - last.q[0])
+    travel = turned * hand.abduction_offset
     for link in range(3):
-        if link == 0:
-            turned += moved[1]
-        elif link == 1:
-            turned += moved[2]
-            length = hand.link_length[1]
-            a = p2
-            u = u2
-        else:
-            turned += moved[3]
-            length = hand.link_length[2]
-            a = p3
-            u = u3
+        a = starts[link]
+        way = ways[link]
+        length = pick(hand.link_length, link)
+        turned += pick(flexed, link)
         travel += turned * length
         before = pick(last.depth, link)
         depth = before + travel
         along = pick(last.along, link)
         bend = pick(last.bend, link)
         if depth >= ZERO or before >= ZERO:
-            near = link_nearest(scene, body, a, u, length, along, bend, samples,
+            near = link_nearest(scene, body, a, way, length, along, bend, samples,
                                 hand.link_radius)
             depth = hand.link_radius - near.distance
             along = near.along
             bend = near.bend
             if depth > rest.near_depth:
-                n = near.normal
-                at = a + u * along
-                swing = wp.cross(n, side)
-                j = vec4(wp.dot(wp.cross(at - origin, x), n), wp.dot(swing, at - p1),
-                         wp.where(link >= 1, wp.dot(swing, at - p2), ZERO),
-                         wp.where(link >= 2, wp.dot(swing, at - p3), ZERO))
+                j = _lost(near.normal, a + way * along, origin, x, side, p1, p2, p3, link)
                 if depth > ZERO:
                     rest.energy += HALF * hand.skin * depth * depth
                     rest.gradient -= j * (hand.skin * depth)
                     # Sherman and Morrison: the Hessian gains skin times j j^T.
-                    yields = c * j
-                    c -= wp.outer(yields, yields / (ONE / hand.skin + wp.dot(j, yields)))
+                    yields = rest.compliance * j
+                    rest.compliance -= wp.outer(
+                        yields, yields / (ONE / hand.skin + wp.dot(j, yields)))
                 else:
                     rest.near = j
                     rest.near_depth = depth
-        end = lower_end(u, length)
-        low = a + u * end
+        low = a + way * lower_end(way, length)
         pressed = hand.link_radius - low[2]
         if pressed > ZERO:
-            swing = wp.cross(vec3(ZERO, ZERO, ONE), side)
-            j = vec4(wp.dot(wp.cross(low - origin, x), vec3(ZERO, ZERO, ONE)),
-                     wp.dot(swing, low - p1), wp.where(link >= 1, wp.dot(swing, low - p2), ZERO),
-                     wp.where(link >= 2, wp.dot(swing, low - p3), ZERO))
+            sinks = _lost(vec3(ZERO, ZERO, ONE), low, origin, x, side, p1, p2, p3, link)
             rest.energy += HALF * hand.skin * pressed * pressed
-            rest.gradient -= j * (hand.skin * pressed)
-            yields = c * j
-            c -= wp.outer(yields, yields / (ONE / hand.skin + wp.dot(j, yields)))
+            rest.gradient -= sinks * (hand.skin * pressed)
+            gives = rest.compliance * sinks
+            rest.compliance -= wp.outer(gives, gives / (ONE / hand.skin + wp.dot(sinks, gives)))
         rest.table = put(rest.table, link, pressed)
         rest.along = put(rest.along, link, along)
         rest.bend = put(rest.bend, link, bend)
         rest.depth = put(rest.depth, link, depth)
-    rest.compliance = c
     return rest
 
 
 @wp.func
 def worst_of(v: vec4):
     """The largest size among four numbers."""
-    return wp.max(wp.max(wp.abs(v[0]), wp.abs(v[1])), wp.max(wp.abs(v[2]), wp.abs(v[3])))
+    return greater(greater(wp.abs(v[0]), wp.abs(v[1])), greater(wp.abs(v[2]), wp.abs(v[3])))

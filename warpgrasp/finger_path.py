@@ -22,28 +22,35 @@ _UNMOVED = 1e9
 
 @wp.struct
 class PathStep:
-    """A command and the free finger there, in the frame of its base.
-
-    `p1` to `p3` are the flexion joints, `p4` the tip's centre; `moves` counts the flexion joints'
-    moves since the start. `steps` is in how many steps a metre each link goes at the fastest, from
-    here on.
-    """
+    """A command, and how many moves of the flexion joints there were since the start."""
 
     command: vec4
-    p1: vec3
-    p2: vec3
-    p3: vec3
-    p4: vec3
     moves: real
-    steps: vec3
+
+
+@wp.struct
+class LinkStep:
+    """A link of the free finger at a step, in the frame of the finger's base.
+
+    `start` and `end` are its axis's [m]; `come` bounds the way [m] of any of its points since the
+    first step; `steps` is in how many steps a metre it goes at the fastest from here on.
+    """
+
+    start: vec3
+    end: vec3
+    come: real
+    steps: real
 
 
 def path_table(hand: HandTable, commands_rad: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of PathStep of commands (grasp, finger, step, 4) [rad], and how far each link has come.
+    """Rows of PathStep of commands (grasp, finger, step, 4) [rad], and of LinkStep.
 
-    The latter, (grasp, finger, step, link 3) [m], bounds the way of any point of the link's axis.
+    The latter have shape (grasp, finger, link 3, step).
     """
     table = np.zeros(commands_rad.shape[:3], dtype=PathStep.numpy_dtype())
+    table["command"] = commands_rad
+    moving = np.abs(np.diff(commands_rad[..., 1:], axis=2)) > _STILL
+    table["moves"][:, :, 1:] = moving.sum(-1).cumsum(-1)
     turn = commands_rad[..., 0]
     z = np.stack([np.zeros_like(turn), np.sin(turn), np.cos(turn)], -1)
     x = np.array([1.0, 0.0, 0.0])
@@ -51,30 +58,41 @@ def path_table(hand: HandTable, commands_rad: np.ndarray) -> tuple[np.ndarray, n
     for link, angle in enumerate(np.moveaxis(commands_rad[..., 1:].cumsum(-1), -1, 0)):
         along = np.sin(angle)[..., None] * x + np.cos(angle)[..., None] * z
         joints.append(joints[-1] + hand.link_length_m[link] * along)
+    places = np.stack(joints, 2)
+    links = np.zeros((*places.shape[:2], 3, places.shape[3]), dtype=LinkStep.numpy_dtype())
+    links["start"], links["end"] = places[:, :, :-1], places[:, :, 1:]
     # A point of a link moves no farther than the farther-moving of its ends.
-    moved = [np.linalg.norm(np.diff(p, axis=2), axis=-1) for p in joints]
-    table["command"] = commands_rad
-    for name, place in zip(("p1", "p2", "p3", "p4"), joints, strict=True):
-        table[name] = place
-    travel = np.zeros((*table.shape, 3))
-    for link in range(3):
-        travel[:, :, 1:, link] = np.maximum(moved[link], moved[link + 1]).cumsum(-1)
-    fastest = np.maximum.accumulate(np.diff(travel, axis=2)[:, :, ::-1], axis=2)[:, :, ::-1]
-    table["steps"] = _UNMOVED
+    moved = np.linalg.norm(np.diff(places, axis=3), axis=-1)
+    links["come"][..., 1:] = np.maximum(moved[:, :, :-1], moved[:, :, 1:]).cumsum(-1)
+    fastest = np.maximum.accumulate(np.diff(links["come"])[..., ::-1], axis=-1)[..., ::-1]
+    links["steps"] = _UNMOVED
     with np.errstate(divide="ignore"):
-        table["steps"][:, :, :-1] = np.minimum(1.0 / fastest, _UNMOVED)
-    moving = np.abs(np.diff(commands_rad[..., 1:], axis=2)) > _STILL
-    table["moves"][:, :, 1:] = moving.sum(-1).cumsum(-1)
-    return table, travel
+        links["steps"][..., :-1] = np.minimum(1.0 / fastest, _UNMOVED)
+    return table, links
 
 
 @lru_cache(maxsize=32)
 def _tabled(
     hand: HandTable, shape: tuple[int, ...], commands: bytes, device: str
 ) -> tuple[wp.array, wp.array]:
-    path, travel = path_table(hand, np.frombuffer(commands).reshape(shape))
-    return (wp.array(path, dtype=PathStep, device=device),
-            wp.array(travel, dtype=vec3, device=device))
+    paths = np.frombuffer(commands).reshape(shape)
+    # Fingers that go the same way share one table, which then stays in the processor's cache.
+    own = shape[1] if (paths != paths[:, :1]).any() else min(shape[1], 1)
+    path, links = path_table(hand, paths[:, :own])
+    return (_for_fingers(wp.array(path, dtype=PathStep, device=device), shape[1]),
+            _for_fingers(wp.array(links, dtype=LinkStep, device=device), shape[1]))
+
+
+def _for_fingers(table: wp.array, fingers: int) -> wp.array:
+    """A table (grasp, finger, ...), of which the one finger's rows stand for all of `fingers`."""
+    if table.shape[1] == fingers:
+        return table
+    shared = wp.array(
+        ptr=table.ptr, dtype=table.dtype, device=table.device,
+        shape=(table.shape[0], fingers, *table.shape[2:]),
+        strides=(table.strides[0], 0, *table.strides[2:]))
+    shared._ref = table  # as long as the view lives, so does the table
+    return shared
 
 
 def path_on_device(

@@ -164,7 +164,7 @@ def guarded_line(
         np.shape(move.commands_rad), np.ascontiguousarray(move.commands_rad, float).tobytes(),
         move.finger, device)
     images = wp.zeros((n, TAXELS, TAXELS), dtype=wp.uint8, device=device)
-    begins, ends = Records(LineBegin, begin, device), Records(LineEnd, n, device)
+    begins, ends = Records(LineBegin, begin, device), Records(LineEnd, (n,), device)
     launch(line_kernel, {"row": n}, {
         "begins": "row", "commands": "4 step 4", "image": "row 16 16", "ends": "row"}, {
         "scene": scene, **_robot(arm, hand, pads), "joint_noise": sensors.joint_noise_rad,

@@ -8,7 +8,7 @@ along a straight line where the body is a corner or an edge.
 
 import warp as wp
 
-from warpgrasp.real import HALF, ONE, ZERO, real, vec2, vec3
+from warpgrasp.real import HALF, ONE, ZERO, greater, lesser, real, vec2, vec3
 from warpgrasp.scene import Scene, body_distance, body_distance_grad
 
 LINK_SAMPLES = wp.constant(5)
@@ -27,22 +27,34 @@ _Ends = wp.types.vector(length=9, dtype=real)
 @wp.struct
 class Near:
     """The point of a segment nearest to a body: place [m from its start], distance [m], slope of
-    distance times slope (to go on from), outward normal there."""
+    distance times slope (to go on from), outward normal there.
+
+    `least` is a lower bound of the distance all along, which may be far from the nearest point."""
 
     along: real
     distance: real
+    least: real
     bend: real
     normal: vec3
 
 
+@wp.struct
+class _Found:
+    """A field changes in place; a struct assigned in a branch is copied at its end."""
+
+    near: Near
+
+
 @wp.func
-def _valley(
+def link_valley(
     scene: Scene, body: int, a: vec3, u: vec3, low: real, high: real, start: real, rate: real,
-    enough: real
+    enough: real, convex: bool
 ):
     """The bottom of the valley that `start` lies in, between `low` and `high`.
 
-    Where a distance at `start` shows that all there are above `enough`, that lower bound.
+    Where a distance at `start` shows that all there are above `enough`, that lower bound. Before a
+    body said to be `convex` the search ends where the plane through the body's nearest point shows
+    that the whole segment stays out of `enough` by half as much as the place looked at.
     """
     near = Near()
     below = real(low)
@@ -57,17 +69,24 @@ def _valley(
         g = body_distance_grad(scene, body, a + u * t)
         near.along = t
         near.distance = g[3]
+        near.least = g[3]
         near.normal = vec3(g[0], g[1], g[2])
-        if k == 0:
-            bound = g[3] - wp.max(t - low, high - t)
+        slope = wp.dot(near.normal, u)
+        if convex:
+            bound = g[3] + lesser((low - t) * slope, (high - t) * slope)
+            if bound - enough > HALF * (g[3] - enough):
+                near.least = bound
+                break
+        elif k == 0:
+            bound = g[3] - greater(t - low, high - t)
             if bound > enough:
                 near.distance = bound
+                near.least = bound
                 break
-        slope = wp.dot(near.normal, u)
-        psi = slope * wp.max(g[3], _SHALLOW)
+        psi = slope * greater(g[3], _SHALLOW)
         if k > 0:
             # Along a face the slope does not change: on to the end, or the middle, of the bracket.
-            bend = wp.max((psi - last_psi) / (t - last_t), _FLATTEST)
+            bend = greater((psi - last_psi) / (t - last_t), _FLATTEST)
         last_t = t
         last_psi = psi
         if wp.abs(slope) < _LEVEL:
@@ -107,8 +126,8 @@ def link_nearest(
     A distance above `enough` may be a lower bound.
     """
     spacing = length / real(wp.max(samples - 1, 1))
-    near = Near()
-    near.distance = real(1e9)
+    found = _Found()
+    found.near.distance = real(1e9)
     begin = real(guess)
     rate = real(bend)
     low = real(0.0)
@@ -117,29 +136,31 @@ def link_nearest(
     if guess < ZERO:
         bound = body_distance(scene, body, a + u * (length * HALF)) - length * HALF
         if bound > enough:
-            near.distance = bound
-            near.along = length * HALF
-            near.bend = ONE
+            found.near.distance = bound
+            found.near.least = bound
+            found.near.along = length * HALF
+            found.near.bend = ONE
             search = int(0)
     for attempt in range(2):
         if search == 1:
             if begin >= ZERO:
-                near = _valley(scene, body, a, u, low, high, begin, rate, enough)
+                found.near = link_valley(scene, body, a, u, low, high, begin, rate, enough,
+                                         False)
             search = int(0)
-            if attempt == 0 and (begin < ZERO or near.distance <= enough):
-                least = near.distance - real(1e-9)
+            if attempt == 0 and (begin < ZERO or found.near.distance <= enough):
+                least = found.near.distance - real(1e-9)
                 for k in range(samples):
                     t = spacing * real(k)
-                    if guess < ZERO or wp.abs(t - near.along) > spacing * HALF:
+                    if guess < ZERO or wp.abs(t - found.near.along) > spacing * HALF:
                         d = body_distance(scene, body, a + u * t)
                         if d < least:
                             least = d
                             begin = t
                             rate = real(1.0)
-                            low = wp.max(t - spacing, ZERO)
-                            high = wp.min(t + spacing, length)
+                            low = greater(t - spacing, ZERO)
+                            high = lesser(t + spacing, length)
                             search = int(1)
-    return near
+    return found.near
 
 
 @wp.func
@@ -160,14 +181,14 @@ def deepest_valley(
     if body_distance(scene, body, a + u * (length * HALF)) - length * HALF <= enough:
         for k in range(9):
             ends[k] = body_distance(scene, body, a + u * (stretch * real(k)))
-            least = wp.min(least, ends[k])
+            least = lesser(least, ends[k])
     if least - stretch * HALF <= enough:
         step = stretch / real(parts)
         before = real(1e9)
         here = ends[0]
         for k in range(8):
             count = int(1)
-            if (ends[k] + ends[k + 1] - stretch) * HALF < wp.min(least, enough):
+            if (ends[k] + ends[k + 1] - stretch) * HALF < lesser(least, enough):
                 count = parts
             for j in range(count):
                 t = stretch * real(k) + step * real(j)
@@ -175,17 +196,17 @@ def deepest_valley(
                 if j < count - 1:
                     after = body_distance(scene, body, a + u * (t + step))
                 if here <= before and here <= after and here - step * HALF <= least:
-                    near = _valley(scene, body, a, u, wp.max(t - step, ZERO),
-                                   wp.min(t + step, length), t, ONE, _FAR)
+                    near = link_valley(scene, body, a, u, greater(t - step, ZERO),
+                                   lesser(t + step, length), t, ONE, _FAR, False)
                     if near.distance < nearest:
                         nearest = near.distance
-                        least = wp.min(least, nearest)
+                        least = lesser(least, nearest)
                         best = near.along
                 before = here
                 here = after
         if here <= before and here - step * HALF <= least:
-            near_end = _valley(scene, body, a, u, length - step, length, length, ONE,
-                               _FAR)
+            near_end = link_valley(scene, body, a, u, length - step, length, length, ONE,
+                                   _FAR, False)
             if near_end.distance < nearest:
                 best = near_end.along
     return best

@@ -17,6 +17,10 @@ quat = wp.quatd
 transform = wp.transformd
 
 
+class mat34(wp.types.matrix(shape=(3, 4), dtype=wp.float64)):
+    """Three planes, each a normal and an offset."""
+
+
 class mat42(wp.types.matrix(shape=(4, 2), dtype=wp.float64)):
     """Four pairs."""
 
@@ -32,3 +36,15 @@ TWO = wp.constant(real(2.0))
 TINY = wp.constant(real(1e-12))
 PI = wp.constant(real(3.141592653589793))
 TWO_PI = wp.constant(real(6.283185307179586))
+
+
+@wp.func
+def lesser(a: real, b: real):
+    """The lesser of two numbers, in one instruction; `wp.min` takes five, for the sake of NaN."""
+    return wp.where(a < b, a, b)
+
+
+@wp.func
+def greater(a: real, b: real):
+    """The greater of two numbers; see `lesser`."""
+    return wp.where(a > b, a, b)

@@ -5,6 +5,7 @@ small launch; here it is kept.
 """
 
 from functools import lru_cache
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -20,16 +21,25 @@ def record_type(struct: Any) -> np.dtype:
 class Records:
     """Rows of a `struct` on a device: `array` is what kernels take."""
 
-    def __init__(self, struct: Any, rows: np.ndarray | int, device: str) -> None:
-        """`rows` are a NumPy array of `record_type`, or how many there are to be, all zero."""
+    def __init__(
+        self, struct: Any, rows: np.ndarray | tuple[int, ...], device: str, *, clear: bool = True
+    ) -> None:
+        """`rows` are a NumPy array of `record_type`, or the shape of rows to be written.
+
+        Those begin as zeros; without `clear`, as whatever the memory holds.
+        """
         self._type = record_type(struct)
-        if isinstance(rows, int):
-            self._bytes = wp.zeros(rows * self._type.itemsize, dtype=wp.uint8, device=device)
+        if isinstance(rows, tuple):
+            self._shape = rows
+            size = prod(rows) * self._type.itemsize
+            self._bytes = wp.array(shape=size, dtype=wp.uint8, device=device)
+            if clear:
+                self._bytes.zero_()
         else:
-            self._bytes = wp.array(rows.view(np.uint8), dtype=wp.uint8, device=device)
-        self.array = wp.array(ptr=self._bytes.ptr, dtype=struct, device=device,
-                              shape=self._bytes.size // self._type.itemsize)
+            self._shape = rows.shape
+            self._bytes = wp.array(rows.view(np.uint8).ravel(), dtype=wp.uint8, device=device)
+        self.array = wp.array(ptr=self._bytes.ptr, dtype=struct, device=device, shape=self._shape)
 
     def numpy(self) -> np.ndarray:
-        """A copy of the rows as they are now."""
-        return self._bytes.numpy().copy().view(self._type)
+        """The rows as they are now; on a CPU it is the kernels' own memory."""
+        return self._bytes.numpy().view(self._type).reshape(self._shape)

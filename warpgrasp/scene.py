@@ -182,26 +182,37 @@ def body_distance(scene: Scene, body: int, p: vec3):
 
 
 @wp.func
+def _placed_distance_grad(scene: Scene, row: Primitive, p: vec3):
+    other = _primitive_distance_grad(scene, row, _in_primitive_frame(row, p))
+    if row.placed == 0:
+        return other
+    g = wp.quat_rotate(wp.transform_get_rotation(row.to_body), vec3(other[0], other[1], other[2]))
+    return vec4(g[0], g[1], g[2], other[3])
+
+
+@wp.struct
+class _Found:
+    """A field changes in place; a vector assigned in a branch is copied at its end."""
+
+    value: vec4
+
+
+@wp.func
 def body_distance_grad(scene: Scene, body: int, p: vec3):
     """Gradient and distance (gx, gy, gz, d) [m] in the body's frame."""
     rows = wp.array(ptr=scene.primitives, shape=(scene.primitive_count,), dtype=Primitive)
     first = _first_row(scene, body)
-    value = vec4(ZERO, ZERO, ZERO, ZERO)
+    found = _Found()
     for k in range(first, _first_row(scene, body + 1)):
-        other = _primitive_distance_grad(scene, rows[k], _in_primitive_frame(rows[k], p))
-        if rows[k].placed != 0:
-            g = wp.quat_rotate(wp.transform_get_rotation(rows[k].to_body),
-                               vec3(other[0], other[1], other[2]))
-            other = vec4(g[0], g[1], g[2], other[3])
         join = rows[k].join
-        if k > first and join == _DIFFERENCE:
-            other = -other
-        take = other[3] > value[3]
+        other = _placed_distance_grad(scene, rows[k], p) * wp.where(
+            k > first and join == _DIFFERENCE, -ONE, ONE)
+        take = other[3] > found.value[3]
         if join == _UNION:
-            take = other[3] < value[3]
+            take = other[3] < found.value[3]
         if k == first or take:
-            value = other
-    return value
+            found.value = other
+    return found.value
 
 
 @wp.func

@@ -8,7 +8,7 @@ is differentiable) and the distance, (gx, gy, gz, d), worked out together. All a
 
 import warp as wp
 
-from warpgrasp.real import HALF, ONE, TINY, ZERO, real, vec2, vec3, vec4
+from warpgrasp.real import HALF, ONE, TINY, ZERO, greater, lesser, real, vec2, vec3, vec4
 
 
 @wp.func
@@ -43,8 +43,8 @@ def sdf_block(p: vec3, size: vec3):
     """Block of full `size`, standing on z = 0."""
     h = size * HALF
     q = vec3(wp.abs(p[0]) - h[0], wp.abs(p[1]) - h[1], wp.abs(p[2] - h[2]) - h[2])
-    out = vec3(wp.max(q[0], ZERO), wp.max(q[1], ZERO), wp.max(q[2], ZERO))
-    return wp.length(out) + wp.min(wp.max(q[0], wp.max(q[1], q[2])), ZERO)
+    out = vec3(greater(q[0], ZERO), greater(q[1], ZERO), greater(q[2], ZERO))
+    return wp.length(out) + lesser(greater(q[0], greater(q[1], q[2])), ZERO)
 
 
 @wp.func
@@ -55,8 +55,8 @@ def sdf_block_grad(p: vec3, size: vec3):
     q = vec3(wp.abs(c[0]) - h[0], wp.abs(c[1]) - h[1], wp.abs(c[2]) - h[2])
     s = vec3(sign_of(c[0]), sign_of(c[1]), sign_of(c[2]))
     if q[0] > ZERO or q[1] > ZERO or q[2] > ZERO:
-        return _from_offset(vec3(s[0] * wp.max(q[0], ZERO), s[1] * wp.max(q[1], ZERO),
-                                 s[2] * wp.max(q[2], ZERO)), ZERO)
+        return _from_offset(vec3(s[0] * greater(q[0], ZERO), s[1] * greater(q[1], ZERO),
+                                 s[2] * greater(q[2], ZERO)), ZERO)
     if q[0] >= q[1] and q[0] >= q[2]:
         return vec4(s[0], ZERO, ZERO, q[0])
     if q[1] >= q[2]:
@@ -69,22 +69,21 @@ def sdf_cylinder(p: vec3, radius: real, height: real):
     """Upright cylinder standing on z = 0."""
     a = wp.sqrt(p[0] * p[0] + p[1] * p[1]) - radius
     b = wp.abs(p[2] - height * HALF) - height * HALF
-    out = vec2(wp.max(a, ZERO), wp.max(b, ZERO))
-    return wp.length(out) + wp.min(wp.max(a, b), ZERO)
+    out = vec2(greater(a, ZERO), greater(b, ZERO))
+    return wp.length(out) + lesser(greater(a, b), ZERO)
 
 
 @wp.func
 def sdf_cylinder_grad(p: vec3, radius: real, height: real):
     """Gradient and distance of `sdf_cylinder`."""
     rho = wp.sqrt(p[0] * p[0] + p[1] * p[1])
-    radial = vec3(ONE, ZERO, ZERO)
-    if rho > TINY:
-        radial = vec3(p[0] / rho, p[1] / rho, ZERO)
+    radial = vec3(wp.where(rho > TINY, p[0] / rho, ONE), wp.where(rho > TINY, p[1] / rho, ZERO),
+                  ZERO)
     axial = vec3(ZERO, ZERO, sign_of(p[2] - height * HALF))
     a = rho - radius
     b = wp.abs(p[2] - height * HALF) - height * HALF
     if a > ZERO or b > ZERO:
-        return _from_offset(radial * wp.max(a, ZERO) + axial * wp.max(b, ZERO), ZERO)
+        return _from_offset(radial * greater(a, ZERO) + axial * greater(b, ZERO), ZERO)
     if a >= b:
         return vec4(radial[0], radial[1], ZERO, a)
     return vec4(ZERO, ZERO, axial[2], b)
@@ -105,20 +104,20 @@ def sdf_sphere_grad(p: vec3, radius: real):
 @wp.func
 def sdf_capsule(p: vec3, radius: real, height: real):
     """Upright capsule of full `height` (at least 2 radius), standing on z = 0."""
-    z = wp.clamp(p[2], radius, wp.max(radius, height - radius))
+    z = wp.clamp(p[2], radius, greater(radius, height - radius))
     return wp.length(p - vec3(ZERO, ZERO, z)) - radius
 
 
 @wp.func
 def sdf_capsule_grad(p: vec3, radius: real, height: real):
     """Gradient and distance of `sdf_capsule`."""
-    z = wp.clamp(p[2], radius, wp.max(radius, height - radius))
+    z = wp.clamp(p[2], radius, greater(radius, height - radius))
     return _from_offset(p - vec3(ZERO, ZERO, z), radius)
 
 
 @wp.func
 def _nearest_on_segment(p: vec2, a: vec2, b: vec2):
-    t = wp.dot(p - a, b - a) / wp.max(wp.dot(b - a, b - a), TINY)
+    t = wp.dot(p - a, b - a) / greater(wp.dot(b - a, b - a), TINY)
     return a + (b - a) * wp.clamp(t, ZERO, ONE)
 
 
@@ -127,7 +126,7 @@ def _wedge_section(p: vec2, half: real, height: real):
     """Offset from the nearest point of an isosceles triangle's outline (x >= 0 half), and side."""
     x = wp.abs(p[0])
     foot = _nearest_on_segment(vec2(x, p[1]), vec2(half, ZERO), vec2(ZERO, height))
-    base = vec2(wp.min(x, half), ZERO)
+    base = vec2(lesser(x, half), ZERO)
     d_side = vec2(x, p[1]) - foot
     d_base = vec2(x, p[1]) - base
     inside = p[1] > ZERO and height * x + half * (p[1] - height) < ZERO
@@ -146,8 +145,8 @@ def sdf_wedge(p: vec3, size: vec3):
     w = _wedge_section(vec2(p[0], p[2]), size[0] * HALF, size[2])
     a = w[2] * wp.sqrt(w[0] * w[0] + w[1] * w[1])
     b = wp.abs(p[1]) - size[1] * HALF
-    out = vec2(wp.max(a, ZERO), wp.max(b, ZERO))
-    return wp.length(out) + wp.min(wp.max(a, b), ZERO)
+    out = vec2(greater(a, ZERO), greater(b, ZERO))
+    return wp.length(out) + lesser(greater(a, b), ZERO)
 
 
 @wp.func
@@ -165,7 +164,7 @@ def sdf_wedge_grad(p: vec3, size: vec3):
     a = w[2] * length
     b = wp.abs(p[1]) - size[1] * HALF
     if a > ZERO or b > ZERO:
-        return _from_offset(section * wp.max(a, ZERO) + side * wp.max(b, ZERO), ZERO)
+        return _from_offset(section * greater(a, ZERO) + side * greater(b, ZERO), ZERO)
     if a >= b:
         return vec4(section[0], section[1], section[2], a)
     return vec4(side[0], side[1], side[2], b)
@@ -192,9 +191,9 @@ def sdf_revolution_section(rho: real, z: real, profile: wp.array[vec2], first: i
     p = vec2(rho, z)
     low = profile[first]
     high = profile[first + count - 1]
-    d = p - vec2(wp.min(rho, low[1]), low[0])
+    d = p - vec2(lesser(rho, low[1]), low[0])
     best = vec3(d[0], d[1], wp.dot(d, d))
-    d = p - vec2(wp.min(rho, high[1]), high[0])
+    d = p - vec2(lesser(rho, high[1]), high[0])
     if wp.dot(d, d) < best[2]:
         best = vec3(d[0], d[1], wp.dot(d, d))
     # The segment at this height, or the end one.
@@ -215,14 +214,14 @@ def sdf_revolution_section(rho: real, z: real, profile: wp.array[vec2], first: i
             s = -ONE
     a = at
     for i in range(k):
-        gap = wp.max(z - a[0], ZERO)
+        gap = greater(z - a[0], ZERO)
         if gap * gap >= best[2]:
             break
         c = profile[first + k - 1 - i]
         best = _nearer(best, p, vec2(c[1], c[0]), vec2(a[1], a[0]))
         a = c
     for i in range(above + 1, count):
-        gap = wp.max(b[0] - z, ZERO)
+        gap = greater(b[0] - z, ZERO)
         if gap * gap >= best[2]:
             break
         c = profile[first + i]

@@ -12,14 +12,12 @@ from math import erf, log1p, sqrt
 import numpy as np
 import warp as wp
 
-from warpgrasp.counter_random import counter_key, counter_normal, counter_uniform
+from warpgrasp.counter_random import counter_key, counter_normal
 from warpgrasp.parameters import HandTable, SensorTable
 from warpgrasp.real import HALF, ONE, ZERO, real, vec2, vec4
 from warpgrasp.utah_mit_hand import Hand
 
 _CERTAIN = 1.0 - 1e-16  # a chance that has a logarithm
-_SIXTH = wp.constant(real(1.0 / 6.0))
-_TWENTYFOURTH = wp.constant(real(1.0 / 24.0))
 
 
 @wp.struct
@@ -78,26 +76,6 @@ def tension_difference_read(sensor: TendonSensor, tensions: vec2, noise: vec2):
     flexor = tensions[0] + sensor.noise * noise[0]
     extensor = tensions[1] + sensor.noise * noise[1]
     return _quantised(flexor, sensor.step) - _quantised(extensor, sensor.step)
-
-
-@wp.func
-def may_cross(sensor: TendonSensor, difference: real, key: wp.uint64):
-    """False where a reading of a true `difference` [N, a size] surely stays below the threshold.
-
-    A normal of Box and Muller is at most sqrt(-2 log u) by size, and u takes no root or cosine;
-    for exp(-x), which u is compared with, the first terms of exp(x) do.
-    """
-    margin = sensor.threshold - difference - sensor.step
-    if margin <= ZERO:
-        return True
-    if sensor.noise <= ZERO:
-        return False
-    share = margin / (real(2.0) * sensor.noise)
-    x = HALF * share * share
-    least = ONE / (ONE + x * (ONE + x * (HALF + x * (_SIXTH + x * _TWENTYFOURTH))))
-    flexor = counter_uniform(counter_key(counter_key(key, 0), 1))
-    extensor = counter_uniform(counter_key(counter_key(key, 1), 1))
-    return flexor < least or extensor < least
 
 
 @wp.func
