@@ -123,7 +123,7 @@ def closing_kernel(
             stride = ZERO
 
     now = Course()
-    now.free = free_from(hand)
+    now.free = free_from(scene, which, convex, hand, base, links[g, finger, 1, 0].end)
     # Steps of `now.low` and, if not negative, of `now.high`.
     now.low = rest_from(path[g, finger, 0].command)
     low_step = int(-1)

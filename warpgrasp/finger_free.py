@@ -25,7 +25,7 @@ from warpgrasp.real import (
     vec3,
     vec4,
 )
-from warpgrasp.scene import Scene
+from warpgrasp.scene import Scene, body_distance_grad
 from warpgrasp.utah_mit_hand import Hand
 
 _ROUNDING = wp.constant(real(1e-12))  # [m]; a link pressed by no more bears 20 nN
@@ -48,14 +48,21 @@ class Free:
 
 
 @wp.func
-def free_from(hand: Hand):
-    """A finger before its first step, of which nothing is known."""
+def free_from(scene: Scene, body: int, convex: bool, hand: Hand, base: transform, near: vec3):
+    """A finger before its first step.
+
+    Before a convex body all its links begin with the plane through the body's point nearest to a
+    place `near` them, in the frame of the finger's base.
+    """
     free = Free()
     free.step = -1
     free.along = hand.link_length * HALF
     free.bend = vec3(ONE, ONE, ONE)
-    for link in range(3):
-        free.planes[link, 3] = -ONE
+    if convex:
+        g = body_distance_grad(scene, body, wp.transform_point(base, near))
+        n = wp.transform_vector(wp.transform_inverse(base), vec3(g[0], g[1], g[2]))
+        for link in range(3):
+            free.planes[link] = vec4(n[0], n[1], n[2], g[3] - hand.link_radius - wp.dot(n, near))
     return free
 
 

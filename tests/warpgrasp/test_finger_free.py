@@ -30,8 +30,9 @@ def _free_kernel(
     end: int, out: wp.array[int],
 ):
     i = wp.tid() + first
-    out[i] = free_on(scene, 0, body_is_convex(scene, 0), hand, base[i], links, 0, FINGER,
-                     real(1.0), free_from(hand), end).step
+    convex = body_is_convex(scene, 0)
+    begin = free_from(scene, 0, convex, hand, base[i], links[0, FINGER, 1, 0].end)
+    out[i] = free_on(scene, 0, convex, hand, base[i], links, 0, FINGER, real(1.0), begin, end).step
 
 
 @pytest.mark.parametrize("name", ["block", "small_cylinder", "lightbulb"])
