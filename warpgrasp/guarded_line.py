@@ -16,13 +16,14 @@ import warp as wp
 
 from warpgrasp.guarded_line_kernel import LineBegin, LineEnd, line_kernel
 from warpgrasp.launch import ShapeError, launch
+from warpgrasp.pad_sight import BLOCKS, pad_turns
 from warpgrasp.parameters import ArmTable, HandTable, PadTable, SensorTable
 from warpgrasp.puma560 import arm_of
 from warpgrasp.real import real
 from warpgrasp.records import Records, record_type
 from warpgrasp.scene import Scene
 from warpgrasp.tactile_pad import TAXELS, pad_of
-from warpgrasp.utah_mit_hand import hand_of
+from warpgrasp.utah_mit_hand import LINK_COUNT, hand_of
 
 
 class Until(IntEnum):
@@ -164,16 +165,18 @@ def guarded_line(
         np.shape(move.commands_rad), np.ascontiguousarray(move.commands_rad, float).tobytes(),
         move.finger, device)
     images = wp.zeros((n, TAXELS, TAXELS), dtype=wp.uint8, device=device)
+    sights = wp.empty((n, LINK_COUNT, BLOCKS**2), dtype=int, device=device)
     begins, ends = Records(LineBegin, begin, device), Records(LineEnd, (n,), device)
     launch(line_kernel, {"row": n}, {
-        "begins": "row", "commands": "4 step 4", "image": "row 16 16", "ends": "row"}, {
-        "scene": scene, **_robot(arm, hand, pads), "joint_noise": sensors.joint_noise_rad,
-        "march_scale": march_scale, "begins": begins.array,
+        "turns": "40", "begins": "row", "commands": "4 step 4", "sights": "row 3 16",
+        "image": "row 16 16", "ends": "row"}, {
+        "scene": scene, **_robot(arm, hand, pads), "turns": pad_turns(pads, hand, device),
+        "joint_noise": sensors.joint_noise_rad, "march_scale": march_scale, "begins": begins.array,
         "interval": move.interval_m, "steps": move.steps, "finger": move.finger,
         "commands": commands,
         "step_bound": move.interval_m * float(speed.max(initial=0.0)) + swing * reach,
-        "until_release": int(move.until == Until.RELEASE), "image": images, "ends": ends.array},
-        device=device)
+        "until_release": int(move.until == Until.RELEASE), "sights": sights, "image": images,
+        "ends": ends.array}, device=device)
     end, image = ends.numpy(), images.numpy().copy()
     gone = end["made"] * move.interval_m * speed
     touch = LineTouch(

@@ -11,10 +11,9 @@ from warpgrasp.finger_energy import worst_of
 from warpgrasp.hand_clearance import finger_clearance, palm_clearance
 from warpgrasp.link_nearest import LINK_SAMPLES, link_nearest
 from warpgrasp.pad_rest import pad_rest
-from warpgrasp.pad_sight import PadSight, pad_turns
 from warpgrasp.pad_touch import felt_above, image_centroid, pad_feels, pad_load, read_image
 from warpgrasp.puma560 import Arm, move_time, puma_forward, puma_reach
-from warpgrasp.real import HALF, ONE, ZERO, quat, real, transform, vec3, vec4, vec6
+from warpgrasp.real import HALF, ONE, ZERO, quat, real, transform, vec2, vec3, vec4, vec6
 from warpgrasp.scene import Scene, stand_distance_grad
 from warpgrasp.status import ProbeStatus
 from warpgrasp.tactile_pad import Pad, pad_place, pad_reading_key
@@ -148,6 +147,7 @@ def line_kernel(
     arm: Arm,
     hand: Hand,
     pad: Pad,
+    turns: wp.array[vec2],
     joint_noise: real,
     march_scale: real,
     # Move in:
@@ -158,6 +158,8 @@ def line_kernel(
     commands: wp.array3d[real],
     step_bound: real,
     until_release: int,
+    # Scratch, for the taxels in sight:
+    sights: wp.array3d[int],
     # Touch out:
     image: wp.array3d[wp.uint8],
     ends: wp.array[LineEnd],
@@ -227,8 +229,7 @@ def line_kernel(
     noise_alone = int(0)
     most = vec4(ZERO, ZERO, ZERO, ZERO)
     moved = int(0)
-    sight = PadSight()
-    turns = pad_turns(pad, hand)
+    sight = sights[i]
     # Palm and other fingers move with the arm alone: a clearance lasts until it may be used up.
     others = real(0.0)
     arm_step = interval * wp.length(way) / march_scale
@@ -248,9 +249,8 @@ def line_kernel(
         felt = int(0)
         most = vec4(ZERO, ZERO, ZERO, ZERO)
         if free <= ZERO:
-            rest = pad_rest(scene, which, hand, pad, turns, base, command, q)
+            rest = pad_rest(scene, which, hand, pad, turns, base, command, q, sight)
             q = rest.skin.q
-            sight = rest.sight
             moved = int(1)
             f = finger_pose(hand, base, q)
             # All pads are read; the one pressed most speaks for the finger.

@@ -11,15 +11,13 @@ from warpgrasp.finger_energy import Rest, finger_energy, rest_from, worst_of
 from warpgrasp.link_nearest import LINK_SAMPLES
 from warpgrasp.pad_sight import (
     SIGHT_MARGIN,
-    PadSight,
-    PadTurns,
     pad_in_sight,
     rows_in_sight,
     sight_holds,
     taxel_place,
     taxel_row,
 )
-from warpgrasp.real import HALF, ONE, ZERO, mat44, real, vec3, vec4
+from warpgrasp.real import HALF, ONE, ZERO, mat44, real, vec2, vec3, vec4
 from warpgrasp.scene import Scene, stand_distance, stand_distance_grad
 from warpgrasp.tactile_pad import Pad
 from warpgrasp.utah_mit_hand import Hand, finger_jacobian, finger_pose
@@ -38,32 +36,25 @@ _MOST_BACK = wp.constant(real(0.85))
 
 @wp.struct
 class PadRest:
-    """A finger at rest: skin and servos (energy and gradient include the pads), curvature, load.
-
-    `sight` holds at its joints.
-    """
+    """A finger at rest: skin and servos (energy and gradient include the pads), curvature, load."""
 
     skin: Rest
     hessian: mat44
     pad_force: real
     """Sum over all taxels [N]."""
-    sight: PadSight
 
 
 @wp.func
 def pad_rest_energy(
-    scene: Scene, body: int, hand: Hand, pad: Pad, turns: PadTurns, base: wp.transformd,
-    command: vec4, q: vec4, last: Rest, samples: int, sight: PadSight, look: int
+    scene: Scene, body: int, hand: Hand, pad: Pad, turns: wp.array[vec2], base: wp.transformd,
+    command: vec4, q: vec4, last: Rest, samples: int, sight: wp.array2d[int], look: int
 ):
     """Energy, gradient and Gauss-Newton Hessian at joints `q`; `base` in the body's frame.
 
-    `last` and `samples` are handed on to `finger_energy`. With `look` the taxels in sight are
-    looked up anew, else `sight` must hold.
+    `last` and `samples` are handed on to `finger_energy`. `sight` (link, block) has a bit for each
+    taxel that may press; with `look` they are looked up anew, else they must hold.
     """
     rest = PadRest()
-    rest.sight = sight
-    if look == 1:
-        rest.sight.q = q
     rest.skin = finger_energy(scene, body, hand, base, command, q, last, samples)
     h = wp.inverse(rest.skin.compliance)
     f = finger_pose(hand, base, q)
@@ -73,7 +64,7 @@ def pad_rest_energy(
             if look == 1 and not pad_in_sight(scene, body, pad, hand, f, link):
                 near = int(0)
             for block in range(16):
-                bits = sight.taxels[link, block]
+                bits = sight[link, block]
                 if look == 1:
                     bits = int(0)
                     if near == 1:
@@ -99,7 +90,7 @@ def pad_rest_energy(
                                     elif d >= SIGHT_MARGIN:
                                         seen = seen ^ bit
                 if look == 1:
-                    rest.sight.taxels[link, block] = seen
+                    sight[link, block] = seen
     rest.hessian = h
     return rest
 
@@ -133,17 +124,18 @@ def _least_along(hand: Hand, command: vec4, rest: PadRest, way: vec4):
 
 @wp.func
 def pad_rest(
-    scene: Scene, body: int, hand: Hand, pad: Pad, turns: PadTurns, base: wp.transformd,
-    command: vec4, start: vec4
+    scene: Scene, body: int, hand: Hand, pad: Pad, turns: wp.array[vec2], base: wp.transformd,
+    command: vec4, start: vec4, sight: wp.array2d[int]
 ):
     """The rest configuration for a command, descending from `start`; the energy never rises.
 
     Newton's steps; the first from where springs bear goes on as far as they let go (one longer step
-    saves two), and the last, so small that none would follow, is taken without a look.
+    saves two), and the last, so small that none would follow, is taken without a look. `sight` is
+    left as it holds there.
     """
     rest = PadRest()
     rest.skin = rest_from(start)
-    sight = PadSight()
+    looked = vec4(start)
     step = vec4(ZERO, ZERO, ZERO, ZERO)
     scale = real(1.0)
     shortened = int(0)
@@ -151,11 +143,12 @@ def pad_rest(
     for k in range(_ITERATIONS):
         q = rest.skin.q + step * scale
         look = int(1)
-        if k > 0 and sight_holds(pad, hand, sight, q):
+        if k > 0 and sight_holds(pad, hand, looked, q):
             look = int(0)
+        else:
+            looked = q
         trial = pad_rest_energy(scene, body, hand, pad, turns, base, command, q, rest.skin,
                                 wp.where(k == 0, LINK_SAMPLES, 0), sight, look)
-        sight = trial.sight
         if k == 0 or trial.skin.energy < rest.skin.energy:
             rest = trial
             step = -(wp.inverse(rest.hessian) * rest.skin.gradient)
@@ -169,7 +162,7 @@ def pad_rest(
             if worst_of(rest.skin.gradient) < _GRADIENT:
                 break
             if worst_of(rest.skin.gradient) < _LAST_GRADIENT and scale == ONE and (
-                    sight_holds(pad, hand, sight, rest.skin.q + step)):
+                    sight_holds(pad, hand, looked, rest.skin.q + step)):
                 rest.skin.q += step
                 break
         else:
@@ -178,4 +171,7 @@ def pad_rest(
             scale *= ONE - wp.where(back > ZERO, wp.clamp(back, _LEAST_BACK, _MOST_BACK), HALF)
             if shortened >= _SHORTENED:
                 break
+    if not sight_holds(pad, hand, looked, rest.skin.q):
+        rest = pad_rest_energy(scene, body, hand, pad, turns, base, command, rest.skin.q, rest.skin,
+                               0, sight, 1)
     return rest

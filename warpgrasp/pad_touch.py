@@ -3,7 +3,7 @@
 import warp as wp
 
 from warpgrasp.counter_random import counter_key
-from warpgrasp.pad_sight import PadSight, PadTurns, taxel_place, taxel_row
+from warpgrasp.pad_sight import taxel_place, taxel_row
 from warpgrasp.real import HALF, ZERO, real, vec2, vec3, vec4
 from warpgrasp.scene import Scene
 from warpgrasp.tactile_pad import (
@@ -22,14 +22,14 @@ _WINDOW = wp.constant(3)  # taxels each way from the peak that count for the cen
 
 @wp.func
 def pad_load(
-    scene: Scene, body: int, pad: Pad, hand: Hand, turns: PadTurns, f: FingerPose, link: int,
-    sight: PadSight
+    scene: Scene, body: int, pad: Pad, hand: Hand, turns: wp.array[vec2], f: FingerPose, link: int,
+    sight: wp.array2d[int]
 ):
     """Centre of force (x, y, z) and the sum of the forces on all taxels [N]; zeros without load."""
     total = real(0.0)
     centre = vec3(ZERO, ZERO, ZERO)
     for block in range(16):
-        bits = sight.taxels[link, block]
+        bits = sight[link, block]
         if bits != 0:
             for i in range(4):
                 if (bits & (15 << (4 * i))) != 0:
@@ -46,17 +46,17 @@ def pad_load(
 
 
 @wp.func
-def _seen(sight: PadSight, link: int, taxel: int):
+def _seen(sight: wp.array2d[int], link: int, taxel: int):
     """Whether a taxel may press."""
     row = taxel // _SIDE
     column = taxel % _SIDE
-    bits = sight.taxels[link, 4 * (row // 4) + column // 4]
+    bits = sight[link, 4 * (row // 4) + column // 4]
     return (bits & (1 << (4 * (row % 4) + column % 4))) != 0
 
 
 @wp.func
 def _pressing(
-    scene: Scene, body: int, pad: Pad, hand: Hand, turns: PadTurns, f: FingerPose, link: int,
+    scene: Scene, body: int, pad: Pad, hand: Hand, turns: wp.array[vec2], f: FingerPose, link: int,
     taxel: int
 ):
     """Force on one taxel [N]."""
@@ -66,8 +66,8 @@ def _pressing(
 
 @wp.func
 def pad_feels(
-    scene: Scene, body: int, pad: Pad, hand: Hand, turns: PadTurns, f: FingerPose, finger: int,
-    link: int, episode: wp.uint64, reading: wp.uint64, sight: PadSight
+    scene: Scene, body: int, pad: Pad, hand: Hand, turns: wp.array[vec2], f: FingerPose,
+    finger: int, link: int, episode: wp.uint64, reading: wp.uint64, sight: wp.array2d[int]
 ):
     """Whether some taxel of a pad reads the threshold: as `read_image` would, less work.
 
@@ -95,8 +95,8 @@ def pad_feels(
 
 @wp.func
 def read_image(
-    scene: Scene, body: int, pad: Pad, hand: Hand, turns: PadTurns, f: FingerPose, finger: int,
-    link: int, episode: wp.uint64, reading: wp.uint64, sight: PadSight,
+    scene: Scene, body: int, pad: Pad, hand: Hand, turns: wp.array[vec2], f: FingerPose,
+    finger: int, link: int, episode: wp.uint64, reading: wp.uint64, sight: wp.array2d[int],
     image: wp.array3d[wp.uint8], i: int
 ):
     """Read a pad into row `i` of `image`; returns the largest count."""
