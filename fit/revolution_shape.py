@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
+
+from fit.rows import rows_of
 
 
 @dataclass(frozen=True)
@@ -25,8 +27,7 @@ class RevolutionBody:
 
     def __getitem__(self, index) -> RevolutionBody:
         """The bodies `index` as a smaller record."""
-        rows = np.atleast_1d(np.arange(len(self))[index])
-        return RevolutionBody(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+        return rows_of(self, np.atleast_1d(np.arange(len(self))[index]))
 
 
 def revolution_volume(body: RevolutionBody) -> Float[np.ndarray, " fit"]:

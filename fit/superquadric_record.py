@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Float, Int
+
+from fit.rows import rows_of
 
 
 @dataclass(frozen=True)
@@ -78,5 +80,4 @@ class SuperquadricFit:
 
     def __getitem__(self, index) -> SuperquadricFit:
         """The fits `index` (a slice, a mask, an array, or a number) as a smaller record."""
-        rows = np.atleast_1d(np.arange(len(self))[index])
-        return SuperquadricFit(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+        return rows_of(self, np.atleast_1d(np.arange(len(self))[index]))

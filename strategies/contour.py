@@ -25,7 +25,10 @@ _PITCH_RAD = np.radians(30)
 _AZIMUTHS_RAD = np.radians([0, 25, -25, 50, -50, 75, -75])
 _BACK_OFF_M = 0.004
 _SHIFT_M = 0.006
-_LOWER_END, _ALL_REACHED = 6.0, 8.0  # see `_reaches`
+_LOW, _HIGH = 2.0, 1.0
+"""What a reachable place of the hand is worth at the lower end, and at the upper one."""
+_LOWER_END = 3 * _LOW  # for both swings, and the way in for one
+_ALL_REACHED = _LOWER_END + 2 * _HIGH
 _LEAST_REACH = 0.75  # wide objects: fingertips short of the axis by this share of the radius
 _FINGERS_PASS = 0.9  # by more, however much the hand is held off, they could pass in front of it
 _WIDEST_HALF_M = 0.041
@@ -204,10 +207,10 @@ class _Follower:
             poses = self._pose(rows)
             behind = poses.copy()
             behind[:, :3] -= self.frame[rows][:, :, 2] * self.o.retreat_m
-            score += 2.0 * hand_reachable(arm, hand, poses)
-            score += 2.0 * hand_reachable(arm, hand, behind) * (turn == 0)
+            score += _LOW * hand_reachable(arm, hand, poses)
+            score += _LOW * hand_reachable(arm, hand, behind) * (turn == 0)
             self.place = high
-            score += hand_reachable(arm, hand, self._pose(rows))
+            score += _HIGH * hand_reachable(arm, hand, self._pose(rows))
         self.section[:] = 0
         return score
 

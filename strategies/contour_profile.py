@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fit.revolution import RevolutionFit, RevolutionOptions, fit_revolution, usable
+from fit.rows import with_rows
 from strategies.contour import ContourExploration
 
 FIT = RevolutionOptions(nodes=10, upright=True)
@@ -37,14 +38,6 @@ class Profile:
     """Of the touches about the contour."""
     fit: RevolutionFit
     """In the frame whose z is the axis as given, its origin that axis' foot."""
-
-    def __getitem__(self, rows: np.ndarray) -> "Profile":
-        """The profiles of the worlds `rows`."""
-        def of(record: Any) -> dict[str, Any]:
-            return {f.name: getattr(record, f.name)[rows] for f in fields(record)
-                    if f.name != "fit"}
-
-        return Profile(**of(self), fit=RevolutionFit(**of(self.fit)))
 
 
 def profile_of(
@@ -166,12 +159,7 @@ def later_profile(old: Profile, new: Profile) -> Profile:
 
 def with_profiles(whole: Profile, rows: np.ndarray, part: Profile) -> Profile:
     """The profiles, those of the worlds `rows` replaced by `part`."""
-    def put(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        a = a.copy()
-        a[rows] = b
-        return a
-
-    return _merged(whole, part, put)
+    return _merged(whole, part, lambda a, b: with_rows(a, rows, b))
 
 
 def _merged(

@@ -52,7 +52,7 @@ class TouchedLinks:
     """Of the place along the axis."""
     radius_m: float
     linked: np.ndarray
-    """Which contacts were felt by tendons, bool (point,); pads know their place already."""
+    """Which contacts were felt by tendons, bool (...); pads know their place already."""
 
 
 def evidence_from_grasps(grasps: Grasps, link_radius_m: float) -> Evidence:
@@ -96,5 +96,5 @@ def touched_links(grasps: Grasps, link_radius_m: float) -> TouchedLinks:
         weight=estimate.link_weight.reshape(worlds, -1, 3),
         variance_m2=estimate.along_variance_m2.reshape(worlds, -1, 3),
         radius_m=link_radius_m,
-        linked=np.ones(estimate.along_m[0, ..., 0].size, bool),
+        linked=np.ones((worlds, estimate.along_m[0, ..., 0].size), bool),
     )

@@ -9,11 +9,12 @@ in the worlds concerned; what was felt before still counts.
 
 from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from fit.rows import put_rows, rows_of, with_rows
 from fit.status import FitStatus
 from fit.superquadric import SuperquadricFit, fit_superquadric
 from strategies.belief import Belief
@@ -27,10 +28,8 @@ from strategies.fusion import (
     CONTOUR_TOUCHES,
     FACE_TOUCHES,
     evidence_from_touches,
-    evidence_rows,
     joined_evidence,
     joined_links,
-    link_rows,
     no_evidence,
     no_links,
 )
@@ -43,9 +42,9 @@ from strategies.recovered import (
     or_told,
     plausible,
     revolution_of,
-    superquadric_rows,
 )
 from strategies.recovery import recover_bodies, refine_bodies
+from strategies.refit import REGROWN, contradicted, explained, felt_by_pads
 from strategies.waypoints import BoundingCylinder
 from strategies.whole_profile import whole_profile
 from warpgrasp.parameters import FitTable
@@ -54,8 +53,6 @@ from warpgrasp.status import ProbeStatus
 
 FEWEST_CONTACTS = 8
 """With fewer contacts no body is fitted."""
-REGROWN = 1.5
-"""A body is fitted from scratch when its contacts have grown by this since that was last done."""
 MOST_STEPS = 64
 """Times a strategy is asked in one episode."""
 TABLE_M = 0.0
@@ -155,8 +152,8 @@ class _Run:
         self.time, self.path = np.zeros(worlds), np.zeros(worlds)
         self.fits = _no_fits(worlds)
         self.count_anew = np.zeros(worlds, int)
-        self.by_pads = np.zeros(worlds, bool)
         self.placed = self.felt
+        self.shape = np.zeros(worlds, int)
         self._conclude(np.arange(worlds))
 
     def take_step(self, planner: Planner) -> None:
@@ -272,7 +269,6 @@ class _Run:
                   no_links(worlds, slots, self.links.radius_m))
         made = np.bincount(found.touches.world, minlength=worlds)
         self.touches += made
-        self.by_pads = self.by_pads | (made > 0)
         self.time += found.time_s
         self.path += found.path_m
         self.procedures.append(Procedure(name, self.step, found, wanted, slots))
@@ -284,36 +280,34 @@ class _Run:
     def _refit(self, rows: np.ndarray) -> None:
         """Bodies of the worlds that felt something new.
 
-        From scratch where the contacts have grown by half since that was last done, or pads felt
-        something; otherwise from the body last fitted.
+        From scratch where links have made half as many contacts again since that was last done, or
+        pads contradict the body; otherwise from the body last fitted, and where a contour explains
+        what pads felt without a rival.
         """
         self.felt = joined_evidence(self.felt, *(evidence for evidence, _ in self.news))
         self.links = joined_links(self.links, *(links for _, links in self.news))
         self.news = []
-        count = self.felt.mask.sum(1)
-        anew = ~self.believed() | (count >= REGROWN * self.count_anew) | self.by_pads
-        self.by_pads = np.zeros_like(self.by_pads)
-        for part, start in ((rows[anew[rows]], None), (rows[~anew[rows]], self.fits)):
+        by_pads = felt_by_pads(self.felt, rows)
+        believed = self.believed()
+        count = (self.felt.mask & ~self.felt.by_pad).sum(1)
+        anew = ~believed | (count > REGROWN * self.count_anew) | contradicted(self.fits, by_pads)
+        turned = believed & explained(self.profile, by_pads)
+        for among, start, table in (
+                (anew & ~turned, False, self.table), (~anew & ~turned, True, self.table),
+                (turned, True, replace(self.table, rivals=False))):
+            part = rows[among[rows]]
             if len(part) == 0:
                 continue
-            evidence = evidence_rows(self.felt, part)
-            links: TouchedLinks | None = link_rows(self.links, part) if self.intrinsic else None
-            if start is None:
-                fits, placed = recover_bodies(evidence, links, self.table)
-                self.count_anew = _with(self.count_anew, part, count[part])
+            felt = rows_of(self.felt, part)
+            links = rows_of(self.links, part) if self.intrinsic else None
+            if start:
+                fits, placed = refine_bodies(felt, links, table, self.fits[part])
             else:
-                fits, placed = refine_bodies(evidence, links, self.table, start[part])
-            self._take(part, fits, placed)
-
-    def _take(self, rows: np.ndarray, fits: SuperquadricFit, placed: Evidence) -> None:
-        """New fits, and the contacts as placed for them, into the rows they are of."""
-        self.fits = SuperquadricFit(**{
-            f.name: _with(getattr(self.fits, f.name), rows, getattr(fits, f.name))
-            for f in fields(SuperquadricFit)})
-        self.placed = _widened(self.placed, self.felt, placed.free_m.shape[1])
-        for f in fields(Evidence):
-            if f.name not in ("free_radius_m", "by_pad"):
-                getattr(self.placed, f.name)[rows] = getattr(placed, f.name)
+                fits, placed = recover_bodies(felt, links, table)
+                self.count_anew = with_rows(self.count_anew, part, count[part])
+            self.fits = with_rows(self.fits, part, fits)
+            self.placed = _widened(self.placed, self.felt, placed.free_m.shape[1])
+            put_rows(self.placed, part, placed)
 
     def believed(self) -> np.ndarray:
         """Worlds whose fit is to be believed, bool (world,)."""
@@ -327,17 +321,19 @@ class _Run:
         profile = None
         if self.profile is not None:
             profile = whole_profile(
-                self.profile[rows], evidence_rows(self.placed, rows), self.contour, self.told[rows])
-            self.whole = with_profiles(self.whole or self.profile, rows, profile)
-        shape = np.zeros(len(fitted), int) if self.step == 0 else self.recovered.shape.copy()
-        shape[rows] = choose_body(
-            fitted[rows], superquadric_rows(body, rows), profile,
-            evidence_rows(self.placed, rows), self.contour).shape
-        self.recovered = Recovered(shape, body, self.whole and revolution_of(self.whole))
+                rows_of(self.profile, rows), rows_of(self.placed, rows), self.contour,
+                rows_of(self.told, rows))
+            before = self.profile if self.whole is None else self.whole
+            self.whole = with_profiles(before, rows, profile)
+        self.shape = with_rows(self.shape, rows, choose_body(
+            fitted[rows], rows_of(body, rows), profile, rows_of(self.placed, rows),
+            self.contour).shape)
+        turned = None if self.whole is None else revolution_of(self.whole)
+        self.recovered = Recovered(self.shape, body, turned)
         self.belief = Belief(
             self.step, self.active.copy(), self.told, self.seed, self.robot.arm,
             self.robot.hand, self.placed, self.fits, fitted, body, tuple(self.faces), self.whole,
-            self.recovered.shape, self.touches.copy(), self.time.copy(), self.path.copy())
+            self.shape, self.touches.copy(), self.time.copy(), self.path.copy())
 
     def status(self) -> np.ndarray:
         """How each world ended."""
@@ -354,15 +350,8 @@ def _no_fits(worlds: int) -> SuperquadricFit:
     return fit_superquadric(np.zeros((worlds, 1, 3)), np.zeros((worlds, 1), bool))
 
 
-def _with(array: np.ndarray, rows: np.ndarray, values: np.ndarray) -> np.ndarray:
-    array = array.copy()
-    array[rows] = values
-    return array
-
-
 def _widened(placed: Evidence, felt: Evidence, free: int) -> Evidence:
-    """The evidence last placed, with empty slots where more has been felt since; arrays of its own.
-    """
+    """The evidence last placed, empty where more has been felt since; arrays of its own."""
     worlds, before = placed.mask.shape
     new = slice(before, None)
     free_m = np.zeros((worlds, free, 3))
@@ -374,4 +363,4 @@ def _widened(placed: Evidence, felt: Evidence, free: int) -> Evidence:
         np.concatenate([placed.mask, np.zeros_like(felt.mask[:, new])], 1),
         np.concatenate([placed.covariance_m2, felt.covariance_m2[:, new]], 1),
         np.concatenate([placed.normals, felt.normals[:, new]], 1),
-        free_m, felt.free_radius_m, free_mask, felt.by_pad)
+        free_m, felt.free_radius_m, free_mask, felt.by_pad.copy())

@@ -75,7 +75,7 @@ def no_links(worlds: int, slots: int, radius_m: float) -> TouchedLinks:
     """For touches of pads: their place needs no link to be told."""
     wide = np.zeros((worlds, slots, 3, 3))
     narrow = np.ones((worlds, slots, 3))
-    return TouchedLinks(wide, wide, narrow, narrow, radius_m, np.zeros(slots, bool))
+    return TouchedLinks(wide, wide, narrow, narrow, radius_m, np.zeros((worlds, slots), bool))
 
 
 def joined_evidence(*parts: Evidence) -> Evidence:
@@ -90,22 +90,5 @@ def joined_links(*parts: TouchedLinks) -> TouchedLinks:
     """The slots of all parts, in order."""
     values: dict[str, Any] = {
         f.name: parts[0].radius_m if f.name == "radius_m" else np.concatenate(
-            [getattr(part, f.name) for part in parts], axis=0 if f.name == "linked" else 1)
-        for f in fields(TouchedLinks)}
-    return TouchedLinks(**values)
-
-
-def evidence_rows(evidence: Evidence, rows: np.ndarray) -> Evidence:
-    """The evidence of some worlds."""
-    values: dict[str, Any] = {
-        f.name: getattr(evidence, f.name) if f.name == "free_radius_m"
-        else getattr(evidence, f.name)[rows] for f in fields(Evidence)}
-    return Evidence(**values)
-
-
-def link_rows(links: TouchedLinks, rows: np.ndarray) -> TouchedLinks:
-    """The links of some worlds."""
-    values: dict[str, Any] = {
-        f.name: getattr(links, f.name) if f.name in ("radius_m", "linked")
-        else getattr(links, f.name)[rows] for f in fields(TouchedLinks)}
+            [getattr(part, f.name) for part in parts], axis=1) for f in fields(TouchedLinks)}
     return TouchedLinks(**values)

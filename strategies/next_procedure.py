@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from fit.rows import rows_of
 from fit.status import FitStatus
 from strategies.belief import Belief
 from strategies.contour import Axis, ContourOptions
-from strategies.fusion import evidence_rows
 from strategies.planar import PlanarOptions
 from strategies.probes import CrossFaces, FollowContour
 from strategies.recovered import Shape
@@ -109,8 +109,8 @@ def turned(belief: Belief, table: DecideTable, rows: np.ndarray) -> np.ndarray:
     """
     if table.turned_within == 0.0 or len(rows) == 0:
         return np.zeros(len(rows), bool)
-    evidence = evidence_rows(belief.evidence, rows)
-    turned_off = revolution_misfit(revolution_of_all(evidence, belief.told[rows]), evidence)
+    evidence, told = rows_of(belief.evidence, rows), rows_of(belief.told, rows)
+    turned_off = revolution_misfit(revolution_of_all(evidence, told), evidence)
     near = turned_off <= table.turned_within * touch_misfit(belief.fits[rows], evidence)
     return near & (turned_off <= table.turned_within_m)
 

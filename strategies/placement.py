@@ -7,7 +7,7 @@ weights of Geman and McClure 1985.
 import numpy as np
 import warp as wp
 
-from warpgrasp.launch import launch
+from warpgrasp.launch import ShapeError, launch
 from warpgrasp.real import ONE, ZERO, real, vec3, vec4
 from warpgrasp.scene import Scene, body_distance_grad
 
@@ -119,6 +119,10 @@ def placed_squares(
     that body. Touches are (world, point, 3), their mask and standard deviations (world, point),
     where bodies start (world, 2). Raises ShapeError where shapes disagree.
     """
+    for name, shape in ("mask", mask.shape), ("sigma_m", sigma_m.shape):
+        if shape != points_m.shape[:2]:
+            raise ShapeError(f"placed squares: {name!r} has shape {shape}, wants "
+                             f"{points_m.shape[:2]}")
     # Most slots are empty: the touches first, in their order.
     first = np.argsort(~mask, axis=1, kind="stable")[:, :max(int(mask.sum(1).max(initial=0)), 1)]
     points_m = np.take_along_axis(points_m, first[..., None], 1)

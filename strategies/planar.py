@@ -24,7 +24,10 @@ from warpgrasp.robot import Robot
 from warpgrasp.status import ProbeStatus
 
 DIRECTIONS = 4  # along u both ways, then along v both ways
-_LEANS = np.array([0, 1, -1, 2, -2, 3, -3, 4]) * 2 * np.pi / 8
+_LEANS = np.radians([0, 45, -45, 90, -90, 135, -135, 180])
+_CROSS = np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]]) * 0.040
+"""Places along u and v [m] that the arm should reach, and the point where it approaches from."""
+_ALL_OF_CROSS = len(_CROSS) + 1
 _SHORTEST_STEP = 0.15
 _TURN_MOST_RAD = np.radians(55)  # a believed normal further off belongs to something else
 
@@ -265,7 +268,7 @@ def choose_lean(
     """
     pose, usable, score = _lean_poses(robot, point, axes, options, _LEANS[:1])
     # No other lean is better than the first one, where that reaches all of the cross.
-    rest = np.flatnonzero(~usable | (score < 6.0))
+    rest = np.flatnonzero(~usable | (score < _ALL_OF_CROSS))
     if len(rest):
         pose[rest], usable[rest], _ = _lean_poses(robot, point[rest], axes[rest], options, _LEANS)
     return pose, usable
@@ -279,8 +282,8 @@ def _lean_poses(
     u, v, normal = axes[:, 0], axes[:, 1], axes[:, 2]
     lean = (-np.cos(leans)[None, :, None] * v[:, None]
             + np.sin(leans)[None, :, None] * u[:, None])
-    cross = np.stack([0 * u, 0.04 * u, -0.04 * u, 0.04 * v, -0.04 * v,
-                      options.stand_off_m * normal], 1)
+    cross = _CROSS[:, :1] * u[:, None] + _CROSS[:, 1:] * v[:, None]
+    cross = np.concatenate([cross, options.stand_off_m * normal[:, None]], 1)
     poses = poking_pose(robot.hand, robot.pads, (point[:, None] + cross)[:, None],
                         -normal[:, None, None], lean[:, :, None])
     reached = hand_reachable(robot.arm, robot.hand, poses)

@@ -1,10 +1,11 @@
 """What explored faces say: planes, whether they are flat, angles and distances between them."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
 from fit.plane import PlaneFit, fit_plane
+from fit.rows import rows_of
 from fit.status import FitStatus
 from strategies.planar import PlanarExploration
 
@@ -42,10 +43,10 @@ def planes_of(
     points, mask = exploration.touches.sets(worlds)
     # Where nothing was felt all worlds are alike: one of them is fitted for all.
     felt = mask.any(1)
-    like = np.where(felt, np.arange(worlds), felt.argmin())
+    like = np.where(felt, np.arange(worlds), np.argmin(felt) if worlds else 0)
     rows, index = np.unique(like, return_inverse=True)
     part = fit_plane(points[rows], mask[rows])
-    fit = PlaneFit(**{f.name: getattr(part, f.name)[index] for f in fields(PlaneFit)})
+    fit = rows_of(part, index)
     outward = np.where((fit.normal * exploration.axes[:, 2]).sum(1) < 0, -1.0, 1.0)
     share = (fit.weight > 0.05).sum(1) / np.maximum(mask.sum(1), 1)
     bow = _bow(exploration, rows)[index]
@@ -55,7 +56,9 @@ def planes_of(
 
 
 def _bow(exploration: PlanarExploration, rows: np.ndarray) -> np.ndarray:
-    """Sagittas of h = a + b u + c v + d u^2 + e v^2 over the touches that face outwards, (row, 2).
+    """Sagittas of h = a + b u + c v + d u^2 + e v^2 over the touches that face outwards.
+
+    `rows` (row,) are worlds; shape (row, 2).
     """
     table, axes = exploration.touches, exploration.axes
     facing = (table.normal * axes[table.world, 2]).sum(1) > np.cos(_FACING_RAD)

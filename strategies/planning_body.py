@@ -11,6 +11,7 @@ from math import pi
 
 import numpy as np
 
+from fit.rows import rows_of
 from fit.status import FitStatus
 from fit.superquadric import SuperquadricOptions, fit_superquadric
 from strategies.belief import Belief
@@ -48,7 +49,7 @@ def planning_belief(
     rows = np.flatnonzero(~trusted & (count > 0) & belief.active)
     if len(rows) == 0:
         return replace(belief, body=body), trusted
-    told = told[rows]
+    told = rows_of(told, rows)
     points = told_surface(told)
     spread = np.tile(TOLD_SIGMA_M**2 * np.eye(3), (*points.shape[:2], 1, 1))
     fits = fit_superquadric(

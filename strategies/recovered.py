@@ -6,6 +6,7 @@ from enum import IntEnum
 import numpy as np
 
 from fit.revolution_shape import RevolutionBody, revolution_distance
+from fit.rows import rows_of
 from fit.superquadric import SuperquadricFit
 from fit.superquadric_shape import Superquadric, SuperquadricLike
 from strategies.body_query import surface_distances
@@ -47,15 +48,6 @@ class Recovered:
     def __len__(self) -> int:
         return len(self.shape)
 
-    def __getitem__(self, rows: np.ndarray) -> "Recovered":
-        """The bodies of the worlds `rows`."""
-        return Recovered(self.shape[rows], superquadric_rows(self.superquadric, rows),
-                         self.revolution and self.revolution[rows])
-
-
-def superquadric_rows(bodies: Superquadric, rows: np.ndarray) -> Superquadric:
-    """The superquadrics of the worlds `rows`."""
-    return Superquadric(*(field[rows] for field in bodies))
 
 
 def same_bodies(one: Recovered, other: Recovered) -> np.ndarray:
@@ -64,7 +56,9 @@ def same_bodies(one: Recovered, other: Recovered) -> np.ndarray:
     for a, b in zip(one.superquadric, other.superquadric, strict=True):
         same &= (a == b).all(1)
     turned = np.flatnonzero(same & (one.shape == Shape.REVOLUTION))
-    if one.revolution is not None and other.revolution is not None:
+    if one.revolution is None or other.revolution is None:
+        same[turned] = one.revolution is other.revolution
+    else:
         for f in fields(RevolutionBody):
             a, b = (getattr(body, f.name)[turned] for body in (one.revolution, other.revolution))
             kept = min(a.shape[1], b.shape[1])
@@ -100,8 +94,8 @@ def choose_body(
     rows = np.flatnonzero(known)
     felt = evidence.mask[rows]
     away = distance_felt(body[rows], evidence.points_m[rows], felt)
-    part = superquadric_rows(superquadric, rows)
-    other = surface_distances(part, evidence.points_m[rows][:, contour], mask[rows])[0]
+    other = surface_distances(
+        rows_of(superquadric, rows), evidence.points_m[rows][:, contour], mask[rows])[0]
     better = _rms(away[:, contour], mask[rows]) < PREFERENCE * _rms(np.abs(other), mask[rows])
     strayed = (felt & (away > CONTRADICTS_M)).sum(1) / np.maximum(felt.sum(1), 1)
     taken = (better & (strayed <= MOST_STRAYED)) | ~fitted[rows]

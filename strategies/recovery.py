@@ -11,12 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from fit.rows import rows_of, with_rows
 from fit.superquadric import SuperquadricFit, SuperquadricOptions, fit_superquadric
 from fit.superquadric_shape import Superquadric, SuperquadricLike
 from strategies.body_query import radial_distances, surface_distances
 from strategies.evidence import Evidence, TouchedLinks
-from strategies.fusion import evidence_rows, link_rows
-from strategies.rivals import CLEARLY, DOUBTED_M, RIVAL, touch_misfit, with_rows
+from strategies.rivals import CLEARLY, DOUBTED_M, RIVAL, touch_misfit
 from warpgrasp.parameters import FitTable
 
 FREE_BALLS = 24
@@ -64,7 +64,7 @@ def _recover(
         iterations = LAST_ITERATIONS if number == rounds - 1 else 0
         for rows, start in ((np.flatnonzero(anew), False), (np.flatnonzero(~anew), True)):
             if len(rows):
-                found = fit_evidence(evidence_rows(placed, rows), table,
+                found = fit_evidence(rows_of(placed, rows), table,
                                      start=fits[rows] if start else None, iterations=iterations)
                 fits = with_rows(fits, rows, found)
     return fits, placed
@@ -95,11 +95,11 @@ def _against_rivals(
     rows = np.flatnonzero((misfit > DOUBTED_M) & placed.mask.any(1) & table.rivals)
     if len(rows) == 0:
         return fits, placed
-    rival, where = _recover(evidence_rows(evidence, rows), links and link_rows(links, rows),
+    rival, where = _recover(rows_of(evidence, rows), rows_of(links, rows),
                             replace(table, residual=RIVAL))
     won = touch_misfit(rival, where) < CLEARLY * misfit[rows]
     return (with_rows(fits, rows[won], rival[won]),
-            with_rows(placed, rows[won], evidence_rows(where, won)))
+            with_rows(placed, rows[won], rows_of(where, won)))
 
 
 def fit_evidence(
@@ -160,22 +160,17 @@ def contacts_placed(
                   + direction[:, :, None] * direction[:, None, :] * variance[:, None, None])
     moved = normal.any(-1) & np.isfinite(points).all(-1)
     there = rows[0][moved], rows[1][moved]
-
-    def put(values: np.ndarray, new: np.ndarray) -> np.ndarray:
-        out = values.copy()
-        out[there] = new[moved]
-        return out
-
     return replace(
-        evidence, points_m=put(evidence.points_m, points),
-        covariance_m2=put(evidence.covariance_m2, covariance),
-        normals=put(evidence.normals, normal))
+        evidence, points_m=with_rows(evidence.points_m, there, points[moved]),
+        covariance_m2=with_rows(evidence.covariance_m2, there, covariance[moved]),
+        normals=with_rows(evidence.normals, there, normal[moved]))
 
 
 def nearest_free(placed: Evidence, evidence: Evidence, body: SuperquadricLike) -> Evidence:
     """`placed` with the free balls of `evidence` that are nearest to `body`."""
     clearance = radial_distances(body, evidence.free_m, evidence.free_mask)
-    chosen = np.argsort(clearance, axis=1)[:, :FREE_BALLS]
+    # Stable, for how ties fall otherwise hangs on the length of the rows.
+    chosen = np.argsort(clearance, axis=1, kind="stable")[:, :FREE_BALLS]
     return replace(
         placed, free_m=np.take_along_axis(evidence.free_m, chosen[..., None], 1),
         free_mask=np.isfinite(np.take_along_axis(clearance, chosen, 1)))

@@ -7,9 +7,6 @@ errs elsewhere. So where a body is doubted it is tried from scratch, and what li
 touches stays.
 """
 
-from dataclasses import fields
-from typing import Any
-
 import numpy as np
 
 from fit.status import FitStatus
@@ -36,15 +33,3 @@ def touch_misfit(fits: SuperquadricFit, placed: Evidence) -> np.ndarray:
     mean = np.where(placed.mask, away, 0.0).sum(1) / np.maximum(count, 1)
     good = np.isin(fits.status, (FitStatus.converged, FitStatus.not_converged)) & (count > 0)
     return np.where(good, mean, np.inf)
-
-
-def with_rows(whole: Any, rows: np.ndarray, part: Any) -> Any:
-    """A record (fits or evidence) whose `rows` (n,) are those of `part`."""
-    values = {}
-    for field in fields(whole):
-        value = getattr(whole, field.name)
-        if isinstance(value, np.ndarray):
-            value = value.copy()
-            value[rows] = getattr(part, field.name)
-        values[field.name] = value
-    return type(whole)(**values)

@@ -32,11 +32,6 @@ class BoundingCylinder:
     radius_m: np.ndarray
     height_m: np.ndarray
 
-    def __getitem__(self, rows: np.ndarray) -> "BoundingCylinder":
-        """The cylinders of the worlds `rows`."""
-        return BoundingCylinder(
-            self.x_m[rows], self.y_m[rows], self.radius_m[rows], self.height_m[rows])
-
 
 def _number(default: Any, low: float, high: float, doc: str) -> Any:
     return field(default=default, metadata={"low": low, "high": high, "doc": doc})

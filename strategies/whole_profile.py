@@ -11,9 +11,9 @@ import numpy as np
 
 from fit.revolution import RevolutionFit, RevolutionOptions, fit_revolution, usable
 from fit.revolution_shape import RevolutionBody
+from fit.rows import rows_of, with_rows
 from strategies.contour_profile import Profile
 from strategies.evidence import Evidence
-from strategies.fusion import evidence_rows
 from strategies.recovered import distance_felt
 from strategies.waypoints import TOLD_MARGIN_M, BoundingCylinder
 
@@ -66,7 +66,7 @@ def whole_profile(
     rows = np.flatnonzero(followed & ((low > COVERED[0]) | (high < COVERED[1])))
     if len(rows) == 0:
         return profile
-    fit = revolution_of_all(evidence_rows(evidence, rows), told[rows])
+    fit = revolution_of_all(rows_of(evidence, rows), rows_of(told, rows))
     body = body_of_fit(fit)
     good = usable(fit)
     rows, body = rows[good], body[good]
@@ -75,21 +75,11 @@ def whole_profile(
     def widened(nodes: np.ndarray) -> np.ndarray:
         return np.pad(nodes, ((0, 0), (0, width - nodes.shape[1])), constant_values=np.nan)
 
-    height, radius = widened(profile.height_m), widened(profile.radius_m)
-    height[rows], radius[rows] = widened(body.height_m), widened(body.radius_m)
-
-    def with_rows(whole: np.ndarray, part: np.ndarray) -> np.ndarray:
-        whole = whole.copy()
-        whole[rows] = part
-        return whole
-
-    return replace(
-        profile, foot_m=with_rows(profile.foot_m, body.foot_m),
-        axis=with_rows(profile.axis, body.axis), height_m=height, radius_m=radius,
-        volume_m3=with_rows(profile.volume_m3, fit.volume_m3[good]),
-        largest_radius_m=with_rows(profile.largest_radius_m, body.radius_m.max(1)),
-        length_m=with_rows(profile.length_m, fit.height_m[good]),
-        rms_m=with_rows(profile.rms_m, fit.rms_m[good]))
+    wide = replace(profile, height_m=widened(profile.height_m), radius_m=widened(profile.radius_m))
+    return with_rows(wide, rows, Profile(
+        body.foot_m, body.axis, widened(body.height_m), widened(body.radius_m),
+        fit.volume_m3[good], body.radius_m.max(1), fit.height_m[good], fit.rms_m[good],
+        rows_of(profile.fit, rows)))
 
 
 def contour_span(

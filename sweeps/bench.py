@@ -69,10 +69,13 @@ def bench(out: Path, *, quick: bool, peers: bool, only: Collection[str] = ()) ->
 
     The lines go to stdout too. Raises StoreError for a name that no row has.
     """
-    names = dict.fromkeys([row[0] for row in rows(quick=False, peers=True)] + ["start"])
+    names = dict.fromkeys([row[0] for row in rows(quick=quick, peers=peers)] + ["start"])
     for name in only:
         if name not in names:
-            raise StoreError(f"--only: no row {name!r}; {choose(name, names)}")
+            others = {row[0] for row in rows(quick=False, peers=True)}
+            raise StoreError(f"--only: no row {name!r}" + (
+                " with --quick or without --peers" if name in others else
+                f"; {choose(name, names)}"))
     head = {**describe_environment("cpu"), "when": datetime.now(UTC).isoformat(timespec="seconds"),
             "cores": os.cpu_count(), "load": [round(v, 1) for v in os.getloadavg()]}
     lines = [{"row": "environment", **head}]

@@ -7,15 +7,19 @@ from cyclopts import CycloptsError
 
 from sweeps import cli_explore, cli_look, cli_machine, cli_measure, cli_study
 from sweeps.cli_app import UsageError, app
+from sweeps.exit_code import BAD_USAGE, INTERRUPTED, OTHER_SPEC, SOME_FAILED
 
 # Imported for the commands that they add to the app.
 GROUPS = (cli_study, cli_look, cli_explore, cli_measure, cli_machine)
 
+GARBAGE_AFTER = (100_000, 20, 20)
+"""Objects made before the youngest are searched for garbage, and searches before older ones are.
+Imports make many objects and no garbage: Python's own 700 cost a tenth of a command's time."""
+
 
 def main(arguments: list[str] | None = None) -> None:
     """The entry point: runs a command and exits with its code."""
-    # Imports make many objects and no garbage; looking for it took a tenth of a command's time.
-    gc.set_threshold(100_000, 20, 20)
+    gc.set_threshold(*GARBAGE_AFTER)
     sys.exit(run(sys.argv[1:] if arguments is None else arguments))
 
 
@@ -35,7 +39,7 @@ def run(arguments: list[str]) -> int:
         return _refuse(f"warpgrasp: {error}")
     except KeyboardInterrupt:
         print("interrupted; what was finished is kept", file=sys.stderr)
-        return 130
+        return INTERRUPTED
     except BrokenPipeError:
         return 0
     except Exception as error:
@@ -51,18 +55,18 @@ def _explain(error: Exception) -> int:
     if isinstance(error, SpecError):
         return _refuse(str(error))
     if isinstance(error, OtherStudy):
-        return _refuse(str(error), 3)
+        return _refuse(str(error), OTHER_SPEC)
     if isinstance(error, StoreError):
         return _refuse(str(error), error.exit_code)
     if isinstance(error, OSError):
-        return _refuse(f"{error.filename or 'warpgrasp'}: {error.strerror or error}", 1)
+        return _refuse(f"{error.filename or 'warpgrasp'}: {error.strerror or error}", SOME_FAILED)
     if type(error).__name__ in ("LeaderboardError", "ObjectError", "BodyError", "WaypointError",
                                 "PointsError"):
         return _refuse(str(error))
     raise error
 
 
-def _refuse(text: str, code: int = 2) -> int:
+def _refuse(text: str, code: int = BAD_USAGE) -> int:
     print(text, file=sys.stderr)
     return code
 

@@ -10,6 +10,7 @@ from types import FrameType
 from typing import Any
 
 from sweeps.atomic import write_atomic
+from sweeps.exit_code import DONE, SOME_FAILED
 from sweeps.leaderboard import Leaderboard, make_leaderboard
 from sweeps.opened import open_study, plan_of
 from sweeps.plan import Plan, plan_study
@@ -22,7 +23,6 @@ from sweeps.table import print_table
 from sweeps.work import Outcome
 from sweeps.worker import EPISODES
 
-DONE, SOME_FAILED, BAD_USAGE, OTHER_SPEC, INTERRUPTED = 0, 1, 2, 3, 130
 # Columns that fit a terminal; the file has them all.
 SHOWN = ("rank", "strategy", "_ci_low", "_ci_high", "p_best", "iou", "recognized", "touches",
          "robot_time_s", "failure_rate", "n_objects", "n_episodes")

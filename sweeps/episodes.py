@@ -142,9 +142,12 @@ def run_block(cell: Cell, episodes: np.ndarray, device: str) -> EpisodeBlock:
     moments: list[Moment] = []
 
     def observe(belief: Belief, recovered: Recovered) -> None:
-        scores = score_recovered(recovered, body, body_pose, device=device) if not moments else (
-            scores_again(recovered, moments[-1].recovered, moments[-1].scores, body, body_pose,
-                         device=device))
+        if moments:
+            last = moments[-1]
+            scores = scores_again(recovered, last.recovered, last.scores, body, body_pose,
+                                  device=device)
+        else:
+            scores = score_recovered(recovered, body, body_pose, device=device)
         moments.append(Moment(belief.touches, belief.time_s, scores, recovered))
 
     planner, fault = _planner(cell, robot, told)

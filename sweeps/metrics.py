@@ -19,9 +19,10 @@ from fit.revolution_shape import (
     revolution_volume,
 )
 from fit.rotation import matrix_of_quaternion, quaternion_of_matrix
+from fit.rows import rows_of, with_rows
 from fit.superquadric_shape import Superquadric, SuperquadricLike, superquadric_volume
 from strategies.body_query import bodies_on
-from strategies.recovered import Recovered, Shape, same_bodies, superquadric_rows
+from strategies.recovered import Recovered, Shape, same_bodies
 from sweeps.surface_elements import TILE, surface_elements
 from warpgrasp.body import Body, distance_to_bodies, scene_of
 from warpgrasp.body_sample import BodySample, sample_body
@@ -190,7 +191,7 @@ def score_recovered(
     turned, others = np.flatnonzero(round_), np.flatnonzero(~round_)
     parts: list[_Surface] = []
     if len(others) or not len(turned):
-        parts.append(_superquadrics(superquadric_rows(recovered.superquadric, others), sample,
+        parts.append(_superquadrics(rows_of(recovered.superquadric, others), sample,
                                     body_pose[others], device))
     if len(turned) and recovered.revolution is not None:
         parts.append(_revolutions(recovered.revolution[turned], sample, body_pose[turned]))
@@ -208,11 +209,8 @@ def scores_again(
     rows = np.flatnonzero(~same_bodies(recovered, before))
     if len(rows) == 0:
         return scores
-    part = score_recovered(recovered[rows], body, body_pose[rows], device=device)
-    values = {f.name: getattr(scores, f.name).copy() for f in fields(Scores)}
-    for name, value in values.items():
-        value[rows] = getattr(part, name)
-    return Scores(**values)
+    part = score_recovered(rows_of(recovered, rows), body, body_pose[rows], device=device)
+    return with_rows(scores, rows, part)
 
 
 def _superquadrics(

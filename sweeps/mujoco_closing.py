@@ -22,7 +22,6 @@ _IMPEDANCE = 0.9
 _STILL_RAD_S = 1e-4
 _STEPS_BETWEEN_LOOKS = 10
 _MOST_STEPS = 600
-_JOINTS = 16
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from fit.rows import rows_of
 from fit.superquadric_shape import Superquadric
 from strategies.evidence import evidence_from_grasps, touched_links
 from strategies.exploration import FEWEST_CONTACTS
-from strategies.fusion import evidence_rows, link_rows
 from strategies.postures import PINCH_OPEN_RAD, POKE_RAD
 from strategies.recovered import Recovered, Shape
 from strategies.recovery import recover_bodies
@@ -191,10 +191,10 @@ def refits(cell: Cell, grasps: Grasps, world: int) -> list[np.ndarray | None]:
              if cell.sensors.contact_estimator == "intrinsic" else None)
     probes = one.closing.status.shape[1]
     copies = np.zeros(probes, int)
-    every = evidence_rows(evidence, copies)
+    every = rows_of(evidence, copies)
     every = replace(every, mask=every.mask & _so_far(every.mask.shape),
                     free_mask=every.free_mask & _so_far(every.free_mask.shape))
-    fits, _ = recover_bodies(every, None if links is None else link_rows(links, copies), cell.fit)
+    fits, _ = recover_bodies(every, rows_of(links, copies), cell.fit)
     grids: list[np.ndarray | None] = []
     last = 0
     for probe, count in enumerate(every.mask.sum(axis=1)):

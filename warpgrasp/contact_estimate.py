@@ -28,7 +28,7 @@ from warpgrasp.utah_mit_hand import (
     hand_of,
 )
 
-# Loops over the grid of places are not unrolled: that would be two hundred copies of `_gather`.
+# Loops over the grid of places are not unrolled: they would be copied for every place.
 wp.set_module_options({"max_unroll": 1})
 
 FINGERTIP_SIGMA_M = 0.006
@@ -36,21 +36,20 @@ FINGERTIP_SIGMA_M = 0.006
 
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
 _NAN = wp.constant(real(float("nan")))
-_ALONG = wp.constant(24)  # places along a link
-_AROUND = wp.constant(13)  # places around the palmar half
-_CAP = wp.constant(5)  # rings of the tip's cap
+ALONG, AROUND, CAP = 24, 13, 5
+"""Places along a link, around its palmar half, and rings of the tip's cap."""
+_ALONG, _AROUND, _CAP = wp.constant(ALONG), wp.constant(AROUND), wp.constant(CAP)
 # Warp turns a constant that is cast in one place into a real everywhere: have both kinds.
-_AROUND_REAL = wp.constant(real(13))
-_CAP_REAL = wp.constant(real(5))
-_vec13 = wp.types.vector(length=13, dtype=real)
-_vec5 = wp.types.vector(length=5, dtype=real)
-_TURNS = np.pi * ((np.arange(13) + 0.5) / 13 - 0.5)
-_UPS = 0.5 * np.pi * (np.arange(5) + 0.5) / 5
-_AROUND_COS = wp.constant(_vec13(*np.cos(_TURNS)))
-_AROUND_SIN = wp.constant(_vec13(*np.sin(_TURNS)))
-_CAP_COS = wp.constant(_vec5(*np.cos(_UPS)))
-_CAP_SIN = wp.constant(_vec5(*np.sin(_UPS)))
-_STEP = wp.constant(real(1.0 / 24.0))
+_AROUND_REAL, _CAP_REAL = wp.constant(real(AROUND)), wp.constant(real(CAP))
+_STEP = wp.constant(real(1.0 / ALONG))
+_around_vec = wp.types.vector(length=AROUND, dtype=real)
+_cap_vec = wp.types.vector(length=CAP, dtype=real)
+_TURNS = np.pi * ((np.arange(AROUND) + 0.5) / AROUND - 0.5)
+_UPS = 0.5 * np.pi * (np.arange(CAP) + 0.5) / CAP
+_AROUND_COS = wp.constant(_around_vec(*np.cos(_TURNS)))
+_AROUND_SIN = wp.constant(_around_vec(*np.sin(_TURNS)))
+_CAP_COS = wp.constant(_cap_vec(*np.cos(_UPS)))
+_CAP_SIN = wp.constant(_cap_vec(*np.sin(_UPS)))
 _TINY = wp.constant(real(1e-300))
 _DEEPEST = wp.constant(real(40.0))  # places that explain so much less than the best are left out
 _RELATIVE = wp.constant(real(0.03))  # model error of a torque, of the largest [est]
@@ -285,7 +284,7 @@ def _estimate_kernel(
     cov = post.second / post.weight - wp.outer(mean, mean)
     # The grid's own cell, the joint angles read (each turning the tip), and the arm's pose.
     lever = wp.length(mean - f.p1)
-    floor = (length_cell(hand) * length_cell(hand) / real(12.0) + pose_variance
+    floor = (_length_cell(hand) * _length_cell(hand) / real(12.0) + pose_variance
              + angle_variance * lever * lever)
     cov = cov + unit * floor
     rot = wp.quat_to_matrix(wp.transform_get_rotation(pose))
@@ -303,7 +302,7 @@ def _estimate_kernel(
 
 
 @wp.func
-def length_cell(hand: Hand):
+def _length_cell(hand: Hand):
     """Widest cell of the posterior's grid along a link [m]."""
     return wp.max(hand.link_length[0], wp.max(hand.link_length[1], hand.link_length[2])) / real(
         _ALONG)

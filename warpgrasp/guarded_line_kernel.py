@@ -7,6 +7,7 @@ first-passage law. A false yield (joint noise past `yield_rad`, five sigma by de
 import warp as wp
 
 from warpgrasp.counter_random import Purpose, counter_key, counter_normal, counter_uniform
+from warpgrasp.finger_energy import worst_of
 from warpgrasp.hand_clearance import finger_clearance, palm_clearance
 from warpgrasp.link_nearest import LINK_SAMPLES, link_nearest
 from warpgrasp.pad_rest import pad_rest
@@ -128,6 +129,14 @@ def _others_free(
 def _tip(hand: Hand, pose: transform, finger: int, q: vec4):
     f = finger_pose(hand, wp.transform_multiply(pose, finger_base(hand, finger)), q)
     return f.p4
+
+
+@wp.func
+def _joints_read(q: vec4, noise: real, reading: wp.uint64):
+    """Joint angles as the encoders say."""
+    return q + noise * vec4(
+        counter_normal(counter_key(reading, 0)), counter_normal(counter_key(reading, 1)),
+        counter_normal(counter_key(reading, 2)), counter_normal(counter_key(reading, 3)))
 
 
 @wp.kernel(enable_backward=False)
@@ -258,12 +267,10 @@ def line_kernel(
         else:
             q = command
             moved = int(0)
-        for j in range(4):
-            read[j] = q[j] + joint_noise * counter_normal(
-                counter_key(counter_key(reader, s), j))
         lag = real(0.0)
-        for j in range(4):
-            lag = wp.max(lag, wp.abs(read[j] - command[j]))
+        if free <= ZERO:
+            read = _joints_read(q, joint_noise, counter_key(reader, s))
+            lag = worst_of(read - command)
         if until_release == 0 and s == 0 and free <= ZERO and (
                 lag > pad.yield_angle or others <= ZERO):
             status = _COLLISION
@@ -300,6 +307,8 @@ def line_kernel(
                 break
         s += ahead
         others -= arm_step * real(ahead)
+    if moved == 0:
+        read = _joints_read(q, joint_noise, counter_key(reader, s))
 
     if status != _CONTACT and status != _BLOCKED:
         felt_link = int(-1)  # a pad's image is read of a touch or a block alone

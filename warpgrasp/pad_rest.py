@@ -10,23 +10,30 @@ import warp as wp
 from warpgrasp.finger_energy import Rest, finger_energy, rest_from, worst_of
 from warpgrasp.link_nearest import LINK_SAMPLES
 from warpgrasp.pad_sight import (
+    SIGHT_MARGIN,
     PadSight,
     PadTurns,
     pad_in_sight,
     rows_in_sight,
     sight_holds,
-    sight_margin,
     taxel_place,
     taxel_row,
 )
-from warpgrasp.real import HALF, ZERO, mat44, real, vec3, vec4
+from warpgrasp.real import HALF, ONE, ZERO, mat44, real, vec3, vec4
 from warpgrasp.scene import Scene, stand_distance, stand_distance_grad
 from warpgrasp.tactile_pad import Pad
 from warpgrasp.utah_mit_hand import Hand, finger_jacobian, finger_pose
 
 _ITERATIONS = wp.constant(30)
-_HALVINGS = wp.constant(12)
+_SHORTENED = wp.constant(12)
 _GRADIENT = wp.constant(real(1e-6))  # [N m]: some 1e-5 N at the tip, a taxel feels 1e-2 N
+_LAST_GRADIENT = wp.constant(real(1e-4))  # [N m]: a step from there leaves less than _GRADIENT
+_TWO = wp.constant(real(2.0))
+_STEEPEST = wp.constant(real(0.75))  # (n - 1) / n of n = 4
+_LEFT = wp.constant(real(1e-3))  # share of a spring's depth, least
+_LONGEST = wp.constant(real(3.0))  # steps of Newton's
+_LEAST_BACK = wp.constant(real(0.2))  # of a step that led uphill
+_MOST_BACK = wp.constant(real(0.85))
 
 
 @wp.struct
@@ -89,7 +96,7 @@ def pad_rest_energy(
                                         rest.skin.gradient -= jt * load
                                         rest.pad_force += load
                                         h += wp.outer(jt, jt) * pad.stiffness
-                                    elif d >= sight_margin():
+                                    elif d >= SIGHT_MARGIN:
                                         seen = seen ^ bit
                 if look == 1:
                     rest.sight.taxels[link, block] = seen
@@ -98,17 +105,49 @@ def pad_rest_energy(
 
 
 @wp.func
+def _least_along(hand: Hand, command: vec4, rest: PadRest, way: vec4):
+    """How far along `way`, in units of it, the energy should be least, as seen from `rest`.
+
+    Springs let go on the way out, so what they hold falls faster than a Newton step reckons: as
+    (1 - r t)^n, n and r by its first two slopes (n is 2 where the same springs bear, 3 for the
+    growing patch of a round thing). 0 where nothing bears, or what bears would not fall so.
+    """
+    lag = command - rest.skin.q
+    servo_slope = -hand.stiffness * wp.dot(lag, way)
+    servo_curve = hand.stiffness * wp.dot(way, way)
+    energy = rest.skin.energy - HALF * hand.stiffness * wp.dot(lag, lag)
+    slope = wp.dot(rest.skin.gradient, way) - servo_slope
+    curve = wp.dot(way, rest.hessian * way) - servo_curve
+    if slope >= ZERO or energy * curve >= _STEEPEST * slope * slope:
+        return ZERO
+    n = ONE / (ONE - energy * curve / (slope * slope))
+    r = -slope / (n * energy)
+    t = -(servo_slope + slope) / (servo_curve + curve)
+    for _newton in range(3):
+        left = wp.max(ONE - r * t, _LEFT)
+        power = wp.pow(left, n - _TWO)
+        t -= (servo_slope + servo_curve * t + slope * power * left) / (
+            servo_curve + curve * power)
+    return t
+
+
+@wp.func
 def pad_rest(
     scene: Scene, body: int, hand: Hand, pad: Pad, turns: PadTurns, base: wp.transformd,
     command: vec4, start: vec4
 ):
-    """The rest configuration for a command, descending from `start`; the energy never rises."""
+    """The rest configuration for a command, descending from `start`; the energy never rises.
+
+    Newton's steps; the first from where springs bear goes on as far as they let go (one longer step
+    saves two), and the last, so small that none would follow, is taken without a look.
+    """
     rest = PadRest()
     rest.skin = rest_from(start)
     sight = PadSight()
     step = vec4(ZERO, ZERO, ZERO, ZERO)
     scale = real(1.0)
-    halvings = int(0)
+    shortened = int(0)
+    lengthened = int(0)
     for k in range(_ITERATIONS):
         q = rest.skin.q + step * scale
         look = int(1)
@@ -117,13 +156,26 @@ def pad_rest(
         trial = pad_rest_energy(scene, body, hand, pad, turns, base, command, q, rest.skin,
                                 wp.where(k == 0, LINK_SAMPLES, 0), sight, look)
         sight = trial.sight
-        halvings += 1
-        scale = scale * HALF
         if k == 0 or trial.skin.energy < rest.skin.energy:
             rest = trial
-            halvings = int(0)
-            scale = real(1.0)
             step = -(wp.inverse(rest.hessian) * rest.skin.gradient)
-        if worst_of(rest.skin.gradient) < _GRADIENT or halvings >= _HALVINGS:
-            break
+            scale = real(1.0)
+            if lengthened == 0:
+                scale = wp.clamp(_least_along(hand, command, rest, step), ONE, _LONGEST)
+                lengthened = int(scale > ONE)
+            if shortened > 0 and rest.pad_force == ZERO and wp.max(rest.skin.depth) <= ZERO:
+                scale = HALF  # nothing bears: the whole step goes where the last one failed
+            shortened = int(0)
+            if worst_of(rest.skin.gradient) < _GRADIENT:
+                break
+            if worst_of(rest.skin.gradient) < _LAST_GRADIENT and scale == ONE and (
+                    sight_holds(pad, hand, sight, rest.skin.q + step)):
+                rest.skin.q += step
+                break
+        else:
+            shortened += 1
+            back = _least_along(hand, command, trial, step * -scale)
+            scale *= ONE - wp.where(back > ZERO, wp.clamp(back, _LEAST_BACK, _MOST_BACK), HALF)
+            if shortened >= _SHORTENED:
+                break
     return rest

@@ -16,12 +16,12 @@ from warpgrasp.tactile_pad import (
     pad_column,
     pad_near,
     pad_point,
-    pad_row,
     pad_row_bent,
 )
 from warpgrasp.utah_mit_hand import FingerPose, Hand
 
-_MARGIN = wp.constant(real(3e-4))  # [m]
+SIGHT_MARGIN = wp.constant(real(3e-4))
+"""A taxel farther off than this [m] is left out."""
 _BLOCKS = wp.constant(4)  # 4 x 4 blocks of 4 x 4 taxels, each skipped by one distance
 _SIDE = wp.constant(16)
 _SIDE_REAL = wp.constant(real(16.0))
@@ -50,8 +50,10 @@ class PadTurns:
 
     columns: _Turns
     rows: _Turns
-    middles: mat42
-    """Columns in the middles of blocks."""
+    middle_columns: mat42
+    """Turns of columns in the middles of blocks."""
+    middle_rows: mat42
+    """Bends of rows there."""
 
 
 @wp.func
@@ -67,8 +69,11 @@ def pad_turns(pad: Pad, hand: Hand):
         turns.rows[k, 1] = b[1]
     for k in range(_BLOCKS):
         c = pad_column(pad, hand, _MIDDLE + real(4 * k))
-        turns.middles[k, 0] = c[0]
-        turns.middles[k, 1] = c[1]
+        turns.middle_columns[k, 0] = c[0]
+        turns.middle_columns[k, 1] = c[1]
+        d = pad_bend(pad, hand, _MIDDLE + real(4 * k))
+        turns.middle_rows[k, 0] = d[0]
+        turns.middle_rows[k, 1] = d[1]
     return turns
 
 
@@ -85,12 +90,6 @@ def taxel_place(pad: Pad, hand: Hand, f: FingerPose, row: PadRow, column: int, t
 
 
 @wp.func
-def sight_margin():
-    """A taxel farther off than this is left out [m]."""
-    return _MARGIN
-
-
-@wp.func
 def rows_in_sight(
     scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, link: int, block: int,
     turns: PadTurns
@@ -99,14 +98,15 @@ def rows_in_sight(
     pitch = pad.length / _SIDE_REAL
     width = pad.width / _SIDE_REAL
     top = 4 * (block // _BLOCKS)
-    column = turns.middles[block % _BLOCKS]
+    column = turns.middle_columns[block % _BLOCKS]
     bits = int(0)
-    middle = pad_point(pad, hand, f, pad_row(pad, hand, f, link, real(top) + _MIDDLE), column).x
-    if stand_distance(scene, body, middle) < _MARGIN + _MIDDLE * wp.sqrt(
+    row = pad_row_bent(pad, hand, f, link, real(top) + _MIDDLE, turns.middle_rows[block // _BLOCKS])
+    middle = pad_point(pad, hand, f, row, column).x
+    if stand_distance(scene, body, middle) < SIGHT_MARGIN + _MIDDLE * wp.sqrt(
             pitch * pitch + width * width):
         for i in range(4):
             x = pad_point(pad, hand, f, taxel_row(pad, hand, f, link, top + i, turns), column).x
-            if stand_distance(scene, body, x) < _MARGIN + _MIDDLE * width:
+            if stand_distance(scene, body, x) < SIGHT_MARGIN + _MIDDLE * width:
                 bits = bits | (15 << (4 * i))
     return bits
 
@@ -119,10 +119,10 @@ def sight_holds(pad: Pad, hand: Hand, sight: PadSight, q: vec4):
     for link in range(3):
         turned += wp.abs(q[link + 1] - sight.q[link + 1])
         travel += turned * hand.link_length[link]
-    return travel + turned * (hand.link_radius + pad.thickness) < _MARGIN
+    return travel + turned * (hand.link_radius + pad.thickness) < SIGHT_MARGIN
 
 
 @wp.func
 def pad_in_sight(scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, link: int):
     """Whether any taxel of a link's pad may come into sight."""
-    return pad_near(scene, body, pad, hand, f, link, _MARGIN)
+    return pad_near(scene, body, pad, hand, f, link, SIGHT_MARGIN)

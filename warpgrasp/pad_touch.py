@@ -9,7 +9,7 @@ from warpgrasp.scene import Scene
 from warpgrasp.tactile_pad import (
     Pad,
     noise_draw,
-    noise_reaches,
+    noise_limit,
     pad_taxel_key,
     taxel_count,
     taxel_force,
@@ -80,7 +80,7 @@ def pad_feels(
                     pad, force, pad_taxel_key(episode, finger, link, taxel),
                     counter_key(reading, taxel))) >= pad.threshold:
                 return True
-    most = noise_reaches(pad)
+    most = noise_limit(pad)
     for taxel in range(_SIDE * _SIDE):
         key = counter_key(reading, taxel)
         if noise_draw(key) < most:

@@ -242,7 +242,7 @@ def taxel_count(pad: Pad, force: real, taxel_key: wp.uint64, reading_key: wp.uin
 
 
 @wp.func
-def noise_reaches(pad: Pad):
+def noise_limit(pad: Pad):
     """An unloaded taxel reads less than the threshold unless its `noise_draw` is below this."""
     least = (wp.ceil(pad.threshold) - HALF) / wp.max(pad.noise, real(1e-9))
     return wp.exp(-HALF * least * least)

@@ -4,18 +4,16 @@ Compilers may unroll a loop over lanes unevenly and contract sums and products o
 rest: rounding then hangs on the neighbours, and a study on what its workers ran together.
 """
 
+from collections.abc import Callable
+from dataclasses import fields
+from typing import Any
+
 import numpy as np
 import pytest
 
-from fit.batch import GROUP, take
-from fit.descent import advance
-from fit.prepare import prepare
-from fit.revolution import RevolutionOptions
-from fit.revolution import _problem as revolution_problem
-from fit.revolution_model import Lane
-from fit.superquadric_body import Form
-from fit.superquadric_descent import _problem, begin_starts
-from fit.superquadric_record import SuperquadricOptions
+from fit.batch import GROUP
+from fit.revolution import RevolutionOptions, fit_revolution
+from fit.superquadric import SuperquadricOptions, fit_superquadric
 
 SETS = 64
 
@@ -30,43 +28,31 @@ def touches() -> np.ndarray:
     return points * size + size * [0.0, 0.0, 1.0] + 2e-3 * rng.normal(size=points.shape)
 
 
-def descents_of_rolled_groups(problem, theta, lanes, iterations: int):
-    yield advance(problem, theta, lanes, iterations)
-    order = np.arange(len(theta)).reshape(-1, GROUP)
+def assert_bits_hang_on_no_place(fit: Callable[[np.ndarray], Any]) -> None:
+    """`fit` of sets [row] gives each the same bits wherever it stands in its group."""
+    first = fit(np.arange(SETS))
     for places in (1, 5, 8, 12):
-        rows = np.roll(order, places, axis=1).ravel()
-        found = advance(problem, theta[rows], take(lanes, rows), iterations)
-        yield take(found, np.argsort(rows))
+        rows = np.roll(np.arange(SETS).reshape(-1, GROUP), places, axis=1).ravel()
+        other = fit(rows)
+        for field in fields(first):
+            assert np.array_equal(getattr(other, field.name), getattr(first, field.name)[rows],
+                                  equal_nan=field.name != "status"), field.name
 
 
 @pytest.mark.parametrize("residual", ["solina", "radial", "volume_distance"])
 def test_superquadrics(residual) -> None:
-    form = Form(True, False, residual, "cauchy")
     rng = np.random.default_rng(7)
     balls = rng.normal(size=(SETS, 24, 3))
     balls *= 0.09 / np.linalg.norm(balls, axis=2, keepdims=True)
     points = touches()
-    _, sets = next(prepare(points, None, table_z=0.0, free_points=balls,
-                           free_radius=0.008).buckets())
-    lanes, theta = begin_starts(sets, form, SuperquadricOptions(
-        taper=True, loss="cauchy", upright_std_rad=0.02))
-    for iterations in (0, 3):
-        first, *others = descents_of_rolled_groups(
-            _problem(form), theta.reshape(-1, theta.shape[-1]), lanes, iterations)
-        for other in others:
-            assert np.array_equal(other.theta, first.theta)
-            assert np.array_equal(other.cost, first.cost)
+    options = SuperquadricOptions(taper=True, loss="cauchy", residual=residual,
+                                  upright_std_rad=0.02, iterations=0)
+    assert_bits_hang_on_no_place(lambda rows: fit_superquadric(
+        points[rows], table_z=0.0, free_points=balls[rows], free_radius=0.008, options=options))
 
 
 def test_surfaces_of_revolution() -> None:
+    points = touches()
     options = RevolutionOptions(nodes=10, upright=True)
-    _, sets = next(prepare(touches(), None, table_z=0.0).buckets())
-    theta = np.zeros((SETS, 16))
-    theta[:, 4:6] = [-1.0, 1.0]
-    weight = sets.mask / np.sqrt(sets.count)[:, None]
-    plane = np.concatenate([sets.plane, np.ones((SETS, 1))], axis=1)
-    lanes = Lane(np.moveaxis(sets.points, 2, 1).copy(), weight, np.tile(np.eye(3), (SETS, 1, 1)),
-                 0.1 / np.sqrt(sets.count), plane)
-    first, *others = descents_of_rolled_groups(revolution_problem(options), theta, lanes, 8)
-    for other in others:
-        assert np.array_equal(other.theta, first.theta)
+    assert_bits_hang_on_no_place(
+        lambda rows: fit_revolution(points[rows], table_z=0.0, options=options))

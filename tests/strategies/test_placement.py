@@ -3,11 +3,13 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from strategies.placement import CAP, ITERATIONS, placed_squares
 from strategies.recognition import Recognizer
 from warpgrasp.body import Body, distance_to_bodies, scene_of
 from warpgrasp.catalogue import body_from_name, body_from_table
+from warpgrasp.launch import ShapeError
 
 SIGMA_M = 0.002
 
@@ -72,3 +74,14 @@ def test_only_turns_that_change_a_body_are_tried() -> None:
     known = Recognizer({"block": body_from_name("block"), "bottle": body_from_name("wine_bottle"),
                         "square": body_from_table(square, Path())})
     assert [len(starts) for starts in known.turns] == [6, 1, 3]
+
+
+@pytest.mark.parametrize(("name", "points", "mask", "sigma"), [
+    ("mask", 12, 10, 12), ("mask", 10, 12, 10), ("sigma_m", 12, 12, 10)])
+def test_touches_and_what_belongs_to_them_are_as_many(
+    name: str, points: int, mask: int, sigma: int
+) -> None:
+    scene = scene_of([body_from_name("block")], "cpu")
+    with pytest.raises(ShapeError, match=f"'{name}'"):
+        placed_squares(scene, [np.zeros(1)], np.zeros((2, points, 3)), np.ones((2, mask), bool),
+                       np.ones((2, sigma)), np.zeros((2, 2)), device="cpu")

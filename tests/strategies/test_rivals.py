@@ -7,7 +7,7 @@ from beliefs import BODY, belief, on_side
 
 from fit.superquadric import fit_superquadric
 from strategies.recovery import recover_bodies
-from strategies.rivals import FARTHEST_M, touch_misfit, with_rows
+from strategies.rivals import FARTHEST_M, touch_misfit
 from warpgrasp.parameters import FitTable
 
 
@@ -19,14 +19,6 @@ def test_misfit_is_the_capped_mean_distance() -> None:
     assert np.allclose(touch_misfit(needle, evidence), FARTHEST_M)
     failed = replace(fits, status=np.array([fits.status[0], 99]))
     assert np.isinf(touch_misfit(failed, evidence)).tolist() == [False, True]
-
-
-def test_rows_of_records_are_replaced() -> None:
-    evidence = belief(on_side(0, 360)).evidence
-    fits = fit_superquadric(evidence.points_m, evidence.mask)
-    other = replace(fits, rms_m=fits.rms_m + 1.0)
-    mixed = with_rows(fits, np.array([1]), other[1])
-    assert np.allclose(mixed.rms_m, fits.rms_m + [0.0, 1.0])
 
 
 def test_a_doubted_body_is_never_farther_from_its_touches_with_rivals() -> None:

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from fit.revolution import RevolutionFit
+from fit.rows import rows_of
 from fit.superquadric import fit_superquadric
 from strategies.contour_profile import Profile, with_profiles
 from strategies.evidence import Evidence
@@ -91,7 +92,7 @@ def test_profiles_of_some_worlds_take_their_place_among_all() -> None:
     three = replace(one, **{f.name: np.repeat(getattr(one, f.name), 3, axis=0)
                             for f in fields(Profile) if f.name != "fit"}, fit=none)
     taller = np.array([[0.0, 0.02, 0.06]])
-    part = replace(three[np.array([1])], height_m=taller, radius_m=taller * 0.0 + 0.007)
+    part = replace(rows_of(three, np.array([1])), height_m=taller, radius_m=taller * 0.0 + 0.007)
     found = with_profiles(three, np.array([1]), part)
     assert np.array_equal(found.height_m[1:2], taller)
     assert np.array_equal(found.height_m[[0, 2], :2], three.height_m[[0, 2]])

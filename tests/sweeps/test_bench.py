@@ -21,6 +21,9 @@ def test_rows_name_what_there_is() -> None:
 def test_a_name_that_no_row_has_is_named(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match=r"--only: no row 'fits,touches'.*fits"):
         bench(tmp_path / "out", quick=True, peers=False, only=["fits,touches"])
+    for name, quick, peers in (("mujoco_rollout", False, False), ("scipy_fits", True, True)):
+        with pytest.raises(StoreError, match=f"no row '{name}' with --quick or without --peers"):
+            bench(tmp_path / "out", quick=quick, peers=peers, only=[name])
     assert not (tmp_path / "out").exists()
 
 

@@ -63,7 +63,7 @@ def test_only_bodies_that_changed_are_scored_again() -> None:
     height = np.tile([0.0, 0.06, 0.12, np.nan], (4, 1))
     turned = RevolutionBody(np.tile([0.45, 0.1, 0.0], (4, 1)), np.tile([0.0, 0.0, 1.0], (4, 1)),
                             height, np.where(np.isnan(height), np.nan, 0.03))
-    first = Recovered(np.array([1, 1, 2, 2]), fits, turned)
+    first = Recovered(np.repeat([Shape.SUPERQUADRIC, Shape.REVOLUTION], 2), fits, turned)
     scores = score_recovered(first, body, pose)
     assert scores_again(first, first, scores, body, pose) is scores
     # One larger, one another model; a contour with more room for nodes is the same contour.

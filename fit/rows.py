@@ -1,0 +1,47 @@
+"""Records with a row for each world, or each fit: some of their rows, and other rows put in.
+
+A record is an array, or a dataclass or named tuple of records, whose first axis is the world; what
+else it holds (a radius, None) belongs to all worlds alike and stays.
+"""
+
+from collections.abc import Callable
+from dataclasses import fields, is_dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+
+Record = TypeVar("Record")
+
+
+def rows_of(record: Record, rows: Any) -> Record:
+    """The record of the worlds `rows`, an index of the first axis."""
+    return _of_arrays(lambda array: array[rows], record)
+
+
+def with_rows(record: Record, rows: Any, part: Record) -> Record:
+    """A copy of `record` whose worlds `rows` are those of `part`, in their order."""
+    copied = _of_arrays(np.copy, record)
+    put_rows(copied, rows, part)
+    return copied
+
+
+def put_rows(record: Record, rows: Any, part: Record) -> None:
+    """Put the worlds of `part` into the arrays of `record`, which nobody else must hold."""
+    def put(array: np.ndarray, values: np.ndarray) -> np.ndarray:
+        array[rows] = values
+        return array
+
+    _of_arrays(put, record, part)
+
+
+def _of_arrays(change: Callable[..., np.ndarray], record: Any, *others: Any) -> Any:
+    """`record` with `change(array, *those of others)` for each of its arrays."""
+    if isinstance(record, np.ndarray):
+        return change(record, *others)
+    if isinstance(record, tuple):
+        return type(record)(*(_of_arrays(change, *values)
+                              for values in zip(record, *others, strict=True)))
+    if is_dataclass(record):
+        return type(record)(**{f.name: _of_arrays(change, *(
+            getattr(one, f.name) for one in (record, *others))) for f in fields(record)})
+    return record

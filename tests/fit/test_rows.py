@@ -1,0 +1,58 @@
+"""Some rows of a record, and other rows put into it."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from fit.rows import rows_of, with_rows
+
+
+class _Pair(NamedTuple):
+    left: np.ndarray
+    right: np.ndarray
+
+
+@dataclass(frozen=True)
+class _Part:
+    wide: np.ndarray
+
+
+@dataclass(frozen=True)
+class _Record:
+    number: np.ndarray
+    pair: _Pair
+    part: _Part
+    radius_m: float
+    nothing: np.ndarray | None = None
+
+
+def _record(worlds: int, begin: float = 0.0) -> _Record:
+    number = begin + np.arange(float(worlds))
+    wide = number[:, None] * [1.0, 10.0]
+    return _Record(number, _Pair(-number, wide), _Part(2 * wide), 0.008)
+
+
+def test_rows_of_every_array_are_picked_and_the_rest_stays() -> None:
+    some = rows_of(_record(4), np.array([3, 1]))
+    assert some.number.tolist() == [3.0, 1.0]
+    assert some.pair.left.tolist() == [-3.0, -1.0]
+    assert some.part.wide.tolist() == [[6.0, 60.0], [2.0, 20.0]]
+    assert (some.radius_m, some.nothing) == (0.008, None)
+    assert rows_of(None, np.array([0])) is None
+
+
+def test_rows_are_put_into_every_array_of_a_copy() -> None:
+    whole, part = _record(4), _record(2, begin=100.0)
+    changed = with_rows(whole, np.array([2, 0]), part)
+    assert changed.number.tolist() == [101.0, 1.0, 100.0, 3.0]
+    assert changed.pair.right[:, 1].tolist() == [1010.0, 10.0, 1000.0, 30.0]
+    assert changed.part.wide[0].tolist() == [202.0, 2020.0]
+    assert whole.number.tolist() == [0.0, 1.0, 2.0, 3.0]
+
+
+def test_what_was_picked_can_be_put_back() -> None:
+    record, rows = _record(5), np.array([False, True, True, False, True])
+    again = with_rows(record, rows, rows_of(record, rows))
+    assert np.array_equal(again.pair.right, record.pair.right)
+    assert np.array_equal(again.part.wide, record.part.wide)
