@@ -25,8 +25,8 @@ _HALVINGS = wp.constant(12)
 _GRADIENT = wp.constant(real(1e-6))  # [N m]; 0.2 mN on a tendon, a 300th of the converter's step
 _LAST = wp.constant(real(2e-5))  # [rad]; to a tendon's reading a tenth of a converter's step
 _STILL = wp.constant(real(1e-7))  # [rad]; less is not halved again
-_CREEP = wp.constant(real(0.1))
-_JOINTS = wp.constant(real(4.0))
+_CREEP = wp.constant(real(0.1))  # share of a step gained by it; a right Hessian gains all
+_JOINTS = wp.constant(real(4.0))  # each turns all of the finger beyond it
 
 
 @wp.func
@@ -47,13 +47,15 @@ def finger_rest(
 ):
     """The rest configuration for a command, descending from `start`; `base` in the body's frame.
 
-    Valleys are chosen at the start, with `samples` compared, and followed from there.
+    Valleys are chosen at the start, with `samples` compared, and followed from there. After a last
+    step taken blindly energy, gradient and compliance are those before it; depths are the most that
+    they can have become.
     """
     rest = last
     step = start - last.q
     way = vec4(ZERO, ZERO, ZERO, ZERO)
     scale = real(1.0)
-    level = real(1e9)
+    level = real(0.0)  # of the look before: none shows yet that a step is the last
     halvings = int(0)
     plain = int(1)
     for k in range(_ITERATIONS):
@@ -73,7 +75,9 @@ def finger_rest(
             if level < _GRADIENT or (
                     last_step < _LAST and level * level < _GRADIENT * level_before):
                 rest.q += step
-                rest.depth += vec3(ONE, ONE, ONE) * (last_step * _JOINTS * finger_length(hand))
+                moved = last_step * _JOINTS * finger_length(hand)
+                rest.depth += vec3(moved, moved, moved)
+                rest.table += vec3(moved, moved, moved)
                 break
             change = step - way
             plain = int(1)

@@ -29,11 +29,14 @@ class Near:
     """The point of a segment nearest to a body: place [m from its start], distance [m], slope of
     distance times slope (to go on from), outward normal there.
 
-    `least` is a lower bound of the distance all along, which may be far from the nearest point."""
+    `least` is a lower bound of the distance all along, which may be far from the nearest point;
+    with `bound` 1 the distance is no more than that.
+    """
 
     along: real
     distance: real
     least: real
+    bound: int
     bend: real
     normal: vec3
 
@@ -82,6 +85,7 @@ def link_valley(
             if bound > enough:
                 near.distance = bound
                 near.least = bound
+                near.bound = 1
                 break
         psi = slope * greater(g[3], _SHALLOW)
         if k > 0:
@@ -147,7 +151,7 @@ def link_nearest(
                 found.near = link_valley(scene, body, a, u, low, high, begin, rate, enough,
                                          False)
             search = int(0)
-            if attempt == 0 and (begin < ZERO or found.near.distance <= enough):
+            if attempt == 0 and (begin < ZERO or found.near.bound == 0):
                 least = found.near.distance - real(1e-9)
                 for k in range(samples):
                     t = spacing * real(k)

@@ -1,5 +1,7 @@
 """What is skipped of a closing changes nothing, and nearest points are nearest."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import trimesh
@@ -10,11 +12,11 @@ from strategies.containment import padded_commands
 from strategies.waypoint_poses import waypoint_poses
 from sweeps.episodes import place_objects, tell_cylinder
 from warpgrasp.body import distance_to_bodies, scene_of
-from warpgrasp.catalogue import body_from_name
+from warpgrasp.catalogue import body_from_name, body_from_table
 from warpgrasp.closing import close_fingers
 from warpgrasp.counter_random import counter_key_host
 from warpgrasp.launch import launch
-from warpgrasp.link_nearest import nearest_along
+from warpgrasp.link_nearest import LINK_SAMPLES, link_nearest, nearest_along
 from warpgrasp.mesh_intake import body_from_mesh
 from warpgrasp.parameters import HandTable, ObjectTable, SensorTable
 from warpgrasp.real import real, vec2, vec3
@@ -75,6 +77,44 @@ def test_nearest_point_of_a_link_against_fine_sampling(name: str) -> None:
     # Bodies that are not convex may have a second valley between samples.
     missed = distance[outside] > sampled.min(1)[outside] + 1e-7
     assert missed.mean() <= (0.0 if name in ("block", "small_cylinder", "wedge") else 0.02)
+
+
+@wp.kernel(enable_backward=False)
+def _followed_kernel(
+    first: int, scene: Scene, a: wp.array[vec3], u: wp.array[vec3], guess: wp.array[real],
+    length: real, enough: real, out: wp.array[real],
+):
+    i = wp.tid() + first
+    out[i] = link_nearest(scene, 0, a[i], u[i], length, guess[i], real(1.0), LINK_SAMPLES,
+                          enough).distance
+
+
+@pytest.mark.parametrize("name", ["dumbbell", "wine_bottle", "lightbulb"])
+def test_a_link_followed_from_the_wrong_valley_is_no_farther_than_its_samples(name: str) -> None:
+    """Unless all of it is farther than asked, and what comes back is a lower bound."""
+    ball = {"shape": "sphere", "radius_mm": 20.0}
+    body = body_from_name(name) if name != "dumbbell" else body_from_table(
+        {"name": name, "compound": [ball, {**ball, "at_mm": [50.0, 0.0, 0.0]}]}, Path())
+    length, enough, n = 0.043, 0.008, 4000
+    rng = np.random.default_rng(4)
+    scene = scene_of([body], "cpu")
+    low, high = np.array(body.low_m) - 0.01, np.array(body.high_m) + 0.01
+    a = rng.uniform(low, high, (n, 3))
+    u = rng.normal(size=(n, 3))
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    guess = rng.uniform(0.0, length, n)
+    out = wp.zeros(n, dtype=real, device="cpu")
+    launch(_followed_kernel, {"row": n}, {"a": "row", "u": "row", "guess": "row", "out": "row"}, {
+        "scene": scene, "a": wp.array(a, dtype=vec3, device="cpu"),
+        "u": wp.array(u, dtype=vec3, device="cpu"),
+        "guess": wp.array(guess, dtype=real, device="cpu"), "length": length, "enough": enough,
+        "out": out}, device="cpu")
+    places = a[:, None] + u[:, None] * np.linspace(0, length, int(LINK_SAMPLES))[:, None]
+    sampled = distance_to_bodies(scene, np.zeros(1, int), places)[0].min(1)
+    assert (sampled < enough).sum() > n / 10
+    # Samples next to the bottom found are not asked for again.
+    assert (out.numpy() > sampled + 1e-8)[sampled < enough].mean() < 0.005
+    assert (out.numpy() > enough)[sampled > enough + length].all()
 
 
 def test_a_baked_mesh_is_as_far_as_it_is_where_links_touch(tmp_path) -> None:
