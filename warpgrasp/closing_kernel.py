@@ -41,6 +41,7 @@ _TENSION_STEP = wp.constant(int(Purpose.TENSION_STEP))
 _NAN = wp.constant(real(float("nan")))
 _REDRAWS = wp.constant(100000)
 _FAR = wp.constant(1000000)  # steps
+_ENDLESS = wp.constant(real(1e300))  # no hazard comes to this
 _STRIDE = wp.constant(real(0.04))  # [rad] of a joint's command from look to look
 
 
@@ -115,7 +116,7 @@ def closing_kernel(
     moves = path[g, finger, last].moves
     ahead_hazard = hazard_moving * moves + hazard_still * (real(3 * (last + 1)) - moves)
     draw = counter_uniform(counter_key(stream, _FALSE_STOP))
-    patience = real(1e300)
+    patience = real(_ENDLESS)
     stride = real(_STRIDE)
     if draw + ahead_hazard >= ONE:  # exp(-x) >= 1 - x
         patience = -wp.log(draw)

@@ -74,7 +74,7 @@ def counter_normal(key: wp.uint64):
 
 
 @wp.func
-def counter_normal_falls(key: wp.uint64):
+def counter_normal_is_negative(key: wp.uint64):
     """Whether `counter_normal` is negative: the sign of its cosine, without its logarithm."""
     v = counter_uniform(counter_key(key, 2))
     return v > _QUARTER and v < ONE - _QUARTER

@@ -33,7 +33,7 @@ class LinkStep:
     """A link of the free finger at a step, in the frame of the finger's base.
 
     `start` and `end` are its axis's [m]; `come` bounds the way [m] of any of its points since the
-    first step; `steps` is in how many steps a metre it goes at the fastest from here on.
+    first step; `steps` are those it takes for a metre at its fastest from here on [1/m].
     """
 
     start: vec3

@@ -55,7 +55,7 @@ def link_valley(
 ):
     """The bottom of the valley that `start` lies in, between `low` and `high`.
 
-    Where a distance at `start` shows that all there are above `enough`, that lower bound. Before a
+    A lower bound where the distance at `start` shows that all of them are above `enough`. Before a
     body said to be `convex` the search ends where the plane through the body's nearest point shows
     that the whole segment stays out of `enough` by half as much as the place looked at.
     """

@@ -20,15 +20,6 @@ def sign_of(x: real):
 
 
 @wp.func
-def unit_or_up(v: vec3):
-    """`v` normalised; straight up where it vanishes."""
-    n = wp.length(v)
-    if n < TINY:
-        return vec3(ZERO, ZERO, ONE)
-    return v / n
-
-
-@wp.func
 def _from_offset(v: vec3, radius: real):
     """Gradient and distance outside a body whose nearest point, or its `radius`, is `v` away."""
     n = wp.length(v)

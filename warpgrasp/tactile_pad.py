@@ -16,7 +16,7 @@ from warpgrasp.counter_random import (
     Purpose,
     counter_key,
     counter_normal,
-    counter_normal_falls,
+    counter_normal_is_negative,
     counter_uniform,
 )
 from warpgrasp.launch import launch
@@ -226,7 +226,7 @@ def taxel_count(pad: Pad, force: real, taxel_key: wp.uint64, reading_key: wp.uin
 
     `taxel_key` is the taxel's own for an episode, `reading_key` this reading's of this taxel.
     """
-    if force <= ZERO and counter_normal_falls(counter_key(reading_key, 1)):
+    if force <= ZERO and counter_normal_is_negative(counter_key(reading_key, 1)):
         return int(0)
     if counter_uniform(counter_key(taxel_key, _DEAD)) < pad.dead:
         return int(0)

@@ -8,8 +8,8 @@ from warpgrasp.counter_random import (
     counter_key,
     counter_key_host,
     counter_normal,
-    counter_normal_falls,
     counter_normal_host,
+    counter_normal_is_negative,
     counter_uniform,
     counter_uniform_host,
 )
@@ -22,7 +22,7 @@ def draw(key: wp.uint64, uniform: wp.array[wp.float64], normal: wp.array[wp.floa
     k = counter_key(counter_key(key, i), -3)
     uniform[i] = counter_uniform(k)
     normal[i] = counter_normal(k)
-    falls[i] = counter_normal_falls(k)
+    falls[i] = counter_normal_is_negative(k)
 
 
 def test_kernel_and_host_draw_the_same() -> None:
