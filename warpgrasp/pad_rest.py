@@ -17,7 +17,7 @@ from warpgrasp.pad_sight import (
     taxel_place,
     taxel_row,
 )
-from warpgrasp.real import HALF, ONE, ZERO, mat44, real, vec2, vec3, vec4
+from warpgrasp.real import HALF, ONE, TWO, ZERO, mat44, real, vec2, vec3, vec4
 from warpgrasp.scene import Scene, stand_distance, stand_distance_grad
 from warpgrasp.tactile_pad import Pad
 from warpgrasp.utah_mit_hand import Hand, finger_jacobian, finger_pose
@@ -26,7 +26,6 @@ _ITERATIONS = wp.constant(30)
 _SHORTENED = wp.constant(12)
 _GRADIENT = wp.constant(real(1e-6))  # [N m]: some 1e-5 N at the tip, a taxel feels 1e-2 N
 _LAST_GRADIENT = wp.constant(real(1e-4))  # [N m]: a step from there leaves less than _GRADIENT
-_TWO = wp.constant(real(2.0))
 _STEEPEST = wp.constant(real(0.75))  # (n - 1) / n of n = 4
 _LEFT = wp.constant(real(1e-3))  # share of a spring's depth, least
 _LONGEST = wp.constant(real(3.0))  # steps of Newton's
@@ -109,14 +108,14 @@ def _least_along(hand: Hand, command: vec4, rest: PadRest, way: vec4):
     energy = rest.skin.energy - HALF * hand.stiffness * wp.dot(lag, lag)
     slope = wp.dot(rest.skin.gradient, way) - servo_slope
     curve = wp.dot(way, rest.hessian * way) - servo_curve
-    if slope >= ZERO or energy * curve >= _STEEPEST * slope * slope:
+    if energy <= ZERO or slope >= ZERO or energy * curve >= _STEEPEST * slope * slope:
         return ZERO
     n = ONE / (ONE - energy * curve / (slope * slope))
     r = -slope / (n * energy)
     t = -(servo_slope + slope) / (servo_curve + curve)
     for _newton in range(3):
         left = wp.max(ONE - r * t, _LEFT)
-        power = wp.pow(left, n - _TWO)
+        power = wp.pow(left, n - TWO)
         t -= (servo_slope + servo_curve * t + slope * power * left) / (
             servo_curve + curve * power)
     return t
