@@ -88,12 +88,15 @@ def prepare(
     bad = (mask & ~finite).any(axis=1)
     kept = mask & finite
 
-    # An order of their own: sums then do not depend on the order the points came in.
-    order = np.lexsort((*np.moveaxis(np.where(kept[..., None], points, 0.0), 2, 0)[::-1], ~kept))
+    # An order of their own: sums then do not depend on the order the points came in. Slots that are
+    # empty in all sets are left out.
     rows = np.arange(n)[:, None]
+    count = kept.sum(axis=1)
+    order = np.argsort(~kept, axis=1, kind="stable")[:, :point_bucket(count.max(initial=0))]
+    filled = np.where(kept[rows, order, None], points[rows, order], 0.0)
+    order = order[rows, np.lexsort((*np.moveaxis(filled, 2, 0)[::-1], ~kept[rows, order]))]
     points, kept = points[rows, order], kept[rows, order]
     points = np.where(kept[..., None], points, 0.0)
-    count = kept.sum(axis=1)
 
     some = np.maximum(count, 1)
     origin = points.sum(axis=1) / some[:, None]
