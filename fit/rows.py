@@ -34,7 +34,7 @@ def put_rows(record: Record, rows: Any, part: Record) -> None:
     _of_arrays(put, record, part)
 
 
-def alike(different: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def alike(different: Any) -> tuple[np.ndarray, np.ndarray]:
     """Rows to work out where all worlds but the `different` ones, bool (world,), are alike, and
     which of those rows is whose, (world,)."""
     worlds = np.arange(len(different))

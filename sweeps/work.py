@@ -14,8 +14,9 @@ from sweeps.store import Store
 ATTEMPTS = 2
 MOST_UNITS = 8
 """Units handed out together: 512 episodes; twice as many save no more and take 0.2 GiB more."""
-IN_HAND_S = 10.0
-"""Seconds of work handed out together: what a kill may lose, of each worker."""
+IN_HAND_S = 30.0
+"""Seconds of work handed out together: what a kill may lose, of each worker. With fewer,
+`coarse-to-fine` is run some 200 at once, which takes it a quarter longer than 512."""
 
 
 @dataclass
@@ -90,15 +91,15 @@ class Work:
     def _room(self, unit: Unit, workers: int) -> int:
         """How many units to hand out with this one as the first.
 
-        One where it is not known yet how long they take; ever fewer towards the end, so that no
-        worker is idle long while another has many. Planners of one's own are called for a unit at
-        a time, since they need not keep worlds apart.
+        One where it is not known yet how long they take; towards the end a worker's share of what
+        is left, ever fewer, so that none is idle long while another has many. Planners of one's own
+        are called for a unit at a time, since they need not keep worlds apart.
         """
         seconds = self.seconds.get(unit.cell.strategy.name, inf)
         if unit.cell.strategy.call or unit.cell_hash in self.alone:
             return 1
         short = min(IN_HAND_S, self.unit_timeout_s / 4) / max(seconds, 1e-9)
-        return int(max(1, min(MOST_UNITS, short, (self.ahead + 1) / (2 * workers))))
+        return int(max(1, min(MOST_UNITS, short, (self.ahead + 1) / workers)))
 
     def _is_there(self, unit: Unit) -> bool:
         return self.store.read(unit) is not None if self.verify else self.store.has(unit)
