@@ -17,7 +17,6 @@ CAP = 3.0
 _ITERATIONS = wp.constant(ITERATIONS)
 _CAP = wp.constant(real(CAP))
 _MOST_MOVE = wp.constant(real(0.3))  # of one iteration [m], [rad]
-_SETTLED = wp.constant(real(1e-7))  # [m], [rad]; an iteration leaves a tenth of it or less
 _RIDGE = wp.constant(real(10.0))  # of x and y; the turn is of other units
 _TURN_RIDGE = wp.constant(real(1e-3))
 
@@ -96,8 +95,6 @@ def _placement_kernel(
             turn = ZERO
         pose -= vec3(wp.clamp(step[0], -_MOST_MOVE, _MOST_MOVE),
                      wp.clamp(step[1], -_MOST_MOVE, _MOST_MOVE), turn)
-        if wp.abs(step[0]) + wp.abs(step[1]) + wp.abs(turn) < _SETTLED:
-            break
     c = wp.cos(pose[2])
     s = wp.sin(pose[2])
     total = real(0.0)
