@@ -88,8 +88,8 @@ def prepare(
     bad = (mask & ~finite).any(axis=1)
     kept = mask & finite
 
-    # An order of their own: sums then do not depend on the order the points came in. Slots that are
-    # empty in all sets are left out.
+    # An order of their own: sums then do not depend on the order the points came in. No more slots
+    # than the fullest set needs.
     rows = np.arange(n)[:, None]
     count = kept.sum(axis=1)
     order = np.argsort(~kept, axis=1, kind="stable")[:, :point_bucket(count.max(initial=0))]

@@ -34,14 +34,6 @@ def put_rows(record: Record, rows: Any, part: Record) -> None:
     _of_arrays(put, record, part)
 
 
-def alike(different: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Rows to work out where all worlds but the `different` ones, bool (world,), are alike, and
-    which of those rows is whose, (world,)."""
-    worlds = np.arange(len(different))
-    first = np.argmin(different) if len(different) else 0
-    return np.unique(np.where(different, worlds, first), return_inverse=True)
-
-
 def _of_arrays(change: Callable[..., np.ndarray], record: Any, *others: Any) -> Any:
     """`record` with `change(array, *those of others)` for each of its arrays."""
     if isinstance(record, np.ndarray):

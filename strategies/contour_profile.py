@@ -13,8 +13,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fit.revolution import RevolutionFit, RevolutionOptions, fit_revolution, usable
-from fit.rows import alike, rows_of, with_rows
-from strategies.contour import Axis, ContourExploration
+from fit.rows import with_rows
+from strategies.contour import ContourExploration
 
 FIT = RevolutionOptions(nodes=10, upright=True)
 
@@ -50,19 +50,9 @@ def profile_of(
     `table_z_m` the lowest radius is carried down to the table, else the touches are the ends.
     Without `refine` the given direction is kept, through the middle of the fitted axis.
     """
-    points, mask = exploration.touches.sets(len(exploration.reason))
-    # Where nothing was felt all worlds are alike: one of them is worked out for all.
-    rows, index = alike(mask.any(1))
-    part = _profiles(points[rows], mask[rows], rows_of(exploration.axis, rows), table_z_m,
-                     spacing_m, refine, options)
-    return rows_of(part, index)
-
-
-def _profiles(
-    points: np.ndarray, mask: np.ndarray, given: Axis, table_z_m: float | None, spacing_m: float,
-    refine: bool, options: RevolutionOptions
-) -> Profile:
-    worlds = len(mask)
+    given = exploration.axis
+    worlds = len(exploration.reason)
+    points, mask = exploration.touches.sets(worlds)
     ways, which = np.unique(np.nan_to_num(given.direction, nan=0.0), axis=0, return_inverse=True)
     turns = [_upright(way) for way in ways]
     to_axis, from_axis = ([each[k] for k in which.ravel()] for each in (
@@ -88,8 +78,11 @@ def _profiles(
     top = np.where(mask, t, -np.inf).max(1, initial=-np.inf)
     known = good & (top > bottom)
     bottom, top = np.where(known, bottom, 0.0), np.where(known, top, 0.0)
-    height, radius = _segments(t - bottom[:, None], rho, mask, top - bottom, spacing_m)
-    height[~known], radius[~known] = np.nan, np.nan
+    rows = np.flatnonzero(known)
+    nodes = _segments((t - bottom[:, None])[rows], rho[rows], mask[rows], (top - bottom)[rows],
+                      spacing_m)
+    height, radius = (with_rows(np.full((worlds, each.shape[1]), np.nan), rows, each)
+                      for each in nodes)
     expected = np.stack([np.interp(x, h[np.isfinite(h)], r[np.isfinite(h)]) if k else x * np.nan
                          for x, h, r, k in zip(t - bottom[:, None], height, radius, known,
                                                strict=True)])

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fit.plane import PlaneFit, fit_plane
-from fit.rows import alike, rows_of
+from fit.rows import rows_of
 from fit.status import FitStatus
 from strategies.planar import PlanarExploration
 
@@ -39,9 +39,12 @@ def planes_of(
     u or v bows by more than `flat_bow_m`; a touch past an edge, or of what lies below, takes no
     part.
     """
-    points, mask = exploration.touches.sets(len(exploration.reason))
+    worlds = len(exploration.reason)
+    points, mask = exploration.touches.sets(worlds)
     # Where nothing was felt all worlds are alike: one of them is fitted for all.
-    rows, index = alike(mask.any(1))
+    felt = mask.any(1)
+    like = np.where(felt, np.arange(worlds), np.argmin(felt) if worlds else 0)
+    rows, index = np.unique(like, return_inverse=True)
     part = fit_plane(points[rows], mask[rows])
     fit = rows_of(part, index)
     outward = np.where((fit.normal * exploration.axes[:, 2]).sum(1) < 0, -1.0, 1.0)

@@ -15,8 +15,8 @@ ATTEMPTS = 2
 MOST_UNITS = 8
 """Units handed out together: 512 episodes; twice as many save no more and take 0.2 GiB more."""
 IN_HAND_S = 30.0
-"""Seconds of work handed out together: what a kill may lose, of each worker. With fewer,
-`coarse-to-fine` is run some 200 at once, which takes it a quarter longer than 512."""
+"""Seconds of work handed out together: what a kill may lose, of each worker. With ten,
+`coarse-to-fine` is run some 200 at once, which takes it a fifth longer than 512 (reckoned)."""
 
 
 @dataclass

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import pytest
 
-from fit.rows import alike, rows_of, with_rows
+from fit.rows import rows_of, with_rows
 
 
 class _Pair(NamedTuple):
@@ -57,12 +56,3 @@ def test_what_was_picked_can_be_put_back() -> None:
     again = with_rows(record, rows, rows_of(record, rows))
     assert np.array_equal(again.pair.right, record.pair.right)
     assert np.array_equal(again.part.wide, record.part.wide)
-
-
-@pytest.mark.parametrize("different", [[], [False], [True], [True, False, True, False, False],
-                                       [False, False, True], [True, True]])
-def test_worlds_that_are_alike_are_worked_out_once(different: list[bool]) -> None:
-    rows, index = alike(np.array(different, bool))
-    assert len(rows) == sum(different) + (not all(different))
-    values = np.where(different, np.arange(len(different)) + 1.0, 0.0)
-    np.testing.assert_array_equal(values[rows][index], values)

@@ -1,6 +1,6 @@
 """The contour follower: what it must recover from bottles and bulb, and that it always ends."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -129,6 +129,21 @@ def test_an_axis_that_misses_and_other_bad_input() -> None:
     names = match_profiles(profile, CONTOURS)
     assert names[0] == name
     assert set(names[1:]) == {""}
+
+
+def test_a_contour_hangs_on_no_other_world_and_is_nan_where_nothing_was_felt(followed) -> None:
+    _, exploration, profile = followed["wine_bottle"]
+    kept = exploration.touches.world != 0
+    table = type(exploration.touches)(*(
+        getattr(exploration.touches, f.name)[kept] for f in fields(exploration.touches)))
+    part = profile_of(replace(exploration, touches=table))
+    assert np.isfinite(profile.volume_m3[0])
+    assert np.isnan(part.volume_m3[0])
+    np.testing.assert_allclose(part.foot_m[0], exploration.axis.foot_m[0], atol=1e-12)
+    for name in ("foot_m", "axis", "height_m", "radius_m", "volume_m3"):
+        np.testing.assert_array_equal(getattr(part, name)[1:], getattr(profile, name)[1:])
+    assert np.isnan(part.height_m[0]).all()
+    assert np.isnan(part.radius_m[0]).all()
 
 
 def test_dead_pads_block_and_say_so() -> None:
