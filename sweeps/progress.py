@@ -32,7 +32,8 @@ class Progress:
         self.note = note
         self.quiet = quiet or quiet_asked()
         self.kept_units = self.done_units = self.failed_units = self.episodes = 0
-        self.began = self.first = time.monotonic()
+        self.before = 0  # units done when rates began to be told
+        self.began = self.first = self.last = time.monotonic()
         self.last_line = self.last_note = self.began
         self.bar: Any = None
         self.task: Any = None
@@ -64,11 +65,15 @@ class Progress:
 
     def done(self, episodes: int) -> None:
         """A unit was finished."""
-        if not self.done_units:
-            self.first = time.monotonic()
         self.done_units += 1
         self.episodes += episodes
+        self.last = time.monotonic()
         self._show()
+
+    def measure(self) -> None:
+        """Rates are told from now on: workers are at work, all is compiled."""
+        self.first = self.last = time.monotonic()
+        self.before = self.done_units
 
     def failed(self, text: str) -> None:
         """A unit was set aside."""
@@ -97,9 +102,9 @@ class Progress:
 
     @property
     def rate(self) -> float | None:
-        """Units a second of this run, once there is something to tell it from."""
-        seconds = time.monotonic() - self.first
-        return (self.done_units - 1) / seconds if self.done_units > 1 and seconds > 0 else None
+        """Units a second of this run up to the last, once there is something to tell it from."""
+        seconds = self.last - self.first
+        return (self.done_units - self.before) / seconds if seconds > 0 else None
 
     @property
     def seconds_left(self) -> float | None:

@@ -71,7 +71,7 @@ def _go(ray: Any, work: Work, options: Options) -> None:
             ray.cancel(reference, force=True)
             work.failed(running.pop(reference)[0], "stopped: it took longer than "
                         f"{options.unit_timeout_s:g} s (--unit-timeout-s)", final=True)
-        work.progress.tick(len(work.in_hand))
+        work.progress.tick(work.running)
 
 
 def _finish(ray: Any, work: Work, units: list[Unit], reference: Any) -> None:

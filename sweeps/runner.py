@@ -60,9 +60,7 @@ class _Run:
     early_deaths: int = 0
 
     def go(self) -> None:
-        first = [batch for _ in range(self.options.workers) if (batch := self.work.take())]
-        for number, batch in enumerate(first, 1):
-            self.work.put_back(batch)
+        for number in range(1, self.work.at_least(self.options.workers) + 1):
             self.slots.append(self._start_worker(number))
         while not self.work.over:
             self._hand_out()
@@ -72,7 +70,7 @@ class _Run:
                     self.slots[number] = self._hear(slot, number + 1)
                 elif self._hangs(slot):
                     self.slots[number] = self._bury(slot, number + 1, hung=True)
-            self.work.progress.tick(len(self.work.in_hand))
+            self.work.progress.tick(self.work.running)
 
     def _start_worker(self, number: int) -> _Slot:
         context = get_context("spawn")
@@ -92,11 +90,19 @@ class _Run:
             may = self.work.tried_any or slot.warm or slot is self.slots[0]
             if not (may and slot.ready) or slot.units:
                 continue
-            slot.units, slot.since = self.work.take(len(self.slots)), time.monotonic()
+            cold = not (self.work.tried_any or slot.warm)
+            slot.units = self.work.take(len(self.slots), self._in_hand(), alone=cold)
+            slot.since = time.monotonic()
             if slot.units:
                 paths = [self.work.store.path(unit) for unit in slot.units]
                 with suppress(OSError):  # it has died: its pipe says so in a moment
                     slot.pipe.send((slot.units, paths))
+
+    def _in_hand(self) -> float:
+        """About how many units the workers still have before them."""
+        now = time.monotonic()
+        return sum(max(0.0, len(slot.units) - (now - slot.since) / self.work.unit_s(slot.units[0]))
+                   for slot in self.slots if slot.units)
 
     def _hear(self, slot: _Slot, number: int) -> _Slot:
         """Takes a worker's report; the slot to go on with comes back."""

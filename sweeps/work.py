@@ -3,7 +3,6 @@
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from itertools import groupby, islice
 from math import inf
 
 from sweeps.atomic import write_atomic
@@ -17,6 +16,9 @@ MOST_UNITS = 8
 IN_HAND_S = 30.0
 """Seconds of work handed out together: what a kill may lose, of each worker. With ten,
 `coarse-to-fine` is run some 200 at once, which takes it a fifth longer than 512 (reckoned)."""
+EPISODE_S = 0.05
+"""What an episode is taken to need until one of its strategy has come back [est]; one of
+`coarse-to-fine` does, many at once."""
 
 
 @dataclass
@@ -49,34 +51,52 @@ class Work:
     in_hand: set[str] = field(default_factory=set)
     seconds: dict[str, float] = field(default_factory=dict)  # a unit of a strategy took last
     alone: set[str] = field(default_factory=set)  # cells of which a batch has failed
+    slow: set[str] = field(default_factory=set)  # units for which all was compiled
     exhausted: bool = False
 
     def __post_init__(self) -> None:
-        self.cells = groupby(self.plan.units(self.shard), key=lambda unit: unit.cell_hash)
-        self.fresh: Iterator[Unit] = iter(())  # of the cell under way
+        self.missing = self._missing()
+        self.found: deque[Unit] = deque()  # missing, to be handed out before all others
         self.left_behind = self.store.left_behind()
         index, count = self.shard
         self.ahead = len(range(index - 1, self.plan.unit_count, count))  # not looked at yet
 
-    def take(self, workers: int = 1) -> list[Unit]:
+    def at_least(self, count: int) -> int:
+        """How many units are left to hand out, as far as up to `count` of them."""
+        while len(self.found) < count and (unit := next(self.missing, None)):
+            self.found.append(unit)
+        return min(count, len(self.found) + len(self.again))
+
+    def take(self, workers: int = 1, elsewhere: float = 0.0, alone: bool = False) -> list[Unit]:
         """What one of `workers` should do next, retries first; nothing where nothing is left.
 
-        Units that are there are counted and passed over.
+        `elsewhere` is about how many units the others still have before them; `alone` is one unit
+        of which others shall learn nothing, since all has to be compiled for it. Units that are
+        there are counted and passed over.
         """
         if self.again:
             batch = [self.again.popleft()]
             self.in_hand.add(batch[0].id)
             return batch
-        while not (batch := list(islice(self.fresh, 1))):
-            _, units = next(self.cells, (None, None))
-            if units is None:
-                self.exhausted = True
-                return []
-            self.fresh = self._missing(units)
-        return batch + list(islice(self.fresh, self._room(batch[0], workers) - 1))
+        if not self.at_least(1):
+            return []
+        batch = [self.found.popleft()]
+        if alone:
+            self.slow.add(batch[0].id)
+        elif not self.outcome.done:
+            self.progress.measure()
+        room = 1 if alone else self._room(batch[0], workers, elsewhere)
+        while len(batch) < room and self.at_least(1) and (
+                self.found[0].cell_hash == batch[0].cell_hash):
+            batch.append(self.found.popleft())
+        return batch
 
-    def _missing(self, units: Iterator[Unit]) -> Iterator[Unit]:
-        for unit in units:
+    def unit_s(self, unit: Unit) -> float:
+        """How long a unit should take [s]: what the last one of its strategy did."""
+        return self.seconds.get(unit.cell.strategy.name, EPISODE_S * (unit.stop - unit.start))
+
+    def _missing(self) -> Iterator[Unit]:
+        for unit in self.plan.units(self.shard):
             self.ahead -= 1
             known = unit.id in self.in_hand or unit.id in self.attempts
             if known or self._is_there(unit):
@@ -87,27 +107,32 @@ class Work:
                     self.store.sweep_out(unit)
                 self.in_hand.add(unit.id)
                 yield unit
+        self.exhausted = True
 
-    def _room(self, unit: Unit, workers: int) -> int:
+    def _room(self, unit: Unit, workers: int, elsewhere: float) -> int:
         """How many units to hand out with this one as the first.
 
-        One where it is not known yet how long they take; towards the end a worker's share of what
-        is left, ever fewer, so that none is idle long while another has many. Planners of one's own
-        are called for a unit at a time, since they need not keep worlds apart.
+        At most a worker's share of all that is not done yet, so that all end together. Planners of
+        one's own are called for a unit at a time, since they need not keep worlds apart.
         """
-        seconds = self.seconds.get(unit.cell.strategy.name, inf)
         if unit.cell.strategy.call or unit.cell_hash in self.alone:
             return 1
-        short = min(IN_HAND_S, self.unit_timeout_s / 4) / max(seconds, 1e-9)
-        return int(max(1, min(MOST_UNITS, short, (self.ahead + 1) / workers)))
+        short = min(IN_HAND_S, self.unit_timeout_s / 4) / max(self.unit_s(unit), 1e-9)
+        share = (1 + len(self.found) + self.ahead + elsewhere) / workers
+        return max(1, min(MOST_UNITS, int(short), round(share)))
 
     def _is_there(self, unit: Unit) -> bool:
         return self.store.read(unit) is not None if self.verify else self.store.has(unit)
 
     @property
     def over(self) -> bool:
-        """Whether nothing is left and nothing is in hand."""
+        """Whether nothing is left and nothing is in hand (or found and still to be handed out)."""
         return self.exhausted and not self.again and not self.in_hand
+
+    @property
+    def running(self) -> int:
+        """Units handed out that have not come back."""
+        return len(self.in_hand) - len(self.found)
 
     @property
     def tried_any(self) -> bool:
@@ -123,10 +148,13 @@ class Work:
     def done(self, unit: Unit, seconds: float) -> None:
         """A unit has been written; it took `seconds`, or its share of its batch's."""
         self.in_hand.discard(unit.id)
-        self.seconds[unit.cell.strategy.name] = seconds
         self.outcome.done += 1
         self.store.log(unit).unlink(missing_ok=True)
         self.progress.done(unit.stop - unit.start)
+        if unit.id in self.slow:
+            self.progress.measure()
+        else:
+            self.seconds[unit.cell.strategy.name] = seconds
 
     def failed(self, batch: list[Unit], text: str, final: bool = False) -> None:
         """A call raised, its worker died, or (`final`: it is not tried again) its time ran out."""

@@ -69,26 +69,50 @@ def test_a_bad_unit_spoils_none_of_its_batch(
     log, = (tmp_path / "logs").glob("*.failed.log")
     assert log.stem.startswith(bad.id)
     assert told in log.read_text()
-    together = [size for size in sizes(calls, "block") if size > 1]
-    assert len(together) == 1
+    *_, spoiled = [size for size in sizes(calls, "block") if size > 1]
     tries = 1 if how == "hang" else 2
-    assert sum(sizes(calls, "block")) == UNITS + together[0] + tries - 1
+    assert sum(sizes(calls, "block")) == UNITS + spoiled + tries - 1
     assert max(sizes(calls, "wedge")) > 1  # the next cell comes in batches again
 
 
-def test_batches_shrink_towards_the_end_and_keep_to_one_cell(tmp_path: Path, plan: Plan) -> None:
+def test_batches_are_shares_of_what_is_left_and_keep_to_one_cell(
+        tmp_path: Path, plan: Plan) -> None:
     work = work_of(plan, tmp_path)
-    first = work.take(2)
-    assert len(first) == 1  # nobody knows yet how long it takes
-    work.done(first[0], 0.001)
     batches = []
-    while batch := work.take(2):
+    while batch := work.take(3):
         batches.append(batch)
         assert len({unit.cell_hash for unit in batch}) == 1
-    # What is left of the first cell, then half of what is left at all, for there are two workers.
-    assert [len(batch) for batch in batches] == [MOST_UNITS, 7, MOST_UNITS, 4, 2, 1, 1]
-    names = [unit.id for batch in [first, *batches] for unit in batch]
-    assert names == [unit.id for unit in plan.units()]
+    # Thirds of what is left, of which the others are told to have nothing; eight at most.
+    assert [len(batch) for batch in batches] == [8, 8, 5, 4, 2, 2, 1, 1, 1]
+    assert [unit.id for batch in batches for unit in batch] == [unit.id for unit in plan.units()]
+
+
+@pytest.mark.parametrize(("elsewhere", "most"), [(0.0, 4), (2.0, 5), (7.6, 8), (20.0, 8)])
+def test_who_comes_while_others_are_busy_is_given_a_whole_share(
+        tmp_path: Path, plan: Plan, elsewhere: float, most: int) -> None:
+    work = work_of(plan, tmp_path)
+    for _ in range(3):
+        work.take()
+    assert len(work.take(2, elsewhere)) == most  # of eight
+
+
+def test_where_all_is_compiled_a_unit_goes_ahead_and_tells_nothing(
+        tmp_path: Path, plan: Plan) -> None:
+    work = work_of(plan, tmp_path)
+    first = work.take(2, alone=True)
+    assert len(first) == 1
+    work.done(first[0], 1000.0)
+    assert len(work.take(2)) == MOST_UNITS
+
+
+def test_units_are_looked_for_and_not_lost(tmp_path: Path, plan: Plan) -> None:
+    work = work_of(plan, tmp_path)
+    assert work.at_least(3) == 3
+    assert (work.running, work.over) == (0, False)
+    taken = [unit.id for _ in range(5) for unit in work.take(2)]
+    assert taken == [unit.id for unit in plan.units()][:len(taken)]
+    assert work.running == len(taken)
+    assert work_of(plan, tmp_path).at_least(100) == plan.unit_count
 
 
 @pytest.mark.parametrize(("seconds", "most"), [
