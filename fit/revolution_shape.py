@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from fit.rows import rows_of
+from fit.rows import row_sums, rows_of
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ def revolution_volume(body: RevolutionBody) -> Float[np.ndarray, " fit"]:
     """Volume [m^3]: cones' frustums."""
     low, high = body.radius_m[:, :-1], body.radius_m[:, 1:]
     step = np.diff(body.height_m, axis=1)
-    return np.pi / 3 * np.nansum(step * (low**2 + low * high + high**2), axis=1)
+    return np.pi / 3 * row_sums(step * (low**2 + low * high + high**2))
 
 
 def revolution_inside(

@@ -1,10 +1,10 @@
-"""Records with a row for each world, or each fit: some of their rows, and other rows put in.
+"""Records with a row for each world, or each fit: some of their rows, other rows put in, joined.
 
 A record is an array, or a dataclass or named tuple of records, whose first axis is the world; what
 else it holds (a radius, None) belongs to all worlds alike and stays.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any, TypeVar
 
@@ -32,6 +32,20 @@ def put_rows(record: Record, rows: Any, part: Record) -> None:
         return array
 
     _of_arrays(put, record, part)
+
+
+def joined(records: Sequence[Record]) -> Record:
+    """One record of the worlds of all, in turn; what belongs to all worlds alike is the first's."""
+    return _of_arrays(lambda *arrays: np.concatenate(arrays), *records)
+
+
+def row_sums(values: np.ndarray) -> np.ndarray:
+    """Sums of rows (row, value), NaN counting nothing: one value after the other.
+
+    NumPy sums in pairs, so that what rows are padded with for a longer one beside them would change
+    the last digit.
+    """
+    return np.nancumsum(values, axis=1)[:, -1] if values.shape[1] else np.zeros(len(values))
 
 
 def _of_arrays(change: Callable[..., np.ndarray], record: Any, *others: Any) -> Any:

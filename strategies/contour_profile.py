@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fit.revolution import RevolutionFit, RevolutionOptions, fit_revolution, usable
-from fit.rows import with_rows
+from fit.rows import row_sums, with_rows
 from strategies.contour import ContourExploration
 
 FIT = RevolutionOptions(nodes=10, upright=True)
@@ -87,9 +87,9 @@ def profile_of(
                          for x, h, r, k in zip(t - bottom[:, None], height, radius, known,
                                                strict=True)])
     count = np.maximum(mask.sum(1), 1)
-    rms = np.sqrt((np.where(mask, rho - expected, 0.0) ** 2).sum(1) / count)
+    rms = np.sqrt(row_sums(np.where(mask, rho - expected, 0.0) ** 2) / count)
     low, high, step = radius[:, :-1], radius[:, 1:], np.diff(height, axis=1)
-    volume = np.pi / 3 * np.nansum(step * (low**2 + low * high + high**2), axis=1)
+    volume = np.pi / 3 * row_sums(step * (low**2 + low * high + high**2))
     largest = np.where(known, np.where(np.isfinite(radius), radius, -1.0).max(1), np.nan)
     return Profile(through + axis * bottom[:, None], axis, height, radius,
                    np.where(known, volume, np.nan), largest,

@@ -6,7 +6,7 @@ from enum import IntEnum
 import numpy as np
 
 from fit.revolution_shape import RevolutionBody, revolution_distance
-from fit.rows import rows_of
+from fit.rows import row_sums, rows_of
 from fit.superquadric import SuperquadricFit
 from fit.superquadric_shape import Superquadric, SuperquadricLike
 from strategies.body_query import surface_distances
@@ -113,7 +113,7 @@ def distance_felt(body: RevolutionBody, points_m: np.ndarray, felt: np.ndarray) 
 
 
 def _rms(distance: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    square = np.where(mask, np.minimum(distance, FARTHEST_M) ** 2, 0.0).sum(1)
+    square = row_sums(np.where(mask, np.minimum(distance, FARTHEST_M) ** 2, 0.0))
     return np.sqrt(square / np.maximum(mask.sum(1), 1))
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fit.rows import row_sums
 from fit.superquadric import SuperquadricFit
 from strategies.contour_profile import Profile
 from strategies.evidence import Evidence
@@ -42,5 +43,5 @@ def explained(profile: Profile | None, by_pads: Evidence) -> np.ndarray:
         return np.zeros(len(mask), bool)
     away = np.minimum(distance_felt(revolution_of(profile), by_pads.points_m, mask), FARTHEST_M)
     count = mask.sum(1)
-    mean = np.where(mask, away, 0.0).sum(1) / np.maximum(count, 1)
+    mean = row_sums(np.where(mask, away, 0.0)) / np.maximum(count, 1)
     return (count >= FEWEST_EXPLAINED) & (mean < EXPLAINED_M)

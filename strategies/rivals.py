@@ -9,6 +9,7 @@ touches stays.
 
 import numpy as np
 
+from fit.rows import row_sums
 from fit.status import FitStatus
 from fit.superquadric import SuperquadricFit
 from strategies.body_query import surface_distances
@@ -30,6 +31,6 @@ def touch_misfit(fits: SuperquadricFit, placed: Evidence) -> np.ndarray:
     distance, _ = surface_distances(fits, placed.points_m, placed.mask, ahead_m=0.0)
     away = np.minimum(np.abs(distance), FARTHEST_M)
     count = placed.mask.sum(1)
-    mean = np.where(placed.mask, away, 0.0).sum(1) / np.maximum(count, 1)
+    mean = row_sums(np.where(placed.mask, away, 0.0)) / np.maximum(count, 1)
     good = np.isin(fits.status, (FitStatus.converged, FitStatus.not_converged)) & (count > 0)
     return np.where(good, mean, np.inf)

@@ -11,7 +11,7 @@ import numpy as np
 
 from fit.revolution import RevolutionFit, RevolutionOptions, fit_revolution, usable
 from fit.revolution_shape import RevolutionBody
-from fit.rows import rows_of, with_rows
+from fit.rows import row_sums, rows_of, with_rows
 from strategies.contour_profile import Profile
 from strategies.evidence import Evidence
 from strategies.recovered import distance_felt
@@ -53,7 +53,7 @@ def revolution_misfit(fit: RevolutionFit, evidence: Evidence) -> np.ndarray:
     """
     away = np.minimum(distance_felt(body_of_fit(fit), evidence.points_m, evidence.mask), FAR_M)
     count = evidence.mask.sum(1)
-    mean = np.where(evidence.mask, away, 0.0).sum(1) / np.maximum(count, 1)
+    mean = row_sums(np.where(evidence.mask, away, 0.0)) / np.maximum(count, 1)
     return np.where(usable(fit) & (count > 0), mean, np.inf)
 
 

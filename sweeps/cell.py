@@ -1,7 +1,7 @@
 """One cell of a study: a strategy on an object under one setting, all defaults filled in."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from strategies.strategy import Strategy
@@ -48,3 +48,8 @@ class Cell:
     decide: DecideTable = field(default_factory=DecideTable)
     seed: int = 0
     setting: Mapping[str, Any] = field(default_factory=dict)
+
+
+def differ_in_object_alone(one: Cell, other: Cell) -> bool:
+    """Whether episodes of two cells can be run in one call."""
+    return replace(other, body_table=one.body_table, object_name=one.object_name) == one

@@ -64,8 +64,7 @@ def _run(plan: Plan, store: Store, options: Options, engine: str,
          address: str | None) -> Outcome:
     """Runs what is left of a shard on one of the engines."""
     index, count = options.shard
-    total = len(range(index - 1, plan.unit_count, count))
-    with Progress(total, store.note(f"{index}-of-{count}")) as progress:
+    with Progress(plan.shard_size(options.shard), store.note(f"{index}-of-{count}")) as progress:
         if engine == "ray":
             from sweeps.ray_engine import run_on_ray
 

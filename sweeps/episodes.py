@@ -1,11 +1,15 @@
-"""A block of episodes of one cell, from placing the objects to the rows of results.
+"""A block of episodes, from placing the objects to the rows of results.
 
     cell + episode numbers → placed objects → exploration → recovered bodies → scores → rows
+
+Cells that differ in their object alone can be run in one block: many episodes at once cost less
+each.
 
 An episode's object, pose, told cylinder and noise come from (study seed, object, episode number)
 alone: the same for every strategy and setting, whatever block it runs in.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from math import pi
@@ -13,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fit.rows import joined
 from fit.status import status_names
 from fit.superquadric_shape import Superquadric
 from strategies.belief import Belief
@@ -25,7 +30,8 @@ from strategies.recovered import Recovered, Shape
 from strategies.registry import PlannerError
 from strategies.waypoints import BoundingCylinder
 from sweeps.cell import Cell
-from sweeps.metrics import Scores, score_recovered, scores_again
+from sweeps.metrics import Scores
+from sweeps.scorer import Scorer
 from warpgrasp.body import Body
 from warpgrasp.body_sample import sample_body
 from warpgrasp.catalogue import body_from_name, body_from_table
@@ -36,8 +42,11 @@ from warpgrasp.counter_random import (
     counter_uniform_host,
 )
 from warpgrasp.parameters import ObjectTable
-from warpgrasp.robot import Grasps, Robot, Truth
+from warpgrasp.robot import Grasps, Robot, Truth, has_deformed_part
 from warpgrasp.status import ProbeStatus
+
+Part = tuple[Cell, np.ndarray]
+"""A cell and the numbers of some of its episodes."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +63,8 @@ class Moment:
 class EpisodeBlock:
     """Everything about a block of episodes, for rows, files and figures."""
 
-    body: Body
+    bodies: tuple[Body, ...]
+    """The objects of its cells, in turn."""
     truth: Truth
     told: BoundingCylinder
     exploration: Exploration
@@ -62,6 +72,12 @@ class EpisodeBlock:
     moments: tuple[Moment, ...]
     recognized: np.ndarray
     """Name of the catalogue's object that was felt, "none of these", or "", str (world,)."""
+
+    @property
+    def body(self) -> Body:
+        """The object of a block of one cell."""
+        body, = self.bodies
+        return body
 
     @property
     def status(self) -> np.ndarray:
@@ -84,13 +100,38 @@ class EpisodeBlock:
         return [p.felt for p in self.exploration.procedures if isinstance(p.felt, Grasps)]
 
 
+def run_cells(parts: Sequence[Part], device: str) -> list[dict[str, np.ndarray]]:
+    """Rows of each of some `(cell, episodes)`, as `run_episodes` would give them, bit for bit.
+
+    The cells differ in their object alone.
+    """
+    found: dict[int, dict[str, np.ndarray]] = {}
+    # A hand marches more carefully before bodies whose distance may overshoot.
+    for marching in (False, True):
+        numbers = [n for n, (cell, _) in enumerate(parts)
+                   if has_deformed_part([cell_body(cell)]) == marching]
+        if numbers:
+            rows = _rows_of([parts[n] for n in numbers], device)
+            ends = np.cumsum([len(parts[n][1]) for n in numbers])
+            for n, end in zip(numbers, ends, strict=True):
+                mine = slice(end - len(parts[n][1]), end)
+                found[n] = {name: values[mine] for name, values in rows.items()}
+    return [found[n] for n in range(len(parts))]
+
+
 def run_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
     """Rows of episodes `episodes` (numbers within the study) of a cell, a column each.
 
     Columns after the file contract of the README; text columns hold str, curves an array a row.
     """
-    block = run_block(cell, episodes, device)
-    worlds = len(episodes)
+    return run_cells([(cell, episodes)], device)[0]
+
+
+def _rows_of(parts: Sequence[Part], device: str) -> dict[str, np.ndarray]:
+    cell = parts[0][0]
+    counts = [len(episodes) for _, episodes in parts]
+    block = _run_parts(parts, device)
+    worlds = sum(counts)
     belief, scores, recovered = block.exploration.belief, block.scores, block.recovered
     fits = belief.fits
     # Probes in turn, a column each: which of them the arm could not make, and why.
@@ -100,9 +141,9 @@ def run_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.
     names = np.array(["told_cylinder", "tapered_superquadric" if cell.fit.taper else
                       "superquadric", "revolution"])
     columns: dict[str, np.ndarray] = {
-        "episode": np.asarray(episodes, np.int64),
+        "episode": np.concatenate([np.asarray(episodes, np.int64) for _, episodes in parts]),
         "strategy": np.full(worlds, cell.strategy.name),
-        "object": np.full(worlds, cell.object_name),
+        "object": np.repeat([cell.object_name for cell, _ in parts], counts),
         "seed": np.full(worlds, cell.seed, np.int64),
         "status": block.status,
         "note": np.where(block.status == "strategy_failed", block.exploration.fault, ""),
@@ -130,39 +171,46 @@ def run_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.
 
 
 def run_block(cell: Cell, episodes: np.ndarray, device: str) -> EpisodeBlock:
-    """Run a block of episodes and keep all of it."""
-    body = cell_body(cell)
-    key = counter_key_host(int(cell.seed) & (2**63 - 1), _content_number(body), episodes)
+    """Run a block of episodes of one cell and keep all of it."""
+    return _run_parts([(cell, episodes)], device)
+
+
+def _run_parts(parts: Sequence[Part], device: str) -> EpisodeBlock:
+    cell = parts[0][0]
+    bodies = tuple(cell_body(cell) for cell, _ in parts)
+    which = np.repeat(np.arange(len(parts)), [len(episodes) for _, episodes in parts])
+    key = np.concatenate([
+        counter_key_host(int(cell.seed) & (2**63 - 1), _content_number(body), episodes)
+        for (cell, episodes), body in zip(parts, bodies, strict=True)])
     body_pose = place_objects(cell.placement, key)
-    told = tell_cylinder(body, body_pose, cell.placement.prior_sigma_m, key)
+    scorer = Scorer(bodies, which, body_pose, device)
+    told = joined([tell_cylinder(body, body_pose[rows], cell.placement.prior_sigma_m, key[rows])
+                   for body, rows in scorer.worlds()])
     truth = Truth(body_pose)
     noise = _noise_key(key, cell.strategy.noise_stream)
-    robot = Robot([body], np.zeros(1, int), truth, noise, cell.arm, cell.hand, cell.sensors,
+    robot = Robot(bodies, which, truth, noise, cell.arm, cell.hand, cell.sensors,
                   pads=cell.pads, device=device)
     moments: list[Moment] = []
 
     def observe(belief: Belief, recovered: Recovered) -> None:
         if moments:
             last = moments[-1]
-            scores = scores_again(recovered, last.recovered, last.scores, body, body_pose,
-                                  device=device)
+            scores = scorer.score_again(recovered, last.recovered, last.scores)
         else:
-            scores = score_recovered(recovered, body, body_pose, device=device)
+            scores = scorer.score(recovered)
         moments.append(Moment(belief.touches, belief.time_s, scores, recovered))
 
     planner, fault = _planner(cell, robot, told)
     if isinstance(planner, Oracle):
-        planner.let_see(lambda recovered: score_recovered(
-            recovered, body, body_pose, device=device).chamfer_m)
+        planner.let_see(lambda recovered: scorer.score(recovered).chamfer_m)
     found = explore(robot, planner, told, counter_key_host(noise, int(Purpose.STRATEGY)),
                     table=cell.fit, closings=cell.strategy.closings,
                     budget=budget_of(cell.strategy), observe=observe)
     if fault:
         found = replace(found, fault=fault, status=np.full(len(key), "strategy_failed"))
-    scores = moments[-1].scores if moments else score_recovered(
-        found.recovered, body, body_pose, device=device)
+    scores = moments[-1].scores if moments else scorer.score(found.recovered)
     recognized = _recognizer(device).names(found.belief, found.recovered)
-    return EpisodeBlock(body, truth, told, found, scores, tuple(moments), recognized)
+    return EpisodeBlock(bodies, truth, told, found, scores, tuple(moments), recognized)
 
 
 def _noise_key(key: np.ndarray, stream: int) -> np.ndarray:

@@ -21,6 +21,7 @@ from sweeps.study import Axis, Body, Study, StudyTable
 RESULTS_SCHEMA = 8  # raise when rows change their meaning: older units are then done anew
 FILE_KEYS = ("mesh", "profile")  # of an object's table, however deep: files it is read from
 BLOCK = 64  # episodes of a unit; rows do not depend on it
+LEAST_RUNS = 8  # of a shard: the last one may be missing in some, an eighth of their work
 
 
 @dataclass(frozen=True)
@@ -53,18 +54,33 @@ class Plan:
         return self.study.cell_count * self.block_count
 
     def units(self, shard: tuple[int, int] = (1, 1)) -> Iterator[Unit]:
-        """The units of shard I of N, in the order they are run."""
+        """The units of shard I of N, in the order they are run: every N-th run of some units."""
         index, count = shard
+        run = self._run_length(count)
         number = 0
         for strategy, body, setting in self.study.cells():
             mine = [block for block in range(self.block_count)
-                    if (number + block) % count == index - 1]
+                    if (number + block) // run % count == index - 1]
             number += self.block_count
             if mine:
                 cell = self.study.cell(strategy, body, setting)
                 name = cell_hash(cell, self.study.objects[body])
                 for block in mine:
                     yield self.unit(cell, name, block)
+
+    def shard_size(self, shard: tuple[int, int]) -> int:
+        """How many units a shard has."""
+        index, count = shard
+        run = self._run_length(count)
+        begins = range((index - 1) * run, self.unit_count, count * run)
+        return sum(min(run, self.unit_count - begin) for begin in begins[-1:]) + run * len(
+            begins[:-1])
+
+    def _run_length(self, shards: int) -> int:
+        """Units that follow each other in a shard: what can be run in one call, so that shards have
+        it too, but so few that a shard has at least eight runs."""
+        together = self.study.group_size * self.block_count
+        return max(1, min(together, self.unit_count // (LEAST_RUNS * shards)))
 
     def unit(self, cell: Cell, name: str, block: int) -> Unit:
         """Block `block` of a cell."""

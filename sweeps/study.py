@@ -11,6 +11,9 @@ from sweeps.cell import SECTIONS, TABLES, Cell
 
 EPISODE_LIMIT = 10**9
 CELL_LIMIT = 10**7
+SIDE_BY_SIDE = 256
+"""Episodes of one strategy, on several objects if need be, before the next strategy's turn: enough
+to be run together at little more than the least cost of each."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,11 @@ class Study:
         """Strategies x objects x settings."""
         return len(self.strategies) * len(self.objects) * self.setting_count
 
+    @property
+    def group_size(self) -> int:
+        """Objects whose episodes are run together, at most."""
+        return max(1, min(len(self.objects), SIDE_BY_SIDE // self.head.episodes_per_cell))
+
     def setting(self, index: int) -> tuple[dict[str, Any], dict[str, Any]]:
         """Setting `index` in edge units and in SI; the last axis runs fastest."""
         edge: dict[str, Any] = {}
@@ -95,11 +103,17 @@ class Study:
                     seed=self.head.seed, setting=edge)
 
     def cells(self) -> Iterator[tuple[int, int, int]]:
-        """Index triples (strategy, object, setting), the strategies of one case side by side."""
-        for body in range(len(self.objects)):
+        """Index triples (strategy, object, setting), the strategies of one case side by side.
+
+        Objects of few episodes come in groups, so that their episodes can be run in one call.
+        """
+        groups = -(-len(self.objects) // self.group_size)
+        for group in range(groups):
+            bodies = range(*(len(self.objects) * n // groups for n in (group, group + 1)))
             for setting in range(self.setting_count):
                 for strategy in range(len(self.strategies)):
-                    yield strategy, body, setting
+                    for body in bodies:
+                        yield strategy, body, setting
 
 
 def _si_name(section: str, edge_name: str) -> str:

@@ -6,13 +6,14 @@ from dataclasses import dataclass, field
 from math import inf
 
 from sweeps.atomic import write_atomic
+from sweeps.cell import differ_in_object_alone
 from sweeps.plan import Plan, Unit
 from sweeps.progress import Progress
 from sweeps.store import Store
 
 ATTEMPTS = 2
-MOST_UNITS = 8
-"""Units handed out together: 512 episodes; twice as many save no more and take 0.2 GiB more."""
+MOST_EPISODES = 512
+"""Handed out together; twice as many save no more and take 0.2 GiB more."""
 IN_HAND_S = 30.0
 """Seconds of work handed out together: what a kill may lose, of each worker. With ten,
 `coarse-to-fine` is run some 200 at once, which takes it a fifth longer than 512 (reckoned)."""
@@ -32,7 +33,8 @@ class Outcome:
 
 @dataclass
 class Work:
-    """The units of a shard, handed out in batches: units of one cell, to be run in one call.
+    """The units of a shard, handed out in batches: units of one cell, or of cells that differ in
+    their object alone, to be run in one call.
 
     A batch that fails is handed out again unit by unit, which counts against none of them. A unit
     that fails alone is handed out once more; the second time it is set aside as failed, with its
@@ -51,6 +53,7 @@ class Work:
     in_hand: set[str] = field(default_factory=set)
     seconds: dict[str, float] = field(default_factory=dict)  # a unit of a strategy took last
     alone: set[str] = field(default_factory=set)  # cells of which a batch has failed
+    spoilers: set[str] = field(default_factory=set)  # objects of which a unit has failed alone
     slow: set[str] = field(default_factory=set)  # units for which all was compiled
     exhausted: bool = False
 
@@ -58,8 +61,7 @@ class Work:
         self.missing = self._missing()
         self.found: deque[Unit] = deque()  # missing, to be handed out before all others
         self.left_behind = self.store.left_behind()
-        index, count = self.shard
-        self.ahead = len(range(index - 1, self.plan.unit_count, count))  # not looked at yet
+        self.ahead = self.plan.shard_size(self.shard)  # not looked at yet
 
     def at_least(self, count: int) -> int:
         """How many units are left to hand out, as far as up to `count` of them."""
@@ -86,10 +88,18 @@ class Work:
         elif not self.outcome.done:
             self.progress.measure()
         room = 1 if alone else self._room(batch[0], workers, elsewhere)
-        while len(batch) < room and self.at_least(1) and (
-                self.found[0].cell_hash == batch[0].cell_hash):
+        while len(batch) < room and self.at_least(1) and self._joins(batch, self.found[0]):
             batch.append(self.found.popleft())
         return batch
+
+    def _joins(self, batch: list[Unit], unit: Unit) -> bool:
+        """Whether a unit can be run together with a batch."""
+        size = sum(other.stop - other.start for other in (*batch, unit))
+        last = batch[-1]
+        apart = {unit.cell.object_name, last.cell.object_name} & self.spoilers
+        return size <= MOST_EPISODES and (unit.cell_hash == last.cell_hash or (
+            unit.cell_hash not in self.alone and not apart
+            and differ_in_object_alone(unit.cell, last.cell)))
 
     def unit_s(self, unit: Unit) -> float:
         """How long a unit should take [s]: what the last one of its strategy did."""
@@ -119,7 +129,7 @@ class Work:
             return 1
         short = min(IN_HAND_S, self.unit_timeout_s / 4) / max(self.unit_s(unit), 1e-9)
         share = (1 + len(self.found) + self.ahead + elsewhere) / workers
-        return max(1, min(MOST_UNITS, int(short), round(share)))
+        return max(1, min(int(short), round(share)))
 
     def _is_there(self, unit: Unit) -> bool:
         return self.store.read(unit) is not None if self.verify else self.store.has(unit)
@@ -159,11 +169,12 @@ class Work:
     def failed(self, batch: list[Unit], text: str, final: bool = False) -> None:
         """A call raised, its worker died, or (`final`: it is not tried again) its time ran out."""
         if len(batch) > 1:  # nobody can tell whose fault it was
-            self.alone.add(batch[0].cell_hash)
+            self.alone |= {unit.cell_hash for unit in batch}
             self.attempts |= {unit.id: 0 for unit in batch}
             self.put_back(batch)
             return
         unit = batch[0]
+        self.spoilers.add(unit.cell.object_name)
         self.in_hand.discard(unit.id)
         self.attempts[unit.id] = self.attempts.get(unit.id, 0) + 1
         if self.attempts[unit.id] < ATTEMPTS and not final:

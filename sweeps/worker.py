@@ -16,6 +16,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from multiprocessing import parent_process
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -26,9 +27,10 @@ from sweeps.cell import Cell
 from sweeps.plan import Unit
 from sweeps.unit_file import Columns, write_unit
 
-RunEpisodes = Callable[[Cell, np.ndarray, str], Columns]
+RunCells = Callable[[Sequence[tuple[Cell, np.ndarray]], str], list[Columns]]
+"""Rows of each of some cells, of the episodes named with it; on a device."""
 SAY_WHERE = signal.SIGUSR1  # a worker answers with where each of its threads is, in its log
-EPISODES = "sweeps.episodes:run_episodes"
+EPISODES = "sweeps.episodes:run_cells"
 NAMED = ("episode", "strategy", "object", "seed")  # columns that a unit gives its rows
 
 # One thread each: two workers on two cores must not fight, and sums must not depend on threads.
@@ -67,7 +69,7 @@ def work(pipe: Connection, function: str, device: str, log: Path) -> None:
     threading.Thread(target=_die_with_parent, daemon=True).start()
     gc.disable()  # imports make many objects and no garbage
     try:
-        run_episodes = find_function(function)
+        run_cells = find_function(function)
     except Exception:
         pipe.send(Report("broken", traceback.format_exc()))
         return
@@ -83,27 +85,36 @@ def work(pipe: Connection, function: str, device: str, log: Path) -> None:
         if task is None:
             return
         units, paths = task
-        for report in _run_batch(run_episodes, units, paths, device):
+        for report in _run_batch(run_cells, units, paths, device):
             pipe.send(report)
 
 
-def find_function(name: str) -> RunEpisodes:
+def find_function(name: str) -> RunCells:
     """The function of an importable name `module:function`."""
     module, _, attribute = name.partition(":")
     return getattr(importlib.import_module(module), attribute)
 
 
-def run_units(run_episodes: RunEpisodes, units: Sequence[Unit], device: str) -> list[Columns]:
-    """The rows of each of some units of one cell, from one call.
+def run_units(run_cells: RunCells, units: Sequence[Unit], device: str) -> list[Columns]:
+    """The rows of each of some units, from one call; their cells differ in their object alone.
 
     They are the rows of a call for each, bit for bit. What names them comes from the units. Where
     a strategy failed it is told in which world of its batch, so the units are then run alone.
     """
-    cell = units[0].cell
-    episodes = np.concatenate([np.arange(u.start, u.stop, dtype=np.int64) for u in units])
-    rows = run_episodes(cell, episodes, device)
-    if len(units) > 1 and "strategy_failed" in rows.get("status", ()):
-        return [run_units(run_episodes, [unit], device)[0] for unit in units]
+    parts = [list(same) for _, same in groupby(units, key=lambda unit: unit.cell_hash)]
+    asked = [(same[0].cell, np.concatenate(
+        [np.arange(u.start, u.stop, dtype=np.int64) for u in same])) for same in parts]
+    found = run_cells(asked, device)
+    if len(units) > 1 and any("strategy_failed" in rows.get("status", ()) for rows in found):
+        return [run_units(run_cells, [unit], device)[0] for unit in units]
+    return [rows for same, (cell, episodes), columns in zip(parts, asked, found, strict=True)
+            for rows in _rows_of_units(same, cell, episodes, columns)]
+
+
+def _rows_of_units(
+    units: Sequence[Unit], cell: Cell, episodes: np.ndarray, rows: Columns
+) -> list[Columns]:
+    """Each unit's share of the rows of its cell."""
     count = len(episodes)
     short = {name: len(values) for name, values in rows.items() if len(values) != count}
     if short:
@@ -117,12 +128,12 @@ def run_units(run_episodes: RunEpisodes, units: Sequence[Unit], device: str) -> 
             for unit, end in zip(units, ends, strict=True)]
 
 
-def _run_batch(run_episodes: RunEpisodes, units: Sequence[Unit], paths: Sequence[Path],
+def _run_batch(run_cells: RunCells, units: Sequence[Unit], paths: Sequence[Path],
                device: str) -> Iterator[Report]:
     """Writes the units' files in turn, with a report on each."""
     began = time.monotonic()
     try:
-        found = run_units(run_episodes, units, device)
+        found = run_units(run_cells, units, device)
         for unit, path, rows in zip(units, paths, found, strict=True):
             try:
                 write_unit(path, unit.id, rows)

@@ -4,6 +4,7 @@ The robot offers guarded moves and nothing higher. What truly happened goes to t
 maker keeps for the scorer; a strategy is handed the robot, never the truth.
 """
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field
 
@@ -47,12 +48,17 @@ class Truth:
     """Guarded lines, in the order they were made."""
 
 
+def has_deformed_part(bodies: Sequence[Body]) -> bool:
+    """Whether the distance to any of the bodies may overshoot."""
+    return any(p.shape == Shape.SUPERQUADRIC for b in bodies for p in b.parts)
+
+
 class Robot:
     """Robots in lock-step, one a world. All methods take and give arrays with world as axis 0."""
 
     def __init__(
         self,
-        bodies: list[Body],
+        bodies: Sequence[Body],
         body: np.ndarray,
         truth: Truth,
         key: np.ndarray,
@@ -75,8 +81,7 @@ class Robot:
         self._mount = mount_error(arm, key)
         self._state = ArmState.home(len(key))
         # A first-order distance to a deformed superquadric may overshoot: march half of it.
-        deformed = any(p.shape == Shape.SUPERQUADRIC for b in bodies for p in b.parts)
-        self._march_scale = 0.5 if deformed else 1.0
+        self._march_scale = 0.5 if has_deformed_part(bodies) else 1.0
         self.arm, self.hand, self.sensors = arm, hand, sensors
         self.pads = pads or PadTable()
 

@@ -28,6 +28,16 @@ def body(axis: tuple[float, float, float] = (0.0, 0.0, 1.0)) -> RevolutionBody:
         np.stack([Z, [0.0, 0.1, np.nan, np.nan]]), np.stack([R, [0.02, 0.02, np.nan, np.nan]]))
 
 
+def test_volume_does_not_hang_on_longer_contours_beside() -> None:
+    rng = np.random.default_rng(3)
+    for nodes in range(8, 40):
+        z, r = np.sort(rng.random((1, nodes))), rng.random((1, nodes))
+        place = np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]])
+        wide = (np.pad(v, ((0, 0), (0, 7)), constant_values=np.nan) for v in (z, r))
+        assert revolution_volume(RevolutionBody(*place, z, r)) == revolution_volume(
+            RevolutionBody(*place, *wide))
+
+
 def mesh() -> trimesh.Trimesh:
     line = np.column_stack([np.r_[0.0, R, 0.0], np.r_[Z[0], Z, Z[-1]]])
     return trimesh.creation.revolve(line, sections=720)

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import pytest
 
-from fit.rows import rows_of, with_rows
+from fit.rows import joined, row_sums, rows_of, with_rows
 
 
 class _Pair(NamedTuple):
@@ -56,3 +57,19 @@ def test_what_was_picked_can_be_put_back() -> None:
     again = with_rows(record, rows, rows_of(record, rows))
     assert np.array_equal(again.pair.right, record.pair.right)
     assert np.array_equal(again.part.wide, record.part.wide)
+
+
+def test_parts_joined_are_the_whole() -> None:
+    record = _record(5)
+    again = joined([rows_of(record, slice(0, 2)), rows_of(record, slice(2, None))])
+    assert np.array_equal(again.pair.right, record.pair.right)
+    assert np.array_equal(again.part.wide, record.part.wide)
+
+
+def test_sums_of_rows_do_not_hang_on_what_they_are_padded_with() -> None:
+    values = np.random.default_rng(5).random((50, 23))
+    assert row_sums(values) == pytest.approx(values.sum(1), rel=1e-12)
+    for fill in (0.0, np.nan):
+        wide = np.pad(values, ((0, 0), (0, 9)), constant_values=fill)
+        assert np.array_equal(row_sums(wide), row_sums(values))
+    assert np.array_equal(row_sums(np.zeros((3, 0))), np.zeros(3))

@@ -9,7 +9,7 @@ from studies import plan_of
 from sweeps.cell import Cell
 from sweeps.plan import Plan
 from sweeps.store import Store
-from sweeps.unit_file import write_unit
+from sweeps.unit_file import Columns, write_unit
 from sweeps.worker import run_units
 
 OBJECTS = ("block", "large_cylinder", "small_cylinder", "wedge", "lightbulb", "funnel",
@@ -25,8 +25,9 @@ def lists(rows: list[list[float]]) -> np.ndarray:
     return column
 
 
-def run_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
-    rows = fake_episodes.run_episodes(cell, episodes, device)
+@fake_episodes.cell_by_cell
+def run_episodes(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
+    rows = fake_episodes.rows_of(cell, episodes)
     end = rows["chamfer_mm"]
     share = np.arange(1, REFITS + 1) / REFITS
     rows |= {

@@ -4,12 +4,23 @@ import hashlib
 import os
 import signal
 import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from sweeps.cell import Cell
 from sweeps.plan import BLOCK
+from sweeps.unit_file import Columns
+from sweeps.worker import RunCells
+
+
+def cell_by_cell(rows: Callable[[Cell, np.ndarray, str], Columns]) -> RunCells:
+    """What a worker calls, of what runs one cell."""
+    def run_cells(parts: Sequence[tuple[Cell, np.ndarray]], device: str) -> list[Columns]:
+        return [rows(cell, episodes, device) for cell, episodes in parts]
+
+    return run_cells
 
 
 def _uniform(cell: Cell, episode: int, purpose: str) -> float:
@@ -23,7 +34,7 @@ def _units(episodes: np.ndarray) -> np.ndarray:
     return episodes[episodes % BLOCK == 0]
 
 
-def run_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
+def rows_of(cell: Cell, episodes: np.ndarray, device: str = "cpu") -> Columns:
     quality = len(cell.strategy.name) + 0.1 * cell.sensors.tendon_threshold_N
     luck = np.array([_uniform(cell, int(e), "luck") for e in episodes])
     own = np.array([_uniform(cell, int(e), cell.strategy.name) for e in episodes])
@@ -39,20 +50,28 @@ def run_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.
     }
 
 
-def slow_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
+run_episodes = cell_by_cell(rows_of)
+
+
+def _slow_rows(cell: Cell, episodes: np.ndarray, device: str = "cpu") -> Columns:
     time.sleep(float(os.environ.get("FAKE_SECONDS", "0.02")) * len(_units(episodes)))
-    return run_episodes(cell, episodes, device)
+    return rows_of(cell, episodes)
 
 
-def counted_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
+slow_episodes = cell_by_cell(_slow_rows)
+
+
+@cell_by_cell
+def counted_episodes(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
     """Leaves a line a unit in the file FAKE_LOG."""
     with Path(os.environ["FAKE_LOG"]).open("a") as log:
         for first in _units(episodes):
             log.write(f"{cell.strategy.name} {cell.object_name} {first}\n")
-    return run_episodes(cell, episodes, device)
+    return rows_of(cell, episodes)
 
 
-def deadly_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
+@cell_by_cell
+def deadly_episodes(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
     """Kills its worker on one object, once or always; raises on another."""
     if cell.object_name == "wedge":
         once = Path(os.environ["FAKE_LOG"])
@@ -63,10 +82,11 @@ def deadly_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, 
         os.kill(os.getpid(), signal.SIGSEGV)
     if cell.object_name == "lightbulb":
         raise RuntimeError("this bulb always breaks")
-    return run_episodes(cell, episodes, device)
+    return rows_of(cell, episodes)
 
 
-def broken_disk(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
+@cell_by_cell
+def broken_disk(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
     import sweeps.atomic
 
     def no_space(descriptor: int) -> None:
@@ -74,38 +94,43 @@ def broken_disk(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.n
 
     if episodes[0] > 0:
         sweeps.atomic.os.fsync = no_space  # type: ignore[attr-defined]
-    return run_episodes(cell, episodes, device)
+    return rows_of(cell, episodes)
 
 
-def hanging_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
+@cell_by_cell
+def hanging_episodes(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
     """Never comes back on one object."""
     while cell.object_name == "wedge":
         time.sleep(3600)
-    return run_episodes(cell, episodes, device)
+    return rows_of(cell, episodes)
 
 
-def logged_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
+@cell_by_cell
+def logged_episodes(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
     """Slow, and notes in FAKE_LOG/<cell and block> whether each unit was there when it began."""
     for first in _units(episodes):
         log = Path(os.environ["FAKE_LOG"]) / f"{cell.strategy.name}-{cell.object_name}-{first}"
         with log.open("a") as stream:
             stream.write("after\n" if log.with_suffix(".written").exists() else "before\n")
-    return slow_episodes(cell, episodes, device)
+    return _slow_rows(cell, episodes)
 
 
-def batched_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
+def _batched_rows(cell: Cell, episodes: np.ndarray, device: str = "cpu") -> Columns:
     """Leaves a line a call in the file FAKE_LOG: of what, and how many units it was for."""
     with Path(os.environ["FAKE_LOG"]).open("a") as log:
         log.write(f"{cell.object_name} {len(_units(episodes))}\n")
-    return run_episodes(cell, episodes, device)
+    return rows_of(cell, episodes)
 
+
+batched_episodes = cell_by_cell(_batched_rows)
 
 BAD = 320
 
 
-def bad_episode(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
+@cell_by_cell
+def bad_episode(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
     """Raises, dies or hangs (FAKE_HOW) where one episode of the block is asked for."""
-    rows = batched_episodes(cell, episodes, device)
+    rows = _batched_rows(cell, episodes)
     if cell.object_name == "block" and BAD in episodes:
         if os.environ["FAKE_HOW"] == "die":
             os.kill(os.getpid(), signal.SIGKILL)

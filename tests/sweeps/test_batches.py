@@ -13,11 +13,24 @@ from sweeps.plan import Plan
 from sweeps.progress import Progress
 from sweeps.store import Store
 from sweeps.unit_file import Columns, encode_unit
-from sweeps.work import IN_HAND_S, MOST_UNITS, Outcome, Work
+from sweeps.work import IN_HAND_S, MOST_EPISODES, Outcome, Work
 from sweeps.worker import run_units
 
 TEXT = SMALL.replace("= 70\no", "= 1000\no").partition('[[strategy]]\nname = "mine"')[0]
 UNITS = 16  # of each of two cells
+MOST_UNITS = MOST_EPISODES // 64
+FEW = """\
+schema = 1
+seed = 7
+episodes_per_cell = 50
+objects = ["block", "wedge", "lightbulb", "funnel", "wine_bottle", "coke_bottle"]
+[[strategy]]
+name = "ring6"
+[[strategy]]
+name = "random6"
+[sweep.grid]
+"sensors.tendon_threshold_N" = [3.0, 6.0]
+"""
 BAD = fake_episodes.BAD // 64
 
 
@@ -115,6 +128,31 @@ def test_units_are_looked_for_and_not_lost(tmp_path: Path, plan: Plan) -> None:
     assert work_of(plan, tmp_path).at_least(100) == plan.unit_count
 
 
+def test_objects_of_few_episodes_are_run_together(tmp_path: Path) -> None:
+    plan = plan_of(tmp_path / "spec", FEW)
+    work = work_of(plan, tmp_path)
+    batches = []
+    while batch := work.take():
+        batches.append(batch)
+        assert len({unit.cell.strategy.name for unit in batch}) == 1
+        assert len({str(unit.cell.setting) for unit in batch}) == 1
+    assert [len(batch) for batch in batches] == [3] * 8  # of six, five of which would do
+    assert [unit for batch in batches for unit in batch] == list(plan.units())
+
+
+def test_an_object_that_fails_is_run_by_itself_from_then_on(tmp_path: Path) -> None:
+    work = work_of(plan_of(tmp_path / "spec", FEW), tmp_path)
+    work.failed(work.take(), "no telling which")
+    for unit in [unit for _ in range(3) for unit in work.take()]:
+        if unit.cell.object_name == "wedge":
+            work.failed([unit], "this one")
+        else:
+            work.done(unit, 0.1)
+    assert [unit.cell.object_name for unit in work.take()] == ["wedge"]  # its second time
+    batches = [[unit.cell.object_name for unit in work.take()] for _ in range(3)]
+    assert batches == [["block"], ["wedge"], ["lightbulb"]]
+
+
 @pytest.mark.parametrize(("seconds", "most"), [
     (1e-9, MOST_UNITS), (IN_HAND_S / 2.5, 2), (2 * IN_HAND_S, 1)])
 def test_a_batch_holds_seconds_of_work_at_most(
@@ -133,6 +171,7 @@ def test_planners_of_ones_own_are_called_for_a_unit_at_a_time(tmp_path: Path) ->
 
 def test_where_a_strategy_fails_units_are_run_alone(plan: Plan) -> None:
     """The fault names a world of its batch, which must not depend on how units were handed out."""
+    @fake_episodes.cell_by_cell
     def failing(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
         asked.append(len(episodes))
         bad = episodes == fake_episodes.BAD

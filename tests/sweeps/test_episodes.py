@@ -9,7 +9,7 @@ import pytest
 
 from strategies.catalogue import STRATEGIES
 from sweeps.cell import Cell
-from sweeps.episodes import run_block, run_episodes
+from sweeps.episodes import run_block, run_cells, run_episodes
 from sweeps.explore import COLUMNS, explore
 from sweeps.leaderboard import make_leaderboard
 from sweeps.plan import plan_study
@@ -45,6 +45,17 @@ def test_rows_do_not_depend_on_the_batch(rows: dict) -> None:
     alone = run_episodes(CELL, np.array([4]), "cpu")
     for name, column in alone.items():
         assert np.array_equal(column, rows[name][4:5]), name
+
+
+@pytest.mark.parametrize("strategy", ["ring6", "coarse-to-fine"])
+def test_objects_run_together_give_the_rows_of_each_alone(strategy: str) -> None:
+    egg = {"name": "egg", "superquadric": {"size_mm": [30.0, 30.0, 45.0], "exponents": [1, 1.0]}}
+    tables = [{"name": "block"}, egg, {"name": "wine_bottle"}, {"name": "lightbulb"}]
+    parts = [(Cell(STRATEGIES[strategy], table, table["name"], seed=11), np.arange(n, n + 2))
+             for n, table in enumerate(tables)]
+    for part, columns in zip(parts, run_cells(parts, "cpu"), strict=True):
+        for name, column in run_episodes(*part, "cpu").items():
+            assert repr(column.tolist()) == repr(columns[name].tolist()), (part[0], name)
 
 
 def test_objects_and_noise_are_common_to_strategies_and_settings() -> None:

@@ -126,6 +126,7 @@ def test_missing_units_leave_out_the_block_for_all(tmp_path: Path) -> None:
 
 
 def test_what_is_not_offered_is_na(tmp_path: Path) -> None:
+    @fake_episodes.cell_by_cell
     def few(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
         return {"status": np.full(len(episodes), "ok"),
                 "chamfer_mm": np.full(len(episodes), 2.0)}

@@ -40,10 +40,20 @@ def test_units_cover_each_cells_episodes_once(tmp_path: Path) -> None:
 
 def test_shards_part_the_units(tmp_path: Path) -> None:
     plan = plan_of(tmp_path, SWEPT)
-    parts = [[unit.id for unit in plan.units((n, 5))] for n in range(1, 6)]
-    assert sorted(name for part in parts for name in part) == sorted(ids(plan))
-    assert [len(part) for part in parts] == [
-        len(range(n, plan.unit_count, 5)) for n in range(5)]
+    for shards in (1, 2, 5, 7, 50, 200):
+        parts = [[unit.id for unit in plan.units((n, shards))] for n in range(1, shards + 1)]
+        sizes = [len(part) for part in parts]
+        assert sorted(name for part in parts for name in part) == sorted(ids(plan))
+        assert sizes == [plan.shard_size((n, shards)) for n in range(1, shards + 1)]
+        assert max(sizes) - min(sizes) <= max(1, plan.unit_count / shards / 8)
+
+
+def test_a_shard_has_what_can_be_run_together(tmp_path: Path) -> None:
+    names = ", ".join(f'"{name}"' for name in ("block", "wedge", "funnel", "wine_bottle"))
+    plan = plan_of(tmp_path, SWEPT.replace('"block", "wedge"', names).replace("= 70", "= 20"))
+    units = list(plan.units((2, 3)))
+    assert [u.cell.object_name for u in units[:4]] == ["block", "wedge", "funnel", "wine_bottle"]
+    assert len({(u.cell.strategy.name, str(u.cell.setting)) for u in units[:4]}) == 1
 
 
 def test_the_resolved_file_names_the_same_units(tmp_path: Path) -> None:

@@ -183,4 +183,4 @@ def test_rows_are_named_by_their_unit_and_must_be_whole(whole: tuple[Plan, Path]
     assert list(rows)[:4] == ["episode", "strategy", "object", "seed"]
     assert rows["episode"].tolist() == list(range(64))
     with pytest.raises(ValueError, match="64 episodes were asked for"):
-        run_units(lambda cell, episodes, device: {"iou": np.zeros(3)}, [unit], "cpu")
+        run_units(lambda parts, device: [{"iou": np.zeros(3)}], [unit], "cpu")

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from curved_episodes import lists, wide_study, wide_text
+from fake_episodes import cell_by_cell
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
@@ -262,6 +263,7 @@ def test_first_order_shares_of_an_additive_function(monkeypatch: pytest.MonkeyPa
     """On a full grid the shares of an additive response are its variances' and sum to one."""
     import curved_episodes
 
+    @cell_by_cell
     def additive(cell: Any, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
         value = cell.sensors.tendon_threshold_N + 2.0 * cell.sensors.tension_noise_N
         return {"status": np.full(len(episodes), "ok"),
