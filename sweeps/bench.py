@@ -14,6 +14,7 @@ from typing import Any
 
 from strategies.catalogue import STRATEGIES
 from sweeps.atomic import write_atomic
+from sweeps.bench_study import studies
 from sweeps.bench_table import markdown
 from sweeps.environment import describe_environment
 from sweeps.problems import choose
@@ -21,6 +22,7 @@ from sweeps.store import StoreError
 from sweeps.worker import worker_environment
 
 BATCHES = (64, 256, 1024, 4096, 16384)
+AT_ONCE = 512  # episodes, as workers run them
 OBJECTS = ("block", "small_cylinder", "lightbulb", "mesh")
 SHAPES = ("plane", "revolution", "superquadric11", "superquadric13", "superquadric15")
 _TIMEOUT_S = 900.0
@@ -42,13 +44,13 @@ def rows(*, quick: bool, peers: bool) -> Iterator[Row]:
     names = ("ring6",) if quick else [
         s.name for s in STRATEGIES.values() if getattr(s, "waypoints", None)]
     for name in names:
-        yield from (("episodes", name, 64, threads) for threads in cores)
+        yield from (("episodes", name, AT_ONCE, threads) for threads in cores)
     if not quick:
         yield from (("closings", "block", batch, 2) for batch in BATCHES if batch != 4096)
         yield from (("touches", "block", batch, 2) for batch in BATCHES if batch != 1024)
-        yield from (("metrics", "block", batch, 1) for batch in (64, 1024))
-        yield from (("fits", "superquadric13", batch, 1) for batch in (64, 2048))
-        yield from (("episodes", "ring6", batch, 1) for batch in (16, 256))
+        yield from (("metrics", "block", batch, 1) for batch in BATCHES if batch != 256)
+        yield from (("fits", "superquadric13", batch, 1) for batch in BATCHES)
+        yield from (("episodes", "ring6", batch, 1) for batch in (16, 64, 256, 1024))
     if peers:
         yield ("same_closing", "-", 1024, 2)
         for step in ("2",) if quick else ("2", "4", "8"):
@@ -69,7 +71,7 @@ def bench(out: Path, *, quick: bool, peers: bool, only: Collection[str] = ()) ->
 
     The lines go to stdout too. Raises StoreError for a name that no row has.
     """
-    names = dict.fromkeys([row[0] for row in rows(quick=quick, peers=peers)] + ["start"])
+    names = dict.fromkeys([row[0] for row in rows(quick=quick, peers=peers)] + ["start", "study"])
     for name in only:
         if name not in names:
             others = {row[0] for row in rows(quick=False, peers=True)}
@@ -84,9 +86,10 @@ def bench(out: Path, *, quick: bool, peers: bool, only: Collection[str] = ()) ->
         if not only or row[0] in only:
             lines.append(_measure(row, quick))
             _say(lines[-1])
-    for line in _starts(quick) if not only or "start" in only else ():
-        lines.append(line)
-        _say(line)
+    for name, others in (("start", _starts), ("study", studies)):
+        for line in others(quick=quick) if not only or name in only else ():
+            lines.append(line)
+            _say(line)
     out.mkdir(parents=True, exist_ok=True)
     write_atomic(out / "bench.jsonl", "".join(json.dumps(v) + "\n" for v in lines).encode())
     write_atomic(out / "bench.md", markdown(lines).encode())
@@ -128,7 +131,7 @@ def _measure(row: Row, quick: bool) -> dict[str, Any]:
     return line
 
 
-def _starts(quick: bool) -> Iterator[dict[str, Any]]:
+def _starts(*, quick: bool) -> Iterator[dict[str, Any]]:
     """Cold and warm start of the command line [s]; cold is with empty caches of programs."""
     command = shutil.which("warpgrasp") or str(Path(sys.executable).parent / "warpgrasp")
     with tempfile.TemporaryDirectory() as folder:

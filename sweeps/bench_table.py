@@ -11,7 +11,7 @@ PEERS = ("same_closing", "mujoco_rollout", "numba_closing", "jax_closing", "scip
 def markdown(lines: Sequence[Line]) -> str:
     """The tables of one run."""
     head = next((v for v in lines if v["row"] == "environment"), {})
-    rates = [v for v in lines if v["row"] not in ("environment", "start", *PEERS)]
+    rates = [v for v in lines if v["row"] not in ("environment", "start", "study", *PEERS)]
     text = [f"Commit {str(head.get('commit'))[:10]}, {head.get('processor')}, "
             f"{head.get('cores')} cores, load {head.get('load')} at the start, "
             f"warp-lang {head.get('version.warp-lang')}, jax {head.get('version.jax')}, "
@@ -35,6 +35,15 @@ def markdown(lines: Sequence[Line]) -> str:
         text += [""]
         text += _table(("start", "s", "s of processor"),
                        ((v["of"], v["s"], v["cpu_s"]) for v in starts))
+    studies = [v for v in lines if v["row"] == "study"]
+    if studies:
+        text += ["", "Whole studies, from the shell to the leaderboard; beside them an episode "
+                 "without what the smallest study takes to start and to end.", ""]
+        text += _table(("study of", "episodes", "workers", "s", "a second",
+                        "a second of processor", "ms each", "ms of processor each"),
+                       ((v["of"], v["batch"], v["threads"], v["s"], _rate(v, "per_s"),
+                         _rate(v, "per_cpu_s"), v.get("s_ms_each", ""),
+                         v.get("cpu_s_ms_each", "")) for v in studies))
     return "\n".join(text) + "\n"
 
 

@@ -105,13 +105,13 @@ def run_cells(parts: Sequence[Part], device: str) -> list[dict[str, np.ndarray]]
 
     The cells differ in their object alone.
     """
+    bodies = [cell_body(cell) for cell, _ in parts]
     found: dict[int, dict[str, np.ndarray]] = {}
-    # A hand marches more carefully before bodies whose distance may overshoot.
-    for marching in (False, True):
-        numbers = [n for n, (cell, _) in enumerate(parts)
-                   if has_deformed_part([cell_body(cell)]) == marching]
+    # Hands move more carefully before bodies whose distance may overshoot.
+    for careful in (False, True):
+        numbers = [n for n, body in enumerate(bodies) if has_deformed_part([body]) == careful]
         if numbers:
-            rows = _rows_of([parts[n] for n in numbers], device)
+            rows = _rows_of([parts[n] for n in numbers], [bodies[n] for n in numbers], device)
             ends = np.cumsum([len(parts[n][1]) for n in numbers])
             for n, end in zip(numbers, ends, strict=True):
                 mine = slice(end - len(parts[n][1]), end)
@@ -127,10 +127,12 @@ def run_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.
     return run_cells([(cell, episodes)], device)[0]
 
 
-def _rows_of(parts: Sequence[Part], device: str) -> dict[str, np.ndarray]:
+def _rows_of(
+    parts: Sequence[Part], bodies: Sequence[Body], device: str
+) -> dict[str, np.ndarray]:
     cell = parts[0][0]
     counts = [len(episodes) for _, episodes in parts]
-    block = _run_parts(parts, device)
+    block = _run_parts(parts, bodies, device)
     worlds = sum(counts)
     belief, scores, recovered = block.exploration.belief, block.scores, block.recovered
     fits = belief.fits
@@ -172,12 +174,11 @@ def _rows_of(parts: Sequence[Part], device: str) -> dict[str, np.ndarray]:
 
 def run_block(cell: Cell, episodes: np.ndarray, device: str) -> EpisodeBlock:
     """Run a block of episodes of one cell and keep all of it."""
-    return _run_parts([(cell, episodes)], device)
+    return _run_parts([(cell, episodes)], [cell_body(cell)], device)
 
 
-def _run_parts(parts: Sequence[Part], device: str) -> EpisodeBlock:
+def _run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> EpisodeBlock:
     cell = parts[0][0]
-    bodies = tuple(cell_body(cell) for cell, _ in parts)
     which = np.repeat(np.arange(len(parts)), [len(episodes) for _, episodes in parts])
     key = np.concatenate([
         counter_key_host(int(cell.seed) & (2**63 - 1), _content_number(body), episodes)
@@ -210,7 +211,7 @@ def _run_parts(parts: Sequence[Part], device: str) -> EpisodeBlock:
         found = replace(found, fault=fault, status=np.full(len(key), "strategy_failed"))
     scores = moments[-1].scores if moments else scorer.score(found.recovered)
     recognized = _recognizer(device).names(found.belief, found.recovered)
-    return EpisodeBlock(bodies, truth, told, found, scores, tuple(moments), recognized)
+    return EpisodeBlock(tuple(bodies), truth, told, found, scores, tuple(moments), recognized)
 
 
 def _noise_key(key: np.ndarray, stream: int) -> np.ndarray:

@@ -7,6 +7,7 @@ import pytest
 from sweeps.bench import bench, rows
 from sweeps.bench_measure import Work, measure
 from sweeps.bench_rows import ROWS
+from sweeps.bench_study import marginal
 from sweeps.bench_table import markdown
 from sweeps.store import StoreError
 
@@ -45,8 +46,12 @@ def test_the_table_gives_ratios_of_one_run_and_says_what_failed() -> None:
         {**line, "row": "same_closing", "of": "-"},
         {**line, "row": "mujoco_rollout", "of": "2", "per_s": 8.0, "per_cpu_s": 4.0},
         {"row": "start", "of": "help", "s": 0.4, "cpu_s": 0.3},
+        {**line, **marginal({"batch": 1002, "s": 6.0, "cpu_s": 10.0},
+                            {"batch": 2, "s": 4.0, "cpu_s": 5.0}),
+         "row": "study", "of": "ring6", "batch": 1002, "s": 6.0},
     ])
     assert "| closings | block | 64 | 2 | 4,000 | 2,000 |" in text
     assert "| touches | block | 64 | 2 | failed |" in text
     assert "| mujoco_rollout | 2 | 8 | 4 | 500.0 |" in text
     assert "| help | 0.4 | 0.3 |" in text
+    assert "| ring6 | 1002 | 2 | 6.0 | 4,000 | 2,000 | 2.0 | 5.0 |" in text
