@@ -19,6 +19,8 @@ from fit.status import FitStatus
 
 TRIPLES = 96
 """Candidate planes a set: with 40 % off the plane, all miss with probability 2e-11."""
+NARROW = 0.1
+"""Touches near a plane that are so much narrower than those near another lie along a line."""
 TUKEY = 4.685
 """Deviations at which a touch loses all weight: 95 % efficiency on Gaussian residuals."""
 ROUNDS = 25
@@ -126,11 +128,33 @@ def _best_triple(sets: Sets) -> tuple[np.ndarray, np.ndarray]:
     ordered = np.sort(np.where(sets.mask[:, None], square, np.inf), axis=2)
     half = np.arange(ordered.shape[2]) < (sets.count // 2 + 1)[:, None]
     trimmed = np.where(half[:, None], ordered, 0.0).sum(axis=2)
-    # A sliver of a triangle says nothing; the widest serves if there are only slivers.
+    # A sliver of a triangle says nothing, nor do touches along a line, through which any plane
+    # goes; the widest serves if there are only such.
     sliver = length < 0.02 * length.max(axis=1, keepdims=True)
+    farthest = np.take_along_axis(ordered, (sets.count // 2)[:, None, None], axis=2)
+    across = _least_width(sets.points, (square <= farthest) & sets.mask[:, None])
+    sliver |= across < NARROW**2 * across.max(axis=1, keepdims=True)
     best = np.argmin(np.where(sliver, np.inf, trimmed), axis=1)
     rows = np.arange(len(best))
     return normal[rows, best], offset[rows, best]
+
+
+def _least_width(points: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """Variance [m^2] across the line along which touches lie that are near a plane, about.
+
+    `points` (fit, point, 3), those `near` a plane (fit, plane, point); shape (fit, plane). Of three
+    variances, one of them nearly zero, the second is the sum of their products over their sum, and
+    at most twice too small.
+    """
+    first, second = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
+    centred = points - points.mean(axis=1, keepdims=True)
+    terms = np.concatenate([centred, centred[..., first] * centred[..., second]], axis=2)
+    count = np.maximum(near.sum(axis=2), 1)[..., None]
+    mean = np.einsum("ftp,fpk->ftk", near.astype(float), terms) / count
+    xx, yy, zz, xy, xz, yz = np.moveaxis(
+        mean[..., 3:] - mean[..., first] * mean[..., second], 2, 0)
+    products = xx * yy + xx * zz + yy * zz - xy**2 - xz**2 - yz**2
+    return np.maximum(products, 0.0) / np.maximum(xx + yy + zz, 1e-300)
 
 
 def _scatter(points, weight) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

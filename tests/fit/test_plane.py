@@ -26,6 +26,19 @@ def angle(a, b):
     return np.arcsin(np.minimum(np.linalg.norm(np.cross(a, b), axis=-1), 1))
 
 
+@pytest.mark.parametrize("bow", [0.0, 0.003])
+def test_a_cross_of_touches_is_no_line(bow: float) -> None:
+    """What an exploration leaves: more than half of the touches lie along one straight line."""
+    rng = np.random.default_rng(8)
+    up = np.stack([0 * np.linspace(-1, 1, 36), np.linspace(-0.09, 0.09, 36)], 1)
+    level = np.stack([np.linspace(-0.08, 0.08, 28), 0 * np.linspace(-1, 1, 28)], 1)
+    flat = np.tile(np.concatenate([up, level]), (30, 1, 1))
+    height = -bow * (flat**2).sum(2, keepdims=True) / 0.08**2
+    points = np.concatenate([flat, height], 2) + 1e-4 * rng.standard_normal((30, 64, 3))
+    off = angle(fit_plane(points).normal, np.array([0.0, 0.0, 1.0]))
+    assert off.max() < np.arctan(bow / 0.08) + np.radians(0.5)  # no more than the face itself leans
+
+
 def test_exact_plane() -> None:
     points, normal, centre = patch(5, 20, 0.0, np.random.default_rng(0))
     found = fit_plane(points)
