@@ -91,7 +91,7 @@ class _Run:
             if not (may and slot.ready) or slot.units:
                 continue
             cold = not (self.work.tried_any or slot.warm)
-            slot.units = self.work.take(len(self.slots), self._in_hand(), alone=cold)
+            slot.units = self.work.take(len(self.slots), self._in_hand(), cold=cold)
             slot.since = time.monotonic()
             if slot.units:
                 paths = [self.work.store.path(unit) for unit in slot.units]

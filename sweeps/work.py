@@ -69,11 +69,11 @@ class Work:
             self.found.append(unit)
         return min(count, len(self.found) + len(self.again))
 
-    def take(self, workers: int = 1, elsewhere: float = 0.0, alone: bool = False) -> list[Unit]:
+    def take(self, workers: int = 1, elsewhere: float = 0.0, cold: bool = False) -> list[Unit]:
         """What one of `workers` should do next, retries first; nothing where nothing is left.
 
-        `elsewhere` is about how many units the others still have before them; `alone` is one unit
-        of which others shall learn nothing, since all has to be compiled for it. Units that are
+        `elsewhere` is about how many units the others still have before them; a `cold` worker
+        gets one unit, whose time tells nothing, since all has to be compiled for it. Units that are
         there are counted and passed over.
         """
         if self.again:
@@ -83,11 +83,11 @@ class Work:
         if not self.at_least(1):
             return []
         batch = [self.found.popleft()]
-        if alone:
+        if cold:
             self.slow.add(batch[0].id)
         elif not self.outcome.done:
             self.progress.measure()
-        room = 1 if alone else self._room(batch[0], workers, elsewhere)
+        room = 1 if cold else self._room(batch[0], workers, elsewhere)
         while len(batch) < room and self.at_least(1) and self._joins(batch, self.found[0]):
             batch.append(self.found.popleft())
         return batch

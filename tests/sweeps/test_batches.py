@@ -112,7 +112,7 @@ def test_who_comes_while_others_are_busy_is_given_a_whole_share(
 def test_where_all_is_compiled_a_unit_goes_ahead_and_tells_nothing(
         tmp_path: Path, plan: Plan) -> None:
     work = work_of(plan, tmp_path)
-    first = work.take(2, alone=True)
+    first = work.take(2, cold=True)
     assert len(first) == 1
     work.done(first[0], 1000.0)
     assert len(work.take(2)) == MOST_UNITS
