@@ -23,6 +23,7 @@ from typing import Any
 import jax
 from jax.experimental import serialize_executable
 
+from fit.program_slim import slim_program
 from fit.xla_options import in_force
 
 
@@ -46,12 +47,29 @@ def load_or_compile(name: str, function: Any, arguments: tuple) -> Callable:
         return compiled  # by other options than the folder is named after
     try:
         payload, given, result = serialize_executable.serialize(compiled)
-        # One that came out of JAX's own cache cannot be written down whole: see before it is kept.
-        serialize_executable.deserialize_and_load(payload, given, result)
+        payload = _seen_to_run(payload, given, result, compiled, arguments)
         _write(file, pickle.dumps((payload, jax.tree.unflatten(result, range(result.num_leaves)))))
     except Exception:  # nor to a full disk or a closed folder: only time is lost
         pass
     return compiled
+
+
+def _seen_to_run(
+    payload: bytes, given: Any, result: Any, compiled: Callable, arguments: tuple
+) -> bytes:
+    """The slimmest form that loads and answers the same bits; raises where none can be loaded."""
+    try:
+        slimmed = slim_program(payload)
+        loaded = serialize_executable.deserialize_and_load(slimmed, given, result)
+        answers = zip(*(jax.tree.leaves(jax.device_get(program(*arguments)))
+                        for program in (loaded, compiled)), strict=True)
+        if all(one.tobytes() == other.tobytes() for one, other in answers):
+            return slimmed
+    except Exception:  # whatever ails it: there is the whole one
+        pass
+    # One that came out of JAX's own cache cannot be written down whole either.
+    serialize_executable.deserialize_and_load(payload, given, result)
+    return payload
 
 
 def any_kept() -> bool:
