@@ -4,9 +4,11 @@ Every strategy meets the same episodes (same object pose, same noise), so a repl
 of weights for all: differences are paired. Objects are drawn with replacement, and with each object
 its episodes: the spread of the objects' means holds that of their episodes already, and to draw the
 episodes anew on top of it would count it twice (Davison and Hinkley 1997, Bootstrap Methods and
-their Application, section 3.8). Only where there is one object, and nothing to be said of others,
-its episodes are drawn, by Poisson(1) weights. Few objects know their own spread badly: replicates
-are widened to the variance of a sample and to Student's t (see `widened`).
+their Application, section 3.8). Only where one object has been measured, and nothing is to be said
+of others, its episodes are drawn, by Poisson(1) weights. An episode has one weight under all the
+settings that it is averaged over: pose and noise are the same there, and to draw them apart would
+count one episode as many. Few draws know their own spread badly: replicates are widened to the
+variance of a sample and to Student's t (see `widened`).
 """
 
 from dataclasses import dataclass
@@ -15,18 +17,15 @@ import numpy as np
 
 REPLICATES = 1000
 INTERVAL = (0.025, 0.975)
+Place = tuple[int, int]  # of a block of episodes: object, block
 
 
-def episode_weights(seed: int, place: tuple[int, int, int], count: int,
-                    objects: int = 1) -> np.ndarray:
+def episode_weights(seed: int, place: Place, count: int) -> np.ndarray:
     """Weights of a block's episodes, shape (1 + replicate, episode); row 0 is the data itself.
 
-    `place` is (object, case, block): the weights depend on nothing else, so they are the same for
-    every strategy and whatever order the units are read in. All are 1 where there are several
-    objects to draw.
+    They depend on nothing but the place, so they are the same for every strategy and setting, and
+    whatever order the units are read in.
     """
-    if objects > 1:
-        return np.ones((1 + REPLICATES, count))
     generator = np.random.Generator(np.random.Philox(np.random.SeedSequence([seed, 1, *place])))
     drawn = generator.poisson(1.0, (REPLICATES, count)).astype(float)
     return np.concatenate([np.ones((1, count)), drawn])
@@ -34,25 +33,27 @@ def episode_weights(seed: int, place: tuple[int, int, int], count: int,
 
 def object_weights(seed: int, count: int) -> np.ndarray:
     """How often each object is drawn, shape (1 + replicate, object); row 0 is the data itself."""
+    if not count:
+        return np.ones((1 + REPLICATES, 0))
     generator = np.random.Generator(np.random.Philox(np.random.SeedSequence([seed, 2])))
     drawn = generator.multinomial(count, np.full(count, 1 / count), REPLICATES)
     return np.concatenate([np.ones((1, count)), drawn.astype(float)])
 
 
-def widened(means: np.ndarray, objects: int) -> np.ndarray:
-    """Replicates, axis 0 with the data first, spread about the data as `objects` of them deserve.
+def widened(means: np.ndarray, count: int) -> np.ndarray:
+    """Replicates, axis 0 with the data first, spread about the data as `count` draws deserve.
 
     By sqrt(n / (n - 1)), for drawing n of n with replacement falls short of a sample's variance by
     that, and by Student's t over the normal quantile. It is linear, so differences of widened
-    replicates are widened differences.
+    replicates are widened differences. One draw knows nothing of its spread: NaN but for the data.
     """
-    if objects < 2:
-        return means
+    if count < 2:
+        return np.concatenate([means[:1], np.full_like(means[1:], np.nan)])
     # Not scipy.stats, whose import takes longer than all else that a sweep's parent does.
     from scipy.special import ndtri, stdtrit
 
-    factor = float(stdtrit(objects - 1, INTERVAL[1]) / ndtri(INTERVAL[1]))
-    return means[:1] + factor * np.sqrt(objects / (objects - 1)) * (means - means[:1])
+    factor = float(stdtrit(count - 1, INTERVAL[1]) / ndtri(INTERVAL[1]))
+    return means[:1] + factor * np.sqrt(count / (count - 1)) * (means - means[:1])
 
 
 class MeanOverObjects:
@@ -60,47 +61,55 @@ class MeanOverObjects:
 
     An episode without a value (not finite) counts as `failure_score`, or, if that is None, as the
     worst value that any entry had on the same object: no entry gains by it. An object on which no
-    entry ever has a value is left out.
+    entry ever has a value is left out. Replicates draw the objects that are left, or, if that is
+    one, its episodes.
     """
 
-    def __init__(self, entries: int, failure_score: float | None) -> None:
+    def __init__(self, entries: int, failure_score: float | None, seed: int) -> None:
         self.failure_score = failure_score
-        self.total = np.zeros((1 + REPLICATES, entries))
-        self.weight = np.zeros((1 + REPLICATES, 1))
-        self.objects = 0
+        self.seed = seed
+        self.entries = entries
+        self.objects: list[np.ndarray] = []  # the means on each, (entry,)
+        self.first = np.full((1 + REPLICATES, entries), np.nan)  # the first one's replicates
         self._start()
 
     def _start(self) -> None:
-        self.sums = np.zeros_like(self.total)
-        self.failed = np.zeros_like(self.total)
-        self.episodes = np.zeros_like(self.weight)
+        self.sums = np.zeros((1 if self.objects else 1 + REPLICATES, self.entries))
+        self.failed = np.zeros_like(self.sums)
+        self.weight = np.zeros((len(self.sums), 1))
+        self.episodes: dict[Place, int] = {}
         self.worst = -np.inf
 
-    def add(self, values: np.ndarray, weights: np.ndarray) -> None:
-        """Takes in a block, values of shape (episode, entry)."""
+    def add(self, values: np.ndarray, place: Place) -> None:
+        """Takes in a block, values of shape (episode, entry); once for each setting, if several."""
+        weights = (np.ones((1, len(values))) if self.objects
+                   else episode_weights(self.seed, place, len(values)))
         good = np.isfinite(values)
         # einsum's own loops, not BLAS: the sum does not depend on a number of threads
         self.sums += np.einsum("re,ek->rk", weights, np.where(good, values, 0.0))
         self.failed += np.einsum("re,ek->rk", weights, (~good).astype(float))
-        self.episodes += weights.sum(axis=1, keepdims=True)
+        self.weight += weights.sum(axis=1, keepdims=True)
+        self.episodes[place] = len(values)
         self.worst = max(self.worst, values[good].max(initial=-np.inf))
 
-    def finish_object(self, weights: np.ndarray) -> None:
-        """Closes an object that weighs `weights`, shape (1 + replicate,)."""
-        score = self.worst if self.failure_score is None else self.failure_score
-        if np.isfinite(score) and (self.failure_score is None or self.worst > -np.inf):
-            seen = self.episodes > 0
-            means = np.divide(self.sums + self.failed * score, self.episodes,
-                              where=seen, out=np.zeros_like(self.sums))
-            self.total += weights[:, None] * means
-            self.weight += weights[:, None] * seen
-            self.objects += 1
+    def finish_object(self) -> None:
+        """Closes an object."""
+        if self.worst > -np.inf:
+            score = self.worst if self.failure_score is None else self.failure_score
+            means = np.divide(self.sums + self.failed * score, self.weight, where=self.weight > 0,
+                              out=np.full_like(self.sums, np.nan))
+            if not self.objects:
+                self.first = widened(means, sum(self.episodes.values()))
+            self.objects.append(means[0])
         self._start()
 
     def means(self) -> np.ndarray:
-        """Shape (1 + replicate, entry), widened; NaN where nothing was measured."""
-        return widened(np.divide(self.total, self.weight, where=self.weight > 0,
-                                 out=np.full_like(self.total, np.nan)), self.objects)
+        """Shape (1 + replicate, entry), widened; NaN where nothing was measured, or drawn."""
+        count = len(self.objects)
+        if count < 2:
+            return self.first
+        drawn = np.einsum("ro,ok->rk", object_weights(self.seed, count), np.array(self.objects))
+        return widened(drawn / count, count)
 
 
 class PlainMean:

@@ -11,7 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sweeps.bootstrap import REPLICATES, Estimate, episode_weights, object_weights, widened
+from sweeps.bootstrap import (
+    REPLICATES,
+    Estimate,
+    Place,
+    episode_weights,
+    estimate,
+    object_weights,
+    widened,
+)
 from sweeps.entries import Entry, entries_of, entry_axes, paired_blocks, values_of
 from sweeps.paired import filled, reading_notes
 from sweeps.plan import Plan
@@ -31,10 +39,13 @@ class Curves:
     entries: tuple[Entry, ...]
     objects: tuple[str, ...]
     steps: dict[str, list[list[list[Steps]]]]
+    blocks: list[list[tuple[Place, int]]]
+    """For each object, in the order of its episodes: the blocks, and how many each has."""
     weights: list[np.ndarray]
     """For each object (1 + replicate, episode), small whole numbers."""
     drawn: np.ndarray
     """How often each object is drawn, (1 + replicate, object)."""
+    seed: int
     notes: tuple[str, ...]
 
     @property
@@ -42,35 +53,49 @@ class Curves:
         """The entries' names."""
         return [entry.label for entry in self.entries]
 
+    @property
+    def draws(self) -> int:
+        """Of how many a replicate draws: the objects or, of one object, the episodes."""
+        if len(self.objects) > 1:
+            return len(self.objects)
+        return sum(count for own in self.blocks for count in dict(own).values())
+
 
 def read_curves(plan: Plan, stores: Sequence[Store]) -> Curves:
     """Reads a study's units once; memory grows with the episodes."""
     axes, _ = entry_axes(plan, None)
     entries = entries_of(plan, axes)
     seed = int(plan.hash, 16)
-    drawn = object_weights(seed, len(plan.study.objects))
     steps: dict[str, list[list[list[Steps]]]] = {axis: [] for axis in AXES}
-    weights, objects, kept, missing = [], [], [], 0
+    blocks, objects, missing = [], [], 0
     for number, body in enumerate(plan.study.objects):
         mine: dict[str, list[list[Steps]]] = {axis: [[] for _ in entries] for axis in AXES}
-        own = []
+        own: list[tuple[Place, int]] = []
         for block in paired_blocks(plan, stores, entries, axes, number):
             if block.missing:
                 missing += block.missing
                 continue
-            own.append(episode_weights(seed, (number, block.case, block.number),
-                                       block.count, len(plan.study.objects)).astype(np.uint8))
+            own.append(((number, block.number), block.count))
             for axis, of_entries in mine.items():
                 for found, rows in zip(of_entries, block.rows, strict=True):
                     found += episode_steps(rows, axis)
         if own:
             objects.append(body.name)
-            kept.append(number)
-            weights.append(np.concatenate(own, axis=1))
+            blocks.append(own)
             for axis, of_entries in mine.items():
                 steps[axis].append(_failures_filled(of_entries))
-    return Curves(tuple(entries), tuple(objects), steps, weights, drawn[:, kept],
+    return Curves(tuple(entries), tuple(objects), steps, blocks, _weights(seed, blocks),
+                  object_weights(seed, len(objects)), seed,
                   tuple(reading_notes(plan, missing, len(objects))))
+
+
+def _weights(seed: int, blocks: list[list[tuple[Place, int]]]) -> list[np.ndarray]:
+    """Those of the one object's episodes; of several, which are drawn whole, 1."""
+    if len(blocks) > 1:
+        return [np.ones((1 + REPLICATES, sum(count for _, count in own)), np.uint8)
+                for own in blocks]
+    return [np.concatenate([episode_weights(seed, place, count).astype(np.uint8)
+                            for place, count in own], axis=1) for own in blocks]
 
 
 def episode_steps(rows: Columns, axis: str) -> list[Steps]:
@@ -136,10 +161,9 @@ def mean_curve(curves: Curves, axis: str, entry: int, grid: np.ndarray) -> Estim
         weight += curves.drawn[:, [number]] * seen
         unknown = np.maximum(unknown, 1.0 - good.mean(axis=0))
     mean = np.divide(total, weight, where=weight > 0, out=np.full_like(total, np.nan))
-    mean = np.maximum(widened(mean, len(curves.objects)), 0.0)
+    mean = np.maximum(widened(mean, curves.draws), 0.0)
     mean[:, unknown > 1.0 - KNOWN] = np.nan
-    shown = np.isfinite(mean).all(axis=0)
-    low, high = np.full((2, len(grid)), np.nan)
-    if shown.any():
-        low[shown], high[shown] = np.quantile(mean[1:, shown], (0.025, 0.975), axis=0)
-    return Estimate(mean[0], low, high)
+    # point by point: a replicate that drew nothing at one of them still counts at the others
+    found = [estimate(mean[:, [n]]) for n in range(len(grid))]
+    return Estimate(mean[0], np.concatenate([point.low for point in found]),
+                    np.concatenate([point.high for point in found]))

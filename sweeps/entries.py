@@ -22,6 +22,11 @@ HIGHER_IS_BETTER = ("iou", "coverage5mm", "recognized")
 METRICS = (*LOWER_IS_BETTER, *HIGHER_IS_BETTER)
 
 
+def bounds_of(metric: str) -> tuple[float, float]:
+    """Between what values a mean can lie."""
+    return 0.0, 1.0 if metric in HIGHER_IS_BETTER else np.inf
+
+
 class LeaderboardError(ValueError):
     """A comparison that cannot be made; the message says why."""
 
@@ -39,7 +44,6 @@ class Entry:
 class PairedBlock:
     """The rows that every entry has of the same episodes; None where a unit is missing."""
 
-    case: int
     number: int
     count: int  # episodes
     found: tuple[Columns | None, ...]
@@ -96,7 +100,7 @@ def value_text(value: Any) -> str:
 def paired_blocks(plan: Plan, stores: Sequence[Store], entries: Sequence[Entry],
                   axes: Sequence[int], body: int) -> Iterator[PairedBlock]:
     """The blocks of episodes on one object, every case, read one at a time."""
-    for case_number, case in enumerate(_cases(plan, axes)):
+    for case in _cases(plan, axes):
         cells = [plan.study.cell(entry.strategy, body,
                                  _setting_index(plan, {**case, **entry.points}))
                  for entry in entries]
@@ -104,7 +108,7 @@ def paired_blocks(plan: Plan, stores: Sequence[Store], entries: Sequence[Entry],
         for block in range(plan.block_count):
             units = [plan.unit(cell, name, block)
                      for cell, name in zip(cells, hashes, strict=True)]
-            yield PairedBlock(case_number, block, units[0].stop - units[0].start,
+            yield PairedBlock(block, units[0].stop - units[0].start,
                               tuple(_find(stores, unit) for unit in units))
 
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sweeps.bootstrap import difference_to, estimate
-from sweeps.entries import HIGHER_IS_BETTER
+from sweeps.entries import HIGHER_IS_BETTER, bounds_of
 from sweeps.figure_style import COLOURS, drawing, figure, metric_label, told_apart
 from sweeps.paired import Paired
 
@@ -24,7 +24,7 @@ def draw_forest(paired: Paired, metric: str) -> "Figure":
     with drawing():
         drawn = figure(0.75 + 0.17 * len(order) + (0.12 if keys else 0.0))
         left, right = drawn.subplots(1, 2, sharey=True, width_ratios=(1.25, 1.0))
-        for axes, found, colour in ((left, estimate(means), COLOURS[0]),
+        for axes, found, colour in ((left, estimate(means, bounds_of(metric)), COLOURS[0]),
                                     (right, difference_to(means, order[0]), COLOURS[1])):
             value, low, high = (v[order] for v in (found.value, found.low, found.high))
             axes.hlines(place, low, high, color=colour, lw=1.2)

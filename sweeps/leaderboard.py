@@ -1,10 +1,11 @@
 """The leaderboard of a study: strategies ranked by a metric, each with its interval.
 
 An entry is a strategy, under each setting of the grid and zip axes; Sobol and Latin hypercube
-axes are draws of a nuisance and are averaged over. Entries are compared on the same objects and
-episodes. A failed episode counts too, or failing would pay: it scores what its row says (the body
-the strategy was told before it touched anything) or, where the row has no number, IoU and coverage
-0 and the largest distance that any entry had on that object. `failure_rate` says how many failed.
+axes are draws of a nuisance and are averaged over: an episode met at many points is still one.
+Entries are compared on the same objects and episodes. A failed episode counts too, or failing
+would pay: it scores what its row says (the body the strategy was told before it touched anything)
+or, where the row has no number, IoU and coverage 0 and the largest distance that any entry had on
+that object. `failure_rate` says how many failed.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,11 +15,10 @@ import numpy as np
 
 from sweeps.bootstrap import (
     MeanOverObjects,
+    Place,
     PlainMean,
     difference_to,
-    episode_weights,
     estimate,
-    object_weights,
     probability_best,
 )
 from sweeps.entries import (
@@ -26,6 +26,7 @@ from sweeps.entries import (
     METRICS,
     Entry,
     LeaderboardError,
+    bounds_of,
     check_metric,
     entries_of,
     entry_axes,
@@ -70,47 +71,44 @@ def make_leaderboard(plan: Plan, stores: Sequence[Store], metric: str = "chamfer
     groups = [[n] for n in range(len(plan.study.objects))] if per_object else [
         list(range(len(plan.study.objects)))]
     rows: list[tuple[str, ...]] = []
-    missing = 0
+    missing = measured = 0
     faults: dict[str, str] = {}
     for group in groups:
-        table = _Table(entries, _mean(metric, entries), _mean("iou", entries),
+        table = _Table(entries, _mean(metric, entries, seed), _mean("iou", entries, seed),
                        {name: PlainMean(len(entries)) for name in PLAIN},
                        np.zeros(len(entries), bool))
-        weights = object_weights(seed, len(group))
-        for place, number in enumerate(group):
-            _add_object(plan, stores, table, axes, number, metric, seed, len(group))
-            for mean in (table.metric, table.iou):
-                mean.finish_object(weights[:, place])
-            for mean in table.plain.values():
+        for number in group:
+            _add_object(plan, stores, table, axes, number, metric)
+            for mean in (table.metric, table.iou, *table.plain.values()):
                 mean.finish_object()
         label = f"object={plan.study.objects[group[0]].name}" if per_object else ""
         rows += _rows(table, metric, label)
         missing += table.missing
+        measured = max(measured, len(table.objects))
         faults |= {**table.faults, **faults}
-    notes = (*_notes(plan, missing, per_object),
+    notes = (*_notes(plan, missing, measured),
              *(f"strategy {name} failed: {fault}" for name, fault in sorted(faults.items())))
     return Leaderboard(_header(metric), tuple(rows), notes)
 
 
-def _mean(metric: str, entries: Sequence[Entry]) -> MeanOverObjects:
-    return MeanOverObjects(len(entries), 0.0 if metric in HIGHER_IS_BETTER else None)
+def _mean(metric: str, entries: Sequence[Entry], seed: int) -> MeanOverObjects:
+    return MeanOverObjects(len(entries), 0.0 if metric in HIGHER_IS_BETTER else None, seed)
 
 
 def _add_object(plan: Plan, stores: Sequence[Store], table: _Table, axes: Sequence[int],
-                number: int, metric: str, seed: int, objects: int) -> None:
+                number: int, metric: str) -> None:
     for block in paired_blocks(plan, stores, table.entries, axes, number):
         if block.missing:
             table.missing += block.missing
             continue  # paired: a block counts for all entries or for none
-        _add_block(table, block.rows, metric,
-                   episode_weights(seed, (number, block.case, block.number), block.count, objects))
+        _add_block(table, block.rows, metric, (number, block.number))
         table.episode_count += block.count
         table.objects.add(number)
 
 
-def _add_block(table: _Table, found: Sequence[Columns], metric: str, weights: np.ndarray) -> None:
+def _add_block(table: _Table, found: Sequence[Columns], metric: str, place: Place) -> None:
     for mean, name in ((table.metric, metric), (table.iou, "iou")):
-        mean.add(np.column_stack([values_of(rows, name) for rows in found]), weights)
+        mean.add(np.column_stack([values_of(rows, name) for rows in found]), place)
     for name in PLAIN:
         table.plain[name].add(np.column_stack([values_of(rows, name) for rows in found]))
     for entry, rows in zip(table.entries, found, strict=True):
@@ -166,16 +164,10 @@ def _rows(table: _Table, metric: str, label: str) -> list[tuple[str, ...]]:
     return rows
 
 
-def bounds_of(metric: str) -> tuple[float, float]:
-    """Between what values a mean can lie."""
-    return 0.0, 1.0 if metric in HIGHER_IS_BETTER else np.inf
-
-
-def _notes(plan: Plan, missing: int, per_object: bool) -> Iterator[str]:
+def _notes(plan: Plan, missing: int, count: int) -> Iterator[str]:
     if missing:
         yield (f"{missing} of {plan.unit_count} units are missing; blocks of episodes that not "
                "every entry has are left out")
-    count = 1 if per_object else len(plan.study.objects)
     if count < MANY_OBJECTS:
         yield (f"{'one object' if count == 1 else f'{count} objects'} a ranking: how entries "
                f"would do on other objects is hardly known below {MANY_OBJECTS}")

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sweeps.bootstrap import MeanOverObjects, episode_weights, object_weights
+from sweeps.bootstrap import MeanOverObjects
 from sweeps.entries import HIGHER_IS_BETTER, Entry, entries_of, entry_axes, paired_blocks, values_of
 from sweeps.leaderboard import MANY_OBJECTS
 from sweeps.plan import Plan
@@ -20,7 +20,9 @@ class Paired:
     objects: tuple[str, ...]
     """The objects that have episodes; those without are left out."""
     values: dict[str, tuple[np.ndarray, ...]]
-    """By metric, for each object (episode, entry); a failed episode counts as in a leaderboard."""
+    """By metric, for each object (episode, entry); a failed episode counts as in a leaderboard.
+
+    An episode that was met under several settings is one row: its mean over them."""
     means: dict[str, np.ndarray]
     """By metric, (1 + replicate, entry): the mean over objects, then episodes; row 0 the data."""
     notes: tuple[str, ...]
@@ -44,30 +46,30 @@ def read_paired(plan: Plan, stores: Sequence[Store], metrics: Sequence[str],
     """
     axes = entry_axes(plan, None)[0] if axes is None else axes
     entries = entries_of(plan, axes)
-    seed = int(plan.hash, 16)
-    weights = object_weights(seed, len(plan.study.objects))
-    sums = {name: MeanOverObjects(len(entries), failure_score(name)) for name in metrics}
+    sums = {name: MeanOverObjects(len(entries), failure_score(name), int(plan.hash, 16))
+            for name in metrics}
     values: dict[str, list[np.ndarray]] = {name: [] for name in metrics}
     objects: list[str] = []
     missing = 0
     for number, body in enumerate(plan.study.objects):
         parts: dict[str, list[np.ndarray]] = {name: [] for name in metrics}
+        episodes: list[tuple[int, int]] = []  # of each row: block, place in it
         for block in paired_blocks(plan, stores, entries, axes, number):
             if block.missing:
                 missing += block.missing
                 continue
-            drawn = episode_weights(seed, (number, block.case, block.number), block.count,
-                                    len(plan.study.objects))
+            episodes += [(block.number, n) for n in range(block.count)]
             for name in metrics:
                 table = np.column_stack([values_of(rows, name) for rows in block.rows])
                 parts[name].append(table)
-                sums[name].add(table, drawn)
+                sums[name].add(table, (number, block.number))
         for mean in sums.values():
-            mean.finish_object(weights[:, number])
-        if parts[metrics[0]]:
+            mean.finish_object()
+        if episodes:
             objects.append(body.name)
             for name in metrics:
-                values[name].append(filled(np.concatenate(parts[name]), failure_score(name)))
+                rows = filled(np.concatenate(parts[name]), failure_score(name))
+                values[name].append(by_episode(rows, episodes))
     return Paired(tuple(entries), tuple(objects),
                   {name: tuple(found) for name, found in values.items()},
                   {name: mean.means() for name, mean in sums.items()},
@@ -84,6 +86,14 @@ def filled(values: np.ndarray, score: float | None) -> np.ndarray:
     good = np.isfinite(values)
     worst = float(values[good].max(initial=-np.inf)) if good.any() else np.nan
     return np.where(good, values, worst if score is None else score)
+
+
+def by_episode(rows: np.ndarray, episodes: Sequence[tuple[int, int]]) -> np.ndarray:
+    """The mean of each episode's rows, in the order of episodes."""
+    _, own, counts = np.unique(episodes, axis=0, return_inverse=True, return_counts=True)
+    sums = np.zeros((len(counts), rows.shape[1]))
+    np.add.at(sums, own, rows)
+    return sums / counts[:, None]
 
 
 def reading_notes(plan: Plan, missing: int, objects: int) -> Iterator[str]:

@@ -4,11 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sweeps.bootstrap import REPLICATES
+from sweeps.bootstrap import INTERVAL, REPLICATES
 from sweeps.curves import AXES, Curves, grid_of, mean_curve
 from sweeps.table import TextTable, number_text
 
 BOUNDS_MM = (5.0, 3.0)
+FEW = 6  # episodes: the order statistics of fewer do not hold their median with 95 %
 _CHUNK = 100  # replicates sorted out at a time
 
 
@@ -25,7 +26,10 @@ class Reach:
 
 
 def reach(curves: Curves, axis: str, entry: int, bound_mm: float) -> Reach:
-    """The median over episodes, every object weighing the same, with its interval."""
+    """The median over episodes, every object weighing the same, with its interval.
+
+    There is no interval of one object's few episodes.
+    """
     at = [np.array([_first(steps, bound_mm) for steps in found[entry]])
           for found in curves.steps[axis]]
     if not at:
@@ -40,8 +44,11 @@ def reach(curves: Curves, axis: str, entry: int, bound_mm: float) -> Reach:
              for n, own in enumerate(curves.weights)], axis=1)
         gone = np.cumsum(weights[:, order], axis=1)
         half = (gone >= gone[:, -1:] * (0.5 - 1e-12)).argmax(axis=1)
-        medians[rows] = pooled[order][half]
-    low, high = np.quantile(medians[1:], (0.025, 0.975), method="inverted_cdf")
+        medians[rows] = np.where(gone[:, -1] > 0, pooled[order][half], np.nan)
+    drawn = medians[1:][~np.isnan(medians[1:])]
+    low, high = np.full(2, np.nan)
+    if len(curves.objects) > 1 or curves.draws >= FEW:
+        low, high = np.quantile(drawn, INTERVAL, method="inverted_cdf")
     return Reach(float(np.mean([np.isfinite(part).mean() for part in at])),
                  float(medians[0]), float(low), float(high))
 

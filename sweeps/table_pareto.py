@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sweeps.bootstrap import Estimate, estimate
-from sweeps.entries import HIGHER_IS_BETTER
+from sweeps.entries import HIGHER_IS_BETTER, bounds_of
 from sweeps.paired import Paired
 from sweeps.table import TextTable, number_text
 
@@ -31,10 +31,11 @@ def find_front(paired: Paired, metric: str) -> Pareto:
     by = dominating(sign * error[0], cost[0])
     best = tuple(min(np.flatnonzero(row), key=lambda n: (sign * error[0, n], n), default=None)
                  for row in by)
-    drawn = np.array([~dominating(sign * e, c).any(axis=1)
-                      for e, c in zip(error[1:], cost[1:], strict=True)])
-    return Pareto(estimate(error), estimate(cost),
-                  tuple(None if n is None else int(n) for n in best), drawn.mean(axis=0))
+    drawn = [~dominating(sign * e, c).any(axis=1)
+             for e, c in zip(error[1:], cost[1:], strict=True) if np.isfinite([e, c]).all()]
+    return Pareto(estimate(error, bounds_of(metric)), estimate(cost, bounds_of(COST)),
+                  tuple(None if n is None else int(n) for n in best),
+                  np.mean(drawn, axis=0) if drawn else np.full(len(by), np.nan))
 
 
 def dominating(error: np.ndarray, cost: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ strategy had on the object at that moment.
 
 import numpy as np
 
-from sweeps.bootstrap import Estimate, estimate, widened
+from sweeps.bootstrap import Estimate, MeanOverObjects, estimate
 from sweeps.curves import Curves, Steps, on_grid
 from sweeps.entries import LeaderboardError
 from sweeps.problems import choose
@@ -22,6 +22,9 @@ def same_time_table(curves: Curves, against: str | None) -> TextTable:
     if against is None or against not in curves.labels:
         raise LeaderboardError(f"same-time: --against {against or ''}: a strategy of the study is "
                                f"wanted; {choose(against, curves.labels)}")
+    if not curves.objects:
+        raise LeaderboardError("same-time: no block of episodes is finished for every strategy "
+                               "yet; `warpgrasp status` says how far it is")
     other = curves.labels.index(against)
     then, difference, objects = errors_then(curves, other)
     rows = []
@@ -37,20 +40,18 @@ def same_time_table(curves: Curves, against: str | None) -> TextTable:
 def errors_then(curves: Curves, other: int) -> tuple[np.ndarray, Estimate, np.ndarray]:
     """Mean errors (entry,), differences to `other` with intervals, and the objects' mean errors
     (object, entry), at the time `other` ended [mm]."""
-    means = []
-    total, weight = np.zeros(()), np.zeros(())
-    for number, found in enumerate(curves.steps["time_s"]):
+    mean = MeanOverObjects(len(curves.labels), None, curves.seed)
+    for found, blocks in zip(curves.steps["time_s"], curves.blocks, strict=True):
         error = np.array([[_error_at(mine, end[0][-1]) for mine, end in
                            zip(of_entry, found[other], strict=True)] for of_entry in found])
-        error = np.where(np.isfinite(error), error, np.nanmax(error))
-        drawn = curves.weights[number].astype(float)
-        mean = np.einsum("re,ke->rk", drawn, error) / np.maximum(
-            drawn.sum(1, keepdims=True), 1e-12)
-        total = total + curves.drawn[:, [number]] * mean
-        weight = weight + curves.drawn[:, [number]]
-        means.append(error.mean(1))
-    every = widened(total / weight, len(curves.objects))
-    return every[0], estimate(every - every[:, [other]]), np.array(means)
+        start = 0
+        for place, count in blocks:
+            mean.add(error[:, start:start + count].T, place)
+            start += count
+        mean.finish_object()
+    every = mean.means()
+    objects = np.array(mean.objects).reshape(-1, len(curves.labels))
+    return every[0], estimate(every - every[:, [other]]), objects
 
 
 def _error_at(steps: Steps, time_s: float) -> float:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sweeps.bootstrap import estimate
-from sweeps.entries import HIGHER_IS_BETTER, LeaderboardError, value_text
+from sweeps.entries import HIGHER_IS_BETTER, LeaderboardError, bounds_of, value_text
 from sweeps.paired import Paired, read_paired
 from sweeps.plan import Plan
 from sweeps.store import Store
@@ -60,8 +60,8 @@ def effects(plan: Plan, paired: Paired, metric: str) -> Iterator[Effect]:
                 names, level = _levels([axis.values[point][k] for point in points])
                 of_levels = np.stack([means[:, level == n].mean(axis=1)
                                       for n in range(len(names))], axis=1)
-                found = estimate(of_levels)
-                spread = estimate(np.ptp(of_levels, axis=1)[:, None])
+                found = estimate(of_levels, bounds_of(metric))
+                spread = estimate(np.ptp(of_levels, axis=1)[:, None], bounds_of(metric))
                 counts = np.bincount(level, minlength=len(names))
                 inside = counts @ (found.value - means[0].mean()) ** 2 / len(mine)
                 yield Effect(strategy.name, key, names, found.value, found.low, found.high,

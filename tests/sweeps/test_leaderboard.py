@@ -137,3 +137,37 @@ def test_what_is_not_offered_is_na(tmp_path: Path) -> None:
         assert row["chamfer_mm"] == row["chamfer_mm_ci_low"] == "2.000"
         assert row["iou"] == "NA"
         assert row["p_best"] == "0.500"
+
+
+def test_a_setting_that_changes_nothing_leaves_the_intervals(tmp_path: Path) -> None:
+    """An episode averaged over settings is one episode, not one for each setting."""
+    text = SMALL.replace('"block", "wedge"', '"block"') + """
+[sweep.grid]
+"object.yaw_deg" = [0, 10, 20, 30]
+"""
+    plan = plan_of(tmp_path, text)  # the stand-in does not care for the yaw
+    store = fill(tmp_path, plan)
+    apart = rows_of(make_leaderboard(plan, [store]))
+    (mine, ring6) = rows_of(make_leaderboard(plan, [store], by=["strategy"]))
+    for averaged in (mine, ring6):
+        for alone in apart:
+            if alone["strategy"].startswith(averaged["strategy"]):
+                same = ("chamfer_mm", "chamfer_mm_ci_low", "chamfer_mm_ci_high", "iou_ci_low",
+                        "iou_ci_high", "delta_ci_low", "delta_ci_high")
+                assert [alone[key] for key in same] == [averaged[key] for key in same]
+    assert float(mine["chamfer_mm_ci_high"]) - float(mine["chamfer_mm_ci_low"]) > 0.3
+
+
+def test_one_object_finished_of_two_has_the_interval_of_its_episodes(tmp_path: Path) -> None:
+    plan = plan_of(tmp_path)
+    store = fill(tmp_path, plan)
+    whole = rows_of(make_leaderboard(plan, [store], by=["strategy", "object"]))
+    for unit in plan.units():
+        if unit.cell.object_name == "wedge":
+            store.path(unit).unlink()
+    board = make_leaderboard(plan, [store])
+    for row, alone in zip(rows_of(board), whole, strict=False):
+        for key in ("chamfer_mm_ci_low", "chamfer_mm_ci_high", "delta_ci_low", "iou_ci_high"):
+            assert row[key] == alone[key]
+        assert float(row["chamfer_mm_ci_low"]) < float(row["chamfer_mm_ci_high"])
+    assert "one object a ranking" in board.notes[1]

@@ -138,6 +138,76 @@ def test_few_episodes_have_no_median_interval(paired: Paired) -> None:
     assert len(objects_table(paired, "chamfer_mm").rows) == 18
 
 
+@pytest.mark.parametrize("objects", [1, 2])
+def test_a_sampled_axis_that_changes_nothing_proves_nothing(objects: int, tmp_path: Path) -> None:
+    """The same poses and noise at every point: tests and medians are those of the episodes."""
+    axis = '[sweep.sobol]\nn = 16\n"object.yaw_deg" = { low = -180, high = 180 }\n'
+    found = []
+    for name, more in (("alone", ""), ("swept", axis)):
+        plan, store = wide_study(tmp_path / name, wide_text(2, objects, 8, more))
+        paired = read_paired(plan, [store], ["chamfer_mm", *ALSO])
+        (pair,) = compare_pairs(paired, "chamfer_mm")
+        found.append((pair, objects_table(paired, "chamfer_mm").rows, read_curves(plan, [store])))
+    (alone, medians, once), (swept, of_swept, often) = found
+    assert swept.p_episodes == pytest.approx(alone.p_episodes, rel=1e-9)
+    assert medians == of_swept
+    assert swept.high - swept.low == pytest.approx(alone.high - alone.low, rel=0.15)
+    grid = grid_of(once, "touches")
+    ends = [mean_curve(curves, "touches", 0, grid) for curves in (once, often)]
+    assert np.ptp([end.value[-1] for end in ends]) < 1e-9
+    first, second = (end.high[-1] - end.low[-1] for end in ends)
+    assert first == pytest.approx(second, rel=0.15)
+
+
+def unfinished(folder: Path, objects: int, there: int, episodes: int = 16) -> tuple[Plan, Store]:
+    """A study of which the units of the first objects alone are there."""
+    plan, store = wide_study(folder, wide_text(2, objects, episodes))
+    names = [body.name for body in plan.study.objects[there:]]
+    for unit in plan.units():
+        if unit.cell.object_name in names:
+            store.path(unit).unlink()
+    return plan, store
+
+
+@pytest.mark.parametrize("there", [1, 2])
+def test_unfinished_studies_have_the_intervals_of_what_is_there(
+        there: int, tmp_path: Path) -> None:
+    """Neither points nor nothing, and no replicate that drew only what is missing."""
+    plan, store = unfinished(tmp_path, 3, there)
+    curves = read_curves(plan, [store])
+    first_fits = [at[0] for found in curves.steps["time_s"] for at, _ in found[0]]
+    end = mean_curve(curves, "touches", 0, grid_of(curves, "touches"))
+    assert end.low[-1] < end.value[-1] < end.high[-1]
+    (row,) = rows_of(same_time_table(curves, "s"))
+    assert float(row["ci_low"]) < float(row["chamfer_mm_difference"]) < float(row["ci_high"])
+    assert reach(curves, "time_s", 0, 20.0).low > min(first_fits)
+    first, *_ = rows_of(pareto_table(
+        read_paired(plan, [store], ["chamfer_mm", "robot_time_s"]), "chamfer_mm"))
+    assert float(first["chamfer_mm_ci_low"]) < float(first["chamfer_mm_ci_high"])
+
+
+def test_a_replicate_that_drew_nothing_leaves_the_others(tmp_path: Path) -> None:
+    """Of four episodes one replicate in fifty draws none."""
+    plan, store = wide_study(tmp_path, wide_text(2, 1, 4))
+    curves = read_curves(plan, [store])
+    assert (curves.weights[0].sum(axis=1) == 0).any()
+    end = mean_curve(curves, "time_s", 0, grid_of(curves, "time_s"))
+    assert end.low[-1] < end.value[-1] < end.high[-1]
+    (row,) = rows_of(same_time_table(curves, "s"))
+    assert float(row["ci_low"]) <= float(row["chamfer_mm_difference"]) <= float(row["ci_high"])
+
+
+def test_one_episode_has_no_intervals(tmp_path: Path) -> None:
+    plan, store = wide_study(tmp_path, wide_text(2, 1, 1))
+    curves = read_curves(plan, [store])
+    paired = read_paired(plan, [store], ["chamfer_mm", "robot_time_s"])
+    for table in (curves_table(curves), same_time_table(curves, "s"), reach_table(curves),
+                  pairs_table(paired, "chamfer_mm"), pareto_table(paired, "chamfer_mm")):
+        for row in rows_of(table):
+            bounds = [value for key, value in row.items() if "ci_" in key or key == "p_front"]
+            assert set(bounds) == {"NA"}
+
+
 def test_confusion_counts_every_episode(study: tuple[Plan, Store]) -> None:
     plan, store = study
     found = read_confusion(plan, [store])
