@@ -4,7 +4,7 @@ An entry is a strategy under one setting of the axes that tell entries apart. Th
 are cases that an entry is averaged over. A block of episodes counts for all entries or for none.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -102,7 +102,7 @@ def paired_blocks(plan: Plan, stores: Sequence[Store], entries: Sequence[Entry],
     """The blocks of episodes on one object, every case, read one at a time."""
     for case in _cases(plan, axes):
         cells = [plan.study.cell(entry.strategy, body,
-                                 _setting_index(plan, {**case, **entry.points}))
+                                 setting_index(plan, {**case, **entry.points}))
                  for entry in entries]
         hashes = [cell_hash(cell, plan.study.objects[body]) for cell in cells]
         for block in range(plan.block_count):
@@ -119,7 +119,8 @@ def _cases(plan: Plan, axes: Sequence[int]) -> Iterator[dict[int, int]]:
         yield dict(zip(rest, points, strict=True))
 
 
-def _setting_index(plan: Plan, points: dict[int, int]) -> int:
+def setting_index(plan: Plan, points: Mapping[int, int]) -> int:
+    """The setting at these points, one of each axis."""
     index = 0
     for n, axis in enumerate(plan.study.axes):
         index = index * len(axis.values) + points[n]

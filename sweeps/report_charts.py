@@ -58,7 +58,7 @@ class Chart:
             return
         x, value, low, high = x[known], found.value[known], found.low[known], found.high[known]
         end = np.append(x[1:], stop)
-        if band and tone < COLOURED:
+        if band and tone < COLOURED and np.isfinite([low, high]).all():
             edge = [(a, v) for a, b, h in zip(x, end, high, strict=True) for a, v in
                     ((a, h), (b, h))]
             back = [(a, v) for a, b, w in zip(x, end, low, strict=True) for a, v in
@@ -77,8 +77,9 @@ class Chart:
 
     def point(self, x: tuple[float, float, float], y: tuple[float, float, float], tone: int,
               label: str) -> None:
-        """A marker with intervals both ways; `x` and `y` are (value, low, high)."""
-        (px, x0, x1), (py, y0, y1) = map(self._px, x), map(self._py, y)
+        """A marker with intervals both ways, where known; `x`, `y` are (value, low, high)."""
+        px, x0, x1 = (self._px(v if np.isfinite(v) else x[0]) for v in x)
+        py, y0, y1 = (self._py(v if np.isfinite(v) else y[0]) for v in y)
         bars = (f'<path class="line whisker {_tone(tone)}" '
                 f'd="M{x0:.1f} {py:.1f}H{x1:.1f}M{px:.1f} {y0:.1f}')
         shape = _SHAPES[MARKERS[tone % len(MARKERS)]] if tone < COLOURED else _SHAPES["o"]

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from sweeps.bootstrap import Estimate
 from sweeps.curves import AXES, Curves, grid_of, mean_curve
 from sweeps.figure_curves import BANDS
 from sweeps.figure_style import UNITS
@@ -36,8 +37,9 @@ def leaderboard_section(board: Leaderboard, metric: str) -> str:
     header = (*board.header[:3], "interval", *board.header[3:])
     rows = [(*row[:3], row[at[1]], *row[3:]) for row in board.rows]
     return section("Leaderboard", paragraph(
-        "Strategies met the same objects, poses and noise. Intervals of 95 % are from a two-level "
-        "bootstrap over objects, then episodes; differences are paired. A failed episode counts."),
+        "Strategies met the same objects, poses and noise. Intervals of 95 % are from a bootstrap "
+        "that draws objects, each with its episodes (of one object its episodes), widened where "
+        "they are few; differences are paired. A failed episode counts."),
         table("Ranked by the mean chamfer distance; any column's heading sorts", header, rows,
               row_names=1, pictures={3: pictures}), name="board")
 
@@ -50,15 +52,13 @@ def curves_section(curves: Curves) -> str:
         found = [mean_curve(curves, axis, n, grid) for n in range(len(curves.labels))]
         last = np.array([f.value[-1] if np.isfinite(f.value[-1]) else np.inf for f in found])
         order = sorted(range(len(found)), key=lambda n: (last[n], curves.labels[n]))
-        top = max((float(np.nanmax(f.high)) for f in found if np.isfinite(f.high).any()),
-                  default=1.0)
         shown = min(len(order), COLOURED)
         bands = len(order) <= BANDS
         stop = 1.02 * float(grid[-1])
         aside = 0.0 if bands else 0.028 * stop
         chart = Chart(f"Chamfer distance against {AXIS_LABELS[axis]}", AXIS_LABELS[axis],
                       "chamfer distance [mm]", (0.0, stop + (shown + 0.5) * aside),
-                      (0.0, 1.05 * top))
+                      (0.0, 1.05 * _top(*found)))
         for tone, n in reversed(list(enumerate(order))):
             chart.steps(grid, found[n], tone, curves.labels[n], stop, bands)
             if not bands and tone < shown:
@@ -88,8 +88,7 @@ def pareto_section(paired: Paired, metric: str) -> str:
     parts = []
     if good:
         chart = Chart("Error against robot time", "robot time [s]", UNITS[metric],
-                      (0.0, 1.05 * float(np.nanmax(found.cost.high[good]))),
-                      (0.0, 1.05 * float(np.nanmax(found.error.high[good]))))
+                      (0.0, 1.05 * _top(found.cost)), (0.0, 1.05 * _top(found.error)))
         for tone, n in [*((COLOURED, n) for n in rest), *enumerate(front)]:
             chart.point((found.cost.value[n], found.cost.low[n], found.cost.high[n]),
                         (found.error.value[n], found.error.low[n], found.error.high[n]),
@@ -120,8 +119,8 @@ def objects_section(paired: Paired, metric: str) -> str:
 
 
 def pairs_section(paired: Paired, metric: str) -> str:
-    """Each entry against the best."""
-    if len(paired.labels) < 2:
+    """Each entry against the best, if there is one."""
+    if len(paired.labels) < 2 or not np.isfinite(paired.means[metric][0]).any():
         return ""
     made = pairs_table(paired, metric, "best")
     return section("Is the difference real?", paragraph(
@@ -218,9 +217,15 @@ def reproduce_section(plan: Plan, environment: Mapping[str, Any]) -> str:
         name="reproduce")
 
 
+def _top(*found: Estimate) -> float:
+    """The largest number of all, with its interval if it has one; 1 where there is none."""
+    numbers = np.concatenate([part for f in found for part in (f.value, f.high)])
+    return float(numbers[np.isfinite(numbers)].max(initial=0.0)) or 1.0
+
+
 def _heat(values: np.ndarray) -> list[list[str]]:
     """Five tints from the best to the worst of each column."""
-    low, high = np.nanmin(values, axis=0), np.nanmax(values, axis=0)
+    low, high = np.fmin.reduce(values, axis=0), np.fmax.reduce(values, axis=0)
     share = (values - low) / np.where(high > low, high - low, 1.0)
     return [[f"heat{min(4, int(5 * v))}" if np.isfinite(v) else "" for v in row] for row in share]
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sweeps.cell import Cell
+from sweeps.entries import entries_of, entry_axes, setting_index
 from sweeps.leaderboard import make_leaderboard
 from sweeps.plan import FILE_KEYS, Plan
 from sweeps.problems import choose
@@ -34,22 +35,29 @@ def choose_episode(plan: Plan, stores: Sequence[Store], strategy: str | None,
                    body: str | None, episode: int) -> Episode:
     """An episode by name; without a strategy that of the best, without an object the first.
 
-    Raises StoreError for what the study does not have.
+    `strategy` can be an entry's name in the leaderboard, which tells the setting too. Where several
+    entries are meant it is the leaderboard's first of them. Axes that entries are averaged over
+    are at their first point. Raises StoreError for what the study does not have.
     """
     names = [s.name for s in plan.study.strategies]
     bodies = [b.name for b in plan.study.objects]
-    if strategy is None:
-        label = make_leaderboard(plan, stores).rows[0][1]
-        strategy = next(name for name in sorted(names, key=len, reverse=True)
-                        if label == name or label.startswith(f"{name} ["))
-    for option, value, known in (("--strategy", strategy, names), ("--object", body, bodies)):
+    entries = entries_of(plan, entry_axes(plan, None)[0])
+    either = list(dict.fromkeys([*names, *(entry.label for entry in entries)]))
+    for option, value, known in (("--strategy", strategy, either), ("--object", body, bodies)):
         if value is not None and value not in known:
             raise StoreError(f"{option}: the study has no {value!r}; {choose(value, known)}")
     count = plan.study.head.episodes_per_cell
     if not 0 <= episode < count:
         raise StoreError(f"--episode: is {episode}; should be a whole number from 0 to "
                          f"{count - 1}")
-    return Episode(names.index(strategy), 0 if body is None else bodies.index(body), episode)
+    meant = {entry.label: entry for entry in entries
+             if strategy in (None, entry.label, names[entry.strategy])}
+    label = next(iter(meant))
+    if len(meant) > 1:
+        label = next(row[1] for row in make_leaderboard(plan, stores).rows if row[1] in meant)
+    points = dict.fromkeys(range(len(plan.study.axes)), 0) | meant[label].points
+    return Episode(meant[label].strategy, 0 if body is None else bodies.index(body), episode,
+                   setting_index(plan, points))
 
 
 def cell_of(plan: Plan, episode: Episode) -> Cell:

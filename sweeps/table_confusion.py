@@ -35,12 +35,13 @@ def read_confusion(plan: Plan, stores: Sequence[Store]) -> Confusion:
     for number, body in enumerate(plan.study.objects):
         seen = False
         for block in paired_blocks(plan, stores, entries, axes, number):
-            missing += block.missing
-            for entry, rows in zip(entries, block.found, strict=True):
-                if rows is not None:
-                    seen = True
-                    told = rows.get("recognized_as", [""] * len(rows["status"]))
-                    counts.setdefault((entry.label, body.name), Counter()).update(map(str, told))
+            if block.missing:
+                missing += block.missing
+                continue
+            seen = True
+            for entry, rows in zip(entries, block.rows, strict=True):
+                told = rows.get("recognized_as", [""] * block.count)
+                counts.setdefault((entry.label, body.name), Counter()).update(map(str, told))
         objects += [body.name] if seen else []
     asked = [entry.label for entry in entries
              if any(name for key, count in counts.items() if key[0] == entry.label

@@ -1,7 +1,8 @@
 """Each entry on each object: the median over episodes with its interval, and what it cost.
 
 The interval is the distribution-free one between order statistics (exact binomial coverage of at
-least 95 %), so that it needs neither a normal spread nor random numbers.
+least 95 %), so that it needs neither a normal spread nor random numbers. An episode met at
+many points of an axis that is averaged over is one, at its mean over them.
 """
 
 from collections.abc import Iterator

@@ -4,7 +4,8 @@ Two questions, two tests. *Would it be so on other objects?* The objects' mean d
 compared by Wilcoxon's signed-rank test: with k objects its p is at least 2^(1-k), so that fewer
 than six can prove nothing at 5 %. *Is it so on these objects?* The mean over objects of the mean
 differences over episodes is compared with its standard error within the objects (a paired t-test
-stratified by object, Welch and Satterthwaite's degrees of freedom).
+stratified by object, Welch and Satterthwaite's degrees of freedom); an episode averaged over swept
+points is one, at its mean.
 """
 
 from collections.abc import Sequence
@@ -56,7 +57,10 @@ def compare_pairs(paired: Paired, metric: str, against: str | None = None) -> li
 def _chosen(labels: Sequence[str], key: np.ndarray, against: str | None) -> list[tuple[int, int]]:
     if against is None:
         return list(combinations(range(len(labels)), 2))
-    if against == "best" and np.isfinite(key).any():
+    if against == "best":
+        if not np.isfinite(key).any():
+            raise LeaderboardError("--against best: no entry has a value on any episode, so that "
+                                   "none is best")
         other = int(np.nanargmin(key))
     elif against in labels:
         other = list(labels).index(against)

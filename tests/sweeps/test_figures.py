@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from curved_episodes import wide_study, wide_text
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from PIL import Image
@@ -17,16 +18,21 @@ from test_tables import SWEPT
 
 from strategies.catalogue import STRATEGIES
 from sweeps import cli, figures
+from sweeps.bootstrap import REPLICATES
 from sweeps.cell import Cell
+from sweeps.entries import Entry
 from sweeps.episodes import run_block
 from sweeps.figure_contacts import contacts_figure
 from sweeps.figure_contour import contour_figure
 from sweeps.figure_faces import faces_figure
+from sweeps.figure_forest import draw_forest
 from sweeps.figure_style import COLUMN_IN, encode, told_apart
 from sweeps.figure_taxels import PadTouch, draw_taxels, image_ellipse, taxels_figure
 from sweeps.figures import KINDS, Asked
+from sweeps.paired import Paired
 from sweeps.plan import Plan
 from sweeps.store import Store, StoreError
+from sweeps.table_pareto import COST, find_front
 from warpgrasp.parameters import PadTable
 
 EPISODE_KINDS = ("contacts", "faces", "contour", "taxels", "grasp")
@@ -78,6 +84,12 @@ def test_text_is_on_the_page_and_apart(study: tuple[Plan, Store], kind: str) -> 
     looks_right(KINDS[kind](Asked(study[0], [study[1]])))
 
 
+@pytest.mark.parametrize("kind", ["forest", "pareto", "curves-time"])
+def test_one_episode_is_drawn_without_intervals(tmp_path: Path, kind: str) -> None:
+    plan, store = wide_study(tmp_path, wide_text(2, 1, 1))
+    looks_right(KINDS[kind](Asked(plan, [store])))
+
+
 def test_a_heat_map_of_settings(swept: tuple[Plan, Store]) -> None:
     looks_right(KINDS["settings"](Asked(swept[0], [swept[1]])))
 
@@ -101,6 +113,21 @@ def test_better_is_first_and_lower_for_errors(study: tuple[Plan, Store]) -> None
     labels = [text.get_text() for text in drawn.axes[0].get_yticklabels()]
     assert labels == sorted(labels, key=len)  # the stand-ins are worse the longer their names
     assert drawn.axes[0].yaxis_inverted()
+
+
+def test_intervals_keep_to_the_scores_range() -> None:
+    """Student's t over two objects knows no bounds; an IoU lies between 0 and 1."""
+    means = np.random.default_rng(1).normal(0.5, 0.6, (1 + REPLICATES, 2))
+    means[0] = 0.4, 0.6
+    entries = tuple(Entry(0, name, {}) for name in "ab")
+    paired = Paired(entries, ("block", "wedge"), {}, {"iou": means, COST: 9 * means}, ())
+    found = find_front(paired, "iou")
+    assert found.error.low.tolist() == found.cost.low.tolist() == [0.0, 0.0]
+    assert found.error.high.tolist() == [1.0, 1.0]
+    assert (found.cost.high > 9).all()
+    drawn = draw_forest(paired, "iou")
+    (bars,) = [c for c in drawn.axes[0].collections if isinstance(c, LineCollection)]
+    assert {x for line in bars.get_segments() for x, _ in line} == {0.0, 1.0}
 
 
 @pytest.mark.parametrize(("arguments", "says"), [

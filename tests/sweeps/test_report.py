@@ -12,7 +12,8 @@ from curved_episodes import OBJECTS, wide_study, wide_text
 import sweeps.report
 from fit.superquadric_shape import superquadric
 from sweeps import cli
-from sweeps.leaderboard import make_leaderboard
+from sweeps.leaderboard import LeaderboardError, make_leaderboard
+from sweeps.paired import read_paired
 from sweeps.plan import Plan
 from sweeps.recovered_surface import surface_grid
 from sweeps.report import make_report
@@ -27,6 +28,7 @@ from sweeps.report_views import (
     pick_episodes,
 )
 from sweeps.store import Store
+from sweeps.table_pairs import pairs_table
 from warpgrasp.catalogue import body_from_name
 
 EVIL = '<script>alert("x")</script>&amp;\'"'
@@ -137,6 +139,27 @@ def test_a_study_without_units(tmp_path: Path, capsys: pytest.CaptureFixture[str
     out = str(tmp_path / "r.html")
     assert cli.run(["report", str(tmp_path), "-o", out]) == 2
     assert "no block of episodes is finished" in capsys.readouterr().err
+
+
+def test_a_study_of_failures_alone(tmp_path: Path) -> None:
+    """Its report stands, without the comparison with a best that there is not."""
+    plan, store = wide_study(tmp_path, wide_text(2, 2, 2))
+    for unit in plan.units():
+        store.path(unit).unlink()
+        store.log(unit).write_text("it broke")
+    page = make_report(plan, [store], views=False).decode()
+    assert "more than 20% of the episodes failed" in page
+    assert "Is the difference real?" not in page
+    with pytest.raises(LeaderboardError, match="no entry has a value"):
+        pairs_table(read_paired(plan, [store], ["chamfer_mm"]), "chamfer_mm", "best")
+
+
+def test_what_has_no_interval_is_drawn_without(tmp_path: Path) -> None:
+    """One episode: points and curves, and no number that is none."""
+    plan, store = wide_study(tmp_path, wide_text(2, 1, 1))
+    page = make_report(plan, [store], views=False).decode()
+    assert not re.search(r'"[^"<>]*\b(nan|inf)\b[^"<>]*"', page.split("<main>")[1].split(
+        "</main>")[0])
 
 
 @needs_browser

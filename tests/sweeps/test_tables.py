@@ -3,6 +3,7 @@
 import csv
 import io
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -218,6 +219,44 @@ def test_confusion_counts_every_episode(study: tuple[Plan, Store]) -> None:
         count = (rows["recognized_as"] == row["recognized_as"]).sum()
         assert (row["n_episodes"], row["share"]) == (str(count), f"{count / 16:.4f}")
     assert sum(c.total() for c in found.counts.values()) == 3 * 6 * 16
+
+
+def test_confusion_is_of_the_blocks_that_every_entry_has(tmp_path: Path) -> None:
+    plan, store = wide_study(tmp_path, wide_text(2, 2, 70))
+    first = next(unit for unit in plan.units() if unit.cell.strategy.name == "s")
+    store.path(first).unlink()
+    found = read_confusion(plan, [store])
+    assert "1 of 8 units are missing; blocks" in found.notes[0]
+    left = {"block": 6, "large_cylinder": 70}  # of two blocks, 64 and 6
+    assert {key: count.total() for key, count in found.counts.items()} == {
+        (label, body): left[body] for label in ("s", "sx") for body in left}
+
+
+def test_same_time_without_a_finished_block_is_told(tmp_path: Path) -> None:
+    plan, store = unfinished(tmp_path, 1, 0)
+    with pytest.raises(LeaderboardError, match="no block of episodes is finished"):
+        same_time_table(read_curves(plan, [store]), "s")
+
+
+def test_same_time_passes_over_an_object_that_all_fail_on(tmp_path: Path) -> None:
+    """It says nothing of who was ahead; the others still do."""
+    plan, store = wide_study(tmp_path, wide_text(2, 3, 8))
+    for unit in plan.units():
+        if unit.cell.object_name == "block":
+            store.path(unit).unlink()
+            store.log(unit).write_text("it broke")
+    (row,) = rows_of(same_time_table(read_curves(plan, [store]), "s"))
+    assert row["wins"].endswith("/2")
+    assert float(row["ci_low"]) <= float(row["chamfer_mm_difference"]) <= float(row["ci_high"])
+
+
+def test_levels_of_a_factor_keep_to_the_scores_range(tmp_path: Path) -> None:
+    plan, store = wide_study(tmp_path, SWEPT)
+    paired = read_settings(plan, [store], "iou")
+    wild = np.random.default_rng(1).normal(0.5, 5.0, paired.means["iou"].shape)
+    effect = next(effects(plan, replace(paired, means={"iou": wild}), "iou"))
+    assert np.ptp([effect.low, effect.high], axis=0).min() > 0.9
+    assert 0 <= min(effect.low) < max(*effect.high, effect.spread[2]) <= 1
 
 
 def test_a_step_function_holds_its_last_value() -> None:
