@@ -12,6 +12,7 @@ variance of a sample and to Student's t (see `widened`).
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -20,6 +21,7 @@ INTERVAL = (0.025, 0.975)
 Place = tuple[int, int]  # of a block of episodes: object, block
 
 
+@lru_cache(maxsize=8)  # metrics, and the settings of one block, ask for the same
 def episode_weights(seed: int, place: Place, count: int) -> np.ndarray:
     """Weights of a block's episodes, shape (1 + replicate, episode); row 0 is the data itself.
 
@@ -28,7 +30,9 @@ def episode_weights(seed: int, place: Place, count: int) -> np.ndarray:
     """
     generator = np.random.Generator(np.random.Philox(np.random.SeedSequence([seed, 1, *place])))
     drawn = generator.poisson(1.0, (REPLICATES, count)).astype(float)
-    return np.concatenate([np.ones((1, count)), drawn])
+    weights = np.concatenate([np.ones((1, count)), drawn])
+    weights.flags.writeable = False
+    return weights
 
 
 def object_weights(seed: int, count: int) -> np.ndarray:
