@@ -158,7 +158,8 @@ def settings_section(plan: Plan, stores: Sequence[Store], metric: str) -> str:
 
     made = settings_table(plan, read_settings(plan, stores, metric), metric)
     return section("Swept factors", paragraph(
-        "spread is the largest level mean minus the smallest; share is the factor's part of the "
+        "spread is the largest level mean minus the smallest, with the interval of that "
+        "difference; share is the factor's part of the "
         "variance between settings."), table("Means by level", made.header, made.rows),
         name="settings")
 

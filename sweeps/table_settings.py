@@ -36,7 +36,8 @@ class Effect:
     settings: tuple[int, ...]
     """How many settings each level has."""
     spread: tuple[float, float, float]
-    """The largest minus the smallest level mean, with its interval."""
+    """The largest minus the smallest level mean, and the interval of the difference of these two
+    levels: in a replicate either may be the larger."""
     share: float
 
 
@@ -61,7 +62,9 @@ def effects(plan: Plan, paired: Paired, metric: str) -> Iterator[Effect]:
                 of_levels = np.stack([means[:, level == n].mean(axis=1)
                                       for n in range(len(names))], axis=1)
                 found = estimate(of_levels, bounds_of(metric))
-                spread = estimate(np.ptp(of_levels, axis=1)[:, None], bounds_of(metric))
+                most, least = found.value.argmax(), found.value.argmin()
+                spread = estimate(of_levels[:, [most]] - of_levels[:, [least]],
+                                  (-bounds_of(metric)[1], bounds_of(metric)[1]))
                 counts = np.bincount(level, minlength=len(names))
                 inside = counts @ (found.value - means[0].mean()) ** 2 / len(mine)
                 yield Effect(strategy.name, key, names, found.value, found.low, found.high,

@@ -259,6 +259,16 @@ def test_levels_of_a_factor_keep_to_the_scores_range(tmp_path: Path) -> None:
     assert 0 <= min(effect.low) < max(*effect.high, effect.spread[2]) <= 1
 
 
+def test_levels_that_differ_by_luck_alone_have_a_spread_that_may_be_none(tmp_path: Path) -> None:
+    """The interval is of a difference, not of the largest of some differences."""
+    plan, store = wide_study(tmp_path, SWEPT)
+    paired = read_settings(plan, [store], "chamfer_mm")
+    luck = np.random.default_rng(2).normal(5.0, 1.0, paired.means["chamfer_mm"].shape)
+    found = list(effects(plan, replace(paired, means={"chamfer_mm": luck}), "chamfer_mm"))
+    for effect in found:
+        assert effect.spread[1] < 0.0 < effect.spread[0] < effect.spread[2]
+
+
 def test_a_step_function_holds_its_last_value() -> None:
     steps = (np.array([2.0, 5.0]), np.array([9.0, 4.0]))
     found = on_grid(steps, np.array([0.0, 2.0, 4.9, 5.0, 99.0]))
