@@ -20,7 +20,7 @@ from warpgrasp.counter_random import (
     normal_vector_host,
 )
 from warpgrasp.hand_clearance import hand_clearance
-from warpgrasp.launch import launch
+from warpgrasp.launch import check_range, launch
 from warpgrasp.parameters import ArmTable, HandTable
 from warpgrasp.puma560 import Arm, arm_of, move_time, puma_forward, puma_forward_batch, puma_reach
 from warpgrasp.real import ONE, TWO, ZERO, quat, real, transform, vec3, vec6
@@ -38,8 +38,9 @@ _UNREACHABLE = wp.constant(int(ProbeStatus.UNREACHABLE))
 _COLLISION = wp.constant(int(ProbeStatus.COLLISION))
 _ARM = wp.constant(int(Purpose.ARM))
 _RETREAT = wp.constant(real(RETREAT_M))
-_MARCHES = wp.constant(64)
-_SHORTEST = wp.constant(real(5e-4))
+_SHORTEST_M = 5e-4
+_SHORTEST = wp.constant(real(_SHORTEST_M))
+_MARCHES = wp.constant(int(RETREAT_M / _SHORTEST_M) + 2)  # reach the pose, however short they are
 _GLANCE = wp.constant(real(1e-6))
 
 
@@ -218,8 +219,10 @@ def move_hand(
     (world, probe) is False where a world has no such probe. `commands_rad` (grasp, finger, step, 4)
     gives each grasp's open hand (its first step), which must clear object and table on the last
     0.12 m of the approach. `probe_first` numbers the probes on, for the noise. Returns the moves
-    and the true hand poses (world, probe, 7), which only the simulator may use. Raises ShapeError.
+    and the true hand poses (world, probe, 7), which only the simulator may use. Raises ShapeError,
+    and ValueError for a body that the scene has not.
     """
+    check_range("body", body, 0, scene.bodies - 1)
     worlds, probes = wanted_pose.shape[:2]
     grasps = len(commands_rad)
     status = wp.empty((worlds, probes), dtype=int, device=device)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import warp as wp
 
-from warpgrasp.launch import launch
+from warpgrasp.launch import check_range, launch
 from warpgrasp.real import transform, vec2, vec3, vec4
 from warpgrasp.scene import Join, Primitive, Scene, Shape, body_distance_grad
 from warpgrasp.sdf_superquadric import SuperquadricShape
@@ -110,6 +110,7 @@ def scene_of(bodies: Sequence[Body], device: str) -> Scene:
     scene.bodies, scene.primitive_count = len(bodies), len(rows)
     scene.profile_count, scene.grid_count = len(arrays["profile"]), len(arrays["grid"])
     scene.__dict__["kept"] = arrays  # as long as the scene lives, so do its arrays
+    scene.__dict__["device"] = arrays["primitives"].device
     return scene
 
 
@@ -135,8 +136,10 @@ def distance_to_bodies(
     """Signed distances [m], shape (world, point), and gradients, shape (world, point, 3).
 
     `points_m` has shape (world, point, 3) and is in the frame of body number `body[world]` (shape
-    (world,) or (1,), shared). Raises ShapeError where shapes disagree.
+    (world,) or (1,), shared). Raises ShapeError where shapes disagree or the scene is on another
+    device, ValueError for a body that the scene has not.
     """
+    check_range("body", body, 0, scene.bodies - 1)
     worlds, count = points_m.shape[:2]
     out = wp.empty((worlds, count), dtype=vec4, device=device)
     launch(_distance_kernel, {"world": worlds, "point": count},

@@ -30,19 +30,20 @@ class BodySample:
 
 def sample_body(body: Body, *, surface: int = 1024, inside: int = 4096) -> BodySample:
     """Sample a body. Raises BodyError where it has (almost) no volume or surface in its box."""
-    return _sample(_Keyed(body.content, body), surface, inside)
+    return _sample(_Keyed((body.content, body.low_m, body.high_m), body), surface, inside)
 
 
 @dataclass(frozen=True)
 class _Keyed:
-    content: str
+    key: tuple[str, tuple[float, ...], tuple[float, ...]]
+    """What the sample depends on: the shape, and the box that it is taken in."""
     body: Body
 
     def __hash__(self) -> int:
-        return hash(self.content)
+        return hash(self.key)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Keyed) and self.content == other.content
+        return isinstance(other, _Keyed) and self.key == other.key
 
 
 @lru_cache(maxsize=64)

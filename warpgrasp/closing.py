@@ -14,7 +14,7 @@ from warpgrasp.closing_kernel import closing_kernel
 from warpgrasp.closing_reading import reading_kernel
 from warpgrasp.closing_record import ClosingRow, ClosingTruthRow
 from warpgrasp.finger_path import path_on_device
-from warpgrasp.launch import launch_in_turn
+from warpgrasp.launch import check_range, launch_in_turn
 from warpgrasp.parameters import HandTable, SensorTable
 from warpgrasp.real import transform
 from warpgrasp.records import Records
@@ -95,8 +95,11 @@ def close_fingers(
     `probe_first` numbers the probes on. `probe_status` (world, probe, grasp) says
     CONTACT where the probe is to be made; other values are passed on. `commands_rad` has shape
     (grasp, finger, step, 4), of which `command_count` (grasp,) steps count. `march_scale` shortens
-    the skipping of free steps for bodies whose distance is not a sure bound. Raises ShapeError.
+    the skipping of free steps for bodies whose distance is not a sure bound. Raises ShapeError, and
+    ValueError for a body or a count of steps that there is not.
     """
+    check_range("body", body, 0, scene.bodies - 1)
+    check_range("command_count", command_count, 1, np.shape(commands_rad)[2])
     worlds, probes = hand_pose.shape[:2]
     extents = {"world": worlds, "probe": probes, "grasp": len(command_count),
                "finger": FINGER_COUNT}

@@ -15,7 +15,7 @@ import numpy as np
 import warp as wp
 
 from warpgrasp.guarded_line_kernel import LineBegin, LineEnd, line_kernel
-from warpgrasp.launch import ShapeError, launch
+from warpgrasp.launch import ShapeError, check_range, launch
 from warpgrasp.pad_sight import BLOCKS, pad_turns
 from warpgrasp.parameters import ArmTable, HandTable, PadTable, SensorTable
 from warpgrasp.puma560 import arm_of
@@ -23,7 +23,7 @@ from warpgrasp.real import real
 from warpgrasp.records import Records, record_type
 from warpgrasp.scene import Scene
 from warpgrasp.tactile_pad import TAXELS, pad_of
-from warpgrasp.utah_mit_hand import LINK_COUNT, hand_of
+from warpgrasp.utah_mit_hand import FINGER_COUNT, LINK_COUNT, hand_of
 
 
 class Until(IntEnum):
@@ -145,8 +145,11 @@ def guarded_line(
     """Make one guarded line; also returns the arms' joints after it (row, 6).
 
     `body` (world or 1,), `body_pose` and `mount` (world, 7), `key` (world,) uint64, `arm_q_rad`
-    (row, 6) where the arms stand. Worlds not among `move.rows` cost nothing. Raises ShapeError.
+    (row, 6) where the arms stand. Worlds not among `move.rows` cost nothing. Raises ShapeError,
+    and ValueError for a body or a finger that there is not.
     """
+    check_range("body", body, 0, scene.bodies - 1)
+    check_range("finger", move.finger, 0, FINGER_COUNT - 1)
     n = len(move.rows)
     begin = np.zeros(n, record_type(LineBegin))
     for name, value in {
@@ -174,7 +177,7 @@ def guarded_line(
         "joint_noise": sensors.joint_noise_rad, "march_scale": march_scale, "begins": begins.array,
         "interval": move.interval_m, "steps": move.steps, "finger": move.finger,
         "commands": commands,
-        "step_bound": move.interval_m * float(speed.max(initial=0.0)) + swing * reach,
+        "swing": swing * reach,
         "until_release": int(move.until == Until.RELEASE), "sights": sights, "image": images,
         "ends": ends.array}, device=device)
     end, image = ends.numpy(), images.numpy().copy()

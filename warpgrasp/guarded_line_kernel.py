@@ -1,7 +1,8 @@
 """The kernel of a guarded line: intervals until a pad feels, something blocks, or the way is spent.
 
 Free intervals are skipped by the distance bound; a touch by noise alone is drawn by its
-first-passage law. A false yield (joint noise past `yield_rad`, five sigma by default) is not drawn.
+first-passage law over the free intervals, of all pads that are on. A false yield (joint noise past
+`yield_rad`, five sigma by default) is not drawn.
 """
 
 import warp as wp
@@ -36,6 +37,7 @@ _JOINT = wp.constant(int(Purpose.PAD_JOINT))
 _ARM = wp.constant(int(Purpose.LINE_ARM))
 _NAN = wp.constant(real(float("nan")))
 _SIDE = wp.constant(16)
+_ENDLESS = wp.constant(real(1e9))  # more free intervals than any line has
 
 
 @wp.struct
@@ -81,6 +83,35 @@ class LineEnd:
 def _along(line: transform, direction: vec3, s: real):
     return transform(wp.transform_get_translation(line) + direction * s,
                      wp.transform_get_rotation(line))
+
+
+@wp.func
+def _hand_at(line: transform, direction: vec3, s: real, mount: transform, wobble: vec3):
+    """Where the hand truly is."""
+    here = wp.transform_multiply(_along(line, direction, s), mount)
+    return transform(wp.transform_get_translation(here) + wobble, wp.transform_get_rotation(here))
+
+
+@wp.func
+def _pads_on(pad: Pad):
+    return pad.on[0] + pad.on[1] + pad.on[2]
+
+
+@wp.func
+def _link_with_pad(pad: Pad, number: int):
+    """The link of pad `number` of those that are on."""
+    link = int(0)
+    left = int(number)
+    while link < 2 and left >= pad.on[link]:
+        left -= pad.on[link]
+        link += 1
+    return link
+
+
+@wp.func
+def _below(draw: wp.uint64, count: int):
+    """A whole number from 0 to `count` - 1."""
+    return wp.min(int(counter_uniform(draw) * real(count)), count - 1)
 
 
 @wp.func
@@ -156,7 +187,7 @@ def line_kernel(
     steps: int,
     finger: int,
     commands: wp.array3d[real],
-    step_bound: real,
+    swing: real,
     until_release: int,
     # Scratch, for the taxels in sight:
     sights: wp.array3d[int],
@@ -212,9 +243,13 @@ def line_kernel(
     wobble = vec3(counter_normal(counter_key(noise, 0)), counter_normal(counter_key(noise, 1)),
                   counter_normal(counter_key(noise, 2))) * arm.repeatability
     to_body = wp.transform_inverse(begin.body_pose)
-    patience = -wp.log(counter_uniform(counter_key(counter_key(key, _FALSE), number)))
-    hazard_step = -wp.log(wp.max(ONE - pad.false_touch, real(1e-300)))
-    hazard = real(0.0)
+    # Readings of free pads that noise leaves alone, counted: a sum would hang on where skips end.
+    false = counter_key(counter_key(key, _FALSE), number)
+    hazard = -wp.log(wp.max(ONE - pad.false_touch, real(1e-300))) * real(_pads_on(pad))
+    patience = -wp.log(counter_uniform(false))
+    spared = int(_ENDLESS)
+    if patience < hazard * _ENDLESS:
+        spared = int(patience / hazard)
 
     status = _NO_CONTACT
     if reachable < steps:
@@ -232,14 +267,14 @@ def line_kernel(
     sight = sights[i]
     # Palm and other fingers move with the arm alone: a clearance lasts until it may be used up.
     others = real(0.0)
-    arm_step = interval * wp.length(way) / march_scale
+    arm_move = interval * wp.length(way)
+    arm_step = arm_move / march_scale
+    step_bound = wp.max(arm_move + swing, real(1e-9))
     while True:
         command = _command(commands, finger, s)
         if moved == 0:
             q = command
-        here = wp.transform_multiply(_along(line, way, interval * real(s)), begin.mount)
-        here = transform(wp.transform_get_translation(here) + wobble,
-                         wp.transform_get_rotation(here))
+        here = _hand_at(line, way, interval * real(s), begin.mount, wobble)
         pose = wp.transform_multiply(to_body, here)
         base = wp.transform_multiply(pose, finger_base(hand, finger))
         if others <= ZERO:
@@ -292,19 +327,20 @@ def line_kernel(
             break
         ahead = int(1)
         if until_release == 0 and free > ZERO:
-            ahead = wp.clamp(int(wp.floor(free * march_scale / wp.max(step_bound, real(1e-9)))),
-                             1, reachable - s)
-            hazard += hazard_step * real(ahead)
-            if hazard > patience:
-                # Noise alone reached the threshold: some taxel, its count the threshold's.
+            ahead = wp.clamp(int(wp.floor(free * march_scale / step_bound)), 1, reachable - s)
+            if spared < ahead:
+                # Noise alone reaches the threshold: some taxel, its count the threshold's.
                 status = _CONTACT
-                felt_link = 2
+                s += spared
+                q = _command(commands, finger, s)
+                here = _hand_at(line, way, interval * real(s), begin.mount, wobble)
+                felt_link = _link_with_pad(pad, _below(counter_key(false, 2), _pads_on(pad)))
                 noise_alone = int(1)
                 peak = int(wp.ceil(pad.threshold))
-                draw = counter_key(counter_key(key, _FALSE), number)
-                where = wp.min(int(counter_uniform(counter_key(draw, 1)) * real(256.0)), 255)
+                where = _below(counter_key(false, 1), _SIDE * _SIDE)
                 image[i, where // _SIDE, where % _SIDE] = wp.uint8(peak)
                 break
+            spared -= ahead
         s += ahead
         others -= arm_step * real(ahead)
     if moved == 0:

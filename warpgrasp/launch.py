@@ -15,6 +15,7 @@ from itertools import pairwise
 from math import prod
 from typing import Any
 
+import numpy as np
 import warp as wp
 
 wp.config.log_level = wp.LOG_ERROR  # banners are not results
@@ -38,6 +39,13 @@ def set_thread_count(count: int) -> None:
     if _pool is not None:
         _pool.shutdown()
         _pool = None
+
+
+def check_range(what: str, numbers: np.ndarray | int, least: int, most: int) -> None:
+    """Raise ValueError where a number is none of `least` to `most`: kernels index by it unasked."""
+    wrong = (np.less(numbers, least) | np.greater(numbers, most)).ravel()
+    if wrong.any():
+        raise ValueError(f"{what} {np.ravel(numbers)[wrong][0]}: wants {least} to {most}")
 
 
 def launch(
@@ -87,13 +95,18 @@ def _checked(
         if isinstance(value, wp.array):
             _check_shape(kernel.key, argument.label, value, shapes.get(argument.label), bound)
             if value.device != there:
-                raise ShapeError(f"{kernel.key}: {argument.label!r} is on {value.device}, "
-                                 f"the launch on {device}")
+                raise _elsewhere(kernel.key, argument.label, value.device, device)
+        elif getattr(value, "device", there) != there:  # of a struct of addresses, as a scene
+            raise _elsewhere(kernel.key, argument.label, value.device, device)
         ordered.append(value)
     unknown = set(arguments) - {argument.label for argument in kernel.adj.args}
     if unknown:
         raise ShapeError(f"{kernel.key}: no argument {sorted(unknown)}")
     return ordered
+
+
+def _elsewhere(kernel: str, label: str, found: Any, device: str) -> ShapeError:
+    return ShapeError(f"{kernel}: {label!r} is on {found}, the launch on {device}")
 
 
 def _check_shape(

@@ -16,6 +16,7 @@ from warpgrasp.closing import Closing, ClosingTruth, close_fingers
 from warpgrasp.contact_estimate import ContactEstimate, estimate_contacts
 from warpgrasp.counter_random import Purpose, counter_key_host, normal_vector_host
 from warpgrasp.guarded_line import LineMove, LineTouch, LineTruth, Until, guarded_line
+from warpgrasp.launch import check_range
 from warpgrasp.parameters import ArmTable, HandTable, PadTable, SensorTable
 from warpgrasp.scene import Shape
 from warpgrasp.silhouette import Cameras, silhouettes
@@ -69,7 +70,11 @@ class Robot:
         pads: PadTable | None = None,
         device: str = "cpu",
     ) -> None:
-        """`body` (world or 1,) numbers `bodies`; `key` (world,) uint64 seeds all noise."""
+        """`body` (world or 1,) numbers `bodies`; `key` (world,) uint64 seeds all noise.
+
+        Raises ValueError for a number that none of `bodies` has.
+        """
+        check_range("body", body, 0, len(bodies) - 1)
         self._scene = scene_of(bodies, device)
         self._body = body
         self._truth = truth

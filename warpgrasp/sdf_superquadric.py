@@ -4,7 +4,8 @@ The gauge f = F^(e1/2), F the inside-outside function of Allen and Michelman 199
 homogeneous of degree one and, for exponents up to 2, convex; so (f - 1) / |grad f| never exceeds
 the true distance outside, and agrees with it to first order at the surface. Taper and bend (Solina
 and Bajcsy 1990) keep the agreement at the surface; away from it the value is an estimate of the
-distance that is not guaranteed a bound, and marching must step shorter (see `scene.march_scale`).
+distance that is not guaranteed a bound, and marching must step shorter (`has_deformed_part`).
+Beside a strong taper's thin end it is far too small: there the frustum's faces outside tell more.
 """
 
 import warp as wp
@@ -15,6 +16,7 @@ from warpgrasp.sdf_primitive import sign_of
 _STRAIGHT = wp.constant(real(1e-6))  # curvatures below are no bend [1/m]
 _SMALL = wp.constant(real(1e-4))  # angles whose sine is taken by its series [rad]
 _THIN = wp.constant(real(0.02))  # a section tapered to less counts as this, to stay finite
+_STRONG = wp.constant(real(0.75))  # taper: an end thinner than a quarter of the middle
 
 
 @wp.struct
@@ -116,6 +118,18 @@ def straighten(p: vec3, s: SuperquadricShape):
 
 
 @wp.func
+def bent_gradient(g: vec3, p: vec3, q: Straightened, s: SuperquadricShape):
+    """The gradient at `p` of the field whose gradient before the bend is `g`."""
+    if s.bend <= _STRAIGHT:
+        return g
+    gr = g[0] * q.ca + g[1] * q.sa
+    turn = g[2] / (s.bend * q.rho * q.rho)
+    along_part = gr * (q.lever / q.rho - ONE) + turn * p[2]
+    return vec3(g[0] + along_part * q.ca, g[1] + along_part * q.sa,
+                turn * q.lever - gr * p[2] / q.rho)
+
+
+@wp.func
 def deformed_gradient(g: vec4, p: vec3, q: Straightened, s: SuperquadricShape):
     """The gradient at `p` of the field whose gradient and value at `q.point` are `g`."""
     gx = g[0] / q.tx
@@ -125,14 +139,8 @@ def deformed_gradient(g: vec4, p: vec3, q: Straightened, s: SuperquadricShape):
         gz -= g[0] * q.untapered[0] * s.kx / (s.size[2] * q.tx * q.tx)
     if not q.thin_y:
         gz -= g[1] * q.untapered[1] * s.ky / (s.size[2] * q.ty * q.ty)
-    if s.bend > _STRAIGHT:
-        gr = gx * q.ca + gy * q.sa
-        turn = gz / (s.bend * q.rho * q.rho)
-        along_part = gr * (q.lever / q.rho - ONE) + turn * p[2]
-        gz = turn * q.lever - gr * p[2] / q.rho
-        gx += along_part * q.ca
-        gy += along_part * q.sa
-    return vec4(gx, gy, gz, g[3])
+    bent = bent_gradient(vec3(gx, gy, gz), p, q, s)
+    return vec4(bent[0], bent[1], bent[2], g[3])
 
 
 @wp.func
@@ -168,13 +176,47 @@ def superquadric_deformed_gauge(p: vec3, s: SuperquadricShape):
 
 
 @wp.func
+def _side_past(x: real, z: real, a: real, a3: real, k: real):
+    """Slopes by x and z and value of the signed distance to a frustum's sides, one axis across."""
+    top = wp.max(ONE + k, _THIN)
+    foot = wp.max(ONE - k, _THIN)
+    lean = HALF * a * (top - foot) / a3
+    cosine = ONE / wp.sqrt(ONE + lean * lean)
+    past = (wp.abs(x) - HALF * a * (top + foot) - lean * z) * cosine
+    return vec3(sign_of(x) * cosine, -lean * cosine, past)
+
+
+@wp.func
+def _past_frustum(p: vec3, q: Straightened, s: SuperquadricShape):
+    """Gradient and signed distance to the face most passed of the frustum around a body."""
+    x = _side_past(q.untapered[0], q.untapered[2], s.size[0], s.size[2], s.kx)
+    y = _side_past(q.untapered[1], q.untapered[2], s.size[1], s.size[2], s.ky)
+    past = wp.abs(q.untapered[2]) - s.size[2]
+    g = vec3(ZERO, ZERO, sign_of(p[2]))
+    if x[2] > past:
+        past = x[2]
+        g = vec3(x[0], ZERO, x[1])
+    if y[2] > past:
+        past = y[2]
+        g = vec3(ZERO, y[0], y[1])
+    g = bent_gradient(g, p, q, s)
+    slope = wp.length(g)
+    return vec4(g[0] / slope, g[1] / slope, g[2] / slope, past / slope)
+
+
+@wp.func
 def sdf_superquadric_bound_grad(p: vec3, s: SuperquadricShape):
     """Unit gradient and first-order distance (nx, ny, nz, d) [m], see the module's text."""
-    g = superquadric_deformed_gauge(p, s)
+    q = straighten(p, s)
+    g = deformed_gradient(superquadric_gauge(q.point, s.size, s.e1, s.e2), p, q, s)
     slope = wp.max(wp.sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]), TINY)
     distance = (g[3] - ONE) / slope
     # No straight body reaches beyond its ends. Over a ridge the gauge's slope is that of its sides.
-    beyond = wp.abs(p[2]) - s.size[2]
-    if s.bend <= _STRAIGHT and beyond > wp.max(distance, ZERO):
-        return vec4(ZERO, ZERO, sign_of(p[2]), beyond)
+    beyond = vec4(ZERO, ZERO, sign_of(p[2]), wp.abs(p[2]) - s.size[2])
+    if wp.max(wp.abs(s.kx), wp.abs(s.ky)) > _STRONG:
+        beyond = _past_frustum(p, q, s)
+    elif s.bend > _STRAIGHT:
+        beyond[3] = distance
+    if beyond[3] > wp.max(distance, ZERO):
+        return beyond
     return vec4(g[0] / slope, g[1] / slope, g[2] / slope, distance)

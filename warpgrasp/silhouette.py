@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from warpgrasp.launch import launch
+from warpgrasp.launch import check_range, launch
 from warpgrasp.parameters import StereoTable
 from warpgrasp.real import HALF, ONE, mat33, real, transform, vec3
 from warpgrasp.scene import Scene, body_distance
@@ -82,7 +82,10 @@ def silhouettes(
     scene: Scene, body: np.ndarray, body_pose: np.ndarray, cameras: Cameras, *,
     march_scale: float = 1.0, device: str = "cpu",
 ) -> np.ndarray:
-    """Which pixels see the object, bool (world, camera, row, column). Raises ShapeError."""
+    """Which pixels see the object, bool (world, camera, row, column). Raises ShapeError,
+    and ValueError for a body that the scene has not.
+    """
+    check_range("body", body, 0, scene.bodies - 1)
     worlds, count = cameras.centre_m.shape[:2]
     n = cameras.pixels
     seen = wp.empty((worlds, count, n, n), dtype=wp.uint8, device=device)

@@ -52,7 +52,8 @@ def mean_filter(images: np.ndarray, size: int = 3) -> np.ndarray:
 
 def median_filter(images: np.ndarray, size: int = 3) -> np.ndarray:
     """Median of each `size` x `size` neighbourhood, (n, row, column)."""
-    return np.median(_windows(images, size), axis=(-2, -1))
+    windows = _windows(images, size)
+    return np.median(windows.reshape(*windows.shape[:3], size * size), axis=-1)
 
 
 def moments(images: np.ndarray, level: float = 0.0) -> Moments:
@@ -101,7 +102,7 @@ def laplacian_of_gaussian(images: np.ndarray, sigma: float = 1.0) -> np.ndarray:
     x = np.arange(-reach, reach + 1) / sigma
     smooth = np.exp(-0.5 * x * x)
     smooth /= smooth.sum()
-    curve = smooth * (x * x - 1.0) / sigma**2
+    curve = smooth * (x * x - smooth @ (x * x)) / sigma**2
     kernel = np.outer(curve, smooth) + np.outer(smooth, curve)
     return np.einsum("nrcij,ij->nrc", _windows(images, 2 * reach + 1), kernel)
 
@@ -151,7 +152,7 @@ def hough_lines(
         slot = np.rint(distance / cell).astype(int) + reach
         votes = np.zeros((n, angles, 2 * reach + 1), int)
         np.add.at(votes, (image[:, None], np.arange(angles)[None], slot), 1)
-        best = votes.reshape(n, -1).argmax(1)
+        best = votes.reshape(n, angles * (2 * reach + 1)).argmax(1)
         at, slot = np.divmod(best, 2 * reach + 1)
         strongest = votes[np.arange(n), at, slot]
         enough = strongest >= fewest

@@ -19,7 +19,7 @@ from warpgrasp.counter_random import (
     counter_normal_is_negative,
     counter_uniform,
 )
-from warpgrasp.launch import launch
+from warpgrasp.launch import check_range, launch
 from warpgrasp.parameters import HandTable, PadTable
 from warpgrasp.real import HALF, ONE, ZERO, real, transform, vec2, vec3, vec4
 from warpgrasp.scene import Scene, stand_distance
@@ -85,13 +85,19 @@ class PadPlace:
 
 
 def pad_of(table: PadTable, hand: HandTable) -> Pad:
-    """The kernels' pad. Raises ValueError for a pad that does not fit its links."""
+    """The kernels' pad. Raises ValueError for a pad that does not fit its links, or that
+    no force makes conduct better."""
     radius = hand.link_radius_m + table.thickness_m
     for link, on in enumerate((table.proximal, table.middle, table.distal)):
         straight = table.length_m - (table.wrap_rad * radius if link == 2 else 0.0)
         if on and not 0.0 <= straight <= hand.link_length_m[link]:
             raise ValueError(f"pad of {table.length_m * 1e3:g} mm does not fit link {link} of "
                              f"{hand.link_length_m[link] * 1e3:g} mm")
+    pressed = (table.least_ohm if table.law == "exponential"
+               else table.newton_ohm * table.saturation_N**-table.power)
+    if pressed >= table.rest_ohm:
+        raise ValueError(f"pad of {pressed:g} ohm under load: wants less than without, "
+                         f"{table.rest_ohm:g} ohm")
     pad = Pad()
     pad.on = wp.vec3i(int(table.proximal), int(table.middle), int(table.distal))
     pad.width, pad.length, pad.wrap = table.width_m, table.length_m, table.wrap_rad
@@ -337,8 +343,10 @@ def read_pads(
 
     `body` (pose or 1,), `body_pose` and true `hand_pose` (pose, 7) [m], quaternion xyzw, base
     frame; `q_rad` (pose, finger 4, 4); `key` (pose,) uint64, an episode's: its taxels keep their
-    gains, `reading` numbers the readings. Raises ShapeError.
+    gains, `reading` numbers the readings. Raises ShapeError, and ValueError
+    for a body that the scene has not.
     """
+    check_range("body", body, 0, scene.bodies - 1)
     n = len(hand_pose)
     force = wp.zeros((n, FINGER_COUNT * LINK_COUNT, TAXELS, TAXELS), dtype=real, device=device)
     count = wp.zeros(force.shape, dtype=wp.uint8, device=device)

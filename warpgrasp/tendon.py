@@ -107,6 +107,11 @@ def _upper_tail(x: float) -> float:
     return 0.5 * (1.0 - erf(x / sqrt(2.0)))
 
 
+def _tension_at_rest_N(hand: HandTable) -> float:
+    """Of both tendons of a joint without torque."""
+    return min(max(hand.co_contraction_N, hand.tension_low_N), hand.tension_high_N)
+
+
 @lru_cache(maxsize=64)
 def false_stop_probability(hand: HandTable, sensor: SensorTable, *, moving: bool) -> float:
     """Chance that one joint's reading crosses the threshold in one step of free motion.
@@ -114,7 +119,8 @@ def false_stop_probability(hand: HandTable, sensor: SensorTable, *, moving: bool
     Exact for the quantised reading: the two tendons' levels are convolved.
     """
     rub = hand.tendon_friction if moving else 0.0
-    flexor, extensor = hand.co_contraction_N * (1 + rub), hand.co_contraction_N * (1 - rub)
+    rest = _tension_at_rest_N(hand)
+    flexor, extensor = rest * (1 + rub), rest * (1 - rub)
     threshold, sigma, step = (sensor.tendon_threshold_N, sensor.tension_noise_N,
                               sensor.tension_step_N)
     if sigma == 0.0:
@@ -149,6 +155,5 @@ def tendon_sensor_of(hand: HandTable, sensor: SensorTable) -> TendonSensor:
         -log1p(-min(false_stop_probability(hand, sensor, moving=moving), _CERTAIN))
         for moving in (True, False))
     s.per_torque = vec4(*(1.0 / arm for arm in hand.moment_arm_m))
-    s.rub = 2.0 * hand.tendon_friction * min(
-        max(hand.co_contraction_N, hand.tension_low_N), hand.tension_high_N)
+    s.rub = 2.0 * hand.tendon_friction * _tension_at_rest_N(hand)
     return s

@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from warpgrasp.arm_hand import HOME_RAD, arm_hand_links
+from warpgrasp.arm_hand import HOME_RAD, ArmState, arm_hand_links, move_hand
+from warpgrasp.body import Body, Part, scene_of
 from warpgrasp.parameters import ArmTable, HandTable
 from warpgrasp.puma560 import puma_forward_batch
+from warpgrasp.scene import Shape
+from warpgrasp.status import ProbeStatus
 
 ARM, HAND = ArmTable(), HandTable()
 
@@ -35,3 +38,25 @@ def test_home_holds_the_hand_above_the_table_pointing_down() -> None:
 def test_another_number_of_joints_is_refused() -> None:
     with pytest.raises(ValueError, match="22"):
         arm_hand_links(ARM, HAND, np.zeros((1, 21)))
+
+
+@pytest.mark.parametrize("gap", [0.0005, 0.001, 0.0015, 0.003])
+def test_a_way_along_a_wall_is_looked_at_to_its_end(gap: float) -> None:
+    """Straight fingers straddle a block, near to it: steps are short, and end in the table."""
+    wide = HAND.palm_gap_m - 2 * HAND.link_radius_m - 2 * gap
+    block = Body("wall", (Part(Shape.BLOCK, size_m=(wide, 0.03, 0.1)),), (-0.1, -0.1, 0.0),
+                 (0.1, 0.1, 0.1))
+    exact = ArmTable(encoder_step_rad=0.0, repeatability_m=0.0, mount_error_m=0.0,
+                     mount_error_rad=0.0)
+
+    def status(height: float) -> int:
+        moves, _ = move_hand(
+            scene_of([block], "cpu"), np.zeros(1, int), np.array([[0.45, 0, 0, 0, 0, 0, 1.0]]),
+            exact, HAND, np.array([7], np.uint64), ArmState.home(1),
+            np.array([[[0.45, 0.0, height, 1.0, 0.0, 0.0, 0.0]]]), np.ones((1, 1), bool),
+            np.zeros((1, 4, 1, 4)))
+        return int(moves.status[0, 0, 0])
+
+    tips = HAND.abduction_offset_m + sum(HAND.link_length_m) + HAND.link_radius_m
+    assert status(tips + 0.001) == ProbeStatus.CONTACT
+    assert status(tips - 0.020) == ProbeStatus.COLLISION

@@ -6,6 +6,7 @@ from math import asin, cos, hypot, radians
 import numpy as np
 import pytest
 from scipy.optimize import minimize, minimize_scalar
+from scipy.stats import norm
 
 from warpgrasp.body import scene_of
 from warpgrasp.catalogue import body_from_name
@@ -152,6 +153,29 @@ def test_the_false_stop_chance_against_drawing_readings() -> None:
     read = 0.25 * (np.floor(flexor / 0.25 + 0.5) - np.floor(extensor / 0.25 + 0.5))
     drawn = (np.abs(read) > 1.9).mean()
     assert false_stop_probability(HAND, sensors, moving=True) == pytest.approx(drawn, abs=0.003)
+
+
+@pytest.mark.parametrize("limits", [
+    {"tension_low_N": 20.0}, {"co_contraction_N": 40.0, "tension_high_N": 25.0}])
+def test_false_stops_know_the_range_of_tensions(limits) -> None:
+    """Co-contraction beyond the range: tendons are taut by its end, and rub by that."""
+    hand = replace(HAND, **limits)
+    sensors = SensorTable(tendon_threshold_N=3.0, tension_step_N=0.0)
+    rest = np.clip(hand.co_contraction_N, hand.tension_low_N, hand.tension_high_N)
+    spread = sensors.tension_noise_N * np.sqrt(2.0)
+    above, below = ((3.0 + sign * 0.14 * rest) / spread for sign in (-1, 1))
+    chance = false_stop_probability(hand, sensors, moving=True)
+    assert chance == pytest.approx(norm.sf(above) + norm.sf(below), rel=1e-6)
+
+
+@pytest.mark.parametrize("more", [-1, 1])
+def test_steps_that_there_are_not_are_refused(more: int) -> None:
+    path, count = base_flexion()
+    wrong = count + 1 if more > 0 else 0 * count
+    with pytest.raises(ValueError, match="command_count"):
+        close_fingers(scene_of([CYLINDER], "cpu"), np.zeros(1, int), ON_TABLE, HAND, QUIET,
+                      np.zeros(1, np.uint64), np.ones((1, 1, 1), int), np.zeros((1, 1, 7)),
+                      path, wrong)
 
 
 def test_slices_over_threads_change_no_bit() -> None:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from scipy.stats import kstest, uniform
 
 from strategies.postures import POKE_RAD, poke_tip_m, poking_pose
 from warpgrasp.catalogue import body_from_name
@@ -12,7 +13,7 @@ from warpgrasp.guarded_line import Until
 from warpgrasp.parameters import ArmTable, HandTable, PadTable, SensorTable
 from warpgrasp.robot import Robot, Truth
 from warpgrasp.status import ProbeStatus
-from warpgrasp.tactile_pad import read_pads
+from warpgrasp.tactile_pad import false_touch_probability, read_pads
 
 EXACT_ARM = ArmTable(encoder_step_rad=0.0, repeatability_m=0.0, mount_error_m=0.0,
                      mount_error_rad=0.0)
@@ -167,3 +168,52 @@ def test_skipping_free_intervals_changes_nothing() -> None:
     a, b = poke(quick, gap=0.02), poke(slow, gap=0.02)
     np.testing.assert_array_equal(a.steps, b.steps)
     np.testing.assert_array_equal(a.point_m, b.point_m)
+
+
+def in_free_air(pads: PadTable, direction: np.ndarray, *, start_m: float = 0.5, steps: int = 40,
+                interval_m: float = 0.001):
+    """Lines of fingers hanging down, 0.45 m before the arm."""
+    robot, truth = robot_before_block(len(direction), arm=EXACT_ARM, sensors=EXACT, pads=pads)
+    pose = np.tile([0.45, 0.0, start_m, 1.0, 0.0, 0.0, 0.0], (len(direction), 1))
+    touch = robot.guarded_line(np.arange(robot.worlds), pose, direction, interval_m=interval_m,
+                               steps=steps, finger=1, commands_rad=np.zeros((4, 1, 4)))
+    return touch, truth.lines[0]
+
+
+@pytest.mark.parametrize("links", [(), (1,), (2,), (0, 1, 2)])
+def test_noise_touches_where_there_are_pads_as_often_as_its_chance_says(links) -> None:
+    pads = PadTable(noise_counts=1.3, proximal=0 in links, middle=1 in links, distal=2 in links)
+    n, steps = 1000, 40
+    touch, truth = in_free_air(pads, np.tile([0.0, 0.0, -1.0], (n, 1)), steps=steps)
+    felt = touch.status == ProbeStatus.CONTACT
+    chance = 1.0 - (1.0 - false_touch_probability(pads)) ** (steps * len(links))
+    assert felt.mean() == pytest.approx(chance, abs=4 * np.sqrt(chance * (1 - chance) / n))
+    assert set(touch.link[felt]) == set(links)
+    if not links:
+        return
+    # Anywhere along the line, and the hand stands where it was felt.
+    assert kstest(touch.steps[felt] + 0.5, uniform(0, steps).cdf).pvalue > 1e-3
+    went = np.multiply.outer(touch.steps * 0.001, [0.0, 0.0, -1.0])
+    for pose in (touch.hand_pose, truth.hand_pose):
+        np.testing.assert_allclose(pose[:, :3], [0.45, 0.0, 0.5] + went, atol=1e-6)
+
+
+def test_what_goes_fast_beside_it_changes_no_line() -> None:
+    pads = PadTable(noise_counts=1.3)
+    slow = np.tile([0.0, 0.0, -0.1], (100, 1))
+    way = {"start_m": 0.25, "steps": 100, "interval_m": 0.005}
+    alone, _ = in_free_air(pads, slow, **way)
+    beside, _ = in_free_air(pads, np.concatenate([slow, [[0.0, 0.0, -1.0]]]), **way)
+    np.testing.assert_array_equal(alone.steps, beside.steps[:100])
+    np.testing.assert_array_equal(alone.point_m, beside.point_m[:100])
+    assert (alone.status == ProbeStatus.CONTACT).any()
+
+
+def test_bodies_and_fingers_that_there_are_not_are_refused() -> None:
+    robot, _ = robot_before_block(1)
+    with pytest.raises(ValueError, match="finger 4: wants 0 to 3"):
+        poke(robot, finger=4)
+    truth = Truth(np.tile([0.45, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (1, 1)))
+    with pytest.raises(ValueError, match="body 3: wants 0 to 0"):
+        Robot([body_from_name("block")], np.array([3]), truth, np.zeros(1, np.uint64), ArmTable(),
+              HandTable(), SensorTable())

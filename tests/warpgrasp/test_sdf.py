@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial import cKDTree
 
+from fit.superquadric_shape import superquadric, superquadric_surface
 from warpgrasp.body import Body, distance_to_bodies, scene_of
 from warpgrasp.catalogue import BODY_NAMES, body_from_name, body_from_table
+from warpgrasp.launch import ShapeError
 
 EXACT = [body_from_name(name) for name in BODY_NAMES] + [
     body_from_table({"name": n, "compound": [t]}, Path()) for n, t in (
@@ -142,3 +145,38 @@ def test_a_taper_goes_no_further_than_the_body() -> None:
     distance, normal = distance_to_bodies(scene_of([wedge], "cpu"), np.zeros(1, int), above)
     assert np.allclose(distance, above[..., 2] - 0.1, atol=1e-3)
     assert np.allclose(normal[..., 2], 1.0, atol=1e-2)
+
+
+@pytest.mark.parametrize(("taper", "bend"), [
+    ((-0.9, -0.9), 0.0), ((-1.0, 0.0), 0.0), ((1.0, -1.0), 0.0), ((0.9, 0.9), 5.0),
+    ((-1.0, -1.0), 9.0)])
+def test_beside_a_strong_tapers_thin_end_is_open_air(taper, bend: float) -> None:
+    """Half the distance and more, where the first order alone leaves a twentieth of it."""
+    body = body_from_table({"name": "cone", "superquadric": {
+        "size_mm": [25, 30, 60], "exponents": [0.3, 0.5], "taper": list(taper),
+        "bend_per_m": bend, "bend_deg": 30}}, Path())
+    place = body.parts[0].place
+    surface, _, _ = superquadric_surface(superquadric(
+        (0.025, 0.03, 0.06), (0.3, 0.5), place[:3], place[3:], taper, (bend, np.radians(30))),
+        200_000)
+    points = np.random.default_rng(9).uniform(
+        np.subtract(body.low_m, 0.1), np.add(body.high_m, 0.1), (5000, 3))
+    true = cKDTree(surface[0]).query(points)[0]
+    found, slope = distance(body, points)
+    outside = (found > 0) & (true > 0.005)
+    share = (found / true)[outside]
+    assert np.quantile(share, 0.01) > 0.4
+    assert np.quantile(share, 0.99) < 1.5
+    assert share.max() < 2.0  # half of it is marched
+    np.testing.assert_allclose(np.linalg.norm(slope, axis=1), 1.0, atol=1e-12)
+
+
+def test_bodies_that_a_scene_has_not_and_scenes_elsewhere_are_refused() -> None:
+    block = body_from_name("block")
+    for number in (1, 50, -1):
+        with pytest.raises(ValueError, match=f"body {number}: wants 0 to 0"):
+            distance_to_bodies(scene_of([block], "cpu"), np.array([number]), np.zeros((1, 1, 3)))
+    there = scene_of([block], "cpu")
+    there.__dict__["device"] = "cuda:0"
+    with pytest.raises(ShapeError, match="'scene' is on cuda:0, the launch on cpu"):
+        distance_to_bodies(there, np.zeros(1, int), np.zeros((1, 1, 3)))

@@ -120,6 +120,21 @@ def test_sobel_edges_frame_a_step() -> None:
     assert edges.sum() == 32
 
 
+@pytest.mark.parametrize("sigma", [0.3, 0.5, 0.7, 1.0])
+def test_the_laplacian_of_a_constant_is_nothing(sigma: float) -> None:
+    response = laplacian_of_gaussian(np.full((1, 16, 16), 100.0), sigma)
+    np.testing.assert_allclose(response, 0.0, atol=1e-9)
+
+
+def test_no_images_give_no_results() -> None:
+    none = np.zeros((0, 16, 16))
+    assert mean_filter(none).shape == median_filter(none).shape == none.shape
+    assert laplacian_of_gaussian(none).shape == zero_crossings(none).shape == none.shape
+    assert sobel_edges(none, 1.0).shape == none.shape
+    assert moments(none).centroid.shape == (0, 2)
+    assert hough_lines(none.astype(bool), count=2).votes.shape == (0, 2)
+
+
 def test_shapes_are_checked() -> None:
     with pytest.raises(ValueError, match="row, column"):
         mean_filter(np.zeros((16, 16)))

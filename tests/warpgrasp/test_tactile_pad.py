@@ -125,6 +125,13 @@ def test_false_touches_are_as_frequent_as_said() -> None:
     assert abs(seen - told) < 4 * np.sqrt(told * (1 - told) / (4 * n))
 
 
+@pytest.mark.parametrize("law", [
+    {"least_ohm": 1e5}, {"least_ohm": 1e6}, {"law": "inverse_power", "newton_ohm": 1e6}])
+def test_a_pad_that_no_force_makes_conduct_is_refused(law) -> None:
+    with pytest.raises(ValueError, match="ohm under load"):
+        pad_of(replace(PadTable(), **law), HandTable())
+
+
 def test_a_pad_that_does_not_fit_is_refused() -> None:
     with pytest.raises(ValueError, match="does not fit link 2"):
         pad_of(replace(PadTable(), length_m=0.045), HandTable())
