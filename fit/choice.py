@@ -11,8 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from fit.plausible import plausible
 from fit.polyhedron import PolyhedronFit, fit_polyhedron
 from fit.revolution import RevolutionFit, RevolutionOptions, fit_revolution
+from fit.rows import row_sums
 from fit.status import FitStatus
 from fit.superquadric import SuperquadricFit, SuperquadricOptions, fit_superquadric
 
@@ -71,7 +73,7 @@ def choose_shape(
 
     good = np.isin(fits[0].status, (FitStatus.converged, FitStatus.not_converged))
     n_points = np.maximum(fits[0].n_points, 1)
-    flat = np.sqrt((faces.distance_m**2).sum(axis=1) / n_points)
+    flat = np.sqrt(row_sums(faces.distance_m**2) / n_points)
     rms = np.stack([*(fit.rms_m for fit in fits), flat, round_body.rms_m], axis=1)
     contour = round_body.radius_m.shape[1] + 6
     parameters = np.tile([11, 13, 15, 0, contour], (len(points), 1))
@@ -92,8 +94,18 @@ def choose_shape(
 
 
 def count_places(points, mask, same_place_m: float) -> Int[np.ndarray, " fit"]:
-    """Different places touched: touches in one cell of a grid of that width are one place."""
-    with np.errstate(invalid="ignore"):
-        cells = np.round(points / same_place_m)
-    kept = mask & np.isfinite(cells).all(axis=2)
-    return np.array([len(np.unique(c[k], axis=0)) for c, k in zip(cells, kept, strict=True)], int)
+    """Different places touched: touches at least that far apart, all others nearer to one of them.
+
+    In the order of their coordinates, so that neither the order they came in nor where the origin
+    lies changes a place.
+    """
+    kept = mask & plausible(points).all(axis=2)
+    return np.array([_count(p[k], same_place_m) for p, k in zip(points, kept, strict=True)], int)
+
+
+def _count(points: np.ndarray, same_place_m: float) -> int:
+    points = points[np.lexsort(points.T)]
+    place = np.zeros(len(points), bool)
+    for k, point in enumerate(points):
+        place[k] = (np.linalg.norm(points[place] - point, axis=1) >= same_place_m).all()
+    return int(place.sum())

@@ -15,17 +15,22 @@ from jaxtyping import Bool, Float, Int
 
 from fit.prepare import Sets, prepare
 from fit.rotation import quaternion_of_matrix
+from fit.rows import row_sums
 from fit.status import FitStatus
 
 TRIPLES = 96
 """Candidate planes a set: with 40 % off the plane, all miss with probability 2e-11."""
-NARROW = 0.1
+SLIVER = 0.1
+"""A triangle that is so much thinner than another is a sliver."""
+NARROW = 0.05
 """Touches near a plane that are so much narrower than those near another lie along a line."""
 TUKEY = 4.685
 """Deviations at which a touch loses all weight: 95 % efficiency on Gaussian residuals."""
 ROUNDS = 25
 SETTLED = 1e-8
 """Weights that change by no more in a round stay."""
+PARALLEL_RAD = 0.01
+"""Faces whose normals differ by no more are parallel, about."""
 
 
 @dataclass(frozen=True)
@@ -129,22 +134,25 @@ def _best_triple(sets: Sets) -> tuple[np.ndarray, np.ndarray]:
     half = np.arange(ordered.shape[2]) < (sets.count // 2 + 1)[:, None]
     trimmed = np.where(half[:, None], ordered, 0.0).sum(axis=2)
     # A sliver of a triangle says nothing, nor do touches along a line, through which any plane
-    # goes; the widest serves if there are only such.
-    sliver = length < 0.02 * length.max(axis=1, keepdims=True)
+    # goes; the widest serves if there are only such. Each by its own shape: beside a triangle
+    # through touches far off the face all others would be small.
+    edges = np.linalg.norm(corners - np.roll(corners, 1, axis=2), axis=3).max(axis=2)
+    width = length / np.maximum(edges, 1e-150) ** 2
+    sliver = width < SLIVER * width.max(axis=1, keepdims=True)
     farthest = np.take_along_axis(ordered, (sets.count // 2)[:, None, None], axis=2)
-    across = _least_width(sets.points, (square <= farthest) & sets.mask[:, None])
-    sliver |= across < NARROW**2 * across.max(axis=1, keepdims=True)
+    width = _width(sets.points, (square <= farthest) & sets.mask[:, None])
+    sliver |= width < NARROW**2 * np.where(sliver, 0.0, width).max(axis=1, keepdims=True)
     best = np.argmin(np.where(sliver, np.inf, trimmed), axis=1)
     rows = np.arange(len(best))
     return normal[rows, best], offset[rows, best]
 
 
-def _least_width(points: np.ndarray, near: np.ndarray) -> np.ndarray:
-    """Variance [m^2] across the line along which touches lie that are near a plane, about.
+def _width(points: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """Variance across the line along which touches lie that are near a plane, by that along it.
 
     `points` (fit, point, 3), those `near` a plane (fit, plane, point); shape (fit, plane). Of three
-    variances, one of them nearly zero, the second is the sum of their products over their sum, and
-    at most twice too small.
+    variances, one of them nearly zero, the second by the first is the sum of their products over
+    their sum squared, and at most four times too small.
     """
     first, second = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
     centred = points - points.mean(axis=1, keepdims=True)
@@ -154,7 +162,7 @@ def _least_width(points: np.ndarray, near: np.ndarray) -> np.ndarray:
     xx, yy, zz, xy, xz, yz = np.moveaxis(
         mean[..., 3:] - mean[..., first] * mean[..., second], 2, 0)
     products = xx * yy + xx * zz + yy * zz - xy**2 - xz**2 - yz**2
-    return np.maximum(products, 0.0) / np.maximum(xx + yy + zz, 1e-300)
+    return np.maximum(products, 0.0) / np.maximum(xx + yy + zz, 1e-150) ** 2
 
 
 def _scatter(points, weight) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -242,7 +250,8 @@ def fit_faces(
 
     Each face is first fitted alone, robustly; then the turn that best takes the known normals to
     the found ones (Kabsch) is refined by Gauss-Newton on the distances, sum n_k.S_k n_k. Two faces
-    that are not parallel are needed. Raises ValueError for an array of the wrong shape.
+    that are not parallel are needed, else the status is `too_few_points`. Raises ValueError for an
+    array of the wrong shape.
     """
     points, normals = np.asarray(points, float), np.asarray(normals, float)
     if points.ndim != 4 or normals.shape != (points.shape[1], 3):
@@ -254,7 +263,7 @@ def fit_faces(
     good = (alone.status == FitStatus.converged).reshape(n, faces)
     weight = alone.weight.reshape(n, faces, width) * good[..., None]
     safe = np.where(weight[..., None] > 0, points, 0.0)
-    total = np.maximum(weight.sum(axis=2), 1e-300)
+    total = np.maximum(row_sums(weight.reshape(-1, width)).reshape(n, faces), 1e-300)
     mean = (safe * weight[..., None]).sum(axis=2) / total[..., None]
     spread = safe - mean[:, :, None]
     scatter = np.einsum("fkp,fkpi,fkpj->fkij", weight, spread, spread)
@@ -271,7 +280,8 @@ def fit_faces(
         turn = _turn_of(np.clip(step, -0.3, 0.3)) @ turn
     now = np.einsum("fij,kj->fki", turn, normals)
     square = np.einsum("fki,fkij,fkj->fk", now, scatter, now) / total
-    status = np.where(good.sum(axis=1) >= 2, FitStatus.converged, FitStatus.too_few_points)
+    directions = np.linalg.matrix_rank(normals * good[..., None], tol=PARALLEL_RAD)
+    status = np.where(directions >= 2, FitStatus.converged, FitStatus.too_few_points)
     return FacesFit(quaternion_of_matrix(turn), now, np.einsum("fki,fki->fk", now, mean),
                     np.sqrt(np.maximum(square, 0.0)), status)
 

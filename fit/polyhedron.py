@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from fit.plausible import plausible
 from fit.rotation import matrix_of_quaternion
 from fit.superquadric_shape import SuperquadricLike
 
@@ -43,7 +44,7 @@ def fit_polyhedron(
     axes = np.moveaxis(rotation, 2, 1)
     normal = np.concatenate([axes, -axes], axis=1)
     offset = np.einsum("fki,fi->fk", normal, box.position_m) + np.tile(box.size_m, (1, 2))
-    mask = mask & np.isfinite(points).all(axis=2)
+    mask = mask & plausible(points).all(axis=2)
     points = np.where(mask[..., None], points, 0.0)
     face = np.full(mask.shape, -1)
     for _ in range(ROUNDS):

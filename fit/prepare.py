@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from fit.batch import point_bucket
+from fit.plausible import plausible
 from fit.status import FitStatus
 
 SOLID_POINTS = 8
@@ -32,7 +33,7 @@ class Sets:
     origin: Float[np.ndarray, "fit 3"]
     scale: Float[np.ndarray, " fit"]
     low: Float[np.ndarray, "fit 3"]
-    """Lowest coordinates of the finite points kept [m]."""
+    """Lowest coordinates of the plausible points kept [m]."""
     high: Float[np.ndarray, "fit 3"]
     status: Int[np.ndarray, " fit"]
     """`converged` where the set can be fitted, otherwise why not."""
@@ -84,9 +85,9 @@ def prepare(
     points = _array("points", points, (None, None, 3))
     n, width = points.shape[:2]
     mask = np.ones((n, width), bool) if mask is None else _array("mask", mask, (n, width), bool)
-    finite = np.isfinite(points).all(axis=2)
-    bad = (mask & ~finite).any(axis=1)
-    kept = mask & finite
+    sound = plausible(points).all(axis=2)
+    bad = (mask & ~sound).any(axis=1)
+    kept = mask & sound
 
     # An order of their own: sums then do not depend on the order the points came in. No more slots
     # than the fullest set needs.
@@ -114,9 +115,10 @@ def prepare(
 
     if covariance is not None:
         covariance = _array("covariance", covariance, (n, width, 3, 3))[rows, order]
-        wrong = kept & ~np.isfinite(covariance).all(axis=(2, 3))
-        status = np.where(wrong.any(axis=1), FitStatus.bad_points, status)
-        covariance = np.where((kept & ~wrong)[..., None, None], covariance, 0.0)
+        sound = kept & plausible(covariance).all(axis=(2, 3))
+        sound[sound] = _semidefinite(covariance[sound])
+        status = np.where((kept & ~sound).any(axis=1), FitStatus.bad_points, status)
+        covariance = np.where(sound[..., None, None], covariance, 0.0)
         covariance = covariance / scale[:, None, None, None] ** 2
     if normals is not None:
         normals = _array("normals", normals, (n, width, 3))[rows, order]
@@ -125,10 +127,10 @@ def prepare(
     plane = None
     if table_z is not None:
         height = np.broadcast_to(np.asarray(table_z, float), (n,))
-        status = np.where(np.isfinite(height), status, FitStatus.bad_points)
+        status = np.where(plausible(height), status, FitStatus.bad_points)
         plane = np.zeros((n, 4))
         plane[:, 2] = -1.0
-        plane[:, 3] = -(np.nan_to_num(height) - origin[:, 2]) / scale
+        plane[:, 3] = -(np.where(plausible(height), height, 0.0) - origin[:, 2]) / scale
     free = None
     if free_points is not None:
         free = _free(n, free_points, free_radius, free_mask, origin, scale)
@@ -138,6 +140,12 @@ def prepare(
         low=bounds(np.inf, np.min), high=bounds(-np.inf, np.max), status=status,
         covariance=covariance, normals=normals, plane=plane, free=free,
     )
+
+
+def _semidefinite(covariance: np.ndarray) -> np.ndarray:
+    """Which covariances [touch, 3, 3] promise no negative variance, but for rounding."""
+    least, _, most = np.linalg.eigvalsh(covariance + covariance.swapaxes(1, 2)).T
+    return least >= -1e-6 * most
 
 
 def _status(count, lengths, reach, bad, least_points, solid) -> np.ndarray:
@@ -161,7 +169,7 @@ def _free(n, free_points, free_radius, free_mask, origin, scale) -> np.ndarray:
                              (n, balls))
     kept = np.ones((n, balls), bool) if free_mask is None else _array(
         "free_mask", free_mask, (n, balls), bool)
-    kept = kept & np.isfinite(free_points).all(axis=2) & np.isfinite(radius)
+    kept = kept & plausible(free_points).all(axis=2) & plausible(radius)
     width = max(-(-balls // FREE_BUCKET), 1) * FREE_BUCKET
     free = np.zeros((n, 4, width))
     unit = (free_points - origin[:, None]) / scale[:, None, None]

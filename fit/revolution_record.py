@@ -3,29 +3,37 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from fit.option_words import Loss, Monotone, check_word
+
 
 @dataclass(frozen=True)
 class RevolutionOptions:
-    """How to fit; hashable, for it names the compiled program."""
+    """How to fit; hashable, for it names the compiled program. ValueError for an unknown word or
+    too few nodes."""
 
     nodes: int = 8
-    """Nodes of the contour, both ends included."""
+    """Nodes of the contour, both ends included: 2 at least."""
     smoothing: float = 0.05
     """Weight of the contour's second differences, against all the touches."""
-    monotone: Literal["none", "falling", "rising"] = "none"
+    monotone: Monotone = "none"
     """Radii that may only fall, or rise, with height along the axis."""
-    loss: Literal["none", "pseudo_huber", "cauchy", "geman_mcclure"] = "cauchy"
+    loss: Loss = "cauchy"
     upright: bool = False
     """Try only axes along the world's z (the axis stays free to tilt)."""
     plane_weight: float = 1.0
     screen_iterations: int = 6
     round_iterations: int = 8
     iterations: int = 80
+
+    def __post_init__(self) -> None:
+        if self.nodes < 2:
+            raise ValueError(f"nodes: {self.nodes}, should be 2 at least")
+        check_word("monotone", self.monotone, Monotone)
+        check_word("loss", self.loss, Loss)
 
 
 @dataclass(frozen=True)

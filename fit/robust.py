@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import jax.numpy as jnp
 
-Loss = Literal["none", "pseudo_huber", "cauchy", "geman_mcclure"]
+from fit.option_words import Loss
 
 
 def robust(r, scale, loss: Loss):

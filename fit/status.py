@@ -21,7 +21,8 @@ class FitStatus(IntEnum):
     degenerate_plane = 5
     """All points lie in a plane, where a solid has no thickness to be known."""
     bad_points = 6
-    """A point that the mask keeps (or its evidence) is NaN or infinite."""
+    """A point that the mask keeps (or its evidence) is NaN, infinite or beyond 1e12 m, or has a
+    negative variance."""
 
 
 def status_names(status) -> list[str]:

@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from fit.robust import Loss
-from fit.superquadric_field import Kind, Shape
+from fit.option_words import Kind, Loss
+from fit.superquadric_field import Shape
 
 LEAST_EXPONENT, GREATEST_EXPONENT = 0.1, 2.0
 _SPAN = GREATEST_EXPONENT - LEAST_EXPONENT

@@ -27,6 +27,8 @@ from fit.superquadric_starts import box_starts, taper_starts
 
 START_EXPONENT_LOGITS = (-2.0, -1.0)
 """e1 0.33 and e2 0.61: flat rather than round, and not so flat that a descent could not turn."""
+LEAST_STD = 1e-6
+"""Of a touch, in the unit frame: none outweighs all others."""
 ROBUST_TUNING = {"none": 1.0, "pseudo_huber": 1.345, "cauchy": 2.385, "geman_mcclure": 3.0}
 """Standard deviations at which each loss bends: 95 % efficiency on clean Gaussian residuals."""
 
@@ -92,10 +94,9 @@ def _parameters_of(start: SuperquadricFit, sets: Sets, form: Form) -> np.ndarray
 def _lanes(sets: Sets, options: SuperquadricOptions) -> Lane:
     """The data of each fit before anything is known of its shape."""
     n = len(sets.count)
-    weight = sets.mask.astype(float)
+    weight = _unit(sets.mask.astype(float))
     if sets.covariance is not None:
-        variance = np.trace(sets.covariance, axis1=2, axis2=3) / 3
-        weight = weight / np.sqrt(variance + (options.sigma_floor_m / sets.scale[:, None]) ** 2)
+        weight = _weight(np.trace(sets.covariance, axis1=2, axis2=3) / 3, sets, options)
     plane = None
     if sets.plane is not None:
         plane = np.concatenate([sets.plane, np.full((n, 1), options.plane_weight)], axis=1)
@@ -109,10 +110,10 @@ def _lanes(sets: Sets, options: SuperquadricOptions) -> Lane:
         felt = np.isfinite(sets.normals).all(axis=2) & sets.mask
         fallback = np.where(felt[..., None], sets.normals, [0.0, 0.0, 1.0])
         normals = np.moveaxis(fallback, 2, 1).copy()
-        normal_weight = options.normal_weight * felt * _unit(weight)
+        normal_weight = options.normal_weight * felt * weight
     return Lane(
         points=np.moveaxis(sets.points, 2, 1).copy(),
-        weight=_unit(weight),
+        weight=weight,
         rotation=np.tile(np.eye(3), (n, 1, 1)),
         loss_scale=0.1 / np.sqrt(sets.count),
         ridge=np.full(n, 1e-3 * options.prior),
@@ -137,6 +138,12 @@ def _upright(deviation: np.ndarray, sets: Sets, options: SuperquadricOptions):
     if options.upright_std_rad is None or sets.plane is None:
         return None
     return np.stack([np.full(len(deviation), options.upright_std_rad), deviation], axis=1)
+
+
+def _weight(variance: np.ndarray, sets: Sets, options: SuperquadricOptions) -> np.ndarray:
+    """Weights of touches with these variances in the unit frame."""
+    variance = variance + (options.sigma_floor_m / sets.scale[:, None]) ** 2
+    return _unit(sets.mask / np.sqrt(np.maximum(variance, LEAST_STD**2)))
 
 
 def _unit(weight: np.ndarray) -> np.ndarray:
@@ -185,8 +192,7 @@ def _refresh(lanes: Lane, theta, sets: Sets, form: Form, options: SuperquadricOp
     weight = lanes.weight
     if sets.covariance is not None:
         variance = np.einsum("fip,fpij,fjp->fp", normal, sets.covariance, normal)
-        variance = variance + (options.sigma_floor_m / sets.scale[:, None]) ** 2
-        weight = _unit(sets.mask / np.sqrt(variance))
+        weight = _weight(variance, sets, options)
     size = np.where(sets.mask, np.abs(raw) * weight, np.nan)
     spare = np.maximum(sets.count - form.parameters, 1) / sets.count
     deviation = 1.4826 * row_medians(size) / np.sqrt(spare)

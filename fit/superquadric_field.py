@@ -12,18 +12,16 @@ trial step would poison a lane for ever.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from fit.option_words import Kind
 from fit.soft_maximum import soft_maximum
 from fit.superquadric_bend import unbend
 from fit.superquadric_distance import LEAST_TAPER_FACTOR, TINY, straight_distance
-
-Kind = Literal["solina", "radial", "distance", "volume_distance"]
-
 
 Rows = Any
 """Numbers of a body, or coordinates of points, a row each: an array [row, point], or a sequence."""

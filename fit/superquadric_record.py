@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from fit.option_words import Kind, Loss, check_word
 from fit.rows import rows_of
 
 
 @dataclass(frozen=True)
 class SuperquadricOptions:
-    """How to fit; hashable, for it names the compiled program."""
+    """How to fit; hashable, for it names the compiled program. ValueError for an unknown word."""
 
     taper: bool = False
     """Linear taper Kx, Ky: 13 parameters."""
     bend: bool = False
     """Circular bend: two parameters more."""
-    residual: Literal["solina", "radial", "distance", "volume_distance"] | None = None
+    residual: Kind | None = None
     """See `superquadric_field.residual`; None: solina, or volume_distance with a taper."""
-    loss: Literal["none", "pseudo_huber", "cauchy", "geman_mcclure"] = "none"
+    loss: Loss = "none"
     """Robust loss of the points' (and normals') residuals, its scale from their median."""
     screen_iterations: int = 4
     round_iterations: int = 6
@@ -46,6 +46,11 @@ class SuperquadricOptions:
     prior: float = 0.1
     """Inverse standard deviation of the prior on the exponents' logits, the taper's arctanh and
     the bend, against the noise that the residuals show; 0 switches it off."""
+
+    def __post_init__(self) -> None:
+        if self.residual is not None:
+            check_word("residual", self.residual, Kind)
+        check_word("loss", self.loss, Loss)
 
 
 @dataclass(frozen=True)

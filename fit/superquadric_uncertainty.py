@@ -14,8 +14,10 @@ from enum import IntFlag
 import numpy as np
 from jaxtyping import Float, Int
 
+from fit.plausible import plausible
 from fit.rotation import matrix_of_quaternion, quaternion_of_matrix
 from fit.row_median import row_medians
+from fit.rows import row_sums
 from fit.superquadric_shape import (
     Superquadric,
     SuperquadricLike,
@@ -32,6 +34,10 @@ TANGENT = (
 """The tangent's coordinates; turns are about the body's own axes, the bend is a vector."""
 STEP = 1e-5
 """Difference step in units of the prior's standard deviation."""
+FLAT = 0.1
+"""Slopes of beta, times half the body's diagonal, are steeper than this but at its very centre."""
+LEAST_SIGMA_M = 1e-9
+"""Standard deviation [m] of a touch that is said to have none."""
 
 
 class Symmetry(IntFlag):
@@ -39,9 +45,9 @@ class Symmetry(IntFlag):
 
     none = 0
     turns_about_z = 1
-    """Round across (e2 ~ 1, a1 ~ a2): the turn about z is free."""
+    """Round across (e2 ~ 1, a1 ~ a2, Kx ~ Ky), no bend: the turn about z is free."""
     quarter_turn = 2
-    """a1 ~ a2: a quarter turn about z gives the same body."""
+    """a1 ~ a2, Kx ~ Ky, no bend: a quarter turn about z gives the same body."""
     interchange = 4
     """e1 ~ e2, no taper, no bend: any of the three axes may be called z."""
 
@@ -86,7 +92,7 @@ def superquadric_uncertainty(
     body = _body(fit)
     points = np.asarray(points, float)
     mask = np.ones(points.shape[:2], bool) if mask is None else mask
-    kept = np.isfinite(points).all(axis=2) & mask
+    kept = plausible(points).all(axis=2) & mask
     points = np.where(kept[..., None], points, body.position_m[:, None] + body.size_m[:, None])
     fitted = np.ones((len(points), 15), bool)
     fitted[:, 11:13] = (body.taper != 0).any(axis=1, keepdims=True)
@@ -129,7 +135,10 @@ def _body(fit: SuperquadricLike) -> Superquadric:
 
 
 def surface_distance(body: SuperquadricLike, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Signed distance [m] to first order, (beta - 1)/|grad beta|, and the unit normal there."""
+    """Signed distance [m] to first order, (beta - 1)/|grad beta|, and the unit normal there.
+
+    The very centre, where beta has no gradient, is as deep as the least half extent.
+    """
     step = 1e-6 * body.size_m.min(axis=1)[:, None]
     gradient = np.empty_like(points)
     for axis in range(3):
@@ -137,7 +146,9 @@ def surface_distance(body: SuperquadricLike, points: np.ndarray) -> tuple[np.nda
         offset[:, :, axis] = step
         up, down = (superquadric_inside_outside(body, points + s * offset) for s in (1, -1))
         gradient[..., axis] = (up - down) / (2 * step)
-    slope = np.maximum(np.linalg.norm(gradient, axis=2), 1e-12)
+    slope = np.linalg.norm(gradient, axis=2)
+    flat = slope < FLAT / np.linalg.norm(body.size_m, axis=1)[:, None]
+    slope = np.where(flat, 1 / body.size_m.min(axis=1)[:, None], slope)
     return (superquadric_inside_outside(body, points) - 1) / slope, gradient / slope[..., None]
 
 
@@ -147,8 +158,7 @@ def moved(body: SuperquadricLike, tangent: Float[np.ndarray, "fit 15"]) -> Super
     rotation = matrix_of_quaternion(body.quaternion_xyzw)
     half = np.concatenate([0.5 * t[:, 5:8], np.ones((len(t), 1))], axis=1)
     turn = matrix_of_quaternion(half / np.linalg.norm(half, axis=1, keepdims=True))
-    bend = body.bend[:, :1] * np.stack([np.cos(body.bend[:, 1]), np.sin(body.bend[:, 1])], axis=1)
-    bend = bend + t[:, 13:15]
+    bend = _bend_vector(body) + t[:, 13:15]
     return Superquadric(
         body.size_m * np.exp(t[:, 0:3]),
         body.exponents + t[:, 3:5],
@@ -157,6 +167,12 @@ def moved(body: SuperquadricLike, tangent: Float[np.ndarray, "fit 15"]) -> Super
         body.taper + t[:, 11:13],
         np.stack([np.hypot(*bend.T), np.arctan2(bend[:, 1], bend[:, 0])], axis=1),
     )
+
+
+def _bend_vector(body: SuperquadricLike) -> np.ndarray:
+    """The bends [1/m] along x and y, shape [fit, 2]."""
+    curvature, direction = body.bend[:, :1], body.bend[:, 1]
+    return curvature * np.stack([np.cos(direction), np.sin(direction)], axis=1)
 
 
 def _prior(body: SuperquadricLike) -> np.ndarray:
@@ -202,7 +218,7 @@ def _sigma(distance, normal, kept, parameters, covariance, floor) -> np.ndarray:
         sigma = np.ones_like(distance)
     else:
         variance = np.einsum("fpi,fpij,fpj->fp", normal, np.nan_to_num(covariance), normal)
-        sigma = np.sqrt(np.maximum(variance, 0.0) + floor**2)
+        sigma = np.sqrt(np.maximum(np.maximum(variance, 0.0) + floor**2, LEAST_SIGMA_M**2))
     with np.errstate(invalid="ignore"):
         away = np.where(kept, np.minimum(away / sigma, 1e6), np.nan)
     typical = np.full(len(count), 1.0)
@@ -210,7 +226,7 @@ def _sigma(distance, normal, kept, parameters, covariance, floor) -> np.ndarray:
     # The root mean square, with what lies beyond three deviations by the median drawn in.
     middle = 1.4826 * row_medians(away[some])
     drawn = np.minimum(away[some], 3 * middle[:, None])
-    typical[some] = np.sqrt(np.nansum(drawn**2, axis=1) / spare[some])
+    typical[some] = np.sqrt(row_sums(drawn**2) / spare[some])
     least = 1e-7 if covariance is None else 1.0
     return sigma * np.maximum(typical, least)[:, None]
 
@@ -249,5 +265,9 @@ def _symmetry(body: SuperquadricLike, cov) -> np.ndarray:
     alike = within(body.exponents[:, 0] - body.exponents[:, 1], unit[3] - unit[4], 0.03)
     plain = (body.taper == 0).all(axis=1) & (body.bend[:, 0] == 0)
     even = plain | within(body.taper[:, 0] - body.taper[:, 1], unit[11] - unit[12], 0.02)
+    # A turn about z would turn the bend.
+    along_x, along_y = _bend_vector(body).T
+    least = 0.02 / np.linalg.norm(body.size_m, axis=1)
+    even &= within(along_x, unit[13], least) & within(along_y, unit[14], least)
     return (Symmetry.turns_about_z * (square & round_ & even)
             + Symmetry.quarter_turn * (square & even) + Symmetry.interchange * (alike & plain))

@@ -90,10 +90,12 @@ def test_sets_that_cannot_be_fitted_have_a_status_and_spoil_nobody(
     line = np.linspace(0, 1, count)[:, None] * [0.1, 0.05, 0.02]
     nan, infinite = good.copy(), good.copy()
     nan[7, 1], infinite[3, 2] = np.nan, np.inf
+    far, farther = good.copy(), 1e200 * good
+    far[5, 0] = -1e160
     twice = np.concatenate([good[: count // 2]] * 2)
     few = np.tile(good[:2], (count // 2, 1))
     sets = np.stack([good, good * [1, 1, 0], line, np.tile(good[:1], (count, 1)), nan, infinite,
-                     good, twice, few, good])
+                     good, twice, few, good, far, farther])
     mask = np.ones((len(sets), count), bool)
     mask[6] = False
     found = fit(sets, mask)
@@ -104,6 +106,7 @@ def test_sets_that_cannot_be_fitted_have_a_status_and_spoil_nobody(
                           "too_few_points"]
     assert found.status[7] in (FitStatus.converged, FitStatus.not_converged)
     assert names[8] == "degenerate_line"
+    assert names[10:] == ["bad_points", "bad_points"]
     assert all(np.isfinite(value).all() for value in vars(found).values())
     alone = fit(points()[:1])
     for name, value in vars(found).items():

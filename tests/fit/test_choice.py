@@ -59,6 +59,32 @@ def test_a_place_touched_twice_counts_once() -> None:
     assert count_places(points, np.array([[True, True, True, False]]), 1e-3) == 2
 
 
+def test_places_hang_on_neither_order_nor_origin() -> None:
+    rng = np.random.default_rng(2)
+    points = rng.uniform(0, 0.004, (1, 60, 3))
+    mask = np.ones((1, 60), bool)
+    count = count_places(points, mask, 1e-3)
+    assert 0 < count < 60
+    for shift in rng.uniform(-0.5, 0.5, (20, 3)):
+        assert count_places(points[:, rng.permutation(60)] + shift, mask, 1e-3) == count
+    pair = np.array([[[0.0, 0, 0], [0.0, 0, 0.999e-3]], [[0.0, 0, 0], [0.0, 0, 1.001e-3]]])
+    for shift in rng.uniform(-0.5, 0.5, (20, 3)):
+        assert count_places(pair + shift, np.ones((2, 2), bool), 1e-3).tolist() == [1, 2]
+
+
+def test_a_set_that_cannot_be_fitted_chooses_nothing_and_spoils_nobody(chosen) -> None:
+    rng = np.random.default_rng(0)
+    ellipsoid = superquadric([0.03, 0.045, 0.06], [0.8, 0.9], [[0.4, 0, 0.06]] * 4)
+    good = touches(ellipsoid, 60, 1e-3, rng)[:2]
+    sets = np.full((2, 300, 3), np.nan)
+    sets[:, :60] = good
+    mask = np.isfinite(sets).all(axis=2)
+    sets[1, 0] = 1e200
+    found = choose_shape(sets, mask, table_z=0.0)
+    assert found.names() == [chosen.names()[0], "none"]
+    assert np.array_equal(found.criterion[0], chosen.criterion[0])
+
+
 def test_a_box_has_six_faces() -> None:
     rng = np.random.default_rng(1)
     box = superquadric([0.03, 0.04, 0.06], [0.1, 0.1], [0.0, 0.0, 0.06])

@@ -39,6 +39,20 @@ def test_a_cross_of_touches_is_no_line(bow: float) -> None:
     assert off.max() < np.arctan(bow / 0.08) + np.radians(0.5)  # no more than the face itself leans
 
 
+@pytest.mark.parametrize(("width", "stray", "reach"), [
+    (0.06, 8, 0.15), (0.024, 8, 0.15), (0.024, 4, 0.3), (0.06, 2, 0.5), (0.06, 8, 0.5),
+    (0.06, 2, 1.0), (0.06, 12, 0.5)])
+def test_how_far_off_the_strays_lie_does_not_matter(
+        width: float, stray: int, reach: float) -> None:
+    """Twenty touches on a face 60 mm long, and some anywhere: fewer than half, however far."""
+    rng = np.random.default_rng(9)
+    points = rng.uniform(-0.5, 0.5, (100, 20 + stray, 3)) * [0.06, width, 0.0]
+    points[..., 2] = 3e-4 * rng.normal(size=points.shape[:2])
+    points[:, 20:] = rng.uniform(-reach, reach, (100, stray, 3))
+    off = np.degrees(angle(fit_plane(points).normal, np.array([0.0, 0.0, 1.0])))
+    assert np.mean(off > 5) < 0.02
+
+
 def test_exact_plane() -> None:
     points, normal, centre = patch(5, 20, 0.0, np.random.default_rng(0))
     found = fit_plane(points)
@@ -124,3 +138,18 @@ def test_faces_of_a_box_together_beat_each_alone() -> None:
     assert np.median(angle(found.normal, true)) < 0.8 * np.median(angle(alone, true))
     across = np.einsum("fki,fli->fkl", found.normal, found.normal)
     assert np.allclose(across, np.eye(3), atol=1e-9)
+    padded = np.full((30, 3, 300, 3), np.nan)
+    padded[:, :, :15] = world
+    again = fit_faces(padded, np.isfinite(padded).all(axis=3), normals)
+    for name, value in vars(found).items():
+        assert np.array_equal(getattr(again, name), value), name
+
+
+def test_parallel_faces_leave_a_turn_free() -> None:
+    rng = np.random.default_rng(10)
+    points = rng.uniform(-0.03, 0.03, (2, 3, 20, 3))
+    points[:, 0, :, 2], points[:, 1, :, 2], points[:, 2, :, 0] = 0.03, -0.03, 0.03
+    mask = np.ones((2, 3, 20), bool)
+    mask[0, 2] = False
+    found = fit_faces(points, mask, np.array([[0, 0, 1.0], [0, 0, -1.0], [1.0, 0, 0]]))
+    assert found.status.tolist() == [FitStatus.too_few_points, FitStatus.converged]

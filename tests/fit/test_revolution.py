@@ -72,6 +72,24 @@ def test_a_monotone_contour_never_rises() -> None:
     assert (np.diff(found.radius_m, axis=1) < 1e-3).all()
 
 
+def test_unknown_words_and_a_lone_node_are_named() -> None:
+    with pytest.raises(ValueError, match="monotone: 'decreasing', should be one of none, falling"):
+        RevolutionOptions(monotone="decreasing")  # pyright: ignore
+    with pytest.raises(ValueError, match="loss: 'huber', should be one of none, pseudo_huber"):
+        RevolutionOptions(loss="huber")  # pyright: ignore
+    with pytest.raises(ValueError, match="nodes: 1, should be 2 at least"):
+        RevolutionOptions(nodes=1)
+
+
+def test_two_nodes_are_a_frustum() -> None:
+    rng = np.random.default_rng(6)
+    z, turn = rng.uniform(0, 0.1, (2, 60)), rng.uniform(-np.pi, np.pi, (2, 60))
+    radius = 0.04 - 0.2 * z
+    points = np.stack([radius * np.cos(turn), radius * np.sin(turn), z], axis=2)
+    found = fit_revolution(points, table_z=0.0, options=RevolutionOptions(nodes=2))
+    assert found.radius_m == pytest.approx(np.tile([0.04, 0.02], (2, 1)), abs=1e-3)
+
+
 def test_padding_changes_no_bit_and_bad_sets_have_a_status() -> None:
     points = bottle(3, 60, 1e-3, np.random.default_rng(4))
     plain = fit_revolution(points, table_z=0.0)

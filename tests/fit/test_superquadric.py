@@ -7,6 +7,7 @@ from quality_bodies import standing_bodies, touches, volume_iou
 from fit.status import FitStatus
 from fit.superquadric import SuperquadricFit, SuperquadricOptions, fit_superquadric
 from fit.superquadric_shape import superquadric, superquadric_inside_outside
+from fit.superquadric_uncertainty import superquadric_uncertainty
 
 RNG_SEED = 11
 
@@ -103,6 +104,38 @@ def test_covariance_and_free_balls_and_normals_run_and_help_or_do_no_harm(sets) 
     found = fit_superquadric(points, table_z=0.0, free_points=np.tile(free, (8, 1, 1)),
                              free_radius=0.008)
     assert np.median(volume_iou(body, found)) > 0.95
+
+
+def test_touches_without_noise_are_fitted_and_impossible_noise_is_named(sets) -> None:
+    points = np.concatenate([sets[1][:2]] * 2)
+    covariance = np.zeros((4, 60, 3, 3))
+    covariance[1] = np.diag([1e-6, 0.0, 0.0])  # known to the last digit along two axes
+    covariance[2, 7] = -1e-4 * np.eye(3)
+    covariance[3, 7] = [[0, 1e-6, 0], [1e-6, 0, 0], [0, 0, 0]]
+    evidence = {"covariance": covariance, "table_z": 0.0}
+    found = fit_superquadric(points, options=SuperquadricOptions(sigma_floor_m=0.0), **evidence)
+    assert set(found.status[:2]) <= {FitStatus.converged, FitStatus.not_converged}
+    assert set(found.status[2:]) == {FitStatus.bad_points}
+    known = superquadric_uncertainty(found, points, sigma_floor_m=0.0, **evidence)
+    for record in (found, known):
+        assert all(np.isfinite(value).all() for value in vars(record).values())
+    assert volume_iou(superquadric(*(v[:1] for v in sets[0])), found[:1]) > 0.9
+
+
+def test_numbers_that_no_touch_can_have_spoil_nobody(sets, fitted) -> None:
+    points = sets[1][:3].copy()
+    far = np.array([0.0, 1e200, 0.0])
+    found = fit_superquadric(points, table_z=far)
+    assert found.status[1] == FitStatus.bad_points
+    assert all(np.isfinite(value).all() for value in vars(found).values())
+    assert same_bits(found[[0, 2]], fitted[[0, 2]])
+
+
+def test_unknown_words_are_named() -> None:
+    with pytest.raises(ValueError, match="residual: 'Solina', should be one of solina, radial"):
+        SuperquadricOptions(residual="Solina")  # pyright: ignore
+    with pytest.raises(ValueError, match="loss: 'huber', should be one of none, pseudo_huber"):
+        SuperquadricOptions(loss="huber")  # pyright: ignore
 
 
 def test_a_fit_goes_on_from_a_former_one_and_fits_without_one_are_screened(sets, fitted) -> None:

@@ -67,6 +67,35 @@ def test_symmetries_are_named_and_nothing_is_singular() -> None:
     assert np.isfinite(known.covariance).all()
 
 
+def test_a_bent_body_has_no_turn_about_z() -> None:
+    body = superquadric([0.03, 0.03, 0.08], [0.3, 1.0], bend=[[6.0, 0.4], [0.1, 0.4], [0.0, 0.0]])
+    points = superquadric_surface(body, 150)[0]
+    points = points + 2e-4 * np.random.default_rng(2).normal(size=points.shape)
+    symmetry = superquadric_uncertainty(body, points).symmetry
+    turns = Symmetry.turns_about_z | Symmetry.quarter_turn
+    assert symmetry.tolist() == [Symmetry.none, turns, turns]
+
+
+def test_padding_changes_no_bit() -> None:
+    rng = np.random.default_rng(3)
+    body = standing_bodies(6, rng)
+    points = touches(body, 37, 1e-3, rng)
+    padded = np.full((6, 300, 3), np.nan)
+    padded[:, :37] = points
+    for common in (0.0, 5e-4):
+        plain, again = (superquadric_uncertainty(body, p, table_z=0.0, common_sigma_m=common)
+                        for p in (points, padded))
+        for name, value in vars(plain).items():
+            assert np.array_equal(getattr(again, name), value), name
+
+
+def test_the_centre_is_as_deep_as_the_least_half_extent() -> None:
+    body = superquadric([0.03, 0.04, 0.06], [[1.0, 1.0], [0.1, 0.1]], [0.4, 0, 0.06])
+    away, normal = surface_distance(body, body.position_m[:, None])
+    assert away == pytest.approx(-0.03, rel=1e-6)
+    assert np.isfinite(normal).all()
+
+
 def test_a_step_along_the_tangent_moves_the_surface_as_the_slopes_say() -> None:
     body = superquadric([0.03, 0.04, 0.06], [0.5, 0.8], [0.1, 0, 0], [0, 0, 0.6, 0.8], [0.2, -0.1],
                         [3.0, 0.5])
