@@ -25,7 +25,7 @@ from strategies.evidence import Evidence
 from strategies.exploration import Exploration, Planner, explore
 from strategies.oracle import Oracle
 from strategies.planners import budget_of, planner_of
-from strategies.recognition import Recognizer, recognizer
+from strategies.recognition import Recognizer, recognizer, right_answer
 from strategies.recovered import Recovered, Shape
 from strategies.registry import PlannerError
 from strategies.waypoints import BoundingCylinder
@@ -163,6 +163,7 @@ def _rows_of(
         "volume_ratio": scores.volume_ratio,
         "coverage5mm": scores.coverage,
         "recognized_as": block.recognized,
+        "recognized": block.recognized == np.repeat([right_answer(b) for b in bodies], counts),
         "shape": names[recovered.shape],
     }
     columns |= recovered_parameters(recovered.superquadric)

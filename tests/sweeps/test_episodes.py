@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from strategies.catalogue import STRATEGIES
+from strategies.recognition import NONE, right_answer
 from sweeps.cell import Cell
+from sweeps.entries import values_of
 from sweeps.episodes import run_block, run_cells, run_episodes
 from sweeps.explore import COLUMNS, explore
 from sweeps.leaderboard import make_leaderboard
@@ -16,13 +18,15 @@ from sweeps.plan import plan_study
 from sweeps.spec import read_spec
 from sweeps.store import Store
 from sweeps.unit_file import write_unit
+from warpgrasp.catalogue import body_from_name
 from warpgrasp.parameters import FitTable, SensorTable
 from warpgrasp.status import ProbeStatus
 
 CELL = Cell(STRATEGIES["rim12-ring12"], {"name": "large_cylinder"}, "large_cylinder", seed=11)
 CONTRACT = {"episode", "strategy", "object", "seed", "status", "contacts", "touches",
             "robot_time_s", "arm_path_m", "chamfer_mm", "hausdorff95_mm", "iou", "volume_ratio",
-            "coverage5mm", "recognized_as", "shape", "fit_rms_mm", "fit_iterations", "fit_status"}
+            "coverage5mm", "recognized_as", "recognized", "shape", "fit_rms_mm", "fit_iterations",
+            "fit_status"}
 
 
 @pytest.fixture(scope="module")
@@ -95,6 +99,14 @@ def test_explore_writes_contacts_shape_and_a_figure(tmp_path: Path) -> None:
     assert shape["chosen"] in ("tapered_superquadric", "told_cylinder")
     assert 0.0 <= shape["metrics"]["iou"] <= 1.0
     assert (tmp_path / "contacts.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_none_of_these_is_right_of_an_object_whatever_its_name() -> None:
+    egg = {"name": "block", "superquadric": {"size_mm": [45.0, 30.0, 30.0], "exponents": [1, 1.0]}}
+    rows = run_episodes(Cell(STRATEGIES["ring6"], egg, "block", seed=11), np.arange(4), "cpu")
+    assert NONE in rows["recognized_as"]
+    assert np.array_equal(values_of(rows, "recognized"), rows["recognized_as"] == NONE)
+    assert right_answer(replace(body_from_name("wine_bottle"), name="mine")) == "wine_bottle"
 
 
 def test_explore_writes_faces_and_a_contour(tmp_path: Path) -> None:
