@@ -167,3 +167,15 @@ def test_skipping_free_intervals_changes_nothing() -> None:
     a, b = poke(quick, gap=0.02), poke(slow, gap=0.02)
     np.testing.assert_array_equal(a.steps, b.steps)
     np.testing.assert_array_equal(a.point_m, b.point_m)
+
+
+def test_the_path_goes_by_way_of_the_start() -> None:
+    robot, _ = robot_before_block(1, arm=EXACT_ARM, sensors=EXACT, pads=QUIET)
+    stood = poke(robot).hand_pose[0, :3]
+    touch = poke(robot, height=0.08, gap=0.020)
+    start = poking_pose(robot.hand, robot.pads, np.array([0.40, 0.0, 0.08]), INWARD,
+                        np.array([0.0, 0.0, -1.0]))[:3]
+    stations = np.stack([stood, start, touch.hand_pose[0, :3]])
+    assert touch.path_m[0] == pytest.approx(
+        np.linalg.norm(np.diff(stations, axis=0), axis=1).sum(), abs=1e-9)
+    assert touch.path_m[0] > 0.001 * touch.steps[0] + 0.02
