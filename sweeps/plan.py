@@ -90,7 +90,8 @@ class Plan:
 
 
 def plan_study(study: Study) -> Plan:
-    """The plan of a study."""
+    """The plan of a study; the files it names are read anew, once."""
+    _file_hash.cache_clear()
     resolved = canonical_study(study)
     return Plan(study, resolved, digest(resolved))
 
