@@ -154,7 +154,6 @@ class _Follower:
         self.thrown_out = np.zeros(worlds, int)
         self.time, self.path = np.zeros(worlds), np.zeros(worlds)
         self.frames = np.tile(np.eye(3), (worlds, 2, 1, 1))
-        self.last_pose = np.zeros((worlds, 7))
         self.log = TouchLog(worlds)
 
     def run(self) -> ContourExploration:
@@ -284,9 +283,6 @@ class _Follower:
     def _take_section(self, rows: np.ndarray) -> None:
         """Thumb, then index finger; what they found steers the hand to the next section."""
         pose = self._pose(rows)
-        self.path[rows] += np.where(self.section[rows] > 0, np.linalg.norm(
-            pose[:, :3] - self.last_pose[rows, :3], axis=1), 0.0)
-        self.last_pose[rows] = pose
         thumb, index = (self._close(rows, pose, finger) for finger in (THUMB, INDEX))
         status = np.stack([thumb.status, index.status], 1)
         both = (status == ProbeStatus.CONTACT).all(1)

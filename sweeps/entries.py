@@ -146,12 +146,13 @@ def failed(rows: Columns) -> np.ndarray:
 
 
 def values_of(rows: Columns, name: str) -> np.ndarray:
-    """A column as numbers, NaN where the rows have none; `recognized` and `failure_rate` too."""
+    """A column as numbers, NaN where the rows have none; `failure_rate` too.
+
+    Rows of a unit that failed recognized nothing.
+    """
     count = len(rows["status"])
     if name == "failure_rate":
         return failed(rows).astype(float)
-    if name == "recognized":
-        if "recognized_as" not in rows:
-            return np.zeros(count)
-        return (rows["recognized_as"] == rows["object"]).astype(float)
+    if name == "recognized" and name not in rows:
+        return np.zeros(count)
     return rows[name].astype(float) if name in rows else np.full(count, np.nan)

@@ -18,19 +18,18 @@ from pathlib import Path
 import numpy as np
 
 from fit.rows import joined
-from fit.status import status_names
-from fit.superquadric_shape import Superquadric
 from strategies.belief import Belief
 from strategies.evidence import Evidence
 from strategies.exploration import Exploration, Planner, explore
 from strategies.oracle import Oracle
 from strategies.planners import budget_of, planner_of
-from strategies.recognition import Recognizer, recognizer
-from strategies.recovered import Recovered, Shape
+from strategies.recognition import Recognizer, recognizer, right_answer
+from strategies.recovered import Recovered
 from strategies.registry import PlannerError
 from strategies.waypoints import BoundingCylinder
 from sweeps.cell import Cell
 from sweeps.metrics import Scores
+from sweeps.model_columns import model_columns
 from sweeps.scorer import Scorer
 from warpgrasp.body import Body
 from warpgrasp.body_sample import sample_body
@@ -135,11 +134,9 @@ def _rows_of(
     block = _run_parts(parts, bodies, device)
     worlds = sum(counts)
     belief, scores, recovered = block.exploration.belief, block.scores, block.recovered
-    fits = belief.fits
     # Probes in turn, a column each: which of them the arm could not make, and why.
     probes = np.concatenate([np.zeros((worlds, 0), int),
                              *(g.moves.status[:, :, 0] for g in block.grasps)], axis=1)
-    fitted = recovered.shape == Shape.SUPERQUADRIC
     names = np.array(["told_cylinder", "tapered_superquadric" if cell.fit.taper else
                       "superquadric", "revolution"])
     columns: dict[str, np.ndarray] = {
@@ -163,13 +160,10 @@ def _rows_of(
         "volume_ratio": scores.volume_ratio,
         "coverage5mm": scores.coverage,
         "recognized_as": block.recognized,
+        "recognized": block.recognized == np.repeat([right_answer(b) for b in bodies], counts),
         "shape": names[recovered.shape],
     }
-    columns |= recovered_parameters(recovered.superquadric)
-    columns["fit_rms_mm"] = np.where(fitted, fits.rms_m * 1e3, np.nan)
-    columns["fit_iterations"] = fits.iterations.astype(np.int64)
-    columns["fit_status"] = np.array(status_names(fits.status))
-    return columns | curves(block.moments, worlds)
+    return columns | model_columns(belief, recovered) | curves(block.moments, worlds)
 
 
 def run_block(cell: Cell, episodes: np.ndarray, device: str) -> EpisodeBlock:
@@ -304,18 +298,3 @@ def tell_cylinder(
         radius_m=np.maximum(radius + error[:, 2], 0.010),
         height_m=np.maximum(body.high_m[2] + error[:, 3], 0.020),
     )
-
-
-def recovered_parameters(s: Superquadric) -> dict[str, np.ndarray]:
-    """Columns of a recovered body's parameters, by the names of the file contract."""
-    return {
-        "a1_m": s.size_m[:, 0], "a2_m": s.size_m[:, 1], "a3_m": s.size_m[:, 2],
-        "eps1": s.exponents[:, 0], "eps2": s.exponents[:, 1],
-        "px_m": s.position_m[:, 0], "py_m": s.position_m[:, 1], "pz_m": s.position_m[:, 2],
-        "qx": s.quaternion_xyzw[:, 0], "qy": s.quaternion_xyzw[:, 1],
-        "qz": s.quaternion_xyzw[:, 2], "qw": s.quaternion_xyzw[:, 3],
-        "kx": s.taper[:, 0], "ky": s.taper[:, 1],
-        "bend_per_m": s.bend[:, 0], "bend_angle_rad": s.bend[:, 1],
-    }
-
-

@@ -19,12 +19,18 @@ from strategies.strategy import Strategy
 from strategies.touches import REASON_TEXT, EndReason, true_touches
 from sweeps.atomic import write_atomic
 from sweeps.cell import Cell
-from sweeps.episodes import EpisodeBlock, recovered_parameters, run_block
+from sweeps.episodes import EpisodeBlock, run_block
 from sweeps.figure_contacts import draw_contacts
 from sweeps.figure_contour import draw_contour
 from sweeps.figure_faces import draw_faces
 from sweeps.figure_style import encode
 from sweeps.figure_taxels import pad_touches, taxels_figure
+from sweeps.model_columns import (
+    NODES,
+    contour_nodes,
+    revolution_parameters,
+    superquadric_parameters,
+)
 from warpgrasp.parameters import ObjectTable
 from warpgrasp.robot import Grasps
 from warpgrasp.status import ProbeStatus
@@ -173,7 +179,7 @@ def _models(cell: Cell, block: EpisodeBlock, world: int) -> Iterator[dict[str, A
     belief = block.exploration.belief
     ok = bool(belief.fitted[world])
     kind = ("tapered_superquadric" if cell.fit.taper else "superquadric") if ok else "told_cylinder"
-    numbers = recovered_parameters(belief.body)
+    numbers = superquadric_parameters(belief.body)
     yield {"shape": kind, "parameters": {k: float(v[world]) for k, v in numbers.items()},
            "rms_mm": float(belief.fits.rms_m[world] * 1e3) if ok else None,
            "status": status_names(belief.fits.status)[world],
@@ -191,15 +197,10 @@ def _models(cell: Cell, block: EpisodeBlock, world: int) -> Iterator[dict[str, A
             "status": status_names(fit.status)[world], "contacts": int(fit.n_points[world])}
     profile = belief.profile
     if profile is not None and np.isfinite(profile.volume_m3[world]):
-        known = np.isfinite(profile.height_m[world])
-        foot, axis = profile.foot_m[world], profile.axis[world]
+        numbers, nodes = revolution_parameters(profile), contour_nodes(profile, world)
         yield {"shape": "revolution", "parameters": {
-            "px_m": float(foot[0]), "py_m": float(foot[1]), "pz_m": float(foot[2]),
-            "ax": float(axis[0]), "ay": float(axis[1]), "az": float(axis[2]),
-            "height_m": float(profile.length_m[world]),
-            "volume_m3": float(profile.volume_m3[world]),
-            "profile_z_m": [float(v) for v in profile.height_m[world][known]],
-            "profile_r_m": [float(v) for v in profile.radius_m[world][known]]},
+            **{k: float(v[world]) for k, v in numbers.items()},
+            **{k: v.tolist() for k, v in zip(NODES, nodes, strict=True)}},
             "rms_mm": float(profile.rms_m[world] * 1e3),
             "status": status_names(profile.fit.status)[world],
             "contacts": int(profile.fit.n_points[world])}

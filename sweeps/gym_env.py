@@ -23,8 +23,9 @@ from strategies.recovered import or_told, plausible
 from strategies.recovery import recover_bodies
 from strategies.waypoint_poses import pose_about
 from strategies.waypoints import Placement
-from sweeps.episodes import place_objects, recovered_parameters, tell_cylinder
+from sweeps.episodes import place_objects, tell_cylinder
 from sweeps.metrics import score_superquadrics
+from sweeps.model_columns import superquadric_parameters
 from warpgrasp.catalogue import body_from_name
 from warpgrasp.counter_random import counter_key_host
 from warpgrasp.parameters import ArmTable, FitTable, HandTable, ObjectTable, SensorTable
@@ -140,7 +141,7 @@ class GraspVectorEnv(VectorEnv):
         slots = 4 * len(self._closings) * self._probes
         count = np.zeros(self.num_envs) if felt is None else felt.mask.sum(axis=1) / slots
         parts = [np.stack([told.x_m, told.y_m, told.radius_m, told.height_m], axis=1),
-                 np.stack(list(recovered_parameters(self._recovered).values()), axis=1),
+                 np.stack(list(superquadric_parameters(self._recovered).values()), axis=1),
                  np.stack([count, np.full(self.num_envs, self._made / self._probes)], axis=1),
                  self._last]
         return np.clip(np.concatenate(parts, axis=1), -BOUND, BOUND)

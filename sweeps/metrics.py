@@ -2,9 +2,10 @@
 
 Points of the true surface and volume come from `warpgrasp.body_sample`, points of the recovered
 surface from `fit.superquadric_shape` or `fit.revolution_shape`. Distances from the recovered
-surface to the true body are exact (its signed distance); those from the true surface to the
-recovered body are to the nearest of some thousand surface elements, each a disc of the element's
-own area. All is done in the true body's frame, so that its points are the same in every world.
+surface to the true one are those of `sweeps.true_surface`, exact for bodies of one primitive; those
+from the true surface to the recovered body are to the nearest of some hundred surface elements,
+each a disc of the element's own area. All is done in the true body's frame, so that its points are
+the same in every world.
 """
 
 from dataclasses import dataclass, fields
@@ -24,7 +25,8 @@ from fit.superquadric_shape import Superquadric, SuperquadricLike, superquadric_
 from strategies.body_query import bodies_on
 from strategies.recovered import Recovered, Shape, same_bodies
 from sweeps.surface_elements import TILE, surface_elements
-from warpgrasp.body import Body, distance_to_bodies, scene_of
+from sweeps.true_surface import distance_to_surface
+from warpgrasp.body import Body
 from warpgrasp.body_sample import BodySample, sample_body
 from warpgrasp.launch import launch
 from warpgrasp.real import ONE, ZERO, real, transform, vec3, vec4
@@ -238,9 +240,7 @@ def _revolutions(
 
 def _score(found: _Surface, body: Body, sample: BodySample, device: str) -> Scores:
     to_fit = _distance_to_elements(sample.surface_m, found, device)
-    signed, _ = distance_to_bodies(scene_of([body], device), np.zeros(1, int), found.element,
-                                   device=device)
-    to_body = np.abs(signed)
+    to_body = distance_to_surface(body, found.element, device=device)
     share = found.area / found.area.sum(1, keepdims=True)
     mean_to_body = (to_body * share).sum(1)
     chamfer = 0.5 * (to_fit.mean(1) + mean_to_body)

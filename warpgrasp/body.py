@@ -65,6 +65,11 @@ class Body:
             digest.update(np.ascontiguousarray(part.grid_m, np.float32).tobytes())
         return digest.hexdigest()[:16]
 
+    @property
+    def has_exact_distance(self) -> bool:
+        """Whether the signed distance is the true one everywhere, not a bound or an estimate."""
+        return len(self.parts) == 1 and self.parts[0].shape not in (Shape.SUPERQUADRIC, Shape.GRID)
+
 
 def scene_of(bodies: Sequence[Body], device: str) -> Scene:
     """The kernels' table of several bodies, body k being `bodies[k]`."""

@@ -6,13 +6,16 @@ body always gives the same points.
 """
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from warpgrasp.body import Body, BodyError, distance_to_bodies, scene_of
 
 _LOG2_POINTS = 17
+_OFF_M = 1e-4  # points that Newton's steps left farther from the surface are dropped
+_OUTSIDE_M = 2e-4
 
 
 @dataclass(frozen=True)
@@ -26,6 +29,17 @@ class BodySample:
     inside_m: np.ndarray
     """Even over the volume, shape (inside, 3)."""
     volume_m3: float
+
+    @cached_property
+    def tree(self) -> KDTree:
+        """Finds the points of the surface that are nearest to others."""
+        return KDTree(self.surface_m)
+
+    @cached_property
+    def reach_m(self) -> np.ndarray:
+        """From each point of the surface to its third neighbour, shape (surface,): discs so wide
+        leave hardly a gap."""
+        return self.tree.query(self.surface_m, 4)[0][:, 3]
 
 
 def sample_body(body: Body, *, surface: int = 1024, inside: int = 4096) -> BodySample:
@@ -69,9 +83,12 @@ def _dense(keyed: _Keyed) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     for _ in range(4):
         d, g = distance_to_bodies(scene, np.zeros(1, int), on[None])
         on = on - d[0, :, None] * g[0]
-    d, g = distance_to_bodies(scene, np.zeros(1, int), on[None])
-    good = np.abs(d[0]) < 1e-4
-    return on[good], g[0][good], within, float(volume)
+    d, _ = distance_to_bodies(scene, np.zeros(1, int), on[None])
+    # On the surface itself gradients may be rounding alone; where parts meet face to face is none.
+    beyond, normal = distance_to_bodies(scene, np.zeros(1, int),
+                                        (on + _OUTSIDE_M * gradient[near])[None])
+    good = (np.abs(d[0]) < _OFF_M) & (beyond[0] > 0.0)
+    return on[good], normal[0][good], within, float(volume)
 
 
 def _spread(rows: np.ndarray, count: int) -> np.ndarray:

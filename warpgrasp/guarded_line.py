@@ -62,7 +62,7 @@ class LineTouch:
     time_s: np.ndarray
     """Move to the start, and the intervals."""
     path_m: np.ndarray
-    """Path of the hand's origin, straight between its stations [m]."""
+    """Path of the hand's origin, straight to the start and along the intervals [m]."""
 
 
 @dataclass(frozen=True)
@@ -186,7 +186,8 @@ def guarded_line(
         status=end["status"], link=end["link"], point_m=end["point"], normal=end["normal"],
         tip_m=end["tip"], hand_pose=end["believed"], q_rad=end["q_read"], taxel_peak=end["peak"],
         image=image, steps=end["made"],
-        time_s=end["arm_time"] + end["made"] * arm.guarded_step_s, path_m=gone)
+        time_s=end["arm_time"] + end["made"] * arm.guarded_step_s,
+        path_m=end["arm_path"] + gone)
     # Copies: a truth is kept for the whole episode, and a view would keep all of the record.
     truth = LineTruth(move.rows, end["q_true"].copy(), end["point_true"].copy(),
                       end["normal_true"].copy(), end["force_true"].copy(),

@@ -69,6 +69,8 @@ class LineEnd:
     peak: int
     made: int
     arm_time: real
+    arm_path: real
+    """Of the hand to the line's start."""
     arm_q: vec6
     # Truth:
     q_true: vec4
@@ -365,6 +367,9 @@ def line_kernel(
         arm_stop = puma_reach(arm, wp.transform_multiply(
             _along(line, way, interval * real(s)), flange_on_hand), arm_start)
     end.arm_time = move_time(arm, begin.arm_q, arm_start)
+    before = wp.transform_multiply(puma_forward(arm, begin.arm_q), hand_on_flange)
+    end.arm_path = wp.length(
+        wp.transform_get_translation(line) - wp.transform_get_translation(before))
     end.arm_q = arm_stop
     if arm.encoder_step > ZERO:
         for j in range(6):

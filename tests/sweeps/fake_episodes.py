@@ -39,6 +39,7 @@ def rows_of(cell: Cell, episodes: np.ndarray, device: str = "cpu") -> Columns:
     luck = np.array([_uniform(cell, int(e), "luck") for e in episodes])
     own = np.array([_uniform(cell, int(e), cell.strategy.name) for e in episodes])
     failed = own < 0.05
+    named = np.where(own < 0.7, cell.object_name, "block")
     return {
         "status": np.where(failed, "fit_failed", "ok"),
         "contacts": (20 + 10 * luck).astype(np.int64),
@@ -46,7 +47,8 @@ def rows_of(cell: Cell, episodes: np.ndarray, device: str = "cpu") -> Columns:
         "robot_time_s": 60 + 5 * luck,
         "chamfer_mm": np.where(failed, np.nan, quality + 4 * luck + own),
         "iou": np.where(failed, np.nan, 1 / (1 + 0.1 * (quality + luck))),
-        "recognized_as": np.where(own < 0.7, cell.object_name, "block"),
+        "recognized_as": named,
+        "recognized": named == cell.object_name,
     }
 
 

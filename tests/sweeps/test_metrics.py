@@ -1,6 +1,7 @@
 """Scores against meshes and nearest neighbours that nobody here wrote."""
 
 from dataclasses import asdict, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from fit.superquadric_shape import Superquadric, superquadric, superquadric_surf
 from strategies.recovered import Recovered, Shape
 from sweeps.metrics import score_recovered, score_superquadrics, scores_again
 from warpgrasp.body_sample import sample_body
-from warpgrasp.catalogue import body_from_name
+from warpgrasp.catalogue import body_from_name, body_from_table
 
 AT = np.array([[0.45, 0.1, 0, 0, 0, np.sin(0.4), np.cos(0.4)]])
 
@@ -51,6 +52,46 @@ def test_distances_against_a_kd_tree(name: str, size, exponents, taper) -> None:
     there, back = cKDTree(found[0]).query(true)[0], cKDTree(true).query(found[0])[0]
     chamfer = 0.5 * (there.mean() + (back * share).sum())
     assert scores.chamfer_m[0] == pytest.approx(chamfer, abs=4e-4)
+    order = np.argsort(back)
+    tail = back[order][np.searchsorted(np.cumsum(share[order]), 0.95)]
+    assert scores.hausdorff95_m[0] == pytest.approx(max(np.quantile(there, 0.95), tail), abs=1e-3)
+
+
+def mug_surface(count: int) -> np.ndarray:
+    """Points even over the surface of a mug, 80 mm wide and 90 mm high, of walls of 4 mm and a
+    floor of 6 mm: walls of radius r between two heights, rings between two radii."""
+    rng = np.random.default_rng(1)
+    pieces = []
+    for r, low, high in ((0.040, 0.0, 0.090), (0.036, 0.006, 0.090)):
+        share = rng.uniform(size=int(count * 2 * np.pi * r * (high - low) / 0.0516))
+        pieces.append((np.full(len(share), r), low + share * (high - low)))
+    for inner, outer, z in ((0.0, 0.040, 0.0), (0.0, 0.036, 0.006), (0.036, 0.040, 0.090)):
+        share = rng.uniform(size=int(count * np.pi * (outer**2 - inner**2) / 0.0516))
+        pieces.append((np.sqrt(inner**2 + share * (outer**2 - inner**2)),
+                       np.full(len(share), z)))
+    radius, z = (np.concatenate(column) for column in zip(*pieces, strict=True))
+    angle = rng.uniform(0.0, 2 * np.pi, len(z))
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1)
+
+
+@pytest.mark.parametrize(("size", "exponents"), [
+    ([0.040, 0.040, 0.045], [0.1, 1.0]),  # a lid over the opening, 36 mm from the wall
+    ([0.038, 0.038, 0.043], [0.5, 1.0]),
+])
+def test_a_hollow_body_against_a_kd_tree(size, exponents) -> None:
+    outer = {"shape": "cylinder", "radius_mm": 40, "height_mm": 90}
+    inner = {"shape": "cylinder", "radius_mm": 36, "height_mm": 90, "at_mm": [0, 0, 6]}
+    mug = body_from_table(
+        {"name": "mug", "compound": [outer, inner | {"join": "difference"}]}, Path())
+    at = np.array([[0.0, 0, 0, 0, 0, 0, 1]])
+    fits = superquadric(size, exponents, [0, 0, size[2]], at[0, 3:])
+    scores = score_superquadrics(fits, mug, at)
+    true = mug_surface(400_000)
+    found, _, area = superquadric_surface(fits, 24_000)
+    share = area[0] / area[0].sum()
+    there, back = cKDTree(found[0]).query(true[::10])[0], cKDTree(true).query(found[0])[0]
+    chamfer = 0.5 * (there.mean() + (back * share).sum())
+    assert scores.chamfer_m[0] == pytest.approx(chamfer, abs=3e-4)
     order = np.argsort(back)
     tail = back[order][np.searchsorted(np.cumsum(share[order]), 0.95)]
     assert scores.hausdorff95_m[0] == pytest.approx(max(np.quantile(there, 0.95), tail), abs=1e-3)

@@ -75,6 +75,19 @@ def test_ids_depend_on_what_rows_depend_on(tmp_path: Path) -> None:
         assert ids(plan_study(read_spec(write_spec(tmp_path), [key]))) == base, key
 
 
+def test_a_planner_edited_between_two_plans_makes_other_units(tmp_path: Path) -> None:
+    file = tmp_path / "mine.py"
+    text = SMALL + '[[strategy]]\nname = "own"\nstrategy = "mine.py:go"\n'
+    file.write_text("def go(belief):\n    return [1]\n")
+    before = plan_of(tmp_path, text)
+    first = ids(before)
+    file.write_text("def go(belief):\n    return [2]\n")  # of the same size
+    after = plan_of(tmp_path, text)
+    assert after.hash != before.hash
+    kept = set(first) & set(ids(after))
+    assert len(kept) == before.unit_count * 2 // 3  # those of the two other strategies
+
+
 def test_a_grown_study_keeps_its_units(tmp_path: Path) -> None:
     before = plan_of(tmp_path, SMALL.replace("= 70\no", "= 64\no"))
     after = plan_of(tmp_path, SMALL.replace("= 70\no", "= 200\no").replace(

@@ -217,3 +217,15 @@ def test_bodies_and_fingers_that_there_are_not_are_refused() -> None:
     with pytest.raises(ValueError, match="body 3: wants 0 to 0"):
         Robot([body_from_name("block")], np.array([3]), truth, np.zeros(1, np.uint64), ArmTable(),
               HandTable(), SensorTable())
+
+
+def test_the_path_goes_by_way_of_the_start() -> None:
+    robot, _ = robot_before_block(1, arm=EXACT_ARM, sensors=EXACT, pads=QUIET)
+    stood = poke(robot).hand_pose[0, :3]
+    touch = poke(robot, height=0.08, gap=0.020)
+    start = poking_pose(robot.hand, robot.pads, np.array([0.40, 0.0, 0.08]), INWARD,
+                        np.array([0.0, 0.0, -1.0]))[:3]
+    stations = np.stack([stood, start, touch.hand_pose[0, :3]])
+    assert touch.path_m[0] == pytest.approx(
+        np.linalg.norm(np.diff(stations, axis=0), axis=1).sum(), abs=1e-9)
+    assert touch.path_m[0] > 0.001 * touch.steps[0] + 0.02
