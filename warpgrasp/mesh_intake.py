@@ -75,6 +75,12 @@ def body_from_mesh(path: Path, *, units: str, name: str | None = None) -> Body:
                 f"mesh {path.name}", float(error))
 
 
+def can_be_explored(longest_m: float) -> bool:
+    """Whether an object whose longest side is so long is one that a hand explores."""
+    slack = 1e-3  # files keep lengths in single precision, compounds are measured by sampling
+    return SMALLEST_M * (1.0 - slack) <= longest_m <= LARGEST_M * (1.0 + slack)
+
+
 def mesh_triangles(path: Path, *, units: str) -> tuple[np.ndarray, np.ndarray]:
     """Vertices [m], (n, 3), and faces, (m, 3), of a mesh file as `body_from_mesh` stands it.
 
@@ -127,9 +133,8 @@ def _read_checked(path: Path, content: bytes, units: str) -> tuple[np.ndarray, n
     if len(mesh.faces) == 0:
         raise BodyError(f"{path}: every face is a line or a point; faces with an area are wanted")
     longest = float(mesh.extents.max()) * UNITS_M[units]
-    if not SMALLEST_M <= longest <= LARGEST_M:
-        fits = [u for u, s in UNITS_M.items()
-                if SMALLEST_M <= longest / UNITS_M[units] * s <= LARGEST_M]
+    if not can_be_explored(longest):
+        fits = [u for u, s in UNITS_M.items() if can_be_explored(longest / UNITS_M[units] * s)]
         hint = f"; in {' or '.join(fits)} it would fit: are the units right?" if fits else ""
         raise BodyError(f"{path}: {longest:.4g} m long when read in {units}; "
                         f"{SMALLEST_M} to {LARGEST_M} m can be explored{hint}")
@@ -199,8 +204,8 @@ def _bake(vertices: np.ndarray, faces: np.ndarray) -> dict[str, np.ndarray]:
     baked, _ = distance_to_bodies(scene_of([body], "cpu"), np.zeros(1, int), near[None])
     error = float(np.quantile(np.abs(baked[0] - mesh_distance(mesh, near)), 0.99))
     _check_volume(mesh, body, band, int((grid <= -2 * cell).sum()))
-    return {"grid": grid, "origin": origin, "cell": np.float64(cell), "low": low, "high": high,
-            "error": np.float64(error)}
+    return {"grid": grid, "origin": origin, "cell": np.array(cell), "low": low, "high": high,
+            "error": np.array(error)}
 
 
 def _check_volume(mesh: wp.Mesh, body: Body, band: np.ndarray, deep: int) -> None:
