@@ -70,7 +70,9 @@ def _dense(keyed: _Keyed) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
         on = on - d[0, :, None] * g[0]
     d, g = distance_to_bodies(scene, np.zeros(1, int), on[None])
     good = np.abs(d[0]) < 1e-4
-    return on[good], g[0][good], within, float(volume)
+    normal = g[0][good]
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)  # a baked grid's are shorter
+    return on[good], normal, within, float(volume)
 
 
 def _spread(rows: np.ndarray, count: int) -> np.ndarray:

@@ -15,8 +15,9 @@ from strategies.waypoints import WAYPOINT_KINDS, Ring, Top
 from sweeps.cell import SECTIONS
 from sweeps.edge import edge_fields
 from sweeps.plan import _file_hash, canonical_body, plan_study, study_of
-from sweeps.problems import Problems, SpecError
+from sweeps.problems import NAME_LIMIT, Problems, SpecError
 from sweeps.spec import read_spec
+from sweeps.spec_objects import object_of_argument
 from sweeps.study import Study
 from sweeps.template import template
 from warpgrasp.catalogue import body_from_table
@@ -433,3 +434,9 @@ def test_a_users_planner_is_named_by_its_content(tmp_path: Path) -> None:
     _file_hash.cache_clear()
     code.write_text("def f(belief):\n    return [] \n")
     assert plan_study(read_spec(file)).hash != first.hash
+
+
+def test_a_file_of_a_long_name_can_be_explored(tmp_path: Path) -> None:
+    file = tmp_path / f"{'x' * 100}.stl"
+    trimesh.creation.box((0.06, 0.08, 0.12)).export(file)
+    assert object_of_argument(str(file), "m")["name"] == "x" * NAME_LIMIT
