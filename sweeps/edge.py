@@ -109,7 +109,7 @@ def _annotation(hint: Any, default: Any, metadata: Mapping[str, Any],
     for bound, key, unbounded in (("low", "ge", -inf), ("high", "le", inf)):
         value = metadata.get(bound, unbounded)
         if value != unbounded:
-            limits[key] = hint(float(f"{from_si(value):.10g}"))
+            limits[key] = value if hint is int else float(f"{from_si(value):.10g}")
     if hint is float:
         limits["allow_inf_nan"] = False
     return Annotated[hint, Field(**limits)]

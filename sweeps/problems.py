@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any
 
+from warpgrasp.body_names import NAME_LIMIT
+
 Path = tuple[str | int, ...]
 LISTED = 24  # names listed in full; longer lists are cut
-NAME_LIMIT = 80
 
 
 @dataclass(frozen=True)

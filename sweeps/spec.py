@@ -9,6 +9,7 @@ from sweeps.cell import SECTIONS
 from sweeps.edge import read_table
 from sweeps.problems import Problem, Problems, SpecError, choose
 from sweeps.spec_objects import read_objects
+from sweeps.spec_order import check_order
 from sweeps.spec_strategies import read_strategies
 from sweeps.spec_sweep import read_axes, read_overrides
 from sweeps.study import CELL_LIMIT, EPISODE_LIMIT, Study, StudyTable
@@ -49,10 +50,11 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
         head = replace(head, name=FilePath(problems.file).stem)
     tables = {name: table(**read_table(table, values.get(name, {}), (name,), problems))
               for name, table in SECTIONS.items()}
-    _check_order(tables, values, problems)
     strategies = read_strategies(values.get("strategy", []), base_dir, problems)
     objects = read_objects(values.get("objects", []), base_dir, problems)
-    axes = read_axes(values.get("sweep", {}), extra_grid or {}, strategies, head.seed, problems)
+    axes = read_axes(values.get("sweep", {}), extra_grid or {}, strategies, tables, head.seed,
+                     problems)
+    check_order(tables, values, axes, problems)
     study = Study(head, objects, strategies, tables, axes)
     if study.cell_count > CELL_LIMIT:
         problems.add(("sweep",), f"spans {study.cell_count:,} cells; the limit is {CELL_LIMIT:,}")
@@ -68,22 +70,6 @@ _EXAMPLES = {
     "objects": 'name at least one, as in objects = ["block", "wine_bottle"]',
     "strategy": 'name at least one, as in [[strategy]] with name = "ring6"',
 }
-_ORDERED = (("arm", "limit_low_rad", "limit_high_rad"), ("hand", "flexion_low_rad",
-            "flexion_high_rad"), ("hand", "tension_low_N", "tension_high_N"))
-
-
-def _check_order(tables: Mapping[str, Any], values: Mapping[str, Any], problems: Problems) -> None:
-    """Lower limits must lie below upper ones, whichever of the two was given."""
-    from sweeps.edge import edge_fields
-
-    for section, low, high in _ORDERED:
-        pair = [getattr(tables[section], name) for name in (low, high)]
-        lows, highs = (v if isinstance(v, tuple) else (v,) for v in pair)
-        if any(a >= b for a, b in zip(lows, highs, strict=True)):
-            names = {f.name: key for key, f in edge_fields(SECTIONS[section]).items()}
-            given = values.get(section, {})
-            at = names[low] if names[low] in given else names[high]
-            problems.add((section, at), f"{names[low]} should be below {names[high]}")
 
 
 def _place(problem: Problem) -> tuple[bool, int]:

@@ -10,7 +10,7 @@ from sweeps.problems import Path, Problems, check_name, choose, short
 from sweeps.quiet import quiet_stdout, start_warp
 from sweeps.spec_files import CSV_LIMIT, MESH_LIMIT, NoFile, named_file
 from sweeps.study import Body
-from warpgrasp.body_names import BODY_NAMES
+from warpgrasp.body_names import BODY_NAMES, NAME_LIMIT
 
 SHAPES = ("mesh", "compound", "superquadric", "profile")
 
@@ -82,7 +82,7 @@ def object_of_argument(what: str, units: str | None) -> dict[str, Any]:
                         "--units m|cm|mm")
     if units is None:
         raise ObjectError(f"{what}: a mesh wants its units: --units m, --units cm or --units mm")
-    table = {"mesh": str(file.resolve()), "units": units, "name": file.stem}
+    table = {"mesh": str(file.resolve()), "units": units, "name": file.stem[:NAME_LIMIT]}
     _build(table, FilePath())
     return table
 

@@ -12,6 +12,7 @@ from strategies.strategy import Strategy
 from sweeps.cell import SECTIONS
 from sweeps.edge import edge_fields
 from sweeps.problems import Path, Problem, Problems, SpecError, choose, short
+from sweeps.spec_order import check_swept_order
 from sweeps.spec_strategies import REFIT, read_names, read_number
 from sweeps.study import Axis
 
@@ -22,8 +23,13 @@ Reader = Callable[[Any, Path, Problems], Any]
 
 
 def read_axes(sweep: Any, extra_grid: Mapping[str, list[Any]],
-              strategies: Sequence[Strategy], seed: int, problems: Problems) -> tuple[Axis, ...]:
-    """The axes of a sweep, grid keys first; `extra_grid` replaces or adds grid keys."""
+              strategies: Sequence[Strategy], tables: Mapping[str, Any], seed: int,
+              problems: Problems) -> tuple[Axis, ...]:
+    """The axes of a sweep, grid keys first; `extra_grid` replaces or adds grid keys.
+
+    `tables` has the sections' values, which stand beside those that are swept.
+    """
+    before = len(problems.found)
     if not isinstance(sweep, Mapping):
         problems.add(("sweep",), "should be tables such as [sweep.grid]")
         sweep = {}
@@ -43,6 +49,8 @@ def read_axes(sweep: Any, extra_grid: Mapping[str, list[Any]],
     axes += _listed({k: v for k, v in parts["zip"].items() if k in readers}, readers, problems)
     for kind in ("sobol", "lhs"):
         axes += _sampled(kind, parts[kind], readers, seed, problems)
+    if len(problems.found) == before:
+        check_swept_order(tables, parts, readers, problems)
     return tuple(axes)
 
 

@@ -9,9 +9,9 @@ import numpy as np
 KERNEL_MODULES = (
     "warpgrasp.arm_hand", "warpgrasp.body", "warpgrasp.closing_kernel",
     "warpgrasp.closing_reading", "warpgrasp.contact_estimate", "warpgrasp.guarded_line_kernel",
-    "warpgrasp.mesh_intake", "warpgrasp.puma560", "warpgrasp.silhouette", "warpgrasp.tactile_pad",
-    "warpgrasp.utah_mit_hand", "strategies.body_query", "strategies.placement", "sweeps.metrics",
-    "sweeps.surface_elements",
+    "warpgrasp.mesh_distance", "warpgrasp.puma560", "warpgrasp.silhouette",
+    "warpgrasp.tactile_pad", "warpgrasp.utah_mit_hand", "strategies.body_query",
+    "strategies.placement", "sweeps.metrics", "sweeps.surface_elements",
 )
 
 

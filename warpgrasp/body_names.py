@@ -1,5 +1,7 @@
-"""The objects of the catalogue, a line each, for who only wants the list."""
+"""The objects of the catalogue, a line each, for who only wants the list; the limit of a name."""
 
+NAME_LIMIT = 80
+"""Characters of an object's name, at most."""
 BODY_NAMES: dict[str, str] = {
     "block": "block 60 x 80 x 120 mm [est]",
     "large_cylinder": "cylinder of diameter 70, height 120 mm [est]",

@@ -88,7 +88,9 @@ def _dense(keyed: _Keyed) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     beyond, normal = distance_to_bodies(scene, np.zeros(1, int),
                                         (on + _OUTSIDE_M * gradient[near])[None])
     good = (np.abs(d[0]) < _OFF_M) & (beyond[0] > 0.0)
-    return on[good], normal[0][good], within, float(volume)
+    normal = normal[0][good]
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)  # a baked grid's are shorter
+    return on[good], normal, within, float(volume)
 
 
 def _spread(rows: np.ndarray, count: int) -> np.ndarray:

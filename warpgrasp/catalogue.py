@@ -7,7 +7,7 @@ the second, each a radius profile in `profiles/` whose first line says what is s
 from collections.abc import Mapping
 from difflib import get_close_matches
 from functools import cache
-from math import isfinite, radians
+from math import radians
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +15,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from warpgrasp.body import Body, BodyError, Part
-from warpgrasp.body_names import BODY_NAMES
-from warpgrasp.mesh_intake import body_from_mesh
+from warpgrasp.body_names import BODY_NAMES, NAME_LIMIT
+from warpgrasp.mesh_intake import LARGEST_M, SMALLEST_M, body_from_mesh, can_be_explored
 from warpgrasp.scene import Join, Shape
 
 _PROFILES = Path(__file__).parent / "profiles"
@@ -50,11 +50,14 @@ def body_from_table(table: Mapping[str, Any], base_dir: Path) -> Body:
 
     `{mesh = "mug.stl", units = "cm"}`, `{name = "mug", compound = [...]}`, `{name = "egg",
     superquadric = {size_mm = [..], exponents = [..], taper = [..], bend_per_m, bend_deg}}` or
-    `{name = "vase", profile = "vase.csv"}` (columns z_mm, r_mm). Raises BodyError.
+    `{name = "vase", profile = "vase.csv"}` (columns z_mm, r_mm). `size_mm` of a superquadric is
+    half its extent, of a block or wedge all of it. Raises BodyError, also where the longest side
+    of the object is not of 5 mm to 1 m.
     """
     name = table.get("name")
-    if name is not None and not (isinstance(name, str) and name.strip() and len(name) <= 64):
-        raise BodyError(f"name {_short(name)}: a text of 1 to 64 characters is wanted")
+    if name is not None and not (
+            isinstance(name, str) and name.strip() and len(name) <= NAME_LIMIT):
+        raise BodyError(f"name {_short(name)}: a text of 1 to {NAME_LIMIT} characters is wanted")
     kinds = {"mesh": {"mesh", "units", "name"}, "compound": {"compound", "name"},
              "superquadric": {"superquadric", "name"}, "profile": {"profile", "name"}}
     kind = next((k for k in kinds if k in table), None)
@@ -72,7 +75,9 @@ def body_from_table(table: Mapping[str, Any], base_dir: Path) -> Body:
     if name is None:
         raise BodyError(f"a {kind} object wants a name")
     if kind == "superquadric":
-        part = _superquadric_part({"shape": "superquadric", **_mapping(table, "superquadric")})
+        given = _mapping(table, "superquadric")
+        _refuse_unknown(given, _SUPERQUADRIC_KEYS, "superquadric outside a compound")
+        part = _superquadric_part({"shape": "superquadric", **given})
         a3 = part.superquadric[2]
         place = (0.0, 0.0, a3, 0.0, 0.0, 0.0, 1.0)
         return _body(name, (Part(Shape.SUPERQUADRIC, place=place,
@@ -91,7 +96,7 @@ def profile_from_csv(path: Path) -> np.ndarray:
     Raises BodyError naming the line: z must rise, r must not be negative, two points at least.
     """
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise BodyError(f"{path}: cannot be read: {error}") from None
     rows: list[tuple[float, float]] = []
@@ -111,8 +116,10 @@ def profile_from_csv(path: Path) -> np.ndarray:
         except ValueError:
             raise BodyError(f"{path}:{number}: {_short(line.strip())}: two numbers are "
                             "wanted") from None
-        if not (isfinite(z) and isfinite(r) and r >= 0.0 and r <= 1000.0):
-            raise BodyError(f"{path}:{number}: r_mm {r}: 0 to 1000 is wanted, and finite numbers")
+        for column, value, least, most in (("z_mm", z, -1e6, 1e6), ("r_mm", r, 0.0, 1000.0)):
+            if not least <= value <= most:
+                raise BodyError(f"{path}:{number}: {column} {value:g}: a number from {least:g} to "
+                                f"{most:g} is wanted")
         if rows and z <= rows[-1][0]:
             raise BodyError(f"{path}:{number}: z_mm {z:g} after {rows[-1][0]:g}: z must rise")
         rows.append((z, r))
@@ -164,9 +171,12 @@ def _numbers(table: Mapping[str, Any], key: str, count: int, low: float, high: f
     return tuple(float(v) for v in values)
 
 
+_PART_KEYS = {"shape", "join", "at_mm", "rpy_deg"}
+_SUPERQUADRIC_KEYS = {"size_mm", "exponents", "taper", "bend_per_m", "bend_deg"}
+
+
 def _superquadric_part(table: Mapping[str, Any]) -> Part:
-    _refuse_unknown(table, {"shape", "join", "at_mm", "rpy_deg", "size_mm", "exponents", "taper",
-                            "bend_per_m", "bend_deg"}, "superquadric")
+    _refuse_unknown(table, _PART_KEYS | _SUPERQUADRIC_KEYS, "superquadric")
     size = tuple(v / 1000 for v in _numbers(table, "size_mm", 3, 1.0, 1000.0))
     exponents = _numbers(table, "exponents", 2, 0.1, 2.0)
     taper = _numbers(table, "taper", 2, -1.0, 1.0, (0.0, 0.0))
@@ -215,16 +225,20 @@ def _checked_part(table: Mapping[str, Any], index: int, base_dir: Path) -> Part:
     if shape == Shape.SUPERQUADRIC:
         return Part(shape, joins[join], place,
                     superquadric=_superquadric_part(table).superquadric)
-    common = {"shape", "join", "at_mm", "rpy_deg"}
     if shape == Shape.REVOLUTION:
-        _refuse_unknown(table, common | {"profile"}, kind)
+        _refuse_unknown(table, _PART_KEYS | {"profile"}, kind)
         if "profile" not in table:
             raise BodyError("revolution: profile is missing, a CSV of z_mm, r_mm")
         return Part(shape, joins[join], place,
                     profile_m=profile_from_csv(base_dir / str(table["profile"])))
-    _refuse_unknown(table, common | set(wanted), kind)
+    _refuse_unknown(table, _PART_KEYS | set(wanted), kind)
     values = {k: tuple(v / 1000 for v in _numbers(table, k, n, 1.0, 1000.0))
               for k, n in wanted.items()}
+    if shape == Shape.CAPSULE:
+        radius, height = (1000 * values[key][0] for key in ("radius_mm", "height_mm"))
+        if height < 2 * radius:
+            raise BodyError(f"capsule: height_mm = {height:g} is less than its two round ends of "
+                            f"radius_mm = {radius:g}; {2 * radius:g} or more is right")
     if "size_mm" in values:
         size = values["size_mm"]
     else:
@@ -233,7 +247,10 @@ def _checked_part(table: Mapping[str, Any], index: int, base_dir: Path) -> Part:
 
 
 def _body(name: str, parts: tuple[Part, ...], doc: str, on_table: bool = False) -> Body:
-    """A body with its box, found from the parts' own; a compound is lowered onto the table."""
+    """A body with its box, found from the parts' own; a compound is lowered onto the table.
+
+    Raises BodyError where the longest side of its box is not one that a hand explores.
+    """
     lows, highs = [], []
     for part in parts:
         low, high = _part_box(part)
@@ -244,11 +261,16 @@ def _body(name: str, parts: tuple[Part, ...], doc: str, on_table: bool = False) 
             lows.append(placed.min(0))
             highs.append(placed.max(0))
     body = Body(name, parts, _triple(np.min(lows, 0)), _triple(np.max(highs, 0)), doc)
-    if not on_table:
-        return body
-    from warpgrasp.body_sample import body_lowered
+    if on_table:
+        from warpgrasp.body_sample import body_lowered
 
-    return body_lowered(body)
+        body = body_lowered(body)
+    sides = np.subtract(body.high_m, body.low_m)
+    if not can_be_explored(sides.max()):
+        size = " x ".join(f"{1000 * side:.6g}" for side in sides)
+        raise BodyError(f"{name}: comes out at {size} mm; a longest side of {1000 * SMALLEST_M:g} "
+                        f"to {1000 * LARGEST_M:g} mm can be explored: are its lengths in mm?")
+    return body
 
 
 def _triple(values: np.ndarray) -> tuple[float, float, float]:

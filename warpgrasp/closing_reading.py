@@ -91,7 +91,8 @@ def reading_kernel(
         normal = vec3(n[0], n[1], n[2])
         truth[w, p, g, finger].link = bearing
         truth[w, p, g, finger].point = wp.transform_point(body_pose[w], x - normal * n[3])
-        truth[w, p, g, finger].normal = wp.transform_vector(body_pose[w], normal)
+        truth[w, p, g, finger].normal = wp.transform_vector(
+            body_pose[w], wp.normalize(normal))  # a grid's gradient is shorter in its creases
 
     reader = counter_key(stream, _JOINT)
     q = truth[w, p, g, finger].q

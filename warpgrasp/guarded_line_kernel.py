@@ -383,7 +383,7 @@ def line_kernel(
         n = vec3(g[0], g[1], g[2])
         end.force_true = most[3]
         end.point_true = wp.transform_point(begin.body_pose, centre - n * g[3])
-        end.normal_true = wp.transform_vector(begin.body_pose, n)
+        end.normal_true = wp.transform_vector(begin.body_pose, wp.normalize(n))
         if wp.abs(g[3] - centre[2]) < real(1e-12) and n[2] > real(0.999):
             end.on_table = 1
     if status == _CONTACT and felt_link >= 0:

@@ -14,7 +14,8 @@ import numpy as np
 import warp as wp
 
 from warpgrasp.body import Body, BodyError, Part, distance_to_bodies, scene_of
-from warpgrasp.launch import launch
+from warpgrasp.mesh_distance import mesh_distance, mesh_of
+from warpgrasp.mesh_shells import outward_faces
 from warpgrasp.scene import Shape
 
 KINDS = ("stl", "obj", "ply", "off")
@@ -25,18 +26,22 @@ LARGEST_FACE_COUNT = 2_000_000
 SMALLEST_M, LARGEST_M = 0.005, 1.0  # of the longest side: what one hand can explore
 _NODES = 96  # along the longest side
 _MARGIN_M = 0.016  # all around: skin that touches has its link's axis 8 mm away, inside the grid
-_BAKE_VERSION = 3
+_VOLUME_POINTS = 32_768
+_VOLUME_SHARE = 0.1  # of its volume that a body may lose or gain when it is baked
+_BAKE_VERSION = 4
 
 
 def body_from_mesh(path: Path, *, units: str, name: str | None = None) -> Body:
     """A body from a watertight mesh file (STL, OBJ, PLY or OFF), standing on its lowest point.
 
     The file's z axis is up; the middle of its bounding box goes on the z axis. `units` is "m", "cm"
-    or "mm". Raises BodyError with what is wrong (missing, empty, open, out of size) and the mend.
+    or "mm". Raises BodyError with what is wrong (missing, empty, open, out of size, too
+    thin for the grid) and the mend.
     """
-    if units not in UNITS_M:
+    if units not in tuple(UNITS_M):  # a spec may hold anything, also what cannot be hashed
         raise BodyError(f"{path}: units {units!r}: one of {', '.join(UNITS_M)}")
-    if path.suffix.lower().lstrip(".") not in KINDS:
+    kind = path.suffix.lower().lstrip(".")
+    if kind not in KINDS:
         raise BodyError(f"{path}: not a kind of mesh that is read; {', '.join(KINDS)} are")
     try:
         size = path.stat().st_size
@@ -52,19 +57,28 @@ def body_from_mesh(path: Path, *, units: str, name: str | None = None) -> Body:
     except OSError as error:
         raise BodyError(f"{path}: cannot be read: {error.strerror or error}") from None
     key = hashlib.sha256(content)
-    key.update(f"{units} {_NODES} {_MARGIN_M} {_BAKE_VERSION}".encode())
+    key.update(f"{kind} {units} {_NODES} {_MARGIN_M} {_BAKE_VERSION}".encode())
     cached = _cache_folder() / f"{key.hexdigest()[:32]}.npz"
     baked = _read_cached(cached)
     if baked is None:
         with _quiet_reader():
             vertices, faces = _read_checked(path, content, units)
-        baked = _bake(vertices, faces)
+        try:
+            baked = _bake(vertices, faces)
+        except BodyError as error:
+            raise BodyError(f"{path}: {error}") from None
         _write_cached(cached, baked)
     grid, origin, cell, low, high, error = (
         baked[k] for k in ("grid", "origin", "cell", "low", "high", "error"))
     part = Part(Shape.GRID, grid_m=grid, grid_origin_m=_triple(origin), grid_cell_m=float(cell))
     return Body(name or path.stem, (part,), _triple(low), _triple(high),
                 f"mesh {path.name}", float(error))
+
+
+def can_be_explored(longest_m: float) -> bool:
+    """Whether an object whose longest side is so long is one that a hand explores."""
+    slack = 1e-3  # files keep lengths in single precision, compounds are measured by sampling
+    return SMALLEST_M * (1.0 - slack) <= longest_m <= LARGEST_M * (1.0 + slack)
 
 
 def mesh_triangles(path: Path, *, units: str) -> tuple[np.ndarray, np.ndarray]:
@@ -119,25 +133,34 @@ def _read_checked(path: Path, content: bytes, units: str) -> tuple[np.ndarray, n
     if len(mesh.faces) == 0:
         raise BodyError(f"{path}: every face is a line or a point; faces with an area are wanted")
     longest = float(mesh.extents.max()) * UNITS_M[units]
-    if not SMALLEST_M <= longest <= LARGEST_M:
-        fits = [u for u, s in UNITS_M.items()
-                if SMALLEST_M <= longest / UNITS_M[units] * s <= LARGEST_M]
+    if not can_be_explored(longest):
+        fits = [u for u, s in UNITS_M.items() if can_be_explored(longest / UNITS_M[units] * s)]
         hint = f"; in {' or '.join(fits)} it would fit: are the units right?" if fits else ""
         raise BodyError(f"{path}: {longest:.4g} m long when read in {units}; "
                         f"{SMALLEST_M} to {LARGEST_M} m can be explored{hint}")
-    if not mesh.is_watertight:
-        edges = np.sort(mesh.edges, axis=1)
-        _, counts = np.unique(edges, axis=0, return_counts=True)
-        raise BodyError(
-            f"{path}: the surface is open: {int((counts == 1).sum())} edges border one face and "
-            f"{int((counts > 2).sum())} more than two; close its holes first "
-            "(trimesh.repair.fill_holes, MeshLab 'Close Holes', Blender 3D-Print toolbox)")
-    if mesh.volume < 0.0:
-        mesh.invert()
+    _check_closed(path, np.asarray(mesh.edges))
     vertices = mesh.vertices * UNITS_M[units]
     low, high = vertices.min(0), vertices.max(0)
     vertices = vertices - [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]]
-    return vertices, np.asarray(mesh.faces)
+    try:
+        return vertices, outward_faces(vertices, np.asarray(mesh.faces))
+    except BodyError as error:
+        raise BodyError(f"{path}: {error}") from None
+
+
+def _check_closed(path: Path, edges: np.ndarray) -> None:
+    """Refuse a surface of which an edge, a row of two vertices, borders not just two faces."""
+    _, counts = np.unique(np.sort(edges, axis=1), axis=0, return_counts=True)
+    if (counts == 1).any():
+        raise BodyError(
+            f"{path}: the surface is open: {int((counts == 1).sum())} edges border one face; close "
+            "its holes first (trimesh.repair.fill_holes, MeshLab 'Close Holes', Blender 3D-Print "
+            "toolbox)")
+    if (counts > 2).any():
+        raise BodyError(
+            f"{path}: {int((counts > 2).sum())} edges are shared by more than two faces: remove "
+            "faces that are there twice, and unite bodies that touch along a face or an edge "
+            "(MeshLab 'Remove Duplicate Faces', 'Mesh Boolean: Union')")
 
 
 def _check_declared_faces(path: Path, kind: str, content: bytes) -> None:
@@ -164,50 +187,43 @@ def _count(word: bytes) -> int:
     return int(word[:20]) if word.isdigit() else 0
 
 
-@wp.kernel(enable_backward=False)
-def _bake_kernel(
-    first: int,
-    # Mesh:
-    mesh: wp.uint64,
-    # Query in:
-    point: wp.array[wp.vec3f],
-    # Distance out:
-    distance: wp.array[wp.float32],
-):
-    i = wp.tid() + first
-    query = wp.mesh_query_point_sign_winding_number(mesh, point[i], 10.0)
-    nearest = wp.mesh_eval_position(mesh, query.face, query.u, query.v)
-    distance[i] = query.sign * wp.length(point[i] - nearest)
-
-
 def _bake(vertices: np.ndarray, faces: np.ndarray) -> dict[str, np.ndarray]:
-    mesh = wp.Mesh(points=wp.array(vertices, dtype=wp.vec3f, device="cpu"),
-                   indices=wp.array(faces.ravel(), dtype=int, device="cpu"),
-                   support_winding_number=True)
+    mesh = mesh_of(vertices, faces)
     low, high = vertices.min(0), vertices.max(0)
     cell = (float((high - low).max()) + 2 * _MARGIN_M) / (_NODES - 1)
     origin = low - _MARGIN_M
     nodes = np.ceil((high - low + 2 * _MARGIN_M) / cell - 1e-9).astype(int) + 1
     axes = [origin[k] + cell * np.arange(nodes[k]) for k in range(3)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
-    grid = _mesh_distance(mesh, points).reshape(nodes)
+    grid = mesh_distance(mesh, points).reshape(nodes)
     # The error is measured where contacts happen: within two cells of the surface.
-    near = points[np.abs(grid.ravel()) < 2 * cell]
-    near = near[:: max(1, len(near) // 4000)] + 0.5 * cell * np.array([1.0, 0.7, 0.4])
+    band = points[np.abs(grid.ravel()) < 2 * cell]
+    near = band[:: max(1, len(band) // 4000)] + 0.5 * cell * np.array([1.0, 0.7, 0.4])
     body = Body("", (Part(Shape.GRID, grid_m=grid, grid_origin_m=_triple(origin),
                           grid_cell_m=cell),), _triple(low), _triple(high))
     baked, _ = distance_to_bodies(scene_of([body], "cpu"), np.zeros(1, int), near[None])
-    error = float(np.quantile(np.abs(baked[0] - _mesh_distance(mesh, near)), 0.99))
-    return {"grid": grid, "origin": origin, "cell": np.float64(cell), "low": low, "high": high,
-            "error": np.float64(error)}
+    error = float(np.quantile(np.abs(baked[0] - mesh_distance(mesh, near)), 0.99))
+    _check_volume(mesh, body, band, int((grid <= -2 * cell).sum()))
+    return {"grid": grid, "origin": origin, "cell": np.array(cell), "low": low, "high": high,
+            "error": np.array(error)}
 
 
-def _mesh_distance(mesh: wp.Mesh, points: np.ndarray) -> np.ndarray:
-    out = wp.empty(len(points), dtype=wp.float32, device="cpu")
-    launch(_bake_kernel, {"point": len(points)}, {"point": "point", "distance": "point"},
-           {"mesh": mesh.id, "point": wp.array(points, dtype=wp.vec3f, device="cpu"),
-            "distance": out}, device="cpu")
-    return out.numpy().copy()
+def _check_volume(mesh: wp.Mesh, body: Body, band: np.ndarray, deep: int) -> None:
+    """Refuse a body that does not hold what its mesh does: thin walls are lost between the nodes.
+
+    Both are sampled about the nodes near the surface, `band`, (n, 3); `deep` more are well inside.
+    """
+    cell = body.parts[0].grid_cell_m
+    sample = band[:: max(1, len(band) // _VOLUME_POINTS)]
+    sample = sample + np.random.default_rng(0).uniform(-cell / 2, cell / 2, sample.shape)
+    baked, _ = distance_to_bodies(scene_of([body], "cpu"), np.zeros(1, int), sample[None])
+    held, wanted = (cell**3 * (deep + len(band) * float((d < 0.0).mean()))
+                    for d in (baked[0], mesh_distance(mesh, sample)))
+    if wanted == 0.0 or abs(held - wanted) > _VOLUME_SHARE * wanted:
+        raise BodyError(
+            f"it would be baked to nodes {1000 * cell:.2g} mm apart, which hold {held * 1e6:.3g} "
+            f"of its {wanted * 1e6:.3g} cm3: walls and gaps of two nodes, {2000 * cell:.2g} mm, "
+            "are kept; thicken its walls, or bring a mesh whose longest side is shorter")
 
 
 def _cache_folder() -> Path:

@@ -15,8 +15,9 @@ from strategies.waypoints import WAYPOINT_KINDS, Ring, Top
 from sweeps.cell import SECTIONS
 from sweeps.edge import edge_fields
 from sweeps.plan import _file_hash, canonical_body, plan_study, study_of
-from sweeps.problems import Problems, SpecError
+from sweeps.problems import NAME_LIMIT, Problems, SpecError
 from sweeps.spec import read_spec
+from sweeps.spec_objects import object_of_argument
 from sweeps.study import Study
 from sweeps.template import template
 from warpgrasp.catalogue import body_from_table
@@ -103,6 +104,8 @@ BAD_KEYS = [
     ('"mine"', '"a\\nb"', "spec.toml:8: strategy[1].name: is 'a\\nb'; should be a name"),
     ('kind = "ring"', 'kind = "rnig"', "spec.toml:9: strategy[1].waypoints.kind: is 'rnig'; did "
      "you mean ring? there are: ring, column"),
+    ("seed = 7", "seed = 9223372036900000000", "spec.toml:2: seed: is 9223372036900000000; should "
+     "be less than or equal to 9223372036854775807"),
     ("count = 3", "count = -3", "spec.toml:9: strategy[1].waypoints.count: is -3; should be"),
     ("count = 3", "cuont = 3", "strategy[1].waypoints.cuont: unknown key; did you mean count?"),
     ("tilt_deg = 70", "tilt_deg = nan", "waypoints.tilt_deg: is nan; should be a finite number"),
@@ -162,6 +165,36 @@ def test_bad_tables_are_refused_with_line_and_remedy(
         tmp_path: Path, text: str, says: str) -> None:
     found = refusals(tmp_path, SMALL + text + "\n")
     assert any(says in line for line in found), found
+
+
+LOW, HIGH = '"hand.tension_low_N" = ', '"hand.tension_high_N" = '
+
+
+@pytest.mark.parametrize("text", [
+    f"[sweep.grid]\n{LOW}[2.0, 200.0]",
+    f"[sweep.grid]\n{HIGH}[2.0, 100.0]",
+    f"[sweep.grid]\n{LOW}[2.0, 50.0]\n{HIGH}[40.0, 130.0]",
+    f"[sweep.zip]\n{LOW}[2.0, 50.0]\n{HIGH}[130.0, 40.0]",
+    f"[sweep.sobol]\nn = 1\n{LOW}{{ low = 2, high = 130 }}",
+    f"[sweep.lhs]\nn = 1\n{LOW}{{ low = 2, high = 50 }}\n{HIGH}{{ low = 40, high = 99 }}",
+    f"[sweep.grid]\n{LOW}[2.0, 50.0]\n[hand]\ntension_high_N = 40.0",
+    '[sweep.grid]\n"arm.limit_low_deg" = [[160.0, -35.0, -225.0, -266.0, -100.0, -266.0]]',
+    '[sweep.grid.hand]\nflexion_low_deg = [[-10.0, 0.0, 0.0], [95.0, 96.0, 96.0]]',
+])
+def test_lower_limits_above_upper_ones_are_refused_in_sweeps(tmp_path: Path, text: str) -> None:
+    found = refusals(tmp_path, SMALL + text + "\n")
+    assert len(found) == 1
+    assert found[0].startswith("spec.toml:1")
+    assert "at every point of the sweep" in found[0]
+
+
+@pytest.mark.parametrize("text", [
+    f"[sweep.zip]\n{LOW}[2.0, 50.0]\n{HIGH}[40.0, 60.0]",
+    f"[sweep.grid]\n{HIGH}[300.0, 400.0]\n[hand]\ntension_low_N = 200.0",
+    f"[sweep.sobol]\nn = 4\n{LOW}{{ low = 2, high = 129 }}",
+])
+def test_lower_limits_below_upper_ones_can_be_swept(tmp_path: Path, text: str) -> None:
+    assert read(tmp_path, SMALL + text + "\n").axes
 
 
 def test_every_problem_comes_at_once_in_the_order_of_the_file(tmp_path: Path) -> None:
@@ -401,3 +434,9 @@ def test_a_users_planner_is_named_by_its_content(tmp_path: Path) -> None:
     _file_hash.cache_clear()
     code.write_text("def f(belief):\n    return [] \n")
     assert plan_study(read_spec(file)).hash != first.hash
+
+
+def test_a_file_of_a_long_name_can_be_explored(tmp_path: Path) -> None:
+    file = tmp_path / f"{'x' * 100}.stl"
+    trimesh.creation.box((0.06, 0.08, 0.12)).export(file)
+    assert object_of_argument(str(file), "m")["name"] == "x" * NAME_LIMIT

@@ -2,16 +2,20 @@
 
 from dataclasses import replace
 from math import asin, cos, hypot, radians
+from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.optimize import minimize, minimize_scalar
 from scipy.stats import norm
 
-from warpgrasp.body import scene_of
+from warpgrasp.body import Body, scene_of
+from warpgrasp.body_sample import sample_body
 from warpgrasp.catalogue import body_from_name
 from warpgrasp.closing import close_fingers
 from warpgrasp.launch import ShapeError, set_thread_count
+from warpgrasp.mesh_intake import body_from_mesh
 from warpgrasp.parameters import HandTable, SensorTable
 from warpgrasp.status import ProbeStatus
 from warpgrasp.tendon import false_stop_probability
@@ -32,13 +36,13 @@ def base_flexion(step_deg: float = 0.1) -> tuple[np.ndarray, np.ndarray]:
 
 
 def close_on_cylinder(sensors: SensorTable, worlds: int = 1, height: float | None = None,
-                      hand: HandTable = HAND, step_deg: float = 0.1):
+                      hand: HandTable = HAND, step_deg: float = 0.1, body: Body = CYLINDER):
     """A hand straight above the cylinder, pointing down."""
     z = 0.090 + DEPTH + HAND.abduction_offset_m if height is None else height
     pose = np.tile([0, 0, z, 1, 0, 0, 0.0], (worlds, 1, 1))
     commands, count = base_flexion(step_deg)
     return close_fingers(
-        scene_of([CYLINDER], "cpu"), np.zeros(1, int), np.repeat(ON_TABLE, worlds, 0), hand,
+        scene_of([body], "cpu"), np.zeros(1, int), np.repeat(ON_TABLE, worlds, 0), hand,
         sensors, np.arange(worlds, dtype=np.uint64), np.ones((worlds, 1, 1), int), pose, commands,
         count)
 
@@ -59,6 +63,20 @@ def test_the_finger_stops_at_the_analytic_contact_angle() -> None:
     tip_height = 0.090 + DEPTH - sum(HAND.link_length_m) * cos(contact_angle())
     assert np.allclose(truth.point_m[0, 0, 0, 1], [-0.020, 0.0, tip_height], atol=1e-3)
     assert np.allclose(truth.normal[0, 0, 0, 1], [-1, 0, 0])
+
+
+def test_true_normals_of_a_mesh_are_of_unit_length(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("WARPGRASP_CACHE", str(tmp_path))
+    trimesh.creation.cylinder(0.020, 0.090).export(tmp_path / "can.stl")
+    can = body_from_mesh(tmp_path / "can.stl", units="m")
+    _, truth = close_on_cylinder(QUIET, body=can)
+    lengths = np.linalg.norm(truth.normal[truth.link >= 0], axis=-1)
+    assert len(lengths) == 2
+    assert np.allclose(lengths, 1.0, rtol=0.0, atol=1e-12)
+    lengths = np.linalg.norm(sample_body(can).surface_normal, axis=-1)
+    assert np.allclose(lengths, 1.0, rtol=0.0, atol=1e-12)
 
 
 def gap(place: float, joint: np.ndarray, along: np.ndarray) -> float:

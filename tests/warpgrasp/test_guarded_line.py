@@ -1,15 +1,19 @@
 """Guarded lines: what ends them, what is believed, and that the finger truly rests."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.spatial.transform import Rotation
 from scipy.stats import kstest, uniform
 
 from strategies.postures import POKE_RAD, poke_tip_m, poking_pose
+from warpgrasp.body import Body
 from warpgrasp.catalogue import body_from_name
 from warpgrasp.guarded_line import Until
+from warpgrasp.mesh_intake import body_from_mesh
 from warpgrasp.parameters import ArmTable, HandTable, PadTable, SensorTable
 from warpgrasp.robot import Robot, Truth
 from warpgrasp.status import ProbeStatus
@@ -22,9 +26,10 @@ QUIET = PadTable(noise_counts=0.0, gain_spread=0.0, repeatability=0.0, dead_frac
 INWARD = np.array([1.0, 0.0, 0.0])
 
 
-def robot_before_block(worlds: int, *, arm=None, sensors=None, pads=None) -> tuple[Robot, Truth]:
+def robot_before_block(worlds: int, *, arm=None, sensors=None, pads=None,
+                       body: Body | None = None) -> tuple[Robot, Truth]:
     truth = Truth(np.tile([0.45, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (worlds, 1)))
-    robot = Robot([body_from_name("block")], np.zeros(1, int), truth,
+    robot = Robot([body or body_from_name("block")], np.zeros(1, int), truth,
                   np.arange(worlds).astype(np.uint64) + np.uint64(99), arm or ArmTable(),
                   HandTable(), sensors or SensorTable(), pads=pads)
     return robot, truth
@@ -58,6 +63,18 @@ def test_contact_is_found_where_the_face_is() -> None:
     # Along the face: half a taxel of 1.6 mm on the pad's bend.
     np.testing.assert_allclose(touch.point_m[0], truth.lines[0].point_m[0], atol=9e-4)
     assert truth.lines[0].force_N[0] > 0.05
+
+
+def test_the_true_normal_of_a_mesh_is_of_unit_length(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("WARPGRASP_CACHE", str(tmp_path))
+    trimesh.creation.box((0.060, 0.080, 0.120)).export(tmp_path / "block.stl")
+    robot, truth = robot_before_block(
+        1, arm=EXACT_ARM, sensors=EXACT, pads=QUIET,
+        body=body_from_mesh(tmp_path / "block.stl", units="m"))
+    poke(robot)
+    assert abs(np.linalg.norm(truth.lines[0].normal[0]) - 1.0) < 1e-12
 
 
 def test_default_noise_leaves_the_touch_within_a_millimetre_or_two() -> None:
