@@ -37,10 +37,10 @@ def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], dev
         raise StoreError(f"--device: there is no {device} here; there are: {', '.join(found)}")
     plan = plan_study(read_spec(spec, settings))
     store = Store(folder)
-    for note in store.open_for(plan, spec.read_bytes(), device):
-        _say(note)
     options = Options(workers, shard, device, EPISODES, unit_timeout_s, verify)
     with _terminated_as_interrupted(), store.lock(shard):
+        for note in store.open_for(plan, spec.read_bytes(), device):
+            _say(note)
         outcome = _run(plan, store, options, engine, address)
         if outcome.done + outcome.failed == 0:
             _say(f"{folder}: finished already, {outcome.kept} units")

@@ -60,6 +60,19 @@ def test_a_sweep_ends_with_its_leaderboard(
     assert "seed: 7 -> 8" in capsys.readouterr().err
 
 
+def test_a_refused_sweep_changes_nothing(
+        tmp_path: Path, fake: None, capsys: pytest.CaptureFixture[str]) -> None:
+    spec, out = write_spec(tmp_path), tmp_path / "out"
+    assert cli.run(["sweep", str(spec), "-o", str(out)]) == 0
+    before = {name: (out / name).read_bytes() for name in ("resolved.json", "spec.toml")}
+    with commands.Store(out).lock((1, 1)):
+        assert cli.run(["sweep", str(spec), "-o", str(out), "--set", "episodes_per_cell=99"]) == 2
+    said = capsys.readouterr().err
+    assert "is being worked on by process" in said
+    assert "has grown" not in said
+    assert before == {name: (out / name).read_bytes() for name in before}
+
+
 @pytest.mark.parametrize(("arguments", "says"), [
     (["swep"], "swe"),
     (["sweep", "SPEC"], "--out"),
