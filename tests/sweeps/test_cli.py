@@ -4,6 +4,7 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -117,6 +118,13 @@ def test_lists_and_check_and_init(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert cli.run(["check", str(spec), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert (found["cells"], found["episodes"], found["units"]) == ("12", "768", "12")
+
+
+def test_the_version_is_the_packages(capsys: pytest.CaptureFixture[str]) -> None:
+    project = Path(__file__).parent.parent.parent / "pyproject.toml"
+    assert cli.run(["--version"]) == 0
+    assert capsys.readouterr().out.strip() == tomllib.loads(
+        project.read_text())["project"]["version"]
 
 
 def start(tmp_path: Path, **environment: str) -> subprocess.Popen[str]:
