@@ -9,6 +9,7 @@ from sweeps.cell import SECTIONS
 from sweeps.edge import read_table
 from sweeps.problems import Problem, Problems, SpecError, choose
 from sweeps.spec_objects import read_objects
+from sweeps.spec_pads import check_pads
 from sweeps.spec_strategies import read_strategies
 from sweeps.spec_sweep import read_axes, read_overrides
 from sweeps.study import CELL_LIMIT, EPISODE_LIMIT, Study, StudyTable
@@ -60,6 +61,8 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
         problems.add(("episodes_per_cell",),
                      f"makes {study.cell_count * head.episodes_per_cell:,} episodes in "
                      f"{study.cell_count:,} cells; the limit is {EPISODE_LIMIT:,}")
+    if not problems.found:
+        check_pads(study, problems)
     return study
 
 

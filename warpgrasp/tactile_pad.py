@@ -86,12 +86,8 @@ class PadPlace:
 
 def pad_of(table: PadTable, hand: HandTable) -> Pad:
     """The kernels' pad. Raises ValueError for a pad that does not fit its links."""
-    radius = hand.link_radius_m + table.thickness_m
-    for link, on in enumerate((table.proximal, table.middle, table.distal)):
-        straight = table.length_m - (table.wrap_rad * radius if link == 2 else 0.0)
-        if on and not 0.0 <= straight <= hand.link_length_m[link]:
-            raise ValueError(f"pad of {table.length_m * 1e3:g} mm does not fit link {link} of "
-                             f"{hand.link_length_m[link] * 1e3:g} mm")
+    if wrong := table.misfit(hand):
+        raise ValueError(wrong)
     pad = Pad()
     pad.on = wp.vec3i(int(table.proximal), int(table.middle), int(table.distal))
     pad.width, pad.length, pad.wrap = table.width_m, table.length_m, table.wrap_rad
