@@ -8,6 +8,7 @@ from typing import Any
 from sweeps.cell import SECTIONS
 from sweeps.edge import read_table
 from sweeps.problems import Problem, Problems, SpecError, choose
+from sweeps.quiet import quiet_stdout
 from sweeps.spec_objects import read_objects
 from sweeps.spec_pads import check_pads
 from sweeps.spec_strategies import read_strategies
@@ -29,7 +30,8 @@ def read_spec(file: FilePath, overrides: Sequence[str] = ()) -> Study:
     except SpecError as error:
         problems.found.extend(error.problems)
         text_axes, head_values = {}, {}
-    study = resolve({**values, **head_values}, file.resolve().parent, problems, text_axes)
+    with quiet_stdout():  # planners' files are run
+        study = resolve({**values, **head_values}, file.resolve().parent, problems, text_axes)
     if problems.found:
         raise SpecError(sorted(problems.found, key=_place))
     return study
