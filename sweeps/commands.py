@@ -46,11 +46,12 @@ def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], dev
             _say(f"{folder}: finished already, {outcome.kept} units")
         if shard[1] == 1:
             before = store.damaged
-            board = make_leaderboard(plan, [store])
+            kept = plan_of(store)  # the same study in its first spec's order: bootstraps go by it
+            board = make_leaderboard(kept, [store])
             if store.damaged > before:  # seen only by reading every row
                 _say(f"{store.damaged - before} damaged units are done again; see {store.logs}")
                 outcome = _run(plan, store, options, engine, address)
-                board = make_leaderboard(plan, [store])
+                board = make_leaderboard(kept, [store])
             write_atomic(folder / "leaderboard.csv", board.csv())
             _show(board, as_json)
     if shard[1] > 1:

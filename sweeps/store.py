@@ -12,7 +12,7 @@ from typing import Any
 
 from sweeps.atomic import write_atomic
 from sweeps.environment import describe_environment
-from sweeps.plan import Plan, Unit, differences, extends
+from sweeps.plan import Plan, Unit, differences, digest, extends
 from sweeps.unit_file import Columns, DamagedUnit, looks_whole, read_unit
 
 
@@ -104,6 +104,8 @@ class Store:
             try:
                 before = json.loads(file.read_bytes())
             except ValueError:
+                before = None
+            if not isinstance(before, dict):  # damaged: nothing is known of it
                 before = {}
             changed = [f"{key}: {before.get(key)} -> {now.get(key)}"
                        for key in sorted({*before, *now}) if before.get(key) != now.get(key)]
@@ -119,7 +121,7 @@ class Store:
         file = self.folder / "resolved.json"
         try:
             found = json.loads(file.read_bytes())
-            if not isinstance(found, dict) or not {"hash", "study"} <= set(found):
+            if not isinstance(found, dict) or digest(found.get("study")) != found.get("hash"):
                 raise ValueError
         except FileNotFoundError:
             raise StoreError(f"{self.folder}: holds no study; `warpgrasp sweep SPEC.toml -o "

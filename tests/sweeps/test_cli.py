@@ -61,6 +61,32 @@ def test_a_sweep_ends_with_its_leaderboard(
     assert "seed: 7 -> 8" in capsys.readouterr().err
 
 
+def test_a_spec_in_another_order_gives_the_same_leaderboard(tmp_path: Path, fake: None) -> None:
+    out, near = tmp_path / "out", SMALL.replace("mine", "mine6")  # as good as ring6
+    assert cli.run(["sweep", str(write_spec(tmp_path, near)), "-o", str(out)]) == 0
+    first = (out / "leaderboard.csv").read_bytes()
+    turned = near.replace('"block", "wedge"', '"wedge", "block"')
+    assert cli.run(["sweep", str(write_spec(tmp_path, turned)), "-o", str(out)]) == 0
+    assert (out / "leaderboard.csv").read_bytes() == first
+
+
+@pytest.mark.parametrize(("file", "content", "code", "says"), [
+    ("environment.json", "[]", 0, "made in another environment"),
+    ("environment.json", "null", 0, "made in another environment"),
+    ("resolved.json", '{"hash": "x", "study": []}', 2, "resolved.json: is damaged; remove it"),
+    ("resolved.json", '{"hash": "x", "study": {}}', 2, "resolved.json: is damaged; remove it"),
+    ("resolved.json", "[]", 2, "resolved.json: is damaged; remove it"),
+])
+def test_what_is_no_record_of_a_study_is_said(
+        tmp_path: Path, fake: None, capsys: pytest.CaptureFixture[str], file: str, content: str,
+        code: int, says: str) -> None:
+    spec, out = write_spec(tmp_path), tmp_path / "out"
+    assert cli.run(["sweep", str(spec), "-o", str(out)]) == 0
+    (out / file).write_text(content)
+    assert cli.run(["sweep", str(spec), "-o", str(out)]) == code
+    assert says in capsys.readouterr().err
+
+
 def test_a_refused_sweep_changes_nothing(
         tmp_path: Path, fake: None, capsys: pytest.CaptureFixture[str]) -> None:
     spec, out = write_spec(tmp_path), tmp_path / "out"
