@@ -8,27 +8,17 @@ options of the strategy, if there are any, and answers with the planner itself; 
 argument is the planner.
 """
 
-import importlib.util
 import inspect
-import sys
 from collections.abc import Callable, Mapping
-from hashlib import sha256
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, TypeVar
 
 from strategies.exploration import Planner
+from strategies.planner_file import PlannerError, planner_file
 
 GROUP = "warpgrasp.strategies"
-FILE_LIMIT = 1 << 20
-
-
 Maker = TypeVar("Maker", bound=Callable[..., Any])
-
-
-class PlannerError(ValueError):
-    """A planner that cannot be found or made; the message says where and what would be right."""
-
 
 PLANNERS: dict[str, tuple[Callable[..., Any], str]] = {}
 
@@ -103,40 +93,10 @@ def find_planner(call: str) -> Callable[..., Any]:
 
 
 def _from_file(file: Path, name: str) -> Callable[..., Any]:
-    try:
-        content = file.read_bytes()
-    except OSError as error:
-        raise PlannerError(f"{file}: cannot be read: {error.strerror}") from None
-    if len(content) > FILE_LIMIT:
-        raise PlannerError(f"{file}: {len(content)} bytes; at most {FILE_LIMIT}")
-    label = f"_strategy_{sha256(str(file.resolve()).encode() + content).hexdigest()[:16]}"
-    module = sys.modules.get(label)
-    if module is None:
-        spec = importlib.util.spec_from_file_location(label, file)
-        if spec is None or spec.loader is None:
-            raise PlannerError(f"{file}: is no Python file")
-        module = importlib.util.module_from_spec(spec)
-        sys.modules[label] = module
-        try:
-            spec.loader.exec_module(module)
-        except BaseException as error:
-            del sys.modules[label]
-            if isinstance(error, KeyboardInterrupt):
-                raise
-            line = getattr(error, "lineno", None) or _line_in(error, file)
-            raise PlannerError(f"{file}:{line}: {type(error).__name__}: {error}") from None
+    module = planner_file(file).module
     found = getattr(module, name, None)
     if not callable(found):
         functions = [n for n, v in vars(module).items() if callable(v) and not n.startswith("_")]
         raise PlannerError(f"{file}: has no function or class {name!r}; it has: "
                            f"{', '.join(functions) or 'none'}")
     return found
-
-
-def _line_in(error: BaseException, file: Path) -> int:
-    line, trace = 0, error.__traceback__
-    while trace is not None:
-        if trace.tb_frame.f_code.co_filename == str(file):
-            line = trace.tb_lineno
-        trace = trace.tb_next
-    return line

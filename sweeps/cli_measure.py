@@ -49,8 +49,9 @@ def paper(*, out: Annotated[Path, Parameter(name=["--out", "-o"])]) -> int:
 
 
 @app.command
-def sensitivity(*, out: Annotated[Path, Parameter(name=["--out", "-o"])], episodes: int = 16,
-                workers: int = 1, spec: Path | None = None, json: Json = False) -> int:
+def sensitivity(*, out: Annotated[Path, Parameter(name=["--out", "-o"])],
+                episodes: int | None = None, workers: int = 1, spec: Path | None = None,
+                json: Json = False) -> int:
     """Vary each estimated constant over its bracket; print what becomes of the ranking.
 
     Parameters
@@ -58,18 +59,21 @@ def sensitivity(*, out: Annotated[Path, Parameter(name=["--out", "-o"])], episod
     out
         The directory of the study; running again goes on where it stopped.
     episodes
-        Of each strategy on each object under each setting.
+        Of each strategy on each object under each setting; 16, or the spec's, if not given.
     workers
         Cores to use, one process each.
     spec
-        Another study of this kind: one zip axis, its first row the defaults.
+        Another study of this kind: one zip axis, its first row the defaults, and every further row
+        one constant changed.
     json
         Print the table as JSON.
     """
     from sweeps.sensitivity_command import sensitivity as run_sensitivity
 
-    return run_sensitivity(out, episodes=count_of(episodes, "--episodes"),
-                           workers=count_of(workers, "--workers"), spec=spec, as_json=json)
+    if episodes is not None:
+        count_of(episodes, "--episodes")
+    return run_sensitivity(out, episodes=episodes, workers=count_of(workers, "--workers"),
+                           spec=spec, as_json=json)
 
 
 @app.command
@@ -88,9 +92,9 @@ def bench(*, out: Annotated[Path, Parameter(name=["--out", "-o"])] = Path("runs/
     peers
         Beside MuJoCo, numba, JAX, scipy and trimesh (the optional group `peers`).
     only
-        Rows of this name alone (repeatable): closings, touches, metrics, fits, episodes, start, and
-        with --peers same_closing, mujoco_rollout, numba_closing, jax_closing, scipy_fits,
-        mujoco_scipy_episode, trimesh_distances.
+        Rows of this name alone (repeatable): closings, touches, metrics, fits, episodes, study,
+        start, and with --peers same_closing, mujoco_rollout, numba_closing, jax_closing,
+        scipy_fits, mujoco_scipy_episode, trimesh_distances.
     """
     from sweeps.bench import bench as measure_all
 

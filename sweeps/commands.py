@@ -37,20 +37,21 @@ def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], dev
         raise StoreError(f"--device: there is no {device} here; there are: {', '.join(found)}")
     plan = plan_study(read_spec(spec, settings))
     store = Store(folder)
-    for note in store.open_for(plan, spec.read_bytes(), device):
-        _say(note)
     options = Options(workers, shard, device, EPISODES, unit_timeout_s, verify)
     with _terminated_as_interrupted(), store.lock(shard):
+        for note in store.open_for(plan, spec.read_bytes(), device):
+            _say(note)
         outcome = _run(plan, store, options, engine, address)
         if outcome.done + outcome.failed == 0:
             _say(f"{folder}: finished already, {outcome.kept} units")
         if shard[1] == 1:
             before = store.damaged
-            board = make_leaderboard(plan, [store])
+            kept = plan_of(store)  # the same study in its first spec's order: bootstraps go by it
+            board = make_leaderboard(kept, [store])
             if store.damaged > before:  # seen only by reading every row
                 _say(f"{store.damaged - before} damaged units are done again; see {store.logs}")
                 outcome = _run(plan, store, options, engine, address)
-                board = make_leaderboard(plan, [store])
+                board = make_leaderboard(kept, [store])
             write_atomic(folder / "leaderboard.csv", board.csv())
             _show(board, as_json)
     if shard[1] > 1:

@@ -5,16 +5,19 @@ the shape believed falls. An extra: `pip install 'warpgrasp[gym]'`. Importing th
 `warpgrasp/Grasp-v0` for `gymnasium.make_vec` and, one world at a time, `gymnasium.make`.
 """
 
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
 from gymnasium import spaces
+from gymnasium.utils.seeding import np_random
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from fit.status import FitStatus
 from fit.superquadric_shape import Superquadric
+from strategies.closing_paths import CLOSING_PATHS
 from strategies.containment import explore_by_containment
 from strategies.evidence import Evidence, TouchedLinks, evidence_from_grasps, touched_links
 from strategies.exploration import FEWEST_CONTACTS
@@ -52,7 +55,15 @@ class GraspVectorEnv(VectorEnv):
     def __init__(self, num_envs: int = 16, object_name: str = "block", probes: int = 8,
                  closings: tuple[str, ...] = ("curl40", "base_then_curl"),
                  device: str = "cpu") -> None:
-        """`probes` are an episode's budget. Raises BodyError for an unknown object."""
+        """`probes` are an episode's budget. Raises BodyError for an unknown object, ValueError for
+        another argument that cannot be used.
+        """
+        for name, count in (("num_envs", num_envs), ("probes", probes)):
+            if not isinstance(count, int | np.integer) or count < 1:
+                raise ValueError(f"{name}: is {count!r}; should be a whole number from 1 on")
+        if not closings or not set(closings) <= set(CLOSING_PATHS):
+            raise ValueError(f"closings: are {closings!r}; should be some of "
+                             f"{', '.join(CLOSING_PATHS)}")
         self.num_envs = num_envs
         self.render_mode = None
         self._body = body_from_name(object_name)
@@ -63,12 +74,16 @@ class GraspVectorEnv(VectorEnv):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._over = False
+        self._each: list[np.random.Generator] = []  # of every world, where each has its own seed
 
-    def reset(self, *, seed: int | list[int] | None = None,
+    def reset(self, *, seed: int | Sequence[int | None] | None = None,
               options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict[str, Any]]:
-        """New objects' poses and noise, drawn from `seed` where it is given."""
-        super().reset(seed=seed[0] if isinstance(seed, list) else seed)
-        key = counter_key_host(int(self.np_random.integers(2**62)), 0, np.arange(self.num_envs))
+        """New objects' poses and noise, drawn from `seed` where it is given.
+
+        With a seed for each world, a world is what it would be alone. Raises ValueError where they
+        are not as many as the worlds.
+        """
+        key = self._drawn_keys(seed)
         pose = place_objects(ObjectTable(), key)
         self._told = tell_cylinder(self._body, pose, ObjectTable().prior_sigma_m, key)
         self._robot = Robot([self._body], np.zeros(1, int), Truth(pose), key, ArmTable(),
@@ -80,16 +95,39 @@ class GraspVectorEnv(VectorEnv):
         self._believe()
         return self._observation(), self._info()
 
+    def _drawn_keys(self, seed: int | Sequence[int | None] | None) -> np.ndarray:
+        """Every world's key: all of one generator, or of each world's own."""
+        if isinstance(seed, Sequence | np.ndarray):
+            if len(seed) != self.num_envs:
+                raise ValueError(f"seed: {len(seed)} seeds; should be one number, or one for each "
+                                 f"of {self.num_envs} worlds")
+            self._each = [np_random(None if one is None else int(one))[0] for one in seed]
+        elif seed is not None:
+            super().reset(seed=seed)
+            self._each = []
+        generators = self._each or [self.np_random]
+        worlds = np.arange(self.num_envs // len(generators))
+        return np.concatenate([counter_key_host(int(generator.integers(2**62)), 0, worlds)
+                               for generator in generators])
+
     def step(self, actions: np.ndarray) -> tuple[
             np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        """One more grasp in every world; after the last of the budget, the next step resets."""
+        """One more grasp in every world; after the last of the budget, the next step resets.
+
+        Actions beyond [-1, 1] are cut to it. Raises ValueError for those of another shape, or that
+        are not finite.
+        """
+        actions = np.asarray(actions, float)
+        if actions.shape != (self.num_envs, 4) or not np.isfinite(actions).all():
+            raise ValueError(f"actions: shape {actions.shape}; should be finite numbers of shape "
+                             f"({self.num_envs}, 4)")
         nothing = np.zeros(self.num_envs, bool)
         if self._over:
             observation, info = self.reset()
             return observation, np.zeros(self.num_envs), nothing, nothing.copy(), info
         before = self._error_mm
         grasps = explore_by_containment(
-            self._robot, self._pose_of(np.asarray(actions, float)),
+            self._robot, self._pose_of(actions),
             np.ones((self.num_envs, 1), bool), self._closings)
         self._gather(grasps)
         self._made += 1
@@ -170,7 +208,7 @@ class GraspEnv(gymnasium.Env):
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """As of `GraspVectorEnv`, of its one world; reset it after the end."""
-        observation, reward, _, over, info = self._many.step(np.asarray(action)[None])
+        observation, reward, _, over, info = self._many.step(np.asarray(action, float)[None])
         return (observation[0], float(reward[0]), False, bool(over[0]),
                 {"chamfer_mm": float(info["chamfer_mm"][0])})
 

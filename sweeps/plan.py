@@ -13,6 +13,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from strategies.planner_file import files_beside
 from strategies.strategy import Strategy
 from strategies.waypoints import WAYPOINT_KINDS
 from sweeps.cell import SECTIONS, TABLES, Cell
@@ -128,7 +129,7 @@ def canonical_strategy(strategy: Strategy) -> dict[str, Any]:
              **{key: getattr(strategy, key) for key in _PLAIN}}
     file, colon, function = strategy.call.rpartition(":")
     if colon and file.endswith(".py"):
-        found |= {"call": f"{Path(file).name}:{function}", "call_sha256": _file_hash(file)}
+        found |= {"call": f"{Path(file).name}:{function}", "call_sha256": _program_hash(file)}
     return found
 
 
@@ -170,6 +171,13 @@ def _file_hash(file: str) -> str:
     if file.startswith("sha256:"):  # of a study read back from its canonical form
         return file.removeprefix("sha256:").partition("/")[0]
     return hashlib.sha256(Path(file).read_bytes()).hexdigest()
+
+
+def _program_hash(file: str) -> str:
+    """Of a planner's file and, if it imports any, of those beside it."""
+    content = _file_hash(file)
+    beside = {} if file.startswith("sha256:") else files_beside(Path(file))
+    return digest([content, beside]) if beside else content
 
 
 def study_of(resolved: Mapping[str, Any], name: str = "") -> Study:

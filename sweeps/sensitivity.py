@@ -8,12 +8,15 @@ row, so rows differ by the constant alone.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.stats import kendalltau
 
+from sweeps.entries import value_text
 from sweeps.plan import Plan, cell_hash
+from sweeps.problems import Problem, SpecError
 from sweeps.store import Store
 
 STRATEGIES = ("ring6", "column9", "random18", "rim12-ring12")
@@ -82,6 +85,22 @@ def _toml(value: Any) -> str:
 
 HEADER = ("constant", "value", "tau", "best", "best_chamfer_mm", "mean_change_mm",
           "swapped_for_sure")
+
+
+def check_study(plan: Plan, file: Path) -> None:
+    """Raises SpecError for a study that does not compare strategies, one constant at a time."""
+    problems = []
+    if len(plan.study.strategies) < 2:
+        problems.append(Problem(str(file), "strategy", "is one; a ranking needs two at least"))
+    for number in range(plan.study.setting_count):
+        keys = [key for key, _ in _changes(plan, number)]
+        if len(keys) > 1:
+            problems.append(Problem(
+                str(file), "sweep", f"setting {number + 1} changes {' and '.join(keys)}; each "
+                "should change one constant of the first setting, which holds the defaults"))
+            break
+    if problems:
+        raise SpecError(problems)
 
 
 def sensitivity_table(plan: Plan, store: Store) -> tuple[list[tuple[str, ...]], list[str]]:
@@ -156,10 +175,16 @@ def _lead(difference: np.ndarray) -> float:
 
 
 def _changed(plan: Plan, number: int) -> tuple[str, str]:
-    edge, _ = plan.study.setting(number)
+    """The constant of a setting that is not as in the first one, and its value."""
+    found = _changes(plan, number)
+    if not found:
+        return "(default)", ""
+    key, value = found[0]
+    values = value if isinstance(value, tuple) else (value,)
+    return key, " ".join(map(value_text, values))
+
+
+def _changes(plan: Plan, number: int) -> list[tuple[str, Any]]:
     base, _ = plan.study.setting(0)
-    for key, value in edge.items():
-        if value != base[key]:
-            text = " ".join(f"{v:g}" for v in value) if isinstance(value, tuple) else f"{value:g}"
-            return key, text
-    return "(default)", ""
+    edge, _ = plan.study.setting(number)
+    return [(key, value) for key, value in edge.items() if value != base[key]]

@@ -10,28 +10,40 @@ from sweeps import commands
 from sweeps.atomic import write_atomic
 from sweeps.plan import plan_study
 from sweeps.runner import UNIT_TIMEOUT_S
-from sweeps.sensitivity import HEADER, sensitivity_spec, sensitivity_table
+from sweeps.sensitivity import (
+    EPISODES,
+    HEADER,
+    check_study,
+    sensitivity_spec,
+    sensitivity_table,
+)
 from sweeps.spec import read_spec
 from sweeps.store import Store, StoreError
 from sweeps.table import print_table
 
 
 def sensitivity(
-    folder: Path, *, episodes: int, workers: int, spec: Path | None, as_json: bool
+    folder: Path, *, episodes: int | None, workers: int, spec: Path | None, as_json: bool
 ) -> int:
-    """Run what is left of the study (or of `spec`, one of its kind), write and print the table."""
+    """Run what is left of the study (or of `spec`, one of its kind), write and print the table.
+
+    `episodes` stand before those of the spec. Raises SpecError for a spec of another kind.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
         file = spec
         if file is None:
             file = folder / "sensitivity.toml"
-            write_atomic(file, sensitivity_spec(episodes=episodes).encode())
+            write_atomic(file, sensitivity_spec(episodes=episodes or EPISODES).encode())
     except OSError as error:
         raise StoreError(f"{folder}: cannot be written: {error.strerror or error}") from None
+    settings = [] if episodes is None else [f"episodes_per_cell={episodes}"]
+    plan = plan_study(read_spec(file, settings))
+    check_study(plan, file)
     with redirect_stdout(io.StringIO()):  # a leaderboard of every setting would drown the table
         code = commands.sweep(file, folder, workers=workers, shard=(1, 1), device="cpu",
-                              settings=[], as_json=False, unit_timeout_s=UNIT_TIMEOUT_S)
-    rows, notes = sensitivity_table(plan_study(read_spec(file)), Store(folder))
+                              settings=settings, as_json=False, unit_timeout_s=UNIT_TIMEOUT_S)
+    rows, notes = sensitivity_table(plan, Store(folder))
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([HEADER, *rows])
     write_atomic(folder / "sensitivity.csv", text.getvalue().encode())

@@ -8,8 +8,10 @@ from typing import Any
 from sweeps.cell import SECTIONS
 from sweeps.edge import read_table
 from sweeps.problems import Problem, Problems, SpecError, choose
+from sweeps.quiet import quiet_stdout
 from sweeps.spec_objects import read_objects
 from sweeps.spec_order import check_order
+from sweeps.spec_pads import check_pads
 from sweeps.spec_strategies import read_strategies
 from sweeps.spec_sweep import read_axes, read_overrides
 from sweeps.study import CELL_LIMIT, EPISODE_LIMIT, Study, StudyTable
@@ -29,7 +31,8 @@ def read_spec(file: FilePath, overrides: Sequence[str] = ()) -> Study:
     except SpecError as error:
         problems.found.extend(error.problems)
         text_axes, head_values = {}, {}
-    study = resolve({**values, **head_values}, file.resolve().parent, problems, text_axes)
+    with quiet_stdout():  # planners' files are run
+        study = resolve({**values, **head_values}, file.resolve().parent, problems, text_axes)
     if problems.found:
         raise SpecError(sorted(problems.found, key=_place))
     return study
@@ -62,6 +65,8 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
         problems.add(("episodes_per_cell",),
                      f"makes {study.cell_count * head.episodes_per_cell:,} episodes in "
                      f"{study.cell_count:,} cells; the limit is {EPISODE_LIMIT:,}")
+    if not problems.found:
+        check_pads(study, problems)
     return study
 
 

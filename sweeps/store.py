@@ -12,7 +12,7 @@ from typing import Any
 
 from sweeps.atomic import write_atomic
 from sweeps.environment import describe_environment
-from sweeps.plan import Plan, Unit, differences, extends
+from sweeps.plan import Plan, Unit, differences, digest, extends
 from sweeps.unit_file import Columns, DamagedUnit, looks_whole, read_unit
 
 
@@ -65,7 +65,8 @@ class Store:
         """Makes the directory the study's own; notes worth telling the user come back.
 
         `OtherStudy` if it belongs to another spec. A study that only grew (more episodes,
-        strategies or objects) is taken up: every unit that is still the same is kept.
+        strategies or objects) is taken up: every unit that is still the same is kept. Who runs it
+        holds a shard's lock first: a run that is refused must not change what another works on.
         """
         notes: list[str] = []
         try:
@@ -76,8 +77,11 @@ class Store:
                 write_atomic(self.folder / "spec.toml", spec_text)
             notes += self._note_environment(device)
         except OSError as error:
-            raise StoreError(f"{self.folder}: cannot be written: {error.strerror}") from None
+            raise self._unwritable(error) from None
         return notes
+
+    def _unwritable(self, error: OSError) -> StoreError:
+        return StoreError(f"{self.folder}: cannot be written: {error.strerror}")
 
     def _claim(self, plan: Plan) -> list[str]:
         file = self.folder / "resolved.json"
@@ -100,6 +104,8 @@ class Store:
             try:
                 before = json.loads(file.read_bytes())
             except ValueError:
+                before = None
+            if not isinstance(before, dict):  # damaged: nothing is known of it
                 before = {}
             changed = [f"{key}: {before.get(key)} -> {now.get(key)}"
                        for key in sorted({*before, *now}) if before.get(key) != now.get(key)]
@@ -115,7 +121,7 @@ class Store:
         file = self.folder / "resolved.json"
         try:
             found = json.loads(file.read_bytes())
-            if not isinstance(found, dict) or not {"hash", "study"} <= set(found):
+            if not isinstance(found, dict) or digest(found.get("study")) != found.get("hash"):
                 raise ValueError
         except FileNotFoundError:
             raise StoreError(f"{self.folder}: holds no study; `warpgrasp sweep SPEC.toml -o "
@@ -173,10 +179,15 @@ class Store:
     def lock(self, shard: tuple[int, int]) -> Iterator[None]:
         """Holds a shard for this process; `Held` names who holds it already.
 
-        The kernel lets go of the lock when its holder dies, however that happens.
+        Makes the directory if need be. The kernel lets go of the lock when its holder dies, however
+        that happens.
         """
         file = self.folder / f".lock-{shard[0]}-of-{shard[1]}"
-        descriptor = os.open(file, os.O_RDWR | os.O_CREAT, 0o644)
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            descriptor = os.open(file, os.O_RDWR | os.O_CREAT, 0o644)
+        except OSError as error:
+            raise self._unwritable(error) from None
         try:
             if not _locked(descriptor):
                 holder = os.read(descriptor, 200).decode(errors="replace").strip()

@@ -123,6 +123,16 @@ class PadTable:
     yield_rad: float = _number(radians(1.5), 1e-4, 1.0,
                                "a joint this far from its command did not move the whole way [est]")
 
+    def misfit(self, hand: HandTable) -> str:
+        """Why pads of this size do not fit the hand's links; empty where they do."""
+        for link, on in enumerate((self.proximal, self.middle, self.distal)):
+            bent = self.wrap_rad * (hand.link_radius_m + self.thickness_m) if link == 2 else 0.0
+            if on and not 0.0 <= self.length_m - bent <= hand.link_length_m[link]:
+                return (f"pad of {self.length_m * 1e3:g} mm does not fit link {link} of "
+                        f"{hand.link_length_m[link] * 1e3:g} mm; should be {bent * 1e3:.3g} to "
+                        f"{(bent + hand.link_length_m[link]) * 1e3:.3g} mm long")
+        return ""
+
 
 @dataclass(frozen=True)
 class StereoTable:

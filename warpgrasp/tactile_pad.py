@@ -87,12 +87,8 @@ class PadPlace:
 def pad_of(table: PadTable, hand: HandTable) -> Pad:
     """The kernels' pad. Raises ValueError for a pad that does not fit its links, or that
     no force makes conduct better."""
-    radius = hand.link_radius_m + table.thickness_m
-    for link, on in enumerate((table.proximal, table.middle, table.distal)):
-        straight = table.length_m - (table.wrap_rad * radius if link == 2 else 0.0)
-        if on and not 0.0 <= straight <= hand.link_length_m[link]:
-            raise ValueError(f"pad of {table.length_m * 1e3:g} mm does not fit link {link} of "
-                             f"{hand.link_length_m[link] * 1e3:g} mm")
+    if wrong := table.misfit(hand):
+        raise ValueError(wrong)
     pressed = (table.least_ohm if table.law == "exponential"
                else table.newton_ohm * table.saturation_N**-table.power)
     if pressed >= table.rest_ohm:

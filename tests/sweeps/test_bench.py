@@ -1,5 +1,6 @@
 """The bench: what it runs, what it writes. Rates themselves are no tests."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ from sweeps.bench_measure import Work, measure
 from sweeps.bench_rows import ROWS
 from sweeps.bench_study import marginal
 from sweeps.bench_table import markdown
+from sweeps.cli import run
 from sweeps.store import StoreError
 
 
@@ -26,6 +28,12 @@ def test_a_name_that_no_row_has_is_named(tmp_path: Path) -> None:
         with pytest.raises(StoreError, match=f"no row '{name}' with --quick or without --peers"):
             bench(tmp_path / "out", quick=quick, peers=peers, only=[name])
     assert not (tmp_path / "out").exists()
+
+
+def test_help_lists_every_name(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["bench", "--help"]) == 0
+    listed = set(re.findall(r"\w+", capsys.readouterr().out))
+    assert {row for row, *_ in rows(quick=False, peers=True)} | {"start", "study"} <= listed
 
 
 def test_measure_keeps_the_first_call_apart() -> None:

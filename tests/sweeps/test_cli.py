@@ -4,6 +4,7 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -60,6 +61,45 @@ def test_a_sweep_ends_with_its_leaderboard(
     assert "seed: 7 -> 8" in capsys.readouterr().err
 
 
+def test_a_spec_in_another_order_gives_the_same_leaderboard(tmp_path: Path, fake: None) -> None:
+    out, near = tmp_path / "out", SMALL.replace("mine", "mine6")  # as good as ring6
+    assert cli.run(["sweep", str(write_spec(tmp_path, near)), "-o", str(out)]) == 0
+    first = (out / "leaderboard.csv").read_bytes()
+    turned = near.replace('"block", "wedge"', '"wedge", "block"')
+    assert cli.run(["sweep", str(write_spec(tmp_path, turned)), "-o", str(out)]) == 0
+    assert (out / "leaderboard.csv").read_bytes() == first
+
+
+@pytest.mark.parametrize(("file", "content", "code", "says"), [
+    ("environment.json", "[]", 0, "made in another environment"),
+    ("environment.json", "null", 0, "made in another environment"),
+    ("resolved.json", '{"hash": "x", "study": []}', 2, "resolved.json: is damaged; remove it"),
+    ("resolved.json", '{"hash": "x", "study": {}}', 2, "resolved.json: is damaged; remove it"),
+    ("resolved.json", "[]", 2, "resolved.json: is damaged; remove it"),
+])
+def test_what_is_no_record_of_a_study_is_said(
+        tmp_path: Path, fake: None, capsys: pytest.CaptureFixture[str], file: str, content: str,
+        code: int, says: str) -> None:
+    spec, out = write_spec(tmp_path), tmp_path / "out"
+    assert cli.run(["sweep", str(spec), "-o", str(out)]) == 0
+    (out / file).write_text(content)
+    assert cli.run(["sweep", str(spec), "-o", str(out)]) == code
+    assert says in capsys.readouterr().err
+
+
+def test_a_refused_sweep_changes_nothing(
+        tmp_path: Path, fake: None, capsys: pytest.CaptureFixture[str]) -> None:
+    spec, out = write_spec(tmp_path), tmp_path / "out"
+    assert cli.run(["sweep", str(spec), "-o", str(out)]) == 0
+    before = {name: (out / name).read_bytes() for name in ("resolved.json", "spec.toml")}
+    with commands.Store(out).lock((1, 1)):
+        assert cli.run(["sweep", str(spec), "-o", str(out), "--set", "episodes_per_cell=99"]) == 2
+    said = capsys.readouterr().err
+    assert "is being worked on by process" in said
+    assert "has grown" not in said
+    assert before == {name: (out / name).read_bytes() for name in before}
+
+
 @pytest.mark.parametrize(("arguments", "says"), [
     (["swep"], "swe"),
     (["sweep", "SPEC"], "--out"),
@@ -104,6 +144,13 @@ def test_lists_and_check_and_init(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert cli.run(["check", str(spec), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert (found["cells"], found["episodes"], found["units"]) == ("12", "768", "12")
+
+
+def test_the_version_is_the_packages(capsys: pytest.CaptureFixture[str]) -> None:
+    project = Path(__file__).parent.parent.parent / "pyproject.toml"
+    assert cli.run(["--version"]) == 0
+    assert capsys.readouterr().out.strip() == tomllib.loads(
+        project.read_text())["project"]["version"]
 
 
 def start(tmp_path: Path, **environment: str) -> subprocess.Popen[str]:

@@ -3,6 +3,7 @@ vector environment promises beside that is checked here from its documentation."
 
 import runpy
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -60,6 +61,37 @@ def test_worlds_do_not_depend_on_their_neighbours() -> None:
     action = np.random.default_rng(1).uniform(-1, 1, (4, 4))
     assert (few.reset(seed=3)[0] == many.reset(seed=3)[0][:2]).all()
     assert (few.step(action[:2])[0] == many.step(action)[0][:2]).all()
+
+
+def test_a_world_with_a_seed_of_its_own_is_as_alone() -> None:
+    worlds, alone = (GraspVectorEnv(n, probes=1, closings=("curl40",)) for n in (3, 1))
+    action = np.random.default_rng(1).uniform(-1, 1, (3, 4))
+    seen = [worlds.reset(seed=[5, 6, 5])[0], *(worlds.step(action)[0] for _ in range(2))]
+    one = [alone.reset(seed=6)[0], *(alone.step(action[1:2])[0] for _ in range(2))]
+    for many, single in zip(seen, one, strict=True):  # the last is the next episode's first
+        assert (many[1] == single[0]).all()
+    assert (seen[0][0] == seen[0][2]).all()
+    assert (worlds.reset(seed=7)[0][0] == alone.reset(seed=7)[0][0]).all()
+
+
+@pytest.mark.parametrize(("settings", "says"), [
+    ({"probes": 0}, "probes: is 0; should be"), ({"probes": -1}, "probes: is -1"),
+    ({"num_envs": 0}, "num_envs: is 0"), ({"closings": ()}, "should be some of"),
+    ({"closings": ("curl",)}, "should be some of.*curl40"),
+])
+def test_settings_that_cannot_be_used_are_refused(settings: dict[str, Any], says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        GraspVectorEnv(**settings)
+
+
+def test_actions_and_seeds_that_cannot_be_used_are_refused() -> None:
+    worlds = GraspVectorEnv(2, probes=1, closings=("curl40",))
+    with pytest.raises(ValueError, match="one for each of 2 worlds"):
+        worlds.reset(seed=[1])
+    worlds.reset(seed=1)
+    for actions in (np.zeros((2, 3)), np.zeros((1, 4)), np.zeros(4), np.full((2, 4), np.nan)):
+        with pytest.raises(ValueError, match=r"actions: .* should be .* \(2, 4\)"):
+            worlds.step(actions)
 
 
 @pytest.mark.slow

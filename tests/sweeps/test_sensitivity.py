@@ -1,8 +1,12 @@
 """The sensitivity study: its spec is a study, its table tells a swap from noise."""
 
+import json
+
 import numpy as np
 import pytest
+from studies import SMALL, write_spec
 
+from sweeps import commands
 from sweeps.cli import run
 from sweeps.plan import plan_study
 from sweeps.sensitivity import BRACKETS, _swapped, sensitivity_spec
@@ -36,6 +40,34 @@ def test_only_sure_swaps_count() -> None:
     assert _swapped(base, base[::-1], ("a", "b")) == "a > b"
     assert _swapped(base, base, ("a", "b")) == "none"
     assert _swapped(base, base + rng.normal(0.0, 9.0, base.shape), ("a", "b")) == "none"
+
+
+SPEC = SMALL.replace("= 70", "= 3") + "[sweep.zip]\n"
+THRESHOLD = '"sensors.tendon_threshold_N" = [6.0, 3.0]\n'
+
+
+@pytest.mark.parametrize(("text", "says"), [
+    (SPEC + THRESHOLD + '"hand.link_radius_mm" = [8.0, 10.0]',
+     "sweep: setting 2 changes sensors.tendon_threshold_N and hand.link_radius_mm; each should"),
+    (SPEC.partition('[[strategy]]\nname = "mine"')[0] + "[sweep.zip]\n" + THRESHOLD,
+     "strategy: is one; a ranking needs two"),
+])
+def test_a_spec_of_another_kind_is_refused(tmp_path, capsys, text, says) -> None:
+    out = tmp_path / "out"
+    assert run(["sensitivity", "-o", str(out), "--spec", str(write_spec(tmp_path, text))]) == 2
+    assert says in capsys.readouterr().err
+    assert not (out / "units").exists()
+
+
+def test_a_constant_may_be_a_text_and_episodes_are_as_asked(tmp_path, capsys, monkeypatch) -> None:
+    monkeypatch.setattr(commands, "EPISODES", "fake_episodes:run_episodes")
+    spec = write_spec(tmp_path, SPEC + '"sensors.contact_estimator" = ["intrinsic", "fingertip"]')
+    assert run(["sensitivity", "-o", str(tmp_path / "out"), "--spec", str(spec), "--episodes", "40",
+                "--json"]) == 0
+    printed = capsys.readouterr()
+    row = json.loads(printed.out)[1]
+    assert (row["constant"], row["value"]) == ("sensors.contact_estimator", "fingertip")
+    assert "2 objects x 40 episodes" in printed.err
 
 
 @pytest.mark.slow

@@ -1,4 +1,7 @@
+import json
+import sys
 from dataclasses import fields, replace
+from hashlib import sha256
 from math import degrees, isclose, radians
 from pathlib import Path
 from typing import Any
@@ -11,8 +14,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from studies import SMALL, write_spec
 
+from strategies.registry import PlannerError, find_planner, make_planner
 from strategies.waypoints import WAYPOINT_KINDS, Ring, Top
 from sweeps.cell import SECTIONS
+from sweeps.cli import run
 from sweeps.edge import edge_fields
 from sweeps.plan import _file_hash, canonical_body, plan_study, study_of
 from sweeps.problems import NAME_LIMIT, Problems, SpecError
@@ -195,6 +200,30 @@ def test_lower_limits_above_upper_ones_are_refused_in_sweeps(tmp_path: Path, tex
 ])
 def test_lower_limits_below_upper_ones_can_be_swept(tmp_path: Path, text: str) -> None:
     assert read(tmp_path, SMALL + text + "\n").axes
+
+
+PADS = [
+    ("[hand]\nlink_radius_mm = 20\n", "spec.toml:12: hand.link_radius_mm: pad of 25.4 mm does not "
+     "fit link 2 of 28 mm; should be 29.3 to 57.3 mm long"),
+    ("[pads]\nmiddle = true\nlength_mm = 35\n", "spec.toml:13: pads.length_mm: pad of 35 mm does "
+     "not fit link 1 of 33 mm; should be 0 to 33 mm long"),
+    ('[sweep.grid]\n"object.x_mm" = [450, 460]\n"hand.link_radius_mm" = [8, 20]\n'
+     '"pads.wrap_deg" = [10, 80]\n', "spec.toml:11: sweep: with hand.link_radius_mm = 20, "
+     "pads.wrap_deg = 80: pad of 25.4 mm does not fit link 2"),
+]
+
+
+@pytest.mark.parametrize(("text", "says"), PADS)
+def test_pads_fit_their_links_where_a_strategy_feels(
+        tmp_path: Path, text: str, says: str) -> None:
+    feels = SMALL + 'order = ["containment", "planar"]\n'
+    found = refusals(tmp_path, feels + text)
+    assert len(found) == 1
+    assert says in found[0]
+    read_spec(write_spec(tmp_path, SMALL + text))  # only grasps
+    order = '"strategy.order" = [["containment"], ["decide"]]\n'
+    text += order if "[sweep" in text else f"[sweep.grid]\n{order}"
+    assert refusals(tmp_path, SMALL + text)
 
 
 def test_every_problem_comes_at_once_in_the_order_of_the_file(tmp_path: Path) -> None:
@@ -440,3 +469,67 @@ def test_a_file_of_a_long_name_can_be_explored(tmp_path: Path) -> None:
     file = tmp_path / f"{'x' * 100}.stl"
     trimesh.creation.box((0.06, 0.08, 0.12)).export(file)
     assert object_of_argument(str(file), "m")["name"] == "x" * NAME_LIMIT
+
+
+def test_files_beside_a_planner_belong_to_it(tmp_path: Path) -> None:
+    calls = []
+    for name, steps in (("one", "1"), ("two", "22")):
+        folder = tmp_path / name
+        folder.mkdir()
+        (folder / "helper.py").write_text("from deeper import STEPS\n")
+        (folder / "deeper.py").write_text(f"STEPS = {steps}\n")
+        (folder / "mine.py").write_text("from helper import STEPS\n"
+                                        "def f(belief):\n    return STEPS\n")
+        calls.append(f"{folder}/mine.py:f")
+    assert [find_planner(call)(None) for call in calls] == [1, 22]
+    assert not {"helper", "deeper"} & set(sys.modules)
+    assert not [entry for entry in sys.path if entry.startswith(str(tmp_path))]
+
+    file = tmp_path / "one" / "study.toml"
+    file.write_text(f'schema = 1\nobjects = ["block"]\n{MINE}strategy = "mine.py:f"\n')
+    first = plan_study(read_spec(file))
+    assert plan_study(study_of(first.resolved)).hash == first.hash
+    (tmp_path / "one" / "deeper.py").write_text("STEPS = 333\n")
+    assert plan_study(read_spec(file)).hash != first.hash
+    assert find_planner(calls[0])(None) == 333
+    (tmp_path / "one" / "deeper.py").write_text("STEPS = 1\n")
+    assert plan_study(read_spec(file)).hash == first.hash
+
+
+def test_a_planner_alone_is_known_by_its_own_content(tmp_path: Path) -> None:
+    (tmp_path / "other.py").write_text("X = 3\n")
+    file, code = tmp_path / "study.toml", tmp_path / "mine.py"
+    code.write_text("def f(belief):\n    return []\n")
+    file.write_text(f'schema = 1\nobjects = ["block"]\n{MINE}strategy = "mine.py:f"\n')
+    plan = plan_study(read_spec(file))
+    assert plan.resolved["strategies"]["mine"]["call_sha256"] == sha256(
+        code.read_bytes()).hexdigest()
+
+
+@pytest.mark.parametrize(("code", "says"), [
+    ("x = 1\n\nraise ValueError('no')\n", "mine.py:3: ValueError: no"),
+    ("import json\n\njson.loads('{')\n", "mine.py:3: JSONDecodeError"),
+    ("x = 1\nx = = 2\n", "mine.py:2: SyntaxError"),
+    ("x = 1\n\n\nimport helper\n", "mine.py:4: SyntaxError"),
+])
+def test_an_error_in_a_planners_file_is_told_with_its_line(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: str, says: str) -> None:
+    (tmp_path / "mine.py").write_text(code)
+    (tmp_path / "helper.py").write_text("x = = 2\n")
+    monkeypatch.chdir(tmp_path)
+    for call in ("mine.py:f", f"{tmp_path}/mine.py:f"):
+        with pytest.raises(PlannerError, match=says):
+            make_planner(call, {})
+
+
+def test_what_a_planner_prints_is_no_result(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "mine.py").write_text(
+        "print('import')\nclass F:\n    def __init__(self, size=1):\n        print('init')\n")
+    file = tmp_path / "study.toml"
+    file.write_text(f'schema = 1\nobjects = ["block"]\n{MINE}strategy = "mine.py:F"\n'
+                    'options = { size = 1 }\n[sweep.grid]\n"strategy.options.size" = [1, 2]\n')
+    assert run(["check", str(file), "--json"]) == 0
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["settings"] == "2"
+    assert {"import", "init"} <= set(printed.err.split())

@@ -1,0 +1,112 @@
+"""A user's own file of planners: run as a program is, so that it may import files beside it.
+
+Files beside it that it imports (at its top: later they are not found) belong to it alone: another
+planner's file in another folder may have a helper of the same name.
+"""
+
+import importlib.util
+import os
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from types import ModuleType
+
+FILE_LIMIT = 1 << 20
+
+
+class PlannerError(ValueError):
+    """A planner that cannot be found or made; the message says where and what would be right."""
+
+
+@dataclass(frozen=True)
+class PlannerFile:
+    """A file that was run, with the SHA-256 of its content and of those beside it, by name."""
+
+    module: ModuleType
+    content: str
+    beside: Mapping[str, str]
+
+
+_RUN: dict[Path, PlannerFile] = {}
+
+
+def planner_file(file: Path) -> PlannerFile:
+    """A file of planners, run anew where it changed, or one beside it. Raises PlannerError."""
+    try:
+        content = file.read_bytes()
+    except OSError as error:
+        raise PlannerError(f"{file}: cannot be read: {error.strerror}") from None
+    if len(content) > FILE_LIMIT:
+        raise PlannerError(f"{file}: {len(content)} bytes; at most {FILE_LIMIT}")
+    place = file.resolve()
+    known = _RUN.get(place)
+    if known is None or known.content != sha256(content).hexdigest() or any(
+            _hash(place.with_name(name)) != found for name, found in known.beside.items()):
+        known = _RUN[place] = _run(file, place, sha256(content).hexdigest())
+    return known
+
+
+def files_beside(file: Path) -> Mapping[str, str]:
+    """What a file imported from beside it when it was last run, and hashes; it is run if need be.
+
+    Raises PlannerError.
+    """
+    return (_RUN.get(file) or planner_file(file)).beside
+
+
+def _run(file: Path, place: Path, content: str) -> PlannerFile:
+    label = f"_strategy_{sha256((str(place) + content).encode()).hexdigest()[:16]}"
+    spec = importlib.util.spec_from_file_location(label, place)
+    if spec is None or spec.loader is None:
+        raise PlannerError(f"{file}: is no Python file")
+    module = importlib.util.module_from_spec(spec)
+    folder = str(place.parent)
+    others = _taken_out(folder)
+    sys.modules[label] = module
+    sys.path.insert(0, folder)
+    importlib.invalidate_caches()
+    try:
+        spec.loader.exec_module(module)
+        beside = {f"{name}.py": _hash(place.with_name(f"{name}.py")) for name in _taken_out(folder)}
+    except BaseException as error:
+        del sys.modules[label]
+        if isinstance(error, KeyboardInterrupt):
+            raise
+        raise PlannerError(f"{file}:{_line_in(error, str(place))}: {type(error).__name__}: "
+                           f"{error}") from None
+    finally:
+        if folder in sys.path:
+            sys.path.remove(folder)
+        _taken_out(folder)
+        sys.modules.update(others)
+    return PlannerFile(module, content, beside)
+
+
+def _taken_out(folder: str) -> dict[str, ModuleType]:
+    """The modules that are files of a folder, which are no longer imported from here on."""
+    found = {name: module for name, module in list(sys.modules.items())
+             if getattr(module, "__dict__", {}).get("__file__") == f"{folder}{os.sep}{name}.py"}
+    for name in found:
+        del sys.modules[name]
+    return found
+
+
+def _hash(file: Path) -> str:
+    try:
+        return sha256(file.read_bytes()).hexdigest()
+    except OSError:
+        return ""
+
+
+def _line_in(error: BaseException, file: str) -> int:
+    """The line of a file where an error came from; 0 where it did not."""
+    if isinstance(error, SyntaxError) and error.filename == file:
+        return error.lineno or 0
+    line, trace = 0, error.__traceback__
+    while trace is not None:
+        if trace.tb_frame.f_code.co_filename == file:
+            line = trace.tb_lineno
+        trace = trace.tb_next
+    return line
