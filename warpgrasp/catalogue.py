@@ -267,7 +267,7 @@ def _body(name: str, parts: tuple[Part, ...], doc: str, on_table: bool = False) 
         body = body_lowered(body)
     sides = np.subtract(body.high_m, body.low_m)
     if not can_be_explored(sides.max()):
-        size = " x ".join(f"{1000 * side:.3g}" for side in sides)
+        size = " x ".join(f"{1000 * side:.6g}" for side in sides)
         raise BodyError(f"{name}: comes out at {size} mm; a longest side of {1000 * SMALLEST_M:g} "
                         f"to {1000 * LARGEST_M:g} mm can be explored: are its lengths in mm?")
     return body
