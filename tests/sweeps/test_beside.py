@@ -1,0 +1,31 @@
+"""An episode alone has the columns, bit for bit, that it has beside others."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from strategies.strategy import Strategy
+from strategies.waypoints import Ring
+from sweeps.cell import Cell
+from sweeps.episodes import run_cells, run_episodes
+
+
+def same(one: Mapping[str, np.ndarray], other: Mapping[str, np.ndarray], row: int) -> None:
+    """The only row of `one` is row `row` of `other`."""
+    for name, values in one.items():
+        np.testing.assert_array_equal(values[0], other[name][row], name)
+
+
+def cell(strategy: Strategy, name: str) -> Cell:
+    return Cell(strategy, {"name": name}, name, seed=3)
+
+
+def test_a_neighbours_face_bars_no_end_from_being_crossed() -> None:
+    strategy = Strategy("s", (Ring(count=2),), order=("containment", *["decide"] * 3))
+    block, wedges = cell(strategy, "block"), cell(strategy, "wedge")
+    alone, = run_cells([(block, np.array([11]))], "cpu")
+    beside, _ = run_cells([(block, np.array([11])), (wedges, np.arange(6))], "cpu")
+    same(alone, beside, 0)
+    assert "planar" in alone["procedures"][0]
