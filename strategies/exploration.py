@@ -10,7 +10,7 @@ in the worlds concerned; what was felt before still counts.
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 
@@ -67,7 +67,6 @@ class Planner(Protocol):
     def __call__(self, belief: Belief, /) -> Sequence[Probe]: ...  # noqa: D102
 
 
-@runtime_checkable
 class Foreseeing(Protocol):
     """A planner that may try a grasp on a copy of the episode: the oracle."""
 
@@ -107,16 +106,17 @@ class Exploration:
 def explore(
     robot: Robot, planner: Planner, told: BoundingCylinder, seed: np.ndarray, *, table: FitTable,
     closings: tuple[str, ...], budget: Budget | None = None,
-    observe: Callable[[Belief, Recovered], None] | None = None,
+    observe: Callable[[Belief, Recovered], None] | None = None, oracle: Foreseeing | None = None,
 ) -> Exploration:
     """Run one episode in every world.
 
     `seed` (world,) uint64 is the strategy's own; `table` says what the fits go by; `closings` are
-    the paths of grasps that name none. `observe` is shown the belief after every step.
+    the paths of grasps that name none. `observe` is shown the belief after every step. `oracle` is
+    the planner, if it is one that may foresee: what it is handed leads to the truth.
     """
     run = _Run(robot, told, seed, table, closings, budget or Budget())
-    if isinstance(planner, Foreseeing):
-        planner.foresee = run.imagine
+    if oracle is not None:
+        oracle.foresee = run.imagine
     while run.step < MOST_STEPS and run.active.any():
         before = run.step
         run.take_step(planner)

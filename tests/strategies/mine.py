@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from strategies.oracle import Oracle
 from strategies.probes import Grasp
 from strategies.registry import planner
 from strategies.waypoint_poses import waypoint_poses
@@ -49,6 +50,26 @@ def through_the_table(belief):
 
 def never_ends(belief):
     return [Grasp(waypoint_poses((Ring(count=6),), belief.told, belief.hand, belief.seed)[:, :1])]
+
+
+class Seer:
+    """Has what the oracle has, and would use it."""
+
+    def __init__(self) -> None:
+        self.foresee = None
+        self.error = None
+
+    def let_see(self, error) -> None:
+        self.error = error
+
+    def __call__(self, belief):
+        if self.foresee is not None or self.error is not None:
+            raise RuntimeError("sees the truth")
+        return one_ring(belief)
+
+
+class OracleOfMine(Oracle):
+    """The oracle under another name."""
 
 
 @planner("registered-by-a-test", "one ring")

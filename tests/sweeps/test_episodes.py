@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from strategies.catalogue import STRATEGIES
+from strategies.strategy import Strategy
 from sweeps.cell import Cell
 from sweeps.episodes import run_block, run_cells, run_episodes
 from sweeps.explore import COLUMNS, explore
@@ -151,3 +152,16 @@ name = "ring6"
     assert any("strategy mine failed: mine.py:2: broken: AttributeError" in note
                for note in board.notes)
     assert [row[1] for row in board.rows] == ["ring6", "mine"]
+
+
+def test_none_but_the_oracle_foresees() -> None:
+    """Whoever looks like it, or is of its kind, is handed nothing that leads to the truth."""
+    mine = Path(__file__).parents[1] / "strategies" / "mine.py"
+    seer = run_episodes(replace(CELL, strategy=Strategy("s", call=f"{mine}:Seer")),
+                        np.arange(1), "cpu")
+    assert list(seer["status"]) == ["ok"], seer["note"]
+    kin = run_episodes(replace(CELL, strategy=Strategy("s", call=f"{mine}:OracleOfMine")),
+                       np.arange(1), "cpu")
+    assert "the oracle sees nothing" in kin["note"][0]
+    oracle = Strategy("s", call="oracle", touches=8, options=(("tried", 2),))
+    assert list(run_episodes(replace(CELL, strategy=oracle), np.arange(1), "cpu")["note"]) == [""]
