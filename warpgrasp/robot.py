@@ -75,7 +75,7 @@ class Robot:
         self._truth = truth
         self._key = key
         self._device = device
-        self._probes_made = 0
+        self._probes_made = np.zeros(len(key), int)
         self._lines_made = np.zeros(len(key), int)
         self._line_count = 0
         self._mount = mount_error(arm, key)
@@ -99,6 +99,7 @@ class Robot:
         """A copy that goes on from here, noise and all, and leaves no trace in this one's truth."""
         other = copy(self)
         other._truth = Truth(self._truth.body_pose)
+        other._probes_made = self._probes_made.copy()
         other._lines_made = self._lines_made.copy()
         return other
 
@@ -111,17 +112,19 @@ class Robot:
         `hand_pose` (world, probe, 7) [m], quaternion xyzw; `wanted` (world, probe) bool;
         `commands_rad` (grasp, finger, step, 4), `command_count` (grasp,) steps that count.
         """
+        # Each world's own count of what it was asked for, whatever is asked of the others.
+        number = self._probes_made[:, None] + np.cumsum(wanted, axis=1) - 1
         moves, actual = move_hand(
             self._scene, self._body, self._truth.body_pose, self.arm, self.hand, self._key,
-            self._state, hand_pose, wanted, commands_rad, probe_first=self._probes_made,
+            self._state, hand_pose, wanted, commands_rad, probe_number=number,
             march_scale=self._march_scale, device=self._device)
         closing, truth = close_fingers(
             self._scene, self._body, self._truth.body_pose, self.hand, self.sensors, self._key,
-            moves.status, actual, commands_rad, command_count, probe_first=self._probes_made,
+            moves.status, actual, commands_rad, command_count, probe_number=number,
             march_scale=self._march_scale, device=self._device)
         self._truth.closings.append(truth)
         self._truth.hand_poses.append(actual)
-        self._probes_made += hand_pose.shape[1]
+        self._probes_made += wanted.sum(1)
         self._state = moves.state
         estimate = estimate_contacts(closing, moves.believed_pose, commands_rad, self.arm,
                                      self.hand, self.sensors, device=self._device)

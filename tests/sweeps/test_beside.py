@@ -4,12 +4,13 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from strategies.strategy import Strategy
 from strategies.waypoints import Ring
 from sweeps.cell import Cell
 from sweeps.episodes import run_cells, run_episodes
+
+MINE = Path(__file__).parents[1] / "strategies" / "mine.py"
 
 
 def same(one: Mapping[str, np.ndarray], other: Mapping[str, np.ndarray], row: int) -> None:
@@ -29,3 +30,12 @@ def test_a_neighbours_face_bars_no_end_from_being_crossed() -> None:
     beside, _ = run_cells([(block, np.array([11])), (wedges, np.arange(6))], "cpu")
     same(alone, beside, 0)
     assert "planar" in alone["procedures"][0]
+
+
+def test_the_noise_of_a_world_is_its_own() -> None:
+    """Worlds that grasp at other steps than their neighbours."""
+    mixed = cell(Strategy("s", call=f"{MINE}:Mixed"), "block")
+    beside = run_episodes(mixed, np.arange(6), "cpu")
+    assert set(beside["procedures"]) == {"containment", "planar containment"}
+    for episode in range(6):
+        same(run_episodes(mixed, np.array([episode]), "cpu"), beside, episode)
