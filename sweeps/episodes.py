@@ -21,6 +21,7 @@ from fit.rows import joined
 from fit.status import status_names
 from fit.superquadric_shape import Superquadric
 from strategies.belief import Belief
+from strategies.budget import MOST_STEPS
 from strategies.evidence import Evidence
 from strategies.exploration import Exploration, Planner, explore
 from strategies.oracle import Oracle
@@ -45,6 +46,7 @@ from warpgrasp.parameters import ObjectTable
 from warpgrasp.robot import Grasps, Robot, Truth, has_deformed_part
 from warpgrasp.status import ProbeStatus
 
+STOPPED = f"stopped: it wanted more than {MOST_STEPS} steps"
 Part = tuple[Cell, np.ndarray]
 """A cell and the numbers of some of its episodes."""
 
@@ -148,7 +150,8 @@ def _rows_of(
         "object": np.repeat([cell.object_name for cell, _ in parts], counts),
         "seed": np.full(worlds, cell.seed, np.int64),
         "status": block.status,
-        "note": np.where(block.status == "strategy_failed", block.exploration.fault, ""),
+        "note": np.where(block.status == "strategy_failed", block.exploration.fault,
+                         np.where(block.exploration.stopped, STOPPED, "")),
         "contacts": belief.evidence.mask.sum(1),
         "touches": belief.touches,
         "probes": (probes == ProbeStatus.CONTACT).sum(1),

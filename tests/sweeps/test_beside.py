@@ -1,16 +1,18 @@
 """An episode alone has the columns, bit for bit, that it has beside others."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from strategies.catalogue import STRATEGIES
 from strategies.strategy import Strategy
 from strategies.waypoints import Ring
 from sweeps.cell import Cell
 from sweeps.episodes import run_cells, run_episodes
 
-MINE = Path(__file__).parents[1] / "strategies" / "mine.py"
+THEIRS = Path(__file__).parents[1] / "strategies" / "theirs.py"
 
 
 def same(one: Mapping[str, np.ndarray], other: Mapping[str, np.ndarray], row: int) -> None:
@@ -32,9 +34,18 @@ def test_a_neighbours_face_bars_no_end_from_being_crossed() -> None:
     assert "planar" in alone["procedures"][0]
 
 
+def test_a_budget_is_cut_by_what_each_world_could_make() -> None:
+    funnels = cell(replace(STRATEGIES["ring18"], touches=48), "funnel")
+    beside = run_episodes(funnels, np.arange(8), "cpu")
+    assert beside["touches"].min() >= 48
+    assert beside["touches"].max() < 48 + 8
+    for episode in (5, 7):
+        same(run_episodes(funnels, np.array([episode]), "cpu"), beside, episode)
+
+
 def test_the_noise_of_a_world_is_its_own() -> None:
     """Worlds that grasp at other steps than their neighbours."""
-    mixed = cell(Strategy("s", call=f"{MINE}:Mixed"), "block")
+    mixed = cell(Strategy("s", call=f"{THEIRS}:Mixed"), "block")
     beside = run_episodes(mixed, np.arange(6), "cpu")
     assert set(beside["procedures"]) == {"containment", "planar containment"}
     for episode in range(6):

@@ -156,12 +156,12 @@ name = "ring6"
 
 def test_none_but_the_oracle_foresees() -> None:
     """Whoever looks like it, or is of its kind, is handed nothing that leads to the truth."""
-    mine = Path(__file__).parents[1] / "strategies" / "mine.py"
-    seer = run_episodes(replace(CELL, strategy=Strategy("s", call=f"{mine}:Seer")),
+    theirs = Path(__file__).parents[1] / "strategies" / "theirs.py"
+    seer = run_episodes(replace(CELL, strategy=Strategy("s", call=f"{theirs}:Seer")),
                         np.arange(1), "cpu")
-    assert list(seer["status"]) == ["ok"], seer["note"]
-    kin = run_episodes(replace(CELL, strategy=Strategy("s", call=f"{mine}:OracleOfMine")),
+    assert list(seer["note"]) == [""]
+    kin = run_episodes(replace(CELL, strategy=Strategy("s", call=f"{theirs}:OracleOfMine")),
                        np.arange(1), "cpu")
     assert "the oracle sees nothing" in kin["note"][0]
-    oracle = Strategy("s", call="oracle", touches=8, options=(("tried", 2),))
+    oracle = Strategy("s", call="oracle", touches=8, options=(("tried", 1),))
     assert list(run_episodes(replace(CELL, strategy=oracle), np.arange(1), "cpu")["note"]) == [""]
