@@ -60,6 +60,7 @@ class OneAtATime(ABC):
         rows = np.arange(belief.worlds)
         wanted = np.isfinite(gain[rows, best])
         self.taken[rows[wanted], best[wanted]] = True
+        self.taken[~wanted] = True  # alone, its episode would have ended
         self.last = poses[rows, best][:, None]
         return [Grasp(poses[rows, best][:, None], wanted[:, None])]
 

@@ -6,6 +6,9 @@ import numpy as np
 
 from strategies.belief import Belief
 
+MOST_STEPS = 64
+"""Steps of a planner that goes by what it finds, for it might never end."""
+
 
 @dataclass(frozen=True)
 class Budget:
@@ -18,6 +21,8 @@ class Budget:
     """Looked at between steps."""
     volume_ratio: float | None = None
     """Stop when the 90 % interval of the volume, upper over lower bound, is below this (> 1)."""
+    steps: int | None = MOST_STEPS
+    """Steps in which the world wanted something; None where a strategy is known to end."""
 
 
 def within_budget(budget: Budget, belief: Belief) -> np.ndarray:

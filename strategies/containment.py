@@ -20,8 +20,10 @@ def padded_commands(closings: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def explore_by_containment(
-    robot: Robot, hand_pose: np.ndarray, wanted: np.ndarray, closings: tuple[str, ...]
+    robot: Robot, hand_pose: np.ndarray, wanted: np.ndarray, closings: tuple[str, ...],
+    room: np.ndarray | None = None,
 ) -> Grasps:
-    """Grasp at every wanted pose (world, probe, 7) along every named closing path."""
+    """Grasp at every wanted pose (world, probe, 7) along every named closing path; no more poses
+    once the fingers' closings are as many as `room` (world,)."""
     commands, count = padded_commands(closings)
-    return robot.grasp(hand_pose, wanted, commands, count)
+    return robot.grasp(hand_pose, wanted, commands, count, room)

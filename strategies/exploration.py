@@ -10,7 +10,7 @@ in the worlds concerned; what was felt before still counts.
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 
@@ -53,11 +53,8 @@ from warpgrasp.status import ProbeStatus
 
 FEWEST_CONTACTS = 8
 """With fewer contacts no body is fitted."""
-MOST_STEPS = 64
-"""Times a strategy is asked in one episode."""
 TABLE_M = 0.0
 """A hand whose origin is asked to be lower than the table is a fault of the strategy."""
-FINGERS = 4
 _SAFE_POSE = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
 
 
@@ -67,7 +64,6 @@ class Planner(Protocol):
     def __call__(self, belief: Belief, /) -> Sequence[Probe]: ...  # noqa: D102
 
 
-@runtime_checkable
 class Foreseeing(Protocol):
     """A planner that may try a grasp on a copy of the episode: the oracle."""
 
@@ -102,29 +98,32 @@ class Exploration:
     """ok, too_few_contacts, fit_failed, fit_implausible or strategy_failed, (world,)."""
     fault: str
     """What the strategy did wrong, with file and line; empty where nothing."""
+    stopped: np.ndarray
+    """Worlds in which it wanted more than `Budget.steps` steps, bool (world,)."""
 
 
 def explore(
     robot: Robot, planner: Planner, told: BoundingCylinder, seed: np.ndarray, *, table: FitTable,
     closings: tuple[str, ...], budget: Budget | None = None,
-    observe: Callable[[Belief, Recovered], None] | None = None,
+    observe: Callable[[Belief, Recovered], None] | None = None, oracle: Foreseeing | None = None,
 ) -> Exploration:
     """Run one episode in every world.
 
     `seed` (world,) uint64 is the strategy's own; `table` says what the fits go by; `closings` are
-    the paths of grasps that name none. `observe` is shown the belief after every step.
+    the paths of grasps that name none. `observe` is shown the belief after every step. `oracle` is
+    the planner, if it is one that may foresee: what it is handed leads to the truth.
     """
     run = _Run(robot, told, seed, table, closings, budget or Budget())
-    if isinstance(planner, Foreseeing):
-        planner.foresee = run.imagine
-    while run.step < MOST_STEPS and run.active.any():
+    if oracle is not None:
+        oracle.foresee = run.imagine
+    while run.active.any():
         before = run.step
-        run.take_step(planner)
-        if run.step == before:
+        if not run.take_step(planner):
             break
-        if observe is not None:
+        if observe is not None and run.step > before:
             observe(run.belief, run.recovered)
-    return Exploration(tuple(run.procedures), run.belief, run.recovered, run.status(), run.fault)
+    return Exploration(tuple(run.procedures), run.belief, run.recovered, run.status(), run.fault,
+                       run.stopped)
 
 
 class _Run:
@@ -144,6 +143,7 @@ class _Run:
         self.closings_made = self.step = 0
         self.active = np.ones(worlds, bool)
         self.faulty = np.zeros(worlds, bool)
+        self.steps, self.stopped = np.zeros(worlds, int), np.zeros(worlds, bool)
         self.fault = ""
         self.faces: list[Face] = []
         self.profile: Profile | None = None  # as followed
@@ -156,14 +156,21 @@ class _Run:
         self.shape = np.zeros(worlds, int)
         self._conclude(np.arange(worlds))
 
-    def take_step(self, planner: Planner) -> None:
-        """Ask once and carry out the answer; a step that wants nothing is not counted."""
+    def take_step(self, planner: Planner) -> bool:
+        """Ask once and carry out the answer; False where it wants nothing that may be done."""
         try:
             probes = list(planner(self.belief))
             wanted = [wanted_of(probe, self.robot.worlds) for probe in probes]
         except Exception as error:  # whatever a user's strategy may raise
             self._blame(np.ones(self.robot.worlds, bool), fault_text(planner, error))
-            return
+            return False
+        stopped = np.zeros(self.robot.worlds, bool)
+        if self.budget.steps is not None:
+            spent = self.active & (self.steps >= self.budget.steps)
+            for mask in wanted:
+                stopped |= spent & mask.any(1)
+            self.stopped |= stopped
+            self.active &= ~stopped
         changed = np.zeros(self.robot.worlds, bool)
         for probe, mask in zip(probes, wanted, strict=True):
             mask = self._sound(probe, mask & self.active[:, None], planner)
@@ -178,10 +185,12 @@ class _Run:
                 self._follow(probe, mask[:, 0])
         if changed.any():
             self.step += 1
+            self.steps += changed
             self._refit(np.flatnonzero(changed))
             self._conclude(np.flatnonzero(changed))
             self.active &= within_budget(self.budget, self.belief)
             self.belief = replace(self.belief, active=self.active.copy())
+        return bool((changed | stopped).any())
 
     def imagine(self, probe: Grasp) -> Recovered:
         """What would be recovered after a grasp, noise and all; nothing of it is kept."""
@@ -224,13 +233,11 @@ class _Run:
         self.fault = self.fault or text
 
     def _grasp(self, probe: Grasp, mask: np.ndarray) -> None:
-        closings = probe.closings or self.closings
-        each = len(closings) * FINGERS
-        if self.budget.touches is not None:
-            room = -(-(self.budget.touches - self.touches) // each)
-            mask = mask & (np.cumsum(mask, axis=1) <= room[:, None])
+        room = None if self.budget.touches is None else self.budget.touches - self.touches
         pose = np.where(mask[..., None], np.asarray(probe.hand_pose, float), _SAFE_POSE)
-        grasps = explore_by_containment(self.robot, pose, mask, closings)
+        grasps = explore_by_containment(self.robot, pose, mask, probe.closings or self.closings,
+                                        room)
+        mask = grasps.moves.status[:, :, 0] != ProbeStatus.NOT_TRIED
         radius = self.robot.hand.link_radius_m
         links = touched_links(grasps, radius)
         evidence = evidence_from_grasps(grasps, radius)

@@ -55,6 +55,7 @@ class Oracle:
             best[better], least[better] = choice[better], outcome[better]
         found = np.isfinite(least)
         self.taken[rows[found], best[found]] = True
+        self.taken[~found] = True  # alone, its episode would have ended
         return [Grasp(poses[rows, best][:, None], found[:, None])]
 
 

@@ -10,7 +10,7 @@ from strategies.next_procedure import (
     flat_topped,
     top_to_cross,
 )
-from strategies.probes import CrossFaces, Grasp, Probe
+from strategies.probes import CrossFaces, Grasp, Probe, wanted_of
 from strategies.stereo_axis import StereoAxis
 from strategies.strategy import Strategy
 from strategies.tables import ContourTable, DecideTable, PlanarTable
@@ -26,6 +26,8 @@ class OrderedPlanner:
         self.strategy, self.seen = strategy, seen
         self.planar, self.contour, self.decide_by = planar, contour, decide_by
         self.parts: list[tuple[str, np.ndarray | None]] | None = None
+        self.crossing = np.zeros(0, bool)
+        """Worlds that were sent to cross a face, (world,)."""
         self.chosen = ""
         """Of the last `decide`, for a figure or a test: which procedure in which world."""
 
@@ -33,9 +35,13 @@ class OrderedPlanner:
         """The probes of the next step that wants anything."""
         if self.parts is None:
             self.parts = self._parts(belief)
+            self.crossing = np.zeros(belief.worlds, bool)
         while self.parts:
             name, poses = self.parts.pop(0)
             probes = self._probes(name, poses, belief)
+            for probe in probes:
+                if isinstance(probe, CrossFaces):
+                    self.crossing |= wanted_of(probe, belief.worlds).any(1)
             if any(p.wanted is None or p.wanted.any() for p in probes):
                 return probes
         return []
@@ -70,8 +76,9 @@ class OrderedPlanner:
         probes: list[Probe] = [
             faces_to_cross(belief, self.planar, blocky & belief.active),
             contour_to_follow(belief, self.contour, round_ & belief.active, self.seen)]
-        if self.decide_by.ends and not belief.faces:
-            flat = round_ & belief.active & belief.fitted & flat_topped(belief, self.decide_by)
+        if self.decide_by.ends:
+            ended = belief.active & belief.fitted & ~self.crossing
+            flat = round_ & ended & flat_topped(belief, self.decide_by)
             top = top_to_cross(belief, self.planar, flat)
             probes.append(CrossFaces(top.point_m, top.normal, top.wanted, top.options))
         return probes

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from strategies.budget import Budget
+from strategies.budget import MOST_STEPS, Budget
 from strategies.exploration import Planner
 from strategies.ordering import OrderedPlanner
 from strategies.registry import make_planner
@@ -29,5 +29,6 @@ def planner_of(
 
 
 def budget_of(strategy: Strategy) -> Budget:
-    """The budget a strategy sets itself."""
-    return Budget(strategy.touches, strategy.robot_time_s, strategy.volume_ratio)
+    """The budget a strategy sets itself; an order given in advance ends as it is."""
+    return Budget(strategy.touches, strategy.robot_time_s, strategy.volume_ratio,
+                  MOST_STEPS if strategy.call else None)

@@ -59,8 +59,7 @@ def closings(of: str, batch: int) -> Work:
     poses = waypoint_poses(strategy.waypoints, told, hand, key)
     scene, which = scene_of([body], "cpu"), np.zeros(1, int)
     moves, actual = move_hand(scene, which, pose, ArmTable(), hand, key, ArmState.home(worlds),
-                              poses, np.ones(poses.shape[:2], bool), commands, probe_first=0,
-                              device="cpu")
+                              poses, np.ones(poses.shape[:2], bool), commands, device="cpu")
 
     def call() -> int:
         felt, _ = close_fingers(scene, which, pose, hand, SensorTable(), key, moves.status, actual,

@@ -102,7 +102,7 @@ def _move_kernel(
     arm: Arm,
     # Probe in:
     key: wp.array[wp.uint64],
-    probe_first: int,
+    probe_number: wp.array2d[int],
     mount: wp.array[transform],
     wanted: wp.array2d[transform],
     wanted_status: wp.array2d[int],
@@ -136,7 +136,7 @@ def _move_kernel(
                         q[j] = arm.encoder_step * wp.round(q[j] / arm.encoder_step)
                 pose = wp.transform_multiply(puma_forward(arm, q), hand_on_flange)
                 believed[w, p] = pose
-                noise = counter_key(counter_key(key[w], _ARM), probe_first + p)
+                noise = counter_key(counter_key(key[w], _ARM), probe_number[w, p])
                 wobble = vec3(counter_normal(counter_key(noise, 0)),
                               counter_normal(counter_key(noise, 1)),
                               counter_normal(counter_key(noise, 2))) * arm.repeatability
@@ -209,7 +209,7 @@ def move_hand(
     wanted: np.ndarray,
     commands_rad: np.ndarray,
     *,
-    probe_first: int = 0,
+    probe_number: np.ndarray | None = None,
     march_scale: float = 1.0,
     device: str = "cpu",
 ) -> tuple[ArmMoves, np.ndarray]:
@@ -218,13 +218,15 @@ def move_hand(
     `wanted_pose` (world, probe, 7) are hand poses [m], quaternion xyzw, base frame; `wanted`
     (world, probe) is False where a world has no such probe. `commands_rad` (grasp, finger, step, 4)
     gives each grasp's open hand (its first step), which must clear object and table on the last
-    0.12 m of the approach. `probe_first` numbers the probes on, for the noise. Returns the moves
-    and the true hand poses (world, probe, 7), which only the simulator may use. Raises ShapeError,
-    and ValueError for a body that the scene has not.
+    0.12 m of the approach. `probe_number` (world, probe) numbers the probes for the noise, each
+    world's from 0 unless given. Returns the moves and the true hand poses (world, probe, 7), which
+    only the simulator may use. Raises ShapeError, and ValueError for a body that the scene has not.
     """
     check_range("body", body, 0, scene.bodies - 1)
     worlds, probes = wanted_pose.shape[:2]
     grasps = len(commands_rad)
+    if probe_number is None:
+        probe_number = np.tile(np.arange(probes), (worlds, 1))
     status = wp.empty((worlds, probes), dtype=int, device=device)
     believed = wp.empty((worlds, probes), dtype=transform, device=device)
     actual = wp.empty((worlds, probes), dtype=transform, device=device)
@@ -237,10 +239,12 @@ def move_hand(
     extents = {"world": worlds}
     launch(_move_kernel, extents, {
         "key": "world", "mount": "world", "wanted": "world probe", "wanted_status": "world probe",
-        "start": "world", "status": "world probe", "believed": "world probe",
-        "actual": "world probe", "time": "world probe", "path": "world probe", "end": "world"}, {
+        "probe_number": "world probe", "start": "world", "status": "world probe",
+        "believed": "world probe", "actual": "world probe", "time": "world probe",
+        "path": "world probe", "end": "world"}, {
         "arm": arm_of(arm, hand.mount_length_m),
-        "key": wp.array(key, dtype=wp.uint64, device=device), "probe_first": probe_first,
+        "key": wp.array(key, dtype=wp.uint64, device=device),
+        "probe_number": wp.array(probe_number, dtype=int, device=device),
         "mount": wp.array(mount_error(arm, key), dtype=transform, device=device),
         "wanted": wp.array(wanted_pose, dtype=transform, device=device),
         "wanted_status": wp.array(tries, dtype=int, device=device),

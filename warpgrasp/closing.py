@@ -59,8 +59,8 @@ class Closing:
 
 _SHAPES = {
     "body": "world?", "body_pose": "world", "hands": "world?", "sensors": "world?", "key": "world",
-    "probe_status": "world probe grasp", "hand_pose": "world probe", "path": "grasp finger step",
-    "links": "grasp finger 3 step", "command_count": "grasp",
+    "probe_number": "world probe", "probe_status": "world probe grasp", "hand_pose": "world probe",
+    "path": "grasp finger step", "links": "grasp finger 3 step", "command_count": "grasp",
     "felt": "world probe grasp finger", "truth": "world probe grasp finger"}
 
 
@@ -83,7 +83,7 @@ def close_fingers(
     commands_rad: np.ndarray,
     command_count: np.ndarray,
     *,
-    probe_first: int = 0,
+    probe_number: np.ndarray | None = None,
     march_scale: float = 1.0,
     device: str = "cpu",
 ) -> tuple[Closing, ClosingTruth]:
@@ -91,8 +91,8 @@ def close_fingers(
 
     `body` (world or 1,) numbers the scene's bodies, `body_pose` and `hand_pose` (the true ones) are
     [m] and quaternion xyzw, shapes (world, 7) and (world, probe, 7), in the base frame, the table
-    at z = 0. `key` (world,) uint64 seeds the noise,
-    `probe_first` numbers the probes on. `probe_status` (world, probe, grasp) says
+    at z = 0. `key` (world,) uint64 seeds the noise, for which `probe_number` (world, probe) numbers
+    the probes, each world's from 0 unless given. `probe_status` (world, probe, grasp) says
     CONTACT where the probe is to be made; other values are passed on. `commands_rad` has shape
     (grasp, finger, step, 4), of which `command_count` (grasp,) steps count. `march_scale` shortens
     the skipping of free steps for bodies whose distance is not a sure bound. Raises ShapeError, and
@@ -101,6 +101,8 @@ def close_fingers(
     check_range("body", body, 0, scene.bodies - 1)
     check_range("command_count", command_count, 1, np.shape(commands_rad)[2])
     worlds, probes = hand_pose.shape[:2]
+    if probe_number is None:
+        probe_number = np.tile(np.arange(probes), (worlds, 1))
     extents = {"world": worlds, "probe": probes, "grasp": len(command_count),
                "finger": FINGER_COUNT}
     dims = tuple(extents.values())
@@ -114,8 +116,8 @@ def close_fingers(
     given = {
         "scene": scene, "body": there(body, int), "body_pose": there(body_pose, transform),
         "hands": hands, "sensors": tendons, "key": there(key, wp.uint64),
-        "probe_first": probe_first, "hand_pose": there(hand_pose, transform), "path": path,
-        "felt": felt.array, "truth": truth.array}
+        "probe_number": there(probe_number, int), "hand_pose": there(hand_pose, transform),
+        "path": path, "felt": felt.array, "truth": truth.array}
     launch_in_turn(extents, [
         (closing_kernel, _SHAPES, given | {
             "march_scale": march_scale, "links": links,

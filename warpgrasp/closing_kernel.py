@@ -71,7 +71,7 @@ def closing_kernel(
     march_scale: real,
     # Probe in:
     key: wp.array[wp.uint64],
-    probe_first: int,
+    probe_number: wp.array2d[int],
     probe_status: wp.array3d[int],
     hand_pose: wp.array2d[transform],
     path: wp.array3d[PathStep],
@@ -99,7 +99,7 @@ def closing_kernel(
     to_body = wp.transform_inverse(body_pose[w])
     base = wp.transform_multiply(
         to_body, wp.transform_multiply(hand_pose[w, p], finger_base(hand, finger)))
-    stream = counter_key(counter_key(counter_key(key[w], probe_first + p), g), finger)
+    stream = counter_key(counter_key(counter_key(key[w], probe_number[w, p]), g), finger)
     reader = counter_key(stream, _TENSION_STEP)
     last = command_count[g] - 1
     k = hand.stiffness

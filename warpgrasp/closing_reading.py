@@ -38,7 +38,7 @@ def reading_kernel(
     sensors: wp.array[TendonSensor],
     # Closing in:
     key: wp.array[wp.uint64],
-    probe_first: int,
+    probe_number: wp.array2d[int],
     hand_pose: wp.array2d[transform],
     path: wp.array3d[PathStep],
     # Read, and made closer:
@@ -59,7 +59,7 @@ def reading_kernel(
 
     hand = hands[w % hands.shape[0]]
     sensor = sensors[w % sensors.shape[0]]
-    stream = counter_key(counter_key(counter_key(key[w], probe_first + p), g), finger)
+    stream = counter_key(counter_key(counter_key(key[w], probe_number[w, p]), g), finger)
     at = felt[w, p, g, finger].step
     if truth[w, p, g, finger].link >= 0:
         which = body[w % body.shape[0]]

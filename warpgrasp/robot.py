@@ -80,7 +80,7 @@ class Robot:
         self._truth = truth
         self._key = key
         self._device = device
-        self._probes_made = 0
+        self._probes_made = np.zeros(len(key), int)
         self._lines_made = np.zeros(len(key), int)
         self._line_count = 0
         self._mount = mount_error(arm, key)
@@ -104,34 +104,59 @@ class Robot:
         """A copy that goes on from here, noise and all, and leaves no trace in this one's truth."""
         other = copy(self)
         other._truth = Truth(self._truth.body_pose)
+        other._probes_made = self._probes_made.copy()
         other._lines_made = self._lines_made.copy()
         return other
 
     def grasp(
         self, hand_pose: np.ndarray, wanted: np.ndarray, commands_rad: np.ndarray,
-        command_count: np.ndarray,
+        command_count: np.ndarray, room: np.ndarray | None = None,
     ) -> Grasps:
         """Take the hands to poses in turn; at each, close guarded once along every path.
 
         `hand_pose` (world, probe, 7) [m], quaternion xyzw; `wanted` (world, probe) bool;
-        `commands_rad` (grasp, finger, step, 4), `command_count` (grasp,) steps that count.
+        `commands_rad` (grasp, finger, step, 4), `command_count` (grasp,) steps that count. Poses
+        are left out from where the fingers' closings are as many as `room` (world,).
         """
-        moves, actual = move_hand(
-            self._scene, self._body, self._truth.body_pose, self.arm, self.hand, self._key,
-            self._state, hand_pose, wanted, commands_rad, probe_first=self._probes_made,
-            march_scale=self._march_scale, device=self._device)
+        if room is not None:
+            wanted = self._within(room, hand_pose, wanted, commands_rad)
+        number = self._numbers(wanted)
+        moves, actual = self._move(hand_pose, wanted, commands_rad, number)
         closing, truth = close_fingers(
             self._scene, self._body, self._truth.body_pose, self.hand, self.sensors, self._key,
-            moves.status, actual, commands_rad, command_count, probe_first=self._probes_made,
+            moves.status, actual, commands_rad, command_count, probe_number=number,
             march_scale=self._march_scale, device=self._device)
         self._truth.closings.append(truth)
         self._truth.hand_poses.append(actual)
-        self._probes_made += hand_pose.shape[1]
+        self._probes_made += wanted.sum(1)
         self._state = moves.state
         estimate = estimate_contacts(closing, moves.believed_pose, commands_rad, self.arm,
                                      self.hand, self.sensors, device=self._device)
         return Grasps(moves, closing, estimate,
                       moves.time_s + self._finger_time(closing, commands_rad), commands_rad)
+
+    def _numbers(self, wanted: np.ndarray) -> np.ndarray:
+        """Each world's own count of what it is asked for, whatever is asked of the others."""
+        return self._probes_made[:, None] + np.cumsum(wanted, axis=1) - 1
+
+    def _move(
+        self, hand_pose: np.ndarray, wanted: np.ndarray, commands_rad: np.ndarray,
+        number: np.ndarray,
+    ) -> tuple[ArmMoves, np.ndarray]:
+        return move_hand(
+            self._scene, self._body, self._truth.body_pose, self.arm, self.hand, self._key,
+            self._state, hand_pose, wanted, commands_rad, probe_number=number,
+            march_scale=self._march_scale, device=self._device)
+
+    def _within(self, room: np.ndarray, hand_pose: np.ndarray, wanted: np.ndarray,
+                commands_rad: np.ndarray) -> np.ndarray:
+        """Those of the poses wanted before which fewer closings than `room` are made."""
+        each = len(commands_rad) * commands_rad.shape[1]
+        made = wanted * each
+        if (made.sum(1) - each >= room).any():  # or not even the last one is in doubt
+            moves, _ = self._move(hand_pose, wanted, commands_rad, self._numbers(wanted))
+            made = (moves.status == ProbeStatus.CONTACT).sum(2) * commands_rad.shape[1]
+        return wanted & (np.cumsum(made, axis=1) - made < room[:, None])
 
     def guarded_line(
         self, rows: np.ndarray, hand_pose: np.ndarray, direction: np.ndarray, *,

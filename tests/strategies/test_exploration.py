@@ -1,18 +1,23 @@
 """The loop of an episode: orders, budgets, strategies that fail, results that depend on nothing
 but their own world."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from strategies.budget import Budget
+from strategies.belief import Belief
+from strategies.budget import MOST_STEPS, Budget
 from strategies.catalogue import STRATEGIES
-from strategies.exploration import MOST_STEPS, Exploration, explore
+from strategies.exploration import Exploration, explore
 from strategies.ordering import OrderedPlanner
+from strategies.planners import budget_of
+from strategies.probes import Grasp
 from strategies.registry import PlannerError, make_planner
 from strategies.strategy import Strategy
 from strategies.tables import ContourTable, DecideTable, PlanarTable
+from strategies.waypoint_poses import waypoint_poses
 from strategies.waypoints import BoundingCylinder, Ring
 from warpgrasp.catalogue import body_from_name
 from warpgrasp.counter_random import counter_key_host
@@ -77,6 +82,31 @@ def test_a_strategy_that_never_ends_is_stopped() -> None:
                 budget=Budget(touches=40))
     assert found.belief.touches[0] >= 40
     assert found.belief.step <= MOST_STEPS
+    assert not found.stopped.any()
+
+
+def test_steps_are_counted_in_each_world() -> None:
+    asked = iter(range(99))
+
+    def in_turn(belief: Belief) -> list[Grasp]:
+        poses = waypoint_poses((Ring(),), belief.told, belief.hand, belief.seed)[:, :1]
+        return [Grasp(poses, (np.arange(2) == next(asked) % 2)[:, None])]
+
+    found = run(in_turn, budget=Budget(steps=3))
+    assert found.stopped.all()
+    assert found.belief.step == 6
+    assert [np.sum([p.took_part for p in found.procedures], 0).tolist()] == [[3, 3]]
+
+
+def test_an_order_given_in_advance_is_carried_out_to_its_end() -> None:
+    strategy = Strategy("s", (Ring(count=MOST_STEPS + 2, palm_clearance_m=0.3),),
+                        order=("containment", "contour"), refit_every=1)
+    found = run(OrderedPlanner(strategy, PlanarTable(), ContourTable(), DecideTable()),
+                episodes=(0,), budget=budget_of(strategy))
+    assert found.belief.step == MOST_STEPS + 3
+    assert found.procedures[-1].name == "contour"
+    assert not found.stopped.any()
+    assert budget_of(replace(strategy, call="even")).steps == MOST_STEPS
 
 
 def test_planners_that_cannot_be_made_say_why(tmp_path: Path) -> None:
@@ -114,6 +144,26 @@ def test_budgets_end_an_episode() -> None:
     sure = run(ordered("containment", refit_every=1, count=12), table=QUICK,
                budget=Budget(volume_ratio=30.0))
     assert (sure.belief.touches < whole.belief.touches).all()
+
+
+@pytest.mark.parametrize("touches", [12, 22])
+def test_grasps_that_cannot_be_made_use_up_no_touches(touches: int) -> None:
+    """A batch is cut where it would have been, had its poses been asked for one by one."""
+    def some_barred(every: int) -> Exploration:
+        low = Ring(count=5, palm_clearance_m=-0.01)  # the hand strikes the object
+        strategy = Strategy("s", (low, Ring(count=9)), refit_every=every)
+        return run(OrderedPlanner(strategy, PlanarTable(), ContourTable(), DecideTable()),
+                   episodes=(0, 1, 2), budget=Budget(touches=touches))
+
+    at_once, one_by_one = some_barred(0), some_barred(1)
+    assert (one_by_one.belief.touches >= touches).all()
+    assert np.array_equal(at_once.belief.touches, one_by_one.belief.touches)
+    assert np.allclose(at_once.belief.time_s, one_by_one.belief.time_s, rtol=1e-12)  # sums' order
+    for world in range(3):
+        a, b = (np.concatenate([p.felt.closing.q_rad[world].reshape(-1, 4) for p in f.procedures])
+                for f in (at_once, one_by_one))
+        assert np.array_equal(a[np.isfinite(a).all(1)], b[np.isfinite(b).all(1)])
+    assert at_once.belief.step == 1
 
 
 def test_orders_repeat_and_share_out_their_waypoints() -> None:

@@ -10,6 +10,7 @@ import pytest
 from fit.revolution_shape import RevolutionBody, revolution_volume
 from strategies.catalogue import STRATEGIES
 from strategies.recognition import NONE, right_answer
+from strategies.strategy import Strategy
 from sweeps.cell import Cell
 from sweeps.entries import values_of
 from sweeps.episodes import run_block, run_cells, run_episodes
@@ -190,3 +191,16 @@ name = "ring6"
     assert any("strategy mine failed: mine.py:2: broken: AttributeError" in note
                for note in board.notes)
     assert [row[1] for row in board.rows] == ["ring6", "mine"]
+
+
+def test_none_but_the_oracle_foresees() -> None:
+    """Whoever looks like it, or is of its kind, is handed nothing that leads to the truth."""
+    theirs = Path(__file__).parents[1] / "strategies" / "theirs.py"
+    seer = run_episodes(replace(CELL, strategy=Strategy("s", call=f"{theirs}:Seer")),
+                        np.arange(1), "cpu")
+    assert list(seer["note"]) == [""]
+    kin = run_episodes(replace(CELL, strategy=Strategy("s", call=f"{theirs}:OracleOfMine")),
+                       np.arange(1), "cpu")
+    assert "the oracle sees nothing" in kin["note"][0]
+    oracle = Strategy("s", call="oracle", touches=8, options=(("tried", 1),))
+    assert list(run_episodes(replace(CELL, strategy=oracle), np.arange(1), "cpu")["note"]) == [""]
