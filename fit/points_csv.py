@@ -82,6 +82,8 @@ def _read_points(path: Path, most_problems: int) -> PointSets:
                     value = math.nan
                 numbers.append(value)
             name = row[columns["set"]].strip() if "set" in columns else "0"
+            if not name:
+                problems.append(f"{where}: set: is empty; every touch should name its set")
             sets.setdefault(name, []).append(numbers)
     if not sets and not problems:
         problems.append(f"{path}:2: no points; a row of numbers for each touch should follow")

@@ -42,14 +42,24 @@ def explore(object_: str, /, *, strategy: str,
     """
     from sweeps import explore_command
 
-    for name, value in (("--yaw-deg", yaw_deg or 0.0), ("--x-m", x_m), ("--y-m", y_m)):
-        if not abs(value) < 1e6:
-            raise UsageError(f"{name}: is {value}; should be a finite number")
+    if not abs(yaw_deg or 0.0) < 1e6:
+        raise UsageError(f"--yaw-deg: is {yaw_deg}; should be a finite number")
+    _check_place("--x-m", x_m)
+    _check_place("--y-m", y_m)
     if not 0 <= seed < 2**63:
         raise UsageError(f"--seed: is {seed}; should be a whole number from 0 to 2^63 - 1")
     return explore_command.explore(
         object_, strategy, out, units=units, seed=seed, yaw_deg=yaw_deg, x_m=x_m, y_m=y_m,
         device=device_of(device), replay=replay)
+
+
+def _check_place(name: str, value: float) -> None:
+    """Raises UsageError for a place that a spec does not allow either."""
+    from warpgrasp.parameters import OBJECT_REACH_M as far
+
+    if not abs(value) <= far:
+        guess = f"; did you mean {value / 1e3:g}?" if 10 <= abs(value) <= 1e3 * far else ""
+        raise UsageError(f"{name}: is {value:g}; should be metres from {-far:g} to {far:g}{guess}")
 
 
 @app.command

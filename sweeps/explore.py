@@ -4,7 +4,7 @@ import csv
 import io
 import json
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from sweeps.cell import Cell
 from sweeps.episodes import EpisodeBlock, run_block
 from sweeps.figure_contacts import draw_contacts
 from sweeps.figure_contour import draw_contour
-from sweeps.figure_faces import draw_faces
+from sweeps.figure_faces import crossed_faces, draw_faces
 from sweeps.figure_style import encode
 from sweeps.figure_taxels import pad_touches, taxels_figure
 from sweeps.model_columns import (
@@ -50,35 +50,52 @@ def explore(
     """Run one episode, write `contacts.csv`, `shape.json` and figures; answer with the files.
 
     `contacts.png` always; `faces.png` where faces were crossed, `contour.png` where a contour was
-    followed, `taxels.png` where pads felt; `replay.html` if asked for. `body_table` names the
-    object as in a spec; `yaw_rad` None turns it at random. Raises BodyError for an object that
-    cannot be built, OSError where `out` cannot be written.
+    followed, `taxels.png` where pads felt; `replay.html` if asked for. stderr says where nothing
+    was recovered, and which figure could not be drawn. `body_table` names the object as in a spec;
+    `yaw_rad` None turns it at random. Raises BodyError for an object that cannot be built, OSError
+    where `out` cannot be written.
     """
     name = str(body_table.get("name") or Path(str(body_table.get("mesh", "object"))).stem)
     cell = Cell(strategy, body_table, name, seed=seed,
                 placement=ObjectTable(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad))
     block = run_block(cell, np.arange(1), device)
     shape = json.dumps(shape_record(cell, block), indent=2) + "\n"
-    files = {"contacts.csv": contacts_csv(block).encode(), "contacts.png":
-             draw_contacts(block, name), "shape.json": shape.encode()}
-    if any(p.name == "planar" for p in block.exploration.procedures):
-        files["faces.png"] = draw_faces(block, name)
-    profile = block.exploration.belief.profile
-    if profile is not None and np.isfinite(profile.volume_m3[0]):
-        files["contour.png"] = draw_contour(block, name)
-    if pad_touches(block):
-        files["taxels.png"] = encode(taxels_figure(block, cell.pads, name), "png")
+    files = {"contacts.csv": contacts_csv(block), "shape.json": shape}
     for file, content in files.items():
-        write_atomic(out / file, content)
+        write_atomic(out / file, content.encode())
+    written = list(files)
+    for file, draw in _pictures(cell, block):
+        try:
+            picture = draw()
+        except Exception as error:  # no picture is worth an episode
+            print(f"{out / file}: cannot be drawn: {error}", file=sys.stderr)
+            continue
+        write_atomic(out / file, picture)
+        written.append(file)
     if replay:
         from sweeps.replay import write_replay
         from sweeps.replay_frames import make_replay
 
         write_replay(make_replay(cell, block), out / "replay.html")
-        files["replay.html"] = b""
+        written.append("replay.html")
+    if block.recovered.shape[0] == Shape.TOLD_CYLINDER:
+        print(f"{block.status[0]}: nothing was recovered; the body written is the rough cylinder "
+              "that the strategy was told", file=sys.stderr)
     if block.exploration.fault:
         print(f"the strategy failed: {block.exploration.fault}", file=sys.stderr)
-    return [out / file for file in sorted(files)]
+    return [out / file for file in sorted(written)]
+
+
+def _pictures(cell: Cell, block: EpisodeBlock) -> Iterator[tuple[str, Callable[[], bytes]]]:
+    """The files of what there is to be seen in an episode, and how each is drawn."""
+    name, profile = cell.object_name, block.exploration.belief.profile
+    yield "contacts.png", lambda: draw_contacts(block, name)
+    if crossed_faces(block):
+        yield "faces.png", lambda: draw_faces(block, name)
+    if profile is not None and np.isfinite(profile.volume_m3[0]):
+        yield "contour.png", lambda: draw_contour(block, name)
+    if pad_touches(block):
+        yield "taxels.png", lambda: encode(taxels_figure(block, cell.pads, name), "png")
 
 
 def contacts_csv(block: EpisodeBlock, world: int = 0) -> str:

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from strategies.recovered import Shape
 from sweeps.episodes import EpisodeBlock
-from sweeps.figure_style import drawing, encode, figure
+from sweeps.figure_style import cut, drawing, encode, figure
 from sweeps.recovered_surface import quadrilaterals, recovered_grid
 from warpgrasp.body_sample import sample_body
 
@@ -43,6 +44,7 @@ def _draw(block: EpisodeBlock, name: str, world: int, wide: bool) -> "Figure":
 
     pose = block.truth.body_pose[world]
     faces = 1e3 * (quadrilaterals(recovered_grid(block.recovered, world)) - pose[:3])
+    corners, told = faces.reshape(-1, 3), block.recovered.shape[world] == Shape.TOLD_CYLINDER
     evidence = block.exploration.belief.evidence
     points = 1e3 * (evidence.points_m[world][evidence.mask[world]] - pose[:3])
     yaw = 2.0 * np.arctan2(pose[5], pose[6])
@@ -76,10 +78,11 @@ def _draw(block: EpisodeBlock, name: str, world: int, wide: bool) -> "Figure":
     seen = _visible(points, middle, normal * outward, eye)
     axes.scatter(*points[seen].T, s=14, color=_CONTACT, depthshade=False, zorder=10,
                  label="contacts in sight")
-    low, high = true.min(0), true.max(0)
-    tall = 1.08 * high[2]
-    # A floor wide enough for its numbers, under a bottle too.
-    middle_box, aside = (low + high) / 2, max(0.65 * (high - low)[:2].max(), 0.38 * tall)
+    low, high = np.minimum(true.min(0), corners.min(0)), np.maximum(true.max(0), corners.max(0))
+    across = (high - low)[:2].max()
+    # A wall and a floor large enough for their numbers, behind a plate and under a bottle too.
+    tall = max(1.08 * high[2], 0.5 * across)
+    middle_box, aside = (low + high) / 2, max(0.65 * across, 0.38 * tall)
     axes.set(xlim=(middle_box[0] - aside, middle_box[0] + aside),
              ylim=(middle_box[1] - aside, middle_box[1] + aside),
              zlim=(0.0, tall), xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
@@ -90,12 +93,12 @@ def _draw(block: EpisodeBlock, name: str, world: int, wide: bool) -> "Figure":
     axes.zaxis.labelpad = 6.0
     axes.view_init(*_VIEW)
     axes.computed_zorder = False
-    axes.set_title(f"{name}: recovered body and contacts")
+    axes.set_title(f"{cut(name)}: {'cylinder as told' if told else 'recovered body'} and contacts")
 
     for row, (i, j, label) in enumerate(((0, 2, "front"), (0, 1, "above"))):
         flat = drawn.add_subplot(places[1 + row])
         for cloud, tint, style, text in ((true, _TRUE, "-", "true"),
-                                         (faces.reshape(-1, 3), _FIT, "--", "recovered")):
+                                         (corners, _FIT, "--", "as told" if told else "recovered")):
             outline = _outline(cloud[:, [i, j]])
             flat.plot(*outline.T, style, color=tint, lw=1.2, label=text)
         flat.plot(points[:, i], points[:, j], ".", color=_CONTACT, ms=3, label="contacts")

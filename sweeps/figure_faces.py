@@ -22,14 +22,19 @@ def draw_faces(block: EpisodeBlock, name: str, world: int = 0) -> bytes:
         return encode(faces_figure(block, name, world, wide=True), "png")
 
 
+def crossed_faces(block: EpisodeBlock, world: int = 0) -> list[int]:
+    """Which faces of one world were crossed far enough to be drawn."""
+    return [n for n, face in enumerate(block.exploration.belief.faces)
+            if face.fit.n_points[world] >= 3]
+
+
 def faces_figure(block: EpisodeBlock, name: str, world: int = 0,
                  wide: bool = False) -> "Figure":
     """One world of a block: a page wide, or one column with the planes' numbers below.
 
     Raises StoreError where no face was crossed.
     """
-    faces = block.exploration.belief.faces
-    known = [n for n, face in enumerate(faces) if face.fit.n_points[world] >= 3]
+    known = crossed_faces(block, world)
     if not known:
         raise StoreError("faces: none was crossed in this episode; ask for one of a strategy that "
                          'crosses faces (order = ["containment", "planar"])')

@@ -49,7 +49,7 @@ def draw_fits(sets: PointSets, fits: Any, form: str) -> bytes:
     shown = min(len(sets.names), MOST_SETS)
     columns = min(shown, 4)
     rows = -(-shown // columns)
-    with matplotlib.rc_context({"svg.hashsalt": "warpgrasp"}):
+    with matplotlib.rc_context({"svg.hashsalt": "warpgrasp", "text.parse_math": False}):
         figure = plt.figure(figsize=(3.6 * columns, 3.6 * rows), dpi=150, layout="constrained")
         words = status_names(fits.status[:shown])
         for row, (name, status) in enumerate(zip(sets.names, words, strict=False)):

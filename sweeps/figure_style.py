@@ -35,6 +35,7 @@ _STYLE: dict[str, Any] = {
     "xtick.major.width": 0.6, "ytick.major.width": 0.6, "legend.frameon": False,
     "figure.constrained_layout.use": True, "svg.hashsalt": "warpgrasp", "savefig.dpi": 300,
     "figure.facecolor": "white", "axes.unicode_minus": True,
+    "text.parse_math": False,  # names are the user's, dollars and all
 }
 
 

@@ -6,6 +6,8 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fit.points_csv import (
     PointSets,
     plane_rows,
@@ -20,6 +22,9 @@ from sweeps.atomic import write_atomic
 from sweeps.store import StoreError
 
 FIGURE_FORMATS = (".png", ".svg", ".pdf")
+FAR, LEAST_EXTENT_M = 10.0, 0.05
+"""What is touched from so many times its extent (at least) above a table on does not stand on it.
+"""
 
 
 def fit(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, robust: bool,
@@ -34,6 +39,8 @@ def fit(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, robust:
         sets = read_points(points)
     except OSError as error:
         raise StoreError(f"{points}: cannot be read: {error.strerror or error}") from None
+    if table_z_m is not None:
+        _check_table(sets, table_z_m)
     found = fit_shape(shape, sets, taper=taper, bend=bend, robust=robust, table_z_m=table_z_m)
     files = {out: rows_csv(*_rows(shape, sets.names, found))}
     if shape == "revolution":
@@ -52,6 +59,26 @@ def fit(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, robust:
     print(f"{len(sets.names)} sets: " + ", ".join(f"{n} {name}" for name, n in became.items()),
           file=sys.stderr)
     return 0
+
+
+def _check_table(sets: PointSets, table_z_m: float) -> None:
+    """Says of which sets the table cannot be true. Raises StoreError where it is of none."""
+    good = sets.mask & np.isfinite(sets.points).all(2)
+    used = good.any(1)
+    points = np.where(good[..., None], sets.points, np.nan)[used]
+    names = [name for name, any_ in zip(sets.names, used, strict=True) if any_]
+    low, high = np.nanmin(points, axis=1), np.nanmax(points, axis=1)
+    under = np.nanmedian(points[..., 2], axis=1) < table_z_m
+    extent = np.maximum(np.linalg.norm(high - low, axis=1), LEAST_EXTENT_M)
+    far = low[:, 2] - table_z_m > FAR * extent
+    wrong = [f"--table-z: is {table_z_m:g}; the touches of {name} lie "
+             f"{'below it' if below else 'far above it'}, from {z0:g} to {z1:g} m"
+             for name, below, away, z0, z1 in zip(names, under, far, low[:, 2], high[:, 2],
+                                                  strict=True) if below or away]
+    if wrong and len(wrong) == len(names):
+        raise StoreError(f"{wrong[0]}; should be the table's height in metres, below all touches")
+    for line in wrong:
+        print(line, file=sys.stderr)
 
 
 def fit_shape(shape: str, sets: PointSets, *, taper: bool = False, bend: bool = False,

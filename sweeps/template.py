@@ -18,7 +18,7 @@ seed = 7
 episodes_per_cell = 64                 # of each strategy on each object
 # Names (`warpgrasp objects`), meshes, compounds, superquadrics (half their extents):
 #   { mesh = "mug.stl", units = "cm" }
-#   { name = "egg", superquadric = { size_mm = [30, 30, 45], exponents = [1.0, 1.0] } }  # half its extents
+#   { name = "egg", superquadric = { size_mm = [30, 30, 45], exponents = [1.0, 1.0] } }
 #   { name = "tee", compound = [{ shape = "block", size_mm = [20, 60, 80] }] }
 objects = ["block", "large_cylinder", "small_cylinder", "wedge", "lightbulb", "funnel"]
 

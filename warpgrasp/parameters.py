@@ -9,6 +9,9 @@ from dataclasses import dataclass, field
 from math import inf, pi, radians
 from typing import Any
 
+OBJECT_REACH_M = 2.0
+"""How far from the robot's base an object may stand, along x and along y."""
+
 
 def _number(default: Any, low: float = 0.0, high: float = inf, doc: str = "") -> Any:
     """A field with its default, the closed range each entry must lie in, and its meaning."""
@@ -152,8 +155,9 @@ class StereoTable:
 class ObjectTable:
     """Where the object stands, and how well a strategy is told."""
 
-    x_m: float = _number(0.45, -2.0, 2.0, "place on the table, base frame [paper: near]")
-    y_m: float = _number(0.0, -2.0, 2.0, "place on the table")
+    x_m: float = _number(0.45, -OBJECT_REACH_M, OBJECT_REACH_M,
+                         "place on the table, base frame [paper: near]")
+    y_m: float = _number(0.0, -OBJECT_REACH_M, OBJECT_REACH_M, "place on the table")
     yaw_rad: float | None = _number(None, -inf, inf, "turn about the vertical; unset: at random")
     prior_sigma_m: float = _number(0.010, 0.0, 0.5,
                                    "error of each number of the bounding cylinder told [est]")

@@ -128,3 +128,37 @@ def test_options_of_another_shape_are_refused(
     assert "--taper: is for superquadric, not for plane" in printed
     assert "--table-z: is for superquadric and revolution" in printed
     assert cli.run(["fit", "sphere", "points.csv", "-o", "fits.csv"]) == 2
+
+
+@pytest.mark.parametrize(("table", "says"), [("0.2", "below it"), ("-3", "far above it")])
+def test_a_table_that_no_touches_stand_on_is_refused(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str], table: str, says: str) -> None:
+    points = write(tmp_path / "points.csv", {"a": touches(1), "b": touches(2)})
+    out = tmp_path / "fits.csv"
+    assert cli.run(["fit", "superquadric", str(points), f"--table-z={table}", "-o", str(out)]) == 2
+    assert says in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_one_set_below_the_table_is_told_and_the_others_fitted(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    points = write(tmp_path / "points.csv", {"a": touches(1), "low": touches(2) - [0, 0, 0.2]})
+    out = tmp_path / "fits.csv"
+    assert cli.run(["fit", "superquadric", str(points), "--table-z", "0", "-o", str(out)]) == 0
+    assert "touches of low lie below it" in capsys.readouterr().err
+    assert [row["set"] for row in read(out)[1]] == ["a", "low"]
+
+
+def test_a_name_is_no_formula(tmp_path: Path) -> None:
+    points = write(tmp_path / "points.csv", {"trial $\\alpha_{$": touches(1)})
+    out, figure = tmp_path / "fits.csv", tmp_path / "fits.png"
+    assert cli.run(["fit", "superquadric", str(points), "--table-z", "0", "-o", str(out),
+                    "--figure", str(figure)]) == 0
+    assert figure.exists()
+
+
+def test_a_touch_of_no_set_is_an_error(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    points = write(tmp_path / "points.csv", {"a": touches(1), "": touches(2)})
+    assert cli.run(["fit", "plane", str(points), "-o", str(tmp_path / "fits.csv")]) == 2
+    assert "points.csv:62: set: is empty" in capsys.readouterr().err
