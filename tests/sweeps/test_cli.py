@@ -21,6 +21,11 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(commands, "EPISODES", "fake_episodes:run_episodes")
 
 
+def test_explore_refuses_millimetres_for_metres(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["explore", "block", "--strategy", "ring6", "--x-m", "450", "-o", "r"]) == 2
+    assert "should be metres from -2 to 2; did you mean 0.45?" in capsys.readouterr().err
+
+
 def test_a_sweep_ends_with_its_leaderboard(
         tmp_path: Path, fake: None, capsys: pytest.CaptureFixture[str]) -> None:
     spec, out = write_spec(tmp_path), tmp_path / "out"

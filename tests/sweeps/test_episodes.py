@@ -104,6 +104,18 @@ def test_explore_writes_contacts_shape_and_a_figure(tmp_path: Path) -> None:
     assert (tmp_path / "contacts.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_explore_out_of_reach_writes_what_there_is_and_says_so(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    block = {"shape": "block", "size_mm": [60, 80, 120]}
+    files = explore(body_table={"name": r"a$\q$", "compound": [block]},
+                    strategy=STRATEGIES["planar"], seed=3, yaw_rad=0.0, x_m=2.0, y_m=0.0,
+                    out=tmp_path, device="cpu")
+    assert {f.name for f in files} == {"contacts.csv", "shape.json", "contacts.png"}
+    assert all(f.stat().st_size > 100 for f in files)
+    said = capsys.readouterr().err
+    assert "too_few_contacts: nothing was recovered" in said
+
+
 def test_none_of_these_is_right_of_an_object_whatever_its_name() -> None:
     egg = {"name": "block", "superquadric": {"size_mm": [45.0, 30.0, 30.0], "exponents": [1, 1.0]}}
     rows = run_episodes(Cell(STRATEGIES["ring6"], egg, "block", seed=11), np.arange(4), "cpu")
