@@ -12,7 +12,7 @@ from strategies.contour_profile import Profile
 from strategies.evidence import Evidence
 from strategies.planar_faces import Face
 from strategies.waypoints import BoundingCylinder
-from warpgrasp.parameters import ArmTable, HandTable
+from warpgrasp.parameters import ArmTable, HandTable, SensorTable
 
 _PACK = 64
 
@@ -31,6 +31,10 @@ class Belief:
     """For a strategy's own random numbers (`warpgrasp.counter_random`), uint64 (world,)."""
     arm: ArmTable
     hand: HandTable
+    sensors: SensorTable
+    """The hand's threshold and noise as the robot knows them."""
+    closings: tuple[str, ...]
+    """Paths that the fingers close along in grasps that name none."""
     evidence: Evidence
     """All that was felt, contacts placed as for the last fit; its slots grow step by step."""
     fits: SuperquadricFit

@@ -13,7 +13,6 @@ from strategies.waypoint_poses import waypoint_poses
 from strategies.waypoints import TOLD_MARGIN_M, BoundingCylinder, Placement, Ring, Top
 from warpgrasp.arm_reach import hand_reachable
 from warpgrasp.body import Body, Part
-from warpgrasp.parameters import SensorTable
 from warpgrasp.robot import Robot, Truth
 from warpgrasp.scene import Shape
 
@@ -60,23 +59,22 @@ def candidate_poses(
 
 
 def predicted_touches(
-    belief: Belief, hand_pose: np.ndarray, wanted: np.ndarray,
-    closings: tuple[str, ...] = ("curl40", "base_then_curl"), device: str = "cpu",
+    belief: Belief, hand_pose: np.ndarray, wanted: np.ndarray, device: str = "cpu",
 ) -> tuple[np.ndarray, np.ndarray]:
     """Where the fingers would touch the body believed, without noise.
 
     `hand_pose` (world, candidate, 7). Returns points [m] (world, candidate, touch, 3) and whether
-    there is one, bool (world, candidate, touch): four fingers for each of `closings`, one after the
-    other. The closing is that of the simulator, against the superquadric that is believed: nothing
-    true enters.
+    there is one, bool (world, candidate, touch): four fingers for each of `belief.closings`, one
+    after the other. The closing is that of the simulator, with the threshold that the robot has,
+    against the superquadric that is believed: nothing true enters.
     """
     bodies = [_body_of(belief, world) for world in range(belief.worlds)]
     truth = Truth(np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (belief.worlds, 1)))
-    quiet = SensorTable(tension_noise_N=0.0, joint_noise_rad=0.0, tension_step_N=0.0)
+    quiet = replace(belief.sensors, tension_noise_N=0.0, joint_noise_rad=0.0, tension_step_N=0.0)
     exact = replace(belief.arm, mount_error_m=0.0, mount_error_rad=0.0, repeatability_m=0.0)
     robot = Robot(bodies, np.arange(belief.worlds), truth, np.zeros(belief.worlds, np.uint64),
                   exact, belief.hand, quiet, device=device)
-    robot.grasp(hand_pose, wanted, *padded_commands(closings))
+    robot.grasp(hand_pose, wanted, *padded_commands(belief.closings))
     found = truth.closings[-1].point_m
     points = found.reshape(*found.shape[:2], -1, 3)
     return np.nan_to_num(points), np.asarray(np.isfinite(points).all(-1))

@@ -339,8 +339,9 @@ class _Run:
         self.recovered = Recovered(self.shape, body, turned)
         self.belief = Belief(
             self.step, self.active.copy(), self.told, self.seed, self.robot.arm,
-            self.robot.hand, self.placed, self.fits, fitted, body, tuple(self.faces), self.whole,
-            self.shape, self.touches.copy(), self.time.copy(), self.path.copy())
+            self.robot.hand, self.robot.sensors, self.closings, self.placed, self.fits, fitted,
+            body, tuple(self.faces), self.whole, self.shape, self.touches.copy(),
+            self.time.copy(), self.path.copy())
 
     def status(self) -> np.ndarray:
         """How each world ended."""

@@ -27,6 +27,8 @@ from warpgrasp.parameters import HandTable
 
 TABLE_CLEARANCE_M = 0.010
 THIN_RADIUS_M = 0.020
+LEVEL = 0.1
+"""An approach that comes down less than this for each metre clears no table by backing off."""
 CSV_COLUMNS = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
 
 
@@ -51,7 +53,8 @@ def pose_about(
     """Hand poses about told cylinders, all angles [rad] of shape (world, probe) or broadcast to it.
 
     Angles and `aim` as the module `waypoints` defines them; a hand whose open fingers would come
-    within TABLE_CLEARANCE_M of the table backs off along its approach. Shape (world, probe, 7).
+    within TABLE_CLEARANCE_M of the table backs off along its approach, or, where that is level or
+    from below, is raised. Shape (world, probe, 7).
     """
     x, y, radius, height = (v[:, None] for v in (told.x_m, told.y_m, told.radius_m, told.height_m))
     azimuth, tilt, roll, aim, _ = np.broadcast_arrays(azimuth, tilt, roll, aim, x + azimuth)
@@ -73,8 +76,11 @@ def pose_about(
     centre = np.stack([x + out * np.cos(angle), y + out * np.sin(angle), aim * height], -1)
     place = centre - approach * away[..., None]
     lowest = place[..., 2] + _open_fingers_below(hand, frame)
-    back = np.maximum(TABLE_CLEARANCE_M - lowest, 0.0) / np.maximum(cos_t, 0.1)
+    short = np.maximum(TABLE_CLEARANCE_M - lowest, 0.0)
+    level_or_up = cos_t < LEVEL
+    back = np.where(level_or_up, 0.0, short / np.maximum(cos_t, LEVEL))
     place = place - approach * back[..., None]
+    place[..., 2] += np.where(level_or_up, short, 0.0)
     turn = Rotation.from_matrix(frame.reshape(-1, 3, 3)).as_quat().reshape(*aim.shape, 4)
     return np.concatenate([place, turn], -1)
 

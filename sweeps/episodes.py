@@ -244,17 +244,18 @@ def _procedures(block: EpisodeBlock) -> np.ndarray:
 
 
 def curves(moments: tuple[Moment, ...], worlds: int) -> dict[str, np.ndarray]:
-    """Columns of arrays: touches, time and scores at each fit that had felt something new."""
+    """Columns of arrays: touches, time and scores at each fit; of fits at the same touches and
+    time the last."""
     columns: dict[str, list[np.ndarray]] = {name: [] for name in CURVES}
     for world in range(worlds):
-        touches = np.array([m.touches[world] for m in moments], float)
-        new = np.flatnonzero(np.diff(touches, prepend=-1.0) > 0)
-        columns["curve_touches"].append(touches[new])
+        at = np.array([(m.touches[world], m.time_s[world]) for m in moments]).reshape(-1, 2)
+        # A pose that was barred took time, and the fit after it is another one.
+        kept = np.append((np.diff(at, axis=0) > 0).any(1), True)[:len(at)]
         for name, values in (
-                ("curve_time_s", [m.time_s[world] for m in moments]),
+                ("curve_touches", at[:, 0]), ("curve_time_s", at[:, 1]),
                 ("curve_chamfer_mm", [m.scores.chamfer_m[world] * 1e3 for m in moments]),
                 ("curve_iou", [m.scores.iou[world] for m in moments])):
-            columns[name].append(np.array(values, float)[new])
+            columns[name].append(np.array(values, float)[kept])
     found = {}
     for name, rows in columns.items():
         found[name] = np.empty(worlds, object)

@@ -8,7 +8,7 @@ from fit.superquadric_shape import superquadric
 from strategies.belief import Belief
 from strategies.evidence import Evidence
 from strategies.waypoints import BoundingCylinder
-from warpgrasp.parameters import ArmTable, HandTable
+from warpgrasp.parameters import ArmTable, HandTable, SensorTable
 
 BODY = superquadric((0.035, 0.035, 0.07), (0.1, 1.0), [(0.45, 0.0, 0.07), (0.45, 0.02, 0.07)])
 
@@ -24,7 +24,8 @@ def belief(points: np.ndarray | None = None) -> Belief:
         (0.45, 0.45), (0.0, 0.02), (0.035, 0.035), (0.14, 0.14))))
     zero = np.zeros(2)
     return Belief(step=0, active=np.ones(2, bool), told=told, seed=np.arange(2).astype(np.uint64),
-                  arm=ArmTable(), hand=HandTable(), evidence=evidence,
+                  arm=ArmTable(), hand=HandTable(), sensors=SensorTable(),
+                  closings=("curl40", "base_then_curl"), evidence=evidence,
                   fits=SimpleNamespace(), fitted=np.ones(2, bool),  # pyright: ignore
                   body=BODY, faces=(), profile=None, shape=np.ones(2, int),
                   touches=zero.astype(int), time_s=zero, path_m=zero)

@@ -15,6 +15,9 @@ from strategies.probes import Grasp
 from strategies.recovered import Recovered, Shape
 from strategies.registry import PlannerError, make_planner
 from strategies.surface_gaussian_process import SurfaceGaussianProcess
+from warpgrasp.parameters import SensorTable
+
+CURLED = replace(belief(), closings=("curl40",))
 
 
 def test_candidates_are_reachable_hand_poses() -> None:
@@ -26,7 +29,7 @@ def test_candidates_are_reachable_hand_poses() -> None:
 
 def test_predicted_touches_lie_on_the_body_believed() -> None:
     poses, reachable = candidate_poses(belief())
-    points, found = predicted_touches(belief(), poses, reachable, ("curl40",))
+    points, found = predicted_touches(CURLED, poses, reachable)
     assert found.any(-1)[reachable].mean() > 0.5
     assert not found[~reachable].any()
     gauge = superquadric_inside_outside(BODY, points.reshape(2, -1, 3)).reshape(found.shape)
@@ -36,11 +39,22 @@ def test_predicted_touches_lie_on_the_body_believed() -> None:
 def test_both_closings_are_predicted_one_after_the_other() -> None:
     poses, reachable = candidate_poses(belief())
     points, found = predicted_touches(belief(), poses, reachable)
-    first, first_found = predicted_touches(belief(), poses, reachable, ("curl40",))
+    first, first_found = predicted_touches(CURLED, poses, reachable)
     assert found.shape[2] == 8
     assert np.array_equal(points[:, :, :4], first)
     assert np.array_equal(found[:, :, :4], first_found)
     assert found[:, :, 4:].any()
+
+
+def test_predictions_go_by_the_sensors_that_the_robot_has() -> None:
+    """A higher threshold stops fingers later, further round the body; noise plays no part."""
+    here = belief()
+    poses, reachable = candidate_poses(here)
+    usual, _ = predicted_touches(here, poses, reachable)
+    noisy = replace(here, sensors=SensorTable(tension_noise_N=1.0, joint_noise_rad=0.1))
+    assert np.array_equal(usual, predicted_touches(noisy, poses, reachable)[0])
+    late = replace(here, sensors=SensorTable(tendon_threshold_N=20.0))
+    assert not np.array_equal(usual, predicted_touches(late, poses, reachable)[0])
 
 
 @pytest.mark.parametrize("make", [GreedyCoverage, SurfaceGaussianProcess, MostUncertain])

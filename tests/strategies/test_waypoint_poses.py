@@ -72,6 +72,19 @@ def test_a_ring_stands_around_at_its_tilt_and_clearance() -> None:
     assert np.allclose(axis(poses, 0)[:, 2], 0.0)  # at roll 0 the fingers close level
 
 
+@pytest.mark.parametrize("tilt_deg", [80, 90, 120])
+def test_a_level_hand_is_raised_off_the_table_and_not_taken_away(tilt_deg: float) -> None:
+    told = BoundingCylinder(*(np.array([v]) for v in (0.45, 0.0, 0.04, 0.10)))
+    family = Ring(count=4, tilt_rad=radians(tilt_deg), aim=0.3)
+    pose = waypoint_poses((family,), told, HandTable(), np.zeros(1, np.uint64))[0]
+    tips = hand_links(HandTable(), pose, np.tile(closing_commands(
+        CLOSING_PATHS["curl40"])[None, :, 0], (len(pose), 1, 1)))[0][..., 4, :]
+    assert (tips[..., 2] >= TABLE_CLEARANCE_M).all()
+    if tilt_deg >= 90:
+        away = np.hypot(pose[:, 0] - 0.45, pose[:, 1])
+        assert (away <= family.palm_clearance_m + family.clearance_per_radius * 0.02 + 0.08).all()
+
+
 def test_random_poses_depend_on_the_key_alone() -> None:
     two = BoundingCylinder(*(np.repeat(v, 2) for v in vars(told()).values()))
     both = waypoint_poses((Random(),), two, HAND, np.array([5, 6], np.uint64))

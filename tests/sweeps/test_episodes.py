@@ -216,3 +216,17 @@ def test_none_but_the_oracle_foresees() -> None:
     assert "the oracle sees nothing" in kin["note"][0]
     oracle = Strategy("s", call="oracle", touches=8, options=(("tried", 1),))
     assert list(run_episodes(replace(CELL, strategy=oracle), np.arange(1), "cpu")["note"]) == [""]
+
+
+@pytest.mark.parametrize("name", ["funnel", "large_cylinder"])
+def test_curves_end_where_the_row_does(name: str) -> None:
+    """However many poses at the end were barred, and whatever the fits after them came to."""
+    strategy = replace(STRATEGIES["ring6"], refit_every=1)
+    rows = run_episodes(Cell(strategy, {"name": name}, name, seed=3), np.arange(12), "cpu")
+    for curve, end in (("curve_touches", "touches"), ("curve_time_s", "robot_time_s"),
+                       ("curve_chamfer_mm", "chamfer_mm"), ("curve_iou", "iou")):
+        np.testing.assert_array_equal([values[-1] for values in rows[curve]], rows[end], curve)
+    for touches, time in zip(rows["curve_touches"], rows["curve_time_s"], strict=True):
+        steps = np.diff(touches), np.diff(time)
+        assert (np.minimum(*steps) >= 0).all()
+        assert (np.maximum(*steps) > 0).all()
