@@ -66,7 +66,7 @@ def _check_table(sets: PointSets, table_z_m: float) -> None:
     good = sets.mask & np.isfinite(sets.points).all(2)
     used = good.any(1)
     points = np.where(good[..., None], sets.points, np.nan)[used]
-    names = [name for name, any_ in zip(sets.names, used, strict=True) if any_]
+    names = [name for name, there in zip(sets.names, np.atleast_1d(used), strict=True) if there]
     low, high = np.nanmin(points, axis=1), np.nanmax(points, axis=1)
     under = np.nanmedian(points[..., 2], axis=1) < table_z_m
     extent = np.maximum(np.linalg.norm(high - low, axis=1), LEAST_EXTENT_M)
