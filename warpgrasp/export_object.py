@@ -58,9 +58,9 @@ def _part_solids(
         return [Solid("box", (x, y, z), lifted)]
     if part.shape == Shape.CYLINDER:
         return [Solid("cylinder", (x, z), lifted)]
-    if part.shape == Shape.CAPSULE:
-        return [Solid("capsule", (x, max(z, 2 * x)), _lifted(part.place, max(z, 2 * x) / 2))]
-    if part.shape == Shape.SPHERE:
+    if part.shape == Shape.CAPSULE and z > 2 * x:
+        return [Solid("capsule", (x, z), lifted)]
+    if part.shape in (Shape.SPHERE, Shape.CAPSULE):
         return [Solid("sphere", (x,), _lifted(part.place, x))]
     if part.shape == Shape.WEDGE:
         corners = [[sx * x / 2, sy * y / 2, 0.0] for sx in (-1, 1) for sy in (-1, 1)]

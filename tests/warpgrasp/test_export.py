@@ -1,6 +1,7 @@
 """Exports: what MuJoCo and a URDF reader make of them stands where our kinematics say."""
 
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -158,6 +159,24 @@ def test_what_cannot_be_said_is_refused(tmp_path) -> None:
         "size_mm": [20, 20, 60], "exponents": [0.5, 1.0], "bend_per_m": 5.0}}, tmp_path)
     with pytest.raises(BodyError, match="bent"):
         object_solids(hook)
+
+
+@pytest.mark.parametrize("without", ["mount_length_m", "finger_spacing_m"])
+def test_capsules_without_length_are_balls(without: str, tmp_path) -> None:
+    """A hand on the flange, fingers in one plane, a capsule as high as wide."""
+    mujoco = pytest.importorskip("mujoco")
+    pill = body_from_table({"name": "pill", "compound": [
+        {"shape": "capsule", "radius_mm": 20, "height_mm": 40}]}, tmp_path)
+    tree, solids = hand_tree(replace(HAND, **{without: 0.0}), PADS), object_solids(pill)
+    model = mujoco.MjModel.from_xml_string(mjcf_text(tree, solids))
+    balls = model.geom_size[model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE, 0]
+    thick = HAND.palm_thickness_m / 2  # of the palm's bars and the wrist, beside fingertips' marks
+    bars = 1 if without == "mount_length_m" else 3
+    np.testing.assert_allclose(np.sort(balls[balls > 0.01]), np.sort([0.02, *[thick] * bars]))
+    inertia = [float(i.attrib[k]) for i in ET.fromstring(urdf_text(tree, solids)[0]).iter("inertia")
+               for k in ("ixx", "iyy", "izz")]
+    assert np.isfinite(inertia).all()
+    assert np.min(inertia) > 0.0
 
 
 @pytest.mark.parametrize(("exponents", "taper", "hollow"), [
