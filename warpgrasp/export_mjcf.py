@@ -85,8 +85,10 @@ def _body(link: Link, children: dict[str, list[Link]], indent: int, limits: bool
 
 
 def _capsule(c: Capsule, name: str, touches: bool) -> str:
-    return (f'<geom name="{name}" type="capsule" fromto="{_all((*c.start, *c.end))}" '
-            f'size="{_n(c.radius)}" {_LINK if touches else _IDLE}/>')
+    shape = f'type="capsule" fromto="{_all((*c.start, *c.end))}"'
+    if c.start == c.end:
+        shape = f'type="sphere" pos="{_all(c.start)}"'
+    return f'<geom name="{name}" {shape} size="{_n(c.radius)}" {_LINK if touches else _IDLE}/>'
 
 
 def _assets(solids: Sequence[Solid]) -> list[str]:

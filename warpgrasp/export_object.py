@@ -13,6 +13,7 @@ from warpgrasp.body import Body, BodyError, Part
 from warpgrasp.scene import Join, Shape
 
 _SIDES = 64
+_HOLLOW = 5e-3  # share of a body's volume that its hull may have filled
 _NONE = np.zeros((0, 3))
 
 
@@ -36,7 +37,8 @@ def object_solids(
 ) -> list[Solid]:
     """The solids of a body; a baked mesh needs its `triangles` (vertices, faces).
 
-    Raises BodyError for what these formats cannot say: parts taken away, and bends.
+    Raises BodyError for what these formats cannot say: parts taken away, bends, and tapers that
+    leave a hollow.
     """
     if any(part.join != Join.UNION for part in body.parts):
         raise BodyError(f"{body.name}: MJCF and URDF know no difference or intersection of solids; "
@@ -56,9 +58,9 @@ def _part_solids(
         return [Solid("box", (x, y, z), lifted)]
     if part.shape == Shape.CYLINDER:
         return [Solid("cylinder", (x, z), lifted)]
-    if part.shape == Shape.CAPSULE:
-        return [Solid("capsule", (x, max(z, 2 * x)), _lifted(part.place, max(z, 2 * x) / 2))]
-    if part.shape == Shape.SPHERE:
+    if part.shape == Shape.CAPSULE and z > 2 * x:
+        return [Solid("capsule", (x, z), lifted)]
+    if part.shape in (Shape.SPHERE, Shape.CAPSULE):
         return [Solid("sphere", (x,), _lifted(part.place, x))]
     if part.shape == Shape.WEDGE:
         corners = [[sx * x / 2, sy * y / 2, 0.0] for sx in (-1, 1) for sy in (-1, 1)]
@@ -102,7 +104,25 @@ def _superquadric(name: str, part: Part) -> Solid:
     y = np.abs(t) ** e1 * np.sign(np.sin(np.pi * v)) * np.abs(np.sin(np.pi * v)) ** e2
     z = np.sign(s) * np.abs(s) ** e1
     points = np.stack([a1 * x * (1 + kx * z), a2 * y * (1 + ky * z), a3 * z], -1)
-    return _hull(points.reshape(-1, 3), part.place)
+    solid = _hull(points.reshape(-1, 3), part.place)
+    if _hull_volume(solid) > (1.0 + _HOLLOW) * _ring_volume(points):
+        raise BodyError(f"{name}: a superquadric of this taper is not convex; export a mesh of it")
+    return solid
+
+
+def _hull_volume(solid: Solid) -> float:
+    return float(np.linalg.det(solid.vertices[solid.faces]).sum()) / 6.0
+
+
+def _ring_volume(rings: np.ndarray) -> float:
+    """Volume between closed rings of points, one above the other, (ring, point, 3)."""
+    def area(ring: np.ndarray) -> np.ndarray:
+        x, y = ring[..., 0], ring[..., 1]
+        return 0.5 * (x * np.roll(y, -1, 1) - np.roll(x, -1, 1) * y).sum(1)
+
+    low, high = rings[:-1], rings[1:]
+    rise = high[:, 0, 2] - low[:, 0, 2]
+    return float(rise @ (area(low) + 4.0 * area((low + high) / 2.0) + area(high))) / 6.0
 
 
 def _hull(points: np.ndarray, place: tuple[float, ...]) -> Solid:

@@ -69,6 +69,8 @@ def _fixed_joint(name: str, parent: str, place: Sequence[float]) -> list[str]:
 def _capsule(c: Capsule, role: str) -> list[str]:
     start, end = np.asarray(c.start), np.asarray(c.end)
     length = float(np.linalg.norm(end - start))
+    if length == 0.0:
+        return _shape(role, (*start, 0.0, 0.0, 0.0, 1.0), f'<sphere radius="{_n(c.radius)}"/>')
     along = Rotation.align_vectors([(end - start) / length], [[0.0, 0.0, 1.0]])[0].as_quat()
     return [*_shape(role, (*((start + end) / 2), *along),
                     f'<cylinder radius="{_n(c.radius)}" length="{_n(length)}"/>'),
@@ -115,7 +117,7 @@ def _inertial(capsules: Sequence[Capsule]) -> list[str]:
     for c in capsules:
         start, end = np.asarray(c.start), np.asarray(c.end)
         length = float(np.linalg.norm(end - start))
-        u = (end - start) / length
+        u = (end - start) / (length or 1.0)  # a ball turns alike about any axis
         tube = DENSITY_KG_M3 * np.pi * c.radius**2 * length
         ball = DENSITY_KG_M3 * 4 / 3 * np.pi * c.radius**3
         across = (tube * (length**2 / 12 + c.radius**2 / 4)

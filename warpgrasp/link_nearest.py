@@ -11,6 +11,8 @@ import warp as wp
 from warpgrasp.real import HALF, ONE, ZERO, greater, lesser, real, vec2, vec3
 from warpgrasp.scene import Scene, body_distance, body_distance_grad
 
+# More do not bring a superquadric's link nearer to the truth: its valleys are then those of the
+# first-order value, which is least elsewhere than where its gradient is level and the body nearest.
 LINK_SAMPLES = wp.constant(5)
 _REFINEMENTS = wp.constant(32)
 _HALVE_FROM = wp.constant(4)

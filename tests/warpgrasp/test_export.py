@@ -1,11 +1,14 @@
 """Exports: what MuJoCo and a URDF reader make of them stands where our kinematics say."""
 
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
+from fit.superquadric_shape import superquadric, superquadric_volume
 from warpgrasp.arm_hand import arm_hand_links
 from warpgrasp.body import Body, BodyError, Part, distance_to_bodies, scene_of
 from warpgrasp.catalogue import body_from_name, body_from_table
@@ -156,3 +159,38 @@ def test_what_cannot_be_said_is_refused(tmp_path) -> None:
         "size_mm": [20, 20, 60], "exponents": [0.5, 1.0], "bend_per_m": 5.0}}, tmp_path)
     with pytest.raises(BodyError, match="bent"):
         object_solids(hook)
+
+
+@pytest.mark.parametrize("without", ["mount_length_m", "finger_spacing_m"])
+def test_capsules_without_length_are_balls(without: str, tmp_path) -> None:
+    """A hand on the flange, fingers in one plane, a capsule as high as wide."""
+    mujoco = pytest.importorskip("mujoco")
+    pill = body_from_table({"name": "pill", "compound": [
+        {"shape": "capsule", "radius_mm": 20, "height_mm": 40}]}, tmp_path)
+    tree, solids = hand_tree(replace(HAND, **{without: 0.0}), PADS), object_solids(pill)
+    model = mujoco.MjModel.from_xml_string(mjcf_text(tree, solids))
+    balls = model.geom_size[model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE, 0]
+    thick = HAND.palm_thickness_m / 2  # of the palm's bars and the wrist, beside fingertips' marks
+    bars = 1 if without == "mount_length_m" else 3
+    np.testing.assert_allclose(np.sort(balls[balls > 0.01]), np.sort([0.02, *[thick] * bars]))
+    inertia = [float(i.attrib[k]) for i in ET.fromstring(urdf_text(tree, solids)[0]).iter("inertia")
+               for k in ("ixx", "iyy", "izz")]
+    assert np.isfinite(inertia).all()
+    assert np.min(inertia) > 0.0
+
+
+@pytest.mark.parametrize(("exponents", "taper", "hollow"), [
+    ((1.0, 1.0), (1.0, 1.0), True), ((1.5, 1.5), (-0.8, -0.8), True),
+    ((1.0, 1.0), (1.0, -1.0), True), ((1.0, 1.0), (0.5, 0.5), False),
+    ((0.1, 0.1), (0.3, 0.0), False), ((0.2, 0.3), (-0.9, -0.9), False)])
+def test_no_hollow_of_a_taper_is_filled(exponents, taper, hollow: bool, tmp_path) -> None:
+    body = body_from_table({"name": "pear", "superquadric": {
+        "size_mm": [30, 30, 60], "exponents": list(exponents), "taper": list(taper)}}, tmp_path)
+    if hollow:
+        with pytest.raises(BodyError, match="taper is not convex"):
+            object_solids(body)
+        return
+    solid, = object_solids(body)
+    shape = superquadric((0.03, 0.03, 0.06), exponents, taper=taper)
+    true = float(np.squeeze(superquadric_volume(shape)))
+    assert ConvexHull(solid.vertices).volume == pytest.approx(true, rel=6e-3)
