@@ -87,7 +87,7 @@ def make_leaderboard(plan: Plan, stores: Sequence[Store], metric: str = "chamfer
         measured = max(measured, len(table.objects))
         faults |= {**table.faults, **faults}
     notes = (*_notes(plan, missing, measured),
-             *(f"strategy {name} failed: {fault}" for name, fault in sorted(faults.items())))
+             *(f"strategy {name}: {fault}" for name, fault in sorted(faults.items())))
     return Leaderboard(_header(metric), tuple(rows), notes)
 
 

@@ -148,7 +148,7 @@ def _text(tables: dict[str, tuple[Any, Any]], recovered: Sequence[Recovered],
         "A turned mount turns both planes alike and drops out of the angle, and noise of pads or "
         "coarser guarded steps average out over a trace; none of them explains 96. What makes 6 "
         "degrees typical, or all but, is little to average over or a hand that moved: a few "
-        "touches a face (with one step each way from the first touch the spread is the largest), "
+        "touches a face (one step each way from the first touch), "
         "an arm that repeats no better than one to two millimetres (touches then land past edges "
         "and some planes are not of the face at all), or a hand that shifts in its mount by some "
         "10 degrees between the faces. Short traces are the likeliest: they need no bad sensor.",
