@@ -87,7 +87,7 @@ def make_leaderboard(plan: Plan, stores: Sequence[Store], metric: str = "chamfer
         measured = max(measured, len(table.objects))
         faults |= {**table.faults, **faults}
     notes = (*_notes(plan, missing, measured),
-             *(f"strategy {name}: {fault}" for name, fault in sorted(faults.items())))
+             *(f"strategy {name} {fault}" for name, fault in sorted(faults.items())))
     return Leaderboard(_header(metric), tuple(rows), notes)
 
 
@@ -112,7 +112,9 @@ def _add_block(table: _Table, found: Sequence[Columns], metric: str, place: Plac
     for name in PLAIN:
         table.plain[name].add(np.column_stack([values_of(rows, name) for rows in found]))
     for entry, rows in zip(table.entries, found, strict=True):
-        fault = next((str(note) for note in rows.get("note", ()) if note), "")
+        fault = next((f"failed: {note}" if failed == "strategy_failed" else str(note)
+                      for note, failed in zip(rows.get("note", ()), rows["status"], strict=False)
+                      if note), "")
         if fault:
             table.faults.setdefault(entry.label, fault)
     table.offered |= [any(rows.get("recognized_as", ())) for rows in found]
