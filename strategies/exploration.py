@@ -35,7 +35,7 @@ from strategies.fusion import (
 )
 from strategies.planar import PlanarExploration, explore_plane
 from strategies.planar_faces import Face, planes_of
-from strategies.probes import CrossFaces, FollowContour, Grasp, Probe, wanted_of
+from strategies.probes import CrossFaces, FollowContour, Grasp, Probe, misfits, wanted_of
 from strategies.recovered import (
     Recovered,
     choose_body,
@@ -53,8 +53,6 @@ from warpgrasp.status import ProbeStatus
 
 FEWEST_CONTACTS = 8
 """With fewer contacts no body is fitted."""
-TABLE_M = 0.0
-"""A hand whose origin is asked to be lower than the table is a fault of the strategy."""
 _SAFE_POSE = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
 
 
@@ -161,7 +159,7 @@ class _Run:
         try:
             probes = list(planner(self.belief))
             wanted = [wanted_of(probe, self.robot.worlds) for probe in probes]
-        except Exception as error:  # whatever a user's strategy may raise
+        except (Exception, SystemExit) as error:  # whatever a user's strategy may raise
             self._blame(np.ones(self.robot.worlds, bool), fault_text(planner, error))
             return False
         stopped = np.zeros(self.robot.worlds, bool)
@@ -208,24 +206,18 @@ class _Run:
 
     def _sound(self, probe: Probe, mask: np.ndarray, planner: Planner) -> np.ndarray:
         """The probes that can be made; a world asked for one that cannot is done."""
-        if not isinstance(probe, Grasp):
-            return mask  # the procedures that feel with pads name a bad start themselves
-        pose = np.asarray(probe.hand_pose, float)
-        with np.errstate(invalid="ignore"):
-            length = np.linalg.norm(pose[..., 3:], axis=-1)
-            below = pose[..., 2] < TABLE_M
-        bad = mask & ~np.isfinite(pose).all(-1)
-        turned = mask & ~bad & (np.abs(length - 1.0) > 1e-3)
-        below = mask & ~bad & ~turned & below
-        for found, what in ((bad, "a hand pose that is not finite"),
-                            (turned, "a quaternion whose length is not 1"),
-                            (below, "a hand pose through the table (z below 0)")):
+        for found, what in misfits(probe):
+            found = np.asarray(found & mask)
             if found.any():
                 world, number = np.argwhere(found)[0]
-                shown = np.array2string(pose[world, number], precision=3)
+                shown = ""
+                if isinstance(probe, Grasp):
+                    shown = ": " + np.array2string(np.asarray(probe.hand_pose)[world, number],
+                                                   precision=3, max_line_width=400)
                 self._blame(np.asarray(found.any(1)), f"{place_of(planner)}: {what}: "
-                            f"world {world}, probe {number}: {shown}")
-        return mask & ~(bad | turned | below).any(1)[:, None]
+                            f"world {world}, probe {number}{shown}")
+                mask = mask & ~np.asarray(found.any(1))[:, None]
+        return mask
 
     def _blame(self, worlds: np.ndarray, text: str) -> None:
         self.faulty |= worlds & self.active

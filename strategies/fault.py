@@ -10,12 +10,14 @@ from strategies.probes import ProbeError
 Planner = Callable[..., Any]
 
 
-def fault_text(planner: Planner, error: Exception) -> str:
+def fault_text(planner: Planner, error: BaseException) -> str:
     """One line: where the strategy failed (the last line of its own file) and how."""
     if isinstance(error, ProbeError):
         return f"{place_of(planner)}: {error}"
     frames = traceback.extract_tb(error.__traceback__)
-    own = [f for f in frames if f.filename == _code_of(planner)[0]] or list(frames)
+    own = [f for f in frames if f.filename == _code_of(planner)[0]]
+    if not own:  # of what it answered with
+        return f"{place_of(planner)}: {type(error).__name__}: {error}"[:400].replace("\n", " ")
     where = f"{Path(own[-1].filename).name}:{own[-1].lineno}: {own[-1].name}"
     return f"{where}: {type(error).__name__}: {error}"[:400].replace("\n", " ")
 

@@ -8,8 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from strategies.closing_paths import CLOSING_PATHS
 from strategies.contour import Axis, ContourOptions
 from strategies.planar import PlanarOptions
+
+TABLE_M = 0.0
+"""A hand whose origin is asked to be lower than the table is a fault of the strategy."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +65,10 @@ def wanted_of(probe: Probe, worlds: int) -> np.ndarray:
     """Which probes are wanted, bool (world, probe or face or 1). Raises ProbeError for shapes."""
     if isinstance(probe, Grasp):
         pose = _checked("Grasp.hand_pose", probe.hand_pose, worlds, 7)
+        if isinstance(probe.closings, str) or not all(
+                name in CLOSING_PATHS for name in probe.closings):
+            raise ProbeError(f"Grasp.closings is {probe.closings!r}; should be a tuple of names "
+                             f"of: {', '.join(CLOSING_PATHS)}")
         return _mask("Grasp.wanted", probe.wanted, pose.shape[:2])
     if isinstance(probe, CrossFaces):
         point = _checked("CrossFaces.point_m", probe.point_m, worlds, 3)
@@ -68,8 +76,13 @@ def wanted_of(probe: Probe, worlds: int) -> np.ndarray:
         if point.shape != normal.shape:
             raise ProbeError(f"CrossFaces.point_m has shape {point.shape}, its normal "
                              f"{normal.shape}; both should be (world {worlds}, face, 3)")
+        _check_options("CrossFaces", probe.options, PlanarOptions)
         return _mask("CrossFaces.wanted", probe.wanted, point.shape[:2])
     if isinstance(probe, FollowContour):
+        _check_options("FollowContour", probe.options, ContourOptions)
+        if not isinstance(probe.axis, Axis):
+            raise ProbeError(f"FollowContour.axis is {type(probe.axis).__name__}; should be an "
+                             "Axis (strategies.contour)")
         for name, width in (("foot_m", 3), ("direction", 3), ("length_m", 0), ("radius_m", 0)):
             value = np.asarray(getattr(probe.axis, name))
             shape = (worlds, width) if width else (worlds,)
@@ -80,6 +93,34 @@ def wanted_of(probe: Probe, worlds: int) -> np.ndarray:
         return _mask("FollowContour.wanted", wanted, (worlds, 1))
     raise ProbeError(f"a strategy answered with {type(probe).__name__}; should be a list of "
                      "Grasp, CrossFaces and FollowContour")
+
+
+def misfits(probe: Probe) -> list[tuple[np.ndarray, str]]:
+    """What cannot be made of a probe of sound shapes: bool (world, probe or face or 1), and why."""
+    if isinstance(probe, Grasp):
+        pose = np.asarray(probe.hand_pose, float)
+        with np.errstate(invalid="ignore"):
+            turned = np.asarray(np.abs(np.linalg.norm(pose[..., 3:], axis=-1) - 1.0) > 1e-3)
+        return [(np.asarray(~np.isfinite(pose).all(-1)), "a hand pose that is not finite"),
+                (turned, "a quaternion whose length is not 1"),
+                (pose[..., 2] < TABLE_M, "a hand pose through the table (z below 0)")]
+    if isinstance(probe, CrossFaces):
+        return _misfits_of("a face", np.asarray(probe.point_m, float),
+                           np.asarray(probe.normal, float))
+    axis = probe.axis
+    numbers = np.column_stack([axis.foot_m, axis.length_m, axis.radius_m])[:, None]
+    return _misfits_of("an axis", numbers, np.asarray(axis.direction, float)[:, None])
+
+
+def _misfits_of(what: str, numbers: np.ndarray, way: np.ndarray) -> list[tuple[np.ndarray, str]]:
+    finite = np.isfinite(np.concatenate([numbers, way], -1)).all(-1)
+    return [(np.asarray(~finite), f"{what} that is not finite"),
+            (np.asarray(finite & ~way.any(-1)), f"{what} whose direction has no length")]
+
+
+def _check_options(name: str, options: object, kind: type) -> None:
+    if options is not None and not isinstance(options, kind):
+        raise ProbeError(f"{name}.options is {type(options).__name__}; should be {kind.__name__}")
 
 
 def _checked(name: str, value: np.ndarray, worlds: int, width: int) -> np.ndarray:

@@ -1,8 +1,11 @@
 """Strategies as a user may write them, good and broken; read by the tests, never imported."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from strategies.probes import Grasp
+from strategies.contour import Axis
+from strategies.probes import CrossFaces, FollowContour, Grasp
 from strategies.registry import planner
 from strategies.waypoint_poses import waypoint_poses
 from strategies.waypoints import Ring
@@ -54,3 +57,29 @@ def never_ends(belief):
 @planner("registered-by-a-test", "one ring")
 def registered(belief):
     return one_ring(belief)
+
+
+def answers_with_none(belief):
+    return None
+
+
+def leaves(belief):
+    raise SystemExit(3)
+
+
+def unknown_closing(belief):
+    poses = waypoint_poses((Ring(count=2),), belief.told, belief.hand, belief.seed)
+    return [Grasp(poses, closings=("curl99",))]
+
+
+def face_of_nan(belief):
+    point, normal = np.full((belief.worlds, 1, 3), 0.1), np.zeros((belief.worlds, 1, 3))
+    normal[0] = np.nan
+    normal[1:, :, 2] = 1.0
+    return [CrossFaces(point, normal, np.full((belief.worlds, 1), belief.step == 0))]
+
+
+def axis_without_length(belief):
+    axis = Axis.upright(*(belief.told.x_m, belief.told.y_m, belief.told.height_m,
+                          belief.told.radius_m))
+    return [FollowContour(replace(axis, direction=0.0 * axis.direction))]

@@ -65,16 +65,22 @@ def test_a_users_function_and_class_run() -> None:
 
 
 @pytest.mark.parametrize(("name", "says", "worlds"), [
-    ("raises", "mine.py:27: raises: IndexError", [True, True]),
+    ("raises", "mine.py:30: raises: IndexError", [True, True]),
     ("wrong_shape", "shape (2, 7)", [True, True]),
     ("not_finite", "not finite: world 1, probe 2", [False, True]),
     ("through_the_table", "through the table (z below 0): world 0, probe 0", [True, False]),
+    ("answers_with_none", "answers_with_none: TypeError", [True, True]),
+    ("leaves", "leaves: SystemExit: 3", [True, True]),
+    ("unknown_closing", "Grasp.closings is ('curl99',); should be", [True, True]),
+    ("face_of_nan", "a face that is not finite: world 0, probe 0", [True, False]),
+    ("axis_without_length", "an axis whose direction has no length: world 0", [True, True]),
 ])
 def test_a_broken_strategy_is_a_status_with_file_and_line(name, says, worlds) -> None:
     found = run(mine(name))
     assert np.array_equal(found.status == "strategy_failed", worlds)
     assert says in found.fault
     assert found.fault.startswith("mine.py:")
+    assert "\n" not in found.fault
 
 
 def test_a_strategy_that_never_ends_is_stopped() -> None:
