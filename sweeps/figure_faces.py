@@ -87,7 +87,7 @@ def _draw(block: EpisodeBlock, known: list[int], name: str, world: int, wide: bo
                  + ("" if faces[number].flat[world] else ", not flat"))
         axes.scatter(*points.T, s=5, color=tint, depthshade=False, label=label,
                      alpha=0.3 if hidden else 1.0, zorder=1 if hidden else 4)
-    _frame(axes, np.concatenate(clouds), 1.0 if wide else 0.86)
+    _frame(axes, np.concatenate(clouds))
     axes.view_init(_ELEVATION, azimuth)
     angle = _neighbours(normals)
     axes.set_title(f"{cut(name)}: traces on faces, planes fitted"
@@ -110,7 +110,7 @@ def _neighbours(normals: np.ndarray) -> float | None:
     return None
 
 
-def _frame(axes: Any, cloud: np.ndarray, zoom: float) -> None:
+def _frame(axes: Any, cloud: np.ndarray) -> None:
     """Equal scales on all axes, few ticks, units named."""
     from matplotlib.ticker import MaxNLocator
 
@@ -119,6 +119,6 @@ def _frame(axes: Any, cloud: np.ndarray, zoom: float) -> None:
     axes.set(xlim=(middle[0] - half, middle[0] + half),
              ylim=(middle[1] - half, middle[1] + half), zlim=(middle[2] - half, middle[2] + half),
              xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
-    axes.set_box_aspect((1.0, 1.0, 1.0), zoom=zoom)
+    axes.set_box_aspect((1.0, 1.0, 1.0), zoom=0.86)
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.set_major_locator(MaxNLocator(4))

@@ -22,6 +22,8 @@ from sweeps.atomic import write_atomic
 from sweeps.store import StoreError
 
 FIGURE_FORMATS = (".png", ".svg", ".pdf")
+BELOW_SHARE, BELOW_M = 0.1, 0.005
+"""More touches than this share lie farther than this below a table that is told too high."""
 FAR, LEAST_EXTENT_M = 10.0, 0.05
 """What is touched from so many times its extent (at least) above a table on does not stand on it.
 """
@@ -68,7 +70,7 @@ def _check_table(sets: PointSets, table_z_m: float) -> None:
     points = np.where(good[..., None], sets.points, np.nan)[used]
     names = [name for name, there in zip(sets.names, np.atleast_1d(used), strict=True) if there]
     low, high = np.nanmin(points, axis=1), np.nanmax(points, axis=1)
-    under = np.nanmedian(points[..., 2], axis=1) < table_z_m
+    under = np.nanquantile(points[..., 2], BELOW_SHARE, axis=1) < table_z_m - BELOW_M
     extent = np.maximum(np.linalg.norm(high - low, axis=1), LEAST_EXTENT_M)
     far = low[:, 2] - table_z_m > FAR * extent
     wrong = [f"--table-z: is {table_z_m:g}; the touches of {name} lie "

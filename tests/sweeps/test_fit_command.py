@@ -130,7 +130,8 @@ def test_options_of_another_shape_are_refused(
     assert cli.run(["fit", "sphere", "points.csv", "-o", "fits.csv"]) == 2
 
 
-@pytest.mark.parametrize(("table", "says"), [("0.2", "below it"), ("-3", "far above it")])
+@pytest.mark.parametrize(("table", "says"), [
+    ("0.2", "below it"), ("0.04", "below it"), ("-3", "far above it")])
 def test_a_table_that_no_touches_stand_on_is_refused(
         tmp_path: Path, capsys: pytest.CaptureFixture[str], table: str, says: str) -> None:
     points = write(tmp_path / "points.csv", {"a": touches(1), "b": touches(2)})
