@@ -19,7 +19,7 @@ from sweeps.bench_table import markdown
 from sweeps.environment import describe_environment
 from sweeps.problems import choose
 from sweeps.store import StoreError
-from sweeps.worker import worker_environment
+from sweeps.worker import ENVIRONMENT
 
 BATCHES = (64, 256, 1024, 4096, 16384)
 AT_ONCE = 512  # episodes, as workers run them
@@ -100,10 +100,11 @@ def _measure(row: Row, quick: bool) -> dict[str, Any]:
     """One row; processes run side by side, their rates added."""
     what, of, batch, threads = row
     split = what in _PROCESSES
-    environment = {**os.environ, **worker_environment(os.environ),
+    environment = {**os.environ, **ENVIRONMENT,
                    "WARPGRASP_THREADS": str(1 if split else threads)}
     if what == "jax_closing":  # its threads are XLA's
-        environment = {**os.environ, "WARPGRASP_THREADS": str(threads)}
+        environment = {**os.environ, "WARPGRASP_THREADS": str(threads),
+                       "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=true"}
     command = [sys.executable, "-m", "sweeps.bench_rows", what, of, str(batch)]
     command += ["--quick"] if quick else []
     running = [subprocess.Popen(command, env=environment, stdout=subprocess.PIPE,

@@ -16,7 +16,7 @@ from sweeps.runner import Options, disk_error
 from sweeps.store import Store, StoreError
 from sweeps.unit_file import encode_unit
 from sweeps.work import Outcome, Work
-from sweeps.worker import find_function, run_units, worker_environment
+from sweeps.worker import ENVIRONMENT, find_function, run_units
 
 LOST_TASK_RETRIES = 4  # a node that goes away is no fault of the unit
 AHEAD = 2  # tasks in hand for each core
@@ -44,7 +44,7 @@ def run_on_ray(plan: Plan, store: Store, options: Options, progress: Progress,
     ray = _ray()
     ray.init(address=address, num_cpus=None if address else options.workers,
              include_dashboard=False, configure_logging=False, log_to_driver=False,
-             runtime_env={"env_vars": worker_environment({})})
+             runtime_env={"env_vars": ENVIRONMENT})
     try:
         work = Work(plan, store, options.shard, progress, options.verify, options.unit_timeout_s)
         _go(ray, work, options)

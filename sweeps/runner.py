@@ -19,7 +19,7 @@ from sweeps.plan import Plan, Unit
 from sweeps.progress import Progress
 from sweeps.store import Store, StoreError
 from sweeps.work import Outcome, Work
-from sweeps.worker import EPISODES, SAY_WHERE, Report, work, worker_environment
+from sweeps.worker import ENVIRONMENT, EPISODES, SAY_WHERE, Report, work
 
 EARLY_DEATHS = 2  # workers that may die before they are ready
 UNIT_TIMEOUT_S = 3600.0  # a unit takes seconds; what takes this long hangs
@@ -197,7 +197,7 @@ def _tail(log: Path) -> str:
 def as_a_worker() -> Iterator[None]:
     """The environment that a worker must find before it imports anything."""
     before = dict(os.environ)
-    os.environ.update(worker_environment(before))
+    os.environ.update(ENVIRONMENT)
     try:
         yield
     finally:

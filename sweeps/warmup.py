@@ -3,6 +3,9 @@
 import importlib
 import os
 import time
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from multiprocessing import get_context
 
 import numpy as np
 
@@ -13,6 +16,14 @@ KERNEL_MODULES = (
     "warpgrasp.tactile_pad", "warpgrasp.utah_mit_hand", "strategies.body_query",
     "strategies.placement", "sweeps.metrics", "sweeps.surface_elements",
 )
+FITS = (
+    (("ring6", "ring18"), ("block",), True),
+    (("ring6", "ring18"), ("block",), False),
+    (("contour-first", "planar"), ("block", "beer_bottle", "wine_bottle", "wedge"), True),
+    (("coarse-to-fine",), ("beer_bottle", "block", "wine_bottle", "lightbulb"), True),
+)
+"""Strategies, objects and whether the model tapers; those first whose programs the later share."""
+EPISODES = np.arange(16)
 
 
 def compile_kernels(device: str) -> float:
@@ -27,18 +38,29 @@ def compile_kernels(device: str) -> float:
 
 
 def compile_fits(device: str) -> float:
-    """Run one episode with each form of fit, for the programs it compiles; time [s]."""
-    from dataclasses import replace
+    """Compile what the strategies that ship have fitted, on all cores; the time it took [s].
 
+    Programs differ by the form of fit and by how many touches there are room for. So episodes are
+    run which ask for all of them; as processes, for none compiles two programs at a time.
+    """
+    begin = time.perf_counter()
+    with ProcessPoolExecutor(os.cpu_count(), get_context("spawn")) as pool:
+        for done in [pool.submit(_run, *episodes, device) for episodes in FITS]:
+            done.result()
+    return time.perf_counter() - begin
+
+
+def _run(strategies: tuple[str, ...], objects: tuple[str, ...], taper: bool, device: str) -> None:
     from strategies.catalogue import STRATEGIES
     from sweeps.cell import Cell
     from sweeps.episodes import run_episodes
+    from sweeps.quiet import start_warp
 
-    begin = time.perf_counter()
-    cell = Cell(STRATEGIES["ring6"], {"name": "block"}, "block")
-    for form in (cell, replace(cell, fit=replace(cell.fit, taper=False))):
-        run_episodes(form, np.arange(1), device)
-    return time.perf_counter() - begin
+    start_warp()
+    for strategy in strategies:
+        for name in objects:
+            cell = Cell(STRATEGIES[strategy], {"name": name}, name)
+            run_episodes(replace(cell, fit=replace(cell.fit, taper=taper)), EPISODES, device)
 
 
 def warmup(device: str) -> int:
@@ -46,6 +68,6 @@ def warmup(device: str) -> int:
     from sweeps.quiet import start_warp
 
     start_warp()
-    print(f"kernels  {compile_kernels(device):6.1f} s")
+    print(f"kernels  {compile_kernels(device):6.1f} s", flush=True)
     print(f"fits     {compile_fits(device):6.1f} s")
     return 0

@@ -14,7 +14,7 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from multiprocessing import parent_process
@@ -34,8 +34,8 @@ EPISODES = "sweeps.episodes:run_cells"
 NAMED = ("episode", "strategy", "object", "seed")  # columns that a unit gives its rows
 
 # One thread each: two workers on two cores must not fight, and sums must not depend on threads.
+# What fits are compiled with is `fit.xla_options`' and the same in all processes.
 ENVIRONMENT = {
-    "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false",
     "NPROC": "1",
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
@@ -43,14 +43,6 @@ ENVIRONMENT = {
     "WARPGRASP_THREADS": "1",
     "PYTHONHASHSEED": "0",
 }
-
-
-def worker_environment(outer: Mapping[str, str]) -> dict[str, str]:
-    """What a worker's environment adds to the one the command was started in."""
-    found = dict(ENVIRONMENT)
-    if outer.get("XLA_FLAGS"):
-        found["XLA_FLAGS"] = f"{outer['XLA_FLAGS']} {found['XLA_FLAGS']}"
-    return found
 
 
 @dataclass(frozen=True)

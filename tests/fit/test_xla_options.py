@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from fit.xla_options import OPTIONS
+from fit.xla_options import ONE_THREAD, OPTIONS
 
 SAY = """
 import os
@@ -22,15 +22,32 @@ def said(before: str, flags: str = "") -> list[str]:
     return done.stdout.split()
 
 
-@pytest.mark.parametrize("flags", ["", "--xla_cpu_multi_thread_eigen=false"])
-def test_they_are_in_force_beside_the_users(flags: str) -> None:
-    assert said("import jax, fit.batch", flags) == ["True", OPTIONS, *flags.split()]
+@pytest.mark.parametrize(("flags", "found"), [
+    ("", [ONE_THREAD]),
+    ("--xla_cpu_enable_fast_math=false", ["--xla_cpu_enable_fast_math=false", ONE_THREAD]),
+    ("--xla_cpu_multi_thread_eigen=true", ["--xla_cpu_multi_thread_eigen=true"]),
+])
+def test_they_are_in_force_beside_the_users(flags: str, found: list[str]) -> None:
+    assert said("import jax, fit.batch", flags) == ["True", OPTIONS, *found]
 
 
 def test_where_a_device_was_asked_for_before_they_are_not() -> None:
-    assert said("import jax; jax.devices(); import fit.batch") == ["False", OPTIONS]
+    said_late = said("import jax; jax.devices(); import fit.batch")
+    assert said_late == ["False", OPTIONS, ONE_THREAD]
 
 
 def test_the_users_own_extra_options_stay() -> None:
     own = "--xla_backend_extra_options=xla_cpu_disable_loop_unrolling"
-    assert said("import fit.batch", own) == ["True", own]
+    assert said("import fit.batch", own) == ["True", own, ONE_THREAD]
+
+
+@pytest.mark.parametrize("own", ["", "--xla_cpu_enable_fast_math=false"])
+def test_workers_and_commands_share_what_is_compiled(own: str) -> None:
+    """Else `warmup` warms no study."""
+    say = "import fit.batch; from fit import program_cache; print(program_cache._folder())"
+    worker = ("import subprocess, sys, fit.batch; from sweeps.runner import as_a_worker\n"
+              f"with as_a_worker(): subprocess.run([sys.executable, '-c', {say!r}], check=True)")
+    folders = {subprocess.check_output([sys.executable, "-c", code],
+                                       env={**os.environ, "XLA_FLAGS": own})
+               for code in (say, worker)}
+    assert len(folders) == 1
