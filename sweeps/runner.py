@@ -62,8 +62,10 @@ class _Run:
     def go(self) -> None:
         for number in range(1, self.work.at_least(self.options.workers) + 1):
             self.slots.append(self._start_worker(number))
-        while not self.work.over:
-            self._hand_out()
+        while True:
+            self._hand_out()  # which may find that nothing was left
+            if self.work.over:
+                return
             ready = wait([slot.pipe for slot in self.slots], timeout=1.0)
             for number, slot in enumerate(self.slots):
                 if slot.pipe in ready:

@@ -1,4 +1,5 @@
 import os
+from multiprocessing import connection
 from pathlib import Path
 from typing import Any
 
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 from studies import SMALL, plan_of
 
+from sweeps import runner
 from sweeps.leaderboard import make_leaderboard
 from sweeps.plan import Plan
 from sweeps.progress import Progress
@@ -46,6 +48,22 @@ def test_two_workers_give_the_same_bytes(whole: tuple[Plan, Path], tmp_path: Pat
     run_in(tmp_path, plan, workers=2)
     assert contents(tmp_path) == contents(folder)
     assert board(plan, tmp_path) == board(plan, folder)
+
+
+def test_a_run_ends_with_its_last_unit(
+    whole: tuple[Plan, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A lone worker that had all that was left was waited for once more, for a second."""
+    heard: list[int] = []
+
+    def wait(pipes: list[Any], timeout: float) -> list[Any]:
+        ready = connection.wait(pipes, timeout)
+        heard.append(len(ready))
+        return ready
+
+    monkeypatch.setattr(runner, "wait", wait)
+    run_in(tmp_path, whole[0])
+    assert heard[-1] == 1
 
 
 def test_shards_merge_to_the_same_bytes(whole: tuple[Plan, Path], tmp_path: Path) -> None:
