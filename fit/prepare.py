@@ -122,6 +122,8 @@ def prepare(
         covariance = covariance / scale[:, None, None, None] ** 2
     if normals is not None:
         normals = _array("normals", normals, (n, width, 3))[rows, order]
+        # By a power of two first, which is exact: their squares are finite whatever their length.
+        normals = np.ldexp(normals, -np.frexp(np.abs(normals).max(axis=2, keepdims=True))[1])
         with np.errstate(invalid="ignore", divide="ignore"):
             normals = normals / np.linalg.norm(normals, axis=2, keepdims=True)
     plane = None

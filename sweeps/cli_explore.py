@@ -76,7 +76,8 @@ def fit(shape: Literal["superquadric", "plane", "revolution"], points: Path, /, 
     shape
         superquadric, plane or revolution.
     points
-        A CSV with columns x_m, y_m, z_m; set where there are several; nx, ny, nz where felt.
+        A CSV with columns x_m, y_m, z_m; set where there are several; nx, ny, nz, pointing out of
+        the body, where felt.
     out
         The CSV to write, a row a set; contours of revolutions go to OUT.profile.csv.
     taper

@@ -24,6 +24,8 @@ from sweeps.store import StoreError
 FIGURE_FORMATS = (".png", ".svg", ".pdf")
 BELOW_SHARE, BELOW_M = 0.1, 0.005
 """More touches than this share lie farther than this below a table that is told too high."""
+LEAST_NORMALS, INWARD_M = 8, 0.001
+"""So many normals, half of which point inwards by more than what touches of a flat face may."""
 FAR, LEAST_EXTENT_M = 10.0, 0.05
 """What is touched from so many times its extent (at least) above a table on does not stand on it.
 """
@@ -43,6 +45,10 @@ def fit(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, robust:
         raise StoreError(f"{points}: cannot be read: {error.strerror or error}") from None
     if table_z_m is not None:
         _check_table(sets, table_z_m)
+    if shape == "superquadric" and sets.normals is not None:
+        for name in inward(sets, sets.normals):
+            print(f"nx, ny, nz: most normals of {name} point to the middle of its touches; they "
+                  "should point out of the body", file=sys.stderr)
     found = fit_shape(shape, sets, taper=taper, bend=bend, robust=robust, table_z_m=table_z_m)
     files = {out: rows_csv(*_rows(shape, sets.names, found))}
     if shape == "revolution":
@@ -81,6 +87,23 @@ def _check_table(sets: PointSets, table_z_m: float) -> None:
         raise StoreError(f"{wrong[0]}; should be the table's height in metres, below all touches")
     for line in wrong:
         print(line, file=sys.stderr)
+
+
+def inward(sets: PointSets, normals: np.ndarray) -> list[str]:
+    """Sets whose normals seem to point into the body; those of a convex body never do."""
+    out = []
+    for name, points, of_set, mask in zip(sets.names, sets.points, normals, sets.mask,
+                                          strict=True):
+        touched = mask & np.isfinite(points).all(1)
+        felt = touched & np.isfinite(of_set).all(1) & of_set.any(1)
+        if felt.sum() < LEAST_NORMALS:
+            continue
+        unit = of_set[felt] / np.abs(of_set[felt]).max(axis=1, keepdims=True)
+        unit /= np.linalg.norm(unit, axis=1, keepdims=True)
+        outward_m = ((points[felt] - points[touched].mean(axis=0)) * unit).sum(1)
+        if np.median(outward_m) < -INWARD_M:
+            out.append(name)
+    return out
 
 
 def fit_shape(shape: str, sets: PointSets, *, taper: bool = False, bend: bool = False,

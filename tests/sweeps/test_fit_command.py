@@ -93,6 +93,28 @@ def test_planes_and_revolutions(tmp_path: Path, points: Path) -> None:
     assert float(nodes[4]["radius_m"]) == pytest.approx(0.03, abs=2e-3)
 
 
+@pytest.mark.parametrize(("factor", "told"), [
+    (1.0, False), (-1.0, True), (1e300, False), (-1e300, True)])
+def test_normals_that_point_into_the_body_are_told(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str], factor: float, told: bool) -> None:
+    rng = np.random.default_rng(4)
+    unit = rng.normal(size=(60, 3))
+    unit /= np.linalg.norm(unit, axis=1, keepdims=True)
+    flat = np.c_[0.05 * rng.normal(size=(60, 2)), 3e-4 * rng.normal(size=60)]
+    rows = [("ball", 0.04 * unit, unit), ("face", flat, np.tile([0.0, 0.0, 1.0], (60, 1)))]
+    path = tmp_path / "points.csv"
+    path.write_text("set,x_m,y_m,z_m,nx,ny,nz\n" + "".join(
+        ",".join(map(str, [name, *p, *(factor * n)])) + "\n"
+        for name, points, normals in rows for p, n in zip(points, normals, strict=True)))
+    assert cli.run(["fit", "superquadric", str(path), "-o", str(tmp_path / "fits.csv")]) == 0
+    said = capsys.readouterr().err
+    assert ("most normals of ball point to the middle" in said) == told
+    assert "of face" not in said
+    assert "Warning" not in said
+    _, found = read(tmp_path / "fits.csv")
+    assert told or float(found[0]["rms_mm"]) < 0.2
+
+
 @pytest.mark.parametrize(("text", "arguments", "says"), [
     ("x_m,y_m\n1,2\n", [], "points.csv:1: z_m: column is missing"),
     ("x_m,y_m,z_m\n1,two,3\n4,5,1_0\n", [], "points.csv:3: z_m: '1_0' is not a number"),
