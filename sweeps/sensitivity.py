@@ -18,6 +18,7 @@ from sweeps.entries import value_text
 from sweeps.plan import Plan, cell_hash
 from sweeps.problems import Problem, SpecError
 from sweeps.store import Store
+from sweeps.table import number_text
 
 STRATEGIES = ("ring6", "column9", "random18", "rim12-ring12")
 OBJECTS = ("block", "large_cylinder", "small_cylinder", "wedge", "lightbulb", "funnel")
@@ -112,15 +113,23 @@ def sensitivity_table(plan: Plan, store: Store) -> tuple[list[tuple[str, ...]], 
     for number, values in enumerate(scores):
         key, value = _changed(plan, number)
         means = _means(values)
-        best = int(np.argmin(means))
-        rows.append((key, value, f"{_tau(_means(base), means):.2f}", names[best],
-                     f"{means[best]:.3f}", f"{means.mean() - _means(base).mean():+.3f}",
+        change = means - _means(base)
+        best, least, mean = "NA", "NA", "NA"
+        if np.isfinite(means).any():  # a strategy that always fails is not the best
+            best, least = names[int(np.nanargmin(means))], f"{np.nanmin(means):.3f}"
+        if np.isfinite(change).any():
+            mean = f"{np.nanmean(change):+.3f}"
+        rows.append((key, value, number_text(_tau(_means(base), means), 2), best, least, mean,
                      _swapped(base, values, names)))
-    low, middle = np.quantile(_tau_by_chance(base), [0.05, 0.5])
+    chance = _tau_by_chance(base)
+    low, middle = (number_text(v, 2) for v in np.quantile(chance, [0.05, 0.5]))
     shape = "{2} objects x {3} episodes".format(*scores.shape)
     notes = [f"{len(names)} strategies x {shape} a setting, ranked by mean {METRIC}",
-             f"redrawing the default's episodes alone gives tau {middle:.2f} (5 %: {low:.2f}): "
+             f"redrawing the default's episodes alone gives tau {middle} (5 %: {low}): "
              "a tau above that says nothing"]
+    notes += [f"{name} has no score in {count} of {len(scores)} settings, and is left out there: "
+              "all its episodes failed" for name, count in
+              zip(names, np.isnan([_means(v) for v in scores]).sum(axis=0), strict=True) if count]
     return rows, notes
 
 
@@ -142,11 +151,22 @@ def _scores(plan: Plan, store: Store) -> np.ndarray:
 
 def _means(values: np.ndarray) -> np.ndarray:
     """Mean of each strategy over objects, of means over episodes; (strategy, object, episode)."""
-    return np.nanmean(np.nanmean(values, axis=-1), axis=-1)
+    return _mean(_mean(values))
+
+
+def _mean(values: np.ndarray) -> np.ndarray:
+    """Over the last axis, of what is there; NaN where nothing is."""
+    there = np.isfinite(values)
+    total, count = np.where(there, values, 0.0).sum(-1), there.sum(-1)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
 def _tau(one: np.ndarray, other: np.ndarray) -> float:
-    return float(kendalltau(one, other)[0])  # pyright: ignore[reportArgumentType]
+    """Of the strategies that have both means; NaN where fewer than two do."""
+    both = np.isfinite(one) & np.isfinite(other)
+    if both.sum() < 2:
+        return float("nan")
+    return float(kendalltau(one[both], other[both])[0])  # pyright: ignore[reportArgumentType]
 
 
 def _tau_by_chance(base: np.ndarray, draws: int = 500) -> np.ndarray:
@@ -169,9 +189,12 @@ def _swapped(base: np.ndarray, values: np.ndarray, names: Sequence[str]) -> str:
 
 def _lead(difference: np.ndarray) -> float:
     """Mean of (object, episode) in its standard errors, the objects being given."""
-    error = np.sqrt((np.nanvar(difference, axis=-1, ddof=1)
-                     / np.isfinite(difference).sum(-1)).sum()) / len(difference)
-    return float(np.nanmean(difference) / max(error, 1e-12))
+    told = difference[np.isfinite(difference).sum(-1) > 1]
+    if not len(told):
+        return 0.0
+    error = np.sqrt((np.nanvar(told, axis=-1, ddof=1)
+                     / np.isfinite(told).sum(-1)).sum()) / len(told)
+    return float(np.nanmean(told) / max(error, 1e-12))
 
 
 def _changed(plan: Plan, number: int) -> tuple[str, str]:

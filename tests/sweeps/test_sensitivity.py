@@ -4,13 +4,14 @@ import json
 
 import numpy as np
 import pytest
-from studies import SMALL, write_spec
+from studies import SMALL, plan_of, write_spec
 
-from sweeps import commands
+from sweeps import commands, sensitivity
 from sweeps.cli import run
 from sweeps.plan import plan_study
-from sweeps.sensitivity import BRACKETS, _swapped, sensitivity_spec
+from sweeps.sensitivity import BRACKETS, _swapped, sensitivity_spec, sensitivity_table
 from sweeps.spec import read_spec
+from sweeps.store import Store
 
 
 def test_the_spec_varies_one_constant_a_setting(tmp_path) -> None:
@@ -40,6 +41,21 @@ def test_only_sure_swaps_count() -> None:
     assert _swapped(base, base[::-1], ("a", "b")) == "a > b"
     assert _swapped(base, base, ("a", "b")) == "none"
     assert _swapped(base, base + rng.normal(0.0, 9.0, base.shape), ("a", "b")) == "none"
+
+
+def test_a_strategy_that_always_fails_is_not_the_best(tmp_path, monkeypatch) -> None:
+    plan = plan_of(tmp_path, f"{SMALL}[sweep.zip]\n{THRESHOLD}")
+    shape = (2, len(plan.study.strategies), len(plan.study.objects), 70)
+    scores = 1.0 + np.random.default_rng(1).random(shape)
+    monkeypatch.setattr(sensitivity, "_scores", lambda plan, store: scores)
+    scores[1, 0] = np.nan
+    (*_, failing), notes = sensitivity_table(plan, Store(tmp_path))
+    assert failing[3] == plan.study.strategies[1].name
+    assert "nan" not in str(failing)
+    assert f"{plan.study.strategies[0].name} has no score in 1 of 2 settings" in notes[-1]
+    scores[:] = np.nan
+    rows, _ = sensitivity_table(plan, Store(tmp_path))
+    assert [row[2:6] for row in rows] == [("NA", "NA", "NA", "NA")] * 2
 
 
 SPEC = SMALL.replace("= 70", "= 3") + "[sweep.zip]\n"
