@@ -1,7 +1,8 @@
 """What a strategy is handed: what has been felt and fitted so far. Plain arrays, no truth."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -65,6 +66,21 @@ class Belief:
     def uncertainty(self) -> SuperquadricUncertainty:
         """Covariance of the body's parameters, made when first asked for."""
         return believed_uncertainty(self.body, self.evidence)
+
+
+def read_only(record: Any) -> Any:
+    """The same record with views of its arrays, and of those within, that cannot be written to."""
+    if isinstance(record, np.ndarray):
+        view = record.view()
+        view.flags.writeable = False
+        return view
+    if isinstance(record, tuple):
+        parts = map(read_only, record)
+        return type(record)(*parts) if hasattr(record, "_fields") else tuple(parts)
+    if is_dataclass(record) and not isinstance(record, type):
+        return replace(record, **{f.name: read_only(getattr(record, f.name))
+                                  for f in fields(record) if f.init})
+    return record
 
 
 def believed_uncertainty(body: Superquadric, evidence: Evidence) -> SuperquadricUncertainty:

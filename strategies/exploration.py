@@ -17,7 +17,7 @@ import numpy as np
 from fit.rows import put_rows, rows_of, with_rows
 from fit.status import FitStatus
 from fit.superquadric import SuperquadricFit, fit_superquadric
-from strategies.belief import Belief
+from strategies.belief import Belief, read_only
 from strategies.budget import Budget, within_budget
 from strategies.containment import explore_by_containment
 from strategies.contour import ContourExploration, explore_contour
@@ -187,7 +187,7 @@ class _Run:
             self._refit(np.flatnonzero(changed))
             self._conclude(np.flatnonzero(changed))
             self.active &= within_budget(self.budget, self.belief)
-            self.belief = replace(self.belief, active=self.active.copy())
+            self.belief = replace(self.belief, active=read_only(self.active.copy()))
         return bool((changed | stopped).any())
 
     def imagine(self, probe: Grasp) -> Recovered:
@@ -329,11 +329,11 @@ class _Run:
             self.contour).shape)
         turned = None if self.whole is None else revolution_of(self.whole)
         self.recovered = Recovered(self.shape, body, turned)
-        self.belief = Belief(
+        self.belief = read_only(Belief(
             self.step, self.active.copy(), self.told, self.seed, self.robot.arm,
             self.robot.hand, self.robot.sensors, self.closings, self.placed, self.fits, fitted,
             body, tuple(self.faces), self.whole, self.shape, self.touches.copy(),
-            self.time.copy(), self.path.copy())
+            self.time.copy(), self.path.copy()))
 
     def status(self) -> np.ndarray:
         """How each world ended."""

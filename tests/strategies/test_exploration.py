@@ -83,6 +83,21 @@ def test_a_broken_strategy_is_a_status_with_file_and_line(name, says, worlds) ->
     assert "\n" not in found.fault
 
 
+@pytest.mark.parametrize("array", [
+    lambda belief: belief.told.radius_m, lambda belief: belief.evidence.points_m,
+    lambda belief: belief.body.size_m, lambda belief: belief.active])
+def test_a_strategy_cannot_write_into_what_it_is_handed(array) -> None:
+    """What the run itself goes on with would be changed."""
+
+    def writes(belief: Belief) -> list[Grasp]:
+        array(belief)[:] = 0
+        return []
+
+    found = run(writes)
+    assert (found.status == "strategy_failed").all()
+    assert "read-only" in found.fault
+
+
 def test_a_strategy_that_never_ends_is_stopped() -> None:
     found = run(mine("never_ends"), episodes=(0,), table=QUICK,
                 budget=Budget(touches=40))
