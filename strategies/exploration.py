@@ -94,8 +94,9 @@ class Exploration:
     recovered: Recovered
     status: np.ndarray
     """ok, too_few_contacts, fit_failed, fit_implausible or strategy_failed, (world,)."""
-    fault: str
-    """What the strategy did wrong, with file and line; empty where nothing."""
+    fault: np.ndarray
+    """What the strategy did wrong in each world, with file and line; empty where nothing, (world,).
+    """
     stopped: np.ndarray
     """Worlds in which it wanted more than `Budget.steps` steps, bool (world,)."""
 
@@ -142,7 +143,7 @@ class _Run:
         self.active = np.ones(worlds, bool)
         self.faulty = np.zeros(worlds, bool)
         self.steps, self.stopped = np.zeros(worlds, int), np.zeros(worlds, bool)
-        self.fault = ""
+        self.fault = np.full(worlds, "", object)
         self.faces: list[Face] = []
         self.profile: Profile | None = None  # as followed
         self.whole: Profile | None = None  # and completed by all else that was felt
@@ -208,21 +209,21 @@ class _Run:
         """The probes that can be made; a world asked for one that cannot is done."""
         for found, what in misfits(probe):
             found = np.asarray(found & mask)
-            if found.any():
-                world, number = np.argwhere(found)[0]
-                shown = ""
+            for world in np.flatnonzero(found.any(1)):
+                number, shown = int(found[world].argmax()), ""
                 if isinstance(probe, Grasp):
                     shown = ": " + np.array2string(np.asarray(probe.hand_pose)[world, number],
                                                    precision=3, max_line_width=400)
-                self._blame(np.asarray(found.any(1)), f"{place_of(planner)}: {what}: "
+                self._blame(np.arange(len(mask)) == world, f"{place_of(planner)}: {what}: "
                             f"world {world}, probe {number}{shown}")
-                mask = mask & ~np.asarray(found.any(1))[:, None]
+            mask = mask & ~np.asarray(found.any(1))[:, None]
         return mask
 
     def _blame(self, worlds: np.ndarray, text: str) -> None:
-        self.faulty |= worlds & self.active
+        at_fault = worlds & self.active
+        self.fault[at_fault] = text
+        self.faulty |= at_fault
         self.active &= ~worlds
-        self.fault = self.fault or text
 
     def _grasp(self, probe: Grasp, mask: np.ndarray) -> None:
         room = None if self.budget.touches is None else self.budget.touches - self.touches

@@ -207,7 +207,8 @@ def _run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Ep
                     table=cell.fit, closings=cell.strategy.closings,
                     budget=budget_of(cell.strategy), observe=observe, oracle=oracle)
     if fault:
-        found = replace(found, fault=fault, status=np.full(len(key), "strategy_failed"))
+        found = replace(found, fault=np.full(len(key), fault, object),
+                        status=np.full(len(key), "strategy_failed"))
     scores = moments[-1].scores if moments else scorer.score(found.recovered)
     recognized = _recognizer(device).names(found.belief, found.recovered)
     return EpisodeBlock(tuple(bodies), truth, told, found, scores, tuple(moments), recognized)

@@ -81,8 +81,8 @@ def explore(
     if block.recovered.shape[0] == Shape.TOLD_CYLINDER:
         print(f"{block.status[0]}: nothing was recovered; the body written is the rough cylinder "
               "that the strategy was told", file=sys.stderr)
-    if block.exploration.fault:
-        print(f"the strategy failed: {block.exploration.fault}", file=sys.stderr)
+    if block.exploration.fault[0]:
+        print(f"the strategy failed: {block.exploration.fault[0]}", file=sys.stderr)
     return [out / file for file in sorted(written)]
 
 
