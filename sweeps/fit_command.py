@@ -90,7 +90,11 @@ def _check_table(sets: PointSets, table_z_m: float) -> None:
 
 
 def inward(sets: PointSets, normals: np.ndarray) -> list[str]:
-    """Sets whose normals seem to point into the body; those of a convex body never do."""
+    """Names of sets whose normals (set, touch, 3) seem to point into the body.
+
+    Half of them do by more than `INWARD_M`, as seen from the mean of the touches [m]; outward
+    ones of a convex body never do, for that mean lies within it.
+    """
     out = []
     for name, points, of_set, mask in zip(sets.names, sets.points, normals, sets.mask,
                                           strict=True):
