@@ -10,10 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fit.batch import Program, map_lanes, take
-from fit.status import FitStatus
+from fit.status import LEAST_FALL, FitStatus
 
-CONVERGED_FALL = 1e-12
-"""A fit has converged when a round lowers its cost by less than this share."""
+GOING_ON = 0.1
+"""Share of its last damping with which a descent goes on in a valley that it has found. To begin
+anew from `solver.DAMPING` takes six iterations to come back to where it was."""
 NOTHING_LEFT = 1e-24
 """Cost, in unit frames, below which there is only rounding."""
 
@@ -67,10 +68,17 @@ def screen(
     return order[row, better], again.theta.reshape(n, 2, -1)[row, better]
 
 
-def finish(problem: Problem, theta, lanes: Any, *, at_a_time: int, at_most: int) -> Finished:
-    """Descents to their end, in rounds over the fits that still fall."""
+def finish(
+    problem: Problem, theta, lanes: Any, damping=None, *, at_a_time: int, at_most: int,
+    least_fall: float = LEAST_FALL,
+) -> Finished:
+    """Descents to their end, in rounds over the fits that still fall by `least_fall`.
+
+    `damping` is that of the descents which led to `theta`; None, and they begin anew.
+    """
     n = len(theta)
-    theta, damping, cost = theta.copy(), np.zeros(n), np.zeros(n)
+    damping = np.zeros(n) if damping is None else GOING_ON * damping
+    theta, cost = theta.copy(), np.zeros(n)
     iterations = np.zeros(n, int)
     status = np.full(n, FitStatus.not_converged)
     left = np.arange(n)
@@ -78,7 +86,7 @@ def finish(problem: Problem, theta, lanes: Any, *, at_a_time: int, at_most: int)
         moved = advance(problem, theta[left], take(lanes, left), at_a_time, damping[left])
         theta[left], damping[left], cost[left] = moved.theta, moved.damping, moved.cost
         iterations[left] += at_a_time
-        done = (moved.fallen < CONVERGED_FALL) | (moved.cost < NOTHING_LEFT)
+        done = (moved.fallen < least_fall) | (moved.cost < NOTHING_LEFT)
         status[left[done]] = FitStatus.converged
         left = left[~done]
     return Finished(theta, cost, iterations, status)

@@ -101,7 +101,7 @@ def _fit_bucket(sets: Sets, options: RevolutionOptions) -> dict[str, np.ndarray]
             lanes = lanes._replace(loss_scale=_scale(found, lanes, sets, options))
             found = advance(problem, found, lanes, options.round_iterations).theta
     end = finish(problem, found, lanes, at_a_time=options.round_iterations,
-                 at_most=options.iterations)
+                 at_most=options.iterations, least_fall=options.least_fall)
     return _rows(end, lanes, sets, options)
 
 

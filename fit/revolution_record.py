@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from fit.option_words import Loss, Monotone, check_word
+from fit.status import LEAST_FALL
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,9 @@ class RevolutionOptions:
     screen_iterations: int = 6
     round_iterations: int = 8
     iterations: int = 80
+    """Most iterations of the finish."""
+    least_fall: float = LEAST_FALL
+    """A fit has converged when a round lowers its cost by less than this share."""
 
     def __post_init__(self) -> None:
         if self.nodes < 2:

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from enum import IntEnum
 
+LEAST_FALL = 1e-12
+"""A fit has converged when a round of iterations lowers its cost by less than this share, if not
+told otherwise."""
+
 
 class FitStatus(IntEnum):
     """Outcome of one fit. `converged` is the only one whose parameters are an optimum."""

@@ -42,14 +42,15 @@ def fit_sets(
     lanes, theta = _begin(sets, form, options, start)
     lanes, theta = _refresh(lanes, theta, sets, form, options)
     # Weights, scale and the strength of priors belong to a shape: settle them before the finish.
-    settled = advance(_problem(form), theta, lanes, options.round_iterations)
+    settled = advance(_problem(form), theta, lanes, options.settle_iterations)
     if options.iterations == 0:
         none = np.zeros(len(theta), int)
         end = Finished(settled.theta, settled.cost, none, none + FitStatus.not_converged)
         return _rows(end, lanes, sets, form)
     lanes, theta = _refresh(lanes, settled.theta, sets, form, options)
-    end = finish(_problem(form), theta, lanes, at_a_time=options.round_iterations,
-                 at_most=options.iterations)
+    end = finish(_problem(form), theta, lanes, settled.damping,
+                 at_a_time=options.round_iterations, at_most=options.iterations,
+                 least_fall=options.least_fall)
     return _rows(end, lanes, sets, form)
 
 

@@ -215,7 +215,10 @@ def look(theta, lane: Lane, form: Form) -> tuple[Body, Array, Array, Array]:
     """The body; each point's distance, the normal there, and its unweighted residual."""
     body = unpack(theta, lane.rotation, form)
     local = body.local(lane.points)
-    steepest = jnp.stack(slopes(log_square_radius, body.shape, local)[2])
-    normal = steepest / jnp.sqrt(jnp.sum(steepest**2, axis=0) + 1e-24)
+    # Stored, for each of the normal's rows would else work the whole field out again.
+    stored = storing(lane.points[2])
+    steepest = [stored(row) for row in slopes(log_square_radius, body.shape, local)[2]]
+    shorter = stored(1.0 / jnp.sqrt(sum(row**2 for row in steepest) + 1e-24))
+    normal = jnp.stack([row * shorter for row in steepest])
     return (body, distance(body.shape, local), product(body.rotation, normal),
             residual(body.shape, local, form.residual))

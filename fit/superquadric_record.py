@@ -9,6 +9,7 @@ from jaxtyping import Float, Int
 
 from fit.option_words import Kind, Loss, check_word
 from fit.rows import rows_of
+from fit.status import LEAST_FALL
 
 
 @dataclass(frozen=True)
@@ -24,10 +25,14 @@ class SuperquadricOptions:
     loss: Loss = "none"
     """Robust loss of the points' (and normals') residuals, its scale from their median."""
     screen_iterations: int = 4
-    round_iterations: int = 6
+    settle_iterations: int = 6
+    """Iterations after which weights and scales are set for good."""
+    round_iterations: int = 4
     """Iterations between two looks at which fits are done."""
     iterations: int = 80
     """Most iterations of the finish; 0: a rough fit, `not_converged`."""
+    least_fall: float = LEAST_FALL
+    """A fit has converged when a round lowers its cost by less than this share."""
     sigma_floor_m: float = 1e-3
     """Standard deviation added to a contact's covariance along the normal [m]."""
     plane_weight: float = 1.0

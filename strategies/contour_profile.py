@@ -16,7 +16,7 @@ from fit.revolution import RevolutionFit, RevolutionOptions, fit_revolution, usa
 from fit.rows import row_sums, with_rows
 from strategies.contour import ContourExploration
 
-FIT = RevolutionOptions(nodes=10, upright=True)
+FIT = RevolutionOptions(nodes=10, upright=True, least_fall=1e-5)
 
 
 @dataclass(frozen=True)

@@ -31,6 +31,9 @@ SCREEN_ITERATIONS = 3
 """Iterations by which starts are compared: few, for longer ones shrink into whatever is felt."""
 LAST_ITERATIONS = 24
 """Iterations of the last fit's finish; those whose contacts are still to move have none."""
+LEAST_FALL = 1e-5
+"""A fit is left where four iterations lower its cost by less than this share. To the end of all
+descents scores move by less than 1 um in the median, in nine of ten by less than 5."""
 FARTHEST_M = 0.02
 """A link farther than this from the body is no less likely than one this far."""
 
@@ -113,7 +116,7 @@ def fit_evidence(
         residual = "volume_distance" if table.taper and start is not None else "solina"
     options = SuperquadricOptions(
         taper=table.taper, residual=residual, loss=table.loss,  # pyright: ignore
-        iterations=iterations, screen_iterations=SCREEN_ITERATIONS,
+        iterations=iterations, screen_iterations=SCREEN_ITERATIONS, least_fall=LEAST_FALL,
         upright_std_rad=table.upright_rad if table.table_plane else None)
     return fit_superquadric(
         evidence.points_m, evidence.mask,

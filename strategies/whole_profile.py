@@ -17,7 +17,7 @@ from strategies.evidence import Evidence
 from strategies.recovered import distance_felt
 from strategies.waypoints import TOLD_MARGIN_M, BoundingCylinder
 
-OPTIONS = RevolutionOptions(nodes=10, upright=True)
+OPTIONS = RevolutionOptions(nodes=10, upright=True, least_fall=1e-5)
 COVERED = (0.3, 0.9)
 """A contour followed from below the first share of the height to above the second is left as it
 is: fingers that must clear the table begin a little above it."""

@@ -18,7 +18,7 @@ from sweeps.bench_study import studies
 from sweeps.bench_table import markdown
 from sweeps.environment import describe_environment
 from sweeps.problems import choose
-from sweeps.store import StoreError
+from sweeps.store_error import StoreError
 from sweeps.worker import ENVIRONMENT
 
 BATCHES = (64, 256, 1024, 4096, 16384)

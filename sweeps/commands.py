@@ -18,7 +18,8 @@ from sweeps.progress import Progress, read_note
 from sweeps.quiet import devices, quiet_asked
 from sweeps.runner import UNIT_TIMEOUT_S, Options, run
 from sweeps.spec import read_spec
-from sweeps.store import Store, StoreError
+from sweeps.store import Store
+from sweeps.store_error import StoreError
 from sweeps.table import print_table
 from sweeps.work import Outcome
 from sweeps.worker import EPISODES

@@ -4,17 +4,21 @@ An entry is a strategy under one setting of the axes that tell entries apart. Th
 are cases that an entry is averaged over. A block of episodes counts for all entries or for none.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from sweeps.plan import Plan, Unit, cell_hash
 from sweeps.problems import choose
-from sweeps.store import Store
-from sweeps.unit_file import Columns
+
+if TYPE_CHECKING:
+    from sweeps.store import Store
+    from sweeps.unit_file import Columns
 
 LOWER_IS_BETTER = ("chamfer_mm", "hausdorff95_mm", "touches", "robot_time_s", "arm_path_m",
                    "fit_rms_mm")

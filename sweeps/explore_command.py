@@ -7,7 +7,7 @@ from strategies.strategy import Strategy
 from sweeps.problems import choose
 from sweeps.quiet import quiet_stdout, start_warp
 from sweeps.spec_objects import object_of_argument
-from sweeps.store import StoreError
+from sweeps.store_error import StoreError
 
 
 def explore(what: str, strategy: str, folder: Path, *, units: str | None, seed: int,

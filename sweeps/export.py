@@ -5,7 +5,7 @@ from pathlib import Path
 from sweeps.atomic import write_atomic
 from sweeps.quiet import quiet_stdout, start_warp
 from sweeps.spec_objects import object_of_argument
-from sweeps.store import StoreError
+from sweeps.store_error import StoreError
 from warpgrasp.body import BodyError
 from warpgrasp.parameters import ArmTable, HandTable, ObjectTable, PadTable
 

@@ -8,7 +8,7 @@ import numpy as np
 from strategies.contour_profile import Profile
 from sweeps.episodes import EpisodeBlock
 from sweeps.figure_style import cut, drawing, encode, figure
-from sweeps.store import StoreError
+from sweeps.store_error import StoreError
 from warpgrasp.body_sample import sample_body
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ import numpy as np
 from strategies.planar import PlanarExploration
 from sweeps.episodes import EpisodeBlock
 from sweeps.figure_style import COLOURS, cut, drawing, encode, figure
-from sweeps.store import StoreError
+from sweeps.store_error import StoreError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

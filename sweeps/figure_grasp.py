@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from sweeps.capsule_mesh import capsule_mesh
 from sweeps.figure_style import COLUMN_IN, cut, drawing, figure
 from sweeps.replay_frames import Frame, Replay
-from sweeps.store import StoreError
+from sweeps.store_error import StoreError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -10,6 +10,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from sweeps.entries import HIGHER_IS_BETTER, LeaderboardError
 from sweeps.problems import choose
 
@@ -22,6 +24,9 @@ DASHES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)), (0, (1, 1)), (0,
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<")
 MUTED = "#9a9a9a"
 FORMATS = ("svg", "png", "pdf")
+DPI = 300
+PACKED = 3
+"""zlib's level for a png: a tenth larger than by its 6, in two thirds of the time."""
 UNITS = {
     "chamfer_mm": "chamfer distance [mm]", "hausdorff95_mm": "Hausdorff distance, 95 % [mm]",
     "iou": "intersection over union [1]", "coverage5mm": "surface within 5 mm [1]",
@@ -33,7 +38,7 @@ _STYLE: dict[str, Any] = {
     "xtick.labelsize": 6.5, "ytick.labelsize": 6.5, "axes.spines.top": False,
     "axes.spines.right": False, "axes.linewidth": 0.6, "lines.linewidth": 1.2,
     "xtick.major.width": 0.6, "ytick.major.width": 0.6, "legend.frameon": False,
-    "figure.constrained_layout.use": True, "svg.hashsalt": "warpgrasp", "savefig.dpi": 300,
+    "figure.constrained_layout.use": True, "svg.hashsalt": "warpgrasp", "savefig.dpi": DPI,
     "figure.facecolor": "white", "axes.unicode_minus": True,
     "text.parse_math": False,  # names are the user's, dollars and all
 }
@@ -60,11 +65,26 @@ def encode(drawn: "Figure", file_format: str) -> bytes:
     if file_format not in FORMATS:
         raise LeaderboardError(f"--out: a figure cannot be written as {file_format!r}; "
                                f"{choose(file_format, FORMATS)}")
-    no_date: dict[str, Any] = {"svg": {"Date": None}, "png": {"Software": None},
-                               "pdf": {"CreationDate": None}}[file_format]
-    stream = io.BytesIO()
     with drawing():
-        drawn.savefig(stream, format=file_format, metadata=no_date)
+        if file_format == "png":
+            return _png(drawn)
+        no_date: dict[str, Any] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+        stream = io.BytesIO()
+        drawn.savefig(stream, format=file_format, metadata=no_date[file_format])
+        return stream.getvalue()
+
+
+def _png(drawn: "Figure") -> bytes:
+    """`savefig` would draw twice, the first time to lay out, which the second does as well."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from PIL import Image
+
+    drawn.set_dpi(DPI)
+    canvas = FigureCanvasAgg(drawn)
+    canvas.draw()
+    opaque = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
+    stream = io.BytesIO()
+    opaque.save(stream, "png", dpi=(DPI, DPI), compress_level=PACKED)
     return stream.getvalue()
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from sweeps.episodes import EpisodeBlock
 from sweeps.figure_style import cut, drawing, figure
-from sweeps.store import StoreError
+from sweeps.store_error import StoreError
 from warpgrasp.parameters import PadTable
 from warpgrasp.robot import Grasps
 from warpgrasp.status import ProbeStatus

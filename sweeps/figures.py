@@ -10,7 +10,8 @@ from sweeps.atomic import write_atomic
 from sweeps.entries import check_metric
 from sweeps.opened import open_study
 from sweeps.plan import Plan
-from sweeps.store import Store, StoreError
+from sweeps.store import Store
+from sweeps.store_error import StoreError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

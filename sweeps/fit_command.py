@@ -19,7 +19,7 @@ from fit.points_csv import (
 )
 from fit.status import status_names
 from sweeps.atomic import write_atomic
-from sweeps.store import StoreError
+from sweeps.store_error import StoreError
 
 FIGURE_FORMATS = (".png", ".svg", ".pdf")
 BELOW_SHARE, BELOW_M = 0.1, 0.005

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from sweeps.plan import Plan, plan_study, study_of
-from sweeps.store import OtherStudy, Store, StoreError
+from sweeps.store import Store
+from sweeps.store_error import OtherStudy, StoreError
 
 
 def open_study(folders: Sequence[Path]) -> tuple[Plan, list[Store]]:

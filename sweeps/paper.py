@@ -24,7 +24,7 @@ from sweeps.paper_faces import (
     typical_sizes,
 )
 from sweeps.paper_recovery import RECOVERY_HEADER, Recovered, recover_objects, recovery_rows
-from sweeps.store import StoreError
+from sweeps.store_error import StoreError
 
 
 @dataclass(frozen=True)

@@ -51,7 +51,7 @@ def strategies(*, as_json: bool) -> int:
 def init(spec: Path, *, force: bool) -> int:
     """Writes a commented template."""
     from sweeps.atomic import write_atomic
-    from sweeps.store import StoreError
+    from sweeps.store_error import StoreError
     from sweeps.template import template
 
     if spec.exists() and not force:

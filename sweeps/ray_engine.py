@@ -13,7 +13,8 @@ from sweeps.atomic import write_atomic
 from sweeps.plan import Plan, Unit
 from sweeps.progress import Progress
 from sweeps.runner import Options, disk_error
-from sweeps.store import Store, StoreError
+from sweeps.store import Store
+from sweeps.store_error import StoreError
 from sweeps.unit_file import encode_unit
 from sweeps.work import Outcome, Work
 from sweeps.worker import ENVIRONMENT, find_function, run_units

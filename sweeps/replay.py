@@ -21,7 +21,7 @@ from sweeps.cell import Cell
 from sweeps.opened import open_study
 from sweeps.replay_frames import Replay
 from sweeps.rerun import cell_of, choose_episode, in_a_worker
-from sweeps.store import StoreError
+from sweeps.store_error import StoreError
 
 PER_SECOND = 12
 LOCAL = "127.0.0.1"

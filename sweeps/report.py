@@ -31,7 +31,8 @@ from sweeps.report_sections import (
     views_section,
 )
 from sweeps.report_views import Views, make_views, pick_episodes
-from sweeps.store import Store, StoreError
+from sweeps.store import Store
+from sweeps.store_error import StoreError
 from sweeps.table_confusion import Confusion, read_confusion
 
 METRIC = "chamfer_mm"

@@ -15,7 +15,8 @@ from sweeps.plan import FILE_KEYS, Plan
 from sweeps.problems import choose
 from sweeps.quiet import quiet_stdout, start_warp
 from sweeps.runner import as_a_worker
-from sweeps.store import Store, StoreError
+from sweeps.store import Store
+from sweeps.store_error import StoreError
 
 if TYPE_CHECKING:
     from sweeps.episodes import EpisodeBlock

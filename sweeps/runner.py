@@ -17,7 +17,8 @@ from pathlib import Path
 
 from sweeps.plan import Plan, Unit
 from sweeps.progress import Progress
-from sweeps.store import Store, StoreError
+from sweeps.store import Store
+from sweeps.store_error import StoreError
 from sweeps.work import Outcome, Work
 from sweeps.worker import ENVIRONMENT, EPISODES, SAY_WHERE, Report, work
 

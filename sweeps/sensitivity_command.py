@@ -18,7 +18,8 @@ from sweeps.sensitivity import (
     sensitivity_table,
 )
 from sweeps.spec import read_spec
-from sweeps.store import Store, StoreError
+from sweeps.store import Store
+from sweeps.store_error import StoreError
 from sweeps.table import print_table
 
 

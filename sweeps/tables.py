@@ -9,7 +9,8 @@ from sweeps.entries import check_metric
 from sweeps.opened import open_study
 from sweeps.plan import Plan
 from sweeps.quiet import quiet_asked
-from sweeps.store import Store, StoreError
+from sweeps.store import Store
+from sweeps.store_error import StoreError
 from sweeps.table import TextTable, print_table
 
 Maker = Callable[[Plan, Sequence[Store], str, str | None], TextTable]

@@ -11,7 +11,7 @@ from pathlib import Path
 from sweeps.atomic import write_atomic
 from sweeps.problems import choose
 from sweeps.quiet import quiet_stdout, start_warp
-from sweeps.store import StoreError
+from sweeps.store_error import StoreError
 from sweeps.table import print_table
 from sweeps.validation import HEADER, Comparison, MissingEngine
 

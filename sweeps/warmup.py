@@ -45,7 +45,8 @@ def compile_fits(device: str) -> float:
     """
     begin = time.perf_counter()
     with ProcessPoolExecutor(os.cpu_count(), get_context("spawn")) as pool:
-        for done in [pool.submit(_run, *episodes, device) for episodes in FITS]:
+        jobs = [pool.submit(_run, *episodes, device) for episodes in FITS]
+        for done in [*jobs, pool.submit(_turn)]:
             done.result()
     return time.perf_counter() - begin
 
@@ -61,6 +62,18 @@ def _run(strategies: tuple[str, ...], objects: tuple[str, ...], taper: bool, dev
         for name in objects:
             cell = Cell(STRATEGIES[strategy], {"name": name}, name)
             run_episodes(replace(cell, fit=replace(cell.fit, taper=taper)), EPISODES, device)
+
+
+def _turn() -> None:
+    """Surfaces of revolution through as many touches as there may be, which few episodes ask for.
+    """
+    from fit.batch import POINT_BUCKETS
+    from fit.revolution import fit_revolution
+    from strategies.whole_profile import OPTIONS
+
+    rng = np.random.default_rng(0)
+    for room in POINT_BUCKETS:
+        fit_revolution(rng.normal(0.0, 0.03, (1, room, 3)), table_z=0.0, options=OPTIONS)
 
 
 def warmup(device: str) -> int:

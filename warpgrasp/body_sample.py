@@ -114,8 +114,6 @@ def sobol_points(log2_count: int) -> np.ndarray:
     In the order of the Gray code, directions of Joe and Kuo (2008); the same as
     `scipy.stats.qmc.Sobol(3, scramble=False)`, whose import takes longer than an episode.
     """
-    index = np.arange(1 << log2_count, dtype=np.uint32)
-    gray = index ^ (index >> 1)
     directions = [[1] * log2_count, [1], [1, 3]]
     for k in range(1, log2_count):
         before = directions[1][k - 1]
@@ -123,10 +121,14 @@ def sobol_points(log2_count: int) -> np.ndarray:
     for k in range(2, log2_count):
         before, earlier = directions[2][k - 1], directions[2][k - 2]
         directions[2].append(2 * before ^ 4 * earlier ^ earlier)
-    points = np.zeros((len(index), 3), np.uint32)
+    points = np.zeros((1 << log2_count, 3), np.uint32)
+    before = np.zeros(3, np.uint32)
     for bit in range(log2_count):
-        rows = (gray >> bit & 1).astype(bool)
-        points[rows] ^= np.array([m[bit] << (31 - bit) for m in directions], np.uint32)
+        # The Gray code of i + 2^bit is that of i with this bit and the one below it turned over.
+        direction = np.array([m[bit] << (31 - bit) for m in directions], np.uint32)
+        half = 1 << bit
+        points[half : 2 * half] = points[:half] ^ direction ^ before
+        before = direction
     return points / 2.0**32
 
 

@@ -11,7 +11,7 @@ from sweeps.bench_rows import ROWS
 from sweeps.bench_study import marginal
 from sweeps.bench_table import markdown
 from sweeps.cli import run
-from sweeps.store import StoreError
+from sweeps.store_error import StoreError
 
 
 def test_rows_name_what_there_is() -> None:

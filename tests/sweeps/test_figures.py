@@ -31,7 +31,8 @@ from sweeps.figure_taxels import PadTouch, draw_taxels, image_ellipse, taxels_fi
 from sweeps.figures import KINDS, Asked
 from sweeps.paired import Paired
 from sweeps.plan import Plan
-from sweeps.store import Store, StoreError
+from sweeps.store import Store
+from sweeps.store_error import StoreError
 from sweeps.table_pareto import COST, find_front
 from warpgrasp.parameters import PadTable
 

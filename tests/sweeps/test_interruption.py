@@ -15,7 +15,8 @@ from test_leaderboard import fill
 import sweeps.atomic
 from sweeps.atomic import write_atomic
 from sweeps.leaderboard import make_leaderboard
-from sweeps.store import Store, StoreError
+from sweeps.store import Store
+from sweeps.store_error import StoreError
 from sweeps.unit_file import read_unit, write_unit
 
 

@@ -29,7 +29,7 @@ from sweeps.episodes import EpisodeBlock, run_block
 from sweeps.figure_grasp import grasp_figure
 from sweeps.figure_style import encode
 from sweeps.replay_frames import Replay, arm_points, make_replay
-from sweeps.store import StoreError
+from sweeps.store_error import StoreError
 from warpgrasp.arm_hand import arm_hand_links
 from warpgrasp.parameters import ArmTable, HandTable
 from warpgrasp.puma560 import puma_forward_batch

@@ -8,7 +8,8 @@ from curved_episodes import wide_study, wide_text
 from sweeps.leaderboard import make_leaderboard
 from sweeps.plan import Plan
 from sweeps.rerun import choose_episode
-from sweeps.store import Store, StoreError
+from sweeps.store import Store
+from sweeps.store_error import StoreError
 
 SWEPT = wide_text(2, 2, 8, """
 [sweep.grid]

@@ -13,7 +13,8 @@ from sweeps.leaderboard import make_leaderboard
 from sweeps.plan import Plan
 from sweeps.progress import Progress
 from sweeps.runner import Options, run
-from sweeps.store import Held, OtherStudy, Store, StoreError
+from sweeps.store import Store
+from sweeps.store_error import Held, OtherStudy, StoreError
 from sweeps.work import Outcome
 from sweeps.worker import run_units
 
