@@ -36,6 +36,20 @@ def test_recovers_bodies_from_sixty_touches(sets, fitted) -> None:
     assert (fitted.rms_m < 1.3e-3).all()
 
 
+def test_a_finish_goes_on_where_the_descent_settled(fitted) -> None:
+    """Begun anew with the damping of a first start it took twelve iterations and more."""
+    assert np.median(fitted.iterations) <= 8
+
+
+def test_a_fit_may_be_left_where_its_cost_hardly_falls(sets, fitted) -> None:
+    left = fit_superquadric(sets[1], table_z=0.0, options=SuperquadricOptions(least_fall=1e-5))
+    assert (left.status == FitStatus.converged).all()
+    assert (left.iterations <= fitted.iterations).all()
+    assert left.iterations.mean() < 0.8 * fitted.iterations.mean()
+    assert (left.cost <= fitted.cost * (1.0 + 1e-4)).all()
+    assert np.abs(left.size_m - fitted.size_m).max() < 1e-5
+
+
 def test_padding_order_and_neighbours_change_no_bit(sets, fitted) -> None:
     points = sets[1]
     padded = np.full((8, 100, 3), np.nan)

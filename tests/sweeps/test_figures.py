@@ -1,6 +1,7 @@
 """Figures: the same bytes twice, and no text over another or off the page."""
 
 from collections.abc import Callable
+from io import BytesIO
 from itertools import combinations
 from pathlib import Path
 from types import SimpleNamespace
@@ -26,7 +27,7 @@ from sweeps.figure_contacts import contacts_figure
 from sweeps.figure_contour import contour_figure
 from sweeps.figure_faces import faces_figure
 from sweeps.figure_forest import draw_forest
-from sweeps.figure_style import COLUMN_IN, encode, told_apart
+from sweeps.figure_style import COLUMN_IN, drawing, encode, told_apart
 from sweeps.figure_taxels import PadTouch, draw_taxels, image_ellipse, taxels_figure
 from sweeps.figures import KINDS, Asked
 from sweeps.paired import Paired
@@ -107,6 +108,16 @@ def test_the_same_study_gives_the_same_bytes(
     if ending == "png":
         with Image.open(tmp_path / "a.png") as image:
             assert image.width == pytest.approx(85 / 25.4 * 300, abs=1)
+
+
+@pytest.mark.parametrize("kind", STUDY_KINDS)
+def test_a_png_is_what_matplotlib_would_write(study: tuple[Plan, Store], kind: str) -> None:
+    asked, theirs = Asked(study[0], [study[1]]), BytesIO()
+    ours = Image.open(BytesIO(encode(KINDS[kind](asked), "png")))
+    with drawing():
+        KINDS[kind](asked).savefig(theirs, format="png")
+    assert ours.info["dpi"] == Image.open(theirs).info["dpi"]
+    assert np.array_equal(np.asarray(ours), np.asarray(Image.open(theirs).convert("RGB")))
 
 
 def test_better_is_first_and_lower_for_errors(study: tuple[Plan, Store]) -> None:

@@ -20,9 +20,10 @@ def modules_after(code: str, *arguments: str) -> set[str]:
 
 def test_explore_starts_without_what_only_compiling_needs() -> None:
     """jaxopt is for tracing programs, which are kept; none of its solvers is needed to run them."""
-    found = modules_after("import sweeps.explore")
+    found = modules_after("import sweeps.explore_command, sweeps.explore")
     assert {"jax", "warp"} <= found
-    assert not found & {"jaxopt", "scipy.optimize", "scipy.stats", "trimesh", "pandas"}
+    assert not found & {"jaxopt", "scipy.optimize", "scipy.stats", "trimesh", "pandas", "pyarrow",
+                        "pydantic"}
 
 
 def test_the_parent_of_a_sweep_simulates_nothing(tmp_path: Path) -> None:
