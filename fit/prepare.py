@@ -18,6 +18,8 @@ FLAT = 1e-5
 """A set is flat, straight or a point where its spread is below this share of its length."""
 FREE_BUCKET = 8
 """Free balls are padded to a multiple of this."""
+_SIX = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)  # rows and columns of a symmetric matrix's numbers
+_CLEARLY = 1e-9
 
 
 @dataclass(frozen=True)
@@ -146,8 +148,17 @@ def prepare(
 
 def _semidefinite(covariance: np.ndarray) -> np.ndarray:
     """Which covariances [touch, 3, 3] promise no negative variance, but for rounding."""
-    least, _, most = np.linalg.eigvalsh(covariance + covariance.swapaxes(1, 2)).T
-    return least >= -1e-6 * most
+    twice = covariance + covariance.swapaxes(1, 2)
+    xx, yy, zz, xy, xz, yz = (twice[:, i, j] for i, j in zip(*_SIX, strict=True))
+    # Sylvester's criterion spares all but the doubtful their eigenvalues, which take far longer.
+    size = xx + yy + zz
+    plane = xx * yy - xy**2
+    solid = zz * plane - yz * (xx * yz - xy * xz) + xz * (xy * yz - yy * xz)
+    sure = (xx > _CLEARLY * size) & (plane > _CLEARLY * size**2) & (solid > _CLEARLY * size**3)
+    doubted = np.flatnonzero(~(sure & (size > 0.0)))
+    least, _, most = np.linalg.eigvalsh(twice[doubted]).T
+    sure[doubted] = least >= -1e-6 * most
+    return sure
 
 
 def _status(count, lengths, reach, bad, least_points, solid) -> np.ndarray:

@@ -1,13 +1,14 @@
-"""Recovered superquadrics asked at points, in kernels: how far it is to them, and which way."""
+"""Recovered bodies asked at points, in kernels: how far it is to them, and which way."""
 
 from typing import Any
 
 import numpy as np
 import warp as wp
 
+from fit.revolution_shape import RevolutionBody
 from fit.superquadric_shape import SuperquadricLike
 from warpgrasp.launch import launch
-from warpgrasp.real import ONE, ZERO, real, transform, vec3, vec4
+from warpgrasp.real import ONE, ZERO, real, transform, vec2, vec3, vec4
 from warpgrasp.sdf_superquadric import SuperquadricShape, superquadric_deformed_gauge
 
 AHEAD_M = 1e-5
@@ -15,6 +16,7 @@ AHEAD_M = 1e-5
 _LEAST_SLOPE = wp.constant(real(1e-3))  # [1/m]
 _LEAST_RADIUS = wp.constant(real(1e-3))  # scaled
 _INFINITY = wp.constant(real(float("inf")))
+_NO_LENGTH = wp.constant(real(1e-18))  # [m^2]: two nodes at one place
 
 
 @wp.func
@@ -80,6 +82,50 @@ def _radial_kernel(
             distance[w, i] = radial
 
 
+@wp.func
+def segment_distance(p: vec2, start: vec2, end: vec2):
+    """Distance of a point to a segment."""
+    way = end - start
+    t = wp.clamp(wp.dot(p - start, way) / wp.max(wp.dot(way, way), _NO_LENGTH), ZERO, ONE)
+    return wp.length(p - start - t * way)
+
+
+@wp.kernel(enable_backward=False)
+def _contour_kernel(
+    first: int,
+    # Bodies in:
+    foot: wp.array[vec3],
+    axis: wp.array[vec3],
+    height: wp.array2d[real],
+    radius: wp.array2d[real],
+    # Points in:
+    point: wp.array2d[vec3],
+    kept: wp.array2d[wp.bool],
+    # Distance out:
+    distance: wp.array2d[real],
+):
+    w, i = wp.tid()
+    w += first
+    least = real(_INFINITY)
+    if kept[w, i]:
+        arm = point[w, i] - foot[w]
+        along = wp.dot(arm, axis[w])
+        p = vec2(along, wp.length(arm - along * axis[w]))
+        last = vec2(ZERO, ZERO)
+        nodes = int(0)
+        for k in range(height.shape[1]):
+            node = vec2(height[w, k], radius[w, k])
+            if wp.isfinite(node[0]) and wp.isfinite(node[1]):
+                if nodes == 0:
+                    last = vec2(node[0], ZERO)  # the lower end is a disc
+                least = wp.min(least, segment_distance(p, last, node))
+                last = node
+                nodes += 1
+        if nodes > 0:
+            least = wp.min(least, segment_distance(p, last, vec2(last[0], ZERO)))
+    distance[w, i] = least
+
+
 def surface_distances(
     body: SuperquadricLike, points_m: np.ndarray, kept: np.ndarray, *, ahead_m: float = AHEAD_M,
     device: str = "cpu"
@@ -105,6 +151,29 @@ def radial_distances(
     (world, point); inf where not `kept`. Raises ShapeError where shapes disagree."""
     distance = wp.empty(points_m.shape[:2], dtype=real, device=device)
     _ask(_radial_kernel, body, points_m, kept, {"distance": distance}, device)
+    return distance.numpy()
+
+
+def contour_distances(
+    body: RevolutionBody, points_m: np.ndarray, kept: np.ndarray, *, device: str = "cpu"
+) -> np.ndarray:
+    """Unsigned distances [m] of points (world, point, 3) to bodies of revolution, ends and all,
+    (world, point); inf where not `kept` and where a body has no contour.
+
+    Those of `fit.revolution_shape.revolution_distance`. Raises ShapeError where shapes disagree.
+    """
+    distance = wp.empty(points_m.shape[:2], dtype=real, device=device)
+    launch(_contour_kernel, {"world": len(points_m), "point": points_m.shape[1]}, {
+        **dict.fromkeys(("foot", "axis"), "world"),
+        **dict.fromkeys(("height", "radius"), "world node"),
+        **dict.fromkeys(("point", "kept", "distance"), "world point")}, {
+        "foot": wp.array(body.foot_m, dtype=vec3, device=device),
+        "axis": wp.array(body.axis, dtype=vec3, device=device),
+        "height": wp.array(body.height_m, dtype=real, device=device),
+        "radius": wp.array(body.radius_m, dtype=real, device=device),
+        "point": wp.array(points_m, dtype=vec3, device=device),
+        "kept": wp.array(kept, dtype=wp.bool, device=device), "distance": distance},
+        device=device)
     return distance.numpy()
 
 

@@ -5,11 +5,11 @@ from enum import IntEnum
 
 import numpy as np
 
-from fit.revolution_shape import RevolutionBody, revolution_distance
+from fit.revolution_shape import RevolutionBody
 from fit.rows import row_sums, rows_of
 from fit.superquadric import SuperquadricFit
 from fit.superquadric_shape import Superquadric, SuperquadricLike
-from strategies.body_query import surface_distances
+from strategies.body_query import contour_distances, surface_distances
 from strategies.contour_profile import Profile
 from strategies.evidence import Evidence
 from strategies.waypoints import TOLD_MARGIN_M, BoundingCylinder
@@ -93,7 +93,7 @@ def choose_body(
     known &= np.isfinite(profile.volume_m3)
     rows = np.flatnonzero(known)
     felt = evidence.mask[rows]
-    away = distance_felt(body[rows], evidence.points_m[rows], felt)
+    away = contour_distances(body[rows], evidence.points_m[rows], felt)
     other = surface_distances(
         rows_of(superquadric, rows), evidence.points_m[rows][:, contour], mask[rows])[0]
     better = _rms(away[:, contour], mask[rows]) < PREFERENCE * _rms(np.abs(other), mask[rows])
@@ -101,15 +101,6 @@ def choose_body(
     taken = (better & (strayed <= MOST_STRAYED)) | ~fitted[rows]
     shape[rows[taken]] = Shape.REVOLUTION
     return Recovered(shape, superquadric, body)
-
-
-def distance_felt(body: RevolutionBody, points_m: np.ndarray, felt: np.ndarray) -> np.ndarray:
-    """`revolution_distance` of the touches `felt`, inf elsewhere: most slots are empty."""
-    order = np.argsort(~felt, axis=1, kind="stable")[:, :felt.sum(1).max(initial=0)]
-    away = np.full(felt.shape, np.inf)
-    np.put_along_axis(away, order, revolution_distance(
-        body, np.take_along_axis(points_m, order[..., None], 1)), 1)
-    return away
 
 
 def _rms(distance: np.ndarray, mask: np.ndarray) -> np.ndarray:

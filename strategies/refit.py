@@ -6,9 +6,10 @@ import numpy as np
 
 from fit.rows import row_sums
 from fit.superquadric import SuperquadricFit
+from strategies.body_query import contour_distances
 from strategies.contour_profile import Profile
 from strategies.evidence import Evidence
-from strategies.recovered import distance_felt, revolution_of
+from strategies.recovered import revolution_of
 from strategies.rivals import DOUBTED_M, FARTHEST_M, touch_misfit
 
 REGROWN = 1.5
@@ -41,7 +42,7 @@ def explained(profile: Profile | None, by_pads: Evidence) -> np.ndarray:
     mask = by_pads.mask
     if profile is None:
         return np.zeros(len(mask), bool)
-    away = np.minimum(distance_felt(revolution_of(profile), by_pads.points_m, mask), FARTHEST_M)
+    away = np.minimum(contour_distances(revolution_of(profile), by_pads.points_m, mask), FARTHEST_M)
     count = mask.sum(1)
     mean = row_sums(np.where(mask, away, 0.0)) / np.maximum(count, 1)
     return (count >= FEWEST_EXPLAINED) & (mean < EXPLAINED_M)

@@ -5,6 +5,7 @@ blocky, how tall, where its faces are) does not depend on what that axis is call
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -25,14 +26,30 @@ class Upright:
     """Of the level section: near 0 a rectangle, 1 an ellipse, 2 a rhomb."""
     profile_exponent: np.ndarray
     """Of the upright section: near 0 flat ends, 1 round ones."""
-    top_m: np.ndarray
-    """Highest point above the table."""
-    centre_m: np.ndarray
-    """Middle of the body, (world, 3)."""
-    radius_m: np.ndarray
-    """Largest distance of the surface from the upright line through the centre."""
     axis: np.ndarray
     """The body axis that stands upright, upwards, unit (world, 3)."""
+    body: Superquadric
+
+    @property
+    def centre_m(self) -> np.ndarray:
+        """Middle of the body, (world, 3)."""
+        return self.body.position_m
+
+    @property
+    def top_m(self) -> np.ndarray:
+        """Highest point above the table."""
+        return self._points[..., 2].max(1)
+
+    @property
+    def radius_m(self) -> np.ndarray:
+        """Largest distance of the surface from the upright line through the centre."""
+        arm = self._points[..., :2] - self.centre_m[:, None, :2]
+        return np.sqrt((arm**2).sum(2).max(1))
+
+    @cached_property
+    def _points(self) -> np.ndarray:
+        """On the surface, made when first asked for: most of the time is theirs."""
+        return superquadric_points(self.body, 600)
 
 
 def stand_upright(body: Superquadric) -> Upright:
@@ -41,17 +58,13 @@ def stand_upright(body: Superquadric) -> Upright:
     upright = np.abs(axes[:, 2]).argmax(1)
     e1, e2 = body.exponents.T
     on_z = upright == 2
-    points = superquadric_points(body, 600)
-    square = ((points[..., :2] - body.position_m[:, None, :2]) ** 2).sum(2)
     axis = axes[np.arange(len(axes)), :, upright]
     return Upright(
         section_exponent=np.where(on_z, e2, e1),
         # With x upright the section through x and y is that of e2.
         profile_exponent=np.where(on_z, e1, e2),
-        top_m=points[..., 2].max(1),
-        centre_m=body.position_m,
-        radius_m=np.sqrt(square.max(1)),
         axis=axis * np.where(axis[:, 2:] < 0, -1.0, 1.0),
+        body=body,
     )
 
 

@@ -12,9 +12,9 @@ import numpy as np
 from fit.revolution import RevolutionFit, RevolutionOptions, fit_revolution, usable
 from fit.revolution_shape import RevolutionBody
 from fit.rows import row_sums, rows_of, with_rows
+from strategies.body_query import contour_distances
 from strategies.contour_profile import Profile
 from strategies.evidence import Evidence
-from strategies.recovered import distance_felt
 from strategies.waypoints import TOLD_MARGIN_M, BoundingCylinder
 
 OPTIONS = RevolutionOptions(nodes=10, upright=True, least_fall=1e-5)
@@ -51,7 +51,7 @@ def revolution_misfit(fit: RevolutionFit, evidence: Evidence) -> np.ndarray:
 
     Measured as `strategies.rivals.touch_misfit` measures it for superquadrics.
     """
-    away = np.minimum(distance_felt(body_of_fit(fit), evidence.points_m, evidence.mask), FAR_M)
+    away = np.minimum(contour_distances(body_of_fit(fit), evidence.points_m, evidence.mask), FAR_M)
     count = evidence.mask.sum(1)
     mean = row_sums(np.where(evidence.mask, away, 0.0)) / np.maximum(count, 1)
     return np.where(usable(fit) & (count > 0), mean, np.inf)

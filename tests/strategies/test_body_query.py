@@ -1,10 +1,11 @@
-"""Superquadrics asked by kernels, against the plain NumPy of `fit.superquadric_shape`."""
+"""Bodies asked by kernels, against the plain NumPy of their shapes in `fit`."""
 
 import numpy as np
 
+from fit.revolution_shape import RevolutionBody, revolution_distance
 from fit.superquadric_shape import Superquadric, superquadric, superquadric_inside_outside
 from fit.superquadric_uncertainty import surface_distance
-from strategies.body_query import radial_distances, surface_distances
+from strategies.body_query import contour_distances, radial_distances, surface_distances
 
 POINTS = 60
 
@@ -64,3 +65,28 @@ def test_along_rays_from_the_centre_the_surface_lies_where_it_is_told() -> None:
     radial = radial_distances(straight, points, np.ones(points.shape[:2], bool))
     foot = points - radial[..., None] * away / np.linalg.norm(away, axis=-1, keepdims=True)
     np.testing.assert_allclose(superquadric_inside_outside(straight, foot), 1.0, atol=1e-9)
+
+
+def contours(count: int = 30, most: int = 12) -> RevolutionBody:
+    """Contours of 1 to `most` nodes about leaning axes, NaN after the last; the first has none."""
+    rng = np.random.default_rng(10)
+    axis = rng.normal(size=(count, 3))
+    after = np.arange(most) >= rng.integers(1, most + 1, (count, 1))
+    after[0] = True
+    return RevolutionBody(
+        rng.normal(0.0, 0.05, (count, 3)), axis / np.linalg.norm(axis, axis=1, keepdims=True),
+        np.where(after, np.nan, np.cumsum(rng.uniform(0.0, 0.03, (count, most)), axis=1)),
+        np.where(after, np.nan, rng.uniform(0.0, 0.05, (count, most))))
+
+
+def test_distances_to_contours_are_those_of_the_geometry() -> None:
+    body = contours()
+    rng = np.random.default_rng(11)
+    points = body.foot_m[:, None] + rng.normal(0.0, 0.1, (len(body), POINTS, 3))
+    asked = rng.uniform(size=points.shape[:2]) < 0.7
+    distance = contour_distances(body, points, asked)
+    wanted = revolution_distance(body, points)
+    assert np.allclose(distance[1:][asked[1:]], wanted[1:][asked[1:]], atol=1e-15)
+    assert np.isinf(distance[~asked]).all()
+    assert np.isinf(distance[0]).all(), "where there is no contour"
+    assert np.array_equal(contour_distances(body[3], points[3:4], asked[3:4]), distance[3:4])
