@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fit.batch import Program, map_lanes, take
+from fit.solver import DAMPING
 from fit.status import LEAST_FALL, FitStatus
 
 GOING_ON = 0.1
@@ -78,6 +79,7 @@ def finish(
     """
     n = len(theta)
     damping = np.zeros(n) if damping is None else GOING_ON * damping
+    damping[damping > DAMPING] = 0.0  # held up by a kink rather than on its way: anew
     theta, cost = theta.copy(), np.zeros(n)
     iterations = np.zeros(n, int)
     status = np.full(n, FitStatus.not_converged)
