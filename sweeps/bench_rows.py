@@ -15,6 +15,8 @@ from sweeps.bench_measure import Work, measure
 
 SEED = 7
 _POINTS = 60
+_BODIES = 256
+"""Made at a time: more would take memory that a row would tell as its own."""
 
 
 def mesh_body():
@@ -100,6 +102,7 @@ def touches(of: str, batch: int) -> Work:
 
 def bodies_touched(n: int):
     """Random upright superquadrics, and 60 touches with 1 mm noise on each, (n, 60, 3) [m]."""
+    from fit.rows import rows_of
     from fit.superquadric_shape import superquadric, superquadric_surface
 
     rng = np.random.default_rng(SEED)
@@ -108,10 +111,13 @@ def bodies_touched(n: int):
     turn = np.stack([0 * yaw, 0 * yaw, np.sin(yaw / 2), np.cos(yaw / 2)], 1)
     body = superquadric(size, rng.uniform(0.1, 1.0, (n, 2)), place, turn, np.zeros((n, 2)),
                         np.zeros((n, 2)))
-    surface, _, area = superquadric_surface(body, 1500)
-    weight = area * (surface[..., 2] > 0.2 * size[:, None, 2])
-    chosen = np.stack([p[rng.choice(len(p), _POINTS, p=w / w.sum())]
-                       for p, w in zip(surface, weight, strict=True)])
+    chosen = []
+    for first in range(0, n, _BODIES):
+        surface, _, area = superquadric_surface(rows_of(body, slice(first, first + _BODIES)), 1500)
+        weight = area * (surface[..., 2] > 0.2 * size[first:first + _BODIES, None, 2])
+        chosen += [p[rng.choice(len(p), _POINTS, p=w / w.sum())]
+                   for p, w in zip(surface, weight, strict=True)]
+    chosen = np.stack(chosen)
     return body, chosen + 1e-3 * rng.standard_normal(chosen.shape)
 
 

@@ -1,8 +1,14 @@
-"""Sets made ready for a batch: which covariances are none."""
+"""Sets made ready for a batch: which covariances are none, and how many are fitted at a time."""
+
+from dataclasses import fields
 
 import numpy as np
+import pytest
 
+from fit import prepare
+from fit.plane import fit_plane
 from fit.prepare import _semidefinite
+from fit.superquadric import SuperquadricOptions, fit_superquadric
 
 
 def test_semidefinite_is_told_as_by_eigenvalues() -> None:
@@ -16,3 +22,24 @@ def test_semidefinite_is_told_as_by_eigenvalues() -> None:
     told = _semidefinite(matrix)
     clear = (np.abs(least) > 1e-10 * np.abs(variance).max(1)) | (least == 0.0)
     assert (told == ((least >= -1e-6 * most) & (most >= 0.0)))[clear].all()
+
+
+def test_sets_fitted_in_parts_are_those_fitted_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Parts of seven, of sets in two buckets and one that cannot be fitted; starts go with them."""
+    rng = np.random.default_rng(5)
+    points = rng.normal(size=(20, 40, 3)) * [0.02, 0.03, 0.05] + [0.4, 0.0, 0.1]
+    mask = np.arange(40) < np.where(np.arange(20) % 3 == 0, 40, 24)[:, None]
+    mask[4] = False
+    options = SuperquadricOptions(iterations=3)
+    rough = SuperquadricOptions(iterations=0)
+
+    def fitted() -> list:
+        start = fit_superquadric(points, mask, table_z=0.0, options=rough)
+        return [fit_superquadric(points, mask, table_z=0.0, options=options, start=start),
+                fit_plane(points, mask)]
+
+    whole = fitted()
+    monkeypatch.setattr(prepare, "SETS_AT_ONCE", 7)
+    for one, other in zip(whole, fitted(), strict=True):
+        for field in fields(one):
+            np.testing.assert_array_equal(getattr(one, field.name), getattr(other, field.name))
