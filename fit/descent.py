@@ -10,12 +10,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fit.batch import Program, map_lanes, take
-from fit.solver import DAMPING
 from fit.status import LEAST_FALL, FitStatus
 
 GOING_ON = 0.1
 """Share of its last damping with which a descent goes on in a valley that it has found. To begin
 anew from `solver.DAMPING` takes six iterations to come back to where it was."""
+HELD_UP = 1e-3
+"""Damping, in unit frames, whose largest curvatures are 1 to 17, with which a descent does not go
+on but begins anew: it was held up by a kink rather than on its way."""
+SHORTEST = 1e3
+"""Damping, in unit frames, whose steps are so short that one which is refused leaves no doubt."""
 NOTHING_LEFT = 1e-24
 """Cost, in unit frames, below which there is only rounding."""
 
@@ -79,16 +83,18 @@ def finish(
     """
     n = len(theta)
     damping = np.zeros(n) if damping is None else GOING_ON * damping
-    damping[damping > DAMPING] = 0.0  # held up by a kink rather than on its way: anew
+    damping[damping > HELD_UP] = 0.0
     theta, cost = theta.copy(), np.zeros(n)
     iterations = np.zeros(n, int)
     status = np.full(n, FitStatus.not_converged)
     left = np.arange(n)
     while len(left) and iterations.max() < at_most:
         moved = advance(problem, theta[left], take(lanes, left), at_a_time, damping[left])
+        # A round whose steps were all refused tells nothing until they are short.
+        refused = (moved.theta == theta[left]).all(axis=1) & (moved.damping < SHORTEST)
         theta[left], damping[left], cost[left] = moved.theta, moved.damping, moved.cost
         iterations[left] += at_a_time
-        done = (moved.fallen < least_fall) | (moved.cost < NOTHING_LEFT)
+        done = (moved.fallen < least_fall) & ~refused | (moved.cost < NOTHING_LEFT)
         status[left[done]] = FitStatus.converged
         left = left[~done]
     return Finished(theta, cost, iterations, status)

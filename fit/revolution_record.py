@@ -29,7 +29,7 @@ class RevolutionOptions:
     screen_iterations: int = 6
     round_iterations: int = 8
     iterations: int = 80
-    """Most iterations of the finish."""
+    """Most iterations of the finish, in whole rounds."""
     least_fall: float = LEAST_FALL
     """A fit has converged when a round lowers its cost by less than this share."""
 

@@ -10,7 +10,8 @@ told otherwise."""
 
 
 class FitStatus(IntEnum):
-    """Outcome of one fit. `converged` is the only one whose parameters are an optimum."""
+    """Outcome of one fit. `converged` is the only one whose parameters are an optimum, as near as
+    `LEAST_FALL`, or the share given in its place, says."""
 
     converged = 0
     """The cost no longer falls."""

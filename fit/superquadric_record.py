@@ -30,7 +30,7 @@ class SuperquadricOptions:
     round_iterations: int = 4
     """Iterations between two looks at which fits are done."""
     iterations: int = 80
-    """Most iterations of the finish; 0: a rough fit, `not_converged`."""
+    """Most iterations of the finish, in whole rounds; 0: a rough fit, `not_converged`."""
     least_fall: float = LEAST_FALL
     """A fit has converged when a round lowers its cost by less than this share."""
     sigma_floor_m: float = 1e-3

@@ -6,7 +6,11 @@ from quality_bodies import standing_bodies, touches, volume_iou
 
 from fit.status import FitStatus
 from fit.superquadric import SuperquadricFit, SuperquadricOptions, fit_superquadric
-from fit.superquadric_shape import superquadric, superquadric_inside_outside
+from fit.superquadric_shape import (
+    superquadric,
+    superquadric_inside_outside,
+    superquadric_points,
+)
 from fit.superquadric_uncertainty import superquadric_uncertainty
 
 RNG_SEED = 11
@@ -39,6 +43,26 @@ def test_recovers_bodies_from_sixty_touches(sets, fitted) -> None:
 def test_a_finish_goes_on_where_the_descent_settled(fitted) -> None:
     """Begun anew with the damping of a first start it took twelve iterations and more."""
     assert np.median(fitted.iterations) <= 8
+
+
+def test_a_converged_fit_stays_where_it_is() -> None:
+    """A round of steps refused for being too long is no optimum: it was taken for one in a fit of
+    twelve, whose cost could still fall by more than a tenth in one of twenty."""
+    rng = np.random.default_rng(5)
+    points = np.zeros((120, 20, 3))
+    for number in range(len(points)):
+        size = rng.uniform(0.015, 0.09, 3)
+        body = superquadric(size, rng.uniform(0.05, 1.8, 2), [0.0, 0.0, size[2]])
+        on = superquadric_points(body, 600)[0]
+        on = on[on[:, 2] > size[2]] if number % 2 else on
+        points[number] = on[rng.permutation(len(on))[:20]]
+    points += rng.normal(0.0, 1e-3, points.shape)
+    found = fit_superquadric(points, table_z=0.0, options=SuperquadricOptions(taper=True))
+    longer = fit_superquadric(points, table_z=0.0, options=SuperquadricOptions(
+        taper=True, round_iterations=12, iterations=240))
+    converged = found.status == FitStatus.converged
+    assert converged.mean() > 0.8
+    assert (found.cost <= longer.cost * 1.001)[converged].all()
 
 
 def test_a_fit_may_be_left_where_its_cost_hardly_falls(sets, fitted) -> None:
