@@ -10,7 +10,7 @@ from enum import IntEnum
 import numpy as np
 import warp as wp
 
-from warpgrasp.real import ONE, TWO, TWO_PI, real
+from warpgrasp.real import TWO, TWO_PI, real
 from warpgrasp.sine_cosine import sine_cosine
 
 
@@ -45,9 +45,9 @@ _S30 = wp.constant(wp.uint64(30))
 _S27 = wp.constant(wp.uint64(27))
 _S31 = wp.constant(wp.uint64(31))
 _S11 = wp.constant(wp.uint64(11))
+_QUARTER_TURN, _HALF_TURN = wp.constant(wp.uint64(1 << 62)), wp.constant(wp.uint64(1 << 63))
 _TO_UNIT = wp.constant(real(2.0**-53))
 _HALF_UNIT = wp.constant(real(2.0**-54))
-_QUARTER = wp.constant(real(0.25))
 
 
 @wp.func
@@ -75,9 +75,8 @@ def counter_normal(key: wp.uint64):
 
 @wp.func
 def counter_normal_is_negative(key: wp.uint64):
-    """Whether `counter_normal` is negative: the sign of its cosine, without its logarithm."""
-    v = counter_uniform(counter_key(key, 2))
-    return v > _QUARTER and v < ONE - _QUARTER
+    """Whether `counter_normal` is negative: its angle lies in the second or third quarter."""
+    return counter_key(key, 2) + _QUARTER_TURN >= _HALF_TURN
 
 
 def counter_key_host(key: np.ndarray | int, *counters: np.ndarray | int) -> np.ndarray:

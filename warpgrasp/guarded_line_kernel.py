@@ -388,7 +388,7 @@ def line_kernel(
             end.on_table = 1
     if status == _CONTACT and felt_link >= 0:
         end.link = felt_link
-        at = image_centroid(image, i, felt_above(pad))
+        at = image_centroid(image, i, peak, felt_above(pad))
         touch = pad_place(pad, hand, finger_pose(hand, wp.transform_multiply(
             pose_read, finger_base(hand, finger)), read), felt_link, at[0], at[1])
         end.point = touch.x

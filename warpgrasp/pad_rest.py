@@ -55,7 +55,7 @@ def pad_rest_energy(
     """
     rest = PadRest()
     rest.skin = finger_energy(scene, body, hand, base, command, q, last, samples)
-    h = wp.inverse(rest.skin.compliance)
+    rest.hessian = wp.inverse(rest.skin.compliance)
     f = finger_pose(hand, base, q)
     for link in range(3):
         if pad.on[link] != 0:
@@ -85,12 +85,11 @@ def pad_rest_energy(
                                         rest.skin.energy -= HALF * load * g[3]
                                         rest.skin.gradient -= jt * load
                                         rest.pad_force += load
-                                        h += wp.outer(jt, jt) * pad.stiffness
+                                        rest.hessian += wp.outer(jt, jt) * pad.stiffness
                                     elif d >= SIGHT_MARGIN:
                                         seen = seen ^ bit
                 if look == 1:
                     sight[link, block] = seen
-    rest.hessian = h
     return rest
 
 

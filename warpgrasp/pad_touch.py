@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from warpgrasp.counter_random import counter_key
+from warpgrasp.counter_random import counter_key, counter_uniform
 from warpgrasp.pad_sight import taxel_place, taxel_row
 from warpgrasp.real import HALF, ZERO, real, vec2, vec3, vec4
 from warpgrasp.scene import Scene
@@ -13,6 +13,7 @@ from warpgrasp.tactile_pad import (
     pad_taxel_key,
     taxel_count,
     taxel_force,
+    unloaded_count,
 )
 from warpgrasp.utah_mit_hand import FingerPose, Hand
 
@@ -46,25 +47,6 @@ def pad_load(
 
 
 @wp.func
-def _seen(sight: wp.array2d[int], link: int, taxel: int):
-    """Whether a taxel may press."""
-    row = taxel // _SIDE
-    column = taxel % _SIDE
-    bits = sight[link, 4 * (row // 4) + column // 4]
-    return (bits & (1 << (4 * (row % 4) + column % 4))) != 0
-
-
-@wp.func
-def _pressing(
-    scene: Scene, body: int, pad: Pad, hand: Hand, turns: wp.array[vec2], f: FingerPose, link: int,
-    taxel: int
-):
-    """Force on one taxel [N]."""
-    row = taxel_row(pad, hand, f, link, taxel // _SIDE, turns)
-    return taxel_force(scene, body, pad, taxel_place(pad, hand, f, row, taxel % _SIDE, turns))
-
-
-@wp.func
 def pad_feels(
     scene: Scene, body: int, pad: Pad, hand: Hand, turns: wp.array[vec2], f: FingerPose,
     finger: int, link: int, episode: wp.uint64, reading: wp.uint64, sight: wp.array2d[int]
@@ -73,20 +55,40 @@ def pad_feels(
 
     Pressed taxels are asked first, those that noise alone may raise only if none of them says so.
     """
-    for taxel in range(_SIDE * _SIDE):
-        if _seen(sight, link, taxel):
-            force = _pressing(scene, body, pad, hand, turns, f, link, taxel)
-            if force > ZERO and real(taxel_count(
-                    pad, force, pad_taxel_key(episode, finger, link, taxel),
-                    counter_key(reading, taxel))) >= pad.threshold:
-                return True
+    for block in range(16):
+        bits = sight[link, block]
+        if bits != 0:
+            for i in range(4):
+                if (bits & (15 << (4 * i))) != 0:
+                    at = 4 * (block // 4) + i
+                    row = taxel_row(pad, hand, f, link, at, turns)
+                    for j in range(4):
+                        if (bits & (1 << (4 * i + j))) != 0:
+                            column = 4 * (block % 4) + j
+                            force = taxel_force(
+                                scene, body, pad, taxel_place(pad, hand, f, row, column, turns))
+                            taxel = at * _SIDE + column
+                            if force > ZERO and real(taxel_count(
+                                    pad, force, pad_taxel_key(episode, finger, link, taxel),
+                                    counter_key(reading, taxel))) >= pad.threshold:
+                                return True
     most = noise_limit(pad)
+    # The least draw of all first, in a loop without branches: hardly ever is it small enough.
+    least = ~wp.uint64(0)
+    for taxel in range(_SIDE * _SIDE):
+        least = wp.min(least, counter_key(counter_key(counter_key(reading, taxel), 1), 1))
+    if counter_uniform(least) >= most:
+        return False
     for taxel in range(_SIDE * _SIDE):
         key = counter_key(reading, taxel)
         if noise_draw(key) < most:
             force = real(0.0)
-            if _seen(sight, link, taxel):
-                force = _pressing(scene, body, pad, hand, turns, f, link, taxel)
+            at = taxel // _SIDE
+            column = taxel % _SIDE
+            bits = sight[link, 4 * (at // 4) + column // 4]
+            if (bits & (1 << (4 * (at % 4) + column % 4))) != 0:
+                row = taxel_row(pad, hand, f, link, at, turns)
+                force = taxel_force(scene, body, pad, taxel_place(pad, hand, f, row, column, turns))
             if real(taxel_count(
                     pad, force, pad_taxel_key(episode, finger, link, taxel), key)) >= pad.threshold:
                 return True
@@ -99,43 +101,60 @@ def read_image(
     finger: int, link: int, episode: wp.uint64, reading: wp.uint64, sight: wp.array2d[int],
     image: wp.array3d[wp.uint8], i: int
 ):
-    """Read a pad into row `i` of `image`; returns the largest count."""
+    """Read a pad into row `i` of `image`; returns the largest count.
+
+    All taxels are read as if nothing pressed, then those that are pressed anew.
+    """
+    for taxel in range(_SIDE * _SIDE):
+        count = unloaded_count(pad, pad_taxel_key(episode, finger, link, taxel),
+                               counter_key(reading, taxel))
+        image[i, taxel // _SIDE, taxel % _SIDE] = wp.uint8(count)
+    for block in range(16):
+        bits = sight[link, block]
+        if bits != 0:
+            for k in range(4):
+                if (bits & (15 << (4 * k))) != 0:
+                    at = 4 * (block // 4) + k
+                    row = taxel_row(pad, hand, f, link, at, turns)
+                    for j in range(4):
+                        if (bits & (1 << (4 * k + j))) != 0:
+                            column = 4 * (block % 4) + j
+                            force = taxel_force(
+                                scene, body, pad, taxel_place(pad, hand, f, row, column, turns))
+                            if force > ZERO:
+                                taxel = at * _SIDE + column
+                                image[i, at, column] = wp.uint8(taxel_count(
+                                    pad, force, pad_taxel_key(episode, finger, link, taxel),
+                                    counter_key(reading, taxel)))
     peak = int(0)
     for taxel in range(_SIDE * _SIDE):
-        force = real(0.0)
-        if _seen(sight, link, taxel):
-            force = _pressing(scene, body, pad, hand, turns, f, link, taxel)
-        count = taxel_count(pad, force, pad_taxel_key(episode, finger, link, taxel),
-                            counter_key(reading, taxel))
-        image[i, taxel // _SIDE, taxel % _SIDE] = wp.uint8(count)
-        peak = wp.max(peak, count)
+        peak = wp.max(peak, int(image[i, taxel // _SIDE, taxel % _SIDE]))
     return peak
 
 
 @wp.func
-def image_centroid(image: wp.array3d[wp.uint8], i: int, least: real):
+def image_centroid(image: wp.array3d[wp.uint8], i: int, peak: int, least: real):
     """(row, column) by first moments of the counts from `least` on near the strongest taxel.
 
-    The window keeps a taxel far off that noise alone has raised from pulling the centroid away.
+    `peak` is the largest count. The window keeps a taxel far off that noise alone has raised from
+    pulling the centroid away.
     """
-    top_row = int(0)
-    top_column = int(0)
-    for taxel in range(_SIDE * _SIDE):
-        if int(image[i, taxel // _SIDE, taxel % _SIDE]) > int(image[i, top_row, top_column]):
-            top_row = taxel // _SIDE
-            top_column = taxel % _SIDE
+    top = int(0)
+    while int(image[i, top // _SIDE, top % _SIDE]) != peak:
+        top += 1
+    top_row = top // _SIDE
+    top_column = top % _SIDE
     mass = real(0.0)
     at_row = real(0.0)
     at_column = real(0.0)
-    for taxel in range(_SIDE * _SIDE):
-        row = taxel // _SIDE
-        column = taxel % _SIDE
-        count = real(int(image[i, row, column]))
-        if count >= least and wp.abs(row - top_row) <= _WINDOW and wp.abs(
-                column - top_column) <= _WINDOW:
-            mass += count
-            at_row += count * real(row)
-            at_column += count * real(column)
+    for row in range(wp.max(top_row - _WINDOW, 0), wp.min(top_row + _WINDOW + 1, _SIDE)):
+        for column in range(wp.max(top_column - _WINDOW, 0),
+                            wp.min(top_column + _WINDOW + 1, _SIDE)):
+            count = real(int(image[i, row, column]))
+            if count >= least:
+                mass += count
+                at_row += count * real(row)
+                at_column += count * real(column)
     if mass <= ZERO:
         return vec2(real(top_row), real(top_column))
     return vec2(at_row / mass, at_column / mass)

@@ -10,7 +10,7 @@ from enum import IntEnum
 
 import warp as wp
 
-from warpgrasp.real import ONE, ZERO, real, transform, vec2, vec3, vec4
+from warpgrasp.real import ONE, ZERO, greater, lesser, real, transform, vec2, vec3, vec4
 from warpgrasp.sdf_grid import sdf_grid_grad
 from warpgrasp.sdf_primitive import (
     sdf_block,
@@ -173,11 +173,11 @@ def body_distance(scene: Scene, body: int, p: vec3):
         if k == first:
             d = other
         elif join == _UNION:
-            d = wp.min(d, other)
+            d = lesser(d, other)
         elif join == _DIFFERENCE:
-            d = wp.max(d, -other)
+            d = greater(d, -other)
         else:
-            d = wp.max(d, other)
+            d = greater(d, other)
     return d
 
 
@@ -218,7 +218,7 @@ def body_distance_grad(scene: Scene, body: int, p: vec3):
 @wp.func
 def stand_distance(scene: Scene, body: int, p: vec3):
     """Signed distance [m] to the body and the table it stands on."""
-    return wp.min(body_distance(scene, body, p), p[2])
+    return lesser(body_distance(scene, body, p), p[2])
 
 
 @wp.func

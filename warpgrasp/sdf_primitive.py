@@ -34,8 +34,11 @@ def sdf_block(p: vec3, size: vec3):
     """Block of full `size`, standing on z = 0."""
     h = size * HALF
     q = vec3(wp.abs(p[0]) - h[0], wp.abs(p[1]) - h[1], wp.abs(p[2] - h[2]) - h[2])
-    out = vec3(greater(q[0], ZERO), greater(q[1], ZERO), greater(q[2], ZERO))
-    return wp.length(out) + lesser(greater(q[0], greater(q[1], q[2])), ZERO)
+    most = greater(q[0], q[1])
+    least = lesser(q[0], q[1])
+    if greater(least, lesser(most, q[2])) > ZERO:
+        return wp.length(vec3(greater(q[0], ZERO), greater(q[1], ZERO), greater(q[2], ZERO)))
+    return greater(most, q[2])  # over a face, or inside: no root
 
 
 @wp.func
@@ -60,8 +63,9 @@ def sdf_cylinder(p: vec3, radius: real, height: real):
     """Upright cylinder standing on z = 0."""
     a = wp.sqrt(p[0] * p[0] + p[1] * p[1]) - radius
     b = wp.abs(p[2] - height * HALF) - height * HALF
-    out = vec2(greater(a, ZERO), greater(b, ZERO))
-    return wp.length(out) + lesser(greater(a, b), ZERO)
+    if lesser(a, b) > ZERO:
+        return wp.sqrt(a * a + b * b)
+    return greater(a, b)  # beside or above it, or inside
 
 
 @wp.func

@@ -223,22 +223,33 @@ def _voltage(pad: Pad, force: real):
 
 
 @wp.func
+def unloaded_count(pad: Pad, taxel_key: wp.uint64, reading_key: wp.uint64):
+    """`taxel_count` without force: noise alone, of which half is negative and reads 0."""
+    noise = counter_key(reading_key, 1)
+    if counter_normal_is_negative(noise):
+        return int(0)
+    count = int(wp.clamp(wp.floor(pad.noise * counter_normal(noise) + HALF), ZERO, _FULL))
+    if count > 0 and counter_uniform(counter_key(taxel_key, _DEAD)) < pad.dead:
+        return int(0)
+    return count
+
+
+@wp.func
 def taxel_count(pad: Pad, force: real, taxel_key: wp.uint64, reading_key: wp.uint64):
     """What the converter reads for a force [N]: 0 to 255.
 
     `taxel_key` is the taxel's own for an episode, `reading_key` this reading's of this taxel.
     """
-    if force <= ZERO and counter_normal_is_negative(counter_key(reading_key, 1)):
-        return int(0)
+    if force <= ZERO:
+        return unloaded_count(pad, taxel_key, reading_key)
     if counter_uniform(counter_key(taxel_key, _DEAD)) < pad.dead:
         return int(0)
     level = real(0.0)
-    if force > ZERO:
-        felt = force * wp.exp(pad.gain_spread * counter_normal(counter_key(taxel_key, _GAIN)))
-        felt = felt * (ONE + pad.repeatability * counter_normal(counter_key(reading_key, 0)))
-        if felt >= pad.floor:
-            none = _voltage(pad, ZERO)
-            level = _FULL * (_voltage(pad, felt) - none) / (_voltage(pad, pad.saturation) - none)
+    felt = force * wp.exp(pad.gain_spread * counter_normal(counter_key(taxel_key, _GAIN)))
+    felt = felt * (ONE + pad.repeatability * counter_normal(counter_key(reading_key, 0)))
+    if felt >= pad.floor:
+        none = _voltage(pad, ZERO)
+        level = _FULL * (_voltage(pad, felt) - none) / (_voltage(pad, pad.saturation) - none)
     level = wp.min(level, _FULL) + pad.noise * counter_normal(counter_key(reading_key, 1))
     return int(wp.clamp(wp.floor(level + HALF), ZERO, _FULL))
 
