@@ -14,8 +14,8 @@ across. A host-side state machine over the whole batch: worlds that are done are
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from fit.rotation import matrix_of_quaternion, turn_points
 from strategies.postures import INDEX, POKE_RAD, poke_tip_m, poking_pose
 from strategies.touches import EndReason, MissedTips, TouchLog, TouchTable
 from warpgrasp.arm_reach import hand_reachable
@@ -255,7 +255,8 @@ def face_axes(normal: np.ndarray) -> np.ndarray:
 def fingertip_from(robot: Robot, turn: np.ndarray) -> np.ndarray:
     """From the hand's origin to the centre of the extended index fingertip [m], (n, 3), for the
     hand's quaternions (n, 4)."""
-    return Rotation.from_quat(turn).apply(poke_tip_m(robot.hand))
+    # SciPy's product rounds one rotation otherwise than several: a row would hang on the others.
+    return turn_points(matrix_of_quaternion(turn), poke_tip_m(robot.hand)[None])[:, 0]
 
 
 def choose_lean(
