@@ -2,7 +2,7 @@
 
 A serialized program holds its machine code and, beside it, all instructions it was compiled from,
 and each of some thousands takes XLA 30 µs to read. Most stand inside loop fusions: kernels by now,
-known by name. So their bodies become one nameless call of the same shape, and where instructions
+known by name. So such a fusion becomes a nameless call of the same shape, and where instructions
 came from in Python is left out. What buffers are assigned to, all other instructions (calls of
 libraries are made from theirs at run time) and the code stay. XLA's messages (openxla/xla:
 hlo.proto, executable.proto) are read as protobuf writes them.
@@ -20,9 +20,8 @@ CHECKED = ("0.10.2",)
 # Numbers of fields.
 _EXECUTABLE, _MODULE_CONFIGURED, _MODULE = 1, 1, 1  # each within the one before
 _COMPUTATIONS, _STACK_FRAMES = 3, 17  # HloModuleProto
-_INSTRUCTIONS, _COMPUTATION_ID, _ROOT_ID = 2, 5, 6  # HloComputationProto
-_NAME, _OPCODE, _SHAPE, _METADATA, _FUSION_KIND = 1, 2, 3, 7, 11  # HloInstructionProto
-_TARGET, _ID, _CALLED = 28, 35, 38
+_INSTRUCTIONS, _COMPUTATION_ID = 2, 5  # HloComputationProto
+_OPCODE, _METADATA, _FUSION_KIND, _TARGET, _CALLED = 2, 7, 11, 28, 38  # HloInstructionProto
 _FRAMELESS = 1 << 16  # pickled bytes so long stand by themselves, so their length may change
 
 
@@ -53,34 +52,31 @@ def _slim_executable(program: bytes) -> bytes:
 
 def _slim_module(module: bytes) -> bytes:
     loops = {called for computation in _messages(module, _COMPUTATIONS)
-             for instruction in _messages(computation, _INSTRUCTIONS)
-             if _messages(instruction, _FUSION_KIND) == [b"kLoop"]
+             for instruction in _messages(computation, _INSTRUCTIONS) if _is_loop(instruction)
              for called in _numbers(instruction, _CALLED)}
     out = []
     for field, value, raw in _fields(module):
         if field == _COMPUTATIONS and isinstance(value, bytes):
             (own,) = _numbers(value, _COMPUTATION_ID)
-            raw = _message(field, _call_alone(value) if own in loops else _unlocated(value))
+            raw = b"" if own in loops else _message(
+                field, _within(value, (_INSTRUCTIONS,), _slim_instruction))
         if field != _STACK_FRAMES:
             out.append(raw)
     return b"".join(out)
 
 
-def _call_alone(computation: bytes) -> bytes:
-    """A fusion's body, its root a call of what has no name."""
-    root = _numbers(computation, _ROOT_ID)
-    kept = next(instruction for instruction in _messages(computation, _INSTRUCTIONS)
-                if _numbers(instruction, _ID) == root)
-    call = b"".join([raw for field, _, raw in _fields(kept) if field in (_NAME, _SHAPE, _ID)]
-                    + [_message(_OPCODE, b"custom-call"), _message(_TARGET, b"none")])
-    rest = [raw for field, _, raw in _fields(computation) if field != _INSTRUCTIONS]
-    return b"".join([*rest, _message(_INSTRUCTIONS, call)])
+def _is_loop(instruction: bytes) -> bool:
+    return _messages(instruction, _FUSION_KIND) == [b"kLoop"]
 
 
-def _unlocated(computation: bytes) -> bytes:
-    """A computation whose instructions do not say what line of Python they came from."""
-    return _within(computation, (_INSTRUCTIONS,), lambda instruction: b"".join(
-        raw for field, _, raw in _fields(instruction) if field != _METADATA))
+def _slim_instruction(instruction: bytes) -> bytes:
+    """One that does not say what line of Python it came from; a loop becomes a nameless call."""
+    called = _is_loop(instruction)
+    left_out = (_METADATA, *((_OPCODE, _FUSION_KIND, _CALLED) if called else ()))
+    kept = [raw for field, _, raw in _fields(instruction) if field not in left_out]
+    if called:
+        kept += [_message(_OPCODE, b"custom-call"), _message(_TARGET, b"none")]
+    return b"".join(kept)
 
 
 def _within(message: bytes, path: tuple[int, ...], change: Callable[[bytes], bytes]) -> bytes:

@@ -21,7 +21,9 @@ search after 100,000 still 30 ms, four times in an episode of `explore`."""
 def main(arguments: list[str] | None = None) -> None:
     """The entry point: runs a command and exits with its code."""
     gc.set_threshold(*GARBAGE_AFTER)
-    sys.exit(run(sys.argv[1:] if arguments is None else arguments))
+    code = run(sys.argv[1:] if arguments is None else arguments)
+    gc.freeze()  # what is left goes with the process: to search it for garbage took 0.7 s
+    sys.exit(code)
 
 
 def run(arguments: list[str]) -> int:
