@@ -117,10 +117,8 @@ def _grasp(asked: Asked) -> "Figure":
 
 def _played_again(asked: Asked) -> "tuple[Cell, EpisodeBlock]":
     """The one episode that was asked for, run again."""
-    from sweeps.quiet import start_warp
     from sweeps.rerun import cell_of, choose_episode, rerun
 
-    start_warp()
     episode = choose_episode(asked.plan, asked.stores, asked.strategy, asked.object,
                              asked.episode)
     return cell_of(asked.plan, episode), rerun(asked.plan, episode)

@@ -82,7 +82,9 @@ def rerun_all(plan: Plan, episodes: Sequence[Episode], device: str = "cpu",
     if not tasks:
         return
     with as_a_worker(), _pool(min(workers, len(tasks))) as pool:
-        yield from pool.map(_run, tasks)
+        blocks = pool.map(_run, tasks)
+        start_warp()  # their bodies bring it here too
+        yield from blocks
 
 
 def in_a_worker(function: Callable[[Any], Any], task: Any) -> Any:

@@ -1,6 +1,8 @@
 """The report: right by itself, and looked at in a headless Chromium."""
 
 import re
+import subprocess
+import sys
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -232,6 +234,15 @@ def test_a_large_report_is_small_and_quick(tmp_path: Path, quick_views: None) ->
         print(f"{len(content) / 1e6:.2f} MB, interactive after {ready:.0f} ms")
         assert ready < 3000
         assert said(driver) == []
+
+
+def test_a_report_says_nothing_of_what_the_machine_lacks(tmp_path: Path) -> None:
+    """The blocks of the episodes bring Warp to the process that writes the page, too."""
+    wide_study(tmp_path, wide_text(1, 1, 1))
+    done = subprocess.run(
+        [sys.executable, "-m", "sweeps.cli", "report", str(tmp_path), "-o", f"{tmp_path}/r.html"],
+        capture_output=True, text=True, check=True)
+    assert done.stderr.splitlines() == [f"episode {n} of 3 for the 3-D views" for n in (1, 2, 3)]
 
 
 @pytest.mark.slow
