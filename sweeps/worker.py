@@ -69,21 +69,16 @@ def work(pipe: Connection, function: str, device: str, log: Path) -> None:
     gc.enable()
     programs = sys.modules.get("fit.program_cache")  # only where the episodes need it
     pipe.send(Report("ready", "warm" if programs and programs.any_kept() else ""))
-    while (task := _next_task(pipe)) is not None:
+    while True:
+        try:
+            task = pipe.recv()
+        except EOFError:
+            return
+        if task is None:
+            return
         units, paths = task
         for report in _run_batch(run_cells, units, paths, device):
             pipe.send(report)
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(0)  # the parent waits, and to take JAX and Warp down takes 0.1 to 0.2 s
-
-
-def _next_task(pipe: Connection) -> tuple[list[Unit], list[Path]] | None:
-    """The next units and their files; None where the parent has closed the pipe."""
-    try:
-        return pipe.recv()
-    except EOFError:
-        return None
 
 
 def find_function(name: str) -> RunCells:
