@@ -39,7 +39,7 @@ def contacts_figure(block: EpisodeBlock, name: str, world: int = 0,
 
 def _draw(block: EpisodeBlock, name: str, world: int, wide: bool) -> "Figure":
     from matplotlib.colors import to_rgb
-    from matplotlib.ticker import MaxNLocator
+    from matplotlib.ticker import FixedLocator, MaxNLocator
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     pose = block.truth.body_pose[world]
@@ -103,7 +103,8 @@ def _draw(block: EpisodeBlock, name: str, world: int, wide: bool) -> "Figure":
             flat.plot(*outline.T, style, color=tint, lw=1.2, label=text)
         flat.plot(points[:, i], points[:, j], ".", color=_CONTACT, ms=3, label="contacts")
         flat.set_aspect("equal")
-        flat.xaxis.set_major_locator(MaxNLocator(3))
+        wide_enough = np.ptp(true[:, i]) > 0.35 * np.ptp(true[:, j])
+        flat.xaxis.set_major_locator(MaxNLocator(3) if wide_enough else FixedLocator([0.0]))
         flat.set(xlabel="xyz"[i] + " [mm]", ylabel="xyz"[j] + " [mm]")
         flat.set_title(f"hulls from {label}" if row else "hulls from the front")
         if row == 0 and wide:

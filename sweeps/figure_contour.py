@@ -62,8 +62,8 @@ def _draw(block: EpisodeBlock, profile: Profile, name: str, world: int, wide: bo
         edgecolors="#5b7288", linewidths=0.15), autolim=False)
     half, tall = 1.15 * r.max(), z.max()
     axes.set(xlim=(-half, half), ylim=(-half, half), zlim=(0, tall))
-    axes.set_box_aspect((2 * half, 2 * half, tall), zoom=1.35)
     axes.view_init(20, -55)
+    fill_axes(axes, (2 * half, 2 * half, tall), ring.reshape(-1, 3))
     axes.set_axis_off()
     volume = 1e6 * profile.volume_m3[world]
     axes.set_title(f"{cut(name)}: solid of\nrevolution, {tall:.0f} mm tall,\n{volume:.0f} ml")
@@ -87,6 +87,19 @@ def _draw(block: EpisodeBlock, profile: Profile, name: str, world: int, wide: bo
                  loc="outside right center" if wide else "outside lower center",
                  ncols=1 if wide else 3)
     return drawn
+
+
+def fill_axes(axes: Any, box: tuple[float, float, float], cloud: np.ndarray) -> None:
+    """Draw a box with these sides as large as its axes hold a cloud of points; both in mm."""
+    from mpl_toolkits.mplot3d.proj3d import proj_transform
+
+    zoom = 1.0
+    for _ in range(3):  # what is near grows faster than what is far
+        axes.set_box_aspect(box, zoom=zoom)
+        x, y, _ = proj_transform(cloud[:, 0], cloud[:, 1], cloud[:, 2], axes.get_proj())
+        place = axes.transLimits.transform(np.stack([x, y], 1))
+        zoom *= 0.5 / np.abs(place - 0.5).max()
+    axes.set_box_aspect(box, zoom=0.99 * zoom)
 
 
 def _touches(block: EpisodeBlock, world: int) -> tuple[np.ndarray, np.ndarray]:

@@ -59,9 +59,11 @@ def _draw(replay: Replay, frame: Frame, name: str) -> "Figure":
     tall = 1.1 * corners[:, 2].max()
     axes.set(xlim=(-half, half), ylim=(-half, half), zlim=(0.0, tall),
              xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
-    axes.set_box_aspect((2.0 * half, 2.0 * half, tall), zoom=0.84)
+    # Of a tall box the floor's labels would stand in the legend.
+    axes.set_box_aspect((2.0 * half, 2.0 * half, tall), zoom=0.84 if tall < 2.0 * half else 0.76)
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.set_major_locator(MaxNLocator(3))
+    axes.zaxis.labelpad = 6.0
     axes.view_init(_ELEVATION, azimuth)
     axes.set_title(f"{cut(name)}: {frame.label}")
     drawn.legend(handles=[

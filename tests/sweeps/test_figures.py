@@ -14,6 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from mpl_toolkits.mplot3d.proj3d import proj_transform
 from PIL import Image
 from test_tables import SWEPT
 
@@ -24,10 +25,10 @@ from sweeps.cell import Cell
 from sweeps.entries import Entry
 from sweeps.episodes import run_block
 from sweeps.figure_contacts import contacts_figure
-from sweeps.figure_contour import contour_figure
+from sweeps.figure_contour import contour_figure, fill_axes
 from sweeps.figure_faces import faces_figure
 from sweeps.figure_forest import draw_forest
-from sweeps.figure_style import COLUMN_IN, drawing, encode, told_apart
+from sweeps.figure_style import COLUMN_IN, drawing, encode, figure, told_apart
 from sweeps.figure_taxels import PadTouch, draw_taxels, image_ellipse, taxels_figure
 from sweeps.figures import KINDS, Asked
 from sweeps.paired import Paired
@@ -190,6 +191,24 @@ def test_tactile_images_are_legible_and_the_same_bytes(count: int) -> None:
     first, second = (draw_taxels(touches, PadTable(), "orangina_bottle") for _ in range(2))
     looks_right(first)
     assert encode(first, "svg") == encode(second, "svg")
+
+
+@pytest.mark.parametrize(("radius", "tall"), [(38.0, 323.0), (40.0, 60.0), (90.0, 20.0)])
+def test_a_solid_fills_its_axes_and_is_not_cut(radius: float, tall: float) -> None:
+    """The neck and the foot of a bottle were cut off straight."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 49)
+    rims = np.stack([np.tile(radius * np.cos(angle), 2), np.tile(radius * np.sin(angle), 2),
+                     np.repeat([0.0, tall], 49)], 1)
+    half = 1.15 * radius
+    drawn = figure(3.3)
+    axes: Any = drawn.add_subplot(projection="3d")
+    axes.set(xlim=(-half, half), ylim=(-half, half), zlim=(0.0, tall))
+    axes.view_init(20, -55)
+    fill_axes(axes, (2.0 * half, 2.0 * half, tall), rims)
+    FigureCanvasAgg(drawn).draw()
+    x, y, _ = proj_transform(rims[:, 0], rims[:, 1], rims[:, 2], axes.get_proj())
+    reach = np.abs(axes.transLimits.transform(np.stack([x, y], 1)) - 0.5).max()
+    assert 0.48 < reach <= 0.5
 
 
 @pytest.mark.parametrize(("draw", "says"), [
