@@ -39,6 +39,11 @@ def test_the_parent_of_a_sweep_simulates_nothing(tmp_path: Path) -> None:
     assert not found & {"jax", "warp", "scipy.stats", "scipy.optimize", "matplotlib"}
 
 
+def test_what_workers_import_of_the_command_is_nothing() -> None:
+    """A process that is spawned imports the script that its parent was started by."""
+    assert not modules_after("import sweeps.__main__") & {"cyclopts", "numpy", "sweeps.cli"}
+
+
 def test_a_command_ends_without_a_search_for_garbage(monkeypatch: pytest.MonkeyPatch) -> None:
     """Python searches all that was imported before it ends: 0.7 s of `explore`."""
     monkeypatch.setattr(cli, "run", lambda arguments: 3)
