@@ -36,6 +36,8 @@ class SuperquadricShape:
 def _power(base: real, exponent: real):
     if base < TINY:
         return ZERO
+    if base == ONE:
+        return ONE  # one of any two compared below is; a power costs as much as ten products
     return wp.pow(base, exponent)
 
 
@@ -54,16 +56,21 @@ def superquadric_gauge(p: vec3, size: vec3, e1: real, e2: real):
     across = wp.max(wp.max(u, v), TINY)
     u = u / across
     v = v / across
-    a = _power(u, TWO / e2) + _power(v, TWO / e2)
+    u_power = _power(u, TWO / e2)
+    v_power = _power(v, TWO / e2)
+    a = u_power + v_power
     if a < HALF:
         a = ONE  # on the axis: `across` alone says that nothing is there
-    total = _power(across, TWO / e1) * wp.pow(a, e2 / e1) + _power(w, TWO / e1)
-    f = wp.pow(total, e1 * HALF)
+    level = _power(across, TWO / e1) * _power(a, e2 / e1)
+    upright = _power(w, TWO / e1)
+    total = level + upright
+    f = _power(total, e1 * HALF)
+    # Slopes have powers less by one: quotients of those above.
     common = f / total
-    ring = common * _power(across, TWO / e1 - ONE) * wp.pow(a, e2 / e1 - ONE)
-    return vec4(sign_of(p[0]) * ring * _power(u, TWO / e2 - ONE) / size[0],
-                sign_of(p[1]) * ring * _power(v, TWO / e2 - ONE) / size[1],
-                sign_of(p[2]) * common * _power(w, TWO / e1 - ONE) / size[2],
+    ring = common * level / (across * a)
+    return vec4(sign_of(p[0]) * ring * u_power / (wp.max(u, TINY) * size[0]),
+                sign_of(p[1]) * ring * v_power / (wp.max(v, TINY) * size[1]),
+                sign_of(p[2]) * common * upright / (wp.max(w, TINY) * size[2]),
                 m * f)
 
 

@@ -1,6 +1,7 @@
 """What is skipped of a closing changes nothing, and nearest points are nearest."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from strategies.waypoint_poses import waypoint_poses
 from sweeps.episodes import place_objects, tell_cylinder
 from warpgrasp.body import distance_to_bodies, scene_of
 from warpgrasp.catalogue import body_from_name, body_from_table
-from warpgrasp.closing import close_fingers
+from warpgrasp.closing import Closing, ClosingTruth, close_fingers
 from warpgrasp.counter_random import counter_key_host
 from warpgrasp.launch import launch
 from warpgrasp.link_nearest import LINK_SAMPLES, link_nearest, nearest_along
@@ -26,9 +27,8 @@ from warpgrasp.sine_cosine import sine_cosine
 HAND = HandTable()
 
 
-@pytest.mark.parametrize("name", ["block", "lightbulb"])
-def test_looking_more_often_changes_no_stop(name: str) -> None:
-    """`march_scale` shortens every jump: other steps are looked at, the same happens."""
+def grasps(name: str, sensors: SensorTable, **options: Any) -> tuple[Closing, ClosingTruth]:
+    """The closings of `ring6` in eight worlds."""
     body, worlds = body_from_name(name), 8
     key = counter_key_host(3, np.arange(worlds))
     pose = place_objects(ObjectTable(), key)
@@ -36,14 +36,35 @@ def test_looking_more_often_changes_no_stop(name: str) -> None:
     hands = waypoint_poses(strategy.waypoints, tell_cylinder(body, pose, 0.01, key), HAND, key)
     commands, count = padded_commands(strategy.closings)
     made = np.ones((*hands.shape[:2], len(count)), int)
-    found = [close_fingers(scene_of([body], "cpu"), np.zeros(1, int), pose, HAND,
-                           SensorTable(tendon_threshold_N=2.6), key, made, hands, commands, count,
-                           march_scale=scale) for scale in (1.0, 0.3)]
-    (felt, truth), (again, truth_again) = found
+    return close_fingers(scene_of([body], "cpu"), np.zeros(1, int), pose, HAND, sensors, key, made,
+                         hands, commands, count, **options)
+
+
+@pytest.mark.parametrize("name", ["block", "lightbulb"])
+def test_looking_more_often_changes_no_stop(name: str) -> None:
+    """`march_scale` shortens every jump: other steps are looked at, the same happens."""
+    sensors = SensorTable(tendon_threshold_N=2.6)
+    (felt, truth), (again, truth_again) = (
+        grasps(name, sensors, march_scale=scale) for scale in (1.0, 0.3))
     assert 0.05 < (truth.link == -1).mean() < 0.95  # false stops and contacts
     np.testing.assert_array_equal(felt.step, again.step)
     np.testing.assert_array_equal(truth.link, truth_again.link)
     np.testing.assert_allclose(truth.q_rad, truth_again.q_rad, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["block", "wine_bottle"])
+def test_foresight_finds_the_stops_and_all_rests_but_those_on_creases(name: str) -> None:
+    """Fingers that are not looked at closely: the same steps, nearly all contacts."""
+    (felt, truth), (foreseen, about) = (
+        grasps(name, SensorTable(), closely=closely) for closely in (True, False))
+    np.testing.assert_array_equal(felt.step, foreseen.step)
+    np.testing.assert_array_equal(felt.status, foreseen.status)
+    touched = truth.link >= 0
+    assert touched.sum() > 100
+    assert (truth.link == about.link)[touched].mean() > 0.95
+    moved = np.linalg.norm(truth.point_m - about.point_m, axis=-1)[touched]
+    assert np.median(moved) < 1e-6
+    assert np.quantile(moved, 0.9) < 1e-3
 
 
 @wp.kernel(enable_backward=False)
