@@ -74,7 +74,7 @@ def predicted_touches(
     exact = replace(belief.arm, mount_error_m=0.0, mount_error_rad=0.0, repeatability_m=0.0)
     robot = Robot(bodies, np.arange(belief.worlds), truth, np.zeros(belief.worlds, np.uint64),
                   exact, belief.hand, quiet, device=device)
-    robot.grasp(hand_pose, wanted, *padded_commands(belief.closings), closely=False)
+    robot.grasp(hand_pose, wanted, *padded_commands(belief.closings))
     found = truth.closings[-1].point_m
     points = found.reshape(*found.shape[:2], -1, 3)
     return np.nan_to_num(points), np.asarray(np.isfinite(points).all(-1))

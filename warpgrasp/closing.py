@@ -85,7 +85,6 @@ def close_fingers(
     *,
     probe_number: np.ndarray | None = None,
     march_scale: float = 1.0,
-    closely: bool = True,
     device: str = "cpu",
 ) -> tuple[Closing, ClosingTruth]:
     """Close every finger of every grasp at every probe, guarded by the tendon difference.
@@ -96,9 +95,8 @@ def close_fingers(
     the probes, each world's from 0 unless given. `probe_status` (world, probe, grasp) says
     CONTACT where the probe is to be made; other values are passed on. `commands_rad` has shape
     (grasp, finger, step, 4), of which `command_count` (grasp,) steps count. `march_scale` shortens
-    the skipping of free steps for bodies whose distance is not a sure bound. Unless `closely`, fingers
-    are left where they were found to stop: rests on a crease may be higher than need be. Raises
-    ShapeError, and ValueError for a body or a count of steps that there is not.
+    the skipping of free steps for bodies whose distance is not a sure bound. Raises ShapeError, and
+    ValueError for a body or a count of steps that there is not.
     """
     check_range("body", body, 0, scene.bodies - 1)
     check_range("command_count", command_count, 1, np.shape(commands_rad)[2])
@@ -124,7 +122,7 @@ def close_fingers(
         (closing_kernel, _SHAPES, given | {
             "march_scale": march_scale, "links": links,
             "probe_status": there(probe_status, int), "command_count": there(command_count, int)}),
-        (reading_kernel, _SHAPES, given | {"closely": int(closely)})], device=device)
+        (reading_kernel, _SHAPES, given)], device=device)
     row = felt.numpy()
     true = truth.numpy()
     return (Closing(row["status"], row["step"], row["q"], row["tension"], row["difference"]),

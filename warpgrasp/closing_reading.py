@@ -1,7 +1,7 @@
 """What is read, and what is true, where a finger stopped: the second half of a closing.
 
-`closing` finds the step; here its rest is looked at closely (`finger_crease`) unless that is not
-asked for, joints and tensions are read there, and the contact is written down for the scorer.
+`closing` finds the step; here its rest is looked at closely (`finger_crease`), joints and tensions
+are read there, and the contact is written down for the scorer.
 """
 
 import warp as wp
@@ -9,9 +9,9 @@ import warp as wp
 from warpgrasp.closing_record import ClosingRow, ClosingTruthRow
 from warpgrasp.counter_random import Purpose, counter_key, counter_normal
 from warpgrasp.finger_crease import settled_rest
-from warpgrasp.finger_energy import finger_energy, rest_from
+from warpgrasp.finger_energy import rest_from
 from warpgrasp.finger_path import PathStep
-from warpgrasp.link_nearest import LINK_SAMPLES, lower_end
+from warpgrasp.link_nearest import lower_end
 from warpgrasp.real import ONE, ZERO, mat42, real, transform, vec3, vec4
 from warpgrasp.scene import Scene, body_distance_grad
 from warpgrasp.status import ProbeStatus
@@ -36,7 +36,6 @@ def reading_kernel(
     # Robot:
     hands: wp.array[Hand],
     sensors: wp.array[TendonSensor],
-    closely: int,
     # Closing in:
     key: wp.array[wp.uint64],
     probe_number: wp.array2d[int],
@@ -72,11 +71,7 @@ def reading_kernel(
         rest.along = truth[w, p, g, finger].along
         rest.bend = truth[w, p, g, finger].bend
         rest.depth = truth[w, p, g, finger].depth
-        if closely == 1:
-            rest = settled_rest(scene, which, hand, base, command, rest)
-        else:
-            rest = finger_energy(scene, which, hand, base, command, rest.q, rest_from(rest.q),
-                                 LINK_SAMPLES)
+        rest = settled_rest(scene, which, hand, base, command, rest)
         truth[w, p, g, finger].q = rest.q
         truth[w, p, g, finger].torque = (command - rest.q) * hand.stiffness
         bearing = int(0)

@@ -25,7 +25,8 @@ def segment_clearance(
     bound = stand_distance(scene, body, a + u * (length * HALF)) - length * HALF - radius
     if bound >= worst:
         return worst
-    return wp.min(worst, nearest_along(scene, body, a, u, length)[1] - radius)
+    near = nearest_along(scene, body, a, u, length, worst + radius)
+    return wp.min(worst, near[1] - radius)
 
 
 @wp.func

@@ -227,9 +227,12 @@ def lower_end(u: vec3, length: real):
 
 
 @wp.func
-def nearest_along(scene: Scene, body: int, a: vec3, u: vec3, length: real):
-    """Place [m from a] and distance of the point of a segment nearest to body and table."""
-    near = link_nearest(scene, body, a, u, length, -ONE, ONE, LINK_SAMPLES, _FAR)
+def nearest_along(scene: Scene, body: int, a: vec3, u: vec3, length: real, enough: real):
+    """Place [m from a] and distance of the point of a segment nearest to body and table.
+
+    A distance above `enough` may be a lower bound.
+    """
+    near = link_nearest(scene, body, a, u, length, -ONE, ONE, LINK_SAMPLES, enough)
     low = lower_end(u, length)
     if a[2] + u[2] * low < near.distance:
         return vec2(low, a[2] + u[2] * low)

@@ -110,14 +110,13 @@ class Robot:
 
     def grasp(
         self, hand_pose: np.ndarray, wanted: np.ndarray, commands_rad: np.ndarray,
-        command_count: np.ndarray, room: np.ndarray | None = None, *, closely: bool = True,
+        command_count: np.ndarray, room: np.ndarray | None = None,
     ) -> Grasps:
         """Take the hands to poses in turn; at each, close guarded once along every path.
 
         `hand_pose` (world, probe, 7) [m], quaternion xyzw; `wanted` (world, probe) bool;
         `commands_rad` (grasp, finger, step, 4), `command_count` (grasp,) steps that count. Poses
-        are left out from where the fingers' closings are as many as `room` (world,). Unless
-        `closely`, rests on creases are not sought: for foresight.
+        are left out from where the fingers' closings are as many as `room` (world,).
         """
         if room is not None:
             wanted = self._within(room, hand_pose, wanted, commands_rad)
@@ -126,7 +125,7 @@ class Robot:
         closing, truth = close_fingers(
             self._scene, self._body, self._truth.body_pose, self.hand, self.sensors, self._key,
             moves.status, actual, commands_rad, command_count, probe_number=number,
-            march_scale=self._march_scale, closely=closely, device=self._device)
+            march_scale=self._march_scale, device=self._device)
         self._truth.closings.append(truth)
         self._truth.hand_poses.append(actual)
         self._probes_made += wanted.sum(1)

@@ -155,6 +155,17 @@ def body_is_convex(scene: Scene, body: int):
 
 
 @wp.func
+def body_is_estimated(scene: Scene, body: int):
+    """Whether some part's distance is of the first order: it does not rise as its gradient says."""
+    rows = wp.array(ptr=scene.primitives, shape=(scene.primitive_count,), dtype=Primitive)
+    estimated = int(0)
+    for k in range(_first_row(scene, body), _first_row(scene, body + 1)):
+        if rows[k].shape == _SUPERQUADRIC:
+            estimated = int(1)
+    return estimated == 1
+
+
+@wp.func
 def _in_primitive_frame(row: Primitive, p: vec3):
     if row.placed == 0:
         return p
