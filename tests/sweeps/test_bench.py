@@ -1,7 +1,9 @@
 """The bench: what it runs, what it writes. Rates themselves are no tests."""
 
+import json
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -28,6 +30,26 @@ def test_a_name_that_no_row_has_is_named(tmp_path: Path) -> None:
         with pytest.raises(StoreError, match=f"no row '{name}' with --quick or without --peers"):
             bench(tmp_path / "out", quick=quick, peers=peers, only=[name])
     assert not (tmp_path / "out").exists()
+
+
+def test_a_bench_that_is_stopped_keeps_what_it_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    measured: list[Any] = []
+
+    def row(asked: Any, quick: bool) -> dict[str, Any]:
+        if measured:
+            raise KeyboardInterrupt
+        measured.append(asked)
+        return {"row": "closings", "of": "block", "batch": 64, "threads": 1, "per_s": 4e3,
+                "per_cpu_s": 2e3}
+
+    monkeypatch.setattr("sweeps.bench._measure", row)
+    with pytest.raises(KeyboardInterrupt):
+        bench(tmp_path / "out", quick=True, peers=False)
+    lines = (tmp_path / "out" / "bench.jsonl").read_text().splitlines()
+    assert [json.loads(line)["row"] for line in lines] == ["environment", "closings"]
+    assert "| closings | block | 64 |" in (tmp_path / "out" / "bench.md").read_text()
 
 
 def test_help_lists_every_name(capsys: pytest.CaptureFixture[str]) -> None:
