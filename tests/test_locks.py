@@ -1,0 +1,40 @@
+"""The two lock files: who installs the second over the first keeps what the first pinned."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+LOCKS = ("requirements.lock", "requirements-validate.lock")
+PINNED = re.compile(r"^([a-z0-9._-]+)==(\S+)(?: ; (.+?))? \\$", re.MULTILINE)
+
+
+def pins(lock: str) -> set[tuple[str, str, str]]:
+    """Name, version and the Pythons it is for."""
+    return set(PINNED.findall((ROOT / lock).read_text()))
+
+
+def test_validate_keeps_every_pin_of_the_main_lock() -> None:
+    """An older one put a docutils beside Sphinx that Sphinx refuses, and it went unseen."""
+    assert len(pins("requirements.lock")) > 100
+    assert pins("requirements.lock") <= pins("requirements-validate.lock")
+
+
+@pytest.mark.parametrize("lock", LOCKS)
+def test_every_pin_has_a_hash_and_no_address(lock: str) -> None:
+    text = (ROOT / lock).read_text()
+    parts = re.split(r"^(?=[a-z0-9._-]+==)", text, flags=re.MULTILINE)
+    assert all("--hash=sha256:" in part for part in parts[1:])
+    assert "://" not in text
+
+
+def test_what_the_project_asks_for_is_locked() -> None:
+    whole = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    asked = list(whole["project"]["dependencies"])
+    asked += whole["project"]["optional-dependencies"]["validate"]
+    for group in whole["dependency-groups"].values():
+        asked += [v for v in group if isinstance(v, str)]
+    names = {re.split(r"[\[<>=]", v)[0].lower() for v in asked}
+    assert names <= {name for name, _, _ in pins("requirements-validate.lock")}
