@@ -108,11 +108,7 @@ def superquadric_surface(
     a cube's, projected radially in the frame scaled by the sizes, so that flat faces are covered
     as well as corners; the areas are those of the deformed quadrilaterals, and sum to the surface.
     """
-    cells = max(int(np.ceil(np.sqrt(n / 6))), 1)
-    corners, vertices = cube_grid(cells)
-    on_surface = from_straight_frame(body, _project(body, vertices))
-    quads = on_surface[:, corners]
-    vector = 0.5 * np.cross(quads[:, :, 2] - quads[:, :, 0], quads[:, :, 3] - quads[:, :, 1])
+    vector = _facets(body, n)
     area = np.linalg.norm(vector, axis=-1)
     points = superquadric_points(body, n)
     normals = superquadric_normals(body, points)
@@ -120,6 +116,18 @@ def superquadric_surface(
     facet = vector / np.maximum(area, 1e-300)[..., None]
     found = np.isfinite(normals).all(axis=-1, keepdims=True)
     return points, np.where(found, normals, facet), area
+
+
+def superquadric_areas(body: SuperquadricLike, n: int = 1000) -> tuple[np.ndarray, np.ndarray]:
+    """The points [m] and areas [m^2] of `superquadric_surface` alone."""
+    return superquadric_points(body, n), np.linalg.norm(_facets(body, n), axis=-1)
+
+
+def _facets(body: SuperquadricLike, n: int) -> np.ndarray:
+    """Area times outward normal [m^2] of each quadrilateral, [fit, point, 3]."""
+    corners, vertices = cube_grid(max(int(np.ceil(np.sqrt(n / 6))), 1))
+    quads = from_straight_frame(body, _project(body, vertices))[:, corners]
+    return 0.5 * np.cross(quads[:, :, 2] - quads[:, :, 0], quads[:, :, 3] - quads[:, :, 1])
 
 
 def superquadric_points(

@@ -21,8 +21,8 @@ from fit.rows import row_sums
 from fit.superquadric_shape import (
     Superquadric,
     SuperquadricLike,
+    superquadric_areas,
     superquadric_inside_outside,
-    superquadric_surface,
     superquadric_volume,
 )
 
@@ -99,9 +99,10 @@ def superquadric_uncertainty(
     fitted[:, 13:15] = (body.bend[:, :1] != 0)
     prior = _prior(body) * np.where(fitted, 1.0, 1e-9)
 
-    distance, normal = surface_distance(body, points)
-    sigma = _sigma(distance, normal, kept, fitted.sum(axis=1), covariance, sigma_floor_m)
-    rows = distance_slopes(body, points, prior) / sigma[..., None] * kept[..., None]
+    away, slope, normal = _first_order(body, points)
+    sigma = _sigma(away / slope, normal, kept, fitted.sum(axis=1), covariance, sigma_floor_m)
+    slopes = _slopes(body, points, prior, slope, normal)
+    rows = slopes / sigma[..., None] * kept[..., None]
     information = np.einsum("fpi,fpj->fij", rows, rows) + np.eye(15)
     if table_z is not None:
         row = _table_slope(body, prior) / table_sigma_m
@@ -139,6 +140,12 @@ def surface_distance(body: SuperquadricLike, points: np.ndarray) -> tuple[np.nda
 
     The very centre, where beta has no gradient, is as deep as the least half extent.
     """
+    away, slope, normal = _first_order(body, points)
+    return away / slope, normal
+
+
+def _first_order(body: SuperquadricLike, points) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """beta - 1, |grad beta| [1/m] and the unit normal at points."""
     step = 1e-6 * body.size_m.min(axis=1)[:, None]
     gradient = np.empty_like(points)
     for axis in range(3):
@@ -149,7 +156,7 @@ def surface_distance(body: SuperquadricLike, points: np.ndarray) -> tuple[np.nda
     slope = np.linalg.norm(gradient, axis=2)
     flat = slope < FLAT / np.linalg.norm(body.size_m, axis=1)[:, None]
     slope = np.where(flat, 1 / body.size_m.min(axis=1)[:, None], slope)
-    return (superquadric_inside_outside(body, points) - 1) / slope, gradient / slope[..., None]
+    return superquadric_inside_outside(body, points) - 1, slope, gradient / slope[..., None]
 
 
 def moved(body: SuperquadricLike, tangent: Float[np.ndarray, "fit 15"]) -> Superquadric:
@@ -188,28 +195,23 @@ def _prior(body: SuperquadricLike) -> np.ndarray:
 
 def distance_slopes(body: SuperquadricLike, points, prior) -> Float[np.ndarray, "fit point 15"]:
     """Derivative of each point's distance [m] along the tangent, per prior standard deviation."""
-    _, normal = surface_distance(body, points)
+    _, slope, normal = _first_order(body, points)
+    return _slopes(body, points, prior, slope, normal)
+
+
+def _slopes(body: SuperquadricLike, points, prior, slope, normal) -> np.ndarray:
+    """`distance_slopes`, from what `_first_order` says of the points."""
     slopes = np.zeros((*points.shape[:2], 15))
-    base = surface_slope(body, points)
     for k in (*range(8), *range(11, 15)):
         if not prior[:, k].any():
             continue
         step = np.zeros((len(points), 15))
         step[:, k] = STEP * prior[:, k]
         up, down = (superquadric_inside_outside(moved(body, s * step), points) for s in (1, -1))
-        slopes[..., k] = (up - down) / (2 * STEP) / base
+        slopes[..., k] = (up - down) / (2 * STEP) / slope
     # A move of the whole body is exact: the surface moves by its component along the normal.
     slopes[..., 8:11] = -normal * prior[:, None, 8:11]
     return slopes
-
-
-def surface_slope(body: SuperquadricLike, points) -> np.ndarray:
-    """|grad beta| [1/m] at points."""
-    distance, _ = surface_distance(body, points)
-    away = superquadric_inside_outside(body, points) - 1
-    safe = np.where(np.abs(distance) > 1e-15, distance, 1.0)
-    nearly = 1 / np.maximum(np.linalg.norm(points - body.position_m[:, None], axis=2), 1e-9)
-    return np.where(np.abs(distance) > 1e-15, away / safe, nearly)
 
 
 def _sigma(distance, normal, kept, parameters, covariance, floor) -> np.ndarray:
@@ -235,7 +237,7 @@ def _sigma(distance, normal, kept, parameters, covariance, floor) -> np.ndarray:
 
 def _table_slope(body: SuperquadricLike, prior) -> np.ndarray:
     """Slope of the body's lowest height, the mean of all points that are nearly lowest."""
-    points, _, area = superquadric_surface(body, 1500)
+    points, area = superquadric_areas(body, 1500)
     height = points[..., 2]
     low, high = height.min(axis=1, keepdims=True), height.max(axis=1, keepdims=True)
     weight = area * (height - low < 0.01 * (high - low))

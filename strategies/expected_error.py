@@ -15,7 +15,7 @@ what is known of a whole side from a few touches of it.
 import numpy as np
 
 from fit.rotation import matrix_of_quaternion
-from fit.superquadric_shape import Superquadric, superquadric_surface
+from fit.superquadric_shape import Superquadric, superquadric_areas
 from fit.superquadric_uncertainty import distance_slopes, surface_distance
 from strategies.adaptive import OneAtATime
 from strategies.belief import Belief
@@ -52,7 +52,7 @@ class ExpectedError(OneAtATime):
     def gain(self, belief: Belief, poses: np.ndarray, free: np.ndarray) -> np.ndarray:
         """Expected fall of the mean standard deviation [m], (world, candidate)."""
         points, found = predicted_touches(belief, poses, free)
-        surface, _, area = superquadric_surface(belief.body, SURFACE_POINTS)
+        surface, area = superquadric_areas(belief.body, SURFACE_POINTS)
         weight = area * (surface[..., 2] > TABLE_M)
         felt = belief.evidence.points_m
         worlds, candidates, fingers = found.shape

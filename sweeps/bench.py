@@ -23,9 +23,10 @@ from sweeps.worker import ENVIRONMENT
 
 BATCHES = (64, 256, 1024, 4096, 16384)
 AT_ONCE = 512  # episodes, as workers run them
-FORESEEN, ORACLE = 64, 8
-"""The same of planners that close the hand in thought, and of the one that does so in truth: an
-episode takes tenths of a second of them, and seconds."""
+FORESEEN = 64
+"""The same of planners that close the hand in thought: an episode takes tenths of a second."""
+OTHERS = {"random": 256, "even": 256, "oracle": 8}
+"""Planners that foresee nothing, and the one that closes the hand in truth: seconds."""
 OBJECTS = ("block", "small_cylinder", "lightbulb", "mesh")
 SHAPES = ("plane", "revolution", "superquadric11", "superquadric13", "superquadric15")
 _TIMEOUT_S = 900.0
@@ -45,8 +46,7 @@ def rows(*, quick: bool, peers: bool) -> Iterator[Row]:
     for of in SHAPES[3:4] if quick else SHAPES:
         yield from (("fits", of, 512, threads) for threads in cores)
     for name in ("ring6",) if quick else STRATEGIES:
-        call = STRATEGIES[name].call
-        at_once = ORACLE if call == "oracle" else FORESEEN if call else AT_ONCE
+        at_once = OTHERS.get(name, FORESEEN if STRATEGIES[name].call else AT_ONCE)
         yield from (("episodes", name, at_once, threads) for threads in cores)
     if not quick:
         yield from (("closings", "block", batch, 2) for batch in BATCHES if batch != 4096)

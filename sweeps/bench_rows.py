@@ -103,7 +103,7 @@ def touches(of: str, batch: int) -> Work:
 def bodies_touched(n: int):
     """Random upright superquadrics, and 60 touches with 1 mm noise on each, (n, 60, 3) [m]."""
     from fit.rows import rows_of
-    from fit.superquadric_shape import superquadric, superquadric_surface
+    from fit.superquadric_shape import superquadric, superquadric_areas
 
     rng = np.random.default_rng(SEED)
     size, yaw = rng.uniform(0.02, 0.06, (n, 3)), rng.uniform(-np.pi, np.pi, n)
@@ -113,7 +113,7 @@ def bodies_touched(n: int):
                         np.zeros((n, 2)))
     chosen = []
     for first in range(0, n, _BODIES):
-        surface, _, area = superquadric_surface(rows_of(body, slice(first, first + _BODIES)), 1500)
+        surface, area = superquadric_areas(rows_of(body, slice(first, first + _BODIES)), 1500)
         weight = area * (surface[..., 2] > 0.2 * size[first:first + _BODIES, None, 2])
         chosen += [p[rng.choice(len(p), _POINTS, p=w / w.sum())]
                    for p, w in zip(surface, weight, strict=True)]

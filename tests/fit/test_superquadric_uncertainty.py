@@ -4,10 +4,13 @@ import numpy as np
 import pytest
 from quality_bodies import standing_bodies, touches
 
+from fit.rotation import matrix_of_quaternion
 from fit.superquadric import SuperquadricOptions, fit_superquadric
 from fit.superquadric_shape import superquadric, superquadric_surface, superquadric_volume
 from fit.superquadric_uncertainty import (
     Symmetry,
+    _table_slope,  # pyright: ignore[reportPrivateUsage]
+    distance_slopes,
     moved,
     superquadric_uncertainty,
     surface_distance,
@@ -105,3 +108,36 @@ def test_a_step_along_the_tangent_moves_the_surface_as_the_slopes_say() -> None:
     away, _ = surface_distance(moved(body, step), surface)
     # What is left is of second order: a step squared times the curvature at an edge.
     assert np.allclose(away, -normal @ step[0, 8:11], atol=2e-9)
+
+
+def test_slopes_at_the_surface_are_how_far_it_moves() -> None:
+    """All coordinates, at points that lie on the surface to the last digit; their slopes were those
+    of the ray through the centre, by half too large at corners."""
+    body = superquadric([0.03, 0.04, 0.06], [0.5, 0.8], [0.1, 0, 0.2],
+                        np.array([[0.3, 0, 0.6, 0.8]]) / np.sqrt(1.09), [0.2, -0.1], [3.0, 0.5])
+    surface, _, _ = superquadric_surface(body, 200)
+    slopes = distance_slopes(body, surface, np.ones((1, 15)))
+    for k in range(15):
+        step = np.zeros((1, 15))
+        step[0, k] = 1e-6
+        ahead, back = (surface_distance(moved(body, sign * step), surface)[0] for sign in (1, -1))
+        assert np.allclose(slopes[0, :, k], (ahead - back)[0] / 2e-6, rtol=0, atol=1e-8), k
+
+
+def test_the_table_is_a_touch_of_the_lowest_point() -> None:
+    """Of a tilted ellipsoid, whose lowest height is in closed form."""
+    tilted = np.array([[0.3, -0.2, 0.1, 1.0]])
+    body = superquadric([0.03, 0.04, 0.06], [1.0, 1.0], [0.4, 0, 0.06],
+                        tilted / np.linalg.norm(tilted))
+
+    def lowest(b) -> float:
+        up = matrix_of_quaternion(b.quaternion_xyzw)[0, 2]
+        return float(b.position_m[0, 2] - np.linalg.norm(up * b.size_m[0]))
+
+    slope = _table_slope(body, np.ones((1, 15)))[0]
+    for k in (0, 1, 2, 5, 6, 7, 8, 9, 10):
+        step = np.zeros((1, 15))
+        step[0, k] = 1e-6
+        rise = (lowest(moved(body, step)) - lowest(moved(body, -step))) / 2e-6
+        # The mean of a small cap, whose normals lean by up to 0.2 rad.
+        assert slope[k] == pytest.approx(rise, abs=0.002 if k < 8 else 0.03), k
