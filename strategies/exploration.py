@@ -290,8 +290,9 @@ class _Run:
         by_pads = felt_by_pads(self.felt, rows)
         believed = self.believed()
         count = (self.felt.mask & ~self.felt.by_pad).sum(1)
-        anew = ~believed | (count > REGROWN * self.count_anew) | contradicted(self.fits, by_pads)
-        turned = believed & explained(self.profile, by_pads)
+        regrown = ~believed | (count > REGROWN * self.count_anew)
+        anew = regrown | contradicted(self.fits, by_pads)
+        turned = ~regrown & explained(self.profile, by_pads)
         for among, start, table in (
                 (anew & ~turned, False, self.table), (~anew & ~turned, True, self.table),
                 (turned, True, replace(self.table, rivals=False))):

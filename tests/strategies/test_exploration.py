@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from strategies import exploration
 from strategies.belief import Belief
 from strategies.budget import MOST_STEPS, Budget
 from strategies.catalogue import STRATEGIES
@@ -14,6 +15,7 @@ from strategies.exploration import Exploration, explore
 from strategies.ordering import OrderedPlanner
 from strategies.planners import budget_of
 from strategies.probes import Grasp
+from strategies.recovery import recover_bodies
 from strategies.registry import PlannerError, make_planner
 from strategies.strategy import Strategy
 from strategies.tables import ContourTable, DecideTable, PlanarTable
@@ -209,6 +211,22 @@ def test_orders_repeat_and_share_out_their_waypoints() -> None:
     assert shapes == [3, 3]
     assert found.belief.evidence.mask.shape[1] == sum(p.slots for p in found.procedures)
     assert len(found.belief.faces) == 1
+
+
+def test_grasps_after_a_contour_are_fitted_from_scratch(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A contour that explains what pads felt spares fits of pads alone: bodies refined from the
+    contour's own to twelve grasps ended up to 23 mm off, and their contacts barred the contour."""
+    scratch: list[int] = []
+
+    def counted(felt, links, table):
+        scratch.append(int((felt.mask & ~felt.by_pad).sum()))
+        return recover_bodies(felt, links, table)
+
+    monkeypatch.setattr(exploration, "recover_bodies", counted)
+    found = run(ordered("contour", "containment"), (0,), "large_cylinder")
+    assert found.recovered.revolution is not None
+    assert len(scratch) == 2
+    assert scratch[0] == 0 < scratch[1]
 
 
 def test_cutting_a_sequence_changes_no_contact() -> None:
