@@ -45,6 +45,7 @@ from strategies.recovered import (
 )
 from strategies.recovery import recover_bodies, refine_bodies
 from strategies.refit import REGROWN, contradicted, explained, felt_by_pads
+from strategies.rivals import UNBELIEVED_M, touch_misfit
 from strategies.waypoints import BoundingCylinder
 from strategies.whole_profile import whole_profile
 from warpgrasp.parameters import FitTable
@@ -312,8 +313,9 @@ class _Run:
 
     def believed(self) -> np.ndarray:
         """Worlds whose fit is to be believed, bool (world,)."""
-        good = np.isin(self.fits.status, (FitStatus.converged, FitStatus.not_converged))
-        return (self.placed.mask.sum(1) >= FEWEST_CONTACTS) & good & plausible(self.fits, self.told)
+        near = touch_misfit(self.fits, self.placed) < UNBELIEVED_M
+        return ((self.placed.mask.sum(1) >= FEWEST_CONTACTS) & near
+                & plausible(self.fits, self.told))
 
     def _conclude(self, rows: np.ndarray) -> None:
         """What is believed now; only `rows` felt something new, the others' bodies stay."""

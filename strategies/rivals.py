@@ -19,6 +19,8 @@ RIVAL = "radial"
 """Residual tried where a body is doubted; see `fit.superquadric_field`."""
 DOUBTED_M = 0.0015
 """Mean distance of the touches from which a body is doubted; noise alone leaves 0.8 mm [est]."""
+UNBELIEVED_M = 0.006
+"""The same from which a body is not believed at all: a needle among its touches [est]."""
 CLEARLY = 0.95
 """A rival must come this much nearer."""
 FARTHEST_M = 0.010

@@ -229,6 +229,19 @@ def test_grasps_after_a_contour_are_fitted_from_scratch(monkeypatch: pytest.Monk
     assert scratch[0] == 0 < scratch[1]
 
 
+def test_a_needle_among_its_touches_is_not_believed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was, and `decide` crossed the faces of what was not there."""
+
+    def needle(felt, links, table):
+        fits, placed = recover_bodies(felt, links, table)
+        return replace(fits, size_m=fits.size_m * [1e-3, 1e-3, 1.0]), placed
+
+    monkeypatch.setattr(exploration, "recover_bodies", needle)
+    found = run(ordered("containment"))
+    assert (found.status == "fit_implausible").all()
+    assert np.allclose(found.belief.body.size_m[:, 0], found.belief.told.radius_m)
+
+
 def test_cutting_a_sequence_changes_no_contact() -> None:
     whole, cut = run(ordered("containment")), run(ordered("containment", refit_every=2))
     assert np.array_equal(whole.belief.touches, cut.belief.touches)
