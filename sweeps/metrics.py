@@ -8,7 +8,8 @@ each a disc of the element's own area. All is done in the true body's frame, so 
 the same in every world.
 """
 
-from dataclasses import dataclass, fields
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
@@ -20,7 +21,7 @@ from fit.revolution_shape import (
     revolution_volume,
 )
 from fit.rotation import matrix_of_quaternion, quaternion_of_matrix
-from fit.rows import rows_of, with_rows
+from fit.rows import joined, rows_of, with_rows
 from fit.superquadric_shape import Superquadric, SuperquadricLike, superquadric_volume
 from strategies.body_query import bodies_on
 from strategies.recovered import Recovered, Shape, same_bodies
@@ -36,6 +37,8 @@ SURFACE_POINTS = 512
 ELEMENTS = 864
 INSIDE_POINTS = 2048
 COVERAGE_M = 0.005
+WORLDS_AT_ONCE = 512
+"""More at once leave the caches: 16,384 took 2 GiB and a third more time each."""
 
 PATCH = TILE[0] * TILE[1]
 """Elements that follow each other lie side by side: so many share a ball."""
@@ -181,7 +184,9 @@ def score_superquadrics(
 ) -> Scores:
     """Score one superquadric a world against `body`, which stands at `body_pose` (world, 7)."""
     sample = sample_body(body, surface=SURFACE_POINTS, inside=INSIDE_POINTS)
-    return _score(_superquadrics(fits, sample, body_pose, device), body, sample, device)
+    return _in_turn(lambda rows: _score(
+        _superquadrics(rows_of(fits, rows), sample, body_pose[rows], device),
+        body, sample, device), len(body_pose))
 
 
 def score_recovered(
@@ -189,6 +194,20 @@ def score_recovered(
 ) -> Scores:
     """Score what each world ended with, superquadric or contour, against `body`."""
     sample = sample_body(body, surface=SURFACE_POINTS, inside=INSIDE_POINTS)
+    return _in_turn(lambda rows: _score(
+        _recovered(rows_of(recovered, rows), sample, body_pose[rows], device),
+        body, sample, device), len(body_pose))
+
+
+def _in_turn(score: Callable[[slice], Scores], worlds: int) -> Scores:
+    """The scores of all worlds, so many of them after the other."""
+    return joined([score(slice(first, first + WORLDS_AT_ONCE))
+                   for first in range(0, max(worlds, 1), WORLDS_AT_ONCE)])
+
+
+def _recovered(
+    recovered: Recovered, sample: BodySample, body_pose: np.ndarray, device: str
+) -> _Surface:
     round_ = (recovered.shape == Shape.REVOLUTION) & (recovered.revolution is not None)
     turned, others = np.flatnonzero(round_), np.flatnonzero(~round_)
     parts: list[_Surface] = []
@@ -198,9 +217,7 @@ def score_recovered(
     if len(turned) and recovered.revolution is not None:
         parts.append(_revolutions(recovered.revolution[turned], sample, body_pose[turned]))
     order = np.argsort(np.concatenate([others, turned]), kind="stable")
-    found = _Surface(*(np.concatenate([getattr(part, field.name) for part in parts])[order]
-                       for field in fields(_Surface)))
-    return _score(found, body, sample, device)
+    return rows_of(joined(parts), order)
 
 
 def scores_again(

@@ -67,6 +67,21 @@ def test_measure_keeps_the_first_call_apart() -> None:
     assert found["first_s"] >= 0
 
 
+def test_calls_of_half_a_minute_are_repeated_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    now, calls = [0.0], []
+    monkeypatch.setattr("time.perf_counter", lambda: now[0])
+
+    def call() -> int:
+        now[0] += seconds
+        calls.append(1)
+        return 5
+
+    for seconds, wanted in ((30.0, 2), (20.0, 4)):
+        calls.clear()
+        assert measure(Work("things", call))["per_s"] == 5 / seconds
+        assert len(calls) == wanted
+
+
 def test_the_table_gives_ratios_of_one_run_and_says_what_failed() -> None:
     line = {"batch": 64, "threads": 2, "per_s": 4000.0, "per_cpu_s": 2000.0}
     text = markdown([

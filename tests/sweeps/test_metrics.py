@@ -116,3 +116,22 @@ def test_only_bodies_that_changed_are_scored_again() -> None:
     for name, values in asdict(again).items():
         assert np.array_equal(values, getattr(whole, name)), name
     assert (again.iou != scores.iou).tolist() == [False, True, False, True]
+
+
+def test_worlds_are_scored_some_at_a_time_with_the_same_bits(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rng = np.random.default_rng(3)
+    body, pose = body_from_name("wedge"), np.repeat(AT, 8, axis=0)
+    fits = superquadric(rng.uniform(0.02, 0.06, (8, 3)), rng.uniform(0.1, 1.0, (8, 2)),
+                        pose[:, :3] + rng.normal(0, 0.01, (8, 3)), pose[:, 3:], np.zeros((8, 2)),
+                        np.zeros((8, 2)))
+    turned = RevolutionBody(pose[:, :3], np.tile([0.0, 0.0, 1.0], (8, 1)),
+                            np.tile([0.0, 0.06, 0.12], (8, 1)), rng.uniform(0.02, 0.05, (8, 3)))
+    given = Recovered(np.tile([Shape.SUPERQUADRIC, Shape.REVOLUTION], 4), fits, turned)
+    whole = [score_recovered(given, body, pose), score_superquadrics(fits, body, pose)]
+    monkeypatch.setattr("sweeps.metrics.WORLDS_AT_ONCE", 3)
+    parts = [score_recovered(given, body, pose), score_superquadrics(fits, body, pose)]
+    for one, other in zip(whole, parts, strict=True):
+        for name, values in asdict(one).items():
+            assert np.array_equal(values, getattr(other, name)), name
