@@ -2,7 +2,7 @@
 
 from typing import Any, Literal, get_args
 
-Kind = Literal["solina", "radial", "distance", "volume_distance"]
+Kind = Literal["solina", "solina_box", "radial", "distance", "volume_distance"]
 Loss = Literal["none", "pseudo_huber", "cauchy", "geman_mcclure"]
 Monotone = Literal["none", "falling", "rising"]
 

@@ -21,6 +21,7 @@ from fit.superquadric_body import (
     TAPER_REACH,
     Form,
 )
+from fit.superquadric_field import widening
 from fit.superquadric_model import Lane, look, normal_equations
 from fit.superquadric_record import SuperquadricFit, SuperquadricOptions
 from fit.superquadric_starts import box_starts, taper_starts
@@ -183,8 +184,13 @@ def _badness(form: Form):
     """What starts are compared by: the cost, without the volume where that is a mere factor."""
     if form.residual != "volume_distance":
         return lambda theta, cost: cost
+
     # A body shrunk to nothing costs nothing, however far from the touches it lies.
-    return lambda theta, cost: cost * np.exp(-theta[:, 0:3].sum(axis=1))
+    def without(theta: np.ndarray, cost: np.ndarray) -> np.ndarray:
+        taper = np.clip(TAPER_REACH * np.tanh(theta[:, 11:13 if form.taper else 11]), -1.0, 1.0)
+        return cost * np.exp(-theta[:, 0:3].sum(axis=1)) / np.prod(widening(taper), axis=1)
+
+    return without
 
 
 def _refresh(lanes: Lane, theta, sets: Sets, form: Form, options: SuperquadricOptions):

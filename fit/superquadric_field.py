@@ -26,6 +26,9 @@ from fit.superquadric_distance import LEAST_TAPER_FACTOR, TINY, straight_distanc
 Rows = Any
 """Numbers of a body, or coordinates of points, a row each: an array [row, point], or a sequence."""
 
+_ROUNDED = 0.1
+"""Of the corner at no taper [est]; over 4,608 episodes 0.3 and 0.01 did as well, within errors."""
+
 
 class Shape(NamedTuple):
     """What a superquadric is wherever it lies; every number has a last axis of 1 or of points."""
@@ -41,14 +44,15 @@ def residual(shape: Shape, local: Rows, kind: Kind) -> Float[Array, " point"]:
     """Unweighted residual of points in the body's frame, in units of length of that frame.
 
     solina: sqrt(a1 a2 a3) (F^e1 - 1), whose volume factor prefers the least body that explains the
-    touches (Solina and Bajcsy 1990); radial: distance along the ray from the centre;
-    distance: that along the surface normal, to first order; volume_distance: the latter with
-    Solina's volume factor, which serves tapered bodies, for near the tip of a taper F^e1 grows so
-    fast that a touch there counts for many.
+    touches (Solina and Bajcsy 1990); solina_box: the same with the body's box in place of
+    a1 a2 a3, see `widening`; radial: distance along the ray from the centre; distance: that along
+    the surface normal, to first order; volume_distance: the latter with the box's factor, which
+    serves tapered bodies, for near the tip of a taper F^e1 grows so fast that a touch there counts
+    for many.
     """
-    if kind == "solina":
+    if kind in ("solina", "solina_box"):
         log_square = jnp.clip(log_square_radius(shape, local), -30.0, 8.0)
-        return _volume_factor(shape) * jnp.expm1(log_square)
+        return _box_factor(shape, kind == "solina_box") * jnp.expm1(log_square)
     if kind == "radial":
         straight = straighten(shape, local)
         length = jnp.sqrt(sum(c**2 for c in straight) + TINY)
@@ -56,7 +60,26 @@ def residual(shape: Shape, local: Rows, kind: Kind) -> Float[Array, " point"]:
     away = distance(shape, local)
     if kind == "distance":
         return away
-    return 2.0 * _volume_factor(shape) * away
+    return 2.0 * _box_factor(shape, True) * away
+
+
+def widening(taper: Any) -> Any:
+    """How much wider than the middle section a tapered body's widest one is: 1 + |taper|, rounded.
+
+    Solina's a1 and a2 are those of the middle section. A pyramid on its tip has half the a1 and a2
+    of the block on whose top all its touches lie, so that it would cost a quarter as much.
+    """
+    return 1.0 + (taper**2 + _ROUNDED**2) ** 0.5 - _ROUNDED
+
+
+def _box_factor(shape: Shape, widest: bool):
+    """Solina's sqrt(a1 a2 a3), a1 and a2 those of the middle section or of the widest."""
+    a1, a2, a3 = shape.size
+    volume = a1 * a2 * a3
+    if widest and shape.taper is not None:
+        for k in shape.taper:
+            volume = volume * widening(k)
+    return jnp.sqrt(volume)
 
 
 def slopes(function: Callable, shape: Shape, local: Rows) -> tuple[Any, Shape, tuple]:
@@ -107,11 +130,6 @@ def _taper_factors(shape: Shape, z: Float[Array, " point"]) -> list[Float[Array,
     height = jnp.clip(z / shape.size[2], -1.0, 1.0)
     assert shape.taper is not None
     return [jnp.maximum(1.0 + k * height, LEAST_TAPER_FACTOR) for k in shape.taper]
-
-
-def _volume_factor(shape: Shape):
-    a1, a2, a3 = shape.size
-    return jnp.sqrt(a1 * a2 * a3)
 
 
 def _log_square_radius(shape: Shape, straight):

@@ -113,7 +113,8 @@ def fit_evidence(
     residual = table.residual
     if residual == "solina_first":
         # Distances are truer for tapered bodies, but from afar a body shrunk to nothing fits too.
-        residual = "volume_distance" if table.taper and start is not None else "solina"
+        first = "solina_box" if table.taper else "solina"
+        residual = "volume_distance" if table.taper and start is not None else first
     options = SuperquadricOptions(
         taper=table.taper, residual=residual, loss=table.loss,  # pyright: ignore
         iterations=iterations, screen_iterations=SCREEN_ITERATIONS, least_fall=LEAST_FALL,

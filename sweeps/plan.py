@@ -19,7 +19,7 @@ from strategies.waypoints import WAYPOINT_KINDS
 from sweeps.cell import SECTIONS, TABLES, Cell
 from sweeps.study import Axis, Body, Study, StudyTable
 
-RESULTS_SCHEMA = 14  # raise when rows change their meaning: older units are then done anew
+RESULTS_SCHEMA = 15  # raise when rows change their meaning: older units are then done anew
 FILE_KEYS = ("mesh", "profile")  # of an object's table, however deep: files it is read from
 BLOCK = 64  # episodes of a unit; rows do not depend on it
 LEAST_RUNS = 8  # of a shard: the last one may be missing in some, an eighth of their work

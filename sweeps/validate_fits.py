@@ -48,7 +48,7 @@ def touches(sets_each: int) -> np.ndarray:
 
 def _compare(parameters: int, taper: bool, sets_each: int) -> list[Comparison]:
     options = SuperquadricOptions(taper=taper, residual="solina")
-    form = Form(taper, False, "solina", "none")  # what recovery descends
+    form = Form(taper, False, "solina", "none")  # as published
     _, sets = next(iter(prepare(touches(sets_each), None, table_z=0.0).buckets()))
     lanes, theta = begin_starts(sets, form, options)
     starts = theta.reshape(-1, theta.shape[-1])

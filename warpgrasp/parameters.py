@@ -176,10 +176,11 @@ class FitTable:
         "doc": "normals felt by pads, as planes of the dual body"})
     weights: bool = field(default=True, metadata={"doc": "weigh contacts by their covariance"})
     loss: str = _choice("cauchy", ("none", "cauchy"), "robust loss of the point residuals")
-    residual: str = _choice("solina_first", ("solina_first", "solina", "radial", "distance",
-                                             "volume_distance"),
-                            "solina and volume_distance prefer the smallest body; solina_first "
-                            "takes the latter once a tapered body is found")
+    residual: str = _choice("solina_first", ("solina_first", "solina", "solina_box", "radial",
+                                             "distance", "volume_distance"),
+                            "solina and those of the box or volume prefer the smallest body; "
+                            "solina_first takes solina_box, and volume_distance once a body is "
+                            "found")
     rivals: bool = field(default=True, metadata={
         "doc": "another residual too, where touches lie far from the body"})
     upright_rad: float | None = _number(0.01, 1e-3, 10.0,

@@ -39,7 +39,7 @@ def assert_bits_hang_on_no_place(fit: Callable[[np.ndarray], Any]) -> None:
                                   equal_nan=field.name != "status"), field.name
 
 
-@pytest.mark.parametrize("residual", ["solina", "radial", "volume_distance"])
+@pytest.mark.parametrize("residual", ["solina", "solina_box", "radial", "volume_distance"])
 def test_superquadrics(residual) -> None:
     rng = np.random.default_rng(7)
     balls = rng.normal(size=(SETS, 24, 3))

@@ -121,6 +121,23 @@ def test_taper_and_bend_are_found() -> None:
     assert np.median(volume_iou(body, found)) > 0.95
 
 
+@pytest.mark.parametrize("residual", ["solina_box", "volume_distance"])
+def test_a_face_that_was_felt_is_no_pyramid_on_its_tip(residual) -> None:
+    """Touches on a block's top alone: nothing tells how its sides go down, so they go as they may.
+
+    Before the box's factor the tapers were all 1.
+    """
+    rng = np.random.default_rng(6)
+    points = np.concatenate([rng.uniform([-0.11, -0.08], [0.11, 0.08], (12, 60, 2)),
+                             np.full((12, 60, 1), 0.12)], axis=2)
+    points += 5e-4 * rng.normal(size=points.shape)
+    found = fit_superquadric(points, table_z=0.0, options=SuperquadricOptions(
+        taper=True, residual=residual, loss="cauchy"))
+    assert np.abs(found.taper).max() < 0.45
+    volume = np.prod(2.0 * found.size_m, axis=1) * (1.0 + np.prod(found.taper, axis=1) / 3.0)
+    assert np.median(volume) > 0.7 * 0.22 * 0.16 * 0.12
+
+
 def test_outliers_with_a_robust_loss(sets) -> None:
     rng = np.random.default_rng(RNG_SEED)
     points = touches(sets[0], 60, 1e-3, rng, outliers=0.1)
@@ -170,7 +187,7 @@ def test_numbers_that_no_touch_can_have_spoil_nobody(sets, fitted) -> None:
 
 
 def test_unknown_words_are_named() -> None:
-    with pytest.raises(ValueError, match="residual: 'Solina', should be one of solina, radial"):
+    with pytest.raises(ValueError, match="residual: 'Solina', should be one of solina, solina_box"):
         SuperquadricOptions(residual="Solina")  # pyright: ignore
     with pytest.raises(ValueError, match="loss: 'huber', should be one of none, pseudo_huber"):
         SuperquadricOptions(loss="huber")  # pyright: ignore

@@ -10,6 +10,7 @@ from fit.superquadric_model import Lane, normal_equations, residuals
 
 PLAIN = Form(False, False, "solina", "none")
 RADIAL = Form(True, False, "radial", "pseudo_huber")
+BOXED = Form(True, False, "solina_box", "cauchy")
 BENT = Form(True, True, "volume_distance", "cauchy")
 
 
@@ -26,7 +27,8 @@ def lane(rng: np.random.Generator) -> Lane:
                 normals=normals, normal_weight=rng.random(24), free=balls)
 
 
-@pytest.mark.parametrize("form", [PLAIN, RADIAL, BENT], ids=["plain", "radial", "bent"])
+@pytest.mark.parametrize("form", [PLAIN, RADIAL, BOXED, BENT],
+                         ids=["plain", "radial", "boxed", "bent"])
 def test_normal_equations_are_those_of_the_residuals(form: Form) -> None:
     rng = np.random.default_rng(4)
     data = lane(rng)
