@@ -22,7 +22,7 @@ OBJECTS = ("large_cylinder", "block", "wedge", "lightbulb", "funnel", "small_cyl
 STRATEGY = "rim6-ring12"
 SEED = 1990
 AS_PAPER = FitTable(table_plane=False, free_space=False, weights=False, loss="none", rounds=0,
-                    upright_rad=None)
+                    residual="solina", upright_rad=None)
 """Solina's residual on fingertips alone: no table, no free space, no weights."""
 SETTLED = 1.01
 """A fit has converged, for the count, when its cost is within 1 % of its last."""
