@@ -62,4 +62,4 @@ docs: $(VENV)/.installed  ## the pages and the API reference, every link checked
 	$(BIN)/python -m sphinx -W --keep-going -q -b html -d runs/docs/trees docs runs/docs/site
 
 docs-commands: $(VENV)/.installed  ## run every command and code block of the docs, small, in a copy
-	$(BIN)/python tests/run_docs.py
+	$(BIN)/python tests/scripts/run_docs.py

@@ -15,14 +15,15 @@ import time
 
 import numpy as np
 
-from strategies.catalogue import STRATEGIES
-from strategies.containment import explore_by_containment
-from strategies.postures import POKE_RAD, poking_pose
-from strategies.waypoint_poses import waypoint_poses
-from sweeps.bench_rows import bodies_touched, body_of
-from sweeps.episodes import place_objects, tell_cylinder
-from sweeps.metrics import score_superquadrics
-from warpgrasp.counter_random import counter_key_host
+from strategies.poses.hand_poses import waypoint_poses
+from strategies.poses.postures import POKE_RAD, poking_pose
+from strategies.procedures.containment import explore_by_containment
+from strategies.ready_made import STRATEGIES
+from sweeps.bench.measure import bodies_touched
+from sweeps.bench.rows import body_of
+from sweeps.episode.episodes import place_objects, tell_cylinder
+from sweeps.episode.scores import score_superquadrics
+from warpgrasp.core.random import counter_key_host
 from warpgrasp.parameters import ArmTable, HandTable, ObjectTable, SensorTable
 from warpgrasp.robot import Robot, Truth
 

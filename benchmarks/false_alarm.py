@@ -14,13 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from sweeps.episodes import run_episodes
-from sweeps.leaderboard import make_leaderboard
-from sweeps.plan import plan_study
-from sweeps.quiet import start_warp
-from sweeps.spec import read_spec
-from sweeps.store import Store
-from sweeps.unit_file import write_unit
+from sweeps.analysis.leaderboard import make_leaderboard
+from sweeps.episode.episodes import run_episodes
+from sweeps.output import start_warp
+from sweeps.run.plan import plan_study
+from sweeps.run.store import Store
+from sweeps.run.unit_file import write_unit
+from sweeps.spec.reader import read_spec
 
 SPEC = Path(__file__).parents[1] / "sweeps" / "studies" / "false_alarm.toml"
 

@@ -25,10 +25,11 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "fit"))
 from quality_bodies import standing_bodies, touches
 
 from fit.prepare import prepare
-from fit.superquadric import SuperquadricOptions, fit_superquadric
-from fit.superquadric_body import Form
-from fit.superquadric_descent import begin_starts
-from fit.superquadric_model import residuals
+from fit.superquadric.descent import begin_starts
+from fit.superquadric.fit import fit_superquadric
+from fit.superquadric.parameter_vector import Form
+from fit.superquadric.record import SuperquadricOptions
+from fit.superquadric.residuals import residuals
 
 FORMS = {11: {}, 13: {"taper": True}, 15: {"taper": True, "bend": True}}
 

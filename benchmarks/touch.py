@@ -12,12 +12,12 @@ import time
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from strategies.contour import Axis, explore_contour
-from strategies.contour_profile import match_profiles, profile_of, radius_at
-from strategies.planar import explore_plane
-from strategies.planar_faces import angle_between, planes_of
-from strategies.touches import EndReason, true_touches
-from warpgrasp.catalogue import body_from_name
+from strategies.procedures.contour_follower import Axis, explore_contour
+from strategies.procedures.contour_shape import match_profiles, profile_of, radius_at
+from strategies.procedures.planar_explorer import explore_plane
+from strategies.procedures.planar_faces import angle_between, planes_of
+from strategies.procedures.touches import EndReason, true_touches
+from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import ArmTable, HandTable, SensorTable
 from warpgrasp.robot import Robot, Truth
 

@@ -32,7 +32,7 @@ name = "ring6"
 def measure(spec: str, out: str, workers: int) -> dict[str, float]:
     """One run in this process: its own processor time is the parent's."""
     began, before = time.monotonic(), time.process_time()
-    from sweeps import cli
+    from sweeps.cli import main as cli
 
     code = cli.run(["sweep", spec, "-o", out, "--workers", str(workers)])
     children = resource.getrusage(resource.RUSAGE_CHILDREN)

@@ -51,8 +51,8 @@ def write_api(folder: Path) -> None:
 def _parameters() -> Iterator[str]:
     """Every number of the model as a spec writes it, from the tables that the simulator uses."""
     sys.path.insert(0, str(ROOT))
-    from sweeps.cell import SECTIONS
-    from sweeps.edge import edge_fields
+    from sweeps.spec.cell import SECTIONS
+    from sweeps.spec.units import edge_fields
 
     yield ("# Every number of the model\n\nAs a spec sets and sweeps them (`[hand]`, then "
            "`link_radius_mm = 9`), with the default, the source and what is estimated: [paper] "

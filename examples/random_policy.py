@@ -6,7 +6,7 @@ Run it with `python examples/random_policy.py` (needs the extra: pip install '.[
 import gymnasium
 import numpy as np
 
-import sweeps.gym_env  # noqa: F401  registers warpgrasp/Grasp-v0
+import sweeps.episode.gym_env  # noqa: F401  registers warpgrasp/Grasp-v0
 
 
 def main(num_envs: int = 16, probes: int = 8) -> float:

@@ -1,23 +1,14 @@
-"""Shapes from sparse touches, in batch: arrays in, frozen results out."""
+"""Shapes from points, in batch: planes, superquadrics, surfaces of revolution, polyhedra."""
 
-import importlib
-from typing import Any
+import lazy_loader
 
-_HOME = {  # the public verbs and records, and where they are; loaded when asked for
-    "FitStatus": "status", "PlaneFit": "plane", "RevolutionFit": "revolution",
-    "Superquadric": "superquadric_shape", "SuperquadricOptions": "superquadric_record",
-    "choose_shape": "choice", "fit_faces": "plane", "fit_plane": "plane",
-    "fit_revolution": "revolution", "fit_superquadric": "superquadric",
-}
-__all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]
-
-
-def __getattr__(name: str) -> Any:
-    """Loads a name the first time: `import fit` itself is quick."""
-    if name not in __all__:
-        raise AttributeError(f"module 'fit' has no attribute {name!r}")
-    return getattr(importlib.import_module(f"fit.{_HOME[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return __all__
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "choice": ["choose_shape"],
+    "fit_status": ["FitStatus"],
+    "plane": ["PlaneFit", "fit_faces", "fit_plane"],
+    "revolution.fit": ["fit_revolution"],
+    "revolution.record": ["RevolutionFit", "RevolutionOptions"],
+    "superquadric.fit": ["fit_superquadric"],
+    "superquadric.geometry": ["Superquadric"],
+    "superquadric.record": ["SuperquadricFit", "SuperquadricOptions"],
+})

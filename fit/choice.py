@@ -11,12 +11,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from fit.plausible import plausible
+from fit.arrays import plausible, row_sums
+from fit.fit_status import FitStatus
 from fit.polyhedron import PolyhedronFit, fit_polyhedron
-from fit.revolution import RevolutionFit, RevolutionOptions, fit_revolution
-from fit.rows import row_sums
-from fit.status import FitStatus
-from fit.superquadric import SuperquadricFit, SuperquadricOptions, fit_superquadric
+from fit.revolution.fit import fit_revolution
+from fit.revolution.record import RevolutionFit, RevolutionOptions
+from fit.superquadric.fit import fit_superquadric
+from fit.superquadric.record import SuperquadricFit, SuperquadricOptions
 
 MODELS = ("superquadric", "tapered", "bent", "polyhedron", "revolution")
 """Columns of a choice, the simplest first."""

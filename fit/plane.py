@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from fit.arrays import row_sums
+from fit.fit_status import FitStatus
 from fit.prepare import Sets, prepare
 from fit.rotation import quaternion_of_matrix
-from fit.rows import row_sums
-from fit.status import FitStatus
 
 TRIPLES = 96
 """Candidate planes a set: with 40 % off the plane, all miss with probability 2e-11."""

@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 
+from fit.fit_status import status_names
 from fit.plane import PlaneFit
-from fit.revolution import RevolutionFit
-from fit.status import status_names
-from fit.superquadric import SuperquadricFit
+from fit.revolution.record import RevolutionFit
+from fit.superquadric.record import SuperquadricFit
 
 
 class PointsError(ValueError):

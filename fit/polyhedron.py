@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from fit.plausible import plausible
+from fit.arrays import plausible
 from fit.rotation import matrix_of_quaternion
-from fit.superquadric_shape import SuperquadricLike
+from fit.superquadric.geometry import SuperquadricLike
 
 FACE_POINTS = 4
 """Fewest touches that may tilt a face; with one to three it only shifts."""

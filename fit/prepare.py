@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from fit.batch import point_bucket
-from fit.plausible import plausible
-from fit.status import FitStatus
+from fit.arrays import plausible
+from fit.fit_status import FitStatus
+from fit.optimize.batch import point_bucket
 
 SOLID_POINTS = 8
 """Fewest points of a solid."""

@@ -1,26 +1,16 @@
-"""Exploratory procedures, waypoint sequences and their orderings."""
+"""What to touch next, and what was felt: procedures, planners, recovery of a body."""
 
-import importlib
-from typing import Any
+import lazy_loader
 
-_HOME = {  # what one needs for a batch of probes, and where it is; loaded when asked for
-    "Belief": "belief", "BoundingCylinder": "waypoints", "CrossFaces": "probes",
-    "Evidence": "evidence", "FollowContour": "probes", "Grasp": "probes", "Ring": "waypoints",
-    "STRATEGIES": "catalogue", "Strategy": "strategy", "Top": "waypoints",
-    "evidence_from_grasps": "evidence", "explore": "exploration",
-    "explore_by_containment": "containment", "planner": "registry",
-    "recover_bodies": "recovery", "touched_links": "evidence",
-}
-
-__all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]
-
-
-def __getattr__(name: str) -> Any:
-    """Loads a name the first time: `import strategies` itself is quick."""
-    if name not in __all__:
-        raise AttributeError(f"module 'strategies' has no attribute {name!r}")
-    return getattr(importlib.import_module(f"strategies.{_HOME[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return __all__
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "exploration": ["explore"],
+    "planners.probes": ["CrossFaces", "FollowContour", "Grasp"],
+    "planners.register": ["planner"],
+    "poses.waypoints": ["BoundingCylinder", "Ring", "Top"],
+    "procedures.containment": ["explore_by_containment"],
+    "ready_made": ["STRATEGIES"],
+    "recovery.belief": ["Belief"],
+    "recovery.evidence": ["Evidence", "evidence_from_grasps", "touched_links"],
+    "recovery.fit_contacts": ["recover_bodies"],
+    "strategy": ["Strategy"],
+})

@@ -7,66 +7,57 @@ until the strategy wants nothing more, the budget is spent, or the steps are. A 
 in the worlds concerned; what was felt before still counts.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
-from fit.rows import put_rows, rows_of, with_rows
-from fit.status import FitStatus
-from fit.superquadric import SuperquadricFit, fit_superquadric
-from strategies.belief import Belief, read_only
-from strategies.budget import Budget, within_budget
-from strategies.containment import explore_by_containment
-from strategies.contour import ContourExploration, explore_contour
-from strategies.contour_profile import Profile, later_profile, profile_of, with_profiles
-from strategies.evidence import Evidence, TouchedLinks, evidence_from_grasps, touched_links
-from strategies.fault import fault_text, place_of
-from strategies.fusion import (
-    CONTOUR_TOUCHES,
-    FACE_TOUCHES,
-    evidence_from_touches,
-    joined_evidence,
-    joined_links,
-    no_evidence,
-    no_links,
-)
-from strategies.planar import PlanarExploration, explore_plane
-from strategies.planar_faces import Face, planes_of
-from strategies.probes import CrossFaces, FollowContour, Grasp, Probe, misfits, wanted_of
-from strategies.recovered import (
+from fit.arrays import put_rows, rows_of, with_rows
+from fit.fit_status import FitStatus
+from fit.superquadric.fit import fit_superquadric
+from fit.superquadric.record import SuperquadricFit
+from strategies.planners.from_strategy import Budget, within_budget
+from strategies.planners.probes import CrossFaces, FollowContour, Grasp, Probe, misfits, wanted_of
+from strategies.planners.register import Foreseeing, Planner, fault_text, place_of
+from strategies.poses.waypoints import BoundingCylinder
+from strategies.procedures.containment import explore_by_containment
+from strategies.procedures.contour_follower import ContourExploration, explore_contour
+from strategies.procedures.contour_shape import Profile, later_profile, profile_of, with_profiles
+from strategies.procedures.planar_explorer import PlanarExploration, explore_plane
+from strategies.procedures.planar_faces import Face, planes_of
+from strategies.recovery.belief import Belief, read_only
+from strategies.recovery.choose_model import (
     Recovered,
     choose_body,
     or_told,
     plausible,
     revolution_of,
 )
-from strategies.recovery import recover_bodies, refine_bodies
-from strategies.refit import REGROWN, contradicted, explained, felt_by_pads
-from strategies.rivals import UNBELIEVED_M, touch_misfit
-from strategies.waypoints import BoundingCylinder
-from strategies.whole_profile import whole_profile
+from strategies.recovery.complete_contour import whole_profile
+from strategies.recovery.evidence import (
+    CONTOUR_TOUCHES,
+    FACE_TOUCHES,
+    Evidence,
+    TouchedLinks,
+    evidence_from_grasps,
+    evidence_from_touches,
+    joined_evidence,
+    joined_links,
+    no_evidence,
+    no_links,
+    touched_links,
+)
+from strategies.recovery.fit_contacts import recover_bodies, refine_bodies
+from strategies.recovery.misfit import UNBELIEVED_M, touch_misfit
+from strategies.recovery.refit_policy import REGROWN, contradicted, explained, felt_by_pads
 from warpgrasp.parameters import FitTable
+from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Grasps, Robot
-from warpgrasp.status import ProbeStatus
 
 FEWEST_CONTACTS = 8
 """With fewer contacts no body is fitted."""
 _SAFE_POSE = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
-
-
-class Planner(Protocol):
-    """A strategy at work: what to do next, given what is believed."""
-
-    def __call__(self, belief: Belief, /) -> Sequence[Probe]: ...  # noqa: D102
-
-
-class Foreseeing(Protocol):
-    """A planner that may try a grasp on a copy of the episode: the oracle."""
-
-    foresee: Callable[[Grasp], Recovered] | None
 
 
 @dataclass(frozen=True)

@@ -1,14 +1,14 @@
 """A strategy: where the hand goes, how it closes, which procedures in which order, how far.
 
 Either given in advance (`order` over `waypoints`), or a planner that decides as it goes: `call`
-names a registered one, or one in a user's file. `strategies.planners` makes both into what
+names a registered one, or one in a user's file. `planners.from_strategy` makes both into what
 `strategies.exploration` asks for the next probes.
 """
 
 from dataclasses import dataclass
 from typing import Any
 
-from strategies.waypoints import Ring
+from strategies.poses.waypoints import Ring
 
 
 @dataclass(frozen=True)
@@ -31,8 +31,23 @@ class Strategy:
     refit_every: int = 0
     """Poses of a containment between two fits; 0: one fit after all of them."""
     touches: int | None = None
-    """Budget; see `strategies.budget`."""
+    """Budget; see `strategies.planners.budget`."""
     robot_time_s: float | None = None
     volume_ratio: float | None = None
     noise_stream: int = 0
     """Strategies of one stream meet the same noise; another number draws noise of its own."""
+
+
+BUDGET_KEYS: dict[str, tuple[Any, float, float, str]] = {
+    "touches": (int, 1, 1e6, "guarded closings and pad touches of an episode"),
+    "robot_time_s": (float, 1e-3, 1e6, "robot time of an episode"),
+    "volume_ratio": (float, 1.0, 1e6, "90 % interval of the volume, upper over lower bound"),
+}
+"""Type, least and greatest value, and meaning of each."""
+PROCEDURES: dict[str, str] = {
+    "containment": "tendon-guarded closing of all fingers at each waypoint (paper, section IV-C)",
+    "planar": "the extended index finger crosses the faces of the body believed (section IV-D)",
+    "contour": "thumb and index finger follow the body's contour along its axis (section IV-E)",
+    "decide": "the recovered shape picks: faces of a blocky body, contour of a round one, and "
+              "its end where that is flat (section V)",
+}

@@ -3,7 +3,7 @@
 
 def main() -> None:
     """The command line's entry point."""
-    from sweeps.cli import main as run
+    from sweeps.cli.main import main as run
 
     run()
 

@@ -34,7 +34,8 @@ def test_every_page_is_in_the_menu() -> None:
 
 
 def test_every_kind_of_table_and_figure_is_told() -> None:
-    from sweeps import figures, tables
+    from sweeps.analysis import tables
+    from sweeps.figures import kinds as figures
 
     text = (ROOT / "docs/leaderboard.md").read_text()
     assert [kind for kind in (*tables.KINDS, *figures.KINDS) if f"`{kind}`" not in text] == []
@@ -52,8 +53,10 @@ def test_there_are_commands_and_blocks_to_check() -> None:
 @pytest.mark.parametrize("block", PROGRAMS, ids=lambda block: f"{block.place} {block.text}")
 def test_commands_are_ones_there_are(block: Block) -> None:
     """Names, options and kinds are right."""
-    from sweeps import cli, figures, tables
-    from sweeps.cli_arguments import folders_and_kind
+    from sweeps.analysis import tables
+    from sweeps.cli import main as cli
+    from sweeps.cli.app import folders_and_kind
+    from sweeps.figures import kinds as figures
 
     if run_docs.is_name(block) or "pip install" in block.text:
         return
@@ -86,7 +89,8 @@ def test_light_commands_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
                             capfd: pytest.CaptureFixture[str]) -> None:
     """Those that need no simulator, in order, as a reader would; sweeps run a stand-in."""
     sys.path.insert(0, str(ROOT / "tests/sweeps"))
-    from sweeps import cli, commands
+    from sweeps.cli import commands
+    from sweeps.cli import main as cli
 
     monkeypatch.setattr(commands, "EPISODES", "curved_episodes:run_episodes")
     monkeypatch.chdir(tmp_path)

@@ -1,25 +1,14 @@
-"""Batched simulation of exploration by touch: robot, objects, sensors, guarded motion."""
+"""The simulator: a batch of robots, each before its own object, and their guarded moves."""
 
-import importlib
-from typing import Any
+import lazy_loader
 
-_HOME = {  # what one needs for a batch of probes, and where it is; loaded when asked for
-    "ArmTable": "parameters", "FitTable": "parameters", "HandTable": "parameters",
-    "ObjectTable": "parameters", "PadTable": "parameters", "SensorTable": "parameters",
-    "Body": "body", "BodyError": "body", "body_from_name": "catalogue",
-    "body_from_table": "catalogue", "body_mesh": "body_mesh", "counter_key": "counter_random",
-    "Grasps": "robot", "ProbeStatus": "status", "Robot": "robot", "Truth": "robot",
-}
-_NAMES = {"counter_key": "counter_key_host"}
-__all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]
-
-
-def __getattr__(name: str) -> Any:
-    """Loads a name the first time: `import warpgrasp` itself is quick."""
-    if name not in _HOME:
-        raise AttributeError(f"module 'warpgrasp' has no attribute {name!r}")
-    return getattr(importlib.import_module(f"warpgrasp.{_HOME[name]}"), _NAMES.get(name, name))
-
-
-def __dir__() -> list[str]:
-    return __all__
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "core.random": ["counter_key_host"],
+    "geometry.body": ["Body", "BodyError"],
+    "geometry.meshing": ["body_mesh"],
+    "objects.catalogue": ["body_from_name", "body_from_table"],
+    "parameters": ["ArmTable", "FitTable", "HandTable", "ObjectTable", "PadTable", "SensorTable",
+        "StereoTable"],
+    "probe_status": ["ProbeStatus"],
+    "robot": ["Grasps", "Robot", "Truth"],
+})

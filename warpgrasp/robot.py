@@ -10,17 +10,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from warpgrasp.arm_hand import ArmMoves, ArmState, mount_error, move_hand
-from warpgrasp.body import Body, scene_of
-from warpgrasp.closing import Closing, ClosingTruth, close_fingers
-from warpgrasp.contact_estimate import ContactEstimate, estimate_contacts
-from warpgrasp.counter_random import Purpose, counter_key_host, normal_vector_host
-from warpgrasp.guarded_line import LineMove, LineTouch, LineTruth, Until, guarded_line
-from warpgrasp.launch import check_range
+from warpgrasp.closing.closing import Closing, ClosingTruth, close_fingers
+from warpgrasp.closing.contact_estimate import ContactEstimate, estimate_contacts
+from warpgrasp.core.kernel_launch import check_range
+from warpgrasp.core.random import Purpose, counter_key_host, normal_vector_host
+from warpgrasp.geometry.body import Body, scene_of
+from warpgrasp.geometry.scene import Shape
+from warpgrasp.mechanism.arm_motion import ArmMoves, ArmState, mount_error, move_hand
 from warpgrasp.parameters import ArmTable, HandTable, PadTable, SensorTable
-from warpgrasp.scene import Shape
-from warpgrasp.silhouette import Cameras, silhouettes
-from warpgrasp.status import ProbeStatus
+from warpgrasp.probe_status import ProbeStatus
+from warpgrasp.touch.guarded_motion import LineMove, LineTouch, LineTruth, Until, guarded_line
+from warpgrasp.touch.silhouette import Cameras, silhouettes
 
 
 @dataclass(frozen=True)

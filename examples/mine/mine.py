@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from strategies.probes import Grasp
-from strategies.registry import planner
-from strategies.waypoint_poses import waypoint_poses
-from strategies.waypoints import Ring
+from strategies.planners.probes import Grasp
+from strategies.planners.register import planner
+from strategies.poses.hand_poses import waypoint_poses
+from strategies.poses.waypoints import Ring
 
 
 @planner("least-touched-side", "the pose of a ring whose side has the fewest contacts so far")

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from quality_bodies import standing_bodies, touches, volume_iou
 
+from fit.fit_status import FitStatus, status_names
 from fit.plane import PlaneFit, fit_plane
-from fit.revolution import RevolutionFit, fit_revolution
+from fit.revolution.fit import fit_revolution
+from fit.revolution.record import RevolutionFit
 from fit.rotation import matrix_of_quaternion
-from fit.status import FitStatus, status_names
-from fit.superquadric import SuperquadricFit, fit_superquadric
-from fit.superquadric_shape import superquadric, superquadric_surface
+from fit.superquadric.fit import fit_superquadric
+from fit.superquadric.geometry import superquadric, superquadric_surface
+from fit.superquadric.record import SuperquadricFit
 
 RNG = np.random.default_rng
 TURN = matrix_of_quaternion(np.array([0.2, -0.1, 0.3, 0.927361849549570]))

@@ -6,7 +6,7 @@ from quality_bodies import touches
 
 from fit.choice import MODELS, choose_shape, count_places
 from fit.polyhedron import fit_polyhedron
-from fit.superquadric_shape import superquadric
+from fit.superquadric.geometry import superquadric
 
 
 def wedge(n: int, count: int, noise: float, rng) -> np.ndarray:

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fit.fit_status import FitStatus
 from fit.plane import fit_faces, fit_plane
 from fit.rotation import matrix_of_quaternion
-from fit.status import FitStatus
 
 
 def patch(n: int, count: int, noise: float, rng, off: float = 0.0):

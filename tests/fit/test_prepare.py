@@ -8,7 +8,8 @@ import pytest
 from fit import prepare
 from fit.plane import fit_plane
 from fit.prepare import _semidefinite
-from fit.superquadric import SuperquadricOptions, fit_superquadric
+from fit.superquadric.fit import fit_superquadric
+from fit.superquadric.record import SuperquadricOptions
 
 
 def test_semidefinite_is_told_as_by_eigenvalues() -> None:

@@ -6,27 +6,28 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from places import HELPERS
 
 from strategies import exploration
-from strategies.belief import Belief
-from strategies.budget import MOST_STEPS, Budget
-from strategies.catalogue import STRATEGIES
 from strategies.exploration import Exploration, explore
-from strategies.ordering import OrderedPlanner
-from strategies.planners import budget_of
-from strategies.probes import Grasp
-from strategies.recovery import recover_bodies
-from strategies.registry import PlannerError, make_planner
+from strategies.planners.from_strategy import MOST_STEPS, Budget, budget_of
+from strategies.planners.ordered import OrderedPlanner
+from strategies.planners.planner_file import PlannerError
+from strategies.planners.probes import Grasp
+from strategies.planners.registry import make_planner
+from strategies.poses.hand_poses import waypoint_poses
+from strategies.poses.waypoints import BoundingCylinder, Ring
+from strategies.procedures.options import ContourTable, DecideTable, PlanarTable
+from strategies.ready_made import STRATEGIES
+from strategies.recovery.belief import Belief
+from strategies.recovery.fit_contacts import recover_bodies
 from strategies.strategy import Strategy
-from strategies.tables import ContourTable, DecideTable, PlanarTable
-from strategies.waypoint_poses import waypoint_poses
-from strategies.waypoints import BoundingCylinder, Ring
-from warpgrasp.catalogue import body_from_name
-from warpgrasp.counter_random import counter_key_host
+from warpgrasp.core.random import counter_key_host
+from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import ArmTable, FitTable, HandTable, SensorTable
 from warpgrasp.robot import Robot, Truth
 
-MINE = Path(__file__).parent / "mine.py"
+MINE = HELPERS / "mine.py"
 QUICK = FitTable()
 CLOSINGS = ("curl40",)
 

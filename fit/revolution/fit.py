@@ -1,0 +1,181 @@
+"""Surfaces of revolution from touches, in batch: a free axis and a contour of linear segments.
+
+The body of Allen and Michelman (1990) for contours: circular sections along an axis, the contour
+linear between touches. Here the contour has a fixed number of nodes, evenly spaced between a free
+bottom and top, closed by flat ends; residuals are distances to the contour in the half plane of
+height and radius, so touches on the ends count too.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import jax
+import numpy as np
+from jaxtyping import Bool, Float
+
+from fit.fit_status import FitStatus
+from fit.optimize import solver
+from fit.optimize.batch import Program, map_lanes, take
+from fit.optimize.multistart import Problem, advance, finish, screen
+from fit.prepare import Sets, prepare
+from fit.revolution.record import RevolutionFit, RevolutionOptions
+from fit.revolution.residuals import Lane, look, normal_equations
+from fit.superquadric.starts import box_starts
+
+__all__ = ["RevolutionFit", "RevolutionOptions", "fit_revolution"]
+
+
+def fit_revolution(
+    points: Float[np.ndarray, "fit point 3"],
+    mask: Bool[np.ndarray, "fit point"] | None = None,
+    *,
+    table_z: float | Float[np.ndarray, " fit"] | None = None,
+    options: RevolutionOptions | None = None,
+) -> RevolutionFit:
+    """Surfaces of revolution of sets of points [m], shapes [fit, point, 3] and [fit, point].
+
+    With `table_z` [m] the lower end lies on the table. Raises ValueError for an array of the wrong
+    shape, nothing else: `status` says what became of each set.
+    """
+    options = options or RevolutionOptions()
+    sets = prepare(points, mask, table_z=table_z)
+    n = len(sets.count)
+    size = sets.high - sets.low
+    rows: dict[str, np.ndarray] = {
+        "position_m": 0.5 * (sets.high + sets.low) - [0, 0, 0.5] * size,
+        "axis": np.tile([0.0, 0.0, 1.0], (n, 1)),
+        "height_m": size[:, 2],
+        "radius_m": np.repeat(0.25 * (size[:, :1] + size[:, 1:2]), options.nodes, axis=1),
+        **{name: np.zeros(n) for name in ("volume_m3", "rms_m", "cost", "volume_std_m3")},
+        "radius_std_m": np.zeros((n, options.nodes)),
+        "iterations": np.zeros(n, int),
+        "status": sets.status.copy(),
+        "n_points": sets.count.copy(),
+    }
+    for index, bucket in sets.buckets():
+        for name, values in _fit_bucket(bucket, options).items():
+            rows[name][index] = values
+    return RevolutionFit(**rows)
+
+
+def revolution_volume(height_m: np.ndarray, radius_m: np.ndarray) -> np.ndarray:
+    """Volume [m^3] of stacked cone frustums, height [fit] and radii [fit, node] in metres."""
+    low, high = radius_m[:, :-1], radius_m[:, 1:]
+    step = height_m / (radius_m.shape[1] - 1)
+    return np.pi / 3 * step * (low**2 + low * high + high**2).sum(axis=1)
+
+
+def _fit_bucket(sets: Sets, options: RevolutionOptions) -> dict[str, np.ndarray]:
+    n = len(sets.count)
+    down, floor = (None, None) if sets.plane is None else (sets.plane[:, :3], sets.plane[:, 3])
+    if options.upright and down is None:
+        down = np.tile([0.0, 0.0, -1.0], (n, 1))
+    trim = 0.0 if options.loss == "none" else 0.03
+    rotation, half, centre = box_starts(sets.points, sets.mask, down, floor, trim)
+    if options.upright:
+        rotation, half, centre = rotation[:, 3:4], half[:, 3:4], centre[:, 3:4]
+    elif down is not None:
+        # All three of the principal axes; of the upright box only the upright axis is new.
+        rotation, half, centre = rotation[:, :4], half[:, :4], centre[:, :4]
+    starts = rotation.shape[1]
+    local = np.einsum("fsji,fsj->fsi", rotation, centre)
+    theta = np.zeros((n, starts, 6 + options.nodes))
+    theta[..., 2:4] = local[..., :2]
+    theta[..., 4] = local[..., 2] - half[..., 2]
+    theta[..., 5] = local[..., 2] + half[..., 2]
+    theta[..., 6:] = np.log(0.5 * (half[..., :1] + half[..., 1:2]))
+    weight = sets.mask / np.sqrt(sets.count)[:, None]
+    plane = None
+    if sets.plane is not None:
+        plane = np.concatenate([sets.plane, np.full((n, 1), options.plane_weight)], axis=1)
+    lanes = Lane(np.moveaxis(sets.points, 2, 1).copy(), weight, rotation[:, 0],
+                  0.1 / np.sqrt(sets.count), plane)
+    spread = take(lanes, np.repeat(np.arange(n), starts))
+    spread = spread._replace(rotation=rotation.reshape(-1, 3, 3))
+    problem = _problem(options)
+    best, found = screen(problem, theta, spread, options.screen_iterations)
+    lanes = lanes._replace(rotation=rotation[np.arange(n), best])
+    if options.loss != "none":
+        for _ in range(2):
+            lanes = lanes._replace(loss_scale=_scale(found, lanes, sets, options))
+            found = advance(problem, found, lanes, options.round_iterations).theta
+    end = finish(problem, found, lanes, at_a_time=options.round_iterations,
+                 at_most=options.iterations, least_fall=options.least_fall)
+    return _rows(end, lanes, sets, options)
+
+
+def _scale(theta, lanes: Lane, sets: Sets, options: RevolutionOptions) -> np.ndarray:
+    """Scale of the robust loss: 2.4 deviations of the residuals by their median."""
+    away = map_lanes(_look(options), theta, lanes)[1]
+    size = np.where(sets.mask, np.abs(away) * lanes.weight, np.nan)
+    spare = np.maximum(sets.count - theta.shape[1], 1) / sets.count
+    deviation = 1.4826 * np.nanmedian(size, axis=1) / np.sqrt(spare)
+    return np.clip(2.4 * deviation, 1e-4 / np.sqrt(sets.count), lanes.loss_scale)
+
+
+def _rows(end, lanes: Lane, sets: Sets, options: RevolutionOptions) -> dict[str, np.ndarray]:
+    body, away, information, slopes = map_lanes(_look(options), end.theta, lanes)
+    position, axis, height, radius = body
+    scale = sets.scale
+    # Upwards, so that the same body is written the same way from whichever end it was found.
+    clear = np.abs(axis) > 1e-9
+    last = np.where(clear[:, 2], 2, np.where(clear[:, 1], 1, 0))
+    up = np.take_along_axis(axis, last[:, None], axis=1) > 0
+    position = np.where(up, position, position + height[:, None] * axis)
+    square = np.where(sets.mask, away**2, 0.0).sum(axis=1)
+    parameters = end.theta.shape[1]
+    # The noise of one touch, in the units of the information (weights are 1/sqrt(count)).
+    drawn = np.minimum(away**2, 9 * np.nanmedian(np.where(sets.mask, away**2, np.nan),
+                                                 axis=1, keepdims=True) * 2.2)
+    spare = np.maximum(sets.count - parameters, 1)
+    noise = np.where(sets.mask, drawn, 0.0).sum(axis=1) / spare
+    information = information / (noise / sets.count)[:, None, None].clip(1e-18)
+    cov = np.linalg.inv(information + np.eye(parameters))
+    radius_std = np.sqrt(np.diagonal(cov, axis1=1, axis2=2)[:, 6:]) * radius
+    volume = revolution_volume(height, radius)
+    volume_std = np.sqrt(np.einsum("fi,fij,fj->f", slopes, cov, slopes))
+    return {
+        "position_m": position * scale[:, None] + sets.origin,
+        "axis": np.where(up, axis, -axis),
+        "height_m": height * scale,
+        "radius_m": np.where(up, radius, radius[:, ::-1]) * scale[:, None],
+        "volume_m3": volume * scale**3,
+        "rms_m": np.sqrt(square / sets.count) * scale,
+        "cost": end.cost,
+        "radius_std_m": np.where(up, radius_std, radius_std[:, ::-1]) * scale[:, None],
+        "volume_std_m3": volume_std * scale**3,
+        "iterations": end.iterations,
+        "status": end.status,
+    }
+
+
+# What names the compiled programs: cached, so that each is one object.
+
+
+@lru_cache(maxsize=64)
+def _problem(options: RevolutionOptions) -> Problem:
+    return Problem(lambda theta, lane: normal_equations(theta, lane, options), solver.descend,
+                   f"{options}")
+
+
+@lru_cache(maxsize=64)
+def _look(options: RevolutionOptions):
+    return Program(f"look {options}", jax.vmap(lambda theta, lane: look(theta, lane, options)))
+
+
+def revolution_inside(fit: RevolutionFit, points: Float[np.ndarray, "fit point 3"]) -> np.ndarray:
+    """Which points [m] lie inside, shape [fit, point]."""
+    arms = points - fit.position_m[:, None]
+    s = np.einsum("fpi,fi->fp", arms, fit.axis)
+    rho = np.linalg.norm(arms - s[..., None] * fit.axis[:, None], axis=2)
+    place = np.linspace(0, 1, fit.radius_m.shape[1])
+    height = np.maximum(fit.height_m, 1e-12)[:, None]
+    share = s / height
+    radius = np.stack([np.interp(x, place, r) for x, r in zip(share, fit.radius_m, strict=True)])
+    return (s >= 0) & (s <= height) & (rho <= radius)
+
+
+def usable(fit: RevolutionFit) -> np.ndarray:
+    """Rows that describe a body, shape [fit]."""
+    return np.isin(fit.status, (FitStatus.converged, FitStatus.not_converged))

@@ -1,0 +1,132 @@
+"""The surface and the inside of bodies of revolution with contours of linear segments, in batch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from fit.arrays import row_sums, rows_of
+
+
+@dataclass(frozen=True)
+class RevolutionBody:
+    """Bodies of revolution, a row each; NaN after a contour's last node."""
+
+    foot_m: Float[np.ndarray, "fit 3"]
+    """Lower end of the axis [m]."""
+    axis: Float[np.ndarray, "fit 3"]
+    """Unit direction, from the foot."""
+    height_m: Float[np.ndarray, "fit node"]
+    """Of each node along the axis, rising from 0 [m]."""
+    radius_m: Float[np.ndarray, "fit node"]
+
+    def __len__(self) -> int:
+        return len(self.foot_m)
+
+    def __getitem__(self, index) -> RevolutionBody:
+        """The bodies `index` as a smaller record."""
+        return rows_of(self, np.atleast_1d(np.arange(len(self))[index]))
+
+
+def revolution_volume(body: RevolutionBody) -> Float[np.ndarray, " fit"]:
+    """Volume [m^3]: cones' frustums."""
+    low, high = body.radius_m[:, :-1], body.radius_m[:, 1:]
+    step = np.diff(body.height_m, axis=1)
+    return np.pi / 3 * row_sums(step * (low**2 + low * high + high**2))
+
+
+def revolution_inside(
+    body: RevolutionBody, points: Float[np.ndarray, "fit point 3"]
+) -> Bool[np.ndarray, "fit point"]:
+    """Whether points [m] lie inside."""
+    arm = points - body.foot_m[:, None]
+    along = np.einsum("fpi,fi->fp", arm, body.axis)
+    away = np.linalg.norm(arm - along[..., None] * body.axis[:, None], axis=-1)
+    return away < _radius_at(body, along)
+
+
+def revolution_distance(
+    body: RevolutionBody, points: Float[np.ndarray, "fit point 3"]
+) -> Float[np.ndarray, "fit point"]:
+    """Unsigned distance [m] of points to the surface: to the nearest of the contour's segments.
+
+    The contour runs from the axis over the lower end, up, and back to the axis, so that both ends
+    are closed by discs.
+    """
+    arm = points - body.foot_m[:, None]
+    along = np.einsum("fpi,fi->fp", arm, body.axis)
+    away = np.linalg.norm(arm - along[..., None] * body.axis[:, None], axis=-1)
+    out = np.full(along.shape, np.inf)
+    for row in range(len(body)):
+        z, r = _closed(body, row)
+        p = np.stack([along[row], away[row]], 1)[:, None]
+        start = np.stack([z[:-1], r[:-1]], 1)
+        way = np.stack([np.diff(z), np.diff(r)], 1)
+        square = np.maximum((way**2).sum(1), 1e-18)
+        t = np.clip(((p - start) * way).sum(-1) / square, 0.0, 1.0)
+        out[row] = np.linalg.norm(p - start - t[..., None] * way, axis=-1).min(1)
+    return out
+
+
+def revolution_surface(
+    body: RevolutionBody, around: int = 24, rings: int = 36
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Surface points [m], outward unit normals, and the area [m^2] each stands for.
+
+    Shapes [fit, rings * around, 3], the same, and [fit, rings * around]: rings evenly along the
+    closed contour, points evenly around each, every other ring turned by half a spacing.
+    """
+    count = rings * around
+    points, normals = np.zeros((len(body), count, 3)), np.zeros((len(body), count, 3))
+    area = np.zeros((len(body), count))
+    number = np.arange(rings)
+    angle = 2 * np.pi * (np.arange(around)[None] + 0.5 * (number % 2)[:, None]) / around
+    for row in range(len(body)):
+        z, r = _closed(body, row)
+        length = np.hypot(np.diff(z), np.diff(r))
+        s = np.concatenate([[0.0], np.cumsum(length)])
+        edge = np.linspace(0.0, s[-1], rings + 1)
+        middle = 0.5 * (edge[1:] + edge[:-1])
+        rz, rr = np.interp(middle, s, z), np.interp(middle, s, r)
+        piece = np.clip(np.searchsorted(s, middle, side="right") - 1, 0, len(length) - 1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            nz = np.nan_to_num(-(np.diff(r) / length)[piece])
+            nr = np.nan_to_num((np.diff(z) / length)[piece])
+        u, v = _across(body.axis[row])
+        out = np.cos(angle)[..., None] * u + np.sin(angle)[..., None] * v
+        points[row] = (body.foot_m[row] + rz[:, None, None] * body.axis[row]
+                       + rr[:, None, None] * out).reshape(-1, 3)
+        normals[row] = (nz[:, None, None] * body.axis[row]
+                        + nr[:, None, None] * out).reshape(-1, 3)
+        area[row] = np.repeat(2 * np.pi * np.maximum(rr, 1e-6) * np.diff(edge) / around, around)
+    return points, normals, area
+
+
+def _closed(body: RevolutionBody, row: int) -> tuple[np.ndarray, np.ndarray]:
+    """The contour (z, r) of one body from the axis over both ends and back to the axis."""
+    known = np.isfinite(body.height_m[row]) & np.isfinite(body.radius_m[row])
+    z, r = body.height_m[row][known], body.radius_m[row][known]
+    if len(z) == 0:
+        z = r = np.zeros(1)
+    return (np.concatenate([z[:1], z, z[-1:]]), np.concatenate([[0.0], r, [0.0]]))
+
+
+def _radius_at(body: RevolutionBody, along: np.ndarray) -> np.ndarray:
+    """Radius at places along the axis, -1 beyond its ends."""
+    out = np.full(along.shape, -1.0)
+    for row in range(len(body)):
+        known = np.isfinite(body.height_m[row]) & np.isfinite(body.radius_m[row])
+        if known.any():
+            out[row] = np.interp(along[row], body.height_m[row][known], body.radius_m[row][known],
+                                 left=-1.0, right=-1.0)
+    return out
+
+
+def _across(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two unit directions across an axis and each other."""
+    other = np.array([1.0, 0.0, 0.0]) if abs(axis[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
+    u = np.cross(axis, other)
+    u /= np.linalg.norm(u)
+    return u, np.cross(axis, u)

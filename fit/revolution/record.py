@@ -1,0 +1,66 @@
+"""What a fit of a surface of revolution is asked, and what it answers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from fit.fit_status import LEAST_FALL, Loss, Monotone, check_word
+
+
+@dataclass(frozen=True)
+class RevolutionOptions:
+    """How to fit; hashable, for it names the compiled program. ValueError for an unknown word or
+    too few nodes."""
+
+    nodes: int = 8
+    """Nodes of the contour, both ends included: 2 at least."""
+    smoothing: float = 0.05
+    """Weight of the contour's second differences, against all the touches."""
+    monotone: Monotone = "none"
+    """Radii that may only fall, or rise, with height along the axis."""
+    loss: Loss = "cauchy"
+    upright: bool = False
+    """Try only axes along the world's z (the axis stays free to tilt)."""
+    plane_weight: float = 1.0
+    screen_iterations: int = 6
+    round_iterations: int = 8
+    iterations: int = 80
+    """Most iterations of the finish, in whole rounds."""
+    least_fall: float = LEAST_FALL
+    """A fit has converged when a round lowers its cost by less than this share."""
+
+    def __post_init__(self) -> None:
+        if self.nodes < 2:
+            raise ValueError(f"nodes: {self.nodes}, should be 2 at least")
+        check_word("monotone", self.monotone, Monotone)
+        check_word("loss", self.loss, Loss)
+
+
+@dataclass(frozen=True)
+class RevolutionFit:
+    """Surfaces of revolution, a row each; every field is finite whatever the status."""
+
+    position_m: Float[np.ndarray, "fit 3"]
+    """Point of the axis at its lower end [m]."""
+    axis: Float[np.ndarray, "fit 3"]
+    """Unit direction of the axis, with a positive z (else y, else x)."""
+    height_m: Float[np.ndarray, " fit"]
+    """Length along the axis [m]."""
+    radius_m: Float[np.ndarray, "fit node"]
+    """Radii at nodes evenly spaced from the lower end to the upper [m]."""
+    volume_m3: Float[np.ndarray, " fit"]
+    rms_m: Float[np.ndarray, " fit"]
+    """Root mean square distance of the touches to the contour [m]."""
+    cost: Float[np.ndarray, " fit"]
+    radius_std_m: Float[np.ndarray, "fit node"]
+    """Standard deviation of each radius [m], from the residuals' own size."""
+    volume_std_m3: Float[np.ndarray, " fit"]
+    iterations: Int[np.ndarray, " fit"]
+    status: Int[np.ndarray, " fit"]
+    n_points: Int[np.ndarray, " fit"]
+
+    def __len__(self) -> int:
+        return len(self.status)

@@ -1,0 +1,201 @@
+"""The least-squares problem of one surface of revolution, in JAX: residuals and normal equations.
+
+theta: slopes of the axis against the start's z (2), its middle in the start's x, y (2), lower and
+upper end along the start's z (2), logarithms of the radii. Everything is in a frame where the
+points have unit scale; `batch` makes a batch of it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from fit.optimize.robust_loss import robust
+from fit.optimize.solver import Normal, normal_of
+from fit.revolution.record import RevolutionOptions
+from fit.superquadric.parameter_vector import Tensor
+
+
+class Lane(NamedTuple):
+    """The data of one fit, in its own unit frame."""
+
+    points: Float[Tensor, "3 point"]
+    weight: Float[Tensor, " point"]
+    rotation: Float[Tensor, "3 3"]
+    """Its z is the axis of the start."""
+    loss_scale: Float[Tensor, ""]
+    plane: Float[Tensor, " 5"] | None
+    """Down direction (3), height of the plane along it, weight of its residual."""
+
+
+class Body(NamedTuple):
+    """A surface of revolution in the unit frame; nodes stand evenly along its height."""
+
+    foot: Float[Tensor, " 3"]
+    axis: Float[Tensor, " 3"]
+    height: Float[Array, ""]
+    radius: Float[Array, " node"]
+
+
+class Nearest(NamedTuple):
+    """Places of a half plane (height, radius) and the closed contour's nearest to them."""
+
+    distance: Float[Array, " point"]
+    """Signed, positive outside."""
+    by_height: Float[Array, " point"]
+    by_radius: Float[Array, " point"]
+    """Slopes of the distance: the contour's normal, but at its corners."""
+    height: Float[Tensor, " point"]
+    """Of the contour's nearest place."""
+    segment: Float[Array, " point"]
+    """0 is the lower end, then one a pair of nodes, the last is the upper end."""
+    share: Float[Array, " point"]
+    """Of the way along the segment."""
+
+
+def unpack(theta, rotation: Float[Tensor, "3 3"]) -> Body:
+    """The body of a parameter vector."""
+    local = _direction(theta)
+    axis = rotation @ local
+    middle = rotation @ _middle(theta)
+    height = _height(theta)
+    return Body(middle - 0.5 * height * axis, axis, height, _radius(theta))
+
+
+def normal_equations(theta, lane: Lane, options: RevolutionOptions) -> Normal:
+    """JᵀJ, Jᵀr and cost: touches, differentiated by hand, and the few other residuals."""
+    columns = _touched(theta, lane, options)
+    sums = columns @ columns.T
+    few = normal_of(lambda theta, lane: _others(theta, lane, options))(theta, lane)
+    return Normal(sums[:-1, :-1] + few.matrix, sums[-1, :-1] + few.gradient,
+                  0.5 * sums[-1, -1] + few.cost)
+
+
+def residuals(theta, lane: Lane, options: RevolutionOptions) -> Float[Array, " residual"]:
+    """The residuals themselves, in the order of `normal_equations`."""
+    return jnp.concatenate([_touched(theta, lane, options)[-1], _others(theta, lane, options)])
+
+
+def look(theta, lane: Lane, options: RevolutionOptions) -> tuple[Body, Array, Array, Array]:
+    """Body, distances of the touches, information matrix, and the slopes of the volume."""
+    body = unpack(theta, lane.rotation)
+    s, rho, *_ = _half_plane(theta, lane)
+    return (body, nearest_of_contour(body.height, body.radius, s, rho).distance,
+            normal_equations(theta, lane, options).matrix, jax.grad(_volume)(theta))
+
+
+def nearest_of_contour(
+    height: Float[Tensor, ""], radius: Float[Array, " node"],
+    s: Float[Tensor, " point"], rho: Float[Tensor, " point"],
+) -> Nearest:
+    """The place nearest to (`s`, `rho`), height and radius, of the contour closed by flat ends."""
+    count = radius.shape[0]
+    radii = jnp.concatenate([jnp.zeros(1), radius, jnp.zeros(1)])
+    step = height / (count - 1)
+
+    def along(segment, r0, r1):
+        """Ends of a segment, and where it is nearest."""
+        h0 = step * jnp.maximum(segment - 1.0, 0.0)
+        dh = jnp.where((segment > 0.5) & (segment < count - 0.5), step, 0.0)
+        dr = r1 - r0
+        share = jnp.clip(((s - h0) * dh + (rho - r0) * dr) / (dh**2 + dr**2), 0.0, 1.0)
+        return h0, dh, share, s - h0 - share * dh, rho - r0 - share * dr
+
+    every = jnp.arange(count + 1.0)[:, None]
+    *_, off_s, off_rho = along(every, radii[:-1, None], radii[1:, None])
+    index = jnp.argmin(off_s**2 + off_rho**2, axis=0)
+    segment = index.astype(radii.dtype)
+    h0, dh, share, off_s, off_rho = along(segment, radii[index], radii[index + 1])
+    # Not by the side of the segment: beyond a sharp corner a place outside lies inside of one.
+    place = jnp.clip(s / step, 0.0, count - 1.0)
+    below = jnp.minimum(jnp.floor(place), count - 2.0)
+    low = below.astype(jnp.int32)
+    wall = radius[low] + (place - below) * (radius[low + 1] - radius[low])
+    side = jnp.where((s > 0.0) & (s < height) & (rho < wall), -1.0, 1.0)
+    length = jnp.sqrt(off_s**2 + off_rho**2 + 1e-14)
+    return Nearest(side * length, side * off_s / length, side * off_rho / length,
+                   h0 + share * dh, segment, share)
+
+
+def _direction(theta) -> Float[Array, " 3"]:
+    """The axis in the start's frame."""
+    return jnp.stack([theta[0], theta[1], jnp.ones_like(theta[0])]) / _steepness(theta)
+
+
+def _steepness(theta):
+    return jnp.sqrt(1.0 + theta[0] ** 2 + theta[1] ** 2)
+
+
+def _middle(theta) -> Float[Array, " 3"]:
+    return jnp.stack([theta[2], theta[3], 0.5 * (theta[4] + theta[5])])
+
+
+def _height(theta):
+    return jnp.sqrt((theta[5] - theta[4]) ** 2 + 1e-6)
+
+
+def _radius(theta) -> Float[Array, " node"]:
+    return jnp.exp(jnp.clip(theta[6:], -6.0, 3.0))
+
+
+def _volume(theta):
+    radius = _radius(theta)
+    low, high = radius[:-1], radius[1:]
+    frustums = low**2 + low * high + high**2
+    return jnp.pi / 3 * _height(theta) / (radius.shape[0] - 1) * jnp.sum(frustums)
+
+
+def _half_plane(theta, lane: Lane):
+    """Heights along the axis, radii, and the arms [3, point] that these are the lengths of."""
+    axis = _direction(theta)
+    from_middle = lane.rotation.T @ lane.points - _middle(theta)[:, None]
+    along = jnp.sum(axis[:, None] * from_middle, axis=0)
+    arm = from_middle - axis[:, None] * along
+    return along + 0.5 * _height(theta), jnp.sqrt(jnp.sum(arm**2, axis=0) + 1e-12), arm, along
+
+
+def _touched(theta, lane: Lane, options: RevolutionOptions) -> Float[Array, "row point"]:
+    """Derivatives by theta of the touches' residuals; the last row are the residuals."""
+    height = _height(theta)
+    axis = _direction(theta)
+    radius = _radius(theta)
+    s, rho, (x, y, z), along = _half_plane(theta, lane)
+    at = nearest_of_contour(height, radius, s, rho)
+    value, factor = jax.jvp(
+        lambda away: robust(lane.weight * away, lane.loss_scale, options.loss),
+        (at.distance,), (jnp.ones_like(s),))
+    # A turn of the axis about the middle, a shift of the middle, and a longer body.
+    tilt = (at.by_height - at.by_radius * along / rho) / _steepness(theta)
+    out = at.by_radius / rho
+    raised = -(at.by_height * axis[2] + out * z)
+    longer = (at.by_height * (0.5 - at.height / height)) * (theta[5] - theta[4]) / height
+    rows = [tilt * x, tilt * y, -(at.by_height * axis[0] + out * x),
+            -(at.by_height * axis[1] + out * y), 0.5 * raised - longer, 0.5 * raised + longer]
+    free = jnp.where((theta[6:] > -6.0) & (theta[6:] < 3.0), radius, 0.0)[:, None]
+    # Hats: a radius moves the contour's place in the segments on both sides of its node.
+    hat = 1.0 - jnp.abs(at.segment + at.share - jnp.arange(1.0, radius.shape[0] + 1)[:, None])
+    nodes = -at.by_radius * free * jnp.maximum(hat, 0.0)
+    return jnp.concatenate([jnp.stack(rows) * factor, nodes * factor, value[None]])
+
+
+def _others(theta, lane: Lane, options: RevolutionOptions) -> Float[Array, " residual"]:
+    """The residuals of the body as a whole."""
+    foot, axis, height, radius = unpack(theta, lane.rotation)
+    bow = radius[2:] - 2.0 * radius[1:-1] + radius[:-2]
+    parts = [options.smoothing * bow]
+    if lane.plane is not None:
+        down = lane.plane[:3]
+        ends = jnp.stack([down @ foot, down @ (foot + height * axis)])
+        rim = jnp.sqrt(jnp.maximum(1.0 - (down @ axis) ** 2, 0.0) + 1e-12)
+        reach = jnp.max(ends + rim * jnp.stack([radius[0], radius[-1]]))
+        parts.append(lane.plane[4] * (reach - lane.plane[3])[None])
+    if options.monotone != "none":
+        # Along the world's up: the contour runs with the axis.
+        rise = jnp.diff(radius) * jnp.sign(axis[2] + 1e-12)
+        wrong = rise if options.monotone == "falling" else -rise
+        parts.append(3.0 * jnp.maximum(wrong, 0.0))
+    parts.append(1e-3 * theta[0:2])
+    return jnp.concatenate(parts)

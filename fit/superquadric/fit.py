@@ -1,0 +1,81 @@
+"""Superquadrics from touches, in batch: points in, a frozen record of fits out.
+
+    points -> sorted, centred, scaled -> starts -> screened -> the best finished -> result
+
+A fit depends on nothing but its own points and evidence: not on their order, the padding, or the
+fits beside it. Each set goes through the program compiled for its own number of points.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from fit.prepare import Sets, prepare
+from fit.superquadric.descent import fit_sets
+from fit.superquadric.record import SuperquadricFit, SuperquadricOptions
+
+__all__ = ["SuperquadricFit", "SuperquadricOptions", "fit_superquadric"]
+
+
+def fit_superquadric(
+    points: Float[np.ndarray, "fit point 3"],
+    mask: Bool[np.ndarray, "fit point"] | None = None,
+    *,
+    covariance: Float[np.ndarray, "fit point 3 3"] | None = None,
+    normals: Float[np.ndarray, "fit point 3"] | None = None,
+    table_z: float | Float[np.ndarray, " fit"] | None = None,
+    free_points: Float[np.ndarray, "fit free 3"] | None = None,
+    free_radius: float | Float[np.ndarray, "fit free"] | None = None,
+    free_mask: Bool[np.ndarray, "fit free"] | None = None,
+    options: SuperquadricOptions | None = None,
+    start: SuperquadricFit | None = None,
+) -> SuperquadricFit:
+    """Superquadrics of sets of points, all sets at once.
+
+    Args:
+        points: touches [m], shape [fit, point, 3].
+        mask: which of them count, shape [fit, point]; all where None.
+        covariance: of each touch [m^2]; its residual is divided by the standard deviation along
+            the model's normal there, sqrt(n.C n + sigma_floor^2).
+        normals: outward normals felt at the touches (NaN where not), through the dual superquadric.
+        table_z: height of the table the body stands on [m], one or one a fit; None: no table.
+        free_points, free_radius, free_mask: balls [m] known to lie outside the body.
+        options: see `SuperquadricOptions`.
+        start: fits to nearly the same points, a row a set; a set whose row was fitted goes on
+            from there, without screening, and so keeps to that solution's neighbourhood.
+
+    Returns:
+        `SuperquadricFit`, whose `status` says what became of each set; no set raises.
+
+    Raises:
+        ValueError: an array of the wrong shape, or a start of another length.
+    """
+    options = options or SuperquadricOptions()
+    sets = prepare(points, mask, covariance, normals, table_z, free_points, free_radius, free_mask)
+    if start is not None and len(start) != len(sets.count):
+        raise ValueError(f"start: {len(start)} fits for {len(sets.count)} sets")
+    rows = _placeholder(sets)
+    for index, bucket in sets.buckets():
+        begin = None if start is None else start[index]
+        for name, values in fit_sets(bucket, options, begin).items():
+            rows[name][index] = values
+    return SuperquadricFit(**rows)
+
+
+def _placeholder(sets: Sets) -> dict[str, np.ndarray]:
+    """Rows of sets that cannot be fitted: the box of their finite points."""
+    n = len(sets.count)
+    return {
+        "size_m": np.maximum(0.5 * (sets.high - sets.low), 0.0),
+        "exponents": np.ones((n, 2)),
+        "position_m": 0.5 * (sets.high + sets.low),
+        "quaternion_xyzw": np.tile([0.0, 0.0, 0.0, 1.0], (n, 1)),
+        "taper": np.zeros((n, 2)),
+        "bend": np.zeros((n, 2)),
+        "rms_m": np.zeros(n),
+        "cost": np.zeros(n),
+        "iterations": np.zeros(n, int),
+        "status": sets.status.copy(),
+        "n_points": sets.count.copy(),
+    }

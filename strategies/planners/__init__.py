@@ -1,0 +1,12 @@
+"""Planners, which choose the next probe from what was felt, and what they are given."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "from_strategy": ["Budget", "MOST_STEPS", "budget_of", "planner_of", "within_budget"],
+    "oracle": ["Oracle"],
+    "planner_file": ["PlannerError", "files_beside"],
+    "probes": ["CrossFaces", "FollowContour", "Grasp", "Probe", "misfits", "wanted_of"],
+    "register": ["Foreseeing", "Planner", "fault_text", "place_of", "planner"],
+    "registry": ["make_planner"],
+})

@@ -1,0 +1,160 @@
+"""Strategies that choose their next hand pose by what was felt, and the plain ones beside them.
+
+All choose among the same candidates (`candidates`), one pose a step and world, until the
+budget is spent. What tells them apart is the gain they see in a pose.
+"""
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+
+from fit.superquadric.geometry import Superquadric
+from fit.superquadric.uncertainty import distance_slopes, surface_std
+from strategies.planners.candidates import candidate_poses, predicted_touches
+from strategies.planners.prior_body import planning_belief
+from strategies.planners.probes import Grasp, Probe
+from strategies.planners.register import planner
+from strategies.poses.waypoints import TOLD_MARGIN_M
+from strategies.recovery.belief import Belief
+from warpgrasp.core.random import counter_key_host, counter_uniform_host
+
+NEW_AT_M = 0.03
+"""A touch this far from all others is as new as can be."""
+BARRED_M, EMPTY_M = 0.006, 0.010
+"""An object where the hand struck something is taken to be this much larger than before; one where
+most fingers closed on nothing, this much smaller [est]."""
+POOR = 0.4
+"""Share of contacts among the closings below which most closed on nothing."""
+FORGETS = 0.7
+"""What is kept of that after a pose that went well [est]."""
+TOUCH_SIGMA_M = 0.0015
+"""Spread of one touch along the normal, as an adaptive strategy reckons [est]."""
+
+
+class OneAtATime(ABC):
+    """Base of these planners: the candidate of the greatest gain that was not taken yet."""
+
+    about = "belief"
+
+    def __init__(self) -> None:
+        self.taken: np.ndarray | None = None
+        self.last: np.ndarray | None = None
+        """Where the hand is, (world, 1, 7)."""
+        self.larger_m: np.ndarray | float = 0.0
+        """By how much the object is taken to be larger than believed, (world,)."""
+        self._before: tuple[np.ndarray, np.ndarray] | None = None
+
+    def __call__(self, belief: Belief) -> list[Probe]:
+        """One grasp in every world that has a candidate left."""
+        margin: np.ndarray | float = 0.0
+        if self.about == "belief":
+            self._learn(belief)
+            belief, trusted = planning_belief(belief, self.larger_m)
+            margin = np.where(trusted, self.larger_m, 0.0)
+        poses, reachable = candidate_poses(belief, about=self.about, margin_m=margin)
+        if self.taken is None:
+            self.taken = np.zeros(reachable.shape, bool)
+        free = reachable & ~self.taken & belief.active[:, None]
+        gain = np.where(free, self.gain(belief, poses, free), -np.inf)
+        best = gain.argmax(1)
+        rows = np.arange(belief.worlds)
+        wanted = np.isfinite(gain[rows, best])
+        self.taken[rows[wanted], best[wanted]] = True
+        self.taken[~wanted] = True  # alone, its episode would have ended
+        self.last = poses[rows, best][:, None]
+        return [Grasp(poses[rows, best][:, None], wanted[:, None])]
+
+    def _learn(self, belief: Belief) -> None:
+        """How the last pose went says whether the object is larger or smaller than believed."""
+        contacts = belief.evidence.mask.sum(1)
+        if self._before is not None:
+            closed, felt = belief.touches - self._before[0], contacts - self._before[1]
+            larger = np.where(closed == 0, self.larger_m + BARRED_M, np.where(
+                felt < POOR * closed, self.larger_m - EMPTY_M, FORGETS * self.larger_m))
+            self.larger_m = np.clip(larger, -TOLD_MARGIN_M, TOLD_MARGIN_M)
+        self._before = belief.touches.copy(), contacts
+
+    @abstractmethod
+    def gain(self, belief: Belief, poses: np.ndarray, free: np.ndarray) -> np.ndarray:
+        """What each pose is worth, (world, candidate); only `free` ones count."""
+
+
+@planner("random", "a pose at random among the candidates about the told cylinder")
+class RandomPose(OneAtATime):
+    """A pose at random."""
+
+    about = "told"
+
+    def gain(self, belief: Belief, poses: np.ndarray, free: np.ndarray) -> np.ndarray:
+        """A draw a candidate and step."""
+        return counter_uniform_host(counter_key_host(
+            belief.seed[:, None], belief.step, np.arange(poses.shape[1])))
+
+
+@planner("even", "the pose farthest from all poses taken, about the told cylinder")
+class EvenPoses(OneAtATime):
+    """Farthest-point order (Gonzalez 1985) over the places of the hand and its approach."""
+
+    about = "told"
+
+    def gain(self, belief: Belief, poses: np.ndarray, free: np.ndarray) -> np.ndarray:
+        """Distance to the nearest pose taken; 0.1 m counts as much as one radian."""
+        assert self.taken is not None
+        x, y, z, w = np.moveaxis(poses[..., 3:], -1, 0)
+        approach = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], -1)
+        side = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], -1)
+        place = np.concatenate([poses[..., :3] / 0.1, approach, 0.5 * side], -1)
+        apart = np.linalg.norm(place[:, :, None] - place[:, None], axis=-1)
+        near = np.where(self.taken[:, None], apart, np.inf).min(-1)
+        return np.where(np.isfinite(near), near, 1.0)
+
+
+@planner("coverage", "greedy coverage: the pose whose predicted touches are farthest from all felt")
+class GreedyCoverage(OneAtATime):
+    """Touch where nothing has been touched."""
+
+    def gain(self, belief: Belief, poses: np.ndarray, free: np.ndarray) -> np.ndarray:
+        """Sum over a pose's predicted touches of the distance to the nearest touch, up to a cap."""
+        points, found = predicted_touches(belief, poses, free)
+        felt = np.where(belief.evidence.mask[..., None], belief.evidence.points_m, 1e3)
+        if felt.shape[1] == 0:
+            return found.sum(-1).astype(float)
+        flat = points.reshape(belief.worlds, -1, 3)
+        near = np.stack([np.linalg.norm(f[:, None] - t[None], axis=-1).min(1)
+                         for f, t in zip(flat, felt, strict=True)]).reshape(found.shape)
+        return (np.minimum(near, NEW_AT_M) * found).sum(-1)
+
+
+@planner("most-uncertain", "the pose that touches where the fitted surface is least certain")
+class MostUncertain(OneAtATime):
+    """Touch where the covariance of the fit leaves the surface most in doubt."""
+
+    def gain(self, belief: Belief, poses: np.ndarray, free: np.ndarray) -> np.ndarray:
+        """Sum of the variances of the surface at a pose's predicted touches."""
+        points, found = predicted_touches(belief, poses, free)
+        flat = points.reshape(belief.worlds, -1, 3)
+        with np.errstate(all="ignore"):
+            std = surface_std(belief.body, belief.uncertainty, flat)
+        std = np.where(np.isfinite(std), np.minimum(std, NEW_AT_M), 0.0).reshape(found.shape)
+        return (std**2 * found).sum(-1)
+
+
+@planner("information", "the pose of greatest expected information about the parameters "
+                        "(D-optimal)")
+class MostInformation(OneAtATime):
+    """Expected information gain of a linear-Gaussian model, log det(I + J C J' / s^2)."""
+
+    def gain(self, belief: Belief, poses: np.ndarray, free: np.ndarray) -> np.ndarray:
+        """Half the log determinant over a pose's predicted touches (Chaloner and Verdinelli 1995,
+        Bayesian experimental design: a review)."""
+        points, found = predicted_touches(belief, poses, free)
+        worlds, candidates, fingers = found.shape
+        ones = np.ones((worlds, 15))
+        body = Superquadric(*belief.body)
+        with np.errstate(all="ignore"):
+            slopes = distance_slopes(body, points.reshape(worlds, -1, 3), ones)
+        slopes = np.where(np.isfinite(slopes), slopes, 0.0).reshape(
+            worlds, candidates, fingers, 15) * found[..., None]
+        spread = np.einsum("wcfi,wij,wcgj->wcfg", slopes, belief.uncertainty.covariance, slopes)
+        information = np.eye(fingers) + spread / TOUCH_SIGMA_M**2
+        return 0.5 * np.linalg.slogdet(information)[1]

@@ -1,0 +1,139 @@
+"""Where the next grasp will lower the expected error of the recovered surface the most.
+
+The signed distance between the true surface and the body believed is taken as a Gaussian process: a
+part that a change of the body's parameters explains (its slopes, with a wide prior), and a part
+that no superquadric can (a Matern 3/2 kernel), as large as the residuals of the touches say by
+their marginal likelihood. Touches say what it is at places; so do those that a pose is predicted to
+make. The gain of a pose is by how much they lower the mean over the surface of the standard
+deviation, to which the mean distance between the surfaces is proportional. In the language of
+experimental design it is I-optimal (Cohn, Ghahramani and Jordan 1996, Active learning with
+statistical models);
+the parametric part alone would be blind to what the body believed cannot be, the other alone to
+what is known of a whole side from a few touches of it.
+"""
+
+import numpy as np
+
+from fit.rotation import matrix_of_quaternion
+from fit.superquadric.geometry import Superquadric, superquadric_areas
+from fit.superquadric.uncertainty import distance_slopes, surface_distance
+from strategies.planners.adaptive import OneAtATime
+from strategies.planners.candidates import predicted_touches
+from strategies.planners.register import planner
+from strategies.recovery.belief import Belief
+from warpgrasp.mechanism.arm_reach import travel_time
+
+NOISE_M = 0.0015
+"""Spread of one touch along the normal [est]."""
+MISFITS_M = (0.0005, 0.001, 0.002, 0.004, 0.008)
+"""How far a body may truly lie off any superquadric, tried by likelihood."""
+UNFELT_M = 0.004
+"""The same before any touch [est]."""
+FARTHEST_M = 0.015
+"""A residual larger than this counts as this large."""
+SURFACE_POINTS = 216
+TABLE_M = 0.008
+"""What lies lower is known to be the foot."""
+BASE_TIME_S = 3.0
+"""Of a grasp without the travel to it [est]."""
+
+
+@planner("expected-error", "the pose that lowers the expected error of the whole surface most")
+class ExpectedError(OneAtATime):
+    """I-optimal design under a superquadric and what it cannot explain."""
+
+    def __init__(self, length_m: float = 0.03, per_second: bool = False) -> None:
+        """`length_m`: over which distances what no superquadric explains is alike; `per_second`:
+        the gain is divided by the time that the pose will cost."""
+        super().__init__()
+        self.length_m = float(length_m)
+        self.per_second = bool(per_second)
+
+    def gain(self, belief: Belief, poses: np.ndarray, free: np.ndarray) -> np.ndarray:
+        """Expected fall of the mean standard deviation [m], (world, candidate)."""
+        points, found = predicted_touches(belief, poses, free)
+        surface, area = superquadric_areas(belief.body, SURFACE_POINTS)
+        weight = area * (surface[..., 2] > TABLE_M)
+        felt = belief.evidence.points_m
+        worlds, candidates, fingers = found.shape
+        places = np.concatenate([felt, points.reshape(worlds, -1, 3), surface], 1)
+        prior = parameter_prior(belief.body)
+        with np.errstate(all="ignore"):
+            slopes = np.nan_to_num(distance_slopes(Superquadric(*belief.body), places, prior))
+            residual = np.nan_to_num(surface_distance(belief.body, felt)[0])
+        slopes = np.clip(slopes, -0.2, 0.2)
+        residual = np.clip(residual, -FARTHEST_M, FARTHEST_M)
+        gain = np.zeros((worlds, candidates))
+        first, second = felt.shape[1], felt.shape[1] + candidates * fingers
+        for world in np.flatnonzero(free.any(1)):
+            known = np.flatnonzero(belief.evidence.mask[world])
+            field = _Field(places[world], slopes[world], self.length_m,
+                           known, residual[world, known])
+            gain[world] = field.falls(
+                np.arange(first, second).reshape(candidates, fingers), found[world],
+                np.arange(second, places.shape[1]), weight[world])
+        if self.per_second and self.last is not None:
+            gain /= BASE_TIME_S + travel_time(belief.arm, belief.hand, self.last, poses)
+        return gain
+
+
+class _Field:
+    """One world's distances between the true surface and the body believed, given touches."""
+
+    def __init__(self, places: np.ndarray, slopes: np.ndarray, length: float,
+                 known: np.ndarray, residual: np.ndarray) -> None:
+        self.places, self.slopes, self.length, self.known = places, slopes, length, known
+        self.misfit, self.factor = UNFELT_M, np.zeros((0, 0))
+        if len(known):
+            scores = []
+            for misfit in MISFITS_M:
+                factor = self._known(misfit)
+                white = np.linalg.solve(factor, residual)
+                scores.append(-0.5 * white @ white - np.log(np.diag(factor)).sum())
+            self.misfit = MISFITS_M[int(np.argmax(scores))]
+            self.factor = self._known(self.misfit)
+
+    def _known(self, misfit: float) -> np.ndarray:
+        covariance = self._prior(self.known, self.known, misfit)
+        return np.linalg.cholesky(covariance + NOISE_M**2 * np.eye(len(self.known)))
+
+    def _prior(self, one: np.ndarray, other: np.ndarray, misfit: float) -> np.ndarray:
+        """Covariance (..., n, m) [m^2] before any touch, of places numbered `one` and `other`."""
+        a, b = self.places[one], self.places[other]
+        square = ((a**2).sum(-1)[..., :, None] + (b**2).sum(-1)[..., None, :]
+                  - 2.0 * a @ np.swapaxes(b, -1, -2))
+        scaled = np.sqrt(3.0 * np.maximum(square, 0.0)) / self.length
+        return (misfit**2 * (1.0 + scaled) * np.exp(-scaled)
+                + self.slopes[one] @ np.swapaxes(self.slopes[other], -1, -2))
+
+    def falls(self, touches: np.ndarray, found: np.ndarray, surface: np.ndarray,
+              weight: np.ndarray) -> np.ndarray:
+        """Of the mean standard deviation over `surface`, for each row of `touches`."""
+        flat = touches.reshape(-1)
+        to_touch = np.linalg.solve(self.factor, self._prior(self.known, flat, self.misfit))
+        to_surface = np.linalg.solve(self.factor, self._prior(self.known, surface, self.misfit))
+        by_pose = to_touch.T.reshape(*touches.shape, len(self.known))
+        within = (self._prior(touches, touches, self.misfit)
+                  - by_pose @ np.swapaxes(by_pose, -1, -2))
+        across = (self._prior(flat, surface, self.misfit)
+                  - to_touch.T @ to_surface).reshape(*touches.shape, -1)
+        both = found[:, :, None] & found[:, None]
+        within = np.where(both, within, 0.0) + NOISE_M**2 * np.eye(touches.shape[1])
+        across = np.where(found[..., None], across, 0.0)
+        before = (self.misfit**2 + (self.slopes[surface]**2).sum(-1) - (to_surface**2).sum(0))
+        explained = (across * np.linalg.solve(within, across)).sum(1)
+        after = np.maximum(before - explained, 0.0)
+        fall = np.sqrt(np.maximum(before, 0.0)) - np.sqrt(after)
+        return fall @ weight / max(weight.sum(), 1e-12)
+
+
+def parameter_prior(body: Superquadric) -> np.ndarray:
+    """Standard deviations of the tangent `fit.superquadric.uncertainty.TANGENT` before any touch,
+    (world, 15), of a body that stands on the table near a told place [est]."""
+    axes = matrix_of_quaternion(body.quaternion_xyzw)
+    upright = np.abs(axes[:, 2]).argmax(1)
+    one = np.ones(len(axes))
+    turns = np.where(np.arange(3) == upright[:, None], 0.5, 0.02)
+    taper = 0.4 * (upright == 2)
+    return np.stack([0.3 * one, 0.3 * one, 0.3 * one, 0.4 * one, 0.4 * one, *turns.T,
+                     0.02 * one, 0.02 * one, 0.02 * one, taper, taper, 0 * one, 0 * one], axis=1)

@@ -1,0 +1,67 @@
+"""From a strategy's record to the planner that carries it out, and to its budget."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from strategies.planners.ordered import OrderedPlanner
+from strategies.planners.register import Planner
+from strategies.planners.registry import make_planner
+from strategies.poses.waypoints import BoundingCylinder
+from strategies.procedures.options import ContourTable, DecideTable, PlanarTable
+from strategies.procedures.stereo_axis import see_axis
+from strategies.recovery.belief import Belief
+from strategies.strategy import Strategy
+from warpgrasp.parameters import StereoTable
+from warpgrasp.robot import Robot
+
+MOST_STEPS = 64
+"""Steps of a planner that goes by what it finds, for it might never end."""
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Limits of one episode; a world at any of them is asked for nothing more."""
+
+    touches: int | None = None
+    """Guarded closings and pad touches. A batch of grasps is cut so as not to pass it by more than
+    the last hand pose."""
+    robot_time_s: float | None = None
+    """Looked at between steps."""
+    volume_ratio: float | None = None
+    """Stop when the 90 % interval of the volume, upper over lower bound, is below this (> 1)."""
+    steps: int | None = MOST_STEPS
+    """Steps in which the world wanted something; None where a strategy is known to end."""
+
+
+def within_budget(budget: Budget, belief: Belief) -> np.ndarray:
+    """Worlds that may go on, bool (world,)."""
+    on = np.ones(belief.worlds, bool)
+    if budget.touches is not None:
+        on &= belief.touches < budget.touches
+    if budget.robot_time_s is not None:
+        on &= belief.time_s < budget.robot_time_s
+    if budget.volume_ratio is not None and belief.step and belief.fitted.any():
+        low, high = belief.uncertainty.volume_interval_m3().T
+        on &= ~(belief.fitted & (high <= budget.volume_ratio * low))
+    return on
+
+
+def planner_of(
+    strategy: Strategy, planar: PlanarTable, contour: ContourTable, decide: DecideTable,
+    stereo: StereoTable, robot: Robot, told: BoundingCylinder
+) -> Planner:
+    """A fresh planner for one batch. Raises PlannerError for one that cannot be found or made."""
+    if strategy.call:
+        return make_planner(strategy.call, dict(strategy.options))
+    seen = None
+    if contour.axis == "stereo" and {"contour", "decide"} & set(strategy.order):
+        target = np.stack([told.x_m, told.y_m, told.height_m / 2], 1)
+        seen = see_axis(robot, target, stereo)
+    return OrderedPlanner(strategy, planar, contour, decide, seen)
+
+
+def budget_of(strategy: Strategy) -> Budget:
+    """The budget a strategy sets itself; an order given in advance ends as it is."""
+    return Budget(strategy.touches, strategy.robot_time_s, strategy.volume_ratio,
+                  MOST_STEPS if strategy.call else None)

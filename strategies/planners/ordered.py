@@ -1,0 +1,84 @@
+"""The planner of strategies given in advance: procedures in their order, `decide` among them."""
+
+import numpy as np
+
+from strategies.planners.next_procedure import (
+    contour_to_follow,
+    decide,
+    faces_to_cross,
+    flat_topped,
+    top_to_cross,
+)
+from strategies.planners.probes import CrossFaces, Grasp, Probe, wanted_of
+from strategies.poses.hand_poses import waypoint_poses
+from strategies.procedures.options import ContourTable, DecideTable, PlanarTable
+from strategies.procedures.stereo_axis import StereoAxis
+from strategies.recovery.belief import Belief
+from strategies.strategy import Strategy
+
+
+class OrderedPlanner:
+    """Carries out `Strategy.order`; what each step wants depends on the body believed by then."""
+
+    def __init__(self, strategy: Strategy, planar: PlanarTable, contour: ContourTable,
+                 decide_by: DecideTable, seen: StereoAxis | None = None) -> None:
+        """`seen` is the axis that the cameras saw, where `contour.axis` asks for it."""
+        self.strategy, self.seen = strategy, seen
+        self.planar, self.contour, self.decide_by = planar, contour, decide_by
+        self.parts: list[tuple[str, np.ndarray | None]] | None = None
+        self.crossing = np.zeros(0, bool)
+        """Worlds that were sent to cross a face, (world,)."""
+        self.chosen = ""
+        """Of the last `decide`, for a figure or a test: which procedure in which world."""
+
+    def __call__(self, belief: Belief) -> list[Probe]:
+        """The probes of the next step that wants anything."""
+        if self.parts is None:
+            self.parts = self._parts(belief)
+            self.crossing = np.zeros(belief.worlds, bool)
+        while self.parts:
+            name, poses = self.parts.pop(0)
+            probes = self._probes(name, poses, belief)
+            for probe in probes:
+                if isinstance(probe, CrossFaces):
+                    self.crossing |= wanted_of(probe, belief.worlds).any(1)
+            if any(p.wanted is None or p.wanted.any() for p in probes):
+                return probes
+        return []
+
+    def _parts(self, belief: Belief) -> list[tuple[str, np.ndarray | None]]:
+        """The order, each containment with its poses, cut where a fit is wanted between."""
+        strategy = self.strategy
+        poses = waypoint_poses(strategy.waypoints, belief.told, belief.hand, belief.seed)
+        times = max(strategy.order.count("containment"), 1)
+        shares = iter(np.array_split(poses, times, axis=1))
+        parts: list[tuple[str, np.ndarray | None]] = []
+        for name in strategy.order:
+            if name != "containment":
+                parts.append((name, None))
+                continue
+            share = next(shares)
+            step = strategy.refit_every or max(share.shape[1], 1)
+            parts += [("containment", share[:, k:k + step])
+                      for k in range(0, share.shape[1], step)]
+        return parts
+
+    def _probes(self, name: str, poses: np.ndarray | None, belief: Belief) -> list[Probe]:
+        everywhere = np.ones(belief.worlds, bool)
+        if name == "containment":
+            assert poses is not None
+            return [Grasp(poses)]
+        if name == "planar":
+            return [faces_to_cross(belief, self.planar, everywhere & belief.active)]
+        if name == "contour":
+            return [contour_to_follow(belief, self.contour, belief.active, self.seen)]
+        blocky, round_ = decide(belief, self.decide_by)
+        probes: list[Probe] = [
+            faces_to_cross(belief, self.planar, blocky & belief.active),
+            contour_to_follow(belief, self.contour, round_ & belief.active, self.seen)]
+        if self.decide_by.ends:
+            ended = belief.active & belief.fitted & ~self.crossing
+            flat = round_ & ended & flat_topped(belief, self.decide_by)
+            top = top_to_cross(belief, self.planar, flat)
+            probes.append(CrossFaces(top.point_m, top.normal, top.wanted, top.options))
+        return probes

@@ -1,0 +1,79 @@
+"""The body a planner goes by while little was felt: what was felt and what was told, in one fit.
+
+A superquadric fitted to the contacts of a grasp or two may lie anywhere beside them, and the told
+cylinder alone stays where it was told however clearly touches contradict it. So points of the told
+cylinder's surface join the contacts, as uncertain as what was told: they say what no touch has said
+yet, and nothing any more where touches have.
+"""
+
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+
+from fit.arrays import rows_of
+from fit.fit_status import FitStatus
+from fit.superquadric.fit import fit_superquadric
+from fit.superquadric.record import SuperquadricOptions
+from strategies.poses.waypoints import TOLD_MARGIN_M, BoundingCylinder
+from strategies.recovery.belief import Belief
+from strategies.recovery.choose_model import or_told, plausible
+from strategies.recovery.misfit import touch_misfit
+
+TRUSTED_FROM = 32
+"""Contacts from which a fit to them alone is the better guide [est]."""
+DISTRUSTED_M = 0.003
+"""A fit whose touches lie this far off in the mean is no guide [est]."""
+TOLD_SIGMA_M = TOLD_MARGIN_M / 2
+"""A surface told: three times its error is the margin, and bodies are not cylinders [est]."""
+LEAST_RADIUS_M = 0.010
+_AROUND, _LEVELS = 8, 3
+_OPTIONS = SuperquadricOptions(taper=True, residual="radial", loss="cauchy", iterations=12)
+
+
+def planning_belief(
+    belief: Belief, larger_m: np.ndarray | float = 0.0
+) -> tuple[Belief, np.ndarray]:
+    """The belief with a body that is a guide to where touches will be found, in every world, and
+    in which worlds that is the fit to touches alone, bool (world,).
+
+    `larger_m` (world,) is by how much the told cylinder is taken to be larger than told.
+    """
+    evidence, told = belief.evidence, belief.told
+    told = replace(told, radius_m=np.maximum(told.radius_m + larger_m, LEAST_RADIUS_M),
+                   height_m=told.height_m + np.maximum(larger_m, 0.0))
+    count = evidence.mask.sum(1)
+    trusted = (belief.fitted & (count >= TRUSTED_FROM))
+    if trusted.any():
+        trusted &= touch_misfit(belief.fits, evidence) < DISTRUSTED_M
+    body = or_told(belief.body, told, trusted)
+    rows = np.flatnonzero(~trusted & (count > 0) & belief.active)
+    if len(rows) == 0:
+        return replace(belief, body=body), trusted
+    told = rows_of(told, rows)
+    points = told_surface(told)
+    spread = np.tile(TOLD_SIGMA_M**2 * np.eye(3), (*points.shape[:2], 1, 1))
+    fits = fit_superquadric(
+        np.concatenate([evidence.points_m[rows], points], 1),
+        np.concatenate([evidence.mask[rows], np.ones(points.shape[:2], bool)], 1),
+        covariance=np.concatenate([evidence.covariance_m2[rows], spread], 1), table_z=0.0,
+        free_points=evidence.free_m[rows], free_radius=evidence.free_radius_m,
+        free_mask=evidence.free_mask[rows], options=_OPTIONS)
+    good = np.isin(fits.status, (FitStatus.converged, FitStatus.not_converged))
+    guide = or_told(fits, told, good & plausible(fits, told))
+    for whole, part in zip(body, guide, strict=True):
+        whole[rows] = part
+    return replace(belief, body=body), trusted
+
+
+def told_surface(told: BoundingCylinder) -> np.ndarray:
+    """Points on sides and top of told cylinders, (world, point, 3) [m]."""
+    angle = 2 * pi * np.arange(_AROUND) / _AROUND
+    share = np.concatenate([np.repeat((np.arange(_LEVELS) + 0.5) / _LEVELS, _AROUND),
+                            np.ones(1 + _AROUND // 2)])
+    out = np.concatenate([np.ones(_LEVELS * _AROUND), [0.0], np.full(_AROUND // 2, 0.6)])
+    angle = np.concatenate([np.tile(angle, _LEVELS), [0.0], angle[::2]])
+    return np.stack([
+        told.x_m[:, None] + told.radius_m[:, None] * out * np.cos(angle),
+        told.y_m[:, None] + told.radius_m[:, None] * out * np.sin(angle),
+        told.height_m[:, None] * share], -1)

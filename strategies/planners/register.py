@@ -1,0 +1,74 @@
+"""What a planner is, and its registration under a name.
+
+    @planner("mine", "grasps where it likes")
+    def mine(belief: Belief) -> list[Probe]: ...
+
+A class or a function that takes keyword options works too: what is registered is called with the
+options of the strategy, if there are any, and returns the planner itself; a function of one
+argument is the planner.
+"""
+
+import inspect
+import traceback
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Protocol, TypeVar
+
+from strategies.planners.probes import Grasp, Probe, ProbeError
+from strategies.recovery.belief import Belief
+from strategies.recovery.choose_model import Recovered
+
+Maker = TypeVar("Maker", bound=Callable[..., Any])
+PLANNERS: dict[str, tuple[Callable[..., Any], str]] = {}
+
+
+def planner(name: str, doc: str = "") -> Callable[[Maker], Maker]:
+    """Register a planner under a name, for `strategy = "name"` in a spec."""
+    def register(found: Maker) -> Maker:
+        PLANNERS[name] = (found, doc or first_line(found))
+        return found
+
+    return register
+
+
+def first_line(found: Any) -> str:
+    """The first line of a docstring."""
+    return (inspect.getdoc(found) or "").partition("\n")[0]
+
+
+class Planner(Protocol):
+    """A strategy at work: what to do next, given what is believed."""
+
+    def __call__(self, belief: Belief, /) -> Sequence[Probe]: ...  # noqa: D102
+
+
+class Foreseeing(Protocol):
+    """A planner that may try a grasp on a copy of the episode: the oracle."""
+
+    foresee: Callable[[Grasp], Recovered] | None
+
+
+def fault_text(planner: Callable[..., Any], error: BaseException) -> str:
+    """One line: where the strategy failed (the last line of its own file) and how."""
+    if isinstance(error, ProbeError):
+        return f"{place_of(planner)}: {error}"
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [f for f in frames if f.filename == _code_of(planner)[0]]
+    if not own:  # of what it answered with
+        return f"{place_of(planner)}: {type(error).__name__}: {error}"[:400].replace("\n", " ")
+    where = f"{Path(own[-1].filename).name}:{own[-1].lineno}: {own[-1].name}"
+    return f"{where}: {type(error).__name__}: {error}"[:400].replace("\n", " ")
+
+
+def place_of(planner: Callable[..., Any]) -> str:
+    """File, line and name of a strategy, for a message."""
+    file, line, name = _code_of(planner)
+    return f"{Path(file).name}:{line}: {name}"
+
+
+def _code_of(planner: Callable[..., Any]) -> tuple[str, int, str]:
+    call = planner if hasattr(planner, "__code__") else type(planner).__call__
+    code = getattr(call, "__code__", None)
+    if code is None:
+        return "", 0, repr(planner)
+    return code.co_filename, code.co_firstlineno, code.co_name

@@ -1,0 +1,12 @@
+"""Hand poses around an object, postures of the hand, and closing paths."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "closing_paths": ["CLOSING_PATHS", "closing_commands"],
+    "hand_poses": ["pose_about", "poses_from_csv", "waypoint_poses"],
+    "postures": ["INDEX", "PINCH_OPEN_RAD", "POKE_RAD", "THUMB", "pinch_commands", "poke_tip_m",
+        "poking_pose"],
+    "waypoints": ["BoundingCylinder", "Column", "Hemisphere", "Opposing", "Placement", "Random",
+        "Ring", "Spiral", "TOLD_MARGIN_M", "Top", "WAYPOINT_KINDS", "WaypointError"],
+})

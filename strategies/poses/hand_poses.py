@@ -1,0 +1,203 @@
+"""From waypoint families to hand poses, for a whole batch of told bounding cylinders."""
+
+import csv
+from collections.abc import Callable, Sequence
+from math import isfinite, pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from strategies.poses.waypoints import (
+    BoundingCylinder,
+    Column,
+    Csv,
+    Hemisphere,
+    Opposing,
+    Placement,
+    Random,
+    Ring,
+    Spiral,
+    Top,
+    WaypointError,
+)
+from warpgrasp.core.random import Purpose, counter_key_host, counter_uniform_host
+from warpgrasp.parameters import HandTable
+
+TABLE_CLEARANCE_M = 0.010
+THIN_RADIUS_M = 0.020
+LEVEL = 0.1
+"""An approach that comes down less than this for each metre clears no table by backing off."""
+CSV_COLUMNS = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
+
+
+def waypoint_poses(
+    waypoints: Sequence[object], told: BoundingCylinder, hand: HandTable, key: np.ndarray
+) -> np.ndarray:
+    """Hand poses of all families, one after the other, shape (world, probe, 7).
+
+    Position [m] and quaternion xyzw in the robot's base frame. `key` (world,) uint64 draws the
+    random families. Raises WaypointError for a file that cannot be used.
+    """
+    stream = counter_key_host(key, int(Purpose.WAYPOINT))
+    return np.concatenate([
+        _FAMILY[type(family)](family, told, hand, counter_key_host(stream, number))
+        for number, family in enumerate(waypoints)], axis=1)
+
+
+def pose_about(
+    told: BoundingCylinder, azimuth: np.ndarray, tilt: np.ndarray, roll: np.ndarray,
+    aim: np.ndarray, aim_out: float, clearance_m: float, per_radius: float, hand: HandTable
+) -> np.ndarray:
+    """Hand poses about told cylinders, all angles [rad] of shape (world, probe) or broadcast to it.
+
+    Angles and `aim` as the module `waypoints` defines them; a hand whose open fingers would come
+    within TABLE_CLEARANCE_M of the table backs off along its approach, or, where that is level or
+    from below, is raised. Shape (world, probe, 7).
+    """
+    x, y, radius, height = (v[:, None] for v in (told.x_m, told.y_m, told.radius_m, told.height_m))
+    azimuth, tilt, roll, aim, _ = np.broadcast_arrays(azimuth, tilt, roll, aim, x + azimuth)
+    angle = azimuth + np.arctan2(-y, -x)
+    sin_t, cos_t = np.sin(tilt), np.cos(tilt)
+    approach = np.stack([-np.cos(angle) * sin_t, -np.sin(angle) * sin_t, -cos_t], -1)
+    level = np.stack([-np.sin(angle), np.cos(angle), np.zeros_like(angle)], -1)
+    third = np.cross(approach, level)
+    c, s = np.cos(roll)[..., None], np.sin(roll)[..., None]
+    frame = np.stack([c * level + s * third, c * third - s * level, approach], -1)
+    with np.errstate(divide="ignore"):
+        out = radius * aim_out
+        sideways = np.where(sin_t > 1e-9, (radius - out) / np.maximum(sin_t, 1e-9), np.inf)
+        end = np.where(cos_t > 0, height * (1 - aim), height * aim)
+        endways = np.where(np.abs(cos_t) > 1e-9, end / np.maximum(np.abs(cos_t), 1e-9), np.inf)
+    # A hand opens only so far: what does not fit between its fingers is touched from farther off.
+    stay = clearance_m + per_radius * np.maximum(radius - THIN_RADIUS_M, 0.0)
+    away = np.maximum(np.minimum(sideways, endways), 0.0) + stay
+    centre = np.stack([x + out * np.cos(angle), y + out * np.sin(angle), aim * height], -1)
+    place = centre - approach * away[..., None]
+    lowest = place[..., 2] + _open_fingers_below(hand, frame)
+    short = np.maximum(TABLE_CLEARANCE_M - lowest, 0.0)
+    level_or_up = cos_t < LEVEL
+    back = np.where(level_or_up, 0.0, short / np.maximum(cos_t, LEVEL))
+    place = place - approach * back[..., None]
+    place[..., 2] += np.where(level_or_up, short, 0.0)
+    turn = Rotation.from_matrix(frame.reshape(-1, 3, 3)).as_quat().reshape(*aim.shape, 4)
+    return np.concatenate([place, turn], -1)
+
+
+def _open_fingers_below(hand: HandTable, frame: np.ndarray) -> np.ndarray:
+    """Height of the lowest point of the open fingers over the hand's origin [m], (world, probe)."""
+    spread = -hand.flexion_low_rad[0]
+    length = sum(hand.link_length_m)
+    x = hand.palm_gap_m / 2 + length * np.sin(spread)
+    z = hand.abduction_offset_m + length * np.cos(spread)
+    tips = np.array([(sx * x, y * hand.finger_spacing_m, z) for sx in (-1, 1) for y in (-1, 1)])
+    return np.einsum("wpk,tk->wpt", frame[..., 2, :], tips).min(-1) - hand.link_radius_m
+
+
+def _about(f: Placement, told: BoundingCylinder, hand: HandTable, azimuth: np.ndarray, *,
+           tilt: Any = None, roll: Any = None, aim: Any = None) -> np.ndarray:
+    return pose_about(told, np.atleast_2d(azimuth) + f.azimuth_rad,
+                      np.asarray(f.tilt_rad if tilt is None else tilt),
+                      np.asarray(0.0 if roll is None else roll) + f.roll_rad,
+                      np.asarray(f.aim if aim is None else aim), f.aim_out,
+                      f.palm_clearance_m, f.clearance_per_radius, hand)
+
+
+def _ring(f: Ring, told: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np.ndarray:
+    return _about(f, told, hand, 2 * pi * np.arange(f.count) / f.count)
+
+
+def _column(f: Column, told: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np.ndarray:
+    level = np.arange(f.count) % f.levels
+    around = np.arange(f.count) // f.levels
+    per_level = -(-f.count // f.levels)
+    # Each level is turned by a share of the spacing, so that no two fingers retrace a line.
+    azimuth = 2 * pi * (around + level / f.levels) / per_level
+    share = level / max(1, f.levels - 1)
+    return _about(f, told, hand, azimuth, aim=f.aim_low + (f.aim_high - f.aim_low) * share)
+
+
+def _opposing(f: Opposing, told: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np.ndarray:
+    pair = np.arange(f.count) // 2
+    pairs = -(-f.count // 2)
+    return _about(f, told, hand, pi * pair / pairs + pi * (np.arange(f.count) % 2))
+
+
+def _top(f: Top, told: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np.ndarray:
+    roll = pi * np.arange(f.count) / f.count
+    return _about(f, told, hand, np.zeros(f.count), tilt=0.0, roll=roll)
+
+
+def _random(f: Random, told: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np.ndarray:
+    draw = counter_uniform_host(counter_key_host(
+        key[:, None, None], np.arange(f.count)[None, :, None], np.arange(4)))
+    cos_tilt = 1.0 - draw[..., 1] * (1.0 - np.cos(f.tilt_rad))
+    return _about(f, told, hand, 2 * pi * draw[..., 0], tilt=np.arccos(cos_tilt),
+                  roll=2 * pi * draw[..., 2],
+                  aim=f.aim_low + (f.aim_high - f.aim_low) * draw[..., 3])
+
+
+def _spiral(f: Spiral, told: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np.ndarray:
+    share = np.arange(f.count) / max(1, f.count - 1)
+    return _about(f, told, hand, 2 * pi * f.turns * share,
+                  aim=f.aim_low + (f.aim_high - f.aim_low) * share)
+
+
+def _hemisphere(f: Hemisphere, told: BoundingCylinder, hand: HandTable,
+                key: np.ndarray) -> np.ndarray:
+    # Swinbank and Purser 2006, Fibonacci grids: equal areas, azimuths by the golden angle.
+    share = (np.arange(f.count) + 0.5) / f.count
+    tilt = np.arccos(1.0 - share * (1.0 - np.cos(f.tilt_rad)))
+    return _about(f, told, hand, pi * (3.0 - np.sqrt(5.0)) * np.arange(f.count), tilt=tilt)
+
+
+def _csv(f: Csv, told: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np.ndarray:
+    poses = poses_from_csv(Path(f.file))
+    return np.broadcast_to(poses, (len(told.x_m), *poses.shape)).copy()
+
+
+_FAMILY: dict[type, Callable[[Any, BoundingCylinder, HandTable, np.ndarray], np.ndarray]] = {
+    Ring: _ring, Column: _column, Opposing: _opposing, Top: _top, Random: _random,
+    Spiral: _spiral, Hemisphere: _hemisphere, Csv: _csv,
+}
+
+
+def poses_from_csv(path: Path) -> np.ndarray:
+    """Hand poses of a file with columns x_m, y_m, z_m, qx, qy, qz, qw, shape (probe, 7).
+
+    Raises WaypointError naming the line: text for a number, NaN, a quaternion far from length 1.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.reader(file))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise WaypointError(f"{path}: cannot be read: {error}") from None
+    if not rows or tuple(c.strip() for c in rows[0]) != CSV_COLUMNS:
+        raise WaypointError(f"{path}:1: the first line must be {','.join(CSV_COLUMNS)}")
+    poses: list[list[float]] = []
+    for number, row in enumerate(rows[1:], 2):
+        if not row:
+            continue
+        if len(row) != len(CSV_COLUMNS):
+            raise WaypointError(f"{path}:{number}: {len(row)} cells, {len(CSV_COLUMNS)} are wanted")
+        values = []
+        for column, cell in zip(CSV_COLUMNS, row, strict=True):
+            try:
+                value = float(cell)
+            except ValueError:
+                raise WaypointError(
+                    f"{path}:{number}: {column}: {cell!r} is not a number") from None
+            if not isfinite(value):
+                raise WaypointError(f"{path}:{number}: {column}: {cell.strip()} is not finite")
+            values.append(value)
+        norm = float(np.linalg.norm(values[3:]))
+        if abs(norm - 1.0) > 1e-3:
+            raise WaypointError(f"{path}:{number}: qx..qw: a quaternion of length {norm:.4g}; 1 is "
+                                "right")
+        poses.append([*values[:3], *(v / norm for v in values[3:])])
+    if not poses:
+        raise WaypointError(f"{path}: no poses in it")
+    if len(poses) > 256:
+        raise WaypointError(f"{path}: {len(poses)} poses; at most 256")
+    return np.asarray(poses)

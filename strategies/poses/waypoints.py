@@ -1,0 +1,123 @@
+"""Waypoint families: hand poses around an object of roughly known place and size.
+
+A family places poses about the bounding cylinder a strategy is told (place, radius, height, all
+with errors). The hand's z axis is its approach direction; `tilt` is the angle between the approach
+and straight down (0: from above, 90 deg: level); `azimuth` is where the hand stands around the
+object, 0 being the side of the robot's base; `roll` turns the hand about its approach, 0 having the
+fingers close horizontally. `aim` is the height aimed at, as a fraction of the object's;
+`aim_out` moves that point from the axis towards the hand, 1 being the rim.
+"""
+
+from dataclasses import dataclass, field
+from math import pi, radians
+from typing import Any
+
+import numpy as np
+
+TOLD_MARGIN_M = 0.03
+"""Three standard deviations of each number told."""
+
+
+class WaypointError(ValueError):
+    """A waypoint table or file that cannot be used; the message says where and what is right."""
+
+
+@dataclass(frozen=True)
+class BoundingCylinder:
+    """What a strategy is told of each object: upright cylinders on the table, shape (world,)."""
+
+    x_m: np.ndarray
+    y_m: np.ndarray
+    radius_m: np.ndarray
+    height_m: np.ndarray
+
+
+def _number(default: Any, low: float, high: float, doc: str) -> Any:
+    return field(default=default, metadata={"low": low, "high": high, "doc": doc})
+
+
+_COUNT = {"low": 1, "high": 256, "doc": "poses"}
+
+
+@dataclass(frozen=True)
+class Placement:
+    """What every family shares: how far the palm stays away, which way the hand is turned."""
+
+    palm_clearance_m: float = _number(0.040, -0.05, 0.3, "palm to a thin object's told cylinder")
+    clearance_per_radius: float = _number(1.5, 0.0, 5.0,
+                                          "further away by this times the radius over 20 mm")
+    roll_rad: float = _number(0.0, -2 * pi, 2 * pi, "turn about the approach direction")
+    azimuth_rad: float = _number(0.0, -2 * pi, 2 * pi, "azimuth of the first pose")
+    tilt_rad: float = _number(radians(55), 0.0, pi, "between approach and straight down")
+    aim: float = _number(0.5, -1.0, 2.0, "height aimed at / height of the object")
+    aim_out: float = _number(0.0, -2.0, 2.0, "aimed off the axis, towards the hand / radius")
+
+
+@dataclass(frozen=True)
+class Ring(Placement):
+    """Poses evenly around the object at one tilt and height."""
+
+    count: int = field(default=6, metadata=_COUNT)
+
+
+@dataclass(frozen=True)
+class Column(Placement):
+    """A ring repeated up the object: `count` poses in all, spread over `levels` heights."""
+
+    count: int = field(default=9, metadata=_COUNT)
+    levels: int = _number(3, 1, 32, "heights, evenly from `aim_low` to `aim_high`")
+    aim_low: float = _number(0.25, -1.0, 2.0, "lowest height / height of the object")
+    aim_high: float = _number(0.75, -1.0, 2.0, "highest height / height of the object")
+
+
+@dataclass(frozen=True)
+class Opposing(Placement):
+    """Pairs of poses half a turn apart, the pairs evenly turned against each other."""
+
+    count: int = field(default=6, metadata=_COUNT)
+
+
+@dataclass(frozen=True)
+class Top(Placement):
+    """Straight from above, the rolls evenly over half a turn."""
+
+    count: int = field(default=2, metadata=_COUNT)
+
+
+@dataclass(frozen=True)
+class Random(Placement):
+    """Directions even over the part of the sphere above `tilt_rad`, any roll, any height."""
+
+    count: int = field(default=6, metadata=_COUNT)
+    aim_low: float = _number(0.25, -1.0, 2.0, "lowest height aimed at")
+    aim_high: float = _number(0.75, -1.0, 2.0, "highest height aimed at")
+
+
+@dataclass(frozen=True)
+class Spiral(Placement):
+    """Up the object as on a screw: height rises as the azimuth goes `turns` times around."""
+
+    count: int = field(default=12, metadata=_COUNT)
+    turns: float = _number(2.0, 0.0, 64.0, "times around from the first pose to the last")
+    aim_low: float = _number(0.2, -1.0, 2.0, "height aimed at first / height of the object")
+    aim_high: float = _number(0.9, -1.0, 2.0, "height aimed at last")
+
+
+@dataclass(frozen=True)
+class Hemisphere(Placement):
+    """Directions evenly over the part of the sphere above `tilt_rad` (a Fibonacci lattice)."""
+
+    count: int = field(default=12, metadata=_COUNT)
+
+
+@dataclass(frozen=True)
+class Csv:
+    """Poses from a file: x_m, y_m, z_m, qx, qy, qz, qw of the hand in the robot's base frame."""
+
+    file: str = field(default="", metadata={"doc": "path, relative to the spec"})
+
+
+WAYPOINT_KINDS: dict[str, type] = {
+    "ring": Ring, "column": Column, "opposing": Opposing, "top": Top, "random": Random,
+    "spiral": Spiral, "hemisphere": Hemisphere, "csv": Csv,
+}

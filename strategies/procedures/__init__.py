@@ -1,0 +1,14 @@
+"""The exploratory procedures of Allen and Michelman (1990), and the touches they return."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "containment": ["explore_by_containment", "padded_commands"],
+    "contour_follower": ["Axis", "ContourExploration", "ContourOptions", "explore_contour"],
+    "contour_shape": ["Profile", "later_profile", "match_profiles", "profile_of", "with_profiles"],
+    "options": ["ContourTable", "DecideTable", "PlanarTable"],
+    "planar_explorer": ["PlanarExploration", "PlanarOptions", "explore_plane"],
+    "planar_faces": ["Face", "angle_between", "planes_of"],
+    "stereo_axis": ["StereoAxis", "see_axis"],
+    "touches": ["EndReason", "MissedTips", "REASON_TEXT", "TouchTable", "true_touches"],
+})

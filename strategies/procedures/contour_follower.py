@@ -1,0 +1,376 @@
+"""The contour follower (Allen and Michelman 1990, section IV-E): the third procedure.
+
+The hand opens around the object near one end of its axis. The thumb closes in steps until its pad
+feels, then the index finger; both places are noted, both back off, and arm and hand move a step
+along the axis, until a finger finds nothing. The axis is given: vertical, or an orientation that
+may be wrong by some degrees; each section's own centre steers the next.
+
+    found = explore_contour(robot, Axis.upright(told.x_m, told.y_m, told.height_m, told.radius_m))
+    profile = profile_of(found)                             # strategies.contour_profile
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from strategies.poses.postures import INDEX, PINCH_OPEN_RAD, THUMB, pinch_commands
+from strategies.procedures.touches import EndReason, MissedTips, TouchLog, TouchTable
+from warpgrasp.mechanism.arm_reach import hand_reachable
+from warpgrasp.probe_status import ProbeStatus
+from warpgrasp.robot import Robot
+from warpgrasp.touch.guarded_motion import LineTouch
+
+_PITCH_RAD = np.radians(30)
+_AZIMUTHS_RAD = np.radians([0, 25, -25, 50, -50, 75, -75])
+_BACK_OFF_M = 0.004
+_SHIFT_M = 0.006
+_LOW, _HIGH = 2.0, 1.0
+"""What a reachable place of the hand is worth at the lower end, and at the upper one."""
+_LOWER_END = 3 * _LOW  # for both swings, and the way in for one
+_ALL_REACHED = _LOWER_END + 2 * _HIGH
+_LEAST_REACH = 0.75  # wide objects: fingertips short of the axis by this share of the radius
+_FINGERS_PASS = 0.9  # by more, however much the hand is held off, they could pass in front of it
+_WIDEST_HALF_M = 0.041
+"""Half chord the open fingertips can stand astride with some room."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """An axis of exploration in each world, from its lower end up. Shapes start with (world,)."""
+
+    foot_m: np.ndarray
+    """Lower end, (world, 3)."""
+    direction: np.ndarray
+    """Unit, upwards, (world, 3)."""
+    length_m: np.ndarray
+    radius_m: np.ndarray
+    """Rough radius of the object, for how deep the fingers reach around it."""
+
+    @staticmethod
+    def upright(x_m: np.ndarray, y_m: np.ndarray, height_m: np.ndarray,
+                radius_m: np.ndarray) -> "Axis":
+        """Vertical axes standing on the table."""
+        zero = np.zeros_like(x_m)
+        return Axis(np.stack([x_m, y_m, zero], 1), np.stack([zero, zero, zero + 1.0], 1),
+                    height_m, radius_m)
+
+    def turned(self, error_rad: np.ndarray, about_rad: np.ndarray) -> "Axis":
+        """The axis as known with an angular error: tipped by `error_rad` towards an azimuth."""
+        tip = np.stack([np.cos(about_rad), np.sin(about_rad), np.zeros_like(about_rad)], 1)
+        tip -= (tip * self.direction).sum(1, keepdims=True) * self.direction
+        tip /= np.linalg.norm(tip, axis=1, keepdims=True)
+        return Axis(self.foot_m, np.cos(error_rad)[:, None] * self.direction
+                    + np.sin(error_rad)[:, None] * tip, self.length_m, self.radius_m)
+
+
+@dataclass(frozen=True)
+class ContourOptions:
+    """How a contour is followed [m]."""
+
+    step_m: float = 0.010
+    """Along the axis."""
+    finest_step_m: float = 0.0025
+    """The end is searched by halving the step down to this."""
+    beyond_m: tuple[float, float] = (0.005, -0.003)
+    """How far fingertips reach beyond the axis, section by section in turn."""
+    swing_rad: float = np.radians(20)
+    """The hand stands turned about the axis by this, one way and the other in turn."""
+    table_clear_m: float = 0.002
+    retreat_m: float = 0.10
+    """The hand comes from this far behind its first place."""
+    sidesteps_m: tuple[float, ...] = (0.0, 0.012, -0.012, 0.024, -0.024)
+    """Tried across the approach until the open fingers come around the object."""
+    most_sections: int = 80
+    most_blocked: int = 4
+    """Sections running without two touches that end the search."""
+
+
+@dataclass(frozen=True)
+class ContourExploration:
+    """The contours of each world's object."""
+
+    touches: TouchTable
+    """`part` is the section, upwards from 0; finger 3 is the thumb."""
+    reason: np.ndarray
+    """EndReason, (world,)."""
+    axis: Axis
+    """As given."""
+    found_m: np.ndarray
+    """Highest place along the axis where both fingers touched, from its foot, (world,)."""
+    nothing_m: np.ndarray
+    """Lowest place above it where a finger found nothing; NaN where none did."""
+    thrown_out: np.ndarray
+    """Closings blocked without tactile contact."""
+    time_s: np.ndarray
+    path_m: np.ndarray
+    missed: MissedTips
+    """Where the finger met nothing."""
+
+
+def explore_contour(
+    robot: Robot, axis: Axis, *, wanted: np.ndarray | None = None,
+    options: ContourOptions | None = None,
+) -> ContourExploration:
+    """Follow the contours of each world's object along its axis, upwards.
+
+    Worlds where `wanted` (world,) is False are left alone. An axis that cannot be used, or misses
+    the object, ends with a reason, never an exception.
+    """
+    return _Follower(robot, axis, wanted, options or ContourOptions()).run()
+
+
+class _Follower:
+    def __init__(self, robot: Robot, axis: Axis, wanted: np.ndarray | None,
+                 options: ContourOptions) -> None:
+        worlds = robot.worlds
+        if axis.foot_m.shape != (worlds, 3) or axis.direction.shape != (worlds, 3):
+            raise ValueError(f"axis {axis.foot_m.shape}, {axis.direction.shape}: ({worlds}, 3)")
+        self.robot, self.axis, self.o = robot, axis, options
+        length = np.linalg.norm(axis.direction, axis=1)
+        numbers = np.concatenate([axis.foot_m, axis.direction, axis.length_m[:, None],
+                                  axis.radius_m[:, None]], 1)
+        good = np.isfinite(numbers).all(1) & (length > 1e-9) & (axis.length_m > 0)
+        upright = np.where(good[:, None], axis.direction, [0.0, 0.0, 1.0])
+        self.along = upright / np.linalg.norm(upright, axis=1, keepdims=True)
+        self.foot = np.where(good[:, None], axis.foot_m, 0.0)
+        self.radius = np.where(good, axis.radius_m, 0.03)
+        self.reason = np.where(good, EndReason.GOING_ON, EndReason.BAD_START)
+        # Fingers wrap an axis that stands; a lying one would need the palm above it.
+        lying = self.along[:, 2] < np.cos(np.radians(40))
+        self.reason[good & lying] = EndReason.UNREACHABLE
+        self.along[lying] = [0.0, 0.0, 1.0]
+        if wanted is not None:
+            self.reason = np.where(wanted, self.reason, EndReason.COMPLETE)
+        self.offset = np.zeros((worlds, 3))  # measured centre against the axis as given
+        self.hold = np.zeros(worlds)  # how much farther off the hand stays, to clear the object
+        self.place = np.zeros(worlds)  # of the section, along the axis from its foot
+        self.step = np.full(worlds, options.step_m)
+        self.searching = np.zeros(worlds, bool)  # for the end, by halving
+        self.found = np.full(worlds, np.nan)
+        self.nothing = np.full(worlds, np.nan)
+        self.section = np.zeros(worlds, int)
+        self.missed = np.zeros(worlds, int)
+        self.thrown_out = np.zeros(worlds, int)
+        self.time, self.path = np.zeros(worlds), np.zeros(worlds)
+        self.frames = np.tile(np.eye(3), (worlds, 2, 1, 1))
+        self.log = TouchLog(worlds)
+
+    def run(self) -> ContourExploration:
+        self._choose_azimuth()
+        self._come_around()
+        while True:
+            rows = np.flatnonzero(self.reason == EndReason.GOING_ON)
+            if len(rows) == 0:
+                break
+            self._take_section(rows)
+        return ContourExploration(self.log.table(), self.reason, self.axis, self.found,
+                                  self.nothing, self.thrown_out, self.time, self.path,
+                                  self.log.missed())
+
+    @property
+    def frame(self) -> np.ndarray:
+        """Hand axes of the present sections as columns, (world, 3, 3); two sections a turn."""
+        return self.frames[np.arange(len(self.frames)), (self.section // 2) % 2]
+
+    def _choose_azimuth(self) -> None:
+        """From which side the hand comes, so that the arm reaches both ends of the axis."""
+        rows = np.flatnonzero(self.reason == EndReason.GOING_ON)
+        if len(rows) == 0:
+            return
+        low = self._lowest()
+        high = np.maximum(0.98 * self.axis.length_m, low)
+        best, frames = np.full(len(rows), -1.0), self.frames.copy()
+        for azimuth in _AZIMUTHS_RAD:
+            left = np.flatnonzero(best < _ALL_REACHED)
+            if len(left) == 0:
+                break
+            self.frames = np.stack([self._frame(azimuth + self.o.swing_rad),
+                                    self._frame(azimuth - self.o.swing_rad)], 1)
+            score = self._reaches(rows[left], low, high)
+            better = left[score > best[left]]
+            best[left] = np.maximum(best[left], score)
+            frames[rows[better]] = self.frames[rows[better]]
+        self.frames = frames
+        # At least the lower end, and the way in to it.
+        self.reason[rows[best < _LOWER_END]] = EndReason.UNREACHABLE
+        self.place = low
+
+    def _reaches(self, rows: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        """How much of the axis the arm reaches: the lower end and the way in count most."""
+        arm, hand = self.robot.arm, self.robot.hand
+        score = np.zeros(len(rows))
+        for turn in range(2):
+            self.section[:] = 2 * turn
+            self.place = low
+            poses = self._pose(rows)
+            behind = poses.copy()
+            behind[:, :3] -= self.frame[rows][:, :, 2] * self.o.retreat_m
+            score += _LOW * hand_reachable(arm, hand, poses)
+            score += _LOW * hand_reachable(arm, hand, behind) * (turn == 0)
+            self.place = high
+            score += _HIGH * hand_reachable(arm, hand, self._pose(rows))
+        self.section[:] = 0
+        return score
+
+    def _lowest(self) -> np.ndarray:
+        """Lowest section at which the pitched fingertips clear the table."""
+        tip = self.robot.hand.link_radius_m + self.robot.pads.thickness_m + self.o.table_clear_m
+        reach = max(self.o.beyond_m) + 0.004
+        return (tip + reach * np.sin(_PITCH_RAD) - self.foot[:, 2]) / self.along[:, 2]
+
+    def _frame(self, azimuth: float) -> np.ndarray:
+        """Hand axes as columns, (world, 3, 3): x across, z towards the axis and downwards."""
+        bearing = np.arctan2(self.foot[:, 1], self.foot[:, 0]) + azimuth
+        level = np.stack([np.cos(bearing), np.sin(bearing), np.zeros_like(bearing)], 1)
+        inward = level - (level * self.along).sum(1, keepdims=True) * self.along
+        inward /= np.linalg.norm(inward, axis=1, keepdims=True)
+        z = np.cos(_PITCH_RAD) * inward - np.sin(_PITCH_RAD) * self.along
+        x = np.cross(self.along, inward)
+        return np.stack([x, np.cross(z, x), z], 2)
+
+    def _pose(self, rows: np.ndarray, sideways: float = 0.0) -> np.ndarray:
+        """Hand poses astride the axis at the present sections, (row, 7)."""
+        hand = self.robot.hand
+        frame = self.frame[rows]
+        z = frame[:, :, 2]
+        tip = (hand.abduction_offset_m + sum(hand.link_length_m)) * np.cos(PINCH_OPEN_RAD[0, 0, 0])
+        # Wide objects are held short of their widest: the fingers open only so far.
+        wide = np.sqrt(np.maximum(self.radius[rows]**2 - _WIDEST_HALF_M**2, 0.0))
+        beyond = np.take(self.o.beyond_m, self.section[rows] % 2) - wide * (
+            1.0 + 0.4 * (self.section[rows] % 2))
+        beyond = np.maximum(beyond / np.cos(_PITCH_RAD), -_LEAST_REACH * self.radius[rows])
+        beyond = np.maximum(beyond - self.hold[rows], -_FINGERS_PASS * self.radius[rows])
+        centre = (self.foot[rows] + self.offset[rows]
+                  + self.along[rows] * self.place[rows][:, None])
+        # The fingertips, not the hand's middle, are to be at the section's height.
+        inward = z - (z * self.along[rows]).sum(1, keepdims=True) * self.along[rows]
+        target = centre + inward * beyond[:, None] + frame[:, :, 0] * sideways
+        place = target - z * tip
+        return np.concatenate([place, Rotation.from_matrix(frame).as_quat()], 1)
+
+    def _come_around(self) -> None:
+        """The open hand comes in; where it is barred it is tried again a little to the side."""
+        o = self.o
+        left = np.flatnonzero(self.reason == EndReason.GOING_ON)
+        for sideways in o.sidesteps_m:
+            if len(left) == 0:
+                return
+            z = self.frame[left][:, :, 2]
+            pose = self._pose(left, sideways)
+            start = pose.copy()
+            start[:, :3] -= z * o.retreat_m
+            interval = 0.002
+            touch = self.robot.guarded_line(
+                left, start, z, interval_m=interval, steps=round(o.retreat_m / interval),
+                finger=INDEX, commands_rad=PINCH_OPEN_RAD)
+            self._spend(left, touch)
+            stopped = np.isin(touch.status, (ProbeStatus.CONTACT, ProbeStatus.BLOCKED))
+            short = o.retreat_m - touch.steps * interval + _BACK_OFF_M
+            # Almost there, something of the hand meets the object: a little less deep will do.
+            shallow = stopped & (short < 0.6 * self.radius[left] + _BACK_OFF_M)
+            free = (touch.status == ProbeStatus.NO_CONTACT) | shallow
+            self.offset[left[free]] += self.frame[left[free]][:, :, 0] * sideways
+            self.hold[left[shallow]] += short[shallow]
+            self.reason[left[touch.status == ProbeStatus.UNREACHABLE]] = EndReason.UNREACHABLE
+            left = left[~free & (touch.status != ProbeStatus.UNREACHABLE)]
+        self.reason[left] = EndReason.START_BLOCKED
+
+    def _spend(self, rows: np.ndarray, touch: LineTouch) -> None:
+        self.time[rows] += touch.time_s
+        self.path[rows] += touch.path_m
+
+    def _take_section(self, rows: np.ndarray) -> None:
+        """Thumb, then index finger; what they found steers the hand to the next section."""
+        pose = self._pose(rows)
+        thumb, index = (self._close(rows, pose, finger) for finger in (THUMB, INDEX))
+        status = np.stack([thumb.status, index.status], 1)
+        both = (status == ProbeStatus.CONTACT).all(1)
+        nothing = (status == ProbeStatus.NO_CONTACT).any(1) & ~both
+        gone = (status == ProbeStatus.UNREACHABLE).any(1)
+        stopped = ~both & ~nothing & ~gone
+        self.thrown_out[rows] += (status == ProbeStatus.BLOCKED).sum(1)
+        self._steer(rows[both], thumb, index, np.flatnonzero(both))
+        self.section[rows] += 1
+        self.missed[rows] = np.where(stopped, self.missed[rows] + 1, 0)
+        self.reason[rows[gone]] = EndReason.UNREACHABLE
+        self.reason[rows[self.missed[rows] >= self.o.most_blocked]] = EndReason.BLOCKED
+        self.found[rows[both]] = np.fmax(self.found[rows[both]], self.place[rows[both]])
+        # Before the first touch the search goes on along the axis, up to its end.
+        never = nothing & np.isnan(self.found[rows])
+        nothing &= ~never
+        self.reason[rows[never & (self.place[rows] > self.axis.length_m[rows])]] = (
+            EndReason.NO_CONTACT)
+        self.nothing[rows[nothing]] = np.fmin(self.nothing[rows[nothing]],
+                                              self.place[rows[nothing]])
+        self._shift_from(rows[stopped], status[stopped])
+        self._advance(rows[~stopped], nothing[~stopped])
+        self.reason[rows[(self.section[rows] >= self.o.most_sections)
+                         & (self.reason[rows] == EndReason.GOING_ON)]] = EndReason.SPENT
+
+    def _close(self, rows: np.ndarray, pose: np.ndarray, finger: int) -> LineTouch:
+        commands = pinch_commands(finger)
+        touch = self.robot.guarded_line(
+            rows, pose, np.zeros((len(rows), 3)), interval_m=0.001, steps=commands.shape[1] - 1,
+            finger=finger, commands_rad=commands)
+        self._spend(rows, touch)
+        self.log.miss(rows, touch)
+        noted = np.isin(touch.status, (ProbeStatus.CONTACT, ProbeStatus.BLOCKED))
+        self.log.add(rows, touch, np.flatnonzero(noted), self.section[rows], finger,
+                     self.robot.line_count - 1)
+        return touch
+
+    def _shift_from(self, rows: np.ndarray, status: np.ndarray) -> None:
+        """A finger that cannot close, or stands against the object, says where the object is."""
+        hindered = np.isin(status, (ProbeStatus.BLOCKED, ProbeStatus.COLLISION))
+        self.offset[rows] += self.frame[rows][:, :, 0] * (
+            _SHIFT_M * hindered @ [1.0, -1.0])[:, None]
+        # An open hand that already touches is too narrow here: also hold it farther off.
+        self.hold[rows] += _SHIFT_M * np.where(hindered.all(1), 1.0, 0.5 * (
+            status == ProbeStatus.COLLISION).any(1))
+        self.place[rows[self.missed[rows] == 2]] += self.o.step_m
+
+    def _steer(self, rows: np.ndarray, thumb: LineTouch, index: LineTouch,
+               at: np.ndarray) -> None:
+        """Half way to the centre that the two places and their normals tell of this section."""
+        along = self.along[rows]
+        centre, radius = section_circle(thumb.point_m[at], thumb.normal[at], index.point_m[at],
+                                        index.normal[at], along)
+        axis_point = (self.foot[rows] + self.offset[rows])
+        miss = centre - axis_point
+        miss -= (miss * along).sum(1, keepdims=True) * along
+        size = np.linalg.norm(miss, axis=1, keepdims=True)
+        miss *= np.minimum(1.0, 0.015 / np.maximum(size, 1e-9))
+        self.offset[rows] += 0.5 * miss
+        self.radius[rows] += 0.5 * (np.clip(radius, 0.005, 0.08) - self.radius[rows])
+
+    def _advance(self, rows: np.ndarray, nothing: np.ndarray) -> None:
+        """Up a step; at the end half steps back and forth until it is known finely enough."""
+        self.searching[rows] |= nothing
+        halving = self.searching[rows]
+        self.step[rows] = np.where(halving, 0.5 * self.step[rows], self.step[rows])
+        self.place[rows] += np.where(nothing, -self.step[rows], self.step[rows])
+        ended = halving & (self.step[rows] < self.o.finest_step_m)
+        going = self.reason[rows] == EndReason.GOING_ON
+        self.reason[rows[ended & going]] = EndReason.END_OF_OBJECT
+
+
+def section_circle(
+    p1: np.ndarray, n1: np.ndarray, p2: np.ndarray, n2: np.ndarray, along: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Circle across `along` through two touches with outward normals, all (n, 3).
+
+    The centre lies at one radius behind both: the radius is the least squares of p1 - p2 against
+    n1 - n2. Returns centres (n, 3), at the mean height of the touches, and radii (n,) [m].
+    """
+    def across(v: np.ndarray) -> np.ndarray:
+        return v - (v * along).sum(1, keepdims=True) * along
+
+    m1, m2 = across(n1), across(n2)
+    m1 = m1 / np.maximum(np.linalg.norm(m1, axis=1, keepdims=True), 1e-9)
+    m2 = m2 / np.maximum(np.linalg.norm(m2, axis=1, keepdims=True), 1e-9)
+    apart = across(p1 - p2)
+    spread = m1 - m2
+    radius = (apart * spread).sum(1) / np.maximum((spread**2).sum(1), 1e-6)
+    centre = 0.5 * (p1 + p2 - radius[:, None] * (m1 + m2))
+    return centre, radius

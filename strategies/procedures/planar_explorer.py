@@ -1,0 +1,297 @@
+"""The planar surface explorer (Allen and Michelman 1990, section IV-D): the second procedure.
+
+With the index finger extended the arm approaches a face until the pad feels. From there the finger
+crosses the face: a) it lifts until contact is lost, b) steps along the surface, c) comes down until
+contact, d) again, until c fails. Then back to the first contact and the opposite way, and both ways
+across. A host-side state machine over the whole batch: worlds that are done are not touched again.
+
+    truth = Truth(body_pose)
+    robot = Robot([body], np.zeros(1, int), truth, key, ArmTable(), HandTable(), SensorTable())
+    found = explore_plane(robot, point_m, outward_normal)   # both (world, 3)
+    planes = planes_of(found)                               # strategies.planar_faces
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fit.rotation import matrix_of_quaternion, turn_points
+from strategies.poses.postures import INDEX, POKE_RAD, poke_tip_m, poking_pose
+from strategies.procedures.touches import EndReason, MissedTips, TouchLog, TouchTable
+from warpgrasp.mechanism.arm_reach import hand_reachable
+from warpgrasp.probe_status import ProbeStatus
+from warpgrasp.robot import Robot
+from warpgrasp.touch.guarded_motion import LineTouch, Until
+
+DIRECTIONS = 4  # along u both ways, then along v both ways
+_LEANS = np.radians([0, 45, -45, 90, -90, 135, -135, 180])
+_CROSS = np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]]) * 0.040
+"""Places along u and v [m] that the arm should reach, and the point where it approaches from."""
+_ALL_OF_CROSS = len(_CROSS) + 1
+_SHORTEST_STEP = 0.15
+_TURN_MOST_RAD = np.radians(55)  # a believed normal further off belongs to something else
+
+
+@dataclass(frozen=True)
+class PlanarOptions:
+    """How a face is crossed [m]."""
+
+    interval_m: float = 0.001
+    """Of a guarded line."""
+    stand_off_m: float = 0.030
+    """The approach starts this far before the point given."""
+    search_m: float = 0.040
+    """And ends this far behind it."""
+    step_m: float = 0.006
+    """Along the surface."""
+    clear_m: float = 0.0015
+    """Lifted further once contact is lost."""
+    edge_drop_m: float = 0.004
+    """No contact this far below the last one: the surface ended or fell away."""
+    fall_drop_m: float = 0.006
+    """How much further the arm moves towards the surface to tell which."""
+    table_clear_m: float = 0.002
+    """The fingertip keeps this far from the table."""
+    most_steps: int = 60
+    """In one direction."""
+    most_blocked: int = 3
+    """Blocked moves running that end a direction."""
+
+
+@dataclass(frozen=True)
+class PlanarExploration:
+    """One face of each world's object, explored."""
+
+    touches: TouchTable
+    """`part` is the direction, 0 to 3: +u, -u, +v, -v; the first contact counts to 0."""
+    reason: np.ndarray
+    """EndReason of each world, (world,)."""
+    direction_reason: np.ndarray
+    """EndReason of each direction, (world, 4)."""
+    axes: np.ndarray
+    """u, v and the outward normal as given, (world, 3, 3)."""
+    thrown_out: np.ndarray
+    """Moves that were blocked without tactile contact, (world,)."""
+    time_s: np.ndarray
+    path_m: np.ndarray
+    missed: MissedTips
+    """Where the finger met nothing."""
+
+
+def explore_plane(
+    robot: Robot, point_m: np.ndarray, normal: np.ndarray, *, wanted: np.ndarray | None = None,
+    options: PlanarOptions | None = None,
+) -> PlanarExploration:
+    """Explore one face of each world's object: a point near it and its outward normal, (world, 3).
+
+    Worlds where `wanted` (world,) is False are left alone. A start that cannot be used ends with a
+    reason, never an exception.
+    """
+    return _Explorer(robot, point_m, normal, wanted, options or PlanarOptions()).run()
+
+
+class _Explorer:
+    def __init__(self, robot: Robot, point: np.ndarray, normal: np.ndarray,
+                 wanted: np.ndarray | None, options: PlanarOptions) -> None:
+        worlds = robot.worlds
+        point, normal = np.asarray(point, float), np.asarray(normal, float)
+        if point.shape != (worlds, 3) or normal.shape != (worlds, 3):
+            raise ValueError(f"point {point.shape} and normal {normal.shape}: ({worlds}, 3) each")
+        self.robot, self.o = robot, options
+        length = np.linalg.norm(normal, axis=1)
+        good = np.isfinite(point).all(1) & np.isfinite(normal).all(1) & (length > 1e-9)
+        safe = np.where(good[:, None], normal, [0.0, 0.0, 1.0])
+        self.axes = face_axes(safe / np.linalg.norm(safe, axis=1, keepdims=True))
+        self.point = np.where(good[:, None], point, 0.0)
+        self.reason = np.where(good, EndReason.GOING_ON, EndReason.BAD_START)
+        if wanted is not None:
+            self.reason = np.where(wanted, self.reason, EndReason.COMPLETE)
+        self.direction_reason = np.zeros((worlds, DIRECTIONS), int)
+        self.direction = np.zeros(worlds, int)
+        self.place = np.zeros((worlds, 3))  # of the hand, as commanded
+        self.first = np.zeros((worlds, 3))
+        self.steps = np.zeros(worlds, int)
+        self.blocked = np.zeros(worlds, int)
+        self.thrown_out = np.zeros(worlds, int)
+        self.time, self.path = np.zeros(worlds), np.zeros(worlds)
+        self.log = TouchLog(worlds)
+
+    def run(self) -> PlanarExploration:
+        self._approach()
+        while True:
+            rows = np.flatnonzero(self.reason == EndReason.GOING_ON)
+            if len(rows) == 0:
+                break
+            self._cross(rows)
+        return PlanarExploration(self.log.table(), self.reason, self.direction_reason, self.axes,
+                                 self.thrown_out, self.time, self.path, self.log.missed())
+
+    def _approach(self) -> None:
+        """Choose how the hand leans, come up to the face, and touch it."""
+        o, robot = self.o, self.robot
+        rows = np.flatnonzero(self.reason == EndReason.GOING_ON)
+        inward = -self.axes[:, 2]
+        pose = np.zeros((robot.worlds, 7))
+        pose[:, 6] = 1.0
+        pose[rows], reachable = choose_lean(robot, self.point[rows], self.axes[rows], o)
+        self.reason[rows[~reachable]] = EndReason.UNREACHABLE
+        rows = rows[reachable]
+        self.turn = pose[:, 3:]
+        self.tip = fingertip_from(robot, self.turn)  # the finger stays as it is
+        self.place = pose[:, :3] - inward * o.stand_off_m
+        touch = self._line(rows, inward, (o.stand_off_m + o.search_m))
+        status = touch.status
+        self.log.miss(rows, touch)
+        self._note(rows, touch, np.flatnonzero(np.isin(status, (ProbeStatus.CONTACT,
+                                                                ProbeStatus.BLOCKED))))
+        ended = {ProbeStatus.NO_CONTACT: EndReason.NO_CONTACT,
+                 ProbeStatus.COLLISION: EndReason.START_BLOCKED,
+                 ProbeStatus.BLOCKED: EndReason.BLOCKED,
+                 ProbeStatus.UNREACHABLE: EndReason.UNREACHABLE}
+        for code, why in ended.items():
+            self.reason[rows[status == code]] = why
+        self.first = self.place.copy()
+
+    def _cross(self, rows: np.ndarray) -> None:
+        """One round of a, b, c for every world in `rows`."""
+        o = self.o
+        normal = self.axes[:, 2]
+        sign = np.where(self.direction % 2 == 0, 1.0, -1.0)
+        along = self.axes[np.arange(len(sign)), self.direction // 2] * sign[:, None]
+        self.steps[rows] += 1
+        self._line(rows, normal, 0.010, until=Until.RELEASE, interval=0.5 * o.interval_m)
+        self.place[rows] += normal[rows] * o.clear_m
+        share = self._step_above_table(rows, along)
+        low = share < _SHORTEST_STEP
+        self._end_direction(rows[low], EndReason.TABLE)
+        along[rows] *= share[:, None]
+        rows = rows[~low]
+        touch = self._line(rows, along, o.step_m)
+        status = touch.status
+        felt, stopped = status == ProbeStatus.CONTACT, status == ProbeStatus.BLOCKED
+        out = (status == ProbeStatus.UNREACHABLE) | (status == ProbeStatus.COLLISION)
+        strange = felt & self._other_surface(rows, touch)
+        self._note(rows, touch, np.flatnonzero(felt & ~strange | stopped))
+        self._end_direction(rows[strange], EndReason.OBSTACLE)
+        self._end_direction(rows[out], EndReason.UNREACHABLE)
+        self._count_blocked(rows, felt, stopped)
+        self._lower(rows[status == ProbeStatus.NO_CONTACT])
+        self._end_direction(rows[self.steps[rows] >= o.most_steps], EndReason.SPENT)
+
+    def _lower(self, rows: np.ndarray) -> None:
+        """c: down until contact; if there is none, tell an edge from a surface that fell away."""
+        o = self.o
+        inward = -self.axes[:, 2]
+        down = self._line(rows, inward, o.clear_m + 0.001 + o.edge_drop_m)
+        felt, stopped = down.status == ProbeStatus.CONTACT, down.status == ProbeStatus.BLOCKED
+        self._note(rows, down, np.flatnonzero(felt | stopped))
+        self._count_blocked(rows, felt, stopped)
+        out = (down.status == ProbeStatus.UNREACHABLE) | (down.status == ProbeStatus.COLLISION)
+        self._end_direction(rows[out], EndReason.UNREACHABLE)
+        rows = rows[down.status == ProbeStatus.NO_CONTACT]
+        further = self._line(rows, inward, o.fall_drop_m)
+        self.log.miss(rows, further)
+        fell = further.status == ProbeStatus.CONTACT
+        self._note(rows, further, np.flatnonzero(fell))
+        self._end_direction(rows[fell], EndReason.FELL_AWAY)
+        self._end_direction(rows[~fell], EndReason.EDGE)
+
+    def _line(self, rows: np.ndarray, way: np.ndarray, length: float, *,
+              until: Until = Until.CONTACT, interval: float | None = None) -> LineTouch:
+        interval = interval or self.o.interval_m
+        pose = np.concatenate([self.place[rows], self.turn[rows]], 1)
+        touch = self.robot.guarded_line(
+            rows, pose, way[rows], interval_m=interval, steps=max(1, round(length / interval)),
+            finger=INDEX, commands_rad=POKE_RAD, until=until)
+        self.place[rows] += way[rows] * (touch.steps * interval)[:, None]
+        self.time[rows] += touch.time_s
+        self.path[rows] += touch.path_m
+        return touch
+
+    def _note(self, rows: np.ndarray, touch: LineTouch, which: np.ndarray) -> None:
+        self.log.add(rows, touch, which, self.direction[rows], INDEX, self.robot.line_count - 1)
+
+    def _count_blocked(self, rows: np.ndarray, felt: np.ndarray, stopped: np.ndarray) -> None:
+        """A blocked point is thrown out, the hand backs off, and the search goes on."""
+        self.blocked[rows[felt]] = 0
+        back = rows[stopped]
+        self.thrown_out[back] += 1
+        self.blocked[back] += 1
+        self.place[back] += self.axes[back, 2] * 2.0 * self.o.clear_m
+        self._end_direction(back[self.blocked[back] >= self.o.most_blocked], EndReason.BLOCKED)
+
+    def _other_surface(self, rows: np.ndarray, touch: LineTouch) -> np.ndarray:
+        cosine = (touch.normal * self.axes[rows, 2]).sum(1)
+        return cosine < np.cos(_TURN_MOST_RAD)
+
+    def _step_above_table(self, rows: np.ndarray, along: np.ndarray) -> np.ndarray:
+        """Share of a step that leaves the fingertip clear of the table."""
+        height = self.place[rows, 2] + self.tip[rows, 2]
+        lowest = (self.robot.hand.link_radius_m + self.robot.pads.thickness_m
+                  + self.o.table_clear_m)
+        sinks = np.maximum(-along[rows, 2], 1e-9) * self.o.step_m
+        return np.clip((height - lowest) / sinks, 0.0, 1.0)
+
+    def _end_direction(self, rows: np.ndarray, why: EndReason) -> None:
+        """Back to the first contact, and on in the next direction, if there is one."""
+        rows = rows[self.reason[rows] == EndReason.GOING_ON]
+        self.direction_reason[rows, self.direction[rows]] = why
+        self.direction[rows] += 1
+        self.steps[rows], self.blocked[rows] = 0, 0
+        self.place[rows] = self.first[rows]
+        done = rows[self.direction[rows] >= DIRECTIONS]
+        self.direction[done] = DIRECTIONS - 1
+        self.reason[done] = EndReason.COMPLETE
+
+
+def face_axes(normal: np.ndarray) -> np.ndarray:
+    """u level, v upwards (on a level face: towards +x), and the unit normal itself, (n, 3, 3)."""
+    up = np.where(np.abs(normal[:, 2:]) < 0.95, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
+    u = np.cross(up, normal)
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    return np.stack([u, np.cross(normal, u), normal], 1)
+
+
+def fingertip_from(robot: Robot, turn: np.ndarray) -> np.ndarray:
+    """From the hand's origin to the centre of the extended index fingertip [m], (n, 3), for the
+    hand's quaternions (n, 4)."""
+    # SciPy's product rounds one rotation otherwise than several: a row would hang on the others.
+    return turn_points(matrix_of_quaternion(turn), poke_tip_m(robot.hand)[None])[:, 0]
+
+
+def choose_lean(
+    robot: Robot, point: np.ndarray, axes: np.ndarray, options: PlanarOptions
+) -> tuple[np.ndarray, np.ndarray]:
+    """Hand poses touching `point` (n, 3), leaning so that the arm reaches, and whether it does.
+
+    Preferred is a finger that points downwards at an upright face; among the leans that can be
+    reached over the most of a cross of 40 mm about the point, the one nearest to that.
+    """
+    pose, usable, score = _lean_poses(robot, point, axes, options, _LEANS[:1])
+    # No other lean is better than the first one, where that reaches all of the cross.
+    rest = np.flatnonzero(~usable | (score < _ALL_OF_CROSS))
+    if len(rest):
+        pose[rest], usable[rest], _ = _lean_poses(robot, point[rest], axes[rest], options, _LEANS)
+    return pose, usable
+
+
+def _lean_poses(
+    robot: Robot, point: np.ndarray, axes: np.ndarray, options: PlanarOptions, leans: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The best of some leans for each point: its pose (n, 7), whether it is usable, how much of the
+    cross it reaches, less a little for every lean before it, (n,)."""
+    u, v, normal = axes[:, 0], axes[:, 1], axes[:, 2]
+    lean = (-np.cos(leans)[None, :, None] * v[:, None]
+            + np.sin(leans)[None, :, None] * u[:, None])
+    cross = _CROSS[:, :1] * u[:, None] + _CROSS[:, 1:] * v[:, None]
+    cross = np.concatenate([cross, options.stand_off_m * normal[:, None]], 1)
+    poses = poking_pose(robot.hand, robot.pads, (point[:, None] + cross)[:, None],
+                        -normal[:, None, None], lean[:, :, None])
+    reached = hand_reachable(robot.arm, robot.hand, poses)
+    score = reached.sum(-1) - 0.1 * np.arange(len(leans))
+    usable = reached[:, :, 0] & reached[:, :, -1]
+    # On an upright face a finger that points upwards would run its hand into the table.
+    usable &= (lean[:, :, 2] < 0.2) | (np.abs(normal[:, None, 2]) > 0.7)
+    best = np.where(usable, score, -1.0).argmax(1)
+    rows = np.arange(len(point))
+    return poses[rows, best, 0], usable[rows, best], score[rows, best]

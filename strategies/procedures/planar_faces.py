@@ -1,0 +1,106 @@
+"""What explored faces say: planes, whether they are flat, angles and distances between them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fit.arrays import rows_of
+from fit.fit_status import FitStatus
+from fit.plane import PlaneFit, fit_plane
+from strategies.procedures.planar_explorer import PlanarExploration
+
+_FACING_RAD = np.radians(35)
+
+
+@dataclass(frozen=True)
+class Face:
+    """One face of each world's object, a row a world."""
+
+    normal: np.ndarray
+    """Outward, (world, 3)."""
+    offset_m: np.ndarray
+    """normal . x on the face, (world,)."""
+    share_on_plane: np.ndarray
+    """Touches that lie on the plane, of all, (world,)."""
+    bow_m: np.ndarray
+    """Sagitta of the touches along u and v: how far a parabola through them rises, (world, 2)."""
+    flat: np.ndarray
+    """Whether the touches are those of one plane (see `planes_of`), (world,)."""
+    fit: PlaneFit
+    """With extents, covariance and status; its normal may point inwards."""
+
+
+def planes_of(
+    exploration: PlanarExploration, *, flat_rms_m: float = 0.001, flat_bow_m: float = 0.001
+) -> Face:
+    """The robust plane of every world's touches.
+
+    A face is called flat if the touches on the plane lie within `flat_rms_m`, and no parabola along
+    u or v bows by more than `flat_bow_m`; a touch past an edge, or of what lies below, takes no
+    part.
+    """
+    worlds = len(exploration.reason)
+    points, mask = exploration.touches.sets(worlds)
+    # Where nothing was felt all worlds are alike: one of them is fitted for all.
+    felt = mask.any(1)
+    like = np.where(felt, np.arange(worlds), np.argmin(felt) if worlds else 0)
+    rows, index = np.unique(like, return_inverse=True)
+    part = fit_plane(points[rows], mask[rows])
+    fit = rows_of(part, index)
+    outward = np.where((fit.normal * exploration.axes[:, 2]).sum(1) < 0, -1.0, 1.0)
+    share = (fit.weight > 0.05).sum(1) / np.maximum(mask.sum(1), 1)
+    bow = _bow(exploration, rows)[index]
+    flat = ((fit.status == FitStatus.converged) & (fit.rms_m <= flat_rms_m)
+            & (np.abs(bow) <= flat_bow_m).all(1))
+    return Face(fit.normal * outward[:, None], fit.offset_m * outward, share, bow, flat, fit)
+
+
+def _bow(exploration: PlanarExploration, rows: np.ndarray) -> np.ndarray:
+    """Sagittas of h = a + b u + c v + d u^2 + e v^2 over the touches that face outwards.
+
+    `rows` (row,) are worlds; shape (row, 2).
+    """
+    table, axes = exploration.touches, exploration.axes
+    facing = (table.normal * axes[table.world, 2]).sum(1) > np.cos(_FACING_RAD)
+    points, mask = (values[rows] for values in table.sets(len(axes), facing))
+    axes = axes[rows]
+    count = np.maximum(mask.sum(1), 1)[:, None, None]
+    centred = (points - (points * mask[..., None]).sum(1, keepdims=True) / count) * mask[..., None]
+    u, v, h = np.moveaxis(np.einsum("wpi,wki->wpk", centred, axes), 2, 0)
+    reach = np.stack([np.abs(u).max(1), np.abs(v).max(1)], 1) + 1e-6
+    u, v = u / reach[:, :1], v / reach[:, 1:]
+    terms = np.stack([mask * 1.0, u, v, u**2, v**2], 2)
+    normal = np.einsum("wpi,wpj->wij", terms, terms) + 1e-6 * np.eye(5)
+    return np.linalg.solve(normal, np.einsum("wpi,wp->wi", terms, h)[..., None])[:, 3:, 0]
+
+
+def angle_between(one: Face, other: Face) -> tuple[np.ndarray, np.ndarray]:
+    """Angle between the outward normals of two faces and its standard deviation [rad], (world,).
+
+    For neighbours on a block 90 degrees; the angle inside the body is pi less this.
+    """
+    cosine = np.clip((one.normal * other.normal).sum(1), -1.0, 1.0)
+    sine = np.sqrt(np.maximum(1.0 - cosine**2, 1e-12))
+    variance = _tip_variance(one.fit, other.normal) + _tip_variance(other.fit, one.normal)
+    return np.arccos(cosine), np.sqrt(variance) / sine
+
+
+def _tip_variance(fit: PlaneFit, way: np.ndarray) -> np.ndarray:
+    """Variance of the normal along `way`: a turn about u tips it along v, one about v along u."""
+    along_u = (fit.axes[:, 0] * way).sum(1)
+    along_v = (fit.axes[:, 1] * way).sum(1)
+    return fit.covariance[:, 0, 0] * along_v**2 + fit.covariance[:, 1, 1] * along_u**2
+
+
+def distance_between(one: Face, other: Face) -> np.ndarray:
+    """How far apart two opposing faces lie [m], (world,): between their middles, along the normals.
+
+    NaN where they do not oppose each other within 10 degrees.
+    """
+    across = one.normal - other.normal
+    length = np.linalg.norm(across, axis=1)
+    middle = (one.fit.centre_m - other.fit.centre_m)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        apart = (middle * across).sum(1) / length
+    opposing = (one.normal * other.normal).sum(1) < -np.cos(np.radians(10))
+    return np.where(opposing, apart, np.nan)

@@ -1,0 +1,51 @@
+"""Ready-made strategies, found by name."""
+
+from dataclasses import replace
+from math import radians
+
+from strategies.poses.waypoints import Column, Hemisphere, Opposing, Random, Ring, Spiral, Top
+from strategies.strategy import Strategy
+
+_RIM = Ring(count=6, tilt_rad=radians(50), roll_rad=radians(90), aim=1.0, aim_out=1.0,
+            palm_clearance_m=0.080, clearance_per_radius=0.0)
+_RIM_TURNED = replace(_RIM, roll_rad=radians(-90), azimuth_rad=radians(30))
+_AROUND = Ring(count=6, tilt_rad=radians(50), palm_clearance_m=0.045, clearance_per_radius=1.0)
+_CLOSE = Ring(count=6, tilt_rad=radians(50), palm_clearance_m=0.030, clearance_per_radius=0.5,
+              azimuth_rad=radians(30))
+TOUCHES = 96
+"""Budget of the strategies that choose one pose at a time: twelve poses of two closings."""
+STRATEGIES: dict[str, Strategy] = {s.name: s for s in (
+    Strategy("ring6", (Ring(count=6, tilt_rad=radians(35)),), doc="six around at 35 deg"),
+    Strategy("ring18", (Ring(count=18, tilt_rad=radians(50)),), doc="eighteen around at 50 deg"),
+    Strategy("top2-ring6", (Top(count=2), Ring(count=6)),
+             doc="two from above, then six around at 55 deg"),
+    Strategy("rim6-ring12", (_RIM, _AROUND, _CLOSE),
+             doc="six on the rim, six around, six around and closer"),
+    Strategy("rim12-ring12", (_RIM, _RIM_TURNED, _AROUND, _CLOSE),
+             doc="twelve on the rim, thumb below and above, six around, six closer"),
+    Strategy("coarse-to-fine", (_RIM, _AROUND, _CLOSE), order=("containment", *["decide"] * 3),
+             doc="eighteen grasps, then faces or contour as the recovered shape picks, and the "
+                 "other if that was wrong"),
+    Strategy("contour-first", order=("contour", "containment"), waypoints=(_RIM, _AROUND),
+             doc="the contour about the told cylinder, then twelve grasps"),
+    Strategy("planar", (_RIM, _AROUND, _CLOSE), order=("containment", "planar"),
+             doc="eighteen grasps, then the faces of whatever was recovered"),
+    Strategy("contour", (_RIM, _AROUND, _CLOSE), order=("containment", "contour"),
+             doc="eighteen grasps, then the contour of whatever was recovered"),
+    Strategy("contour-only", order=("contour",), doc="the contour about the told cylinder"),
+    Strategy("column9", (Column(count=9),), doc="three rings of three up the object at 55 deg"),
+    Strategy("opposing6", (Opposing(count=6),), doc="three pairs half a turn apart"),
+    Strategy("spiral12", (Spiral(count=12),), doc="twelve up the object, twice around"),
+    Strategy("hemisphere12", (Hemisphere(count=12),), doc="twelve directions evenly from above"),
+    Strategy("random6", (Random(count=6),), doc="six at random from the upper side"),
+    Strategy("random18", (Random(count=18),), doc="eighteen at random from the upper side"),
+    *(Strategy(name, call=name, touches=TOUCHES, doc=doc) for name, doc in (
+        ("random", "adaptive baseline: a pose at random among the candidates"),
+        ("even", "adaptive baseline: the pose farthest from those taken"),
+        ("coverage", "adaptive: touches farthest from all that was felt"),
+        ("most-uncertain", "adaptive: where the fitted surface is least certain"),
+        ("information", "adaptive: greatest expected information (D-optimal)"),
+        ("gaussian-process", "adaptive: where a Gaussian process surface is least certain"),
+        ("expected-error", "adaptive: lowers the expected error of the whole surface most"),
+        ("oracle", "the ceiling: takes the truly best of its candidates, by the truth"))),
+)}

@@ -1,0 +1,96 @@
+"""Recovered bodies asked at points, in kernels: how far it is to them, and which way."""
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from fit.revolution.geometry import RevolutionBody
+from fit.superquadric.geometry import SuperquadricLike
+from strategies.recovery.body_distances_kernel import (
+    _contour_kernel,
+    _distance_kernel,
+    _radial_kernel,
+)
+from warpgrasp.core.dtypes import real, transform, vec3
+from warpgrasp.core.kernel_launch import launch
+from warpgrasp.core.struct_array import record_type
+from warpgrasp.geometry.sdf_superquadric import SuperquadricShape
+
+AHEAD_M = 1e-5
+"""Step outwards whose slope a distance is divided by [m]."""
+
+
+def surface_distances(
+    body: SuperquadricLike, points_m: np.ndarray, kept: np.ndarray, *, ahead_m: float = AHEAD_M,
+    device: str = "cpu"
+) -> tuple[np.ndarray, np.ndarray]:
+    """First-order signed distances [m] of points (world, point, 3), (world, point), and the unit
+    normals outwards there, (world, point, 3).
+
+    The scaled radius beyond one over its slope: over a step of `ahead_m` outwards, or where that is
+    0 its gradient. 1 m and a normal of no length where not `kept` and where a body has no gradient.
+    Raises ShapeError where shapes disagree.
+    """
+    distance = wp.empty(points_m.shape[:2], dtype=real, device=device)
+    normal = wp.empty(points_m.shape[:2], dtype=vec3, device=device)
+    _ask(_distance_kernel, body, points_m, kept,
+         {"ahead": ahead_m, "distance": distance, "normal": normal}, device)
+    return distance.numpy(), normal.numpy()
+
+
+def radial_distances(
+    body: SuperquadricLike, points_m: np.ndarray, kept: np.ndarray, *, device: str = "cpu"
+) -> np.ndarray:
+    """Signed distances [m] of points (world, point, 3) along the rays from the bodies' centres,
+    (world, point); inf where not `kept`. Raises ShapeError where shapes disagree."""
+    distance = wp.empty(points_m.shape[:2], dtype=real, device=device)
+    _ask(_radial_kernel, body, points_m, kept, {"distance": distance}, device)
+    return distance.numpy()
+
+
+def contour_distances(
+    body: RevolutionBody, points_m: np.ndarray, kept: np.ndarray, *, device: str = "cpu"
+) -> np.ndarray:
+    """Unsigned distances [m] of points (world, point, 3) to bodies of revolution, ends and all,
+    (world, point); inf where not `kept` and where a body has no contour.
+
+    Those of `fit.revolution.geometry.revolution_distance`. Raises ShapeError where shapes disagree.
+    """
+    distance = wp.empty(points_m.shape[:2], dtype=real, device=device)
+    launch(_contour_kernel, {"world": len(points_m), "point": points_m.shape[1]}, {
+        **dict.fromkeys(("foot", "axis"), "world"),
+        **dict.fromkeys(("height", "radius"), "world node"),
+        **dict.fromkeys(("point", "kept", "distance"), "world point")}, {
+        "foot": wp.array(body.foot_m, dtype=vec3, device=device),
+        "axis": wp.array(body.axis, dtype=vec3, device=device),
+        "height": wp.array(body.height_m, dtype=real, device=device),
+        "radius": wp.array(body.radius_m, dtype=real, device=device),
+        "point": wp.array(points_m, dtype=vec3, device=device),
+        "kept": wp.array(kept, dtype=wp.bool, device=device), "distance": distance},
+        device=device)
+    return distance.numpy()
+
+
+def _ask(
+    kernel: Any, body: SuperquadricLike, points_m: np.ndarray, kept: np.ndarray,
+    others: dict[str, Any], device: str
+) -> None:
+    shape, pose = bodies_on(body, device)
+    launch(kernel, {"world": len(points_m), "point": points_m.shape[1]}, {
+        "shape": "world", "pose": "world",
+        **dict.fromkeys(("point", "kept", "distance", "normal"), "world point")}, {
+        "shape": shape, "pose": pose, "point": wp.array(points_m, dtype=vec3, device=device),
+        "kept": wp.array(kept, dtype=wp.bool, device=device), **others}, device=device)
+
+
+def bodies_on(body: SuperquadricLike, device: str) -> tuple[wp.array, wp.array]:
+    """The kernels' shapes and poses of recovered bodies."""
+    rows = np.zeros(len(body.size_m), dtype=record_type(SuperquadricShape))
+    rows["size"] = body.size_m
+    rows["e1"], rows["e2"] = body.exponents.T
+    rows["kx"], rows["ky"] = body.taper.T
+    rows["bend"], rows["bend_angle"] = body.bend.T
+    pose = np.concatenate([body.position_m, body.quaternion_xyzw], axis=1)
+    return (wp.array(rows, dtype=SuperquadricShape, device=device),
+            wp.array(pose, dtype=transform, device=device))

@@ -1,0 +1,137 @@
+"""The body an episode ends with: superquadric, contour of revolution, or only what was told."""
+
+from dataclasses import dataclass, fields
+from enum import IntEnum
+
+import numpy as np
+
+from fit.arrays import row_sums, rows_of
+from fit.revolution.geometry import RevolutionBody
+from fit.superquadric.geometry import Superquadric, SuperquadricLike
+from fit.superquadric.record import SuperquadricFit
+from strategies.poses.waypoints import TOLD_MARGIN_M, BoundingCylinder
+from strategies.procedures.contour_shape import Profile
+from strategies.recovery.body_distances import contour_distances, surface_distances
+from strategies.recovery.evidence import Evidence
+
+FEWEST_NODES = 4
+"""Of a contour that is to stand for a body."""
+FEWEST_TOUCHES = 4
+"""Along it."""
+PREFERENCE = 0.8
+"""The contour must come this much nearer to the touches than the superquadric, whose parameters
+are fewer; on a cylinder, where both do, the superquadric stays."""
+CONTRADICTS_M = 0.010
+"""Contacts farther than this from a contour do not belong to it."""
+MOST_STRAYED = 0.1
+FARTHEST_M = 0.05
+
+
+class Shape(IntEnum):
+    """Which model stands for a world's body."""
+
+    TOLD_CYLINDER = 0
+    SUPERQUADRIC = 1
+    REVOLUTION = 2
+
+
+@dataclass(frozen=True)
+class Recovered:
+    """A batch of recovered bodies; `shape` says which of the two models counts in a world."""
+
+    shape: np.ndarray
+    """`Shape`, (world,)."""
+    superquadric: Superquadric
+    """The fit, or the told cylinder."""
+    revolution: RevolutionBody | None = None
+
+    def __len__(self) -> int:
+        return len(self.shape)
+
+
+def same_bodies(one: Recovered, other: Recovered) -> np.ndarray:
+    """Whether the bodies of each world are the same to the last bit, bool (world,)."""
+    same = one.shape == other.shape
+    for a, b in zip(one.superquadric, other.superquadric, strict=True):
+        same &= (a == b).all(1)
+    turned = np.flatnonzero(same & (one.shape == Shape.REVOLUTION))
+    if one.revolution is None or other.revolution is None:
+        same[turned] = one.revolution is other.revolution
+    else:
+        for f in fields(RevolutionBody):
+            a, b = (getattr(body, f.name)[turned] for body in (one.revolution, other.revolution))
+            kept = min(a.shape[1], b.shape[1])
+            same[turned] &= ((a[:, :kept] == b[:, :kept]) | np.isnan(a[:, :kept])).all(1)
+            same[turned] &= (np.isfinite(a).sum(1) == np.isfinite(b).sum(1))
+    return same
+
+
+def revolution_of(profile: Profile) -> RevolutionBody:
+    """The body of a recovered contour."""
+    return RevolutionBody(profile.foot_m, profile.axis, profile.height_m, profile.radius_m)
+
+
+def choose_body(
+    fitted: np.ndarray, superquadric: Superquadric, profile: Profile | None, evidence: Evidence,
+    contour: np.ndarray
+) -> Recovered:
+    """The model of each world; `contour` (slot,) numbers the evidence's touches along contours.
+
+    A contour is taken where it explains those touches clearly better than the superquadric that
+    was fitted to everything (on a block it does not, however the fingers pinched it), and where the
+    rest of the evidence does not contradict it: a contour that was broken off half way up leaves
+    contacts above it.
+    """
+    shape = np.where(fitted, Shape.SUPERQUADRIC, Shape.TOLD_CYLINDER)
+    if profile is None:
+        return Recovered(shape, superquadric)
+    body = revolution_of(profile)
+    mask = evidence.mask[:, contour]
+    nodes = np.isfinite(body.height_m).sum(1)
+    known = (nodes >= FEWEST_NODES) & (mask.sum(1) >= FEWEST_TOUCHES)
+    known &= np.isfinite(profile.volume_m3)
+    rows = np.flatnonzero(known)
+    felt = evidence.mask[rows]
+    away = contour_distances(body[rows], evidence.points_m[rows], felt)
+    other = surface_distances(
+        rows_of(superquadric, rows), evidence.points_m[rows][:, contour], mask[rows])[0]
+    better = _rms(away[:, contour], mask[rows]) < PREFERENCE * _rms(np.abs(other), mask[rows])
+    strayed = (felt & (away > CONTRADICTS_M)).sum(1) / np.maximum(felt.sum(1), 1)
+    taken = (better & (strayed <= MOST_STRAYED)) | ~fitted[rows]
+    shape[rows[taken]] = Shape.REVOLUTION
+    return Recovered(shape, superquadric, body)
+
+
+def _rms(distance: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    square = row_sums(np.where(mask, np.minimum(distance, FARTHEST_M) ** 2, 0.0))
+    return np.sqrt(square / np.maximum(mask.sum(1), 1))
+
+
+def plausible(fits: SuperquadricFit, told: BoundingCylinder) -> np.ndarray:
+    """Whether a body stays within twice the reach of the cylinder told (and what it may err by).
+
+    Few contacts on one side may let a fit run away; whoever was told the rough size would not
+    believe it, and neither is it scored.
+    """
+    middle = np.stack([told.x_m, told.y_m, told.height_m / 2], axis=1)
+    reach = np.hypot(told.radius_m, told.height_m / 2) + TOLD_MARGIN_M
+    far = (np.linalg.norm(fits.position_m - middle, axis=1)
+           + np.linalg.norm(fits.size_m, axis=1))
+    return far <= 2.0 * reach
+
+
+def or_told(fits: SuperquadricLike, told: BoundingCylinder, good: np.ndarray) -> Superquadric:
+    """The fits, and the told cylinder where there is none."""
+    zero = np.zeros_like(told.x_m)
+    pick = good[:, None]
+    upright = np.array([0.0, 0.0, 0.0, 1.0])
+    return Superquadric(
+        size_m=np.where(pick, fits.size_m,
+                        np.stack([told.radius_m, told.radius_m, told.height_m / 2], 1)),
+        exponents=np.where(pick, fits.exponents, [0.1, 1.0]),
+        position_m=np.where(pick, fits.position_m,
+                            np.stack([told.x_m, told.y_m, told.height_m / 2], 1)),
+        quaternion_xyzw=np.where(pick, fits.quaternion_xyzw, upright),
+        taper=np.where(pick, fits.taper, np.stack([zero, zero], 1)),
+        bend=np.where(pick, fits.bend, np.stack([zero, zero], 1)),
+    )

@@ -1,0 +1,181 @@
+"""From what was felt to a body: fits and contacts, in turns.
+
+Joint torques say which link touched and where along it, but hardly on which side of a round tip.
+The body says the rest: a link touches where its axis is nearest, along the body's normal there. So
+a body is fitted, every contact is placed anew against it (its link chosen by torque and by distance
+together), and the body is fitted again. Of the space that links swept without touching, only the
+balls nearest to the body last fitted can matter; the next fit is given those.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from fit.arrays import rows_of, with_rows
+from fit.superquadric.fit import fit_superquadric
+from fit.superquadric.geometry import Superquadric, SuperquadricLike
+from fit.superquadric.record import SuperquadricFit, SuperquadricOptions
+from strategies.recovery.body_distances import radial_distances, surface_distances
+from strategies.recovery.evidence import Evidence, TouchedLinks
+from strategies.recovery.misfit import CLEARLY, DOUBTED_M, RIVAL, touch_misfit
+from warpgrasp.parameters import FitTable
+
+FREE_BALLS = 24
+"""Free balls given to a fit, the nearest to the body last fitted."""
+REFINE_ROUNDS = 2
+"""Rounds for a body that is known already and felt a little more."""
+PLACE_SIGMA_M = 0.003
+"""How well a body still being fitted predicts where a link's axis must pass [est]."""
+NORMAL_SIGMA_M = 0.0008
+"""Spread of a placed contact along the normal: joint angles, mount, repeatability [est]."""
+SCREEN_ITERATIONS = 3
+"""Iterations by which starts are compared: few, for longer ones shrink into whatever is felt."""
+LAST_ITERATIONS = 24
+"""Iterations of the last fit's finish; those whose contacts are still to move have none."""
+LEAST_FALL = 1e-5
+"""A fit is left where four iterations lower its cost by less than this share. To the end of all
+descents scores move by less than 1 um in the median, in nine of ten by less than 5."""
+FARTHEST_M = 0.02
+"""A link farther than this from the body is no less likely than one this far."""
+
+
+def recover_bodies(
+    evidence: Evidence, links: TouchedLinks | None, table: FitTable
+) -> tuple[SuperquadricFit, Evidence]:
+    """Superquadrics of all worlds, and the contacts as placed for the last fit.
+
+    Without `links` (the paper's fingertip estimate) the points stay where they are felt, and one
+    more fit brings in free space. Bodies that are doubted have rivals (`misfit`).
+    """
+    return _against_rivals(*_recover(evidence, links, table), evidence, links, table)
+
+
+def _recover(
+    evidence: Evidence, links: TouchedLinks | None, table: FitTable
+) -> tuple[SuperquadricFit, Evidence]:
+    # No body yet, so no free balls yet; masked ones in their place, for one compiled program.
+    first = slice(0, FREE_BALLS)
+    placed = replace(evidence, free_m=evidence.free_m[:, first],
+                     free_mask=np.zeros_like(evidence.free_mask[:, first]))
+    rounds = table.rounds if links is not None else int(table.free_space)
+    fits = fit_evidence(placed, table, iterations=0 if rounds else LAST_ITERATIONS)
+    for number in range(rounds):
+        if links is not None:
+            placed = contacts_placed(evidence, links, fits)
+        placed = nearest_free(placed, evidence, fits)
+        # Early bodies may be wrong as a whole: from scratch where they are doubted.
+        anew = (touch_misfit(fits, placed) > DOUBTED_M) & (2 * number < rounds)
+        iterations = LAST_ITERATIONS if number == rounds - 1 else 0
+        for rows, start in ((np.flatnonzero(anew), False), (np.flatnonzero(~anew), True)):
+            if len(rows):
+                found = fit_evidence(rows_of(placed, rows), table,
+                                     start=fits[rows] if start else None, iterations=iterations)
+                fits = with_rows(fits, rows, found)
+    return fits, placed
+
+
+def refine_bodies(
+    evidence: Evidence, links: TouchedLinks | None, table: FitTable, start: SuperquadricFit
+) -> tuple[SuperquadricFit, Evidence]:
+    """Bodies of worlds that felt a little more, going on from the bodies last fitted."""
+    placed, fits = evidence, start
+    rounds = min(REFINE_ROUNDS, max(table.rounds, 1)) if links is not None else 1
+    for number in range(rounds):
+        if links is not None:
+            placed = contacts_placed(evidence, links, fits)
+        placed = nearest_free(placed, evidence, fits)
+        fits = fit_evidence(
+            placed, table, start=fits,
+            iterations=LAST_ITERATIONS if number == rounds - 1 else 0)
+    return _against_rivals(fits, placed, evidence, links, table)
+
+
+def _against_rivals(
+    fits: SuperquadricFit, placed: Evidence, evidence: Evidence, links: TouchedLinks | None,
+    table: FitTable
+) -> tuple[SuperquadricFit, Evidence]:
+    """The fits, or in doubted worlds those of the rival residual where they are nearer."""
+    misfit = touch_misfit(fits, placed)
+    rows = np.flatnonzero((misfit > DOUBTED_M) & placed.mask.any(1) & table.rivals)
+    if len(rows) == 0:
+        return fits, placed
+    rival, where = _recover(rows_of(evidence, rows), rows_of(links, rows),
+                            replace(table, residual=RIVAL))
+    won = touch_misfit(rival, where) < CLEARLY * misfit[rows]
+    return (with_rows(fits, rows[won], rival[won]),
+            with_rows(placed, rows[won], rows_of(where, won)))
+
+
+def fit_evidence(
+    evidence: Evidence, table: FitTable, *, start: SuperquadricFit | None = None,
+    iterations: int = LAST_ITERATIONS,
+) -> SuperquadricFit:
+    """One fit a world, to the evidence that the table switches on, going on from `start`."""
+    residual = table.residual
+    if residual == "solina_first":
+        # Distances are truer for tapered bodies, but from afar a body shrunk to nothing fits too.
+        first = "solina_box" if table.taper else "solina"
+        residual = "volume_distance" if table.taper and start is not None else first
+    options = SuperquadricOptions(
+        taper=table.taper, residual=residual, loss=table.loss,  # pyright: ignore
+        iterations=iterations, screen_iterations=SCREEN_ITERATIONS, least_fall=LEAST_FALL,
+        upright_std_rad=table.upright_rad if table.table_plane else None)
+    return fit_superquadric(
+        evidence.points_m, evidence.mask,
+        covariance=evidence.covariance_m2 if table.weights else None,
+        normals=_felt_normals(evidence) if table.normals else None,
+        table_z=0.0 if table.table_plane else None,
+        free_points=evidence.free_m if table.free_space else None,
+        free_radius=evidence.free_radius_m if table.free_space else None,
+        free_mask=evidence.free_mask if table.free_space else None,
+        options=options, start=start)
+
+
+def _felt_normals(evidence: Evidence) -> np.ndarray:
+    """Normals that were measured; those of placed contacts are the body's own."""
+    return np.where(evidence.by_pad[..., None], evidence.normals, np.nan)
+
+
+def contacts_placed(
+    evidence: Evidence, links: TouchedLinks, body: SuperquadricLike
+) -> Evidence:
+    """Contacts where links touch `body`, each on its likeliest link, moved along its axis.
+
+    Where a body is none, its contacts stay where they are felt.
+    """
+    rows = np.nonzero(evidence.mask & links.linked)
+    centre, direction, variance = (
+        field[rows] for field in (links.centre_m, links.direction, links.variance_m2))
+    of_contact = Superquadric(*(getattr(body, name)[rows[0]] for name in Superquadric._fields))
+    distance, normal = surface_distances(of_contact, centre, np.ones(variance.shape, bool))
+    slope = np.sum(direction * normal, axis=-1)
+    miss = distance - links.radius_m
+    spread = PLACE_SIGMA_M**2 + slope**2 * variance
+    misfit = (np.minimum(miss**2, FARTHEST_M**2) / spread
+              - 2.0 * np.log(np.maximum(links.weight[rows], 1e-9)))
+    likeliest = np.arange(len(misfit)), np.argmin(misfit, axis=-1)
+    centre, direction, variance, normal, slope, miss = (
+        values[likeliest] for values in (centre, direction, variance, normal, slope, miss))
+    # The torque's place along the axis and the body's meet in the middle, by their spreads.
+    shift = -miss * slope / (PLACE_SIGMA_M**2 / np.maximum(variance, 1e-8) + slope**2)
+    reach = 2.0 * np.sqrt(variance)
+    centre = centre + direction * np.clip(shift, -reach, reach)[:, None]
+    points = centre - links.radius_m * normal
+    covariance = (np.eye(3) * NORMAL_SIGMA_M**2
+                  + direction[:, :, None] * direction[:, None, :] * variance[:, None, None])
+    moved = normal.any(-1) & np.isfinite(points).all(-1)
+    there = rows[0][moved], rows[1][moved]
+    return replace(
+        evidence, points_m=with_rows(evidence.points_m, there, points[moved]),
+        covariance_m2=with_rows(evidence.covariance_m2, there, covariance[moved]),
+        normals=with_rows(evidence.normals, there, normal[moved]))
+
+
+def nearest_free(placed: Evidence, evidence: Evidence, body: SuperquadricLike) -> Evidence:
+    """`placed` with the free balls of `evidence` that are nearest to `body`."""
+    clearance = radial_distances(body, evidence.free_m, evidence.free_mask)
+    # Stable, for how ties fall otherwise hangs on the length of the rows.
+    chosen = np.argsort(clearance, axis=1, kind="stable")[:, :FREE_BALLS]
+    return replace(
+        placed, free_m=np.take_along_axis(evidence.free_m, chosen[..., None], 1),
+        free_mask=np.isfinite(np.take_along_axis(clearance, chosen, 1)))

@@ -1,0 +1,50 @@
+"""Known bodies laid on touches: Gauss-Newton on x, y and the turn about the vertical, in a kernel.
+
+One thread lays one body on one world's touches from one turn. Far touches are drawn in by the
+weights of Geman and McClure 1985.
+"""
+
+import numpy as np
+import warp as wp
+
+from strategies.recovery.pose_alignment_kernel import _placement_kernel
+from warpgrasp.core.dtypes import real, vec3
+from warpgrasp.core.kernel_launch import ShapeError, launch
+from warpgrasp.geometry.scene import Scene
+
+
+def placed_squares(
+    scene: Scene, turns: list[np.ndarray], points_m: np.ndarray, mask: np.ndarray,
+    sigma_m: np.ndarray, centre_m: np.ndarray, *, device: str
+) -> np.ndarray:
+    """Mean capped square of the best placement of each body of `scene`, (world, body).
+
+    `turns` are the turns [rad] each body starts from; one alone is kept, for a turn does not change
+    that body. Touches are (world, point, 3), their mask and standard deviations (world, point),
+    where bodies start (world, 2). Raises ShapeError where shapes disagree.
+    """
+    for name, shape in ("mask", mask.shape), ("sigma_m", sigma_m.shape):
+        if shape != points_m.shape[:2]:
+            raise ShapeError(f"placed squares: {name!r} has shape {shape}, wants "
+                             f"{points_m.shape[:2]}")
+    # Most slots are empty: the touches first, in their order.
+    first = np.argsort(~mask, axis=1, kind="stable")[:, :max(int(mask.sum(1).max(initial=0)), 1)]
+    points_m = np.take_along_axis(points_m, first[..., None], 1)
+    mask, sigma_m = (np.take_along_axis(values, first, 1) for values in (mask, sigma_m))
+    counts = [len(starts) for starts in turns]
+    body = np.repeat(np.arange(len(turns)), counts)
+    start = np.concatenate(turns)
+    out = wp.empty((len(points_m), len(body)), dtype=real, device=device)
+    launch(_placement_kernel, {"world": len(points_m), "start": len(body)}, {
+        "body": "start", "start": "start", "turns": "start", "point": "world point",
+        "kept": "world point", "deviation": "world point", "centre": "world 2",
+        "square": "world start"}, {
+        "scene": scene, "body": wp.array(body, dtype=int, device=device),
+        "start": wp.array(start, dtype=real, device=device),
+        "turns": wp.array(np.repeat(np.array(counts) > 1, counts), dtype=int, device=device),
+        "point": wp.array(points_m, dtype=vec3, device=device),
+        "kept": wp.array(mask, dtype=int, device=device),
+        "deviation": wp.array(sigma_m, dtype=real, device=device),
+        "centre": wp.array(centre_m, dtype=real, device=device), "square": out}, device=device)
+    firsts = np.cumsum([0, *counts[:-1]])
+    return np.minimum.reduceat(out.numpy(), firsts, axis=1)

@@ -1,0 +1,21 @@
+"""What the rows of a study say: means, intervals, leaderboard, tables."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "arrow": ["read_rows"],
+    "bootstrap": ["Estimate", "difference_to", "estimate"],
+    "confusion": ["Confusion", "read_confusion"],
+    "curves": ["AXES", "Curves", "grid_of", "mean_curve", "reach_table", "read_curves"],
+    "entries": ["HIGHER_IS_BETTER", "LeaderboardError", "bounds_of", "check_metric", "values_of"],
+    "leaderboard": ["Leaderboard", "make_leaderboard"],
+    "objects": ["ALSO", "objects_table"],
+    "paired": ["Paired", "read_paired"],
+    "pairs": ["pairs_table"],
+    "pareto": ["COST", "Pareto", "find_front", "pareto_table"],
+    "rerun_episode": ["Episode", "cell_of", "choose_episode", "file_read", "in_a_worker", "rerun",
+        "rerun_all"],
+    "sensitivity": ["EPISODES", "HEADER", "check_study", "sensitivity_spec", "sensitivity_table"],
+    "settings": ["Effect", "effects", "read_settings", "settings_table"],
+    "text_table": ["print_table"],
+})

@@ -1,0 +1,73 @@
+"""What each entry took each object for. Rows of a study that never asked are left out."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from sweeps.analysis.entries import entries_of, entry_axes, paired_blocks
+from sweeps.analysis.paired import reading_notes
+from sweeps.analysis.text_table import TextTable, number_text
+from sweeps.run.plan import Plan
+from sweeps.run.store import Store
+
+NONE_OF_THESE = "none of these"
+NO_ANSWER = "no answer"  # asked, but the episode failed
+
+
+@dataclass(frozen=True)
+class Confusion:
+    """Counts of answers by entry and object."""
+
+    labels: tuple[str, ...]
+    objects: tuple[str, ...]
+    answers: tuple[str, ...]
+    """The study's objects, then other names, then none of these and no answer where they occur."""
+    counts: dict[tuple[str, str], Counter[str]]
+    notes: tuple[str, ...]
+
+
+def read_confusion(plan: Plan, stores: Sequence[Store]) -> Confusion:
+    """Reads a study's units once."""
+    axes, _ = entry_axes(plan, None)
+    entries = entries_of(plan, axes)
+    counts: dict[tuple[str, str], Counter[str]] = {}
+    missing, objects = 0, []
+    for number, body in enumerate(plan.study.objects):
+        seen = False
+        for block in paired_blocks(plan, stores, entries, axes, number):
+            if block.missing:
+                missing += block.missing
+                continue
+            seen = True
+            for entry, rows in zip(entries, block.rows, strict=True):
+                told = rows.get("recognized_as", [""] * block.count)
+                counts.setdefault((entry.label, body.name), Counter()).update(map(str, told))
+        objects += [body.name] if seen else []
+    asked = [entry.label for entry in entries
+             if any(name for key, count in counts.items() if key[0] == entry.label
+                    for name in count)]
+    counts = {key: _named(count) for key, count in counts.items() if key[0] in asked}
+    given = {name for count in counts.values() for name in count}
+    last = [name for name in (NONE_OF_THESE, NO_ANSWER) if name in given]
+    answers = [*objects, *sorted(given - {*objects, NONE_OF_THESE, NO_ANSWER}), *last]
+    notes = list(reading_notes(plan, missing, len(objects)))
+    if not asked:
+        notes.append("no strategy of this study names what it felt")
+    return Confusion(tuple(asked), tuple(objects), tuple(answers), counts, tuple(notes))
+
+
+def _named(count: Counter[str]) -> Counter[str]:
+    return Counter({name or NO_ANSWER: number for name, number in count.items()})
+
+
+def confusion_table(found: Confusion) -> TextTable:
+    """The table of `warpgrasp table DIR confusion`: the answers that were given, a line each."""
+    rows = []
+    for label in found.labels:
+        for body in found.objects:
+            count = found.counts.get((label, body), Counter())
+            rows += [(label, body, answer, str(count[answer]),
+                      number_text(count[answer] / count.total(), 4))
+                     for answer in found.answers if count[answer]]
+    return TextTable(("strategy", "object", "recognized_as", "n_episodes", "share"),
+                     tuple(rows), found.notes)

@@ -1,0 +1,308 @@
+"""Error as it falls with touches or robot time: step functions, averaged over objects, episodes.
+
+An episode's error is that of its last refit so far, and stays after its end. Rows of a strategy
+that was fitted once, at its end, hold no curve: it is that one step. At a point of the grid
+episodes that have no fit yet are left out; where they are more than one in twenty there is no
+mean (a mean over the quick ones alone would flatter).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sweeps.analysis.bootstrap import (
+    INTERVAL,
+    REPLICATES,
+    Estimate,
+    MeanOverObjects,
+    Place,
+    episode_weights,
+    estimate,
+    object_weights,
+    widened,
+)
+from sweeps.analysis.entries import (
+    Entry,
+    LeaderboardError,
+    entries_of,
+    entry_axes,
+    paired_blocks,
+    values_of,
+)
+from sweeps.analysis.paired import filled, reading_notes
+from sweeps.analysis.text_table import TextTable, number_text
+from sweeps.run.plan import Plan
+from sweeps.run.store import Store
+from sweeps.run.unit_file import Columns
+from sweeps.spec.errors import choose
+
+AXES = {"touches": ("curve_touches", "touches"), "time_s": ("curve_time_s", "robot_time_s")}
+POINTS = 48
+KNOWN = 0.95
+Steps = tuple[np.ndarray, np.ndarray]  # where an episode was refitted, and its error then [mm]
+
+
+@dataclass(frozen=True)
+class Curves:
+    """What every episode's curve was, by axis, object, entry and episode, with their weights."""
+
+    entries: tuple[Entry, ...]
+    objects: tuple[str, ...]
+    steps: dict[str, list[list[list[Steps]]]]
+    blocks: list[list[tuple[Place, int]]]
+    """For each object, in the order of its episodes: the blocks, and how many each has."""
+    weights: list[np.ndarray]
+    """For each object (1 + replicate, episode), small whole numbers."""
+    drawn: np.ndarray
+    """How often each object is drawn, (1 + replicate, object)."""
+    seed: int
+    notes: tuple[str, ...]
+
+    @property
+    def labels(self) -> list[str]:
+        """The entries' names."""
+        return [entry.label for entry in self.entries]
+
+    @property
+    def draws(self) -> int:
+        """Of how many a replicate draws: the objects or, of one object, the episodes."""
+        if len(self.objects) > 1:
+            return len(self.objects)
+        return sum(count for own in self.blocks for count in dict(own).values())
+
+
+def read_curves(plan: Plan, stores: Sequence[Store]) -> Curves:
+    """Reads a study's units once; memory grows with the episodes."""
+    axes, _ = entry_axes(plan, None)
+    entries = entries_of(plan, axes)
+    seed = int(plan.hash, 16)
+    steps: dict[str, list[list[list[Steps]]]] = {axis: [] for axis in AXES}
+    blocks, objects, missing = [], [], 0
+    for number, body in enumerate(plan.study.objects):
+        mine: dict[str, list[list[Steps]]] = {axis: [[] for _ in entries] for axis in AXES}
+        own: list[tuple[Place, int]] = []
+        for block in paired_blocks(plan, stores, entries, axes, number):
+            if block.missing:
+                missing += block.missing
+                continue
+            own.append(((number, block.number), block.count))
+            for axis, of_entries in mine.items():
+                for found, rows in zip(of_entries, block.rows, strict=True):
+                    found += episode_steps(rows, axis)
+        if own:
+            objects.append(body.name)
+            blocks.append(own)
+            for axis, of_entries in mine.items():
+                steps[axis].append(_failures_filled(of_entries))
+    return Curves(tuple(entries), tuple(objects), steps, blocks, _weights(seed, blocks),
+                  object_weights(seed, len(objects)), seed,
+                  tuple(reading_notes(plan, missing, len(objects))))
+
+
+def _weights(seed: int, blocks: list[list[tuple[Place, int]]]) -> list[np.ndarray]:
+    """Those of the one object's episodes; of several, which are drawn whole, 1."""
+    if len(blocks) > 1:
+        return [np.ones((1 + REPLICATES, sum(count for _, count in own)), np.uint8)
+                for own in blocks]
+    return [np.concatenate([episode_weights(seed, place, count).astype(np.uint8)
+                            for place, count in own], axis=1) for own in blocks]
+
+
+def episode_steps(rows: Columns, axis: str) -> list[Steps]:
+    """Each row's curve; rows without one are a single step at their end."""
+    curve, end = AXES[axis]
+    if curve in rows and "curve_chamfer_mm" in rows:
+        found = [(_numbers(at), _numbers(error))
+                 for at, error in zip(rows[curve], rows["curve_chamfer_mm"], strict=True)]
+    else:
+        found = [(_numbers(()), _numbers(()))] * len(rows["status"])
+    ends = zip(found, values_of(rows, end), values_of(rows, "chamfer_mm"), strict=True)
+    return [steps if len(steps[0]) else (np.array([at]), np.array([error]))
+            for steps, at, error in ends]
+
+
+def _numbers(values: object) -> np.ndarray:
+    return np.asarray(() if values is None else values, float)
+
+
+def _failures_filled(of_entries: list[list[Steps]]) -> list[list[Steps]]:
+    """An error that is no number counts as the worst on its object, as in a leaderboard."""
+    errors = [error for found in of_entries for _, error in found]
+    every = filled(np.concatenate(errors), None) if errors else np.zeros(0)
+    parts = iter(np.split(every, np.cumsum([len(error) for error in errors])[:-1]))
+    return [[(np.where(np.isfinite(at), at, np.inf), next(parts)) for at, _ in found]
+            for found in of_entries]
+
+
+def grid_of(curves: Curves, axis: str) -> np.ndarray:
+    """Points from 0 to the longest episode: the same for every entry, a round step apart."""
+    ends = [at[-1] for objects in curves.steps[axis] for found in objects for at, _ in found
+            if np.isfinite(at[-1])]
+    longest = max(ends, default=1.0)
+    raw = max(longest / POINTS, 1e-9)
+    size = 10.0 ** np.floor(np.log10(raw))
+    step = next(m * size for m in (1.0, 2.0, 5.0, 10.0) if m * size >= raw * (1 - 1e-12))
+    if axis == "touches":
+        step = max(step, 1.0)
+    return step * np.arange(int(np.ceil(longest / step - 1e-9)) + 1)
+
+
+def on_grid(steps: Steps, grid: np.ndarray) -> np.ndarray:
+    """A step function at the grid's points; NaN before the first step."""
+    at, error = steps
+    last = np.searchsorted(at, grid, side="right") - 1
+    return np.where(last >= 0, error[np.maximum(last, 0)], np.nan)
+
+
+def mean_curve(curves: Curves, axis: str, entry: int, grid: np.ndarray) -> Estimate:
+    """The mean over objects, then episodes, with its interval; NaN where too few have a fit."""
+    total = np.zeros((1 + REPLICATES, len(grid)))
+    weight = np.zeros_like(total)
+    unknown = np.zeros(len(grid))
+    for number, found in enumerate(curves.steps[axis]):
+        values = np.array([on_grid(steps, grid) for steps in found[entry]])
+        good = np.isfinite(values)
+        drawn = curves.weights[number].astype(float)
+        count = np.einsum("re,eg->rg", drawn, good.astype(float))
+        seen = count > 0
+        mean = np.divide(np.einsum("re,eg->rg", drawn, np.where(good, values, 0.0)), count,
+                         where=seen, out=np.zeros_like(total))
+        total += curves.drawn[:, [number]] * mean
+        weight += curves.drawn[:, [number]] * seen
+        unknown = np.maximum(unknown, 1.0 - good.mean(axis=0))
+    mean = np.divide(total, weight, where=weight > 0, out=np.full_like(total, np.nan))
+    mean = np.maximum(widened(mean, curves.draws), 0.0)
+    mean[:, unknown > 1.0 - KNOWN] = np.nan
+    # point by point: a replicate that drew nothing at one of them still counts at the others
+    found = [estimate(mean[:, [n]]) for n in range(len(grid))]
+    return Estimate(mean[0], np.concatenate([point.low for point in found]),
+                    np.concatenate([point.high for point in found]))
+
+
+BOUNDS_MM = (5.0, 3.0)
+FEW = 6  # episodes: the order statistics of fewer do not hold their median with 95 %
+_CHUNK = 100  # replicates sorted out at a time
+
+
+@dataclass(frozen=True)
+class Reach:
+    """How soon an entry's error is first within a bound."""
+
+    share: float
+    """Of the episodes that ever get there."""
+    median: float
+    """Half of all episodes are there by then; infinite where fewer than half ever are."""
+    low: float
+    high: float
+
+
+def reach(curves: Curves, axis: str, entry: int, bound_mm: float) -> Reach:
+    """The median over episodes, every object weighing the same, with its interval.
+
+    There is no interval of one object's few episodes.
+    """
+    at = [np.array([_first(steps, bound_mm) for steps in found[entry]])
+          for found in curves.steps[axis]]
+    if not at:
+        return Reach(np.nan, np.nan, np.nan, np.nan)
+    pooled = np.concatenate(at)
+    order = np.argsort(pooled, kind="stable")
+    medians = np.empty(1 + REPLICATES)
+    for start in range(0, 1 + REPLICATES, _CHUNK):
+        rows = slice(start, start + _CHUNK)
+        weights = np.concatenate(
+            [_shares(own[rows].astype(float)) * curves.drawn[rows, n][:, None]
+             for n, own in enumerate(curves.weights)], axis=1)
+        gone = np.cumsum(weights[:, order], axis=1)
+        half = (gone >= gone[:, -1:] * (0.5 - 1e-12)).argmax(axis=1)
+        medians[rows] = np.where(gone[:, -1] > 0, pooled[order][half], np.nan)
+    drawn = medians[1:][~np.isnan(medians[1:])]
+    low, high = np.full(2, np.nan)
+    if len(curves.objects) > 1 or curves.draws >= FEW:
+        low, high = np.quantile(drawn, INTERVAL, method="inverted_cdf")
+    return Reach(float(np.mean([np.isfinite(part).mean() for part in at])),
+                 float(medians[0]), float(low), float(high))
+
+
+def _shares(weights: np.ndarray) -> np.ndarray:
+    total = weights.sum(axis=1, keepdims=True)
+    return np.divide(weights, total, where=total > 0, out=np.zeros_like(weights))
+
+
+def _first(steps: tuple[np.ndarray, np.ndarray], bound_mm: float) -> float:
+    at, error = steps
+    there = error <= bound_mm
+    return float(at[there.argmax()]) if there.any() else np.inf
+
+
+def curves_table(curves: Curves) -> TextTable:
+    """The table of `warpgrasp table DIR curves`: a line a point of the grid."""
+    rows = []
+    for axis in AXES:
+        grid = grid_of(curves, axis)
+        for n, label in enumerate(curves.labels):
+            found = mean_curve(curves, axis, n, grid)
+            rows += [(label, axis, f"{at:.6g}", *(number_text(v, 3) for v in values))
+                     for at, *values in zip(grid, found.value, found.low, found.high, strict=True)]
+    return TextTable(("strategy", "against", "at", "chamfer_mm", "ci_low", "ci_high"),
+                     tuple(rows), curves.notes)
+
+
+def reach_table(curves: Curves) -> TextTable:
+    """The table of `warpgrasp table DIR reach`: touches and seconds to 5 mm and 3 mm."""
+    rows = []
+    for bound in BOUNDS_MM:
+        for n, label in enumerate(curves.labels):
+            touches, time = (reach(curves, axis, n, bound) for axis in AXES)
+            rows.append((label, f"{bound:g}", number_text(touches.share, 4),
+                         *(number_text(v, 0) for v in (touches.median, touches.low, touches.high)),
+                         *(number_text(v, 1) for v in (time.median, time.low, time.high))))
+    return TextTable(("strategy", "within_mm", "share", "touches", "touches_ci_low",
+                      "touches_ci_high", "robot_time_s", "robot_time_s_ci_low",
+                      "robot_time_s_ci_high"), tuple(rows), curves.notes)
+
+
+HEADER = ("strategy", "other", "chamfer_mm_then", "chamfer_mm_difference", "ci_low", "ci_high",
+          "wins")
+
+
+def same_time_table(curves: Curves, against: str | None) -> TextTable:
+    """Every strategy minus `against`, at the time its episodes ended. Raises LeaderboardError."""
+    if against is None or against not in curves.labels:
+        raise LeaderboardError(f"same-time: --against {against or ''}: a strategy of the study is "
+                               f"wanted; {choose(against, curves.labels)}")
+    if not curves.objects:
+        raise LeaderboardError("same-time: no block of episodes is finished for every strategy "
+                               "yet; `warpgrasp status` says how far it is")
+    other = curves.labels.index(against)
+    then, difference, objects = errors_then(curves, other)
+    rows = []
+    for entry, label in enumerate(curves.labels):
+        if entry != other:
+            wins = f"{int((objects[:, entry] < objects[:, other]).sum())}/{len(objects)}"
+            rows.append((label, curves.labels[other], number_text(then[entry], 3),
+                         *(number_text(float(v[entry]), 3)
+                           for v in (difference.value, difference.low, difference.high)), wins))
+    return TextTable(HEADER, tuple(rows), curves.notes)
+
+
+def errors_then(curves: Curves, other: int) -> tuple[np.ndarray, Estimate, np.ndarray]:
+    """Mean errors (entry,), differences to `other` with intervals, and the objects' mean errors
+    (object, entry), at the time `other` ended [mm]."""
+    mean = MeanOverObjects(len(curves.labels), None, curves.seed)
+    for found, blocks in zip(curves.steps["time_s"], curves.blocks, strict=True):
+        error = np.array([[_error_at(mine, end[0][-1]) for mine, end in
+                           zip(of_entry, found[other], strict=True)] for of_entry in found])
+        start = 0
+        for place, count in blocks:
+            mean.add(error[:, start:start + count].T, place)
+            start += count
+        mean.finish_object()
+    every = mean.means()
+    objects = np.array(mean.objects).reshape(-1, len(curves.labels))
+    return every[0], estimate(every - every[:, [other]]), objects
+
+
+def _error_at(steps: Steps, time_s: float) -> float:
+    return float(on_grid(steps, np.array([time_s]))[0])

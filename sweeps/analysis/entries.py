@@ -1,0 +1,161 @@
+"""What is compared: entries of a study, and the blocks of episodes that all of them met.
+
+An entry is a strategy under one setting of the axes that tell entries apart. The rest of the axes
+are cases that an entry is averaged over. A block of episodes counts for all entries or for none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sweeps.run.plan import Plan, Unit, cell_hash
+from sweeps.spec.errors import choose
+
+if TYPE_CHECKING:
+    from sweeps.run.store import Store
+    from sweeps.run.unit_file import Columns
+LOWER_IS_BETTER = ("chamfer_mm", "hausdorff95_mm", "touches", "robot_time_s", "arm_path_m",
+                   "fit_rms_mm")
+HIGHER_IS_BETTER = ("iou", "coverage5mm", "recognized")
+METRICS = (*LOWER_IS_BETTER, *HIGHER_IS_BETTER)
+
+
+def bounds_of(metric: str) -> tuple[float, float]:
+    """Between what values a mean can lie."""
+    return 0.0, 1.0 if metric in HIGHER_IS_BETTER else np.inf
+
+
+class LeaderboardError(ValueError):
+    """A comparison that cannot be made; the message says why."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A strategy and its points on the axes that tell entries apart."""
+
+    strategy: int
+    label: str
+    points: dict[int, int]  # axis -> point
+
+
+@dataclass(frozen=True)
+class PairedBlock:
+    """The rows that every entry has of the same episodes; None where a unit is missing."""
+
+    number: int
+    count: int  # episodes
+    found: tuple[Columns | None, ...]
+
+    @property
+    def missing(self) -> int:
+        """How many entries lack this block."""
+        return sum(rows is None for rows in self.found)
+
+    @property
+    def rows(self) -> list[Columns]:
+        """An entry each; for a block that misses nothing."""
+        return [rows for rows in self.found if rows is not None]
+
+
+def check_metric(metric: str) -> None:
+    """Raises LeaderboardError for a metric that there is not."""
+    if metric not in METRICS:
+        raise LeaderboardError(f"--metric: no metric {metric!r}; {choose(metric, METRICS)}")
+
+
+def entry_axes(plan: Plan, by: Sequence[str] | None) -> tuple[list[int], bool]:
+    """The axes that tell entries apart, and whether each object is ranked by itself."""
+    if by is None:
+        return [n for n, axis in enumerate(plan.study.axes) if not axis.sampled], False
+    known = ["strategy", "object", *(key for axis in plan.study.axes for key in axis.keys)]
+    for name in by:
+        if name not in known:
+            raise LeaderboardError(f"--by: {name!r} is nothing to group by; {choose(name, known)}")
+    axes = [n for n, axis in enumerate(plan.study.axes) if set(axis.keys) & set(by)]
+    return axes, "object" in by
+
+
+def entries_of(plan: Plan, axes: Sequence[int]) -> list[Entry]:
+    """Every strategy under every setting of `axes`."""
+    entries = []
+    for number, strategy in enumerate(plan.study.strategies):
+        for points in product(*(range(len(plan.study.axes[n].values)) for n in axes)):
+            told = [f"{key}={value_text(value)}" for n, point in zip(axes, points, strict=True)
+                    for key, value in zip(plan.study.axes[n].keys,
+                                          plan.study.axes[n].values[point], strict=True)]
+            label = strategy.name + (f" [{', '.join(told)}]" if told else "")
+            entries.append(Entry(number, label, dict(zip(axes, points, strict=True))))
+    return entries
+
+
+def value_text(value: Any) -> str:
+    """A swept value as a label shows it."""
+    if isinstance(value, tuple):
+        return "(" + " ".join(map(value_text, value)) + ")"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def paired_blocks(plan: Plan, stores: Sequence[Store], entries: Sequence[Entry],
+                  axes: Sequence[int], body: int) -> Iterator[PairedBlock]:
+    """The blocks of episodes on one object, every case, read one at a time."""
+    for case in _cases(plan, axes):
+        cells = [plan.study.cell(entry.strategy, body,
+                                 setting_index(plan, {**case, **entry.points}))
+                 for entry in entries]
+        hashes = [cell_hash(cell, plan.study.objects[body]) for cell in cells]
+        for block in range(plan.block_count):
+            units = [plan.unit(cell, name, block)
+                     for cell, name in zip(cells, hashes, strict=True)]
+            yield PairedBlock(block, units[0].stop - units[0].start,
+                              tuple(_find(stores, unit) for unit in units))
+
+
+def _cases(plan: Plan, axes: Sequence[int]) -> Iterator[dict[int, int]]:
+    """The points of all axes that entries are averaged over."""
+    rest = [n for n in range(len(plan.study.axes)) if n not in axes]
+    for points in product(*(range(len(plan.study.axes[n].values)) for n in rest)):
+        yield dict(zip(rest, points, strict=True))
+
+
+def setting_index(plan: Plan, points: Mapping[int, int]) -> int:
+    """The setting at these points, one of each axis."""
+    index = 0
+    for n, axis in enumerate(plan.study.axes):
+        index = index * len(axis.values) + points[n]
+    return index
+
+
+def _find(stores: Sequence[Store], unit: Unit) -> Columns | None:
+    """A unit's rows; a unit that was set aside counts as episodes that all failed."""
+    for store in stores:
+        if (rows := store.read(unit)) is not None:
+            return rows
+    if any(store.log(unit).exists() for store in stores):
+        return {"status": np.full(unit.stop - unit.start, "unit_failed", object)}
+    return None
+
+
+def failed(rows: Columns) -> np.ndarray:
+    """Which episodes failed: their status says so, or no body came out."""
+    bad = rows["status"] != "ok"
+    if "chamfer_mm" in rows:
+        bad = bad | ~np.isfinite(rows["chamfer_mm"].astype(float))
+    return bad.astype(bool)
+
+
+def values_of(rows: Columns, name: str) -> np.ndarray:
+    """A column as numbers, NaN where the rows have none; `failure_rate` too.
+
+    Rows of a unit that failed recognized nothing.
+    """
+    count = len(rows["status"])
+    if name == "failure_rate":
+        return failed(rows).astype(float)
+    if name == "recognized" and name not in rows:
+        return np.zeros(count)
+    return rows[name].astype(float) if name in rows else np.full(count, np.nan)

@@ -1,0 +1,142 @@
+"""Paired tests between entries, corrected for their number by Holm's method.
+
+Two questions, two tests. *Would it be so on other objects?* The objects' mean differences are
+compared by Wilcoxon's signed-rank test: with k objects its p is at least 2^(1-k), so that fewer
+than six can prove nothing at 5 %. *Is it so on these objects?* The mean over objects of the mean
+differences over episodes is compared with its standard error within the objects (a paired t-test
+stratified by object, Welch and Satterthwaite's degrees of freedom); an episode averaged over swept
+points is one, at its mean.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from sweeps.analysis.bootstrap import estimate
+from sweeps.analysis.entries import HIGHER_IS_BETTER, LeaderboardError
+from sweeps.analysis.paired import Paired
+from sweeps.analysis.text_table import TextTable, number_text
+from sweeps.spec.errors import choose
+
+LEVEL = 0.05
+
+
+@dataclass(frozen=True)
+class Pair:
+    """One comparison: `first` minus `second`, with its interval and its p-values."""
+
+    first: str
+    second: str
+    difference: float
+    low: float
+    high: float
+    wins: int
+    """Objects on which `first` is better."""
+    p_objects: float
+    p_episodes: float
+
+
+def compare_pairs(paired: Paired, metric: str, against: str | None = None) -> list[Pair]:
+    """Every pair of entries, or each entry against one (`best`: the one of the best mean)."""
+    means, of_objects = paired.means[metric], paired.object_means(metric)
+    sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
+    found = []
+    for a, b in _chosen(paired.labels, sign * means[0], against):
+        delta = estimate(means[:, [a]] - means[:, [b]])
+        differences = of_objects[:, a] - of_objects[:, b]
+        episodes = [values[:, a] - values[:, b] for values in paired.values[metric]]
+        found.append(Pair(
+            paired.labels[a], paired.labels[b], float(delta.value[0]), float(delta.low[0]),
+            float(delta.high[0]), int((sign * differences < 0).sum()),
+            objects_test(differences), episodes_test(episodes)))
+    return found
+
+
+def _chosen(labels: Sequence[str], key: np.ndarray, against: str | None) -> list[tuple[int, int]]:
+    if against is None:
+        return list(combinations(range(len(labels)), 2))
+    if against == "best":
+        if not np.isfinite(key).any():
+            raise LeaderboardError("--against best: no entry has a value on any episode, so that "
+                                   "none is best")
+        other = int(np.nanargmin(key))
+    elif against in labels:
+        other = list(labels).index(against)
+    else:
+        raise LeaderboardError(f"--against: no entry {against!r}; "
+                               f"{choose(against, ['best', *labels])}")
+    return [(n, other) for n in range(len(labels)) if n != other]
+
+
+def objects_test(differences: np.ndarray) -> float:
+    """Wilcoxon's signed-rank test of the objects' differences, two-sided; NaN without objects."""
+    from scipy.stats import wilcoxon
+
+    differences = differences[np.isfinite(differences)]
+    if not len(differences):
+        return float("nan")
+    if not differences.any():
+        return 1.0
+    return float(wilcoxon(differences)[1])  # type: ignore
+
+
+def episodes_test(differences: Sequence[np.ndarray]) -> float:
+    """A paired t-test stratified by object, two-sided; NaN where the spread is not known."""
+    from scipy.stats import t
+
+    groups = [group[np.isfinite(group)] for group in differences]
+    groups = [group for group in groups if len(group)]
+    if not groups or min(map(len, groups)) < 2:
+        return float("nan")
+    mean = float(np.mean([group.mean() for group in groups]))
+    parts = np.array([group.var(ddof=1) / len(group) for group in groups]) / len(groups) ** 2
+    variance = float(parts.sum())
+    if variance == 0.0:
+        return 1.0 if mean == 0.0 else 0.0
+    freedom = variance**2 / sum(part**2 / (len(group) - 1)
+                                for part, group in zip(parts, groups, strict=True))
+    return float(2.0 * t.sf(abs(mean) / np.sqrt(variance), freedom))
+
+
+def holm(p: np.ndarray) -> np.ndarray:
+    """Holm's adjusted p-values (1979); NaN stays NaN and does not count."""
+    adjusted = np.full(len(p), np.nan)
+    known = np.flatnonzero(np.isfinite(p))
+    order = known[np.argsort(p[known], kind="stable")]
+    scaled = p[order] * (len(order) - np.arange(len(order)))
+    adjusted[order] = np.minimum(np.maximum.accumulate(scaled), 1.0)
+    return adjusted
+
+
+def pairs_table(paired: Paired, metric: str, against: str | None = None) -> TextTable:
+    """The table of `warpgrasp table DIR pairs`."""
+    pairs = compare_pairs(paired, metric, against)
+    digits = 4 if metric in HIGHER_IS_BETTER else 3
+    of_objects = holm(np.array([pair.p_objects for pair in pairs]))
+    of_episodes = holm(np.array([pair.p_episodes for pair in pairs]))
+    rows = tuple(
+        (pair.first, pair.second, number_text(pair.difference, digits),
+         number_text(pair.low, digits), number_text(pair.high, digits),
+         f"{pair.wins}/{len(paired.objects)}", _p(pair.p_objects), _p(of_objects[n]),
+         _p(pair.p_episodes), _p(of_episodes[n]))
+        for n, pair in enumerate(pairs))
+    header = ("strategy", "other", f"{metric}_difference", "ci_low", "ci_high", "wins",
+              "p_objects", "p_objects_holm", "p_episodes", "p_episodes_holm")
+    return TextTable(header, rows, (*paired.notes, *_power(len(paired.objects), len(pairs))))
+
+
+def _p(value: float) -> str:
+    return "NA" if not np.isfinite(value) else f"{value:.3g}"
+
+
+def _power(objects: int, pairs: int) -> list[str]:
+    """What the signed-rank test cannot show, however clear the difference."""
+    smallest = min(pairs * 2.0 ** (1 - objects), 1.0)
+    if not pairs or smallest <= LEVEL:
+        return []
+    enough = int(np.ceil(1 + np.log2(pairs / LEVEL)))
+    return [f"with {objects} objects and {pairs} comparisons p_objects_holm cannot fall below "
+            f"{smallest:.2g}: a claim about other objects needs {enough} objects, or fewer "
+            "comparisons (--against best)"]

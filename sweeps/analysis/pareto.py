@@ -1,0 +1,68 @@
+"""Error against robot time: which entries no other beats in both."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sweeps.analysis.bootstrap import Estimate, estimate
+from sweeps.analysis.entries import HIGHER_IS_BETTER, bounds_of
+from sweeps.analysis.paired import Paired
+from sweeps.analysis.text_table import TextTable, number_text
+
+COST = "robot_time_s"
+
+
+@dataclass(frozen=True)
+class Pareto:
+    """Means with intervals, shapes (entry,)."""
+
+    error: Estimate
+    cost: Estimate
+    dominated_by: tuple[int | None, ...]
+    """The best entry that is no worse in both and better in one."""
+    p_front: np.ndarray
+    """The share of bootstrap replicates in which nothing dominates the entry."""
+
+
+def find_front(paired: Paired, metric: str) -> Pareto:
+    """The front of `metric` and robot time."""
+    error, cost = paired.means[metric], paired.means[COST]
+    sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
+    by = dominating(sign * error[0], cost[0])
+    best = tuple(min(np.flatnonzero(row), key=lambda n: (sign * error[0, n], n), default=None)
+                 for row in by)
+    drawn = [~dominating(sign * e, c).any(axis=1)
+             for e, c in zip(error[1:], cost[1:], strict=True) if np.isfinite([e, c]).all()]
+    return Pareto(estimate(error, bounds_of(metric)), estimate(cost, bounds_of(COST)),
+                  tuple(None if n is None else int(n) for n in best),
+                  np.mean(drawn, axis=0) if drawn else np.full(len(by), np.nan))
+
+
+def dominating(error: np.ndarray, cost: np.ndarray) -> np.ndarray:
+    """[n, k]: whether entry k dominates entry n; both less is better."""
+    no_worse = (error[None] <= error[:, None]) & (cost[None] <= cost[:, None])
+    better = (error[None] < error[:, None]) | (cost[None] < cost[:, None])
+    return no_worse & better
+
+
+def pareto_table(paired: Paired, metric: str) -> TextTable:
+    """The table of `warpgrasp table DIR pareto`, the cheapest first."""
+    front = find_front(paired, metric)
+    digits = 4 if metric in HIGHER_IS_BETTER else 3
+    order = sorted(range(len(paired.labels)),
+                   key=lambda n: (_last(front.cost.value[n]), paired.labels[n]))
+    rows = tuple(
+        (paired.labels[n],
+         *(number_text(v[n], 2) for v in (front.cost.value, front.cost.low, front.cost.high)),
+         *(number_text(v[n], digits)
+           for v in (front.error.value, front.error.low, front.error.high)),
+         "" if (by := front.dominated_by[n]) is None else paired.labels[by],
+         number_text(front.p_front[n], 3))
+        for n in order)
+    header = ("strategy", COST, f"{COST}_ci_low", f"{COST}_ci_high", metric, f"{metric}_ci_low",
+              f"{metric}_ci_high", "dominated_by", "p_front")
+    return TextTable(header, rows, paired.notes)
+
+
+def _last(value: float) -> float:
+    return value if np.isfinite(value) else np.inf

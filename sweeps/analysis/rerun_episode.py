@@ -1,0 +1,133 @@
+"""Running one episode of a study again, with all that was felt: the same bits as before."""
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sweeps.analysis.entries import entries_of, entry_axes, setting_index
+from sweeps.analysis.leaderboard import make_leaderboard
+from sweeps.output import quiet_stdout, start_warp
+from sweeps.run.local_engine import as_a_worker
+from sweeps.run.plan import Plan
+from sweeps.run.store import Store
+from sweeps.spec.cell import Cell
+from sweeps.spec.errors import StoreError, choose
+from sweeps.spec.study import FILE_KEYS
+
+if TYPE_CHECKING:
+    from sweeps.episode.episodes import EpisodeBlock
+
+
+@dataclass(frozen=True)
+class Episode:
+    """Which episode of a study: indices into its strategies, objects and settings."""
+
+    strategy: int
+    body: int
+    episode: int
+    setting: int = 0
+
+
+def choose_episode(plan: Plan, stores: Sequence[Store], strategy: str | None,
+                   body: str | None, episode: int) -> Episode:
+    """An episode by name; without a strategy that of the best, without an object the first.
+
+    `strategy` can be an entry's name in the leaderboard, which tells the setting too. Where several
+    entries are meant it is the leaderboard's first of them. Axes that entries are averaged over
+    are at their first point. Raises StoreError for what the study does not have.
+    """
+    names = [s.name for s in plan.study.strategies]
+    bodies = [b.name for b in plan.study.objects]
+    entries = entries_of(plan, entry_axes(plan, None)[0])
+    either = list(dict.fromkeys([*names, *(entry.label for entry in entries)]))
+    for option, value, known in (("--strategy", strategy, either), ("--object", body, bodies)):
+        if value is not None and value not in known:
+            raise StoreError(f"{option}: the study has no {value!r}; {choose(value, known)}")
+    count = plan.study.head.episodes_per_cell
+    if not 0 <= episode < count:
+        raise StoreError(f"--episode: is {episode}; should be a whole number from 0 to "
+                         f"{count - 1}")
+    meant = {entry.label: entry for entry in entries
+             if strategy in (None, entry.label, names[entry.strategy])}
+    label = next(iter(meant))
+    if len(meant) > 1:
+        label = next(row[1] for row in make_leaderboard(plan, stores).rows if row[1] in meant)
+    points = dict.fromkeys(range(len(plan.study.axes)), 0) | meant[label].points
+    return Episode(meant[label].strategy, 0 if body is None else bodies.index(body), episode,
+                   setting_index(plan, points))
+
+
+def cell_of(plan: Plan, episode: Episode) -> Cell:
+    """The episode's cell. Raises StoreError where the files that it was read from are not kept."""
+    if missing := file_read(plan, episode):
+        raise StoreError(
+            f"{missing}: was read from a file that the study does not keep; only episodes of "
+            "catalogue objects, compounds and waypoint families can be run again")
+    return plan.study.cell(episode.strategy, episode.body, episode.setting)
+
+
+def rerun(plan: Plan, episode: Episode, device: str = "cpu") -> "EpisodeBlock":
+    """A block of this one episode; StoreError as `cell_of`."""
+    return next(rerun_all(plan, [episode], device))
+
+
+def rerun_all(plan: Plan, episodes: Sequence[Episode], device: str = "cpu",
+              workers: int = 1) -> Iterator["EpisodeBlock"]:
+    """A block of each episode, in order; StoreError as `cell_of`."""
+    tasks = [(cell_of(plan, e), e.episode, device) for e in episodes]
+    if not tasks:
+        return
+    with as_a_worker(), _pool(min(workers, len(tasks))) as pool:
+        blocks = pool.map(_run, tasks)
+        start_warp()  # their bodies bring it here too
+        yield from blocks
+
+
+def in_a_worker(function: Callable[[Any], Any], task: Any) -> Any:
+    """`function(task)` in a process set up as a sweep's workers are.
+
+    Their environment matters to the last bits: XLA sums in another order with more threads.
+    """
+    with as_a_worker(), _pool(1) as pool:
+        return pool.submit(_quietly, function, task).result()
+
+
+def _pool(workers: int) -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
+
+
+def _quietly(function: Callable[[Any], Any], task: Any) -> Any:
+    with quiet_stdout():
+        start_warp()
+        return function(task)
+
+
+def _run(task: tuple[Cell, int, str]) -> "EpisodeBlock":
+    return _quietly(_run_block, task)
+
+
+def _run_block(task: tuple[Cell, int, str]) -> "EpisodeBlock":
+    from sweeps.episode.episodes import run_block
+
+    cell, episode, device = task
+    return run_block(cell, np.array([episode]), device)
+
+
+def file_read(plan: Plan, episode: Episode) -> str:
+    """What of an episode came from a file of its own (its name, or nothing)."""
+    body = plan.study.objects[episode.body]
+    if _names_a_file(body.table):
+        return body.name
+    strategy = plan.study.strategies[episode.strategy]
+    files = [getattr(family, "file", "") for family in strategy.waypoints]
+    return strategy.name if any(files) or ".py:" in strategy.call else ""
+
+
+def _names_a_file(value: Any) -> bool:
+    if isinstance(value, dict):
+        return any(key in FILE_KEYS or _names_a_file(entry) for key, entry in value.items())
+    return isinstance(value, list | tuple) and any(_names_a_file(entry) for entry in value)

@@ -1,0 +1,213 @@
+"""Which estimated constants change a ranking of strategies? One at a time, over their brackets.
+
+A study like any other, whose one zip axis holds the defaults in its first row and in every further
+row one constant at an end of its bracket. Episodes meet the same objects, poses and noise in every
+row, so rows differ by the constant alone.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import kendalltau
+
+from sweeps.analysis.entries import value_text
+from sweeps.analysis.text_table import number_text
+from sweeps.run.plan import Plan, cell_hash
+from sweeps.run.store import Store
+from sweeps.spec.errors import Problem, SpecError
+
+STRATEGIES = ("ring6", "column9", "random18", "rim12-ring12")
+OBJECTS = ("block", "large_cylinder", "small_cylinder", "wedge", "lightbulb", "funnel")
+EPISODES = 16
+METRIC = "chamfer_mm"
+SURE = 2.0
+"""Standard errors by which a pair of strategies must differ, both ways, to count as swapped."""
+
+
+@dataclass(frozen=True)
+class Bracket:
+    """A constant in the units of a spec, its default, the ends of what it may be, and why."""
+
+    key: str
+    default: Any
+    ends: tuple[Any, ...]
+    why: str
+
+
+BRACKETS = (
+    Bracket("hand.link_length_mm", [43.0, 33.0, 28.0], ([43.2, 29.6, 25.4], [54.0, 38.4, 30.0]),
+            "GraspIt!'s human hand; Allegro hand"),
+    Bracket("hand.finger_spacing_mm", 28.0, (22.0, 43.5), "Allegro hand: 43.5"),
+    Bracket("hand.palm_gap_mm", 80.0, (60.0, 100.0), "a quarter either way"),
+    Bracket("hand.link_radius_mm", 8.0, (6.0, 10.0), "a quarter either way"),
+    Bracket("hand.moment_arm_mm", [10.0, 10.0, 8.0, 6.0],
+            ([7.0, 7.0, 5.6, 4.2], [14.0, 14.0, 11.2, 8.4]), "0.7 and 1.4 times"),
+    Bracket("hand.joint_stiffness_Nm_rad", 2.0, (1.0, 5.0), "half to 2.5 times"),
+    Bracket("hand.skin_stiffness_N_m", 2e4, (5e3, 1e5), "a quarter to five times"),
+    Bracket("hand.tendon_friction", 0.07, (0.02, 0.15), "over pulleys, or in a tube"),
+    Bracket("hand.co_contraction_N", 9.0, (5.0, 15.0), "0.6 to 1.7 times"),
+    Bracket("sensors.tension_noise_N", 0.3, (0.1, 1.0), "a third to three times"),
+    Bracket("sensors.joint_noise_deg", 0.3, (0.1, 1.0), "a third to three times"),
+    Bracket("arm.mount_error_mm", 0.5, (0.1, 2.0), "a fifth to four times"),
+    Bracket("arm.mount_error_deg", 0.2, (0.05, 1.0), "a quarter to five times"),
+    Bracket("object.prior_sigma_mm", 10.0, (5.0, 20.0), "half to twice"),
+)
+
+
+def sensitivity_spec(
+    brackets: Sequence[Bracket] = BRACKETS, strategies: Sequence[str] = STRATEGIES,
+    objects: Sequence[str] = OBJECTS, episodes: int = EPISODES, seed: int = 1990,
+) -> str:
+    """The study as the text of a spec."""
+    lines = ["# One constant at a time over its bracket; written by `warpgrasp sensitivity`.",
+             "schema = 1", 'name = "sensitivity"', f"seed = {seed}",
+             f"episodes_per_cell = {episodes}", f"objects = {_toml(list(objects))}"]
+    for name in strategies:
+        lines += ["", "[[strategy]]", f"name = {_toml(name)}"]
+    lines += ["", "[sweep.zip]"]
+    for bracket in brackets:
+        row = [end if other is bracket else bracket.default
+               for other in brackets for end in other.ends]
+        lines.append(f'"{bracket.key}" = {_toml([bracket.default, *row])}  # {bracket.why}')
+    return "\n".join([*lines, ""])
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    return repr(value)
+
+
+HEADER = ("constant", "value", "tau", "best", "best_chamfer_mm", "mean_change_mm",
+          "swapped_for_sure")
+
+
+def check_study(plan: Plan, file: Path) -> None:
+    """Raises SpecError for a study that does not compare strategies, one constant at a time."""
+    problems = []
+    if len(plan.study.strategies) < 2:
+        problems.append(Problem(str(file), "strategy", "is one; a ranking needs two at least"))
+    for number in range(plan.study.setting_count):
+        keys = [key for key, _ in _changes(plan, number)]
+        if len(keys) > 1:
+            problems.append(Problem(
+                str(file), "sweep", f"setting {number + 1} changes {' and '.join(keys)}; each "
+                "should change one constant of the first setting, which holds the defaults"))
+            break
+    if problems:
+        raise SpecError(problems)
+
+
+def sensitivity_table(plan: Plan, store: Store) -> tuple[list[tuple[str, ...]], list[str]]:
+    """A row a setting, and notes. `tau` is Kendall's rank correlation with the default's."""
+    scores = _scores(plan, store)  # (setting, strategy, object, episode)
+    names = [s.name for s in plan.study.strategies]
+    base = scores[0]
+    rows = []
+    for number, values in enumerate(scores):
+        key, value = _changed(plan, number)
+        means = _means(values)
+        change = means - _means(base)
+        best, least, mean = "NA", "NA", "NA"
+        if np.isfinite(means).any():  # a strategy that always fails is not the best
+            best, least = names[int(np.nanargmin(means))], f"{np.nanmin(means):.3f}"
+        if np.isfinite(change).any():
+            mean = f"{np.nanmean(change):+.3f}"
+        rows.append((key, value, number_text(_tau(_means(base), means), 2), best, least, mean,
+                     _swapped(base, values, names)))
+    chance = _tau_by_chance(base)
+    low, middle = (number_text(v, 2) for v in np.quantile(chance, [0.05, 0.5]))
+    shape = "{2} objects x {3} episodes".format(*scores.shape)
+    notes = [f"{len(names)} strategies x {shape} a setting, ranked by mean {METRIC}",
+             f"redrawing the default's episodes alone gives tau {middle} (5 %: {low}): "
+             "a tau above that says nothing"]
+    notes += [f"{name} has no score in {count} of {len(scores)} settings, and is left out there: "
+              "all its episodes failed" for name, count in
+              zip(names, np.isnan([_means(v) for v in scores]).sum(axis=0), strict=True) if count]
+    return rows, notes
+
+
+def _scores(plan: Plan, store: Store) -> np.ndarray:
+    study = plan.study
+    out = np.full((study.setting_count, len(study.strategies), len(study.objects),
+                   study.head.episodes_per_cell), np.nan)
+    for strategy, body, setting in study.cells():
+        cell = study.cell(strategy, body, setting)
+        name = cell_hash(cell, study.objects[body])
+        for block in range(plan.block_count):
+            unit = plan.unit(cell, name, block)
+            rows = store.read(unit)
+            if rows is not None:
+                out[setting, strategy, body, unit.start:unit.stop] = np.asarray(
+                    rows[METRIC], float)
+    return out
+
+
+def _means(values: np.ndarray) -> np.ndarray:
+    """Mean of each strategy over objects, of means over episodes; (strategy, object, episode)."""
+    return _mean(_mean(values))
+
+
+def _mean(values: np.ndarray) -> np.ndarray:
+    """Over the last axis, of what is there; NaN where nothing is."""
+    there = np.isfinite(values)
+    total, count = np.where(there, values, 0.0).sum(-1), there.sum(-1)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def _tau(one: np.ndarray, other: np.ndarray) -> float:
+    """Of the strategies that have both means; NaN where fewer than two do."""
+    both = np.isfinite(one) & np.isfinite(other)
+    if both.sum() < 2:
+        return float("nan")
+    return float(kendalltau(one[both], other[both])[0])  # pyright: ignore[reportArgumentType]
+
+
+def _tau_by_chance(base: np.ndarray, draws: int = 500) -> np.ndarray:
+    """Kendall's tau of two rankings from episodes drawn anew, with replacement, from one study."""
+    rng = np.random.default_rng(0)
+    episodes = base.shape[-1]
+    drawn = [_means(base[..., rng.integers(0, episodes, episodes)]) for _ in range(2 * draws)]
+    return np.array([_tau(a, b) for a, b in zip(drawn[::2], drawn[1::2], strict=True)])
+
+
+def _swapped(base: np.ndarray, values: np.ndarray, names: Sequence[str]) -> str:
+    """Pairs that are surely one way by default and surely the other way now (paired episodes)."""
+    found = []
+    for a, b in combinations(range(len(names)), 2):
+        before, after = _lead(base[a] - base[b]), _lead(values[a] - values[b])
+        if min(abs(before), abs(after)) > SURE and before * after < 0:
+            found.append(f"{names[a]} {'<' if after < 0 else '>'} {names[b]}")
+    return "; ".join(found) or "none"
+
+
+def _lead(difference: np.ndarray) -> float:
+    """Mean of (object, episode) in its standard errors, the objects being given."""
+    told = difference[np.isfinite(difference).sum(-1) > 1]
+    if not len(told):
+        return 0.0
+    error = np.sqrt((np.nanvar(told, axis=-1, ddof=1)
+                     / np.isfinite(told).sum(-1)).sum()) / len(told)
+    return float(np.nanmean(told) / max(error, 1e-12))
+
+
+def _changed(plan: Plan, number: int) -> tuple[str, str]:
+    """The constant of a setting that is not as in the first one, and its value."""
+    found = _changes(plan, number)
+    if not found:
+        return "(default)", ""
+    key, value = found[0]
+    values = value if isinstance(value, tuple) else (value,)
+    return key, " ".join(map(value_text, values))
+
+
+def _changes(plan: Plan, number: int) -> list[tuple[str, Any]]:
+    base, _ = plan.study.setting(0)
+    edge, _ = plan.study.setting(number)
+    return [(key, value) for key, value in edge.items() if value != base[key]]

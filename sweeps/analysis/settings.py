@@ -1,0 +1,101 @@
+"""What each swept factor does to each strategy: means by level, and its share of the variance.
+
+The means of all settings are the data, an object's and episode's luck being the same in each
+(common random numbers). A factor of more than eight values is cut into four levels of equally many
+settings. `share` is the variance between a factor's levels over the variance between settings: on
+a full grid the first-order sensitivity index; on sampled points an estimate of it, too small by
+what varies within a level, too large by chance where a level has few settings.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sweeps.analysis.bootstrap import estimate
+from sweeps.analysis.entries import HIGHER_IS_BETTER, LeaderboardError, bounds_of, value_text
+from sweeps.analysis.paired import Paired, read_paired
+from sweeps.analysis.text_table import TextTable, number_text
+from sweeps.run.plan import Plan
+from sweeps.run.store import Store
+
+MANY_VALUES = 8
+LEVELS = 4
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One factor's levels for one strategy."""
+
+    strategy: str
+    factor: str
+    levels: tuple[str, ...]
+    value: np.ndarray  # (level,)
+    low: np.ndarray
+    high: np.ndarray
+    settings: tuple[int, ...]
+    """How many settings each level has."""
+    spread: tuple[float, float, float]
+    """The largest minus the smallest level mean, and the interval of the difference of these two
+    levels: in a replicate either may be the larger."""
+    share: float
+
+
+def read_settings(plan: Plan, stores: Sequence[Store], metric: str) -> Paired:
+    """Every strategy under every setting. Raises LeaderboardError where nothing was swept."""
+    if not plan.study.axes:
+        raise LeaderboardError("settings: this study sweeps nothing; see [sweep.grid] in "
+                               "`warpgrasp init`")
+    return read_paired(plan, stores, [metric], range(len(plan.study.axes)))
+
+
+def effects(plan: Plan, paired: Paired, metric: str) -> Iterator[Effect]:
+    """Strategy by strategy, the factors in the order of the spec."""
+    for number, strategy in enumerate(plan.study.strategies):
+        mine = [n for n, entry in enumerate(paired.entries) if entry.strategy == number]
+        means = paired.means[metric][:, mine]
+        between = means[0].var()
+        for place, axis in enumerate(plan.study.axes):
+            points = np.array([paired.entries[n].points[place] for n in mine])
+            for k, key in enumerate(axis.keys):
+                names, level = _levels([axis.values[point][k] for point in points])
+                of_levels = np.stack([means[:, level == n].mean(axis=1)
+                                      for n in range(len(names))], axis=1)
+                found = estimate(of_levels, bounds_of(metric))
+                most, least = found.value.argmax(), found.value.argmin()
+                spread = estimate(of_levels[:, [most]] - of_levels[:, [least]],
+                                  (-bounds_of(metric)[1], bounds_of(metric)[1]))
+                counts = np.bincount(level, minlength=len(names))
+                inside = counts @ (found.value - means[0].mean()) ** 2 / len(mine)
+                yield Effect(strategy.name, key, names, found.value, found.low, found.high,
+                             tuple(int(count) for count in counts),
+                             (float(spread.value[0]), float(spread.low[0]), float(spread.high[0])),
+                             float(inside / between) if between > 0 else float("nan"))
+
+
+def _levels(values: list[object]) -> tuple[tuple[str, ...], np.ndarray]:
+    """The names of a factor's levels, and the level of each setting."""
+    distinct = list(dict.fromkeys(values))
+    if len(distinct) <= MANY_VALUES or not all(
+            isinstance(v, int | float) and not isinstance(v, bool) for v in distinct):
+        return (tuple(value_text(v) for v in distinct),
+                np.array([distinct.index(v) for v in values]))
+    numbers = np.array(values, float)
+    rank = np.searchsorted(np.sort(numbers), numbers)
+    _, level = np.unique(rank * LEVELS // len(numbers), return_inverse=True)
+    return tuple(f"{numbers[level == n].min():.4g} to {numbers[level == n].max():.4g}"
+                 for n in range(level.max() + 1)), level
+
+
+def settings_table(plan: Plan, paired: Paired, metric: str) -> TextTable:
+    """The table of `warpgrasp table DIR settings`: a line a level."""
+    digits = 4 if metric in HIGHER_IS_BETTER else 3
+    rows = []
+    for effect in effects(plan, paired, metric):
+        about = (*(number_text(v, digits) for v in effect.spread), number_text(effect.share, 4))
+        rows += [(effect.strategy, effect.factor, level, str(effect.settings[n]),
+                  *(number_text(v[n], digits) for v in (effect.value, effect.low, effect.high)),
+                  *about) for n, level in enumerate(effect.levels)]
+    header = ("strategy", "factor", "level", "n_settings", metric, f"{metric}_ci_low",
+              f"{metric}_ci_high", "spread", "spread_ci_low", "spread_ci_high", "share")
+    return TextTable(header, tuple(rows), paired.notes)

@@ -1,0 +1,165 @@
+"""What `warpgrasp bench` measures of this package: one function a row, `(of, batch) -> Work`.
+
+    python -m sweeps.bench.rows ROW OF BATCH [--quick]      prints one JSON line
+"""
+
+import json
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from sweeps.bench.measure import SEED, Work, bodies_touched, measure, mesh_body
+
+
+def body_of(name: str):
+    """A catalogue object, or `mesh`."""
+    from warpgrasp.objects.catalogue import body_from_name
+
+    return mesh_body() if name == "mesh" else body_from_name(name)
+
+
+def closings(of: str, batch: int) -> Work:
+    """Finger closings of `rim12-ring12` (24 poses, two paths): `batch` slots or a few more."""
+    from strategies.poses.hand_poses import waypoint_poses
+    from strategies.procedures.containment import padded_commands
+    from strategies.ready_made import STRATEGIES
+    from sweeps.episode.episodes import place_objects, tell_cylinder
+    from warpgrasp.closing.closing import close_fingers
+    from warpgrasp.core.random import counter_key_host
+    from warpgrasp.geometry.body import scene_of
+    from warpgrasp.mechanism.arm_motion import ArmState, move_hand
+    from warpgrasp.parameters import ArmTable, HandTable, ObjectTable, SensorTable
+
+    strategy, hand, body = STRATEGIES["rim12-ring12"], HandTable(), body_of(of)
+    commands, count = padded_commands(strategy.closings)
+    worlds = -(-batch // 192)
+    key = counter_key_host(SEED, np.arange(worlds))
+    pose = place_objects(ObjectTable(), key)
+    told = tell_cylinder(body, pose, 0.01, key)
+    poses = waypoint_poses(strategy.waypoints, told, hand, key)
+    scene, which = scene_of([body], "cpu"), np.zeros(1, int)
+    moves, actual = move_hand(scene, which, pose, ArmTable(), hand, key, ArmState.home(worlds),
+                              poses, np.ones(poses.shape[:2], bool), commands, device="cpu")
+
+    def call() -> int:
+        felt, _ = close_fingers(scene, which, pose, hand, SensorTable(), key, moves.status, actual,
+                                commands, count)
+        return int(np.isfinite(felt.q_rad[..., 0]).sum())
+
+    return Work("closings", call)
+
+
+def touches(of: str, batch: int) -> Work:
+    """Guarded lines of 1 mm intervals that end on a pad of 16 x 16 taxels."""
+    from strategies.poses.postures import POKE_RAD, poking_pose
+    from warpgrasp.parameters import ArmTable, HandTable, SensorTable
+    from warpgrasp.probe_status import ProbeStatus
+    from warpgrasp.robot import Robot, Truth
+
+    rng, inward = np.random.default_rng(SEED), np.array([1.0, 0.0, 0.0])
+    body = body_of(of)
+    key = np.arange(batch).astype(np.uint64)
+
+    def robot() -> Robot:
+        truth = Truth(np.tile([0.45, 0, 0, 0, 0, 0, 1.0], (batch, 1)))
+        return Robot([body], np.zeros(1, int), truth, key, ArmTable(), HandTable(), SensorTable())
+
+    first = robot()
+    gap, side, height = rng.uniform([0.005, -0.02, 0.03], [0.03, 0.02, 0.09], (batch, 3)).T
+    pose = np.stack([poking_pose(first.hand, first.pads, np.array([x, y, z]), inward,
+                                 np.array([0.0, 0.0, -1.0]))
+                     for x, y, z in zip(0.45 + body.low_m[0] - gap, side, height, strict=True)])
+
+    def call() -> int:
+        touch = robot().guarded_line(np.arange(batch), pose, np.tile(inward, (batch, 1)),
+                                     interval_m=0.001, steps=60, finger=0, commands_rad=POKE_RAD)
+        return int((touch.status == ProbeStatus.CONTACT).sum())
+
+    return Work("touches", call)
+
+
+
+
+def fits(of: str, batch: int) -> Work:
+    """Fits of 60 points, all starts included: superquadrics by parameters, plane, revolution."""
+    from fit.plane import fit_plane
+    from fit.revolution.fit import fit_revolution
+    from fit.superquadric.fit import fit_superquadric
+    from fit.superquadric.record import SuperquadricOptions
+
+    _, points = bodies_touched(batch)
+    forms = {"superquadric11": {}, "superquadric13": {"taper": True},
+             "superquadric15": {"taper": True, "bend": True}}
+
+    def call() -> int:
+        if of == "plane":
+            fit_plane(points)
+        elif of == "revolution":
+            fit_revolution(points, table_z=0.0)
+        else:
+            fit_superquadric(points, table_z=0.0, options=SuperquadricOptions(**forms[of]))
+        return batch
+
+    return Work("fits", call)
+
+
+def metrics(of: str, batch: int) -> Work:
+    """All scores of recovered superquadrics against a true body."""
+    from sweeps.episode.scores import score_superquadrics
+
+    body, _ = bodies_touched(batch)
+    true, pose = body_of(of), np.tile([0.45, 0, 0, 0, 0, 0, 1.0], (batch, 1))
+
+    def call() -> int:
+        score_superquadrics(body, true, pose)
+        return batch
+
+    return Work("scores", call)
+
+
+def episodes(of: str, batch: int) -> Work:
+    """Whole episodes of a shipped strategy: closings, fits, scores, rows written to disk."""
+    from strategies.ready_made import STRATEGIES
+    from sweeps.episode.episodes import run_episodes
+    from sweeps.run.unit_file import write_unit
+    from sweeps.spec.cell import Cell
+
+    cell = Cell(STRATEGIES[of], {"name": "block"}, "block", seed=SEED)
+    folder = tempfile.mkdtemp()
+    extra: dict[str, str | int] = {"object": "block"}
+    done = 0
+
+    def call() -> int:
+        nonlocal done
+        path = Path(folder) / "unit.parquet"
+        write_unit(path, "bench", run_episodes(cell, np.arange(done, done + batch), "cpu"))
+        extra["bytes_per_episode"] = round(path.stat().st_size / batch)
+        path.unlink()
+        done += batch
+        return batch
+
+    return Work("episodes", call, extra)
+
+
+ROWS: dict[str, Callable[[str, int], Work]] = {
+    row.__name__: row for row in (closings, touches, fits, metrics, episodes)}
+
+
+def main(arguments: list[str]) -> None:
+    """Measure one row and print it."""
+    from sweeps.bench import peers as bench_peers
+    from sweeps.output import start_warp
+
+    start_warp()
+    row, of, batch = arguments[:3]
+    rows = ROWS | bench_peers.PEERS
+    work = rows[row](of, int(batch))
+    measured = measure(work, quick="--quick" in arguments)
+    print(json.dumps({"row": row, "of": of, "batch": int(batch), **measured}), flush=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

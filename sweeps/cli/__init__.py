@@ -1,0 +1,1 @@
+"""The command line `warpgrasp`: one function a command."""

@@ -1,0 +1,75 @@
+"""The command line's app, on which the files `cli_*.py` hang their commands."""
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, Parameter
+
+
+def _version() -> str:
+    from importlib.metadata import version  # heavy, and only --version needs it
+
+    return version("warpgrasp")
+
+
+app = App(name="warpgrasp", help="Batched simulation of robots that learn shape by touch. "
+          "Every command takes --quiet: no progress and no notes.",
+          version=_version, version_flags=["--version"], help_format="plaintext",
+          suppress_keyboard_interrupt=False)
+Json = Annotated[bool, Parameter(negative="")]
+Settings = Annotated[list[str] | None, Parameter(name="--set", negative="")]
+
+
+class UsageError(ValueError):
+    """An argument that cannot be used."""
+
+
+def folders_and_kind(words: list[str], kinds: Iterable[str]) -> tuple[list[Path], str]:
+    """The words DIR... KIND as directories and a kind."""
+    from sweeps.spec.errors import choose
+
+    if words[-1] not in kinds:
+        raise UsageError(f"KIND: is {words[-1]!r}; {choose(words[-1], kinds)}")
+    if len(words) < 2:
+        raise UsageError("DIR: is missing; name the directory of a study before the kind")
+    return [Path(word) for word in words[:-1]], words[-1]
+
+
+def count_of(value: int, name: str) -> int:
+    """A number of things, such as workers: 1 to 4096."""
+    if not 1 <= value <= 4096:
+        raise UsageError(f"{name}: is {value}; should be a whole number from 1 to 4096")
+    return value
+
+
+def timeout_of(value: float) -> float:
+    """Seconds that a unit may take."""
+    if not 1 <= value <= 1e9:
+        raise UsageError(f"--unit-timeout-s: is {value:g}; should be a number from 1 to 1e9")
+    return value
+
+
+def shard_of(text: str) -> tuple[int, int]:
+    """I/N as two numbers."""
+    match = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text)
+    if not match or not 1 <= int(match[1]) <= int(match[2]):
+        raise UsageError(f"--shard: is {text!r}; should be I/N with I from 1 to N, such as 2/8")
+    return int(match[1]), int(match[2])
+
+
+def device_of(text: str) -> str:
+    """A device's name as Warp knows it."""
+    if not re.fullmatch(r"cpu|cuda(:\d{1,2})?", text):
+        raise UsageError(f"--device: is {text!r}; should be cpu or cuda:0")
+    return "cuda:0" if text == "cuda" else text
+
+
+DONE = 0
+SOME_FAILED = 1
+"""Something that was asked for could not be done; the rest was."""
+BAD_USAGE = 2
+OTHER_SPEC = 3
+"""The folder holds another study."""
+INTERRUPTED = 130

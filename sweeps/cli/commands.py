@@ -1,0 +1,156 @@
+"""The commands that run or read a study: each answers with the process's exit code."""
+
+import json
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
+from sweeps.analysis.text_table import print_table
+from sweeps.cli.app import DONE, SOME_FAILED
+from sweeps.output import devices, quiet_asked, write_atomic
+from sweeps.run.local_engine import UNIT_TIMEOUT_S, Options, run
+from sweeps.run.plan import Plan, plan_study
+from sweeps.run.progress import Progress, read_note
+from sweeps.run.scheduler import Outcome
+from sweeps.run.store import Store, open_study, plan_of
+from sweeps.run.worker import EPISODES
+from sweeps.spec.errors import StoreError
+from sweeps.spec.reader import read_spec
+
+# Columns that fit a terminal; the file has them all.
+SHOWN = ("rank", "strategy", "_ci_low", "_ci_high", "p_best", "iou", "recognized", "touches",
+         "robot_time_s", "failure_rate", "n_objects", "n_episodes")
+
+
+def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], device: str,
+          settings: Sequence[str], as_json: bool, engine: str = "local",
+          address: str | None = None, unit_timeout_s: float = UNIT_TIMEOUT_S,
+          verify: bool = False) -> int:
+    """Runs what is left of a study, then ranks it."""
+    if device != "cpu" and engine == "local" and device not in (found := devices()):
+        raise StoreError(f"--device: there is no {device} here; there are: {', '.join(found)}")
+    plan = plan_study(read_spec(spec, settings))
+    store = Store(folder)
+    options = Options(workers, shard, device, EPISODES, unit_timeout_s, verify)
+    with _terminated_as_interrupted(), store.lock(shard):
+        for note in store.open_for(plan, spec.read_bytes(), device):
+            _say(note)
+        outcome = _run(plan, store, options, engine, address)
+        if outcome.done + outcome.failed == 0:
+            _say(f"{folder}: finished already, {outcome.kept} units")
+        if shard[1] == 1:
+            before = store.damaged
+            kept = plan_of(store)  # the same study in its first spec's order: bootstraps go by it
+            board = make_leaderboard(kept, [store])
+            if store.damaged > before:  # seen only by reading every row
+                _say(f"{store.damaged - before} damaged units are done again; see {store.logs}")
+                outcome = _run(plan, store, options, engine, address)
+                board = make_leaderboard(kept, [store])
+            write_atomic(folder / "leaderboard.csv", board.csv())
+            _show(board, as_json)
+    if shard[1] > 1:
+        _say(f"shard {shard[0]} of {shard[1]} is done; `warpgrasp leaderboard` merges directories")
+    if outcome.failed:
+        _say(f"{outcome.failed} units failed; see {store.logs}/*.failed.log")
+    return SOME_FAILED if outcome.failed else DONE
+
+
+def _run(plan: Plan, store: Store, options: Options, engine: str,
+         address: str | None) -> Outcome:
+    """Runs what is left of a shard on one of the engines."""
+    index, count = options.shard
+    with Progress(plan.shard_size(options.shard), store.note(f"{index}-of-{count}")) as progress:
+        if engine == "ray":
+            from sweeps.run.ray_engine import run_on_ray
+
+            return run_on_ray(plan, store, options, progress, address)
+        return run(plan, store, options, progress)
+
+
+def status(folder: Path, *, as_json: bool) -> int:
+    """Prints how far a study is; reads only what is there."""
+    store = Store(folder)
+    plan = plan_of(store)
+    done = failed = 0
+    for unit in plan.units():
+        if store.path(unit).exists():
+            done += 1
+        elif store.log(unit).exists():
+            failed += 1
+    holders = store.holders()
+    notes = [read_note(store.note(shard)) for shard in holders]
+    rates = [note["units_per_s"] for note in notes if note["units_per_s"]]
+    left = plan.unit_count - done - failed
+    found: dict[str, Any] = {
+        "study": store.resolved().get("name", ""), "hash": plan.hash, "units": plan.unit_count,
+        "done": done, "failed": failed,
+        "running": sum(note["running"] for note in notes), "left": left,
+        "units_per_s": round(sum(rates), 4) if rates else None,
+        "seconds_left": round(left / sum(rates), 1) if rates else None,
+        "held_by": list(holders.values()),
+        "other_files": _count_files(store) - done,
+    }
+    if as_json:
+        print(json.dumps(found, indent=1))
+    else:
+        for name, value in found.items():
+            text = ", ".join(value) if isinstance(value, list) else value
+            print(f"{name.ljust(12)}  {'-' if text in (None, '') else text}")
+    return DONE
+
+
+def leaderboard(folders: Sequence[Path], out: Path | None, *, metric: str,
+                by: str | None, as_json: bool) -> int:
+    """Ranks a study from one directory or from several that hold parts of it."""
+    plan, stores = open_study(folders)
+    names = [name.strip() for name in by.split(",")] if by is not None else None
+    board = make_leaderboard(plan, stores, metric, names)
+    if out is not None:
+        try:
+            write_atomic(out, board.csv())
+        except OSError as error:
+            raise StoreError(f"{out}: cannot be written: {error.strerror}") from None
+    _show(board, as_json)
+    for store in stores:
+        if store.damaged:
+            _say(f"note: {store.damaged} damaged units were set aside; see {store.logs}; running "
+                 "the sweep again does them again")
+    return DONE
+
+
+def _show(board: Leaderboard, as_json: bool) -> None:
+    keep = [n for n, name in enumerate(board.header)
+            if as_json or n == 2 or any(name == s or (s[0] == "_" and name == board.header[2] + s)
+                                        for s in SHOWN)]
+    print_table([board.header[n] for n in keep], [[row[n] for n in keep] for row in board.rows],
+                as_json)
+    for note in board.notes:
+        _say(f"note: {note}")
+
+
+def _count_files(store: Store) -> int:
+    return sum(1 for _ in store.units.glob("*.parquet"))
+
+
+def _say(text: str) -> None:
+    if quiet_asked():
+        return
+    print(text, file=sys.stderr, flush=True)
+
+
+@contextmanager
+def _terminated_as_interrupted() -> Iterator[None]:
+    """A batch system's SIGTERM ends a sweep as Ctrl-C does: what is finished is kept."""
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -1,0 +1,69 @@
+"""The command `export`: the robot, and an object before it, as a file for another simulator."""
+
+from pathlib import Path
+
+from sweeps.output import quiet_stdout, start_warp, write_atomic
+from sweeps.spec.errors import StoreError
+from sweeps.spec.objects import object_of_argument
+from warpgrasp.geometry.body import BodyError
+from warpgrasp.parameters import ArmTable, HandTable, ObjectTable, PadTable
+
+HAND_ABOVE_M = 0.15
+"""Hand alone with an object: the hand frame this far above the object, pointing down."""
+
+
+def export(file: Path, *, arm: bool, what: str | None, units: str | None) -> int:
+    """Write `file` (.xml: MJCF, .urdf: URDF; then meshes beside it) and print what was written."""
+    kind = file.suffix.lower()
+    if kind not in (".xml", ".urdf"):
+        raise StoreError(f"{file}: ends in {kind or 'nothing'}; .xml writes MJCF, .urdf URDF")
+    with quiet_stdout():
+        start_warp()
+        files = _files(file, kind, arm, what, units)
+    for path, text in files.items():
+        try:
+            write_atomic(path, text.encode())
+        except OSError as error:
+            raise StoreError(f"{path}: cannot be written: {error.strerror or error}") from None
+        print(path)
+    return 0
+
+
+def _files(
+    file: Path, kind: str, arm: bool, what: str | None, units: str | None
+) -> dict[Path, str]:
+    from warpgrasp.export.convex_solids import object_solids
+    from warpgrasp.export.mjcf import mjcf_text
+    from warpgrasp.export.robot_tree import STILL, arm_hand_tree, hand_tree
+    from warpgrasp.export.urdf import urdf_text
+    from warpgrasp.objects.catalogue import body_from_name, body_from_table
+    from warpgrasp.objects.mesh_import import mesh_triangles
+
+    hand, pads, stands = HandTable(), PadTable(), ObjectTable()
+    solids, top = [], 0.0
+    if what is not None:
+        table = object_of_argument(what, units)
+        triangles = None
+        if "mesh" in table:
+            body = body_from_table(table, Path())
+            triangles = mesh_triangles(Path(table["mesh"]), units=table["units"])
+        else:
+            body = body_from_name(str(table["name"]))
+        solids, top = object_solids(body, triangles), body.high_m[2]
+    if arm:
+        links = arm_hand_tree(ArmTable(), hand, pads)
+        place = (stands.x_m, stands.y_m, *STILL[2:])
+    else:
+        above = (0.0, 0.0, top + HAND_ABOVE_M, 1.0, 0.0, 0.0, 0.0)
+        links = hand_tree(hand, pads, place=above if solids else STILL)
+        place = STILL
+    name = "puma560_utah_mit_hand" if arm else "utah_mit_hand"
+    if kind == ".xml":
+        return {file: mjcf_text(links, solids, name=name, object_place=place,
+                                table=arm or bool(solids))}
+    try:
+        text, meshes = urdf_text(links, solids, name=name, object_place=place,
+                                 mesh_stem=f"{file.stem}_object")
+    except ValueError as error:
+        raise BodyError(f"{what}: {error}") from None
+    return {file: text, **{file.parent / mesh: obj for mesh, obj in meshes.items()}}

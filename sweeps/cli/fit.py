@@ -1,0 +1,166 @@
+"""`warpgrasp fit`: a CSV of sets of touches in, a CSV of recovered shapes out, a row a set."""
+
+import sys
+from collections import Counter
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fit.fit_status import status_names
+from fit.points_csv import (
+    PointSets,
+    plane_rows,
+    profile_rows,
+    read_points,
+    revolution_rows,
+    rows_csv,
+    superquadric_rows,
+)
+from sweeps.output import write_atomic
+from sweeps.spec.errors import StoreError
+
+FIGURE_FORMATS = (".png", ".svg", ".pdf")
+BELOW_SHARE, BELOW_M = 0.1, 0.005
+"""More touches than this share lie farther than this below a table that is told too high."""
+LEAST_NORMALS, INWARD_M = 8, 0.001
+"""So many normals, half of which point inwards by more than what touches of a flat face may."""
+FAR, LEAST_EXTENT_M = 10.0, 0.05
+"""What is touched from so many times its extent (at least) above a table on does not stand on it.
+"""
+
+
+def fit(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, robust: bool,
+        table_z_m: float | None, figure: Path | None) -> int:
+    """Fits every set of `points`, writes `out` (and the contours of revolutions beside it).
+
+    Prints the files written; stderr says what became of the sets. Raises PointsError with all that
+    is wrong in the file, StoreError for options that contradict and files that cannot be used.
+    """
+    _check(shape, points, out, taper, bend, robust, table_z_m, figure)
+    try:
+        sets = read_points(points)
+    except OSError as error:
+        raise StoreError(f"{points}: cannot be read: {error.strerror or error}") from None
+    if table_z_m is not None:
+        _check_table(sets, table_z_m)
+    if shape == "superquadric" and sets.normals is not None:
+        for name in inward(sets, sets.normals):
+            print(f"nx, ny, nz: most normals of {name} point to the middle of its touches; they "
+                  "should point out of the body", file=sys.stderr)
+    found = fit_shape(shape, sets, taper=taper, bend=bend, robust=robust, table_z_m=table_z_m)
+    files = {out: rows_csv(*_rows(shape, sets.names, found))}
+    if shape == "revolution":
+        files[profile_path(out)] = rows_csv(*profile_rows(sets.names, found))
+    if figure is not None:
+        from sweeps.figures.fits import draw_fits
+
+        files[figure] = draw_fits(sets, found, figure.suffix[1:])
+    for path, content in files.items():
+        try:
+            write_atomic(path, content)
+        except OSError as error:
+            raise StoreError(f"{path}: cannot be written: {error.strerror or error}") from None
+        print(path)
+    became = Counter(status_names(found.status))
+    print(f"{len(sets.names)} sets: " + ", ".join(f"{n} {name}" for name, n in became.items()),
+          file=sys.stderr)
+    return 0
+
+
+def _check_table(sets: PointSets, table_z_m: float) -> None:
+    """Says of which sets the table cannot be true. Raises StoreError where it is of none."""
+    good = sets.mask & np.isfinite(sets.points).all(2)
+    used = good.any(1)
+    points = np.where(good[..., None], sets.points, np.nan)[used]
+    names = [name for name, there in zip(sets.names, np.atleast_1d(used), strict=True) if there]
+    low, high = np.nanmin(points, axis=1), np.nanmax(points, axis=1)
+    under = np.nanquantile(points[..., 2], BELOW_SHARE, axis=1) < table_z_m - BELOW_M
+    extent = np.maximum(np.linalg.norm(high - low, axis=1), LEAST_EXTENT_M)
+    far = low[:, 2] - table_z_m > FAR * extent
+    wrong = [f"--table-z: is {table_z_m:g}; the touches of {name} lie "
+             f"{'below it' if below else 'far above it'}, from {z0:g} to {z1:g} m"
+             for name, below, away, z0, z1 in zip(names, under, far, low[:, 2], high[:, 2],
+                                                  strict=True) if below or away]
+    if wrong and len(wrong) == len(names):
+        raise StoreError(f"{wrong[0]}; should be the table's height in metres, below all touches")
+    for line in wrong:
+        print(line, file=sys.stderr)
+
+
+def inward(sets: PointSets, normals: np.ndarray) -> list[str]:
+    """Names of sets whose normals (set, touch, 3) seem to point into the body.
+
+    Half of them do by more than `INWARD_M`, as seen from the mean of the touches [m]; outward
+    ones of a convex body never do, for that mean lies within it.
+    """
+    out = []
+    for name, points, of_set, mask in zip(sets.names, sets.points, normals, sets.mask,
+                                          strict=True):
+        touched = mask & np.isfinite(points).all(1)
+        felt = touched & np.isfinite(of_set).all(1) & of_set.any(1)
+        if felt.sum() < LEAST_NORMALS:
+            continue
+        unit = of_set[felt] / np.abs(of_set[felt]).max(axis=1, keepdims=True)
+        unit /= np.linalg.norm(unit, axis=1, keepdims=True)
+        outward_m = ((points[felt] - points[touched].mean(axis=0)) * unit).sum(1)
+        if np.median(outward_m) < -INWARD_M:
+            out.append(name)
+    return out
+
+
+def fit_shape(shape: str, sets: PointSets, *, taper: bool = False, bend: bool = False,
+              robust: bool = False, table_z_m: float | None = None) -> Any:
+    """The fits of one shape to all sets: a `SuperquadricFit`, `PlaneFit` or `RevolutionFit`."""
+    if shape == "plane":
+        from fit.plane import fit_plane
+
+        return fit_plane(sets.points, sets.mask)
+    if shape == "revolution":
+        from fit.revolution.fit import fit_revolution
+
+        return fit_revolution(sets.points, sets.mask, table_z=table_z_m)
+    from fit.superquadric.fit import fit_superquadric
+    from fit.superquadric.record import SuperquadricOptions
+
+    options = SuperquadricOptions(taper=taper, bend=bend, loss="cauchy" if robust else "none")
+    return fit_superquadric(sets.points, sets.mask, normals=sets.normals, table_z=table_z_m,
+                            options=options)
+
+
+def profile_path(out: Path) -> Path:
+    """The file of the contours beside `out`: fits.csv has fits.profile.csv."""
+    return out.with_name(f"{out.stem}.profile{out.suffix or '.csv'}")
+
+
+def _rows(shape: str, names: tuple[str, ...], found: Any) -> tuple[list[str], list[list]]:
+    return {"superquadric": superquadric_rows, "plane": plane_rows,
+            "revolution": revolution_rows}[shape](names, found)
+
+
+def _check(shape: str, points: Path, out: Path, taper: bool, bend: bool, robust: bool,
+           table_z_m: float | None, figure: Path | None) -> None:
+    """Raises StoreError with everything wrong about the options."""
+    problems = [f"{name}: is for superquadric, not for {shape}" for name, given in
+                (("--taper", taper), ("--bend", bend), ("--robust", robust))
+                if given and shape != "superquadric"]
+    if table_z_m is not None:
+        if shape == "plane":
+            problems.append("--table-z: is for superquadric and revolution, not for plane")
+        elif not isfinite(table_z_m):
+            problems.append(f"--table-z: is {table_z_m}; should be a finite number of metres")
+    if figure is not None and figure.suffix.lower() not in FIGURE_FORMATS:
+        problems.append(f"--figure: {figure}: should end in {', '.join(FIGURE_FORMATS)}")
+    named = [path.resolve() for path in (points, out, figure) if path is not None]
+    if shape == "revolution":
+        named.append(profile_path(out).resolve())
+    if len(set(named)) < len(named):
+        problems.append(f"--out: {out}: a file is named twice; it would be written over")
+    for path in (out, figure):
+        if path is not None and not path.parent.is_dir():
+            problems.append(f"{path}: cannot be written: there is no folder {path.parent}")
+        elif path is not None and path.is_dir():
+            problems.append(f"{path}: cannot be written: it is a folder")
+    if problems:
+        raise StoreError("\n".join(problems))

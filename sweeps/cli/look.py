@@ -1,0 +1,131 @@
+"""The commands that look at a study: tables, figures, the report, an episode played again."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from sweeps.cli.app import Json, UsageError, app, count_of, device_of, folders_and_kind
+
+
+@app.command
+def table(words: list[str], /, *,
+          out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
+          metric: str = "chamfer_mm", against: str | None = None, json: Json = False) -> int:
+    """Print what else a study tells: pairs, objects, curves, reach, same-time, pareto and more.
+
+    Parameters
+    ----------
+    words
+        DIR... KIND: the directories of a study, then one of pairs (paired tests), objects
+        (medians on each), confusion (recognition), curves (error against touches and robot
+        time), reach (touches and seconds to 5 mm and 3 mm), same-time (errors when the
+        strategy of --against ended), pareto (error against robot time), settings (what each
+        swept factor does).
+    out
+        Also write it, as CSV.
+    metric
+        Of pairs, objects, pareto and settings.
+    against
+        For pairs and same-time: compare with one strategy only; best is the leaderboard's first.
+    json
+        Print JSON.
+    """
+    from sweeps.analysis import tables
+
+    folders, kind = folders_and_kind(words, tables.KINDS)
+    return tables.table(folders, kind, out, metric=metric, against=against, as_json=json)
+
+
+@app.command
+def figure(words: list[str], /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])],
+           metric: str = "chamfer_mm", strategy: str | None = None,
+           object_: Annotated[str | None, Parameter(name="--object")] = None,
+           episode: int = 0) -> int:
+    """Draw a figure of a study, one column wide: SVG, PDF or PNG.
+
+    Parameters
+    ----------
+    words
+        DIR... KIND: the directories of a study, then one of forest (the leaderboard),
+        curves-touches, curves-time (error as it falls), pareto (error and robot time),
+        confusion (recognition), settings (swept factors); of one episode, run again: contacts (over
+        the recovered body), faces (traces and planes), contour (the solid of revolution), taxels
+        (images of pads, with their moments), grasp (the hand on the object).
+    out
+        The file; its ending, .svg, .pdf or .png, names the format.
+    metric
+        Of forest, pareto and settings.
+    strategy
+        For confusion and the figures of one episode; by default the best. An entry's name in
+        the leaderboard tells the setting too ("ring6 [sensors.tendon_threshold_N=3]").
+    object_
+        For those of one episode; by default the first.
+    episode
+        For those: which episode of that strategy and object.
+    """
+    from sweeps.figures import kinds as figures
+
+    folders, kind = folders_and_kind(words, figures.KINDS)
+    return figures.figure(folders, kind, out, metric=metric, strategy=strategy, object_=object_,
+                          episode=episode)
+
+
+@app.command
+def report(folders: list[Path], /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])],
+           views: bool = True, workers: int = 1, device: str = "cpu") -> int:
+    """Write a study as one HTML file that needs no network.
+
+    Parameters
+    ----------
+    folders
+        The directory of a study, or several that hold parts (shards) of one.
+    out
+        The HTML file.
+    views
+        Run the best, median and worst episode of each strategy again, for their 3-D views.
+    workers
+        Cores to use for that, one process each.
+    device
+        cpu, or cuda:0.
+    """
+    from sweeps.report import page as report
+
+    return report.report(folders, out, views=views, device=device_of(device),
+                         workers=count_of(workers, "--workers"))
+
+
+@app.command
+def show(folders: list[Path], /, *, episode: int = 0, strategy: str | None = None,
+         object_: Annotated[str | None, Parameter(name="--object")] = None,
+         out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
+         live: Annotated[bool, Parameter(negative="")] = False, port: int = 8080,
+         device: str = "cpu") -> int:
+    """Play an episode again: arm, hand, object, contacts, and the shape believed.
+
+    Parameters
+    ----------
+    folders
+        The directory of a study, or several that hold parts (shards) of one.
+    episode
+        Which episode of the strategy and object, from 0.
+    strategy
+        Whose; by default the leaderboard's first. An entry's name there tells the setting too
+        ("ring6 [sensors.tendon_threshold_N=3]").
+    object_
+        On what; by default the study's first.
+    out
+        An HTML file to write, which needs no network.
+    live
+        Serve it on this machine alone (127.0.0.1) until Ctrl-C.
+    port
+        For --live.
+    device
+        cpu, or cuda:0.
+    """
+    from sweeps.report import replay
+
+    if out is None and not live:
+        raise UsageError("show: wants -o FILE.html, or --live")
+    return replay.show(folders, out, strategy=strategy, body=object_, episode=episode,
+                       live=live, port=port, device=device_of(device))

@@ -1,0 +1,50 @@
+"""The commands about this machine: what is installed, what is compiled, its shell."""
+
+from typing import Literal
+
+from sweeps.cli.app import Json, app, device_of
+
+
+@app.command
+def doctor(*, test: bool = True, json: Json = False) -> int:
+    """Say what is installed, where caches are, and whether it computes; 1 if something is wrong.
+
+    Parameters
+    ----------
+    test
+        Also compute a distance and a fit (seconds; the first time compiles).
+    json
+        Print JSON.
+    """
+    from sweeps.cli.doctor import doctor as examine
+
+    return examine(as_json=json, test=test)
+
+
+@app.command
+def warmup(*, device: str = "cpu") -> int:
+    """Compile the kernels and the programs of the fits into the caches, once for a version.
+
+    Parameters
+    ----------
+    device
+        cpu, or cuda:0.
+    """
+    from sweeps.cli.warmup import warmup as compile_all
+
+    return compile_all(device_of(device))
+
+
+@app.command
+def completion(shell: Literal["bash", "zsh"], /) -> int:
+    """Print a script that completes commands and options: source <(warpgrasp completion bash).
+
+    Parameters
+    ----------
+    shell
+        bash or zsh.
+    """
+    from sweeps.cli.completion import completion as script
+
+    print(script(shell), end="")
+    return 0

@@ -1,0 +1,100 @@
+"""The commands that hold the simulator against something else."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from sweeps.cli.app import Json, app, count_of
+
+
+@app.command
+def validate(*, only: Annotated[list[str] | None, Parameter(negative="")] = None,
+             out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None, poses: int = 24,
+             workers: int = 2, json: Json = False) -> int:
+    """Compare with MuJoCo, roboticstoolbox, trimesh and SciPy; print ours, theirs, difference.
+
+    Parameters
+    ----------
+    only
+        Only these checks: puma, distances, pads, metrics, fits, closing.
+    out
+        Also write the table there, as CSV and Markdown.
+    poses
+        Random hand poses of each body and closing path, for closing.
+    workers
+        Processes, for closing.
+    json
+        Print JSON.
+    """
+    from sweeps.validate.command import validate as run_validate
+
+    return run_validate(only or [], out, poses=count_of(poses, "--poses"),
+                        workers=count_of(workers, "--workers"), as_json=json)
+
+
+@app.command
+def paper(*, out: Annotated[Path, Parameter(name=["--out", "-o"])]) -> int:
+    """Run the experiments of Allen and Michelman 1990 beside what they printed.
+
+    Parameters
+    ----------
+    out
+        The directory for the tables, figures and paper.md; the same bytes every time.
+    """
+    from sweeps.paper.command import paper as run_paper
+
+    return run_paper(out)
+
+
+@app.command
+def sensitivity(*, out: Annotated[Path, Parameter(name=["--out", "-o"])],
+                episodes: int | None = None, workers: int = 1, spec: Path | None = None,
+                json: Json = False) -> int:
+    """Vary each estimated constant over its bracket; print what becomes of the ranking.
+
+    Parameters
+    ----------
+    out
+        The directory of the study; running again goes on where it stopped.
+    episodes
+        Of each strategy on each object under each setting; 16, or the spec's, if not given.
+    workers
+        Cores to use, one process each.
+    spec
+        Another study of this kind: one zip axis, its first row the defaults, and every further row
+        one constant changed.
+    json
+        Print the table as JSON.
+    """
+    from sweeps.cli.sensitivity_command import sensitivity as run_sensitivity
+
+    if episodes is not None:
+        count_of(episodes, "--episodes")
+    return run_sensitivity(out, episodes=episodes, workers=count_of(workers, "--workers"),
+                           spec=spec, as_json=json)
+
+
+@app.command
+def bench(*, out: Annotated[Path, Parameter(name=["--out", "-o"])] = Path("runs/bench"),
+          quick: Annotated[bool, Parameter(negative="")] = False,
+          peers: Annotated[bool, Parameter(negative="")] = False,
+          only: list[str] | None = None) -> int:
+    """Measure this machine: a JSON line for each row, bench.jsonl and bench.md.
+
+    Parameters
+    ----------
+    out
+        The directory to write to.
+    quick
+        Fewer rows, each run once.
+    peers
+        Beside MuJoCo, numba, JAX, scipy and trimesh (the optional group `peers`).
+    only
+        Rows of this name alone (repeatable): closings, touches, metrics, fits, episodes, study,
+        start, and with --peers same_closing, mujoco_rollout, numba_closing, jax_closing,
+        scipy_fits, mujoco_scipy_episode, trimesh_distances.
+    """
+    from sweeps.bench.command import bench as measure_all
+
+    return measure_all(out, quick=quick, peers=peers, only=only or ())

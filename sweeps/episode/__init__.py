@@ -1,0 +1,9 @@
+"""A batch of episodes, their scores and columns; the Gymnasium environment."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "columns": ["NODES", "contour_nodes", "revolution_parameters", "superquadric_parameters"],
+    "episodes": ["EpisodeBlock", "place_objects", "run_block", "run_episodes", "tell_cylinder"],
+    "scores": ["score_superquadrics"],
+})

@@ -1,0 +1,67 @@
+"""Columns of the model that stands for a body: its parameters, and how its fit went.
+
+Named as in `shape.json` and in what `warpgrasp fit` writes. What a model does not have is NaN, or
+empty: the columns are the same whatever was recovered.
+"""
+
+import numpy as np
+
+from fit.fit_status import status_names
+from fit.superquadric.geometry import Superquadric
+from strategies.procedures.contour_shape import Profile
+from strategies.recovery.belief import Belief
+from strategies.recovery.choose_model import Recovered, Shape
+
+REVOLUTION = ("px_m", "py_m", "pz_m", "ax", "ay", "az", "height_m", "volume_m3")
+NODES = ("profile_z_m", "profile_r_m")
+"""Contours: an array a row."""
+
+
+def model_columns(belief: Belief, recovered: Recovered) -> dict[str, np.ndarray]:
+    """Columns of each world's model, a row each: of `recovered`, as `belief` tells its fit."""
+    fits, profile = belief.fits, belief.profile
+    turned = recovered.shape == Shape.REVOLUTION
+    rms = np.where(recovered.shape == Shape.SUPERQUADRIC, fits.rms_m, np.nan)
+    iterations, status = fits.iterations, fits.status
+    fitted = superquadric_parameters(recovered.superquadric)
+    contour: dict[str, np.ndarray] = dict.fromkeys(REVOLUTION, np.full(len(turned), np.nan))
+    nodes = [(np.zeros(0), np.zeros(0))] * len(turned)
+    if profile is not None:
+        contour = revolution_parameters(profile)
+        nodes = [contour_nodes(profile, world) if turned[world] else empty
+                 for world, empty in enumerate(nodes)]
+        rms = np.where(turned, profile.rms_m, rms)
+        iterations = np.where(turned, profile.fit.iterations, iterations)
+        status = np.where(turned, profile.fit.status, status)
+    columns = {name: np.where(turned, contour.get(name, np.nan), fitted.get(name, np.nan))
+               for name in dict.fromkeys([*fitted, *contour])}
+    for number, name in enumerate(NODES):
+        columns[name] = np.empty(len(turned), object)
+        columns[name][:] = [row[number] for row in nodes]
+    return columns | {"fit_rms_mm": rms * 1e3, "fit_iterations": iterations.astype(np.int64),
+                      "fit_status": np.array(status_names(status))}
+
+
+def superquadric_parameters(s: Superquadric) -> dict[str, np.ndarray]:
+    """Parameters of superquadrics, (world,) each."""
+    return {
+        "a1_m": s.size_m[:, 0], "a2_m": s.size_m[:, 1], "a3_m": s.size_m[:, 2],
+        "eps1": s.exponents[:, 0], "eps2": s.exponents[:, 1],
+        "px_m": s.position_m[:, 0], "py_m": s.position_m[:, 1], "pz_m": s.position_m[:, 2],
+        "qx": s.quaternion_xyzw[:, 0], "qy": s.quaternion_xyzw[:, 1],
+        "qz": s.quaternion_xyzw[:, 2], "qw": s.quaternion_xyzw[:, 3],
+        "kx": s.taper[:, 0], "ky": s.taper[:, 1],
+        "bend_per_m": s.bend[:, 0], "bend_angle_rad": s.bend[:, 1],
+    }
+
+
+def revolution_parameters(profile: Profile) -> dict[str, np.ndarray]:
+    """Parameters of surfaces of revolution but for their contours, (world,) each; p is the foot."""
+    return dict(zip(REVOLUTION, (*profile.foot_m.T, *profile.axis.T, profile.length_m,
+                                 profile.volume_m3), strict=True))
+
+
+def contour_nodes(profile: Profile, world: int) -> tuple[np.ndarray, np.ndarray]:
+    """Heights along one world's axis, and radii there [m], (node,) each."""
+    known = np.isfinite(profile.height_m[world])
+    return profile.height_m[world][known], profile.radius_m[world][known]

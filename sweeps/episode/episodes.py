@@ -1,0 +1,306 @@
+"""A block of episodes, from placing the objects to the rows of results.
+
+    cell + episode numbers → placed objects → exploration → recovered bodies → scores → rows
+
+Cells that differ in their object alone can be run in one block: many episodes at once cost less
+each.
+
+An episode's object, pose, told cylinder and noise come from (study seed, object, episode number)
+alone: the same for every strategy and setting, whatever block it runs in.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from math import pi
+from pathlib import Path
+
+import numpy as np
+
+from fit.arrays import joined
+from strategies.exploration import Exploration, explore
+from strategies.planners.from_strategy import MOST_STEPS, budget_of, planner_of
+from strategies.planners.oracle import Oracle
+from strategies.planners.planner_file import PlannerError
+from strategies.planners.register import Planner
+from strategies.poses.waypoints import BoundingCylinder
+from strategies.recovery.belief import Belief
+from strategies.recovery.choose_model import Recovered
+from strategies.recovery.evidence import Evidence
+from strategies.recovery.recognition import Recognizer, recognizer, right_answer
+from sweeps.episode.columns import model_columns
+from sweeps.episode.scores import Scorer, Scores
+from sweeps.spec.cell import Cell
+from warpgrasp.core.random import (
+    Purpose,
+    counter_key_host,
+    counter_normal_host,
+    counter_uniform_host,
+)
+from warpgrasp.geometry.body import Body
+from warpgrasp.geometry.body_sampling import sample_body
+from warpgrasp.objects.catalogue import body_from_name, body_from_table
+from warpgrasp.parameters import ObjectTable
+from warpgrasp.probe_status import ProbeStatus
+from warpgrasp.robot import Grasps, Robot, Truth, has_deformed_part
+
+STOPPED = f"stopped: it wanted more than {MOST_STEPS} steps"
+Part = tuple[Cell, np.ndarray]
+"""A cell and the numbers of some of its episodes."""
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What an episode had reached when its bodies were fitted. Shapes (world,)."""
+
+    touches: np.ndarray
+    time_s: np.ndarray
+    scores: Scores
+    recovered: Recovered
+
+
+@dataclass(frozen=True)
+class EpisodeBlock:
+    """Everything about a block of episodes, for rows, files and figures."""
+
+    bodies: tuple[Body, ...]
+    """The objects of its cells, in turn."""
+    truth: Truth
+    told: BoundingCylinder
+    exploration: Exploration
+    scores: Scores
+    moments: tuple[Moment, ...]
+    recognized: np.ndarray
+    """Name of the catalogue's object that was felt, "none of these", or "", str (world,)."""
+
+    @property
+    def body(self) -> Body:
+        """The object of a block of one cell."""
+        body, = self.bodies
+        return body
+
+    @property
+    def status(self) -> np.ndarray:
+        """How each world ended."""
+        return self.exploration.status
+
+    @property
+    def recovered(self) -> Recovered:
+        """What is scored."""
+        return self.exploration.recovered
+
+    @property
+    def evidence(self) -> Evidence:
+        """All that was felt, as placed for the last fit."""
+        return self.exploration.belief.evidence
+
+    @property
+    def grasps(self) -> list[Grasps]:
+        """Every batch of grasps, in order."""
+        return [p.felt for p in self.exploration.procedures if isinstance(p.felt, Grasps)]
+
+
+def run_cells(parts: Sequence[Part], device: str) -> list[dict[str, np.ndarray]]:
+    """Rows of each of some `(cell, episodes)`, as `run_episodes` would give them, bit for bit.
+
+    The cells differ in their object alone.
+    """
+    bodies = [cell_body(cell) for cell, _ in parts]
+    found: dict[int, dict[str, np.ndarray]] = {}
+    # Hands move more carefully before bodies whose distance may overshoot.
+    for careful in (False, True):
+        numbers = [n for n, body in enumerate(bodies) if has_deformed_part([body]) == careful]
+        if numbers:
+            rows = _rows_of([parts[n] for n in numbers], [bodies[n] for n in numbers], device)
+            ends = np.cumsum([len(parts[n][1]) for n in numbers])
+            for n, end in zip(numbers, ends, strict=True):
+                mine = slice(end - len(parts[n][1]), end)
+                found[n] = {name: values[mine] for name, values in rows.items()}
+    return [found[n] for n in range(len(parts))]
+
+
+def run_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
+    """Rows of episodes `episodes` (numbers within the study) of a cell, a column each.
+
+    Columns after the file contract of the README; text columns hold str, curves an array a row.
+    """
+    return run_cells([(cell, episodes)], device)[0]
+
+
+def _rows_of(
+    parts: Sequence[Part], bodies: Sequence[Body], device: str
+) -> dict[str, np.ndarray]:
+    cell = parts[0][0]
+    counts = [len(episodes) for _, episodes in parts]
+    block = _run_parts(parts, bodies, device)
+    worlds = sum(counts)
+    belief, scores, recovered = block.exploration.belief, block.scores, block.recovered
+    # Probes in turn, a column each: which of them the arm could not make, and why.
+    probes = np.concatenate([np.zeros((worlds, 0), int),
+                             *(g.moves.status[:, :, 0] for g in block.grasps)], axis=1)
+    names = np.array(["told_cylinder", "tapered_superquadric" if cell.fit.taper else
+                      "superquadric", "revolution"])
+    columns: dict[str, np.ndarray] = {
+        "episode": np.concatenate([np.asarray(episodes, np.int64) for _, episodes in parts]),
+        "strategy": np.full(worlds, cell.strategy.name),
+        "object": np.repeat([cell.object_name for cell, _ in parts], counts),
+        "seed": np.full(worlds, cell.seed, np.int64),
+        "status": block.status,
+        "note": np.where(block.status == "strategy_failed", block.exploration.fault,
+                         np.where(block.exploration.stopped, STOPPED, "")),
+        "contacts": belief.evidence.mask.sum(1),
+        "touches": belief.touches,
+        "probes": (probes == ProbeStatus.CONTACT).sum(1),
+        "unreachable": (probes == ProbeStatus.UNREACHABLE).sum(1),
+        "collisions": (probes == ProbeStatus.COLLISION).sum(1),
+        "procedures": _procedures(block),
+        "robot_time_s": belief.time_s,
+        "arm_path_m": belief.path_m,
+        "chamfer_mm": scores.chamfer_m * 1e3,
+        "hausdorff95_mm": scores.hausdorff95_m * 1e3,
+        "iou": scores.iou,
+        "volume_ratio": scores.volume_ratio,
+        "coverage5mm": scores.coverage,
+        "recognized_as": block.recognized,
+        "recognized": block.recognized == np.repeat([right_answer(b) for b in bodies], counts),
+        "shape": names[recovered.shape],
+    }
+    return columns | model_columns(belief, recovered) | curves(block.moments, worlds)
+
+
+def run_block(cell: Cell, episodes: np.ndarray, device: str) -> EpisodeBlock:
+    """Run a block of episodes of one cell and keep all of it."""
+    return _run_parts([(cell, episodes)], [cell_body(cell)], device)
+
+
+def _run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> EpisodeBlock:
+    cell = parts[0][0]
+    which = np.repeat(np.arange(len(parts)), [len(episodes) for _, episodes in parts])
+    key = np.concatenate([
+        counter_key_host(int(cell.seed) & (2**63 - 1), _content_number(body), episodes)
+        for (cell, episodes), body in zip(parts, bodies, strict=True)])
+    body_pose = place_objects(cell.placement, key)
+    scorer = Scorer(bodies, which, body_pose, device)
+    told = joined([tell_cylinder(body, body_pose[rows], cell.placement.prior_sigma_m, key[rows])
+                   for body, rows in scorer.worlds()])
+    truth = Truth(body_pose)
+    noise = _noise_key(key, cell.strategy.noise_stream)
+    robot = Robot(bodies, which, truth, noise, cell.arm, cell.hand, cell.sensors,
+                  pads=cell.pads, device=device)
+    moments: list[Moment] = []
+
+    def observe(belief: Belief, recovered: Recovered) -> None:
+        if moments:
+            last = moments[-1]
+            scores = scorer.score_again(recovered, last.recovered, last.scores)
+        else:
+            scores = scorer.score(recovered)
+        moments.append(Moment(belief.touches, belief.time_s, scores, recovered))
+
+    planner, fault = _planner(cell, robot, told)
+    # No subclass and nothing that looks like it: the truth is for the shipped one alone.
+    oracle = planner if type(planner) is Oracle else None
+    if oracle is not None:
+        oracle.let_see(lambda recovered: scorer.score(recovered).chamfer_m)
+    found = explore(robot, planner, told, counter_key_host(noise, int(Purpose.STRATEGY)),
+                    table=cell.fit, closings=cell.strategy.closings,
+                    budget=budget_of(cell.strategy), observe=observe, oracle=oracle)
+    if fault:
+        found = replace(found, fault=np.full(len(key), fault, object),
+                        status=np.full(len(key), "strategy_failed"))
+    scores = moments[-1].scores if moments else scorer.score(found.recovered)
+    recognized = _recognizer(device).names(found.belief, found.recovered)
+    return EpisodeBlock(tuple(bodies), truth, told, found, scores, tuple(moments), recognized)
+
+
+def _noise_key(key: np.ndarray, stream: int) -> np.ndarray:
+    """Keys of the noise: the episodes' own, or those of another stream."""
+    return key if stream == 0 else counter_key_host(key, int(Purpose.NOISE_STREAM), stream)
+
+
+def _planner(cell: Cell, robot: Robot, told: BoundingCylinder) -> tuple[Planner, str]:
+    """The strategy at work, or one that does nothing and what is wrong with the one named."""
+    try:
+        return planner_of(cell.strategy, cell.planar, cell.contour, cell.decide, cell.stereo,
+                          robot, told), ""
+    except PlannerError as error:
+        return lambda belief: [], str(error)
+
+
+@cache
+def _recognizer(device: str) -> Recognizer:
+    return recognizer(device=device)
+
+
+def _procedures(block: EpisodeBlock) -> np.ndarray:
+    """The procedures that each world took part in, in order, as text: "containment planar"."""
+    worlds = len(block.status)
+    words: list[list[str]] = [[] for _ in range(worlds)]
+    for procedure in block.exploration.procedures:
+        for world in np.flatnonzero(procedure.took_part):
+            if not words[world] or words[world][-1] != procedure.name:
+                words[world].append(procedure.name)
+    return np.array([" ".join(w) for w in words])
+
+
+def curves(moments: tuple[Moment, ...], worlds: int) -> dict[str, np.ndarray]:
+    """Columns of arrays: touches, time and scores at each fit; of fits at the same touches and
+    time the last."""
+    columns: dict[str, list[np.ndarray]] = {name: [] for name in CURVES}
+    for world in range(worlds):
+        at = np.array([(m.touches[world], m.time_s[world]) for m in moments]).reshape(-1, 2)
+        # A pose that was barred took time, and the fit after it is another one.
+        kept = np.append((np.diff(at, axis=0) > 0).any(1), True)[:len(at)]
+        for name, values in (
+                ("curve_touches", at[:, 0]), ("curve_time_s", at[:, 1]),
+                ("curve_chamfer_mm", [m.scores.chamfer_m[world] * 1e3 for m in moments]),
+                ("curve_iou", [m.scores.iou[world] for m in moments])):
+            columns[name].append(np.array(values, float)[kept])
+    found = {}
+    for name, rows in columns.items():
+        found[name] = np.empty(worlds, object)
+        found[name][:] = rows
+    return found
+
+
+CURVES = ("curve_touches", "curve_time_s", "curve_chamfer_mm", "curve_iou")
+
+
+def cell_body(cell: Cell) -> Body:
+    """The object of a cell. Raises BodyError."""
+    table = dict(cell.body_table)
+    if set(table) == {"name"}:
+        return body_from_name(table["name"])
+    return body_from_table(table, Path())
+
+
+def _content_number(body: Body) -> int:
+    return int(body.content[:15], 16)
+
+
+def place_objects(placement: ObjectTable, key: np.ndarray) -> np.ndarray:
+    """True poses of the objects on the table, (world, 7): yaw at random unless it is given."""
+    stream = counter_key_host(key, int(Purpose.PLACEMENT))
+    yaw = (2.0 * counter_uniform_host(stream) - 1.0) * pi
+    if placement.yaw_rad is not None:
+        yaw = np.full(len(key), placement.yaw_rad)
+    pose = np.zeros((len(key), 7))
+    pose[:, 0], pose[:, 1] = placement.x_m, placement.y_m
+    pose[:, 5], pose[:, 6] = np.sin(yaw / 2), np.cos(yaw / 2)
+    return pose
+
+
+def tell_cylinder(
+    body: Body, body_pose: np.ndarray, sigma_m: float, key: np.ndarray
+) -> BoundingCylinder:
+    """The bounding cylinder a strategy is told: the true one with a normal error in each number."""
+    surface = sample_body(body).surface_m
+    radius = float(np.hypot(surface[:, 0], surface[:, 1]).max())
+    stream = counter_key_host(key, int(Purpose.PRIOR))
+    error = sigma_m * counter_normal_host(counter_key_host(stream[:, None], np.arange(4)))
+    return BoundingCylinder(
+        x_m=body_pose[:, 0] + error[:, 0],
+        y_m=body_pose[:, 1] + error[:, 1],
+        radius_m=np.maximum(radius + error[:, 2], 0.010),
+        height_m=np.maximum(body.high_m[2] + error[:, 3], 0.020),
+    )

@@ -1,0 +1,89 @@
+"""Recovered superquadrics as surface elements, in kernels: what `fit.superquadric_surface` gives.
+
+A cube's grid is projected onto each body; every quadrilateral is an element with its own point,
+normal and area. A straight body is the same in all eight octants, so powers are worked out in one.
+"""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+import warp as wp
+
+from fit.superquadric.geometry import SuperquadricLike, cube_grid
+from strategies.recovery.body_distances import bodies_on
+from sweeps.episode.surface_elements_kernel import _element_kernel, _octant_kernel, _vertex_kernel
+from warpgrasp.core.dtypes import real, vec3, vec4
+from warpgrasp.core.kernel_launch import launch
+
+TILE = (4, 4)
+"""Elements of a face that follow each other: so many rows and columns of its grid."""
+
+
+class Elements(NamedTuple):
+    """Elements of each body, tile by tile."""
+
+    point: np.ndarray
+    """[m], (world, element, 3)."""
+    normal: np.ndarray
+    """Outward, unit, (world, element, 3)."""
+    area: np.ndarray
+    """[m^2], (world, element)."""
+
+
+def surface_elements(body: SuperquadricLike, count: int, *, device: str) -> Elements:
+    """About `count` elements of each body: the least 6 k^2 that are as many."""
+    grid = _grid(count)
+    worlds, elements, vertices = len(body.size_m), len(grid.middle), len(grid.vertex)
+    shape, pose = bodies_on(body, device)
+    axes = {"shape": "world", "pose": "world", "gauge": "world octant", "vertex": "world vertex"}
+    gauge = wp.empty((worlds, len(grid.octant)), dtype=vec4, device=device)
+    launch(_octant_kernel, {"world": worlds, "octant": len(grid.octant)}, {
+        **axes, "direction": "octant"}, {
+        "shape": shape, "direction": wp.array(grid.octant, dtype=vec3, device=device),
+        "gauge": gauge}, device=device)
+    on = wp.empty((worlds, vertices), dtype=vec3, device=device)
+    launch(_vertex_kernel, {"world": worlds, "vertex": vertices}, {
+        **axes, "direction": "vertex", "octant": "vertex"}, {
+        "shape": shape, "direction": wp.array(grid.vertex, dtype=vec3, device=device),
+        "octant": wp.array(grid.vertex_octant, dtype=int, device=device), "gauge": gauge,
+        "vertex": on}, device=device)
+    point, normal = (wp.empty((worlds, elements), dtype=vec3, device=device) for _ in range(2))
+    area = wp.empty((worlds, elements), dtype=real, device=device)
+    launch(_element_kernel, {"world": worlds, "element": elements}, {
+        **axes, "corner": "element", "direction": "element", "octant": "element",
+        "point": "world element", "normal": "world element", "area": "world element"}, {
+        "shape": shape, "pose": pose,
+        "corner": wp.array(grid.corner, dtype=wp.vec4i, device=device),
+        "direction": wp.array(grid.middle, dtype=vec3, device=device),
+        "octant": wp.array(grid.middle_octant, dtype=int, device=device), "gauge": gauge,
+        "vertex": on, "point": point, "normal": normal, "area": area}, device=device)
+    return Elements(point.numpy(), normal.numpy(), area.numpy())
+
+
+class _Grid(NamedTuple):
+    """The cube's grid: directions of its vertices and of the middles of its quadrilaterals."""
+
+    vertex: np.ndarray
+    vertex_octant: np.ndarray
+    """Which of `octant` a vertex is, but for signs."""
+    middle: np.ndarray
+    middle_octant: np.ndarray
+    corner: np.ndarray
+    """Vertices of each quadrilateral."""
+    octant: np.ndarray
+
+
+@lru_cache(maxsize=4)
+def _grid(count: int) -> _Grid:
+    cells = max(int(np.ceil(np.sqrt(count / 6))), 1)
+    corners, vertices = cube_grid(cells)
+    face, i, j = np.unravel_index(np.arange(len(corners)), (6, cells, cells))
+    corners = corners[np.lexsort((j, i, j // TILE[1], i // TILE[0], face))]
+    middles = vertices[corners].mean(axis=1)
+    both = np.abs(np.concatenate([vertices, middles]))
+    _, where, which = np.unique(np.round(both, 12), axis=0, return_index=True,
+                                return_inverse=True)
+    which = which.reshape(-1).astype(np.int32)
+    return _Grid(vertices, which[:len(vertices)], middles, which[len(vertices):],
+                 corners.astype(np.int32), both[where])

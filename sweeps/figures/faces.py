@@ -1,0 +1,123 @@
+"""A figure of traces on faces with the planes fitted to them, after figure 5 of Allen and Michelman
+1990."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from strategies.procedures.planar_explorer import PlanarExploration
+from sweeps.episode.episodes import EpisodeBlock
+from sweeps.figures.style import COLOURS, cut, drawing, encode, figure
+from sweeps.spec.errors import StoreError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+_ELEVATION, _TURN = 24.0, 40.0  # deg; seen from the side on which most faces were crossed
+
+
+def draw_faces(block: EpisodeBlock, name: str, world: int = 0) -> bytes:
+    """A PNG of one world; the same block gives the same bytes."""
+    with drawing():
+        return encode(faces_figure(block, name, world, wide=True), "png")
+
+
+def crossed_faces(block: EpisodeBlock, world: int = 0) -> list[int]:
+    """Which faces of one world were crossed far enough to be drawn."""
+    return [n for n, face in enumerate(block.exploration.belief.faces)
+            if face.fit.n_points[world] >= 3]
+
+
+def faces_figure(block: EpisodeBlock, name: str, world: int = 0,
+                 wide: bool = False) -> "Figure":
+    """One world of a block: a page wide, or one column with the planes' numbers below.
+
+    Raises StoreError where no face was crossed.
+    """
+    known = crossed_faces(block, world)
+    if not known:
+        raise StoreError("faces: none was crossed in this episode; ask for one of a strategy that "
+                         'crosses faces (order = ["containment", "planar"])')
+    with drawing():
+        return _draw(block, known, name, world, wide)
+
+
+def _draw(block: EpisodeBlock, known: list[int], name: str, world: int, wide: bool) -> "Figure":
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    origin = block.truth.body_pose[world, :3]
+    crossed = [p.felt for p in block.exploration.procedures
+               if isinstance(p.felt, PlanarExploration)]
+    faces = block.exploration.belief.faces
+    drawn = figure(4.2, 6.85) if wide else figure(4.1)
+    axes: Any = drawn.add_subplot(projection="3d")
+    axes.computed_zorder = False
+    clouds = [np.zeros((1, 3))]
+    normals = np.array([faces[n].normal[world] for n in known])
+    sides = normals[np.abs(normals[:, 2]) < 0.7]
+    # Between the two sides whose planes make the angle that the title tells.
+    facing = (sides[0] + sides[1] if len(sides) > 1 and sides[0] @ sides[1] > -0.5
+              else (sides if len(sides) else normals)[0])
+    azimuth = np.degrees(np.arctan2(facing[1], facing[0])) + (
+        0.0 if len(sides) > 1 else _TURN)
+    way = np.radians([azimuth, _ELEVATION])
+    eye = np.array([np.cos(way[1]) * np.cos(way[0]), np.cos(way[1]) * np.sin(way[0]),
+                    np.sin(way[1])])
+    for place, number in enumerate(known):
+        tint = COLOURS[place % len(COLOURS)]
+        fit = faces[number].fit
+        u, v = fit.axes[world] * fit.extent_m[world][:, None] / 2
+        corner = np.array([-u - v, u - v, u + v, v - u]) + fit.centre_m[world] - origin
+        hidden = faces[number].normal[world] @ eye < 0
+        table = crossed[number].touches
+        mine = (table.world == world) & np.isfinite(table.point_m).all(1)
+        points = 1e3 * (table.point_m[mine] - origin)
+        clouds += [1e3 * corner, points]
+        axes.add_collection3d(Poly3DCollection(
+            [1e3 * corner], facecolors=tint, edgecolors=tint, alpha=0.08 if hidden else 0.25,
+            zorder=1 if hidden else 2))
+        for part in np.unique(table.part[mine]):
+            line = points[table.part[mine] == part]
+            axes.plot(*line.T, "-", color=tint, lw=0.7, alpha=0.3 if hidden else 0.9,
+                      zorder=1 if hidden else 3)
+        n = faces[number].normal[world]
+        label = (f"face {place + 1}: {len(points)} touches\n  "
+                 f"normal ({n[0]:.2f}, {n[1]:.2f}, {n[2]:.2f})\n  "
+                 f"rms {1e3 * fit.rms_m[world]:.2f} mm"
+                 + ("" if faces[number].flat[world] else ", not flat"))
+        axes.scatter(*points.T, s=5, color=tint, depthshade=False, label=label,
+                     alpha=0.3 if hidden else 1.0, zorder=1 if hidden else 4)
+    _frame(axes, np.concatenate(clouds))
+    axes.view_init(_ELEVATION, azimuth)
+    angle = _neighbours(normals)
+    axes.set_title(f"{cut(name)}: traces on faces, planes fitted"
+                   + ("" if angle is None else f"; neighbours at {angle:.1f} deg"))
+    if wide:
+        drawn.legend(loc="outside right center")
+    else:
+        drawn.legend(loc="outside lower center", ncols=2, handletextpad=0.2, columnspacing=0.8,
+                     borderpad=0.0)
+    return drawn
+
+
+def _neighbours(normals: np.ndarray) -> float | None:
+    """Angle between the first two sides that are neighbours [deg]."""
+    for i in range(len(normals)):
+        for j in range(i + 1, len(normals)):
+            angle = np.degrees(np.arccos(np.clip(normals[i] @ normals[j], -1.0, 1.0)))
+            if 45 < angle < 135:
+                return float(angle)
+    return None
+
+
+def _frame(axes: Any, cloud: np.ndarray) -> None:
+    """Equal scales on all axes, few ticks, units named."""
+    from matplotlib.ticker import MaxNLocator
+
+    low, high = cloud.min(0), cloud.max(0)
+    middle, half = (low + high) / 2, 0.54 * max((high - low).max(), 20.0)
+    axes.set(xlim=(middle[0] - half, middle[0] + half),
+             ylim=(middle[1] - half, middle[1] + half), zlim=(middle[2] - half, middle[2] + half),
+             xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
+    axes.set_box_aspect((1.0, 1.0, 1.0), zoom=0.86)
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        axis.set_major_locator(MaxNLocator(4))

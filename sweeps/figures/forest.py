@@ -1,0 +1,42 @@
+"""The leaderboard as a forest plot: means with intervals, and differences to the best."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sweeps.analysis.bootstrap import difference_to, estimate
+from sweeps.analysis.entries import HIGHER_IS_BETTER, bounds_of
+from sweeps.analysis.paired import Paired
+from sweeps.figures.style import COLOURS, drawing, figure, metric_label, told_apart
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def draw_forest(paired: Paired, metric: str) -> "Figure":
+    """Left each entry's mean with its 95 % interval, right its difference to the best."""
+    means = paired.means[metric]
+    sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
+    key = np.where(np.isfinite(means[0]), sign * means[0], np.inf)
+    order = sorted(range(len(paired.labels)), key=lambda n: (key[n], paired.labels[n]))
+    place = np.arange(len(order))
+    names, keys = told_apart([paired.labels[n] for n in order], 26)
+    with drawing():
+        drawn = figure(0.75 + 0.17 * len(order) + (0.12 if keys else 0.0))
+        left, right = drawn.subplots(1, 2, sharey=True, width_ratios=(1.25, 1.0))
+        for axes, found, colour in ((left, estimate(means, bounds_of(metric)), COLOURS[0]),
+                                    (right, difference_to(means, order[0]), COLOURS[1])):
+            value, low, high = (v[order] for v in (found.value, found.low, found.high))
+            axes.hlines(place, low, high, color=colour, lw=1.2)
+            axes.plot(value, place, "o", color=colour, ms=3.2, zorder=3)
+            axes.grid(axis="x", lw=0.3, color="#d0d0d0")
+            axes.margins(x=0.06)
+            axes.tick_params(axis="y", length=0)
+        left.set_yticks(place, names)
+        right.axvline(0.0, color="#555555", lw=0.6)
+        left.set_ylim(len(order) - 0.4, -0.6)
+        left.set_title("mean")
+        right.set_title("minus the best")
+        drawn.supxlabel(f"{metric_label(metric)}; 95 % intervals" + (f"\n{keys}" if keys else ""),
+                        fontsize=7.0)
+    return drawn

@@ -1,0 +1,85 @@
+"""The surface of a recovered body as a grid of points, to be drawn, whichever model it is."""
+
+import numpy as np
+
+from fit.revolution.geometry import RevolutionBody
+from fit.superquadric.geometry import Superquadric, from_straight_frame
+from strategies.recovery.choose_model import Recovered, Shape
+
+
+def recovered_grid(recovered: Recovered, world: int = 0, rows: int = 48) -> np.ndarray:
+    """Points of one world's body, from end to end and around, (row, column, 3) [m]."""
+    if recovered.shape[world] == Shape.REVOLUTION and recovered.revolution is not None:
+        return revolution_grid(recovered.revolution, world, 2 * rows)
+    return surface_grid(Superquadric(*(field[world:world + 1]
+                                       for field in recovered.superquadric)), rows)
+
+
+def surface_grid(body: Superquadric, rows: int = 48) -> np.ndarray:
+    """Points of the first superquadric of a batch, from pole to pole, (row, column, 3) [m].
+
+    The product of two superellipses, each sampled evenly along the square about it, so that the
+    edges of a block and the rims of a cylinder are lines of the grid; `rows` a multiple of four.
+    """
+    c, s = square_path(np.linspace(2.0, -2.0, rows + 1))
+    x, y = square_path(np.linspace(-4.0, 4.0, 2 * rows + 1))
+    up = np.stack([c, s]) * _onto(c, s, float(body.exponents[0, 0]))
+    around = np.stack([x, y]) * _onto(x, y, float(body.exponents[0, 1]))
+    unit = np.stack([np.outer(up[0], around[0]), np.outer(up[0], around[1]),
+                     np.repeat(up[1][:, None], 2 * rows + 1, axis=1)], axis=-1)
+    first = Superquadric(*(field[:1] for field in body))
+    flat = (unit * body.size_m[0]).reshape(1, -1, 3)
+    return from_straight_frame(first, flat)[0].reshape(unit.shape)
+
+
+def square_path(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points along the square of half side 1 from (1, 0), two units of `t` a side."""
+    return (np.clip(np.abs((t + 4.0) % 8.0 - 4.0) * -1.0 + 2.0, -1.0, 1.0),
+            np.clip(np.abs((t + 2.0) % 8.0 - 4.0) * -1.0 + 2.0, -1.0, 1.0))
+
+
+def _onto(x: np.ndarray, y: np.ndarray, exponent: float) -> np.ndarray:
+    """What brings points of the square onto the superellipse, along their rays."""
+    return (np.abs(x) ** (2.0 / exponent) + np.abs(y) ** (2.0 / exponent)) ** (-exponent / 2.0)
+
+
+def revolution_grid(body: RevolutionBody, world: int, columns: int) -> np.ndarray:
+    """Points of one body of revolution, from its upper end down, both ends closed."""
+    known = np.isfinite(body.height_m[world]) & np.isfinite(body.radius_m[world])
+    z, r = body.height_m[world][known][::-1], body.radius_m[world][known][::-1]
+    z, r = np.concatenate([z[:1], z, z[-1:]]), np.concatenate([[0.0], r, [0.0]])
+    axis = body.axis[world]
+    aside = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    aside = aside / np.linalg.norm(aside)
+    angle = np.linspace(0.0, 2.0 * np.pi, columns + 1)[:, None]
+    out = np.cos(angle) * aside + np.sin(angle) * np.cross(axis, aside)
+    return body.foot_m[world] + z[:, None, None] * axis + r[:, None, None] * out
+
+
+def quadrilaterals(grid: np.ndarray) -> np.ndarray:
+    """The faces between a grid's points, (face, 4, 3)."""
+    return np.stack([grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]],
+                    axis=2).reshape(-1, 4, 3)
+
+
+def surface_mesh(body: Superquadric, rows: int = 48) -> np.ndarray:
+    """Quadrilaterals of the first superquadric of a batch, (face, 4, 3) [m]."""
+    return quadrilaterals(surface_grid(body, rows))
+
+
+def capsule_mesh(length: float, radius: float, around: int = 12,
+                 rings: int = 4) -> tuple[np.ndarray, np.ndarray]:
+    """Points (vertex, 3), about the middle of the axis, which is z; and quadrilaterals (face, 4).
+
+    `length` is that of the axis, without the caps. Faces run anticlockwise seen from outside.
+    """
+    bend = np.linspace(0.0, np.pi / 2, rings + 1)
+    z = np.concatenate([-length / 2 - radius * np.cos(bend), length / 2 + radius * np.sin(bend)])
+    r = np.concatenate([radius * np.sin(bend), radius * np.cos(bend)])
+    turn = np.linspace(0.0, 2 * np.pi, around, endpoint=False)
+    points = np.stack([r[:, None] * np.cos(turn), r[:, None] * np.sin(turn),
+                       np.repeat(z[:, None], around, 1)], axis=-1)
+    here = np.arange(len(z) - 1)[:, None] * around + np.arange(around)
+    after = np.arange(len(z) - 1)[:, None] * around + (np.arange(around) + 1) % around
+    faces = np.stack([here, after, after + around, here + around], axis=-1)
+    return points.reshape(-1, 3), faces.reshape(-1, 4)

@@ -1,0 +1,46 @@
+"""Error against robot time, with intervals in both and the front that nothing beats."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sweeps.analysis.paired import Paired
+from sweeps.analysis.pareto import Pareto, find_front
+from sweeps.figures.style import COLOURS, MARKERS, MUTED, UNITS, drawing, figure, told_apart
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def draw_pareto(paired: Paired, metric: str) -> "Figure":
+    """Entries on the front are named and in colour, dominated ones grey."""
+    found = find_front(paired, metric)
+    cost, error = found.cost, found.error
+    front = sorted((n for n, by in enumerate(found.dominated_by)
+                    if by is None and np.isfinite(error.value[n])),
+                   key=lambda n: cost.value[n])
+    names, keys = told_apart(paired.labels, 24)
+    with drawing():
+        drawn = figure(2.3 + 0.12 * ((len(front) + 2) // 2))
+        axes = drawn.add_subplot()
+        rest = [n for n in range(len(paired.labels)) if n not in front]
+        axes.errorbar(cost.value[rest], error.value[rest], **_bars(found, rest), fmt="o", ms=2.5,
+                      color=MUTED, lw=0.6, label="dominated" if rest else None)
+        axes.step(cost.value[front], error.value[front], where="post", color="#555555", lw=0.6,
+                  ls="--")
+        for place, n in enumerate(front):
+            axes.errorbar(cost.value[[n]], error.value[[n]], **_bars(found, [n]), lw=1.0, ms=4,
+                          fmt=MARKERS[place % len(MARKERS)], color=COLOURS[place % len(COLOURS)],
+                          label=names[n])
+        axes.set(xlabel="robot time [s], less is better", ylabel=UNITS.get(metric, metric))
+        axes.grid(lw=0.3, color="#d0d0d0")
+        drawn.legend(loc="outside lower center", ncols=2, title=keys, title_fontsize=6.5)
+    return drawn
+
+
+def _bars(found: Pareto, which: list[int]) -> dict[str, Any]:
+    bars: dict[str, Any] = {}
+    for name, estimate in (("xerr", found.cost), ("yerr", found.error)):
+        value, low, high = (v[which] for v in (estimate.value, estimate.low, estimate.high))
+        bars[name] = np.maximum(np.stack([value - low, high - value]), 0.0)
+    return bars

@@ -1,0 +1,273 @@
+"""An episode as frames to look at: where arm and fingers are, what is felt, what is believed.
+
+Made from the robot's own readings: believed hand poses through the arm's inverse kinematics, and
+joint commands up to where each finger stopped. Only the object is drawn where it truly stands.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from fit.arrays import rows_of
+from fit.superquadric.geometry import Superquadric
+from strategies.exploration import FEWEST_CONTACTS
+from strategies.poses.postures import PINCH_OPEN_RAD, POKE_RAD
+from strategies.procedures.touches import TouchTable
+from strategies.recovery.choose_model import Recovered, Shape
+from strategies.recovery.evidence import evidence_from_grasps, touched_links
+from strategies.recovery.fit_contacts import recover_bodies
+from sweeps.episode.episodes import EpisodeBlock, run_block
+from sweeps.figures.meshes import recovered_grid, surface_grid
+from sweeps.spec.cell import Cell
+from warpgrasp.geometry.meshing import body_mesh
+from warpgrasp.mechanism.arm_motion import HOME_RAD, arm_hand_links
+from warpgrasp.mechanism.arm_motion_kernel import RETREAT_M
+from warpgrasp.mechanism.puma560 import ALPHA_RAD, puma_inverse_batch
+from warpgrasp.parameters import ArmTable
+from warpgrasp.probe_status import ProbeStatus
+from warpgrasp.robot import Grasps
+
+TRAVEL, APPROACH, CLOSE = 4, 2, 5
+"""Frames of a way between retreats, of one from a retreat to the pose, of a closing."""
+FULL_COUNT = 255
+"""Of a pad's 8-bit converter."""
+FAR_RAD = 0.2
+"""Between touches of pads the arm moves a little; a longer way than this is shown in frames."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One moment."""
+
+    arm_m: np.ndarray
+    """Joints of the arm and the hand's origin, (6, 3)."""
+    hand_turn: np.ndarray
+    """Of the hand, quaternion xyzw."""
+    fingers_m: np.ndarray
+    """Base, flexion joints and tip of each finger, (4, 5, 3)."""
+    felt: np.ndarray
+    """How strongly each finger feels something now, 0 to 1, (4,): a grasp's contact is 1, a pad's
+    its largest count over full scale."""
+    contacts: int
+    """How many of the replay's contacts have been made."""
+    estimate: int
+    """Which of the replay's estimates is believed, -1: none yet."""
+    label: str
+
+
+@dataclass(frozen=True)
+class Replay:
+    """An episode, ready to be drawn; metres, base frame."""
+
+    title: str
+    frames: tuple[Frame, ...]
+    contacts_m: np.ndarray
+    """In the order they were felt, (contact, 3)."""
+    estimates_m: tuple[np.ndarray, ...]
+    """Surfaces believed after each probe, (row, column, 3)."""
+    body_m: np.ndarray
+    body_faces: np.ndarray
+    link_radius_m: float
+
+
+def make_replay(cell: Cell, block: EpisodeBlock, world: int = 0) -> Replay:
+    """Frames of one world of a block."""
+    pose = block.truth.body_pose[world]
+    vertices, faces = body_mesh(block.body, 24)
+    made = _Made(cell, block, world)
+    frames = tuple(made.frames())
+    score = float(block.scores.chamfer_m[world] * 1e3)
+    return Replay(
+        f"{cell.strategy.name} on {cell.object_name}: {len(made.contacts)} contacts, chamfer "
+        f"{score:.1f} mm", frames, np.array(made.contacts).reshape(-1, 3), tuple(made.estimates),
+        Rotation.from_quat(pose[3:]).apply(vertices) + pose[:3], faces, cell.hand.link_radius_m)
+
+
+class _Made:
+    """What has been made of an episode so far, procedure by procedure."""
+
+    def __init__(self, cell: Cell, block: EpisodeBlock, world: int) -> None:
+        self.cell, self.block, self.world = cell, block, world
+        self.arm = np.asarray(HOME_RAD, float)
+        self.contacts: list[np.ndarray] = []
+        self.estimates: list[np.ndarray] = []
+        self.believed = -1
+
+    def frames(self) -> Iterator[Frame]:
+        procedures = [p for p in self.block.exploration.procedures if p.took_part[self.world]]
+        alone = len({p.step for p in procedures}) == 1
+        for number, procedure in enumerate(procedures):
+            if isinstance(procedure.felt, Grasps):
+                growing = refits(self.cell, procedure.felt, self.world) if alone else []
+                yield from self._grasps(procedure.felt, growing)
+            else:
+                yield from self._touches(procedure.name, procedure.felt.touches)
+            last = number + 1 == len(procedures)
+            if last or procedures[number + 1].step != procedure.step:
+                self._believe(self.block.moments[procedure.step].recovered)
+                yield self._still("what was felt, and what is believed" if last
+                                  else f"{procedure.name}: fitted again")
+
+    def _believe(self, recovered: Recovered) -> None:
+        if recovered.shape[self.world] != Shape.TOLD_CYLINDER:
+            self.estimates.append(recovered_grid(recovered, self.world, 12))
+            self.believed = len(self.estimates) - 1
+
+    def _grasps(self, grasps: Grasps, growing: list[np.ndarray | None]) -> Iterator[Frame]:
+        commands, step = grasps.commands_rad, grasps.closing.step[self.world]
+        status = grasps.closing.status[self.world]
+        points = grasps.estimate.point_m[self.world]
+        felt = (status == ProbeStatus.CONTACT) & np.isfinite(points).all(-1)
+        opened = commands[0, :, 0]
+        probes = len(step)
+        for probe in range(probes):
+            label = "containment" + (f", pose {probe + 1} of {probes}" if probes > 1 else "")
+            move = ProbeStatus(int(grasps.moves.status[self.world, probe, 0]))
+            if move == ProbeStatus.NOT_TRIED:
+                continue
+            if move != ProbeStatus.CONTACT:
+                yield self._still(f"{label}: {move.name.lower()}")
+                continue
+            pose = grasps.moves.believed_pose[self.world, probe]
+            away = _reach(self.cell, _backed(pose, RETREAT_M), self.arm)
+            there = _reach(self.cell, pose, away)
+            yield from self._way(away, TRAVEL, opened, label)
+            yield from self._way(there, APPROACH, opened, label)
+            for grasp in range(len(commands)):
+                last = np.maximum(step[probe, grasp], 0)
+                for share in np.arange(1, CLOSE + 1) / CLOSE:
+                    at = np.round(share * last).astype(int)
+                    yield self._frame(commands[grasp, np.arange(4), at], None, label)
+                self.contacts += list(points[probe, grasp][felt[probe, grasp]])
+                yield self._frame(commands[grasp, np.arange(4), last], felt[probe, grasp], label)
+            if growing and (grid := growing[probe]) is not None:
+                self.estimates.append(grid)
+                self.believed = len(self.estimates) - 1
+                label = f"{label}: fitted again"
+            yield self._frame(opened, None, label)
+            self.arm = away
+
+    def _touches(self, name: str, table: TouchTable) -> Iterator[Frame]:
+        rows = np.flatnonzero(table.world == self.world)
+        posture = (POKE_RAD if name == "planar" else PINCH_OPEN_RAD)[:, 0]
+        for row in rows:
+            label = f"{name}, part {int(table.part[row]) + 1}"
+            goal = _reach(self.cell, table.hand_pose[row], self.arm)
+            far = np.abs(goal - self.arm).max() > FAR_RAD
+            fingers = posture.copy()
+            yield from self._way(goal, TRAVEL if far else 1, fingers, label)
+            finger = int(table.finger[row])
+            fingers[finger] = table.q_rad[row]
+            contact = bool(table.status[row] == ProbeStatus.CONTACT)
+            if contact:
+                self.contacts.append(table.point_m[row])
+            level = float(table.taxel_peak[row]) / FULL_COUNT if contact else 0.0
+            yield self._frame(fingers, np.where(np.arange(4) == finger, level, 0.0), label)
+
+    def _way(self, goal: np.ndarray, count: int, fingers: np.ndarray,
+             label: str) -> Iterator[Frame]:
+        start = self.arm
+        for share in np.arange(1, count + 1) / count:
+            self.arm = start + share * (goal - start)
+            yield self._frame(fingers, None, label)
+
+    def _still(self, label: str) -> Frame:
+        return self._frame(np.zeros((4, 4)), None, label)
+
+    def _frame(self, fingers: np.ndarray, felt: np.ndarray | None, label: str) -> Frame:
+        return _frame(self.cell, self.arm, fingers, felt, len(self.contacts), self.believed, label)
+
+
+def refits(cell: Cell, grasps: Grasps, world: int) -> list[np.ndarray | None]:
+    """Surfaces fitted to what was felt up to each probe: how the belief would have grown.
+
+    An episode of one step is fitted once, at its end; this is for looking at it alone.
+    """
+    one = _world(grasps, world)
+    evidence = evidence_from_grasps(one, cell.hand.link_radius_m)
+    links = (touched_links(one, cell.hand.link_radius_m)
+             if cell.sensors.contact_estimator == "intrinsic" else None)
+    probes = one.closing.status.shape[1]
+    copies = np.zeros(probes, int)
+    every = rows_of(evidence, copies)
+    every = replace(every, mask=every.mask & _so_far(every.mask.shape),
+                    free_mask=every.free_mask & _so_far(every.free_mask.shape))
+    fits, _ = recover_bodies(every, rows_of(links, copies), cell.fit)
+    grids: list[np.ndarray | None] = []
+    last = 0
+    for probe, count in enumerate(every.mask.sum(axis=1)):
+        body = Superquadric(*(np.asarray(getattr(fits, name))[probe:probe + 1]
+                              for name in Superquadric._fields))
+        known = count >= FEWEST_CONTACTS and all(np.isfinite(field).all() for field in body)
+        grids.append(surface_grid(body, 12) if known and count > last else None)
+        last = int(count)
+    return grids
+
+
+def _so_far(shape: tuple[int, ...]) -> np.ndarray:
+    """Which slots of (probe, slot) were filled by then: the same number by each probe."""
+    probes, slots = shape
+    return np.arange(probes)[:, None] >= np.arange(slots)[None] // (slots // probes)
+
+
+def _world(grasps: Any, world: int) -> Any:
+    """A record of one world, from a record of many, however deep."""
+    if isinstance(grasps, np.ndarray):
+        return grasps[world:world + 1]
+    values = {name: _world(value, world) for name, value in vars(grasps).items()}
+    if "commands_rad" in values:
+        values["commands_rad"] = grasps.commands_rad
+    return type(grasps)(**values)
+
+
+def _frame(cell: Cell, arm: np.ndarray, fingers: np.ndarray, felt: np.ndarray | None, made: int,
+           estimate: int, label: str) -> Frame:
+    joints, turn = arm_points(cell.arm, arm, cell.hand.mount_length_m)
+    points, _ = arm_hand_links(cell.arm, cell.hand, np.concatenate([arm, fingers.ravel()])[None])
+    lit = np.zeros(4) if felt is None else np.asarray(felt, float)
+    return Frame(joints, turn, points[0], lit, made, estimate, label)
+
+
+def arm_points(arm: ArmTable, q_rad: np.ndarray, mount_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Where the arm's links meet, from the base to the hand's origin, (6, 3), and its turn.
+
+    Standard Denavit-Hartenberg frames; what coincides (the wrist's three) is given once.
+    """
+    at, turn = np.zeros(3), Rotation.identity()
+    points = [at]
+    for n, (theta, d, a, alpha) in enumerate(zip(q_rad, arm.d_m, arm.a_m, ALPHA_RAD, strict=True)):
+        turn = turn * Rotation.from_euler("z", theta)
+        at = at + turn.apply([a, 0.0, d])
+        turn = turn * Rotation.from_euler("x", alpha)
+        if n < 4:
+            points.append(at)
+    points.append(at + turn.apply([0.0, 0.0, mount_m]))
+    return np.array(points), turn.as_quat()
+
+
+def _reach(cell: Cell, hand_pose: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """The arm's joints for a hand pose, the branch nearest to where it is."""
+    flange = _backed(hand_pose, cell.hand.mount_length_m)
+    branches = puma_inverse_batch(cell.arm, flange[None])[0]
+    branches = branches + 2 * np.pi * np.round((near - branches) / (2 * np.pi))
+    low, high = np.array(cell.arm.limit_low_rad), np.array(cell.arm.limit_high_rad)
+    far = np.abs(branches - near).max(axis=1)
+    far = np.where(((branches < low) | (branches > high)).any(axis=1), far + 100.0, far)
+    best = int(np.argmin(np.where(np.isfinite(far), far, np.inf)))
+    return branches[best] if np.isfinite(far[best]) else near
+
+
+def _backed(pose: np.ndarray, by_m: float) -> np.ndarray:
+    """A pose moved back along its own z."""
+    back = pose.copy()
+    back[:3] -= Rotation.from_quat(pose[3:]).apply([0.0, 0.0, by_m])
+    return back
+
+
+def replay_of(task: tuple[Cell, int, str]) -> Replay:
+    """Runs an episode again and makes its replay; in a worker, for the same bits."""
+    cell, episode, device = task
+    return make_replay(cell, run_block(cell, np.array([episode]), device))

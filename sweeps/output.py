@@ -1,0 +1,81 @@
+"""Keeps what libraries print out of results and messages."""
+
+import os
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
+from functools import cache
+from pathlib import Path
+
+# Written by native code where a machine has no GPU; no setting of Warp's turns it off.
+NO_DRIVER = b"Could not find or load the NVIDIA CUDA driver"
+
+ASKED = "WARPGRASP_QUIET"
+
+
+def ask_quiet() -> None:
+    """From now on no progress and no notes on stderr, here and in workers; errors still."""
+    os.environ[ASKED] = "1"
+
+
+def quiet_asked() -> bool:
+    """Whether `--quiet` was given, or WARPGRASP_QUIET=1 is set."""
+    return os.environ.get(ASKED, "") not in ("", "0")
+
+
+@contextmanager
+def quiet_stdout() -> Iterator[None]:
+    """Sends what libraries print on stdout to stderr."""
+    with redirect_stdout(sys.stderr):
+        yield
+
+
+def devices() -> list[str]:
+    """The devices of this machine: cpu, cuda:0, ..."""
+    start_warp()
+    import warp
+
+    return [str(device) for device in warp.get_devices()]
+
+
+@cache
+def start_warp() -> None:
+    """Starts Warp; on stderr comes what it says, but for the lack of a GPU driver."""
+    import warp
+
+    warp.config.log_level = warp.LOG_ERROR
+    sys.stderr.flush()
+    kept = os.dup(2)
+    try:
+        with tempfile.TemporaryFile() as said:
+            os.dup2(said.fileno(), 2)
+            try:
+                warp.init()
+            finally:
+                os.dup2(kept, 2)
+            said.seek(0)
+            for line in said:
+                if NO_DRIVER not in line:
+                    os.write(2, line)
+    finally:
+        os.close(kept)
+
+
+def write_atomic(path: Path, content: bytes) -> None:
+    """Writes under a temporary name, syncs, renames, and syncs the folder."""
+    temporary = path.with_name(f".{path.name}.{os.urandom(6).hex()}.tmp")
+    try:
+        with temporary.open("wb") as stream:
+            stream.write(content)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.replace(temporary, path)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+    folder = os.open(path.parent, os.O_RDONLY)
+    try:
+        os.fsync(folder)
+    finally:
+        os.close(folder)

@@ -1,0 +1,8 @@
+"""A study as one HTML page, episodes as replays, the files of a single episode."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "episode_files": ["explore"],
+    "replay": ["check_viser"],
+})

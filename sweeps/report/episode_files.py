@@ -1,0 +1,240 @@
+"""One episode with all that was felt: contacts.csv, shape.json and figures."""
+
+import csv
+import io
+import json
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fit.fit_status import status_names
+from strategies.exploration import Procedure
+from strategies.procedures.contour_follower import ContourExploration
+from strategies.procedures.planar_explorer import PlanarExploration
+from strategies.procedures.touches import REASON_TEXT, EndReason, true_touches
+from strategies.recovery.choose_model import Shape
+from strategies.strategy import Strategy
+from sweeps.episode.columns import (
+    NODES,
+    contour_nodes,
+    revolution_parameters,
+    superquadric_parameters,
+)
+from sweeps.episode.episodes import EpisodeBlock, run_block
+from sweeps.figures.contacts import draw_contacts
+from sweeps.figures.contour import draw_contour
+from sweeps.figures.faces import crossed_faces, draw_faces
+from sweeps.figures.style import encode
+from sweeps.figures.taxels import pad_touches, taxels_figure
+from sweeps.output import write_atomic
+from sweeps.spec.cell import Cell
+from warpgrasp.parameters import ObjectTable
+from warpgrasp.probe_status import ProbeStatus
+from warpgrasp.robot import Grasps
+
+HAND_COLUMNS = ("hand_x_m", "hand_y_m", "hand_z_m", "hand_qx", "hand_qy", "hand_qz", "hand_qw")
+COLUMNS = (
+    "procedure", "probe", "grasp", "finger", "link", "status", "x_m", "y_m", "z_m",
+    "true_x_m", "true_y_m", "true_z_m", "true_nx", "true_ny", "true_nz",
+    "q0_rad", "q1_rad", "q2_rad", "q3_rad", "tension_difference_N", "taxel_peak", *HAND_COLUMNS,
+)
+
+
+def explore(
+    *, body_table: Mapping[str, Any], strategy: Strategy, seed: int, yaw_rad: float | None,
+    x_m: float, y_m: float, out: Path, device: str, replay: bool = False,
+) -> list[Path]:
+    """Run one episode, write `contacts.csv`, `shape.json` and figures; answer with the files.
+
+    `contacts.png` always; `faces.png` where faces were crossed, `contour.png` where a contour was
+    followed, `taxels.png` where pads felt; `replay.html` if asked for. stderr says where nothing
+    was recovered, and which figure could not be drawn. `body_table` names the object as in a spec;
+    `yaw_rad` None turns it at random. Raises BodyError for an object that cannot be built, OSError
+    where `out` cannot be written.
+    """
+    name = str(body_table.get("name") or Path(str(body_table.get("mesh", "object"))).stem)
+    cell = Cell(strategy, body_table, name, seed=seed,
+                placement=ObjectTable(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad))
+    block = run_block(cell, np.arange(1), device)
+    shape = json.dumps(shape_record(cell, block), indent=2) + "\n"
+    files = {"contacts.csv": contacts_csv(block), "shape.json": shape}
+    for file, content in files.items():
+        write_atomic(out / file, content.encode())
+    written = list(files)
+    for file, draw in _pictures(cell, block):
+        try:
+            picture = draw()
+        except Exception as error:  # no picture is worth an episode
+            print(f"{out / file}: cannot be drawn: {error}", file=sys.stderr)
+            continue
+        write_atomic(out / file, picture)
+        written.append(file)
+    if replay:
+        from sweeps.figures.replay_frames import make_replay
+        from sweeps.report.replay import write_replay
+
+        write_replay(make_replay(cell, block), out / "replay.html")
+        written.append("replay.html")
+    if block.recovered.shape[0] == Shape.TOLD_CYLINDER:
+        print(f"{block.status[0]}: nothing was recovered; the body written is the rough cylinder "
+              "that the strategy was told", file=sys.stderr)
+    if block.exploration.fault[0]:
+        print(f"the strategy failed: {block.exploration.fault[0]}", file=sys.stderr)
+    return [out / file for file in sorted(written)]
+
+
+def _pictures(cell: Cell, block: EpisodeBlock) -> Iterator[tuple[str, Callable[[], bytes]]]:
+    """The files of what there is to be seen in an episode, and how each is drawn."""
+    name, profile = cell.object_name, block.exploration.belief.profile
+    yield "contacts.png", lambda: draw_contacts(block, name)
+    if crossed_faces(block):
+        yield "faces.png", lambda: draw_faces(block, name)
+    if profile is not None and np.isfinite(profile.volume_m3[0]):
+        yield "contour.png", lambda: draw_contour(block, name)
+    if pad_touches(block):
+        yield "taxels.png", lambda: encode(taxels_figure(block, cell.pads, name), "png")
+
+
+def contacts_csv(block: EpisodeBlock, world: int = 0) -> str:
+    """Every guarded move of one world that could feel, a line each; text of a CSV file.
+
+    x, y, z are where the robot believes the contact to be (in the end: contacts used by the fit as
+    they were placed for it). Truth is there for the reader; no strategy or fit sees it. For touches
+    of pads `grasp` is the direction of a face or the section of a contour.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    slot = probe = 0
+    for procedure in block.exploration.procedures:
+        if isinstance(procedure.felt, Grasps):
+            rows, slots, probes = _grasp_rows(block, procedure, world, slot, probe)
+            slot, probe = slot + slots, probe + probes
+        else:
+            slot += procedure.slots
+            rows = list(_touch_rows(block, procedure.name, procedure.felt, world, probe))
+            probe += len(rows)
+        writer.writerows(rows)
+    return text.getvalue()
+
+
+def _grasp_rows(block: EpisodeBlock, procedure: Procedure, world: int, slot: int,
+                first: int) -> tuple[list[list[Any]], int, int]:
+    grasps = procedure.felt
+    assert isinstance(grasps, Grasps)
+    closing, truth = grasps.closing, block.truth.closings[procedure.closing]
+    evidence = block.exploration.belief.evidence
+    rows = []
+    shape = closing.status.shape[1:]
+    for number, (p, g, f) in enumerate(np.ndindex(*shape)):
+        at = (world, p, g, f)
+        used = evidence.mask[world, slot + number]
+        believed = (evidence.points_m[world, slot + number] if used
+                    else grasps.estimate.point_m[at])
+        rows.append([
+            procedure.name, first + p, g, f, int(truth.link[at]),
+            ProbeStatus(int(closing.status[at])).name.lower(),
+            *_cells(believed), *_cells(truth.point_m[at]), *_cells(truth.normal[at]),
+            *_cells(closing.q_rad[at]), *_cells([closing.tension_difference_N[at]]),
+            "", *_cells(grasps.moves.believed_pose[world, p])])
+    return rows, int(np.prod(shape)), shape[0]
+
+
+def _touch_rows(block: EpisodeBlock, name: str, felt: PlanarExploration | ContourExploration,
+                world: int, first: int) -> Iterator[list[Any]]:
+    table = felt.touches
+    point, normal = true_touches(table, block.truth)
+    for number, row in enumerate(np.flatnonzero(table.world == world)):
+        yield [name, first + number, int(table.part[row]), int(table.finger[row]),
+               int(table.link[row]), ProbeStatus(int(table.status[row])).name.lower(),
+               *_cells(table.point_m[row]), *_cells(point[row]), *_cells(normal[row]),
+               *_cells(table.q_rad[row]), "", int(table.taxel_peak[row]),
+               *_cells(table.hand_pose[row])]
+
+
+def _cells(values: Any) -> list[str]:
+    return ["" if not np.isfinite(v) else f"{float(v):.6f}" for v in values]
+
+
+def shape_record(cell: Cell, block: EpisodeBlock, world: int = 0) -> dict[str, Any]:
+    """What `shape.json` holds: the recovered models, the chosen one, and its scores."""
+    scores, belief = block.scores, block.exploration.belief
+    shape = Shape(int(block.recovered.shape[world]))
+    kinds = {Shape.TOLD_CYLINDER: "told_cylinder", Shape.REVOLUTION: "revolution",
+             Shape.SUPERQUADRIC: "tapered_superquadric" if cell.fit.taper else "superquadric"}
+    pose = block.truth.body_pose[world]
+    return {
+        "object": cell.object_name,
+        "strategy": cell.strategy.name,
+        "seed": cell.seed,
+        "status": str(block.status[world]),
+        "models": list(_models(cell, block, world)),
+        "chosen": kinds[shape],
+        "recognized_as": str(block.recognized[world]) or None,
+        "true_pose": {"x_m": float(pose[0]), "y_m": float(pose[1]),
+                      "yaw_rad": float(2 * np.arctan2(pose[5], pose[6]))},
+        "procedures": list(_ends(block, world)),
+        "metrics": {
+            "chamfer_mm": float(scores.chamfer_m[world] * 1e3),
+            "hausdorff95_mm": float(scores.hausdorff95_m[world] * 1e3),
+            "iou": float(scores.iou[world]),
+            "volume_ratio": float(scores.volume_ratio[world]),
+            "coverage5mm": float(scores.coverage[world]),
+            "touches": int(belief.touches[world]),
+            "robot_time_s": float(belief.time_s[world]),
+            "arm_path_m": float(belief.path_m[world]),
+        },
+        "grid_error_mm": block.body.grid_error_m * 1e3,
+    }
+
+
+def _models(cell: Cell, block: EpisodeBlock, world: int) -> Iterator[dict[str, Any]]:
+    """Every model of the body: the superquadric (or what was told), faces, the contour."""
+    belief = block.exploration.belief
+    ok = bool(belief.fitted[world])
+    kind = ("tapered_superquadric" if cell.fit.taper else "superquadric") if ok else "told_cylinder"
+    numbers = superquadric_parameters(belief.body)
+    yield {"shape": kind, "parameters": {k: float(v[world]) for k, v in numbers.items()},
+           "rms_mm": float(belief.fits.rms_m[world] * 1e3) if ok else None,
+           "status": status_names(belief.fits.status)[world],
+           "contacts": int(belief.fits.n_points[world])}
+    for face in belief.faces:
+        fit = face.fit
+        if fit.n_points[world] == 0:
+            continue
+        n, extent = face.normal[world], fit.extent_m[world]
+        yield {"shape": "plane", "parameters": {
+            "nx": float(n[0]), "ny": float(n[1]), "nz": float(n[2]),
+            "offset_m": float(face.offset_m[world]),
+            "extent_u_m": float(extent[0]), "extent_v_m": float(extent[1])},
+            "rms_mm": float(fit.rms_m[world] * 1e3), "flat": bool(face.flat[world]),
+            "status": status_names(fit.status)[world], "contacts": int(fit.n_points[world])}
+    profile = belief.profile
+    if profile is not None and np.isfinite(profile.volume_m3[world]):
+        numbers, nodes = revolution_parameters(profile), contour_nodes(profile, world)
+        yield {"shape": "revolution", "parameters": {
+            **{k: float(v[world]) for k, v in numbers.items()},
+            **{k: v.tolist() for k, v in zip(NODES, nodes, strict=True)}},
+            "rms_mm": float(profile.rms_m[world] * 1e3),
+            "status": status_names(profile.fit.status)[world],
+            "contacts": int(profile.fit.n_points[world])}
+
+
+def _ends(block: EpisodeBlock, world: int) -> Iterator[dict[str, Any]]:
+    """What became of each procedure, in words."""
+    for procedure in block.exploration.procedures:
+        if not procedure.took_part[world]:
+            continue
+        if isinstance(procedure.felt, Grasps):
+            status = procedure.felt.closing.status[world]
+            yield {"procedure": procedure.name, "contacts": int((status == ProbeStatus.CONTACT)
+                                                                .sum())}
+        else:
+            reason = EndReason(int(procedure.felt.reason[world]))
+            yield {"procedure": procedure.name, "ended": reason.name.lower(),
+                   "because": REASON_TEXT[reason],
+                   "touches": int((procedure.felt.touches.world == world).sum()),
+                   "thrown_out": int(procedure.felt.thrown_out[world])}

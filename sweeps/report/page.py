@@ -1,0 +1,128 @@
+"""`warpgrasp report`: a study as one HTML file that needs no network.
+
+Everything in it is read from the study's directory; the episodes shown in 3-D are run again. No
+time of day is in it: the same study gives the same bytes.
+"""
+
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from sweeps.analysis.confusion import Confusion, read_confusion
+from sweeps.analysis.curves import Curves, read_curves
+from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
+from sweeps.analysis.paired import Paired, read_paired
+from sweeps.output import quiet_asked, write_atomic
+from sweeps.report.html import listed, page, paragraph
+from sweeps.report.sections import (
+    confusion_section,
+    curves_section,
+    leaderboard_section,
+    objects_section,
+    pairs_section,
+    pareto_section,
+    reproduce_section,
+    settings_section,
+    spec_section,
+    views_section,
+)
+from sweeps.report.views import Views, make_views, pick_episodes
+from sweeps.run.plan import Plan
+from sweeps.run.store import Store, open_study
+from sweeps.spec.errors import StoreError
+
+METRIC = "chamfer_mm"
+SCRIPTS = ("tables.js", "solids.js", "views.js", "print.js")
+MANY_FAIL = 0.2
+
+
+def report(folders: Sequence[Path], out: Path, *, views: bool, device: str,
+           workers: int = 1) -> int:
+    """Writes the report of a study."""
+    plan, stores = open_study(folders)
+    content = make_report(plan, stores, views=views, device=device, workers=workers)
+    try:
+        write_atomic(out, content)
+    except OSError as error:
+        raise StoreError(f"{out}: cannot be written: {error.strerror}") from None
+    print(out)
+    return 0
+
+
+def make_report(plan: Plan, stores: Sequence[Store], *, views: bool = True,
+                device: str = "cpu", workers: int = 1) -> bytes:
+    """The bytes of the page."""
+    board = make_leaderboard(plan, stores)
+    paired = read_paired(plan, stores, [METRIC, "touches", "robot_time_s", "failure_rate"])
+    if not paired.objects:
+        raise StoreError(f"{stores[0].folder}: no block of episodes is finished for every "
+                         "strategy yet; `warpgrasp status` says how far it is")
+    curves, confusion = read_curves(plan, stores), read_confusion(plan, stores)
+    shown = Views({}, [], ["3-D views were left out (--no-views)"])
+    if views:
+        shown = make_views(plan, pick_episodes(plan, stores), device, workers, _say)
+    body = "".join(_parts(plan, stores, board, paired, curves, confusion, shown))
+    name = plan.study.head.name or "study"
+    return page(f"{name}: warpgrasp report", body,
+                {"bodies": shown.bodies, "episodes": shown.episodes}, SCRIPTS)
+
+
+def _parts(plan: Plan, stores: Sequence[Store], board: Leaderboard, paired: Paired,
+           curves: Curves, confusion: Confusion, shown: Views) -> Sequence[str]:
+    head = plan.study.head
+    first = board.rows[0]
+    best = dict(zip(board.header, first, strict=True))
+    asked = (f"{len(plan.study.strategies)} strategies, {len(plan.study.objects)} objects, "
+             f"{head.episodes_per_cell} episodes of each strategy on each object"
+             + (f" under each of {plan.study.setting_count} settings" if plan.study.axes else ""))
+    return [
+        '<a class="skip" href="#board">To the leaderboard</a><header>',
+        f"<h1>{_plain(head.name or 'study')}</h1>", paragraph(asked, "lead"),
+        paragraph(f"First is {best['strategy']}: chamfer distance {best[METRIC]} mm (95 % "
+                  f"interval {best[METRIC + '_ci_low']} to {best[METRIC + '_ci_high']}), IoU "
+                  f"{best['iou']}, probability of being the best {best['p_best']}.", "lead"),
+        "</header><main>", _warnings(board, paired, shown),
+        leaderboard_section(board, METRIC), curves_section(curves),
+        pareto_section(paired, METRIC), objects_section(paired, METRIC),
+        pairs_section(paired, METRIC), confusion_section(confusion),
+        settings_section(plan, stores, METRIC), views_section(plan, shown),
+        spec_section(_spec(stores), plan), reproduce_section(plan, _environment(stores)),
+        "</main>"]
+
+
+def _plain(text: str) -> str:
+    from html import escape
+
+    return escape(text)
+
+
+def _warnings(board: Leaderboard, paired: Paired, shown: Views) -> str:
+    notes = list(dict.fromkeys([*paired.notes, *shown.notes]))
+    at, name = board.header.index("failure_rate"), board.header.index("strategy")
+    failing = [row[name] for row in board.rows if row[at] != "NA" and float(row[at]) > MANY_FAIL]
+    if failing:
+        notes.append(f"more than {MANY_FAIL:.0%} of the episodes failed: {', '.join(failing)}")
+    return listed(notes, "warnings") if notes else ""
+
+
+def _spec(stores: Sequence[Store]) -> str:
+    try:
+        return (stores[0].folder / "spec.toml").read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return ""
+
+
+def _environment(stores: Sequence[Store]) -> dict[str, Any]:
+    try:
+        found = json.loads((stores[0].folder / "environment.json").read_bytes())
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _say(text: str) -> None:
+    if quiet_asked():
+        return
+    print(text, file=sys.stderr, flush=True)

@@ -1,0 +1,197 @@
+"""`warpgrasp show`: an episode played again, as one HTML file or live on this machine alone.
+
+Drawn with viser, an optional extra. Arm and hand are capsules and a slab from our own tables.
+"""
+
+import io
+import sys
+import time
+from collections.abc import Callable, Sequence
+from contextlib import redirect_stdout
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from sweeps.analysis.rerun_episode import cell_of, choose_episode, in_a_worker
+from sweeps.figures.meshes import capsule_mesh
+from sweeps.figures.replay_frames import Replay, replay_of
+from sweeps.output import write_atomic
+from sweeps.run.store import open_study
+from sweeps.spec.errors import StoreError
+
+PER_SECOND = 12
+LOCAL = "127.0.0.1"
+_ARM, _LINK, _FELT = (120, 126, 134), (86, 110, 150), (213, 94, 0)
+_TRUE, _ESTIMATE, _CONTACT, _TABLE = (150, 150, 150), (0, 114, 178), (213, 94, 0), (226, 222, 214)
+_ARM_RADII_M = (0.07, 0.055, 0.045, 0.03, 0.018)
+
+
+def show(folders: Sequence[Path], out: Path | None, *, strategy: str | None, body: str | None,
+         episode: int, live: bool, port: int, device: str) -> int:
+    """Plays an episode of a study again, into a file or live until Ctrl-C."""
+    check_viser()
+    plan, stores = open_study(folders)
+    chosen = choose_episode(plan, stores, strategy, body, episode)
+    replay = in_a_worker(replay_of, (cell_of(plan, chosen), chosen.episode, device))
+    if out is not None:
+        write_replay(replay, out)
+        print(out)
+    if live:
+        _play(replay, port)
+    return 0
+
+
+def check_viser() -> None:
+    """Raises StoreError, with the remedy, where viser is not installed."""
+    try:
+        import viser  # noqa: F401
+    except ImportError:
+        raise StoreError("a replay needs viser: pip install 'warpgrasp[show]'") from None
+
+
+def write_replay(replay: Replay, out: Path) -> None:
+    """Writes one HTML file that loads nothing."""
+    server = _server(0)
+    try:
+        drawn = _Drawn(server, replay)
+        serializer = server.get_scene_serializer()
+        for frame in range(len(replay.frames)):
+            drawn.show(frame)
+            serializer.insert_sleep(1.0 / PER_SECOND)
+        content = serializer.as_html(dark_mode=False).encode()
+    finally:
+        _silently(server.stop)
+    try:
+        write_atomic(out, content)
+    except OSError as error:
+        raise StoreError(f"{out}: cannot be written: {error.strerror}") from None
+
+
+def _play(replay: Replay, port: int) -> None:
+    server = _server(port)
+    try:
+        drawn = _Drawn(server, replay)
+        with server.gui.add_folder(replay.title):
+            slider = server.gui.add_slider("frame", 0, len(replay.frames) - 1, 1, 0)
+            playing = server.gui.add_checkbox("play", True)
+        slider.on_update(lambda _: drawn.show(int(slider.value)))
+        print(f"http://{LOCAL}:{server.get_port()} (Ctrl-C ends it)", file=sys.stderr, flush=True)
+        while True:
+            time.sleep(1.0 / PER_SECOND)
+            if playing.value:
+                slider.value = (int(slider.value) + 1) % len(replay.frames)
+    finally:
+        _silently(server.stop)
+
+
+def _server(port: int) -> Any:
+    import viser
+
+    return _silently(lambda: viser.ViserServer(host=LOCAL, port=port, verbose=False))
+
+
+def _silently(call: Callable[[], Any]) -> Any:
+    """viser greets on stdout, which is for results."""
+    with redirect_stdout(io.StringIO()):
+        return call()
+
+
+class _Drawn:
+    """A replay as objects of a scene, moved from frame to frame; only what changes is sent."""
+
+    def __init__(self, server: Any, replay: Replay) -> None:
+        self.replay, scene = replay, server.scene
+        self.now: dict[tuple[int, str], Any] = {}
+        middle = replay.body_m.mean(axis=0)
+        farther = max(1.0, float(np.ptp(replay.body_m[:, 2])) / 0.16)
+        server.initial_camera.position = tuple(middle + farther * np.array([0.36, 0.26, 0.20]))
+        server.initial_camera.fov = 0.8
+        server.initial_camera.look_at = tuple(middle)
+        server.initial_camera.up = (0.0, 0.0, 1.0)
+        scene.set_up_direction("+z")
+        scene.add_box("/table", color=_TABLE, dimensions=(0.9, 0.9, 0.02),
+                      position=(0.45, 0.0, -0.0101))
+        scene.add_mesh_simple("/object", replay.body_m.astype(np.float32),
+                              _triangles(replay.body_faces), color=_TRUE, opacity=0.45)
+        first = replay.frames[0]
+        self.arm = [_capsule(scene, f"/arm/{n}", length, radius, _ARM) for n, (length, radius)
+                    in enumerate(zip(_lengths(first.arm_m), _ARM_RADII_M, strict=True))]
+        self.palm = scene.add_box("/palm", color=_LINK, dimensions=(0.095, 0.075, 0.03))
+        self.fingers = [[_capsule(scene, f"/finger/{f}/{n}", length, replay.link_radius_m, _LINK)
+                         for n, length in enumerate(_lengths(points))]
+                        for f, points in enumerate(first.fingers_m)]
+        self.contacts = [scene.add_icosphere(f"/contact/{n}", radius=0.0035, color=_CONTACT,
+                                             subdivisions=1, position=tuple(at), visible=False)
+                         for n, at in enumerate(replay.contacts_m)]
+        self.estimates = [scene.add_mesh_simple(
+            f"/estimate/{n}", grid.reshape(-1, 3).astype(np.float32), _grid_triangles(grid),
+            color=_ESTIMATE, opacity=0.55, side="double", visible=False)
+            for n, grid in enumerate(replay.estimates_m)]
+        top = tuple(middle + [0.0, 0.0, -0.55 * np.ptp(replay.body_m[:, 2]) - 0.05])
+        self.labels = {text: scene.add_label(f"/label/{n}", text, position=top, visible=False)
+                       for n, text in enumerate(dict.fromkeys(f.label for f in replay.frames))}
+        self.show(0)
+
+    def show(self, number: int) -> None:
+        """Moves everything to a frame."""
+        frame = self.replay.frames[number]
+        for handle, (a, b) in zip(self.arm, pairwise(frame.arm_m), strict=True):
+            self._place(handle, a, b)
+        turn = Rotation.from_quat(frame.hand_turn)
+        centre = frame.arm_m[-1] - turn.apply([0.0, 0.0, 0.02])
+        self._set(self.palm, position=tuple(centre), wxyz=_wxyz(turn))
+        for handles, points, felt in zip(self.fingers, frame.fingers_m, frame.felt, strict=True):
+            for handle, (a, b) in zip(handles, pairwise(points), strict=True):
+                self._place(handle, a, b)
+            self._set(handles[-1], color=_lit(float(felt)))
+        for n, handle in enumerate(self.contacts):
+            self._set(handle, visible=n < frame.contacts)
+        for n, handle in enumerate(self.estimates):
+            self._set(handle, visible=n == frame.estimate)
+        for text, handle in self.labels.items():
+            self._set(handle, visible=text == frame.label)
+
+    def _place(self, handle: Any, a: np.ndarray, b: np.ndarray) -> None:
+        along = (b - a) / max(float(np.linalg.norm(b - a)), 1e-9)
+        turn = Rotation.align_vectors([along], [[0.0, 0.0, 1.0]])[0]
+        self._set(handle, position=tuple(np.round((a + b) / 2, 5)), wxyz=_wxyz(turn))
+
+    def _set(self, handle: Any, **values: Any) -> None:
+        for name, value in values.items():
+            key = (id(handle), name)
+            if key not in self.now or self.now[key] != value:
+                self.now[key] = value
+                setattr(handle, name, value)
+
+
+def _lit(level: float) -> tuple[int, ...]:
+    """A fingertip's colour: the link's, and from a third of the way to that of touch by level."""
+    share = 0.0 if level <= 0.0 else 0.35 + 0.65 * min(level, 1.0)
+    return tuple(round(a + share * (b - a)) for a, b in zip(_LINK, _FELT, strict=True))
+
+
+def _capsule(scene: Any, name: str, length: float, radius: float, colour: tuple) -> Any:
+    points, quads = capsule_mesh(length, radius)
+    return scene.add_mesh_simple(name, points.astype(np.float32), _triangles(quads), color=colour)
+
+
+def _lengths(points: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(np.diff(points, axis=0), axis=1)
+
+
+def _triangles(quads: np.ndarray) -> np.ndarray:
+    return np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]).astype(np.uint32)
+
+
+def _grid_triangles(grid: np.ndarray) -> np.ndarray:
+    rows, columns = grid.shape[:2]
+    n = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    return _triangles(np.stack([n, n + columns, n + columns + 1, n + 1], axis=1))
+
+
+def _wxyz(turn: Rotation) -> tuple[float, ...]:
+    x, y, z, w = np.round(turn.as_quat(), 5)
+    return (w, x, y, z)

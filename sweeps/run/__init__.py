@@ -1,0 +1,16 @@
+"""Running a study: plan, units of work, worker processes, the study directory."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "environment": ["PACKAGES", "describe_environment"],
+    "estimate": ["estimate_cost"],
+    "local_engine": ["Options", "UNIT_TIMEOUT_S", "as_a_worker", "run"],
+    "plan": ["Plan", "Unit", "cell_hash", "plan_study"],
+    "progress": ["Progress", "read_note"],
+    "ray_engine": ["run_on_ray"],
+    "scheduler": ["Outcome"],
+    "store": ["Store", "open_study", "plan_of"],
+    "unit_file": ["Columns", "write_unit"],
+    "worker": ["ENVIRONMENT", "EPISODES"],
+})

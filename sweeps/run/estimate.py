@@ -1,0 +1,41 @@
+"""What a study will cost, before it is run: disk and time, as estimates that say so."""
+
+from strategies.strategy import Strategy
+from sweeps.run.plan import BLOCK, Plan
+
+UNIT_BYTES = 30_000  # a full unit file of 64 episodes, measured
+# Seconds of one core, measured on the catalogue's objects with units of 64 episodes.
+FIT_S = 0.05  # a body found from scratch, in five fits
+GRASP_S = 0.001  # a pose of two closings
+TOUCHED_S = {"planar": 0.4, "contour": 0.3, "decide": 0.4}
+STEP_S = 0.1  # of a planner that chooses one pose at a time, its fit included
+TRIES = 10  # of the oracle, at each step
+
+
+def estimate_cost(plan: Plan) -> list[tuple[str, str]]:
+    """Rows of `warpgrasp check`: disk and time."""
+    study = plan.study
+    each = study.cell_count // len(study.strategies) * study.head.episodes_per_cell
+    seconds = sum(each * episode_seconds(strategy) for strategy in study.strategies)
+    disk = plan.unit_count * UNIT_BYTES * min(1.0, plan.study.head.episodes_per_cell / BLOCK)
+    return [("disk", f"about {disk / 1e6:.1f} MB (estimate)"),
+            ("time", f"about {_time(seconds)} on one core (estimate)")]
+
+
+def episode_seconds(strategy: Strategy) -> float:
+    """What one episode costs one core, roughly."""
+    poses = sum(getattr(family, "count", 12) for family in strategy.waypoints)
+    if strategy.call:
+        steps = min((strategy.touches or 96) / 8, 64.0)
+        return STEP_S * steps * (TRIES if strategy.call == "oracle" else 1)
+    fits = strategy.order.count("containment") * (
+        max(1.0, poses / strategy.refit_every) if strategy.refit_every else 1.0)
+    return (FIT_S * fits + GRASP_S * poses
+            + sum(TOUCHED_S.get(name, 0.0) for name in {*strategy.order}))
+
+
+def _time(seconds: float) -> str:
+    for size, unit in ((86400, "days"), (3600, "hours"), (60, "minutes")):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.1f} {unit}"
+    return f"{seconds:.0f} seconds"

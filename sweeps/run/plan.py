@@ -1,0 +1,238 @@
+"""What a study consists of: its canonical form, its hash, and its fixed list of units of work.
+
+A unit is a block of consecutive episodes of one cell. Its id is a hash of everything its rows
+depend on, so that the same unit is found again after an interruption, in another shard, or in a
+study that has grown; nothing that does not matter (paths, the study's name, other cells) is in it.
+"""
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from strategies.planners.planner_file import files_beside
+from strategies.poses.waypoints import WAYPOINT_KINDS
+from strategies.strategy import Strategy
+from sweeps.spec.cell import SECTIONS, TABLES, Cell
+from sweeps.spec.study import FILE_KEYS, Axis, Body, Study, StudyTable
+
+RESULTS_SCHEMA = 15  # raise when rows change their meaning: older units are then done anew
+BLOCK = 64  # episodes of a unit; rows do not depend on it
+LEAST_RUNS = 8  # of a shard: the last one may be missing in some, an eighth of their work
+
+
+@dataclass(frozen=True)
+class Unit:
+    """Episodes `start` to `stop` of one cell."""
+
+    id: str
+    cell_hash: str
+    cell: Cell
+    start: int
+    stop: int
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A study with its canonical form and hash."""
+
+    study: Study
+    resolved: Mapping[str, Any]
+    hash: str
+
+    @property
+    def block_count(self) -> int:
+        """Units of one cell."""
+        return -(-self.study.head.episodes_per_cell // BLOCK)
+
+    @property
+    def unit_count(self) -> int:
+        """Units of the whole study."""
+        return self.study.cell_count * self.block_count
+
+    def units(self, shard: tuple[int, int] = (1, 1)) -> Iterator[Unit]:
+        """The units of shard I of N, in the order they are run: every N-th run of some units."""
+        index, count = shard
+        run = self._run_length(count)
+        number = 0
+        for strategy, body, setting in self.study.cells():
+            mine = [block for block in range(self.block_count)
+                    if (number + block) // run % count == index - 1]
+            number += self.block_count
+            if mine:
+                cell = self.study.cell(strategy, body, setting)
+                name = cell_hash(cell, self.study.objects[body])
+                for block in mine:
+                    yield self.unit(cell, name, block)
+
+    def shard_size(self, shard: tuple[int, int]) -> int:
+        """How many units a shard has."""
+        index, count = shard
+        run = self._run_length(count)
+        begins = range((index - 1) * run, self.unit_count, count * run)
+        return sum(min(run, self.unit_count - begin) for begin in begins[-1:]) + run * len(
+            begins[:-1])
+
+    def _run_length(self, shards: int) -> int:
+        """Units that follow each other in a shard: what can be run in one call, so that shards have
+        it too, but so few that a shard has at least eight runs."""
+        together = self.study.group_size * self.block_count
+        return max(1, min(together, self.unit_count // (LEAST_RUNS * shards)))
+
+    def unit(self, cell: Cell, name: str, block: int) -> Unit:
+        """Block `block` of a cell."""
+        start = block * BLOCK
+        stop = min(start + BLOCK, self.study.head.episodes_per_cell)
+        return Unit(unit_id(name, start, stop), name, cell, start, stop)
+
+
+def plan_study(study: Study) -> Plan:
+    """The plan of a study; the files it names are read anew, once."""
+    _file_hash.cache_clear()
+    resolved = canonical_study(study)
+    return Plan(study, resolved, digest(resolved))
+
+
+def digest(value: Any) -> str:
+    """A hash of plain data, equal on every machine."""
+    text = json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
+def cell_hash(cell: Cell, body: Body) -> str:
+    """A hash of all that the episodes of a cell depend on."""
+    return digest({
+        "strategy": canonical_strategy(cell.strategy), "object": cell.object_name,
+        "body": canonical_body(body), "seed": cell.seed,
+        **{name: asdict(getattr(cell, name)) for name in TABLES}})
+
+
+def unit_id(cell_name: str, start: int, stop: int) -> str:
+    """The id of a block of episodes of a cell."""
+    return digest([RESULTS_SCHEMA, cell_name, start, stop])
+
+
+def canonical_strategy(strategy: Strategy) -> dict[str, Any]:
+    """A strategy as plain data; a file of poses by its content."""
+    waypoints = []
+    for family in strategy.waypoints:
+        values = asdict(family)  # type: ignore[arg-type]
+        if "file" in values:
+            values["sha256"] = _file_hash(values.pop("file"))
+        waypoints.append({"kind": type(family).__name__.lower(), **values})
+    found = {"name": strategy.name, "waypoints": waypoints, "closings": list(strategy.closings),
+             "order": list(strategy.order), "options": [list(pair) for pair in strategy.options],
+             **{key: getattr(strategy, key) for key in _PLAIN}}
+    file, colon, function = strategy.call.rpartition(":")
+    if colon and file.endswith(".py"):
+        found |= {"call": f"{Path(file).name}:{function}", "call_sha256": _program_hash(file)}
+    return found
+
+
+_PLAIN = ("call", "refit_every", "touches", "robot_time_s", "volume_ratio", "noise_stream")
+
+
+def canonical_body(body: Body) -> dict[str, Any]:
+    """An object as plain data; files by their content, not their place."""
+    return {"table": _without_folders("", body.table), "sha256": body.sha256}
+
+
+def _without_folders(key: str, value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {name: _without_folders(name, entry) for name, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_folders("", entry) for entry in value]
+    return Path(value).name if key in FILE_KEYS and isinstance(value, str) else value
+
+
+def canonical_study(study: Study) -> dict[str, Any]:
+    """A study as plain data, every default filled in: what `resolved.json` holds."""
+    return json.loads(json.dumps({
+        "results_schema": RESULTS_SCHEMA,
+        "seed": study.head.seed,
+        "episodes_per_cell": study.head.episodes_per_cell,
+        "objects": {body.name: canonical_body(body) for body in study.objects},
+        "strategies": {s.name: canonical_strategy(s) for s in study.strategies},
+        **{name: asdict(table) for name, table in study.tables.items()},
+        "sweep": [_canonical_axis(axis) for axis in study.axes],
+    }))
+
+
+def _canonical_axis(axis: Axis) -> dict[str, Any]:
+    return {"sampled": axis.sampled, "keys": axis.keys, "values": axis.values, "si": axis.si}
+
+
+@cache
+def _file_hash(file: str) -> str:
+    if file.startswith("sha256:"):  # of a study read back from its canonical form
+        return file.removeprefix("sha256:").partition("/")[0]
+    return hashlib.sha256(Path(file).read_bytes()).hexdigest()
+
+
+def _program_hash(file: str) -> str:
+    """Of a planner's file and, if it imports any, of those beside it."""
+    content = _file_hash(file)
+    beside = {} if file.startswith("sha256:") else files_beside(Path(file))
+    return digest([content, beside]) if beside else content
+
+
+def study_of(resolved: Mapping[str, Any], name: str = "") -> Study:
+    """The study that `canonical_study` wrote, with the same units.
+
+    Where meshes and files of poses were is not kept, only their content's hash: the units of such
+    a study can be found, but not run.
+    """
+    def strategy(label: str, values: Mapping[str, Any]) -> Strategy:
+        call = values["call"]
+        if "call_sha256" in values:
+            call = f"sha256:{values['call_sha256']}/{call}"
+        plain = {key: values[key] for key in _PLAIN if key != "call"}
+        return Strategy(label, tuple(family(v) for v in values["waypoints"]),
+                        tuple(values["closings"]), tuple(values["order"]), call=call,
+                        options=tuple((k, _tuples(v)) for k, v in values["options"]), **plain)
+
+    def family(values: Mapping[str, Any]) -> object:
+        given = {k: _tuples(v) for k, v in values.items() if k not in ("kind", "sha256")}
+        if "sha256" in values:
+            given["file"] = f"sha256:{values['sha256']}"
+        return WAYPOINT_KINDS[values["kind"]](**given)
+
+    return Study(
+        StudyTable(name=name, seed=resolved["seed"],
+                   episodes_per_cell=resolved["episodes_per_cell"]),
+        tuple(Body(label, **values) for label, values in resolved["objects"].items()),
+        tuple(strategy(label, values) for label, values in resolved["strategies"].items()),
+        {section: table(**{k: _tuples(v) for k, v in resolved[section].items()})
+         for section, table in SECTIONS.items()},
+        tuple(Axis(**{k: _tuples(v) for k, v in axis.items()}) for axis in resolved["sweep"]))
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(_tuples(entry) for entry in value) if isinstance(value, list) else value
+
+
+def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
+    """Where two resolved studies differ, one line each, as `key: old -> new`."""
+    before, after = dict(_leaves(old)), dict(_leaves(new))
+    return [f"{key}: {before.get(key, 'absent')} -> {after.get(key, 'absent')}"
+            for key in sorted(before | after) if before.get(key) != after.get(key)]
+
+
+def extends(old: Mapping[str, Any], new: Mapping[str, Any]) -> bool:
+    """Whether the new study holds every episode of the old one, and perhaps more."""
+    lists = ("objects", "strategies")
+    same = all(old.get(key) == new.get(key) for key in {*old, *new}
+               if key not in (*lists, "episodes_per_cell"))
+    return (same and old["episodes_per_cell"] <= new["episodes_per_cell"] and all(
+        old[key][name] == new[key].get(name) for key in lists for name in old[key]))
+
+
+def _leaves(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
+    if isinstance(value, Mapping) and value:
+        for name, entry in value.items():
+            yield from _leaves(entry, f"{key}.{name}" if key else str(name))
+    else:
+        yield key, json.dumps(value)

@@ -1,0 +1,102 @@
+"""The same units on a Ray cluster: tasks compute batches of them, this process writes the files.
+
+Rows travel back as the bytes of the units' files, so nodes need no common folder for results; they
+need this package, and meshes and pose files at the paths where the spec found them.
+"""
+
+import os
+import time
+import traceback
+from typing import Any
+
+from sweeps.output import write_atomic
+from sweeps.run.local_engine import Options, disk_error
+from sweeps.run.plan import Plan, Unit
+from sweeps.run.progress import Progress
+from sweeps.run.scheduler import Outcome, Work
+from sweeps.run.store import Store
+from sweeps.run.unit_file import encode_unit
+from sweeps.run.worker import ENVIRONMENT, find_function, run_units
+from sweeps.spec.errors import StoreError
+
+LOST_TASK_RETRIES = 4  # a node that goes away is no fault of the unit
+AHEAD = 2  # tasks in hand for each core
+
+
+def compute_units(
+    units: list[Unit], function: str, device: str
+) -> tuple[list[bytes], float] | str:
+    """The bytes of each unit's file and the seconds a unit took, or what was raised."""
+    began = time.monotonic()
+    try:
+        found = run_units(find_function(function), units, device)
+        files = [encode_unit(unit.id, rows) for unit, rows in zip(units, found, strict=True)]
+    except Exception:
+        return traceback.format_exc()
+    return files, (time.monotonic() - began) / len(units)
+
+
+def run_on_ray(plan: Plan, store: Store, options: Options, progress: Progress,
+               address: str | None) -> Outcome:
+    """Runs what is left of a study's shard on a cluster (`address`), or on this machine's cores.
+
+    The caller holds the shard's lock.
+    """
+    ray = _ray()
+    ray.init(address=address, num_cpus=None if address else options.workers,
+             include_dashboard=False, configure_logging=False, log_to_driver=False,
+             runtime_env={"env_vars": ENVIRONMENT})
+    try:
+        work = Work(plan, store, options.shard, progress, options.verify, options.unit_timeout_s)
+        _go(ray, work, options)
+        return work.outcome
+    finally:
+        ray.shutdown()
+
+
+def _go(ray: Any, work: Work, options: Options) -> None:
+    gpus = float(options.device.startswith("cuda"))
+    task = ray.remote(num_cpus=1, num_gpus=gpus, max_retries=LOST_TASK_RETRIES)(compute_units)
+    running: dict[Any, tuple[list[Unit], float]] = {}
+    limit = AHEAD * options.unit_timeout_s  # it may wait for another before it begins
+    while not work.over:
+        room = AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1)))
+        while len(running) < room and (units := work.take(room)):
+            reference = task.remote(units, options.function, options.device)
+            running[reference] = units, time.monotonic()
+        ready, _ = ray.wait(list(running), num_returns=1, timeout=1.0) if running else ([], [])
+        for reference in ready:
+            _finish(ray, work, running.pop(reference)[0], reference)
+        for reference in [r for r, (_, began) in running.items()
+                          if time.monotonic() - began > limit]:
+            ray.cancel(reference, force=True)
+            work.failed(running.pop(reference)[0], "stopped: it took longer than "
+                        f"{options.unit_timeout_s:g} s (--unit-timeout-s)", final=True)
+        work.progress.tick(work.running)
+
+
+def _finish(ray: Any, work: Work, units: list[Unit], reference: Any) -> None:
+    try:
+        result = ray.get(reference)
+    except ray.exceptions.RayError as error:  # its process died, again and again
+        result = f"the task was lost: {error}"
+    if isinstance(result, str):
+        work.failed(units, result)
+        return
+    files, seconds = result
+    for unit, content in zip(units, files, strict=True):
+        try:
+            write_atomic(work.store.path(unit), content)
+        except OSError as error:
+            raise disk_error(work.store, error.strerror or str(error)) from None
+        work.done(unit, seconds)
+
+
+def _ray() -> Any:
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # it reports usage unless told not to
+    try:
+        import ray  # pyright: ignore[reportMissingImports]
+    except ImportError:
+        raise StoreError("--engine ray: Ray is not installed; "
+                         "pip install 'warpgrasp[ray]' adds it") from None
+    return ray

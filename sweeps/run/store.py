@@ -1,0 +1,236 @@
+"""The directory of a study: one file a unit, and that it exists is the only ledger."""
+
+import fcntl
+import json
+import os
+import socket
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from sweeps.output import write_atomic
+from sweeps.run.environment import describe_environment
+from sweeps.run.plan import Plan, Unit, differences, digest, extends, plan_study, study_of
+from sweeps.run.unit_file import Columns, DamagedUnit, looks_whole, read_unit
+from sweeps.spec.errors import Held, OtherStudy, StoreError
+
+
+def _locked(descriptor: int) -> bool:
+    """Takes the lock; patient for a moment, since `holders` touches it in passing."""
+    for _ in range(10):
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            time.sleep(0.05)
+        else:
+            return True
+    return False
+
+
+class Store:
+    """The files of one study below one directory."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.units = folder / "units"
+        self.logs = folder / "logs"
+        self.damaged = 0  # units set aside so far
+
+    def open_for(self, plan: Plan, spec_text: bytes | None, device: str) -> list[str]:
+        """Makes the directory the study's own; notes worth telling the user come back.
+
+        `OtherStudy` if it belongs to another spec. A study that only grew (more episodes,
+        strategies or objects) is taken up: every unit that is still the same is kept. Who runs it
+        holds a shard's lock first: a run that is refused must not change what another works on.
+        """
+        notes: list[str] = []
+        try:
+            self.units.mkdir(parents=True, exist_ok=True)
+            self.logs.mkdir(exist_ok=True)
+            notes += self._claim(plan)
+            if spec_text is not None:
+                write_atomic(self.folder / "spec.toml", spec_text)
+            notes += self._note_environment(device)
+        except OSError as error:
+            raise self._unwritable(error) from None
+        return notes
+
+    def _unwritable(self, error: OSError) -> StoreError:
+        return StoreError(f"{self.folder}: cannot be written: {error.strerror}")
+
+    def _claim(self, plan: Plan) -> list[str]:
+        file = self.folder / "resolved.json"
+        notes = []
+        if file.exists():
+            old = self.resolved()
+            if old["hash"] == plan.hash:
+                return []
+            if not extends(old["study"], plan.resolved):
+                raise OtherStudy(self.folder, differences(old["study"], dict(plan.resolved)))
+            notes = ["the study has grown; units that are still the same are kept"]
+        content = {"hash": plan.hash, "name": plan.study.head.name, "study": plan.resolved}
+        write_atomic(file, (json.dumps(content, indent=1) + "\n").encode())
+        return notes
+
+    def _note_environment(self, device: str) -> list[str]:
+        file = self.folder / "environment.json"
+        now = describe_environment(device)
+        if file.exists():
+            try:
+                before = json.loads(file.read_bytes())
+            except ValueError:
+                before = None
+            if not isinstance(before, dict):  # damaged: nothing is known of it
+                before = {}
+            changed = [f"{key}: {before.get(key)} -> {now.get(key)}"
+                       for key in sorted({*before, *now}) if before.get(key) != now.get(key)]
+            if changed:
+                return ["finished units were made in another environment, bits may differ: "
+                        + "; ".join(changed)]
+            return []
+        write_atomic(file, (json.dumps(now, indent=1, sort_keys=True) + "\n").encode())
+        return []
+
+    def resolved(self) -> dict[str, Any]:
+        """The study this directory belongs to, as `resolved.json` has it."""
+        file = self.folder / "resolved.json"
+        try:
+            found = json.loads(file.read_bytes())
+            if not isinstance(found, dict) or digest(found.get("study")) != found.get("hash"):
+                raise ValueError
+        except FileNotFoundError:
+            raise StoreError(f"{self.folder}: holds no study; `warpgrasp sweep SPEC.toml -o "
+                             f"{self.folder}` makes one") from None
+        except OSError as error:
+            raise StoreError(f"{file}: cannot be read: {error.strerror}") from None
+        except ValueError:
+            raise StoreError(f"{file}: is damaged; remove it and run the sweep again, "
+                             "finished units are kept") from None
+        return found
+
+    def path(self, unit: Unit) -> Path:
+        """Where a unit's rows are, or will be."""
+        return self.units / f"{unit.id}.parquet"
+
+    def log(self, unit: Unit) -> Path:
+        """Where it is said why a unit was set aside as failed."""
+        return self.logs / f"{unit.id}.failed.log"
+
+    def read(self, unit: Unit) -> Columns | None:
+        """A unit's rows; None if it is not there; a damaged file is set aside first."""
+        path = self.path(unit)
+        try:
+            return read_unit(path, unit.id, unit.stop - unit.start)
+        except FileNotFoundError:
+            return None
+        except DamagedUnit as error:
+            self.set_aside(path, str(error))
+            return None
+
+    def has(self, unit: Unit) -> bool:
+        """Whether a unit is there, by a look at its file's end; a damaged file is set aside."""
+        path = self.path(unit)
+        try:
+            if looks_whole(path, unit.id):
+                return True
+        except FileNotFoundError:
+            return False
+        except IsADirectoryError:
+            pass
+        self.set_aside(path, "does not end as a unit file does")
+        return False
+
+    def set_aside(self, path: Path, reason: str) -> None:
+        """Moves a damaged unit file out of the ledger, under a name that says so."""
+        self.damaged += 1
+        aside = self.logs / f"{path.stem}.damaged"
+        try:
+            os.replace(path, aside)
+            write_atomic(self.logs / f"{path.stem}.damaged.log", f"{reason}\n".encode())
+        except OSError:
+            pass  # read-only: the unit still counts as missing
+
+    @contextmanager
+    def lock(self, shard: tuple[int, int]) -> Iterator[None]:
+        """Holds a shard for this process; `Held` names who holds it already.
+
+        Makes the directory if need be. The kernel lets go of the lock when its holder dies, however
+        that happens.
+        """
+        file = self.folder / f".lock-{shard[0]}-of-{shard[1]}"
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            descriptor = os.open(file, os.O_RDWR | os.O_CREAT, 0o644)
+        except OSError as error:
+            raise self._unwritable(error) from None
+        try:
+            if not _locked(descriptor):
+                holder = os.read(descriptor, 200).decode(errors="replace").strip()
+                raise Held(f"{self.folder}: is being worked on by {holder or 'another run'}; "
+                           "wait for it, or give each run its own --shard I/N")
+            os.ftruncate(descriptor, 0)
+            os.pwrite(descriptor, f"process {os.getpid()} on {socket.gethostname()}".encode(), 0)
+            if len(self.holders()) == 1:  # nobody else is writing: what is left is of killed runs
+                self._remove_temporaries()
+            yield
+        finally:
+            os.close(descriptor)
+
+    def holders(self) -> dict[str, str]:
+        """Who works on this directory right now, by shard (`1-of-3`)."""
+        found: dict[str, str] = {}
+        for file in sorted(self.folder.glob(".lock-*")):
+            with file.open("rb") as stream:
+                try:
+                    fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
+                except BlockingIOError:
+                    shard = file.name.removeprefix(".lock-")
+                    found[shard] = stream.read(200).decode(errors="replace")
+        return found
+
+    def note(self, shard: str) -> Path:
+        """Where a run of a shard (`1-of-3`) notes how far it is."""
+        return self.logs / f"progress-{shard}.json"
+
+    def _remove_temporaries(self) -> None:
+        for folder in (self.folder, self.units, self.logs):
+            for left in folder.glob(".*.tmp"):
+                left.unlink(missing_ok=True)
+
+    def left_behind(self) -> set[str]:
+        """Ids of units of which a killed run left temporary files; lists the folder once."""
+        return {file.name[1:].partition(".parquet.")[0] for file in self.units.glob(".*.tmp")}
+
+    def sweep_out(self, unit: Unit) -> None:
+        """Removes temporary files that a killed run left of a unit."""
+        for left in self.units.glob(f".{unit.id}.parquet.*.tmp"):
+            left.unlink(missing_ok=True)
+
+
+def open_study(folders: Sequence[Path]) -> tuple[Plan, list[Store]]:
+    """The study of one directory, or of several that hold parts of it.
+
+    Raises OtherStudy where they are not of one study, StoreError where one cannot be read.
+    """
+    stores = [Store(folder) for folder in folders]
+    found = [store.resolved() for store in stores]
+    for store, resolved in zip(stores, found, strict=True):
+        if resolved["hash"] != found[0]["hash"]:
+            raise OtherStudy(store.folder, [f"hash: {found[0]['hash']} ({folders[0]}) -> "
+                                            f"{resolved['hash']} ({store.folder})"])
+    return plan_of(stores[0]), stores
+
+
+def plan_of(store: Store) -> Plan:
+    """The plan that a directory's `resolved.json` holds."""
+    resolved = store.resolved()
+    try:
+        plan = plan_study(study_of(resolved["study"], resolved.get("name", "")))
+    except (KeyError, TypeError, ValueError):
+        plan = None
+    if plan is None or plan.hash != resolved["hash"]:
+        raise StoreError(f"{store.folder}/resolved.json: was written by another version, or "
+                         "altered; run the sweep again in a new directory")
+    return plan

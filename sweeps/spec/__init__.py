@@ -1,0 +1,13 @@
+"""What a spec accepts: TOML with line numbers, units of keys, all errors at once."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "cell": ["Cell", "SECTIONS", "TABLES", "differ_in_object_alone"],
+    "errors": ["Held", "OtherStudy", "Problem", "SpecError", "StoreError", "choose"],
+    "objects": ["object_of_argument"],
+    "reader": ["read_spec"],
+    "study": ["Axis", "Body", "FILE_KEYS", "Study", "StudyTable"],
+    "template": ["spec_template"],
+    "units": ["edge_fields"],
+})

@@ -1,0 +1,55 @@
+"""One cell of a study: a strategy on an object under one setting, all defaults filled in."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from strategies.procedures.options import ContourTable, DecideTable, PlanarTable
+from strategies.strategy import Strategy
+from warpgrasp.parameters import (
+    ArmTable,
+    FitTable,
+    HandTable,
+    ObjectTable,
+    PadTable,
+    SensorTable,
+    StereoTable,
+)
+
+SECTIONS: dict[str, type] = {
+    "arm": ArmTable, "hand": HandTable, "sensors": SensorTable, "object": ObjectTable,
+    "fit": FitTable, "pads": PadTable, "stereo": StereoTable, "planar": PlanarTable,
+    "contour": ContourTable, "decide": DecideTable,
+}
+TABLES = tuple("placement" if name == "object" else name for name in SECTIONS)
+"""Names of the sections' fields in a `Cell`."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Everything the episodes of one cell depend on, picklable.
+
+    `body_table` names the object: `{"name": ...}` for the catalogue, otherwise the spec's table
+    with its files made absolute, as `warpgrasp.objects.catalogue.body_from_table` takes it.
+    """
+
+    strategy: Strategy
+    body_table: Mapping[str, Any]
+    object_name: str
+    arm: ArmTable = field(default_factory=ArmTable)
+    hand: HandTable = field(default_factory=HandTable)
+    sensors: SensorTable = field(default_factory=SensorTable)
+    placement: ObjectTable = field(default_factory=ObjectTable)
+    fit: FitTable = field(default_factory=FitTable)
+    pads: PadTable = field(default_factory=PadTable)
+    stereo: StereoTable = field(default_factory=StereoTable)
+    planar: PlanarTable = field(default_factory=PlanarTable)
+    contour: ContourTable = field(default_factory=ContourTable)
+    decide: DecideTable = field(default_factory=DecideTable)
+    seed: int = 0
+    setting: Mapping[str, Any] = field(default_factory=dict)
+
+
+def differ_in_object_alone(one: Cell, other: Cell) -> bool:
+    """Whether episodes of two cells can be run in one call."""
+    return replace(other, body_table=one.body_table, object_name=one.object_name) == one

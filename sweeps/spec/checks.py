@@ -1,0 +1,100 @@
+"""Lower limits lie below upper ones: in the sections of a spec, and at every point of its sweep."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from sweeps.spec.cell import SECTIONS
+from sweeps.spec.errors import KeyPath, Problems
+from sweeps.spec.study import Axis, Study
+from sweeps.spec.units import edge_fields
+
+_PAIRS = (("arm", "limit_low_deg", "limit_high_deg"),
+          ("hand", "flexion_low_deg", "flexion_high_deg"),
+          ("hand", "tension_low_N", "tension_high_N"))
+
+
+def check_order(tables: Mapping[str, Any], given: Mapping[str, Any], axes: Sequence[Axis],
+                problems: Problems) -> None:
+    """Checks pairs that are not swept, whichever of the two was given."""
+    swept = {key for axis in axes for key in axis.keys}
+    for section, low, high in _PAIRS:
+        lows, highs = (_set(tables, section, name) for name in (low, high))
+        if not {f"{section}.{low}", f"{section}.{high}"} & swept and (lows >= highs).any():
+            at = low if low in given.get(section, {}) else high
+            problems.add((section, at), f"{low} should be below {high}")
+
+
+def check_swept_order(tables: Mapping[str, Any],
+                      parts: Mapping[str, Mapping[str, tuple[KeyPath, Any]]],
+                      readers: Mapping[str, Callable[[Any, KeyPath, Problems], Any]],
+                      problems: Problems) -> None:
+    """Checks pairs of which one is swept: lists by their values, ranges by their ends.
+
+    `parts` has, by kind of axis and key, where a key's values stand, and the values, all checked.
+    """
+    swept = {key: (kind, *found) for kind, table in parts.items() for key, found in table.items()}
+    for section, *names in _PAIRS:
+        keys = [f"{section}.{name}" for name in names]
+        at = next((swept[key][1] for key in keys if key in swept), None)
+        if at is None:
+            continue
+        sides = []
+        for key, name in zip(keys, names, strict=True):
+            if key not in swept:
+                sides.append(_set(tables, section, name))
+                continue
+            _, path, values = swept[key]
+            values = values.values() if isinstance(values, Mapping) else values
+            si = [readers[key](value, path, problems) for value in values]
+            sides.append(np.array(si, float).reshape(len(si), -1))
+        lows, highs = sides
+        if {swept.get(key, ("",))[0] for key in keys} != {"zip"}:  # every value meets every other
+            lows, highs = lows.max(0), highs.min(0)
+        if (lows >= highs).any():
+            problems.add(at, f"{names[0]} should be below {names[1]} at every point of the sweep")
+
+
+def _set(tables: Mapping[str, Any], section: str, name: str) -> np.ndarray:
+    """What a section has for a key, in SI, shape (1, number)."""
+    value = getattr(tables[section], edge_fields(SECTIONS[section])[name].name)
+    return np.array(value, float).reshape(1, -1)
+
+
+PROCEDURES = {"planar", "contour", "decide"}
+"""What feels with pads; planners that do so find out by themselves."""
+KEYS = ("pads.length_mm", "pads.wrap_deg", "pads.thickness_mm", "pads.distal", "pads.middle",
+        "pads.proximal", "hand.link_length_mm", "hand.link_radius_mm")
+
+
+def check_pads(study: Study, problems: Problems) -> None:
+    """Notes the first setting under which a pad does not fit its link, if any strategy feels."""
+    if not any(PROCEDURES & set(order) for order in _orders(study)):
+        return
+    points = [dict.fromkeys(
+        tuple(entry for entry in zip(axis.keys, values, si, strict=True) if entry[0] in KEYS)
+        for values, si in zip(axis.values, axis.si, strict=True)) for axis in study.axes]
+    for chosen in product(*points):
+        tables = {section: study.tables[section] for section in ("pads", "hand")}
+        swept = [entry for point in chosen for entry in point]
+        for key, _, si in swept:
+            section, name = key.split(".")
+            field = edge_fields(SECTIONS[section])[name]
+            tables[section] = replace(tables[section], **{field.name: si})
+        if wrong := tables["pads"].misfit(tables["hand"]):
+            given = [path for key in KEYS if (path := tuple(key.split("."))) in problems.lines]
+            at = [("sweep",)] if swept else [*given, ("pads",)]
+            told = ", ".join(f"{key} = {value}" for key, value, _ in swept)
+            problems.add(at[0], f"with {told}: {wrong}" if told else wrong)
+            return
+
+
+def _orders(study: Study) -> list[tuple[str, ...]]:
+    """The orders of procedures that strategies are run with."""
+    given = [strategy.order for strategy in study.strategies if not strategy.call]
+    swept = [point[axis.keys.index("strategy.order")] for axis in study.axes
+             if "strategy.order" in axis.keys for point in axis.si]
+    return swept if given and swept else given

@@ -1,0 +1,116 @@
+"""What is wrong with a spec: all problems at once, each with its place and what would be right."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+from warpgrasp.objects.catalogue_names import NAME_LIMIT
+
+KeyPath = tuple[str | int, ...]
+LISTED = 24  # names listed in full; longer lists are cut
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing wrong: `file:line`, the dotted key, and the sentence that says what."""
+
+    where: str
+    key: str
+    what: str
+
+    def __str__(self) -> str:
+        return ": ".join(part for part in (self.where, self.key, self.what) if part)
+
+
+class SpecError(ValueError):
+    """A spec that cannot be used; `problems` holds every reason."""
+
+    def __init__(self, problems: Iterable[Problem]) -> None:
+        self.problems = tuple(problems)
+        super().__init__("\n".join(str(problem) for problem in self.problems))
+
+
+class Problems:
+    """Collects problems while a file is checked; `lines` maps the path of a key to its line."""
+
+    def __init__(self, file: str, lines: dict[KeyPath, int]) -> None:
+        self.file = file
+        self.lines = lines
+        self.found: list[Problem] = []
+
+    def add(self, path: KeyPath, what: str) -> None:
+        """Notes a problem at `path`, or at the nearest enclosing key that has a line."""
+        line = next((self.lines[path[:n]] for n in range(len(path), -1, -1)
+                     if path[:n] in self.lines), 1)
+        self.found.append(Problem(f"{self.file}:{line}", dotted(path), what))
+
+    def raise_if_any(self) -> None:
+        """Raises all that was found as one `SpecError`, in the order of the file."""
+        if self.found:
+            raise SpecError(sorted(self.found, key=lambda p: int(p.where.rpartition(":")[2])))
+
+
+def dotted(path: KeyPath) -> str:
+    """A path as one reads it: `strategy[1].waypoints.count`; odd keys in quotes."""
+    text = ""
+    for part in path:
+        if isinstance(part, int):
+            text += f"[{part}]"
+        else:
+            plain = part.replace("_", "a").replace("-", "a").isalnum()
+            text += ("." if text else "") + (part if plain else short(part))
+    return text
+
+
+def short(value: object, limit: int = 60) -> str:
+    """A value as a message shows it, cut to a bearable length."""
+    try:
+        text = repr(value)
+    except ValueError:  # an integer of too many digits to print
+        text = "a huge number"
+    return text if len(text) <= limit else text[:limit - 3] + "..."
+
+
+def choose(name: object, valid: Iterable[str]) -> str:
+    """The end of a message about an unknown name: the nearest valid ones and the whole list."""
+    names = list(valid)
+    near = get_close_matches(name[:80], names, n=1, cutoff=0.6) if isinstance(name, str) else []
+    guess = f"did you mean {near[0]}? " if near else ""
+    more = f", ... ({len(names)} in all)" if len(names) > LISTED else ""
+    return f"{guess}there are: {', '.join(names[:LISTED])}{more}"
+
+
+def check_name(name: Any, path: KeyPath, problems: Problems) -> str | None:
+    """A name that can stand in a table and a CSV: short, printable, on one line."""
+    if isinstance(name, str) and 0 < len(name) <= NAME_LIMIT and name.isprintable() and (
+            name == name.strip()):
+        return name
+    what = "missing" if name is None else f"is {short(name)}"
+    problems.add(path, f"{what}; should be a name of 1 to {NAME_LIMIT} printable characters")
+    return None
+
+
+class OtherStudy(ValueError):
+    """The directory belongs to another spec; `lines` say where the two differ."""
+
+    def __init__(self, folder: Path, lines: list[str]) -> None:
+        self.lines = lines
+        shown = [f"  {line}" for line in lines[:20]]
+        more = [f"  ... {len(lines) - 20} more"] if len(lines) > 20 else []
+        super().__init__("\n".join([
+            f"{folder}: belongs to another spec; choose another directory, or undo:",
+            *shown, *more]))
+
+
+class StoreError(ValueError):
+    """A directory that cannot be used; the message says why."""
+
+    def __init__(self, message: str, exit_code: int = 2) -> None:
+        super().__init__(message)
+        self.exit_code = exit_code
+
+
+class Held(StoreError):
+    """Another run holds the directory."""

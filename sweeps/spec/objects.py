@@ -1,0 +1,165 @@
+"""The `objects` of a spec: catalogue names, meshes, compounds, superquadrics."""
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from sweeps.output import quiet_stdout, start_warp
+from sweeps.spec.errors import KeyPath, Problems, check_name, choose, short
+from sweeps.spec.study import FILE_KEYS, Body
+from warpgrasp.objects.catalogue_names import BODY_NAMES, NAME_LIMIT
+
+SHAPES = ("mesh", "compound", "superquadric", "profile")
+
+
+class ObjectError(ValueError):
+    """An object that cannot be built; the message says why."""
+
+
+def read_objects(values: Any, base_dir: Path, problems: Problems) -> tuple[Body, ...]:
+    """Every object of a spec, built once to see that it can be."""
+    path: KeyPath = ("objects",)
+    if not isinstance(values, list):
+        problems.add(path, f"is {short(values)}; should be a list such as [\"block\"]")
+        return ()
+    if not values and path in problems.lines:
+        problems.add(path, "is empty; name at least one object")
+    found: list[Body] = []
+    for n, value in enumerate(values):
+        body = read_object(value, (*path, n), base_dir, problems)
+        if body and any(body.name == other.name for other in found):
+            problems.add((*path, n), f"is {body.name!r} a second time; give one another name")
+        elif body:
+            found.append(body)
+    return tuple(found)
+
+
+def read_object(value: Any, path: KeyPath, base_dir: Path, problems: Problems) -> Body | None:
+    """One object; None where something is wrong with it."""
+    if isinstance(value, str):
+        if value not in BODY_NAMES:
+            problems.add(path, f"no object {short(value)}; {choose(value, BODY_NAMES)}; or a mesh, "
+                         'as in { mesh = "mug.stl", units = "cm" }')
+            return None
+        return Body(value, {"name": value})
+    if not isinstance(value, Mapping):
+        problems.add(path, f"is {short(value)}; should be a name or a table")
+        return None
+    given = [shape for shape in SHAPES if shape in value]
+    if len(given) != 1:
+        problems.add(path, f"should hold exactly one of {', '.join(SHAPES)}")
+        return None
+    files: list[Path] = []
+    try:
+        table = _absolute(value, path, base_dir, files)
+    except _FileProblem as error:
+        problems.add(error.path, error.what)
+        return None
+    if given[0] in FILE_KEYS:
+        table.setdefault("name", files[0].stem)
+    name = check_name(table.get("name"), (*path, "name"), problems)
+    if name is None:
+        return None
+    try:
+        _build(table, base_dir)
+    except ObjectError as error:
+        problems.add(path, str(error))
+        return None
+    content = hashlib.sha256(b"".join(map(_content, files))).hexdigest() if files else ""
+    return Body(name, table, content)
+
+
+def object_of_argument(what: str, units: str | None) -> dict[str, Any]:
+    """The table of an object named on the command line; `ObjectError` says what is wrong."""
+    if what in BODY_NAMES:
+        return {"name": what}
+    file = Path(what)
+    if not file.is_file():
+        raise ObjectError(f"no object {what!r}; {choose(what, BODY_NAMES)}; or a mesh file with "
+                        "--units m|cm|mm")
+    if units is None:
+        raise ObjectError(f"{what}: a mesh wants its units: --units m, --units cm or --units mm")
+    table = {"mesh": str(file.resolve()), "units": units, "name": file.stem[:NAME_LIMIT]}
+    _build(table, Path())
+    return table
+
+
+def _build(table: Mapping[str, Any], base_dir: Path) -> None:
+    """Builds the object once; `ObjectError` if it cannot be, whatever its file made a reader do."""
+    start_warp()
+    from warpgrasp.geometry.body import BodyError
+    from warpgrasp.objects.catalogue import body_from_table  # heavy; names need no building
+
+    try:
+        with quiet_stdout():
+            body_from_table(table, base_dir)
+    except BodyError as error:
+        raise ObjectError(str(error)) from error
+    except Exception as error:  # not foreseen, but a user's file or table is no reason to crash
+        raise ObjectError(f"cannot be built: {type(error).__name__}: {error}; the template of "
+                        "`warpgrasp init` shows how objects are written") from error
+
+
+class _FileProblem(Exception):
+    def __init__(self, path: KeyPath, what: str) -> None:
+        self.path = path
+        self.what = what
+
+
+def _absolute(table: Mapping[str, Any], path: KeyPath, base_dir: Path,
+              files: list[Path]) -> dict[str, Any]:
+    """The table with every file it names made absolute; the files are noted in order."""
+    found: dict[str, Any] = {}
+    for key, value in table.items():
+        if key in FILE_KEYS:
+            try:
+                limit = MESH_LIMIT if key == "mesh" else CSV_LIMIT
+                files.append(named_file(value, base_dir, limit))
+            except NoFile as error:
+                raise _FileProblem((*path, key), str(error)) from None
+            found[key] = str(files[-1])
+        elif isinstance(value, Mapping):
+            found[key] = _absolute(value, (*path, key), base_dir, files)
+        elif isinstance(value, list):
+            found[key] = [_absolute(entry, (*path, key, n), base_dir, files)
+                          if isinstance(entry, Mapping) else entry
+                          for n, entry in enumerate(value)]
+        else:
+            found[key] = value
+    return found
+
+
+def _content(file: Path) -> bytes:
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").digest()
+
+
+CSV_LIMIT = 1 << 20  # bytes of a file of poses or of a profile
+MESH_LIMIT = 1 << 28
+
+
+class NoFile(ValueError):
+    """A file that cannot be used; the message says why."""
+
+
+def named_file(value: Any, base_dir: Path, limit: int) -> Path:
+    """The file a spec names, relative to the spec, made absolute. Raises NoFile.
+
+    Devices, pipes and the endless files of /proc, which say that they are empty, are refused.
+    """
+    if not isinstance(value, str) or not value:
+        raise NoFile(f"is {short(value)}; should be a file")
+    try:
+        file = (base_dir / value).resolve()
+        if not file.is_file():
+            raise OSError
+        size = file.stat().st_size
+    except (OSError, ValueError, RuntimeError):
+        raise NoFile(f"{short(value)} is not a file; relative to the spec that is "
+                     f"{short(str(base_dir / value), 200)}") from None
+    if size == 0:
+        raise NoFile(f"{short(value)} is empty")
+    if size > limit:
+        raise NoFile(f"{short(value)} is larger than {limit >> 20} MiB, the limit")
+    return file

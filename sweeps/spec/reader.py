@@ -1,0 +1,81 @@
+"""Reading a spec: TOML to a resolved `Study`, or every problem at once with file and line."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path as FilePath
+from typing import Any
+
+from sweeps.output import quiet_stdout
+from sweeps.spec.axes import read_axes, read_overrides
+from sweeps.spec.cell import SECTIONS
+from sweeps.spec.checks import check_order, check_pads
+from sweeps.spec.errors import Problem, Problems, SpecError, choose
+from sweeps.spec.objects import read_objects
+from sweeps.spec.strategies import read_strategies
+from sweeps.spec.study import CELL_LIMIT, EPISODE_LIMIT, Study, StudyTable
+from sweeps.spec.toml_reader import read_toml
+from sweeps.spec.units import read_table
+
+HEAD = ("schema", "name", "seed", "episodes_per_cell")
+REQUIRED = ("schema", "objects", "strategy")
+TOP = (*HEAD, "objects", "strategy", *SECTIONS, "sweep")
+
+
+def read_spec(file: FilePath, overrides: Sequence[str] = ()) -> Study:
+    """The study a spec describes, with `--set KEY=V1,V2` overrides; `SpecError` lists problems."""
+    values, lines = read_toml(file)
+    problems = Problems(str(file), lines)
+    try:
+        text_axes, head_values = read_overrides(overrides)
+    except SpecError as error:
+        problems.found.extend(error.problems)
+        text_axes, head_values = {}, {}
+    with quiet_stdout():  # planners' files are run
+        study = resolve({**values, **head_values}, file.resolve().parent, problems, text_axes)
+    if problems.found:
+        raise SpecError(sorted(problems.found, key=_place))
+    return study
+
+
+def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
+            extra_grid: Mapping[str, list[Any]] | None = None) -> Study:
+    """The study a spec's values describe; what is wrong is noted in `problems`."""
+    for key in REQUIRED:
+        if key not in values:
+            problems.add((), f"{key}: missing; {_EXAMPLES[key]}")
+    for key in values:
+        if key not in TOP:
+            problems.add((key,), f"unknown key; {choose(key, TOP)}")
+    head = StudyTable(**read_table(StudyTable, {k: v for k, v in values.items() if k in HEAD},
+                                   (), problems))
+    if not head.name:
+        head = replace(head, name=FilePath(problems.file).stem)
+    tables = {name: table(**read_table(table, values.get(name, {}), (name,), problems))
+              for name, table in SECTIONS.items()}
+    strategies = read_strategies(values.get("strategy", []), base_dir, problems)
+    objects = read_objects(values.get("objects", []), base_dir, problems)
+    axes = read_axes(values.get("sweep", {}), extra_grid or {}, strategies, tables, head.seed,
+                     problems)
+    check_order(tables, values, axes, problems)
+    study = Study(head, objects, strategies, tables, axes)
+    if study.cell_count > CELL_LIMIT:
+        problems.add(("sweep",), f"spans {study.cell_count:,} cells; the limit is {CELL_LIMIT:,}")
+    elif study.cell_count * head.episodes_per_cell > EPISODE_LIMIT:
+        problems.add(("episodes_per_cell",),
+                     f"makes {study.cell_count * head.episodes_per_cell:,} episodes in "
+                     f"{study.cell_count:,} cells; the limit is {EPISODE_LIMIT:,}")
+    if not problems.found:
+        check_pads(study, problems)
+    return study
+
+
+_EXAMPLES = {
+    "schema": "write schema = 1",
+    "objects": 'name at least one, as in objects = ["block", "wine_bottle"]',
+    "strategy": 'name at least one, as in [[strategy]] with name = "ring6"',
+}
+
+
+def _place(problem: Problem) -> tuple[bool, int]:
+    line = problem.where.rpartition(":")[2]
+    return not line.isdigit(), int(line) if line.isdigit() else 0

@@ -1,0 +1,192 @@
+"""The `[[strategy]]` tables of a spec: waypoint families, closing paths, order of procedures."""
+
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+from strategies.poses.closing_paths import CLOSING_PATHS
+from strategies.poses.waypoints import WAYPOINT_KINDS, WaypointError
+from strategies.ready_made import STRATEGIES
+from strategies.strategy import BUDGET_KEYS, PROCEDURES, Strategy
+from sweeps.spec.errors import KeyPath, Problems, check_name, choose, short
+from sweeps.spec.objects import CSV_LIMIT, NoFile, named_file
+from sweeps.spec.units import read_table
+
+KEYS = ("name", "waypoints", "closings", "order", "strategy", "options", "refit_every", "budget",
+        "noise_stream")
+REFIT = (int, 0, 256, "poses between two fits")
+
+
+def read_strategies(values: Any, base_dir: Path, problems: Problems) -> tuple[Strategy, ...]:
+    """Every strategy of a spec; a name alone is the ready-made strategy of that name."""
+    path: KeyPath = ("strategy",)
+    if not isinstance(values, list):
+        problems.add(path, "should be a list of tables, each under [[strategy]]")
+        return ()
+    if not values and path in problems.lines:
+        problems.add(path, "is empty; name at least one strategy")
+    found: list[Strategy] = []
+    for n, table in enumerate(values):
+        strategy = _read_strategy(table, (*path, n), base_dir, problems)
+        if strategy and any(strategy.name == other.name for other in found):
+            problems.add((*path, n, "name"), f"is {strategy.name!r} a second time; "
+                         "each strategy needs its own name")
+        elif strategy:
+            found.append(strategy)
+    return tuple(found)
+
+
+def _read_strategy(table: Any, path: KeyPath, base_dir: Path,
+                   problems: Problems) -> Strategy | None:
+    if not isinstance(table, Mapping):
+        problems.add(path, f"is {short(table)}; should be a table with a name")
+        return None
+    for key in table:
+        if key not in KEYS:
+            problems.add((*path, key), f"unknown key; {choose(key, KEYS)}")
+    name = check_name(table.get("name"), (*path, "name"), problems)
+    if name is None:
+        return None
+    if set(table) <= {"name"}:
+        if name not in STRATEGIES:
+            problems.add((*path, "name"), f"no ready-made strategy {name!r}; "
+                         f"{choose(name, STRATEGIES)}; or give it waypoints of its own")
+        return STRATEGIES.get(name, Strategy(name))
+    strategy = replace(STRATEGIES.get(name, Strategy(name)), doc="")
+    if "waypoints" in table:
+        strategy = replace(strategy, waypoints=_read_waypoints(
+            table["waypoints"], (*path, "waypoints"), base_dir, problems))
+    for key in ("closings", "order"):
+        if key in table:
+            strategy = replace(strategy, **{
+                key: read_names(key, table[key], (*path, key), problems)})
+    if "refit_every" in table:
+        value = read_number(table["refit_every"], *REFIT[:3], (*path, "refit_every"), problems)
+        strategy = replace(strategy, refit_every=value or 0)
+    if "noise_stream" in table:
+        value = read_number(table["noise_stream"], int, 0, 10**6, (*path, "noise_stream"), problems)
+        strategy = replace(strategy, noise_stream=value or 0)
+    if "budget" in table:
+        strategy = _read_budget(strategy, table["budget"], (*path, "budget"), problems)
+    return _read_call(strategy, table, path, base_dir, problems)
+
+
+def _read_call(strategy: Strategy, table: Mapping[str, Any], path: KeyPath, base_dir: Path,
+               problems: Problems) -> Strategy:
+    """The planner that a strategy names, and its options."""
+    call, options = table.get("strategy", strategy.call), table.get("options", {})
+    if "strategy" in table:
+        clash = [key for key in ("order", "waypoints") if key in table]
+        if not isinstance(call, str) or not call:
+            problems.add((*path, "strategy"), f"is {short(call)}; should be a planner's name, or "
+                         'a file and a function in it, as "mine.py:next_best"')
+            return strategy
+        for key in clash:
+            problems.add((*path, key), "has no meaning beside a planner (strategy = ...), which "
+                         "chooses for itself")
+    if not isinstance(options, Mapping) or any(
+            not isinstance(v, int | float | str | bool) for v in options.values()):
+        problems.add((*path, "options"), "should be a table of numbers, texts and booleans")
+        options = {}
+    if options and not call:
+        problems.add((*path, "options"), "has no meaning without a planner (strategy = ...)")
+    if not call:
+        return strategy
+    file, colon, _ = call.rpartition(":")
+    if colon and file.endswith(".py"):
+        try:
+            call = f"{named_file(file, base_dir, CSV_LIMIT)}:{call.rpartition(':')[2]}"
+        except (OSError, NoFile, ValueError) as error:
+            problems.add((*path, "strategy"), str(error))
+            return strategy
+    from strategies.planners.planner_file import PlannerError
+    from strategies.planners.registry import make_planner  # heavy, and only planners need it
+
+    try:
+        make_planner(call, options)
+    except PlannerError as error:
+        problems.add((*path, "strategy"), str(error))
+    return replace(strategy, call=call, options=tuple(sorted(options.items())))
+
+
+def _read_budget(strategy: Strategy, value: Any, path: KeyPath, problems: Problems) -> Strategy:
+    if not isinstance(value, Mapping):
+        problems.add(path, f"is {short(value)}; should be a table such as {{ touches = 96 }}")
+        return strategy
+    found = {}
+    for key, given in value.items():
+        if key not in BUDGET_KEYS:
+            problems.add((*path, key), f"unknown key; {choose(key, BUDGET_KEYS)}")
+            continue
+        kind, low, high, _ = BUDGET_KEYS[key]
+        found[key] = read_number(given, kind, low, high, (*path, key), problems)
+    return replace(strategy, **found)
+
+
+def read_number(value: Any, kind: type, low: float, high: float, path: KeyPath,
+                problems: Problems) -> Any:
+    """A number within limits, or None and a problem noted."""
+    good = isinstance(value, int if kind is int else int | float) and not isinstance(value, bool)
+    if good and low <= value <= high:
+        return kind(value)
+    what = "a whole number" if kind is int else "a number"
+    problems.add(path, f"is {short(value)}; should be {what} from {low:g} to {high:g}")
+    return None
+
+
+def read_names(key: str, value: Any, path: KeyPath, problems: Problems) -> tuple[str, ...]:
+    """A list of closing paths or of procedures, by name."""
+    valid = {"closings": CLOSING_PATHS, "order": PROCEDURES}[key]
+    if not isinstance(value, list) or not value:
+        problems.add(path, f"is {short(value)}; should be a list of names; {choose(None, valid)}")
+        return ()
+    for n, name in enumerate(value):
+        if not isinstance(name, str) or name not in valid:
+            problems.add((*path, n), f"is {short(name)}; {choose(name, valid)}")
+    return tuple(name for name in value if isinstance(name, str))
+
+
+def _read_waypoints(value: Any, path: KeyPath, base_dir: Path,
+                    problems: Problems) -> tuple[object, ...]:
+    tables = value if isinstance(value, list) else [value]
+    if not tables:
+        problems.add(path, "is empty; give at least one table such as { kind = \"ring\" }")
+    return tuple(family for n, table in enumerate(tables)
+                 if (family := _read_family(table, (*path, n) if tables is value else path,
+                                            base_dir, problems)) is not None)
+
+
+def _read_family(table: Any, path: KeyPath, base_dir: Path, problems: Problems) -> object | None:
+    if not isinstance(table, Mapping):
+        problems.add(path, f"is {short(table)}; should be a table such as {{ kind = \"ring\" }}")
+        return None
+    kind = table.get("kind")
+    if not isinstance(kind, str) or kind not in WAYPOINT_KINDS:
+        what = "missing" if kind is None else f"is {short(kind)}"
+        problems.add((*path, "kind"), f"{what}; {choose(kind, WAYPOINT_KINDS)}")
+        return None
+    family = WAYPOINT_KINDS[kind]
+    values = read_table(family, table, path, problems, ignore=("kind",))
+    if "file" in {f.name for f in fields(family)}:
+        return _read_pose_file(family, values, path, base_dir, problems)
+    return family(**values)
+
+
+def _read_pose_file(family: type, values: dict[str, Any], path: KeyPath, base_dir: Path,
+                    problems: Problems) -> object | None:
+    if not values.get("file"):
+        problems.add((*path, "file"), "missing; should be a CSV file of hand poses")
+        return None
+    from strategies.poses.hand_poses import poses_from_csv  # heavy, and only files need it
+
+    try:
+        file = named_file(values["file"], base_dir, CSV_LIMIT)
+        poses_from_csv(file)
+    except (WaypointError, NoFile) as error:
+        problems.add((*path, "file"), str(error))
+    except (OSError, ValueError) as error:
+        problems.add((*path, "file"), f"{short(values['file'])} cannot be read: {error}")
+    else:
+        return family(**{**values, "file": str(file)})
+    return None

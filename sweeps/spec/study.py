@@ -1,0 +1,140 @@
+"""A resolved study: what a spec says with every default filled in, and its list of cells."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from math import prod
+from typing import Any
+
+from strategies.strategy import BUDGET_KEYS, Strategy
+from sweeps.spec.cell import SECTIONS, TABLES, Cell
+
+FILE_KEYS = ("mesh", "profile")  # of an object's table, however deep: files it is read from
+
+EPISODE_LIMIT = 10**9
+CELL_LIMIT = 10**7
+SIDE_BY_SIDE = 256
+"""Episodes of one strategy, on several objects if need be, before the next strategy's turn: enough
+to be run together at little more than the least cost of each."""
+
+
+@dataclass(frozen=True)
+class StudyTable:
+    """The keys at the top of a spec."""
+
+    schema: int = field(default=1, metadata={"low": 1, "high": 1, "doc": "version of the format"})
+    name: str = field(default="", metadata={"doc": "a name for the study"})
+    seed: int = field(default=0, metadata={"low": 0, "high": 2**63 - 1,
+                                           "doc": "names every random number of the study"})
+    episodes_per_cell: int = field(default=64, metadata={
+        "low": 1, "high": EPISODE_LIMIT, "doc": "episodes of each strategy on each object"})
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One factor of the settings: parallel lists of values for the keys it moves together.
+
+    `sampled` axes (Sobol, Latin hypercube) are draws of a nuisance and are averaged over by
+    default; the others (grid, zip) tell leaderboard entries apart.
+    """
+
+    keys: tuple[str, ...]
+    values: tuple[tuple[Any, ...], ...]  # one tuple a point, an entry a key, edge units
+    si: tuple[tuple[Any, ...], ...]  # the same in SI
+    sampled: bool = False
+
+
+@dataclass(frozen=True)
+class Body:
+    """An object of the study: its name, its table, and the hash of the files that it names."""
+
+    name: str
+    table: Mapping[str, Any]
+    sha256: str = ""
+
+
+@dataclass(frozen=True)
+class Study:
+    """A spec with all defaults filled in."""
+
+    head: StudyTable
+    objects: tuple[Body, ...]
+    strategies: tuple[Strategy, ...]
+    tables: Mapping[str, Any]  # section name -> its parameter table
+    axes: tuple[Axis, ...] = ()
+
+    @property
+    def setting_count(self) -> int:
+        """How many settings the axes span (1 without a sweep)."""
+        return prod(len(axis.values) for axis in self.axes)
+
+    @property
+    def cell_count(self) -> int:
+        """Strategies x objects x settings."""
+        return len(self.strategies) * len(self.objects) * self.setting_count
+
+    @property
+    def group_size(self) -> int:
+        """Objects whose episodes are run together, at most."""
+        return max(1, min(len(self.objects), SIDE_BY_SIDE // self.head.episodes_per_cell))
+
+    def setting(self, index: int) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Setting `index` in edge units and in SI; the last axis runs fastest."""
+        edge: dict[str, Any] = {}
+        si: dict[str, Any] = {}
+        for axis in reversed(self.axes):
+            index, point = divmod(index, len(axis.values))
+            edge.update(zip(axis.keys, axis.values[point], strict=True))
+            si.update(zip(axis.keys, axis.si[point], strict=True))
+        order = [key for axis in self.axes for key in axis.keys]
+        return {key: edge[key] for key in order}, {key: si[key] for key in order}
+
+    def cell(self, strategy: int, body: int, setting: int) -> Cell:
+        """The cell of these three indices."""
+        edge, si = self.setting(setting)
+        tables = dict(self.tables)
+        chosen = self.strategies[strategy]
+        for key, value in si.items():
+            section, name = key.split(".", 1)
+            if section == "strategy":
+                chosen = with_strategy_value(chosen, name, value)
+            else:
+                tables[section] = replace(tables[section], **{_si_name(section, name): value})
+        return Cell(chosen, self.objects[body].table, self.objects[body].name,
+                    **dict(zip(TABLES, (tables[name] for name in SECTIONS), strict=True)),
+                    seed=self.head.seed, setting=edge)
+
+    def cells(self) -> Iterator[tuple[int, int, int]]:
+        """Index triples (strategy, object, setting), the strategies of one case side by side.
+
+        Objects of few episodes come in groups, so that their episodes can be run in one call.
+        """
+        groups = -(-len(self.objects) // self.group_size)
+        for group in range(groups):
+            bodies = range(*(len(self.objects) * n // groups for n in (group, group + 1)))
+            for setting in range(self.setting_count):
+                for strategy in range(len(self.strategies)):
+                    for body in bodies:
+                        yield strategy, body, setting
+
+
+def _si_name(section: str, edge_name: str) -> str:
+    from sweeps.spec.units import edge_fields
+
+    return edge_fields(SECTIONS[section])[edge_name].name
+
+
+def with_strategy_value(strategy: Strategy, edge_name: str, value: Any) -> Strategy:
+    """The strategy with a field or an option of its own, or of every waypoint family that has it,
+    replaced."""
+    from sweeps.spec.units import edge_fields
+
+    if edge_name in ("closings", "order", "refit_every", *BUDGET_KEYS):
+        return replace(strategy, **{edge_name: value})
+    if edge_name.startswith("options."):
+        option = edge_name.removeprefix("options.")
+        return replace(strategy, options=tuple(
+            (name, value if name == option else given) for name, given in strategy.options))
+    return replace(strategy, waypoints=tuple(
+        replace(family, **{edge_fields(type(family))[edge_name].name: value})  # type: ignore
+        if edge_name in edge_fields(type(family)) else family
+        for family in strategy.waypoints))

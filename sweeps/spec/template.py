@@ -1,0 +1,78 @@
+"""The commented template of a spec, generated from the same tables that check one."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from strategies.poses.closing_paths import CLOSING_PATHS
+from strategies.poses.waypoints import WAYPOINT_KINDS
+from strategies.ready_made import STRATEGIES
+from strategies.strategy import PROCEDURES
+from sweeps.spec.cell import SECTIONS
+from sweeps.spec.units import EdgeField, edge_fields
+
+HEAD = """\
+# A study: strategies compared on objects. `warpgrasp check` explains what is wrong in it.
+schema = 1
+name = "my-study"
+seed = 7
+episodes_per_cell = 64                 # of each strategy on each object
+# Names (`warpgrasp objects`), meshes, compounds, superquadrics (half their extents):
+#   { mesh = "mug.stl", units = "cm" }
+#   { name = "egg", superquadric = { size_mm = [30, 30, 45], exponents = [1.0, 1.0] } }
+#   { name = "tee", compound = [{ shape = "block", size_mm = [20, 60, 80] }] }
+objects = ["block", "large_cylinder", "small_cylinder", "wedge", "lightbulb", "funnel"]
+
+[[strategy]]                           # ready-made, by name (`warpgrasp strategies`)
+name = "ring6"
+
+[[strategy]]
+name = "my-ring"
+waypoints = { kind = "ring", count = 8, tilt_deg = 70 }   # or a list of such tables
+"""
+SWEEP = """\
+# [sweep.grid]                         # every combination; entries of the leaderboard
+# "sensors.tendon_threshold_N" = [3.0, 6.0, 12.0]
+# "strategy.tilt_deg" = [35, 55]       # every waypoint family that has it
+# "strategy.options.poses" = [8, 12]   # every planner that is given this option
+# [sweep.zip]                          # lists of equal length that advance together
+# [sweep.sobol]                        # draws of a nuisance, averaged over; [sweep.lhs] likewise
+# n = 32
+# "object.yaw_deg" = { low = -180, high = 180 }
+# "hand.link_length_mm" = { low = [39, 30, 25], high = [47, 36, 31] }   # each for itself
+"""
+
+
+def spec_template() -> str:
+    """A spec that runs as it is, with every other key in a comment, its default and meaning."""
+    lines = [HEAD, f"# closings = {_toml(tuple(CLOSING_PATHS))}  # choose among these",
+             f"# order = {_toml(tuple(PROCEDURES))}",
+             f"# Ready-made: {', '.join(STRATEGIES)}", "# Keys of each kind of waypoints:"]
+    for kind, table in WAYPOINT_KINDS.items():
+        keys = ", ".join(f"{name} = {_toml(field.edge_default)}"
+                         for name, field in edge_fields(table).items())
+        lines.append(f"#   {{ kind = \"{kind}\", {keys} }}")
+    for section, table in SECTIONS.items():
+        lines += ["", f"[{section}]", *_keys(edge_fields(table).values())]
+    return "\n".join([*lines, "", SWEEP])
+
+
+def _keys(fields: Any) -> Iterator[str]:
+    for field in fields:
+        yield f"# {field.edge_name} = {_value(field)}  # {_meaning(field)}".rstrip(" #")
+
+
+def _value(field: EdgeField) -> str:
+    return "..." if field.default is None else _toml(field.edge_default)
+
+
+def _meaning(field: EdgeField) -> str:
+    choices = f" (one of {', '.join(field.choices)})" if field.choices else ""
+    return f"{field.doc}{choices}"
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_toml, value))}]"
+    return f'"{value}"' if isinstance(value, str) else repr(value)

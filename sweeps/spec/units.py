@@ -1,0 +1,147 @@
+"""Parameter tables as a spec writes them: one mechanism from dataclass fields to checked values.
+
+Inside, every field is SI. At the edge lengths are written in `_mm` and angles in `_deg`, the unit
+in the name: `link_radius_m` is written `link_radius_mm`, `speed_rad_s` is `speed_deg_s`. Types,
+bounds and choices come from the dataclass itself, so there is no second table of numbers.
+"""
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from functools import cache
+from math import degrees, inf, radians
+from types import UnionType
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
+
+from pydantic import Field, TypeAdapter, ValidationError
+
+from sweeps.spec.errors import KeyPath, Problems, choose, short
+
+# A trailing m or rad is a length or an angle, unless it belongs to a compound: N_m, Nm_rad, per_m.
+_UNIT = re.compile(r"^(?P<stem>.*(?<!_N)(?<!_Nm)(?<!_per))_(?P<unit>m|rad)(?P<rate>_s)?$")
+
+
+@dataclass(frozen=True)
+class EdgeField:
+    """One field of a parameter table, as a spec writes it."""
+
+    name: str  # in the table, SI
+    edge_name: str  # in a spec
+    to_si: Callable[[float], float]
+    from_si: Callable[[float], float]
+    adapter: TypeAdapter[Any]
+    choices: tuple[str, ...]
+    default: Any
+    doc: str
+
+    def read(self, value: Any, path: KeyPath, problems: Problems) -> Any:
+        """`value` checked and turned to SI; problems are noted, and answered with None."""
+        if self.choices and not (isinstance(value, str) and value in self.choices):
+            problems.add(path, f"is {short(value)}; {choose(value, self.choices)}")
+            return None
+        try:
+            return _apply(self.to_si, self.adapter.validate_python(value))
+        except ValidationError as error:
+            for detail in error.errors(include_url=False):
+                problems.add((*path, *detail["loc"]), _message(detail))
+        except OverflowError:
+            problems.add(path, f"is {short(value)}; should be a number a float can hold")
+        return None
+
+    @property
+    def edge_default(self) -> Any:
+        """The default in edge units, rounded to what one would write; None if unset."""
+        if self.default is None or self.to_si is _same:
+            return _apply(_same, self.default)
+        return _apply(lambda v: float(f"{self.from_si(v):.10g}"), self.default)
+
+
+@cache
+def edge_fields(table: type) -> dict[str, EdgeField]:
+    """Every field of a parameter dataclass, by its name in a spec."""
+    hints = get_type_hints(table)
+    found = [_edge_field(f.name, hints[f.name], f.default, f.metadata) for f in fields(table)]
+    return {field.edge_name: field for field in found}
+
+
+def read_table(table: type, values: Any, path: KeyPath, problems: Problems,
+               ignore: tuple[str, ...] = ()) -> dict[str, Any]:
+    """The fields given in a spec's table, checked, in SI, by the dataclass's names."""
+    if not isinstance(values, Mapping):
+        problems.add(path, f"is {short(values)}; should be a table")
+        return {}
+    known = edge_fields(table)
+    found: dict[str, Any] = {}
+    for key, value in values.items():
+        if key in ignore:
+            continue
+        if key not in known:
+            problems.add((*path, key), f"unknown key; {choose(key, known)}")
+        else:
+            found[known[key].name] = known[key].read(value, (*path, key), problems)
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def _edge_field(name: str, hint: Any, default: Any, metadata: Mapping[str, Any]) -> EdgeField:
+    match = _UNIT.match(name)
+    unit = match["unit"] if match else ""
+    to_si, from_si = {"m": (_from_mm, _to_mm), "rad": (radians, degrees)}.get(unit, (_same, _same))
+    edge_name = name
+    if match:
+        edge_name = f"{match['stem']}_{ {'m': 'mm', 'rad': 'deg'}[unit]}{match['rate'] or ''}"
+    choices = tuple(metadata.get("choices", ()))
+    annotation = _annotation(_without_none(hint), default, metadata, from_si)
+    return EdgeField(name, edge_name, to_si, from_si, TypeAdapter(annotation), choices, default,
+                     metadata.get("doc", ""))
+
+
+def _annotation(hint: Any, default: Any, metadata: Mapping[str, Any],
+                from_si: Callable[[float], float]) -> Any:
+    if get_origin(hint) is tuple:
+        entry = _annotation(get_args(hint)[0], None, metadata, from_si)
+        return Annotated[list[entry], Field(strict=True, min_length=len(default),
+                                            max_length=len(default))]
+    if metadata.get("choices"):
+        return Literal[tuple(metadata["choices"])]
+    if hint not in (float, int):
+        return Annotated[hint, Field(strict=True)]
+    limits: dict[str, Any] = {"strict": True}
+    for bound, key, unbounded in (("low", "ge", -inf), ("high", "le", inf)):
+        value = metadata.get(bound, unbounded)
+        if value != unbounded:
+            limits[key] = value if hint is int else float(f"{from_si(value):.10g}")
+    if hint is float:
+        limits["allow_inf_nan"] = False
+    return Annotated[hint, Field(**limits)]
+
+
+def _without_none(hint: Any) -> Any:
+    if isinstance(hint, UnionType):
+        return next(option for option in get_args(hint) if option is not type(None))
+    return hint
+
+
+def _message(detail: Any) -> str:
+    """A pydantic error in the house form: what it is, what would be right."""
+    said = detail["msg"]
+    said = said.removeprefix("Input ").removeprefix("Value ")
+    said = said[:1].lower() + said[1:]
+    return f"is {short(detail['input'])}; {said}"
+
+
+def _apply(change: Callable[[Any], Any], value: Any) -> Any:
+    if isinstance(value, list | tuple):
+        return tuple(_apply(change, entry) for entry in value)
+    return value if isinstance(value, bool | str | None) else change(value)
+
+
+def _same(value: Any) -> Any:
+    return value
+
+
+def _from_mm(value: float) -> float:
+    return value / 1000
+
+
+def _to_mm(value: float) -> float:
+    return value * 1000

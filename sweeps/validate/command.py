@@ -1,0 +1,73 @@
+"""The command `validate`: the simulator beside engines that nobody here wrote, as one table."""
+
+import csv
+import io
+import sys
+from collections.abc import Callable, Sequence
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+
+from sweeps.analysis.text_table import print_table
+from sweeps.output import quiet_stdout, start_warp, write_atomic
+from sweeps.spec.errors import StoreError, choose
+from sweeps.validate.comparison import HEADER, Comparison, MissingEngine
+
+CHECKS = {"puma": "puma", "distances": "signed_distances", "pads": "pads", "metrics": "scores",
+          "fits": "fits", "closing": "guarded_closing"}
+"""Names and their files here, each with a function `compare_NAME`; the longest check is last."""
+
+
+def validate(only: Sequence[str], out: Path | None, *, poses: int, workers: int,
+             as_json: bool) -> int:
+    """Run the checks, print the table, write it to `out`; 1 where a difference breaks its bound."""
+    for name in only:
+        if name not in CHECKS:
+            raise StoreError(f"--only: no check {name!r}; {choose(name, CHECKS)}")
+    rows: list[Comparison] = []
+    missing = False
+    with quiet_stdout():
+        start_warp()
+        for name in only or CHECKS:
+            print(f"{name} ...", file=sys.stderr, flush=True)
+            try:
+                rows += _compare(name, poses, workers)()
+            except (MissingEngine, ModuleNotFoundError) as error:
+                missing = True
+                print(f"{name}: left out: {error}; `make validate` installs what it needs",
+                      file=sys.stderr)
+    if out is not None:
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+            write_atomic(out / "validate.csv", csv_of(rows))
+            write_atomic(out / "validate.md", markdown_of(rows))
+        except OSError as error:
+            raise StoreError(f"{out}: cannot be written: {error.strerror or error}") from None
+    print_table(HEADER, [row.cells() for row in rows], as_json)
+    broken = [row for row in rows if not row.ok]
+    print(f"{len(rows)} comparisons, {len(broken)} beyond their bound", file=sys.stderr)
+    return 1 if broken or missing else 0
+
+
+def _compare(name: str, poses: int, workers: int) -> Callable[[], list[Comparison]]:
+    function = getattr(import_module(f"sweeps.validate.{CHECKS[name]}"), f"compare_{name}")
+    return partial(function, poses, workers) if name == "closing" else function
+
+
+def csv_of(rows: Sequence[Comparison]) -> bytes:
+    """The table as CSV."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([HEADER, *(row.cells() for row in rows)])
+    return text.getvalue().encode()
+
+
+def markdown_of(rows: Sequence[Comparison]) -> bytes:
+    """The table as Markdown, a section a check."""
+    lines = ["<!-- written by `warpgrasp validate -o docs/fidelity`; do not edit -->", "",
+             "# Every comparison"]
+    for check in dict.fromkeys(row.check for row in rows):
+        lines += ["", f"## {check}", "",
+                  "| what | unit | ours | theirs | difference | bound | ok | note |",
+                  "|---|---|---|---|---|---|---|---|"]
+        lines += ["| " + " | ".join(row.cells()[1:]) + " |" for row in rows if row.check == check]
+    return ("\n".join(lines) + "\n").encode()

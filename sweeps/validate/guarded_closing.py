@@ -1,0 +1,305 @@
+"""Guarded closing against MuJoCo: random hand poses, four fingers, several thresholds.
+
+Stops, tips, torques, contact points and normals are compared without sensor noise, closing by
+closing; every closing that differs is put down to a cause.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field
+from math import nan
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
+from sweeps.output import start_warp
+from sweeps.validate.comparison import Comparison
+from sweeps.validate.mujoco_hand import MujocoHand, MujocoStop, tension_differences
+from sweeps.validate.reference_finger import FingerEnergy
+from warpgrasp.closing.closing import Closing, ClosingTruth, close_fingers
+from warpgrasp.export.convex_solids import Solid, object_solids
+from warpgrasp.geometry.body import Body, Part, scene_of
+from warpgrasp.geometry.scene import Shape
+from warpgrasp.mechanism.utah_mit_hand import hand_links
+from warpgrasp.objects.catalogue import body_from_name, body_from_table
+from warpgrasp.parameters import HandTable, SensorTable
+from warpgrasp.probe_status import ProbeStatus
+
+THRESHOLDS_N = (3.0, 6.0, 12.0)
+PATHS = ("curl40", "base_then_curl")
+SMALLEST_SHARE, TIP_M, TORQUE = 0.97, 1e-4, 0.05
+"""Must hold: same stop within a step; tip and torque (of the largest) at the 95th percentile."""
+HAND = HandTable()
+_HALF_AXES_M = (0.030, 0.050)  # of the ellipsoid, across and along its axis
+
+
+@dataclass
+class _Tally:
+    """Differences of all closings that stopped in both, and what became of the others."""
+
+    pairs: int = 0
+    stops_ours: int = 0
+    stops_theirs: int = 0
+    apart: int = 0
+    tip_m: list[float] = field(default_factory=list)
+    torque: list[float] = field(default_factory=list)
+    torque_Nm: list[tuple[float, float]] = field(default_factory=list)
+    point_m: list[float] = field(default_factory=list)
+    normal_rad: list[float] = field(default_factory=list)
+    force_N: list[tuple[float, float]] = field(default_factory=list)
+    links: Counter[int] = field(default_factory=Counter)
+    other_link: int = 0
+    causes: Counter[str] = field(default_factory=Counter)
+
+
+def compare_closing(poses: int = 24, workers: int = 2) -> list[Comparison]:
+    """All comparisons; `poses` random hand poses for each body and closing path."""
+    runs = [(name, PATHS, poses, 0.0, False) for name in bodies_compared()]
+    some = max(poses // 4, 2)
+    variants = {"friction 0.01": (0.01, False), "friction 0.5": (0.5, False),
+                "joint limits kept": (0.0, True)}
+    runs += [(name, PATHS[1:], some, *variant) for variant in variants.values()
+             for name in _VARIED]
+    with ProcessPoolExecutor(workers, get_context("spawn"), initializer=start_warp) as pool:
+        tallies = list(pool.map(_tally, *zip(*runs, strict=True)))
+    exact = _Tally()
+    rows: list[Comparison] = []
+    for (name, *_), tally in zip(runs, tallies[:len(bodies_compared())], strict=False):
+        rows += _rows(name, tally, name in EXACT)
+        if name in EXACT:
+            _add(exact, tally)
+    hands = len(EXACT) * len(PATHS) * poses
+    rows = _rows(f"all exact bodies, {hands} hands", exact, True) + rows
+    left = iter(tallies[len(bodies_compared()):])
+    for what in variants:
+        both = _Tally()
+        for _ in _VARIED:
+            _add(both, next(left))
+        rows += _rows(f"box and cylinder, {what}", both, False)
+    return rows
+
+
+_VARIED = ("box", "cylinder")
+
+
+def _tally(name: str, paths: Sequence[str], poses: int, friction: float = 0.0,
+           limits: bool = False) -> "_Tally":
+    body, solids = bodies_compared()[name]
+    tally = _Tally()
+    for path in paths:
+        _compare(tally, body, solids, path, poses, friction, limits)
+    return tally
+
+
+def compare_body(name: str, poses: int) -> list[Comparison]:
+    """The comparisons of one of `bodies_compared` alone."""
+    return _rows(name, _tally(name, PATHS, poses), name in EXACT)
+
+
+EXACT = ("box", "cylinder", "capsule", "ellipsoid", "wedge")
+"""Bodies whose distance is exact; a wedge is a convex mesh to MuJoCo."""
+
+
+def bodies_compared() -> dict[str, tuple[Body, list[Solid]]]:
+    """Bodies by name, each with the solids that MuJoCo is given."""
+    across, along = _HALF_AXES_M
+    angle = np.linspace(0.0, np.pi, 400)
+    profile = np.stack([along * (1.0 - np.cos(angle)), across * np.sin(angle)], 1)
+    ellipsoid = Body("ellipsoid", (Part(Shape.REVOLUTION, profile_m=profile),),
+                     (-across, -across, 0.0), (across, across, 2 * along))
+    bound = body_from_table({"name": "superquadric", "superquadric": {
+        "size_mm": [25, 35, 50], "exponents": [1.0, 1.0]}}, Path())
+    capsule = body_from_table({"name": "capsule", "compound": [
+        {"shape": "capsule", "radius_mm": 25, "height_mm": 110}]}, Path())
+    bodies = {"box": body_from_name("block"), "cylinder": body_from_name("small_cylinder"),
+              "capsule": capsule, "wedge": body_from_name("wedge")}
+    found = {name: (body, object_solids(body)) for name, body in bodies.items()}
+    found["ellipsoid"] = (ellipsoid, [Solid("ellipsoid", (across, across, along),
+                                            (0.0, 0.0, along, 0.0, 0.0, 0.0, 1.0))])
+    found["superquadric (a bound)"] = bound, object_solids(bound)
+    found["hull (baked grid)"] = random_hull()
+    return found
+
+
+def random_hull(seed: int = 7) -> tuple[Body, list[Solid]]:
+    """A convex polyhedron of random corners: a mesh to both, baked to a grid by us."""
+    from tempfile import TemporaryDirectory
+
+    import trimesh
+
+    from warpgrasp.objects.mesh_import import body_from_mesh, mesh_triangles
+
+    rng = np.random.default_rng(seed)
+    corner = rng.normal(size=(24, 3))
+    corner /= np.linalg.norm(corner, axis=1, keepdims=True)
+    corner *= [0.03, 0.035, 0.055]
+    hull = trimesh.Trimesh(corner).convex_hull
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "hull.ply"
+        file.write_bytes(bytes(hull.export(file_type="ply")))
+        body = body_from_mesh(file, units="m")
+        return body, object_solids(body, mesh_triangles(file, units="m"))
+
+
+def random_poses(hand: MujocoHand, body: Body, open_rad: np.ndarray, count: int,
+                 seed: int = 1) -> np.ndarray:
+    """Hand poses (count, 7) about a body from which the open hand touches nothing."""
+    rng = np.random.default_rng(seed)
+    low, high = np.asarray(body.low_m), np.asarray(body.high_m)
+    poses: list[np.ndarray] = []
+    while len(poses) < count:
+        tilt, azimuth, roll = rng.uniform([0.0, -np.pi, -np.pi],
+                                          [np.radians(80), np.pi, np.pi])
+        turn = Rotation.from_euler("ZYZ", [azimuth, np.pi - tilt, roll])
+        aim = low + (high - low) * rng.uniform([0.25, 0.25, 0.1], [0.75, 0.75, 1.0])
+        place = aim - turn.apply([0.0, 0.0, 1.0]) * rng.uniform(0.03, 0.12)
+        pose = np.concatenate([place, turn.as_quat()])
+        hand.place(pose)
+        if not hand.touches(open_rad):
+            poses.append(pose)
+    return np.array(poses)
+
+
+def _compare(tally: _Tally, body: Body, solids: Sequence[Solid], path: str, poses: int,
+             friction: float = 0.0, limits: bool = False) -> int:
+    hand = MujocoHand(solids, HAND, friction=friction, limits=limits)
+    commands = closing_commands(CLOSING_PATHS[path])
+    places = random_poses(hand, body, commands[:, 0], poses)
+    theirs = []
+    for pose in places:
+        hand.place(pose)
+        theirs.append(hand.close(commands, THRESHOLDS_N))
+    for k, threshold in enumerate(THRESHOLDS_N):
+        felt, truth = _ours(body, places, commands, threshold)
+        tips = hand_links(HAND, places, truth.q_rad[:, 0, 0])[0][:, :, 4]
+        for i, f in np.ndindex(len(places), 4):
+            ours = _Ours(felt, truth, tips, (i, 0, 0, f), (i, f))
+            _tell(tally, body, places[i], commands, threshold, ours, theirs[i][f][k])
+    return len(places)
+
+
+class _Ours:
+    """Our end of one finger's closing, in the words of a MujocoStop."""
+
+    def __init__(self, felt: Closing, truth: ClosingTruth, tips: np.ndarray,
+                 at: tuple[int, ...], tip: tuple[int, int]) -> None:
+        self.stopped = felt.status[at] == ProbeStatus.CONTACT
+        self.step, self.link = int(felt.step[at]), int(truth.link[at])
+        self.q_rad, self.torque_Nm = truth.q_rad[at], truth.torque_Nm[at]
+        self.tip_m, self.finger = tips[tip], tip[1]
+        self.point_m, self.normal = truth.point_m[at], truth.normal[at]
+
+
+def _ours(body: Body, places: np.ndarray, commands: np.ndarray,
+          threshold: float) -> tuple[Closing, ClosingTruth]:
+    n = len(places)
+    quiet = SensorTable(tendon_threshold_N=threshold, tension_noise_N=0.0, tension_step_N=0.0,
+                        joint_noise_rad=0.0)
+    return close_fingers(
+        scene_of([body], "cpu"), np.zeros(1, int), np.tile([0, 0, 0, 0, 0, 0, 1.0], (n, 1)), HAND,
+        quiet, np.arange(n, dtype=np.uint64), np.full((n, 1, 1), int(ProbeStatus.CONTACT)),
+        places[:, None], commands[None], np.array([commands.shape[1]]),
+        march_scale=0.5 if body.parts[0].shape == Shape.SUPERQUADRIC else 1.0)
+
+
+def _tell(tally: _Tally, body: Body, pose: np.ndarray, commands: np.ndarray, threshold: float,
+          ours: _Ours, theirs: MujocoStop | None) -> None:
+    """Count one finger at one threshold."""
+    tally.stops_ours += ours.stopped
+    tally.stops_theirs += theirs is not None
+    if not ours.stopped and theirs is None:
+        return
+    tally.pairs += 1
+    if not ours.stopped or theirs is None or abs(ours.step - theirs.step) > 1:
+        tally.apart += 1
+        tally.causes[_cause(body, pose, commands, threshold, ours, theirs)] += 1
+        return
+    if ours.step != theirs.step:  # a step apart, the commands differ: positions would too
+        return
+    tip = float(np.linalg.norm(ours.tip_m - theirs.tip_m))
+    largest = float(np.abs(theirs.torque_Nm).max())
+    torque = float(np.abs(ours.torque_Nm - theirs.torque_Nm).max()) / largest
+    tally.tip_m.append(tip)
+    tally.torque.append(torque)
+    tally.torque_Nm.append((float(np.abs(ours.torque_Nm).max()), largest))
+    if ours.link == theirs.link:
+        tally.links[ours.link] += 1
+        tally.point_m.append(float(np.linalg.norm(ours.point_m - theirs.point_m)))
+        tally.normal_rad.append(float(np.arccos(np.clip(ours.normal @ theirs.normal, -1, 1))))
+        if theirs.touch_N > 0.0 and ours.link == 2:
+            energy = FingerEnergy(body, HAND, pose, ours.finger)
+            depth = np.maximum(energy.links(ours.q_rad).depth_m[2], 0.0)
+            tally.force_N.append((HAND.skin_stiffness_N_m * float(depth.max()), theirs.touch_N))
+    else:
+        tally.other_link += 1
+    if tip > TIP_M or torque > TORQUE:
+        tally.causes[_cause(body, pose, commands, threshold, ours, theirs)] += 1
+
+
+def _cause(body: Body, pose: np.ndarray, commands: np.ndarray, threshold: float, ours: _Ours,
+           theirs: MujocoStop | None) -> str:
+    """Why two closings differ."""
+    if body.parts[0].shape == Shape.SUPERQUADRIC:
+        return "distance of a superquadric is a bound"
+    if body.parts[0].shape == Shape.GRID:
+        return "distance of a mesh is baked on a grid"
+    if theirs is None:
+        return "MuJoCo never reaches the threshold" if _margin(
+            ours, commands, threshold) > 0.01 else "threshold grazed"
+    if not theirs.settled:
+        return "MuJoCo did not come to rest"
+    energy = FingerEnergy(body, HAND, pose, ours.finger)
+    push = np.abs(energy.gradient(theirs.q_rad, commands[ours.finger, theirs.step])).max()
+    if push < 1e-3:  # theirs is a rest of our energy too
+        return "two rests at one command: the finger jumps an edge"
+    return "another contact force in MuJoCo (friction, limits, several contacts on a link)"
+
+
+def _margin(ours: _Ours, commands: np.ndarray, threshold: float) -> float:
+    step = ours.step
+    delta = commands[ours.finger, step] - commands[ours.finger, max(step - 1, 0)]
+    reading = np.abs(tension_differences(HAND, ours.torque_Nm[None], delta[None])).max()
+    return float(reading / threshold - 1.0)
+
+
+def _add(total: _Tally, part: _Tally) -> None:
+    """Add a body's tally to the one over all bodies."""
+    for name in ("pairs", "stops_ours", "stops_theirs", "apart", "other_link"):
+        setattr(total, name, getattr(total, name) + getattr(part, name))
+    for name in ("tip_m", "torque", "torque_Nm", "point_m", "normal_rad", "force_N"):
+        getattr(total, name).extend(getattr(part, name))
+    total.causes.update(part.causes)
+    total.links.update(part.links)
+
+
+def _rows(what: str, t: _Tally, promised: bool) -> list[Comparison]:
+    def p95(values: Sequence[float]) -> float:
+        return float(np.quantile(values, 0.95)) if len(values) else nan
+
+    def row(quantity: str, unit: str, ours: float, theirs: float, difference: float,
+            bound: float = nan, note: str = "") -> Comparison:
+        return Comparison("closing", f"{what}: {quantity}", unit, ours, theirs, difference,
+                          bound if promised else nan, note)
+
+    causes = "; ".join(f"{count} x {cause}" for cause, count in sorted(t.causes.items()))
+    torque = np.mean(t.torque_Nm, 0) if t.torque_Nm else [nan, nan]
+    force = np.asarray(t.force_N).reshape(-1, 2)
+    mean = force.mean(0) if len(force) else [nan, nan]
+    share = (f"links proximal {t.links[0]}, middle {t.links[1]}, distal {t.links[2]}; "
+             f"{t.other_link} on different links")
+    return [
+        row(f"stops more than a step apart, of {t.pairs}", "share", t.stops_ours, t.stops_theirs,
+            t.apart / max(t.pairs, 1), 1.0 - SMALLEST_SHARE, causes or "all agree"),
+        row("tip at the stop, p95", "mm", nan, nan, 1e3 * p95(t.tip_m), 1e3 * TIP_M,
+            f"largest {1e3 * max(t.tip_m, default=nan):.3g} mm"),
+        row("torque of the largest, p95 (means left)", "N m", torque[0], torque[1],
+            p95(t.torque), TORQUE, f"relative; largest {max(t.torque, default=nan):.3g}"),
+        row("contact point, p95", "mm", nan, nan, 1e3 * p95(t.point_m), nan, share),
+        row("contact normal, p95", "deg", nan, nan, float(np.degrees(p95(t.normal_rad)))),
+        row("force on a distal link, touch sensor (means left)", "N", mean[0], mean[1],
+            p95(list(np.abs(force[:, 0] - force[:, 1]) / force[:, 1])), TORQUE, "relative, p95"),
+    ]

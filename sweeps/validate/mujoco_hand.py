@@ -1,0 +1,172 @@
+"""Guarded closing in MuJoCo: the exported hand, its servos commanded step by step, settled at each.
+
+The finger's rest at a command is where the dynamics come to stand. Contacts are given the stiffness
+of the skin: with a constant impedance d, MuJoCo's force at rest is stiffness * depth / ((1 - d) A),
+A the approximate inverse mass it keeps for each body (its documentation, "Constraint model").
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sweeps.validate.comparison import engine
+from warpgrasp.export.convex_solids import Solid
+from warpgrasp.export.mjcf import mjcf_text
+from warpgrasp.export.robot_tree import FINGERS, PHALANGES, hand_tree
+from warpgrasp.parameters import HandTable, PadTable
+
+mujoco: Any = engine("mujoco")
+_IMPEDANCE = 0.9
+_STILL_RAD_S = 1e-4
+_STEPS_BETWEEN_LOOKS = 10
+_MOST_STEPS = 600
+
+
+@dataclass(frozen=True)
+class MujocoStop:
+    """The state of one finger where it stopped. NaN and -1 without a stop."""
+
+    step: int
+    q_rad: np.ndarray
+    torque_Nm: np.ndarray
+    tip_m: np.ndarray
+    link: int
+    """Of the largest force (0 proximal to 2 distal), -1: none."""
+    point_m: np.ndarray
+    """On the object's surface."""
+    normal: np.ndarray
+    """Out of the object."""
+    contacts: int
+    """Contacts of this finger with a force."""
+    settled: bool
+    touch_N: float
+    """What the touch sensor of the distal pad's site reads."""
+
+
+class MujocoHand:
+    """The exported hand before an object that stands on the table at the origin."""
+
+    def __init__(self, solids: Sequence[Solid], hand: HandTable, *, friction: float,
+                 limits: bool) -> None:
+        """`friction` 0 makes contacts frictionless; `limits` keeps the joint limits."""
+        text = mjcf_text(hand_tree(hand, PadTable()), solids, limits=limits)
+        self.model = mujoco.MjModel.from_xml_string(text)
+        self.data = mujoco.MjData(self.model)
+        self.hand = hand
+        m = self.model
+        m.opt.iterations, m.opt.ccd_iterations = 100, 100
+        m.opt.tolerance, m.opt.ccd_tolerance = 1e-12, 1e-9
+        m.opt.impratio = 10.0
+        m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_MULTICCD
+        ours = m.geom_contype == 1
+        body = m.geom_bodyid[ours]
+        stiffness = hand.skin_stiffness_N_m * (1.0 - _IMPEDANCE) * np.maximum(
+            m.body_invweight0[body, 0], 1e-9)
+        m.geom_solref[ours] = np.stack([-stiffness, -2.0 * np.sqrt(stiffness)], 1)
+        m.geom_solimp[ours] = [_IMPEDANCE, _IMPEDANCE, 0.001, 0.5, 2.0]
+        m.geom_priority[ours] = 1
+        m.geom_condim[ours] = 3 if friction else 1
+        m.geom_friction[ours, 0] = friction
+        self._palm = m.body("palm").id
+        # finger and link of every body: -1 where it is none
+        self._finger = np.full(m.nbody, -1)
+        self._link = np.full(m.nbody, -1)
+        for f, finger in enumerate(FINGERS):
+            for k, phalanx in enumerate(PHALANGES):
+                number = m.body(f"{finger}_{phalanx}").id
+                self._finger[number], self._link[number] = f, k
+        self._distal = [m.body(f"{finger}_distal").id for finger in FINGERS]
+
+    def place(self, pose: np.ndarray) -> None:
+        """Move the hand: position [m] and quaternion xyzw, (7,)."""
+        self.model.body_pos[self._palm] = pose[:3]
+        self.model.body_quat[self._palm] = np.roll(pose[3:], 1)
+
+    def touches(self, q_rad: np.ndarray) -> bool:
+        """Whether a hand held at joints (4, 4) touches anything."""
+        self.data.qpos[:] = q_rad.ravel()
+        self.data.qvel[:] = 0.0
+        mujoco.mj_forward(self.model, self.data)
+        return self.data.ncon > 0
+
+    def close(self, commands_rad: np.ndarray, thresholds_N: Sequence[float]
+              ) -> list[list[MujocoStop | None]]:
+        """Close along (finger 4, step, 4); where each finger stops at each threshold, in order.
+
+        The stop is decided as the simulator does, without sensor noise: from tensions carried by
+        the actuators' torques and rubbed by Coulomb friction.
+        """
+        steps = commands_rad.shape[1]
+        found: list[list[MujocoStop | None]] = [[None] * len(thresholds_N) for _ in FINGERS]
+        first = 0
+        while first < steps and not self.touches(commands_rad[:, first]):
+            first += 1  # a finger that touches nothing rests at its command
+        first = max(first - 1, 0)
+        self.touches(commands_rad[:, first])
+        held = np.zeros(4, bool)
+        command = commands_rad[:, first].copy()
+        for step in range(first, steps):
+            delta = commands_rad[:, step] - commands_rad[:, max(step - 1, 0)]
+            command[~held] = commands_rad[~held, step]
+            settled = self._settle(command)
+            torque = self.data.actuator_force.reshape(4, 4)
+            reading = tension_differences(self.hand, torque, delta)
+            for f in np.flatnonzero(~held):
+                for k, threshold in enumerate(thresholds_N):
+                    if found[f][k] is None and np.abs(reading[f]).max() > threshold:
+                        found[f][k] = self._stop(int(f), step, settled)
+                held[f] = found[f][-1] is not None
+            if held.all():
+                break
+        return found
+
+    def _settle(self, command: np.ndarray) -> bool:
+        m, d = self.model, self.data
+        d.ctrl[:] = command.ravel()
+        for _ in range(_MOST_STEPS // _STEPS_BETWEEN_LOOKS):
+            mujoco.mj_step(m, d, _STEPS_BETWEEN_LOOKS)
+            if np.abs(d.qvel).max() < _STILL_RAD_S:
+                break
+        mujoco.mj_forward(m, d)
+        return bool(np.abs(d.qvel).max() < _STILL_RAD_S)
+
+    def _stop(self, f: int, step: int, settled: bool) -> MujocoStop:
+        m, d = self.model, self.data
+        link, largest, contacts = -1, 0.0, 0
+        point, normal = np.full(3, np.nan), np.full(3, np.nan)
+        wrench = np.zeros(6)
+        for k in range(d.ncon):
+            contact = d.contact[k]
+            bodies = m.geom_bodyid[contact.geom]
+            mine = np.flatnonzero(self._finger[bodies] == f)
+            if len(mine) == 0:
+                continue
+            mujoco.mj_contactForce(m, d, k, wrench)
+            contacts += wrench[0] > 1e-6
+            if wrench[0] > largest:
+                largest = float(wrench[0])
+                link = int(self._link[bodies[mine[0]]])
+                # The frame's first axis points from the first geom to the second.
+                normal = contact.frame[:3] * (1.0 if mine[0] == 1 else -1.0)
+                point = contact.pos - 0.5 * contact.dist * normal  # MuJoCo's is midway
+        tip = d.xpos[self._distal[f]] + d.xmat[self._distal[f]].reshape(3, 3)[:, 2] * (
+            self.hand.link_length_m[2])
+        return MujocoStop(step, d.qpos.reshape(4, 4)[f].copy(),
+                          d.actuator_force.reshape(4, 4)[f].copy(), tip.copy(), link,
+                          point.copy(), normal.copy(), int(contacts), settled,
+                          float(d.sensordata[f]))
+
+
+def tension_differences(
+    hand: HandTable, torque_Nm: np.ndarray, delta_rad: np.ndarray
+) -> np.ndarray:
+    """Flexor less extensor tension [N] of the three flexions, (finger, 3), written out anew."""
+    pull = torque_Nm[:, 1:] / (2.0 * np.asarray(hand.moment_arm_m[1:]))
+    limits = hand.tension_low_N, hand.tension_high_N
+    flexor = np.clip(hand.co_contraction_N + pull, *limits)
+    extensor = np.clip(hand.co_contraction_N - pull, *limits)
+    moving = np.where(np.abs(delta_rad[:, 1:]) > 1e-12, np.sign(delta_rad[:, 1:]), 0.0)
+    rub = hand.tendon_friction * moving
+    return flexor * (1.0 + rub) - extensor * (1.0 - rub)

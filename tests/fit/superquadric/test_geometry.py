@@ -1,0 +1,99 @@
+"""The geometry of a superquadric against closed forms and against itself."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fit.rotation import matrix_of_quaternion, quaternion_of_matrix, turn_points
+from fit.superquadric.geometry import (
+    from_straight_frame,
+    superquadric,
+    superquadric_inside_outside,
+    superquadric_normals,
+    superquadric_surface,
+    superquadric_volume,
+    to_straight_frame,
+)
+
+BODIES = superquadric(
+    [[0.03, 0.04, 0.06], [0.05, 0.02, 0.03], [0.03, 0.03, 0.05], [0.04, 0.03, 0.08]],
+    [[1.0, 1.0], [0.1, 0.1], [0.1, 1.0], [0.6, 1.4]],
+    [[0.1, 0.2, 0.3], [0.0, 0.0, 0.0], [-0.1, 0.0, 0.1], [0.4, 0.0, 0.0]],
+    [[0.5, 0.5, 0.5, 0.5], [0.0, 0.0, 0.6, 0.8], [0.0, 0.0, 0.0, 1.0], [0.48, 0.6, 0.0, 0.64]],
+    [[0.0, 0.0], [0.0, 0.0], [-0.5, 0.3], [0.4, 0.6]],
+    [[0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [5.0, 0.7]],
+)
+
+
+def test_surface_points_lie_on_the_surface_with_outward_normals() -> None:
+    points, normals, area = superquadric_surface(BODIES, 2000)
+    assert points.shape == normals.shape
+    assert area.shape == points.shape[:2]
+    assert np.allclose(superquadric_inside_outside(BODIES, points), 1, atol=1e-9)
+    assert (superquadric_inside_outside(BODIES, points + 1e-4 * normals) > 1).all()
+
+
+def test_volume_is_what_the_surface_encloses() -> None:
+    points, normals, area = superquadric_surface(BODIES, 20000)
+    arms = points - BODIES.position_m[:, None]
+    enclosed = np.einsum("fpi,fpi,fp->f", arms, normals, area) / 3
+    assert np.allclose(enclosed, superquadric_volume(BODIES), rtol=5e-3)
+
+
+def test_volume_of_an_ellipsoid() -> None:
+    body = superquadric([0.03, 0.04, 0.06], [1, 1])
+    assert np.allclose(superquadric_volume(body), 4 / 3 * np.pi * 0.03 * 0.04 * 0.06, rtol=1e-12)
+
+
+def test_a_small_first_exponent_is_a_cylinder_along_z() -> None:
+    body = superquadric([0.03, 0.03, 0.05], [0.1, 1.0])
+    rim = np.array([[[0.03, 0, 0.04], [0.0212132, 0.0212132, -0.04], [0.0, 0.0, 0.05]]])
+    assert np.allclose(superquadric_inside_outside(body, rim), 1, atol=1e-2)
+
+
+finite = st.floats(-1, 1)
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    taper=st.tuples(finite, finite),
+    curvature=st.floats(0, 8),
+    alpha=st.floats(-3, 3),
+    point=st.tuples(finite, finite, finite),
+)
+def test_straightening_undoes_taper_and_bend(taper, curvature, alpha, point) -> None:
+    body = superquadric([0.03, 0.04, 0.06], [0.5, 0.5], [0.1, 0, 0], [0.48, 0.6, 0, 0.64],
+                        np.multiply(taper, 0.9), [curvature, alpha])
+    straight = np.array([[point]]) * body.size_m[:, None]
+    assert np.allclose(to_straight_frame(body, from_straight_frame(body, straight)), straight,
+                       atol=1e-9)
+
+
+def test_normals_of_an_ellipsoid() -> None:
+    body = superquadric([0.03, 0.04, 0.06], [1, 1])
+    points, _, _ = superquadric_surface(body, 200)
+    exact = points / body.size_m[:, None] ** 2
+    exact /= np.linalg.norm(exact, axis=-1, keepdims=True)
+    assert np.allclose(superquadric_normals(body, points), exact, atol=1e-6)
+
+
+@given(st.tuples(finite, finite, finite, finite))
+def test_quaternion_of_its_own_matrix(q) -> None:
+    if np.linalg.norm(q) < 1e-3:
+        return
+    unit = np.array(q) / np.linalg.norm(q)
+    back = quaternion_of_matrix(matrix_of_quaternion(unit))
+    assert np.allclose(matrix_of_quaternion(back), matrix_of_quaternion(unit), atol=1e-12)
+    assert back[3] >= 0
+    assert np.linalg.norm(back) == pytest.approx(1)
+
+
+def test_turned_points_are_the_products_and_hang_on_no_neighbour() -> None:
+    rng = np.random.default_rng(8)
+    quaternion = rng.normal(size=(9, 4))
+    rotation = matrix_of_quaternion(quaternion / np.linalg.norm(quaternion, axis=1)[:, None])
+    points = rng.normal(size=(9, 33, 3))
+    turned = turn_points(rotation, points)
+    assert np.allclose(turned, points @ rotation.swapaxes(1, 2), atol=1e-14)
+    assert np.array_equal(turn_points(rotation[3:8:2], points[3:8:2]), turned[3:8:2])

@@ -1,0 +1,85 @@
+"""Strategies as a user may write them, good and broken; read by the tests, never imported."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from strategies.planners.probes import CrossFaces, FollowContour, Grasp
+from strategies.planners.register import planner
+from strategies.poses.hand_poses import waypoint_poses
+from strategies.poses.waypoints import Ring
+from strategies.procedures.contour_follower import Axis
+
+
+def one_ring(belief):
+    poses = waypoint_poses((Ring(count=6),), belief.told, belief.hand, belief.seed)
+    return [Grasp(poses)] if belief.step == 0 else []
+
+
+class Several:
+    def __init__(self, count: int = 2) -> None:
+        self.count = count
+
+    def __call__(self, belief):
+        poses = waypoint_poses((Ring(count=6),), belief.told, belief.hand, belief.seed)
+        return [Grasp(poses[:, belief.step:belief.step + 1])] if belief.step < self.count else []
+
+
+def raises(belief):
+    poses = one_ring(belief)
+    return poses[belief.step + 7]
+
+
+def wrong_shape(belief):
+    return [Grasp(np.zeros((belief.worlds, 7)))]
+
+
+def not_finite(belief):
+    if belief.step > 0:
+        return []
+    probe = one_ring(belief)[0]
+    probe.hand_pose[1::2, 2, 0] = np.nan
+    return [probe]
+
+
+def through_the_table(belief):
+    if belief.step > 0:
+        return []
+    probe = one_ring(belief)[0]
+    probe.hand_pose[0, 0, 2] = -0.05
+    return [probe]
+
+
+def never_ends(belief):
+    return [Grasp(waypoint_poses((Ring(count=6),), belief.told, belief.hand, belief.seed)[:, :1])]
+
+
+@planner("registered-by-a-test", "one ring")
+def registered(belief):
+    return one_ring(belief)
+
+
+def answers_with_none(belief):
+    return None
+
+
+def leaves(belief):
+    raise SystemExit(3)
+
+
+def unknown_closing(belief):
+    poses = waypoint_poses((Ring(count=2),), belief.told, belief.hand, belief.seed)
+    return [Grasp(poses, closings=("curl99",))]
+
+
+def face_of_nan(belief):
+    point, normal = np.full((belief.worlds, 1, 3), 0.1), np.zeros((belief.worlds, 1, 3))
+    normal[0] = np.nan
+    normal[1:, :, 2] = 1.0
+    return [CrossFaces(point, normal, np.full((belief.worlds, 1), belief.step == 0))]
+
+
+def axis_without_length(belief):
+    axis = Axis.upright(*(belief.told.x_m, belief.told.y_m, belief.told.height_m,
+                          belief.told.radius_m))
+    return [FollowContour(replace(axis, direction=0.0 * axis.direction))]

@@ -1,0 +1,139 @@
+"""Adaptive planners choose what they say they choose; predictions are the simulator's."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from beliefs import BODY, belief, on_side
+
+from fit.superquadric.geometry import superquadric_inside_outside
+from strategies.planners.adaptive import EvenPoses, GreedyCoverage, MostInformation, MostUncertain
+from strategies.planners.candidates import POOL, candidate_poses, predicted_touches
+from strategies.planners.gaussian_process import SurfaceGaussianProcess
+from strategies.planners.oracle import Oracle
+from strategies.planners.planner_file import PlannerError
+from strategies.planners.probes import Grasp
+from strategies.planners.registry import make_planner
+from strategies.recovery.belief import believed_uncertainty
+from strategies.recovery.choose_model import Recovered, Shape
+from warpgrasp.parameters import SensorTable
+
+CURLED = replace(belief(), closings=("curl40",))
+
+
+def test_candidates_are_reachable_hand_poses() -> None:
+    poses, reachable = candidate_poses(belief())
+    assert poses.shape == (2, sum(f.count for f in POOL), 7)
+    assert np.allclose(np.linalg.norm(poses[..., 3:], axis=-1), 1.0)
+    assert reachable.mean() > 0.3
+
+
+def test_predicted_touches_lie_on_the_body_believed() -> None:
+    poses, reachable = candidate_poses(belief())
+    points, found = predicted_touches(CURLED, poses, reachable)
+    assert found.any(-1)[reachable].mean() > 0.5
+    assert not found[~reachable].any()
+    gauge = superquadric_inside_outside(BODY, points.reshape(2, -1, 3)).reshape(found.shape)
+    assert np.abs(gauge[found] - 1).max() < 0.02
+
+
+def test_both_closings_are_predicted_one_after_the_other() -> None:
+    poses, reachable = candidate_poses(belief())
+    points, found = predicted_touches(belief(), poses, reachable)
+    first, first_found = predicted_touches(CURLED, poses, reachable)
+    assert found.shape[2] == 8
+    assert np.array_equal(points[:, :, :4], first)
+    assert np.array_equal(found[:, :, :4], first_found)
+    assert found[:, :, 4:].any()
+
+
+def test_predictions_go_by_the_sensors_that_the_robot_has() -> None:
+    """A higher threshold stops fingers later, further round the body; noise plays no part."""
+    here = belief()
+    poses, reachable = candidate_poses(here)
+    usual, _ = predicted_touches(here, poses, reachable)
+    noisy = replace(here, sensors=SensorTable(tension_noise_N=1.0, joint_noise_rad=0.1))
+    assert np.array_equal(usual, predicted_touches(noisy, poses, reachable)[0])
+    late = replace(here, sensors=SensorTable(tendon_threshold_N=20.0))
+    assert not np.array_equal(usual, predicted_touches(late, poses, reachable)[0])
+
+
+@pytest.mark.parametrize("make", [GreedyCoverage, SurfaceGaussianProcess, MostUncertain])
+def test_the_untouched_side_is_worth_more(make: type) -> None:
+    """With one half of the body felt, the best pose touches mostly the other half."""
+    here = belief(on_side(90, 270))
+    poses, reachable = candidate_poses(here)
+    gain = np.where(reachable, make().gain(here, poses, reachable), -np.inf)
+    points, found = predicted_touches(here, poses, reachable)
+    new = np.where(found, points[..., 0] - BODY.position_m[:, None, None, 0] > 0, False).sum(-1)
+    for world in range(2):
+        order = np.argsort(-gain[world])[:5]
+        others = np.flatnonzero(reachable[world])
+        assert new[world, order].mean() > new[world, others].mean()
+
+
+def test_information_is_that_of_the_linear_model() -> None:
+    """One touch along a direction of known variance: 1/2 log(1 + variance / noise)."""
+    here = belief(on_side(0, 360))
+    uncertainty = believed_uncertainty(here.body, here.evidence)
+    only_x = np.zeros((2, 15, 15))
+    only_x[:, 8, 8] = 1e-4  # the place along x, 10 mm
+    here.__dict__["uncertainty"] = replace(uncertainty, covariance=only_x)
+    poses, reachable = candidate_poses(here)
+    points, found = predicted_touches(here, poses, reachable)
+    gain = MostInformation().gain(here, poses, reachable)
+    normal = (points - BODY.position_m[:, None, None])[..., :2] / 0.035
+    side = found & (np.abs(points[..., 2] - 0.07) < 0.06)
+    just_sides = side.any(-1) & (side == found).all(-1)
+    spread = np.where(found, normal[..., 0] ** 2, 0.0).sum(-1) * 1e-4 / 0.0015**2
+    assert just_sides.sum() > 5
+    assert np.allclose(gain[just_sides], 0.5 * np.log1p(spread)[just_sides], rtol=0.05, atol=0.02)
+
+
+def test_even_poses_take_the_farthest_first_and_none_twice() -> None:
+    planner, here = EvenPoses(), belief()
+    taken: list[np.ndarray] = []
+    for step in range(6):
+        probe, = planner(replace(here, step=step))
+        assert isinstance(probe, Grasp)
+        taken.append(probe.hand_pose[:, 0])
+    chosen = np.stack(taken, 1)
+    for world in range(2):
+        apart = np.linalg.norm(chosen[world, :, None, :3] - chosen[world, None, :, :3], axis=-1)
+        turned = np.abs(np.einsum("ik,jk->ij", chosen[world, :, 3:], chosen[world, :, 3:])) < 0.999
+        assert ((apart > 0.01) | turned | np.eye(6, dtype=bool)).all()
+
+
+def test_random_draws_depend_on_world_and_step_alone() -> None:
+    here = belief()
+    one, other = make_planner("random", {}), make_planner("random", {})
+    first, again = one(here)[0], other(here)[0]
+    assert np.array_equal(first.hand_pose, again.hand_pose)
+    second = one(replace(here, step=1))[0]
+    assert not np.array_equal(first.hand_pose, second.hand_pose)
+
+
+def test_the_oracle_takes_what_turns_out_best() -> None:
+    oracle, here = Oracle(tried=6), belief()
+    seen: list[np.ndarray] = []
+
+    def foresee(probe: Grasp) -> Recovered:
+        seen.append(probe.hand_pose[:, 0])
+        return Recovered(np.full(2, Shape.SUPERQUADRIC), BODY)
+
+    oracle.foresee = foresee
+    oracle.let_see(lambda recovered: np.abs(seen[-1][:, 1] - 0.05))
+    probe, = oracle(here)
+    tried = np.stack(seen, 1)
+    assert tried.shape[1] == 6
+    best = np.abs(tried[..., 1] - 0.05).argmin(1)
+    assert np.allclose(probe.hand_pose[:, 0], tried[np.arange(2), best])
+    with pytest.raises(RuntimeError, match="sees nothing"):
+        Oracle()(here)
+
+
+def test_options_a_planner_cannot_use_are_refused_by_name() -> None:
+    with pytest.raises(PlannerError, match=r"length_m.*could not convert"):
+        make_planner("gaussian-process", {"length_m": "wide"})
+    with pytest.raises(PlannerError, match="breadth"):
+        make_planner("even", {"breadth": 1})

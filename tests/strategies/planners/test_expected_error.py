@@ -1,0 +1,59 @@
+"""The expected error falls by touches as a Gaussian process says, most where little was felt."""
+
+import numpy as np
+from beliefs import belief, on_side
+
+from strategies.planners.candidates import candidate_poses, predicted_touches
+from strategies.planners.expected_error import NOISE_M, ExpectedError, _Field
+
+
+def test_the_fall_is_that_of_conditioning_by_hand() -> None:
+    rng = np.random.default_rng(2)
+    places, slopes = 0.05 * rng.normal(size=(30, 3)), 0.01 * rng.normal(size=(30, 4))
+    known, touches, surface = np.arange(6), np.arange(6, 14).reshape(2, 4), np.arange(14, 30)
+    found = np.array([[True, True, False, True], [True] * 4])
+    weight = rng.uniform(size=16)
+    field = _Field(places, slopes, 0.03, known, 0.001 * rng.normal(size=6))
+    falls = field.falls(touches, found, surface, weight)
+
+    apart = np.sqrt(3) * np.linalg.norm(places[:, None] - places[None], axis=-1) / 0.03
+    prior = field.misfit**2 * (1 + apart) * np.exp(-apart) + slopes @ slopes.T
+
+    def mean_std(felt: np.ndarray) -> float:
+        across = prior[np.ix_(surface, felt)]
+        inner = prior[np.ix_(felt, felt)] + NOISE_M**2 * np.eye(len(felt))
+        left = prior[np.ix_(surface, surface)] - across @ np.linalg.solve(inner, across.T)
+        return float(np.sqrt(np.diag(left)) @ weight / weight.sum())
+
+    for row in range(2):
+        after = np.concatenate([known, touches[row][found[row]]])
+        assert np.isclose(falls[row], mean_std(known) - mean_std(after), rtol=1e-6)
+
+
+def test_large_residuals_are_laid_to_what_no_superquadric_explains() -> None:
+    rng = np.random.default_rng(4)
+    places, slopes = 0.05 * rng.normal(size=(40, 3)), np.zeros((40, 3))
+    near = _Field(places, slopes, 0.03, np.arange(40), 0.0005 * rng.normal(size=40))
+    far = _Field(places, slopes, 0.03, np.arange(40), 0.006 * rng.normal(size=40))
+    assert near.misfit < 0.002 < far.misfit
+
+
+def test_every_pose_is_worth_less_once_all_around_was_felt() -> None:
+    before, after = belief(on_side(0, 10, n=3)), belief(on_side(0, 360, n=60))
+    poses, reachable = candidate_poses(before)
+    first, then = (ExpectedError().gain(b, poses, reachable) for b in (before, after))
+    assert (then[reachable] <= first[reachable]).all()
+    assert then[reachable].max() < 0.5 * first[reachable].max()
+
+
+def test_a_pose_that_touches_nothing_is_worth_nothing_and_time_divides_the_gain() -> None:
+    here = belief(on_side(0, 360))
+    poses, reachable = candidate_poses(here)
+    gain = ExpectedError().gain(here, poses, reachable)
+    _, found = predicted_touches(here, poses, reachable)
+    assert np.allclose(gain[~found.any(-1)], 0.0)
+    assert (gain[found.any(-1)] > 0).all()
+    quick = ExpectedError(per_second=True)
+    quick.last = poses[:, :1]
+    rate = quick.gain(here, poses, reachable)
+    assert (rate[reachable] <= gain[reachable] / 3.0 + 1e-15).all()

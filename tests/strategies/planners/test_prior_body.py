@@ -1,0 +1,64 @@
+"""What planners go by while little was felt, and what they learn from grasps that went wrong."""
+
+from dataclasses import replace
+
+import numpy as np
+from beliefs import belief, on_side
+
+from fit.superquadric.fit import fit_superquadric
+from strategies.planners.adaptive import GreedyCoverage
+from strategies.planners.prior_body import planning_belief, told_surface
+from strategies.recovery.belief import Belief
+from strategies.recovery.choose_model import or_told
+from strategies.recovery.upright import stand_upright
+
+
+def with_fits(points: np.ndarray) -> Belief:
+    here = belief(points)
+    fits = fit_superquadric(here.evidence.points_m, here.evidence.mask, table_z=0.0)
+    return replace(here, fits=fits, body=or_told(fits, here.told, np.ones(2, bool)))
+
+
+def test_nothing_felt_is_the_told_cylinder() -> None:
+    here, trusted = planning_belief(replace(belief(), fitted=np.zeros(2, bool)))
+    assert not trusted.any()
+    assert np.allclose(here.body.size_m[:, 0], 0.035)
+    untrusted = replace(belief(), fitted=np.zeros(2, bool))
+    larger, _ = planning_belief(untrusted, np.array([0.01, -0.01]))
+    assert np.allclose(larger.body.size_m[:, 0], [0.045, 0.025])
+
+
+def test_few_touches_move_what_was_told() -> None:
+    """Told 15 mm beside the truth, a few touches of one side pull the guide towards them."""
+    here = with_fits(on_side(-30, 30, n=6))
+    aside = replace(here.told, x_m=here.told.x_m - 0.015)
+    here, trusted = planning_belief(replace(here, told=aside))
+    assert not trusted.any()
+    stands = stand_upright(here.body)
+    front = stands.centre_m[:, 0] + stands.radius_m
+    assert (np.abs(front - 0.485) < np.abs(aside.x_m + 0.035 - 0.485)).all()
+    assert (np.abs(stands.top_m - 0.14) < 0.03).all()
+
+
+def test_a_fit_to_many_touches_is_trusted_unless_they_lie_beside_it() -> None:
+    here = with_fits(on_side(0, 360, n=48))
+    assert planning_belief(here)[1].all()
+    away = replace(here.fits, position_m=here.fits.position_m + 0.02)
+    assert not planning_belief(replace(here, fits=away))[1].any()
+
+
+def test_told_surface_lies_on_the_cylinder() -> None:
+    told = belief().told
+    points = told_surface(told)
+    away = np.hypot(points[..., 0] - told.x_m[:, None], points[..., 1] - told.y_m[:, None])
+    assert (np.isclose(away, 0.035) | np.isclose(points[..., 2], 0.14)).all()
+
+
+def test_a_barred_hand_makes_the_object_larger_and_an_empty_one_smaller() -> None:
+    planner, here = GreedyCoverage(), replace(belief(), fitted=np.zeros(2, bool))
+    planner(here)
+    planner(replace(here, step=1, touches=np.array([0, 8])))
+    assert np.all(np.sign(planner.larger_m) == [1, -1])
+    felt = belief(on_side(0, 90, n=8)).evidence
+    planner(replace(here, step=2, touches=np.array([8, 16]), evidence=felt))
+    assert (np.abs(planner.larger_m) < [0.006, 0.010]).all()

@@ -1,0 +1,150 @@
+"""Waypoints: hands look at the object, keep off the table, and files are checked line by line."""
+
+from math import pi, radians
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
+from strategies.poses.hand_poses import (
+    CSV_COLUMNS,
+    TABLE_CLEARANCE_M,
+    poses_from_csv,
+    waypoint_poses,
+)
+from strategies.poses.waypoints import (
+    BoundingCylinder,
+    Column,
+    Csv,
+    Hemisphere,
+    Opposing,
+    Random,
+    Ring,
+    Spiral,
+    Top,
+    WaypointError,
+)
+from warpgrasp.mechanism.utah_mit_hand import hand_links
+from warpgrasp.parameters import HandTable
+
+HAND = HandTable()
+
+
+def told(radius: float = 0.03, height: float = 0.12) -> BoundingCylinder:
+    return BoundingCylinder(*(np.array([v]) for v in (0.45, 0.02, radius, height)))
+
+
+def axis(poses: np.ndarray, which: int) -> np.ndarray:
+    return Rotation.from_quat(poses[..., 3:].reshape(-1, 4)).as_matrix()[:, :, which]
+
+
+families = st.one_of(
+    st.builds(Ring, count=st.integers(1, 9), tilt_rad=st.floats(0.0, 1.2),
+              roll_rad=st.floats(-3, 3), aim=st.floats(0, 1), aim_out=st.floats(0, 1)),
+    st.builds(Column, count=st.integers(1, 9), levels=st.integers(1, 4)),
+    st.builds(Opposing, count=st.integers(1, 8)), st.builds(Top, count=st.integers(1, 4)),
+    st.builds(Random, count=st.integers(1, 8)), st.builds(Spiral, count=st.integers(1, 8)),
+    st.builds(Hemisphere, count=st.integers(1, 8)))
+
+
+@settings(max_examples=60, deadline=None)
+@given(families, st.floats(0.01, 0.06), st.floats(0.03, 0.35))
+def test_hands_look_down_and_open_fingers_keep_off_the_table(family, radius, height) -> None:
+    poses = waypoint_poses((family,), told(radius, height), HAND, np.zeros(1, np.uint64))
+    assert poses.shape == (1, family.count, 7)
+    assert np.allclose(np.linalg.norm(poses[..., 3:], axis=-1), 1.0)
+    assert (axis(poses, 2)[:, 2] < 0).all()
+    q = np.zeros((family.count, 4, 4))
+    q[..., 1] = HAND.flexion_low_rad[0]
+    points, _ = hand_links(HAND, poses[0], q)
+    assert points[..., 2].min() - HAND.link_radius_m >= TABLE_CLEARANCE_M - 1e-9
+
+
+def test_a_ring_stands_around_at_its_tilt_and_clearance() -> None:
+    ring = Ring(count=4, tilt_rad=radians(80), palm_clearance_m=0.1, clearance_per_radius=0.0)
+    poses = waypoint_poses((ring,), told(), HAND, np.zeros(1, np.uint64))[0]
+    approach = axis(poses, 2)
+    assert np.allclose(-approach[:, 2], np.cos(radians(80)))
+    aside = poses[:, :2] - [0.45, 0.02]
+    azimuth = np.arctan2(aside[:, 1], aside[:, 0])
+    assert np.allclose(np.sort(np.diff(np.unwrap(azimuth))), pi / 2, atol=1e-6)
+    assert np.allclose((aside * approach[:, :2]).sum(1) / np.linalg.norm(aside, axis=1),
+                       -np.sin(radians(80)))
+    assert np.allclose(axis(poses, 0)[:, 2], 0.0)  # at roll 0 the fingers close level
+
+
+@pytest.mark.parametrize("tilt_deg", [80, 90, 120])
+def test_a_level_hand_is_raised_off_the_table_and_not_taken_away(tilt_deg: float) -> None:
+    told = BoundingCylinder(*(np.array([v]) for v in (0.45, 0.0, 0.04, 0.10)))
+    family = Ring(count=4, tilt_rad=radians(tilt_deg), aim=0.3)
+    pose = waypoint_poses((family,), told, HandTable(), np.zeros(1, np.uint64))[0]
+    tips = hand_links(HandTable(), pose, np.tile(closing_commands(
+        CLOSING_PATHS["curl40"])[None, :, 0], (len(pose), 1, 1)))[0][..., 4, :]
+    assert (tips[..., 2] >= TABLE_CLEARANCE_M).all()
+    if tilt_deg >= 90:
+        away = np.hypot(pose[:, 0] - 0.45, pose[:, 1])
+        assert (away <= family.palm_clearance_m + family.clearance_per_radius * 0.02 + 0.08).all()
+
+
+def test_random_poses_depend_on_the_key_alone() -> None:
+    two = BoundingCylinder(*(np.repeat(v, 2) for v in vars(told()).values()))
+    both = waypoint_poses((Random(),), two, HAND, np.array([5, 6], np.uint64))
+    one = waypoint_poses((Random(),), told(), HAND, np.array([6], np.uint64))
+    assert np.array_equal(both[1], one[0])
+    assert not np.allclose(both[0], both[1])
+
+
+@pytest.mark.parametrize(("line", "message"), [
+    ("0.4,0,0.3,1,0,0,zero", ":3: qw: 'zero' is not a number"),
+    ("nan,0,0.3,1,0,0,0", ":3: x_m: nan is not finite"),
+    ("0.4,0,0.3,1,0,0", ":3: 6 cells, 7 are wanted"),
+    ("0.4,0,0.3,1,1,0,0", ":3: qx..qw: a quaternion of length 1.414"),
+])
+def test_pose_files_name_the_line(tmp_path: Path, line: str, message: str) -> None:
+    file = tmp_path / "poses.csv"
+    file.write_text(",".join(CSV_COLUMNS) + "\n0.4,0,0.3,1,0,0,0\n" + line + "\n")
+    with pytest.raises(WaypointError, match=message.replace(".", r"\.")):
+        poses_from_csv(file)
+
+
+def test_pose_files_are_used_as_they_stand(tmp_path: Path) -> None:
+    file = tmp_path / "poses.csv"
+    file.write_text(",".join(CSV_COLUMNS) + "\n0.4,0,0.3,1,0,0,0\n0.5,0.1,0.3,0,1,0,0\n")
+    poses = waypoint_poses((Csv(str(file)),), told(), HAND, np.zeros(1, np.uint64))
+    assert np.allclose(poses[0, 1], [0.5, 0.1, 0.3, 0, 1, 0, 0])
+
+
+@pytest.mark.parametrize("name", CLOSING_PATHS)
+def test_no_joint_outruns_the_step_and_ranges_are_kept(name: str) -> None:
+    path = CLOSING_PATHS[name]
+    commands = closing_commands(path)
+    assert np.abs(np.diff(commands, axis=1)).max() <= path.step_rad + 1e-12
+    assert (commands[..., 1:] >= np.array(HAND.flexion_low_rad) - 1e-9).all()
+    assert (commands[..., 1:] <= np.array(HAND.flexion_high_rad) + 1e-9).all()
+    assert np.abs(commands[..., 0]).max() <= HAND.abduction_limit_rad[1]
+
+
+def test_a_spiral_climbs_as_it_goes_around() -> None:
+    poses = waypoint_poses((Spiral(count=9, turns=2.0, tilt_rad=radians(90)),), told(height=0.3),
+                           HAND, np.zeros(1, np.uint64))[0]
+    assert (np.diff(poses[:, 2]) > 0).all()
+    angle = np.unwrap(np.arctan2(poses[:, 1] - 0.02, poses[:, 0] - 0.45))
+    assert np.allclose(angle[-1] - angle[0], 4 * pi, atol=1e-9)
+
+
+def test_hemisphere_directions_are_spread_over_the_whole_cap() -> None:
+    cap = radians(70)
+    poses = waypoint_poses((Hemisphere(count=64, tilt_rad=cap),), told(), HAND,
+                           np.zeros(1, np.uint64))[0]
+    up = -axis(poses[None], 2)
+    assert up[:, 2].min() > np.cos(cap)
+    assert up[:, 2].min() < np.cos(cap) + 0.03
+    apart = np.arccos(np.clip(up @ up.T, -1, 1)) + 10 * np.eye(64)
+    # An even lattice of 64 on this cap: every direction has its neighbour near, none is crowded.
+    ideal = np.sqrt(2 * pi * (1 - np.cos(cap)) / 64)
+    assert apart.min() > 0.6 * ideal
+    assert apart.min(1).max() < 1.4 * ideal

@@ -1,0 +1,162 @@
+"""The planar explorer: what it must recover from the block, and that it always ends, saying why."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from strategies.procedures.planar_explorer import PlanarExploration, PlanarOptions, explore_plane
+from strategies.procedures.planar_faces import Face, angle_between, distance_between, planes_of
+from strategies.procedures.touches import REASON_TEXT, EndReason, true_touches
+from warpgrasp.objects.catalogue import body_from_name
+from warpgrasp.parameters import ArmTable, HandTable, PadTable, SensorTable
+from warpgrasp.robot import Robot, Truth
+
+WORLDS = 40
+FACES = {"near": ((-0.03, 0.0, 0.06), (-1.0, 0.0, 0.0), (0.08, 0.12)),
+         "left": ((0.0, 0.04, 0.06), (0.0, 1.0, 0.0), (0.06, 0.12)),
+         "right": ((0.0, -0.04, 0.06), (0.0, -1.0, 0.0), (0.06, 0.12))}
+
+
+def set_up(worlds: int, name: str = "block", pads: PadTable | None = None, seed: int = 3):
+    rng = np.random.default_rng(seed)
+    pose = np.zeros((worlds, 7))
+    pose[:, 0] = 0.45
+    yaw = rng.uniform(-0.3, 0.3, worlds)
+    pose[:, 5], pose[:, 6] = np.sin(yaw / 2), np.cos(yaw / 2)
+    truth = Truth(pose)
+    key = np.arange(worlds).astype(np.uint64) + np.uint64(1000 * seed)
+    return Robot([body_from_name(name)], np.zeros(1, int), truth, key, ArmTable(), HandTable(),
+                 SensorTable(), pads=pads), truth
+
+
+def told_face(truth: Truth, face: str, seed: int = 4) -> tuple[np.ndarray, np.ndarray]:
+    """A point near the face's middle and a normal some degrees off, as a fitted body would say."""
+    rng = np.random.default_rng(seed)
+    point, normal, _ = FACES[face]
+    turn = Rotation.from_quat(truth.body_pose[:, 3:])
+    off = rng.normal(0, np.radians(4), (len(truth.body_pose), 3))
+    return (truth.body_pose[:, :3] + turn.apply(point) + rng.normal(0, 0.004, off.shape),
+            turn.apply(normal) + off)
+
+
+def true_normal(truth: Truth, face: str) -> np.ndarray:
+    return Rotation.from_quat(truth.body_pose[:, 3:]).apply(FACES[face][1])
+
+
+@pytest.fixture(scope="module")
+def explored() -> tuple[Truth, dict[str, PlanarExploration], dict[str, Face]]:
+    robot, truth = set_up(WORLDS)
+    found = {name: explore_plane(robot, *told_face(truth, name)) for name in FACES}
+    return truth, found, {name: planes_of(e) for name, e in found.items()}
+
+
+def test_every_episode_ends_with_a_named_reason(explored) -> None:
+    _, found, _ = explored
+    for exploration in found.values():
+        assert not (exploration.reason == EndReason.GOING_ON).any()
+        done = exploration.reason == EndReason.COMPLETE
+        assert done.mean() > 0.9
+        assert (exploration.direction_reason[done] != EndReason.GOING_ON).all()
+
+
+def test_plane_normals(explored) -> None:
+    truth, _, planes = explored
+    for name, face in planes.items():
+        off = np.degrees(np.arccos(np.clip((face.normal * true_normal(truth, name)).sum(1), -1, 1)))
+        assert np.median(off) <= 1.0
+        assert face.flat.mean() > 0.9
+
+
+def test_angles_of_neighbours_and_distance_of_opposite_faces(explored) -> None:
+    _, _, planes = explored
+    angle, sigma = angle_between(planes["near"], planes["left"])
+    error = np.degrees(angle) - 90.0
+    assert (np.abs(error) <= 3.0).mean() >= 0.9
+    # The stated uncertainty is of the right size.
+    assert 0.5 < np.sqrt(np.mean((np.radians(error) / sigma) ** 2)) < 2.0
+    width = distance_between(planes["left"], planes["right"])
+    assert np.abs(np.median(width) - 0.080) < 0.001
+    assert np.isnan(distance_between(planes["near"], planes["left"])).all()
+
+
+def test_traces_cover_the_face(explored) -> None:
+    truth, found, _ = explored
+    turn = Rotation.from_quat(truth.body_pose[:, 3:])
+    for name, exploration in found.items():
+        table = exploration.touches
+        true_point, _ = true_touches(table, truth)
+        local = turn[table.world].inv().apply(true_point - truth.body_pose[table.world, :3])
+        across = local[:, 1] if name == "near" else local[:, 0]
+        covered = []
+        for world in np.flatnonzero(exploration.reason == EndReason.COMPLETE):
+            mine = (table.world == world) & np.isfinite(true_point[:, 0])
+            covered.append([np.ptp(across[mine]), np.ptp(local[mine, 2])])
+        share = np.asarray(covered) / FACES[name][2]
+        assert (share.min(1) >= 0.85).mean() >= 0.9
+
+
+def test_believed_touches_lie_on_the_face(explored) -> None:
+    truth, found, _ = explored
+    table = found["near"].touches
+    point, _ = true_touches(table, truth)
+    error = np.linalg.norm(table.point_m - point, axis=1)
+    assert np.nanmedian(error) < 0.002
+    assert (table.taxel_peak[np.isfinite(table.point_m[:, 0])] >= 6).all()
+
+
+def test_bad_starts_end_with_a_reason_and_a_message() -> None:
+    robot, truth = set_up(6)
+    point, normal = told_face(truth, "near")
+    middle = truth.body_pose[:, :3] + [0, 0, 0.06]
+    point[1], normal[1] = middle[1] + [0.029, 0, 0], normal[1]  # inside, near the other face
+    normal[2] = -normal[2]  # pointing into the object
+    point[3] = [0.45, 0.3, 0.06]  # beside it
+    point[4, 0] = np.nan
+    normal[5] = 0.0
+    e = explore_plane(robot, point, normal)
+    assert e.reason[0] == EndReason.COMPLETE
+    assert e.reason[1] in (EndReason.START_BLOCKED, EndReason.BLOCKED, EndReason.COMPLETE)
+    assert e.reason[2] in (EndReason.START_BLOCKED, EndReason.UNREACHABLE, EndReason.BLOCKED)
+    assert e.reason[3] in (EndReason.NO_CONTACT, EndReason.UNREACHABLE)
+    assert e.reason[4] == e.reason[5] == EndReason.BAD_START
+    assert all(REASON_TEXT[EndReason(r)] for r in e.reason)
+    assert np.isfinite(planes_of(e).normal).all()
+
+
+def test_dead_pads_block_and_say_so() -> None:
+    robot, truth = set_up(3, pads=replace(PadTable(), dead_fraction=1.0))
+    e = explore_plane(robot, *told_face(truth, "near"))
+    assert (e.reason == EndReason.BLOCKED).all()
+    assert "pads" in REASON_TEXT[EndReason.BLOCKED]
+    assert not np.isfinite(e.touches.point_m).any()
+
+
+def test_steps_are_bounded_and_unwanted_worlds_are_left_alone() -> None:
+    robot, truth = set_up(4)
+    wanted = np.array([True, False, True, False])
+    e = explore_plane(robot, *told_face(truth, "near"), wanted=wanted,
+                      options=PlanarOptions(most_steps=2))
+    assert set(np.unique(e.touches.world)) == {0, 2}
+    assert (e.direction_reason[wanted] == EndReason.SPENT).all()
+    assert (e.time_s[~wanted] == 0).all()
+    assert all(set(line.rows) <= {0, 2} for line in truth.lines)  # the others cost nothing
+
+
+def test_a_face_does_not_depend_on_the_batch() -> None:
+    robot, truth = set_up(5)
+    point, normal = told_face(truth, "near")
+    together = explore_plane(robot, point, normal)
+    alone_robot, _ = set_up(5)
+    only = np.arange(5) == 3
+    alone = explore_plane(alone_robot, point, normal, wanted=only)
+    np.testing.assert_array_equal(together.touches.point_m[together.touches.world == 3],
+                                  alone.touches.point_m)
+
+
+def test_a_cylinder_is_not_flat() -> None:
+    robot, truth = set_up(10, "large_cylinder")
+    point = truth.body_pose[:, :3] + [-0.035, 0, 0.06]
+    e = explore_plane(robot, point, np.tile([-1.0, 0.0, 0.0], (10, 1)))
+    assert not planes_of(e).flat.any()

@@ -1,0 +1,67 @@
+"""The axis seen by two cameras: exact for cylinders, within some degrees for tapering bodies."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from strategies.procedures.stereo_axis import see_axis
+from warpgrasp.objects.catalogue import body_from_name
+from warpgrasp.parameters import ArmTable, HandTable, SensorTable, StereoTable
+from warpgrasp.robot import Robot, Truth
+from warpgrasp.touch.silhouette import stereo_cameras
+
+
+def look(name: str, tilt_deg: float, table: StereoTable, worlds: int = 6):
+    azimuth = np.linspace(0, 2 * np.pi, worlds, endpoint=False)
+    half = np.radians(tilt_deg) / 2
+    pose = np.zeros((worlds, 7))
+    pose[:, 0], pose[:, 6] = 0.45, np.cos(half)
+    pose[:, 3], pose[:, 4] = np.sin(half) * np.cos(azimuth), np.sin(half) * np.sin(azimuth)
+    body = body_from_name(name)
+    robot = Robot([body], np.zeros(1, int), Truth(pose), np.arange(worlds).astype(np.uint64),
+                  ArmTable(), HandTable(), SensorTable())
+    axis = see_axis(robot, np.tile([0.45, 0.0, body.high_m[2] / 2], (worlds, 1)), table)
+    true = Rotation.from_quat(pose[:, 3:]).apply([0.0, 0.0, 1.0])
+    return axis, np.degrees(np.arccos(np.clip((axis.direction * true).sum(1), -1, 1)))
+
+
+@pytest.mark.parametrize(("name", "tilt_deg", "limit_deg"), [
+    ("large_cylinder", 0.0, 0.6), ("large_cylinder", 8.0, 1.0), ("wine_bottle", 8.0, 0.6),
+    ("lightbulb", 0.0, 4.0)])
+def test_axis_is_seen(name: str, tilt_deg: float, limit_deg: float) -> None:
+    axis, off = look(name, tilt_deg, StereoTable())
+    assert axis.found.all()
+    assert np.median(off) < limit_deg
+
+
+def test_pixel_noise_costs_accuracy() -> None:
+    clean = look("large_cylinder", 0.0, StereoTable(pixel_noise=0.0))[1]
+    noisy = look("large_cylinder", 0.0, StereoTable(pixel_noise=4.0))[1]
+    assert noisy.mean() > 2 * clean.mean()
+
+
+def test_nothing_in_view_and_no_baseline_are_not_found() -> None:
+    table = StereoTable(pixels=64)
+    body = body_from_name("large_cylinder")
+    robot = Robot([body], np.zeros(1, int), Truth(np.array([[0.45, 0, 0, 0, 0, 0, 1.0]])),
+                  np.zeros(1, np.uint64), ArmTable(), HandTable(), SensorTable())
+    away = see_axis(robot, np.array([[0.45, 3.0, 0.0]]), table)
+    assert not away.found[0]
+    np.testing.assert_array_equal(away.direction, [[0, 0, 1]])
+    same = see_axis(robot, np.array([[0.45, 0.0, 0.06]]), replace(table, baseline_m=1e-3))
+    assert not same.found[0]
+
+
+def test_cameras_look_at_their_target() -> None:
+    target = np.array([[0.4, 0.1, 0.2]])
+    cameras = stereo_cameras(StereoTable(), target)
+    for k in range(2):
+        ray = target[0] - cameras.centre_m[0, k]
+        np.testing.assert_allclose(cameras.axes[0, k].T @ ray, [0, 0, np.linalg.norm(ray)],
+                                   atol=1e-12)
+        assert np.linalg.det(cameras.axes[0, k]) == pytest.approx(1.0)
+        assert cameras.axes[0, k][2, 1] < 0  # rows run downwards
+    gap = np.linalg.norm(cameras.centre_m[0, 1] - cameras.centre_m[0, 0])
+    assert gap == pytest.approx(0.3)

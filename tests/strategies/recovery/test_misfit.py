@@ -1,0 +1,34 @@
+"""Where a body is doubted its rival is asked, and the nearer one stays."""
+
+from dataclasses import replace
+
+import numpy as np
+from beliefs import BODY, belief, on_side
+
+from fit.superquadric.fit import fit_superquadric
+from strategies.recovery.fit_contacts import recover_bodies
+from strategies.recovery.misfit import FARTHEST_M, touch_misfit
+from warpgrasp.parameters import FitTable
+
+
+def test_misfit_is_the_capped_mean_distance() -> None:
+    evidence = belief(on_side(0, 360)).evidence
+    fits = fit_superquadric(evidence.points_m, evidence.mask, table_z=0.0)
+    assert (touch_misfit(fits, evidence) < 1e-3).all()
+    needle = replace(fits, size_m=fits.size_m * [1e-3, 1e-3, 1.0])
+    assert np.allclose(touch_misfit(needle, evidence), FARTHEST_M)
+    failed = replace(fits, status=np.array([fits.status[0], 99]))
+    assert np.isinf(touch_misfit(failed, evidence)).tolist() == [False, True]
+
+
+def test_a_doubted_body_is_never_farther_from_its_touches_with_rivals() -> None:
+    rng = np.random.default_rng(11)
+    z = rng.uniform(0.0, 0.12, (2, 40))
+    radius = np.where(z < 0.05, 0.006, 0.04)  # what no superquadric is
+    angle = rng.uniform(0, 1.5, z.shape)
+    points = BODY.position_m[:, None] + np.stack(
+        [radius * np.cos(angle), radius * np.sin(angle), z - 0.07], -1)
+    evidence = belief(points).evidence
+    plain, placed = recover_bodies(evidence, None, FitTable(rivals=False))
+    tried, where = recover_bodies(evidence, None, FitTable())
+    assert (touch_misfit(tried, where) <= touch_misfit(plain, placed) + 1e-12).all()

@@ -1,0 +1,56 @@
+"""What pads felt contradicts a body, or is explained by a contour."""
+
+from dataclasses import replace
+
+import numpy as np
+from beliefs import BODY, belief, on_side
+
+from fit.superquadric.fit import fit_superquadric
+from strategies.procedures.contour_shape import Profile
+from strategies.recovery.evidence import Evidence
+from strategies.recovery.refit_policy import FEWEST_EXPLAINED, contradicted, explained, felt_by_pads
+
+ROUND = on_side(0, 360)
+
+
+def by_pads(points: np.ndarray) -> Evidence:
+    """All of the points were felt by pads."""
+    evidence = belief(points).evidence
+    return felt_by_pads(replace(evidence, by_pad=evidence.mask), np.arange(2))
+
+
+def outwards(points: np.ndarray, by_m: float) -> np.ndarray:
+    """The points of the second world, moved away from the cylinder's axis."""
+    way = (points - BODY.position_m[:, None]) * [1.0, 1.0, 0.0]
+    way /= np.linalg.norm(way, axis=2, keepdims=True)
+    return points + np.array([0.0, by_m])[:, None, None] * way
+
+
+def contours() -> Profile:
+    """The contours of the believed cylinders, followed all the way."""
+    zero = np.zeros(2)
+    foot = BODY.position_m * [1.0, 1.0, 0.0]
+    return Profile(foot, np.tile([0.0, 0.0, 1.0], (2, 1)), np.tile([0.0, 0.14], (2, 1)),
+                   np.full((2, 2), 0.035), zero, zero, zero, zero, None)  # pyright: ignore
+
+
+def test_pads_contradict_a_body_they_touch_far_from() -> None:
+    fits = fit_superquadric(ROUND, table_z=0.0)
+    assert not contradicted(fits, by_pads(ROUND)).any()
+    far = outwards(ROUND, 0.004)
+    assert contradicted(fits, by_pads(far)).tolist() == [False, True]
+    # Tendons know the place less well: what they felt contradicts nothing.
+    assert not contradicted(fits, felt_by_pads(belief(far).evidence, np.arange(2))).any()
+
+
+def test_a_contour_explains_what_pads_felt_along_it() -> None:
+    assert explained(contours(), by_pads(outwards(ROUND, 0.003))).tolist() == [True, False]
+    assert not explained(contours(), felt_by_pads(belief(ROUND).evidence, np.arange(2))).any()
+    assert not explained(contours(), by_pads(ROUND[:, :FEWEST_EXPLAINED - 1])).any()
+    assert not explained(None, by_pads(ROUND)).any()
+
+
+def test_only_worlds_that_are_asked_for_take_part() -> None:
+    evidence = belief(ROUND).evidence
+    some = felt_by_pads(replace(evidence, by_pad=evidence.mask), np.array([1]))
+    assert some.mask.any(1).tolist() == [False, True]

@@ -1,0 +1,54 @@
+"""Which episode of a study is meant, by name or by its leaderboard."""
+
+from pathlib import Path
+
+import pytest
+from curved_episodes import wide_study, wide_text
+
+from sweeps.analysis.leaderboard import make_leaderboard
+from sweeps.analysis.rerun_episode import choose_episode
+from sweeps.run.plan import Plan
+from sweeps.run.store import Store
+from sweeps.spec.errors import StoreError
+
+SWEPT = wide_text(2, 2, 8, """
+[sweep.grid]
+"sensors.tendon_threshold_N" = [6.0, 3.0, 9.0]
+"object.yaw_deg" = [0, 90]
+""")
+KEY = "sensors.tendon_threshold_N"
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory: pytest.TempPathFactory) -> tuple[Plan, Store]:
+    return wide_study(tmp_path_factory.mktemp("swept"), SWEPT)
+
+
+@pytest.mark.parametrize("strategy", [None, "s", "sx"])
+def test_the_best_setting_is_played_again(swept: tuple[Plan, Store], strategy: str | None) -> None:
+    """The stand-ins lose 0.1 mm a newton, so that the best is not the first of the spec."""
+    plan, store = swept
+    episode = choose_episode(plan, [store], strategy, None, 3)
+    cell = plan.study.cell(episode.strategy, episode.body, episode.setting)
+    assert cell.setting[KEY] == 3.0
+    assert cell.strategy.name == (strategy or "s")
+    assert episode.episode == 3
+
+
+def test_every_entry_of_the_leaderboard_can_be_named(swept: tuple[Plan, Store]) -> None:
+    plan, store = swept
+    for row in make_leaderboard(plan, [store]).rows:
+        episode = choose_episode(plan, [store], row[1], "large_cylinder", 0)
+        cell = plan.study.cell(episode.strategy, episode.body, episode.setting)
+        told = ", ".join(f"{key}={value:g}" for key, value in cell.setting.items())
+        assert f"{cell.strategy.name} [{told}]" == row[1]
+        assert cell.object_name == "large_cylinder"
+    with pytest.raises(StoreError, match="--strategy: the study has no"):
+        choose_episode(plan, [store], f"s [{KEY}=4]", None, 0)
+
+
+def test_a_study_of_one_entry_needs_no_units(tmp_path: Path) -> None:
+    plan, store = wide_study(tmp_path, wide_text(1, 1, 2))
+    for file in store.units.iterdir():
+        file.unlink()
+    assert choose_episode(plan, [store], None, None, 1).setting == 0

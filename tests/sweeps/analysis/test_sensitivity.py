@@ -1,0 +1,97 @@
+"""The sensitivity study: its spec is a study, its table tells a swap from noise."""
+
+import json
+
+import numpy as np
+import pytest
+from studies import SMALL, plan_of, write_spec
+
+from sweeps.analysis import sensitivity
+from sweeps.analysis.sensitivity import BRACKETS, _swapped, sensitivity_spec, sensitivity_table
+from sweeps.cli import commands
+from sweeps.cli.main import run
+from sweeps.run.plan import plan_study
+from sweeps.run.store import Store
+from sweeps.spec.reader import read_spec
+
+
+def test_the_spec_varies_one_constant_a_setting(tmp_path) -> None:
+    file = tmp_path / "s.toml"
+    file.write_text(sensitivity_spec())
+    study = plan_study(read_spec(file)).study
+    assert study.setting_count == 1 + sum(len(b.ends) for b in BRACKETS)
+    base, _ = study.setting(0)
+    for number in range(1, study.setting_count):
+        edge, _ = study.setting(number)
+        assert sum(edge[key] != base[key] for key in edge) == 1
+
+
+def test_defaults_are_the_tables() -> None:
+    from sweeps.spec.cell import SECTIONS
+    from sweeps.spec.units import edge_fields
+
+    for bracket in BRACKETS:
+        section, name = bracket.key.split(".")
+        default = edge_fields(SECTIONS[section])[name].edge_default
+        assert np.allclose(default, bracket.default), bracket.key
+
+
+def test_only_sure_swaps_count() -> None:
+    rng = np.random.default_rng(0)
+    base = rng.normal(0.0, 0.1, (2, 3, 16)) + np.array([1.0, 2.0])[:, None, None]
+    assert _swapped(base, base[::-1], ("a", "b")) == "a > b"
+    assert _swapped(base, base, ("a", "b")) == "none"
+    assert _swapped(base, base + rng.normal(0.0, 9.0, base.shape), ("a", "b")) == "none"
+
+
+def test_a_strategy_that_always_fails_is_not_the_best(tmp_path, monkeypatch) -> None:
+    plan = plan_of(tmp_path, f"{SMALL}[sweep.zip]\n{THRESHOLD}")
+    shape = (2, len(plan.study.strategies), len(plan.study.objects), 70)
+    scores = 1.0 + np.random.default_rng(1).random(shape)
+    monkeypatch.setattr(sensitivity, "_scores", lambda plan, store: scores)
+    scores[1, 0] = np.nan
+    (*_, failing), notes = sensitivity_table(plan, Store(tmp_path))
+    assert failing[3] == plan.study.strategies[1].name
+    assert "nan" not in str(failing)
+    assert f"{plan.study.strategies[0].name} has no score in 1 of 2 settings" in notes[-1]
+    scores[:] = np.nan
+    rows, _ = sensitivity_table(plan, Store(tmp_path))
+    assert [row[2:6] for row in rows] == [("NA", "NA", "NA", "NA")] * 2
+
+
+SPEC = SMALL.replace("= 70", "= 3") + "[sweep.zip]\n"
+THRESHOLD = '"sensors.tendon_threshold_N" = [6.0, 3.0]\n'
+
+
+@pytest.mark.parametrize(("text", "says"), [
+    (SPEC + THRESHOLD + '"hand.link_radius_mm" = [8.0, 10.0]',
+     "sweep: setting 2 changes sensors.tendon_threshold_N and hand.link_radius_mm; each should"),
+    (SPEC.partition('[[strategy]]\nname = "mine"')[0] + "[sweep.zip]\n" + THRESHOLD,
+     "strategy: is one; a ranking needs two"),
+])
+def test_a_spec_of_another_kind_is_refused(tmp_path, capsys, text, says) -> None:
+    out = tmp_path / "out"
+    assert run(["sensitivity", "-o", str(out), "--spec", str(write_spec(tmp_path, text))]) == 2
+    assert says in capsys.readouterr().err
+    assert not (out / "units").exists()
+
+
+def test_a_constant_may_be_a_text_and_episodes_are_as_asked(tmp_path, capsys, monkeypatch) -> None:
+    monkeypatch.setattr(commands, "EPISODES", "fake_episodes:run_episodes")
+    spec = write_spec(tmp_path, SPEC + '"sensors.contact_estimator" = ["intrinsic", "fingertip"]')
+    assert run(["sensitivity", "-o", str(tmp_path / "out"), "--spec", str(spec), "--episodes", "40",
+                "--json"]) == 0
+    printed = capsys.readouterr()
+    row = json.loads(printed.out)[1]
+    assert (row["constant"], row["value"]) == ("sensors.contact_estimator", "fingertip")
+    assert "2 objects x 40 episodes" in printed.err
+
+
+@pytest.mark.slow
+def test_the_command_prints_a_row_a_setting(tmp_path, capsys) -> None:
+    few = sensitivity_spec(BRACKETS[:1], ("ring6", "column9"), ("block",), 2)
+    spec = tmp_path / "few.toml"
+    spec.write_text(few)
+    assert run(["sensitivity", "-o", str(tmp_path / "out"), "--spec", str(spec)]) == 0
+    assert "hand.link_length_mm" in capsys.readouterr().out
+    assert (tmp_path / "out" / "sensitivity.csv").read_text().count("\n") == 4

@@ -1,0 +1,121 @@
+"""Doctor, completion, --quiet, rows as Arrow, names to import: what one expects of any tool."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from curved_episodes import wide_study, wide_text
+from studies import SMALL, write_spec
+
+import fit
+import strategies
+import warpgrasp
+from sweeps.analysis import tables
+from sweeps.analysis.arrow import read_rows
+from sweeps.cli import commands, completion, doctor
+from sweeps.cli import main as cli
+from sweeps.figures import kinds as figures
+
+
+def test_doctor_finds_what_is_there(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["doctor", "--no-test", "--json"]) == 0
+    rows = {row["what"]: row for row in json.loads(capsys.readouterr().out)}
+    assert rows["python"]["verdict"] == rows["devices"]["verdict"] == "ok"
+    assert "cpu" in rows["devices"]["value"]
+    assert rows["jaxopt"]["value"] == "0.8.5"
+
+
+def test_doctor_says_what_is_wrong(monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
+                                   capsys: pytest.CaptureFixture[str]) -> None:
+    def broken() -> list[str]:
+        raise RuntimeError("no kernels today")
+
+    monkeypatch.setattr(doctor, "devices", broken)
+    assert cli.run(["doctor", "--no-test"]) == 1
+    assert "no kernels today" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_doctor_tests_itself(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["doctor"]) == 0
+    assert "a sphere's radius is off by" in capsys.readouterr().out
+
+
+def test_completion_knows_every_command_and_option() -> None:
+    options = completion.command_options()
+    assert {"sweep", "leaderboard", "table", "report", "completion"} <= set(options)
+    assert {"--out", "--workers", "--set", "--quiet"} <= set(options["sweep"])
+    assert set(completion.KINDS["table"]) == set(tables.KINDS)
+    assert set(completion.KINDS["figure"]) == set(figures.KINDS)
+
+
+@pytest.mark.parametrize(("words", "expected"), [
+    (["warpgrasp", "lea"], "leaderboard"), (["warpgrasp", "table", "x", "--ag"], "--against"),
+    (["warpgrasp", "table", "x", "par"], "pareto")])
+def test_the_shell_completes(words: list[str], expected: str, tmp_path: Path) -> None:
+    script = completion.completion("bash")
+    line = (f"{script}\nCOMP_WORDS=({' '.join(words)}); COMP_CWORD={len(words) - 1}; _warpgrasp; "
+            'echo "${COMPREPLY[@]}"')
+    done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, check=True,
+                          cwd=tmp_path)
+    assert done.stdout.split() == [expected]
+    assert completion.completion("zsh").startswith("autoload")
+
+
+def test_quiet_leaves_only_results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                   capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(commands, "EPISODES", "fake_episodes:run_episodes")
+    monkeypatch.setenv("WARPGRASP_QUIET", "")
+    spec = write_spec(tmp_path, SMALL)
+    assert cli.run(["sweep", str(spec), "-o", str(tmp_path / "out"), "--quiet"]) == 0
+    printed = capsys.readouterr()
+    assert printed.err == ""
+    assert printed.out.startswith("rank")
+    assert cli.run(["--quiet", "status", str(tmp_path / "none")]) == 2
+    assert "holds no study" in capsys.readouterr().err
+
+
+def test_no_colour_where_none_is_wanted(tmp_path: Path) -> None:
+    parent, child = os.openpty()
+    subprocess.run([sys.executable, "-m", "sweeps.cli.main", "objects"], stdout=child, check=True,
+                   env={**os.environ, "NO_COLOR": "1", "TERM": "xterm"})
+    os.close(child)
+    assert b"\033[" not in os.read(parent, 65536)
+    os.close(parent)
+
+
+def test_rows_as_an_arrow_table(tmp_path: Path) -> None:
+    plan, store = wide_study(tmp_path, wide_text(2, 2, 5, """
+[sweep.grid]
+"sensors.tendon_threshold_N" = [3.0, 6.0]
+"""))
+    rows = read_rows(tmp_path)
+    assert rows.num_rows == 2 * 2 * 2 * 5
+    assert set(rows["sensors.tendon_threshold_N"].to_pylist()) == {"3.0", "6.0"}
+    unit = next(plan.units())
+    mine = rows.filter([bool(s == unit.cell.strategy.name and o == unit.cell.object_name and k == 0)
+                        for s, o, k in zip(*(rows[n].to_pylist() for n in
+                                             ("strategy", "object", "setting")), strict=True)])
+    found = store.read(unit)
+    assert found is not None
+    assert mine["touches"].to_pylist() == found["touches"].tolist()
+    assert len(mine["curve_touches"][0].as_py()) == 5
+
+
+@pytest.mark.parametrize("package", [fit, strategies, warpgrasp])
+def test_every_name_that_is_offered_is_there(package: object) -> None:
+    names = package.__all__  # type: ignore[attr-defined]
+    assert all(getattr(package, name) is not None for name in names)
+    assert set(dir(package)) >= set(names)
+    with pytest.raises(AttributeError):
+        package.no_such_name  # type: ignore[attr-defined]  # noqa: B018
+
+
+def test_importing_is_quick() -> None:
+    code = ("import sys, warpgrasp, fit, strategies; "
+            "print({'jax', 'warp', 'numpy'} & set(sys.modules))")
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"

@@ -1,0 +1,31 @@
+"""The command `export`: files by their ending, errors that name what would be right."""
+
+import xml.etree.ElementTree as ET
+
+import pytest
+
+from sweeps.cli.main import run
+
+
+@pytest.mark.parametrize("name", ["hand.xml", "hand.urdf"])
+def test_hand_and_object(tmp_path, capsys, name: str) -> None:
+    assert run(["export", str(tmp_path / name), "--object", "wedge"]) == 0
+    assert str(tmp_path / name) in capsys.readouterr().out
+    root = ET.parse(tmp_path / name).getroot()
+    assert root.tag == {"hand.xml": "mujoco", "hand.urdf": "robot"}[name]
+    assert (tmp_path / "hand_object_0.obj").exists() == (name == "hand.urdf")
+
+
+def test_the_whole_robot(tmp_path) -> None:
+    assert run(["export", str(tmp_path / "robot.xml"), "--arm"]) == 0
+    joints = list(ET.parse(tmp_path / "robot.xml").getroot().iter("joint"))
+    assert len(joints) == 22
+
+
+@pytest.mark.parametrize(("arguments", "said"), [
+    (["robot.sdf"], r"\.xml"), (["hand.xml", "--object", "blok"], "block")])
+def test_what_is_wrong_is_said(tmp_path, capsys, arguments: list[str], said: str) -> None:
+    assert run(["export", str(tmp_path / arguments[0]), *arguments[1:]]) == 2
+    import re
+
+    assert re.search(said, capsys.readouterr().err)

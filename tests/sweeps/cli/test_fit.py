@@ -1,0 +1,187 @@
+"""`warpgrasp fit` from CSV to CSV, by the command line."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fit.superquadric.geometry import superquadric, superquadric_surface
+from sweeps.cli import main as cli
+
+SUPERQUADRIC = ["set", "n", "a1_m", "a2_m", "a3_m", "eps1", "eps2", "px_m", "py_m", "pz_m", "qx",
+                "qy", "qz", "qw", "kx", "ky", "bend_per_m", "bend_angle_rad", "rms_mm",
+                "iterations", "status"]
+PLANE = ["set", "n", "nx", "ny", "nz", "offset_m", "rms_mm", "extent_u_m", "extent_v_m", "status"]
+REVOLUTION = ["set", "n", "px_m", "py_m", "pz_m", "ax", "ay", "az", "height_m", "volume_m3",
+              "rms_mm", "status"]
+
+
+def touches(seed: int) -> np.ndarray:
+    """Sixty touches on an upright cylinder 60 mm wide and 100 mm high on the table [m]."""
+    body = superquadric([0.03, 0.03, 0.05], [0.1, 1.0], [0.45, 0.0, 0.05])
+    points = superquadric_surface(body, 2000)[0][0]
+    rng = np.random.default_rng(seed)
+    return points[rng.choice(len(points), 60)] + 2e-4 * rng.normal(size=(60, 3))
+
+
+def write(path: Path, sets: dict[str, np.ndarray]) -> Path:
+    lines = [f"{name},{x},{y},{z}" for name, points in sets.items() for x, y, z in points.tolist()]
+    path.write_text("\n".join(["set,x_m,y_m,z_m", *lines]) + "\n")
+    return path
+
+
+def read(path: Path) -> tuple[list[str], list[dict[str, str]]]:
+    rows = list(csv.DictReader(path.read_text().splitlines()))
+    return list(rows[0]), rows
+
+
+@pytest.fixture
+def points(tmp_path: Path) -> Path:
+    """Two good sets, and between them a flat one, one with NaN and one of three touches."""
+    good, nan = touches(1), touches(2)
+    nan[5, 1] = np.nan
+    return write(tmp_path / "points.csv", {
+        "a": good, "flat": good * [1, 1, 0], "nan": nan, "few": good[:3], "b": touches(3)})
+
+
+def test_superquadrics_and_what_became_of_bad_sets(
+        tmp_path: Path, points: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, figure = tmp_path / "fits.csv", tmp_path / "fits.png"
+    arguments = ["fit", "superquadric", str(points), "--table-z", "0", "-o", str(out)]
+    assert cli.run([*arguments, "--figure", str(figure)]) == 0
+    printed = capsys.readouterr()
+    assert printed.out.split() == [str(out), str(figure)]
+    assert "5 sets: 2 converged, 1 degenerate_plane, 1 bad_points, 1 too_few" in printed.err
+    header, rows = read(out)
+    assert header == SUPERQUADRIC
+    assert [row["set"] for row in rows] == ["a", "flat", "nan", "few", "b"]
+    for row in (rows[0], rows[4]):
+        assert float(row["a3_m"]) == pytest.approx(0.05, abs=2e-3)
+        assert (float(row["eps1"]), float(row["eps2"])) == pytest.approx((0.1, 1.0), abs=0.15)
+        assert row["n"] == "60"
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    drawn = figure.read_bytes()
+    assert cli.run([*arguments, "--figure", str(figure)]) == 0
+    assert figure.read_bytes() == drawn
+
+    alone = tmp_path / "alone.csv"
+    only = write(tmp_path / "only.csv", {"b": touches(3)})
+    assert cli.run([*arguments[:2], str(only), *arguments[3:5], "-o", str(alone)]) == 0
+    assert alone.read_text().splitlines()[1] == out.read_text().splitlines()[5]
+
+
+def test_planes_and_revolutions(tmp_path: Path, points: Path) -> None:
+    out = tmp_path / "planes.csv"
+    assert cli.run(["fit", "plane", str(points), "-o", str(out),
+                    "--figure", str(tmp_path / "planes.svg")]) == 0
+    header, rows = read(out)
+    assert header == PLANE
+    assert abs(float(rows[1]["nz"])) == pytest.approx(1)
+    assert float(rows[1]["offset_m"]) == pytest.approx(0, abs=1e-9)
+    assert [rows[2]["status"], rows[3]["status"]] == ["bad_points", "converged"]
+
+    out = tmp_path / "round.csv"
+    assert cli.run(["fit", "revolution", str(points), "--table-z", "0", "-o", str(out),
+                    "--figure", str(tmp_path / "round.pdf")]) == 0
+    header, rows = read(out)
+    assert header == REVOLUTION
+    assert float(rows[0]["volume_m3"]) == pytest.approx(np.pi * 0.03**2 * 0.1, rel=0.05)
+    header, nodes = read(tmp_path / "round.profile.csv")
+    assert header == ["set", "z_m", "radius_m", "radius_std_m"]
+    assert [node["set"] for node in nodes[::8]] == ["a", "flat", "nan", "few", "b"]
+    assert float(nodes[4]["radius_m"]) == pytest.approx(0.03, abs=2e-3)
+
+
+@pytest.mark.parametrize(("factor", "told"), [
+    (1.0, False), (-1.0, True), (1e300, False), (-1e300, True)])
+def test_normals_that_point_into_the_body_are_told(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str], factor: float, told: bool) -> None:
+    rng = np.random.default_rng(4)
+    unit = rng.normal(size=(60, 3))
+    unit /= np.linalg.norm(unit, axis=1, keepdims=True)
+    flat = np.c_[0.05 * rng.normal(size=(60, 2)), 3e-4 * rng.normal(size=60)]
+    rows = [("ball", 0.04 * unit, unit), ("face", flat, np.tile([0.0, 0.0, 1.0], (60, 1)))]
+    path = tmp_path / "points.csv"
+    path.write_text("set,x_m,y_m,z_m,nx,ny,nz\n" + "".join(
+        ",".join(map(str, [name, *p, *(factor * n)])) + "\n"
+        for name, points, normals in rows for p, n in zip(points, normals, strict=True)))
+    assert cli.run(["fit", "superquadric", str(path), "-o", str(tmp_path / "fits.csv")]) == 0
+    said = capsys.readouterr().err
+    assert ("most normals of ball point to the middle" in said) == told
+    assert "of face" not in said
+    assert "Warning" not in said
+    _, found = read(tmp_path / "fits.csv")
+    assert told or float(found[0]["rms_mm"]) < 0.2
+
+
+@pytest.mark.parametrize(("text", "arguments", "says"), [
+    ("x_m,y_m\n1,2\n", [], "points.csv:1: z_m: column is missing"),
+    ("x_m,y_m,z_m\n1,two,3\n4,5,1_0\n", [], "points.csv:3: z_m: '1_0' is not a number"),
+    ("x_m,y_m,z_m\n1,2\n", [], "points.csv:2: 2 cells, should be 3"),
+    (b"\xff\xfe\x00", [], "is not CSV text in UTF-8"),
+    (None, [], "points.csv: cannot be read"),
+    ("x_m,y_m,z_m\n1,2,3\n", ["--table-z", "nan"], "--table-z: is nan; should be a finite"),
+    ("x_m,y_m,z_m\n1,2,3\n", ["--figure", "fits.txt"], "--figure: fits.txt: should end in .png"),
+    ("x_m,y_m,z_m\n1,2,3\n", ["-o", "POINTS"], "a file is named twice"),
+    ("x_m,y_m,z_m\n1,2,3\n", ["-o", "none/fits.csv"], "there is no folder none"),
+    ("x_m,y_m,z_m\n1,2,3\n", ["-o", "."], "is a folder"),
+])
+def test_what_cannot_be_used_ends_with_2_and_says_where(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str | bytes | None,
+        arguments: list[str], says: str) -> None:
+    path = tmp_path / "points.csv"
+    if text is not None:
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    given = [str(path) if a == "POINTS" else a for a in arguments]
+    default = [] if "-o" in given else ["-o", str(tmp_path / "fits.csv")]
+    assert cli.run(["fit", "superquadric", str(path), *default, *given]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert says in printed.err
+    assert not (tmp_path / "fits.csv").exists()
+
+
+def test_options_of_another_shape_are_refused(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["fit", "plane", "points.csv", "--taper", "--table-z", "0",
+                    "-o", str(tmp_path / "fits.csv")]) == 2
+    printed = capsys.readouterr().err
+    assert "--taper: is for superquadric, not for plane" in printed
+    assert "--table-z: is for superquadric and revolution" in printed
+    assert cli.run(["fit", "sphere", "points.csv", "-o", "fits.csv"]) == 2
+
+
+@pytest.mark.parametrize(("table", "says"), [
+    ("0.2", "below it"), ("0.04", "below it"), ("-3", "far above it")])
+def test_a_table_that_no_touches_stand_on_is_refused(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str], table: str, says: str) -> None:
+    points = write(tmp_path / "points.csv", {"a": touches(1), "b": touches(2)})
+    out = tmp_path / "fits.csv"
+    assert cli.run(["fit", "superquadric", str(points), f"--table-z={table}", "-o", str(out)]) == 2
+    assert says in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_one_set_below_the_table_is_told_and_the_others_fitted(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    points = write(tmp_path / "points.csv", {"a": touches(1), "low": touches(2) - [0, 0, 0.2]})
+    out = tmp_path / "fits.csv"
+    assert cli.run(["fit", "superquadric", str(points), "--table-z", "0", "-o", str(out)]) == 0
+    assert "touches of low lie below it" in capsys.readouterr().err
+    assert [row["set"] for row in read(out)[1]] == ["a", "low"]
+
+
+def test_a_name_is_no_formula(tmp_path: Path) -> None:
+    points = write(tmp_path / "points.csv", {"trial $\\alpha_{$": touches(1)})
+    out, figure = tmp_path / "fits.csv", tmp_path / "fits.png"
+    assert cli.run(["fit", "superquadric", str(points), "--table-z", "0", "-o", str(out),
+                    "--figure", str(figure)]) == 0
+    assert figure.exists()
+
+
+def test_a_touch_of_no_set_is_an_error(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    points = write(tmp_path / "points.csv", {"a": touches(1), "": touches(2)})
+    assert cli.run(["fit", "plane", str(points), "-o", str(tmp_path / "fits.csv")]) == 2
+    assert "points.csv:62: set: is empty" in capsys.readouterr().err

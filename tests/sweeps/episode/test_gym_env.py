@@ -1,0 +1,99 @@
+"""The environment against Gymnasium's own checks. It has one for single environments only; what a
+vector environment promises beside that is checked here from its documentation."""
+
+import runpy
+from typing import Any
+
+import numpy as np
+import pytest
+from places import ROOT
+
+gymnasium = pytest.importorskip("gymnasium")
+
+from gymnasium.utils.env_checker import check_env  # noqa: E402
+from gymnasium.vector.utils import batch_space  # noqa: E402
+from gymnasium.wrappers.vector import RecordEpisodeStatistics  # noqa: E402
+
+from sweeps.episode.gym_env import GraspVectorEnv  # noqa: E402
+
+
+def test_one_world_passes_gymnasiums_check() -> None:
+    check_env(gymnasium.make("warpgrasp/Grasp-v0", probes=2, closings=("curl40",)).unwrapped)
+
+
+def test_many_worlds_keep_the_vector_contract() -> None:
+    worlds = gymnasium.make_vec("warpgrasp/Grasp-v0", num_envs=3, probes=2, closings=("curl40",))
+    assert worlds.observation_space == batch_space(worlds.single_observation_space, 3)
+    assert worlds.action_space == batch_space(worlds.single_action_space, 3)
+    counted = RecordEpisodeStatistics(worlds)
+    first, info = counted.reset(seed=5)
+    told = info["chamfer_mm"]
+    assert first in worlds.observation_space
+    worlds.action_space.seed(2)
+    actions = [worlds.action_space.sample() for _ in range(2)]
+    seen, total = [], np.zeros(3)
+    for number, action in enumerate(actions):
+        observation, reward, terminated, truncated, info = counted.step(action)
+        assert observation in worlds.observation_space
+        assert reward.shape == terminated.shape == truncated.shape == (3,)
+        assert (terminated.dtype, truncated.dtype) == (bool, bool)
+        assert not terminated.any()
+        assert truncated.all() == truncated.any() == (number == 1)
+        seen.append(observation.copy())
+        total += reward
+    assert total == pytest.approx(told - info["chamfer_mm"])  # rewards are the error's reduction
+    assert info["episode"]["r"] == pytest.approx(total)
+    fresh, reward, _, truncated, _ = counted.step(actions[0])  # the next step resets
+    assert not reward.any()
+    assert not truncated.any()
+    assert (fresh != first).any()
+    again, _ = worlds.reset(seed=5)
+    assert (again == first).all()
+    for action, before in zip(actions, seen, strict=True):
+        assert (worlds.step(action)[0] == before).all()
+
+
+def test_worlds_do_not_depend_on_their_neighbours() -> None:
+    """The first two of four worlds are those of two."""
+    few, many = (GraspVectorEnv(n, probes=1, closings=("curl40",)) for n in (2, 4))
+    action = np.random.default_rng(1).uniform(-1, 1, (4, 4))
+    assert (few.reset(seed=3)[0] == many.reset(seed=3)[0][:2]).all()
+    assert (few.step(action[:2])[0] == many.step(action)[0][:2]).all()
+
+
+def test_a_world_with_a_seed_of_its_own_is_as_alone() -> None:
+    worlds, alone = (GraspVectorEnv(n, probes=1, closings=("curl40",)) for n in (3, 1))
+    action = np.random.default_rng(1).uniform(-1, 1, (3, 4))
+    seen = [worlds.reset(seed=[5, 6, 5])[0], *(worlds.step(action)[0] for _ in range(2))]
+    one = [alone.reset(seed=6)[0], *(alone.step(action[1:2])[0] for _ in range(2))]
+    for many, single in zip(seen, one, strict=True):  # the last is the next episode's first
+        assert (many[1] == single[0]).all()
+    assert (seen[0][0] == seen[0][2]).all()
+    assert (worlds.reset(seed=7)[0][0] == alone.reset(seed=7)[0][0]).all()
+
+
+@pytest.mark.parametrize(("settings", "says"), [
+    ({"probes": 0}, "probes: is 0; should be"), ({"probes": -1}, "probes: is -1"),
+    ({"num_envs": 0}, "num_envs: is 0"), ({"closings": ()}, "should be some of"),
+    ({"closings": ("curl",)}, "should be some of.*curl40"),
+])
+def test_settings_that_cannot_be_used_are_refused(settings: dict[str, Any], says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        GraspVectorEnv(**settings)
+
+
+def test_actions_and_seeds_that_cannot_be_used_are_refused() -> None:
+    worlds = GraspVectorEnv(2, probes=1, closings=("curl40",))
+    with pytest.raises(ValueError, match="one for each of 2 worlds"):
+        worlds.reset(seed=[1])
+    worlds.reset(seed=1)
+    for actions in (np.zeros((2, 3)), np.zeros((1, 4)), np.zeros(4), np.full((2, 4), np.nan)):
+        with pytest.raises(ValueError, match=r"actions: .* should be .* \(2, 4\)"):
+            worlds.step(actions)
+
+
+@pytest.mark.slow
+def test_the_random_policy_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    left = runpy.run_path(str(ROOT / "examples" / "random_policy.py"))["main"](4, 3)
+    assert np.isfinite(left)
+    assert capsys.readouterr().out.count("reward") == 3

@@ -1,0 +1,137 @@
+"""Scores against meshes and nearest neighbours that nobody here wrote."""
+
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from fit.revolution.geometry import RevolutionBody
+from fit.superquadric.geometry import Superquadric, superquadric, superquadric_surface
+from strategies.recovery.choose_model import Recovered, Shape
+from sweeps.episode.scores import score_recovered, score_superquadrics, scores_again
+from warpgrasp.geometry.body_sampling import sample_body
+from warpgrasp.objects.catalogue import body_from_name, body_from_table
+
+AT = np.array([[0.45, 0.1, 0, 0, 0, np.sin(0.4), np.cos(0.4)]])
+
+
+def standing(size, exponents, taper=(0, 0)) -> Superquadric:
+    """A superquadric that stands where `AT` says."""
+    return superquadric(size, exponents, [0.45, 0.1, size[2]], AT[0, 3:], taper)
+
+
+def test_a_perfect_fit_scores_perfectly() -> None:
+    scores = score_superquadrics(standing([0.03, 0.04, 0.06], [0.01, 0.01]),
+                                 body_from_name("block"), AT)
+    assert scores.iou[0] == pytest.approx(1.0, abs=0.01)
+    assert scores.chamfer_m[0] < 2e-4
+    assert scores.coverage[0] == 1.0
+    assert scores.volume_ratio[0] == pytest.approx(1.0, abs=0.01)
+
+
+def test_an_inscribed_block_has_the_ratio_of_volumes() -> None:
+    scores = score_superquadrics(standing([0.024, 0.032, 0.048], [0.01, 0.01]),
+                                 body_from_name("block"), AT)
+    assert scores.iou[0] == pytest.approx(0.8**3, abs=0.01)
+
+
+@pytest.mark.parametrize(("name", "size", "exponents", "taper"), [
+    ("large_cylinder", [0.037, 0.033, 0.063], [0.3, 0.9], (0, 0)),
+    ("wedge", [0.03, 0.03, 0.05], [0.1, 0.1], (-0.8, 0.1)),
+    ("lightbulb", [0.03, 0.03, 0.055], [0.9, 1.0], (0.4, 0.4)),
+])
+def test_distances_against_a_kd_tree(name: str, size, exponents, taper) -> None:
+    body, fits = body_from_name(name), standing(size, exponents, taper)
+    scores = score_superquadrics(fits, body, AT)
+    turn = np.array([[np.cos(0.8), -np.sin(0.8), 0], [np.sin(0.8), np.cos(0.8), 0], [0, 0, 1]])
+    true = sample_body(body, surface=16384).surface_m @ turn.T + AT[0, :3]
+    found, _, area = superquadric_surface(fits, 24_000)
+    share = area[0] / area[0].sum()
+    there, back = cKDTree(found[0]).query(true)[0], cKDTree(true).query(found[0])[0]
+    chamfer = 0.5 * (there.mean() + (back * share).sum())
+    assert scores.chamfer_m[0] == pytest.approx(chamfer, abs=4e-4)
+    order = np.argsort(back)
+    tail = back[order][np.searchsorted(np.cumsum(share[order]), 0.95)]
+    assert scores.hausdorff95_m[0] == pytest.approx(max(np.quantile(there, 0.95), tail), abs=1e-3)
+
+
+def mug_surface(count: int) -> np.ndarray:
+    """Points even over the surface of a mug, 80 mm wide and 90 mm high, of walls of 4 mm and a
+    floor of 6 mm: walls of radius r between two heights, rings between two radii."""
+    rng = np.random.default_rng(1)
+    pieces = []
+    for r, low, high in ((0.040, 0.0, 0.090), (0.036, 0.006, 0.090)):
+        share = rng.uniform(size=int(count * 2 * np.pi * r * (high - low) / 0.0516))
+        pieces.append((np.full(len(share), r), low + share * (high - low)))
+    for inner, outer, z in ((0.0, 0.040, 0.0), (0.0, 0.036, 0.006), (0.036, 0.040, 0.090)):
+        share = rng.uniform(size=int(count * np.pi * (outer**2 - inner**2) / 0.0516))
+        pieces.append((np.sqrt(inner**2 + share * (outer**2 - inner**2)),
+                       np.full(len(share), z)))
+    radius, z = (np.concatenate(column) for column in zip(*pieces, strict=True))
+    angle = rng.uniform(0.0, 2 * np.pi, len(z))
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1)
+
+
+@pytest.mark.parametrize(("size", "exponents"), [
+    ([0.040, 0.040, 0.045], [0.1, 1.0]),  # a lid over the opening, 36 mm from the wall
+    ([0.038, 0.038, 0.043], [0.5, 1.0]),
+])
+def test_a_hollow_body_against_a_kd_tree(size, exponents) -> None:
+    outer = {"shape": "cylinder", "radius_mm": 40, "height_mm": 90}
+    inner = {"shape": "cylinder", "radius_mm": 36, "height_mm": 90, "at_mm": [0, 0, 6]}
+    mug = body_from_table(
+        {"name": "mug", "compound": [outer, inner | {"join": "difference"}]}, Path())
+    at = np.array([[0.0, 0, 0, 0, 0, 0, 1]])
+    fits = superquadric(size, exponents, [0, 0, size[2]], at[0, 3:])
+    scores = score_superquadrics(fits, mug, at)
+    true = mug_surface(400_000)
+    found, _, area = superquadric_surface(fits, 24_000)
+    share = area[0] / area[0].sum()
+    there, back = cKDTree(found[0]).query(true[::10])[0], cKDTree(true).query(found[0])[0]
+    chamfer = 0.5 * (there.mean() + (back * share).sum())
+    assert scores.chamfer_m[0] == pytest.approx(chamfer, abs=3e-4)
+    order = np.argsort(back)
+    tail = back[order][np.searchsorted(np.cumsum(share[order]), 0.95)]
+    assert scores.hausdorff95_m[0] == pytest.approx(max(np.quantile(there, 0.95), tail), abs=1e-3)
+
+
+def test_only_bodies_that_changed_are_scored_again() -> None:
+    body, pose = body_from_name("block"), np.repeat(AT, 4, axis=0)
+    one = standing([0.03, 0.04, 0.06], [0.1, 0.1])
+    fits = Superquadric(*(np.repeat(field, 4, axis=0) for field in one))
+    height = np.tile([0.0, 0.06, 0.12, np.nan], (4, 1))
+    turned = RevolutionBody(np.tile([0.45, 0.1, 0.0], (4, 1)), np.tile([0.0, 0.0, 1.0], (4, 1)),
+                            height, np.where(np.isnan(height), np.nan, 0.03))
+    first = Recovered(np.repeat([Shape.SUPERQUADRIC, Shape.REVOLUTION], 2), fits, turned)
+    scores = score_recovered(first, body, pose)
+    assert scores_again(first, first, scores, body, pose) is scores
+    # One larger, one another model; a contour with more room for nodes is the same contour.
+    size = fits.size_m * np.array([1.0, 1.1, 1.0, 1.0])[:, None]
+    wide = replace(turned, height_m=np.pad(height, ((0, 0), (0, 2)), constant_values=np.nan),
+                   radius_m=np.pad(turned.radius_m, ((0, 0), (0, 2)), constant_values=np.nan))
+    then = Recovered(np.array([1, 1, 2, Shape.SUPERQUADRIC]), fits._replace(size_m=size), wide)
+    again, whole = scores_again(then, first, scores, body, pose), score_recovered(then, body, pose)
+    for name, values in asdict(again).items():
+        assert np.array_equal(values, getattr(whole, name)), name
+    assert (again.iou != scores.iou).tolist() == [False, True, False, True]
+
+
+def test_worlds_are_scored_some_at_a_time_with_the_same_bits(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rng = np.random.default_rng(3)
+    body, pose = body_from_name("wedge"), np.repeat(AT, 8, axis=0)
+    fits = superquadric(rng.uniform(0.02, 0.06, (8, 3)), rng.uniform(0.1, 1.0, (8, 2)),
+                        pose[:, :3] + rng.normal(0, 0.01, (8, 3)), pose[:, 3:], np.zeros((8, 2)),
+                        np.zeros((8, 2)))
+    turned = RevolutionBody(pose[:, :3], np.tile([0.0, 0.0, 1.0], (8, 1)),
+                            np.tile([0.0, 0.06, 0.12], (8, 1)), rng.uniform(0.02, 0.05, (8, 3)))
+    given = Recovered(np.tile([Shape.SUPERQUADRIC, Shape.REVOLUTION], 4), fits, turned)
+    whole = [score_recovered(given, body, pose), score_superquadrics(fits, body, pose)]
+    monkeypatch.setattr("sweeps.episode.scores.WORLDS_AT_ONCE", 3)
+    parts = [score_recovered(given, body, pose), score_superquadrics(fits, body, pose)]
+    for one, other in zip(whole, parts, strict=True):
+        for name, values in asdict(one).items():
+            assert np.array_equal(values, getattr(other, name)), name

@@ -1,0 +1,259 @@
+"""Figures: the same bytes twice, and no text over another or off the page."""
+
+from collections.abc import Callable
+from io import BytesIO
+from itertools import combinations
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from curved_episodes import SWEPT, wide_study, wide_text
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+from mpl_toolkits.mplot3d.proj3d import proj_transform
+from PIL import Image
+
+from strategies.ready_made import STRATEGIES
+from sweeps.analysis.bootstrap import REPLICATES
+from sweeps.analysis.entries import Entry
+from sweeps.analysis.paired import Paired
+from sweeps.analysis.pareto import COST, find_front
+from sweeps.cli import main as cli
+from sweeps.episode.episodes import run_block
+from sweeps.figures import kinds as figures
+from sweeps.figures.contacts import contacts_figure
+from sweeps.figures.contour import contour_figure, fill_axes
+from sweeps.figures.faces import faces_figure
+from sweeps.figures.forest import draw_forest
+from sweeps.figures.kinds import KINDS, Asked
+from sweeps.figures.style import COLUMN_IN, drawing, encode, figure, told_apart
+from sweeps.figures.taxels import PadTouch, draw_taxels, image_ellipse, taxels_figure
+from sweeps.run.plan import Plan
+from sweeps.run.store import Store
+from sweeps.spec.cell import Cell
+from sweeps.spec.errors import StoreError
+from warpgrasp.parameters import PadTable
+
+EPISODE_KINDS = ("contacts", "faces", "contour", "taxels", "grasp")
+STUDY_KINDS = [kind for kind in KINDS if kind not in (*EPISODE_KINDS, "settings")]
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> tuple[Plan, Store]:
+    return wide_study(tmp_path_factory.mktemp("wide"), wide_text(10, 10, 8))
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory: pytest.TempPathFactory) -> tuple[Plan, Store]:
+    return wide_study(tmp_path_factory.mktemp("swept"), SWEPT)
+
+
+def texts(drawn: Figure) -> list[tuple[str, np.ndarray]]:
+    """What is written, with the corners (x0, y0, x1, y1) of where, in pixels."""
+    drawn_texts: list[Text] = []
+    draw = Text.draw
+
+    def noted(self: Text, *given: object, **named: object) -> None:
+        drawn_texts.append(self)
+        draw(self, *given, **named)
+
+    canvas = FigureCanvasAgg(drawn)
+    canvas.draw()  # lays it out
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Text, "draw", noted)
+        canvas.draw()
+    return [(text.get_text(), text.get_window_extent().extents) for text in drawn_texts
+            if text.get_text().strip() and text.get_visible() and not text.get_rotation() % 90]
+
+
+def looks_right(drawn: Figure) -> None:
+    assert drawn.get_figwidth() == COLUMN_IN
+    width, height = drawn.get_size_inches() * drawn.dpi
+    written = texts(drawn)
+    assert written
+    for text, (x0, y0, x1, y1) in written:
+        assert min(x0, y0, width - x1, height - y1) >= -1, text
+    for (a, p), (b, q) in combinations(written, 2):
+        apart = p[2] <= q[0] + 1 or q[2] <= p[0] + 1 or p[3] <= q[1] + 1 or q[3] <= p[1] + 1
+        assert apart, f"{a!r} is over {b!r}"
+
+
+@pytest.mark.parametrize("kind", STUDY_KINDS)
+def test_text_is_on_the_page_and_apart(study: tuple[Plan, Store], kind: str) -> None:
+    looks_right(KINDS[kind](Asked(study[0], [study[1]])))
+
+
+@pytest.mark.parametrize("kind", ["forest", "pareto", "curves-time"])
+def test_one_episode_is_drawn_without_intervals(tmp_path: Path, kind: str) -> None:
+    plan, store = wide_study(tmp_path, wide_text(2, 1, 1))
+    looks_right(KINDS[kind](Asked(plan, [store])))
+
+
+def test_a_heat_map_of_settings(swept: tuple[Plan, Store]) -> None:
+    looks_right(KINDS["settings"](Asked(swept[0], [swept[1]])))
+
+
+@pytest.mark.parametrize("ending", ["svg", "pdf", "png"])
+def test_the_same_study_gives_the_same_bytes(
+        study: tuple[Plan, Store], tmp_path: Path, ending: str) -> None:
+    folder = str(study[1].folder)
+    for name in ("a", "b"):
+        assert cli.run(["figure", folder, "forest", "-o", str(tmp_path / f"{name}.{ending}")]) == 0
+    content = (tmp_path / f"a.{ending}").read_bytes()
+    assert content == (tmp_path / f"b.{ending}").read_bytes()
+    assert b"2026-" not in content
+    if ending == "png":
+        with Image.open(tmp_path / "a.png") as image:
+            assert image.width == pytest.approx(85 / 25.4 * 300, abs=1)
+
+
+@pytest.mark.parametrize("kind", STUDY_KINDS)
+def test_a_png_is_what_matplotlib_would_write(study: tuple[Plan, Store], kind: str) -> None:
+    asked, theirs = Asked(study[0], [study[1]]), BytesIO()
+    ours = Image.open(BytesIO(encode(KINDS[kind](asked), "png")))
+    with drawing():
+        KINDS[kind](asked).savefig(theirs, format="png")
+    assert ours.info["dpi"] == Image.open(theirs).info["dpi"]
+    assert np.array_equal(np.asarray(ours), np.asarray(Image.open(theirs).convert("RGB")))
+
+
+def test_better_is_first_and_lower_for_errors(study: tuple[Plan, Store]) -> None:
+    drawn = KINDS["forest"](Asked(study[0], [study[1]]))
+    labels = [text.get_text() for text in drawn.axes[0].get_yticklabels()]
+    assert labels == sorted(labels, key=len)  # the stand-ins are worse the longer their names
+    assert drawn.axes[0].yaxis_inverted()
+
+
+def test_intervals_keep_to_the_scores_range() -> None:
+    """Student's t over two objects knows no bounds; an IoU lies between 0 and 1."""
+    means = np.random.default_rng(1).normal(0.5, 0.6, (1 + REPLICATES, 2))
+    means[0] = 0.4, 0.6
+    entries = tuple(Entry(0, name, {}) for name in "ab")
+    paired = Paired(entries, ("block", "wedge"), {}, {"iou": means, COST: 9 * means}, ())
+    found = find_front(paired, "iou")
+    assert found.error.low.tolist() == found.cost.low.tolist() == [0.0, 0.0]
+    assert found.error.high.tolist() == [1.0, 1.0]
+    assert (found.cost.high > 9).all()
+    drawn = draw_forest(paired, "iou")
+    (bars,) = [c for c in drawn.axes[0].collections if isinstance(c, LineCollection)]
+    assert {x for line in bars.get_segments() for x, _ in line} == {0.0, 1.0}
+
+
+@pytest.mark.parametrize(("arguments", "says"), [
+    (["DIR", "forest", "-o", "a.jpg"], "cannot be written as 'jpg'"),
+    (["DIR", "forrest", "-o", "a.svg"], "did you mean forest?"),
+    (["DIR", "confusion", "-o", "a.svg", "--strategy", "no"], "no strategy 'no'"),
+    (["DIR", "contacts", "-o", "a.svg", "--object", "blok"], "did you mean block?"),
+    (["DIR", "contacts", "-o", "a.svg", "--episode", "8"], "whole number from 0 to 7"),
+])
+def test_bad_usage(study: tuple[Plan, Store], arguments: list[str], says: str,
+                   capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["figure", *(a.replace("DIR", str(study[1].folder)) for a in arguments)]) == 2
+    assert says in capsys.readouterr().err
+
+
+def test_moments_of_a_tactile_image_are_those_of_its_ellipse() -> None:
+    """Sums written out anew, in millimetres, over the taxels that the robot itself goes by."""
+    pads = PadTable()
+    row, column = np.mgrid[:16, :16]
+    image = np.round(90 * np.exp(-(((row - 9) / 1.2) ** 2 + ((column - 6 - (row - 9) / 2)
+                                                             / 1.1) ** 2) / 2)).astype(np.uint8)
+    image[0, 0] = 5  # noise far off
+    found = image_ellipse(image, pads)
+    counts = {(r, c): float(image[r, c]) for r in range(6, 13) for c in range(3, 10)
+              if image[r, c] >= pads.threshold_counts / 2}
+    mass = sum(counts.values())
+    x, y = ({(r, c): 1e3 * (c + 0.5) * pads.width_m / 16 for r, c in counts},
+            {(r, c): 1e3 * (r + 0.5) * pads.length_m / 16 for r, c in counts})
+    mean = [sum(counts[k] * axis[k] for k in counts) / mass for axis in (x, y)]
+    assert found.centroid_mm == pytest.approx(mean)
+    second = np.array([[sum(counts[k] * (a[k] - m) * (b[k] - n) for k in counts) / mass
+                        for b, n in ((x, mean[0]), (y, mean[1]))]
+                       for a, m in ((x, mean[0]), (y, mean[1]))])
+    assert np.allclose(found.axes_mm.T @ found.axes_mm, second)
+    assert np.linalg.norm(found.axes_mm[0]) > np.linalg.norm(found.axes_mm[1])
+    assert found.axes_mm[0] @ found.axes_mm[1] == pytest.approx(0.0, abs=1e-9)
+    alone = np.zeros((16, 16), np.uint8)
+    alone[15, 0] = 1  # a corner, below the level
+    assert image_ellipse(alone, pads).centroid_mm == pytest.approx([0.397, 24.606], abs=1e-3)
+
+
+@pytest.mark.parametrize("count", [1, 4])
+def test_tactile_images_are_legible_and_the_same_bytes(count: int) -> None:
+    rng = np.random.default_rng(1)
+    touches = [PadTouch(100 + n, 3 - n, rng.poisson(0.5, (16, 16)).astype(np.uint8) + 60 * (
+        np.add.outer(abs(np.arange(16) - 8 - n), abs(np.arange(16) - 5)) < 2).astype(np.uint8))
+        for n in range(count)]
+    first, second = (draw_taxels(touches, PadTable(), "orangina_bottle") for _ in range(2))
+    looks_right(first)
+    assert encode(first, "svg") == encode(second, "svg")
+
+
+@pytest.mark.parametrize(("radius", "tall"), [(38.0, 323.0), (40.0, 60.0), (90.0, 20.0)])
+def test_a_solid_fills_its_axes_and_is_not_cut(radius: float, tall: float) -> None:
+    """The neck and the foot of a bottle were cut off straight."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 49)
+    rims = np.stack([np.tile(radius * np.cos(angle), 2), np.tile(radius * np.sin(angle), 2),
+                     np.repeat([0.0, tall], 49)], 1)
+    half = 1.15 * radius
+    drawn = figure(3.3)
+    axes: Any = drawn.add_subplot(projection="3d")
+    axes.set(xlim=(-half, half), ylim=(-half, half), zlim=(0.0, tall))
+    axes.view_init(20, -55)
+    fill_axes(axes, (2.0 * half, 2.0 * half, tall), rims)
+    FigureCanvasAgg(drawn).draw()
+    x, y, _ = proj_transform(rims[:, 0], rims[:, 1], rims[:, 2], axes.get_proj())
+    reach = np.abs(axes.transLimits.transform(np.stack([x, y], 1)) - 0.5).max()
+    assert 0.48 < reach <= 0.5
+
+
+@pytest.mark.parametrize(("draw", "says"), [
+    (lambda block: taxels_figure(block, PadTable(), "block"), "no pad touched anything"),
+    (lambda block: faces_figure(block, "block"), "faces: none was crossed"),
+    (lambda block: contour_figure(block, "block"), "contour: none was followed"),
+])
+def test_figures_of_what_did_not_happen_say_so(
+        draw: Callable[[Any], Figure], says: str) -> None:
+    nothing = SimpleNamespace(exploration=SimpleNamespace(
+        procedures=(), belief=SimpleNamespace(faces=(), profile=None)))
+    with pytest.raises(StoreError, match=says):
+        draw(nothing)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("strategy", "body", "kinds"), [
+    ("planar", "block", ("contacts", "faces", "taxels")),
+    ("contour", "wine_bottle", ("contacts", "contour", "taxels"))])
+def test_figures_of_an_episode_of_pads(tmp_path: Path, strategy: str, body: str,
+                                       kinds: tuple[str, ...]) -> None:
+    cell = Cell(STRATEGIES[strategy], {"name": body}, body, seed=4)
+    block = run_block(cell, np.arange(1), "cpu")
+    draw = {"contacts": contacts_figure, "faces": faces_figure, "contour": contour_figure,
+            "taxels": lambda block, name: taxels_figure(block, cell.pads, name)}
+    for kind in kinds:
+        first, second = (draw[kind](block, body) for _ in range(2))
+        assert encode(first, "svg") == encode(second, "svg"), kind
+        looks_right(first)
+
+
+@pytest.mark.slow
+def test_contacts_of_an_episode_run_again(tmp_path: Path) -> None:
+    plan, store = wide_study(tmp_path, wide_text(1, 1, 2))
+    first, second = (figures.KINDS["contacts"](Asked(plan, [store])) for _ in range(2))
+    assert encode(first, "svg") == encode(second, "svg")
+    looks_right(first)
+
+
+def test_short_labels_still_tell_entries_apart() -> None:
+    long = [f"coarse-to-fine [sensors.tendon_threshold_N={n}, fit.loss=none]" for n in (3, 6)]
+    names, keys = told_apart(long, 26)
+    assert names == ["coarse-to-fine [3, none]", "coarse-to-fine [6, none]"]
+    assert keys == "[sensors.tendon_threshold_N, fit.loss]"
+    names, _ = told_apart(long, 18)
+    assert len(set(names)) == 2
+    assert told_apart(["ring6", "a name with [brackets]"], 30) == (
+        ["ring6", "a name with [brackets]"], "")

@@ -1,0 +1,216 @@
+"""A replay: frames that agree with the robot's own kinematics, and a page that plays offline."""
+
+import base64
+import io
+import pickle
+import signal
+import socket
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from urllib.request import urlopen
+
+import browser as browser_module
+import numpy as np
+import pytest
+from browser import FLAGS, asked_for, browser, needs_browser
+from curved_episodes import wide_study, wide_text
+from PIL import Image
+from scipy.spatial.transform import Rotation
+
+from strategies.poses.waypoints import Ring
+from strategies.strategy import Strategy
+from sweeps.episode.episodes import EpisodeBlock, run_block
+from sweeps.figures.grasp import grasp_figure
+from sweeps.figures.meshes import capsule_mesh
+from sweeps.figures.replay_frames import Replay, arm_points, make_replay
+from sweeps.figures.style import encode
+from sweeps.report import replay
+from sweeps.spec.cell import Cell
+from sweeps.spec.errors import StoreError
+from warpgrasp.mechanism.arm_motion import arm_hand_links
+from warpgrasp.mechanism.puma560 import puma_forward_batch
+from warpgrasp.parameters import ArmTable, HandTable
+from warpgrasp.probe_status import ProbeStatus
+
+CELL = Cell(Strategy("ring3", (Ring(count=3),), ("curl40", "base_then_curl")),
+            {"name": "large_cylinder"}, "large_cylinder", seed=3)
+
+
+@pytest.fixture(scope="module")
+def played() -> tuple[Replay, EpisodeBlock]:
+    block = run_block(CELL, np.arange(1), "cpu")
+    return make_replay(CELL, block), block
+
+
+def test_arm_points_end_at_the_flange() -> None:
+    q = np.random.default_rng(1).uniform(-2, 2, (20, 6))
+    for joints, flange in zip(q, puma_forward_batch(ArmTable(), q), strict=True):
+        points, turn = arm_points(ArmTable(), joints, 0.0)
+        assert np.allclose(points[-1], flange[:3], atol=1e-9)
+        apart = Rotation.from_quat(turn).inv() * Rotation.from_quat(flange[3:])
+        assert apart.magnitude() < 1e-7
+    reach = np.linalg.norm(np.diff(arm_points(ArmTable(), q[0], 0.1)[0], axis=0), axis=1)
+    assert reach == pytest.approx([0.67183, 0.4318, np.hypot(0.15005, 0.0203), 0.4318, 0.1])
+
+
+@pytest.mark.slow
+def test_frames_are_what_the_robot_read(played: tuple[Replay, EpisodeBlock]) -> None:
+    made, block = played
+    (grasps,) = block.grasps
+    status = grasps.closing.status[0]
+    assert len(made.contacts_m) == (status == ProbeStatus.CONTACT).sum() > 0
+    counts = [frame.contacts for frame in made.frames]
+    assert counts == sorted(counts)
+    assert counts[-1] == len(made.contacts_m)
+    believed = [frame.estimate for frame in made.frames]
+    assert believed == sorted(believed)
+    assert believed[-1] == len(made.estimates_m) - 1
+    poses = grasps.moves.believed_pose[0]
+    for number in range(3):
+        label = f"containment, pose {number + 1} of 3"
+        there = [f for f in made.frames if f.label == label]
+        if not there:
+            assert [f.label for f in made.frames if f.label.startswith(label)] in (
+                [f"{label}: collision"], [f"{label}: unreachable"])
+            continue
+        assert np.allclose(there[-1].arm_m[-1], poses[number, :3], atol=1e-3)
+    last_tip = np.array([f.fingers_m[:, 4] for f in made.frames])
+    jumps = np.linalg.norm(np.diff(last_tip, axis=0), axis=2)
+    assert jumps.max() < 0.8  # from home to the first pose in four frames
+    points, _ = arm_hand_links(ArmTable(), HandTable(), np.zeros((1, 22)))
+    lengths = np.linalg.norm(np.diff(points[0], axis=1), axis=2)
+    for frame in made.frames:
+        assert np.allclose(np.linalg.norm(np.diff(frame.fingers_m, axis=1), axis=2), lengths)
+
+
+@pytest.mark.slow
+def test_the_last_estimate_is_what_was_recovered(
+        played: tuple[Replay, EpisodeBlock]) -> None:
+    made, block = played
+    assert block.status[0] == "ok"
+    centre = block.recovered.superquadric.position_m[0]
+    box = made.estimates_m[-1].reshape(-1, 3)
+    assert np.allclose((box.min(0) + box.max(0)) / 2, centre, atol=0.02)
+
+
+@pytest.mark.slow
+def test_a_file_that_loads_nothing(played: tuple[Replay, EpisodeBlock], tmp_path: Path) -> None:
+    pytest.importorskip("viser")
+    out = tmp_path / "replay.html"
+    replay.write_replay(played[0], out)
+    content = out.read_bytes()
+    assert len(content) <= 2e6
+    assert content.lstrip()[:9].lower() == b"<!doctype"
+
+
+LIVE = """
+import pickle, signal, sys
+from pathlib import Path
+from sweeps.cli import main as cli; from sweeps.report import replay
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a background shell ignores it
+replay.in_a_worker = lambda function, task: pickle.loads(Path(sys.argv[1]).read_bytes())
+cli.main(["show", sys.argv[2], "--live", "--port", sys.argv[3]])
+"""  # the episode itself is not run again: that is tested elsewhere, and takes its time
+
+
+@pytest.mark.slow
+def test_live_on_this_machine_alone(played: tuple[Replay, EpisodeBlock], tmp_path: Path) -> None:
+    """Serves its page on 127.0.0.1, is not there on any other address, and ends by Ctrl-C."""
+    pytest.importorskip("viser")
+    _, store = wide_study(tmp_path / "study", wide_text(1, 1, 2))
+    (tmp_path / "replay").write_bytes(pickle.dumps(played[0]))
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    process = subprocess.Popen(
+        [sys.executable, "-c", LIVE, str(tmp_path / "replay"), str(store.folder), str(port)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        assert process.stderr
+        assert process.stderr.readline() == f"http://127.0.0.1:{port} (Ctrl-C ends it)\n"
+        with urlopen(f"http://127.0.0.1:{port}", timeout=30) as page:
+            assert page.read(15).lower() == b"<!doctype html>"
+        listening = [line.split()[1] for name in ("tcp", "tcp6")
+                     for line in Path(f"/proc/net/{name}").read_text().splitlines()[1:]
+                     if line.split()[3] == "0A" and line.split()[1].endswith(f":{port:04X}")]
+        assert listening == [f"0100007F:{port:04X}"]
+        for address in own_addresses():
+            with pytest.raises(ConnectionRefusedError), socket.create_connection(
+                    (address, port), timeout=10):
+                pass
+        time.sleep(1.0)  # it plays
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 130
+    assert out == ""
+    assert err == "interrupted; what was finished is kept\n"
+
+
+def own_addresses() -> list[str]:
+    """This machine's addresses other than 127.0.0.1; the loopback's others are its own too."""
+    try:
+        found = {str(info[4][0]) for info in socket.getaddrinfo(socket.gethostname(), None)}
+    except OSError:
+        found = set()
+    return sorted(found - {"127.0.0.1", "::1"} | {"127.0.0.2"})
+
+
+@pytest.mark.slow
+def test_a_figure_of_the_hand_on_the_object(played: tuple[Replay, EpisodeBlock]) -> None:
+    first, second = (encode(grasp_figure(played[0], "large_cylinder"), "png") for _ in range(2))
+    assert first == second
+    with Image.open(io.BytesIO(first)) as image:
+        r, g, b = np.moveaxis(np.asarray(image.convert("RGB")).astype(int), -1, 0)
+    assert ((b - r > 30) & (b > 80)).mean() > 0.02  # the hand
+    assert ((r - b > 100) & (r > g + 60)).mean() > 0.002  # tips that feel
+    numb = replace(played[0], frames=tuple(replace(f, felt=np.zeros(4)) for f in played[0].frames))
+    with pytest.raises(StoreError, match="no finger felt"):
+        grasp_figure(numb, "large_cylinder")
+
+
+def test_capsules_are_closed_and_face_outwards() -> None:
+    points, faces = capsule_mesh(0.05, 0.01)
+    corners = points[faces]
+    normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    volume = (corners.mean(1) * normal).sum() / 6
+    assert volume == pytest.approx(np.pi * 0.01**2 * (0.05 + 4 / 3 * 0.01), rel=0.1)
+
+
+@needs_browser
+@pytest.mark.slow
+def test_in_a_browser(played: tuple[Replay, EpisodeBlock], tmp_path: Path,
+                      monkeypatch: pytest.MonkeyPatch) -> None:
+    """Plays without a network: the body, the estimate and contacts are on the screen."""
+    pytest.importorskip("viser")
+    from selenium.common.exceptions import TimeoutException
+
+    flags = [flag for flag in FLAGS if flag != "--disable-gpu"]
+    monkeypatch.setattr(browser_module, "FLAGS", (
+        *flags, "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"))
+    out = tmp_path / "replay.html"
+    replay.write_replay(played[0], out)
+    with browser(tmp_path / "profile") as driver:
+        driver.set_window_size(640, 480)
+        driver.get(out.as_uri())
+        seen: set[str] = set()
+        deadline = time.monotonic() + 240
+        while seen < {"blue", "orange"} and time.monotonic() < deadline:
+            time.sleep(2)
+            file = tmp_path / "shot.png"
+            try:
+                file.write_bytes(base64.b64decode(driver.get_screenshot_as_base64()))
+            except TimeoutException:  # WebGL in software, on a busy machine
+                continue
+            with Image.open(file) as image:
+                shown = np.asarray(image.convert("RGB")).astype(int)[:, 200:]
+            r, g, b = np.moveaxis(shown, -1, 0)
+            seen |= {"blue"} if ((b - r > 40) & (b > 90)).sum() > 60 else set()
+            seen |= {"orange"} if ((r - b > 60) & (r > g + 25)).sum() > 4 else set()
+        assert seen == {"blue", "orange"}
+        asked = [a for a in asked_for(driver) if not a.startswith(("data:", "blob:"))]
+        assert asked == [out.as_uri()]

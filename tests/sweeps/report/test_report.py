@@ -1,0 +1,257 @@
+"""The report: right by itself, and looked at in a headless Chromium."""
+
+import re
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from browser import asked_for, browser, needs_browser, pixels, said
+from curved_episodes import OBJECTS, wide_study, wide_text
+
+import sweeps.report.page
+from fit.superquadric.geometry import superquadric
+from sweeps.analysis.entries import LeaderboardError
+from sweeps.analysis.leaderboard import make_leaderboard
+from sweeps.analysis.paired import read_paired
+from sweeps.analysis.pairs import pairs_table
+from sweeps.cli import main as cli
+from sweeps.figures.meshes import surface_grid
+from sweeps.report.charts import nice_ticks
+from sweeps.report.html import source_hash
+from sweeps.report.page import make_report
+from sweeps.report.views import Picked, Views, body_data, episode_data, make_views, pick_episodes
+from sweeps.run.plan import Plan
+from sweeps.run.store import Store
+from warpgrasp.objects.catalogue import body_from_name
+
+EVIL = '<script>alert("x")</script>&amp;\'"'
+
+
+def drawn_views(plan: Plan, picked: list[Picked], device: str = "cpu",
+                workers: int = 1, say: object = None) -> Views:
+    """Views of the right size without running an episode: an ellipsoid and 120 contacts each."""
+    points = np.random.default_rng(1).normal(0, 0.03, (120, 3))
+    grid = surface_grid(superquadric(np.array([[0.03, 0.03, 0.06]]), np.array([[1.0, 1.0]])), 16)
+    pose = np.array([0, 0, 0, 0, 0, 0, 1.0])
+    return Views(
+        {name: body_data(body_from_name(name)) for name in OBJECTS[:len(plan.study.objects)]},
+        [{"place": p.place, "strategy": plan.study.strategies[p.strategy].name,
+          "object": plan.study.objects[p.body].name, "episode": p.episode,
+          "chamfer_mm": p.chamfer_mm, "iou": 0.5, "status": "ok",
+          **episode_data(grid, pose, points)} for p in picked], [])
+
+
+@pytest.fixture
+def quick_views(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sweeps.report.page, "make_views", drawn_views)
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> tuple[Plan, Store]:
+    text = wide_text(3, 6, 8).replace('"sxx"', f'"{EVIL.replace(chr(34), chr(92) + chr(34))}"')
+    return wide_study(tmp_path_factory.mktemp("wide"), text)
+
+
+class Tags(HTMLParser):
+    """Every tag with its attributes; scripts and styles with their text."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.inside: list[tuple[str, dict[str, str | None], str]] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_data(self, data: str) -> None:
+        if self.tags and self.tags[-1][0] in ("script", "style"):
+            self.inside.append((*self.tags[-1], data))
+
+
+def test_nothing_is_loaded_and_only_its_own_scripts_run(
+        study: tuple[Plan, Store], quick_views: None) -> None:
+    content = make_report(study[0], [study[1]])
+    assert content == make_report(study[0], [study[1]])
+    page = Tags()
+    page.feed(content.decode())
+    policy = next(a["content"] for t, a in page.tags if a.get("http-equiv"))
+    assert policy
+    assert "default-src 'none'" in policy
+    assert "unsafe" not in policy
+    for tag, attributes, text in page.inside:
+        if attributes.get("type") != "application/json" and text.strip():
+            assert source_hash(text) in policy, tag
+    for tag, attributes in page.tags:
+        assert tag not in ("link", "iframe", "object", "embed", "base", "img")
+        assert not {"style", "src"} & set(attributes), tag
+        assert not [name for name in attributes if name.startswith("on")]
+        assert (attributes.get("href") or "#").startswith("#")
+    assert {"main", "header", "h1", "h2", "caption"} <= {tag for tag, _ in page.tags}
+    assert page.tags[0] == ("html", {"lang": "en"})
+
+
+def test_names_are_escaped(study: tuple[Plan, Store], quick_views: None) -> None:
+    text = make_report(study[0], [study[1]]).decode()
+    assert 'alert("x")' not in text.replace('alert(\\"x\\")', "")
+    assert "<script>alert" not in text
+    assert "&lt;script&gt;alert(" in text
+
+
+def test_numbers_are_the_leaderboards(study: tuple[Plan, Store]) -> None:
+    text = make_report(study[0], [study[1]], views=False).decode()
+    board = make_leaderboard(study[0], [study[1]])
+    for row in board.rows:
+        for cell in row[2:]:
+            assert f">{cell}</td>" in text or f'data-value="{cell}"' in text
+    assert "3-D views were left out" in text
+    assert "episodes_per_cell = 8" in text
+    assert study[0].hash in text
+    assert "draws objects, each with its episodes" in text  # as sweeps.bootstrap does
+
+
+def test_best_median_and_worst(study: tuple[Plan, Store]) -> None:
+    picked = pick_episodes(study[0], [study[1]])
+    mine = [p for p in picked if p.strategy == 0]
+    values = np.concatenate([rows["chamfer_mm"] for unit in study[0].units()
+                             if unit.cell.strategy.name == "s"
+                             and (rows := study[1].read(unit)) is not None])
+    values = np.sort(values[np.isfinite(values)])
+    assert [p.place for p in mine] == ["best", "median", "worst"]
+    assert [p.chamfer_mm for p in mine] == [values[0], values[(len(values) - 1) // 2], values[-1]]
+
+
+def test_ticks_are_round() -> None:
+    assert nice_ticks(0, 11) == [0, 2, 4, 6, 8, 10]
+    assert nice_ticks(0.02, 0.11) == [0.02, 0.04, 0.06, 0.08, 0.1]
+    assert nice_ticks(1, 1) == []
+
+
+def test_a_study_without_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    _, store = wide_study(tmp_path, wide_text(1, 1, 2))
+    for file in store.units.iterdir():
+        file.unlink()
+    out = str(tmp_path / "r.html")
+    assert cli.run(["report", str(tmp_path), "-o", out]) == 2
+    assert "no block of episodes is finished" in capsys.readouterr().err
+
+
+def test_a_study_of_failures_alone(tmp_path: Path) -> None:
+    """Its report stands, without the comparison with a best that there is not."""
+    plan, store = wide_study(tmp_path, wide_text(2, 2, 2))
+    for unit in plan.units():
+        store.path(unit).unlink()
+        store.log(unit).write_text("it broke")
+    page = make_report(plan, [store], views=False).decode()
+    assert "more than 20% of the episodes failed" in page
+    assert "Is the difference real?" not in page
+    with pytest.raises(LeaderboardError, match="no entry has a value"):
+        pairs_table(read_paired(plan, [store], ["chamfer_mm"]), "chamfer_mm", "best")
+
+
+def test_what_has_no_interval_is_drawn_without(tmp_path: Path) -> None:
+    """One episode: points and curves, and no number that is none."""
+    plan, store = wide_study(tmp_path, wide_text(2, 1, 1))
+    page = make_report(plan, [store], views=False).decode()
+    assert not re.search(r'"[^"<>]*\b(nan|inf)\b[^"<>]*"', page.split("<main>")[1].split(
+        "</main>")[0])
+
+
+@needs_browser
+def test_in_a_browser(tmp_path: Path, quick_views: None, study: tuple[Plan, Store]) -> None:
+    """Loads, sorts by click and by key, draws and turns a body; asks for nothing, says nothing."""
+    file = tmp_path / "report.html"
+    file.write_bytes(make_report(study[0], [study[1]]))
+    with browser(tmp_path / "profile") as driver:
+        driver.get(file.as_uri())
+        column = ("return [...document.querySelectorAll('#board tbody tr')]"
+                  ".map(row => row.cells[0].textContent)")
+        assert driver.execute_script(column) == ["1", "2", "3"]
+        heading = driver.find_element("css selector", "#board thead th button")
+        for expected in (["1", "2", "3"], ["3", "2", "1"]):
+            heading.send_keys("\n")
+            assert driver.execute_script(column) == expected
+        assert driver.execute_script(
+            "return document.querySelector('#board th').getAttribute('aria-sort')") == "descending"
+
+        stage = driver.find_element("id", "stage")
+        driver.execute_script("arguments[0].scrollIntoView()", stage)
+        before = pixels(driver, "stage")
+        drawn = before[:, 3] > 0
+        assert 0.02 < drawn.mean() < 0.9
+        blue = before[drawn][:, 2] - before[drawn][:, 0]
+        assert (blue > 20).mean() > 0.1  # the recovered body
+        assert (blue < -80).sum() > 100  # contacts
+        stage.send_keys("\ue014" * 5)  # arrow right
+        assert (pixels(driver, "stage") != before).any()
+        buttons = driver.find_elements("css selector", "button[data-episode]")
+        assert len(buttons) == 9
+        buttons[4].click()
+        assert buttons[4].get_attribute("aria-pressed") == "true"
+        assert "median" in driver.find_element("id", "about").text
+        for name in ("recovered", "true", "contacts"):
+            driver.find_element("id", f"show-{name}").click()
+        assert not pixels(driver, "stage").any()
+        assert driver.execute_script("return document.body.scrollWidth <= innerWidth")
+        folded = ("return [...document.querySelectorAll('details:not([open])')]"
+                  ".map(part => part.querySelector('pre') !== null)")
+        shut = driver.execute_script(folded)
+        driver.execute_script("dispatchEvent(new Event('beforeprint'))")
+        assert driver.execute_script(folded) == [True] * sum(shut)  # on paper all but listings
+        driver.execute_script("dispatchEvent(new Event('afterprint'))")
+        assert driver.execute_script(folded) == shut
+        driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+        driver.set_window_size(1040, 720)  # A4 across, less its margins, at 96 to the inch
+        assert driver.execute_script(
+            "return [...document.querySelectorAll('table')].every("
+            "table => table.getBoundingClientRect().right <= innerWidth)")
+        assert said(driver) == []
+        assert asked_for(driver) == [file.as_uri()]
+
+
+@needs_browser
+@pytest.mark.slow
+def test_a_large_report_is_small_and_quick(tmp_path: Path, quick_views: None) -> None:
+    """20 strategies x 10 objects: at most 6 MB, interactive in less than 3 s."""
+    plan, store = wide_study(tmp_path / "wide", wide_text(20, 10, 16))
+    content = make_report(plan, [store])
+    assert len(content) <= 6e6
+    file = tmp_path / "report.html"
+    file.write_bytes(content)
+    with browser(tmp_path / "profile") as driver:
+        driver.get(file.as_uri())
+        ready = driver.execute_script(
+            "const t = performance.getEntriesByType('navigation')[0];"
+            "return t.domContentLoadedEventEnd - t.startTime")
+        print(f"{len(content) / 1e6:.2f} MB, interactive after {ready:.0f} ms")
+        assert ready < 3000
+        assert said(driver) == []
+
+
+def test_a_report_says_nothing_of_what_the_machine_lacks(tmp_path: Path) -> None:
+    """The blocks of the episodes bring Warp to the process that writes the page, too."""
+    wide_study(tmp_path, wide_text(1, 1, 1))
+    done = subprocess.run(
+        [sys.executable, "-m", "sweeps.cli.main", "report", str(tmp_path), "-o",
+         f"{tmp_path}/r.html"],
+        capture_output=True, text=True, check=True)
+    assert done.stderr.splitlines() == [f"episode {n} of 3 for the 3-D views" for n in (1, 2, 3)]
+
+
+@pytest.mark.slow
+def test_views_are_of_the_episodes_that_the_sweep_ran(tmp_path: Path) -> None:
+    from sweeps.run.local_engine import Options, run
+    from sweeps.run.progress import Progress
+
+    plan, store = wide_study(tmp_path, wide_text(1, 1, 3))
+    for file in store.units.iterdir():
+        file.unlink()
+    with Progress(plan.unit_count, tmp_path / "note") as progress:
+        run(plan, store, Options(), progress)
+    picked = pick_episodes(plan, [store])
+    views = make_views(plan, picked)
+    assert views.notes == []
+    assert [e["chamfer_mm"] for e in views.episodes] == [round(p.chamfer_mm, 3) for p in picked]
+    assert not re.search(r"NaN|Infinity", str(views.episodes))

@@ -1,0 +1,186 @@
+import os
+from multiprocessing import connection
+from pathlib import Path
+from typing import Any
+
+import fake_episodes
+import numpy as np
+import pytest
+from studies import SMALL, board, contents, plan_of, run_in
+
+from sweeps.analysis.leaderboard import make_leaderboard
+from sweeps.run import local_engine as runner
+from sweeps.run.plan import Plan
+from sweeps.run.scheduler import Outcome
+from sweeps.run.store import Store
+from sweeps.run.worker import run_units
+from sweeps.spec.errors import Held, OtherStudy, StoreError
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Plan, Path]:
+    folder = tmp_path_factory.mktemp("whole")
+    plan = plan_of(folder / "spec")
+    assert run_in(folder, plan) == Outcome(kept=0, done=8, failed=0)
+    return plan, folder
+
+
+def test_two_workers_give_the_same_bytes(whole: tuple[Plan, Path], tmp_path: Path) -> None:
+    plan, folder = whole
+    run_in(tmp_path, plan, workers=2)
+    assert contents(tmp_path) == contents(folder)
+    assert board(plan, tmp_path) == board(plan, folder)
+
+
+def test_a_run_ends_with_its_last_unit(
+    whole: tuple[Plan, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A lone worker that had all that was left was waited for once more, for a second."""
+    heard: list[int] = []
+
+    def wait(pipes: list[Any], timeout: float) -> list[Any]:
+        ready = connection.wait(pipes, timeout)
+        heard.append(len(ready))
+        return ready
+
+    monkeypatch.setattr(runner, "wait", wait)
+    run_in(tmp_path, whole[0])
+    assert heard[-1] == 1
+
+
+def test_shards_merge_to_the_same_bytes(whole: tuple[Plan, Path], tmp_path: Path) -> None:
+    plan, folder = whole
+    shards = [tmp_path / str(n) for n in range(3)]
+    for n, shard in enumerate(shards):
+        run_in(shard, plan, shard=(n + 1, 3))
+    merged: dict[str, bytes] = {}
+    for shard in shards:
+        assert not merged.keys() & contents(shard).keys()
+        merged |= contents(shard)
+    assert merged == contents(folder)
+    assert board(plan, *shards) == board(plan, *reversed(shards)) == board(plan, folder)
+
+
+def test_a_finished_study_runs_nothing(whole: tuple[Plan, Path]) -> None:
+    plan, folder = whole
+    before = contents(folder)
+    assert run_in(folder, plan, "no_such_function") == Outcome(kept=8)
+    assert contents(folder) == before
+
+
+def test_damaged_and_missing_units_are_done_again(
+        whole: tuple[Plan, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan, folder = whole
+    run_in(tmp_path, plan)
+    first, second, third = sorted((tmp_path / "units").iterdir())[:3]
+    first.write_bytes(first.read_bytes()[:-50])
+    second.write_bytes(b"")
+    third.unlink()
+    (tmp_path / "units" / f".{third.name}.123.tmp").write_bytes(b"left by a kill")
+    (tmp_path / "units" / "0123.parquet").write_bytes(b"of an older schema")
+    monkeypatch.setenv("FAKE_LOG", str(tmp_path / "ran"))
+    assert run_in(tmp_path, plan, "counted_episodes") == Outcome(kept=5, done=3)
+    assert len((tmp_path / "ran").read_text().splitlines()) == 3
+    (tmp_path / "units" / "0123.parquet").unlink()
+    assert contents(tmp_path) == contents(folder)
+    assert len(list((tmp_path / "logs").glob("*.damaged"))) == 2
+
+
+def test_a_grown_study_runs_only_what_is_new(
+        whole: tuple[Plan, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan, _ = whole
+    run_in(tmp_path, plan)
+    grown = plan_of(tmp_path / "spec", SMALL.replace('"wedge"', '"wedge", "funnel"'))
+    monkeypatch.setenv("FAKE_LOG", str(tmp_path / "ran"))
+    assert run_in(tmp_path, grown, "counted_episodes") == Outcome(kept=8, done=4)
+    assert all("funnel" in line for line in (tmp_path / "ran").read_text().splitlines())
+    with pytest.raises(OtherStudy, match=r"objects\.funnel"):
+        run_in(tmp_path, plan)
+
+
+def test_another_spec_is_refused_and_changes_nothing(whole: tuple[Plan, Path]) -> None:
+    _, folder = whole
+    before = (folder / "resolved.json").read_bytes()
+    other = plan_of(folder / "other", SMALL.replace("seed = 7", "seed = 8"))
+    with pytest.raises(OtherStudy, match="seed: 7 -> 8"):
+        run_in(folder, other)
+    assert (folder / "resolved.json").read_bytes() == before
+
+
+def test_deadly_units_are_set_aside_and_the_rest_goes_on(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FAKE_LOG", str(tmp_path / "killed once"))
+    text = SMALL.replace('"block", "wedge"', '"funnel", "wedge", "lightbulb", "block"').replace(
+        "= 70\no", "= 3\no").partition('[[strategy]]\nname = "mine"')[0]
+    plan = plan_of(tmp_path / "spec", text)
+    outcome = run_in(tmp_path, plan, "deadly_episodes", workers=2)
+    assert outcome == Outcome(kept=0, done=2, failed=2)
+    assert (tmp_path / "killed once").exists()
+    logs = "\n".join(file.read_text() for file in (tmp_path / "logs").glob("*.failed.log"))
+    assert "this bulb always breaks" in logs
+    assert "the worker died (exit code -11)" in logs
+    assert "strategy ring6, object funnel" in logs
+    rows = make_leaderboard(plan, [Store(tmp_path)]).rows
+    assert [row[-3] for row in rows] == ["0.5000"]  # failed units count as failures
+    assert run_in(tmp_path, plan).failed == 0  # the next run tries them again
+    assert not list((tmp_path / "logs").glob("*.failed.log"))
+
+
+def test_a_unit_that_hangs_is_set_aside_and_the_rest_goes_on(tmp_path: Path) -> None:
+    text = SMALL.replace("= 70\no", "= 3\no").partition('[[strategy]]\nname = "mine"')[0]
+    plan = plan_of(tmp_path / "spec", text)
+    outcome = run_in(tmp_path, plan, "hanging_episodes", unit_timeout_s=1.5)
+    assert outcome == Outcome(kept=0, done=1, failed=1)
+    log, = (file.read_text() for file in (tmp_path / "logs").glob("*.failed.log"))
+    assert "strategy ring6, object wedge" in log
+    assert "in hanging_episodes" in log  # where it hung
+    assert log.endswith("stopped: it took longer than 1.5 s (--unit-timeout-s)\n")
+    assert run_in(tmp_path, plan) == Outcome(kept=1, done=1)
+
+
+def test_a_flipped_bit_is_found_when_asked_for_and_by_every_ranking(
+        whole: tuple[Plan, Path], tmp_path: Path) -> None:
+    plan, folder = whole
+    run_in(tmp_path, plan)
+    unit = min((tmp_path / "units").iterdir())
+    content = bytearray(unit.read_bytes())
+    content[len(content) // 3] ^= 0xFF  # of values: some bytes of headers tell nothing
+    unit.write_bytes(content)
+    assert run_in(tmp_path, plan) == Outcome(kept=8)  # a look at its end does not tell
+    assert run_in(tmp_path, plan, verify=True) == Outcome(kept=7, done=1)
+    assert contents(tmp_path) == contents(folder)
+
+
+def test_a_full_disk_ends_the_run_and_loses_nothing(tmp_path: Path) -> None:
+    plan = plan_of(tmp_path / "spec")
+    with pytest.raises(StoreError, match="No space left on device; finished units are kept"):
+        run_in(tmp_path, plan, "broken_disk")
+    assert len(contents(tmp_path)) == 1
+    assert run_in(tmp_path, plan) == Outcome(kept=1, done=7)
+
+
+def test_a_worker_that_cannot_start_is_told(tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match="no_such_function"):
+        run_in(tmp_path, plan_of(tmp_path / "spec"), "no_such_function")
+
+
+def test_the_second_of_two_runs_is_told_who_holds_the_directory(
+        whole: tuple[Plan, Path]) -> None:
+    plan, folder = whole
+    store = Store(folder)
+    assert store.holders() == {}
+    with store.lock((1, 1)):
+        assert store.holders() == {"1-of-1": f"process {os.getpid()} on {os.uname().nodename}"}
+        with pytest.raises(Held, match=f"process {os.getpid()} on "):
+            run_in(folder, plan)
+    run_in(folder, plan)
+
+
+def test_rows_are_named_by_their_unit_and_must_be_whole(whole: tuple[Plan, Path]) -> None:
+    plan, _ = whole
+    unit = next(plan.units())
+    rows, = run_units(fake_episodes.run_episodes, [unit], "cpu")
+    assert list(rows)[:4] == ["episode", "strategy", "object", "seed"]
+    assert rows["episode"].tolist() == list(range(64))
+    with pytest.raises(ValueError, match="64 episodes were asked for"):
+        run_units(lambda parts, device: [{"iou": np.zeros(3)}], [unit], "cpu")

@@ -1,0 +1,136 @@
+"""Strategies and planners of one's own in a spec: found, named by their content, or refused."""
+
+import json
+import sys
+from hashlib import sha256
+from pathlib import Path
+
+import pytest
+import trimesh
+
+from strategies.planners.planner_file import PlannerError
+from strategies.planners.registry import find_planner, make_planner
+from sweeps.cli.main import run
+from sweeps.run.plan import _file_hash, plan_study, study_of
+from sweeps.spec.errors import SpecError
+from sweeps.spec.objects import object_of_argument
+from sweeps.spec.reader import read_spec
+from warpgrasp.objects.catalogue_names import NAME_LIMIT
+
+MINE = '[[strategy]]\nname = "mine"\n'
+
+
+@pytest.mark.parametrize(("lines", "says"), [
+    ('strategy = "absent.py:f"', "is not a file"),
+    ('strategy = "mine.py:absent"', "has no function or class 'absent'"),
+    ('strategy = "broken.py:f"', "broken.py:1: ZeroDivisionError"),
+    ('strategy = "nonsense"', "no strategy 'nonsense'"),
+    ('strategy = 3', "should be a planner's name"),
+    ('strategy = "mine.py:f"\norder = ["containment"]', "has no meaning beside a planner"),
+    ('strategy = "mine.py:f"\noptions = { size = 3 }', "takes no options"),
+    ('options = { size = 3 }', "has no meaning without a planner"),
+    ('budget = { touches = 0 }', "should be a whole number from 1 to 1e+06"),
+    ('budget = { touches = 1.5 }', "should be a whole number"),
+    ('budget = { hours = 3 }', "unknown key"),
+    ('budget = 3', "should be a table such as"),
+    ('volume = 3', "unknown key"),
+    ('refit_every = -1', "should be a whole number from 0 to 256"),
+    ('order = ["guess"]', "'guess'"),
+])
+def test_what_is_wrong_with_a_strategy_is_told_with_its_line(
+        tmp_path: Path, lines: str, says: str) -> None:
+    (tmp_path / "mine.py").write_text("def f(belief):\n    return []\n")
+    (tmp_path / "broken.py").write_text("1 / 0\n")
+    file = tmp_path / "study.toml"
+    file.write_text(f'schema = 1\nobjects = ["block"]\n{MINE}{lines}\n')
+    with pytest.raises(SpecError) as error:
+        read_spec(file)
+    assert any(says in problem.what for problem in error.value.problems), error.value.problems
+    assert all(f"{file}:" in problem.where for problem in error.value.problems)
+
+
+def test_a_users_planner_is_named_by_its_content(tmp_path: Path) -> None:
+    file, code = tmp_path / "study.toml", tmp_path / "mine.py"
+    file.write_text(f'schema = 1\nobjects = ["block"]\n{MINE}strategy = "mine.py:f"\n'
+                    'budget = { touches = 40, volume_ratio = 1.5 }\nrefit_every = 2\n')
+    code.write_text("def f(belief):\n    return []\n")
+    first = plan_study(read_spec(file))
+    strategy = first.study.strategies[0]
+    assert strategy.call == f"{code}:f"
+    assert (strategy.touches, strategy.volume_ratio, strategy.refit_every) == (40, 1.5, 2)
+    assert plan_study(study_of(first.resolved)).hash == first.hash
+    assert [u.id for u in plan_study(study_of(first.resolved)).units()] == [
+        u.id for u in first.units()]
+    _file_hash.cache_clear()
+    code.write_text("def f(belief):\n    return [] \n")
+    assert plan_study(read_spec(file)).hash != first.hash
+
+
+def test_a_file_of_a_long_name_can_be_explored(tmp_path: Path) -> None:
+    file = tmp_path / f"{'x' * 100}.stl"
+    trimesh.creation.box((0.06, 0.08, 0.12)).export(file)
+    assert object_of_argument(str(file), "m")["name"] == "x" * NAME_LIMIT
+
+
+def test_files_beside_a_planner_belong_to_it(tmp_path: Path) -> None:
+    calls = []
+    for name, steps in (("one", "1"), ("two", "22")):
+        folder = tmp_path / name
+        folder.mkdir()
+        (folder / "helper.py").write_text("from deeper import STEPS\n")
+        (folder / "deeper.py").write_text(f"STEPS = {steps}\n")
+        (folder / "mine.py").write_text("from helper import STEPS\n"
+                                        "def f(belief):\n    return STEPS\n")
+        calls.append(f"{folder}/mine.py:f")
+    assert [find_planner(call)(None) for call in calls] == [1, 22]
+    assert not {"helper", "deeper"} & set(sys.modules)
+    assert not [entry for entry in sys.path if entry.startswith(str(tmp_path))]
+
+    file = tmp_path / "one" / "study.toml"
+    file.write_text(f'schema = 1\nobjects = ["block"]\n{MINE}strategy = "mine.py:f"\n')
+    first = plan_study(read_spec(file))
+    assert plan_study(study_of(first.resolved)).hash == first.hash
+    (tmp_path / "one" / "deeper.py").write_text("STEPS = 333\n")
+    assert plan_study(read_spec(file)).hash != first.hash
+    assert find_planner(calls[0])(None) == 333
+    (tmp_path / "one" / "deeper.py").write_text("STEPS = 1\n")
+    assert plan_study(read_spec(file)).hash == first.hash
+
+
+def test_a_planner_alone_is_known_by_its_own_content(tmp_path: Path) -> None:
+    (tmp_path / "other.py").write_text("X = 3\n")
+    file, code = tmp_path / "study.toml", tmp_path / "mine.py"
+    code.write_text("def f(belief):\n    return []\n")
+    file.write_text(f'schema = 1\nobjects = ["block"]\n{MINE}strategy = "mine.py:f"\n')
+    plan = plan_study(read_spec(file))
+    assert plan.resolved["strategies"]["mine"]["call_sha256"] == sha256(
+        code.read_bytes()).hexdigest()
+
+
+@pytest.mark.parametrize(("code", "says"), [
+    ("x = 1\n\nraise ValueError('no')\n", "mine.py:3: ValueError: no"),
+    ("import json\n\njson.loads('{')\n", "mine.py:3: JSONDecodeError"),
+    ("x = 1\nx = = 2\n", "mine.py:2: SyntaxError"),
+    ("x = 1\n\n\nimport helper\n", "mine.py:4: SyntaxError"),
+])
+def test_an_error_in_a_planners_file_is_told_with_its_line(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: str, says: str) -> None:
+    (tmp_path / "mine.py").write_text(code)
+    (tmp_path / "helper.py").write_text("x = = 2\n")
+    monkeypatch.chdir(tmp_path)
+    for call in ("mine.py:f", f"{tmp_path}/mine.py:f"):
+        with pytest.raises(PlannerError, match=says):
+            make_planner(call, {})
+
+
+def test_what_a_planner_prints_is_no_result(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "mine.py").write_text(
+        "print('import')\nclass F:\n    def __init__(self, size=1):\n        print('init')\n")
+    file = tmp_path / "study.toml"
+    file.write_text(f'schema = 1\nobjects = ["block"]\n{MINE}strategy = "mine.py:F"\n'
+                    'options = { size = 1 }\n[sweep.grid]\n"strategy.options.size" = [1, 2]\n')
+    assert run(["check", str(file), "--json"]) == 0
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["settings"] == "2"
+    assert {"import", "init"} <= set(printed.err.split())

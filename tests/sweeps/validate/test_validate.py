@@ -1,0 +1,76 @@
+"""The comparisons with other engines: small ones here, the whole by `make validate`."""
+
+import importlib
+import importlib.util
+
+import numpy as np
+import pytest
+
+from sweeps.cli.main import run
+from sweeps.validate.command import CHECKS
+from sweeps.validate.comparison import HEADER, Comparison, MissingEngine, engine
+from sweeps.validate.scores import compare_metrics
+from sweeps.validate.signed_distances import compare_distances
+
+NO_MUJOCO = importlib.util.find_spec("mujoco") is None
+NO_TOOLBOX = importlib.util.find_spec("roboticstoolbox") is None
+
+
+def broken(rows: list[Comparison]) -> list[Comparison]:
+    return [row for row in rows if not row.ok]
+
+
+def test_a_row_keeps_or_breaks_its_bound() -> None:
+    row = Comparison("c", "what", "m", 1.0, 1.1, 0.1, 0.2)
+    assert row.ok
+    assert len(row.cells()) == len(HEADER)
+    assert not Comparison("c", "what", "m", 1.0, 1.3, 0.3, 0.2).ok
+    assert not Comparison("c", "what", "m", 1.0, np.nan, np.nan, 0.2).ok
+    assert Comparison("c", "no promise", "m", 1.0, 1.3, 0.3).ok
+
+
+def test_a_missing_engine_says_how_to_get_it() -> None:
+    with pytest.raises(MissingEngine, match="make validate"):
+        engine("an_engine_that_is_not_there")
+
+
+@pytest.mark.skipif(NO_MUJOCO, reason="MuJoCo is not installed: make validate")
+@pytest.mark.parametrize("name", CHECKS)
+def test_every_check_is_where_the_command_looks(name: str) -> None:
+    module = importlib.import_module(f"sweeps.validate.{CHECKS[name]}")
+    assert callable(getattr(module, f"compare_{name}"))
+
+
+def test_an_unknown_check_is_refused(capsys) -> None:
+    assert run(["validate", "--only", "pumas"]) == 2
+    assert "puma" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(NO_MUJOCO, reason="MuJoCo is not installed: make validate")
+def test_pads_against_integral_and_mujoco() -> None:
+    from sweeps.validate.pads import compare_pads
+
+    assert not broken(compare_pads())
+
+
+@pytest.mark.skipif(NO_MUJOCO, reason="MuJoCo is not installed: make validate")
+def test_a_few_closings_against_mujoco() -> None:
+    from sweeps.validate.guarded_closing import EXACT, compare_body
+
+    rows = [row for name in EXACT[:2] for row in compare_body(name, 2)]
+    assert rows
+    assert not broken(rows)
+
+
+@pytest.mark.skipif(NO_TOOLBOX, reason="roboticstoolbox is not installed: make validate")
+@pytest.mark.filterwarnings("ignore")
+def test_puma_against_the_toolbox() -> None:
+    from sweeps.validate.puma import compare_puma
+
+    assert not broken(compare_puma(200))
+
+
+@pytest.mark.slow
+def test_distances_and_metrics() -> None:
+    pytest.importorskip("rtree", reason="rtree is not installed: make validate")
+    assert not broken([*compare_distances(), *compare_metrics()])

@@ -1,0 +1,157 @@
+"""The rules of the house that a reader should not have to remember: who may import whom, and what
+a folder and a file may hold."""
+
+import ast
+import importlib
+from collections import defaultdict
+from collections.abc import Iterator
+from functools import cache
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+from places import ROOT
+
+FLOORS = {
+    "warpgrasp": ["parameters", "probe_status", "core", "geometry", "objects", "mechanism",
+                  "closing", "touch", "export", "robot"],
+    "fit": ["fit_status", "rotation", "arrays", "optimize", "prepare", "superquadric",
+            "revolution", "plane", "polyhedron", "choice", "match_parameters",
+            "interpretation_tree", "points_csv"],
+    "strategies": ["poses", "strategy", "ready_made", "procedures", "recovery", "planners",
+                   "exploration"],
+    "sweeps": ["output", "spec", "episode", "run", "analysis", "figures", "report", "paper",
+               "validate", "bench", "cli", "__main__"],
+}
+"""The rooms and files of each package; one may import those before it, in its package."""
+BELOW = {"warpgrasp": set(), "fit": set(), "strategies": {"warpgrasp", "fit"},
+         "sweeps": {"warpgrasp", "fit", "strategies"}}
+FILES = {path: ".".join(path.relative_to(ROOT).with_suffix("").parts)
+         for package in FLOORS for path in sorted((ROOT / package).rglob("*.py"))}
+MODULES = {name: path for path, name in FILES.items()}
+
+
+@cache
+def tree(path: Path) -> ast.Module:
+    return ast.parse(path.read_text())
+
+
+def imported(path: Path) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Modules that a file imports, anywhere in it, and the names it takes from each."""
+    for node in ast.walk(tree(path)):
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, ()) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import; name the package"
+            yield node.module or "", tuple(alias.name for alias in node.names)
+
+
+def ours(path: Path) -> Iterator[str]:
+    """Modules of ours that a file imports, as full names of files."""
+    for module, names in imported(path):
+        if module.split(".")[0] in FLOORS:
+            inner = [f"{module}.{name}" for name in names if f"{module}.{name}" in MODULES]
+            yield from inner or [module]
+
+
+def room(module: str) -> str:
+    return module.split(".")[1]
+
+
+@pytest.mark.parametrize("package", FLOORS)
+def test_packages_and_rooms_import_downwards(package: str) -> None:
+    floor = {name: level for level, name in enumerate(FLOORS[package])}
+    for path, name in FILES.items():
+        if name.split(".")[0] != package or name == f"{package}.__init__":
+            continue
+        for other in ours(path):
+            if other.split(".")[0] != package:
+                assert other.split(".")[0] in BELOW[package], f"{name} imports {other}"
+            elif room(other) != room(name):
+                assert floor[room(other)] < floor[room(name)], f"{name} imports {other}, above it"
+
+
+def test_no_files_import_each_other_in_a_circle() -> None:
+    graph = {name: set(ours(path)) - {name} for path, name in FILES.items()}
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        pytest.fail(" -> ".join(error.args[1]))
+
+
+def test_folders_and_files_are_small() -> None:
+    folders = defaultdict(list)
+    for path in FILES:
+        if path.name not in ("__init__.py", "__main__.py"):
+            folders[path.parent].append(path)
+            lines = path.read_text().count("\n")
+            least = 1 if path.stem in RECORDS else 40
+            assert least <= lines <= 400, f"{path}: {lines} lines; wanted are {least} to 400"
+    for folder, files in folders.items():
+        assert len(files) <= 15 or folder.name == "figures", f"{folder}: {len(files)} files"
+
+
+RECORDS = {"probe_status", "catalogue_names", "strategy"}
+"""Files of one small record or list."""
+
+
+def test_no_name_of_a_file_stands_for_two_things() -> None:
+    seen = defaultdict(set)
+    for path, name in FILES.items():
+        if not path.name.startswith("__"):
+            seen[path.stem].add(name.split(".")[0])
+    assert {stem: packages for stem, packages in seen.items()
+            if len(packages) > 1 and stem != "fit"} == {}
+
+
+def is_warp(node: ast.AST) -> bool:
+    """Whether a definition is one of Warp's: its function, kernel, or struct."""
+    return isinstance(node, ast.FunctionDef | ast.ClassDef) and any(
+        ast.unparse(d).startswith("wp.") or ast.unparse(d) == "struct"
+        for d in node.decorator_list)
+
+
+def test_kernels_stand_in_files_of_their_own() -> None:
+    """So that type checkers read every function that runs on the host."""
+    for path in FILES:
+        body = tree(path).body
+        host = [n.name for n in body if isinstance(n, ast.FunctionDef) and not is_warp(n)]
+        device = [n.name for n in body if isinstance(n, ast.FunctionDef) and is_warp(n)]
+        assert not (host and device), f"{path}: {host} beside {device}"
+        if path.read_text().startswith("# type: ignore"):
+            assert not host or path.stem.startswith("peer"), f"{path}: hides {host} from pyright"
+
+
+def test_facades_name_what_other_rooms_use() -> None:
+    for path, name in FILES.items():
+        for module, names in imported(path):
+            if module not in MODULES or MODULES[module].name == "__init__.py":
+                continue
+            facade, _, stem = module.rpartition(".")
+            if facade.count(".") == 1 and not name.startswith(f"{facade}."):
+                known = getattr(importlib.import_module(facade), "__all__", ())
+                missing = [n for n in names if n not in (*known, stem) and not n.startswith("_")]
+                assert missing == [], f"{facade}/__init__.py does not name {missing} of {stem}"
+
+
+def test_facades_give_what_they_name() -> None:
+    for path, name in FILES.items():
+        if path.name == "__init__.py":
+            facade = importlib.import_module(name.removesuffix(".__init__"))
+            assert (facade.__doc__ or "").endswith("."), f"{path}: says nothing"
+            for public in getattr(facade, "__all__", ()):
+                assert not (path.parent / f"{public}.py").exists(), f"{path}: {public} is a file"
+                getattr(facade, public)
+
+
+def test_jaxopt_lives_in_one_file() -> None:
+    users = [name for path, name in FILES.items()
+             if any(module.split(".")[0] == "jaxopt" for module, _ in imported(path))]
+    assert len(users) == 1, users
+
+
+def test_warmup_compiles_every_file_with_a_kernel() -> None:
+    from sweeps.cli.warmup import KERNEL_MODULES
+
+    assert {name for path, name in FILES.items() if "@wp.kernel" in path.read_text()} == set(
+        KERNEL_MODULES)

@@ -1,0 +1,66 @@
+"""Believed contacts: torques alone find link and place where the geometry lets them."""
+
+import numpy as np
+
+from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
+from warpgrasp.objects.catalogue import body_from_name
+from warpgrasp.parameters import ArmTable, HandTable, SensorTable
+from warpgrasp.probe_status import ProbeStatus
+from warpgrasp.robot import Robot, Truth
+
+EXACT_ARM = ArmTable(mount_error_m=0.0, mount_error_rad=0.0, repeatability_m=0.0,
+                     encoder_step_rad=0.0)
+
+
+def grasp_lightbulb(sensors: SensorTable, arm: ArmTable = EXACT_ARM, worlds: int = 40):
+    """Hands straight above lightbulbs, off their axes by up to a centimetre."""
+    pose = np.tile([0.45, 0, 0, 0, 0, 0, 1.0], (worlds, 1))
+    truth = Truth(pose)
+    robot = Robot([body_from_name("lightbulb")], np.zeros(1, int), truth,
+                  np.arange(worlds, dtype=np.uint64), arm, HandTable(), sensors)
+    aside = np.random.default_rng(0).uniform(-0.01, 0.01, (worlds, 2))
+    hand = np.zeros((worlds, 1, 7))
+    hand[:, 0, 0], hand[:, 0, 1] = 0.45 + aside[:, 0], aside[:, 1]
+    hand[:, 0, 2], hand[:, 0, 3] = 0.16, 1.0
+    commands = closing_commands(CLOSING_PATHS["curl40"])[None]
+    grasps = robot.grasp(hand, np.ones((worlds, 1), bool), commands, np.array([commands.shape[2]]))
+    return grasps, truth.closings[0]
+
+
+def quiet(estimator: str) -> SensorTable:
+    return SensorTable(tension_noise_N=0.0, tension_step_N=0.0, joint_noise_rad=0.0,
+                       contact_estimator=estimator)
+
+
+def test_the_touched_link_is_known_from_torques() -> None:
+    grasps, truth = grasp_lightbulb(quiet("intrinsic"))
+    felt = (grasps.closing.status == ProbeStatus.CONTACT) & (truth.link >= 0)
+    assert felt.sum() > 100
+    assert (grasps.estimate.link == truth.link)[felt].mean() > 0.95
+    assert np.allclose(grasps.estimate.link_weight[felt].sum(-1), 1.0)
+
+
+def test_intrinsic_beats_fingertip_and_the_axis_passes_one_radius_from_the_contact() -> None:
+    errors = {}
+    for estimator in ("intrinsic", "fingertip"):
+        grasps, truth = grasp_lightbulb(quiet(estimator))
+        felt = (grasps.closing.status == ProbeStatus.CONTACT) & (truth.link >= 0)
+        errors[estimator] = np.median(np.linalg.norm(
+            grasps.estimate.point_m - truth.point_m, axis=-1)[felt])
+    assert errors["intrinsic"] < errors["fingertip"]
+    grasps, truth = grasp_lightbulb(quiet("intrinsic"))
+    joints = grasps.estimate.link_points_m
+    on = (grasps.closing.status == ProbeStatus.CONTACT) & (truth.link == 2)
+    a, b, p = joints[on][:, 2], joints[on][:, 3], truth.point_m[on]
+    share = np.clip(((p - a) * (b - a)).sum(-1) / ((b - a) ** 2).sum(-1), 0, 1)
+    away = np.linalg.norm(a + share[:, None] * (b - a) - p, axis=-1)
+    assert np.allclose(away, HandTable().link_radius_m, atol=2e-4)  # less the skin's give
+
+
+def test_covariances_are_symmetric_positive_and_unfelt_fingers_have_none() -> None:
+    grasps, _ = grasp_lightbulb(SensorTable(), ArmTable())
+    felt = grasps.closing.status == ProbeStatus.CONTACT
+    c = grasps.estimate.covariance_m2[felt]
+    assert np.allclose(c, np.swapaxes(c, -1, -2))
+    assert (np.linalg.eigvalsh(c) > 0).all()
+    assert np.isnan(grasps.estimate.point_m[~felt]).all()

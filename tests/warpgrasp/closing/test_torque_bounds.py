@@ -1,0 +1,121 @@
+"""Torques between looks: balls that hold what a convex energy can do, and no stop hidden."""
+
+import numpy as np
+import pytest
+import warp as wp
+
+from strategies.poses.hand_poses import waypoint_poses
+from strategies.procedures.containment import padded_commands
+from strategies.ready_made import STRATEGIES
+from sweeps.episode.episodes import place_objects, tell_cylinder
+from warpgrasp.closing.closing import close_fingers
+from warpgrasp.closing.energy import rest_from
+from warpgrasp.closing.torque_bounds import agree, in_both, torque_after
+from warpgrasp.core.dtypes import real, vec4
+from warpgrasp.core.kernel_launch import launch
+from warpgrasp.core.random import counter_key_host
+from warpgrasp.geometry.body import scene_of
+from warpgrasp.objects.catalogue import body_from_name
+from warpgrasp.parameters import HandTable, ObjectTable, SensorTable
+
+HAND = HandTable()
+
+
+@wp.kernel(enable_backward=False)
+def _between_kernel(
+    first: int, stiffness: real, command: wp.array2d[vec4], q: wp.array2d[vec4],
+    centre: wp.array2d[vec4], radius: wp.array2d[real], agreed: wp.array[int],
+):
+    i = wp.tid() + first
+    low = rest_from(q[i, 0])
+    high = rest_from(q[i, 2])
+    after = torque_after(command[i, 0], low, command[i, 1], stiffness)
+    both = in_both(after, torque_after(command[i, 2], high, command[i, 1], stiffness))
+    centre[i, 0] = after.centre
+    radius[i, 0] = after.radius
+    centre[i, 1] = both.centre
+    radius[i, 1] = both.radius
+    agreed[i] = int(agree(command[i, 0], low, command[i, 2], high, stiffness))
+
+
+def between(command: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Balls at the middle one of three commands, by the first alone and by both others."""
+    n = len(command)
+    centre = wp.zeros((n, 2), dtype=vec4, device="cpu")
+    radius = wp.zeros((n, 2), dtype=real, device="cpu")
+    agreed = wp.zeros(n, dtype=int, device="cpu")
+    launch(_between_kernel, {"row": n}, {
+        "command": "row 3", "q": "row 3", "centre": "row 2", "radius": "row 2", "agreed": "row"}, {
+        "stiffness": HAND.joint_stiffness_Nm_rad,
+        "command": wp.array(command, dtype=vec4, device="cpu"),
+        "q": wp.array(q, dtype=vec4, device="cpu"),
+        "centre": centre, "radius": radius, "agreed": agreed}, device="cpu")
+    return centre.numpy(), radius.numpy(), agreed.numpy().astype(bool)
+
+
+def test_torques_lie_in_the_balls_where_contacts_are_convex() -> None:
+    """Walls that joints press into, 1/2 skin max(0, n . q - level)^2: rests by their formula."""
+    rng = np.random.default_rng(0)
+    n, k, skin = 2000, HAND.joint_stiffness_Nm_rad, 10.0 ** rng.uniform(-1, 4, (2000, 1))
+    normal = rng.normal(size=(n, 4))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    level = rng.normal(scale=0.02, size=(n, 1))
+    way = rng.normal(scale=0.03, size=(n, 4))
+    command = way[:, None] * np.array([0.0, 1.0, 2.0])[:, None]
+    command[:, 1:] += rng.normal(scale=0.01, size=(n, 2, 4))  # not along a line
+    past = np.maximum((command * normal[:, None]).sum(-1) - level, 0.0)
+    q = command - (past * skin / (k + skin))[..., None] * normal[:, None]
+    centre, radius, agreed = between(command, q)
+    torque = k * (command[:, 1] - q[:, 1])
+    off = np.linalg.norm(centre - torque[:, None], axis=2)
+    assert (off <= radius + 1e-9).all()
+    assert agreed.all()
+    assert (radius[:, 1] <= radius[:, 0] + 1e-12).all()
+    assert np.median(radius[:, 1]) < 0.6 * np.median(radius[:, 0])
+
+
+def test_a_finger_that_slips_is_told() -> None:
+    """Torque gone though the command went on."""
+    k = HAND.joint_stiffness_Nm_rad
+    command = np.zeros((1, 3, 4))
+    command[0, :, 1] = 0.0, 0.01, 0.02
+    q = command.copy()
+    q[0, 0, 1] -= 0.03 / k
+    assert not between(command, q)[2][0]
+    q[0, 2, 1] = command[0, 2, 1] - 0.03 / k
+    assert between(command, q)[2][0]
+
+
+@pytest.mark.parametrize("name", ["block", "wine_bottle"])
+def test_no_step_left_out_would_have_stopped_a_finger(name: str) -> None:
+    """Paths cut short at every step, and a threshold that is never reached: rests of every step."""
+    quiet = SensorTable(tension_noise_N=0.0, tension_step_N=0.0, joint_noise_rad=0.0)
+    never = SensorTable(tension_noise_N=0.0, tension_step_N=0.0, tendon_threshold_N=1e3)
+    body, worlds = body_from_name(name), 4
+    key = counter_key_host(5, np.arange(worlds))
+    pose = place_objects(ObjectTable(), key)
+    strategy = STRATEGIES["ring6"]
+    hands = waypoint_poses(strategy.waypoints, tell_cylinder(body, pose, 0.01, key), HAND, key)
+    commands, count = padded_commands(strategy.closings)
+    made = np.ones((*hands.shape[:2], len(count)), int)
+
+    def close(sensors: SensorTable, steps: np.ndarray):
+        return close_fingers(scene_of([body], "cpu"), np.zeros(1, int), pose, HAND, sensors, key,
+                             made, hands, commands, steps)
+
+    felt, truth = close(quiet, count)
+    stopped = truth.link >= 0
+    assert stopped.mean() > 0.4
+    early = np.zeros(felt.step.shape, bool)
+    arm = np.array(HAND.moment_arm_m[1:])
+    for last in range(1, int(felt.step[stopped].max())):
+        rest = close(never, np.minimum(count, last + 1))[1]
+        pull = rest.torque_Nm[..., 1:] / (2 * arm)
+        moving = np.sign(commands[:, :, last] - commands[:, :, last - 1])[..., 1:]
+        rub = HAND.tendon_friction * moving
+        ends = HAND.tension_low_N, HAND.tension_high_N
+        flexor = np.clip(HAND.co_contraction_N + pull, *ends) * (1 + rub)
+        extensor = np.clip(HAND.co_contraction_N - pull, *ends) * (1 - rub)
+        over = (np.abs(flexor - extensor) > quiet.tendon_threshold_N + 1e-3).any(-1)
+        early |= over & (last < felt.step) & (last < count[:, None])
+    assert early.sum() <= 0.002 * stopped.sum()

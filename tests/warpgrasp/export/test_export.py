@@ -1,0 +1,196 @@
+"""Exports: what MuJoCo and a URDF reader make of them stands where our kinematics say."""
+
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from fit.superquadric.geometry import superquadric, superquadric_volume
+from warpgrasp.export.convex_solids import convex_runs, object_solids
+from warpgrasp.export.mjcf import mjcf_text
+from warpgrasp.export.robot_tree import FINGERS, Link, arm_hand_tree, hand_tree
+from warpgrasp.export.urdf import urdf_text
+from warpgrasp.geometry.body import Body, BodyError, Part, distance_to_bodies, scene_of
+from warpgrasp.geometry.scene import Join, Shape
+from warpgrasp.mechanism.arm_motion import arm_hand_links
+from warpgrasp.mechanism.utah_mit_hand import hand_links
+from warpgrasp.objects.catalogue import body_from_name, body_from_table
+from warpgrasp.parameters import ArmTable, HandTable, PadTable
+
+ARM, HAND, PADS = ArmTable(), HandTable(), PadTable()
+NEAR_M = 1e-6
+PLACE = (0.1, -0.2, 0.3, 0.5, -0.5, 0.5, 0.5)
+
+
+def random_joints(links: list[Link], count: int) -> np.ndarray:
+    joints = [link.joint for link in links if link.joint is not None]
+    rng = np.random.default_rng(1)
+    return rng.uniform([j.low for j in joints], [j.high for j in joints], (count, len(joints)))
+
+
+def tree_poses(links: list[Link], q: np.ndarray) -> dict[str, tuple[np.ndarray, Rotation]]:
+    """Link poses for joints `q`, written out anew from the tree."""
+    poses: dict[str, tuple[np.ndarray, Rotation]] = {"": (np.zeros(3), Rotation.identity())}
+    angles = iter(q)
+    for link in links:
+        place, turn = poses[link.parent]
+        place = place + turn.apply(link.place[:3])
+        turn = turn * Rotation.from_quat(link.place[3:])
+        if link.joint is not None:
+            turn = turn * Rotation.from_rotvec(next(angles) * np.asarray(link.joint.axis))
+        poses[link.name] = (place, turn)
+    return poses
+
+
+def check_fingers(poses, points: np.ndarray, palmar: np.ndarray) -> None:
+    """Every phalanx starts, ends and faces as our forward kinematics of one pose say."""
+    for f, finger in enumerate(FINGERS):
+        for k, phalanx in enumerate(("proximal", "middle", "distal")):
+            place, turn = poses[f"{finger}_{phalanx}"]
+            assert np.abs(place - points[f, k + 1]).max() < NEAR_M
+            end = place + turn.apply([0.0, 0.0, HAND.link_length_m[k]])
+            assert np.abs(end - points[f, k + 2]).max() < NEAR_M
+            assert np.abs(turn.apply([1.0, 0.0, 0.0]) - palmar[f, k]).max() < NEAR_M
+
+
+def test_the_tree_is_the_kernels_robot() -> None:
+    links = arm_hand_tree(ARM, HAND, PADS)
+    q = random_joints(links, 20)
+    assert q.shape[1] == 22
+    points, palmar = arm_hand_links(ARM, HAND, q)
+    for k in range(len(q)):
+        check_fingers(tree_poses(links, q[k]), points[k], palmar[k])
+
+
+@pytest.mark.parametrize("arm", [False, True])
+def test_mujoco_puts_links_where_we_do(arm: bool) -> None:
+    mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed: make validate")
+    links = arm_hand_tree(ARM, HAND, PADS) if arm else hand_tree(HAND, PADS, place=PLACE)
+    model = mujoco.MjModel.from_xml_string(mjcf_text(links))
+    data = mujoco.MjData(model)
+    q = random_joints(links, 200)
+    if arm:
+        points, palmar = arm_hand_links(ARM, HAND, q)
+    else:
+        points, palmar = hand_links(HAND, np.tile(PLACE, (len(q), 1)), q.reshape(-1, 4, 4))
+    for k in range(len(q)):
+        data.qpos[:] = q[k]
+        mujoco.mj_kinematics(model, data)
+        poses = {link.name: (data.body(link.name).xpos.copy(),
+                             Rotation.from_matrix(data.body(link.name).xmat.reshape(3, 3)))
+                 for link in links}
+        check_fingers(poses, points[k], palmar[k])
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # the reader's own, of its mesh library
+@pytest.mark.parametrize("arm", [False, True])
+def test_a_urdf_reader_puts_links_where_we_do(arm: bool, tmp_path) -> None:
+    yourdfpy = pytest.importorskip("yourdfpy", reason="yourdfpy is not installed: make validate")
+    links = arm_hand_tree(ARM, HAND, PADS) if arm else hand_tree(HAND, PADS, place=PLACE)
+    text, meshes = urdf_text(links, object_solids(body_from_name("wedge")))
+    for name, content in meshes.items():
+        (tmp_path / name).write_text(content)
+    (tmp_path / "robot.urdf").write_text(text)
+    robot = yourdfpy.URDF.load(str(tmp_path / "robot.urdf"), load_meshes=True,
+                               build_collision_scene_graph=True, load_collision_meshes=True)
+    assert robot.validate()
+    joints = [link.joint.name for link in links if link.joint is not None]
+    q = random_joints(links, 40)
+    if arm:
+        points, palmar = arm_hand_links(ARM, HAND, q)
+    else:
+        points, palmar = hand_links(HAND, np.tile(PLACE, (len(q), 1)), q.reshape(-1, 4, 4))
+    for k in range(len(q)):
+        robot.update_cfg(dict(zip(joints, q[k], strict=True)))
+        poses = {}
+        for link in links:
+            matrix = robot.get_transform(link.name, "world")
+            poses[link.name] = matrix[:3, 3], Rotation.from_matrix(matrix[:3, :3])
+        check_fingers(poses, points[k], palmar[k])
+
+
+def test_actuators_limits_and_pads_are_the_tables() -> None:
+    root = ET.fromstring(mjcf_text(arm_hand_tree(ARM, HAND, PADS)))
+    servos = {a.get("name"): a for a in root.iter("position")}
+    assert len(servos) == 22
+    assert float(servos["thumb_flexion2"].get("kp")) == HAND.joint_stiffness_Nm_rad
+    joints = {j.get("name"): j for j in root.iter("joint")}
+    assert [float(v) for v in joints["ring_flexion1"].get("range").split()] == pytest.approx(
+        [HAND.flexion_low_rad[0], HAND.flexion_high_rad[0]])
+    assert len(list(root.iter("site"))) == 4
+
+
+@pytest.mark.parametrize("name", ["block", "large_cylinder", "wedge", "wine_bottle", "funnel"])
+def test_solids_fill_the_body(name: str) -> None:
+    """Points of every solid lie in the body, and its surface in the solids, by our distance."""
+    body = body_from_name(name)
+    scene = scene_of([body], "cpu")
+    for solid in object_solids(body):
+        if solid.kind != "mesh":
+            continue
+        distance, _ = distance_to_bodies(scene, np.zeros(1, int), solid.vertices[None])
+        assert distance.max() < 1e-4
+        edges = np.cross(solid.vertices[solid.faces[:, 1]] - solid.vertices[solid.faces[:, 0]],
+                         solid.vertices[solid.faces[:, 2]] - solid.vertices[solid.faces[:, 0]])
+        outward = solid.vertices[solid.faces].mean(1) - solid.vertices.mean(0)
+        assert ((edges * outward).sum(1) > -1e-15).all()
+
+
+def test_convex_runs_meet_and_are_convex() -> None:
+    profile = body_from_name("coke_bottle").parts[0].profile_m
+    runs = convex_runs(profile)
+    assert len(runs) > 1
+    assert np.array_equal(np.concatenate([runs[0], *(r[1:] for r in runs[1:])]), profile)
+    for run in runs:
+        slope = np.diff(run[:, 1]) / np.diff(run[:, 0])
+        assert (np.diff(slope) <= 1e-8).all()
+
+
+def test_what_cannot_be_said_is_refused(tmp_path) -> None:
+    cup = Body("cup", (Part(Shape.BLOCK, size_m=(0.1, 0.1, 0.1)),
+                       Part(Shape.SPHERE, Join.DIFFERENCE, size_m=(0.03, 0, 0))),
+               (-0.05, -0.05, 0.0), (0.05, 0.05, 0.1))
+    with pytest.raises(BodyError, match="difference"):
+        object_solids(cup)
+    hook = body_from_table({"name": "hook", "superquadric": {
+        "size_mm": [20, 20, 60], "exponents": [0.5, 1.0], "bend_per_m": 5.0}}, tmp_path)
+    with pytest.raises(BodyError, match="bent"):
+        object_solids(hook)
+
+
+@pytest.mark.parametrize("without", ["mount_length_m", "finger_spacing_m"])
+def test_capsules_without_length_are_balls(without: str, tmp_path) -> None:
+    """A hand on the flange, fingers in one plane, a capsule as high as wide."""
+    mujoco = pytest.importorskip("mujoco")
+    pill = body_from_table({"name": "pill", "compound": [
+        {"shape": "capsule", "radius_mm": 20, "height_mm": 40}]}, tmp_path)
+    tree, solids = hand_tree(replace(HAND, **{without: 0.0}), PADS), object_solids(pill)
+    model = mujoco.MjModel.from_xml_string(mjcf_text(tree, solids))
+    balls = model.geom_size[model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE, 0]
+    thick = HAND.palm_thickness_m / 2  # of the palm's bars and the wrist, beside fingertips' marks
+    bars = 1 if without == "mount_length_m" else 3
+    np.testing.assert_allclose(np.sort(balls[balls > 0.01]), np.sort([0.02, *[thick] * bars]))
+    inertia = [float(i.attrib[k]) for i in ET.fromstring(urdf_text(tree, solids)[0]).iter("inertia")
+               for k in ("ixx", "iyy", "izz")]
+    assert np.isfinite(inertia).all()
+    assert np.min(inertia) > 0.0
+
+
+@pytest.mark.parametrize(("exponents", "taper", "hollow"), [
+    ((1.0, 1.0), (1.0, 1.0), True), ((1.5, 1.5), (-0.8, -0.8), True),
+    ((1.0, 1.0), (1.0, -1.0), True), ((1.0, 1.0), (0.5, 0.5), False),
+    ((0.1, 0.1), (0.3, 0.0), False), ((0.2, 0.3), (-0.9, -0.9), False)])
+def test_no_hollow_of_a_taper_is_filled(exponents, taper, hollow: bool, tmp_path) -> None:
+    body = body_from_table({"name": "pear", "superquadric": {
+        "size_mm": [30, 30, 60], "exponents": list(exponents), "taper": list(taper)}}, tmp_path)
+    if hollow:
+        with pytest.raises(BodyError, match="taper is not convex"):
+            object_solids(body)
+        return
+    solid, = object_solids(body)
+    shape = superquadric((0.03, 0.03, 0.06), exponents, taper=taper)
+    true = float(np.squeeze(superquadric_volume(shape)))
+    assert ConvexHull(solid.vertices).volume == pytest.approx(true, rel=6e-3)

@@ -1,0 +1,46 @@
+"""Points a body is scored by."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import qmc
+
+from warpgrasp.geometry.body import Body, Part
+from warpgrasp.geometry.body_sampling import sample_body, sobol_points
+from warpgrasp.geometry.scene import Shape
+from warpgrasp.objects.catalogue import body_from_name, body_from_table
+
+
+def test_sobol_points_are_scipys() -> None:
+    assert np.array_equal(sobol_points(12), qmc.Sobol(3, scramble=False).random_base2(12))
+
+
+def test_a_sample_is_of_its_bodys_own_box() -> None:
+    """Of one shape, in a box that holds it and in one that cuts it: two samples."""
+    ball = (Part(Shape.SPHERE, size_m=(0.03, 0.0, 0.0)),)
+    whole = sample_body(Body("whole", ball, (-0.03, -0.03, 0.0), (0.03, 0.03, 0.06)))
+    half = sample_body(Body("half", ball, (-0.03, -0.03, 0.0), (0.03, 0.03, 0.03)))
+    assert whole.volume_m3 == pytest.approx(4 / 3 * np.pi * 0.03**3, rel=0.01)
+    assert half.volume_m3 < 0.6 * whole.volume_m3
+
+
+@pytest.mark.parametrize("name", ["block", "wedge", "small_cylinder"])
+def test_normals_of_ends_point_up_and_down(name: str) -> None:
+    body = body_from_name(name)
+    sample = sample_body(body, surface=16384)
+    x, y, z = sample.surface_m.T
+    within = np.hypot(x, y) < 0.015
+    for height, up in ((0.0, -1.0), (body.high_m[2], 1.0)):
+        there = within & (np.abs(z - height) < 1e-5)
+        if name != "wedge" or height == 0.0:  # its top is an edge
+            assert there.sum() > 50
+            assert np.allclose(sample.surface_normal[there], [0.0, 0.0, up], atol=1e-6)
+
+
+def test_where_parts_meet_is_no_surface() -> None:
+    half = {"shape": "block", "size_mm": [60, 60, 60]}
+    stack = body_from_table({"name": "stack", "compound": [half, half | {"at_mm": [0, 0, 60]}]},
+                            Path())
+    x, y, z = np.abs(sample_body(stack).surface_m - [0.0, 0.0, 0.060]).T
+    assert np.allclose(np.maximum(np.maximum(x, y) - 0.030, z - 0.060), 0.0, atol=2e-4)

@@ -1,0 +1,62 @@
+"""Arm and hand together: 22 joints in, every fingertip in the world out."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from warpgrasp.geometry.body import Body, Part, scene_of
+from warpgrasp.geometry.scene import Shape
+from warpgrasp.mechanism.arm_motion import HOME_RAD, ArmState, arm_hand_links, move_hand
+from warpgrasp.mechanism.puma560 import puma_forward_batch
+from warpgrasp.parameters import ArmTable, HandTable
+from warpgrasp.probe_status import ProbeStatus
+
+ARM, HAND = ArmTable(), HandTable()
+
+
+def test_fingertips_ride_on_the_flange() -> None:
+    rng = np.random.default_rng(0)
+    q = np.zeros((50, 22))
+    q[:, :6] = rng.uniform(ARM.limit_low_rad, ARM.limit_high_rad, (50, 6))
+    points, palmar = arm_hand_links(ARM, HAND, q)
+    flange = puma_forward_batch(ARM, q[:, :6])
+    reach = HAND.mount_length_m + HAND.abduction_offset_m + sum(HAND.link_length_m)
+    for finger, (x, y) in enumerate(((-1, -1), (-1, 0), (-1, 1), (1, 0))):
+        local = [x * HAND.palm_gap_m / 2, y * HAND.finger_spacing_m, reach]
+        tip = Rotation.from_quat(flange[:, 3:]).apply(local) + flange[:, :3]
+        assert np.allclose(points[:, finger, 4], tip, atol=1e-12)
+    assert np.allclose(np.linalg.norm(palmar, axis=-1), 1.0)
+
+
+def test_home_holds_the_hand_above_the_table_pointing_down() -> None:
+    points, _ = arm_hand_links(ARM, HAND, np.array([[*HOME_RAD, *np.zeros(16)]]))
+    along = points[0, 1, 4] - points[0, 1, 0]
+    assert along[2] / np.linalg.norm(along) < -0.999
+    assert 0.1 < points[..., 2].min() < points[..., 2].max() < 0.6
+
+
+def test_another_number_of_joints_is_refused() -> None:
+    with pytest.raises(ValueError, match="22"):
+        arm_hand_links(ARM, HAND, np.zeros((1, 21)))
+
+
+@pytest.mark.parametrize("gap", [0.0005, 0.001, 0.0015, 0.003])
+def test_a_way_along_a_wall_is_looked_at_to_its_end(gap: float) -> None:
+    """Straight fingers straddle a block, near to it: steps are short, and end in the table."""
+    wide = HAND.palm_gap_m - 2 * HAND.link_radius_m - 2 * gap
+    block = Body("wall", (Part(Shape.BLOCK, size_m=(wide, 0.03, 0.1)),), (-0.1, -0.1, 0.0),
+                 (0.1, 0.1, 0.1))
+    exact = ArmTable(encoder_step_rad=0.0, repeatability_m=0.0, mount_error_m=0.0,
+                     mount_error_rad=0.0)
+
+    def status(height: float) -> int:
+        moves, _ = move_hand(
+            scene_of([block], "cpu"), np.zeros(1, int), np.array([[0.45, 0, 0, 0, 0, 0, 1.0]]),
+            exact, HAND, np.array([7], np.uint64), ArmState.home(1),
+            np.array([[[0.45, 0.0, height, 1.0, 0.0, 0.0, 0.0]]]), np.ones((1, 1), bool),
+            np.zeros((1, 4, 1, 4)))
+        return int(moves.status[0, 0, 0])
+
+    tips = HAND.abduction_offset_m + sum(HAND.link_length_m) + HAND.link_radius_m
+    assert status(tips + 0.001) == ProbeStatus.CONTACT
+    assert status(tips - 0.020) == ProbeStatus.COLLISION

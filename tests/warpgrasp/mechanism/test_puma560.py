@@ -1,0 +1,51 @@
+"""PUMA 560: forward and inverse kinematics undo each other; known configurations."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from warpgrasp.mechanism.puma560 import ALPHA_RAD, puma_forward_batch, puma_inverse_batch
+from warpgrasp.parameters import ArmTable
+
+TABLE = ArmTable()
+
+
+def dh_product(q: np.ndarray) -> np.ndarray:
+    """An independent forward kinematics: the product of homogeneous DH matrices."""
+    total = np.eye(4)
+    for angle, d, a, alpha in zip(q, TABLE.d_m, TABLE.a_m, ALPHA_RAD, strict=True):
+        c, s, ca, sa = np.cos(angle), np.sin(angle), np.cos(alpha), np.sin(alpha)
+        total = total @ np.array([[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s],
+                                  [0, sa, ca, d], [0, 0, 0, 1]])
+    return total
+
+
+def test_forward_against_dh_matrices() -> None:
+    q = np.random.default_rng(0).uniform(TABLE.limit_low_rad, TABLE.limit_high_rad, (200, 6))
+    poses = puma_forward_batch(TABLE, q)
+    for row, pose in zip(q, poses, strict=True):
+        wanted = dh_product(row)
+        assert np.allclose(pose[:3], wanted[:3, 3], atol=1e-12)
+        assert np.allclose(Rotation.from_quat(pose[3:]).as_matrix(), wanted[:3, :3], atol=1e-12)
+
+
+def test_all_eight_branches_reach_the_pose_and_one_is_the_original() -> None:
+    q = np.random.default_rng(1).uniform(TABLE.limit_low_rad, TABLE.limit_high_rad, (2000, 6))
+    pose = puma_forward_batch(TABLE, q)
+    branches = puma_inverse_batch(TABLE, pose)
+    assert np.isfinite(branches).all()
+    again = puma_forward_batch(TABLE, branches.reshape(-1, 6)).reshape(2000, 8, 7)
+    assert np.abs(again[..., :3] - pose[:, None, :3]).max() < 1e-12
+    assert (1 - np.abs((again[..., 3:] * pose[:, None, 3:]).sum(-1))).max() < 1e-12
+    gap = np.abs((branches - q[:, None] + np.pi) % (2 * np.pi) - np.pi).max(-1)
+    assert gap.min(1).max() < 1e-9
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.floats(1.3, 5.0), st.floats(-3.1, 3.1), st.floats(-1.5, 1.5))
+def test_out_of_reach_is_nan_not_garbage(far: float, azimuth: float, elevation: float) -> None:
+    place = far * np.array([np.cos(azimuth) * np.cos(elevation),
+                            np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])
+    pose = np.array([[*place + [0, 0, TABLE.d_m[0]], 0, 0, 0, 1.0]])
+    assert np.isnan(puma_inverse_batch(TABLE, pose)).any(-1).all()

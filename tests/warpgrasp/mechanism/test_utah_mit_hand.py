@@ -1,0 +1,49 @@
+"""Hand: straight fingers, the sense of flexion, lengths that never change."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from warpgrasp.mechanism.utah_mit_hand import hand_links
+from warpgrasp.parameters import HandTable
+
+HAND = HandTable()
+HOME = np.array([[0, 0, 0, 0, 0, 0, 1.0]])
+angles = st.lists(st.floats(-1.5, 1.5), min_size=16, max_size=16)
+
+
+def test_straight_fingers_point_along_the_approach() -> None:
+    points, palmar = hand_links(HAND, HOME, np.zeros((1, 4, 4)))
+    reach = HAND.abduction_offset_m + sum(HAND.link_length_m)
+    assert np.allclose(points[0, :, 4, 2], reach)
+    assert np.allclose(points[0, :, 4, 0], [-0.04, -0.04, -0.04, 0.04])
+    assert np.allclose(points[0, :, 4, 1], [-0.028, 0, 0.028, 0])
+    assert np.allclose(palmar[0, :, 2, 0], [1, 1, 1, -1])  # palmar sides face each other
+
+
+def test_flexion_swings_inward_and_abduction_outward() -> None:
+    q = np.zeros((1, 4, 4))
+    q[..., 1] = 0.3
+    points, _ = hand_links(HAND, HOME, q)
+    assert (points[0, :3, 4, 0] > -0.04).all()
+    assert points[0, 3, 4, 0] < 0.04
+    q = np.zeros((1, 4, 4))
+    q[..., 0] = 0.2
+    points, _ = hand_links(HAND, HOME, q)
+    assert (points[0, :3, 4, 1] > points[0, :3, 0, 1]).all()
+
+
+@settings(max_examples=30, deadline=None)
+@given(angles, st.floats(-3, 3), st.floats(-3, 3))
+def test_links_keep_their_length_and_move_rigidly(q: list, x: float, turn: float) -> None:
+    joints = np.array(q).reshape(1, 4, 4)
+    still, palmar = hand_links(HAND, HOME, joints)
+    lengths = np.linalg.norm(np.diff(still, axis=2), axis=-1)
+    assert np.allclose(lengths, [HAND.abduction_offset_m, *HAND.link_length_m])
+    along = np.diff(still, axis=2)[:, :, 1:]
+    assert np.allclose((along * palmar).sum(-1), 0.0, atol=1e-12)
+    rotation = Rotation.from_rotvec([0.3 * turn, turn, -0.2])
+    moved, _ = hand_links(HAND, np.array([[x, 0.1, 0, *rotation.as_quat()]]), joints)
+    assert np.allclose(moved[0], rotation.apply(still.reshape(-1, 3)).reshape(4, 5, 3)
+                       + [x, 0.1, 0], atol=1e-12)

@@ -1,0 +1,90 @@
+"""Objects of tables: what is ignored, cut or out of size is refused, and told by its name."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from warpgrasp.geometry.body import BodyError
+from warpgrasp.objects.catalogue import body_from_table, profile_from_csv
+
+EGG = {"size_mm": [30, 30, 40], "exponents": [1, 1]}
+
+
+@pytest.mark.parametrize(("key", "value"), [
+    ("rpy_deg", [0, 90, 0]), ("at_mm", [0, 0, 500]), ("join", "union"), ("shape", "superquadric")])
+def test_a_superquadric_is_placed_in_compounds_alone(key: str, value: Any) -> None:
+    with pytest.raises(BodyError, match=rf"outside a compound: unknown key '{key}'.*there are"):
+        body_from_table({"name": "egg", "superquadric": {**EGG, key: value}}, Path())
+    part = {"shape": "superquadric", **EGG, key: value}
+    assert body_from_table({"name": "egg", "compound": [part]}, Path())
+
+
+def test_a_superquadrics_size_is_half_its_extent() -> None:
+    egg = body_from_table({"name": "egg", "superquadric": EGG}, Path())
+    assert np.allclose(np.subtract(egg.high_m, egg.low_m), (0.06, 0.06, 0.08))
+
+
+def test_a_capsule_holds_its_round_ends() -> None:
+    pill = {"shape": "capsule", "radius_mm": 40, "height_mm": 50}
+    with pytest.raises(BodyError, match=r"compound\[0\]: capsule: height_mm = 50 .* 80 or more"):
+        body_from_table({"name": "pill", "compound": [pill]}, Path())
+    ball = body_from_table({"name": "pill", "compound": [{**pill, "height_mm": 80}]}, Path())
+    assert np.allclose(np.subtract(ball.high_m, ball.low_m), 0.08, atol=1e-4)
+
+
+def profile_file(folder: Path, rows: str, encoding: str = "utf-8") -> Path:
+    (folder / "vase.csv").write_text("z_mm,r_mm\n" + rows, encoding=encoding)
+    return folder / "vase.csv"
+
+
+@pytest.mark.parametrize(("rows", "size"), [
+    ("0,0.04\n0.09,0.04", "0.08 x 0.08 x 0.09"),  # typed in metres
+    ("0,900\n100,900", "1800 x 1800 x 100"),
+    ("0,40\n5000,40", "80 x 80 x 5000"),
+])
+def test_profiles_out_of_size(tmp_path: Path, rows: str, size: str) -> None:
+    profile_file(tmp_path, rows)
+    said = f"urn: comes out at {size} mm; a longest side of 5 to 1000 mm"
+    with pytest.raises(BodyError, match=said):
+        body_from_table({"name": "urn", "profile": "vase.csv"}, tmp_path)
+    with pytest.raises(BodyError, match="urn: comes out at"):
+        body_from_table({"name": "urn", "compound": [
+            {"shape": "revolution", "profile": "vase.csv"}]}, tmp_path)
+
+
+@pytest.mark.parametrize("table", [
+    {"superquadric": {"size_mm": [30, 30, 600], "exponents": [1, 1]}},
+    {"superquadric": {"size_mm": [2, 2, 2], "exponents": [1, 1]}},
+    {"compound": [{"shape": "sphere", "radius_mm": 2}]},
+    {"compound": [{"shape": "block", "size_mm": [100, 100, 900]},
+                  {"shape": "block", "size_mm": [100, 100, 900], "at_mm": [0, 0, 800]}]},
+])
+def test_formulas_out_of_size(table: dict[str, Any]) -> None:
+    with pytest.raises(BodyError, match=r"big or small: comes out at .* 5 to 1000 mm"):
+        body_from_table({"name": "big or small", **table}, Path())
+
+
+@pytest.mark.parametrize("part", [
+    {"shape": "block", "size_mm": [20, 20, 1000]}, {"shape": "sphere", "radius_mm": 2.5}])
+def test_the_limits_of_size_themselves(part: dict[str, Any]) -> None:
+    assert body_from_table({"name": "limit", "compound": [part]}, Path())
+
+
+@pytest.mark.parametrize(("rows", "says"), [
+    ("0,40\nnan,40", ":3: z_mm nan: a number from"), ("0,40\n1e308,40", r":3: z_mm 1e\+308: "),
+    ("0,40\n90,nan", ":3: r_mm nan: a number from 0 to 1000"), ("0,-1\n90,40", ":2: r_mm -1: ")])
+def test_profiles_name_the_number_that_is_wrong(tmp_path: Path, rows: str, says: str) -> None:
+    with pytest.raises(BodyError, match=says):
+        profile_from_csv(profile_file(tmp_path, rows))
+
+
+def test_a_profile_as_excel_writes_it(tmp_path: Path) -> None:
+    assert len(profile_from_csv(profile_file(tmp_path, "0,40\n90,40", "utf-8-sig"))) == 2
+
+
+def test_one_limit_of_names(tmp_path: Path) -> None:
+    assert body_from_table({"name": "n" * 80, "superquadric": EGG}, tmp_path)
+    with pytest.raises(BodyError, match="1 to 80 characters"):
+        body_from_table({"name": "n" * 81, "superquadric": EGG}, tmp_path)

@@ -1,0 +1,191 @@
+"""Meshes: a baked block against the formula, and every kind of bad file refused with its mend."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from places import SHARED
+
+from warpgrasp.geometry.body import BodyError, distance_to_bodies, scene_of
+from warpgrasp.geometry.body_sampling import sample_body
+from warpgrasp.objects.catalogue import body_from_name, body_from_table
+from warpgrasp.objects.mesh_import import body_from_mesh
+
+YCB = SHARED / "objects" / "ycb"
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("WARPGRASP_CACHE", str(tmp_path / "cache"))
+
+
+def block_file(folder: Path, scale: float = 1.0, name: str = "block.stl") -> Path:
+    mesh = trimesh.creation.box((0.060 * scale, 0.080 * scale, 0.120 * scale))
+    mesh.export(folder / name)
+    return folder / name
+
+
+def test_a_baked_block_is_the_block(tmp_path: Path) -> None:
+    baked = body_from_mesh(block_file(tmp_path), units="m")
+    true = body_from_name("block")
+    assert np.allclose(baked.low_m, true.low_m, atol=1e-6)
+    assert np.allclose(baked.high_m, true.high_m, atol=1e-6)
+    rng = np.random.default_rng(0)
+    points = rng.uniform((-0.08, -0.08, -0.04), (0.08, 0.08, 0.16), (1, 4000, 3))
+    d, _ = distance_to_bodies(scene_of([baked, true], "cpu"), np.zeros(1, int), points)
+    exact, _ = distance_to_bodies(scene_of([baked, true], "cpu"), np.ones(1, int), points)
+    cell = baked.parts[0].grid_cell_m
+    near = np.abs(exact) < 3.5 * cell  # inside the grid
+    assert np.abs(d - exact)[near].max() < 0.5 * cell
+    assert baked.grid_error_m < 0.5 * cell
+    assert (d - exact)[exact > 0.02].max() < 0.5 * cell  # outside the grid: a lower bound
+    assert body_from_mesh(block_file(tmp_path), units="m").content == baked.content  # from cache
+
+
+def test_units_scale_and_content_tells_bodies_apart(tmp_path: Path) -> None:
+    metres = body_from_mesh(block_file(tmp_path), units="m")
+    millimetres = body_from_mesh(block_file(tmp_path, 1000.0, "mm.stl"), units="mm")
+    assert np.allclose(metres.high_m, millimetres.high_m, atol=1e-6)
+    other = body_from_mesh(block_file(tmp_path, 0.5, "half.stl"), units="m")
+    assert other.content != metres.content
+
+
+def test_a_mug_of_160_metres(tmp_path: Path) -> None:
+    with pytest.raises(BodyError, match=r"120 m long.*in mm it would fit"):
+        body_from_mesh(block_file(tmp_path, 1000.0), units="m")
+
+
+def test_an_open_mesh_says_what_is_open_and_how_to_mend_it(tmp_path: Path) -> None:
+    mesh = trimesh.creation.box((0.06, 0.08, 0.12))
+    mesh.update_faces(np.arange(len(mesh.faces)) > 0)
+    mesh.export(tmp_path / "open.ply")
+    with pytest.raises(BodyError, match=r"open: 3 edges border one face.*fill_holes"):
+        body_from_mesh(tmp_path / "open.ply", units="m")
+
+
+def test_faces_that_are_there_twice_are_no_holes(tmp_path: Path) -> None:
+    mesh = trimesh.creation.box((0.06, 0.08, 0.12))
+    mesh.faces = np.concatenate([mesh.faces, mesh.faces[:1]])
+    mesh.export(tmp_path / "twice.ply")
+    with pytest.raises(BodyError, match=r"ply: 3 edges are shared by more than two faces: remove"):
+        body_from_mesh(tmp_path / "twice.ply", units="m")
+
+
+def box(size_mm: float, turned: tuple[int, ...] | None = (), **at_mm: float) -> trimesh.Trimesh:
+    """A cube with some of its 12 faces the wrong way round; None: all."""
+    mesh = trimesh.creation.box([size_mm / 1000] * 3)
+    rows = list(range(12) if turned is None else turned)
+    mesh.faces[rows] = mesh.faces[rows, ::-1]
+    mesh.apply_translation([at_mm.get(axis, 0.0) / 1000 for axis in "xyz"])
+    return mesh
+
+
+@pytest.mark.parametrize(("shells", "volume_cm3"), [
+    ([box(60, (3,))], 216),
+    ([box(60, (0, 4, 7, 8, 9, 10, 11))], 216),
+    ([box(60), box(60, None, x=90)], 432),
+    ([box(60), box(30, (1, 2), x=70)], 243),
+    ([box(60), box(30, None)], 189),  # a cavity
+    ([box(60), box(30)], 216),  # a body in a body
+    ([box(60, None), box(30)], 189),  # a hollow body inside out
+    ([box(60, None), box(30), box(50, None, x=90)], 189 + 125),
+    ([box(60), box(30, None), box(50, None, x=90)], 189 + 125),
+    ([box(60), box(60, x=30)], 324),
+])
+def test_faces_are_turned_outward(
+    tmp_path: Path, shells: list[trimesh.Trimesh], volume_cm3: float
+) -> None:
+    trimesh.util.concatenate(shells).export(tmp_path / "shells.stl")
+    body = body_from_mesh(tmp_path / "shells.stl", units="m")
+    assert sample_body(body).volume_m3 * 1e6 == pytest.approx(volume_cm3, rel=0.01)
+
+
+@pytest.mark.parametrize(("shells", "message"), [
+    ([box(60), box(30, (1,))], "stl: a shell lies in another, and"),
+    ([box(60, (1,)), box(30)], "stl: a shell lies in another, and"),
+    ([box(60), box(60, None, x=30)], "stl: two of its shells cross, and one is inside out"),
+])
+def test_faces_that_could_bound_two_bodies_are_refused(
+    tmp_path: Path, shells: list[trimesh.Trimesh], message: str
+) -> None:
+    trimesh.util.concatenate(shells).export(tmp_path / "shells.stl")
+    with pytest.raises(BodyError, match=message):
+        body_from_mesh(tmp_path / "shells.stl", units="m")
+
+
+def test_a_klein_bottle_is_refused(tmp_path: Path) -> None:
+    u, v = (a.ravel() for a in np.meshgrid(np.arange(12), np.arange(8), indexing="ij"))
+    angle, around = u * np.pi / 6, (v + 0.5) * np.pi / 4
+    out = 0.1 + 0.03 * (np.cos(angle / 2) * np.sin(around) - np.sin(angle / 2) * np.sin(2 * around))
+    up = 0.03 * (np.sin(angle / 2) * np.sin(around) + np.cos(angle / 2) * np.sin(2 * around))
+
+    def at(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return u % 12 * 8 + np.where(u == 12, -1 - v, v) % 8  # once around is mirrored
+
+    corners = at(u, v), at(u + 1, v), at(u + 1, v + 1), at(u, v + 1)
+    faces = np.concatenate([np.stack([corners[k] for k in ks], 1) for ks in ((0, 1, 2), (0, 2, 3))])
+    trimesh.Trimesh(np.stack([out * np.cos(angle), out * np.sin(angle), up], 1), faces,
+                    process=False).export(tmp_path / "klein.off")
+    with pytest.raises(BodyError, match=r"off: its surface has one side"):
+        body_from_mesh(tmp_path / "klein.off", units="m")
+
+
+@pytest.mark.parametrize("wall_mm", [0.3, 1.0, 1.5])
+def test_walls_that_the_grid_would_lose_are_refused(tmp_path: Path, wall_mm: float) -> None:
+    mesh = trimesh.creation.annulus(0.04 - wall_mm / 1000, 0.04, 0.1)
+    mesh.export(tmp_path / "tube.stl")
+    with pytest.raises(BodyError, match=r"tube.stl: .* 1.4 mm apart, which hold .* of its") as said:
+        body_from_mesh(tmp_path / "tube.stl", units="m")
+    true = float(str(said.value).split("of its ")[1].split(" cm3")[0])
+    assert true == pytest.approx(mesh.volume * 1e6, rel=0.03)
+
+
+@pytest.mark.parametrize("mesh", [
+    trimesh.creation.annulus(0.037, 0.04, 0.1), trimesh.creation.icosphere(3, 0.003),
+    trimesh.creation.box((0.006, 0.006, 0.006)), trimesh.creation.box((0.1, 0.1, 0.003))])
+def test_what_two_nodes_tell_apart_is_kept(tmp_path: Path, mesh: trimesh.Trimesh) -> None:
+    mesh.export(tmp_path / "kept.stl")
+    volume = sample_body(body_from_mesh(tmp_path / "kept.stl", units="m")).volume_m3
+    assert volume == pytest.approx(mesh.volume, rel=0.1)
+
+
+def test_the_kind_of_a_file_counts_even_if_it_was_baked(tmp_path: Path) -> None:
+    file = block_file(tmp_path)
+    body_from_mesh(file, units="m")
+    with pytest.raises(BodyError, match="obj: "):
+        body_from_mesh(file.rename(tmp_path / "block.obj"), units="m")
+
+
+def test_units_of_another_type_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(BodyError, match="one of m, cm, mm"):
+        body_from_table({"mesh": "block.stl", "units": ["m"]}, tmp_path)
+
+
+@pytest.mark.parametrize(("name", "content", "message"), [
+    ("none.stl", None, "cannot be read"),
+    ("empty.stl", b"", "empty"),
+    ("text.ply", b"hello, world", "not a mesh|no faces"),
+    ("many.ply", b"ply\nformat ascii 1.0\nelement vertex 3\nelement face 1000000000\nend_header\n",
+     "declares 1,000,000,000"),
+])
+def test_bad_files(tmp_path: Path, name: str, content: bytes | None, message: str) -> None:
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(BodyError, match=message):
+        body_from_mesh(tmp_path / name, units="m")
+
+
+def test_a_damaged_cache_is_baked_again(tmp_path: Path) -> None:
+    file = block_file(tmp_path)
+    first = body_from_mesh(file, units="m")
+    for cached in (tmp_path / "cache").rglob("*.npz"):
+        cached.write_bytes(b"not a zip")
+    assert body_from_mesh(file, units="m").content == first.content
+
+
+@pytest.mark.skipif(not YCB.is_dir(), reason="the scanned meshes lie beside the checkout")
+def test_a_scanned_bottle() -> None:
+    body = body_from_mesh(YCB / "mustard_bottle.ply", units="m")
+    assert 0.15 < body.high_m[2] < 0.25
+    assert body.grid_error_m < 0.0005

@@ -1,0 +1,137 @@
+"""Pads: readings rise with load, the centroid finds a sphere, parameters act as they say."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from warpgrasp.geometry.body import Body, Part, scene_of
+from warpgrasp.geometry.scene import Shape
+from warpgrasp.objects.catalogue import body_from_name
+from warpgrasp.parameters import HandTable, PadTable
+from warpgrasp.touch.pad import false_touch_probability, pad_of, read_pads
+from warpgrasp.touch.tactile_image import moments
+
+QUIET = PadTable(noise_counts=0.0, gain_spread=0.0, repeatability=0.0, dead_fraction=0.0)
+STRAIGHT = np.zeros((4, 4))
+PITCH_ACROSS, PITCH_ALONG = 0.0127 / 16, 0.0254 / 16
+AWAY = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+
+
+def sphere(radius: float) -> Body:
+    return Body("ball", (Part(Shape.SPHERE, size_m=(radius, 0.0, 0.0)),),
+                (-radius, -radius, 0.0), (radius, radius, 2 * radius))
+
+
+def hand_at(pad_point: np.ndarray, palmar: np.ndarray) -> np.ndarray:
+    """Hand pose whose straight index finger has the middle of its distal pad's flat part there."""
+    straight = QUIET.length_m - QUIET.wrap_rad * (0.008 + QUIET.thickness_m)
+    local = np.array([-0.040 + 0.009, -0.028, 0.0095 + 0.104 - straight / 2])
+    side = np.cross([0.0, 0.0, 1.0], palmar)
+    if np.linalg.norm(side) < 1e-9:
+        side = np.array([0.0, 1.0, 0.0])
+    side /= np.linalg.norm(side)
+    turn = Rotation.from_matrix(np.stack([palmar, side, np.cross(palmar, side)], 1))
+    return np.concatenate([pad_point - turn.apply(local), turn.as_quat()])
+
+
+def press(body: Body, poses: np.ndarray, pads: PadTable, key: int = 7, reading: int = 0):
+    n = len(poses)
+    return read_pads(scene_of([body], "cpu"), np.zeros(1, int), np.tile(AWAY, (n, 1)), HandTable(),
+                     pads, np.full(n, key, np.uint64), poses, np.tile(STRAIGHT, (n, 1, 1)),
+                     reading=reading)
+
+
+FLAT = (body_from_name("block"), np.array([-0.030, 0.0, 0.060]), np.array([1.0, 0.0, 0.0]))
+EDGE = (body_from_name("block"), np.array([-0.030, -0.040, 0.060]),
+        np.array([1.0, 1.0, 0.0]) / np.sqrt(2))
+CURVED = (sphere(0.04), np.array([-0.04, 0.0, 0.04]), np.array([1.0, 0.0, 0.0]))
+
+
+@pytest.mark.parametrize("pads", [PadTable(), QUIET, replace(PadTable(), law="inverse_power")],
+                         ids=["default", "quiet", "inverse power"])
+@pytest.mark.parametrize("contact", [FLAT, EDGE, CURVED], ids=["flat", "edge", "curved"])
+def test_readings_rise_with_load_until_saturation(contact, pads: PadTable) -> None:
+    body, point, palmar = contact
+    depth = np.linspace(0.0, 0.0024, 33)
+    poses = np.stack([hand_at(point + palmar * d, palmar) for d in depth])
+    # One reading's noise is not part of load against reading; gains and dead taxels are.
+    images = press(body, poses, replace(pads, noise_counts=0.0, repeatability=0.0))
+    load = images.force_N[:, 0, 2].sum((1, 2))
+    counts = images.counts[:, 0, 2].astype(int)
+    assert (np.diff(load)[load[1:] > 0] > 0).all()
+    assert (load > 0).mean() > 0.7
+    assert (np.diff(counts, axis=0) >= 0).all()
+    total = counts.sum((1, 2))
+    assert (np.diff(total)[load[1:] > 0.3] > 0).all()
+    assert counts[-1].max() == 255
+    assert counts[0].max() == 0
+
+
+def test_centroid_is_within_half_a_taxel_on_a_sphere_at_default_noise() -> None:
+    body, point, palmar = CURVED
+    rng = np.random.default_rng(5)
+    n = 200
+    offset = rng.uniform([-0.003, -0.003], [0.003, 0.003], (n, 2))
+    poses = np.stack([hand_at(point + palmar * 0.0004 + [0.0, o[0], o[1]], palmar)
+                      for o in offset])
+    scene = scene_of([body], "cpu")
+    images = read_pads(scene, np.zeros(1, int), np.tile(AWAY, (n, 1)), HandTable(), PadTable(),
+                       np.arange(n).astype(np.uint64), poses, np.tile(STRAIGHT, (n, 1, 1)))
+    found = moments(images.counts[:, 0, 2], level=3.0).centroid
+    # Two round bodies touch where the line between the centres leaves the finger; the pad bends
+    # with the finger across, so the lateral place is an arc.
+    straight = QUIET.length_m - QUIET.wrap_rad * 0.009
+    centre = np.stack([-offset[:, 1], -offset[:, 0]], 1)  # of the sphere, along and across
+    row = (straight / 2 + centre[:, 0]) / PITCH_ALONG - 0.5
+    sideways = np.arctan2(centre[:, 1], 0.04 + 0.009 - 0.0004) * 0.009
+    column = sideways / PITCH_ACROSS + 7.5
+    error = found - np.stack([row, column], 1)
+    assert np.median(np.abs(error), axis=0).max() < 0.25
+    assert (np.abs(error) < 0.5).mean() > 0.97
+
+
+def test_gains_last_for_an_episode_and_differ_between_taxels() -> None:
+    body, point, palmar = FLAT
+    poses = np.stack([hand_at(point + palmar * 0.0005, palmar)])
+    steady = replace(PadTable(), noise_counts=0.0, repeatability=0.0)
+    first = press(body, poses, steady, reading=0).counts
+    np.testing.assert_array_equal(first, press(body, poses, steady, reading=1).counts)
+    assert (first != press(body, poses, steady, key=8).counts).any()
+    noisy = PadTable()
+    assert (press(body, poses, noisy, reading=0).counts
+            != press(body, poses, noisy, reading=1).counts).any()
+
+
+def test_dead_pads_read_nothing_and_pads_can_be_switched() -> None:
+    body, point, palmar = FLAT
+    poses = np.stack([hand_at(point + palmar * 0.0005, palmar)])
+    assert press(body, poses, replace(PadTable(), dead_fraction=1.0)).counts.max() == 0
+    more = press(body, poses, replace(PadTable(), middle=True)).counts
+    assert more[0, :, 0].max() == 0
+    assert more[0, :, 1].max() > 0
+
+
+def test_false_touches_are_as_frequent_as_said() -> None:
+    noisy = replace(PadTable(), noise_counts=2.0, threshold_counts=6.0)
+    n = 400
+    far = np.tile([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], (n, 1))
+    images = read_pads(scene_of([FLAT[0]], "cpu"), np.zeros(1, int), np.tile(AWAY, (n, 1)),
+                       HandTable(), noisy, np.arange(n).astype(np.uint64), far,
+                       np.tile(STRAIGHT, (n, 1, 1)))
+    seen = (images.counts[:, :, 2].max((2, 3)) >= 6).mean()
+    told = false_touch_probability(noisy)
+    assert abs(seen - told) < 4 * np.sqrt(told * (1 - told) / (4 * n))
+
+
+@pytest.mark.parametrize("law", [
+    {"least_ohm": 1e5}, {"least_ohm": 1e6}, {"law": "inverse_power", "newton_ohm": 1e6}])
+def test_a_pad_that_no_force_makes_conduct_is_refused(law) -> None:
+    with pytest.raises(ValueError, match="ohm under load"):
+        pad_of(replace(PadTable(), **law), HandTable())
+
+
+def test_a_pad_that_does_not_fit_is_refused() -> None:
+    with pytest.raises(ValueError, match="does not fit link 2"):
+        pad_of(replace(PadTable(), length_m=0.045), HandTable())

@@ -1,0 +1,9 @@
+"""Tendon-guarded closing of the fingers, and where the robot believes that they touched."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "closing": ["Closing", "ClosingTruth", "close_fingers"],
+    "contact_estimate": ["ContactEstimate", "estimate_contacts"],
+    "energy": ["Rest", "finger_energy", "rest_from", "worst_of"],
+})

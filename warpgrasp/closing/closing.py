@@ -1,0 +1,132 @@
+"""Tendon-guarded closing: the contact event of the paper's first exploratory procedure.
+
+All fingers of all grasps of all probes of all worlds close in one launch (`closing_kernel`), and
+what is felt where they stop is read in a second one (`closing_reading`).
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import warp as wp
+
+from warpgrasp.closing.closing_kernel import closing_kernel
+from warpgrasp.closing.closing_record import ClosingRow, ClosingTruthRow
+from warpgrasp.closing.path_table import path_on_device
+from warpgrasp.closing.readout import reading_kernel
+from warpgrasp.core.dtypes import transform
+from warpgrasp.core.kernel_launch import check_range, launch_in_turn
+from warpgrasp.core.struct_array import Records
+from warpgrasp.geometry.scene import Scene
+from warpgrasp.mechanism.tendon import tendon_sensor_of
+from warpgrasp.mechanism.tendon_kernel import TendonSensor
+from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, hand_of
+from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
+from warpgrasp.parameters import HandTable, SensorTable
+
+
+@dataclass(frozen=True)
+class ClosingTruth:
+    """What happened, for the scorer alone. Shapes start with (world, probe, grasp, finger)."""
+
+    q_rad: np.ndarray
+    """Joints at rest [rad], (..., 4)."""
+    torque_Nm: np.ndarray
+    """Joint torques at rest [N m], (..., 4)."""
+    link: np.ndarray
+    """Link that bears the largest force (0 proximal to 2 distal), -1: none, a false stop."""
+    point_m: np.ndarray
+    """Contact on the surface, base frame [m], (..., 3); NaN without contact."""
+    normal: np.ndarray
+    """Outward surface normal there, (..., 3)."""
+    on_table: np.ndarray
+    """Whether the table, not the object, was touched."""
+
+
+@dataclass(frozen=True)
+class Closing:
+    """What the robot knows of a closing. Shapes start with (world, probe, grasp, finger)."""
+
+    status: np.ndarray
+    """ProbeStatus."""
+    step: np.ndarray
+    """Command at which the finger stopped (its number on the path)."""
+    q_rad: np.ndarray
+    """Joint angles as read [rad], (..., 4)."""
+    tension_N: np.ndarray
+    """Mean tensions read at rest [N], (..., joint 4, flexor and extensor 2)."""
+    tension_difference_N: np.ndarray
+    """The reading that stopped the finger [N] (largest of the flexions); NaN without a stop."""
+
+
+_SHAPES = {
+    "body": "world?", "body_pose": "world", "hands": "world?", "sensors": "world?", "key": "world",
+    "probe_number": "world probe", "probe_status": "world probe grasp", "hand_pose": "world probe",
+    "path": "grasp finger step", "links": "grasp finger 3 step", "command_count": "grasp",
+    "felt": "world probe grasp finger", "truth": "world probe grasp finger"}
+
+
+@lru_cache(maxsize=32)
+def _robot(hand: HandTable, sensors: SensorTable, device: str) -> tuple[wp.array, wp.array]:
+    """Hand and tendons as the kernels take them; kept for the next launch."""
+    return (wp.array([hand_of(hand)], dtype=Hand, device=device),
+            wp.array([tendon_sensor_of(hand, sensors)], dtype=TendonSensor, device=device))
+
+
+def close_fingers(
+    scene: Scene,
+    body: np.ndarray,
+    body_pose: np.ndarray,
+    hand: HandTable,
+    sensors: SensorTable,
+    key: np.ndarray,
+    probe_status: np.ndarray,
+    hand_pose: np.ndarray,
+    commands_rad: np.ndarray,
+    command_count: np.ndarray,
+    *,
+    probe_number: np.ndarray | None = None,
+    march_scale: float = 1.0,
+    device: str = "cpu",
+) -> tuple[Closing, ClosingTruth]:
+    """Close every finger of every grasp at every probe, guarded by the tendon difference.
+
+    `body` (world or 1,) numbers the scene's bodies, `body_pose` and `hand_pose` (the true ones) are
+    [m] and quaternion xyzw, shapes (world, 7) and (world, probe, 7), in the base frame, the table
+    at z = 0. `key` (world,) uint64 seeds the noise, for which `probe_number` (world, probe) numbers
+    the probes, each world's from 0 unless given. `probe_status` (world, probe, grasp) says
+    CONTACT where the probe is to be made; other values are passed on. `commands_rad` has shape
+    (grasp, finger, step, 4), of which `command_count` (grasp,) steps count. `march_scale` shortens
+    the skipping of free steps for bodies whose distance is not a sure bound. Raises ShapeError, and
+    ValueError for a body or a count of steps that there is not.
+    """
+    check_range("body", body, 0, scene.bodies - 1)
+    check_range("command_count", command_count, 1, np.shape(commands_rad)[2])
+    worlds, probes = hand_pose.shape[:2]
+    if probe_number is None:
+        probe_number = np.tile(np.arange(probes), (worlds, 1))
+    extents = {"world": worlds, "probe": probes, "grasp": len(command_count),
+               "finger": FINGER_COUNT}
+    dims = tuple(extents.values())
+    felt, truth = (Records(row, dims, device, clear=False) for row in (ClosingRow, ClosingTruthRow))
+    path, links = path_on_device(hand, commands_rad, device)
+    hands, tendons = _robot(hand, sensors, device)
+
+    def there(values: np.ndarray, dtype: type) -> wp.array:
+        return wp.array(values, dtype=dtype, device=device, copy=False)
+
+    given = {
+        "scene": scene, "body": there(body, int), "body_pose": there(body_pose, transform),
+        "hands": hands, "sensors": tendons, "key": there(key, wp.uint64),
+        "probe_number": there(probe_number, int), "hand_pose": there(hand_pose, transform),
+        "path": path, "felt": felt.array, "truth": truth.array}
+    launch_in_turn(extents, [
+        (closing_kernel, _SHAPES, given | {
+            "march_scale": march_scale, "links": links,
+            "probe_status": there(probe_status, int), "command_count": there(command_count, int)}),
+        (reading_kernel, _SHAPES, given)], device=device)
+    row = felt.numpy()
+    true = truth.numpy()
+    return (Closing(row["status"], row["step"], row["q"], row["tension"], row["difference"]),
+            ClosingTruth(true["q"], true["torque"], true["link"], true["point"], true["normal"],
+                         true["on_table"].astype(bool)))

@@ -1,0 +1,296 @@
+# type: ignore  # Warp functions, which type checkers cannot follow
+"""Where a closing finger stops: the kernel of `closing`.
+
+A finger steps along its commands; at each step it rests where its energy is least; it stops at the
+first step whose tendon difference of a flexion joint exceeds the threshold (Allen and Michelman
+1990, section IV-C). Few steps are looked at:
+
+- Free: the finger follows its command exactly until a link touches (`finger_free`); a false stop
+  (friction and noise alone past the threshold) is drawn from its exact first-passage law.
+- Pressing: from a look the joints' torques at later steps are known to within a ball, from two
+  looks better between them (see `finger_between`). A step is left out where its reading, of the
+  noise drawn for it, stays below the threshold all over the ball. The next look is where the
+  reading would cross it to first order; what that one does not clear is looked at after it.
+
+So the finger stops where it would if every step were looked at, as far as its contacts' energy is
+convex. Where it slips off an edge it is not: looks go no farther than `_STRIDE`, and one that does
+not agree with the last one makes the next one go half as far, down to single steps.
+"""
+
+import warp as wp
+
+from warpgrasp.closing.closing_record import ClosingRow, ClosingTruthRow, LinkStep, PathStep
+from warpgrasp.closing.energy import Rest, rest_from, worst_of
+from warpgrasp.closing.equilibrium import finger_rest
+from warpgrasp.closing.free_motion import Free, free_from, free_on
+from warpgrasp.closing.torque_bounds import (
+    agree,
+    in_both,
+    joints_ahead,
+    may_stop,
+    stop_reading,
+    torque_after,
+)
+from warpgrasp.core.dtypes import ONE, ZERO, real, struct, transform, vec4
+from warpgrasp.core.random import Purpose
+from warpgrasp.core.random_kernel import counter_key, counter_uniform
+from warpgrasp.geometry.scene import Scene, body_is_convex
+from warpgrasp.geometry.segment_distance import LINK_SAMPLES
+from warpgrasp.mechanism.tendon_kernel import TendonSensor
+from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_base
+from warpgrasp.probe_status import ProbeStatus
+
+wp.set_module_options({"max_unroll": 1})  # few copies of the distance: they are then inlined
+_CONTACT = wp.constant(int(ProbeStatus.CONTACT))
+_NO_CONTACT = wp.constant(int(ProbeStatus.NO_CONTACT))
+_FALSE_STOP = wp.constant(int(Purpose.FALSE_STOP))
+_TENSION_STEP = wp.constant(int(Purpose.TENSION_STEP))
+_NAN = wp.constant(real(float("nan")))
+_REDRAWS = wp.constant(100000)
+_FAR = wp.constant(1000000)  # steps
+_ENDLESS = wp.constant(real(1e300))  # no hazard comes to this
+_STRIDE = wp.constant(real(0.04))  # [rad] of a joint's command from look to look
+
+
+@struct
+class Course:
+    """A finger on its way; fields change in place, variables are copied at every branch.
+
+    `low` is what was found at the last step known not to stop the finger, `high` what was found
+    ahead, `free` what is known of a finger that does not press.
+    """
+
+    low: Rest
+    high: Rest
+    free: Free
+
+
+@wp.kernel(enable_backward=False)
+def closing_kernel(
+    first: int,
+    # Scene:
+    scene: Scene,
+    body: wp.array[int],
+    body_pose: wp.array[transform],
+    # Robot:
+    hands: wp.array[Hand],
+    sensors: wp.array[TendonSensor],
+    march_scale: real,
+    # Probe in:
+    key: wp.array[wp.uint64],
+    probe_number: wp.array2d[int],
+    probe_status: wp.array3d[int],
+    hand_pose: wp.array2d[transform],
+    path: wp.array3d[PathStep],
+    links: wp.array4d[LinkStep],
+    command_count: wp.array[int],
+    # Out:
+    felt: wp.array4d[ClosingRow],
+    truth: wp.array4d[ClosingTruthRow],
+):
+    """A finger's closing: status, step, and what is true there before it is looked at closely."""
+    w, p, g, finger = wp.tid()
+    w += first
+    felt[w, p, g, finger].status = probe_status[w, p, g]
+    felt[w, p, g, finger].step = -1
+    felt[w, p, g, finger].difference = _NAN
+    truth[w, p, g, finger].link = -1
+    truth[w, p, g, finger].q = vec4(_NAN, _NAN, _NAN, _NAN)
+    truth[w, p, g, finger].torque = vec4(_NAN, _NAN, _NAN, _NAN)
+    if probe_status[w, p, g] != _CONTACT:
+        return
+
+    hand = hands[w % hands.shape[0]]
+    sensor = sensors[w % sensors.shape[0]]
+    which = body[w % body.shape[0]]
+    to_body = wp.transform_inverse(body_pose[w])
+    base = wp.transform_multiply(
+        to_body, wp.transform_multiply(hand_pose[w, p], finger_base(hand, finger)))
+    stream = counter_key(counter_key(counter_key(key[w], probe_number[w, p]), g), finger)
+    reader = counter_key(stream, _TENSION_STEP)
+    last = command_count[g] - 1
+    k = hand.stiffness
+
+    # Along a link the distance to a convex body has one valley.
+    convex = body_is_convex(scene, which)
+    samples = wp.where(convex, 0, LINK_SAMPLES)
+
+    # First passage of a false stop: exponential in the summed hazard of the free steps.
+    hazard_moving = sensor.hazard_moving
+    hazard_still = sensor.hazard_still
+    hazard = real(0.0)
+    # Where none can come, it does not matter which of the steps left out were free.
+    moves = path[g, finger, last].moves
+    ahead_hazard = hazard_moving * moves + hazard_still * (real(3 * (last + 1)) - moves)
+    draw = counter_uniform(counter_key(stream, _FALSE_STOP))
+    patience = real(_ENDLESS)
+    stride = real(_STRIDE)
+    if draw + ahead_hazard >= ONE:  # exp(-x) >= 1 - x
+        patience = -wp.log(draw)
+        if ahead_hazard >= patience:
+            stride = ZERO
+
+    now = Course()
+    now.free = free_from(scene, which, convex, hand, base, links[g, finger, 1, 0].end)
+    # Steps of `now.low` and, if not negative, of `now.high`.
+    now.low = rest_from(path[g, finger, 0].command)
+    low_step = int(-1)
+    low_command = now.low.q
+    low_pressed = int(0)
+    high_step = int(-1)
+    high_command = now.low.q
+    high_pressed = int(0)
+    high_reading = real(0.0)
+    torque = vec4(ZERO, ZERO, ZERO, ZERO)
+    stopped = int(-1)
+    reading = real(0.0)
+    s = int(0)
+    sure = int(1)  # no step before `s` stops the finger
+    reach = int(_FAR)  # looks ahead go so many steps at most, up to step `slips`
+    slips = int(-1)
+    while s <= last:
+        if low_pressed == 0:
+            # Free, to the step at which something may be touched.
+            now.free = free_on(scene, which, convex, hand, base, links, g, finger, march_scale,
+                               now.free, last + 1)
+            if stride == ZERO:
+                moves = path[g, finger, wp.max(now.free.step - 1, 0)].moves - (
+                    path[g, finger, wp.max(s - 1, 0)].moves)
+                ahead_hazard = hazard_moving * moves + hazard_still * (
+                    real(3 * (now.free.step - s)) - moves)
+                if hazard + ahead_hazard >= patience:
+                    stopped = int(s)
+                    break
+                hazard += ahead_hazard
+            s = int(now.free.step)
+            if s > last:
+                break
+            now.low = rest_from(path[g, finger, s].command)
+            now.low.along = now.free.along
+            now.low.bend = now.free.bend
+            now.low.depth = -now.free.room
+
+        # Look at step `s`.
+        command = path[g, finger, s].command
+        start = vec4(command)
+        if low_pressed == 1:
+            start = joints_ahead(low_command, now.low, command, k)
+        known = low_pressed == 0 and wp.min(now.low.along) >= ZERO
+        look = finger_rest(scene, which, hand, base, command, start, now.low,
+                           wp.where(known, 0, samples))
+        if low_pressed == 1 and s > low_step + 1:
+            if not agree(low_command, now.low, command, look, k):
+                # Something slips on the way here.
+                high_step = int(-1)
+                slips = wp.max(slips, s)
+                reach = (s - low_step) // 2
+                s = low_step + reach
+                sure = int(reach == 1)
+                continue
+        pressed = int(wp.max(wp.max(look.depth), wp.max(look.table)) > ZERO)
+        reading = real(0.0)
+        if pressed == 1:
+            delta = command - path[g, finger, wp.max(s - 1, 0)].command
+            reading = stop_reading(hand, sensor, (command - look.q) * k, delta,
+                                   counter_key(reader, s))
+        if sure == 0:
+            now.high = look
+            high_step = int(s)
+            high_command = vec4(command)
+            high_pressed = int(pressed)
+            high_reading = reading
+            sure = int(1)
+        else:
+            now.low = look
+            low_step = int(s)
+            low_command = vec4(command)
+            low_pressed = int(pressed)
+            torque = (command - look.q) * k
+            if wp.abs(reading) > sensor.threshold:
+                stopped = int(s)
+                break
+            if pressed == 0:
+                now.free.step = int(s)
+                for link in range(3):
+                    now.free.room[link] = -march_scale * wp.max(look.depth[link], look.table[link])
+                continue
+
+        # Leave out the steps that cannot stop the finger.
+        if low_step >= slips:
+            reach = int(_FAR)
+        s = low_step + 1
+        while s <= last:
+            command = path[g, finger, s].command
+            if s == high_step:
+                high_step = int(-1)
+                if high_pressed == 0:
+                    break
+                now.low = now.high
+                low_step = int(s)
+                low_command = vec4(high_command)
+                torque = (command - now.low.q) * k
+                reading = high_reading
+                if wp.abs(reading) > sensor.threshold:
+                    stopped = int(s)
+                    break
+            else:
+                ball = torque_after(low_command, now.low, command, k)
+                if high_step >= 0:
+                    ball = in_both(ball, torque_after(high_command, now.high, command, k))
+                elif s - low_step >= reach or worst_of(command - low_command) > stride:
+                    break
+                delta = command - path[g, finger, s - 1].command
+                if may_stop(hand, sensor, ball, delta, counter_key(reader, s)):
+                    break
+            s += 1
+        if stopped >= 0 or low_step == last:
+            break
+        s = wp.min(s, last)
+        if high_step < 0:
+            # On to where the reading should stop the finger.
+            ahead = int(s)
+            while ahead < last and ahead - low_step < reach and (
+                    worst_of(command - low_command) <= stride):
+                command = path[g, finger, ahead].command
+                delta = command - path[g, finger, ahead - 1].command
+                guess = (command - joints_ahead(low_command, now.low, command, k)) * k
+                if wp.abs(stop_reading(hand, sensor, guess, delta,
+                                       counter_key(reader, ahead))) > sensor.threshold:
+                    break
+                ahead += 1
+            if ahead > s:
+                sure = int(0)
+            s = int(ahead)
+
+    truth[w, p, g, finger].q = now.low.q
+    if low_pressed == 0:
+        torque = vec4(ZERO, ZERO, ZERO, ZERO)
+        truth[w, p, g, finger].q = path[g, finger, last].command
+        if stopped >= 0:
+            # Noise stops the finger on the way: at the first step that uses up the patience.
+            delta = vec4(ZERO, ZERO, ZERO, ZERO)
+            for n in range(stopped, last + 1):
+                before = path[g, finger, wp.max(n - 1, 0)]
+                delta = path[g, finger, n].command - before.command
+                moves = path[g, finger, n].moves - before.moves
+                hazard += hazard_moving * moves + hazard_still * (real(3.0) - moves)
+                stopped = int(n)
+                if hazard >= patience:
+                    break
+            truth[w, p, g, finger].q = path[g, finger, stopped].command
+            redraw = counter_key(counter_key(stream, _FALSE_STOP), stopped)
+            for attempt in range(_REDRAWS):
+                reading = stop_reading(hand, sensor, torque, delta, counter_key(redraw, attempt))
+                if wp.abs(reading) > sensor.threshold:
+                    break
+    truth[w, p, g, finger].torque = torque
+    truth[w, p, g, finger].along = now.low.along
+    truth[w, p, g, finger].bend = now.low.bend
+    truth[w, p, g, finger].depth = now.low.depth
+    if stopped < 0:
+        felt[w, p, g, finger].status = _NO_CONTACT
+        felt[w, p, g, finger].step = last
+        return
+    felt[w, p, g, finger].step = stopped
+    felt[w, p, g, finger].difference = reading
+    truth[w, p, g, finger].link = low_pressed - 1

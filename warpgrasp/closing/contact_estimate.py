@@ -1,0 +1,111 @@
+"""Where the robot believes a finger touched, with a covariance.
+
+`fingertip`, as in the paper: the palmar surface point of the tip, by nominal forward kinematics
+from the joint angles as read. `intrinsic`: contact sensing from joint torques (after Bicchi,
+Salisbury and Brock 1993, "Contact sensing from force measurements", with joint torques in place of
+a wrist's): a frictionless contact pushes along the normal of a link's capsule, and the four torques
+of a finger tell where; the posterior over all places of the three capsules gives mean and spread.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from warpgrasp.closing.closing import Closing
+from warpgrasp.closing.contact_estimate_kernel import _estimate_kernel
+from warpgrasp.core.dtypes import mat33, transform, vec3, vec4
+from warpgrasp.core.kernel_launch import launch
+from warpgrasp.mechanism.tendon import tendon_sensor_of
+from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, hand_of
+from warpgrasp.parameters import ArmTable, HandTable, SensorTable
+
+FINGERTIP_SIGMA_M = 0.006
+"""Spread given to a fingertip estimate [est]: its error is mostly that another place touched."""
+
+
+@dataclass(frozen=True)
+class ContactEstimate:
+    """Believed contacts, base frame. Shapes start with (world, probe, grasp, finger)."""
+
+    point_m: np.ndarray
+    """(..., 3), NaN without a contact."""
+    covariance_m2: np.ndarray
+    """(..., 3, 3)."""
+    normal: np.ndarray
+    """Outward normal of the object's surface, (..., 3)."""
+    link: np.ndarray
+    """Link believed in touch (0 proximal to 2 distal), -1 without a contact."""
+    link_weight: np.ndarray
+    """Posterior probability of each link, (..., link 3); zeros without a contact."""
+    along_m: np.ndarray
+    """Place of the touch along each link's axis, were it that link, (..., link 3)."""
+    along_variance_m2: np.ndarray
+    """Its variance, (..., link 3)."""
+    link_points_m: np.ndarray
+    """Believed joints and tip centre of each finger, (..., 4, 3): the links' axes between them."""
+
+
+def estimate_contacts(
+    closing: Closing,
+    believed_pose: np.ndarray,
+    commands_rad: np.ndarray,
+    arm: ArmTable,
+    hand: HandTable,
+    sensors: SensorTable,
+    *,
+    device: str = "cpu",
+) -> ContactEstimate:
+    """Contacts as the robot believes them, by `sensors.contact_estimator`.
+
+    `believed_pose` (world, probe, 7), `commands_rad` (grasp, finger, step, 4) as closed along.
+    Raises ShapeError where shapes disagree.
+    """
+    worlds, probes, grasps, fingers = closing.status.shape
+    dims = (worlds, probes, grasps, fingers)
+    point = wp.empty(dims, dtype=vec3, device=device)
+    covariance = wp.empty(dims, dtype=mat33, device=device)
+    normal = wp.empty(dims, dtype=vec3, device=device)
+    link = wp.empty(dims, dtype=int, device=device)
+    by_link = {name: wp.empty(dims, dtype=vec3, device=device)
+               for name in ("link_weight", "along", "along_variance")}
+    joints = {name: wp.empty(dims, dtype=vec3, device=device)
+              for name in ("joint_1", "joint_2", "joint_3", "tip")}
+    pose_sigma = (arm.mount_error_m**2 + arm.repeatability_m**2
+                  + (0.15 * arm.mount_error_rad) ** 2)
+    each = "world probe grasp finger"
+
+    def put(values: np.ndarray, dtype: type) -> wp.array:
+        return wp.array(np.ascontiguousarray(values), dtype=dtype, device=device)
+
+    launch(_estimate_kernel, dict(zip(("world", "probe", "grasp", "finger"), dims, strict=True)), {
+        "status": each, "hand_pose": "world probe", "q": each, "flexor": each, "extensor": each,
+        "moving": each, "point": each, "covariance": each, "normal": each, "link_out": each,
+        **dict.fromkeys(by_link, each), **dict.fromkeys(joints, each)}, {
+        "hand": hand_of(hand), "sensor": tendon_sensor_of(hand, sensors),
+        "intrinsic": int(sensors.contact_estimator == "intrinsic"),
+        "pose_variance": pose_sigma, "angle_variance": sensors.joint_noise_rad**2 * 2.0,
+        "tip_variance": FINGERTIP_SIGMA_M**2,
+        "status": put(closing.status, int), "hand_pose": put(believed_pose, transform),
+        "q": put(closing.q_rad, vec4), "flexor": put(closing.tension_N[..., 0], vec4),
+        "extensor": put(closing.tension_N[..., 1], vec4),
+        "moving": put(_moving(closing, commands_rad), vec4), "point": point,
+        "covariance": covariance, "normal": normal, "link_out": link, **by_link,
+        **joints},
+        device=device)
+    assert fingers == FINGER_COUNT
+    found = {name: values.numpy().copy() for name, values in by_link.items()}
+    return ContactEstimate(point.numpy().copy(), covariance.numpy().copy(),
+                           normal.numpy().copy(), link.numpy().copy(), found["link_weight"],
+                           found["along"], found["along_variance"],
+                           np.stack([joint.numpy() for joint in joints.values()], axis=-2))
+
+
+def _moving(closing: Closing, commands_rad: np.ndarray) -> np.ndarray:
+    """Sign of each joint's last command step, (world, probe, grasp, finger, 4)."""
+    step = np.maximum(closing.step, 0)
+    before = np.maximum(step - 1, 0)
+    grasp = np.arange(len(commands_rad))[:, None]
+    finger = np.arange(FINGER_COUNT)[None, :]
+    return np.sign(np.round(commands_rad[grasp, finger, step]
+                            - commands_rad[grasp, finger, before], 12))

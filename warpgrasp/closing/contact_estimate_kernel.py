@@ -1,0 +1,281 @@
+# type: ignore  # Warp functions, which type checkers cannot follow
+"""Where the robot concludes that a finger touched, with a covariance: the kernel."""
+
+import numpy as np
+import warp as wp
+
+from warpgrasp.core.dtypes import (
+    HALF,
+    ONE,
+    PI,
+    ZERO,
+    mat33,
+    real,
+    struct,
+    transform,
+    vec2,
+    vec3,
+    vec4,
+)
+from warpgrasp.mechanism.tendon_kernel import TendonSensor, torque_from_tensions
+from warpgrasp.mechanism.utah_mit_hand_kernel import (
+    Hand,
+    finger_base,
+    finger_jacobian,
+    finger_pose,
+    fingertip_point,
+)
+from warpgrasp.probe_status import ProbeStatus
+
+# Loops over the grid of places are not unrolled: they would be copied for every place.
+wp.set_module_options({"max_unroll": 1})
+_CONTACT = wp.constant(int(ProbeStatus.CONTACT))
+_NAN = wp.constant(real(float("nan")))
+ALONG, AROUND, CAP = 24, 13, 5
+"""Places along a link, around its palmar half, and rings of the tip's cap."""
+_ALONG, _AROUND, _CAP = wp.constant(ALONG), wp.constant(AROUND), wp.constant(CAP)
+# Warp turns a constant that is cast in one place into a real everywhere: have both kinds.
+_AROUND_REAL, _CAP_REAL = wp.constant(real(AROUND)), wp.constant(real(CAP))
+_STEP = wp.constant(real(1.0 / ALONG))
+_around_vec = wp.types.vector(length=AROUND, dtype=real)
+_cap_vec = wp.types.vector(length=CAP, dtype=real)
+_TURNS = np.pi * ((np.arange(AROUND) + 0.5) / AROUND - 0.5)
+_UPS = 0.5 * np.pi * (np.arange(CAP) + 0.5) / CAP
+_AROUND_COS = wp.constant(_around_vec(*np.cos(_TURNS)))
+_AROUND_SIN = wp.constant(_around_vec(*np.sin(_TURNS)))
+_CAP_COS = wp.constant(_cap_vec(*np.cos(_UPS)))
+_CAP_SIN = wp.constant(_cap_vec(*np.sin(_UPS)))
+_TINY = wp.constant(real(1e-300))
+_DEEPEST = wp.constant(real(40.0))  # places that explain so much less than the best are left out
+_RELATIVE = wp.constant(real(0.03))  # model error of a torque, of the largest [est]
+_FLOOR = wp.constant(real(5e-4))  # model error of a torque [N m] [est]
+
+
+@struct
+class _Posterior:
+    """Sums over places, each by its weight: its area times exp((its gain - the most) / 2)."""
+
+    weight: real
+    best: real
+    mean: vec3
+    second: mat33
+    normal: vec3
+    link: int
+    link_weight: vec3
+    along: vec3
+    along_second: vec3
+
+
+@wp.func
+def _gain(square: real, along: real):
+    """How much of the torques' weighted square a push of the best size >= 0 explains.
+
+    `square` is that of a unit push's torques, `along` their product with those felt.
+    """
+    push = wp.max(along, ZERO)
+    return push * push / wp.max(square, _TINY)
+
+
+@wp.func
+def _gain_at(square: vec3, along: vec2, share: real):
+    """The gain of a push from so far along a link: torques are linear in the place there."""
+    return _gain(square[0] + share * (square[1] + share * square[2]), along[0] + share * along[1])
+
+
+@wp.func
+def _most_gain(square: vec3, along: vec2):
+    """The most that a push from anywhere along the link explains."""
+    most = wp.max(_gain_at(square, along, ZERO), _gain_at(square, along, ONE))
+    # Where the derivative of along^2 / square vanishes.
+    top = along[0] * square[1] - real(2.0) * along[1] * square[0]
+    bottom = along[1] * square[1] - real(2.0) * along[0] * square[2]
+    if top * bottom > ZERO and wp.abs(top) < wp.abs(bottom):
+        most = wp.max(most, _gain_at(square, along, top / bottom))
+    return most
+
+
+@wp.func
+def _gathered(
+    post: _Posterior, x: vec3, u: vec3, outward: vec3, sums: vec3, link: int, along: real,
+    gain: real
+):
+    """`post` with places x + u t whose weights, times 1, t and t^2, sum to `sums`.
+
+    The best of them has this `gain`.
+    """
+    if gain > post.best:
+        post.best = gain
+        post.link = link
+    mean = x * sums[0] + u * sums[1]
+    cross = wp.outer(x, u) * sums[1]
+    post.weight += sums[0]
+    post.mean += mean
+    post.second += (wp.outer(x, x) * sums[0] + cross + wp.transpose(cross)
+                    + wp.outer(u, u) * sums[2])
+    post.normal -= outward * sums[0]
+    post.link_weight[link] += sums[0]
+    post.along[link] += along * sums[0] + sums[1]
+    post.along_second[link] += along * (along * sums[0] + real(2.0) * sums[1]) + sums[2]
+    return post
+
+
+@wp.kernel(enable_backward=False)
+def _estimate_kernel(
+    first: int,
+    # Robot:
+    hand: Hand,
+    sensor: TendonSensor,
+    intrinsic: int,
+    pose_variance: real,
+    angle_variance: real,
+    tip_variance: real,
+    # Felt in:
+    status: wp.array4d[int],
+    hand_pose: wp.array2d[transform],
+    q: wp.array4d[vec4],
+    flexor: wp.array4d[vec4],
+    extensor: wp.array4d[vec4],
+    moving: wp.array4d[vec4],
+    # Estimate out:
+    point: wp.array4d[vec3],
+    covariance: wp.array4d[mat33],
+    normal: wp.array4d[vec3],
+    link_out: wp.array4d[int],
+    link_weight: wp.array4d[vec3],
+    along: wp.array4d[vec3],
+    along_variance: wp.array4d[vec3],
+    joint_1: wp.array4d[vec3],
+    joint_2: wp.array4d[vec3],
+    joint_3: wp.array4d[vec3],
+    tip: wp.array4d[vec3],
+):
+    w, p, g, finger = wp.tid()
+    w += first
+    nan3 = vec3(_NAN, _NAN, _NAN)
+    point[w, p, g, finger] = nan3
+    normal[w, p, g, finger] = nan3
+    covariance[w, p, g, finger] = mat33(_NAN, _NAN, _NAN, _NAN, _NAN, _NAN, _NAN, _NAN, _NAN)
+    link_out[w, p, g, finger] = -1
+    link_weight[w, p, g, finger] = vec3(ZERO, ZERO, ZERO)
+    along[w, p, g, finger] = vec3(ZERO, ZERO, ZERO)
+    along_variance[w, p, g, finger] = vec3(ZERO, ZERO, ZERO)
+    pose = hand_pose[w, p]
+    angles = q[w, p, g, finger]
+    f = finger_pose(hand, finger_base(hand, finger), angles)
+    joint_1[w, p, g, finger] = wp.transform_point(pose, f.p1)
+    joint_2[w, p, g, finger] = wp.transform_point(pose, f.p2)
+    joint_3[w, p, g, finger] = wp.transform_point(pose, f.p3)
+    tip[w, p, g, finger] = wp.transform_point(pose, f.p4)
+    if status[w, p, g, finger] != _CONTACT:
+        return
+    unit = wp.identity(n=3, dtype=wp.float64)
+    if intrinsic == 0:
+        point[w, p, g, finger] = wp.transform_point(pose, fingertip_point(hand, f))
+        normal[w, p, g, finger] = wp.transform_vector(pose, -f.n3)
+        covariance[w, p, g, finger] = unit * (tip_variance + pose_variance)
+        link_out[w, p, g, finger] = 2
+        link_weight[w, p, g, finger] = vec3(ZERO, ZERO, ONE)
+        along[w, p, g, finger] = vec3(ZERO, ZERO, hand.link_length[2])
+        along_variance[w, p, g, finger] = vec3(ZERO, ZERO, tip_variance)
+        return
+
+    torque = vec4(ZERO, ZERO, ZERO, ZERO)
+    largest = real(0.0)
+    for j in range(4):
+        tensions = vec2(flexor[w, p, g, finger][j], extensor[w, p, g, finger][j])
+        torque[j] = torque_from_tensions(hand, j, tensions, moving[w, p, g, finger][j])
+        largest = wp.max(largest, wp.abs(torque[j]))
+    precision = vec4(ZERO, ZERO, ZERO, ZERO)
+    for j in range(4):
+        s = hand.moment_arm[j]
+        v = s * s * real(2.0) * (sensor.noise * sensor.noise + sensor.step * sensor.step
+                                 / real(12.0)) / real(sensor.readings)
+        m = _RELATIVE * largest
+        precision[j] = ONE / (v + m * m + _FLOOR * _FLOOR)
+
+    # In units of their deviations, all torques weigh the same.
+    root = vec4(wp.sqrt(precision[0]), wp.sqrt(precision[1]), wp.sqrt(precision[2]),
+                wp.sqrt(precision[3]))
+    felt = wp.cw_mul(torque, root)
+    r = hand.link_radius
+    post = _Posterior()
+    # First what a place explains at most, then the places that explain about as much.
+    most = real(0.0)
+    for look in range(2):
+        for k in range(_AROUND):
+            side = f.side * real(_AROUND_SIN[k])
+            for link in range(3):
+                a = f.p1
+                u = f.u1
+                n = f.n1
+                if link == 1:
+                    a = f.p2
+                    u = f.u2
+                    n = f.n2
+                if link == 2:
+                    a = f.p3
+                    u = f.u3
+                    n = f.n3
+                length = hand.link_length[link]
+                out = n * real(_AROUND_COS[k]) + side
+                low = wp.cw_mul(finger_jacobian(f, link, a, out), root)
+                rise = wp.cw_mul(finger_jacobian(f, link, a + u * length, out), root) - low
+                square = vec3(wp.dot(low, low), real(2.0) * wp.dot(low, rise), wp.dot(rise, rise))
+                product = vec2(wp.dot(low, felt), wp.dot(rise, felt))
+                ring_most = _most_gain(square, product)
+                if look == 0:
+                    most = wp.max(most, ring_most)
+                elif ring_most >= most - _DEEPEST:
+                    sums = vec3(ZERO, ZERO, ZERO)
+                    best = real(-1.0)
+                    for i in range(_ALONG):
+                        share = (real(i) + HALF) * _STEP
+                        gain = _gain_at(square, product, share)
+                        best = wp.max(best, gain)
+                        if gain >= most - _DEEPEST:
+                            weight = wp.exp((gain - most) * HALF)
+                            sums += vec3(ONE, share, share * share) * weight
+                    ring = PI * r / _AROUND_REAL * length * _STEP
+                    sums = vec3(sums[0], sums[1] * length, sums[2] * length * length) * ring
+                    post = _gathered(post, a + out * r, u, out, sums, link, ZERO, best)
+                if link == 2:
+                    for c in range(_CAP):
+                        tip_out = out * real(_CAP_COS[c]) + u * real(_CAP_SIN[c])
+                        push = wp.cw_mul(finger_jacobian(f, 2, f.p4, tip_out), root)
+                        gain = _gain(wp.dot(push, push), wp.dot(push, felt))
+                        if look == 0:
+                            most = wp.max(most, gain)
+                        elif gain >= most - _DEEPEST:
+                            area = (PI * r / _AROUND_REAL * real(_CAP_COS[c])) * (
+                                PI * HALF * r / _CAP_REAL)
+                            weight = area * wp.exp((gain - most) * HALF)
+                            post = _gathered(post, f.p4 + tip_out * r, u, tip_out,
+                                             vec3(weight, ZERO, ZERO), 2, length, gain)
+    if post.weight <= ZERO:
+        return
+    mean = post.mean / post.weight
+    cov = post.second / post.weight - wp.outer(mean, mean)
+    # The grid's own cell, the joint angles read (each turning the tip), and the arm's pose.
+    lever = wp.length(mean - f.p1)
+    floor = (_length_cell(hand) * _length_cell(hand) / real(12.0) + pose_variance
+             + angle_variance * lever * lever)
+    cov = cov + unit * floor
+    rot = wp.quat_to_matrix(wp.transform_get_rotation(pose))
+    point[w, p, g, finger] = wp.transform_point(pose, mean)
+    covariance[w, p, g, finger] = rot * cov * wp.transpose(rot)
+    normal[w, p, g, finger] = wp.normalize(wp.transform_vector(pose, post.normal))
+    link_out[w, p, g, finger] = post.link
+    link_weight[w, p, g, finger] = post.link_weight / post.weight
+    for link in range(3):
+        if post.link_weight[link] > ZERO:
+            place = post.along[link] / post.link_weight[link]
+            along[w, p, g, finger][link] = place
+            along_variance[w, p, g, finger][link] = wp.max(
+                post.along_second[link] / post.link_weight[link] - place * place, ZERO)
+
+
+@wp.func
+def _length_cell(hand: Hand):
+    """Widest cell of the posterior's grid along a link [m]."""
+    return wp.max(hand.link_length[0], wp.max(hand.link_length[1], hand.link_length[2])) / real(
+        _ALONG)

@@ -1,0 +1,97 @@
+# type: ignore  # Warp functions, which type checkers cannot follow
+"""Where a finger rests: the least energy of its joint servos and its skin against rigid things.
+
+Newton steps on the Gauss-Newton Hessian of `finger_energy` with backtracking: E never rises. A link
+keeps to the valley of the distance it lies in. Where it stops is looked at closely, see
+`finger_crease`.
+
+- A link that a step would press counts as pressing: else a finger that has just lost its contact is
+  sent to its command, deep inside the body, and comes back by halves.
+- Along an edge Newton steps creep, since the energy curves less there than its Hessian says. They
+  are made longer as two steps show it, by Anderson's mixing with one step kept (Walker and Ni,
+  Anderson acceleration for fixed-point iterations, 2011), as long as E falls.
+- The last step is taken without a look where it is small and the steps before show that it is the
+  last.
+"""
+
+import warp as wp
+
+from warpgrasp.closing.energy import Rest, finger_energy, worst_of
+from warpgrasp.core.dtypes import HALF, ONE, ZERO, real, vec3, vec4
+from warpgrasp.geometry.scene import Scene
+from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_length
+
+_ITERATIONS = wp.constant(30)
+_HALVINGS = wp.constant(12)
+_GRADIENT = wp.constant(real(1e-6))  # [N m]; 0.2 mN on a tendon, a 300th of the converter's step
+_LAST = wp.constant(real(2e-5))  # [rad]; to a tendon's reading a tenth of a converter's step
+_STILL = wp.constant(real(1e-7))  # [rad]; less is not halved again
+_CREEP = wp.constant(real(0.1))  # share of a step gained by it; a right Hessian gains all
+_JOINTS = wp.constant(real(4.0))  # each turns all of the finger beyond it
+
+
+@wp.func
+def joints_toward(rest: Rest, torque: vec4, skin: real):
+    """How far joints go to first order by a torque on them [N m], a link that is near included."""
+    way = rest.compliance * torque
+    bite = rest.near_depth - wp.dot(rest.near, way)
+    if bite > ZERO:
+        yields = rest.compliance * rest.near
+        way += yields * (bite / (ONE / skin + wp.dot(rest.near, yields)))
+    return way
+
+
+@wp.func
+def finger_rest(
+    scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, start: vec4,
+    last: Rest, samples: int
+):
+    """The rest configuration for a command, descending from `start`; `base` in the body's frame.
+
+    Valleys are chosen at the start, with `samples` compared, and followed from there. After a last
+    step taken blindly energy, gradient and compliance are those before it; depths are the most that
+    they can have become.
+    """
+    rest = last
+    step = start - last.q
+    way = vec4(ZERO, ZERO, ZERO, ZERO)
+    scale = real(1.0)
+    level = real(0.0)  # of the look before: none shows yet that a step is the last
+    halvings = int(0)
+    plain = int(1)
+    for k in range(_ITERATIONS):
+        trial = finger_energy(scene, body, hand, base, command, rest.q + step * scale, rest,
+                              wp.where(k == 0, samples, 0))
+        halvings += 1
+        scale = scale * HALF
+        if k == 0 or trial.energy < rest.energy:
+            turned = trial.q - rest.q
+            rest = trial
+            halvings = int(0)
+            scale = real(1.0)
+            step = joints_toward(rest, -rest.gradient, hand.skin)
+            level_before = level
+            level = worst_of(rest.gradient)
+            last_step = worst_of(step)
+            if level < _GRADIENT or (
+                    last_step < _LAST and level * level < _GRADIENT * level_before):
+                rest.q += step
+                moved = last_step * _JOINTS * finger_length(hand)
+                rest.depth += vec3(moved, moved, moved)
+                rest.table += vec3(moved, moved, moved)
+                break
+            change = step - way
+            plain = int(1)
+            way = step
+            # How much of a step is gained by going it: 1 where the Hessian is right.
+            share = -wp.dot(change, turned) / wp.dot(turned, turned)
+            if k >= 2 and share > _CREEP and share < ONE - _CREEP:
+                step -= (turned + change) * (wp.dot(step, change) / wp.dot(change, change))
+                plain = int(0)
+        elif plain == 0:
+            step = way
+            scale = real(1.0)
+            plain = int(1)
+        if halvings >= _HALVINGS or worst_of(step) * scale < _STILL:
+            break
+    return rest

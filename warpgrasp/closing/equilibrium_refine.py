@@ -1,0 +1,121 @@
+# type: ignore  # Warp functions, which type checkers cannot follow
+"""Rests looked at closely, also those on a crease of the energy.
+
+A link flush with a flat face, or between two walls of a hollow, presses by the nearer of two places
+(`finger_energy`), so the energy has a crease where they are equal, and Newton steps stall at it;
+where a link turns about a sharp edge they creep. BFGS steps with a weak Wolfe line search get on in
+both (Lewis and Overton, Nonsmooth optimization via quasi-Newton methods, 2013). At a stop the
+closing hands its rest on to here: if some place of a link was missed, or the slope is not level, it
+goes on to the least energy near by.
+"""
+
+import warp as wp
+
+from warpgrasp.closing.energy import Rest, finger_energy, put, rest_from, worst_of
+from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat44, real, vec4
+from warpgrasp.geometry.scene import Scene, body_is_convex, body_is_estimated
+from warpgrasp.geometry.segment_distance import deepest_valley
+from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_pose, link_direction, link_start
+
+_PARTS = wp.constant(8)  # of an eighth of a link: half a millimetre
+_FAR = wp.constant(real(1.0))  # [m]
+_STIFF = wp.constant(real(1e4))  # a valley already found is not left: steps of micrometres
+_ITERATIONS = wp.constant(60)
+_SEARCH = wp.constant(40)
+_FEW = wp.constant(10)
+_ATTEMPTS = wp.constant(6)
+_LEVEL = wp.constant(real(1e-6))  # slope [N m]
+_NUDGE = wp.constant(real(1e-4))  # [rad]: off the crease that the first attempt starts on
+_SAME = wp.constant(real(1e-12))  # [J]: found twice
+_ARMIJO = wp.constant(real(1e-4))
+_WOLFE = wp.constant(real(0.5))
+
+
+@wp.func
+def secant_compliance(compliance: mat44, step: vec4, rise: vec4):
+    """The BFGS update of an inverse Hessian by a step and the change of slope along it."""
+    share = ONE / wp.dot(step, rise)
+    keep = wp.identity(n=4, dtype=real) - wp.outer(step, rise) * share
+    return keep * compliance * wp.transpose(keep) + wp.outer(step, step) * share
+
+
+@wp.func
+def close_energy(
+    scene: Scene, body: int, convex: bool, hand: Hand, base: wp.transformd, command: vec4, q: vec4,
+    last: Rest
+):
+    """`finger_energy` with every valley of the distance looked at, see `deepest_valley`.
+
+    Before a convex body there is one: that which the `last` rest lies in.
+    """
+    known = rest_from(last.q)
+    known.along = last.along
+    known.bend = last.bend
+    known.depth = last.depth
+    if not convex:
+        f = finger_pose(hand, base, q)
+        for link in range(3):
+            along = deepest_valley(scene, body, link_start(f, link), link_direction(f, link),
+                                   hand.link_length[link], _PARTS, hand.link_radius)
+            known.along = put(known.along, link, along)
+            known.bend = put(known.bend, link, _STIFF)
+            known.depth = put(known.depth, link, wp.where(along < ZERO, -_FAR, ZERO))
+    return finger_energy(scene, body, hand, base, command, q, known, 0)
+
+
+@wp.func
+def settled_rest(
+    scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, begun: Rest
+):
+    """The rest at or below the one `begun` from; `base` in the body's frame. E never rises.
+
+    Before a body whose distance is estimated it is sought once, with few tries: its slopes are not
+    quite those of its energy, so that none would show it to be found.
+    """
+    convex = body_is_convex(scene, body)
+    estimated = body_is_estimated(scene, body)
+    attempts = wp.where(estimated, 1, _ATTEMPTS)
+    tries = wp.where(estimated, _FEW, _SEARCH)
+    best = Rest()
+    nudge = vec4(ZERO, ZERO, ZERO, ZERO)
+    for attempt in range(attempts):
+        at = wp.where(attempt == 0, begun.q, best.q)
+        rest = close_energy(scene, body, convex, hand, base, command, at + nudge, begun)
+        compliance = rest.compliance
+        for _iteration in range(_ITERATIONS):
+            if worst_of(rest.gradient) < _LEVEL:
+                break
+            way = -(compliance * rest.gradient)
+            fall = wp.dot(rest.gradient, way)
+            share = real(1.0)
+            low = real(0.0)
+            high = real(-1.0)
+            found = int(0)
+            trial = rest
+            for _try in range(tries):
+                trial = close_energy(scene, body, convex, hand, base, command,
+                                     rest.q + way * share, rest)
+                if trial.energy >= rest.energy + _ARMIJO * share * fall:
+                    high = share
+                elif wp.dot(trial.gradient, way) < _WOLFE * fall:
+                    low = share
+                else:
+                    found = int(1)
+                    break
+                share = wp.where(high < ZERO, share + share, (low + high) * HALF)
+            if found == 0:
+                break
+            turned = trial.q - rest.q
+            rise = trial.gradient - rest.gradient
+            rest = trial
+            if wp.dot(turned, rise) <= ZERO:
+                break  # a step so small that nothing is learnt by it
+            compliance = secant_compliance(compliance, turned, rise)
+        again = wp.abs(rest.energy - best.energy) < _SAME
+        if attempt == 0 or rest.energy < best.energy:
+            best = rest
+        if worst_of(best.gradient) < _LEVEL or again:
+            break
+        for j in range(4):
+            nudge[j] = _NUDGE * real(2 * (((5 * attempt + 3) >> j) & 1) - 1)
+    return best

@@ -1,0 +1,142 @@
+# type: ignore  # Warp functions, which type checkers cannot follow
+"""How far a free finger gets before some link of it touches the body or the table.
+
+A free finger stands where it is commanded, so where its links go is tabled (`finger_path`). Each
+link is followed by itself, the outermost first: while the distance to everything exceeds how far it
+can have moved, its steps are passed over.
+
+Before a convex body the plane through the body's nearest point when last looked at has all of the
+body behind it, for good: while the link's ends stay before that plane the body is not asked.
+"""
+
+import warp as wp
+
+from warpgrasp.closing.closing_record import LinkStep
+from warpgrasp.closing.energy import pick, put
+from warpgrasp.core.dtypes import (
+    HALF,
+    ONE,
+    ZERO,
+    greater,
+    lesser,
+    mat34,
+    real,
+    struct,
+    transform,
+    vec3,
+    vec4,
+)
+from warpgrasp.geometry.scene import Scene, body_distance_grad
+from warpgrasp.geometry.segment_distance import LINK_SAMPLES, link_nearest, link_valley
+from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
+
+_ROUNDING = wp.constant(real(1e-12))  # [m]; a link pressed by no more bears 20 nN
+
+
+@struct
+class Free:
+    """What is known of the links of a free finger at a step.
+
+    `room` is how far each can still move for certain [m]; `along` and `bend` say where it was
+    nearest when looked at (see `link_nearest`); `planes` (normal, offset), in the frame of the
+    finger's base, have all of a convex body behind them.
+    """
+
+    step: int
+    room: vec3
+    along: vec3
+    bend: vec3
+    planes: mat34
+
+
+@wp.func
+def free_from(scene: Scene, body: int, convex: bool, hand: Hand, base: transform, near: vec3):
+    """A finger before its first step.
+
+    Before a convex body all its links begin with the plane through the body's point nearest to a
+    place `near` them, in the frame of the finger's base.
+    """
+    free = Free()
+    free.step = -1
+    free.along = hand.link_length * HALF
+    free.bend = vec3(ONE, ONE, ONE)
+    if convex:
+        g = body_distance_grad(scene, body, wp.transform_point(base, near))
+        n = wp.transform_vector(wp.transform_inverse(base), vec3(g[0], g[1], g[2]))
+        for link in range(3):
+            free.planes[link] = vec4(n[0], n[1], n[2], g[3] - hand.link_radius - wp.dot(n, near))
+    return free
+
+
+@wp.func
+def _clearance(plane: vec4, table: vec4, at: LinkStep):
+    """How far a link's skin stays before two planes [m]."""
+    n = vec3(plane[0], plane[1], plane[2])
+    up = vec3(table[0], table[1], table[2])
+    return lesser(plane[3] + lesser(wp.dot(n, at.start), wp.dot(n, at.end)),
+                  table[3] + lesser(wp.dot(up, at.start), wp.dot(up, at.end)))
+
+
+@wp.func
+def free_on(
+    scene: Scene, body: int, convex: bool, hand: Hand, base: transform,
+    links: wp.array4d[LinkStep], grasp: int, finger: int, scale: real, was: Free, end: int
+):
+    """On from what `was` free to the first step at which a link touches; to `end` if none does.
+
+    `base` is in the body's frame. Jumps are shortened by `scale`.
+    """
+    free = was
+    rotation = wp.transform_get_rotation(base)
+    up = wp.quat_rotate_inv(rotation, vec3(ZERO, ZERO, ONE))
+    table = vec4(up[0], up[1], up[2], base[2] - hand.link_radius)
+    free.step = end
+    come = vec3(ZERO, ZERO, ZERO)
+    for inward in range(3):
+        link = 2 - inward
+        length = pick(hand.link_length, link)
+        room = pick(was.room, link)
+        seen = links[grasp, finger, link, wp.max(was.step, 0)].come
+        s = int(was.step + 1)
+        while s < free.step:
+            at = links[grasp, finger, link, s]
+            room -= at.come - seen
+            seen = at.come
+            clear = -ONE
+            if convex:
+                clear = _clearance(free.planes[link], table, at)
+                room = greater(room, scale * clear)
+            if room <= ZERO and clear < -_ROUNDING:
+                a = wp.transform_point(base, at.start)
+                u = (wp.transform_point(base, at.end) - a) / length
+                if convex:
+                    near = link_valley(scene, body, a, u, ZERO, length, pick(free.along, link),
+                                       pick(free.bend, link), hand.link_radius, True)
+                    n = wp.quat_rotate_inv(rotation, near.normal)
+                    place = at.start + (at.end - at.start) * (near.along / length)
+                    free.planes[link] = vec4(
+                        n[0], n[1], n[2], near.distance - hand.link_radius - wp.dot(n, place))
+                else:
+                    near = link_nearest(scene, body, a, u, length, -ONE, ONE, LINK_SAMPLES,
+                                        length * HALF + hand.link_radius)
+                free.along = put(free.along, link, near.along)
+                free.bend = put(free.bend, link, near.bend)
+                clear = lesser(near.least - hand.link_radius,
+                               lesser(a[2], a[2] + u[2] * length) - hand.link_radius)
+                room = scale * clear
+                if clear < -_ROUNDING:
+                    free.step = int(s)
+            s += 1 + int(lesser(greater(room, ZERO) * at.steps, real(end)))
+        come = put(come, link, seen)
+        free.room = put(free.room, link, room)
+    if free.step < end:
+        for link in range(3):
+            at = links[grasp, finger, link, free.step]
+            # A link may have been followed beyond the step: back again takes as much.
+            room = pick(free.room, link) - wp.abs(at.come - pick(come, link))
+            if convex:
+                room = greater(room, _clearance(free.planes[link], table, at))
+            elif room <= ZERO and at.come != pick(come, link):
+                free.along = put(free.along, link, -ONE)
+            free.room = put(free.room, link, room)
+    return free

@@ -1,0 +1,124 @@
+# type: ignore  # Warp functions, which type checkers cannot follow
+"""What is read, and what is true, where a finger stopped: the second half of a closing.
+
+`closing` finds the step; here its rest is looked at closely (`finger_crease`), joints and tensions
+are read there, and the contact is written down for the scorer.
+"""
+
+import warp as wp
+
+from warpgrasp.closing.closing_record import ClosingRow, ClosingTruthRow, PathStep
+from warpgrasp.closing.energy import rest_from
+from warpgrasp.closing.equilibrium_refine import settled_rest
+from warpgrasp.core.dtypes import ONE, ZERO, mat42, real, transform, vec3, vec4
+from warpgrasp.core.random import Purpose
+from warpgrasp.core.random_kernel import counter_key, counter_normal
+from warpgrasp.geometry.scene import Scene, body_distance_grad
+from warpgrasp.geometry.segment_distance import lower_end
+from warpgrasp.mechanism.tendon_kernel import (
+    TendonSensor,
+    moving_sign,
+    tendon_tensions,
+    tension_mean_read,
+)
+from warpgrasp.mechanism.utah_mit_hand_kernel import (
+    Hand,
+    finger_base,
+    finger_pose,
+    link_direction,
+    link_start,
+)
+from warpgrasp.probe_status import ProbeStatus
+
+wp.set_module_options({"max_unroll": 1})
+_CONTACT = wp.constant(int(ProbeStatus.CONTACT))
+_NO_CONTACT = wp.constant(int(ProbeStatus.NO_CONTACT))
+_TENSION_REST = wp.constant(int(Purpose.TENSION_REST))
+_JOINT = wp.constant(int(Purpose.JOINT))
+_NAN = wp.constant(real(float("nan")))
+
+
+@wp.kernel(enable_backward=False)
+def reading_kernel(
+    first: int,
+    # Scene:
+    scene: Scene,
+    body: wp.array[int],
+    body_pose: wp.array[transform],
+    # Robot:
+    hands: wp.array[Hand],
+    sensors: wp.array[TendonSensor],
+    # Closing in:
+    key: wp.array[wp.uint64],
+    probe_number: wp.array2d[int],
+    hand_pose: wp.array2d[transform],
+    path: wp.array3d[PathStep],
+    # Read, and made closer:
+    felt: wp.array4d[ClosingRow],
+    truth: wp.array4d[ClosingTruthRow],
+):
+    """What is read of a finger that stopped, and what is true there."""
+    w, p, g, finger = wp.tid()
+    w += first
+    felt[w, p, g, finger].q = vec4(_NAN, _NAN, _NAN, _NAN)
+    felt[w, p, g, finger].tension = mat42(_NAN, _NAN, _NAN, _NAN, _NAN, _NAN, _NAN, _NAN)
+    truth[w, p, g, finger].point = vec3(_NAN, _NAN, _NAN)
+    truth[w, p, g, finger].normal = vec3(_NAN, _NAN, _NAN)
+    truth[w, p, g, finger].on_table = 0
+    status = felt[w, p, g, finger].status
+    if status != _CONTACT and status != _NO_CONTACT:
+        return
+
+    hand = hands[w % hands.shape[0]]
+    sensor = sensors[w % sensors.shape[0]]
+    stream = counter_key(counter_key(counter_key(key[w], probe_number[w, p]), g), finger)
+    at = felt[w, p, g, finger].step
+    if truth[w, p, g, finger].link >= 0:
+        which = body[w % body.shape[0]]
+        base = wp.transform_multiply(
+            wp.transform_inverse(body_pose[w]),
+            wp.transform_multiply(hand_pose[w, p], finger_base(hand, finger)))
+        command = path[g, finger, at].command
+        rest = rest_from(truth[w, p, g, finger].q)
+        rest.along = truth[w, p, g, finger].along
+        rest.bend = truth[w, p, g, finger].bend
+        rest.depth = truth[w, p, g, finger].depth
+        rest = settled_rest(scene, which, hand, base, command, rest)
+        truth[w, p, g, finger].q = rest.q
+        truth[w, p, g, finger].torque = (command - rest.q) * hand.stiffness
+        bearing = int(0)
+        deepest = real(0.0)
+        for link in range(3):
+            if wp.max(rest.depth[link], rest.table[link]) > deepest:
+                bearing = int(link)
+                deepest = wp.max(rest.depth[link], rest.table[link])
+        f = finger_pose(hand, base, rest.q)
+        u = link_direction(f, bearing)
+        x = link_start(f, bearing) + u * rest.along[bearing]
+        n = body_distance_grad(scene, which, x)
+        if rest.table[bearing] > rest.depth[bearing]:
+            x = link_start(f, bearing) + u * lower_end(u, hand.link_length[bearing])
+            n = vec4(ZERO, ZERO, ONE, x[2])
+            truth[w, p, g, finger].on_table = 1
+        normal = vec3(n[0], n[1], n[2])
+        truth[w, p, g, finger].link = bearing
+        truth[w, p, g, finger].point = wp.transform_point(body_pose[w], x - normal * n[3])
+        truth[w, p, g, finger].normal = wp.transform_vector(
+            body_pose[w], wp.normalize(normal))  # a grid's gradient is shorter in its creases
+
+    reader = counter_key(stream, _JOINT)
+    q = truth[w, p, g, finger].q
+    for j in range(4):
+        q[j] += sensor.joint_noise * counter_normal(counter_key(reader, j))
+    felt[w, p, g, finger].q = q
+    if status == _NO_CONTACT:
+        return
+    delta = path[g, finger, at].command - path[g, finger, wp.max(at - 1, 0)].command
+    reader = counter_key(stream, _TENSION_REST)
+    torque = truth[w, p, g, finger].torque
+    pulls = mat42()
+    for j in range(4):
+        t = tendon_tensions(hand, j, torque[j], moving_sign(delta[j]))
+        pulls[j, 0] = tension_mean_read(sensor, t[0], counter_key(reader, 2 * j))
+        pulls[j, 1] = tension_mean_read(sensor, t[1], counter_key(reader, 2 * j + 1))
+    felt[w, p, g, finger].tension = pulls

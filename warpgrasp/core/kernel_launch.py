@@ -1,0 +1,163 @@
+"""The one way kernels are launched: named arguments, checked shapes, slices over the cores.
+
+Warp runs a CPU launch on one thread and does not check array shapes; a wrong one corrupts memory.
+Here every array argument states its shape in words ("world probe 4"), the words are bound to the
+launch's extents, and on a CPU the first axis is cut into slices that threads run side by side (a
+launch releases the interpreter lock). Results do not depend on the slicing: no kernel writes
+outside its own row, and rows are numbered from `first`, which every kernel takes as its first
+argument because `wp.tid()` restarts at zero in each slice.
+"""
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+from math import prod
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+wp.config.log_level = wp.LOG_ERROR  # banners are not results
+_SMALLEST_SLICE = 512  # threads; below, starting a Python thread costs more than it saves
+_SLICES = 16  # for each thread
+_pool: ThreadPoolExecutor | None = None
+_thread_count = max(1, int(os.environ.get("WARPGRASP_THREADS", os.cpu_count() or 1)))
+
+
+class ShapeError(ValueError):
+    """An array of the wrong shape, type or device was handed to a kernel."""
+
+
+def set_thread_count(count: int) -> None:
+    """How many threads a CPU launch may use; sweeps' workers use one each."""
+    global _pool, _thread_count
+    if count < 1:
+        raise ValueError(f"thread count {count}: at least 1")
+    _thread_count = count
+    if _pool is not None:
+        _pool.shutdown()
+        _pool = None
+
+
+def check_range(what: str, numbers: np.ndarray | int, least: int, most: int) -> None:
+    """Raise ValueError where a number is none of `least` to `most`: kernels index by it unasked."""
+    wrong = (np.less(numbers, least) | np.greater(numbers, most)).ravel()
+    if wrong.any():
+        raise ValueError(f"{what} {np.ravel(numbers)[wrong][0]}: wants {least} to {most}")
+
+
+def launch(
+    kernel: Any,
+    extents: Mapping[str, int],
+    shapes: Mapping[str, str],
+    arguments: Mapping[str, Any],
+    *,
+    device: str,
+) -> None:
+    """Run `kernel` over the product of `extents` (first axis sliced over the cores on a CPU).
+
+    `shapes` gives each array argument's shape in words: a name of `extents` or any other name
+    (bound at first sight, then held), a number, or `name?` for an axis that may also be 1 (shared
+    by all). Raises ShapeError naming the argument, what it is and what it should be.
+    """
+    launch_in_turn(extents, [(kernel, shapes, arguments)], device=device)
+
+
+def launch_in_turn(
+    extents: Mapping[str, int],
+    steps: Sequence[tuple[Any, Mapping[str, str], Mapping[str, Any]]],
+    *,
+    device: str,
+) -> None:
+    """`launch` several kernels, each step (kernel, shapes, arguments) after the one before it.
+
+    Only rows wait for themselves: threads that share a CPU take a slice through all steps.
+    """
+    checked = [(kernel, _checked(kernel, extents, shapes, arguments, device))
+               for kernel, shapes, arguments in steps]
+    _run(checked, tuple(extents.values()), device)
+
+
+def _checked(
+    kernel: Any, extents: Mapping[str, int], shapes: Mapping[str, str],
+    arguments: Mapping[str, Any], device: str,
+) -> list[Any]:
+    """The arguments in the kernel's order."""
+    bound = dict(extents)
+    there = wp.get_device(device)
+    ordered: list[Any] = []
+    for argument in kernel.adj.args[1:]:
+        if argument.label not in arguments:
+            raise ShapeError(f"{kernel.key}: argument {argument.label!r} is missing")
+        value = arguments[argument.label]
+        if isinstance(value, wp.array):
+            _check_shape(kernel.key, argument.label, value, shapes.get(argument.label), bound)
+            if value.device != there:
+                raise _elsewhere(kernel.key, argument.label, value.device, device)
+        elif getattr(value, "device", there) != there:  # of a struct of addresses, as a scene
+            raise _elsewhere(kernel.key, argument.label, value.device, device)
+        ordered.append(value)
+    unknown = set(arguments) - {argument.label for argument in kernel.adj.args}
+    if unknown:
+        raise ShapeError(f"{kernel.key}: no argument {sorted(unknown)}")
+    return ordered
+
+
+def _elsewhere(kernel: str, label: str, found: Any, device: str) -> ShapeError:
+    return ShapeError(f"{kernel}: {label!r} is on {found}, the launch on {device}")
+
+
+def _check_shape(
+    kernel: str, label: str, array: wp.array, words: str | None, bound: dict[str, int]
+) -> None:
+    if words is None:
+        raise ShapeError(f"{kernel}: no shape stated for array {label!r}")
+    axes = words.split()
+    right = len(axes) == len(array.shape)
+    for axis, size in zip(axes, array.shape, strict=False):
+        if axis.isdigit():
+            right &= size == int(axis)
+        elif axis.endswith("?"):
+            right &= size in (1, bound.setdefault(axis[:-1], size))
+        else:
+            right &= size == bound.setdefault(axis, size)
+    if not right:
+        wanted = ", ".join(f"{a}={bound[a.rstrip('?')]}" if a.rstrip("?") in bound else a
+                           for a in axes)
+        raise ShapeError(f"{kernel}: {label!r} has shape {tuple(array.shape)}, wants ({wanted})")
+
+
+def _run(
+    steps: Sequence[tuple[Any, list[Any]]], dim: tuple[int, ...], device: str
+) -> None:
+    global _pool
+    rows, total = dim[0], prod(dim)
+    if total == 0:
+        return
+    # More slices than threads: rows differ in cost, and a thread that is done takes the next.
+    slices = min(_SLICES * _thread_count, rows, total // _SMALLEST_SLICE)
+    if _thread_count == 1 or slices < 2 or not wp.get_device(device).is_cpu:
+        for kernel, ordered in steps:
+            wp.launch(kernel, dim=dim, inputs=[0, *ordered], device=device)
+        return
+    if _pool is None:
+        _pool = ThreadPoolExecutor(_thread_count, thread_name_prefix="warpgrasp")
+    cuts = iter(list(pairwise(rows * k // slices for k in range(slices + 1))))
+    # Arguments are packed once a thread, here, since packing holds the interpreter's lock.
+    jobs = [_pool.submit(_take_slices, [
+        wp.launch(kernel, dim=dim, inputs=[0, *ordered], device=device, record_cmd=True)
+        for kernel, ordered in steps], cuts, dim) for _ in range(min(_thread_count, slices))]
+    for job in jobs:
+        job.result()
+
+
+def _take_slices(
+    commands: Sequence[Any], cuts: Iterator[tuple[int, int]], dim: tuple[int, ...]
+) -> None:
+    """A thread's work: the next slice that no thread has taken, until there is none."""
+    for start, stop in cuts:
+        for command in commands:
+            command.set_dim((stop - start, *dim[1:]))
+            command.set_param_at_index(0, start)
+            command.launch()

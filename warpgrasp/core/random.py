@@ -1,0 +1,64 @@
+"""Random numbers from counters: (seed, episode, probe, ...) in, the same number out, anywhere.
+
+Nothing is carried from draw to draw, so results do not depend on batch, slicing or order. The hash
+chains the finaliser of SplitMix64 (Steele, Lea, Flood 2014, Fast splittable pseudorandom number
+generators) over the counters. The same functions exist for kernels and, suffix `_host`, for NumPy.
+"""
+
+from enum import IntEnum
+
+import numpy as np
+
+from warpgrasp.core.random_kernel import _GAMMA
+
+
+class Purpose(IntEnum):
+    """What a stream is for; part of the key, so that no two uses share numbers."""
+
+    PLACEMENT = 1
+    PRIOR = 2
+    MOUNT = 3
+    ARM = 4
+    FALSE_STOP = 5
+    TENSION_STEP = 6
+    TENSION_REST = 7
+    JOINT = 8
+    WAYPOINT = 9
+    STRATEGY = 10
+    PAD_GAIN = 11
+    PAD_DEAD = 12
+    PAD_READING = 13
+    PAD_FALSE = 14
+    PAD_JOINT = 15
+    LINE_ARM = 16
+    CAMERA = 17
+    NOISE_STREAM = 18
+
+
+def counter_key_host(key: np.ndarray | int, *counters: np.ndarray | int) -> np.ndarray:
+    """`counter_key` over several counters, broadcast, uint64."""
+    z = np.asarray(key, np.uint64)
+    with np.errstate(over="ignore"):
+        for counter in counters:
+            z = (z ^ np.asarray(counter).astype(np.int64).astype(np.uint64)) + np.uint64(_GAMMA)
+            z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+            z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+            z = z ^ (z >> np.uint64(31))
+    return z
+
+
+def counter_uniform_host(key: np.ndarray) -> np.ndarray:
+    """Uniform in (0, 1) for each key."""
+    return (key >> np.uint64(11)).astype(float) * 2.0**-53 + 2.0**-54
+
+
+def counter_normal_host(key: np.ndarray) -> np.ndarray:
+    """Standard normal for each key."""
+    u = counter_uniform_host(counter_key_host(key, 1))
+    v = counter_uniform_host(counter_key_host(key, 2))
+    return np.sqrt(-2.0 * np.log(u)) * np.cos(2.0 * np.pi * v)
+
+
+def normal_vector_host(key: np.ndarray, size: int) -> np.ndarray:
+    """`size` standard normals for each key, shape (*key.shape, size)."""
+    return counter_normal_host(counter_key_host(key[..., None], np.arange(size) + 16))

@@ -1,0 +1,134 @@
+"""The robot as a tree of joints and links, from the tables the kernels use, for other simulators.
+
+A link's frame is where its joint puts it: `place` at joint angle zero in the parent's frame, then
+the turn about `axis`. Arm links follow standard Denavit-Hartenberg frames, fingers the frames of
+`warpgrasp.mechanism.utah_mit_hand`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from warpgrasp.mechanism.puma560 import ALPHA_RAD
+from warpgrasp.parameters import ArmTable, HandTable, PadTable
+
+FINGERS = ("index", "middle", "ring", "thumb")
+PHALANGES = ("proximal", "middle", "distal")
+ARM_RADIUS_M = 0.05
+"""Of the arm's capsules, for the eye: the simulator takes the arm's way to be free [est]."""
+DENSITY_KG_M3 = 1000.0
+"""Of all links [est]: nothing in the simulator depends on mass, other engines need one."""
+STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Capsule:
+    """A capsule in its link's frame [m]."""
+
+    start: tuple[float, float, float]
+    end: tuple[float, float, float]
+    radius: float
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A hinge: axis in the link's frame, range [rad], servo stiffness [N m/rad], 0 for none."""
+
+    name: str
+    axis: tuple[float, float, float]
+    low: float
+    high: float
+    stiffness: float
+
+
+@dataclass(frozen=True)
+class PadSite:
+    """A box that holds a tactile pad, in its link's frame [m]."""
+
+    name: str
+    centre: tuple[float, float, float]
+    size: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Link:
+    """One link, after its parent in the list; `place` is position [m] and quaternion xyzw."""
+
+    name: str
+    parent: str
+    place: tuple[float, ...]
+    joint: Joint | None = None
+    capsules: tuple[Capsule, ...] = ()
+    pads: tuple[PadSite, ...] = ()
+    touches: bool = field(default=True)
+    """Whether it meets object and table (the arm does not)."""
+
+
+def hand_tree(
+    hand: HandTable, pads: PadTable, *, parent: str = "", place: Sequence[float] = STILL
+) -> list[Link]:
+    """Palm and four fingers, 16 joints; `place` of the hand frame in `parent`."""
+    thick = hand.palm_thickness_m / 2
+    slab = tuple(Capsule((x * hand.palm_gap_m / 2, -hand.finger_spacing_m, -thick),
+                         (x * hand.palm_gap_m / 2, hand.finger_spacing_m, -thick), thick)
+                 for x in (-1, 0, 1))
+    wrist = Capsule((0.0, 0.0, -max(hand.mount_length_m, thick)), (0.0, 0.0, -thick), thick)
+    links = [Link("palm", parent, tuple(place), capsules=(*slab, wrist))]
+    for number, finger in enumerate(FINGERS):
+        x, y, turn = -hand.palm_gap_m / 2, hand.finger_spacing_m * (number - 1), (0.0, 1.0)
+        if finger == "thumb":
+            x, y, turn = hand.palm_gap_m / 2, 0.0, (1.0, 0.0)
+        low, high = hand.abduction_limit_rad
+        k = hand.joint_stiffness_Nm_rad
+        links.append(Link(f"{finger}_base", "palm", (x, y, 0.0, 0.0, 0.0, *turn),
+                          Joint(f"{finger}_abduction", (-1.0, 0.0, 0.0), low, high, k)))
+        rise = hand.abduction_offset_m
+        for j, phalanx in enumerate(PHALANGES):
+            length = hand.link_length_m[j]
+            bone = Capsule((0.0, 0.0, 0.0), (0.0, 0.0, length), hand.link_radius_m)
+            on = (pads.proximal, pads.middle, pads.distal)[j]
+            links.append(Link(
+                f"{finger}_{phalanx}", links[-1].name, (0.0, 0.0, rise, 0.0, 0.0, 0.0, 1.0),
+                Joint(f"{finger}_flexion{j + 1}", (0.0, 1.0, 0.0), hand.flexion_low_rad[j],
+                      hand.flexion_high_rad[j], k),
+                (bone,), (_pad_site(f"{finger}_{phalanx}_pad", hand, pads, j),) if on else ()))
+            rise = length
+    return links
+
+
+def arm_hand_tree(arm: ArmTable, hand: HandTable, pads: PadTable) -> list[Link]:
+    """The whole robot in its base frame, 22 joints in the order of `arm_hand_links`."""
+    links = [Link("base", "", STILL, capsules=(
+        Capsule((0.0, 0.0, 0.0), (0.0, 0.0, arm.d_m[0]), ARM_RADIUS_M),), touches=False)]
+    place: tuple[float, ...] = STILL
+    for j in range(6):
+        end, turn = _dh_end(arm, j)
+        corner = (0.0, 0.0, arm.d_m[j])
+        bones = tuple(Capsule(a, b, ARM_RADIUS_M) for a, b in
+                      (((0.0, 0.0, 0.0), corner), (corner, end)) if a != b and j > 0)
+        links.append(Link(
+            f"arm{j + 1}", links[-1].name, place,
+            Joint(f"arm_joint{j + 1}", (0.0, 0.0, 1.0), arm.limit_low_rad[j],
+                  arm.limit_high_rad[j], 0.0), bones, touches=False))
+        place = (*end, *turn)
+    reach = np.asarray(place[:3]) + [0.0, 0.0, hand.mount_length_m]
+    return links + hand_tree(hand, pads, parent="arm6",
+                             place=(*(float(v) for v in reach), *place[3:]))
+
+
+def _dh_end(arm: ArmTable, j: int) -> tuple[tuple[float, float, float], tuple[float, ...]]:
+    """Where the next joint's frame is in joint frame j: along z, along x, then turned about x."""
+    half = ALPHA_RAD[j] / 2
+    return ((arm.a_m[j], 0.0, arm.d_m[j]),
+            (float(np.sin(half)), 0.0, 0.0, float(np.cos(half))))
+
+
+def _pad_site(name: str, hand: HandTable, pads: PadTable, j: int) -> PadSite:
+    """The box from a link's axis to a pad's surface, along all of the pad."""
+    radius, length = hand.link_radius_m + pads.thickness_m, hand.link_length_m[j]
+    low, high = (length - pads.length_m) / 2, (length + pads.length_m) / 2
+    if j == 2:
+        low = length - (pads.length_m - pads.wrap_rad * radius)
+        high = length + radius * float(np.sin(pads.wrap_rad))
+    return PadSite(name, (radius / 2, 0.0, (low + high) / 2), (radius, pads.width_m, high - low))

@@ -1,0 +1,17 @@
+"""Solids as signed distances: primitives, superquadrics, grids, and the bodies made of them."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "body": ["Body", "BodyError", "Part", "distance_to_bodies", "scene_of"],
+    "body_sampling": ["BodySample", "body_lowered", "sample_body"],
+    "meshing": ["body_mesh"],
+    "scene": ["Join", "Scene", "Shape", "body_distance", "body_distance_grad", "body_is_convex",
+        "body_is_estimated", "stand_distance", "stand_distance_grad"],
+    "sdf_grid": ["mesh_distance_kernel"],
+    "sdf_primitive": ["sign_of"],
+    "sdf_superquadric": ["SuperquadricShape", "deformed_gradient", "straighten",
+        "superquadric_deformed_gauge", "superquadric_gauge", "taper_and_bend"],
+    "segment_distance": ["LINK_SAMPLES", "deepest_valley", "link_nearest", "link_valley",
+        "lower_end", "nearest_along"],
+})

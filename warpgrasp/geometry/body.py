@@ -1,0 +1,140 @@
+"""Bodies on the host: what an object is made of, its extent and content, and the kernels' scene."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import warp as wp
+
+from warpgrasp.core.dtypes import transform, vec2, vec3, vec4
+from warpgrasp.core.kernel_launch import check_range, launch
+from warpgrasp.geometry.scene import Join, Primitive, Scene, Shape, distance_kernel
+from warpgrasp.geometry.sdf_superquadric import SuperquadricShape
+
+_EMPTY = np.zeros((0, 2))
+_NO_GRID = np.zeros((0, 0, 0), np.float32)
+
+
+class BodyError(ValueError):
+    """An object that cannot be built; the message says what is wrong and what would be right."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """One placed primitive of a body. Which fields count depends on `shape`."""
+
+    shape: Shape
+    join: Join = Join.UNION
+    place: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+    """Position [m] and quaternion xyzw of the primitive in the body's frame."""
+    size_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Block, wedge: full size. Cylinder, capsule: radius, -, height. Sphere: radius."""
+    superquadric: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0)
+    """a1, a2, a3 [m], eps1, eps2, Kx, Ky, bend [1/m], bend direction [rad]."""
+    profile_m: np.ndarray = field(default_factory=lambda: _EMPTY)
+    """Revolution: (z, r) [m], shape (point, 2), z rising."""
+    grid_m: np.ndarray = field(default_factory=lambda: _NO_GRID)
+    """Baked distances at nodes [m], shape (nx, ny, nz), float32."""
+    grid_origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    grid_cell_m: float = 0.0
+
+
+@dataclass(frozen=True)
+class Body:
+    """An object standing on z = 0 of its own frame, about the z axis."""
+
+    name: str
+    parts: tuple[Part, ...]
+    low_m: tuple[float, float, float]
+    """Corners of a box that holds the body, shape (3,)."""
+    high_m: tuple[float, float, float]
+    doc: str = ""
+    grid_error_m: float = 0.0
+    """Largest measured error of a baked grid near the surface; 0 for formulas."""
+
+    @property
+    def content(self) -> str:
+        """A hash of the body's shape; the name does not enter."""
+        digest = hashlib.sha256()
+        for part in self.parts:
+            digest.update(repr((int(part.shape), int(part.join), part.place, part.size_m,
+                                part.superquadric, part.grid_origin_m,
+                                part.grid_cell_m)).encode())
+            digest.update(np.ascontiguousarray(part.profile_m, float).tobytes())
+            digest.update(np.ascontiguousarray(part.grid_m, np.float32).tobytes())
+        return digest.hexdigest()[:16]
+
+    @property
+    def has_exact_distance(self) -> bool:
+        """Whether the signed distance is the true one everywhere, not a bound or an estimate."""
+        return len(self.parts) == 1 and self.parts[0].shape not in (Shape.SUPERQUADRIC, Shape.GRID)
+
+
+def scene_of(bodies: Sequence[Body], device: str) -> Scene:
+    """The kernels' table of several bodies, body k being `bodies[k]`."""
+    rows: list[Primitive] = []
+    profiles: list[np.ndarray] = []
+    grids: list[np.ndarray] = []
+    firsts = [0]
+    profile_count = grid_count = 0
+    for body in bodies:
+        for part in body.parts:
+            row = Primitive()
+            row.shape, row.join = int(part.shape), int(part.join)
+            row.placed = int(part.place != (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+            row.to_body = transform(*part.place)
+            row.size = vec3(*part.size_m)
+            s = SuperquadricShape()
+            s.size = vec3(*part.superquadric[:3])
+            s.e1, s.e2, s.kx, s.ky, s.bend, s.bend_angle = part.superquadric[3:]
+            row.superquadric = s
+            if part.shape == Shape.REVOLUTION:
+                row.first, row.count = profile_count, len(part.profile_m)
+                profiles.append(part.profile_m)
+                profile_count += len(part.profile_m)
+            elif part.shape == Shape.GRID:
+                row.first = grid_count
+                row.nodes = wp.vec3i(*part.grid_m.shape)
+                row.origin = vec3(*part.grid_origin_m)
+                row.cell = part.grid_cell_m
+                grids.append(part.grid_m.ravel())
+                grid_count += part.grid_m.size
+            rows.append(row)
+        firsts.append(len(rows))
+    arrays = {
+        "body_first": wp.array(firsts, dtype=int, device=device),
+        "primitives": wp.array(rows, dtype=Primitive, device=device),
+        "profile": wp.array(np.concatenate(profiles) if profiles else np.zeros((1, 2)),
+                            dtype=vec2, device=device),
+        "grid": wp.array(np.concatenate(grids) if grids else np.zeros(1, np.float32),
+                         dtype=wp.float32, device=device)}
+    scene = Scene()
+    for name, array in arrays.items():
+        setattr(scene, name, array.ptr)
+    scene.bodies, scene.primitive_count = len(bodies), len(rows)
+    scene.profile_count, scene.grid_count = len(arrays["profile"]), len(arrays["grid"])
+    scene.__dict__["kept"] = arrays  # as long as the scene lives, so do its arrays
+    scene.__dict__["device"] = arrays["primitives"].device
+    return scene
+
+
+def distance_to_bodies(
+    scene: Scene, body: np.ndarray, points_m: np.ndarray, *, device: str = "cpu"
+) -> tuple[np.ndarray, np.ndarray]:
+    """Signed distances [m], shape (world, point), and gradients, shape (world, point, 3).
+
+    `points_m` has shape (world, point, 3) and is in the frame of body number `body[world]` (shape
+    (world,) or (1,), shared). Raises ShapeError where shapes disagree or the scene is on another
+    device, ValueError for a body that the scene has not.
+    """
+    check_range("body", body, 0, scene.bodies - 1)
+    worlds, count = points_m.shape[:2]
+    out = wp.empty((worlds, count), dtype=vec4, device=device)
+    launch(distance_kernel, {"world": worlds, "point": count},
+           {"body": "world?", "point": "world point", "gradient_distance": "world point"},
+           {"scene": scene, "body": wp.array(body, dtype=int, device=device),
+            "point": wp.array(points_m, dtype=vec3, device=device), "gradient_distance": out},
+           device=device)
+    values = out.numpy().copy()
+    return values[..., 3], values[..., :3]

@@ -1,0 +1,150 @@
+"""Arm and hand together: taking the hand to a sequence of poses, and what that costs.
+
+A probe is approached from a retreat behind its pose, straight along the hand's z axis, and left the
+same way. Between retreats the arm moves joint by joint, the slowest joint governing; that the way
+between retreats is free is assumed, not checked. The believed pose is what the encoders and the
+nominal mount say; the true one differs by repeatability and by a mount error fixed per episode.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+from scipy.spatial.transform import Rotation
+
+from warpgrasp.core.dtypes import real, transform, vec6
+from warpgrasp.core.kernel_launch import check_range, launch
+from warpgrasp.core.random import Purpose, counter_key_host, normal_vector_host
+from warpgrasp.geometry.scene import Scene
+from warpgrasp.mechanism.arm_motion_kernel import _clearance_kernel, _move_kernel
+from warpgrasp.mechanism.puma560 import arm_of, puma_forward_batch
+from warpgrasp.mechanism.utah_mit_hand import hand_links, hand_of
+from warpgrasp.parameters import ArmTable, HandTable
+from warpgrasp.probe_status import ProbeStatus
+
+HOME_RAD = tuple(np.radians((19.5, 28.8, 160.0, 0.0, -8.8, -160.5)))
+"""Where an episode starts: the hand some 0.35 m above the table, pointing down."""
+
+
+@dataclass(frozen=True)
+class ArmState:
+    """Where each arm stands between batches of probes: joints [rad], shape (world, 6)."""
+
+    q_rad: np.ndarray
+
+    @staticmethod
+    def home(worlds: int) -> "ArmState":
+        """All arms at home."""
+        return ArmState(np.tile(HOME_RAD, (worlds, 1)))
+
+
+@dataclass(frozen=True)
+class ArmMoves:
+    """What taking the hand to each pose came to. Shapes start with (world, probe)."""
+
+    status: np.ndarray
+    """(..., grasp) ProbeStatus: CONTACT means ready to close, else why the probe is not made."""
+    believed_pose: np.ndarray
+    """Hand pose the robot believes, [m] and quaternion xyzw, (..., 7)."""
+    time_s: np.ndarray
+    """From the last retreat to this pose and back to its retreat."""
+    path_m: np.ndarray
+    """Path of the hand's origin over the same moves, straight between its stations."""
+    state: ArmState
+
+
+def arm_hand_links(
+    arm: ArmTable, hand: HandTable, q_rad: np.ndarray, *, device: str = "cpu"
+) -> tuple[np.ndarray, np.ndarray]:
+    """Every joint and fingertip of the whole robot in the base frame, nominal mount.
+
+    `q_rad` (pose, 22) [rad]: six joints of the arm, then four of each finger, the thumb last.
+    Returns points [m], (pose, finger 4, 5, 3): base, flexion joints, tip centre; and unit palmar
+    normals, (pose, finger 4, link 3, 3). Raises ValueError for another shape.
+    """
+    if q_rad.ndim != 2 or q_rad.shape[1] != 22:
+        raise ValueError(f"q_rad has shape {q_rad.shape}, wants (pose, 22)")
+    pose = puma_forward_batch(arm, q_rad[:, :6], device=device)
+    reach = Rotation.from_quat(pose[:, 3:]).apply([0.0, 0.0, hand.mount_length_m])
+    pose[:, :3] += reach
+    return hand_links(hand, pose, q_rad[:, 6:].reshape(-1, 4, 4), device=device)
+
+
+def mount_error(table: ArmTable, key: np.ndarray) -> np.ndarray:
+    """The arm-hand mount's calibration error of each world, (world, 7), drawn from its key."""
+    draw = normal_vector_host(counter_key_host(key, int(Purpose.MOUNT)), 6)
+    turn = Rotation.from_rotvec(draw[:, 3:] * table.mount_error_rad).as_quat()
+    return np.concatenate([draw[:, :3] * table.mount_error_m, turn], axis=1)
+
+
+def move_hand(
+    scene: Scene,
+    body: np.ndarray,
+    body_pose: np.ndarray,
+    arm: ArmTable,
+    hand: HandTable,
+    key: np.ndarray,
+    state: ArmState,
+    wanted_pose: np.ndarray,
+    wanted: np.ndarray,
+    commands_rad: np.ndarray,
+    *,
+    probe_number: np.ndarray | None = None,
+    march_scale: float = 1.0,
+    device: str = "cpu",
+) -> tuple[ArmMoves, np.ndarray]:
+    """Take each world's hand to its poses in turn, and say which probes can be made.
+
+    `wanted_pose` (world, probe, 7) are hand poses [m], quaternion xyzw, base frame; `wanted`
+    (world, probe) is False where a world has no such probe. `commands_rad` (grasp, finger, step, 4)
+    gives each grasp's open hand (its first step), which must clear object and table on the last
+    0.12 m of the approach. `probe_number` (world, probe) numbers the probes for the noise, each
+    world's from 0 unless given. Returns the moves and the true hand poses (world, probe, 7), which
+    only the simulator may use. Raises ShapeError, and ValueError for a body that the scene has not.
+    """
+    check_range("body", body, 0, scene.bodies - 1)
+    worlds, probes = wanted_pose.shape[:2]
+    grasps = len(commands_rad)
+    if probe_number is None:
+        probe_number = np.tile(np.arange(probes), (worlds, 1))
+    status = wp.empty((worlds, probes), dtype=int, device=device)
+    believed = wp.empty((worlds, probes), dtype=transform, device=device)
+    actual = wp.empty((worlds, probes), dtype=transform, device=device)
+    time = wp.empty((worlds, probes), dtype=real, device=device)
+    path = wp.empty((worlds, probes), dtype=real, device=device)
+    end = wp.empty(worlds, dtype=vec6, device=device)  # pyright: ignore[reportArgumentType]
+    tries = np.where(wanted, int(ProbeStatus.CONTACT), int(ProbeStatus.NOT_TRIED))
+    finite = np.isfinite(wanted_pose).all(-1)
+    tries = np.where(wanted & ~finite, int(ProbeStatus.UNREACHABLE), tries)
+    extents = {"world": worlds}
+    launch(_move_kernel, extents, {
+        "key": "world", "mount": "world", "wanted": "world probe", "wanted_status": "world probe",
+        "probe_number": "world probe", "start": "world", "status": "world probe",
+        "believed": "world probe", "actual": "world probe", "time": "world probe",
+        "path": "world probe", "end": "world"}, {
+        "arm": arm_of(arm, hand.mount_length_m),
+        "key": wp.array(key, dtype=wp.uint64, device=device),
+        "probe_number": wp.array(probe_number, dtype=int, device=device),
+        "mount": wp.array(mount_error(arm, key), dtype=transform, device=device),
+        "wanted": wp.array(wanted_pose, dtype=transform, device=device),
+        "wanted_status": wp.array(tries, dtype=int, device=device),
+        "start": wp.array(state.q_rad, dtype=vec6, device=device), "status": status,
+        "believed": believed, "actual": actual, "time": time, "path": path, "end": end},
+        device=device)
+    ready = wp.empty((worlds, probes, grasps), dtype=int, device=device)
+    launch(_clearance_kernel, {"world": worlds, "probe": probes, "grasp": grasps}, {
+        "body": "world?", "body_pose": "world", "move_status": "world probe",
+        "actual": "world probe", "commands": "grasp 4 step 4", "status": "world probe grasp"}, {
+        "scene": scene, "body": wp.array(body, dtype=int, device=device),
+        "body_pose": wp.array(body_pose, dtype=transform, device=device),
+        "hand": hand_of(hand), "mount_length": hand.mount_length_m, "march_scale": march_scale,
+        "move_status": status, "actual": actual,
+        "commands": wp.array(commands_rad, dtype=real, device=device), "status": ready},
+        device=device)
+    ready_host = ready.numpy().copy()
+    # A probe whose way in is barred is barred for all its grasps.
+    barred = ready_host[:, :, :1] == int(ProbeStatus.COLLISION)
+    ready_host = np.where(barred, int(ProbeStatus.COLLISION), ready_host)
+    moves = ArmMoves(ready_host, believed.numpy().copy(), time.numpy().copy(),
+                     path.numpy().copy(), ArmState(end.numpy().copy()))
+    return moves, actual.numpy().copy()

@@ -1,0 +1,54 @@
+"""PUMA 560: forward kinematics, the eight closed-form inverse solutions, and moves between poses.
+
+Standard Denavit-Hartenberg frames. The inverse follows Paul and Zhang 1986, "Computationally
+efficient kinematics for manipulators with spherical wrists".
+"""
+
+import numpy as np
+import warp as wp
+
+from warpgrasp.core.dtypes import (
+    transform,
+    vec6,
+)
+from warpgrasp.core.kernel_launch import launch
+from warpgrasp.mechanism.puma560_kernel import Arm, _forward_kernel, _inverse_kernel
+from warpgrasp.parameters import ArmTable
+
+ALPHA_RAD = (np.pi / 2, 0.0, -np.pi / 2, np.pi / 2, -np.pi / 2, 0.0)
+
+
+def arm_of(table: ArmTable, mount_length_m: float) -> Arm:
+    """The kernels' arm. Raises ValueError for a table the closed-form inverse does not cover."""
+    d, a = table.d_m, table.a_m
+    if d[1] or d[4] or d[5] or a[0] or any(a[3:]):
+        raise ValueError("the closed-form inverse wants d2 = d5 = d6 = a1 = a4 = a5 = a6 = 0")
+    arm = Arm()
+    arm.d1, arm.d3, arm.d4, arm.a2, arm.a3 = d[0], d[2], d[3], a[1], a[2]
+    arm.low, arm.high = vec6(*table.limit_low_rad), vec6(*table.limit_high_rad)
+    arm.speed = vec6(*table.speed_rad_s)
+    arm.mount = mount_length_m
+    arm.encoder_step, arm.repeatability = table.encoder_step_rad, table.repeatability_m
+    return arm
+
+
+def puma_forward_batch(table: ArmTable, q_rad: np.ndarray, *, device: str = "cpu") -> np.ndarray:
+    """Flange poses (x, y, z [m], quaternion xyzw), shape (pose, 7), of joints (pose, 6) [rad]."""
+    out = wp.empty(len(q_rad), dtype=transform, device=device)
+    launch(_forward_kernel, {"pose": len(q_rad)}, {"q": "pose", "flange": "pose"},
+           {"arm": arm_of(table, 0.0), "q": wp.array(q_rad, dtype=vec6, device=device),
+            "flange": out}, device=device)
+    return out.numpy().copy()
+
+
+def puma_inverse_batch(table: ArmTable, flange: np.ndarray, *, device: str = "cpu") -> np.ndarray:
+    """All eight branches [rad], shape (pose, 8, 6), of flange poses (pose, 7); NaN out of reach.
+
+    Branch bits: 1 lefty, 2 elbow, 4 wrist flip. Limits are not applied.
+    """
+    out = wp.empty((len(flange), 8), dtype=vec6, device=device)  # pyright: ignore[reportArgumentType]
+    launch(_inverse_kernel, {"pose": len(flange), "branch": 8},
+           {"flange": "pose", "q": "pose branch"},
+           {"arm": arm_of(table, 0.0), "flange": wp.array(flange, dtype=transform, device=device),
+            "q": out}, device=device)
+    return out.numpy().copy()

@@ -1,0 +1,57 @@
+"""Utah-MIT hand: where every finger's links are, for kernels and on the host.
+
+Hand frame: z is the approach direction along which straight fingers point; the three fingers stand
+at x = -gap/2, y = -spacing, 0, +spacing, the thumb at x = +gap/2, palmar sides facing each other.
+Finger frame: origin at the finger's base, x palmar, z along the straight finger. Joint 0 abducts
+(positive towards the finger's +y), joints 1 to 3 flex (positive inward). All axes of 1 to 3 are
+parallel, so a finger lies in one plane, turned by the abduction.
+"""
+
+import numpy as np
+import warp as wp
+
+from warpgrasp.core.dtypes import transform, vec3, vec4
+from warpgrasp.core.kernel_launch import launch
+from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, _links_kernel
+from warpgrasp.parameters import HandTable
+
+FINGER_COUNT = 4
+LINK_COUNT = 3  # proximal, middle, distal
+
+
+def hand_of(table: HandTable) -> Hand:
+    """The kernels' hand."""
+    hand = Hand()
+    hand.abduction_offset = table.abduction_offset_m
+    hand.link_length = vec3(*table.link_length_m)
+    hand.link_radius = table.link_radius_m
+    hand.spacing, hand.gap = table.finger_spacing_m, table.palm_gap_m
+    hand.palm_thickness = table.palm_thickness_m
+    hand.moment_arm = vec4(*table.moment_arm_m)
+    hand.co_contraction = table.co_contraction_N
+    hand.tension_low, hand.tension_high = table.tension_low_N, table.tension_high_N
+    hand.stiffness, hand.skin = table.joint_stiffness_Nm_rad, table.skin_stiffness_N_m
+    hand.friction = table.tendon_friction
+    return hand
+
+
+def hand_links(
+    table: HandTable, hand_pose: np.ndarray, q_rad: np.ndarray, *, device: str = "cpu"
+) -> tuple[np.ndarray, np.ndarray]:
+    """Places of every joint and tip, and palmar normals, of whole hands.
+
+    `hand_pose` (pose, 7) is position [m] and quaternion xyzw, `q_rad` (pose, finger 4, joint 4).
+    Returns points [m], shape (pose, 4, 5, 3): base, three flexion joints, tip centre; and unit
+    palmar normals, shape (pose, 4, link 3, 3); both in the frame of `hand_pose`.
+    """
+    count = len(hand_pose)
+    points = wp.empty((count, FINGER_COUNT, 5), dtype=vec3, device=device)
+    palmar = wp.empty((count, FINGER_COUNT, LINK_COUNT), dtype=vec3, device=device)
+    launch(_links_kernel, {"pose": count, "finger": FINGER_COUNT},
+           {"hand_pose": "pose", "q": "pose finger", "joint_point": "pose finger 5",
+            "palmar": "pose finger 3"},
+           {"hand": hand_of(table),
+            "hand_pose": wp.array(hand_pose, dtype=transform, device=device),
+            "q": wp.array(q_rad, dtype=vec4, device=device),
+            "joint_point": points, "palmar": palmar}, device=device)
+    return points.numpy().copy(), palmar.numpy().copy()

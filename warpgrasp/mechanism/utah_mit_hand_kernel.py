@@ -1,0 +1,161 @@
+# type: ignore  # Warp functions, which type checkers cannot follow
+"""Utah-MIT hand in kernels: where a finger's links are, and its Jacobian."""
+
+import warp as wp
+
+from warpgrasp.core.dtypes import HALF, ONE, ZERO, quat, real, struct, transform, vec3, vec4
+from warpgrasp.core.sincos import sine_cosine
+
+THUMB = wp.constant(3)
+
+
+@struct
+class Hand:
+    """The numbers of a HandTable that kernels need, SI."""
+
+    abduction_offset: real
+    link_length: vec3
+    link_radius: real
+    spacing: real
+    gap: real
+    palm_thickness: real
+    moment_arm: vec4
+    co_contraction: real
+    tension_low: real
+    tension_high: real
+    stiffness: real
+    skin: real
+    friction: real
+
+
+@struct
+class FingerPose:
+    """A finger's chain in the frame its base is given in: joints, link directions, palmar normals.
+
+    `p1` to `p3` are the flexion joints, `p4` the tip's centre; `u` point along the links, `n` to
+    the palmar side; `side` is the flexion axis, `abduct` the abduction axis.
+    """
+
+    base: vec3
+    p1: vec3
+    p2: vec3
+    p3: vec3
+    p4: vec3
+    u1: vec3
+    u2: vec3
+    u3: vec3
+    n1: vec3
+    n2: vec3
+    n3: vec3
+    side: vec3
+    abduct: vec3
+
+
+@wp.func
+def finger_base(hand: Hand, finger: int):
+    """Pose of a finger's base in the hand frame (finger 3 is the thumb)."""
+    if finger == THUMB:
+        return transform(vec3(hand.gap * HALF, ZERO, ZERO), quat(ZERO, ZERO, ONE, ZERO))
+    return transform(vec3(-hand.gap * HALF, hand.spacing * real(finger - 1), ZERO),
+                     quat(ZERO, ZERO, ZERO, ONE))
+
+
+@wp.func
+def finger_length(hand: Hand):
+    """From a finger's base to the centre of its tip, stretched out [m]."""
+    return hand.abduction_offset + hand.link_length[0] + hand.link_length[1] + hand.link_length[2]
+
+
+@wp.func
+def finger_pose(hand: Hand, base: transform, q: vec4):
+    """Forward kinematics of one finger, joints (abduction, flexion 1, 2, 3) [rad]."""
+    r = wp.transform_get_rotation(base)
+    x = wp.quat_rotate(r, vec3(ONE, ZERO, ZERO))
+    y0 = wp.quat_rotate(r, vec3(ZERO, ONE, ZERO))
+    z0 = wp.quat_rotate(r, vec3(ZERO, ZERO, ONE))
+    turn = sine_cosine(q[0])
+    z = z0 * turn[1] + y0 * turn[0]
+    f = FingerPose()
+    f.side = y0 * turn[1] - z0 * turn[0]
+    f.abduct = -x
+    a = q[1]
+    turn = sine_cosine(a)
+    f.u1 = x * turn[0] + z * turn[1]
+    f.n1 = x * turn[1] - z * turn[0]
+    a += q[2]
+    turn = sine_cosine(a)
+    f.u2 = x * turn[0] + z * turn[1]
+    f.n2 = x * turn[1] - z * turn[0]
+    a += q[3]
+    turn = sine_cosine(a)
+    f.u3 = x * turn[0] + z * turn[1]
+    f.n3 = x * turn[1] - z * turn[0]
+    f.base = wp.transform_get_translation(base)
+    f.p1 = f.base + z * hand.abduction_offset
+    f.p2 = f.p1 + f.u1 * hand.link_length[0]
+    f.p3 = f.p2 + f.u2 * hand.link_length[1]
+    f.p4 = f.p3 + f.u3 * hand.link_length[2]
+    return f
+
+
+@wp.func
+def link_start(f: FingerPose, link: int):
+    """Joint a link starts from."""
+    if link == 0:
+        return f.p1
+    if link == 1:
+        return f.p2
+    return f.p3
+
+
+@wp.func
+def link_direction(f: FingerPose, link: int):
+    """Unit vector along a link."""
+    if link == 0:
+        return f.u1
+    if link == 1:
+        return f.u2
+    return f.u3
+
+
+@wp.func
+def finger_jacobian(f: FingerPose, link: int, x: vec3, d: vec3):
+    """Motion along `d` of the point `x` of a link (0 proximal to 2 distal) per radian a joint."""
+    c = wp.cross(d, f.side)
+    j = vec4(wp.dot(wp.cross(f.abduct, x - f.base), d), wp.dot(c, x - f.p1), ZERO, ZERO)
+    if link >= 1:
+        j[2] = wp.dot(c, x - f.p2)
+    if link >= 2:
+        j[3] = wp.dot(c, x - f.p3)
+    return j
+
+
+@wp.func
+def fingertip_point(hand: Hand, f: FingerPose):
+    """Palmar surface point of the fingertip: the contact as the paper takes it."""
+    return f.p4 + f.n3 * hand.link_radius
+
+
+@wp.kernel(enable_backward=False)
+def _links_kernel(
+    first: int,
+    hand: Hand,
+    # Pose in:
+    hand_pose: wp.array[transform],
+    q: wp.array2d[vec4],
+    # Links out:
+    joint_point: wp.array3d[vec3],
+    palmar: wp.array3d[vec3],
+):
+    i, finger = wp.tid()
+    i += first
+    base = wp.transform_multiply(hand_pose[i], finger_base(hand, finger))
+    f = finger_pose(hand, base, q[i, finger])
+    joint_point[i, finger, 0] = f.base
+    joint_point[i, finger, 1] = f.p1
+    joint_point[i, finger, 2] = f.p2
+    joint_point[i, finger, 3] = f.p3
+    joint_point[i, finger, 4] = f.p4
+    palmar[i, finger, 0] = f.n1
+    palmar[i, finger, 1] = f.n2
+    palmar[i, finger, 2] = f.n3

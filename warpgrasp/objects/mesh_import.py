@@ -1,0 +1,251 @@
+"""Meshes in: read, checked, stood on the table, baked once to a distance grid, cached."""
+
+import hashlib
+import io
+import logging
+import os
+import tempfile
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import warp as wp
+
+from warpgrasp.geometry.body import Body, BodyError, Part, distance_to_bodies, scene_of
+from warpgrasp.geometry.scene import Shape
+from warpgrasp.objects.mesh_orientation import mesh_distance, mesh_of, outward_faces
+
+KINDS = ("stl", "obj", "ply", "off")
+"""File kinds that are read. Archives and scenes (3MF, GLB, ZIP) could unfold to any size."""
+UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+LARGEST_FILE_BYTES = 256 * 2**20
+LARGEST_FACE_COUNT = 2_000_000
+SMALLEST_M, LARGEST_M = 0.005, 1.0  # of the longest side: what one hand can explore
+_NODES = 96  # along the longest side
+_MARGIN_M = 0.016  # all around: skin that touches has its link's axis 8 mm away, inside the grid
+_VOLUME_POINTS = 32_768
+_VOLUME_SHARE = 0.1  # of its volume that a body may lose or gain when it is baked
+_BAKE_VERSION = 4
+
+
+def body_from_mesh(path: Path, *, units: str, name: str | None = None) -> Body:
+    """A body from a watertight mesh file (STL, OBJ, PLY or OFF), standing on its lowest point.
+
+    The file's z axis is up; the middle of its bounding box goes on the z axis. `units` is "m", "cm"
+    or "mm". Raises BodyError with what is wrong (missing, empty, open, out of size, too
+    thin for the grid) and the mend.
+    """
+    if units not in tuple(UNITS_M):  # a spec may hold anything, also what cannot be hashed
+        raise BodyError(f"{path}: units {units!r}: one of {', '.join(UNITS_M)}")
+    kind = path.suffix.lower().lstrip(".")
+    if kind not in KINDS:
+        raise BodyError(f"{path}: not a kind of mesh that is read; {', '.join(KINDS)} are")
+    try:
+        size = path.stat().st_size
+    except OSError as error:
+        raise BodyError(f"{path}: cannot be read: {error.strerror or error}") from None
+    if size == 0:
+        raise BodyError(f"{path}: the file is empty; a mesh with faces is wanted")
+    if size > LARGEST_FILE_BYTES:
+        raise BodyError(f"{path}: {size / 2**20:.0f} MiB; at most {LARGEST_FILE_BYTES >> 20} MiB: "
+                        "simplify the mesh first")
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise BodyError(f"{path}: cannot be read: {error.strerror or error}") from None
+    key = hashlib.sha256(content)
+    key.update(f"{kind} {units} {_NODES} {_MARGIN_M} {_BAKE_VERSION}".encode())
+    cached = _cache_folder() / f"{key.hexdigest()[:32]}.npz"
+    baked = _read_cached(cached)
+    if baked is None:
+        with _quiet_reader():
+            vertices, faces = _read_checked(path, content, units)
+        try:
+            baked = _bake(vertices, faces)
+        except BodyError as error:
+            raise BodyError(f"{path}: {error}") from None
+        _write_cached(cached, baked)
+    grid, origin, cell, low, high, error = (
+        baked[k] for k in ("grid", "origin", "cell", "low", "high", "error"))
+    part = Part(Shape.GRID, grid_m=grid, grid_origin_m=_triple(origin), grid_cell_m=float(cell))
+    return Body(name or path.stem, (part,), _triple(low), _triple(high),
+                f"mesh {path.name}", float(error))
+
+
+def can_be_explored(longest_m: float) -> bool:
+    """Whether an object whose longest side is so long is one that a hand explores."""
+    slack = 1e-3  # files keep lengths in single precision, compounds are measured by sampling
+    return SMALLEST_M * (1.0 - slack) <= longest_m <= LARGEST_M * (1.0 + slack)
+
+
+def mesh_triangles(path: Path, *, units: str) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices [m], (n, 3), and faces, (m, 3), of a mesh file as `body_from_mesh` stands it.
+
+    The file is one that `body_from_mesh` takes. Raises BodyError as it does.
+    """
+    with _quiet_reader():
+        return _read_checked(path, path.read_bytes(), units)
+
+
+def _triple(values: np.ndarray) -> tuple[float, float, float]:
+    return float(values[0]), float(values[1]), float(values[2])
+
+
+@contextmanager
+def _quiet_reader() -> Iterator[None]:
+    """Keeps the reader's log and warnings off stderr: what is wrong is told once, by BodyError."""
+    log, nowhere = logging.getLogger("trimesh"), logging.NullHandler()
+    before, log.propagate = log.propagate, False
+    log.addHandler(nowhere)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        log.propagate = before
+        log.removeHandler(nowhere)
+
+
+def _read_checked(path: Path, content: bytes, units: str) -> tuple[np.ndarray, np.ndarray]:
+    import trimesh  # heavy, and only meshes need it
+
+    kind = path.suffix.lower().lstrip(".")
+    _check_declared_faces(path, kind, content)
+    try:  # from memory: files that a mesh names beside itself (materials, textures) stay closed
+        mesh = trimesh.load_mesh(io.BytesIO(content), file_type=kind, process=True)
+    except Exception as error:  # any reader's failure is the file's fault here
+        reason = str(error).strip().split("\n")[0] or type(error).__name__
+        raise BodyError(f"{path}: not a mesh that can be read ({reason}); "
+                        "STL, OBJ, PLY and OFF files are") from None
+    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
+        raise BodyError(f"{path}: no faces in it; a closed surface of triangles is wanted")
+    if len(mesh.faces) > LARGEST_FACE_COUNT:
+        raise BodyError(f"{path}: {len(mesh.faces):,} faces; at most {LARGEST_FACE_COUNT:,}: "
+                        "simplify the mesh first")
+    if not np.isfinite(mesh.vertices).all():
+        raise BodyError(f"{path}: a vertex is not a finite number")
+    mesh.merge_vertices(merge_tex=True, merge_norm=True)
+    mesh.update_faces(mesh.nondegenerate_faces())
+    mesh.remove_unreferenced_vertices()
+    if len(mesh.faces) == 0:
+        raise BodyError(f"{path}: every face is a line or a point; faces with an area are wanted")
+    longest = float(mesh.extents.max()) * UNITS_M[units]
+    if not can_be_explored(longest):
+        fits = [u for u, s in UNITS_M.items() if can_be_explored(longest / UNITS_M[units] * s)]
+        hint = f"; in {' or '.join(fits)} it would fit: are the units right?" if fits else ""
+        raise BodyError(f"{path}: {longest:.4g} m long when read in {units}; "
+                        f"{SMALLEST_M} to {LARGEST_M} m can be explored{hint}")
+    _check_closed(path, np.asarray(mesh.edges))
+    vertices = mesh.vertices * UNITS_M[units]
+    low, high = vertices.min(0), vertices.max(0)
+    vertices = vertices - [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]]
+    try:
+        return vertices, outward_faces(vertices, np.asarray(mesh.faces))
+    except BodyError as error:
+        raise BodyError(f"{path}: {error}") from None
+
+
+def _check_closed(path: Path, edges: np.ndarray) -> None:
+    """Refuse a surface of which an edge, a row of two vertices, borders not just two faces."""
+    _, counts = np.unique(np.sort(edges, axis=1), axis=0, return_counts=True)
+    if (counts == 1).any():
+        raise BodyError(
+            f"{path}: the surface is open: {int((counts == 1).sum())} edges border one face; close "
+            "its holes first (trimesh.repair.fill_holes, MeshLab 'Close Holes', Blender 3D-Print "
+            "toolbox)")
+    if (counts > 2).any():
+        raise BodyError(
+            f"{path}: {int((counts > 2).sum())} edges are shared by more than two faces: remove "
+            "faces that are there twice, and unite bodies that touch along a face or an edge "
+            "(MeshLab 'Remove Duplicate Faces', 'Mesh Boolean: Union')")
+
+
+def _check_declared_faces(path: Path, kind: str, content: bytes) -> None:
+    """Refuse a header that declares more than can be read, before anything is read on."""
+    head = content[:65_536]
+    declared = 0
+    if kind == "ply":
+        for line in head.split(b"\n"):
+            words = line.split()
+            if len(words) == 3 and words[0] == b"element":
+                declared = max(declared, _count(words[2]))
+    elif kind == "stl" and len(head) >= 84 and not head.startswith(b"solid"):
+        declared = int.from_bytes(head[80:84], "little")
+    elif kind == "off":
+        declared = max(map(_count, head.split()[:4]), default=0)
+    elif kind == "obj":
+        declared = content.count(b"\nf")
+    if declared > LARGEST_FACE_COUNT:
+        raise BodyError(f"{path}: its header declares {declared:,} faces or vertices; at most "
+                        f"{LARGEST_FACE_COUNT:,}")
+
+
+def _count(word: bytes) -> int:
+    return int(word[:20]) if word.isdigit() else 0
+
+
+def _bake(vertices: np.ndarray, faces: np.ndarray) -> dict[str, np.ndarray]:
+    mesh = mesh_of(vertices, faces)
+    low, high = vertices.min(0), vertices.max(0)
+    cell = (float((high - low).max()) + 2 * _MARGIN_M) / (_NODES - 1)
+    origin = low - _MARGIN_M
+    nodes = np.ceil((high - low + 2 * _MARGIN_M) / cell - 1e-9).astype(int) + 1
+    axes = [origin[k] + cell * np.arange(nodes[k]) for k in range(3)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
+    grid = mesh_distance(mesh, points).reshape(nodes)
+    # The error is measured where contacts happen: within two cells of the surface.
+    band = points[np.abs(grid.ravel()) < 2 * cell]
+    near = band[:: max(1, len(band) // 4000)] + 0.5 * cell * np.array([1.0, 0.7, 0.4])
+    body = Body("", (Part(Shape.GRID, grid_m=grid, grid_origin_m=_triple(origin),
+                          grid_cell_m=cell),), _triple(low), _triple(high))
+    baked, _ = distance_to_bodies(scene_of([body], "cpu"), np.zeros(1, int), near[None])
+    error = float(np.quantile(np.abs(baked[0] - mesh_distance(mesh, near)), 0.99))
+    _check_volume(mesh, body, band, int((grid <= -2 * cell).sum()))
+    return {"grid": grid, "origin": origin, "cell": np.array(cell), "low": low, "high": high,
+            "error": np.array(error)}
+
+
+def _check_volume(mesh: wp.Mesh, body: Body, band: np.ndarray, deep: int) -> None:
+    """Refuse a body that does not hold what its mesh does: thin walls are lost between the nodes.
+
+    Both are sampled about the nodes near the surface, `band`, (n, 3); `deep` more are well inside.
+    """
+    cell = body.parts[0].grid_cell_m
+    sample = band[:: max(1, len(band) // _VOLUME_POINTS)]
+    sample = sample + np.random.default_rng(0).uniform(-cell / 2, cell / 2, sample.shape)
+    baked, _ = distance_to_bodies(scene_of([body], "cpu"), np.zeros(1, int), sample[None])
+    held, wanted = (cell**3 * (deep + len(band) * float((d < 0.0).mean()))
+                    for d in (baked[0], mesh_distance(mesh, sample)))
+    if wanted == 0.0 or abs(held - wanted) > _VOLUME_SHARE * wanted:
+        raise BodyError(
+            f"it would be baked to nodes {1000 * cell:.2g} mm apart, which hold {held * 1e6:.3g} "
+            f"of its {wanted * 1e6:.3g} cm3: walls and gaps of two nodes, {2000 * cell:.2g} mm, "
+            "are kept; thicken its walls, or bring a mesh whose longest side is shorter")
+
+
+def _cache_folder() -> Path:
+    base = os.environ.get("WARPGRASP_CACHE") or os.path.join(
+        os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), "warpgrasp")
+    return Path(base) / "grids"
+
+
+def _read_cached(path: Path) -> dict[str, np.ndarray] | None:
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            return {key: stored[key] for key in stored.files}
+    except (OSError, ValueError, EOFError, KeyError):
+        return None  # absent or damaged: bake again
+    except Exception:  # zipfile's own errors share no base class
+        return None
+
+
+def _write_cached(path: Path, baked: dict[str, np.ndarray]) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".tmp", delete=False) as file:
+            np.savez_compressed(file, allow_pickle=False, **baked)
+        os.replace(file.name, path)
+    except OSError:
+        pass  # a read-only home costs a second bake, not the run

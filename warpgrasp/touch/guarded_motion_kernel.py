@@ -1,0 +1,410 @@
+# type: ignore  # Warp functions, which type checkers cannot follow
+"""The kernel of a guarded line: intervals until a pad feels, something blocks, or the way is spent.
+
+Free intervals are skipped by the distance bound; a touch by noise alone is drawn by its
+first-passage law over the free intervals, of all pads that are on. A false yield (joint noise past
+`yield_rad`, five sigma by default) is not drawn.
+"""
+
+import warp as wp
+
+from warpgrasp.closing.energy import worst_of
+from warpgrasp.core.dtypes import (
+    HALF,
+    ONE,
+    ZERO,
+    quat,
+    real,
+    struct,
+    transform,
+    vec2,
+    vec3,
+    vec4,
+    vec6,
+)
+from warpgrasp.core.random import Purpose
+from warpgrasp.core.random_kernel import counter_key, counter_normal, counter_uniform
+from warpgrasp.geometry.scene import Scene, stand_distance_grad
+from warpgrasp.geometry.segment_distance import LINK_SAMPLES, link_nearest
+from warpgrasp.mechanism.hand_clearance import finger_clearance, palm_clearance
+from warpgrasp.mechanism.puma560_kernel import Arm, move_time, puma_forward, puma_reach
+from warpgrasp.mechanism.utah_mit_hand_kernel import (
+    Hand,
+    finger_base,
+    finger_pose,
+    link_direction,
+    link_start,
+)
+from warpgrasp.probe_status import ProbeStatus
+from warpgrasp.touch.pad_equilibrium import pad_rest
+from warpgrasp.touch.pad_kernel import Pad, pad_place, pad_reading_key
+from warpgrasp.touch.pad_readout import felt_above, image_centroid, pad_feels, pad_load, read_image
+
+wp.set_module_options({"max_unroll": 1})  # unrolled taxels take minutes to compile
+_CONTACT = wp.constant(int(ProbeStatus.CONTACT))
+_NO_CONTACT = wp.constant(int(ProbeStatus.NO_CONTACT))
+_BLOCKED = wp.constant(int(ProbeStatus.BLOCKED))
+_UNREACHABLE = wp.constant(int(ProbeStatus.UNREACHABLE))
+_COLLISION = wp.constant(int(ProbeStatus.COLLISION))
+_FALSE = wp.constant(int(Purpose.PAD_FALSE))
+_JOINT = wp.constant(int(Purpose.PAD_JOINT))
+_ARM = wp.constant(int(Purpose.LINE_ARM))
+_NAN = wp.constant(real(float("nan")))
+_SIDE = wp.constant(16)
+_ENDLESS = wp.constant(real(1e9))  # more free intervals than any line has
+
+
+@struct
+class LineBegin:
+    """What one row of a guarded line starts from, see `guarded_line.LineMove`."""
+
+    body: int
+    body_pose: transform
+    mount: transform
+    """The mount's error."""
+    key: wp.uint64
+    number: int
+    start: transform
+    direction: vec3
+    arm_q: vec6
+
+
+@struct
+class LineEnd:
+    """What came of it: what the robot knows, see `guarded_line.LineTouch`, and what is true."""
+
+    status: int
+    link: int
+    point: vec3
+    normal: vec3
+    tip: vec3
+    believed: transform
+    q_read: vec4
+    peak: int
+    made: int
+    arm_time: real
+    arm_path: real
+    """Of the hand to the line's start."""
+    arm_q: vec6
+    # Truth:
+    q_true: vec4
+    point_true: vec3
+    normal_true: vec3
+    force_true: real
+    on_table: int
+    pose_true: transform
+
+
+@wp.func
+def _along(line: transform, direction: vec3, s: real):
+    return transform(wp.transform_get_translation(line) + direction * s,
+                     wp.transform_get_rotation(line))
+
+
+@wp.func
+def _hand_at(line: transform, direction: vec3, s: real, mount: transform, wobble: vec3):
+    """Where the hand truly is."""
+    here = wp.transform_multiply(_along(line, direction, s), mount)
+    return transform(wp.transform_get_translation(here) + wobble, wp.transform_get_rotation(here))
+
+
+@wp.func
+def _pads_on(pad: Pad):
+    return pad.on[0] + pad.on[1] + pad.on[2]
+
+
+@wp.func
+def _link_with_pad(pad: Pad, number: int):
+    """The link of pad `number` of those that are on."""
+    link = int(0)
+    left = int(number)
+    while link < 2 and left >= pad.on[link]:
+        left -= pad.on[link]
+        link += 1
+    return link
+
+
+@wp.func
+def _below(draw: wp.uint64, count: int):
+    """A whole number from 0 to `count` - 1."""
+    return wp.min(int(counter_uniform(draw) * real(count)), count - 1)
+
+
+@wp.func
+def _command(commands: wp.array3d[real], finger: int, step: int):
+    k = wp.min(step, commands.shape[1] - 1)
+    return vec4(commands[finger, k, 0], commands[finger, k, 1], commands[finger, k, 2],
+                commands[finger, k, 3])
+
+
+@wp.func
+def _finger_free(scene: Scene, body: int, hand: Hand, pad: Pad, base: transform, q: vec4):
+    """How far a finger's skin and pads surely are from everything [m]; not positive: may touch."""
+    f = finger_pose(hand, base, q)
+    free = real(1e9)
+    for link in range(3):
+        radius = hand.link_radius
+        if pad.on[link] != 0:
+            radius += pad.thickness
+        a = link_start(f, link)
+        u = link_direction(f, link)
+        length = hand.link_length[link]
+        near = link_nearest(scene, body, a, u, length, -ONE, ONE, LINK_SAMPLES,
+                            length * HALF + radius)
+        table = a[2] + wp.min(u[2], ZERO) * length
+        free = wp.min(free, wp.min(near.distance, table) - radius)
+    return free
+
+
+@wp.func
+def _others_free(
+    scene: Scene, body: int, hand: Hand, pose: transform, mount: real,
+    commands: wp.array3d[real], finger: int
+):
+    """Clearance of palm and the other fingers [m], which stay at their first command."""
+    worst = real(1e9)
+    for other in range(4):
+        if other != finger:
+            worst = finger_clearance(scene, body, hand,
+                                     wp.transform_multiply(pose, finger_base(hand, other)),
+                                     _command(commands, other, 0), worst)
+    return palm_clearance(scene, body, hand, pose, mount, worst)
+
+
+@wp.func
+def _tip(hand: Hand, pose: transform, finger: int, q: vec4):
+    f = finger_pose(hand, wp.transform_multiply(pose, finger_base(hand, finger)), q)
+    return f.p4
+
+
+@wp.func
+def _joints_read(q: vec4, noise: real, reading: wp.uint64):
+    """Joint angles as the encoders say."""
+    return q + noise * vec4(
+        counter_normal(counter_key(reading, 0)), counter_normal(counter_key(reading, 1)),
+        counter_normal(counter_key(reading, 2)), counter_normal(counter_key(reading, 3)))
+
+
+@wp.kernel(enable_backward=False)
+def line_kernel(
+    first: int,
+    # Scene:
+    scene: Scene,
+    # Robot:
+    arm: Arm,
+    hand: Hand,
+    pad: Pad,
+    turns: wp.array[vec2],
+    joint_noise: real,
+    march_scale: real,
+    # Move in:
+    begins: wp.array[LineBegin],
+    interval: real,
+    steps: int,
+    finger: int,
+    commands: wp.array3d[real],
+    swing: real,
+    until_release: int,
+    # Scratch, for the taxels in sight:
+    sights: wp.array3d[int],
+    # Touch out:
+    image: wp.array3d[wp.uint8],
+    ends: wp.array[LineEnd],
+):
+    """One row of `guarded_line.guarded_line`, which says what goes in and what comes out."""
+    i = wp.tid() + first
+    begin = begins[i]
+    which = begin.body
+    key = begin.key
+    number = begin.number
+    line = begin.start
+    way = begin.direction
+    nan3 = vec3(_NAN, _NAN, _NAN)
+    end = LineEnd()
+    end.link = -1
+    end.point = nan3
+    end.normal = nan3
+    end.point_true = nan3
+    end.normal_true = nan3
+    hand_on_flange = transform(vec3(ZERO, ZERO, arm.mount), quat(ZERO, ZERO, ZERO, ONE))
+    flange_on_hand = wp.transform_inverse(hand_on_flange)
+
+    # How far along the line the arm can go.
+    arm_start = puma_reach(arm, wp.transform_multiply(line, flange_on_hand), begin.arm_q)
+    reachable = int(steps)
+    if not wp.isfinite(arm_start[0]):
+        end.status = _UNREACHABLE
+        end.believed = line
+        end.arm_q = begin.arm_q
+        end.q_read = vec4(_NAN, _NAN, _NAN, _NAN)
+        end.tip = nan3
+        ends[i] = end
+        return
+    arm_last = puma_reach(arm, wp.transform_multiply(
+        _along(line, way, interval * real(steps)), flange_on_hand), arm_start)
+    if not wp.isfinite(arm_last[0]):
+        low = int(0)
+        high = int(steps)
+        while high - low > 1:
+            middle = (low + high) // 2
+            arm_try = puma_reach(arm, wp.transform_multiply(
+                _along(line, way, interval * real(middle)), flange_on_hand), arm_start)
+            if wp.isfinite(arm_try[0]):
+                low = middle
+            else:
+                high = middle
+        reachable = low
+
+    noise = counter_key(counter_key(key, _ARM), number)
+    wobble = vec3(counter_normal(counter_key(noise, 0)), counter_normal(counter_key(noise, 1)),
+                  counter_normal(counter_key(noise, 2))) * arm.repeatability
+    to_body = wp.transform_inverse(begin.body_pose)
+    # Readings of free pads that noise leaves alone, counted: a sum would hang on where skips end.
+    false = counter_key(counter_key(key, _FALSE), number)
+    hazard = -wp.log(wp.max(ONE - pad.false_touch, real(1e-300))) * real(_pads_on(pad))
+    patience = -wp.log(counter_uniform(false))
+    spared = int(_ENDLESS)
+    if patience < hazard * _ENDLESS:
+        spared = int(patience / hazard)
+
+    status = _NO_CONTACT
+    if reachable < steps:
+        status = _UNREACHABLE
+    s = int(0)
+    q = _command(commands, finger, 0)
+    here = line
+    reader = counter_key(counter_key(key, _JOINT), number)
+    read = q
+    felt_link = int(-1)
+    peak = int(0)
+    noise_alone = int(0)
+    most = vec4(ZERO, ZERO, ZERO, ZERO)
+    moved = int(0)
+    sight = sights[i]
+    # Palm and other fingers move with the arm alone: a clearance lasts until it may be used up.
+    others = real(0.0)
+    arm_move = interval * wp.length(way)
+    arm_step = arm_move / march_scale
+    step_bound = wp.max(arm_move + swing, real(1e-9))
+    while True:
+        command = _command(commands, finger, s)
+        if moved == 0:
+            q = command
+        here = _hand_at(line, way, interval * real(s), begin.mount, wobble)
+        pose = wp.transform_multiply(to_body, here)
+        base = wp.transform_multiply(pose, finger_base(hand, finger))
+        if others <= ZERO:
+            others = _others_free(scene, which, hand, pose, arm.mount, commands, finger)
+        free = wp.min(_finger_free(scene, which, hand, pad, base, command), others)
+        felt_link = int(-1)
+        felt = int(0)
+        most = vec4(ZERO, ZERO, ZERO, ZERO)
+        if free <= ZERO:
+            rest = pad_rest(scene, which, hand, pad, turns, base, command, q, sight)
+            q = rest.skin.q
+            moved = int(1)
+            f = finger_pose(hand, base, q)
+            # All pads are read; the one pressed most speaks for the finger.
+            for link in range(3):
+                if pad.on[link] != 0:
+                    load = pad_load(scene, which, pad, hand, turns, f, link, sight)
+                    if load[3] > most[3]:
+                        most = load
+                        felt_link = int(link)
+            if felt_link >= 0:
+                if pad_feels(scene, which, pad, hand, turns, f, finger, felt_link, key,
+                             pad_reading_key(key, number, s, finger, felt_link), sight):
+                    felt = int(1)
+        else:
+            q = command
+            moved = int(0)
+        lag = real(0.0)
+        if free <= ZERO:
+            read = _joints_read(q, joint_noise, counter_key(reader, s))
+            lag = worst_of(read - command)
+        if until_release == 0 and s == 0 and free <= ZERO and (
+                lag > pad.yield_angle or others <= ZERO):
+            status = _COLLISION
+            break
+        if until_release == 0 and felt == 1:
+            status = _CONTACT
+            break
+        if until_release == 1 and felt == 0:
+            status = _NO_CONTACT
+            break
+        if until_release == 1 and s >= reachable:
+            status = _CONTACT
+            break
+        if until_release == 0 and free <= ZERO and (
+                lag > pad.yield_angle or others <= ZERO):
+            status = _BLOCKED
+            break
+        if s >= reachable:
+            break
+        ahead = int(1)
+        if until_release == 0 and free > ZERO:
+            ahead = wp.clamp(int(wp.floor(free * march_scale / step_bound)), 1, reachable - s)
+            if spared < ahead:
+                # Noise alone reaches the threshold: some taxel, its count the threshold's.
+                status = _CONTACT
+                s += spared
+                q = _command(commands, finger, s)
+                here = _hand_at(line, way, interval * real(s), begin.mount, wobble)
+                felt_link = _link_with_pad(pad, _below(counter_key(false, 2), _pads_on(pad)))
+                noise_alone = int(1)
+                peak = int(wp.ceil(pad.threshold))
+                where = _below(counter_key(false, 1), _SIDE * _SIDE)
+                image[i, where // _SIDE, where % _SIDE] = wp.uint8(peak)
+                break
+            spared -= ahead
+        s += ahead
+        others -= arm_step * real(ahead)
+    if moved == 0:
+        read = _joints_read(q, joint_noise, counter_key(reader, s))
+
+    if status != _CONTACT and status != _BLOCKED:
+        felt_link = int(-1)  # a pad's image is read of a touch or a block alone
+    if felt_link >= 0 and noise_alone == 0:
+        base = wp.transform_multiply(wp.transform_multiply(to_body, here),
+                                     finger_base(hand, finger))
+        peak = read_image(scene, which, pad, hand, turns, finger_pose(hand, base, q), finger,
+                          felt_link, key, pad_reading_key(key, number, s, finger, felt_link), sight,
+                          image, i)
+    end.status = status
+    end.made = s
+    end.peak = peak
+    end.q_true = q
+    end.q_read = read
+    end.pose_true = here
+    arm_stop = arm_last
+    if s < steps:
+        arm_stop = puma_reach(arm, wp.transform_multiply(
+            _along(line, way, interval * real(s)), flange_on_hand), arm_start)
+    end.arm_time = move_time(arm, begin.arm_q, arm_start)
+    before = wp.transform_multiply(puma_forward(arm, begin.arm_q), hand_on_flange)
+    end.arm_path = wp.length(
+        wp.transform_get_translation(line) - wp.transform_get_translation(before))
+    end.arm_q = arm_stop
+    if arm.encoder_step > ZERO:
+        for j in range(6):
+            arm_stop[j] = arm.encoder_step * wp.round(arm_stop[j] / arm.encoder_step)
+    pose_read = wp.transform_multiply(puma_forward(arm, arm_stop), hand_on_flange)
+    end.believed = pose_read
+    end.tip = _tip(hand, pose_read, finger, read)
+    if most[3] > ZERO:
+        centre = vec3(most[0], most[1], most[2])
+        g = stand_distance_grad(scene, which, centre)
+        n = vec3(g[0], g[1], g[2])
+        end.force_true = most[3]
+        end.point_true = wp.transform_point(begin.body_pose, centre - n * g[3])
+        end.normal_true = wp.transform_vector(begin.body_pose, wp.normalize(n))
+        if wp.abs(g[3] - centre[2]) < real(1e-12) and n[2] > real(0.999):
+            end.on_table = 1
+    if status == _CONTACT and felt_link >= 0:
+        end.link = felt_link
+        at = image_centroid(image, i, peak, felt_above(pad))
+        touch = pad_place(pad, hand, finger_pose(hand, wp.transform_multiply(
+            pose_read, finger_base(hand, finger)), read), felt_link, at[0], at[1])
+        end.point = touch.x
+        end.normal = -touch.out
+    ends[i] = end

@@ -1,0 +1,130 @@
+"""Tactile pads: where taxels are, what they bear, what the converter reads.
+
+A pad of 16 x 16 taxels lies on the palmar face of a link, bent with it across, the distal one also
+over the fingertip. A taxel bears k * depth, depth being how far its place lies inside body or table
+by the true signed distance (elastic foundation). Rows run along the link towards the tip, columns
+along the flexion axis.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from math import erf, sqrt
+
+import numpy as np
+import warp as wp
+
+from warpgrasp.core.dtypes import real, transform, vec2, vec4
+from warpgrasp.core.kernel_launch import check_range, launch
+from warpgrasp.geometry.scene import Scene
+from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, LINK_COUNT, hand_of
+from warpgrasp.parameters import HandTable, PadTable
+from warpgrasp.touch.pad_culling import BLOCKS
+from warpgrasp.touch.pad_kernel import TAXELS, Pad, _pads_kernel
+
+
+def pad_of(table: PadTable, hand: HandTable) -> Pad:
+    """The kernels' pad. Raises ValueError for a pad that does not fit its links, or that
+    no force makes conduct better."""
+    if wrong := table.misfit(hand):
+        raise ValueError(wrong)
+    pressed = (table.least_ohm if table.law == "exponential"
+               else table.newton_ohm * table.saturation_N**-table.power)
+    if pressed >= table.rest_ohm:
+        raise ValueError(f"pad of {pressed:g} ohm under load: wants less than without, "
+                         f"{table.rest_ohm:g} ohm")
+    pad = Pad()
+    pad.on = wp.vec3i(int(table.proximal), int(table.middle), int(table.distal))
+    pad.width, pad.length, pad.wrap = table.width_m, table.length_m, table.wrap_rad
+    pad.thickness, pad.stiffness = table.thickness_m, table.stiffness_N_m
+    pad.law = int(table.law != "exponential")
+    pad.rest_ohm, pad.least_ohm = table.rest_ohm, table.least_ohm
+    pad.force_scale, pad.newton_ohm, pad.power = table.force_scale_N, table.newton_ohm, table.power
+    pad.reference_ohm, pad.floor = table.reference_ohm, table.floor_N
+    pad.saturation, pad.gain_spread = table.saturation_N, table.gain_spread
+    pad.repeatability, pad.noise = table.repeatability, table.noise_counts
+    pad.dead, pad.threshold = table.dead_fraction, table.threshold_counts
+    pad.yield_angle = table.yield_rad
+    pad.false_touch = false_touch_probability(table)
+    return pad
+
+
+def false_touch_probability(table: PadTable) -> float:
+    """Chance that noise alone takes some taxel of one unloaded pad to the threshold, one reading.
+
+    Counts are rounded: the threshold is reached from half a count below the next whole number.
+    """
+    if table.noise_counts == 0.0:
+        return 0.0
+    level = (np.ceil(table.threshold_counts) - 0.5) / table.noise_counts
+    one = 0.5 * (1.0 - erf(level / sqrt(2.0))) * (1.0 - table.dead_fraction)
+    return float(-np.expm1(TAXELS**2 * np.log1p(-one))) if one < 1.0 else 1.0
+
+
+@dataclass(frozen=True)
+class PadImages:
+    """One reading of all pads. Shapes start with (pose, finger 4, link 3, row 16, column 16)."""
+
+    counts: np.ndarray
+    """Converter counts, uint8; 0 where a link has no pad."""
+    force_N: np.ndarray
+    """True force on each taxel, for the scorer alone."""
+
+
+def read_pads(
+    scene: Scene,
+    body: np.ndarray,
+    body_pose: np.ndarray,
+    hand: HandTable,
+    pads: PadTable,
+    key: np.ndarray,
+    hand_pose: np.ndarray,
+    q_rad: np.ndarray,
+    *,
+    reading: int = 0,
+    device: str = "cpu",
+) -> PadImages:
+    """Read every pad of hands held still at given joints.
+
+    `body` (pose or 1,), `body_pose` and true `hand_pose` (pose, 7) [m], quaternion xyzw, base
+    frame; `q_rad` (pose, finger 4, 4); `key` (pose,) uint64, an episode's: its taxels keep their
+    gains, `reading` numbers the readings. Raises ShapeError, and ValueError
+    for a body that the scene has not.
+    """
+    check_range("body", body, 0, scene.bodies - 1)
+    n = len(hand_pose)
+    force = wp.zeros((n, FINGER_COUNT * LINK_COUNT, TAXELS, TAXELS), dtype=real, device=device)
+    count = wp.zeros(force.shape, dtype=wp.uint8, device=device)
+    launch(_pads_kernel, {"pose": n, "finger": FINGER_COUNT, "link": LINK_COUNT}, {
+        "body": "pose?", "body_pose": "pose", "key": "pose", "hand_pose": "pose",
+        "q": "pose finger", "force": "pose 12 16 16", "count": "pose 12 16 16"}, {
+        "scene": scene, "body": wp.array(body, dtype=int, device=device),
+        "body_pose": wp.array(body_pose, dtype=transform, device=device),
+        "hand": hand_of(hand), "pad": pad_of(pads, hand),
+        "key": wp.array(key, dtype=wp.uint64, device=device),
+        "hand_pose": wp.array(hand_pose, dtype=transform, device=device),
+        "q": wp.array(q_rad, dtype=vec4, device=device), "reading": reading,
+        "force": force, "count": count}, device=device)
+    shape = (n, FINGER_COUNT, LINK_COUNT, TAXELS, TAXELS)
+    return PadImages(count.numpy().reshape(shape).copy(), force.numpy().reshape(shape).copy())
+
+
+@lru_cache(maxsize=32)
+def pad_turns(pads: PadTable, hand: HandTable, device: str) -> wp.array:
+    """What of a pad's places does not hang on the finger, (sin, cos) of each, kept for the next.
+
+    The turns of columns about a link's axis (`tactile_pad.pad_column`), the bends of rows over the
+    fingertip (`pad_bend`), then both for the middles of blocks.
+    """
+    radius = hand.link_radius_m + pads.thickness_m
+    straight = pads.length_m - pads.wrap_rad * radius
+    taxel = np.arange(TAXELS) + 0.5
+    middle = taxel.reshape(BLOCKS, -1).mean(1)
+
+    def column(place: np.ndarray) -> np.ndarray:
+        return (place / TAXELS - 0.5) * pads.width_m / radius
+
+    def row(place: np.ndarray) -> np.ndarray:
+        return np.maximum(place * pads.length_m / TAXELS - straight, 0.0) / radius
+
+    angle = np.concatenate([column(taxel), row(taxel), column(middle), row(middle)])
+    return wp.array(np.stack([np.sin(angle), np.cos(angle)], 1), dtype=vec2, device=device)

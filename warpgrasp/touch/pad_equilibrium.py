@@ -1,0 +1,176 @@
+# type: ignore  # Warp functions, which type checkers cannot follow
+"""Where a finger rests when its pads bear too: the `finger_energy` plus the pads' springs.
+
+    E(q) = E_servo,skin(q) + sum over taxels 1/2 k max(0, -phi(x_taxel(q)))^2
+
+Pads stand proud of the skin, so they yield first and the skin behind them takes over.
+"""
+
+import warp as wp
+
+from warpgrasp.closing.energy import Rest, finger_energy, rest_from, worst_of
+from warpgrasp.core.dtypes import HALF, ONE, TWO, ZERO, mat44, real, struct, vec2, vec3, vec4
+from warpgrasp.geometry.scene import Scene, stand_distance, stand_distance_grad
+from warpgrasp.geometry.segment_distance import LINK_SAMPLES
+from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_jacobian, finger_pose
+from warpgrasp.touch.pad_culling import (
+    SIGHT_MARGIN,
+    pad_in_sight,
+    rows_in_sight,
+    sight_holds,
+    taxel_place,
+    taxel_row,
+)
+from warpgrasp.touch.pad_kernel import Pad
+
+_ITERATIONS = wp.constant(30)
+_SHORTENED = wp.constant(12)
+_GRADIENT = wp.constant(real(1e-6))  # [N m]: some 1e-5 N at the tip, a taxel feels 1e-2 N
+_LAST_GRADIENT = wp.constant(real(1e-4))  # [N m]: a step from there leaves less than _GRADIENT
+_STEEPEST = wp.constant(real(0.75))  # (n - 1) / n of n = 4
+_LEFT = wp.constant(real(1e-3))  # share of a spring's depth, least
+_LONGEST = wp.constant(real(3.0))  # steps of Newton's
+_LEAST_BACK = wp.constant(real(0.2))  # of a step that led uphill
+_MOST_BACK = wp.constant(real(0.85))
+
+
+@struct
+class PadRest:
+    """A finger at rest: skin and servos (energy and gradient include the pads), curvature, load."""
+
+    skin: Rest
+    hessian: mat44
+    pad_force: real
+    """Sum over all taxels [N]."""
+
+
+@wp.func
+def pad_rest_energy(
+    scene: Scene, body: int, hand: Hand, pad: Pad, turns: wp.array[vec2], base: wp.transformd,
+    command: vec4, q: vec4, last: Rest, samples: int, sight: wp.array2d[int], look: int
+):
+    """Energy, gradient and Gauss-Newton Hessian at joints `q`; `base` in the body's frame.
+
+    `last` and `samples` are handed on to `finger_energy`. `sight` (link, block) has a bit for each
+    taxel that may press; with `look` they are looked up anew, else they must hold.
+    """
+    rest = PadRest()
+    rest.skin = finger_energy(scene, body, hand, base, command, q, last, samples)
+    rest.hessian = wp.inverse(rest.skin.compliance)
+    f = finger_pose(hand, base, q)
+    for link in range(3):
+        if pad.on[link] != 0:
+            near = int(1)
+            if look == 1 and not pad_in_sight(scene, body, pad, hand, f, link):
+                near = int(0)
+            for block in range(16):
+                bits = sight[link, block]
+                if look == 1:
+                    bits = int(0)
+                    if near == 1:
+                        bits = rows_in_sight(scene, body, pad, hand, f, link, block, turns)
+                seen = int(bits)
+                if bits != 0:
+                    for i in range(4):
+                        if (bits & (15 << (4 * i))) != 0:
+                            row = taxel_row(pad, hand, f, link, 4 * (block // 4) + i, turns)
+                            for j in range(4):
+                                bit = 1 << (4 * i + j)
+                                if (bits & bit) != 0:
+                                    x = taxel_place(pad, hand, f, row, 4 * (block % 4) + j, turns)
+                                    d = stand_distance(scene, body, x)
+                                    if d < ZERO:
+                                        g = stand_distance_grad(scene, body, x)
+                                        jt = finger_jacobian(f, link, x, vec3(g[0], g[1], g[2]))
+                                        load = -g[3] * pad.stiffness
+                                        rest.skin.energy -= HALF * load * g[3]
+                                        rest.skin.gradient -= jt * load
+                                        rest.pad_force += load
+                                        rest.hessian += wp.outer(jt, jt) * pad.stiffness
+                                    elif d >= SIGHT_MARGIN:
+                                        seen = seen ^ bit
+                if look == 1:
+                    sight[link, block] = seen
+    return rest
+
+
+@wp.func
+def _least_along(hand: Hand, command: vec4, rest: PadRest, way: vec4):
+    """How far along `way`, in units of it, the energy should be least, as seen from `rest`.
+
+    Springs let go on the way out, so what they hold falls faster than a Newton step reckons: as
+    (1 - r t)^n, n and r by its first two slopes (n is 2 where the same springs bear, 3 for the
+    growing patch of a round thing). 0 where nothing bears, or what bears would not fall so.
+    """
+    lag = command - rest.skin.q
+    servo_slope = -hand.stiffness * wp.dot(lag, way)
+    servo_curve = hand.stiffness * wp.dot(way, way)
+    energy = rest.skin.energy - HALF * hand.stiffness * wp.dot(lag, lag)
+    slope = wp.dot(rest.skin.gradient, way) - servo_slope
+    curve = wp.dot(way, rest.hessian * way) - servo_curve
+    if energy <= ZERO or slope >= ZERO or energy * curve >= _STEEPEST * slope * slope:
+        return ZERO
+    n = ONE / (ONE - energy * curve / (slope * slope))
+    r = -slope / (n * energy)
+    t = -(servo_slope + slope) / (servo_curve + curve)
+    for _newton in range(3):
+        left = wp.max(ONE - r * t, _LEFT)
+        power = wp.pow(left, n - TWO)
+        t -= (servo_slope + servo_curve * t + slope * power * left) / (
+            servo_curve + curve * power)
+    return t
+
+
+@wp.func
+def pad_rest(
+    scene: Scene, body: int, hand: Hand, pad: Pad, turns: wp.array[vec2], base: wp.transformd,
+    command: vec4, start: vec4, sight: wp.array2d[int]
+):
+    """The rest configuration for a command, descending from `start`; the energy never rises.
+
+    Newton's steps; the first from where springs bear goes on as far as they let go (one longer step
+    saves two), and the last, so small that none would follow, is taken without a look. `sight` is
+    left as it holds there.
+    """
+    rest = PadRest()
+    rest.skin = rest_from(start)
+    looked = vec4(start)
+    step = vec4(ZERO, ZERO, ZERO, ZERO)
+    scale = real(1.0)
+    shortened = int(0)
+    lengthened = int(0)
+    for k in range(_ITERATIONS):
+        q = rest.skin.q + step * scale
+        look = int(1)
+        if k > 0 and sight_holds(pad, hand, looked, q):
+            look = int(0)
+        else:
+            looked = q
+        trial = pad_rest_energy(scene, body, hand, pad, turns, base, command, q, rest.skin,
+                                wp.where(k == 0, LINK_SAMPLES, 0), sight, look)
+        if k == 0 or trial.skin.energy < rest.skin.energy:
+            rest = trial
+            step = -(wp.inverse(rest.hessian) * rest.skin.gradient)
+            scale = real(1.0)
+            if lengthened == 0:
+                scale = wp.clamp(_least_along(hand, command, rest, step), ONE, _LONGEST)
+                lengthened = int(scale > ONE)
+            if shortened > 0 and rest.pad_force == ZERO and wp.max(rest.skin.depth) <= ZERO:
+                scale = HALF  # nothing bears: the whole step goes where the last one failed
+            shortened = int(0)
+            if worst_of(rest.skin.gradient) < _GRADIENT:
+                break
+            if worst_of(rest.skin.gradient) < _LAST_GRADIENT and scale == ONE and (
+                    sight_holds(pad, hand, looked, rest.skin.q + step)):
+                rest.skin.q += step
+                break
+        else:
+            shortened += 1
+            back = _least_along(hand, command, trial, step * -scale)
+            scale *= ONE - wp.where(back > ZERO, wp.clamp(back, _LEAST_BACK, _MOST_BACK), HALF)
+            if shortened >= _SHORTENED:
+                break
+    if not sight_holds(pad, hand, looked, rest.skin.q):
+        rest = pad_rest_energy(scene, body, hand, pad, turns, base, command, rest.skin.q, rest.skin,
+                               0, sight, 1)
+    return rest

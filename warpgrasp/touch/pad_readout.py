@@ -1,0 +1,167 @@
+# type: ignore  # Warp functions, which type checkers cannot follow
+"""What one pad makes of a touch: its load, its image, and the first moments of the image."""
+
+import warp as wp
+
+from warpgrasp.core.dtypes import HALF, ZERO, real, vec2, vec3, vec4
+from warpgrasp.core.random_kernel import counter_key, counter_uniform
+from warpgrasp.geometry.scene import Scene
+from warpgrasp.mechanism.utah_mit_hand_kernel import FingerPose, Hand
+from warpgrasp.touch.pad_culling import taxel_place, taxel_row
+from warpgrasp.touch.pad_kernel import (
+    Pad,
+    noise_draw,
+    noise_limit,
+    pad_taxel_key,
+    taxel_count,
+    taxel_force,
+    unloaded_count,
+)
+
+_SIDE = wp.constant(16)
+_WINDOW = wp.constant(3)  # taxels each way from the peak that count for the centroid
+
+
+@wp.func
+def pad_load(
+    scene: Scene, body: int, pad: Pad, hand: Hand, turns: wp.array[vec2], f: FingerPose, link: int,
+    sight: wp.array2d[int]
+):
+    """Centre of force (x, y, z) and the sum of the forces on all taxels [N]; zeros without load."""
+    total = real(0.0)
+    centre = vec3(ZERO, ZERO, ZERO)
+    for block in range(16):
+        bits = sight[link, block]
+        if bits != 0:
+            for i in range(4):
+                if (bits & (15 << (4 * i))) != 0:
+                    row = taxel_row(pad, hand, f, link, 4 * (block // 4) + i, turns)
+                    for j in range(4):
+                        if (bits & (1 << (4 * i + j))) != 0:
+                            x = taxel_place(pad, hand, f, row, 4 * (block % 4) + j, turns)
+                            force = taxel_force(scene, body, pad, x)
+                            total += force
+                            centre += x * force
+    if total > ZERO:
+        centre = centre / total
+    return vec4(centre[0], centre[1], centre[2], total)
+
+
+@wp.func
+def pad_feels(
+    scene: Scene, body: int, pad: Pad, hand: Hand, turns: wp.array[vec2], f: FingerPose,
+    finger: int, link: int, episode: wp.uint64, reading: wp.uint64, sight: wp.array2d[int]
+):
+    """Whether some taxel of a pad reads the threshold: as `read_image` would, less work.
+
+    Pressed taxels are asked first, those that noise alone may raise only if none of them says so.
+    """
+    for block in range(16):
+        bits = sight[link, block]
+        if bits != 0:
+            for i in range(4):
+                if (bits & (15 << (4 * i))) != 0:
+                    at = 4 * (block // 4) + i
+                    row = taxel_row(pad, hand, f, link, at, turns)
+                    for j in range(4):
+                        if (bits & (1 << (4 * i + j))) != 0:
+                            column = 4 * (block % 4) + j
+                            force = taxel_force(
+                                scene, body, pad, taxel_place(pad, hand, f, row, column, turns))
+                            taxel = at * _SIDE + column
+                            if force > ZERO and real(taxel_count(
+                                    pad, force, pad_taxel_key(episode, finger, link, taxel),
+                                    counter_key(reading, taxel))) >= pad.threshold:
+                                return True
+    most = noise_limit(pad)
+    # The least draw of all first, in a loop without branches: hardly ever is it small enough.
+    least = ~wp.uint64(0)
+    for taxel in range(_SIDE * _SIDE):
+        least = wp.min(least, counter_key(counter_key(counter_key(reading, taxel), 1), 1))
+    if counter_uniform(least) >= most:
+        return False
+    for taxel in range(_SIDE * _SIDE):
+        key = counter_key(reading, taxel)
+        if noise_draw(key) < most:
+            force = real(0.0)
+            at = taxel // _SIDE
+            column = taxel % _SIDE
+            bits = sight[link, 4 * (at // 4) + column // 4]
+            if (bits & (1 << (4 * (at % 4) + column % 4))) != 0:
+                row = taxel_row(pad, hand, f, link, at, turns)
+                force = taxel_force(scene, body, pad, taxel_place(pad, hand, f, row, column, turns))
+            if real(taxel_count(
+                    pad, force, pad_taxel_key(episode, finger, link, taxel), key)) >= pad.threshold:
+                return True
+    return False
+
+
+@wp.func
+def read_image(
+    scene: Scene, body: int, pad: Pad, hand: Hand, turns: wp.array[vec2], f: FingerPose,
+    finger: int, link: int, episode: wp.uint64, reading: wp.uint64, sight: wp.array2d[int],
+    image: wp.array3d[wp.uint8], i: int
+):
+    """Read a pad into row `i` of `image`; returns the largest count.
+
+    All taxels are read as if nothing pressed, then those that are pressed anew.
+    """
+    for taxel in range(_SIDE * _SIDE):
+        count = unloaded_count(pad, pad_taxel_key(episode, finger, link, taxel),
+                               counter_key(reading, taxel))
+        image[i, taxel // _SIDE, taxel % _SIDE] = wp.uint8(count)
+    for block in range(16):
+        bits = sight[link, block]
+        if bits != 0:
+            for k in range(4):
+                if (bits & (15 << (4 * k))) != 0:
+                    at = 4 * (block // 4) + k
+                    row = taxel_row(pad, hand, f, link, at, turns)
+                    for j in range(4):
+                        if (bits & (1 << (4 * k + j))) != 0:
+                            column = 4 * (block % 4) + j
+                            force = taxel_force(
+                                scene, body, pad, taxel_place(pad, hand, f, row, column, turns))
+                            if force > ZERO:
+                                taxel = at * _SIDE + column
+                                image[i, at, column] = wp.uint8(taxel_count(
+                                    pad, force, pad_taxel_key(episode, finger, link, taxel),
+                                    counter_key(reading, taxel)))
+    peak = int(0)
+    for taxel in range(_SIDE * _SIDE):
+        peak = wp.max(peak, int(image[i, taxel // _SIDE, taxel % _SIDE]))
+    return peak
+
+
+@wp.func
+def image_centroid(image: wp.array3d[wp.uint8], i: int, peak: int, least: real):
+    """(row, column) by first moments of the counts from `least` on near the strongest taxel.
+
+    `peak` is the largest count. The window keeps a taxel far off that noise alone has raised from
+    pulling the centroid away.
+    """
+    top = int(0)
+    while int(image[i, top // _SIDE, top % _SIDE]) != peak:
+        top += 1
+    top_row = top // _SIDE
+    top_column = top % _SIDE
+    mass = real(0.0)
+    at_row = real(0.0)
+    at_column = real(0.0)
+    for row in range(wp.max(top_row - _WINDOW, 0), wp.min(top_row + _WINDOW + 1, _SIDE)):
+        for column in range(wp.max(top_column - _WINDOW, 0),
+                            wp.min(top_column + _WINDOW + 1, _SIDE)):
+            count = real(int(image[i, row, column]))
+            if count >= least:
+                mass += count
+                at_row += count * real(row)
+                at_column += count * real(column)
+    if mass <= ZERO:
+        return vec2(real(top_row), real(top_column))
+    return vec2(at_row / mass, at_column / mass)
+
+
+@wp.func
+def felt_above(pad: Pad):
+    """Counts that stand out of the noise once a pad is known to feel."""
+    return pad.threshold * HALF

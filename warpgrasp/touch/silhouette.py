@@ -1,0 +1,65 @@
+"""Silhouettes: what two pinhole cameras see of an object, sphere-traced from its distance field."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from warpgrasp.core.dtypes import mat33, transform, uint8, vec3
+from warpgrasp.core.kernel_launch import check_range, launch
+from warpgrasp.geometry.scene import Scene
+from warpgrasp.parameters import StereoTable
+from warpgrasp.touch.silhouette_kernel import _silhouette_kernel
+
+
+@dataclass(frozen=True)
+class Cameras:
+    """Pinhole cameras of each world. Shapes start with (world, camera)."""
+
+    centre_m: np.ndarray
+    """Base frame, (..., 3)."""
+    axes: np.ndarray
+    """Right, down and forward as columns, (..., 3, 3)."""
+    focal_pixels: float
+    pixels: int
+
+
+def stereo_cameras(table: StereoTable, target_m: np.ndarray) -> Cameras:
+    """Two cameras a baseline apart, each turned towards its world's `target_m` (world, 3)."""
+    bearing, up = table.azimuth_rad, table.elevation_rad
+    away = np.array([np.cos(up) * np.cos(bearing), np.cos(up) * np.sin(bearing), np.sin(up)])
+    side = np.cross([0.0, 0.0, 1.0], away)
+    side /= np.linalg.norm(side)
+    offsets = table.distance_m * away + 0.5 * table.baseline_m * np.stack([-side, side])
+    forward = -offsets / np.linalg.norm(offsets, axis=1, keepdims=True)
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right, axis=1, keepdims=True)
+    axes = np.stack([right, np.cross(forward, right), forward], -1)
+    focal = 0.5 * table.pixels / np.tan(0.5 * table.field_of_view_rad)
+    return Cameras(target_m[:, None] + offsets, np.tile(axes, (len(target_m), 1, 1, 1)),
+                   float(focal), table.pixels)
+
+
+def silhouettes(
+    scene: Scene, body: np.ndarray, body_pose: np.ndarray, cameras: Cameras, *,
+    march_scale: float = 1.0, device: str = "cpu",
+) -> np.ndarray:
+    """Which pixels see the object, bool (world, camera, row, column). Raises ShapeError,
+    and ValueError for a body that the scene has not.
+    """
+    check_range("body", body, 0, scene.bodies - 1)
+    worlds, count = cameras.centre_m.shape[:2]
+    n = cameras.pixels
+    seen = wp.empty((worlds, count, n, n), dtype=uint8, device=device)
+    reach = 2.0 * float(np.linalg.norm(
+        cameras.centre_m - np.asarray(body_pose)[:, None, :3], axis=-1).max(initial=0.0))
+    launch(_silhouette_kernel, {"world": worlds, "camera": count, "row": n, "column": n}, {
+        "body": "world", "body_pose": "world", "centre": "world camera", "axes": "world camera",
+        "seen": "world camera row column"}, {
+        "scene": scene, "body": wp.array(np.broadcast_to(body, worlds), dtype=int, device=device),
+        "body_pose": wp.array(body_pose, dtype=transform, device=device),
+        "march_scale": march_scale,
+        "centre": wp.array(cameras.centre_m, dtype=vec3, device=device),
+        "axes": wp.array(cameras.axes, dtype=mat33, device=device),
+        "focal": cameras.focal_pixels, "reach": reach, "seen": seen}, device=device)
+    return seen.numpy().astype(bool)
