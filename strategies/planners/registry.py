@@ -47,7 +47,8 @@ def find_planner(call: str) -> Callable[..., Any]:
     """What `call` names. Raises PlannerError."""
     import strategies.planners.adaptive
     import strategies.planners.expected_error
-    import strategies.planners.gaussian_process  # noqa: F401
+    import strategies.planners.gaussian_process
+    import strategies.planners.oracle  # noqa: F401
 
     if call in PLANNERS:
         return PLANNERS[call][0]

@@ -65,7 +65,8 @@ TABLES_OF = {"main": {"same-time": ["--against", "ring6"]}, "swept": {"settings"
 FIGURES = ("forest", "curves-touches", "curves-time", "pareto", "confusion")
 EPISODE_FIGURES = ("contacts", "faces", "contour", "taxels", "grasp")
 EPISODES = (("block", "ring6"), ("wine_bottle", "coarse-to-fine"), ("wedge", "planar"),
-            ("lightbulb", "contour-first"), ("funnel", "rim12-ring12"), ("block", "expected-error"))
+            ("lightbulb", "contour-first"), ("funnel", "rim12-ring12"), ("block", "expected-error"),
+            ("small_cylinder", "oracle"))
 FITS = {"superquadric": [], "superquadric-taper": ["--taper"], "superquadric-bend": ["--bend"],
         "superquadric-all": ["--taper", "--bend", "--robust", "--table-z", "0"],
         "plane": [], "revolution": []}
