@@ -76,8 +76,8 @@ def test_what_is_not_run_is_there_and_nothing_else_is_excused() -> None:
         assert any(re.fullmatch(pattern, text) for text in texts), pattern
     excused = {block.text for block in blocks() if run_docs.excuse(block)}
     assert excused == {
-        "make test", "make check", "make validate", "benchmarks/gpu.sh",
-        ".venv/bin/pip install '.[ray]'", "pytest tests/sweeps/test_ray_engine.py",
+        "make test", "make check", "make validate", "sweeps/bench/gpu.sh",
+        ".venv/bin/pip install '.[ray]'", "pytest tests/sweeps/run/test_ray_engine.py",
         "sbatch array.sh", "examples/newcomer.sh",
         "warpgrasp sweep study.toml -o DIR --engine ray --address auto"}
     names = {block.text for block in blocks() if block.kind == "shell" and run_docs.is_name(block)}
@@ -124,7 +124,7 @@ def test_light_commands_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 
 @pytest.mark.slow
 def test_everything_runs() -> None:
-    done = subprocess.run([sys.executable, str(ROOT / "tests/run_docs.py")], text=True,
+    done = subprocess.run([sys.executable, str(ROOT / "tests/scripts/run_docs.py")], text=True,
                           stdout=subprocess.PIPE, env={**os.environ, "WARPGRASP_QUIET": ""})
     assert done.returncode == 0, done.stdout
 

@@ -3,7 +3,7 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "core.random": ["counter_key_host"],
+    "core.random": ["counter_key"],
     "geometry.body": ["Body", "BodyError"],
     "geometry.meshing": ["body_mesh"],
     "objects.catalogue": ["body_from_name", "body_from_table"],

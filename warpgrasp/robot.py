@@ -13,7 +13,7 @@ import numpy as np
 from warpgrasp.closing.closing import Closing, ClosingTruth, close_fingers
 from warpgrasp.closing.contact_estimate import ContactEstimate, estimate_contacts
 from warpgrasp.core.kernel_launch import check_range
-from warpgrasp.core.random import Purpose, counter_key_host, normal_vector_host
+from warpgrasp.core.random import Purpose, counter_key, normal_vector
 from warpgrasp.geometry.body import Body, scene_of
 from warpgrasp.geometry.scene import Shape
 from warpgrasp.mechanism.arm_motion import ArmMoves, ArmState, mount_error, move_hand
@@ -191,7 +191,7 @@ class Robot:
 
     def camera_noise(self, size: int) -> np.ndarray:
         """Standard normals (world, size) for what is read off the cameras' images."""
-        return normal_vector_host(counter_key_host(self._key, int(Purpose.CAMERA)), size)
+        return normal_vector(counter_key(self._key, int(Purpose.CAMERA)), size)
 
     def _finger_time(self, closing: Closing, commands_rad: np.ndarray) -> np.ndarray:
         """Time of closing and opening again at each probe [s], (world, probe)."""

@@ -16,7 +16,7 @@ from strategies.planners.probes import Grasp, Probe
 from strategies.planners.register import planner
 from strategies.poses.waypoints import TOLD_MARGIN_M
 from strategies.recovery.belief import Belief
-from warpgrasp.core.random import counter_key_host, counter_uniform_host
+from warpgrasp.core.random import counter_key, counter_uniform
 
 NEW_AT_M = 0.03
 """A touch this far from all others is as new as can be."""
@@ -87,7 +87,7 @@ class RandomPose(OneAtATime):
 
     def gain(self, belief: Belief, poses: np.ndarray, free: np.ndarray) -> np.ndarray:
         """A draw a candidate and step."""
-        return counter_uniform_host(counter_key_host(
+        return counter_uniform(counter_key(
             belief.seed[:, None], belief.step, np.arange(poses.shape[1])))
 
 

@@ -15,7 +15,7 @@ from strategies.recovery.choose_model import Shape
 from strategies.recovery.complete_contour import revolution_misfit, revolution_of_all
 from strategies.recovery.misfit import touch_misfit
 from strategies.recovery.upright import faces_of, stand_upright
-from warpgrasp.core.random import Purpose, counter_key_host, counter_uniform_host
+from warpgrasp.core.random import Purpose, counter_key, counter_uniform
 
 _DOWN = -0.5  # the face a body stands on, and what leans over it, is out of reach
 _TOP = np.cos(np.radians(45))
@@ -70,7 +70,7 @@ def contour_to_follow(
     radius = np.minimum(stands.radius_m, belief.told.radius_m + TOLD_MARGIN_M / 2)
     axis = Axis(foot, way, stands.top_m / np.maximum(way[:, 2], 0.5), radius)
     if table.axis_error_rad > 0:
-        draw = counter_uniform_host(counter_key_host(belief.seed, int(Purpose.STRATEGY), 1))
+        draw = counter_uniform(counter_key(belief.seed, int(Purpose.STRATEGY), 1))
         axis = axis.turned(zero + table.axis_error_rad, 2 * np.pi * draw)
     return FollowContour(axis, wanted, ContourOptions(
         step_m=table.step_m, finest_step_m=table.finest_step_m), table.refine)

@@ -22,7 +22,7 @@ from strategies.poses.waypoints import (
     Top,
     WaypointError,
 )
-from warpgrasp.core.random import Purpose, counter_key_host, counter_uniform_host
+from warpgrasp.core.random import Purpose, counter_key, counter_uniform
 from warpgrasp.parameters import HandTable
 
 TABLE_CLEARANCE_M = 0.010
@@ -40,9 +40,9 @@ def waypoint_poses(
     Position [m] and quaternion xyzw in the robot's base frame. `key` (world,) uint64 draws the
     random families. Raises WaypointError for a file that cannot be used.
     """
-    stream = counter_key_host(key, int(Purpose.WAYPOINT))
+    stream = counter_key(key, int(Purpose.WAYPOINT))
     return np.concatenate([
-        _FAMILY[type(family)](family, told, hand, counter_key_host(stream, number))
+        _FAMILY[type(family)](family, told, hand, counter_key(stream, number))
         for number, family in enumerate(waypoints)], axis=1)
 
 
@@ -130,7 +130,7 @@ def _top(f: Top, told: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np
 
 
 def _random(f: Random, told: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np.ndarray:
-    draw = counter_uniform_host(counter_key_host(
+    draw = counter_uniform(counter_key(
         key[:, None, None], np.arange(f.count)[None, :, None], np.arange(4)))
     cos_tilt = 1.0 - draw[..., 1] * (1.0 - np.cos(f.tilt_rad))
     return _about(f, told, hand, 2 * pi * draw[..., 0], tilt=np.arccos(cos_tilt),

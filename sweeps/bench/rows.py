@@ -28,7 +28,7 @@ def closings(of: str, batch: int) -> Work:
     from strategies.ready_made import STRATEGIES
     from sweeps.episode.episodes import place_objects, tell_cylinder
     from warpgrasp.closing.closing import close_fingers
-    from warpgrasp.core.random import counter_key_host
+    from warpgrasp.core.random import counter_key
     from warpgrasp.geometry.body import scene_of
     from warpgrasp.mechanism.arm_motion import ArmState, move_hand
     from warpgrasp.parameters import ArmTable, HandTable, ObjectTable, SensorTable
@@ -36,7 +36,7 @@ def closings(of: str, batch: int) -> Work:
     strategy, hand, body = STRATEGIES["rim12-ring12"], HandTable(), body_of(of)
     commands, count = padded_commands(strategy.closings)
     worlds = -(-batch // 192)
-    key = counter_key_host(SEED, np.arange(worlds))
+    key = counter_key(SEED, np.arange(worlds))
     pose = place_objects(ObjectTable(), key)
     told = tell_cylinder(body, pose, 0.01, key)
     poses = waypoint_poses(strategy.waypoints, told, hand, key)

@@ -33,9 +33,9 @@ from sweeps.episode.scores import Scorer, Scores
 from sweeps.spec.cell import Cell
 from warpgrasp.core.random import (
     Purpose,
-    counter_key_host,
-    counter_normal_host,
-    counter_uniform_host,
+    counter_key,
+    counter_normal,
+    counter_uniform,
 )
 from warpgrasp.geometry.body import Body
 from warpgrasp.geometry.body_sampling import sample_body
@@ -177,7 +177,7 @@ def _run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Ep
     cell = parts[0][0]
     which = np.repeat(np.arange(len(parts)), [len(episodes) for _, episodes in parts])
     key = np.concatenate([
-        counter_key_host(int(cell.seed) & (2**63 - 1), _content_number(body), episodes)
+        counter_key(int(cell.seed) & (2**63 - 1), _content_number(body), episodes)
         for (cell, episodes), body in zip(parts, bodies, strict=True)])
     body_pose = place_objects(cell.placement, key)
     scorer = Scorer(bodies, which, body_pose, device)
@@ -202,7 +202,7 @@ def _run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Ep
     oracle = planner if type(planner) is Oracle else None
     if oracle is not None:
         oracle.let_see(lambda recovered: scorer.score(recovered).chamfer_m)
-    found = explore(robot, planner, told, counter_key_host(noise, int(Purpose.STRATEGY)),
+    found = explore(robot, planner, told, counter_key(noise, int(Purpose.STRATEGY)),
                     table=cell.fit, closings=cell.strategy.closings,
                     budget=budget_of(cell.strategy), observe=observe, oracle=oracle)
     if fault:
@@ -215,7 +215,7 @@ def _run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Ep
 
 def _noise_key(key: np.ndarray, stream: int) -> np.ndarray:
     """Keys of the noise: the episodes' own, or those of another stream."""
-    return key if stream == 0 else counter_key_host(key, int(Purpose.NOISE_STREAM), stream)
+    return key if stream == 0 else counter_key(key, int(Purpose.NOISE_STREAM), stream)
 
 
 def _planner(cell: Cell, robot: Robot, told: BoundingCylinder) -> tuple[Planner, str]:
@@ -280,8 +280,8 @@ def _content_number(body: Body) -> int:
 
 def place_objects(placement: ObjectTable, key: np.ndarray) -> np.ndarray:
     """True poses of the objects on the table, (world, 7): yaw at random unless it is given."""
-    stream = counter_key_host(key, int(Purpose.PLACEMENT))
-    yaw = (2.0 * counter_uniform_host(stream) - 1.0) * pi
+    stream = counter_key(key, int(Purpose.PLACEMENT))
+    yaw = (2.0 * counter_uniform(stream) - 1.0) * pi
     if placement.yaw_rad is not None:
         yaw = np.full(len(key), placement.yaw_rad)
     pose = np.zeros((len(key), 7))
@@ -296,8 +296,8 @@ def tell_cylinder(
     """The bounding cylinder a strategy is told: the true one with a normal error in each number."""
     surface = sample_body(body).surface_m
     radius = float(np.hypot(surface[:, 0], surface[:, 1]).max())
-    stream = counter_key_host(key, int(Purpose.PRIOR))
-    error = sigma_m * counter_normal_host(counter_key_host(stream[:, None], np.arange(4)))
+    stream = counter_key(key, int(Purpose.PRIOR))
+    error = sigma_m * counter_normal(counter_key(stream[:, None], np.arange(4)))
     return BoundingCylinder(
         x_m=body_pose[:, 0] + error[:, 0],
         y_m=body_pose[:, 1] + error[:, 1],

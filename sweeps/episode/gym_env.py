@@ -35,7 +35,7 @@ from strategies.recovery.fit_contacts import recover_bodies
 from sweeps.episode.columns import superquadric_parameters
 from sweeps.episode.episodes import place_objects, tell_cylinder
 from sweeps.episode.scores import score_superquadrics
-from warpgrasp.core.random import counter_key_host
+from warpgrasp.core.random import counter_key
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import ArmTable, FitTable, HandTable, ObjectTable, SensorTable
 from warpgrasp.robot import Grasps, Robot, Truth
@@ -113,7 +113,7 @@ class GraspVectorEnv(VectorEnv):
             self._each = []
         generators = self._each or [self.np_random]
         worlds = np.arange(self.num_envs // len(generators))
-        return np.concatenate([counter_key_host(int(generator.integers(2**62)), 0, worlds)
+        return np.concatenate([counter_key(int(generator.integers(2**62)), 0, worlds)
                                for generator in generators])
 
     def step(self, actions: np.ndarray) -> tuple[

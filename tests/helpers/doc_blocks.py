@@ -9,7 +9,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 PROGRAM = re.compile(
     r"(?:\.venv/bin/)?(?:warpgrasp|make|python|pytest|pip)(?= )|source |sbatch |cp "
-    r"|benchmarks/\S+\.sh|examples/\S+\.sh")
+    r"|sweeps/bench/\S+\.sh|examples/\S+\.sh")
 OUTPUT = re.compile(r"rank |spec \(TOML\)")  # indented blocks that a reader does not type
 _FENCE = re.compile(r"^```([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _INDENTED = re.compile(r"(?<=\n\n)(?:(?:    [^\n]*)?\n)*    [^\n]*(?=\n)")

@@ -1,6 +1,6 @@
 """Kills a study with SIGKILL at random moments, resumes it each time, and compares the end.
 
-    python tests/sweeps/kill_study.py --kills 50 --units 60
+    python tests/scripts/kill_study.py --kills 50 --units 60
 
 The study runs the stand-in episodes, slowed down, so that the kills meet it at work: the spine
 (units, store, runner, leaderboard) is what is tested, not the simulator. Fails if the leaderboard

@@ -1,6 +1,6 @@
 """Resident memory of a study of 20,000 episodes against one of 200,000, with stand-in episodes.
 
-    python tests/sweeps/memory_study.py --episodes 20000 200000
+    python tests/scripts/memory_study.py --episodes 20000 200000
 
 Each runs with one worker in a fresh process: units, store, runner and leaderboard are what is
 measured. Then the finished study is run again, which should say so and read it through once.

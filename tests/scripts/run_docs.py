@@ -1,6 +1,6 @@
 """Runs every command and code block of the docs, in order, in a copy of the tree, and times each.
 
-    python tests/run_docs.py [--only WORD] [--without WORD ...]
+    python tests/scripts/run_docs.py [--only WORD] [--without WORD ...]
 
 Each runs as it is written, but for what `SHRINKS` adds to make studies small, and the few that
 `EXCUSED` names with the reason. What a page has made is there for the pages after it. One that ends
@@ -26,11 +26,11 @@ EXCUSED = {
     r"make (test|check)": "runs these very tests",
     r"make validate": "installs from a package index; `warpgrasp validate` itself is run",
     r".*pip install '\.\[ray\]'.*": "installs from a package index; tests do not need Ray",
-    r"pytest tests/sweeps/test_ray_engine.py": "wants Ray, and says so",
+    r"pytest tests/sweeps/run/test_ray_engine.py": "wants Ray, and says so",
     r".*--engine ray.*": "wants Ray and a cluster that runs",
     r"sbatch .*": "wants SLURM; the script that it is handed is run",
     r"examples/newcomer\.sh": "is the commands around it, whole: a quarter of an hour",
-    r"benchmarks/gpu\.sh": "wants a CUDA device",
+    r"sweeps/bench/gpu\.sh": "wants a CUDA device",
 }
 """What cannot run here, by a pattern of the whole command, and why."""
 
@@ -50,10 +50,8 @@ SHRINKS = (
     (r"(.*kill_study.py).*", r"\1 --kills 2 --units 6"),
     (r"(.*fuzz_(?:spec|files).py).*", r"\1 --count 20"),
     (r"(.*memory_study.py)", r"\1 --episodes 640 1280"),
-    (r"(.*two_workers.py)", r"\1 --episodes 64"),
     (r"(.*false_alarm.py)", r"\1 --studies 1 --episodes 1"),
-    (r"(.*benchmarks/fits.py)", r"\1 --fits 8 --parameters 11"),
-    (r"(.*benchmarks/touch.py).*", r"\1 --worlds 4 --lockstep 16"),
+    (r"(.*tests/scripts/touch_quality.py).*", r"\1 --worlds 4 --lockstep 16"),
 )
 """What makes a command small: a pattern of the whole command, and what is run instead."""
 

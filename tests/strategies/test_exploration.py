@@ -22,7 +22,7 @@ from strategies.ready_made import STRATEGIES
 from strategies.recovery.belief import Belief
 from strategies.recovery.fit_contacts import recover_bodies
 from strategies.strategy import Strategy
-from warpgrasp.core.random import counter_key_host
+from warpgrasp.core.random import counter_key
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import ArmTable, FitTable, HandTable, SensorTable
 from warpgrasp.robot import Robot, Truth
@@ -35,7 +35,7 @@ CLOSINGS = ("curl40",)
 def run(planner, episodes=(0, 1), name="large_cylinder", budget: Budget | None = None,
         table: FitTable = QUICK, closings=CLOSINGS) -> Exploration:
     worlds = len(episodes)
-    key = counter_key_host(7, np.asarray(episodes))
+    key = counter_key(7, np.asarray(episodes))
     pose = np.tile([0.45, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (worlds, 1))
     body = body_from_name(name)
     robot = Robot([body], np.zeros(1, int), Truth(pose), key, ArmTable(), HandTable(),

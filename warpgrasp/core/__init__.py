@@ -7,10 +7,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
         "lesser", "mat33", "mat34", "mat42", "mat44", "quat", "real", "struct", "transform",
         "uint8", "vec2", "vec3", "vec4", "vec6"],
     "kernel_launch": ["ShapeError", "check_range", "launch", "launch_in_turn", "set_thread_count"],
-    "random": ["Purpose", "counter_key_host", "counter_normal_host", "counter_uniform_host",
-        "normal_vector_host"],
-    "random_kernel": ["counter_key", "counter_normal", "counter_normal_is_negative",
-        "counter_uniform"],
+    "random": ["Purpose", "counter_key", "counter_normal", "counter_uniform", "normal_vector"],
     "sincos": ["sine_cosine"],
     "struct_array": ["Records", "record_type"],
 })

@@ -2,7 +2,8 @@
 
 Nothing is carried from draw to draw, so results do not depend on batch, slicing or order. The hash
 chains the finaliser of SplitMix64 (Steele, Lea, Flood 2014, Fast splittable pseudorandom number
-generators) over the counters. The same functions exist for kernels and, suffix `_host`, for NumPy.
+generators) over the counters. These functions are for NumPy; `random_kernel` has the same for
+kernels.
 """
 
 from enum import IntEnum
@@ -35,7 +36,7 @@ class Purpose(IntEnum):
     NOISE_STREAM = 18
 
 
-def counter_key_host(key: np.ndarray | int, *counters: np.ndarray | int) -> np.ndarray:
+def counter_key(key: np.ndarray | int, *counters: np.ndarray | int) -> np.ndarray:
     """`counter_key` over several counters, broadcast, uint64."""
     z = np.asarray(key, np.uint64)
     with np.errstate(over="ignore"):
@@ -47,18 +48,18 @@ def counter_key_host(key: np.ndarray | int, *counters: np.ndarray | int) -> np.n
     return z
 
 
-def counter_uniform_host(key: np.ndarray) -> np.ndarray:
+def counter_uniform(key: np.ndarray) -> np.ndarray:
     """Uniform in (0, 1) for each key."""
     return (key >> np.uint64(11)).astype(float) * 2.0**-53 + 2.0**-54
 
 
-def counter_normal_host(key: np.ndarray) -> np.ndarray:
+def counter_normal(key: np.ndarray) -> np.ndarray:
     """Standard normal for each key."""
-    u = counter_uniform_host(counter_key_host(key, 1))
-    v = counter_uniform_host(counter_key_host(key, 2))
+    u = counter_uniform(counter_key(key, 1))
+    v = counter_uniform(counter_key(key, 2))
     return np.sqrt(-2.0 * np.log(u)) * np.cos(2.0 * np.pi * v)
 
 
-def normal_vector_host(key: np.ndarray, size: int) -> np.ndarray:
+def normal_vector(key: np.ndarray, size: int) -> np.ndarray:
     """`size` standard normals for each key, shape (*key.shape, size)."""
-    return counter_normal_host(counter_key_host(key[..., None], np.arange(size) + 16))
+    return counter_normal(counter_key(key[..., None], np.arange(size) + 16))

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from warpgrasp.core.dtypes import real, transform, vec6
 from warpgrasp.core.kernel_launch import check_range, launch
-from warpgrasp.core.random import Purpose, counter_key_host, normal_vector_host
+from warpgrasp.core.random import Purpose, counter_key, normal_vector
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.arm_motion_kernel import _clearance_kernel, _move_kernel
 from warpgrasp.mechanism.puma560 import arm_of, puma_forward_batch
@@ -72,7 +72,7 @@ def arm_hand_links(
 
 def mount_error(table: ArmTable, key: np.ndarray) -> np.ndarray:
     """The arm-hand mount's calibration error of each world, (world, 7), drawn from its key."""
-    draw = normal_vector_host(counter_key_host(key, int(Purpose.MOUNT)), 6)
+    draw = normal_vector(counter_key(key, int(Purpose.MOUNT)), 6)
     turn = Rotation.from_rotvec(draw[:, 3:] * table.mount_error_rad).as_quat()
     return np.concatenate([draw[:, :3] * table.mount_error_m, turn], axis=1)
 

@@ -5,7 +5,6 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "guarded_motion": ["LineMove", "LineTouch", "LineTruth", "Until", "guarded_line"],
     "pad": ["read_pads"],
-    "pad_kernel": ["TAXELS"],
     "silhouette": ["Cameras", "silhouettes", "stereo_cameras"],
     "tactile_image": ["hough_lines", "moments"],
 })

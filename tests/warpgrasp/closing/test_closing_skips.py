@@ -15,7 +15,7 @@ from sweeps.episode.episodes import place_objects, tell_cylinder
 from warpgrasp.closing.closing import Closing, ClosingTruth, close_fingers
 from warpgrasp.core.dtypes import real, vec2, vec3
 from warpgrasp.core.kernel_launch import launch
-from warpgrasp.core.random import counter_key_host
+from warpgrasp.core.random import counter_key
 from warpgrasp.core.sincos import sine_cosine
 from warpgrasp.geometry.body import Body, distance_to_bodies, scene_of
 from warpgrasp.geometry.scene import Scene
@@ -31,7 +31,7 @@ def grasped(body: Body, told: Body, sensors: SensorTable, **options: Any
             ) -> tuple[Closing, ClosingTruth]:
     """The closings of `ring6` about `told` in eight worlds where `body` stands."""
     worlds = 8
-    key = counter_key_host(3, np.arange(worlds))
+    key = counter_key(3, np.arange(worlds))
     pose = place_objects(ObjectTable(), key)
     strategy = STRATEGIES["ring6"]
     hands = waypoint_poses(strategy.waypoints, tell_cylinder(told, pose, 0.01, key), HAND, key)

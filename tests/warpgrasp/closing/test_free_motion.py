@@ -13,7 +13,7 @@ from warpgrasp.closing.free_motion import free_from, free_on
 from warpgrasp.closing.path_table import path_on_device, path_table
 from warpgrasp.core.dtypes import real, transform
 from warpgrasp.core.kernel_launch import launch
-from warpgrasp.core.random import counter_key_host
+from warpgrasp.core.random import counter_key
 from warpgrasp.geometry.body import distance_to_bodies, scene_of
 from warpgrasp.geometry.scene import Scene, body_is_convex
 from warpgrasp.mechanism.utah_mit_hand import hand_links, hand_of
@@ -39,7 +39,7 @@ def _free_kernel(
 
 @pytest.mark.parametrize("name", ["block", "small_cylinder", "lightbulb"])
 def test_the_first_touch_against_links_sampled_at_every_step(name: str) -> None:
-    body, key = body_from_name(name), counter_key_host(5, np.arange(1))
+    body, key = body_from_name(name), counter_key(5, np.arange(1))
     hands = waypoint_poses(STRATEGIES["rim6-ring12"].waypoints,
                            tell_cylinder(body, ON_TABLE, 0.01, key), HAND, key)[0]
     commands = closing_commands(CLOSING_PATHS["base_then_curl"])[None]

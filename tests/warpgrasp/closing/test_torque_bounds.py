@@ -13,7 +13,7 @@ from warpgrasp.closing.energy import rest_from
 from warpgrasp.closing.torque_bounds import agree, in_both, torque_after
 from warpgrasp.core.dtypes import real, vec4
 from warpgrasp.core.kernel_launch import launch
-from warpgrasp.core.random import counter_key_host
+from warpgrasp.core.random import counter_key
 from warpgrasp.geometry.body import scene_of
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import HandTable, ObjectTable, SensorTable
@@ -92,7 +92,7 @@ def test_no_step_left_out_would_have_stopped_a_finger(name: str) -> None:
     quiet = SensorTable(tension_noise_N=0.0, tension_step_N=0.0, joint_noise_rad=0.0)
     never = SensorTable(tension_noise_N=0.0, tension_step_N=0.0, tendon_threshold_N=1e3)
     body, worlds = body_from_name(name), 4
-    key = counter_key_host(5, np.arange(worlds))
+    key = counter_key(5, np.arange(worlds))
     pose = place_objects(ObjectTable(), key)
     strategy = STRATEGIES["ring6"]
     hands = waypoint_poses(strategy.waypoints, tell_cylinder(body, pose, 0.01, key), HAND, key)

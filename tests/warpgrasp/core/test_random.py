@@ -4,7 +4,7 @@ import numpy as np
 import warp as wp
 from scipy import stats
 
-from warpgrasp.core.random import counter_key_host, counter_normal_host, counter_uniform_host
+from warpgrasp.core import random
 from warpgrasp.core.random_kernel import (
     counter_key,
     counter_normal,
@@ -28,17 +28,17 @@ def test_kernel_and_host_draw_the_same() -> None:
     normal = wp.empty(1000, dtype=wp.float64, device="cpu")
     falls = wp.empty(1000, dtype=wp.bool, device="cpu")
     wp.launch(draw, 1000, inputs=[wp.uint64(7), uniform, normal, falls], device="cpu")
-    keys = counter_key_host(7, np.arange(1000), -3)
-    assert np.array_equal(uniform.numpy(), counter_uniform_host(keys))
-    assert np.allclose(normal.numpy(), counter_normal_host(keys), rtol=1e-12)
+    keys = random.counter_key(7, np.arange(1000), -3)
+    assert np.array_equal(uniform.numpy(), random.counter_uniform(keys))
+    assert np.allclose(normal.numpy(), random.counter_normal(keys), rtol=1e-12)
     assert np.array_equal(falls.numpy(), normal.numpy() < 0.0)
 
 
 def test_streams_are_even_and_uncorrelated() -> None:
-    keys = counter_key_host(1, np.arange(200)[:, None], np.arange(500)[None])
-    u = counter_uniform_host(keys)
+    keys = random.counter_key(1, np.arange(200)[:, None], np.arange(500)[None])
+    u = random.counter_uniform(keys)
     assert stats.kstest(u.ravel(), "uniform").pvalue > 0.001
-    assert stats.kstest(counter_normal_host(keys).ravel(), "norm").pvalue > 0.001
+    assert stats.kstest(random.counter_normal(keys).ravel(), "norm").pvalue > 0.001
     assert abs(np.corrcoef(u[:-1].ravel(), u[1:].ravel())[0, 1]) < 0.015
     assert abs(np.corrcoef(u[:, :-1].ravel(), u[:, 1:].ravel())[0, 1]) < 0.015
     assert len(np.unique(keys)) == keys.size

@@ -1,6 +1,6 @@
 """How well pads recover faces and contours, and what two thousand worlds in lock-step cost.
 
-    python benchmarks/touch.py [--worlds 200] [--lockstep 2000]
+    python tests/scripts/touch_quality.py [--worlds 200] [--lockstep 2000]
 
 Starts are wrong by what a fitted body would be wrong by: faces 4 mm and 4 degrees, axes 8 mm a
 number. Prints a Markdown table of the figures that docs/touch.md holds.

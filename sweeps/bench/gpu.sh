@@ -1,7 +1,7 @@
 #!/bin/sh
 # The tests and the bench on a machine with a CUDA GPU, and agreement with the CPU.
 #
-#   benchmarks/gpu.sh [DEVICE]        DEVICE is cuda:0 unless given
+#   sweeps/bench/gpu.sh [DEVICE]        DEVICE is cuda:0 unless given
 #
 # Run from the repository's root, in the environment `make demo` makes. Not run on a GPU so far.
 set -eu
@@ -9,5 +9,5 @@ device=${1:-cuda:0}
 bin=${BIN:-.venv/bin}
 "$bin/python" -m pytest -q -m "not slow"
 "$bin/warpgrasp" warmup --device "$device"
-"$bin/python" benchmarks/agreement.py --device "$device"
+"$bin/python" -m sweeps.bench.device_agreement --device "$device"
 "$bin/warpgrasp" bench --quick -o runs/bench-gpu

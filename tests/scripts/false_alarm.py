@@ -1,6 +1,6 @@
 """How often two copies of one strategy are told apart: they must not be, but by chance.
 
-    python benchmarks/false_alarm.py --studies 100
+    python tests/scripts/false_alarm.py --studies 100
 
 Runs `sweeps/studies/false_alarm.toml` with so many study seeds (two strategies that differ in name
 and noise stream alone) and counts whose 95 % interval of the difference contains zero. With a true
@@ -22,7 +22,7 @@ from sweeps.run.store import Store
 from sweeps.run.unit_file import write_unit
 from sweeps.spec.reader import read_spec
 
-SPEC = Path(__file__).parents[1] / "sweeps" / "studies" / "false_alarm.toml"
+SPEC = Path(__file__).parents[2] / "sweeps" / "studies" / "false_alarm.toml"
 
 
 def interval(seed: int, episodes: int) -> tuple[float, float]:
