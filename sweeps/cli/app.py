@@ -1,7 +1,7 @@
 """The command line's app, on which the files `cli_*.py` hang their commands."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -26,15 +26,16 @@ class UsageError(ValueError):
     """An argument that cannot be used."""
 
 
-def folders_and_kind(words: list[str], kinds: Iterable[str]) -> tuple[list[Path], str]:
+def folders_and_kind(words: Sequence[str | Path], kinds: Iterable[str]) -> tuple[list[Path], str]:
     """The words DIR... KIND as directories and a kind."""
     from sweeps.spec.errors import choose
 
-    if words[-1] not in kinds:
-        raise UsageError(f"KIND: is {words[-1]!r}; {choose(words[-1], kinds)}")
+    kind = str(words[-1])
+    if kind not in kinds:
+        raise UsageError(f"KIND: is {kind!r}; {choose(kind, kinds)}")
     if len(words) < 2:
         raise UsageError("DIR: is missing; name the directory of a study before the kind")
-    return [Path(word) for word in words[:-1]], words[-1]
+    return [Path(word) for word in words[:-1]], kind
 
 
 def count_of(value: int, name: str) -> int:

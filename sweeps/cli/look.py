@@ -1,15 +1,20 @@
 """The commands that look at a study: tables, figures, the report, an episode played again."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
 from sweeps.cli.app import Json, UsageError, app, count_of, device_of, folders_and_kind
 
+TableKind = Literal["pairs", "objects", "confusion", "curves", "reach", "same-time", "pareto",
+                    "settings"]
+FigureKind = Literal["forest", "curves-touches", "curves-time", "pareto", "confusion", "settings",
+                     "contacts", "faces", "contour", "taxels", "grasp"]
+
 
 @app.command
-def table(words: list[str], /, *,
+def table(words: list[TableKind | Path], /, *,
           out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
           metric: str = "chamfer_mm", against: str | None = None, json: Json = False) -> int:
     """Print what else a study tells: pairs, objects, curves, reach, same-time, pareto and more.
@@ -38,7 +43,8 @@ def table(words: list[str], /, *,
 
 
 @app.command
-def figure(words: list[str], /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])],
+def figure(words: list[FigureKind | Path], /, *,
+           out: Annotated[Path, Parameter(name=["--out", "-o"])],
            metric: str = "chamfer_mm", strategy: str | None = None,
            object_: Annotated[str | None, Parameter(name="--object")] = None,
            episode: int = 0) -> int:

@@ -36,15 +36,17 @@ def warmup(*, device: str = "cpu") -> int:
 
 
 @app.command
-def completion(shell: Literal["bash", "zsh"], /) -> int:
-    """Print a script that completes commands and options: source <(warpgrasp completion bash).
+def completion(shell: Literal["bash", "zsh", "fish"], /) -> int:
+    """Print a script that completes commands and options in a shell.
+
+    Use it as `source <(warpgrasp completion bash)`.
 
     Parameters
     ----------
     shell
-        bash or zsh.
+        bash, zsh or fish.
     """
-    from sweeps.cli.completion import completion as script
-
-    print(script(shell), end="")
+    script = app.generate_completion(shell=shell)
+    # Bash completes nothing but what the script says, unless asked to go on to file names.
+    print(script.replace("complete -F", "complete -o default -F"), end="")
     return 0
