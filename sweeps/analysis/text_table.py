@@ -10,6 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 
+WIDEST = 100_000
+"""Columns of a printed table: a terminal may wrap it, but no cell is cut."""
+
+
 @dataclass(frozen=True)
 class TextTable:
     """Rows of text under a header, and what a reader should know about them."""
@@ -40,18 +44,18 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], as_json: b
     if as_json:
         print(json.dumps([dict(zip(header, row, strict=True)) for row in rows], indent=1))
         return
-    widths = [max(len(cell) for cell in column) for column in zip(header, *rows, strict=True)]
-    numeric = [bool(rows) and all(_is_number(row[n]) for row in rows) for n in range(len(header))]
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
 
-    def line(cells: Sequence[str]) -> str:
-        placed = (cell.rjust(width) if right else cell.ljust(width)
-                  for cell, width, right in zip(cells, widths, numeric, strict=True))
-        return "  ".join(placed).rstrip()
-
-    bold = sys.stdout.isatty() and not os.environ.get("NO_COLOR")
-    print(f"\033[1m{line(header)}\033[0m" if bold else line(header))
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0),
+                  header_style="" if os.environ.get("NO_COLOR") else "bold")
+    for n, name in enumerate(header):
+        numeric = bool(rows) and all(_is_number(row[n]) for row in rows)
+        table.add_column(Text(name), justify="right" if numeric else "left", no_wrap=True)
     for row in rows:
-        print(line(row))
+        table.add_row(*map(Text, row))
+    Console(file=sys.stdout, width=WIDEST).print(table)
 
 
 def _is_number(text: str) -> bool:
