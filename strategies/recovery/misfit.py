@@ -1,10 +1,10 @@
-"""Rival bodies: where touches lie far from the body fitted, another residual is asked as well.
+"""The misfit of a body: the mean distance of the contacts from its surface.
 
-Solina's residual and its like multiply by the volume, which prefers the smallest body that explains
-the touches; with few or crowded touches a body shrunk to a needle, which costs nothing however far
-from the touches it lies, may win. The radial residual has no such factor and does not shrink, but
-errs elsewhere. So where a body is doubted it is tried from scratch, and what lies nearer to the
-touches stays.
+Solina's residual is multiplied by the volume, so that it prefers the smallest body that explains
+the contacts. With few contacts, or crowded ones, a body that has shrunk to a needle may have the
+least residual although it lies far from them. The radial residual has no such factor. A body with
+a large misfit is therefore fitted again with the radial residual, and the body that lies nearer to
+the contacts is kept (`fit_contacts`).
 """
 
 import numpy as np
@@ -16,20 +16,22 @@ from strategies.recovery.body_distances import surface_distances
 from strategies.recovery.evidence import Evidence
 
 RIVAL = "radial"
-"""Residual tried where a body is doubted; see `fit.superquadric.field`."""
+"""Residual of the second fit; see `fit.superquadric.field`."""
 DOUBTED_M = 0.0015
-"""Mean distance of the touches from which a body is doubted; noise alone leaves 0.8 mm [est]."""
+"""Misfit from which a second fit is made [m]; sensor noise alone leaves 0.8 mm [est]."""
 UNBELIEVED_M = 0.006
-"""The same from which a body is not believed at all: a needle among its touches [est]."""
+"""Misfit from which a body is rejected as implausible [m] [est]."""
 CLEARLY = 0.95
-"""A rival must come this much nearer."""
+"""The second body replaces the first where its misfit is below this share of the first's."""
 FARTHEST_M = 0.010
-"""A touch farther than this counts as this far: some are no touches of the body at all."""
+"""Distances are capped here [m], since some contacts do not lie on the body at all."""
 
 
 def touch_misfit(fits: SuperquadricFit, placed: Evidence) -> np.ndarray:
-    """Mean distance [m] of each world's touches from its body, each capped, (world,); inf where
-    there is no usable fit."""
+    """Mean capped distance [m] of the contacts of each world from its body, shape (world,).
+
+    Infinite for a world without contacts or without a usable fit.
+    """
     distance, _ = surface_distances(fits, placed.points_m, placed.mask, ahead_m=0.0)
     away = np.minimum(np.abs(distance), FARTHEST_M)
     count = placed.mask.sum(1)

@@ -9,7 +9,6 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-
 WIDEST = 100_000
 """Columns of a printed table: a terminal may wrap it, but no cell is cut."""
 

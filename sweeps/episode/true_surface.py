@@ -1,8 +1,10 @@
-"""Distances to a true body's surface.
+"""Distances from points to the surface of a true body.
 
-A single primitive's signed distance is exact. That of a union is a bound within it, of a difference
-or an intersection anywhere, of a grid beyond its box, and a superquadric's is of the first order:
-there the nearest of some thousand discs that touch the surface stands for it.
+The signed distance of a single primitive is exact. Others are bounds: that of a union inside it,
+that of a difference or an intersection everywhere, that of a grid outside its box; that of a
+superquadric is of first order. For these bodies the surface is sampled with oriented discs, and
+the distance to the nearest disc is used: with v from the disc's centre to the point, n its normal
+and r its radius, the distance is that of (v . n, max(|v - (v . n) n| - r, 0)).
 """
 
 import numpy as np
@@ -11,12 +13,14 @@ from warpgrasp.geometry.body import Body, distance_to_bodies, scene_of
 from warpgrasp.geometry.body_sampling import sample_body
 
 DISCS = 8192
+"""Discs of a sampled surface."""
 
 
 def distance_to_surface(body: Body, points_m: np.ndarray, *, device: str = "cpu") -> np.ndarray:
-    """Unsigned distance [m] of points (world, point, 3) of the body's frame, (world, point).
+    """Unsigned distances [m] of points to the body's surface, shape (world, point).
 
-    Points that are not finite have no finite one.
+    `points_m` has shape (world, point, 3), in the body's frame. A point that is not finite has a
+    distance that is not finite.
     """
     if body.has_exact_distance:
         signed, _ = distance_to_bodies(scene_of([body], device), np.zeros(1, int), points_m,

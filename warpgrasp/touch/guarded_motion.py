@@ -21,7 +21,8 @@ from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.puma560 import arm_of
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, LINK_COUNT, hand_of
 from warpgrasp.parameters import ArmTable, HandTable, PadTable, SensorTable
-from warpgrasp.touch.guarded_motion_kernel import LineBegin, LineEnd, line_kernel
+from warpgrasp.touch.guarded_motion_kernel import line_kernel
+from warpgrasp.touch.line_record import LineBegin, LineEnd
 from warpgrasp.touch.pad import pad_of, pad_turns
 from warpgrasp.touch.pad_culling import BLOCKS
 from warpgrasp.touch.pad_kernel import TAXELS

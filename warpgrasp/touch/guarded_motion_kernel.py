@@ -15,12 +15,10 @@ from warpgrasp.core.dtypes import (
     ZERO,
     quat,
     real,
-    struct,
     transform,
     vec2,
     vec3,
     vec4,
-    vec6,
 )
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key, counter_normal, counter_uniform
@@ -36,6 +34,7 @@ from warpgrasp.mechanism.utah_mit_hand_kernel import (
     link_start,
 )
 from warpgrasp.probe_status import ProbeStatus
+from warpgrasp.touch.line_record import LineBegin, LineEnd
 from warpgrasp.touch.pad_equilibrium import pad_rest
 from warpgrasp.touch.pad_kernel import Pad, pad_place, pad_reading_key
 from warpgrasp.touch.pad_readout import felt_above, image_centroid, pad_feels, pad_load, read_image
@@ -52,47 +51,6 @@ _ARM = wp.constant(int(Purpose.LINE_ARM))
 _NAN = wp.constant(real(float("nan")))
 _SIDE = wp.constant(16)
 _ENDLESS = wp.constant(real(1e9))  # more free intervals than any line has
-
-
-@struct
-class LineBegin:
-    """What one row of a guarded line starts from, see `guarded_line.LineMove`."""
-
-    body: int
-    body_pose: transform
-    mount: transform
-    """The mount's error."""
-    key: wp.uint64
-    number: int
-    start: transform
-    direction: vec3
-    arm_q: vec6
-
-
-@struct
-class LineEnd:
-    """What came of it: what the robot knows, see `guarded_line.LineTouch`, and what is true."""
-
-    status: int
-    link: int
-    point: vec3
-    normal: vec3
-    tip: vec3
-    believed: transform
-    q_read: vec4
-    peak: int
-    made: int
-    arm_time: real
-    arm_path: real
-    """Of the hand to the line's start."""
-    arm_q: vec6
-    # Truth:
-    q_true: vec4
-    point_true: vec3
-    normal_true: vec3
-    force_true: real
-    on_table: int
-    pose_true: transform
 
 
 @wp.func

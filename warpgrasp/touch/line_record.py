@@ -1,0 +1,47 @@
+# type: ignore  # Warp structs, whose fields type checkers cannot follow
+"""Records of a guarded line as its kernel sees them: what a row starts from, and its outcome."""
+
+import warp as wp
+
+from warpgrasp.core.dtypes import real, struct, transform, vec3, vec4, vec6
+
+
+@struct
+class LineBegin:
+    """The start of one row, see `guarded_motion.LineMove`."""
+
+    body: int
+    body_pose: transform
+    mount: transform
+    """The mount's error."""
+    key: wp.uint64
+    number: int
+    start: transform
+    direction: vec3
+    arm_q: vec6
+
+
+@struct
+class LineEnd:
+    """The outcome: what the robot knows, see `guarded_motion.LineTouch`, and what is true."""
+
+    status: int
+    link: int
+    point: vec3
+    normal: vec3
+    tip: vec3
+    believed: transform
+    q_read: vec4
+    peak: int
+    made: int
+    arm_time: real
+    arm_path: real
+    """Of the hand to the line's start."""
+    arm_q: vec6
+    # Truth:
+    q_true: vec4
+    point_true: vec3
+    normal_true: vec3
+    force_true: real
+    on_table: int
+    pose_true: transform
