@@ -1,10 +1,9 @@
 """Scores of recovered bodies against true ones, for a whole batch.
 
-Points of the true surface and volume come from `geometry.body_sampling`, points of the recovered
-surface from `fit.superquadric.geometry` or `fit.revolution.geometry`. Distances from the recovered
-surface to the true one are those of `true_surface`, exact for bodies of one primitive; those
-from the true surface to the recovered body are to the nearest of some hundred surface elements,
-each a disc of the element's own area. All is done in the true body's frame, so that its points are
+Both surfaces are sampled: the true one by points (`geometry.body_sampling`), the recovered one by
+surface elements, discs with the area of an element (`surface_elements`). Distances from the true
+surface go to the nearest element. Distances from the recovered surface go to the true body
+(`distance_to_surface`). Everything is computed in the true body's frame, so that its points are
 the same in every world.
 """
 
@@ -32,16 +31,17 @@ from sweeps.episode.scores_kernel import (
     _inside_kernel,
 )
 from sweeps.episode.surface_elements import surface_elements
-from sweeps.episode.true_surface import distance_to_surface
 from warpgrasp.core.dtypes import real, vec3, vec4
 from warpgrasp.core.kernel_launch import launch
-from warpgrasp.geometry.body import Body
+from warpgrasp.geometry.body import Body, distance_to_bodies, scene_of
 from warpgrasp.geometry.body_sampling import BodySample, sample_body
 
 SURFACE_POINTS = 512
 ELEMENTS = 864
 INSIDE_POINTS = 2048
 COVERAGE_M = 0.005
+DISCS = 8192
+"""Discs that stand for the surface of a body without an exact distance."""
 WORLDS_AT_ONCE = 512
 """More at once leave the caches: 16,384 took 2 GiB and a third more time each."""
 
@@ -235,3 +235,25 @@ class Scorer:
             scores_again(rows_of(recovered, rows), rows_of(before, rows), rows_of(scores, rows),
                          body, self.body_pose[rows], device=self.device)
             for body, rows in self.worlds()])
+
+
+def distance_to_surface(body: Body, points_m: np.ndarray, *, device: str = "cpu") -> np.ndarray:
+    """Unsigned distances [m] of points to the body's surface, shape (world, point).
+
+    `points_m` has shape (world, point, 3), in the body's frame. A point that is not finite has a
+    distance that is not finite. The signed distance of a single primitive is exact; that of a
+    compound, a grid or a superquadric is a bound. There the distance to the nearest of `DISCS`
+    discs is used: with v from the disc's centre to the point, n its normal and r its radius, the
+    length of (v . n, max(|v - (v . n) n| - r, 0)).
+    """
+    if body.has_exact_distance:
+        signed, _ = distance_to_bodies(scene_of([body], device), np.zeros(1, int), points_m,
+                                       device=device)
+        return np.abs(signed)
+    sample = sample_body(body, surface=DISCS)
+    known = np.isfinite(points_m).all(-1, keepdims=True)
+    away, nearest = sample.tree.query(np.where(known, points_m, 0.0))
+    v = points_m - sample.surface_m[nearest]
+    height = (v * sample.surface_normal[nearest]).sum(-1)
+    aside = np.sqrt(np.maximum(away**2 - height**2, 0.0)) - sample.reach_m[nearest]
+    return np.hypot(height, np.maximum(aside, 0.0))
