@@ -153,7 +153,7 @@ class StereoTable:
 
 @dataclass(frozen=True)
 class ObjectTable:
-    """Where the object stands, and how well a strategy is told."""
+    """Where the object stands, and the errors of the prior given to a strategy."""
 
     x_m: float = _number(0.45, -OBJECT_REACH_M, OBJECT_REACH_M,
                          "place on the table, base frame [paper: near]")
@@ -185,4 +185,4 @@ class FitTable:
         "doc": "another residual too, where touches lie far from the body"})
     upright_rad: float | None = _number(0.01, 1e-3, 10.0,
                                         "sigma of the tilt of a body that stands on the table")
-    rounds: int = _number(4, 0, 32, "times contacts are placed anew against the body last fitted")
+    rounds: int = _number(4, 0, 32, "times contacts are re-projected onto the body last fitted")

@@ -5,5 +5,5 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "closing": ["Closing", "ClosingTruth", "close_fingers"],
     "contact_estimate": ["ContactEstimate", "estimate_contacts"],
-    "energy": ["Rest", "finger_energy", "rest_from", "worst_of"],
+    "energy": ["Equilibrium", "finger_energy", "free_equilibrium", "largest_magnitude"],
 })

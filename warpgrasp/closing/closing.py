@@ -27,7 +27,7 @@ from warpgrasp.parameters import HandTable, SensorTable
 
 @dataclass(frozen=True)
 class ClosingTruth:
-    """What happened, for the scorer alone. Shapes start with (world, probe, grasp, finger)."""
+    """The true outcome, for the scorer alone. Shapes start with (world, probe, grasp, finger)."""
 
     q_rad: np.ndarray
     """Joints at rest [rad], (..., 4)."""
@@ -68,7 +68,7 @@ _SHAPES = {
 
 @lru_cache(maxsize=32)
 def _robot(hand: HandTable, sensors: SensorTable, device: str) -> tuple[wp.array, wp.array]:
-    """Hand and tendons as the kernels take them; kept for the next launch."""
+    """Hand and tendons on a device, kept for the next launch."""
     return (wp.array([hand_of(hand)], dtype=Hand, device=device),
             wp.array([tendon_sensor_of(hand, sensors)], dtype=TendonSensor, device=device))
 

@@ -1,35 +1,37 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
-"""Where a closing finger stops: the kernel of `closing`.
+"""The kernel of a closing: at which step each finger stops.
 
-A finger steps along its commands; at each step it rests where its energy is least; it stops at the
-first step whose tendon difference of a flexion joint exceeds the threshold (Allen and Michelman
-1990, section IV-C). Few steps are looked at:
+A finger follows its commands. At each step it rests where its energy is least. It stops at the
+first step at which the tendon difference of a flexion joint exceeds the threshold (Allen and
+Michelman 1990, section IV-C). The equilibrium is computed at few of the steps:
 
-- Free: the finger follows its command exactly until a link touches (`finger_free`); a false stop
-  (friction and noise alone past the threshold) is drawn from its exact first-passage law.
-- Pressing: from a look the joints' torques at later steps are known to within a ball, from two
-  looks better between them (see `finger_between`). A step is left out where its reading, of the
-  noise drawn for it, stays below the threshold all over the ball. The next look is where the
-  reading would cross it to first order; what that one does not clear is looked at after it.
+- Free: until a link touches, the finger follows its commands exactly (`free_motion`). A false
+  stop, by friction and noise alone, is drawn from its exact first-passage distribution.
+- Pressed: the equilibrium at one step bounds the joint torques at later steps to a ball, and those
+  at two steps bound the torques between them more tightly (`torque_bounds`). A step is skipped
+  where its reading, with the noise drawn for it, stays below the threshold for all torques in the
+  ball. The next equilibrium is computed where the reading should cross the threshold to first
+  order, and then at the steps before it that this does not exclude.
 
-So the finger stops where it would if every step were looked at, as far as its contacts' energy is
-convex. Where it slips off an edge it is not: looks go no farther than `_STRIDE`, and one that does
-not agree with the last one makes the next one go half as far, down to single steps.
+The finger stops at the step at which it would stop if every step were computed, as long as the
+contact energy is convex. Where a finger slips off an edge it is not: therefore no more than
+`_STRIDE` is skipped at once, and where two equilibria contradict convexity the stride is halved,
+down to single steps.
 """
 
 import warp as wp
 
 from warpgrasp.closing.closing_record import ClosingRow, ClosingTruthRow, LinkStep, PathStep
-from warpgrasp.closing.energy import Rest, rest_from, worst_of
-from warpgrasp.closing.equilibrium import finger_rest
-from warpgrasp.closing.free_motion import Free, free_from, free_on
+from warpgrasp.closing.energy import Equilibrium, free_equilibrium, largest_magnitude
+from warpgrasp.closing.equilibrium import finger_equilibrium
+from warpgrasp.closing.free_motion import FreeFinger, advance_free, start_free
 from warpgrasp.closing.torque_bounds import (
     agree,
-    in_both,
-    joints_ahead,
+    intersect_balls,
     may_stop,
+    predict_joints,
     stop_reading,
-    torque_after,
+    torque_bound,
 )
 from warpgrasp.core.dtypes import ONE, ZERO, real, struct, transform, vec4
 from warpgrasp.core.random import Purpose
@@ -53,16 +55,17 @@ _STRIDE = wp.constant(real(0.04))  # [rad] of a joint's command from look to loo
 
 
 @struct
-class Course:
-    """A finger on its way; fields change in place, variables are copied at every branch.
+class ClosingState:
+    """The state of a closing finger. Fields of a struct change in place; a variable assigned in a
+    branch would be copied.
 
-    `low` is what was found at the last step known not to stop the finger, `high` what was found
-    ahead, `free` what is known of a finger that does not press.
+    `low` is the equilibrium at the last step known not to stop the finger, `high` that at a step
+    ahead, `free` the state of a finger that does not press.
     """
 
-    low: Rest
-    high: Rest
-    free: Free
+    low: Equilibrium
+    high: Equilibrium
+    free: FreeFinger
 
 
 @wp.kernel(enable_backward=False)
@@ -88,7 +91,7 @@ def closing_kernel(
     felt: wp.array4d[ClosingRow],
     truth: wp.array4d[ClosingTruthRow],
 ):
-    """A finger's closing: status, step, and what is true there before it is looked at closely."""
+    """A finger's closing: status, step, and the equilibrium there before refinement."""
     w, p, g, finger = wp.tid()
     w += first
     felt[w, p, g, finger].status = probe_status[w, p, g]
@@ -130,10 +133,10 @@ def closing_kernel(
         if ahead_hazard >= patience:
             stride = ZERO
 
-    now = Course()
-    now.free = free_from(scene, which, convex, hand, base, links[g, finger, 1, 0].end)
+    now = ClosingState()
+    now.free = start_free(scene, which, convex, hand, base, links[g, finger, 1, 0].end)
     # Steps of `now.low` and, if not negative, of `now.high`.
-    now.low = rest_from(path[g, finger, 0].command)
+    now.low = free_equilibrium(path[g, finger, 0].command)
     low_step = int(-1)
     low_command = now.low.q
     low_pressed = int(0)
@@ -150,8 +153,8 @@ def closing_kernel(
     slips = int(-1)
     while s <= last:
         if low_pressed == 0:
-            # Free, to the step at which something may be touched.
-            now.free = free_on(scene, which, convex, hand, base, links, g, finger, march_scale,
+            # FreeFinger, to the step at which something may be touched.
+            now.free = advance_free(scene, which, convex, hand, base, links, g, finger, march_scale,
                                now.free, last + 1)
             if stride == ZERO:
                 moves = path[g, finger, wp.max(now.free.step - 1, 0)].moves - (
@@ -165,7 +168,7 @@ def closing_kernel(
             s = int(now.free.step)
             if s > last:
                 break
-            now.low = rest_from(path[g, finger, s].command)
+            now.low = free_equilibrium(path[g, finger, s].command)
             now.low.along = now.free.along
             now.low.bend = now.free.bend
             now.low.depth = -now.free.room
@@ -174,9 +177,9 @@ def closing_kernel(
         command = path[g, finger, s].command
         start = vec4(command)
         if low_pressed == 1:
-            start = joints_ahead(low_command, now.low, command, k)
+            start = predict_joints(low_command, now.low, command, k)
         known = low_pressed == 0 and wp.min(now.low.along) >= ZERO
-        look = finger_rest(scene, which, hand, base, command, start, now.low,
+        look = finger_equilibrium(scene, which, hand, base, command, start, now.low,
                            wp.where(known, 0, samples))
         if low_pressed == 1 and s > low_step + 1:
             if not agree(low_command, now.low, command, look, k):
@@ -234,10 +237,10 @@ def closing_kernel(
                     stopped = int(s)
                     break
             else:
-                ball = torque_after(low_command, now.low, command, k)
+                ball = torque_bound(low_command, now.low, command, k)
                 if high_step >= 0:
-                    ball = in_both(ball, torque_after(high_command, now.high, command, k))
-                elif s - low_step >= reach or worst_of(command - low_command) > stride:
+                    ball = intersect_balls(ball, torque_bound(high_command, now.high, command, k))
+                elif s - low_step >= reach or largest_magnitude(command - low_command) > stride:
                     break
                 delta = command - path[g, finger, s - 1].command
                 if may_stop(hand, sensor, ball, delta, counter_key(reader, s)):
@@ -250,10 +253,10 @@ def closing_kernel(
             # On to where the reading should stop the finger.
             ahead = int(s)
             while ahead < last and ahead - low_step < reach and (
-                    worst_of(command - low_command) <= stride):
+                    largest_magnitude(command - low_command) <= stride):
                 command = path[g, finger, ahead].command
                 delta = command - path[g, finger, ahead - 1].command
-                guess = (command - joints_ahead(low_command, now.low, command, k)) * k
+                guess = (command - predict_joints(low_command, now.low, command, k)) * k
                 if wp.abs(stop_reading(hand, sensor, guess, delta,
                                        counter_key(reader, ahead))) > sensor.threshold:
                     break

@@ -7,7 +7,7 @@ from warpgrasp.core.dtypes import mat42, real, struct, vec3, vec4
 
 @struct
 class PathStep:
-    """A command, and how many moves of the flexion joints there were since the start."""
+    """A command, and the number of moves of the flexion joints since the start."""
 
     command: vec4
     moves: real
@@ -17,8 +17,9 @@ class PathStep:
 class LinkStep:
     """A link of the free finger at a step, in the frame of the finger's base.
 
-    `start` and `end` are its axis's [m]; `come` bounds the way [m] of any of its points since the
-    first step; `steps` are those it takes for a metre at its fastest from here on [1/m].
+    `start` and `end` bound its axis [m]; `come` bounds the distance [m] that any of its points has
+    moved since the first step; `steps` is the number of steps per metre at its fastest from here on
+    [1/m].
     """
 
     start: vec3
@@ -40,7 +41,7 @@ class ClosingRow:
 
 @struct
 class ClosingTruthRow:
-    """The row of a `ClosingTruth`; `along`, `bend` and `depth` are those of a `Rest`."""
+    """The row of a `ClosingTruth`; `along`, `bend` and `depth` are those of a `Equilibrium`."""
 
     q: vec4
     torque: vec4

@@ -1,10 +1,10 @@
-"""Where the robot believes a finger touched, with a covariance.
+"""Where the robot concludes that a finger touched, with a covariance.
 
 `fingertip`, as in the paper: the palmar surface point of the tip, by nominal forward kinematics
-from the joint angles as read. `intrinsic`: contact sensing from joint torques (after Bicchi,
-Salisbury and Brock 1993, "Contact sensing from force measurements", with joint torques in place of
-a wrist's): a frictionless contact pushes along the normal of a link's capsule, and the four torques
-of a finger tell where; the posterior over all places of the three capsules gives mean and spread.
+from the measured joint angles. `intrinsic`: intrinsic contact sensing (Bicchi, Salisbury and Brock
+1993, Contact sensing from force measurements) from joint torques. A frictionless contact force acts
+along the normal of a link's capsule, and the four joint torques determine its place. The posterior
+over all places of the three capsules gives the mean and the covariance.
 """
 
 from dataclasses import dataclass
@@ -56,10 +56,10 @@ def estimate_contacts(
     *,
     device: str = "cpu",
 ) -> ContactEstimate:
-    """Contacts as the robot believes them, by `sensors.contact_estimator`.
+    """Contacts as the robot concludes them, by `sensors.contact_estimator`.
 
-    `believed_pose` (world, probe, 7), `commands_rad` (grasp, finger, step, 4) as closed along.
-    Raises ShapeError where shapes disagree.
+    `believed_pose` (world, probe, 7) is the nominal hand pose [m, quaternion xyzw], `commands_rad`
+    (grasp, finger, step, 4) the commands of the closings. Raises ShapeError where shapes disagree.
     """
     worlds, probes, grasps, fingers = closing.status.shape
     dims = (worlds, probes, grasps, fingers)

@@ -53,7 +53,7 @@ _FLOOR = wp.constant(real(5e-4))  # model error of a torque [N m] [est]
 
 @struct
 class _Posterior:
-    """Sums over places, each by its weight: its area times exp((its gain - the most) / 2)."""
+    """Weighted sums over places; a weight is an area times exp((gain - largest gain) / 2)."""
 
     weight: real
     best: real
@@ -68,9 +68,9 @@ class _Posterior:
 
 @wp.func
 def _gain(square: real, along: real):
-    """How much of the torques' weighted square a push of the best size >= 0 explains.
+    """The share of the weighted square of the torques that a force of the best size >= 0 explains.
 
-    `square` is that of a unit push's torques, `along` their product with those felt.
+    `square` is that of the torques of a unit force, `along` their product with the measured ones.
     """
     push = wp.max(along, ZERO)
     return push * push / wp.max(square, _TINY)
@@ -78,13 +78,13 @@ def _gain(square: real, along: real):
 
 @wp.func
 def _gain_at(square: vec3, along: vec2, share: real):
-    """The gain of a push from so far along a link: torques are linear in the place there."""
+    """The gain of a force at a place along a link: torques are linear in the place."""
     return _gain(square[0] + share * (square[1] + share * square[2]), along[0] + share * along[1])
 
 
 @wp.func
 def _most_gain(square: vec3, along: vec2):
-    """The most that a push from anywhere along the link explains."""
+    """The largest gain of any place along the link."""
     most = wp.max(_gain_at(square, along, ZERO), _gain_at(square, along, ONE))
     # Where the derivative of along^2 / square vanishes.
     top = along[0] * square[1] - real(2.0) * along[1] * square[0]
@@ -99,9 +99,9 @@ def _gathered(
     post: _Posterior, x: vec3, u: vec3, outward: vec3, sums: vec3, link: int, along: real,
     gain: real
 ):
-    """`post` with places x + u t whose weights, times 1, t and t^2, sum to `sums`.
+    """`post` with places x + u t added, whose weights, times 1, t and t^2, sum to `sums`.
 
-    The best of them has this `gain`.
+    The best of these places has this `gain`.
     """
     if gain > post.best:
         post.best = gain

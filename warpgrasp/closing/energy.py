@@ -1,12 +1,12 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
-"""The energy of a finger: its joint servos and its skin against rigid things.
+"""The energy of a finger: joint servos and skin against the rigid body and the table.
 
     E(q) = 1/2 K |q_cmd - q|^2 + sum over links and obstacles 1/2 k max(0, r - phi(x_link(q)))^2
 
-The obstacles are the body and the table, phi the signed distance of one of them, x_link the point
-of the link's axis nearest to it: a link between object and table bears on both. (With one distance
-for both, the energy would have a kink where they are equally near.) Links that are surely free are
-not looked at, and those that touch are followed from where they touched.
+phi is the signed distance of one obstacle, the body or the table, and x_link the point of the
+link's axis nearest to it. Each link has one term for each obstacle. With a single distance for
+both, the energy would have a kink where they are equally near. Links that are certainly free are
+skipped, and contact points are followed from where they were.
 """
 
 import warp as wp
@@ -14,23 +14,23 @@ import warp as wp
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, greater, mat33, mat44, real, struct, vec3, vec4
 from warpgrasp.core.sincos import sine_cosine
 from warpgrasp.geometry.scene import Scene
-from warpgrasp.geometry.segment_distance import link_nearest, lower_end
+from warpgrasp.geometry.segment_distance import lower_end, nearest_on_link
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
 
 
 @struct
-class Rest:
-    """A finger at rest: joints, energy [J], its gradient, compliance, and its links.
+class Equilibrium:
+    """A finger at equilibrium: joints, energy [J], its gradient, compliance, and its links.
 
-    `compliance` is the inverse of the energy's Gauss-Newton Hessian.
+    `compliance` is the inverse of the Gauss-Newton Hessian of the energy.
 
     `along` is the place on each link's axis [m from its joint] nearest to the body, negative where
-    it is not known, `bend` helps to follow it (see `link_nearest`). `depth` is how far the body
-    presses the skin in [m], not positive where a link is free: then it surely is, by at least that
-    much. `table` is the same of the table, at the link's lower end.
+    unknown; `bend` helps to follow it (see `nearest_on_link`). `depth` is how far the body presses
+    into the skin [m]; where it is not positive the link is free, by at least that distance. `table`
+    is the same for the table, at the lower end of the link.
 
-    `near_depth` is that of the nearest place that bears nothing (not positive), `near` what it
-    loses by a turn of the joints.
+    `near_depth` is the depth of the nearest place that bears no load (not positive), `near` its
+    derivative by the joints.
     """
 
     q: vec4
@@ -46,9 +46,9 @@ class Rest:
 
 
 @wp.func
-def rest_from(q: vec4):
-    """A finger of whose links nothing is known, to begin with."""
-    rest = Rest()
+def free_equilibrium(q: vec4):
+    """A finger at joints `q` without contact, its links unknown."""
+    rest = Equilibrium()
     rest.q = q
     rest.along = vec3(-ONE, -ONE, -ONE)
     rest.near_depth = -ONE
@@ -81,15 +81,16 @@ def _lost(
 
 @wp.func
 def finger_energy(
-    scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, q: vec4, last: Rest,
-    samples: int
+    scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, q: vec4,
+    last: Equilibrium, samples: int
 ):
-    """Energy, its gradient and compliance, and the depths of the links at joints `q`.
+    """Energy, gradient, compliance and depths of the links at joints `q`.
 
-    `base` is in the body's frame. `last` is known of other joints near by: links free there by more
-    than they can have moved are free; the others' valleys are followed, with `samples` compared.
+    `base` is in the body's frame. `last` is the equilibrium at joints near by: links that were free
+    by more than they can have moved are free; on the others the nearest places are followed, with
+    `samples` compared.
     """
-    rest = Rest()
+    rest = Equilibrium()
     rest.q = q
     lag = command - q
     k = hand.stiffness
@@ -135,7 +136,7 @@ def finger_energy(
         along = pick(last.along, link)
         bend = pick(last.bend, link)
         if depth >= ZERO or before >= ZERO:
-            near = link_nearest(scene, body, a, way, length, along, bend, samples,
+            near = nearest_on_link(scene, body, a, way, length, along, bend, samples,
                                 hand.link_radius)
             depth = hand.link_radius - near.distance
             along = near.along
@@ -168,6 +169,6 @@ def finger_energy(
 
 
 @wp.func
-def worst_of(v: vec4):
-    """The largest size among four numbers."""
+def largest_magnitude(v: vec4):
+    """The largest absolute value of four numbers."""
     return greater(greater(wp.abs(v[0]), wp.abs(v[1])), greater(wp.abs(v[2]), wp.abs(v[3])))

@@ -1,22 +1,21 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
-"""Where a finger rests: the least energy of its joint servos and its skin against rigid things.
+"""The equilibrium of a finger: the least energy of its servos and its skin.
 
-Newton steps on the Gauss-Newton Hessian of `finger_energy` with backtracking: E never rises. A link
-keeps to the valley of the distance it lies in. Where it stops is looked at closely, see
-`finger_crease`.
+Newton steps on the Gauss-Newton Hessian of `finger_energy` with backtracking, so that the energy
+never rises. Each link stays in the valley of the distance in which it lies. At a stop the
+equilibrium is refined (`equilibrium_refine`).
 
-- A link that a step would press counts as pressing: else a finger that has just lost its contact is
-  sent to its command, deep inside the body, and comes back by halves.
-- Along an edge Newton steps creep, since the energy curves less there than its Hessian says. They
-  are made longer as two steps show it, by Anderson's mixing with one step kept (Walker and Ni,
-  Anderson acceleration for fixed-point iterations, 2011), as long as E falls.
-- The last step is taken without a look where it is small and the steps before show that it is the
-  last.
+- A link that a step would press counts as pressed. Otherwise a finger that has just lost its
+  contact would move to its command, deep inside the body, and return by halves.
+- Along an edge Newton steps are too short, since the energy curves less there than its Hessian
+  says. They are lengthened by Anderson acceleration of depth one (Walker and Ni 2011, Anderson
+  acceleration for fixed-point iterations), as long as the energy falls.
+- A last step that is small enough is taken without another evaluation.
 """
 
 import warp as wp
 
-from warpgrasp.closing.energy import Rest, finger_energy, worst_of
+from warpgrasp.closing.energy import Equilibrium, finger_energy, largest_magnitude
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, real, vec3, vec4
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_length
@@ -31,7 +30,7 @@ _JOINTS = wp.constant(real(4.0))  # each turns all of the finger beyond it
 
 
 @wp.func
-def joints_toward(rest: Rest, torque: vec4, skin: real):
+def joints_toward(rest: Equilibrium, torque: vec4, skin: real):
     """How far joints go to first order by a torque on them [N m], a link that is near included."""
     way = rest.compliance * torque
     bite = rest.near_depth - wp.dot(rest.near, way)
@@ -42,15 +41,15 @@ def joints_toward(rest: Rest, torque: vec4, skin: real):
 
 
 @wp.func
-def finger_rest(
+def finger_equilibrium(
     scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, start: vec4,
-    last: Rest, samples: int
+    last: Equilibrium, samples: int
 ):
-    """The rest configuration for a command, descending from `start`; `base` in the body's frame.
+    """The equilibrium for a command, from `start`; `base` is in the body's frame.
 
-    Valleys are chosen at the start, with `samples` compared, and followed from there. After a last
-    step taken blindly energy, gradient and compliance are those before it; depths are the most that
-    they can have become.
+    The valleys of the distance are chosen at the start, with `samples` compared, and followed from
+    there. After a last step without evaluation, energy, gradient and compliance are those before
+    it, and depths are upper bounds.
     """
     rest = last
     step = start - last.q
@@ -71,8 +70,8 @@ def finger_rest(
             scale = real(1.0)
             step = joints_toward(rest, -rest.gradient, hand.skin)
             level_before = level
-            level = worst_of(rest.gradient)
-            last_step = worst_of(step)
+            level = largest_magnitude(rest.gradient)
+            last_step = largest_magnitude(step)
             if level < _GRADIENT or (
                     last_step < _LAST and level * level < _GRADIENT * level_before):
                 rest.q += step
@@ -92,6 +91,6 @@ def finger_rest(
             step = way
             scale = real(1.0)
             plain = int(1)
-        if halvings >= _HALVINGS or worst_of(step) * scale < _STILL:
+        if halvings >= _HALVINGS or largest_magnitude(step) * scale < _STILL:
             break
     return rest

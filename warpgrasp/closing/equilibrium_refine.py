@@ -1,17 +1,23 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
-"""Rests looked at closely, also those on a crease of the energy.
+"""Refinement of an equilibrium, also where the energy is not smooth.
 
-A link flush with a flat face, or between two walls of a hollow, presses by the nearer of two places
-(`finger_energy`), so the energy has a crease where they are equal, and Newton steps stall at it;
-where a link turns about a sharp edge they creep. BFGS steps with a weak Wolfe line search get on in
-both (Lewis and Overton, Nonsmooth optimization via quasi-Newton methods, 2013). At a stop the
-closing hands its rest on to here: if some place of a link was missed, or the slope is not level, it
-goes on to the least energy near by.
+A link that lies flush on a flat face, or between two walls of a cavity, presses by the nearer of
+two places (`finger_energy`). The energy has a crease where both are equally near, and Newton steps
+stall there; where a link turns about a sharp edge they become short. BFGS steps with a weak Wolfe
+line search converge in both cases (Lewis and Overton 2013, Nonsmooth optimization via quasi-Newton
+methods). A closing passes the equilibrium at its stop to this function: if a contact place was
+missed, or the gradient does not vanish, the descent continues to the least energy near by.
 """
 
 import warp as wp
 
-from warpgrasp.closing.energy import Rest, finger_energy, put, rest_from, worst_of
+from warpgrasp.closing.energy import (
+    Equilibrium,
+    finger_energy,
+    free_equilibrium,
+    largest_magnitude,
+    put,
+)
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat44, real, vec4
 from warpgrasp.geometry.scene import Scene, body_is_convex, body_is_estimated
 from warpgrasp.geometry.segment_distance import deepest_valley
@@ -40,15 +46,15 @@ def secant_compliance(compliance: mat44, step: vec4, rise: vec4):
 
 
 @wp.func
-def close_energy(
+def refined_energy(
     scene: Scene, body: int, convex: bool, hand: Hand, base: wp.transformd, command: vec4, q: vec4,
-    last: Rest
+    last: Equilibrium
 ):
-    """`finger_energy` with every valley of the distance looked at, see `deepest_valley`.
+    """`finger_energy` with every valley of the distance searched, see `deepest_valley`.
 
-    Before a convex body there is one: that which the `last` rest lies in.
+    In front of a convex body there is one valley, the one of the `last` equilibrium.
     """
-    known = rest_from(last.q)
+    known = free_equilibrium(last.q)
     known.along = last.along
     known.bend = last.bend
     known.depth = last.depth
@@ -64,26 +70,26 @@ def close_energy(
 
 
 @wp.func
-def settled_rest(
-    scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, begun: Rest
+def refine_equilibrium(
+    scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, begun: Equilibrium
 ):
-    """The rest at or below the one `begun` from; `base` in the body's frame. E never rises.
+    """The equilibrium at or below `begun`; `base` is in the body's frame. The energy never rises.
 
-    Before a body whose distance is estimated it is sought once, with few tries: its slopes are not
-    quite those of its energy, so that none would show it to be found.
+    For a body whose distance is an estimate the search is made once, with few iterations: its
+    gradients are not those of its energy, so that the gradient would never vanish.
     """
     convex = body_is_convex(scene, body)
     estimated = body_is_estimated(scene, body)
     attempts = wp.where(estimated, 1, _ATTEMPTS)
     tries = wp.where(estimated, _FEW, _SEARCH)
-    best = Rest()
+    best = Equilibrium()
     nudge = vec4(ZERO, ZERO, ZERO, ZERO)
     for attempt in range(attempts):
         at = wp.where(attempt == 0, begun.q, best.q)
-        rest = close_energy(scene, body, convex, hand, base, command, at + nudge, begun)
+        rest = refined_energy(scene, body, convex, hand, base, command, at + nudge, begun)
         compliance = rest.compliance
         for _iteration in range(_ITERATIONS):
-            if worst_of(rest.gradient) < _LEVEL:
+            if largest_magnitude(rest.gradient) < _LEVEL:
                 break
             way = -(compliance * rest.gradient)
             fall = wp.dot(rest.gradient, way)
@@ -93,7 +99,7 @@ def settled_rest(
             found = int(0)
             trial = rest
             for _try in range(tries):
-                trial = close_energy(scene, body, convex, hand, base, command,
+                trial = refined_energy(scene, body, convex, hand, base, command,
                                      rest.q + way * share, rest)
                 if trial.energy >= rest.energy + _ARMIJO * share * fall:
                     high = share
@@ -114,7 +120,7 @@ def settled_rest(
         again = wp.abs(rest.energy - best.energy) < _SAME
         if attempt == 0 or rest.energy < best.energy:
             best = rest
-        if worst_of(best.gradient) < _LEVEL or again:
+        if largest_magnitude(best.gradient) < _LEVEL or again:
             break
         for j in range(4):
             nudge[j] = _NUDGE * real(2 * (((5 * attempt + 3) >> j) & 1) - 1)

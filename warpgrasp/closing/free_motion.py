@@ -1,12 +1,13 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
-"""How far a free finger gets before some link of it touches the body or the table.
+"""How far a free finger moves before a link touches the body or the table.
 
-A free finger stands where it is commanded, so where its links go is tabled (`finger_path`). Each
-link is followed by itself, the outermost first: while the distance to everything exceeds how far it
-can have moved, its steps are passed over.
+A free finger stands where it is commanded, so that the motion of its links is tabulated
+(`path_table`). Each link is advanced by itself, the outermost first: steps are skipped while the
+distance to every obstacle exceeds the distance that the link can have moved (conservative
+advancement).
 
-Before a convex body the plane through the body's nearest point when last looked at has all of the
-body behind it, for good: while the link's ends stay before that plane the body is not asked.
+In front of a convex body, the plane through the body's point nearest to a link has the whole body
+behind it. While both ends of the link stay in front of that plane no distance is evaluated.
 """
 
 import warp as wp
@@ -27,19 +28,19 @@ from warpgrasp.core.dtypes import (
     vec4,
 )
 from warpgrasp.geometry.scene import Scene, body_distance_grad
-from warpgrasp.geometry.segment_distance import LINK_SAMPLES, link_nearest, link_valley
+from warpgrasp.geometry.segment_distance import LINK_SAMPLES, link_valley, nearest_on_link
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
 
 _ROUNDING = wp.constant(real(1e-12))  # [m]; a link pressed by no more bears 20 nN
 
 
 @struct
-class Free:
-    """What is known of the links of a free finger at a step.
+class FreeFinger:
+    """The links of a free finger at a step.
 
-    `room` is how far each can still move for certain [m]; `along` and `bend` say where it was
-    nearest when looked at (see `link_nearest`); `planes` (normal, offset), in the frame of the
-    finger's base, have all of a convex body behind them.
+    `room` is the distance that each link can certainly still move [m]; `along` and `bend` tell
+    where the link was nearest at the last evaluation (see `nearest_on_link`); `planes` (normal,
+    offset), in the frame of the finger's base, have the whole of a convex body behind them.
     """
 
     step: int
@@ -50,13 +51,13 @@ class Free:
 
 
 @wp.func
-def free_from(scene: Scene, body: int, convex: bool, hand: Hand, base: transform, near: vec3):
+def start_free(scene: Scene, body: int, convex: bool, hand: Hand, base: transform, near: vec3):
     """A finger before its first step.
 
-    Before a convex body all its links begin with the plane through the body's point nearest to a
-    place `near` them, in the frame of the finger's base.
+    In front of a convex body all links begin with the plane through the body's point nearest to the
+    place `near`, in the frame of the finger's base.
     """
-    free = Free()
+    free = FreeFinger()
     free.step = -1
     free.along = hand.link_length * HALF
     free.bend = vec3(ONE, ONE, ONE)
@@ -70,7 +71,7 @@ def free_from(scene: Scene, body: int, convex: bool, hand: Hand, base: transform
 
 @wp.func
 def _clearance(plane: vec4, table: vec4, at: LinkStep):
-    """How far a link's skin stays before two planes [m]."""
+    """Least distance of a link's skin from two planes [m]."""
     n = vec3(plane[0], plane[1], plane[2])
     up = vec3(table[0], table[1], table[2])
     return lesser(plane[3] + lesser(wp.dot(n, at.start), wp.dot(n, at.end)),
@@ -78,13 +79,13 @@ def _clearance(plane: vec4, table: vec4, at: LinkStep):
 
 
 @wp.func
-def free_on(
+def advance_free(
     scene: Scene, body: int, convex: bool, hand: Hand, base: transform,
-    links: wp.array4d[LinkStep], grasp: int, finger: int, scale: real, was: Free, end: int
+    links: wp.array4d[LinkStep], grasp: int, finger: int, scale: real, was: FreeFinger, end: int
 ):
-    """On from what `was` free to the first step at which a link touches; to `end` if none does.
+    """The finger advanced to the first step at which a link touches, or to `end` if none does.
 
-    `base` is in the body's frame. Jumps are shortened by `scale`.
+    `was` is its last state, `base` is in the body's frame. `scale` shortens the skipped distances.
     """
     free = was
     rotation = wp.transform_get_rotation(base)
@@ -117,7 +118,7 @@ def free_on(
                     free.planes[link] = vec4(
                         n[0], n[1], n[2], near.distance - hand.link_radius - wp.dot(n, place))
                 else:
-                    near = link_nearest(scene, body, a, u, length, -ONE, ONE, LINK_SAMPLES,
+                    near = nearest_on_link(scene, body, a, u, length, -ONE, ONE, LINK_SAMPLES,
                                         length * HALF + hand.link_radius)
                 free.along = put(free.along, link, near.along)
                 free.bend = put(free.bend, link, near.bend)

@@ -1,9 +1,8 @@
-"""Closing paths as kernels see them: where a free finger's links are at every command.
+"""Closing paths as kernels see them: the links of a free finger at every command.
 
-A free finger stands where it is commanded, so its links' places in the frame of its base, how far
-they have come, and how often its tendons have moved depend on the path alone: they are tabled once
-for all worlds. A closing looks up how many steps nothing can happen in, by the distance that is
-free, and jumps there.
+The places of a free finger's links in the frame of its base, the distance they have moved, and the
+number of moves of its tendons depend on the closing path alone. They are tabulated once for all
+worlds. A closing reads from the table how many steps it can skip for a given free distance.
 """
 
 from functools import lru_cache
@@ -22,9 +21,10 @@ _UNMOVED = 1e9
 
 
 def path_table(hand: HandTable, commands_rad: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of PathStep of commands (grasp, finger, step, 4) [rad], and of LinkStep.
+    """Tables of a closing path.
 
-    The latter have shape (grasp, finger, link 3, step).
+    `commands_rad` has shape (grasp, finger, step, 4). Returns rows of PathStep, shape (grasp,
+    finger, step), and of LinkStep, shape (grasp, finger, link 3, step).
     """
     table = np.zeros(commands_rad.shape[:3], dtype=record_type(PathStep))
     table["command"] = commands_rad
@@ -63,7 +63,7 @@ def _tabled(
 
 
 def _for_fingers(table: wp.array, fingers: int) -> wp.array:
-    """A table (grasp, finger, ...), of which the one finger's rows stand for all of `fingers`."""
+    """A table (grasp, finger, ...) of one finger as a view with its rows repeated for `fingers`."""
     if table.shape[1] == fingers:
         return table
     shared = wp.array(
@@ -77,6 +77,6 @@ def _for_fingers(table: wp.array, fingers: int) -> wp.array:
 def path_on_device(
     hand: HandTable, commands_rad: np.ndarray, device: str
 ) -> tuple[wp.array, wp.array]:
-    """`path_table` as kernels take it; kept for the next launch along the same commands."""
+    """`path_table` on a device, kept for the next launch along the same commands."""
     commands = np.ascontiguousarray(commands_rad, np.float64)
     return _tabled(hand, commands.shape, commands.tobytes(), device)

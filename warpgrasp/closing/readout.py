@@ -1,15 +1,15 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
-"""What is read, and what is true, where a finger stopped: the second half of a closing.
+"""The readings and the true contact at the step where a finger stopped.
 
-`closing` finds the step; here its rest is looked at closely (`finger_crease`), joints and tensions
-are read there, and the contact is written down for the scorer.
+`closing_kernel` finds the step. Here its equilibrium is refined (`equilibrium_refine`), joints and
+tensions are read, and the true contact is recorded for the scorer.
 """
 
 import warp as wp
 
 from warpgrasp.closing.closing_record import ClosingRow, ClosingTruthRow, PathStep
-from warpgrasp.closing.energy import rest_from
-from warpgrasp.closing.equilibrium_refine import settled_rest
+from warpgrasp.closing.energy import free_equilibrium
+from warpgrasp.closing.equilibrium_refine import refine_equilibrium
 from warpgrasp.core.dtypes import ONE, ZERO, mat42, real, transform, vec3, vec4
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key, counter_normal
@@ -57,7 +57,7 @@ def reading_kernel(
     felt: wp.array4d[ClosingRow],
     truth: wp.array4d[ClosingTruthRow],
 ):
-    """What is read of a finger that stopped, and what is true there."""
+    """The readings of a stopped finger, and the true state."""
     w, p, g, finger = wp.tid()
     w += first
     felt[w, p, g, finger].q = vec4(_NAN, _NAN, _NAN, _NAN)
@@ -79,11 +79,11 @@ def reading_kernel(
             wp.transform_inverse(body_pose[w]),
             wp.transform_multiply(hand_pose[w, p], finger_base(hand, finger)))
         command = path[g, finger, at].command
-        rest = rest_from(truth[w, p, g, finger].q)
+        rest = free_equilibrium(truth[w, p, g, finger].q)
         rest.along = truth[w, p, g, finger].along
         rest.bend = truth[w, p, g, finger].bend
         rest.depth = truth[w, p, g, finger].depth
-        rest = settled_rest(scene, which, hand, base, command, rest)
+        rest = refine_equilibrium(scene, which, hand, base, command, rest)
         truth[w, p, g, finger].q = rest.q
         truth[w, p, g, finger].torque = (command - rest.q) * hand.stiffness
         bearing = int(0)

@@ -1,22 +1,21 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
-"""What is known of a pressed finger between the commands at which it was looked at.
+"""Bounds on the joint torques of a pressed finger between commands with a known equilibrium.
 
-A finger rests where 1/2 K |command - q|^2 + C(q) is least, C being the energy of its contacts: q is
-the proximal point of the command. Where C is convex, Moreau's theorem (Proximite et dualite dans un
-espace hilbertien, 1965) makes the map from the command to `command - q` firmly nonexpansive, as the
-map to q is (Bauschke and Combettes, Convex analysis and monotone operator theory, 2nd edition,
-propositions 4.4 and 12.28): where a command moves by d, the torques K (command - q) of the joints
-move by an `a` with |a|^2 <= a . K d. So `a` lies in the ball that has 0 and K d as the ends of a
-diameter.
+The equilibrium minimises 1/2 K |command - q|^2 + C(q), with C the contact energy: q is the proximal
+point of the command. Where C is convex, the map from the command to `command - q` is firmly
+nonexpansive (Moreau 1965, Proximite et dualite dans un espace hilbertien; Bauschke and Combettes,
+Convex analysis and monotone operator theory, 2nd edition, propositions 4.4 and 12.28). When a
+command moves by d, the torques K (command - q) move by an `a` with |a|^2 <= a . K d: `a` lies in
+the ball with 0 and K d as the ends of a diameter.
 
-A link that bears on an edge or a round wall is not quite convex: as it turns it can slip away. Then
-torques fall while joints move on. Two rests show it: `agree` asks whether torques change against
-the joints by no more than a share of their stiffness.
+A link that bears on an edge or a round wall is not quite convex: it can slip off as it turns, and
+torques fall while the joints move on. Two equilibria show this: `agree` tests whether torques
+change against the joints by no more than a share of the stiffness.
 """
 
 import warp as wp
 
-from warpgrasp.closing.energy import Rest
+from warpgrasp.closing.energy import Equilibrium
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, greater, real, struct, vec4
 from warpgrasp.core.random_kernel import counter_key, counter_uniform
 from warpgrasp.mechanism.tendon_kernel import (
@@ -41,8 +40,8 @@ class Ball:
 
 
 @wp.func
-def torque_after(command: vec4, rest: Rest, other: vec4, stiffness: real):
-    """Torques possible at another command, where `rest` is that of `command`."""
+def torque_bound(command: vec4, rest: Equilibrium, other: vec4, stiffness: real):
+    """Possible torques at another command, from the equilibrium `rest` at `command`."""
     ball = Ball()
     way = (other - command) * (stiffness * HALF)
     ball.centre = (command - rest.q) * stiffness + way
@@ -51,8 +50,8 @@ def torque_after(command: vec4, rest: Rest, other: vec4, stiffness: real):
 
 
 @wp.func
-def in_both(one: Ball, two: Ball):
-    """The least ball around what two balls share.
+def intersect_balls(one: Ball, two: Ball):
+    """The smallest ball around the intersection of two balls.
 
     For s in [0, 1] the sum of |a - c1|^2 <= r1^2 and |a - c2|^2 <= r2^2, weighted 1 - s and s, is a
     ball round (1 - s) c1 + s c2 of radius^2 (1 - s) r1^2 + s r2^2 - s (1 - s) |c1 - c2|^2.
@@ -71,16 +70,16 @@ def in_both(one: Ball, two: Ball):
 
 
 @wp.func
-def agree(command: vec4, rest: Rest, other: vec4, other_rest: Rest, stiffness: real):
-    """Whether two rests are as an all but convex energy has them."""
+def agree(command: vec4, rest: Equilibrium, other: vec4, other_rest: Equilibrium, stiffness: real):
+    """Whether two equilibria are consistent with a nearly convex contact energy."""
     turn = other_rest.q - rest.q
     rise = (other - command - turn) * stiffness
     return wp.dot(rise, turn) >= -_AGAINST * stiffness * wp.dot(turn, turn) - _SLACK
 
 
 @wp.func
-def joints_ahead(command: vec4, rest: Rest, other: vec4, stiffness: real):
-    """Joints at another command to first order, where `rest` is that of `command`."""
+def predict_joints(command: vec4, rest: Equilibrium, other: vec4, stiffness: real):
+    """Joints at another command to first order, from the equilibrium `rest` at `command`."""
     return rest.q + rest.compliance * ((other - command) * stiffness)
 
 
@@ -90,11 +89,11 @@ _THIRTYSECOND = wp.constant(real(1.0 / 32.0))
 
 @wp.func
 def _surely_below(sensor: TendonSensor, pull: real, moving: real, noise: wp.uint64):
-    """Whether a joint's reading surely stays below the threshold; `pull` [N] is its true size.
+    """Whether a joint's reading certainly stays below the threshold; `pull` [N] is its true value.
 
-    Friction adds to it where tendons move. A normal of Box and Muller is at most sqrt(-2 log u) by
-    size, and u takes no root or cosine; for exp(-x), which u is compared with, the first terms of
-    exp(x / 4) to the fourth do.
+    Friction adds to it where tendons move. The absolute value of a Box-Muller normal is at most
+    sqrt(-2 log u), so that neither a root nor a cosine is needed; exp(-x), with which u is
+    compared, is replaced by the first terms of exp(x / 4) to the fourth power.
     """
     margin = sensor.threshold - sensor.step - wp.abs(moving) * sensor.rub - pull
     if margin <= ZERO or sensor.noise <= ZERO:
@@ -109,9 +108,9 @@ def _surely_below(sensor: TendonSensor, pull: real, moving: real, noise: wp.uint
 def stop_reading(
     hand: Hand, sensor: TendonSensor, torque: vec4, delta: vec4, key: wp.uint64
 ):
-    """The largest tendon difference of the flexion joints in one reading of each [N], by size.
+    """The largest absolute tendon difference of the flexion joints [N], one reading of each.
 
-    `delta` is the command's last move. Readings that are sure to stay below the threshold are left
+    `delta` is the last step of the command. Readings certain to stay below the threshold are left
     out.
     """
     largest = real(0.0)
@@ -128,9 +127,9 @@ def stop_reading(
 
 @wp.func
 def may_stop(hand: Hand, sensor: TendonSensor, torque: Ball, delta: vec4, key: wp.uint64):
-    """Whether some of the torques possible would have that same reading stop the finger.
+    """Whether a torque inside the ball would make the same reading stop the finger.
 
-    A reading rises with the torque, so the ends of what is possible tell.
+    A reading is monotonic in the torque, so that the ends of the interval decide.
     """
     for j in range(1, 4):
         moving = moving_sign(delta[j])

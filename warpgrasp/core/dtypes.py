@@ -53,7 +53,7 @@ TWO_PI = wp.constant(real(6.283185307179586))
 
 @wp.func
 def lesser(a: real, b: real):
-    """The lesser of two numbers, in one instruction; `wp.min` takes five, for the sake of NaN."""
+    """The lesser of two numbers in one instruction; `wp.min` takes five, to treat NaN."""
     return wp.where(a < b, a, b)
 
 

@@ -1,7 +1,7 @@
-"""Rows of structs, to a device and back, by their bytes.
+"""Arrays of structs, copied to a device and back as bytes.
 
-Warp works out a struct's NumPy type anew at every array made and read, which takes longer than a
-small launch; here it is kept.
+Warp derives the NumPy type of a struct at every array that it makes or reads, which takes longer
+than a small launch. Here the type is kept.
 """
 
 from functools import lru_cache

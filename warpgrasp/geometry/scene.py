@@ -1,10 +1,10 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
 """Bodies as kernels see them: a table of placed primitives joined by Boolean operations.
 
-A body is a run of rows of the table; the first row is the base, each further row is united with,
-taken from, or intersected with what stands before it (constructive solid geometry by min and max:
-exact for unions outside, a bound elsewhere). Several bodies share one table, so that a batch may
-hold different objects. A body stands on z = 0 of its own frame, the table top.
+A body is a range of rows. The first row is the base; each further row is united with, subtracted
+from, or intersected with the result so far (constructive solid geometry by min and max: exact for
+unions outside, a bound elsewhere). Several bodies share one table, so that a batch may hold
+different objects. A body stands on z = 0 of its own frame, the table top.
 """
 
 from enum import IntEnum
@@ -94,8 +94,8 @@ class Primitive:
 class Scene:
     """All bodies of a batch: rows `body_first[b]` to `body_first[b + 1]` make body b.
 
-    Addresses and lengths of arrays that `body.scene_of` keeps: Warp hands structs on by value, and
-    four whole arrays in each call cost more than the distances they are for.
+    The fields are addresses and lengths of arrays that `body.scene_of` keeps. Warp passes structs
+    by value, and passing four array records to each call costs more than the distances themselves.
     """
 
     body_first: wp.uint64
@@ -160,7 +160,7 @@ def _primitive_distance_grad(scene: Scene, row: Primitive, p: vec3):
 
 @wp.func
 def body_is_convex(scene: Scene, body: int):
-    """Whether a body surely is convex: one primitive of a convex kind."""
+    """Whether a body certainly is convex: one primitive of a convex kind."""
     rows = wp.array(ptr=scene.primitives, shape=(scene.primitive_count,), dtype=Primitive)
     first = _first_row(scene, body)
     return _first_row(scene, body + 1) - first == 1 and rows[first].shape <= _CAPSULE
@@ -168,7 +168,7 @@ def body_is_convex(scene: Scene, body: int):
 
 @wp.func
 def body_is_estimated(scene: Scene, body: int):
-    """Whether some part's distance is of the first order: it does not rise as its gradient says."""
+    """Whether the distance of a part is of first order, so that its gradient is not exact."""
     rows = wp.array(ptr=scene.primitives, shape=(scene.primitive_count,), dtype=Primitive)
     estimated = int(0)
     for k in range(_first_row(scene, body), _first_row(scene, body + 1)):
@@ -215,7 +215,7 @@ def _placed_distance_grad(scene: Scene, row: Primitive, p: vec3):
 
 @struct
 class _Found:
-    """A field changes in place; a vector assigned in a branch is copied at its end."""
+    """The result of a search. A field changes in place; a variable in a branch is copied."""
 
     value: vec4
 
@@ -239,13 +239,13 @@ def body_distance_grad(scene: Scene, body: int, p: vec3):
 
 
 @wp.func
-def stand_distance(scene: Scene, body: int, p: vec3):
+def body_table_distance(scene: Scene, body: int, p: vec3):
     """Signed distance [m] to the body and the table it stands on."""
     return lesser(body_distance(scene, body, p), p[2])
 
 
 @wp.func
-def stand_distance_grad(scene: Scene, body: int, p: vec3):
+def body_table_distance_grad(scene: Scene, body: int, p: vec3):
     """Gradient and distance [m] to the body and the table it stands on."""
     g = body_distance_grad(scene, body, p)
     if g[3] <= p[2]:

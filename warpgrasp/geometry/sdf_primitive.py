@@ -3,7 +3,7 @@
 
 Negative inside. Every solid stands on z = 0 of its own frame, on the z axis, as an object stands
 on a table. `sdf_x` is the distance [m], `sdf_x_grad` its gradient (unit length where the distance
-is differentiable) and the distance, (gx, gy, gz, d), worked out together. All are exact, hence
+is differentiable) and the distance, (gx, gy, gz, d), computed together. All are exact, hence
 1-Lipschitz, after the constructions in Quilez, "3D SDFs".
 """
 

@@ -1,10 +1,10 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
-"""Where a link comes nearest to the body: one point of a segment, found by its slope.
+"""The point of a link's axis nearest to the body.
 
-It is a valley of the distance along the segment. (The table's nearest point is an end.) Samples
-choose the valley (a distance need not be convex along a segment), or one is followed from
-where it was. In it the slope is brought to zero by secants on distance times slope, which is linear
-along a straight line where the body is a corner or an edge.
+Along a segment the distance may have several valleys, since it need not be convex. Samples choose a
+valley, or one is followed from where it was. In a valley the slope is brought to zero by secants on
+the product of distance and slope, which is linear along a straight line in front of a corner or an
+edge. (The point nearest to the table is an end of the segment.)
 """
 
 import warp as wp
@@ -28,11 +28,11 @@ _Ends = wp.types.vector(length=9, dtype=real)
 
 @struct
 class Near:
-    """The point of a segment nearest to a body: place [m from its start], distance [m], slope of
-    distance times slope (to go on from), outward normal there.
+    """The point of a segment nearest to a body: place [m from its start], distance [m], product of
+    distance and slope (to follow it), outward normal.
 
-    `least` is a lower bound of the distance all along, which may be far from the nearest point;
-    with `bound` 1 the distance is no more than that.
+    `least` is a lower bound of the distance along the whole segment, which may be far from the
+    nearest point; with `bound` 1 the distance itself is only that bound.
     """
 
     along: real
@@ -57,9 +57,9 @@ def link_valley(
 ):
     """The bottom of the valley that `start` lies in, between `low` and `high`.
 
-    A lower bound where the distance at `start` shows that all of them are above `enough`. Before a
-    body said to be `convex` the search ends where the plane through the body's nearest point shows
-    that the whole segment stays out of `enough` by half as much as the place looked at.
+    A lower bound where the distance at `start` shows that the valley lies above `enough`. In front
+    of a `convex` body the search ends where the plane through the body's nearest point shows that
+    the whole segment stays beyond `enough` by half as much as the place evaluated.
     """
     near = Near()
     below = real(low)
@@ -121,15 +121,15 @@ def link_valley(
 
 
 @wp.func
-def link_nearest(
+def nearest_on_link(
     scene: Scene, body: int, a: vec3, u: vec3, length: real, guess: real, bend: real,
     samples: int, enough: real
 ):
     """The point of a segment nearest to the body.
 
-    `guess` (not negative) follows the body's valley from there with the `bend` found before, and
-    makes sure that none of so many `samples` (0, or 2 and more) lies lower. Else they choose.
-    A distance above `enough` may be a lower bound.
+    A `guess` that is not negative follows the valley from there, with the `bend` found before, and
+    checks that none of the `samples` (0, or 2 and more) lies lower. Otherwise the samples choose. A
+    distance above `enough` may be a lower bound.
     """
     spacing = length / real(wp.max(samples - 1, 1))
     found = _Found()
@@ -175,9 +175,9 @@ def deepest_valley(
 ):
     """The place [m from its start] where a segment is nearest to the body, or negative.
 
-    Negative where it surely is farther than `enough` [m]. Eight stretches, each in so many `parts`:
-    every valley is looked at that these show. A stretch is left out where no place of it can be
-    nearer than its ends allow (a distance changes no faster than one walks).
+    Negative where the segment certainly is farther than `enough` [m]. Eight stretches are sampled
+    in `parts` each, and every valley found is searched. A stretch is left out where no place of it
+    can be nearer than its ends allow, since distances are 1-Lipschitz.
     """
     best = real(-1.0)
     stretch = length / real(8.0)
@@ -232,7 +232,7 @@ def nearest_along(scene: Scene, body: int, a: vec3, u: vec3, length: real, enoug
 
     A distance above `enough` may be a lower bound.
     """
-    near = link_nearest(scene, body, a, u, length, -ONE, ONE, LINK_SAMPLES, enough)
+    near = nearest_on_link(scene, body, a, u, length, -ONE, ONE, LINK_SAMPLES, enough)
     low = lower_end(u, length)
     if a[2] + u[2] * low < near.distance:
         return vec2(low, a[2] + u[2] * low)

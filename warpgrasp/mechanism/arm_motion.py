@@ -28,7 +28,7 @@ HOME_RAD = tuple(np.radians((19.5, 28.8, 160.0, 0.0, -8.8, -160.5)))
 
 @dataclass(frozen=True)
 class ArmState:
-    """Where each arm stands between batches of probes: joints [rad], shape (world, 6)."""
+    """The joints of each arm between batches of probes [rad], shape (world, 6)."""
 
     q_rad: np.ndarray
 
@@ -40,7 +40,7 @@ class ArmState:
 
 @dataclass(frozen=True)
 class ArmMoves:
-    """What taking the hand to each pose came to. Shapes start with (world, probe)."""
+    """The outcome of moving the hand to each pose. Shapes start with (world, probe)."""
 
     status: np.ndarray
     """(..., grasp) ProbeStatus: CONTACT means ready to close, else why the probe is not made."""
@@ -93,7 +93,7 @@ def move_hand(
     march_scale: float = 1.0,
     device: str = "cpu",
 ) -> tuple[ArmMoves, np.ndarray]:
-    """Take each world's hand to its poses in turn, and say which probes can be made.
+    """Move each world's hand to its poses in turn, and say which probes can be made.
 
     `wanted_pose` (world, probe, 7) are hand poses [m], quaternion xyzw, base frame; `wanted`
     (world, probe) is False where a world has no such probe. `commands_rad` (grasp, finger, step, 4)

@@ -4,7 +4,7 @@
 import warp as wp
 
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, real, transform, vec3, vec4
-from warpgrasp.geometry.scene import Scene, stand_distance
+from warpgrasp.geometry.scene import Scene, body_table_distance
 from warpgrasp.geometry.segment_distance import nearest_along
 from warpgrasp.mechanism.utah_mit_hand_kernel import (
     Hand,
@@ -23,7 +23,7 @@ def segment_clearance(
     scene: Scene, body: int, a: vec3, u: vec3, length: real, radius: real, worst: real
 ):
     """Clearance of a capsule [m], or `worst` where it certainly is larger than that."""
-    bound = stand_distance(scene, body, a + u * (length * HALF)) - length * HALF - radius
+    bound = body_table_distance(scene, body, a + u * (length * HALF)) - length * HALF - radius
     if bound >= worst:
         return worst
     near = nearest_along(scene, body, a, u, length, worst + radius)

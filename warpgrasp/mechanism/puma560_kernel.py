@@ -158,7 +158,7 @@ def move_time(arm: Arm, start: vec6, end: vec6):
 def puma_reach(arm: Arm, flange: transform, last: vec6):
     """The branch inside the limits that is soonest reached from `last`; NaN joints if none is.
 
-    Of several as soon the first one. A wrist is worked out only where the first three joints
+    Of several as soon the first one. A wrist is computed only where the first three joints
     would be there as soon as the best so far.
     """
     best = vec6(wp.sqrt(-ONE), ZERO, ZERO, ZERO, ZERO, ZERO)

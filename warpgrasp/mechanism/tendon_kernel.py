@@ -28,7 +28,7 @@ class TendonSensor:
 
 @wp.func
 def moving_sign(x: real):
-    """Which way a command moves a tendon: 1, -1, or 0 where it stands still."""
+    """The sign of a command's step: 1, -1, or 0 where the tendon stands still."""
     if x > real(1e-12):
         return ONE
     if x < real(-1e-12):
@@ -54,7 +54,7 @@ def _quantised(value: real, step: real):
 
 @wp.func
 def tension_noise(key: wp.uint64):
-    """What noise does to a flexor's and an extensor's reading, in standard deviations."""
+    """Noise of the readings of a flexor and an extensor, in standard deviations."""
     return vec2(counter_normal(counter_key(key, 0)), counter_normal(counter_key(key, 1)))
 
 
@@ -76,7 +76,7 @@ def tension_mean_read(sensor: TendonSensor, tension: real, key: wp.uint64):
 
 @wp.func
 def torque_from_tensions(hand: Hand, joint: int, tensions: vec2, moving: real):
-    """Joint torque [N m] from read tensions, friction undone at its nominal size.
+    """Joint torque [N m] from measured tensions, with friction of nominal size removed.
 
     Where one tendon has gone to the end of its range only the other one tells the torque.
     """

@@ -1,4 +1,4 @@
-"""Meshes in: read, checked, stood on the table, baked once to a distance grid, cached."""
+"""Meshes from files: read, checked, stood on the table, baked to a distance grid, cached."""
 
 import hashlib
 import io
@@ -95,7 +95,7 @@ def _triple(values: np.ndarray) -> tuple[float, float, float]:
 
 @contextmanager
 def _quiet_reader() -> Iterator[None]:
-    """Keeps the reader's log and warnings off stderr: what is wrong is told once, by BodyError."""
+    """Keeps the reader's log and warnings off stderr: errors are reported once, by BodyError."""
     log, nowhere = logging.getLogger("trimesh"), logging.NullHandler()
     before, log.propagate = log.propagate, False
     log.addHandler(nowhere)

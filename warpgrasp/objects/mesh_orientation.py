@@ -1,6 +1,7 @@
-"""Faces that look outward: shells of a mesh turned where that is sure, refused where it is not.
+"""The orientation of a mesh's faces, and signed distances to a mesh.
 
-What lies in a mesh is told by its winding number, which faces that look the wrong way spoil.
+The inside of a mesh is decided by its winding number, which faces of the wrong orientation falsify.
+Shells are turned outward where that is certain, and refused where it is not.
 """
 
 import numpy as np
@@ -13,7 +14,7 @@ from warpgrasp.core.kernel_launch import launch
 from warpgrasp.geometry.body import BodyError
 from warpgrasp.geometry.sdf_grid import mesh_distance_kernel
 
-_CENTRES = 64  # of faces, by which it is told whether a shell lies in another
+_CENTRES = 64  # of faces, which decide whether a shell lies in another
 
 
 def outward_faces(vertices_m: np.ndarray, faces: np.ndarray) -> np.ndarray:

@@ -1,9 +1,9 @@
-"""The second guarded move: arm or finger along a line, in intervals, until a pad feels.
+"""The second guarded move: the arm or a finger along a line, in intervals, until a pad feels.
 
-After each interval the paper's two checks (Allen and Michelman 1990, section IV-D): does a pad of
-the finger feel? did the finger move the whole way, by its measured joint angles? What moves is the
-hand along a straight line, or the finger along its commands, or both. A finger that presses yields
-by the energy of `pad_rest`. The same move backwards ends when the pads feel nothing any more.
+After each interval two checks are made (Allen and Michelman 1990, section IV-D): does a pad of the
+finger feel, and did the finger move the whole distance by its measured joint angles? The hand moves
+along a straight line, or the finger along its commands, or both. A pressed finger yields by the
+energy of `pad_equilibrium`. The same move backwards ends when the pads feel nothing any more.
 """
 
 from dataclasses import dataclass
@@ -69,7 +69,7 @@ class LineTouch:
 
 @dataclass(frozen=True)
 class LineTruth:
-    """What happened, for the scorer alone."""
+    """The true outcome, for the scorer alone."""
 
     rows: np.ndarray
     """World of each row."""
@@ -112,7 +112,7 @@ class LineMove:
 
 @lru_cache(maxsize=32)
 def _robot(arm: ArmTable, hand: HandTable, pads: PadTable) -> dict[str, Any]:
-    """The robot as the kernel takes it; kept for the next line."""
+    """The robot on a device, kept for the next line."""
     return {"arm": arm_of(arm, hand.mount_length_m), "hand": hand_of(hand),
             "pad": pad_of(pads, hand)}
 

@@ -1,14 +1,15 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
-"""The kernel of a guarded line: intervals until a pad feels, something blocks, or the way is spent.
+"""The kernel of a guarded line: intervals until a pad feels, the finger is blocked, or the distance
+is spent.
 
-Free intervals are skipped by the distance bound; a touch by noise alone is drawn by its
-first-passage law over the free intervals, of all pads that are on. A false yield (joint noise past
-`yield_rad`, five sigma by default) is not drawn.
+Free intervals are skipped by the distance bound. A touch by noise alone is drawn from its
+first-passage distribution over the free intervals, for all pads that are on. A false yield (joint
+noise beyond `yield_rad`, five standard deviations by default) is not drawn.
 """
 
 import warp as wp
 
-from warpgrasp.closing.energy import worst_of
+from warpgrasp.closing.energy import largest_magnitude
 from warpgrasp.core.dtypes import (
     HALF,
     ONE,
@@ -22,8 +23,8 @@ from warpgrasp.core.dtypes import (
 )
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key, counter_normal, counter_uniform
-from warpgrasp.geometry.scene import Scene, stand_distance_grad
-from warpgrasp.geometry.segment_distance import LINK_SAMPLES, link_nearest
+from warpgrasp.geometry.scene import Scene, body_table_distance_grad
+from warpgrasp.geometry.segment_distance import LINK_SAMPLES, nearest_on_link
 from warpgrasp.mechanism.hand_clearance import finger_clearance, palm_clearance
 from warpgrasp.mechanism.puma560_kernel import Arm, move_time, puma_forward, puma_reach
 from warpgrasp.mechanism.utah_mit_hand_kernel import (
@@ -35,7 +36,7 @@ from warpgrasp.mechanism.utah_mit_hand_kernel import (
 )
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.touch.line_record import LineBegin, LineEnd
-from warpgrasp.touch.pad_equilibrium import pad_rest
+from warpgrasp.touch.pad_equilibrium import pad_equilibrium
 from warpgrasp.touch.pad_kernel import Pad, pad_place, pad_reading_key
 from warpgrasp.touch.pad_readout import felt_above, image_centroid, pad_feels, pad_load, read_image
 
@@ -61,7 +62,7 @@ def _along(line: transform, direction: vec3, s: real):
 
 @wp.func
 def _hand_at(line: transform, direction: vec3, s: real, mount: transform, wobble: vec3):
-    """Where the hand truly is."""
+    """The true pose of the hand."""
     here = wp.transform_multiply(_along(line, direction, s), mount)
     return transform(wp.transform_get_translation(here) + wobble, wp.transform_get_rotation(here))
 
@@ -97,7 +98,7 @@ def _command(commands: wp.array3d[real], finger: int, step: int):
 
 @wp.func
 def _finger_free(scene: Scene, body: int, hand: Hand, pad: Pad, base: transform, q: vec4):
-    """How far a finger's skin and pads surely are from everything [m]; not positive: may touch."""
+    """A lower bound of the distance from a finger's skin and pads to any obstacle [m]."""
     f = finger_pose(hand, base, q)
     free = real(1e9)
     for link in range(3):
@@ -107,7 +108,7 @@ def _finger_free(scene: Scene, body: int, hand: Hand, pad: Pad, base: transform,
         a = link_start(f, link)
         u = link_direction(f, link)
         length = hand.link_length[link]
-        near = link_nearest(scene, body, a, u, length, -ONE, ONE, LINK_SAMPLES,
+        near = nearest_on_link(scene, body, a, u, length, -ONE, ONE, LINK_SAMPLES,
                             length * HALF + radius)
         table = a[2] + wp.min(u[2], ZERO) * length
         free = wp.min(free, wp.min(near.distance, table) - radius)
@@ -137,7 +138,7 @@ def _tip(hand: Hand, pose: transform, finger: int, q: vec4):
 
 @wp.func
 def _joints_read(q: vec4, noise: real, reading: wp.uint64):
-    """Joint angles as the encoders say."""
+    """Joint angles as the sensors read them."""
     return q + noise * vec4(
         counter_normal(counter_key(reading, 0)), counter_normal(counter_key(reading, 1)),
         counter_normal(counter_key(reading, 2)), counter_normal(counter_key(reading, 3)))
@@ -217,7 +218,8 @@ def line_kernel(
     wobble = vec3(counter_normal(counter_key(noise, 0)), counter_normal(counter_key(noise, 1)),
                   counter_normal(counter_key(noise, 2))) * arm.repeatability
     to_body = wp.transform_inverse(begin.body_pose)
-    # Readings of free pads that noise leaves alone, counted: a sum would hang on where skips end.
+    # Readings of free pads without a false touch are counted, since a sum of their hazards would
+    # depend on where skips end.
     false = counter_key(counter_key(key, _FALSE), number)
     hazard = -wp.log(wp.max(ONE - pad.false_touch, real(1e-300))) * real(_pads_on(pad))
     patience = -wp.log(counter_uniform(false))
@@ -258,7 +260,7 @@ def line_kernel(
         felt = int(0)
         most = vec4(ZERO, ZERO, ZERO, ZERO)
         if free <= ZERO:
-            rest = pad_rest(scene, which, hand, pad, turns, base, command, q, sight)
+            rest = pad_equilibrium(scene, which, hand, pad, turns, base, command, q, sight)
             q = rest.skin.q
             moved = int(1)
             f = finger_pose(hand, base, q)
@@ -279,7 +281,7 @@ def line_kernel(
         lag = real(0.0)
         if free <= ZERO:
             read = _joints_read(q, joint_noise, counter_key(reader, s))
-            lag = worst_of(read - command)
+            lag = largest_magnitude(read - command)
         if until_release == 0 and s == 0 and free <= ZERO and (
                 lag > pad.yield_angle or others <= ZERO):
             status = _COLLISION
@@ -351,7 +353,7 @@ def line_kernel(
     end.tip = _tip(hand, pose_read, finger, read)
     if most[3] > ZERO:
         centre = vec3(most[0], most[1], most[2])
-        g = stand_distance_grad(scene, which, centre)
+        g = body_table_distance_grad(scene, which, centre)
         n = vec3(g[0], g[1], g[2])
         end.force_true = most[3]
         end.point_true = wp.transform_point(begin.body_pose, centre - n * g[3])

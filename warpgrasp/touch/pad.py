@@ -49,7 +49,8 @@ def pad_of(table: PadTable, hand: HandTable) -> Pad:
 
 
 def false_touch_probability(table: PadTable) -> float:
-    """Chance that noise alone takes some taxel of one unloaded pad to the threshold, one reading.
+    """The probability that noise alone raises a taxel of one unloaded pad to the threshold in a
+    reading.
 
     Counts are rounded: the threshold is reached from half a count below the next whole number.
     """
@@ -110,10 +111,10 @@ def read_pads(
 
 @lru_cache(maxsize=32)
 def pad_turns(pads: PadTable, hand: HandTable, device: str) -> wp.array:
-    """What of a pad's places does not hang on the finger, (sin, cos) of each, kept for the next.
+    """The parts of the taxels' places that do not depend on the finger, as (sin, cos) on a device.
 
-    The turns of columns about a link's axis (`tactile_pad.pad_column`), the bends of rows over the
-    fingertip (`pad_bend`), then both for the middles of blocks.
+    The turns of columns about a link's axis (`pad_column`), the bends of rows over the fingertip
+    (`pad_bend`), then both for the middles of blocks. Kept for the next launch.
     """
     radius = hand.link_radius_m + pads.thickness_m
     straight = pads.length_m - pads.wrap_rad * radius

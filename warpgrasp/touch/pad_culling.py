@@ -1,19 +1,18 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
-"""Which taxels may press on something, looked up once for a finger that then moves a little.
+"""Pad culling: which taxels may press, computed once for a finger that then moves a little.
 
-A distance changes no faster than one walks: a taxel farther off than the finger can have moved
-since is free. Of 256 taxels some twenty are left, and all that a press needs asks those alone.
-`pad_rest` looks them up while it works out an energy.
+Signed distances are 1-Lipschitz: a taxel farther away than the finger can have moved is free. Some
+twenty of the 256 taxels remain, and the equilibrium evaluates these alone.
 """
 
 import warp as wp
 
 from warpgrasp.core.dtypes import real, vec2, vec4
-from warpgrasp.geometry.scene import Scene, stand_distance
+from warpgrasp.geometry.scene import Scene, body_table_distance
 from warpgrasp.mechanism.utah_mit_hand_kernel import FingerPose, Hand
 from warpgrasp.touch.pad_kernel import TAXELS, Pad, PadRow, pad_near, pad_point, pad_row_bent
 
-SIGHT_MARGIN = wp.constant(real(3e-4))
+CULLING_MARGIN = wp.constant(real(3e-4))
 """A taxel farther off than this [m] is left out."""
 BLOCKS = 4
 """4 x 4 blocks of 4 x 4 taxels, each skipped by one distance."""
@@ -35,16 +34,16 @@ def taxel_row(pad: Pad, hand: Hand, f: FingerPose, link: int, row: int, turns: w
 def taxel_place(
     pad: Pad, hand: Hand, f: FingerPose, row: PadRow, column: int, turns: wp.array[vec2]
 ):
-    """Where a taxel of a row is."""
+    """The place of a taxel of a row."""
     return pad_point(pad, hand, f, row, turns[column]).x
 
 
 @wp.func
-def rows_in_sight(
+def rows_near(
     scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, link: int, block: int,
     turns: wp.array[vec2]
 ):
-    """The rows of four taxels of a block that may come into sight: all their bits."""
+    """The rows of four taxels of a block that may be within the margin, as bits."""
     pitch = pad.length / _SIDE_REAL
     width = pad.width / _SIDE_REAL
     top = 4 * (block // _BLOCKS)
@@ -53,27 +52,27 @@ def rows_in_sight(
     row = pad_row_bent(pad, hand, f, link, real(top) + _MIDDLE,
                        turns[_MIDDLE_ROWS + block // _BLOCKS])
     middle = pad_point(pad, hand, f, row, column).x
-    if stand_distance(scene, body, middle) < SIGHT_MARGIN + _MIDDLE * wp.sqrt(
+    if body_table_distance(scene, body, middle) < CULLING_MARGIN + _MIDDLE * wp.sqrt(
             pitch * pitch + width * width):
         for i in range(4):
             x = pad_point(pad, hand, f, taxel_row(pad, hand, f, link, top + i, turns), column).x
-            if stand_distance(scene, body, x) < SIGHT_MARGIN + _MIDDLE * width:
+            if body_table_distance(scene, body, x) < CULLING_MARGIN + _MIDDLE * width:
                 bits = bits | (15 << (4 * i))
     return bits
 
 
 @wp.func
-def sight_holds(pad: Pad, hand: Hand, looked: vec4, q: vec4):
-    """Whether at joints `q` no taxel can be farther than the margin from where it was `looked`."""
+def culling_holds(pad: Pad, hand: Hand, looked: vec4, q: vec4):
+    """Whether at joints `q` no taxel can have moved by more than the margin from `looked`."""
     turned = wp.abs(q[0] - looked[0])
     travel = turned * hand.abduction_offset
     for link in range(3):
         turned += wp.abs(q[link + 1] - looked[link + 1])
         travel += turned * hand.link_length[link]
-    return travel + turned * (hand.link_radius + pad.thickness) < SIGHT_MARGIN
+    return travel + turned * (hand.link_radius + pad.thickness) < CULLING_MARGIN
 
 
 @wp.func
-def pad_in_sight(scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, link: int):
-    """Whether any taxel of a link's pad may come into sight."""
-    return pad_near(scene, body, pad, hand, f, link, SIGHT_MARGIN)
+def pad_is_near(scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, link: int):
+    """Whether any taxel of a link's pad may be within the margin."""
+    return pad_near(scene, body, pad, hand, f, link, CULLING_MARGIN)

@@ -1,23 +1,23 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
-"""Where a finger rests when its pads bear too: the `finger_energy` plus the pads' springs.
+"""The equilibrium of a finger with pads: `finger_energy` plus the springs of the taxels.
 
     E(q) = E_servo,skin(q) + sum over taxels 1/2 k max(0, -phi(x_taxel(q)))^2
 
-Pads stand proud of the skin, so they yield first and the skin behind them takes over.
+Pads stand above the skin: they yield first, then the skin behind them.
 """
 
 import warp as wp
 
-from warpgrasp.closing.energy import Rest, finger_energy, rest_from, worst_of
+from warpgrasp.closing.energy import Equilibrium, finger_energy, free_equilibrium, largest_magnitude
 from warpgrasp.core.dtypes import HALF, ONE, TWO, ZERO, mat44, real, struct, vec2, vec3, vec4
-from warpgrasp.geometry.scene import Scene, stand_distance, stand_distance_grad
+from warpgrasp.geometry.scene import Scene, body_table_distance, body_table_distance_grad
 from warpgrasp.geometry.segment_distance import LINK_SAMPLES
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_jacobian, finger_pose
 from warpgrasp.touch.pad_culling import (
-    SIGHT_MARGIN,
-    pad_in_sight,
-    rows_in_sight,
-    sight_holds,
+    CULLING_MARGIN,
+    culling_holds,
+    pad_is_near,
+    rows_near,
     taxel_place,
     taxel_row,
 )
@@ -35,40 +35,40 @@ _MOST_BACK = wp.constant(real(0.85))
 
 
 @struct
-class PadRest:
-    """A finger at rest: skin and servos (energy and gradient include the pads), curvature, load."""
+class PadEquilibrium:
+    """Joints, energy and gradient with the pads, curvature, load of a finger at equilibrium."""
 
-    skin: Rest
+    skin: Equilibrium
     hessian: mat44
     pad_force: real
     """Sum over all taxels [N]."""
 
 
 @wp.func
-def pad_rest_energy(
+def pad_energy(
     scene: Scene, body: int, hand: Hand, pad: Pad, turns: wp.array[vec2], base: wp.transformd,
-    command: vec4, q: vec4, last: Rest, samples: int, sight: wp.array2d[int], look: int
+    command: vec4, q: vec4, last: Equilibrium, samples: int, sight: wp.array2d[int], look: int
 ):
-    """Energy, gradient and Gauss-Newton Hessian at joints `q`; `base` in the body's frame.
+    """Energy, gradient and Gauss-Newton Hessian at joints `q`; `base` is in the body's frame.
 
-    `last` and `samples` are handed on to `finger_energy`. `sight` (link, block) has a bit for each
-    taxel that may press; with `look` they are looked up anew, else they must hold.
+    `last` and `samples` are passed to `finger_energy`. `sight` (link, block) has a bit for each
+    taxel that may press; with `look` the bits are recomputed, otherwise they must be valid at `q`.
     """
-    rest = PadRest()
+    rest = PadEquilibrium()
     rest.skin = finger_energy(scene, body, hand, base, command, q, last, samples)
     rest.hessian = wp.inverse(rest.skin.compliance)
     f = finger_pose(hand, base, q)
     for link in range(3):
         if pad.on[link] != 0:
             near = int(1)
-            if look == 1 and not pad_in_sight(scene, body, pad, hand, f, link):
+            if look == 1 and not pad_is_near(scene, body, pad, hand, f, link):
                 near = int(0)
             for block in range(16):
                 bits = sight[link, block]
                 if look == 1:
                     bits = int(0)
                     if near == 1:
-                        bits = rows_in_sight(scene, body, pad, hand, f, link, block, turns)
+                        bits = rows_near(scene, body, pad, hand, f, link, block, turns)
                 seen = int(bits)
                 if bits != 0:
                     for i in range(4):
@@ -78,16 +78,16 @@ def pad_rest_energy(
                                 bit = 1 << (4 * i + j)
                                 if (bits & bit) != 0:
                                     x = taxel_place(pad, hand, f, row, 4 * (block % 4) + j, turns)
-                                    d = stand_distance(scene, body, x)
+                                    d = body_table_distance(scene, body, x)
                                     if d < ZERO:
-                                        g = stand_distance_grad(scene, body, x)
+                                        g = body_table_distance_grad(scene, body, x)
                                         jt = finger_jacobian(f, link, x, vec3(g[0], g[1], g[2]))
                                         load = -g[3] * pad.stiffness
                                         rest.skin.energy -= HALF * load * g[3]
                                         rest.skin.gradient -= jt * load
                                         rest.pad_force += load
                                         rest.hessian += wp.outer(jt, jt) * pad.stiffness
-                                    elif d >= SIGHT_MARGIN:
+                                    elif d >= CULLING_MARGIN:
                                         seen = seen ^ bit
                 if look == 1:
                     sight[link, block] = seen
@@ -95,12 +95,12 @@ def pad_rest_energy(
 
 
 @wp.func
-def _least_along(hand: Hand, command: vec4, rest: PadRest, way: vec4):
-    """How far along `way`, in units of it, the energy should be least, as seen from `rest`.
+def _least_along(hand: Hand, command: vec4, rest: PadEquilibrium, way: vec4):
+    """The step along `way`, in units of it, at which the energy should be least, seen from `rest`.
 
-    Springs let go on the way out, so what they hold falls faster than a Newton step reckons: as
-    (1 - r t)^n, n and r by its first two slopes (n is 2 where the same springs bear, 3 for the
-    growing patch of a round thing). 0 where nothing bears, or what bears would not fall so.
+    Springs lose contact along the way, so that their force falls faster than a Newton step assumes:
+    as (1 - r t)^n, with n and r from its first two derivatives (n is 2 while the same springs bear,
+    3 for the shrinking patch of a round body). 0 without load, or where the load would not fall so.
     """
     lag = command - rest.skin.q
     servo_slope = -hand.stiffness * wp.dot(lag, way)
@@ -122,18 +122,17 @@ def _least_along(hand: Hand, command: vec4, rest: PadRest, way: vec4):
 
 
 @wp.func
-def pad_rest(
+def pad_equilibrium(
     scene: Scene, body: int, hand: Hand, pad: Pad, turns: wp.array[vec2], base: wp.transformd,
     command: vec4, start: vec4, sight: wp.array2d[int]
 ):
-    """The rest configuration for a command, descending from `start`; the energy never rises.
+    """The equilibrium for a command, from `start`; the energy never rises.
 
-    Newton's steps; the first from where springs bear goes on as far as they let go (one longer step
-    saves two), and the last, so small that none would follow, is taken without a look. `sight` is
-    left as it holds there.
+    Newton steps. The first, from where springs bear, is lengthened as they lose contact, and a last
+    step too small to need another is taken without evaluation. `sight` is valid at the result.
     """
-    rest = PadRest()
-    rest.skin = rest_from(start)
+    rest = PadEquilibrium()
+    rest.skin = free_equilibrium(start)
     looked = vec4(start)
     step = vec4(ZERO, ZERO, ZERO, ZERO)
     scale = real(1.0)
@@ -142,11 +141,11 @@ def pad_rest(
     for k in range(_ITERATIONS):
         q = rest.skin.q + step * scale
         look = int(1)
-        if k > 0 and sight_holds(pad, hand, looked, q):
+        if k > 0 and culling_holds(pad, hand, looked, q):
             look = int(0)
         else:
             looked = q
-        trial = pad_rest_energy(scene, body, hand, pad, turns, base, command, q, rest.skin,
+        trial = pad_energy(scene, body, hand, pad, turns, base, command, q, rest.skin,
                                 wp.where(k == 0, LINK_SAMPLES, 0), sight, look)
         if k == 0 or trial.skin.energy < rest.skin.energy:
             rest = trial
@@ -158,10 +157,10 @@ def pad_rest(
             if shortened > 0 and rest.pad_force == ZERO and wp.max(rest.skin.depth) <= ZERO:
                 scale = HALF  # nothing bears: the whole step goes where the last one failed
             shortened = int(0)
-            if worst_of(rest.skin.gradient) < _GRADIENT:
+            if largest_magnitude(rest.skin.gradient) < _GRADIENT:
                 break
-            if worst_of(rest.skin.gradient) < _LAST_GRADIENT and scale == ONE and (
-                    sight_holds(pad, hand, looked, rest.skin.q + step)):
+            if largest_magnitude(rest.skin.gradient) < _LAST_GRADIENT and scale == ONE and (
+                    culling_holds(pad, hand, looked, rest.skin.q + step)):
                 rest.skin.q += step
                 break
         else:
@@ -170,7 +169,7 @@ def pad_rest(
             scale *= ONE - wp.where(back > ZERO, wp.clamp(back, _LEAST_BACK, _MOST_BACK), HALF)
             if shortened >= _SHORTENED:
                 break
-    if not sight_holds(pad, hand, looked, rest.skin.q):
-        rest = pad_rest_energy(scene, body, hand, pad, turns, base, command, rest.skin.q, rest.skin,
+    if not culling_holds(pad, hand, looked, rest.skin.q):
+        rest = pad_energy(scene, body, hand, pad, turns, base, command, rest.skin.q, rest.skin,
                                0, sight, 1)
     return rest

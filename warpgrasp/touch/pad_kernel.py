@@ -12,7 +12,7 @@ from warpgrasp.core.random_kernel import (
     counter_uniform,
 )
 from warpgrasp.core.sincos import sine_cosine
-from warpgrasp.geometry.scene import Scene, stand_distance
+from warpgrasp.geometry.scene import Scene, body_table_distance
 from warpgrasp.mechanism.utah_mit_hand import LINK_COUNT
 from warpgrasp.mechanism.utah_mit_hand_kernel import (
     FingerPose,
@@ -74,7 +74,7 @@ class PadPlace:
 
 @struct
 class PadRow:
-    """A row of a pad: a point of the link's axis, and which way is out at the row's middle."""
+    """A row of a pad: a point of the link's axis, and the outward direction at the row's middle."""
 
     axis: vec3
     out: vec3
@@ -149,15 +149,15 @@ def pad_place(pad: Pad, hand: Hand, f: FingerPose, link: int, row: real, column:
 def pad_near(
     scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, link: int, margin: real
 ):
-    """Whether a pad may come nearer than `margin` to anything: a bound from its middle."""
+    """Whether a pad may be nearer than `margin` to an obstacle: a bound from its middle."""
     middle = pad_place(pad, hand, f, link, _SIDE_REAL * HALF, _SIDE_REAL * HALF)
-    return stand_distance(scene, body, middle.x) < (pad.length + pad.width) * HALF + margin
+    return body_table_distance(scene, body, middle.x) < (pad.length + pad.width) * HALF + margin
 
 
 @wp.func
 def taxel_force(scene: Scene, body: int, pad: Pad, x: vec3):
     """Force on a taxel at x [N]."""
-    return pad.stiffness * wp.max(-stand_distance(scene, body, x), ZERO)
+    return pad.stiffness * wp.max(-body_table_distance(scene, body, x), ZERO)
 
 
 @wp.func
@@ -213,7 +213,7 @@ def noise_limit(pad: Pad):
 
 @wp.func
 def noise_draw(reading_key: wp.uint64):
-    """The number in (0, 1) that the size of a reading's noise is drawn by."""
+    """The number in (0, 1) from which the size of a reading's noise is drawn."""
     return counter_uniform(counter_key(counter_key(reading_key, 1), 1))
 
 

@@ -1,5 +1,5 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
-"""What one pad makes of a touch: its load, its image, and the first moments of the image."""
+"""The readout of a pad: load, tactile image, and the first moments of the image."""
 
 import warp as wp
 
@@ -52,9 +52,9 @@ def pad_feels(
     scene: Scene, body: int, pad: Pad, hand: Hand, turns: wp.array[vec2], f: FingerPose,
     finger: int, link: int, episode: wp.uint64, reading: wp.uint64, sight: wp.array2d[int]
 ):
-    """Whether some taxel of a pad reads the threshold: as `read_image` would, less work.
+    """Whether a taxel of a pad reads the threshold or more: the same result as by `read_image`.
 
-    Pressed taxels are asked first, those that noise alone may raise only if none of them says so.
+    Pressed taxels are read first, those that noise alone may raise only if none of them feels.
     """
     for block in range(16):
         bits = sight[link, block]
@@ -104,7 +104,7 @@ def read_image(
 ):
     """Read a pad into row `i` of `image`; returns the largest count.
 
-    All taxels are read as if nothing pressed, then those that are pressed anew.
+    All taxels are first read as unloaded, then the pressed ones with their load.
     """
     for taxel in range(_SIDE * _SIDE):
         count = unloaded_count(pad, pad_taxel_key(episode, finger, link, taxel),
@@ -137,8 +137,8 @@ def read_image(
 def image_centroid(image: wp.array3d[wp.uint8], i: int, peak: int, least: real):
     """(row, column) by first moments of the counts from `least` on near the strongest taxel.
 
-    `peak` is the largest count. The window keeps a taxel far off that noise alone has raised from
-    pulling the centroid away.
+    `peak` is the largest count. The window keeps distant taxels that noise alone has raised from
+    shifting the centroid.
     """
     top = int(0)
     while int(image[i, top // _SIDE, top % _SIDE]) != peak:
@@ -163,5 +163,5 @@ def image_centroid(image: wp.array3d[wp.uint8], i: int, peak: int, least: real):
 
 @wp.func
 def felt_above(pad: Pad):
-    """Counts that stand out of the noise once a pad is known to feel."""
+    """The counts that exceed the noise once a pad is known to feel."""
     return pad.threshold * HALF

@@ -19,7 +19,7 @@ from warpgrasp.core.random import counter_key
 from warpgrasp.core.sincos import sine_cosine
 from warpgrasp.geometry.body import Body, distance_to_bodies, scene_of
 from warpgrasp.geometry.scene import Scene
-from warpgrasp.geometry.segment_distance import LINK_SAMPLES, link_nearest, nearest_along
+from warpgrasp.geometry.segment_distance import LINK_SAMPLES, nearest_along, nearest_on_link
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
 from warpgrasp.objects.mesh_import import body_from_mesh
 from warpgrasp.parameters import HandTable, ObjectTable, SensorTable
@@ -111,7 +111,7 @@ def _followed_kernel(
     length: real, enough: real, out: wp.array[real],
 ):
     i = wp.tid() + first
-    out[i] = link_nearest(scene, 0, a[i], u[i], length, guess[i], real(1.0), LINK_SAMPLES,
+    out[i] = nearest_on_link(scene, 0, a[i], u[i], length, guess[i], real(1.0), LINK_SAMPLES,
                           enough).distance
 
 

@@ -9,7 +9,7 @@ from strategies.poses.hand_poses import waypoint_poses
 from strategies.ready_made import STRATEGIES
 from sweeps.episode.episodes import tell_cylinder
 from warpgrasp.closing.closing_record import LinkStep
-from warpgrasp.closing.free_motion import free_from, free_on
+from warpgrasp.closing.free_motion import advance_free, start_free
 from warpgrasp.closing.path_table import path_on_device, path_table
 from warpgrasp.core.dtypes import real, transform
 from warpgrasp.core.kernel_launch import launch
@@ -33,8 +33,9 @@ def _free_kernel(
 ):
     i = wp.tid() + first
     convex = body_is_convex(scene, 0)
-    begin = free_from(scene, 0, convex, hand, base[i], links[0, FINGER, 1, 0].end)
-    out[i] = free_on(scene, 0, convex, hand, base[i], links, 0, FINGER, real(1.0), begin, end).step
+    begin = start_free(scene, 0, convex, hand, base[i], links[0, FINGER, 1, 0].end)
+    out[i] = advance_free(
+        scene, 0, convex, hand, base[i], links, 0, FINGER, real(1.0), begin, end).step
 
 
 @pytest.mark.parametrize("name", ["block", "small_cylinder", "lightbulb"])

@@ -9,8 +9,8 @@ from strategies.procedures.containment import padded_commands
 from strategies.ready_made import STRATEGIES
 from sweeps.episode.episodes import place_objects, tell_cylinder
 from warpgrasp.closing.closing import close_fingers
-from warpgrasp.closing.energy import rest_from
-from warpgrasp.closing.torque_bounds import agree, in_both, torque_after
+from warpgrasp.closing.energy import free_equilibrium
+from warpgrasp.closing.torque_bounds import agree, intersect_balls, torque_bound
 from warpgrasp.core.dtypes import real, vec4
 from warpgrasp.core.kernel_launch import launch
 from warpgrasp.core.random import counter_key
@@ -27,10 +27,10 @@ def _between_kernel(
     centre: wp.array2d[vec4], radius: wp.array2d[real], agreed: wp.array[int],
 ):
     i = wp.tid() + first
-    low = rest_from(q[i, 0])
-    high = rest_from(q[i, 2])
-    after = torque_after(command[i, 0], low, command[i, 1], stiffness)
-    both = in_both(after, torque_after(command[i, 2], high, command[i, 1], stiffness))
+    low = free_equilibrium(q[i, 0])
+    high = free_equilibrium(q[i, 2])
+    after = torque_bound(command[i, 0], low, command[i, 1], stiffness)
+    both = intersect_balls(after, torque_bound(command[i, 2], high, command[i, 1], stiffness))
     centre[i, 0] = after.centre
     radius[i, 0] = after.radius
     centre[i, 1] = both.centre
