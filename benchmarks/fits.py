@@ -29,7 +29,7 @@ from fit.superquadric.descent import begin_starts
 from fit.superquadric.fit import fit_superquadric
 from fit.superquadric.parameter_vector import Form
 from fit.superquadric.record import SuperquadricOptions
-from fit.superquadric.residuals import residuals
+from fit.superquadric.residuals import residual_vector
 
 FORMS = {11: {}, 13: {"taper": True}, 15: {"taper": True, "bend": True}}
 
@@ -66,7 +66,7 @@ def scipy_rate(parameters: int, n: int = 4) -> float:
     lanes, theta = begin_starts(sets, form, options)
     starts = theta.shape[1]
     with jax.enable_x64(True):
-        value = jax.jit(lambda t, lane: residuals(t, lane, form))
+        value = jax.jit(lambda t, lane: residual_vector(t, lane, form))
         at = lambda t, row: np.asarray(value(t, jax.tree.map(lambda x: x[row], lanes)))  # noqa: E731
         at(theta[0, 0], 0)
         begin = time.process_time()

@@ -7,7 +7,7 @@ import pytest
 
 from fit.revolution.geometry import RevolutionBody, revolution_distance
 from fit.revolution.record import RevolutionOptions
-from fit.revolution.residuals import Lane, nearest_of_contour, normal_equations, residuals
+from fit.revolution.residuals import FitData, nearest_of_contour, normal_equations, residuals
 from fit.rotation import matrix_of_quaternion
 
 PLAIN = RevolutionOptions(nodes=6, loss="none")
@@ -18,7 +18,7 @@ FALLING = RevolutionOptions(nodes=9, monotone="falling")
 def test_normal_equations_are_those_of_the_residuals(options: RevolutionOptions) -> None:
     rng = np.random.default_rng(3)
     q = rng.normal(size=4)
-    lane = Lane(rng.normal(size=(3, 40)), rng.random(40),
+    lane = FitData(rng.normal(size=(3, 40)), rng.random(40),
                 matrix_of_quaternion(q / np.linalg.norm(q)), np.float64(0.3),
                 np.array([0.1, 0.2, -0.97, 0.6, 0.5]))
     radii = 0.4 + 0.3 * rng.random(options.nodes)

@@ -1,5 +1,6 @@
 """The batch fit: quality, invariances, bad sets; on small batches."""
 
+import jaxtyping
 import numpy as np
 import pytest
 from quality_bodies import standing_bodies, touches, volume_iou
@@ -206,7 +207,8 @@ def test_a_fit_goes_on_from_a_former_one_and_fits_without_one_are_screened(sets,
         fit_superquadric(points, start=former[:3])
 
 
-def test_wrong_shapes_are_named() -> None:
+def test_wrong_shapes_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
     with pytest.raises(ValueError, match="points: shape"):
         fit_superquadric(np.zeros((3, 2)))
     with pytest.raises(ValueError, match="covariance: shape"):
