@@ -104,14 +104,7 @@ def _solver(residual_fun: Callable, jac_fun: Callable) -> Any:
         warnings.simplefilter("ignore", DeprecationWarning)
         from jaxopt import LevenbergMarquardt
 
-    class Solver(LevenbergMarquardt):
-        """Uses the given Jacobian, which jaxopt ignores when `materialize_jac` is set."""
-
-        def __post_init__(self):
-            super().__post_init__()
-            self._jac_fun = self.jac_fun
-
-    return Solver(
+    solver: Any = LevenbergMarquardt(
         residual_fun,
         jac_fun=jac_fun,
         damping_parameter=DAMPING,
@@ -121,6 +114,8 @@ def _solver(residual_fun: Callable, jac_fun: Callable) -> Any:
         jit=False,
         unroll=False,
     )
+    solver._jac_fun = jac_fun  # jaxopt ignores it where it is to materialize the Jacobian
+    return solver
 
 
 def _blank(solver: Any, theta, lane) -> Any:

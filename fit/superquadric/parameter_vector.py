@@ -79,7 +79,7 @@ def unpack(theta: Float[Array, " parameter"], rotation: Float[Tensor, "3 3"], fo
 
 def by_parameters(
     slopes: Float[Array, "number column"], theta: Float[Array, " parameter"], form: Form
-) -> Float[Array, "parameter column"]:
+) -> Float[Array, "row column"]:
     """Derivatives by theta, from derivatives by the body: the chain rule by hand.
 
     Rows of `slopes`: by the fields of the shape; by rotation of the body about its own axes (3); by

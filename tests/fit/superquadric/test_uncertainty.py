@@ -109,7 +109,8 @@ def test_slopes_at_the_surface_are_how_far_it_moves() -> None:
     for k in range(15):
         step = np.zeros((1, 15))
         step[0, k] = 1e-6
-        ahead, back = (surface_distance(displaced(body, sign * step), surface)[0] for sign in (1, -1))
+        ahead, back = (surface_distance(displaced(body, sign * step), surface)[0]
+                       for sign in (1, -1))
         assert np.allclose(slopes[0, :, k], (ahead - back)[0] / 2e-6, rtol=0, atol=1e-8), k
 
 
