@@ -1,10 +1,8 @@
-"""Records with a row for each world, or each fit: some of their rows, other rows put in, joined.
+"""Row operations on batched records: select, replace and concatenate rows; sums and medians.
 
-A record is an array, or a dataclass or named tuple of records, whose first axis is the world; what
-else it holds (a radius, None) belongs to all worlds alike and stays.
+A record is an array, or a dataclass or named tuple of records, whose first axis is the row (a world
+or a fit). Other values in it (a radius, None) are shared by all rows and kept.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass
@@ -17,19 +15,19 @@ Record = TypeVar("Record")
 
 
 def rows_of(record: Record, rows: Any) -> Record:
-    """The record of the worlds `rows`, an index of the first axis."""
+    """The rows of a record that `rows` indexes."""
     return _of_arrays(lambda array: array[rows], record)
 
 
 def with_rows(record: Record, rows: Any, part: Record) -> Record:
-    """A copy of `record` whose worlds `rows` are those of `part`, in their order."""
+    """A copy of `record` whose `rows` are those of `part`, in order."""
     copied = _of_arrays(np.copy, record)
     put_rows(copied, rows, part)
     return copied
 
 
 def put_rows(record: Record, rows: Any, part: Record) -> None:
-    """Put the worlds of `part` into the arrays of `record`, which nobody else must hold."""
+    """Overwrite `rows` of `record` with those of `part`, in place."""
     def put(array: np.ndarray, values: np.ndarray) -> np.ndarray:
         array[rows] = values
         return array
@@ -38,21 +36,20 @@ def put_rows(record: Record, rows: Any, part: Record) -> None:
 
 
 def joined(records: Sequence[Record]) -> Record:
-    """One record of the worlds of all, in turn; what belongs to all worlds alike is the first's."""
+    """All records concatenated; shared values are those of the first."""
     return _of_arrays(lambda *arrays: np.concatenate(arrays), *records)
 
 
 def row_sums(values: np.ndarray) -> np.ndarray:
-    """Sums of rows (row, value), NaN counting nothing: one value after the other.
+    """Sums of rows (row, value), ignoring NaN, in sequential order.
 
-    NumPy sums in pairs, so that what rows are padded with for a longer one beside them would change
-    the last digit.
+    NumPy's pairwise sums would depend in the last digit on the padding of a row.
     """
     return np.nancumsum(values, axis=1)[:, -1] if values.shape[1] else np.zeros(len(values))
 
 
 def _of_arrays(change: Callable[..., np.ndarray], record: Any, *others: Any) -> Any:
-    """`record` with `change(array, *those of others)` for each of its arrays."""
+    """`record` with each array replaced by `change(array, *arrays of others)`."""
     if isinstance(record, np.ndarray):
         return change(record, *others)
     if isinstance(record, tuple):
@@ -65,7 +62,7 @@ def _of_arrays(change: Callable[..., np.ndarray], record: Any, *others: Any) -> 
 
 
 def row_medians(values: Float[np.ndarray, "row value"]) -> Float[np.ndarray, " row"]:
-    """Median of each row's values that are not NaN; NaN where there are none."""
+    """Median of each row, ignoring NaN; NaN for a row of NaN only."""
     ordered = np.sort(values, axis=1)
     count = values.shape[1] - np.isnan(ordered).sum(axis=1)
     row, low, high = np.arange(len(values)), (count - 1) // 2, count // 2
@@ -73,9 +70,6 @@ def row_medians(values: Float[np.ndarray, "row value"]) -> Float[np.ndarray, " r
     return np.where(low == high, middle, (middle + ordered[row, np.minimum(high, count - 1)]) / 2)
 
 
-FARTHEST_M = 1e12
-
-
-def plausible(values: np.ndarray) -> np.ndarray:
-    """Which lengths [m], or covariances [m^2], are neither NaN nor beyond `FARTHEST_M`."""
-    return np.abs(values) <= FARTHEST_M
+def is_valid(values: np.ndarray) -> np.ndarray:
+    """Whether each length [m] or covariance [m^2] is a number of magnitude up to 1e12."""
+    return np.abs(values) <= 1e12

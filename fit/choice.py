@@ -1,18 +1,16 @@
-"""Which kind of shape a set of touches supports: superquadrics, a polyhedron, or a revolution.
+"""Model selection for a set of touches: superquadrics, a polyhedron, or a surface of revolution.
 
-By the Bayesian information criterion (Schwarz 1978), n log(mean square distance) + k log n, with n
-the number of *different* places touched: a place touched twice does not speak twice.
+Uses the Bayesian information criterion (Schwarz 1978), n log(mean square distance) + k log n, with
+k parameters and n *different* places touched: repeated touches of one place add no evidence.
 """
-
-from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from fit.arrays import plausible, row_sums
-from fit.fit_status import FitStatus
+from fit.arrays import is_valid, row_sums
+from fit.fit_status import is_fitted
 from fit.polyhedron import PolyhedronFit, fit_polyhedron
 from fit.revolution.fit import fit_revolution
 from fit.revolution.record import RevolutionFit, RevolutionOptions
@@ -20,21 +18,21 @@ from fit.superquadric.fit import fit_superquadric
 from fit.superquadric.record import SuperquadricFit, SuperquadricOptions
 
 MODELS = ("superquadric", "tapered", "bent", "polyhedron", "revolution")
-"""Columns of a choice, the simplest first."""
+"""Columns of a choice, simplest first."""
 
 
 @dataclass(frozen=True)
 class ShapeChoice:
-    """The supported kind of shape of each set, with all the fits it was chosen from."""
+    """The chosen model of each set, with the fits of all models."""
 
     model: Int[np.ndarray, " fit"]
-    """Index into `MODELS`; -1 where no model could be fitted."""
+    """Index into `MODELS`; -1 if no model could be fitted."""
     criterion: Float[np.ndarray, "fit model"]
-    """Information criterion, less is better; infinite where a model could not be fitted."""
+    """Information criterion, less is better; infinite if a model could not be fitted."""
     probability: Float[np.ndarray, "fit model"]
-    """Posterior probability of each model, all alike beforehand; zeros where none was fitted."""
+    """Posterior probability under a uniform prior; zeros if no model was fitted."""
     places: Int[np.ndarray, " fit"]
-    """Different places touched."""
+    """Number of different places touched."""
     superquadric: SuperquadricFit
     tapered: SuperquadricFit
     bent: SuperquadricFit
@@ -42,7 +40,7 @@ class ShapeChoice:
     revolution: RevolutionFit
 
     def names(self) -> list[str]:
-        """Chosen model of each set; `none` where there is none."""
+        """Name of the chosen model of each set, or `none`."""
         return [MODELS[k] if k >= 0 else "none" for k in self.model]
 
 
@@ -56,33 +54,33 @@ def choose_shape(
     options: SuperquadricOptions | None = None,
     revolution: RevolutionOptions | None = None,
 ) -> ShapeChoice:
-    """The kind of shape each set of touches [m] supports.
+    """Choose a model for each set of touches [m].
 
-    `noise_m` is the least noise a touch can have (no model is rewarded for less); touches nearer
+    `noise_m` is the noise of a touch; no model is rewarded for smaller residuals. Touches closer
     than `same_place_m` count once. Raises ValueError for an array of the wrong shape.
     """
     points = np.asarray(points, float)
     mask = np.ones(points.shape[:2], bool) if mask is None else np.asarray(mask, bool)
     base = options or SuperquadricOptions()
     forms = ((False, False), (True, False), (True, True))
-    # One residual for all, or their distances could not be compared.
+    # One residual for all models, so that their distances are comparable.
     fits = [fit_superquadric(points, mask, table_z=table_z, options=replace(
         base, taper=taper, bend=bend, residual="volume_distance")) for taper, bend in forms]
     round_body = fit_revolution(points, mask, table_z=table_z, options=revolution)
     faces = fit_polyhedron(points, mask, fits[0])
     places = count_places(points, mask, same_place_m)
 
-    good = np.isin(fits[0].status, (FitStatus.converged, FitStatus.not_converged))
+    good = is_fitted(fits[0].status)
     n_points = np.maximum(fits[0].n_points, 1)
     flat = np.sqrt(row_sums(faces.distance_m**2) / n_points)
     rms = np.stack([*(fit.rms_m for fit in fits), flat, round_body.rms_m], axis=1)
     contour = round_body.radius_m.shape[1] + 6
     parameters = np.tile([11, 13, 15, 0, contour], (len(points), 1))
-    # Three numbers a plane, and which face a touch lies on is no free choice: the outermost.
+    # Three per plane; the assignment of a touch to a face (the outermost) is not a parameter.
     parameters[:, 3] = 3 * faces.used.sum(axis=1)
     n = np.maximum(places, 1)[:, None]
     criterion = n * np.log(rms**2 + noise_m**2) + parameters * np.log(n)
-    # As many parameters as places explain nothing.
+    # A model needs fewer parameters than places.
     criterion = np.where(good[:, None] & (parameters < n), criterion, np.inf)
     some = np.isfinite(criterion).any(axis=1)
     best = np.where(some, np.argmin(criterion, axis=1), -1)
@@ -95,12 +93,12 @@ def choose_shape(
 
 
 def count_places(points, mask, same_place_m: float) -> Int[np.ndarray, " fit"]:
-    """Different places touched: touches at least that far apart, all others nearer to one of them.
+    """Number of different places touched: a greedy cover by touches at least that far apart.
 
-    In the order of their coordinates, so that neither the order they came in nor where the origin
-    lies changes a place.
+    Touches are taken in the order of their coordinates, so that neither the input order nor the
+    origin matters.
     """
-    kept = mask & plausible(points).all(axis=2)
+    kept = mask & is_valid(points).all(axis=2)
     return np.array([_count(p[k], same_place_m) for p, k in zip(points, kept, strict=True)], int)
 
 

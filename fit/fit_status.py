@@ -1,39 +1,43 @@
-"""What became of one fit: a status instead of an exception, so one bad set never stops a batch."""
-
-from __future__ import annotations
+"""Status codes and option words of fits. A bad set of points gets a status, not an exception."""
 
 from enum import IntEnum
 from typing import Any, Literal, get_args
 
+import numpy as np
+from jaxtyping import Bool
+
 LEAST_FALL = 1e-12
-"""A fit has converged when a round of iterations lowers its cost by less than this share, if not
-told otherwise."""
+"""Default tolerance: a fit has converged when a round of iterations lowers its cost by less than
+this fraction."""
 
 
 class FitStatus(IntEnum):
-    """Outcome of one fit. `converged` is the only one whose parameters are an optimum, as near as
-    `LEAST_FALL`, or the share given in its place, says."""
+    """Outcome of one fit; only `converged` means an optimum, within the tolerance of the fit."""
 
     converged = 0
     """The cost no longer falls."""
     not_converged = 1
-    """The iterations were spent first; the parameters are usable and finite."""
+    """The iteration limit was reached first; the parameters are finite and usable."""
     too_few_points = 2
-    """Fewer points than the shape needs; the output is the bounding box of what there is."""
+    """Fewer points than the shape needs; the result is their bounding box."""
     degenerate_point = 3
     """All points coincide."""
     degenerate_line = 4
     """All points lie on a line."""
     degenerate_plane = 5
-    """All points lie in a plane, where a solid has no thickness to be known."""
+    """All points lie in a plane, so the thickness of a solid is unknown."""
     bad_points = 6
-    """A point that the mask keeps (or its evidence) is NaN, infinite or beyond 1e12 m, or has a
-    negative variance."""
+    """An unmasked point or its evidence is NaN or beyond 1e12 m, or a variance is negative."""
 
 
 def status_names(status) -> list[str]:
-    """Names of an array of status codes, shape [fit], as they are written to files."""
+    """Names of status codes, shape [fit], as written to files."""
     return [FitStatus(int(code)).name for code in status]
+
+
+def is_fitted(status) -> Bool[np.ndarray, " fit"]:
+    """Whether each status leaves usable parameters: converged, or out of iterations."""
+    return np.isin(status, (FitStatus.converged, FitStatus.not_converged))
 
 
 Kind = Literal["solina", "solina_box", "radial", "distance", "volume_distance"]
@@ -42,7 +46,7 @@ Monotone = Literal["none", "falling", "rising"]
 
 
 def check_word(name: str, word: str, words: Any) -> None:
-    """Raises ValueError with what the option may be where `word` is none of the Literal `words`."""
+    """Raise ValueError, naming the choices, if `word` is not one of the Literal `words`."""
     known = get_args(words)
     if word not in known:
         raise ValueError(f"{name}: {word!r}, should be one of {', '.join(known)}")

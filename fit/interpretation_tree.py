@@ -1,13 +1,11 @@
 """Recognition by faces: the interpretation tree of Grimson and Lozano-Perez (1984, 1987).
 
-Touched faces (a point and an outward normal each) are assigned to the faces of a model one by one.
-A branch dies as soon as a pair of assignments breaks one of three constraints: the angle between
-normals, the range of distances between points, the range of the components of their separation
-along the normals. What survives gives a pose, and the pose is verified: every touch must lie
-inside the bounds of its face.
+Touches (a point and an outward normal each) are assigned to the faces of a model one by one. A
+branch is pruned when a pair of assignments violates one of three constraints: the angle between
+normals, the range of distances between points, or the range of the components of their separation
+along the normals. Each remaining assignment gives a pose, which is verified: every touch must lie
+within the bounds of its face.
 """
-
-from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,7 +18,7 @@ from fit.rotation import quaternion_of_matrix
 
 @dataclass(frozen=True)
 class FaceModel:
-    """A polyhedron by its faces."""
+    """A polyhedron, given by its faces."""
 
     name: str
     faces: tuple[Float[np.ndarray, "corner 3"], ...]
@@ -28,16 +26,16 @@ class FaceModel:
 
     @cached_property
     def normals(self) -> Float[np.ndarray, "face 3"]:
-        """Outward unit normals (Newell's sum, which any corner order of a plane face suits)."""
+        """Outward unit normals, by Newell's method."""
         sums = [np.cross(c, np.roll(c, -1, axis=0)).sum(axis=0) for c in self.faces]
         return np.array([s / np.linalg.norm(s) for s in sums])
 
     @cached_property
     def distance_range(self) -> Float[np.ndarray, "face face 2"]:
-        """Least and greatest distance [m] between points of two faces, from corners and centres.
+        """Bounds [m] of the distance between points of two faces.
 
-        The greatest lies at corners. The least is bounded below by the separation along the
-        normals and along the line of centres, each exact for convex faces as a lower bound.
+        The greatest distance is that of two corners. The least is bounded below by the separation
+        along the normals and along the line of centres.
         """
         n = len(self.faces)
         table = np.zeros((n, n, 2))
@@ -55,7 +53,7 @@ class FaceModel:
 
     @cached_property
     def component_range(self) -> Float[np.ndarray, "face face 2"]:
-        """Range [m] of (q - p).n_i over points p of face i and q of face j: exact, at corners."""
+        """Range [m] of (q - p).n_i over points p of face i and q of face j, attained at corners."""
         along = [[(b[None] - a[:, None]) @ self.normals[i] for b in self.faces]
                  for i, a in enumerate(self.faces)]
         return np.array([[[x.min(), x.max()] for x in row] for row in along])
@@ -63,16 +61,16 @@ class FaceModel:
 
 @dataclass(frozen=True)
 class Interpretation:
-    """One verified way to see touched faces as faces of a model."""
+    """One verified assignment of touches to faces of a model."""
 
     model: str
     assignment: tuple[int, ...]
-    """Model face of each touched face."""
+    """Model face of each touch."""
     quaternion_xyzw: Float[np.ndarray, " 4"]
-    """Turn from model to world."""
+    """Rotation from model to world."""
     position_m: Float[np.ndarray, " 3"]
     rms_m: float
-    """Root mean square distance of the touches to the planes of their faces."""
+    """Root mean square distance of the touches to the planes of their faces [m]."""
 
 
 def interpret(
@@ -84,11 +82,11 @@ def interpret(
     distance_m: float = 4e-3,
     most: int = 100,
 ) -> list[Interpretation]:
-    """Interpretations of touches [m] with outward normals, the best first; none: not this model.
+    """Interpretations of touches [m] with outward normals, best first; empty if none is possible.
 
-    `angle_rad` and `distance_m` are the most a normal and a point may err. At most `most`
-    interpretations are verified; symmetric bodies have several of equal worth. Raises ValueError
-    for arrays of the wrong shape.
+    `angle_rad` and `distance_m` bound the errors of a normal and a point. At most `most`
+    assignments are verified; symmetric bodies have several equivalent ones. Raises ValueError for
+    arrays of the wrong shape.
     """
     points, normals = np.asarray(points, float), np.asarray(normals, float)
     if points.ndim != 2 or points.shape[1] != 3 or normals.shape != points.shape:
@@ -99,7 +97,7 @@ def interpret(
     for touch in range(len(points)):
         branches = [(*branch, face) for branch in branches for face in range(len(model.faces))
                     if all(compatible[k, touch, branch[k], face] for k in range(touch))]
-        # The breadth is bounded: the last levels prune fastest, and a cube has 24 equal answers.
+        # Bound the breadth; the last levels prune most, and a cube has 24 equivalent answers.
         branches = branches[: 50 * most]
     found = [_verified(points, normals, model, branch, angle_rad, distance_m)
              for branch in branches[:most]]
@@ -107,7 +105,7 @@ def interpret(
 
 
 def _compatible(points, normals, model, angle_rad, distance_m) -> np.ndarray:
-    """Whether two touches may lie on two faces, shape [touch, touch, face, face]."""
+    """Whether pairs of touches may lie on pairs of faces, shape [touch, touch, face, face]."""
     turn = np.arccos(np.clip(normals @ normals.T, -1, 1))[:, :, None, None]
     true = np.arccos(np.clip(model.normals @ model.normals.T, -1, 1))
     fits = np.abs(turn - true) <= 2 * angle_rad
@@ -115,7 +113,7 @@ def _compatible(points, normals, model, angle_rad, distance_m) -> np.ndarray:
     length = np.linalg.norm(apart, axis=2)[:, :, None, None]
     low, high = np.moveaxis(model.distance_range, 2, 0)
     fits &= (length >= low - 2 * distance_m) & (length <= high + 2 * distance_m)
-    # A normal that errs by an angle errs the component by as much of the distance.
+    # An error of a normal changes the component in proportion to the distance.
     slack = 2 * distance_m + length * np.sin(angle_rad)
     low, high = np.moveaxis(model.component_range, 2, 0)
     along = np.einsum("abi,ai->ab", apart, normals)[:, :, None, None]
@@ -125,18 +123,18 @@ def _compatible(points, normals, model, angle_rad, distance_m) -> np.ndarray:
 
 
 def _verified(points, normals, model, assignment, angle_rad, distance_m) -> Interpretation | None:
-    """The pose of an assignment, if there is one and every touch lies inside its face."""
+    """The pose of an assignment if every touch lies inside its face, else None."""
     faces: Int[np.ndarray, " touch"] = np.array(assignment)
     true = model.normals[faces]
     u, values, vt = np.linalg.svd(normals.T @ true)
     if values[1] < 1e-6:
-        return None  # all normals alike: the turn about them is free
+        return None  # parallel normals: the rotation about them is undetermined
     rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
     turned = true @ rotation.T
     if (np.einsum("ti,ti->t", turned, normals) < np.cos(angle_rad)).any():
         return None
     offset = np.array([model.faces[f][0] @ model.normals[f] for f in faces])
-    # n.(x - t) = offset, least squares for t; what no plane fixes is fixed by the faces' centres.
+    # Least squares for t in n.(x - t) = offset; the faces' centres fix undetermined components.
     centre = np.array([model.faces[f].mean(axis=0) for f in faces]) @ rotation.T
     weak = 1e-3
     matrix = np.concatenate([turned, weak * np.tile(np.eye(3), (len(faces), 1))])

@@ -1,34 +1,31 @@
-"""Recognition against a catalogue: by parameters with their covariance, and by radius profile.
+"""Recognition against a catalogue by parameters with their covariance, or by radius profile.
 
-Every entry is compared as a probability density at what was recovered, beside a broad background
-that stands for objects nobody listed: "none of these" is one of the answers. By faces, see
-`interpretation_tree`.
+Each entry gives a probability density at the recovered shape. A broad background density stands for
+unlisted objects: "none of these" is one of the answers. For polyhedra see `interpretation_tree`.
 """
-
-from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
-from fit.revolution.fit import usable
+from fit.fit_status import is_fitted
 from fit.revolution.record import RevolutionFit
 from fit.superquadric.geometry import SuperquadricLike
 
 NONE = "none of these"
 PARAMETERS = (0, 1, 2, 3, 4, 11, 12)
-"""Tangent coordinates that say what a body is, not where: log sizes, exponents, tapers."""
+"""Tangent coordinates of shape rather than pose: log sizes, exponents, tapers."""
 MODEL_STD = np.array([0.06, 0.06, 0.06, 0.15, 0.15, 0.15, 0.15])
-"""How far a recovered shape may be from its entry when the touches are perfect: a real object is
-no superquadric, and two fits of it differ by what was touched."""
+"""Standard deviations of a shape recovered from perfect touches: a real object is no superquadric,
+and its fit depends on where it was touched."""
 BACKGROUND_STD = np.array([0.7, 0.7, 0.7, 0.6, 0.6, 0.5, 0.5])
-"""Spread of objects at large, about the middle of the catalogue."""
+"""Standard deviations of unlisted objects about the mean of the catalogue."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One object of a catalogue; a recovered model may serve as an entry too."""
+    """One object of a catalogue."""
 
     name: str
     size_m: tuple[float, float, float]
@@ -39,7 +36,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class ProfileEntry:
-    """One object of revolution: its contour from the lower end up."""
+    """One object of revolution: its contour [m] from the lower end up."""
 
     name: str
     height_m: tuple[float, ...]
@@ -48,12 +45,12 @@ class ProfileEntry:
 
 @dataclass(frozen=True)
 class Candidate:
-    """One answer."""
+    """One answer, with its posterior probability."""
 
     name: str
     probability: float
     distance: float
-    """Mahalanobis distance of the entry from what was recovered."""
+    """Mahalanobis distance between the entry and the recovered shape."""
 
 
 def entry_of_fit(name: str, fit: SuperquadricLike, row: int = 0) -> Entry:
@@ -71,23 +68,23 @@ def recognize_parameters(
     *,
     none_prior: float = 0.1,
 ) -> list[list[Candidate]]:
-    """Ranked candidates of each fit, "none of these" among them; probabilities sum to one.
+    """Ranked candidates of each fit, including "none of these"; probabilities sum to one.
 
-    `covariance` is that of `superquadric_uncertainty`. A superquadric can be written in several
-    ways (x and y exchanged, the taper upside down, any axis as z where the exponents agree): each
-    entry is compared in the way that suits it best. Raises ValueError for an empty catalogue.
+    `covariance` is that of `superquadric_uncertainty`. A superquadric has several equivalent
+    parameter vectors (x and y exchanged, z reversed, any axis as z if the exponents agree); the
+    nearest one of each entry counts. Raises ValueError for an empty catalogue.
     """
     if not catalogue:
         raise ValueError("catalogue: empty; list at least one Entry")
     pick = np.array(PARAMETERS)
     cov = covariance[:, pick[:, None], pick]
     here = np.concatenate([np.log(np.maximum(fit.size_m, 1e-9)), fit.exponents, fit.taper], axis=1)
-    ways = [_ways(entry) for entry in catalogue]
-    centre = np.concatenate(ways).mean(axis=0)
+    vectors = [_equivalent_vectors(entry) for entry in catalogue]
+    centre = np.concatenate(vectors).mean(axis=0)
     answers = []
     for x, c in zip(here, cov, strict=True):
         near, broad = c + np.diag(MODEL_STD**2), c + np.diag(BACKGROUND_STD**2)
-        square = np.array([min(_square(x - way, near) for way in entry) for entry in ways])
+        square = np.array([min(_square(x - vector, near) for vector in entry) for entry in vectors])
         log = -0.5 * square - 0.5 * np.linalg.slogdet(near)[1] + np.log((1 - none_prior)
                                                                         / len(catalogue))
         none = _square(x - centre, broad)
@@ -104,16 +101,16 @@ def recognize_profile(
     model_std_m: float = 2e-3,
     none_prior: float = 0.1,
 ) -> list[list[Candidate]]:
-    """Ranked candidates of each surface of revolution by contour, height and (so) volume.
+    """Ranked candidates of each surface of revolution, by contour and height.
 
-    Radii are compared at the fit's own nodes; neighbours on a smooth contour err together, which
-    counts as every other node being known. Raises ValueError for an empty catalogue.
+    Radii are compared at the nodes of the fit. Errors of neighbouring nodes are correlated, so
+    each node counts half. Raises ValueError for an empty catalogue.
     """
     if not catalogue:
         raise ValueError("catalogue: empty; list at least one ProfileEntry")
     share = np.linspace(0.0, 1.0, fit.radius_m.shape[1])
     answers = []
-    for row, good in enumerate(usable(fit)):
+    for row, good in enumerate(is_fitted(fit.status)):
         radius, height = fit.radius_m[row], fit.height_m[row]
         std = np.hypot(fit.radius_std_m[row], model_std_m)
         tall = max(0.03 * height, 2 * model_std_m)
@@ -139,16 +136,16 @@ def recognize_profile(
     return answers
 
 
-def _ways(entry: Entry) -> np.ndarray:
-    """The parameter vectors that all describe the entry's body, shape [way, 7]."""
+def _equivalent_vectors(entry: Entry) -> np.ndarray:
+    """Equivalent parameter vectors of the entry's body, shape [vector, 7]."""
     (a1, a2, a3), (e1, e2), (kx, ky) = entry.size_m, entry.exponents, entry.taper
-    ways = []
+    vectors = []
     for s in (1.0, -1.0):
-        ways += [(a1, a2, a3, e1, e2, s * kx, s * ky), (a2, a1, a3, e1, e2, s * ky, s * kx)]
+        vectors += [(a1, a2, a3, e1, e2, s * kx, s * ky), (a2, a1, a3, e1, e2, s * ky, s * kx)]
     if abs(e1 - e2) < 0.1 and kx == ky == 0:
-        ways += [(a2, a3, a1, e1, e2, 0, 0), (a3, a2, a1, e1, e2, 0, 0),
+        vectors += [(a2, a3, a1, e1, e2, 0, 0), (a3, a2, a1, e1, e2, 0, 0),
                  (a1, a3, a2, e1, e2, 0, 0), (a3, a1, a2, e1, e2, 0, 0)]
-    table = np.array(ways, float)
+    table = np.array(vectors, float)
     table[:, :3] = np.log(table[:, :3])
     return table
 

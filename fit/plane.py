@@ -1,12 +1,10 @@
 """Planes from touches, in batch: robust total least squares, with extents and covariance.
 
-A plane of each set, and the faces of one object together when the angles between them are known.
-Orthogonal regression has a closed form, the last eigenvector of the scatter; touches that are not
-on the plane are found by a search over triples of points (least trimmed squares, Rousseeuw 1984),
-then weighed down by Tukey's biweight.
+`fit_plane` fits one plane per set; `fit_faces` fits the faces of an object with known angles.
+Orthogonal regression has a closed form, the eigenvector of the scatter with the least eigenvalue.
+Outliers are found by a search over triples of points (least trimmed squares, Rousseeuw 1984), then
+weighted by Tukey's biweight.
 """
-
-from __future__ import annotations
 
 from dataclasses import dataclass
 
@@ -16,48 +14,47 @@ from jaxtyping import Bool, Float, Int
 from fit.arrays import row_sums
 from fit.fit_status import FitStatus
 from fit.prepare import Sets, prepare
-from fit.rotation import quaternion_of_matrix
+from fit.rotation import is_upward, quaternion_of_matrix
 
 TRIPLES = 96
-"""Candidate planes a set: with 40 % off the plane, all miss with probability 2e-11."""
+"""Candidate planes per set: with 40 % outliers, all fail with probability 2e-11."""
 SLIVER = 0.1
-"""A triangle that is so much thinner than another is a sliver."""
+"""A triangle is a sliver if its relative width is below this fraction of the widest."""
 NARROW = 0.05
-"""Touches near a plane that are so much narrower than those near another lie along a line."""
+"""Touches near a plane lie along a line if narrower than this fraction of the widest."""
 TUKEY = 4.685
-"""Deviations at which a touch loses all weight: 95 % efficiency on Gaussian residuals."""
+"""Standard deviations at which the weight is zero: 95 % efficiency on Gaussian residuals."""
 ROUNDS = 25
 SETTLED = 1e-8
-"""Weights that change by no more in a round stay."""
+"""Largest change of the weights in a round at convergence."""
 PARALLEL_RAD = 0.01
-"""Faces whose normals differ by no more are parallel, about."""
+"""Faces whose normals differ by less count as parallel [rad], roughly."""
 
 
 @dataclass(frozen=True)
 class PlaneFit:
-    """Planes n.x = offset, a row each; every field is finite whatever the status."""
+    """Planes n.x = offset, one per row; every field is finite for any status."""
 
     normal: Float[np.ndarray, "fit 3"]
-    """Unit normal; its first component beyond rounding, counted from z, is positive."""
+    """Unit normal with a positive z (else y, else x)."""
     offset_m: Float[np.ndarray, " fit"]
     """Distance from the origin along the normal [m]."""
     centre_m: Float[np.ndarray, "fit 3"]
     """Middle of the touches on the plane [m]."""
     axes: Float[np.ndarray, "fit 2 3"]
-    """Directions u, v in the plane; u is where the touches reach furthest."""
+    """Directions u, v in the plane; u has the largest scatter."""
     extent_m: Float[np.ndarray, "fit 2"]
     """Full extent of the touches on the plane along u and v [m]."""
     rms_m: Float[np.ndarray, " fit"]
     """Weighted root mean square distance [m]."""
     covariance: Float[np.ndarray, "fit 3 3"]
-    """Of the turn about u [rad], the turn about v [rad], and the shift along the normal at the
-    centre [m]."""
+    """Of rotation about u and v [rad], and displacement along the normal at the centre [m]."""
     weight: Float[np.ndarray, "fit point"]
-    """Weight of each touch, 0 (off the plane, or masked) to 1."""
+    """Weight of each touch, from 0 (outlier or masked) to 1."""
     status: Int[np.ndarray, " fit"]
     """`FitStatus` of each fit."""
     n_points: Int[np.ndarray, " fit"]
-    """Points that took part."""
+    """Number of points used."""
 
 
 def fit_plane(
@@ -66,9 +63,9 @@ def fit_plane(
     *,
     robust: bool = True,
 ) -> PlaneFit:
-    """A plane of each set of points [m], shapes [fit, point, 3] and [fit, point].
+    """Fit a plane to each set of at least three points [m]; without `robust`, all weights are 1.
 
-    Three points at least. Raises ValueError for an array of the wrong shape, nothing else.
+    Raises ValueError for an array of the wrong shape; any other problem of a set is its status.
     """
     sets = prepare(points, mask, least_points=3, solid=False)
     n, width = np.shape(points)[:2]
@@ -95,23 +92,22 @@ def fit_plane(
 
 
 def _weights(sets: Sets, robust: bool) -> np.ndarray:
-    """Weight of each touch at the fixed point of reweighted total least squares."""
+    """Weights at the fixed point of iteratively reweighted total least squares."""
     if not robust:
         return sets.mask.astype(float)
     normal, offset = _best_triple(sets)
     weight = np.zeros(sets.mask.shape)
-    left = np.arange(len(weight))
+    active = np.arange(len(weight))
     for _ in range(ROUNDS):
-        points, mask = sets.points[left], sets.mask[left]
+        points, mask = sets.points[active], sets.mask[active]
         away = np.abs(np.einsum("fpi,fi->fp", points, normal) - offset[:, None])
-        # At half weight for the lower half: the median of touches that need not all be on it.
         typical = 1.4826 * _masked_median(away, mask)
         scale = np.maximum(TUKEY * typical, 1e-9)
         new = np.where(mask, np.maximum(1 - (away / scale[:, None]) ** 2, 0.0) ** 2, 0.0)
-        moves = np.abs(new - weight[left]).max(axis=1) > SETTLED
-        weight[left] = new
-        left = left[moves]
-        if len(left) == 0:
+        moves = np.abs(new - weight[active]).max(axis=1) > SETTLED
+        weight[active] = new
+        active = active[moves]
+        if len(active) == 0:
             break
         mean, axes, _ = _scatter(points[moves], new[moves])
         normal = axes[:, :, 0]
@@ -120,7 +116,7 @@ def _weights(sets: Sets, robust: bool) -> np.ndarray:
 
 
 def _best_triple(sets: Sets) -> tuple[np.ndarray, np.ndarray]:
-    """Normal and offset of the plane through three touches that has the least trimmed distances."""
+    """Normal and offset of the plane through three touches with the least trimmed squares."""
     pick = np.random.default_rng(3).random((TRIPLES, 3))
     count = sets.count[:, None, None]
     index = np.minimum((pick * count).astype(int), count - 1)
@@ -133,9 +129,8 @@ def _best_triple(sets: Sets) -> tuple[np.ndarray, np.ndarray]:
     ordered = np.sort(np.where(sets.mask[:, None], square, np.inf), axis=2)
     half = np.arange(ordered.shape[2]) < (sets.count // 2 + 1)[:, None]
     trimmed = np.where(half[:, None], ordered, 0.0).sum(axis=2)
-    # A sliver of a triangle says nothing, nor do touches along a line, through which any plane
-    # goes; the widest serves if there are only such. Each by its own shape: beside a triangle
-    # through touches far off the face all others would be small.
+    # Exclude slivers, and planes whose nearest touches lie along a line, unless all are such. The
+    # width is relative to the triangle's size, since one with an outlier is far larger than others.
     edges = np.linalg.norm(corners - np.roll(corners, 1, axis=2), axis=3).max(axis=2)
     width = length / np.maximum(edges, 1e-150) ** 2
     sliver = width < SLIVER * width.max(axis=1, keepdims=True)
@@ -148,11 +143,11 @@ def _best_triple(sets: Sets) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _width(points: np.ndarray, near: np.ndarray) -> np.ndarray:
-    """Variance across the line along which touches lie that are near a plane, by that along it.
+    """Ratio of the second to the first principal variance of the touches near each plane.
 
-    `points` (fit, point, 3), those `near` a plane (fit, plane, point); shape (fit, plane). Of three
-    variances, one of them nearly zero, the second by the first is the sum of their products over
-    their sum squared, and at most four times too small.
+    Shapes: `points` [fit, point, 3], `near` [fit, plane, point], result [fit, plane]. With one
+    variance nearly zero, the sum of their products over the square of their sum is that ratio, up
+    to a factor of four.
     """
     first, second = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
     centred = points - points.mean(axis=1, keepdims=True)
@@ -190,7 +185,7 @@ def _describe(sets: Sets, weight: np.ndarray) -> dict[str, np.ndarray]:
     bow = (root * (5 * root - 4)).sum(axis=1) / count
     noise = (psi**2).sum(axis=1) / np.maximum(count - 3, 1) / np.maximum(bow, 0.1) ** 2
     share = np.maximum(total, 1e-300) / count
-    # A turn about u tips the plane along v, and the other way round.
+    # Rotation about u is determined by the scatter along v, and conversely.
     tips = noise[:, None] * share[:, None] / np.maximum(values[:, [1, 2]], 1e-300)
     shift = noise / count
     scale = sets.scale
@@ -210,11 +205,8 @@ def _describe(sets: Sets, weight: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _positive(direction: np.ndarray) -> np.ndarray:
-    """The direction or its opposite, by the sign of z, else y, else x."""
-    clear = np.abs(direction) > 1e-9
-    last = np.where(clear[:, 2], 2, np.where(clear[:, 1], 1, 0))
-    value = np.take_along_axis(direction, last[:, None], axis=1)
-    return direction * np.where(value < 0, -1.0, 1.0)
+    """The direction or its opposite, with a positive z (else y, else x)."""
+    return direction * np.where(is_upward(direction), 1.0, -1.0)
 
 
 def _reach(coordinate: np.ndarray, on: np.ndarray) -> np.ndarray:
@@ -231,10 +223,10 @@ def _masked_median(values: np.ndarray, mask: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class FacesFit:
-    """The faces of one object each, fitted with the angles between them held fixed."""
+    """Faces of objects, one object per row, with the angles between its faces held fixed."""
 
     quaternion_xyzw: Float[np.ndarray, "fit 4"]
-    """Turn from the given normals to the fitted ones."""
+    """Rotation from the given normals to the fitted ones."""
     normal: Float[np.ndarray, "fit face 3"]
     offset_m: Float[np.ndarray, "fit face"]
     rms_m: Float[np.ndarray, "fit face"]
@@ -246,12 +238,12 @@ def fit_faces(
     mask: Bool[np.ndarray, "fit face point"] | None,
     normals: Float[np.ndarray, "face 3"],
 ) -> FacesFit:
-    """One turn of the known `normals` [face, 3] that suits the touches of all faces at once.
+    """Fit one rotation of the known `normals` to the touches [m] of all faces of each object.
 
-    Each face is first fitted alone, robustly; then the turn that best takes the known normals to
-    the found ones (Kabsch) is refined by Gauss-Newton on the distances, sum n_k.S_k n_k. Two faces
-    that are not parallel are needed, else the status is `too_few_points`. Raises ValueError for an
-    array of the wrong shape.
+    Each face is fitted alone, robustly. The rotation that best aligns the known normals with the
+    fitted ones (Kabsch) is refined by Gauss-Newton on the squared distances, sum n_k.S_k n_k.
+    Without two faces that are not parallel the status is `too_few_points`. Raises ValueError for
+    an array of the wrong shape.
     """
     points, normals = np.asarray(points, float), np.asarray(normals, float)
     if points.ndim != 4 or normals.shape != (points.shape[1], 3):
@@ -268,7 +260,7 @@ def fit_faces(
     spread = safe - mean[:, :, None]
     scatter = np.einsum("fkp,fkpi,fkpj->fkij", weight, spread, spread)
     found = alone.normal.reshape(n, faces, 3)
-    turn = _turn_to_lines(normals, found, good)
+    turn = _align(normals, found, good)
     for _ in range(20):
         now = np.einsum("fij,kj->fki", turn, normals)
         pull = np.einsum("fkij,fkj->fki", scatter, now)
@@ -277,7 +269,7 @@ def fit_faces(
         hessian = np.einsum("fkji,fkjl,fklm->fim", arms, scatter, arms)
         damped = hessian + 1e-9 * np.trace(hessian, axis1=1, axis2=2)[:, None, None] * np.eye(3)
         step = -np.linalg.solve(damped + 1e-300 * np.eye(3), gradient[..., None])[..., 0]
-        turn = _turn_of(np.clip(step, -0.3, 0.3)) @ turn
+        turn = _cayley(np.clip(step, -0.3, 0.3)) @ turn
     now = np.einsum("fij,kj->fki", turn, normals)
     square = np.einsum("fki,fkij,fkj->fk", now, scatter, now) / total
     directions = np.linalg.matrix_rank(normals * good[..., None], tol=PARALLEL_RAD)
@@ -286,8 +278,8 @@ def fit_faces(
                     np.sqrt(np.maximum(square, 0.0)), status)
 
 
-def _turn_to_lines(normals, found, good) -> np.ndarray:
-    """The proper turn that best takes normals to found *lines*, whose signs are not known."""
+def _align(normals, found, good) -> np.ndarray:
+    """Rotation that best aligns normals with fitted ones, whose signs are unknown."""
     n, faces = good.shape
     signs = np.array(np.meshgrid(*[[1.0, -1.0]] * faces)).reshape(faces, -1).T
     signed = signs[None, :, :, None] * (found * good[..., None])[:, None]
@@ -305,8 +297,8 @@ def _skew(v: np.ndarray) -> np.ndarray:
     return np.stack([np.stack(r, -1) for r in ((o, -z, y), (z, o, -x), (-y, x, o))], axis=-2)
 
 
-def _turn_of(w: np.ndarray) -> np.ndarray:
-    """Cayley's rotation of the small vectors w [rad]."""
+def _cayley(w: np.ndarray) -> np.ndarray:
+    """Cayley rotations of small vectors w [rad]."""
     skew = _skew(0.5 * w)
     square = (0.25 * (w**2).sum(axis=-1))[..., None, None]
     return np.eye(3) + 2 * (skew + skew @ skew) / (1 + square)

@@ -1,9 +1,8 @@
-"""Sets of touches from a CSV, and fits to one: the file contracts of `warpgrasp fit`.
+"""CSV files of `warpgrasp fit`: sets of touches in, fits out.
 
-In: columns `set, x_m, y_m, z_m` (no `set`: one set; optional `nx, ny, nz`). Out: a row a set.
+Input columns are `set, x_m, y_m, z_m` (without `set`: one set; optional `nx, ny, nz`). Output files
+have one row per set.
 """
-
-from __future__ import annotations
 
 import csv
 import io
@@ -11,6 +10,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -22,7 +22,7 @@ from fit.superquadric.record import SuperquadricFit
 
 
 class PointsError(ValueError):
-    """Everything wrong with a points file, a line each: `file:line: column: what and what not`."""
+    """All errors of a points file, one per line: `file:line: column: what is wrong`."""
 
     def __init__(self, problems: Sequence[str]):
         super().__init__("\n".join(problems))
@@ -39,15 +39,15 @@ class PointSets:
     """Touches [m]."""
     mask: Bool[np.ndarray, "fit point"]
     normals: Float[np.ndarray, "fit point 3"] | None
-    """Outward normals, NaN where not given; None without the columns."""
+    """Outward normals, NaN where not given; None if the columns are missing."""
 
 
 def read_points(path: str | Path, *, most_problems: int = 20) -> PointSets:
-    """Sets of touches from a CSV file.
+    """Read sets of touches from a CSV file.
 
-    Raises PointsError naming file, line and column of everything wrong: a missing column, a cell
-    that is no number, a row too short or long, no rows. NaN and infinity are numbers here: a fit
-    of such a set has the status `bad_points`. An OSError says why a file cannot be read.
+    Raises PointsError with the file, line and column of each error (a missing column, a cell that
+    is not a number, a row of the wrong length, no rows), and OSError if the file cannot be read.
+    NaN and infinity are accepted: a fit of such a set has the status `bad_points`.
     """
     try:
         return _read_points(Path(path), most_problems)
@@ -113,7 +113,7 @@ def _number(cell: str, *, optional: bool) -> float | None:
     if optional and cell in ("", "NA"):
         return math.nan
     try:
-        # Python's own digits with underscores are no numbers in a CSV.
+        # Python accepts underscores between digits; a CSV file should not.
         return None if "_" in cell else float(cell)
     except ValueError:
         return None
@@ -131,53 +131,50 @@ def _padded(sets: dict[str, list[list[float]]], has_normals: bool) -> PointSets:
 
 
 def superquadric_rows(names: Sequence[str], fit: SuperquadricFit) -> tuple[list[str], list[list]]:
-    """Header and rows of the contract for superquadrics."""
-    header = ["set", "n", "a1_m", "a2_m", "a3_m", "eps1", "eps2", "px_m", "py_m", "pz_m",
-              "qx", "qy", "qz", "qw", "kx", "ky", "bend_per_m", "bend_angle_rad",
-              "rms_mm", "iterations", "status"]  # fmt: skip
-    numbers = np.concatenate([fit.size_m, fit.exponents, fit.position_m, fit.quaternion_xyzw,
-                              fit.taper, fit.bend, 1e3 * fit.rms_m[:, None]], axis=1)
-    return header, [[name, int(n), *row, int(iterations), status]
-                    for name, n, row, iterations, status in
-                    zip(names, fit.n_points, numbers, fit.iterations, status_names(fit.status),
-                        strict=True)]
+    """Header and rows for superquadrics."""
+    header, rows = _table(names, fit, "a1_m a2_m a3_m eps1 eps2 px_m py_m pz_m qx qy qz qw kx ky "
+                          "bend_per_m bend_angle_rad rms_mm", fit.size_m, fit.exponents,
+                          fit.position_m, fit.quaternion_xyzw, fit.taper, fit.bend,
+                          1e3 * fit.rms_m)
+    header.insert(-1, "iterations")
+    for row, iterations in zip(rows, fit.iterations, strict=True):
+        row.insert(-1, iterations)
+    return header, rows
 
 
 def plane_rows(names: Sequence[str], fit: PlaneFit) -> tuple[list[str], list[list]]:
-    """Header and rows of the contract for planes."""
-    header = ["set", "n", "nx", "ny", "nz", "offset_m", "rms_mm", "extent_u_m",
-              "extent_v_m", "status"]
-    numbers = np.concatenate([fit.normal, fit.offset_m[:, None], 1e3 * fit.rms_m[:, None],
-                              fit.extent_m], axis=1)
-    return header, _rows(names, fit.n_points, numbers, fit.status)
+    """Header and rows for planes."""
+    return _table(names, fit, "nx ny nz offset_m rms_mm extent_u_m extent_v_m",
+                  fit.normal, fit.offset_m, 1e3 * fit.rms_m, fit.extent_m)
 
 
 def revolution_rows(names: Sequence[str], fit: RevolutionFit) -> tuple[list[str], list[list]]:
-    """Header and rows of the contract for surfaces of revolution; see `profile_rows`."""
-    header = ["set", "n", "px_m", "py_m", "pz_m", "ax", "ay", "az",
-              "height_m", "volume_m3", "rms_mm", "status"]
-    numbers = np.concatenate([fit.position_m, fit.axis, fit.height_m[:, None],
-                              fit.volume_m3[:, None], 1e3 * fit.rms_m[:, None]], axis=1)
-    return header, _rows(names, fit.n_points, numbers, fit.status)
+    """Header and rows for surfaces of revolution; see `profile_rows`."""
+    return _table(names, fit, "px_m py_m pz_m ax ay az height_m volume_m3 rms_mm",
+                  fit.position_m, fit.axis, fit.height_m, fit.volume_m3, 1e3 * fit.rms_m)
 
 
 def profile_rows(names: Sequence[str], fit: RevolutionFit) -> tuple[list[str], list[list]]:
-    """Header and rows of the second file of revolutions: a row a node of each contour."""
-    header = ["set", "z_m", "radius_m", "radius_std_m"]
+    """Header and rows of the second file for surfaces of revolution: one row per contour node."""
     share = np.linspace(0.0, 1.0, fit.radius_m.shape[1])
-    return header, [[name, s * height, radius, std]
-                    for name, height, radii, stds in
-                    zip(names, fit.height_m, fit.radius_m, fit.radius_std_m, strict=True)
-                    for s, radius, std in zip(share, radii, stds, strict=True)]
+    return ["set", "z_m", "radius_m", "radius_std_m"], [
+        [name, s * height, radius, std]
+        for name, height, radii, stds in
+        zip(names, fit.height_m, fit.radius_m, fit.radius_std_m, strict=True)
+        for s, radius, std in zip(share, radii, stds, strict=True)]
 
 
-def _rows(names, counts, numbers, status) -> list[list]:
-    return [[name, int(n), *row, word] for name, n, row, word in
-            zip(names, counts, numbers, status_names(status), strict=True)]
+def _table(
+    names: Sequence[str], fit: Any, columns: str, *values: np.ndarray
+) -> tuple[list[str], list[list]]:
+    return (["set", "n", *columns.split(), "status"],
+            [[name, int(n), *row, status] for name, n, row, status in
+             zip(names, fit.n_points, np.column_stack(values), status_names(fit.status),
+                 strict=True)])
 
 
 def rows_csv(header: Sequence[str], rows: Iterable[Sequence]) -> bytes:
-    """A CSV file's content: nine significant digits, NA for what is not a number."""
+    """Content of a CSV file: nine significant digits, NA for NaN and infinity."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(header)

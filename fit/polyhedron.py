@@ -1,37 +1,35 @@
-"""Convex polyhedra from touches, in batch: a touch lies on the face it is furthest out of.
+"""Convex polyhedra from touches, in batch, by k-planes.
 
-Begun from a box (a fitted superquadric's frame), then touches are assigned to faces and every face
-with enough of them is fitted anew, in turns, until nothing changes (k-planes).
+Starting from a box (a fitted superquadric's frame), alternately assign each touch to the face with
+the largest signed distance and refit every face with enough touches, until nothing changes.
 """
-
-from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
-from fit.arrays import plausible
+from fit.arrays import is_valid
 from fit.rotation import matrix_of_quaternion
 from fit.superquadric.geometry import SuperquadricLike
 
 FACE_POINTS = 4
-"""Fewest touches that may tilt a face; with one to three it only shifts."""
+"""Minimum number of touches to tilt a face; fewer only shift it."""
 ROUNDS = 30
 
 
 @dataclass(frozen=True)
 class PolyhedronFit:
-    """Polyhedra n.x <= offset for every face in use, a row each."""
+    """Polyhedra n.x <= offset for every face in use, one per row."""
 
     normal: Float[np.ndarray, "fit face 3"]
     offset_m: Float[np.ndarray, "fit face"]
     used: Bool[np.ndarray, "fit face"]
-    """Faces that touches determine; the others are where the box had them."""
-    touches: Float[np.ndarray, "fit face"]
-    """Touches on each face."""
+    """Faces determined by touches; the others are those of the box."""
+    touches: Int[np.ndarray, "fit face"]
+    """Number of touches on each face."""
     distance_m: Float[np.ndarray, "fit point"]
-    """Signed distance of each touch to its face's plane; 0 for padding."""
+    """Signed distance of each touch to the plane of its face [m]; 0 for padding."""
 
 
 def fit_polyhedron(
@@ -39,12 +37,12 @@ def fit_polyhedron(
     mask: Bool[np.ndarray, "fit point"],
     box: SuperquadricLike,
 ) -> PolyhedronFit:
-    """Six-faced convex polyhedra of touches [m], begun from the boxes around `box`."""
+    """Fit six-faced convex polyhedra to touches [m], starting from the boxes around `box`."""
     rotation = matrix_of_quaternion(box.quaternion_xyzw)
     axes = np.moveaxis(rotation, 2, 1)
     normal = np.concatenate([axes, -axes], axis=1)
     offset = np.einsum("fki,fi->fk", normal, box.position_m) + np.tile(box.size_m, (1, 2))
-    mask = mask & plausible(points).all(axis=2)
+    mask = mask & is_valid(points).all(axis=2)
     points = np.where(mask[..., None], points, 0.0)
     face = np.full(mask.shape, -1)
     for _ in range(ROUNDS):
@@ -62,7 +60,7 @@ def fit_polyhedron(
         values, vectors = np.linalg.eigh(scatter)
         found = vectors[..., 0]
         found = found * np.sign(np.einsum("fki,fki->fk", found, normal) + 1e-12)[..., None]
-        # A face turns only with touches spread both ways, and never past its neighbours.
+        # Tilt a face only if touches spread in two directions, and never past its neighbours.
         wide = values[..., 1] > 4 * values[..., 0] + 1e-18
         close = np.einsum("fki,fki->fk", found, normal) > 0.75
         turns = (count >= FACE_POINTS) & wide & close

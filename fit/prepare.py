@@ -1,6 +1,4 @@
-"""Sets of points made ready for a batch: checked, sorted, centred and scaled to unit size."""
-
-from __future__ import annotations
+"""Preparation of point sets: check, sort, centre and scale to unit size."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -8,20 +6,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from fit.arrays import plausible
+from fit.arrays import is_valid
 from fit.fit_status import FitStatus
 from fit.optimize.batch import point_bucket
 
-SOLID_POINTS = 8
-"""Fewest points of a solid."""
+MIN_SOLID_POINTS = 8
+"""Minimum number of points for a solid."""
 FLAT = 1e-5
-"""A set is flat, straight or a point where its spread is below this share of its length."""
+"""A set is degenerate in a direction if its spread is below this fraction of the largest."""
 FREE_BUCKET = 8
-"""Free balls are padded to a multiple of this."""
+"""Free-space balls are padded to a multiple of this."""
 SETS_AT_ONCE = 1024
-"""Sets of one bucket fitted together: their starts take some 40 kB each, and more are no faster."""
-_SIX = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)  # rows and columns of a symmetric matrix's numbers
-_CLEARLY = 1e-9
+"""Sets of one bucket fitted together. Their starts take about 40 kB each; more is no faster."""
+_SIX = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)  # rows and columns of a symmetric matrix
+_DEFINITE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -29,50 +27,50 @@ class Sets:
     """Sets of points in their unit frames: world = origin + scale * unit."""
 
     points: Float[np.ndarray, "fit point 3"]
-    """Kept points first, in an order that does not depend on the order they came in."""
+    """Unmasked points first, in an order that does not depend on the input order."""
     mask: Bool[np.ndarray, "fit point"]
     order: Int[np.ndarray, "fit point"]
-    """Slot each point came from."""
+    """Input slot of each point."""
     count: Int[np.ndarray, " fit"]
     origin: Float[np.ndarray, "fit 3"]
     scale: Float[np.ndarray, " fit"]
     low: Float[np.ndarray, "fit 3"]
-    """Lowest coordinates of the plausible points kept [m]."""
+    """Lowest coordinates of the points used [m]."""
     high: Float[np.ndarray, "fit 3"]
     status: Int[np.ndarray, " fit"]
-    """`converged` where the set can be fitted, otherwise why not."""
+    """`converged` if the set can be fitted, otherwise the reason."""
     covariance: Float[np.ndarray, "fit point 3 3"] | None = None
     normals: Float[np.ndarray, "fit point 3"] | None = None
-    """NaN where none was felt."""
+    """NaN where unknown."""
     plane: Float[np.ndarray, "fit 4"] | None = None
-    """Down direction and the table's height along it."""
+    """Down direction, and height of the table along it."""
     free: Float[np.ndarray, "fit 4 free"] | None = None
-    """Centres and radii of balls outside the body; radius 0 for padding."""
+    """Centres and radii of balls of free space; radius 0 for padding."""
 
-    def narrow(self, index: np.ndarray, width: int | None = None) -> Sets:
-        """The sets `index`, with `width` point slots (as many as there are where None)."""
+    def subset(self, index: np.ndarray, width: int | None = None) -> "Sets":
+        """The sets `index`, with `width` point slots (unchanged if None)."""
         slots = self.points.shape[1] if width is None else width
         rows = {name: value[index] for name, value in vars(self).items() if value is not None}
         for name in ("points", "mask", "order", "covariance", "normals"):
             if name in rows:
-                rows[name] = _fitted(rows[name], slots)
-        # Padding repeats a true point, so that a masked slot is computed like any other.
+                rows[name] = _resized(rows[name], slots)
+        # Padding repeats a real point, so that a masked slot has valid data.
         points, mask = rows["points"], rows["mask"]
         rows["points"] = np.where(mask[..., None], points, points[:, :1])
         return replace(self, **rows)
 
-    def buckets(self) -> Iterator[tuple[np.ndarray, Sets]]:
-        """The sets that can be fitted, by the bucket of their own number of points, in parts."""
-        usable = self.status == FitStatus.converged
-        widths = np.array([point_bucket(count) for count in self.count], int)
-        for width in np.unique(widths[usable]):
-            index = np.flatnonzero(usable & (widths == width))
+    def buckets(self) -> Iterator[tuple[np.ndarray, "Sets"]]:
+        """Indices and sets that can be fitted together: those with one padded number of points."""
+        fittable = self.status == FitStatus.converged
+        widths = np.array([point_bucket(int(count)) for count in self.count], int)
+        for width in np.unique(widths[fittable]):
+            index = np.flatnonzero(fittable & (widths == width))
             for first in range(0, len(index), SETS_AT_ONCE):
                 part = index[first : first + SETS_AT_ONCE]
-                yield part, self.narrow(part, int(width))
+                yield part, self.subset(part, int(width))
 
 
-def _fitted(array: np.ndarray, width: int) -> np.ndarray:
+def _resized(array: np.ndarray, width: int) -> np.ndarray:
     """`array` [fit, point, ...] cut or zero-padded to `width` points."""
     array = array[:, :width]
     missing = width - array.shape[1]
@@ -82,24 +80,23 @@ def _fitted(array: np.ndarray, width: int) -> np.ndarray:
 def prepare(
     points, mask, covariance=None, normals=None, table_z=None,
     free_points=None, free_radius=None, free_mask=None, *,
-    least_points=SOLID_POINTS, solid=True,
+    least_points=MIN_SOLID_POINTS, solid=True,
 ) -> Sets:
-    """Sets from the arguments of a fit; raises ValueError for a wrong shape, never for a value.
+    """Sets from the arguments of a fit. Raises ValueError for a wrong shape, never for a value.
 
-    `least_points` and `solid` say what the shape needs: a `solid` needs points off a plane.
+    A shape needs `least_points` points; a `solid` needs points that are not coplanar.
     """
     points = _array("points", points, (None, None, 3))
     n, width = points.shape[:2]
     mask = np.ones((n, width), bool) if mask is None else _array("mask", mask, (n, width), bool)
-    sound = plausible(points).all(axis=2)
+    sound = is_valid(points).all(axis=2)
     bad = (mask & ~sound).any(axis=1)
     kept = mask & sound
 
-    # An order of their own: sums then do not depend on the order the points came in. No more slots
-    # than the fullest set needs.
+    # Sort by coordinates, so that sums do not depend on the input order, and drop unused slots.
     rows = np.arange(n)[:, None]
     count = kept.sum(axis=1)
-    order = np.argsort(~kept, axis=1, kind="stable")[:, :point_bucket(count.max(initial=0))]
+    order = np.argsort(~kept, axis=1, kind="stable")[:, :point_bucket(int(count.max(initial=0)))]
     filled = np.where(kept[rows, order, None], points[rows, order], 0.0)
     order = order[rows, np.lexsort((*np.moveaxis(filled, 2, 0)[::-1], ~kept[rows, order]))]
     points, kept = points[rows, order], kept[rows, order]
@@ -121,24 +118,24 @@ def prepare(
 
     if covariance is not None:
         covariance = _array("covariance", covariance, (n, width, 3, 3))[rows, order]
-        sound = kept & plausible(covariance).all(axis=(2, 3))
+        sound = kept & is_valid(covariance).all(axis=(2, 3))
         sound[sound] = _semidefinite(covariance[sound])
         status = np.where((kept & ~sound).any(axis=1), FitStatus.bad_points, status)
         covariance = np.where(sound[..., None, None], covariance, 0.0)
         covariance = covariance / scale[:, None, None, None] ** 2
     if normals is not None:
         normals = _array("normals", normals, (n, width, 3))[rows, order]
-        # By a power of two first, which is exact: their squares are finite whatever their length.
+        # Scale by a power of two first, which is exact, so that the squares do not overflow.
         normals = np.ldexp(normals, -np.frexp(np.abs(normals).max(axis=2, keepdims=True))[1])
         with np.errstate(invalid="ignore", divide="ignore"):
             normals = normals / np.linalg.norm(normals, axis=2, keepdims=True)
     plane = None
     if table_z is not None:
         height = np.broadcast_to(np.asarray(table_z, float), (n,))
-        status = np.where(plausible(height), status, FitStatus.bad_points)
+        status = np.where(is_valid(height), status, FitStatus.bad_points)
         plane = np.zeros((n, 4))
         plane[:, 2] = -1.0
-        plane[:, 3] = -(np.where(plausible(height), height, 0.0) - origin[:, 2]) / scale
+        plane[:, 3] = -(np.where(is_valid(height), height, 0.0) - origin[:, 2]) / scale
     free = None
     if free_points is not None:
         free = _free(n, free_points, free_radius, free_mask, origin, scale)
@@ -151,23 +148,23 @@ def prepare(
 
 
 def _semidefinite(covariance: np.ndarray) -> np.ndarray:
-    """Which covariances [touch, 3, 3] promise no negative variance, but for rounding."""
+    """Whether covariances [touch, 3, 3] are positive semidefinite, up to rounding."""
     twice = covariance + covariance.swapaxes(1, 2)
     xx, yy, zz, xy, xz, yz = (twice[:, i, j] for i, j in zip(*_SIX, strict=True))
-    # Sylvester's criterion spares all but the doubtful their eigenvalues, which take far longer.
+    # Sylvester's criterion decides clear cases; eigenvalues take far longer.
     size = xx + yy + zz
     plane = xx * yy - xy**2
     solid = zz * plane - yz * (xx * yz - xy * xz) + xz * (xy * yz - yy * xz)
-    sure = (xx > _CLEARLY * size) & (plane > _CLEARLY * size**2) & (solid > _CLEARLY * size**3)
-    doubted = np.flatnonzero(~(sure & (size > 0.0)))
-    least, _, most = np.linalg.eigvalsh(twice[doubted]).T
-    sure[doubted] = least >= -1e-6 * most
+    sure = (xx > _DEFINITE * size) & (plane > _DEFINITE * size**2) & (solid > _DEFINITE * size**3)
+    unclear = np.flatnonzero(~(sure & (size > 0.0)))
+    least, _, most = np.linalg.eigvalsh(twice[unclear]).T
+    sure[unclear] = least >= -1e-6 * most
     return sure
 
 
 def _status(count, lengths, reach, bad, least_points, solid) -> np.ndarray:
-    """Why a set cannot be fitted, or `converged` where it can."""
-    # Rounding alone spreads coinciding points by about 1e-16 of their distance from zero.
+    """Reason why a set cannot be fitted, or `converged`."""
+    # Rounding spreads coincident points by about 1e-16 of their distance from the origin.
     point = lengths[:, 0] <= 1e-12 * np.maximum(reach, 1e-300)
     line = lengths[:, 1] <= FLAT * lengths[:, 0]
     plane = solid & (lengths[:, 2] <= FLAT * lengths[:, 0])
@@ -186,13 +183,13 @@ def _free(n, free_points, free_radius, free_mask, origin, scale) -> np.ndarray:
                              (n, balls))
     kept = np.ones((n, balls), bool) if free_mask is None else _array(
         "free_mask", free_mask, (n, balls), bool)
-    kept = kept & plausible(free_points).all(axis=2) & plausible(radius)
+    kept = kept & is_valid(free_points).all(axis=2) & is_valid(radius)
     width = max(-(-balls // FREE_BUCKET), 1) * FREE_BUCKET
     free = np.zeros((n, 4, width))
     unit = (free_points - origin[:, None]) / scale[:, None, None]
     free[:, :3, :balls] = np.where(kept[:, None], np.moveaxis(unit, 2, 1), 10.0)
     free[:, :3, balls:] = 10.0
-    # A ball of no size is still a point outside; the least radius tells it from padding.
+    # A ball of radius zero is a point of free space; the minimum distinguishes it from padding.
     free[:, 3, :balls] = np.where(kept, np.maximum(radius / scale[:, None], 1e-6), 0.0)
     return free
 

@@ -1,13 +1,11 @@
-"""Unit quaternions x, y, z, w and rotation matrices, in batch, plain numpy."""
-
-from __future__ import annotations
+"""Unit quaternions (x, y, z, w), rotation matrices and directions, in batch."""
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 
 def matrix_of_quaternion(quaternion_xyzw: Float[np.ndarray, "*batch 4"]) -> np.ndarray:
-    """Rotation matrices, shape [..., 3, 3], whose columns are the body's axes in the world."""
+    """Rotation matrices, shape [..., 3, 3]; columns are the body's axes in the world."""
     x, y, z, w = np.moveaxis(np.asarray(quaternion_xyzw, float), -1, 0)
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
@@ -20,10 +18,10 @@ def matrix_of_quaternion(quaternion_xyzw: Float[np.ndarray, "*batch 4"]) -> np.n
 def turn_points(
     rotation: Float[np.ndarray, "*#batch 3 3"], points: Float[np.ndarray, "*#batch point 3"]
 ) -> Float[np.ndarray, "*#batch point 3"]:
-    """Points turned by rotations.
+    """Points rotated by matrices.
 
-    Written out: einsum takes three to five times as long, and a product of matrices rounds by where
-    they lie in memory, so that rows would hang on their neighbours.
+    Written out, because einsum takes three to five times as long, and the rounding of a matrix
+    product depends on memory layout, so that a row would depend on its neighbours.
     """
     x, y, z = (np.ascontiguousarray(v) for v in np.moveaxis(points, -1, 0))
     r = rotation[..., None]
@@ -37,9 +35,9 @@ def turn_points(
 def quaternion_of_matrix(rotation: Float[np.ndarray, "*batch 3 3"]) -> np.ndarray:
     """Unit quaternions x, y, z, w with w >= 0, shape [..., 4], stable for every angle.
 
-    The symmetric matrix of products of quaternion components is linear in the rotation; its
-    longest row is the quaternion up to scale (Bar-Itzhack 2000, with the eigenvector replaced by
-    a row, which is exact for a true rotation).
+    The symmetric matrix of products of quaternion components is linear in the rotation, and its
+    largest row is proportional to the quaternion (after Bar-Itzhack 2000, with a row in place of
+    the eigenvector, exact for a true rotation).
     """
     r = np.asarray(rotation, float)
     xx, yy, zz = r[..., 0, 0], r[..., 1, 1], r[..., 2, 2]
@@ -58,3 +56,10 @@ def quaternion_of_matrix(rotation: Float[np.ndarray, "*batch 3 3"]) -> np.ndarra
     row = np.take_along_axis(products, longest[..., None, None], axis=-2)[..., 0, :]
     row = row / np.linalg.norm(row, axis=-1, keepdims=True)
     return np.where(row[..., 3:] < 0, -row, row)
+
+
+def is_upward(direction: Float[np.ndarray, "fit 3"]) -> Bool[np.ndarray, "fit 1"]:
+    """Whether z (else y, else x, where a component is zero but for rounding) is positive."""
+    clear = np.abs(direction) > 1e-9
+    last = np.where(clear[:, 2], 2, np.where(clear[:, 1], 1, 0))
+    return np.take_along_axis(direction, last[:, None], axis=1) > 0

@@ -1,12 +1,10 @@
-"""Batches of fixed shapes for JAX: the one place that vmaps, jits, pads, locks and chooses x64.
+"""Batches of fixed shapes for JAX: padding, jit, locking and float64.
 
-A fit's result may depend on nothing but its own points. So every fit is put in the bucket of its
-*own* number of points, whatever array it came in, and lanes are computed in groups of one size by
-one program, whose number of groups is a number at run time: nothing recompiles, a small batch
-costs little, and the same instructions run whatever the batch.
+A fit must depend only on its own points. Therefore each fit is padded to the bucket of its *own*
+number of points, and lanes are computed in groups of fixed size by one program, which takes the
+number of groups as a run-time argument. The same instructions run for any batch size, nothing
+recompiles, and a small batch costs little.
 """
-
-from __future__ import annotations
 
 import threading
 from collections.abc import Callable
@@ -17,26 +15,27 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.custom_batching import custom_vmap
 
 from fit.optimize.program_cache import load_or_compile
-from fit.optimize.xla_flags import ask_for_options
+from fit.optimize.xla_flags import set_xla_flags
 
 POINT_BUCKETS = (32, 64, 128, 256, 512)
 GROUP = 16
-"""Lanes computed side by side: another number rounds differently in the last bit."""
+"""Lanes computed side by side; another number would change rounding in the last bit."""
 LANES = 16 * GROUP
-"""Lanes that one launch has room for."""
-MOST_PROGRAMS = 48
-"""Compiled programs held at a time: each takes up to 70 MB and a thousand of the 65,530 memory
-mappings that Linux gives a process. An episode of all procedures uses some forty."""
-ask_for_options()
-# Two Python threads in one jitted batched Cholesky hang on a CPU: one call at a time.
+"""Lanes per launch."""
+MAX_PROGRAMS = 48
+"""Compiled programs held in memory: each takes up to 70 MB and a thousand of the 65,530 memory
+mappings that Linux allows a process. An episode of all procedures uses about forty."""
+set_xla_flags()
+# Two Python threads in one jitted batched Cholesky deadlock on a CPU: one call at a time.
 _lock = threading.Lock()
 _programs: dict[Any, Callable] = {}
 
 
 def point_bucket(count: int) -> int:
-    """The padded number of points for `count` points; multiples of 512 beyond the table."""
+    """Padded number of points for `count` points; above 512, a multiple of 512."""
     for bucket in POINT_BUCKETS:
         if count <= bucket:
             return bucket
@@ -45,21 +44,21 @@ def point_bucket(count: int) -> int:
 
 @dataclass(frozen=True)
 class Program:
-    """A function of a group of lanes, and a name that says all that it closes over."""
+    """A function of a group of lanes, with a name that states all it closes over."""
 
     name: str
     function: Callable
 
     def __call__(self, *arguments: Any) -> Any:
-        """The function's answer."""
+        """Call the function."""
         return self.function(*arguments)
 
 
 @lru_cache(maxsize=256)
 def _jitted(group_function: Callable) -> Callable:
     def launch(groups, lanes, *common):
-        """`groups` groups of `lanes`, one after the other; rows beyond them stay zero."""
-        # Jitted by itself only to be traced once for its shapes and for the loop.
+        """Compute `groups` groups of `lanes` in turn; rows after them stay zero."""
+        # Jitted so that it is traced once, for the shapes and the loop.
         group = jax.jit(lambda lanes: group_function(*lanes, *common))
         part = lambda tree, start: jax.tree.map(  # noqa: E731
             lambda leaf: jax.lax.dynamic_slice_in_dim(leaf, start, GROUP), tree)
@@ -78,26 +77,26 @@ def _jitted(group_function: Callable) -> Callable:
 
 
 def _run(group_function: Callable, arguments: tuple) -> Any:
-    """Traced, compiled and loaded once for arguments of one form, unless dropped meanwhile."""
+    """Call the program for arguments of this structure, compiling it unless it is held."""
     leaves, form = jax.tree.flatten(arguments)
     key = group_function, form, tuple((leaf.shape, leaf.dtype) for leaf in leaves)
     program = _programs.pop(key, None)
     if program is None:
-        while len(_programs) >= MOST_PROGRAMS:
+        while len(_programs) >= MAX_PROGRAMS:
             del _programs[next(iter(_programs))]
         program = _jitted(group_function)
         if isinstance(group_function, Program):
             program = load_or_compile(group_function.name, program, arguments)
-    _programs[key] = program  # the last one used comes last
+    _programs[key] = program  # most recently used last
     return program(*arguments)
 
 
 def map_lanes(group_function: Callable, *lanes: Any, shared: tuple = ()) -> Any:
     """`group_function(*lanes, *shared)` over all lanes, a group at a time, in float64.
 
-    `group_function` is vmapped, and one cached object; if it is a Program, it is compiled once for
-    all processes. `lanes` are trees of arrays with the lane as first axis. Returns a tree of numpy
-    arrays, lane first.
+    `lanes` are trees of arrays whose first axis is the lane; so is the result. `group_function` is
+    a vmapped function, the same object in every call; a `Program` is compiled once for all
+    processes.
     """
     count = len(jax.tree.leaves(lanes)[0])
     parts = []
@@ -112,8 +111,8 @@ def map_lanes(group_function: Callable, *lanes: Any, shared: tuple = ()) -> Any:
 
 
 def _padded(leaf: np.ndarray, start: int, rows: int) -> np.ndarray:
-    """`rows` lanes from `start` and room for the others; the last group is filled with its last
-    lane, valid data whose results are dropped."""
+    """`rows` lanes from `start`, padded to `LANES`; the last group repeats its last lane, so that
+    it holds valid data, whose results are dropped."""
     room = np.zeros((LANES, *leaf.shape[1:]), leaf.dtype)
     room[:rows] = leaf[start : start + rows]
     room[rows : -(-rows // GROUP) * GROUP] = leaf[start + rows - 1]
@@ -123,3 +122,30 @@ def _padded(leaf: np.ndarray, start: int, rows: int) -> np.ndarray:
 def take(tree: Any, index: np.ndarray) -> Any:
     """The lanes `index` of a tree of arrays."""
     return jax.tree.map(lambda leaf: leaf[index], tree)
+
+
+def vmap_cond(function: Callable, needed: Any, *arguments: Any) -> Any:
+    """`function(*arguments)` if any lane of a vmapped group needs it, else zeros.
+
+    vmap turns a `lax.cond` on a per-lane condition into both branches and a select. This keeps one
+    condition for the group, so the work is skipped when no lane needs it. The function must return
+    zeros for a lane that does not need it. Not differentiable.
+    """
+
+    def choose(needed, work, *arguments):
+        shapes = jax.eval_shape(work, *arguments)
+        nothing = lambda *_: jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)  # noqa: E731
+        return jax.lax.cond(needed, work, nothing, *arguments)
+
+    @custom_vmap
+    def chosen(needed, *arguments):
+        return choose(needed, function, *arguments)
+
+    @chosen.def_vmap
+    def _of_lanes(lanes, batched, needed, *arguments):
+        work = jax.vmap(function, in_axes=tuple(jax.tree.map(
+            lambda b: 0 if b else None, batched[1:])), axis_size=lanes)
+        out = choose(jnp.any(needed), work, *arguments)
+        return out, jax.tree.map(lambda _: True, out)
+
+    return chosen(needed, *arguments)

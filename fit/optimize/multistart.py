@@ -1,7 +1,4 @@
-"""Many descents at once: starts screened, the best finished, lanes dropped as they are done.
-"""
-
-from __future__ import annotations
+"""Multistart descents in batch: screen the starts, finish the best, drop lanes that are done."""
 
 from collections.abc import Callable
 from functools import lru_cache
@@ -11,32 +8,31 @@ import numpy as np
 
 from fit.fit_status import LEAST_FALL, FitStatus
 from fit.optimize.batch import Program, map_lanes, take
+from fit.optimize.solver import descend
 
-GOING_ON = 0.1
-"""Share of its last damping with which a descent goes on in a valley that it has found. To begin
-anew from `solver.DAMPING` takes six iterations to come back to where it was."""
-HELD_UP = 1e-3
-"""Damping, in unit frames, whose largest curvatures are 1 to 17, with which a descent does not go
-on but begins anew: it was held up by a kink rather than on its way."""
-SHORTEST = 1e3
-"""Damping, in unit frames, whose steps are so short that one which is refused leaves no doubt."""
-NOTHING_LEFT = 1e-24
-"""Cost, in unit frames, below which there is only rounding."""
+DAMPING_REUSE = 0.1
+"""Fraction of its last damping with which a descent resumes. A restart from `solver.DAMPING` takes
+six iterations to recover."""
+MAX_REUSED_DAMPING = 1e-3
+"""Damping above which a descent restarts instead: it was stuck at a kink. In unit frames, whose
+largest curvatures are 1 to 17."""
+CONCLUSIVE_DAMPING = 1e3
+"""Damping, in unit frames, whose steps are so short that rejecting one proves convergence."""
+MIN_COST = 1e-24
+"""Cost, in unit frames, below which only rounding is left."""
 
 
 class Problem(NamedTuple):
-    """A least-squares problem of one fit and what descends it; one cached object."""
+    """A least-squares problem and its solver; the same object in every call, for caching."""
 
     function: Callable
-    """Of (theta, lane): what `descend` needs of the problem."""
-    descend: Callable
-    """`solver.descend`."""
+    """Of (theta, lane): the `NormalEquations` of one fit."""
     name: str
-    """All that the function closes over, in words."""
+    """States all that the function closes over."""
 
 
-class Finished(NamedTuple):
-    """Descents at their end, a row each."""
+class Solution(NamedTuple):
+    """Results of descents, one row each."""
 
     theta: np.ndarray
     cost: np.ndarray
@@ -45,7 +41,7 @@ class Finished(NamedTuple):
 
 
 def advance(problem: Problem, theta, lanes: Any, iterations: int, damping=None) -> Any:
-    """`solver.Descent` of every lane, `iterations` steps on."""
+    """Advance every lane by `iterations` steps; returns a `solver.Descent`."""
     damping = np.zeros(len(theta)) if damping is None else damping
     return map_lanes(_program(problem), theta, damping, lanes, shared=(np.int64(iterations),))
 
@@ -54,11 +50,11 @@ def screen(
     problem: Problem, theta, lanes: Any, iterations: int,
     badness: Callable = lambda theta, cost: cost,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The best start of each fit: its index and where it has got to.
+    """Index and parameters of the best start of each fit.
 
-    theta is [fit, start, parameter], and `lanes` has a row for every start of every fit. After
-    some iterations all but two starts are dropped; the better of these after as many again.
-    `badness(theta, cost)` is what they are compared by.
+    theta is [fit, start, parameter], and `lanes` has a row for every start of every fit. The two
+    best starts after `iterations` steps take as many again, then the better one is chosen by the
+    least `badness(theta, cost)`.
     """
     n, starts = theta.shape[:2]
     tried = advance(problem, theta.reshape(n * starts, -1), lanes, iterations)
@@ -76,31 +72,32 @@ def screen(
 def finish(
     problem: Problem, theta, lanes: Any, damping=None, *, at_a_time: int, at_most: int,
     least_fall: float = LEAST_FALL,
-) -> Finished:
-    """Descents to their end, in rounds over the fits that still fall by `least_fall`.
+) -> Solution:
+    """Descend until a round of `at_a_time` iterations lowers the cost by less than `least_fall`.
 
-    `damping` is that of the descents which led to `theta`; None, and they begin anew.
+    `damping` is that of the descents that led to `theta`; None restarts them. Stops after `at_most`
+    iterations, in whole rounds.
     """
     n = len(theta)
-    damping = np.zeros(n) if damping is None else GOING_ON * damping
-    damping[damping > HELD_UP] = 0.0
+    damping = np.zeros(n) if damping is None else DAMPING_REUSE * damping
+    damping[damping > MAX_REUSED_DAMPING] = 0.0
     theta, cost = theta.copy(), np.zeros(n)
     iterations = np.zeros(n, int)
     status = np.full(n, FitStatus.not_converged)
-    left = np.arange(n)
-    while len(left) and iterations.max() < at_most:
-        moved = advance(problem, theta[left], take(lanes, left), at_a_time, damping[left])
-        # A round whose steps were all refused tells nothing until they are short.
-        refused = (moved.theta == theta[left]).all(axis=1) & (moved.damping < SHORTEST)
-        theta[left], damping[left], cost[left] = moved.theta, moved.damping, moved.cost
-        iterations[left] += at_a_time
-        done = (moved.fallen < least_fall) & ~refused | (moved.cost < NOTHING_LEFT)
-        status[left[done]] = FitStatus.converged
-        left = left[~done]
-    return Finished(theta, cost, iterations, status)
+    active = np.arange(n)
+    while len(active) and iterations.max() < at_most:
+        moved = advance(problem, theta[active], take(lanes, active), at_a_time, damping[active])
+        # A round of rejected steps proves convergence only if the steps were short.
+        rejected = (moved.theta == theta[active]).all(axis=1) & (moved.damping < CONCLUSIVE_DAMPING)
+        theta[active], damping[active], cost[active] = moved.theta, moved.damping, moved.cost
+        iterations[active] += at_a_time
+        done = (moved.decrease < least_fall) & ~rejected | (moved.cost < MIN_COST)
+        status[active[done]] = FitStatus.converged
+        active = active[~done]
+    return Solution(theta, cost, iterations, status)
 
 
 @lru_cache(maxsize=64)
 def _program(problem: Problem) -> Program:
     return Program(f"descend {problem.name}", lambda theta, damping, lane, iterations:
-                   problem.descend(problem.function, theta, damping, iterations, lane))
+                   descend(problem.function, theta, damping, iterations, lane))

@@ -1,13 +1,11 @@
-"""Compiled programs kept across processes: a warm start neither traces nor compiles.
+"""Compiled programs cached on disk, so that a warm start neither traces nor compiles.
 
-JAX's own cache spares compiling, but a program must be traced and lowered to be looked up, which
-takes seconds here. So the executables themselves are kept, a file each, in a folder named after
-everything they depend on: this package's source, the versions, the processor, XLA's flags. A file
-that cannot be read is made anew. They are pickles, trusted as far as the folder is: it is the
-user's own cache (XDG_CACHE_HOME or ~/.cache).
+JAX's own cache avoids compiling, but a program must be traced and lowered to be looked up, which
+takes seconds here. Instead the executables are stored, one file each, in a folder named by a hash
+of everything they depend on: this package's source, package versions, processor, XLA flags. A file
+that cannot be read is replaced. The files are pickles in the user's own cache folder
+(XDG_CACHE_HOME or ~/.cache), which must be trusted.
 """
-
-from __future__ import annotations
 
 import os
 import pickle
@@ -23,13 +21,14 @@ from typing import Any
 import jax
 from jax.experimental import serialize_executable
 
-from fit.optimize.xla_flags import in_force
+from fit.optimize.xla_flags import xla_flags_active
 
 
 def load_or_compile(name: str, function: Any, arguments: tuple) -> Callable:
-    """The jitted `function` compiled for arguments of these shapes, from the cache if it is there.
+    """The jitted `function` compiled for arguments of these shapes, from the cache if present.
 
-    `name` and the shapes name the program: it must say all that `function` closes over.
+    `name` and the shapes identify the program, so `name` must state all that `function` closes
+    over.
     """
     if jax.default_backend() != "cpu":
         return function  # an accelerator's executables are bound to the device
@@ -40,22 +39,22 @@ def load_or_compile(name: str, function: Any, arguments: tuple) -> Callable:
         _load_linear_algebra()
         return serialize_executable.deserialize_and_load(
             payload, jax.tree.structure((arguments, {})), jax.tree.structure(skeleton))
-    except Exception:  # absent, cut short, or of another world: whatever it was, compile
+    except Exception:  # absent, truncated or incompatible: compile
         compiled = function.lower(*arguments).compile()
-    if not in_force():
-        return compiled  # by other options than the folder is named after
+    if not xla_flags_active():
+        return compiled  # compiled with other flags than the folder name states
     try:
         payload, given, result = serialize_executable.serialize(compiled)
-        # One that came out of JAX's own cache cannot be kept whole: this raises.
+        # A program from JAX's own cache is serialized incompletely; loading it raises.
         serialize_executable.deserialize_and_load(payload, given, result)
         _write(file, pickle.dumps((payload, jax.tree.unflatten(result, range(result.num_leaves)))))
-    except Exception:  # nor to a full disk or a closed folder: only time is lost
+    except Exception:  # also a full disk or an unwritable folder: only time is lost
         pass
     return compiled
 
 
-def any_kept() -> bool:
-    """Whether a program of this version was compiled here before."""
+def has_cached_programs() -> bool:
+    """Whether the cache holds a program of this version."""
     return any(_folder().glob("*.xla"))
 
 
@@ -73,7 +72,7 @@ def _folder() -> Path:
 
 
 def _processor() -> str:
-    """What XLA compiles for: the processor's model and abilities."""
+    """Model and features of the processor, which XLA compiles for."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
@@ -84,7 +83,7 @@ def _processor() -> str:
 
 @lru_cache(maxsize=1)
 def _load_linear_algebra() -> None:
-    """Programs call LAPACK by addresses that JAX fills in when it first lowers such a call."""
+    """Make JAX fill in the addresses of LAPACK, which it does when it first lowers such a call."""
     jax.jit(jax.lax.linalg.cholesky).lower(jax.ShapeDtypeStruct((2, 2), "float64"))
 
 

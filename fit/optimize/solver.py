@@ -1,10 +1,8 @@
-"""Levenberg-Marquardt by jaxopt: the one file that knows jaxopt, which is no longer developed.
+"""Levenberg-Marquardt by jaxopt, the only file that imports it, and robust losses.
 
-A descent is cut into calls of so many iterations, each given where the last one stood and its
-damping: a batch can then drop the lanes that are done and go on with the rest.
+A descent is divided into calls of a few iterations; each starts from the parameters and damping of
+the last, so that a batch can drop the lanes that are done.
 """
-
-from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
@@ -14,36 +12,38 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
+from fit.fit_status import Loss
+
 DAMPING = 1e-3
-"""First damping, as a share of the largest diagonal element of JᵀJ."""
+"""Initial damping, as a fraction of the largest diagonal element of JᵀJ."""
 
 
 class Descent(NamedTuple):
-    """Where one descent stands."""
+    """State of one descent between calls."""
 
     theta: Any
     """Parameters, shape [parameter]."""
     damping: Any
-    """Damping to go on with; 0 to choose one."""
+    """Damping to resume with."""
     cost: Any
     """Half the sum of squared residuals."""
-    fallen: Any
-    """By how much the last call lowered the cost, as a share of the cost before it."""
+    decrease: Any
+    """Relative decrease of the cost in the last call."""
 
 
 def descend(equations: Callable, theta, damping, iterations, lanes: Any) -> Descent:
-    """`iterations` (a traced number) steps of every lane from `theta` [lane, parameter].
+    """Descend `iterations` (a traced number) steps in every lane from `theta` [lane, parameter].
 
-    `equations(theta, lane)` are the `Normal` equations of one lane. They are in the program only
-    once, for they are most of what is compiled and loaded: where a descent begins is evaluated by a
-    step of its own, from a state that has it stay where it is and take whatever it finds.
+    `equations(theta, lane)` returns the `NormalEquations` of one lane. Damping 0 chooses one. The
+    equations are most of the program, so it contains them once: an extra first step evaluates the
+    initial point, from a state for which that step has zero length and is accepted.
     """
     solver = _solver(*_evaluated_once(equations))
     none = _Jacobian(jnp.zeros(theta.shape[1:] * 2), jnp.zeros(theta.shape[1:]))
 
     def step(first, begin, carry, lane):
         theta, state = carry
-        # The Jacobian is only ever asked for its products, which the state has.
+        # Only products of the Jacobian are used, and the state holds them.
         theta, state = solver.update(theta, state._replace(jac=none, jt=none), lane)
         chosen = DAMPING * jnp.max(jnp.diagonal(state.jtj))
         damping = jnp.where(first, jnp.where(begin > 0, begin, chosen), state.damping_factor)
@@ -59,32 +59,32 @@ def descend(equations: Callable, theta, damping, iterations, lanes: Any) -> Desc
     blank = jax.vmap(lambda theta, lane: _blank(solver, theta, lane))(theta, lanes)
     (theta, state), before = jax.lax.fori_loop(
         0, iterations + 1, turn, ((theta, blank), blank.value))
-    fallen = (before - state.value) / jnp.maximum(before, 1e-30)
-    return Descent(theta, state.damping_factor, state.value, fallen)
+    decrease = (before - state.value) / jnp.maximum(before, 1e-30)
+    return Descent(theta, state.damping_factor, state.value, decrease)
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class _Jacobian:
-    """What jaxopt takes for a Jacobian J, and for its transpose: known by its products alone."""
+    """Stands for the Jacobian J and its transpose in jaxopt; knows only their products."""
 
     matrix: Any
     gradient: Any
 
     @property
-    def T(self) -> _Jacobian:
+    def T(self) -> "_Jacobian":
         return self
 
     def __matmul__(self, other: Any) -> Any:
-        """JᵀJ with itself, Jᵀr with the residual."""
+        """JᵀJ for J, Jᵀr for the residual."""
         return self.matrix if isinstance(other, _Jacobian) else self.gradient
 
 
 def _evaluated_once(equations: Callable) -> tuple[Callable, Callable]:
-    """One residual of the same cost, and the Jacobian, of one evaluation a point.
+    """A scalar residual of the same cost, and the Jacobian, from one evaluation per point.
 
-    jaxopt asks three times at every point, and XLA does not see that it is the same: what is asked
-    again in one tracing is the same traced value, so the answer is kept by it.
+    jaxopt evaluates three times at every point, which XLA does not merge. Within one tracing the
+    point is the same traced value, so the last evaluation is kept with it.
     """
     last: dict[str, Any] = {}
 
@@ -98,20 +98,13 @@ def _evaluated_once(equations: Callable) -> tuple[Callable, Callable]:
 
 
 def _solver(residual_fun: Callable, jac_fun: Callable) -> Any:
-    """jaxopt's; imported here, for a process whose programs are kept never comes by."""
+    """jaxopt's solver, imported here because a process with cached programs does not need it."""
     with warnings.catch_warnings():
-        # It says on import that it is no longer developed, which is why it is pinned and kept here.
+        # jaxopt warns that it is no longer developed; its version is pinned.
         warnings.simplefilter("ignore", DeprecationWarning)
         from jaxopt import LevenbergMarquardt
 
-    class Solver(LevenbergMarquardt):
-        """Forgets no Jacobian that it is given where it is to materialize one."""
-
-        def __post_init__(self):
-            super().__post_init__()
-            self._jac_fun = self.jac_fun
-
-    return Solver(
+    solver: Any = LevenbergMarquardt(
         residual_fun,
         jac_fun=jac_fun,
         damping_parameter=DAMPING,
@@ -121,11 +114,13 @@ def _solver(residual_fun: Callable, jac_fun: Callable) -> Any:
         jit=False,
         unroll=False,
     )
+    solver._jac_fun = jac_fun  # jaxopt ignores it where it is to materialize the Jacobian
+    return solver
 
 
 def _blank(solver: Any, theta, lane) -> Any:
-    """A state whose next step d is zero and is taken: the cost falls from infinity, by a predicted
-    fall of half d.(damping d - gradient), which is +0 whatever the signs of the zeros."""
+    """A state whose next step d is zero and is accepted: the cost decreases from infinity, and the
+    predicted decrease, half d.(damping d - gradient), is +0 for any signs of the zeros."""
     form = jax.eval_shape(solver.init_state, theta, lane)
     zeros = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), form)
     return zeros._replace(
@@ -137,8 +132,8 @@ def _blank(solver: Any, theta, lane) -> Any:
     )
 
 
-class Normal(NamedTuple):
-    """A least-squares problem at one point."""
+class NormalEquations(NamedTuple):
+    """The normal equations of a least-squares problem at one point."""
 
     matrix: Any
     """JᵀJ, shape [parameter, parameter]."""
@@ -148,12 +143,31 @@ class Normal(NamedTuple):
     """Half the sum of squared residuals."""
 
 
-def normal_of(residuals: Callable) -> Callable:
-    """The normal equations of `residuals(theta, lane)`, differentiated forwards."""
+def normal_equations_of(residuals: Callable) -> Callable:
+    """The normal equations of `residuals(theta, lane)`, by forward differentiation."""
     twice = lambda theta, lane: (residuals(theta, lane),) * 2  # noqa: E731
 
-    def equations(theta, lane) -> Normal:
+    def equations(theta, lane) -> NormalEquations:
         jacobian, value = jax.jacfwd(twice, has_aux=True)(theta, lane)
-        return Normal(jacobian.T @ jacobian, value @ jacobian, 0.5 * value @ value)
+        return NormalEquations(jacobian.T @ jacobian, value @ jacobian, 0.5 * value @ value)
 
     return equations
+
+
+def robust(r, scale, loss: Loss):
+    """r transformed so that half its square is the robust loss of r, elementwise.
+
+    `scale`, in the units of r, is where the loss departs from the square.
+    """
+    if loss == "none":
+        return r
+    z = (r / scale) ** 2
+    if loss == "geman_mcclure":
+        return r / jnp.sqrt(1.0 + z)
+    small = z < 1e-6
+    safe = jnp.where(small, 1.0, z)
+    if loss == "cauchy":
+        ratio = jnp.log1p(safe) / safe
+        return r * jnp.sqrt(jnp.where(small, 1.0 - 0.5 * z, ratio))
+    ratio = 2.0 * (jnp.sqrt(1.0 + safe) - 1.0) / safe
+    return r * jnp.sqrt(jnp.where(small, 1.0 - 0.25 * z, ratio))

@@ -1,6 +1,4 @@
-"""How XLA is to compile, said in its environment variable before JAX first asks for a device."""
-
-from __future__ import annotations
+"""XLA compiler flags, set in the environment before JAX first asks for a device."""
 
 import os
 from collections.abc import Callable
@@ -11,16 +9,16 @@ import jax.numpy as jnp
 
 _EXTRA = "--xla_backend_extra_options="
 OPTIONS = f"{_EXTRA}xla_cpu_use_multi_output_fusion"
-"""Kernels that answer several things at once: what these share is worked out once, and programs
-are half as large, so they load in half the time."""
+"""Fuse kernels with several outputs: shared values are computed once and programs are half as
+large, so they load in half the time."""
 _THREADS = "--xla_cpu_multi_thread_eigen="
 ONE_THREAD = f"{_THREADS}false"
-"""Groups of lanes are too small to divide; so programs are the same in commands and workers, and
-on whatever number of cores they were compiled."""
+"""Groups of lanes are too small to divide among threads; and without threads compiled programs do
+not depend on the number of cores."""
 
 
-def ask_for_options() -> None:
-    """Adds `OPTIONS` and `ONE_THREAD` to XLA_FLAGS, each unless the user gave his own."""
+def set_xla_flags() -> None:
+    """Add `OPTIONS` and `ONE_THREAD` to XLA_FLAGS, each unless the user set that flag."""
     flags = os.environ.get("XLA_FLAGS", "").split()
     if not any(flag.startswith(_EXTRA) for flag in flags):
         flags.insert(0, OPTIONS)
@@ -30,11 +28,11 @@ def ask_for_options() -> None:
 
 
 @lru_cache(maxsize=1)
-def in_force() -> bool:
-    """Whether XLA compiles by XLA_FLAGS: not where JAX asked for a device before.
+def xla_flags_active() -> bool:
+    """Whether XLA uses XLA_FLAGS; it does not if JAX asked for a device before they were set.
 
-    Seen by what it makes of two functions that share a sine: as jaxlib 0.10 writes its programs,
-    one kernel then holds one. Written otherwise, programs would be taken for unfused and not kept.
+    Tested by compiling two functions that share a sine: fused, the program text (of jaxlib 0.10)
+    contains one sine. In another text format, programs would not be cached.
     """
     if OPTIONS not in os.environ.get("XLA_FLAGS", ""):
         return True
@@ -43,9 +41,12 @@ def in_force() -> bool:
     return text is not None and text.count(" sine(") == 1
 
 
-def storing(places) -> Callable:
-    """A function that gives its argument back, bit for bit, stored; `places` are any finite
-    numbers of the computation, of the argument's shape and not one number for all: by such a one
-    it would multiply instead."""
+def force_materialize(places) -> Callable:
+    """A function that returns its argument unchanged but makes XLA materialize it.
+
+    It divides by ones that XLA cannot simplify away. `places` are any finite values of the
+    computation with the argument's shape; a scalar would not do, because XLA turns a division by a
+    broadcast scalar into a multiplication.
+    """
     one = jnp.sign(1.0 + places * places)
     return lambda value: value / one

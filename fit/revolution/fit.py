@@ -1,12 +1,10 @@
 """Surfaces of revolution from touches, in batch: a free axis and a contour of linear segments.
 
-The body of Allen and Michelman (1990) for contours: circular sections along an axis, the contour
-linear between touches. Here the contour has a fixed number of nodes, evenly spaced between a free
-bottom and top, closed by flat ends; residuals are distances to the contour in the half plane of
-height and radius, so touches on the ends count too.
+As in Allen and Michelman (1990), sections are circular and the contour is piecewise linear. Here it
+has a fixed number of evenly spaced nodes between a free bottom and top, and flat ends. Residuals
+are distances to the closed contour in the half plane of height and radius, so touches on the ends
+count too.
 """
-
-from __future__ import annotations
 
 from functools import lru_cache
 
@@ -14,16 +12,13 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
-from fit.fit_status import FitStatus
-from fit.optimize import solver
 from fit.optimize.batch import Program, map_lanes, take
 from fit.optimize.multistart import Problem, advance, finish, screen
 from fit.prepare import Sets, prepare
 from fit.revolution.record import RevolutionFit, RevolutionOptions
-from fit.revolution.residuals import Lane, look, normal_equations
+from fit.revolution.residuals import FitData, evaluate, normal_equations
+from fit.rotation import is_upward
 from fit.superquadric.starts import box_starts
-
-__all__ = ["RevolutionFit", "RevolutionOptions", "fit_revolution"]
 
 
 def fit_revolution(
@@ -33,10 +28,10 @@ def fit_revolution(
     table_z: float | Float[np.ndarray, " fit"] | None = None,
     options: RevolutionOptions | None = None,
 ) -> RevolutionFit:
-    """Surfaces of revolution of sets of points [m], shapes [fit, point, 3] and [fit, point].
+    """Fit surfaces of revolution to sets of points [m].
 
     With `table_z` [m] the lower end lies on the table. Raises ValueError for an array of the wrong
-    shape, nothing else: `status` says what became of each set.
+    shape; any other problem of a set is its `status`.
     """
     options = options or RevolutionOptions()
     sets = prepare(points, mask, table_z=table_z)
@@ -76,7 +71,7 @@ def _fit_bucket(sets: Sets, options: RevolutionOptions) -> dict[str, np.ndarray]
     if options.upright:
         rotation, half, centre = rotation[:, 3:4], half[:, 3:4], centre[:, 3:4]
     elif down is not None:
-        # All three of the principal axes; of the upright box only the upright axis is new.
+        # The three principal axes, and of the upright box only the upright axis.
         rotation, half, centre = rotation[:, :4], half[:, :4], centre[:, :4]
     starts = rotation.shape[1]
     local = np.einsum("fsji,fsj->fsi", rotation, centre)
@@ -89,7 +84,7 @@ def _fit_bucket(sets: Sets, options: RevolutionOptions) -> dict[str, np.ndarray]
     plane = None
     if sets.plane is not None:
         plane = np.concatenate([sets.plane, np.full((n, 1), options.plane_weight)], axis=1)
-    lanes = Lane(np.moveaxis(sets.points, 2, 1).copy(), weight, rotation[:, 0],
+    lanes = FitData(np.moveaxis(sets.points, 2, 1).copy(), weight, rotation[:, 0],
                   0.1 / np.sqrt(sets.count), plane)
     spread = take(lanes, np.repeat(np.arange(n), starts))
     spread = spread._replace(rotation=rotation.reshape(-1, 3, 3))
@@ -105,27 +100,25 @@ def _fit_bucket(sets: Sets, options: RevolutionOptions) -> dict[str, np.ndarray]
     return _rows(end, lanes, sets, options)
 
 
-def _scale(theta, lanes: Lane, sets: Sets, options: RevolutionOptions) -> np.ndarray:
-    """Scale of the robust loss: 2.4 deviations of the residuals by their median."""
-    away = map_lanes(_look(options), theta, lanes)[1]
+def _scale(theta, lanes: FitData, sets: Sets, options: RevolutionOptions) -> np.ndarray:
+    """Scale of the robust loss: 2.4 standard deviations, estimated from the median residual."""
+    away = map_lanes(_evaluate(options), theta, lanes)[1]
     size = np.where(sets.mask, np.abs(away) * lanes.weight, np.nan)
     spare = np.maximum(sets.count - theta.shape[1], 1) / sets.count
     deviation = 1.4826 * np.nanmedian(size, axis=1) / np.sqrt(spare)
     return np.clip(2.4 * deviation, 1e-4 / np.sqrt(sets.count), lanes.loss_scale)
 
 
-def _rows(end, lanes: Lane, sets: Sets, options: RevolutionOptions) -> dict[str, np.ndarray]:
-    body, away, information, slopes = map_lanes(_look(options), end.theta, lanes)
+def _rows(end, lanes: FitData, sets: Sets, options: RevolutionOptions) -> dict[str, np.ndarray]:
+    body, away, information, slopes = map_lanes(_evaluate(options), end.theta, lanes)
     position, axis, height, radius = body
     scale = sets.scale
-    # Upwards, so that the same body is written the same way from whichever end it was found.
-    clear = np.abs(axis) > 1e-9
-    last = np.where(clear[:, 2], 2, np.where(clear[:, 1], 1, 0))
-    up = np.take_along_axis(axis, last[:, None], axis=1) > 0
+    # Point the axis upwards, so that the result does not depend on the start.
+    up = is_upward(axis)
     position = np.where(up, position, position + height[:, None] * axis)
     square = np.where(sets.mask, away**2, 0.0).sum(axis=1)
     parameters = end.theta.shape[1]
-    # The noise of one touch, in the units of the information (weights are 1/sqrt(count)).
+    # Variance of one touch, in the units of the information (weights are 1/sqrt(count)).
     drawn = np.minimum(away**2, 9 * np.nanmedian(np.where(sets.mask, away**2, np.nan),
                                                  axis=1, keepdims=True) * 2.2)
     spare = np.maximum(sets.count - parameters, 1)
@@ -150,22 +143,19 @@ def _rows(end, lanes: Lane, sets: Sets, options: RevolutionOptions) -> dict[str,
     }
 
 
-# What names the compiled programs: cached, so that each is one object.
-
-
 @lru_cache(maxsize=64)
 def _problem(options: RevolutionOptions) -> Problem:
-    return Problem(lambda theta, lane: normal_equations(theta, lane, options), solver.descend,
-                   f"{options}")
+    return Problem(lambda theta, data: normal_equations(theta, data, options), f"{options}")
 
 
 @lru_cache(maxsize=64)
-def _look(options: RevolutionOptions):
-    return Program(f"look {options}", jax.vmap(lambda theta, lane: look(theta, lane, options)))
+def _evaluate(options: RevolutionOptions):
+    return Program(f"evaluate {options}",
+                   jax.vmap(lambda theta, data: evaluate(theta, data, options)))
 
 
 def revolution_inside(fit: RevolutionFit, points: Float[np.ndarray, "fit point 3"]) -> np.ndarray:
-    """Which points [m] lie inside, shape [fit, point]."""
+    """Whether points [m] lie inside, shape [fit, point]."""
     arms = points - fit.position_m[:, None]
     s = np.einsum("fpi,fi->fp", arms, fit.axis)
     rho = np.linalg.norm(arms - s[..., None] * fit.axis[:, None], axis=2)
@@ -174,8 +164,3 @@ def revolution_inside(fit: RevolutionFit, points: Float[np.ndarray, "fit point 3
     share = s / height
     radius = np.stack([np.interp(x, place, r) for x, r in zip(share, fit.radius_m, strict=True)])
     return (s >= 0) & (s <= height) & (rho <= radius)
-
-
-def usable(fit: RevolutionFit) -> np.ndarray:
-    """Rows that describe a body, shape [fit]."""
-    return np.isin(fit.status, (FitStatus.converged, FitStatus.not_converged))

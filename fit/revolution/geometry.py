@@ -1,6 +1,4 @@
-"""The surface and the inside of bodies of revolution with contours of linear segments, in batch."""
-
-from __future__ import annotations
+"""Geometry of bodies of revolution with piecewise linear contours, in batch."""
 
 from dataclasses import dataclass
 
@@ -12,26 +10,26 @@ from fit.arrays import row_sums, rows_of
 
 @dataclass(frozen=True)
 class RevolutionBody:
-    """Bodies of revolution, a row each; NaN after a contour's last node."""
+    """Bodies of revolution, one per row; NaN after the last node of a contour."""
 
     foot_m: Float[np.ndarray, "fit 3"]
     """Lower end of the axis [m]."""
     axis: Float[np.ndarray, "fit 3"]
-    """Unit direction, from the foot."""
+    """Unit direction from the foot."""
     height_m: Float[np.ndarray, "fit node"]
-    """Of each node along the axis, rising from 0 [m]."""
+    """Height of each node along the axis [m], rising from 0."""
     radius_m: Float[np.ndarray, "fit node"]
 
     def __len__(self) -> int:
         return len(self.foot_m)
 
-    def __getitem__(self, index) -> RevolutionBody:
-        """The bodies `index` as a smaller record."""
+    def __getitem__(self, index) -> "RevolutionBody":
+        """The bodies `index`."""
         return rows_of(self, np.atleast_1d(np.arange(len(self))[index]))
 
 
 def revolution_volume(body: RevolutionBody) -> Float[np.ndarray, " fit"]:
-    """Volume [m^3]: cones' frustums."""
+    """Volume [m^3] of stacked cone frustums."""
     low, high = body.radius_m[:, :-1], body.radius_m[:, 1:]
     step = np.diff(body.height_m, axis=1)
     return np.pi / 3 * row_sums(step * (low**2 + low * high + high**2))
@@ -41,23 +39,15 @@ def revolution_inside(
     body: RevolutionBody, points: Float[np.ndarray, "fit point 3"]
 ) -> Bool[np.ndarray, "fit point"]:
     """Whether points [m] lie inside."""
-    arm = points - body.foot_m[:, None]
-    along = np.einsum("fpi,fi->fp", arm, body.axis)
-    away = np.linalg.norm(arm - along[..., None] * body.axis[:, None], axis=-1)
+    along, away = _half_plane(body, points)
     return away < _radius_at(body, along)
 
 
 def revolution_distance(
     body: RevolutionBody, points: Float[np.ndarray, "fit point 3"]
 ) -> Float[np.ndarray, "fit point"]:
-    """Unsigned distance [m] of points to the surface: to the nearest of the contour's segments.
-
-    The contour runs from the axis over the lower end, up, and back to the axis, so that both ends
-    are closed by discs.
-    """
-    arm = points - body.foot_m[:, None]
-    along = np.einsum("fpi,fi->fp", arm, body.axis)
-    away = np.linalg.norm(arm - along[..., None] * body.axis[:, None], axis=-1)
+    """Unsigned distance [m] of points to the surface, with both ends closed by discs."""
+    along, away = _half_plane(body, points)
     out = np.full(along.shape, np.inf)
     for row in range(len(body)):
         z, r = _closed(body, row)
@@ -73,10 +63,10 @@ def revolution_distance(
 def revolution_surface(
     body: RevolutionBody, around: int = 24, rings: int = 36
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Surface points [m], outward unit normals, and the area [m^2] each stands for.
+    """Surface points [m], outward unit normals, and the area [m^2] of each point.
 
-    Shapes [fit, rings * around, 3], the same, and [fit, rings * around]: rings evenly along the
-    closed contour, points evenly around each, every other ring turned by half a spacing.
+    Shapes [fit, rings * around, 3], the same, and [fit, rings * around]. Rings are evenly spaced
+    along the closed contour and points around each; every other ring is rotated by half a spacing.
     """
     count = rings * around
     points, normals = np.zeros((len(body), count, 3)), np.zeros((len(body), count, 3))
@@ -104,8 +94,15 @@ def revolution_surface(
     return points, normals, area
 
 
+def _half_plane(body: RevolutionBody, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Heights along the axis and distances from it."""
+    arm = points - body.foot_m[:, None]
+    along = np.einsum("fpi,fi->fp", arm, body.axis)
+    return along, np.linalg.norm(arm - along[..., None] * body.axis[:, None], axis=-1)
+
+
 def _closed(body: RevolutionBody, row: int) -> tuple[np.ndarray, np.ndarray]:
-    """The contour (z, r) of one body from the axis over both ends and back to the axis."""
+    """The contour (z, r) of one body, from the axis around both ends back to the axis."""
     known = np.isfinite(body.height_m[row]) & np.isfinite(body.radius_m[row])
     z, r = body.height_m[row][known], body.radius_m[row][known]
     if len(z) == 0:
@@ -114,7 +111,7 @@ def _closed(body: RevolutionBody, row: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _radius_at(body: RevolutionBody, along: np.ndarray) -> np.ndarray:
-    """Radius at places along the axis, -1 beyond its ends."""
+    """Radius at heights along the axis, -1 beyond its ends."""
     out = np.full(along.shape, -1.0)
     for row in range(len(body)):
         known = np.isfinite(body.height_m[row]) & np.isfinite(body.radius_m[row])
@@ -125,7 +122,7 @@ def _radius_at(body: RevolutionBody, along: np.ndarray) -> np.ndarray:
 
 
 def _across(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two unit directions across an axis and each other."""
+    """Two unit vectors orthogonal to the axis and to each other."""
     other = np.array([1.0, 0.0, 0.0]) if abs(axis[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
     u = np.cross(axis, other)
     u /= np.linalg.norm(u)

@@ -1,6 +1,4 @@
-"""What a fit of a surface of revolution is asked, and what it answers."""
-
-from __future__ import annotations
+"""Options and result of fits of surfaces of revolution."""
 
 from dataclasses import dataclass
 
@@ -12,25 +10,27 @@ from fit.fit_status import LEAST_FALL, Loss, Monotone, check_word
 
 @dataclass(frozen=True)
 class RevolutionOptions:
-    """How to fit; hashable, for it names the compiled program. ValueError for an unknown word or
-    too few nodes."""
+    """Options of a fit; hashable, as they name the compiled program.
+
+    Raises ValueError for an unknown word or fewer than two nodes.
+    """
 
     nodes: int = 8
-    """Nodes of the contour, both ends included: 2 at least."""
+    """Nodes of the contour, at least 2, including both ends."""
     smoothing: float = 0.05
-    """Weight of the contour's second differences, against all the touches."""
+    """Weight of the contour's second differences relative to all touches."""
     monotone: Monotone = "none"
-    """Radii that may only fall, or rise, with height along the axis."""
+    """Whether radii may only fall or only rise with height."""
     loss: Loss = "cauchy"
     upright: bool = False
-    """Try only axes along the world's z (the axis stays free to tilt)."""
+    """Start only from axes along the world's z; the fitted axis may tilt."""
     plane_weight: float = 1.0
     screen_iterations: int = 6
     round_iterations: int = 8
     iterations: int = 80
-    """Most iterations of the finish, in whole rounds."""
+    """Maximum number of iterations after screening, in whole rounds."""
     least_fall: float = LEAST_FALL
-    """A fit has converged when a round lowers its cost by less than this share."""
+    """A fit has converged when a round lowers its cost by less than this fraction."""
 
     def __post_init__(self) -> None:
         if self.nodes < 2:
@@ -41,12 +41,12 @@ class RevolutionOptions:
 
 @dataclass(frozen=True)
 class RevolutionFit:
-    """Surfaces of revolution, a row each; every field is finite whatever the status."""
+    """Surfaces of revolution, one per row; every field is finite for any status."""
 
     position_m: Float[np.ndarray, "fit 3"]
-    """Point of the axis at its lower end [m]."""
+    """Lower end of the axis [m]."""
     axis: Float[np.ndarray, "fit 3"]
-    """Unit direction of the axis, with a positive z (else y, else x)."""
+    """Unit direction of the axis with a positive z (else y, else x)."""
     height_m: Float[np.ndarray, " fit"]
     """Length along the axis [m]."""
     radius_m: Float[np.ndarray, "fit node"]
@@ -56,7 +56,7 @@ class RevolutionFit:
     """Root mean square distance of the touches to the contour [m]."""
     cost: Float[np.ndarray, " fit"]
     radius_std_m: Float[np.ndarray, "fit node"]
-    """Standard deviation of each radius [m], from the residuals' own size."""
+    """Standard deviation of each radius [m], scaled by the residuals."""
     volume_std_m3: Float[np.ndarray, " fit"]
     iterations: Int[np.ndarray, " fit"]
     status: Int[np.ndarray, " fit"]

@@ -1,11 +1,8 @@
-"""The least-squares problem of one surface of revolution, in JAX: residuals and normal equations.
+"""Residuals and normal equations of one surface of revolution, in JAX, in a unit-scale frame.
 
-theta: slopes of the axis against the start's z (2), its middle in the start's x, y (2), lower and
-upper end along the start's z (2), logarithms of the radii. Everything is in a frame where the
-points have unit scale; `batch` makes a batch of it.
+Parameters theta, in the frame of the start: slopes of the axis against z (2), x and y of its middle
+(2), lower and upper end along z (2), logarithms of the radii.
 """
-
-from __future__ import annotations
 
 from typing import NamedTuple
 
@@ -13,26 +10,25 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from fit.optimize.robust_loss import robust
-from fit.optimize.solver import Normal, normal_of
+from fit.optimize.solver import NormalEquations, normal_equations_of, robust
 from fit.revolution.record import RevolutionOptions
 from fit.superquadric.parameter_vector import Tensor
 
 
-class Lane(NamedTuple):
-    """The data of one fit, in its own unit frame."""
+class FitData(NamedTuple):
+    """Data of one fit, in its unit frame."""
 
     points: Float[Tensor, "3 point"]
     weight: Float[Tensor, " point"]
     rotation: Float[Tensor, "3 3"]
-    """Its z is the axis of the start."""
+    """Frame of the start; its z is the axis."""
     loss_scale: Float[Tensor, ""]
     plane: Float[Tensor, " 5"] | None
-    """Down direction (3), height of the plane along it, weight of its residual."""
+    """Down direction (3), height of the table along it, weight of its residual."""
 
 
 class Body(NamedTuple):
-    """A surface of revolution in the unit frame; nodes stand evenly along its height."""
+    """A surface of revolution in the unit frame, with evenly spaced nodes."""
 
     foot: Float[Tensor, " 3"]
     axis: Float[Tensor, " 3"]
@@ -41,19 +37,19 @@ class Body(NamedTuple):
 
 
 class Nearest(NamedTuple):
-    """Places of a half plane (height, radius) and the closed contour's nearest to them."""
+    """Nearest points of the closed contour to points of the half plane (height, radius)."""
 
     distance: Float[Array, " point"]
     """Signed, positive outside."""
     by_height: Float[Array, " point"]
     by_radius: Float[Array, " point"]
-    """Slopes of the distance: the contour's normal, but at its corners."""
+    """Derivatives of the distance by height and radius."""
     height: Float[Tensor, " point"]
-    """Of the contour's nearest place."""
+    """Height of the nearest point."""
     segment: Float[Array, " point"]
-    """0 is the lower end, then one a pair of nodes, the last is the upper end."""
+    """0 is the lower end, the last is the upper end."""
     share: Float[Array, " point"]
-    """Of the way along the segment."""
+    """Position along the segment, 0 to 1."""
 
 
 def unpack(theta, rotation: Float[Tensor, "3 3"]) -> Body:
@@ -65,39 +61,40 @@ def unpack(theta, rotation: Float[Tensor, "3 3"]) -> Body:
     return Body(middle - 0.5 * height * axis, axis, height, _radius(theta))
 
 
-def normal_equations(theta, lane: Lane, options: RevolutionOptions) -> Normal:
-    """JᵀJ, Jᵀr and cost: touches, differentiated by hand, and the few other residuals."""
-    columns = _touched(theta, lane, options)
+def normal_equations(theta, data: FitData, options: RevolutionOptions) -> NormalEquations:
+    """JᵀJ, Jᵀr and cost. Residuals of touches are differentiated by hand."""
+    columns = _touch_rows(theta, data, options)
     sums = columns @ columns.T
-    few = normal_of(lambda theta, lane: _others(theta, lane, options))(theta, lane)
-    return Normal(sums[:-1, :-1] + few.matrix, sums[-1, :-1] + few.gradient,
-                  0.5 * sums[-1, -1] + few.cost)
+    few = normal_equations_of(lambda t, data: _body_residuals(t, data, options))(theta, data)
+    return NormalEquations(sums[:-1, :-1] + few.matrix, sums[-1, :-1] + few.gradient,
+                           0.5 * sums[-1, -1] + few.cost)
 
 
-def residuals(theta, lane: Lane, options: RevolutionOptions) -> Float[Array, " residual"]:
-    """The residuals themselves, in the order of `normal_equations`."""
-    return jnp.concatenate([_touched(theta, lane, options)[-1], _others(theta, lane, options)])
+def residuals(theta, data: FitData, options: RevolutionOptions) -> Float[Array, " residual"]:
+    """The residuals of `normal_equations`."""
+    return jnp.concatenate(
+        [_touch_rows(theta, data, options)[-1], _body_residuals(theta, data, options)])
 
 
-def look(theta, lane: Lane, options: RevolutionOptions) -> tuple[Body, Array, Array, Array]:
-    """Body, distances of the touches, information matrix, and the slopes of the volume."""
-    body = unpack(theta, lane.rotation)
-    s, rho, *_ = _half_plane(theta, lane)
+def evaluate(theta, data: FitData, options: RevolutionOptions) -> tuple[Body, Array, Array, Array]:
+    """Body, distances of the touches, information matrix, and gradient of the volume."""
+    body = unpack(theta, data.rotation)
+    s, rho, *_ = _half_plane(theta, data)
     return (body, nearest_of_contour(body.height, body.radius, s, rho).distance,
-            normal_equations(theta, lane, options).matrix, jax.grad(_volume)(theta))
+            normal_equations(theta, data, options).matrix, jax.grad(_volume)(theta))
 
 
 def nearest_of_contour(
     height: Float[Tensor, ""], radius: Float[Array, " node"],
     s: Float[Tensor, " point"], rho: Float[Tensor, " point"],
 ) -> Nearest:
-    """The place nearest to (`s`, `rho`), height and radius, of the contour closed by flat ends."""
+    """Nearest points to (`s`, `rho`), height and radius, of the contour closed by flat ends."""
     count = radius.shape[0]
     radii = jnp.concatenate([jnp.zeros(1), radius, jnp.zeros(1)])
     step = height / (count - 1)
 
     def along(segment, r0, r1):
-        """Ends of a segment, and where it is nearest."""
+        """Lower end and height of a segment, position of the nearest point, offset from it."""
         h0 = step * jnp.maximum(segment - 1.0, 0.0)
         dh = jnp.where((segment > 0.5) & (segment < count - 0.5), step, 0.0)
         dr = r1 - r0
@@ -109,7 +106,7 @@ def nearest_of_contour(
     index = jnp.argmin(off_s**2 + off_rho**2, axis=0)
     segment = index.astype(radii.dtype)
     h0, dh, share, off_s, off_rho = along(segment, radii[index], radii[index + 1])
-    # Not by the side of the segment: beyond a sharp corner a place outside lies inside of one.
+    # The side of the nearest segment is not enough: past a sharp corner it can be the wrong one.
     place = jnp.clip(s / step, 0.0, count - 1.0)
     below = jnp.minimum(jnp.floor(place), count - 2.0)
     low = below.astype(jnp.int32)
@@ -121,7 +118,7 @@ def nearest_of_contour(
 
 
 def _direction(theta) -> Float[Array, " 3"]:
-    """The axis in the start's frame."""
+    """The axis in the frame of the start."""
     return jnp.stack([theta[0], theta[1], jnp.ones_like(theta[0])]) / _steepness(theta)
 
 
@@ -148,26 +145,26 @@ def _volume(theta):
     return jnp.pi / 3 * _height(theta) / (radius.shape[0] - 1) * jnp.sum(frustums)
 
 
-def _half_plane(theta, lane: Lane):
-    """Heights along the axis, radii, and the arms [3, point] that these are the lengths of."""
+def _half_plane(theta, data: FitData):
+    """Heights along the axis, radii, radial vectors [3, point], heights from the middle."""
     axis = _direction(theta)
-    from_middle = lane.rotation.T @ lane.points - _middle(theta)[:, None]
+    from_middle = data.rotation.T @ data.points - _middle(theta)[:, None]
     along = jnp.sum(axis[:, None] * from_middle, axis=0)
     arm = from_middle - axis[:, None] * along
     return along + 0.5 * _height(theta), jnp.sqrt(jnp.sum(arm**2, axis=0) + 1e-12), arm, along
 
 
-def _touched(theta, lane: Lane, options: RevolutionOptions) -> Float[Array, "row point"]:
-    """Derivatives by theta of the touches' residuals; the last row are the residuals."""
+def _touch_rows(theta, data: FitData, options: RevolutionOptions) -> Float[Array, "row point"]:
+    """Derivatives by theta of the residuals of touches; the last row holds the residuals."""
     height = _height(theta)
     axis = _direction(theta)
     radius = _radius(theta)
-    s, rho, (x, y, z), along = _half_plane(theta, lane)
+    s, rho, (x, y, z), along = _half_plane(theta, data)
     at = nearest_of_contour(height, radius, s, rho)
     value, factor = jax.jvp(
-        lambda away: robust(lane.weight * away, lane.loss_scale, options.loss),
+        lambda away: robust(data.weight * away, data.loss_scale, options.loss),
         (at.distance,), (jnp.ones_like(s),))
-    # A turn of the axis about the middle, a shift of the middle, and a longer body.
+    # Rotation of the axis about the middle, translation of the middle, change of length.
     tilt = (at.by_height - at.by_radius * along / rho) / _steepness(theta)
     out = at.by_radius / rho
     raised = -(at.by_height * axis[2] + out * z)
@@ -175,25 +172,25 @@ def _touched(theta, lane: Lane, options: RevolutionOptions) -> Float[Array, "row
     rows = [tilt * x, tilt * y, -(at.by_height * axis[0] + out * x),
             -(at.by_height * axis[1] + out * y), 0.5 * raised - longer, 0.5 * raised + longer]
     free = jnp.where((theta[6:] > -6.0) & (theta[6:] < 3.0), radius, 0.0)[:, None]
-    # Hats: a radius moves the contour's place in the segments on both sides of its node.
+    # Hat functions: a radius moves the contour in the two segments at its node.
     hat = 1.0 - jnp.abs(at.segment + at.share - jnp.arange(1.0, radius.shape[0] + 1)[:, None])
     nodes = -at.by_radius * free * jnp.maximum(hat, 0.0)
     return jnp.concatenate([jnp.stack(rows) * factor, nodes * factor, value[None]])
 
 
-def _others(theta, lane: Lane, options: RevolutionOptions) -> Float[Array, " residual"]:
-    """The residuals of the body as a whole."""
-    foot, axis, height, radius = unpack(theta, lane.rotation)
+def _body_residuals(theta, data: FitData, options: RevolutionOptions) -> Float[Array, " residual"]:
+    """Smoothing, table, monotonicity and a weak prior against tilt."""
+    foot, axis, height, radius = unpack(theta, data.rotation)
     bow = radius[2:] - 2.0 * radius[1:-1] + radius[:-2]
     parts = [options.smoothing * bow]
-    if lane.plane is not None:
-        down = lane.plane[:3]
+    if data.plane is not None:
+        down = data.plane[:3]
         ends = jnp.stack([down @ foot, down @ (foot + height * axis)])
         rim = jnp.sqrt(jnp.maximum(1.0 - (down @ axis) ** 2, 0.0) + 1e-12)
         reach = jnp.max(ends + rim * jnp.stack([radius[0], radius[-1]]))
-        parts.append(lane.plane[4] * (reach - lane.plane[3])[None])
+        parts.append(data.plane[4] * (reach - data.plane[3])[None])
     if options.monotone != "none":
-        # Along the world's up: the contour runs with the axis.
+        # Relative to the world's z; the contour follows the axis.
         rise = jnp.diff(radius) * jnp.sign(axis[2] + 1e-12)
         wrong = rise if options.monotone == "falling" else -rise
         parts.append(3.0 * jnp.maximum(wrong, 0.0))

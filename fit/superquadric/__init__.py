@@ -10,7 +10,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
         "superquadric_normals", "superquadric_points", "superquadric_volume"],
     "parameter_vector": ["Form", "Tensor"],
     "record": ["SuperquadricFit", "SuperquadricOptions"],
-    "residuals": ["look", "normal_equations", "residual_vector"],
+    "residuals": ["evaluate", "normal_equations", "residual_vector"],
     "starts": ["box_starts"],
     "uncertainty": ["SuperquadricUncertainty", "distance_slopes", "superquadric_uncertainty",
         "surface_distance", "surface_std"],

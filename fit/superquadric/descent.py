@@ -1,6 +1,4 @@
-"""The descents behind a superquadric fit: starts screened, the best finished, in the unit frame."""
-
-from __future__ import annotations
+"""Descents of superquadric fits in unit frames: screening of starts, descent of the best."""
 
 from functools import lru_cache
 
@@ -8,45 +6,44 @@ import jax
 import numpy as np
 
 from fit.arrays import row_medians
-from fit.fit_status import FitStatus
-from fit.optimize import solver
+from fit.fit_status import FitStatus, is_fitted
 from fit.optimize.batch import Program, map_lanes, take
-from fit.optimize.multistart import Finished, Problem, advance, finish, screen
+from fit.optimize.multistart import Problem, Solution, advance, finish, screen
 from fit.prepare import Sets
 from fit.rotation import matrix_of_quaternion, quaternion_of_matrix
 from fit.superquadric.field import widening
 from fit.superquadric.parameter_vector import (
-    GREATEST_BEND,
-    GREATEST_EXPONENT,
-    LEAST_EXPONENT,
-    TAPER_REACH,
+    MAX_BEND,
+    MAX_EXPONENT,
+    MIN_EXPONENT,
+    TAPER_BOUND,
     Form,
 )
 from fit.superquadric.record import SuperquadricFit, SuperquadricOptions
-from fit.superquadric.residuals import Lane, look, normal_equations
+from fit.superquadric.residuals import FitData, evaluate, normal_equations
 from fit.superquadric.starts import box_starts, taper_starts
 
 START_EXPONENT_LOGITS = (-2.0, -1.0)
-"""e1 0.33 and e2 0.61: flat rather than round, and not so flat that a descent could not turn."""
-LEAST_STD = 1e-6
-"""Of a touch, in the unit frame: none outweighs all others."""
+"""e1 = 0.33 and e2 = 0.61: rather flat, but not so flat that descents get stuck."""
+MIN_STD = 1e-6
+"""Minimum standard deviation of a touch in the unit frame, so that none dominates."""
 ROBUST_TUNING = {"none": 1.0, "pseudo_huber": 1.345, "cauchy": 2.385, "geman_mcclure": 3.0}
-"""Standard deviations at which each loss bends: 95 % efficiency on clean Gaussian residuals."""
+"""Scale of each loss in standard deviations: 95 % efficiency on Gaussian residuals."""
 
 
 def fit_sets(
     sets: Sets, options: SuperquadricOptions, start: SuperquadricFit | None = None
 ) -> dict[str, np.ndarray]:
-    """Rows of usable sets that share one padded number of points, by the field of the result."""
+    """Fits of sets with one padded number of points, by field of the result."""
     residual = options.residual or ("volume_distance" if options.taper else "solina")
     form = Form(options.taper, options.bend, residual, options.loss)
     lanes, theta = _begin(sets, form, options, start)
     lanes, theta = _refresh(lanes, theta, sets, form, options)
-    # Weights, scale and the strength of priors belong to a shape: settle them before the finish.
+    # Weights, loss scale and strength of the priors depend on the shape: fix them first.
     settled = advance(_problem(form), theta, lanes, options.settle_iterations)
     if options.iterations == 0:
         none = np.zeros(len(theta), int)
-        end = Finished(settled.theta, settled.cost, none, none + FitStatus.not_converged)
+        end = Solution(settled.theta, settled.cost, none, none + FitStatus.not_converged)
         return _rows(end, lanes, sets, form)
     lanes, theta = _refresh(lanes, settled.theta, sets, form, options)
     end = finish(_problem(form), theta, lanes, settled.damping,
@@ -56,27 +53,29 @@ def fit_sets(
 
 
 def _begin(sets: Sets, form: Form, options: SuperquadricOptions, start: SuperquadricFit | None):
-    """Where each fit begins: at its start if it has one, else at the best of its own."""
+    """Initial parameters of each fit: those of `start` if fitted, else of the best start."""
     lanes = _lanes(sets, options)
     theta = np.zeros((len(sets.count), form.parameters))
     fresh = np.ones(len(theta), bool)
     if start is not None:
-        fresh = ~np.isin(start.status, (FitStatus.converged, FitStatus.not_converged))
+        fresh = ~is_fitted(start.status)
         theta = _parameters_of(start, sets, form)
         lanes = lanes._replace(rotation=matrix_of_quaternion(start.quaternion_xyzw))
     if fresh.any():
         rows = np.flatnonzero(fresh)
         rotation = lanes.rotation.copy()
-        rotation[rows], theta[rows] = _screen(sets.narrow(rows), form, options)
+        rotation[rows], theta[rows] = _screen(sets.subset(rows), form, options)
         lanes = lanes._replace(rotation=rotation)
     return lanes, theta
 
 
 def _parameters_of(start: SuperquadricFit, sets: Sets, form: Form) -> np.ndarray:
-    """The parameter vectors of fits in the unit frames, shape [fit, parameter]; the inverse of
-    `superquadric_body.unpack`, with what lies on a bound drawn in a little."""
+    """Parameter vectors of fits in unit frames, shape [fit, parameter].
+
+    The inverse of `parameter_vector.unpack`, with values clipped away from their bounds.
+    """
     size = np.maximum(start.size_m / sets.scale[:, None], 1e-3)
-    share = (start.exponents - LEAST_EXPONENT) / (GREATEST_EXPONENT - LEAST_EXPONENT)
+    share = (start.exponents - MIN_EXPONENT) / (MAX_EXPONENT - MIN_EXPONENT)
     share = np.clip(share, 1e-3, 1 - 1e-3)
     theta = np.zeros((len(size), form.parameters))
     theta[:, 0:3] = np.log(size)
@@ -84,17 +83,17 @@ def _parameters_of(start: SuperquadricFit, sets: Sets, form: Form) -> np.ndarray
     shift = (start.position_m - sets.origin) / sets.scale[:, None]
     theta[:, 8:11] = np.einsum("fji,fj->fi", matrix_of_quaternion(start.quaternion_xyzw), shift)
     if form.taper:
-        theta[:, 11:13] = np.arctanh(np.clip(start.taper / TAPER_REACH, -0.95, 0.95))
+        theta[:, 11:13] = np.arctanh(np.clip(start.taper / TAPER_BOUND, -0.95, 0.95))
     if form.bend:
-        reach = np.linalg.norm(size, axis=1) / GREATEST_BEND
+        reach = np.linalg.norm(size, axis=1) / MAX_BEND
         bent = np.minimum(start.bend[:, 0] * sets.scale * reach, 0.95)
         v = (bent / np.sqrt(1 - bent**2))[:, None]
         theta[:, -2:] = v * np.stack([np.cos(start.bend[:, 1]), np.sin(start.bend[:, 1])], axis=1)
     return theta
 
 
-def _lanes(sets: Sets, options: SuperquadricOptions) -> Lane:
-    """The data of each fit before anything is known of its shape."""
+def _lanes(sets: Sets, options: SuperquadricOptions) -> FitData:
+    """Data of each fit before its shape is known."""
     n = len(sets.count)
     weight = _unit(sets.mask.astype(float))
     if sets.covariance is not None:
@@ -113,7 +112,7 @@ def _lanes(sets: Sets, options: SuperquadricOptions) -> Lane:
         fallback = np.where(felt[..., None], sets.normals, [0.0, 0.0, 1.0])
         normals = np.moveaxis(fallback, 2, 1).copy()
         normal_weight = options.normal_weight * felt * weight
-    return Lane(
+    return FitData(
         points=np.moveaxis(sets.points, 2, 1).copy(),
         weight=weight,
         rotation=np.tile(np.eye(3), (n, 1, 1)),
@@ -132,8 +131,8 @@ def _edge(options: SuperquadricOptions) -> float:
     """Weight of the prior on e1, in standard deviations of the noise."""
     if options.mean_exponent is None:
         return 0.0
-    rate = 1.0 / (options.mean_exponent - LEAST_EXPONENT)
-    return float(np.sqrt(2.0 * rate * (GREATEST_EXPONENT - LEAST_EXPONENT)))
+    rate = 1.0 / (options.mean_exponent - MIN_EXPONENT)
+    return float(np.sqrt(2.0 * rate * (MAX_EXPONENT - MIN_EXPONENT)))
 
 
 def _upright(deviation: np.ndarray, sets: Sets, options: SuperquadricOptions):
@@ -145,15 +144,17 @@ def _upright(deviation: np.ndarray, sets: Sets, options: SuperquadricOptions):
 def _weight(variance: np.ndarray, sets: Sets, options: SuperquadricOptions) -> np.ndarray:
     """Weights of touches with these variances in the unit frame."""
     variance = variance + (options.sigma_floor_m / sets.scale[:, None]) ** 2
-    return _unit(sets.mask / np.sqrt(np.maximum(variance, LEAST_STD**2)))
+    return _unit(sets.mask / np.sqrt(np.maximum(variance, MIN_STD**2)))
 
 
 def _unit(weight: np.ndarray) -> np.ndarray:
     return weight / np.sqrt((weight**2).sum(axis=1, keepdims=True))
 
 
-def begin_starts(sets: Sets, form: Form, options: SuperquadricOptions) -> tuple[Lane, np.ndarray]:
-    """The starts of each fit: lanes, a row for every start of every fit, and parameters, shape
+def begin_starts(
+    sets: Sets, form: Form, options: SuperquadricOptions
+) -> tuple[FitData, np.ndarray]:
+    """Starts of each fit: data with a row for every start of every fit, and parameters, shape
     [fit, start, parameter]."""
     down, floor = (None, None) if sets.plane is None else (sets.plane[:, :3], sets.plane[:, 3])
     trim = 0.0 if options.loss == "none" else 0.05
@@ -162,8 +163,8 @@ def begin_starts(sets: Sets, form: Form, options: SuperquadricOptions) -> tuple[
     theta = np.zeros((n, starts, form.parameters))
     if form.taper:
         taper = taper_starts(sets.points, sets.mask, rotation, half, centre)
-        theta[..., 11:13] = np.arctanh(taper / TAPER_REACH)
-        # The widest section gave the extents; the sizes belong to the middle one.
+        theta[..., 11:13] = np.arctanh(taper / TAPER_BOUND)
+        # The extents are those of the widest section; sizes are those of the middle one.
         half = half / np.concatenate([1 + np.abs(taper), np.ones((n, starts, 1))], axis=2)
     theta[..., 0:3] = np.log(half)
     theta[..., 3:5] = START_EXPONENT_LOGITS
@@ -181,21 +182,21 @@ def _screen(sets: Sets, form: Form, options: SuperquadricOptions):
 
 
 def _badness(form: Form):
-    """What starts are compared by: the cost, without the volume where that is a mere factor."""
+    """Ranking criterion of starts: the cost, without the volume factor of volume_distance."""
     if form.residual != "volume_distance":
         return lambda theta, cost: cost
 
-    # A body shrunk to nothing costs nothing, however far from the touches it lies.
+    # A vanishing body has no cost, however far from the touches it is.
     def without(theta: np.ndarray, cost: np.ndarray) -> np.ndarray:
-        taper = np.clip(TAPER_REACH * np.tanh(theta[:, 11:13 if form.taper else 11]), -1.0, 1.0)
+        taper = np.clip(TAPER_BOUND * np.tanh(theta[:, 11:13 if form.taper else 11]), -1.0, 1.0)
         return cost * np.exp(-theta[:, 0:3].sum(axis=1)) / np.prod(widening(taper), axis=1)
 
     return without
 
 
-def _refresh(lanes: Lane, theta, sets: Sets, form: Form, options: SuperquadricOptions):
-    """Lanes whose tangent, weights and loss scale belong to the shape at `theta`."""
-    body, _, normal, raw = map_lanes(_look(form), theta, lanes)
+def _refresh(lanes: FitData, theta, sets: Sets, form: Form, options: SuperquadricOptions):
+    """Data with tangent frame, weights and loss scale for the shape at `theta`."""
+    body, _, normal, raw = map_lanes(_evaluate(form), theta, lanes)
     weight = lanes.weight
     if sets.covariance is not None:
         variance = np.einsum("fip,fpij,fjp->fp", normal, sets.covariance, normal)
@@ -218,9 +219,9 @@ def _refresh(lanes: Lane, theta, sets: Sets, form: Form, options: SuperquadricOp
                           upright=upright), theta
 
 
-def _rows(end: Finished, lanes: Lane, sets: Sets, form: Form) -> dict[str, np.ndarray]:
-    """The fits in metres and in the world, by the name of their field."""
-    body, away, _, _ = map_lanes(_look(form), end.theta, lanes)
+def _rows(end: Solution, lanes: FitData, sets: Sets, form: Form) -> dict[str, np.ndarray]:
+    """The fits in metres in the world frame, by field of the result."""
+    body, away, _, _ = map_lanes(_evaluate(form), end.theta, lanes)
     n = len(end.status)
     scale = sets.scale
     square = np.where(sets.mask, away**2, 0.0).sum(1) / sets.count
@@ -240,16 +241,13 @@ def _rows(end: Finished, lanes: Lane, sets: Sets, form: Form) -> dict[str, np.nd
     }
 
 
-# What names the compiled programs: cached, so that each is one object.
-
-
 @lru_cache(maxsize=64)
-def _look(form: Form):
-    return Program(f"look {form}", jax.vmap(lambda theta, lane: look(theta, lane, form)))
+def _evaluate(form: Form):
+    return Program(f"evaluate {form}", jax.vmap(lambda theta, data: evaluate(theta, data, form)))
 
 
 @lru_cache(maxsize=64)
 def _problem(form: Form) -> Problem:
-    # Jitted by itself only to be traced once, for the first evaluation and for every other.
-    equations = jax.jit(lambda theta, lane: normal_equations(theta, lane, form))
-    return Problem(equations, solver.descend, f"{form}")
+    # Jitted so that it is traced once, for the first evaluation and all others.
+    equations = jax.jit(lambda theta, data: normal_equations(theta, data, form))
+    return Problem(equations, f"{form}")

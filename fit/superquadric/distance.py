@@ -1,27 +1,31 @@
-"""Signed distance of points to a superquadric before its bend, in JAX, derivatives by hand.
+"""Signed distance to a superquadric, inverse bend and soft maximum, in JAX, derivatives by hand.
 
-The larger of two bounds from below. One is (beta - 1)/|grad beta|, beta the scaled radius, which
-without taper is convex for exponents up to 2. It is exact to first order at the surface, but deep
-in a thin body it looks to the end and not to the nearer side. The other is the distance to the box
-around the body (with taper a frustum's): the larger of the signed distances to its faces.
+The distance is the larger of two lower bounds. One is (beta - 1)/|grad beta|, where beta, the
+scaled radius, is convex without taper for exponents up to 2. It is exact to first order at the
+surface, but deep in a thin body it measures to the end rather than the nearer side. The other is
+the distance to the faces of the bounding box (with taper, a frustum).
 
-The gradient of beta is in it, so that its derivatives are second ones; a compiler's own repeat
-the same work five times over, and most of a fit's time is spent here.
+Automatic derivatives repeat the same work up to five times, and fits spend most time here.
 """
 
-from __future__ import annotations
+from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from fit.optimize.xla_flags import storing
+from fit.optimize.xla_flags import force_materialize
 
-Row = Float[Array, " point"]
+Row = Float[Array, " #point"]
 
 TINY = 1e-12
-"""Added to squared scaled coordinates: moves a surface by less than a micrometre."""
-LEAST_TAPER_FACTOR = 0.02
+"""Added to squared scaled coordinates; displaces the surface by less than a micrometre."""
+MIN_TAPER_FACTOR = 0.02
+"""Least scale of a tapered section, so that it never shrinks to a point."""
+MIN_AHEAD = 0.1
+"""Lower bound of w: beyond the centre of the bend's circle the map would fold."""
+SMALL = 1e-4
+"""(k z / w)^2 below which the arctangent is a series."""
 
 
 @jax.custom_vjp
@@ -31,26 +35,26 @@ def straight_distance(
     taper: tuple[Row, Row] | None,
     local: tuple[Row, Row, Row],
 ) -> Row:
-    """Distance of points of the unbent body's frame, a body a point."""
-    return _forward(size, exponents, taper, local)[0]
+    """Signed distance of points in the frame of the unbent body, with one body per point."""
+    return _distance_forward(size, exponents, taper, local)[0]
 
 
-def _forward(size, exponents, taper, local):
+def _distance_forward(size, exponents, taper, local):
     a1, a2, a3 = size
     e1, e2 = exponents
     wide_x, wide_y, z = local
-    stored = storing(z)
+    stored = force_materialize(z)
     i1, i2, i3 = 1.0 / a1, 1.0 / a2, 1.0 / a3
     height = jnp.clip(z * i3, -1.0, 1.0)
     within = jnp.abs(z) < a3
 
-    # x = X / fx, and the face at x = a1 leans by the angle whose cosine is nx.
+    # x = X / fx, and nx is the cosine of the inclination of the face at x = a1.
     def section(wide, k, a):
         if k is None:
             return wide, 1.0, 1.0, 0.0, 0.0, False
         wanted = 1.0 + k * height
-        tapers = wanted > LEAST_TAPER_FACTOR
-        factor = jnp.where(tapers, wanted, LEAST_TAPER_FACTOR)
+        tapers = wanted > MIN_TAPER_FACTOR
+        factor = jnp.where(tapers, wanted, MIN_TAPER_FACTOR)
         leans = jnp.where(tapers & within, k, 0.0)
         lean = leans * a * i3
         return wide / factor, factor, 1.0 / jnp.sqrt(1.0 + lean**2), leans, lean, tapers
@@ -90,7 +94,7 @@ def _forward(size, exponents, taper, local):
     box = jnp.maximum(jnp.maximum(past_x, past_y), past_z)
     value = jnp.maximum(first_order, box)
 
-    # From here on derivatives of `value`: `of_v` is that by v.
+    # Derivatives of `value`: `of_v` is the derivative by v.
     smooth = first_order >= box
     on_x = ~smooth & (past_x >= box)
     on_y = ~smooth & (past_y >= box) & ~on_x
@@ -123,7 +127,7 @@ def _forward(size, exponents, taper, local):
     of_e2 = of_across * entropy2 - bent2 * gap2
 
     def coordinate(of_log_c, of_i, i, j, u, a, inverse_size):
-        """By c and by a through u = c/a, of log(u^2 + TINY) and of i = u j."""
+        """Derivatives by c and a through u = c/a, of log(u^2 + TINY) and of i = u j."""
         of_u = 2.0 * a * i * of_log_c + of_i * (j - 2.0 * a * i * i)
         return of_u * inverse_size, -(of_u * u + of_i * i) * inverse_size
 
@@ -144,7 +148,7 @@ def _forward(size, exponents, taper, local):
         return value, ((of_a1, of_a2, of_a3), (of_e1, of_e2), None, (of_x, of_y, of_z))
 
     def tapered(of_c, c, of_g, g, of_leans, chosen, past, a, factor, cosine, lean, k, tapers):
-        """What taper adds: by the wide coordinate, by k, by a and by a3."""
+        """Contributions of the taper: by the tapered coordinate, by k, by a and by a3."""
         held = jnp.where(chosen, past, 0.0)
         of_lean = -held * lean * cosine**2
         of_factor = (jnp.where(chosen, (jnp.abs(c) - a) * cosine, 0.0)
@@ -165,11 +169,11 @@ def _forward(size, exponents, taper, local):
                    (wide_of_x, wide_of_y, of_z + of_height))
 
 
-def _backward(slopes, cotangent):
+def _distance_backward(slopes, cotangent):
     return jax.tree.map(lambda slope: cotangent * slope, slopes)
 
 
-straight_distance.defvjp(_forward, _backward)
+straight_distance.defvjp(_distance_forward, _distance_backward)
 
 
 @jax.custom_vjp
@@ -180,7 +184,7 @@ def soft_maximum(a, b, heat):
 
 def soft_maximum_parts(a, b, heat):
     """The soft maximum, the weight of a, (a - b)/heat, the product of the two weights, and their
-    entropy. The weights are the slopes along a and b, the entropy is that along the heat."""
+    entropy. The weights are the derivatives by a and b, the entropy is that by the heat."""
     gap = (a - b) / heat
     decay = jnp.exp(-jnp.abs(gap))
     spill = jnp.log1p(decay)
@@ -201,3 +205,60 @@ def _soft_backward(kept, cotangent):
 
 
 soft_maximum.defvjp(_soft_forward, _soft_backward)
+
+
+@jax.custom_vjp
+def unbend(bend: Sequence[Row], local: Sequence[Row]) -> tuple[Row, ...]:
+    """Inverse bend of points x, y, z in the body's frame; `bend` is the curvature vector b.
+
+    A bend of curvature k lays the z axis on a circle (Solina and Bajcsy 1990). Its inverse, in
+    polar coordinates about the centre of the circle and without division by k, is
+
+        t = b . (x, y),   w = 1 - t,   rho^2 = w^2 + k^2 z^2,   shift = z^2 / (rho + w),
+
+        (x, y) -> (x, y) - b shift,     z -> arctan(k z / w) / k.
+    """
+    return _unbend_forward(bend, local)[0]
+
+
+def _unbend_forward(bend, local):
+    x, y, z = local
+    bx, by = bend
+    square = bx**2 + by**2
+    ahead = 1.0 - (bx * x + by * y)
+    w = jnp.maximum(ahead, MIN_AHEAD)
+    slant = z / w
+    q = square * slant**2
+    root = jnp.sqrt(1.0 + q)
+    rho = w * root
+    shift = z * slant / (1.0 + root)
+    # arctan(u)/u and its derivative by u^2, smooth at zero.
+    small = q < SMALL
+    safe = jnp.where(small, 1.0, q)
+    u = jnp.sqrt(safe)
+    ratio = jnp.where(small, 1.0 - q * (1.0 / 3.0 - q * (0.2 - q / 7.0)), jnp.arctan(u) / u)
+    series = -1.0 / 3.0 + q * (0.4 - q * (3.0 / 7.0))
+    by_q = jnp.where(small, series, 0.5 * (1.0 / (1.0 + safe) - ratio) / safe)
+    rise = slant * ratio
+    stored = force_materialize(z)
+    shift, rise = stored(shift), stored(rise)
+    straight = (x - bx * shift, y - by * shift, rise)
+    return straight, (bend, local, ahead > MIN_AHEAD, 1.0 / rho, w, shift, slant**3 * by_q)
+
+
+def _unbend_backward(kept, cotangent):
+    (bx, by), (x, y, z), free, inverse, w, shift, rise_by_square = kept
+    stored = force_materialize(z)
+    cx, cy, cz = (stored(c) for c in cotangent)
+    of_shift = stored(-(cx * bx + cy * by))
+    up = cz * inverse
+    # Derivatives by t, by z, and by the square of the curvature.
+    of_turn = stored(jnp.where(free, (of_shift * shift + up * z) * inverse, 0.0))
+    of_z = (of_shift * z + up * w) * inverse
+    of_square = stored(cz * rise_by_square - 0.5 * of_shift * shift**2 * inverse)
+    by_bend = (of_turn * x + 2.0 * of_square * bx - cx * shift,
+               of_turn * y + 2.0 * of_square * by - cy * shift)
+    return by_bend, (cx + of_turn * bx, cy + of_turn * by, of_z)
+
+
+unbend.defvjp(_unbend_forward, _unbend_backward)

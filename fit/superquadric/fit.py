@@ -1,12 +1,10 @@
-"""Superquadrics from touches, in batch: points in, a frozen record of fits out.
+"""Superquadric fits in batch.
 
-    points -> sorted, centred, scaled -> starts -> screened -> the best finished -> result
+    points -> sort, centre, scale -> starts -> screening -> descent of the best -> result
 
-A fit depends on nothing but its own points and evidence: not on their order, the padding, or the
-fits beside it. Each set goes through the program compiled for its own number of points.
+A fit depends only on its own points and evidence, not on their order, the padding, or other fits of
+the batch. Each set uses the program compiled for its own number of points.
 """
-
-from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -14,8 +12,6 @@ from jaxtyping import Bool, Float
 from fit.prepare import Sets, prepare
 from fit.superquadric.descent import fit_sets
 from fit.superquadric.record import SuperquadricFit, SuperquadricOptions
-
-__all__ = ["SuperquadricFit", "SuperquadricOptions", "fit_superquadric"]
 
 
 def fit_superquadric(
@@ -31,22 +27,22 @@ def fit_superquadric(
     options: SuperquadricOptions | None = None,
     start: SuperquadricFit | None = None,
 ) -> SuperquadricFit:
-    """Superquadrics of sets of points, all sets at once.
+    """Fit superquadrics to sets of points.
 
     Args:
         points: touches [m], shape [fit, point, 3].
-        mask: which of them count, shape [fit, point]; all where None.
+        mask: which points count, shape [fit, point]; None: all.
         covariance: of each touch [m^2]; its residual is divided by the standard deviation along
             the model's normal there, sqrt(n.C n + sigma_floor^2).
-        normals: outward normals felt at the touches (NaN where not), through the dual superquadric.
-        table_z: height of the table the body stands on [m], one or one a fit; None: no table.
-        free_points, free_radius, free_mask: balls [m] known to lie outside the body.
+        normals: outward normals at the touches (NaN where unknown), for the dual superquadric.
+        table_z: height of the table the body stands on [m], for all or each fit; None: no table.
+        free_points, free_radius, free_mask: balls [m] of known free space.
         options: see `SuperquadricOptions`.
-        start: fits to nearly the same points, a row a set; a set whose row was fitted goes on
-            from there, without screening, and so keeps to that solution's neighbourhood.
+        start: fits to nearly the same points, one per set; fitted ones replace the screening, so
+            that the result stays near that solution.
 
     Returns:
-        `SuperquadricFit`, whose `status` says what became of each set; no set raises.
+        `SuperquadricFit`; a set that cannot be fitted has a `status` that says why.
 
     Raises:
         ValueError: an array of the wrong shape, or a start of another length.
@@ -64,7 +60,7 @@ def fit_superquadric(
 
 
 def _placeholder(sets: Sets) -> dict[str, np.ndarray]:
-    """Rows of sets that cannot be fitted: the box of their finite points."""
+    """Results of sets that cannot be fitted: the bounding box of their valid points."""
     n = len(sets.count)
     return {
         "size_m": np.maximum(0.5 * (sets.high - sets.low), 0.0),

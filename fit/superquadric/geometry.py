@@ -1,10 +1,10 @@
-"""The geometry of a superquadric, plain numpy and in batch: inside or outside, volume, surface.
+"""Geometry of superquadrics in NumPy, in batch: inside-outside function, volume, surface.
 
-The body of Allen and Michelman (1990), equation (1):
+The inside-outside function of Allen and Michelman (1990), equation (1), is
 
     F = ((x/a1)^(2/e2) + (y/a2)^(2/e2))^(e2/e1) + (z/a3)^(2/e1),   inside where F < 1,
 
-tapered linearly, then bent along a circle, then rotated and moved (Solina and Bajcsy 1990):
+with a linear taper, then a circular bend, then the pose (Solina and Bajcsy 1990):
 
     taper  x -> x (Kx z/a3 + 1),  y -> y (Ky z/a3 + 1)
     bend   by the angle k z in the plane that contains z and the direction alpha in x, y
@@ -12,41 +12,23 @@ tapered linearly, then bent along a circle, then rotated and moved (Solina and B
 A cylinder along z has e1 ~ 0.1 and e2 ~ 1. Lengths in metres, the bend's curvature k in 1/m.
 """
 
-from __future__ import annotations
-
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 from scipy.special import beta
 
 from fit.rotation import matrix_of_quaternion, turn_points
+from fit.superquadric.record import SuperquadricFit
 
 TINY = 1e-20
-"""Added to squared coordinates over size, so that logarithms stay finite on the axes."""
-LEAST_TAPER_FACTOR = 0.02
-"""A full taper would shrink the section at an end to nothing; beyond an end it stays as it is."""
-
-
-class SuperquadricLike(Protocol):
-    """What the functions here read of a fit, or of any record with these fields."""
-
-    @property
-    def size_m(self) -> Float[np.ndarray, "fit 3"]: ...  # noqa: D102
-    @property
-    def exponents(self) -> Float[np.ndarray, "fit 2"]: ...  # noqa: D102
-    @property
-    def position_m(self) -> Float[np.ndarray, "fit 3"]: ...  # noqa: D102
-    @property
-    def quaternion_xyzw(self) -> Float[np.ndarray, "fit 4"]: ...  # noqa: D102
-    @property
-    def taper(self) -> Float[np.ndarray, "fit 2"]: ...  # noqa: D102
-    @property
-    def bend(self) -> Float[np.ndarray, "fit 2"]: ...  # noqa: D102
+"""Added to squared scaled coordinates, so that logarithms are finite."""
+MIN_TAPER_FACTOR = 0.02
+"""Least scale of a tapered section, so that it never shrinks to a point."""
 
 
 class Superquadric(NamedTuple):
-    """Bodies given by their parameters alone; every field has the fit as its first axis."""
+    """Parameters of bodies; the first axis of every field is the fit."""
 
     size_m: np.ndarray
     """Half extents a1, a2, a3 [m], shape [fit, 3]."""
@@ -62,10 +44,14 @@ class Superquadric(NamedTuple):
     """Curvature [1/m] and direction alpha [rad], shape [fit, 2]."""
 
 
+SuperquadricLike = Superquadric | SuperquadricFit
+"""A record with the parameters of superquadrics."""
+
+
 def superquadric(
     size_m, exponents, position_m=(0, 0, 0), quaternion_xyzw=(0, 0, 0, 1), taper=(0, 0), bend=(0, 0)
 ) -> Superquadric:
-    """A `Superquadric` from any mixture of single values and batches, shapes [n] or [fit, n]."""
+    """A `Superquadric` from single values and batches, shapes [n] or [fit, n]."""
     fields = [np.atleast_2d(np.asarray(v, float)) for v in
               (size_m, exponents, position_m, quaternion_xyzw, taper, bend)]
     count = max(len(v) for v in fields)
@@ -75,11 +61,11 @@ def superquadric(
 def superquadric_inside_outside(
     body: SuperquadricLike, points: Float[np.ndarray, "fit point 3"]
 ) -> Float[np.ndarray, "fit point"]:
-    """F^(e1/2) of points [m]: the scaled radius, 1 on the surface, < 1 inside, growing linearly.
+    """F^(e1/2) of points [m]: the scaled radius, 1 on the surface, < 1 inside.
 
-    F itself is its power 2/e1, which overflows for blocky bodies; `value ** (2 / e1)` gives it.
+    F = value ** (2 / e1) would overflow for small exponents.
     """
-    x, y, z = _straight_coordinates(body, points)
+    x, y, z = straight_coordinates(body, points)
     e1, e2 = body.exponents[:, 0, None], body.exponents[:, 1, None]
     lx, ly, lz = (np.log((c / a[:, None]) ** 2 + TINY)
                   for c, a in zip((x, y, z), body.size_m.T, strict=True))
@@ -90,8 +76,8 @@ def superquadric_inside_outside(
 def superquadric_volume(body: SuperquadricLike) -> Float[np.ndarray, " fit"]:
     """Volume [m^3], exact: the superellipsoid's (Jaklic et al. 2000) times 1 + Kx Ky <(z/a3)^2>.
 
-    The taper's odd powers of z cancel. A bend changes nothing, for it lengthens the outer half of
-    every section as much as it shortens the inner, as long as the body does not fold into itself.
+    Odd powers of z cancel. A bend keeps the volume of a body that does not fold, since it
+    lengthens the outer half of each section as much as it shortens the inner one.
     """
     e1, e2 = body.exponents.T
     plain = 2 * np.prod(body.size_m, axis=1) * e1 * e2 * beta(e1 / 2 + 1, e1) * beta(e2 / 2, e2 / 2)
@@ -102,29 +88,29 @@ def superquadric_volume(body: SuperquadricLike) -> Float[np.ndarray, " fit"]:
 def superquadric_surface(
     body: SuperquadricLike, n: int = 1000
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """About `n` surface points [m], outward unit normals, and the area [m^2] each stands for.
+    """At least `n` surface points [m], outward unit normals, and the area [m^2] of each point.
 
-    Shapes [fit, point, 3], [fit, point, 3], [fit, point]; the least 6 k^2 >= n points. The grid is
-    a cube's, projected radially in the frame scaled by the sizes, so that flat faces are covered
-    as well as corners; the areas are those of the deformed quadrilaterals, and sum to the surface.
+    Shapes [fit, point, 3], [fit, point, 3], [fit, point]; the smallest 6 k^2 >= n points. A grid
+    on a cube is projected radially in the frame scaled by the sizes, which covers faces and
+    corners; the areas are those of the projected quadrilaterals.
     """
     vector = _facets(body, n)
     area = np.linalg.norm(vector, axis=-1)
     points = superquadric_points(body, n)
     normals = superquadric_normals(body, points)
-    # Where a deformed corner leaves no gradient, the facet's own normal stands in.
+    # Without a gradient, at a corner, use the normal of the facet.
     facet = vector / np.maximum(area, 1e-300)[..., None]
     found = np.isfinite(normals).all(axis=-1, keepdims=True)
     return points, np.where(found, normals, facet), area
 
 
 def superquadric_areas(body: SuperquadricLike, n: int = 1000) -> tuple[np.ndarray, np.ndarray]:
-    """The points [m] and areas [m^2] of `superquadric_surface` alone."""
+    """Points [m] and areas [m^2] of `superquadric_surface`."""
     return superquadric_points(body, n), np.linalg.norm(_facets(body, n), axis=-1)
 
 
 def _facets(body: SuperquadricLike, n: int) -> np.ndarray:
-    """Area times outward normal [m^2] of each quadrilateral, [fit, point, 3]."""
+    """Area times outward normal [m^2] of each quadrilateral, shape [fit, point, 3]."""
     corners, vertices = cube_grid(max(int(np.ceil(np.sqrt(n / 6))), 1))
     quads = from_straight_frame(body, _project(body, vertices))[:, corners]
     return 0.5 * np.cross(quads[:, :, 2] - quads[:, :, 0], quads[:, :, 3] - quads[:, :, 1])
@@ -133,7 +119,7 @@ def _facets(body: SuperquadricLike, n: int) -> np.ndarray:
 def superquadric_points(
     body: SuperquadricLike, n: int = 1000
 ) -> Float[np.ndarray, "fit point 3"]:
-    """The points [m] of `superquadric_surface` alone."""
+    """Points [m] of `superquadric_surface`."""
     corners, vertices = cube_grid(max(int(np.ceil(np.sqrt(n / 6))), 1))
     return from_straight_frame(body, _project(body, vertices[corners].mean(axis=1)))
 
@@ -141,28 +127,35 @@ def superquadric_points(
 def superquadric_normals(
     body: SuperquadricLike, points: Float[np.ndarray, "fit point 3"]
 ) -> Float[np.ndarray, "fit point 3"]:
-    """Outward unit normals at points on (or near) the surface: the gradient of the scaled radius.
-
-    By central differences over a millionth of the smallest size, since taper and bend stand
-    between the world and the closed form.
-    """
-    step = 1e-6 * body.size_m.min(axis=1)[:, None]
-    gradient = np.empty_like(points, dtype=float)
-    for axis in range(3):
-        offset = np.zeros((len(points), 1, 3))
-        offset[:, :, axis] = step
-        gradient[..., axis] = (superquadric_inside_outside(body, points + offset)
-                               - superquadric_inside_outside(body, points - offset))
+    """Outward unit normals at points on or near the surface: directions of `radius_differences`."""
+    gradient, _ = radius_differences(body, points)
     with np.errstate(invalid="ignore"):
         return gradient / np.linalg.norm(gradient, axis=-1, keepdims=True)
 
 
+def radius_differences(
+    body: SuperquadricLike, points: Float[np.ndarray, "fit point 3"]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Central differences of the scaled radius at points, and their step [m], shape [fit, 1].
+
+    The step is a millionth of the smallest size; the derivative is difference / (2 step).
+    """
+    step = 1e-6 * body.size_m.min(axis=1)[:, None]
+    difference = np.empty_like(points, dtype=float)
+    for axis in range(3):
+        offset = np.zeros((len(points), 1, 3))
+        offset[:, :, axis] = step
+        up, down = (superquadric_inside_outside(body, points + s * offset) for s in (1, -1))
+        difference[..., axis] = up - down
+    return difference, step
+
+
 def from_straight_frame(body: SuperquadricLike, points: np.ndarray) -> np.ndarray:
-    """World points [m] of points [m] of the body before taper and bend, both [fit, point, 3]."""
+    """World points [m] from points [m] in the frame before taper and bend, [fit, point, 3]."""
     x, y, z = np.moveaxis(points, -1, 0)
     height = np.clip(z / body.size_m[:, 2, None], -1.0, 1.0)
-    x = x * np.maximum(1 + body.taper[:, 0, None] * height, LEAST_TAPER_FACTOR)
-    y = y * np.maximum(1 + body.taper[:, 1, None] * height, LEAST_TAPER_FACTOR)
+    x = x * np.maximum(1 + body.taper[:, 0, None] * height, MIN_TAPER_FACTOR)
+    y = y * np.maximum(1 + body.taper[:, 1, None] * height, MIN_TAPER_FACTOR)
     if body.bend[:, 0].any():
         x, y, z = _bent(body, x, y, z)
     bent = np.stack([x, y, z], axis=-1)
@@ -170,25 +163,20 @@ def from_straight_frame(body: SuperquadricLike, points: np.ndarray) -> np.ndarra
     return turn_points(rotation, bent) + body.position_m[:, None]
 
 
-def to_straight_frame(body: SuperquadricLike, points: np.ndarray) -> np.ndarray:
-    """Inverse of `from_straight_frame`: world points into the body before taper and bend."""
-    x, y, z = _straight_coordinates(body, points)
-    return np.stack([x, y, z], axis=-1)
-
-
-def _straight_coordinates(
+def straight_coordinates(
     body: SuperquadricLike, points: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Inverse of `from_straight_frame`: x, y and z, each of shape [fit, point]."""
     rotation = matrix_of_quaternion(body.quaternion_xyzw)[..., None]
     dx, dy, dz = (points[..., k] - body.position_m[:, k, None] for k in range(3))
-    # Written out: einsum over three takes eleven times as long.
+    # Written out: einsum takes eleven times as long.
     x, y, z = (dx * rotation[:, 0, k] + dy * rotation[:, 1, k] + dz * rotation[:, 2, k]
                for k in range(3))
     if body.bend[:, 0].any():
         x, y, z = _unbent(body, x, y, z)
     height = np.clip(z / body.size_m[:, 2, None], -1.0, 1.0)
-    x = x / np.maximum(1 + body.taper[:, 0, None] * height, LEAST_TAPER_FACTOR)
-    y = y / np.maximum(1 + body.taper[:, 1, None] * height, LEAST_TAPER_FACTOR)
+    x = x / np.maximum(1 + body.taper[:, 0, None] * height, MIN_TAPER_FACTOR)
+    y = y / np.maximum(1 + body.taper[:, 1, None] * height, MIN_TAPER_FACTOR)
     return x, y, z
 
 
@@ -197,7 +185,7 @@ def _bent(body: SuperquadricLike, x, y, z) -> tuple[np.ndarray, np.ndarray, np.n
     k, alpha = body.bend[:, 0, None], body.bend[:, 1, None]
     cos, sin = np.cos(alpha), np.sin(alpha)
     inward = 1 - k * (x * cos + y * sin)
-    # (1/k - r)(1 - cos kz) and (1/k - r) sin kz without a division by k.
+    # (1/k - r)(1 - cos kz) and (1/k - r) sin kz without division by k.
     shift = inward * 0.5 * k * z**2 * np.sinc(0.5 * k * z / np.pi) ** 2
     rise = inward * z * np.sinc(k * z / np.pi)
     return x + cos * shift, y + sin * shift, rise
@@ -228,8 +216,8 @@ def _project(body: SuperquadricLike, directions: np.ndarray) -> np.ndarray:
 def cube_grid(cells: int) -> tuple[np.ndarray, np.ndarray]:
     """Quadrilaterals [6 cells^2, 4] and vertices [6 (cells+1)^2, 3] of the cube [-1, 1]^3.
 
-    Lines stand at tangents of even angles, which evens out the projected spacing; corners run
-    counter-clockwise seen from outside.
+    Lines are at tangents of even angles, for even projected spacing; corners are counter-clockwise
+    seen from outside.
     """
     line = np.tan(np.linspace(-np.pi / 4, np.pi / 4, cells + 1))
     u, v = (grid.ravel() for grid in np.meshgrid(line, line, indexing="ij"))

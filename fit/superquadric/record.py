@@ -1,6 +1,4 @@
-"""What a superquadric fit is asked, and what it answers."""
-
-from __future__ import annotations
+"""Options and result of superquadric fits."""
 
 from dataclasses import dataclass
 
@@ -13,43 +11,43 @@ from fit.fit_status import LEAST_FALL, Kind, Loss, check_word
 
 @dataclass(frozen=True)
 class SuperquadricOptions:
-    """How to fit; hashable, for it names the compiled program. ValueError for an unknown word."""
+    """Options of a fit; hashable. Raises ValueError for an unknown word."""
 
     taper: bool = False
     """Linear taper Kx, Ky: 13 parameters."""
     bend: bool = False
-    """Circular bend: two parameters more."""
+    """Circular bend: two more parameters."""
     residual: Kind | None = None
-    """See `superquadric_field.residual`; None: solina, or volume_distance with a taper."""
+    """See `fit.superquadric.field.residual`; None: solina, or volume_distance with taper."""
     loss: Loss = "none"
-    """Robust loss of the points' (and normals') residuals, its scale from their median."""
+    """Robust loss of the residuals of points and normals; its scale is their median."""
     screen_iterations: int = 4
     settle_iterations: int = 6
-    """Iterations after which weights and scales are set for good."""
+    """Iterations before weights and scales are fixed."""
     round_iterations: int = 4
-    """Iterations between two looks at which fits are done."""
+    """Iterations between convergence tests."""
     iterations: int = 80
-    """Most iterations of the finish, in whole rounds; 0: a rough fit, `not_converged`."""
+    """Maximum iterations after screening, in whole rounds; 0: a rough fit, `not_converged`."""
     least_fall: float = LEAST_FALL
-    """A fit has converged when a round lowers its cost by less than this share."""
+    """A fit has converged when a round lowers its cost by less than this fraction."""
     sigma_floor_m: float = 1e-3
-    """Standard deviation added to a contact's covariance along the normal [m]."""
+    """Standard deviation added to that of a contact along the normal [m]."""
     plane_weight: float = 1.0
-    """Weight of the support plane, as so many times all the points together."""
+    """Weight of the support plane relative to all points."""
     free_weight: float = 1.0
-    """Weight of all the free balls together, against all the points."""
+    """Weight of all free-space balls relative to all points."""
     normal_weight: float = 0.3
-    """Weight of a normal's tangent-plane residual against its point's."""
+    """Weight of a normal's residual relative to that of its point."""
     upright_std_rad: float | None = 0.01
-    """Standard deviation of the tilt of a body that stands on a table, on whichever of its three
-    axes [rad], against the noise that the residuals show. Touches that clearly say that it leans
-    win; None: it may lie as it likes. Without a table it is not used."""
+    """Standard deviation [rad] of the prior that one of the body's axes is vertical, relative to
+    the noise of the residuals. Clear evidence of a tilt overrides it. None: no prior; without a
+    table it is not used."""
     mean_exponent: float | None = 0.6
-    """Mean of the exponential prior on e1: where nothing shows how a body ends above and below,
-    flat ends are likelier than round ones. None: no prior."""
+    """Mean of the exponential prior on e1, which prefers flat ends to round ones if the touches
+    do not tell. None: no prior."""
     prior: float = 0.1
     """Inverse standard deviation of the prior on the exponents' logits, the taper's arctanh and
-    the bend, against the noise that the residuals show; 0 switches it off."""
+    the bend, relative to the noise of the residuals; 0: no prior."""
 
     def __post_init__(self) -> None:
         if self.residual is not None:
@@ -59,12 +57,12 @@ class SuperquadricOptions:
 
 @dataclass(frozen=True)
 class SuperquadricFit:
-    """Fits, a row each; every field is finite whatever the status."""
+    """Fits, one per row; every field is finite for any status."""
 
     size_m: Float[np.ndarray, "fit 3"]
     """Half extents a1, a2, a3 [m]."""
     exponents: Float[np.ndarray, "fit 2"]
-    """e1 along z, e2 across; a z-axis cylinder has e1 ~ 0.1, e2 ~ 1."""
+    """e1 along z, e2 across; a cylinder along z has e1 ~ 0.1, e2 ~ 1."""
     position_m: Float[np.ndarray, "fit 3"]
     """Centre [m], in the frame of the points."""
     quaternion_xyzw: Float[np.ndarray, "fit 4"]
@@ -78,15 +76,15 @@ class SuperquadricFit:
     cost: Float[np.ndarray, " fit"]
     """Half the sum of squared residuals in the unit frame, evidence included."""
     iterations: Int[np.ndarray, " fit"]
-    """Iterations of the finish."""
+    """Iterations after screening."""
     status: Int[np.ndarray, " fit"]
     """`FitStatus` of each fit."""
     n_points: Int[np.ndarray, " fit"]
-    """Points that took part."""
+    """Number of points used."""
 
     def __len__(self) -> int:
         return len(self.status)
 
-    def __getitem__(self, index) -> SuperquadricFit:
-        """The fits `index` (a slice, a mask, an array, or a number) as a smaller record."""
+    def __getitem__(self, index) -> "SuperquadricFit":
+        """The fits `index`, a slice, mask, array or number."""
         return rows_of(self, np.atleast_1d(np.arange(len(self))[index]))

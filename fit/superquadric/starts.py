@@ -1,6 +1,4 @@
-"""Where the descents of a superquadric fit begin: box frames around the points, in plain numpy."""
-
-from __future__ import annotations
+"""Starts of the descents of a superquadric fit: boxes around the points."""
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -8,9 +6,9 @@ from jaxtyping import Bool, Float
 from fit.rotation import turn_points
 
 YAW_CANDIDATES = 18
-"""Directions tried for the smallest upright box, over a quarter turn."""
-SHORTEST_EXTENT = 0.05
-"""No start is thinner than this share of the points' scale."""
+"""Directions tried for the smallest upright box, over 90 degrees."""
+MIN_RELATIVE_EXTENT = 0.05
+"""Minimum extent of a start, as a fraction of its largest extent."""
 
 
 def box_starts(
@@ -22,10 +20,10 @@ def box_starts(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rotations [fit, start, 3, 3], half extents and centres [fit, start, 3] of the starts.
 
-    Three starts from the principal axes, each axis tried as z, since a tapered shape fails along
-    the wrong one. With a support plane, three more from the upright box of least area: touches
-    lie unevenly, and a principal axis easily stands askew to the faces. `trim` is the share of
-    points beyond each extent, for outliers. `floor` is the plane's height along `down`.
+    Three starts use the principal axes, with each axis as z, since a tapered shape fails along the
+    wrong one. With a support plane, three more use the upright box of least area, because uneven
+    touches rotate the principal axes away from the faces. `trim` is the fraction of points
+    ignored beyond each extent, for outliers. `floor` is the height of the plane along `down`.
     """
     kept = mask[..., None]
     mean = (points * kept).sum(1) / kept.sum(1)
@@ -37,13 +35,13 @@ def box_starts(
     local = turn_points(rotation.swapaxes(2, 3), points[:, None])
     low, high = _extent(local, mask[:, None], trim)
     if down is not None and floor is not None:
-        # The body reaches the table, whether or not a finger touched it there.
+        # The body reaches the table even where it was not touched.
         along = np.einsum("fi,fsij->fsj", down, rotation)
         bottom = floor[:, None, None] / np.where(np.abs(along) > 0.9, along, 1.0)
         low = np.where(along < -0.9, np.minimum(low, bottom), low)
         high = np.where(along > 0.9, np.maximum(high, bottom), high)
     half = 0.5 * (high - low)
-    half = np.maximum(half, SHORTEST_EXTENT * half.max(axis=-1, keepdims=True))
+    half = np.maximum(half, MIN_RELATIVE_EXTENT * half.max(axis=-1, keepdims=True))
     centre = np.einsum("fsij,fsj->fsi", rotation, 0.5 * (high + low))
     return rotation, half, centre
 
@@ -55,17 +53,16 @@ def taper_starts(
     half: Float[np.ndarray, "fit start 3"],
     centre: Float[np.ndarray, "fit start 3"],
 ) -> Float[np.ndarray, "fit start 2"]:
-    """Taper of each start, from the widths of the points above and below its middle.
+    """Taper of each start, from the root mean square widths above and below its middle.
 
-    A section half way up stands 1 + K/2 wide, half way down 1 - K/2; the widths are root mean
-    squares, which touches on two faces and on a round wall both follow.
+    The width is 1 + K/2 half way up and 1 - K/2 half way down.
     """
     local = turn_points(rotation.swapaxes(2, 3), points[:, None])
     local = local - np.einsum("fsi,fsij->fsj", centre, rotation)[:, :, None]
     height = local[..., 2] / half[..., None, 2]
     width = []
     for side in (1.0, -1.0):
-        # Points near an end may lie on its flat face and say nothing of the wall.
+        # Exclude points near the ends, which may lie on flat faces.
         weight = mask[:, None] * ((side * height > 0.1) & (side * height < 0.85))
         total = np.maximum(weight.sum(axis=2), 1)
         square = (weight[..., None] * local[..., :2] ** 2).sum(axis=2) / total[..., None]
@@ -74,13 +71,13 @@ def taper_starts(
 
 
 def _principal_axes(spread: np.ndarray) -> np.ndarray:
-    """Right-handed principal axes as columns, shape [fit, 3, 3], the longest last."""
+    """Right-handed principal axes as columns, shape [fit, 3, 3], largest last."""
     _, axes = np.linalg.eigh(np.einsum("fpi,fpj->fij", spread, spread))
     return axes * np.where(np.linalg.det(axes) < 0, -1.0, 1.0)[:, None, None]
 
 
 def _upright_axes(spread: np.ndarray, mask: np.ndarray, down: np.ndarray) -> np.ndarray:
-    """Axes with z up whose x, y box has the least area; angles count from a principal axis."""
+    """Axes with z up whose x, y box has the least area."""
     up = -down
     flat = spread - (spread @ up[..., None]) * up[:, None]
     x = _principal_axes(flat)[:, :, 2]
@@ -99,12 +96,12 @@ def _upright_axes(spread: np.ndarray, mask: np.ndarray, down: np.ndarray) -> np.
 
 
 def _cycled(axes: np.ndarray) -> np.ndarray:
-    """The three right-handed frames that take each axis as z, shape [fit, 3, 3, 3]."""
+    """The three right-handed frames with each axis as z, shape [fit, 3, 3, 3]."""
     return np.stack([axes, axes[..., [1, 2, 0]], axes[..., [2, 0, 1]]], axis=1)
 
 
 def _extent(local: np.ndarray, mask: np.ndarray, trim: float) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest coordinate along the second last axis, `trim` of them beyond each."""
+    """Lowest and highest coordinates of points, without the fraction `trim` at each end."""
     ordered = np.sort(np.where(mask[..., None], local, np.inf), axis=-2)
     count = np.broadcast_to(mask.sum(-1), local.shape[:-2])
     beyond = np.floor(trim * count).astype(int)[..., None, None]

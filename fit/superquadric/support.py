@@ -1,38 +1,35 @@
-"""How far a superquadric reaches in a direction, in JAX: the dual surface, for planes it rests on.
+"""Support function of a superquadric in JAX: the dual surface, for tangent planes.
 
-Total, like the field: finite with finite derivatives for finite parameters.
+Values and derivatives are finite for finite parameters, like those of `field`.
 """
-
-from __future__ import annotations
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from fit.superquadric.distance import LEAST_TAPER_FACTOR, TINY
+from fit.superquadric.distance import MIN_TAPER_FACTOR, TINY
 from fit.superquadric.field import Shape
 
 NODES = 9
-"""Heights tried first: a bent body may have more than one that is highest thereabouts."""
+"""Initial heights: a bent body may have several local maxima."""
 POLISH = 2
-"""Pairs of steps to the very highest from the best of these."""
+"""Pairs of refinement steps from the best of these."""
 LEAP = 4.0
-"""Farthest that a pair of steps is drawn out, in units of the logit."""
+"""Largest extrapolation of a pair of steps, in the logit."""
 FAR = 600.0
-"""Bound of the profile's logit: beyond it is a pole."""
+"""Bound of the profile's logit, near the poles."""
 
 
 def support(shape: Shape, d: Float[Array, " 3"]) -> Float[Array, ""]:
-    """How far a shape, whose numbers have one axis, reaches along a direction of its own frame.
+    """Largest extent of a shape along direction d of its own frame.
 
-    Every section across z is a superellipse, scaled by the profile and the taper, moved and turned
-    by the bend: its own support is closed-form, so the body's is a maximum over the height alone,
-    of centre(s) + c width(s) where (s, c) runs along the profile. Were centre a line A s and the
-    width constant, the best height would be closed-form too; put in with A = centre' + c width' it
-    is a step whose fixed point is the true maximum, in flat ends as in round ones. By the envelope
-    theorem the derivative at the best height held fixed is the derivative of the support. Without
-    taper and bend: [(|a1 d1|^p2 + |a2 d2|^p2)^(p1/p2) + |a3 d3|^p1]^(1/p1), p = 2/(2 - e).
+    Each section across z is a superellipse with closed-form support, so the support of the body is
+    the maximum over height of centre(s) + c width(s), with (s, c) on the profile. For a linear
+    centre A s and constant width the best height is closed-form; with A = centre' + c width' this
+    gives an iteration whose fixed point is the maximum. By the envelope theorem, derivatives are
+    taken with the best height fixed. Without taper and bend the support is
+    [(|a1 d1|^p2 + |a2 d2|^p2)^(p1/p2) + |a3 d3|^p1]^(1/p1), p = 2/(2 - e).
     """
     if shape.taper is None and shape.bend is None:
         return _straight_support(shape, d)
@@ -61,7 +58,7 @@ def support(shape: Shape, d: Float[Array, " 3"]) -> Float[Array, ""]:
     for _ in range(POLISH):
         one = step(*polished)
         two = step(*one)
-        # Where two steps shrink or swing by a constant factor they end here (Steffensen).
+        # Extrapolation of geometric convergence (Steffensen).
         first, second = one[1] - polished[1], two[1] - one[1]
         curve = jnp.where(second == first, 1.0, second - first)
         leap = jnp.where(second == first, 0.0, second**2 / curve)
@@ -73,7 +70,7 @@ def support(shape: Shape, d: Float[Array, " 3"]) -> Float[Array, ""]:
 
 
 def _profile(e1, side, logit):
-    """Height over a3 and scale of the section, where the squared cosine has this logit."""
+    """Height over a3 and scale of the section at this logit of the squared cosine."""
     return (side * jnp.exp(0.5 * e1 * jax.nn.log_sigmoid(-logit)),
             jnp.exp(0.5 * e1 * jax.nn.log_sigmoid(logit)))
 
@@ -87,23 +84,23 @@ def _straight_support(shape: Shape, d: Float[Array, " 3"]) -> Float[Array, ""]:
 
 
 def _section(shape: Shape, d: Float[Array, " 3"], height: Float[Array, ""]):
-    """Reach along d (body frame) of the centre of the section at a3 times `height`, and of the
-    section itself, unscaled by the profile, from there."""
+    """Extent along d (body frame) of the centre of the section at a3 times `height`, and of the
+    section relative to its centre, unscaled by the profile."""
     e2 = shape.exponents[1]
     z = shape.size[2] * height
     across, centre = d[:2], z * d[2]
     if shape.bend is not None:
-        # So small a curvature that nothing bends, and great enough to divide by.
+        # The added curvature bends nothing, but allows a division.
         k = jnp.sqrt(jnp.sum(shape.bend**2) + 1e-18)
         toward = shape.bend / k
         sin, cos = jnp.sin(0.5 * k * z), jnp.cos(0.5 * k * z)
-        # Along the bend's direction the section's own axis tips out of the plane towards z.
+        # The bend tilts the section towards z along the direction of the bend.
         tip = 2.0 * sin * (sin * (toward @ d[:2]) + cos * d[2])
         across = across - tip * toward
         centre = tip / k
     widths = shape.size[:2] * across
     if shape.taper is not None:
-        widths = widths * jnp.maximum(1.0 + shape.taper * height, LEAST_TAPER_FACTOR)
+        widths = widths * jnp.maximum(1.0 + shape.taper * height, MIN_TAPER_FACTOR)
     power = 2.0 / jnp.maximum(2.0 - e2, 1e-3)
     wide = jnp.exp(jnp.logaddexp(*(0.5 * power * jnp.log(widths**2 + TINY))) / power)
     return centre, wide

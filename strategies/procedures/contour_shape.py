@@ -13,7 +13,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fit.arrays import row_sums, with_rows
-from fit.revolution.fit import fit_revolution, usable
+from fit.fit_status import is_fitted
+from fit.revolution.fit import fit_revolution
 from fit.revolution.record import RevolutionFit, RevolutionOptions
 from strategies.procedures.contour_follower import ContourExploration
 
@@ -61,7 +62,7 @@ def profile_of(
     local = np.stack([turn.apply(p - f) for turn, p, f in
                       zip(to_axis, points, np.nan_to_num(given.foot_m), strict=True)])
     fit = fit_revolution(local, mask, options=options)
-    good = usable(fit)
+    good = is_fitted(fit.status)
     axis_local = np.where(good[:, None], fit.axis, [0.0, 0.0, 1.0])
     point_local = np.where(good[:, None], fit.position_m, 0.0)
     if not refine:

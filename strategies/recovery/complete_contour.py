@@ -10,7 +10,8 @@ from dataclasses import replace
 import numpy as np
 
 from fit.arrays import row_sums, rows_of, with_rows
-from fit.revolution.fit import fit_revolution, usable
+from fit.fit_status import is_fitted
+from fit.revolution.fit import fit_revolution
 from fit.revolution.geometry import RevolutionBody
 from fit.revolution.record import RevolutionFit, RevolutionOptions
 from strategies.poses.waypoints import TOLD_MARGIN_M, BoundingCylinder
@@ -55,7 +56,7 @@ def revolution_misfit(fit: RevolutionFit, evidence: Evidence) -> np.ndarray:
     away = np.minimum(contour_distances(body_of_fit(fit), evidence.points_m, evidence.mask), FAR_M)
     count = evidence.mask.sum(1)
     mean = row_sums(np.where(evidence.mask, away, 0.0)) / np.maximum(count, 1)
-    return np.where(usable(fit) & (count > 0), mean, np.inf)
+    return np.where(is_fitted(fit.status) & (count > 0), mean, np.inf)
 
 
 def whole_profile(
@@ -69,7 +70,7 @@ def whole_profile(
         return profile
     fit = revolution_of_all(rows_of(evidence, rows), rows_of(told, rows))
     body = body_of_fit(fit)
-    good = usable(fit)
+    good = is_fitted(fit.status)
     rows, body = rows[good], body[good]
     width = max(profile.height_m.shape[1], body.height_m.shape[1])
 

@@ -7,7 +7,6 @@ import numpy as np
 
 from fit.optimize.batch import take
 from fit.optimize.multistart import Problem, advance
-from fit.optimize.solver import descend
 from fit.prepare import prepare
 from fit.superquadric.descent import begin_starts
 from fit.superquadric.parameter_vector import Form
@@ -67,7 +66,7 @@ def _convergence(block: EpisodeBlock) -> tuple[np.ndarray, float]:
         return iterations, float("nan")
     options = SuperquadricOptions(taper=True, residual="solina")
     form = Form(True, False, "solina", "none")
-    problem = Problem(lambda t, lane: normal_equations(t, lane, form), descend, f"{form}")
+    problem = Problem(lambda t, lane: normal_equations(t, lane, form), f"{form}")
     seconds = float("nan")
     for rows, sets in prepare(evidence.points_m[enough], evidence.mask[enough]).buckets():
         lanes, theta = begin_starts(sets, form, options)

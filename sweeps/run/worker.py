@@ -67,7 +67,7 @@ def work(pipe: Connection, function: str, device: str, log: Path) -> None:
     gc.freeze()
     gc.enable()
     programs = sys.modules.get("fit.optimize.program_cache")  # only where the episodes need it
-    pipe.send(Report("ready", "warm" if programs and programs.any_kept() else ""))
+    pipe.send(Report("ready", "warm" if programs and programs.has_cached_programs() else ""))
     while True:
         try:
             task = pipe.recv()

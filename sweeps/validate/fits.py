@@ -8,14 +8,13 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from fit.fit_status import FitStatus
-from fit.optimize import solver
 from fit.optimize.batch import map_lanes
 from fit.optimize.multistart import Problem, finish
 from fit.prepare import prepare
 from fit.superquadric.descent import begin_starts
 from fit.superquadric.parameter_vector import Form
 from fit.superquadric.record import SuperquadricOptions
-from fit.superquadric.residuals import look, normal_equations, residual_vector
+from fit.superquadric.residuals import evaluate, normal_equations, residual_vector
 from sweeps.validate.comparison import Comparison
 from warpgrasp.geometry.body_sampling import sample_body
 from warpgrasp.objects.catalogue import body_from_name
@@ -52,7 +51,7 @@ def _compare(parameters: int, taper: bool, sets_each: int) -> list[Comparison]:
     _, sets = next(iter(prepare(touches(sets_each), None, table_z=0.0).buckets()))
     lanes, theta = begin_starts(sets, form, options)
     starts = theta.reshape(-1, theta.shape[-1])
-    problem = Problem(lambda t, lane: normal_equations(t, lane, form), solver.descend, f"{form}")
+    problem = Problem(lambda t, lane: normal_equations(t, lane, form), f"{form}")
     ours = finish(problem, starts, lanes, at_a_time=50, at_most=1000)
     with jax.enable_x64(True):
         value = jax.jit(lambda t, lane: residual_vector(t, lane, form))
@@ -99,7 +98,7 @@ def _descend(value: Any, start: np.ndarray, lane: Any) -> Any:
 def _apart(form: Form, lanes: Any, one: np.ndarray, other: np.ndarray,
            scale: np.ndarray) -> np.ndarray:
     """Largest difference of half axes and place [m] of two bodies, (lane,)."""
-    program = jax.vmap(lambda theta, lane: look(theta, lane, form)[0])
+    program = jax.vmap(lambda theta, lane: evaluate(theta, lane, form)[0])
     a, b = map_lanes(program, one, lanes), map_lanes(program, other, lanes)
     metres = np.repeat(scale, len(one) // len(scale))
     return metres * np.maximum(np.abs(np.asarray(a.size) - b.size).max(1),

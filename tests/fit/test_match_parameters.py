@@ -46,10 +46,10 @@ def test_parameters_name_the_object_or_none() -> None:
 
 def test_profiles_name_the_bottle_or_none() -> None:
     rng = np.random.default_rng(1)
-    bottles = [ProfileEntry("wine", (0, 0.18, 0.22, 0.3), (0.037, 0.037, 0.014, 0.014)),
-               ProfileEntry("coke", (0, 0.08, 0.15, 0.2), (0.03, 0.028, 0.018, 0.012)),
-               ProfileEntry("can", (0, 0.1, 0.115), (0.033, 0.033, 0.03))]
-    vase = ProfileEntry("", (0, 0.05, 0.2), (0.01, 0.06, 0.02))
+    bottles = [ProfileEntry("wine", (0.0, 0.18, 0.22, 0.3), (0.037, 0.037, 0.014, 0.014)),
+               ProfileEntry("coke", (0.0, 0.08, 0.15, 0.2), (0.03, 0.028, 0.018, 0.012)),
+               ProfileEntry("can", (0.0, 0.1, 0.115), (0.033, 0.033, 0.03))]
+    vase = ProfileEntry("", (0.0, 0.05, 0.2), (0.01, 0.06, 0.02))
     sets = []
     for entry in [*bottles, vase]:
         z = rng.uniform(0.05, 1, 80) * entry.height_m[-1]

@@ -78,7 +78,7 @@ def test_where_nothing_can_be_written_only_time_is_lost(monkeypatch: pytest.Monk
 
 def test_the_program_used_longest_ago_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
     # A study over fit options needs many; a process has only so many memory mappings.
-    monkeypatch.setattr(batch, "MOST_PROGRAMS", 2)
+    monkeypatch.setattr(batch, "MAX_PROGRAMS", 2)
     batch._programs.clear()
     first, second, third = (factors(name) for name in ("first", "second", "third"))
     found = [map_lanes(program, SETS) for program in (first, second, first, third, second)]
@@ -90,6 +90,6 @@ def test_the_program_used_longest_ago_is_dropped(monkeypatch: pytest.MonkeyPatch
 def test_a_program_of_other_options_is_not_kept(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(program_cache, "in_force", lambda: False)
+    monkeypatch.setattr(program_cache, "xla_flags_active", lambda: False)
     map_lanes(factors("by other options"), SETS)
     assert not list(folder.iterdir())

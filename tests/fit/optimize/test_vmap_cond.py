@@ -4,11 +4,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from fit.optimize.vmap_cond import where_any
+from fit.optimize.batch import vmap_cond
 
 
 def _weighted(weight, points):
-    return where_any(lambda w, p: {"sum": (w * p).sum(), "all": w * p}, jnp.any(weight > 0),
+    return vmap_cond(lambda w, p: {"sum": (w * p).sum(), "all": w * p}, jnp.any(weight > 0),
                      weight, points)
 
 
@@ -30,7 +30,7 @@ def test_a_group_without_need_does_not_run_the_function() -> None:
         jax.debug.callback(lambda: runs.append(1))
         return x
 
-    lanes = jax.jit(jax.vmap(lambda needed, x: where_any(counted, needed, x)))
+    lanes = jax.jit(jax.vmap(lambda needed, x: vmap_cond(counted, needed, x)))
     jax.block_until_ready(lanes(np.zeros(3, bool), np.zeros(3)))
     assert not runs
     jax.block_until_ready(lanes(np.array([False, True, False]), np.zeros(3)))

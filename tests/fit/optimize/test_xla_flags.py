@@ -10,8 +10,8 @@ from fit.optimize.xla_flags import ONE_THREAD, OPTIONS
 
 SAY = """
 import os
-from fit.optimize.xla_flags import in_force
-print(in_force(), os.environ["XLA_FLAGS"])
+from fit.optimize.xla_flags import xla_flags_active
+print(xla_flags_active(), os.environ["XLA_FLAGS"])
 """
 
 

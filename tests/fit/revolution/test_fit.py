@@ -68,6 +68,7 @@ def test_a_monotone_contour_never_rises() -> None:
     assert (np.diff(found.radius_m, axis=1) < 1e-3).all()
 
 
+@pytest.mark.usefixtures("unchecked")
 def test_unknown_words_and_a_lone_node_are_named() -> None:
     with pytest.raises(ValueError, match="monotone: 'decreasing', should be one of none, falling"):
         RevolutionOptions(monotone="decreasing")  # pyright: ignore

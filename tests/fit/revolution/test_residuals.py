@@ -7,7 +7,7 @@ import pytest
 
 from fit.revolution.geometry import RevolutionBody, revolution_distance
 from fit.revolution.record import RevolutionOptions
-from fit.revolution.residuals import Lane, nearest_of_contour, normal_equations, residuals
+from fit.revolution.residuals import FitData, nearest_of_contour, normal_equations, residuals
 from fit.rotation import matrix_of_quaternion
 
 PLAIN = RevolutionOptions(nodes=6, loss="none")
@@ -18,8 +18,8 @@ FALLING = RevolutionOptions(nodes=9, monotone="falling")
 def test_normal_equations_are_those_of_the_residuals(options: RevolutionOptions) -> None:
     rng = np.random.default_rng(3)
     q = rng.normal(size=4)
-    lane = Lane(rng.normal(size=(3, 40)), rng.random(40),
-                matrix_of_quaternion(q / np.linalg.norm(q)), np.float64(0.3),
+    lane = FitData(rng.normal(size=(3, 40)), rng.random(40),
+                matrix_of_quaternion(q / np.linalg.norm(q)), np.asarray(0.3),
                 np.array([0.1, 0.2, -0.97, 0.6, 0.5]))
     radii = 0.4 + 0.3 * rng.random(options.nodes)
     theta = np.concatenate([0.3 * rng.normal(size=4), [-0.8, 0.7], np.log(radii)])
@@ -45,7 +45,7 @@ def test_distances_are_those_of_the_numpy_body() -> None:
     s, rho = points[:, 2], np.hypot(points[:, 0], points[:, 1])
     with jax.enable_x64(True):
         found = jax.device_get(nearest_of_contour(
-            np.float64(1.3), jnp.asarray(radius), s, rho))
+            np.asarray(1.3), jnp.asarray(radius), s, rho))
     assert np.allclose(np.abs(found.distance), revolution_distance(body, points[None])[0],
                        atol=1e-12)
     inside = (s > 0.0) & (s < 1.3) & (rho < np.interp(s, body.height_m[0], radius))

@@ -183,6 +183,7 @@ def test_numbers_that_no_touch_can_have_spoil_nobody(sets, fitted) -> None:
     assert same_bits(found[[0, 2]], fitted[[0, 2]])
 
 
+@pytest.mark.usefixtures("unchecked")
 def test_unknown_words_are_named() -> None:
     with pytest.raises(ValueError, match="residual: 'Solina', should be one of solina, solina_box"):
         SuperquadricOptions(residual="Solina")  # pyright: ignore
@@ -206,6 +207,7 @@ def test_a_fit_goes_on_from_a_former_one_and_fits_without_one_are_screened(sets,
         fit_superquadric(points, start=former[:3])
 
 
+@pytest.mark.usefixtures("unchecked")
 def test_wrong_shapes_are_named() -> None:
     with pytest.raises(ValueError, match="points: shape"):
         fit_superquadric(np.zeros((3, 2)))

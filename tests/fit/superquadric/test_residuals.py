@@ -6,7 +6,7 @@ import pytest
 
 from fit.rotation import matrix_of_quaternion
 from fit.superquadric.parameter_vector import Form
-from fit.superquadric.residuals import Lane, normal_equations, residual_vector
+from fit.superquadric.residuals import FitData, normal_equations, residual_vector
 
 PLAIN = Form(False, False, "solina", "none")
 RADIAL = Form(True, False, "radial", "pseudo_huber")
@@ -14,14 +14,14 @@ BOXED = Form(True, False, "solina_box", "cauchy")
 BENT = Form(True, True, "volume_distance", "cauchy")
 
 
-def lane(rng: np.random.Generator) -> Lane:
+def lane(rng: np.random.Generator) -> FitData:
     """Points with normals, free balls all around, and a table."""
     q = rng.normal(size=4)
     balls = np.concatenate([rng.normal(size=(3, 16)), np.full((1, 16), 0.3), np.ones((1, 16))])
     turn = matrix_of_quaternion(q / np.linalg.norm(q))
     normals = rng.normal(size=(3, 24))
     normals /= np.linalg.norm(normals, axis=0)
-    return Lane(rng.normal(size=(3, 24)), rng.random(24), turn,
+    return FitData(rng.normal(size=(3, 24)), rng.random(24), turn,
                 np.float64(0.2), np.float64(0.1), np.float64(0.3), upright=np.array([0.2, 0.3]),
                 plane=np.array([0.1, 0.2, -0.97, 0.6, 0.5]),
                 normals=normals, normal_weight=rng.random(24), free=balls)
