@@ -1,4 +1,4 @@
-"""The confusion matrix of one entry's recognition: rows what it was, columns the answer."""
+"""The confusion matrix of one entry: a row for each object felt, a column for each answer."""
 
 from typing import TYPE_CHECKING
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from sweeps.analysis.confusion import Confusion
 from sweeps.analysis.entries import LeaderboardError
-from sweeps.figures.style import COLUMN_IN, cut, drawing, figure
+from sweeps.figures.style import COLUMN_IN, cut, drawing, figure, heat_map
 from sweeps.spec.errors import choose
 
 if TYPE_CHECKING:
@@ -14,7 +14,10 @@ if TYPE_CHECKING:
 
 
 def draw_confusion(found: Confusion, label: str | None = None) -> "Figure":
-    """The entry `label`; by default the one that is right most often."""
+    """The matrix of the entry `label`, by default of the one that is right most often.
+
+    Raises LeaderboardError for an unknown entry, and where none names the object.
+    """
     if not found.labels:
         raise LeaderboardError("confusion: no strategy of this study names what it felt")
     if label is None:
@@ -30,17 +33,12 @@ def draw_confusion(found: Confusion, label: str | None = None) -> "Figure":
     with drawing():
         drawn = figure(COLUMN_IN * (0.45 + 0.07 * len(found.objects)))
         axes = drawn.add_subplot()
-        image = axes.imshow(share, cmap="Blues", vmin=0, vmax=1, aspect="auto")
+        text = [[f"{100 * value:.0f}" if value > 0 else "" for value in row] for row in share]
+        cells = heat_map(axes, share, "Blues", (0.0, 1.0), text, share > 0.5)
         axes.set_xticks(range(len(found.answers)), [cut(name, 18) for name in found.answers],
                         rotation=60, ha="right", rotation_mode="anchor")
         axes.set_yticks(range(len(found.objects)), [cut(name, 18) for name in found.objects])
-        for (row, column), value in np.ndenumerate(share):
-            if value > 0:
-                axes.text(column, row, f"{100 * value:.0f}", ha="center", va="center",
-                          fontsize=5.5, color="white" if value > 0.5 else "black")
-        axes.tick_params(length=0)
-        axes.spines[:].set_visible(False)
         axes.set(xlabel="recognized as", ylabel="object felt")
         axes.set_title(f"{cut(label, 50)}\n{100 * right:.1f} % right")
-        drawn.colorbar(image, label="share of episodes [1]", fraction=0.05)
+        drawn.colorbar(cells, label="share of episodes [1]", fraction=0.05)
     return drawn

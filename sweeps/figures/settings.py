@@ -1,4 +1,4 @@
-"""A heat map of what each swept factor does: how far each level is from the strategy's mean."""
+"""Heat maps of the swept factors: the difference of each level from the strategy's mean."""
 
 from typing import TYPE_CHECKING
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from sweeps.analysis.paired import Paired
 from sweeps.analysis.settings import Effect, effects
-from sweeps.figures.style import UNITS, cut, drawing, figure
+from sweeps.figures.style import UNITS, cut, drawing, figure, heat_map
 from sweeps.run.plan import Plan
 
 if TYPE_CHECKING:
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def draw_settings(plan: Plan, paired: Paired, metric: str) -> "Figure":
-    """A row a strategy, a panel a factor, a column a level, the mean in each cell."""
+    """A panel for each factor: rows are strategies, columns levels; each cell gives the mean."""
     found = list(effects(plan, paired, metric))
     factors = list(dict.fromkeys(effect.factor for effect in found))
     names = [strategy.name for strategy in plan.study.strategies]
@@ -28,22 +28,18 @@ def draw_settings(plan: Plan, paired: Paired, metric: str) -> "Figure":
     with drawing():
         drawn = figure(len(factors) * (0.62 + 0.17 * len(names)) + 0.35)
         panels = drawn.subplots(len(factors), 1, squeeze=False)[:, 0]
-        image = None
+        cells = None
         for axes, factor, table in zip(panels, factors, tables, strict=True):
             off = table - around[:, None]
-            image = axes.imshow(off, cmap="PuOr_r", vmin=-largest, vmax=largest, aspect="auto")
-            for (row, column), value in np.ndenumerate(table):
-                dark = abs(off[row, column]) > 0.65 * largest
-                axes.text(column, row, f"{value:.{digits}f}", ha="center", va="center",
-                          fontsize=5.5, color="white" if dark else "black")
+            text = [[f"{value:.{digits}f}" for value in row] for row in table]
+            cells = heat_map(axes, off, "PuOr_r", (-largest, largest), text,
+                             abs(off) > 0.65 * largest)
             axes.set_xticks(range(table.shape[1]), [
                 level.replace(" to ", "\nto ") for level in _levels(found, factor)])
             axes.set_yticks(range(len(names)), [cut(name, 22) for name in names])
-            axes.tick_params(length=0)
-            axes.spines[:].set_visible(False)
             axes.set_xlabel(factor)
-        assert image is not None
-        drawn.colorbar(image, ax=list(panels), fraction=0.04,
+        assert cells is not None
+        drawn.colorbar(cells, ax=list(panels), fraction=0.04,
                        label=f"{UNITS.get(metric, metric)},\noff the strategy's mean")
     return drawn
 
