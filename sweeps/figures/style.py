@@ -97,7 +97,7 @@ def heat_map(axes: Any, values: np.ndarray, colours: str, limits: tuple[float, f
 
     rows, columns = values.shape
     cells = axes.pcolormesh(np.arange(columns + 1) - 0.5, np.arange(rows + 1) - 0.5, values,
-                            cmap=matplotlib.colormaps[colours].resampled(48), vmin=limits[0],
+                            cmap=matplotlib.colormaps[colours].resampled(49), vmin=limits[0],
                             vmax=limits[1])
     for row, column in np.ndindex(values.shape):
         axes.text(column, row, text[row][column], ha="center", va="center", fontsize=5.5,

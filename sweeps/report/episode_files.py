@@ -25,8 +25,8 @@ from sweeps.episode.columns import (
 )
 from sweeps.episode.episodes import EpisodeBlock, run_block
 from sweeps.figures.contacts import draw_contacts
-from sweeps.figures.contour import draw_contour
-from sweeps.figures.faces import crossed_faces, draw_faces
+from sweeps.figures.contour import contour_figure
+from sweeps.figures.faces import crossed_faces, faces_figure
 from sweeps.figures.style import encode
 from sweeps.figures.taxels import pad_touches, taxels_figure
 from sweeps.output import write_atomic
@@ -91,9 +91,9 @@ def _pictures(cell: Cell, block: EpisodeBlock) -> Iterator[tuple[str, Callable[[
     name, profile = cell.object_name, block.exploration.belief.profile
     yield "contacts.png", lambda: draw_contacts(block, name)
     if crossed_faces(block):
-        yield "faces.png", lambda: draw_faces(block, name)
+        yield "faces.png", lambda: encode(faces_figure(block, name, wide=True), "png")
     if profile is not None and np.isfinite(profile.volume_m3[0]):
-        yield "contour.png", lambda: draw_contour(block, name)
+        yield "contour.png", lambda: encode(contour_figure(block, name, wide=True), "png")
     if pad_touches(block):
         yield "taxels.png", lambda: encode(taxels_figure(block, cell.pads, name), "png")
 
