@@ -3,18 +3,17 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "confusion": ["draw_confusion"],
     "contacts": ["draw_contacts"],
     "contour": ["contour_figure"],
     "curves": ["draw_curves"],
     "faces": ["crossed_faces", "faces_figure"],
     "fits": ["draw_fits"],
     "forest": ["draw_forest"],
+    "heat_maps": ["draw_confusion", "draw_settings"],
     "meshes": ["recovered_grid", "surface_mesh"],
     "pareto": ["draw_pareto"],
     "replay_frames": ["PALM_M", "Replay", "make_replay", "replay_of",
         "segment_pose"],
-    "settings": ["draw_settings"],
     "style": ["UNITS", "encode"],
     "taxels": ["pad_touches", "taxels_figure"],
 })

@@ -87,27 +87,6 @@ def _png(drawn: "Figure") -> bytes:
     return stream.getvalue()
 
 
-def heat_map(axes: Any, values: np.ndarray, colours: str, limits: tuple[float, float],
-             text: Sequence[Sequence[str]], dark: np.ndarray) -> Any:
-    """Draws a table of cells with their texts, white where `dark`; answers with the cells.
-
-    Cells are vector graphics, also those of a colour bar, which has so many colours.
-    """
-    import matplotlib
-
-    rows, columns = values.shape
-    cells = axes.pcolormesh(np.arange(columns + 1) - 0.5, np.arange(rows + 1) - 0.5, values,
-                            cmap=matplotlib.colormaps[colours].resampled(49), vmin=limits[0],
-                            vmax=limits[1])
-    for row, column in np.ndindex(values.shape):
-        axes.text(column, row, text[row][column], ha="center", va="center", fontsize=5.5,
-                  color="white" if dark[row, column] else "black")
-    axes.invert_yaxis()
-    axes.tick_params(length=0)
-    axes.spines[:].set_visible(False)
-    return cells
-
-
 def metric_label(metric: str) -> str:
     """An axis label with its unit, and which way is better."""
     way = "more" if metric in HIGHER_IS_BETTER else "less"

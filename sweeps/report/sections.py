@@ -15,11 +15,10 @@ from sweeps.analysis.paired import Paired
 from sweeps.analysis.pairs import pairs_table
 from sweeps.analysis.pareto import pareto_table
 from sweeps.analysis.settings import read_settings, settings_table
-from sweeps.figures.confusion import draw_confusion
 from sweeps.figures.curves import draw_curves
 from sweeps.figures.forest import draw_forest
+from sweeps.figures.heat_maps import draw_confusion, draw_settings
 from sweeps.figures.pareto import draw_pareto
-from sweeps.figures.settings import draw_settings
 from sweeps.figures.style import UNITS
 from sweeps.report.html import details, drawing, paragraph, preformatted, section, table
 from sweeps.report.views import PLACES, Views
