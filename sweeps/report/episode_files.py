@@ -1,4 +1,4 @@
-"""One episode with all that was felt: contacts.csv, shape.json and figures."""
+"""The files of one episode: contacts.csv, shape.json and figures."""
 
 import csv
 import io
@@ -47,13 +47,13 @@ def explore(
     *, body_table: Mapping[str, Any], strategy: Strategy, seed: int, yaw_rad: float | None,
     x_m: float, y_m: float, out: Path, device: str, replay: bool = False,
 ) -> list[Path]:
-    """Run one episode, write `contacts.csv`, `shape.json` and figures; answer with the files.
+    """Runs one episode; writes `contacts.csv`, `shape.json` and figures; returns their paths.
 
     `contacts.png` always; `faces.png` where faces were crossed, `contour.png` where a contour was
-    followed, `taxels.png` where pads felt; `replay.html` if asked for. stderr says where nothing
-    was recovered, and which figure could not be drawn. `body_table` names the object as in a spec;
-    `yaw_rad` None turns it at random. Raises BodyError for an object that cannot be built, OSError
-    where `out` cannot be written.
+    followed, `taxels.png` where pads had contact, `replay.html` for `replay`. stderr reports an
+    episode without a recovered shape and figures that could not be drawn. `body_table` names the
+    object as in a spec; `yaw_rad` None gives it a random yaw. Raises BodyError for an object that
+    cannot be built, OSError where `out` cannot be written.
     """
     name = str(body_table.get("name") or Path(str(body_table.get("mesh", "object"))).stem)
     cell = Cell(strategy, body_table, name, seed=seed,
@@ -67,7 +67,7 @@ def explore(
     for file, draw in _pictures(cell, block):
         try:
             picture = draw()
-        except Exception as error:  # no picture is worth an episode
+        except Exception as error:  # the episode is kept without the figure
             print(f"{out / file}: cannot be drawn: {error}", file=sys.stderr)
             continue
         write_atomic(out / file, picture)
@@ -79,15 +79,15 @@ def explore(
         write_replay(make_replay(cell, block), out / "replay.html")
         written.append("replay.html")
     if block.recovered.shape[0] == Shape.TOLD_CYLINDER:
-        print(f"{block.status[0]}: nothing was recovered; the body written is the rough cylinder "
-              "that the strategy was told", file=sys.stderr)
+        print(f"{block.status[0]}: nothing was recovered; the body written is the cylinder that "
+              "the strategy was given as prior", file=sys.stderr)
     if block.exploration.fault[0]:
         print(f"the strategy failed: {block.exploration.fault[0]}", file=sys.stderr)
     return [out / file for file in sorted(written)]
 
 
 def _pictures(cell: Cell, block: EpisodeBlock) -> Iterator[tuple[str, Callable[[], bytes]]]:
-    """The files of what there is to be seen in an episode, and how each is drawn."""
+    """The names of the figures that an episode has, and how each is drawn."""
     name, profile = cell.object_name, block.exploration.belief.profile
     yield "contacts.png", lambda: draw_contacts(block, name)
     if crossed_faces(block):
@@ -99,11 +99,11 @@ def _pictures(cell: Cell, block: EpisodeBlock) -> Iterator[tuple[str, Callable[[
 
 
 def contacts_csv(block: EpisodeBlock, world: int = 0) -> str:
-    """Every guarded move of one world that could feel, a line each; text of a CSV file.
+    """A line for each guarded move of one world that had a sensor; text of a CSV file.
 
-    x, y, z are where the robot believes the contact to be (in the end: contacts used by the fit as
-    they were placed for it). Truth is there for the reader; no strategy or fit sees it. For touches
-    of pads `grasp` is the direction of a face or the section of a contour.
+    x, y, z are the contact as the robot estimates it; for a contact used by the last fit, the point
+    that it used. No strategy or fit reads the true columns. For touches of pads `grasp` is the
+    direction on a face or the section of a contour.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -160,7 +160,7 @@ def _cells(values: Any) -> list[str]:
 
 
 def shape_record(cell: Cell, block: EpisodeBlock, world: int = 0) -> dict[str, Any]:
-    """What `shape.json` holds: the recovered models, the chosen one, and its scores."""
+    """The content of `shape.json`: the recovered models, the chosen one, and its scores."""
     scores, belief = block.scores, block.exploration.belief
     shape = Shape(int(block.recovered.shape[world]))
     kinds = {Shape.TOLD_CYLINDER: "told_cylinder", Shape.REVOLUTION: "revolution",
@@ -192,7 +192,7 @@ def shape_record(cell: Cell, block: EpisodeBlock, world: int = 0) -> dict[str, A
 
 
 def _models(cell: Cell, block: EpisodeBlock, world: int) -> Iterator[dict[str, Any]]:
-    """Every model of the body: the superquadric (or what was told), faces, the contour."""
+    """Every model of the body: the superquadric (or the prior cylinder), faces, the contour."""
     belief = block.exploration.belief
     ok = bool(belief.fitted[world])
     kind = ("tapered_superquadric" if cell.fit.taper else "superquadric") if ok else "told_cylinder"
@@ -224,7 +224,7 @@ def _models(cell: Cell, block: EpisodeBlock, world: int) -> Iterator[dict[str, A
 
 
 def _ends(block: EpisodeBlock, world: int) -> Iterator[dict[str, Any]]:
-    """What became of each procedure, in words."""
+    """Contacts of each procedure that took part, and why each exploratory one ended."""
     for procedure in block.exploration.procedures:
         if not procedure.took_part[world]:
             continue

@@ -118,6 +118,5 @@ def _environment(stores: Sequence[Store]) -> dict[str, Any]:
 
 
 def _say(text: str) -> None:
-    if quiet_asked():
-        return
-    print(text, file=sys.stderr, flush=True)
+    if not quiet_asked():
+        print(text, file=sys.stderr, flush=True)

@@ -128,22 +128,12 @@ def views_section(plan: Plan, shown: Views) -> str:
         f'<label><input type="checkbox" id="show-{name}" checked> {text}</label>'
         for name, text in (("recovered", "recovered body"), ("true", "true body, as wires"),
                            ("contacts", "contacts")))
+    numbers = {(e["strategy"], e["place"]): n for n, e in enumerate(shown.episodes)}
     rows = []
     for strategy in plan.study.strategies:
-        cells = []
-        for place in PLACES:
-            number = next((n for n, episode in enumerate(shown.episodes)
-                           if (episode["strategy"], episode["place"]) == (strategy.name, place)),
-                          None)
-            if number is None:
-                cells.append("<td></td>")
-                continue
-            episode = shown.episodes[number]
-            cells.append(
-                f'<td><button type="button" data-episode="{number}" '
-                f'aria-pressed="{"true" if number == 0 else "false"}">'
-                f'{escape(episode["object"])} {episode["chamfer_mm"]:.1f} mm</button></td>')
-        rows.append(f'<tr><th scope="row">{escape(strategy.name)}</th>{"".join(cells)}</tr>')
+        cells = "".join(f"<td>{_button(shown, numbers.get((strategy.name, place)))}</td>"
+                        for place in PLACES)
+        rows.append(f'<tr><th scope="row">{escape(strategy.name)}</th>{cells}</tr>')
     head = "".join(f'<th scope="col">{name}</th>' for name in ("strategy", *PLACES))
     return section(
         "Best, median and worst episodes", paragraph(
@@ -152,6 +142,16 @@ def views_section(plan: Plan, shown: Views) -> str:
         f'<p id="about" class="soft" aria-live="polite"></p><div class="controls">{boxes}</div>'
         f'</div><div class="episodes"><table><thead><tr>{head}</tr></thead><tbody>'
         f'{"".join(rows)}</tbody></table></div></div>', name="episodes-shown")
+
+
+def _button(shown: Views, number: int | None) -> str:
+    """The button that shows an episode; nothing for one that could not be run again."""
+    if number is None:
+        return ""
+    episode = shown.episodes[number]
+    return (f'<button type="button" data-episode="{number}" '
+            f'aria-pressed="{"true" if number == 0 else "false"}">'
+            f'{escape(episode["object"])} {episode["chamfer_mm"]:.1f} mm</button>')
 
 
 def spec_section(spec: str, plan: Plan) -> str:

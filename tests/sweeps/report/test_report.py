@@ -37,8 +37,8 @@ def drawn_views(plan: Plan, picked: list[Picked], device: str = "cpu",
     pose = np.array([0, 0, 0, 0, 0, 0, 1.0])
     return Views(
         {name: body_data(body_from_name(name)) for name in OBJECTS[:len(plan.study.objects)]},
-        [{"place": p.place, "strategy": plan.study.strategies[p.strategy].name,
-          "object": plan.study.objects[p.body].name, "episode": p.episode,
+        [{"place": p.place, "strategy": plan.study.strategies[p.episode.strategy].name,
+          "object": plan.study.objects[p.episode.body].name, "episode": p.episode.episode,
           "chamfer_mm": p.chamfer_mm, "iou": 0.5, "status": "ok",
           **episode_data(grid, pose, points)} for p in picked], [])
 
@@ -120,7 +120,7 @@ def test_numbers_are_the_leaderboards(study: tuple[Plan, Store]) -> None:
 
 def test_best_median_and_worst(study: tuple[Plan, Store]) -> None:
     picked = pick_episodes(study[0], [study[1]])
-    mine = [p for p in picked if p.strategy == 0]
+    mine = [p for p in picked if p.episode.strategy == 0]
     values = np.concatenate([rows["chamfer_mm"] for unit in study[0].units()
                              if unit.cell.strategy.name == "s"
                              and (rows := study[1].read(unit)) is not None])
