@@ -15,6 +15,8 @@ from sweeps.spec.errors import choose
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+COLOUR_COUNT = 47
+"""Odd, for the middle of a diverging map; matplotlib rasterizes colour bars of 49 and more."""
 
 
 def draw_confusion(found: Confusion, label: str | None = None) -> "Figure":
@@ -44,7 +46,8 @@ def draw_confusion(found: Confusion, label: str | None = None) -> "Figure":
         axes.set_yticks(range(len(found.objects)), [cut(name, 18) for name in found.objects])
         axes.set(xlabel="recognized as", ylabel="object felt")
         axes.set_title(f"{cut(label, 50)}\n{100 * right:.1f} % right")
-        drawn.colorbar(cells, label="share of episodes [1]", fraction=0.05)
+        bar = drawn.colorbar(cells, label="share of episodes [1]", fraction=0.05)
+        bar.solids.set_edgecolor("face")
     return drawn
 
 
@@ -75,22 +78,20 @@ def draw_settings(plan: Plan, paired: Paired, metric: str) -> "Figure":
             axes.set_yticks(range(len(names)), [cut(name, 22) for name in names])
             axes.set_xlabel(factor)
         assert cells is not None
-        drawn.colorbar(cells, ax=list(panels), fraction=0.04,
-                       label=f"{UNITS.get(metric, metric)},\noff the strategy's mean")
+        bar = drawn.colorbar(cells, ax=list(panels), fraction=0.04,
+                             label=f"{UNITS.get(metric, metric)},\noff the strategy's mean")
+        bar.solids.set_edgecolor("face")
     return drawn
 
 
 def _heat_map(axes: Any, values: np.ndarray, colours: str, limits: tuple[float, float],
              text: Sequence[Sequence[str]], dark: np.ndarray) -> Any:
-    """Draws a table of cells with their texts, white where `dark`; answers with the cells.
-
-    Cells are vector graphics, also those of a colour bar, which has so many colours.
-    """
+    """Draws cells (row, column) with their texts, white where `dark`; returns the cells."""
     import matplotlib
 
     rows, columns = values.shape
     cells = axes.pcolormesh(np.arange(columns + 1) - 0.5, np.arange(rows + 1) - 0.5, values,
-                            cmap=matplotlib.colormaps[colours].resampled(49), vmin=limits[0],
+                            cmap=matplotlib.colormaps[colours].resampled(COLOUR_COUNT), vmin=limits[0],
                             vmax=limits[1])
     for row, column in np.ndindex(values.shape):
         axes.text(column, row, text[row][column], ha="center", va="center", fontsize=5.5,
