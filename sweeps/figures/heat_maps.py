@@ -46,7 +46,7 @@ def draw_confusion(found: Confusion, label: str | None = None) -> "Figure":
         axes.set_yticks(range(len(found.objects)), [cut(name, 18) for name in found.objects])
         axes.set(xlabel="recognized as", ylabel="object felt")
         axes.set_title(f"{cut(label, 50)}\n{100 * right:.1f} % right")
-        bar = drawn.colorbar(cells, label="share of episodes [1]", fraction=0.05)
+        bar: Any = drawn.colorbar(cells, label="share of episodes [1]", fraction=0.05)
         bar.solids.set_edgecolor("face")
     return drawn
 
@@ -78,7 +78,7 @@ def draw_settings(plan: Plan, paired: Paired, metric: str) -> "Figure":
             axes.set_yticks(range(len(names)), [cut(name, 22) for name in names])
             axes.set_xlabel(factor)
         assert cells is not None
-        bar = drawn.colorbar(cells, ax=list(panels), fraction=0.04,
+        bar: Any = drawn.colorbar(cells, ax=list(panels), fraction=0.04,
                              label=f"{UNITS.get(metric, metric)},\noff the strategy's mean")
         bar.solids.set_edgecolor("face")
     return drawn
@@ -91,8 +91,8 @@ def _heat_map(axes: Any, values: np.ndarray, colours: str, limits: tuple[float, 
 
     rows, columns = values.shape
     cells = axes.pcolormesh(np.arange(columns + 1) - 0.5, np.arange(rows + 1) - 0.5, values,
-                            cmap=matplotlib.colormaps[colours].resampled(COLOUR_COUNT), vmin=limits[0],
-                            vmax=limits[1])
+                            cmap=matplotlib.colormaps[colours].resampled(COLOUR_COUNT),
+                            vmin=limits[0], vmax=limits[1])
     for row, column in np.ndindex(values.shape):
         axes.text(column, row, text[row][column], ha="center", va="center", fontsize=5.5,
                   color="white" if dark[row, column] else "black")

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sweeps import figures
 from sweeps.analysis.confusion import read_confusion
 from sweeps.analysis.curves import read_curves
 from sweeps.analysis.entries import check_metric
@@ -29,8 +30,6 @@ if TYPE_CHECKING:
     from sweeps.episode.episodes import EpisodeBlock
     from sweeps.spec.cell import Cell
 
-# Figures of one episode are imported where they are drawn: they bring the simulator with them.
-
 
 @dataclass(frozen=True)
 class Asked:
@@ -44,50 +43,13 @@ class Asked:
     episode: int = 0
 
 
-def _forest(asked: Asked) -> "Figure":
-    return draw_forest(read_paired(asked.plan, asked.stores, [asked.metric]), asked.metric)
+def _of_episode(name: str) -> Callable[[Asked], "Figure"]:
+    """Draws the chosen episode by a function of this room."""
+    def draw(asked: Asked) -> "Figure":
+        cell, block = _rerun(asked)
+        return getattr(figures, name)(block, cell.object_name)
 
-
-def _curves_touches(asked: Asked) -> "Figure":
-    return draw_curves(read_curves(asked.plan, asked.stores), "touches")
-
-
-def _curves_time(asked: Asked) -> "Figure":
-    return draw_curves(read_curves(asked.plan, asked.stores), "time_s")
-
-
-def _pareto(asked: Asked) -> "Figure":
-    return draw_pareto(read_paired(asked.plan, asked.stores, [asked.metric, COST]), asked.metric)
-
-
-def _confusion(asked: Asked) -> "Figure":
-    return draw_confusion(read_confusion(asked.plan, asked.stores), asked.strategy)
-
-
-def _settings(asked: Asked) -> "Figure":
-    return draw_settings(asked.plan, read_settings(asked.plan, asked.stores, asked.metric),
-                         asked.metric)
-
-
-def _contacts(asked: Asked) -> "Figure":
-    from sweeps.figures.contacts import contacts_figure
-
-    cell, block = _rerun(asked)
-    return contacts_figure(block, cell.object_name)
-
-
-def _faces(asked: Asked) -> "Figure":
-    from sweeps.figures.faces import faces_figure
-
-    cell, block = _rerun(asked)
-    return faces_figure(block, cell.object_name)
-
-
-def _contour(asked: Asked) -> "Figure":
-    from sweeps.figures.contour import contour_figure
-
-    cell, block = _rerun(asked)
-    return contour_figure(block, cell.object_name)
+    return draw
 
 
 def _taxels(asked: Asked) -> "Figure":
@@ -103,7 +65,8 @@ def _grasp(asked: Asked) -> "Figure":
 
     chosen = _chosen(asked)
     cell = cell_of(asked.plan, chosen)
-    return grasp_figure(in_a_worker(replay_of, (cell, chosen.episode, "cpu")), cell.object_name)
+    replay = in_a_worker(replay_of, (cell, chosen.episode, "cpu"))
+    return grasp_figure(replay, cell.object_name)
 
 
 def _chosen(asked: Asked) -> Episode:
@@ -115,11 +78,17 @@ def _rerun(asked: Asked) -> "tuple[Cell, EpisodeBlock]":
     return cell_of(asked.plan, chosen), rerun(asked.plan, chosen)
 
 
+# Figures of episodes are attributes of the room, which imports them and the simulator when used.
 KINDS: dict[str, Callable[[Asked], "Figure"]] = {
-    "forest": _forest, "curves-touches": _curves_touches, "curves-time": _curves_time,
-    "pareto": _pareto, "confusion": _confusion, "settings": _settings,
-    "contacts": _contacts, "faces": _faces, "contour": _contour, "taxels": _taxels,
-    "grasp": _grasp,
+    "forest": lambda a: draw_forest(read_paired(a.plan, a.stores, [a.metric]), a.metric),
+    "curves-touches": lambda a: draw_curves(read_curves(a.plan, a.stores), "touches"),
+    "curves-time": lambda a: draw_curves(read_curves(a.plan, a.stores), "time_s"),
+    "pareto": lambda a: draw_pareto(read_paired(a.plan, a.stores, [a.metric, COST]), a.metric),
+    "confusion": lambda a: draw_confusion(read_confusion(a.plan, a.stores), a.strategy),
+    "settings": lambda a: draw_settings(
+        a.plan, read_settings(a.plan, a.stores, a.metric), a.metric),
+    "contacts": _of_episode("contacts_figure"), "faces": _of_episode("faces_figure"),
+    "contour": _of_episode("contour_figure"), "taxels": _taxels, "grasp": _grasp,
 }
 
 

@@ -111,36 +111,29 @@ def contacts_csv(block: EpisodeBlock, world: int = 0) -> str:
     slot = probe = 0
     for procedure in block.exploration.procedures:
         if isinstance(procedure.felt, Grasps):
-            rows, slots, probes = _grasp_rows(block, procedure, world, slot, probe)
-            slot, probe = slot + slots, probe + probes
+            rows = list(_grasp_rows(block, procedure, procedure.felt, world, slot, probe))
+            probe += procedure.felt.closing.status.shape[1]
         else:
-            slot += procedure.slots
             rows = list(_touch_rows(block, procedure.name, procedure.felt, world, probe))
             probe += len(rows)
+        slot += procedure.slots
         writer.writerows(rows)
     return text.getvalue()
 
 
-def _grasp_rows(block: EpisodeBlock, procedure: Procedure, world: int, slot: int,
-                first: int) -> tuple[list[list[Any]], int, int]:
-    grasps = procedure.felt
-    assert isinstance(grasps, Grasps)
+def _grasp_rows(block: EpisodeBlock, procedure: Procedure, grasps: Grasps, world: int, slot: int,
+                first: int) -> Iterator[list[Any]]:
     closing, truth = grasps.closing, block.truth.closings[procedure.closing]
     evidence = block.exploration.belief.evidence
-    rows = []
-    shape = closing.status.shape[1:]
-    for number, (p, g, f) in enumerate(np.ndindex(*shape)):
+    for number, (p, g, f) in enumerate(np.ndindex(*closing.status.shape[1:]), slot):
         at = (world, p, g, f)
-        used = evidence.mask[world, slot + number]
-        believed = (evidence.points_m[world, slot + number] if used
+        estimate = (evidence.points_m[world, number] if evidence.mask[world, number]
                     else grasps.estimate.point_m[at])
-        rows.append([
-            procedure.name, first + p, g, f, int(truth.link[at]),
-            ProbeStatus(int(closing.status[at])).name.lower(),
-            *_cells(believed), *_cells(truth.point_m[at]), *_cells(truth.normal[at]),
-            *_cells(closing.q_rad[at]), *_cells([closing.tension_difference_N[at]]),
-            "", *_cells(grasps.moves.believed_pose[world, p])])
-    return rows, int(np.prod(shape)), shape[0]
+        yield [procedure.name, first + p, g, f, int(truth.link[at]),
+               ProbeStatus(int(closing.status[at])).name.lower(),
+               *_cells(estimate), *_cells(truth.point_m[at]), *_cells(truth.normal[at]),
+               *_cells(closing.q_rad[at]), *_cells([closing.tension_difference_N[at]]),
+               "", *_cells(grasps.moves.believed_pose[world, p])]
 
 
 def _touch_rows(block: EpisodeBlock, name: str, felt: PlanarExploration | ContourExploration,

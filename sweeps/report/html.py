@@ -56,20 +56,15 @@ def paragraph(text: str, kind: str = "soft") -> str:
     return f'<p class="{kind}">{escape(text)}</p>'
 
 
-def listed(items: Iterable[str], kind: str) -> str:
-    """A list of texts."""
-    return f'<ul class="{kind}">{"".join(f"<li>{escape(item)}</li>" for item in items)}</ul>'
-
-
 def table(caption: str, header: Sequence[str], rows: Iterable[Sequence[str]], *,
           row_names: int = 0, heat: Sequence[Sequence[str]] | None = None,
           sortable: bool = True) -> str:
     """A table; column `row_names` names the rows, `heat` gives the class of each cell's tint."""
     every = list(rows)
-    words = [n == row_names or not all(_is_number(row[n]) for row in every)
-             for n in range(len(header))]
-    head = "".join(f'<th scope="col"{_left(left)}>{escape(name)}</th>'
-                   for left, name in zip(words, header, strict=True))
+    kinds = [' class="text"' if n == row_names or not all(_is_number(row[n]) for row in every)
+             else "" for n in range(len(header))]
+    head = "".join(f'<th scope="col"{kind}>{escape(name)}</th>'
+                   for kind, name in zip(kinds, header, strict=True))
     body = []
     for r, row in enumerate(every):
         cells = []
@@ -77,17 +72,13 @@ def table(caption: str, header: Sequence[str], rows: Iterable[Sequence[str]], *,
             if n == row_names:
                 cells.append(f'<th scope="row">{escape(cell)}</th>')
             else:
-                tint = f' class="{heat[r][n]}"' if heat and heat[r][n] else _left(words[n])
+                tint = f' class="{heat[r][n]}"' if heat and heat[r][n] else kinds[n]
                 cells.append(f"<td{tint}>{escape(cell)}</td>")
         body.append(f"<tr>{''.join(cells)}</tr>")
-    kind = ' class="sortable"' if sortable else ""
+    sorts = ' class="sortable"' if sortable else ""
     return (f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(caption)}">'
-            f"<table{kind}><caption>{escape(caption)}</caption><thead><tr>{head}</tr></thead>"
+            f"<table{sorts}><caption>{escape(caption)}</caption><thead><tr>{head}</tr></thead>"
             f"<tbody>{''.join(body)}</tbody></table></div>")
-
-
-def _left(left: bool) -> str:
-    return ' class="text"' if left else ""
 
 
 def _is_number(cell: str) -> bool:

@@ -16,7 +16,7 @@ from sweeps.analysis.curves import Curves, read_curves
 from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
 from sweeps.analysis.paired import Paired, read_paired
 from sweeps.output import quiet_asked, write_atomic
-from sweeps.report.html import listed, page, paragraph
+from sweeps.report.html import page, paragraph
 from sweeps.report.sections import (
     confusion_section,
     curves_section,
@@ -99,7 +99,8 @@ def _warnings(board: Leaderboard, paired: Paired, shown: Views) -> str:
     failing = [row[name] for row in board.rows if row[at] != "NA" and float(row[at]) > MANY_FAIL]
     if failing:
         notes.append(f"more than {MANY_FAIL:.0%} of the episodes failed: {', '.join(failing)}")
-    return listed(notes, "warnings") if notes else ""
+    items = "".join(f"<li>{escape(note)}</li>" for note in notes)
+    return f'<ul class="warnings">{items}</ul>' if notes else ""
 
 
 def _spec(stores: Sequence[Store]) -> str:
