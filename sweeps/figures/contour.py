@@ -51,8 +51,10 @@ def contour_figure(block: EpisodeBlock, name: str, world: int = 0,
     _true_outline(flat, sample)
     for side in (-1, 1):
         flat.plot(side * r, z, "-", color=FIT, lw=1.3, label="recovered" if side > 0 else None)
-    points, mask = _touches(block, world)
-    arm = points[mask] - profile.foot_m[world]
+    followed = [p for p in block.exploration.procedures
+                if p.name == "contour" and p.took_part[world]][-1].felt
+    points, mask = followed.touches.sets(len(block.status))  # type: ignore[union-attr]
+    arm = points[world][mask[world]] - profile.foot_m[world]
     along = arm @ profile.axis[world]
     away = np.linalg.norm(arm - along[:, None] * profile.axis[world], axis=1)
     flat.plot(1e3 * away * _side(arm), 1e3 * along, ".", color=CONTACT, ms=3, label="touches")
@@ -79,14 +81,6 @@ def fill_axes(axes: Any, box: tuple[float, float, float], cloud: np.ndarray) -> 
     axes.set_box_aspect(box, zoom=0.99 * zoom)
 
 
-def _touches(block: EpisodeBlock, world: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points of the last contour followed."""
-    last = [p for p in block.exploration.procedures
-            if p.name == "contour" and p.took_part[world]][-1]
-    points, mask = last.felt.touches.sets(len(block.status))  # type: ignore[union-attr]
-    return points[world], mask[world]
-
-
 def _side(arm: np.ndarray) -> np.ndarray:
     """+1 or -1 for touches on either side of the axis, along their main spread across it."""
     if len(arm) < 2:
@@ -97,12 +91,11 @@ def _side(arm: np.ndarray) -> np.ndarray:
 
 def _true_outline(axes: Any, sample: np.ndarray) -> None:
     """Largest radius of the true body at each height, both sides."""
+    from scipy.stats import binned_statistic
+
     height, radius = sample[:, 2], np.hypot(sample[:, 0], sample[:, 1])
-    edges = np.linspace(0, height.max(), 60)
+    most, edges, _ = binned_statistic(height, radius, "max", 59, (0.0, height.max()))
     middle = 0.5 * (edges[1:] + edges[:-1])
-    band = np.digitize(height, edges[1:-1])
-    most = np.array([radius[band == k].max() if (band == k).any() else np.nan
-                     for k in range(len(middle))])
     for side in (-1, 1):
         axes.plot(side * most, middle, "-", color=TRUE, lw=3.0,
                   alpha=0.3, label="true" if side > 0 else None)

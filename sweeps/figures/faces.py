@@ -1,5 +1,6 @@
 """A figure of traces on faces and planes fitted to them (Allen and Michelman 1990, figure 5)."""
 
+from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -89,10 +90,9 @@ def faces_figure(block: EpisodeBlock, name: str, world: int = 0,
 
 
 def _neighbours(normals: np.ndarray) -> float | None:
-    """Angle between the first two sides that are neighbours [deg]."""
-    for i in range(len(normals)):
-        for j in range(i + 1, len(normals)):
-            angle = np.degrees(np.arccos(np.clip(normals[i] @ normals[j], -1.0, 1.0)))
-            if 45 < angle < 135:
-                return float(angle)
+    """Angle between the first two faces that are neighbours [deg], None without such."""
+    for one, other in combinations(normals, 2):
+        angle = np.degrees(np.arccos(np.clip(one @ other, -1.0, 1.0)))
+        if 45 < angle < 135:
+            return float(angle)
     return None

@@ -39,7 +39,8 @@ def grasp_figure(replay: Replay, name: str) -> "Figure":
     dot = trimesh.creation.icosphere(subdivisions=1, radius=_DOT_M).triangles
     solids = [(replay.body_m[replay.body_faces], _BODY), *_hand(replay, frame),
               *((at + dot, _CONTACT) for at in replay.contacts_m[:frame.contacts])]
-    azimuth = _aside(frame)
+    way = Rotation.from_quat(frame.hand_turn).apply([0.0, 0.0, 1.0])
+    azimuth = float(np.degrees(np.arctan2(way[1], way[0]))) + 75.0  # the hand is seen from a side
     light = direction(azimuth + LIGHT_DEG, 1.5 * LIGHT_DEG)
     colours = np.concatenate([lit(faces, tint, light) for faces, tint in solids])
     drawn = figure(COLUMN_IN)
@@ -87,9 +88,3 @@ def _capsule(a: np.ndarray, b: np.ndarray, radius_m: float) -> np.ndarray:
 def _placed(mesh: trimesh.Trimesh, at: np.ndarray, turn: Rotation) -> np.ndarray:
     """Triangles (face, 3, 3) of a mesh, turned about its origin and moved."""
     return (at + turn.apply(np.array(mesh.vertices)))[mesh.faces]
-
-
-def _aside(frame: Frame) -> float:
-    """The azimuth [deg] that shows the hand from one side."""
-    way = Rotation.from_quat(frame.hand_turn).apply([0.0, 0.0, 1.0])
-    return float(np.degrees(np.arctan2(way[1], way[0]))) + 75.0

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sweeps import figures
+import sweeps.figures
 from sweeps.analysis.confusion import read_confusion
 from sweeps.analysis.curves import read_curves
 from sweeps.analysis.entries import check_metric
@@ -47,7 +47,7 @@ def _of_episode(name: str) -> Callable[[Asked], "Figure"]:
     """Draws the chosen episode by a function of this room."""
     def draw(asked: Asked) -> "Figure":
         cell, block = _rerun(asked)
-        return getattr(figures, name)(block, cell.object_name)
+        return getattr(sweeps.figures, name)(block, cell.object_name)
 
     return draw
 

@@ -198,11 +198,10 @@ def _models(cell: Cell, block: EpisodeBlock, world: int) -> Iterator[dict[str, A
         fit = face.fit
         if fit.n_points[world] == 0:
             continue
-        n, extent = face.normal[world], fit.extent_m[world]
         yield {"shape": "plane", "parameters": {
-            "nx": float(n[0]), "ny": float(n[1]), "nz": float(n[2]),
+            **dict(zip(("nx", "ny", "nz"), face.normal[world].tolist(), strict=True)),
             "offset_m": float(face.offset_m[world]),
-            "extent_u_m": float(extent[0]), "extent_v_m": float(extent[1])},
+            **dict(zip(("extent_u_m", "extent_v_m"), fit.extent_m[world].tolist(), strict=True))},
             "rms_mm": float(fit.rms_m[world] * 1e3), "flat": bool(face.flat[world]),
             "status": status_names(fit.status)[world], "contacts": int(fit.n_points[world])}
     profile = belief.profile
