@@ -15,6 +15,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "pareto": ["draw_pareto"],
     "replay_frames": ["PALM_M", "Replay", "make_replay", "replay_of",
         "segment_pose"],
+    "solids": ["CONTACT", "FIT", "TRUE"],
     "style": ["UNITS", "encode"],
     "taxels": ["pad_touches", "taxels_figure"],
 })
