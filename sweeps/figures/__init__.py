@@ -3,13 +3,19 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "contacts": ["draw_contacts"],
-    "contour": ["draw_contour"],
-    "curves": ["BANDS"],
-    "faces": ["crossed_faces", "draw_faces"],
+    "contacts": ["contacts_figure", "draw_contacts"],
+    "contour": ["contour_figure"],
+    "curves": ["draw_curves"],
+    "faces": ["crossed_faces", "faces_figure"],
     "fits": ["draw_fits"],
-    "meshes": ["capsule_mesh", "recovered_grid", "surface_mesh"],
-    "replay_frames": ["Replay", "make_replay", "replay_of"],
-    "style": ["MARKERS", "UNITS", "encode"],
+    "forest": ["draw_forest"],
+    "grasp": ["grasp_figure"],
+    "heat_maps": ["draw_confusion", "draw_settings"],
+    "meshes": ["recovered_grid", "surface_mesh"],
+    "pareto": ["draw_pareto"],
+    "replay_frames": ["PALM_M", "Replay", "make_replay", "replay_of",
+        "segment_pose"],
+    "solids": ["CONTACT", "FIT", "TRUE"],
+    "style": ["UNITS", "encode"],
     "taxels": ["pad_touches", "taxels_figure"],
 })

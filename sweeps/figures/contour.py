@@ -1,28 +1,26 @@
-"""A figure of a body recovered by its contour, after figure 6 of Allen and Michelman 1990: the
-solid of revolution, and its contour over the true one."""
+"""A figure of a body recovered from its contour, after figure 6 of Allen and Michelman (1990).
+
+Left the solid of revolution, right its contour over the true one.
+"""
 
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from strategies.procedures.contour_shape import Profile
+from fit.revolution.geometry import RevolutionBody
 from sweeps.episode.episodes import EpisodeBlock
-from sweeps.figures.style import cut, drawing, encode, figure
+from sweeps.figures.meshes import quadrilaterals, revolution_grid
+from sweeps.figures.solids import CONTACT, FIT, TRUE, direction, draw_solid
+from sweeps.figures.style import cut, drawing, figure
 from sweeps.spec.errors import StoreError
 from warpgrasp.geometry.body_sampling import sample_body
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-_BODY, _TRUE, _FIT, _TOUCH = "#9db7d5", "#4d4d4d", "#2166ac", "#b2182b"
-_AROUND = 48
+ELEVATION_DEG, AZIMUTH_DEG = 20.0, -55.0
 
 
-def draw_contour(block: EpisodeBlock, name: str, world: int = 0) -> bytes:
-    """A PNG of one world; the same block gives the same bytes."""
-    with drawing():
-        return encode(contour_figure(block, name, world, wide=True), "png")
-
-
+@drawing()
 def contour_figure(block: EpisodeBlock, name: str, world: int = 0,
                    wide: bool = False) -> "Figure":
     """One world of a block, a page or a column wide. Raises StoreError without a contour."""
@@ -30,38 +28,19 @@ def contour_figure(block: EpisodeBlock, name: str, world: int = 0,
     if profile is None or not np.isfinite(profile.volume_m3[world]):
         raise StoreError("contour: none was followed to its end in this episode; ask for one of a "
                          'strategy that follows contours (order = ["containment", "contour"])')
-    with drawing():
-        return _draw(block, profile, name, world, wide)
-
-
-def _draw(block: EpisodeBlock, profile: Profile, name: str, world: int, wide: bool) -> "Figure":
-    from matplotlib.colors import to_rgb
     from matplotlib.ticker import MaxNLocator
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     known = np.isfinite(profile.height_m[world])
     z, r = 1e3 * profile.height_m[world][known], 1e3 * profile.radius_m[world][known]
-    angle = np.linspace(0, 2 * np.pi, _AROUND + 1)
-    ring = np.stack([r[:, None] * np.cos(angle), r[:, None] * np.sin(angle),
-                     np.repeat(z[:, None], _AROUND + 1, 1)], -1)
-    quads = np.stack([ring[:-1, :-1], ring[:-1, 1:], ring[1:, 1:], ring[1:, :-1]], 2).reshape(
-        -1, 4, 3)
-    normal = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-    eye = np.array([np.cos(np.radians(-55)), np.sin(np.radians(-55)), 0.4])
-    light = 0.55 + 0.45 * np.clip(normal @ np.array([0.3, -0.6, 0.74]), 0.0, 1.0)
-    colour = np.array(to_rgb(_BODY)) * light[:, None]
-    seen = normal @ eye > 0
-
+    ring = revolution_grid(RevolutionBody(
+        np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), z[None], r[None]), 0, 48)
     drawn = figure(4.2, 6.85) if wide else figure(3.3)
     grid = drawn.add_gridspec(1, 2, width_ratios=(1.2, 1.0))
     axes: Any = drawn.add_subplot(grid[0, 0], projection="3d")
-    axes.add_collection3d(Poly3DCollection(
-        [*quads[seen], ring[-1]], facecolors=[*colour[seen], np.array(to_rgb(_BODY))],
-        edgecolors="#5b7288", linewidths=0.15), autolim=False)
+    draw_solid(axes, quadrilaterals(ring), direction(AZIMUTH_DEG, ELEVATION_DEG))
     half, tall = 1.15 * r.max(), z.max()
     axes.set(xlim=(-half, half), ylim=(-half, half), zlim=(0, tall))
-    axes.view_init(20, -55)
+    axes.view_init(ELEVATION_DEG, AZIMUTH_DEG)
     fill_axes(axes, (2 * half, 2 * half, tall), ring.reshape(-1, 3))
     axes.set_axis_off()
     volume = 1e6 * profile.volume_m3[world]
@@ -71,13 +50,14 @@ def _draw(block: EpisodeBlock, profile: Profile, name: str, world: int, wide: bo
     sample = 1e3 * sample_body(block.body, surface=8192).surface_m
     _true_outline(flat, sample)
     for side in (-1, 1):
-        flat.plot(side * r, z, "-", color=_FIT, lw=1.3, label="recovered" if side > 0 else None)
-    points, mask = _touches(block, world)
-    arm = points[mask] - profile.foot_m[world]
+        flat.plot(side * r, z, "-", color=FIT, lw=1.3, label="recovered" if side > 0 else None)
+    followed = [p for p in block.exploration.procedures
+                if p.name == "contour" and p.took_part[world]][-1].felt
+    points, mask = followed.touches.sets(len(block.status))  # type: ignore[union-attr]
+    arm = points[world][mask[world]] - profile.foot_m[world]
     along = arm @ profile.axis[world]
     away = np.linalg.norm(arm - along[:, None] * profile.axis[world], axis=1)
-    thumb = _side(arm)
-    flat.plot(1e3 * away * thumb, 1e3 * along, ".", color=_TOUCH, ms=3, label="touches")
+    flat.plot(1e3 * away * _side(arm), 1e3 * along, ".", color=CONTACT, ms=3, label="touches")
     flat.set_aspect("equal")
     flat.xaxis.set_major_locator(MaxNLocator(3))
     flat.set(xlabel="from the axis [mm]", ylabel="along the axis [mm]")
@@ -89,24 +69,16 @@ def _draw(block: EpisodeBlock, profile: Profile, name: str, world: int, wide: bo
 
 
 def fill_axes(axes: Any, box: tuple[float, float, float], cloud: np.ndarray) -> None:
-    """Draw a box with these sides as large as its axes hold a cloud of points; both in mm."""
+    """Draws a box [mm] as large as its axes can hold a cloud of points [mm] within it."""
     from mpl_toolkits.mplot3d.proj3d import proj_transform
 
     zoom = 1.0
-    for _ in range(3):  # what is near grows faster than what is far
+    for _ in range(3):  # perspective: near points grow faster than far ones
         axes.set_box_aspect(box, zoom=zoom)
         x, y, _ = proj_transform(cloud[:, 0], cloud[:, 1], cloud[:, 2], axes.get_proj())
         place = axes.transLimits.transform(np.stack([x, y], 1))
         zoom *= 0.5 / np.abs(place - 0.5).max()
     axes.set_box_aspect(box, zoom=0.99 * zoom)
-
-
-def _touches(block: EpisodeBlock, world: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points of the last contour followed."""
-    last = [p for p in block.exploration.procedures
-            if p.name == "contour" and p.took_part[world]][-1]
-    points, mask = last.felt.touches.sets(len(block.status))  # type: ignore[union-attr]
-    return points[world], mask[world]
 
 
 def _side(arm: np.ndarray) -> np.ndarray:
@@ -119,12 +91,11 @@ def _side(arm: np.ndarray) -> np.ndarray:
 
 def _true_outline(axes: Any, sample: np.ndarray) -> None:
     """Largest radius of the true body at each height, both sides."""
+    from scipy.stats import binned_statistic
+
     height, radius = sample[:, 2], np.hypot(sample[:, 0], sample[:, 1])
-    edges = np.linspace(0, height.max(), 60)
+    most, edges, _ = binned_statistic(height, radius, "max", 59, (0.0, height.max()))
     middle = 0.5 * (edges[1:] + edges[:-1])
-    band = np.digitize(height, edges[1:-1])
-    most = np.array([radius[band == k].max() if (band == k).any() else np.nan
-                     for k in range(len(middle))])
     for side in (-1, 1):
-        axes.plot(side * most, middle, "-", color=_TRUE, lw=3.0,
+        axes.plot(side * most, middle, "-", color=TRUE, lw=3.0,
                   alpha=0.3, label="true" if side > 0 else None)

@@ -1,23 +1,22 @@
-"""Error against touches or robot time, a line a strategy, with intervals of 95 %."""
+"""Error against touches or robot time, a line for each strategy, with 95 % intervals."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sweeps.analysis.bootstrap import Estimate
 from sweeps.analysis.curves import Curves, grid_of, mean_curve
-from sweeps.figures.style import COLOURS, DASHES, MARKERS, MUTED, drawing, figure, told_apart
+from sweeps.figures.style import COLOURS, DASHES, MARKERS, MUTED, distinct_labels, drawing, figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 LABELS = {"touches": "touches [1]", "time_s": "robot time [s]"}
-BANDS = 3  # more bands than these hide one another
+BANDS = 3  # more would hide one another
 
 
 def draw_curves(curves: Curves, axis: str) -> "Figure":
     """The best eight by their last error in colour, the others grey.
 
-    Intervals of up to three are bands along the curves; beside more than these, bars at their ends.
+    Bars show the intervals at the end; for up to three entries bands show them along the curves.
     """
     grid = grid_of(curves, axis)
     found = [mean_curve(curves, axis, n, grid) for n in range(len(curves.labels))]
@@ -25,12 +24,14 @@ def draw_curves(curves: Curves, axis: str) -> "Figure":
             for estimate in found]
     order = sorted(range(len(found)), key=lambda n: (last[n], curves.labels[n]))
     shown, others = order[:len(COLOURS)], order[len(COLOURS):]
-    names, keys = told_apart(curves.labels, 24)
+    names, keys = distinct_labels(curves.labels, 24)
     with drawing():
         drawn = figure(2.3 + 0.12 * ((len(shown) + 1) // 2 + bool(keys)))
         axes, ends = drawn.subplots(1, 2, sharey=True, width_ratios=(4.2, 1.0))
         for place, n in enumerate(shown):
-            _curve(axes, grid, found[n], place, names[n])
+            known = np.flatnonzero(np.isfinite(found[n].value))
+            axes.step(grid, found[n].value, where="post", color=COLOURS[place], ls=DASHES[place],
+                      marker=MARKERS[place], ms=3, markevery=known[:1].tolist(), label=names[n])
             if len(shown) <= BANDS:
                 axes.fill_between(grid, found[n].low, found[n].high, step="post",
                                   color=COLOURS[place], alpha=0.2, lw=0)
@@ -49,10 +50,3 @@ def draw_curves(curves: Curves, axis: str) -> "Figure":
         drawn.legend(loc="outside lower center", ncols=2, handlelength=3.2, title=keys,
                      title_fontsize=6.5)
     return drawn
-
-
-def _curve(axes: Any, grid: np.ndarray, found: Estimate, place: int, name: str) -> None:
-    """One entry's steps, begun by its marker: that of its bar at the end."""
-    known = np.flatnonzero(np.isfinite(found.value))
-    axes.step(grid, found.value, where="post", color=COLOURS[place], ls=DASHES[place],
-              marker=MARKERS[place], ms=3, markevery=known[:1].tolist(), label=name)

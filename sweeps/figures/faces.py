@@ -1,24 +1,20 @@
-"""A figure of traces on faces with the planes fitted to them, after figure 5 of Allen and Michelman
-1990."""
+"""A figure of traces on faces and planes fitted to them (Allen and Michelman 1990, figure 5)."""
 
+from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from strategies.procedures.planar_explorer import PlanarExploration
 from sweeps.episode.episodes import EpisodeBlock
-from sweeps.figures.style import COLOURS, cut, drawing, encode, figure
+from sweeps.figures.solids import direction, set_cube
+from sweeps.figures.style import COLOURS, cut, drawing, figure
 from sweeps.spec.errors import StoreError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-_ELEVATION, _TURN = 24.0, 40.0  # deg; seen from the side on which most faces were crossed
-
-
-def draw_faces(block: EpisodeBlock, name: str, world: int = 0) -> bytes:
-    """A PNG of one world; the same block gives the same bytes."""
-    with drawing():
-        return encode(faces_figure(block, name, world, wide=True), "png")
+ELEVATION_DEG = 24.0
+ASIDE_DEG = 40.0  # of the normal of a single side
 
 
 def crossed_faces(block: EpisodeBlock, world: int = 0) -> list[int]:
@@ -27,6 +23,7 @@ def crossed_faces(block: EpisodeBlock, world: int = 0) -> list[int]:
             if face.fit.n_points[world] >= 3]
 
 
+@drawing()
 def faces_figure(block: EpisodeBlock, name: str, world: int = 0,
                  wide: bool = False) -> "Figure":
     """One world of a block: a page wide, or one column with the planes' numbers below.
@@ -37,11 +34,6 @@ def faces_figure(block: EpisodeBlock, name: str, world: int = 0,
     if not known:
         raise StoreError("faces: none was crossed in this episode; ask for one of a strategy that "
                          'crosses faces (order = ["containment", "planar"])')
-    with drawing():
-        return _draw(block, known, name, world, wide)
-
-
-def _draw(block: EpisodeBlock, known: list[int], name: str, world: int, wide: bool) -> "Figure":
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     origin = block.truth.body_pose[world, :3]
@@ -54,14 +46,12 @@ def _draw(block: EpisodeBlock, known: list[int], name: str, world: int, wide: bo
     clouds = [np.zeros((1, 3))]
     normals = np.array([faces[n].normal[world] for n in known])
     sides = normals[np.abs(normals[:, 2]) < 0.7]
-    # Between the two sides whose planes make the angle that the title tells.
+    # The view is between the two sides whose angle is in the title.
     facing = (sides[0] + sides[1] if len(sides) > 1 and sides[0] @ sides[1] > -0.5
               else (sides if len(sides) else normals)[0])
     azimuth = np.degrees(np.arctan2(facing[1], facing[0])) + (
-        0.0 if len(sides) > 1 else _TURN)
-    way = np.radians([azimuth, _ELEVATION])
-    eye = np.array([np.cos(way[1]) * np.cos(way[0]), np.cos(way[1]) * np.sin(way[0]),
-                    np.sin(way[1])])
+        0.0 if len(sides) > 1 else ASIDE_DEG)
+    eye = direction(azimuth, ELEVATION_DEG)
     for place, number in enumerate(known):
         tint = COLOURS[place % len(COLOURS)]
         fit = faces[number].fit
@@ -86,8 +76,8 @@ def _draw(block: EpisodeBlock, known: list[int], name: str, world: int, wide: bo
                  + ("" if faces[number].flat[world] else ", not flat"))
         axes.scatter(*points.T, s=5, color=tint, depthshade=False, label=label,
                      alpha=0.3 if hidden else 1.0, zorder=1 if hidden else 4)
-    _frame(axes, np.concatenate(clouds))
-    axes.view_init(_ELEVATION, azimuth)
+    set_cube(axes, np.concatenate(clouds), 0.54, 20.0, 0.86)
+    axes.view_init(ELEVATION_DEG, azimuth)
     angle = _neighbours(normals)
     axes.set_title(f"{cut(name)}: traces on faces, planes fitted"
                    + ("" if angle is None else f"; neighbours at {angle:.1f} deg"))
@@ -100,24 +90,9 @@ def _draw(block: EpisodeBlock, known: list[int], name: str, world: int, wide: bo
 
 
 def _neighbours(normals: np.ndarray) -> float | None:
-    """Angle between the first two sides that are neighbours [deg]."""
-    for i in range(len(normals)):
-        for j in range(i + 1, len(normals)):
-            angle = np.degrees(np.arccos(np.clip(normals[i] @ normals[j], -1.0, 1.0)))
-            if 45 < angle < 135:
-                return float(angle)
+    """Angle between the first two faces that are neighbours [deg], None without such."""
+    for one, other in combinations(normals, 2):
+        angle = np.degrees(np.arccos(np.clip(one @ other, -1.0, 1.0)))
+        if 45 < angle < 135:
+            return float(angle)
     return None
-
-
-def _frame(axes: Any, cloud: np.ndarray) -> None:
-    """Equal scales on all axes, few ticks, units named."""
-    from matplotlib.ticker import MaxNLocator
-
-    low, high = cloud.min(0), cloud.max(0)
-    middle, half = (low + high) / 2, 0.54 * max((high - low).max(), 20.0)
-    axes.set(xlim=(middle[0] - half, middle[0] + half),
-             ylim=(middle[1] - half, middle[1] + half), zlim=(middle[2] - half, middle[2] + half),
-             xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
-    axes.set_box_aspect((1.0, 1.0, 1.0), zoom=0.86)
-    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
-        axis.set_major_locator(MaxNLocator(4))

@@ -7,7 +7,7 @@ import numpy as np
 from sweeps.analysis.bootstrap import difference_to, estimate
 from sweeps.analysis.entries import HIGHER_IS_BETTER, bounds_of
 from sweeps.analysis.paired import Paired
-from sweeps.figures.style import COLOURS, drawing, figure, metric_label, told_apart
+from sweeps.figures.style import COLOURS, distinct_labels, drawing, figure, metric_label
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,7 +20,7 @@ def draw_forest(paired: Paired, metric: str) -> "Figure":
     key = np.where(np.isfinite(means[0]), sign * means[0], np.inf)
     order = sorted(range(len(paired.labels)), key=lambda n: (key[n], paired.labels[n]))
     place = np.arange(len(order))
-    names, keys = told_apart([paired.labels[n] for n in order], 26)
+    names, keys = distinct_labels([paired.labels[n] for n in order], 26)
     with drawing():
         drawn = figure(0.75 + 0.17 * len(order) + (0.12 if keys else 0.0))
         left, right = drawn.subplots(1, 2, sharey=True, width_ratios=(1.25, 1.0))

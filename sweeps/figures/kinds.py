@@ -6,7 +6,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import sweeps.figures
+from sweeps.analysis.confusion import read_confusion
+from sweeps.analysis.curves import read_curves
 from sweeps.analysis.entries import check_metric
+from sweeps.analysis.paired import read_paired
+from sweeps.analysis.pareto import COST
+from sweeps.analysis.rerun_episode import Episode, cell_of, choose_episode, in_a_worker, rerun
+from sweeps.analysis.settings import read_settings
+from sweeps.figures.curves import draw_curves
+from sweeps.figures.forest import draw_forest
+from sweeps.figures.heat_maps import draw_confusion, draw_settings
+from sweeps.figures.pareto import draw_pareto
+from sweeps.figures.style import encode
 from sweeps.output import write_atomic
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store, open_study
@@ -21,7 +33,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Asked:
-    """What a figure is to show."""
+    """The study, and the options of the command."""
 
     plan: Plan
     stores: Sequence[Store]
@@ -31,111 +43,58 @@ class Asked:
     episode: int = 0
 
 
-def _forest(asked: Asked) -> "Figure":
-    from sweeps.analysis.paired import read_paired
-    from sweeps.figures.forest import draw_forest
+def _of_episode(name: str) -> Callable[[Asked], "Figure"]:
+    """Draws the chosen episode by a function of this room."""
+    def draw(asked: Asked) -> "Figure":
+        cell, block = _rerun(asked)
+        return getattr(sweeps.figures, name)(block, cell.object_name)
 
-    return draw_forest(read_paired(asked.plan, asked.stores, [asked.metric]), asked.metric)
-
-
-def _curves_touches(asked: Asked) -> "Figure":
-    from sweeps.analysis.curves import read_curves
-    from sweeps.figures.curves import draw_curves
-
-    return draw_curves(read_curves(asked.plan, asked.stores), "touches")
-
-
-def _curves_time(asked: Asked) -> "Figure":
-    from sweeps.analysis.curves import read_curves
-    from sweeps.figures.curves import draw_curves
-
-    return draw_curves(read_curves(asked.plan, asked.stores), "time_s")
-
-
-def _pareto(asked: Asked) -> "Figure":
-    from sweeps.analysis.paired import read_paired
-    from sweeps.analysis.pareto import COST
-    from sweeps.figures.pareto import draw_pareto
-
-    return draw_pareto(read_paired(asked.plan, asked.stores, [asked.metric, COST]), asked.metric)
-
-
-def _confusion(asked: Asked) -> "Figure":
-    from sweeps.analysis.confusion import read_confusion
-    from sweeps.figures.confusion import draw_confusion
-
-    return draw_confusion(read_confusion(asked.plan, asked.stores), asked.strategy)
-
-
-def _settings(asked: Asked) -> "Figure":
-    from sweeps.analysis.settings import read_settings
-    from sweeps.figures.settings import draw_settings
-
-    return draw_settings(asked.plan, read_settings(asked.plan, asked.stores, asked.metric),
-                         asked.metric)
-
-
-def _contacts(asked: Asked) -> "Figure":
-    from sweeps.figures.contacts import contacts_figure
-
-    cell, block = _played_again(asked)
-    return contacts_figure(block, cell.object_name)
-
-
-def _faces(asked: Asked) -> "Figure":
-    from sweeps.figures.faces import faces_figure
-
-    cell, block = _played_again(asked)
-    return faces_figure(block, cell.object_name)
-
-
-def _contour(asked: Asked) -> "Figure":
-    from sweeps.figures.contour import contour_figure
-
-    cell, block = _played_again(asked)
-    return contour_figure(block, cell.object_name)
+    return draw
 
 
 def _taxels(asked: Asked) -> "Figure":
     from sweeps.figures.taxels import taxels_figure
 
-    cell, block = _played_again(asked)
+    cell, block = _rerun(asked)
     return taxels_figure(block, cell.pads, cell.object_name)
 
 
 def _grasp(asked: Asked) -> "Figure":
-    from sweeps.analysis.rerun_episode import cell_of, choose_episode, in_a_worker
     from sweeps.figures.grasp import grasp_figure
     from sweeps.figures.replay_frames import replay_of
 
-    episode = choose_episode(asked.plan, asked.stores, asked.strategy, asked.object,
-                             asked.episode)
-    cell = cell_of(asked.plan, episode)
-    return grasp_figure(in_a_worker(replay_of, (cell, episode.episode, "cpu")), cell.object_name)
+    chosen = _chosen(asked)
+    cell = cell_of(asked.plan, chosen)
+    replay = in_a_worker(replay_of, (cell, chosen.episode, "cpu"))
+    return grasp_figure(replay, cell.object_name)
 
 
-def _played_again(asked: Asked) -> "tuple[Cell, EpisodeBlock]":
-    """The one episode that was asked for, run again."""
-    from sweeps.analysis.rerun_episode import cell_of, choose_episode, rerun
-
-    episode = choose_episode(asked.plan, asked.stores, asked.strategy, asked.object,
-                             asked.episode)
-    return cell_of(asked.plan, episode), rerun(asked.plan, episode)
+def _chosen(asked: Asked) -> Episode:
+    return choose_episode(asked.plan, asked.stores, asked.strategy, asked.object, asked.episode)
 
 
+def _rerun(asked: Asked) -> "tuple[Cell, EpisodeBlock]":
+    chosen = _chosen(asked)
+    return cell_of(asked.plan, chosen), rerun(asked.plan, chosen)
+
+
+# Figures of episodes are attributes of the room, which imports them and the simulator when used.
 KINDS: dict[str, Callable[[Asked], "Figure"]] = {
-    "forest": _forest, "curves-touches": _curves_touches, "curves-time": _curves_time,
-    "pareto": _pareto, "confusion": _confusion, "settings": _settings,
-    "contacts": _contacts, "faces": _faces, "contour": _contour, "taxels": _taxels,
-    "grasp": _grasp,
+    "forest": lambda a: draw_forest(read_paired(a.plan, a.stores, [a.metric]), a.metric),
+    "curves-touches": lambda a: draw_curves(read_curves(a.plan, a.stores), "touches"),
+    "curves-time": lambda a: draw_curves(read_curves(a.plan, a.stores), "time_s"),
+    "pareto": lambda a: draw_pareto(read_paired(a.plan, a.stores, [a.metric, COST]), a.metric),
+    "confusion": lambda a: draw_confusion(read_confusion(a.plan, a.stores), a.strategy),
+    "settings": lambda a: draw_settings(
+        a.plan, read_settings(a.plan, a.stores, a.metric), a.metric),
+    "contacts": _of_episode("contacts_figure"), "faces": _of_episode("faces_figure"),
+    "contour": _of_episode("contour_figure"), "taxels": _taxels, "grasp": _grasp,
 }
 
 
 def figure(folders: Sequence[Path], kind: str, out: Path, *, metric: str, strategy: str | None,
            object_: str | None, episode: int) -> int:
-    """Draws one figure into a file; its ending names the format."""
-    from sweeps.figures.style import encode
-
+    """Draws one figure into a file, whose ending names the format."""
     check_metric(metric)
     plan, stores = open_study(folders)
     asked = Asked(plan, stores, metric, strategy, object_, episode)

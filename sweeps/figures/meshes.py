@@ -1,4 +1,4 @@
-"""The surface of a recovered body as a grid of points, to be drawn, whichever model it is."""
+"""The surface of a recovered body as a grid of points and as quadrilaterals, for drawing."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from strategies.recovery.choose_model import Recovered, Shape
 
 
 def recovered_grid(recovered: Recovered, world: int = 0, rows: int = 48) -> np.ndarray:
-    """Points of one world's body, from end to end and around, (row, column, 3) [m]."""
+    """Points of one world's chosen model, from end to end and around, (row, column, 3) [m]."""
     if recovered.shape[world] == Shape.REVOLUTION and recovered.revolution is not None:
         return revolution_grid(recovered.revolution, world, 2 * rows)
     return surface_grid(Superquadric(*(field[world:world + 1]
@@ -39,7 +39,7 @@ def square_path(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _onto(x: np.ndarray, y: np.ndarray, exponent: float) -> np.ndarray:
-    """What brings points of the square onto the superellipse, along their rays."""
+    """The factor that moves points of the square along their rays onto the superellipse."""
     return (np.abs(x) ** (2.0 / exponent) + np.abs(y) ** (2.0 / exponent)) ** (-exponent / 2.0)
 
 
@@ -57,7 +57,7 @@ def revolution_grid(body: RevolutionBody, world: int, columns: int) -> np.ndarra
 
 
 def quadrilaterals(grid: np.ndarray) -> np.ndarray:
-    """The faces between a grid's points, (face, 4, 3)."""
+    """The faces between a grid's points, (face, 4, 3), anticlockwise seen from outside."""
     return np.stack([grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]],
                     axis=2).reshape(-1, 4, 3)
 
@@ -65,21 +65,3 @@ def quadrilaterals(grid: np.ndarray) -> np.ndarray:
 def surface_mesh(body: Superquadric, rows: int = 48) -> np.ndarray:
     """Quadrilaterals of the first superquadric of a batch, (face, 4, 3) [m]."""
     return quadrilaterals(surface_grid(body, rows))
-
-
-def capsule_mesh(length: float, radius: float, around: int = 12,
-                 rings: int = 4) -> tuple[np.ndarray, np.ndarray]:
-    """Points (vertex, 3), about the middle of the axis, which is z; and quadrilaterals (face, 4).
-
-    `length` is that of the axis, without the caps. Faces run anticlockwise seen from outside.
-    """
-    bend = np.linspace(0.0, np.pi / 2, rings + 1)
-    z = np.concatenate([-length / 2 - radius * np.cos(bend), length / 2 + radius * np.sin(bend)])
-    r = np.concatenate([radius * np.sin(bend), radius * np.cos(bend)])
-    turn = np.linspace(0.0, 2 * np.pi, around, endpoint=False)
-    points = np.stack([r[:, None] * np.cos(turn), r[:, None] * np.sin(turn),
-                       np.repeat(z[:, None], around, 1)], axis=-1)
-    here = np.arange(len(z) - 1)[:, None] * around + np.arange(around)
-    after = np.arange(len(z) - 1)[:, None] * around + (np.arange(around) + 1) % around
-    faces = np.stack([here, after, after + around, here + around], axis=-1)
-    return points.reshape(-1, 3), faces.reshape(-1, 4)

@@ -1,4 +1,4 @@
-"""Error against robot time, with intervals in both and the front that nothing beats."""
+"""Error against robot time, with intervals in both, and the Pareto front."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -6,20 +6,20 @@ import numpy as np
 
 from sweeps.analysis.paired import Paired
 from sweeps.analysis.pareto import Pareto, find_front
-from sweeps.figures.style import COLOURS, MARKERS, MUTED, UNITS, drawing, figure, told_apart
+from sweeps.figures.style import COLOURS, MARKERS, MUTED, UNITS, distinct_labels, drawing, figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
 def draw_pareto(paired: Paired, metric: str) -> "Figure":
-    """Entries on the front are named and in colour, dominated ones grey."""
+    """Entries on the front in colour with their names, dominated ones grey."""
     found = find_front(paired, metric)
     cost, error = found.cost, found.error
     front = sorted((n for n, by in enumerate(found.dominated_by)
                     if by is None and np.isfinite(error.value[n])),
                    key=lambda n: cost.value[n])
-    names, keys = told_apart(paired.labels, 24)
+    names, keys = distinct_labels(paired.labels, 24)
     with drawing():
         drawn = figure(2.3 + 0.12 * ((len(front) + 2) // 2))
         axes = drawn.add_subplot()

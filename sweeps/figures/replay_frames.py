@@ -1,12 +1,11 @@
-"""An episode as frames to look at: where arm and fingers are, what is felt, what is believed.
+"""An episode as a sequence of frames: the pose of arm and fingers, contacts and estimates so far.
 
-Made from the robot's own readings: believed hand poses through the arm's inverse kinematics, and
-joint commands up to where each finger stopped. Only the object is drawn where it truly stands.
+Frames come from the robot's own readings: believed hand poses through the arm's inverse kinematics,
+and joint commands up to where each finger stopped. The object alone is at its true pose.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -31,16 +30,18 @@ from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Grasps
 
 TRAVEL, APPROACH, CLOSE = 4, 2, 5
-"""Frames of a way between retreats, of one from a retreat to the pose, of a closing."""
+"""Frames for a motion between retreats, for one from a retreat to the pose, for a closing."""
 FULL_COUNT = 255
-"""Of a pad's 8-bit converter."""
+"""Full scale of a pad's 8-bit converter."""
 FAR_RAD = 0.2
-"""Between touches of pads the arm moves a little; a longer way than this is shown in frames."""
+"""Between touches of pads, joint motions larger than this take TRAVEL frames, others one."""
+PALM_M, PALM_OFFSET_M = (0.095, 0.075, 0.03), 0.02
+"""Sides of the box that stands for the palm, and its centre's depth below the hand's origin."""
 
 
 @dataclass(frozen=True)
 class Frame:
-    """One moment."""
+    """The robot at one moment; metres, base frame."""
 
     arm_m: np.ndarray
     """Joints of the arm and the hand's origin, (6, 3)."""
@@ -49,35 +50,40 @@ class Frame:
     fingers_m: np.ndarray
     """Base, flexion joints and tip of each finger, (4, 5, 3)."""
     felt: np.ndarray
-    """How strongly each finger feels something now, 0 to 1, (4,): a grasp's contact is 1, a pad's
-    its largest count over full scale."""
+    """Strength of each finger's contact in this frame, 0 to 1, (4,): 1 for a contact of a grasp,
+    for a pad its largest count over full scale."""
     contacts: int
-    """How many of the replay's contacts have been made."""
+    """Number of the replay's contacts made so far."""
     estimate: int
-    """Which of the replay's estimates is believed, -1: none yet."""
+    """Index of the replay's current estimate, -1 before the first."""
     label: str
+
+    @property
+    def palm_m(self) -> np.ndarray:
+        """Centre of the palm."""
+        return self.arm_m[-1] - Rotation.from_quat(self.hand_turn).apply([0.0, 0.0, PALM_OFFSET_M])
 
 
 @dataclass(frozen=True)
 class Replay:
-    """An episode, ready to be drawn; metres, base frame."""
+    """An episode as frames; metres, base frame."""
 
     title: str
     frames: tuple[Frame, ...]
     contacts_m: np.ndarray
-    """In the order they were felt, (contact, 3)."""
+    """In the order in which they were made, (contact, 3)."""
     estimates_m: tuple[np.ndarray, ...]
-    """Surfaces believed after each probe, (row, column, 3)."""
+    """Surfaces estimated after each probe, (row, column, 3)."""
     body_m: np.ndarray
     body_faces: np.ndarray
     link_radius_m: float
 
 
 def make_replay(cell: Cell, block: EpisodeBlock, world: int = 0) -> Replay:
-    """Frames of one world of a block."""
+    """The replay of one world of a block."""
     pose = block.truth.body_pose[world]
     vertices, faces = body_mesh(block.body, 24)
-    made = _Made(cell, block, world)
+    made = _Recording(cell, block, world)
     frames = tuple(made.frames())
     score = float(block.scores.chamfer_m[world] * 1e3)
     return Replay(
@@ -86,15 +92,15 @@ def make_replay(cell: Cell, block: EpisodeBlock, world: int = 0) -> Replay:
         Rotation.from_quat(pose[3:]).apply(vertices) + pose[:3], faces, cell.hand.link_radius_m)
 
 
-class _Made:
-    """What has been made of an episode so far, procedure by procedure."""
+class _Recording:
+    """The arm's joints, contacts and estimates of an episode up to the current frame."""
 
     def __init__(self, cell: Cell, block: EpisodeBlock, world: int) -> None:
         self.cell, self.block, self.world = cell, block, world
         self.arm = np.asarray(HOME_RAD, float)
         self.contacts: list[np.ndarray] = []
         self.estimates: list[np.ndarray] = []
-        self.believed = -1
+        self.estimate = -1
 
     def frames(self) -> Iterator[Frame]:
         procedures = [p for p in self.block.exploration.procedures if p.took_part[self.world]]
@@ -108,13 +114,13 @@ class _Made:
             last = number + 1 == len(procedures)
             if last or procedures[number + 1].step != procedure.step:
                 self._believe(self.block.moments[procedure.step].recovered)
-                yield self._still("what was felt, and what is believed" if last
+                yield self._still("contacts and the last estimate" if last
                                   else f"{procedure.name}: fitted again")
 
     def _believe(self, recovered: Recovered) -> None:
         if recovered.shape[self.world] != Shape.TOLD_CYLINDER:
             self.estimates.append(recovered_grid(recovered, self.world, 12))
-            self.believed = len(self.estimates) - 1
+            self.estimate = len(self.estimates) - 1
 
     def _grasps(self, grasps: Grasps, growing: list[np.ndarray | None]) -> Iterator[Frame]:
         commands, step = grasps.commands_rad, grasps.closing.step[self.world]
@@ -132,7 +138,7 @@ class _Made:
                 yield self._still(f"{label}: {move.name.lower()}")
                 continue
             pose = grasps.moves.believed_pose[self.world, probe]
-            away = _reach(self.cell, _backed(pose, RETREAT_M), self.arm)
+            away = _reach(self.cell, _retreated(pose, RETREAT_M), self.arm)
             there = _reach(self.cell, pose, away)
             yield from self._way(away, TRAVEL, opened, label)
             yield from self._way(there, APPROACH, opened, label)
@@ -145,7 +151,7 @@ class _Made:
                 yield self._frame(commands[grasp, np.arange(4), last], felt[probe, grasp], label)
             if growing and (grid := growing[probe]) is not None:
                 self.estimates.append(grid)
-                self.believed = len(self.estimates) - 1
+                self.estimate = len(self.estimates) - 1
                 label = f"{label}: fitted again"
             yield self._frame(opened, None, label)
             self.arm = away
@@ -178,15 +184,20 @@ class _Made:
         return self._frame(np.zeros((4, 4)), None, label)
 
     def _frame(self, fingers: np.ndarray, felt: np.ndarray | None, label: str) -> Frame:
-        return _frame(self.cell, self.arm, fingers, felt, len(self.contacts), self.believed, label)
+        cell = self.cell
+        joints, turn = arm_points(cell.arm, self.arm, cell.hand.mount_length_m)
+        points, _ = arm_hand_links(cell.arm, cell.hand,
+                                   np.concatenate([self.arm, fingers.ravel()])[None])
+        level = np.zeros(4) if felt is None else np.asarray(felt, float)
+        return Frame(joints, turn, points[0], level, len(self.contacts), self.estimate, label)
 
 
 def refits(cell: Cell, grasps: Grasps, world: int) -> list[np.ndarray | None]:
-    """Surfaces fitted to what was felt up to each probe: how the belief would have grown.
+    """Surfaces fitted to the contacts up to each probe; None where there is no new fit.
 
-    An episode of one step is fitted once, at its end; this is for looking at it alone.
+    An episode of one step is fitted once, at its end; these fits are for the replay alone.
     """
-    one = _world(grasps, world)
+    one = replace(rows_of(grasps, [world]), commands_rad=grasps.commands_rad)
     evidence = evidence_from_grasps(one, cell.hand.link_radius_m)
     links = (touched_links(one, cell.hand.link_radius_m)
              if cell.sensors.contact_estimator == "intrinsic" else None)
@@ -208,33 +219,15 @@ def refits(cell: Cell, grasps: Grasps, world: int) -> list[np.ndarray | None]:
 
 
 def _so_far(shape: tuple[int, ...]) -> np.ndarray:
-    """Which slots of (probe, slot) were filled by then: the same number by each probe."""
+    """Mask (probe, slot) of the slots filled up to each probe; every probe fills as many."""
     probes, slots = shape
     return np.arange(probes)[:, None] >= np.arange(slots)[None] // (slots // probes)
 
 
-def _world(grasps: Any, world: int) -> Any:
-    """A record of one world, from a record of many, however deep."""
-    if isinstance(grasps, np.ndarray):
-        return grasps[world:world + 1]
-    values = {name: _world(value, world) for name, value in vars(grasps).items()}
-    if "commands_rad" in values:
-        values["commands_rad"] = grasps.commands_rad
-    return type(grasps)(**values)
-
-
-def _frame(cell: Cell, arm: np.ndarray, fingers: np.ndarray, felt: np.ndarray | None, made: int,
-           estimate: int, label: str) -> Frame:
-    joints, turn = arm_points(cell.arm, arm, cell.hand.mount_length_m)
-    points, _ = arm_hand_links(cell.arm, cell.hand, np.concatenate([arm, fingers.ravel()])[None])
-    lit = np.zeros(4) if felt is None else np.asarray(felt, float)
-    return Frame(joints, turn, points[0], lit, made, estimate, label)
-
-
 def arm_points(arm: ArmTable, q_rad: np.ndarray, mount_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Where the arm's links meet, from the base to the hand's origin, (6, 3), and its turn.
+    """Joints of the arm from the base to the hand's origin, (6, 3), and the hand's quaternion xyzw.
 
-    Standard Denavit-Hartenberg frames; what coincides (the wrist's three) is given once.
+    Standard Denavit-Hartenberg frames; the three coincident joints of the wrist are given once.
     """
     at, turn = np.zeros(3), Rotation.identity()
     points = [at]
@@ -248,9 +241,15 @@ def arm_points(arm: ArmTable, q_rad: np.ndarray, mount_m: float) -> tuple[np.nda
     return np.array(points), turn.as_quat()
 
 
+def segment_pose(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, Rotation]:
+    """The middle of a segment, and a rotation that turns the z axis along it."""
+    along = (b - a) / max(float(np.linalg.norm(b - a)), 1e-9)
+    return (a + b) / 2, Rotation.align_vectors([along], [[0.0, 0.0, 1.0]])[0]
+
+
 def _reach(cell: Cell, hand_pose: np.ndarray, near: np.ndarray) -> np.ndarray:
-    """The arm's joints for a hand pose, the branch nearest to where it is."""
-    flange = _backed(hand_pose, cell.hand.mount_length_m)
+    """The arm's joints for a hand pose: the branch of the inverse that is nearest to `near`."""
+    flange = _retreated(hand_pose, cell.hand.mount_length_m)
     branches = puma_inverse_batch(cell.arm, flange[None])[0]
     branches = branches + 2 * np.pi * np.round((near - branches) / (2 * np.pi))
     low, high = np.array(cell.arm.limit_low_rad), np.array(cell.arm.limit_high_rad)
@@ -260,14 +259,14 @@ def _reach(cell: Cell, hand_pose: np.ndarray, near: np.ndarray) -> np.ndarray:
     return branches[best] if np.isfinite(far[best]) else near
 
 
-def _backed(pose: np.ndarray, by_m: float) -> np.ndarray:
-    """A pose moved back along its own z."""
+def _retreated(pose: np.ndarray, by_m: float) -> np.ndarray:
+    """A pose moved back along its own z axis."""
     back = pose.copy()
     back[:3] -= Rotation.from_quat(pose[3:]).apply([0.0, 0.0, by_m])
     return back
 
 
 def replay_of(task: tuple[Cell, int, str]) -> Replay:
-    """Runs an episode again and makes its replay; in a worker, for the same bits."""
+    """Runs an episode again and makes its replay; in a worker, so that it is bit-identical."""
     cell, episode, device = task
     return make_replay(cell, run_block(cell, np.array([episode]), device))

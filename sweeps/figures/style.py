@@ -1,7 +1,7 @@
-"""How figures look, and how they are written: the same figure gives the same bytes.
+"""The style of figures and their encoding; the same figure gives the same bytes.
 
-One column of a journal wide (85 mm), colours that the colour-blind can tell apart (Okabe and Ito
-2008), and never by colour alone: lines differ in dash, points in marker.
+Figures are one column of a journal wide (85 mm). Colours suit colour-blind readers (Okabe and Ito
+2008); lines also differ in dash, points in marker.
 """
 
 import io
@@ -25,7 +25,7 @@ MUTED = "#9a9a9a"
 FORMATS = ("svg", "png", "pdf")
 DPI = 300
 PACKED = 3
-"""zlib's level for a png: a tenth larger than by its 6, in two thirds of the time."""
+"""zlib's level for PNG: files a tenth larger than at level 6, in two thirds of the time."""
 UNITS = {
     "chamfer_mm": "chamfer distance [mm]", "hausdorff95_mm": "Hausdorff distance, 95 % [mm]",
     "iou": "intersection over union [1]", "coverage5mm": "surface within 5 mm [1]",
@@ -39,13 +39,13 @@ _STYLE: dict[str, Any] = {
     "xtick.major.width": 0.6, "ytick.major.width": 0.6, "legend.frameon": False,
     "figure.constrained_layout.use": True, "svg.hashsalt": "warpgrasp", "savefig.dpi": DPI,
     "figure.facecolor": "white", "axes.unicode_minus": True,
-    "text.parse_math": False,  # names are the user's, dollars and all
+    "text.parse_math": False,  # names are the user's and may hold dollar signs
 }
 
 
 @contextmanager
 def drawing() -> Iterator[None]:
-    """Matplotlib without a screen, in the house style."""
+    """Matplotlib's settings for our figures; also a decorator of functions that draw."""
     import matplotlib
 
     with matplotlib.rc_context(_STYLE):  # type: ignore
@@ -53,7 +53,7 @@ def drawing() -> Iterator[None]:
 
 
 def figure(height_in: float, width_in: float = COLUMN_IN) -> "Figure":
-    """An empty figure; it belongs to nothing that would have to be closed."""
+    """An empty figure without pyplot, so that nothing has to be closed."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width_in, height_in))
@@ -74,7 +74,7 @@ def encode(drawn: "Figure", file_format: str) -> bytes:
 
 
 def _png(drawn: "Figure") -> bytes:
-    """`savefig` would draw twice, the first time to lay out, which the second does as well."""
+    """The figure drawn once; `savefig` would draw it twice, first for the layout."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
@@ -93,24 +93,24 @@ def metric_label(metric: str) -> str:
     return f"{UNITS.get(metric, metric)}, {way} is better"
 
 
-def told_apart(labels: Sequence[str], width: int) -> tuple[list[str], str]:
-    """Labels no longer than `width` that still differ, and what stands in their brackets.
+def distinct_labels(labels: Sequence[str], width: int) -> tuple[list[str], str]:
+    """Labels of at most `width` characters that still differ, and the keys of their brackets.
 
-    Where all entries sweep the same keys the values alone are left: `ring6 [hand.x=3, y=4]` becomes
-    `ring6 [3, 4]`, and the keys are for a legend to tell.
+    Where all entries sweep the same keys only the values are kept: `ring6 [hand.x=3, y=4]` becomes
+    `ring6 [3, 4]`, and the keys are for the legend.
     """
     found = [re.fullmatch(r"(.*?) \[(\S+=.*)\]", label) for label in labels]
-    told = [[part.partition("=") for part in match[2].split(", ")] for match in found if match]
-    keys = {tuple(key for key, _, _ in parts) for parts in told}
-    if not labels or len(told) < len(labels) or len(keys) > 1:
+    settings = [[part.partition("=") for part in match[2].split(", ")] for match in found if match]
+    keys = {tuple(key for key, _, _ in parts) for parts in settings}
+    if not labels or len(settings) < len(labels) or len(keys) > 1:
         return [cut(label, width) for label in labels], ""
     short = []
-    for match, parts in zip(found, told, strict=True):
+    for match, parts in zip(found, settings, strict=True):
         values = " [" + ", ".join(value for _, _, value in parts) + "]"
         short.append(cut(match[1] if match else "", max(width - len(values), 6)) + values)
     return short, f"[{', '.join(keys.pop())}]"
 
 
 def cut(label: str, width: int = 30) -> str:
-    """A label no longer than an axis bears."""
+    """A label of at most `width` characters."""
     return label if len(label) <= width else label[:width - 1] + "…"

@@ -1,7 +1,7 @@
-"""A figure of tactile images: what pads read at touches, centroid and principal axes over them.
+"""A figure of tactile images with their centroids and principal axes.
 
-Moments as in section III of Allen and Michelman 1990, of the counts that the robot itself goes by:
-at least half the threshold, no further than three taxels from the strongest (`pad_touch`).
+Moments as in section III of Allen and Michelman (1990), over the taxels that the robot itself uses:
+counts of at least half the threshold, at most three taxels from the largest.
 """
 
 from dataclasses import dataclass
@@ -21,14 +21,14 @@ from warpgrasp.touch.tactile_image import moments
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 SHOWN = 4
-WINDOW = 3  # taxels each way from the strongest
+WINDOW = 3  # taxels each way from the largest
 FINGERS = ("finger 1", "finger 2", "finger 3", "thumb")
 _CENTRE, _AXES, _WINDOW = "#D55E00", "#E69F00", "#0072B2"
 
 
 @dataclass(frozen=True)
 class PadTouch:
-    """One touch of a pad: which of the episode's, by which finger, and the counts (16, 16)."""
+    """One touch of a pad: its number in the episode, its finger, and the counts (16, 16)."""
 
     number: int
     finger: int
@@ -42,15 +42,15 @@ class Ellipse:
     centroid_mm: np.ndarray
     """(x, y)."""
     axes_mm: np.ndarray
-    """Principal axes, a row each, the longer first; one standard deviation long."""
+    """Principal axes (axis, 2), the longer first; one standard deviation long."""
     low_mm: np.ndarray
-    """A corner of the window that counts, (x, y)."""
+    """Lower corner of the window, (x, y)."""
     size_mm: np.ndarray
-    """Of the window, (x, y)."""
+    """Size of the window, (x, y)."""
 
 
 def pad_touches(block: EpisodeBlock, world: int = 0) -> list[PadTouch]:
-    """Every touch of one world that a pad felt, in the order they were made."""
+    """The touches of one world with contact at a pad, in their order."""
     found = []
     made = 0
     for procedure in block.exploration.procedures:
@@ -65,12 +65,12 @@ def pad_touches(block: EpisodeBlock, world: int = 0) -> list[PadTouch]:
 
 
 def image_ellipse(image: np.ndarray, pads: PadTable) -> Ellipse:
-    """Centroid and principal axes of the part of an image (16, 16) that counts."""
+    """Centroid and principal axes of an image (16, 16), over the taxels that the robot uses."""
     pitch = np.array([pads.width_m, pads.length_m]) * 1e3 / TAXELS
     top = np.array(np.unravel_index(int(image.argmax()), image.shape))
     low, high = np.maximum(top - WINDOW, 0), np.minimum(top + WINDOW + 1, TAXELS)
     part = image[low[0]:high[0], low[1]:high[1]].astype(float)
-    # `moments` takes what is above a level; what is at half the threshold counts here.
+    # `moments` uses counts above the level; here a count equal to half the threshold is used.
     level = np.nextafter(pads.threshold_counts / 2, 0.0)
     if not (part > level).any():
         level = 0.0
@@ -83,9 +83,9 @@ def image_ellipse(image: np.ndarray, pads: PadTable) -> Ellipse:
 
 
 def taxels_figure(block: EpisodeBlock, pads: PadTable, name: str, world: int = 0) -> "Figure":
-    """The touches that loaded their pads most, one column wide; the same block, the same bytes.
+    """The touches with the largest sums of counts, one column wide; deterministic.
 
-    Raises StoreError where no pad felt anything.
+    Raises StoreError where no pad had contact.
     """
     touches = pad_touches(block, world)
     if not touches:
@@ -96,13 +96,9 @@ def taxels_figure(block: EpisodeBlock, pads: PadTable, name: str, world: int = 0
     return draw_taxels(sorted(loaded, key=lambda touch: touch.number), pads, name)
 
 
+@drawing()
 def draw_taxels(touches: list[PadTouch], pads: PadTable, name: str) -> "Figure":
-    """At most four touches, a panel each."""
-    with drawing():
-        return _draw(touches, pads, name)
-
-
-def _draw(touches: list[PadTouch], pads: PadTable, name: str) -> "Figure":
+    """A panel for each of at most four touches."""
     from matplotlib.patches import Rectangle
 
     wide, tall = 1e3 * pads.width_m, 1e3 * pads.length_m

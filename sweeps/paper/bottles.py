@@ -1,4 +1,4 @@
-"""The paper's third experiment: four bottles by contour following, told apart by size."""
+"""The paper's third experiment: contour following of four bottles, recognized by their size."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from warpgrasp.parameters import ArmTable, HandTable, SensorTable
 from warpgrasp.robot import Robot, Truth
 
 BOTTLES = ("wine_bottle", "coke_bottle", "beer_bottle", "orangina_bottle")
-_TOLD_M = 0.008  # error of each number of the axis told [est]
+_PRIOR_SIGMA_M = 0.008  # of each number of the axis given as prior; estimated
 
 
 @dataclass(frozen=True)
@@ -30,18 +30,18 @@ class Followed:
 
 
 def contour_of(name: str) -> np.ndarray:
-    """True profile (z, r) [m]."""
+    """True profile of a bottle (node, 2): height and radius [m]."""
     return body_from_name(name).parts[0].profile_m
 
 
 def volume_of(contour: np.ndarray) -> float:
-    """Volume of a profile of linear segments [m3]."""
+    """Volume of a profile (node, 2) of linear segments [m3]: a sum of cones' frustums."""
     z, r = contour.T
     return float(np.pi / 3 * (np.diff(z) * (r[:-1]**2 + r[:-1] * r[1:] + r[1:]**2)).sum())
 
 
 def follow_bottles(worlds: int) -> list[Followed]:
-    """Every bottle, from an axis told with an error."""
+    """Every bottle in `worlds` worlds, from an axis given with an error."""
     contours = {name: contour_of(name) for name in BOTTLES}
     return [_follow(name, contours, worlds) for name in BOTTLES]
 
@@ -51,7 +51,7 @@ def _follow(name: str, contours: dict[str, np.ndarray], worlds: int) -> Followed
     key = np.arange(worlds).astype(np.uint64) + np.uint64(1990)
     robot = Robot([body_from_name(name)], np.zeros(1, int), Truth(pose), key, ArmTable(),
                   HandTable(), SensorTable())
-    error = np.random.default_rng(6).normal(0.0, _TOLD_M, (worlds, 4))
+    error = np.random.default_rng(6).normal(0.0, _PRIOR_SIGMA_M, (worlds, 4))
     contour = contours[name]
     axis = Axis.upright(0.45 + error[:, 0], error[:, 1], contour[-1, 0] + error[:, 2],
                         contour[:, 1].max() + error[:, 3])
@@ -72,7 +72,7 @@ BOTTLES_HEADER = ("bottle", "worlds", "to_the_end", "radius_mm_true", "radius_mm
 
 
 def bottle_rows(found: list[Followed]) -> list[tuple[str, ...]]:
-    """The table, a row a bottle; worlds that were followed to the end."""
+    """The table, a row for each bottle, over the worlds in which its end was reached."""
     rows = []
     for f in found:
         contour, end, p = contour_of(f.name), f.ended, f.profile

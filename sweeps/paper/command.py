@@ -1,18 +1,16 @@
-"""The command `paper`: the experiments of Allen and Michelman 1990 beside what it printed."""
+"""The command `paper`: experiments of Allen and Michelman (1990) beside their printed results."""
 
-import csv
-import io
 import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from sweeps.output import write_atomic
+from sweeps.analysis.text_table import TextTable
+from sweeps.output import start_warp, write_atomic
 from sweeps.paper.bottles import BOTTLES_HEADER, Followed, bottle_rows, follow_bottles
 from sweeps.paper.faces import (
     FACES_HEADER,
@@ -29,7 +27,7 @@ from sweeps.spec.errors import StoreError
 
 @dataclass(frozen=True)
 class Sizes:
-    """How much is run; the defaults are those of the documents."""
+    """Numbers of episodes and worlds; the defaults are those of the documents."""
 
     episodes: int = 16
     worlds: int = 64
@@ -38,13 +36,13 @@ class Sizes:
 
 
 def paper(folder: Path, sizes: Sizes | None = None) -> int:
-    """Run all three, write tables, figures and `paper.md` into `folder`."""
+    """Runs the three experiments; writes tables, figures and `paper.md` into `folder`."""
     sizes = sizes or Sizes()
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise StoreError(f"{folder}: cannot be written: {error.strerror}") from None
-    with ProcessPoolExecutor(2, get_context("spawn"), initializer=_alone) as pool:
+    with ProcessPoolExecutor(2, get_context("spawn"), initializer=_use_one_thread) as pool:
         recovery = pool.submit(recover_objects, sizes.episodes)
         others = pool.submit(_touch_procedures, sizes)
         faces, bottles = others.result()
@@ -59,8 +57,7 @@ def paper(folder: Path, sizes: Sizes | None = None) -> int:
     return 0
 
 
-def _alone() -> None:
-    from sweeps.output import start_warp
+def _use_one_thread() -> None:
     from warpgrasp.core.kernel_launch import set_thread_count
 
     start_warp()
@@ -75,13 +72,13 @@ def _touch_procedures(sizes: Sizes) -> tuple[list[Explored], list[Followed]]:
 def documents(
     recovered: Sequence[Recovered], faces: Sequence[Explored], bottles: Sequence[Followed]
 ) -> dict[str, bytes]:
-    """Every file, by name."""
+    """The content of every file, by name."""
     from sweeps.paper.figures import draw_bottles, draw_faces, draw_recovered
 
-    tables = {"recovery": (RECOVERY_HEADER, recovery_rows(list(recovered))),
-              "faces": (FACES_HEADER, face_rows(list(faces))),
-              "bottles": (BOTTLES_HEADER, bottle_rows(list(bottles)))}
-    files = {f"{name}.csv": _csv(*table) for name, table in tables.items()}
+    tables = {"recovery": TextTable(RECOVERY_HEADER, tuple(recovery_rows(list(recovered)))),
+              "faces": TextTable(FACES_HEADER, tuple(face_rows(list(faces)))),
+              "bottles": TextTable(BOTTLES_HEADER, tuple(bottle_rows(list(bottles))))}
+    files = {f"{name}.csv": table.csv() for name, table in tables.items()}
     files["figure4.png"] = draw_recovered(recovered)
     poor = max(faces, key=lambda e: (e.case.source.startswith("mount slips"), e.case.number))
     files["figure5.png"] = draw_faces(faces[0], poor)
@@ -90,18 +87,12 @@ def documents(
     return files
 
 
-def _csv(header: Sequence[str], rows: Sequence[Sequence[str]]) -> bytes:
-    stream = io.StringIO()
-    csv.writer(stream, lineterminator="\n").writerows([header, *rows])
-    return stream.getvalue().encode()
+def _table(table: TextTable) -> list[str]:
+    head, *rows = ("| " + " | ".join(row) + " |" for row in (table.header, *table.rows))
+    return [head, "|" + "---|" * len(table.header), *rows]
 
 
-def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    return ["| " + " | ".join(header) + " |", "|" + "---|" * len(header),
-            *("| " + " | ".join(row) + " |" for row in rows)]
-
-
-def _text(tables: dict[str, tuple[Any, Any]], recovered: Sequence[Recovered],
+def _text(tables: dict[str, TextTable], recovered: Sequence[Recovered],
           faces: Sequence[Explored], bottles: Sequence[Followed]) -> str:
     angle = faces[0].angle_deg
     percent = 100.0 * float((angle < PRINTED_DEG).mean())
@@ -115,7 +106,7 @@ def _text(tables: dict[str, tuple[Any, Any]], recovered: Sequence[Recovered],
         "<!-- written by `warpgrasp paper`; do not edit: `make paper-docs` -->", "",
         "# The paper's experiments, side by side", "",
         "Allen and Michelman, \"Acquisition and interpretation of 3-D sensor data from touch\" "
-        "(1990). What it printed is compared to, never tuned to.", "",
+        "(1990). Its printed values are compared with; nothing is tuned to them.", "",
         "| experiment | printed | here |", "|---|---|---|",
         f"| contacts for a body | 30 to 100 | {np.quantile(contacts, 0.1):.0f} to "
         f"{np.quantile(contacts, 0.9):.0f} (10 to 90 %), median {np.median(contacts):.0f} |",
@@ -132,29 +123,29 @@ def _text(tables: dict[str, tuple[Any, Any]], recovered: Sequence[Recovered],
         "as contacts, Solina's residual, nothing else. *Ours*: contacts placed on the links by "
         "joint torques, table, free space, weights. Iterations are those of a plain fit "
         "(13 parameters) to the respective contacts until its cost is within 1 % of its last.", "",
-        *_table(*tables["recovery"]), "",
+        *_table(tables["recovery"]), "",
         "Differences. The paper shows its bodies without a score, so recovery cannot be compared "
         "in numbers. The fingertip estimate puts a contact on the wrong link whenever a middle "
-        "link touched first; that, not the fit, limits the first rows. A funnel and a lightbulb "
-        "are no superquadrics: no evidence makes them one. Ours take more iterations than 10 to "
-        "15 where a body with edges is approached through rounder ones: cost settles long after "
-        "the eye would call it done, and noise of contacts sets how long.", "",
+        "link touched first; that, not the fit, limits the first rows. No superquadric has the "
+        "shape of a funnel or a lightbulb. Our fits take more than 10 to 15 iterations where a "
+        "body with edges is approached through rounder ones: the cost still decreases after the "
+        "shape looks converged, for a number of iterations that depends on the noise of the "
+        "contacts.", "",
         "## Two faces of a block (figure 5)", "", "![Two faces](figure5.png)", "",
-        *_table(*tables["faces"]), "",
+        *_table(tables["faces"]), "",
         f"The printed 96 degrees lie at the {percent:.0f}th percentile of our default: "
         f"{(PRINTED_DEG - 90.0) / max(spread, 1e-9):.0f} standard deviations out. What would make "
         "an error of 6 degrees typical (the median), each source alone:", "",
-        *_table(("source", "size"), typical_sizes(list(faces))), "",
-        "A turned mount turns both planes alike and drops out of the angle, and noise of pads or "
-        "coarser guarded steps average out over a trace; none of them explains 96. What makes 6 "
-        "degrees typical, or all but, is little to average over or a hand that moved: a few "
-        "touches a face (one step each way from the first touch), "
-        "an arm that repeats no better than one to two millimetres (touches then land past edges "
-        "and some planes are not of the face at all), or a hand that shifts in its mount by some "
-        "10 degrees between the faces. Short traces are the likeliest: they need no bad sensor.",
-        "",
+        *_table(TextTable(("source", "size"), tuple(typical_sizes(list(faces))))), "",
+        "A turned mount turns both planes alike, which cancels in the angle, and the noise of pads "
+        "and of coarser guarded steps averages out over a trace; none of them explains 96. Three "
+        "sources make 6 degrees typical, or nearly so: few touches on a face (one step each way "
+        "from the first touch), an arm that repeats no better than one to two millimetres "
+        "(touches then fall beyond edges, and some planes are not those of the face), or a hand "
+        "that shifts in its mount by some 10 degrees between the faces. Short traces are the most "
+        "likely source, since they need no faulty sensor.", "",
         "## Four bottles (figure 6)", "", "![Bottles](figure6.png)", "",
-        *_table(*tables["bottles"]), "",
-        "True sizes are those of `warpgrasp/profiles`, which say what is sourced.", "",
+        *_table(tables["bottles"]), "",
+        "True sizes are those of `warpgrasp/objects/profiles`, which gives their sources.", "",
     ]
     return "\n".join(lines)

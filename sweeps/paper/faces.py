@@ -1,16 +1,18 @@
 """The paper's second experiment: two adjacent faces of a block, and the angle between them.
 
-The paper printed 96 degrees where 90 is true. Cases widen one source of error at a time.
+The paper printed 96 degrees where 90 is true. Each case increases one source of error.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import radians
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from strategies.procedures.planar_explorer import PlanarExploration, PlanarOptions, explore_plane
-from strategies.procedures.planar_faces import Face, angle_between, planes_of
+from strategies.procedures.planar_faces import angle_between, planes_of
 from strategies.procedures.touches import EndReason
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import ArmTable, HandTable, PadTable, SensorTable
@@ -18,15 +20,15 @@ from warpgrasp.robot import Robot, Truth
 
 PRINTED_DEG = 96.0
 TYPICAL_DEG = 6.0
-"""An error of this size is typical when half of all angles err by as much or more."""
+"""A case makes this error typical when its median error is as large."""
 FACES = {"near": ((-0.03, 0.0, 0.06), (-1.0, 0.0, 0.0)),
          "left": ((0.0, 0.04, 0.06), (0.0, 1.0, 0.0))}
-_TOLD_RAD, _TOLD_M = radians(4), 0.004  # error of the normal and place told [est]
+_PRIOR_SIGMA_RAD, _PRIOR_SIGMA_M = radians(4), 0.004  # of the normal and place given; estimated
 
 
 @dataclass(frozen=True)
 class Case:
-    """One source of error at one size; everything else as by default."""
+    """One source of error at one size; all else has its default."""
 
     source: str
     size: str
@@ -36,39 +38,37 @@ class Case:
     pads: PadTable = field(default_factory=PadTable)
     options: PlanarOptions = field(default_factory=PlanarOptions)
     mount_slip_rad: float = 0.0
-    """The hand shifts in its mount between the two faces: a turn of this sigma."""
+    """Standard deviation of the hand's rotation in its mount between the two faces."""
 
 
 def cases() -> list[Case]:
-    """The default, and each source at three sizes."""
-    found = [Case("default", "", 0.0)]
-    for deg in (1.0, 3.0, 10.0):
-        found.append(Case("mount turned, same for both faces", f"{deg:g} deg", deg,
-                          arm=ArmTable(mount_error_rad=radians(deg))))
-    for deg in (1.0, 3.0, 10.0):
-        found.append(Case("joint sensors' noise", f"{deg:g} deg", deg,
-                          sensors=SensorTable(joint_noise_rad=radians(deg))))
-    for mm in (0.5, 1.0, 2.0):
-        found.append(Case("arm's repeatability", f"{mm:g} mm", mm,
-                          arm=ArmTable(repeatability_m=mm * 1e-3)))
-    for counts in (2.0, 4.0):
-        found.append(Case("pads' noise", f"{counts:g} counts", counts,
-                          pads=PadTable(noise_counts=counts, threshold_counts=6.0 * counts)))
-    for mm in (3.0, 6.0):
-        found.append(Case("guarded step", f"{mm:g} mm", mm,
-                          options=PlanarOptions(interval_m=mm * 1e-3)))
-    for steps in (5, 2, 1):
-        found.append(Case("steps each way from the first touch", f"{steps}", -steps,
-                          options=PlanarOptions(most_steps=steps)))
-    for deg in (1.0, 3.0, 10.0):
-        found.append(Case("mount slips between the faces", f"{deg:g} deg", deg,
-                          mount_slip_rad=radians(deg)))
+    """The default, and each source of error at its sizes."""
+    degrees, found = (1.0, 3.0, 10.0), [Case("default", "", 0.0)]
+
+    def add(source: str, unit: str, sizes: tuple[float, ...],
+            changes: Callable[[float], dict[str, Any]]) -> None:
+        found.extend(Case(source, f"{size:g}{unit}", size, **changes(size)) for size in sizes)
+
+    add("mount turned, same for both faces", " deg", degrees,
+        lambda deg: {"arm": ArmTable(mount_error_rad=radians(deg))})
+    add("joint sensors' noise", " deg", degrees,
+        lambda deg: {"sensors": SensorTable(joint_noise_rad=radians(deg))})
+    add("arm's repeatability", " mm", (0.5, 1.0, 2.0),
+        lambda mm: {"arm": ArmTable(repeatability_m=mm * 1e-3)})
+    add("pads' noise", " counts", (2.0, 4.0),
+        lambda counts: {"pads": PadTable(noise_counts=counts, threshold_counts=6.0 * counts)})
+    add("guarded step", " mm", (3.0, 6.0),
+        lambda mm: {"options": PlanarOptions(interval_m=mm * 1e-3)})
+    found += [Case("steps each way from the first touch", f"{steps}", -steps,
+                   options=PlanarOptions(most_steps=steps)) for steps in (5, 2, 1)]
+    add("mount slips between the faces", " deg", degrees,
+        lambda deg: {"mount_slip_rad": radians(deg)})
     return found
 
 
 @dataclass(frozen=True)
 class Explored:
-    """One case: the angles of all worlds whose two faces were found."""
+    """One case: the angles of the worlds in which both faces were found."""
 
     case: Case
     angle_deg: np.ndarray
@@ -76,12 +76,11 @@ class Explored:
     """Of both faces, (world,)."""
     worlds: int
     faces: tuple[PlanarExploration, ...]
-    planes: tuple[Face, ...]
     truth: Truth
 
 
 def explore_faces(worlds: int, chosen: list[Case] | None = None) -> list[Explored]:
-    """Every case, over the same blocks and the same numbers of noise."""
+    """Every case, with the same poses of the block and the same random numbers."""
     return [_explore(case, worlds) for case in (cases() if chosen is None else chosen)]
 
 
@@ -97,9 +96,9 @@ def _explore(case: Case, worlds: int) -> Explored:
                   case.sensors, pads=case.pads)
     faces, planes = [], []
     for point, normal in FACES.values():
-        told = pose[:, :3] + turn.apply(point) + rng.normal(0.0, _TOLD_M, (worlds, 3))
-        way = turn.apply(normal) + rng.normal(0.0, _TOLD_RAD, (worlds, 3))
-        faces.append(explore_plane(robot, told, way, options=case.options))
+        place = pose[:, :3] + turn.apply(point) + rng.normal(0.0, _PRIOR_SIGMA_M, (worlds, 3))
+        way = turn.apply(normal) + rng.normal(0.0, _PRIOR_SIGMA_RAD, (worlds, 3))
+        faces.append(explore_plane(robot, place, way, options=case.options))
         planes.append(planes_of(faces[-1]))
     slip = Rotation.from_rotvec(rng.normal(size=(worlds, 3)) * case.mount_slip_rad)
     angle = angle_between(planes[0], replace(planes[1], normal=slip.apply(planes[1].normal)))[0]
@@ -108,7 +107,7 @@ def _explore(case: Case, worlds: int) -> Explored:
         np.min(felt, axis=0) >= 3)
     touches = np.sum(felt, axis=0)
     return Explored(case, np.degrees(angle[done]), touches[done], worlds,
-                    tuple(faces), tuple(planes), truth)
+                    tuple(faces), truth)
 
 
 FACES_HEADER = ("source", "size", "blocks", "both_faces", "touches_median", "angle_deg_median",
@@ -116,7 +115,7 @@ FACES_HEADER = ("source", "size", "blocks", "both_faces", "touches_median", "ang
 
 
 def face_rows(found: list[Explored]) -> list[tuple[str, ...]]:
-    """The table, a row a case."""
+    """The table, a row for each case."""
     rows = []
     for e in found:
         if len(e.angle_deg) == 0:
@@ -132,25 +131,25 @@ def face_rows(found: list[Explored]) -> list[tuple[str, ...]]:
 
 
 def typical_sizes(found: list[Explored]) -> list[tuple[str, str]]:
-    """For each source, the size at which the median error is 6 degrees, from its cases."""
+    """For each source, the size at which the median error is 6 degrees, interpolated."""
     answers = []
     for source in dict.fromkeys(e.case.source for e in found if e.case.source != "default"):
         mine = [e for e in found if e.case.source == source and len(e.angle_deg)]
         errors = np.array([np.median(np.abs(e.angle_deg - 90.0)) for e in mine])
         sizes = np.array([e.case.number for e in mine])
         unit = mine[0].case.size.partition(" ")[2]
+        k = int(np.argmax(errors >= TYPICAL_DEG))
         if sizes[0] < 0 and errors.max() >= TYPICAL_DEG:
-            enough = mine[int(np.argmax(errors >= TYPICAL_DEG))]
-            answers.append((source, f"{enough.case.size}, {np.median(enough.touches):.0f} touches "
-                                    "on both faces together"))
+            answer = (f"{mine[k].case.size}, {np.median(mine[k].touches):.0f} touches on both "
+                      "faces together")
         elif len(mine) < 2 or errors.max() < TYPICAL_DEG:
-            answers.append((source, f"not reached: {errors.max():.1f} deg at "
-                                    f"{mine[int(errors.argmax())].case.size}"))
-        elif errors[0] >= TYPICAL_DEG:
-            answers.append((source, f"below {mine[0].case.size}"))
+            answer = (f"not reached: {errors.max():.1f} deg at "
+                      f"{mine[int(errors.argmax())].case.size}")
+        elif k == 0:
+            answer = f"below {mine[0].case.size}"
         else:
-            k = int(np.argmax(errors >= TYPICAL_DEG))
             share = np.log(TYPICAL_DEG / errors[k - 1]) / np.log(errors[k] / errors[k - 1])
             size = sizes[k - 1] * (sizes[k] / sizes[k - 1]) ** share
-            answers.append((source, f"about {size:.1f} {unit}"))
+            answer = f"about {size:.1f} {unit}"
+        answers.append((source, answer))
     return answers

@@ -1,47 +1,45 @@
-"""Figures in the manner of the paper's 4, 5 and 6. Same data, same bytes."""
+"""Figures after the paper's figures 4, 5 and 6; the same data give the same bytes."""
 
 import io
 from collections.abc import Sequence
 from typing import Any
 
-import matplotlib
-import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from fit.superquadric.geometry import Superquadric
 from sweeps.figures.meshes import surface_mesh
+from sweeps.figures.solids import CONTACT, FIT, TRUE
 from sweeps.paper.bottles import Followed, contour_of
 from sweeps.paper.faces import Explored
 from sweeps.paper.recovery import Recovered, median_world
 
-matplotlib.use("Agg")
-_BODY, _CONTACT, _TRUE, _FIT = "#c9d8e8", "#b2182b", "#4d4d4d", "#2166ac"
+_BODY = "#c9d8e8"
 
 
-def _png(figure: Any) -> bytes:
+def _png(figure: Figure) -> bytes:
     stream = io.BytesIO()
     figure.savefig(stream, format="png", metadata={"Software": None})
-    plt.close(figure)
     return stream.getvalue()
 
 
 def draw_recovered(found: Sequence[Recovered]) -> bytes:
-    """Figure 4: each recovered body with its contacts, the episode of median IoU, a row a way."""
+    """Figure 4: recovered bodies and contacts of the episode of median IoU; a row for each way."""
     ways = list(dict.fromkeys(r.way for r in found))
     count = len(found) // len(ways)
-    figure = plt.figure(figsize=(2.3 * count, 2.9 * len(ways)), dpi=100)
+    figure = Figure(figsize=(2.3 * count, 2.9 * len(ways)), dpi=100)
     for place, r in enumerate(found):
-        axes = figure.add_subplot(len(ways), count, place + 1, projection="3d")
+        axes: Any = figure.add_subplot(len(ways), count, place + 1, projection="3d")
         world = median_world(r)
         pose = r.block.truth.body_pose[world]
         body = Superquadric(*(f[world:world + 1] for f in r.block.recovered.superquadric))
         faces = 1e3 * (surface_mesh(body, rows=12) - pose[:3])
         evidence = r.block.exploration.belief.evidence
         points = 1e3 * (evidence.points_m[world][evidence.mask[world]] - pose[:3])
-        axes.add_collection3d(Poly3DCollection(list(faces), facecolors=_BODY, edgecolors=_FIT,
+        axes.add_collection3d(Poly3DCollection(list(faces), facecolors=_BODY, edgecolors=FIT,
                                                linewidths=0.25, alpha=0.55))
-        axes.scatter(*points.T, s=4, color=_CONTACT, depthshade=False)
+        axes.scatter(*points.T, s=4, color=CONTACT, depthshade=False)
         tall = 1.1e3 * r.block.body.high_m[2]
         wide = 0.7 * tall
         axes.set(xlim=(-wide / 2, wide / 2), ylim=(-wide / 2, wide / 2), zlim=(0, tall))
@@ -55,10 +53,10 @@ def draw_recovered(found: Sequence[Recovered]) -> bytes:
 
 
 def draw_faces(default: Explored, poor: Explored) -> bytes:
-    """Figure 5: touches on two adjacent faces, and where the angle falls."""
-    figure = plt.figure(figsize=(9.0, 3.8), dpi=110, layout="constrained")
-    axes = figure.add_subplot(1, 2, 1, projection="3d")
-    for exploration, colour in zip(default.faces, (_CONTACT, _FIT), strict=True):
+    """Figure 5: touches on two adjacent faces, and the distribution of the angle."""
+    figure = Figure(figsize=(9.0, 3.8), dpi=110, layout="constrained")
+    axes: Any = figure.add_subplot(1, 2, 1, projection="3d")
+    for exploration, colour in zip(default.faces, (CONTACT, FIT), strict=True):
         table = exploration.touches
         mine = (table.world == 0) & np.isfinite(table.point_m[:, 0])
         axes.scatter(*(1e3 * (table.point_m[mine] - default.truth.body_pose[0, :3])).T, s=6,
@@ -68,11 +66,11 @@ def draw_faces(default: Explored, poor: Explored) -> bytes:
     axes.view_init(22, 130)
     flat = figure.add_subplot(1, 2, 2)
     edges = np.linspace(75.0, 105.0, 61)
-    for e, colour, label in ((default, _FIT, "default"), (poor, _CONTACT,
+    for e, colour, label in ((default, FIT, "default"), (poor, CONTACT,
                                                          f"{poor.case.source}: {poor.case.size}")):
         flat.hist(np.clip(e.angle_deg, edges[0], edges[-1]), bins=list(edges), alpha=0.6,
                   color=colour, label=label, density=True)
-    flat.axvline(96.0, color=_TRUE, ls="--", lw=1)
+    flat.axvline(96.0, color=TRUE, ls="--", lw=1)
     flat.text(96.2, flat.get_ylim()[1] * 0.9, "printed: 96", fontsize=8)
     flat.set(xlabel="angle between the planes [deg]", ylabel="density")
     flat.set_title("angle of two faces, truth 90", fontsize=9)
@@ -81,23 +79,23 @@ def draw_faces(default: Explored, poor: Explored) -> bytes:
 
 
 def draw_bottles(found: Sequence[Followed]) -> bytes:
-    """Figure 6: contours followed, a panel a bottle; the recovered one of median volume."""
-    figure, panels = plt.subplots(1, len(found), figsize=(2.3 * len(found), 4.2), dpi=110,
-                                  sharey=True, layout="constrained")
+    """Figure 6: a panel for each bottle with the recovered contour of median volume."""
+    figure = Figure(figsize=(2.3 * len(found), 4.2), dpi=110, layout="constrained")
+    panels = figure.subplots(1, len(found), sharey=True)
     for axes, f in zip(panels, found, strict=True):
         volume = np.where(f.ended, f.profile.volume_m3, np.nan)
         world = int(np.argsort(np.nan_to_num(volume, nan=np.inf))[f.ended.sum() // 2])
         z, r = 1e3 * contour_of(f.name).T
-        axes.plot(np.r_[r, -r[::-1]], np.r_[z, z[::-1]], color=_TRUE, lw=1, label="true")
+        axes.plot(np.r_[r, -r[::-1]], np.r_[z, z[::-1]], color=TRUE, lw=1, label="true")
         known = np.isfinite(f.profile.height_m[world])
         h, rho = 1e3 * f.profile.height_m[world][known], 1e3 * f.profile.radius_m[world][known]
-        axes.plot(rho, h, "--", color=_FIT, lw=1.3, label="recovered")
-        axes.plot(-rho, h, "--", color=_FIT, lw=1.3)
+        axes.plot(rho, h, "--", color=FIT, lw=1.3, label="recovered")
+        axes.plot(-rho, h, "--", color=FIT, lw=1.3)
         table = f.exploration.touches
         mine = (table.world == world) & np.isfinite(table.point_m[:, 0])
         p = 1e3 * table.point_m[mine]
         side = np.where(table.finger[mine] == 3, -1.0, 1.0)
-        axes.plot(side * np.hypot(p[:, 0] - 450.0, p[:, 1]), p[:, 2], ".", color=_CONTACT, ms=3,
+        axes.plot(side * np.hypot(p[:, 0] - 450.0, p[:, 1]), p[:, 2], ".", color=CONTACT, ms=3,
                   label="touches")
         axes.set_aspect("equal")
         axes.set_title(f"{f.name}\n{volume[world] * 1e6:.0f} ml", fontsize=8)

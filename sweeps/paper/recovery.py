@@ -1,4 +1,4 @@
-"""The paper's first experiment: six objects from grasps by containment, and how fits converge."""
+"""The paper's first experiment: six objects from grasps by containment; convergence of the fits."""
 
 import time
 from dataclasses import dataclass
@@ -24,26 +24,26 @@ AS_PAPER = FitTable(table_plane=False, free_space=False, weights=False, loss="no
                     residual="solina", upright_rad=None)
 """Solina's residual on fingertips alone: no table, no free space, no weights."""
 SETTLED = 1.01
-"""A fit has converged, for the count, when its cost is within 1 % of its last."""
+"""Iterations count until the cost is below this multiple of its last value."""
 _ITERATIONS = 60
-_SCREENED = 5  # iterations of the starts, from which the best goes on
+_SCREENED = 5  # iterations of every start, of which the best continues
 
 
 @dataclass(frozen=True)
 class Recovered:
-    """One object recovered in many episodes, in one way."""
+    """One object recovered in many episodes, with one estimator and objective."""
 
     name: str
     way: str
     block: EpisodeBlock
     iterations: np.ndarray
-    """To convergence, (episode,); NaN where too little was felt."""
+    """To convergence, (episode,); NaN where there were too few contacts."""
     seconds_a_fit: float
-    """Measured, of `iterations` of one fit alone; for the eye, in no file that is compared."""
+    """Time of 20 iterations of one fit; printed, and in no file."""
 
 
 def recover_objects(episodes: int) -> list[Recovered]:
-    """Every object, as the paper did it and with our evidence."""
+    """Every object, as in the paper and with our evidence."""
     found = []
     fingertip = SensorTable(contact_estimator="fingertip")
     for way, sensors, fit in (("as the paper", fingertip, AS_PAPER),
@@ -58,7 +58,7 @@ def recover_objects(episodes: int) -> list[Recovered]:
 
 
 def _convergence(block: EpisodeBlock) -> tuple[np.ndarray, float]:
-    """Iterations of the best start of a plain fit to the contacts, one at a time."""
+    """Iterations of the best start of a plain fit to the contacts, and the time of 20 [s]."""
     evidence = block.exploration.belief.evidence
     iterations = np.full(len(evidence.mask), np.nan)
     enough = np.flatnonzero(evidence.mask.sum(1) >= 14)
@@ -95,7 +95,7 @@ RECOVERY_HEADER = ("object", "way", "episodes", "recovered", "contacts_median", 
 
 
 def recovery_rows(found: list[Recovered]) -> list[tuple[str, ...]]:
-    """The table, a row an object and way; low and high are the 10 % and 90 % quantiles."""
+    """The table, a row for each object and way; low and high are the 10 % and 90 % quantiles."""
     rows = []
     for r in found:
         contacts = r.block.exploration.belief.evidence.mask.sum(1)

@@ -1,4 +1,4 @@
-"""One episode with all that was felt: contacts.csv, shape.json and figures."""
+"""The files of one episode: contacts.csv, shape.json and figures."""
 
 import csv
 import io
@@ -25,8 +25,8 @@ from sweeps.episode.columns import (
 )
 from sweeps.episode.episodes import EpisodeBlock, run_block
 from sweeps.figures.contacts import draw_contacts
-from sweeps.figures.contour import draw_contour
-from sweeps.figures.faces import crossed_faces, draw_faces
+from sweeps.figures.contour import contour_figure
+from sweeps.figures.faces import crossed_faces, faces_figure
 from sweeps.figures.style import encode
 from sweeps.figures.taxels import pad_touches, taxels_figure
 from sweeps.output import write_atomic
@@ -47,13 +47,13 @@ def explore(
     *, body_table: Mapping[str, Any], strategy: Strategy, seed: int, yaw_rad: float | None,
     x_m: float, y_m: float, out: Path, device: str, replay: bool = False,
 ) -> list[Path]:
-    """Run one episode, write `contacts.csv`, `shape.json` and figures; answer with the files.
+    """Runs one episode; writes `contacts.csv`, `shape.json` and figures; returns their paths.
 
     `contacts.png` always; `faces.png` where faces were crossed, `contour.png` where a contour was
-    followed, `taxels.png` where pads felt; `replay.html` if asked for. stderr says where nothing
-    was recovered, and which figure could not be drawn. `body_table` names the object as in a spec;
-    `yaw_rad` None turns it at random. Raises BodyError for an object that cannot be built, OSError
-    where `out` cannot be written.
+    followed, `taxels.png` where pads had contact, `replay.html` for `replay`. stderr reports an
+    episode without a recovered shape and figures that could not be drawn. `body_table` names the
+    object as in a spec; `yaw_rad` None gives it a random yaw. Raises BodyError for an object that
+    cannot be built, OSError where `out` cannot be written.
     """
     name = str(body_table.get("name") or Path(str(body_table.get("mesh", "object"))).stem)
     cell = Cell(strategy, body_table, name, seed=seed,
@@ -67,7 +67,7 @@ def explore(
     for file, draw in _pictures(cell, block):
         try:
             picture = draw()
-        except Exception as error:  # no picture is worth an episode
+        except Exception as error:  # the episode is kept without the figure
             print(f"{out / file}: cannot be drawn: {error}", file=sys.stderr)
             continue
         write_atomic(out / file, picture)
@@ -79,31 +79,31 @@ def explore(
         write_replay(make_replay(cell, block), out / "replay.html")
         written.append("replay.html")
     if block.recovered.shape[0] == Shape.TOLD_CYLINDER:
-        print(f"{block.status[0]}: nothing was recovered; the body written is the rough cylinder "
-              "that the strategy was told", file=sys.stderr)
+        print(f"{block.status[0]}: nothing was recovered; the body written is the cylinder that "
+              "the strategy was given as prior", file=sys.stderr)
     if block.exploration.fault[0]:
         print(f"the strategy failed: {block.exploration.fault[0]}", file=sys.stderr)
     return [out / file for file in sorted(written)]
 
 
 def _pictures(cell: Cell, block: EpisodeBlock) -> Iterator[tuple[str, Callable[[], bytes]]]:
-    """The files of what there is to be seen in an episode, and how each is drawn."""
+    """The names of the figures that an episode has, and how each is drawn."""
     name, profile = cell.object_name, block.exploration.belief.profile
     yield "contacts.png", lambda: draw_contacts(block, name)
     if crossed_faces(block):
-        yield "faces.png", lambda: draw_faces(block, name)
+        yield "faces.png", lambda: encode(faces_figure(block, name, wide=True), "png")
     if profile is not None and np.isfinite(profile.volume_m3[0]):
-        yield "contour.png", lambda: draw_contour(block, name)
+        yield "contour.png", lambda: encode(contour_figure(block, name, wide=True), "png")
     if pad_touches(block):
         yield "taxels.png", lambda: encode(taxels_figure(block, cell.pads, name), "png")
 
 
 def contacts_csv(block: EpisodeBlock, world: int = 0) -> str:
-    """Every guarded move of one world that could feel, a line each; text of a CSV file.
+    """A line for each guarded move of one world that had a sensor; text of a CSV file.
 
-    x, y, z are where the robot believes the contact to be (in the end: contacts used by the fit as
-    they were placed for it). Truth is there for the reader; no strategy or fit sees it. For touches
-    of pads `grasp` is the direction of a face or the section of a contour.
+    x, y, z are the contact as the robot estimates it; for a contact used by the last fit, the point
+    that it used. No strategy or fit reads the true columns. For touches of pads `grasp` is the
+    direction on a face or the section of a contour.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -111,36 +111,29 @@ def contacts_csv(block: EpisodeBlock, world: int = 0) -> str:
     slot = probe = 0
     for procedure in block.exploration.procedures:
         if isinstance(procedure.felt, Grasps):
-            rows, slots, probes = _grasp_rows(block, procedure, world, slot, probe)
-            slot, probe = slot + slots, probe + probes
+            rows = list(_grasp_rows(block, procedure, procedure.felt, world, slot, probe))
+            probe += procedure.felt.closing.status.shape[1]
         else:
-            slot += procedure.slots
             rows = list(_touch_rows(block, procedure.name, procedure.felt, world, probe))
             probe += len(rows)
+        slot += procedure.slots
         writer.writerows(rows)
     return text.getvalue()
 
 
-def _grasp_rows(block: EpisodeBlock, procedure: Procedure, world: int, slot: int,
-                first: int) -> tuple[list[list[Any]], int, int]:
-    grasps = procedure.felt
-    assert isinstance(grasps, Grasps)
+def _grasp_rows(block: EpisodeBlock, procedure: Procedure, grasps: Grasps, world: int, slot: int,
+                first: int) -> Iterator[list[Any]]:
     closing, truth = grasps.closing, block.truth.closings[procedure.closing]
     evidence = block.exploration.belief.evidence
-    rows = []
-    shape = closing.status.shape[1:]
-    for number, (p, g, f) in enumerate(np.ndindex(*shape)):
+    for number, (p, g, f) in enumerate(np.ndindex(*closing.status.shape[1:]), slot):
         at = (world, p, g, f)
-        used = evidence.mask[world, slot + number]
-        believed = (evidence.points_m[world, slot + number] if used
+        estimate = (evidence.points_m[world, number] if evidence.mask[world, number]
                     else grasps.estimate.point_m[at])
-        rows.append([
-            procedure.name, first + p, g, f, int(truth.link[at]),
-            ProbeStatus(int(closing.status[at])).name.lower(),
-            *_cells(believed), *_cells(truth.point_m[at]), *_cells(truth.normal[at]),
-            *_cells(closing.q_rad[at]), *_cells([closing.tension_difference_N[at]]),
-            "", *_cells(grasps.moves.believed_pose[world, p])])
-    return rows, int(np.prod(shape)), shape[0]
+        yield [procedure.name, first + p, g, f, int(truth.link[at]),
+               ProbeStatus(int(closing.status[at])).name.lower(),
+               *_cells(estimate), *_cells(truth.point_m[at]), *_cells(truth.normal[at]),
+               *_cells(closing.q_rad[at]), *_cells([closing.tension_difference_N[at]]),
+               "", *_cells(grasps.moves.believed_pose[world, p])]
 
 
 def _touch_rows(block: EpisodeBlock, name: str, felt: PlanarExploration | ContourExploration,
@@ -160,7 +153,7 @@ def _cells(values: Any) -> list[str]:
 
 
 def shape_record(cell: Cell, block: EpisodeBlock, world: int = 0) -> dict[str, Any]:
-    """What `shape.json` holds: the recovered models, the chosen one, and its scores."""
+    """The content of `shape.json`: the recovered models, the chosen one, and its scores."""
     scores, belief = block.scores, block.exploration.belief
     shape = Shape(int(block.recovered.shape[world]))
     kinds = {Shape.TOLD_CYLINDER: "told_cylinder", Shape.REVOLUTION: "revolution",
@@ -192,7 +185,7 @@ def shape_record(cell: Cell, block: EpisodeBlock, world: int = 0) -> dict[str, A
 
 
 def _models(cell: Cell, block: EpisodeBlock, world: int) -> Iterator[dict[str, Any]]:
-    """Every model of the body: the superquadric (or what was told), faces, the contour."""
+    """Every model of the body: the superquadric (or the prior cylinder), faces, the contour."""
     belief = block.exploration.belief
     ok = bool(belief.fitted[world])
     kind = ("tapered_superquadric" if cell.fit.taper else "superquadric") if ok else "told_cylinder"
@@ -205,11 +198,10 @@ def _models(cell: Cell, block: EpisodeBlock, world: int) -> Iterator[dict[str, A
         fit = face.fit
         if fit.n_points[world] == 0:
             continue
-        n, extent = face.normal[world], fit.extent_m[world]
         yield {"shape": "plane", "parameters": {
-            "nx": float(n[0]), "ny": float(n[1]), "nz": float(n[2]),
+            **dict(zip(("nx", "ny", "nz"), face.normal[world].tolist(), strict=True)),
             "offset_m": float(face.offset_m[world]),
-            "extent_u_m": float(extent[0]), "extent_v_m": float(extent[1])},
+            **dict(zip(("extent_u_m", "extent_v_m"), fit.extent_m[world].tolist(), strict=True))},
             "rms_mm": float(fit.rms_m[world] * 1e3), "flat": bool(face.flat[world]),
             "status": status_names(fit.status)[world], "contacts": int(fit.n_points[world])}
     profile = belief.profile
@@ -224,7 +216,7 @@ def _models(cell: Cell, block: EpisodeBlock, world: int) -> Iterator[dict[str, A
 
 
 def _ends(block: EpisodeBlock, world: int) -> Iterator[dict[str, Any]]:
-    """What became of each procedure, in words."""
+    """Contacts of each procedure that took part, and why each exploratory one ended."""
     for procedure in block.exploration.procedures:
         if not procedure.took_part[world]:
             continue

@@ -1,4 +1,4 @@
-"""Pieces of the report's markup. Every text is escaped here, and nowhere else."""
+"""Elements of the report's markup; they escape every text that they are given."""
 
 import base64
 import hashlib
@@ -6,12 +6,19 @@ import json
 from collections.abc import Iterable, Sequence
 from html import escape
 from importlib.resources import files
-from typing import Any
+from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree
+
+import matplotlib
+
+from sweeps.figures.style import encode
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
-def page(title: str, body: str, data: dict[str, Any], scripts: Sequence[str],
-         data_id: str = "episodes") -> bytes:
-    """A whole page that may load nothing, run only its own scripts, and talk to nobody."""
+def page(title: str, body: str, data: dict[str, Any], scripts: Sequence[str]) -> bytes:
+    """A whole page. Its policy permits its own style and scripts, nothing else."""
     style = asset("style.css")
     code = [asset(name) for name in scripts]
     policy = ("default-src 'none'; base-uri 'none'; form-action 'none'; "
@@ -24,7 +31,7 @@ def page(title: str, body: str, data: dict[str, Any], scripts: Sequence[str],
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         '<meta name="referrer" content="no-referrer">'
         f"<title>{escape(title)}</title><style>{style}</style></head><body>\n", body,
-        f'<script type="application/json" id="{data_id}">{plain}</script>\n',
+        f'<script type="application/json" id="episodes">{plain}</script>\n',
         *(f"<script>{text}</script>\n" for text in code), "</body></html>\n"]).encode()
 
 
@@ -49,40 +56,29 @@ def paragraph(text: str, kind: str = "soft") -> str:
     return f'<p class="{kind}">{escape(text)}</p>'
 
 
-def listed(items: Iterable[str], kind: str) -> str:
-    """A list of texts."""
-    return f'<ul class="{kind}">{"".join(f"<li>{escape(item)}</li>" for item in items)}</ul>'
-
-
 def table(caption: str, header: Sequence[str], rows: Iterable[Sequence[str]], *,
-          row_names: int = 0, pictures: dict[int, Sequence[str]] | None = None,
-          heat: Sequence[Sequence[str]] | None = None, sortable: bool = True) -> str:
-    """A table; column `row_names` names the rows, `pictures` are columns of markup at the end."""
+          row_names: int = 0, heat: Sequence[Sequence[str]] | None = None,
+          sortable: bool = True) -> str:
+    """A table; column `row_names` names the rows, `heat` gives the class of each cell's tint."""
     every = list(rows)
-    words = [n == row_names or not all(_is_number(row[n]) for row in every)
-             for n in range(len(header))]
-    head = "".join(f'<th scope="col"{_left(left)}>{escape(name)}</th>'
-                   for left, name in zip(words, header, strict=True))
+    kinds = [' class="text"' if n == row_names or not all(_is_number(row[n]) for row in every)
+             else "" for n in range(len(header))]
+    head = "".join(f'<th scope="col"{kind}>{escape(name)}</th>'
+                   for kind, name in zip(kinds, header, strict=True))
     body = []
     for r, row in enumerate(every):
         cells = []
         for n, cell in enumerate(row):
-            if pictures and n in pictures:
-                cells.append(f'<td data-value="{escape(cell)}">{pictures[n][r]}</td>')
-            elif n == row_names:
+            if n == row_names:
                 cells.append(f'<th scope="row">{escape(cell)}</th>')
             else:
-                tint = f' class="{heat[r][n]}"' if heat and heat[r][n] else _left(words[n])
+                tint = f' class="{heat[r][n]}"' if heat and heat[r][n] else kinds[n]
                 cells.append(f"<td{tint}>{escape(cell)}</td>")
         body.append(f"<tr>{''.join(cells)}</tr>")
-    kind = ' class="sortable"' if sortable else ""
+    sorts = ' class="sortable"' if sortable else ""
     return (f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(caption)}">'
-            f"<table{kind}><caption>{escape(caption)}</caption><thead><tr>{head}</tr></thead>"
+            f"<table{sorts}><caption>{escape(caption)}</caption><thead><tr>{head}</tr></thead>"
             f"<tbody>{''.join(body)}</tbody></table></div>")
-
-
-def _left(left: bool) -> str:
-    return ' class="text"' if left else ""
 
 
 def _is_number(cell: str) -> bool:
@@ -94,16 +90,52 @@ def _is_number(cell: str) -> bool:
 
 
 def details(summary: str, inner: str, opened: bool = False) -> str:
-    """A part that opens at a click."""
+    """A part that a click opens or closes."""
     return (f"<details{' open' if opened else ''}><summary>{escape(summary)}</summary>{inner}"
             "</details>")
 
 
-def drawing(markup: str, caption: str) -> str:
-    """A figure with its caption."""
-    return f"<figure>{markup}<figcaption>{escape(caption)}</figcaption></figure>"
+def drawing(drawn: "Figure", name: str, title: str, caption: str) -> str:
+    """A matplotlib figure as inline SVG with a caption; `name` makes its ids unique in the page.
+
+    Styles become presentation attributes, since the page's policy forbids style attributes.
+    """
+    with matplotlib.rc_context({"svg.fonttype": "none"}):
+        root = ElementTree.fromstring(encode(drawn, "svg"))
+    for node in root.iter():
+        node.tag = _local(node.tag)
+        given = {_local(key): " ".join(value.split()) for key, value in node.attrib.items()}
+        styles = given.pop("style", "").split("; ")
+        given |= dict(style.split(": ", 1) for style in styles if style)
+        given.pop("font-family", "")  # the style sheet's
+        node.attrib = {key: _own(key, value, name) for key, value in given.items()}
+        for child in [child for child in node if _local(child.tag) in ("metadata", "style")]:
+            node.remove(child)
+        node.tail = None
+    root.attrib = {"class": "chart", "role": "img", "aria-label": title,
+                   "viewBox": root.attrib["viewBox"]}
+    for tag, text in (("desc", caption), ("title", title)):
+        first = ElementTree.Element(tag)
+        first.text = text
+        root.insert(0, first)
+    svg = ElementTree.tostring(root, encoding="unicode")
+    return f"<figure>{svg}<figcaption>{escape(caption)}</figcaption></figure>"
+
+
+def _local(name: str) -> str:
+    """A name without its XML namespace."""
+    return name.rpartition("}")[2]
+
+
+def _own(key: str, value: str, name: str) -> str:
+    """An attribute's value, with the ids of the page in it."""
+    if key == "id":
+        return f"{name}-{value}"
+    if key == "href" and value.startswith("#"):
+        return f"#{name}-{value[1:]}"
+    return value.replace("url(#", f"url(#{name}-")
 
 
 def preformatted(text: str) -> str:
-    """Text as it stands."""
+    """Text with its own line breaks and spaces."""
     return f'<pre tabindex="0">{escape(text)}</pre>'

@@ -1,12 +1,13 @@
 """`warpgrasp report`: a study as one HTML file that needs no network.
 
-Everything in it is read from the study's directory; the episodes shown in 3-D are run again. No
-time of day is in it: the same study gives the same bytes.
+It is made from the study's directory; the episodes shown in 3-D are run again. It holds no clock
+time: the same study gives the same bytes.
 """
 
 import json
 import sys
 from collections.abc import Sequence
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from sweeps.analysis.curves import Curves, read_curves
 from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
 from sweeps.analysis.paired import Paired, read_paired
 from sweeps.output import quiet_asked, write_atomic
-from sweeps.report.html import listed, page, paragraph
+from sweeps.report.html import page, paragraph
 from sweeps.report.sections import (
     confusion_section,
     curves_section,
@@ -40,7 +41,7 @@ MANY_FAIL = 0.2
 
 def report(folders: Sequence[Path], out: Path, *, views: bool, device: str,
            workers: int = 1) -> int:
-    """Writes the report of a study."""
+    """Writes the report of a study and prints its path; StoreError where it cannot be written."""
     plan, stores = open_study(folders)
     content = make_report(plan, stores, views=views, device=device, workers=workers)
     try:
@@ -53,7 +54,7 @@ def report(folders: Sequence[Path], out: Path, *, views: bool, device: str,
 
 def make_report(plan: Plan, stores: Sequence[Store], *, views: bool = True,
                 device: str = "cpu", workers: int = 1) -> bytes:
-    """The bytes of the page."""
+    """The bytes of the page. Raises StoreError where no block of episodes is finished."""
     board = make_leaderboard(plan, stores)
     paired = read_paired(plan, stores, [METRIC, "touches", "robot_time_s", "failure_rate"])
     if not paired.objects:
@@ -79,23 +80,17 @@ def _parts(plan: Plan, stores: Sequence[Store], board: Leaderboard, paired: Pair
              + (f" under each of {plan.study.setting_count} settings" if plan.study.axes else ""))
     return [
         '<a class="skip" href="#board">To the leaderboard</a><header>',
-        f"<h1>{_plain(head.name or 'study')}</h1>", paragraph(asked, "lead"),
+        f"<h1>{escape(head.name or 'study')}</h1>", paragraph(asked, "lead"),
         paragraph(f"First is {best['strategy']}: chamfer distance {best[METRIC]} mm (95 % "
                   f"interval {best[METRIC + '_ci_low']} to {best[METRIC + '_ci_high']}), IoU "
                   f"{best['iou']}, probability of being the best {best['p_best']}.", "lead"),
         "</header><main>", _warnings(board, paired, shown),
-        leaderboard_section(board, METRIC), curves_section(curves),
+        leaderboard_section(board, paired, METRIC), curves_section(curves),
         pareto_section(paired, METRIC), objects_section(paired, METRIC),
         pairs_section(paired, METRIC), confusion_section(confusion),
         settings_section(plan, stores, METRIC), views_section(plan, shown),
         spec_section(_spec(stores), plan), reproduce_section(plan, _environment(stores)),
         "</main>"]
-
-
-def _plain(text: str) -> str:
-    from html import escape
-
-    return escape(text)
 
 
 def _warnings(board: Leaderboard, paired: Paired, shown: Views) -> str:
@@ -104,7 +99,8 @@ def _warnings(board: Leaderboard, paired: Paired, shown: Views) -> str:
     failing = [row[name] for row in board.rows if row[at] != "NA" and float(row[at]) > MANY_FAIL]
     if failing:
         notes.append(f"more than {MANY_FAIL:.0%} of the episodes failed: {', '.join(failing)}")
-    return listed(notes, "warnings") if notes else ""
+    items = "".join(f"<li>{escape(note)}</li>" for note in notes)
+    return f'<ul class="warnings">{items}</ul>' if notes else ""
 
 
 def _spec(stores: Sequence[Store]) -> str:
@@ -123,6 +119,5 @@ def _environment(stores: Sequence[Store]) -> dict[str, Any]:
 
 
 def _say(text: str) -> None:
-    if quiet_asked():
-        return
-    print(text, file=sys.stderr, flush=True)
+    if not quiet_asked():
+        print(text, file=sys.stderr, flush=True)

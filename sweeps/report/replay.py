@@ -1,6 +1,6 @@
-"""`warpgrasp show`: an episode played again, as one HTML file or live on this machine alone.
+"""`warpgrasp show`: a replay of an episode, as one HTML file or live on this machine alone.
 
-Drawn with viser, an optional extra. Arm and hand are capsules and a slab from our own tables.
+It needs viser, an optional dependency. Arm and hand are capsules and a box.
 """
 
 import io
@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import trimesh
 from scipy.spatial.transform import Rotation
 
 from sweeps.analysis.rerun_episode import cell_of, choose_episode, in_a_worker
-from sweeps.figures.meshes import capsule_mesh
-from sweeps.figures.replay_frames import Replay, replay_of
+from sweeps.figures.replay_frames import PALM_M, Replay, replay_of, segment_pose
 from sweeps.output import write_atomic
 from sweeps.run.store import open_study
 from sweeps.spec.errors import StoreError
@@ -31,7 +31,7 @@ _ARM_RADII_M = (0.07, 0.055, 0.045, 0.03, 0.018)
 
 def show(folders: Sequence[Path], out: Path | None, *, strategy: str | None, body: str | None,
          episode: int, live: bool, port: int, device: str) -> int:
-    """Plays an episode of a study again, into a file or live until Ctrl-C."""
+    """Runs an episode of a study again and replays it, in a file or live until Ctrl-C."""
     check_viser()
     plan, stores = open_study(folders)
     chosen = choose_episode(plan, stores, strategy, body, episode)
@@ -45,7 +45,7 @@ def show(folders: Sequence[Path], out: Path | None, *, strategy: str | None, bod
 
 
 def check_viser() -> None:
-    """Raises StoreError, with the remedy, where viser is not installed."""
+    """Raises StoreError, with the command that installs it, where viser is missing."""
     try:
         import viser  # noqa: F401
     except ImportError:
@@ -53,10 +53,10 @@ def check_viser() -> None:
 
 
 def write_replay(replay: Replay, out: Path) -> None:
-    """Writes one HTML file that loads nothing."""
+    """Writes one HTML file that loads nothing; StoreError where it cannot be written."""
     server = _server(0)
     try:
-        drawn = _Drawn(server, replay)
+        drawn = _Scene(server, replay)
         serializer = server.get_scene_serializer()
         for frame in range(len(replay.frames)):
             drawn.show(frame)
@@ -73,7 +73,7 @@ def write_replay(replay: Replay, out: Path) -> None:
 def _play(replay: Replay, port: int) -> None:
     server = _server(port)
     try:
-        drawn = _Drawn(server, replay)
+        drawn = _Scene(server, replay)
         with server.gui.add_folder(replay.title):
             slider = server.gui.add_slider("frame", 0, len(replay.frames) - 1, 1, 0)
             playing = server.gui.add_checkbox("play", True)
@@ -94,17 +94,17 @@ def _server(port: int) -> Any:
 
 
 def _silently(call: Callable[[], Any]) -> Any:
-    """viser greets on stdout, which is for results."""
+    """Calls without viser's greeting on stdout, which is for results."""
     with redirect_stdout(io.StringIO()):
         return call()
 
 
-class _Drawn:
-    """A replay as objects of a scene, moved from frame to frame; only what changes is sent."""
+class _Scene:
+    """The objects of a replay in viser; from frame to frame only changed properties are sent."""
 
     def __init__(self, server: Any, replay: Replay) -> None:
         self.replay, scene = replay, server.scene
-        self.now: dict[tuple[int, str], Any] = {}
+        self.sent: dict[tuple[int, str], Any] = {}
         middle = replay.body_m.mean(axis=0)
         farther = max(1.0, float(np.ptp(replay.body_m[:, 2])) / 0.16)
         server.initial_camera.position = tuple(middle + farther * np.array([0.36, 0.26, 0.20]))
@@ -119,7 +119,7 @@ class _Drawn:
         first = replay.frames[0]
         self.arm = [_capsule(scene, f"/arm/{n}", length, radius, _ARM) for n, (length, radius)
                     in enumerate(zip(_lengths(first.arm_m), _ARM_RADII_M, strict=True))]
-        self.palm = scene.add_box("/palm", color=_LINK, dimensions=(0.095, 0.075, 0.03))
+        self.palm = scene.add_box("/palm", color=_LINK, dimensions=PALM_M)
         self.fingers = [[_capsule(scene, f"/finger/{f}/{n}", length, replay.link_radius_m, _LINK)
                          for n, length in enumerate(_lengths(points))]
                         for f, points in enumerate(first.fingers_m)]
@@ -136,17 +136,16 @@ class _Drawn:
         self.show(0)
 
     def show(self, number: int) -> None:
-        """Moves everything to a frame."""
+        """Moves all objects to a frame."""
         frame = self.replay.frames[number]
         for handle, (a, b) in zip(self.arm, pairwise(frame.arm_m), strict=True):
             self._place(handle, a, b)
-        turn = Rotation.from_quat(frame.hand_turn)
-        centre = frame.arm_m[-1] - turn.apply([0.0, 0.0, 0.02])
-        self._set(self.palm, position=tuple(centre), wxyz=_wxyz(turn))
+        self._set(self.palm, position=tuple(frame.palm_m),
+                  wxyz=_wxyz(Rotation.from_quat(frame.hand_turn)))
         for handles, points, felt in zip(self.fingers, frame.fingers_m, frame.felt, strict=True):
             for handle, (a, b) in zip(handles, pairwise(points), strict=True):
                 self._place(handle, a, b)
-            self._set(handles[-1], color=_lit(float(felt)))
+            self._set(handles[-1], color=_tip_colour(float(felt)))
         for n, handle in enumerate(self.contacts):
             self._set(handle, visible=n < frame.contacts)
         for n, handle in enumerate(self.estimates):
@@ -155,27 +154,27 @@ class _Drawn:
             self._set(handle, visible=text == frame.label)
 
     def _place(self, handle: Any, a: np.ndarray, b: np.ndarray) -> None:
-        along = (b - a) / max(float(np.linalg.norm(b - a)), 1e-9)
-        turn = Rotation.align_vectors([along], [[0.0, 0.0, 1.0]])[0]
-        self._set(handle, position=tuple(np.round((a + b) / 2, 5)), wxyz=_wxyz(turn))
+        middle, turn = segment_pose(a, b)
+        self._set(handle, position=tuple(np.round(middle, 5)), wxyz=_wxyz(turn))
 
     def _set(self, handle: Any, **values: Any) -> None:
         for name, value in values.items():
             key = (id(handle), name)
-            if key not in self.now or self.now[key] != value:
-                self.now[key] = value
+            if key not in self.sent or self.sent[key] != value:
+                self.sent[key] = value
                 setattr(handle, name, value)
 
 
-def _lit(level: float) -> tuple[int, ...]:
-    """A fingertip's colour: the link's, and from a third of the way to that of touch by level."""
+def _tip_colour(level: float) -> tuple[int, ...]:
+    """From the link's colour without contact to that of a full contact at level 1."""
     share = 0.0 if level <= 0.0 else 0.35 + 0.65 * min(level, 1.0)
     return tuple(round(a + share * (b - a)) for a, b in zip(_LINK, _FELT, strict=True))
 
 
 def _capsule(scene: Any, name: str, length: float, radius: float, colour: tuple) -> Any:
-    points, quads = capsule_mesh(length, radius)
-    return scene.add_mesh_simple(name, points.astype(np.float32), _triangles(quads), color=colour)
+    mesh = trimesh.creation.capsule(length, radius, count=(8, 12))
+    return scene.add_mesh_simple(name, mesh.vertices.astype(np.float32),
+                                 mesh.faces.astype(np.uint32), color=colour)
 
 
 def _lengths(points: np.ndarray) -> np.ndarray:

@@ -3,6 +3,7 @@
 import base64
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -16,35 +17,29 @@ from sweeps.run.store import Store
 from warpgrasp.geometry.body import Body
 
 PLACES = ("best", "median", "worst")
-UNIT_M = 1e-4  # coordinates go to the page as whole tenths of a millimetre
+UNIT_M = 1e-4  # of the whole numbers that stand for coordinates in the page
 
 
 @dataclass(frozen=True)
 class Picked:
-    """One episode of a strategy, by its rank among all."""
+    """One episode, and which of its strategy's it is: one of PLACES."""
 
     place: str
-    strategy: int
-    body: int
-    setting: int
-    episode: int
+    episode: Episode
     chamfer_mm: float
 
 
 def pick_episodes(plan: Plan, stores: Sequence[Store]) -> list[Picked]:
-    """Each strategy's best, median and worst by chamfer distance, over all objects, settings."""
+    """Each strategy's best, median and worst episode by chamfer distance, over all cells."""
     found: list[list[np.ndarray]] = [[] for _ in plan.study.strategies]
-    cells = iter(plan.study.cells())
     units = plan.units()
-    for strategy, body, setting in cells:
-        for _ in range(plan.block_count):
-            unit = next(units)
+    for strategy, body, setting in plan.study.cells():
+        for unit in islice(units, plan.block_count):
             rows = next((rows for store in stores if (rows := store.read(unit)) is not None), None)
             if rows is not None:
-                chamfer = values_of(rows, "chamfer_mm")
-                count = len(chamfer)
+                chamfer, same = values_of(rows, "chamfer_mm"), np.ones(len(rows["episode"]))
                 found[strategy].append(np.column_stack([
-                    chamfer, np.full(count, body), np.full(count, setting), rows["episode"]]))
+                    chamfer, body * same, setting * same, rows["episode"]]))
     picked = []
     for strategy, parts in enumerate(found):
         table = np.concatenate([np.zeros((0, 4)), *parts])
@@ -53,60 +48,55 @@ def pick_episodes(plan: Plan, stores: Sequence[Store]) -> list[Picked]:
         if len(table):
             for place, n in zip(PLACES, (0, (len(table) - 1) // 2, len(table) - 1), strict=True):
                 chamfer, body, setting, episode = table[n]
-                picked.append(Picked(place, strategy, int(body), int(setting), int(episode),
-                                     float(chamfer)))
+                picked.append(Picked(place, Episode(strategy, int(body), int(episode),
+                                                    int(setting)), float(chamfer)))
     return picked
 
 
 @dataclass(frozen=True)
 class Views:
-    """What the page draws, as plain data, and what a reader should know of it."""
+    """The data of the page's 3-D view, ready for JSON, and notes for the reader."""
 
     bodies: dict[str, Any]
     episodes: list[dict[str, Any]]
     notes: list[str]
 
 
-def make_views(plan: Plan, picked: Sequence[Picked], device: str = "cpu",
-               workers: int = 1,
+def make_views(plan: Plan, picked: Sequence[Picked], device: str = "cpu", workers: int = 1,
                say: Callable[[str], None] = lambda text: None) -> Views:
-    """Runs the picked episodes again; those that cannot be are told in the notes."""
+    """Runs the picked episodes again; notes name those that cannot be."""
     bodies: dict[str, Any] = {}
     episodes: list[dict[str, Any]] = []
-    left_out: list[str] = []
+    missing = {pick.episode: file_read(plan, pick.episode) for pick in picked}
+    shown = [pick for pick in picked if not missing[pick.episode]]
     differ = 0
-    shown: list[tuple[Picked, Episode]] = []
-    for pick in picked:
-        chosen = Episode(pick.strategy, pick.body, pick.episode, pick.setting)
-        if missing := file_read(plan, chosen):
-            left_out.append(missing)
-        else:
-            shown.append((pick, chosen))
-    blocks = rerun_all(plan, [chosen for _, chosen in shown], device, workers)
-    for number, ((pick, _), block) in enumerate(zip(shown, blocks, strict=True), 1):
+    blocks = rerun_all(plan, [pick.episode for pick in shown], device, workers)
+    for number, (pick, block) in enumerate(zip(shown, blocks, strict=True), 1):
         say(f"episode {number} of {len(shown)} for the 3-D views")
-        body = plan.study.objects[pick.body].name
+        body = plan.study.objects[pick.episode.body].name
         if body not in bodies:
             bodies[body] = body_data(block.body)
         evidence = block.exploration.belief.evidence
         again = float(block.scores.chamfer_m[0] * 1e3)
         differ += again != pick.chamfer_mm
         episodes.append({
-            "place": pick.place, "strategy": plan.study.strategies[pick.strategy].name,
-            "object": body, "episode": pick.episode, "chamfer_mm": round(again, 3),
+            "place": pick.place, "strategy": plan.study.strategies[pick.episode.strategy].name,
+            "object": body, "episode": pick.episode.episode, "chamfer_mm": round(again, 3),
             "iou": round(float(block.scores.iou[0]), 4), "status": str(block.status[0]),
             **episode_data(recovered_grid(block.recovered, rows=16), block.truth.body_pose[0],
                            evidence.points_m[0][evidence.mask[0]])})
-    notes = [f"{', '.join(sorted(set(left_out)))}: read from files that the study does not keep, "
-             "so that no episode of it is shown"] if left_out else []
+    notes = []
+    if files := ", ".join(sorted(set(missing.values()) - {""})):
+        notes.append(f"{files}: read from files that the study does not keep, so that no episode "
+                     "of it is shown")
     if differ:
-        notes.append(f"{differ} of the episodes shown came out otherwise than in the sweep (by "
-                     "other bits): this is another machine, or another version")
+        notes.append(f"{differ} of the episodes shown have other results than in the sweep: this "
+                     "is another machine, or another version")
     return Views(bodies, episodes, notes)
 
 
 def body_data(body: Body) -> dict[str, Any]:
-    """A true body, in its own frame."""
+    """A true body in its own frame, packed."""
     from warpgrasp.geometry.meshing import body_mesh
 
     vertices, faces = body_mesh(body, 24)
@@ -114,7 +104,7 @@ def body_data(body: Body) -> dict[str, Any]:
 
 
 def episode_data(grid: np.ndarray, pose: np.ndarray, felt: np.ndarray) -> dict[str, Any]:
-    """The recovered surface (row, column, 3) and the contacts, seen from the true body's frame."""
+    """The recovered surface (row, column, 3) and the contacts in the true body's frame, packed."""
     turn = Rotation.from_quat(pose[3:]).inv()
     return {"grid": _packed(turn.apply(grid.reshape(-1, 3) - pose[:3])),
             "rows": grid.shape[0], "columns": grid.shape[1],

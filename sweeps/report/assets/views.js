@@ -14,11 +14,11 @@ if (stage) {
     body.metres ??= metres(body.points);
     body.quads ??= quads(body.faces);
     const things = [];
-    if (shown("recovered")) things.push({points: metres(episode.grid), colour: "--t5",
+    if (shown("recovered")) things.push({points: metres(episode.grid), colour: "--recovered",
       faces: gridFaces(episode.rows, episode.columns)});
     if (shown("true")) things.push({points: body.metres, faces: body.quads, colour: "--soft",
       wire: true});
-    if (shown("contacts")) things.push({points: metres(episode.contacts), colour: "--t1",
+    if (shown("contacts")) things.push({points: metres(episode.contacts), colour: "--contact",
       dots: true});
     solids.show(things, frameOf(body.metres));
     const text = `${episode.strategy}, ${episode.place}: ${episode.object}, episode `

@@ -30,7 +30,7 @@ from sweeps.figures.contour import contour_figure, fill_axes
 from sweeps.figures.faces import faces_figure
 from sweeps.figures.forest import draw_forest
 from sweeps.figures.kinds import KINDS, Asked
-from sweeps.figures.style import COLUMN_IN, drawing, encode, figure, told_apart
+from sweeps.figures.style import COLUMN_IN, distinct_labels, drawing, encode, figure
 from sweeps.figures.taxels import PadTouch, draw_taxels, image_ellipse, taxels_figure
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
@@ -250,10 +250,10 @@ def test_contacts_of_an_episode_run_again(tmp_path: Path) -> None:
 
 def test_short_labels_still_tell_entries_apart() -> None:
     long = [f"coarse-to-fine [sensors.tendon_threshold_N={n}, fit.loss=none]" for n in (3, 6)]
-    names, keys = told_apart(long, 26)
+    names, keys = distinct_labels(long, 26)
     assert names == ["coarse-to-fine [3, none]", "coarse-to-fine [6, none]"]
     assert keys == "[sensors.tendon_threshold_N, fit.loss]"
-    names, _ = told_apart(long, 18)
+    names, _ = distinct_labels(long, 18)
     assert len(set(names)) == 2
-    assert told_apart(["ring6", "a name with [brackets]"], 30) == (
+    assert distinct_labels(["ring6", "a name with [brackets]"], 30) == (
         ["ring6", "a name with [brackets]"], "")

@@ -1,0 +1,68 @@
+"""Solids on three axes in millimetres, as the figures of bodies share them."""
+
+from typing import Any
+
+import numpy as np
+
+BODY, CONTACT, TRUE, FIT = "#9db7d5", "#b2182b", "#4d4d4d", "#2166ac"
+LIGHT = np.array([0.3, -0.6, 0.74])
+
+
+def direction(azimuth_deg: float, elevation_deg: float) -> np.ndarray:
+    """Unit vector from the origin towards azimuth and elevation."""
+    azimuth, elevation = np.radians([azimuth_deg, elevation_deg])
+    return np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth),
+                     np.sin(elevation)])
+
+
+def normals(faces: np.ndarray) -> np.ndarray:
+    """Unit normals of triangles or quadrilaterals (face, 3 or 4, 3), outward if anticlockwise."""
+    normal = np.cross(faces[:, 2] - faces[:, 0], faces[:, -1] - faces[:, 1])
+    return normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+
+
+def lit(faces: np.ndarray, colour: str, light: np.ndarray = LIGHT) -> np.ndarray:
+    """Colours of faces under a light from the direction `light`, (face, 3)."""
+    from matplotlib.colors import to_rgb
+
+    share = 0.55 + 0.45 * np.clip(normals(faces) @ light, 0.0, 1.0)
+    return np.array(to_rgb(colour)) * share[:, None]
+
+
+def draw_solid(axes: Any, faces: np.ndarray, eye: np.ndarray) -> None:
+    """Draws those faces (face, 4, 3) of a body that look towards the direction `eye`."""
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    faces = faces[normals(faces) @ eye > 0.0]
+    colours = lit(faces, BODY)
+    axes.add_collection3d(Poly3DCollection(
+        list(faces), facecolors=colours, edgecolors=colours, linewidths=0.3, zsort="average",
+        zorder=1), autolim=False)
+
+
+def visible(points: np.ndarray, faces: np.ndarray, eye: np.ndarray) -> np.ndarray:
+    """Which points are nearest to a face that looks towards the direction `eye`, (point,)."""
+    if len(points) == 0:
+        return np.zeros(0, bool)
+    middle = faces.mean(axis=1)
+    nearest = np.argmin(((points[:, None] - middle[None]) ** 2).sum(-1), axis=1)
+    return normals(faces)[nearest] @ eye > 0.0
+
+
+def set_box(axes: Any, low: np.ndarray, high: np.ndarray, zoom: float,
+            ticks: tuple[int, int, int] = (4, 4, 4)) -> None:
+    """Limits [mm] at equal scales, with labels and about `ticks` intervals on each axis."""
+    from matplotlib.ticker import MaxNLocator
+
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]),
+             xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
+    axes.set_box_aspect(tuple(high - low), zoom=zoom)
+    for axis, count in zip((axes.xaxis, axes.yaxis, axes.zaxis), ticks, strict=True):
+        axis.set_major_locator(MaxNLocator(count))
+
+
+def set_cube(axes: Any, cloud: np.ndarray, share: float, least_mm: float, zoom: float) -> None:
+    """A cube about points; half its side is `share` of their extent, or of `least_mm` if larger."""
+    low, high = cloud.min(axis=0), cloud.max(axis=0)
+    middle, half = (low + high) / 2, share * max((high - low).max(), least_mm)
+    set_box(axes, middle - half, middle + half, zoom)
