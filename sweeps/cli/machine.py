@@ -7,7 +7,7 @@ from sweeps.cli.app import Json, app, device_of
 
 @app.command
 def doctor(*, test: bool = True, json: Json = False) -> int:
-    """Say what is installed, where caches are, and whether it computes; 1 if something is wrong.
+    """Check the installation, the caches and the devices; exit with 1 if a check fails.
 
     Parameters
     ----------
@@ -36,15 +36,16 @@ def warmup(*, device: str = "cpu") -> int:
 
 
 @app.command
-def completion(shell: Literal["bash", "zsh"], /) -> int:
+def completion(shell: Literal["bash", "zsh", "fish"], /) -> int:
     """Print a script that completes commands and options: source <(warpgrasp completion bash).
 
     Parameters
     ----------
     shell
-        bash or zsh.
+        bash, zsh or fish.
     """
-    from sweeps.cli.completion import completion as script
-
-    print(script(shell), end="")
+    script = app.generate_completion(shell=shell)
+    if shell == "bash":  # words that match none of the choices complete as files
+        script = script.replace("complete -F", "complete -o default -F")
+    print(script, end="")
     return 0
