@@ -14,12 +14,12 @@ NO_DRIVER = b"Could not find or load the NVIDIA CUDA driver"
 ASKED = "WARPGRASP_QUIET"
 
 
-def ask_quiet() -> None:
+def set_quiet() -> None:
     """From now on no progress and no notes on stderr, here and in workers; errors still."""
     os.environ[ASKED] = "1"
 
 
-def quiet_asked() -> bool:
+def is_quiet() -> bool:
     """Whether `--quiet` was given, or WARPGRASP_QUIET=1 is set."""
     return os.environ.get(ASKED, "") not in ("", "0")
 
@@ -33,14 +33,14 @@ def quiet_stdout() -> Iterator[None]:
 
 def devices() -> list[str]:
     """The devices of this machine: cpu, cuda:0, ..."""
-    start_warp()
+    init_warp()
     import warp
 
     return [str(device) for device in warp.get_devices()]
 
 
 @cache
-def start_warp() -> None:
+def init_warp() -> None:
     """Starts Warp; on stderr comes what it says, but for the lack of a GPU driver."""
     import warp
 

@@ -14,7 +14,7 @@ from typing import Any
 from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
 from sweeps.analysis.text_table import print_table
 from sweeps.cli.app import DONE, SOME_FAILED
-from sweeps.output import devices, quiet_asked, write_atomic
+from sweeps.output import devices, is_quiet, write_atomic
 from sweeps.run.local_engine import UNIT_TIMEOUT_S, Options, run
 from sweeps.run.plan import Plan, plan_study
 from sweeps.run.progress import Progress, read_note
@@ -186,7 +186,7 @@ def _count_files(store: Store) -> int:
 
 
 def _say(text: str) -> None:
-    if quiet_asked():
+    if is_quiet():
         return
     print(text, file=sys.stderr, flush=True)
 

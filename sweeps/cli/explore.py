@@ -54,12 +54,12 @@ def explore(object_: str, /, *, strategy: str,
         from sweeps.report.replay import check_viser
 
         check_viser()
-    from sweeps.output import quiet_stdout, start_warp
+    from sweeps.output import init_warp, quiet_stdout
     from sweeps.spec.errors import StoreError
     from sweeps.spec.objects import object_of_argument
 
     with quiet_stdout():
-        start_warp()
+        init_warp()
         chosen = _strategy_of_argument(strategy)
         table = object_of_argument(object_, units)
         from sweeps.report.episode_files import explore as explore_object

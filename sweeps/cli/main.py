@@ -27,9 +27,9 @@ def main(arguments: list[str] | None = None) -> None:
 def run(arguments: list[str]) -> int:
     """Runs a command; the exit code comes back, user errors are one message on stderr."""
     if "--quiet" in arguments:
-        from sweeps.output import ask_quiet
+        from sweeps.output import set_quiet
 
-        ask_quiet()
+        set_quiet()
         arguments = [argument for argument in arguments if argument != "--quiet"]
     try:
         code = app(arguments or ["--help"], exit_on_error=False, print_error=False,

@@ -60,10 +60,10 @@ def paper(folder: Path, sizes: Sizes | None = None) -> int:
 
 
 def _alone() -> None:
-    from sweeps.output import start_warp
+    from sweeps.output import init_warp
     from warpgrasp.core.kernel_launch import set_thread_count
 
-    start_warp()
+    init_warp()
     set_thread_count(1)
 
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from sweeps.output import quiet_stdout, start_warp
+from sweeps.output import init_warp, quiet_stdout
 from sweeps.spec.errors import KeyPath, Problems, check_name, choose, short
 from sweeps.spec.study import FILE_KEYS, Body
 from warpgrasp.objects.catalogue_names import BODY_NAMES, NAME_LIMIT
@@ -87,7 +87,7 @@ def object_of_argument(what: str, units: str | None) -> dict[str, Any]:
 
 def _build(table: Mapping[str, Any], base_dir: Path) -> None:
     """Builds the object once; `ObjectError` if it cannot be, whatever its file made a reader do."""
-    start_warp()
+    init_warp()
     from warpgrasp.geometry.body import BodyError
     from warpgrasp.objects.catalogue import body_from_table  # heavy; names need no building
 

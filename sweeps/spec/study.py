@@ -117,24 +117,24 @@ class Study:
                         yield strategy, body, setting
 
 
-def _si_name(section: str, edge_name: str) -> str:
-    from sweeps.spec.units import edge_fields
+def _si_name(section: str, key: str) -> str:
+    from sweeps.spec.units import spec_fields
 
-    return edge_fields(SECTIONS[section])[edge_name].name
+    return spec_fields(SECTIONS[section])[key].name
 
 
-def with_strategy_value(strategy: Strategy, edge_name: str, value: Any) -> Strategy:
+def with_strategy_value(strategy: Strategy, key: str, value: Any) -> Strategy:
     """The strategy with a field or an option of its own, or of every waypoint family that has it,
     replaced."""
-    from sweeps.spec.units import edge_fields
+    from sweeps.spec.units import spec_fields
 
-    if edge_name in ("closings", "order", "refit_every", *BUDGET_KEYS):
-        return replace(strategy, **{edge_name: value})
-    if edge_name.startswith("options."):
-        option = edge_name.removeprefix("options.")
+    if key in ("closings", "order", "refit_every", *BUDGET_KEYS):
+        return replace(strategy, **{key: value})
+    if key.startswith("options."):
+        option = key.removeprefix("options.")
         return replace(strategy, options=tuple(
             (name, value if name == option else given) for name, given in strategy.options))
     return replace(strategy, waypoints=tuple(
-        replace(family, **{edge_fields(type(family))[edge_name].name: value})  # type: ignore
-        if edge_name in edge_fields(type(family)) else family
+        replace(family, **{spec_fields(type(family))[key].name: value})  # type: ignore
+        if key in spec_fields(type(family)) else family
         for family in strategy.waypoints))

@@ -22,11 +22,11 @@ _UNIT = re.compile(r"^(?P<stem>.*(?<!_N)(?<!_Nm)(?<!_per))_(?P<unit>m|rad)(?P<ra
 
 
 @dataclass(frozen=True)
-class EdgeField:
+class SpecField:
     """One field of a parameter table, as a spec writes it."""
 
     name: str  # in the table, SI
-    edge_name: str  # in a spec
+    key: str  # in a spec
     to_si: Callable[[float], float]
     from_si: Callable[[float], float]
     adapter: TypeAdapter[Any]
@@ -49,7 +49,7 @@ class EdgeField:
         return None
 
     @property
-    def edge_default(self) -> Any:
+    def spec_default(self) -> Any:
         """The default in edge units, rounded to what one would write; None if unset."""
         if self.default is None or self.to_si is _same:
             return _apply(_same, self.default)
@@ -57,11 +57,11 @@ class EdgeField:
 
 
 @cache
-def edge_fields(table: type) -> dict[str, EdgeField]:
+def spec_fields(table: type) -> dict[str, SpecField]:
     """Every field of a parameter dataclass, by its name in a spec."""
     hints = get_type_hints(table)
-    found = [_edge_field(f.name, hints[f.name], f.default, f.metadata) for f in fields(table)]
-    return {field.edge_name: field for field in found}
+    found = [_spec_field(f.name, hints[f.name], f.default, f.metadata) for f in fields(table)]
+    return {field.key: field for field in found}
 
 
 def read_table(table: type, values: Any, path: KeyPath, problems: Problems,
@@ -70,7 +70,7 @@ def read_table(table: type, values: Any, path: KeyPath, problems: Problems,
     if not isinstance(values, Mapping):
         problems.add(path, f"is {short(values)}; should be a table")
         return {}
-    known = edge_fields(table)
+    known = spec_fields(table)
     found: dict[str, Any] = {}
     for key, value in values.items():
         if key in ignore:
@@ -82,16 +82,16 @@ def read_table(table: type, values: Any, path: KeyPath, problems: Problems,
     return {name: value for name, value in found.items() if value is not None}
 
 
-def _edge_field(name: str, hint: Any, default: Any, metadata: Mapping[str, Any]) -> EdgeField:
+def _spec_field(name: str, hint: Any, default: Any, metadata: Mapping[str, Any]) -> SpecField:
     match = _UNIT.match(name)
     unit = match["unit"] if match else ""
     to_si, from_si = {"m": (_from_mm, _to_mm), "rad": (radians, degrees)}.get(unit, (_same, _same))
-    edge_name = name
+    key = name
     if match:
-        edge_name = f"{match['stem']}_{ {'m': 'mm', 'rad': 'deg'}[unit]}{match['rate'] or ''}"
+        key = f"{match['stem']}_{ {'m': 'mm', 'rad': 'deg'}[unit]}{match['rate'] or ''}"
     choices = tuple(metadata.get("choices", ()))
     annotation = _annotation(_without_none(hint), default, metadata, from_si)
-    return EdgeField(name, edge_name, to_si, from_si, TypeAdapter(annotation), choices, default,
+    return SpecField(name, key, to_si, from_si, TypeAdapter(annotation), choices, default,
                      metadata.get("doc", ""))
 
 
