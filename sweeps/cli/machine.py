@@ -1,4 +1,4 @@
-"""The commands about this machine: what is installed, what is compiled, its shell."""
+"""The commands for this machine: its installation, compiled programs and shell."""
 
 from typing import Literal
 

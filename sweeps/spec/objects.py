@@ -18,7 +18,7 @@ class ObjectError(ValueError):
 
 
 def read_objects(values: Any, base_dir: Path, problems: Problems) -> tuple[Body, ...]:
-    """Every object of a spec, built once to see that it can be."""
+    """Every object of a spec; each is built once to check it."""
     path: KeyPath = ("objects",)
     if not isinstance(values, list):
         problems.add(path, f"is {short(values)}; should be a list such as [\"block\"]")
@@ -79,14 +79,14 @@ def object_of_argument(what: str, units: str | None) -> dict[str, Any]:
         raise ObjectError(f"no object {what!r}; {choose(what, BODY_NAMES)}; or a mesh file with "
                         "--units m|cm|mm")
     if units is None:
-        raise ObjectError(f"{what}: a mesh wants its units: --units m, --units cm or --units mm")
+        raise ObjectError(f"{what}: a mesh needs its units: --units m, --units cm or --units mm")
     table = {"mesh": str(file.resolve()), "units": units, "name": file.stem[:NAME_LIMIT]}
     _build(table, Path())
     return table
 
 
 def _build(table: Mapping[str, Any], base_dir: Path) -> None:
-    """Builds the object once; `ObjectError` if it cannot be, whatever its file made a reader do."""
+    """Build the object once. Raises ObjectError for any failure, also of a reader."""
     init_warp()
     from warpgrasp.geometry.body import BodyError
     from warpgrasp.objects.catalogue import body_from_table  # heavy; names need no building

@@ -1,4 +1,4 @@
-"""A resolved study: what a spec says with every default filled in, and its list of cells."""
+"""A resolved study: a spec with all defaults filled in, and its cells."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -34,11 +34,11 @@ class Axis:
     """One factor of the settings: parallel lists of values for the keys it moves together.
 
     `sampled` axes (Sobol, Latin hypercube) are draws of a nuisance and are averaged over by
-    default; the others (grid, zip) tell leaderboard entries apart.
+    default; the others (grid, zip) define leaderboard entries.
     """
 
     keys: tuple[str, ...]
-    values: tuple[tuple[Any, ...], ...]  # one tuple a point, an entry a key, edge units
+    values: tuple[tuple[Any, ...], ...]  # one tuple a point, an entry a key, spec units
     si: tuple[tuple[Any, ...], ...]  # the same in SI
     sampled: bool = False
 
@@ -78,7 +78,7 @@ class Study:
         return max(1, min(len(self.objects), SIDE_BY_SIDE // self.head.episodes_per_cell))
 
     def setting(self, index: int) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Setting `index` in edge units and in SI; the last axis runs fastest."""
+        """Setting `index` in spec units and in SI; the last axis runs fastest."""
         edge: dict[str, Any] = {}
         si: dict[str, Any] = {}
         for axis in reversed(self.axes):

@@ -1,8 +1,8 @@
-"""Parameter tables as a spec writes them: one mechanism from dataclass fields to checked values.
+"""Units and checks of the parameter tables in a spec, derived from their dataclasses.
 
-Inside, every field is SI. At the edge lengths are written in `_mm` and angles in `_deg`, the unit
-in the name: `link_radius_m` is written `link_radius_mm`, `speed_rad_s` is `speed_deg_s`. Types,
-bounds and choices come from the dataclass itself, so there is no second table of numbers.
+The program uses SI units. In a spec, lengths are in mm and angles in degrees, and keys end in the
+unit: the field `link_radius_m` has the key `link_radius_mm`, and `speed_rad_s` has `speed_deg_s`.
+Types, bounds and choices come from the dataclass fields.
 """
 
 import re
@@ -23,7 +23,7 @@ _UNIT = re.compile(r"^(?P<stem>.*(?<!_N)(?<!_Nm)(?<!_per))_(?P<unit>m|rad)(?P<ra
 
 @dataclass(frozen=True)
 class SpecField:
-    """One field of a parameter table, as a spec writes it."""
+    """A field of a parameter table and its key in a spec."""
 
     name: str  # in the table, SI
     key: str  # in a spec
@@ -35,7 +35,7 @@ class SpecField:
     doc: str
 
     def read(self, value: Any, path: KeyPath, problems: Problems) -> Any:
-        """`value` checked and turned to SI; problems are noted, and answered with None."""
+        """The checked value in SI units, or None after adding its errors to `problems`."""
         if self.choices and not (isinstance(value, str) and value in self.choices):
             problems.add(path, f"is {short(value)}; {choose(value, self.choices)}")
             return None
@@ -50,7 +50,7 @@ class SpecField:
 
     @property
     def spec_default(self) -> Any:
-        """The default in edge units, rounded to what one would write; None if unset."""
+        """The default in the units of the spec, rounded to 10 digits; None if unset."""
         if self.default is None or self.to_si is _same:
             return _apply(_same, self.default)
         return _apply(lambda v: float(f"{self.from_si(v):.10g}"), self.default)
@@ -66,7 +66,7 @@ def spec_fields(table: type) -> dict[str, SpecField]:
 
 def read_table(table: type, values: Any, path: KeyPath, problems: Problems,
                ignore: tuple[str, ...] = ()) -> dict[str, Any]:
-    """The fields given in a spec's table, checked, in SI, by the dataclass's names."""
+    """The checked fields of a spec's table in SI units, keyed by the field names."""
     if not isinstance(values, Mapping):
         problems.add(path, f"is {short(values)}; should be a table")
         return {}
@@ -122,7 +122,7 @@ def _without_none(hint: Any) -> Any:
 
 
 def _message(detail: Any) -> str:
-    """A pydantic error in the house form: what it is, what would be right."""
+    """A pydantic error as a message: the given value, then what is expected."""
     said = detail["msg"]
     said = said.removeprefix("Input ").removeprefix("Value ")
     said = said[:1].lower() + said[1:]
