@@ -52,7 +52,7 @@ def _parameters() -> Iterator[str]:
     """Every number of the model as a spec writes it, from the tables that the simulator uses."""
     sys.path.insert(0, str(ROOT))
     from sweeps.spec.cell import SECTIONS
-    from sweeps.spec.units import edge_fields
+    from sweeps.spec.units import spec_fields
 
     yield ("# Every number of the model\n\nAs a spec sets and sweeps them (`[hand]`, then "
            "`link_radius_mm = 9`), with the default, the source and what is estimated: [paper] "
@@ -61,9 +61,9 @@ def _parameters() -> Iterator[str]:
     for section, table in SECTIONS.items():
         yield f"## {section}\n\n{_line(table.__doc__)}\n"
         yield "| key | default | meaning and source |\n|---|---|---|"
-        for field in edge_fields(table).values():
+        for field in spec_fields(table).values():
             choices = f" (one of {', '.join(field.choices)})" if field.choices else ""
-            yield f"| `{field.edge_name}` | {field.edge_default} | {_line(field.doc)}{choices} |"
+            yield f"| `{field.key}` | {field.spec_default} | {_line(field.doc)}{choices} |"
         yield ""
 
 

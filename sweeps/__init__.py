@@ -3,5 +3,5 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "output": ["ask_quiet", "devices", "quiet_asked", "quiet_stdout", "start_warp", "write_atomic"],
+    "output": ["set_quiet", "devices", "is_quiet", "quiet_stdout", "init_warp", "write_atomic"],
 })

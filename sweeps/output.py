@@ -1,4 +1,4 @@
-"""Keeps what libraries print out of results and messages."""
+"""Output streams, Warp's start, and atomic file writes."""
 
 import os
 import sys
@@ -8,40 +8,40 @@ from contextlib import contextmanager, redirect_stdout
 from functools import cache
 from pathlib import Path
 
-# Written by native code where a machine has no GPU; no setting of Warp's turns it off.
+# Printed by native code on machines without a GPU; Warp has no setting to suppress it.
 NO_DRIVER = b"Could not find or load the NVIDIA CUDA driver"
 
 ASKED = "WARPGRASP_QUIET"
 
 
-def ask_quiet() -> None:
-    """From now on no progress and no notes on stderr, here and in workers; errors still."""
+def set_quiet() -> None:
+    """Suppress progress and notes on stderr in this process and its workers; errors remain."""
     os.environ[ASKED] = "1"
 
 
-def quiet_asked() -> bool:
+def is_quiet() -> bool:
     """Whether `--quiet` was given, or WARPGRASP_QUIET=1 is set."""
     return os.environ.get(ASKED, "") not in ("", "0")
 
 
 @contextmanager
 def quiet_stdout() -> Iterator[None]:
-    """Sends what libraries print on stdout to stderr."""
+    """Redirect standard output to stderr, so that library output stays out of results."""
     with redirect_stdout(sys.stderr):
         yield
 
 
 def devices() -> list[str]:
     """The devices of this machine: cpu, cuda:0, ..."""
-    start_warp()
+    init_warp()
     import warp
 
     return [str(device) for device in warp.get_devices()]
 
 
 @cache
-def start_warp() -> None:
-    """Starts Warp; on stderr comes what it says, but for the lack of a GPU driver."""
+def init_warp() -> None:
+    """Initialize Warp and pass on its messages, except the one about a missing GPU driver."""
     import warp
 
     warp.config.log_level = warp.LOG_ERROR
@@ -63,7 +63,7 @@ def start_warp() -> None:
 
 
 def write_atomic(path: Path, content: bytes) -> None:
-    """Writes under a temporary name, syncs, renames, and syncs the folder."""
+    """Write a temporary file, sync it, rename it to `path`, and sync the folder."""
     temporary = path.with_name(f".{path.name}.{os.urandom(6).hex()}.tmp")
     try:
         with temporary.open("wb") as stream:

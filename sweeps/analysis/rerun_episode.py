@@ -10,7 +10,7 @@ import numpy as np
 
 from sweeps.analysis.entries import entries_of, entry_axes, setting_index
 from sweeps.analysis.leaderboard import make_leaderboard
-from sweeps.output import quiet_stdout, start_warp
+from sweeps.output import init_warp, quiet_stdout
 from sweeps.run.local_engine import as_a_worker
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
@@ -83,7 +83,7 @@ def rerun_all(plan: Plan, episodes: Sequence[Episode], device: str = "cpu",
         return
     with as_a_worker(), _pool(min(workers, len(tasks))) as pool:
         blocks = pool.map(_run, tasks)
-        start_warp()  # their bodies bring it here too
+        init_warp()  # their bodies bring it here too
         yield from blocks
 
 
@@ -102,7 +102,7 @@ def _pool(workers: int) -> ProcessPoolExecutor:
 
 def _quietly(function: Callable[[Any], Any], task: Any) -> Any:
     with quiet_stdout():
-        start_warp()
+        init_warp()
         return function(task)
 
 

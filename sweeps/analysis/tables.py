@@ -6,7 +6,7 @@ from pathlib import Path
 
 from sweeps.analysis.entries import check_metric
 from sweeps.analysis.text_table import TextTable, print_table
-from sweeps.output import quiet_asked, write_atomic
+from sweeps.output import is_quiet, write_atomic
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store, open_study
 from sweeps.spec.errors import StoreError
@@ -90,6 +90,6 @@ def table(folders: Sequence[Path], kind: str, out: Path | None, *, metric: str,
         except OSError as error:
             raise StoreError(f"{out}: cannot be written: {error.strerror}") from None
     print_table(made.header, made.rows, as_json)
-    for note in () if quiet_asked() else made.notes:
+    for note in () if is_quiet() else made.notes:
         print(f"note: {note}", file=sys.stderr)
     return 0

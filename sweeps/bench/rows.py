@@ -151,9 +151,9 @@ ROWS: dict[str, Callable[[str, int], Work]] = {
 def main(arguments: list[str]) -> None:
     """Measure one row and print it."""
     from sweeps.bench import peers as bench_peers
-    from sweeps.output import start_warp
+    from sweeps.output import init_warp
 
-    start_warp()
+    init_warp()
     row, of, batch = arguments[:3]
     rows = ROWS | bench_peers.PEERS
     work = rows[row](of, int(batch))

@@ -1,4 +1,4 @@
-"""The command line's app, on which the files `cli_*.py` hang their commands."""
+"""The command line's app, the checks of its arguments, and the exit codes."""
 
 import re
 from collections.abc import Iterable, Sequence

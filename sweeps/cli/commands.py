@@ -1,10 +1,12 @@
 """The commands that run or read a study: each answers with the process's exit code."""
 
+import csv
+import io
 import json
 import signal
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -12,7 +14,7 @@ from typing import Any
 from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
 from sweeps.analysis.text_table import print_table
 from sweeps.cli.app import DONE, SOME_FAILED
-from sweeps.output import devices, quiet_asked, write_atomic
+from sweeps.output import devices, is_quiet, write_atomic
 from sweeps.run.local_engine import UNIT_TIMEOUT_S, Options, run
 from sweeps.run.plan import Plan, plan_study
 from sweeps.run.progress import Progress, read_note
@@ -48,7 +50,7 @@ def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], dev
             kept = plan_of(store)  # the same study in its first spec's order: bootstraps go by it
             board = make_leaderboard(kept, [store])
             if store.damaged > before:  # seen only by reading every row
-                _say(f"{store.damaged - before} damaged units are done again; see {store.logs}")
+                _say(f"{store.damaged - before} damaged units are run again; see {store.logs}")
                 outcome = _run(plan, store, options, engine, address)
                 board = make_leaderboard(kept, [store])
             write_atomic(folder / "leaderboard.csv", board.csv())
@@ -73,7 +75,7 @@ def _run(plan: Plan, store: Store, options: Options, engine: str,
 
 
 def status(folder: Path, *, as_json: bool) -> int:
-    """Prints how far a study is; reads only what is there."""
+    """Print the progress of a study; nothing is written."""
     store = Store(folder)
     plan = plan_of(store)
     done = failed = 0
@@ -118,9 +120,55 @@ def leaderboard(folders: Sequence[Path], out: Path | None, *, metric: str,
     _show(board, as_json)
     for store in stores:
         if store.damaged:
-            _say(f"note: {store.damaged} damaged units were set aside; see {store.logs}; running "
-                 "the sweep again does them again")
+            _say(f"note: {store.damaged} damaged units were set aside; see {store.logs}; run "
+                 "the sweep again to repeat them")
     return DONE
+
+
+def sensitivity(
+    folder: Path, *, episodes: int | None, workers: int, spec: Path | None, as_json: bool
+) -> int:
+    """Run what is left of the study (or of `spec`, one of its kind), write and print the table.
+
+    `episodes` override those of the spec. Raises SpecError for a spec of another kind.
+    """
+    from sweeps.analysis.sensitivity import (
+        EPISODES as EPISODES_PER_CELL,
+    )
+    from sweeps.analysis.sensitivity import (
+        HEADER,
+        check_study,
+        sensitivity_spec,
+        sensitivity_table,
+    )
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = spec
+        if file is None:
+            file = folder / "sensitivity.toml"
+            write_atomic(file, sensitivity_spec(episodes=episodes or EPISODES_PER_CELL).encode())
+    except OSError as error:
+        raise StoreError(f"{folder}: cannot be written: {error.strerror or error}") from None
+    settings = [] if episodes is None else [f"episodes_per_cell={episodes}"]
+    plan = plan_study(read_spec(file, settings))
+    check_study(plan, file)
+    with redirect_stdout(io.StringIO()):  # a leaderboard of every setting would hide the table
+        code = sweep(file, folder, workers=workers, shard=(1, 1), device="cpu", settings=settings,
+                     as_json=False)
+    rows, notes = sensitivity_table(plan, Store(folder))
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([HEADER, *rows])
+    write_atomic(folder / "sensitivity.csv", text.getvalue().encode())
+    table = [HEADER, ("---",) * len(HEADER), *rows]
+    lines = ["<!-- written by `warpgrasp sensitivity`; do not edit -->", "",
+             "# Each constant over its bracket", "",
+             *("| " + " | ".join(row) + " |" for row in table), "", *(f"- {n}" for n in notes), ""]
+    write_atomic(folder / "sensitivity.md", "\n".join(lines).encode())
+    print_table(HEADER, rows, as_json)
+    for note in notes:
+        print(f"note: {note}", file=sys.stderr)
+    return code
 
 
 def _show(board: Leaderboard, as_json: bool) -> None:
@@ -138,7 +186,7 @@ def _count_files(store: Store) -> int:
 
 
 def _say(text: str) -> None:
-    if quiet_asked():
+    if is_quiet():
         return
     print(text, file=sys.stderr, flush=True)
 

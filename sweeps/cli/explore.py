@@ -1,11 +1,15 @@
-"""The commands for one episode, for points of your own, and for what there is to explore with."""
+"""The commands that need no study: one episode, a fit of points, lists, the robot as a file."""
 
+from math import radians
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
 from sweeps.cli.app import Json, UsageError, app, device_of
+
+if TYPE_CHECKING:
+    from strategies.strategy import Strategy
 
 
 @app.command
@@ -14,7 +18,7 @@ def explore(object_: str, /, *, strategy: str,
             seed: int = 0, yaw_deg: float | None = None, x_m: float = 0.45, y_m: float = 0.0,
             replay: Annotated[bool, Parameter(negative="")] = False,
             device: str = "cpu") -> int:
-    """Run one episode and write all that was felt: contacts, shape, a figure.
+    """Run one episode and write its contacts, the recovered shape and a figure.
 
     Parameters
     ----------
@@ -39,17 +43,60 @@ def explore(object_: str, /, *, strategy: str,
     device
         cpu, or cuda:0.
     """
-    from sweeps.cli import explore_command
-
     if not abs(yaw_deg or 0.0) < 1e6:
         raise UsageError(f"--yaw-deg: is {yaw_deg}; should be a finite number")
     _check_place("--x-m", x_m)
     _check_place("--y-m", y_m)
     if not 0 <= seed < 2**63:
         raise UsageError(f"--seed: is {seed}; should be a whole number from 0 to 2^63 - 1")
-    return explore_command.explore(
-        object_, strategy, out, units=units, seed=seed, yaw_deg=yaw_deg, x_m=x_m, y_m=y_m,
-        device=device_of(device), replay=replay)
+    device = device_of(device)
+    if replay:
+        from sweeps.report.replay import check_viser
+
+        check_viser()
+    from sweeps.output import init_warp, quiet_stdout
+    from sweeps.spec.errors import StoreError
+    from sweeps.spec.objects import object_of_argument
+
+    with quiet_stdout():
+        init_warp()
+        chosen = _strategy_of_argument(strategy)
+        table = object_of_argument(object_, units)
+        from sweeps.report.episode_files import explore as explore_object
+
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+            written = explore_object(
+                body_table=table, strategy=chosen, seed=seed,
+                yaw_rad=None if yaw_deg is None else radians(yaw_deg), x_m=x_m, y_m=y_m,
+                out=out, device=device, replay=replay)
+        except OSError as error:
+            raise StoreError(f"{out}: cannot be written: {error.strerror or error}") from None
+    for file in written:
+        print(file)
+    return 0
+
+
+def _strategy_of_argument(name: str) -> "Strategy":
+    """A ready-made strategy by its name, or a planner of the user's, as `mine.py:next_best`."""
+    from strategies.ready_made import STRATEGIES, TOUCHES
+    from sweeps.spec.errors import StoreError, choose
+
+    if name in STRATEGIES:
+        return STRATEGIES[name]
+    from strategies.planners.planner_file import PlannerError
+    from strategies.planners.registry import make_planner
+
+    try:
+        make_planner(name, {})
+    except PlannerError as error:
+        if ".py:" in name:
+            raise StoreError(f"--strategy: {error}") from None
+        raise StoreError(f"--strategy: no strategy {name!r}; {choose(name, STRATEGIES)}; or a "
+                         "function in a file, as mine.py:next_best") from None
+    from strategies.strategy import Strategy
+
+    return Strategy(name, call=name, touches=TOUCHES)
 
 
 def _check_place(name: str, value: float) -> None:
@@ -98,16 +145,18 @@ def fit(shape: Literal["superquadric", "plane", "revolution"], points: Path, /, 
 
 @app.command
 def objects(*, json: Json = False) -> int:
-    """List the objects there are.
+    """List the objects of the catalogue.
 
     Parameters
     ----------
     json
         Print JSON.
     """
-    from sweeps.cli import previews
+    from sweeps.analysis.text_table import print_table
+    from warpgrasp.objects.catalogue_names import BODY_NAMES
 
-    return previews.objects(as_json=json)
+    print_table(("object", "what"), list(BODY_NAMES.items()), json)
+    return 0
 
 
 @app.command
@@ -119,9 +168,11 @@ def strategies(*, json: Json = False) -> int:
     json
         Print JSON.
     """
-    from sweeps.cli import previews
+    from strategies.ready_made import STRATEGIES
+    from sweeps.analysis.text_table import print_table
 
-    return previews.strategies(as_json=json)
+    print_table(("strategy", "what"), [(s.name, s.doc) for s in STRATEGIES.values()], json)
+    return 0
 
 
 @app.command(name="export")

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from sweeps.output import quiet_stdout, start_warp, write_atomic
+from sweeps.output import init_warp, quiet_stdout, write_atomic
 from sweeps.spec.errors import StoreError
 from sweeps.spec.objects import object_of_argument
 from warpgrasp.geometry.body import BodyError
@@ -18,7 +18,7 @@ def export(file: Path, *, arm: bool, what: str | None, units: str | None) -> int
     if kind not in (".xml", ".urdf"):
         raise StoreError(f"{file}: ends in {kind or 'nothing'}; .xml writes MJCF, .urdf URDF")
     with quiet_stdout():
-        start_warp()
+        init_warp()
         files = _files(file, kind, arm, what, units)
     for path, text in files.items():
         try:

@@ -1,4 +1,4 @@
-"""The commands that look at a study: tables, figures, the report, an episode played again."""
+"""The commands that read a study: tables, figures, the report, a replay of an episode."""
 
 from pathlib import Path
 from typing import Annotated, Literal
@@ -11,13 +11,14 @@ TableKind = Literal["pairs", "objects", "confusion", "curves", "reach", "same-ti
                     "settings"]
 FigureKind = Literal["forest", "curves-touches", "curves-time", "pareto", "confusion", "settings",
                      "contacts", "faces", "contour", "taxels", "grasp"]
+"""Kinds of tables and figures: repeated here so that help and completion import neither."""
 
 
 @app.command
-def table(words: list[TableKind | Path], /, *,
+def table(words: list[TableKind | str], /, *,
           out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
           metric: str = "chamfer_mm", against: str | None = None, json: Json = False) -> int:
-    """Print what else a study tells: pairs, objects, curves, reach, same-time, pareto and more.
+    """Print a table of a study: paired tests, medians, recognition, curves, settings.
 
     Parameters
     ----------
@@ -43,7 +44,7 @@ def table(words: list[TableKind | Path], /, *,
 
 
 @app.command
-def figure(words: list[FigureKind | Path], /, *,
+def figure(words: list[FigureKind | str], /, *,
            out: Annotated[Path, Parameter(name=["--out", "-o"])],
            metric: str = "chamfer_mm", strategy: str | None = None,
            object_: Annotated[str | None, Parameter(name="--object")] = None,
@@ -107,7 +108,7 @@ def show(folders: list[Path], /, *, episode: int = 0, strategy: str | None = Non
          out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
          live: Annotated[bool, Parameter(negative="")] = False, port: int = 8080,
          device: str = "cpu") -> int:
-    """Play an episode again: arm, hand, object, contacts, and the shape believed.
+    """Replay an episode: arm, hand, object, contacts, and the recovered shape.
 
     Parameters
     ----------
@@ -132,6 +133,6 @@ def show(folders: list[Path], /, *, episode: int = 0, strategy: str | None = Non
     from sweeps.report import replay
 
     if out is None and not live:
-        raise UsageError("show: wants -o FILE.html, or --live")
+        raise UsageError("show: no output given; use -o FILE.html or --live")
     return replay.show(folders, out, strategy=strategy, body=object_, episode=episode,
                        live=live, port=port, device=device_of(device))

@@ -1,4 +1,4 @@
-"""The commands about this machine: what is installed, what is compiled, its shell."""
+"""The commands for this machine: its installation, compiled programs and shell."""
 
 from typing import Literal
 
@@ -7,7 +7,7 @@ from sweeps.cli.app import Json, app, device_of
 
 @app.command
 def doctor(*, test: bool = True, json: Json = False) -> int:
-    """Say what is installed, where caches are, and whether it computes; 1 if something is wrong.
+    """Check the installation, the caches and the devices; exit with 1 if a check fails.
 
     Parameters
     ----------
@@ -37,9 +37,7 @@ def warmup(*, device: str = "cpu") -> int:
 
 @app.command
 def completion(shell: Literal["bash", "zsh", "fish"], /) -> int:
-    """Print a script that completes commands and options in a shell.
-
-    Use it as `source <(warpgrasp completion bash)`.
+    """Print a script that completes commands and options: source <(warpgrasp completion bash).
 
     Parameters
     ----------
@@ -47,6 +45,7 @@ def completion(shell: Literal["bash", "zsh", "fish"], /) -> int:
         bash, zsh or fish.
     """
     script = app.generate_completion(shell=shell)
-    # Bash completes nothing but what the script says, unless asked to go on to file names.
-    print(script.replace("complete -F", "complete -o default -F"), end="")
+    if shell == "bash":  # words that match none of the choices complete as files
+        script = script.replace("complete -F", "complete -o default -F")
+    print(script, end="")
     return 0

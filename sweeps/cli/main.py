@@ -5,25 +5,11 @@ import sys
 
 from cyclopts import CycloptsError
 
-from sweeps.cli import (
-    explore as cli_explore,
-)
-from sweeps.cli import (
-    look as cli_look,
-)
-from sweeps.cli import (
-    machine as cli_machine,
-)
-from sweeps.cli import (
-    measure as cli_measure,
-)
-from sweeps.cli import (
-    study as cli_study,
-)
+from sweeps.cli import explore, look, machine, measure, study
 from sweeps.cli.app import BAD_USAGE, INTERRUPTED, OTHER_SPEC, SOME_FAILED, UsageError, app
 
 # Imported for the commands that they add to the app.
-GROUPS = (cli_study, cli_look, cli_explore, cli_measure, cli_machine)
+GROUPS = (study, look, explore, measure, machine)
 GARBAGE_AFTER = (500_000, 20, 20)
 """Objects made before the youngest are searched for garbage, and searches before older ones are.
 Imports make many objects and no garbage: Python's own 700 cost a tenth of a command's time, and a
@@ -41,9 +27,9 @@ def main(arguments: list[str] | None = None) -> None:
 def run(arguments: list[str]) -> int:
     """Runs a command; the exit code comes back, user errors are one message on stderr."""
     if "--quiet" in arguments:
-        from sweeps.output import ask_quiet
+        from sweeps.output import set_quiet
 
-        ask_quiet()
+        set_quiet()
         arguments = [argument for argument in arguments if argument != "--quiet"]
     try:
         code = app(arguments or ["--help"], exit_on_error=False, print_error=False,

@@ -1,4 +1,4 @@
-"""The commands that hold the simulator against something else."""
+"""The commands that measure: accuracy, sensitivity, speed, and the experiments of the paper."""
 
 from pathlib import Path
 from typing import Annotated
@@ -35,7 +35,7 @@ def validate(*, only: Annotated[list[str] | None, Parameter(negative="")] = None
 
 @app.command
 def paper(*, out: Annotated[Path, Parameter(name=["--out", "-o"])]) -> int:
-    """Run the experiments of Allen and Michelman 1990 beside what they printed.
+    """Repeat the experiments of Allen and Michelman 1990 and compare with their results.
 
     Parameters
     ----------
@@ -51,12 +51,12 @@ def paper(*, out: Annotated[Path, Parameter(name=["--out", "-o"])]) -> int:
 def sensitivity(*, out: Annotated[Path, Parameter(name=["--out", "-o"])],
                 episodes: int | None = None, workers: int = 1, spec: Path | None = None,
                 json: Json = False) -> int:
-    """Vary each estimated constant over its bracket; print what becomes of the ranking.
+    """Vary each estimated constant over its bracket; print the effect on the ranking.
 
     Parameters
     ----------
     out
-        The directory of the study; running again goes on where it stopped.
+        The directory of the study; a second run continues where the first stopped.
     episodes
         Of each strategy on each object under each setting; 16, or the spec's, if not given.
     workers
@@ -67,7 +67,7 @@ def sensitivity(*, out: Annotated[Path, Parameter(name=["--out", "-o"])],
     json
         Print the table as JSON.
     """
-    from sweeps.cli.sensitivity_command import sensitivity as run_sensitivity
+    from sweeps.cli.commands import sensitivity as run_sensitivity
 
     if episodes is not None:
         count_of(episodes, "--episodes")

@@ -1,5 +1,7 @@
 """The commands that run a study and rank it."""
 
+import sys
+from json import dumps
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -26,11 +28,20 @@ def init(spec: Path, /, *, force: Annotated[bool, Parameter(negative="")] = Fals
     spec
         The TOML file to write.
     force
-        Write over a file that is there.
+        Overwrite an existing file.
     """
-    from sweeps.cli import previews
+    from sweeps.output import write_atomic
+    from sweeps.spec.errors import StoreError
+    from sweeps.spec.template import spec_template
 
-    return previews.init(spec, force=force)
+    if spec.exists() and not force:
+        raise StoreError(f"{spec}: exists already; choose another name, or use --force")
+    try:
+        write_atomic(spec, spec_template().encode())
+    except OSError as error:
+        raise StoreError(f"{spec}: cannot be written: {error.strerror}") from None
+    print(f"{spec}: written; `warpgrasp check {spec}` shows its size and cost", file=sys.stderr)
+    return 0
 
 
 @app.command
@@ -46,9 +57,26 @@ def check(spec: Path, /, *, set_: Settings = None, json: Json = False) -> int:
     json
         Print JSON.
     """
-    from sweeps.cli import previews
+    from sweeps.run.estimate import estimate_cost
+    from sweeps.run.plan import plan_study
+    from sweeps.spec.reader import read_spec
 
-    return previews.check(spec, settings=set_ or [], as_json=json)
+    plan = plan_study(read_spec(spec, set_ or []))
+    study = plan.study
+    rows = {
+        "study": study.head.name, "hash": plan.hash, "strategies": f"{len(study.strategies)}",
+        "objects": f"{len(study.objects)}", "settings": f"{study.setting_count}",
+        "cells": f"{study.cell_count}",
+        "episodes": f"{study.cell_count * study.head.episodes_per_cell}",
+        "units": f"{plan.unit_count}", **dict(estimate_cost(plan)),
+    }
+    if json:
+        print(dumps(rows, indent=1))
+    else:
+        width = max(map(len, rows))
+        for name, value in rows.items():
+            print(f"{name.ljust(width)}  {value}")
+    return 0
 
 
 @app.command
@@ -64,7 +92,7 @@ def sweep(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])
     spec
         The study, a TOML file; `warpgrasp init` writes a template.
     out
-        The directory of the study; running again goes on where it stopped.
+        The directory of the study; a second run continues where the first stopped.
     workers
         Cores to use, one process each.
     shard
@@ -126,7 +154,7 @@ def leaderboard(folders: list[Path], /, *,
     metric
         What to rank by.
     by
-        What tells entries apart: strategy, object, swept keys, with commas between.
+        What defines an entry: strategy, object, swept keys, with commas between.
         Default: the strategy and the keys of [sweep.grid] and [sweep.zip].
     json
         Print JSON.

@@ -64,10 +64,10 @@ def compile_fits(device: str) -> float:
 def _run(strategies: tuple[str, ...], objects: tuple[str, ...], taper: bool, device: str) -> None:
     from strategies.ready_made import STRATEGIES
     from sweeps.episode.episodes import run_episodes
-    from sweeps.output import start_warp
+    from sweeps.output import init_warp
     from sweeps.spec.cell import Cell
 
-    start_warp()
+    init_warp()
     for strategy in strategies:
         for name in objects:
             cell = Cell(STRATEGIES[strategy], {"name": name}, name)
@@ -88,9 +88,9 @@ def _turn() -> None:
 
 def warmup(device: str) -> int:
     """The command."""
-    from sweeps.output import start_warp
+    from sweeps.output import init_warp
 
-    start_warp()
+    init_warp()
     print(f"kernels  {compile_kernels(device):6.1f} s", flush=True)
     print(f"fits     {compile_fits(device):6.1f} s")
     return 0

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from sweeps.analysis.text_table import TextTable
-from sweeps.output import start_warp, write_atomic
+from sweeps.output import init_warp, write_atomic
 from sweeps.paper.bottles import BOTTLES_HEADER, Followed, bottle_rows, follow_bottles
 from sweeps.paper.faces import (
     FACES_HEADER,
@@ -60,7 +60,7 @@ def paper(folder: Path, sizes: Sizes | None = None) -> int:
 def _use_one_thread() -> None:
     from warpgrasp.core.kernel_launch import set_thread_count
 
-    start_warp()
+    init_warp()
     set_thread_count(1)
 
 

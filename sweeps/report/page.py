@@ -15,7 +15,7 @@ from sweeps.analysis.confusion import Confusion, read_confusion
 from sweeps.analysis.curves import Curves, read_curves
 from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
 from sweeps.analysis.paired import Paired, read_paired
-from sweeps.output import quiet_asked, write_atomic
+from sweeps.output import is_quiet, write_atomic
 from sweeps.report.html import page, paragraph
 from sweeps.report.sections import (
     confusion_section,
@@ -119,5 +119,5 @@ def _environment(stores: Sequence[Store]) -> dict[str, Any]:
 
 
 def _say(text: str) -> None:
-    if not quiet_asked():
+    if not is_quiet():
         print(text, file=sys.stderr, flush=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from sweeps.output import quiet_asked, write_atomic
+from sweeps.output import is_quiet, write_atomic
 
 LINE_EVERY_S = 30.0
 NOTE_EVERY_S = 2.0
@@ -29,7 +29,7 @@ class Progress:
     def __init__(self, total: int, note: Path | None = None, quiet: bool = False) -> None:
         self.total = total
         self.note = note
-        self.quiet = quiet or quiet_asked()
+        self.quiet = quiet or is_quiet()
         self.kept_units = self.done_units = self.failed_units = self.episodes = 0
         self.before = 0  # units done when rates began to be told
         self.began = self.first = self.last = time.monotonic()

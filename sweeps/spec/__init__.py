@@ -9,5 +9,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "reader": ["read_spec"],
     "study": ["Axis", "Body", "FILE_KEYS", "Study", "StudyTable"],
     "template": ["spec_template"],
-    "units": ["edge_fields"],
+    "units": ["spec_fields"],
 })

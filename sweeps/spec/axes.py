@@ -13,7 +13,7 @@ from sweeps.spec.checks import check_swept_order
 from sweeps.spec.errors import KeyPath, Problem, Problems, SpecError, choose, short
 from sweeps.spec.strategies import REFIT, read_names, read_number
 from sweeps.spec.study import Axis
-from sweeps.spec.units import edge_fields
+from sweeps.spec.units import spec_fields
 
 KINDS = ("grid", "zip", "sobol", "lhs")
 POINT_LIMIT = 10**5  # points of one sampled axis
@@ -99,10 +99,10 @@ def _readers(strategies: Sequence[Strategy]) -> dict[str, Reader]:
     """How to check and convert one value of every key that can be swept."""
     readers: dict[str, Reader] = {f"{section}.{name}": field.read
                                   for section, table in SECTIONS.items()
-                                  for name, field in edge_fields(table).items()}
+                                  for name, field in spec_fields(table).items()}
     for strategy in strategies:
         for family in strategy.waypoints:
-            for name, field in edge_fields(type(family)).items():
+            for name, field in spec_fields(type(family)).items():
                 if name != "file":
                     readers.setdefault(f"strategy.{name}", field.read)
     for name in {name for strategy in strategies for name, _ in strategy.options}:

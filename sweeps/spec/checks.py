@@ -10,7 +10,7 @@ import numpy as np
 from sweeps.spec.cell import SECTIONS
 from sweeps.spec.errors import KeyPath, Problems
 from sweeps.spec.study import Axis, Study
-from sweeps.spec.units import edge_fields
+from sweeps.spec.units import spec_fields
 
 _PAIRS = (("arm", "limit_low_deg", "limit_high_deg"),
           ("hand", "flexion_low_deg", "flexion_high_deg"),
@@ -60,7 +60,7 @@ def check_swept_order(tables: Mapping[str, Any],
 
 def _set(tables: Mapping[str, Any], section: str, name: str) -> np.ndarray:
     """What a section has for a key, in SI, shape (1, number)."""
-    value = getattr(tables[section], edge_fields(SECTIONS[section])[name].name)
+    value = getattr(tables[section], spec_fields(SECTIONS[section])[name].name)
     return np.array(value, float).reshape(1, -1)
 
 
@@ -82,7 +82,7 @@ def check_pads(study: Study, problems: Problems) -> None:
         swept = [entry for point in chosen for entry in point]
         for key, _, si in swept:
             section, name = key.split(".")
-            field = edge_fields(SECTIONS[section])[name]
+            field = spec_fields(SECTIONS[section])[name]
             tables[section] = replace(tables[section], **{field.name: si})
         if wrong := tables["pads"].misfit(tables["hand"]):
             given = [path for key in KEYS if (path := tuple(key.split("."))) in problems.lines]

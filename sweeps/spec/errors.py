@@ -1,4 +1,4 @@
-"""What is wrong with a spec: all problems at once, each with its place and what would be right."""
+"""Errors of specs and studies. All problems of a spec are reported at once, each with its line."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ LISTED = 24  # names listed in full; longer lists are cut
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing wrong: `file:line`, the dotted key, and the sentence that says what."""
+    """One problem: `file:line`, the dotted key, and the message."""
 
     where: str
     key: str
@@ -46,14 +46,9 @@ class Problems:
                      if path[:n] in self.lines), 1)
         self.found.append(Problem(f"{self.file}:{line}", dotted(path), what))
 
-    def raise_if_any(self) -> None:
-        """Raises all that was found as one `SpecError`, in the order of the file."""
-        if self.found:
-            raise SpecError(sorted(self.found, key=lambda p: int(p.where.rpartition(":")[2])))
-
 
 def dotted(path: KeyPath) -> str:
-    """A path as one reads it: `strategy[1].waypoints.count`; odd keys in quotes."""
+    """A path as text, such as `strategy[1].waypoints.count`; unusual keys are quoted."""
     text = ""
     for part in path:
         if isinstance(part, int):
@@ -65,7 +60,7 @@ def dotted(path: KeyPath) -> str:
 
 
 def short(value: object, limit: int = 60) -> str:
-    """A value as a message shows it, cut to a bearable length."""
+    """The `repr` of a value, cut to `limit` characters."""
     try:
         text = repr(value)
     except ValueError:  # an integer of too many digits to print

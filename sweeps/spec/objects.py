@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from sweeps.output import quiet_stdout, start_warp
+from sweeps.output import init_warp, quiet_stdout
 from sweeps.spec.errors import KeyPath, Problems, check_name, choose, short
 from sweeps.spec.study import FILE_KEYS, Body
 from warpgrasp.objects.catalogue_names import BODY_NAMES, NAME_LIMIT
@@ -18,7 +18,7 @@ class ObjectError(ValueError):
 
 
 def read_objects(values: Any, base_dir: Path, problems: Problems) -> tuple[Body, ...]:
-    """Every object of a spec, built once to see that it can be."""
+    """Every object of a spec; each is built once to check it."""
     path: KeyPath = ("objects",)
     if not isinstance(values, list):
         problems.add(path, f"is {short(values)}; should be a list such as [\"block\"]")
@@ -79,15 +79,15 @@ def object_of_argument(what: str, units: str | None) -> dict[str, Any]:
         raise ObjectError(f"no object {what!r}; {choose(what, BODY_NAMES)}; or a mesh file with "
                         "--units m|cm|mm")
     if units is None:
-        raise ObjectError(f"{what}: a mesh wants its units: --units m, --units cm or --units mm")
+        raise ObjectError(f"{what}: a mesh needs its units: --units m, --units cm or --units mm")
     table = {"mesh": str(file.resolve()), "units": units, "name": file.stem[:NAME_LIMIT]}
     _build(table, Path())
     return table
 
 
 def _build(table: Mapping[str, Any], base_dir: Path) -> None:
-    """Builds the object once; `ObjectError` if it cannot be, whatever its file made a reader do."""
-    start_warp()
+    """Build the object once. Raises ObjectError for any failure, also of a reader."""
+    init_warp()
     from warpgrasp.geometry.body import BodyError
     from warpgrasp.objects.catalogue import body_from_table  # heavy; names need no building
 

@@ -1,4 +1,4 @@
-"""A resolved study: what a spec says with every default filled in, and its list of cells."""
+"""A resolved study: a spec with all defaults filled in, and its cells."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -34,11 +34,11 @@ class Axis:
     """One factor of the settings: parallel lists of values for the keys it moves together.
 
     `sampled` axes (Sobol, Latin hypercube) are draws of a nuisance and are averaged over by
-    default; the others (grid, zip) tell leaderboard entries apart.
+    default; the others (grid, zip) define leaderboard entries.
     """
 
     keys: tuple[str, ...]
-    values: tuple[tuple[Any, ...], ...]  # one tuple a point, an entry a key, edge units
+    values: tuple[tuple[Any, ...], ...]  # one tuple a point, an entry a key, spec units
     si: tuple[tuple[Any, ...], ...]  # the same in SI
     sampled: bool = False
 
@@ -78,7 +78,7 @@ class Study:
         return max(1, min(len(self.objects), SIDE_BY_SIDE // self.head.episodes_per_cell))
 
     def setting(self, index: int) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Setting `index` in edge units and in SI; the last axis runs fastest."""
+        """Setting `index` in spec units and in SI; the last axis runs fastest."""
         edge: dict[str, Any] = {}
         si: dict[str, Any] = {}
         for axis in reversed(self.axes):
@@ -117,24 +117,24 @@ class Study:
                         yield strategy, body, setting
 
 
-def _si_name(section: str, edge_name: str) -> str:
-    from sweeps.spec.units import edge_fields
+def _si_name(section: str, key: str) -> str:
+    from sweeps.spec.units import spec_fields
 
-    return edge_fields(SECTIONS[section])[edge_name].name
+    return spec_fields(SECTIONS[section])[key].name
 
 
-def with_strategy_value(strategy: Strategy, edge_name: str, value: Any) -> Strategy:
+def with_strategy_value(strategy: Strategy, key: str, value: Any) -> Strategy:
     """The strategy with a field or an option of its own, or of every waypoint family that has it,
     replaced."""
-    from sweeps.spec.units import edge_fields
+    from sweeps.spec.units import spec_fields
 
-    if edge_name in ("closings", "order", "refit_every", *BUDGET_KEYS):
-        return replace(strategy, **{edge_name: value})
-    if edge_name.startswith("options."):
-        option = edge_name.removeprefix("options.")
+    if key in ("closings", "order", "refit_every", *BUDGET_KEYS):
+        return replace(strategy, **{key: value})
+    if key.startswith("options."):
+        option = key.removeprefix("options.")
         return replace(strategy, options=tuple(
             (name, value if name == option else given) for name, given in strategy.options))
     return replace(strategy, waypoints=tuple(
-        replace(family, **{edge_fields(type(family))[edge_name].name: value})  # type: ignore
-        if edge_name in edge_fields(type(family)) else family
+        replace(family, **{spec_fields(type(family))[key].name: value})  # type: ignore
+        if key in spec_fields(type(family)) else family
         for family in strategy.waypoints))

@@ -8,7 +8,7 @@ from strategies.poses.waypoints import WAYPOINT_KINDS
 from strategies.ready_made import STRATEGIES
 from strategies.strategy import PROCEDURES
 from sweeps.spec.cell import SECTIONS
-from sweeps.spec.units import EdgeField, edge_fields
+from sweeps.spec.units import SpecField, spec_fields
 
 HEAD = """\
 # A study: strategies compared on objects. `warpgrasp check` explains what is wrong in it.
@@ -48,24 +48,24 @@ def spec_template() -> str:
              f"# order = {_toml(tuple(PROCEDURES))}",
              f"# Ready-made: {', '.join(STRATEGIES)}", "# Keys of each kind of waypoints:"]
     for kind, table in WAYPOINT_KINDS.items():
-        keys = ", ".join(f"{name} = {_toml(field.edge_default)}"
-                         for name, field in edge_fields(table).items())
+        keys = ", ".join(f"{name} = {_toml(field.spec_default)}"
+                         for name, field in spec_fields(table).items())
         lines.append(f"#   {{ kind = \"{kind}\", {keys} }}")
     for section, table in SECTIONS.items():
-        lines += ["", f"[{section}]", *_keys(edge_fields(table).values())]
+        lines += ["", f"[{section}]", *_keys(spec_fields(table).values())]
     return "\n".join([*lines, "", SWEEP])
 
 
 def _keys(fields: Any) -> Iterator[str]:
     for field in fields:
-        yield f"# {field.edge_name} = {_value(field)}  # {_meaning(field)}".rstrip(" #")
+        yield f"# {field.key} = {_value(field)}  # {_meaning(field)}".rstrip(" #")
 
 
-def _value(field: EdgeField) -> str:
-    return "..." if field.default is None else _toml(field.edge_default)
+def _value(field: SpecField) -> str:
+    return "..." if field.default is None else _toml(field.spec_default)
 
 
-def _meaning(field: EdgeField) -> str:
+def _meaning(field: SpecField) -> str:
     choices = f" (one of {', '.join(field.choices)})" if field.choices else ""
     return f"{field.doc}{choices}"
 

@@ -1,8 +1,8 @@
-"""Parameter tables as a spec writes them: one mechanism from dataclass fields to checked values.
+"""Units and checks of the parameter tables in a spec, derived from their dataclasses.
 
-Inside, every field is SI. At the edge lengths are written in `_mm` and angles in `_deg`, the unit
-in the name: `link_radius_m` is written `link_radius_mm`, `speed_rad_s` is `speed_deg_s`. Types,
-bounds and choices come from the dataclass itself, so there is no second table of numbers.
+The program uses SI units. In a spec, lengths are in mm and angles in degrees, and keys end in the
+unit: the field `link_radius_m` has the key `link_radius_mm`, and `speed_rad_s` has `speed_deg_s`.
+Types, bounds and choices come from the dataclass fields.
 """
 
 import re
@@ -22,11 +22,11 @@ _UNIT = re.compile(r"^(?P<stem>.*(?<!_N)(?<!_Nm)(?<!_per))_(?P<unit>m|rad)(?P<ra
 
 
 @dataclass(frozen=True)
-class EdgeField:
-    """One field of a parameter table, as a spec writes it."""
+class SpecField:
+    """A field of a parameter table and its key in a spec."""
 
     name: str  # in the table, SI
-    edge_name: str  # in a spec
+    key: str  # in a spec
     to_si: Callable[[float], float]
     from_si: Callable[[float], float]
     adapter: TypeAdapter[Any]
@@ -35,7 +35,7 @@ class EdgeField:
     doc: str
 
     def read(self, value: Any, path: KeyPath, problems: Problems) -> Any:
-        """`value` checked and turned to SI; problems are noted, and answered with None."""
+        """The checked value in SI units, or None after adding its errors to `problems`."""
         if self.choices and not (isinstance(value, str) and value in self.choices):
             problems.add(path, f"is {short(value)}; {choose(value, self.choices)}")
             return None
@@ -49,28 +49,28 @@ class EdgeField:
         return None
 
     @property
-    def edge_default(self) -> Any:
-        """The default in edge units, rounded to what one would write; None if unset."""
+    def spec_default(self) -> Any:
+        """The default in the units of the spec, rounded to 10 digits; None if unset."""
         if self.default is None or self.to_si is _same:
             return _apply(_same, self.default)
         return _apply(lambda v: float(f"{self.from_si(v):.10g}"), self.default)
 
 
 @cache
-def edge_fields(table: type) -> dict[str, EdgeField]:
+def spec_fields(table: type) -> dict[str, SpecField]:
     """Every field of a parameter dataclass, by its name in a spec."""
     hints = get_type_hints(table)
-    found = [_edge_field(f.name, hints[f.name], f.default, f.metadata) for f in fields(table)]
-    return {field.edge_name: field for field in found}
+    found = [_spec_field(f.name, hints[f.name], f.default, f.metadata) for f in fields(table)]
+    return {field.key: field for field in found}
 
 
 def read_table(table: type, values: Any, path: KeyPath, problems: Problems,
                ignore: tuple[str, ...] = ()) -> dict[str, Any]:
-    """The fields given in a spec's table, checked, in SI, by the dataclass's names."""
+    """The checked fields of a spec's table in SI units, keyed by the field names."""
     if not isinstance(values, Mapping):
         problems.add(path, f"is {short(values)}; should be a table")
         return {}
-    known = edge_fields(table)
+    known = spec_fields(table)
     found: dict[str, Any] = {}
     for key, value in values.items():
         if key in ignore:
@@ -82,16 +82,16 @@ def read_table(table: type, values: Any, path: KeyPath, problems: Problems,
     return {name: value for name, value in found.items() if value is not None}
 
 
-def _edge_field(name: str, hint: Any, default: Any, metadata: Mapping[str, Any]) -> EdgeField:
+def _spec_field(name: str, hint: Any, default: Any, metadata: Mapping[str, Any]) -> SpecField:
     match = _UNIT.match(name)
     unit = match["unit"] if match else ""
     to_si, from_si = {"m": (_from_mm, _to_mm), "rad": (radians, degrees)}.get(unit, (_same, _same))
-    edge_name = name
+    key = name
     if match:
-        edge_name = f"{match['stem']}_{ {'m': 'mm', 'rad': 'deg'}[unit]}{match['rate'] or ''}"
+        key = f"{match['stem']}_{ {'m': 'mm', 'rad': 'deg'}[unit]}{match['rate'] or ''}"
     choices = tuple(metadata.get("choices", ()))
     annotation = _annotation(_without_none(hint), default, metadata, from_si)
-    return EdgeField(name, edge_name, to_si, from_si, TypeAdapter(annotation), choices, default,
+    return SpecField(name, key, to_si, from_si, TypeAdapter(annotation), choices, default,
                      metadata.get("doc", ""))
 
 
@@ -122,7 +122,7 @@ def _without_none(hint: Any) -> Any:
 
 
 def _message(detail: Any) -> str:
-    """A pydantic error in the house form: what it is, what would be right."""
+    """A pydantic error as a message: the given value, then what is expected."""
     said = detail["msg"]
     said = said.removeprefix("Input ").removeprefix("Value ")
     said = said[:1].lower() + said[1:]

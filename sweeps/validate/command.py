@@ -9,7 +9,7 @@ from importlib import import_module
 from pathlib import Path
 
 from sweeps.analysis.text_table import print_table
-from sweeps.output import quiet_stdout, start_warp, write_atomic
+from sweeps.output import init_warp, quiet_stdout, write_atomic
 from sweeps.spec.errors import StoreError, choose
 from sweeps.validate.comparison import HEADER, Comparison, MissingEngine
 
@@ -27,7 +27,7 @@ def validate(only: Sequence[str], out: Path | None, *, poses: int, workers: int,
     rows: list[Comparison] = []
     missing = False
     with quiet_stdout():
-        start_warp()
+        init_warp()
         for name in only or CHECKS:
             print(f"{name} ...", file=sys.stderr, flush=True)
             try:

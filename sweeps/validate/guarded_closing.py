@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
-from sweeps.output import start_warp
+from sweeps.output import init_warp
 from sweeps.validate.comparison import Comparison
 from sweeps.validate.mujoco_hand import MujocoHand, MujocoStop, tension_differences
 from sweeps.validate.reference_finger import FingerEnergy
@@ -64,7 +64,7 @@ def compare_closing(poses: int = 24, workers: int = 2) -> list[Comparison]:
                 "joint limits kept": (0.0, True)}
     runs += [(name, PATHS[1:], some, *variant) for variant in variants.values()
              for name in _VARIED]
-    with ProcessPoolExecutor(workers, get_context("spawn"), initializer=start_warp) as pool:
+    with ProcessPoolExecutor(workers, get_context("spawn"), initializer=init_warp) as pool:
         tallies = list(pool.map(_tally, *zip(*runs, strict=True)))
     exact = _Tally()
     rows: list[Comparison] = []

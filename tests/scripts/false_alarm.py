@@ -16,7 +16,7 @@ import numpy as np
 
 from sweeps.analysis.leaderboard import make_leaderboard
 from sweeps.episode.episodes import run_episodes
-from sweeps.output import start_warp
+from sweeps.output import init_warp
 from sweeps.run.plan import plan_study
 from sweeps.run.store import Store
 from sweeps.run.unit_file import write_unit
@@ -45,7 +45,7 @@ if __name__ == "__main__":
     parser.add_argument("--first", type=int, default=0, help="first study seed")
     parser.add_argument("--episodes", type=int, default=8, help="of each copy on each object")
     given = parser.parse_args()
-    start_warp()
+    init_warp()
     held = 0
     for number, seed in enumerate(range(given.first, given.first + given.studies), 1):
         low, high = interval(seed, given.episodes)

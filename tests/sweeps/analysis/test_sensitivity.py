@@ -28,11 +28,11 @@ def test_the_spec_varies_one_constant_a_setting(tmp_path) -> None:
 
 def test_defaults_are_the_tables() -> None:
     from sweeps.spec.cell import SECTIONS
-    from sweeps.spec.units import edge_fields
+    from sweeps.spec.units import spec_fields
 
     for bracket in BRACKETS:
         section, name = bracket.key.split(".")
-        default = edge_fields(SECTIONS[section])[name].edge_default
+        default = spec_fields(SECTIONS[section])[name].spec_default
         assert np.allclose(default, bracket.default), bracket.key
 
 

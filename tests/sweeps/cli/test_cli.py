@@ -62,7 +62,7 @@ def test_a_sweep_ends_with_its_leaderboard(
     content[len(content) // 3] ^= 0xFF  # of values: some bytes of headers tell nothing
     unit.write_bytes(content)
     assert cli.run(["sweep", str(spec), "-o", str(out)]) == 0
-    assert "1 damaged units are done again" in capsys.readouterr().err
+    assert "1 damaged units are run again" in capsys.readouterr().err
     assert board.read_bytes() == (out / "leaderboard.csv").read_bytes()
 
     assert cli.run(["sweep", str(spec), "-o", str(out), "--set", "seed=8"]) == 3
@@ -125,7 +125,7 @@ def test_a_refused_sweep_changes_nothing(
     (["status", "OUT"], "holds no study"),
     (["leaderboard", "OUT"], "holds no study"),
     (["leaderboard", "SPEC"], "cannot be read"),
-    (["init", "SPEC"], "is there already"),
+    (["init", "SPEC"], "exists already"),
     (["init", "OUT/none/SPEC"], "cannot be written"),
 ])
 def test_bad_usage_ends_with_2_and_one_message(

@@ -45,13 +45,7 @@ def test_doctor_tests_itself(capsys: pytest.CaptureFixture[str]) -> None:
     assert "a sphere's radius is off by" in capsys.readouterr().out
 
 
-def completion(shell: str) -> str:
-    """The script that a user's shell reads."""
-    return subprocess.run([sys.executable, "-m", "sweeps", "completion", shell], check=True,
-                          capture_output=True, text=True).stdout
-
-
-def test_kinds_that_the_command_line_knows_are_those_there_are() -> None:
+def test_help_and_completion_know_every_kind() -> None:
     assert set(get_args(look.TableKind)) == set(tables.KINDS)
     assert set(get_args(look.FigureKind)) == set(figures.KINDS)
 
@@ -59,17 +53,20 @@ def test_kinds_that_the_command_line_knows_are_those_there_are() -> None:
 @pytest.mark.parametrize(("words", "expected"), [
     (["warpgrasp", "lea"], "leaderboard"), (["warpgrasp", "table", "x", "--ag"], "--against"),
     (["warpgrasp", "table", "x", "par"], "pareto")])
-def test_the_shell_completes(words: list[str], expected: str, tmp_path: Path) -> None:
-    line = (f"{completion('bash')}\nCOMP_WORDS=({' '.join(words)}); COMP_CWORD={len(words) - 1}; "
-            '_warpgrasp; echo "${COMPREPLY[@]}"')
+def test_the_shell_completes(words: list[str], expected: str, tmp_path: Path,
+                             capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["completion", "bash"]) == 0
+    line = (f"{capsys.readouterr().out}\nCOMP_WORDS=({' '.join(words)}); "
+            f"COMP_CWORD={len(words) - 1}; _warpgrasp; " 'echo "${COMPREPLY[@]}"')
     done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, check=True,
                           cwd=tmp_path)
     assert done.stdout.split() == [expected]
 
 
 @pytest.mark.parametrize("shell", ["zsh", "fish"])
-def test_other_shells_have_a_script_too(shell: str) -> None:
-    assert "leaderboard" in completion(shell)
+def test_other_shells_have_a_script(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["completion", shell]) == 0
+    assert "leaderboard" in capsys.readouterr().out
 
 
 def test_quiet_leaves_only_results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,

@@ -25,7 +25,8 @@ def modules_after(code: str, *arguments: str) -> set[str]:
 
 def test_explore_starts_without_what_only_compiling_needs() -> None:
     """jaxopt is for tracing programs, which are kept; none of its solvers is needed to run them."""
-    found = modules_after("import sweeps.cli.explore_command, sweeps.report.episode_files")
+    found = modules_after("import sweeps.cli.explore, sweeps.spec.objects, "
+                          "sweeps.report.episode_files")
     assert {"jax", "warp"} <= found
     assert not found & {"jaxopt", "scipy.optimize", "scipy.stats", "trimesh", "pandas", "pyarrow",
                         "pydantic"}

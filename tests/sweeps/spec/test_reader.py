@@ -18,7 +18,7 @@ from sweeps.spec.errors import Problems, SpecError
 from sweeps.spec.reader import read_spec
 from sweeps.spec.study import Study
 from sweeps.spec.template import spec_template
-from sweeps.spec.units import edge_fields
+from sweeps.spec.units import spec_fields
 from warpgrasp.objects.catalogue import body_from_table
 
 
@@ -52,18 +52,18 @@ def test_units_at_the_edge_become_si(tmp_path: Path) -> None:
 
 
 def test_compound_units_keep_their_names() -> None:
-    hand = edge_fields(SECTIONS["hand"])
+    hand = spec_fields(SECTIONS["hand"])
     assert {"joint_stiffness_Nm_rad", "skin_stiffness_N_m"} <= set(hand)
     assert hand["skin_stiffness_N_m"].to_si(5.0) == 5.0
 
 
 @pytest.mark.parametrize("table", [*SECTIONS.values(), *WAYPOINT_KINDS.values()])
 def test_every_default_passes_its_own_check(table: type) -> None:
-    for field in edge_fields(table).values():
+    for field in spec_fields(table).values():
         if field.default in (None, ""):
             continue
         problems = Problems("x", {})
-        given_value = field.edge_default
+        given_value = field.spec_default
         value = field.read(list(given_value) if isinstance(given_value, tuple) else given_value,
                            (), problems)
         assert not problems.found
@@ -75,7 +75,7 @@ def test_every_default_passes_its_own_check(table: type) -> None:
 
 @given(st.floats(0.011, 50.0))
 def test_lengths_round_trip(value: float) -> None:
-    field = edge_fields(SECTIONS["hand"])["link_radius_mm"]
+    field = spec_fields(SECTIONS["hand"])["link_radius_mm"]
     problems = Problems("x", {})
     read_back = field.read(value, (), problems)
     if 1.0 <= value <= 50.0:
@@ -383,7 +383,7 @@ def test_the_template_is_a_spec_that_names_every_key(tmp_path: Path) -> None:
     text = spec_template()
     assert read(tmp_path, text).cell_count == 12
     for table in (*SECTIONS.values(), *WAYPOINT_KINDS.values()):
-        for name in edge_fields(table):
+        for name in spec_fields(table):
             assert f"{name} = " in text
     uncommented = "\n".join(line.removeprefix("# ") if "_" in line.split("=")[0] and "..." not in
                             line and "{" not in line and "[object]" not in line and "=" in line
