@@ -2,7 +2,7 @@
 
 import ast
 import sys
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
@@ -30,7 +30,7 @@ def setup(app) -> None:
 
 
 def write_api(folder: Path) -> None:
-    """A page a package: every public function and class with its signature and docstring."""
+    """A page a package, by rooms: every public function, class and constant with its docstring."""
     folder.mkdir(exist_ok=True)
     (folder / "parameters.md").write_text("\n".join(_parameters()))
     names = "\n".join(PACKAGES)
@@ -39,13 +39,34 @@ def write_api(folder: Path) -> None:
         f"```{{toctree}}\n:maxdepth: 2\n\n{names}\n```\n")
     for package in PACKAGES:
         parts = [f"# {package}\n"]
-        for file in sorted((ROOT / package).rglob("*.py")):
-            tree = ast.parse(file.read_text())
-            module = ".".join(file.relative_to(ROOT).with_suffix("").parts)
-            entries = list(_entries(tree))
-            if entries and file.name != "__init__.py":
-                parts += [f"## {module}\n", _text(ast.get_docstring(tree) or ""), *entries]
+        for facade in sorted((ROOT / package).rglob("__init__.py")):
+            parts += _room(facade)
         (folder / f"{package}.md").write_text("\n".join(parts))
+
+
+def _room(facade: Path) -> Iterator[str]:
+    """A room: what its `__init__` says and names, then its files."""
+    room = ".".join(facade.parent.relative_to(ROOT).parts)
+    named = public_names(facade)
+    yield f"## {room}\n\n{ast.get_docstring(ast.parse(facade.read_text()))}\n"
+    if named:
+        yield f"`from {room} import ...`: " + ", ".join(
+            f"`{name}`" for names in named.values() for name in names) + ".\n"
+    for file in sorted(facade.parent.glob("*.py")):
+        tree = ast.parse(file.read_text())
+        entries = list(_entries(tree, named.get(file.stem, ())))
+        if entries and file.name != "__init__.py":
+            yield f"### {room}.{file.stem}\n"
+            yield _text(ast.get_docstring(tree) or "")
+            yield from entries
+
+
+def public_names(facade: Path) -> dict[str, list[str]]:
+    """The names that an `__init__` attaches, by the file they are defined in."""
+    for node in ast.walk(ast.parse(facade.read_text())):
+        if isinstance(node, ast.keyword) and node.arg == "submod_attrs":
+            return ast.literal_eval(node.value)
+    return {}
 
 
 def _parameters() -> Iterator[str]:
@@ -71,19 +92,29 @@ def _line(text: str | None) -> str:
     return " ".join((text or "").split()).replace("|", "\\|")
 
 
-def _entries(tree: ast.Module) -> Iterator[str]:
-    for node in tree.body:
-        if not isinstance(node, ast.FunctionDef | ast.ClassDef) or node.name.startswith("_"):
-            continue
-        if isinstance(node, ast.FunctionDef):
+def _entries(tree: ast.Module, constants: Collection[str]) -> Iterator[str]:
+    """Public functions and classes, and those of the `constants` that are assigned here."""
+    body = [inner for node in tree.body
+            for inner in (node.body if isinstance(node, ast.If) else [node])]
+    for node, after in zip(body, [*body[1:], ast.Pass()], strict=True):
+        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
             gives = f" -> {ast.unparse(node.returns)}" if node.returns else ""
-            sign = f"{node.name}({ast.unparse(node.args)}){gives}"
-        else:
+            sign, doc = f"{node.name}({ast.unparse(node.args)}){gives}", ast.get_docstring(node)
+        elif isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
             fields = [f"    {item.target.id}: {ast.unparse(item.annotation)}" for item in node.body
                       if isinstance(item, ast.AnnAssign) and isinstance(item.target, ast.Name)]
-            sign = "\n".join([f"class {node.name}", *fields])
+            sign, doc = "\n".join([f"class {node.name}", *fields]), ast.get_docstring(node)
+        elif isinstance(node, ast.Assign | ast.AnnAssign) and any(
+                isinstance(part, ast.Name) and part.id in constants
+                for target in getattr(node, "targets", [getattr(node, "target", None)])
+                for part in ast.walk(target)):
+            sign, doc = ast.unparse(node)[:400], None
+            if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant):
+                doc = str(after.value.value)
+        else:
+            continue
         yield f"```python\n{sign}\n```\n"
-        yield _text(ast.get_docstring(node) or "")
+        yield _text(doc or "")
 
 
 def _text(docstring: str) -> str:

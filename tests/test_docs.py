@@ -4,6 +4,7 @@ What takes long is left to the slow test, which is `make docs-commands`: every c
 a copy of the tree. Here each is parsed, and the light ones run on a stand-in of the simulator.
 """
 
+import importlib.util
 import os
 import re
 import shlex
@@ -176,3 +177,27 @@ def test_the_notebook_runs() -> None:
                             resources={"metadata": {"path": str(ROOT)}}).execute()
     shown = [output for cell in notebook.cells for output in cell.get("outputs", ())]
     assert any("image/png" in output.get("data", {}) for output in shown)
+
+
+def test_things_live_where_the_page_says() -> None:
+    text = (ROOT / "docs/where_things_live.md").read_text()
+    rows = re.findall(r"^\| .*\? \| `(.*?)` \| `(.*?)` \|$", text, re.MULTILINE)
+    assert len(rows) == 10
+    for file, name in rows:
+        assert re.search(rf"^(def|class) {name}\b", (ROOT / file).read_text(), re.MULTILINE), file
+
+
+def test_the_api_reference_names_what_every_facade_does(tmp_path: Path) -> None:
+    """With a docstring; a room's names stand in its facade, `__init__.py`."""
+    spec = importlib.util.spec_from_file_location("conf", ROOT / "docs/conf.py")
+    assert spec is not None
+    assert spec.loader is not None
+    conf = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(conf)
+    conf.write_api(tmp_path)
+    for facade in [file for package in conf.PACKAGES
+                   for file in sorted((ROOT / package).rglob("__init__.py"))]:
+        page = (tmp_path / f"{facade.relative_to(ROOT).parts[0]}.md").read_text()
+        for module, names in conf.public_names(facade).items():
+            for name in names:
+                assert re.search(rf"(class |def |^|\n){name}\b", page), f"{module}: {name}"
