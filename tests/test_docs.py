@@ -200,4 +200,4 @@ def test_the_api_reference_names_what_every_facade_does(tmp_path: Path) -> None:
         page = (tmp_path / f"{facade.relative_to(ROOT).parts[0]}.md").read_text()
         for module, names in conf.public_names(facade).items():
             for name in names:
-                assert re.search(rf"(class |def |^|\n){name}\b", page), f"{module}: {name}"
+                assert re.search(rf"```python\n[^`]*\b{name}\b", page), f"{module}: {name}"
