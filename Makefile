@@ -6,7 +6,7 @@ DEMO_EPISODES ?= 64
 DEMO_DIR ?= runs/demo
 WORKERS ?= 2
 
-.PHONY: demo bench test test-slow lint check validate paper-docs sensitivity-docs pictures docs docs-commands lock clean
+.PHONY: demo bench test test-slow lint check validate paper-docs sensitivity-docs studies-docs pictures figures docs docs-commands lock clean
 
 demo: $(VENV)/.installed  ## environment, install, the demo sweep, its leaderboard
 	$(BIN)/warpgrasp sweep sweeps/studies/demo.toml -o $(DEMO_DIR) --workers $(WORKERS) \
@@ -25,6 +25,28 @@ lint: $(VENV)/.installed
 check: lint test  ## everything a change must pass
 
 validate: $(VENV)/.installed-validate  ## beside MuJoCo, roboticstoolbox, trimesh, SciPy: docs/fidelity
+	$(BIN)/warpgrasp validate -o docs/fidelity
+
+paper-docs: $(VENV)/.installed  ## the paper's experiments anew: docs/paper
+	$(BIN)/warpgrasp paper -o docs/paper
+
+sensitivity-docs: $(VENV)/.installed  ## the sensitivity table anew: docs/fidelity
+	$(BIN)/warpgrasp sensitivity -o runs/sensitivity --workers $(WORKERS)
+	cp runs/sensitivity/sensitivity.csv runs/sensitivity/sensitivity.md docs/fidelity/
+
+pictures: $(VENV)/.installed  ## the picture of the README: docs/images
+	$(BIN)/python docs/overview.py docs/images/overview.png
+
+figures: $(VENV)/.installed  ## collect every measured figure; fill README and docs from them
+	$(BIN)/python docs/measured.py
+
+studies-docs: $(VENV)/.installed  ## run the studies that ship; their leaderboards go to docs/studies
+	for study in sweeps/studies/*.toml; do name=$$(basename $$study .toml); \
+		$(BIN)/warpgrasp sweep $$study -o runs/studies/$$name --workers $(WORKERS) && \
+		cp runs/studies/$$name/leaderboard.csv docs/studies/$$name.csv || exit 1; done
+	$(BIN)/python docs/measured.py
+
+$(VENV)/.installed-validate  ## beside MuJoCo, roboticstoolbox, trimesh, SciPy: docs/fidelity
 	$(BIN)/warpgrasp validate -o docs/fidelity
 
 paper-docs: $(VENV)/.installed  ## the paper's experiments anew: docs/paper

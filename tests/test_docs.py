@@ -130,10 +130,11 @@ def test_everything_runs() -> None:
     assert done.returncode == 0, done.stdout
 
 
-def test_the_newcomer_needs_no_step_that_the_readme_does_not_have() -> None:
+def test_the_newcomer_needs_no_step_that_readme_and_first_hour_do_not_have() -> None:
     script = (ROOT / "examples/newcomer.sh").read_text()
     steps = re.findall(r"^step (.*)$", script, re.MULTILINE)
-    asked = [block.text for block in blocks() if block.page == "README.md"]
+    asked = [block.text for block in blocks()
+             if block.page in ("README.md", "docs/first_hour.md", "first_hour.md")]
     assert len(steps) >= 7
     assert [step for step in steps if step not in asked] == []
 
@@ -153,7 +154,7 @@ def test_readme_links_lead_somewhere() -> None:
     text = (ROOT / "README.md").read_text()
     targets = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", text)
     pictures = re.findall(r'src="([^"]+)"', text)
-    assert len(pictures) >= 2
+    assert len(pictures) >= 1
     for target in targets + pictures:
         assert (ROOT / target).exists(), target
     assert all((ROOT / picture).stat().st_size < 200_000 for picture in pictures)

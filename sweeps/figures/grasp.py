@@ -37,7 +37,7 @@ def grasp_figure(replay: Replay, name: str) -> "Figure":
     low, high = replay.body_m.min(0), replay.body_m.max(0)
     foot = np.array([*((low + high) / 2)[:2], 0.0])
     dot = trimesh.creation.icosphere(subdivisions=1, radius=_DOT_M).triangles
-    solids = [(replay.body_m[replay.body_faces], _BODY), *_hand(replay, frame),
+    solids = [(replay.body_m[replay.body_faces], _BODY), *hand_solids(replay, frame),
               *((at + dot, _CONTACT) for at in replay.contacts_m[:frame.contacts])]
     way = Rotation.from_quat(frame.hand_turn).apply([0.0, 0.0, 1.0])
     azimuth = float(np.degrees(np.arctan2(way[1], way[0]))) + 75.0  # the hand is seen from a side
@@ -64,7 +64,7 @@ def grasp_figure(replay: Replay, name: str) -> "Figure":
     return drawn
 
 
-def _hand(replay: Replay, frame: Frame) -> list[tuple[np.ndarray, str]]:
+def hand_solids(replay: Replay, frame: Frame) -> list[tuple[np.ndarray, str]]:
     """Triangles (face, 3, 3) of the palm and of each link, with their colours."""
     turn, palm = Rotation.from_quat(frame.hand_turn), frame.palm_m
     box = trimesh.creation.box(extents=PALM_M).subdivide().subdivide()
