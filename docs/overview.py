@@ -4,6 +4,7 @@ From left to right: the hand on an object, the contacts with the body recovered 
 pose, the same after twelve, and the error against touches for three ways to choose the poses.
 """
 
+import io
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from PIL import Image
 
 from strategies.poses.waypoints import Ring
 from strategies.ready_made import STRATEGIES
@@ -18,7 +20,7 @@ from strategies.strategy import Strategy
 from sweeps.episode.episodes import run_block, run_episodes
 from sweeps.figures.grasp import hand_solids
 from sweeps.figures.replay_frames import Replay, make_replay
-from sweeps.figures.solids import BODY, CONTACT, direction, lit
+from sweeps.figures.solids import CONTACT, direction, lit
 from sweeps.figures.style import COLOURS, drawing, encode, figure
 from sweeps.output import init_warp
 from sweeps.spec.cell import Cell
@@ -87,7 +89,7 @@ def overview() -> bytes:
             half, tall = (105.0, 200.0) if number == 0 else (70.0, 140.0)
             axes.set(xlim=(-half, half), ylim=(-half, half), zlim=(0, tall))
             axes.set_box_aspect((2 * half, 2 * half, tall), zoom=1.5)
-            axes.set_title(title, y=-0.04)
+            axes.set_title(title, y=-0.18)
             if number == 0:
                 draw_hand(axes, replay)
             else:
@@ -100,7 +102,10 @@ def overview() -> bytes:
         curve.set(xlabel="touches", ylabel="mean surface error [mm]", ylim=(0, None), xlim=(0, 96))
         curve.set_title("which sequence of poses?")
         curve.legend()
-    return encode(drawn, "png")
+    small = io.BytesIO()
+    Image.open(io.BytesIO(encode(drawn, "png"))).convert("RGB").quantize(96).save(
+        small, "png", optimize=True)
+    return small.getvalue()
 
 
 if __name__ == "__main__":
