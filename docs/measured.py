@@ -31,6 +31,8 @@ from collections.abc import Iterator
 from fnmatch import fnmatchcase
 from pathlib import Path
 
+from sweeps.bench import bench_table
+
 DOCS = Path(__file__).parent
 FIGURES = DOCS / "figures.json"
 FIGURE = re.compile(r"<!--=(\S+) (\S+?)-->(.*?)<!--=-->", re.DOTALL)
@@ -43,8 +45,8 @@ def pages() -> list[Path]:
     """README and the pages that are written by hand."""
     generated = {"paper", "fidelity", "api"}
     return [DOCS.parent / "README.md", *sorted(
-        page for page in DOCS.rglob("*.md")
-        if not generated & set(page.relative_to(DOCS).parts[:-1]))]
+        page for page in DOCS.rglob("*.md") if page.name != "speed_table.md"
+        and not generated & set(page.relative_to(DOCS).parts[:-1]))]
 
 
 def collect() -> dict[str, float]:
@@ -67,10 +69,15 @@ def _rows(file: Path) -> list[dict[str, str]]:
 
 
 def _bench() -> Iterator[tuple[str, float]]:
-    for line in map(json.loads, (DOCS / "bench.jsonl").read_text().splitlines()):
+    lines = [json.loads(line) for line in (DOCS / "bench.jsonl").read_text().splitlines()]
+    for line in lines:
         name = ".".join(str(line[key]) for key in ("row", "of", "batch", "threads") if key in line)
         yield from _numbers(f"bench.{name}", {
             key: value for key, value in line.items() if key not in ("batch", "threads")})
+    # Ours over theirs by processor time, as the bench's own table has them.
+    for line in lines:
+        if (ratio := bench_table.ratio(line, lines)) is not None:
+            yield f"bench.{line['row']}.{line['of']}.ratio", ratio
 
 
 def _paper() -> Iterator[tuple[str, float]]:
@@ -123,6 +130,10 @@ def main() -> int:
     """Writes `figures.json` and the pages."""
     figures = collect()
     FIGURES.write_text(json.dumps(figures, indent=0) + "\n")
+    lines = [json.loads(line) for line in (DOCS / "bench.jsonl").read_text().splitlines()]
+    (DOCS / "speed_table.md").write_text(
+        "<!-- written by `make figures` from bench.jsonl; do not edit -->\n\n"
+        "# One run of the whole benchmark\n\n" + bench_table.markdown(lines))
     for page in pages():
         text = page.read_text()
         try:

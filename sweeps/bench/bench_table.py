@@ -59,16 +59,21 @@ def _rate(line: Line, key: str) -> str:
     return f"{value:,.0f}" if value >= 100 else f"{value:.3g}"
 
 
-def _ratio(line: Line, lines: Sequence[Line]) -> str:
-    """Of our row that does the same work."""
+def ratio(line: Line, lines: Sequence[Line]) -> float | None:
+    """Our rate over that of a peer's `line`, by processor time; None without a row of ours."""
     wanted = {"mujoco_rollout": ("same_closing", "-"), "numba_closing": ("same_closing", "-"),
-              "jax_closing": ("same_closing", "-"), "scipy_fits": ("fits", line["of"]),
+              "jax_closing": ("same_closing", "-"), "scipy_fits": ("fits", line.get("of")),
               "trimesh_distances": ("trimesh_distances", "ours"),
-              "mujoco_scipy_episode": ("episodes", line["of"])}.get(line["row"])
+              "mujoco_scipy_episode": ("episodes", line.get("of"))}.get(line["row"])
     ours = next((v for v in lines if (v["row"], v.get("of")) == wanted and "failed" not in v), None)
-    if ours is None or ours is line or "failed" in line:
-        return ""
-    return f"{ours['per_cpu_s'] / line['per_cpu_s']:,.1f}"
+    if line["row"] not in PEERS or ours is None or ours is line or "failed" in line:
+        return None
+    return ours["per_cpu_s"] / line["per_cpu_s"]
+
+
+def _ratio(line: Line, lines: Sequence[Line]) -> str:
+    found = ratio(line, lines)
+    return "" if found is None else f"{found:,.1f}"
 
 
 def _notes(line: Line) -> str:
