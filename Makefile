@@ -46,20 +46,6 @@ studies-docs: $(VENV)/.installed  ## run the studies that ship; their leaderboar
 		cp runs/studies/$$name/leaderboard.csv docs/studies/$$name.csv || exit 1; done
 	$(BIN)/python docs/measured.py
 
-$(VENV)/.installed-validate  ## beside MuJoCo, roboticstoolbox, trimesh, SciPy: docs/fidelity
-	$(BIN)/warpgrasp validate -o docs/fidelity
-
-paper-docs: $(VENV)/.installed  ## the paper's experiments anew: docs/paper
-	$(BIN)/warpgrasp paper -o docs/paper
-
-sensitivity-docs: $(VENV)/.installed  ## the sensitivity table anew: docs/fidelity
-	$(BIN)/warpgrasp sensitivity -o runs/sensitivity --workers $(WORKERS)
-	cp runs/sensitivity/sensitivity.csv runs/sensitivity/sensitivity.md docs/fidelity/
-
-pictures: demo  ## the pictures of the README anew, from the demo's study: docs/images
-	$(BIN)/warpgrasp figure $(DEMO_DIR) forest -o docs/images/leaderboard.svg
-	$(BIN)/warpgrasp figure $(DEMO_DIR) grasp --object lightbulb --episode 4 -o docs/images/grasp.png
-
 $(VENV)/.installed-validate: $(VENV)/.installed requirements-validate.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-validate.lock
 	touch $@

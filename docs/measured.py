@@ -69,15 +69,10 @@ def _rows(file: Path) -> list[dict[str, str]]:
 
 
 def _bench() -> Iterator[tuple[str, float]]:
-    lines = [json.loads(line) for line in (DOCS / "bench.jsonl").read_text().splitlines()]
-    for line in lines:
+    for line in map(json.loads, (DOCS / "bench.jsonl").read_text().splitlines()):
         name = ".".join(str(line[key]) for key in ("row", "of", "batch", "threads") if key in line)
         yield from _numbers(f"bench.{name}", {
             key: value for key, value in line.items() if key not in ("batch", "threads")})
-    # Ours over theirs by processor time, as the bench's own table has them.
-    for line in lines:
-        if (ratio := bench_table.ratio(line, lines)) is not None:
-            yield f"bench.{line['row']}.{line['of']}.ratio", ratio
 
 
 def _paper() -> Iterator[tuple[str, float]]:

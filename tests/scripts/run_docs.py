@@ -81,7 +81,7 @@ def is_name(block: Block) -> bool:
     """
     from cyclopts import MissingArgumentError
 
-    from sweeps.cli.app import app
+    from sweeps.cli.main import app
 
     words = block.text.split()
     if not block.inline or words[0] != "warpgrasp" or len(words) != 2 or words[1][0] == "-":
