@@ -1,4 +1,4 @@
-"""An episode's one loop, for a whole batch: ask the strategy, probe, fuse what was felt, fit anew.
+"""The loop of an episode, for a whole batch: ask the planner, probe, gather evidence, fit.
 
     belief → strategy → probes → guarded moves → evidence → fits → belief → ...
 

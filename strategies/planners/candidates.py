@@ -39,7 +39,7 @@ def candidate_poses(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Hand poses (world, candidate, 7) and whether the arm reaches them, bool (world, candidate).
 
-    They stand about the body believed, or about what was told (`about` "told"); about one larger
+    They stand about the recovered body, or about the prior (`about` "told"); about one larger
     all around by `margin_m` (world,).
     """
     cylinder = belief.told

@@ -129,7 +129,7 @@ class _Field:
 
 def parameter_prior(body: Superquadric) -> np.ndarray:
     """Standard deviations of the tangent `fit.superquadric.uncertainty.TANGENT` before any touch,
-    (world, 15), of a body that stands on the table near a told place [est]."""
+    (world, 15), of a body that stands on the table near the prior place [est]."""
     axes = matrix_of_quaternion(body.quaternion_xyzw)
     upright = np.abs(axes[:, 2]).argmax(1)
     one = np.ones(len(axes))

@@ -66,7 +66,7 @@ def contour_to_follow(
     centre = stands.centre_m
     # The line's foot: where it meets the table.
     foot = centre - way * (centre[:, 2] / np.maximum(way[:, 2], 0.5))[:, None]
-    # A fit to few contacts may flare out: no wider than was told, and what that may err by.
+    # A fit to few contacts may flare out: no wider than the prior and its error.
     radius = np.minimum(stands.radius_m, belief.told.radius_m + TOLD_MARGIN_M / 2)
     axis = Axis(foot, way, stands.top_m / np.maximum(way[:, 2], 0.5), radius)
     if table.axis_error_rad > 0:
@@ -103,7 +103,7 @@ def decide(belief: Belief, table: DecideTable) -> tuple[np.ndarray, np.ndarray]:
 def turned(belief: Belief, table: DecideTable, rows: np.ndarray) -> np.ndarray:
     """Whether a surface of revolution explains the touches about as well as the superquadric.
 
-    The exponent alone may be told wrong by few touches, or by a body that no superquadric is; on a
+    The exponent alone may be wrong with few touches, or for a body that no superquadric is; on a
     block or a wedge no surface of revolution comes near all touches. Asked of the worlds `rows`
     (row,) alone, for it takes a fit; bool (row,).
     """

@@ -1,6 +1,6 @@
 """The ceiling: a strategy that sees what no robot can, how good each next touch would turn out.
 
-It tries every candidate on a copy of the episode, noise and all, is told the true error of the body
+It tries every candidate on a copy of the episode, noise included, reads the true error of the body
 fitted afterwards, and takes the best. Greedy, so not the best sequence there is, but no honest
 strategy that chooses among the same candidates knows as much at any step.
 """

@@ -33,7 +33,7 @@ _RUN: dict[Path, PlannerFile] = {}
 
 
 def planner_file(file: Path) -> PlannerFile:
-    """A file of planners, run anew where it changed, or one beside it. Raises PlannerError."""
+    """A file of planners, run again if it or a file beside it has changed. Raises PlannerError."""
     try:
         content = file.read_bytes()
     except OSError as error:

@@ -1,9 +1,9 @@
-"""The body a planner goes by while little was felt: what was felt and what was told, in one fit.
+"""The body that a planner uses with few contacts: contacts and prior in one fit.
 
-A superquadric fitted to the contacts of a grasp or two may lie anywhere beside them, and the told
-cylinder alone stays where it was told however clearly touches contradict it. So points of the told
-cylinder's surface join the contacts, as uncertain as what was told: they say what no touch has said
-yet, and nothing any more where touches have.
+A superquadric fitted to the contacts of a grasp or two may lie anywhere beside them, and the prior
+cylinder alone stays in its place however clearly contacts contradict it. Therefore points of the
+prior's surface join the contacts, with the uncertainty of the prior: they say what no touch has
+said yet, and nothing any more where touches have.
 """
 
 from dataclasses import replace
@@ -67,7 +67,7 @@ def planning_belief(
 
 
 def told_surface(told: BoundingCylinder) -> np.ndarray:
-    """Points on sides and top of told cylinders, (world, point, 3) [m]."""
+    """Points on sides and top of prior cylinders, (world, point, 3) [m]."""
     angle = 2 * pi * np.arange(_AROUND) / _AROUND
     share = np.concatenate([np.repeat((np.arange(_LEVELS) + 0.5) / _LEVELS, _AROUND),
                             np.ones(1 + _AROUND // 2)])

@@ -1,4 +1,4 @@
-"""From waypoint families to hand poses, for a whole batch of told bounding cylinders."""
+"""From waypoint families to hand poses, for a whole batch of prior bounding cylinders."""
 
 import csv
 from collections.abc import Callable, Sequence
@@ -50,7 +50,7 @@ def pose_about(
     told: BoundingCylinder, azimuth: np.ndarray, tilt: np.ndarray, roll: np.ndarray,
     aim: np.ndarray, aim_out: float, clearance_m: float, per_radius: float, hand: HandTable
 ) -> np.ndarray:
-    """Hand poses about told cylinders, all angles [rad] of shape (world, probe) or broadcast to it.
+    """Hand poses about prior cylinders, angles [rad] of shape (world, probe) or broadcast to it.
 
     Angles and `aim` as the module `waypoints` defines them; a hand whose open fingers would come
     within TABLE_CLEARANCE_M of the table backs off along its approach, or, where that is level or

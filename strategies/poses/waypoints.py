@@ -1,6 +1,6 @@
 """Waypoint families: hand poses around an object of roughly known place and size.
 
-A family places poses about the bounding cylinder a strategy is told (place, radius, height, all
+A family places poses about the bounding cylinder given as prior (place, radius, height, all
 with errors). The hand's z axis is its approach direction; `tilt` is the angle between the approach
 and straight down (0: from above, 90 deg: level); `azimuth` is where the hand stands around the
 object, 0 being the side of the robot's base; `roll` turns the hand about its approach, 0 having the
@@ -24,7 +24,7 @@ class WaypointError(ValueError):
 
 @dataclass(frozen=True)
 class BoundingCylinder:
-    """What a strategy is told of each object: upright cylinders on the table, shape (world,)."""
+    """The prior of each object: upright cylinders on the table, shape (world,)."""
 
     x_m: np.ndarray
     y_m: np.ndarray

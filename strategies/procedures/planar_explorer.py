@@ -255,7 +255,7 @@ def face_axes(normal: np.ndarray) -> np.ndarray:
 def fingertip_from(robot: Robot, turn: np.ndarray) -> np.ndarray:
     """From the hand's origin to the centre of the extended index fingertip [m], (n, 3), for the
     hand's quaternions (n, 4)."""
-    # SciPy's product rounds one rotation otherwise than several: a row would hang on the others.
+    # SciPy's product rounds one rotation differently from several: a row would depend on others.
     return turn_points(matrix_of_quaternion(turn), poke_tip_m(robot.hand)[None])[:, 0]
 
 

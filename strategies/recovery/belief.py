@@ -27,7 +27,7 @@ class Belief:
     active: np.ndarray
     """Worlds that may go on, bool (world,); probes of the others are not made."""
     told: BoundingCylinder
-    """Rough place and size, told beforehand, with errors."""
+    """The prior: rough place and size, with errors."""
     seed: np.ndarray
     """For a strategy's own random numbers (`warpgrasp.core.random`), uint64 (world,)."""
     arm: ArmTable
@@ -43,7 +43,7 @@ class Belief:
     fitted: np.ndarray
     """Whether the fit is to be believed, bool (world,)."""
     body: Superquadric
-    """The fit where there is one to believe, else the told cylinder."""
+    """The fit where it is plausible, else the prior cylinder."""
     faces: tuple[Face, ...]
     """Faces crossed so far; `Face.fit.status` says in which worlds."""
     profile: Profile | None

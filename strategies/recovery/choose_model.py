@@ -1,4 +1,4 @@
-"""The body an episode ends with: superquadric, contour of revolution, or only what was told."""
+"""The body an episode ends with: superquadric, contour of revolution, or only the prior."""
 
 from dataclasses import dataclass, fields
 from enum import IntEnum
@@ -42,7 +42,7 @@ class Recovered:
     shape: np.ndarray
     """`Shape`, (world,)."""
     superquadric: Superquadric
-    """The fit, or the told cylinder."""
+    """The fit, or the prior cylinder."""
     revolution: RevolutionBody | None = None
 
     def __len__(self) -> int:
@@ -50,7 +50,7 @@ class Recovered:
 
 
 def same_bodies(one: Recovered, other: Recovered) -> np.ndarray:
-    """Whether the bodies of each world are the same to the last bit, bool (world,)."""
+    """Whether the bodies of each world are bit-identical, bool (world,)."""
     same = one.shape == other.shape
     for a, b in zip(one.superquadric, other.superquadric, strict=True):
         same &= (a == b).all(1)
@@ -108,9 +108,9 @@ def _rms(distance: np.ndarray, mask: np.ndarray) -> np.ndarray:
 
 
 def plausible(fits: SuperquadricFit, told: BoundingCylinder) -> np.ndarray:
-    """Whether a body stays within twice the reach of the cylinder told (and what it may err by).
+    """Whether a body stays within twice the reach of the prior cylinder and its error.
 
-    Few contacts on one side may let a fit run away; whoever was told the rough size would not
+    Few contacts on one side may let a fit diverge; with the rough size as prior one would not
     believe it, and neither is it scored.
     """
     middle = np.stack([told.x_m, told.y_m, told.height_m / 2], axis=1)
@@ -121,7 +121,7 @@ def plausible(fits: SuperquadricFit, told: BoundingCylinder) -> np.ndarray:
 
 
 def or_told(fits: SuperquadricLike, told: BoundingCylinder, good: np.ndarray) -> Superquadric:
-    """The fits, and the told cylinder where there is none."""
+    """The fits, and the prior cylinder where there is none."""
     zero = np.zeros_like(told.x_m)
     pick = good[:, None]
     upright = np.array([0.0, 0.0, 0.0, 1.0])

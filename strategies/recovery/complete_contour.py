@@ -32,7 +32,7 @@ FAR_M = 0.010
 def revolution_of_all(evidence: Evidence, told: BoundingCylinder) -> RevolutionFit:
     """Surfaces of revolution through all touches, standing on the table.
 
-    Touches outside the told cylinder by more than it may err are none of this body: one alone would
+    Touches outside the prior cylinder by more than its error are not of this body: one alone would
     make it as tall.
     """
     x, y, z = np.moveaxis(evidence.points_m, -1, 0)

@@ -2,7 +2,7 @@
 
 Joint torques say which link touched and where along it, but hardly on which side of a round tip.
 The body says the rest: a link touches where its axis is nearest, along the body's normal there. So
-a body is fitted, every contact is placed anew against it (its link chosen by torque and by distance
+a body is fitted, every contact is re-projected onto it (its link chosen by torque and by distance
 together), and the body is fitted again. Of the space that links swept without touching, only the
 balls nearest to the body last fitted can matter; the next fit is given those.
 """
@@ -174,7 +174,7 @@ def contacts_placed(
 def nearest_free(placed: Evidence, evidence: Evidence, body: SuperquadricLike) -> Evidence:
     """`placed` with the free balls of `evidence` that are nearest to `body`."""
     clearance = radial_distances(body, evidence.free_m, evidence.free_mask)
-    # Stable, for how ties fall otherwise hangs on the length of the rows.
+    # Stable sort: otherwise the order of ties depends on the length of the rows.
     chosen = np.argsort(clearance, axis=1, kind="stable")[:, :FREE_BALLS]
     return replace(
         placed, free_m=np.take_along_axis(evidence.free_m, chosen[..., None], 1),

@@ -3,7 +3,7 @@
 Every strategy meets the same episodes (same object pose, same noise), so a replicate uses one set
 of weights for all: differences are paired. Objects are drawn with replacement, and with each object
 its episodes: the spread of the objects' means holds that of their episodes already, and to draw the
-episodes anew on top of it would count it twice (Davison and Hinkley 1997, Bootstrap Methods and
+episodes again on top of it would count it twice (Davison and Hinkley 1997, Bootstrap Methods and
 their Application, section 3.8). Only where one object has been measured, and nothing is to be said
 of others, its episodes are drawn, by Poisson(1) weights. An episode has one weight under all the
 settings that it is averaged over: pose and noise are the same there, and to draw them apart would

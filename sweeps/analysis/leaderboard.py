@@ -3,7 +3,7 @@
 An entry is a strategy, under each setting of the grid and zip axes; Sobol and Latin hypercube
 axes are draws of a nuisance and are averaged over: an episode met at many points is still one.
 Entries are compared on the same objects and episodes. A failed episode counts too, or failing
-would pay: it scores what its row says (the body the strategy was told before it touched anything)
+would pay: it scores what its row says (the prior body)
 or, where the row has no number, IoU and coverage 0 and the largest distance that any entry had on
 that object. `failure_rate` says how many failed.
 """

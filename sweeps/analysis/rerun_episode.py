@@ -90,7 +90,7 @@ def rerun_all(plan: Plan, episodes: Sequence[Episode], device: str = "cpu",
 def in_a_worker(function: Callable[[Any], Any], task: Any) -> Any:
     """`function(task)` in a process set up as a sweep's workers are.
 
-    Their environment matters to the last bits: XLA sums in another order with more threads.
+    Their environment decides the last bits: XLA sums in another order with more threads.
     """
     with as_a_worker(), _pool(1) as pool:
         return pool.submit(_quietly, function, task).result()

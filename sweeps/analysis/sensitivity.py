@@ -170,7 +170,7 @@ def _tau(one: np.ndarray, other: np.ndarray) -> float:
 
 
 def _tau_by_chance(base: np.ndarray, draws: int = 500) -> np.ndarray:
-    """Kendall's tau of two rankings from episodes drawn anew, with replacement, from one study."""
+    """Kendall's tau of two rankings from episodes drawn with replacement from one study."""
     rng = np.random.default_rng(0)
     episodes = base.shape[-1]
     drawn = [_means(base[..., rng.integers(0, episodes, episodes)]) for _ in range(2 * draws)]

@@ -1,6 +1,6 @@
 """Whole studies, from the shell to the leaderboard: what an episode costs in small and large ones.
 
-A study of one episode an object says what starting and ending take, which is told apart.
+A study of one episode an object measures what starting and ending take; it is reported apart.
 """
 
 import shutil

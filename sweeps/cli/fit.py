@@ -23,7 +23,7 @@ from sweeps.spec.errors import StoreError
 
 FIGURE_FORMATS = (".png", ".svg", ".pdf")
 BELOW_SHARE, BELOW_M = 0.1, 0.005
-"""More touches than this share lie farther than this below a table that is told too high."""
+"""More touches than this share lie farther than this below a table that is given too high."""
 LEAST_NORMALS, INWARD_M = 8, 0.001
 """So many normals, half of which point inwards by more than what touches of a flat face may."""
 FAR, LEAST_EXTENT_M = 10.0, 0.05

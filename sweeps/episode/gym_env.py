@@ -47,12 +47,12 @@ BOUND = 10.0
 class GraspVectorEnv(VectorEnv):
     """Worlds in lock-step, each with its own pose and noise of one object.
 
-    An action, shape (world, 4) in [-1, 1], aims the hand at the told cylinder: azimuth (half turns
+    An action, shape (world, 4) in [-1, 1], aims the hand at the prior cylinder: azimuth (half turns
     from the side that faces the robot), tilt (-1 from above, 1 from the side), roll (half turns)
     and the height aimed at (-1 its foot, 1 its top). The hand then closes along every path of
-    `closings`. An observation holds the told cylinder (4: x, y, radius, height [m]), the body
+    `closings`. An observation holds the prior cylinder (4: x, y, radius, height [m]), the body
     believed (16, as in a sweep's rows), contacts and probes so far as shares, and the last probe's
-    contacts in the told cylinder's frame, (path, finger) x (felt, x, y, z [m]).
+    contacts in the prior cylinder's frame, (path, finger) x (felt, x, y, z [m]).
     """
 
     metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]

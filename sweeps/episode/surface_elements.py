@@ -1,7 +1,7 @@
 """Recovered superquadrics as surface elements, in kernels: what `fit.superquadric_surface` gives.
 
 A cube's grid is projected onto each body; every quadrilateral is an element with its own point,
-normal and area. A straight body is the same in all eight octants, so powers are worked out in one.
+normal and area. A straight body is the same in all eight octants, so powers are computed in one.
 """
 
 from functools import lru_cache

@@ -72,7 +72,7 @@ class _Run:
                 if slot.pipe in ready:
                     self.slots[number] = self._hear(slot, number + 1)
                 elif self._hangs(slot):
-                    self.slots[number] = self._bury(slot, number + 1, hung=True)
+                    self.slots[number] = self._replace(slot, number + 1, timed_out=True)
             self.work.progress.tick(self.work.running)
 
     def _start_worker(self, number: int) -> _Slot:
@@ -112,7 +112,7 @@ class _Run:
         try:
             report: Report = slot.pipe.recv()
         except (EOFError, OSError):
-            return self._bury(slot, number)
+            return self._replace(slot, number)
         if report.kind == "ready":
             slot.ready, slot.warm = True, report.text == "warm"
         elif report.kind == "broken":
@@ -130,14 +130,14 @@ class _Run:
         busy = bool(slot.units) or not slot.ready
         return busy and time.monotonic() - slot.since > self.options.unit_timeout_s
 
-    def _bury(self, slot: _Slot, number: int, hung: bool = False) -> _Slot:
+    def _replace(self, slot: _Slot, number: int, timed_out: bool = False) -> _Slot:
         """A worker died or hangs: its units have failed, a new worker takes its place."""
-        if hung:
+        if timed_out:
             _kill(slot)
         slot.process.join()
         slot.pipe.close()
         code = slot.process.exitcode
-        if slot.units and hung:
+        if slot.units and timed_out:
             self.work.failed(slot.units, f"{_tail(slot.log)}\nstopped: it took longer than "
                              f"{self.options.unit_timeout_s:g} s (--unit-timeout-s)", final=True)
         elif slot.units:
@@ -182,7 +182,7 @@ def disk_error(store: Store, reason: str) -> StoreError:
 
 
 def _kill(slot: _Slot) -> None:
-    """Ends a worker that hangs; where it hung goes to its log first."""
+    """Ends a worker that hangs, after writing its stack to its log."""
     if slot.ready and slot.process.pid is not None:
         os.kill(slot.process.pid, SAY_WHERE)
         slot.process.join(SAY_WHERE_S)

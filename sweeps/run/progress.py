@@ -31,7 +31,7 @@ class Progress:
         self.note = note
         self.quiet = quiet or is_quiet()
         self.kept_units = self.done_units = self.failed_units = self.episodes = 0
-        self.before = 0  # units done when rates began to be told
+        self.before = 0  # units done when rates were first shown
         self.began = self.first = self.last = time.monotonic()
         self.last_line = self.last_note = self.began
         self.bar: Any = None
@@ -70,7 +70,7 @@ class Progress:
         self._show()
 
     def measure(self) -> None:
-        """Rates are told from now on: workers are at work, all is compiled."""
+        """Rates are shown from now on: workers run, everything is compiled."""
         self.first = self.last = time.monotonic()
         self.before = self.done_units
 

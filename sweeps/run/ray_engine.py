@@ -93,7 +93,7 @@ def _finish(ray: Any, work: Work, units: list[Unit], reference: Any) -> None:
 
 
 def _ray() -> Any:
-    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # it reports usage unless told not to
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # it reports usage by default
     try:
         import ray  # pyright: ignore[reportMissingImports]
     except ImportError:

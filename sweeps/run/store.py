@@ -1,4 +1,4 @@
-"""The directory of a study: one file a unit, and that it exists is the only ledger."""
+"""The directory of a study: a unit is done if its file exists; there is no other record."""
 
 import fcntl
 import json
@@ -143,7 +143,7 @@ class Store:
         return False
 
     def set_aside(self, path: Path, reason: str) -> None:
-        """Moves a damaged unit file out of the ledger, under a name that says so."""
+        """Moves a damaged unit file to the logs, under the name UNIT.damaged."""
         self.damaged += 1
         aside = self.logs / f"{path.stem}.damaged"
         try:

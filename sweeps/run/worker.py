@@ -90,7 +90,7 @@ def run_units(run_cells: RunCells, units: Sequence[Unit], device: str) -> list[C
     """The rows of each of some units, from one call; their cells differ in their object alone.
 
     They are the rows of a call for each, bit for bit. What names them comes from the units. Where
-    a strategy failed it is told in which world of its batch, so the units are then run alone.
+    a strategy failed its message names the world of its batch, so the units are then run alone.
     """
     parts = [list(same) for _, same in groupby(units, key=lambda unit: unit.cell_hash)]
     asked = [(same[0].cell, np.concatenate(

@@ -162,7 +162,7 @@ class MujocoHand:
 def tension_differences(
     hand: HandTable, torque_Nm: np.ndarray, delta_rad: np.ndarray
 ) -> np.ndarray:
-    """Flexor less extensor tension [N] of the three flexions, (finger, 3), written out anew."""
+    """Flexor less extensor tension [N] of the three flexions, (finger, 3), independently."""
     pull = torque_Nm[:, 1:] / (2.0 * np.asarray(hand.moment_arm_m[1:]))
     limits = hand.tension_low_N, hand.tension_high_N
     flexor = np.clip(hand.co_contraction_N + pull, *limits)
