@@ -1,5 +1,5 @@
 #!/bin/sh
-# The tests and the bench on a machine with a CUDA GPU, and agreement with the CPU.
+# The tests on a machine with a CUDA GPU, and agreement with the CPU. The bench has no device option yet.
 #
 #   sweeps/bench/gpu.sh [DEVICE]        DEVICE is cuda:0 unless given
 #
@@ -10,4 +10,3 @@ bin=${BIN:-.venv/bin}
 "$bin/python" -m pytest -q -m "not slow"
 "$bin/warpgrasp" warmup --device "$device"
 "$bin/python" -m sweeps.bench.device_agreement --device "$device"
-"$bin/warpgrasp" bench --quick -o runs/bench-gpu
