@@ -27,10 +27,10 @@ check: lint test  ## everything a change must pass
 validate: $(VENV)/.installed-validate  ## beside MuJoCo, roboticstoolbox, trimesh, SciPy: docs/fidelity
 	$(BIN)/warpgrasp validate -o docs/fidelity
 
-paper-docs: $(VENV)/.installed  ## the paper's experiments anew: docs/paper
+paper-docs: $(VENV)/.installed  ## the paper's experiments: docs/paper
 	$(BIN)/warpgrasp paper -o docs/paper
 
-sensitivity-docs: $(VENV)/.installed  ## the sensitivity table anew: docs/fidelity
+sensitivity-docs: $(VENV)/.installed  ## the sensitivity table: docs/fidelity
 	$(BIN)/warpgrasp sensitivity -o runs/sensitivity --workers $(WORKERS)
 	cp runs/sensitivity/sensitivity.csv runs/sensitivity/sensitivity.md docs/fidelity/
 

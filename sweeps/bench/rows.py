@@ -81,8 +81,6 @@ def touches(of: str, batch: int) -> Work:
     return Work("touches", call)
 
 
-
-
 def fits(of: str, batch: int) -> Work:
     """Fits of 60 points, all starts included: superquadrics by parameters, plane, revolution."""
     from fit.plane import fit_plane

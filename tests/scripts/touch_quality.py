@@ -105,7 +105,7 @@ def contours(worlds: int, seed: int, error_deg: float) -> None:
         print(f"| {name}, axis off by {error_deg:g} deg: radius error [mm], volume ratio, ended | "
               f"1.5, within 10 % | {1e3 * np.median(off):.2f}, {np.median(ratio):.3f} "
               f"({(np.abs(ratio - 1) <= 0.1).mean():.0%} within), {ended.mean():.0%} |")
-    print(f"| bottles told apart, axis off by {error_deg:g} deg | 0.95 | {np.mean(right):.3f} |")
+    print(f"| bottles distinguished, axis off by {error_deg:g} deg | 0.95 | {np.mean(right):.3f} |")
 
 
 def lockstep(worlds: int) -> None:
