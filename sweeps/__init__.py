@@ -3,5 +3,5 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "output": ["set_quiet", "devices", "is_quiet", "quiet_stdout", "init_warp", "write_atomic"],
+    "output": ["devices", "init_warp", "is_quiet", "quiet_stdout", "set_quiet", "write_atomic"],
 })

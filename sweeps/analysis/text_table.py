@@ -53,8 +53,11 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], as_json: b
         numeric = bool(rows) and all(_is_number(row[n]) for row in rows)
         table.add_column(Text(name), justify="right" if numeric else "left", no_wrap=True)
     for row in rows:
-        table.add_row(*map(Text, row))
-    Console(file=sys.stdout, width=WIDEST).print(table)
+        table.add_row(*(Text(cell.expandtabs(1)) for cell in row))
+    console = Console(file=sys.stdout, width=WIDEST)
+    with console.capture() as printed:
+        console.print(table)
+    print("\n".join(line.rstrip() for line in printed.get().splitlines()))
 
 
 def _is_number(text: str) -> bool:

@@ -1,4 +1,3 @@
-# type: ignore  # other engines, which are not installed where types are checked
 """What a user would take instead, doing the same work: the peers of `warpgrasp bench --peers`.
 
 They need the optional group `peers` (`pip install warpgrasp[peers]`). A row's `of` is the peer's
@@ -26,13 +25,13 @@ def mujoco_rollout(of: str, batch: int) -> Work:
     """
     import os
 
-    import mujoco
-    from mujoco import rollout
-
+    from sweeps.validate.comparison import engine
     from warpgrasp.export.convex_solids import object_solids
     from warpgrasp.export.mjcf import mjcf_text
     from warpgrasp.export.robot_tree import hand_tree
     from warpgrasp.objects.catalogue import body_from_name
+
+    mujoco, rollout = engine("mujoco"), engine("mujoco.rollout")
 
     threads = int(os.environ.get("WARPGRASP_THREADS", "1"))
     text = mjcf_text(hand_tree(HAND, PadTable(), place=tuple(HAND_POSE)),

@@ -3,19 +3,18 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "contacts": ["contacts_figure", "draw_contacts"],
+    "contacts": ["draw_contacts"],
     "contour": ["contour_figure"],
     "curves": ["draw_curves"],
     "faces": ["crossed_faces", "faces_figure"],
     "fits": ["draw_fits"],
     "forest": ["draw_forest"],
-    "grasp": ["grasp_figure"],
+    "grasp": ["hand_solids"],
     "heat_maps": ["draw_confusion", "draw_settings"],
     "meshes": ["recovered_grid", "surface_mesh"],
     "pareto": ["draw_pareto"],
-    "replay_frames": ["PALM_M", "Replay", "make_replay", "replay_of",
-        "segment_pose"],
-    "solids": ["CONTACT", "FIT", "TRUE"],
-    "style": ["UNITS", "encode"],
+    "replay_frames": ["PALM_M", "Replay", "make_replay", "replay_of", "segment_pose"],
+    "solids": ["CONTACT", "FIT", "TRUE", "direction", "lit"],
+    "style": ["COLOURS", "UNITS", "drawing", "encode", "figure"],
     "taxels": ["pad_touches", "taxels_figure"],
 })

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from math import isnan, nan
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class MissingEngine(Exception):
     """An engine to compare with is not installed; the message says how to get it."""
 
 
-def engine(name: str) -> object:
+def engine(name: str) -> Any:
     """Import an engine, or say how to install it."""
     from importlib import import_module
 

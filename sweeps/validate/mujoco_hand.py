@@ -7,7 +7,6 @@ A the approximate inverse mass it keeps for each body (its documentation, "Const
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from warpgrasp.export.mjcf import mjcf_text
 from warpgrasp.export.robot_tree import FINGERS, PHALANGES, hand_tree
 from warpgrasp.parameters import HandTable, PadTable
 
-mujoco: Any = engine("mujoco")
+mujoco = engine("mujoco")
 _IMPEDANCE = 0.9
 _STILL_RAD_S = 1e-4
 _STEPS_BETWEEN_LOOKS = 10

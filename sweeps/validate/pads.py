@@ -25,7 +25,7 @@ _AREA_M2 = PADS.width_m * PADS.length_m
 
 def compare_pads() -> list[Comparison]:
     """A distal pad pressed on a ball, a block and a cylinder by up to 1.5 mm."""
-    mujoco: Any = engine("mujoco")
+    mujoco = engine("mujoco")
     rows = []
     for body in (_ball(), _block(), _cylinder()):
         poses, force = _presses(body)

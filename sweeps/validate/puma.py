@@ -18,7 +18,7 @@ _BRANCHES = tuple(s + e + w for w in "nf" for e in "ud" for s in "rl")  # right 
 
 def compare_puma(poses: int = POSES) -> list[Comparison]:
     """Forward kinematics, and every inverse branch put back through the toolbox's forward."""
-    toolbox: Any = engine("roboticstoolbox")
+    toolbox = engine("roboticstoolbox")
     robot = toolbox.models.DH.Puma560()
     table = ArmTable()
     rows = _table(robot, table)

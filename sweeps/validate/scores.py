@@ -22,7 +22,7 @@ CHAMFER_MM, HAUSDORFF_MM, IOU = 0.15, 0.5, 0.015
 
 def compare_metrics(recovered_each: int = 3) -> list[Comparison]:
     """Scores of superquadrics about right, shifted, tapered and turned, on four objects."""
-    trimesh: Any = engine("trimesh")
+    trimesh = engine("trimesh")
     names = ("chamfer", "hausdorff95", "iou", "volume ratio")
     ours, theirs = [], []
     for number, name in enumerate(OBJECTS):

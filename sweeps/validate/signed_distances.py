@@ -28,7 +28,7 @@ _STEP_M = 1e-7
 
 def compare_distances() -> list[Comparison]:
     """Analytic bodies, superquadric bounds, baked grids."""
-    trimesh: Any = engine("trimesh")
+    trimesh = engine("trimesh")
     rows = []
     for name in BODY_NAMES:
         body = body_from_name(name)
