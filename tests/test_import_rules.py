@@ -3,6 +3,7 @@ a folder and a file may hold."""
 
 import ast
 import importlib
+import re
 from collections import defaultdict
 from collections.abc import Iterator
 from functools import cache
@@ -156,3 +157,19 @@ def test_warmup_compiles_every_file_with_a_kernel() -> None:
 
     assert {name for path, name in FILES.items() if "@wp.kernel" in path.read_text()} == set(
         KERNEL_MODULES)
+
+
+def test_what_pages_and_kinds_import_by_name_is_there() -> None:
+    """Names that no import statement of the packages shows: in Python blocks of pages, and figures
+    of an episode, which are looked up in the facade of their room."""
+    for page in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))):
+        for block in re.findall(r"```python\n(.*?)```", page.read_text(), re.DOTALL):
+            for node in ast.walk(ast.parse(block)):
+                if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in FLOORS:
+                    for alias in node.names:
+                        getattr(importlib.import_module(node.module or ""), alias.name)
+    kinds = (ROOT / "sweeps/figures/kinds.py").read_text()
+    names = re.findall(r'_of_episode\("(\w+)"\)', kinds)
+    assert names
+    for name in names:
+        getattr(importlib.import_module("sweeps.figures"), name)

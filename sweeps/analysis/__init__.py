@@ -3,7 +3,8 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "bootstrap": ["difference_to", "estimate"],
+    "arrow": ["read_rows"],
+    "bootstrap": ["Estimate", "difference_to", "estimate"],
     "confusion": ["Confusion", "confusion_table", "read_confusion"],
     "curves": ["AXES", "Curves", "grid_of", "mean_curve", "reach_table", "read_curves"],
     "entries": ["HIGHER_IS_BETTER", "LeaderboardError", "bounds_of", "check_metric", "values_of"],
@@ -15,6 +16,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "rerun_episode": ["Episode", "cell_of", "choose_episode", "file_read", "in_a_worker", "rerun",
         "rerun_all"],
     "sensitivity": ["EPISODES", "HEADER", "check_study", "sensitivity_spec", "sensitivity_table"],
-    "settings": ["effects", "read_settings", "settings_table"],
+    "settings": ["Effect", "effects", "read_settings", "settings_table"],
     "text_table": ["TextTable", "print_table"],
 })

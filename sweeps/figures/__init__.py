@@ -3,13 +3,13 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "contacts": ["draw_contacts"],
+    "contacts": ["contacts_figure", "draw_contacts"],
     "contour": ["contour_figure"],
     "curves": ["draw_curves"],
     "faces": ["crossed_faces", "faces_figure"],
     "fits": ["draw_fits"],
     "forest": ["draw_forest"],
-    "grasp": ["hand_solids"],
+    "grasp": ["grasp_figure", "hand_solids"],
     "heat_maps": ["draw_confusion", "draw_settings"],
     "meshes": ["recovered_grid", "surface_mesh"],
     "pareto": ["draw_pareto"],
