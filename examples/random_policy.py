@@ -15,7 +15,7 @@ def main(num_envs: int = 16, probes: int = 8) -> float:
                                 probes=probes)
     worlds.action_space.seed(1)
     _, info = worlds.reset(seed=1)
-    print(f"told: {info['chamfer_mm'].mean():.2f} mm")
+    print(f"prior: {info['chamfer_mm'].mean():.2f} mm")
     over = np.zeros(num_envs, bool)
     while not over.all():
         _, reward, _, over, info = worlds.step(worlds.action_space.sample())

@@ -30,7 +30,7 @@ from strategies.recovery.belief import Belief, read_only
 from strategies.recovery.choose_model import (
     Recovered,
     choose_body,
-    or_told,
+    or_prior,
     plausible,
     revolution_of,
 )
@@ -94,7 +94,7 @@ class Exploration:
 
 
 def explore(
-    robot: Robot, planner: Planner, told: BoundingCylinder, seed: np.ndarray, *, table: FitTable,
+    robot: Robot, planner: Planner, prior: BoundingCylinder, seed: np.ndarray, *, table: FitTable,
     closings: tuple[str, ...], budget: Budget | None = None,
     observe: Callable[[Belief, Recovered], None] | None = None, oracle: Foreseeing | None = None,
 ) -> Exploration:
@@ -104,7 +104,7 @@ def explore(
     the paths of grasps that name none. `observe` is shown the belief after every step. `oracle` is
     the planner, if it is one that may foresee: what it is handed leads to the truth.
     """
-    run = _Run(robot, told, seed, table, closings, budget or Budget())
+    run = _Run(robot, prior, seed, table, closings, budget or Budget())
     if oracle is not None:
         oracle.foresee = run.imagine
     while run.active.any():
@@ -118,10 +118,10 @@ def explore(
 
 
 class _Run:
-    def __init__(self, robot: Robot, told: BoundingCylinder, seed: np.ndarray, table: FitTable,
+    def __init__(self, robot: Robot, prior: BoundingCylinder, seed: np.ndarray, table: FitTable,
                  closings: tuple[str, ...], budget: Budget) -> None:
         worlds = robot.worlds
-        self.robot, self.told, self.seed, self.table = robot, told, seed, table
+        self.robot, self.prior, self.seed, self.table = robot, prior, seed, table
         self.closings, self.budget = closings, budget
         radius = robot.hand.link_radius_m
         self.intrinsic = robot.sensors.contact_estimator == "intrinsic"
@@ -306,17 +306,17 @@ class _Run:
         """Worlds whose fit is to be believed, bool (world,)."""
         near = touch_misfit(self.fits, self.placed) < UNBELIEVED_M
         return ((self.placed.mask.sum(1) >= FEWEST_CONTACTS) & near
-                & plausible(self.fits, self.told))
+                & plausible(self.fits, self.prior))
 
     def _conclude(self, rows: np.ndarray) -> None:
         """What is believed now; only `rows` felt something new, the others' bodies stay."""
         fitted = self.believed()
-        body = or_told(self.fits, self.told, fitted)
+        body = or_prior(self.fits, self.prior, fitted)
         profile = None
         if self.profile is not None:
             profile = whole_profile(
                 rows_of(self.profile, rows), rows_of(self.placed, rows), self.contour,
-                rows_of(self.told, rows))
+                rows_of(self.prior, rows))
             before = self.profile if self.whole is None else self.whole
             self.whole = with_profiles(before, rows, profile)
         self.shape = with_rows(self.shape, rows, choose_body(
@@ -325,7 +325,7 @@ class _Run:
         turned = None if self.whole is None else revolution_of(self.whole)
         self.recovered = Recovered(self.shape, body, turned)
         self.belief = read_only(Belief(
-            self.step, self.active.copy(), self.told, self.seed, self.robot.arm,
+            self.step, self.active.copy(), self.prior, self.seed, self.robot.arm,
             self.robot.hand, self.robot.sensors, self.closings, self.placed, self.fits, fitted,
             body, tuple(self.faces), self.whole, self.shape, self.touches.copy(),
             self.time.copy(), self.path.copy()))

@@ -160,7 +160,7 @@ class ObjectTable:
     y_m: float = _number(0.0, -OBJECT_REACH_M, OBJECT_REACH_M, "place on the table")
     yaw_rad: float | None = _number(None, -inf, inf, "turn about the vertical; unset: at random")
     prior_sigma_m: float = _number(0.010, 0.0, 0.5,
-                                   "error of each number of the bounding cylinder told [est]")
+                                   "error of each number of the prior bounding cylinder [est]")
 
 
 @dataclass(frozen=True)

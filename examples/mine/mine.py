@@ -19,10 +19,10 @@ class LeastTouchedSide:
     def __call__(self, belief):
         """The next pose of every world."""
         # Everything is a batch, axis 0 the world; nothing here is true, only believed.
-        poses = waypoint_poses((self.ring,), belief.told, belief.hand, belief.seed)
+        poses = waypoint_poses((self.ring,), belief.prior, belief.hand, belief.seed)
         if self.taken is None:
             self.taken = np.zeros(poses.shape[:2], bool)
-        middle = np.stack([belief.told.x_m, belief.told.y_m], 1)[:, None]
+        middle = np.stack([belief.prior.x_m, belief.prior.y_m], 1)[:, None]
         side = np.arctan2(*np.moveaxis(poses[..., :2] - middle, -1, 0)[::-1])
         felt = np.arctan2(*np.moveaxis(belief.evidence.points_m[..., :2] - middle, -1, 0)[::-1])
         near = np.cos(side[:, :, None] - felt[:, None]) > 0.5  # within 60 degrees

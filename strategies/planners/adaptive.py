@@ -14,7 +14,7 @@ from strategies.planners.candidates import candidate_poses, predicted_touches
 from strategies.planners.prior_body import planning_belief
 from strategies.planners.probes import Grasp, Probe
 from strategies.planners.register import planner
-from strategies.poses.waypoints import TOLD_MARGIN_M
+from strategies.poses.waypoints import PRIOR_MARGIN_M
 from strategies.recovery.belief import Belief
 from warpgrasp.core.random import counter_key, counter_uniform
 
@@ -71,7 +71,7 @@ class OneAtATime(ABC):
             closed, felt = belief.touches - self._before[0], contacts - self._before[1]
             larger = np.where(closed == 0, self.larger_m + BARRED_M, np.where(
                 felt < POOR * closed, self.larger_m - EMPTY_M, FORGETS * self.larger_m))
-            self.larger_m = np.clip(larger, -TOLD_MARGIN_M, TOLD_MARGIN_M)
+            self.larger_m = np.clip(larger, -PRIOR_MARGIN_M, PRIOR_MARGIN_M)
         self._before = belief.touches.copy(), contacts
 
     @abstractmethod
@@ -79,11 +79,11 @@ class OneAtATime(ABC):
         """What each pose is worth, (world, candidate); only `free` ones count."""
 
 
-@planner("random", "a pose at random among the candidates about the told cylinder")
+@planner("random", "a pose at random among the candidates about the prior cylinder")
 class RandomPose(OneAtATime):
     """A pose at random."""
 
-    about = "told"
+    about = "prior"
 
     def gain(self, belief: Belief, poses: np.ndarray, free: np.ndarray) -> np.ndarray:
         """A draw a candidate and step."""
@@ -91,11 +91,11 @@ class RandomPose(OneAtATime):
             belief.seed[:, None], belief.step, np.arange(poses.shape[1])))
 
 
-@planner("even", "the pose farthest from all poses taken, about the told cylinder")
+@planner("even", "the pose farthest from all poses taken, about the prior cylinder")
 class EvenPoses(OneAtATime):
     """Farthest-point order (Gonzalez 1985) over the places of the hand and its approach."""
 
-    about = "told"
+    about = "prior"
 
     def gain(self, belief: Belief, poses: np.ndarray, free: np.ndarray) -> np.ndarray:
         """Distance to the nearest pose taken; 0.1 m counts as much as one radian."""

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from strategies.poses.hand_poses import waypoint_poses
-from strategies.poses.waypoints import TOLD_MARGIN_M, BoundingCylinder, Placement, Ring, Top
+from strategies.poses.waypoints import PRIOR_MARGIN_M, BoundingCylinder, Placement, Ring, Top
 from strategies.procedures.containment import padded_commands
 from strategies.recovery.belief import Belief
 from strategies.recovery.upright import stand_upright
@@ -39,17 +39,17 @@ def candidate_poses(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Hand poses (world, candidate, 7) and whether the arm reaches them, bool (world, candidate).
 
-    They stand about the recovered body, or about the prior (`about` "told"); about one larger
+    They stand about the recovered body, or about the prior (`about` "prior"); about one larger
     all around by `margin_m` (world,).
     """
-    cylinder = belief.told
+    cylinder = belief.prior
     if about == "belief":
         stands = stand_upright(belief.body)
         cylinder = BoundingCylinder(
             stands.centre_m[:, 0], stands.centre_m[:, 1],
-            np.clip(stands.radius_m + margin_m, 0.010, belief.told.radius_m + TOLD_MARGIN_M),
+            np.clip(stands.radius_m + margin_m, 0.010, belief.prior.radius_m + PRIOR_MARGIN_M),
             np.clip(stands.top_m + np.maximum(margin_m, 0.0), 0.020,
-                    belief.told.height_m + TOLD_MARGIN_M))
+                    belief.prior.height_m + PRIOR_MARGIN_M))
     poses = waypoint_poses(POOL, cylinder, belief.hand, belief.seed)
     behind = poses.copy()
     behind[..., :3] -= Rotation.from_quat(poses[..., 3:].reshape(-1, 4)).apply(

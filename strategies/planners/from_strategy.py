@@ -49,14 +49,14 @@ def within_budget(budget: Budget, belief: Belief) -> np.ndarray:
 
 def planner_of(
     strategy: Strategy, planar: PlanarTable, contour: ContourTable, decide: DecideTable,
-    stereo: StereoTable, robot: Robot, told: BoundingCylinder
+    stereo: StereoTable, robot: Robot, prior: BoundingCylinder
 ) -> Planner:
     """A fresh planner for one batch. Raises PlannerError for one that cannot be found or made."""
     if strategy.call:
         return make_planner(strategy.call, dict(strategy.options))
     seen = None
     if contour.axis == "stereo" and {"contour", "decide"} & set(strategy.order):
-        target = np.stack([told.x_m, told.y_m, told.height_m / 2], 1)
+        target = np.stack([prior.x_m, prior.y_m, prior.height_m / 2], 1)
         seen = see_axis(robot, target, stereo)
     return OrderedPlanner(strategy, planar, contour, decide, seen)
 

@@ -5,7 +5,7 @@ import numpy as np
 from fit.arrays import rows_of
 from fit.fit_status import FitStatus
 from strategies.planners.probes import CrossFaces, FollowContour
-from strategies.poses.waypoints import TOLD_MARGIN_M
+from strategies.poses.waypoints import PRIOR_MARGIN_M
 from strategies.procedures.contour_follower import Axis, ContourOptions
 from strategies.procedures.options import ContourTable, DecideTable, PlanarTable
 from strategies.procedures.planar_explorer import PlanarOptions
@@ -67,7 +67,7 @@ def contour_to_follow(
     # The line's foot: where it meets the table.
     foot = centre - way * (centre[:, 2] / np.maximum(way[:, 2], 0.5))[:, None]
     # A fit to few contacts may flare out: no wider than the prior and its error.
-    radius = np.minimum(stands.radius_m, belief.told.radius_m + TOLD_MARGIN_M / 2)
+    radius = np.minimum(stands.radius_m, belief.prior.radius_m + PRIOR_MARGIN_M / 2)
     axis = Axis(foot, way, stands.top_m / np.maximum(way[:, 2], 0.5), radius)
     if table.axis_error_rad > 0:
         draw = counter_uniform(counter_key(belief.seed, int(Purpose.STRATEGY), 1))
@@ -109,8 +109,8 @@ def turned(belief: Belief, table: DecideTable, rows: np.ndarray) -> np.ndarray:
     """
     if table.turned_within == 0.0 or len(rows) == 0:
         return np.zeros(len(rows), bool)
-    evidence, told = rows_of(belief.evidence, rows), rows_of(belief.told, rows)
-    turned_off = revolution_misfit(revolution_of_all(evidence, told), evidence)
+    evidence, prior = rows_of(belief.evidence, rows), rows_of(belief.prior, rows)
+    turned_off = revolution_misfit(revolution_of_all(evidence, prior), evidence)
     near = turned_off <= table.turned_within * touch_misfit(belief.fits[rows], evidence)
     return near & (turned_off <= table.turned_within_m)
 

@@ -49,7 +49,7 @@ class OrderedPlanner:
     def _parts(self, belief: Belief) -> list[tuple[str, np.ndarray | None]]:
         """The order, each containment with its poses, cut where a fit is wanted between."""
         strategy = self.strategy
-        poses = waypoint_poses(strategy.waypoints, belief.told, belief.hand, belief.seed)
+        poses = waypoint_poses(strategy.waypoints, belief.prior, belief.hand, belief.seed)
         times = max(strategy.order.count("containment"), 1)
         shares = iter(np.array_split(poses, times, axis=1))
         parts: list[tuple[str, np.ndarray | None]] = []

@@ -15,17 +15,18 @@ from fit.arrays import rows_of
 from fit.fit_status import FitStatus
 from fit.superquadric.fit import fit_superquadric
 from fit.superquadric.record import SuperquadricOptions
-from strategies.poses.waypoints import TOLD_MARGIN_M, BoundingCylinder
+from strategies.poses.waypoints import PRIOR_MARGIN_M, BoundingCylinder
 from strategies.recovery.belief import Belief
-from strategies.recovery.choose_model import or_told, plausible
+from strategies.recovery.choose_model import or_prior, plausible
 from strategies.recovery.misfit import touch_misfit
 
 TRUSTED_FROM = 32
 """Contacts from which a fit to them alone is the better guide [est]."""
 DISTRUSTED_M = 0.003
 """A fit whose touches lie this far off in the mean is no guide [est]."""
-TOLD_SIGMA_M = TOLD_MARGIN_M / 2
-"""A surface told: three times its error is the margin, and bodies are not cylinders [est]."""
+PRIOR_SIGMA_M = PRIOR_MARGIN_M / 2
+"""Standard deviation of a point on the prior cylinder: a third of the margin is the error of the
+prior, the rest allows for bodies that are not cylinders [est]."""
 LEAST_RADIUS_M = 0.010
 _AROUND, _LEVELS = 8, 3
 _OPTIONS = SuperquadricOptions(taper=True, residual="radial", loss="cauchy", iterations=12)
@@ -37,22 +38,22 @@ def planning_belief(
     """The belief with a body that is a guide to where touches will be found, in every world, and
     in which worlds that is the fit to touches alone, bool (world,).
 
-    `larger_m` (world,) is by how much the told cylinder is taken to be larger than told.
+    `larger_m` (world,) is added to the radius and the height of the prior cylinder.
     """
-    evidence, told = belief.evidence, belief.told
-    told = replace(told, radius_m=np.maximum(told.radius_m + larger_m, LEAST_RADIUS_M),
-                   height_m=told.height_m + np.maximum(larger_m, 0.0))
+    evidence, prior = belief.evidence, belief.prior
+    prior = replace(prior, radius_m=np.maximum(prior.radius_m + larger_m, LEAST_RADIUS_M),
+                   height_m=prior.height_m + np.maximum(larger_m, 0.0))
     count = evidence.mask.sum(1)
     trusted = (belief.fitted & (count >= TRUSTED_FROM))
     if trusted.any():
         trusted &= touch_misfit(belief.fits, evidence) < DISTRUSTED_M
-    body = or_told(belief.body, told, trusted)
+    body = or_prior(belief.body, prior, trusted)
     rows = np.flatnonzero(~trusted & (count > 0) & belief.active)
     if len(rows) == 0:
         return replace(belief, body=body), trusted
-    told = rows_of(told, rows)
-    points = told_surface(told)
-    spread = np.tile(TOLD_SIGMA_M**2 * np.eye(3), (*points.shape[:2], 1, 1))
+    prior = rows_of(prior, rows)
+    points = prior_surface(prior)
+    spread = np.tile(PRIOR_SIGMA_M**2 * np.eye(3), (*points.shape[:2], 1, 1))
     fits = fit_superquadric(
         np.concatenate([evidence.points_m[rows], points], 1),
         np.concatenate([evidence.mask[rows], np.ones(points.shape[:2], bool)], 1),
@@ -60,13 +61,13 @@ def planning_belief(
         free_points=evidence.free_m[rows], free_radius=evidence.free_radius_m,
         free_mask=evidence.free_mask[rows], options=_OPTIONS)
     good = np.isin(fits.status, (FitStatus.converged, FitStatus.not_converged))
-    guide = or_told(fits, told, good & plausible(fits, told))
+    guide = or_prior(fits, prior, good & plausible(fits, prior))
     for whole, part in zip(body, guide, strict=True):
         whole[rows] = part
     return replace(belief, body=body), trusted
 
 
-def told_surface(told: BoundingCylinder) -> np.ndarray:
+def prior_surface(prior: BoundingCylinder) -> np.ndarray:
     """Points on sides and top of prior cylinders, (world, point, 3) [m]."""
     angle = 2 * pi * np.arange(_AROUND) / _AROUND
     share = np.concatenate([np.repeat((np.arange(_LEVELS) + 0.5) / _LEVELS, _AROUND),
@@ -74,6 +75,6 @@ def told_surface(told: BoundingCylinder) -> np.ndarray:
     out = np.concatenate([np.ones(_LEVELS * _AROUND), [0.0], np.full(_AROUND // 2, 0.6)])
     angle = np.concatenate([np.tile(angle, _LEVELS), [0.0], angle[::2]])
     return np.stack([
-        told.x_m[:, None] + told.radius_m[:, None] * out * np.cos(angle),
-        told.y_m[:, None] + told.radius_m[:, None] * out * np.sin(angle),
-        told.height_m[:, None] * share], -1)
+        prior.x_m[:, None] + prior.radius_m[:, None] * out * np.cos(angle),
+        prior.y_m[:, None] + prior.radius_m[:, None] * out * np.sin(angle),
+        prior.height_m[:, None] * share], -1)

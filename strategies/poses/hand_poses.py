@@ -33,7 +33,7 @@ CSV_COLUMNS = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
 
 
 def waypoint_poses(
-    waypoints: Sequence[object], told: BoundingCylinder, hand: HandTable, key: np.ndarray
+    waypoints: Sequence[object], prior: BoundingCylinder, hand: HandTable, key: np.ndarray
 ) -> np.ndarray:
     """Hand poses of all families, one after the other, shape (world, probe, 7).
 
@@ -42,12 +42,12 @@ def waypoint_poses(
     """
     stream = counter_key(key, int(Purpose.WAYPOINT))
     return np.concatenate([
-        _FAMILY[type(family)](family, told, hand, counter_key(stream, number))
+        _FAMILY[type(family)](family, prior, hand, counter_key(stream, number))
         for number, family in enumerate(waypoints)], axis=1)
 
 
 def pose_about(
-    told: BoundingCylinder, azimuth: np.ndarray, tilt: np.ndarray, roll: np.ndarray,
+    prior: BoundingCylinder, azimuth: np.ndarray, tilt: np.ndarray, roll: np.ndarray,
     aim: np.ndarray, aim_out: float, clearance_m: float, per_radius: float, hand: HandTable
 ) -> np.ndarray:
     """Hand poses about prior cylinders, angles [rad] of shape (world, probe) or broadcast to it.
@@ -56,7 +56,8 @@ def pose_about(
     within TABLE_CLEARANCE_M of the table backs off along its approach, or, where that is level or
     from below, is raised. Shape (world, probe, 7).
     """
-    x, y, radius, height = (v[:, None] for v in (told.x_m, told.y_m, told.radius_m, told.height_m))
+    x, y, radius, height = (
+        v[:, None] for v in (prior.x_m, prior.y_m, prior.radius_m, prior.height_m))
     azimuth, tilt, roll, aim, _ = np.broadcast_arrays(azimuth, tilt, roll, aim, x + azimuth)
     angle = azimuth + np.arctan2(-y, -x)
     sin_t, cos_t = np.sin(tilt), np.cos(tilt)
@@ -95,66 +96,66 @@ def _open_fingers_below(hand: HandTable, frame: np.ndarray) -> np.ndarray:
     return np.einsum("wpk,tk->wpt", frame[..., 2, :], tips).min(-1) - hand.link_radius_m
 
 
-def _about(f: Placement, told: BoundingCylinder, hand: HandTable, azimuth: np.ndarray, *,
+def _about(f: Placement, prior: BoundingCylinder, hand: HandTable, azimuth: np.ndarray, *,
            tilt: Any = None, roll: Any = None, aim: Any = None) -> np.ndarray:
-    return pose_about(told, np.atleast_2d(azimuth) + f.azimuth_rad,
+    return pose_about(prior, np.atleast_2d(azimuth) + f.azimuth_rad,
                       np.asarray(f.tilt_rad if tilt is None else tilt),
                       np.asarray(0.0 if roll is None else roll) + f.roll_rad,
                       np.asarray(f.aim if aim is None else aim), f.aim_out,
                       f.palm_clearance_m, f.clearance_per_radius, hand)
 
 
-def _ring(f: Ring, told: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np.ndarray:
-    return _about(f, told, hand, 2 * pi * np.arange(f.count) / f.count)
+def _ring(f: Ring, prior: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np.ndarray:
+    return _about(f, prior, hand, 2 * pi * np.arange(f.count) / f.count)
 
 
-def _column(f: Column, told: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np.ndarray:
+def _column(f: Column, prior: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np.ndarray:
     level = np.arange(f.count) % f.levels
     around = np.arange(f.count) // f.levels
     per_level = -(-f.count // f.levels)
     # Each level is turned by a share of the spacing, so that no two fingers retrace a line.
     azimuth = 2 * pi * (around + level / f.levels) / per_level
     share = level / max(1, f.levels - 1)
-    return _about(f, told, hand, azimuth, aim=f.aim_low + (f.aim_high - f.aim_low) * share)
+    return _about(f, prior, hand, azimuth, aim=f.aim_low + (f.aim_high - f.aim_low) * share)
 
 
-def _opposing(f: Opposing, told: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np.ndarray:
+def _opposing(f: Opposing, prior: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np.ndarray:
     pair = np.arange(f.count) // 2
     pairs = -(-f.count // 2)
-    return _about(f, told, hand, pi * pair / pairs + pi * (np.arange(f.count) % 2))
+    return _about(f, prior, hand, pi * pair / pairs + pi * (np.arange(f.count) % 2))
 
 
-def _top(f: Top, told: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np.ndarray:
+def _top(f: Top, prior: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np.ndarray:
     roll = pi * np.arange(f.count) / f.count
-    return _about(f, told, hand, np.zeros(f.count), tilt=0.0, roll=roll)
+    return _about(f, prior, hand, np.zeros(f.count), tilt=0.0, roll=roll)
 
 
-def _random(f: Random, told: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np.ndarray:
+def _random(f: Random, prior: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np.ndarray:
     draw = counter_uniform(counter_key(
         key[:, None, None], np.arange(f.count)[None, :, None], np.arange(4)))
     cos_tilt = 1.0 - draw[..., 1] * (1.0 - np.cos(f.tilt_rad))
-    return _about(f, told, hand, 2 * pi * draw[..., 0], tilt=np.arccos(cos_tilt),
+    return _about(f, prior, hand, 2 * pi * draw[..., 0], tilt=np.arccos(cos_tilt),
                   roll=2 * pi * draw[..., 2],
                   aim=f.aim_low + (f.aim_high - f.aim_low) * draw[..., 3])
 
 
-def _spiral(f: Spiral, told: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np.ndarray:
+def _spiral(f: Spiral, prior: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np.ndarray:
     share = np.arange(f.count) / max(1, f.count - 1)
-    return _about(f, told, hand, 2 * pi * f.turns * share,
+    return _about(f, prior, hand, 2 * pi * f.turns * share,
                   aim=f.aim_low + (f.aim_high - f.aim_low) * share)
 
 
-def _hemisphere(f: Hemisphere, told: BoundingCylinder, hand: HandTable,
+def _hemisphere(f: Hemisphere, prior: BoundingCylinder, hand: HandTable,
                 key: np.ndarray) -> np.ndarray:
     # Swinbank and Purser 2006, Fibonacci grids: equal areas, azimuths by the golden angle.
     share = (np.arange(f.count) + 0.5) / f.count
     tilt = np.arccos(1.0 - share * (1.0 - np.cos(f.tilt_rad)))
-    return _about(f, told, hand, pi * (3.0 - np.sqrt(5.0)) * np.arange(f.count), tilt=tilt)
+    return _about(f, prior, hand, pi * (3.0 - np.sqrt(5.0)) * np.arange(f.count), tilt=tilt)
 
 
-def _csv(f: Csv, told: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np.ndarray:
+def _csv(f: Csv, prior: BoundingCylinder, hand: HandTable, key: np.ndarray) -> np.ndarray:
     poses = poses_from_csv(Path(f.file))
-    return np.broadcast_to(poses, (len(told.x_m), *poses.shape)).copy()
+    return np.broadcast_to(poses, (len(prior.x_m), *poses.shape)).copy()
 
 
 _FAMILY: dict[type, Callable[[Any, BoundingCylinder, HandTable, np.ndarray], np.ndarray]] = {

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-TOLD_MARGIN_M = 0.03
-"""Three standard deviations of each number told."""
+PRIOR_MARGIN_M = 0.03
+"""Three standard deviations of each number of the prior."""
 
 
 class WaypointError(ValueError):
@@ -43,7 +43,7 @@ _COUNT = {"low": 1, "high": 256, "doc": "poses"}
 class Placement:
     """What every family shares: how far the palm stays away, which way the hand is turned."""
 
-    palm_clearance_m: float = _number(0.040, -0.05, 0.3, "palm to a thin object's told cylinder")
+    palm_clearance_m: float = _number(0.040, -0.05, 0.3, "palm to a thin object's prior cylinder")
     clearance_per_radius: float = _number(1.5, 0.0, 5.0,
                                           "further away by this times the radius over 20 mm")
     roll_rad: float = _number(0.0, -2 * pi, 2 * pi, "turn about the approach direction")

@@ -5,7 +5,8 @@ feels, then the index finger; both places are noted, both back off, and arm and 
 along the axis, until a finger finds nothing. The axis is given: vertical, or an orientation that
 may be wrong by some degrees; each section's own centre steers the next.
 
-    found = explore_contour(robot, Axis.upright(told.x_m, told.y_m, told.height_m, told.radius_m))
+    axis = Axis.upright(prior.x_m, prior.y_m, prior.height_m, prior.radius_m)
+    found = explore_contour(robot, axis)
     profile = profile_of(found)                             # strategies.contour_profile
 """
 

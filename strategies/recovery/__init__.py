@@ -5,8 +5,8 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "belief": ["Belief", "read_only"],
     "body_distances": ["bodies_on"],
-    "choose_model": ["Recovered", "Shape", "choose_body", "or_told", "plausible", "revolution_of",
-        "same_bodies"],
+    "choose_model": ["Recovered", "Shape", "choose_body", "or_prior", "plausible",
+        "prior_superquadric", "revolution_of", "same_bodies"],
     "complete_contour": ["OPTIONS", "revolution_misfit", "revolution_of_all", "whole_profile"],
     "evidence": ["CONTOUR_TOUCHES", "Evidence", "FACE_TOUCHES", "TouchedLinks",
         "evidence_from_grasps", "evidence_from_touches", "joined_evidence", "joined_links",

@@ -26,8 +26,8 @@ class Belief:
     """How often the strategy has been asked before."""
     active: np.ndarray
     """Worlds that may go on, bool (world,); probes of the others are not made."""
-    told: BoundingCylinder
-    """The prior: rough place and size, with errors."""
+    prior: BoundingCylinder
+    """Rough place and size of the object, with errors."""
     seed: np.ndarray
     """For a strategy's own random numbers (`warpgrasp.core.random`), uint64 (world,)."""
     arm: ArmTable
@@ -61,6 +61,11 @@ class Belief:
     def worlds(self) -> int:
         """Number of worlds."""
         return len(self.seed)
+
+    @property
+    def told(self) -> BoundingCylinder:
+        """The name of `prior` in version 0.1."""
+        return self.prior
 
     @cached_property
     def uncertainty(self) -> SuperquadricUncertainty:

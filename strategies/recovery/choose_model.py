@@ -9,7 +9,7 @@ from fit.arrays import row_sums, rows_of
 from fit.revolution.geometry import RevolutionBody
 from fit.superquadric.geometry import Superquadric, SuperquadricLike
 from fit.superquadric.record import SuperquadricFit
-from strategies.poses.waypoints import TOLD_MARGIN_M, BoundingCylinder
+from strategies.poses.waypoints import PRIOR_MARGIN_M, BoundingCylinder
 from strategies.procedures.contour_shape import Profile
 from strategies.recovery.body_distances import contour_distances, surface_distances
 from strategies.recovery.evidence import Evidence
@@ -30,7 +30,7 @@ FARTHEST_M = 0.05
 class Shape(IntEnum):
     """Which model stands for a world's body."""
 
-    TOLD_CYLINDER = 0
+    PRIOR_CYLINDER = 0
     SUPERQUADRIC = 1
     REVOLUTION = 2
 
@@ -82,7 +82,7 @@ def choose_body(
     rest of the evidence does not contradict it: a contour that was broken off half way up leaves
     contacts above it.
     """
-    shape = np.where(fitted, Shape.SUPERQUADRIC, Shape.TOLD_CYLINDER)
+    shape = np.where(fitted, Shape.SUPERQUADRIC, Shape.PRIOR_CYLINDER)
     if profile is None:
         return Recovered(shape, superquadric)
     body = revolution_of(profile)
@@ -107,31 +107,31 @@ def _rms(distance: np.ndarray, mask: np.ndarray) -> np.ndarray:
     return np.sqrt(square / np.maximum(mask.sum(1), 1))
 
 
-def plausible(fits: SuperquadricFit, told: BoundingCylinder) -> np.ndarray:
+def plausible(fits: SuperquadricFit, prior: BoundingCylinder) -> np.ndarray:
     """Whether a body stays within twice the reach of the prior cylinder and its error.
 
     Few contacts on one side may let a fit diverge; with the rough size as prior one would not
     believe it, and neither is it scored.
     """
-    middle = np.stack([told.x_m, told.y_m, told.height_m / 2], axis=1)
-    reach = np.hypot(told.radius_m, told.height_m / 2) + TOLD_MARGIN_M
+    middle = np.stack([prior.x_m, prior.y_m, prior.height_m / 2], axis=1)
+    reach = np.hypot(prior.radius_m, prior.height_m / 2) + PRIOR_MARGIN_M
     far = (np.linalg.norm(fits.position_m - middle, axis=1)
            + np.linalg.norm(fits.size_m, axis=1))
     return far <= 2.0 * reach
 
 
-def or_told(fits: SuperquadricLike, told: BoundingCylinder, good: np.ndarray) -> Superquadric:
-    """The fits, and the prior cylinder where there is none."""
-    zero = np.zeros_like(told.x_m)
-    pick = good[:, None]
-    upright = np.array([0.0, 0.0, 0.0, 1.0])
+def prior_superquadric(prior: BoundingCylinder) -> Superquadric:
+    """The prior cylinder as a superquadric."""
+    zero = np.zeros((len(prior.x_m), 2))
     return Superquadric(
-        size_m=np.where(pick, fits.size_m,
-                        np.stack([told.radius_m, told.radius_m, told.height_m / 2], 1)),
-        exponents=np.where(pick, fits.exponents, [0.1, 1.0]),
-        position_m=np.where(pick, fits.position_m,
-                            np.stack([told.x_m, told.y_m, told.height_m / 2], 1)),
-        quaternion_xyzw=np.where(pick, fits.quaternion_xyzw, upright),
-        taper=np.where(pick, fits.taper, np.stack([zero, zero], 1)),
-        bend=np.where(pick, fits.bend, np.stack([zero, zero], 1)),
-    )
+        size_m=np.stack([prior.radius_m, prior.radius_m, prior.height_m / 2], 1),
+        exponents=np.tile([0.1, 1.0], (len(zero), 1)),
+        position_m=np.stack([prior.x_m, prior.y_m, prior.height_m / 2], 1),
+        quaternion_xyzw=np.tile([0.0, 0.0, 0.0, 1.0], (len(zero), 1)), taper=zero, bend=zero)
+
+
+def or_prior(fits: SuperquadricLike, prior: BoundingCylinder, good: np.ndarray) -> Superquadric:
+    """The good fits, and the prior cylinder in place of the others; `good` is bool (fit,)."""
+    cylinder = prior_superquadric(prior)
+    return Superquadric(*(np.where(good[:, None], getattr(fits, name), getattr(cylinder, name))
+                          for name in Superquadric._fields))

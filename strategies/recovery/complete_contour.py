@@ -14,7 +14,7 @@ from fit.fit_status import is_fitted
 from fit.revolution.fit import fit_revolution
 from fit.revolution.geometry import RevolutionBody
 from fit.revolution.record import RevolutionFit, RevolutionOptions
-from strategies.poses.waypoints import TOLD_MARGIN_M, BoundingCylinder
+from strategies.poses.waypoints import PRIOR_MARGIN_M, BoundingCylinder
 from strategies.procedures.contour_shape import Profile
 from strategies.recovery.body_distances import contour_distances
 from strategies.recovery.evidence import Evidence
@@ -29,16 +29,16 @@ FAR_M = 0.010
 """A touch farther than this from a body counts as this far."""
 
 
-def revolution_of_all(evidence: Evidence, told: BoundingCylinder) -> RevolutionFit:
+def revolution_of_all(evidence: Evidence, prior: BoundingCylinder) -> RevolutionFit:
     """Surfaces of revolution through all touches, standing on the table.
 
     Touches outside the prior cylinder by more than its error are not of this body: one alone would
     make it as tall.
     """
     x, y, z = np.moveaxis(evidence.points_m, -1, 0)
-    away = np.hypot(x - told.x_m[:, None], y - told.y_m[:, None])
-    near = ((away <= told.radius_m[:, None] + TOLD_MARGIN_M)
-            & (z <= told.height_m[:, None] + TOLD_MARGIN_M))
+    away = np.hypot(x - prior.x_m[:, None], y - prior.y_m[:, None])
+    near = ((away <= prior.radius_m[:, None] + PRIOR_MARGIN_M)
+            & (z <= prior.height_m[:, None] + PRIOR_MARGIN_M))
     return fit_revolution(evidence.points_m, evidence.mask & near, table_z=0.0, options=OPTIONS)
 
 
@@ -60,7 +60,7 @@ def revolution_misfit(fit: RevolutionFit, evidence: Evidence) -> np.ndarray:
 
 
 def whole_profile(
-    profile: Profile, evidence: Evidence, contour: np.ndarray, told: BoundingCylinder
+    profile: Profile, evidence: Evidence, contour: np.ndarray, prior: BoundingCylinder
 ) -> Profile:
     """The profiles, those of broken contours replaced; `contour` (slot,) numbers their touches."""
     low, high = contour_span(profile, evidence, contour)
@@ -68,7 +68,7 @@ def whole_profile(
     rows = np.flatnonzero(followed & ((low > COVERED[0]) | (high < COVERED[1])))
     if len(rows) == 0:
         return profile
-    fit = revolution_of_all(rows_of(evidence, rows), rows_of(told, rows))
+    fit = revolution_of_all(rows_of(evidence, rows), rows_of(prior, rows))
     body = body_of_fit(fit)
     good = is_fitted(fit.status)
     rows, body = rows[good], body[good]

@@ -162,7 +162,7 @@ def no_evidence(worlds: int, free_radius_m: float) -> Evidence:
 
 
 def no_links(worlds: int, slots: int, radius_m: float) -> TouchedLinks:
-    """For touches of pads: their place needs no link to be told."""
+    """Of touches of pads, whose place does not depend on which link touched."""
     wide = np.zeros((worlds, slots, 3, 3))
     narrow = np.ones((worlds, slots, 3))
     return TouchedLinks(wide, wide, narrow, narrow, radius_m, np.zeros((worlds, slots), bool))

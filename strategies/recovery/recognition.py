@@ -88,11 +88,11 @@ class Recognizer:
 
     def names(self, belief: Belief, recovered: Recovered) -> np.ndarray:
         """The likeliest answer of each world, "" where no body was recovered, str (world,)."""
-        if not (recovered.shape != Shape.TOLD_CYLINDER).any():
+        if not (recovered.shape != Shape.PRIOR_CYLINDER).any():
             return np.full(belief.worlds, "", object)
         found = self.ranking(belief, recovered)
         answers = np.array([*found.names, NONE], object)[found.probability.argmax(1)]
-        return np.where(recovered.shape == Shape.TOLD_CYLINDER, "", answers)
+        return np.where(recovered.shape == Shape.PRIOR_CYLINDER, "", answers)
 
 
 def right_answer(body: Body) -> str:

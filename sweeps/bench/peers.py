@@ -166,9 +166,9 @@ def mujoco_scipy_episode(of: str, batch: int) -> Work:
     body = body_from_name("block")
     strategy = STRATEGIES[of]
     radius = hypot(body.high_m[0], body.high_m[1])
-    told = BoundingCylinder(np.zeros(1), np.zeros(1), np.array([radius]),
+    prior = BoundingCylinder(np.zeros(1), np.zeros(1), np.array([radius]),
                             np.array([body.high_m[2]]))
-    poses = waypoint_poses(strategy.waypoints, told, HAND, np.zeros(1, np.uint64))[0]
+    poses = waypoint_poses(strategy.waypoints, prior, HAND, np.zeros(1, np.uint64))[0]
     commands, count = padded_commands(strategy.closings)
     hand = MujocoHand(object_solids(body), HAND, friction=0.0, limits=False)
 

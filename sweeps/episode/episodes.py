@@ -66,7 +66,7 @@ class EpisodeBlock:
     bodies: tuple[Body, ...]
     """The objects of its cells, in turn."""
     truth: Truth
-    told: BoundingCylinder
+    prior: BoundingCylinder
     exploration: Exploration
     scores: Scores
     moments: tuple[Moment, ...]
@@ -181,7 +181,7 @@ def _run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Ep
         for (cell, episodes), body in zip(parts, bodies, strict=True)])
     body_pose = place_objects(cell.placement, key)
     scorer = Scorer(bodies, which, body_pose, device)
-    told = joined([tell_cylinder(body, body_pose[rows], cell.placement.prior_sigma_m, key[rows])
+    prior = joined([draw_prior(body, body_pose[rows], cell.placement.prior_sigma_m, key[rows])
                    for body, rows in scorer.worlds()])
     truth = Truth(body_pose)
     noise = _noise_key(key, cell.strategy.noise_stream)
@@ -197,12 +197,12 @@ def _run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Ep
             scores = scorer.score(recovered)
         moments.append(Moment(belief.touches, belief.time_s, scores, recovered))
 
-    planner, fault = _planner(cell, robot, told)
+    planner, fault = _planner(cell, robot, prior)
     # No subclass and nothing that looks like it: the truth is for the shipped one alone.
     oracle = planner if type(planner) is Oracle else None
     if oracle is not None:
         oracle.let_see(lambda recovered: scorer.score(recovered).chamfer_m)
-    found = explore(robot, planner, told, counter_key(noise, int(Purpose.STRATEGY)),
+    found = explore(robot, planner, prior, counter_key(noise, int(Purpose.STRATEGY)),
                     table=cell.fit, closings=cell.strategy.closings,
                     budget=budget_of(cell.strategy), observe=observe, oracle=oracle)
     if fault:
@@ -210,7 +210,7 @@ def _run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Ep
                         status=np.full(len(key), "strategy_failed"))
     scores = moments[-1].scores if moments else scorer.score(found.recovered)
     recognized = _recognizer(device).names(found.belief, found.recovered)
-    return EpisodeBlock(tuple(bodies), truth, told, found, scores, tuple(moments), recognized)
+    return EpisodeBlock(tuple(bodies), truth, prior, found, scores, tuple(moments), recognized)
 
 
 def _noise_key(key: np.ndarray, stream: int) -> np.ndarray:
@@ -218,11 +218,11 @@ def _noise_key(key: np.ndarray, stream: int) -> np.ndarray:
     return key if stream == 0 else counter_key(key, int(Purpose.NOISE_STREAM), stream)
 
 
-def _planner(cell: Cell, robot: Robot, told: BoundingCylinder) -> tuple[Planner, str]:
+def _planner(cell: Cell, robot: Robot, prior: BoundingCylinder) -> tuple[Planner, str]:
     """The strategy at work, or one that does nothing and what is wrong with the one named."""
     try:
         return planner_of(cell.strategy, cell.planar, cell.contour, cell.decide, cell.stereo,
-                          robot, told), ""
+                          robot, prior), ""
     except PlannerError as error:
         return lambda belief: [], str(error)
 
@@ -290,10 +290,10 @@ def place_objects(placement: ObjectTable, key: np.ndarray) -> np.ndarray:
     return pose
 
 
-def tell_cylinder(
+def draw_prior(
     body: Body, body_pose: np.ndarray, sigma_m: float, key: np.ndarray
 ) -> BoundingCylinder:
-    """The bounding cylinder a strategy is told: the true one with a normal error in each number."""
+    """The prior given to a strategy: the bounding cylinder with a normal error in each number."""
     surface = sample_body(body).surface_m
     radius = float(np.hypot(surface[:, 0], surface[:, 1]).max())
     stream = counter_key(key, int(Purpose.PRIOR))

@@ -16,13 +16,12 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from fit.fit_status import FitStatus
-from fit.superquadric.geometry import Superquadric
 from strategies.exploration import FEWEST_CONTACTS
 from strategies.poses.closing_paths import CLOSING_PATHS
 from strategies.poses.hand_poses import pose_about
 from strategies.poses.waypoints import Placement
 from strategies.procedures.containment import explore_by_containment
-from strategies.recovery.choose_model import or_told, plausible
+from strategies.recovery.choose_model import or_prior, plausible, prior_superquadric
 from strategies.recovery.evidence import (
     Evidence,
     TouchedLinks,
@@ -33,7 +32,7 @@ from strategies.recovery.evidence import (
 )
 from strategies.recovery.fit_contacts import recover_bodies
 from sweeps.episode.columns import superquadric_parameters
-from sweeps.episode.episodes import place_objects, tell_cylinder
+from sweeps.episode.episodes import draw_prior, place_objects
 from sweeps.episode.scores import score_superquadrics
 from warpgrasp.core.random import counter_key
 from warpgrasp.objects.catalogue import body_from_name
@@ -91,7 +90,7 @@ class GraspVectorEnv(VectorEnv):
         """
         key = self._drawn_keys(seed)
         pose = place_objects(ObjectTable(), key)
-        self._told = tell_cylinder(self._body, pose, ObjectTable().prior_sigma_m, key)
+        self._prior = draw_prior(self._body, pose, ObjectTable().prior_sigma_m, key)
         self._robot = Robot([self._body], np.zeros(1, int), Truth(pose), key, ArmTable(),
                             HandTable(), SensorTable(), device=self._device)
         self._pose, self._made, self._over = pose, 0, False
@@ -146,7 +145,7 @@ class GraspVectorEnv(VectorEnv):
         a = np.clip(actions, -1.0, 1.0)
         usual = Placement()
         return pose_about(
-            self._told, np.pi * a[:, :1], np.pi / 4 * (a[:, 1:2] + 1), np.pi * a[:, 2:3],
+            self._prior, np.pi * a[:, :1], np.pi / 4 * (a[:, 1:2] + 1), np.pi * a[:, 2:3],
             (a[:, 3:4] + 1) / 2, 0.0, usual.palm_clearance_m, usual.clearance_per_radius,
             HandTable())
 
@@ -155,36 +154,29 @@ class GraspVectorEnv(VectorEnv):
         new, links = evidence_from_grasps(grasps, radius), touched_links(grasps, radius)
         self._evidence = new if self._evidence is None else joined_evidence(self._evidence, new)
         self._links = links if self._links is None else joined_links(self._links, links)
-        told = np.stack([self._told.x_m, self._told.y_m, np.zeros(self.num_envs)], axis=1)
-        points = np.where(new.mask[..., None], new.points_m - told[:, None], 0.0)
+        prior = np.stack([self._prior.x_m, self._prior.y_m, np.zeros(self.num_envs)], axis=1)
+        points = np.where(new.mask[..., None], new.points_m - prior[:, None], 0.0)
         self._last = np.concatenate([new.mask[..., None], points], axis=-1).reshape(
             self.num_envs, -1)
 
     def _believe(self) -> None:
         """The body believed from all that was felt, and its error, which only the reward tells."""
         if self._evidence is None:
-            zero = np.zeros(self.num_envs)
-            told = np.stack([self._told.radius_m, self._told.radius_m, self._told.height_m / 2], 1)
-            turn = np.tile([0.0, 0.0, 0.0, 1.0], (self.num_envs, 1))
-            self._recovered = Superquadric(
-                size_m=told, exponents=np.tile([0.1, 1.0], (self.num_envs, 1)),
-                position_m=np.stack([self._told.x_m, self._told.y_m, told[:, 2]], 1),
-                quaternion_xyzw=turn, taper=np.stack([zero, zero], 1),
-                bend=np.stack([zero, zero], 1))
+            self._recovered = prior_superquadric(self._prior)
         else:
             fits, placed = recover_bodies(self._evidence, self._links, FitTable())
             good = ((placed.mask.sum(axis=1) >= FEWEST_CONTACTS)
                     & np.isin(fits.status, (FitStatus.converged, FitStatus.not_converged))
-                    & plausible(fits, self._told))
-            self._recovered = or_told(fits, self._told, good)
+                    & plausible(fits, self._prior))
+            self._recovered = or_prior(fits, self._prior, good)
         scores = score_superquadrics(self._recovered, self._body, self._pose, device=self._device)
         self._error_mm = scores.chamfer_m * 1e3
 
     def _observation(self) -> np.ndarray:
-        told, felt = self._told, self._evidence
+        prior, felt = self._prior, self._evidence
         slots = 4 * len(self._closings) * self._probes
         count = np.zeros(self.num_envs) if felt is None else felt.mask.sum(axis=1) / slots
-        parts = [np.stack([told.x_m, told.y_m, told.radius_m, told.height_m], axis=1),
+        parts = [np.stack([prior.x_m, prior.y_m, prior.radius_m, prior.height_m], axis=1),
                  np.stack(list(superquadric_parameters(self._recovered).values()), axis=1),
                  np.stack([count, np.full(self.num_envs, self._made / self._probes)], axis=1),
                  self._last]

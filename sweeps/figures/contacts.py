@@ -41,7 +41,7 @@ def contacts_figure(block: EpisodeBlock, name: str, world: int = 0,
 
     pose = block.truth.body_pose[world]
     faces = 1e3 * (quadrilaterals(recovered_grid(block.recovered, world)) - pose[:3])
-    corners, prior = faces.reshape(-1, 3), block.recovered.shape[world] == Shape.TOLD_CYLINDER
+    corners, prior = faces.reshape(-1, 3), block.recovered.shape[world] == Shape.PRIOR_CYLINDER
     evidence = block.exploration.belief.evidence
     points = 1e3 * (evidence.points_m[world][evidence.mask[world]] - pose[:3])
     yaw = 2.0 * np.arctan2(pose[5], pose[6])

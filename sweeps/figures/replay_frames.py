@@ -118,7 +118,7 @@ class _Recording:
                                   else f"{procedure.name}: fitted again")
 
     def _believe(self, recovered: Recovered) -> None:
-        if recovered.shape[self.world] != Shape.TOLD_CYLINDER:
+        if recovered.shape[self.world] != Shape.PRIOR_CYLINDER:
             self.estimates.append(recovered_grid(recovered, self.world, 12))
             self.estimate = len(self.estimates) - 1
 

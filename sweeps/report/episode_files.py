@@ -78,7 +78,7 @@ def explore(
 
         write_replay(make_replay(cell, block), out / "replay.html")
         written.append("replay.html")
-    if block.recovered.shape[0] == Shape.TOLD_CYLINDER:
+    if block.recovered.shape[0] == Shape.PRIOR_CYLINDER:
         print(f"{block.status[0]}: nothing was recovered; the body written is the cylinder that "
               "the strategy was given as prior", file=sys.stderr)
     if block.exploration.fault[0]:
@@ -156,7 +156,7 @@ def shape_record(cell: Cell, block: EpisodeBlock, world: int = 0) -> dict[str, A
     """The content of `shape.json`: the recovered models, the chosen one, and its scores."""
     scores, belief = block.scores, block.exploration.belief
     shape = Shape(int(block.recovered.shape[world]))
-    kinds = {Shape.TOLD_CYLINDER: "told_cylinder", Shape.REVOLUTION: "revolution",
+    kinds = {Shape.PRIOR_CYLINDER: "told_cylinder", Shape.REVOLUTION: "revolution",
              Shape.SUPERQUADRIC: "tapered_superquadric" if cell.fit.taper else "superquadric"}
     pose = block.truth.body_pose[world]
     return {

@@ -20,10 +20,10 @@ def belief(points: np.ndarray | None = None) -> Belief:
     evidence = Evidence(points, np.ones((2, n), bool), np.tile(np.eye(3) * 1e-6, (2, n, 1, 1)),
                         np.full(points.shape, np.nan), np.zeros((2, 0, 3)), 0.006,
                         np.zeros((2, 0), bool), np.zeros((2, n), bool))
-    told = BoundingCylinder(*(np.array(v) for v in (
+    prior = BoundingCylinder(*(np.array(v) for v in (
         (0.45, 0.45), (0.0, 0.02), (0.035, 0.035), (0.14, 0.14))))
     zero = np.zeros(2)
-    return Belief(step=0, active=np.ones(2, bool), told=told, seed=np.arange(2).astype(np.uint64),
+    return Belief(step=0, active=np.ones(2, bool), prior=prior, seed=np.arange(2).astype(np.uint64),
                   arm=ArmTable(), hand=HandTable(), sensors=SensorTable(),
                   closings=("curl40", "base_then_curl"), evidence=evidence,
                   fits=SimpleNamespace(), fitted=np.ones(2, bool),  # pyright: ignore

@@ -12,7 +12,7 @@ from strategies.procedures.contour_follower import Axis
 
 
 def one_ring(belief):
-    poses = waypoint_poses((Ring(count=6),), belief.told, belief.hand, belief.seed)
+    poses = waypoint_poses((Ring(count=6),), belief.prior, belief.hand, belief.seed)
     return [Grasp(poses)] if belief.step == 0 else []
 
 
@@ -21,7 +21,7 @@ class Several:
         self.count = count
 
     def __call__(self, belief):
-        poses = waypoint_poses((Ring(count=6),), belief.told, belief.hand, belief.seed)
+        poses = waypoint_poses((Ring(count=6),), belief.prior, belief.hand, belief.seed)
         return [Grasp(poses[:, belief.step:belief.step + 1])] if belief.step < self.count else []
 
 
@@ -51,7 +51,7 @@ def through_the_table(belief):
 
 
 def never_ends(belief):
-    return [Grasp(waypoint_poses((Ring(count=6),), belief.told, belief.hand, belief.seed)[:, :1])]
+    return [Grasp(waypoint_poses((Ring(count=6),), belief.prior, belief.hand, belief.seed)[:, :1])]
 
 
 @planner("registered-by-a-test", "one ring")
@@ -68,7 +68,7 @@ def leaves(belief):
 
 
 def unknown_closing(belief):
-    poses = waypoint_poses((Ring(count=2),), belief.told, belief.hand, belief.seed)
+    poses = waypoint_poses((Ring(count=2),), belief.prior, belief.hand, belief.seed)
     return [Grasp(poses, closings=("curl99",))]
 
 
@@ -80,6 +80,6 @@ def face_of_nan(belief):
 
 
 def axis_without_length(belief):
-    axis = Axis.upright(*(belief.told.x_m, belief.told.y_m, belief.told.height_m,
-                          belief.told.radius_m))
+    axis = Axis.upright(*(belief.prior.x_m, belief.prior.y_m, belief.prior.height_m,
+                          belief.prior.radius_m))
     return [FollowContour(replace(axis, direction=0.0 * axis.direction))]

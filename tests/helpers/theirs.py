@@ -18,10 +18,10 @@ class Mixed:
         self.asked += 1
         if self.asked > 2:
             return []
-        told, odd = belief.told, belief.seed % np.uint64(2) == 1
-        poses = waypoint_poses((Ring(count=3),), told, belief.hand, belief.seed)
+        prior, odd = belief.prior, belief.seed % np.uint64(2) == 1
+        poses = waypoint_poses((Ring(count=3),), prior, belief.hand, belief.seed)
         grasps = Grasp(poses, np.repeat((odd == (self.asked == 2))[:, None], 3, 1))
-        top = np.stack([told.x_m, told.y_m, told.height_m], 1)[:, None]
+        top = np.stack([prior.x_m, prior.y_m, prior.height_m], 1)[:, None]
         up = np.tile([0.0, 0.0, 1.0], (belief.worlds, 1, 1))
         return [grasps, CrossFaces(top, up, odd[:, None] & (self.asked == 1))]
 

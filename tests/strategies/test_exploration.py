@@ -41,9 +41,9 @@ def run(planner, episodes=(0, 1), name="large_cylinder", budget: Budget | None =
     robot = Robot([body], np.zeros(1, int), Truth(pose), key, ArmTable(), HandTable(),
                   SensorTable())
     one = np.ones(worlds)
-    told = BoundingCylinder(0.45 * one, 0.0 * one, float(np.hypot(*body.high_m[:2])) * one,
+    prior = BoundingCylinder(0.45 * one, 0.0 * one, float(np.hypot(*body.high_m[:2])) * one,
                             body.high_m[2] * one)
-    return explore(robot, planner, told, key, table=table, closings=closings, budget=budget)
+    return explore(robot, planner, prior, key, table=table, closings=closings, budget=budget)
 
 
 def ordered(*order: str, count: int = 6, refit_every: int = 0) -> OrderedPlanner:
@@ -90,7 +90,7 @@ def test_a_broken_strategy_is_a_status_with_file_and_line(name, says, worlds) ->
 
 def test_each_world_is_told_its_own_fault() -> None:
     def low(belief: Belief) -> list[Grasp]:
-        poses = waypoint_poses((Ring(),), belief.told, belief.hand, belief.seed)[:, :3].copy()
+        poses = waypoint_poses((Ring(),), belief.prior, belief.hand, belief.seed)[:, :3].copy()
         poses[[0, 1], [2, 1], 2] = [-0.01, -0.02]
         return [Grasp(poses, np.ones((2, 3), bool))]
 
@@ -101,7 +101,7 @@ def test_each_world_is_told_its_own_fault() -> None:
 
 
 @pytest.mark.parametrize("array", [
-    lambda belief: belief.told.radius_m, lambda belief: belief.evidence.points_m,
+    lambda belief: belief.prior.radius_m, lambda belief: belief.evidence.points_m,
     lambda belief: belief.body.size_m, lambda belief: belief.active])
 def test_a_strategy_cannot_write_into_what_it_is_handed(array) -> None:
     """What the run itself goes on with would be changed."""
@@ -127,7 +127,7 @@ def test_steps_are_counted_in_each_world() -> None:
     asked = iter(range(99))
 
     def in_turn(belief: Belief) -> list[Grasp]:
-        poses = waypoint_poses((Ring(),), belief.told, belief.hand, belief.seed)[:, :1]
+        poses = waypoint_poses((Ring(),), belief.prior, belief.hand, belief.seed)[:, :1]
         return [Grasp(poses, (np.arange(2) == next(asked) % 2)[:, None])]
 
     found = run(in_turn, budget=Budget(steps=3))
@@ -240,7 +240,7 @@ def test_a_needle_among_its_touches_is_not_believed(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(exploration, "recover_bodies", needle)
     found = run(ordered("containment"))
     assert (found.status == "fit_implausible").all()
-    assert np.allclose(found.belief.body.size_m[:, 0], found.belief.told.radius_m)
+    assert np.allclose(found.belief.body.size_m[:, 0], found.belief.prior.radius_m)
 
 
 def test_cutting_a_sequence_changes_no_contact() -> None:

@@ -22,7 +22,7 @@ def outward_faces(vertices_m: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
     Every edge borders two faces. An outermost shell is turned outward, together with what lies in
     it: what looks the other way there is a cavity. Raises BodyError where a shell has no outside,
-    or where it cannot be told what one bounds.
+    or where it is ambiguous what one bounds.
     """
     shell, turned = _shells(faces)
     count = int(shell.max()) + 1

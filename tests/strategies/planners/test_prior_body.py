@@ -7,16 +7,16 @@ from beliefs import belief, on_side
 
 from fit.superquadric.fit import fit_superquadric
 from strategies.planners.adaptive import GreedyCoverage
-from strategies.planners.prior_body import planning_belief, told_surface
+from strategies.planners.prior_body import planning_belief, prior_surface
 from strategies.recovery.belief import Belief
-from strategies.recovery.choose_model import or_told
+from strategies.recovery.choose_model import or_prior
 from strategies.recovery.upright import stand_upright
 
 
 def with_fits(points: np.ndarray) -> Belief:
     here = belief(points)
     fits = fit_superquadric(here.evidence.points_m, here.evidence.mask, table_z=0.0)
-    return replace(here, fits=fits, body=or_told(fits, here.told, np.ones(2, bool)))
+    return replace(here, fits=fits, body=or_prior(fits, here.prior, np.ones(2, bool)))
 
 
 def test_nothing_felt_is_the_told_cylinder() -> None:
@@ -31,8 +31,8 @@ def test_nothing_felt_is_the_told_cylinder() -> None:
 def test_few_touches_move_what_was_told() -> None:
     """Told 15 mm beside the truth, a few touches of one side pull the guide towards them."""
     here = with_fits(on_side(-30, 30, n=6))
-    aside = replace(here.told, x_m=here.told.x_m - 0.015)
-    here, trusted = planning_belief(replace(here, told=aside))
+    aside = replace(here.prior, x_m=here.prior.x_m - 0.015)
+    here, trusted = planning_belief(replace(here, prior=aside))
     assert not trusted.any()
     stands = stand_upright(here.body)
     front = stands.centre_m[:, 0] + stands.radius_m
@@ -48,9 +48,9 @@ def test_a_fit_to_many_touches_is_trusted_unless_they_lie_beside_it() -> None:
 
 
 def test_told_surface_lies_on_the_cylinder() -> None:
-    told = belief().told
-    points = told_surface(told)
-    away = np.hypot(points[..., 0] - told.x_m[:, None], points[..., 1] - told.y_m[:, None])
+    prior = belief().prior
+    points = prior_surface(prior)
+    away = np.hypot(points[..., 0] - prior.x_m[:, None], points[..., 1] - prior.y_m[:, None])
     assert (np.isclose(away, 0.035) | np.isclose(points[..., 2], 0.14)).all()
 
 

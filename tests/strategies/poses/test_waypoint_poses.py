@@ -34,7 +34,7 @@ from warpgrasp.parameters import HandTable
 HAND = HandTable()
 
 
-def told(radius: float = 0.03, height: float = 0.12) -> BoundingCylinder:
+def prior(radius: float = 0.03, height: float = 0.12) -> BoundingCylinder:
     return BoundingCylinder(*(np.array([v]) for v in (0.45, 0.02, radius, height)))
 
 
@@ -54,7 +54,7 @@ families = st.one_of(
 @settings(max_examples=60, deadline=None)
 @given(families, st.floats(0.01, 0.06), st.floats(0.03, 0.35))
 def test_hands_look_down_and_open_fingers_keep_off_the_table(family, radius, height) -> None:
-    poses = waypoint_poses((family,), told(radius, height), HAND, np.zeros(1, np.uint64))
+    poses = waypoint_poses((family,), prior(radius, height), HAND, np.zeros(1, np.uint64))
     assert poses.shape == (1, family.count, 7)
     assert np.allclose(np.linalg.norm(poses[..., 3:], axis=-1), 1.0)
     assert (axis(poses, 2)[:, 2] < 0).all()
@@ -66,7 +66,7 @@ def test_hands_look_down_and_open_fingers_keep_off_the_table(family, radius, hei
 
 def test_a_ring_stands_around_at_its_tilt_and_clearance() -> None:
     ring = Ring(count=4, tilt_rad=radians(80), palm_clearance_m=0.1, clearance_per_radius=0.0)
-    poses = waypoint_poses((ring,), told(), HAND, np.zeros(1, np.uint64))[0]
+    poses = waypoint_poses((ring,), prior(), HAND, np.zeros(1, np.uint64))[0]
     approach = axis(poses, 2)
     assert np.allclose(-approach[:, 2], np.cos(radians(80)))
     aside = poses[:, :2] - [0.45, 0.02]
@@ -79,9 +79,9 @@ def test_a_ring_stands_around_at_its_tilt_and_clearance() -> None:
 
 @pytest.mark.parametrize("tilt_deg", [80, 90, 120])
 def test_a_level_hand_is_raised_off_the_table_and_not_taken_away(tilt_deg: float) -> None:
-    told = BoundingCylinder(*(np.array([v]) for v in (0.45, 0.0, 0.04, 0.10)))
+    prior = BoundingCylinder(*(np.array([v]) for v in (0.45, 0.0, 0.04, 0.10)))
     family = Ring(count=4, tilt_rad=radians(tilt_deg), aim=0.3)
-    pose = waypoint_poses((family,), told, HandTable(), np.zeros(1, np.uint64))[0]
+    pose = waypoint_poses((family,), prior, HandTable(), np.zeros(1, np.uint64))[0]
     tips = hand_links(HandTable(), pose, np.tile(closing_commands(
         CLOSING_PATHS["curl40"])[None, :, 0], (len(pose), 1, 1)))[0][..., 4, :]
     assert (tips[..., 2] >= TABLE_CLEARANCE_M).all()
@@ -91,9 +91,9 @@ def test_a_level_hand_is_raised_off_the_table_and_not_taken_away(tilt_deg: float
 
 
 def test_random_poses_depend_on_the_key_alone() -> None:
-    two = BoundingCylinder(*(np.repeat(v, 2) for v in vars(told()).values()))
+    two = BoundingCylinder(*(np.repeat(v, 2) for v in vars(prior()).values()))
     both = waypoint_poses((Random(),), two, HAND, np.array([5, 6], np.uint64))
-    one = waypoint_poses((Random(),), told(), HAND, np.array([6], np.uint64))
+    one = waypoint_poses((Random(),), prior(), HAND, np.array([6], np.uint64))
     assert np.array_equal(both[1], one[0])
     assert not np.allclose(both[0], both[1])
 
@@ -114,7 +114,7 @@ def test_pose_files_name_the_line(tmp_path: Path, line: str, message: str) -> No
 def test_pose_files_are_used_as_they_stand(tmp_path: Path) -> None:
     file = tmp_path / "poses.csv"
     file.write_text(",".join(CSV_COLUMNS) + "\n0.4,0,0.3,1,0,0,0\n0.5,0.1,0.3,0,1,0,0\n")
-    poses = waypoint_poses((Csv(str(file)),), told(), HAND, np.zeros(1, np.uint64))
+    poses = waypoint_poses((Csv(str(file)),), prior(), HAND, np.zeros(1, np.uint64))
     assert np.allclose(poses[0, 1], [0.5, 0.1, 0.3, 0, 1, 0, 0])
 
 
@@ -129,7 +129,7 @@ def test_no_joint_outruns_the_step_and_ranges_are_kept(name: str) -> None:
 
 
 def test_a_spiral_climbs_as_it_goes_around() -> None:
-    poses = waypoint_poses((Spiral(count=9, turns=2.0, tilt_rad=radians(90)),), told(height=0.3),
+    poses = waypoint_poses((Spiral(count=9, turns=2.0, tilt_rad=radians(90)),), prior(height=0.3),
                            HAND, np.zeros(1, np.uint64))[0]
     assert (np.diff(poses[:, 2]) > 0).all()
     angle = np.unwrap(np.arctan2(poses[:, 1] - 0.02, poses[:, 0] - 0.45))
@@ -138,7 +138,7 @@ def test_a_spiral_climbs_as_it_goes_around() -> None:
 
 def test_hemisphere_directions_are_spread_over_the_whole_cap() -> None:
     cap = radians(70)
-    poses = waypoint_poses((Hemisphere(count=64, tilt_rad=cap),), told(), HAND,
+    poses = waypoint_poses((Hemisphere(count=64, tilt_rad=cap),), prior(), HAND,
                            np.zeros(1, np.uint64))[0]
     up = -axis(poses[None], 2)
     assert up[:, 2].min() > np.cos(cap)

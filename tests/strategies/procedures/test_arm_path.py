@@ -44,7 +44,7 @@ def test_the_path_is_between_all_stations(name: str, explore: Callable) -> None:
         return touch
 
     robot.guarded_line = watched
-    told = explore(robot)[0]
+    prior = explore(robot)[0]
     # Believed stations are where the encoders say, a tenth of a millimetre off the lines' own ends.
-    assert told == pytest.approx(
+    assert prior == pytest.approx(
         np.linalg.norm(np.diff(stations, axis=0), axis=1).sum(), abs=1e-4 * len(stations))

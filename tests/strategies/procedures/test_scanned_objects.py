@@ -38,9 +38,9 @@ def test_faces_of_a_cracker_box() -> None:
     faces = []
     for way in (np.array([-1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])):
         middle = np.array([0.45, 0.0, body.high_m[2] / 2]) + way * body.high_m
-        told = middle + rng.normal(0.0, 0.004, (WORLDS, 3))
+        prior = middle + rng.normal(0.0, 0.004, (WORLDS, 3))
         normal = Rotation.from_rotvec(rng.normal(0, np.radians(3), (WORLDS, 3))).apply(way)
-        e = explore_plane(robot, told, normal)
+        e = explore_plane(robot, prior, normal)
         assert (e.reason == EndReason.COMPLETE).mean() >= 0.9
         face = planes_of(e)
         # The scanned face bulges and leans: the plane through the true touches is what can be had.

@@ -15,7 +15,7 @@ from strategies.procedures.options import DecideTable
 from strategies.recovery.complete_contour import contour_span, whole_profile
 from strategies.recovery.evidence import Evidence
 
-TOLD = BoundingCylinder(*(np.array([v]) for v in (0.45, 0.0, 0.05, 0.12)))
+PRIOR = BoundingCylinder(*(np.array([v]) for v in (0.45, 0.0, 0.05, 0.12)))
 """A cone on a thin stem, as told."""
 
 
@@ -47,7 +47,7 @@ def followed_to(height: float) -> Profile:
 def test_a_contour_blocked_below_the_cone_is_completed_by_grasps() -> None:
     points = np.concatenate([stem_and_cone(10, 0.02, 0.036, 1), stem_and_cone(80, 0.01, 0.12, 2)])
     evidence, contour = evidence_of(points), np.arange(10)
-    whole = whole_profile(followed_to(0.036), evidence, contour, TOLD)
+    whole = whole_profile(followed_to(0.036), evidence, contour, PRIOR)
     z = np.array([0.03, 0.06, 0.09, 0.115])
     radius = np.interp(z, whole.height_m[0], whole.radius_m[0])
     assert np.allclose(radius, np.where(z < 0.04, 0.006, 0.006 + 0.55 * (z - 0.04)), atol=0.003)
@@ -58,7 +58,7 @@ def test_one_touch_far_above_does_not_make_it_tall() -> None:
     stray = np.array([[0.46, 0.01, 0.17]])
     points = np.concatenate([stem_and_cone(10, 0.02, 0.036, 1), stem_and_cone(80, 0.01, 0.12, 2),
                              stray])
-    whole = whole_profile(followed_to(0.036), evidence_of(points), np.arange(10), TOLD)
+    whole = whole_profile(followed_to(0.036), evidence_of(points), np.arange(10), PRIOR)
     assert whole.length_m[0] < 0.125
 
 
@@ -68,7 +68,7 @@ def test_a_contour_followed_to_the_top_is_left_as_it_is() -> None:
     low, high = contour_span(profile, evidence, np.arange(20))
     assert low[0] < 0.3
     assert high[0] > 0.9
-    assert whole_profile(profile, evidence, np.arange(20), TOLD) is profile
+    assert whole_profile(profile, evidence, np.arange(20), PRIOR) is profile
 
 
 def test_a_funnel_is_round_and_a_block_is_not() -> None:
@@ -80,7 +80,7 @@ def test_a_funnel_is_round_and_a_block_is_not() -> None:
     for points, expected in ((stem_and_cone(80, 0.01, 0.12, 3), True), (block, False)):
         evidence = evidence_of(points)
         fits = fit_superquadric(evidence.points_m, evidence.mask, table_z=0.0)
-        belief = SimpleNamespace(worlds=1, evidence=evidence, fits=fits, told=TOLD)
+        belief = SimpleNamespace(worlds=1, evidence=evidence, fits=fits, prior=PRIOR)
         row, never = np.arange(1), replace(DecideTable(), turned_within=0.0)
         assert turned(belief, DecideTable(), row)[0] == expected  # pyright: ignore
         assert not turned(belief, never, row)[0]  # pyright: ignore

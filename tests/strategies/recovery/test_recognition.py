@@ -90,5 +90,5 @@ def test_the_catalogue_can_be_extended_and_a_taller_one_is_another(known: Recogn
 
 def test_nothing_recovered_is_no_answer(known: Recognizer) -> None:
     belief, recovered = felt(body_from_name("block"))
-    told = replace(recovered, shape=np.zeros(WORLDS, int))
-    assert list(known.names(belief, told)) == [""] * WORLDS
+    prior = replace(recovered, shape=np.zeros(WORLDS, int))
+    assert list(known.names(belief, prior)) == [""] * WORLDS

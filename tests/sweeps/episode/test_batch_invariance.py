@@ -78,4 +78,4 @@ def test_strategies_meet_the_same_objects(tmp_path: Path) -> None:
     first, second = (plan.study.cell(n, 0, 0) for n in range(2))
     blocks = [run_block(cell, np.arange(3), "cpu") for cell in (first, second)]
     assert (blocks[0].truth.body_pose == blocks[1].truth.body_pose).all()
-    assert (blocks[0].told.radius_m == blocks[1].told.radius_m).all()
+    assert (blocks[0].prior.radius_m == blocks[1].prior.radius_m).all()

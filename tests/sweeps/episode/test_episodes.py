@@ -71,7 +71,7 @@ def test_objects_and_noise_are_common_to_strategies_and_settings() -> None:
     other = run_block(replace(CELL, strategy=STRATEGIES["ring6"],
                               sensors=SensorTable(tendon_threshold_N=9.0)), np.arange(2), "cpu")
     assert np.array_equal(one.truth.body_pose, other.truth.body_pose)
-    assert np.array_equal(one.told.radius_m, other.told.radius_m)
+    assert np.array_equal(one.prior.radius_m, other.prior.radius_m)
 
 
 def test_too_few_contacts_are_a_status_and_the_told_cylinder_is_scored() -> None:

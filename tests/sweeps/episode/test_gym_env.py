@@ -27,7 +27,7 @@ def test_many_worlds_keep_the_vector_contract() -> None:
     assert worlds.action_space == batch_space(worlds.single_action_space, 3)
     counted = RecordEpisodeStatistics(worlds)
     first, info = counted.reset(seed=5)
-    told = info["chamfer_mm"]
+    prior = info["chamfer_mm"]
     assert first in worlds.observation_space
     worlds.action_space.seed(2)
     actions = [worlds.action_space.sample() for _ in range(2)]
@@ -41,7 +41,7 @@ def test_many_worlds_keep_the_vector_contract() -> None:
         assert truncated.all() == truncated.any() == (number == 1)
         seen.append(observation.copy())
         total += reward
-    assert total == pytest.approx(told - info["chamfer_mm"])  # rewards are the error's reduction
+    assert total == pytest.approx(prior - info["chamfer_mm"])  # rewards are the error's reduction
     assert info["episode"]["r"] == pytest.approx(total)
     fresh, reward, _, truncated, _ = counted.step(actions[0])  # the next step resets
     assert not reward.any()
