@@ -5,10 +5,14 @@ names a registered one, or one in a user's file. `planners.from_strategy` makes 
 `strategies.exploration` asks for the next probes.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from strategies.poses.waypoints import Ring
+
+
+def _number(default: int | None, low: float, high: float, doc: str) -> Any:
+    return field(default=default, metadata={"low": low, "high": high, "doc": doc})
 
 
 @dataclass(frozen=True)
@@ -28,22 +32,17 @@ class Strategy:
     """A registered planner, or `file.py:name`; empty: the order above."""
     options: tuple[tuple[str, Any], ...] = ()
     """Arguments of the planner, by name."""
-    refit_every: int = 0
-    """Poses of a containment between two fits; 0: one fit after all of them."""
-    touches: int | None = None
-    """Budget; see `strategies.planners.budget`."""
-    robot_time_s: float | None = None
-    volume_ratio: float | None = None
-    noise_stream: int = 0
-    """Strategies of one stream meet the same noise; another number draws noise of its own."""
+    refit_every: int = _number(
+        0, 0, 256, "poses of a containment between two fits; 0: one fit after all of them")
+    noise_stream: int = _number(0, 0, 10**6, "strategies of one stream meet the same noise")
+    touches: int | None = _number(
+        None, 1, 10**6, "budget: guarded closings and pad touches of an episode")
+    robot_time_s: float | None = _number(None, 1e-3, 1e6, "budget: robot time of an episode")
+    volume_ratio: float | None = _number(
+        None, 1.0, 1e6, "budget: 90 % interval of the volume, upper over lower bound")
 
 
-BUDGET_KEYS: dict[str, tuple[Any, float, float, str]] = {
-    "touches": (int, 1, 1e6, "guarded closings and pad touches of an episode"),
-    "robot_time_s": (float, 1e-3, 1e6, "robot time of an episode"),
-    "volume_ratio": (float, 1.0, 1e6, "90 % interval of the volume, upper over lower bound"),
-}
-"""Type, least and greatest value, and meaning of each."""
+BUDGET_KEYS = ("touches", "robot_time_s", "volume_ratio")
 PROCEDURES: dict[str, str] = {
     "containment": "tendon-guarded closing of all fingers at each waypoint (paper, section IV-C)",
     "planar": "the extended index finger crosses the faces of the body believed (section IV-D)",

@@ -11,7 +11,7 @@ from strategies.strategy import BUDGET_KEYS, Strategy
 from sweeps.spec.cell import SECTIONS
 from sweeps.spec.checks import check_swept_order
 from sweeps.spec.errors import KeyPath, Problem, Problems, SpecError, choose, short
-from sweeps.spec.strategies import REFIT, read_names, read_number
+from sweeps.spec.strategies import read_names
 from sweeps.spec.study import Axis
 from sweeps.spec.units import spec_fields
 
@@ -112,10 +112,8 @@ def _readers(strategies: Sequence[Strategy]) -> dict[str, Reader]:
     for name in ("closings", "order"):
         readers[f"strategy.{name}"] = lambda value, path, problems, name=name: read_names(
             name, value, path, problems) or None
-    for name, (kind, low, high, _) in {**BUDGET_KEYS, "refit_every": REFIT}.items():
-        readers[f"strategy.{name}"] = (
-            lambda value, path, problems, kind=kind, low=low, high=high: read_number(
-                value, kind, low, high, path, problems))
+    for name in (*BUDGET_KEYS, "refit_every"):
+        readers[f"strategy.{name}"] = spec_fields(Strategy)[name].read
     return readers
 
 

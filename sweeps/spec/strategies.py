@@ -13,9 +13,8 @@ from sweeps.spec.errors import KeyPath, Problems, check_name, choose, short
 from sweeps.spec.objects import CSV_LIMIT, NoFile, named_file
 from sweeps.spec.units import read_table
 
-KEYS = ("name", "waypoints", "closings", "order", "strategy", "options", "refit_every", "budget",
-        "noise_stream")
-REFIT = (int, 0, 256, "poses between two fits")
+NUMBERS = ("refit_every", "noise_stream")
+KEYS = ("name", "waypoints", "closings", "order", "strategy", "options", "budget", *NUMBERS)
 
 
 def read_strategies(values: Any, base_dir: Path, problems: Problems) -> tuple[Strategy, ...]:
@@ -61,14 +60,9 @@ def _read_strategy(table: Any, path: KeyPath, base_dir: Path,
         if key in table:
             strategy = replace(strategy, **{
                 key: read_names(key, table[key], (*path, key), problems)})
-    if "refit_every" in table:
-        value = read_number(table["refit_every"], *REFIT[:3], (*path, "refit_every"), problems)
-        strategy = replace(strategy, refit_every=value or 0)
-    if "noise_stream" in table:
-        value = read_number(table["noise_stream"], int, 0, 10**6, (*path, "noise_stream"), problems)
-        strategy = replace(strategy, noise_stream=value or 0)
-    if "budget" in table:
-        strategy = _read_budget(strategy, table["budget"], (*path, "budget"), problems)
+    numbers = {key: table[key] for key in NUMBERS if key in table}
+    budget = _read_budget(table.get("budget", {}), (*path, "budget"), problems)
+    strategy = replace(strategy, **read_table(Strategy, numbers, path, problems), **budget)
     return _read_call(strategy, table, path, base_dir, problems)
 
 
@@ -110,29 +104,14 @@ def _read_call(strategy: Strategy, table: Mapping[str, Any], path: KeyPath, base
     return replace(strategy, call=call, options=tuple(sorted(options.items())))
 
 
-def _read_budget(strategy: Strategy, value: Any, path: KeyPath, problems: Problems) -> Strategy:
+def _read_budget(value: Any, path: KeyPath, problems: Problems) -> dict[str, Any]:
     if not isinstance(value, Mapping):
         problems.add(path, f"is {short(value)}; should be a table such as {{ touches = 96 }}")
-        return strategy
-    found = {}
-    for key, given in value.items():
-        if key not in BUDGET_KEYS:
-            problems.add((*path, key), f"unknown key; {choose(key, BUDGET_KEYS)}")
-            continue
-        kind, low, high, _ = BUDGET_KEYS[key]
-        found[key] = read_number(given, kind, low, high, (*path, key), problems)
-    return replace(strategy, **found)
-
-
-def read_number(value: Any, kind: type, low: float, high: float, path: KeyPath,
-                problems: Problems) -> Any:
-    """A number within limits, or None and a problem noted."""
-    good = isinstance(value, int if kind is int else int | float) and not isinstance(value, bool)
-    if good and low <= value <= high:
-        return kind(value)
-    what = "a whole number" if kind is int else "a number"
-    problems.add(path, f"is {short(value)}; should be {what} from {low:g} to {high:g}")
-    return None
+        return {}
+    for key in set(value) - set(BUDGET_KEYS):
+        problems.add((*path, key), f"unknown key; {choose(key, BUDGET_KEYS)}")
+    known = {key: number for key, number in value.items() if key in BUDGET_KEYS}
+    return read_table(Strategy, known, path, problems)
 
 
 def read_names(key: str, value: Any, path: KeyPath, problems: Problems) -> tuple[str, ...]:
@@ -167,7 +146,8 @@ def _read_family(table: Any, path: KeyPath, base_dir: Path, problems: Problems) 
         problems.add((*path, "kind"), f"{what}; {choose(kind, WAYPOINT_KINDS)}")
         return None
     family = WAYPOINT_KINDS[kind]
-    values = read_table(family, table, path, problems, ignore=("kind",))
+    own = {key: value for key, value in table.items() if key != "kind"}
+    values = read_table(family, own, path, problems)
     if "file" in {f.name for f in fields(family)}:
         return _read_pose_file(family, values, path, base_dir, problems)
     return family(**values)

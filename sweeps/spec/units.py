@@ -8,12 +8,12 @@ Types, bounds and choices come from the dataclass fields.
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from functools import cache
+from functools import cache, partial
 from math import degrees, inf, radians
 from types import UnionType
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, create_model
 
 from sweeps.spec.errors import KeyPath, Problems, choose, short
 
@@ -25,28 +25,22 @@ _UNIT = re.compile(r"^(?P<stem>.*(?<!_N)(?<!_Nm)(?<!_per))_(?P<unit>m|rad)(?P<ra
 class SpecField:
     """A field of a parameter table and its key in a spec."""
 
+    table: type
     name: str  # in the table, SI
     key: str  # in a spec
+    kind: type  # of the value, or of each entry of a list
+    low: float  # in the units of the spec, as `high`
+    high: float
     to_si: Callable[[float], float]
     from_si: Callable[[float], float]
-    adapter: TypeAdapter[Any]
     choices: tuple[str, ...]
     default: Any
     doc: str
 
     def read(self, value: Any, path: KeyPath, problems: Problems) -> Any:
         """The checked value in SI units, or None after adding its errors to `problems`."""
-        if self.choices and not (isinstance(value, str) and value in self.choices):
-            problems.add(path, f"is {short(value)}; {choose(value, self.choices)}")
-            return None
-        try:
-            return _apply(self.to_si, self.adapter.validate_python(value))
-        except ValidationError as error:
-            for detail in error.errors(include_url=False):
-                problems.add((*path, *detail["loc"]), _message(detail))
-        except OverflowError:
-            problems.add(path, f"is {short(value)}; should be a number a float can hold")
-        return None
+        return _read(self.table, {self.key: value}, problems,
+                     lambda where: (*path, *where[1:])).get(self.name)
 
     @property
     def spec_default(self) -> Any:
@@ -58,75 +52,100 @@ class SpecField:
 
 @cache
 def spec_fields(table: type) -> dict[str, SpecField]:
-    """Every field of a parameter dataclass, by its name in a spec."""
+    """Every field of a parameter dataclass that has a `doc`, by its name in a spec."""
     hints = get_type_hints(table)
-    found = [_spec_field(f.name, hints[f.name], f.default, f.metadata) for f in fields(table)]
+    found = [_spec_field(table, f.name, hints[f.name], f.default, f.metadata)
+             for f in fields(table) if "doc" in f.metadata]
     return {field.key: field for field in found}
 
 
-def read_table(table: type, values: Any, path: KeyPath, problems: Problems,
-               ignore: tuple[str, ...] = ()) -> dict[str, Any]:
+@cache
+def _model(table: type) -> type[BaseModel]:
+    """The pydantic model of a spec's table: keys and units of the spec in, SI out."""
+    parts: dict[str, Any] = {}
+    for key, f in spec_fields(table).items():
+        of_key = Annotated[_annotation(f), AfterValidator(partial(_apply, f.to_si))]
+        parts[_attribute(key)] = of_key, Field(default=None, alias=key)
+    return create_model(table.__name__, __config__=ConfigDict(extra="forbid"), **parts)
+
+
+def _attribute(key: str) -> str:
+    return f"{key}_"  # keys such as `schema` are names that pydantic needs itself
+
+
+def read_table(table: type, values: Any, path: KeyPath, problems: Problems) -> dict[str, Any]:
     """The checked fields of a spec's table in SI units, keyed by the field names."""
-    if not isinstance(values, Mapping):
-        problems.add(path, f"is {short(values)}; should be a table")
-        return {}
+    if isinstance(values, Mapping):
+        return _read(table, dict(values), problems, lambda where: (*path, *where))
+    problems.add(path, f"is {short(values)}; should be a table")
+    return {}
+
+
+def _read(table: type, values: dict[str, Any], problems: Problems,
+          place: Callable[[KeyPath], KeyPath]) -> dict[str, Any]:
+    """The values that are right, in SI; the others' errors go to `problems`, each at its place."""
     known = spec_fields(table)
-    found: dict[str, Any] = {}
-    for key, value in values.items():
-        if key in ignore:
-            continue
-        if key not in known:
-            problems.add((*path, key), f"unknown key; {choose(key, known)}")
-        else:
-            found[known[key].name] = known[key].read(value, (*path, key), problems)
-    return {name: value for name, value in found.items() if value is not None}
+    try:
+        found = _model(table).model_validate(values)
+    except ValidationError as error:
+        details = error.errors(include_url=False)
+        for detail in details:
+            problems.add(place(detail["loc"]), _message(detail, known))
+        wrong = {detail["loc"][0] for detail in details}
+        values = {key: value for key, value in values.items() if key not in wrong}
+        found = _model(table).model_validate(values)
+    return {known[key].name: getattr(found, _attribute(key)) for key in values}
 
 
-def _spec_field(name: str, hint: Any, default: Any, metadata: Mapping[str, Any]) -> SpecField:
+def _spec_field(table: type, name: str, hint: Any, default: Any,
+                metadata: Mapping[str, Any]) -> SpecField:
     match = _UNIT.match(name)
     unit = match["unit"] if match else ""
     to_si, from_si = {"m": (_from_mm, _to_mm), "rad": (radians, degrees)}.get(unit, (_same, _same))
     key = name
     if match:
         key = f"{match['stem']}_{ {'m': 'mm', 'rad': 'deg'}[unit]}{match['rate'] or ''}"
-    choices = tuple(metadata.get("choices", ()))
-    annotation = _annotation(_without_none(hint), default, metadata, from_si)
-    return SpecField(name, key, to_si, from_si, TypeAdapter(annotation), choices, default,
-                     metadata.get("doc", ""))
+    if isinstance(hint, UnionType):  # with None: unset
+        hint = next(option for option in get_args(hint) if option is not type(None))
+    kind = get_args(hint)[0] if get_origin(hint) is tuple else hint
+    low, high = metadata.get("low", -inf), metadata.get("high", inf)
+    if kind is float:
+        low, high = (float(f"{from_si(v):.10g}") for v in (low, high))
+    return SpecField(table, name, key, kind, low, high, to_si, from_si,
+                     tuple(metadata.get("choices", ())), default, metadata["doc"])
 
 
-def _annotation(hint: Any, default: Any, metadata: Mapping[str, Any],
-                from_si: Callable[[float], float]) -> Any:
-    if get_origin(hint) is tuple:
-        entry = _annotation(get_args(hint)[0], None, metadata, from_si)
-        return Annotated[list[entry], Field(strict=True, min_length=len(default),
-                                            max_length=len(default))]
-    if metadata.get("choices"):
-        return Literal[tuple(metadata["choices"])]
-    if hint not in (float, int):
-        return Annotated[hint, Field(strict=True)]
-    limits: dict[str, Any] = {"strict": True}
-    for bound, key, unbounded in (("low", "ge", -inf), ("high", "le", inf)):
-        value = metadata.get(bound, unbounded)
-        if value != unbounded:
-            limits[key] = value if hint is int else float(f"{from_si(value):.10g}")
-    if hint is float:
+def _annotation(f: SpecField) -> Any:
+    """What pydantic checks a value by, in the units of the spec."""
+    if f.choices:
+        return Literal[f.choices]
+    limits: dict[str, Any] = {"ge": f.low, "le": f.high} if f.kind in (int, float) else {}
+    if f.kind is float:
         limits["allow_inf_nan"] = False
-    return Annotated[hint, Field(**limits)]
+    entry = Annotated[f.kind, Field(strict=True, **limits)]
+    if not isinstance(f.default, tuple):
+        return entry
+    return Annotated[list[entry], Field(strict=True, min_length=len(f.default),
+                                        max_length=len(f.default))]
 
 
-def _without_none(hint: Any) -> Any:
-    if isinstance(hint, UnionType):
-        return next(option for option in get_args(hint) if option is not type(None))
-    return hint
-
-
-def _message(detail: Any) -> str:
+def _message(detail: Any, known: Mapping[str, SpecField]) -> str:
     """A pydantic error as a message: the given value, then what is expected."""
-    said = detail["msg"]
-    said = said.removeprefix("Input ").removeprefix("Value ")
-    said = said[:1].lower() + said[1:]
-    return f"is {short(detail['input'])}; {said}"
+    field = known.get(detail["loc"][0])
+    if field is None:
+        return f"unknown key; {choose(detail['loc'][0], known)}"
+    given = f"is {short(detail['input'])}; "
+    if field.choices:
+        return given + choose(detail["input"], field.choices)
+    if field.high < inf and detail["type"] not in ("list_type", "too_short", "too_long"):
+        number = "a whole number" if field.kind is int else "a number"
+        return f"{given}should be {number} from {_text(field.low)} to {_text(field.high)}"
+    said = detail["msg"].removeprefix("Input ").removeprefix("Value ")
+    return f"{given}{said[:1].lower()}{said[1:]}"
+
+
+def _text(number: float) -> str:
+    return f"{number:.10g}" if isinstance(number, float) else str(number)
 
 
 def _apply(change: Callable[[Any], Any], value: Any) -> Any:

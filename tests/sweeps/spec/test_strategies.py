@@ -29,7 +29,7 @@ MINE = '[[strategy]]\nname = "mine"\n'
     ('strategy = "mine.py:f"\norder = ["containment"]', "has no meaning beside a planner"),
     ('strategy = "mine.py:f"\noptions = { size = 3 }', "takes no options"),
     ('options = { size = 3 }', "has no meaning without a planner"),
-    ('budget = { touches = 0 }', "should be a whole number from 1 to 1e+06"),
+    ('budget = { touches = 0 }', "should be a whole number from 1 to 1000000"),
     ('budget = { touches = 1.5 }', "should be a whole number"),
     ('budget = { hours = 3 }', "unknown key"),
     ('budget = 3', "should be a table such as"),
