@@ -87,7 +87,8 @@ def test_lengths_round_trip(value: float) -> None:
 BAD_KEYS = [
     ("seed = 7", "seed = -1", "spec.toml:2: seed: is -1; should be a whole number from 0 to "),
     ("seed = 7", "seed = 1.5", "spec.toml:2: seed: is 1.5; should be a whole number from 0 to "),
-    ("= 70\no", "= -70\no", "spec.toml:3: episodes_per_cell: is -70; should be a whole number from 1 to "),
+    ("= 70\no", "= -70\no", "spec.toml:3: episodes_per_cell: is -70; should be a whole "
+     "number from 1 to "),
     ("schema = 1", "schema = 2", "spec.toml:1: schema: is 2"),
     ("schema = 1\n", "", "spec.toml:1: schema: missing; write schema = 1"),
     ("seed", "sed", "spec.toml:2: sed: unknown key; did you mean seed?"),
@@ -107,8 +108,10 @@ BAD_KEYS = [
      "be a whole number from 0 to 9223372036854775807"),
     ("count = 3", "count = -3", "spec.toml:9: strategy[1].waypoints.count: is -3; should be"),
     ("count = 3", "cuont = 3", "strategy[1].waypoints.cuont: unknown key; did you mean count?"),
-    ("tilt_deg = 70", "tilt_deg = nan", "waypoints.tilt_deg: is nan; should be a number from 0 to 180"),
-    ("tilt_deg = 70", "tilt_deg = true", "waypoints.tilt_deg: is True; should be a number from 0 to 180"),
+    ("tilt_deg = 70", "tilt_deg = nan", "waypoints.tilt_deg: is nan; should be a number "
+     "from 0 to 180"),
+    ("tilt_deg = 70", "tilt_deg = true", "waypoints.tilt_deg: is True; should be a number "
+     "from 0 to 180"),
     ("tilt_deg = 70", f"tilt_deg = {10**400}", "waypoints.tilt_deg: "),
     ("tilt_deg = 70 }", "tilt_rad = 1 }", "waypoints.tilt_rad: unknown key; did you mean "
      "tilt_deg?"),
