@@ -2,9 +2,9 @@
 
     belief → strategy → probes → guarded moves → evidence → fits → belief → ...
 
-until the strategy wants nothing more, the budget is spent, or the steps are. A strategy that fails
-(raises, answers with the wrong shape, with NaN, or with a pose through the table) ends the episode
-in the worlds concerned; what was felt before still counts.
+until the strategy asks for no more probes or the budget or the number of steps is used up. A
+strategy that fails (raises, answers with the wrong shape, with NaN, or with a pose through the
+table) ends the episode in the worlds concerned; earlier contacts still count.
 """
 
 from collections.abc import Callable
@@ -148,7 +148,7 @@ class _Run:
         self._conclude(np.arange(worlds))
 
     def take_step(self, planner: Planner) -> bool:
-        """Ask once and carry out the answer; False where it wants nothing that may be done."""
+        """Ask once and carry out the answer; False if no probe of it can be made."""
         try:
             probes = list(planner(self.belief))
             wanted = [wanted_of(probe, self.robot.worlds) for probe in probes]

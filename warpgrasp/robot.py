@@ -1,6 +1,6 @@
 """A batch of robots, each before its own object: what a strategy may do, and what it then feels.
 
-The robot offers guarded moves and nothing higher. What truly happened goes to the `Truth` its
+The robot offers guarded moves and no procedure. What truly happened goes to the `Truth` its
 maker keeps for the scorer; a strategy is handed the robot, never the truth.
 """
 
@@ -136,7 +136,7 @@ class Robot:
                       moves.time_s + self._finger_time(closing, commands_rad), commands_rad)
 
     def _numbers(self, wanted: np.ndarray) -> np.ndarray:
-        """Each world's own count of what it is asked for, whatever is asked of the others."""
+        """Each world's own count of its probes, which does not depend on the other worlds."""
         return self._probes_made[:, None] + np.cumsum(wanted, axis=1) - 1
 
     def _move(

@@ -44,7 +44,7 @@ class SuperquadricOptions:
     table it is not used."""
     mean_exponent: float | None = 0.6
     """Mean of the exponential prior on e1, which prefers flat ends to round ones if the touches
-    do not tell. None: no prior."""
+    do not determine. None: no prior."""
     prior: float = 0.1
     """Inverse standard deviation of the prior on the exponents' logits, the taper's arctanh and
     the bend, relative to the noise of the residuals; 0: no prior."""

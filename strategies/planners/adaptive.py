@@ -1,7 +1,7 @@
 """Strategies that choose their next hand pose by what was felt, and the plain ones beside them.
 
 All choose among the same candidates (`candidates`), one pose a step and world, until the
-budget is spent. What tells them apart is the gain they see in a pose.
+budget is spent. They differ in the gain that they expect of a pose.
 """
 
 from abc import ABC, abstractmethod
@@ -111,7 +111,7 @@ class EvenPoses(OneAtATime):
 
 @planner("coverage", "greedy coverage: the pose whose predicted touches are farthest from all felt")
 class GreedyCoverage(OneAtATime):
-    """Touch where nothing has been touched."""
+    """Touch where there is no contact yet."""
 
     def gain(self, belief: Belief, poses: np.ndarray, free: np.ndarray) -> np.ndarray:
         """Sum over a pose's predicted touches of the distance to the nearest touch, up to a cap."""

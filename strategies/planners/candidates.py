@@ -66,7 +66,7 @@ def predicted_touches(
     `hand_pose` (world, candidate, 7). Returns points [m] (world, candidate, touch, 3) and whether
     there is one, bool (world, candidate, touch): four fingers for each of `belief.closings`, one
     after the other. The closing is that of the simulator, with the threshold that the robot has,
-    against the superquadric that is believed: nothing true enters.
+    against the believed superquadric; the true object is not used.
     """
     bodies = [_body_of(belief, world) for world in range(belief.worlds)]
     truth = Truth(np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (belief.worlds, 1)))

@@ -2,7 +2,7 @@
 
 The signed distance between the true surface and the body believed is taken as a Gaussian process: a
 part that a change of the body's parameters explains (its slopes, with a wide prior), and a part
-that no superquadric can (a Matern 3/2 kernel), as large as the residuals of the touches say by
+that no superquadric can (a Matern 3/2 kernel), as large as the residuals of the touches indicate by
 their marginal likelihood. Touches say what it is at places; so do those that a pose is predicted to
 make. The gain of a pose is by how much they lower the mean over the surface of the standard
 deviation, to which the mean distance between the surfaces is proportional. In the language of

@@ -21,13 +21,13 @@ MOST_STEPS = 64
 
 @dataclass(frozen=True)
 class Budget:
-    """Limits of one episode; a world at any of them is asked for nothing more."""
+    """Limits of one episode; a world that has reached one of them ends."""
 
     touches: int | None = None
     """Guarded closings and pad touches. A batch of grasps is cut so as not to pass it by more than
     the last hand pose."""
     robot_time_s: float | None = None
-    """Looked at between steps."""
+    """Checked between steps."""
     volume_ratio: float | None = None
     """Stop when the 90 % interval of the volume, upper over lower bound, is below this (> 1)."""
     steps: int | None = MOST_STEPS

@@ -2,8 +2,8 @@
 
 A superquadric fitted to the contacts of a grasp or two may lie anywhere beside them, and the prior
 cylinder alone stays in its place however clearly contacts contradict it. Therefore points of the
-prior's surface join the contacts, with the uncertainty of the prior: they say what no touch has
-said yet, and nothing any more where touches have.
+prior's surface join the contacts, with the uncertainty of the prior: they count where there
+are no touches yet, and no more where there are.
 """
 
 from dataclasses import replace

@@ -13,7 +13,7 @@ from strategies.procedures.contour_follower import Axis, ContourOptions
 from strategies.procedures.planar_explorer import PlanarOptions
 
 TABLE_M = 0.0
-"""A hand whose origin is asked to be lower than the table is a fault of the strategy."""
+"""A hand pose whose origin is below this height is a fault of the strategy."""
 
 
 @dataclass(frozen=True)

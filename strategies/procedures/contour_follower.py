@@ -101,7 +101,7 @@ class ContourExploration:
     """Highest place along the axis where both fingers touched, from its foot, (world,)."""
     nothing_m: np.ndarray
     """Lowest place above it where a finger found nothing; NaN where none did."""
-    thrown_out: np.ndarray
+    rejected: np.ndarray
     """Closings blocked without tactile contact."""
     time_s: np.ndarray
     path_m: np.ndarray
@@ -144,7 +144,7 @@ class _Follower:
         if wanted is not None:
             self.reason = np.where(wanted, self.reason, EndReason.COMPLETE)
         self.offset = np.zeros((worlds, 3))  # measured centre against the axis as given
-        self.hold = np.zeros(worlds)  # how much farther off the hand stays, to clear the object
+        self.backed_off_m = np.zeros(worlds)  # farther away, to clear the object
         self.place = np.zeros(worlds)  # of the section, along the axis from its foot
         self.step = np.full(worlds, options.step_m)
         self.searching = np.zeros(worlds, bool)  # for the end, by halving
@@ -152,7 +152,7 @@ class _Follower:
         self.nothing = np.full(worlds, np.nan)
         self.section = np.zeros(worlds, int)
         self.missed = np.zeros(worlds, int)
-        self.thrown_out = np.zeros(worlds, int)
+        self.rejected = np.zeros(worlds, int)
         self.time, self.path = np.zeros(worlds), np.zeros(worlds)
         self.frames = np.tile(np.eye(3), (worlds, 2, 1, 1))
         self.log = TouchLog(worlds)
@@ -166,7 +166,7 @@ class _Follower:
                 break
             self._take_section(rows)
         return ContourExploration(self.log.table(), self.reason, self.axis, self.found,
-                                  self.nothing, self.thrown_out, self.time, self.path,
+                                  self.nothing, self.rejected, self.time, self.path,
                                   self.log.missed())
 
     @property
@@ -241,7 +241,7 @@ class _Follower:
         beyond = np.take(self.o.beyond_m, self.section[rows] % 2) - wide * (
             1.0 + 0.4 * (self.section[rows] % 2))
         beyond = np.maximum(beyond / np.cos(_PITCH_RAD), -_LEAST_REACH * self.radius[rows])
-        beyond = np.maximum(beyond - self.hold[rows], -_FINGERS_PASS * self.radius[rows])
+        beyond = np.maximum(beyond - self.backed_off_m[rows], -_FINGERS_PASS * self.radius[rows])
         centre = (self.foot[rows] + self.offset[rows]
                   + self.along[rows] * self.place[rows][:, None])
         # The fingertips, not the hand's middle, are to be at the section's height.
@@ -272,7 +272,7 @@ class _Follower:
             shallow = stopped & (short < 0.6 * self.radius[left] + _BACK_OFF_M)
             free = (touch.status == ProbeStatus.NO_CONTACT) | shallow
             self.offset[left[free]] += self.frame[left[free]][:, :, 0] * sideways
-            self.hold[left[shallow]] += short[shallow]
+            self.backed_off_m[left[shallow]] += short[shallow]
             self.reason[left[touch.status == ProbeStatus.UNREACHABLE]] = EndReason.UNREACHABLE
             left = left[~free & (touch.status != ProbeStatus.UNREACHABLE)]
         self.reason[left] = EndReason.START_BLOCKED
@@ -290,7 +290,7 @@ class _Follower:
         nothing = (status == ProbeStatus.NO_CONTACT).any(1) & ~both
         gone = (status == ProbeStatus.UNREACHABLE).any(1)
         stopped = ~both & ~nothing & ~gone
-        self.thrown_out[rows] += (status == ProbeStatus.BLOCKED).sum(1)
+        self.rejected[rows] += (status == ProbeStatus.BLOCKED).sum(1)
         self._steer(rows[both], thumb, index, np.flatnonzero(both))
         self.section[rows] += 1
         self.missed[rows] = np.where(stopped, self.missed[rows] + 1, 0)
@@ -327,13 +327,13 @@ class _Follower:
         self.offset[rows] += self.frame[rows][:, :, 0] * (
             _SHIFT_M * hindered @ [1.0, -1.0])[:, None]
         # An open hand that already touches is too narrow here: also hold it farther off.
-        self.hold[rows] += _SHIFT_M * np.where(hindered.all(1), 1.0, 0.5 * (
+        self.backed_off_m[rows] += _SHIFT_M * np.where(hindered.all(1), 1.0, 0.5 * (
             status == ProbeStatus.COLLISION).any(1))
         self.place[rows[self.missed[rows] == 2]] += self.o.step_m
 
     def _steer(self, rows: np.ndarray, thumb: LineTouch, index: LineTouch,
                at: np.ndarray) -> None:
-        """Half way to the centre that the two places and their normals tell of this section."""
+        """Half way to the centre of this section, by the two places and their normals."""
         along = self.along[rows]
         centre, radius = section_circle(thumb.point_m[at], thumb.normal[at], index.point_m[at],
                                         index.normal[at], along)

@@ -49,7 +49,7 @@ class PlanarOptions:
     edge_drop_m: float = 0.004
     """No contact this far below the last one: the surface ended or fell away."""
     fall_drop_m: float = 0.006
-    """How much further the arm moves towards the surface to tell which."""
+    """How much further the arm moves towards the surface to find out which."""
     table_clear_m: float = 0.002
     """The fingertip keeps this far from the table."""
     most_steps: int = 60
@@ -70,7 +70,7 @@ class PlanarExploration:
     """EndReason of each direction, (world, 4)."""
     axes: np.ndarray
     """u, v and the outward normal as given, (world, 3, 3)."""
-    thrown_out: np.ndarray
+    rejected: np.ndarray
     """Moves that were blocked without tactile contact, (world,)."""
     time_s: np.ndarray
     path_m: np.ndarray
@@ -112,7 +112,7 @@ class _Explorer:
         self.first = np.zeros((worlds, 3))
         self.steps = np.zeros(worlds, int)
         self.blocked = np.zeros(worlds, int)
-        self.thrown_out = np.zeros(worlds, int)
+        self.rejected = np.zeros(worlds, int)
         self.time, self.path = np.zeros(worlds), np.zeros(worlds)
         self.log = TouchLog(worlds)
 
@@ -124,7 +124,7 @@ class _Explorer:
                 break
             self._cross(rows)
         return PlanarExploration(self.log.table(), self.reason, self.direction_reason, self.axes,
-                                 self.thrown_out, self.time, self.path, self.log.missed())
+                                 self.rejected, self.time, self.path, self.log.missed())
 
     def _approach(self) -> None:
         """Choose how the hand leans, come up to the face, and touch it."""
@@ -179,7 +179,7 @@ class _Explorer:
         self._end_direction(rows[self.steps[rows] >= o.most_steps], EndReason.SPENT)
 
     def _lower(self, rows: np.ndarray) -> None:
-        """c: down until contact; if there is none, tell an edge from a surface that fell away."""
+        """c: down until contact; without one, it is an edge or a surface that fell away."""
         o = self.o
         inward = -self.axes[:, 2]
         down = self._line(rows, inward, o.clear_m + 0.001 + o.edge_drop_m)
@@ -212,10 +212,10 @@ class _Explorer:
         self.log.add(rows, touch, which, self.direction[rows], INDEX, self.robot.line_count - 1)
 
     def _count_blocked(self, rows: np.ndarray, felt: np.ndarray, stopped: np.ndarray) -> None:
-        """A blocked point is thrown out, the hand backs off, and the search goes on."""
+        """A blocked point is rejected, the hand backs off, and the search continues."""
         self.blocked[rows[felt]] = 0
         back = rows[stopped]
-        self.thrown_out[back] += 1
+        self.rejected[back] += 1
         self.blocked[back] += 1
         self.place[back] += self.axes[back, 2] * 2.0 * self.o.clear_m
         self._end_direction(back[self.blocked[back] >= self.o.most_blocked], EndReason.BLOCKED)

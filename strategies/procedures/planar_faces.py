@@ -1,4 +1,4 @@
-"""What explored faces say: planes, whether they are flat, angles and distances between them."""
+"""Results of explored faces: planes, whether they are flat, angles and distances between them."""
 
 from dataclasses import dataclass
 

@@ -54,7 +54,7 @@ REASON_TEXT = {reason: (reason.__doc__ or "") for reason in EndReason} | {
     EndReason.COMPLETE: "done",
     EndReason.END_OF_OBJECT: "a finger found nothing: the object ends here",
 }
-"""What to tell a user of an ending."""
+"""The message for a user about an ending."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ class TouchTable:
 
 @dataclass(frozen=True)
 class MissedTips:
-    """Where fingers went to touch and met nothing, in the order of going, a row each."""
+    """Attempted touches without contact, in order, a row each."""
 
     world: np.ndarray
     tip_m: np.ndarray

@@ -23,7 +23,7 @@ class Belief:
     """A batch of beliefs, axis 0 the world. Lengths in m, angles in rad, base frame."""
 
     step: int
-    """How often the strategy has been asked before."""
+    """Number of earlier steps of the strategy."""
     active: np.ndarray
     """Worlds that may go on, bool (world,); probes of the others are not made."""
     prior: BoundingCylinder
@@ -69,7 +69,7 @@ class Belief:
 
     @cached_property
     def uncertainty(self) -> SuperquadricUncertainty:
-        """Covariance of the body's parameters, made when first asked for."""
+        """Covariance of the body's parameters, computed on first use."""
         return believed_uncertainty(self.body, self.evidence)
 
 

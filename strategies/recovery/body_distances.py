@@ -1,4 +1,4 @@
-"""Recovered bodies asked at points, in kernels: how far it is to them, and which way."""
+"""Distances and normals of recovered bodies at points, in kernels."""
 
 from typing import Any
 

@@ -41,7 +41,7 @@ class TouchedLinks:
     """For each contact, where on the axis of each link it would be. Shapes (world, point, link 3).
 
     A round link touches a body where its axis is nearest to it, one link radius away: the axis is
-    known from the joint angles, so a place on it says more than a point on the skin.
+    known from the joint angles, so a place on it is more certain than a point on the skin.
     """
 
     centre_m: np.ndarray

@@ -1,10 +1,10 @@
 """From what was felt to a body: fits and contacts, in turns.
 
-Joint torques say which link touched and where along it, but hardly on which side of a round tip.
-The body says the rest: a link touches where its axis is nearest, along the body's normal there. So
-a body is fitted, every contact is re-projected onto it (its link chosen by torque and by distance
-together), and the body is fitted again. Of the space that links swept without touching, only the
-balls nearest to the body last fitted can matter; the next fit is given those.
+Joint torques show which link touched and where along it, but hardly on which side of a round tip.
+The fitted body supplies the rest: a link touches where its axis is nearest, along the body's normal
+there. So a body is fitted, every contact is re-projected onto it (its link chosen by torque and by
+distance together), and the body is fitted again. Of the space that links swept without touching,
+the next fit is given the balls nearest to the body last fitted; only those can matter.
 """
 
 from dataclasses import replace
@@ -29,7 +29,7 @@ PLACE_SIGMA_M = 0.003
 NORMAL_SIGMA_M = 0.0008
 """Spread of a placed contact along the normal: joint angles, mount, repeatability [est]."""
 SCREEN_ITERATIONS = 3
-"""Iterations by which starts are compared: few, for longer ones shrink into whatever is felt."""
+"""Iterations by which starts are compared: few, for any body shrinks to its contacts after more."""
 LAST_ITERATIONS = 24
 """Iterations of the last fit's finish; those whose contacts are still to move have none."""
 LEAST_FALL = 1e-5

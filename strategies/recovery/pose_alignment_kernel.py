@@ -8,7 +8,7 @@ from warpgrasp.geometry.scene import Scene, body_distance_grad
 
 ITERATIONS = 8
 CAP = 3.0
-"""Deviations beyond which a touch says no more against a body: one bad touch decides nothing."""
+"""Cap of a touch's deviation from a body, so that one bad touch does not decide."""
 _ITERATIONS = wp.constant(ITERATIONS)
 _CAP = wp.constant(real(CAP))
 _MOST_MOVE = wp.constant(real(0.3))  # of one iteration [m], [rad]

@@ -33,7 +33,7 @@ TOP_CAP = 6.0
 EFFECTIVE = 0.25
 """Independent touches of all: neighbours err together [est]."""
 NONE_SQUARE = 2.2
-"""Mean squared deviation, capped, from which touches speak against a body [est]."""
+"""Mean squared capped deviation from which touches contradict a body [est]."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ class Recognizer:
 
 
 def right_answer(body: Body) -> str:
-    """What a recognizer of the whole catalogue should say of a body: shapes count, not names."""
+    """The right answer of a recognizer of the whole catalogue: shapes count, not names."""
     for name in BODY_NAMES:
         if body_from_name(name).content == body.content:
             return name

@@ -48,7 +48,7 @@ class Upright:
 
     @cached_property
     def _points(self) -> np.ndarray:
-        """On the surface, made when first asked for: most of the time is theirs."""
+        """On the surface, computed on first use, since they take most of the time."""
         return superquadric_points(self.body, 600)
 
 

@@ -1,4 +1,4 @@
-"""What the rows of a study say: means, intervals, leaderboard, tables."""
+"""Comparing the rows of a study: means, intervals, leaderboard, tables."""
 
 import lazy_loader
 

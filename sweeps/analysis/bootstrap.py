@@ -4,8 +4,8 @@ Every strategy meets the same episodes (same object pose, same noise), so a repl
 of weights for all: differences are paired. Objects are drawn with replacement, and with each object
 its episodes: the spread of the objects' means holds that of their episodes already, and to draw the
 episodes again on top of it would count it twice (Davison and Hinkley 1997, Bootstrap Methods and
-their Application, section 3.8). Only where one object has been measured, and nothing is to be said
-of others, its episodes are drawn, by Poisson(1) weights. An episode has one weight under all the
+their Application, section 3.8). Only where one object has been measured, and no claim is made
+about others, its episodes are drawn, by Poisson(1) weights. An episode has one weight under all the
 settings that it is averaged over: pose and noise are the same there, and to draw them apart would
 count one episode as many. Few draws know their own spread badly: replicates are widened to the
 variance of a sample and to Student's t (see `widened`).
@@ -25,8 +25,8 @@ Place = tuple[int, int]  # of a block of episodes: object, block
 def episode_weights(seed: int, place: Place, count: int) -> np.ndarray:
     """Weights of a block's episodes, shape (1 + replicate, episode); row 0 is the data itself.
 
-    They depend on nothing but the place, so they are the same for every strategy and setting, and
-    whatever order the units are read in.
+    They depend on the place alone, so they are the same for every strategy and setting and any
+    order of reading.
     """
     generator = np.random.Generator(np.random.Philox(np.random.SeedSequence([seed, 1, *place])))
     drawn = generator.poisson(1.0, (REPLICATES, count)).astype(float)
@@ -49,7 +49,7 @@ def widened(means: np.ndarray, count: int) -> np.ndarray:
 
     By sqrt(n / (n - 1)), for drawing n of n with replacement falls short of a sample's variance by
     that, and by Student's t over the normal quantile. It is linear, so differences of widened
-    replicates are widened differences. One draw knows nothing of its spread: NaN but for the data.
+    replicates are widened differences. The spread of one draw is unknown: NaN but for the data.
     """
     if count < 2:
         return np.concatenate([means[:1], np.full_like(means[1:], np.nan)])

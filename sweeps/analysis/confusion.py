@@ -1,4 +1,4 @@
-"""What each entry took each object for. Rows of a study that never asked are left out."""
+"""What each entry recognized each object as; entries that do not recognize are left out."""
 
 from collections import Counter
 from collections.abc import Sequence

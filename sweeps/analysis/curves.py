@@ -190,9 +190,9 @@ class Reach:
     """How soon an entry's error is first within a bound."""
 
     share: float
-    """Of the episodes that ever get there."""
+    """Of episodes that reach the bound."""
     median: float
-    """Half of all episodes are there by then; infinite where fewer than half ever are."""
+    """When half of all episodes have reached it; infinite where fewer do."""
     low: float
     high: float
 

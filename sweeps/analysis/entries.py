@@ -1,6 +1,6 @@
-"""What is compared: entries of a study, and the blocks of episodes that all of them met.
+"""What is compared: entries of a study, and the blocks of episodes that all of them have.
 
-An entry is a strategy under one setting of the axes that tell entries apart. The rest of the axes
+An entry is a strategy under one setting of the axes that define entries. The rest of the axes
 are cases that an entry is averaged over. A block of episodes counts for all entries or for none.
 """
 
@@ -69,7 +69,7 @@ def check_metric(metric: str) -> None:
 
 
 def entry_axes(plan: Plan, by: Sequence[str] | None) -> tuple[list[int], bool]:
-    """The axes that tell entries apart, and whether each object is ranked by itself."""
+    """The axes that define entries, and whether each object is ranked by itself."""
     if by is None:
         return [n for n, axis in enumerate(plan.study.axes) if not axis.sampled], False
     known = ["strategy", "object", *(key for axis in plan.study.axes for key in axis.keys)]
@@ -141,7 +141,7 @@ def _find(stores: Sequence[Store], unit: Unit) -> Columns | None:
 
 
 def failed(rows: Columns) -> np.ndarray:
-    """Which episodes failed: their status says so, or no body came out."""
+    """Which episodes failed: by their status, or because no body was recovered."""
     bad = rows["status"] != "ok"
     if "chamfer_mm" in rows:
         bad = bad | ~np.isfinite(rows["chamfer_mm"].astype(float))

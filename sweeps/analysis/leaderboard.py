@@ -1,11 +1,11 @@
 """The leaderboard of a study: strategies ranked by a metric, each with its interval.
 
 An entry is a strategy, under each setting of the grid and zip axes; Sobol and Latin hypercube
-axes are draws of a nuisance and are averaged over: an episode met at many points is still one.
+axes are draws of a nuisance and are averaged over: an episode repeated at many points counts once.
 Entries are compared on the same objects and episodes. A failed episode counts too, or failing
-would pay: it scores what its row says (the prior body)
-or, where the row has no number, IoU and coverage 0 and the largest distance that any entry had on
-that object. `failure_rate` says how many failed.
+would pay: it scores what its row has (the prior body) or, where the row has no number, IoU and
+coverage 0 and the largest distance that any entry had on that object. `failure_rate` is the share
+of failed episodes.
 """
 
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,7 @@
 """Each entry on each object: the median over episodes with its interval, and what it cost.
 
 The interval is the distribution-free one between order statistics (exact binomial coverage of at
-least 95 %), so that it needs neither a normal spread nor random numbers. An episode met at
+least 95 %), so that it needs neither a normal spread nor random numbers. An episode repeated at
 many points of an axis that is averaged over is one, at its mean over them.
 """
 

@@ -29,7 +29,7 @@ class Paired:
     values: dict[str, tuple[np.ndarray, ...]]
     """By metric, for each object (episode, entry); a failed episode counts as in a leaderboard.
 
-    An episode that was met under several settings is one row: its mean over them."""
+    An episode run under several settings is one row: its mean over them."""
     means: dict[str, np.ndarray]
     """By metric, (1 + replicate, entry): the mean over objects, then episodes; row 0 the data."""
     notes: tuple[str, ...]
@@ -49,7 +49,7 @@ def read_paired(plan: Plan, stores: Sequence[Store], metrics: Sequence[str],
                 axes: Sequence[int] | None = None) -> Paired:
     """Reads a study's units once. Memory grows with the episodes, by 8 bytes a metric and entry.
 
-    `axes` tell entries apart; by default those of the grid and the zip.
+    `axes` define the entries; by default those of the grid and the zip.
     """
     axes = entry_axes(plan, None)[0] if axes is None else axes
     entries = entries_of(plan, axes)

@@ -36,7 +36,7 @@ def choose_episode(plan: Plan, stores: Sequence[Store], strategy: str | None,
                    body: str | None, episode: int) -> Episode:
     """An episode by name; without a strategy that of the best, without an object the first.
 
-    `strategy` can be an entry's name in the leaderboard, which tells the setting too. Where several
+    `strategy` can be an entry's name in the leaderboard, which names the setting too. Where several
     entries are meant it is the leaderboard's first of them. Axes that entries are averaged over
     are at their first point. Raises StoreError for what the study does not have.
     """

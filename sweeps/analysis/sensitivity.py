@@ -155,7 +155,7 @@ def _means(values: np.ndarray) -> np.ndarray:
 
 
 def _mean(values: np.ndarray) -> np.ndarray:
-    """Over the last axis, of what is there; NaN where nothing is."""
+    """Mean over the last axis of finite values; NaN where there is none."""
     there = np.isfinite(values)
     total, count = np.where(there, values, 0.0).sum(-1), there.sum(-1)
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)

@@ -1,7 +1,7 @@
 """What each swept factor does to each strategy: means by level, and its share of the variance.
 
-The means of all settings are the data, an object's and episode's luck being the same in each
-(common random numbers). A factor of more than eight values is cut into four levels of equally many
+The data are the means of all settings, which share objects and episodes (common random
+numbers). A factor of more than eight values is cut into four levels of equally many
 settings. `share` is the variance between a factor's levels over the variance between settings: on
 a full grid the first-order sensitivity index; on sampled points an estimate of it, too small by
 what varies within a level, too large by chance where a level has few settings.

@@ -1,4 +1,4 @@
-"""`warpgrasp table`: everything that the units alone tell, beside the leaderboard."""
+"""`warpgrasp table`: the tables beside the leaderboard."""
 
 import sys
 from collections.abc import Callable, Sequence

@@ -25,7 +25,7 @@ AT_ONCE = 512  # episodes, as workers run them
 FORESEEN = 64
 """The same of planners that close the hand in thought: an episode takes tenths of a second."""
 OTHERS = {"random": 256, "even": 256, "oracle": 8}
-"""Planners that foresee nothing, and the one that closes the hand in truth: seconds."""
+"""Planners without a forecast, and the one that closes the true hand: seconds."""
 OBJECTS = ("block", "small_cylinder", "lightbulb", "mesh")
 SHAPES = ("plane", "revolution", "superquadric11", "superquadric13", "superquadric15")
 _TIMEOUT_S = 900.0

@@ -2,7 +2,7 @@
 
 A row is measured in a process of its own, so that its peak memory and its first call (compiled
 programs from the caches) are its own. Rates are given by the clock and by processor time: on a
-machine that is busy with other things the second says more.
+machine that is busy with other things the second is the more reliable.
 """
 
 import resource
@@ -24,19 +24,19 @@ _LONG_S = 25.0
 SEED = 7
 _POINTS = 60
 _BODIES = 256
-"""Made at a time: more would take memory that a row would tell as its own."""
+"""Made at a time: more would take memory that would be counted as the row's."""
 
 
 @dataclass(frozen=True)
-class Work:
-    """What a row measures: a call that says how many things it did."""
+class Workload:
+    """What a row measures: a call that returns how many items it processed."""
 
     unit: str
     call: Callable[[], int]
     extra: dict[str, Any] = field(default_factory=dict)
 
 
-def measure(work: Work, *, quick: bool = False) -> dict[str, Any]:
+def measure(work: Workload, *, quick: bool = False) -> dict[str, Any]:
     """Rates of `work`: `first_s` of the first call, `per_s` and `per_cpu_s` of the median one."""
     begin = time.perf_counter()
     work.call()

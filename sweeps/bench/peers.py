@@ -9,7 +9,7 @@ from math import hypot
 
 import numpy as np
 
-from sweeps.bench.measure import Work
+from sweeps.bench.measure import Workload
 from sweeps.bench.peer_closing import COMMANDS_RAD, COUNT, HAND_POSE, ours, rest_tips
 from warpgrasp.parameters import HandTable, PadTable
 
@@ -17,7 +17,7 @@ HAND = HandTable()
 ROLLOUT_S = 1.5
 
 
-def mujoco_rollout(of: str, batch: int) -> Work:
+def mujoco_rollout(of: str, batch: int) -> Workload:
     """MuJoCo's batched rollout on as many threads as there are; `of`: a step of 2, 4 or 8 ms.
 
     The exported hand's servos follow the path for 1.5 s (750 steps of 2 ms). `tip_error_mm` is the
@@ -62,30 +62,30 @@ def mujoco_rollout(of: str, batch: int) -> Work:
     distal = [model.body(name).id for name in names]
     tips = data.xpos[distal] + HAND.link_length_m[2] * data.xmat[distal].reshape(-1, 3, 3)[:, :, 2]
     error = float(np.linalg.norm(tips - expected, axis=1).max() * 1e3)
-    return Work("closings", call, {"steps": steps, "threads_used": threads,
+    return Workload("closings", call, {"steps": steps, "threads_used": threads,
                                    "tip_error_mm": round(error, 3)})
 
 
-def same_closing(of: str, batch: int) -> Work:
+def same_closing(of: str, batch: int) -> Workload:
     """Our kernel on the peers' closing: `of` names nothing."""
     call, _ = ours(batch)
-    return Work("closings", call)
+    return Workload("closings", call)
 
 
-def numba_closing(of: str, batch: int) -> Work:
+def numba_closing(of: str, batch: int) -> Workload:
     """The same closing in numba; `of`: `every` command looked at, or `skip` by the distance."""
     from sweeps.bench.peer_numba import numba_closings
 
     call, stops = numba_closings(batch, skip=of == "skip")
-    return Work("closings", call, _agreement(stops))
+    return Workload("closings", call, _agreement(stops))
 
 
-def jax_closing(of: str, batch: int) -> Work:
+def jax_closing(of: str, batch: int) -> Workload:
     """The same closing in JAX, every command looked at: `of` names nothing."""
     from sweeps.bench.peer_jax import jax_closings
 
     call, stops = jax_closings(batch)
-    return Work("closings", call, _agreement(stops))
+    return Workload("closings", call, _agreement(stops))
 
 
 def _agreement(stops: Callable[[], np.ndarray]) -> dict[str, int]:
@@ -94,7 +94,7 @@ def _agreement(stops: Callable[[], np.ndarray]) -> dict[str, int]:
     return {"steps_off": int(np.abs(stops() - expected()).max())}
 
 
-def scipy_fits(of: str, batch: int) -> Work:
+def scipy_fits(of: str, batch: int) -> Workload:
     """scipy's least_squares from the same starts, on the very same compiled residuals."""
     import jax
     from scipy.optimize import least_squares
@@ -122,10 +122,10 @@ def scipy_fits(of: str, batch: int) -> Work:
                 least_squares(lambda t, lane=lane: np.asarray(value(t, lane)), start, max_nfev=80)
         return batch
 
-    return Work("fits", call)
+    return Workload("fits", call)
 
 
-def trimesh_distances(of: str, batch: int) -> Work:
+def trimesh_distances(of: str, batch: int) -> Workload:
     """Signed distances to a mesh of 5,120 faces: trimesh's proximity, or `of` ours, baked."""
     import trimesh
 
@@ -144,10 +144,10 @@ def trimesh_distances(of: str, batch: int) -> Work:
             distance_to_bodies(scene, np.zeros(1, int), points[:, None])
         return batch
 
-    return Work("distances", call)
+    return Workload("distances", call)
 
 
-def mujoco_scipy_episode(of: str, batch: int) -> Work:
+def mujoco_scipy_episode(of: str, batch: int) -> Workload:
     """The loop a researcher would write: 48 closings in MuJoCo, a 13-parameter fit by scipy.
 
     `of` is a strategy of six poses on the block. Fingertips are taken as contacts. Scores are left
@@ -200,7 +200,7 @@ def mujoco_scipy_episode(of: str, batch: int) -> Work:
                 least_squares(body_residuals, start, args=(points,), max_nfev=80)
         return batch
 
-    return Work("episodes", call, {"closings": int(4 * len(poses) * len(count))})
+    return Workload("episodes", call, {"closings": int(4 * len(poses) * len(count))})
 
 
 def _turn(v: np.ndarray) -> np.ndarray:
@@ -209,6 +209,6 @@ def _turn(v: np.ndarray) -> np.ndarray:
     return Rotation.from_rotvec(v).as_matrix()
 
 
-PEERS: dict[str, Callable[[str, int], Work]] = {row.__name__: row for row in (
+PEERS: dict[str, Callable[[str, int], Workload]] = {row.__name__: row for row in (
     mujoco_rollout, same_closing, numba_closing, jax_closing, scipy_fits, trimesh_distances,
     mujoco_scipy_episode)}

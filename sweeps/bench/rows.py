@@ -1,4 +1,4 @@
-"""What `warpgrasp bench` measures of this package: one function a row, `(of, batch) -> Work`.
+"""What `warpgrasp bench` measures of this package: one function a row, `(of, batch) -> Workload`.
 
     python -m sweeps.bench.rows ROW OF BATCH [--quick]      prints one JSON line
 """
@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sweeps.bench.measure import SEED, Work, bodies_touched, measure, mesh_body
+from sweeps.bench.measure import SEED, Workload, bodies_touched, measure, mesh_body
 
 
 def body_of(name: str):
@@ -21,7 +21,7 @@ def body_of(name: str):
     return mesh_body() if name == "mesh" else body_from_name(name)
 
 
-def closings(of: str, batch: int) -> Work:
+def closings(of: str, batch: int) -> Workload:
     """Finger closings of `rim12-ring12` (24 poses, two paths): `batch` slots or a few more."""
     from strategies.poses.hand_poses import waypoint_poses
     from strategies.procedures.containment import padded_commands
@@ -49,10 +49,10 @@ def closings(of: str, batch: int) -> Work:
                                 commands, count)
         return int(np.isfinite(felt.q_rad[..., 0]).sum())
 
-    return Work("closings", call)
+    return Workload("closings", call)
 
 
-def touches(of: str, batch: int) -> Work:
+def touches(of: str, batch: int) -> Workload:
     """Guarded lines of 1 mm intervals that end on a pad of 16 x 16 taxels."""
     from strategies.poses.postures import POKE_RAD, poking_pose
     from warpgrasp.parameters import ArmTable, HandTable, SensorTable
@@ -78,10 +78,10 @@ def touches(of: str, batch: int) -> Work:
                                      interval_m=0.001, steps=60, finger=0, commands_rad=POKE_RAD)
         return int((touch.status == ProbeStatus.CONTACT).sum())
 
-    return Work("touches", call)
+    return Workload("touches", call)
 
 
-def fits(of: str, batch: int) -> Work:
+def fits(of: str, batch: int) -> Workload:
     """Fits of 60 points, all starts included: superquadrics by parameters, plane, revolution."""
     from fit.plane import fit_plane
     from fit.revolution.fit import fit_revolution
@@ -101,10 +101,10 @@ def fits(of: str, batch: int) -> Work:
             fit_superquadric(points, table_z=0.0, options=SuperquadricOptions(**forms[of]))
         return batch
 
-    return Work("fits", call)
+    return Workload("fits", call)
 
 
-def metrics(of: str, batch: int) -> Work:
+def metrics(of: str, batch: int) -> Workload:
     """All scores of recovered superquadrics against a true body."""
     from sweeps.episode.scores import score_superquadrics
 
@@ -115,10 +115,10 @@ def metrics(of: str, batch: int) -> Work:
         score_superquadrics(body, true, pose)
         return batch
 
-    return Work("scores", call)
+    return Workload("scores", call)
 
 
-def episodes(of: str, batch: int) -> Work:
+def episodes(of: str, batch: int) -> Workload:
     """Whole episodes of a shipped strategy: closings, fits, scores, rows written to disk."""
     from strategies.ready_made import STRATEGIES
     from sweeps.episode.episodes import run_episodes
@@ -139,10 +139,10 @@ def episodes(of: str, batch: int) -> Work:
         done += batch
         return batch
 
-    return Work("episodes", call, extra)
+    return Workload("episodes", call, extra)
 
 
-ROWS: dict[str, Callable[[str, int], Work]] = {
+ROWS: dict[str, Callable[[str, int], Workload]] = {
     row.__name__: row for row in (closings, touches, fits, metrics, episodes)}
 
 

@@ -65,7 +65,7 @@ def figure(words: list[FigureKind | str], /, *,
         Of forest, pareto and settings.
     strategy
         For confusion and the figures of one episode; by default the best. An entry's name in
-        the leaderboard tells the setting too ("ring6 [sensors.tendon_threshold_N=3]").
+        the leaderboard names the setting too ("ring6 [sensors.tendon_threshold_N=3]").
     object_
         For those of one episode; by default the first.
     episode
@@ -117,7 +117,7 @@ def show(folders: list[Path], /, *, episode: int = 0, strategy: str | None = Non
     episode
         Which episode of the strategy and object, from 0.
     strategy
-        Whose; by default the leaderboard's first. An entry's name there tells the setting too
+        Whose; by default the leaderboard's first. An entry's name there includes the setting
         ("ring6 [sensors.tendon_threshold_N=3]").
     object_
         On what; by default the study's first.

@@ -107,7 +107,7 @@ def sweep(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])
         Of the Ray cluster, or auto; without it Ray runs on this machine's cores.
     unit_timeout_s
         A unit of work (64 episodes, seconds) that takes longer than this many seconds is stopped
-        and set aside as failed; the rest goes on.
+        and marked as failed; the rest continues.
     verify
         Read every row of the finished units first, not just the ends of their files.
     json

@@ -18,7 +18,7 @@ NODES = ("profile_z_m", "profile_r_m")
 
 
 def model_columns(belief: Belief, recovered: Recovered) -> dict[str, np.ndarray]:
-    """Columns of each world's model, a row each: of `recovered`, as `belief` tells its fit."""
+    """Columns of each world's model, a row each: of `recovered`, with the fit in `belief`."""
     fits, profile = belief.fits, belief.profile
     turned = recovered.shape == Shape.REVOLUTION
     rms = np.where(recovered.shape == Shape.SUPERQUADRIC, fits.rms_m, np.nan)

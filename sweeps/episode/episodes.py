@@ -6,7 +6,7 @@ Cells that differ in their object alone can be run in one block: many episodes a
 each.
 
 An episode's object, pose, prior cylinder and noise come from (study seed, object, episode number)
-alone: the same for every strategy and setting, whatever block it runs in.
+alone: the same for every strategy, setting and block.
 """
 
 from collections.abc import Sequence
@@ -122,7 +122,7 @@ def run_cells(parts: Sequence[Part], device: str) -> list[dict[str, np.ndarray]]
 def run_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
     """Rows of episodes `episodes` (numbers within the study) of a cell, a column each.
 
-    Columns after the file contract of the README; text columns hold str, curves an array a row.
+    Columns as in `docs/leaderboard`; text columns hold str, curves an array a row.
     """
     return run_cells([(cell, episodes)], device)[0]
 
@@ -219,7 +219,7 @@ def _noise_key(key: np.ndarray, stream: int) -> np.ndarray:
 
 
 def _planner(cell: Cell, robot: Robot, prior: BoundingCylinder) -> tuple[Planner, str]:
-    """The strategy at work, or one that does nothing and what is wrong with the one named."""
+    """The strategy, or one without probes and the reason why the named one cannot be used."""
     try:
         return planner_of(cell.strategy, cell.planar, cell.contour, cell.decide, cell.stereo,
                           robot, prior), ""

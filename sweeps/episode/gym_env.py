@@ -160,7 +160,7 @@ class GraspVectorEnv(VectorEnv):
             self.num_envs, -1)
 
     def _believe(self) -> None:
-        """The body believed from all that was felt, and its error, which only the reward tells."""
+        """The body believed from all contacts, and its error, which only the reward contains."""
         if self._evidence is None:
             self._recovered = prior_superquadric(self._prior)
         else:

@@ -85,7 +85,7 @@ def _ball_kernel(
 
 @wp.func
 def _is_inside(p: vec3, s: SuperquadricShape):
-    """Whether the gauge is below one; without its powers where simpler bodies tell.
+    """Whether the gauge is below one; without powers where simpler bounds decide.
 
     A superquadric lies in its box, and holds the box's ellipsoid where its exponents are up to 1.
     """

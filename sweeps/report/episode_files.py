@@ -229,4 +229,4 @@ def _ends(block: EpisodeBlock, world: int) -> Iterator[dict[str, Any]]:
             yield {"procedure": procedure.name, "ended": reason.name.lower(),
                    "because": REASON_TEXT[reason],
                    "touches": int((procedure.felt.touches.world == world).sum()),
-                   "thrown_out": int(procedure.felt.thrown_out[world])}
+                   "thrown_out": int(procedure.felt.rejected[world])}

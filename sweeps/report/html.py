@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def page(title: str, body: str, data: dict[str, Any], scripts: Sequence[str]) -> bytes:
-    """A whole page. Its policy permits its own style and scripts, nothing else."""
+    """A whole page. Its policy permits its own style and scripts only."""
     style = asset("style.css")
     code = [asset(name) for name in scripts]
     policy = ("default-src 'none'; base-uri 'none'; form-action 'none'; "

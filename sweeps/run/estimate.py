@@ -1,4 +1,4 @@
-"""What a study will cost, before it is run: disk and time, as estimates that say so."""
+"""Estimates of the disk space and time of a study before it is run."""
 
 from strategies.strategy import Strategy
 from sweeps.run.plan import BLOCK, Plan

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from sweeps.run.plan import Plan, Unit
 from sweeps.run.progress import Progress
-from sweeps.run.scheduler import Outcome, Work
+from sweeps.run.scheduler import Outcome, UnitQueue
 from sweeps.run.store import Store
 from sweeps.run.worker import ENVIRONMENT, EPISODES, SAY_WHERE, Report, work
 from sweeps.spec.errors import StoreError
@@ -55,7 +55,7 @@ class _Slot:
 
 @dataclass
 class _Run:
-    work: Work
+    work: UnitQueue
     options: Options
     slots: list[_Slot] = field(default_factory=list)
     early_deaths: int = 0
@@ -98,7 +98,7 @@ class _Run:
             slot.since = time.monotonic()
             if slot.units:
                 paths = [self.work.store.path(unit) for unit in slot.units]
-                with suppress(OSError):  # it has died: its pipe says so in a moment
+                with suppress(OSError):  # it has died, which its pipe will report
                     slot.pipe.send((slot.units, paths))
 
     def _in_hand(self) -> float:
@@ -166,7 +166,7 @@ class _Run:
 
 def run(plan: Plan, store: Store, options: Options, progress: Progress) -> Outcome:
     """Runs what is left of a study's shard; the caller holds the shard's lock."""
-    current = _Run(Work(plan, store, options.shard, progress, options.verify,
+    current = _Run(UnitQueue(plan, store, options.shard, progress, options.verify,
                         options.unit_timeout_s), options)
     try:
         current.go()

@@ -15,7 +15,7 @@ NOTE_EVERY_S = 2.0
 
 
 def read_note(file: Path) -> dict[str, Any]:
-    """What a run noted last; nothing running where there is no note, or a damaged one."""
+    """The last note of a run; without one, or with a damaged one, no run."""
     try:
         found = json.loads(file.read_bytes())
         return {"running": int(found["running"]), "units_per_s": float(found["units_per_s"] or 0)}
@@ -101,7 +101,7 @@ class Progress:
 
     @property
     def rate(self) -> float | None:
-        """Units a second of this run up to the last, once there is something to tell it from."""
+        """Units a second of this run up to the last one, once it can be estimated."""
         seconds = self.last - self.first
         return (self.done_units - self.before) / seconds if seconds > 0 else None
 

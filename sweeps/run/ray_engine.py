@@ -13,7 +13,7 @@ from sweeps.output import write_atomic
 from sweeps.run.local_engine import Options, disk_error
 from sweeps.run.plan import Plan, Unit
 from sweeps.run.progress import Progress
-from sweeps.run.scheduler import Outcome, Work
+from sweeps.run.scheduler import Outcome, UnitQueue
 from sweeps.run.store import Store
 from sweeps.run.unit_file import encode_unit
 from sweeps.run.worker import ENVIRONMENT, find_function, run_units
@@ -47,14 +47,15 @@ def run_on_ray(plan: Plan, store: Store, options: Options, progress: Progress,
              include_dashboard=False, configure_logging=False, log_to_driver=False,
              runtime_env={"env_vars": ENVIRONMENT})
     try:
-        work = Work(plan, store, options.shard, progress, options.verify, options.unit_timeout_s)
+        work = UnitQueue(plan, store, options.shard, progress, options.verify,
+                         options.unit_timeout_s)
         _go(ray, work, options)
         return work.outcome
     finally:
         ray.shutdown()
 
 
-def _go(ray: Any, work: Work, options: Options) -> None:
+def _go(ray: Any, work: UnitQueue, options: Options) -> None:
     gpus = float(options.device.startswith("cuda"))
     task = ray.remote(num_cpus=1, num_gpus=gpus, max_retries=LOST_TASK_RETRIES)(compute_units)
     running: dict[Any, tuple[list[Unit], float]] = {}
@@ -75,7 +76,7 @@ def _go(ray: Any, work: Work, options: Options) -> None:
         work.progress.tick(work.running)
 
 
-def _finish(ray: Any, work: Work, units: list[Unit], reference: Any) -> None:
+def _finish(ray: Any, work: UnitQueue, units: list[Unit], reference: Any) -> None:
     try:
         result = ray.get(reference)
     except ray.exceptions.RayError as error:  # its process died, again and again

@@ -32,13 +32,13 @@ class Outcome:
 
 
 @dataclass
-class Work:
+class UnitQueue:
     """The units of a shard, handed out in batches: units of one cell, or of cells that differ in
     their object alone, to be run in one call.
 
     A batch that fails is handed out again unit by unit, which counts against none of them. A unit
     that fails alone is handed out once more; the second time it is set aside as failed, with its
-    log, and the rest goes on.
+    log, and the rest continues.
     """
 
     plan: Plan
@@ -70,11 +70,10 @@ class Work:
         return min(count, len(self.found) + len(self.again))
 
     def take(self, workers: int = 1, elsewhere: float = 0.0, cold: bool = False) -> list[Unit]:
-        """What one of `workers` should do next, retries first; nothing where nothing is left.
+        """The next units for one of `workers`, retries first; empty where none is left.
 
         `elsewhere` is about how many units the others still have before them; a `cold` worker
-        gets one unit, whose time tells nothing, since all has to be compiled for it. Units that are
-        there are counted and passed over.
+        gets one unit, whose time includes compilation. Units that exist are counted and skipped.
         """
         if self.again:
             batch = [self.again.popleft()]
@@ -168,7 +167,7 @@ class Work:
 
     def failed(self, batch: list[Unit], text: str, final: bool = False) -> None:
         """A call raised, its worker died, or (`final`: it is not tried again) its time ran out."""
-        if len(batch) > 1:  # nobody can tell whose fault it was
+        if len(batch) > 1:  # it is unknown which unit was the cause
             self.alone |= {unit.cell_hash for unit in batch}
             self.attempts |= {unit.id: 0 for unit in batch}
             self.put_back(batch)

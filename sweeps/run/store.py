@@ -39,7 +39,7 @@ class Store:
         self.damaged = 0  # units set aside so far
 
     def open_for(self, plan: Plan, spec_text: bytes | None, device: str) -> list[str]:
-        """Makes the directory the study's own; notes worth telling the user come back.
+        """Makes the directory the study's own; returns notes for the user.
 
         `OtherStudy` if it belongs to another spec. A study that only grew (more episodes,
         strategies or objects) is taken up: every unit that is still the same is kept. Who runs it

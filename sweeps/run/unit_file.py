@@ -1,4 +1,4 @@
-"""One unit of work as a Parquet file that says what it is and notices when it was damaged."""
+"""One unit of work as a Parquet file with its identity and a check against damage."""
 
 import hashlib
 import io
@@ -47,7 +47,7 @@ def read_unit(path: Path, unit_id: str, row_count: int | None = None) -> Columns
         table = pq.ParquetFile(io.BytesIO(content)).read(use_threads=False)
         columns = {name: _column(table, name) for name in table.column_names}
         metadata = table.schema.metadata or {}
-    except Exception as error:  # whatever a damaged file makes the decoder raise
+    except Exception as error:  # a decoder may raise anything for a damaged file
         raise DamagedUnit(f"cannot be decoded: {error}"[:200]) from None
     if metadata.get(b"unit", b"").decode("utf-8", "replace") != unit_id:
         raise DamagedUnit("is another unit than its name says")

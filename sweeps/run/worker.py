@@ -46,7 +46,7 @@ ENVIRONMENT = {
 
 @dataclass(frozen=True)
 class Report:
-    """What a worker says: `ready` (`warm` if all is compiled), `done` (the next unit of its batch,
+    """A worker's message: `ready` (`warm` if all is compiled), `done` (the next unit of its batch,
     and the seconds it took), `error` (of the rest of it), `disk`, or `broken` (at start)."""
 
     kind: str

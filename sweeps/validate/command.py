@@ -1,4 +1,4 @@
-"""The command `validate`: the simulator beside engines that nobody here wrote, as one table."""
+"""The command `validate`: the simulator beside independent engines, as one table."""
 
 import csv
 import io

@@ -7,7 +7,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Comparison:
-    """One line of the table. `bound` NaN: nothing is promised, the number is for the reader."""
+    """One line of the table. `bound` NaN: for information, without a bound."""
 
     check: str
     what: str

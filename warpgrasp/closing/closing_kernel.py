@@ -51,7 +51,7 @@ _NAN = wp.constant(real(float("nan")))
 _REDRAWS = wp.constant(100000)
 _FAR = wp.constant(1000000)  # steps
 _ENDLESS = wp.constant(real(1e300))  # no hazard comes to this
-_STRIDE = wp.constant(real(0.04))  # [rad] of a joint's command from look to look
+_STRIDE = wp.constant(real(0.04))  # [rad] of a joint's command between two solved steps
 
 
 @struct
@@ -148,8 +148,8 @@ def closing_kernel(
     stopped = int(-1)
     reading = real(0.0)
     s = int(0)
-    sure = int(1)  # no step before `s` stops the finger
-    reach = int(_FAR)  # looks ahead go so many steps at most, up to step `slips`
+    in_order = int(1)  # no step before `s` stops the finger
+    jump = int(_FAR)  # most steps that are skipped at once, up to step `slips`
     slips = int(-1)
     while s <= last:
         if low_pressed == 0:
@@ -173,54 +173,55 @@ def closing_kernel(
             now.low.bend = now.free.bend
             now.low.depth = -now.free.room
 
-        # Look at step `s`.
+        # Solve step `s`.
         command = path[g, finger, s].command
         start = vec4(command)
         if low_pressed == 1:
             start = predict_joints(low_command, now.low, command, k)
         known = low_pressed == 0 and wp.min(now.low.along) >= ZERO
-        look = finger_equilibrium(scene, which, hand, base, command, start, now.low,
+        solved = finger_equilibrium(scene, which, hand, base, command, start, now.low,
                            wp.where(known, 0, samples))
         if low_pressed == 1 and s > low_step + 1:
-            if not agree(low_command, now.low, command, look, k):
+            if not agree(low_command, now.low, command, solved, k):
                 # Something slips on the way here.
                 high_step = int(-1)
                 slips = wp.max(slips, s)
-                reach = (s - low_step) // 2
-                s = low_step + reach
-                sure = int(reach == 1)
+                jump = (s - low_step) // 2
+                s = low_step + jump
+                in_order = int(jump == 1)
                 continue
-        pressed = int(wp.max(wp.max(look.depth), wp.max(look.table)) > ZERO)
+        pressed = int(wp.max(wp.max(solved.depth), wp.max(solved.table)) > ZERO)
         reading = real(0.0)
         if pressed == 1:
             delta = command - path[g, finger, wp.max(s - 1, 0)].command
-            reading = stop_reading(hand, sensor, (command - look.q) * k, delta,
+            reading = stop_reading(hand, sensor, (command - solved.q) * k, delta,
                                    counter_key(reader, s))
-        if sure == 0:
-            now.high = look
+        if in_order == 0:
+            now.high = solved
             high_step = int(s)
             high_command = vec4(command)
             high_pressed = int(pressed)
             high_reading = reading
-            sure = int(1)
+            in_order = int(1)
         else:
-            now.low = look
+            now.low = solved
             low_step = int(s)
             low_command = vec4(command)
             low_pressed = int(pressed)
-            torque = (command - look.q) * k
+            torque = (command - solved.q) * k
             if wp.abs(reading) > sensor.threshold:
                 stopped = int(s)
                 break
             if pressed == 0:
                 now.free.step = int(s)
                 for link in range(3):
-                    now.free.room[link] = -march_scale * wp.max(look.depth[link], look.table[link])
+                    now.free.room[link] = -march_scale * wp.max(
+                        solved.depth[link], solved.table[link])
                 continue
 
-        # Leave out the steps that cannot stop the finger.
+        # Skip the steps that cannot stop the finger.
         if low_step >= slips:
-            reach = int(_FAR)
+            jump = int(_FAR)
         s = low_step + 1
         while s <= last:
             command = path[g, finger, s].command
@@ -240,7 +241,7 @@ def closing_kernel(
                 ball = torque_bound(low_command, now.low, command, k)
                 if high_step >= 0:
                     ball = intersect_balls(ball, torque_bound(high_command, now.high, command, k))
-                elif s - low_step >= reach or largest_magnitude(command - low_command) > stride:
+                elif s - low_step >= jump or largest_magnitude(command - low_command) > stride:
                     break
                 delta = command - path[g, finger, s - 1].command
                 if may_stop(hand, sensor, ball, delta, counter_key(reader, s)):
@@ -250,9 +251,9 @@ def closing_kernel(
             break
         s = wp.min(s, last)
         if high_step < 0:
-            # On to where the reading should stop the finger.
+            # Jump to where the reading is expected to stop the finger.
             ahead = int(s)
-            while ahead < last and ahead - low_step < reach and (
+            while ahead < last and ahead - low_step < jump and (
                     largest_magnitude(command - low_command) <= stride):
                 command = path[g, finger, ahead].command
                 delta = command - path[g, finger, ahead - 1].command
@@ -262,7 +263,7 @@ def closing_kernel(
                     break
                 ahead += 1
             if ahead > s:
-                sure = int(0)
+                in_order = int(0)
             s = int(ahead)
 
     truth[w, p, g, finger].q = now.low.q

@@ -199,9 +199,9 @@ def _estimate_kernel(
     felt = wp.cw_mul(torque, root)
     r = hand.link_radius
     post = _Posterior()
-    # First what a place explains at most, then the places that explain about as much.
+    # First the largest likelihood of all places, then the places that come close to it.
     most = real(0.0)
-    for look in range(2):
+    for turn in range(2):
         for k in range(_AROUND):
             side = f.side * real(_AROUND_SIN[k])
             for link in range(3):
@@ -223,7 +223,7 @@ def _estimate_kernel(
                 square = vec3(wp.dot(low, low), real(2.0) * wp.dot(low, rise), wp.dot(rise, rise))
                 product = vec2(wp.dot(low, felt), wp.dot(rise, felt))
                 ring_most = _most_gain(square, product)
-                if look == 0:
+                if turn == 0:
                     most = wp.max(most, ring_most)
                 elif ring_most >= most - _DEEPEST:
                     sums = vec3(ZERO, ZERO, ZERO)
@@ -243,7 +243,7 @@ def _estimate_kernel(
                         tip_out = out * real(_CAP_COS[c]) + u * real(_CAP_SIN[c])
                         push = wp.cw_mul(finger_jacobian(f, 2, f.p4, tip_out), root)
                         gain = _gain(wp.dot(push, push), wp.dot(push, felt))
-                        if look == 0:
+                        if turn == 0:
                             most = wp.max(most, gain)
                         elif gain >= most - _DEEPEST:
                             area = (PI * r / _AROUND_REAL * real(_CAP_COS[c])) * (

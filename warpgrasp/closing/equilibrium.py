@@ -55,7 +55,7 @@ def finger_equilibrium(
     step = start - last.q
     way = vec4(ZERO, ZERO, ZERO, ZERO)
     scale = real(1.0)
-    level = real(0.0)  # of the look before: none shows yet that a step is the last
+    level = real(0.0)  # of the iteration before
     halvings = int(0)
     plain = int(1)
     for k in range(_ITERATIONS):

@@ -115,7 +115,7 @@ def refine_equilibrium(
             rise = trial.gradient - rest.gradient
             rest = trial
             if wp.dot(turned, rise) <= ZERO:
-                break  # a step so small that nothing is learnt by it
+                break  # the step is too small to change the result
             compliance = secant_compliance(compliance, turned, rise)
         again = wp.abs(rest.energy - best.energy) < _SAME
         if attempt == 0 or rest.energy < best.energy:

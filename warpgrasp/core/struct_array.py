@@ -26,7 +26,7 @@ class Records:
     ) -> None:
         """`rows` are a NumPy array of `record_type`, or the shape of rows to be written.
 
-        Those begin as zeros; without `clear`, as whatever the memory holds.
+        They are zeros; without `clear` their content is undefined.
         """
         self._type = record_type(struct)
         if isinstance(rows, tuple):

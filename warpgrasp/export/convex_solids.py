@@ -37,7 +37,7 @@ def object_solids(
 ) -> list[Solid]:
     """The solids of a body; a baked mesh needs its `triangles` (vertices, faces).
 
-    Raises BodyError for what these formats cannot say: parts taken away, bends, and tapers that
+    Raises BodyError for what these formats cannot express: parts taken away, bends, and tapers that
     leave a hollow.
     """
     if any(part.join != Join.UNION for part in body.parts):

@@ -1,4 +1,4 @@
-"""A body as a mesh, for looking at it: nothing is computed with it.
+"""A body as a mesh, for display only.
 
 Surface nets (Gibson 1998): one vertex in every cell of a grid that the surface passes through,
 moved onto the surface along the distance's gradient; one quadrilateral across every grid edge

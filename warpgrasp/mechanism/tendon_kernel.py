@@ -78,7 +78,7 @@ def tension_mean_read(sensor: TendonSensor, tension: real, key: wp.uint64):
 def torque_from_tensions(hand: Hand, joint: int, tensions: vec2, moving: real):
     """Joint torque [N m] from measured tensions, with friction of nominal size removed.
 
-    Where one tendon has gone to the end of its range only the other one tells the torque.
+    Where one tendon has gone to the end of its range only the other one measures the torque.
     """
     flexor = tensions[0] / (ONE + hand.friction * moving)
     extensor = tensions[1] / (ONE - hand.friction * moving)

@@ -37,7 +37,7 @@ def body_from_mesh(path: Path, *, units: str, name: str | None = None) -> Body:
     or "mm". Raises BodyError with what is wrong (missing, empty, open, out of size, too
     thin for the grid) and the mend.
     """
-    if units not in tuple(UNITS_M):  # a spec may hold anything, also what cannot be hashed
+    if units not in tuple(UNITS_M):  # unhashable values included
         raise BodyError(f"{path}: units {units!r}: one of {', '.join(UNITS_M)}")
     kind = path.suffix.lower().lstrip(".")
     if kind not in KINDS:

@@ -170,17 +170,17 @@ def guarded_line(
         np.shape(move.commands_rad), np.ascontiguousarray(move.commands_rad, float).tobytes(),
         move.finger, device)
     images = wp.zeros((n, TAXELS, TAXELS), dtype=wp.uint8, device=device)
-    sights = wp.empty((n, LINK_COUNT, BLOCKS**2), dtype=int, device=device)
+    near_bits = wp.empty((n, LINK_COUNT, BLOCKS**2), dtype=int, device=device)
     begins, ends = Records(LineBegin, begin, device), Records(LineEnd, (n,), device)
     launch(line_kernel, {"row": n}, {
-        "turns": "40", "begins": "row", "commands": "4 step 4", "sights": "row 3 16",
+        "turns": "40", "begins": "row", "commands": "4 step 4", "near_bits": "row 3 16",
         "image": "row 16 16", "ends": "row"}, {
         "scene": scene, **_robot(arm, hand, pads), "turns": pad_turns(pads, hand, device),
         "joint_noise": sensors.joint_noise_rad, "march_scale": march_scale, "begins": begins.array,
         "interval": move.interval_m, "steps": move.steps, "finger": move.finger,
         "commands": commands,
         "swing": swing * reach,
-        "until_release": int(move.until == Until.RELEASE), "sights": sights, "image": images,
+        "until_release": int(move.until == Until.RELEASE), "near_bits": near_bits, "image": images,
         "ends": ends.array}, device=device)
     end, image = ends.numpy(), images.numpy().copy()
     gone = end["made"] * move.interval_m * speed

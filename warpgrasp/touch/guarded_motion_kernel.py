@@ -165,7 +165,7 @@ def line_kernel(
     swing: real,
     until_release: int,
     # Scratch, for the taxels in sight:
-    sights: wp.array3d[int],
+    near_bits: wp.array3d[int],
     # Touch out:
     image: wp.array3d[wp.uint8],
     ends: wp.array[LineEnd],
@@ -240,7 +240,7 @@ def line_kernel(
     noise_alone = int(0)
     most = vec4(ZERO, ZERO, ZERO, ZERO)
     moved = int(0)
-    sight = sights[i]
+    row_bits = near_bits[i]
     # Palm and other fingers move with the arm alone: a clearance lasts until it may be used up.
     others = real(0.0)
     arm_move = interval * wp.length(way)
@@ -260,20 +260,20 @@ def line_kernel(
         felt = int(0)
         most = vec4(ZERO, ZERO, ZERO, ZERO)
         if free <= ZERO:
-            rest = pad_equilibrium(scene, which, hand, pad, turns, base, command, q, sight)
+            rest = pad_equilibrium(scene, which, hand, pad, turns, base, command, q, row_bits)
             q = rest.skin.q
             moved = int(1)
             f = finger_pose(hand, base, q)
-            # All pads are read; the one pressed most speaks for the finger.
+            # All pads are read; the finger's reading is that of the pad pressed most.
             for link in range(3):
                 if pad.on[link] != 0:
-                    load = pad_load(scene, which, pad, hand, turns, f, link, sight)
+                    load = pad_load(scene, which, pad, hand, turns, f, link, row_bits)
                     if load[3] > most[3]:
                         most = load
                         felt_link = int(link)
             if felt_link >= 0:
                 if pad_feels(scene, which, pad, hand, turns, f, finger, felt_link, key,
-                             pad_reading_key(key, number, s, finger, felt_link), sight):
+                             pad_reading_key(key, number, s, finger, felt_link), row_bits):
                     felt = int(1)
         else:
             q = command
@@ -328,8 +328,8 @@ def line_kernel(
         base = wp.transform_multiply(wp.transform_multiply(to_body, here),
                                      finger_base(hand, finger))
         peak = read_image(scene, which, pad, hand, turns, finger_pose(hand, base, q), finger,
-                          felt_link, key, pad_reading_key(key, number, s, finger, felt_link), sight,
-                          image, i)
+                          felt_link, key, pad_reading_key(key, number, s, finger, felt_link),
+                          row_bits, image, i)
     end.status = status
     end.made = s
     end.peak = peak

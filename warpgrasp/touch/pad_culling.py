@@ -62,12 +62,12 @@ def rows_near(
 
 
 @wp.func
-def culling_holds(pad: Pad, hand: Hand, looked: vec4, q: vec4):
-    """Whether at joints `q` no taxel can have moved by more than the margin from `looked`."""
-    turned = wp.abs(q[0] - looked[0])
+def culling_holds(pad: Pad, hand: Hand, culled_at: vec4, q: vec4):
+    """Whether at joints `q` no taxel can have moved by more than the margin from `culled_at`."""
+    turned = wp.abs(q[0] - culled_at[0])
     travel = turned * hand.abduction_offset
     for link in range(3):
-        turned += wp.abs(q[link + 1] - looked[link + 1])
+        turned += wp.abs(q[link + 1] - culled_at[link + 1])
         travel += turned * hand.link_length[link]
     return travel + turned * (hand.link_radius + pad.thickness) < CULLING_MARGIN
 

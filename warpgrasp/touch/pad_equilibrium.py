@@ -47,12 +47,12 @@ class PadEquilibrium:
 @wp.func
 def pad_energy(
     scene: Scene, body: int, hand: Hand, pad: Pad, turns: wp.array[vec2], base: wp.transformd,
-    command: vec4, q: vec4, last: Equilibrium, samples: int, sight: wp.array2d[int], look: int
+    command: vec4, q: vec4, last: Equilibrium, samples: int, near_bits: wp.array2d[int], cull: int
 ):
     """Energy, gradient and Gauss-Newton Hessian at joints `q`; `base` is in the body's frame.
 
-    `last` and `samples` are passed to `finger_energy`. `sight` (link, block) has a bit for each
-    taxel that may press; with `look` the bits are recomputed, otherwise they must be valid at `q`.
+    `last` and `samples` are passed to `finger_energy`. `near_bits` (link, block) has a bit for each
+    taxel that may press; with `cull` the bits are recomputed, otherwise they must be valid at `q`.
     """
     rest = PadEquilibrium()
     rest.skin = finger_energy(scene, body, hand, base, command, q, last, samples)
@@ -61,11 +61,11 @@ def pad_energy(
     for link in range(3):
         if pad.on[link] != 0:
             near = int(1)
-            if look == 1 and not pad_is_near(scene, body, pad, hand, f, link):
+            if cull == 1 and not pad_is_near(scene, body, pad, hand, f, link):
                 near = int(0)
             for block in range(16):
-                bits = sight[link, block]
-                if look == 1:
+                bits = near_bits[link, block]
+                if cull == 1:
                     bits = int(0)
                     if near == 1:
                         bits = rows_near(scene, body, pad, hand, f, link, block, turns)
@@ -89,8 +89,8 @@ def pad_energy(
                                         rest.hessian += wp.outer(jt, jt) * pad.stiffness
                                     elif d >= CULLING_MARGIN:
                                         seen = seen ^ bit
-                if look == 1:
-                    sight[link, block] = seen
+                if cull == 1:
+                    near_bits[link, block] = seen
     return rest
 
 
@@ -124,29 +124,29 @@ def _least_along(hand: Hand, command: vec4, rest: PadEquilibrium, way: vec4):
 @wp.func
 def pad_equilibrium(
     scene: Scene, body: int, hand: Hand, pad: Pad, turns: wp.array[vec2], base: wp.transformd,
-    command: vec4, start: vec4, sight: wp.array2d[int]
+    command: vec4, start: vec4, near_bits: wp.array2d[int]
 ):
     """The equilibrium for a command, from `start`; the energy never rises.
 
     Newton steps. The first, from where springs bear, is lengthened as they lose contact, and a last
-    step too small to need another is taken without evaluation. `sight` is valid at the result.
+    step too small to need another is taken without evaluation. `near_bits` is valid at the result.
     """
     rest = PadEquilibrium()
     rest.skin = free_equilibrium(start)
-    looked = vec4(start)
+    culled_at = vec4(start)
     step = vec4(ZERO, ZERO, ZERO, ZERO)
     scale = real(1.0)
     shortened = int(0)
     lengthened = int(0)
     for k in range(_ITERATIONS):
         q = rest.skin.q + step * scale
-        look = int(1)
-        if k > 0 and culling_holds(pad, hand, looked, q):
-            look = int(0)
+        cull = int(1)
+        if k > 0 and culling_holds(pad, hand, culled_at, q):
+            cull = int(0)
         else:
-            looked = q
+            culled_at = q
         trial = pad_energy(scene, body, hand, pad, turns, base, command, q, rest.skin,
-                                wp.where(k == 0, LINK_SAMPLES, 0), sight, look)
+                                wp.where(k == 0, LINK_SAMPLES, 0), near_bits, cull)
         if k == 0 or trial.skin.energy < rest.skin.energy:
             rest = trial
             step = -(wp.inverse(rest.hessian) * rest.skin.gradient)
@@ -160,7 +160,7 @@ def pad_equilibrium(
             if largest_magnitude(rest.skin.gradient) < _GRADIENT:
                 break
             if largest_magnitude(rest.skin.gradient) < _LAST_GRADIENT and scale == ONE and (
-                    culling_holds(pad, hand, looked, rest.skin.q + step)):
+                    culling_holds(pad, hand, culled_at, rest.skin.q + step)):
                 rest.skin.q += step
                 break
         else:
@@ -169,7 +169,7 @@ def pad_equilibrium(
             scale *= ONE - wp.where(back > ZERO, wp.clamp(back, _LEAST_BACK, _MOST_BACK), HALF)
             if shortened >= _SHORTENED:
                 break
-    if not culling_holds(pad, hand, looked, rest.skin.q):
+    if not culling_holds(pad, hand, culled_at, rest.skin.q):
         rest = pad_energy(scene, body, hand, pad, turns, base, command, rest.skin.q, rest.skin,
-                               0, sight, 1)
+                               0, near_bits, 1)
     return rest

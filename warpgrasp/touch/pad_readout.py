@@ -25,13 +25,13 @@ _WINDOW = wp.constant(3)  # taxels each way from the peak that count for the cen
 @wp.func
 def pad_load(
     scene: Scene, body: int, pad: Pad, hand: Hand, turns: wp.array[vec2], f: FingerPose, link: int,
-    sight: wp.array2d[int]
+    near_bits: wp.array2d[int]
 ):
     """Centre of force (x, y, z) and the sum of the forces on all taxels [N]; zeros without load."""
     total = real(0.0)
     centre = vec3(ZERO, ZERO, ZERO)
     for block in range(16):
-        bits = sight[link, block]
+        bits = near_bits[link, block]
         if bits != 0:
             for i in range(4):
                 if (bits & (15 << (4 * i))) != 0:
@@ -50,14 +50,14 @@ def pad_load(
 @wp.func
 def pad_feels(
     scene: Scene, body: int, pad: Pad, hand: Hand, turns: wp.array[vec2], f: FingerPose,
-    finger: int, link: int, episode: wp.uint64, reading: wp.uint64, sight: wp.array2d[int]
+    finger: int, link: int, episode: wp.uint64, reading: wp.uint64, near_bits: wp.array2d[int]
 ):
     """Whether a taxel of a pad reads the threshold or more: the same result as by `read_image`.
 
     Pressed taxels are read first, those that noise alone may raise only if none of them feels.
     """
     for block in range(16):
-        bits = sight[link, block]
+        bits = near_bits[link, block]
         if bits != 0:
             for i in range(4):
                 if (bits & (15 << (4 * i))) != 0:
@@ -86,7 +86,7 @@ def pad_feels(
             force = real(0.0)
             at = taxel // _SIDE
             column = taxel % _SIDE
-            bits = sight[link, 4 * (at // 4) + column // 4]
+            bits = near_bits[link, 4 * (at // 4) + column // 4]
             if (bits & (1 << (4 * (at % 4) + column % 4))) != 0:
                 row = taxel_row(pad, hand, f, link, at, turns)
                 force = taxel_force(scene, body, pad, taxel_place(pad, hand, f, row, column, turns))
@@ -99,7 +99,7 @@ def pad_feels(
 @wp.func
 def read_image(
     scene: Scene, body: int, pad: Pad, hand: Hand, turns: wp.array[vec2], f: FingerPose,
-    finger: int, link: int, episode: wp.uint64, reading: wp.uint64, sight: wp.array2d[int],
+    finger: int, link: int, episode: wp.uint64, reading: wp.uint64, near_bits: wp.array2d[int],
     image: wp.array3d[wp.uint8], i: int
 ):
     """Read a pad into row `i` of `image`; returns the largest count.
@@ -111,7 +111,7 @@ def read_image(
                                counter_key(reading, taxel))
         image[i, taxel // _SIDE, taxel % _SIDE] = wp.uint8(count)
     for block in range(16):
-        bits = sight[link, block]
+        bits = near_bits[link, block]
         if bits != 0:
             for k in range(4):
                 if (bits & (15 << (4 * k))) != 0:

@@ -155,7 +155,7 @@ def test_dead_pads_block_and_say_so() -> None:
     robot, _ = set_up("beer_bottle", 3, pads=replace(PadTable(), dead_fraction=1.0))
     e = explore_contour(robot, told_axis("beer_bottle", 3, sigma=0.0))
     assert (e.reason == EndReason.BLOCKED).all()
-    assert (e.thrown_out > 0).all()
+    assert (e.rejected > 0).all()
 
 
 def test_an_eccentric_start_is_steered_back() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from sweeps.bench.bench_table import markdown
 from sweeps.bench.command import bench, rows
-from sweeps.bench.measure import Work, measure
+from sweeps.bench.measure import Workload, measure
 from sweeps.bench.rows import ROWS
 from sweeps.bench.whole_study import marginal
 from sweeps.cli.main import run
@@ -60,7 +60,7 @@ def test_help_lists_every_name(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_measure_keeps_the_first_call_apart() -> None:
     calls = []
-    found = measure(Work("things", lambda: calls.append(1) or 5), quick=True)
+    found = measure(Workload("things", lambda: calls.append(1) or 5), quick=True)
     assert len(calls) == 2
     assert found["count"] == 5
     assert found["per_s"] > 0
@@ -78,7 +78,7 @@ def test_calls_of_half_a_minute_are_repeated_once(monkeypatch: pytest.MonkeyPatc
 
     for seconds, wanted in ((30.0, 2), (20.0, 4)):
         calls.clear()
-        assert measure(Work("things", call))["per_s"] == 5 / seconds
+        assert measure(Workload("things", call))["per_s"] == 5 / seconds
         assert len(calls) == wanted
 
 

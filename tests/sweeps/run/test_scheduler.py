@@ -9,7 +9,7 @@ from studies import SMALL, contents, plan_of, run_in
 
 from sweeps.run.plan import Plan
 from sweeps.run.progress import Progress
-from sweeps.run.scheduler import IN_HAND_S, MOST_EPISODES, Outcome, Work
+from sweeps.run.scheduler import IN_HAND_S, MOST_EPISODES, Outcome, UnitQueue
 from sweeps.run.store import Store
 from sweeps.run.unit_file import Columns, encode_unit
 from sweeps.run.worker import run_units
@@ -187,10 +187,10 @@ def test_where_a_strategy_fails_units_are_run_alone(plan: Plan) -> None:
         assert encode_unit("a", rows) == encode_unit("a", alone)
 
 
-def work_of(plan: Plan, folder: Path) -> Work:
+def work_of(plan: Plan, folder: Path) -> UnitQueue:
     store = Store(folder)
     store.open_for(plan, None, "cpu")
-    return Work(plan, store, (1, 1), Progress(plan.unit_count, quiet=True))
+    return UnitQueue(plan, store, (1, 1), Progress(plan.unit_count, quiet=True))
 
 
 def test_folders_are_not_listed_for_each_unit(
@@ -202,7 +202,7 @@ def test_folders_are_not_listed_for_each_unit(
     (store.units / f".{left.id}.parquet.0123.tmp").write_bytes(b"of a run that was killed")
     swept: list[str] = []
     monkeypatch.setattr(Store, "sweep_out", lambda self, unit: swept.append(unit.id))
-    work = Work(plan, store, (1, 1), Progress(plan.unit_count, quiet=True))
+    work = UnitQueue(plan, store, (1, 1), Progress(plan.unit_count, quiet=True))
     while work.take():
         pass
     assert work.exhausted
