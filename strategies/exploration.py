@@ -142,7 +142,7 @@ class _Run:
         self.touches = np.zeros(worlds, int)
         self.time, self.path = np.zeros(worlds), np.zeros(worlds)
         self.fits = _no_fits(worlds)
-        self.count_anew = np.zeros(worlds, int)
+        self.count_at_scratch = np.zeros(worlds, int)
         self.placed = self.felt
         self.shape = np.zeros(worlds, int)
         self._conclude(np.arange(worlds))
@@ -282,11 +282,12 @@ class _Run:
         by_pads = felt_by_pads(self.felt, rows)
         believed = self.believed()
         count = (self.felt.mask & ~self.felt.by_pad).sum(1)
-        regrown = ~believed | (count > REGROWN * self.count_anew)
-        anew = regrown | contradicted(self.fits, by_pads)
+        regrown = ~believed | (count > REGROWN * self.count_at_scratch)
+        from_scratch = regrown | contradicted(self.fits, by_pads)
         turned = ~regrown & explained(self.profile, by_pads)
         for among, start, table in (
-                (anew & ~turned, False, self.table), (~anew & ~turned, True, self.table),
+                (from_scratch & ~turned, False, self.table),
+                (~from_scratch & ~turned, True, self.table),
                 (turned, True, replace(self.table, rivals=False))):
             part = rows[among[rows]]
             if len(part) == 0:
@@ -297,7 +298,7 @@ class _Run:
                 fits, placed = refine_bodies(felt, links, table, self.fits[part])
             else:
                 fits, placed = recover_bodies(felt, links, table)
-                self.count_anew = with_rows(self.count_anew, part, count[part])
+                self.count_at_scratch = with_rows(self.count_at_scratch, part, count[part])
             self.fits = with_rows(self.fits, part, fits)
             self.placed = _widened(self.placed, self.felt, placed.free_m.shape[1])
             put_rows(self.placed, part, placed)

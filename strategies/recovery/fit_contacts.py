@@ -64,9 +64,10 @@ def _recover(
             placed = contacts_placed(evidence, links, fits)
         placed = nearest_free(placed, evidence, fits)
         # Early bodies may be wrong as a whole: from scratch where they are doubted.
-        anew = (touch_misfit(fits, placed) > DOUBTED_M) & (2 * number < rounds)
+        from_scratch = (touch_misfit(fits, placed) > DOUBTED_M) & (2 * number < rounds)
         iterations = LAST_ITERATIONS if number == rounds - 1 else 0
-        for rows, start in ((np.flatnonzero(anew), False), (np.flatnonzero(~anew), True)):
+        for rows, start in ((np.flatnonzero(from_scratch), False),
+                            (np.flatnonzero(~from_scratch), True)):
             if len(rows):
                 found = fit_evidence(rows_of(placed, rows), table,
                                      start=fits[rows] if start else None, iterations=iterations)

@@ -20,14 +20,14 @@ def read_rows(*folders: str | Path) -> pa.Table:
     parts: list[pa.Table] = []
     units = plan.units()
     for _, _, setting in plan.study.cells():
-        edge, _ = plan.study.setting(setting)
+        given, _ = plan.study.setting(setting)
         for _ in range(plan.block_count):
             unit = next(units)
             rows = next((rows for store in stores if (rows := store.read(unit)) is not None), None)
             if rows is not None:
                 count = len(rows["status"])
                 rows = rows | {"setting": np.full(count, setting, np.int64)} | {
-                    key: np.full(count, str(value), object) for key, value in edge.items()}
+                    key: np.full(count, str(value), object) for key, value in given.items()}
                 parts.append(_table(rows))
     return pa.concat_tables(parts, promote_options="default") if parts else pa.table({})
 

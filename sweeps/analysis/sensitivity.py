@@ -209,5 +209,5 @@ def _changed(plan: Plan, number: int) -> tuple[str, str]:
 
 def _changes(plan: Plan, number: int) -> list[tuple[str, Any]]:
     base, _ = plan.study.setting(0)
-    edge, _ = plan.study.setting(number)
-    return [(key, value) for key, value in edge.items() if value != base[key]]
+    given, _ = plan.study.setting(number)
+    return [(key, value) for key, value in given.items() if value != base[key]]

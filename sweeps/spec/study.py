@@ -79,18 +79,18 @@ class Study:
 
     def setting(self, index: int) -> tuple[dict[str, Any], dict[str, Any]]:
         """Setting `index` in spec units and in SI; the last axis runs fastest."""
-        edge: dict[str, Any] = {}
+        given: dict[str, Any] = {}
         si: dict[str, Any] = {}
         for axis in reversed(self.axes):
             index, point = divmod(index, len(axis.values))
-            edge.update(zip(axis.keys, axis.values[point], strict=True))
+            given.update(zip(axis.keys, axis.values[point], strict=True))
             si.update(zip(axis.keys, axis.si[point], strict=True))
         order = [key for axis in self.axes for key in axis.keys]
-        return {key: edge[key] for key in order}, {key: si[key] for key in order}
+        return {key: given[key] for key in order}, {key: si[key] for key in order}
 
     def cell(self, strategy: int, body: int, setting: int) -> Cell:
         """The cell of these three indices."""
-        edge, si = self.setting(setting)
+        given, si = self.setting(setting)
         tables = dict(self.tables)
         chosen = self.strategies[strategy]
         for key, value in si.items():
@@ -101,7 +101,7 @@ class Study:
                 tables[section] = replace(tables[section], **{_si_name(section, name): value})
         return Cell(chosen, self.objects[body].table, self.objects[body].name,
                     **dict(zip(TABLES, (tables[name] for name in SECTIONS), strict=True)),
-                    seed=self.head.seed, setting=edge)
+                    seed=self.head.seed, setting=given)
 
     def cells(self) -> Iterator[tuple[int, int, int]]:
         """Index triples (strategy, object, setting), the strategies of one case side by side.
