@@ -4,7 +4,7 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "arrow": ["read_rows"],
-    "bootstrap": ["Estimate", "difference_to", "estimate"],
+    "bootstrap": ["Estimate", "OVER", "estimate", "replicate_means"],
     "confusion": ["Confusion", "confusion_table", "read_confusion"],
     "curves": ["AXES", "Curves", "grid_of", "mean_curve", "reach_table", "read_curves"],
     "entries": ["HIGHER_IS_BETTER", "LeaderboardError", "bounds_of", "check_metric", "values_of"],

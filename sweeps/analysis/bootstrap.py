@@ -1,38 +1,34 @@
-"""Means over objects and episodes with honest intervals, in memory that does not grow.
+"""Bootstrap replicates of means over objects, then episodes, for tables of more than means.
 
 Every strategy meets the same episodes (same object pose, same noise), so a replicate uses one set
-of weights for all: differences are paired. Objects are drawn with replacement, and with each object
-its episodes: the spread of the objects' means holds that of their episodes already, and to draw the
-episodes again on top of it would count it twice (Davison and Hinkley 1997, Bootstrap Methods and
-their Application, section 3.8). Only where one object has been measured, and no claim is made
-about others, its episodes are drawn, by Poisson(1) weights. An episode has one weight under all the
-settings that it is averaged over: pose and noise are the same there, and to draw them apart would
-count one episode as many. Few draws know their own spread badly: replicates are widened to the
-variance of a sample and to Student's t (see `widened`).
+of weights for all: differences are paired. For objects *like these* a replicate draws objects with
+replacement, and with each object its episodes: the spread of the objects' means includes that of
+their episodes already (Davison and Hinkley 1997, Bootstrap Methods and their Application, section
+3.8). For *these* objects it draws every object's episodes, by Poisson(1) weights. An episode has
+one weight under all the settings that it is averaged over, since pose and noise are the same there.
+Few draws underestimate their spread: replicates are widened to the variance of a sample and to
+Student's t. Intervals of means themselves are in `interval`.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
+OVER = ("like-these", "these")
+"""What an interval is of: objects like these, or these objects with other episodes."""
 REPLICATES = 1000
 INTERVAL = (0.025, 0.975)
-Place = tuple[int, int]  # of a block of episodes: object, block
 
 
-@lru_cache(maxsize=8)  # metrics, and the settings of one block, ask for the same
-def episode_weights(seed: int, place: Place, count: int) -> np.ndarray:
-    """Weights of a block's episodes, shape (1 + replicate, episode); row 0 is the data itself.
+def episode_weights(seed: int, body: int, count: int) -> np.ndarray:
+    """Weights of an object's episodes, shape (1 + replicate, episode); row 0 is the data itself.
 
-    They depend on the place alone, so they are the same for every strategy and setting and any
-    order of reading.
+    They depend on the object's number alone: they are the same for every strategy and setting.
     """
-    generator = np.random.Generator(np.random.Philox(np.random.SeedSequence([seed, 1, *place])))
+    generator = np.random.Generator(np.random.Philox(np.random.SeedSequence([seed, 1, body])))
     drawn = generator.poisson(1.0, (REPLICATES, count)).astype(float)
-    weights = np.concatenate([np.ones((1, count)), drawn])
-    weights.flags.writeable = False
-    return weights
+    return np.concatenate([np.ones((1, count)), drawn])
 
 
 def object_weights(seed: int, count: int) -> np.ndarray:
@@ -44,7 +40,7 @@ def object_weights(seed: int, count: int) -> np.ndarray:
     return np.concatenate([np.ones((1, count)), drawn.astype(float)])
 
 
-def widened(means: np.ndarray, count: int) -> np.ndarray:
+def widened(means: np.ndarray, count: float) -> np.ndarray:
     """Replicates, axis 0 with the data first, spread about the data as `count` draws deserve.
 
     By sqrt(n / (n - 1)), for drawing n of n with replacement falls short of a sample's variance by
@@ -53,94 +49,52 @@ def widened(means: np.ndarray, count: int) -> np.ndarray:
     """
     if count < 2:
         return np.concatenate([means[:1], np.full_like(means[1:], np.nan)])
+    return means[:1] + _student(count - 1) * np.sqrt(count / (count - 1)) * (means - means[:1])
+
+
+def _student(freedom: float) -> float:
     # Not scipy.stats, whose import takes longer than all else that a sweep's parent does.
     from scipy.special import ndtri, stdtrit
 
-    factor = float(stdtrit(count - 1, INTERVAL[1]) / ndtri(INTERVAL[1]))
-    return means[:1] + factor * np.sqrt(count / (count - 1)) * (means - means[:1])
+    return float(stdtrit(freedom, INTERVAL[1]) / ndtri(INTERVAL[1]))
 
 
-class MeanOverObjects:
-    """The mean over objects of each entry's mean over episodes, for the data and each replicate.
+def population(over: str | None, objects: int) -> str:
+    """What intervals are of: as asked, or objects like these where there are several."""
+    return over or ("like-these" if objects > 1 else "these")
 
-    An episode without a value (not finite) counts as `failure_score`, or, if that is None, as the
-    worst value that any entry had on the same object: no entry gains by it. An object on which no
-    entry ever has a value is left out. Replicates draw the objects that are left, or, if that is
-    one, its episodes.
+
+def replicate_means(objects: Sequence[np.ndarray], seed: int, over: str | None = None
+                    ) -> np.ndarray:
+    """The mean over objects of each entry's mean over episodes, (1 + replicate, entry), widened.
+
+    `objects` has the episodes of each, (episode, entry); one without a finite value is left out.
     """
-
-    def __init__(self, entries: int, failure_score: float | None, seed: int) -> None:
-        self.failure_score = failure_score
-        self.seed = seed
-        self.entries = entries
-        self.objects: list[np.ndarray] = []  # the means on each, (entry,)
-        self.first = np.full((1 + REPLICATES, entries), np.nan)  # the first one's replicates
-        self._start()
-
-    def _start(self) -> None:
-        self.sums = np.zeros((1 if self.objects else 1 + REPLICATES, self.entries))
-        self.failed = np.zeros_like(self.sums)
-        self.weight = np.zeros((len(self.sums), 1))
-        self.episodes: dict[Place, int] = {}
-        self.worst = -np.inf
-
-    def add(self, values: np.ndarray, place: Place) -> None:
-        """Takes in a block, values of shape (episode, entry); once for each setting, if several."""
-        weights = (np.ones((1, len(values))) if self.objects
-                   else episode_weights(self.seed, place, len(values)))
-        good = np.isfinite(values)
+    known = [(n, values) for n, values in enumerate(objects) if np.isfinite(values).all()]
+    if not known:
+        entries = objects[0].shape[1] if len(objects) else 0
+        return np.full((1 + REPLICATES, entries), np.nan)
+    if population(over, len(known)) == "like-these":
+        means = np.array([values.mean(axis=0) for _, values in known])
         # einsum's own loops, not BLAS: the sum does not depend on a number of threads
-        self.sums += np.einsum("re,ek->rk", weights, np.where(good, values, 0.0))
-        self.failed += np.einsum("re,ek->rk", weights, (~good).astype(float))
-        self.weight += weights.sum(axis=1, keepdims=True)
-        self.episodes[place] = len(values)
-        self.worst = max(self.worst, values[good].max(initial=-np.inf))
-
-    def finish_object(self) -> None:
-        """Closes an object."""
-        if self.worst > -np.inf:
-            score = self.worst if self.failure_score is None else self.failure_score
-            means = np.divide(self.sums + self.failed * score, self.weight, where=self.weight > 0,
-                              out=np.full_like(self.sums, np.nan))
-            if not self.objects:
-                self.first = widened(means, sum(self.episodes.values()))
-            self.objects.append(means[0])
-        self._start()
-
-    def means(self) -> np.ndarray:
-        """Shape (1 + replicate, entry), widened; NaN where nothing was measured, or drawn."""
-        count = len(self.objects)
-        if count < 2:
-            return self.first
-        drawn = np.einsum("ro,ok->rk", object_weights(self.seed, count), np.array(self.objects))
-        return widened(drawn / count, count)
+        drawn = np.einsum("ro,oe->re", object_weights(seed, len(known)), means)
+        return widened(drawn / len(known), len(known))
+    total = np.zeros((1 + REPLICATES, known[0][1].shape[1]))
+    for number, values in known:
+        weights = episode_weights(seed, number, len(values))
+        sums = np.einsum("re,ek->rk", weights, values)
+        weight = weights.sum(axis=1, keepdims=True)
+        mean = np.divide(sums, weight, where=weight > 0, out=np.full_like(sums, np.nan))
+        total += _sample_spread(mean, len(values))
+    freedom = sum(len(values) - 1 for _, values in known)
+    mean = total / len(known)
+    return mean[:1] + (_student(freedom) if freedom else np.nan) * (mean - mean[:1])
 
 
-class PlainMean:
-    """The mean over objects of each entry's mean over the episodes that have a value."""
-
-    def __init__(self, entries: int) -> None:
-        self.objects = np.zeros((2, entries))  # sum, count
-        self.episodes = np.zeros((2, entries))
-
-    def add(self, values: np.ndarray) -> None:
-        """Takes in a block, values of shape (episode, entry); NaN is no value."""
-        good = np.isfinite(values)
-        self.episodes += np.where(good, values, 0.0).sum(axis=0), good.sum(axis=0)
-
-    def finish_object(self) -> None:
-        """Closes an object."""
-        self.objects += _ratio(self.episodes), self.episodes[1] > 0
-        self.episodes = np.zeros_like(self.episodes)
-
-    def means(self) -> np.ndarray:
-        """Shape (entry,); NaN where nothing was measured."""
-        return np.where(self.objects[1] > 0, _ratio(self.objects), np.nan)
-
-
-def _ratio(sum_and_count: np.ndarray) -> np.ndarray:
-    total, count = sum_and_count
-    return np.divide(total, count, where=count > 0, out=np.zeros_like(total))
+def _sample_spread(means: np.ndarray, count: int) -> np.ndarray:
+    """One object's replicates with the spread of a sample's mean."""
+    apart = (means - means[:1]) * np.sqrt(count / (count - 1) if count > 1 else np.nan)
+    return np.concatenate([means[:1], means[:1] + apart[1:]])
 
 
 @dataclass(frozen=True)
@@ -160,11 +114,6 @@ def estimate(means: np.ndarray, bounds: tuple[float, float] = (-np.inf, np.inf))
         return Estimate(means[0], nothing, nothing)
     low, high = np.clip(np.quantile(drawn, INTERVAL, axis=0), *bounds)
     return Estimate(means[0], low, high)
-
-
-def difference_to(means: np.ndarray, best: int) -> Estimate:
-    """Each entry minus entry `best`, paired: within the same replicate."""
-    return estimate(means - means[:, best:best + 1])
 
 
 def probability_best(means: np.ndarray, sign: float) -> np.ndarray:

@@ -15,11 +15,11 @@ from sweeps.analysis.bootstrap import (
     INTERVAL,
     REPLICATES,
     Estimate,
-    MeanOverObjects,
-    Place,
     episode_weights,
     estimate,
     object_weights,
+    population,
+    replicate_means,
     widened,
 )
 from sweeps.analysis.entries import (
@@ -30,7 +30,7 @@ from sweeps.analysis.entries import (
     paired_blocks,
     values_of,
 )
-from sweeps.analysis.paired import filled, reading_notes
+from sweeps.analysis.paired import filled, interval_note, reading_notes
 from sweeps.analysis.text_table import TextTable, number_text
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
@@ -50,12 +50,14 @@ class Curves:
     entries: tuple[Entry, ...]
     objects: tuple[str, ...]
     steps: dict[str, list[list[list[Steps]]]]
-    blocks: list[list[tuple[Place, int]]]
-    """For each object, in the order of its episodes: the blocks, and how many each has."""
+    counts: list[int]
+    """Episodes of each object."""
     weights: list[np.ndarray]
     """For each object (1 + replicate, episode), small whole numbers."""
     drawn: np.ndarray
     """How often each object is drawn, (1 + replicate, object)."""
+    over: str
+    """What intervals are of: objects "like-these", or "these" with other episodes."""
     seed: int
     notes: tuple[str, ...]
 
@@ -66,47 +68,49 @@ class Curves:
 
     @property
     def draws(self) -> int:
-        """Of how many a replicate draws: the objects or, of one object, the episodes."""
-        if len(self.objects) > 1:
+        """Of how many a replicate draws: the objects, or the episodes of these objects."""
+        if self.over == "like-these":
             return len(self.objects)
-        return sum(count for own in self.blocks for count in dict(own).values())
+        return sum(count - 1 for count in self.counts) + 1
 
 
-def read_curves(plan: Plan, stores: Sequence[Store]) -> Curves:
-    """Reads a study's units once; memory grows with the episodes."""
+def read_curves(plan: Plan, stores: Sequence[Store], over: str | None = None) -> Curves:
+    """Reads a study's units once; memory grows with the episodes. `over` as in `bootstrap`."""
     axes, _ = entry_axes(plan, None)
     entries = entries_of(plan, axes)
     seed = int(plan.hash, 16)
     steps: dict[str, list[list[list[Steps]]]] = {axis: [] for axis in AXES}
-    blocks, objects, missing = [], [], 0
+    counts, objects, missing = [], [], 0
     for number, body in enumerate(plan.study.objects):
         mine: dict[str, list[list[Steps]]] = {axis: [[] for _ in entries] for axis in AXES}
-        own: list[tuple[Place, int]] = []
+        own = 0
         for block in paired_blocks(plan, stores, entries, axes, number):
             if block.missing:
                 missing += block.missing
                 continue
-            own.append(((number, block.number), block.count))
+            own += block.count
             for axis, of_entries in mine.items():
                 for found, rows in zip(of_entries, block.rows, strict=True):
                     found += episode_steps(rows, axis)
         if own:
             objects.append(body.name)
-            blocks.append(own)
+            counts.append(own)
             for axis, of_entries in mine.items():
                 steps[axis].append(_failures_filled(of_entries))
-    return Curves(tuple(entries), tuple(objects), steps, blocks, _weights(seed, blocks),
-                  object_weights(seed, len(objects)), seed,
-                  tuple(reading_notes(plan, missing, len(objects))))
+    over = population(over, len(objects))
+    drawn = object_weights(seed, len(objects)) if over == "like-these" else np.ones(
+        (1 + REPLICATES, len(objects)))
+    return Curves(tuple(entries), tuple(objects), steps, counts, _weights(seed, counts, over),
+                  drawn, over, seed,
+                  (*reading_notes(plan, missing, len(objects)), interval_note(over)))
 
 
-def _weights(seed: int, blocks: list[list[tuple[Place, int]]]) -> list[np.ndarray]:
-    """Those of the one object's episodes; of several, which are drawn whole, 1."""
-    if len(blocks) > 1:
-        return [np.ones((1 + REPLICATES, sum(count for _, count in own)), np.uint8)
-                for own in blocks]
-    return [np.concatenate([episode_weights(seed, place, count).astype(np.uint8)
-                            for place, count in own], axis=1) for own in blocks]
+def _weights(seed: int, counts: Sequence[int], over: str) -> list[np.ndarray]:
+    """Those of the episodes; 1 where objects are drawn, each with all of them."""
+    if over == "like-these":
+        return [np.ones((1 + REPLICATES, count), np.uint8) for count in counts]
+    return [episode_weights(seed, number, count).astype(np.uint8)
+            for number, count in enumerate(counts)]
 
 
 def episode_steps(rows: Columns, axis: str) -> list[Steps]:
@@ -219,7 +223,7 @@ def reach(curves: Curves, axis: str, entry: int, bound_mm: float) -> Reach:
         medians[rows] = np.where(gone[:, -1] > 0, pooled[order][half], np.nan)
     drawn = medians[1:][~np.isnan(medians[1:])]
     low, high = np.full(2, np.nan)
-    if len(curves.objects) > 1 or curves.draws >= FEW:
+    if curves.over == "like-these" or curves.draws >= FEW:
         low, high = np.quantile(drawn, INTERVAL, method="inverted_cdf")
     return Reach(float(np.mean([np.isfinite(part).mean() for part in at])),
                  float(medians[0]), float(low), float(high))
@@ -290,18 +294,12 @@ def same_time_table(curves: Curves, against: str | None) -> TextTable:
 def errors_then(curves: Curves, other: int) -> tuple[np.ndarray, Estimate, np.ndarray]:
     """Mean errors (entry,), differences to `other` with intervals, and the objects' mean errors
     (object, entry), at the time `other` ended [mm]."""
-    mean = MeanOverObjects(len(curves.labels), None, curves.seed)
-    for found, blocks in zip(curves.steps["time_s"], curves.blocks, strict=True):
-        error = np.array([[_error_at(mine, end[0][-1]) for mine, end in
-                           zip(of_entry, found[other], strict=True)] for of_entry in found])
-        start = 0
-        for place, count in blocks:
-            mean.add(error[:, start:start + count].T, place)
-            start += count
-        mean.finish_object()
-    every = mean.means()
-    objects = np.array(mean.objects).reshape(-1, len(curves.labels))
-    return every[0], estimate(every - every[:, [other]]), objects
+    of_objects = [filled(np.array(
+        [[_error_at(mine, end[0][-1]) for mine, end in zip(of_entry, found[other], strict=True)]
+         for of_entry in found]).T, None) for found in curves.steps["time_s"]]
+    every = replicate_means(of_objects, curves.seed, curves.over)
+    return (every[0], estimate(every - every[:, [other]]),
+            np.array([values.mean(axis=0) for values in of_objects]))
 
 
 def _error_at(steps: Steps, time_s: float) -> float:

@@ -1,4 +1,4 @@
-"""The leaderboard of a study: strategies ranked by a metric, each with its interval.
+"""The leaderboard of a study: strategies ranked by a metric, with two intervals and what they claim.
 
 An entry is a strategy, under each setting of the grid and zip axes; Sobol and Latin hypercube
 axes are draws of a nuisance and are averaged over: an episode repeated at many points counts once.
@@ -6,21 +6,15 @@ Entries are compared on the same objects and episodes. A failed episode counts t
 would pay: it scores what its row has (the prior body) or, where the row has no number, IoU and
 coverage 0 and the largest distance that any entry had on that object. `failure_rate` is the share
 of failed episodes.
+
+`_ci_` columns are of objects like these, `_these_` columns of these objects with other episodes;
+see `interval`. Differences to the best hold for all entries at once.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
-from sweeps.analysis.bootstrap import (
-    MeanOverObjects,
-    Place,
-    PlainMean,
-    difference_to,
-    estimate,
-    probability_best,
-)
 from sweeps.analysis.entries import (
     HIGHER_IS_BETTER,
     METRICS,
@@ -30,9 +24,9 @@ from sweeps.analysis.entries import (
     check_metric,
     entries_of,
     entry_axes,
-    paired_blocks,
-    values_of,
 )
+from sweeps.analysis.interval import ObjectMeans
+from sweeps.analysis.paired import MANY_OBJECTS, ObjectRows, read_objects
 from sweeps.analysis.text_table import TextTable, number_text
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
@@ -40,130 +34,133 @@ from sweeps.run.unit_file import Columns
 
 __all__ = ["METRICS", "Leaderboard", "LeaderboardError", "make_leaderboard"]
 Leaderboard = TextTable
-MANY_OBJECTS = 6  # below, the spread between objects is hardly known
+PLAIN = {"recognized": 4, "touches": 2, "robot_time_s": 2, "failure_rate": 4, "contacts": 2}
+"""Columns without an interval, and their digits."""
+FEW_CONTACTS = 8.0
+"""Contacts of an episode, in the mean, below which hardly any fit is possible."""
 
 
-@dataclass
-class _Table:
-    """Sums over one group of objects."""
+class _Faults:
+    """What the rows of the entries tell besides numbers."""
 
-    entries: list[Entry]
-    metric: MeanOverObjects
-    iou: MeanOverObjects
-    plain: dict[str, PlainMean]
-    offered: np.ndarray  # which entries name the object they felt
-    episode_count: int = 0
-    missing: int = 0
-    objects: set[int] = field(default_factory=set)
-    faults: dict[str, str] = field(default_factory=dict)  # of strategies: the first of each
+    def __init__(self) -> None:
+        self.first: dict[str, str] = {}  # of each entry, the first note of a strategy
+        self.names_objects: set[str] = set()  # entries that recognize objects
 
-
-PLAIN = ("recognized", "touches", "robot_time_s", "failure_rate")
-
-
-def make_leaderboard(plan: Plan, stores: Sequence[Store], metric: str = "chamfer_mm",
-                     by: Sequence[str] | None = None) -> Leaderboard:
-    """Reads a study's units once, one at a time; memory does not grow with the episodes."""
-    check_metric(metric)
-    axes, per_object = entry_axes(plan, by)
-    entries = entries_of(plan, axes)
-    seed = int(plan.hash, 16)
-    groups = [[n] for n in range(len(plan.study.objects))] if per_object else [
-        list(range(len(plan.study.objects)))]
-    rows: list[tuple[str, ...]] = []
-    missing = measured = 0
-    faults: dict[str, str] = {}
-    for group in groups:
-        table = _Table(entries, _mean(metric, entries, seed), _mean("iou", entries, seed),
-                       {name: PlainMean(len(entries)) for name in PLAIN},
-                       np.zeros(len(entries), bool))
-        for number in group:
-            _add_object(plan, stores, table, axes, number, metric)
-            for mean in (table.metric, table.iou, *table.plain.values()):
-                mean.finish_object()
-        label = f"object={plan.study.objects[group[0]].name}" if per_object else ""
-        rows += _rows(table, metric, label)
-        missing += table.missing
-        measured = max(measured, len(table.objects))
-        faults |= {**table.faults, **faults}
-    notes = (*_notes(plan, missing, measured),
-             *(f"strategy {name} {fault}" for name, fault in sorted(faults.items())))
-    return Leaderboard(_header(metric), tuple(rows), notes)
-
-
-def _mean(metric: str, entries: Sequence[Entry], seed: int) -> MeanOverObjects:
-    return MeanOverObjects(len(entries), 0.0 if metric in HIGHER_IS_BETTER else None, seed)
-
-
-def _add_object(plan: Plan, stores: Sequence[Store], table: _Table, axes: Sequence[int],
-                number: int, metric: str) -> None:
-    for block in paired_blocks(plan, stores, table.entries, axes, number):
-        if block.missing:
-            table.missing += block.missing
-            continue  # paired: a block counts for all entries or for none
-        _add_block(table, block.rows, metric, (number, block.number))
-        table.episode_count += block.count
-        table.objects.add(number)
-
-
-def _add_block(table: _Table, found: Sequence[Columns], metric: str, place: Place) -> None:
-    for mean, name in ((table.metric, metric), (table.iou, "iou")):
-        mean.add(np.column_stack([values_of(rows, name) for rows in found]), place)
-    for name in PLAIN:
-        table.plain[name].add(np.column_stack([values_of(rows, name) for rows in found]))
-    for entry, rows in zip(table.entries, found, strict=True):
+    def __call__(self, entry: Entry, rows: Columns) -> None:
         fault = next((f"failed: {note}" if failed == "strategy_failed" else str(note)
                       for note, failed in zip(rows.get("note", ()), rows["status"], strict=False)
                       if note), "")
         if fault:
-            table.faults.setdefault(entry.label, fault)
-    table.offered |= [any(rows.get("recognized_as", ())) for rows in found]
+            self.first.setdefault(entry.label, fault)
+        if any(rows.get("recognized_as", ())):
+            self.names_objects.add(entry.label)
+
+
+class _Ranking:
+    """Sums over the objects of one ranking."""
+
+    def __init__(self, entries: Sequence[Entry], metric: str, seed: int) -> None:
+        self.entries, self.metric = entries, metric
+        self.means = {name: ObjectMeans(len(entries), seed) for name in {metric, "iou"}}
+        self.plain: dict[str, list[np.ndarray]] = {name: [] for name in PLAIN}
+        self.objects = self.episodes = 0
+
+    def add(self, found: ObjectRows) -> None:
+        """Takes in an object's rows."""
+        for name, mean in self.means.items():
+            mean.add(found.filled(name))
+        for name, of_objects in self.plain.items():
+            of_objects.append(found.plain(name))
+        self.objects += 1
+        self.episodes += len(found.episodes)
+
+    def rows(self, label: str, faults: _Faults) -> list[tuple[str, ...]]:
+        """The rows of a leaderboard, the best first."""
+        metric, found = self.metric, self.means[self.metric]
+        sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
+        value = found.values("like-these", bounds_of(metric))
+        key = np.where(np.isfinite(value.value), sign * value.value, np.inf)
+        order = sorted(range(len(self.entries)), key=lambda n: (key[n], self.entries[n].label))
+        these = found.values("these", bounds_of(metric))
+        delta, delta_these = (found.differences(order[0], over) for over in ("like-these", "these"))
+        iou = self.means["iou"].values("like-these", bounds_of("iou"))
+        digits = 4 if metric in HIGHER_IS_BETTER else 3
+        columns: dict[str, tuple[np.ndarray, int]] = {
+            **{name: (_mean(of_objects, len(self.entries)), PLAIN[name]) for name, of_objects in self.plain.items()},
+            "iou": (iou.value, 4), "iou_ci_low": (iou.low, 4), "iou_ci_high": (iou.high, 4),
+            metric: (value.value, digits), f"{metric}_ci_low": (value.low, digits),
+            f"{metric}_ci_high": (value.high, digits), _delta(metric): (delta.value, digits),
+            "delta_ci_low": (delta.low, digits), "delta_ci_high": (delta.high, digits),
+            "p_best": (found.p_best(sign), 3), f"{metric}_these_low": (these.low, digits),
+            f"{metric}_these_high": (these.high, digits),
+            "delta_these_low": (delta_these.low, digits),
+            "delta_these_high": (delta_these.high, digits)}
+        rows = []
+        for rank, n in enumerate(order, 1):
+            name = self.entries[n].label
+            cells = {column: number_text(values[n], places)
+                     for column, (values, places) in columns.items()}
+            if name not in faults.names_objects and metric != "recognized":
+                cells["recognized"] = "NA"
+            if label:
+                name = f"{name[:-1]}, {label}]" if name.endswith("]") else f"{name} [{label}]"
+            cells |= {"rank": str(rank), "strategy": name, "n_objects": str(self.objects),
+                      "n_episodes": str(self.episodes)}
+            rows.append(tuple(cells[column] for column in _header(metric)))
+        return rows
+
+    def rarely_touching(self) -> Iterator[tuple[str, float]]:
+        """Entries with few contacts, and how many they have in the mean."""
+        contacts = _mean(self.plain["contacts"], len(self.entries))
+        for entry, mean in zip(self.entries, contacts, strict=True):
+            if mean < FEW_CONTACTS:
+                yield entry.label, float(mean)
+
+
+def make_leaderboard(plan: Plan, stores: Sequence[Store], metric: str = "chamfer_mm",
+                     by: Sequence[str] | None = None) -> Leaderboard:
+    """Reads a study's units once; memory grows with the episodes of one object."""
+    check_metric(metric)
+    axes, per_object = entry_axes(plan, by)
+    entries = entries_of(plan, axes)
+    faults, seed = _Faults(), int(plan.hash, 16)
+    rankings: dict[str, _Ranking] = {}
+    missing = 0
+    for found in read_objects(plan, stores, entries, axes, tuple({metric, "iou", *PLAIN}), faults):
+        missing += found.missing
+        label = f"object={found.name}" if per_object else ""
+        ranking = rankings.setdefault(label, _Ranking(entries, metric, seed))
+        if found.episodes:
+            ranking.add(found)
+    rows = [row for label, ranking in rankings.items() for row in ranking.rows(label, faults)]
+    measured = max(ranking.objects for ranking in rankings.values())
+    notes = [*_notes(plan, missing, measured),
+             *(f"strategy {name} {fault}" for name, fault in sorted(faults.first.items()))]
+    for label, ranking in rankings.items():
+        notes += [f"{name} hardly ever touches{f' ({label})' if label else ''}: {mean:.1f} contacts "
+                  "an episode in the mean" for name, mean in ranking.rarely_touching()]
+    return Leaderboard(_header(metric), tuple(rows), tuple(notes))
+
+
+def _mean(of_objects: Sequence[np.ndarray], entries: int) -> np.ndarray:
+    """The mean over the objects that have a value, (entry,)."""
+    values = np.array(of_objects).reshape(len(of_objects), entries)
+    known = np.isfinite(values)
+    return np.divide(np.where(known, values, 0.0).sum(axis=0), known.sum(axis=0),
+                     where=known.any(axis=0), out=np.full(entries, np.nan))
+
+
+def _delta(metric: str) -> str:
+    return "delta_to_best_mm" if metric.endswith("_mm") else "delta_to_best"
 
 
 def _header(metric: str) -> tuple[str, ...]:
     iou = ("iou", "iou_ci_low", "iou_ci_high") if metric != "iou" else ()
-    rest = tuple(name for name in ("recognized", "touches", "robot_time_s") if name != metric)
-    delta = "delta_to_best_mm" if metric.endswith("_mm") else "delta_to_best"
-    return ("rank", "strategy", metric, f"{metric}_ci_low", f"{metric}_ci_high", delta,
-            "delta_ci_low", "delta_ci_high", "p_best", *iou, *rest, "failure_rate", "n_objects",
-            "n_episodes")
-
-
-def _rows(table: _Table, metric: str, label: str) -> list[tuple[str, ...]]:
-    sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
-    means = table.metric.means()
-    value = estimate(means, bounds_of(metric))
-    key = np.where(np.isfinite(value.value), sign * value.value, np.inf)
-    order = sorted(range(len(table.entries)), key=lambda n: (key[n], table.entries[n].label))
-    delta = difference_to(means, order[0])
-    best = probability_best(means, sign)
-    iou = estimate(table.iou.means(), bounds_of("iou"))
-    plain = {name: mean.means() for name, mean in table.plain.items()}
-    plain["recognized"] = np.where(table.offered, plain["recognized"], np.nan)
-    digits = 4 if metric in HIGHER_IS_BETTER else 3
-    rows = []
-    for rank, n in enumerate(order, 1):
-        name = table.entries[n].label
-        if label:
-            name = f"{name[:-1]}, {label}]" if name.endswith("]") else f"{name} [{label}]"
-        cells: dict[str, str] = {"rank": str(rank), "strategy": name}
-        cells |= {metric: number_text(value.value[n], digits),
-                  f"{metric}_ci_low": number_text(value.low[n], digits),
-                  f"{metric}_ci_high": number_text(value.high[n], digits),
-                  "delta": number_text(delta.value[n], digits),
-                  "delta_ci_low": number_text(delta.low[n], digits),
-                  "delta_ci_high": number_text(delta.high[n], digits),
-                  "p_best": number_text(best[n], 3),
-                  "failure_rate": number_text(plain["failure_rate"][n], 4),
-                  "n_objects": str(len(table.objects)), "n_episodes": str(table.episode_count)}
-        if metric != "iou":
-            cells |= {"iou": number_text(iou.value[n], 4), "iou_ci_low": number_text(iou.low[n], 4),
-                      "iou_ci_high": number_text(iou.high[n], 4)}
-        for column, places in (("recognized", 4), ("touches", 2), ("robot_time_s", 2)):
-            cells.setdefault(column, number_text(plain[column][n], places))
-        rows.append(tuple(cells["delta" if column.startswith("delta_to") else column]
-                          for column in _header(metric)))
-    return rows
+    rest = tuple(name for name in PLAIN if name != metric)
+    return ("rank", "strategy", metric, f"{metric}_ci_low", f"{metric}_ci_high", _delta(metric),
+            "delta_ci_low", "delta_ci_high", "p_best", *iou, *rest, "n_objects", "n_episodes",
+            f"{metric}_these_low", f"{metric}_these_high", "delta_these_low", "delta_these_high")
 
 
 def _notes(plan: Plan, missing: int, count: int) -> Iterator[str]:

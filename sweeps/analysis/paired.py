@@ -1,11 +1,11 @@
-"""Every entry's value on every episode, paired, with the means that intervals are drawn from."""
+"""Every entry's values on every episode, paired: read object by object, or all at once."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from sweeps.analysis.bootstrap import MeanOverObjects
+from sweeps.analysis.bootstrap import REPLICATES, population, replicate_means
 from sweeps.analysis.entries import (
     HIGHER_IS_BETTER,
     Entry,
@@ -14,9 +14,59 @@ from sweeps.analysis.entries import (
     paired_blocks,
     values_of,
 )
-from sweeps.analysis.leaderboard import MANY_OBJECTS
+from sweeps.analysis.interval import ObjectMeans
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
+from sweeps.run.unit_file import Columns
+
+MANY_OBJECTS = 6  # below, the spread between objects is hardly known
+
+
+@dataclass
+class ObjectRows:
+    """What every entry has on one object: the blocks that none misses, one below the other."""
+
+    number: int
+    name: str
+    values: dict[str, np.ndarray] = field(default_factory=dict)
+    """By metric (row, entry), NaN where a row has no value."""
+    episodes: list[tuple[int, int]] = field(default_factory=list)
+    """Of each row: its block, and its place there. Averaged axes repeat an episode."""
+    missing: int = 0
+    """Units of blocks that were left out."""
+
+    def filled(self, metric: str) -> np.ndarray:
+        """(episode, entry): a failed episode as a leaderboard counts it, and an episode of several
+        rows as their mean."""
+        return by_episode(filled(self.values[metric], failure_score(metric)), self.episodes)
+
+    def plain(self, metric: str) -> np.ndarray:
+        """Each entry's mean of the values there are, (entry,)."""
+        values = self.values[metric]
+        known = np.isfinite(values)
+        total, count = np.where(known, values, 0.0).sum(axis=0), known.sum(axis=0)
+        return np.divide(total, count, where=count > 0, out=np.full(len(total), np.nan))
+
+
+def read_objects(plan: Plan, stores: Sequence[Store], entries: Sequence[Entry],
+                 axes: Sequence[int], metrics: Sequence[str],
+                 also: Callable[[Entry, Columns], None] | None = None) -> Iterator[ObjectRows]:
+    """A study object by object; `also` is shown the rows of every entry and block."""
+    for number, body in enumerate(plan.study.objects):
+        found = ObjectRows(number, body.name)
+        parts: dict[str, list[np.ndarray]] = {name: [] for name in metrics}
+        for block in paired_blocks(plan, stores, entries, axes, number):
+            if block.missing:
+                found.missing += block.missing
+                continue
+            found.episodes += [(block.number, n) for n in range(block.count)]
+            for name in metrics:
+                parts[name].append(np.column_stack([values_of(rows, name) for rows in block.rows]))
+            for entry, rows in zip(entries, block.rows if also else (), strict=False):
+                also(entry, rows)  # type: ignore[misc]
+        if found.episodes:
+            found.values = {name: np.concatenate(part) for name, part in parts.items()}
+        yield found
 
 
 @dataclass(frozen=True)
@@ -32,6 +82,10 @@ class Paired:
     An episode run under several settings is one row: its mean over them."""
     means: dict[str, np.ndarray]
     """By metric, (1 + replicate, entry): the mean over objects, then episodes; row 0 the data."""
+    exact: dict[str, ObjectMeans]
+    """By metric, the same with intervals that need no replicates."""
+    over: str
+    """What the replicates are of: objects "like-these", or "these" with other episodes."""
     notes: tuple[str, ...]
 
     @property
@@ -46,41 +100,40 @@ class Paired:
 
 
 def read_paired(plan: Plan, stores: Sequence[Store], metrics: Sequence[str],
-                axes: Sequence[int] | None = None) -> Paired:
+                axes: Sequence[int] | None = None, over: str | None = None) -> Paired:
     """Reads a study's units once. Memory grows with the episodes, by 8 bytes a metric and entry.
 
-    `axes` define the entries; by default those of the grid and the zip.
+    `axes` define the entries; by default those of the grid and the zip. Intervals are over `over`
+    (see `bootstrap.OVER`), by default over objects like these where there are several.
     """
     axes = entry_axes(plan, None)[0] if axes is None else axes
     entries = entries_of(plan, axes)
-    sums = {name: MeanOverObjects(len(entries), failure_score(name), int(plan.hash, 16))
-            for name in metrics}
+    seed = int(plan.hash, 16)
+    exact = {name: ObjectMeans(len(entries), seed) for name in metrics}
     values: dict[str, list[np.ndarray]] = {name: [] for name in metrics}
     objects: list[str] = []
     missing = 0
-    for number, body in enumerate(plan.study.objects):
-        parts: dict[str, list[np.ndarray]] = {name: [] for name in metrics}
-        episodes: list[tuple[int, int]] = []  # of each row: block, place in it
-        for block in paired_blocks(plan, stores, entries, axes, number):
-            if block.missing:
-                missing += block.missing
-                continue
-            episodes += [(block.number, n) for n in range(block.count)]
-            for name in metrics:
-                table = np.column_stack([values_of(rows, name) for rows in block.rows])
-                parts[name].append(table)
-                sums[name].add(table, (number, block.number))
-        for mean in sums.values():
-            mean.finish_object()
-        if episodes:
-            objects.append(body.name)
-            for name in metrics:
-                rows = filled(np.concatenate(parts[name]), failure_score(name))
-                values[name].append(by_episode(rows, episodes))
+    for found in read_objects(plan, stores, entries, axes, metrics):
+        missing += found.missing
+        if not found.episodes:
+            continue
+        objects.append(found.name)
+        for name in metrics:
+            values[name].append(found.filled(name))
+            exact[name].add(values[name][-1])
+    means = {name: replicate_means(of_objects, seed, over) if of_objects
+             else np.full((1 + REPLICATES, len(entries)), np.nan)
+             for name, of_objects in values.items()}
+    over = population(over, len(objects))
     return Paired(tuple(entries), tuple(objects),
-                  {name: tuple(found) for name, found in values.items()},
-                  {name: mean.means() for name, mean in sums.items()},
-                  tuple(reading_notes(plan, missing, len(objects))))
+                  {name: tuple(found) for name, found in values.items()}, means, exact, over,
+                  (*reading_notes(plan, missing, len(objects)), interval_note(over)))
+
+
+def interval_note(over: str) -> str:
+    """What the intervals of a table claim."""
+    return ("intervals are of these objects, with other episodes" if over == "these" else
+            "intervals are of objects like these (--over these: of these, with other episodes)")
 
 
 def failure_score(metric: str) -> float | None:

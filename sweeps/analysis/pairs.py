@@ -14,7 +14,6 @@ from itertools import combinations
 
 import numpy as np
 
-from sweeps.analysis.bootstrap import estimate
 from sweeps.analysis.entries import HIGHER_IS_BETTER, LeaderboardError
 from sweeps.analysis.paired import Paired
 from sweeps.analysis.text_table import TextTable, number_text
@@ -30,8 +29,10 @@ class Pair:
     first: str
     second: str
     difference: float
-    low: float
-    high: float
+    like_these: tuple[float, float]
+    """The 95 % interval of this pair alone, for objects like these."""
+    these: tuple[float, float]
+    """The same for these objects, with other episodes."""
     wins: int
     """Objects on which `first` is better."""
     p_objects: float
@@ -40,16 +41,18 @@ class Pair:
 
 def compare_pairs(paired: Paired, metric: str, against: str | None = None) -> list[Pair]:
     """Every pair of entries, or each entry against one (`best`: the one of the best mean)."""
-    means, of_objects = paired.means[metric], paired.object_means(metric)
+    exact, of_objects = paired.exact[metric], paired.object_means(metric)
     sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
     found = []
-    for a, b in _chosen(paired.labels, sign * means[0], against):
-        delta = estimate(means[:, [a]] - means[:, [b]])
+    for a, b in _chosen(paired.labels, sign * paired.means[metric][0], against):
+        like, these = (exact.differences(b, over, simultaneous=False)
+                       for over in ("like-these", "these"))
         differences = of_objects[:, a] - of_objects[:, b]
         episodes = [values[:, a] - values[:, b] for values in paired.values[metric]]
         found.append(Pair(
-            paired.labels[a], paired.labels[b], float(delta.value[0]), float(delta.low[0]),
-            float(delta.high[0]), int((sign * differences < 0).sum()),
+            paired.labels[a], paired.labels[b], float(like.value[a]),
+            (float(like.low[a]), float(like.high[a])), (float(these.low[a]), float(these.high[a])),
+            int((sign * differences < 0).sum()),
             objects_test(differences), episodes_test(episodes)))
     return found
 
@@ -118,12 +121,12 @@ def pairs_table(paired: Paired, metric: str, against: str | None = None) -> Text
     of_episodes = holm(np.array([pair.p_episodes for pair in pairs]))
     rows = tuple(
         (pair.first, pair.second, number_text(pair.difference, digits),
-         number_text(pair.low, digits), number_text(pair.high, digits),
+         *(number_text(end, digits) for end in (*pair.like_these, *pair.these)),
          f"{pair.wins}/{len(paired.objects)}", _p(pair.p_objects), _p(of_objects[n]),
          _p(pair.p_episodes), _p(of_episodes[n]))
         for n, pair in enumerate(pairs))
-    header = ("strategy", "other", f"{metric}_difference", "ci_low", "ci_high", "wins",
-              "p_objects", "p_objects_holm", "p_episodes", "p_episodes_holm")
+    header = ("strategy", "other", f"{metric}_difference", "ci_low", "ci_high", "these_low",
+              "these_high", "wins", "p_objects", "p_objects_holm", "p_episodes", "p_episodes_holm")
     return TextTable(header, rows, (*paired.notes, *_power(len(paired.objects), len(pairs))))
 
 

@@ -41,12 +41,13 @@ class Effect:
     share: float
 
 
-def read_settings(plan: Plan, stores: Sequence[Store], metric: str) -> Paired:
+def read_settings(plan: Plan, stores: Sequence[Store], metric: str,
+                  over: str | None = None) -> Paired:
     """Every strategy under every setting. Raises LeaderboardError where nothing was swept."""
     if not plan.study.axes:
         raise LeaderboardError("settings: this study sweeps nothing; see [sweep.grid] in "
                                "`warpgrasp init`")
-    return read_paired(plan, stores, [metric], range(len(plan.study.axes)))
+    return read_paired(plan, stores, [metric], range(len(plan.study.axes)), over)
 
 
 def effects(plan: Plan, paired: Paired, metric: str) -> Iterator[Effect]:

@@ -2,13 +2,20 @@
 
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from sweeps.analysis.confusion import confusion_table, read_confusion
-from sweeps.analysis.curves import curves_table, reach_table, read_curves, same_time_table
+from sweeps.analysis.curves import (
+    Curves,
+    curves_table,
+    reach_table,
+    read_curves,
+    same_time_table,
+)
 from sweeps.analysis.entries import check_metric
 from sweeps.analysis.objects import ALSO, objects_table
-from sweeps.analysis.paired import read_paired
+from sweeps.analysis.paired import Paired, read_paired
 from sweeps.analysis.pairs import pairs_table
 from sweeps.analysis.pareto import COST, pareto_table
 from sweeps.analysis.settings import read_settings, settings_table
@@ -18,38 +25,52 @@ from sweeps.run.plan import Plan
 from sweeps.run.store import Store, open_study
 from sweeps.spec.errors import StoreError
 
-Maker = Callable[[Plan, Sequence[Store], str, str | None], TextTable]
 
-KINDS: dict[str, tuple[Maker, str]] = {
-    "pairs": (lambda plan, stores, metric, against: pairs_table(
-        read_paired(plan, stores, [metric]), metric, against),
-        "paired tests between strategies, Holm-corrected"),
-    "objects": (lambda plan, stores, metric, _: objects_table(
-        read_paired(plan, stores, [metric, *ALSO]), metric),
-        "each strategy on each object: medians with intervals, cost"),
-    "confusion": (lambda plan, stores, *_: confusion_table(read_confusion(plan, stores)),
+@dataclass(frozen=True)
+class Asked:
+    """The study, and the options of the command."""
+
+    plan: Plan
+    stores: Sequence[Store]
+    metric: str
+    against: str | None
+    over: str | None
+
+    def paired(self, *also: str) -> Paired:
+        """Every entry's values of the metric, and of others."""
+        return read_paired(self.plan, self.stores, [self.metric, *also], over=self.over)
+
+    def curves(self) -> Curves:
+        """Every episode's error as it falls."""
+        return read_curves(self.plan, self.stores, self.over)
+
+
+KINDS: dict[str, tuple[Callable[[Asked], TextTable], str]] = {
+    "pairs": (lambda a: pairs_table(a.paired(), a.metric, a.against),
+              "paired tests between strategies, Holm-corrected"),
+    "objects": (lambda a: objects_table(a.paired(*ALSO), a.metric),
+                "each strategy on each object: medians with intervals, cost"),
+    "confusion": (lambda a: confusion_table(read_confusion(a.plan, a.stores)),
                   "what each object was taken for"),
-    "curves": (lambda plan, stores, *_: curves_table(read_curves(plan, stores)),
-               "error against touches and robot time"),
-    "reach": (lambda plan, stores, *_: reach_table(read_curves(plan, stores)),
+    "curves": (lambda a: curves_table(a.curves()), "error against touches and robot time"),
+    "reach": (lambda a: reach_table(a.curves()),
               "touches and seconds to come within 5 mm and 3 mm"),
-    "same-time": (lambda plan, stores, _, against: same_time_table(
-        read_curves(plan, stores), against),
-        "errors at the robot time at which one strategy ended"),
-    "pareto": (lambda plan, stores, metric, _: pareto_table(
-        read_paired(plan, stores, [metric, COST]), metric),
-        "error against robot time, and which strategies are dominated"),
-    "settings": (lambda plan, stores, metric, _: settings_table(
-        plan, read_settings(plan, stores, metric), metric), "what each swept factor does"),
+    "same-time": (lambda a: same_time_table(a.curves(), a.against),
+                  "errors at the robot time at which one strategy ended"),
+    "pareto": (lambda a: pareto_table(a.paired(COST), a.metric),
+               "error against robot time, and which strategies are dominated"),
+    "settings": (lambda a: settings_table(
+        a.plan, read_settings(a.plan, a.stores, a.metric, a.over), a.metric),
+        "what each swept factor does"),
 }
 
 
 def table(folders: Sequence[Path], kind: str, out: Path | None, *, metric: str,
-          against: str | None, as_json: bool) -> int:
+          against: str | None, over: str | None, as_json: bool) -> int:
     """Prints one of the tables, and writes it as CSV."""
     check_metric(metric)
     plan, stores = open_study(folders)
-    made = KINDS[kind][0](plan, stores, metric, against)
+    made = KINDS[kind][0](Asked(plan, stores, metric, against, over))
     if out is not None:
         try:
             write_atomic(out, made.csv())

@@ -11,13 +11,15 @@ TableKind = Literal["pairs", "objects", "confusion", "curves", "reach", "same-ti
                     "settings"]
 FigureKind = Literal["forest", "curves-touches", "curves-time", "pareto", "confusion", "settings",
                      "contacts", "faces", "contour", "taxels", "grasp"]
-"""Kinds of tables and figures: repeated here so that help and completion import neither."""
+Over = Literal["like-these", "these"]
+"""Kinds of tables, figures and intervals: repeated here so that help and completion import neither."""
 
 
 @app.command
 def table(words: list[TableKind | str], /, *,
           out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
-          metric: str = "chamfer_mm", against: str | None = None, json: Json = False) -> int:
+          metric: str = "chamfer_mm", against: str | None = None, over: Over | None = None,
+          json: Json = False) -> int:
     """Print a table of a study: paired tests, medians, recognition, curves, settings.
 
     Parameters
@@ -34,13 +36,17 @@ def table(words: list[TableKind | str], /, *,
         Of pairs, objects, pareto and settings.
     against
         For pairs and same-time: compare with one strategy only; best is the leaderboard's first.
+    over
+        What intervals are of: like-these (other objects like these, the default where there are
+        several) or these (these objects, with other episodes). The table pairs has both.
     json
         Print JSON.
     """
     from sweeps.analysis import tables
 
     folders, kind = folders_and_kind(words, tables.KINDS)
-    return tables.table(folders, kind, out, metric=metric, against=against, as_json=json)
+    return tables.table(folders, kind, out, metric=metric, against=against, over=over,
+                        as_json=json)
 
 
 @app.command
@@ -48,7 +54,7 @@ def figure(words: list[FigureKind | str], /, *,
            out: Annotated[Path, Parameter(name=["--out", "-o"])],
            metric: str = "chamfer_mm", strategy: str | None = None,
            object_: Annotated[str | None, Parameter(name="--object")] = None,
-           episode: int = 0) -> int:
+           episode: int = 0, over: Over | None = None) -> int:
     """Draw a figure of a study, one column wide: SVG, PDF or PNG.
 
     Parameters
@@ -70,12 +76,15 @@ def figure(words: list[FigureKind | str], /, *,
         For those of one episode; by default the first.
     episode
         For those: which episode of that strategy and object.
+    over
+        For curves and pareto: intervals of objects like-these, or of these with other episodes.
+        The forest has both.
     """
     from sweeps.figures import kinds as figures
 
     folders, kind = folders_and_kind(words, figures.KINDS)
     return figures.figure(folders, kind, out, metric=metric, strategy=strategy, object_=object_,
-                          episode=episode)
+                          episode=episode, over=over)
 
 
 @app.command

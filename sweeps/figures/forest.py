@@ -4,7 +4,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sweeps.analysis.bootstrap import difference_to, estimate
 from sweeps.analysis.entries import HIGHER_IS_BETTER, bounds_of
 from sweeps.analysis.paired import Paired
 from sweeps.figures.style import COLOURS, distinct_labels, drawing, figure, metric_label
@@ -14,8 +13,11 @@ if TYPE_CHECKING:
 
 
 def draw_forest(paired: Paired, metric: str) -> "Figure":
-    """Left each entry's mean with its 95 % interval, right its difference to the best."""
-    means = paired.means[metric]
+    """Left each entry's mean with its 95 % interval, right its difference to the best.
+
+    Thick lines are intervals of these objects, thin ones of objects like these.
+    """
+    exact, means = paired.exact[metric], paired.means[metric]
     sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
     key = np.where(np.isfinite(means[0]), sign * means[0], np.inf)
     order = sorted(range(len(paired.labels)), key=lambda n: (key[n], paired.labels[n]))
@@ -24,11 +26,14 @@ def draw_forest(paired: Paired, metric: str) -> "Figure":
     with drawing():
         drawn = figure(0.75 + 0.17 * len(order) + (0.12 if keys else 0.0))
         left, right = drawn.subplots(1, 2, sharey=True, width_ratios=(1.25, 1.0))
-        for axes, found, colour in ((left, estimate(means, bounds_of(metric)), COLOURS[0]),
-                                    (right, difference_to(means, order[0]), COLOURS[1])):
-            value, low, high = (v[order] for v in (found.value, found.low, found.high))
-            axes.hlines(place, low, high, color=colour, lw=1.2)
-            axes.plot(value, place, "o", color=colour, ms=3.2, zorder=3)
+        for over, width in (("like-these", 0.6), ("these", 1.8)):
+            for axes, found, colour in (
+                    (left, exact.values(over, bounds_of(metric)), COLOURS[0]),
+                    (right, exact.differences(order[0], over), COLOURS[1])):
+                axes.hlines(place, found.low[order], found.high[order], color=colour, lw=width)
+        for axes, value, colour in ((left, means[0], COLOURS[0]),
+                                    (right, means[0] - means[0, order[0]], COLOURS[1])):
+            axes.plot(value[order], place, "o", color=colour, ms=3.2, zorder=3)
             axes.grid(axis="x", lw=0.3, color="#d0d0d0")
             axes.margins(x=0.06)
             axes.tick_params(axis="y", length=0)
@@ -37,6 +42,7 @@ def draw_forest(paired: Paired, metric: str) -> "Figure":
         left.set_ylim(len(order) - 0.4, -0.6)
         left.set_title("mean")
         right.set_title("minus the best")
-        drawn.supxlabel(f"{metric_label(metric)}; 95 % intervals" + (f"\n{keys}" if keys else ""),
+        drawn.supxlabel(f"{metric_label(metric)}; 95 % intervals, thick of these objects, thin of "
+                        "objects like these" + (f"\n{keys}" if keys else ""),
                         fontsize=7.0)
     return drawn

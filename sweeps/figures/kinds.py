@@ -41,6 +41,7 @@ class Asked:
     strategy: str | None = None
     object: str | None = None
     episode: int = 0
+    over: str | None = None
 
 
 def _of_episode(name: str) -> Callable[[Asked], "Figure"]:
@@ -81,23 +82,24 @@ def _rerun(asked: Asked) -> "tuple[Cell, EpisodeBlock]":
 # Figures of episodes are attributes of the room, which imports them and the simulator when used.
 KINDS: dict[str, Callable[[Asked], "Figure"]] = {
     "forest": lambda a: draw_forest(read_paired(a.plan, a.stores, [a.metric]), a.metric),
-    "curves-touches": lambda a: draw_curves(read_curves(a.plan, a.stores), "touches"),
-    "curves-time": lambda a: draw_curves(read_curves(a.plan, a.stores), "time_s"),
-    "pareto": lambda a: draw_pareto(read_paired(a.plan, a.stores, [a.metric, COST]), a.metric),
+    "curves-touches": lambda a: draw_curves(read_curves(a.plan, a.stores, a.over), "touches"),
+    "curves-time": lambda a: draw_curves(read_curves(a.plan, a.stores, a.over), "time_s"),
+    "pareto": lambda a: draw_pareto(
+        read_paired(a.plan, a.stores, [a.metric, COST], over=a.over), a.metric),
     "confusion": lambda a: draw_confusion(read_confusion(a.plan, a.stores), a.strategy),
     "settings": lambda a: draw_settings(
-        a.plan, read_settings(a.plan, a.stores, a.metric), a.metric),
+        a.plan, read_settings(a.plan, a.stores, a.metric, a.over), a.metric),
     "contacts": _of_episode("contacts_figure"), "faces": _of_episode("faces_figure"),
     "contour": _of_episode("contour_figure"), "taxels": _taxels, "grasp": _grasp,
 }
 
 
 def figure(folders: Sequence[Path], kind: str, out: Path, *, metric: str, strategy: str | None,
-           object_: str | None, episode: int) -> int:
+           object_: str | None, episode: int, over: str | None = None) -> int:
     """Draws one figure into a file, whose ending names the format."""
     check_metric(metric)
     plan, stores = open_study(folders)
-    asked = Asked(plan, stores, metric, strategy, object_, episode)
+    asked = Asked(plan, stores, metric, strategy, object_, episode, over)
     content = encode(KINDS[kind](asked), out.suffix.removeprefix("."))
     try:
         write_atomic(out, content)

@@ -33,9 +33,9 @@ def leaderboard_section(board: Leaderboard, paired: Paired, metric: str) -> str:
     forest = drawing(draw_forest(paired, metric), "forest", "Mean chamfer distance by strategy",
                      "Means, and differences from the best, with 95 % intervals.")
     return section("Leaderboard", paragraph(
-        "All strategies meet the same objects, poses and noise. Intervals of 95 % are from a "
-        "bootstrap that draws objects, each with its episodes (of one object its episodes), "
-        "widened where they are few; differences are paired. Failed episodes count."),
+        "All strategies meet the same objects, poses and noise. There are two 95 % intervals: _ci_ "
+        "of objects like these, _these_ of these objects with other episodes. Differences to the "
+        "best are paired, and hold for all strategies at once. Failed episodes count."),
         forest, table("Ranked by the mean chamfer distance; any column's heading sorts",
                       board.header, board.rows, row_names=1), name="board")
 

@@ -1,0 +1,156 @@
+"""Intervals of means over objects, and of differences to the best: what is claimed, and of what.
+
+Two populations. *These* objects, with other episodes: the variance of the mean is that of episodes
+within each object (a stratified mean), and Student's t has Welch and Satterthwaite's degrees of
+freedom. Objects *like these*: an object's mean is one observation, and t has one degree of freedom
+less than there are objects; nothing follows from one object.
+
+Differences to the best are simultaneous: the best is chosen after the fact, so that an interval of
+one pair would claim too much. Their half width is that of a single pair times the ratio of the 95 %
+quantile of the largest of all studentized differences between as many equal entries to that of one
+(Tukey's studentized range, with a standard error for each pair). With two entries it is Student's.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+
+from sweeps.analysis.bootstrap import Estimate, object_weights, probability_best, replicate_means
+
+LEVEL = 0.95
+_DRAWS, _BATCH = 4000, 250
+_SIMULATED = 128  # entries; of more, the number of pairs is extrapolated
+_MANY = 120  # degrees of freedom from which a variance is as good as known
+
+
+class ObjectMeans:
+    """Means over objects, then episodes, of every entry, with what their intervals need.
+
+    Objects are added one at a time; of their episodes only sums are kept.
+    """
+
+    def __init__(self, entries: int, seed: int) -> None:
+        self.entries, self.seed = entries, seed
+        self.objects: list[np.ndarray] = []  # means on each, (entry,)
+        self.single: np.ndarray = np.zeros((0, entries))  # the first object's episodes
+        self._variance = np.zeros((entries + 1, entries))  # row 0 of values, then of differences
+        self._square = np.zeros_like(self._variance)  # with what Satterthwaite's formula adds up
+
+    def add(self, values: np.ndarray) -> None:
+        """Takes in an object's episodes, (episode, entry), all finite; no episodes are no object.
+
+        An object on which nothing has a value (all NaN) is left out.
+        """
+        if not np.isfinite(values).all():
+            return
+        count = len(values)
+        mean = values.mean(axis=0)
+        if not self.objects:
+            self.single = values
+        self.objects.append(mean)
+        apart = values - mean
+        # einsum's own loops, not BLAS: sums do not depend on a number of threads
+        cov = np.einsum("ne,nf->ef", apart, apart) / max(count - 1, 1) / count
+        own = np.diagonal(cov)
+        part = np.concatenate([own[None], np.maximum(own[:, None] + own - 2.0 * cov, 0.0)])
+        self._variance += part if count > 1 else np.nan
+        self._square += part**2 / max(count - 1, 1)
+
+    def values(self, over: str, bounds: tuple[float, float] = (-np.inf, np.inf)) -> Estimate:
+        """Each entry's mean with its own 95 % interval, within `bounds`."""
+        mean = self._mean()
+        error, freedom = self._error(over, None)
+        half = _student(freedom) * error
+        return Estimate(mean, *(np.clip(end, *bounds) for end in (mean - half, mean + half)))
+
+    def differences(self, to: int, over: str, simultaneous: bool = True) -> Estimate:
+        """Each entry minus entry `to`; simultaneous 95 % intervals unless `to` was chosen before."""
+        mean = self._mean()
+        error, freedom = self._error(over, to)
+        compared = self.entries if simultaneous else 2
+        least = np.min(np.where(error > 0, freedom, np.inf), initial=np.inf)
+        half = critical_difference(compared, float(least)) * error
+        apart = mean - mean[to]
+        return Estimate(apart, apart - half, apart + half)
+
+    def p_best(self, sign: float) -> np.ndarray:
+        """The share of bootstrap replicates that each entry wins: over objects, or of one object
+        over its episodes; `sign` -1 if more is better."""
+        if len(self.objects) > 1:
+            means = np.einsum("ro,oe->re", object_weights(self.seed, len(self.objects)),
+                              np.array(self.objects))
+            return probability_best(means, sign)
+        return probability_best(replicate_means([self.single], self.seed), sign)
+
+    def _mean(self) -> np.ndarray:
+        if not self.objects:
+            return np.full(self.entries, np.nan)
+        return np.mean(self.objects, axis=0)
+
+    def _error(self, over: str, to: int | None) -> tuple[np.ndarray, np.ndarray]:
+        """Standard errors of the means, or of differences `to` an entry, and degrees of freedom."""
+        count = len(self.objects)
+        unknown = np.full(self.entries, np.nan), np.full(self.entries, np.nan)
+        if over == "these":
+            if not count:
+                return unknown
+            row = 0 if to is None else 1 + to
+            variance, square = self._variance[row], self._square[row]
+            freedom = np.divide(variance**2, square, where=square > 0,
+                                out=np.full(self.entries, np.inf))
+            return np.sqrt(variance) / count, freedom
+        if count < 2:
+            return unknown
+        means = np.array(self.objects)
+        apart = means if to is None else means - means[:, [to]]
+        return (apart.std(axis=0, ddof=1) / np.sqrt(count), np.full(self.entries, count - 1.0))
+
+
+def _student(freedom: np.ndarray) -> np.ndarray:
+    # Not scipy.stats, whose import takes longer than all else that a sweep's parent does.
+    from scipy.special import ndtri, stdtrit
+
+    high = 0.5 + LEVEL / 2
+    return np.where(np.isfinite(freedom), stdtrit(freedom, high), ndtri(high))
+
+
+@lru_cache
+def critical_difference(entries: int, freedom: float) -> float:
+    """How many standard errors apart two of so many equal entries are, at most, in 95 % of boards.
+
+    By simulation of independent normal entries, with fractional degrees of freedom rounded down,
+    and rounded up to two digits; of two entries it is Student's t.
+    """
+    if entries <= 2 or not freedom >= 1:
+        return float(_student(np.array(freedom)))
+    freedom = np.floor(freedom) if freedom < _MANY else np.inf
+    count = min(entries, _SIMULATED)
+    generator = np.random.Generator(np.random.Philox(_DRAWS))
+    largest = np.concatenate([_largest(generator, count, freedom)
+                              for _ in range(_DRAWS // _BATCH)])
+    found = float(np.quantile(largest, LEVEL))
+    if entries > count:
+        found = _more_pairs(found, freedom, (entries / count) ** 2)
+    return float(np.ceil(100 * found) / 100)
+
+
+def _largest(generator: np.random.Generator, count: int, freedom: float) -> np.ndarray:
+    """The largest studentized difference of each of some boards, (board,)."""
+    mean = generator.standard_normal((_BATCH, count))
+    if np.isinf(freedom):
+        return np.ptp(mean, axis=1) / np.sqrt(2.0)
+    noise = generator.standard_normal((_BATCH, int(freedom), count))
+    cov = np.matmul(noise.transpose(0, 2, 1), noise) / freedom
+    own = np.diagonal(cov, axis1=1, axis2=2)
+    variance = own[:, :, None] + own[:, None] - 2.0 * cov
+    variance[:, np.arange(count), np.arange(count)] = 1.0
+    return (np.abs(mean[:, :, None] - mean[:, None]) / np.sqrt(variance)).max(axis=(1, 2))
+
+
+def _more_pairs(found: float, freedom: float, times: float) -> float:
+    """The quantile for so many times as many pairs, each as likely to be far apart."""
+    from scipy.special import ndtr, ndtri, stdtr, stdtrit
+
+    if np.isinf(freedom):
+        return float(-ndtri(ndtr(-found) / times))
+    return float(-stdtrit(freedom, stdtr(freedom, -found) / times))
