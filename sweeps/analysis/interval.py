@@ -18,9 +18,9 @@ import numpy as np
 from sweeps.analysis.bootstrap import Estimate, object_weights, probability_best, replicate_means
 
 LEVEL = 0.95
-_DRAWS, _BATCH = 4000, 250
+_DRAWS, _BATCH = 2000, 125
 _SIMULATED = 128  # entries; of more, the number of pairs is extrapolated
-_MANY = 120  # degrees of freedom from which a variance is as good as known
+_FREEDOMS = (1.0, 2.0, 3.0, 4.0, 6.0, 9.0, 15.0, 30.0, 80.0, np.inf)
 
 
 class ObjectMeans:
@@ -60,16 +60,15 @@ class ObjectMeans:
         """Each entry's mean with its own 95 % interval, within `bounds`."""
         mean = self._mean()
         error, freedom = self._error(over, None)
-        half = _student(freedom) * error
-        return Estimate(mean, *(np.clip(end, *bounds) for end in (mean - half, mean + half)))
+        low, high = _ends(mean, _student(freedom) * error, bounds)
+        return Estimate(mean, low, high)
 
     def differences(self, to: int, over: str, simultaneous: bool = True) -> Estimate:
         """Each entry minus entry `to`; simultaneous 95 % intervals unless `to` was chosen before."""
         mean = self._mean()
         error, freedom = self._error(over, to)
         compared = self.entries if simultaneous else 2
-        least = np.min(np.where(error > 0, freedom, np.inf), initial=np.inf)
-        half = critical_difference(compared, float(least)) * error
+        half = critical_difference(compared, freedom) * error
         apart = mean - mean[to]
         return Estimate(apart, apart - half, apart + half)
 
@@ -106,6 +105,25 @@ class ObjectMeans:
         return (apart.std(axis=0, ddof=1) / np.sqrt(count), np.full(self.entries, count - 1.0))
 
 
+def _ends(mean: np.ndarray, half: np.ndarray, bounds: tuple[float, float]
+          ) -> tuple[np.ndarray, np.ndarray]:
+    """Ends of intervals, by the delta method on the scale on which a bounded mean is symmetric.
+
+    Errors are skewed to the right: on the scale of the mean itself intervals of few episodes are
+    too short above. A positive mean has them on a log scale, a share on a logit scale.
+    """
+    low, high = bounds
+    if low == 0.0 and high == np.inf:
+        factor = np.exp(np.divide(half, mean, where=mean > 0, out=np.zeros_like(mean)))
+        return mean / factor, mean * factor
+    if (low, high) == (0.0, 1.0):
+        inside = mean * (1.0 - mean)
+        factor = np.exp(np.divide(half, inside, where=inside > 0, out=np.zeros_like(mean)))
+        return (mean / (mean + (1.0 - mean) * factor),
+                mean * factor / (mean * factor + 1.0 - mean))
+    return mean - half, mean + half
+
+
 def _student(freedom: np.ndarray) -> np.ndarray:
     # Not scipy.stats, whose import takes longer than all else that a sweep's parent does.
     from scipy.special import ndtri, stdtrit
@@ -114,16 +132,25 @@ def _student(freedom: np.ndarray) -> np.ndarray:
     return np.where(np.isfinite(freedom), stdtrit(freedom, high), ndtri(high))
 
 
-@lru_cache
-def critical_difference(entries: int, freedom: float) -> float:
+def critical_difference(entries: int, freedom: np.ndarray) -> np.ndarray:
     """How many standard errors apart two of so many equal entries are, at most, in 95 % of boards.
 
-    By simulation of independent normal entries, with fractional degrees of freedom rounded down,
-    and rounded up to two digits; of two entries it is Student's t.
+    For each pair's degrees of freedom, shape (pair,): simulated at a few and interpolated in their
+    reciprocal. Of two entries it is Student's t.
     """
-    if entries <= 2 or not freedom >= 1:
-        return float(_student(np.array(freedom)))
-    freedom = np.floor(freedom) if freedom < _MANY else np.inf
+    if entries <= 2:
+        return _student(freedom)
+    share = 1.0 / np.clip(freedom, _FREEDOMS[0], np.inf)
+    nodes = 1.0 / np.array(_FREEDOMS)[::-1]
+    after = np.clip(np.searchsorted(nodes, share), 1, len(nodes) - 1)
+    needed = sorted({*after.tolist(), *(after - 1).tolist()})
+    high = [np.log(_simulated(entries, _FREEDOMS[::-1][n])) for n in needed]
+    return np.where(np.isnan(freedom), np.nan, np.exp(np.interp(share, nodes[needed], high)))
+
+
+@lru_cache
+def _simulated(entries: int, freedom: float) -> float:
+    """The quantile from independent normal entries, to two digits."""
     count = min(entries, _SIMULATED)
     generator = np.random.Generator(np.random.Philox(_DRAWS))
     largest = np.concatenate([_largest(generator, count, freedom)
