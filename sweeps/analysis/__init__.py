@@ -17,5 +17,4 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
         "rerun_all"],
     "sensitivity": ["EPISODES", "HEADER", "check_study", "sensitivity_spec", "sensitivity_table"],
     "settings": ["Effect", "effects", "read_settings", "settings_table"],
-    "text_table": ["TextTable", "print_table"],
 })

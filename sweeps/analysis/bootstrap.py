@@ -47,9 +47,8 @@ def widened(means: np.ndarray, count: float) -> np.ndarray:
     that, and by Student's t over the normal quantile. It is linear, so differences of widened
     replicates are widened differences. The spread of one draw is unknown: NaN but for the data.
     """
-    if count < 2:
-        return np.concatenate([means[:1], np.full_like(means[1:], np.nan)])
-    return means[:1] + _student(count - 1) * np.sqrt(count / (count - 1)) * (means - means[:1])
+    return _spread(means, _student(count - 1) * np.sqrt(count / (count - 1)) if count > 1
+                   else np.nan)
 
 
 def _student(freedom: float) -> float:
@@ -72,8 +71,8 @@ def replicate_means(objects: Sequence[np.ndarray], seed: int, over: str | None =
     """
     known = [(n, values) for n, values in enumerate(objects) if np.isfinite(values).all()]
     if not known:
-        entries = objects[0].shape[1] if len(objects) else 0
-        return np.full((1 + REPLICATES, entries), np.nan)
+        return np.full((1 + REPLICATES, *np.shape(objects[0])[1:]) if len(objects) else
+                       (1 + REPLICATES, 0), np.nan)
     if population(over, len(known)) == "like-these":
         means = np.array([values.mean(axis=0) for _, values in known])
         # einsum's own loops, not BLAS: the sum does not depend on a number of threads
@@ -85,16 +84,15 @@ def replicate_means(objects: Sequence[np.ndarray], seed: int, over: str | None =
         sums = np.einsum("re,ek->rk", weights, values)
         weight = weights.sum(axis=1, keepdims=True)
         mean = np.divide(sums, weight, where=weight > 0, out=np.full_like(sums, np.nan))
-        total += _sample_spread(mean, len(values))
+        count = len(values)
+        total += _spread(mean, np.sqrt(count / (count - 1)) if count > 1 else np.nan)
     freedom = sum(len(values) - 1 for _, values in known)
-    mean = total / len(known)
-    return mean[:1] + (_student(freedom) if freedom else np.nan) * (mean - mean[:1])
+    return _spread(total / len(known), _student(freedom) if freedom else np.nan)
 
 
-def _sample_spread(means: np.ndarray, count: int) -> np.ndarray:
-    """One object's replicates with the spread of a sample's mean."""
-    apart = (means - means[:1]) * np.sqrt(count / (count - 1) if count > 1 else np.nan)
-    return np.concatenate([means[:1], means[:1] + apart[1:]])
+def _spread(means: np.ndarray, factor: float) -> np.ndarray:
+    """Replicates so many times as far from the data, which are row 0."""
+    return np.concatenate([means[:1], means[:1] + factor * (means[1:] - means[:1])])
 
 
 @dataclass(frozen=True)

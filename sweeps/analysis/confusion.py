@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 from sweeps.analysis.entries import entries_of, entry_axes, paired_blocks
 from sweeps.analysis.paired import reading_notes
-from sweeps.analysis.text_table import TextTable, number_text
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
+from sweeps.text_table import TextTable, number_text
 
 NONE_OF_THESE = "none of these"
 NO_ANSWER = "no answer"  # asked, but the episode failed

@@ -30,12 +30,12 @@ from sweeps.analysis.entries import (
     paired_blocks,
     values_of,
 )
-from sweeps.analysis.paired import filled, interval_note, reading_notes
-from sweeps.analysis.text_table import TextTable, number_text
+from sweeps.analysis.paired import by_episode, filled, interval_note, reading_notes
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
 from sweeps.run.unit_file import Columns
 from sweeps.spec.errors import choose
+from sweeps.text_table import TextTable, number_text
 
 AXES = {"touches": ("curve_touches", "touches"), "time_s": ("curve_time_s", "robot_time_s")}
 POINTS = 48
@@ -50,8 +50,8 @@ class Curves:
     entries: tuple[Entry, ...]
     objects: tuple[str, ...]
     steps: dict[str, list[list[list[Steps]]]]
-    counts: list[int]
-    """Episodes of each object."""
+    episodes: list[list[tuple[int, int]]]
+    """For each object, of each of its rows the block and the place there."""
     weights: list[np.ndarray]
     """For each object (1 + replicate, episode), small whole numbers."""
     drawn: np.ndarray
@@ -71,7 +71,7 @@ class Curves:
         """Of how many a replicate draws: the objects, or the episodes of these objects."""
         if self.over == "like-these":
             return len(self.objects)
-        return sum(count - 1 for count in self.counts) + 1
+        return sum(len(set(own)) - 1 for own in self.episodes) + 1
 
 
 def read_curves(plan: Plan, stores: Sequence[Store], over: str | None = None) -> Curves:
@@ -80,37 +80,41 @@ def read_curves(plan: Plan, stores: Sequence[Store], over: str | None = None) ->
     entries = entries_of(plan, axes)
     seed = int(plan.hash, 16)
     steps: dict[str, list[list[list[Steps]]]] = {axis: [] for axis in AXES}
-    counts, objects, missing = [], [], 0
+    episodes, objects, missing = [], [], 0
     for number, body in enumerate(plan.study.objects):
         mine: dict[str, list[list[Steps]]] = {axis: [[] for _ in entries] for axis in AXES}
-        own = 0
+        own: list[tuple[int, int]] = []
         for block in paired_blocks(plan, stores, entries, axes, number):
             if block.missing:
                 missing += block.missing
                 continue
-            own += block.count
+            own += [(block.number, n) for n in range(block.count)]
             for axis, of_entries in mine.items():
                 for found, rows in zip(of_entries, block.rows, strict=True):
                     found += episode_steps(rows, axis)
         if own:
             objects.append(body.name)
-            counts.append(own)
+            episodes.append(own)
             for axis, of_entries in mine.items():
                 steps[axis].append(_failures_filled(of_entries))
     over = population(over, len(objects))
     drawn = object_weights(seed, len(objects)) if over == "like-these" else np.ones(
         (1 + REPLICATES, len(objects)))
-    return Curves(tuple(entries), tuple(objects), steps, counts, _weights(seed, counts, over),
+    return Curves(tuple(entries), tuple(objects), steps, episodes,
+                  _weights(seed, episodes, over),
                   drawn, over, seed,
                   (*reading_notes(plan, missing, len(objects)), interval_note(over)))
 
 
-def _weights(seed: int, counts: Sequence[int], over: str) -> list[np.ndarray]:
-    """Those of the episodes; 1 where objects are drawn, each with all of them."""
+def _weights(seed: int, episodes: Sequence[list[tuple[int, int]]], over: str) -> list[np.ndarray]:
+    """Those of the rows, by episode; 1 where objects are drawn, each with all of its episodes."""
     if over == "like-these":
-        return [np.ones((1 + REPLICATES, count), np.uint8) for count in counts]
-    return [episode_weights(seed, number, count).astype(np.uint8)
-            for number, count in enumerate(counts)]
+        return [np.ones((1 + REPLICATES, len(own)), np.uint8) for own in episodes]
+    found = []
+    for number, own in enumerate(episodes):
+        _, row = np.unique(own, axis=0, return_inverse=True)
+        found.append(episode_weights(seed, number, row.max() + 1)[:, row].astype(np.uint8))
+    return found
 
 
 def episode_steps(rows: Columns, axis: str) -> list[Steps]:
@@ -294,12 +298,15 @@ def same_time_table(curves: Curves, against: str | None) -> TextTable:
 def errors_then(curves: Curves, other: int) -> tuple[np.ndarray, Estimate, np.ndarray]:
     """Mean errors (entry,), differences to `other` with intervals, and the objects' mean errors
     (object, entry), at the time `other` ended [mm]."""
-    of_objects = [filled(np.array(
-        [[_error_at(mine, end[0][-1]) for mine, end in zip(of_entry, found[other], strict=True)]
-         for of_entry in found]).T, None) for found in curves.steps["time_s"]]
-    every = replicate_means(of_objects, curves.seed, curves.over)
-    return (every[0], estimate(every - every[:, [other]]),
-            np.array([values.mean(axis=0) for values in of_objects]))
+    of_objects = []
+    for found, own in zip(curves.steps["time_s"], curves.episodes, strict=True):
+        errors = np.array([[_error_at(mine, end[0][-1]) for mine, end in
+                            zip(of_entry, found[other], strict=True)] for of_entry in found]).T
+        of_objects.append(by_episode(filled(errors, None), own))
+    known = [values for values in of_objects if np.isfinite(values).all()]
+    every = replicate_means(known, curves.seed, curves.over)
+    means = np.array([values.mean(axis=0) for values in known])
+    return every[0], estimate(every - every[:, [other]]), means.reshape(-1, len(curves.labels))
 
 
 def _error_at(steps: Steps, time_s: float) -> float:

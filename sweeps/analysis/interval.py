@@ -18,7 +18,7 @@ import numpy as np
 from sweeps.analysis.bootstrap import Estimate, object_weights, probability_best, replicate_means
 
 LEVEL = 0.95
-_DRAWS, _BATCH = 2000, 125
+_BATCH = 100
 _SIMULATED = 128  # entries; of more, the number of pairs is extrapolated
 _FREEDOMS = (1.0, 2.0, 3.0, 4.0, 6.0, 9.0, 15.0, 30.0, 80.0, np.inf)
 
@@ -64,7 +64,7 @@ class ObjectMeans:
         return Estimate(mean, low, high)
 
     def differences(self, to: int, over: str, simultaneous: bool = True) -> Estimate:
-        """Each entry minus entry `to`; simultaneous 95 % intervals unless `to` was chosen before."""
+        """Each entry minus entry `to`; intervals hold together unless not `simultaneous`."""
         mean = self._mean()
         error, freedom = self._error(over, to)
         compared = self.entries if simultaneous else 2
@@ -152,9 +152,9 @@ def critical_difference(entries: int, freedom: np.ndarray) -> np.ndarray:
 def _simulated(entries: int, freedom: float) -> float:
     """The quantile from independent normal entries, to two digits."""
     count = min(entries, _SIMULATED)
-    generator = np.random.Generator(np.random.Philox(_DRAWS))
-    largest = np.concatenate([_largest(generator, count, freedom)
-                              for _ in range(_DRAWS // _BATCH)])
+    generator = np.random.Generator(np.random.Philox(count))
+    batches = int(np.clip(4000 // count, 20, 400))
+    largest = np.concatenate([_largest(generator, count, freedom) for _ in range(batches)])
     found = float(np.quantile(largest, LEVEL))
     if entries > count:
         found = _more_pairs(found, freedom, (entries / count) ** 2)
@@ -171,7 +171,8 @@ def _largest(generator: np.random.Generator, count: int, freedom: float) -> np.n
     own = np.diagonal(cov, axis1=1, axis2=2)
     variance = own[:, :, None] + own[:, None] - 2.0 * cov
     variance[:, np.arange(count), np.arange(count)] = 1.0
-    return (np.abs(mean[:, :, None] - mean[:, None]) / np.sqrt(variance)).max(axis=(1, 2))
+    apart = np.abs(mean[:, :, None] - mean[:, None])
+    return (apart / np.sqrt(np.maximum(variance, 1e-30))).max(axis=(1, 2))
 
 
 def _more_pairs(found: float, freedom: float, times: float) -> float:

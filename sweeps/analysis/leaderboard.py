@@ -1,4 +1,4 @@
-"""The leaderboard of a study: strategies ranked by a metric, with two intervals and what they claim.
+"""The leaderboard of a study: strategies ranked by a metric, each with two intervals.
 
 An entry is a strategy, under each setting of the grid and zip axes; Sobol and Latin hypercube
 axes are draws of a nuisance and are averaged over: an episode repeated at many points counts once.
@@ -27,10 +27,10 @@ from sweeps.analysis.entries import (
 )
 from sweeps.analysis.interval import ObjectMeans
 from sweeps.analysis.paired import MANY_OBJECTS, ObjectRows, read_objects
-from sweeps.analysis.text_table import TextTable, number_text
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
 from sweeps.run.unit_file import Columns
+from sweeps.text_table import TextTable, number_text
 
 __all__ = ["METRICS", "Leaderboard", "LeaderboardError", "make_leaderboard"]
 Leaderboard = TextTable
@@ -87,7 +87,7 @@ class _Ranking:
         iou = self.means["iou"].values("like-these", bounds_of("iou"))
         digits = 4 if metric in HIGHER_IS_BETTER else 3
         columns: dict[str, tuple[np.ndarray, int]] = {
-            **{name: (_mean(of_objects, len(self.entries)), PLAIN[name]) for name, of_objects in self.plain.items()},
+            **{name: (_mean(self.plain[name], len(self.entries)), PLAIN[name]) for name in PLAIN},
             "iou": (iou.value, 4), "iou_ci_low": (iou.low, 4), "iou_ci_high": (iou.high, 4),
             metric: (value.value, digits), f"{metric}_ci_low": (value.low, digits),
             f"{metric}_ci_high": (value.high, digits), _delta(metric): (delta.value, digits),
@@ -127,7 +127,8 @@ def make_leaderboard(plan: Plan, stores: Sequence[Store], metric: str = "chamfer
     faults, seed = _Faults(), int(plan.hash, 16)
     rankings: dict[str, _Ranking] = {}
     missing = 0
-    for found in read_objects(plan, stores, entries, axes, tuple({metric, "iou", *PLAIN}), faults):
+    metrics = tuple({metric, "iou", *PLAIN})
+    for found in read_objects(plan, stores, entries, axes, metrics, faults):
         missing += found.missing
         label = f"object={found.name}" if per_object else ""
         ranking = rankings.setdefault(label, _Ranking(entries, metric, seed))
@@ -138,8 +139,9 @@ def make_leaderboard(plan: Plan, stores: Sequence[Store], metric: str = "chamfer
     notes = [*_notes(plan, missing, measured),
              *(f"strategy {name} {fault}" for name, fault in sorted(faults.first.items()))]
     for label, ranking in rankings.items():
-        notes += [f"{name} hardly ever touches{f' ({label})' if label else ''}: {mean:.1f} contacts "
-                  "an episode in the mean" for name, mean in ranking.rarely_touching()]
+        where = f" ({label})" if label else ""
+        notes += [f"{name} hardly ever touches{where}: {mean:.1f} contacts an episode in the mean"
+                  for name, mean in ranking.rarely_touching()]
     return Leaderboard(_header(metric), tuple(rows), tuple(notes))
 
 

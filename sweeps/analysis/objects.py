@@ -12,7 +12,7 @@ import numpy as np
 
 from sweeps.analysis.entries import HIGHER_IS_BETTER
 from sweeps.analysis.paired import Paired
-from sweeps.analysis.text_table import TextTable, number_text
+from sweeps.text_table import TextTable, number_text
 
 ALSO = ("touches", "robot_time_s", "failure_rate")
 

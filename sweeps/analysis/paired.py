@@ -82,16 +82,21 @@ class Paired:
     An episode run under several settings is one row: its mean over them."""
     means: dict[str, np.ndarray]
     """By metric, (1 + replicate, entry): the mean over objects, then episodes; row 0 the data."""
-    exact: dict[str, ObjectMeans]
-    """By metric, the same with intervals that need no replicates."""
-    over: str
-    """What the replicates are of: objects "like-these", or "these" with other episodes."""
     notes: tuple[str, ...]
+    over: str = "like-these"
+    """What the replicates are of: objects like these, or these with other episodes."""
 
     @property
     def labels(self) -> list[str]:
         """The entries' names."""
         return [entry.label for entry in self.entries]
+
+    def statistics(self, metric: str) -> ObjectMeans:
+        """The means with intervals that need no replicates."""
+        found = ObjectMeans(len(self.entries), 0)
+        for values in self.values[metric]:
+            found.add(values)
+        return found
 
     def object_means(self, metric: str) -> np.ndarray:
         """Each object's mean over episodes, (object, entry)."""
@@ -109,7 +114,6 @@ def read_paired(plan: Plan, stores: Sequence[Store], metrics: Sequence[str],
     axes = entry_axes(plan, None)[0] if axes is None else axes
     entries = entries_of(plan, axes)
     seed = int(plan.hash, 16)
-    exact = {name: ObjectMeans(len(entries), seed) for name in metrics}
     values: dict[str, list[np.ndarray]] = {name: [] for name in metrics}
     objects: list[str] = []
     missing = 0
@@ -120,14 +124,13 @@ def read_paired(plan: Plan, stores: Sequence[Store], metrics: Sequence[str],
         objects.append(found.name)
         for name in metrics:
             values[name].append(found.filled(name))
-            exact[name].add(values[name][-1])
     means = {name: replicate_means(of_objects, seed, over) if of_objects
              else np.full((1 + REPLICATES, len(entries)), np.nan)
              for name, of_objects in values.items()}
     over = population(over, len(objects))
     return Paired(tuple(entries), tuple(objects),
-                  {name: tuple(found) for name, found in values.items()}, means, exact, over,
-                  (*reading_notes(plan, missing, len(objects)), interval_note(over)))
+                  {name: tuple(found) for name, found in values.items()}, means,
+                  (*reading_notes(plan, missing, len(objects)), interval_note(over)), over)
 
 
 def interval_note(over: str) -> str:
@@ -142,10 +145,11 @@ def failure_score(metric: str) -> float | None:
 
 
 def filled(values: np.ndarray, score: float | None) -> np.ndarray:
-    """One object's values with a number for the episodes that have none."""
+    """One object's values with a number for the episodes that have none, if any has one."""
     good = np.isfinite(values)
-    worst = float(values[good].max(initial=-np.inf)) if good.any() else np.nan
-    return np.where(good, values, worst if score is None else score)
+    if not good.any():
+        return np.full_like(values, np.nan)
+    return np.where(good, values, values[good].max() if score is None else score)
 
 
 def by_episode(rows: np.ndarray, episodes: Sequence[tuple[int, int]]) -> np.ndarray:

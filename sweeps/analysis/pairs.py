@@ -16,8 +16,8 @@ import numpy as np
 
 from sweeps.analysis.entries import HIGHER_IS_BETTER, LeaderboardError
 from sweeps.analysis.paired import Paired
-from sweeps.analysis.text_table import TextTable, number_text
 from sweeps.spec.errors import choose
+from sweeps.text_table import TextTable, number_text
 
 LEVEL = 0.05
 
@@ -41,7 +41,7 @@ class Pair:
 
 def compare_pairs(paired: Paired, metric: str, against: str | None = None) -> list[Pair]:
     """Every pair of entries, or each entry against one (`best`: the one of the best mean)."""
-    exact, of_objects = paired.exact[metric], paired.object_means(metric)
+    exact, of_objects = paired.statistics(metric), paired.object_means(metric)
     sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
     found = []
     for a, b in _chosen(paired.labels, sign * paired.means[metric][0], against):

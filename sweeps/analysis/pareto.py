@@ -7,7 +7,7 @@ import numpy as np
 from sweeps.analysis.bootstrap import Estimate, estimate
 from sweeps.analysis.entries import HIGHER_IS_BETTER, bounds_of
 from sweeps.analysis.paired import Paired
-from sweeps.analysis.text_table import TextTable, number_text
+from sweeps.text_table import TextTable, number_text
 
 COST = "robot_time_s"
 

@@ -15,10 +15,10 @@ import numpy as np
 from scipy.stats import kendalltau
 
 from sweeps.analysis.entries import value_text
-from sweeps.analysis.text_table import number_text
 from sweeps.run.plan import Plan, cell_hash
 from sweeps.run.store import Store
 from sweeps.spec.errors import Problem, SpecError
+from sweeps.text_table import number_text
 
 STRATEGIES = ("ring6", "column9", "random18", "rim12-ring12")
 OBJECTS = ("block", "large_cylinder", "small_cylinder", "wedge", "lightbulb", "funnel")

@@ -15,9 +15,9 @@ import numpy as np
 from sweeps.analysis.bootstrap import estimate
 from sweeps.analysis.entries import HIGHER_IS_BETTER, LeaderboardError, bounds_of, value_text
 from sweeps.analysis.paired import Paired, read_paired
-from sweeps.analysis.text_table import TextTable, number_text
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
+from sweeps.text_table import TextTable, number_text
 
 MANY_VALUES = 8
 LEVELS = 4

@@ -19,11 +19,11 @@ from sweeps.analysis.paired import Paired, read_paired
 from sweeps.analysis.pairs import pairs_table
 from sweeps.analysis.pareto import COST, pareto_table
 from sweeps.analysis.settings import read_settings, settings_table
-from sweeps.analysis.text_table import TextTable, print_table
 from sweeps.output import is_quiet, write_atomic
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store, open_study
 from sweeps.spec.errors import StoreError
+from sweeps.text_table import TextTable, print_table
 
 
 @dataclass(frozen=True)

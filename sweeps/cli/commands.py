@@ -12,7 +12,6 @@ from types import FrameType
 from typing import Any
 
 from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
-from sweeps.analysis.text_table import print_table
 from sweeps.cli.app import DONE, SOME_FAILED
 from sweeps.output import devices, is_quiet, write_atomic
 from sweeps.run.local_engine import UNIT_TIMEOUT_S, Options, run
@@ -23,6 +22,7 @@ from sweeps.run.store import Store, open_study, plan_of
 from sweeps.run.worker import EPISODES
 from sweeps.spec.errors import StoreError
 from sweeps.spec.reader import read_spec
+from sweeps.text_table import print_table
 
 # Columns that fit a terminal; the file has them all.
 SHOWN = ("rank", "strategy", "_ci_low", "_ci_high", "p_best", "iou", "recognized", "touches",

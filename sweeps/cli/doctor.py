@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from sweeps.analysis.text_table import print_table
 from sweeps.output import devices, quiet_stdout
 from sweeps.run.environment import PACKAGES, describe_environment
+from sweeps.text_table import print_table
 
 EXTRAS = ("ray", "viser", "gymnasium", "mujoco", "pandas")
 Row = tuple[str, str, str]  # what, value, "ok" or what to do

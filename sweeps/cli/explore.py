@@ -152,7 +152,7 @@ def objects(*, json: Json = False) -> int:
     json
         Print JSON.
     """
-    from sweeps.analysis.text_table import print_table
+    from sweeps.text_table import print_table
     from warpgrasp.objects.catalogue_names import BODY_NAMES
 
     print_table(("object", "what"), list(BODY_NAMES.items()), json)
@@ -169,7 +169,7 @@ def strategies(*, json: Json = False) -> int:
         Print JSON.
     """
     from strategies.ready_made import STRATEGIES
-    from sweeps.analysis.text_table import print_table
+    from sweeps.text_table import print_table
 
     print_table(("strategy", "what"), [(s.name, s.doc) for s in STRATEGIES.values()], json)
     return 0

@@ -12,7 +12,7 @@ TableKind = Literal["pairs", "objects", "confusion", "curves", "reach", "same-ti
 FigureKind = Literal["forest", "curves-touches", "curves-time", "pareto", "confusion", "settings",
                      "contacts", "faces", "contour", "taxels", "grasp"]
 Over = Literal["like-these", "these"]
-"""Kinds of tables, figures and intervals: repeated here so that help and completion import neither."""
+"""Kinds, repeated here so that help and completion import neither tables nor figures."""
 
 
 @app.command

@@ -17,7 +17,7 @@ def draw_forest(paired: Paired, metric: str) -> "Figure":
 
     Thick lines are intervals of these objects, thin ones of objects like these.
     """
-    exact, means = paired.exact[metric], paired.means[metric]
+    exact, means = paired.statistics(metric), paired.means[metric]
     sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
     key = np.where(np.isfinite(means[0]), sign * means[0], np.inf)
     order = sorted(range(len(paired.labels)), key=lambda n: (key[n], paired.labels[n]))
@@ -42,7 +42,7 @@ def draw_forest(paired: Paired, metric: str) -> "Figure":
         left.set_ylim(len(order) - 0.4, -0.6)
         left.set_title("mean")
         right.set_title("minus the best")
-        drawn.supxlabel(f"{metric_label(metric)}; 95 % intervals, thick of these objects, thin of "
+        drawn.supxlabel(f"{metric_label(metric)}; 95 % intervals:\nthick, these objects; thin, "
                         "objects like these" + (f"\n{keys}" if keys else ""),
                         fontsize=7.0)
     return drawn

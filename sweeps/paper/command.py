@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from sweeps.analysis.text_table import TextTable
 from sweeps.output import init_warp, write_atomic
 from sweeps.paper.bottles import BOTTLES_HEADER, Followed, bottle_rows, follow_bottles
 from sweeps.paper.faces import (
@@ -23,6 +22,7 @@ from sweeps.paper.faces import (
 )
 from sweeps.paper.recovery import RECOVERY_HEADER, Recovered, recover_objects, recovery_rows
 from sweeps.spec.errors import StoreError
+from sweeps.text_table import TextTable
 
 
 @dataclass(frozen=True)

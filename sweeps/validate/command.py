@@ -8,9 +8,9 @@ from functools import partial
 from importlib import import_module
 from pathlib import Path
 
-from sweeps.analysis.text_table import print_table
 from sweeps.output import init_warp, quiet_stdout, write_atomic
 from sweeps.spec.errors import StoreError, choose
+from sweeps.text_table import print_table
 from sweeps.validate.comparison import HEADER, Comparison, MissingEngine
 
 CHECKS = {"puma": "puma", "distances": "signed_distances", "pads": "pads", "metrics": "scores",

@@ -14,7 +14,8 @@ from sweeps.spec.cell import Cell
 
 COLUMNS = ("rank,strategy,chamfer_mm,chamfer_mm_ci_low,chamfer_mm_ci_high,delta_to_best_mm,"
            "delta_ci_low,delta_ci_high,p_best,iou,iou_ci_low,iou_ci_high,recognized,touches,"
-           "robot_time_s,failure_rate,n_objects,n_episodes")
+           "robot_time_s,failure_rate,contacts,n_objects,n_episodes,chamfer_mm_these_low,"
+           "chamfer_mm_these_high,delta_these_low,delta_these_high")
 SWEPT = SMALL + """
 [sweep.grid]
 "sensors.tendon_threshold_N" = [3, 6.0]
@@ -140,10 +141,10 @@ def test_a_setting_that_changes_nothing_leaves_the_intervals(tmp_path: Path) -> 
     for averaged in (mine, ring6):
         for alone in apart:
             if alone["strategy"].startswith(averaged["strategy"]):
-                same = ("chamfer_mm", "chamfer_mm_ci_low", "chamfer_mm_ci_high", "iou_ci_low",
-                        "iou_ci_high", "delta_ci_low", "delta_ci_high")
+                same = ("chamfer_mm", "chamfer_mm_these_low", "chamfer_mm_these_high",
+                        "iou_ci_low", "iou_ci_high")
                 assert [alone[key] for key in same] == [averaged[key] for key in same]
-    assert float(mine["chamfer_mm_ci_high"]) - float(mine["chamfer_mm_ci_low"]) > 0.3
+    assert float(mine["chamfer_mm_these_high"]) - float(mine["chamfer_mm_these_low"]) > 0.3
 
 
 def test_one_object_finished_of_two_has_the_interval_of_its_episodes(tmp_path: Path) -> None:
@@ -155,7 +156,8 @@ def test_one_object_finished_of_two_has_the_interval_of_its_episodes(tmp_path: P
             store.path(unit).unlink()
     board = make_leaderboard(plan, [store])
     for row, alone in zip(rows_of(board), whole, strict=False):
-        for key in ("chamfer_mm_ci_low", "chamfer_mm_ci_high", "delta_ci_low", "iou_ci_high"):
+        for key in ("chamfer_mm_these_low", "chamfer_mm_these_high", "delta_these_low"):
             assert row[key] == alone[key]
-        assert float(row["chamfer_mm_ci_low"]) < float(row["chamfer_mm_ci_high"])
+        assert float(row["chamfer_mm_these_low"]) < float(row["chamfer_mm_these_high"])
+        assert row["chamfer_mm_ci_low"] == row["iou_ci_high"] == "NA"  # one object of many
     assert "one object a ranking" in board.notes[1]

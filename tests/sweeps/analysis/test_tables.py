@@ -35,10 +35,10 @@ from sweeps.analysis.pairs import compare_pairs, episodes_test, holm, objects_te
 from sweeps.analysis.pareto import dominating, pareto_table
 from sweeps.analysis.settings import effects, read_settings, settings_table
 from sweeps.analysis.tables import KINDS
-from sweeps.analysis.text_table import TextTable
 from sweeps.cli import main as cli
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
+from sweeps.text_table import TextTable
 
 
 @pytest.fixture(scope="module")
@@ -103,7 +103,7 @@ def test_pairs_agree_with_the_values_themselves(paired: Paired) -> None:
     assert [(p.first, p.second) for p in pairs] == [("s", "sx"), ("s", "sxx"), ("sx", "sxx")]
     by_hand = np.mean([v[:, 0].mean() - v[:, 1].mean() for v in paired.values["chamfer_mm"]])
     assert pairs[0].difference == pytest.approx(by_hand)
-    assert pairs[0].low < pairs[0].difference < pairs[0].high < 0
+    assert pairs[0].like_these[0] < pairs[0].difference < pairs[0].like_these[1] < 0
     assert pairs[0].wins == 6
     assert pairs[0].p_objects == 2 * 0.5**6
     table = pairs_table(paired, "chamfer_mm")
@@ -119,7 +119,8 @@ def test_an_identical_copy_is_never_told_apart(paired: Paired) -> None:
                   {"iou": tuple(v[:, [0, 0]] for v in paired.values["chamfer_mm"])},
                   {"iou": paired.means["chamfer_mm"][:, [0, 0]]}, ())
     (pair,) = compare_pairs(twin, "iou")
-    assert (pair.difference, pair.low, pair.high, pair.wins) == (0.0, 0.0, 0.0, 0)
+    assert (pair.difference, pair.wins) == (0.0, 0)
+    assert pair.like_these == pair.these == (0.0, 0.0)
     assert (pair.p_objects, pair.p_episodes) == (1.0, 1.0)
 
 
@@ -152,7 +153,8 @@ def test_a_sampled_axis_that_changes_nothing_proves_nothing(objects: int, tmp_pa
     (alone, medians, once), (swept, of_swept, often) = found
     assert swept.p_episodes == pytest.approx(alone.p_episodes, rel=1e-9)
     assert medians == of_swept
-    assert swept.high - swept.low == pytest.approx(alone.high - alone.low, rel=0.15)
+    assert swept.these == pytest.approx(alone.these, rel=1e-9)
+    assert swept.like_these == pytest.approx(alone.like_these, rel=1e-9, nan_ok=True)
     grid = grid_of(once, "touches")
     ends = [mean_curve(curves, "touches", 0, grid) for curves in (once, often)]
     assert np.ptp([end.value[-1] for end in ends]) < 1e-9

@@ -115,7 +115,7 @@ def test_numbers_are_the_leaderboards(study: tuple[Plan, Store]) -> None:
     assert "3-D views were left out" in text
     assert "episodes_per_cell = 8" in text
     assert study[0].hash in text
-    assert "draws objects, each with its episodes" in text  # as sweeps.bootstrap does
+    assert "these objects with other episodes" in text
 
 
 def test_best_median_and_worst(study: tuple[Plan, Store]) -> None:

@@ -1,0 +1,145 @@
+"""Intervals of means: textbook cases, coverage, and boards of equal entries that claim nothing."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+from sweeps.analysis.interval import ObjectMeans, critical_difference
+from sweeps.analysis.paired import failure_score, filled
+
+
+def means_of(data: np.ndarray) -> ObjectMeans:
+    """The statistics of data [object, episode, entry]."""
+    found = ObjectMeans(data.shape[2], 3)
+    for values in data:
+        found.add(values)
+    return found
+
+
+def test_one_object_is_a_paired_t_test() -> None:
+    data = np.random.default_rng(1).normal([3.0, 4.0], 1.0, (1, 12, 2))
+    found = means_of(data).differences(0, "these")
+    low, high = stats.ttest_rel(data[0, :, 1], data[0, :, 0]).confidence_interval(0.95)
+    assert (found.low[1], found.high[1]) == pytest.approx((low, high), rel=1e-9)
+    assert np.isnan(means_of(data).differences(0, "like-these").low).all()
+
+
+def test_objects_like_these_are_a_t_test_of_their_means() -> None:
+    data = np.random.default_rng(2).normal([3.0, 4.0], 1.0, (7, 5, 2))
+    found = means_of(data).differences(0, "like-these")
+    apart = data.mean(axis=1)[:, 1] - data.mean(axis=1)[:, 0]
+    low, high = stats.ttest_1samp(apart, 0.0).confidence_interval(0.95)
+    assert (found.low[1], found.high[1]) == pytest.approx((low, high), rel=1e-9)
+
+
+def test_two_objects_of_one_entry_against_a_constant_is_welchs_test() -> None:
+    """The mean of two object means is Welch's two-sample interval, one sample negated."""
+    generator = np.random.default_rng(3)
+    one, other = generator.normal(0, 1, 9), generator.normal(0, 4, 14)
+    found = ObjectMeans(1, 3)
+    found.add(one[:, None])
+    found.add(other[:, None])
+    low, high = stats.ttest_ind(one, -other, equal_var=False).confidence_interval(0.95)
+    made = found.values("these")
+    assert (made.low[0], made.high[0]) == pytest.approx((low / 2, high / 2), rel=1e-9)
+
+
+@pytest.mark.parametrize("freedom", [2.0, 6.0, 30.0, np.inf])
+@pytest.mark.parametrize("entries", [3, 10])
+def test_the_critical_difference_bounds_tukeys(entries: int, freedom: float) -> None:
+    """With one pooled standard error it would be Tukey's; one for each pair asks for more."""
+    found = critical_difference(entries, np.array([freedom]))[0]
+    tukey = stats.studentized_range.ppf(0.95, entries, min(freedom, 1e6)) / np.sqrt(2)
+    assert found >= tukey * 0.98
+    if np.isinf(freedom):
+        assert found == pytest.approx(tukey, rel=0.02)
+    assert critical_difference(2, np.array([freedom]))[0] == pytest.approx(
+        stats.t.ppf(0.975, freedom) if np.isfinite(freedom) else 1.96, rel=1e-4)
+
+
+def test_more_entries_and_fewer_degrees_of_freedom_need_more() -> None:
+    freedoms = np.array([2.0, 3.5, 5.0, 12.0, 55.0, 400.0, np.inf])
+    few, many, most = (critical_difference(n, freedoms) for n in (5, 128, 1000))
+    assert (few < many).all()
+    assert (many < most).all()
+    for found in (few, many, most):
+        assert (np.diff(found) < 0.02).all()  # the quantiles are simulated
+
+
+@pytest.mark.parametrize(("entries", "objects", "episodes"),
+                         [(2, 6, 8), (6, 3, 8), (6, 6, 16), (15, 6, 8)])
+def test_boards_of_equal_entries_hardly_ever_claim_a_difference(
+        entries: int, objects: int, episodes: int) -> None:
+    generator = np.random.default_rng(entries)
+    trials = 300
+    claims = {"these": 0, "like-these": 0}
+    for _ in range(trials):
+        own = generator.exponential(1.0, (objects, 1, 1))  # objects differ, errors are skewed
+        board = means_of(own * generator.exponential(1.0, (objects, episodes, entries)))
+        best = int(np.argmin(board.values("these").value))
+        for over in claims:
+            delta = board.differences(best, over)
+            claims[over] += bool(((delta.low > 0) | (delta.high < 0)).any())
+    assert max(claims.values()) <= 0.05 * trials + 3 * np.sqrt(0.05 * 0.95 * trials)
+
+
+@pytest.mark.parametrize("episodes", [8, 64])
+@pytest.mark.parametrize("objects", [3, 10])
+def test_intervals_of_skewed_errors_hold_the_truth(objects: int, episodes: int) -> None:
+    """Errors are positive and skewed: a gamma distribution of shape two, objects of its own."""
+    generator = np.random.default_rng(objects)
+    trials, held = 600, {"these": 0, "like-these": 0}
+    for _ in range(trials):
+        own = generator.gamma(4.0, 1.0, (objects, 1, 1))
+        board = means_of(own * generator.gamma(2.0, 0.5, (objects, episodes, 1)))
+        for over, truth in (("these", own.mean()), ("like-these", 4.0)):
+            found = board.values(over, (0.0, np.inf))
+            held[over] += bool(found.low[0] <= truth <= found.high[0])
+    for over, count in held.items():
+        assert 0.92 * trials <= count <= 0.985 * trials, over
+
+
+def test_shares_stay_between_zero_and_one() -> None:
+    data = np.array([[[0.0, 1.0, 0.9]] * 3 + [[0.0, 1.0, 0.2]]] * 2)
+    data[1, :, 2] += 0.05
+    for over in ("these", "like-these"):
+        found = means_of(data).values(over, (0.0, 1.0))
+        assert ((found.low >= 0) & (found.high <= 1)).all()
+        assert found.low[:2].tolist() == found.high[:2].tolist() == [0.0, 1.0]
+        assert found.low[2] < found.value[2] < found.high[2]
+
+
+def test_one_episode_has_no_interval() -> None:
+    found = means_of(np.full((1, 1, 2), 3.0))
+    assert found.values("these").value.tolist() == [3.0, 3.0]
+    assert np.isnan(found.values("these").low).all()
+    assert np.isnan(found.p_best(1.0)).all()
+
+
+def test_an_object_that_all_entries_fail_on_is_left_out() -> None:
+    data = np.ones((3, 10, 2))
+    data[1] = np.nan
+    data[2] = 4.0
+    found = means_of(data)
+    assert found.values("these").value.tolist() == [2.5, 2.5]
+    empty = means_of(np.full((2, 4, 2), np.nan))
+    for over in ("these", "like-these"):
+        assert np.isnan(empty.values(over).low).all()
+        assert np.isnan(empty.differences(0, over).high).all()
+    assert np.isnan(empty.p_best(1.0)).all()
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 2**32), st.sampled_from(["chamfer_mm", "iou"]), st.data())
+def test_failing_never_pays(seed: int, metric: str, data: st.DataObject) -> None:
+    """Turning an episode into a failure never betters an entry, unless it was itself the worst."""
+    values = np.random.default_rng(seed).exponential(1.0, (3, 8, 2))
+    body, episode = data.draw(st.integers(0, 2)), data.draw(st.integers(0, 7))
+    values[body, (episode + 1) % 8, 1] = values[body].max() * 2  # another entry did worse
+    failed = values.copy()
+    failed[body, episode, 0] = np.nan
+    before, after = (means_of(np.stack([filled(v, failure_score(metric)) for v in given]))
+                     .values("these").value[0] for given in (values, failed))
+    assert after <= before if metric == "iou" else after >= before
