@@ -8,7 +8,7 @@ import csv
 import io
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,10 @@ from fit.fit_status import status_names
 from fit.plane import PlaneFit
 from fit.revolution.record import RevolutionFit
 from fit.superquadric.record import SuperquadricFit
+
+UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+LARGEST_M = 2.0
+"""The diagonal of what may be touched by a hand on an arm [est]."""
 
 
 class PointsError(ValueError):
@@ -42,27 +46,32 @@ class PointSets:
     """Outward normals, NaN where not given; None if the columns are missing."""
 
 
-def read_points(path: str | Path, *, most_problems: int = 20) -> PointSets:
+def read_points(path: str | Path, *, units: str | None = None,
+                most_problems: int = 20) -> PointSets:
     """Read sets of touches from a CSV file.
+
+    The unit of length is that of the columns (`x_m`, `x_cm` or `x_mm`), unless `units` says
+    otherwise. Sets of more than `LARGEST_M` are refused unless it does: nobody touches them with
+    one hand, and a column of millimetres named `x_m` is the usual reason.
 
     Raises PointsError with the file, line and column of each error (a missing column, a cell that
     is not a number, a row of the wrong length, no rows), and OSError if the file cannot be read.
     NaN and infinity are accepted: a fit of such a set has the status `bad_points`.
     """
     try:
-        return _read_points(Path(path), most_problems)
+        return _read_points(Path(path), units, most_problems)
     except (UnicodeDecodeError, csv.Error) as error:
         raise PointsError([f"{path}: is not CSV text in UTF-8: {error}"]) from None
 
 
-def _read_points(path: Path, most_problems: int) -> PointSets:
+def _read_points(path: Path, units: str | None, most_problems: int) -> PointSets:
     problems: list[str] = []
     sets: dict[str, list[list[float]]] = {}
     with path.open(newline="", encoding="utf-8-sig") as file:
         reader = csv.reader(file)
         header = [name.strip() for name in next(reader, [])]
-        columns = _columns(path, header)
-        wanted = [columns[name] for name in ("x_m", "y_m", "z_m")]
+        columns, named = _columns(path, header)
+        wanted = [columns[f"{axis}_{named}"] for axis in "xyz"]
         has_normals = "nx" in columns
         if has_normals:
             wanted += [columns[name] for name in ("nx", "ny", "nz")]
@@ -91,13 +100,33 @@ def _read_points(path: Path, most_problems: int) -> PointSets:
         hidden = len(problems) - most_problems
         shown = problems[:most_problems]
         raise PointsError([*shown, f"{path}: {hidden} more"] if hidden > 0 else shown)
-    return _padded(sets, has_normals)
+    found = _padded(sets, has_normals)
+    found = replace(found, points=found.points * UNITS_M[units or named])
+    if units is None:
+        _check_extent(path, found, named)
+    return found
 
 
-def _columns(path: Path, header: list[str]) -> dict[str, int]:
+def _check_extent(path: Path, sets: PointSets, unit: str) -> None:
+    """Raises PointsError for a set that is too large to have been touched by a hand."""
+    good = (sets.mask & np.isfinite(sets.points).all(2))[..., None]
+    low = np.where(good, sets.points, np.inf).min(1)
+    high = np.where(good, sets.points, -np.inf).max(1)
+    extent = np.linalg.norm(np.maximum(high - low, 0.0), axis=1)
+    if (extent > LARGEST_M).any():
+        n = int(extent.argmax())
+        raise PointsError([
+            f"{path}:1: x_{unit}: the points of set {sets.names[n]} are {extent[n]:.3g} m across; "
+            f"objects of a hand are below {LARGEST_M:g} m. If they are millimetres, give --units "
+            f"mm or name the columns x_mm, y_mm, z_mm; if not, --units {unit}"])
+
+
+def _columns(path: Path, header: list[str]) -> tuple[dict[str, int], str]:
+    """The place of every column, and the unit that those of the points are named by."""
     columns = {name: k for k, name in enumerate(header)}
+    unit = next((unit for unit in UNITS_M if f"x_{unit}" in columns), "m")
     problems = [f"{path}:1: {name}: column is missing; there are: {', '.join(header) or 'none'}"
-                for name in ("x_m", "y_m", "z_m") if name not in columns]
+                for name in (f"x_{unit}", f"y_{unit}", f"z_{unit}") if name not in columns]
     normals = [name for name in ("nx", "ny", "nz") if name in columns]
     if 0 < len(normals) < 3:
         problems.append(f"{path}:1: {normals[0]}: a normal needs all of nx, ny, nz")
@@ -105,7 +134,7 @@ def _columns(path: Path, header: list[str]) -> dict[str, int]:
                  if name and header.count(name) > 1]
     if problems:
         raise PointsError(problems)
-    return columns
+    return columns, unit
 
 
 def _number(cell: str, *, optional: bool) -> float | None:

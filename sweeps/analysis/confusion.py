@@ -4,7 +4,9 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from sweeps.analysis.entries import entries_of, entry_axes, paired_blocks
+import numpy as np
+
+from sweeps.analysis.entries import entries_of, entry_axes, paired_blocks, values_of
 from sweeps.analysis.paired import reading_notes
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
@@ -23,6 +25,9 @@ class Confusion:
     answers: tuple[str, ...]
     """The study's objects, then other names, then none of these and no answer where they occur."""
     counts: dict[tuple[str, str], Counter[str]]
+    recognized: dict[str, float]
+    """By entry, the share of episodes with the right answer, as the leaderboard's column has it:
+    the mean over objects. An object that is not in the catalogue is rightly none of these."""
     notes: tuple[str, ...]
 
 
@@ -31,6 +36,7 @@ def read_confusion(plan: Plan, stores: Sequence[Store]) -> Confusion:
     axes, _ = entry_axes(plan, None)
     entries = entries_of(plan, axes)
     counts: dict[tuple[str, str], Counter[str]] = {}
+    right: dict[tuple[str, str], list[float]] = {}
     missing, objects = 0, []
     for number, body in enumerate(plan.study.objects):
         seen = False
@@ -40,8 +46,10 @@ def read_confusion(plan: Plan, stores: Sequence[Store]) -> Confusion:
                 continue
             seen = True
             for entry, rows in zip(entries, block.rows, strict=True):
-                told = rows.get("recognized_as", [""] * block.count)
-                counts.setdefault((entry.label, body.name), Counter()).update(map(str, told))
+                key = entry.label, body.name
+                answers = rows.get("recognized_as", [""] * block.count)
+                counts.setdefault(key, Counter()).update(map(str, answers))
+                right.setdefault(key, []).extend(values_of(rows, "recognized"))
         objects += [body.name] if seen else []
     asked = [entry.label for entry in entries
              if any(name for key, count in counts.items() if key[0] == entry.label
@@ -53,7 +61,9 @@ def read_confusion(plan: Plan, stores: Sequence[Store]) -> Confusion:
     notes = list(reading_notes(plan, missing, len(objects)))
     if not asked:
         notes.append("no strategy of this study names what it felt")
-    return Confusion(tuple(asked), tuple(objects), tuple(answers), counts, tuple(notes))
+    shares = {label: float(np.mean([np.mean(right[label, body]) for body in objects]))
+              for label in asked}
+    return Confusion(tuple(asked), tuple(objects), tuple(answers), counts, shares, tuple(notes))
 
 
 def _named(count: Counter[str]) -> Counter[str]:

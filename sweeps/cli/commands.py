@@ -142,6 +142,7 @@ def sensitivity(
         sensitivity_table,
     )
 
+    Store(folder).refuse_other_files()
     try:
         folder.mkdir(parents=True, exist_ok=True)
         file = spec

@@ -114,7 +114,7 @@ def fit(shape: Literal["superquadric", "plane", "revolution"], points: Path, /, 
         taper: Annotated[bool, Parameter(negative="")] = False,
         bend: Annotated[bool, Parameter(negative="")] = False,
         robust: Annotated[bool, Parameter(negative="")] = False, table_z: float | None = None,
-        figure: Path | None = None) -> int:
+        units: Literal["m", "cm", "mm"] | None = None, figure: Path | None = None) -> int:
     """Fit shapes to sets of touched points of your own.
 
     Parameters
@@ -134,13 +134,15 @@ def fit(shape: Literal["superquadric", "plane", "revolution"], points: Path, /, 
         Superquadric: bear touches that are wrong (the other shapes always do).
     table_z
         Height of the table the body stands on, in metres.
+    units
+        Of the points; by default by the columns' names: x_m, x_cm or x_mm.
     figure
         Also draw the sets, as .png, .svg or .pdf.
     """
     from sweeps.cli import fit as fit_command
 
     return fit_command.fit(shape, points, out, taper=taper, bend=bend, robust=robust,
-                           table_z_m=table_z, figure=figure)
+                           table_z_m=table_z, figure=figure, units=units)
 
 
 @app.command

@@ -32,7 +32,7 @@ FAR, LEAST_EXTENT_M = 10.0, 0.05
 
 
 def fit(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, robust: bool,
-        table_z_m: float | None, figure: Path | None) -> int:
+        table_z_m: float | None, figure: Path | None, units: str | None = None) -> int:
     """Fits every set of `points`, writes `out` (and the contours of revolutions beside it).
 
     Prints the files written; stderr says what became of the sets. Raises PointsError with all that
@@ -40,7 +40,7 @@ def fit(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, robust:
     """
     _check(shape, points, out, taper, bend, robust, table_z_m, figure)
     try:
-        sets = read_points(points)
+        sets = read_points(points, units=units)
     except OSError as error:
         raise StoreError(f"{points}: cannot be read: {error.strerror or error}") from None
     if table_z_m is not None:

@@ -31,6 +31,8 @@ def run(arguments: list[str]) -> int:
 
         set_quiet()
         arguments = [argument for argument in arguments if argument != "--quiet"]
+    if "" in arguments:
+        return _refuse("warpgrasp: an argument is empty; leave it out or give it a value")
     try:
         code = app(arguments or ["--help"], exit_on_error=False, print_error=False,
                    result_action="return_value")

@@ -27,15 +27,12 @@ def draw_confusion(found: Confusion, label: str | None = None) -> "Figure":
     if not found.labels:
         raise LeaderboardError("confusion: no strategy of this study names what it felt")
     if label is None:
-        label = max(found.labels, key=lambda name: sum(
-            found.counts[name, body][body] for body in found.objects))
+        label = max(found.labels, key=lambda name: found.recognized[name])
     if label not in found.labels:
         raise LeaderboardError(f"--strategy: no strategy {label!r}; {choose(label, found.labels)}")
     counts = np.array([[found.counts[label, body][answer] for answer in found.answers]
                        for body in found.objects], float)
     share = counts / counts.sum(axis=1, keepdims=True)
-    right = np.mean([found.counts[label, body][body] / found.counts[label, body].total()
-                     for body in found.objects])
     with drawing():
         drawn = figure(COLUMN_IN * (0.45 + 0.07 * len(found.objects)))
         axes = drawn.add_subplot()
@@ -45,7 +42,7 @@ def draw_confusion(found: Confusion, label: str | None = None) -> "Figure":
                         rotation=60, ha="right", rotation_mode="anchor")
         axes.set_yticks(range(len(found.objects)), [cut(name, 18) for name in found.objects])
         axes.set(xlabel="recognized as", ylabel="object felt")
-        axes.set_title(f"{cut(label, 50)}\n{100 * right:.1f} % right")
+        axes.set_title(f"{cut(label, 50)}\n{100 * found.recognized[label]:.1f} % recognized")
         bar: Any = drawn.colorbar(cells, label="share of episodes [1]", fraction=0.05)
         bar.solids.set_edgecolor("face")
     return drawn

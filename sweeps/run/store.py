@@ -7,6 +7,7 @@ import socket
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,10 @@ from sweeps.output import write_atomic
 from sweeps.run.environment import describe_environment
 from sweeps.run.plan import Plan, Unit, differences, digest, extends, plan_study, study_of
 from sweeps.run.unit_file import Columns, DamagedUnit, looks_whole, read_unit
-from sweeps.spec.errors import Held, OtherStudy, StoreError
+from sweeps.spec.errors import Held, OtherStudy, StoreError, short
+
+OWN_FILES = ("spec.toml", "resolved.json", "environment.json", "leaderboard.csv",
+             "sensitivity.toml", "sensitivity.csv", "sensitivity.md")
 
 
 def _locked(descriptor: int) -> bool:
@@ -37,6 +41,24 @@ class Store:
         self.units = folder / "units"
         self.logs = folder / "logs"
         self.damaged = 0  # units set aside so far
+
+    def refuse_other_files(self) -> None:
+        """Refuses a directory that holds other things than a study, or what one begins with.
+
+        Raises StoreError with exit code 3: nothing of a folder of the user's is written over.
+        """
+        ours = (self.folder / "resolved.json").exists() or (
+            self.units.is_dir() and self.logs.is_dir())
+        try:
+            others = () if ours or not self.folder.exists() else sorted(
+                file.name for file in self.folder.iterdir()
+                if not file.name.startswith(".lock-") and file.name != "sensitivity.toml")
+            if others:
+                more = f" and {len(others) - 3} more" if len(others) > 3 else ""
+                raise StoreError(f"{self.folder}: holds {', '.join(map(short, others[:3]))}{more}, "
+                                 "and no study; choose a new or an empty directory", 3)
+        except OSError as error:
+            raise self._unwritable(error) from None
 
     def open_for(self, plan: Plan, spec_text: bytes | None, device: str) -> list[str]:
         """Makes the directory the study's own; returns notes for the user.
@@ -159,6 +181,7 @@ class Store:
         Makes the directory if need be. The kernel lets go of the lock when its holder dies, however
         that happens.
         """
+        self.refuse_other_files()
         file = self.folder / f".lock-{shard[0]}-of-{shard[1]}"
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -195,9 +218,10 @@ class Store:
         return self.logs / f"progress-{shard}.json"
 
     def _remove_temporaries(self) -> None:
-        for folder in (self.folder, self.units, self.logs):
-            for left in folder.glob(".*.tmp"):
-                left.unlink(missing_ok=True)
+        """Those of `write_atomic`; in the study's own folder by the names of its own files."""
+        own = [self.folder.glob(f".{name}.{'[0-9a-f]' * 12}.tmp") for name in OWN_FILES]
+        for left in chain(self.units.glob(".*.tmp"), self.logs.glob(".*.tmp"), *own):
+            left.unlink(missing_ok=True)
 
     def left_behind(self) -> set[str]:
         """Ids of units of which a killed run left temporary files; lists the folder once."""

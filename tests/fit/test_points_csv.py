@@ -12,7 +12,7 @@ from fit.points_csv import PointsError, plane_rows, read_points, rows_csv
 def test_sets_in_any_order_with_some_normals(tmp_path) -> None:
     path = tmp_path / "points.csv"
     path.write_text("set,x_m,y_m,z_m,nx,ny,nz\nb,1,2,3,0,0,1\na,4,5,6,,,\nb,7,8,9,NA,NA,NA\n")
-    sets = read_points(path)
+    sets = read_points(path, units="m")
     assert sets.names == ("b", "a")
     assert sets.mask.tolist() == [[True, True], [True, False]]
     assert sets.points[0].tolist() == [[1, 2, 3], [7, 8, 9]]
@@ -23,9 +23,27 @@ def test_sets_in_any_order_with_some_normals(tmp_path) -> None:
 def test_without_a_set_column_there_is_one_set(tmp_path) -> None:
     path = tmp_path / "points.csv"
     path.write_text("x_m,y_m,z_m\n1,2,3\n\n4,5,6\n")
-    sets = read_points(path)
+    sets = read_points(path, units="m")
     assert sets.points.shape == (1, 2, 3)
     assert sets.normals is None
+
+
+@pytest.mark.parametrize(("unit", "scale"), [("m", 1.0), ("cm", 0.01), ("mm", 0.001)])
+def test_columns_name_their_unit(tmp_path, unit, scale) -> None:
+    path = tmp_path / "points.csv"
+    path.write_text(f"x_{unit},y_{unit},z_{unit}\n0.1,0.2,0.3\n0.4,0.5,0.6\n")
+    assert np.allclose(read_points(path).points[0], scale * np.array([[0.1, 0.2, 0.3],
+                                                                      [0.4, 0.5, 0.6]]))
+
+
+def test_millimetres_in_columns_of_metres_are_refused_unless_units_are_given(tmp_path) -> None:
+    """They used to end as a converged body of 163 m."""
+    path = tmp_path / "points.csv"
+    path.write_text("set,x_m,y_m,z_m\na,0.01,0,0\na,0.05,0.02,0.03\nb,10,0,5\nb,80,30,20\n")
+    with pytest.raises(PointsError, match=r"set b are 77.6 m across.*--units mm"):
+        read_points(path)
+    assert read_points(path, units="mm").points[1, 1].tolist() == [0.08, 0.03, 0.02]
+    assert read_points(path, units="m").points[1, 1].tolist() == [80, 30, 20]
 
 
 @pytest.mark.parametrize(("text", "said"), [

@@ -69,6 +69,32 @@ def test_a_sweep_ends_with_its_leaderboard(
     assert "seed: 7 -> 8" in capsys.readouterr().err
 
 
+def test_a_folder_of_other_files_is_refused_and_left_as_it_is(
+        tmp_path: Path, fake: None, capsys: pytest.CaptureFixture[str]) -> None:
+    """`-o .` beside the user's own files used to write over two and to delete a third."""
+    spec = tmp_path / "study.toml"
+    spec.write_text(SMALL)
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    contents = {"spec.toml": "mine", "leaderboard.csv": "mine too", ".draft.tmp": "and this"}
+    for name, text in contents.items():
+        (mine / name).write_text(text)
+    assert cli.run(["sweep", str(spec), "-o", str(mine)]) == 3
+    assert "and no study; choose a new or an empty directory" in capsys.readouterr().err
+    assert {file.name: file.read_text() for file in mine.iterdir()} == contents
+    assert cli.run(["sweep", str(spec), "-o", ""]) == 2
+
+
+def test_only_temporaries_of_the_studys_own_names_are_removed(tmp_path: Path, fake: None) -> None:
+    spec, out = tmp_path / "study.toml", tmp_path / "out"
+    spec.write_text(SMALL)
+    assert cli.run(["sweep", str(spec), "-o", str(out)]) == 0
+    for name in (".draft.tmp", ".spec.toml.draft.tmp", ".spec.toml.0123456789ab.tmp"):
+        (out / name).write_text("left")
+    assert cli.run(["sweep", str(spec), "-o", str(out)]) == 0
+    assert {file.name for file in out.glob(".*.tmp")} == {".draft.tmp", ".spec.toml.draft.tmp"}
+
+
 def test_a_spec_in_another_order_gives_the_same_leaderboard(tmp_path: Path, fake: None) -> None:
     out, near = tmp_path / "out", SMALL.replace("mine", "mine6")  # as good as ring6
     assert cli.run(["sweep", str(write_spec(tmp_path, near)), "-o", str(out)]) == 0

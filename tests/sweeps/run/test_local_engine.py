@@ -120,8 +120,9 @@ def test_deadly_units_are_set_aside_and_the_rest_goes_on(
     assert "this bulb always breaks" in logs
     assert "the worker died (exit code -11)" in logs
     assert "strategy ring6, object funnel" in logs
-    rows = make_leaderboard(plan, [Store(tmp_path)]).rows
-    assert [row[-3] for row in rows] == ["0.5000"]  # failed units count as failures
+    board = make_leaderboard(plan, [Store(tmp_path)])
+    failed = board.header.index("failure_rate")
+    assert [row[failed] for row in board.rows] == ["0.5000"]  # failed units count as failures
     assert run_in(tmp_path, plan).failed == 0  # the next run tries them again
     assert not list((tmp_path / "logs").glob("*.failed.log"))
 

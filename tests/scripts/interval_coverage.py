@@ -1,0 +1,139 @@
+"""How often intervals hold the truth, and how often boards of equal entries claim a difference.
+
+    python tests/scripts/interval_coverage.py runs/coverage --trials 2000
+
+Runs two sweeps into the folder, unless they are there: ten objects with 512 episodes of each
+strategy, and 48 objects with 64. Their rows are then taken for the truth and drawn from.
+
+- *These*: objects of the first are drawn once a trial, and of each so many episodes; the truth is
+  the mean of all 512.
+- *Like these*: objects of the second are drawn with replacement, and of each so many episodes; the
+  truth is the mean of all 48.
+- *Equal entries*: every entry of a board draws its own episodes of one strategy. A board claims
+  something where an interval of a difference to its best excludes zero.
+"""
+
+import argparse
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from sweeps.analysis.interval import ObjectMeans
+from sweeps.analysis.paired import read_paired
+from sweeps.run.store import open_study
+
+CATALOGUE = ("block", "large_cylinder", "small_cylinder", "wedge", "lightbulb", "funnel",
+             "wine_bottle", "beer_bottle", "coke_bottle", "orangina_bottle")
+STRATEGIES = """
+[[strategy]]
+name = "ring6"
+[[strategy]]
+name = "ring4"
+waypoints = { kind = "ring", count = 4 }
+[[strategy]]
+name = "hemisphere8"
+waypoints = { kind = "hemisphere", count = 8 }
+"""
+METRIC, BOUNDS = "chamfer_mm", (0.0, np.inf)
+
+
+def spec(episodes: int, objects: list[str]) -> str:
+    """A study of these objects, each as it stands in a TOML list."""
+    return (f"schema = 1\nseed = 33\nepisodes_per_cell = {episodes}\n"
+            f"objects = [{', '.join(objects)}]\n{STRATEGIES}")
+
+
+def many_objects() -> list[str]:
+    """The catalogue and 38 superquadrics."""
+    rng = np.random.default_rng(48)
+    found = [f'"{name}"' for name in CATALOGUE]
+    for number in range(38):
+        a, b, h = *rng.uniform(18, 45, 2), rng.uniform(25, 80)
+        e1, e2 = rng.uniform(0.1, 1.6, 2)
+        found.append(f'{{ name = "s{number}", superquadric = {{ size_mm = [{a:.1f}, {b:.1f}, '
+                     f'{h:.1f}], exponents = [{e1:.2f}, {e2:.2f}] }} }}')
+    return found
+
+
+def values_of(folder: Path, text: str) -> np.ndarray:
+    """The metric (object, episode, strategy) of a study, which is run unless it is there."""
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    file = folder.with_suffix(".toml")
+    file.write_text(text)
+    subprocess.run([sys.executable, "-m", "sweeps", "sweep", str(file), "-o", str(folder),
+                    "--workers", "2"], check=True, stdout=subprocess.DEVNULL)
+    plan, stores = open_study([folder])
+    return np.array(read_paired(plan, stores, [METRIC]).values[METRIC])
+
+
+def held(low: np.ndarray, high: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """Which intervals hold the truth."""
+    return (low <= truth) & (truth <= high)
+
+
+def coverage(over: str, truth: np.ndarray, samples: list[list[np.ndarray]]) -> str:
+    """Of the means of each strategy, and of their differences to the first [%]."""
+    hits = np.zeros(2 * truth.shape[1] - 1)
+    for sample, means in zip(samples, truth, strict=True):
+        board = ObjectMeans(len(means), 0)
+        for values in sample:
+            board.add(values)
+        found, apart = board.values(over, BOUNDS), board.differences(0, over, simultaneous=False)
+        hits += [*held(found.low, found.high, means),
+                 *held(apart.low, apart.high, means - means[0])[1:]]
+    return "  ".join(f"{v:5.1f}" for v in 100 * hits / len(samples))
+
+
+def claims(board: ObjectMeans, over: str) -> bool:
+    """Whether an entry is said to differ from the best."""
+    best = int(np.argmin(board.values("these").value))
+    found = board.differences(best, over)
+    return bool(((found.low > 0) | (found.high < 0)).any())
+
+
+def main() -> None:
+    """Prints the three tables."""
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--trials", type=int, default=2000)
+    given = parser.parse_args()
+    deep = values_of(given.folder / "deep", spec(512, [f'"{name}"' for name in CATALOGUE]))
+    many = values_of(given.folder / "many", spec(64, many_objects()))
+    rng = np.random.default_rng(1)
+    print("claim       objects  episodes  % held: means; differences to the first")
+    for objects in (1, 3, 6, 10):
+        for episodes in (8, 16, 64):
+            samples, truth = [], []
+            for _ in range(given.trials):
+                drawn = rng.choice(len(deep), objects, replace=False)
+                samples.append([deep[n][rng.choice(512, episodes, replace=False)] for n in drawn])
+                truth.append(deep[drawn].mean(axis=(0, 1)))
+            print(f"these       {objects:7}  {episodes:8}  "
+                  f"{coverage('these', np.array(truth), samples)}", flush=True)
+    for objects in (3, 6, 10, 20):
+        for episodes in (8, 16, 64):
+            samples = [[many[n][rng.integers(0, 64, episodes)]
+                        for n in rng.integers(0, len(many), objects)]
+                       for _ in range(given.trials)]
+            truth = np.tile(many.mean(axis=(0, 1)), (given.trials, 1))
+            print(f"like-these  {objects:7}  {episodes:8}  "
+                  f"{coverage('like-these', truth, samples)}", flush=True)
+    print("\nequal entries  objects  episodes  % of boards that claim: these  like-these")
+    for entries in (2, 6, 15, 100):
+        for objects, episodes in ((3, 8), (6, 8), (6, 16), (10, 64)):
+            trials = given.trials if entries < 100 else max(1, given.trials // 4)
+            count = np.zeros(2)
+            for _ in range(trials):
+                board = ObjectMeans(entries, 0)
+                for n in rng.choice(len(deep), objects, replace=False):
+                    board.add(deep[n][rng.integers(0, 512, (episodes, entries)), 0])
+                count += [claims(board, "these"), claims(board, "like-these")]
+            print(f"{entries:13}  {objects:7}  {episodes:8}  {100 * count[0] / trials:29.1f}  "
+                  f"{100 * count[1] / trials:10.1f}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
