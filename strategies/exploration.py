@@ -18,6 +18,7 @@ from fit.fit_status import FitStatus
 from fit.superquadric.fit import fit_superquadric
 from fit.superquadric.record import SuperquadricFit
 from strategies.planners.from_strategy import Budget, within_budget
+from strategies.planners.guarded_call import guarded_call
 from strategies.planners.probes import CrossFaces, FollowContour, Grasp, Probe, misfits, wanted_of
 from strategies.planners.register import Foreseeing, Planner, fault_text, place_of
 from strategies.poses.waypoints import BoundingCylinder
@@ -150,9 +151,10 @@ class _Run:
     def take_step(self, planner: Planner) -> bool:
         """Ask once and carry out the answer; False if no probe of it can be made."""
         try:
-            probes = list(planner(self.belief))
+            with guarded_call():
+                probes = list(planner(self.belief))
             wanted = [wanted_of(probe, self.robot.worlds) for probe in probes]
-        except (Exception, SystemExit) as error:  # whatever a user's strategy may raise
+        except Exception as error:  # whatever a user's strategy may raise
             self._blame(np.ones(self.robot.worlds, bool), fault_text(planner, error))
             return False
         stopped = np.zeros(self.robot.worlds, bool)

@@ -47,7 +47,8 @@ def load_or_compile(name: str, function: Any, arguments: tuple) -> Callable:
         payload, given, result = serialize_executable.serialize(compiled)
         # A program from JAX's own cache is serialized incompletely; loading it raises.
         serialize_executable.deserialize_and_load(payload, given, result)
-        write_cached(file, pickle.dumps((payload, jax.tree.unflatten(result, range(result.num_leaves)))))
+        skeleton = jax.tree.unflatten(result, range(result.num_leaves))
+        write_cached(file, pickle.dumps((payload, skeleton)))
     except Exception:  # only time is lost
         pass
     return compiled

@@ -59,7 +59,10 @@ def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], dev
         _say(f"shard {shard[0]} of {shard[1]} is done; `warpgrasp leaderboard` merges directories")
     if outcome.failed:
         _say(f"{outcome.failed} units failed; see {store.logs}/*.failed.log")
-    return SOME_FAILED if outcome.failed else DONE
+    if outcome.lost:
+        print(f"{outcome.lost} units were lost: they were run, and their files are not there; "
+              "run the sweep again", file=sys.stderr)
+    return SOME_FAILED if outcome.failed or outcome.lost else DONE
 
 
 def _run(plan: Plan, store: Store, options: Options, engine: str,

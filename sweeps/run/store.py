@@ -136,6 +136,10 @@ class Store:
         """Where a unit's rows are, or will be."""
         return self.units / f"{unit.id}.parquet"
 
+    def unit_ids(self) -> set[str]:
+        """Ids of the units that have a file; lists the folder once."""
+        return {name.removesuffix(".parquet") for name in os.listdir(self.units)}
+
     def log(self, unit: Unit) -> Path:
         """Where it is said why a unit was set aside as failed."""
         return self.logs / f"{unit.id}.failed.log"
