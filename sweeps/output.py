@@ -4,9 +4,11 @@ import os
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager, redirect_stdout, suppress
 from functools import cache
 from pathlib import Path
+
+from warpgrasp.core.plain_text import printable
 
 # Printed by native code on machines without a GPU; Warp has no setting to suppress it.
 NO_DRIVER = b"Could not find or load the NVIDIA CUDA driver"
@@ -62,8 +64,22 @@ def init_warp() -> None:
         os.close(kept)
 
 
+def say(text: str) -> None:
+    """Print a message on stderr; control characters in what came from a user are escaped."""
+    print(printable(text), file=sys.stderr, flush=True)
+
+
+def note(text: str) -> None:
+    """`say`, unless notes are suppressed by `--quiet`."""
+    if not is_quiet():
+        say(text)
+
+
 def write_atomic(path: Path, content: bytes) -> None:
-    """Write a temporary file, sync it, rename it to `path`, and sync the folder."""
+    """Write a temporary file, sync it, rename it to `path`, and sync the folder.
+
+    Raises OSError that names `path`.
+    """
     temporary = path.with_name(f".{path.name}.{os.urandom(6).hex()}.tmp")
     try:
         with temporary.open("wb") as stream:
@@ -71,8 +87,11 @@ def write_atomic(path: Path, content: bytes) -> None:
             stream.flush()
             os.fsync(stream.fileno())
         os.replace(temporary, path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
+    except BaseException as error:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise OSError(error.errno, error.strerror, str(path)) from None
         raise
     folder = os.open(path.parent, os.O_RDONLY)
     try:

@@ -27,7 +27,7 @@ FLOORS = {
 """The rooms and files of each package; one may import those before it, in its package."""
 BELOW = {"warpgrasp": set(), "fit": set(), "strategies": {"warpgrasp", "fit"},
          "sweeps": {"warpgrasp", "fit", "strategies"}}
-SHARED = {"warpgrasp.core.cache_file"}
+SHARED = {"warpgrasp.core.cache_file", "warpgrasp.core.plain_text"}
 """Modules of `warpgrasp` that `fit` may import too: they know nothing of robots."""
 FILES = {path: ".".join(path.relative_to(ROOT).with_suffix("").parts)
          for package in FLOORS for path in sorted((ROOT / package).rglob("*.py"))}

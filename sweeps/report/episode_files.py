@@ -3,7 +3,6 @@
 import csv
 import io
 import json
-import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -29,7 +28,7 @@ from sweeps.figures.contour import contour_figure
 from sweeps.figures.faces import crossed_faces, faces_figure
 from sweeps.figures.style import encode
 from sweeps.figures.taxels import pad_touches, taxels_figure
-from sweeps.output import write_atomic
+from sweeps.output import say, write_atomic
 from sweeps.spec.cell import Cell
 from warpgrasp.parameters import ObjectTable
 from warpgrasp.probe_status import ProbeStatus
@@ -68,7 +67,7 @@ def explore(
         try:
             picture = draw()
         except Exception as error:  # the episode is kept without the figure
-            print(f"{out / file}: cannot be drawn: {error}", file=sys.stderr)
+            say(f"{out / file}: cannot be drawn: {error}")
             continue
         write_atomic(out / file, picture)
         written.append(file)
@@ -79,10 +78,10 @@ def explore(
         write_replay(make_replay(cell, block), out / "replay.html")
         written.append("replay.html")
     if block.recovered.shape[0] == Shape.PRIOR_CYLINDER:
-        print(f"{block.status[0]}: nothing was recovered; the body written is the cylinder that "
-              "the strategy was given as prior", file=sys.stderr)
+        say(f"{block.status[0]}: nothing was recovered; the body written is the cylinder that "
+            "the strategy was given as prior")
     if block.exploration.fault[0]:
-        print(f"the strategy failed: {block.exploration.fault[0]}", file=sys.stderr)
+        say(f"the strategy failed: {block.exploration.fault[0]}")
     return [out / file for file in sorted(written)]
 
 

@@ -165,7 +165,7 @@ class _Run:
         elif report.kind == "broken":
             raise StoreError(f"a worker cannot start:\n{report.text.rstrip()}", 1)
         elif report.kind == "disk":
-            raise disk_error(self.work.store, report.text)
+            raise disk_error(report.text)
         elif report.kind == "done" and slot.units and report.unit == slot.units[0].id:
             self.work.done(slot.units.pop(0), float(report.text))
             slot.sent = bool(slot.units)
@@ -248,10 +248,9 @@ def run(plan: Plan, store: Store, options: Options, progress: Progress) -> Outco
     return current.work.outcome
 
 
-def disk_error(store: Store, reason: str) -> StoreError:
+def disk_error(reason: str) -> StoreError:
     """A unit that could not be written ends the run: the next would meet the same."""
-    return StoreError(f"{store.folder}: cannot be written: {reason}; finished units are kept, "
-                      "the same command goes on from there", 1)
+    return StoreError(f"{reason}; finished units are kept, the same command goes on from there", 1)
 
 
 @contextmanager

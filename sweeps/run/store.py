@@ -80,7 +80,8 @@ class Store:
         return notes
 
     def _unwritable(self, error: OSError) -> StoreError:
-        return StoreError(f"{self.folder}: cannot be written: {error.strerror}")
+        return StoreError(
+            f"{error.filename or self.folder}: cannot be written: {error.strerror}")
 
     def _claim(self, plan: Plan) -> list[str]:
         file = self.folder / "resolved.json"
@@ -102,7 +103,7 @@ class Store:
         if file.exists():
             try:
                 before = json.loads(file.read_bytes())
-            except ValueError:
+            except (ValueError, RecursionError):
                 before = None
             if not isinstance(before, dict):  # damaged: nothing is known of it
                 before = {}
@@ -127,7 +128,7 @@ class Store:
                              f"{self.folder}` makes one") from None
         except OSError as error:
             raise StoreError(f"{file}: cannot be read: {error.strerror}") from None
-        except ValueError:
+        except (ValueError, RecursionError):
             raise StoreError(f"{file}: is damaged; remove it and run the sweep again, "
                              "finished units are kept") from None
         return found

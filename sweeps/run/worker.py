@@ -138,7 +138,7 @@ def _run_batch(run_cells: RunCells, units: Sequence[Unit], paths: Sequence[Path]
             try:
                 write_unit(path, unit.id, rows)
             except OSError as error:
-                yield Report("disk", error.strerror or str(error))
+                yield Report("disk", f"{path}: cannot be written: {error.strerror or error}")
                 return
             yield Report("done", f"{(time.monotonic() - began) / len(units):.6f}", unit.id)
     except Exception:

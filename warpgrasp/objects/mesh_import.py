@@ -113,7 +113,7 @@ def _read_checked(path: Path, content: bytes, units: str) -> tuple[np.ndarray, n
     kind = path.suffix.lower().lstrip(".")
     _check_declared_faces(path, kind, content)
     try:  # from memory: files that a mesh names beside itself (materials, textures) stay closed
-        mesh = trimesh.load_mesh(io.BytesIO(content), file_type=kind, process=True)
+        mesh = trimesh.load_mesh(io.BytesIO(content), file_type=kind, process=False)
     except Exception as error:  # any reader's failure is the file's fault here
         reason = str(error).strip().split("\n")[0] or type(error).__name__
         raise BodyError(f"{path}: not a mesh that can be read ({reason}); "
@@ -124,7 +124,9 @@ def _read_checked(path: Path, content: bytes, units: str) -> tuple[np.ndarray, n
         raise BodyError(f"{path}: {len(mesh.faces):,} faces; at most {LARGEST_FACE_COUNT:,}: "
                         "simplify the mesh first")
     if not np.isfinite(mesh.vertices).all():
-        raise BodyError(f"{path}: a vertex is not a finite number")
+        number = int(np.argmin(np.isfinite(mesh.vertices).all(1)))
+        raise BodyError(f"{path}: vertex {number} is not a finite number: "
+                        f"{mesh.vertices[number].tolist()}; remove it and close the hole")
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
     mesh.update_faces(mesh.nondegenerate_faces())
     mesh.remove_unreferenced_vertices()
