@@ -14,7 +14,7 @@ from sweeps.analysis.confusion import Confusion, read_confusion
 from sweeps.analysis.curves import Curves, read_curves
 from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
 from sweeps.analysis.paired import Paired, read_paired
-from sweeps.output import write_atomic
+from sweeps.output import note, write_atomic
 from sweeps.report.html import page, paragraph
 from sweeps.report.sections import (
     confusion_section,
