@@ -3,8 +3,8 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "cell": ["Cell", "SECTIONS", "TABLES", "differ_in_object_alone"],
-    "errors": ["Held", "OtherStudy", "Problem", "SpecError", "StoreError", "choose"],
+    "cell": ["CONTACTS", "Cell", "SECTIONS", "TABLES", "differ_in_object_alone"],
+    "errors": ["Held", "OtherStudy", "Problem", "SpecError", "StoreError", "choose", "short"],
     "objects": ["object_of_argument"],
     "reader": ["read_spec"],
     "study": ["Axis", "Body", "FILE_KEYS", "Study", "StudyTable"],
