@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
 from functools import cache
 from pathlib import Path
+from typing import BinaryIO
 
 # Printed by native code on machines without a GPU; Warp has no setting to suppress it.
 NO_DRIVER = b"Could not find or load the NVIDIA CUDA driver"
@@ -64,10 +65,17 @@ def init_warp() -> None:
 
 def write_atomic(path: Path, content: bytes) -> None:
     """Write a temporary file, sync it, rename it to `path`, and sync the folder."""
+    with atomic_file(path) as stream:
+        stream.write(content)
+
+
+@contextmanager
+def atomic_file(path: Path) -> Iterator[BinaryIO]:
+    """A temporary file to write to; it becomes `path` at the end, and is removed on an error."""
     temporary = path.with_name(f".{path.name}.{os.urandom(6).hex()}.tmp")
     try:
         with temporary.open("wb") as stream:
-            stream.write(content)
+            yield stream
             stream.flush()
             os.fsync(stream.fileno())
         os.replace(temporary, path)

@@ -126,9 +126,9 @@ def _batched_rows(cell: Cell, episodes: np.ndarray, device: str = "cpu") -> Colu
 
 batched_episodes = cell_by_cell(_batched_rows)
 
-def _touching_rows(cell: Cell, episodes: np.ndarray, device: str = "cpu") -> Columns:
-    """With contacts, if they are kept: of every third episode none, of the next one, then two."""
-    rows = _batched_rows(cell, episodes)
+def with_contacts(rows: Columns, cell: Cell, episodes: np.ndarray) -> Columns:
+    """The rows and, if they are kept, contacts: of every third episode none, of the next one, then
+    two."""
     if cell.keep == "contacts":
         rows[CONTACTS] = np.empty(len(episodes), object)
         for n, episode in enumerate(episodes):
@@ -142,7 +142,10 @@ def _touching_rows(cell: Cell, episodes: np.ndarray, device: str = "cpu") -> Col
     return rows
 
 
-touching_episodes = cell_by_cell(_touching_rows)
+@cell_by_cell
+def touching_episodes(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
+    return with_contacts(_batched_rows(cell, episodes), cell, episodes)
+
 
 BAD = 320
 
