@@ -3,7 +3,7 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "arrow": ["read_rows"],
+    "arrow": ["read_rows", "write_rows"],
     "bootstrap": ["Estimate", "OVER", "estimate", "replicate_means"],
     "confusion": ["Confusion", "confusion_table", "read_confusion"],
     "curves": ["AXES", "Curves", "grid_of", "mean_curve", "reach_table", "read_curves"],

@@ -1,12 +1,33 @@
-"""A study's episodes as one Arrow table, for analyses of your own."""
+"""A study's episodes for analyses of your own: as an Arrow table, or streamed to one flat file.
 
-from collections.abc import Sequence
+A flat file has one row an episode, a contact, or a point of a curve, and plain columns alone: the
+swept keys are columns too. What has no value is null (an empty cell in CSV), so that means skip
+it. Strategies come in the order of the spec, then objects, settings and episodes.
+"""
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from itertools import product
 from pathlib import Path
+from typing import Any, BinaryIO
 
 import numpy as np
 import pyarrow as pa
 
-from sweeps.run.store import open_study
+from sweeps.analysis.entries import value_text
+from sweeps.output import atomic_file
+from sweeps.run.plan import Plan, Unit, cell_hash
+from sweeps.run.store import Store, open_study
+from sweeps.run.unit_file import Columns
+from sweeps.spec.errors import StoreError
+from sweeps.spec.study import Study
+
+GROUP = 65_536
+"""Rows written together: few enough for memory, many enough for Parquet."""
+NAMES = ("episode", "strategy", "object", "seed")
+RUNS_IN_A_SPREADSHEET = r"^[=+\-@\t\r]"
+NUMBER = r"^[+\-]?(\d+\.?\d*|\.\d+)([eE][+\-]?\d+)?$"
 
 
 def read_rows(*folders: str | Path) -> pa.Table:
@@ -18,23 +39,182 @@ def read_rows(*folders: str | Path) -> pa.Table:
     """
     plan, stores = open_study([Path(folder) for folder in folders])
     parts: list[pa.Table] = []
-    units = plan.units()
-    for _, _, setting in plan.study.cells():
-        given, _ = plan.study.setting(setting)
-        for _ in range(plan.block_count):
-            unit = next(units)
-            rows = next((rows for store in stores if (rows := store.read(unit)) is not None), None)
-            if rows is not None:
-                count = len(rows["status"])
-                rows = rows | {"setting": np.full(count, setting, np.int64)} | {
-                    key: np.full(count, str(value), object) for key, value in given.items()}
-                parts.append(_table(rows))
+    for unit, setting in _units(plan):
+        rows = _first(store.read(unit) for store in stores)
+        if rows is not None:
+            count = len(rows["status"])
+            rows = rows | {"setting": np.full(count, setting, np.int64)} | {
+                key: np.full(count, str(value), object)
+                for key, value in unit.cell.setting.items()}
+            parts.append(pa.table({name: values.tolist() if values.dtype == object else values
+                                   for name, values in rows.items()}))
     return pa.concat_tables(parts, promote_options="default") if parts else pa.table({})
 
 
-def _table(columns: dict[str, np.ndarray]) -> pa.Table:
-    return pa.table({name: pa.array(_plain(values)) for name, values in columns.items()})
+def write_rows(folders: Sequence[Path], out: Path, what: str = "episodes") -> tuple[int, list[str]]:
+    """Writes a study's `episodes`, `contacts` or `curves` to a .parquet or .csv file, whole or not
+    at all; memory does not grow with the study. Returns the number of rows, and notes.
+
+    Raises StoreError where the study has none of them, OtherStudy as `read_rows`, OSError where
+    the file cannot be written.
+    """
+    plan, stores = open_study(folders)
+    find, _ = KINDS[what]
+    finished = found = count = 0
+    waiting: list[pa.Table] = []
+    with atomic_file(out) as stream, _writer(stream, out.suffix) as write:
+        for unit, setting in _units(plan):
+            if not any(store.path(unit).exists() for store in stores):
+                continue
+            finished += 1
+            columns = find(stores, unit)
+            if columns is None:
+                continue
+            found += 1
+            waiting.append(_table(columns, unit, setting, plan.study))
+            count += len(waiting[-1])
+            if sum(map(len, waiting)) >= GROUP:
+                write(waiting)
+                waiting = []
+        if not found:
+            raise StoreError(_nothing(folders[0], finished, what))
+        write(waiting)
+    return count, list(_notes(plan, finished, found, what))
 
 
-def _plain(values: np.ndarray) -> Sequence | np.ndarray:
-    return values.tolist() if values.dtype == object else values
+def _units(plan: Plan) -> Iterator[tuple[Unit, int]]:
+    """Every unit with the number of its setting."""
+    study = plan.study
+    for strategy, body, setting in product(
+            range(len(study.strategies)), range(len(study.objects)), range(study.setting_count)):
+        cell = study.cell(strategy, body, setting)
+        name = cell_hash(cell, study.objects[body])
+        for block in range(plan.block_count):
+            yield plan.unit(cell, name, block), setting
+
+
+def _first(found: Iterator[Columns | None]) -> Columns | None:
+    return next((columns for columns in found if columns is not None), None)
+
+
+def _episodes(stores: Sequence[Store], unit: Unit) -> Columns | None:
+    """A unit's rows without their lists."""
+    rows = _first(store.read(unit) for store in stores)
+    return rows and {name: values for name, values in rows.items() if not _holds_lists(values)}
+
+
+def _holds_lists(values: np.ndarray) -> bool:
+    return values.dtype == object and len(values) > 0 and isinstance(values[0], np.ndarray)
+
+
+def _curves(stores: Sequence[Store], unit: Unit) -> Columns | None:
+    """The curves of a unit's rows, one below the other; a row a point."""
+    rows = _first(store.read(unit) for store in stores)
+    curves = {name: values for name, values in (rows or {}).items() if name.startswith("curve_")}
+    if rows is None or not curves:
+        return None
+    counts = [len(curve) for curve in next(iter(curves.values()))]
+    points = [np.arange(count, dtype=np.int64) for count in counts]
+    return {name: np.repeat(rows[name], counts) for name in NAMES} | {
+        "point": np.concatenate(points)} | {
+        name.removeprefix("curve_"): np.concatenate(list(values))
+        for name, values in curves.items()}
+
+
+def _contacts(stores: Sequence[Store], unit: Unit) -> Columns | None:
+    return _first(store.read_contacts(unit) for store in stores)
+
+
+KINDS: dict[str, tuple[Callable[[Sequence[Store], Unit], Columns | None], str]] = {
+    "episodes": (_episodes, "rows"), "contacts": (_contacts, "contacts"),
+    "curves": (_curves, "curves")}
+
+
+def _table(columns: Columns, unit: Unit, setting: int, study: Study) -> pa.Table:
+    """A unit's columns, with those of its setting after its names."""
+    count = len(next(iter(columns.values())))
+    arrays = {name: pa.array(columns[name]) for name in NAMES if name in columns}
+    arrays["setting"] = pa.array(np.full(count, setting, np.int64))
+    for key, kind in _setting_types(study).items():
+        value = unit.cell.setting[key]
+        arrays[key] = pa.array([value_text(value) if kind == pa.string() else value] * count, kind)
+    for name, values in columns.items():
+        if name not in arrays:  # of numbers NaN becomes null
+            arrays[name] = pa.array(values, pa.string() if values.dtype == object else None,
+                                    from_pandas=True)
+    return pa.table(arrays)
+
+
+def _setting_types(study: Study) -> dict[str, pa.DataType]:
+    """The type of each swept key: of numbers and truth values their own, else text."""
+    found = {}
+    for axis in study.axes:
+        for n, key in enumerate(axis.keys):
+            kinds = {type(point[n]) for point in axis.values}
+            found[key] = {frozenset({bool}): pa.bool_(), frozenset({int}): pa.int64(),
+                          frozenset({float}): pa.float64(),
+                          frozenset({int, float}): pa.float64()}.get(frozenset(kinds), pa.string())
+    return found
+
+
+@contextmanager
+def _writer(stream: BinaryIO, ending: str) -> Iterator[Callable[[Sequence[pa.Table]], None]]:
+    """What writes tables one below the other, all of the first one's columns."""
+    import pyarrow.csv
+    import pyarrow.parquet
+
+    as_csv = ending.lower() == ".csv"
+    writer: Any = None
+    schema: pa.Schema | None = None
+
+    def write(tables: Sequence[pa.Table]) -> None:
+        nonlocal writer, schema
+        for table in tables:
+            schema = schema or table.schema
+            if table.schema != schema:
+                raise StoreError("the units of the study do not have the same columns: different "
+                                 "versions made them; run the sweep again in a new directory")
+        if not tables:
+            return
+        if writer is None:
+            writer = (pyarrow.csv.CSVWriter(stream, schema) if as_csv else
+                      pyarrow.parquet.ParquetWriter(stream, schema, compression="zstd"))
+        whole = pa.concat_tables(tables)
+        writer.write_table(_without_formulas(whole) if as_csv else whole)
+
+    try:
+        yield write
+    finally:
+        if writer is not None:
+            writer.close()
+
+
+def _without_formulas(table: pa.Table) -> pa.Table:
+    """Text that a spreadsheet would run begins with an apostrophe; numbers stay as they are."""
+    for n, field in enumerate(table.schema):
+        if field.type == pa.string():
+            table = table.set_column(n, field, pa.chunked_array(
+                [[_harmless(text) for text in chunk.to_pylist()] for chunk in
+                 table.column(n).chunks], pa.string()))
+    return table
+
+
+def _harmless(text: str | None) -> str | None:
+    runs = text and re.match(RUNS_IN_A_SPREADSHEET, text) and not re.match(NUMBER, text)
+    return f"'{text}" if runs else text
+
+
+def _nothing(folder: Path, finished: int, what: str) -> str:
+    if not finished:
+        return f"{folder}: no unit is finished yet; `warpgrasp status` says how far it is"
+    if what == "contacts":
+        return (f"{folder}: keeps no contacts; write keep = \"contacts\" at the top of its spec "
+                "and run the sweep again")
+    return f"{folder}: holds no curves"
+
+
+def _notes(plan: Plan, finished: int, found: int, what: str) -> Iterator[str]:
+    if finished < plan.unit_count:
+        yield f"{plan.unit_count - finished} of {plan.unit_count} units are missing"
+    if found < finished:
+        yield f"{finished - found} finished units have no {KINDS[what][1]}"

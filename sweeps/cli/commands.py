@@ -81,9 +81,10 @@ def status(folder: Path, *, as_json: bool) -> int:
     """Print the progress of a study; nothing is written."""
     store = Store(folder)
     plan = plan_of(store)
-    done = failed = 0
+    done = failed = there = 0
     for unit in plan.units():
-        if store.path(unit).exists():
+        there += store.path(unit).exists()
+        if all(file.exists() for file in store.files(unit)):
             done += 1
         elif store.log(unit).exists():
             failed += 1
@@ -98,7 +99,7 @@ def status(folder: Path, *, as_json: bool) -> int:
         "units_per_s": round(sum(rates), 4) if rates else None,
         "seconds_left": round(left / sum(rates), 1) if rates else None,
         "held_by": list(holders.values()),
-        "other_files": _count_files(store) - done,
+        "other_files": _count_files(store) - there,
     }
     if as_json:
         print(json.dumps(found, indent=1))

@@ -1,5 +1,6 @@
 """The commands that read a study: tables, figures, the report, a replay of an episode."""
 
+import sys
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -47,6 +48,44 @@ def table(words: list[TableKind | str], /, *,
     folders, kind = folders_and_kind(words, tables.KINDS)
     return tables.table(folders, kind, out, metric=metric, against=against, over=over,
                         as_json=json)
+
+
+@app.command
+def rows(folders: list[Path], /, *,
+         out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
+         contacts: Annotated[bool, Parameter(negative="")] = False,
+         curves: Annotated[bool, Parameter(negative="")] = False) -> int:
+    """Write all episodes of a study as one flat table, for pandas, DuckDB, R, a spreadsheet.
+
+    Parameters
+    ----------
+    folders
+        The directory of a study, or several that hold parts (shards) of one.
+    out
+        The file to write; its ending, .parquet or .csv, names the format.
+    contacts
+        A row a guarded move of an episode, instead of a row an episode: where the spec has
+        keep = "contacts".
+    curves
+        A row a fit of an episode: its touches, robot time and scores until then.
+    """
+    if out is None or out.suffix.lower() not in (".parquet", ".csv"):
+        raise UsageError("rows: -o should name a file that ends in .parquet or .csv, such as "
+                         "-o rows.parquet")
+    if contacts and curves:
+        raise UsageError("rows: --contacts and --curves are two tables; ask for one at a time")
+    from sweeps.analysis.arrow import write_rows
+    from sweeps.output import is_quiet
+    from sweeps.spec.errors import StoreError
+
+    what = "contacts" if contacts else "curves" if curves else "episodes"
+    try:
+        count, notes = write_rows(folders, out, what)
+    except OSError as error:
+        raise StoreError(f"{out}: cannot be written: {error.strerror or error}") from None
+    for line in () if is_quiet() else (f"{out}: {count} rows", *(f"note: {n}" for n in notes)):
+        print(line, file=sys.stderr)
+    return 0
 
 
 @app.command

@@ -29,8 +29,9 @@ from strategies.recovery.choose_model import Recovered
 from strategies.recovery.evidence import Evidence
 from strategies.recovery.recognition import Recognizer, recognizer, right_answer
 from sweeps.episode.columns import model_columns
+from sweeps.episode.contact_rows import contact_tables
 from sweeps.episode.scores import Scorer, Scores
-from sweeps.spec.cell import Cell
+from sweeps.spec.cell import CONTACTS, Cell
 from warpgrasp.core.random import (
     Purpose,
     counter_key,
@@ -165,6 +166,8 @@ def _rows_of(
         "recognized": block.recognized == np.repeat([right_answer(b) for b in bodies], counts),
         "shape": names[recovered.shape],
     }
+    if cell.keep == "contacts":
+        columns[CONTACTS] = contact_tables(block.exploration, block.truth)
     return columns | model_columns(belief, recovered) | curves(block.moments, worlds)
 
 

@@ -10,10 +10,7 @@ from typing import Any
 import numpy as np
 
 from fit.fit_status import status_names
-from strategies.exploration import Procedure
-from strategies.procedures.contour_follower import ContourExploration
-from strategies.procedures.planar_explorer import PlanarExploration
-from strategies.procedures.touches import REASON_TEXT, EndReason, true_touches
+from strategies.procedures.touches import REASON_TEXT, EndReason
 from strategies.recovery.choose_model import Shape
 from strategies.strategy import Strategy
 from sweeps.episode.columns import (
@@ -22,6 +19,7 @@ from sweeps.episode.columns import (
     revolution_parameters,
     superquadric_parameters,
 )
+from sweeps.episode.contact_rows import COLUMNS, contact_columns
 from sweeps.episode.episodes import EpisodeBlock, run_block
 from sweeps.figures.contacts import draw_contacts
 from sweeps.figures.contour import contour_figure
@@ -33,13 +31,6 @@ from sweeps.spec.cell import Cell
 from warpgrasp.parameters import ObjectTable
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Grasps
-
-HAND_COLUMNS = ("hand_x_m", "hand_y_m", "hand_z_m", "hand_qx", "hand_qy", "hand_qz", "hand_qw")
-COLUMNS = (
-    "procedure", "probe", "grasp", "finger", "link", "status", "x_m", "y_m", "z_m",
-    "true_x_m", "true_y_m", "true_z_m", "true_nx", "true_ny", "true_nz",
-    "q0_rad", "q1_rad", "q2_rad", "q3_rad", "tension_difference_N", "taxel_peak", *HAND_COLUMNS,
-)
 
 
 def explore(
@@ -98,57 +89,21 @@ def _pictures(cell: Cell, block: EpisodeBlock) -> Iterator[tuple[str, Callable[[
 
 
 def contacts_csv(block: EpisodeBlock, world: int = 0) -> str:
-    """A line for each guarded move of one world that had a sensor; text of a CSV file.
-
-    x, y, z are the contact as the robot estimates it; for a contact used by the last fit, the point
-    that it used. No strategy or fit reads the true columns. For touches of pads `grasp` is the
-    direction on a face or the section of a contour.
-    """
+    """The rows of one world as `contact_columns` has them; text of a CSV file."""
+    found = contact_columns(block.exploration, block.truth)
+    mine = found["world"] == world
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
-    slot = probe = 0
-    for procedure in block.exploration.procedures:
-        if isinstance(procedure.felt, Grasps):
-            rows = list(_grasp_rows(block, procedure, procedure.felt, world, slot, probe))
-            probe += procedure.felt.closing.status.shape[1]
-        else:
-            rows = list(_touch_rows(block, procedure.name, procedure.felt, world, probe))
-            probe += len(rows)
-        slot += procedure.slots
-        writer.writerows(rows)
+    writer.writerows(zip(*(_cells(name, found[name][mine]) for name in COLUMNS), strict=True))
     return text.getvalue()
 
 
-def _grasp_rows(block: EpisodeBlock, procedure: Procedure, grasps: Grasps, world: int, slot: int,
-                first: int) -> Iterator[list[Any]]:
-    closing, truth = grasps.closing, block.truth.closings[procedure.closing]
-    evidence = block.exploration.belief.evidence
-    for number, (p, g, f) in enumerate(np.ndindex(*closing.status.shape[1:]), slot):
-        at = (world, p, g, f)
-        estimate = (evidence.points_m[world, number] if evidence.mask[world, number]
-                    else grasps.estimate.point_m[at])
-        yield [procedure.name, first + p, g, f, int(truth.link[at]),
-               ProbeStatus(int(closing.status[at])).name.lower(),
-               *_cells(estimate), *_cells(truth.point_m[at]), *_cells(truth.normal[at]),
-               *_cells(closing.q_rad[at]), *_cells([closing.tension_difference_N[at]]),
-               "", *_cells(grasps.moves.believed_pose[world, p])]
-
-
-def _touch_rows(block: EpisodeBlock, name: str, felt: PlanarExploration | ContourExploration,
-                world: int, first: int) -> Iterator[list[Any]]:
-    table = felt.touches
-    point, normal = true_touches(table, block.truth)
-    for number, row in enumerate(np.flatnonzero(table.world == world)):
-        yield [name, first + number, int(table.part[row]), int(table.finger[row]),
-               int(table.link[row]), ProbeStatus(int(table.status[row])).name.lower(),
-               *_cells(table.point_m[row]), *_cells(point[row]), *_cells(normal[row]),
-               *_cells(table.q_rad[row]), "", int(table.taxel_peak[row]),
-               *_cells(table.hand_pose[row])]
-
-
-def _cells(values: Any) -> list[str]:
-    return ["" if not np.isfinite(v) else f"{float(v):.6f}" for v in values]
+def _cells(name: str, values: np.ndarray) -> list[Any]:
+    if values.dtype != float:
+        return values.tolist()
+    digits = 0 if name == "taxel_peak" else 6
+    return ["" if not np.isfinite(v) else f"{v:.{digits}f}" for v in values.tolist()]
 
 
 def shape_record(cell: Cell, block: EpisodeBlock, world: int = 0) -> dict[str, Any]:

@@ -4,6 +4,8 @@ from strategies.strategy import Strategy
 from sweeps.run.plan import BLOCK, Plan
 
 UNIT_BYTES = 30_000  # a full unit file of 64 episodes, measured
+MOVE_BYTES = 65  # of a guarded move whose contact is kept, measured
+TOUCHES = 200  # of a procedure that feels with pads
 # Seconds of one core, measured on the catalogue's objects with units of 64 episodes.
 FIT_S = 0.05  # a body found from scratch, in five fits
 GRASP_S = 0.001  # a pose of two closings
@@ -18,6 +20,8 @@ def estimate_cost(plan: Plan) -> list[tuple[str, str]]:
     each = study.cell_count // len(study.strategies) * study.head.episodes_per_cell
     seconds = sum(each * episode_seconds(strategy) for strategy in study.strategies)
     disk = plan.unit_count * UNIT_BYTES * min(1.0, plan.study.head.episodes_per_cell / BLOCK)
+    if study.head.keep == "contacts":
+        disk += MOVE_BYTES * each * sum(episode_moves(strategy) for strategy in study.strategies)
     return [("disk", f"about {disk / 1e6:.1f} MB (estimate)"),
             ("time", f"about {_time(seconds)} on one core (estimate)")]
 
@@ -32,6 +36,15 @@ def episode_seconds(strategy: Strategy) -> float:
         max(1.0, poses / strategy.refit_every) if strategy.refit_every else 1.0)
     return (FIT_S * fits + GRASP_S * poses
             + sum(TOUCHED_S.get(name, 0.0) for name in {*strategy.order}))
+
+
+def episode_moves(strategy: Strategy) -> float:
+    """Guarded moves of an episode, roughly: fingers closed, touches of pads."""
+    if strategy.touches is not None or strategy.call:
+        return strategy.touches or 96
+    poses = sum(getattr(family, "count", 12) for family in strategy.waypoints)
+    feels = len(TOUCHED_S.keys() & set(strategy.order))
+    return 4 * len(strategy.closings) * poses * ("containment" in strategy.order) + TOUCHES * feels
 
 
 def _time(seconds: float) -> str:

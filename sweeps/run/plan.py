@@ -179,8 +179,9 @@ def _program_hash(file: str) -> str:
     return digest([content, beside]) if beside else content
 
 
-def study_of(resolved: Mapping[str, Any], name: str = "") -> Study:
-    """The study that `canonical_study` wrote, with the same units.
+def study_of(resolved: Mapping[str, Any], name: str = "", keep: str = "nothing") -> Study:
+    """The study that `canonical_study` wrote, with the same units; `name` and what to `keep` are
+    not part of it.
 
     Where meshes and files of poses were is not kept, only their content's hash: the units of such
     a study can be found, but not run.
@@ -202,7 +203,7 @@ def study_of(resolved: Mapping[str, Any], name: str = "") -> Study:
 
     return Study(
         StudyTable(name=name, seed=resolved["seed"],
-                   episodes_per_cell=resolved["episodes_per_cell"]),
+                   episodes_per_cell=resolved["episodes_per_cell"], keep=keep),
         tuple(Body(label, **values) for label, values in resolved["objects"].items()),
         tuple(strategy(label, values) for label, values in resolved["strategies"].items()),
         {section: table(**{k: _tuples(v) for k, v in resolved[section].items()})

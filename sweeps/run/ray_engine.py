@@ -15,7 +15,7 @@ from sweeps.run.plan import Plan, Unit
 from sweeps.run.progress import Progress
 from sweeps.run.scheduler import Outcome, UnitQueue
 from sweeps.run.store import Store
-from sweeps.run.unit_file import encode_unit
+from sweeps.run.unit_file import encode_files
 from sweeps.run.worker import ENVIRONMENT, find_function, run_units
 from sweeps.spec.errors import StoreError
 
@@ -25,12 +25,12 @@ AHEAD = 2  # tasks in hand for each core
 
 def compute_units(
     units: list[Unit], function: str, device: str
-) -> tuple[list[bytes], float] | str:
-    """The bytes of each unit's file and the seconds a unit took, or what was raised."""
+) -> tuple[list[dict[str, bytes]], float] | str:
+    """Each unit's files by their folder and the seconds a unit took, or what was raised."""
     began = time.monotonic()
     try:
         found = run_units(find_function(function), units, device)
-        files = [encode_unit(unit.id, rows) for unit, rows in zip(units, found, strict=True)]
+        files = [encode_files(unit.id, rows) for unit, rows in zip(units, found, strict=True)]
     except Exception:
         return traceback.format_exc()
     return files, (time.monotonic() - began) / len(units)
@@ -85,9 +85,10 @@ def _finish(ray: Any, work: UnitQueue, units: list[Unit], reference: Any) -> Non
         work.failed(units, result)
         return
     files, seconds = result
-    for unit, content in zip(units, files, strict=True):
+    for unit, contents in zip(units, files, strict=True):
         try:
-            write_atomic(work.store.path(unit), content)
+            for folder, content in contents.items():
+                write_atomic(work.store.folder / folder / work.store.path(unit).name, content)
         except OSError as error:
             raise disk_error(f"{work.store.path(unit)}: cannot be written: "
                              f"{error.strerror or error}") from None

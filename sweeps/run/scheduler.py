@@ -137,7 +137,7 @@ class UnitQueue:
                                 ) - self.outcome.failed
 
     def _is_there(self, unit: Unit) -> bool:
-        return self.store.read(unit) is not None if self.verify else self.store.has(unit)
+        return self.store.has(unit, self.verify)
 
     @property
     def over(self) -> bool:

@@ -14,7 +14,7 @@ from typing import Any
 from sweeps.output import write_atomic
 from sweeps.run.environment import describe_environment
 from sweeps.run.plan import Plan, Unit, differences, digest, extends, plan_study, study_of
-from sweeps.run.unit_file import Columns, DamagedUnit, looks_whole, read_unit
+from sweeps.run.unit_file import Columns, DamagedUnit, contacts_id, looks_whole, read_unit
 from sweeps.spec.errors import Held, OtherStudy, StoreError, short
 
 OWN_FILES = ("spec.toml", "resolved.json", "environment.json", "leaderboard.csv",
@@ -39,6 +39,7 @@ class Store:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.units = folder / "units"
+        self.contacts = folder / "contacts"
         self.logs = folder / "logs"
         self.damaged = 0  # units set aside so far
 
@@ -71,6 +72,8 @@ class Store:
         try:
             self.units.mkdir(parents=True, exist_ok=True)
             self.logs.mkdir(exist_ok=True)
+            if plan.study.head.keep == "contacts":
+                self.contacts.mkdir(exist_ok=True)
             notes += self._claim(plan)
             if spec_text is not None:
                 write_atomic(self.folder / "spec.toml", spec_text)
@@ -86,14 +89,20 @@ class Store:
     def _claim(self, plan: Plan) -> list[str]:
         file = self.folder / "resolved.json"
         notes = []
+        content = {"hash": plan.hash, "name": plan.study.head.name, "keep": plan.study.head.keep,
+                   "study": plan.resolved}
         if file.exists():
             old = self.resolved()
+            if content["keep"] == "contacts" and old.get("keep") != "contacts":
+                notes = ["contacts are kept from now on: units without them are run again"]
             if old["hash"] == plan.hash:
-                return []
-            if not extends(old["study"], plan.resolved):
+                if content["keep"] == old.get("keep", "nothing"):
+                    return []
+                content = {**old, "keep": content["keep"]}  # in the order of its first spec
+            elif not extends(old["study"], plan.resolved):
                 raise OtherStudy(self.folder, differences(old["study"], dict(plan.resolved)))
-            notes = ["the study has grown; units that are still the same are kept"]
-        content = {"hash": plan.hash, "name": plan.study.head.name, "study": plan.resolved}
+            else:
+                notes += ["the study has grown; units that are still the same are kept"]
         write_atomic(file, (json.dumps(content, indent=1) + "\n").encode())
         return notes
 
@@ -141,26 +150,43 @@ class Store:
         """Ids of the units that have a file; lists the folder once."""
         return {name.removesuffix(".parquet") for name in os.listdir(self.units)}
 
+    def files(self, unit: Unit) -> dict[Path, str]:
+        """A unit's files, the rows first, and the identity that stands in each."""
+        kept = {self.contacts / f"{unit.id}.parquet": contacts_id(unit.id)}
+        return {self.path(unit): unit.id} | (kept if unit.cell.keep == "contacts" else {})
+
     def log(self, unit: Unit) -> Path:
         """Where it is said why a unit was set aside as failed."""
         return self.logs / f"{unit.id}.failed.log"
 
     def read(self, unit: Unit) -> Columns | None:
         """A unit's rows; None if it is not there; a damaged file is set aside first."""
-        path = self.path(unit)
+        return self._read(self.path(unit), unit.id, unit.stop - unit.start)
+
+    def read_contacts(self, unit: Unit) -> Columns | None:
+        """A unit's contacts, whether or not the study still keeps any; as `read`."""
+        return self._read(self.contacts / f"{unit.id}.parquet", contacts_id(unit.id), None)
+
+    def _read(self, path: Path, identity: str, count: int | None) -> Columns | None:
         try:
-            return read_unit(path, unit.id, unit.stop - unit.start)
+            return read_unit(path, identity, count)
         except FileNotFoundError:
             return None
         except DamagedUnit as error:
             self.set_aside(path, str(error))
             return None
 
-    def has(self, unit: Unit) -> bool:
-        """Whether a unit is there, by a look at its file's end; a damaged file is set aside."""
-        path = self.path(unit)
+    def has(self, unit: Unit, verify: bool = False) -> bool:
+        """Whether a unit is there, with its contacts if they are kept: by a look at its files'
+        ends, or (`verify`) by every row. A damaged file is set aside."""
+        if verify:
+            return self.read(unit) is not None and (
+                unit.cell.keep != "contacts" or self.read_contacts(unit) is not None)
+        return all(self._is_whole(*file) for file in self.files(unit).items())
+
+    def _is_whole(self, path: Path, identity: str) -> bool:
         try:
-            if looks_whole(path, unit.id):
+            if looks_whole(path, identity):
                 return True
         except FileNotFoundError:
             return False
@@ -170,12 +196,13 @@ class Store:
         return False
 
     def set_aside(self, path: Path, reason: str) -> None:
-        """Moves a damaged unit file to the logs, under the name UNIT.damaged."""
+        """Moves a damaged unit file to the logs, under the name UNIT.damaged; of contacts,
+        UNIT.contacts.damaged."""
         self.damaged += 1
-        aside = self.logs / f"{path.stem}.damaged"
+        name = path.stem if path.parent == self.units else contacts_id(path.stem)
         try:
-            os.replace(path, aside)
-            write_atomic(self.logs / f"{path.stem}.damaged.log", f"{reason}\n".encode())
+            os.replace(path, self.logs / f"{name}.damaged")
+            write_atomic(self.logs / f"{name}.damaged.log", f"{reason}\n".encode())
         except OSError:
             pass  # read-only: the unit still counts as missing
 
@@ -225,16 +252,21 @@ class Store:
     def _remove_temporaries(self) -> None:
         """Those of `write_atomic`; in the study's own folder by the names of its own files."""
         own = [self.folder.glob(f".{name}.{'[0-9a-f]' * 12}.tmp") for name in OWN_FILES]
-        for left in chain(self.units.glob(".*.tmp"), self.logs.glob(".*.tmp"), *own):
+        for left in chain(self._temporaries(), self.logs.glob(".*.tmp"), *own):
             left.unlink(missing_ok=True)
+
+    def _temporaries(self, of: str = "*") -> Iterator[Path]:
+        """Temporary files of units, or of one by its id."""
+        return chain(*(folder.glob(f".{of}.parquet.*.tmp")
+                       for folder in (self.units, self.contacts)))
 
     def left_behind(self) -> set[str]:
         """Ids of units of which a killed run left temporary files; lists the folder once."""
-        return {file.name[1:].partition(".parquet.")[0] for file in self.units.glob(".*.tmp")}
+        return {file.name[1:].partition(".parquet.")[0] for file in self._temporaries()}
 
     def sweep_out(self, unit: Unit) -> None:
         """Removes temporary files that a killed run left of a unit."""
-        for left in self.units.glob(f".{unit.id}.parquet.*.tmp"):
+        for left in self._temporaries(unit.id):
             left.unlink(missing_ok=True)
 
 
@@ -256,7 +288,8 @@ def plan_of(store: Store) -> Plan:
     """The plan that a directory's `resolved.json` holds."""
     resolved = store.resolved()
     try:
-        plan = plan_study(study_of(resolved["study"], resolved.get("name", "")))
+        plan = plan_study(study_of(resolved["study"], resolved.get("name", ""),
+                                   resolved.get("keep", "nothing")))
     except (KeyError, TypeError, ValueError):
         plan = None
     if plan is None or plan.hash != resolved["hash"]:

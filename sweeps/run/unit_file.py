@@ -1,4 +1,5 @@
-"""One unit of work as a Parquet file with its identity and a check against damage."""
+"""One unit of work as a Parquet file with its identity and a check against damage, and beside it
+another one of its contacts, where they are kept."""
 
 import hashlib
 import io
@@ -11,6 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from sweeps.output import write_atomic
+from sweeps.spec.cell import CONTACTS
 
 _LARGEST_BYTES = 64 << 20
 _MAGIC = b"PAR1"  # how a Parquet file begins and ends
@@ -38,6 +40,37 @@ def encode_unit(unit_id: str, columns: Mapping[str, np.ndarray]) -> bytes:
 def write_unit(path: Path, unit_id: str, columns: Mapping[str, np.ndarray]) -> None:
     """Writes a unit file whole or not at all."""
     write_atomic(path, encode_unit(unit_id, columns))
+
+
+def encode_files(unit_id: str, rows: Columns) -> dict[str, bytes]:
+    """The files of a unit by the folder of the study that each belongs in, to be written in this
+    order: its contacts, if they are kept, then its rows, so that a unit that is there is whole."""
+    plain = {name: values for name, values in rows.items() if name != CONTACTS}
+    files = {"units": encode_unit(unit_id, plain)}
+    if CONTACTS in rows:
+        contacts = encode_unit(contacts_id(unit_id), _contact_columns(rows))
+        files = {"contacts": contacts, **files}
+    return files
+
+
+def contacts_id(unit_id: str) -> str:
+    """What stands in the file of a unit's contacts for its identity."""
+    return f"{unit_id}.contacts"
+
+
+def _contact_columns(rows: Columns) -> Columns:
+    """The contacts of all episodes of a unit, one below the other."""
+    tables = rows[CONTACTS]
+    counts = [len(table["status"]) for table in tables]
+    named = {name: np.repeat(rows[name], counts) for name in ("episode", "strategy", "object")}
+    return named | {name: np.concatenate([table[name] for table in tables])
+                    for name in tables[0]}
+
+
+def write_files(path: Path, unit_id: str, rows: Columns) -> None:
+    """Writes the files of a unit whose rows belong at `path`, each whole or not at all."""
+    for folder, content in encode_files(unit_id, rows).items():
+        write_atomic(path.parent.parent / folder / path.name, content)
 
 
 def read_unit(path: Path, unit_id: str, row_count: int | None = None) -> Columns:
@@ -92,7 +125,9 @@ def looks_whole(path: Path, unit_id: str) -> bool:
 def _arrow(values: np.ndarray) -> pa.Array:
     if _holds_curves(values):
         return pa.array([v.tolist() for v in values], type=pa.list_(pa.float64()))
-    return pa.array(values.tolist() if values.dtype == object else values)
+    if values.dtype == object:
+        return pa.array(values.tolist(), type=None if len(values) else pa.string())
+    return pa.array(values)
 
 
 def _holds_curves(values: np.ndarray) -> bool:

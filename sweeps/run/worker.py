@@ -27,7 +27,7 @@ from pathlib import Path
 import numpy as np
 
 from sweeps.run.plan import Unit
-from sweeps.run.unit_file import Columns, write_unit
+from sweeps.run.unit_file import Columns, write_files
 from sweeps.spec.cell import Cell
 
 RunCells = Callable[[Sequence[tuple[Cell, np.ndarray]], str], list[Columns]]
@@ -136,7 +136,7 @@ def _run_batch(run_cells: RunCells, units: Sequence[Unit], paths: Sequence[Path]
         found = run_units(run_cells, units, device)
         for unit, path, rows in zip(units, paths, found, strict=True):
             try:
-                write_unit(path, unit.id, rows)
+                write_files(path, unit.id, rows)
             except OSError as error:
                 yield Report("disk", f"{path}: cannot be written: {error.strerror or error}")
                 return

@@ -3,7 +3,7 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "cell": ["Cell", "SECTIONS", "TABLES", "differ_in_object_alone"],
+    "cell": ["CONTACTS", "Cell", "SECTIONS", "TABLES", "differ_in_object_alone"],
     "errors": ["Held", "OtherStudy", "Problem", "SpecError", "StoreError", "choose", "short"],
     "objects": ["object_of_argument"],
     "reader": ["read_spec"],

@@ -17,7 +17,7 @@ from sweeps.spec.units import spec_fields
 
 KINDS = ("grid", "zip", "sobol", "lhs")
 POINT_LIMIT = 10**5  # points of one sampled axis
-SETTABLE = ("seed", "episodes_per_cell", "name")
+SETTABLE = ("seed", "episodes_per_cell", "keep", "name")
 Reader = Callable[[Any, KeyPath, Problems], Any]
 
 

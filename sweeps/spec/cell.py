@@ -23,6 +23,9 @@ SECTIONS: dict[str, type] = {
 }
 TABLES = tuple("placement" if name == "object" else name for name in SECTIONS)
 """Names of the sections' fields in a `Cell`."""
+CONTACTS = "contact_rows"
+"""The column of rows that holds each episode's contacts, a table of columns, where a cell keeps
+them."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,8 @@ class Cell:
     decide: DecideTable = field(default_factory=DecideTable)
     seed: int = 0
     setting: Mapping[str, Any] = field(default_factory=dict)
+    keep: str = "nothing"
+    """What is kept beside the rows: nothing, or contacts. No row depends on it."""
 
 
 def differ_in_object_alone(one: Cell, other: Cell) -> bool:

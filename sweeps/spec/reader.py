@@ -16,7 +16,7 @@ from sweeps.spec.study import CELL_LIMIT, EPISODE_LIMIT, Study, StudyTable
 from sweeps.spec.toml_reader import read_toml
 from sweeps.spec.units import read_table
 
-HEAD = ("schema", "name", "seed", "episodes_per_cell")
+HEAD = ("schema", "name", "seed", "episodes_per_cell", "keep")
 REQUIRED = ("schema", "objects", "strategy")
 TOP = (*HEAD, "objects", "strategy", *SECTIONS, "sweep")
 

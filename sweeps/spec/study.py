@@ -27,6 +27,8 @@ class StudyTable:
                                            "doc": "names every random number of the study"})
     episodes_per_cell: int = field(default=64, metadata={
         "low": 1, "high": EPISODE_LIMIT, "doc": "episodes of each strategy on each object"})
+    keep: str = field(default="nothing", metadata={
+        "choices": ("nothing", "contacts"), "doc": "what is kept beside the rows of results"})
 
 
 @dataclass(frozen=True)
@@ -101,7 +103,7 @@ class Study:
                 tables[section] = replace(tables[section], **{_si_name(section, name): value})
         return Cell(chosen, self.objects[body].table, self.objects[body].name,
                     **dict(zip(TABLES, (tables[name] for name in SECTIONS), strict=True)),
-                    seed=self.head.seed, setting=given)
+                    seed=self.head.seed, setting=given, keep=self.head.keep)
 
     def cells(self) -> Iterator[tuple[int, int, int]]:
         """Index triples (strategy, object, setting), the strategies of one case side by side.

@@ -16,6 +16,7 @@ schema = 1
 name = "my-study"
 seed = 7
 episodes_per_cell = 64                 # of each strategy on each object
+# keep = "contacts"                    # of every episode, for `warpgrasp rows --contacts`
 # Names (`warpgrasp objects`), meshes, compounds, superquadrics (half their extents):
 #   { mesh = "mug.stl", units = "cm" }
 #   { name = "egg", superquadric = { size_mm = [30, 30, 45], exponents = [1.0, 1.0] } }

@@ -12,7 +12,7 @@ import numpy as np
 from sweeps.run.plan import BLOCK
 from sweeps.run.unit_file import Columns
 from sweeps.run.worker import RunCells
-from sweeps.spec.cell import Cell
+from sweeps.spec.cell import CONTACTS, Cell
 
 
 def cell_by_cell(rows: Callable[[Cell, np.ndarray, str], Columns]) -> RunCells:
@@ -125,6 +125,27 @@ def _batched_rows(cell: Cell, episodes: np.ndarray, device: str = "cpu") -> Colu
 
 
 batched_episodes = cell_by_cell(_batched_rows)
+
+def with_contacts(rows: Columns, cell: Cell, episodes: np.ndarray) -> Columns:
+    """The rows and, if they are kept, contacts: of every third episode none, of the next one, then
+    two."""
+    if cell.keep == "contacts":
+        rows[CONTACTS] = np.empty(len(episodes), object)
+        for n, episode in enumerate(episodes):
+            count = int(episode) % 3
+            rows[CONTACTS][n] = {
+                "procedure": np.full(count, "containment", object),
+                "probe": np.arange(count, dtype=np.int32),
+                "status": np.full(count, "contact", object),
+                "x_m": np.full(count, 0.45 + 0.001 * episode, np.float32),
+                "taxel_peak": np.full(count, np.nan, np.float32)}
+    return rows
+
+
+@cell_by_cell
+def touching_episodes(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
+    return with_contacts(_batched_rows(cell, episodes), cell, episodes)
+
 
 BAD = 320
 

@@ -11,7 +11,7 @@ from sweeps.run.plan import Plan, plan_study
 from sweeps.run.progress import Progress
 from sweeps.run.scheduler import Outcome
 from sweeps.run.store import Store
-from sweeps.run.unit_file import write_unit
+from sweeps.run.unit_file import write_files
 from sweeps.run.worker import run_units
 from sweeps.spec.reader import read_spec
 
@@ -61,5 +61,5 @@ def fill(folder: Path, plan: Plan, episodes: Any = fake_episodes.run_episodes) -
     store = Store(folder)
     store.open_for(plan, None, "cpu")
     for unit in plan.units():
-        write_unit(store.path(unit), unit.id, run_units(episodes, [unit], "cpu")[0])
+        write_files(store.path(unit), unit.id, run_units(episodes, [unit], "cpu")[0])
     return store

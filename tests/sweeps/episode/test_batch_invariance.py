@@ -14,19 +14,24 @@ from strategies.ready_made import STRATEGIES
 from strategies.strategy import Strategy
 from sweeps.episode.episodes import run_block, run_cells, run_episodes
 from sweeps.run.unit_file import Columns
-from sweeps.spec.cell import Cell
+from sweeps.spec.cell import CONTACTS, Cell
 
 THEIRS = HELPERS / "theirs.py"
 
 
 def same(one: Mapping[str, np.ndarray], other: Mapping[str, np.ndarray], row: int) -> None:
-    """The only row of `one` is row `row` of `other`."""
+    """The only row of `one` is row `row` of `other`, with its contacts."""
+    assert len(one[CONTACTS][0]["status"]) > 0
     for name, values in one.items():
-        np.testing.assert_array_equal(values[0], other[name][row], name)
+        if name == CONTACTS:
+            for column, found in values[0].items():
+                np.testing.assert_array_equal(found, other[name][row][column], column)
+        else:
+            np.testing.assert_array_equal(values[0], other[name][row], name)
 
 
 def cell(strategy: Strategy, name: str) -> Cell:
-    return Cell(strategy, {"name": name}, name, seed=3)
+    return Cell(strategy, {"name": name}, name, seed=3, keep="contacts")
 
 
 def test_a_neighbours_face_bars_no_end_from_being_crossed() -> None:

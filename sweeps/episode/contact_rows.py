@@ -1,0 +1,132 @@
+"""Contacts of a block of episodes as flat columns, a row for each guarded move that had a sensor.
+
+x, y, z are the contact as the robot estimates it; for a contact used by the last fit, the point
+that it used. No strategy or fit reads the true columns. For touches of pads `grasp` is the
+direction on a face or the section of a contour. What a move does not have is NaN.
+
+A world's rows do not depend on the worlds beside it: probes that it did not make have no rows.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from strategies.exploration import Exploration, Procedure
+from strategies.procedures.contour_follower import ContourExploration
+from strategies.procedures.planar_explorer import PlanarExploration
+from strategies.procedures.touches import true_touches
+from strategies.recovery.evidence import Evidence
+from warpgrasp.closing.closing import ClosingTruth
+from warpgrasp.probe_status import ProbeStatus
+from warpgrasp.robot import Grasps, Truth
+
+INTEGERS = ("probe", "grasp", "finger", "link")
+VECTORS = {
+    "point": ("x_m", "y_m", "z_m"),
+    "true_point": ("true_x_m", "true_y_m", "true_z_m"),
+    "true_normal": ("true_nx", "true_ny", "true_nz"),
+    "joints": ("q0_rad", "q1_rad", "q2_rad", "q3_rad"),
+    "hand": ("hand_x_m", "hand_y_m", "hand_z_m", "hand_qx", "hand_qy", "hand_qz", "hand_qw"),
+}
+"""Arrays of a row, and the columns that hold their numbers."""
+COLUMNS = ("procedure", *INTEGERS, "status", *VECTORS["point"], *VECTORS["true_point"],
+           *VECTORS["true_normal"], *VECTORS["joints"], "tension_difference_N", "taxel_peak",
+           *VECTORS["hand"])
+STATUS_NAMES = np.array([status.name.lower() for status in ProbeStatus], object)
+Parts = dict[str, np.ndarray]
+
+
+def contact_columns(found: Exploration, truth: Truth) -> dict[str, np.ndarray]:
+    """`world`, then `COLUMNS`, (row,) each: world by world, in the order the moves were made."""
+    parts = [_columns(part) for part in _procedures(found, truth)]
+    if not parts:
+        return {name: np.zeros(0, object if name in ("procedure", "status") else
+                               int if name in ("world", *INTEGERS) else float)
+                for name in ("world", *COLUMNS)}
+    columns = {name: np.concatenate([part[name] for part in parts])
+               for name in ("world", *COLUMNS)}
+    order = np.argsort(columns["world"], kind="stable")
+    return {name: values[order] for name, values in columns.items()}
+
+
+def contact_tables(found: Exploration, truth: Truth) -> np.ndarray:
+    """The columns of each world, an object array (world,) of dictionaries as rows keep them.
+
+    Numbers have 32 bits: 0.03 um at arm's length.
+    """
+    columns = contact_columns(found, truth)
+    ends = np.cumsum(np.bincount(columns.pop("world"), minlength=len(found.status)))
+    small = {name: values if values.dtype == object else
+             values.astype(np.int32 if values.dtype.kind == "i" else np.float32)
+             for name, values in columns.items()}
+    tables = np.empty(len(ends), object)
+    for world, (start, end) in enumerate(zip([0, *ends[:-1]], ends, strict=True)):
+        tables[world] = {name: values[start:end] for name, values in small.items()}
+    return tables
+
+
+def _procedures(found: Exploration, truth: Truth) -> Iterator[Parts]:
+    slot, probes = 0, np.zeros(len(found.status), int)
+    for procedure in found.procedures:
+        if isinstance(procedure.felt, Grasps):
+            yield _grasps(procedure, procedure.felt, truth.closings[procedure.closing],
+                          found.belief.evidence, slot, probes)
+        else:
+            yield _touches(procedure.name, procedure.felt, truth, probes)
+        slot += procedure.slots
+
+
+def _grasps(procedure: Procedure, grasps: Grasps, truth: ClosingTruth, evidence: Evidence,
+            slot: int, probes: np.ndarray) -> Parts:
+    """Rows of a batch of grasps, whose contacts begin at `slot` of the evidence; the number of
+    each world's probes so far, (world,), is counted on."""
+    closing = grasps.closing
+    tried = grasps.moves.status[:, :, 0] != ProbeStatus.NOT_TRIED
+    shape = closing.status.shape
+    at = np.nonzero(np.broadcast_to(tried[:, :, None, None], shape))
+    world, probe, grasp, finger = at
+    own = slot + np.ravel_multi_index((probe, grasp, finger), shape[1:])
+    used = evidence.mask[world, own][:, None]
+    number = probes[:, None] + np.cumsum(tried, axis=1) - 1
+    probes += tried.sum(axis=1)
+    return {
+        "world": world, "procedure": np.full(len(world), procedure.name, object),
+        "probe": number[world, probe], "grasp": grasp, "finger": finger, "link": truth.link[at],
+        "status": STATUS_NAMES[closing.status[at]],
+        "point": np.where(used, evidence.points_m[world, own], grasps.estimate.point_m[at]),
+        "true_point": truth.point_m[at], "true_normal": truth.normal[at],
+        "joints": closing.q_rad[at], "tension_difference_N": closing.tension_difference_N[at],
+        "taxel_peak": np.full(len(world), np.nan),
+        "hand": grasps.moves.believed_pose[world, probe],
+    }
+
+
+def _touches(name: str, felt: PlanarExploration | ContourExploration, truth: Truth,
+             probes: np.ndarray) -> Parts:
+    table = felt.touches
+    point, normal = true_touches(table, truth)
+    order = np.argsort(table.world, kind="stable")
+    world = table.world[order]
+    made = np.bincount(world, minlength=len(probes))
+    number = probes[world] + np.arange(len(world)) - (np.cumsum(made) - made)[world]
+    probes += made
+    return {
+        "world": world, "procedure": np.full(len(world), name, object), "probe": number,
+        "grasp": table.part[order], "finger": table.finger[order], "link": table.link[order],
+        "status": STATUS_NAMES[table.status[order]], "point": table.point_m[order],
+        "true_point": point[order], "true_normal": normal[order], "joints": table.q_rad[order],
+        "tension_difference_N": np.full(len(world), np.nan),
+        "taxel_peak": table.taxel_peak[order], "hand": table.hand_pose[order],
+    }
+
+
+def _columns(parts: Parts) -> dict[str, np.ndarray]:
+    """One array a column: whole numbers, text, and float64 that are NaN where infinite."""
+    flat = {"world": parts["world"].astype(int)}
+    flat |= {name: parts[name].astype(int) for name in INTEGERS}
+    flat |= {name: parts[name] for name in ("procedure", "status")}
+    numbers = {name: parts[name] for name in ("tension_difference_N", "taxel_peak")}
+    for vector, names in VECTORS.items():
+        numbers |= dict(zip(names, parts[vector].T, strict=True))
+    return flat | {name: np.where(np.isfinite(values), values, np.nan).astype(float)
+                   for name, values in numbers.items()}
