@@ -16,7 +16,7 @@ SURFACE_POINTS = 864
 _NOTHING = {
     "too_few_contacts": "too few contacts for any body",
     "fit_failed": "no body could be fitted to the contacts",
-    "fit_implausible": "contacts, free space, table or prior contradict the body that was fitted",
+    "fit_implausible": "contacts, free space, table or prior contradict what was fitted",
     "strategy_failed": "the strategy failed before enough was felt",
 }
 
@@ -28,8 +28,8 @@ def trust_sentence(block: EpisodeBlock, world: int = 0) -> str:
     felt = int(evidence.mask.sum())
     if recovered.shape[0] == Shape.PRIOR_CYLINDER:
         why = _NOTHING.get(str(block.status[world]), str(block.status[world]))
-        return (f"Do not trust it: {why} ({felt} contacts); the body written is the cylinder that "
-                "the strategy was given as prior.")
+        return (f"nothing was recovered: {why} ({felt} contacts); the body written is the cylinder "
+                "that the strategy was given as prior")
     near = explained_by(recovered, evidence.points_m, evidence.mask)
     share = surface_near(recovered, evidence.points_m[0][near[0]])
     far = felt - int(near.sum())
@@ -41,7 +41,7 @@ def trust_sentence(block: EpisodeBlock, world: int = 0) -> str:
         low, high = 1e6 * block.exploration.belief.uncertainty.volume_interval_m3()[world]
         text += (f"; its volume is {low:.0f} to {high:.0f} cm3 (90 %), if the object is a "
                  "superquadric")
-    return text + "."
+    return text
 
 
 def surface_near(recovered: Recovered, contacts_m: np.ndarray) -> float:
