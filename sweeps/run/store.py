@@ -89,6 +89,7 @@ class Store:
     def _claim(self, plan: Plan) -> list[str]:
         file = self.folder / "resolved.json"
         notes = []
+        earlier: set[int] = set()  # episodes of a cell before the study grew
         content = {"hash": plan.hash, "name": plan.study.head.name, "keep": plan.study.head.keep,
                    "study": plan.resolved}
         if file.exists():
@@ -102,7 +103,10 @@ class Store:
             elif not extends(old["study"], plan.resolved):
                 raise OtherStudy(self.folder, differences(old["study"], dict(plan.resolved)))
             else:
-                notes += ["the study has grown; units that are still the same are kept"]
+                notes += ["the study has grown; what is there of it is kept"]
+            earlier = {*old.get("earlier", ()), old["study"]["episodes_per_cell"]}
+        if grown := sorted(earlier - {plan.study.head.episodes_per_cell}):
+            content["earlier"] = grown
         write_atomic(file, (json.dumps(content, indent=1) + "\n").encode())
         return notes
 
@@ -141,6 +145,11 @@ class Store:
             raise StoreError(f"{file}: is damaged; remove it and run the sweep again, "
                              "finished units are kept") from None
         return found
+
+    def earlier(self) -> tuple[int, ...]:
+        """Numbers of episodes a cell that the study had before it grew."""
+        found = self.resolved().get("earlier", ())
+        return tuple(count for count in found if isinstance(count, int))
 
     def path(self, unit: Unit) -> Path:
         """Where a unit's rows are, or will be."""
