@@ -7,12 +7,14 @@ import socket
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from sweeps.output import write_atomic
 from sweeps.run.environment import describe_environment
+from sweeps.run.inputs import keep_inputs
 from sweeps.run.plan import Plan, Unit, differences, digest, extends, plan_study, study_of
 from sweeps.run.unit_file import Columns, DamagedUnit, contacts_id, looks_whole, read_unit
 from sweeps.spec.errors import Held, OtherStudy, StoreError, short
@@ -75,6 +77,7 @@ class Store:
             if plan.study.head.keep == "contacts":
                 self.contacts.mkdir(exist_ok=True)
             notes += self._claim(plan)
+            keep_inputs(self.folder, plan.study)
             if spec_text is not None:
                 write_atomic(self.folder / "spec.toml", spec_text)
             notes += self._note_environment(device)
@@ -290,7 +293,7 @@ def open_study(folders: Sequence[Path]) -> tuple[Plan, list[Store]]:
         if resolved["hash"] != found[0]["hash"]:
             raise OtherStudy(store.folder, [f"hash: {found[0]['hash']} ({folders[0]}) -> "
                                             f"{resolved['hash']} ({store.folder})"])
-    return plan_of(stores[0]), stores
+    return replace(plan_of(stores[0]), folders=tuple(folders)), stores
 
 
 def plan_of(store: Store) -> Plan:
