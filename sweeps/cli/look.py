@@ -89,6 +89,34 @@ def rows(folders: list[Path], /, *,
 
 
 @app.command
+def compare(one: Annotated[Path, Parameter(name="A")], other: Annotated[Path, Parameter(name="B")],
+            /, *, metric: str = "chamfer_mm", over: Over | None = None,
+            out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
+            json: Json = False) -> int:
+    """Compare two studies: what changed in their specs, and what that did to what they share.
+
+    Parameters
+    ----------
+    one
+        The directory of a study, or a spec: then only specs are compared.
+    other
+        The other one; differences are B minus A.
+    metric
+        What to compare.
+    over
+        What intervals are of: objects like-these (the default where there are several), or these
+        objects with other episodes.
+    out
+        Also write the table, as CSV.
+    json
+        Print JSON.
+    """
+    from sweeps.compare.command import compare as compare_studies
+
+    return compare_studies(one, other, out, metric=metric, over=over, as_json=json)
+
+
+@app.command
 def figure(words: list[FigureKind | str], /, *,
            out: Annotated[Path, Parameter(name=["--out", "-o"])],
            metric: str = "chamfer_mm", strategy: str | None = None,
