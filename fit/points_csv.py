@@ -19,6 +19,7 @@ from fit.fit_status import status_names
 from fit.plane import PlaneFit
 from fit.revolution.record import RevolutionFit
 from fit.superquadric.record import SuperquadricFit
+from warpgrasp.core.plain_text import csv_cell
 
 UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 LARGEST_M = 2.0
@@ -214,4 +215,4 @@ def rows_csv(header: Sequence[str], rows: Iterable[Sequence]) -> bytes:
 def _cell(value) -> str:
     if isinstance(value, float | np.floating):
         return format(value + 0.0, ".9g") if math.isfinite(value) else "NA"
-    return str(value)
+    return csv_cell(str(value))

@@ -18,6 +18,7 @@ from fit.fit_status import FitStatus
 from fit.superquadric.fit import fit_superquadric
 from fit.superquadric.record import SuperquadricFit
 from strategies.planners.from_strategy import Budget, within_budget
+from strategies.planners.guarded_call import guarded_call
 from strategies.planners.probes import CrossFaces, FollowContour, Grasp, Probe, misfits, wanted_of
 from strategies.planners.register import Foreseeing, Planner, fault_text, place_of
 from strategies.poses.waypoints import BoundingCylinder
@@ -29,9 +30,9 @@ from strategies.procedures.planar_faces import Face, planes_of
 from strategies.recovery.belief import Belief, read_only
 from strategies.recovery.choose_model import (
     Recovered,
+    Shape,
     choose_body,
     or_prior,
-    plausible,
     revolution_of,
 )
 from strategies.recovery.complete_contour import whole_profile
@@ -50,13 +51,17 @@ from strategies.recovery.evidence import (
 )
 from strategies.recovery.fit_contacts import recover_bodies, refine_bodies
 from strategies.recovery.misfit import UNBELIEVED_M, touch_misfit
+from strategies.recovery.plausibility import (
+    FEWEST_CONTACTS,
+    plausible,
+    swept,
+    within_reach,
+)
 from strategies.recovery.refit_policy import REGROWN, contradicted, explained, felt_by_pads
 from warpgrasp.parameters import FitTable
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Grasps, Robot
 
-FEWEST_CONTACTS = 8
-"""With fewer contacts no body is fitted."""
 _SAFE_POSE = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
 
 
@@ -150,9 +155,10 @@ class _Run:
     def take_step(self, planner: Planner) -> bool:
         """Ask once and carry out the answer; False if no probe of it can be made."""
         try:
-            probes = list(planner(self.belief))
+            with guarded_call():
+                probes = list(planner(self.belief))
             wanted = [wanted_of(probe, self.robot.worlds) for probe in probes]
-        except (Exception, SystemExit) as error:  # whatever a user's strategy may raise
+        except Exception as error:  # whatever a user's strategy may raise
             self._blame(np.ones(self.robot.worlds, bool), fault_text(planner, error))
             return False
         stopped = np.zeros(self.robot.worlds, bool)
@@ -304,10 +310,15 @@ class _Run:
             put_rows(self.placed, part, placed)
 
     def believed(self) -> np.ndarray:
-        """Worlds whose fit is to be believed, bool (world,)."""
+        """Worlds whose fit is good enough to go on by, bool (world,)."""
         near = touch_misfit(self.fits, self.placed) < UNBELIEVED_M
         return ((self.placed.mask.sum(1) >= FEWEST_CONTACTS) & near
-                & plausible(self.fits, self.prior))
+                & within_reach(self.fits, self.prior))
+
+    def _all_felt(self, rows: np.ndarray) -> Evidence:
+        """Contacts as placed for the last fit, and all free space, of the worlds `rows`."""
+        return replace(rows_of(self.placed, rows), free_m=self.felt.free_m[rows],
+                       free_mask=self.felt.free_mask[rows])
 
     def _conclude(self, rows: np.ndarray) -> None:
         """What is believed now; only `rows` felt something new, the others' bodies stay."""
@@ -321,10 +332,15 @@ class _Run:
             before = self.profile if self.whole is None else self.whole
             self.whole = with_profiles(before, rows, profile)
         self.shape = with_rows(self.shape, rows, choose_body(
-            fitted[rows], rows_of(body, rows), profile, rows_of(self.placed, rows),
-            self.contour).shape)
+            fitted[rows], rows_of(body, rows), profile, self._all_felt(rows), self.contour,
+            rows_of(self.prior, rows)).shape)
         turned = None if self.whole is None else revolution_of(self.whole)
-        self.recovered = Recovered(self.shape, body, turned)
+        # What is contradicted may lead to where it is felt to be wrong, but it is no result.
+        denied = (self.shape == Shape.SUPERQUADRIC) & ~(
+            plausible(body, self.prior) & ~swept(body, self.felt))
+        self.recovered = Recovered(
+            np.where(denied, Shape.PRIOR_CYLINDER, self.shape),
+            or_prior(body, self.prior, ~denied), turned)
         self.belief = read_only(Belief(
             self.step, self.active.copy(), self.prior, self.seed, self.robot.arm,
             self.robot.hand, self.robot.sensors, self.closings, self.placed, self.fits, fitted,

@@ -4,10 +4,12 @@ import os
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager, redirect_stdout, suppress
 from functools import cache
 from pathlib import Path
 from typing import BinaryIO
+
+from warpgrasp.core.plain_text import printable
 
 # Printed by native code on machines without a GPU; Warp has no setting to suppress it.
 NO_DRIVER = b"Could not find or load the NVIDIA CUDA driver"
@@ -63,8 +65,22 @@ def init_warp() -> None:
         os.close(kept)
 
 
+def say(text: str) -> None:
+    """Print a message on stderr; control characters in what came from a user are escaped."""
+    print(printable(text), file=sys.stderr, flush=True)
+
+
+def note(text: str) -> None:
+    """`say`, unless notes are suppressed by `--quiet`."""
+    if not is_quiet():
+        say(text)
+
+
 def write_atomic(path: Path, content: bytes) -> None:
-    """Write a temporary file, sync it, rename it to `path`, and sync the folder."""
+    """Write a temporary file, sync it, rename it to `path`, and sync the folder.
+
+    Raises OSError that names `path`.
+    """
     with atomic_file(path) as stream:
         stream.write(content)
 
@@ -79,8 +95,11 @@ def atomic_file(path: Path) -> Iterator[BinaryIO]:
             stream.flush()
             os.fsync(stream.fileno())
         os.replace(temporary, path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
+    except BaseException as error:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise OSError(error.errno, error.strerror, str(path)) from None
         raise
     folder = os.open(path.parent, os.O_RDONLY)
     try:

@@ -9,6 +9,8 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from warpgrasp.core.plain_text import csv_cell, on_one_line
+
 WIDEST = 100_000
 """Columns of a printed table: a terminal may wrap it, but no cell is cut."""
 
@@ -26,7 +28,7 @@ class TextTable:
         stream = io.StringIO()
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(self.header)
-        writer.writerows(self.rows)
+        writer.writerows([csv_cell(cell) for cell in row] for row in self.rows)
         return stream.getvalue().encode()
 
 
@@ -53,7 +55,7 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], as_json: b
         numeric = bool(rows) and all(_is_number(row[n]) for row in rows)
         table.add_column(Text(name), justify="right" if numeric else "left", no_wrap=True)
     for row in rows:
-        table.add_row(*(Text(cell.expandtabs(1)) for cell in row))
+        table.add_row(*(Text(on_one_line(cell)) for cell in row))
     console = Console(file=sys.stdout, width=WIDEST)
     with console.capture() as printed:
         console.print(table)

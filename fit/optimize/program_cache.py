@@ -2,15 +2,14 @@
 
 JAX's own cache avoids compiling, but a program must be traced and lowered to be looked up, which
 takes seconds here. Instead the executables are stored, one file each, in a folder named by a hash
-of everything they depend on: this package's source, package versions, processor, XLA flags. A file
-that cannot be read is replaced. The files are pickles in the user's own cache folder
-(XDG_CACHE_HOME or ~/.cache), which must be trusted.
+of everything they depend on: this package's source, package versions, processor, XLA flags. The
+files are pickles: they are loaded only with their checksum, as the user's own, from a folder that
+nobody else may write to (`warpgrasp.core.cache_file`); all others are replaced.
 """
 
 import os
 import pickle
 import platform
-import tempfile
 from collections.abc import Callable
 from functools import lru_cache
 from hashlib import sha256
@@ -22,6 +21,7 @@ import jax
 from jax.experimental import serialize_executable
 
 from fit.optimize.xla_flags import xla_flags_active
+from warpgrasp.core.cache_file import cache_root, drop_cached, read_cached, write_cached
 
 
 def load_or_compile(name: str, function: Any, arguments: tuple) -> Callable:
@@ -35,11 +35,11 @@ def load_or_compile(name: str, function: Any, arguments: tuple) -> Callable:
     shapes = jax.tree.map(lambda leaf: (leaf.shape, leaf.dtype.str), arguments)
     file = _folder() / (sha256(f"{name}\n{shapes}".encode()).hexdigest()[:32] + ".xla")
     try:
-        payload, skeleton = pickle.loads(file.read_bytes())
+        payload, skeleton = pickle.loads(read_cached(file) or b"")
         _load_linear_algebra()
         return serialize_executable.deserialize_and_load(
             payload, jax.tree.structure((arguments, {})), jax.tree.structure(skeleton))
-    except Exception:  # absent, truncated or incompatible: compile
+    except Exception:  # absent, damaged or incompatible: compile
         compiled = function.lower(*arguments).compile()
     if not xla_flags_active():
         return compiled  # compiled with other flags than the folder name states
@@ -47,8 +47,9 @@ def load_or_compile(name: str, function: Any, arguments: tuple) -> Callable:
         payload, given, result = serialize_executable.serialize(compiled)
         # A program from JAX's own cache is serialized incompletely; loading it raises.
         serialize_executable.deserialize_and_load(payload, given, result)
-        _write(file, pickle.dumps((payload, jax.tree.unflatten(result, range(result.num_leaves)))))
-    except Exception:  # also a full disk or an unwritable folder: only time is lost
+        skeleton = jax.tree.unflatten(result, range(result.num_leaves))
+        write_cached(file, pickle.dumps((payload, skeleton)))
+    except Exception:  # only time is lost
         pass
     return compiled
 
@@ -58,9 +59,13 @@ def has_cached_programs() -> bool:
     return any(_folder().glob("*.xla"))
 
 
+def drop_programs() -> None:
+    """Removes the cached programs of this version: some may not run on this processor."""
+    drop_cached(_folder())
+
+
 @lru_cache(maxsize=1)
 def _folder() -> Path:
-    root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     digest = sha256()
     for file in sorted(Path(__file__).parent.parent.rglob("*.py")):
         digest.update(file.read_bytes())
@@ -68,7 +73,7 @@ def _folder() -> Path:
                  platform.platform(), platform.python_version(), _processor(),
                  os.environ.get("XLA_FLAGS", ""), str(jax.devices())):
         digest.update(f"\n{fact}".encode())
-    return root / "warpgrasp" / "programs" / digest.hexdigest()[:16]
+    return cache_root() / "programs" / digest.hexdigest()[:16]
 
 
 def _processor() -> str:
@@ -86,10 +91,3 @@ def _load_linear_algebra() -> None:
     """Make JAX fill in the addresses of LAPACK, which it does when it first lowers such a call."""
     jax.jit(jax.lax.linalg.cholesky).lower(jax.ShapeDtypeStruct((2, 2), "float64"))
 
-
-def _write(file: Path, content: bytes) -> None:
-    file.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=file.parent)
-    with os.fdopen(handle, "wb") as out:
-        out.write(content)
-    os.replace(name, file)

@@ -13,6 +13,8 @@ from hashlib import sha256
 from pathlib import Path
 from types import ModuleType
 
+from strategies.planners.guarded_call import guarded_call
+
 FILE_LIMIT = 1 << 20
 
 
@@ -68,7 +70,8 @@ def _run(file: Path, place: Path, content: str) -> PlannerFile:
     sys.path.insert(0, folder)
     importlib.invalidate_caches()
     try:
-        spec.loader.exec_module(module)
+        with guarded_call():
+            spec.loader.exec_module(module)
         beside = {f"{name}.py": _hash(place.with_name(f"{name}.py")) for name in _taken_out(folder)}
     except BaseException as error:
         del sys.modules[label]

@@ -17,8 +17,9 @@ from fit.superquadric.fit import fit_superquadric
 from fit.superquadric.record import SuperquadricOptions
 from strategies.poses.waypoints import PRIOR_MARGIN_M, BoundingCylinder
 from strategies.recovery.belief import Belief
-from strategies.recovery.choose_model import or_prior, plausible
+from strategies.recovery.choose_model import or_prior
 from strategies.recovery.misfit import touch_misfit
+from strategies.recovery.plausibility import within_reach
 
 TRUSTED_FROM = 32
 """Contacts from which a fit to them alone is the better guide [est]."""
@@ -61,7 +62,7 @@ def planning_belief(
         free_points=evidence.free_m[rows], free_radius=evidence.free_radius_m,
         free_mask=evidence.free_mask[rows], options=_OPTIONS)
     good = np.isin(fits.status, (FitStatus.converged, FitStatus.not_converged))
-    guide = or_prior(fits, prior, good & plausible(fits, prior))
+    guide = or_prior(fits, prior, good & within_reach(fits, prior))
     for whole, part in zip(body, guide, strict=True):
         whole[rows] = part
     return replace(belief, body=body), trusted

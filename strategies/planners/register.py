@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
+from strategies.planners.guarded_call import EndedProcess
 from strategies.planners.probes import Grasp, Probe, ProbeError
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered
@@ -54,10 +55,11 @@ def fault_text(planner: Callable[..., Any], error: BaseException) -> str:
         return f"{place_of(planner)}: {error}"
     frames = traceback.extract_tb(error.__traceback__)
     own = [f for f in frames if f.filename == _code_of(planner)[0]]
-    if not own:  # of what it answered with
-        return f"{place_of(planner)}: {type(error).__name__}: {error}"[:400].replace("\n", " ")
-    where = f"{Path(own[-1].filename).name}:{own[-1].lineno}: {own[-1].name}"
-    return f"{where}: {type(error).__name__}: {error}"[:400].replace("\n", " ")
+    # Without a line of its own: of what it answered with.
+    where = (f"{Path(own[-1].filename).name}:{own[-1].lineno}: {own[-1].name}" if own
+             else place_of(planner))
+    what = error if isinstance(error, EndedProcess) else f"{type(error).__name__}: {error}"
+    return f"{where}: {what}"[:400].replace("\n", " ")
 
 
 def place_of(planner: Callable[..., Any]) -> str:

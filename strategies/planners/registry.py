@@ -6,6 +6,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
+from strategies.planners.guarded_call import guarded_call
 from strategies.planners.planner_file import PlannerError, planner_file
 from strategies.planners.register import PLANNERS, Planner
 
@@ -21,7 +22,8 @@ def make_planner(call: str, options: Mapping[str, Any]) -> Planner:
     found = find_planner(call)
     if inspect.isclass(found) or not takes_belief(found):
         try:
-            made: Any = found(**options)
+            with guarded_call():
+                made: Any = found(**options)
             return made
         except Exception as error:  # anything may go wrong in a planner that somebody else wrote
             raise PlannerError(f"strategy {call!r} cannot take the options {dict(options)!r:.200}: "
@@ -58,7 +60,8 @@ def find_planner(call: str) -> Callable[..., Any]:
     for entry in entry_points(group=GROUP):
         if entry.name == call:
             try:
-                return entry.load()
+                with guarded_call():
+                    return entry.load()
             except Exception as error:
                 raise PlannerError(f"strategy {call!r}: its entry point {entry.value} cannot be "
                                    f"loaded: {type(error).__name__}: {error}") from error

@@ -8,11 +8,12 @@ import numpy as np
 from fit.arrays import row_sums, rows_of
 from fit.revolution.geometry import RevolutionBody
 from fit.superquadric.geometry import Superquadric, SuperquadricLike
-from fit.superquadric.record import SuperquadricFit
-from strategies.poses.waypoints import PRIOR_MARGIN_M, BoundingCylinder
+from strategies.poses.waypoints import BoundingCylinder
 from strategies.procedures.contour_shape import Profile
 from strategies.recovery.body_distances import contour_distances, surface_distances
 from strategies.recovery.evidence import Evidence
+from strategies.recovery.misfit import FARTHEST_M
+from strategies.recovery.plausibility import plausible_contour
 
 FEWEST_NODES = 4
 """Of a contour that is to stand for a body."""
@@ -24,7 +25,7 @@ are fewer; on a cylinder, where both do, the superquadric stays."""
 CONTRADICTS_M = 0.010
 """Contacts farther than this from a contour do not belong to it."""
 MOST_STRAYED = 0.1
-FARTHEST_M = 0.05
+LARGEST_RESIDUAL_M = 0.05
 
 
 class Shape(IntEnum):
@@ -73,14 +74,14 @@ def revolution_of(profile: Profile) -> RevolutionBody:
 
 def choose_body(
     fitted: np.ndarray, superquadric: Superquadric, profile: Profile | None, evidence: Evidence,
-    contour: np.ndarray
+    contour: np.ndarray, prior: BoundingCylinder
 ) -> Recovered:
     """The model of each world; `contour` (slot,) numbers the evidence's touches along contours.
 
     A contour is taken where it explains those touches clearly better than the superquadric that
     was fitted to everything (on a block it does not, however the fingers pinched it), and where the
     rest of the evidence does not contradict it: a contour that was broken off half way up leaves
-    contacts above it.
+    contacts above it. One that is not plausible is never taken.
     """
     shape = np.where(fitted, Shape.SUPERQUADRIC, Shape.PRIOR_CYLINDER)
     if profile is None:
@@ -89,7 +90,7 @@ def choose_body(
     mask = evidence.mask[:, contour]
     nodes = np.isfinite(body.height_m).sum(1)
     known = (nodes >= FEWEST_NODES) & (mask.sum(1) >= FEWEST_TOUCHES)
-    known &= np.isfinite(profile.volume_m3)
+    known &= np.isfinite(profile.volume_m3) & plausible_contour(body, evidence, prior)
     rows = np.flatnonzero(known)
     felt = evidence.mask[rows]
     away = contour_distances(body[rows], evidence.points_m[rows], felt)
@@ -103,21 +104,22 @@ def choose_body(
 
 
 def _rms(distance: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    square = row_sums(np.where(mask, np.minimum(distance, FARTHEST_M) ** 2, 0.0))
+    square = row_sums(np.where(mask, np.minimum(distance, LARGEST_RESIDUAL_M) ** 2, 0.0))
     return np.sqrt(square / np.maximum(mask.sum(1), 1))
 
 
-def plausible(fits: SuperquadricFit, prior: BoundingCylinder) -> np.ndarray:
-    """Whether a body stays within twice the reach of the prior cylinder and its error.
+def explained_by(recovered: Recovered, points_m: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Of points (world, point, 3) those near enough to the body to be its, bool (world, point).
 
-    Few contacts on one side may let a fit diverge; with the rough size as prior one would not
-    believe it, and neither is it scored.
+    `FARTHEST_M` is how far; farther ones weigh nothing more in a body's misfit. None of a world
+    where only the prior stands for the body.
     """
-    middle = np.stack([prior.x_m, prior.y_m, prior.height_m / 2], axis=1)
-    reach = np.hypot(prior.radius_m, prior.height_m / 2) + PRIOR_MARGIN_M
-    far = (np.linalg.norm(fits.position_m - middle, axis=1)
-           + np.linalg.norm(fits.size_m, axis=1))
-    return far <= 2.0 * reach
+    near = np.abs(surface_distances(recovered.superquadric, points_m, mask, ahead_m=0.0)[0])
+    if recovered.revolution is not None:
+        turned = (recovered.shape == Shape.REVOLUTION)[:, None]
+        near = np.where(turned, contour_distances(recovered.revolution, points_m, mask), near)
+    known = (recovered.shape != Shape.PRIOR_CYLINDER)[:, None]
+    return mask & known & (near <= FARTHEST_M)
 
 
 def prior_superquadric(prior: BoundingCylinder) -> Superquadric:

@@ -1,6 +1,5 @@
 """`warpgrasp table`: the tables beside the leaderboard."""
 
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +18,7 @@ from sweeps.analysis.paired import Paired, read_paired
 from sweeps.analysis.pairs import pairs_table
 from sweeps.analysis.pareto import COST, pareto_table
 from sweeps.analysis.settings import read_settings, settings_table
-from sweeps.output import is_quiet, write_atomic
+from sweeps.output import note, write_atomic
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store, open_study
 from sweeps.spec.errors import StoreError
@@ -77,6 +76,6 @@ def table(folders: Sequence[Path], kind: str, out: Path | None, *, metric: str,
         except OSError as error:
             raise StoreError(f"{out}: cannot be written: {error.strerror}") from None
     print_table(made.header, made.rows, as_json)
-    for note in () if is_quiet() else made.notes:
-        print(f"note: {note}", file=sys.stderr)
+    for line in made.notes:
+        note(f"note: {line}")
     return 0

@@ -4,7 +4,6 @@ import csv
 import io
 import json
 import signal
-import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import Any
 
 from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
 from sweeps.cli.app import DONE, SOME_FAILED
-from sweeps.output import devices, is_quiet, write_atomic
+from sweeps.output import devices, note, say, write_atomic
 from sweeps.run.local_engine import UNIT_TIMEOUT_S, Options, run
 from sweeps.run.plan import Plan, plan_study
 from sweeps.run.progress import Progress, read_note
@@ -23,6 +22,7 @@ from sweeps.run.worker import EPISODES
 from sweeps.spec.errors import StoreError
 from sweeps.spec.reader import read_spec
 from sweeps.text_table import print_table
+from warpgrasp.core.plain_text import on_one_line
 
 # Columns that fit a terminal; the file has them all.
 SHOWN = ("rank", "strategy", "_ci_low", "_ci_high", "p_best", "iou", "recognized", "touches",
@@ -40,26 +40,29 @@ def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], dev
     store = Store(folder)
     options = Options(workers, shard, device, EPISODES, unit_timeout_s, verify)
     with _terminated_as_interrupted(), store.lock(shard):
-        for note in store.open_for(plan, spec.read_bytes(), device):
-            _say(note)
+        for line in store.open_for(plan, spec.read_bytes(), device):
+            note(line)
         outcome = _run(plan, store, options, engine, address)
         if outcome.done + outcome.failed == 0:
-            _say(f"{folder}: finished already, {outcome.kept} units")
+            note(f"{folder}: finished already, {outcome.kept} units")
         if shard[1] == 1:
             before = store.damaged
             kept = plan_of(store)  # the same study in its first spec's order: bootstraps go by it
             board = make_leaderboard(kept, [store])
             if store.damaged > before:  # seen only by reading every row
-                _say(f"{store.damaged - before} damaged units are run again; see {store.logs}")
+                note(f"{store.damaged - before} damaged units are run again; see {store.logs}")
                 outcome = _run(plan, store, options, engine, address)
                 board = make_leaderboard(kept, [store])
             write_atomic(folder / "leaderboard.csv", board.csv())
             _show(board, as_json)
     if shard[1] > 1:
-        _say(f"shard {shard[0]} of {shard[1]} is done; `warpgrasp leaderboard` merges directories")
+        note(f"shard {shard[0]} of {shard[1]} is done; `warpgrasp leaderboard` merges directories")
     if outcome.failed:
-        _say(f"{outcome.failed} units failed; see {store.logs}/*.failed.log")
-    return SOME_FAILED if outcome.failed else DONE
+        note(f"{outcome.failed} units failed; see {store.logs}/*.failed.log")
+    if outcome.lost:
+        say(f"{outcome.lost} units were lost: they were run, and their files are not there; "
+            "run the sweep again")
+    return SOME_FAILED if outcome.failed or outcome.lost else DONE
 
 
 def _run(plan: Plan, store: Store, options: Options, engine: str,
@@ -103,7 +106,7 @@ def status(folder: Path, *, as_json: bool) -> int:
     else:
         for name, value in found.items():
             text = ", ".join(value) if isinstance(value, list) else value
-            print(f"{name.ljust(12)}  {'-' if text in (None, '') else text}")
+            print(f"{name.ljust(12)}  {'-' if text in (None, '') else on_one_line(str(text))}")
     return DONE
 
 
@@ -121,7 +124,7 @@ def leaderboard(folders: Sequence[Path], out: Path | None, *, metric: str,
     _show(board, as_json)
     for store in stores:
         if store.damaged:
-            _say(f"note: {store.damaged} damaged units were set aside; see {store.logs}; run "
+            note(f"note: {store.damaged} damaged units were set aside; see {store.logs}; run "
                  "the sweep again to repeat them")
     return DONE
 
@@ -168,8 +171,8 @@ def sensitivity(
              *("| " + " | ".join(row) + " |" for row in table), "", *(f"- {n}" for n in notes), ""]
     write_atomic(folder / "sensitivity.md", "\n".join(lines).encode())
     print_table(HEADER, rows, as_json)
-    for note in notes:
-        print(f"note: {note}", file=sys.stderr)
+    for line in notes:
+        say(f"note: {line}")
     return code
 
 
@@ -179,18 +182,12 @@ def _show(board: Leaderboard, as_json: bool) -> None:
                                         for s in SHOWN)]
     print_table([board.header[n] for n in keep], [[row[n] for n in keep] for row in board.rows],
                 as_json)
-    for note in board.notes:
-        _say(f"note: {note}")
+    for line in board.notes:
+        note(f"note: {line}")
 
 
 def _count_files(store: Store) -> int:
     return sum(1 for _ in store.units.glob("*.parquet"))
-
-
-def _say(text: str) -> None:
-    if is_quiet():
-        return
-    print(text, file=sys.stderr, flush=True)
 
 
 @contextmanager

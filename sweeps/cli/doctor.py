@@ -11,6 +11,7 @@ from pathlib import Path
 from sweeps.output import devices, quiet_stdout
 from sweeps.run.environment import PACKAGES, describe_environment
 from sweeps.text_table import print_table
+from warpgrasp.core.cache_file import cache_root
 
 EXTRAS = ("ray", "viser", "gymnasium", "mujoco", "pandas")
 Row = tuple[str, str, str]  # what, value, "ok" or what to do
@@ -43,9 +44,9 @@ def _versions() -> Iterator[Row]:
 
 
 def _places() -> Iterator[Row]:
-    root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    for label, path in (("compiled fits, baked meshes", root / "warpgrasp"),
-                        ("compiled kernels", root / "warp")):
+    kernels = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "warp"
+    for label, path in (("compiled fits, baked meshes", cache_root()),
+                        ("compiled kernels", kernels)):
         size = sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
         yield label, f"{path} ({size / 1e6:.0f} MB)", _writable(path)
 

@@ -18,7 +18,7 @@ from fit.points_csv import (
     rows_csv,
     superquadric_rows,
 )
-from sweeps.output import write_atomic
+from sweeps.output import say, write_atomic
 from sweeps.spec.errors import StoreError
 
 FIGURE_FORMATS = (".png", ".svg", ".pdf")
@@ -47,8 +47,8 @@ def fit(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, robust:
         _check_table(sets, table_z_m)
     if shape == "superquadric" and sets.normals is not None:
         for name in inward(sets, sets.normals):
-            print(f"nx, ny, nz: most normals of {name} point to the middle of its touches; they "
-                  "should point out of the body", file=sys.stderr)
+            say(f"nx, ny, nz: most normals of {name} point to the middle of its touches; they "
+                "should point out of the body")
     found = fit_shape(shape, sets, taper=taper, bend=bend, robust=robust, table_z_m=table_z_m)
     files = {out: rows_csv(*_rows(shape, sets.names, found))}
     if shape == "revolution":
@@ -86,7 +86,7 @@ def _check_table(sets: PointSets, table_z_m: float) -> None:
     if wrong and len(wrong) == len(names):
         raise StoreError(f"{wrong[0]}; should be the table's height in metres, below all touches")
     for line in wrong:
-        print(line, file=sys.stderr)
+        say(line)
 
 
 def inward(sets: PointSets, normals: np.ndarray) -> list[str]:

@@ -41,7 +41,9 @@ def run(arguments: list[str]) -> int:
     except UsageError as error:
         return _refuse(f"warpgrasp: {error}")
     except KeyboardInterrupt:
-        print("interrupted; what was finished is kept", file=sys.stderr)
+        from sweeps.output import say
+
+        say("interrupted; what was finished is kept")
         return INTERRUPTED
     except BrokenPipeError:
         return 0
@@ -69,7 +71,9 @@ def _explain(error: Exception) -> int:
 
 
 def _refuse(text: str, code: int = BAD_USAGE) -> int:
-    print(text, file=sys.stderr)
+    from sweeps.output import say
+
+    say(text)
     return code
 
 

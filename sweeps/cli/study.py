@@ -60,6 +60,7 @@ def check(spec: Path, /, *, set_: Settings = None, json: Json = False) -> int:
     from sweeps.run.estimate import estimate_cost
     from sweeps.run.plan import plan_study
     from sweeps.spec.reader import read_spec
+    from warpgrasp.core.plain_text import on_one_line
 
     plan = plan_study(read_spec(spec, set_ or []))
     study = plan.study
@@ -75,7 +76,7 @@ def check(spec: Path, /, *, set_: Settings = None, json: Json = False) -> int:
     else:
         width = max(map(len, rows))
         for name, value in rows.items():
-            print(f"{name.ljust(width)}  {value}")
+            print(f"{name.ljust(width)}  {on_one_line(value)}")
     return 0
 
 

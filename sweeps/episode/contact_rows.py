@@ -1,8 +1,11 @@
 """Contacts of a block of episodes as flat columns, a row for each guarded move that had a sensor.
 
 x, y, z are the contact as the robot estimates it; for a contact used by the last fit, the point
-that it used. No strategy or fit reads the true columns. For touches of pads `grasp` is the
-direction on a face or the section of a contour. What a move does not have is NaN.
+that it used. `link` is the link that the robot concludes, `true_link` the one that touched.
+`accepted` is 1 for a contact that the recovered body explains and 0 for one that lies too far from
+it, or too low to be told from the table, to count as one of its contacts. No strategy or fit reads
+the true columns. For touches of pads `grasp` is the direction on a face or the section of a
+contour. What a move does not have is NaN.
 
 A world's rows do not depend on the worlds beside it: probes that it did not make have no rows.
 """
@@ -15,12 +18,14 @@ from strategies.exploration import Exploration, Procedure
 from strategies.procedures.contour_follower import ContourExploration
 from strategies.procedures.planar_explorer import PlanarExploration
 from strategies.procedures.touches import true_touches
-from strategies.recovery.evidence import Evidence
+from strategies.recovery.choose_model import Recovered, explained_by
+from strategies.recovery.evidence import TABLE_MARGIN_M, Evidence
 from warpgrasp.closing.closing import ClosingTruth
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Grasps, Truth
 
-INTEGERS = ("probe", "grasp", "finger", "link")
+INTEGERS = ("probe", "grasp", "finger", "link", "true_link")
+NUMBERS = ("accepted", "tension_difference_N", "taxel_peak")
 VECTORS = {
     "point": ("x_m", "y_m", "z_m"),
     "true_point": ("true_x_m", "true_y_m", "true_z_m"),
@@ -29,9 +34,9 @@ VECTORS = {
     "hand": ("hand_x_m", "hand_y_m", "hand_z_m", "hand_qx", "hand_qy", "hand_qz", "hand_qw"),
 }
 """Arrays of a row, and the columns that hold their numbers."""
-COLUMNS = ("procedure", *INTEGERS, "status", *VECTORS["point"], *VECTORS["true_point"],
-           *VECTORS["true_normal"], *VECTORS["joints"], "tension_difference_N", "taxel_peak",
-           *VECTORS["hand"])
+COLUMNS = ("procedure", *INTEGERS, "status", "accepted", *VECTORS["point"],
+           *VECTORS["true_point"], *VECTORS["true_normal"], *VECTORS["joints"],
+           "tension_difference_N", "taxel_peak", *VECTORS["hand"])
 STATUS_NAMES = np.array([status.name.lower() for status in ProbeStatus], object)
 Parts = dict[str, np.ndarray]
 
@@ -46,7 +51,8 @@ def contact_columns(found: Exploration, truth: Truth) -> dict[str, np.ndarray]:
     columns = {name: np.concatenate([part[name] for part in parts])
                for name in ("world", *COLUMNS)}
     order = np.argsort(columns["world"], kind="stable")
-    return {name: values[order] for name, values in columns.items()}
+    columns = {name: values[order] for name, values in columns.items()}
+    return columns | {"accepted": _accepted(columns, found.recovered)}
 
 
 def contact_tables(found: Exploration, truth: Truth) -> np.ndarray:
@@ -91,12 +97,12 @@ def _grasps(procedure: Procedure, grasps: Grasps, truth: ClosingTruth, evidence:
     probes += tried.sum(axis=1)
     return {
         "world": world, "procedure": np.full(len(world), procedure.name, object),
-        "probe": number[world, probe], "grasp": grasp, "finger": finger, "link": truth.link[at],
+        "probe": number[world, probe], "grasp": grasp, "finger": finger,
+        "link": grasps.estimate.link[at], "true_link": truth.link[at],
         "status": STATUS_NAMES[closing.status[at]],
         "point": np.where(used, evidence.points_m[world, own], grasps.estimate.point_m[at]),
         "true_point": truth.point_m[at], "true_normal": truth.normal[at],
         "joints": closing.q_rad[at], "tension_difference_N": closing.tension_difference_N[at],
-        "taxel_peak": np.full(len(world), np.nan),
         "hand": grasps.moves.believed_pose[world, probe],
     }
 
@@ -113,11 +119,25 @@ def _touches(name: str, felt: PlanarExploration | ContourExploration, truth: Tru
     return {
         "world": world, "procedure": np.full(len(world), name, object), "probe": number,
         "grasp": table.part[order], "finger": table.finger[order], "link": table.link[order],
+        "true_link": table.link[order],
         "status": STATUS_NAMES[table.status[order]], "point": table.point_m[order],
         "true_point": point[order], "true_normal": normal[order], "joints": table.q_rad[order],
-        "tension_difference_N": np.full(len(world), np.nan),
         "taxel_peak": table.taxel_peak[order], "hand": table.hand_pose[order],
     }
+
+
+def _accepted(columns: dict[str, np.ndarray], recovered: Recovered) -> np.ndarray:
+    """1 or 0 for each contact, NaN for rows without one."""
+    point = np.stack([columns[name] for name in VECTORS["point"]], axis=1)
+    felt = np.asarray(np.isfinite(point).all(axis=-1))
+    world = columns["world"]
+    number = np.arange(len(world)) - np.searchsorted(world, world)
+    padded = np.zeros((len(recovered), 1 + number.max(initial=0), 3))
+    mask = np.zeros(padded.shape[:2], bool)
+    padded[world, number], mask[world, number] = np.where(felt[:, None], point, 0.0), felt
+    high = padded[..., 2] > TABLE_MARGIN_M
+    accepted = explained_by(recovered, padded, mask & high)
+    return np.where(felt, accepted[world, number], np.nan)
 
 
 def _columns(parts: Parts) -> dict[str, np.ndarray]:
@@ -125,7 +145,8 @@ def _columns(parts: Parts) -> dict[str, np.ndarray]:
     flat = {"world": parts["world"].astype(int)}
     flat |= {name: parts[name].astype(int) for name in INTEGERS}
     flat |= {name: parts[name] for name in ("procedure", "status")}
-    numbers = {name: parts[name] for name in ("tension_difference_N", "taxel_peak")}
+    unknown = np.full(len(flat["world"]), np.nan)
+    numbers = {name: parts.get(name, unknown) for name in NUMBERS}
     for vector, names in VECTORS.items():
         numbers |= dict(zip(names, parts[vector].T, strict=True))
     return flat | {name: np.where(np.isfinite(values), values, np.nan).astype(float)

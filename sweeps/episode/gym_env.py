@@ -16,12 +16,11 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from fit.fit_status import FitStatus
-from strategies.exploration import FEWEST_CONTACTS
 from strategies.poses.closing_paths import CLOSING_PATHS
 from strategies.poses.hand_poses import pose_about
 from strategies.poses.waypoints import Placement
 from strategies.procedures.containment import explore_by_containment
-from strategies.recovery.choose_model import or_prior, plausible, prior_superquadric
+from strategies.recovery.choose_model import or_prior, prior_superquadric
 from strategies.recovery.evidence import (
     Evidence,
     TouchedLinks,
@@ -31,6 +30,7 @@ from strategies.recovery.evidence import (
     touched_links,
 )
 from strategies.recovery.fit_contacts import recover_bodies
+from strategies.recovery.plausibility import FEWEST_CONTACTS, plausible
 from sweeps.episode.columns import superquadric_parameters
 from sweeps.episode.episodes import draw_prior, place_objects
 from sweeps.episode.scores import score_superquadrics

@@ -1,6 +1,5 @@
 """`warpgrasp figure`: figures of a study, made from its units."""
 
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +18,7 @@ from sweeps.figures.forest import draw_forest
 from sweeps.figures.heat_maps import draw_confusion, draw_settings
 from sweeps.figures.pareto import draw_pareto
 from sweeps.figures.style import encode
-from sweeps.output import write_atomic
+from sweeps.output import say, write_atomic
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store, open_study
 from sweeps.spec.errors import StoreError
@@ -105,5 +104,5 @@ def figure(folders: Sequence[Path], kind: str, out: Path, *, metric: str, strate
         write_atomic(out, content)
     except OSError as error:
         raise StoreError(f"{out}: cannot be written: {error.strerror}") from None
-    print(out, file=sys.stderr)
+    say(str(out))
     return 0

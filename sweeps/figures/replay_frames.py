@@ -12,12 +12,12 @@ from scipy.spatial.transform import Rotation
 
 from fit.arrays import rows_of
 from fit.superquadric.geometry import Superquadric
-from strategies.exploration import FEWEST_CONTACTS
 from strategies.poses.postures import PINCH_OPEN_RAD, POKE_RAD
 from strategies.procedures.touches import TouchTable
 from strategies.recovery.choose_model import Recovered, Shape
 from strategies.recovery.evidence import evidence_from_grasps, touched_links
 from strategies.recovery.fit_contacts import recover_bodies
+from strategies.recovery.plausibility import FEWEST_CONTACTS
 from sweeps.episode.episodes import EpisodeBlock, run_block
 from sweeps.figures.meshes import recovered_grid, surface_grid
 from sweeps.spec.cell import Cell

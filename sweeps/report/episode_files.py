@@ -3,7 +3,6 @@
 import csv
 import io
 import json
-import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -27,7 +26,8 @@ from sweeps.figures.contour import contour_figure
 from sweeps.figures.faces import crossed_faces, faces_figure
 from sweeps.figures.style import encode
 from sweeps.figures.taxels import pad_touches, taxels_figure
-from sweeps.output import write_atomic
+from sweeps.output import say, write_atomic
+from sweeps.report.trust import trust_sentence
 from sweeps.spec.cell import Cell
 from warpgrasp.parameters import ObjectTable
 from warpgrasp.probe_status import ProbeStatus
@@ -41,8 +41,8 @@ def explore(
     """Runs one episode; writes `contacts.csv`, `shape.json` and figures; returns their paths.
 
     `contacts.png` always; `faces.png` where faces were crossed, `contour.png` where a contour was
-    followed, `taxels.png` where pads had contact, `replay.html` for `replay`. stderr reports an
-    episode without a recovered shape and figures that could not be drawn. `body_table` names the
+    followed, `taxels.png` where pads had contact, `replay.html` for `replay`. stderr says how far
+    to trust the recovered shape, and which figures could not be drawn. `body_table` names the
     object as in a spec; `yaw_rad` None gives it a random yaw. Raises BodyError for an object that
     cannot be built, OSError where `out` cannot be written.
     """
@@ -59,7 +59,7 @@ def explore(
         try:
             picture = draw()
         except Exception as error:  # the episode is kept without the figure
-            print(f"{out / file}: cannot be drawn: {error}", file=sys.stderr)
+            say(f"{out / file}: cannot be drawn: {error}")
             continue
         write_atomic(out / file, picture)
         written.append(file)
@@ -69,11 +69,9 @@ def explore(
 
         write_replay(make_replay(cell, block), out / "replay.html")
         written.append("replay.html")
-    if block.recovered.shape[0] == Shape.PRIOR_CYLINDER:
-        print(f"{block.status[0]}: nothing was recovered; the body written is the cylinder that "
-              "the strategy was given as prior", file=sys.stderr)
+    say(f"{block.status[0]}: {trust_sentence(block)}")
     if block.exploration.fault[0]:
-        print(f"the strategy failed: {block.exploration.fault[0]}", file=sys.stderr)
+        say(f"the strategy failed: {block.exploration.fault[0]}")
     return [out / file for file in sorted(written)]
 
 
@@ -103,7 +101,7 @@ def contacts_csv(block: EpisodeBlock, world: int = 0) -> str:
 def _cells(name: str, values: np.ndarray) -> list[Any]:
     if values.dtype != float:
         return values.tolist()
-    digits = 0 if name == "taxel_peak" else 6
+    digits = 0 if name in ("accepted", "taxel_peak") else 6
     return ["" if not np.isfinite(v) else f"{v:.{digits}f}" for v in values.tolist()]
 
 
@@ -119,6 +117,7 @@ def shape_record(cell: Cell, block: EpisodeBlock, world: int = 0) -> dict[str, A
         "strategy": cell.strategy.name,
         "seed": cell.seed,
         "status": str(block.status[world]),
+        "trust": trust_sentence(block, world),
         "models": list(_models(cell, block, world)),
         "chosen": kinds[shape],
         "recognized_as": str(block.recognized[world]) or None,

@@ -5,7 +5,6 @@ time: the same study gives the same bytes.
 """
 
 import json
-import sys
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
@@ -15,7 +14,7 @@ from sweeps.analysis.confusion import Confusion, read_confusion
 from sweeps.analysis.curves import Curves, read_curves
 from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
 from sweeps.analysis.paired import Paired, read_paired
-from sweeps.output import is_quiet, write_atomic
+from sweeps.output import note, write_atomic
 from sweeps.report.html import page, paragraph
 from sweeps.report.sections import (
     confusion_section,
@@ -63,7 +62,7 @@ def make_report(plan: Plan, stores: Sequence[Store], *, views: bool = True,
     curves, confusion = read_curves(plan, stores), read_confusion(plan, stores)
     shown = Views({}, [], ["3-D views were left out (--no-views)"])
     if views:
-        shown = make_views(plan, pick_episodes(plan, stores), device, workers, _say)
+        shown = make_views(plan, pick_episodes(plan, stores), device, workers, note)
     body = "".join(_parts(plan, stores, board, paired, curves, confusion, shown))
     name = plan.study.head.name or "study"
     return page(f"{name}: warpgrasp report", body,
@@ -113,11 +112,7 @@ def _spec(stores: Sequence[Store]) -> str:
 def _environment(stores: Sequence[Store]) -> dict[str, Any]:
     try:
         found = json.loads((stores[0].folder / "environment.json").read_bytes())
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return {}
     return found if isinstance(found, dict) else {}
 
-
-def _say(text: str) -> None:
-    if not is_quiet():
-        print(text, file=sys.stderr, flush=True)

@@ -3,29 +3,40 @@
 The parent hands out batches of units (`scheduler`) and runs none itself. Where nothing was
 compiled before, only one worker works until the first unit has come back: it fills the caches of
 kernels and fits that the others then load, instead of all compiling the same.
+
+A worker that has run a planner of the user's runs no other units after it: what that code did to
+its process stays with its own rows.
 """
 
 import os
+import signal
+import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
+from types import FrameType
 
+from strategies.ready_made import STRATEGIES
 from sweeps.run.plan import Plan, Unit
 from sweeps.run.progress import Progress
 from sweeps.run.scheduler import Outcome, UnitQueue
 from sweeps.run.store import Store
 from sweeps.run.worker import ENVIRONMENT, EPISODES, SAY_WHERE, Report, work
 from sweeps.spec.errors import StoreError
+from warpgrasp.core.cache_file import cache_root, drop_cached
 
 EARLY_DEATHS = 2  # workers that may die before they are ready
 UNIT_TIMEOUT_S = 3600.0  # a unit takes seconds; what takes this long hangs
 SAY_WHERE_S = 0.5  # for a hanging worker to do so
 LOG_TAIL = 20_000  # characters of a worker's output kept with a failed unit
+LOG_BYTES = 4 << 20  # a worker's log that grows beyond is cut to its end
+CRASHES = {-number for number in (signal.SIGILL, signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT,
+                                  signal.SIGFPE)}
 
 
 @dataclass(frozen=True)
@@ -49,7 +60,9 @@ class _Slot:
     log: Path
     units: list[Unit] = field(default_factory=list)
     ready: bool = False
+    sent: bool = False  # its units
     warm: bool = False  # nothing is left to compile
+    call: str = ""  # a planner of the user's that it has run
     since: float = field(default_factory=time.monotonic)  # when it was started, or got its units
 
 
@@ -58,7 +71,9 @@ class _Run:
     work: UnitQueue
     options: Options
     slots: list[_Slot] = field(default_factory=list)
-    early_deaths: int = 0
+    early_deaths: int = 0  # in a row
+    crashes: int = 0
+    draining: bool = False  # no more units are handed out
 
     def go(self) -> None:
         for number in range(1, self.work.at_least(self.options.workers) + 1):
@@ -73,7 +88,25 @@ class _Run:
                     self.slots[number] = self._hear(slot, number + 1)
                 elif self._hangs(slot):
                     self.slots[number] = self._replace(slot, number + 1, timed_out=True)
+                elif slot.process.exitcode is not None:  # what it forked may hold its pipe open
+                    self.slots[number] = self._replace(slot, number + 1)
+                _bound(slot.log)
             self.work.progress.tick(self.work.running)
+            if self.draining and not any(slot.sent for slot in self.slots):
+                return
+
+    def interrupt(self, number: int, frame: FrameType | None) -> None:
+        """Ctrl-C or SIGTERM: the units in hand are waited for; a second one does not wait."""
+        if self.draining:
+            raise KeyboardInterrupt
+        self.draining = True
+        now = time.monotonic()
+        left = max([len(slot.units) * self.work.unit_s(slot.units[0]) - (now - slot.since)
+                    for slot in self.slots if slot.sent], default=0.0)
+        self.work.progress.say(
+            f"interrupted: waiting for the {sum(len(s.units) for s in self.slots if s.sent)} units "
+            f"that are being run, about {max(1.0, left):.0f} s (estimate); interrupt again to stop "
+            "now, without them")
 
     def _start_worker(self, number: int) -> _Slot:
         context = get_context("spawn")
@@ -89,23 +122,35 @@ class _Run:
         return _Slot(process, mine, log)
 
     def _hand_out(self) -> None:
-        for slot in self.slots:
+        if self.draining:
+            return
+        for number, slot in enumerate(self.slots):
             may = self.work.tried_any or slot.warm or slot is self.slots[0]
             if not (may and slot.ready) or slot.units:
                 continue
             cold = not (self.work.tried_any or slot.warm)
-            slot.units = self.work.take(len(self.slots), self._in_hand(), cold=cold)
-            slot.since = time.monotonic()
-            if slot.units:
-                paths = [self.work.store.path(unit) for unit in slot.units]
-                with suppress(OSError):  # it has died, which its pipe will report
-                    slot.pipe.send((slot.units, paths))
+            units = self.work.take(len(self.slots), self._in_hand(), cold=cold)
+            if not units:
+                continue
+            if slot.call and slot.call != _own_planner(units[0]):
+                self._end(slot)
+                slot = self.slots[number] = self._start_worker(number + 1)
+            slot.units = units
+            if slot.ready:
+                self._send(slot)
+
+    def _send(self, slot: _Slot) -> None:
+        slot.since, slot.sent = time.monotonic(), True
+        slot.call = slot.call or _own_planner(slot.units[0])
+        paths = [self.work.store.path(unit) for unit in slot.units]
+        with suppress(OSError):  # it has died, which its pipe will report
+            slot.pipe.send((slot.units, paths))
 
     def _in_hand(self) -> float:
         """About how many units the workers still have before them."""
         now = time.monotonic()
         return sum(max(0.0, len(slot.units) - (now - slot.since) / self.work.unit_s(slot.units[0]))
-                   for slot in self.slots if slot.units)
+                   for slot in self.slots if slot.sent)
 
     def _hear(self, slot: _Slot, number: int) -> _Slot:
         """Takes a worker's report; the slot to go on with comes back."""
@@ -114,52 +159,76 @@ class _Run:
         except (EOFError, OSError):
             return self._replace(slot, number)
         if report.kind == "ready":
-            slot.ready, slot.warm = True, report.text == "warm"
+            slot.ready, slot.warm, self.early_deaths = True, report.text == "warm", 0
+            if slot.units and not self.draining:
+                self._send(slot)
         elif report.kind == "broken":
             raise StoreError(f"a worker cannot start:\n{report.text.rstrip()}", 1)
         elif report.kind == "disk":
-            raise disk_error(self.work.store, report.text)
-        elif report.kind == "done":
+            raise disk_error(report.text)
+        elif report.kind == "done" and slot.units and report.unit == slot.units[0].id:
             self.work.done(slot.units.pop(0), float(report.text))
+            slot.sent = bool(slot.units)
+        elif report.kind == "done":  # of a unit that it does not have: it is not to be believed
+            return self._replace(slot, number)
         else:
-            units, slot.units = slot.units, []
+            units, slot.units, slot.sent = slot.units, [], False
             self.work.failed(units, report.text)
         return slot
 
     def _hangs(self, slot: _Slot) -> bool:
-        busy = bool(slot.units) or not slot.ready
+        busy = slot.sent or not slot.ready
         return busy and time.monotonic() - slot.since > self.options.unit_timeout_s
 
     def _replace(self, slot: _Slot, number: int, timed_out: bool = False) -> _Slot:
         """A worker died or hangs: its units have failed, a new worker takes its place."""
         if timed_out:
-            _kill(slot)
-        slot.process.join()
-        slot.pipe.close()
+            _say_where(slot)
+        self._end(slot)
+        for unit in [unit for unit in slot.units if slot.sent and self.work.store.has(unit)]:
+            slot.units.remove(unit)  # written, and died before its report
+            self.work.done(unit, self.work.unit_s(unit))
         code = slot.process.exitcode
+        dropped = code in CRASHES and not slot.call and self._drop_caches()
         if slot.units and timed_out:
             self.work.failed(slot.units, f"{_tail(slot.log)}\nstopped: it took longer than "
                              f"{self.options.unit_timeout_s:g} s (--unit-timeout-s)", final=True)
+        elif slot.units and (dropped or not slot.sent):
+            self.work.put_back(slot.units)
         elif slot.units:
             self.work.failed(slot.units, f"{_tail(slot.log)}\nthe worker died (exit code {code})")
-        elif not slot.ready:
+        if not slot.ready and not dropped:
             self.early_deaths += 1
             if self.early_deaths > EARLY_DEATHS:
                 raise StoreError(f"workers die at their start (exit code {code}); "
                                  f"see {slot.log}", 1)
         return self._start_worker(number)
 
+    def _drop_caches(self) -> bool:
+        """After a second crash, once: compiled programs may be what does not run here."""
+        self.crashes += 1
+        if self.crashes != 2:
+            return False
+        self.work.progress.say("workers have crashed twice: compiled programs and kernels are "
+                               "thrown away and compiled again")
+        from warpgrasp.core.kernel_cache import drop_kernels  # imports Warp
+
+        drop_cached(cache_root() / "programs")
+        drop_kernels("warpgrasp", "strategies", "sweeps")
+        return True
+
+    def _end(self, slot: _Slot) -> None:
+        """Ends a worker and all that it has started."""
+        slot.pipe.close()
+        if slot.process.pid is not None:
+            with suppress(OSError):
+                os.killpg(slot.process.pid, signal.SIGKILL)
+        slot.process.kill()
+        slot.process.join()
+
     def stop(self) -> None:
         for slot in self.slots:
-            with suppress(OSError):
-                slot.pipe.close()  # an idle worker ends by itself
-            if slot.units:
-                slot.process.kill()
-        for slot in self.slots:
-            slot.process.join(5)
-            if slot.process.is_alive():
-                slot.process.kill()
-                slot.process.join()
+            self._end(slot)
             for unit in slot.units:
                 self.work.store.sweep_out(unit)
 
@@ -168,25 +237,62 @@ def run(plan: Plan, store: Store, options: Options, progress: Progress) -> Outco
     """Runs what is left of a study's shard; the caller holds the shard's lock."""
     current = _Run(UnitQueue(plan, store, options.shard, progress, options.verify,
                         options.unit_timeout_s), options)
-    try:
-        current.go()
-    finally:
-        current.stop()
+    with _handled_by(current.interrupt):
+        try:
+            current.go()
+        finally:
+            current.stop()
+    if current.draining:
+        raise KeyboardInterrupt
+    current.work.count_files()
     return current.work.outcome
 
 
-def disk_error(store: Store, reason: str) -> StoreError:
+def disk_error(reason: str) -> StoreError:
     """A unit that could not be written ends the run: the next would meet the same."""
-    return StoreError(f"{store.folder}: cannot be written: {reason}; finished units are kept, "
-                      "the same command goes on from there", 1)
+    return StoreError(f"{reason}; finished units are kept, the same command goes on from there", 1)
 
 
-def _kill(slot: _Slot) -> None:
-    """Ends a worker that hangs, after writing its stack to its log."""
+@contextmanager
+def _handled_by(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
+    """SIGINT and SIGTERM go to a handler, where they are not ignored."""
+    before = {}
+    if threading.current_thread() is threading.main_thread():
+        before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    taken = [number for number, old in before.items() if old is not signal.SIG_IGN]
+    for number in taken:
+        signal.signal(number, handler)
+    try:
+        yield
+    finally:
+        for number in taken:
+            signal.signal(number, before[number])
+
+
+def _say_where(slot: _Slot) -> None:
+    """A worker that hangs writes its stack to its log."""
     if slot.ready and slot.process.pid is not None:
-        os.kill(slot.process.pid, SAY_WHERE)
+        with suppress(OSError):
+            os.kill(slot.process.pid, SAY_WHERE)
         slot.process.join(SAY_WHERE_S)
-    slot.process.kill()
+
+
+def _own_planner(unit: Unit) -> str:
+    """The planner of the user's that a unit calls; "" for those that come with the package."""
+    call = unit.cell.strategy.call
+    return "" if call in STRATEGIES else call
+
+
+def _bound(log: Path) -> None:
+    """Cuts a log that has grown too long to its end; the worker goes on appending to it."""
+    with suppress(OSError):
+        if log.stat().st_size > LOG_BYTES:
+            with log.open("r+b") as stream:
+                stream.seek(-LOG_TAIL, os.SEEK_END)
+                end = stream.read(LOG_TAIL)
+                stream.truncate(0)
+                stream.seek(0)
+                stream.write(b"[the beginning is left out]\n" + end)
 
 
 def _tail(log: Path) -> str:

@@ -8,7 +8,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from sweeps.output import is_quiet, write_atomic
+from sweeps.output import is_quiet, say, write_atomic
+from warpgrasp.core.plain_text import printable
 
 LINE_EVERY_S = 30.0
 NOTE_EVERY_S = 2.0
@@ -19,7 +20,7 @@ def read_note(file: Path) -> dict[str, Any]:
     try:
         found = json.loads(file.read_bytes())
         return {"running": int(found["running"]), "units_per_s": float(found["units_per_s"] or 0)}
-    except (OSError, ValueError, TypeError, KeyError):
+    except (OSError, ValueError, TypeError, KeyError, RecursionError):
         return {"running": 0, "units_per_s": 0.0}
 
 
@@ -83,9 +84,9 @@ class Progress:
     def say(self, text: str) -> None:
         """One line on stderr, beside the bar."""
         if self.bar:
-            self.bar.console.print(text, markup=False, highlight=False)
+            self.bar.console.print(printable(text), markup=False, highlight=False)
         elif not self.quiet:
-            print(text, file=sys.stderr, flush=True)
+            say(text)
 
     def tick(self, running: int) -> None:
         """Called often: writes what is due."""

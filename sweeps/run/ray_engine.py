@@ -90,7 +90,8 @@ def _finish(ray: Any, work: UnitQueue, units: list[Unit], reference: Any) -> Non
             for folder, content in contents.items():
                 write_atomic(work.store.folder / folder / work.store.path(unit).name, content)
         except OSError as error:
-            raise disk_error(work.store, error.strerror or str(error)) from None
+            raise disk_error(f"{work.store.path(unit)}: cannot be written: "
+                             f"{error.strerror or error}") from None
         work.done(unit, seconds)
 
 

@@ -29,7 +29,7 @@ class Outcome:
     kept: int = 0  # were there already
     done: int = 0
     failed: int = 0
-
+    lost: int = 0  # neither there nor failed, though the run ended
 
 @dataclass
 class UnitQueue:
@@ -130,6 +130,12 @@ class UnitQueue:
         share = (1 + len(self.found) + self.ahead + elsewhere) / workers
         return max(1, min(int(short), round(share)))
 
+    def count_files(self) -> None:
+        """Counts what the run should have left and did not: files, not reports, are the record."""
+        there = self.store.unit_ids()
+        self.outcome.lost = sum(unit.id not in there for unit in self.plan.units(self.shard)
+                                ) - self.outcome.failed
+
     def _is_there(self, unit: Unit) -> bool:
         return self.store.has(unit, self.verify)
 
@@ -156,6 +162,9 @@ class UnitQueue:
 
     def done(self, unit: Unit, seconds: float) -> None:
         """A unit has been written; it took `seconds`, or its share of its batch's."""
+        if not self.store.has(unit):
+            self.failed([unit], "it was reported as done, and its file is not there")
+            return
         self.in_hand.discard(unit.id)
         self.outcome.done += 1
         self.store.log(unit).unlink(missing_ok=True)

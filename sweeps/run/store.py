@@ -83,7 +83,8 @@ class Store:
         return notes
 
     def _unwritable(self, error: OSError) -> StoreError:
-        return StoreError(f"{self.folder}: cannot be written: {error.strerror}")
+        return StoreError(
+            f"{error.filename or self.folder}: cannot be written: {error.strerror}")
 
     def _claim(self, plan: Plan) -> list[str]:
         file = self.folder / "resolved.json"
@@ -111,7 +112,7 @@ class Store:
         if file.exists():
             try:
                 before = json.loads(file.read_bytes())
-            except ValueError:
+            except (ValueError, RecursionError):
                 before = None
             if not isinstance(before, dict):  # damaged: nothing is known of it
                 before = {}
@@ -136,7 +137,7 @@ class Store:
                              f"{self.folder}` makes one") from None
         except OSError as error:
             raise StoreError(f"{file}: cannot be read: {error.strerror}") from None
-        except ValueError:
+        except (ValueError, RecursionError):
             raise StoreError(f"{file}: is damaged; remove it and run the sweep again, "
                              "finished units are kept") from None
         return found
@@ -144,6 +145,10 @@ class Store:
     def path(self, unit: Unit) -> Path:
         """Where a unit's rows are, or will be."""
         return self.units / f"{unit.id}.parquet"
+
+    def unit_ids(self) -> set[str]:
+        """Ids of the units that have a file; lists the folder once."""
+        return {name.removesuffix(".parquet") for name in os.listdir(self.units)}
 
     def files(self, unit: Unit) -> dict[Path, str]:
         """A unit's files, the rows first, and the identity that stands in each."""

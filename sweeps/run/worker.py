@@ -5,16 +5,19 @@ Nothing heavy is imported at the top: the parent sets the environment that keeps
 one thread, and only the worker itself imports them.
 """
 
+import ctypes
 import faulthandler
 import gc
 import importlib
 import os
+import resource
 import signal
 import sys
 import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import groupby
 from multiprocessing import parent_process
@@ -47,16 +50,22 @@ ENVIRONMENT = {
 @dataclass(frozen=True)
 class Report:
     """A worker's message: `ready` (`warm` if all is compiled), `done` (the next unit of its batch,
-    and the seconds it took), `error` (of the rest of it), `disk`, or `broken` (at start)."""
+    by its id, and the seconds it took), `error` (of the rest of it), `disk`, or `broken` (at
+    start)."""
 
     kind: str
     text: str = ""
+    unit: str = ""
 
 
 def work(pipe: Connection, function: str, device: str, log: Path) -> None:
     """The life of a worker: report ready, then a batch at a time until the pipe closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what Ctrl-C means
+    os.setpgrp()  # so that what a planner starts can be ended with its worker
+    os.register_at_fork(after_in_child=lambda: _leave_to(pipe))
     _redirect_output(log)
+    if device == "cpu":
+        _limit_memory()
     threading.Thread(target=_die_with_parent, daemon=True).start()
     gc.disable()  # imports make many objects and no garbage
     try:
@@ -129,9 +138,9 @@ def _run_batch(run_cells: RunCells, units: Sequence[Unit], paths: Sequence[Path]
             try:
                 write_files(path, unit.id, rows)
             except OSError as error:
-                yield Report("disk", error.strerror or str(error))
+                yield Report("disk", f"{path}: cannot be written: {error.strerror or error}")
                 return
-            yield Report("done", f"{(time.monotonic() - began) / len(units):.6f}")
+            yield Report("done", f"{(time.monotonic() - began) / len(units):.6f}", unit.id)
     except Exception:
         yield Report("error", traceback.format_exc())
 
@@ -139,7 +148,7 @@ def _run_batch(run_cells: RunCells, units: Sequence[Unit], paths: Sequence[Path]
 def _redirect_output(log: Path) -> None:
     """Sends what libraries print to the worker's log; results on stdout stay clean."""
     try:
-        descriptor = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+        descriptor = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND, 0o644)
     except OSError:
         descriptor = os.open(os.devnull, os.O_WRONLY)
     os.dup2(descriptor, 1)
@@ -151,8 +160,28 @@ def _redirect_output(log: Path) -> None:
     faulthandler.register(SAY_WHERE, sys.stderr)
 
 
+_PR_SET_PDEATHSIG = 1  # of Linux's prctl
+
+
+def _leave_to(pipe: Connection) -> None:
+    """In a process that a planner forked: it does not report, and ends with the worker."""
+    with suppress(OSError):
+        pipe.close()
+    with suppress(OSError, AttributeError):  # not Linux
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def _limit_memory() -> None:
+    """An allocation beyond the machine's memory fails in its worker, as MemoryError."""
+    limit = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    with suppress(OSError, ValueError):  # no such file, or "max"
+        limit = min(limit, int(Path("/sys/fs/cgroup/memory.max").read_text()))
+    with suppress(OSError, ValueError):
+        resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
+
+
 def _die_with_parent() -> None:
     parent = parent_process()
     if parent is not None:
         parent.join()
-        os._exit(1)
+        os.killpg(0, signal.SIGKILL)

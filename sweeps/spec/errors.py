@@ -10,6 +10,7 @@ from warpgrasp.objects.catalogue_names import NAME_LIMIT
 
 KeyPath = tuple[str | int, ...]
 LISTED = 24  # names listed in full; longer lists are cut
+MOST_PROBLEMS = 50  # printed of a spec
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,10 @@ class SpecError(ValueError):
 
     def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems = tuple(problems)
-        super().__init__("\n".join(str(problem) for problem in self.problems))
+        hidden = len(self.problems) - MOST_PROBLEMS
+        super().__init__("\n".join([
+            *map(str, self.problems[:MOST_PROBLEMS]),
+            *([f"... and {hidden} more problems"] if hidden > 0 else [])]))
 
 
 class Problems:

@@ -161,3 +161,31 @@ def bad_episode(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
             time.sleep(3600)
         raise RuntimeError("this episode is bad")
     return rows
+
+
+@cell_by_cell
+def planned_episodes(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
+    """Calls a planner of the user's as an exploration does, and notes its fault."""
+    from strategies.planners.guarded_call import guarded_call
+    from strategies.planners.register import fault_text
+    from strategies.planners.registry import make_planner
+
+    fault = ""
+    if cell.strategy.call:
+        planner = make_planner(cell.strategy.call, {})
+        try:
+            with guarded_call():
+                planner(None)  # type: ignore[arg-type]
+        except Exception as error:
+            fault = fault_text(planner, error)
+    return rows_of(cell, episodes) | {"note": np.full(len(episodes), fault, object)}
+
+
+@cell_by_cell
+def crashing_while_cached(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
+    """Crashes as long as there are cached programs."""
+    from warpgrasp.core.cache_file import cache_root
+
+    if (cache_root() / "programs").exists():
+        os.kill(os.getpid(), signal.SIGILL)
+    return rows_of(cell, episodes)

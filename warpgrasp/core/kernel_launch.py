@@ -18,11 +18,15 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warpgrasp.core.kernel_cache import check_kernels, seal_kernels
+
 wp.config.log_level = wp.LOG_ERROR  # banners are not results
 _SMALLEST_SLICE = 512  # threads; below, starting a Python thread costs more than it saves
 _SLICES = 16  # for each thread
 _pool: ThreadPoolExecutor | None = None
 _thread_count = max(1, int(os.environ.get("WARPGRASP_THREADS", os.cpu_count() or 1)))
+_launched: set[str] = set()
+"""Modules whose compiled kernels have been checked and loaded in this process."""
 
 
 class ShapeError(ValueError):
@@ -76,7 +80,13 @@ def launch_in_turn(
     """
     checked = [(kernel, _checked(kernel, extents, shapes, arguments, device))
                for kernel, shapes, arguments in steps]
+    new = {kernel.module.name for kernel, _ in checked} - _launched
+    for module in sorted(new):
+        check_kernels(module)
     _run(checked, tuple(extents.values()), device)
+    for module in sorted(new):
+        seal_kernels(module)
+    _launched.update(new)
 
 
 def _checked(

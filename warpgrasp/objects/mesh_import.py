@@ -3,8 +3,6 @@
 import hashlib
 import io
 import logging
-import os
-import tempfile
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import warp as wp
 
+from warpgrasp.core.cache_file import cache_root, read_cached, write_cached
 from warpgrasp.geometry.body import Body, BodyError, Part, distance_to_bodies, scene_of
 from warpgrasp.geometry.scene import Shape
 from warpgrasp.objects.mesh_orientation import mesh_distance, mesh_of, outward_faces
@@ -57,8 +56,8 @@ def body_from_mesh(path: Path, *, units: str, name: str | None = None) -> Body:
         raise BodyError(f"{path}: cannot be read: {error.strerror or error}") from None
     key = hashlib.sha256(content)
     key.update(f"{kind} {units} {_NODES} {_MARGIN_M} {_BAKE_VERSION}".encode())
-    cached = _cache_folder() / f"{key.hexdigest()[:32]}.npz"
-    baked = _read_cached(cached)
+    cached = cache_root() / "grids" / f"{key.hexdigest()[:32]}.grid"
+    baked = _read_baked(cached)
     if baked is None:
         with _quiet_reader():
             vertices, faces = _read_checked(path, content, units)
@@ -66,7 +65,7 @@ def body_from_mesh(path: Path, *, units: str, name: str | None = None) -> Body:
             baked = _bake(vertices, faces)
         except BodyError as error:
             raise BodyError(f"{path}: {error}") from None
-        _write_cached(cached, baked)
+        _write_baked(cached, baked)
     grid, origin, cell, low, high, error = (
         baked[k] for k in ("grid", "origin", "cell", "low", "high", "error"))
     part = Part(Shape.GRID, grid_m=grid, grid_origin_m=_triple(origin), grid_cell_m=float(cell))
@@ -114,7 +113,7 @@ def _read_checked(path: Path, content: bytes, units: str) -> tuple[np.ndarray, n
     kind = path.suffix.lower().lstrip(".")
     _check_declared_faces(path, kind, content)
     try:  # from memory: files that a mesh names beside itself (materials, textures) stay closed
-        mesh = trimesh.load_mesh(io.BytesIO(content), file_type=kind, process=True)
+        mesh = trimesh.load_mesh(io.BytesIO(content), file_type=kind, process=False)
     except Exception as error:  # any reader's failure is the file's fault here
         reason = str(error).strip().split("\n")[0] or type(error).__name__
         raise BodyError(f"{path}: not a mesh that can be read ({reason}); "
@@ -125,7 +124,9 @@ def _read_checked(path: Path, content: bytes, units: str) -> tuple[np.ndarray, n
         raise BodyError(f"{path}: {len(mesh.faces):,} faces; at most {LARGEST_FACE_COUNT:,}: "
                         "simplify the mesh first")
     if not np.isfinite(mesh.vertices).all():
-        raise BodyError(f"{path}: a vertex is not a finite number")
+        number = int(np.argmin(np.isfinite(mesh.vertices).all(1)))
+        raise BodyError(f"{path}: vertex {number} is not a finite number: "
+                        f"{mesh.vertices[number].tolist()}; remove it and close the hole")
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
     mesh.update_faces(mesh.nondegenerate_faces())
     mesh.remove_unreferenced_vertices()
@@ -225,27 +226,15 @@ def _check_volume(mesh: wp.Mesh, body: Body, band: np.ndarray, deep: int) -> Non
             "are kept; thicken its walls, or bring a mesh whose longest side is shorter")
 
 
-def _cache_folder() -> Path:
-    base = os.environ.get("WARPGRASP_CACHE") or os.path.join(
-        os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), "warpgrasp")
-    return Path(base) / "grids"
-
-
-def _read_cached(path: Path) -> dict[str, np.ndarray] | None:
-    try:
-        with np.load(path, allow_pickle=False) as stored:
-            return {key: stored[key] for key in stored.files}
-    except (OSError, ValueError, EOFError, KeyError):
-        return None  # absent or damaged: bake again
-    except Exception:  # zipfile's own errors share no base class
+def _read_baked(file: Path) -> dict[str, np.ndarray] | None:
+    content = read_cached(file)
+    if content is None:
         return None
+    with np.load(io.BytesIO(content), allow_pickle=False) as stored:
+        return {key: stored[key] for key in stored.files}
 
 
-def _write_cached(path: Path, baked: dict[str, np.ndarray]) -> None:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".tmp", delete=False) as file:
-            np.savez_compressed(file, allow_pickle=False, **baked)
-        os.replace(file.name, path)
-    except OSError:
-        pass  # a read-only home costs a second bake, not the run
+def _write_baked(file: Path, baked: dict[str, np.ndarray]) -> None:
+    content = io.BytesIO()
+    np.savez_compressed(content, allow_pickle=False, **baked)
+    write_cached(file, content.getvalue())

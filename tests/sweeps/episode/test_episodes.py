@@ -98,7 +98,11 @@ def test_explore_writes_contacts_shape_and_a_figure(tmp_path: Path) -> None:
     assert tuple(lines[0].split(",")) == COLUMNS
     assert len(lines) == 1 + 8 * 2 * 4
     names = {status.name.lower() for status in ProbeStatus}
-    assert {line.split(",")[5] for line in lines[1:]} <= names
+    rows = [dict(zip(COLUMNS, line.split(","), strict=True)) for line in lines[1:]]
+    assert {row["status"] for row in rows} <= names
+    for row in rows:
+        assert (row["accepted"] == "") == (row["status"] != "contact")
+        assert (row["link"] == "-1") == (row["status"] != "contact")
     shape = json.loads((tmp_path / "shape.json").read_text())
     assert shape["chosen"] in ("tapered_superquadric", "told_cylinder")
     assert 0.0 <= shape["metrics"]["iou"] <= 1.0

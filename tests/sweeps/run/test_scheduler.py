@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from studies import SMALL, contents, plan_of, run_in
 
-from sweeps.run.plan import Plan
+from sweeps.run.plan import Plan, Unit
 from sweeps.run.progress import Progress
 from sweeps.run.scheduler import IN_HAND_S, MOST_EPISODES, Outcome, UnitQueue
 from sweeps.run.store import Store
-from sweeps.run.unit_file import Columns, encode_unit
+from sweeps.run.unit_file import Columns, encode_unit, write_unit
 from sweeps.run.worker import run_units
 from sweeps.spec.cell import Cell
 
@@ -108,12 +108,32 @@ def test_who_comes_while_others_are_busy_is_given_a_whole_share(
     assert len(work.take(2, elsewhere)) == most  # of eight
 
 
+def finish(work: UnitQueue, unit: Unit, seconds: float) -> None:
+    """A worker has written a unit."""
+    write_unit(work.store.path(unit), unit.id,
+               run_units(fake_episodes.run_episodes, [unit], "cpu")[0])
+    work.done(unit, seconds)
+
+
+def test_a_unit_that_is_reported_without_its_file_is_not_done(tmp_path: Path, plan: Plan) -> None:
+    work = work_of(plan, tmp_path)
+    unit, = work.take(cold=True)
+    work.done(unit, 0.1)
+    assert work.outcome.done == 0
+    assert work.take() == [unit]  # once more
+    work.done(unit, 0.1)
+    assert work.outcome.failed == 1
+    finish(work, work.take(cold=True)[0], 0.1)
+    work.count_files()
+    assert (work.outcome.done, work.outcome.lost) == (1, plan.unit_count - 2)
+
+
 def test_where_all_is_compiled_a_unit_goes_ahead_and_tells_nothing(
         tmp_path: Path, plan: Plan) -> None:
     work = work_of(plan, tmp_path)
     first = work.take(2, cold=True)
     assert len(first) == 1
-    work.done(first[0], 1000.0)
+    finish(work, first[0], 1000.0)
     assert len(work.take(2)) == MOST_UNITS
 
 
@@ -146,7 +166,7 @@ def test_an_object_that_fails_is_run_by_itself_from_then_on(tmp_path: Path) -> N
         if unit.cell.object_name == "wedge":
             work.failed([unit], "this one")
         else:
-            work.done(unit, 0.1)
+            finish(work, unit, 0.1)
     assert [unit.cell.object_name for unit in work.take()] == ["wedge"]  # its second time
     batches = [[unit.cell.object_name for unit in work.take()] for _ in range(3)]
     assert batches == [["block"], ["wedge"], ["lightbulb"]]
@@ -157,14 +177,14 @@ def test_an_object_that_fails_is_run_by_itself_from_then_on(tmp_path: Path) -> N
 def test_a_batch_holds_seconds_of_work_at_most(
         tmp_path: Path, seconds: float, most: int) -> None:
     work = work_of(plan_of(tmp_path / "spec", TEXT.replace("1000", "10000")), tmp_path)
-    work.done(work.take()[0], seconds)
+    finish(work, work.take()[0], seconds)
     assert len(work.take()) == most
 
 
 def test_planners_of_ones_own_are_called_for_a_unit_at_a_time(tmp_path: Path) -> None:
     own = TEXT.replace("ring6", "random")
     work = work_of(plan_of(tmp_path / "spec", own), tmp_path)
-    work.done(work.take()[0], 0.001)
+    finish(work, work.take()[0], 0.001)
     assert len(work.take()) == 1
 
 

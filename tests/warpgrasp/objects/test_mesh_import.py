@@ -179,9 +179,12 @@ def test_bad_files(tmp_path: Path, name: str, content: bytes | None, message: st
 def test_a_damaged_cache_is_baked_again(tmp_path: Path) -> None:
     file = block_file(tmp_path)
     first = body_from_mesh(file, units="m")
-    for cached in (tmp_path / "cache").rglob("*.npz"):
-        cached.write_bytes(b"not a zip")
-    assert body_from_mesh(file, units="m").content == first.content
+    cached, = (tmp_path / "cache").rglob("*.grid")
+    whole = cached.read_bytes()
+    for damaged in (b"", b"not a zip", whole[:-1], whole[:700] + b"\xff" + whole[701:]):
+        cached.write_bytes(damaged)
+        assert body_from_mesh(file, units="m").content == first.content
+        assert cached.read_bytes() == whole
 
 
 @pytest.mark.skipif(not YCB.is_dir(), reason="the scanned meshes lie beside the checkout")

@@ -1,0 +1,96 @@
+"""Whether a recovered body is to be believed: what it was felt by, swept space, table and prior may
+contradict it, whatever model it came from."""
+
+import numpy as np
+
+from fit.arrays import row_sums
+from fit.revolution.geometry import RevolutionBody, revolution_inside
+from fit.superquadric.geometry import SuperquadricLike, superquadric_points
+from strategies.poses.waypoints import PRIOR_MARGIN_M, BoundingCylinder
+from strategies.recovery.body_distances import contour_distances, surface_distances
+from strategies.recovery.evidence import Evidence
+from strategies.recovery.misfit import FARTHEST_M, UNBELIEVED_M
+
+FEWEST_CONTACTS = 8
+"""With fewer contacts no body is believed."""
+BEYOND_M = 2.0 * PRIOR_MARGIN_M
+"""A body that reaches farther than this beyond the prior cylinder contradicts it: six standard
+deviations of the prior's height, and four of its centre and its radius together."""
+SUNK_M = 0.010
+"""A body whose lowest point is deeper than this below the table contradicts the table [est]."""
+FLOATING_M = 0.030
+"""One whose lowest point is higher than this above the table does too: objects stand on it [est].
+"""
+INSIDE_M = 0.005
+"""A ball of free space whose centre lies deeper than this contradicts the body [est]."""
+MOST_INSIDE = 0.1
+"""Share of the balls that may: links are not where they are believed to be [est]."""
+_SURFACE_POINTS = 216
+
+
+def within_reach(fits: SuperquadricLike, prior: BoundingCylinder) -> np.ndarray:
+    """Whether superquadrics stay within twice the reach of the prior cylinder and its error, bool
+    (world,): enough to go on exploring by."""
+    middle = np.stack([prior.x_m, prior.y_m, prior.height_m / 2], axis=1)
+    reach = np.hypot(prior.radius_m, prior.height_m / 2) + PRIOR_MARGIN_M
+    far = (np.linalg.norm(fits.position_m - middle, axis=1)
+           + np.linalg.norm(fits.size_m, axis=1))
+    return far <= 2.0 * reach
+
+
+def plausible(body: SuperquadricLike, prior: BoundingCylinder) -> np.ndarray:
+    """Whether superquadrics agree with the prior cylinder and with the table, bool (world,).
+
+    Few contacts on one side may let a fit diverge; with the rough size as prior one would not
+    believe it, and neither is it scored.
+    """
+    with np.errstate(invalid="ignore", divide="ignore"):  # where nothing was fitted
+        points = np.nan_to_num(superquadric_points(body, _SURFACE_POINTS))
+    away = np.hypot(points[..., 0] - prior.x_m[:, None], points[..., 1] - prior.y_m[:, None])
+    return _within(away.max(1), points[..., 2].min(1), points[..., 2].max(1), prior)
+
+
+def plausible_contour(
+    body: RevolutionBody, evidence: Evidence, prior: BoundingCylinder
+) -> np.ndarray:
+    """Whether bodies of revolution agree with prior, table, contacts and free space, bool (world,).
+
+    False where there is no contour, or too few contacts to believe any.
+    """
+    known = np.isfinite(body.height_m) & np.isfinite(body.radius_m)
+    height, radius = np.where(known, body.height_m, 0.0), np.where(known, body.radius_m, 0.0)
+    centre = body.foot_m[:, None] + height[..., None] * body.axis[:, None]
+    rise = radius * np.sqrt(np.maximum(1.0 - body.axis[:, None, 2] ** 2, 0.0))
+    away = np.hypot(centre[..., 0] - prior.x_m[:, None], centre[..., 1] - prior.y_m[:, None])
+    within = _within(np.where(known, away + radius, -np.inf).max(1),
+                     np.where(known, centre[..., 2] - rise, np.inf).min(1),
+                     np.where(known, centre[..., 2] + rise, -np.inf).max(1), prior)
+    felt = contour_distances(body, evidence.points_m, evidence.mask)
+    free = contour_distances(body, evidence.free_m, evidence.free_mask)
+    inside = revolution_inside(body, evidence.free_m)
+    return (within & known.any(1) & (evidence.mask.sum(1) >= FEWEST_CONTACTS)
+            & (_mean_away(felt, evidence.mask) < UNBELIEVED_M)
+            & ~_swept(np.where(inside, -free, free), evidence.free_mask))
+
+
+def swept(body: SuperquadricLike, evidence: Evidence) -> np.ndarray:
+    """Whether links passed through superquadrics without touching them, bool (world,)."""
+    distance, _ = surface_distances(body, evidence.free_m, evidence.free_mask, ahead_m=0.0)
+    return _swept(distance, evidence.free_mask)
+
+
+def _swept(distance: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    deep = (mask & (distance < -INSIDE_M)).sum(1)
+    return deep > MOST_INSIDE * mask.sum(1)
+
+
+def _mean_away(distance: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    square = row_sums(np.where(mask, np.minimum(np.abs(distance), FARTHEST_M), 0.0))
+    return square / np.maximum(mask.sum(1), 1)
+
+
+def _within(reach: np.ndarray, low: np.ndarray, high: np.ndarray,
+            prior: BoundingCylinder) -> np.ndarray:
+    """Of the farthest distance from the prior's axis, the lowest and the highest point."""
+    return ((reach <= prior.radius_m + BEYOND_M) & (high <= prior.height_m + BEYOND_M)
+            & (low >= -SUNK_M) & (low <= FLOATING_M))

@@ -1,0 +1,55 @@
+"""How far to trust what one episode recovered, in a sentence: from what the robot knows alone."""
+
+import numpy as np
+
+from fit.arrays import rows_of
+from fit.revolution.geometry import revolution_surface
+from fit.superquadric.geometry import superquadric_areas
+from strategies.recovery.choose_model import Recovered, Shape, explained_by
+from strategies.recovery.evidence import TABLE_MARGIN_M
+from sweeps.episode.episodes import EpisodeBlock
+
+NEAR_M = 0.02
+"""A place of the surface farther than this from every contact is a guess of the model."""
+SURFACE_POINTS = 864
+
+_NOTHING = {
+    "too_few_contacts": "too few contacts for any body",
+    "fit_failed": "no body could be fitted to the contacts",
+    "fit_implausible": "contacts, free space, table or prior contradict what was fitted",
+    "strategy_failed": "the strategy failed before enough was felt",
+}
+
+
+def trust_sentence(block: EpisodeBlock, world: int = 0) -> str:
+    """What speaks for the recovered body of one world, and how much of it was never felt."""
+    recovered = rows_of(block.recovered, np.array([world]))
+    evidence = rows_of(block.evidence, np.array([world]))
+    felt = int(evidence.mask.sum())
+    if recovered.shape[0] == Shape.PRIOR_CYLINDER:
+        why = _NOTHING.get(str(block.status[world]), str(block.status[world]))
+        return (f"nothing was recovered: {why} ({felt} contacts); the body written is the cylinder "
+                "that the strategy was given as prior")
+    near = explained_by(recovered, evidence.points_m, evidence.mask)
+    share = surface_near(recovered, evidence.points_m[0][near[0]])
+    far = felt - int(near.sum())
+    text = (f"{100 * share:.0f} % of the recovered surface is within {1e3 * NEAR_M:.0f} mm of one "
+            f"of {felt - far} contacts, the rest is the model's guess")
+    if far:
+        text += f"; {far} more contacts contradict it"
+    if recovered.shape[0] == Shape.SUPERQUADRIC:
+        low, high = 1e6 * block.exploration.belief.uncertainty.volume_interval_m3()[world]
+        text += (f"; its volume is {low:.0f} to {high:.0f} cm3 (90 %), if the object is a "
+                 "superquadric")
+    return text
+
+
+def surface_near(recovered: Recovered, contacts_m: np.ndarray) -> float:
+    """Share of one body's surface above the table within `NEAR_M` of a contact, (point, 3)."""
+    if recovered.shape[0] == Shape.REVOLUTION and recovered.revolution is not None:
+        points, _, area = revolution_surface(recovered.revolution)
+    else:
+        points, area = superquadric_areas(recovered.superquadric, SURFACE_POINTS)
+    area = np.where(points[0, :, 2] > TABLE_MARGIN_M, area[0], 0.0)
+    away = np.linalg.norm(points[0][:, None] - contacts_m, axis=-1).min(1, initial=np.inf)
+    return float(area[away <= NEAR_M].sum() / max(area.sum(), 1e-12))

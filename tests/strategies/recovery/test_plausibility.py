@@ -1,0 +1,82 @@
+"""Bodies that what was felt, swept space, table or prior contradict are no results."""
+
+import numpy as np
+import pytest
+
+from fit.revolution.geometry import RevolutionBody, revolution_surface
+from fit.superquadric.geometry import superquadric
+from strategies.poses.waypoints import BoundingCylinder
+from strategies.recovery.choose_model import Recovered, Shape, explained_by
+from strategies.recovery.evidence import Evidence
+from strategies.recovery.plausibility import plausible, plausible_contour, swept
+
+PRIOR = BoundingCylinder(np.array([0.45]), np.array([0.0]), np.array([0.05]), np.array([0.12]))
+SIZE = (0.04, 0.03, 0.05)
+
+
+def body(x=0.45, z=0.05, size=SIZE, quaternion=(0, 0, 0, 1)):
+    return superquadric(size, (0.3, 1.0), (x, 0.0, z), quaternion)
+
+
+def evidence(points: np.ndarray, free: np.ndarray) -> Evidence:
+    count = len(points)
+    return Evidence(points[None], np.ones((1, count), bool), np.tile(np.eye(3), (1, count, 1, 1)),
+                    np.full((1, count, 3), np.nan), free[None], 0.006,
+                    np.ones((1, len(free)), bool), np.zeros((1, count), bool))
+
+
+@pytest.mark.parametrize(("found", "right"), [
+    (body(), True),
+    (body(z=0.075), True),  # touches low down may have been missed
+    (body(z=0.045, size=(0.05, 0.04, 0.045)), True),
+    (body(x=0.55), False),  # 90 mm beyond the prior's side
+    (body(z=0.11, size=(0.04, 0.03, 0.11)), False),  # 100 mm above it
+    (body(z=0.03), False),  # 20 mm in the table
+    (body(z=0.09), False),  # 40 mm above the table
+    (body(size=(0.16, 0.03, 0.05)), False),
+])
+def test_prior_and_table(found, right: bool) -> None:
+    assert plausible(found, PRIOR).tolist() == [right]
+
+
+def contour(radius: float, high: float = 0.12) -> RevolutionBody:
+    return RevolutionBody(np.array([[0.45, 0.0, 0.0]]), np.array([[0.0, 0.0, 1.0]]),
+                          np.linspace(0.0, high, 6)[None], np.full((1, 6), radius))
+
+
+def felt(of: RevolutionBody, count: int) -> np.ndarray:
+    """Points on the side."""
+    points = revolution_surface(of)[0][0]
+    points = points[(points[:, 2] > 0.01) & (points[:, 2] < 0.95 * of.height_m.max())]
+    return points[np.linspace(0, len(points) - 1, count).astype(int)]
+
+
+OUTSIDE = np.array([[0.45 + 0.2, 0.0, 0.1]])
+ON_THE_AXIS = np.column_stack([np.full(4, 0.45), np.zeros(4), np.linspace(0.03, 0.09, 4)])
+
+
+@pytest.mark.parametrize(("found", "points", "free", "right"), [
+    (contour(0.05), felt(contour(0.05), 20), OUTSIDE, True),
+    (contour(0.05), felt(contour(0.05), 7), OUTSIDE, False),  # too few contacts
+    (contour(0.05), felt(contour(0.065), 20), OUTSIDE, False),  # they lie 15 mm away
+    (contour(0.05), felt(contour(0.05), 20), ON_THE_AXIS, False),  # fingers went through it
+    (contour(0.15), felt(contour(0.15), 20), OUTSIDE, False),  # three times as wide as the prior
+    (contour(0.05, 0.25), felt(contour(0.05, 0.25), 20), OUTSIDE, False),
+])
+def test_contours(found, points, free, right: bool) -> None:
+    assert plausible_contour(found, evidence(points, free), PRIOR).tolist() == [right]
+
+
+def test_a_finger_that_passed_through_contradicts_any_body() -> None:
+    assert swept(body(), evidence(np.zeros((1, 3)), ON_THE_AXIS)).tolist() == [True]
+    assert swept(body(), evidence(np.zeros((1, 3)), OUTSIDE)).tolist() == [False]
+
+
+def test_contacts_far_from_the_body_are_not_its() -> None:
+    recovered = Recovered(np.array([Shape.SUPERQUADRIC]), body())
+    points = np.array([[[0.45 + 0.04, 0.0, 0.05], [0.45 + 0.045, 0.0, 0.05],
+                        [0.45 + 0.10, 0.0, 0.05], [0.45, 0.0, 0.05]]])
+    near = explained_by(recovered, points, np.ones((1, 4), bool))
+    assert near.tolist() == [[True, True, False, False]]
+    nothing = Recovered(np.array([Shape.PRIOR_CYLINDER]), body())
+    assert not explained_by(nothing, points, np.ones((1, 4), bool)).any()

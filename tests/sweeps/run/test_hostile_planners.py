@@ -1,0 +1,149 @@
+"""Planners that try to spoil the run: the others' rows stay as they are, each has its own line."""
+
+import contextlib
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from studies import contents, plan_of, run_in
+
+from strategies.planners.guarded_call import EndedProcess, guarded_call
+from strategies.planners.register import fault_text
+from sweeps.run import local_engine as runner
+from sweeps.run.local_engine import Options
+from sweeps.run.plan import Plan
+from sweeps.run.progress import Progress
+from sweeps.run.scheduler import Outcome
+from sweeps.run.store import Store
+
+HONEST = """\
+schema = 1
+seed = 7
+episodes_per_cell = 64
+objects = ["block"]
+[[strategy]]
+name = "ring6"
+"""
+ASIDE = {"os.kill(os.getpid(), 11)", "os.kill(os.getpid(), 9)", "time.sleep(600)"}
+"""What ends a worker from inside: its units are set aside as failed. All else is a fault."""
+
+
+def spec(folder: Path, lines: list[str]) -> str:
+    """The honest study with a planner of the user's for each line."""
+    text = HONEST
+    for number, line in enumerate(lines):
+        file = folder / f"p{number}.py"
+        file.write_text("import os, sys, time, subprocess\n\n\ndef choose(belief):\n"
+                        f"    {line}\n    return []\n")
+        text += f'[[strategy]]\nname = "p{number}"\nstrategy = "{file}:choose"\n'
+    return text
+
+
+def run_with(folder: Path, lines: list[str], **more: Any) -> tuple[Plan, Any]:
+    folder.mkdir(exist_ok=True)
+    plan = plan_of(folder / "spec", spec(folder, lines))
+    return plan, run_in(folder / "out", plan, function="planned_episodes", **more)
+
+
+def notes(folder: Path, plan: Plan) -> dict[str, str]:
+    """By strategy, what its rows say, or its log."""
+    store = Store(folder / "out")
+    found: dict[str, str] = {}
+    for unit in plan.units():
+        rows = store.read(unit)
+        found[unit.cell.strategy.name] = (
+            store.log(unit).read_text() if rows is None else str(rows["note"][0]))
+    return found
+
+
+def test_each_has_its_line_and_the_others_their_rows(tmp_path: Path) -> None:
+    lines = ["raise KeyboardInterrupt", "sys.exit(0)", "os._exit(0)",
+             "os.fork() and time.sleep(0.1)", "os.fork() or os._exit(0)",
+             "subprocess.Popen(['sleep', '600'])",
+             "os.kill(os.getpid(), 11)", "os.kill(os.getpid(), 9)", "time.sleep(600)",
+             "os.environ.clear(); __import__('numpy').seterr(all='raise')", "os.closerange(3, 100)"]
+    plan, outcome = run_with(tmp_path, lines, workers=2, unit_timeout_s=4.0)
+    honest = plan_of(tmp_path / "honest", HONEST)
+    run_in(tmp_path / "alone", honest, function="planned_episodes")
+    mine = contents(tmp_path / "out")
+    assert {name: mine[name] for name in contents(tmp_path / "alone")} == contents(
+        tmp_path / "alone")
+    said, names = notes(tmp_path, plan), [f"p{number}" for number in range(len(lines) - 1)]
+    assert outcome.lost == 0
+    assert outcome.done + outcome.failed == plan.unit_count
+    assert ["died" in text or "stopped" in text for text in map(said.get, names)] == [
+        line in ASIDE for line in lines[:-1]]  # the last may have been written before it died
+    for number, words in ((0, "KeyboardInterrupt"), (1, "SystemExit: 0"), (2, "os._exit(0)")):
+        assert said[f"p{number}"] == f"p{number}.py:5: choose: {words}"
+    assert [said[f"p{number}"] for number in (3, 4, 5, 9)] == [""] * 4
+    assert "the worker died (exit code -11)" in said["p6"]
+    assert "the worker died (exit code -9)" in said["p7"]
+    assert "stopped: it took longer than 4 s" in said["p8"]
+    time.sleep(0.2)
+    assert not [process for process in _processes() if "sleep\x00600" in process]
+
+
+def _processes() -> list[str]:
+    found = []
+    for folder in Path("/proc").iterdir():
+        with contextlib.suppress(OSError):
+            found.append((folder / "cmdline").read_text())
+    return found
+
+
+def test_a_printing_planner_leaves_a_short_log(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runner, "LOG_BYTES", 1 << 20)
+    _plan, outcome = run_with(tmp_path, ["print('x' * (8 << 20), flush=True)"])
+    assert outcome.failed == 0
+    assert sum(file.stat().st_size for file in (tmp_path / "out/logs").iterdir()) < 2 << 20
+
+
+def test_deaths_at_the_start_are_counted_in_a_row(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three in a long run used to end it; here every other start is one."""
+    starts = tmp_path / "starts"
+    starts.mkdir()
+    monkeypatch.setenv("FAKE_STARTS", str(starts))
+    plan = plan_of(tmp_path / "spec", spec(tmp_path, ["pass"] * 5))
+    store = Store(tmp_path / "out")
+    store.open_for(plan, None, "cpu")
+    options = Options(1, (1, 1), "cpu", "fake_starts:run_episodes")
+    with store.lock((1, 1)), Progress(plan.unit_count, quiet=True) as progress:
+        outcome = runner.run(plan, store, options, progress)
+    assert outcome == Outcome(kept=0, done=plan.unit_count, failed=0, lost=0)
+    assert len(list(starts.iterdir())) >= 8  # four and more died
+
+
+def test_two_crashes_throw_compiled_programs_away(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("WARPGRASP_CACHE", str(tmp_path / "cache"))
+    program = tmp_path / "cache" / "programs" / "0123" / "bad.xla"
+    program.parent.mkdir(parents=True)
+    program.write_bytes(b"a program that crashes")
+    monkeypatch.setattr("warpgrasp.core.kernel_cache.drop_kernels", lambda *packages: None)
+    plan = plan_of(tmp_path / "spec", HONEST)
+    outcome = run_in(tmp_path / "out", plan, function="crashing_while_cached")
+    assert (outcome.done, outcome.failed) == (1, 0)
+    assert not program.exists()
+
+
+def test_a_forked_copy_does_not_come_back() -> None:
+    code = ("import os\nfrom strategies.planners.guarded_call import guarded_call\n"
+            "with guarded_call():\n    child = os.fork()\nprint('back', flush=True)\n"
+            "os.waitpid(child, 0)")
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "back\n"
+
+
+def test_the_line_of_an_end_is_told() -> None:
+    def choose(belief: object) -> list[object]:
+        os._exit(3)
+
+    with pytest.raises(EndedProcess) as caught, guarded_call():
+        choose(None)
+    assert fault_text(choose, caught.value).endswith("choose: os._exit(3)")
