@@ -1,6 +1,5 @@
 """The commands that read a study: tables, figures, the report, a replay of an episode."""
 
-import sys
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -75,7 +74,7 @@ def rows(folders: list[Path], /, *,
     if contacts and curves:
         raise UsageError("rows: --contacts and --curves are two tables; ask for one at a time")
     from sweeps.analysis.arrow import write_rows
-    from sweeps.output import is_quiet
+    from sweeps.output import note
     from sweeps.spec.errors import StoreError
 
     what = "contacts" if contacts else "curves" if curves else "episodes"
@@ -83,8 +82,8 @@ def rows(folders: list[Path], /, *,
         count, notes = write_rows(folders, out, what)
     except OSError as error:
         raise StoreError(f"{out}: cannot be written: {error.strerror or error}") from None
-    for line in () if is_quiet() else (f"{out}: {count} rows", *(f"note: {n}" for n in notes)):
-        print(line, file=sys.stderr)
+    for line in (f"{out}: {count} rows", *(f"note: {text}" for text in notes)):
+        note(line)
     return 0
 
 

@@ -1,7 +1,6 @@
 """`warpgrasp compare A B`: what changed in the specs, and paired differences of what is shared."""
 
 import json
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,12 +9,13 @@ from sweeps.analysis.entries import HIGHER_IS_BETTER, check_metric
 from sweeps.analysis.paired import MANY_OBJECTS, interval_note
 from sweeps.compare.matching import Shared, changes, shared_by
 from sweeps.compare.shift import Shift, measure_shift
-from sweeps.output import is_quiet, write_atomic
+from sweeps.output import note, write_atomic
 from sweeps.run.plan import Plan, plan_study
 from sweeps.run.store import Store, open_study
 from sweeps.spec.errors import StoreError
 from sweeps.spec.reader import read_spec
 from sweeps.text_table import TextTable, number_text, print_table
+from warpgrasp.core.plain_text import on_one_line
 
 LISTED = 50
 """Changes that are printed; the rest is a number."""
@@ -61,8 +61,8 @@ def compare(one: Path, other: Path, out: Path | None, *, metric: str, over: str 
         return 0
     print(_shared_text(shared, shift), end="\n\n")
     print_table(made.header, made.rows, False)
-    for note in () if is_quiet() else made.notes:
-        print(f"note: {note}", file=sys.stderr)
+    for text in made.notes:
+        note(f"note: {text}")
     return 0
 
 
@@ -77,7 +77,7 @@ def _read(path: Path) -> tuple[Plan, list[Store] | None]:
 def _print_changes(lines: Sequence[str]) -> None:
     print("changes from A to B" if lines else "the specs of A and B are the same")
     for line in lines[:LISTED]:
-        print(f"  {line}")
+        print(f"  {on_one_line(line)}")
     if len(lines) > LISTED:
         print(f"  ... {len(lines) - LISTED} more")
 
@@ -100,8 +100,8 @@ def _shared_text(shared: Shared, shift: Shift) -> str:
         f"{one} of A and {other} of B, not all of them paired")
     return "\n".join([
         "shared by A and B",
-        f"  strategies: {', '.join(shared.strategies)}",
-        f"  objects:    {', '.join(shared.objects)}",
+        f"  strategies: {on_one_line(', '.join(shared.strategies))}",
+        f"  objects:    {on_one_line(', '.join(shared.objects))}",
         f"  entries:    {len(shared.matches)} (a strategy under a setting)",
         f"  episodes:   {episodes}, of each entry"])
 
