@@ -64,10 +64,10 @@ def changes(one: Plan, other: Plan) -> list[str]:
 
 
 def _by_key(resolved: Mapping[str, Any]) -> dict[str, Any]:
-    """A resolved study with a list of values for every swept key."""
-    swept = {key: [point[n] for point in axis["values"]] for axis in resolved["sweep"]
+    """A resolved study with a list of values for every swept key, as `sweep.KEY`."""
+    swept = {f"sweep.{key}": [point[n] for point in axis["values"]] for axis in resolved["sweep"]
              for n, key in enumerate(axis["keys"])}
-    return {**resolved, "sweep": swept}
+    return {name: value for name, value in resolved.items() if name != "sweep"} | swept
 
 
 def shared_by(one: Plan, other: Plan) -> Shared:

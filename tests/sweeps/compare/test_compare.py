@@ -268,6 +268,7 @@ def test_many_changes_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[
 def test_swept_keys_are_told_by_name(tmp_path: Path) -> None:
     one, other = plan_of(tmp_path / "a", swept("[3.0]")), plan_of(tmp_path / "b", swept("[3.0, 6]"))
     assert changes(one, other) == [f"sweep.{KEY}: [3.0] -> [3.0, 6]"]
+    assert changes(plan_of(tmp_path / "c"), one) == [f"sweep.{KEY}: absent -> [3.0]"]
 
 
 def test_the_table_is_printed_and_written(
