@@ -17,7 +17,7 @@ import run_docs
 from doc_blocks import ROOT, Block, blocks, commands, pages
 
 LIGHT = {"objects", "strategies", "init", "check", "sweep", "status", "leaderboard", "table",
-         "rows", "figure", "export", "completion"}
+         "rows", "compare", "figure", "export", "completion"}
 PROGRAMS = [block for block in commands() if "warpgrasp " in block.text
             and not run_docs.excuse(block)]
 

@@ -5,7 +5,6 @@ swept keys are columns too. What has no value is null (an empty cell in CSV), so
 it. Strategies come in the order of the spec, then objects, settings and episodes.
 """
 
-import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import product
@@ -22,12 +21,11 @@ from sweeps.run.store import Store, open_study
 from sweeps.run.unit_file import Columns
 from sweeps.spec.errors import StoreError
 from sweeps.spec.study import Study
+from warpgrasp.core.plain_text import csv_cell
 
 GROUP = 65_536
 """Rows written together: few enough for memory, many enough for Parquet."""
 NAMES = ("episode", "strategy", "object", "seed")
-RUNS_IN_A_SPREADSHEET = r"^[=+\-@\t\r]"
-NUMBER = r"^[+\-]?(\d+\.?\d*|\.\d+)([eE][+\-]?\d+)?$"
 
 
 def read_rows(*folders: str | Path) -> pa.Table:
@@ -194,14 +192,9 @@ def _without_formulas(table: pa.Table) -> pa.Table:
     for n, field in enumerate(table.schema):
         if field.type == pa.string():
             table = table.set_column(n, field, pa.chunked_array(
-                [[_harmless(text) for text in chunk.to_pylist()] for chunk in
+                [[text and csv_cell(text) for text in chunk.to_pylist()] for chunk in
                  table.column(n).chunks], pa.string()))
     return table
-
-
-def _harmless(text: str | None) -> str | None:
-    runs = text and re.match(RUNS_IN_A_SPREADSHEET, text) and not re.match(NUMBER, text)
-    return f"'{text}" if runs else text
 
 
 def _nothing(folder: Path, finished: int, what: str) -> str:

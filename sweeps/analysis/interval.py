@@ -60,7 +60,7 @@ class ObjectMeans:
         """Each entry's mean with its own 95 % interval, within `bounds`."""
         mean = self._mean()
         error, freedom = self._error(over, None)
-        low, high = _ends(mean, _student(freedom) * error, bounds)
+        low, high = _ends(mean, students_t(freedom) * error, bounds)
         return Estimate(mean, low, high)
 
     def differences(self, to: int, over: str, simultaneous: bool = True) -> Estimate:
@@ -124,11 +124,12 @@ def _ends(mean: np.ndarray, half: np.ndarray, bounds: tuple[float, float]
     return mean - half, mean + half
 
 
-def _student(freedom: np.ndarray) -> np.ndarray:
+def students_t(freedom: np.ndarray, comparisons: int = 1) -> np.ndarray:
+    """The two-sided 95 % quantile of Student's t, for so many comparisons at once (Bonferroni)."""
     # Not scipy.stats, whose import takes longer than all else that a sweep's parent does.
     from scipy.special import ndtri, stdtrit
 
-    high = 0.5 + LEVEL / 2
+    high = 1.0 - (1.0 - LEVEL) / (2 * comparisons)
     return np.where(np.isfinite(freedom), stdtrit(freedom, high), ndtri(high))
 
 
@@ -139,7 +140,7 @@ def critical_difference(entries: int, freedom: np.ndarray) -> np.ndarray:
     reciprocal. Of two entries it is Student's t.
     """
     if entries <= 2:
-        return _student(freedom)
+        return students_t(freedom)
     share = 1.0 / np.clip(freedom, _FREEDOMS[0], np.inf)
     nodes = 1.0 / np.array(_FREEDOMS)[::-1]
     after = np.clip(np.searchsorted(nodes, share), 1, len(nodes) - 1)

@@ -1,6 +1,5 @@
 """The commands that read a study: tables, figures, the report, a replay of an episode."""
 
-import sys
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -75,7 +74,7 @@ def rows(folders: list[Path], /, *,
     if contacts and curves:
         raise UsageError("rows: --contacts and --curves are two tables; ask for one at a time")
     from sweeps.analysis.arrow import write_rows
-    from sweeps.output import is_quiet
+    from sweeps.output import note
     from sweeps.spec.errors import StoreError
 
     what = "contacts" if contacts else "curves" if curves else "episodes"
@@ -83,9 +82,37 @@ def rows(folders: list[Path], /, *,
         count, notes = write_rows(folders, out, what)
     except OSError as error:
         raise StoreError(f"{out}: cannot be written: {error.strerror or error}") from None
-    for line in () if is_quiet() else (f"{out}: {count} rows", *(f"note: {n}" for n in notes)):
-        print(line, file=sys.stderr)
+    for line in (f"{out}: {count} rows", *(f"note: {text}" for text in notes)):
+        note(line)
     return 0
+
+
+@app.command
+def compare(one: Annotated[Path, Parameter(name="A")], other: Annotated[Path, Parameter(name="B")],
+            /, *, metric: str = "chamfer_mm", over: Over | None = None,
+            out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
+            json: Json = False) -> int:
+    """Compare two studies: what changed in their specs, and what that did to what they share.
+
+    Parameters
+    ----------
+    one
+        The directory of a study, or a spec: then only specs are compared.
+    other
+        The other one; differences are B minus A.
+    metric
+        What to compare.
+    over
+        What intervals are of: objects like-these (the default where there are several), or these
+        objects with other episodes.
+    out
+        Also write the table, as CSV.
+    json
+        Print JSON.
+    """
+    from sweeps.compare.command import compare as compare_studies
+
+    return compare_studies(one, other, out, metric=metric, over=over, as_json=json)
 
 
 @app.command

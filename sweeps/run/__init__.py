@@ -8,7 +8,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "grown_units": ["kept_units"],
     "inputs": ["kept_cell"],
     "local_engine": ["Options", "UNIT_TIMEOUT_S", "as_a_worker", "run"],
-    "plan": ["Plan", "Unit", "cell_hash", "plan_study"],
+    "plan": ["Plan", "Unit", "canonical_body", "cell_hash", "differences", "plan_study"],
     "progress": ["Progress", "read_note"],
     "ray_engine": ["run_on_ray"],
     "scheduler": ["Outcome"],

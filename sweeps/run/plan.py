@@ -21,6 +21,7 @@ from sweeps.spec.study import FILE_KEYS, Axis, Body, Study, StudyTable
 
 RESULTS_SCHEMA = 16  # raise when rows change their meaning: older units are then computed again
 BLOCK = 64  # episodes of a unit; rows do not depend on it
+WIDEST = 100  # characters that are shown of a value
 LEAST_RUNS = 8  # of a shard: the last one may be missing in some, an eighth of their work
 
 
@@ -224,8 +225,12 @@ def _tuples(value: Any) -> Any:
 def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
     """Where two resolved studies differ, one line each, as `key: old -> new`."""
     before, after = dict(_leaves(old)), dict(_leaves(new))
-    return [f"{key}: {before.get(key, 'absent')} -> {after.get(key, 'absent')}"
+    return [f"{key}: {_cut(before.get(key, 'absent'))} -> {_cut(after.get(key, 'absent'))}"
             for key in sorted(before | after) if before.get(key) != after.get(key)]
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= WIDEST else f"{text[:WIDEST - 3]}..."
 
 
 def extends(old: Mapping[str, Any], new: Mapping[str, Any]) -> bool:
@@ -241,5 +246,8 @@ def _leaves(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
     if isinstance(value, Mapping) and value:
         for name, entry in value.items():
             yield from _leaves(entry, f"{key}.{name}" if key else str(name))
+    elif isinstance(value, list) and value and all(isinstance(v, Mapping) for v in value):
+        for number, entry in enumerate(value):
+            yield from _leaves(entry, f"{key}[{number}]")
     else:
         yield key, json.dumps(value)

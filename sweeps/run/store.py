@@ -291,8 +291,10 @@ def open_study(folders: Sequence[Path]) -> tuple[Plan, list[Store]]:
     found = [store.resolved() for store in stores]
     for store, resolved in zip(stores, found, strict=True):
         if resolved["hash"] != found[0]["hash"]:
-            raise OtherStudy(store.folder, [f"hash: {found[0]['hash']} ({folders[0]}) -> "
-                                            f"{resolved['hash']} ({store.folder})"])
+            raise OtherStudy(
+                store.folder, differences(found[0]["study"], resolved["study"]),
+                f"directories named together should hold parts of one study; `warpgrasp compare "
+                f"{folders[0]} {store.folder}` compares two. They differ in:")
     return replace(plan_of(stores[0]), folders=tuple(folders)), stores
 
 

@@ -94,12 +94,13 @@ def check_name(name: Any, path: KeyPath, problems: Problems) -> str | None:
 class OtherStudy(ValueError):
     """The directory belongs to another spec; `lines` say where the two differ."""
 
-    def __init__(self, folder: Path, lines: list[str]) -> None:
+    def __init__(self, folder: Path, lines: list[str],
+                 advice: str = "choose another directory, or undo:") -> None:
         self.lines = lines
         shown = [f"  {line}" for line in lines[:20]]
         more = [f"  ... {len(lines) - 20} more"] if len(lines) > 20 else []
         super().__init__("\n".join([
-            f"{folder}: belongs to another spec; choose another directory, or undo:",
+            f"{folder}: belongs to another spec; {advice}",
             *shown, *more]))
 
 

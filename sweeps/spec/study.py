@@ -105,6 +105,14 @@ class Study:
                     **dict(zip(TABLES, (tables[name] for name in SECTIONS), strict=True)),
                     seed=self.head.seed, setting=given, keep=self.head.keep)
 
+    def holds(self, strategy: int, key: str, si: Any) -> bool:
+        """Whether a strategy, or the study's tables, have this value of a key without a sweep."""
+        section, name = key.split(".", 1)
+        if section == "strategy":
+            chosen = self.strategies[strategy]
+            return with_strategy_value(chosen, name, si) == chosen
+        return getattr(self.tables[section], _si_name(section, name)) == si
+
     def cells(self) -> Iterator[tuple[int, int, int]]:
         """Index triples (strategy, object, setting), the strategies of one case side by side.
 

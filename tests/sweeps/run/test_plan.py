@@ -101,7 +101,7 @@ def test_other_studies_do_not_extend_and_differences_are_told(tmp_path: Path) ->
     before = plan_of(tmp_path, SMALL)
     for old, new, line in [
             ("seed = 7", "seed = 8", "seed: 7 -> 8"),
-            ("count = 3", "count = 4", 'strategies.mine.waypoints: [{"kind": "ring"'),
+            ("count = 3", "count = 4", 'strategies.mine.waypoints[0].count: 3 -> 4'),
             ('"block", ', "", 'objects.block.sha256: "" -> absent')]:
         after = plan_of(tmp_path, SMALL.replace(old, new))
         assert not extends(before.resolved, after.resolved)

@@ -1,0 +1,144 @@
+"""`warpgrasp compare A B`: what changed in the specs, and paired differences of what is shared."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from sweeps.analysis.entries import HIGHER_IS_BETTER, check_metric
+from sweeps.analysis.paired import MANY_OBJECTS, interval_note
+from sweeps.compare.matching import Shared, changes, shared_by
+from sweeps.compare.shift import Shift, measure_shift
+from sweeps.output import note, write_atomic
+from sweeps.run.plan import Plan, plan_study
+from sweeps.run.store import Store, open_study
+from sweeps.spec.errors import StoreError
+from sweeps.spec.reader import read_spec
+from sweeps.text_table import TextTable, number_text, print_table
+from warpgrasp.core.plain_text import on_one_line
+
+LISTED = 50
+"""Changes that are printed; the rest is a number."""
+
+
+def compare(one: Path, other: Path, out: Path | None, *, metric: str, over: str | None,
+            as_json: bool) -> int:
+    """Prints what changed from A to B, what they share, and its differences.
+
+    Of spec files only the changes. Raises LeaderboardError where two studies share nothing or no
+    episode of it is finished, StoreError and SpecError for what cannot be read.
+    """
+    check_metric(metric)
+    sides = [_read(path) for path in (one, other)]
+    (plan, mine), (later, theirs) = sides
+    changed = changes(plan, later)
+    if mine is None or theirs is None:
+        if out is not None:
+            raise StoreError("-o: a table needs two studies; A and B should be directories")
+        if as_json:
+            print(json.dumps({"changes": changed}, indent=1))
+        else:
+            _print_changes(changed)
+        return 0
+    if not as_json:
+        _print_changes(changed)
+        print()
+    shared = shared_by(plan, later)
+    shift = measure_shift((plan, mine), (later, theirs), shared, metric, over)
+    if not shift.objects:
+        raise StoreError(f"no episode of what A and B share is finished in both and has a value "
+                         f"of {metric}; `warpgrasp status` says how far each is")
+    made = shift_table(shared, shift, metric)
+    if out is not None:
+        try:
+            write_atomic(out, made.csv())
+        except OSError as error:
+            raise StoreError(f"{out}: cannot be written: {error.strerror}") from None
+    if as_json:
+        rows = [dict(zip(made.header, row, strict=True)) for row in made.rows]
+        print(json.dumps({"changes": changed, "shared": _shared_record(shared, shift),
+                          "table": rows, "notes": made.notes}, indent=1))
+        return 0
+    print(_shared_text(shared, shift), end="\n\n")
+    print_table(made.header, made.rows, False)
+    for text in made.notes:
+        note(f"note: {text}")
+    return 0
+
+
+def _read(path: Path) -> tuple[Plan, list[Store] | None]:
+    """A study from its directory, or from a spec, which has no rows."""
+    if path.is_file() or path.suffix == ".toml":
+        return plan_study(read_spec(path)), None
+    plan, stores = open_study([path])
+    return plan, stores
+
+
+def _print_changes(lines: Sequence[str]) -> None:
+    print("changes from A to B" if lines else "the specs of A and B are the same")
+    for line in lines[:LISTED]:
+        print(f"  {on_one_line(line)}")
+    if len(lines) > LISTED:
+        print(f"  ... {len(lines) - LISTED} more")
+
+
+def _shared_record(shared: Shared, shift: Shift) -> dict[str, Any]:
+    return {"strategies": list(shared.strategies), "objects": list(shared.objects),
+            "entries": [match.label for match in shared.matches],
+            "paired": _is_paired(shared), "episodes_a": shift.episodes[0],
+            "episodes_b": shift.episodes[1]}
+
+
+def _is_paired(shared: Shared) -> bool:
+    return shared.same_seed and all(match.same_noise for match in shared.matches)
+
+
+def _shared_text(shared: Shared, shift: Shift) -> str:
+    """What both have, in a few lines."""
+    one, other = shift.episodes
+    episodes = f"{one} pairs of the same object, number and noise" if _is_paired(shared) else (
+        f"{one} of A and {other} of B, not all of them paired")
+    return "\n".join([
+        "shared by A and B",
+        f"  strategies: {on_one_line(', '.join(shared.strategies))}",
+        f"  objects:    {on_one_line(', '.join(shared.objects))}",
+        f"  entries:    {len(shared.matches)} (a strategy under a setting)",
+        f"  episodes:   {episodes}, of each entry"])
+
+
+def shift_table(shared: Shared, shift: Shift, metric: str) -> TextTable:
+    """A row for each shared entry, and one for all together."""
+    digits = 4 if metric in HIGHER_IS_BETTER else 3
+    labels = [match.label for match in shared.matches]
+    means = [(a, b) for a, b in zip(shift.one, shift.other, strict=True)]
+    if len(labels) > 1:
+        labels.append("(all of these)")
+        means.append((shift.one.mean(), shift.other.mean()))
+    found = shift.difference
+    rows = tuple(
+        (label, *(number_text(float(v), digits) for v in (*means[n], found.value[n], found.low[n],
+                                                          found.high[n])),
+         str(shift.objects), str(shift.episodes[0]), str(shift.episodes[1]))
+        for n, label in enumerate(labels))
+    header = ("strategy", f"{metric}_a", f"{metric}_b", "b_minus_a", "ci_low", "ci_high",
+              "n_objects", "n_episodes_a", "n_episodes_b")
+    return TextTable(header, rows, tuple(_notes(shared, shift, len(rows))))
+
+
+def _notes(shared: Shared, shift: Shift, rows: int) -> list[str]:
+    notes = [interval_note(shift.over)]
+    if shift.over == "like-these" and shift.objects < MANY_OBJECTS:
+        notes.append(f"{shift.objects} objects: below {MANY_OBJECTS} nothing can be claimed about "
+                     "other objects")
+    if rows > 1:
+        notes.append(f"the {rows} intervals hold together (95 %, Bonferroni)")
+    if not shared.same_seed:
+        notes.append("the seeds differ, and with them poses and noise: episodes are not paired, "
+                     "the differences are those of two independent means")
+    elif others := [match.label for match in shared.matches if not match.same_noise]:
+        notes.append(f"the noise_stream differs: episodes of {', '.join(others[:8])}"
+                     f"{', ...' if len(others) > 8 else ''} are not paired")
+    if shift.missing:
+        notes.append(f"{shift.missing} units are missing; blocks of episodes that not every "
+                     "shared entry has are left out")
+    return notes
