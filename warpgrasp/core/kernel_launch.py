@@ -80,6 +80,8 @@ def launch_in_turn(
     """
     checked = [(kernel, _checked(kernel, extents, shapes, arguments, device))
                for kernel, shapes, arguments in steps]
+    if prod(extents.values()) == 0:
+        return
     new = {kernel.module.name for kernel, _ in checked} - _launched
     for module in sorted(new):
         check_kernels(module)
@@ -143,8 +145,6 @@ def _run(
 ) -> None:
     global _pool
     rows, total = dim[0], prod(dim)
-    if total == 0:
-        return
     # More slices than threads: rows differ in cost, and a thread that is done takes the next.
     slices = min(_SLICES * _thread_count, rows, total // _SMALLEST_SLICE)
     if _thread_count == 1 or slices < 2 or not wp.get_device(device).is_cpu:
