@@ -6,12 +6,15 @@ from sweeps.run.plan import BLOCK, Plan
 UNIT_BYTES = 30_000  # a full unit file of 64 episodes, measured
 MOVE_BYTES = 65  # of a guarded move whose contact is kept, measured
 TOUCHES = 200  # of a procedure that feels with pads
-# Seconds of one core, measured on the catalogue's objects with units of 64 episodes.
-FIT_S = 0.05  # a body found from scratch, in five fits
-GRASP_S = 0.001  # a pose of two closings
-TOUCHED_S = {"planar": 0.4, "contour": 0.3, "decide": 0.4}
-STEP_S = 0.1  # of a planner that chooses one pose at a time, its fit included
-TRIES = 10  # of the oracle, at each step
+# Seconds of one core, measured on objects of the catalogue and a scanned bottle, in units of 64
+# episodes; a quieter or a faster machine takes half as long.
+FIT_S = 0.008  # a body found from scratch, in five fits
+GRASP_S = 0.0008  # a pose of two closings
+TOUCHED_S = {"planar": 0.07, "contour": 0.03, "decide": 0.08}
+STEP_S = {"random": 0.016, "even": 0.016, "oracle": 0.3}
+"""A step of planners that choose one pose at a time, its fit included."""
+OTHER_STEP_S = 0.035
+"""Of the others, and of planners of the user's own."""
 
 
 def estimate_cost(plan: Plan) -> list[tuple[str, str]]:
@@ -30,8 +33,7 @@ def episode_seconds(strategy: Strategy) -> float:
     """What one episode costs one core, roughly."""
     poses = sum(getattr(family, "count", 12) for family in strategy.waypoints)
     if strategy.call:
-        steps = min((strategy.touches or 96) / 8, 64.0)
-        return STEP_S * steps * (TRIES if strategy.call == "oracle" else 1)
+        return STEP_S.get(strategy.call, OTHER_STEP_S) * min((strategy.touches or 96) / 8, 64.0)
     fits = strategy.order.count("containment") * (
         max(1.0, poses / strategy.refit_every) if strategy.refit_every else 1.0)
     return (FIT_S * fits + GRASP_S * poses
