@@ -11,10 +11,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 LABELS = {"touches": "touches [1]", "time_s": "robot time [s]"}
 BANDS = 3  # more would hide one another
+MANY = 20  # others, whose lines are then thin
 
 
 def draw_curves(curves: Curves, axis: str) -> "Figure":
-    """The best eight by their last error in colour, the others grey.
+    """The best eight by their last error in colour, the others grey; a line ends, with a mark,
+    where the last of its episodes did.
 
     Bars show the intervals at the end; for up to three entries bands show them along the curves.
     """
@@ -26,20 +28,23 @@ def draw_curves(curves: Curves, axis: str) -> "Figure":
     shown, others = order[:len(COLOURS)], order[len(COLOURS):]
     names, keys = distinct_labels(curves.labels, 24)
     with drawing():
-        drawn = figure(2.3 + 0.12 * ((len(shown) + 1) // 2 + bool(keys)))
+        drawn = figure(2.3 + 0.12 * ((len(shown) + 1 + bool(others)) // 2 + bool(keys)))
         axes, ends = drawn.subplots(1, 2, sharey=True, width_ratios=(4.2, 1.0))
         for place, n in enumerate(shown):
             known = np.flatnonzero(np.isfinite(found[n].value))
-            axes.step(grid, found[n].value, where="post", color=COLOURS[place], ls=DASHES[place],
+            until, end = _while_exploring(curves, axis, n, grid, found[n].value)
+            axes.step(grid, until, where="post", color=COLOURS[place], ls=DASHES[place],
                       marker=MARKERS[place], ms=3, markevery=known[:1].tolist(), label=names[n])
+            axes.plot(end, found[n].value[-1], "|", color=COLOURS[place], ms=6, mew=1.2)
             if len(shown) <= BANDS:
                 axes.fill_between(grid, found[n].low, found[n].high, step="post",
                                   color=COLOURS[place], alpha=0.2, lw=0)
             ends.vlines(place, found[n].low[-1], found[n].high[-1], color=COLOURS[place], lw=1.2)
             ends.plot(place, found[n].value[-1], MARKERS[place], color=COLOURS[place], ms=3)
         for n in others:
-            axes.step(grid, found[n].value, where="post", color=MUTED, lw=0.6, zorder=1,
-                      label="others" if n == others[0] else None)
+            axes.step(grid, _while_exploring(curves, axis, n, grid, found[n].value)[0],
+                      where="post", color=MUTED, lw=0.6 if len(others) <= MANY else 0.2, zorder=1,
+                      label=f"{len(others)} others" if n == others[0] else None)
         axes.set(xlabel=LABELS[axis], ylabel="chamfer distance [mm]", xlim=(0, 1.02 * grid[-1]))
         axes.grid(axis="y", lw=0.3, color="#d0d0d0")
         axes.set_ylim(bottom=0)
@@ -50,3 +55,13 @@ def draw_curves(curves: Curves, axis: str) -> "Figure":
         drawn.legend(loc="outside lower center", ncols=2, handlelength=3.2, title=keys,
                      title_fontsize=6.5)
     return drawn
+
+
+def _while_exploring(curves: Curves, axis: str, entry: int, grid: np.ndarray, value: np.ndarray
+                     ) -> tuple[np.ndarray, float]:
+    """An entry's curve up to where the last of its episodes ended, NaN beyond, and that place."""
+    ends = [at[-1] for found in curves.steps[axis] for at, _ in found[entry]
+            if np.isfinite(at[-1])]
+    end = max(ends, default=0.0)
+    step = grid[1] - grid[0] if len(grid) > 1 else 0.0
+    return np.where(grid < end + step, value, np.nan), end

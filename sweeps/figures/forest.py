@@ -12,6 +12,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+MOST_ENTRIES = 20
+"""Entries shown, the best ones."""
+
+
 def draw_forest(paired: Paired, metric: str) -> "Figure":
     """Left each entry's mean with its 95 % interval, right its difference to the best.
 
@@ -21,6 +25,7 @@ def draw_forest(paired: Paired, metric: str) -> "Figure":
     sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
     key = np.where(np.isfinite(means[0]), sign * means[0], np.inf)
     order = sorted(range(len(paired.labels)), key=lambda n: (key[n], paired.labels[n]))
+    count, order = len(order), order[:MOST_ENTRIES]
     place = np.arange(len(order))
     names, keys = distinct_labels([paired.labels[n] for n in order], 26)
     with drawing():
@@ -40,7 +45,7 @@ def draw_forest(paired: Paired, metric: str) -> "Figure":
         left.set_yticks(place, names)
         right.axvline(0.0, color="#555555", lw=0.6)
         left.set_ylim(len(order) - 0.4, -0.6)
-        left.set_title("mean")
+        left.set_title("mean" if count == len(order) else f"best {len(order)} of {count}: mean")
         right.set_title("minus the best")
         drawn.supxlabel(f"{metric_label(metric)}; 95 % intervals:\nthick, these objects; thin, "
                         "objects like these" + (f"\n{keys}" if keys else ""),

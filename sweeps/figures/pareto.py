@@ -12,6 +12,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+MOST_NAMED = 12
+"""Entries on the front that are named: those of the least error, and the cheapest."""
+MOST_BARS = 40
+"""Dominated entries; the intervals of more would hide all else."""
+
+
 def draw_pareto(paired: Paired, metric: str) -> "Figure":
     """Entries on the front in colour with their names, dominated ones grey."""
     found = find_front(paired, metric)
@@ -19,16 +25,21 @@ def draw_pareto(paired: Paired, metric: str) -> "Figure":
     front = sorted((n for n, by in enumerate(found.dominated_by)
                     if by is None and np.isfinite(error.value[n])),
                    key=lambda n: cost.value[n])
+    named = front[:1] + front[1:][-(MOST_NAMED - 1):]
     names, keys = distinct_labels(paired.labels, 24)
     with drawing():
-        drawn = figure(2.3 + 0.12 * ((len(front) + 2) // 2))
+        drawn = figure(2.3 + 0.12 * ((len(named) + 3) // 2 + bool(keys)))
         axes = drawn.add_subplot()
         rest = [n for n in range(len(paired.labels)) if n not in front]
-        axes.errorbar(cost.value[rest], error.value[rest], **_bars(found, rest), fmt="o", ms=2.5,
-                      color=MUTED, lw=0.6, label="dominated" if rest else None)
+        bars = _bars(found, rest) if len(rest) <= MOST_BARS else {}
+        axes.errorbar(cost.value[rest], error.value[rest], **bars, fmt="o", ms=2.5,
+                      color=MUTED, lw=0.6, label=f"{len(rest)} dominated" if rest else None)
         axes.step(cost.value[front], error.value[front], where="post", color="#555555", lw=0.6,
                   ls="--")
-        for place, n in enumerate(front):
+        unnamed = [n for n in front if n not in named]
+        axes.plot(cost.value[unnamed], error.value[unnamed], "o", ms=3, mfc="none", color="#555555",
+                  label=f"{len(unnamed)} more on the front" if unnamed else None)
+        for place, n in enumerate(named):
             axes.errorbar(cost.value[[n]], error.value[[n]], **_bars(found, [n]), lw=1.0, ms=4,
                           fmt=MARKERS[place % len(MARKERS)], color=COLOURS[place % len(COLOURS)],
                           label=names[n])

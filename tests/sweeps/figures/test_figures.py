@@ -87,6 +87,31 @@ def test_text_is_on_the_page_and_apart(study: tuple[Plan, Store], kind: str) -> 
     looks_right(KINDS[kind](Asked(study[0], [study[1]])))
 
 
+@pytest.fixture(scope="module", params=[1, 5, 200])
+def entries(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+            ) -> tuple[Plan, Store]:
+    """Studies of so many entries: strategies, and settings of a long name."""
+    values = ", ".join(str(3.0 + 0.1 * n) for n in range(request.param // 5))
+    grid = f'[sweep.grid]\n"sensors.tendon_threshold_N" = [{values}]\n' if values else ""
+    return wide_study(tmp_path_factory.mktemp("entries"),
+                      wide_text(min(request.param, 5), 3, 4, grid))
+
+
+@pytest.mark.parametrize("kind", STUDY_KINDS)
+def test_any_number_of_entries_is_readable(entries: tuple[Plan, Store], kind: str) -> None:
+    drawn = KINDS[kind](Asked(entries[0], [entries[1]]))
+    looks_right(drawn)
+    assert drawn.get_figheight() < 6.0  # of a page
+    if kind == "forest" and entries[0].study.setting_count > 1:
+        count = entries[0].study.setting_count * len(entries[0].study.strategies)
+        assert any(f"best 20 of {count}" in text for text, _ in texts(drawn)) == (count > 20)
+
+
+def test_settings_of_any_number_of_levels_are_readable(entries: tuple[Plan, Store]) -> None:
+    if entries[0].study.axes:
+        looks_right(KINDS["settings"](Asked(entries[0], [entries[1]])))
+
+
 @pytest.mark.parametrize("kind", ["forest", "pareto", "curves-time"])
 def test_one_episode_is_drawn_without_intervals(tmp_path: Path, kind: str) -> None:
     plan, store = wide_study(tmp_path, wide_text(2, 1, 1))
