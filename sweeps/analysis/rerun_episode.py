@@ -11,12 +11,12 @@ import numpy as np
 from sweeps.analysis.entries import entries_of, entry_axes, setting_index
 from sweeps.analysis.leaderboard import make_leaderboard
 from sweeps.output import init_warp, quiet_stdout
+from sweeps.run.inputs import kept_cell
 from sweeps.run.local_engine import as_a_worker
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
 from sweeps.spec.cell import Cell
 from sweeps.spec.errors import StoreError, choose
-from sweeps.spec.study import FILE_KEYS
 
 if TYPE_CHECKING:
     from sweeps.episode.episodes import EpisodeBlock
@@ -62,12 +62,14 @@ def choose_episode(plan: Plan, stores: Sequence[Store], strategy: str | None,
 
 
 def cell_of(plan: Plan, episode: Episode) -> Cell:
-    """The episode's cell. Raises StoreError where the files that it was read from are not kept."""
-    if missing := file_read(plan, episode):
-        raise StoreError(
-            f"{missing}: was read from a file that the study does not keep; only episodes of "
-            "catalogue objects, compounds and waypoint families can be run again")
-    return plan.study.cell(episode.strategy, episode.body, episode.setting)
+    """The episode's cell, with what the study keeps of the files that it was read from.
+
+    Raises StoreError where it keeps no copy.
+    """
+    cell = plan.study.cell(episode.strategy, episode.body, episode.setting)
+    if not plan.folders:  # of a spec just read
+        return cell
+    return kept_cell(cell, plan.study.objects[episode.body], plan.folders)
 
 
 def rerun(plan: Plan, episode: Episode, device: str = "cpu") -> "EpisodeBlock":
@@ -116,18 +118,3 @@ def _run_block(task: tuple[Cell, int, str]) -> "EpisodeBlock":
     cell, episode, device = task
     return run_block(cell, np.array([episode]), device)
 
-
-def file_read(plan: Plan, episode: Episode) -> str:
-    """What of an episode came from a file of its own (its name, or nothing)."""
-    body = plan.study.objects[episode.body]
-    if _names_a_file(body.table):
-        return body.name
-    strategy = plan.study.strategies[episode.strategy]
-    files = [getattr(family, "file", "") for family in strategy.waypoints]
-    return strategy.name if any(files) or ".py:" in strategy.call else ""
-
-
-def _names_a_file(value: Any) -> bool:
-    if isinstance(value, dict):
-        return any(key in FILE_KEYS or _names_a_file(entry) for key, entry in value.items())
-    return isinstance(value, list | tuple) and any(_names_a_file(entry) for entry in value)

@@ -13,6 +13,7 @@ from typing import Any
 from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
 from sweeps.cli.app import DONE, SOME_FAILED
 from sweeps.output import devices, note, say, write_atomic
+from sweeps.run.grown_units import kept_units
 from sweeps.run.local_engine import UNIT_TIMEOUT_S, Options, run
 from sweeps.run.plan import Plan, plan_study
 from sweeps.run.progress import Progress, read_note
@@ -42,17 +43,21 @@ def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], dev
     with _terminated_as_interrupted(), store.lock(shard):
         for line in store.open_for(plan, spec.read_bytes(), device):
             note(line)
+        count, kept = plan.shard_size(shard), kept_units(plan, store, shard)
+        if 0 < kept.whole + kept.part < count:
+            begun = f", and the beginning of {kept.part} more" if kept.part else ""
+            note(f"{kept.whole} of {count} units are there already{begun}")
         outcome = _run(plan, store, options, engine, address)
         if outcome.done + outcome.failed == 0:
             note(f"{folder}: finished already, {outcome.kept} units")
         if shard[1] == 1:
             before = store.damaged
-            kept = plan_of(store)  # the same study in its first spec's order: bootstraps go by it
-            board = make_leaderboard(kept, [store])
+            first = plan_of(store)  # the same study in its first spec's order: bootstraps go by it
+            board = make_leaderboard(first, [store])
             if store.damaged > before:  # seen only by reading every row
                 note(f"{store.damaged - before} damaged units are run again; see {store.logs}")
                 outcome = _run(plan, store, options, engine, address)
-                board = make_leaderboard(kept, [store])
+                board = make_leaderboard(first, [store])
             write_atomic(folder / "leaderboard.csv", board.csv())
             _show(board, as_json)
     if shard[1] > 1:

@@ -10,10 +10,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sweeps.analysis.entries import values_of
-from sweeps.analysis.rerun_episode import Episode, file_read, rerun_all
+from sweeps.analysis.rerun_episode import Episode, cell_of, rerun_all
 from sweeps.figures.meshes import recovered_grid
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
+from sweeps.spec.errors import StoreError
 from warpgrasp.geometry.body import Body
 
 PLACES = ("best", "median", "worst")
@@ -67,7 +68,7 @@ def make_views(plan: Plan, picked: Sequence[Picked], device: str = "cpu", worker
     """Runs the picked episodes again; notes name those that cannot be."""
     bodies: dict[str, Any] = {}
     episodes: list[dict[str, Any]] = []
-    missing = {pick.episode: file_read(plan, pick.episode) for pick in picked}
+    missing = {pick.episode: _missing(plan, pick.episode) for pick in picked}
     shown = [pick for pick in picked if not missing[pick.episode]]
     differ = 0
     blocks = rerun_all(plan, [pick.episode for pick in shown], device, workers)
@@ -86,13 +87,20 @@ def make_views(plan: Plan, picked: Sequence[Picked], device: str = "cpu", worker
             **episode_data(recovered_grid(block.recovered, rows=16), block.truth.body_pose[0],
                            evidence.points_m[0][evidence.mask[0]])})
     notes = []
-    if files := ", ".join(sorted(set(missing.values()) - {""})):
-        notes.append(f"{files}: read from files that the study does not keep, so that no episode "
-                     "of it is shown")
+    notes += [f"no episode of it is shown: {why}" for why in sorted(set(missing.values()) - {""})]
     if differ:
         notes.append(f"{differ} of the episodes shown have other results than in the sweep: this "
                      "is another machine, or another version")
     return Views(bodies, episodes, notes)
+
+
+def _missing(plan: Plan, episode: Episode) -> str:
+    """Why an episode cannot be run again, or nothing."""
+    try:
+        cell_of(plan, episode)
+    except StoreError as error:
+        return str(error)
+    return ""
 
 
 def body_data(body: Body) -> dict[str, Any]:

@@ -5,6 +5,8 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "environment": ["PACKAGES", "describe_environment"],
     "estimate": ["estimate_cost"],
+    "grown_units": ["kept_units"],
+    "inputs": ["kept_cell"],
     "local_engine": ["Options", "UNIT_TIMEOUT_S", "as_a_worker", "run"],
     "plan": ["Plan", "Unit", "canonical_body", "cell_hash", "differences", "plan_study"],
     "progress": ["Progress", "read_note"],

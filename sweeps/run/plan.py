@@ -43,6 +43,8 @@ class Plan:
     study: Study
     resolved: Mapping[str, Any]
     hash: str
+    folders: tuple[Path, ...] = ()
+    """Directories that keep what a study read back from its `resolved.json` was read from."""
 
     @property
     def block_count(self) -> int:
@@ -129,7 +131,7 @@ def canonical_strategy(strategy: Strategy) -> dict[str, Any]:
              **{key: getattr(strategy, key) for key in _PLAIN}}
     file, colon, function = strategy.call.rpartition(":")
     if colon and file.endswith(".py"):
-        found |= {"call": f"{Path(file).name}:{function}", "call_sha256": _program_hash(file)}
+        found |= {"call": f"{Path(file).name}:{function}", "call_sha256": program_hash(file)}
     return found
 
 
@@ -173,11 +175,15 @@ def _file_hash(file: str) -> str:
     return hashlib.sha256(Path(file).read_bytes()).hexdigest()
 
 
-def _program_hash(file: str) -> str:
+def program_hash(file: str) -> str:
     """Of a planner's file and, if it imports any, of those beside it."""
     content = _file_hash(file)
-    beside = {} if file.startswith("sha256:") else files_beside(Path(file))
-    return digest([content, beside]) if beside else content
+    return files_hash(content, {} if file.startswith("sha256:") else files_beside(Path(file)))
+
+
+def files_hash(content: str, beside: Mapping[str, str]) -> str:
+    """The hash of a planner by that of its file and, by name, of those beside it."""
+    return digest([content, dict(beside)]) if beside else content
 
 
 def study_of(resolved: Mapping[str, Any], name: str = "", keep: str = "nothing") -> Study:

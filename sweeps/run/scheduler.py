@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from math import inf
 
 from sweeps.output import write_atomic
+from sweeps.run.grown_units import begun, join, rest_of
 from sweeps.run.plan import Plan, Unit
 from sweeps.run.progress import Progress
 from sweeps.run.store import Store
@@ -61,6 +62,9 @@ class UnitQueue:
         self.missing = self._missing()
         self.found: deque[Unit] = deque()  # missing, to be handed out before all others
         self.left_behind = self.store.left_behind()
+        self.earlier = self.store.earlier()
+        self.there = self.store.unit_ids() if self.earlier else set()
+        self.parts: dict[str, tuple[Unit, Unit]] = {}  # by a rest's id: the part there, the whole
         self.ahead = self.plan.shard_size(self.shard)  # not looked at yet
 
     def at_least(self, count: int) -> int:
@@ -114,6 +118,13 @@ class UnitQueue:
             else:
                 if unit.id in self.left_behind:
                     self.store.sweep_out(unit)
+                if part := begun(unit, self.earlier, self.there):
+                    whole, unit = unit, rest_of(unit, part)
+                    if self._is_there(unit) and join(self.store, part, unit, whole):
+                        self.outcome.kept += 1
+                        self.progress.kept()
+                        continue
+                    self.parts[unit.id] = part, whole
                 self.in_hand.add(unit.id)
                 yield unit
         self.exhausted = True
@@ -165,6 +176,13 @@ class UnitQueue:
         if not self.store.has(unit):
             self.failed([unit], "it was reported as done, and its file is not there")
             return
+        if unit.id in self.parts:
+            part, whole = self.parts.pop(unit.id)
+            if not join(self.store, part, unit, whole):  # the part was damaged
+                self.in_hand.discard(unit.id)
+                self.again.append(whole)
+                return
+            self.store.log(whole).unlink(missing_ok=True)
         self.in_hand.discard(unit.id)
         self.outcome.done += 1
         self.store.log(unit).unlink(missing_ok=True)
@@ -191,6 +209,7 @@ class UnitQueue:
         self.outcome.failed += 1
         about = (f"strategy {unit.cell.strategy.name}, object {unit.cell.object_name}, setting "
                  f"{dict(unit.cell.setting)}, episodes {unit.start} to {unit.stop - 1}")
-        write_atomic(self.store.log(unit), f"{about}\n\n{text}\n".encode())
+        whole = self.parts[unit.id][1] if unit.id in self.parts else unit
+        write_atomic(self.store.log(whole), f"{about}\n\n{text}\n".encode())
         reason = text.rstrip().rpartition("\n")[2]
         self.progress.failed(f"unit set aside as failed: {about}: {reason[:200]}")

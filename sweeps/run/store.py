@@ -7,12 +7,14 @@ import socket
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from sweeps.output import write_atomic
 from sweeps.run.environment import describe_environment
+from sweeps.run.inputs import keep_inputs
 from sweeps.run.plan import Plan, Unit, differences, digest, extends, plan_study, study_of
 from sweeps.run.unit_file import Columns, DamagedUnit, contacts_id, looks_whole, read_unit
 from sweeps.spec.errors import Held, OtherStudy, StoreError, short
@@ -75,6 +77,7 @@ class Store:
             if plan.study.head.keep == "contacts":
                 self.contacts.mkdir(exist_ok=True)
             notes += self._claim(plan)
+            keep_inputs(self.folder, plan.study)
             if spec_text is not None:
                 write_atomic(self.folder / "spec.toml", spec_text)
             notes += self._note_environment(device)
@@ -89,6 +92,7 @@ class Store:
     def _claim(self, plan: Plan) -> list[str]:
         file = self.folder / "resolved.json"
         notes = []
+        earlier: set[int] = set()  # episodes of a cell before the study grew
         content = {"hash": plan.hash, "name": plan.study.head.name, "keep": plan.study.head.keep,
                    "study": plan.resolved}
         if file.exists():
@@ -102,7 +106,10 @@ class Store:
             elif not extends(old["study"], plan.resolved):
                 raise OtherStudy(self.folder, differences(old["study"], dict(plan.resolved)))
             else:
-                notes += ["the study has grown; units that are still the same are kept"]
+                notes += ["the study has grown; what is there of it is kept"]
+            earlier = {*old.get("earlier", ()), old["study"]["episodes_per_cell"]}
+        if grown := sorted(earlier - {plan.study.head.episodes_per_cell}):
+            content["earlier"] = grown
         write_atomic(file, (json.dumps(content, indent=1) + "\n").encode())
         return notes
 
@@ -141,6 +148,11 @@ class Store:
             raise StoreError(f"{file}: is damaged; remove it and run the sweep again, "
                              "finished units are kept") from None
         return found
+
+    def earlier(self) -> tuple[int, ...]:
+        """Numbers of episodes a cell that the study had before it grew."""
+        found = self.resolved().get("earlier", ())
+        return tuple(count for count in found if isinstance(count, int))
 
     def path(self, unit: Unit) -> Path:
         """Where a unit's rows are, or will be."""
@@ -283,7 +295,7 @@ def open_study(folders: Sequence[Path]) -> tuple[Plan, list[Store]]:
                 store.folder, differences(found[0]["study"], resolved["study"]),
                 f"directories named together should hold parts of one study; `warpgrasp compare "
                 f"{folders[0]} {store.folder}` compares two. They differ in:")
-    return plan_of(stores[0]), stores
+    return replace(plan_of(stores[0]), folders=tuple(folders)), stores
 
 
 def plan_of(store: Store) -> Plan:

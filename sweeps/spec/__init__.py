@@ -5,7 +5,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "cell": ["CONTACTS", "Cell", "SECTIONS", "TABLES", "differ_in_object_alone"],
     "errors": ["Held", "OtherStudy", "Problem", "SpecError", "StoreError", "choose", "short"],
-    "objects": ["object_of_argument"],
+    "objects": ["files_digest", "object_of_argument"],
     "reader": ["read_spec"],
     "study": ["Axis", "Body", "FILE_KEYS", "Study", "StudyTable"],
     "template": ["spec_template"],

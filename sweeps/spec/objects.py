@@ -1,7 +1,7 @@
 """The `objects` of a spec: catalogue names, meshes, compounds, superquadrics."""
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -66,8 +66,7 @@ def read_object(value: Any, path: KeyPath, base_dir: Path, problems: Problems) -
     except ObjectError as error:
         problems.add(path, str(error))
         return None
-    content = hashlib.sha256(b"".join(map(_content, files))).hexdigest() if files else ""
-    return Body(name, table, content)
+    return Body(name, table, files_digest(files) if files else "")
 
 
 def object_of_argument(what: str, units: str | None) -> dict[str, Any]:
@@ -128,6 +127,11 @@ def _absolute(table: Mapping[str, Any], path: KeyPath, base_dir: Path,
         else:
             found[key] = value
     return found
+
+
+def files_digest(files: Sequence[Path]) -> str:
+    """A hash of the content of the files that an object's table names, in its order."""
+    return hashlib.sha256(b"".join(map(_content, files))).hexdigest()
 
 
 def _content(file: Path) -> bytes:

@@ -189,3 +189,11 @@ def crashing_while_cached(cell: Cell, episodes: np.ndarray, device: str) -> Colu
     if (cache_root() / "programs").exists():
         os.kill(os.getpid(), signal.SIGILL)
     return rows_of(cell, episodes)
+
+
+@cell_by_cell
+def measured_episodes(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
+    """Leaves a line a call in the file FAKE_LOG: of how many episodes it was."""
+    with Path(os.environ["FAKE_LOG"]).open("a") as log:
+        log.write(f"{len(episodes)}\n")
+    return with_contacts(rows_of(cell, episodes), cell, episodes)

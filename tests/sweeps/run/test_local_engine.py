@@ -98,6 +98,30 @@ def test_a_grown_study_runs_only_what_is_new(
         run_in(tmp_path, plan)
 
 
+@pytest.mark.parametrize("keep", ["", 'keep = "contacts"\n'])
+def test_more_episodes_run_only_the_rest_of_each_unit(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch, keep: str) -> None:
+    """From 32 to 48 nearly all was run again. The files are those of a run from scratch."""
+    def plan(folder: str, count: int) -> Plan:
+        return plan_of(tmp_path / folder, keep + SMALL.replace("cell = 70", f"cell = {count}"))
+
+    whole = plan("spec", 100)
+    monkeypatch.setenv("FAKE_LOG", str(tmp_path / "log"))
+    run_in(tmp_path / "whole", whole, "measured_episodes")
+    for count, kept, episodes in ((32, 0, 32), (48, 0, 16), (100, 0, 16 + 36), (100, 8, 0)):
+        log = tmp_path / f"ran{count}{kept}"
+        monkeypatch.setenv("FAKE_LOG", str(log))
+        outcome = run_in(tmp_path / "grown", plan("other", count), "measured_episodes")
+        assert (outcome.kept, outcome.failed, outcome.lost) == (kept, 0, 0)
+        ran = [int(line) for line in log.read_text().splitlines()] if log.exists() else []
+        assert sum(ran) == 4 * episodes
+    for folder in ("units", *(["contacts"] if keep else [])):
+        files = {file.name: file.read_bytes()
+                 for file in (tmp_path / "whole" / folder).iterdir()}
+        assert files == {file.name: file.read_bytes()
+                         for file in (tmp_path / "grown" / folder).iterdir()}
+
+
 def test_another_spec_is_refused_and_changes_nothing(whole: tuple[Plan, Path]) -> None:
     _, folder = whole
     before = (folder / "resolved.json").read_bytes()

@@ -1,0 +1,72 @@
+"""Units of a study that was given more episodes: what is there of them is kept.
+
+A cell's last unit may be short. With more episodes it is another, longer unit; its rows begin with
+those of the short one, for rows do not depend on what is run beside them. So only the rest is run,
+and the two are joined to the file that a run of the whole unit would have written.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sweeps.run.plan import Plan, Unit, unit_id
+from sweeps.run.store import Store
+from sweeps.run.unit_file import write_unit
+
+
+@dataclass(frozen=True)
+class Kept:
+    """How many units of a study are there before a run, whole or in part."""
+
+    whole: int
+    part: int
+
+
+def kept_units(plan: Plan, store: Store, shard: tuple[int, int] = (1, 1)) -> Kept:
+    """What is there of a shard, by the names of its files."""
+    there, earlier = store.unit_ids(), store.earlier()
+    whole = part = 0
+    for unit in plan.units(shard) if there else ():
+        if unit.id in there:
+            whole += 1
+        elif begun(unit, earlier, there):
+            part += 1
+    return Kept(whole, part)
+
+
+def begun(unit: Unit, earlier: Sequence[int], there: set[str]) -> Unit | None:
+    """The longest part of a unit that was a unit when the study had fewer episodes.
+
+    `earlier` are those numbers of episodes a cell, `there` the ids of the units that have a file.
+    """
+    stops = {count for count in earlier if unit.start < count < unit.stop}
+    for stop in sorted(stops, reverse=True):
+        part = _part(unit, unit.start, stop)
+        if part.id in there:
+            return part
+    return None
+
+
+def rest_of(unit: Unit, part: Unit) -> Unit:
+    """What is to be run of a unit of which a part is there."""
+    return _part(unit, part.stop, unit.stop)
+
+
+def join(store: Store, part: Unit, rest: Unit, whole: Unit) -> bool:
+    """Writes a unit from its two parts, and removes those; False where one is damaged."""
+    reads = (store.read, store.read_contacts)  # as `files` names them: rows, then contacts
+    named = list(zip(reads, store.files(whole).items(), strict=False))
+    for read, (path, identity) in reversed(named):
+        first, second = read(part), read(rest)
+        if first is None or second is None:
+            return False
+        write_unit(path, identity, {
+            name: np.concatenate([values, second[name]]) for name, values in first.items()})
+    for file in (*store.files(part), *store.files(rest)):
+        file.unlink(missing_ok=True)
+    return True
+
+
+def _part(unit: Unit, start: int, stop: int) -> Unit:
+    return replace(unit, id=unit_id(unit.cell_hash, start, stop), start=start, stop=stop)

@@ -1,0 +1,120 @@
+"""What a study was read from besides its spec: meshes, profiles, files of poses, planners.
+
+A study keeps a copy of each below `inputs/HASH/`, under its own name, so that its episodes can be
+run again when the originals have changed or the directory was moved. `HASH` is the one by which
+`resolved.json` knows the content; a copy that no longer has it counts as missing.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from strategies.planners.planner_file import files_beside
+from sweeps.output import write_atomic
+from sweeps.run.plan import files_hash, program_hash
+from sweeps.spec.cell import Cell
+from sweeps.spec.errors import StoreError
+from sweeps.spec.objects import files_digest
+from sweeps.spec.study import FILE_KEYS, Body, Study
+
+FOLDER = "inputs"
+POSES = "poses.csv"
+"""Of a copy of a file of poses, whose name is not known from `resolved.json`."""
+
+
+def keep_inputs(folder: Path, study: Study) -> None:
+    """Copies what a study read into its directory, as far as it is not there yet.
+
+    Raises OSError where that cannot be written, or a file has gone since the spec was read.
+    """
+    inputs = folder / FOLDER
+    for body in study.objects:
+        for number, file in enumerate(map(Path, _named_files(body.table))):
+            _keep(file, inputs / body.sha256 / str(number) / file.name)
+    for strategy in study.strategies:
+        for family in strategy.waypoints:
+            if file := getattr(family, "file", ""):
+                _keep(Path(file), inputs / _hash(Path(file)) / POSES)
+        file = strategy.call.rpartition(":")[0]
+        if file.endswith(".py"):
+            for name in (Path(file).name, *files_beside(Path(file))):
+                _keep(Path(file).with_name(name), inputs / program_hash(file) / name)
+
+
+def _keep(file: Path, copy: Path) -> None:
+    if not copy.is_file():
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        write_atomic(copy, file.read_bytes())
+
+
+def kept_cell(cell: Cell, body: Body, folders: tuple[Path, ...]) -> Cell:
+    """A cell of a study as `resolved.json` has it, with its files where a directory keeps them.
+
+    Raises StoreError that names the file that none does.
+    """
+    names = list(_named_files(cell.body_table))
+    table, strategy = cell.body_table, cell.strategy
+    if names:
+        place = _find(folders, body.sha256, names[0], lambda place: body.sha256 == files_digest(
+            [place / str(number) / name for number, name in enumerate(names)]))
+        copies = iter([str(place / str(number) / name) for number, name in enumerate(names)])
+        table = _with_files(table, lambda: next(copies))
+    families = []
+    for family in strategy.waypoints:
+        if file := getattr(family, "file", ""):
+            key = file.removeprefix("sha256:")
+            place = _find(folders, key, f"poses of {strategy.name}",
+                          lambda place, key=key: _hash(place / POSES) == key)
+            family = replace(family, file=str(place / POSES))  # type: ignore[type-var]
+        families.append(family)
+    strategy = replace(strategy, waypoints=tuple(families))
+    if strategy.call.startswith("sha256:"):
+        key, _, rest = strategy.call.removeprefix("sha256:").partition("/")
+        name = rest.rpartition(":")[0]
+        place = _find(folders, key, name, lambda place: key == files_hash(
+            _hash(place / name), {file.name: _hash(file) for file in sorted(place.glob("*.py"))
+                                  if file.name != name}))
+        strategy = replace(strategy, call=f"{place}/{rest}")
+    return replace(cell, body_table=table, strategy=strategy)
+
+
+def _find(folders: Sequence[Path], key: str, name: str, whole: Callable[[Path], bool]) -> Path:
+    """The first directory that keeps the content of a hash."""
+    for folder in folders:
+        place = folder / FOLDER / key
+        with suppress(OSError):
+            if place.is_dir() and whole(place):
+                return place.resolve()
+    where = ", ".join(map(str, folders)) or "the study"
+    raise StoreError(f"{name}: {where} keeps no copy with the content that the study was run with; "
+                     "run the sweep again with its spec and its files, which keeps one")
+
+
+def _named_files(value: Any) -> Iterator[str]:
+    """The files that an object's table names, in its order."""
+    if isinstance(value, Mapping):
+        for key, entry in value.items():
+            if key in FILE_KEYS and isinstance(entry, str):
+                yield entry
+            else:
+                yield from _named_files(entry)
+    elif isinstance(value, list | tuple):
+        for entry in value:
+            yield from _named_files(entry)
+
+
+def _with_files(value: Any, following: Callable[[], str]) -> Any:
+    """A table with the files that it names, in its order, replaced."""
+    if isinstance(value, Mapping):
+        return {key: following() if key in FILE_KEYS and isinstance(entry, str)
+                else _with_files(entry, following) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_with_files(entry, following) for entry in value]
+    return value
+
+
+def _hash(file: Path) -> str:
+    return sha256(file.read_bytes()).hexdigest()

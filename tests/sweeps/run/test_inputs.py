@@ -1,0 +1,83 @@
+"""What a study read is kept by its content: episodes are run again after it moved and changed."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from studies import plan_of
+
+from sweeps.analysis.rerun_episode import Episode, cell_of
+from sweeps.episode.episodes import cell_body, run_episodes
+from sweeps.run.plan import Plan, cell_hash
+from sweeps.run.store import Store, open_study
+from sweeps.spec.errors import StoreError
+
+SPEC = """\
+schema = 1
+seed = 3
+episodes_per_cell = 4
+objects = [{ mesh = "box.stl", units = "m" }, { profile = "vase.csv" }]
+[[strategy]]
+name = "poses"
+waypoints = { kind = "csv", file = "poses.csv" }
+[[strategy]]
+name = "own"
+strategy = "mine.py:choose"
+"""
+
+
+@pytest.fixture
+def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A study of files of every kind, opened, and moved away from them."""
+    monkeypatch.setenv("WARPGRASP_CACHE", str(tmp_path / "cache"))
+    given = tmp_path / "given"
+    given.mkdir()
+    trimesh.creation.box((0.06, 0.05, 0.1)).export(given / "box.stl")
+    (given / "vase.csv").write_text("z_mm,r_mm\n0,30\n80,20\n")
+    (given / "poses.csv").write_text("x_m,y_m,z_m,qx,qy,qz,qw\n0.4,0,0.2,0,1,0,0\n")
+    (given / "mine.py").write_text(
+        "import helper\n\n\ndef choose(belief):\n    return helper.nothing()\n")
+    (given / "helper.py").write_text("def nothing():\n    return []\n")
+    plan = plan_of(given, SPEC)
+    Store(tmp_path / "out").open_for(plan, None, "cpu")
+    shutil.move(tmp_path / "out", tmp_path / "moved")
+    return tmp_path / "moved"
+
+
+def opened(folder: Path) -> Plan:
+    return open_study([folder])[0]
+
+
+def test_cells_are_those_of_the_spec_after_all_files_are_gone(study: Path) -> None:
+    given = study.parent / "given"
+    plan = plan_of(given, SPEC)
+    wanted = [cell_body(plan.study.cell(0, body, 0)).content for body in (0, 1)]
+    rows = run_episodes(plan.study.cell(0, 0, 0), np.arange(2), "cpu")
+    shutil.rmtree(given)
+    kept = opened(study)
+    for strategy in (0, 1):
+        for body in (0, 1):
+            cell = cell_of(kept, Episode(strategy, body, 0))
+            assert cell_body(cell).content == wanted[body]
+            assert cell_hash(cell, kept.study.objects[body]) == cell_hash(
+                kept.study.cell(strategy, body, 0), kept.study.objects[body])
+    again = run_episodes(cell_of(kept, Episode(0, 0, 0)), np.arange(2), "cpu")
+    for name in ("chamfer_mm", "touches", "status"):
+        assert np.array_equal(again[name], rows[name])
+
+
+@pytest.mark.parametrize(("which", "episode"), [
+    ("box.stl", Episode(0, 0, 0)), ("vase.csv", Episode(1, 1, 0)),
+    ("poses.csv", Episode(0, 0, 0)), ("helper.py", Episode(1, 0, 0)),
+    ("mine.py", Episode(1, 0, 0))])
+def test_a_copy_that_is_not_what_was_run_is_not_used(
+        study: Path, which: str, episode: Episode) -> None:
+    copy, = (study / "inputs").rglob(which)
+    copy.write_bytes(copy.read_bytes() + b"\n")
+    with pytest.raises(StoreError, match="keeps no copy with the content"):
+        cell_of(opened(study), episode)
+    copy.unlink()
+    with pytest.raises(StoreError, match="keeps no copy"):
+        cell_of(opened(study), episode)
