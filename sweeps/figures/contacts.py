@@ -1,16 +1,17 @@
 """A figure of contacts over the recovered body, after figure 4 of Allen and Michelman (1990).
 
-Left the recovered body with the contacts on its near side; right the convex hulls of its outline
-and of the true one, seen from the front and from above.
+Left the recovered body with the contacts on its near side; right its outline and the true one, seen
+from the front and from above. Contacts too far from the body to be its are hollow.
 """
 
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from strategies.recovery.choose_model import Shape
+from strategies.recovery.choose_model import Shape, explained_by
 from sweeps.episode.episodes import EpisodeBlock
 from sweeps.figures.meshes import quadrilaterals, recovered_grid
+from sweeps.figures.outlines import draw_outline
 from sweeps.figures.solids import (
     CONTACT,
     FIT,
@@ -21,7 +22,7 @@ from sweeps.figures.solids import (
     visible,
 )
 from sweeps.figures.style import cut, drawing, encode, figure
-from warpgrasp.geometry.body_sampling import sample_body
+from warpgrasp.geometry.meshing import body_mesh
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,10 +44,14 @@ def contacts_figure(block: EpisodeBlock, name: str, world: int = 0,
     faces = 1e3 * (quadrilaterals(recovered_grid(block.recovered, world)) - pose[:3])
     corners, prior = faces.reshape(-1, 3), block.recovered.shape[world] == Shape.PRIOR_CYLINDER
     evidence = block.exploration.belief.evidence
-    points = 1e3 * (evidence.points_m[world][evidence.mask[world]] - pose[:3])
+    mine = evidence.mask[world]
+    points = 1e3 * (evidence.points_m[world][mine] - pose[:3])
+    near = explained_by(block.recovered, evidence.points_m, evidence.mask)[world][mine]
+    near |= prior  # nothing was recovered that contacts could contradict
     yaw = 2.0 * np.arctan2(pose[5], pose[6])
     turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
-    true = 1e3 * sample_body(block.body, surface=8192).surface_m @ turn.T
+    vertices, sides = body_mesh(block.body, 48)
+    true = 1e3 * (vertices @ turn.T)
 
     if wide:
         drawn = figure(3.5, 6.85)
@@ -59,7 +64,7 @@ def contacts_figure(block: EpisodeBlock, name: str, world: int = 0,
     axes = drawn.add_subplot(places[0], projection="3d")
     eye = direction(AZIMUTH_DEG, ELEVATION_DEG)
     draw_solid(axes, faces, eye)
-    seen = visible(points, faces, eye)
+    seen = visible(points, faces, eye) & near
     axes.scatter(*points[seen].T, s=14, color=CONTACT, depthshade=False, zorder=10,
                  label="contacts in sight")
     low, high = np.minimum(true.min(0), corners.min(0)), np.maximum(true.max(0), corners.max(0))
@@ -75,29 +80,23 @@ def contacts_figure(block: EpisodeBlock, name: str, world: int = 0,
     body = "cylinder given as prior" if prior else "recovered body"
     axes.set_title(f"{cut(name)}: {body} and contacts")
 
-    for row, (i, j, label) in enumerate(((0, 2, "front"), (0, 1, "above"))):
+    for row, (i, j) in enumerate(((0, 2), (0, 1))):
         flat = drawn.add_subplot(places[1 + row])
-        for cloud, tint, style, text in ((true, TRUE, "-", "true"),
-                                         (corners, FIT, "--", "prior" if prior else "recovered")):
-            outline = _outline(cloud[:, [i, j]])
-            flat.plot(*outline.T, style, color=tint, lw=1.2, label=text)
-        flat.plot(points[:, i], points[:, j], ".", color=CONTACT, ms=3, label="contacts")
+        for solid, tint, style, text in ((true[sides], TRUE, "-", "true"),
+                                         (faces, FIT, "--", "prior" if prior else "recovered")):
+            draw_outline(flat, solid[..., [i, j]], tint, style, text)
+        flat.plot(points[near, i], points[near, j], ".", color=CONTACT, ms=3, label="contacts")
+        if not near.all():
+            flat.plot(points[~near, i], points[~near, j], "o", ms=2.5, mfc="none", mew=0.6,
+                      color=CONTACT, label="contradict it")
         flat.set_aspect("equal")
         wide_enough = np.ptp(true[:, i]) > 0.35 * np.ptp(true[:, j])
         flat.xaxis.set_major_locator(MaxNLocator(3) if wide_enough else FixedLocator([0.0]))
         flat.set(xlabel="xyz"[i] + " [mm]", ylabel="xyz"[j] + " [mm]")
-        flat.set_title(f"hulls from {label}" if row else "hulls from the front")
+        flat.set_title("outlines from above" if row else "outlines from the front")
         if row == 0 and wide:
             flat.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
         elif row == 0:
             drawn.legend(*flat.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return drawn
 
-
-def _outline(cloud: np.ndarray) -> np.ndarray:
-    """The convex hull of a silhouette, closed, (point, 2)."""
-    from scipy.spatial import ConvexHull
-
-    hull = ConvexHull(cloud)
-    ring = cloud[hull.vertices]
-    return np.concatenate([ring, ring[:1]])

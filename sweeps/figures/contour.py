@@ -41,7 +41,8 @@ def contour_figure(block: EpisodeBlock, name: str, world: int = 0,
     half, tall = 1.15 * r.max(), z.max()
     axes.set(xlim=(-half, half), ylim=(-half, half), zlim=(0, tall))
     axes.view_init(ELEVATION_DEG, AZIMUTH_DEG)
-    fill_axes(axes, (2 * half, 2 * half, tall), ring.reshape(-1, 3))
+    bar = _scale_bar(axes, 1.05 * r.max(), tall)
+    fill_axes(axes, (2 * half, 2 * half, tall), np.concatenate([ring.reshape(-1, 3), bar]))
     axes.set_axis_off()
     volume = 1e6 * profile.volume_m3[world]
     axes.set_title(f"{cut(name)}: solid of\nrevolution, {tall:.0f} mm tall,\n{volume:.0f} ml")
@@ -79,6 +80,18 @@ def fill_axes(axes: Any, box: tuple[float, float, float], cloud: np.ndarray) -> 
         place = axes.transLimits.transform(np.stack([x, y], 1))
         zoom *= 0.5 / np.abs(place - 0.5).max()
     axes.set_box_aspect(box, zoom=0.99 * zoom)
+
+
+def _scale_bar(axes: Any, aside: float, tall: float) -> np.ndarray:
+    """Draws a round length [mm] upright at the right of a solid; its two ends."""
+    length = max(size for size in (5, 10, 20, 50, 100) if size <= max(tall / 2, 5))
+    right = np.radians(AZIMUTH_DEG + 90.0)
+    foot = aside * np.array([np.cos(right), np.sin(right), 0.0])
+    ends = np.array([foot, foot + [0.0, 0.0, length]])
+    axes.plot(*ends.T, "-", color=TRUE, lw=1.5)
+    axes.text(*(1.06 * foot + [0.0, 0.0, length / 2]), f"{length} mm", va="center",
+              fontsize=6.0)
+    return ends
 
 
 def _side(arm: np.ndarray) -> np.ndarray:

@@ -4,16 +4,20 @@ from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from strategies.procedures.planar_explorer import PlanarExploration
 from sweeps.episode.episodes import EpisodeBlock
-from sweeps.figures.solids import direction, set_cube
+from sweeps.figures.solids import TRUE, direction, set_cube
 from sweeps.figures.style import COLOURS, cut, drawing, figure
 from sweeps.spec.errors import StoreError
+from warpgrasp.geometry.meshing import body_mesh
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 ELEVATION_DEG = 24.0
+TRUE_CELLS = 12
+"""Of the true body's mesh along its longest side: lines enough to see its shape."""
 ASIDE_DEG = 40.0  # of the normal of a single side
 
 
@@ -76,6 +80,11 @@ def faces_figure(block: EpisodeBlock, name: str, world: int = 0,
                  + ("" if faces[number].flat[world] else ", not flat"))
         axes.scatter(*points.T, s=5, color=tint, depthshade=False, label=label,
                      alpha=0.3 if hidden else 1.0, zorder=1 if hidden else 4)
+    vertices, sides = body_mesh(block.body, TRUE_CELLS)
+    true = 1e3 * Rotation.from_quat(block.truth.body_pose[world, 3:]).apply(vertices)
+    axes.add_collection3d(Poly3DCollection(
+        list(true[sides]), facecolors="none", edgecolors=TRUE, linewidths=0.25, alpha=0.35,
+        zorder=0, label="true body"), autolim=False)
     set_cube(axes, np.concatenate(clouds), 0.54, 20.0, 0.86)
     axes.view_init(ELEVATION_DEG, azimuth)
     angle = _neighbours(normals)

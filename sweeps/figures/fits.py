@@ -39,8 +39,10 @@ def draw_fits(sets: PointSets, fits: Any, form: str) -> bytes:
         points = 1e3 * points[np.isfinite(points).all(axis=1)]
         usable = status in (FitStatus.converged.name, FitStatus.not_converged.name)
         _draw(axes, points, 1e3 * _faces(fits, row) if usable else np.zeros((0, 4, 3)))
-        axes.set_title(f"{cut(name)}: {fits.rms_m[row] * 1e3:.2f} mm rms" if usable
-                       else f"{cut(name)}: {status}")
+        words_of = [cut(name, 20) + ":"] + ([f"{fits.rms_m[row] * 1e3:.2f} mm rms"] if usable
+                                            else [])
+        words_of += [] if status == FitStatus.converged.name else [status]
+        axes.set_title(" ".join(words_of[:2]) + ("\n" + words_of[2] if len(words_of) > 2 else ""))
     if shown < len(sets.names):
         drawn.suptitle(f"the first {shown} of {len(sets.names)} sets", fontsize=7.5)
     return encode(drawn, form.lower())

@@ -56,6 +56,8 @@ def set_box(axes: Any, low: np.ndarray, high: np.ndarray, zoom: float,
 
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]),
              xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
+    axes.zaxis.set_rotate_label(False)
+    axes.zaxis.label.set_rotation(90.0)  # reads upwards
     axes.set_box_aspect(tuple(high - low), zoom=zoom)
     for axis, count in zip((axes.xaxis, axes.yaxis, axes.zaxis), ticks, strict=True):
         axis.set_major_locator(MaxNLocator(count))

@@ -107,12 +107,13 @@ def draw_taxels(touches: list[PadTouch], pads: PadTable, name: str) -> "Figure":
     grid = drawn.add_gridspec(1, SHOWN, left=0.12, right=0.97, bottom=0.42, top=0.80, wspace=0.12)
     bar = drawn.add_axes((0.12, 0.21, 0.85, 0.03))
     image: Any = None
+    largest = max(int(touch.image.max()) for touch in touches)
     panels = []
     for place, touch in enumerate(touches):
         axes = drawn.add_subplot(grid[0, place])
         peak = int(touch.image.max())
-        image = axes.imshow(touch.image / peak, origin="lower", extent=(0.0, wide, 0.0, tall),
-                            cmap="Greys", vmin=0.0, vmax=1.0, interpolation="nearest")
+        image = axes.imshow(touch.image, origin="lower", extent=(0.0, wide, 0.0, tall),
+                            cmap="Greys", vmin=0.0, vmax=largest, interpolation="nearest")
         found = image_ellipse(touch.image, pads)
         axes.add_patch(Rectangle((found.low_mm[0], found.low_mm[1]), *found.size_mm, fill=False,
                                  ls=":", lw=0.8, color=_WINDOW, label="taxels that count"))
@@ -132,7 +133,7 @@ def draw_taxels(touches: list[PadTouch], pads: PadTable, name: str) -> "Figure":
     panels[0].set_ylabel("along the link, tip up [mm]")
     drawn.text(0.545, 0.315, "across the link [mm]", ha="center", va="center", fontsize=7.0)
     drawn.colorbar(image, cax=bar, orientation="horizontal",
-                   label="reading over the touch's peak [1]; a count is 1 of 255")
+                   label="reading [counts of 255], the same scale for all")
     drawn.text(0.545, 0.965, f"{cut(name)}: what pads read", ha="center", va="center",
                fontsize=7.5)
     drawn.legend(*panels[0].get_legend_handles_labels(), loc="lower center", ncols=3,
