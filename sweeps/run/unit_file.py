@@ -31,7 +31,7 @@ def encode_unit(unit_id: str, columns: Mapping[str, np.ndarray]) -> bytes:
         raise ValueError("columns of a unit should be equally long: "
                          f"{ {name: len(values) for name, values in plain.items()} }")
     table = pa.table({name: _arrow(values) for name, values in plain.items()})
-    table = table.replace_schema_metadata({"unit": unit_id, "content": _content_hash(plain)})
+    table = table.replace_schema_metadata({"unit": unit_id, "content": content_hash(plain)})
     buffer = io.BytesIO()
     pq.write_table(table, buffer, compression="zstd")
     return buffer.getvalue()
@@ -84,7 +84,7 @@ def read_unit(path: Path, unit_id: str, row_count: int | None = None) -> Columns
         raise DamagedUnit(f"cannot be decoded: {error}"[:200]) from None
     if metadata.get(b"unit", b"").decode("utf-8", "replace") != unit_id:
         raise DamagedUnit("is another unit than its name says")
-    if metadata.get(b"content", b"").decode("utf-8", "replace") != _content_hash(columns):
+    if metadata.get(b"content", b"").decode("utf-8", "replace") != content_hash(columns):
         raise DamagedUnit("holds other rows than were written")
     if row_count is not None and any(len(v) != row_count for v in columns.values()):
         raise DamagedUnit(f"does not hold {row_count} rows")
@@ -160,7 +160,8 @@ def _column(table: pa.Table, name: str) -> np.ndarray:
     return column.to_numpy()
 
 
-def _content_hash(columns: Mapping[str, np.ndarray]) -> str:
+def content_hash(columns: Mapping[str, np.ndarray]) -> str:
+    """The hash of a unit's rows, names and types included."""
     found = hashlib.sha256()
     for name, values in columns.items():
         found.update(f"{name}:{values.dtype.str}:{len(values)};".encode())
