@@ -9,12 +9,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from strategies.poses.waypoints import Ring
+from warpgrasp.core.spec_words import spec_words
 
 
 def _number(default: int | None, low: float, high: float, doc: str) -> Any:
     return field(default=default, metadata={"low": low, "high": high, "doc": doc})
 
 
+@spec_words
 @dataclass(frozen=True)
 class Strategy:
     """One entry of a leaderboard.

@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from math import inf, pi, radians
 from typing import Any
 
+from warpgrasp.core.spec_words import spec_words
+
 OBJECT_REACH_M = 2.0
 """How far from the robot's base an object may stand, along x and along y."""
 
@@ -22,6 +24,7 @@ def _choice(default: str, choices: tuple[str, ...], doc: str) -> Any:
     return field(default=default, metadata={"choices": choices, "doc": doc})
 
 
+@spec_words
 @dataclass(frozen=True)
 class ArmTable:
     """PUMA 560, standard Denavit-Hartenberg parameters (robotics-toolbox-python) [ref]."""
@@ -47,6 +50,7 @@ class ArmTable:
     finger_speed_rad_s: float = _number(radians(90), 1e-3, 100.0, "finger strokes [est]")
 
 
+@spec_words
 @dataclass(frozen=True)
 class HandTable:
     """Utah-MIT hand: four identical fingers of four joints, thumb opposite three [paper].
@@ -76,6 +80,7 @@ class HandTable:
     tendon_friction: float = _number(0.07, 0.0, 0.9, "Coulomb, fraction of the tension [est]")
 
 
+@spec_words
 @dataclass(frozen=True)
 class SensorTable:
     """32 tendon tensions and 16 joint angles of the hand [paper], their errors, the threshold."""
@@ -90,6 +95,7 @@ class SensorTable:
                                      "fingertip: the paper's; intrinsic: from joint torques")
 
 
+@spec_words
 @dataclass(frozen=True)
 class PadTable:
     """Force-sensing pads of 16 x 16 taxels on 0.5 x 1.0 in, 8-bit converter [paper].
@@ -137,6 +143,7 @@ class PadTable:
         return ""
 
 
+@spec_words
 @dataclass(frozen=True)
 class StereoTable:
     """Two pinhole cameras side by side, both turned towards the object [est]."""
@@ -151,6 +158,7 @@ class StereoTable:
     pixel_noise: float = _number(0.3, 0.0, 20.0, "sigma of an edge's place in pixels [est]")
 
 
+@spec_words
 @dataclass(frozen=True)
 class ObjectTable:
     """Where the object stands, and the errors of the prior given to a strategy."""
@@ -159,10 +167,13 @@ class ObjectTable:
                          "place on the table, base frame [paper: near]")
     y_m: float = _number(0.0, -OBJECT_REACH_M, OBJECT_REACH_M, "place on the table")
     yaw_rad: float | None = _number(None, -inf, inf, "turn about the vertical; unset: at random")
-    prior_sigma_m: float = _number(0.010, 0.0, 0.5,
-                                   "error of each number of the prior bounding cylinder [est]")
+    prior: str = _choice("cylinder", ("cylinder", "box", "silhouettes"),
+                         "what is given: a bounding cylinder, the narrowest upright box, or a "
+                         "cylinder from silhouettes of two cameras ([stereo])")
+    prior_sigma_m: float = _number(0.010, 0.0, 0.5, "error of each number of the prior [est]")
 
 
+@spec_words
 @dataclass(frozen=True)
 class FitTable:
     """What evidence the recovered body is fitted to; each can be switched off."""

@@ -27,6 +27,8 @@ from warpgrasp.parameters import HandTable
 
 TABLE_CLEARANCE_M = 0.010
 THIN_RADIUS_M = 0.020
+UPRIGHT = 0.3
+"""The level part of a unit vector below which its azimuth says little."""
 LEVEL = 0.1
 """An approach that comes down less than this for each metre clears no table by backing off."""
 CSV_COLUMNS = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
@@ -50,16 +52,16 @@ def pose_about(
     prior: BoundingCylinder, azimuth: np.ndarray, tilt: np.ndarray, roll: np.ndarray,
     aim: np.ndarray, aim_out: float, clearance_m: float, per_radius: float, hand: HandTable
 ) -> np.ndarray:
-    """Hand poses about prior cylinders, angles [rad] of shape (world, probe) or broadcast to it.
+    """Hand poses about priors, angles [rad] of shape (world, probe) or broadcast to it.
 
     Angles and `aim` as the module `waypoints` defines them; a hand whose open fingers would come
     within TABLE_CLEARANCE_M of the table backs off along its approach, or, where that is level or
     from below, is raised. Shape (world, probe, 7).
     """
-    x, y, radius, height = (
-        v[:, None] for v in (prior.x_m, prior.y_m, prior.radius_m, prior.height_m))
+    x, y, height = (v[:, None] for v in (prior.x_m, prior.y_m, prior.height_m))
     azimuth, tilt, roll, aim, _ = np.broadcast_arrays(azimuth, tilt, roll, aim, x + azimuth)
-    angle = azimuth + np.arctan2(-y, -x)
+    angle = azimuth + prior.front()[:, None]
+    radius = prior.half_width(angle)
     sin_t, cos_t = np.sin(tilt), np.cos(tilt)
     approach = np.stack([-np.cos(angle) * sin_t, -np.sin(angle) * sin_t, -cos_t], -1)
     level = np.stack([-np.sin(angle), np.cos(angle), np.zeros_like(angle)], -1)
@@ -72,7 +74,8 @@ def pose_about(
         end = np.where(cos_t > 0, height * (1 - aim), height * aim)
         endways = np.where(np.abs(cos_t) > 1e-9, end / np.maximum(np.abs(cos_t), 1e-9), np.inf)
     # A hand opens only so far: what does not fit between its fingers is touched from farther off.
-    stay = clearance_m + per_radius * np.maximum(radius - THIN_RADIUS_M, 0.0)
+    across = prior.half_width(_closing_azimuth(frame))
+    stay = clearance_m + per_radius * np.maximum(across - THIN_RADIUS_M, 0.0)
     away = np.maximum(np.minimum(sideways, endways), 0.0) + stay
     centre = np.stack([x + out * np.cos(angle), y + out * np.sin(angle), aim * height], -1)
     place = centre - approach * away[..., None]
@@ -84,6 +87,15 @@ def pose_about(
     place[..., 2] += np.where(level_or_up, short, 0.0)
     turn = Rotation.from_matrix(frame.reshape(-1, 3, 3)).as_quat().reshape(*aim.shape, 4)
     return np.concatenate([place, turn], -1)
+
+
+def _closing_azimuth(frame: np.ndarray) -> np.ndarray:
+    """Azimuth of the direction that fingers close in; where that is upright, of the level one
+    across the approach, (world, probe)."""
+    closing, other = frame[..., :2, 0], frame[..., :2, 1]
+    upright = np.linalg.norm(closing, axis=-1) < UPRIGHT
+    x, y = np.moveaxis(np.where(upright[..., None], other, closing), -1, 0)
+    return np.arctan2(y, x)
 
 
 def _open_fingers_below(hand: HandTable, frame: np.ndarray) -> np.ndarray:

@@ -1,11 +1,11 @@
 """Waypoint families: hand poses around an object of roughly known place and size.
 
-A family places poses about the bounding cylinder given as prior (place, radius, height, all
+A family places poses about the bounding cylinder or box given as prior (place, size, height, all
 with errors). The hand's z axis is its approach direction; `tilt` is the angle between the approach
 and straight down (0: from above, 90 deg: level); `azimuth` is where the hand stands around the
-object, 0 being the side of the robot's base; `roll` turns the hand about its approach, 0 having the
-fingers close horizontally. `aim` is the height aimed at, as a fraction of the object's;
-`aim_out` moves that point from the axis towards the hand, 1 being the rim.
+object, 0 being the side of the robot's base, of a box the face there; `roll` turns the hand about
+its approach, 0 having the fingers close horizontally. `aim` is the height aimed at, as a fraction
+of the object's; `aim_out` moves that point from the axis towards the hand, 1 being the rim.
 """
 
 from dataclasses import dataclass, field
@@ -13,6 +13,8 @@ from math import pi, radians
 from typing import Any
 
 import numpy as np
+
+from warpgrasp.core.spec_words import spec_words
 
 PRIOR_MARGIN_M = 0.03
 """Three standard deviations of each number of the prior."""
@@ -32,6 +34,39 @@ class BoundingCylinder:
     height_m: np.ndarray
 
 
+    def half_width(self, angle: np.ndarray) -> np.ndarray:
+        """From the axis to the side seen along a level direction [m].
+
+        `angle` (world, pose) is that direction's azimuth in the base frame [rad].
+        """
+        return np.broadcast_to(self.radius_m[:, None], angle.shape)
+
+    def front(self) -> np.ndarray:
+        """The azimuth of the side that faces the robot's base [rad], (world,)."""
+        return np.arctan2(-self.y_m, -self.x_m)
+
+
+@dataclass(frozen=True)
+class BoundingBox(BoundingCylinder):
+    """An upright box as prior; `radius_m` is that of the cylinder around it."""
+
+    half_m: np.ndarray
+    """Half its length and half its width, (world, 2)."""
+    yaw_rad: np.ndarray
+    """Azimuth of its length, (world,)."""
+
+    def half_width(self, angle: np.ndarray) -> np.ndarray:
+        """From the axis to the side seen along a level direction [m], (world, pose)."""
+        turned = angle - self.yaw_rad[:, None]
+        return (self.half_m[:, :1] * np.abs(np.cos(turned))
+                + self.half_m[:, 1:] * np.abs(np.sin(turned)))
+
+    def front(self) -> np.ndarray:
+        """The azimuth of the face nearest to facing the robot's base [rad], (world,)."""
+        turned = super().front() - self.yaw_rad
+        return np.asarray(self.yaw_rad + np.round(turned / (pi / 2)) * (pi / 2))
+
+
 def _number(default: Any, low: float, high: float, doc: str) -> Any:
     return field(default=default, metadata={"low": low, "high": high, "doc": doc})
 
@@ -39,6 +74,7 @@ def _number(default: Any, low: float, high: float, doc: str) -> Any:
 _COUNT = {"low": 1, "high": 256, "doc": "poses"}
 
 
+@spec_words
 @dataclass(frozen=True)
 class Placement:
     """What every family shares: how far the palm stays away, which way the hand is turned."""
@@ -53,6 +89,7 @@ class Placement:
     aim_out: float = _number(0.0, -2.0, 2.0, "aimed off the axis, towards the hand / radius")
 
 
+@spec_words
 @dataclass(frozen=True)
 class Ring(Placement):
     """Poses evenly around the object at one tilt and height."""
@@ -60,6 +97,7 @@ class Ring(Placement):
     count: int = field(default=6, metadata=_COUNT)
 
 
+@spec_words
 @dataclass(frozen=True)
 class Column(Placement):
     """A ring repeated up the object: `count` poses in all, spread over `levels` heights."""
@@ -70,6 +108,7 @@ class Column(Placement):
     aim_high: float = _number(0.75, -1.0, 2.0, "highest height / height of the object")
 
 
+@spec_words
 @dataclass(frozen=True)
 class Opposing(Placement):
     """Pairs of poses half a turn apart, the pairs evenly turned against each other."""
@@ -77,6 +116,7 @@ class Opposing(Placement):
     count: int = field(default=6, metadata=_COUNT)
 
 
+@spec_words
 @dataclass(frozen=True)
 class Top(Placement):
     """Straight from above, the rolls evenly over half a turn."""
@@ -84,6 +124,7 @@ class Top(Placement):
     count: int = field(default=2, metadata=_COUNT)
 
 
+@spec_words
 @dataclass(frozen=True)
 class Random(Placement):
     """Directions even over the part of the sphere above `tilt_rad`, any roll, any height."""
@@ -93,6 +134,7 @@ class Random(Placement):
     aim_high: float = _number(0.75, -1.0, 2.0, "highest height aimed at")
 
 
+@spec_words
 @dataclass(frozen=True)
 class Spiral(Placement):
     """Up the object as on a screw: height rises as the azimuth goes `turns` times around."""
@@ -103,6 +145,7 @@ class Spiral(Placement):
     aim_high: float = _number(0.9, -1.0, 2.0, "height aimed at last")
 
 
+@spec_words
 @dataclass(frozen=True)
 class Hemisphere(Placement):
     """Directions evenly over the part of the sphere above `tilt_rad` (a Fibonacci lattice)."""

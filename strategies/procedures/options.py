@@ -4,6 +4,8 @@ from dataclasses import dataclass, field
 from math import inf, radians
 from typing import Any
 
+from warpgrasp.core.spec_words import spec_words
+
 
 def _number(default: Any, low: float = 0.0, high: float = inf, doc: str = "") -> Any:
     return field(default=default, metadata={"low": low, "high": high, "doc": doc})
@@ -13,6 +15,7 @@ def _choice(default: str, choices: tuple[str, ...], doc: str) -> Any:
     return field(default=default, metadata={"choices": choices, "doc": doc})
 
 
+@spec_words
 @dataclass(frozen=True)
 class PlanarTable:
     """Crossing faces (paper, section IV-D)."""
@@ -25,6 +28,7 @@ class PlanarTable:
     most_steps: int = _number(60, 1, 60, "in one direction")
 
 
+@spec_words
 @dataclass(frozen=True)
 class ContourTable:
     """Following a contour with thumb and index finger (paper, section IV-E)."""
@@ -38,6 +42,7 @@ class ContourTable:
     refine: bool = field(default=True, metadata={"doc": "fit the axis to the touches"})
 
 
+@spec_words
 @dataclass(frozen=True)
 class DecideTable:
     """How the recovered shape picks the next procedure."""

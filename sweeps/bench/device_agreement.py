@@ -19,7 +19,8 @@ from strategies.procedures.containment import explore_by_containment
 from strategies.ready_made import STRATEGIES
 from sweeps.bench.measure import bodies_touched
 from sweeps.bench.rows import body_of
-from sweeps.episode.episodes import draw_prior, place_objects
+from sweeps.episode.episodes import place_objects
+from sweeps.episode.given_prior import draw_prior
 from sweeps.episode.scores import score_superquadrics
 from warpgrasp.core.random import counter_key
 from warpgrasp.parameters import ArmTable, HandTable, ObjectTable, SensorTable
@@ -39,7 +40,7 @@ def closings(name: str, worlds: int, device: str) -> tuple[np.ndarray, np.ndarra
     """Steps and joints of all closings of `ring6`, and how many a second."""
     key = counter_key(7, np.arange(worlds))
     pose = place_objects(ObjectTable(), key)
-    prior = draw_prior(body_of(name), pose, 0.01, key)
+    prior = draw_prior(body_of(name), pose, ObjectTable(), key)
     poses = waypoint_poses(STRATEGIES["ring6"].waypoints, prior, HandTable(), key)
     wanted = np.ones(poses.shape[:2], bool)
 

@@ -26,7 +26,8 @@ def closings(of: str, batch: int) -> Workload:
     from strategies.poses.hand_poses import waypoint_poses
     from strategies.procedures.containment import padded_commands
     from strategies.ready_made import STRATEGIES
-    from sweeps.episode.episodes import draw_prior, place_objects
+    from sweeps.episode.episodes import place_objects
+    from sweeps.episode.given_prior import draw_prior
     from warpgrasp.closing.closing import close_fingers
     from warpgrasp.core.random import counter_key
     from warpgrasp.geometry.body import scene_of
@@ -38,7 +39,7 @@ def closings(of: str, batch: int) -> Workload:
     worlds = -(-batch // 192)
     key = counter_key(SEED, np.arange(worlds))
     pose = place_objects(ObjectTable(), key)
-    prior = draw_prior(body, pose, 0.01, key)
+    prior = draw_prior(body, pose, ObjectTable(), key)
     poses = waypoint_poses(strategy.waypoints, prior, hand, key)
     scene, which = scene_of([body], "cpu"), np.zeros(1, int)
     moves, actual = move_hand(scene, which, pose, ArmTable(), hand, key, ArmState.home(worlds),

@@ -30,16 +30,15 @@ from strategies.recovery.evidence import Evidence
 from strategies.recovery.recognition import Recognizer, recognizer, right_answer
 from sweeps.episode.columns import model_columns
 from sweeps.episode.contact_rows import contact_tables
+from sweeps.episode.given_prior import draw_prior, seen_prior
 from sweeps.episode.scores import Scorer, Scores
 from sweeps.spec.cell import CONTACTS, Cell
 from warpgrasp.core.random import (
     Purpose,
     counter_key,
-    counter_normal,
     counter_uniform,
 )
 from warpgrasp.geometry.body import Body
-from warpgrasp.geometry.body_sampling import sample_body
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
 from warpgrasp.parameters import ObjectTable
 from warpgrasp.probe_status import ProbeStatus
@@ -139,7 +138,7 @@ def _rows_of(
     # Probes in turn, a column each: which of them the arm could not make, and why.
     probes = np.concatenate([np.zeros((worlds, 0), int),
                              *(g.moves.status[:, :, 0] for g in block.grasps)], axis=1)
-    names = np.array(["told_cylinder", "tapered_superquadric" if cell.fit.taper else
+    names = np.array(["prior", "tapered_superquadric" if cell.fit.taper else
                       "superquadric", "revolution"])
     columns: dict[str, np.ndarray] = {
         "episode": np.concatenate([np.asarray(episodes, np.int64) for _, episodes in parts]),
@@ -184,12 +183,15 @@ def _run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Ep
         for (cell, episodes), body in zip(parts, bodies, strict=True)])
     body_pose = place_objects(cell.placement, key)
     scorer = Scorer(bodies, which, body_pose, device)
-    prior = joined([draw_prior(body, body_pose[rows], cell.placement.prior_sigma_m, key[rows])
+    prior = joined([draw_prior(body, body_pose[rows], cell.placement, key[rows])
                    for body, rows in scorer.worlds()])
     truth = Truth(body_pose)
     noise = _noise_key(key, cell.strategy.noise_stream)
     robot = Robot(bodies, which, truth, noise, cell.arm, cell.hand, cell.sensors,
                   pads=cell.pads, device=device)
+    unseen = np.full(len(key), "", object)
+    if cell.placement.prior == "silhouettes":
+        prior, unseen = seen_prior(robot, prior, cell.stereo)
     moments: list[Moment] = []
 
     def observe(belief: Belief, recovered: Recovered) -> None:
@@ -208,9 +210,11 @@ def _run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Ep
     found = explore(robot, planner, prior, counter_key(noise, int(Purpose.STRATEGY)),
                     table=cell.fit, closings=cell.strategy.closings,
                     budget=budget_of(cell.strategy), observe=observe, oracle=oracle)
-    if fault:
-        found = replace(found, fault=np.full(len(key), fault, object),
-                        status=np.full(len(key), "strategy_failed"))
+    faults = np.full(len(key), fault, object) if fault else unseen
+    if faults.any():
+        wrong = faults != ""
+        found = replace(found, fault=np.where(wrong, faults, found.fault),
+                        status=np.where(wrong, "strategy_failed", found.status))
     scores = moments[-1].scores if moments else scorer.score(found.recovered)
     recognized = _recognizer(device).names(found.belief, found.recovered)
     return EpisodeBlock(tuple(bodies), truth, prior, found, scores, tuple(moments), recognized)
@@ -291,19 +295,3 @@ def place_objects(placement: ObjectTable, key: np.ndarray) -> np.ndarray:
     pose[:, 0], pose[:, 1] = placement.x_m, placement.y_m
     pose[:, 5], pose[:, 6] = np.sin(yaw / 2), np.cos(yaw / 2)
     return pose
-
-
-def draw_prior(
-    body: Body, body_pose: np.ndarray, sigma_m: float, key: np.ndarray
-) -> BoundingCylinder:
-    """The prior given to a strategy: the bounding cylinder with a normal error in each number."""
-    surface = sample_body(body).surface_m
-    radius = float(np.hypot(surface[:, 0], surface[:, 1]).max())
-    stream = counter_key(key, int(Purpose.PRIOR))
-    error = sigma_m * counter_normal(counter_key(stream[:, None], np.arange(4)))
-    return BoundingCylinder(
-        x_m=body_pose[:, 0] + error[:, 0],
-        y_m=body_pose[:, 1] + error[:, 1],
-        radius_m=np.maximum(radius + error[:, 2], 0.010),
-        height_m=np.maximum(body.high_m[2] + error[:, 3], 0.020),
-    )

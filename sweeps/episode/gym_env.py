@@ -32,7 +32,8 @@ from strategies.recovery.evidence import (
 from strategies.recovery.fit_contacts import recover_bodies
 from strategies.recovery.plausibility import FEWEST_CONTACTS, plausible
 from sweeps.episode.columns import superquadric_parameters
-from sweeps.episode.episodes import draw_prior, place_objects
+from sweeps.episode.episodes import place_objects
+from sweeps.episode.given_prior import draw_prior
 from sweeps.episode.scores import score_superquadrics
 from warpgrasp.core.random import counter_key
 from warpgrasp.objects.catalogue import body_from_name
@@ -90,7 +91,7 @@ class GraspVectorEnv(VectorEnv):
         """
         key = self._drawn_keys(seed)
         pose = place_objects(ObjectTable(), key)
-        self._prior = draw_prior(self._body, pose, ObjectTable().prior_sigma_m, key)
+        self._prior = draw_prior(self._body, pose, ObjectTable(), key)
         self._robot = Robot([self._body], np.zeros(1, int), Truth(pose), key, ArmTable(),
                             HandTable(), SensorTable(), device=self._device)
         self._pose, self._made, self._over = pose, 0, False

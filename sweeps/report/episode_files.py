@@ -109,7 +109,7 @@ def shape_record(cell: Cell, block: EpisodeBlock, world: int = 0) -> dict[str, A
     """The content of `shape.json`: the recovered models, the chosen one, and its scores."""
     scores, belief = block.scores, block.exploration.belief
     shape = Shape(int(block.recovered.shape[world]))
-    kinds = {Shape.PRIOR_CYLINDER: "told_cylinder", Shape.REVOLUTION: "revolution",
+    kinds = {Shape.PRIOR_CYLINDER: "prior", Shape.REVOLUTION: "revolution",
              Shape.SUPERQUADRIC: "tapered_superquadric" if cell.fit.taper else "superquadric"}
     pose = block.truth.body_pose[world]
     return {
@@ -142,7 +142,7 @@ def _models(cell: Cell, block: EpisodeBlock, world: int) -> Iterator[dict[str, A
     """Every model of the body: the superquadric (or the prior cylinder), faces, the contour."""
     belief = block.exploration.belief
     ok = bool(belief.fitted[world])
-    kind = ("tapered_superquadric" if cell.fit.taper else "superquadric") if ok else "told_cylinder"
+    kind = ("tapered_superquadric" if cell.fit.taper else "superquadric") if ok else "prior"
     numbers = superquadric_parameters(belief.body)
     yield {"shape": kind, "parameters": {k: float(v[world]) for k, v in numbers.items()},
            "rms_mm": float(belief.fits.rms_m[world] * 1e3) if ok else None,

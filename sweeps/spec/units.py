@@ -1,24 +1,20 @@
 """Units and checks of the parameter tables in a spec, derived from their dataclasses.
 
-The program uses SI units. In a spec, lengths are in mm and angles in degrees, and keys end in the
-unit: the field `link_radius_m` has the key `link_radius_mm`, and `speed_rad_s` has `speed_deg_s`.
-Types, bounds and choices come from the dataclass fields.
+The program uses SI units, a spec mm and degrees (`warpgrasp.core.spec_words`). Types, bounds and
+choices come from the dataclass fields.
 """
 
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from functools import cache, partial
-from math import degrees, inf, radians
+from math import inf
 from types import UnionType
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, create_model
 
 from sweeps.spec.errors import KeyPath, Problems, choose, short
-
-# A trailing m or rad is a length or an angle, unless it belongs to a compound: N_m, Nm_rad, per_m.
-_UNIT = re.compile(r"^(?P<stem>.*(?<!_N)(?<!_Nm)(?<!_per))_(?P<unit>m|rad)(?P<rate>_s)?$")
+from warpgrasp.core.spec_words import each, same, word_of
 
 
 @dataclass(frozen=True)
@@ -45,9 +41,9 @@ class SpecField:
     @property
     def spec_default(self) -> Any:
         """The default in the units of the spec, rounded to 10 digits; None if unset."""
-        if self.default is None or self.to_si is _same:
-            return _apply(_same, self.default)
-        return _apply(lambda v: float(f"{self.from_si(v):.10g}"), self.default)
+        if self.default is None or self.to_si is same:
+            return each(same, self.default)
+        return each(lambda v: float(f"{self.from_si(v):.10g}"), self.default)
 
 
 @cache
@@ -64,7 +60,7 @@ def _model(table: type) -> type[BaseModel]:
     """The pydantic model of a spec's table: keys and units of the spec in, SI out."""
     parts: dict[str, Any] = {}
     for key, f in spec_fields(table).items():
-        of_key = Annotated[_annotation(f), AfterValidator(partial(_apply, f.to_si))]
+        of_key = Annotated[_annotation(f), AfterValidator(partial(each, f.to_si))]
         parts[_attribute(key)] = of_key, Field(default=None, alias=key)
     return create_model(table.__name__, __config__=ConfigDict(extra="forbid"), **parts)
 
@@ -99,12 +95,7 @@ def _read(table: type, values: dict[str, Any], problems: Problems,
 
 def _spec_field(table: type, name: str, hint: Any, default: Any,
                 metadata: Mapping[str, Any]) -> SpecField:
-    match = _UNIT.match(name)
-    unit = match["unit"] if match else ""
-    to_si, from_si = {"m": (_from_mm, _to_mm), "rad": (radians, degrees)}.get(unit, (_same, _same))
-    key = name
-    if match:
-        key = f"{match['stem']}_{ {'m': 'mm', 'rad': 'deg'}[unit]}{match['rate'] or ''}"
+    key, to_si, from_si = word_of(name)
     if isinstance(hint, UnionType):  # with None: unset
         hint = next(option for option in get_args(hint) if option is not type(None))
     kind = get_args(hint)[0] if get_origin(hint) is tuple else hint
@@ -146,21 +137,3 @@ def _message(detail: Any, known: Mapping[str, SpecField]) -> str:
 
 def _text(number: float) -> str:
     return f"{number:.10g}" if isinstance(number, float) else str(number)
-
-
-def _apply(change: Callable[[Any], Any], value: Any) -> Any:
-    if isinstance(value, list | tuple):
-        return tuple(_apply(change, entry) for entry in value)
-    return value if isinstance(value, bool | str | None) else change(value)
-
-
-def _same(value: Any) -> Any:
-    return value
-
-
-def _from_mm(value: float) -> float:
-    return value / 1000
-
-
-def _to_mm(value: float) -> float:
-    return value * 1000

@@ -74,12 +74,12 @@ def test_objects_and_noise_are_common_to_strategies_and_settings() -> None:
     assert np.array_equal(one.prior.radius_m, other.prior.radius_m)
 
 
-def test_too_few_contacts_are_a_status_and_the_told_cylinder_is_scored() -> None:
+def test_too_few_contacts_are_a_status_and_the_prior_is_scored() -> None:
     far = replace(STRATEGIES["ring6"], waypoints=tuple(
         replace(w, palm_clearance_m=0.3) for w in STRATEGIES["ring6"].waypoints))
     rows = run_episodes(replace(CELL, strategy=far), np.arange(2), "cpu")
     assert (rows["status"] == "too_few_contacts").all()
-    assert (rows["shape"] == "told_cylinder").all()
+    assert (rows["shape"] == "prior").all()
     assert np.isfinite(rows["chamfer_mm"]).all()
     assert np.isnan(rows["fit_rms_mm"]).all()
 
@@ -104,7 +104,7 @@ def test_explore_writes_contacts_shape_and_a_figure(tmp_path: Path) -> None:
         assert (row["accepted"] == "") == (row["status"] != "contact")
         assert (row["link"] == "-1") == (row["status"] != "contact")
     shape = json.loads((tmp_path / "shape.json").read_text())
-    assert shape["chosen"] in ("tapered_superquadric", "told_cylinder")
+    assert shape["chosen"] in ("tapered_superquadric", "prior")
     assert 0.0 <= shape["metrics"]["iou"] <= 1.0
     assert (tmp_path / "contacts.png").read_bytes().startswith(b"\x89PNG")
 

@@ -11,7 +11,8 @@ import warp as wp
 from strategies.poses.hand_poses import waypoint_poses
 from strategies.procedures.containment import padded_commands
 from strategies.ready_made import STRATEGIES
-from sweeps.episode.episodes import draw_prior, place_objects
+from sweeps.episode.episodes import place_objects
+from sweeps.episode.given_prior import draw_prior
 from warpgrasp.closing.closing import Closing, ClosingTruth, close_fingers
 from warpgrasp.core.dtypes import real, vec2, vec3
 from warpgrasp.core.kernel_launch import launch
@@ -34,7 +35,8 @@ def grasped(body: Body, prior: Body, sensors: SensorTable, **options: Any
     key = counter_key(3, np.arange(worlds))
     pose = place_objects(ObjectTable(), key)
     strategy = STRATEGIES["ring6"]
-    hands = waypoint_poses(strategy.waypoints, draw_prior(prior, pose, 0.01, key), HAND, key)
+    given = draw_prior(prior, pose, ObjectTable(), key)
+    hands = waypoint_poses(strategy.waypoints, given, HAND, key)
     commands, count = padded_commands(strategy.closings)
     made = np.ones((*hands.shape[:2], len(count)), int)
     return close_fingers(scene_of([body], "cpu"), np.zeros(1, int), pose, HAND, sensors, key, made,

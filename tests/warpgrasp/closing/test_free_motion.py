@@ -7,7 +7,7 @@ import warp as wp
 from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
 from strategies.poses.hand_poses import waypoint_poses
 from strategies.ready_made import STRATEGIES
-from sweeps.episode.episodes import draw_prior
+from sweeps.episode.given_prior import draw_prior
 from warpgrasp.closing.closing_record import LinkStep
 from warpgrasp.closing.free_motion import advance_free, start_free
 from warpgrasp.closing.path_table import path_on_device, path_table
@@ -19,7 +19,7 @@ from warpgrasp.geometry.scene import Scene, body_is_convex
 from warpgrasp.mechanism.utah_mit_hand import hand_links, hand_of
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
 from warpgrasp.objects.catalogue import body_from_name
-from warpgrasp.parameters import HandTable
+from warpgrasp.parameters import HandTable, ObjectTable
 
 HAND = HandTable()
 FINGER = 1
@@ -42,7 +42,7 @@ def _free_kernel(
 def test_the_first_touch_against_links_sampled_at_every_step(name: str) -> None:
     body, key = body_from_name(name), counter_key(5, np.arange(1))
     hands = waypoint_poses(STRATEGIES["rim6-ring12"].waypoints,
-                           draw_prior(body, ON_TABLE, 0.01, key), HAND, key)[0]
+                           draw_prior(body, ON_TABLE, ObjectTable(), key), HAND, key)[0]
     commands = closing_commands(CLOSING_PATHS["base_then_curl"])[None]
     steps, n = commands.shape[2], len(hands)
     scene, links = scene_of([body], "cpu"), path_on_device(HAND, commands, "cpu")[1]

@@ -7,7 +7,8 @@ import warp as wp
 from strategies.poses.hand_poses import waypoint_poses
 from strategies.procedures.containment import padded_commands
 from strategies.ready_made import STRATEGIES
-from sweeps.episode.episodes import draw_prior, place_objects
+from sweeps.episode.episodes import place_objects
+from sweeps.episode.given_prior import draw_prior
 from warpgrasp.closing.closing import close_fingers
 from warpgrasp.closing.energy import free_equilibrium
 from warpgrasp.closing.torque_bounds import agree, intersect_balls, torque_bound
@@ -95,7 +96,8 @@ def test_no_step_left_out_would_have_stopped_a_finger(name: str) -> None:
     key = counter_key(5, np.arange(worlds))
     pose = place_objects(ObjectTable(), key)
     strategy = STRATEGIES["ring6"]
-    hands = waypoint_poses(strategy.waypoints, draw_prior(body, pose, 0.01, key), HAND, key)
+    given = draw_prior(body, pose, ObjectTable(), key)
+    hands = waypoint_poses(strategy.waypoints, given, HAND, key)
     commands, count = padded_commands(strategy.closings)
     made = np.ones((*hands.shape[:2], len(count)), int)
 

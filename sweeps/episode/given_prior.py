@@ -1,0 +1,73 @@
+"""The prior that a strategy is given: a bounding cylinder, a box, or what two cameras see."""
+
+import numpy as np
+import trimesh
+
+from strategies.poses.waypoints import BoundingBox, BoundingCylinder
+from strategies.procedures.stereo_prior import see_cylinder
+from warpgrasp.core.random import Purpose, counter_key, counter_normal
+from warpgrasp.geometry.body import Body
+from warpgrasp.geometry.body_sampling import sample_body
+from warpgrasp.parameters import ObjectTable, StereoTable
+from warpgrasp.robot import Robot
+
+LEAST_RADIUS_M, LEAST_HEIGHT_M = 0.010, 0.020
+
+
+def draw_prior(
+    body: Body, body_pose: np.ndarray, table: ObjectTable, key: np.ndarray
+) -> BoundingCylinder:
+    """The bounding cylinder or box of each world, with a normal error in each number.
+
+    `body_pose` (world, 7) and `key` (world,) uint64. A box is turned wrongly by as much as moves
+    the middle of its shorter sides by `prior_sigma_m`.
+    """
+    stream = counter_key(key, int(Purpose.PRIOR))
+    error = table.prior_sigma_m * counter_normal(counter_key(stream[:, None], np.arange(6)))
+    height = np.maximum(body.high_m[2] + error[:, 3], LEAST_HEIGHT_M)
+    if table.prior != "box":
+        surface = sample_body(body).surface_m
+        radius = float(np.hypot(surface[:, 0], surface[:, 1]).max())
+        return BoundingCylinder(body_pose[:, 0] + error[:, 0], body_pose[:, 1] + error[:, 1],
+                                np.maximum(radius + error[:, 2], LEAST_RADIUS_M), height)
+    middle, half, turned = rectangle_around(body)
+    yaw = 2.0 * np.arctan2(body_pose[:, 5], body_pose[:, 6])
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    half = np.maximum(half + error[:, [2, 4]], LEAST_RADIUS_M)
+    return BoundingBox(
+        body_pose[:, 0] + cos * middle[0] - sin * middle[1] + error[:, 0],
+        body_pose[:, 1] + sin * middle[0] + cos * middle[1] + error[:, 1],
+        np.hypot(*half.T), height, half, yaw + turned + error[:, 5] / half.max(1))
+
+
+def rectangle_around(body: Body) -> tuple[np.ndarray, np.ndarray, float]:
+    """The smallest rectangle around a body seen from above, in its frame.
+
+    Its middle [m], half its length and width [m], and the azimuth of its length [rad].
+    """
+    to_rectangle, sides = trimesh.bounds.oriented_bounds_2D(sample_body(body).surface_m[:, :2])
+    turned = float(np.arctan2(to_rectangle[0, 1], to_rectangle[0, 0]))
+    middle = -to_rectangle[:2, :2].T @ to_rectangle[:2, 2]
+    half = np.asarray(sides) / 2
+    return (middle, half, turned) if half[0] >= half[1] else (
+        middle, half[::-1].copy(), turned + np.pi / 2)
+
+
+def seen_prior(
+    robot: Robot, drawn: BoundingCylinder, table: StereoTable
+) -> tuple[BoundingCylinder, np.ndarray]:
+    """Cylinders that two cameras see, turned to the place that was drawn.
+
+    In worlds whose silhouettes are empty or touch the edge of an image the drawn one stands; the
+    text (world,) says so there and is empty elsewhere.
+    """
+    target = np.stack([drawn.x_m, drawn.y_m, drawn.height_m / 2], 1)
+    seen, whole = see_cylinder(robot, target, table)
+    cylinder = BoundingCylinder(*(
+        np.where(whole, new, old) for new, old in (
+            (seen.x_m, drawn.x_m), (seen.y_m, drawn.y_m),
+            (np.maximum(seen.radius_m, LEAST_RADIUS_M), drawn.radius_m),
+            (np.maximum(seen.height_m, LEAST_HEIGHT_M), drawn.height_m))))
+    why = np.where(whole, "", "object.prior silhouettes: the object is not whole in both images; "
+                   "a larger stereo.field_of_view_deg or distance_mm would show it")
+    return cylinder, why.astype(object)

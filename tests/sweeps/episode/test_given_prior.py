@@ -1,0 +1,81 @@
+"""The prior that a strategy is given, against what the bodies measure."""
+
+import numpy as np
+import pytest
+
+from strategies.poses.hand_poses import waypoint_poses
+from strategies.poses.waypoints import BoundingBox, BoundingCylinder, Ring
+from sweeps.episode.episodes import place_objects
+from sweeps.episode.given_prior import draw_prior, seen_prior
+from warpgrasp.core.random import counter_key
+from warpgrasp.geometry.body_sampling import sample_body
+from warpgrasp.objects.catalogue import body_from_name
+from warpgrasp.parameters import ArmTable, HandTable, ObjectTable, SensorTable, StereoTable
+from warpgrasp.robot import Robot, Truth
+
+KEY = counter_key(3, np.arange(5))
+
+
+def placed(body: object, **words: object) -> tuple[np.ndarray, ObjectTable]:
+    table = ObjectTable(**words)  # type: ignore[arg-type]
+    return place_objects(table, KEY), table
+
+
+@pytest.mark.parametrize("name", ["block", "wedge", "wine_bottle", "funnel"])
+def test_a_box_without_errors_holds_the_body_and_touches_its_sides(name: str) -> None:
+    body = body_from_name(name)
+    pose, table = placed(body, prior="box", prior_sigma_m=0.0)
+    box = draw_prior(body, pose, table, KEY)
+    assert isinstance(box, BoundingBox)
+    points = sample_body(body).surface_m[:, :2]
+    for world in range(len(KEY)):
+        yaw = 2 * np.arctan2(pose[world, 5], pose[world, 6])
+        turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+        seen = points @ turn.T + pose[world, :2] - [box.x_m[world], box.y_m[world]]
+        for angle, half in zip(box.yaw_rad[world] + np.array([0.0, np.pi / 2]),
+                               box.half_m[world], strict=True):
+            along = seen @ [np.cos(angle), np.sin(angle)]
+            assert along.max() == pytest.approx(half, abs=1e-6)
+            assert along.min() == pytest.approx(-half, abs=1e-6)
+    assert np.allclose(box.half_width(box.yaw_rad[:, None])[:, 0], box.half_m[:, 0])
+
+
+def test_a_ring_of_four_about_a_box_faces_its_four_sides() -> None:
+    body = body_from_name("block")
+    pose, table = placed(body, prior="box", prior_sigma_m=0.0)
+    box = draw_prior(body, pose, table, KEY)
+    assert isinstance(box, BoundingBox)
+    hands = waypoint_poses([Ring(count=4)], box, HandTable(), KEY)
+    away = hands[..., :2] - np.stack([box.x_m, box.y_m], 1)[:, None]
+    turned = np.arctan2(away[..., 1], away[..., 0]) - box.yaw_rad[:, None]
+    assert np.abs(np.sin(2 * turned)).max() < 1e-6
+    near = np.hypot(*np.moveaxis(hands[..., :2], -1, 0))  # the first is the one at the base
+    assert (near.argmin(1) == 0).all()
+
+
+def seen_of(name: str, **words: float) -> tuple[BoundingCylinder, np.ndarray, np.ndarray]:
+    body = body_from_name(name)
+    pose, table = placed(body)
+    robot = Robot([body], np.zeros(len(KEY), int), Truth(pose), KEY, ArmTable(), HandTable(),
+                  SensorTable())
+    drawn = draw_prior(body, pose, table, KEY)
+    prior, why = seen_prior(robot, drawn, StereoTable(**words))  # type: ignore[arg-type]
+    return prior, why, pose
+
+
+@pytest.mark.parametrize("name", ["large_cylinder", "wine_bottle"])
+def test_cameras_see_the_cylinder_that_is_there(name: str) -> None:
+    body = body_from_name(name)
+    surface = sample_body(body).surface_m
+    radius = float(np.hypot(surface[:, 0], surface[:, 1]).max())
+    prior, why, pose = seen_of(name, pixel_noise=0.0)
+    assert not why.any()
+    assert np.abs(prior.radius_m - radius).max() < 0.002
+    assert np.abs(prior.height_m - body.high_m[2]).max() < 0.012
+    assert np.hypot(prior.x_m - pose[:, 0], prior.y_m - pose[:, 1]).max() < 0.005
+
+
+def test_an_object_that_is_not_whole_in_the_images_is_told() -> None:
+    prior, why, _ = seen_of("wine_bottle", field_of_view_rad=0.1)
+    assert all("not whole in both images" in text for text in why)
+    assert np.isfinite(prior.radius_m).all()
