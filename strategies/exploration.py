@@ -79,6 +79,8 @@ class Procedure:
     """How many slots of the evidence are its own; procedures fill them in order."""
     closing: int = -1
     """Of a containment: which of the truth's closings it is."""
+    asked_pose: np.ndarray | None = None
+    """Of a containment: the hand poses asked for, (world, probe, 7)."""
 
 
 @dataclass(frozen=True)
@@ -238,7 +240,7 @@ class _Run:
         self.time += np.where(mask, grasps.time_s, 0.0).sum(1)
         self.path += np.where(mask, grasps.moves.path_m, 0.0).sum(1)
         self.procedures.append(Procedure("containment", self.step, grasps, np.asarray(mask.any(1)),
-                                         evidence.mask.shape[1], self.closings_made))
+                                         evidence.mask.shape[1], self.closings_made, pose))
         self.closings_made += 1
 
     def _cross(self, probe: CrossFaces, mask: np.ndarray) -> None:

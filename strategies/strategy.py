@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from strategies.poses.waypoints import Ring
-from warpgrasp.core.spec_words import spec_words
+from warpgrasp.spec_words import spec_words
 
 
 def _number(default: int | None, low: float, high: float, doc: str) -> Any:

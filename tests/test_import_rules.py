@@ -14,8 +14,8 @@ import pytest
 from places import ROOT
 
 FLOORS = {
-    "warpgrasp": ["parameters", "probe_status", "core", "geometry", "objects", "mechanism",
-                  "closing", "touch", "export", "robot"],
+    "warpgrasp": ["spec_words", "parameters", "probe_status", "core", "geometry", "objects",
+                  "mechanism", "closing", "touch", "export", "robot"],
     "fit": ["fit_status", "rotation", "arrays", "optimize", "prepare", "superquadric",
             "revolution", "plane", "polyhedron", "choice", "match_parameters",
             "interpretation_tree", "points_csv"],

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from math import inf, pi, radians
 from typing import Any
 
-from warpgrasp.core.spec_words import spec_words
+from warpgrasp.spec_words import spec_words
 
 OBJECT_REACH_M = 2.0
 """How far from the robot's base an object may stand, along x and along y."""

@@ -4,7 +4,6 @@ from dataclasses import replace
 from math import radians
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from strategies.poses.hand_poses import waypoint_poses
 from strategies.poses.waypoints import PRIOR_MARGIN_M, BoundingCylinder, Placement, Ring, Top
@@ -13,7 +12,7 @@ from strategies.recovery.belief import Belief
 from strategies.recovery.upright import stand_upright
 from warpgrasp.geometry.body import Body, Part
 from warpgrasp.geometry.scene import Shape
-from warpgrasp.mechanism.arm_reach import hand_reachable
+from warpgrasp.mechanism.arm_reach import pose_reachable
 from warpgrasp.robot import Robot, Truth
 
 _RIM = Ring(count=6, tilt_rad=radians(50), roll_rad=radians(90), aim=1.0, aim_out=1.0,
@@ -27,8 +26,6 @@ POOL: tuple[Placement, ...] = (
     Top(count=2),
 )
 """Rims from two sides, rings at three heights and two distances, two from above: 38 poses."""
-APPROACH_M = 0.12
-"""A hand comes from this far behind its pose."""
 MOST_TAPER = 0.75
 """Of a body that touches are predicted on: beyond, the simulator's distances to it are so much too
 small a little way off that every hand would seem to strike it."""
@@ -51,11 +48,7 @@ def candidate_poses(
             np.clip(stands.top_m + np.maximum(margin_m, 0.0), 0.020,
                     belief.prior.height_m + PRIOR_MARGIN_M))
     poses = waypoint_poses(POOL, cylinder, belief.hand, belief.seed)
-    behind = poses.copy()
-    behind[..., :3] -= Rotation.from_quat(poses[..., 3:].reshape(-1, 4)).apply(
-        [0.0, 0.0, APPROACH_M]).reshape(behind[..., :3].shape)
-    return poses, (hand_reachable(belief.arm, belief.hand, poses)
-                   & hand_reachable(belief.arm, belief.hand, behind))
+    return poses, pose_reachable(belief.arm, belief.hand, poses)
 
 
 def predicted_touches(

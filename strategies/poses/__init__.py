@@ -7,6 +7,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "hand_poses": ["pose_about", "poses_from_csv", "waypoint_poses"],
     "postures": ["INDEX", "PINCH_OPEN_RAD", "POKE_RAD", "THUMB", "pinch_commands", "poke_tip_m",
         "poking_pose"],
-    "waypoints": ["BoundingCylinder", "Column", "Hemisphere", "Opposing", "PRIOR_MARGIN_M",
-        "Placement", "Random", "Ring", "Spiral", "Top", "WAYPOINT_KINDS", "WaypointError"],
+    "waypoints": ["BoundingBox", "BoundingCylinder", "Column", "Hemisphere", "Opposing",
+        "PRIOR_MARGIN_M", "Placement", "Random", "Ring", "Spiral", "Top", "WAYPOINT_KINDS",
+        "WaypointError"],
 })

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from warpgrasp.core.spec_words import spec_words
+from warpgrasp.spec_words import spec_words
 
 PRIOR_MARGIN_M = 0.03
 """Three standard deviations of each number of the prior."""

@@ -10,5 +10,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "planar_explorer": ["PlanarExploration", "PlanarOptions", "explore_plane"],
     "planar_faces": ["Face", "angle_between", "planes_of"],
     "stereo_axis": ["StereoAxis", "see_axis"],
+    "stereo_prior": ["see_cylinder"],
     "touches": ["EndReason", "MissedTips", "REASON_TEXT", "TouchTable", "true_touches"],
 })

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from math import inf, radians
 from typing import Any
 
-from warpgrasp.core.spec_words import spec_words
+from warpgrasp.spec_words import spec_words
 
 
 def _number(default: Any, low: float = 0.0, high: float = inf, doc: str = "") -> Any:

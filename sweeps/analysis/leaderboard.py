@@ -12,6 +12,7 @@ see `interval`. Differences to the best hold for all entries at once.
 """
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -38,6 +39,8 @@ PLAIN = {"recognized": 4, "touches": 2, "robot_time_s": 2, "failure_rate": 4, "c
 """Columns without an interval, and their digits."""
 FEW_CONTACTS = 8.0
 """Contacts of an episode, in the mean, below which hardly any fit is possible."""
+MOST_LINES = 6
+"""Of notes of one kind; the others are counted."""
 
 
 class _Faults:
@@ -46,15 +49,30 @@ class _Faults:
     def __init__(self) -> None:
         self.first: dict[str, str] = {}  # of each entry, the first note of a strategy
         self.names_objects: set[str] = set()  # entries that recognize objects
+        self.silent: dict[tuple[str, str], list[Any]] = {}  # entry, object: untouched, all, why
 
     def __call__(self, entry: Entry, rows: Columns) -> None:
-        fault = next((f"failed: {note}" if failed == "strategy_failed" else str(note)
-                      for note, failed in zip(rows.get("note", ()), rows["status"], strict=False)
-                      if note), "")
-        if fault:
-            self.first.setdefault(entry.label, fault)
+        nothing = np.full(len(rows["status"]), "")
+        for note, status, name, contacts in zip(
+                rows.get("note", nothing), rows["status"], rows.get("object", nothing),
+                rows.get("contacts", nothing == ""), strict=True):
+            failed = status == "strategy_failed"
+            if note and (failed or contacts):
+                self.first.setdefault(entry.label, f"failed: {note}" if failed else str(note))
+            count = self.silent.setdefault((entry.label, name), [0, 0, ""])
+            count[0] += not (contacts or failed)
+            count[1] += 1
+            count[2] = count[2] or ("" if contacts or failed else note)
         if any(rows.get("recognized_as", ())):
             self.names_objects.add(entry.label)
+
+    def untouched(self) -> list[str]:
+        """Where half of an entry's episodes or more touched nothing of an object, and why."""
+        found = [(count, label, name, why) for (label, name), (count, of, why)
+                 in self.silent.items() if count and 2 * count >= of]
+        return [f"{label} touches nothing of {name} in {count} of {self.silent[label, name][1]} "
+                 f"episodes; in one {why or 'it did not try'}"
+                 for count, label, name, why in sorted(found, key=lambda f: (-f[0], *f[1:3]))]
 
 
 class _Ranking:
@@ -137,12 +155,20 @@ def make_leaderboard(plan: Plan, stores: Sequence[Store], metric: str = "chamfer
     rows = [row for label, ranking in rankings.items() for row in ranking.rows(label, faults)]
     measured = max(ranking.objects for ranking in rankings.values())
     notes = [*_notes(plan, missing, measured),
-             *(f"strategy {name} {fault}" for name, fault in sorted(faults.first.items()))]
+             *_few([f"strategy {name} {fault}" for name, fault in sorted(faults.first.items())])]
     for label, ranking in rankings.items():
         where = f" ({label})" if label else ""
-        notes += [f"{name} hardly ever touches{where}: {mean:.1f} contacts an episode in the mean"
-                  for name, mean in ranking.rarely_touching()]
+        notes += _few([
+            f"{name} hardly ever touches{where}: {mean:.1f} contacts an episode in the mean"
+            for name, mean in ranking.rarely_touching()])
+    notes += _few(faults.untouched())
     return Leaderboard(_header(metric), tuple(rows), tuple(notes))
+
+
+def _few(lines: list[str]) -> list[str]:
+    """The first of many notes of one kind, and how many there are."""
+    more = len(lines) - MOST_LINES
+    return lines if more <= 1 else [*lines[:MOST_LINES], f"and {more} more like that"]
 
 
 def _mean(of_objects: Sequence[np.ndarray], entries: int) -> np.ndarray:

@@ -32,6 +32,7 @@ from sweeps.episode.columns import model_columns
 from sweeps.episode.contact_rows import contact_tables
 from sweeps.episode.given_prior import draw_prior, seen_prior
 from sweeps.episode.scores import Scorer, Scores
+from sweeps.episode.untouched import why_untouched
 from sweeps.spec.cell import CONTACTS, Cell
 from warpgrasp.core.random import (
     Purpose,
@@ -146,8 +147,7 @@ def _rows_of(
         "object": np.repeat([cell.object_name for cell, _ in parts], counts),
         "seed": np.full(worlds, cell.seed, np.int64),
         "status": block.status,
-        "note": np.where(block.status == "strategy_failed", block.exploration.fault,
-                         np.where(block.exploration.stopped, STOPPED, "")),
+        "note": episode_notes(block, cell, np.repeat(np.arange(len(parts)), counts)),
         "contacts": belief.evidence.mask.sum(1),
         "touches": belief.touches,
         "probes": (probes == ProbeStatus.CONTACT).sum(1),
@@ -168,6 +168,17 @@ def _rows_of(
     if cell.keep == "contacts":
         columns[CONTACTS] = contact_tables(block.exploration, block.truth)
     return columns | model_columns(belief, recovered) | curves(block.moments, worlds)
+
+
+def episode_notes(block: EpisodeBlock, cell: Cell, which: np.ndarray) -> np.ndarray:
+    """What there is to say of each episode in words, or nothing, (world,).
+
+    `which` (world,) tells which of the block's bodies stands in each.
+    """
+    why = why_untouched(block.exploration, [block.bodies[n] for n in which],
+                        block.truth.body_pose, block.prior, cell.arm, cell.hand)
+    why = np.where(block.exploration.stopped, STOPPED, why)
+    return np.where(block.status == "strategy_failed", block.exploration.fault, why)
 
 
 def run_block(cell: Cell, episodes: np.ndarray, device: str) -> EpisodeBlock:

@@ -1,7 +1,6 @@
 """The prior that a strategy is given: a bounding cylinder, a box, or what two cameras see."""
 
 import numpy as np
-import trimesh
 
 from strategies.poses.waypoints import BoundingBox, BoundingCylinder
 from strategies.procedures.stereo_prior import see_cylinder
@@ -45,6 +44,8 @@ def rectangle_around(body: Body) -> tuple[np.ndarray, np.ndarray, float]:
 
     Its middle [m], half its length and width [m], and the azimuth of its length [rad].
     """
+    import trimesh
+
     to_rectangle, sides = trimesh.bounds.oriented_bounds_2D(sample_body(body).surface_m[:, :2])
     turned = float(np.arctan2(to_rectangle[0, 1], to_rectangle[0, 0]))
     middle = -to_rectangle[:2, :2].T @ to_rectangle[:2, 2]

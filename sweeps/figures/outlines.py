@@ -7,7 +7,9 @@ import numpy as np
 PIXELS = 384
 """Of the longer side of the picture that an outline is traced in."""
 _EDGE = 4
-_SMOOTH = 1.0  # pixels
+"""Pixels around the body, so that its outline closes."""
+_SMOOTH = 1.0
+"""Standard deviation [pixels] of the blur that makes an outline of steps a curve."""
 
 
 def silhouette(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -1,6 +1,6 @@
 """Units and checks of the parameter tables in a spec, derived from their dataclasses.
 
-The program uses SI units, a spec mm and degrees (`warpgrasp.core.spec_words`). Types, bounds and
+The program uses SI units, a spec mm and degrees (`warpgrasp.spec_words`). Types, bounds and
 choices come from the dataclass fields.
 """
 
@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, create_model
 
 from sweeps.spec.errors import KeyPath, Problems, choose, short
-from warpgrasp.core.spec_words import each, same, word_of
+from warpgrasp.spec_words import each, same, word_of
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,13 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from warpgrasp.mechanism.arm_motion_kernel import RETREAT_M
 from warpgrasp.mechanism.puma560 import puma_inverse_batch
 from warpgrasp.parameters import ArmTable, HandTable
+
+_FARTHEST_M = 1.2
+_LATTICE_M = 0.05
+_ON_LINE = 64
 
 
 def hand_reachable(arm: ArmTable, hand: HandTable, hand_pose: np.ndarray) -> np.ndarray:
@@ -16,6 +21,36 @@ def hand_reachable(arm: ArmTable, hand: HandTable, hand_pose: np.ndarray) -> np.
     poses = np.asarray(hand_pose, float)
     inside, _ = _configurations(arm, hand, poses)
     return np.asarray(inside.any(-1))
+
+
+def pose_reachable(arm: ArmTable, hand: HandTable, hand_pose: np.ndarray) -> np.ndarray:
+    """As `hand_reachable`, of the pose and of the one that the hand comes to it from."""
+    behind = np.array(hand_pose, float)
+    turn = Rotation.from_quat(behind[..., 3:].reshape(-1, 4))
+    behind[..., :3] -= turn.apply([0.0, 0.0, RETREAT_M]).reshape(behind[..., :3].shape)
+    return hand_reachable(arm, hand, hand_pose) & hand_reachable(arm, hand, behind)
+
+
+def nearest_reachable(arm: ArmTable, hand: HandTable, hand_pose: np.ndarray) -> np.ndarray | None:
+    """The reachable hand pose (7,) nearest to `hand_pose` (7,) that is turned as it is.
+
+    To about 10 mm: a lattice is searched, then the line from its best place to the pose asked for.
+    None where no place of the lattice is reachable turned so.
+    """
+    steps = np.arange(-_FARTHEST_M, _FARTHEST_M + _LATTICE_M / 2, _LATTICE_M)
+    place = np.stack(np.meshgrid(steps, steps, steps[steps >= 0.0]), -1).reshape(-1, 3)
+    poses = np.concatenate([place, np.tile(hand_pose[3:], (len(place), 1))], 1)
+    poses = poses[pose_reachable(arm, hand, poses)]
+    if len(poses) == 0:
+        return None
+    best = poses[np.linalg.norm(poses[:, :3] - hand_pose[:3], axis=1).argmin()]
+    way = hand_pose[:3] - best[:3]
+    length = float(np.linalg.norm(way))
+    on_line = np.repeat(best[None], _ON_LINE, 0)
+    share = np.linspace(0.0, min(1.0, 2 * _LATTICE_M / max(length, 1e-12)), _ON_LINE)
+    on_line[:, :3] += share[:, None] * way
+    barred = ~pose_reachable(arm, hand, on_line)
+    return on_line[int(barred.argmax()) - 1] if barred.any() else on_line[-1]
 
 
 def travel_time(

@@ -61,7 +61,8 @@ def spec_words(table: type[Table]) -> type[Table]:
                 raise TypeError(f"{table.__name__} has no {word!r}; {guess}"
                                 f"there are: {', '.join(known)}")
             if name in found:  # in both units
-                raise TypeError(f"{table.__name__}: {word} and {name} are the same; give one")
+                raise TypeError(f"{table.__name__}: {word_of(name)[0]} and {name} are the same; "
+                                "give one")
             found[name] = each(to_si, value)
         make(self, *values, **found)
 

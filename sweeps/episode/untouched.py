@@ -1,0 +1,130 @@
+"""Why an episode's grasps touched nothing, for the one who reads its row: the truth is known here.
+
+The space that fingers close in is taken as a box before the palm: as wide as the gap between thumb
+and fingers, as long as a finger. How far the object is from it, and on which side, says what is
+wrong with a waypoint.
+"""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from strategies.exploration import Exploration
+from strategies.poses.waypoints import BoundingCylinder
+from warpgrasp.geometry.body import Body
+from warpgrasp.geometry.body_sampling import sample_body
+from warpgrasp.mechanism.arm_reach import nearest_reachable, pose_reachable
+from warpgrasp.parameters import ArmTable, HandTable
+from warpgrasp.probe_status import ProbeStatus
+from warpgrasp.robot import Grasps
+
+_SLAB_M = 0.010
+_LEAST_M = 0.002
+_WIDE = 1.3
+"""A prior this many times as wide as the object is worth a word."""
+
+
+def why_untouched(
+    exploration: Exploration, bodies: list[Body], body_pose: np.ndarray,
+    prior: BoundingCylinder, arm: ArmTable, hand: HandTable,
+) -> np.ndarray:
+    """A sentence for each world that was grasped at and has no contact, else empty, (world,).
+
+    `bodies` has one entry a world, `body_pose` is (world, 7).
+    """
+    found = np.full(len(bodies), "", object)
+    grasps = [(p.asked_pose, p.felt.moves.status[:, :, 0]) for p in exploration.procedures
+              if isinstance(p.felt, Grasps) and p.asked_pose is not None]
+    if not grasps:
+        return found
+    asked = np.concatenate([pose for pose, _ in grasps], 1)
+    status = np.concatenate([value for _, value in grasps], 1)
+    tried = status != ProbeStatus.NOT_TRIED
+    silent = tried.any(1) & ~exploration.belief.evidence.mask.any(1)
+    for world in np.flatnonzero(silent).tolist():
+        mine = status[world][tried[world]]
+        poses = asked[world][tried[world]]
+        there = np.isin(mine, (ProbeStatus.CONTACT, ProbeStatus.NO_CONTACT))
+        if there.any():
+            found[world] = _why_missed(poses[there], bodies[world], body_pose[world], prior, world,
+                                       hand)
+        elif (mine == ProbeStatus.UNREACHABLE).any():
+            out = poses[mine == ProbeStatus.UNREACHABLE]
+            where = _nearest_text(out[0], arm, hand)
+            found[world] = f"the arm reaches none of {_poses(len(poses))}, {where}"
+        else:
+            found[world] = (f"the open hand would strike the object or the table at all of "
+                            f"{_poses(len(poses))}")
+    return found
+
+
+def _poses(count: int) -> str:
+    return "1 pose" if count == 1 else f"{count} poses"
+
+
+def _nearest_text(pose: np.ndarray, arm: ArmTable, hand: HandTable) -> str:
+    text = f"such as {_place(pose)}"
+    metres = np.concatenate([pose[:3] / 1000, pose[3:]])
+    if pose_reachable(arm, hand, metres):
+        return f"{text}: positions are in metres, not millimetres ({_place(metres)} is reachable)"
+    near = nearest_reachable(arm, hand, pose)
+    return text + (": turned so, the arm reaches no place" if near is None else
+                   f"; the nearest that it reaches, turned so, is {_place(near)}")
+
+
+def _place(pose: np.ndarray) -> str:
+    return "({}) m".format(", ".join(f"{round(float(v), 3):g}" for v in pose[:3]))
+
+
+def _why_missed(poses: np.ndarray, body: Body, body_pose: np.ndarray, prior: BoundingCylinder,
+                world: int, hand: HandTable) -> str:
+    points = Rotation.from_quat(body_pose[3:]).apply(sample_body(body).surface_m) + body_pose[:3]
+    side = np.array([hand.palm_gap_m / 2, 1.5 * hand.finger_spacing_m + hand.link_radius_m, 0.0])
+    long = hand.abduction_offset_m + sum(hand.link_length_m) + hand.link_radius_m
+    turns = Rotation.from_quat(poses[:, 3:])
+    gaps, ways = [], []
+    for pose, turn in zip(poses, turns, strict=True):
+        seen = turn.inv().apply(points - pose[:3])
+        inside = np.clip(seen, [-side[0], -side[1], 0.0], [side[0], side[1], long])
+        apart = np.linalg.norm(seen - inside, axis=1)
+        near = int(apart.argmin())
+        gaps.append(float(apart[near]))
+        ways.append(turn.apply(seen[near] - inside[near]))
+    best = int(np.argmin(gaps))
+    closed = f"fingers closed at {_poses(len(poses))} and touched nothing"
+    if gaps[best] < _LEAST_M:
+        text = f"{closed}: they stayed open around the object"
+    else:
+        text = f"{closed}: at the nearest they closed {1e3 * gaps[best]:.0f} mm " + _side(
+            ways[best], turns[best].apply([0.0, 0.0, 1.0]))
+    wide = _half_width(points, poses[best], turns[best])
+    given = float(prior.radius_m[world])
+    if given > _WIDE * wide:
+        text += (f"; the prior, {1e3 * given:.0f} mm in radius, is {given / wide:.1f} times as "
+                 "wide as the object there")
+    return text
+
+
+def _side(to_object: np.ndarray, approach: np.ndarray) -> str:
+    """Where a hand is whose object lies `to_object` of it."""
+    way = to_object / np.linalg.norm(to_object)
+    if way[2] < -0.7:
+        return "above the object"
+    if way[2] > 0.7:
+        return "below the object"
+    return "short of the object" if way @ approach > 0.7 else "beside the object"
+
+
+def _half_width(points: np.ndarray, pose: np.ndarray, turn: Rotation) -> float:
+    """Half the width of the object across the approach, at the height the hand aims at [m]."""
+    approach = turn.apply([0.0, 0.0, 1.0])
+    axis = points[:, :2].mean(0)
+    level = approach[:2] @ approach[:2]
+    way = (axis - pose[:2]) @ approach[:2] / level if level > 0.01 else 0.0
+    height = np.clip(pose[2] + way * approach[2], points[:, 2].min(), points[:, 2].max())
+    slab = points[np.abs(points[:, 2] - height) <= _SLAB_M]
+    if len(slab) < 2:
+        slab = points
+    across = turn.apply([1.0, 0.0, 0.0])[:2]
+    size = np.linalg.norm(across)
+    across = across / size if size > 0.3 else turn.apply([0.0, 1.0, 0.0])[:2]
+    return float(max(np.ptp(slab[:, :2] @ across) / 2, 1e-3))

@@ -1,0 +1,71 @@
+"""What a row says of an episode whose grasps touched nothing."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from strategies.poses.waypoints import Ring
+from strategies.strategy import Strategy
+from sweeps.episode.episodes import run_episodes
+from sweeps.spec.cell import Cell
+from warpgrasp.mechanism.arm_reach import nearest_reachable, pose_reachable
+from warpgrasp.parameters import ArmTable, HandTable
+
+ARM, HAND = ArmTable(), HandTable()
+FAR = """
+import numpy as np
+from strategies import Grasp
+
+def far(belief):
+    poses = np.tile([{x}, 0.0, {z}, 1.0, 0.0, 0.0, 0.0], (belief.worlds, 3, 1))
+    return [Grasp(poses)] if belief.step == 0 else []
+"""
+TEE = {"name": "tee", "compound": [
+    {"shape": "block", "size_mm": [30, 30, 40]},
+    {"shape": "block", "size_mm": [260, 24, 24], "at_mm": [0, 0, 40]}]}
+
+
+def notes_of(strategy: Strategy, table: dict[str, object]) -> list[str]:
+    rows = run_episodes(Cell(strategy, table, "it", seed=0), np.arange(4), "cpu")
+    assert not rows["contacts"][rows["note"] != ""].any()
+    return list(rows["note"])
+
+
+@pytest.mark.parametrize(("x", "z", "says"), [
+    (450, 300, "such as (450, 0, 300) m: positions are in metres, not millimetres"),
+    (1.6, 0.3, "the arm reaches none of 3 poses, such as (1.6, 0, 0.3) m; the nearest that it"),
+])
+def test_poses_out_of_reach_are_told_with_the_nearest_one(
+        tmp_path: Path, x: float, z: float, says: str) -> None:
+    file = tmp_path / "far.py"
+    file.write_text(FAR.format(x=x, z=z))
+    assert all(says in note for note in notes_of(Strategy("far", call=f"{file}:far"),
+                                                 {"name": "block"}))
+
+
+def test_a_hand_that_closes_beside_the_object_is_told_where_it_is() -> None:
+    notes = [n for n in notes_of(Strategy("r", (Ring(count=6, tilt_rad=0.6),)), TEE) if n]
+    assert notes
+    assert any("the prior, " in note and " times as wide as the object there" in note
+               for note in notes)
+    assert all("touched nothing: " in note or "would strike" in note for note in notes)
+
+
+def test_no_reachable_place_is_much_nearer_than_the_nearest() -> None:
+    draw = np.random.default_rng(2)
+    places = np.concatenate([draw.uniform([-1, -1, 0], [1, 1, 1.2], (4000, 3)),
+                             np.tile([1.0, 0.0, 0.0, 0.0], (4000, 1))], 1)
+    free = places[pose_reachable(ARM, HAND, places)]
+    for wanted in ([1.6, 0.0, 0.3], [0.45, 0.0, 0.3], [0.0, -2.0, 1.0], [450.0, 0.0, 300.0]):
+        pose = np.array([*wanted, 1.0, 0.0, 0.0, 0.0])
+        found = nearest_reachable(ARM, HAND, pose)
+        assert found is not None
+        assert pose_reachable(ARM, HAND, found)
+        best = np.linalg.norm(free[:, :3] - pose[:3], axis=1).min()
+        assert np.linalg.norm(found[:3] - pose[:3]) < best + 0.03
+
+
+def test_a_pose_that_no_place_allows_has_no_nearest() -> None:
+    short = ArmTable(limit_low_rad=(0.0,) * 6, limit_high_rad=(0.01,) * 6)
+    assert nearest_reachable(short, HAND, np.array([0.4, 0, 0.3, 1.0, 0, 0, 0])) is None

@@ -1,0 +1,34 @@
+"""Parameter tables take the words of a spec in Python."""
+
+from math import radians
+
+import pytest
+
+from strategies.poses.waypoints import WAYPOINT_KINDS, Ring
+from sweeps.spec.units import spec_fields
+from warpgrasp.parameters import HandTable, SensorTable
+
+
+def test_the_words_of_a_spec_and_the_fields_make_the_same_table() -> None:
+    assert Ring(count=4, tilt_deg=50, palm_clearance_mm=30) == Ring(  # type: ignore[call-arg]
+        count=4, tilt_rad=radians(50), palm_clearance_m=0.03)
+    assert HandTable(link_length_mm=[40, 30, 20]).link_length_m == (0.04, 0.03, 0.02)  # type: ignore[call-arg]
+
+
+@pytest.mark.parametrize("table", [*WAYPOINT_KINDS.values(), SensorTable, HandTable])
+def test_every_word_of_a_spec_is_taken(table: type) -> None:
+    for word, field in spec_fields(table).items():
+        value = field.spec_default
+        if value is not None:
+            assert getattr(table(**{word: value}), field.name) == pytest.approx(field.default)
+
+
+@pytest.mark.parametrize(("make", "says"), [
+    (lambda: Ring(tilt=50), "Ring has no 'tilt'; did you mean tilt_deg"),  # type: ignore[call-arg]
+    (lambda: SensorTable(threshold=3), "did you mean tendon_threshold_N"),  # type: ignore[call-arg]
+    (lambda: Ring(tilt_deg=1, tilt_rad=1), "tilt_deg and tilt_rad are the same"),  # type: ignore[call-arg]
+])
+def test_a_wrong_word_is_answered_with_the_right_one(make: object, says: str) -> None:
+    with pytest.raises(TypeError) as error:
+        make()  # type: ignore[operator]
+    assert says in str(error.value)
