@@ -6,12 +6,12 @@ Run it with `python examples/random_policy.py` (needs the extra: pip install '.[
 import gymnasium
 import numpy as np
 
-import sweeps.episode.gym_env  # noqa: F401  registers warpgrasp/Grasp-v0
+import sweeps.gym  # noqa: F401  registers warpgrasp/Grasp-v0
 
 
 def main(num_envs: int = 16, probes: int = 8) -> float:
     """One episode in every world; the mean error left [mm] comes back."""
-    worlds = gymnasium.make_vec("warpgrasp/Grasp-v0", num_envs=num_envs, object_name="block",
+    worlds = gymnasium.make_vec("warpgrasp/Grasp-v0", num_envs=num_envs, objects="block",
                                 probes=probes)
     worlds.action_space.seed(1)
     _, info = worlds.reset(seed=1)

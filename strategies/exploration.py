@@ -111,7 +111,7 @@ def explore(
     the paths of grasps that name none. `observe` is shown the belief after every step. `oracle` is
     the planner, if it is one that may foresee: what it is handed leads to the truth.
     """
-    run = _Run(robot, prior, seed, table, closings, budget or Budget())
+    run = RunningExploration(robot, prior, seed, table, closings, budget or Budget())
     if oracle is not None:
         oracle.foresee = run.imagine
     while run.active.any():
@@ -120,11 +120,15 @@ def explore(
             break
         if observe is not None and run.step > before:
             observe(run.belief, run.recovered)
-    return Exploration(tuple(run.procedures), run.belief, run.recovered, run.status(), run.fault,
-                       run.stopped)
+    return run.result()
 
 
-class _Run:
+class RunningExploration:
+    """An episode of each world under way, taken step by step.
+
+    `belief` is what the robot believes, `recovered` what would be scored if it ended now.
+    """
+
     def __init__(self, robot: Robot, prior: BoundingCylinder, seed: np.ndarray, table: FitTable,
                  closings: tuple[str, ...], budget: Budget) -> None:
         worlds = robot.worlds
@@ -190,6 +194,11 @@ class _Run:
             self.active &= within_budget(self.budget, self.belief)
             self.belief = replace(self.belief, active=read_only(self.active.copy()))
         return bool((changed | stopped).any())
+
+    def result(self) -> Exploration:
+        """The episodes as far as they have come."""
+        return Exploration(tuple(self.procedures), self.belief, self.recovered, self.status(),
+                           self.fault, self.stopped)
 
     def imagine(self, probe: Grasp) -> Recovered:
         """What would be recovered after a grasp, noise and all; nothing of it is kept."""

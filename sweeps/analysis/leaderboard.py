@@ -53,9 +53,9 @@ class _Faults:
 
     def __call__(self, entry: Entry, rows: Columns) -> None:
         nothing = np.full(len(rows["status"]), "")
+        columns = {"note": nothing, "object": nothing, "contacts": nothing == "", **rows}
         for note, status, name, contacts in zip(
-                rows.get("note", nothing), rows["status"], rows.get("object", nothing),
-                rows.get("contacts", nothing == ""), strict=True):
+                *(columns[c] for c in ("note", "status", "object", "contacts")), strict=True):
             failed = status == "strategy_failed"
             if note and (failed or contacts):
                 self.first.setdefault(entry.label, f"failed: {note}" if failed else str(note))

@@ -34,6 +34,7 @@ class Purpose(IntEnum):
     LINE_ARM = 16
     CAMERA = 17
     NOISE_STREAM = 18
+    OBJECT = 19
 
 
 def counter_key(key: np.ndarray | int, *counters: np.ndarray | int) -> np.ndarray:

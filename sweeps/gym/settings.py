@@ -1,0 +1,49 @@
+"""What an environment is made with: objects and tables, in the words of a spec."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from strategies.ready_made import STRATEGIES
+from sweeps.episode.episodes import cell_body
+from sweeps.spec.cell import SECTIONS, Cell
+from sweeps.spec.errors import Problems, choose
+from sweeps.spec.objects import read_objects
+from sweeps.spec.units import read_table
+from warpgrasp.geometry.body import Body
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Checked settings of an environment."""
+
+    bodies: tuple[Body, ...]
+    names: tuple[str, ...]
+    cell: Cell
+    """Its tables are those of every world."""
+
+
+def read_settings(objects: Any, tables: Mapping[str, Any] | None) -> Settings:
+    """Settings from what a spec's `objects` takes, one or a list, and a spec's tables.
+
+    Files are relative to the working directory. Raises ValueError with a line for each problem.
+    """
+    problems = Problems("settings", {})
+    listed = list(objects) if isinstance(objects, Sequence) and not isinstance(objects, str) else [
+        objects]
+    if not listed:
+        problems.add(("objects",), "is empty; name at least one object")
+    found = read_objects(listed, Path.cwd(), problems)
+    given = dict(tables or {})
+    for name in given:
+        if name not in SECTIONS:
+            problems.add(("settings", name), f"unknown table; {choose(name, SECTIONS)}")
+    read = {name: table(**read_table(table, given.get(name, {}), ("settings", name), problems))
+            for name, table in SECTIONS.items()}
+    if problems.found:
+        raise ValueError("\n".join(f"{p.key}: {p.what}" for p in problems.found))
+    read["placement"] = read.pop("object")
+    cells = [Cell(STRATEGIES["ring6"], one.table, one.name, **read) for one in found]
+    return Settings(tuple(cell_body(cell) for cell in cells), tuple(one.name for one in found),
+                    cells[0])

@@ -1,0 +1,191 @@
+"""The environment against Gymnasium's own checks. It has one for single environments only; what a
+vector environment promises beside that is checked here from its documentation."""
+
+import runpy
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from places import ROOT
+
+from strategies.planners.probes import Probe
+from strategies.planners.register import planner
+from strategies.recovery.belief import Belief
+from strategies.strategy import Strategy
+from sweeps.episode.episodes import run_episodes
+from sweeps.spec.cell import Cell
+from warpgrasp.core.random import counter_key
+from warpgrasp.parameters import SensorTable
+
+gymnasium = pytest.importorskip("gymnasium")
+
+from gymnasium.utils.env_checker import check_env  # noqa: E402
+from gymnasium.vector.utils import batch_space  # noqa: E402
+from gymnasium.wrappers.vector import RecordEpisodeStatistics  # noqa: E402
+
+from sweeps.gym import GraspVectorEnv  # noqa: E402
+from sweeps.gym.actions import probes_of  # noqa: E402
+
+
+def test_one_world_passes_gymnasiums_check() -> None:
+    check_env(gymnasium.make("warpgrasp/Grasp-v0", probes=2, closings=("curl40",)).unwrapped)
+
+
+def test_many_worlds_keep_the_vector_contract() -> None:
+    worlds = gymnasium.make_vec("warpgrasp/Grasp-v0", num_envs=3, probes=2, closings=("curl40",))
+    assert worlds.observation_space == batch_space(worlds.single_observation_space, 3)
+    assert worlds.action_space == batch_space(worlds.single_action_space, 3)
+    counted = RecordEpisodeStatistics(worlds)
+    first, info = counted.reset(seed=5)
+    prior = info["chamfer_mm"]
+    assert first in worlds.observation_space
+    worlds.action_space.seed(2)
+    actions = [worlds.action_space.sample() for _ in range(2)]
+    seen, total = [], np.zeros(3)
+    for number, action in enumerate(actions):
+        observation, reward, terminated, truncated, info = counted.step(action)
+        assert observation in worlds.observation_space
+        assert reward.shape == terminated.shape == truncated.shape == (3,)
+        assert (terminated.dtype, truncated.dtype) == (bool, bool)
+        assert not terminated.any()
+        assert truncated.all() == truncated.any() == (number == 1)
+        seen.append(observation.copy())
+        total += reward
+    assert total == pytest.approx(prior - info["chamfer_mm"])  # rewards are the error's reduction
+    assert info["episode"]["r"] == pytest.approx(total)
+    fresh, reward, _, truncated, _ = counted.step(actions[0])  # the next step resets
+    assert not reward.any()
+    assert not truncated.any()
+    assert (fresh != first).any()
+    again, _ = worlds.reset(seed=5)
+    assert (again == first).all()
+    for action, before in zip(actions, seen, strict=True):
+        assert (worlds.step(action)[0] == before).all()
+
+
+def test_worlds_do_not_depend_on_their_neighbours() -> None:
+    """The first two of four worlds are those of two."""
+    few, many = (GraspVectorEnv(n, probes=1, closings=("curl40",)) for n in (2, 4))
+    action = np.random.default_rng(1).uniform(-1, 1, (4, 4))
+    assert (few.reset(seed=3)[0] == many.reset(seed=3)[0][:2]).all()
+    assert (few.step(action[:2])[0] == many.step(action)[0][:2]).all()
+
+
+def test_a_world_with_a_seed_of_its_own_is_as_alone() -> None:
+    worlds, alone = (GraspVectorEnv(n, probes=1, closings=("curl40",)) for n in (3, 1))
+    action = np.random.default_rng(1).uniform(-1, 1, (3, 4))
+    seen = [worlds.reset(seed=[5, 6, 5])[0], *(worlds.step(action)[0] for _ in range(2))]
+    one = [alone.reset(seed=6)[0], *(alone.step(action[1:2])[0] for _ in range(2))]
+    for many, single in zip(seen, one, strict=True):  # the last is the next episode's first
+        assert (many[1] == single[0]).all()
+    assert (seen[0][0] == seen[0][2]).all()
+    assert (worlds.reset(seed=7)[0][0] == alone.reset(seed=7)[0][0]).all()
+
+
+def test_an_episode_here_is_the_sweeps_row_of_the_same_probes(tmp_path: Path) -> None:
+    """Noise, recovered body and score are those of `run_episodes`."""
+    actions = np.random.default_rng(4).uniform(-1, 1, (2, 3, 4))
+    cell = Cell(Strategy("same", call="same_actions", closings=("curl40", "base_then_curl")),
+                {"name": "wedge"}, "wedge", seed=9,
+                sensors=SensorTable(tendon_threshold_N=4.0))
+
+    def same_actions(belief: Belief) -> list[Probe]:
+        return (probes_of(actions[belief.step], ("containment",), belief, cell)
+                if belief.step < 2 else [])
+
+    planner("same_actions")(lambda: same_actions)
+    rows = run_episodes(cell, np.arange(3), "cpu")
+    worlds = GraspVectorEnv(3, objects="wedge", probes=2,
+                            settings={"sensors": {"tendon_threshold_N": 4.0}})
+    body = worlds._made_with.bodies[0]
+    worlds._drawn_keys = lambda seed: counter_key(  # type: ignore[method-assign]
+        9, int(body.content[:15], 16), np.arange(3))
+    worlds.reset(seed=1)
+    for action in actions:
+        *_, info = worlds.step(action)
+    assert (info["chamfer_mm"] == rows["chamfer_mm"]).all()
+    assert (info["status"] == rows["status"]).all()
+    assert (info["touches"] == rows["touches"]).all()
+
+
+def test_objects_are_mixed_and_meshes_taken(tmp_path: Path) -> None:
+    mesh = tmp_path / "slab.stl"
+    trimesh.creation.box((60, 40, 90)).export(mesh)
+    worlds = GraspVectorEnv(12, objects=["block", "wine_bottle", {
+        "mesh": str(mesh), "units": "mm"}], probes=1, closings=("curl40",))
+    _, info = worlds.reset(seed=2)
+    assert set(info["object"]) == {"block", "wine_bottle", "slab"}
+    alone = GraspVectorEnv(4, objects=["block", "wine_bottle", {
+        "mesh": str(mesh), "units": "mm"}], probes=1, closings=("curl40",))
+    assert list(alone.reset(seed=2)[1]["object"]) == list(info["object"][:4])
+    action = worlds.action_space.sample()
+    assert (worlds.step(action)[0][:4] == alone.step(action[:4])[0]).all()
+
+
+def test_pads_cross_faces_and_follow_contours() -> None:
+    worlds = GraspVectorEnv(3, objects="block", probes=3,
+                            procedures=("containment", "planar", "contour"))
+    worlds.reset(seed=3)
+    grasp = np.tile([0.1, -0.2, 0.0, 0.0, -1.0], (3, 1))
+    worlds.step(grasp)
+    mixed = grasp.copy()
+    mixed[1, 4], mixed[2, 4] = 0.0, 1.0  # one goes on with a face, one with the contour
+    seen, *_ = worlds.step(mixed)
+    names = [[p.name for p in worlds._run.procedures if p.took_part[w]] for w in range(3)]
+    assert names == [["containment"] * 2, ["containment", "planar"], ["containment", "contour"]]
+    assert seen in worlds.observation_space
+    contacts = seen[:, -worlds._slots * 5:].reshape(3, -1, 5)
+    felt = worlds._run.belief.evidence
+    assert (contacts[..., 0].sum(1) == felt.mask.sum(1)).all()
+    assert (contacts[..., 1].sum(1) == (felt.by_pad & felt.mask).sum(1)).all()
+    assert contacts[1:, :, 1].any(1).all()
+
+
+def test_pictures_are_of_every_world() -> None:
+    worlds = gymnasium.make_vec("warpgrasp/Grasp-v0", num_envs=2, probes=1,
+                                render_mode="rgb_array")
+    worlds.reset(seed=1)
+    before = worlds.render()
+    worlds.step(np.tile([0.1, -0.2, 0.0, 0.0], (2, 1)))
+    after = worlds.render()
+    assert len(before) == len(after) == 2
+    for one, other in zip(before, after, strict=True):
+        assert one.dtype == np.uint8
+        assert one.shape == other.shape
+        assert one.shape[2] == 3
+        assert (one != other).any()
+    assert GraspVectorEnv(1).render() is None
+
+
+@pytest.mark.parametrize(("settings", "says"), [
+    ({"probes": 0}, "probes: is 0; should be"), ({"probes": -1}, "probes: is -1"),
+    ({"num_envs": 0}, "num_envs: is 0"), ({"closings": ()}, "should be some of"),
+    ({"closings": ("curl",)}, "should be some of.*curl40"),
+    ({"procedures": ("poke",)}, "procedures: .* should be some of containment, planar, contour"),
+    ({"objects": "blok"}, r"objects\[0\]: no object 'blok'; did you mean block"),
+    ({"objects": []}, "objects: is empty"), ({"render_mode": "human"}, "should be one of None"),
+    ({"settings": {"sensor": {}}}, "settings.sensor: unknown table; did you mean sensors"),
+    ({"settings": {"sensors": {"tendon_threshold": 4}}}, "did you mean tendon_threshold_N"),
+])
+def test_settings_that_cannot_be_used_are_refused(settings: dict[str, Any], says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        GraspVectorEnv(**settings)
+
+
+def test_actions_and_seeds_that_cannot_be_used_are_refused() -> None:
+    worlds = GraspVectorEnv(2, probes=1, closings=("curl40",))
+    with pytest.raises(ValueError, match="one for each of 2 worlds"):
+        worlds.reset(seed=[1])
+    worlds.reset(seed=1)
+    for actions in (np.zeros((2, 3)), np.zeros((1, 4)), np.zeros(4), np.full((2, 4), np.nan)):
+        with pytest.raises(ValueError, match=r"actions: .* should be .* \(2, 4\)"):
+            worlds.step(actions)
+
+
+@pytest.mark.slow
+def test_the_random_policy_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    left = runpy.run_path(str(ROOT / "examples" / "random_policy.py"))["main"](4, 3)
+    assert np.isfinite(left)
+    assert capsys.readouterr().out.count("reward") == 3
