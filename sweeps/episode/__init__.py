@@ -7,5 +7,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "contact_rows": ["COLUMNS", "contact_columns"],
     "episodes": ["EpisodeBlock", "place_objects", "run_block", "run_episodes"],
     "given_prior": ["draw_prior", "seen_prior"],
-    "scores": ["score_superquadrics"],
+    "scores": ["Scorer", "Scores", "score_superquadrics"],
 })

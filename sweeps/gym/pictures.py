@@ -30,13 +30,14 @@ def picture(belief: Belief, recovered: Recovered, body: Body, body_pose: np.ndar
     points = 1e3 * (evidence.points_m[world][evidence.mask[world]] - pose[:3])
 
     drawn = figure(_SIDE_IN, _SIDE_IN)
-    axes = drawn.add_subplot(projection="3d")
+    drawn.set_layout_engine("none")
+    axes = drawn.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d")
     axes.computed_zorder = False
     draw_solid(axes, faces, direction(AZIMUTH_DEG, ELEVATION_DEG))
     thin = true[::max(1, len(true) // 600)]
     axes.scatter(*thin.T, s=1, color=TRUE, depthshade=False, zorder=5)
     axes.scatter(*points.T, s=9, color=CONTACT, depthshade=False, zorder=10)
-    set_cube(axes, true, 0.75, 60.0, 1.0)
+    set_cube(axes, true, 0.6, 60.0, 1.25)
     axes.view_init(ELEVATION_DEG, AZIMUTH_DEG)
     axes.set_axis_off()
     canvas = FigureCanvasAgg(drawn)
