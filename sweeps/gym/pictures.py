@@ -1,5 +1,7 @@
 """Pictures of worlds: the body recovered so far, what was felt, and the true body's outline."""
 
+from typing import Any
+
 import numpy as np
 
 from strategies.recovery.belief import Belief
@@ -31,7 +33,7 @@ def picture(belief: Belief, recovered: Recovered, body: Body, body_pose: np.ndar
 
     drawn = figure(_SIDE_IN, _SIDE_IN)
     drawn.set_layout_engine("none")
-    axes = drawn.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d")
+    axes: Any = drawn.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d")
     axes.computed_zorder = False
     draw_solid(axes, faces, direction(AZIMUTH_DEG, ELEVATION_DEG))
     thin = true[::max(1, len(true) // 600)]

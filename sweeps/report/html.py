@@ -63,7 +63,8 @@ def table(caption: str, header: Sequence[str], rows: Iterable[Sequence[str]], *,
     every = list(rows)
     kinds = [' class="text"' if n == row_names or not all(_is_number(row[n]) for row in every)
              else "" for n in range(len(header))]
-    head = "".join(f'<th scope="col"{kind}>{escape(name)}</th>'
+    # A heading may break after an underscore, so that it is no wider than its numbers.
+    head = "".join(f'<th scope="col"{kind}>{escape(name).replace("_", "_<wbr>")}</th>'
                    for kind, name in zip(kinds, header, strict=True))
     body = []
     for r, row in enumerate(every):

@@ -36,6 +36,8 @@ from sweeps.spec.errors import StoreError
 METRIC = "chamfer_mm"
 SCRIPTS = ("tables.js", "solids.js", "views.js", "print.js")
 MANY_FAIL = 0.2
+NAMED = 5
+"""Entries that a warning names; the others are counted."""
 
 
 def report(folders: Sequence[Path], out: Path, *, views: bool, device: str,
@@ -81,8 +83,8 @@ def _parts(plan: Plan, stores: Sequence[Store], board: Leaderboard, paired: Pair
         '<a class="skip" href="#board">To the leaderboard</a><header>',
         f"<h1>{escape(head.name or 'study')}</h1>", paragraph(asked, "lead"),
         paragraph(f"First is {best['strategy']}: chamfer distance {best[METRIC]} mm (95 % "
-                  f"interval {best[METRIC + '_ci_low']} to {best[METRIC + '_ci_high']}), IoU "
-                  f"{best['iou']}, probability of being the best {best['p_best']}.", "lead"),
+                  f"interval of objects like these {best[METRIC + '_ci_low']} to "
+                  f"{best[METRIC + '_ci_high']}), IoU {best['iou']}. {_rivals(board)}", "lead"),
         "</header><main>", _warnings(board, paired, shown),
         leaderboard_section(board, paired, METRIC), curves_section(curves),
         pareto_section(paired, METRIC), objects_section(paired, METRIC),
@@ -92,12 +94,25 @@ def _parts(plan: Plan, stores: Sequence[Store], board: Leaderboard, paired: Pair
         "</main>"]
 
 
+def _rivals(board: Leaderboard) -> str:
+    """How many entries cannot be told from the first, by each of the two intervals."""
+    rows = [dict(zip(board.header, row, strict=True)) for row in board.rows[1:]]
+    if not rows:
+        return ""
+    ties = [sum(row[f"delta_{over}_low"] == "NA" or float(row[f"delta_{over}_low"]) <= 0.0
+                for row in rows) for over in ("these", "ci")]
+    return (f"Of the {len(rows)} others, {ties[0]} cannot be told from it on these objects, "
+            f"{ties[1]} on objects like these.")
+
+
 def _warnings(board: Leaderboard, paired: Paired, shown: Views) -> str:
     notes = list(dict.fromkeys([*paired.notes, *shown.notes]))
     at, name = board.header.index("failure_rate"), board.header.index("strategy")
     failing = [row[name] for row in board.rows if row[at] != "NA" and float(row[at]) > MANY_FAIL]
     if failing:
-        notes.append(f"more than {MANY_FAIL:.0%} of the episodes failed: {', '.join(failing)}")
+        more = f" and {len(failing) - NAMED} more" if len(failing) > NAMED else ""
+        notes.append(f"more than {MANY_FAIL:.0%} of the episodes failed: "
+                     f"{', '.join(failing[:NAMED])}{more}")
     items = "".join(f"<li>{escape(note)}</li>" for note in notes)
     return f'<ul class="warnings">{items}</ul>' if notes else ""
 

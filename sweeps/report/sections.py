@@ -37,7 +37,30 @@ def leaderboard_section(board: Leaderboard, paired: Paired, metric: str) -> str:
         "of objects like these, _these_ of these objects with other episodes. Differences to the "
         "best are paired, and hold for all strategies at once. Failed episodes count."),
         forest, table("Ranked by the mean chamfer distance; any column's heading sorts",
-                      board.header, board.rows, row_names=1), name="board")
+                      *_with_intervals(board), row_names=1), name="board")
+
+
+def _with_intervals(board: Leaderboard) -> tuple[list[str], list[list[str]]]:
+    """The leaderboard with both bounds of an interval in one cell, those of a number together.
+
+    Without the numbers of objects and episodes, which are the page's.
+    """
+    names = list(board.header)
+    stems = [name.removesuffix("_low") for name in names if name.endswith("_low")]
+    wide = [name for name in names
+            if not name.endswith(("_low", "_high")) and name not in ("n_objects", "n_episodes")]
+    header: list[str] = []
+    for name in wide:
+        of = "delta" if name.startswith("delta") else name
+        header += [name, *(f"{of}_{over}" for over in ("ci", "these") if f"{of}_{over}" in stems)]
+    rows = []
+    for row in board.rows:
+        cells = dict(zip(names, row, strict=True))
+        for stem in stems:
+            low, high = cells[f"{stem}_low"], cells[f"{stem}_high"]
+            cells[stem] = "NA" if "NA" in (low, high) else f"{low} to {high}"
+        rows.append([cells[name] for name in header])
+    return header, rows
 
 
 def curves_section(curves: Curves) -> str:

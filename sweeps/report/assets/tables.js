@@ -1,5 +1,6 @@
 "use strict";
-// Tables that a click, or Enter on a heading's button, sorts; numbers by value, NA last.
+// Tables that a click, or Enter on a heading's button, sorts; numbers by value, intervals by their
+// lower bound, NA last.
 for (const table of document.querySelectorAll("table.sortable")) {
   const headings = [...table.tHead.rows[0].cells];
   headings.forEach((heading, column) => {
@@ -12,7 +13,7 @@ for (const table of document.querySelectorAll("table.sortable")) {
       const key = row => {
         const cell = row.cells[column];
         const text = cell.dataset.value ?? cell.textContent.trim();
-        const number = text === "" ? NaN : Number(text);
+        const number = text === "" ? NaN : Number(text.split(" to ")[0]);
         return Number.isNaN(number) ? text : number;
       };
       const missing = value => value === "NA" || value === "";

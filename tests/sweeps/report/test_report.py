@@ -109,9 +109,14 @@ def test_names_are_escaped(study: tuple[Plan, Store], quick_views: None) -> None
 def test_numbers_are_the_leaderboards(study: tuple[Plan, Store]) -> None:
     text = make_report(study[0], [study[1]], views=False).decode()
     board = make_leaderboard(study[0], [study[1]])
+    bounds = [name.endswith(("_low", "_high")) for name in board.header]
     for row in board.rows:
-        for cell in row[2:]:
-            assert f">{cell}</td>" in text
+        for name, bound, cell in zip(board.header[2:], bounds[2:], row[2:], strict=True):
+            low = name.endswith("_low") and cell != "NA"
+            if name in ("n_objects", "n_episodes"):
+                continue
+            assert (f">{cell} to " in text if low else f" to {cell}</td>" in text
+                    if bound and cell != "NA" else f">{cell}</td>" in text)
     assert "3-D views were left out" in text
     assert "episodes_per_cell = 8" in text
     assert study[0].hash in text
