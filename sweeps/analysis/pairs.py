@@ -37,6 +37,8 @@ class Pair:
     """Objects on which `first` is better."""
     p_objects: float
     p_episodes: float
+    variance_ratio: float
+    """Of the mean difference between paired and unpaired episodes; below 1, pairing helps."""
 
 
 def compare_pairs(paired: Paired, metric: str, against: str | None = None) -> list[Pair]:
@@ -53,7 +55,9 @@ def compare_pairs(paired: Paired, metric: str, against: str | None = None) -> li
             paired.labels[a], paired.labels[b], float(like.value[a]),
             (float(like.low[a]), float(like.high[a])), (float(these.low[a]), float(these.high[a])),
             int((sign * differences < 0).sum()),
-            objects_test(differences), episodes_test(episodes)))
+            objects_test(differences), episodes_test(episodes),
+            variance_ratio([values[:, a] for values in paired.values[metric]],
+                           [values[:, b] for values in paired.values[metric]])))
     return found
 
 
@@ -103,6 +107,23 @@ def episodes_test(differences: Sequence[np.ndarray]) -> float:
     return float(2.0 * t.sf(abs(mean) / np.sqrt(variance), freedom))
 
 
+def variance_ratio(first: Sequence[np.ndarray], second: Sequence[np.ndarray]) -> float:
+    """What common random numbers are worth: the variance of the mean difference over the same
+    episodes, over that of as many episodes drawn anew for each entry.
+
+    `first` and `second` hold an array of episodes an object. NaN where neither varies.
+    """
+    paired = unpaired = 0.0
+    for one, other in zip(first, second, strict=True):
+        known = np.isfinite(one) & np.isfinite(other)
+        count = int(known.sum())
+        if count > 1:
+            one, other = one[known], other[known]
+            paired += float((one - other).var(ddof=1)) / count
+            unpaired += float(one.var(ddof=1) + other.var(ddof=1)) / count
+    return paired / unpaired if unpaired else float("nan")
+
+
 def holm(p: np.ndarray) -> np.ndarray:
     """Holm's adjusted p-values (1979); NaN stays NaN and does not count."""
     adjusted = np.full(len(p), np.nan)
@@ -123,10 +144,11 @@ def pairs_table(paired: Paired, metric: str, against: str | None = None) -> Text
         (pair.first, pair.second, number_text(pair.difference, digits),
          *(number_text(end, digits) for end in (*pair.like_these, *pair.these)),
          f"{pair.wins}/{len(paired.objects)}", _p(pair.p_objects), _p(of_objects[n]),
-         _p(pair.p_episodes), _p(of_episodes[n]))
+         _p(pair.p_episodes), _p(of_episodes[n]), number_text(pair.variance_ratio, 2))
         for n, pair in enumerate(pairs))
     header = ("strategy", "other", f"{metric}_difference", "ci_low", "ci_high", "these_low",
-              "these_high", "wins", "p_objects", "p_objects_holm", "p_episodes", "p_episodes_holm")
+              "these_high", "wins", "p_objects", "p_objects_holm", "p_episodes", "p_episodes_holm",
+              "paired_over_unpaired")
     return TextTable(header, rows, (*paired.notes, *_power(len(paired.objects), len(pairs))))
 
 

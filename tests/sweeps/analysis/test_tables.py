@@ -31,7 +31,14 @@ from sweeps.analysis.curves import (
 from sweeps.analysis.entries import LeaderboardError
 from sweeps.analysis.objects import ALSO, median_interval, object_rows, objects_table
 from sweeps.analysis.paired import Paired, read_paired
-from sweeps.analysis.pairs import compare_pairs, episodes_test, holm, objects_test, pairs_table
+from sweeps.analysis.pairs import (
+    compare_pairs,
+    episodes_test,
+    holm,
+    objects_test,
+    pairs_table,
+    variance_ratio,
+)
 from sweeps.analysis.pareto import dominating, pareto_table
 from sweeps.analysis.settings import effects, read_settings, settings_table
 from sweeps.analysis.tables import KINDS
@@ -435,3 +442,14 @@ def test_few_objects_are_told(tmp_path: Path) -> None:
                   curves_table(read_curves(plan, [store])),
                   confusion_table(read_confusion(plan, [store]))):
         assert "2 objects: below 6 nothing can be claimed" in " ".join(table.notes)
+
+
+def test_the_worth_of_common_random_numbers_is_their_covariance() -> None:
+    draw = np.random.default_rng(3)
+    shared, own, other = draw.normal(size=(3, 4000))
+    first, second = shared + own, shared + other  # Var(a-b) = 2, Var(a) + Var(b) = 4
+    assert variance_ratio([first], [second]) == pytest.approx(0.5, abs=0.02)
+    assert variance_ratio([own], [other]) == pytest.approx(1.0, abs=0.05)
+    assert variance_ratio([first], [-first]) == pytest.approx(2.0)
+    assert variance_ratio([first], [first]) == 0.0
+    assert np.isnan(variance_ratio([np.ones(5)], [np.ones(5)]))
