@@ -6,7 +6,7 @@ DEMO_EPISODES ?= 64
 DEMO_DIR ?= runs/demo
 WORKERS ?= 2
 
-.PHONY: demo bench test test-slow lint check validate paper-docs sensitivity-docs studies-docs pictures figures docs docs-commands lock clean
+.PHONY: demo bench test test-slow lint check validate paper-docs sensitivity-docs studies-docs pictures figures docs notebook docs-commands lock clean
 
 demo: $(VENV)/.installed  ## environment, install, the demo sweep, its leaderboard
 	$(BIN)/warpgrasp sweep sweeps/studies/demo.toml -o $(DEMO_DIR) --workers $(WORKERS) \
@@ -66,8 +66,11 @@ lock:  ## pin every version with its hash, without addresses (needs uv)
 clean:
 	rm -rf $(VENV) runs
 
-docs: $(VENV)/.installed  ## the pages and the API reference, every link checked
+docs: $(VENV)/.installed  ## the site in runs/docs/site, ready to be hosted; every link checked
 	$(BIN)/python -m sphinx -W --keep-going -q -b html -d runs/docs/trees docs runs/docs/site
+
+notebook: $(VENV)/.installed  ## run the notebook and keep its outputs
+	$(BIN)/python docs/notebook.py
 
 docs-commands: $(VENV)/.installed  ## run every command and code block of the docs, small, in a copy
 	$(BIN)/python tests/scripts/run_docs.py

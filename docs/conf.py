@@ -10,7 +10,7 @@ PACKAGES = ("warpgrasp", "fit", "strategies", "sweeps")
 
 project = "warpgrasp"
 author = "The warpgrasp developers"
-extensions = ["myst_parser"]
+extensions = ["myst_parser", "sphinx.ext.githubpages"]  # the latter lets hosts serve _static
 source_suffix = {".md": "markdown"}
 exclude_patterns = ["_build"]
 html_theme = "alabaster"
