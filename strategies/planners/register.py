@@ -18,6 +18,7 @@ from strategies.planners.guarded_call import EndedProcess
 from strategies.planners.probes import Grasp, Probe, ProbeError
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered
+from warpgrasp.core.plain_text import on_one_line
 
 Maker = TypeVar("Maker", bound=Callable[..., Any])
 PLANNERS: dict[str, tuple[Callable[..., Any], str]] = {}
@@ -59,7 +60,7 @@ def fault_text(planner: Callable[..., Any], error: BaseException) -> str:
     where = (f"{Path(own[-1].filename).name}:{own[-1].lineno}: {own[-1].name}" if own
              else place_of(planner))
     what = error if isinstance(error, EndedProcess) else f"{type(error).__name__}: {error}"
-    return f"{where}: {what}"[:400].replace("\n", " ")
+    return on_one_line(f"{where}: {what}"[:400])
 
 
 def place_of(planner: Callable[..., Any]) -> str:
