@@ -27,7 +27,7 @@ from sweeps.analysis.entries import (
     entry_axes,
 )
 from sweeps.analysis.interval import ObjectMeans
-from sweeps.analysis.paired import MANY_OBJECTS, ObjectRows, read_objects
+from sweeps.analysis.paired import MANY_OBJECTS, ObjectRows, few_episodes_note, read_objects
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
 from sweeps.run.unit_file import Columns
@@ -154,7 +154,8 @@ def make_leaderboard(plan: Plan, stores: Sequence[Store], metric: str = "chamfer
             ranking.add(found)
     rows = [row for label, ranking in rankings.items() for row in ranking.rows(label, faults)]
     measured = max(ranking.objects for ranking in rankings.values())
-    notes = [*_notes(plan, missing, measured),
+    most = max(ranking.episodes for ranking in rankings.values())
+    notes = [*_notes(plan, missing, measured), *few_episodes_note(measured, most),
              *_few([f"strategy {name} {fault}" for name, fault in sorted(faults.first.items())])]
     for label, ranking in rankings.items():
         where = f" ({label})" if label else ""

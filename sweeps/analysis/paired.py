@@ -19,6 +19,7 @@ from sweeps.run.plan import Plan
 from sweeps.run.store import Store
 from sweeps.run.unit_file import Columns
 
+FEW_EPISODES = 32  # of one object, below which skewed scores make its interval too short
 MANY_OBJECTS = 6  # below, the spread between objects is hardly known
 
 
@@ -130,7 +131,9 @@ def read_paired(plan: Plan, stores: Sequence[Store], metrics: Sequence[str],
     over = population(over, len(objects))
     return Paired(tuple(entries), tuple(objects),
                   {name: tuple(found) for name, found in values.items()}, means,
-                  (*reading_notes(plan, missing, len(objects)), interval_note(over)), over)
+                  (*reading_notes(plan, missing, len(objects)),
+                   *few_episodes_note(len(objects), len(values[metrics[0]][0]) if objects else 0),
+                   interval_note(over)), over)
 
 
 def interval_note(over: str) -> str:
@@ -158,6 +161,13 @@ def by_episode(rows: np.ndarray, episodes: Sequence[tuple[int, int]]) -> np.ndar
     sums = np.zeros((len(counts), rows.shape[1]))
     np.add.at(sums, own, rows)
     return sums / counts[:, None]
+
+
+def few_episodes_note(objects: int, episodes: int) -> Iterator[str]:
+    """A warning where the interval of these objects rests on few episodes of one object."""
+    if objects == 1 and 1 < episodes < FEW_EPISODES:
+        yield (f"one object, {episodes} episodes: below {FEW_EPISODES} the interval of these "
+               "objects holds less often than 95 %")
 
 
 def reading_notes(plan: Plan, missing: int, objects: int) -> Iterator[str]:
