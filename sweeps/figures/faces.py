@@ -11,6 +11,7 @@ from sweeps.episode.episodes import EpisodeBlock
 from sweeps.figures.solids import TRUE, direction, set_cube
 from sweeps.figures.style import COLOURS, cut, drawing, figure
 from sweeps.spec.errors import StoreError
+from sweeps.text_table import number_text
 from warpgrasp.geometry.meshing import body_mesh
 
 if TYPE_CHECKING:
@@ -75,7 +76,7 @@ def faces_figure(block: EpisodeBlock, name: str, world: int = 0,
                       zorder=1 if hidden else 3)
         n = faces[number].normal[world]
         label = (f"face {place + 1}: {len(points)} touches\n  "
-                 f"normal ({n[0]:.2f}, {n[1]:.2f}, {n[2]:.2f})\n  "
+                 f"normal ({', '.join(number_text(part, 2) for part in n)})\n  "
                  f"rms {1e3 * fit.rms_m[world]:.2f} mm"
                  + ("" if faces[number].flat[world] else ", not flat"))
         axes.scatter(*points.T, s=5, color=tint, depthshade=False, label=label,

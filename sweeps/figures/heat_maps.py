@@ -12,6 +12,7 @@ from sweeps.analysis.settings import effects
 from sweeps.figures.style import COLUMN_IN, UNITS, cut, drawing, figure
 from sweeps.run.plan import Plan
 from sweeps.spec.errors import choose
+from sweeps.text_table import number_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -67,7 +68,7 @@ def draw_settings(plan: Plan, paired: Paired, metric: str) -> "Figure":
         cells = None
         for axes, factor, table in zip(panels, factors, tables, strict=True):
             off = table - around[:, None]
-            text = [[f"{value:.{digits}f}" for value in row] for row in table]
+            text = [[number_text(value, digits) for value in row] for row in table]
             cells = _heat_map(axes, off, "PuOr_r", (-largest, largest), text,
                              abs(off) > 0.65 * largest)
             axes.set_xticks(range(table.shape[1]), [
