@@ -347,8 +347,11 @@ class RunningExploration:
             rows_of(self.prior, rows)).shape)
         turned = None if self.whole is None else revolution_of(self.whole)
         # What is contradicted may lead to where it is felt to be wrong, but it is no result.
-        denied = (self.shape == Shape.SUPERQUADRIC) & ~(
-            plausible(body, self.prior) & ~swept(body, self.felt))
+        # Evidence that the fit may not use is not used to judge it either.
+        agrees = plausible(body, self.prior, table_plane=self.table.table_plane)
+        if self.table.free_space:
+            agrees &= ~swept(body, self.felt)
+        denied = (self.shape == Shape.SUPERQUADRIC) & ~agrees
         self.recovered = Recovered(
             np.where(denied, Shape.PRIOR_CYLINDER, self.shape),
             or_prior(body, self.prior, ~denied), turned)

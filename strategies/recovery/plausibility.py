@@ -38,16 +38,20 @@ def within_reach(fits: SuperquadricLike, prior: BoundingCylinder) -> np.ndarray:
     return far <= 2.0 * reach
 
 
-def plausible(body: SuperquadricLike, prior: BoundingCylinder) -> np.ndarray:
+def plausible(
+    body: SuperquadricLike, prior: BoundingCylinder, *, table_plane: bool = True
+) -> np.ndarray:
     """Whether superquadrics agree with the prior cylinder and with the table, bool (world,).
 
     Few contacts on one side may let a fit diverge; with the rough size as prior one would not
-    believe it, and neither is it scored.
+    believe it, and neither is it scored. A robot that does not know the table (`table_plane`
+    switched off) is contradicted by the prior alone.
     """
     with np.errstate(invalid="ignore", divide="ignore"):  # where nothing was fitted
         points = np.nan_to_num(superquadric_points(body, _SURFACE_POINTS))
     away = np.hypot(points[..., 0] - prior.x_m[:, None], points[..., 1] - prior.y_m[:, None])
-    return _within(away.max(1), points[..., 2].min(1), points[..., 2].max(1), prior)
+    low, high = points[..., 2].min(1), points[..., 2].max(1)
+    return _within(away.max(1), low if table_plane else np.zeros_like(low), high, prior)
 
 
 def plausible_contour(

@@ -39,6 +39,12 @@ def test_prior_and_table(found, right: bool) -> None:
     assert plausible(found, PRIOR).tolist() == [right]
 
 
+def test_a_robot_that_is_not_told_the_table_does_not_judge_by_it() -> None:
+    """A study of what the table is worth failed two bodies in five by the very table it left out."""
+    assert plausible(body(z=0.03), PRIOR, table_plane=False).tolist() == [True]
+    assert plausible(body(x=0.55), PRIOR, table_plane=False).tolist() == [False]
+
+
 def contour(radius: float, high: float = 0.12) -> RevolutionBody:
     return RevolutionBody(np.array([[0.45, 0.0, 0.0]]), np.array([[0.0, 0.0, 1.0]]),
                           np.linspace(0.0, high, 6)[None], np.full((1, 6), radius))

@@ -34,6 +34,7 @@ def cell(strategy: Strategy, name: str) -> Cell:
     return Cell(strategy, {"name": name}, name, seed=3, keep="contacts")
 
 
+@pytest.mark.slow
 def test_a_neighbours_face_bars_no_end_from_being_crossed() -> None:
     strategy = Strategy("s", (Ring(count=2),), order=("containment", *["decide"] * 3))
     block, wedges = cell(strategy, "block"), cell(strategy, "wedge")

@@ -235,6 +235,7 @@ def test_a_large_report_is_small_and_quick(tmp_path: Path, quick_views: None) ->
         assert said(driver) == []
 
 
+@pytest.mark.slow
 def test_a_report_says_nothing_of_what_the_machine_lacks(tmp_path: Path) -> None:
     """The blocks of the episodes bring Warp to the process that writes the page, too."""
     wide_study(tmp_path, wide_text(1, 1, 1))
