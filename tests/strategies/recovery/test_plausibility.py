@@ -40,7 +40,7 @@ def test_prior_and_table(found, right: bool) -> None:
 
 
 def test_a_robot_that_is_not_told_the_table_does_not_judge_by_it() -> None:
-    """A study of what the table is worth failed two bodies in five by the very table it left out."""
+    """A study of what the table is worth failed bodies by the table that it left out."""
     assert plausible(body(z=0.03), PRIOR, table_plane=False).tolist() == [True]
     assert plausible(body(x=0.55), PRIOR, table_plane=False).tolist() == [False]
 
