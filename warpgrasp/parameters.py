@@ -5,7 +5,7 @@ source found. Inside the program all units are SI; a spec writes the same fields
 `_deg` (see `sweeps.spec`). Bounds and choices in the metadata are checked where a spec is read.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from math import inf, pi, radians
 from typing import Any
 
@@ -43,9 +43,6 @@ class ArmTable:
         tuple(radians(v) for v in (82, 54, 122, 228, 241, 228)), 1e-3, 100.0, "joint speeds [est]")
     encoder_step_rad: float = _number(1e-4, 0.0, 0.1, "encoder step [est]")
     repeatability_m: float = _number(1e-4, 0.0, 0.1, "sigma of the tip's place [ref: bulletin]")
-    mount_error_m: float = _number(5e-4, 0.0, 0.1,
-                                   "sigma per axis of the arm-hand mount, drawn per episode [est]")
-    mount_error_rad: float = _number(radians(0.2), 0.0, 0.5, "same, rotation vector [est]")
     guarded_step_s: float = _number(0.05, 0.0, 10.0, "time of one guarded step [est]")
     finger_speed_rad_s: float = _number(radians(90), 1e-3, 100.0, "finger strokes [est]")
 
@@ -73,8 +70,8 @@ class HandTable:
     moment_arm_m: tuple[float, ...] = _number((0.010, 0.010, 0.008, 0.006), 1e-3, 0.1,
                                               "tendon moment arm of each joint [est]")
     co_contraction_N: float = _number(9.0, 0.0, 200.0, "tension of both tendons at rest [est]")
-    tension_low_N: float = _number(2.0, 0.0, 200.0, "[est]")
-    tension_high_N: float = _number(130.0, 1.0, 1000.0, "[est]")
+    tension_low_N: float = _number(2.0, 0.0, 200.0, "no tendon is let slacker than this; the "
+                                   "other one of its joint then carries the rest [est]")
     joint_stiffness_Nm_rad: float = _number(2.0, 0.01, 1000.0, "joint position servo [est]")
     skin_stiffness_N_m: float = _number(2e4, 10.0, 1e7, "skin of a link [est]")
     tendon_friction: float = _number(0.07, 0.0, 0.9, "Coulomb, fraction of the tension [est]")
@@ -93,6 +90,35 @@ class SensorTable:
     joint_noise_rad: float = _number(radians(0.3), 0.0, 0.5, "sigma of a joint angle [est]")
     contact_estimator: str = _choice("intrinsic", ("fingertip", "intrinsic"),
                                      "fingertip: the paper's; intrinsic: from joint torques")
+
+
+@spec_words
+@dataclass(frozen=True)
+class ErrorTable:
+    """How the robot that is differs from the robot that is believed: standard deviations.
+
+    Drawn once an episode. The paper names the arm's calibration, the joint sensors and the hand's
+    kinematic model as its sources of error; the sizes are estimates. The robot knows these
+    deviations, and weighs its contacts by them; it never knows what was drawn.
+    """
+
+    joint_offset_rad: float = _number(radians(0.5), 0.0, 0.5,
+                                      "zero of each joint sensor of the hand [est]")
+    link_length_share: float = _number(0.01, 0.0, 0.2, "length of each link of the hand [est]")
+    finger_base_m: float = _number(5e-4, 0.0, 0.02, "place of each finger's base, per axis [est]")
+    moment_arm_share: float = _number(0.05, 0.0, 0.3, "moment arm of each joint's tendons [est]")
+    arm_joint_offset_rad: float = _number(radians(0.03), 0.0, 0.1,
+                                          "zero of each joint sensor of the arm [est]")
+    arm_link_m: float = _number(3e-4, 0.0, 0.02, "each length of the arm's DH table [est]")
+    mount_m: float = _number(5e-4, 0.0, 0.1, "of the hand's mount on the arm, per axis [est]")
+    mount_rad: float = _number(radians(0.2), 0.0, 0.5, "same, rotation vector [est]")
+    pad_m: float = _number(5e-4, 0.0, 0.005, "place of each pad on its link, both ways [est]")
+    pad_gain_share: float = _number(0.10, 0.0, 0.5, "gain of each pad as a whole [est]")
+
+    @staticmethod
+    def none() -> "ErrorTable":
+        """The robot that is believed."""
+        return ErrorTable(**{f.name: 0.0 for f in fields(ErrorTable)})
 
 
 @spec_words

@@ -16,8 +16,9 @@ from warpgrasp.core.kernel_launch import check_range
 from warpgrasp.core.random import Purpose, counter_key, normal_vector
 from warpgrasp.geometry.body import Body, scene_of
 from warpgrasp.geometry.scene import Shape
-from warpgrasp.mechanism.arm_motion import ArmMoves, ArmState, mount_error, move_hand
-from warpgrasp.parameters import ArmTable, HandTable, PadTable, SensorTable
+from warpgrasp.mechanism.arm_motion import ArmMoves, ArmState, move_hand
+from warpgrasp.mechanism.calibration import draw_calibration
+from warpgrasp.parameters import ArmTable, ErrorTable, HandTable, PadTable, SensorTable
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.touch.guarded_motion import LineMove, LineTouch, LineTruth, Until, guarded_line
 from warpgrasp.touch.silhouette import Cameras, silhouettes
@@ -68,9 +69,11 @@ class Robot:
         sensors: SensorTable,
         *,
         pads: PadTable | None = None,
+        errors: ErrorTable | None = None,
         device: str = "cpu",
     ) -> None:
-        """`body` (world or 1,) numbers `bodies`; `key` (world,) uint64 seeds all noise.
+        """`body` (world or 1,) numbers `bodies`; `key` (world,) uint64 seeds all noise, and the
+        errors of calibration, whose deviations are those of `errors`.
 
         Raises ValueError for a number that none of `bodies` has.
         """
@@ -83,12 +86,13 @@ class Robot:
         self._probes_made = np.zeros(len(key), int)
         self._lines_made = np.zeros(len(key), int)
         self._line_count = 0
-        self._mount = mount_error(arm, key)
         self._state = ArmState.home(len(key))
         # A first-order distance to a deformed superquadric may overshoot: march half of it.
         self._march_scale = 0.5 if has_deformed_part(bodies) else 1.0
         self.arm, self.hand, self.sensors = arm, hand, sensors
         self.pads = pads or PadTable()
+        self.errors = errors or ErrorTable()
+        self._calibration = draw_calibration(self.errors, key)
 
     @property
     def worlds(self) -> int:
@@ -124,14 +128,16 @@ class Robot:
         moves, actual = self._move(hand_pose, wanted, commands_rad, number)
         closing, truth = close_fingers(
             self._scene, self._body, self._truth.body_pose, self.hand, self.sensors, self._key,
-            moves.status, actual, commands_rad, command_count, probe_number=number,
+            moves.status, actual, commands_rad, command_count, errors=self._calibration,
+            probe_number=number,
             march_scale=self._march_scale, device=self._device)
         self._truth.closings.append(truth)
         self._truth.hand_poses.append(actual)
         self._probes_made += wanted.sum(1)
         self._state = moves.state
         estimate = estimate_contacts(closing, moves.believed_pose, commands_rad, self.arm,
-                                     self.hand, self.sensors, device=self._device)
+                                     self.hand, self.sensors, errors=self.errors,
+                                     device=self._device)
         return Grasps(moves, closing, estimate,
                       moves.time_s + self._finger_time(closing, commands_rad), commands_rad)
 
@@ -145,7 +151,8 @@ class Robot:
     ) -> tuple[ArmMoves, np.ndarray]:
         return move_hand(
             self._scene, self._body, self._truth.body_pose, self.arm, self.hand, self._key,
-            self._state, hand_pose, wanted, commands_rad, probe_number=number,
+            self._state, hand_pose, wanted, commands_rad, errors=self._calibration,
+            probe_number=number,
             march_scale=self._march_scale, device=self._device)
 
     def _within(self, room: np.ndarray, hand_pose: np.ndarray, wanted: np.ndarray,
@@ -174,7 +181,7 @@ class Robot:
                         finger, commands_rad, until)
         touch, truth, arm_q = guarded_line(
             self._scene, self._body, self._truth.body_pose, self.arm, self.hand, self.sensors,
-            self.pads, self._key, self._mount, self._state.q_rad[rows], move,
+            self.pads, self._key, self._calibration, self._state.q_rad[rows], move,
             march_scale=self._march_scale, device=self._device)
         self._truth.lines.append(truth)
         self._lines_made[rows] += 1

@@ -1,8 +1,9 @@
 """Words of a spec in Python: `Ring(tilt_deg=50)` as in a spec's `tilt_deg = 50`.
 
 Inside the program all quantities are SI, and so are the fields of the parameter tables. In a spec,
-lengths are in mm and angles in degrees, and the key ends in the unit: the field `link_radius_m` has
-the word `link_radius_mm`, and `speed_rad_s` has `speed_deg_s`.
+lengths are in mm, angles in degrees and relative errors in percent, and the key ends in the unit:
+the field `link_radius_m` has the word `link_radius_mm`, `speed_rad_s` has `speed_deg_s`, and
+`link_length_share` has `link_length_pct`.
 """
 
 import re
@@ -15,6 +16,7 @@ from typing import Any, TypeVar
 
 # A trailing m or rad is a length or an angle, unless it belongs to a compound: N_m, Nm_rad, per_m.
 _UNIT = re.compile(r"^(?P<stem>.*(?<!_N)(?<!_Nm)(?<!_per))_(?P<unit>m|rad)(?P<rate>_s)?$")
+_SHARE = re.compile(r"^(?P<stem>link_length|moment_arm|pad_gain)_share$")
 Table = TypeVar("Table")
 
 
@@ -25,6 +27,8 @@ def same(value: Any) -> Any:
 
 def word_of(field: str) -> tuple[str, Callable[[float], float], Callable[[float], float]]:
     """A field's word in a spec, and the functions from the spec's unit to SI and back."""
+    if share := _SHARE.match(field):
+        return f"{share['stem']}_pct", _from_percent, _to_percent
     match = _UNIT.match(field)
     if match is None:
         return field, same, same
@@ -76,3 +80,11 @@ def _from_mm(value: float) -> float:
 
 def _to_mm(value: float) -> float:
     return value * 1000
+
+
+def _from_percent(value: float) -> float:
+    return value / 100
+
+
+def _to_percent(value: float) -> float:
+    return value * 100

@@ -13,6 +13,7 @@ from strategies.recovery.upright import stand_upright
 from warpgrasp.geometry.body import Body, Part
 from warpgrasp.geometry.scene import Shape
 from warpgrasp.mechanism.arm_reach import pose_reachable
+from warpgrasp.parameters import ErrorTable
 from warpgrasp.robot import Robot, Truth
 
 _RIM = Ring(count=6, tilt_rad=radians(50), roll_rad=radians(90), aim=1.0, aim_out=1.0,
@@ -64,9 +65,9 @@ def predicted_touches(
     bodies = [_body_of(belief, world) for world in range(belief.worlds)]
     truth = Truth(np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (belief.worlds, 1)))
     quiet = replace(belief.sensors, tension_noise_N=0.0, joint_noise_rad=0.0, tension_step_N=0.0)
-    exact = replace(belief.arm, mount_error_m=0.0, mount_error_rad=0.0, repeatability_m=0.0)
+    exact = replace(belief.arm, repeatability_m=0.0)
     robot = Robot(bodies, np.arange(belief.worlds), truth, np.zeros(belief.worlds, np.uint64),
-                  exact, belief.hand, quiet, device=device)
+                  exact, belief.hand, quiet, errors=ErrorTable.none(), device=device)
     robot.grasp(hand_pose, wanted, *padded_commands(belief.closings))
     found = truth.closings[-1].point_m
     points = found.reshape(*found.shape[:2], -1, 3)

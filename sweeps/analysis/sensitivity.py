@@ -52,8 +52,8 @@ BRACKETS = (
     Bracket("hand.co_contraction_N", 9.0, (5.0, 15.0), "0.6 to 1.7 times"),
     Bracket("sensors.tension_noise_N", 0.3, (0.1, 1.0), "a third to three times"),
     Bracket("sensors.joint_noise_deg", 0.3, (0.1, 1.0), "a third to three times"),
-    Bracket("arm.mount_error_mm", 0.5, (0.1, 2.0), "a fifth to four times"),
-    Bracket("arm.mount_error_deg", 0.2, (0.05, 1.0), "a quarter to five times"),
+    Bracket("errors.mount_mm", 0.5, (0.1, 2.0), "a fifth to four times"),
+    Bracket("errors.mount_deg", 0.2, (0.05, 1.0), "a quarter to five times"),
     Bracket("object.prior_sigma_mm", 10.0, (5.0, 20.0), "half to twice"),
 )
 

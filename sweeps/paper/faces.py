@@ -15,7 +15,7 @@ from strategies.procedures.planar_explorer import PlanarExploration, PlanarOptio
 from strategies.procedures.planar_faces import angle_between, planes_of
 from strategies.procedures.touches import EndReason
 from warpgrasp.objects.catalogue import body_from_name
-from warpgrasp.parameters import ArmTable, HandTable, PadTable, SensorTable
+from warpgrasp.parameters import ArmTable, ErrorTable, HandTable, PadTable, SensorTable
 from warpgrasp.robot import Robot, Truth
 
 PRINTED_DEG = 96.0
@@ -50,7 +50,7 @@ def cases() -> list[Case]:
         found.extend(Case(source, f"{size:g}{unit}", size, **changes(size)) for size in sizes)
 
     add("mount turned, same for both faces", " deg", degrees,
-        lambda deg: {"arm": ArmTable(mount_error_rad=radians(deg))})
+        lambda deg: {"errors": ErrorTable(mount_rad=radians(deg))})
     add("joint sensors' noise", " deg", degrees,
         lambda deg: {"sensors": SensorTable(joint_noise_rad=radians(deg))})
     add("arm's repeatability", " mm", (0.5, 1.0, 2.0),

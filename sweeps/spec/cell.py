@@ -8,6 +8,7 @@ from strategies.procedures.options import ContourTable, DecideTable, PlanarTable
 from strategies.strategy import Strategy
 from warpgrasp.parameters import (
     ArmTable,
+    ErrorTable,
     FitTable,
     HandTable,
     ObjectTable,
@@ -17,9 +18,9 @@ from warpgrasp.parameters import (
 )
 
 SECTIONS: dict[str, type] = {
-    "arm": ArmTable, "hand": HandTable, "sensors": SensorTable, "object": ObjectTable,
-    "fit": FitTable, "pads": PadTable, "stereo": StereoTable, "planar": PlanarTable,
-    "contour": ContourTable, "decide": DecideTable,
+    "arm": ArmTable, "hand": HandTable, "sensors": SensorTable, "errors": ErrorTable,
+    "object": ObjectTable, "fit": FitTable, "pads": PadTable, "stereo": StereoTable,
+    "planar": PlanarTable, "contour": ContourTable, "decide": DecideTable,
 }
 TABLES = tuple("placement" if name == "object" else name for name in SECTIONS)
 """Names of the sections' fields in a `Cell`."""
@@ -42,6 +43,7 @@ class Cell:
     arm: ArmTable = field(default_factory=ArmTable)
     hand: HandTable = field(default_factory=HandTable)
     sensors: SensorTable = field(default_factory=SensorTable)
+    errors: ErrorTable = field(default_factory=ErrorTable)
     placement: ObjectTable = field(default_factory=ObjectTable)
     fit: FitTable = field(default_factory=FitTable)
     pads: PadTable = field(default_factory=PadTable)

@@ -13,8 +13,7 @@ from sweeps.spec.study import Axis, Study
 from sweeps.spec.units import spec_fields
 
 _PAIRS = (("arm", "limit_low_deg", "limit_high_deg"),
-          ("hand", "flexion_low_deg", "flexion_high_deg"),
-          ("hand", "tension_low_N", "tension_high_N"))
+          ("hand", "flexion_low_deg", "flexion_high_deg"))
 
 
 def check_order(tables: Mapping[str, Any], given: Mapping[str, Any], axes: Sequence[Axis],

@@ -162,10 +162,9 @@ def tension_differences(
     hand: HandTable, torque_Nm: np.ndarray, delta_rad: np.ndarray
 ) -> np.ndarray:
     """Flexor less extensor tension [N] of the three flexions, (finger, 3), independently."""
-    pull = torque_Nm[:, 1:] / (2.0 * np.asarray(hand.moment_arm_m[1:]))
-    limits = hand.tension_low_N, hand.tension_high_N
-    flexor = np.clip(hand.co_contraction_N + pull, *limits)
-    extensor = np.clip(hand.co_contraction_N - pull, *limits)
+    pull = torque_Nm[:, 1:] / np.asarray(hand.moment_arm_m[1:])
+    slack = np.maximum(hand.co_contraction_N - np.abs(pull) / 2, hand.tension_low_N)
+    flexor, extensor = slack + np.maximum(pull, 0.0), slack - np.minimum(pull, 0.0)
     moving = np.where(np.abs(delta_rad[:, 1:]) > 1e-12, np.sign(delta_rad[:, 1:]), 0.0)
     rub = hand.tendon_friction * moving
     return flexor * (1.0 + rub) - extensor * (1.0 - rub)

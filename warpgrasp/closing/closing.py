@@ -18,10 +18,10 @@ from warpgrasp.core.dtypes import transform
 from warpgrasp.core.kernel_launch import check_range, launch_in_turn
 from warpgrasp.core.struct_array import Records
 from warpgrasp.geometry.scene import Scene
+from warpgrasp.mechanism.calibration import Calibration, no_errors, true_hands
 from warpgrasp.mechanism.tendon import tendon_sensor_of
 from warpgrasp.mechanism.tendon_kernel import TendonSensor
-from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, hand_of
-from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
+from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT
 from warpgrasp.parameters import HandTable, SensorTable
 
 
@@ -60,17 +60,17 @@ class Closing:
 
 
 _SHAPES = {
-    "body": "world?", "body_pose": "world", "hands": "world?", "sensors": "world?", "key": "world",
-    "probe_number": "world probe", "probe_status": "world probe grasp", "hand_pose": "world probe",
-    "path": "grasp finger step", "links": "grasp finger 3 step", "command_count": "grasp",
+    "body": "world?", "body_pose": "world", "hands": "world? 4", "sensors": "world?",
+    "key": "world", "probe_number": "world probe", "probe_status": "world probe grasp",
+    "hand_pose": "world probe",
+    "path": "robotgrasp finger step", "links": "robotgrasp finger 3 step", "command_count": "grasp",
     "felt": "world probe grasp finger", "truth": "world probe grasp finger"}
 
 
 @lru_cache(maxsize=32)
-def _robot(hand: HandTable, sensors: SensorTable, device: str) -> tuple[wp.array, wp.array]:
-    """Hand and tendons on a device, kept for the next launch."""
-    return (wp.array([hand_of(hand)], dtype=Hand, device=device),
-            wp.array([tendon_sensor_of(hand, sensors)], dtype=TendonSensor, device=device))
+def _tendons(hand: HandTable, sensors: SensorTable, device: str) -> wp.array:
+    """Tendon sensors on a device, kept for the next launch."""
+    return wp.array([tendon_sensor_of(hand, sensors)], dtype=TendonSensor, device=device)
 
 
 def close_fingers(
@@ -85,6 +85,7 @@ def close_fingers(
     commands_rad: np.ndarray,
     command_count: np.ndarray,
     *,
+    errors: Calibration | None = None,
     probe_number: np.ndarray | None = None,
     march_scale: float = 1.0,
     device: str = "cpu",
@@ -96,7 +97,8 @@ def close_fingers(
     at z = 0. `key` (world,) uint64 seeds the noise, for which `probe_number` (world, probe) numbers
     the probes, each world's from 0 unless given. `probe_status` (world, probe, grasp) says
     CONTACT where the probe is to be made; other values are passed on. `commands_rad` has shape
-    (grasp, finger, step, 4), of which `command_count` (grasp,) steps count. `march_scale` shortens
+    (grasp, finger, step, 4), of which `command_count` (grasp,) steps count. `errors` are those of
+    the true robots; none unless given. `march_scale` shortens
     the skipping of free steps for bodies whose distance is not a sure bound. Raises ShapeError, and
     ValueError for a body or a count of steps that there is not.
     """
@@ -109,8 +111,9 @@ def close_fingers(
                "finger": FINGER_COUNT}
     dims = tuple(extents.values())
     felt, truth = (Records(row, dims, device, clear=False) for row in (ClosingRow, ClosingTruthRow))
-    path, links = path_on_device(hand, commands_rad, device)
-    hands, tendons = _robot(hand, sensors, device)
+    errors = errors or no_errors()
+    path, links = path_on_device(hand, errors, commands_rad, device)
+    hands, tendons = true_hands(hand, errors, device), _tendons(hand, sensors, device)
 
     def there(values: np.ndarray, dtype: type) -> wp.array:
         return wp.array(values, dtype=dtype, device=device, copy=False)

@@ -76,7 +76,7 @@ def closing_kernel(
     body: wp.array[int],
     body_pose: wp.array[transform],
     # Robot:
-    hands: wp.array[Hand],
+    hands: wp.array2d[Hand],
     sensors: wp.array[TendonSensor],
     march_scale: real,
     # Probe in:
@@ -103,7 +103,9 @@ def closing_kernel(
     if probe_status[w, p, g] != _CONTACT:
         return
 
-    hand = hands[w % hands.shape[0]]
+    hand = hands[w % hands.shape[0], finger]
+    # The row of the path's tables: of this robot, or of all.
+    row = (w % (path.shape[0] // probe_status.shape[2])) * probe_status.shape[2] + g
     sensor = sensors[w % sensors.shape[0]]
     which = body[w % body.shape[0]]
     to_body = wp.transform_inverse(body_pose[w])
@@ -123,7 +125,7 @@ def closing_kernel(
     hazard_still = sensor.hazard_still
     hazard = real(0.0)
     # Where none can come, it does not matter which of the steps left out were free.
-    moves = path[g, finger, last].moves
+    moves = path[row, finger, last].moves
     ahead_hazard = hazard_moving * moves + hazard_still * (real(3 * (last + 1)) - moves)
     draw = counter_uniform(counter_key(stream, _FALSE_STOP))
     patience = real(_ENDLESS)
@@ -134,9 +136,9 @@ def closing_kernel(
             stride = ZERO
 
     now = ClosingState()
-    now.free = start_free(scene, which, convex, hand, base, links[g, finger, 1, 0].end)
+    now.free = start_free(scene, which, convex, hand, base, links[row, finger, 1, 0].end)
     # Steps of `now.low` and, if not negative, of `now.high`.
-    now.low = free_equilibrium(path[g, finger, 0].command)
+    now.low = free_equilibrium(path[row, finger, 0].command)
     low_step = int(-1)
     low_command = now.low.q
     low_pressed = int(0)
@@ -154,11 +156,11 @@ def closing_kernel(
     while s <= last:
         if low_pressed == 0:
             # FreeFinger, to the step at which something may be touched.
-            now.free = advance_free(scene, which, convex, hand, base, links, g, finger, march_scale,
-                               now.free, last + 1)
+            now.free = advance_free(scene, which, convex, hand, base, links, row, finger,
+                                    march_scale, now.free, last + 1)
             if stride == ZERO:
-                moves = path[g, finger, wp.max(now.free.step - 1, 0)].moves - (
-                    path[g, finger, wp.max(s - 1, 0)].moves)
+                moves = path[row, finger, wp.max(now.free.step - 1, 0)].moves - (
+                    path[row, finger, wp.max(s - 1, 0)].moves)
                 ahead_hazard = hazard_moving * moves + hazard_still * (
                     real(3 * (now.free.step - s)) - moves)
                 if hazard + ahead_hazard >= patience:
@@ -168,13 +170,13 @@ def closing_kernel(
             s = int(now.free.step)
             if s > last:
                 break
-            now.low = free_equilibrium(path[g, finger, s].command)
+            now.low = free_equilibrium(path[row, finger, s].command)
             now.low.along = now.free.along
             now.low.bend = now.free.bend
             now.low.depth = -now.free.room
 
         # Solve step `s`.
-        command = path[g, finger, s].command
+        command = path[row, finger, s].command
         start = vec4(command)
         if low_pressed == 1:
             start = predict_joints(low_command, now.low, command, k)
@@ -193,7 +195,7 @@ def closing_kernel(
         pressed = int(wp.max(wp.max(solved.depth), wp.max(solved.table)) > ZERO)
         reading = real(0.0)
         if pressed == 1:
-            delta = command - path[g, finger, wp.max(s - 1, 0)].command
+            delta = command - path[row, finger, wp.max(s - 1, 0)].command
             reading = stop_reading(hand, sensor, (command - solved.q) * k, delta,
                                    counter_key(reader, s))
         if in_order == 0:
@@ -224,7 +226,7 @@ def closing_kernel(
             jump = int(_FAR)
         s = low_step + 1
         while s <= last:
-            command = path[g, finger, s].command
+            command = path[row, finger, s].command
             if s == high_step:
                 high_step = int(-1)
                 if high_pressed == 0:
@@ -243,7 +245,7 @@ def closing_kernel(
                     ball = intersect_balls(ball, torque_bound(high_command, now.high, command, k))
                 elif s - low_step >= jump or largest_magnitude(command - low_command) > stride:
                     break
-                delta = command - path[g, finger, s - 1].command
+                delta = command - path[row, finger, s - 1].command
                 if may_stop(hand, sensor, ball, delta, counter_key(reader, s)):
                     break
             s += 1
@@ -255,8 +257,8 @@ def closing_kernel(
             ahead = int(s)
             while ahead < last and ahead - low_step < jump and (
                     largest_magnitude(command - low_command) <= stride):
-                command = path[g, finger, ahead].command
-                delta = command - path[g, finger, ahead - 1].command
+                command = path[row, finger, ahead].command
+                delta = command - path[row, finger, ahead - 1].command
                 guess = (command - predict_joints(low_command, now.low, command, k)) * k
                 if wp.abs(stop_reading(hand, sensor, guess, delta,
                                        counter_key(reader, ahead))) > sensor.threshold:
@@ -269,19 +271,19 @@ def closing_kernel(
     truth[w, p, g, finger].q = now.low.q
     if low_pressed == 0:
         torque = vec4(ZERO, ZERO, ZERO, ZERO)
-        truth[w, p, g, finger].q = path[g, finger, last].command
+        truth[w, p, g, finger].q = path[row, finger, last].command
         if stopped >= 0:
             # Noise stops the finger on the way: at the first step that uses up the patience.
             delta = vec4(ZERO, ZERO, ZERO, ZERO)
             for n in range(stopped, last + 1):
-                before = path[g, finger, wp.max(n - 1, 0)]
-                delta = path[g, finger, n].command - before.command
-                moves = path[g, finger, n].moves - before.moves
+                before = path[row, finger, wp.max(n - 1, 0)]
+                delta = path[row, finger, n].command - before.command
+                moves = path[row, finger, n].moves - before.moves
                 hazard += hazard_moving * moves + hazard_still * (real(3.0) - moves)
                 stopped = int(n)
                 if hazard >= patience:
                     break
-            truth[w, p, g, finger].q = path[g, finger, stopped].command
+            truth[w, p, g, finger].q = path[row, finger, stopped].command
             redraw = counter_key(counter_key(stream, _FALSE_STOP), stopped)
             for attempt in range(_REDRAWS):
                 reading = stop_reading(hand, sensor, torque, delta, counter_key(redraw, attempt))

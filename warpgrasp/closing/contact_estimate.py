@@ -16,9 +16,10 @@ from warpgrasp.closing.closing import Closing
 from warpgrasp.closing.contact_estimate_kernel import _estimate_kernel
 from warpgrasp.core.dtypes import mat33, transform, vec3, vec4
 from warpgrasp.core.kernel_launch import launch
+from warpgrasp.mechanism.calibration import place_variance
 from warpgrasp.mechanism.tendon import tendon_sensor_of
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, hand_of
-from warpgrasp.parameters import ArmTable, HandTable, SensorTable
+from warpgrasp.parameters import ArmTable, ErrorTable, HandTable, SensorTable
 
 FINGERTIP_SIGMA_M = 0.006
 """Spread given to a fingertip estimate [est]: its error is mostly that another place touched."""
@@ -54,12 +55,14 @@ def estimate_contacts(
     hand: HandTable,
     sensors: SensorTable,
     *,
+    errors: ErrorTable | None = None,
     device: str = "cpu",
 ) -> ContactEstimate:
     """Contacts as the robot concludes them, by `sensors.contact_estimator`.
 
     `believed_pose` (world, probe, 7) is the nominal hand pose [m, quaternion xyzw], `commands_rad`
-    (grasp, finger, step, 4) the commands of the closings. Raises ShapeError where shapes disagree.
+    (grasp, finger, step, 4) the commands of the closings. `errors` says how far the robot may be
+    from its tables; the default is `ErrorTable()`. Raises ShapeError where shapes disagree.
     """
     worlds, probes, grasps, fingers = closing.status.shape
     dims = (worlds, probes, grasps, fingers)
@@ -71,8 +74,7 @@ def estimate_contacts(
                for name in ("link_weight", "along", "along_variance")}
     joints = {name: wp.empty(dims, dtype=vec3, device=device)
               for name in ("joint_1", "joint_2", "joint_3", "tip")}
-    pose_sigma = (arm.mount_error_m**2 + arm.repeatability_m**2
-                  + (0.15 * arm.mount_error_rad) ** 2)
+    errors = errors or ErrorTable()
     each = "world probe grasp finger"
 
     def put(values: np.ndarray, dtype: type) -> wp.array:
@@ -84,7 +86,9 @@ def estimate_contacts(
         **dict.fromkeys(by_link, each), **dict.fromkeys(joints, each)}, {
         "hand": hand_of(hand), "sensor": tendon_sensor_of(hand, sensors),
         "intrinsic": int(sensors.contact_estimator == "intrinsic"),
-        "pose_variance": pose_sigma, "angle_variance": sensors.joint_noise_rad**2 * 2.0,
+        "pose_variance": place_variance(errors, arm, hand),
+        "angle_variance": 2.0 * (sensors.joint_noise_rad**2 + errors.joint_offset_rad**2),
+        "arm_share": errors.moment_arm_share,
         "tip_variance": FINGERTIP_SIGMA_M**2,
         "status": put(closing.status, int), "hand_pose": put(believed_pose, transform),
         "q": put(closing.q_rad, vec4), "flexor": put(closing.tension_N[..., 0], vec4),

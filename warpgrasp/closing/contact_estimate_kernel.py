@@ -128,6 +128,7 @@ def _estimate_kernel(
     intrinsic: int,
     pose_variance: real,
     angle_variance: real,
+    arm_share: real,
     tip_variance: real,
     # Felt in:
     status: wp.array4d[int],
@@ -191,7 +192,8 @@ def _estimate_kernel(
         v = s * s * real(2.0) * (sensor.noise * sensor.noise + sensor.step * sensor.step
                                  / real(12.0)) / real(sensor.readings)
         m = _RELATIVE * largest
-        precision[j] = ONE / (v + m * m + _FLOOR * _FLOOR)
+        unsure = arm_share * torque[j]  # the moment arm is known no better
+        precision[j] = ONE / (v + m * m + unsure * unsure + _FLOOR * _FLOOR)
 
     # In units of their deviations, all torques weigh the same.
     root = vec4(wp.sqrt(precision[0]), wp.sqrt(precision[1]), wp.sqrt(precision[2]),

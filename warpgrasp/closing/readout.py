@@ -46,7 +46,7 @@ def reading_kernel(
     body: wp.array[int],
     body_pose: wp.array[transform],
     # Robot:
-    hands: wp.array[Hand],
+    hands: wp.array2d[Hand],
     sensors: wp.array[TendonSensor],
     # Closing in:
     key: wp.array[wp.uint64],
@@ -69,7 +69,8 @@ def reading_kernel(
     if status != _CONTACT and status != _NO_CONTACT:
         return
 
-    hand = hands[w % hands.shape[0]]
+    hand = hands[w % hands.shape[0], finger]
+    row = (w % (path.shape[0] // felt.shape[2])) * felt.shape[2] + g
     sensor = sensors[w % sensors.shape[0]]
     stream = counter_key(counter_key(counter_key(key[w], probe_number[w, p]), g), finger)
     at = felt[w, p, g, finger].step
@@ -78,7 +79,7 @@ def reading_kernel(
         base = wp.transform_multiply(
             wp.transform_inverse(body_pose[w]),
             wp.transform_multiply(hand_pose[w, p], finger_base(hand, finger)))
-        command = path[g, finger, at].command
+        command = path[row, finger, at].command
         rest = free_equilibrium(truth[w, p, g, finger].q)
         rest.along = truth[w, p, g, finger].along
         rest.bend = truth[w, p, g, finger].bend
@@ -109,11 +110,11 @@ def reading_kernel(
     reader = counter_key(stream, _JOINT)
     q = truth[w, p, g, finger].q
     for j in range(4):
-        q[j] += sensor.joint_noise * counter_normal(counter_key(reader, j))
+        q[j] += hand.offset[j] + sensor.joint_noise * counter_normal(counter_key(reader, j))
     felt[w, p, g, finger].q = q
     if status == _NO_CONTACT:
         return
-    delta = path[g, finger, at].command - path[g, finger, wp.max(at - 1, 0)].command
+    delta = path[row, finger, at].command - path[row, finger, wp.max(at - 1, 0)].command
     reader = counter_key(stream, _TENSION_REST)
     torque = truth[w, p, g, finger].torque
     pulls = mat42()

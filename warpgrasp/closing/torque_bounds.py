@@ -24,6 +24,7 @@ from warpgrasp.mechanism.tendon_kernel import (
     tendon_tensions,
     tension_difference_read,
     tension_noise,
+    tension_sum,
 )
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
 
@@ -88,14 +89,15 @@ _THIRTYSECOND = wp.constant(real(1.0 / 32.0))
 
 
 @wp.func
-def _surely_below(sensor: TendonSensor, pull: real, moving: real, noise: wp.uint64):
+def _surely_below(hand: Hand, sensor: TendonSensor, pull: real, moving: real, noise: wp.uint64):
     """Whether a joint's reading certainly stays below the threshold; `pull` [N] is its true value.
 
     Friction adds to it where tendons move. The absolute value of a Box-Muller normal is at most
     sqrt(-2 log u), so that neither a root nor a cosine is needed; exp(-x), with which u is
     compared, is replaced by the first terms of exp(x / 4) to the fourth power.
     """
-    margin = sensor.threshold - sensor.step - wp.abs(moving) * sensor.rub - pull
+    rub = wp.abs(moving) * hand.friction * tension_sum(hand, pull)
+    margin = sensor.threshold - sensor.step - rub - pull
     if margin <= ZERO or sensor.noise <= ZERO:
         return margin > ZERO
     x = margin * margin * (_THIRTYSECOND / (sensor.noise * sensor.noise))
@@ -117,7 +119,7 @@ def stop_reading(
     for j in range(1, 4):
         moving = moving_sign(delta[j])
         noise = counter_key(key, j)
-        if not _surely_below(sensor, wp.abs(torque[j]) * sensor.per_torque[j], moving, noise):
+        if not _surely_below(hand, sensor, wp.abs(torque[j]) / hand.moment_arm[j], moving, noise):
             d = tension_difference_read(
                 sensor, tendon_tensions(hand, j, torque[j], moving), tension_noise(noise))
             if wp.abs(d) > wp.abs(largest):
@@ -135,7 +137,7 @@ def may_stop(hand: Hand, sensor: TendonSensor, torque: Ball, delta: vec4, key: w
         moving = moving_sign(delta[j])
         noise = counter_key(key, j)
         centre = torque.centre[j]
-        if not _surely_below(sensor, (wp.abs(centre) + torque.radius) * sensor.per_torque[j],
+        if not _surely_below(hand, sensor, (wp.abs(centre) + torque.radius) / hand.moment_arm[j],
                              moving, noise):
             drawn = tension_noise(noise)
             low = tendon_tensions(hand, j, centre - torque.radius, moving)

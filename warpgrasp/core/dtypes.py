@@ -30,6 +30,10 @@ quat: Any = wp.quatd
 transform: Any = wp.transformd
 
 
+class mat32(wp.types.matrix(shape=(3, 2), dtype=wp.float64)):
+    """Three pairs."""
+
+
 class mat34(wp.types.matrix(shape=(3, 4), dtype=wp.float64)):
     """Three planes, each a normal and an offset."""
 

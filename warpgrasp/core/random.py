@@ -35,6 +35,7 @@ class Purpose(IntEnum):
     CAMERA = 17
     NOISE_STREAM = 18
     OBJECT = 19
+    CALIBRATION = 20
 
 
 def counter_key(key: np.ndarray | int, *counters: np.ndarray | int) -> np.ndarray:

@@ -3,7 +3,8 @@
 A probe is approached from a retreat behind its pose, straight along the hand's z axis, and left the
 same way. Between retreats the arm moves joint by joint, the slowest joint governing; that the way
 between retreats is free is assumed, not checked. The believed pose is what the encoders and the
-nominal mount say; the true one differs by repeatability and by a mount error fixed per episode.
+nominal tables say; the true one differs by repeatability and by errors of calibration, which are
+fixed per episode (`calibration`).
 """
 
 from dataclasses import dataclass
@@ -14,11 +15,11 @@ from scipy.spatial.transform import Rotation
 
 from warpgrasp.core.dtypes import real, transform, vec6
 from warpgrasp.core.kernel_launch import check_range, launch
-from warpgrasp.core.random import Purpose, counter_key, normal_vector
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.arm_motion_kernel import _clearance_kernel, _move_kernel
+from warpgrasp.mechanism.calibration import Calibration, no_errors, true_arms, true_hands
 from warpgrasp.mechanism.puma560 import arm_of, puma_forward_batch
-from warpgrasp.mechanism.utah_mit_hand import hand_links, hand_of
+from warpgrasp.mechanism.utah_mit_hand import hand_links
 from warpgrasp.parameters import ArmTable, HandTable
 from warpgrasp.probe_status import ProbeStatus
 
@@ -70,13 +71,6 @@ def arm_hand_links(
     return hand_links(hand, pose, q_rad[:, 6:].reshape(-1, 4, 4), device=device)
 
 
-def mount_error(table: ArmTable, key: np.ndarray) -> np.ndarray:
-    """The arm-hand mount's calibration error of each world, (world, 7), drawn from its key."""
-    draw = normal_vector(counter_key(key, int(Purpose.MOUNT)), 6)
-    turn = Rotation.from_rotvec(draw[:, 3:] * table.mount_error_rad).as_quat()
-    return np.concatenate([draw[:, :3] * table.mount_error_m, turn], axis=1)
-
-
 def move_hand(
     scene: Scene,
     body: np.ndarray,
@@ -89,6 +83,7 @@ def move_hand(
     wanted: np.ndarray,
     commands_rad: np.ndarray,
     *,
+    errors: Calibration | None = None,
     probe_number: np.ndarray | None = None,
     march_scale: float = 1.0,
     device: str = "cpu",
@@ -98,13 +93,15 @@ def move_hand(
     `wanted_pose` (world, probe, 7) are hand poses [m], quaternion xyzw, base frame; `wanted`
     (world, probe) is False where a world has no such probe. `commands_rad` (grasp, finger, step, 4)
     gives each grasp's open hand (its first step), which must clear object and table on the last
-    0.12 m of the approach. `probe_number` (world, probe) numbers the probes for the noise, each
-    world's from 0 unless given. Returns the moves and the true hand poses (world, probe, 7), which
-    only the simulator may use. Raises ShapeError, and ValueError for a body that the scene has not.
+    0.12 m of the approach. `errors` are those of the true robots; none unless given.
+    `probe_number` (world, probe) numbers the probes for the noise, each world's from 0 unless
+    given. Returns the moves and the true hand poses (world, probe, 7), which only the simulator may
+    use. Raises ShapeError, and ValueError for a body that the scene has not.
     """
     check_range("body", body, 0, scene.bodies - 1)
     worlds, probes = wanted_pose.shape[:2]
     grasps = len(commands_rad)
+    errors = errors or no_errors()
     if probe_number is None:
         probe_number = np.tile(np.arange(probes), (worlds, 1))
     status = wp.empty((worlds, probes), dtype=int, device=device)
@@ -118,14 +115,16 @@ def move_hand(
     tries = np.where(wanted & ~finite, int(ProbeStatus.UNREACHABLE), tries)
     extents = {"world": worlds}
     launch(_move_kernel, extents, {
-        "key": "world", "mount": "world", "wanted": "world probe", "wanted_status": "world probe",
+        "true_arms": "world?", "key": "world", "mount": "world?",
+        "wanted": "world probe", "wanted_status": "world probe",
         "probe_number": "world probe", "start": "world", "status": "world probe",
         "believed": "world probe", "actual": "world probe", "time": "world probe",
         "path": "world probe", "end": "world"}, {
         "arm": arm_of(arm, hand.mount_length_m),
+        "true_arms": true_arms(arm, hand.mount_length_m, errors, device),
         "key": wp.array(key, dtype=wp.uint64, device=device),
         "probe_number": wp.array(probe_number, dtype=int, device=device),
-        "mount": wp.array(mount_error(arm, key), dtype=transform, device=device),
+        "mount": wp.array(errors.mount, dtype=transform, device=device),
         "wanted": wp.array(wanted_pose, dtype=transform, device=device),
         "wanted_status": wp.array(tries, dtype=int, device=device),
         "start": wp.array(state.q_rad, dtype=vec6, device=device), "status": status,
@@ -133,12 +132,12 @@ def move_hand(
         device=device)
     ready = wp.empty((worlds, probes, grasps), dtype=int, device=device)
     launch(_clearance_kernel, {"world": worlds, "probe": probes, "grasp": grasps}, {
-        "body": "world?", "body_pose": "world", "move_status": "world probe",
+        "body": "world?", "body_pose": "world", "hands": "world? 4", "move_status": "world probe",
         "actual": "world probe", "commands": "grasp 4 step 4", "status": "world probe grasp"}, {
         "scene": scene, "body": wp.array(body, dtype=int, device=device),
         "body_pose": wp.array(body_pose, dtype=transform, device=device),
-        "hand": hand_of(hand), "mount_length": hand.mount_length_m, "march_scale": march_scale,
-        "move_status": status, "actual": actual,
+        "hands": true_hands(hand, errors, device), "mount_length": hand.mount_length_m,
+        "march_scale": march_scale, "move_status": status, "actual": actual,
         "commands": wp.array(commands_rad, dtype=real, device=device), "status": ready},
         device=device)
     ready_host = ready.numpy().copy()

@@ -30,6 +30,7 @@ def _move_kernel(
     first: int,
     # Robot:
     arm: Arm,
+    true_arms: wp.array[Arm],
     # Probe in:
     key: wp.array[wp.uint64],
     probe_number: wp.array2d[int],
@@ -70,7 +71,9 @@ def _move_kernel(
                 wobble = vec3(counter_normal(counter_key(noise, 0)),
                               counter_normal(counter_key(noise, 1)),
                               counter_normal(counter_key(noise, 2))) * arm.repeatability
-                real_pose = wp.transform_multiply(pose, mount[w])
+                real_pose = wp.transform_multiply(
+                    wp.transform_multiply(puma_forward(true_arms[w % true_arms.shape[0]], q),
+                                          hand_on_flange), mount[w % mount.shape[0]])
                 actual[w, p] = transform(wp.transform_get_translation(real_pose) + wobble,
                                          wp.transform_get_rotation(real_pose))
                 time[w, p] = move_time(arm, last, q_retreat) + TWO * move_time(arm, q_retreat, q)
@@ -91,7 +94,7 @@ def _clearance_kernel(
     body: wp.array[int],
     body_pose: wp.array[transform],
     # Robot:
-    hand: Hand,
+    hands: wp.array2d[Hand],
     mount_length: real,
     march_scale: real,
     # Probe in:
@@ -115,7 +118,7 @@ def _clearance_kernel(
         left = _RETREAT  # the first grasp of a probe comes with the approach
     for _ in range(_MARCHES):
         here = transform(place - z * left, turn)
-        clear = hand_clearance(scene, body[w % body.shape[0]], hand, here, mount_length,
+        clear = hand_clearance(scene, body[w % body.shape[0]], hands, w, here, mount_length,
                                commands, g)
         if clear < ZERO:
             status[w, p, g] = _COLLISION

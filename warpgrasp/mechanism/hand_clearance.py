@@ -56,14 +56,16 @@ def palm_clearance(scene: Scene, body: int, hand: Hand, pose: transform, mount: 
 
 @wp.func
 def hand_clearance(
-    scene: Scene, body: int, hand: Hand, pose: transform, mount: real,
+    scene: Scene, body: int, hands: wp.array2d[Hand], world: int, pose: transform, mount: real,
     commands: wp.array4d[real], grasp: int
 ):
     """Clearance of the hand, its fingers at the first command of a grasp; `pose` in body frame."""
     worst = _FAR
+    own = world % hands.shape[0]
     for finger in range(4):
+        hand = hands[own, finger]
         q = vec4(commands[grasp, finger, 0, 0], commands[grasp, finger, 0, 1],
                  commands[grasp, finger, 0, 2], commands[grasp, finger, 0, 3])
         base = wp.transform_multiply(pose, finger_base(hand, finger))
-        worst = finger_clearance(scene, body, hand, base, q, worst)
-    return palm_clearance(scene, body, hand, pose, mount, worst)
+        worst = finger_clearance(scene, body, hand, base, q - hand.offset, worst)
+    return palm_clearance(scene, body, hands[own, 0], pose, mount, worst)

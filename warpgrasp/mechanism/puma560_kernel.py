@@ -38,6 +38,8 @@ class Arm:
     mount: real
     encoder_step: real
     repeatability: real
+    offset: vec6
+    """Of the true arm's joints against what the encoders say [rad]."""
 
 
 @wp.func
@@ -59,12 +61,13 @@ def _dh(theta: real, d: real, a: real, quarter_turns: real):
 @wp.func
 def puma_forward(arm: Arm, q: vec6):
     """Pose of the flange (joint frame 6) in the base frame."""
-    t = _dh(q[0], arm.d1, ZERO, ONE)
-    t = wp.transform_multiply(t, _dh(q[1], ZERO, arm.a2, ZERO))
-    t = wp.transform_multiply(t, _dh(q[2], arm.d3, arm.a3, -ONE))
-    t = wp.transform_multiply(t, _dh(q[3], arm.d4, ZERO, ONE))
-    t = wp.transform_multiply(t, _dh(q[4], ZERO, ZERO, -ONE))
-    return wp.transform_multiply(t, _dh(q[5], ZERO, ZERO, ZERO))
+    turn = q + arm.offset
+    t = _dh(turn[0], arm.d1, ZERO, ONE)
+    t = wp.transform_multiply(t, _dh(turn[1], ZERO, arm.a2, ZERO))
+    t = wp.transform_multiply(t, _dh(turn[2], arm.d3, arm.a3, -ONE))
+    t = wp.transform_multiply(t, _dh(turn[3], arm.d4, ZERO, ONE))
+    t = wp.transform_multiply(t, _dh(turn[4], ZERO, ZERO, -ONE))
+    return wp.transform_multiply(t, _dh(turn[5], ZERO, ZERO, ZERO))
 
 
 @wp.func

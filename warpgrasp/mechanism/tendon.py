@@ -1,6 +1,8 @@
 """Tendons: what the 32 tension sensors read, and when friction and noise alone cross a threshold.
 
-A joint torque tau is carried by a flexor and an extensor, T_co +- tau / 2R, each kept in its range.
+A joint torque tau is carried by a flexor and an extensor, T_co +- tau / 2R. Neither is let slacker
+than the least tension: from there on the other one carries the rest, so that their difference times
+R is the torque always.
 What is read lies on the actuator's side of a tendon that rubs (Coulomb): more than the joint feels
 where the actuator pulls, less where it pays out. The difference therefore does not vanish in free
 motion, and a threshold must clear it.
@@ -11,7 +13,6 @@ from math import erf, log1p, sqrt
 
 import numpy as np
 
-from warpgrasp.core.dtypes import vec4
 from warpgrasp.mechanism.tendon_kernel import TendonSensor
 from warpgrasp.parameters import HandTable, SensorTable
 
@@ -24,7 +25,7 @@ def _upper_tail(x: float) -> float:
 
 def _tension_at_rest_N(hand: HandTable) -> float:
     """Of both tendons of a joint without torque."""
-    return min(max(hand.co_contraction_N, hand.tension_low_N), hand.tension_high_N)
+    return max(hand.co_contraction_N, hand.tension_low_N)
 
 
 @lru_cache(maxsize=64)
@@ -69,6 +70,4 @@ def tendon_sensor_of(hand: HandTable, sensor: SensorTable) -> TendonSensor:
     s.hazard_moving, s.hazard_still = (
         -log1p(-min(false_stop_probability(hand, sensor, moving=moving), _CERTAIN))
         for moving in (True, False))
-    s.per_torque = vec4(*(1.0 / arm for arm in hand.moment_arm_m))
-    s.rub = 2.0 * hand.tendon_friction * _tension_at_rest_N(hand)
     return s

@@ -3,7 +3,7 @@
 
 import warp as wp
 
-from warpgrasp.core.dtypes import HALF, ONE, ZERO, real, struct, vec2, vec4
+from warpgrasp.core.dtypes import HALF, ONE, ZERO, real, struct, vec2
 from warpgrasp.core.random_kernel import counter_key, counter_normal
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
 
@@ -20,10 +20,6 @@ class TendonSensor:
     hazard_moving: real
     """Of a false stop in a step of a joint whose tendons move, -log(1 - its chance)."""
     hazard_still: real
-    per_torque: vec4
-    """Tension difference for a joint's torque [N / (N m)], out of range less."""
-    rub: real
-    """The largest that friction adds to it [N]."""
 
 
 @wp.func
@@ -37,11 +33,22 @@ def moving_sign(x: real):
 
 
 @wp.func
+def tension_sum(hand: Hand, pull: real):
+    """Of a joint's two tendons, without friction, whose difference is `pull` [N]."""
+    return real(2.0) * wp.max(hand.co_contraction, hand.tension_low + wp.abs(pull) * HALF)
+
+
+@wp.func
 def tendon_tensions(hand: Hand, joint: int, torque: real, moving: real):
-    """Flexor and extensor tension [N] at the actuators, `moving` the sign of the command's step."""
-    pull = torque / (real(2.0) * hand.moment_arm[joint])
-    flexor = wp.clamp(hand.co_contraction + pull, hand.tension_low, hand.tension_high)
-    extensor = wp.clamp(hand.co_contraction - pull, hand.tension_low, hand.tension_high)
+    """Flexor and extensor tension [N] at the actuators, `moving` the sign of the command's step.
+
+    Their difference times the moment arm is the torque: where one tendon may not become slacker,
+    the other one carries the rest.
+    """
+    pull = torque / hand.moment_arm[joint]
+    least = tension_sum(hand, pull) * HALF - wp.abs(pull) * HALF
+    flexor = least + wp.max(pull, ZERO)
+    extensor = least - wp.min(pull, ZERO)
     return vec2(flexor * (ONE + hand.friction * moving), extensor * (ONE - hand.friction * moving))
 
 
@@ -76,16 +83,7 @@ def tension_mean_read(sensor: TendonSensor, tension: real, key: wp.uint64):
 
 @wp.func
 def torque_from_tensions(hand: Hand, joint: int, tensions: vec2, moving: real):
-    """Joint torque [N m] from measured tensions, with friction of nominal size removed.
-
-    Where one tendon has gone to the end of its range only the other one measures the torque.
-    """
+    """Joint torque [N m] from measured tensions, with friction of nominal size removed."""
     flexor = tensions[0] / (ONE + hand.friction * moving)
     extensor = tensions[1] / (ONE - hand.friction * moving)
-    arm = hand.moment_arm[joint]
-    edge = hand.tension_low + real(0.25)
-    if extensor < edge and flexor >= edge:
-        return real(2.0) * arm * (flexor - hand.co_contraction)
-    if flexor < edge and extensor >= edge:
-        return real(2.0) * arm * (hand.co_contraction - extensor)
-    return arm * (flexor - extensor)
+    return hand.moment_arm[joint] * (flexor - extensor)

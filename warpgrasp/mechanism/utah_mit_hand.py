@@ -29,7 +29,7 @@ def hand_of(table: HandTable) -> Hand:
     hand.palm_thickness = table.palm_thickness_m
     hand.moment_arm = vec4(*table.moment_arm_m)
     hand.co_contraction = table.co_contraction_N
-    hand.tension_low, hand.tension_high = table.tension_low_N, table.tension_high_N
+    hand.tension_low = table.tension_low_N
     hand.stiffness, hand.skin = table.joint_stiffness_Nm_rad, table.skin_stiffness_N_m
     hand.friction = table.tendon_friction
     return hand

@@ -11,7 +11,10 @@ THUMB = wp.constant(3)
 
 @struct
 class Hand:
-    """The numbers of a HandTable that kernels need, SI."""
+    """The numbers of a HandTable that kernels need, SI, and one finger's errors.
+
+    The true hand is four of these, one a finger; the hand that is believed has no errors.
+    """
 
     abduction_offset: real
     link_length: vec3
@@ -22,10 +25,13 @@ class Hand:
     moment_arm: vec4
     co_contraction: real
     tension_low: real
-    tension_high: real
     stiffness: real
     skin: real
     friction: real
+    base_shift: vec3
+    """Of the finger's base, hand frame [m]."""
+    offset: vec4
+    """Of the joint sensors: what they read without noise, less the joints' angles [rad]."""
 
 
 @struct
@@ -55,9 +61,10 @@ class FingerPose:
 def finger_base(hand: Hand, finger: int):
     """Pose of a finger's base in the hand frame (finger 3 is the thumb)."""
     if finger == THUMB:
-        return transform(vec3(hand.gap * HALF, ZERO, ZERO), quat(ZERO, ZERO, ONE, ZERO))
-    return transform(vec3(-hand.gap * HALF, hand.spacing * real(finger - 1), ZERO),
-                     quat(ZERO, ZERO, ZERO, ONE))
+        return transform(vec3(hand.gap * HALF, ZERO, ZERO) + hand.base_shift,
+                         quat(ZERO, ZERO, ONE, ZERO))
+    return transform(vec3(-hand.gap * HALF, hand.spacing * real(finger - 1), ZERO)
+                     + hand.base_shift, quat(ZERO, ZERO, ZERO, ONE))
 
 
 @wp.func

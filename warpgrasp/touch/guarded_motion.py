@@ -14,16 +14,17 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpgrasp.core.dtypes import real
+from warpgrasp.core.dtypes import real, transform
 from warpgrasp.core.kernel_launch import ShapeError, check_range, launch
 from warpgrasp.core.struct_array import Records, record_type
 from warpgrasp.geometry.scene import Scene
+from warpgrasp.mechanism.calibration import Calibration, true_arms, true_hands
 from warpgrasp.mechanism.puma560 import arm_of
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, LINK_COUNT, hand_of
 from warpgrasp.parameters import ArmTable, HandTable, PadTable, SensorTable
 from warpgrasp.touch.guarded_motion_kernel import line_kernel
 from warpgrasp.touch.line_record import LineBegin, LineEnd
-from warpgrasp.touch.pad import pad_of, pad_turns
+from warpgrasp.touch.pad import pad_of, pad_turns, true_pads
 from warpgrasp.touch.pad_culling import BLOCKS
 from warpgrasp.touch.pad_kernel import TAXELS
 
@@ -110,11 +111,17 @@ class LineMove:
     until: Until = Until.CONTACT
 
 
-@lru_cache(maxsize=32)
-def _robot(arm: ArmTable, hand: HandTable, pads: PadTable) -> dict[str, Any]:
-    """The robot on a device, kept for the next line."""
+@lru_cache(maxsize=8)
+def _robot(
+    arm: ArmTable, hand: HandTable, pads: PadTable, errors: Calibration, device: str
+) -> dict[str, Any]:
+    """The robots, believed and true, on a device; kept for the next line."""
     return {"arm": arm_of(arm, hand.mount_length_m), "hand": hand_of(hand),
-            "pad": pad_of(pads, hand)}
+            "pad": pad_of(pads, hand), "turns": pad_turns(pads, hand, device),
+            "true_arms": true_arms(arm, hand.mount_length_m, errors, device),
+            "true_hands": true_hands(hand, errors, device),
+            "true_pads": true_pads(pads, hand, errors, device),
+            "mount": wp.array(errors.mount, dtype=transform, device=device)}
 
 
 @lru_cache(maxsize=32)
@@ -137,7 +144,7 @@ def guarded_line(
     sensors: SensorTable,
     pads: PadTable,
     key: np.ndarray,
-    mount: np.ndarray,
+    errors: Calibration,
     arm_q_rad: np.ndarray,
     move: LineMove,
     *,
@@ -146,9 +153,9 @@ def guarded_line(
 ) -> tuple[LineTouch, LineTruth, np.ndarray]:
     """Make one guarded line; also returns the arms' joints after it (row, 6).
 
-    `body` (world or 1,), `body_pose` and `mount` (world, 7), `key` (world,) uint64, `arm_q_rad`
-    (row, 6) where the arms stand. Worlds not among `move.rows` cost nothing. Raises ShapeError,
-    and ValueError for a body or a finger that there is not.
+    `body` (world or 1,), `body_pose` (world, 7), `key` (world,) uint64, `errors` of the true
+    robots, `arm_q_rad` (row, 6) where the arms stand. Worlds not among `move.rows` cost
+    nothing. Raises ShapeError, and ValueError for a body or a finger that there is not.
     """
     check_range("body", body, 0, scene.bodies - 1)
     check_range("finger", move.finger, 0, FINGER_COUNT - 1)
@@ -156,7 +163,7 @@ def guarded_line(
     begin = np.zeros(n, record_type(LineBegin))
     for name, value in {
             "body": np.broadcast_to(body, len(key))[move.rows], "body_pose": body_pose[move.rows],
-            "mount": mount[move.rows], "key": key[move.rows], "number": move.number,
+            "world": move.rows, "key": key[move.rows], "number": move.number,
             "start": move.hand_pose, "direction": move.direction, "arm_q": arm_q_rad}.items():
         column = begin[name]
         if np.shape(value) != column.shape:
@@ -173,9 +180,10 @@ def guarded_line(
     near_bits = wp.empty((n, LINK_COUNT, BLOCKS**2), dtype=int, device=device)
     begins, ends = Records(LineBegin, begin, device), Records(LineEnd, (n,), device)
     launch(line_kernel, {"row": n}, {
-        "turns": "40", "begins": "row", "commands": "4 step 4", "near_bits": "row 3 16",
+        "turns": "40", "true_arms": "world?", "true_hands": "world? 4", "true_pads": "world? 4",
+        "mount": "world?", "begins": "row", "commands": "4 step 4", "near_bits": "row 3 16",
         "image": "row 16 16", "ends": "row"}, {
-        "scene": scene, **_robot(arm, hand, pads), "turns": pad_turns(pads, hand, device),
+        "scene": scene, **_robot(arm, hand, pads, errors, device),
         "joint_noise": sensors.joint_noise_rad, "march_scale": march_scale, "begins": begins.array,
         "interval": move.interval_m, "steps": move.steps, "finger": move.finger,
         "commands": commands,

@@ -20,6 +20,7 @@ from warpgrasp.core.dtypes import (
     vec2,
     vec3,
     vec4,
+    vec6,
 )
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key, counter_normal, counter_uniform
@@ -61,9 +62,30 @@ def _along(line: transform, direction: vec3, s: real):
 
 
 @wp.func
-def _hand_at(line: transform, direction: vec3, s: real, mount: transform, wobble: vec3):
-    """The true pose of the hand."""
-    here = wp.transform_multiply(_along(line, direction, s), mount)
+def _slip(arm: Arm, q: vec6, believed: transform, hand_on_flange: transform, mount: transform):
+    """The true pose of the hand in the frame of the believed one; `arm` is the true arm."""
+    true = wp.transform_multiply(wp.transform_multiply(puma_forward(arm, q), hand_on_flange), mount)
+    return wp.transform_multiply(wp.transform_inverse(believed), true)
+
+
+@wp.func
+def _hand_at(
+    line: transform, direction: vec3, s: real, slip: transform, last: transform, share: real,
+    wobble: vec3
+):
+    """The true pose of the hand, a `share` of the way from where it slips by `slip` to `last`.
+
+    Calibration errors change so little along a line that straight between its ends is exact to a
+    micrometre.
+    """
+    a = wp.transform_get_rotation(slip)
+    b = wp.transform_get_rotation(last)
+    if wp.dot(a, b) < ZERO:
+        b = -b
+    x = wp.transform_get_translation(slip)
+    off = transform(x + (wp.transform_get_translation(last) - x) * share,
+                    wp.normalize(a + (b - a) * share))
+    here = wp.transform_multiply(_along(line, direction, s), off)
     return transform(wp.transform_get_translation(here) + wobble, wp.transform_get_rotation(here))
 
 
@@ -104,7 +126,7 @@ def _finger_free(scene: Scene, body: int, hand: Hand, pad: Pad, base: transform,
     for link in range(3):
         radius = hand.link_radius
         if pad.on[link] != 0:
-            radius += pad.thickness
+            radius += pad.thickness + wp.abs(pad.shift[link, 0])
         a = link_start(f, link)
         u = link_direction(f, link)
         length = hand.link_length[link]
@@ -117,17 +139,18 @@ def _finger_free(scene: Scene, body: int, hand: Hand, pad: Pad, base: transform,
 
 @wp.func
 def _others_free(
-    scene: Scene, body: int, hand: Hand, pose: transform, mount: real,
+    scene: Scene, body: int, hands: wp.array2d[Hand], own: int, pose: transform, mount: real,
     commands: wp.array3d[real], finger: int
 ):
     """Clearance of palm and the other fingers [m], which stay at their first command."""
     worst = real(1e9)
     for other in range(4):
         if other != finger:
+            hand = hands[own, other]
             worst = finger_clearance(scene, body, hand,
                                      wp.transform_multiply(pose, finger_base(hand, other)),
-                                     _command(commands, other, 0), worst)
-    return palm_clearance(scene, body, hand, pose, mount, worst)
+                                     _command(commands, other, 0) - hand.offset, worst)
+    return palm_clearance(scene, body, hands[own, finger], pose, mount, worst)
 
 
 @wp.func
@@ -154,6 +177,10 @@ def line_kernel(
     hand: Hand,
     pad: Pad,
     turns: wp.array[vec2],
+    true_arms: wp.array[Arm],
+    true_hands: wp.array2d[Hand],
+    true_pads: wp.array2d[Pad],
+    mount: wp.array[transform],
     joint_noise: real,
     march_scale: real,
     # Move in:
@@ -213,7 +240,17 @@ def line_kernel(
             else:
                 high = middle
         reachable = low
+        arm_last = puma_reach(arm, wp.transform_multiply(
+            _along(line, way, interval * real(reachable)), flange_on_hand), arm_start)
 
+    # The robot that is: it moves and feels; `arm`, `hand` and `pad` are believed.
+    own = begin.world % true_hands.shape[0]
+    real_hand = true_hands[own, finger]
+    real_pad = true_pads[own, finger]
+    slip = _slip(true_arms[own], arm_start, line, hand_on_flange, mount[own])
+    slip_last = _slip(true_arms[own], arm_last,
+                      _along(line, way, interval * real(reachable)), hand_on_flange, mount[own])
+    per_step = ONE / wp.max(real(reachable), ONE)
     noise = counter_key(counter_key(key, _ARM), number)
     wobble = vec3(counter_normal(counter_key(noise, 0)), counter_normal(counter_key(noise, 1)),
                   counter_normal(counter_key(noise, 2))) * arm.repeatability
@@ -247,32 +284,33 @@ def line_kernel(
     arm_step = arm_move / march_scale
     step_bound = wp.max(arm_move + swing, real(1e-9))
     while True:
-        command = _command(commands, finger, s)
+        command = _command(commands, finger, s) - real_hand.offset
         if moved == 0:
             q = command
-        here = _hand_at(line, way, interval * real(s), begin.mount, wobble)
+        here = _hand_at(line, way, interval * real(s), slip, slip_last, per_step * real(s), wobble)
         pose = wp.transform_multiply(to_body, here)
-        base = wp.transform_multiply(pose, finger_base(hand, finger))
+        base = wp.transform_multiply(pose, finger_base(real_hand, finger))
         if others <= ZERO:
-            others = _others_free(scene, which, hand, pose, arm.mount, commands, finger)
-        free = wp.min(_finger_free(scene, which, hand, pad, base, command), others)
+            others = _others_free(scene, which, true_hands, own, pose, arm.mount, commands, finger)
+        free = wp.min(_finger_free(scene, which, real_hand, real_pad, base, command), others)
         felt_link = int(-1)
         felt = int(0)
         most = vec4(ZERO, ZERO, ZERO, ZERO)
         if free <= ZERO:
-            rest = pad_equilibrium(scene, which, hand, pad, turns, base, command, q, row_bits)
+            rest = pad_equilibrium(scene, which, real_hand, real_pad, turns, base, command, q,
+                                   row_bits)
             q = rest.skin.q
             moved = int(1)
-            f = finger_pose(hand, base, q)
+            f = finger_pose(real_hand, base, q)
             # All pads are read; the finger's reading is that of the pad pressed most.
             for link in range(3):
                 if pad.on[link] != 0:
-                    load = pad_load(scene, which, pad, hand, turns, f, link, row_bits)
+                    load = pad_load(scene, which, real_pad, real_hand, turns, f, link, row_bits)
                     if load[3] > most[3]:
                         most = load
                         felt_link = int(link)
             if felt_link >= 0:
-                if pad_feels(scene, which, pad, hand, turns, f, finger, felt_link, key,
+                if pad_feels(scene, which, real_pad, real_hand, turns, f, finger, felt_link, key,
                              pad_reading_key(key, number, s, finger, felt_link), row_bits):
                     felt = int(1)
         else:
@@ -280,8 +318,8 @@ def line_kernel(
             moved = int(0)
         lag = real(0.0)
         if free <= ZERO:
-            read = _joints_read(q, joint_noise, counter_key(reader, s))
-            lag = largest_magnitude(read - command)
+            read = _joints_read(q + real_hand.offset, joint_noise, counter_key(reader, s))
+            lag = largest_magnitude(read - real_hand.offset - command)
         if until_release == 0 and s == 0 and free <= ZERO and (
                 lag > pad.yield_angle or others <= ZERO):
             status = _COLLISION
@@ -308,8 +346,9 @@ def line_kernel(
                 # Noise alone reaches the threshold: some taxel, its count the threshold's.
                 status = _CONTACT
                 s += spared
-                q = _command(commands, finger, s)
-                here = _hand_at(line, way, interval * real(s), begin.mount, wobble)
+                q = _command(commands, finger, s) - real_hand.offset
+                here = _hand_at(line, way, interval * real(s), slip, slip_last,
+                                per_step * real(s), wobble)
                 felt_link = _link_with_pad(pad, _below(counter_key(false, 2), _pads_on(pad)))
                 noise_alone = int(1)
                 peak = int(wp.ceil(pad.threshold))
@@ -320,16 +359,16 @@ def line_kernel(
         s += ahead
         others -= arm_step * real(ahead)
     if moved == 0:
-        read = _joints_read(q, joint_noise, counter_key(reader, s))
+        read = _joints_read(q + real_hand.offset, joint_noise, counter_key(reader, s))
 
     if status != _CONTACT and status != _BLOCKED:
         felt_link = int(-1)  # a pad's image is read of a touch or a block alone
     if felt_link >= 0 and noise_alone == 0:
         base = wp.transform_multiply(wp.transform_multiply(to_body, here),
-                                     finger_base(hand, finger))
-        peak = read_image(scene, which, pad, hand, turns, finger_pose(hand, base, q), finger,
-                          felt_link, key, pad_reading_key(key, number, s, finger, felt_link),
-                          row_bits, image, i)
+                                     finger_base(real_hand, finger))
+        peak = read_image(scene, which, real_pad, real_hand, turns,
+                          finger_pose(real_hand, base, q), finger, felt_link, key,
+                          pad_reading_key(key, number, s, finger, felt_link), row_bits, image, i)
     end.status = status
     end.made = s
     end.peak = peak

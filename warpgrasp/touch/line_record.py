@@ -12,8 +12,8 @@ class LineBegin:
 
     body: int
     body_pose: transform
-    mount: transform
-    """The mount's error."""
+    world: int
+    """Whose errors of calibration are its own."""
     key: wp.uint64
     number: int
     start: transform

@@ -15,7 +15,9 @@ import warp as wp
 
 from warpgrasp.core.dtypes import real, transform, vec2, vec4
 from warpgrasp.core.kernel_launch import check_range, launch
+from warpgrasp.core.struct_array import record_type
 from warpgrasp.geometry.scene import Scene
+from warpgrasp.mechanism.calibration import Calibration
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, LINK_COUNT, hand_of
 from warpgrasp.parameters import HandTable, PadTable
 from warpgrasp.touch.pad_culling import BLOCKS
@@ -45,6 +47,7 @@ def pad_of(table: PadTable, hand: HandTable) -> Pad:
     pad.dead, pad.threshold = table.dead_fraction, table.threshold_counts
     pad.yield_angle = table.yield_rad
     pad.false_touch = false_touch_probability(table)
+    pad.gain = wp.vec3d(1.0, 1.0, 1.0)
     return pad
 
 
@@ -59,6 +62,15 @@ def false_touch_probability(table: PadTable) -> float:
     level = (np.ceil(table.threshold_counts) - 0.5) / table.noise_counts
     one = 0.5 * (1.0 - erf(level / sqrt(2.0))) * (1.0 - table.dead_fraction)
     return float(-np.expm1(TAXELS**2 * np.log1p(-one))) if one < 1.0 else 1.0
+
+
+@lru_cache(maxsize=8)
+def true_pads(table: PadTable, hand: HandTable, errors: Calibration, device: str) -> wp.array:
+    """The true pads as kernels take them, (world or 1, finger 4)."""
+    rows = np.empty((errors.worlds, FINGER_COUNT), record_type(Pad))
+    rows[...] = np.frombuffer(bytes(pad_of(table, hand).__ctype__()), record_type(Pad))[0]
+    rows["shift"], rows["gain"] = errors.pad_shift_m, errors.pad_gain
+    return wp.array(rows, dtype=Pad, device=device)
 
 
 @dataclass(frozen=True)
@@ -125,7 +137,7 @@ def pad_turns(pads: PadTable, hand: HandTable, device: str) -> wp.array:
         return (place / TAXELS - 0.5) * pads.width_m / radius
 
     def row(place: np.ndarray) -> np.ndarray:
-        return np.maximum(place * pads.length_m / TAXELS - straight, 0.0) / radius
+        return (place * pads.length_m / TAXELS - straight) / radius
 
     angle = np.concatenate([column(taxel), row(taxel), column(middle), row(middle)])
     return wp.array(np.stack([np.sin(angle), np.cos(angle)], 1), dtype=vec2, device=device)

@@ -32,10 +32,10 @@ def taxel_row(pad: Pad, hand: Hand, f: FingerPose, link: int, row: int, turns: w
 
 @wp.func
 def taxel_place(
-    pad: Pad, hand: Hand, f: FingerPose, row: PadRow, column: int, turns: wp.array[vec2]
+    pad: Pad, hand: Hand, f: FingerPose, link: int, row: PadRow, column: int, turns: wp.array[vec2]
 ):
     """The place of a taxel of a row."""
-    return pad_point(pad, hand, f, row, turns[column]).x
+    return pad_point(pad, hand, f, link, row, turns[column]).x
 
 
 @wp.func
@@ -51,11 +51,12 @@ def rows_near(
     bits = int(0)
     row = pad_row_bent(pad, hand, f, link, real(top) + _MIDDLE,
                        turns[_MIDDLE_ROWS + block // _BLOCKS])
-    middle = pad_point(pad, hand, f, row, column).x
+    middle = pad_point(pad, hand, f, link, row, column).x
     if body_table_distance(scene, body, middle) < CULLING_MARGIN + _MIDDLE * wp.sqrt(
             pitch * pitch + width * width):
         for i in range(4):
-            x = pad_point(pad, hand, f, taxel_row(pad, hand, f, link, top + i, turns), column).x
+            x = pad_point(
+                pad, hand, f, link, taxel_row(pad, hand, f, link, top + i, turns), column).x
             if body_table_distance(scene, body, x) < CULLING_MARGIN + _MIDDLE * width:
                 bits = bits | (15 << (4 * i))
     return bits

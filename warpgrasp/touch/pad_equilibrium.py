@@ -77,7 +77,8 @@ def pad_energy(
                             for j in range(4):
                                 bit = 1 << (4 * i + j)
                                 if (bits & bit) != 0:
-                                    x = taxel_place(pad, hand, f, row, 4 * (block % 4) + j, turns)
+                                    x = taxel_place(pad, hand, f, link, row, 4 * (block % 4) + j,
+                                                    turns)
                                     d = body_table_distance(scene, body, x)
                                     if d < ZERO:
                                         g = body_table_distance_grad(scene, body, x)

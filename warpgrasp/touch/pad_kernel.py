@@ -3,7 +3,7 @@
 
 import warp as wp
 
-from warpgrasp.core.dtypes import HALF, ONE, ZERO, real, struct, transform, vec2, vec3, vec4
+from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat32, real, struct, transform, vec2, vec3, vec4
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import (
     counter_key,
@@ -62,6 +62,9 @@ class Pad:
     threshold: real
     yield_angle: real
     false_touch: real
+    shift: mat32
+    """Errors of one finger's pads: along and across each link [m], as a row; and their gains."""
+    gain: vec3
 
 
 @struct
@@ -90,24 +93,31 @@ def _straight(pad: Pad, hand: Hand, link: int):
 
 @wp.func
 def pad_bend(pad: Pad, hand: Hand, row: real):
-    """(sin, cos) of a row's turn over the fingertip, (0, 1) before it."""
+    """(sin, cos) of a row's turn over the fingertip; of no use before it."""
     s = (row + HALF) * pad.length / _SIDE_REAL
-    straight = _straight(pad, hand, 2)
-    if s > straight:
-        return sine_cosine((s - straight) / (hand.link_radius + pad.thickness))
-    return vec2(ZERO, ONE)
+    return sine_cosine((s - _straight(pad, hand, 2)) / (hand.link_radius + pad.thickness))
+
+
+@wp.func
+def _turned(angle: vec2, further: real):
+    """(sin, cos) of an angle increased by a small one."""
+    if further == ZERO:
+        return angle
+    by = sine_cosine(further)
+    return vec2(angle[0] * by[1] + angle[1] * by[0], angle[1] * by[1] - angle[0] * by[0])
 
 
 @wp.func
 def pad_row_bent(pad: Pad, hand: Hand, f: FingerPose, link: int, row: real, bend: vec2):
-    """`pad_row`, its `pad_bend` given."""
-    s = (row + HALF) * pad.length / _SIDE_REAL
+    """`pad_row`, its `pad_bend` before the pad's error given."""
+    s = (row + HALF) * pad.length / _SIDE_REAL + pad.shift[link, 0]
     u = link_direction(f, link)
     n = wp.cross(f.side, u)
     straight = _straight(pad, hand, link)
     at = PadRow()
-    if s > straight:
-        at.out = n * bend[1] + u * bend[0]
+    if link == 2 and s > straight:
+        turn = _turned(bend, pad.shift[link, 0] / (hand.link_radius + pad.thickness))
+        at.out = n * turn[1] + u * turn[0]
         at.axis = f.p4
     else:
         start = (hand.link_length[link] - straight) * wp.where(link == 2, ONE, HALF)
@@ -124,16 +134,17 @@ def pad_row(pad: Pad, hand: Hand, f: FingerPose, link: int, row: real):
 
 @wp.func
 def pad_column(pad: Pad, hand: Hand, column: real):
-    """(sin, cos) of a column's turn about the link's axis."""
+    """(sin, cos) of a column's turn about the link's axis, before the pad's error."""
     radius = hand.link_radius + pad.thickness
     return sine_cosine((column + HALF - _SIDE_REAL * HALF) * pad.width / (_SIDE_REAL * radius))
 
 
 @wp.func
-def pad_point(pad: Pad, hand: Hand, f: FingerPose, row: PadRow, column: vec2):
+def pad_point(pad: Pad, hand: Hand, f: FingerPose, link: int, row: PadRow, column: vec2):
     """The place of a row and a column of a pad."""
     place = PadPlace()
-    place.out = row.out * column[1] + f.side * column[0]
+    turn = _turned(column, pad.shift[link, 1] / (hand.link_radius + pad.thickness))
+    place.out = row.out * turn[1] + f.side * turn[0]
     place.x = row.axis + place.out * (hand.link_radius + pad.thickness)
     return place
 
@@ -141,7 +152,7 @@ def pad_point(pad: Pad, hand: Hand, f: FingerPose, row: PadRow, column: vec2):
 @wp.func
 def pad_place(pad: Pad, hand: Hand, f: FingerPose, link: int, row: real, column: real):
     """The place at (row, column), taxel centres being whole numbers; in the frame of `f`."""
-    return pad_point(pad, hand, f, pad_row(pad, hand, f, link, row),
+    return pad_point(pad, hand, f, link, pad_row(pad, hand, f, link, row),
                      pad_column(pad, hand, column))
 
 
@@ -269,5 +280,5 @@ def _pads_kernel(
         for column in range(_SIDE):
             taxel = row * _SIDE + column
             count[i, slot, row, column] = wp.uint8(taxel_count(
-                pad, force[i, slot, row, column], pad_taxel_key(key[i], finger, link, taxel),
-                counter_key(read, taxel)))
+                pad, force[i, slot, row, column] * pad.gain[link],
+                pad_taxel_key(key[i], finger, link, taxel), counter_key(read, taxel)))

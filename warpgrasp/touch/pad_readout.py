@@ -38,7 +38,7 @@ def pad_load(
                     row = taxel_row(pad, hand, f, link, 4 * (block // 4) + i, turns)
                     for j in range(4):
                         if (bits & (1 << (4 * i + j))) != 0:
-                            x = taxel_place(pad, hand, f, row, 4 * (block % 4) + j, turns)
+                            x = taxel_place(pad, hand, f, link, row, 4 * (block % 4) + j, turns)
                             force = taxel_force(scene, body, pad, x)
                             total += force
                             centre += x * force
@@ -66,8 +66,8 @@ def pad_feels(
                     for j in range(4):
                         if (bits & (1 << (4 * i + j))) != 0:
                             column = 4 * (block % 4) + j
-                            force = taxel_force(
-                                scene, body, pad, taxel_place(pad, hand, f, row, column, turns))
+                            x = taxel_place(pad, hand, f, link, row, column, turns)
+                            force = taxel_force(scene, body, pad, x) * pad.gain[link]
                             taxel = at * _SIDE + column
                             if force > ZERO and real(taxel_count(
                                     pad, force, pad_taxel_key(episode, finger, link, taxel),
@@ -89,7 +89,8 @@ def pad_feels(
             bits = near_bits[link, 4 * (at // 4) + column // 4]
             if (bits & (1 << (4 * (at % 4) + column % 4))) != 0:
                 row = taxel_row(pad, hand, f, link, at, turns)
-                force = taxel_force(scene, body, pad, taxel_place(pad, hand, f, row, column, turns))
+                x = taxel_place(pad, hand, f, link, row, column, turns)
+                force = taxel_force(scene, body, pad, x) * pad.gain[link]
             if real(taxel_count(
                     pad, force, pad_taxel_key(episode, finger, link, taxel), key)) >= pad.threshold:
                 return True
@@ -120,8 +121,8 @@ def read_image(
                     for j in range(4):
                         if (bits & (1 << (4 * k + j))) != 0:
                             column = 4 * (block % 4) + j
-                            force = taxel_force(
-                                scene, body, pad, taxel_place(pad, hand, f, row, column, turns))
+                            x = taxel_place(pad, hand, f, link, row, column, turns)
+                            force = taxel_force(scene, body, pad, x) * pad.gain[link]
                             if force > ZERO:
                                 taxel = at * _SIDE + column
                                 image[i, at, column] = wp.uint8(taxel_count(

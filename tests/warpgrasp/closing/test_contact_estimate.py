@@ -4,12 +4,11 @@ import numpy as np
 
 from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
 from warpgrasp.objects.catalogue import body_from_name
-from warpgrasp.parameters import ArmTable, HandTable, SensorTable
+from warpgrasp.parameters import ArmTable, ErrorTable, HandTable, SensorTable
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Robot, Truth
 
-EXACT_ARM = ArmTable(mount_error_m=0.0, mount_error_rad=0.0, repeatability_m=0.0,
-                     encoder_step_rad=0.0)
+EXACT_ARM = ArmTable(repeatability_m=0.0, encoder_step_rad=0.0)
 
 
 def grasp_lightbulb(sensors: SensorTable, arm: ArmTable = EXACT_ARM, worlds: int = 40):
@@ -17,7 +16,8 @@ def grasp_lightbulb(sensors: SensorTable, arm: ArmTable = EXACT_ARM, worlds: int
     pose = np.tile([0.45, 0, 0, 0, 0, 0, 1.0], (worlds, 1))
     truth = Truth(pose)
     robot = Robot([body_from_name("lightbulb")], np.zeros(1, int), truth,
-                  np.arange(worlds, dtype=np.uint64), arm, HandTable(), sensors)
+                  np.arange(worlds, dtype=np.uint64), arm, HandTable(), sensors,
+                  errors=ErrorTable.none() if arm is EXACT_ARM else None)
     aside = np.random.default_rng(0).uniform(-0.01, 0.01, (worlds, 2))
     hand = np.zeros((worlds, 1, 7))
     hand[:, 0, 0], hand[:, 0, 1] = 0.45 + aside[:, 0], aside[:, 1]

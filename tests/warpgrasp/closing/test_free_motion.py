@@ -10,12 +10,13 @@ from strategies.ready_made import STRATEGIES
 from sweeps.episode.given_prior import draw_prior
 from warpgrasp.closing.closing_record import LinkStep
 from warpgrasp.closing.free_motion import advance_free, start_free
-from warpgrasp.closing.path_table import path_on_device, path_table
+from warpgrasp.closing.path_table import path_on_device
 from warpgrasp.core.dtypes import real, transform
 from warpgrasp.core.kernel_launch import launch
 from warpgrasp.core.random import counter_key
 from warpgrasp.geometry.body import distance_to_bodies, scene_of
 from warpgrasp.geometry.scene import Scene, body_is_convex
+from warpgrasp.mechanism.calibration import no_errors
 from warpgrasp.mechanism.utah_mit_hand import hand_links, hand_of
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
 from warpgrasp.objects.catalogue import body_from_name
@@ -45,7 +46,7 @@ def test_the_first_touch_against_links_sampled_at_every_step(name: str) -> None:
                            draw_prior(body, ON_TABLE, ObjectTable(), key), HAND, key)[0]
     commands = closing_commands(CLOSING_PATHS["base_then_curl"])[None]
     steps, n = commands.shape[2], len(hands)
-    scene, links = scene_of([body], "cpu"), path_on_device(HAND, commands, "cpu")[1]
+    scene, links = scene_of([body], "cpu"), path_on_device(HAND, no_errors(), commands, "cpu")[1]
     points, _ = hand_links(HAND, hands, np.tile(commands[0, :, 0], (n, 1, 1)))
     base = np.concatenate([points[:, FINGER, 0], hands[:, 3:]], 1)
     out = wp.zeros(n, dtype=int, device="cpu")
@@ -53,7 +54,7 @@ def test_the_first_touch_against_links_sampled_at_every_step(name: str) -> None:
         "scene": scene, "hand": hand_of(HAND), "end": steps, "links": links, "out": out,
         "base": wp.array(base, dtype=transform, device="cpu")}, device="cpu")
 
-    row = path_table(HAND, commands)[1][0, FINGER]
+    row = links.numpy()[0, FINGER]
     share = np.linspace(0, 1, 23)[:, None]
     along = row["start"][..., None, :] + (row["end"] - row["start"])[..., None, :] * share
     x, y, z, w = hands[:, 3:].T

@@ -1,11 +1,14 @@
 """Closing paths tabled: places as forward kinematics has them, ways never shorter than they are."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
-from warpgrasp.closing.path_table import path_on_device, path_table
+from warpgrasp.closing.path_table import path_on_device
+from warpgrasp.mechanism.calibration import draw_calibration, no_errors
 from warpgrasp.mechanism.utah_mit_hand import hand_links
-from warpgrasp.parameters import HandTable
+from warpgrasp.parameters import ErrorTable, HandTable
 
 HAND = HandTable()
 
@@ -13,7 +16,8 @@ HAND = HandTable()
 def chains(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Steps, links, and joints 1 to 3 and tip by forward kinematics, (step, 4, 3), of finger 2."""
     commands = closing_commands(CLOSING_PATHS[name])
-    table, links = path_table(HAND, commands[None])
+    table, links = (rows.numpy() for rows in path_on_device(
+        HAND, no_errors(), commands[None], "cpu"))
     still = np.tile([0, 0, 0, 0, 0, 0, 1.0], (commands.shape[1], 1))
     points, _ = hand_links(HAND, still, commands.transpose(1, 0, 2))
     return table[0, 2], links[0, 2], points[:, 2, 1:] - points[:, 2, :1]
@@ -48,15 +52,38 @@ def test_moves_count_the_flexion_joints_that_move() -> None:
 
 def test_a_path_is_tabled_once_and_anew_when_it_changes() -> None:
     commands = closing_commands(CLOSING_PATHS["curl40"])[None].copy()
-    first = path_on_device(HAND, commands, "cpu")
-    for shared, whole in zip(first, path_table(HAND, commands), strict=True):
-        np.testing.assert_array_equal(shared.numpy(), whole)  # all fingers go the same way
-    assert path_on_device(HAND, commands.copy(), "cpu")[0] is first[0]
+    first = path_on_device(HAND, no_errors(), commands, "cpu")
+    assert path_on_device(HAND, no_errors(), commands.copy(), "cpu")[0] is first[0]
     commands[0, 1, 5] += 0.01  # in place
-    path, links = path_on_device(HAND, commands, "cpu")
-    table, tabled = path_table(HAND, commands)
-    np.testing.assert_array_equal(path.numpy()["command"], table["command"])
-    np.testing.assert_array_equal(links.numpy(), tabled)
+    path, links = (rows.numpy() for rows in path_on_device(HAND, no_errors(), commands, "cpu"))
+    np.testing.assert_array_equal(path["command"], commands)
+    shared = first[1].numpy()  # all fingers go the same way
+    np.testing.assert_array_equal(links[:, [0, 2, 3]], shared[:, [0, 2, 3]])
+    assert (links[0, 1, 2, 5]["end"] != shared[0, 1, 2, 5]["end"]).any()
+
+
+def test_a_true_robot_goes_its_own_way() -> None:
+    """Its links are as long as they are, and its joints stand where its sensors say they do not."""
+    key = np.arange(3, dtype=np.uint64)
+    errors = draw_calibration(ErrorTable(), key)
+    commands = np.stack([closing_commands(CLOSING_PATHS[name])[:, :150]
+                         for name in ("curl40", "base_then_curl")])
+    path, links = (rows.numpy().reshape(3, 2, 4, *rows.shape[2:])
+                   for rows in path_on_device(HAND, errors, commands, "cpu"))
+    np.testing.assert_allclose(path["command"], commands[None]
+                               - errors.joint_offset_rad[:, None, :, None], atol=1e-15)
+    for world in range(3):
+        for finger in range(4):
+            own = replace(HAND, link_length_m=tuple(
+                np.array(HAND.link_length_m) * (1 + errors.link_length_share[world, finger])))
+            points, _ = hand_links(own, np.tile([0, 0, 0, 0, 0, 0, 1.0], (150, 1)),
+                                   path["command"][world, 1].swapaxes(0, 1))
+            points = points[:, finger, 1:] - points[:, finger, :1]
+            if finger == 3:  # it faces the others
+                points = points * [-1, -1, 1]
+            for link in range(3):
+                np.testing.assert_allclose(links["end"][world, 1, finger, link],
+                                           points[:, link + 1], atol=1e-15)
 
 
 def test_no_jump_goes_beyond_what_is_free() -> None:

@@ -118,13 +118,14 @@ def test_reactions_push_and_no_link_is_deeper_than_its_torque_allows(name: str, 
 
 @settings(max_examples=10, deadline=None, derandomize=True, phases=[Phase.generate])
 @given(drawn, st.floats(0.0, 30.0), st.sampled_from((0.0, 0.3, 1.0)))
-def test_tensions_stay_in_their_range(case, co_contraction: float, noise: float) -> None:
+def test_no_tendon_is_slack_and_the_difference_is_the_torque(
+        case, co_contraction: float, noise: float) -> None:
     seed, path, threshold = case
     body = body_from_name("block")
     hand = replace(HAND, co_contraction_N=co_contraction)
     commands = closing_commands(CLOSING_PATHS[path])
     poses = poses_about(body, 2, seed)
-    felt, _ = close_fingers(
+    felt, truth = close_fingers(
         scene_of([body], "cpu"), np.zeros(1, int), np.tile([0, 0, 0, 0, 0, 0, 1.0], (2, 1)), hand,
         SensorTable(tendon_threshold_N=threshold, tension_noise_N=noise), np.arange(
             2, dtype=np.uint64), np.full((2, 1, 1), int(ProbeStatus.CONTACT)), poses[:, None],
@@ -132,7 +133,14 @@ def test_tensions_stay_in_their_range(case, co_contraction: float, noise: float)
     read = felt.tension_N[np.isfinite(felt.tension_N)]
     rub, slack = hand.tendon_friction, 6.0 * noise / 4.0 + 0.1  # sixteen readings averaged
     assert (read >= hand.tension_low_N * (1 - rub) - slack).all()
-    assert (read <= hand.tension_high_N * (1 + rub) + slack).all()
+    stopped = felt.status == ProbeStatus.CONTACT
+    step = np.maximum(felt.step, 1)
+    delta = commands[np.arange(4), step] - commands[np.arange(4), step - 1]
+    moving = np.sign(np.round(delta, 12))
+    pull = (felt.tension_N[..., 0] / (1 + rub * moving)
+            - felt.tension_N[..., 1] / (1 - rub * moving))[stopped]
+    torque = truth.torque_Nm[stopped] / hand.moment_arm_m
+    np.testing.assert_allclose(pull, torque, atol=2.0 * slack)
 
 
 def test_a_link_between_object_and_table_bears_on_both() -> None:

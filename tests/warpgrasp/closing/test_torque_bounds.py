@@ -112,12 +112,10 @@ def test_no_step_left_out_would_have_stopped_a_finger(name: str) -> None:
     arm = np.array(HAND.moment_arm_m[1:])
     for last in range(1, int(felt.step[stopped].max())):
         rest = close(never, np.minimum(count, last + 1))[1]
-        pull = rest.torque_Nm[..., 1:] / (2 * arm)
+        pull = rest.torque_Nm[..., 1:] / arm
         moving = np.sign(commands[:, :, last] - commands[:, :, last - 1])[..., 1:]
         rub = HAND.tendon_friction * moving
-        ends = HAND.tension_low_N, HAND.tension_high_N
-        flexor = np.clip(HAND.co_contraction_N + pull, *ends) * (1 + rub)
-        extensor = np.clip(HAND.co_contraction_N - pull, *ends) * (1 - rub)
-        over = (np.abs(flexor - extensor) > quiet.tendon_threshold_N + 1e-3).any(-1)
+        total = np.maximum(2 * HAND.co_contraction_N, 2 * HAND.tension_low_N + np.abs(pull))
+        over = (np.abs(pull + rub * total) > quiet.tendon_threshold_N + 1e-3).any(-1)
         early |= over & (last < felt.step) & (last < count[:, None])
     assert early.sum() <= 0.002 * stopped.sum()

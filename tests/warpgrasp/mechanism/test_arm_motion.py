@@ -46,8 +46,7 @@ def test_a_way_along_a_wall_is_looked_at_to_its_end(gap: float) -> None:
     wide = HAND.palm_gap_m - 2 * HAND.link_radius_m - 2 * gap
     block = Body("wall", (Part(Shape.BLOCK, size_m=(wide, 0.03, 0.1)),), (-0.1, -0.1, 0.0),
                  (0.1, 0.1, 0.1))
-    exact = ArmTable(encoder_step_rad=0.0, repeatability_m=0.0, mount_error_m=0.0,
-                     mount_error_rad=0.0)
+    exact = ArmTable(encoder_step_rad=0.0, repeatability_m=0.0)
 
     def status(height: float) -> int:
         moves, _ = move_hand(

@@ -13,25 +13,27 @@ from strategies.poses.postures import POKE_RAD, poke_tip_m, poking_pose
 from warpgrasp.geometry.body import Body
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.objects.mesh_import import body_from_mesh
-from warpgrasp.parameters import ArmTable, HandTable, PadTable, SensorTable
+from warpgrasp.parameters import ArmTable, ErrorTable, HandTable, PadTable, SensorTable
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Robot, Truth
 from warpgrasp.touch.guarded_motion import Until
 from warpgrasp.touch.pad import false_touch_probability, read_pads
 
-EXACT_ARM = ArmTable(encoder_step_rad=0.0, repeatability_m=0.0, mount_error_m=0.0,
-                     mount_error_rad=0.0)
+EXACT_ARM = ArmTable(encoder_step_rad=0.0, repeatability_m=0.0)
 EXACT = SensorTable(joint_noise_rad=0.0)
 QUIET = PadTable(noise_counts=0.0, gain_spread=0.0, repeatability=0.0, dead_fraction=0.0)
 INWARD = np.array([1.0, 0.0, 0.0])
 
 
-def robot_before_block(worlds: int, *, arm=None, sensors=None, pads=None,
+def robot_before_block(worlds: int, *, arm=None, sensors=None, pads=None, errors=None,
                        body: Body | None = None) -> tuple[Robot, Truth]:
+    """A robot whose arm is exact has no errors at all, unless they are given."""
+    if arm is EXACT_ARM:
+        errors = errors or ErrorTable.none()
     truth = Truth(np.tile([0.45, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (worlds, 1)))
     robot = Robot([body or body_from_name("block")], np.zeros(1, int), truth,
                   np.arange(worlds).astype(np.uint64) + np.uint64(99), arm or ArmTable(),
-                  HandTable(), sensors or SensorTable(), pads=pads)
+                  HandTable(), sensors or SensorTable(), pads=pads, errors=errors)
     return robot, truth
 
 
@@ -82,8 +84,9 @@ def test_default_noise_leaves_the_touch_within_a_millimetre_or_two() -> None:
     touch = poke(robot)
     assert (touch.status == ProbeStatus.CONTACT).all()
     error = touch.point_m - truth.lines[0].point_m
-    assert np.sqrt((error[:, 0] ** 2).mean()) < 1.2e-3  # mount 0.5 mm and joints 0.3 deg
-    assert np.median(np.linalg.norm(error, axis=1)) < 2.0e-3
+    # Mount, finger base, pad and arm some 0.5 mm each, joints 0.5 deg on levers up to 0.1 m.
+    assert np.sqrt((error[:, 0] ** 2).mean()) < 1.7e-3
+    assert np.median(np.linalg.norm(error, axis=1)) < 2.7e-3
     lean = np.degrees(np.arccos(-touch.normal[:, 0]))
     assert np.median(lean) < 5.0
 
@@ -96,7 +99,7 @@ def test_the_load_is_that_of_all_taxels(name: str) -> None:
     truth, pads = Truth(pose), PadTable(middle=True)
     key = np.arange(n).astype(np.uint64) + np.uint64(7)
     robot = Robot([body], np.zeros(1, int), truth, key, ArmTable(), HandTable(), SensorTable(),
-                  pads=pads)
+                  pads=pads, errors=ErrorTable.none())
     angle = np.linspace(-1.0, 1.0, n)
     inward = np.stack([np.cos(angle), np.sin(angle), 0 * angle], 1)
     start = poking_pose(robot.hand, pads, np.array([0.45, 0.0, 0.05]) - 0.06 * inward, inward,

@@ -1,0 +1,130 @@
+"""The robot that is: how each world's arm and hand differ from the tables that are believed.
+
+A calibration error is drawn once an episode and kept. The true robot moves and feels with it; what
+the robot concludes comes from the tables alone (Allen and Michelman 1990 name the calibration of
+the arm, the joint sensors and the hand's kinematic model as their sources of error).
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import warp as wp
+from scipy.spatial.transform import Rotation
+
+from warpgrasp.core.random import Purpose, counter_key, normal_vector
+from warpgrasp.core.struct_array import record_type
+from warpgrasp.mechanism.puma560 import arm_of
+from warpgrasp.mechanism.puma560_kernel import Arm
+from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, LINK_COUNT, hand_of
+from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
+from warpgrasp.parameters import ArmTable, ErrorTable, HandTable
+
+_LARGEST = 3.0
+"""Standard deviations: no robot leaves the bench with more."""
+_ARM_LENGTHS = ("d1", "d3", "d4", "a2", "a3")
+_ARM_LEVER_M, _MOUNT_LEVER_M = 0.5, 0.15
+"""From the arm's joints, and from the mount, to a fingertip, about."""
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """The errors of each world's robot, true less believed. Shapes start with (world,).
+
+    Two are equal only if they are the same, so that what is made from one can be kept.
+    """
+
+    joint_offset_rad: np.ndarray
+    """What joint sensors read less the joints' angles, (..., finger 4, joint 4)."""
+    link_length_share: np.ndarray
+    """Of each link's length, (..., finger 4, link 3)."""
+    finger_base_m: np.ndarray
+    """Hand frame, (..., finger 4, 3)."""
+    moment_arm_share: np.ndarray
+    """(..., finger 4, joint 4)."""
+    arm_offset_rad: np.ndarray
+    """(..., 6)."""
+    arm_length_m: np.ndarray
+    """Of d1, d3, d4, a2, a3 of the DH table, (..., 5)."""
+    mount: np.ndarray
+    """Pose [m] and quaternion xyzw in the nominal frame of the hand, (..., 7)."""
+    pad_shift_m: np.ndarray
+    """Along and across its link, (..., finger 4, link 3, 2)."""
+    pad_gain: np.ndarray
+    """Factor, (..., finger 4, link 3)."""
+
+    @property
+    def worlds(self) -> int:
+        """1 where all worlds share one robot."""
+        return len(self.mount)
+
+
+def draw_calibration(table: ErrorTable, key: np.ndarray) -> Calibration:
+    """The errors of each world, from its episode's key (world,) uint64.
+
+    Normal, cut at three standard deviations; the mount's axes are not cut.
+    """
+    stream = counter_key(key, int(Purpose.CALIBRATION))
+
+    def draw(number: int, *shape: int) -> np.ndarray:
+        values = normal_vector(counter_key(stream, number), int(np.prod(shape)))
+        return np.clip(values, -_LARGEST, _LARGEST).reshape(len(key), *shape)
+
+    mount = normal_vector(counter_key(key, int(Purpose.MOUNT)), 6)
+    turn = Rotation.from_rotvec(mount[:, 3:] * table.mount_rad).as_quat()
+    each = FINGER_COUNT, LINK_COUNT
+    return Calibration(
+        joint_offset_rad=table.joint_offset_rad * draw(0, FINGER_COUNT, 4),
+        link_length_share=table.link_length_share * draw(1, *each),
+        finger_base_m=table.finger_base_m * draw(2, FINGER_COUNT, 3),
+        moment_arm_share=table.moment_arm_share * draw(3, FINGER_COUNT, 4),
+        arm_offset_rad=table.arm_joint_offset_rad * draw(4, 6),
+        arm_length_m=table.arm_link_m * draw(5, len(_ARM_LENGTHS)),
+        mount=np.concatenate([mount[:, :3] * table.mount_m, turn], axis=1),
+        pad_shift_m=table.pad_m * draw(6, *each, 2),
+        pad_gain=1.0 + table.pad_gain_share * draw(7, *each))
+
+
+@lru_cache(maxsize=1)
+def no_errors() -> Calibration:
+    """The robot that is believed, shared by all worlds."""
+    return draw_calibration(ErrorTable.none(), np.zeros(1, np.uint64))
+
+
+def place_variance(errors: ErrorTable, arm: ArmTable, hand: HandTable) -> float:
+    """Variance per axis of where the robot believes a place on a finger to be [m2], its finger's
+    joints apart: from the calibration of arm, mount and finger base, and the arm's repeatability.
+
+    An estimate: turns act on levers of half a metre (arm) and 0.15 m (mount).
+    """
+    swing = 3 * (_ARM_LEVER_M * errors.arm_joint_offset_rad) ** 2
+    return (errors.mount_m**2 + arm.repeatability_m**2 + (_MOUNT_LEVER_M * errors.mount_rad) ** 2
+            + swing + len(_ARM_LENGTHS) / 3 * errors.arm_link_m**2 + errors.finger_base_m**2
+            + (errors.link_length_share * max(hand.link_length_m)) ** 2)
+
+
+@lru_cache(maxsize=8)
+def true_hands(table: HandTable, errors: Calibration, device: str) -> wp.array:
+    """The true hands as kernels take them, (world or 1, finger 4)."""
+    shape = (errors.worlds, FINGER_COUNT)
+    rows = np.empty(shape, record_type(Hand))
+    rows[...] = np.frombuffer(bytes(hand_of(table).__ctype__()), record_type(Hand))[0]
+    rows["link_length"] *= 1.0 + errors.link_length_share
+    rows["moment_arm"] *= 1.0 + errors.moment_arm_share
+    rows["base_shift"] = errors.finger_base_m
+    rows["offset"] = errors.joint_offset_rad
+    return wp.array(rows, dtype=Hand, device=device)
+
+
+@lru_cache(maxsize=8)
+def true_arms(
+    table: ArmTable, mount_length_m: float, errors: Calibration, device: str
+) -> wp.array:
+    """The true arms as kernels take them, (world or 1,)."""
+    rows = np.empty(errors.worlds, record_type(Arm))
+    rows[...] = np.frombuffer(bytes(arm_of(table, mount_length_m).__ctype__()),
+                              record_type(Arm))[0]
+    for n, name in enumerate(_ARM_LENGTHS):
+        rows[name] += errors.arm_length_m[:, n]
+    rows["offset"] = errors.arm_offset_rad
+    return wp.array(rows, dtype=Arm, device=device)
