@@ -7,8 +7,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "geometry.body": ["Body", "BodyError"],
     "geometry.meshing": ["body_mesh"],
     "objects.catalogue": ["body_from_name", "body_from_table"],
-    "parameters": ["ArmTable", "ErrorTable", "FitTable", "HandTable", "ObjectTable", "PadTable",
-        "SensorTable", "StereoTable"],
+    "parameters": ["ArmTable", "ContactTable", "ErrorTable", "FitTable", "HandTable", "ObjectTable",
+        "PadTable", "SensorTable", "StereoTable"],
     "probe_status": ["ProbeStatus"],
     "robot": ["Grasps", "Robot", "Truth"],
 })

@@ -73,6 +73,8 @@ class HandTable:
     tension_low_N: float = _number(2.0, 0.0, 200.0, "no tendon is let slacker than this; the "
                                    "other one of its joint then carries the rest [est]")
     joint_stiffness_Nm_rad: float = _number(2.0, 0.01, 1000.0, "joint position servo [est]")
+    joint_stop_Nm_rad: float = _number(200.0, 1.0, 1e6, "stiffness of a joint's stops [est]")
+    link_density_kg_m3: float = _number(1000.0, 0.0, 2e4, "of the fingers' links [est]")
     skin_stiffness_N_m: float = _number(2e4, 10.0, 1e7, "skin of a link [est]")
     tendon_friction: float = _number(0.07, 0.0, 0.9, "Coulomb, fraction of the tension [est]")
 
@@ -90,6 +92,20 @@ class SensorTable:
     joint_noise_rad: float = _number(radians(0.3), 0.0, 0.5, "sigma of a joint angle [est]")
     contact_estimator: str = _choice("intrinsic", ("fingertip", "intrinsic"),
                                      "fingertip: the paper's; intrinsic: from joint torques")
+
+
+@spec_words
+@dataclass(frozen=True)
+class ContactTable:
+    """What acts on a finger beside its servos and the skin; each can be switched off."""
+
+    joint_stops: bool = field(default=True, metadata={"doc": "joints end at their limits"})
+    weight: bool = field(default=True, metadata={"doc": "links weigh down on the servos"})
+
+    @staticmethod
+    def none() -> "ContactTable":
+        """Nothing beside them."""
+        return ContactTable(joint_stops=False, weight=False)
 
 
 @spec_words

@@ -18,7 +18,14 @@ from warpgrasp.geometry.body import Body, scene_of
 from warpgrasp.geometry.scene import Shape
 from warpgrasp.mechanism.arm_motion import ArmMoves, ArmState, move_hand
 from warpgrasp.mechanism.calibration import draw_calibration
-from warpgrasp.parameters import ArmTable, ErrorTable, HandTable, PadTable, SensorTable
+from warpgrasp.parameters import (
+    ArmTable,
+    ContactTable,
+    ErrorTable,
+    HandTable,
+    PadTable,
+    SensorTable,
+)
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.touch.guarded_motion import LineMove, LineTouch, LineTruth, Until, guarded_line
 from warpgrasp.touch.silhouette import Cameras, silhouettes
@@ -70,6 +77,7 @@ class Robot:
         *,
         pads: PadTable | None = None,
         errors: ErrorTable | None = None,
+        contact: ContactTable | None = None,
         device: str = "cpu",
     ) -> None:
         """`body` (world or 1,) numbers `bodies`; `key` (world,) uint64 seeds all noise, and the
@@ -92,6 +100,7 @@ class Robot:
         self.arm, self.hand, self.sensors = arm, hand, sensors
         self.pads = pads or PadTable()
         self.errors = errors or ErrorTable()
+        self.contact = contact or ContactTable()
         self._calibration = draw_calibration(self.errors, key)
 
     @property
@@ -128,8 +137,8 @@ class Robot:
         moves, actual = self._move(hand_pose, wanted, commands_rad, number)
         closing, truth = close_fingers(
             self._scene, self._body, self._truth.body_pose, self.hand, self.sensors, self._key,
-            moves.status, actual, commands_rad, command_count, errors=self._calibration,
-            probe_number=number,
+            moves.status, actual, commands_rad, command_count, contact=self.contact,
+            errors=self._calibration, probe_number=number,
             march_scale=self._march_scale, device=self._device)
         self._truth.closings.append(truth)
         self._truth.hand_poses.append(actual)
@@ -137,7 +146,7 @@ class Robot:
         self._state = moves.state
         estimate = estimate_contacts(closing, moves.believed_pose, commands_rad, self.arm,
                                      self.hand, self.sensors, errors=self.errors,
-                                     device=self._device)
+                                     contact=self.contact, device=self._device)
         return Grasps(moves, closing, estimate,
                       moves.time_s + self._finger_time(closing, commands_rad), commands_rad)
 
@@ -151,8 +160,8 @@ class Robot:
     ) -> tuple[ArmMoves, np.ndarray]:
         return move_hand(
             self._scene, self._body, self._truth.body_pose, self.arm, self.hand, self._key,
-            self._state, hand_pose, wanted, commands_rad, errors=self._calibration,
-            probe_number=number,
+            self._state, hand_pose, wanted, commands_rad, contact=self.contact,
+            errors=self._calibration, probe_number=number,
             march_scale=self._march_scale, device=self._device)
 
     def _within(self, room: np.ndarray, hand_pose: np.ndarray, wanted: np.ndarray,
@@ -182,7 +191,7 @@ class Robot:
         touch, truth, arm_q = guarded_line(
             self._scene, self._body, self._truth.body_pose, self.arm, self.hand, self.sensors,
             self.pads, self._key, self._calibration, self._state.q_rad[rows], move,
-            march_scale=self._march_scale, device=self._device)
+            contact=self.contact, march_scale=self._march_scale, device=self._device)
         self._truth.lines.append(truth)
         self._lines_made[rows] += 1
         self._line_count += 1

@@ -8,6 +8,7 @@ from strategies.procedures.options import ContourTable, DecideTable, PlanarTable
 from strategies.strategy import Strategy
 from warpgrasp.parameters import (
     ArmTable,
+    ContactTable,
     ErrorTable,
     FitTable,
     HandTable,
@@ -19,6 +20,7 @@ from warpgrasp.parameters import (
 
 SECTIONS: dict[str, type] = {
     "arm": ArmTable, "hand": HandTable, "sensors": SensorTable, "errors": ErrorTable,
+    "contact": ContactTable,
     "object": ObjectTable, "fit": FitTable, "pads": PadTable, "stereo": StereoTable,
     "planar": PlanarTable, "contour": ContourTable, "decide": DecideTable,
 }
@@ -44,6 +46,7 @@ class Cell:
     hand: HandTable = field(default_factory=HandTable)
     sensors: SensorTable = field(default_factory=SensorTable)
     errors: ErrorTable = field(default_factory=ErrorTable)
+    contact: ContactTable = field(default_factory=ContactTable)
     placement: ObjectTable = field(default_factory=ObjectTable)
     fit: FitTable = field(default_factory=FitTable)
     pads: PadTable = field(default_factory=PadTable)

@@ -1,6 +1,7 @@
 """The energy of a finger at rest, written out a second time in NumPy.
 
     E(q) = 1/2 K |q_cmd - q|^2 + sum over links and obstacles 1/2 k max(0, r - phi(x_link(q)))^2
+           + weight of the links + 1/2 k_stop (joints past their stops)^2
 
 What `closing.equilibrium` minimises. The obstacles are the body and the table. The nearest point
 of a link is found by sampling, its neighbourhood sampled again, and so on: slow, and independent of
@@ -16,7 +17,7 @@ from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
 from warpgrasp.geometry.body import Body, distance_to_bodies, scene_of
-from warpgrasp.parameters import HandTable
+from warpgrasp.parameters import ContactTable, HandTable
 
 _COARSE = 257
 _SAMPLES = 17
@@ -61,9 +62,16 @@ class LinkState:
 class FingerEnergy:
     """Energy of one finger (number 0 to 3) of a hand held at a pose (7,) in the body's frame."""
 
-    def __init__(self, body: Body, hand: HandTable, pose: np.ndarray, finger: int) -> None:
+    def __init__(self, body: Body, hand: HandTable, pose: np.ndarray, finger: int,
+                 contact: ContactTable | None = None) -> None:
         self._scene = _scene(body.content, _Held(body))
-        self.hand = hand
+        self.hand, contact = hand, contact or ContactTable()
+        length, radius = np.array(hand.link_length_m), hand.link_radius_m
+        volume = np.pi * radius**2 * length + 4 / 3 * np.pi * radius**3
+        self._weight = 9.81 * hand.link_density_kg_m3 * volume * contact.weight
+        self._stop = hand.joint_stop_Nm_rad * contact.joint_stops
+        self._low = np.array([hand.abduction_limit_rad[0], *hand.flexion_low_rad])
+        self._high = np.array([hand.abduction_limit_rad[1], *hand.flexion_high_rad])
         turn = Rotation.from_quat(pose[3:])
         x = hand.palm_gap_m / 2 * (1.0 if finger == 3 else -1.0)
         y = 0.0 if finger == 3 else hand.finger_spacing_m * (finger - 1)
@@ -106,14 +114,27 @@ class FingerEnergy:
     def energy(self, q: np.ndarray, command: np.ndarray) -> float:
         """E(q) [J]."""
         depth = np.maximum(self.links(q).depth_m, 0.0)
-        lag = command - q
+        lag, past = command - q, q - np.clip(q, self._low, self._high)
+        places, _ = self.chain(q)
+        height = 0.5 * (places[:-1] + places[1:])[:, 2]
         return float(0.5 * self.hand.joint_stiffness_Nm_rad * lag @ lag
+                     + 0.5 * self._stop * past @ past + self._weight @ height
                      + 0.5 * self.hand.skin_stiffness_N_m * (depth**2).sum())
+
+    def drive(self, q: np.ndarray, command: np.ndarray) -> np.ndarray:
+        """The part of dE/dq that is not the obstacles' [N m], (4,): servos, stops, weight."""
+        places, axes = self.chain(q)
+        past = q - np.clip(q, self._low, self._high)
+        total = -self.hand.joint_stiffness_Nm_rad * (command - q) + self._stop * past
+        for link, weight in enumerate(self._weight):
+            centre = 0.5 * (places[link] + places[link + 1])
+            total = total + weight * self._lever(link, centre, places, axes)[:, 2]
+        return total
 
     def gradient(self, q: np.ndarray, command: np.ndarray) -> np.ndarray:
         """dE/dq [N m], (4,), the contact forces' moments about the joint axes."""
         state, (places, axes) = self.links(q), self.chain(q)
-        total = -self.hand.joint_stiffness_Nm_rad * (command - q)
+        total = self.drive(q, command)
         for link, obstacle in np.argwhere(state.depth_m > 0.0):
             total = total - self._moments(
                 int(link), float(state.depth_m[link, obstacle]), state.point_m[link, obstacle],
@@ -128,7 +149,7 @@ class FingerEnergy:
         of them vanishes (Clarke, Optimization and Nonsmooth Analysis, 1983, 2.3).
         """
         state, (places, axes) = self.links(q), self.chain(q)
-        fixed = -self.hand.joint_stiffness_Nm_rad * (command - q)
+        fixed = self.drive(q, command)
         for link in np.flatnonzero(state.depth_m[:, 1] > 0.0).tolist():
             fixed = fixed - self._moments(link, state.depth_m[link, 1], state.point_m[link, 1],
                                           state.normal[link, 1], places, axes)
@@ -149,10 +170,16 @@ class FingerEnergy:
     def _moments(self, link: int, depth: float, point: np.ndarray, normal: np.ndarray,
                  places: np.ndarray, axes: np.ndarray) -> np.ndarray:
         """What the skin's force at a point turns the joints with [N m], (4,)."""
+        return self.hand.skin_stiffness_N_m * depth * (
+            self._lever(link, point, places, axes) @ normal)
+
+    def _lever(self, link: int, point: np.ndarray, places: np.ndarray,
+               axes: np.ndarray) -> np.ndarray:
+        """How a point of a link moves as each joint turns [m/rad], (4, 3)."""
         origins = np.concatenate([self._base[None], places[:3]])
         lever = np.cross(axes, point - origins)
         lever[link + 2:] = 0.0
-        return self.hand.skin_stiffness_N_m * depth * lever @ normal
+        return lever
 
     def _equally_near(self, start: np.ndarray, end: np.ndarray):
         """Places of a link's axis equally near to the body, with normals of all its sides there."""

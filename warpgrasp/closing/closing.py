@@ -5,7 +5,6 @@ what is felt where they stop is read in a second one (`closing_reading`).
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 import warp as wp
@@ -18,11 +17,9 @@ from warpgrasp.core.dtypes import transform
 from warpgrasp.core.kernel_launch import check_range, launch_in_turn
 from warpgrasp.core.struct_array import Records
 from warpgrasp.geometry.scene import Scene
-from warpgrasp.mechanism.calibration import Calibration, no_errors, true_hands
-from warpgrasp.mechanism.tendon import tendon_sensor_of
-from warpgrasp.mechanism.tendon_kernel import TendonSensor
+from warpgrasp.mechanism.calibration import Calibration, no_errors, true_hands, true_tendons
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT
-from warpgrasp.parameters import HandTable, SensorTable
+from warpgrasp.parameters import ContactTable, HandTable, SensorTable
 
 
 @dataclass(frozen=True)
@@ -60,17 +57,11 @@ class Closing:
 
 
 _SHAPES = {
-    "body": "world?", "body_pose": "world", "hands": "world? 4", "sensors": "world?",
+    "body": "world?", "body_pose": "world", "hands": "world? 4", "sensors": "world? 4",
     "key": "world", "probe_number": "world probe", "probe_status": "world probe grasp",
     "hand_pose": "world probe",
-    "path": "robotgrasp finger step", "links": "robotgrasp finger 3 step", "command_count": "grasp",
+    "path": "grasp finger step", "links": "grasp finger 3 step", "command_count": "grasp",
     "felt": "world probe grasp finger", "truth": "world probe grasp finger"}
-
-
-@lru_cache(maxsize=32)
-def _tendons(hand: HandTable, sensors: SensorTable, device: str) -> wp.array:
-    """Tendon sensors on a device, kept for the next launch."""
-    return wp.array([tendon_sensor_of(hand, sensors)], dtype=TendonSensor, device=device)
 
 
 def close_fingers(
@@ -85,6 +76,7 @@ def close_fingers(
     commands_rad: np.ndarray,
     command_count: np.ndarray,
     *,
+    contact: ContactTable | None = None,
     errors: Calibration | None = None,
     probe_number: np.ndarray | None = None,
     march_scale: float = 1.0,
@@ -97,10 +89,10 @@ def close_fingers(
     at z = 0. `key` (world,) uint64 seeds the noise, for which `probe_number` (world, probe) numbers
     the probes, each world's from 0 unless given. `probe_status` (world, probe, grasp) says
     CONTACT where the probe is to be made; other values are passed on. `commands_rad` has shape
-    (grasp, finger, step, 4), of which `command_count` (grasp,) steps count. `errors` are those of
-    the true robots; none unless given. `march_scale` shortens
-    the skipping of free steps for bodies whose distance is not a sure bound. Raises ShapeError, and
-    ValueError for a body or a count of steps that there is not.
+    (grasp, finger, step, 4), of which `command_count` (grasp,) steps count. `contact` says what
+    acts on the fingers; `errors` are those of the true robots, none unless given. `march_scale`
+    shortens the skipping of free steps for bodies whose distance is not a sure bound. Raises
+    ShapeError, and ValueError for a body or a count of steps that there is not.
     """
     check_range("body", body, 0, scene.bodies - 1)
     check_range("command_count", command_count, 1, np.shape(commands_rad)[2])
@@ -111,9 +103,10 @@ def close_fingers(
                "finger": FINGER_COUNT}
     dims = tuple(extents.values())
     felt, truth = (Records(row, dims, device, clear=False) for row in (ClosingRow, ClosingTruthRow))
-    errors = errors or no_errors()
-    path, links = path_on_device(hand, errors, commands_rad, device)
-    hands, tendons = true_hands(hand, errors, device), _tendons(hand, sensors, device)
+    errors, contact = errors or no_errors(), contact or ContactTable()
+    path, links = path_on_device(hand, contact, errors, commands_rad, device)
+    hands = true_hands(hand, contact, errors, device)
+    tendons = true_tendons(hand, sensors, contact, errors, device)
 
     def there(values: np.ndarray, dtype: type) -> wp.array:
         return wp.array(values, dtype=dtype, device=device, copy=False)

@@ -5,8 +5,8 @@ A finger follows its commands. At each step it rests where its energy is least. 
 first step at which the tendon difference of a flexion joint exceeds the threshold (Allen and
 Michelman 1990, section IV-C). The equilibrium is computed at few of the steps:
 
-- Free: until a link touches, the finger follows its commands exactly (`free_motion`). A false
-  stop, by friction and noise alone, is drawn from its exact first-passage distribution.
+- Free: until a link touches, the finger follows its commands but for its weight (`free_motion`).
+  Where friction, noise and weight alone may stop it, the readings of all these steps are drawn.
 - Pressed: the equilibrium at one step bounds the joint torques at later steps to a ball, and those
   at two steps bound the torques between them more tightly (`torque_bounds`). A step is skipped
   where its reading, with the noise drawn for it, stays below the threshold for all torques in the
@@ -21,7 +21,13 @@ down to single steps.
 
 import warp as wp
 
-from warpgrasp.closing.closing_record import ClosingRow, ClosingTruthRow, LinkStep, PathStep
+from warpgrasp.closing.closing_record import (
+    ClosingRow,
+    ClosingTruthRow,
+    LinkStep,
+    PathStep,
+    true_command,
+)
 from warpgrasp.closing.energy import Equilibrium, free_equilibrium, largest_magnitude
 from warpgrasp.closing.equilibrium import finger_equilibrium
 from warpgrasp.closing.free_motion import FreeFinger, advance_free, start_free
@@ -33,24 +39,21 @@ from warpgrasp.closing.torque_bounds import (
     stop_reading,
     torque_bound,
 )
-from warpgrasp.core.dtypes import ONE, ZERO, real, struct, transform, vec4
+from warpgrasp.core.dtypes import ZERO, real, struct, transform, vec4
 from warpgrasp.core.random import Purpose
-from warpgrasp.core.random_kernel import counter_key, counter_uniform
+from warpgrasp.core.random_kernel import counter_key
 from warpgrasp.geometry.scene import Scene, body_is_convex
 from warpgrasp.geometry.segment_distance import LINK_SAMPLES
 from warpgrasp.mechanism.tendon_kernel import TendonSensor
-from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_base
+from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_base, free_joints
 from warpgrasp.probe_status import ProbeStatus
 
 wp.set_module_options({"max_unroll": 1})  # few copies of the distance: they are then inlined
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
 _NO_CONTACT = wp.constant(int(ProbeStatus.NO_CONTACT))
-_FALSE_STOP = wp.constant(int(Purpose.FALSE_STOP))
 _TENSION_STEP = wp.constant(int(Purpose.TENSION_STEP))
 _NAN = wp.constant(real(float("nan")))
-_REDRAWS = wp.constant(100000)
 _FAR = wp.constant(1000000)  # steps
-_ENDLESS = wp.constant(real(1e300))  # no hazard comes to this
 _STRIDE = wp.constant(real(0.04))  # [rad] of a joint's command between two solved steps
 
 
@@ -77,7 +80,7 @@ def closing_kernel(
     body_pose: wp.array[transform],
     # Robot:
     hands: wp.array2d[Hand],
-    sensors: wp.array[TendonSensor],
+    sensors: wp.array2d[TendonSensor],
     march_scale: real,
     # Probe in:
     key: wp.array[wp.uint64],
@@ -104,9 +107,7 @@ def closing_kernel(
         return
 
     hand = hands[w % hands.shape[0], finger]
-    # The row of the path's tables: of this robot, or of all.
-    row = (w % (path.shape[0] // probe_status.shape[2])) * probe_status.shape[2] + g
-    sensor = sensors[w % sensors.shape[0]]
+    sensor = sensors[w % sensors.shape[0], finger]
     which = body[w % body.shape[0]]
     to_body = wp.transform_inverse(body_pose[w])
     base = wp.transform_multiply(
@@ -120,25 +121,12 @@ def closing_kernel(
     convex = body_is_convex(scene, which)
     samples = wp.where(convex, 0, LINK_SAMPLES)
 
-    # First passage of a false stop: exponential in the summed hazard of the free steps.
-    hazard_moving = sensor.hazard_moving
-    hazard_still = sensor.hazard_still
-    hazard = real(0.0)
-    # Where none can come, it does not matter which of the steps left out were free.
-    moves = path[row, finger, last].moves
-    ahead_hazard = hazard_moving * moves + hazard_still * (real(3 * (last + 1)) - moves)
-    draw = counter_uniform(counter_key(stream, _FALSE_STOP))
-    patience = real(_ENDLESS)
-    stride = real(_STRIDE)
-    if draw + ahead_hazard >= ONE:  # exp(-x) >= 1 - x
-        patience = -wp.log(draw)
-        if ahead_hazard >= patience:
-            stride = ZERO
-
+    listening = sensor.heard != 0 or path[g, finger, last].strain > ZERO
     now = ClosingState()
-    now.free = start_free(scene, which, convex, hand, base, links[row, finger, 1, 0].end)
+    now.free = start_free(scene, which, convex, hand, base, links[g, finger, 1, 0].end)
     # Steps of `now.low` and, if not negative, of `now.high`.
-    now.low = free_equilibrium(path[row, finger, 0].command)
+    now.low = free_equilibrium(true_command(hand, path, g, finger, 0))
+    heard = int(0)  # free steps before are known not to stop the finger
     low_step = int(-1)
     low_command = now.low.q
     low_pressed = int(0)
@@ -146,7 +134,6 @@ def closing_kernel(
     high_command = now.low.q
     high_pressed = int(0)
     high_reading = real(0.0)
-    torque = vec4(ZERO, ZERO, ZERO, ZERO)
     stopped = int(-1)
     reading = real(0.0)
     s = int(0)
@@ -156,28 +143,35 @@ def closing_kernel(
     while s <= last:
         if low_pressed == 0:
             # FreeFinger, to the step at which something may be touched.
-            now.free = advance_free(scene, which, convex, hand, base, links, row, finger,
+            now.free = advance_free(scene, which, convex, hand, base, path, links, g, finger,
                                     march_scale, now.free, last + 1)
-            if stride == ZERO:
-                moves = path[row, finger, wp.max(now.free.step - 1, 0)].moves - (
-                    path[row, finger, wp.max(s - 1, 0)].moves)
-                ahead_hazard = hazard_moving * moves + hazard_still * (
-                    real(3 * (now.free.step - s)) - moves)
-                if hazard + ahead_hazard >= patience:
-                    stopped = int(s)
-                    break
-                hazard += ahead_hazard
             s = int(now.free.step)
-            if s > last:
+            if listening:
+                while heard < s and stopped < 0:
+                    command = true_command(hand, path, g, finger, heard)
+                    now.low = free_equilibrium(free_joints(hand, base, command))
+                    delta = command - true_command(hand, path, g, finger, wp.max(heard - 1, 0))
+                    reading = stop_reading(sensor, (command - now.low.q) * k, delta,
+                                           counter_key(reader, heard))
+                    if wp.abs(reading) > sensor.threshold:
+                        stopped = int(heard)
+                    heard += 1
+            if stopped >= 0:
                 break
-            now.low = free_equilibrium(path[row, finger, s].command)
+            if s > last:
+                now.low = free_equilibrium(free_joints(
+                    hand, base, true_command(hand, path, g, finger, last)))
+                break
+            heard = s + 1
+            now.low = free_equilibrium(free_joints(
+                hand, base, true_command(hand, path, g, finger, s)))
             now.low.along = now.free.along
             now.low.bend = now.free.bend
             now.low.depth = -now.free.room
 
         # Solve step `s`.
-        command = path[row, finger, s].command
-        start = vec4(command)
+        command = true_command(hand, path, g, finger, s)
+        start = now.low.q
         if low_pressed == 1:
             start = predict_joints(low_command, now.low, command, k)
         known = low_pressed == 0 and wp.min(now.low.along) >= ZERO
@@ -194,9 +188,9 @@ def closing_kernel(
                 continue
         pressed = int(wp.max(wp.max(solved.depth), wp.max(solved.table)) > ZERO)
         reading = real(0.0)
-        if pressed == 1:
-            delta = command - path[row, finger, wp.max(s - 1, 0)].command
-            reading = stop_reading(hand, sensor, (command - solved.q) * k, delta,
+        if pressed == 1 or listening:
+            delta = command - true_command(hand, path, g, finger, wp.max(s - 1, 0))
+            reading = stop_reading(sensor, (command - solved.q) * k, delta,
                                    counter_key(reader, s))
         if in_order == 0:
             now.high = solved
@@ -210,7 +204,6 @@ def closing_kernel(
             low_step = int(s)
             low_command = vec4(command)
             low_pressed = int(pressed)
-            torque = (command - solved.q) * k
             if wp.abs(reading) > sensor.threshold:
                 stopped = int(s)
                 break
@@ -226,7 +219,7 @@ def closing_kernel(
             jump = int(_FAR)
         s = low_step + 1
         while s <= last:
-            command = path[row, finger, s].command
+            command = true_command(hand, path, g, finger, s)
             if s == high_step:
                 high_step = int(-1)
                 if high_pressed == 0:
@@ -234,7 +227,6 @@ def closing_kernel(
                 now.low = now.high
                 low_step = int(s)
                 low_command = vec4(high_command)
-                torque = (command - now.low.q) * k
                 reading = high_reading
                 if wp.abs(reading) > sensor.threshold:
                     stopped = int(s)
@@ -243,10 +235,10 @@ def closing_kernel(
                 ball = torque_bound(low_command, now.low, command, k)
                 if high_step >= 0:
                     ball = intersect_balls(ball, torque_bound(high_command, now.high, command, k))
-                elif s - low_step >= jump or largest_magnitude(command - low_command) > stride:
+                elif s - low_step >= jump or largest_magnitude(command - low_command) > _STRIDE:
                     break
-                delta = command - path[row, finger, s - 1].command
-                if may_stop(hand, sensor, ball, delta, counter_key(reader, s)):
+                delta = command - true_command(hand, path, g, finger, s - 1)
+                if may_stop(sensor, ball, delta, counter_key(reader, s)):
                     break
             s += 1
         if stopped >= 0 or low_step == last:
@@ -256,11 +248,11 @@ def closing_kernel(
             # Jump to where the reading is expected to stop the finger.
             ahead = int(s)
             while ahead < last and ahead - low_step < jump and (
-                    largest_magnitude(command - low_command) <= stride):
-                command = path[row, finger, ahead].command
-                delta = command - path[row, finger, ahead - 1].command
+                    largest_magnitude(command - low_command) <= _STRIDE):
+                command = true_command(hand, path, g, finger, ahead)
+                delta = command - true_command(hand, path, g, finger, ahead - 1)
                 guess = (command - predict_joints(low_command, now.low, command, k)) * k
-                if wp.abs(stop_reading(hand, sensor, guess, delta,
+                if wp.abs(stop_reading(sensor, guess, delta,
                                        counter_key(reader, ahead))) > sensor.threshold:
                     break
                 ahead += 1
@@ -268,27 +260,9 @@ def closing_kernel(
                 in_order = int(0)
             s = int(ahead)
 
+    at = wp.where(stopped < 0, last, stopped)
     truth[w, p, g, finger].q = now.low.q
-    if low_pressed == 0:
-        torque = vec4(ZERO, ZERO, ZERO, ZERO)
-        truth[w, p, g, finger].q = path[row, finger, last].command
-        if stopped >= 0:
-            # Noise stops the finger on the way: at the first step that uses up the patience.
-            delta = vec4(ZERO, ZERO, ZERO, ZERO)
-            for n in range(stopped, last + 1):
-                before = path[row, finger, wp.max(n - 1, 0)]
-                delta = path[row, finger, n].command - before.command
-                moves = path[row, finger, n].moves - before.moves
-                hazard += hazard_moving * moves + hazard_still * (real(3.0) - moves)
-                stopped = int(n)
-                if hazard >= patience:
-                    break
-            truth[w, p, g, finger].q = path[row, finger, stopped].command
-            redraw = counter_key(counter_key(stream, _FALSE_STOP), stopped)
-            for attempt in range(_REDRAWS):
-                reading = stop_reading(hand, sensor, torque, delta, counter_key(redraw, attempt))
-                if wp.abs(reading) > sensor.threshold:
-                    break
+    torque = (true_command(hand, path, g, finger, at) - now.low.q) * k
     truth[w, p, g, finger].torque = torque
     truth[w, p, g, finger].along = now.low.along
     truth[w, p, g, finger].bend = now.low.bend

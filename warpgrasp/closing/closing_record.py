@@ -2,30 +2,45 @@
 """Records of a closing as kernels see them: its path, and the rows they write for each finger."""
 
 
+import warp as wp
+
 from warpgrasp.core.dtypes import mat42, real, struct, vec3, vec4
+from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
 
 
 @struct
 class PathStep:
-    """A command, and the number of moves of the flexion joints since the start."""
+    """A command [rad].
+
+    `strain` is the torque [N m] that the servos of commands so far put on the joints' stops, the
+    largest of a flexion.
+    """
 
     command: vec4
-    moves: real
+    strain: real
 
 
 @struct
 class LinkStep:
     """A link of the free finger at a step, in the frame of the finger's base.
 
-    `start` and `end` bound its axis [m]; `come` bounds the distance [m] that any of its points has
-    moved since the first step; `steps` is the number of steps per metre at its fastest from here on
-    [1/m].
+    `start` and `end` bound its axis [m], weight and errors of calibration apart; `come` bounds the
+    distance [m] that any of its points has moved since the first step, these included, and `stray`
+    the part of it that they make; `steps` is the number of steps per metre at its fastest from here
+    on [1/m].
     """
 
     start: vec3
     end: vec3
     come: real
+    stray: real
     steps: real
+
+
+@wp.func
+def true_command(hand: Hand, path: wp.array3d[PathStep], grasp: int, finger: int, step: int):
+    """The command at which the true joints stand, the errors of their sensors taken off [rad]."""
+    return path[grasp, finger, step].command - hand.offset
 
 
 @struct

@@ -19,7 +19,7 @@ from warpgrasp.core.kernel_launch import launch
 from warpgrasp.mechanism.calibration import place_variance
 from warpgrasp.mechanism.tendon import tendon_sensor_of
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, hand_of
-from warpgrasp.parameters import ArmTable, ErrorTable, HandTable, SensorTable
+from warpgrasp.parameters import ArmTable, ContactTable, ErrorTable, HandTable, SensorTable
 
 FINGERTIP_SIGMA_M = 0.006
 """Spread given to a fingertip estimate [est]: its error is mostly that another place touched."""
@@ -56,13 +56,15 @@ def estimate_contacts(
     sensors: SensorTable,
     *,
     errors: ErrorTable | None = None,
+    contact: ContactTable | None = None,
     device: str = "cpu",
 ) -> ContactEstimate:
     """Contacts as the robot concludes them, by `sensors.contact_estimator`.
 
     `believed_pose` (world, probe, 7) is the nominal hand pose [m, quaternion xyzw], `commands_rad`
     (grasp, finger, step, 4) the commands of the closings. `errors` says how far the robot may be
-    from its tables; the default is `ErrorTable()`. Raises ShapeError where shapes disagree.
+    from its tables, and `contact` what acts on its fingers; the defaults are `ErrorTable()` and
+    `ContactTable()`. Raises ShapeError where shapes disagree.
     """
     worlds, probes, grasps, fingers = closing.status.shape
     dims = (worlds, probes, grasps, fingers)
@@ -84,7 +86,7 @@ def estimate_contacts(
         "status": each, "hand_pose": "world probe", "q": each, "flexor": each, "extensor": each,
         "moving": each, "point": each, "covariance": each, "normal": each, "link_out": each,
         **dict.fromkeys(by_link, each), **dict.fromkeys(joints, each)}, {
-        "hand": hand_of(hand), "sensor": tendon_sensor_of(hand, sensors),
+        "hand": hand_of(hand, contact), "sensor": tendon_sensor_of(hand, sensors),
         "intrinsic": int(sensors.contact_estimator == "intrinsic"),
         "pose_variance": place_variance(errors, arm, hand),
         "angle_variance": 2.0 * (sensors.joint_noise_rad**2 + errors.joint_offset_rad**2),

@@ -24,6 +24,7 @@ from warpgrasp.mechanism.utah_mit_hand_kernel import (
     finger_jacobian,
     finger_pose,
     fingertip_point,
+    weight_moments,
 )
 from warpgrasp.probe_status import ProbeStatus
 
@@ -46,6 +47,7 @@ _AROUND_SIN = wp.constant(_around_vec(*np.sin(_TURNS)))
 _CAP_COS = wp.constant(_cap_vec(*np.cos(_UPS)))
 _CAP_SIN = wp.constant(_cap_vec(*np.sin(_UPS)))
 _TINY = wp.constant(real(1e-300))
+_AT_STOP = wp.constant(real(3.0))  # deviations of a joint's reading
 _DEEPEST = wp.constant(real(40.0))  # places that explain so much less than the best are left out
 _RELATIVE = wp.constant(real(0.03))  # model error of a torque, of the largest [est]
 _FLOOR = wp.constant(real(5e-4))  # model error of a torque [N m] [est]
@@ -184,16 +186,24 @@ def _estimate_kernel(
     largest = real(0.0)
     for j in range(4):
         tensions = vec2(flexor[w, p, g, finger][j], extensor[w, p, g, finger][j])
-        torque[j] = torque_from_tensions(hand, j, tensions, moving[w, p, g, finger][j])
+        torque[j] = torque_from_tensions(sensor, j, tensions, moving[w, p, g, finger][j])
+    # What the servos bear beside the links' weight.
+    torque += weight_moments(hand, finger_pose(
+        hand, wp.transform_multiply(pose, finger_base(hand, finger)), angles))
+    for j in range(4):
         largest = wp.max(largest, wp.abs(torque[j]))
     precision = vec4(ZERO, ZERO, ZERO, ZERO)
     for j in range(4):
-        s = hand.moment_arm[j]
+        s = sensor.moment_arm[j]
         v = s * s * real(2.0) * (sensor.noise * sensor.noise + sensor.step * sensor.step
                                  / real(12.0)) / real(sensor.readings)
         m = _RELATIVE * largest
         unsure = arm_share * torque[j]  # the moment arm is known no better
         precision[j] = ONE / (v + m * m + unsure * unsure + _FLOOR * _FLOOR)
+        # A joint at its stop is held by it: what its tendons bear says nothing.
+        if hand.stop > ZERO and (angles[j] < hand.low[j] + _AT_STOP * sensor.joint_noise
+                                 or angles[j] > hand.high[j] - _AT_STOP * sensor.joint_noise):
+            precision[j] = _TINY
 
     # In units of their deviations, all torques weigh the same.
     root = vec4(wp.sqrt(precision[0]), wp.sqrt(precision[1]), wp.sqrt(precision[2]),

@@ -2,6 +2,7 @@
 """The energy of a finger: joint servos and skin against the rigid body and the table.
 
     E(q) = 1/2 K |q_cmd - q|^2 + sum over links and obstacles 1/2 k max(0, r - phi(x_link(q)))^2
+           + weight of the links + 1/2 k_stop (joints past their stops)^2
 
 phi is the signed distance of one obstacle, the body or the table, and x_link the point of the
 link's axis nearest to it. Each link has one term for each obstacle. With a single distance for
@@ -15,7 +16,7 @@ from warpgrasp.core.dtypes import HALF, ONE, ZERO, greater, mat33, mat44, real, 
 from warpgrasp.core.sincos import sine_cosine
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.geometry.segment_distance import lower_end, nearest_on_link
-from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
+from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, beyond_stops
 
 
 @struct
@@ -36,6 +37,10 @@ class Equilibrium:
     q: vec4
     energy: real
     gradient: vec4
+    pressed: real
+    """The part of the energy that is in skin and stops [J]."""
+    drive: vec4
+    """The part of the gradient that servos and weight make [N m]."""
     compliance: mat44
     along: vec3
     bend: vec3
@@ -94,11 +99,17 @@ def finger_energy(
     rest.q = q
     lag = command - q
     k = hand.stiffness
-    rest.energy = HALF * k * wp.dot(lag, lag)
-    rest.gradient = -lag * k
+    past = beyond_stops(hand, q)
+    rest.pressed = HALF * hand.stop * wp.dot(past, past)
     e = ONE / k
-    rest.compliance = mat44(e, ZERO, ZERO, ZERO, ZERO, e, ZERO, ZERO, ZERO, ZERO, e, ZERO, ZERO,
-                            ZERO, ZERO, e)
+    c = ONE / (k + hand.stop)
+    rest.compliance = mat44(wp.where(past[0] == ZERO, e, c), ZERO, ZERO, ZERO,
+                            ZERO, wp.where(past[1] == ZERO, e, c), ZERO, ZERO,
+                            ZERO, ZERO, wp.where(past[2] == ZERO, e, c), ZERO,
+                            ZERO, ZERO, ZERO, wp.where(past[3] == ZERO, e, c))
+    rest.energy = HALF * k * wp.dot(lag, lag)
+    rest.drive = -lag * k
+    rest.gradient = past * hand.stop
     # The chain of `finger_pose`, link by link.
     r = wp.transform_get_rotation(base)
     origin = wp.transform_get_translation(base)
@@ -144,7 +155,7 @@ def finger_energy(
             if depth > rest.near_depth:
                 j = _lost(near.normal, a + way * along, origin, x, side, p1, p2, p3, link)
                 if depth > ZERO:
-                    rest.energy += HALF * hand.skin * depth * depth
+                    rest.pressed += HALF * hand.skin * depth * depth
                     rest.gradient -= j * (hand.skin * depth)
                     # Sherman and Morrison: the Hessian gains skin times j j^T.
                     yields = rest.compliance * j
@@ -157,7 +168,7 @@ def finger_energy(
         pressed = hand.link_radius - low[2]
         if pressed > ZERO:
             sinks = _lost(vec3(ZERO, ZERO, ONE), low, origin, x, side, p1, p2, p3, link)
-            rest.energy += HALF * hand.skin * pressed * pressed
+            rest.pressed += HALF * hand.skin * pressed * pressed
             rest.gradient -= sinks * (hand.skin * pressed)
             gives = rest.compliance * sinks
             rest.compliance -= wp.outer(gives, gives / (ONE / hand.skin + wp.dot(sinks, gives)))
@@ -165,6 +176,24 @@ def finger_energy(
         rest.along = put(rest.along, link, along)
         rest.bend = put(rest.bend, link, bend)
         rest.depth = put(rest.depth, link, depth)
+    if hand.weight[0] > ZERO:
+        # Weights times arms, from the tip inwards: what turns a joint is what lies beyond it.
+        up = vec3(ZERO, ZERO, ONE)
+        turns = wp.cross(up, side)
+        carried = hand.weight[2]
+        moment = (u3 * (HALF * hand.link_length[2])) * carried
+        rest.drive[3] += wp.dot(moment, turns)
+        moment += (p3 - p2) * carried + (u2 * (HALF * hand.link_length[1])) * hand.weight[1]
+        carried += hand.weight[1]
+        rest.drive[2] += wp.dot(moment, turns)
+        moment += (p2 - p1) * carried + (u * (HALF * hand.link_length[0])) * hand.weight[0]
+        carried += hand.weight[0]
+        rest.drive[1] += wp.dot(moment, turns)
+        moment += (p1 - origin) * carried
+        rest.drive[0] += wp.dot(wp.cross(moment, x), up)
+        rest.energy += moment[2] + origin[2] * carried
+    rest.energy += rest.pressed
+    rest.gradient += rest.drive
     return rest
 
 

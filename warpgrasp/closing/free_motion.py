@@ -1,10 +1,11 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
 """How far a free finger moves before a link touches the body or the table.
 
-A free finger stands where it is commanded, so that the motion of its links is tabulated
-(`path_table`). Each link is advanced by itself, the outermost first: steps are skipped while the
-distance to every obstacle exceeds the distance that the link can have moved (conservative
-advancement).
+A free finger stands where it is commanded but for its weight, so that the motion of its links is
+tabulated (`path_table`). Each link is advanced by itself, the outermost first: steps are skipped
+while the distance to every obstacle exceeds the distance that the link can have moved (conservative
+advancement). What weight and errors of calibration add to tabled places is bounded; where a
+distance is evaluated it is computed.
 
 In front of a convex body, the plane through the body's point nearest to a link has the whole body
 behind it. While both ends of the link stay in front of that plane no distance is evaluated.
@@ -12,7 +13,7 @@ behind it. While both ends of the link stay in front of that plane no distance i
 
 import warp as wp
 
-from warpgrasp.closing.closing_record import LinkStep
+from warpgrasp.closing.closing_record import LinkStep, PathStep, true_command
 from warpgrasp.closing.energy import pick, put
 from warpgrasp.core.dtypes import (
     HALF,
@@ -20,6 +21,7 @@ from warpgrasp.core.dtypes import (
     ZERO,
     greater,
     lesser,
+    mat33,
     mat34,
     real,
     struct,
@@ -29,9 +31,16 @@ from warpgrasp.core.dtypes import (
 )
 from warpgrasp.geometry.scene import Scene, body_distance_grad
 from warpgrasp.geometry.segment_distance import LINK_SAMPLES, link_valley, nearest_on_link
-from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
+from warpgrasp.mechanism.utah_mit_hand_kernel import (
+    Hand,
+    finger_pose,
+    free_joints,
+    link_direction,
+    link_start,
+)
 
 _ROUNDING = wp.constant(real(1e-12))  # [m]; a link pressed by no more bears 20 nN
+_UNSURE = wp.constant(real(0.02))  # share of what weight does that is missed
 
 
 @struct
@@ -44,6 +53,12 @@ class FreeFinger:
     """
 
     step: int
+    off_start: mat33
+    off_end: mat33
+    loose: vec3
+    seen: vec3
+    """Weight and errors of calibration shift the ends of links by `off` from their tabled places
+    [m], known to `loose` where the table's `stray` was `seen`."""
     room: vec3
     along: vec3
     bend: vec3
@@ -59,6 +74,7 @@ def start_free(scene: Scene, body: int, convex: bool, hand: Hand, base: transfor
     """
     free = FreeFinger()
     free.step = -1
+    free.loose = hand.sag
     free.along = hand.link_length * HALF
     free.bend = vec3(ONE, ONE, ONE)
     if convex:
@@ -70,17 +86,21 @@ def start_free(scene: Scene, body: int, convex: bool, hand: Hand, base: transfor
 
 
 @wp.func
-def _clearance(plane: vec4, table: vec4, at: LinkStep):
+def _clearance(free: FreeFinger, link: int, table: vec4, at: LinkStep):
     """Least distance of a link's skin from two planes [m]."""
+    plane = free.planes[link]
     n = vec3(plane[0], plane[1], plane[2])
     up = vec3(table[0], table[1], table[2])
-    return lesser(plane[3] + lesser(wp.dot(n, at.start), wp.dot(n, at.end)),
-                  table[3] + lesser(wp.dot(up, at.start), wp.dot(up, at.end)))
+    start = at.start + free.off_start[link]
+    end = at.end + free.off_end[link]
+    loose = pick(free.loose, link) + wp.abs(at.stray - pick(free.seen, link))
+    return lesser(plane[3] + lesser(wp.dot(n, start), wp.dot(n, end)),
+                  table[3] + lesser(wp.dot(up, start), wp.dot(up, end))) - loose
 
 
 @wp.func
 def advance_free(
-    scene: Scene, body: int, convex: bool, hand: Hand, base: transform,
+    scene: Scene, body: int, convex: bool, hand: Hand, base: transform, path: wp.array3d[PathStep],
     links: wp.array4d[LinkStep], grasp: int, finger: int, scale: real, was: FreeFinger, end: int
 ):
     """The finger advanced to the first step at which a link touches, or to `end` if none does.
@@ -89,6 +109,7 @@ def advance_free(
     """
     free = was
     rotation = wp.transform_get_rotation(base)
+    to_base = wp.transform_inverse(base)
     up = wp.quat_rotate_inv(rotation, vec3(ZERO, ZERO, ONE))
     table = vec4(up[0], up[1], up[2], base[2] - hand.link_radius)
     free.step = end
@@ -96,6 +117,7 @@ def advance_free(
     for inward in range(3):
         link = 2 - inward
         length = pick(hand.link_length, link)
+        sag = pick(hand.sag, link)
         room = pick(was.room, link)
         seen = links[grasp, finger, link, wp.max(was.step, 0)].come
         s = int(was.step + 1)
@@ -105,16 +127,25 @@ def advance_free(
             seen = at.come
             clear = -ONE
             if convex:
-                clear = _clearance(free.planes[link], table, at)
+                clear = _clearance(free, link, table, at)
                 room = greater(room, scale * clear)
             if room <= ZERO and clear < -_ROUNDING:
                 a = wp.transform_point(base, at.start)
                 u = (wp.transform_point(base, at.end) - a) / length
+                if sag > ZERO:
+                    f = finger_pose(hand, base, free_joints(
+                        hand, base, true_command(hand, path, grasp, finger, s)))
+                    a = link_start(f, link)
+                    u = link_direction(f, link)
+                    free.off_start[link] = wp.transform_point(to_base, a) - at.start
+                    free.off_end[link] = wp.transform_point(to_base, a + u * length) - at.end
+                    free.loose = put(free.loose, link, _UNSURE * sag)
+                    free.seen = put(free.seen, link, at.stray)
                 if convex:
                     near = link_valley(scene, body, a, u, ZERO, length, pick(free.along, link),
                                        pick(free.bend, link), hand.link_radius, True)
                     n = wp.quat_rotate_inv(rotation, near.normal)
-                    place = at.start + (at.end - at.start) * (near.along / length)
+                    place = wp.transform_point(to_base, a + u * near.along)
                     free.planes[link] = vec4(
                         n[0], n[1], n[2], near.distance - hand.link_radius - wp.dot(n, place))
                 else:
@@ -124,6 +155,7 @@ def advance_free(
                 free.bend = put(free.bend, link, near.bend)
                 clear = lesser(near.least - hand.link_radius,
                                lesser(a[2], a[2] + u[2] * length) - hand.link_radius)
+                clear -= _UNSURE * sag
                 room = scale * clear
                 if clear < -_ROUNDING:
                     free.step = int(s)
@@ -136,7 +168,7 @@ def advance_free(
             # A link may have been followed beyond the step: back again takes as much.
             room = pick(free.room, link) - wp.abs(at.come - pick(come, link))
             if convex:
-                room = greater(room, _clearance(free.planes[link], table, at))
+                room = greater(room, _clearance(free, link, table, at))
             elif room <= ZERO and at.come != pick(come, link):
                 free.along = put(free.along, link, -ONE)
             free.room = put(free.room, link, room)

@@ -1,44 +1,87 @@
 """Closing paths as kernels see them: the links of a free finger at every command.
 
-The places of a free finger's links in the frame of its base, the distance they have moved, and the
-number of moves of its tendons depend on the closing path alone. They are tabulated once for each
-robot. A closing reads from the table how many steps it can skip for a given free distance.
+The places of a free finger's links in the frame of its base and the distance they have moved depend
+on the closing path alone, but for its weight and errors of calibration. They are tabulated once for
+all worlds. A closing reads from the table how many steps it can skip for a given free distance.
 """
 
 from functools import lru_cache
+from math import ceil
 
 import numpy as np
 import warp as wp
 
 from warpgrasp.closing.closing_record import LinkStep, PathStep
-from warpgrasp.closing.path_table_kernel import path_kernel
-from warpgrasp.core.dtypes import real
-from warpgrasp.core.kernel_launch import launch
-from warpgrasp.mechanism.calibration import Calibration, true_hands
-from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT
-from warpgrasp.parameters import HandTable
+from warpgrasp.core.struct_array import record_type
+from warpgrasp.mechanism.calibration import Calibration, askewness
+from warpgrasp.parameters import ContactTable, HandTable
+
+_STILL = 1e-9
+"""Joints are no farther past a stop by rounding [rad]."""
+_ROUNDED = 0.01
+"""Askewness is rounded up to this: robots then share tables."""
+_UNMOVED = 1e9
+"""Steps a metre of a link that stands still."""
 
 
-@lru_cache(maxsize=8)
+def path_table(
+    hand: HandTable, commands_rad: np.ndarray, askew: float = 0.0, stops: bool = True
+) -> tuple[np.ndarray, np.ndarray]:
+    """Tables of a closing path of the hand believed.
+
+    `commands_rad` has shape (grasp, finger, step, 4). `askew` bounds how far links of the true
+    hands stand askew of these [rad], and how much longer they are, relatively. Joints end at their
+    limits with `stops`. Returns rows of PathStep, shape (grasp, finger, step), and of LinkStep,
+    shape (grasp, finger, link 3, step).
+    """
+    table = np.zeros(commands_rad.shape[:3], dtype=record_type(PathStep))
+    table["command"] = commands_rad
+    if stops:
+        past = commands_rad - np.clip(
+            commands_rad, [hand.abduction_limit_rad[0], *hand.flexion_low_rad],
+            [hand.abduction_limit_rad[1], *hand.flexion_high_rad])
+        past[np.abs(past) < _STILL] = 0.0
+        strain = hand.joint_stiffness_Nm_rad * np.abs(past[..., 1:]).max(-1)
+        table["strain"] = np.maximum.accumulate(strain, axis=-1)
+        commands_rad = commands_rad - past
+    turn = commands_rad[..., 0]
+    z = np.stack([np.zeros_like(turn), np.sin(turn), np.cos(turn)], -1)
+    x = np.array([1.0, 0.0, 0.0])
+    joints = [z * hand.abduction_offset_m]
+    for link, angle in enumerate(np.moveaxis(commands_rad[..., 1:].cumsum(-1), -1, 0)):
+        along = np.sin(angle)[..., None] * x + np.cos(angle)[..., None] * z
+        joints.append(joints[-1] + hand.link_length_m[link] * along)
+    places = np.stack(joints, 2)
+    links = np.zeros((*places.shape[:2], 3, places.shape[3]), dtype=record_type(LinkStep))
+    links["start"], links["end"] = places[:, :, :-1], places[:, :, 1:]
+    # A point of a link moves no farther than the farther-moving of its ends.
+    moved = np.linalg.norm(np.diff(places, axis=3), axis=-1)
+    moved = np.maximum(moved[:, :, :-1], moved[:, :, 1:])
+    # Links askew differ in their ways by as much, each way as long as its turn and its length make.
+    turned = np.abs(np.diff(np.concatenate([turn[..., None], commands_rad[..., 1:].cumsum(-1)], -1),
+                            axis=2))
+    length = np.array([hand.abduction_offset_m, *hand.link_length_m])
+    swing = np.moveaxis((turned * length).cumsum(-1), -1, 2)
+    swing += turned[:, :, None, :, 0] * length.sum()
+    links["stray"][..., 1:] = askew * swing[:, :, 1:].cumsum(-1)
+    links["come"][..., 1:] = moved.cumsum(-1) + links["stray"][..., 1:]
+    fastest = np.maximum.accumulate(np.diff(links["come"])[..., ::-1], axis=-1)[..., ::-1]
+    links["steps"] = _UNMOVED
+    with np.errstate(divide="ignore"):
+        links["steps"][..., :-1] = np.minimum(1.0 / fastest, _UNMOVED)
+    return table, links
+
+
+@lru_cache(maxsize=32)
 def _tabled(
-    hand: HandTable, errors: Calibration, shape: tuple[int, ...], commands: bytes, device: str
+    hand: HandTable, askew: float, stops: bool, shape: tuple[int, ...], commands: bytes, device: str
 ) -> tuple[wp.array, wp.array]:
     paths = np.frombuffer(commands).reshape(shape)
-    hands = true_hands(hand, errors, device)
     # Fingers that go the same way share one table, which then stays in the processor's cache.
-    alike = bool((paths == paths[:, :1]).all()) and not errors.joint_offset_rad.any() and (
-        not errors.link_length_share.any())
-    own = 1 if alike else FINGER_COUNT
-    rows = errors.worlds * shape[0]
-    path = wp.empty((rows, own, shape[2]), dtype=PathStep, device=device)
-    links = wp.empty((rows, own, 3, shape[2]), dtype=LinkStep, device=device)
-    launch(path_kernel, {"row": rows, "finger": own}, {
-        "hands": "world 4", "commands": "grasp finger step 4", "path": "row finger step",
-        "links": "row finger 3 step"}, {
-        "hands": hands, "path": path, "links": links,
-        "commands": wp.array(np.ascontiguousarray(paths[:, :own]), dtype=real, device=device)},
-        device=device)
-    return _for_fingers(path, FINGER_COUNT), _for_fingers(links, FINGER_COUNT)
+    own = shape[1] if (paths != paths[:, :1]).any() else min(shape[1], 1)
+    path, links = path_table(hand, paths[:, :own], askew, stops)
+    return (_for_fingers(wp.array(path, dtype=PathStep, device=device), shape[1]),
+            _for_fingers(wp.array(links, dtype=LinkStep, device=device), shape[1]))
 
 
 def _for_fingers(table: wp.array, fingers: int) -> wp.array:
@@ -54,13 +97,10 @@ def _for_fingers(table: wp.array, fingers: int) -> wp.array:
 
 
 def path_on_device(
-    hand: HandTable, errors: Calibration, commands_rad: np.ndarray, device: str
+    hand: HandTable, contact: ContactTable, errors: Calibration, commands_rad: np.ndarray,
+    device: str
 ) -> tuple[wp.array, wp.array]:
-    """Tables of a closing path, kept for the next launch along the same commands.
-
-    `commands_rad` has shape (grasp, finger 4, step, 4). Returns rows of PathStep, shape (world *
-    grasp, finger, step), and of LinkStep, shape (world * grasp, finger, link 3, step), with one
-    world where all robots are the same. Their commands are those of the true joints.
-    """
+    """`path_table` on a device, kept for the next launch along the same commands."""
     commands = np.ascontiguousarray(commands_rad, np.float64)
-    return _tabled(hand, errors, commands.shape, commands.tobytes(), device)
+    askew = _ROUNDED * ceil(askewness(contact, errors) / _ROUNDED)
+    return _tabled(hand, askew, contact.joint_stops, commands.shape, commands.tobytes(), device)

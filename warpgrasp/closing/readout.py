@@ -7,7 +7,12 @@ tensions are read, and the true contact is recorded for the scorer.
 
 import warp as wp
 
-from warpgrasp.closing.closing_record import ClosingRow, ClosingTruthRow, PathStep
+from warpgrasp.closing.closing_record import (
+    ClosingRow,
+    ClosingTruthRow,
+    PathStep,
+    true_command,
+)
 from warpgrasp.closing.energy import free_equilibrium
 from warpgrasp.closing.equilibrium_refine import refine_equilibrium
 from warpgrasp.core.dtypes import ONE, ZERO, mat42, real, transform, vec3, vec4
@@ -47,7 +52,7 @@ def reading_kernel(
     body_pose: wp.array[transform],
     # Robot:
     hands: wp.array2d[Hand],
-    sensors: wp.array[TendonSensor],
+    sensors: wp.array2d[TendonSensor],
     # Closing in:
     key: wp.array[wp.uint64],
     probe_number: wp.array2d[int],
@@ -70,8 +75,7 @@ def reading_kernel(
         return
 
     hand = hands[w % hands.shape[0], finger]
-    row = (w % (path.shape[0] // felt.shape[2])) * felt.shape[2] + g
-    sensor = sensors[w % sensors.shape[0]]
+    sensor = sensors[w % sensors.shape[0], finger]
     stream = counter_key(counter_key(counter_key(key[w], probe_number[w, p]), g), finger)
     at = felt[w, p, g, finger].step
     if truth[w, p, g, finger].link >= 0:
@@ -79,7 +83,7 @@ def reading_kernel(
         base = wp.transform_multiply(
             wp.transform_inverse(body_pose[w]),
             wp.transform_multiply(hand_pose[w, p], finger_base(hand, finger)))
-        command = path[row, finger, at].command
+        command = true_command(hand, path, g, finger, at)
         rest = free_equilibrium(truth[w, p, g, finger].q)
         rest.along = truth[w, p, g, finger].along
         rest.bend = truth[w, p, g, finger].bend
@@ -114,12 +118,13 @@ def reading_kernel(
     felt[w, p, g, finger].q = q
     if status == _NO_CONTACT:
         return
-    delta = path[row, finger, at].command - path[row, finger, wp.max(at - 1, 0)].command
+    delta = true_command(hand, path, g, finger, at) - true_command(
+        hand, path, g, finger, wp.max(at - 1, 0))
     reader = counter_key(stream, _TENSION_REST)
     torque = truth[w, p, g, finger].torque
     pulls = mat42()
     for j in range(4):
-        t = tendon_tensions(hand, j, torque[j], moving_sign(delta[j]))
+        t = tendon_tensions(sensor, j, torque[j], moving_sign(delta[j]))
         pulls[j, 0] = tension_mean_read(sensor, t[0], counter_key(reader, 2 * j))
         pulls[j, 1] = tension_mean_read(sensor, t[1], counter_key(reader, 2 * j + 1))
     felt[w, p, g, finger].tension = pulls

@@ -9,9 +9,14 @@ command moves by d, the torques K (command - q) move by an `a` with |a|^2 <= a .
 the ball with 0 and K d as the ends of a diameter.
 
 A link that bears on an edge or a round wall is not quite convex: it can slip off as it turns, and
-torques fall while the joints move on. Two equilibria show this: `agree` tests whether torques
-change against the joints by no more than a share of the stiffness.
+torques fall while the joints move on. The weight of links is not either. Torques may therefore
+change against the joints by a share s of the stiffness, a . e >= -s K |e|^2 for joints that move by
+e = d - a / K. With the square completed, `a` lies in a ball about c K d of the radius r K |d|, with
+c = (1 - 2 s) / (2 - 2 s) and r^2 = s / (1 - s) + c^2. Two equilibria that lie outside show that
+something slips (`agree`).
 """
+
+from math import sqrt
 
 import warp as wp
 
@@ -26,9 +31,12 @@ from warpgrasp.mechanism.tendon_kernel import (
     tension_noise,
     tension_sum,
 )
-from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
 
-_AGAINST = wp.constant(real(0.2))  # of the joints' stiffness
+_AGAINST_SHARE = 0.1
+_CENTRE_SHARE = (1.0 - 2.0 * _AGAINST_SHARE) / (2.0 - 2.0 * _AGAINST_SHARE)
+_AGAINST = wp.constant(real(_AGAINST_SHARE))  # of the joints' stiffness
+_CENTRE = wp.constant(real(_CENTRE_SHARE))
+_RADIUS = wp.constant(real(sqrt(_AGAINST_SHARE / (1.0 - _AGAINST_SHARE) + _CENTRE_SHARE**2)))
 _SLACK = wp.constant(real(1e-9))  # [N m rad], of rests that are not quite level
 
 
@@ -44,9 +52,9 @@ class Ball:
 def torque_bound(command: vec4, rest: Equilibrium, other: vec4, stiffness: real):
     """Possible torques at another command, from the equilibrium `rest` at `command`."""
     ball = Ball()
-    way = (other - command) * (stiffness * HALF)
-    ball.centre = (command - rest.q) * stiffness + way
-    ball.radius = wp.length(way)
+    way = (other - command) * stiffness
+    ball.centre = (command - rest.q) * stiffness + way * _CENTRE
+    ball.radius = wp.length(way) * _RADIUS
     return ball
 
 
@@ -89,14 +97,14 @@ _THIRTYSECOND = wp.constant(real(1.0 / 32.0))
 
 
 @wp.func
-def _surely_below(hand: Hand, sensor: TendonSensor, pull: real, moving: real, noise: wp.uint64):
+def _surely_below(sensor: TendonSensor, pull: real, moving: real, noise: wp.uint64):
     """Whether a joint's reading certainly stays below the threshold; `pull` [N] is its true value.
 
     Friction adds to it where tendons move. The absolute value of a Box-Muller normal is at most
     sqrt(-2 log u), so that neither a root nor a cosine is needed; exp(-x), with which u is
     compared, is replaced by the first terms of exp(x / 4) to the fourth power.
     """
-    rub = wp.abs(moving) * hand.friction * tension_sum(hand, pull)
+    rub = wp.abs(moving) * sensor.friction * tension_sum(sensor, pull)
     margin = sensor.threshold - sensor.step - rub - pull
     if margin <= ZERO or sensor.noise <= ZERO:
         return margin > ZERO
@@ -107,9 +115,7 @@ def _surely_below(hand: Hand, sensor: TendonSensor, pull: real, moving: real, no
 
 
 @wp.func
-def stop_reading(
-    hand: Hand, sensor: TendonSensor, torque: vec4, delta: vec4, key: wp.uint64
-):
+def stop_reading(sensor: TendonSensor, torque: vec4, delta: vec4, key: wp.uint64):
     """The largest absolute tendon difference of the flexion joints [N], one reading of each.
 
     `delta` is the last step of the command. Readings certain to stay below the threshold are left
@@ -119,16 +125,16 @@ def stop_reading(
     for j in range(1, 4):
         moving = moving_sign(delta[j])
         noise = counter_key(key, j)
-        if not _surely_below(hand, sensor, wp.abs(torque[j]) / hand.moment_arm[j], moving, noise):
+        if not _surely_below(sensor, wp.abs(torque[j]) * sensor.per_torque[j], moving, noise):
             d = tension_difference_read(
-                sensor, tendon_tensions(hand, j, torque[j], moving), tension_noise(noise))
+                sensor, tendon_tensions(sensor, j, torque[j], moving), tension_noise(noise))
             if wp.abs(d) > wp.abs(largest):
                 largest = d
     return largest
 
 
 @wp.func
-def may_stop(hand: Hand, sensor: TendonSensor, torque: Ball, delta: vec4, key: wp.uint64):
+def may_stop(sensor: TendonSensor, torque: Ball, delta: vec4, key: wp.uint64):
     """Whether a torque inside the ball would make the same reading stop the finger.
 
     A reading is monotonic in the torque, so that the ends of the interval decide.
@@ -137,11 +143,11 @@ def may_stop(hand: Hand, sensor: TendonSensor, torque: Ball, delta: vec4, key: w
         moving = moving_sign(delta[j])
         noise = counter_key(key, j)
         centre = torque.centre[j]
-        if not _surely_below(hand, sensor, (wp.abs(centre) + torque.radius) / hand.moment_arm[j],
+        if not _surely_below(sensor, (wp.abs(centre) + torque.radius) * sensor.per_torque[j],
                              moving, noise):
             drawn = tension_noise(noise)
-            low = tendon_tensions(hand, j, centre - torque.radius, moving)
-            high = tendon_tensions(hand, j, centre + torque.radius, moving)
+            low = tendon_tensions(sensor, j, centre - torque.radius, moving)
+            high = tendon_tensions(sensor, j, centre + torque.radius, moving)
             if tension_difference_read(sensor, high, drawn) > sensor.threshold:
                 return True
             if tension_difference_read(sensor, low, drawn) < -sensor.threshold:

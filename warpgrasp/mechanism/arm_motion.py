@@ -20,7 +20,7 @@ from warpgrasp.mechanism.arm_motion_kernel import _clearance_kernel, _move_kerne
 from warpgrasp.mechanism.calibration import Calibration, no_errors, true_arms, true_hands
 from warpgrasp.mechanism.puma560 import arm_of, puma_forward_batch
 from warpgrasp.mechanism.utah_mit_hand import hand_links
-from warpgrasp.parameters import ArmTable, HandTable
+from warpgrasp.parameters import ArmTable, ContactTable, HandTable
 from warpgrasp.probe_status import ProbeStatus
 
 HOME_RAD = tuple(np.radians((19.5, 28.8, 160.0, 0.0, -8.8, -160.5)))
@@ -83,6 +83,7 @@ def move_hand(
     wanted: np.ndarray,
     commands_rad: np.ndarray,
     *,
+    contact: ContactTable | None = None,
     errors: Calibration | None = None,
     probe_number: np.ndarray | None = None,
     march_scale: float = 1.0,
@@ -136,7 +137,8 @@ def move_hand(
         "actual": "world probe", "commands": "grasp 4 step 4", "status": "world probe grasp"}, {
         "scene": scene, "body": wp.array(body, dtype=int, device=device),
         "body_pose": wp.array(body_pose, dtype=transform, device=device),
-        "hands": true_hands(hand, errors, device), "mount_length": hand.mount_length_m,
+        "hands": true_hands(hand, contact or ContactTable(), errors, device),
+        "mount_length": hand.mount_length_m,
         "march_scale": march_scale, "move_status": status, "actual": actual,
         "commands": wp.array(commands_rad, dtype=real, device=device), "status": ready},
         device=device)

@@ -16,9 +16,17 @@ from warpgrasp.core.random import Purpose, counter_key, normal_vector
 from warpgrasp.core.struct_array import record_type
 from warpgrasp.mechanism.puma560 import arm_of
 from warpgrasp.mechanism.puma560_kernel import Arm
-from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, LINK_COUNT, hand_of
+from warpgrasp.mechanism.tendon import may_stop_free, tendon_sensor_of
+from warpgrasp.mechanism.tendon_kernel import TendonSensor
+from warpgrasp.mechanism.utah_mit_hand import (
+    FINGER_COUNT,
+    LINK_COUNT,
+    hand_of,
+    link_weights,
+    weight_bounds,
+)
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
-from warpgrasp.parameters import ArmTable, ErrorTable, HandTable
+from warpgrasp.parameters import ArmTable, ContactTable, ErrorTable, HandTable, SensorTable
 
 _LARGEST = 3.0
 """Standard deviations: no robot leaves the bench with more."""
@@ -103,17 +111,59 @@ def place_variance(errors: ErrorTable, arm: ArmTable, hand: HandTable) -> float:
             + (errors.link_length_share * max(hand.link_length_m)) ** 2)
 
 
+def _strays(table: HandTable, errors: Calibration) -> np.ndarray:
+    """How far any place of each link is from where the tables have it, in the frame of its finger's
+    base, at most [m], (world or 1, finger 4, link 3)."""
+    length = np.array(table.link_length_m)
+    end = length.cumsum()
+    lever = np.stack([end + table.abduction_offset_m,
+                      *(np.maximum(end - start, 0.0) for start in end - length)])
+    return np.abs(errors.joint_offset_rad) @ (1.1 * lever) + (
+        np.abs(errors.link_length_share) * length).cumsum(-1)
+
+
+def askewness(contact: ContactTable, errors: Calibration) -> float:
+    """How far links of the true hands stand askew of those believed [rad], and how much longer they
+    are, relatively: the largest sum."""
+    offset = errors.joint_offset_rad
+    turned = np.abs(np.concatenate([offset[..., :1], offset[..., 1:].cumsum(-1)], -1)).max()
+    weight = 0.02 if contact.weight else 0.0  # what weight turns changes by less on the way
+    return float(turned + np.abs(errors.link_length_share).max() + weight)
+
+
 @lru_cache(maxsize=8)
-def true_hands(table: HandTable, errors: Calibration, device: str) -> wp.array:
-    """The true hands as kernels take them, (world or 1, finger 4)."""
+def true_hands(
+    table: HandTable, contact: ContactTable, errors: Calibration, device: str
+) -> wp.array:
+    """The true hands as kernels take them, (world or 1, finger 4).
+
+    A joint's stops are where its sensor reads its limits: the zeros are set by them.
+    """
     shape = (errors.worlds, FINGER_COUNT)
     rows = np.empty(shape, record_type(Hand))
-    rows[...] = np.frombuffer(bytes(hand_of(table).__ctype__()), record_type(Hand))[0]
+    rows[...] = np.frombuffer(bytes(hand_of(table, contact).__ctype__()), record_type(Hand))[0]
     rows["link_length"] *= 1.0 + errors.link_length_share
-    rows["moment_arm"] *= 1.0 + errors.moment_arm_share
     rows["base_shift"] = errors.finger_base_m
     rows["offset"] = errors.joint_offset_rad
+    rows["sag"] += _strays(table, errors)
+    rows["low"] -= errors.joint_offset_rad
+    rows["high"] -= errors.joint_offset_rad
     return wp.array(rows, dtype=Hand, device=device)
+
+
+@lru_cache(maxsize=8)
+def true_tendons(
+    hand: HandTable, sensors: SensorTable, contact: ContactTable, errors: Calibration, device: str
+) -> wp.array:
+    """The true tendons as kernels take them, (world or 1, finger 4)."""
+    rows = np.empty((errors.worlds, FINGER_COUNT), record_type(TendonSensor))
+    rows[...] = np.frombuffer(bytes(tendon_sensor_of(hand, sensors).__ctype__()),
+                              record_type(TendonSensor))[0]
+    rows["moment_arm"] *= 1.0 + errors.moment_arm_share
+    rows["per_torque"] = 1.0 / rows["moment_arm"]
+    torque = weight_bounds(hand, link_weights(hand) * contact.weight)[0]
+    rows["heard"] = may_stop_free(hand, sensors, (torque / rows["moment_arm"])[..., 1:].max(-1))
+    return wp.array(rows, dtype=TendonSensor, device=device)
 
 
 @lru_cache(maxsize=8)

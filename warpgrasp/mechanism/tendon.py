@@ -9,14 +9,16 @@ motion, and a threshold must clear it.
 """
 
 from functools import lru_cache
-from math import erf, log1p, sqrt
+from math import erf, sqrt
 
 import numpy as np
 
+from warpgrasp.core.dtypes import vec4
 from warpgrasp.mechanism.tendon_kernel import TendonSensor
 from warpgrasp.parameters import HandTable, SensorTable
 
-_CERTAIN = 1.0 - 1e-16  # a chance that has a logarithm
+_NEVER = 8.5
+"""Deviations of one tension: six of the difference of two."""
 
 
 def _upper_tail(x: float) -> float:
@@ -61,13 +63,23 @@ def false_stop_probability(hand: HandTable, sensor: SensorTable, *, moving: bool
     return float(difference[np.abs(levels * step) > threshold].sum())
 
 
+def may_stop_free(hand: HandTable, sensor: SensorTable, pull_N: np.ndarray) -> np.ndarray:
+    """Whether friction, noise and the links' weight, which pulls a tendon by at most `pull_N`, may
+    stop a finger that touches nothing. Chances below 1e-9 a step are taken for none."""
+    rub = hand.tendon_friction * np.maximum(2 * hand.co_contraction_N,
+                                            2 * hand.tension_low_N + pull_N)
+    margin = sensor.tendon_threshold_N - sensor.tension_step_N - rub - pull_N
+    return np.asarray(margin <= _NEVER * sensor.tension_noise_N)
+
+
 def tendon_sensor_of(hand: HandTable, sensor: SensorTable) -> TendonSensor:
-    """The kernels' sensor, with the false-stop chances of one free step of one joint."""
+    """The kernels' sensor."""
     s = TendonSensor()
+    s.moment_arm = vec4(*hand.moment_arm_m)
+    s.per_torque = vec4(*(1.0 / arm for arm in hand.moment_arm_m))
+    s.co_contraction, s.least = hand.co_contraction_N, hand.tension_low_N
+    s.friction = hand.tendon_friction
     s.threshold, s.noise = sensor.tendon_threshold_N, sensor.tension_noise_N
     s.step, s.readings = sensor.tension_step_N, sensor.tension_readings
     s.joint_noise = sensor.joint_noise_rad
-    s.hazard_moving, s.hazard_still = (
-        -log1p(-min(false_stop_probability(hand, sensor, moving=moving), _CERTAIN))
-        for moving in (True, False))
     return s

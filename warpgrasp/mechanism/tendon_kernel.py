@@ -3,23 +3,28 @@
 
 import warp as wp
 
-from warpgrasp.core.dtypes import HALF, ONE, ZERO, real, struct, vec2
+from warpgrasp.core.dtypes import HALF, ONE, ZERO, real, struct, vec2, vec4
 from warpgrasp.core.random_kernel import counter_key, counter_normal
-from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
 
 
 @struct
 class TendonSensor:
-    """The numbers of a SensorTable that kernels need [N, rad]."""
+    """The tendons of one finger, and the numbers of a SensorTable that kernels need [N, m, rad]."""
+
+    moment_arm: vec4
+    per_torque: vec4
+    """Tension difference for a joint's torque [N / (N m)]."""
+    co_contraction: real
+    least: real
+    friction: real
 
     threshold: real
     noise: real
     step: real
     readings: int
     joint_noise: real
-    hazard_moving: real
-    """Of a false stop in a step of a joint whose tendons move, -log(1 - its chance)."""
-    hazard_still: real
+    heard: int
+    """Whether a finger that touches nothing may stop: its readings are then all drawn."""
 
 
 @wp.func
@@ -33,23 +38,24 @@ def moving_sign(x: real):
 
 
 @wp.func
-def tension_sum(hand: Hand, pull: real):
+def tension_sum(sensor: TendonSensor, pull: real):
     """Of a joint's two tendons, without friction, whose difference is `pull` [N]."""
-    return real(2.0) * wp.max(hand.co_contraction, hand.tension_low + wp.abs(pull) * HALF)
+    return real(2.0) * wp.max(sensor.co_contraction, sensor.least + wp.abs(pull) * HALF)
 
 
 @wp.func
-def tendon_tensions(hand: Hand, joint: int, torque: real, moving: real):
+def tendon_tensions(sensor: TendonSensor, joint: int, torque: real, moving: real):
     """Flexor and extensor tension [N] at the actuators, `moving` the sign of the command's step.
 
     Their difference times the moment arm is the torque: where one tendon may not become slacker,
     the other one carries the rest.
     """
-    pull = torque / hand.moment_arm[joint]
-    least = tension_sum(hand, pull) * HALF - wp.abs(pull) * HALF
+    pull = torque * sensor.per_torque[joint]
+    least = tension_sum(sensor, pull) * HALF - wp.abs(pull) * HALF
     flexor = least + wp.max(pull, ZERO)
     extensor = least - wp.min(pull, ZERO)
-    return vec2(flexor * (ONE + hand.friction * moving), extensor * (ONE - hand.friction * moving))
+    rub = sensor.friction * moving
+    return vec2(flexor * (ONE + rub), extensor * (ONE - rub))
 
 
 @wp.func
@@ -82,8 +88,8 @@ def tension_mean_read(sensor: TendonSensor, tension: real, key: wp.uint64):
 
 
 @wp.func
-def torque_from_tensions(hand: Hand, joint: int, tensions: vec2, moving: real):
+def torque_from_tensions(sensor: TendonSensor, joint: int, tensions: vec2, moving: real):
     """Joint torque [N m] from measured tensions, with friction of nominal size removed."""
-    flexor = tensions[0] / (ONE + hand.friction * moving)
-    extensor = tensions[1] / (ONE - hand.friction * moving)
-    return hand.moment_arm[joint] * (flexor - extensor)
+    flexor = tensions[0] / (ONE + sensor.friction * moving)
+    extensor = tensions[1] / (ONE - sensor.friction * moving)
+    return sensor.moment_arm[joint] * (flexor - extensor)

@@ -13,26 +13,57 @@ import warp as wp
 from warpgrasp.core.dtypes import transform, vec3, vec4
 from warpgrasp.core.kernel_launch import launch
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, _links_kernel
-from warpgrasp.parameters import HandTable
+from warpgrasp.parameters import ContactTable, HandTable
 
 FINGER_COUNT = 4
 LINK_COUNT = 3  # proximal, middle, distal
 
 
-def hand_of(table: HandTable) -> Hand:
-    """The kernels' hand."""
+GRAVITY_M_S2 = 9.81
+
+
+def hand_of(table: HandTable, contact: ContactTable | None = None) -> Hand:
+    """The kernels' hand; the default of `contact` is `ContactTable()`."""
+    contact = contact or ContactTable()
     hand = Hand()
     hand.abduction_offset = table.abduction_offset_m
     hand.link_length = vec3(*table.link_length_m)
     hand.link_radius = table.link_radius_m
     hand.spacing, hand.gap = table.finger_spacing_m, table.palm_gap_m
     hand.palm_thickness = table.palm_thickness_m
-    hand.moment_arm = vec4(*table.moment_arm_m)
-    hand.co_contraction = table.co_contraction_N
-    hand.tension_low = table.tension_low_N
     hand.stiffness, hand.skin = table.joint_stiffness_Nm_rad, table.skin_stiffness_N_m
-    hand.friction = table.tendon_friction
+    hand.stop = table.joint_stop_Nm_rad if contact.joint_stops else 0.0
+    hand.low = vec4(table.abduction_limit_rad[0], *table.flexion_low_rad)
+    hand.high = vec4(table.abduction_limit_rad[1], *table.flexion_high_rad)
+    if contact.weight:
+        weight = link_weights(table)
+        hand.weight, hand.sag = vec3(*weight), vec3(*weight_bounds(table, weight)[1])
     return hand
+
+
+def link_weights(table: HandTable) -> np.ndarray:
+    """Of the three links of a finger, solid capsules [N]."""
+    length, radius = np.array(table.link_length_m), table.link_radius_m
+    return (np.pi * radius**2 * (length + 4 / 3 * radius)
+            * table.link_density_kg_m3 * GRAVITY_M_S2)
+
+
+def weight_bounds(table: HandTable, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The most that links of `weight` (3,) [N] can do, however the finger is bent and turned.
+
+    Returns torques on the four joints [N m], and how far they can let a place of each link sink
+    [m], a tenth added for what errors of calibration change.
+    """
+    length = np.array(table.link_length_m)
+    start = np.concatenate([[0.0], length.cumsum()[:-1]])  # of each link from the first flexion
+    middle, end = start + length / 2, start + length
+    flexion = [float((weight * np.maximum(middle - start[j], 0.0)).sum()) for j in range(3)]
+    abduction = float((weight * (table.abduction_offset_m + middle)).sum())
+    turn = np.array([abduction, *flexion]) / table.joint_stiffness_Nm_rad
+    lever = np.stack([end + table.abduction_offset_m,
+                      *(np.maximum(end - start[j], 0.0) for j in range(3))])
+    across, along = turn[0] * lever[0], (turn[1:, None] * lever[1:]).sum(0)
+    return np.array([abduction, *flexion]), 1.1 * np.hypot(across, along)
 
 
 def hand_links(

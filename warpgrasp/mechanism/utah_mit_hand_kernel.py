@@ -22,16 +22,21 @@ class Hand:
     spacing: real
     gap: real
     palm_thickness: real
-    moment_arm: vec4
-    co_contraction: real
-    tension_low: real
     stiffness: real
     skin: real
-    friction: real
     base_shift: vec3
     """Of the finger's base, hand frame [m]."""
     offset: vec4
     """Of the joint sensors: what they read without noise, less the joints' angles [rad]."""
+    stop: real
+    """Stiffness of the joints' stops [N m/rad], 0 without; where they are, true angles [rad]."""
+    low: vec4
+    high: vec4
+    weight: vec3
+    """Of each link [N]."""
+    sag: vec3
+    """How far any place of a link is at most from where the believed hand has it on the same
+    commands, touching nothing: by weight and errors of calibration [m]."""
 
 
 @struct
@@ -135,6 +140,42 @@ def finger_jacobian(f: FingerPose, link: int, x: vec3, d: vec3):
     if link >= 2:
         j[3] = wp.dot(c, x - f.p3)
     return j
+
+
+@wp.func
+def beyond_stops(hand: Hand, q: vec4):
+    """How far each joint is past its upper stop, or, negative, past its lower one [rad]."""
+    if hand.stop == ZERO:
+        return vec4(ZERO, ZERO, ZERO, ZERO)
+    return q - vec4(wp.clamp(q[0], hand.low[0], hand.high[0]),
+                    wp.clamp(q[1], hand.low[1], hand.high[1]),
+                    wp.clamp(q[2], hand.low[2], hand.high[2]),
+                    wp.clamp(q[3], hand.low[3], hand.high[3]))
+
+
+@wp.func
+def weight_moments(hand: Hand, f: FingerPose):
+    """Torques of the links' weight about the joints [N m]; the frame of `f` has z upwards."""
+    up = vec3(ZERO, ZERO, ONE)
+    moments = vec4(ZERO, ZERO, ZERO, ZERO)
+    for link in range(3):
+        centre = link_start(f, link) + link_direction(f, link) * (hand.link_length[link] * HALF)
+        moments -= finger_jacobian(f, link, centre, up) * hand.weight[link]
+    return moments
+
+
+@wp.func
+def free_joints(hand: Hand, base: transform, command: vec4):
+    """Where a finger that touches nothing rests: to first order in what its weight turns. `command`
+    is that of the true joints, the errors of their sensors taken off.
+
+    The weight turns joints by less than a hundredth of a radian, and what it turns them by changes
+    as little with that: the rest is right to some 1e-4 rad.
+    """
+    q = vec4(command)
+    if hand.weight[0] > ZERO:
+        q += weight_moments(hand, finger_pose(hand, base, command)) / hand.stiffness
+    return q - beyond_stops(hand, q) * (hand.stop / (hand.stop + hand.stiffness))
 
 
 @wp.func

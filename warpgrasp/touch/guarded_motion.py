@@ -21,7 +21,7 @@ from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.calibration import Calibration, true_arms, true_hands
 from warpgrasp.mechanism.puma560 import arm_of
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, LINK_COUNT, hand_of
-from warpgrasp.parameters import ArmTable, HandTable, PadTable, SensorTable
+from warpgrasp.parameters import ArmTable, ContactTable, HandTable, PadTable, SensorTable
 from warpgrasp.touch.guarded_motion_kernel import line_kernel
 from warpgrasp.touch.line_record import LineBegin, LineEnd
 from warpgrasp.touch.pad import pad_of, pad_turns, true_pads
@@ -113,13 +113,14 @@ class LineMove:
 
 @lru_cache(maxsize=8)
 def _robot(
-    arm: ArmTable, hand: HandTable, pads: PadTable, errors: Calibration, device: str
+    arm: ArmTable, hand: HandTable, pads: PadTable, contact: ContactTable, errors: Calibration,
+    device: str
 ) -> dict[str, Any]:
     """The robots, believed and true, on a device; kept for the next line."""
     return {"arm": arm_of(arm, hand.mount_length_m), "hand": hand_of(hand),
             "pad": pad_of(pads, hand), "turns": pad_turns(pads, hand, device),
             "true_arms": true_arms(arm, hand.mount_length_m, errors, device),
-            "true_hands": true_hands(hand, errors, device),
+            "true_hands": true_hands(hand, contact, errors, device),
             "true_pads": true_pads(pads, hand, errors, device),
             "mount": wp.array(errors.mount, dtype=transform, device=device)}
 
@@ -148,6 +149,7 @@ def guarded_line(
     arm_q_rad: np.ndarray,
     move: LineMove,
     *,
+    contact: ContactTable | None = None,
     march_scale: float = 1.0,
     device: str = "cpu",
 ) -> tuple[LineTouch, LineTruth, np.ndarray]:
@@ -183,7 +185,7 @@ def guarded_line(
         "turns": "40", "true_arms": "world?", "true_hands": "world? 4", "true_pads": "world? 4",
         "mount": "world?", "begins": "row", "commands": "4 step 4", "near_bits": "row 3 16",
         "image": "row 16 16", "ends": "row"}, {
-        "scene": scene, **_robot(arm, hand, pads, errors, device),
+        "scene": scene, **_robot(arm, hand, pads, contact or ContactTable(), errors, device),
         "joint_noise": sensors.joint_noise_rad, "march_scale": march_scale, "begins": begins.array,
         "interval": move.interval_m, "steps": move.steps, "finger": move.finger,
         "commands": commands,

@@ -32,6 +32,7 @@ from warpgrasp.mechanism.utah_mit_hand_kernel import (
     Hand,
     finger_base,
     finger_pose,
+    free_joints,
     link_direction,
     link_start,
 )
@@ -285,14 +286,15 @@ def line_kernel(
     step_bound = wp.max(arm_move + swing, real(1e-9))
     while True:
         command = _command(commands, finger, s) - real_hand.offset
-        if moved == 0:
-            q = command
         here = _hand_at(line, way, interval * real(s), slip, slip_last, per_step * real(s), wobble)
         pose = wp.transform_multiply(to_body, here)
         base = wp.transform_multiply(pose, finger_base(real_hand, finger))
+        hangs = free_joints(real_hand, base, command)
+        if moved == 0:
+            q = hangs
         if others <= ZERO:
             others = _others_free(scene, which, true_hands, own, pose, arm.mount, commands, finger)
-        free = wp.min(_finger_free(scene, which, real_hand, real_pad, base, command), others)
+        free = wp.min(_finger_free(scene, which, real_hand, real_pad, base, hangs), others)
         felt_link = int(-1)
         felt = int(0)
         most = vec4(ZERO, ZERO, ZERO, ZERO)
@@ -314,7 +316,7 @@ def line_kernel(
                              pad_reading_key(key, number, s, finger, felt_link), row_bits):
                     felt = int(1)
         else:
-            q = command
+            q = hangs
             moved = int(0)
         lag = real(0.0)
         if free <= ZERO:
@@ -346,9 +348,11 @@ def line_kernel(
                 # Noise alone reaches the threshold: some taxel, its count the threshold's.
                 status = _CONTACT
                 s += spared
-                q = _command(commands, finger, s) - real_hand.offset
                 here = _hand_at(line, way, interval * real(s), slip, slip_last,
                                 per_step * real(s), wobble)
+                q = free_joints(real_hand, wp.transform_multiply(
+                    wp.transform_multiply(to_body, here), finger_base(real_hand, finger)),
+                                _command(commands, finger, s) - real_hand.offset)
                 felt_link = _link_with_pad(pad, _below(counter_key(false, 2), _pads_on(pad)))
                 noise_alone = int(1)
                 peak = int(wp.ceil(pad.threshold))

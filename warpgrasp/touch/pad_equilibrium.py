@@ -85,6 +85,7 @@ def pad_energy(
                                         jt = finger_jacobian(f, link, x, vec3(g[0], g[1], g[2]))
                                         load = -g[3] * pad.stiffness
                                         rest.skin.energy -= HALF * load * g[3]
+                                        rest.skin.pressed -= HALF * load * g[3]
                                         rest.skin.gradient -= jt * load
                                         rest.pad_force += load
                                         rest.hessian += wp.outer(jt, jt) * pad.stiffness
@@ -96,17 +97,16 @@ def pad_energy(
 
 
 @wp.func
-def _least_along(hand: Hand, command: vec4, rest: PadEquilibrium, way: vec4):
+def _least_along(hand: Hand, rest: PadEquilibrium, way: vec4):
     """The step along `way`, in units of it, at which the energy should be least, seen from `rest`.
 
     Springs lose contact along the way, so that their force falls faster than a Newton step assumes:
     as (1 - r t)^n, with n and r from its first two derivatives (n is 2 while the same springs bear,
     3 for the shrinking patch of a round body). 0 without load, or where the load would not fall so.
     """
-    lag = command - rest.skin.q
-    servo_slope = -hand.stiffness * wp.dot(lag, way)
+    servo_slope = wp.dot(rest.skin.drive, way)
     servo_curve = hand.stiffness * wp.dot(way, way)
-    energy = rest.skin.energy - HALF * hand.stiffness * wp.dot(lag, lag)
+    energy = rest.skin.pressed
     slope = wp.dot(rest.skin.gradient, way) - servo_slope
     curve = wp.dot(way, rest.hessian * way) - servo_curve
     if energy <= ZERO or slope >= ZERO or energy * curve >= _STEEPEST * slope * slope:
@@ -153,7 +153,7 @@ def pad_equilibrium(
             step = -(wp.inverse(rest.hessian) * rest.skin.gradient)
             scale = real(1.0)
             if lengthened == 0:
-                scale = wp.clamp(_least_along(hand, command, rest, step), ONE, _LONGEST)
+                scale = wp.clamp(_least_along(hand, rest, step), ONE, _LONGEST)
                 lengthened = int(scale > ONE)
             if shortened > 0 and rest.pad_force == ZERO and wp.max(rest.skin.depth) <= ZERO:
                 scale = HALF  # nothing bears: the whole step goes where the last one failed
@@ -166,7 +166,7 @@ def pad_equilibrium(
                 break
         else:
             shortened += 1
-            back = _least_along(hand, command, trial, step * -scale)
+            back = _least_along(hand, trial, step * -scale)
             scale *= ONE - wp.where(back > ZERO, wp.clamp(back, _LEAST_BACK, _MOST_BACK), HALF)
             if shortened >= _SHORTENED:
                 break

@@ -17,7 +17,7 @@ from warpgrasp.geometry.body_sampling import sample_body
 from warpgrasp.mechanism.tendon import false_stop_probability
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.objects.mesh_import import body_from_mesh
-from warpgrasp.parameters import HandTable, SensorTable
+from warpgrasp.parameters import ContactTable, HandTable, SensorTable
 from warpgrasp.probe_status import ProbeStatus
 
 HAND = HandTable()
@@ -44,7 +44,7 @@ def close_on_cylinder(sensors: SensorTable, worlds: int = 1, height: float | Non
     return close_fingers(
         scene_of([body], "cpu"), np.zeros(1, int), np.repeat(ON_TABLE, worlds, 0), hand,
         sensors, np.arange(worlds, dtype=np.uint64), np.ones((worlds, 1, 1), int), pose, commands,
-        count)
+        count, contact=ContactTable.none())
 
 
 def contact_angle() -> float:

@@ -4,7 +4,7 @@ import numpy as np
 
 from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
 from warpgrasp.objects.catalogue import body_from_name
-from warpgrasp.parameters import ArmTable, ErrorTable, HandTable, SensorTable
+from warpgrasp.parameters import ArmTable, ContactTable, ErrorTable, HandTable, SensorTable
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Robot, Truth
 
@@ -15,9 +15,11 @@ def grasp_lightbulb(sensors: SensorTable, arm: ArmTable = EXACT_ARM, worlds: int
     """Hands straight above lightbulbs, off their axes by up to a centimetre."""
     pose = np.tile([0.45, 0, 0, 0, 0, 0, 1.0], (worlds, 1))
     truth = Truth(pose)
+    exact = arm is EXACT_ARM
     robot = Robot([body_from_name("lightbulb")], np.zeros(1, int), truth,
                   np.arange(worlds, dtype=np.uint64), arm, HandTable(), sensors,
-                  errors=ErrorTable.none() if arm is EXACT_ARM else None)
+                  errors=ErrorTable.none() if exact else None,
+                  contact=ContactTable.none() if exact else None)
     aside = np.random.default_rng(0).uniform(-0.01, 0.01, (worlds, 2))
     hand = np.zeros((worlds, 1, 7))
     hand[:, 0, 0], hand[:, 0, 1] = 0.45 + aside[:, 0], aside[:, 1]

@@ -8,7 +8,7 @@ from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
 from strategies.poses.hand_poses import waypoint_poses
 from strategies.ready_made import STRATEGIES
 from sweeps.episode.given_prior import draw_prior
-from warpgrasp.closing.closing_record import LinkStep
+from warpgrasp.closing.closing_record import LinkStep, PathStep
 from warpgrasp.closing.free_motion import advance_free, start_free
 from warpgrasp.closing.path_table import path_on_device
 from warpgrasp.core.dtypes import real, transform
@@ -20,23 +20,23 @@ from warpgrasp.mechanism.calibration import no_errors
 from warpgrasp.mechanism.utah_mit_hand import hand_links, hand_of
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
 from warpgrasp.objects.catalogue import body_from_name
-from warpgrasp.parameters import HandTable, ObjectTable
+from warpgrasp.parameters import ContactTable, HandTable, ObjectTable
 
-HAND = HandTable()
+HAND, FREE = HandTable(), ContactTable.none()
 FINGER = 1
 ON_TABLE = np.array([[0, 0, 0, 0, 0, 0, 1.0]])
 
 
 @wp.kernel(enable_backward=False)
 def _free_kernel(
-    first: int, scene: Scene, hand: Hand, base: wp.array[transform], links: wp.array4d[LinkStep],
-    end: int, out: wp.array[int],
+    first: int, scene: Scene, hand: Hand, base: wp.array[transform], path: wp.array3d[PathStep],
+    links: wp.array4d[LinkStep], end: int, out: wp.array[int],
 ):
     i = wp.tid() + first
     convex = body_is_convex(scene, 0)
     begin = start_free(scene, 0, convex, hand, base[i], links[0, FINGER, 1, 0].end)
     out[i] = advance_free(
-        scene, 0, convex, hand, base[i], links, 0, FINGER, real(1.0), begin, end).step
+        scene, 0, convex, hand, base[i], path, links, 0, FINGER, real(1.0), begin, end).step
 
 
 @pytest.mark.parametrize("name", ["block", "small_cylinder", "lightbulb"])
@@ -46,12 +46,15 @@ def test_the_first_touch_against_links_sampled_at_every_step(name: str) -> None:
                            draw_prior(body, ON_TABLE, ObjectTable(), key), HAND, key)[0]
     commands = closing_commands(CLOSING_PATHS["base_then_curl"])[None]
     steps, n = commands.shape[2], len(hands)
-    scene, links = scene_of([body], "cpu"), path_on_device(HAND, no_errors(), commands, "cpu")[1]
+    scene = scene_of([body], "cpu")
+    path, links = path_on_device(HAND, FREE, no_errors(), commands, "cpu")
     points, _ = hand_links(HAND, hands, np.tile(commands[0, :, 0], (n, 1, 1)))
     base = np.concatenate([points[:, FINGER, 0], hands[:, 3:]], 1)
     out = wp.zeros(n, dtype=int, device="cpu")
-    launch(_free_kernel, {"row": n}, {"base": "row", "links": "1 4 3 step", "out": "row"}, {
-        "scene": scene, "hand": hand_of(HAND), "end": steps, "links": links, "out": out,
+    launch(_free_kernel, {"row": n}, {
+        "base": "row", "path": "1 4 step", "links": "1 4 3 step", "out": "row"}, {
+        "scene": scene, "hand": hand_of(HAND, FREE), "path": path, "end": steps, "links": links,
+        "out": out,
         "base": wp.array(base, dtype=transform, device="cpu")}, device="cpu")
 
     row = links.numpy()[0, FINGER]

@@ -15,7 +15,7 @@ from warpgrasp.closing.closing import close_fingers
 from warpgrasp.geometry.body import Body, distance_to_bodies, scene_of
 from warpgrasp.mechanism.utah_mit_hand import hand_links
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
-from warpgrasp.parameters import HandTable, SensorTable
+from warpgrasp.parameters import ContactTable, HandTable, SensorTable
 from warpgrasp.probe_status import ProbeStatus
 
 HAND = HandTable()
@@ -36,7 +36,8 @@ def body_of(name: str) -> Body:
     return body_from_name(name)
 
 
-def close(body: Body, poses: np.ndarray, path: str, threshold: float, noise: float = 0.0):
+def close(body: Body, poses: np.ndarray, path: str, threshold: float, noise: float = 0.0,
+          contact: ContactTable | None = None):
     """Close along a path at poses (world, 7) about a body at the origin."""
     n = len(poses)
     sensors = SensorTable(tendon_threshold_N=threshold, tension_noise_N=noise,
@@ -45,7 +46,7 @@ def close(body: Body, poses: np.ndarray, path: str, threshold: float, noise: flo
     felt, truth = close_fingers(
         scene_of([body], "cpu"), np.zeros(1, int), np.tile([0, 0, 0, 0, 0, 0, 1.0], (n, 1)), HAND,
         sensors, np.arange(n, dtype=np.uint64), np.full((n, 1, 1), int(ProbeStatus.CONTACT)),
-        poses[:, None], commands[None], np.array([commands.shape[1]]))
+        poses[:, None], commands[None], np.array([commands.shape[1]]), contact=contact)
     return felt, truth, commands
 
 
@@ -70,12 +71,13 @@ def poses_about(body: Body, count: int, seed: int) -> np.ndarray:
     return poses[gap > HAND.link_radius_m + 5e-4][:count]
 
 
-def rests(body: Body, poses: np.ndarray, path: str, threshold: float):
+def rests(body: Body, poses: np.ndarray, path: str, threshold: float,
+          contact: ContactTable | None = None):
     """Every finger that stopped on something: its energy, joints, command and torque."""
-    felt, truth, commands = close(body, poses, path, threshold)
+    felt, truth, commands = close(body, poses, path, threshold, contact=contact)
     for i, f in np.argwhere(truth.link[:, 0, 0] >= 0):
         at = i, 0, 0, f
-        yield (FingerEnergy(body, HAND, poses[i], f), truth.q_rad[at],
+        yield (FingerEnergy(body, HAND, poses[i], f, contact), truth.q_rad[at],
                commands[f, felt.step[at]], truth.torque_Nm[at])
 
 
@@ -100,11 +102,13 @@ def test_a_rest_is_a_rest(name: str, case) -> None:
 @settings(max_examples=12, deadline=None, derandomize=True, phases=[Phase.generate])
 @given(st.sampled_from((*ROUND, *FLAT)), drawn)
 def test_reactions_push_and_no_link_is_deeper_than_its_torque_allows(name: str, case) -> None:
-    """Servo torques are what forces k * depth >= 0 along outward normals turn the joints with;
-    so no link is deeper than the torques need, and a joint beyond the last touched link bears 0."""
+    """Without weight and stops servo torques are what forces k * depth >= 0 along outward normals
+    turn the joints with; so no link is deeper than the torques need, and a joint beyond the last
+    touched link bears 0."""
     seed, path, threshold = case
     body = body_of(name)
-    for energy, q, command, torque in rests(body, poses_about(body, 2, seed), path, threshold):
+    for energy, q, command, torque in rests(body, poses_about(body, 2, seed), path, threshold,
+                                            ContactTable.none()):
         assert np.allclose(torque, HAND.joint_stiffness_Nm_rad * (command - q), atol=1e-12)
         state = energy.links(q)
         pressed = state.depth_m > 0.0

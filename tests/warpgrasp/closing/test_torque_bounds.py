@@ -72,7 +72,7 @@ def test_torques_lie_in_the_balls_where_contacts_are_convex() -> None:
     assert (off <= radius + 1e-9).all()
     assert agreed.all()
     assert (radius[:, 1] <= radius[:, 0] + 1e-12).all()
-    assert np.median(radius[:, 1]) < 0.6 * np.median(radius[:, 0])
+    assert np.median(radius[:, 1]) < 0.7 * np.median(radius[:, 0])
 
 
 def test_a_finger_that_slips_is_told() -> None:

@@ -13,7 +13,14 @@ from strategies.poses.postures import POKE_RAD, poke_tip_m, poking_pose
 from warpgrasp.geometry.body import Body
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.objects.mesh_import import body_from_mesh
-from warpgrasp.parameters import ArmTable, ErrorTable, HandTable, PadTable, SensorTable
+from warpgrasp.parameters import (
+    ArmTable,
+    ContactTable,
+    ErrorTable,
+    HandTable,
+    PadTable,
+    SensorTable,
+)
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Robot, Truth
 from warpgrasp.touch.guarded_motion import Until
@@ -27,13 +34,14 @@ INWARD = np.array([1.0, 0.0, 0.0])
 
 def robot_before_block(worlds: int, *, arm=None, sensors=None, pads=None, errors=None,
                        body: Body | None = None) -> tuple[Robot, Truth]:
-    """A robot whose arm is exact has no errors at all, unless they are given."""
+    """A robot whose arm is exact has no errors at all, unless they are given, and no weight."""
+    contact = None
     if arm is EXACT_ARM:
-        errors = errors or ErrorTable.none()
+        errors, contact = errors or ErrorTable.none(), ContactTable.none()
     truth = Truth(np.tile([0.45, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (worlds, 1)))
     robot = Robot([body or body_from_name("block")], np.zeros(1, int), truth,
                   np.arange(worlds).astype(np.uint64) + np.uint64(99), arm or ArmTable(),
-                  HandTable(), sensors or SensorTable(), pads=pads, errors=errors)
+                  HandTable(), sensors or SensorTable(), pads=pads, errors=errors, contact=contact)
     return robot, truth
 
 
