@@ -101,11 +101,13 @@ class ContactTable:
 
     joint_stops: bool = field(default=True, metadata={"doc": "joints end at their limits"})
     weight: bool = field(default=True, metadata={"doc": "links weigh down on the servos"})
+    self_contact: bool = field(default=True, metadata={
+        "doc": "fingers stop at one another and at the palm"})
 
     @staticmethod
     def none() -> "ContactTable":
         """Nothing beside them."""
-        return ContactTable(joint_stops=False, weight=False)
+        return ContactTable(joint_stops=False, weight=False, self_contact=False)
 
 
 @spec_words

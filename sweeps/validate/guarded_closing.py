@@ -26,7 +26,7 @@ from warpgrasp.geometry.body import Body, Part, scene_of
 from warpgrasp.geometry.scene import Shape
 from warpgrasp.mechanism.utah_mit_hand import hand_links
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
-from warpgrasp.parameters import HandTable, SensorTable
+from warpgrasp.parameters import ContactTable, HandTable, SensorTable
 from warpgrasp.probe_status import ProbeStatus
 
 THRESHOLDS_N = (3.0, 6.0, 12.0)
@@ -58,10 +58,10 @@ class _Tally:
 
 def compare_closing(poses: int = 24, workers: int = 2) -> list[Comparison]:
     """All comparisons; `poses` random hand poses for each body and closing path."""
-    runs = [(name, PATHS, poses, 0.0, False) for name in bodies_compared()]
+    runs = [(name, PATHS, poses, 0.0, ContactTable()) for name in bodies_compared()]
     some = max(poses // 4, 2)
-    variants = {"friction 0.01": (0.01, False), "friction 0.5": (0.5, False),
-                "joint limits kept": (0.0, True)}
+    variants = {"friction 0.01": (0.01, ContactTable()), "friction 0.5": (0.5, ContactTable()),
+                "no joint stops, no weight": (0.0, ContactTable.none())}
     runs += [(name, PATHS[1:], some, *variant) for variant in variants.values()
              for name in _VARIED]
     with ProcessPoolExecutor(workers, get_context("spawn"), initializer=init_warp) as pool:
@@ -87,11 +87,11 @@ _VARIED = ("box", "cylinder")
 
 
 def _tally(name: str, paths: Sequence[str], poses: int, friction: float = 0.0,
-           limits: bool = False) -> "_Tally":
+           contact: ContactTable | None = None) -> "_Tally":
     body, solids = bodies_compared()[name]
     tally = _Tally()
     for path in paths:
-        _compare(tally, body, solids, path, poses, friction, limits)
+        _compare(tally, body, solids, path, poses, friction, contact)
     return tally
 
 
@@ -165,8 +165,9 @@ def random_poses(hand: MujocoHand, body: Body, open_rad: np.ndarray, count: int,
 
 
 def _compare(tally: _Tally, body: Body, solids: Sequence[Solid], path: str, poses: int,
-             friction: float = 0.0, limits: bool = False) -> int:
-    hand = MujocoHand(solids, HAND, friction=friction, limits=limits)
+             friction: float = 0.0, contact: ContactTable | None = None) -> int:
+    contact = contact or ContactTable()
+    hand = MujocoHand(solids, HAND, contact, friction=friction)
     commands = closing_commands(CLOSING_PATHS[path])
     places = random_poses(hand, body, commands[:, 0], poses)
     theirs = []
@@ -174,11 +175,11 @@ def _compare(tally: _Tally, body: Body, solids: Sequence[Solid], path: str, pose
         hand.place(pose)
         theirs.append(hand.close(commands, THRESHOLDS_N))
     for k, threshold in enumerate(THRESHOLDS_N):
-        felt, truth = _ours(body, places, commands, threshold)
+        felt, truth = _ours(body, places, commands, threshold, contact)
         tips = hand_links(HAND, places, truth.q_rad[:, 0, 0])[0][:, :, 4]
         for i, f in np.ndindex(len(places), 4):
             ours = _Ours(felt, truth, tips, (i, 0, 0, f), (i, f))
-            _tell(tally, body, places[i], commands, threshold, ours, theirs[i][f][k])
+            _tell(tally, body, places[i], commands, threshold, ours, theirs[i][f][k], contact)
     return len(places)
 
 
@@ -194,8 +195,8 @@ class _Ours:
         self.point_m, self.normal = truth.point_m[at], truth.normal[at]
 
 
-def _ours(body: Body, places: np.ndarray, commands: np.ndarray,
-          threshold: float) -> tuple[Closing, ClosingTruth]:
+def _ours(body: Body, places: np.ndarray, commands: np.ndarray, threshold: float,
+          contact: ContactTable) -> tuple[Closing, ClosingTruth]:
     n = len(places)
     quiet = SensorTable(tendon_threshold_N=threshold, tension_noise_N=0.0, tension_step_N=0.0,
                         joint_noise_rad=0.0)
@@ -203,11 +204,12 @@ def _ours(body: Body, places: np.ndarray, commands: np.ndarray,
         scene_of([body], "cpu"), np.zeros(1, int), np.tile([0, 0, 0, 0, 0, 0, 1.0], (n, 1)), HAND,
         quiet, np.arange(n, dtype=np.uint64), np.full((n, 1, 1), int(ProbeStatus.CONTACT)),
         places[:, None], commands[None], np.array([commands.shape[1]]),
+        contact=contact,
         march_scale=0.5 if body.parts[0].shape == Shape.SUPERQUADRIC else 1.0)
 
 
 def _tell(tally: _Tally, body: Body, pose: np.ndarray, commands: np.ndarray, threshold: float,
-          ours: _Ours, theirs: MujocoStop | None) -> None:
+          ours: _Ours, theirs: MujocoStop | None, contact: ContactTable) -> None:
     """Count one finger at one threshold."""
     tally.stops_ours += ours.stopped
     tally.stops_theirs += theirs is not None
@@ -216,7 +218,7 @@ def _tell(tally: _Tally, body: Body, pose: np.ndarray, commands: np.ndarray, thr
     tally.pairs += 1
     if not ours.stopped or theirs is None or abs(ours.step - theirs.step) > 1:
         tally.apart += 1
-        tally.causes[_cause(body, pose, commands, threshold, ours, theirs)] += 1
+        tally.causes[_cause(body, pose, commands, threshold, ours, theirs, contact)] += 1
         return
     if ours.step != theirs.step:  # a step apart, the commands differ: positions would too
         return
@@ -237,11 +239,11 @@ def _tell(tally: _Tally, body: Body, pose: np.ndarray, commands: np.ndarray, thr
     else:
         tally.other_link += 1
     if tip > TIP_M or torque > TORQUE:
-        tally.causes[_cause(body, pose, commands, threshold, ours, theirs)] += 1
+        tally.causes[_cause(body, pose, commands, threshold, ours, theirs, contact)] += 1
 
 
 def _cause(body: Body, pose: np.ndarray, commands: np.ndarray, threshold: float, ours: _Ours,
-           theirs: MujocoStop | None) -> str:
+           theirs: MujocoStop | None, contact: ContactTable) -> str:
     """Why two closings differ."""
     if body.parts[0].shape == Shape.SUPERQUADRIC:
         return "distance of a superquadric is a bound"
@@ -252,11 +254,11 @@ def _cause(body: Body, pose: np.ndarray, commands: np.ndarray, threshold: float,
             ours, commands, threshold) > 0.01 else "threshold grazed"
     if not theirs.settled:
         return "MuJoCo did not come to rest"
-    energy = FingerEnergy(body, HAND, pose, ours.finger)
+    energy = FingerEnergy(body, HAND, pose, ours.finger, contact)
     push = np.abs(energy.gradient(theirs.q_rad, commands[ours.finger, theirs.step])).max()
     if push < 1e-3:  # theirs is a rest of our energy too
         return "two rests at one command: the finger jumps an edge"
-    return "another contact force in MuJoCo (friction, limits, several contacts on a link)"
+    return "another contact force in MuJoCo (friction, several contacts on a link)"
 
 
 def _margin(ours: _Ours, commands: np.ndarray, threshold: float) -> float:

@@ -13,8 +13,8 @@ import numpy as np
 from sweeps.validate.comparison import engine
 from warpgrasp.export.convex_solids import Solid
 from warpgrasp.export.mjcf import mjcf_text
-from warpgrasp.export.robot_tree import FINGERS, PHALANGES, hand_tree
-from warpgrasp.parameters import HandTable, PadTable
+from warpgrasp.export.robot_tree import DENSITY_KG_M3, FINGERS, PHALANGES, hand_tree
+from warpgrasp.parameters import ContactTable, HandTable, PadTable
 
 mujoco = engine("mujoco")
 _IMPEDANCE = 0.9
@@ -47,10 +47,10 @@ class MujocoStop:
 class MujocoHand:
     """The exported hand before an object that stands on the table at the origin."""
 
-    def __init__(self, solids: Sequence[Solid], hand: HandTable, *, friction: float,
-                 limits: bool) -> None:
-        """`friction` 0 makes contacts frictionless; `limits` keeps the joint limits."""
-        text = mjcf_text(hand_tree(hand, PadTable()), solids, limits=limits)
+    def __init__(self, solids: Sequence[Solid], hand: HandTable, contact: ContactTable, *,
+                 friction: float = 0.0) -> None:
+        """`contact` says what acts on the fingers; `friction` 0 makes contacts frictionless."""
+        text = mjcf_text(hand_tree(hand, PadTable()), solids, limits=contact.joint_stops)
         self.model = mujoco.MjModel.from_xml_string(text)
         self.data = mujoco.MjData(self.model)
         self.hand = hand
@@ -58,14 +58,22 @@ class MujocoHand:
         m.opt.iterations, m.opt.ccd_iterations = 100, 100
         m.opt.tolerance, m.opt.ccd_tolerance = 1e-12, 1e-9
         m.opt.impratio = 10.0
+        m.opt.gravity[2] = -9.81 if contact.weight else 0.0
+        m.body_mass *= hand.link_density_kg_m3 / DENSITY_KG_M3
         m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_MULTICCD
         ours = m.geom_contype == 1
+        if contact.self_contact:  # links meet links too; a body never meets its parent
+            m.geom_conaffinity[ours] |= 1
+            m.body_conaffinity[m.body_contype == 1] |= 1
         body = m.geom_bodyid[ours]
         stiffness = hand.skin_stiffness_N_m * (1.0 - _IMPEDANCE) * np.maximum(
             m.body_invweight0[body, 0], 1e-9)
         m.geom_solref[ours] = np.stack([-stiffness, -2.0 * np.sqrt(stiffness)], 1)
         m.geom_solimp[ours] = [_IMPEDANCE, _IMPEDANCE, 0.001, 0.5, 2.0]
         m.geom_priority[ours] = 1
+        stop = hand.joint_stop_Nm_rad * (1.0 - _IMPEDANCE) * m.dof_invweight0
+        m.jnt_solref[:] = np.stack([-stop, -2.0 * np.sqrt(stop)], 1)
+        m.jnt_solimp[:] = [_IMPEDANCE, _IMPEDANCE, 0.001, 0.5, 2.0]
         m.geom_condim[ours] = 3 if friction else 1
         m.geom_friction[ours, 0] = friction
         self._palm = m.body("palm").id

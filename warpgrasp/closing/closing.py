@@ -5,16 +5,20 @@ what is felt where they stop is read in a second one (`closing_reading`).
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
 
 from warpgrasp.closing.closing_kernel import closing_kernel
 from warpgrasp.closing.closing_record import ClosingRow, ClosingTruthRow
+from warpgrasp.closing.energy import Equilibrium
+from warpgrasp.closing.hand_equilibrium import Meeting
+from warpgrasp.closing.meeting_kernel import meeting_kernel, near_kernel
 from warpgrasp.closing.path_table import path_on_device
 from warpgrasp.closing.readout import reading_kernel
 from warpgrasp.core.dtypes import transform
-from warpgrasp.core.kernel_launch import check_range, launch_in_turn
+from warpgrasp.core.kernel_launch import check_range, launch, launch_in_turn
 from warpgrasp.core.struct_array import Records
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.calibration import Calibration, no_errors, true_hands, true_tendons
@@ -31,13 +35,15 @@ class ClosingTruth:
     torque_Nm: np.ndarray
     """Joint torques at rest [N m], (..., 4)."""
     link: np.ndarray
-    """Link that bears the largest force (0 proximal to 2 distal), -1: none, a false stop."""
+    """Link that bears the largest force (0 proximal to 2 distal), -1: none on object or table."""
     point_m: np.ndarray
     """Contact on the surface, base frame [m], (..., 3); NaN without contact."""
     normal: np.ndarray
     """Outward surface normal there, (..., 3)."""
     on_table: np.ndarray
     """Whether the table, not the object, was touched."""
+    self_contact: np.ndarray
+    """Whether another finger or the palm bears most."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +67,7 @@ _SHAPES = {
     "key": "world", "probe_number": "world probe", "probe_status": "world probe grasp",
     "hand_pose": "world probe",
     "path": "grasp finger step", "links": "grasp finger 3 step", "command_count": "grasp",
+    "near": "world probe grasp", "place": "row", "state": "row 8", "meetings": "row 8",
     "felt": "world probe grasp finger", "truth": "world probe grasp finger"}
 
 
@@ -116,13 +123,41 @@ def close_fingers(
         "hands": hands, "sensors": tendons, "key": there(key, wp.uint64),
         "probe_number": there(probe_number, int), "hand_pose": there(hand_pose, transform),
         "path": path, "felt": felt.array, "truth": truth.array}
-    launch_in_turn(extents, [
-        (closing_kernel, _SHAPES, given | {
-            "march_scale": march_scale, "links": links,
-            "probe_status": there(probe_status, int), "command_count": there(command_count, int)}),
-        (reading_kernel, _SHAPES, given)], device=device)
+    steps = {"links": links, "command_count": there(command_count, int)}
+    closing = (closing_kernel, _SHAPES, given | steps | {
+        "march_scale": march_scale, "probe_status": there(probe_status, int)})
+    reading = (reading_kernel, _SHAPES, given)
+    if contact.self_contact:
+        near = wp.empty(dims[:3], dtype=int, device=device)
+        meeting = {"mount": hand.mount_length_m, "near": near}
+        launch_in_turn(extents, [closing, (near_kernel, _SHAPES, _named(
+            near_kernel, given | steps | meeting))], device=device)
+        _resolve(near.numpy(), given | steps | meeting, device)
+        launch_in_turn(extents, [reading], device=device)
+    else:
+        launch_in_turn(extents, [closing, reading], device=device)
     row = felt.numpy()
     true = truth.numpy()
     return (Closing(row["status"], row["step"], row["q"], row["tension"], row["difference"]),
             ClosingTruth(true["q"], true["torque"], true["link"], true["point"], true["normal"],
-                         true["on_table"].astype(bool)))
+                         true["on_table"].astype(bool), true["self_depth"] > 0.0))
+
+
+def _named(kernel: Any, values: dict[str, Any]) -> dict[str, Any]:
+    """Those of the values that a kernel takes."""
+    return {a.label: values[a.label] for a in kernel.adj.args if a.label in values}
+
+
+def _resolve(near: np.ndarray, given: dict[str, Any], device: str) -> None:
+    """Close together the fingers of those hands whose links come near one another."""
+    place = np.argwhere(near >= 0).astype(np.int32)
+    if len(place) == 0:
+        return
+    n = len(place)
+    state, meetings = (Records(row, (n, 8), device) for row in (Equilibrium, Meeting))
+    # Here worlds are no axis of the launch: their number is stated by an array that has them all.
+    shapes = {**_SHAPES, "body": "some"} if given["body"].shape[0] == 1 else _SHAPES
+    launch(meeting_kernel, {"row": n}, shapes, _named(meeting_kernel, given | {
+        "place": wp.array(place, dtype=wp.vec3i, device=device), "state": state.array,
+        "meetings": meetings.array}), device=device)
+

@@ -101,6 +101,9 @@ def closing_kernel(
     felt[w, p, g, finger].step = -1
     felt[w, p, g, finger].difference = _NAN
     truth[w, p, g, finger].link = -1
+    truth[w, p, g, finger].touched = -1
+    truth[w, p, g, finger].met = 0
+    truth[w, p, g, finger].self_depth = ZERO
     truth[w, p, g, finger].q = vec4(_NAN, _NAN, _NAN, _NAN)
     truth[w, p, g, finger].torque = vec4(_NAN, _NAN, _NAN, _NAN)
     if probe_status[w, p, g] != _CONTACT:
@@ -188,6 +191,9 @@ def closing_kernel(
                 continue
         pressed = int(wp.max(wp.max(solved.depth), wp.max(solved.table)) > ZERO)
         reading = real(0.0)
+        if pressed == 1 and (truth[w, p, g, finger].touched < 0
+                             or s < truth[w, p, g, finger].touched):
+            truth[w, p, g, finger].touched = s
         if pressed == 1 or listening:
             delta = command - true_command(hand, path, g, finger, wp.max(s - 1, 0))
             reading = stop_reading(sensor, (command - solved.q) * k, delta,

@@ -12,28 +12,31 @@ from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
 class PathStep:
     """A command [rad].
 
-    `strain` is the torque [N m] that the servos of commands so far put on the joints' stops, the
-    largest of a flexion.
+    Of commands so far, for fingers that touch nothing: `strain` is the largest torque [N m] that
+    servos of flexions put on the joints' stops, `inward` how far any skin came towards the thumb's
+    side, from the finger's base [m], and `palm` how near any came to the palm [m].
     """
 
     command: vec4
     strain: real
+    inward: real
+    palm: real
 
 
 @struct
 class LinkStep:
     """A link of the free finger at a step, in the frame of the finger's base.
 
-    `start` and `end` bound its axis [m], weight and errors of calibration apart; `come` bounds the
-    distance [m] that any of its points has moved since the first step, these included, and `stray`
-    the part of it that they make; `steps` is the number of steps per metre at its fastest from here
-    on [1/m].
+    `start` and `end` bound its axis [m], weight and errors of calibration apart. `come` bounds the
+    distance [m] that any of its points has moved since the first step; `swing` is the sum of all
+    turns so far times what they turn [m], of which weight and errors of calibration add
+    `Hand.askew`. `steps` is the number of steps per metre at its fastest from here on [1/m].
     """
 
     start: vec3
     end: vec3
     come: real
-    stray: real
+    swing: real
     steps: real
 
 
@@ -67,3 +70,9 @@ class ClosingTruthRow:
     depth: vec3
     link: int
     on_table: int
+    touched: int
+    """The first step, of those looked at, that pressed a link against something; -1 if none."""
+    met: int
+    """Whether it was closed together with the others, since their links touched it."""
+    self_depth: real
+    """How deep another finger or the palm presses into its skin [m]."""

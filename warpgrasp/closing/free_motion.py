@@ -58,7 +58,7 @@ class FreeFinger:
     loose: vec3
     seen: vec3
     """Weight and errors of calibration shift the ends of links by `off` from their tabled places
-    [m], known to `loose` where the table's `stray` was `seen`."""
+    [m], known to `loose` where the table's `swing` times `Hand.askew` was `seen`."""
     room: vec3
     along: vec3
     bend: vec3
@@ -86,14 +86,20 @@ def start_free(scene: Scene, body: int, convex: bool, hand: Hand, base: transfor
 
 
 @wp.func
-def _clearance(free: FreeFinger, link: int, table: vec4, at: LinkStep):
+def _come(hand: Hand, at: LinkStep):
+    """How far any place of the true link can have come [m]."""
+    return at.come + hand.askew * at.swing
+
+
+@wp.func
+def _clearance(free: FreeFinger, link: int, table: vec4, at: LinkStep, askew: real):
     """Least distance of a link's skin from two planes [m]."""
     plane = free.planes[link]
     n = vec3(plane[0], plane[1], plane[2])
     up = vec3(table[0], table[1], table[2])
     start = at.start + free.off_start[link]
     end = at.end + free.off_end[link]
-    loose = pick(free.loose, link) + wp.abs(at.stray - pick(free.seen, link))
+    loose = pick(free.loose, link) + wp.abs(askew * at.swing - pick(free.seen, link))
     return lesser(plane[3] + lesser(wp.dot(n, start), wp.dot(n, end)),
                   table[3] + lesser(wp.dot(up, start), wp.dot(up, end))) - loose
 
@@ -119,15 +125,15 @@ def advance_free(
         length = pick(hand.link_length, link)
         sag = pick(hand.sag, link)
         room = pick(was.room, link)
-        seen = links[grasp, finger, link, wp.max(was.step, 0)].come
+        seen = _come(hand, links[grasp, finger, link, wp.max(was.step, 0)])
         s = int(was.step + 1)
         while s < free.step:
             at = links[grasp, finger, link, s]
-            room -= at.come - seen
-            seen = at.come
+            room -= _come(hand, at) - seen
+            seen = _come(hand, at)
             clear = -ONE
             if convex:
-                clear = _clearance(free, link, table, at)
+                clear = _clearance(free, link, table, at, hand.askew)
                 room = greater(room, scale * clear)
             if room <= ZERO and clear < -_ROUNDING:
                 a = wp.transform_point(base, at.start)
@@ -140,7 +146,7 @@ def advance_free(
                     free.off_start[link] = wp.transform_point(to_base, a) - at.start
                     free.off_end[link] = wp.transform_point(to_base, a + u * length) - at.end
                     free.loose = put(free.loose, link, _UNSURE * sag)
-                    free.seen = put(free.seen, link, at.stray)
+                    free.seen = put(free.seen, link, hand.askew * at.swing)
                 if convex:
                     near = link_valley(scene, body, a, u, ZERO, length, pick(free.along, link),
                                        pick(free.bend, link), hand.link_radius, True)
@@ -166,10 +172,10 @@ def advance_free(
         for link in range(3):
             at = links[grasp, finger, link, free.step]
             # A link may have been followed beyond the step: back again takes as much.
-            room = pick(free.room, link) - wp.abs(at.come - pick(come, link))
+            room = pick(free.room, link) - wp.abs(_come(hand, at) - pick(come, link))
             if convex:
-                room = greater(room, _clearance(free, link, table, at))
-            elif room <= ZERO and at.come != pick(come, link):
+                room = greater(room, _clearance(free, link, table, at, hand.askew))
+            elif room <= ZERO and _come(hand, at) != pick(come, link):
                 free.along = put(free.along, link, -ONE)
             free.room = put(free.room, link, room)
     return free

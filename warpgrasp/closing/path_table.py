@@ -6,20 +6,18 @@ all worlds. A closing reads from the table how many steps it can skip for a give
 """
 
 from functools import lru_cache
-from math import ceil
 
 import numpy as np
 import warp as wp
 
 from warpgrasp.closing.closing_record import LinkStep, PathStep
 from warpgrasp.core.struct_array import record_type
-from warpgrasp.mechanism.calibration import Calibration, askewness
+from warpgrasp.mechanism.calibration import Calibration
+from warpgrasp.mechanism.utah_mit_hand import WEIGHT_ASKEW
 from warpgrasp.parameters import ContactTable, HandTable
 
 _STILL = 1e-9
 """Joints are no farther past a stop by rounding [rad]."""
-_ROUNDED = 0.01
-"""Askewness is rounded up to this: robots then share tables."""
 _UNMOVED = 1e9
 """Steps a metre of a link that stands still."""
 
@@ -29,8 +27,8 @@ def path_table(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Tables of a closing path of the hand believed.
 
-    `commands_rad` has shape (grasp, finger, step, 4). `askew` bounds how far links of the true
-    hands stand askew of these [rad], and how much longer they are, relatively. Joints end at their
+    `commands_rad` has shape (grasp, finger, step, 4). `askew` bounds `Hand.askew` of the
+    true hands. Joints end at their
     limits with `stops`. Returns rows of PathStep, shape (grasp, finger, step), and of LinkStep,
     shape (grasp, finger, link 3, step).
     """
@@ -52,6 +50,9 @@ def path_table(
         along = np.sin(angle)[..., None] * x + np.cos(angle)[..., None] * z
         joints.append(joints[-1] + hand.link_length_m[link] * along)
     places = np.stack(joints, 2)
+    radius = hand.link_radius_m
+    table["inward"] = np.maximum.accumulate(places[..., 0].max(2) + radius, axis=-1)
+    table["palm"] = np.minimum.accumulate(_palm_clearance(hand, places), axis=-1)
     links = np.zeros((*places.shape[:2], 3, places.shape[3]), dtype=record_type(LinkStep))
     links["start"], links["end"] = places[:, :, :-1], places[:, :, 1:]
     # A point of a link moves no farther than the farther-moving of its ends.
@@ -63,13 +64,28 @@ def path_table(
     length = np.array([hand.abduction_offset_m, *hand.link_length_m])
     swing = np.moveaxis((turned * length).cumsum(-1), -1, 2)
     swing += turned[:, :, None, :, 0] * length.sum()
-    links["stray"][..., 1:] = askew * swing[:, :, 1:].cumsum(-1)
-    links["come"][..., 1:] = moved.cumsum(-1) + links["stray"][..., 1:]
-    fastest = np.maximum.accumulate(np.diff(links["come"])[..., ::-1], axis=-1)[..., ::-1]
+    links["come"][..., 1:] = moved.cumsum(-1)
+    links["swing"][..., 1:] = swing[:, :, 1:].cumsum(-1)
+    farthest = np.diff(links["come"] + askew * links["swing"])
+    fastest = np.maximum.accumulate(farthest[..., ::-1], axis=-1)[..., ::-1]
     links["steps"] = _UNMOVED
     with np.errstate(divide="ignore"):
         links["steps"][..., :-1] = np.minimum(1.0 / fastest, _UNMOVED)
     return table, links
+
+
+def _palm_clearance(hand: HandTable, places: np.ndarray) -> np.ndarray:
+    """Between the outer two links' skin and the palm's bars, (grasp, finger, step), of joints
+    (grasp, finger, joint 4, step, 3): bars lie across the fingers, so that sideways does not count.
+    """
+    bars = hand.palm_gap_m * np.array([0.0, 0.5, 1.0])
+    bar = np.stack([bars, np.full(3, -hand.palm_thickness_m / 2)], -1)
+    start, end = places[:, :, 1:-1, ..., None, [0, 2]], places[:, :, 2:, ..., None, [0, 2]]
+    along = end - start
+    share = ((bar - start) * along).sum(-1) / np.maximum((along**2).sum(-1), 1e-12)
+    nearest = start + np.clip(share, 0.0, 1.0)[..., None] * along
+    away = np.linalg.norm(nearest - bar, axis=-1) - hand.palm_thickness_m / 2 - hand.link_radius_m
+    return away.min((2, 4))
 
 
 @lru_cache(maxsize=32)
@@ -102,5 +118,5 @@ def path_on_device(
 ) -> tuple[wp.array, wp.array]:
     """`path_table` on a device, kept for the next launch along the same commands."""
     commands = np.ascontiguousarray(commands_rad, np.float64)
-    askew = _ROUNDED * ceil(askewness(contact, errors) / _ROUNDED)
+    askew = errors.askew_limit + WEIGHT_ASKEW * contact.weight
     return _tabled(hand, askew, contact.joint_stops, commands.shape, commands.tobytes(), device)

@@ -14,11 +14,11 @@ from warpgrasp.closing.closing_record import (
     true_command,
 )
 from warpgrasp.closing.energy import free_equilibrium
-from warpgrasp.closing.equilibrium_refine import refine_equilibrium
+from warpgrasp.closing.equilibrium_refine import refine_equilibrium, refined_energy
 from warpgrasp.core.dtypes import ONE, ZERO, mat42, real, transform, vec3, vec4
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key, counter_normal
-from warpgrasp.geometry.scene import Scene, body_distance_grad
+from warpgrasp.geometry.scene import Scene, body_distance_grad, body_is_convex
 from warpgrasp.geometry.segment_distance import lower_end
 from warpgrasp.mechanism.tendon_kernel import (
     TendonSensor,
@@ -88,7 +88,11 @@ def reading_kernel(
         rest.along = truth[w, p, g, finger].along
         rest.bend = truth[w, p, g, finger].bend
         rest.depth = truth[w, p, g, finger].depth
-        rest = refine_equilibrium(scene, which, hand, base, command, rest)
+        if truth[w, p, g, finger].met == 1:  # what its fellows do is not in a finger's own energy
+            rest = refined_energy(scene, which, body_is_convex(scene, which), hand, base, command,
+                                  rest.q, rest)
+        else:
+            rest = refine_equilibrium(scene, which, hand, base, command, rest)
         truth[w, p, g, finger].q = rest.q
         truth[w, p, g, finger].torque = (command - rest.q) * hand.stiffness
         bearing = int(0)
@@ -106,10 +110,13 @@ def reading_kernel(
             n = vec4(ZERO, ZERO, ONE, x[2])
             truth[w, p, g, finger].on_table = 1
         normal = vec3(n[0], n[1], n[2])
-        truth[w, p, g, finger].link = bearing
-        truth[w, p, g, finger].point = wp.transform_point(body_pose[w], x - normal * n[3])
-        truth[w, p, g, finger].normal = wp.transform_vector(
-            body_pose[w], wp.normalize(normal))  # a grid's gradient is shorter in its creases
+        truth[w, p, g, finger].link = -1
+        if deepest * real(2.0) > truth[w, p, g, finger].self_depth:  # two skins give in series
+            truth[w, p, g, finger].self_depth = ZERO
+            truth[w, p, g, finger].link = bearing
+            truth[w, p, g, finger].point = wp.transform_point(body_pose[w], x - normal * n[3])
+            truth[w, p, g, finger].normal = wp.transform_vector(
+                body_pose[w], wp.normalize(normal))  # a grid's gradient is shorter in its creases
 
     reader = counter_key(stream, _JOINT)
     q = truth[w, p, g, finger].q

@@ -60,6 +60,8 @@ class Calibration:
     """Along and across its link, (..., finger 4, link 3, 2)."""
     pad_gain: np.ndarray
     """Factor, (..., finger 4, link 3)."""
+    askew_limit: float
+    """What `Hand.askew` is at most for any errors of this size, weight apart."""
 
     @property
     def worlds(self) -> int:
@@ -90,7 +92,8 @@ def draw_calibration(table: ErrorTable, key: np.ndarray) -> Calibration:
         arm_length_m=table.arm_link_m * draw(5, len(_ARM_LENGTHS)),
         mount=np.concatenate([mount[:, :3] * table.mount_m, turn], axis=1),
         pad_shift_m=table.pad_m * draw(6, *each, 2),
-        pad_gain=1.0 + table.pad_gain_share * draw(7, *each))
+        pad_gain=1.0 + table.pad_gain_share * draw(7, *each),
+        askew_limit=_LARGEST * (3 * table.joint_offset_rad + table.link_length_share))
 
 
 @lru_cache(maxsize=1)
@@ -122,13 +125,12 @@ def _strays(table: HandTable, errors: Calibration) -> np.ndarray:
         np.abs(errors.link_length_share) * length).cumsum(-1)
 
 
-def askewness(contact: ContactTable, errors: Calibration) -> float:
-    """How far links of the true hands stand askew of those believed [rad], and how much longer they
-    are, relatively: the largest sum."""
+def _askew(errors: Calibration) -> np.ndarray:
+    """How far links stand askew of those believed [rad], and how much longer they are, relatively:
+    the largest sum, (world or 1, finger 4)."""
     offset = errors.joint_offset_rad
-    turned = np.abs(np.concatenate([offset[..., :1], offset[..., 1:].cumsum(-1)], -1)).max()
-    weight = 0.02 if contact.weight else 0.0  # what weight turns changes by less on the way
-    return float(turned + np.abs(errors.link_length_share).max() + weight)
+    turned = np.abs(np.concatenate([offset[..., :1], offset[..., 1:].cumsum(-1)], -1)).max(-1)
+    return turned + np.abs(errors.link_length_share).max(-1)
 
 
 @lru_cache(maxsize=8)
@@ -146,6 +148,7 @@ def true_hands(
     rows["base_shift"] = errors.finger_base_m
     rows["offset"] = errors.joint_offset_rad
     rows["sag"] += _strays(table, errors)
+    rows["askew"] += _askew(errors)
     rows["low"] -= errors.joint_offset_rad
     rows["high"] -= errors.joint_offset_rad
     return wp.array(rows, dtype=Hand, device=device)

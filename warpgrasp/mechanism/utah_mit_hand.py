@@ -20,6 +20,8 @@ LINK_COUNT = 3  # proximal, middle, distal
 
 
 GRAVITY_M_S2 = 9.81
+WEIGHT_ASKEW = 0.02
+"""What weight changes on the way: it turns joints by less than a hundredth of a radian."""
 
 
 def hand_of(table: HandTable, contact: ContactTable | None = None) -> Hand:
@@ -37,6 +39,7 @@ def hand_of(table: HandTable, contact: ContactTable | None = None) -> Hand:
     hand.high = vec4(table.abduction_limit_rad[1], *table.flexion_high_rad)
     if contact.weight:
         weight = link_weights(table)
+        hand.askew = WEIGHT_ASKEW
         hand.weight, hand.sag = vec3(*weight), vec3(*weight_bounds(table, weight)[1])
     return hand
 

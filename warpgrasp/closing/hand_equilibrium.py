@@ -1,0 +1,325 @@
+# type: ignore  # Warp functions, which type checkers cannot follow
+"""The equilibrium of a hand whose fingers touch one another or the palm.
+
+The energy is that of the four fingers (`energy`) and of the skin between them,
+
+    E(q) = sum over fingers E_f(q_f) + sum over pairs of links 1/2 k/2 max(0, 2 r - d(q))^2
+
+with d the distance of two links' axes; two skins give in series. Palm and wrist are capsules too.
+Newton steps: each finger's inverse Hessian is known, and what links do to one another adds a term
+of rank one each, whose forces solve a small system (Woodbury).
+"""
+
+import warp as wp
+
+from warpgrasp.closing.energy import Equilibrium, finger_energy, largest_magnitude
+from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat44, real, struct, transform, vec3, vec4
+from warpgrasp.geometry.scene import Scene
+from warpgrasp.geometry.segment_pair import segment_pair
+from warpgrasp.mechanism.utah_mit_hand_kernel import (
+    FingerPose,
+    Hand,
+    finger_base,
+    finger_jacobian,
+    finger_pose,
+    link_start,
+)
+
+MEETINGS = 8
+"""Places where links of a hand touch one another that are resolved; there are hardly three."""
+PALM_CAPSULES = 4
+_MEETINGS = wp.constant(MEETINGS)
+_PALM = wp.constant(4)  # in the place of a finger
+_NEAR = wp.constant(real(2e-3))  # [m]: links nearer than this may meet in a step
+_ITERATIONS = wp.constant(40)
+_HALVINGS = wp.constant(14)
+_PASSES = wp.constant(6)
+_LAST = wp.constant(real(2e-5))  # [rad]; a Newton step that is taken without another evaluation
+_mat = wp.types.matrix(shape=(MEETINGS, MEETINGS), dtype=real)
+_vec = wp.types.vector(length=MEETINGS, dtype=real)
+
+
+@struct
+class Meeting:
+    """Two links that touch or are near: how deep [m], and how their distance changes with the
+    joints of each finger [m/rad]; `two` is 4 for the palm."""
+
+    one: int
+    two: int
+    link: int
+    depth: real
+    by_one: vec4
+    by_two: vec4
+    give_one: vec4
+    """How far a newton between them turns the joints of each [rad/N]."""
+    give_two: vec4
+
+
+@wp.func
+def link_end(f: FingerPose, link: int):
+    """Where a link ends."""
+    if link == 0:
+        return f.p2
+    if link == 1:
+        return f.p3
+    return f.p4
+
+
+@wp.func
+def palm_capsule(hand: Hand, mount: real, number: int, end: int):
+    """An end of one of the capsules of palm and wrist, hand frame; see `palm_clearance`."""
+    thick = hand.palm_thickness * HALF
+    if number == 3:
+        return vec3(ZERO, ZERO, wp.where(end == 0, -wp.max(mount, thick + real(1e-3)), -thick))
+    side = wp.where(end == 0, -hand.spacing, hand.spacing)
+    return vec3(hand.gap * HALF * real(number - 1), side, -thick)
+
+
+@wp.func
+def pair_bit(one: int, two: int):
+    """The bit of a pair of fingers, `one` < `two`, or of a finger and the palm, `two` 4."""
+    return 1 << (5 * one + two)
+
+
+@wp.func
+def in_pairs(pairs: int, finger: int):
+    """Whether a finger is one of any pair."""
+    mine = pairs & (31 << (5 * finger))
+    for one in range(finger):
+        mine = mine | (pairs & pair_bit(one, finger))
+    return mine != 0
+
+
+@wp.func
+def _note(
+    meetings: wp.array2d[Meeting], i: int, count: int, one: int, two: int, link: int, depth: real,
+    by_one: vec4, by_two: vec4
+):
+    if count < _MEETINGS:
+        meetings[i, count].one = one
+        meetings[i, count].two = two
+        meetings[i, count].link = link
+        meetings[i, count].depth = depth
+        meetings[i, count].by_one = by_one
+        meetings[i, count].by_two = by_two
+        return count + 1
+    return count
+
+
+@wp.func
+def find_meetings(
+    hands: wp.array2d[Hand], own: int, pose: transform, mount: real, q: mat44, pairs: int,
+    meetings: wp.array2d[Meeting], i: int
+):
+    """Notes the pairs of links that touch or are near, in row `i`; returns their number.
+
+    `pairs` has a bit for each pair of fingers that may meet, see `pair_bit`.
+    """
+    count = int(0)
+    for one in range(4):
+        if (pairs & (31 << (5 * one))) == 0:
+            continue
+        hand = hands[own, one]
+        f = finger_pose(hand, wp.transform_multiply(pose, finger_base(hand, one)), q[one])
+        for two in range(one + 1, 4):
+            if (pairs & pair_bit(one, two)) == 0:
+                continue
+            other = hands[own, two]
+            g = finger_pose(other, wp.transform_multiply(pose, finger_base(other, two)), q[two])
+            both = hand.link_radius + other.link_radius
+            for a in range(3):
+                for b in range(3):
+                    near = segment_pair(link_start(f, a), link_end(f, a), link_start(g, b),
+                                        link_end(g, b))
+                    if near.apart < both + _NEAR:
+                        count = _note(meetings, i, count, one, two, a, both - near.apart,
+                                      finger_jacobian(f, a, near.one, near.way),
+                                      finger_jacobian(g, b, near.two, -near.way))
+        if (pairs & pair_bit(one, _PALM)) == 0:
+            continue
+        thick = hand.palm_thickness * HALF
+        for a in range(1, 3):
+            for bar in range(4):
+                near = segment_pair(
+                    link_start(f, a), link_end(f, a),
+                    wp.transform_point(pose, palm_capsule(hand, mount, bar, 0)),
+                    wp.transform_point(pose, palm_capsule(hand, mount, bar, 1)))
+                if near.apart < hand.link_radius + thick + _NEAR:
+                    count = _note(meetings, i, count, one, _PALM, a,
+                                  hand.link_radius + thick - near.apart,
+                                  finger_jacobian(f, a, near.one, near.way),
+                                  vec4(ZERO, ZERO, ZERO, ZERO))
+    return count
+
+
+@wp.func
+def _shared(a: Meeting, b: Meeting):
+    """How far the force of meeting `b` moves the links of meeting `a` apart [m/N]."""
+    total = real(0.0)
+    if a.one == b.one:
+        total += wp.dot(a.by_one, b.give_one)
+    if a.one == b.two:
+        total += wp.dot(a.by_one, b.give_two)
+    if a.two == b.one:
+        total += wp.dot(a.by_two, b.give_one)
+    if a.two == b.two and a.two != _PALM:
+        total += wp.dot(a.by_two, b.give_two)
+    return total
+
+
+@wp.func
+def _solved(system: _mat, right: _vec, count: int):
+    """The solution of a symmetric positive system, by elimination."""
+    a = system
+    y = right
+    for k in range(count):
+        for r in range(k + 1, count):
+            share = a[r, k] / a[k, k]
+            for c in range(k, count):
+                a[r, c] = a[r, c] - share * a[k, c]
+            y[r] = y[r] - share * y[k]
+    for back in range(count):
+        k = count - 1 - back
+        for c in range(k + 1, count):
+            y[k] = y[k] - a[k, c] * y[c]
+        y[k] = y[k] / a[k, k]
+    return y
+
+
+@wp.func
+def meeting_forces(
+    state: wp.array2d[Equilibrium], i: int, slot: int, meetings: wp.array2d[Meeting], count: int,
+    stiffness: real
+):
+    """Forces of the meetings after a Newton step [N]: links push, and never pull."""
+    bears = int(0)
+    all = _mat()
+    apart = _vec()  # by the fingers' own Newton steps
+    for a in range(count):
+        one = slot + meetings[i, a].one
+        meetings[i, a].give_one = state[i, one].compliance * meetings[i, a].by_one
+        apart[a] = -wp.dot(meetings[i, a].give_one, state[i, one].gradient)
+        if meetings[i, a].two != _PALM:
+            two = slot + meetings[i, a].two
+            meetings[i, a].give_two = state[i, two].compliance * meetings[i, a].by_two
+            apart[a] = apart[a] - wp.dot(meetings[i, a].give_two, state[i, two].gradient)
+        if meetings[i, a].depth > ZERO:
+            bears = bears | (1 << a)
+        for b in range(a + 1):
+            all[a, b] = _shared(meetings[i, a], meetings[i, b])
+            all[b, a] = all[a, b]
+    force = _vec()
+    for _pass in range(_PASSES):
+        system = _mat()
+        right = _vec()
+        for a in range(count):
+            system[a, a] = ONE
+            if (bears & (1 << a)) != 0:
+                right[a] = meetings[i, a].depth - apart[a]
+                for b in range(count):
+                    if (bears & (1 << b)) != 0:
+                        system[a, b] = all[a, b]
+                system[a, a] = system[a, a] + ONE / stiffness
+        force = _solved(system, right, count)
+        others = int(0)
+        for a in range(count):
+            if (bears & (1 << a)) != 0:
+                if force[a] > ZERO:
+                    others = others | (1 << a)
+            else:
+                away = apart[a]
+                for b in range(count):
+                    away += all[a, b] * force[b]
+                if meetings[i, a].depth - away > ZERO:
+                    others = others | (1 << a)
+        if others == bears:
+            break
+        bears = others
+    for a in range(count):
+        force[a] = wp.max(force[a], ZERO)
+    return force
+
+
+@wp.func
+def hand_energy(
+    scene: Scene, body: int, hands: wp.array2d[Hand], own: int, pose: transform, mount: real,
+    command: mat44, q: mat44, pairs: int, state: wp.array2d[Equilibrium], i: int, slot: int,
+    last: int, samples: int, meetings: wp.array2d[Meeting]
+):
+    """Energies of the fingers, into row `i` of `state` from `slot` on, and of what they do to one
+    another; returns their sum [J] and the number of meetings. `pose` is the hand's in the body's
+    frame; the states from `last` on are of joints near by. Fingers in none of `pairs` are left out.
+    """
+    total = real(0.0)
+    for f in range(4):
+        if not in_pairs(pairs, f):
+            continue
+        hand = hands[own, f]
+        state[i, slot + f] = finger_energy(
+            scene, body, hand, wp.transform_multiply(pose, finger_base(hand, f)), command[f], q[f],
+            state[i, last + f], samples)
+        total += state[i, slot + f].energy
+    count = find_meetings(hands, own, pose, mount, q, pairs, meetings, i)
+    for a in range(count):
+        depth = wp.max(meetings[i, a].depth, ZERO)
+        total += real(0.25) * hands[own, 0].skin * depth * depth
+    return total, count
+
+
+@wp.func
+def hand_equilibrium(
+    scene: Scene, body: int, hands: wp.array2d[Hand], own: int, pose: transform, mount: real,
+    command: mat44, start: mat44, pairs: int, state: wp.array2d[Equilibrium], i: int, samples: int,
+    meetings: wp.array2d[Meeting]
+):
+    """The hand's equilibrium for commands (a row each finger), from joints `start`, near which the
+    states in slots 0 to 3 of row `i` are. The result is left there; returns the number of meetings.
+    """
+    stiffness = hands[own, 0].skin * HALF
+    slot = int(4)
+    best, count = hand_energy(scene, body, hands, own, pose, mount, command, start, pairs, state, i,
+                              4, 0, samples, meetings)
+    q = mat44(start)
+    for _iteration in range(_ITERATIONS):
+        force = meeting_forces(state, i, slot, meetings, count, stiffness)
+        step = mat44()
+        largest = real(0.0)
+        for f in range(4):
+            if not in_pairs(pairs, f):
+                continue
+            pull = state[i, slot + f].gradient
+            for a in range(count):
+                if meetings[i, a].one == f:
+                    pull -= meetings[i, a].by_one * force[a]
+                elif meetings[i, a].two == f:
+                    pull -= meetings[i, a].by_two * force[a]
+            way = -(state[i, slot + f].compliance * pull)
+            step[f] = way
+            largest = wp.max(largest, largest_magnitude(way))
+        if largest < _LAST:
+            q += step
+            for f in range(4):
+                state[i, slot + f].q = q[f]
+            break
+        scale = real(1.0)
+        found = int(0)
+        for _halving in range(_HALVINGS):
+            energy, met = hand_energy(scene, body, hands, own, pose, mount, command,
+                                      q + step * scale, pairs, state, i, 4 - slot, slot, 0,
+                                      meetings)
+            if energy < best:
+                best = energy
+                count = met
+                found = int(1)
+                break
+            scale *= HALF
+        if found == 0:
+            break
+        q += step * scale
+        slot = 4 - slot
+    if slot == 4:
+        for f in range(4):
+            if in_pairs(pairs, f):
+                state[i, f] = state[i, 4 + f]
+    # The meetings of the last trial may not be those of the result.
+    return find_meetings(hands, own, pose, mount, q, pairs, meetings, i)
