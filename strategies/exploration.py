@@ -59,7 +59,7 @@ from strategies.recovery.plausibility import (
 )
 from strategies.recovery.refit_policy import REGROWN, contradicted, explained, felt_by_pads
 from warpgrasp.parameters import FitTable
-from warpgrasp.probe_status import ProbeStatus
+from warpgrasp.probe_status import FELT_TO_THE_END, ProbeStatus
 from warpgrasp.robot import Grasps, Robot
 
 _SAFE_POSE = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
@@ -244,7 +244,7 @@ class RunningExploration:
         links = touched_links(grasps, radius)
         evidence = evidence_from_grasps(grasps, radius)
         self._add(evidence, links)
-        made = np.isin(grasps.closing.status, (ProbeStatus.CONTACT, ProbeStatus.NO_CONTACT))
+        made = np.isin(grasps.closing.status, FELT_TO_THE_END)
         self.touches += made.reshape(len(made), -1).sum(1)
         self.time += np.where(mask, grasps.time_s, 0.0).sum(1)
         self.path += np.where(mask, grasps.moves.path_m, 0.0).sum(1)

@@ -16,3 +16,9 @@ class ProbeStatus(IntEnum):
     """The arm cannot take the hand there within its reach and limits."""
     COLLISION = 5
     """The open hand would strike object or table on its way; the probe is skipped."""
+    SELF_CONTACT = 6
+    """The finger was stopped, and by its joint angles it touches another finger or the palm."""
+
+
+FELT_TO_THE_END = (ProbeStatus.CONTACT, ProbeStatus.NO_CONTACT, ProbeStatus.SELF_CONTACT)
+"""What may have become of a closing that was made."""

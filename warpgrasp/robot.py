@@ -6,12 +6,13 @@ maker keeps for the scorer; a strategy is handed the robot, never the truth.
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from warpgrasp.closing.closing import Closing, ClosingTruth, close_fingers
 from warpgrasp.closing.contact_estimate import ContactEstimate, estimate_contacts
+from warpgrasp.closing.self_contact import self_contacts
 from warpgrasp.core.kernel_launch import check_range
 from warpgrasp.core.random import Purpose, counter_key, normal_vector
 from warpgrasp.geometry.body import Body, scene_of
@@ -26,7 +27,7 @@ from warpgrasp.parameters import (
     PadTable,
     SensorTable,
 )
-from warpgrasp.probe_status import ProbeStatus
+from warpgrasp.probe_status import FELT_TO_THE_END, ProbeStatus
 from warpgrasp.touch.guarded_motion import LineMove, LineTouch, LineTruth, Until, guarded_line
 from warpgrasp.touch.silhouette import Cameras, silhouettes
 
@@ -140,6 +141,8 @@ class Robot:
             moves.status, actual, commands_rad, command_count, contact=self.contact,
             errors=self._calibration, probe_number=number,
             march_scale=self._march_scale, device=self._device)
+        if self.contact.self_contact:
+            closing = self._without_self(closing)
         self._truth.closings.append(truth)
         self._truth.hand_poses.append(actual)
         self._probes_made += wanted.sum(1)
@@ -149,6 +152,13 @@ class Robot:
                                      contact=self.contact, device=self._device)
         return Grasps(moves, closing, estimate,
                       moves.time_s + self._finger_time(closing, commands_rad), commands_rad)
+
+    def _without_self(self, closing: Closing) -> Closing:
+        """The closing with what the robot can tell to be its own fingers or palm named so."""
+        own = self_contacts(closing.status, closing.q_rad, self.hand, self.sensors, self.errors,
+                            device=self._device)
+        own &= closing.status == ProbeStatus.CONTACT
+        return replace(closing, status=np.where(own, ProbeStatus.SELF_CONTACT, closing.status))
 
     def _numbers(self, wanted: np.ndarray) -> np.ndarray:
         """Each world's own count of its probes, which does not depend on the other worlds."""
@@ -213,7 +223,7 @@ class Robot:
         """Time of closing and opening again at each probe [s], (world, probe)."""
         stroke = np.abs(np.diff(commands_rad, axis=2)).max(-1)
         reached = np.concatenate([np.zeros_like(stroke[:, :, :1]), stroke.cumsum(2)], axis=2)
-        made = np.isin(closing.status, (ProbeStatus.CONTACT, ProbeStatus.NO_CONTACT))
+        made = np.isin(closing.status, FELT_TO_THE_END)
         grasp = np.arange(len(commands_rad))[:, None]
         finger = np.arange(commands_rad.shape[1])[None, :]
         travelled = np.where(made, reached[grasp, finger, np.maximum(closing.step, 0)], 0.0)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from strategies.procedures.touches import MissedTips, TouchTable
-from warpgrasp.probe_status import ProbeStatus
+from warpgrasp.probe_status import FELT_TO_THE_END, ProbeStatus
 from warpgrasp.robot import Grasps
 
 TABLE_MARGIN_M = 0.006
@@ -67,7 +67,7 @@ def evidence_from_grasps(grasps: Grasps, link_radius_m: float) -> Evidence:
     joints = estimate.link_points_m
     balls = np.concatenate([0.5 * (joints[..., :-1, :] + joints[..., 1:, :]), joints[..., 1:, :]],
                            axis=-2)
-    closed = np.isin(status, (ProbeStatus.CONTACT, ProbeStatus.NO_CONTACT))
+    closed = np.isin(status, FELT_TO_THE_END)
     free_mask = np.broadcast_to(closed[..., None], balls.shape[:-1]).reshape(worlds, -1)
     free_mask = free_mask & np.isfinite(balls).all(-1).reshape(worlds, -1)
     return Evidence(

@@ -1,0 +1,69 @@
+# type: ignore  # Warp functions, which type checkers cannot follow
+"""How near a finger is to the others and to the palm, in a kernel."""
+
+import warp as wp
+
+from warpgrasp.closing.hand_equilibrium import link_end, palm_capsule
+from warpgrasp.core.dtypes import HALF, real, vec4
+from warpgrasp.geometry.segment_pair import segment_pair
+from warpgrasp.mechanism.utah_mit_hand_kernel import (
+    FingerPose,
+    Hand,
+    finger_base,
+    finger_pose,
+    link_start,
+)
+
+wp.set_module_options({"max_unroll": 1})
+_FAR = wp.constant(real(1.0))  # [m]
+
+
+@wp.func
+def _beside(f: FingerPose, g: FingerPose, reach: real):
+    """Whether the chains of two fingers overlap along y when wider by `reach`."""
+    low = wp.min(wp.min(f.p1[1], f.p2[1]), wp.min(f.p3[1], f.p4[1]))
+    high = wp.max(wp.max(f.p1[1], f.p2[1]), wp.max(f.p3[1], f.p4[1]))
+    under = wp.min(wp.min(g.p1[1], g.p2[1]), wp.min(g.p3[1], g.p4[1]))
+    over = wp.max(wp.max(g.p1[1], g.p2[1]), wp.max(g.p3[1], g.p4[1]))
+    return low - reach < over and under < high + reach
+
+
+@wp.kernel(enable_backward=False)
+def self_gap_kernel(
+    first: int,
+    # Robot:
+    hand: Hand,
+    mount: real,
+    # Joints in:
+    q: wp.array4d[vec4],
+    # Gap out:
+    gap: wp.array4d[real],
+):
+    """The least gap between the skins of a finger and of the others and the palm [m], 1 where it is
+    more than a link's width."""
+    w, p, g, finger = wp.tid()
+    w += first
+    least = real(_FAR)
+    if not wp.isfinite(q[w, p, g, finger][0]):
+        gap[w, p, g, finger] = least
+        return
+    both = hand.link_radius * real(2.0)
+    f = finger_pose(hand, finger_base(hand, finger), q[w, p, g, finger])
+    for other in range(4):
+        if other != finger and wp.isfinite(q[w, p, g, other][0]):
+            o = finger_pose(hand, finger_base(hand, other), q[w, p, g, other])
+            if _beside(f, o, both * real(2.0)):
+                for a in range(3):
+                    for b in range(3):
+                        near = segment_pair(link_start(f, a), link_end(f, a), link_start(o, b),
+                                            link_end(o, b))
+                        least = wp.min(least, near.apart - both)
+    thick = hand.palm_thickness * HALF
+    if wp.min(f.p3[2], f.p4[2]) < both:
+        for a in range(1, 3):
+            for bar in range(4):
+                near = segment_pair(link_start(f, a), link_end(f, a),
+                                    palm_capsule(hand, mount, bar, 0),
+                                    palm_capsule(hand, mount, bar, 1))
+                least = wp.min(least, near.apart - hand.link_radius - thick)
+    gap[w, p, g, finger] = least
