@@ -15,7 +15,7 @@ from places import ROOT
 
 FLOORS = {
     "warpgrasp": ["spec_words", "parameters", "probe_status", "core", "geometry", "objects",
-                  "mechanism", "closing", "touch", "export", "robot"],
+                  "mechanism", "finger", "closing", "touch", "export", "robot"],
     "fit": ["fit_status", "rotation", "arrays", "optimize", "prepare", "superquadric",
             "revolution", "plane", "polyhedron", "choice", "match_parameters",
             "interpretation_tree", "points_csv"],
@@ -95,7 +95,7 @@ def test_folders_and_files_are_small() -> None:
         assert len(files) <= 15 or folder.name == "figures", f"{folder}: {len(files)} files"
 
 
-RECORDS = {"probe_status", "catalogue_names", "strategy"}
+RECORDS = {"probe_status", "catalogue_names", "strategy", "closing_record"}
 """Files of one small record or list."""
 
 

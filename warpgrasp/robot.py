@@ -142,7 +142,7 @@ class Robot:
             errors=self._calibration, probe_number=number,
             march_scale=self._march_scale, device=self._device)
         if self.contact.self_contact:
-            closing = self._without_self(closing)
+            closing = self._without_self(closing, commands_rad)
         self._truth.closings.append(truth)
         self._truth.hand_poses.append(actual)
         self._probes_made += wanted.sum(1)
@@ -153,9 +153,9 @@ class Robot:
         return Grasps(moves, closing, estimate,
                       moves.time_s + self._finger_time(closing, commands_rad), commands_rad)
 
-    def _without_self(self, closing: Closing) -> Closing:
+    def _without_self(self, closing: Closing, commands_rad: np.ndarray) -> Closing:
         """The closing with what the robot can tell to be its own fingers or palm named so."""
-        own = self_contacts(closing.status, closing.q_rad, self.hand, self.sensors, self.errors,
+        own = self_contacts(closing, commands_rad, self.hand, self.sensors, self.errors,
                             device=self._device)
         own &= closing.status == ProbeStatus.CONTACT
         return replace(closing, status=np.where(own, ProbeStatus.SELF_CONTACT, closing.status))

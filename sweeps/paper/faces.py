@@ -36,6 +36,7 @@ class Case:
     arm: ArmTable = field(default_factory=ArmTable)
     sensors: SensorTable = field(default_factory=SensorTable)
     pads: PadTable = field(default_factory=PadTable)
+    errors: ErrorTable = field(default_factory=ErrorTable)
     options: PlanarOptions = field(default_factory=PlanarOptions)
     mount_slip_rad: float = 0.0
     """Standard deviation of the hand's rotation in its mount between the two faces."""
@@ -93,7 +94,7 @@ def _explore(case: Case, worlds: int) -> Explored:
     truth = Truth(pose)
     key = np.arange(worlds).astype(np.uint64) + np.uint64(1990)
     robot = Robot([body_from_name("block")], np.zeros(1, int), truth, key, case.arm, HandTable(),
-                  case.sensors, pads=case.pads)
+                  case.sensors, pads=case.pads, errors=case.errors)
     faces, planes = [], []
     for point, normal in FACES.values():
         place = pose[:, :3] + turn.apply(point) + rng.normal(0.0, _PRIOR_SIGMA_M, (worlds, 3))

@@ -3,7 +3,7 @@
     E(q) = 1/2 K |q_cmd - q|^2 + sum over links and obstacles 1/2 k max(0, r - phi(x_link(q)))^2
            + weight of the links + 1/2 k_stop (joints past their stops)^2
 
-What `closing.equilibrium` minimises. The obstacles are the body and the table. The nearest point
+What `finger.equilibrium` minimises. The obstacles are the body and the table. The nearest point
 of a link is found by sampling, its neighbourhood sampled again, and so on: slow, and independent of
 the kernels' search. Only the body's distance is shared with them.
 """

@@ -4,6 +4,6 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "closing": ["Closing", "ClosingTruth", "close_fingers"],
+    "self_contact": ["self_contacts"],
     "contact_estimate": ["ContactEstimate", "estimate_contacts"],
-    "energy": ["Equilibrium", "finger_energy", "free_equilibrium", "largest_magnitude"],
 })

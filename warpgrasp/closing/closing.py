@@ -12,14 +12,15 @@ import warp as wp
 
 from warpgrasp.closing.closing_kernel import closing_kernel
 from warpgrasp.closing.closing_record import ClosingRow, ClosingTruthRow
-from warpgrasp.closing.energy import Equilibrium
 from warpgrasp.closing.hand_equilibrium import Meeting
-from warpgrasp.closing.meeting_kernel import meeting_kernel, near_kernel
-from warpgrasp.closing.path_table import path_on_device
+from warpgrasp.closing.meeting_kernel import meeting_kernel
+from warpgrasp.closing.near_kernel import near_kernel
 from warpgrasp.closing.readout import reading_kernel
 from warpgrasp.core.dtypes import transform
 from warpgrasp.core.kernel_launch import check_range, launch, launch_in_turn
 from warpgrasp.core.struct_array import Records
+from warpgrasp.finger.energy import Equilibrium
+from warpgrasp.finger.path_table import path_on_device
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.calibration import Calibration, no_errors, true_hands, true_tendons
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT
@@ -31,9 +32,11 @@ class ClosingTruth:
     """The true outcome, for the scorer alone. Shapes start with (world, probe, grasp, finger)."""
 
     q_rad: np.ndarray
-    """Joints at rest [rad], (..., 4)."""
+    """Joints where the finger stopped [rad], (..., 4)."""
+    rest_rad: np.ndarray
+    """Joints when all fingers had stopped [rad], (..., 4): one may have been pushed by others."""
     torque_Nm: np.ndarray
-    """Joint torques at rest [N m], (..., 4)."""
+    """Joint torques where it stopped [N m], (..., 4)."""
     link: np.ndarray
     """Link that bears the largest force (0 proximal to 2 distal), -1: none on object or table."""
     point_m: np.ndarray
@@ -139,8 +142,8 @@ def close_fingers(
     row = felt.numpy()
     true = truth.numpy()
     return (Closing(row["status"], row["step"], row["q"], row["tension"], row["difference"]),
-            ClosingTruth(true["q"], true["torque"], true["link"], true["point"], true["normal"],
-                         true["on_table"].astype(bool), true["self_depth"] > 0.0))
+            ClosingTruth(true["q"], true["rest"], true["torque"], true["link"], true["point"],
+                         true["normal"], true["on_table"].astype(bool), true["self_depth"] > 0.0))
 
 
 def _named(kernel: Any, values: dict[str, Any]) -> dict[str, Any]:

@@ -21,17 +21,15 @@ down to single steps.
 
 import warp as wp
 
-from warpgrasp.closing.closing_record import (
-    ClosingRow,
-    ClosingTruthRow,
-    LinkStep,
-    PathStep,
-    true_command,
-)
-from warpgrasp.closing.energy import Equilibrium, free_equilibrium, largest_magnitude
-from warpgrasp.closing.equilibrium import finger_equilibrium
-from warpgrasp.closing.free_motion import FreeFinger, advance_free, start_free
-from warpgrasp.closing.torque_bounds import (
+from warpgrasp.closing.closing_record import ClosingRow, ClosingTruthRow
+from warpgrasp.core.dtypes import ZERO, real, struct, transform, vec4
+from warpgrasp.core.random import Purpose
+from warpgrasp.core.random_kernel import counter_key
+from warpgrasp.finger.energy import Equilibrium, free_equilibrium, largest_magnitude
+from warpgrasp.finger.equilibrium import finger_equilibrium
+from warpgrasp.finger.free_motion import FreeFinger, advance_free, start_free
+from warpgrasp.finger.path_record import LinkStep, PathStep, true_command
+from warpgrasp.finger.torque_bounds import (
     agree,
     intersect_balls,
     may_stop,
@@ -39,9 +37,6 @@ from warpgrasp.closing.torque_bounds import (
     stop_reading,
     torque_bound,
 )
-from warpgrasp.core.dtypes import ZERO, real, struct, transform, vec4
-from warpgrasp.core.random import Purpose
-from warpgrasp.core.random_kernel import counter_key
 from warpgrasp.geometry.scene import Scene, body_is_convex
 from warpgrasp.geometry.segment_distance import LINK_SAMPLES
 from warpgrasp.mechanism.tendon_kernel import TendonSensor
@@ -106,6 +101,7 @@ def closing_kernel(
     truth[w, p, g, finger].self_depth = ZERO
     truth[w, p, g, finger].q = vec4(_NAN, _NAN, _NAN, _NAN)
     truth[w, p, g, finger].torque = vec4(_NAN, _NAN, _NAN, _NAN)
+    truth[w, p, g, finger].rest = vec4(_NAN, _NAN, _NAN, _NAN)
     if probe_status[w, p, g] != _CONTACT:
         return
 

@@ -1,49 +1,7 @@
 # type: ignore  # Warp structs, whose fields type checkers cannot follow
-"""Records of a closing as kernels see them: its path, and the rows they write for each finger."""
-
-
-import warp as wp
+"""Records of a closing as kernels see them: the rows they write for each finger."""
 
 from warpgrasp.core.dtypes import mat42, real, struct, vec3, vec4
-from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
-
-
-@struct
-class PathStep:
-    """A command [rad].
-
-    Of commands so far, for fingers that touch nothing: `strain` is the largest torque [N m] that
-    servos of flexions put on the joints' stops, `inward` how far any skin came towards the thumb's
-    side, from the finger's base [m], and `palm` how near any came to the palm [m].
-    """
-
-    command: vec4
-    strain: real
-    inward: real
-    palm: real
-
-
-@struct
-class LinkStep:
-    """A link of the free finger at a step, in the frame of the finger's base.
-
-    `start` and `end` bound its axis [m], weight and errors of calibration apart. `come` bounds the
-    distance [m] that any of its points has moved since the first step; `swing` is the sum of all
-    turns so far times what they turn [m], of which weight and errors of calibration add
-    `Hand.askew`. `steps` is the number of steps per metre at its fastest from here on [1/m].
-    """
-
-    start: vec3
-    end: vec3
-    come: real
-    swing: real
-    steps: real
-
-
-@wp.func
-def true_command(hand: Hand, path: wp.array3d[PathStep], grasp: int, finger: int, step: int):
-    """The command at which the true joints stand, the errors of their sensors taken off [rad]."""
-    return path[grasp, finger, step].command - hand.offset
 
 
 @struct
@@ -63,6 +21,8 @@ class ClosingTruthRow:
 
     q: vec4
     torque: vec4
+    rest: vec4
+    """Joints when the whole hand has come to rest: fingers that stopped may be pushed later."""
     point: vec3
     normal: vec3
     along: vec3

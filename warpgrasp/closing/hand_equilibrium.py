@@ -12,8 +12,8 @@ of rank one each, whose forces solve a small system (Woodbury).
 
 import warp as wp
 
-from warpgrasp.closing.energy import Equilibrium, finger_energy, largest_magnitude
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat44, real, struct, transform, vec3, vec4
+from warpgrasp.finger.energy import Equilibrium, finger_energy, largest_magnitude
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.geometry.segment_pair import segment_pair
 from warpgrasp.mechanism.utah_mit_hand_kernel import (

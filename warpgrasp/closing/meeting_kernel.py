@@ -10,302 +10,49 @@ Where nothing is near any more, fingers that nothing has touched end as they did
 
 import warp as wp
 
-from warpgrasp.closing.closing_record import (
-    ClosingRow,
-    ClosingTruthRow,
-    LinkStep,
-    PathStep,
-    true_command,
-)
-from warpgrasp.closing.energy import Equilibrium, free_equilibrium
-from warpgrasp.closing.equilibrium import finger_equilibrium
-from warpgrasp.closing.hand_equilibrium import (
-    Meeting,
-    hand_equilibrium,
-    in_pairs,
-    link_end,
-    pair_bit,
-    palm_capsule,
-)
-from warpgrasp.closing.torque_bounds import stop_reading
-from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat44, real, transform, vec4
+from warpgrasp.closing.closing_record import ClosingRow, ClosingTruthRow
+from warpgrasp.closing.hand_equilibrium import Meeting, hand_equilibrium, in_pairs
+from warpgrasp.closing.near_kernel import first_near, pairs_that_may
+from warpgrasp.core.dtypes import ZERO, mat44, real, transform, vec4
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key
+from warpgrasp.finger.energy import Equilibrium, free_equilibrium
+from warpgrasp.finger.equilibrium import finger_equilibrium
+from warpgrasp.finger.path_record import LinkStep, PathStep, true_command
+from warpgrasp.finger.torque_bounds import stop_reading
 from warpgrasp.geometry.scene import Scene, body_is_convex
 from warpgrasp.geometry.segment_distance import LINK_SAMPLES
-from warpgrasp.geometry.segment_pair import segment_pair
 from warpgrasp.mechanism.tendon_kernel import TendonSensor
-from warpgrasp.mechanism.utah_mit_hand_kernel import (
-    Hand,
-    finger_base,
-    finger_length,
-    finger_pose,
-    free_joints,
-    link_start,
-)
+from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_base, free_joints
 from warpgrasp.probe_status import ProbeStatus
 
 wp.set_module_options({"max_unroll": 1})
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
 _NO_CONTACT = wp.constant(int(ProbeStatus.NO_CONTACT))
 _TENSION_STEP = wp.constant(int(Purpose.TENSION_STEP))
-_FAR = wp.constant(real(1.0))  # [m]
-_ROUGH = wp.constant(real(1e-4))  # [m]: `free_joints` is of first order
-_GIVE = wp.constant(real(4e-3))  # [m]: what abduction, which nothing guards, gives
 
 
 @wp.func
-def _stray(hand: Hand, sensor: TendonSensor, touched: int, step: int):
-    """How far a finger may be from where its command has it, touching nothing [m].
-
-    One that has touched something is held back by what its tendons bear at most, the threshold.
-    """
-    if touched < 0 or step < touched:
-        return _ROUGH
-    turn = sensor.threshold / hand.stiffness
-    length = hand.link_length
-    return _GIVE + turn * (
-        sensor.moment_arm[1] * (length[0] + length[1] + length[2])
-        + sensor.moment_arm[2] * (length[1] + length[2]) + sensor.moment_arm[3] * length[2])
-
-
-@wp.func
-def _joints_at(
-    hand: Hand, base: transform, path: wp.array3d[PathStep], row: ClosingRow,
-    true: ClosingTruthRow, g: int, finger: int, step: int
+def _note_rest(
+    truth: wp.array4d[ClosingTruthRow], felt: wp.array4d[ClosingRow], w: int, p: int, g: int,
+    f: int, rest: Equilibrium, command: vec4, stiffness: real, stops: bool, s: int, last: int,
+    reading: real
 ):
-    """Joints of a finger that closes alone: where it rests, or where its command would have it."""
-    if step >= row.step:
-        return true.q
-    return free_joints(hand, base, true_command(hand, path, g, finger, step))
-
-
-@wp.func
-def _room(
-    hands: wp.array2d[Hand], own: int, pose: transform, mount: real, one: int, two: int, p: vec4,
-    q: vec4, enough: real
-):
-    """Least distance between the skins of two fingers at joints `p` and `q`; of a finger and the
-    palm with `two` 4 [m]. Where it is more than `enough` any such value."""
-    hand = hands[own, one]
-    f = finger_pose(hand, wp.transform_multiply(pose, finger_base(hand, one)), p)
-    least = real(_FAR)
-    if two == 4:
-        thick = hand.palm_thickness * HALF
-        for a in range(1, 3):
-            for bar in range(4):
-                near = segment_pair(
-                    link_start(f, a), link_end(f, a),
-                    wp.transform_point(pose, palm_capsule(hand, mount, bar, 0)),
-                    wp.transform_point(pose, palm_capsule(hand, mount, bar, 1)))
-                least = wp.min(least, near.apart - hand.link_radius - thick)
-        return least
-    other = hands[own, two]
-    g = finger_pose(other, wp.transform_multiply(pose, finger_base(other, two)), q)
-    both = hand.link_radius + other.link_radius
-    for a in range(3):
-        for b in range(3):
-            near = segment_pair(link_start(f, a), link_end(f, a), link_start(g, b), link_end(g, b))
-            least = wp.min(least, near.apart - both)
-    return least
-
-
-@wp.func
-def _sideways(hand: Hand, finger: int, command: vec4, q: vec4, side: real):
-    """How far a finger's skin reaches to a side (1 or -1 along the hand's y axis) [m], from the
-    hand's middle, on its way from abduction `command[0]` to that of `q`."""
-    middle = hand.spacing * real(finger - 1)
-    turn = side
-    if finger == 3:
-        middle = ZERO
-        turn = -side
-    long = finger_length(hand)
-    out = wp.max(wp.max(turn * wp.sin(command[0]), turn * wp.sin(q[0])), ZERO) * long
-    return side * (middle + hand.base_shift[1]) + out + hand.link_radius + hand.sag[2]
-
-
-@wp.func
-def _may_meet(
-    hands: wp.array2d[Hand], own: int, path: wp.array3d[PathStep], felt: wp.array4d[ClosingRow],
-    truth: wp.array4d[ClosingTruthRow], w: int, p: int, g: int, one: int, two: int, stray: real
-):
-    """Whether bounds of how far two fingers come sideways and inwards let them meet; with `two` 4,
-    one and the palm. `stray` [m] is what fingers that press may be off their way."""
-    hand = hands[own, one]
-    at = path[g, one, wp.max(felt[w, p, g, one].step, 0)]
-    if two == 4:
-        return at.palm < stray + hand.sag[2]
-    other = hands[own, two]
-    there = path[g, two, wp.max(felt[w, p, g, two].step, 0)]
-    low = one
-    high = two
-    if two == 3:
-        # The thumb closes against the others.
-        if at.inward + there.inward + hand.sag[2] + other.sag[2] + stray < hand.gap:
-            return False
-        low = 3
-        high = one
-        if one == 0:
-            low = 0
-            high = 3
-        if one == 1:
-            return True
-    up = _sideways(hands[own, low], low, path[g, low, 0].command, truth[w, p, g, low].q, ONE)
-    down = _sideways(hands[own, high], high, path[g, high, 0].command, truth[w, p, g, high].q, -ONE)
-    return up + down + _GIVE > ZERO
-
-
-@wp.func
-def pairs_that_may(
-    hands: wp.array2d[Hand], sensors: wp.array2d[TendonSensor], own: int, own_sensor: int,
-    path: wp.array3d[PathStep], felt: wp.array4d[ClosingRow], truth: wp.array4d[ClosingTruthRow],
-    w: int, p: int, g: int
-):
-    """A bit for each pair of fingers, and of a finger and the palm, that may meet."""
-    pairs = int(0)
-    for one in range(4):
-        for two in range(one + 1, 5):
-            stray = _stray(hands[own, one], sensors[own_sensor, one], truth[w, p, g, one].touched,
-                           felt[w, p, g, one].step)
-            if two < 4:
-                stray += _stray(hands[own, two], sensors[own_sensor, two],
-                                truth[w, p, g, two].touched, felt[w, p, g, two].step)
-            if _may_meet(hands, own, path, felt, truth, w, p, g, one, two, stray):
-                pairs = pairs | pair_bit(one, two)
-    return pairs
-
-
-@wp.func
-def _first_by_table(
-    hands: wp.array2d[Hand], own: int, path: wp.array3d[PathStep], felt: wp.array4d[ClosingRow],
-    w: int, p: int, g: int, one: int, two: int, stray: real, begin: int, end: int
-):
-    """No step from `begin` on and before the one returned brings a finger near the palm (`two` 4),
-    or the thumb (`two` 3) near another: by how far they come, which only grows; at most `end`."""
-    low = begin
-    high = end
-    hand = hands[own, one]
-    stop = felt[w, p, g, one].step
-    while low < high:
-        s = (low + high) // 2
-        here = path[g, one, wp.min(s, stop)]
-        near = here.palm < stray + hand.sag[2]
-        if two == 3:
-            there = path[g, 3, wp.min(s, felt[w, p, g, 3].step)]
-            near = (here.inward + there.inward + hand.sag[2] + hands[own, 3].sag[2] + stray
-                    >= hand.gap)
-        if near:
-            high = s
-        else:
-            low = s + 1
-    return low
-
-
-@wp.func
-def _fastest(links: wp.array4d[LinkStep], g: int, finger: int, step: int):
-    """How far any place of a finger moves at most in a step from here on [m]."""
-    slow = wp.min(links[g, finger, 0, step].steps, wp.min(
-        links[g, finger, 1, step].steps, links[g, finger, 2, step].steps))
-    return ONE / slow
-
-
-@wp.func
-def first_near(
-    hands: wp.array2d[Hand], sensors: wp.array2d[TendonSensor], own: int, own_sensor: int,
-    pose: transform, mount: real, path: wp.array3d[PathStep], links: wp.array4d[LinkStep],
-    felt: wp.array4d[ClosingRow], truth: wp.array4d[ClosingTruthRow], w: int, p: int, g: int,
-    pairs: int, begin: int, last: int
-):
-    """The first step from `begin` on at which links of a hand may touch, `last` + 1 if none.
-
-    Distances are looked at while they cannot have been used up (conservative advancement).
-    """
-    found = last + 1
-    for one in range(4):
-        for two in range(one + 1, 5):
-            if (pairs & pair_bit(one, two)) == 0:
-                continue
-            hand = hands[own, one]
-            row = felt[w, p, g, one]
-            true = truth[w, p, g, one]
-            base = wp.transform_multiply(pose, finger_base(hand, one))
-            end = row.step
-            other = hand
-            other_base = base
-            other_row = row
-            other_true = true
-            if two < 4:
-                other = hands[own, two]
-                other_base = wp.transform_multiply(pose, finger_base(other, two))
-                other_row = felt[w, p, g, two]
-                other_true = truth[w, p, g, two]
-                end = wp.max(end, other_row.step)
-            if end < begin:
-                continue  # both are at rest
-            s = begin
-            if two >= 3:
-                stray = _stray(hand, sensors[own_sensor, one], true.touched, end)
-                if two == 3:
-                    stray += _stray(other, sensors[own_sensor, two], other_true.touched, end)
-                s = _first_by_table(hands, own, path, felt, w, p, g, one, two, stray, begin, end)
-            while s < found:
-                room = _room(hands, own, pose, mount, one, two,
-                             _joints_at(hand, base, path, row, true, g, one, s),
-                             _joints_at(other, other_base, path, other_row, other_true, g,
-                                        wp.min(two, 3), s), _FAR)
-                fast = real(0.0)
-                if s < row.step:
-                    room -= _stray(hand, sensors[own_sensor, one], true.touched, s)
-                    fast += _fastest(links, g, one, s)
-                if two < 4 and s < other_row.step:
-                    room -= _stray(other, sensors[own_sensor, two], other_true.touched, s)
-                    fast += _fastest(links, g, two, s)
-                if room <= ZERO:
-                    found = s
-                elif s >= end:
-                    s = found
-                else:
-                    s += wp.max(int(room / fast), 1)
-    return found
-
-
-@wp.kernel(enable_backward=False)
-def near_kernel(
-    first: int,
-    # Robot:
-    hands: wp.array2d[Hand],
-    sensors: wp.array2d[TendonSensor],
-    mount: real,
-    # Closing in:
-    body_pose: wp.array[transform],
-    hand_pose: wp.array2d[transform],
-    path: wp.array3d[PathStep],
-    links: wp.array4d[LinkStep],
-    command_count: wp.array[int],
-    felt: wp.array4d[ClosingRow],
-    truth: wp.array4d[ClosingTruthRow],
-    # Out:
-    near: wp.array3d[int],
-):
-    """The step at which links of a hand first come near one another; -1 where they never do."""
-    w, p, g, finger = wp.tid()
-    w += first
-    if finger > 0:
-        return
-    near[w, p, g] = -1
-    if felt[w, p, g, 0].status != _CONTACT and felt[w, p, g, 0].status != _NO_CONTACT:
-        return
-    pose = wp.transform_multiply(wp.transform_inverse(body_pose[w]), hand_pose[w, p])
-    last = command_count[g] - 1
-    own = w % hands.shape[0]
-    own_sensor = w % sensors.shape[0]
-    pairs = pairs_that_may(hands, sensors, own, own_sensor, path, felt, truth, w, p, g)
-    if pairs == 0:
-        return
-    step = first_near(hands, sensors, own, own_sensor, pose, mount, path, links, felt, truth, w, p,
-                      g, pairs, 0, last)
-    if step <= last:
-        near[w, p, g] = step
+    truth[w, p, g, f].met = 1
+    truth[w, p, g, f].q = rest.q
+    truth[w, p, g, f].torque = (command - rest.q) * stiffness
+    truth[w, p, g, f].along = rest.along
+    truth[w, p, g, f].bend = rest.bend
+    truth[w, p, g, f].depth = rest.depth
+    truth[w, p, g, f].self_depth = ZERO
+    truth[w, p, g, f].link = -1
+    felt[w, p, g, f].status = _NO_CONTACT
+    felt[w, p, g, f].step = last
+    if stops:
+        truth[w, p, g, f].link = 0
+        felt[w, p, g, f].status = _CONTACT
+        felt[w, p, g, f].step = s
+        felt[w, p, g, f].difference = reading
 
 
 @wp.kernel(enable_backward=False)
@@ -395,26 +142,28 @@ def meeting_kernel(
                 touches = touches | (1 << meetings[i, a].one)
                 if meetings[i, a].two < 4:
                     touches = touches | (1 << meetings[i, a].two)
-        touched = touched | touches
+        touched = touched | (touches & ~stopped)
         for f in range(4):
-            if (stopped & (1 << f)) == 0:
-                delta = command[f] - true_command(hands[own, f], path, g, f, wp.max(s - 1, 0))
-                reading = stop_reading(
-                    sensors[own_sensor, f], (command[f] - state[i, f].q) * k, delta,
-                    counter_key(counter_key(counter_key(stream, f), _TENSION_STEP), s))
-                if wp.abs(reading) > sensors[own_sensor, f].threshold:
-                    stopped = stopped | (1 << f)
-                    if (touched & (1 << f)) != 0:
-                        felt[w, p, g, f].status = _CONTACT
-                        felt[w, p, g, f].step = s
-                        felt[w, p, g, f].difference = reading
-                elif (touched & (1 << f)) != 0:
-                    felt[w, p, g, f].status = _NO_CONTACT
-                    felt[w, p, g, f].step = last
-        for f in range(4):
+            if (stopped & (1 << f)) != 0:
+                continue
+            delta = command[f] - true_command(hands[own, f], path, g, f, wp.max(s - 1, 0))
+            reading = stop_reading(
+                sensors[own_sensor, f], (command[f] - state[i, f].q) * k, delta,
+                counter_key(counter_key(counter_key(stream, f), _TENSION_STEP), s))
+            stops = wp.abs(reading) > sensors[own_sensor, f].threshold
+            if stops:
+                stopped = stopped | (1 << f)
             if (touched & (1 << f)) != 0:
-                truth[w, p, g, f].q = state[i, f].q
-                truth[w, p, g, f].torque = (command[f] - state[i, f].q) * k
+                # It is read where it stops; what pushes it later comes too late for that.
+                _note_rest(truth, felt, w, p, g, f, state[i, f], command[f], k, stops, s, last,
+                           reading)
+                for a in range(count):
+                    if meetings[i, a].one == f or meetings[i, a].two == f:
+                        truth[w, p, g, f].self_depth = wp.max(
+                            truth[w, p, g, f].self_depth, meetings[i, a].depth)
+        for f in range(4):
+            if in_pairs(pairs, f) and s >= felt[w, p, g, f].step:
+                truth[w, p, g, f].rest = state[i, f].q
         if stopped == 15:
             break
         s += 1
@@ -425,20 +174,3 @@ def meeting_kernel(
             if ahead > s:
                 s = ahead
                 fresh = int(1)
-    for f in range(4):
-        if (touched & (1 << f)) != 0:
-            rest = state[i, f]
-            truth[w, p, g, f].met = 1
-            truth[w, p, g, f].along = rest.along
-            truth[w, p, g, f].bend = rest.bend
-            truth[w, p, g, f].depth = rest.depth
-            truth[w, p, g, f].self_depth = ZERO
-            truth[w, p, g, f].link = -1
-            if felt[w, p, g, f].status == _CONTACT:
-                truth[w, p, g, f].link = 0
-    for a in range(8):
-        m = meetings[i, a]
-        if a < count and m.depth > ZERO:
-            truth[w, p, g, m.one].self_depth = wp.max(truth[w, p, g, m.one].self_depth, m.depth)
-            if m.two < 4:
-                truth[w, p, g, m.two].self_depth = wp.max(truth[w, p, g, m.two].self_depth, m.depth)

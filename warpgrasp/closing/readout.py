@@ -7,17 +7,13 @@ tensions are read, and the true contact is recorded for the scorer.
 
 import warp as wp
 
-from warpgrasp.closing.closing_record import (
-    ClosingRow,
-    ClosingTruthRow,
-    PathStep,
-    true_command,
-)
-from warpgrasp.closing.energy import free_equilibrium
-from warpgrasp.closing.equilibrium_refine import refine_equilibrium, refined_energy
+from warpgrasp.closing.closing_record import ClosingRow, ClosingTruthRow
 from warpgrasp.core.dtypes import ONE, ZERO, mat42, real, transform, vec3, vec4
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key, counter_normal
+from warpgrasp.finger.energy import free_equilibrium
+from warpgrasp.finger.equilibrium_refine import refine_equilibrium, refined_energy
+from warpgrasp.finger.path_record import PathStep, true_command
 from warpgrasp.geometry.scene import Scene, body_distance_grad, body_is_convex
 from warpgrasp.geometry.segment_distance import lower_end
 from warpgrasp.mechanism.tendon_kernel import (
@@ -70,6 +66,8 @@ def reading_kernel(
     truth[w, p, g, finger].point = vec3(_NAN, _NAN, _NAN)
     truth[w, p, g, finger].normal = vec3(_NAN, _NAN, _NAN)
     truth[w, p, g, finger].on_table = 0
+    if truth[w, p, g, finger].met == 0 and not wp.isfinite(truth[w, p, g, finger].rest[0]):
+        truth[w, p, g, finger].rest = truth[w, p, g, finger].q
     status = felt[w, p, g, finger].status
     if status != _CONTACT and status != _NO_CONTACT:
         return

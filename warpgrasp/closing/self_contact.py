@@ -8,6 +8,7 @@ errors of the joint sensors and of calibration leave open.
 import numpy as np
 import warp as wp
 
+from warpgrasp.closing.closing import Closing
 from warpgrasp.closing.self_contact_kernel import self_gap_kernel
 from warpgrasp.core.dtypes import real, vec4
 from warpgrasp.core.kernel_launch import launch
@@ -18,21 +19,23 @@ _DEVIATIONS = 2.0
 
 
 def self_contacts(
-    status: np.ndarray, q_rad: np.ndarray, hand: HandTable, sensors: SensorTable,
+    closing: Closing, commands_rad: np.ndarray, hand: HandTable, sensors: SensorTable,
     errors: ErrorTable, *, device: str = "cpu",
 ) -> np.ndarray:
-    """Which fingers, by their joint angles, may touch another finger or the palm.
+    """Which fingers, by their joint angles, may have stopped at another finger or the palm.
 
-    `status` (world, probe, grasp, finger) and `q_rad` (..., 4), the angles read, are those of a
-    closing. Returns bool of the shape of `status`.
+    `commands_rad` (grasp, finger, step, 4) are those of the closing. Returns bool (world, probe,
+    grasp, finger).
     """
-    dims = status.shape
+    dims = closing.status.shape
     gap = wp.empty(dims, dtype=real, device=device)
     each = "world probe grasp finger"
     launch(self_gap_kernel, dict(zip(each.split(), dims, strict=True)),
-           {"q": each, "gap": each}, {
+           {"q": each, "step": each, "commands": "grasp 4 step 4", "gap": each}, {
                "hand": hand_of(hand), "mount": hand.mount_length_m, "gap": gap,
-               "q": wp.array(np.ascontiguousarray(q_rad), dtype=vec4, device=device)},
+               "q": wp.array(np.ascontiguousarray(closing.q_rad), dtype=vec4, device=device),
+               "step": wp.array(np.ascontiguousarray(closing.step), dtype=int, device=device),
+               "commands": wp.array(commands_rad, dtype=real, device=device)},
            device=device)
     assert dims[-1] == FINGER_COUNT
     return np.asarray(gap.numpy() < self_margin(hand, sensors, errors))

@@ -36,11 +36,13 @@ def self_gap_kernel(
     mount: real,
     # Joints in:
     q: wp.array4d[vec4],
+    step: wp.array4d[int],
+    commands: wp.array4d[real],
     # Gap out:
     gap: wp.array4d[real],
 ):
     """The least gap between the skins of a finger and of the others and the palm [m], 1 where it is
-    more than a link's width."""
+    more than a link's width: when the finger stopped, where others that had not were commanded."""
     w, p, g, finger = wp.tid()
     w += first
     least = real(_FAR)
@@ -51,7 +53,12 @@ def self_gap_kernel(
     f = finger_pose(hand, finger_base(hand, finger), q[w, p, g, finger])
     for other in range(4):
         if other != finger and wp.isfinite(q[w, p, g, other][0]):
-            o = finger_pose(hand, finger_base(hand, other), q[w, p, g, other])
+            there = q[w, p, g, other]
+            s = step[w, p, g, finger]
+            if step[w, p, g, other] > s:
+                there = vec4(commands[g, other, s, 0], commands[g, other, s, 1],
+                             commands[g, other, s, 2], commands[g, other, s, 3])
+            o = finger_pose(hand, finger_base(hand, other), there)
             if _beside(f, o, both * real(2.0)):
                 for a in range(3):
                     for b in range(3):

@@ -1,7 +1,7 @@
 """The robot, and the object before it, as MJCF text for MuJoCo.
 
 Joints carry position actuators of the hand's joint stiffness, so a finger commanded slowly rests
-where `closing.equilibrium` says: gravity is off (the simulator has none), links meet the object
+where `finger.equilibrium` says: gravity is off (the simulator has none), links meet the object
 and the table but not each other. Masses, armature and damping decide only how fast it gets there.
 """
 

@@ -10,5 +10,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "hand_clearance": ["finger_clearance", "palm_clearance"],
     "puma560": ["ALPHA_RAD", "arm_of", "puma_forward_batch", "puma_inverse_batch"],
     "tendon": ["tendon_sensor_of"],
-    "utah_mit_hand": ["FINGER_COUNT", "LINK_COUNT", "hand_links", "hand_of"],
+    "utah_mit_hand": ["FINGER_COUNT", "LINK_COUNT", "WEIGHT_ASKEW", "hand_links", "hand_of"],
 })

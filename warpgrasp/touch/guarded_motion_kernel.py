@@ -9,7 +9,6 @@ noise beyond `yield_rad`, five standard deviations by default) is not drawn.
 
 import warp as wp
 
-from warpgrasp.closing.energy import largest_magnitude
 from warpgrasp.core.dtypes import (
     HALF,
     ONE,
@@ -20,10 +19,10 @@ from warpgrasp.core.dtypes import (
     vec2,
     vec3,
     vec4,
-    vec6,
 )
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key, counter_normal, counter_uniform
+from warpgrasp.finger.energy import largest_magnitude
 from warpgrasp.geometry.scene import Scene, body_table_distance_grad
 from warpgrasp.geometry.segment_distance import LINK_SAMPLES, nearest_on_link
 from warpgrasp.mechanism.hand_clearance import finger_clearance, palm_clearance
@@ -37,6 +36,7 @@ from warpgrasp.mechanism.utah_mit_hand_kernel import (
     link_start,
 )
 from warpgrasp.probe_status import ProbeStatus
+from warpgrasp.touch.line_pose import along_line, hand_at, hand_slip
 from warpgrasp.touch.line_record import LineBegin, LineEnd
 from warpgrasp.touch.pad_equilibrium import pad_equilibrium
 from warpgrasp.touch.pad_kernel import Pad, pad_place, pad_reading_key
@@ -54,40 +54,6 @@ _ARM = wp.constant(int(Purpose.LINE_ARM))
 _NAN = wp.constant(real(float("nan")))
 _SIDE = wp.constant(16)
 _ENDLESS = wp.constant(real(1e9))  # more free intervals than any line has
-
-
-@wp.func
-def _along(line: transform, direction: vec3, s: real):
-    return transform(wp.transform_get_translation(line) + direction * s,
-                     wp.transform_get_rotation(line))
-
-
-@wp.func
-def _slip(arm: Arm, q: vec6, believed: transform, hand_on_flange: transform, mount: transform):
-    """The true pose of the hand in the frame of the believed one; `arm` is the true arm."""
-    true = wp.transform_multiply(wp.transform_multiply(puma_forward(arm, q), hand_on_flange), mount)
-    return wp.transform_multiply(wp.transform_inverse(believed), true)
-
-
-@wp.func
-def _hand_at(
-    line: transform, direction: vec3, s: real, slip: transform, last: transform, share: real,
-    wobble: vec3
-):
-    """The true pose of the hand, a `share` of the way from where it slips by `slip` to `last`.
-
-    Calibration errors change so little along a line that straight between its ends is exact to a
-    micrometre.
-    """
-    a = wp.transform_get_rotation(slip)
-    b = wp.transform_get_rotation(last)
-    if wp.dot(a, b) < ZERO:
-        b = -b
-    x = wp.transform_get_translation(slip)
-    off = transform(x + (wp.transform_get_translation(last) - x) * share,
-                    wp.normalize(a + (b - a) * share))
-    here = wp.transform_multiply(_along(line, direction, s), off)
-    return transform(wp.transform_get_translation(here) + wobble, wp.transform_get_rotation(here))
 
 
 @wp.func
@@ -228,29 +194,29 @@ def line_kernel(
         ends[i] = end
         return
     arm_last = puma_reach(arm, wp.transform_multiply(
-        _along(line, way, interval * real(steps)), flange_on_hand), arm_start)
+        along_line(line, way, interval * real(steps)), flange_on_hand), arm_start)
     if not wp.isfinite(arm_last[0]):
         low = int(0)
         high = int(steps)
         while high - low > 1:
             middle = (low + high) // 2
             arm_try = puma_reach(arm, wp.transform_multiply(
-                _along(line, way, interval * real(middle)), flange_on_hand), arm_start)
+                along_line(line, way, interval * real(middle)), flange_on_hand), arm_start)
             if wp.isfinite(arm_try[0]):
                 low = middle
             else:
                 high = middle
         reachable = low
         arm_last = puma_reach(arm, wp.transform_multiply(
-            _along(line, way, interval * real(reachable)), flange_on_hand), arm_start)
+            along_line(line, way, interval * real(reachable)), flange_on_hand), arm_start)
 
     # The robot that is: it moves and feels; `arm`, `hand` and `pad` are believed.
     own = begin.world % true_hands.shape[0]
     real_hand = true_hands[own, finger]
     real_pad = true_pads[own, finger]
-    slip = _slip(true_arms[own], arm_start, line, hand_on_flange, mount[own])
-    slip_last = _slip(true_arms[own], arm_last,
-                      _along(line, way, interval * real(reachable)), hand_on_flange, mount[own])
+    slip = hand_slip(true_arms[own], arm_start, line, hand_on_flange, mount[own])
+    slip_last = hand_slip(true_arms[own], arm_last,
+                      along_line(line, way, interval * real(reachable)), hand_on_flange, mount[own])
     per_step = ONE / wp.max(real(reachable), ONE)
     noise = counter_key(counter_key(key, _ARM), number)
     wobble = vec3(counter_normal(counter_key(noise, 0)), counter_normal(counter_key(noise, 1)),
@@ -286,7 +252,7 @@ def line_kernel(
     step_bound = wp.max(arm_move + swing, real(1e-9))
     while True:
         command = _command(commands, finger, s) - real_hand.offset
-        here = _hand_at(line, way, interval * real(s), slip, slip_last, per_step * real(s), wobble)
+        here = hand_at(line, way, interval * real(s), slip, slip_last, per_step * real(s), wobble)
         pose = wp.transform_multiply(to_body, here)
         base = wp.transform_multiply(pose, finger_base(real_hand, finger))
         hangs = free_joints(real_hand, base, command)
@@ -348,7 +314,7 @@ def line_kernel(
                 # Noise alone reaches the threshold: some taxel, its count the threshold's.
                 status = _CONTACT
                 s += spared
-                here = _hand_at(line, way, interval * real(s), slip, slip_last,
+                here = hand_at(line, way, interval * real(s), slip, slip_last,
                                 per_step * real(s), wobble)
                 q = free_joints(real_hand, wp.transform_multiply(
                     wp.transform_multiply(to_body, here), finger_base(real_hand, finger)),
@@ -382,7 +348,7 @@ def line_kernel(
     arm_stop = arm_last
     if s < steps:
         arm_stop = puma_reach(arm, wp.transform_multiply(
-            _along(line, way, interval * real(s)), flange_on_hand), arm_start)
+            along_line(line, way, interval * real(s)), flange_on_hand), arm_start)
     end.arm_time = move_time(arm, begin.arm_q, arm_start)
     before = wp.transform_multiply(puma_forward(arm, begin.arm_q), hand_on_flange)
     end.arm_path = wp.length(

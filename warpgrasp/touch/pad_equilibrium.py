@@ -8,8 +8,8 @@ Pads stand above the skin: they yield first, then the skin behind them.
 
 import warp as wp
 
-from warpgrasp.closing.energy import Equilibrium, finger_energy, free_equilibrium, largest_magnitude
 from warpgrasp.core.dtypes import HALF, ONE, TWO, ZERO, mat44, real, struct, vec2, vec3, vec4
+from warpgrasp.finger.energy import Equilibrium, finger_energy, free_equilibrium, largest_magnitude
 from warpgrasp.geometry.scene import Scene, body_table_distance, body_table_distance_grad
 from warpgrasp.geometry.segment_distance import LINK_SAMPLES
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_jacobian, finger_pose

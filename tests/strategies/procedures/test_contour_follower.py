@@ -17,20 +17,23 @@ from strategies.procedures.contour_follower import (
 from strategies.procedures.contour_shape import match_profiles, profile_of, radius_at
 from strategies.procedures.touches import REASON_TEXT, EndReason, true_touches
 from warpgrasp.objects.catalogue import body_from_name
-from warpgrasp.parameters import ArmTable, HandTable, PadTable, SensorTable
+from warpgrasp.parameters import ArmTable, ErrorTable, HandTable, PadTable, SensorTable
 from warpgrasp.robot import Robot, Truth
 
 WORLDS = 20
 BOTTLES = ("wine_bottle", "beer_bottle", "coke_bottle", "orangina_bottle")
 CONTOURS = {name: body_from_name(name).parts[0].profile_m for name in (*BOTTLES, "lightbulb")}
 
+CALIBRATED = replace(ErrorTable.none(), mount_m=5e-4, mount_rad=float(np.radians(0.2)))
 
-def set_up(name: str, worlds: int = WORLDS, pads: PadTable | None = None):
+def set_up(name: str, worlds: int = WORLDS, pads: PadTable | None = None,
+           errors: ErrorTable = CALIBRATED):
+    """Robots calibrated but for their mounts, unless `errors` are given."""
     pose = np.tile([0.45, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (worlds, 1))
     truth = Truth(pose)
     key = np.arange(worlds).astype(np.uint64) + np.uint64(17)
     return Robot([body_from_name(name)], np.zeros(1, int), truth, key, ArmTable(), HandTable(),
-                 SensorTable(), pads=pads), truth
+                 SensorTable(), pads=pads, errors=errors), truth
 
 
 def told_axis(name: str, worlds: int = WORLDS, sigma: float = 0.008, seed: int = 2) -> Axis:
@@ -74,6 +77,18 @@ def test_radius_and_volume(followed, name: str) -> None:
     assert abs(np.median(ratio) - 1.0) <= 0.05
     assert (np.abs(ratio - 1.0) <= 0.10).mean() >= 0.9
     assert np.abs(np.median(profile.length_m[ended]) - contour[-1, 0]) < 0.004
+
+
+def test_errors_of_calibration_cost_a_millimetre() -> None:
+    """With all of them at their defaults: estimates of robots that nobody has calibrated anew."""
+    robot, _ = set_up("wine_bottle", errors=ErrorTable())
+    exploration = explore_contour(robot, told_axis("wine_bottle"))
+    ended = exploration.reason == EndReason.END_OF_OBJECT
+    contour = CONTOURS["wine_bottle"]
+    grid = np.arange(0.004, contour[-1, 0] - 0.004, 0.002)
+    error = np.abs(radius_at(profile_of(exploration), grid)[ended] - np.interp(grid, *contour.T))
+    assert ended.mean() >= 0.8
+    assert 0.0005 < np.median(error) <= 0.0025
 
 
 def test_bottles_are_told_apart_from_their_profiles_alone(followed) -> None:

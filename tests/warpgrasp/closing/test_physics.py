@@ -18,7 +18,7 @@ from warpgrasp.objects.catalogue import body_from_name, body_from_table
 from warpgrasp.parameters import ContactTable, HandTable, SensorTable
 from warpgrasp.probe_status import ProbeStatus
 
-HAND = HandTable()
+HAND, ALONE = HandTable(), ContactTable(self_contact=False)
 GRADIENT_NM = 1e-6
 ROUND = ("ball", "capsule")
 FLAT = ("block", "large_cylinder", "small_cylinder", "wedge")
@@ -46,7 +46,7 @@ def close(body: Body, poses: np.ndarray, path: str, threshold: float, noise: flo
     felt, truth = close_fingers(
         scene_of([body], "cpu"), np.zeros(1, int), np.tile([0, 0, 0, 0, 0, 0, 1.0], (n, 1)), HAND,
         sensors, np.arange(n, dtype=np.uint64), np.full((n, 1, 1), int(ProbeStatus.CONTACT)),
-        poses[:, None], commands[None], np.array([commands.shape[1]]), contact=contact)
+        poses[:, None], commands[None], np.array([commands.shape[1]]), contact=contact or ALONE)
     return felt, truth, commands
 
 

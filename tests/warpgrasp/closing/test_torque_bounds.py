@@ -10,16 +10,16 @@ from strategies.ready_made import STRATEGIES
 from sweeps.episode.episodes import place_objects
 from sweeps.episode.given_prior import draw_prior
 from warpgrasp.closing.closing import close_fingers
-from warpgrasp.closing.energy import free_equilibrium
-from warpgrasp.closing.torque_bounds import agree, intersect_balls, torque_bound
 from warpgrasp.core.dtypes import real, vec4
 from warpgrasp.core.kernel_launch import launch
 from warpgrasp.core.random import counter_key
+from warpgrasp.finger.energy import free_equilibrium
+from warpgrasp.finger.torque_bounds import agree, intersect_balls, torque_bound
 from warpgrasp.geometry.body import scene_of
 from warpgrasp.objects.catalogue import body_from_name
-from warpgrasp.parameters import HandTable, ObjectTable, SensorTable
+from warpgrasp.parameters import ContactTable, HandTable, ObjectTable, SensorTable
 
-HAND = HandTable()
+HAND, ALONE = HandTable(), ContactTable(self_contact=False)
 
 
 @wp.kernel(enable_backward=False)
@@ -103,7 +103,7 @@ def test_no_step_left_out_would_have_stopped_a_finger(name: str) -> None:
 
     def close(sensors: SensorTable, steps: np.ndarray):
         return close_fingers(scene_of([body], "cpu"), np.zeros(1, int), pose, HAND, sensors, key,
-                             made, hands, commands, steps)
+                             made, hands, commands, steps, contact=ALONE)
 
     felt, truth = close(quiet, count)
     stopped = truth.link >= 0

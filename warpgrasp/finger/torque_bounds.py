@@ -20,9 +20,9 @@ from math import sqrt
 
 import warp as wp
 
-from warpgrasp.closing.energy import Equilibrium
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, greater, real, struct, vec4
 from warpgrasp.core.random_kernel import counter_key, counter_uniform
+from warpgrasp.finger.energy import Equilibrium
 from warpgrasp.mechanism.tendon_kernel import (
     TendonSensor,
     moving_sign,

@@ -15,8 +15,8 @@ equilibrium is refined (`equilibrium_refine`).
 
 import warp as wp
 
-from warpgrasp.closing.energy import Equilibrium, finger_energy, largest_magnitude
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, real, vec3, vec4
+from warpgrasp.finger.energy import Equilibrium, finger_energy, largest_magnitude
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_length
 

@@ -10,8 +10,8 @@ from functools import lru_cache
 import numpy as np
 import warp as wp
 
-from warpgrasp.closing.closing_record import LinkStep, PathStep
 from warpgrasp.core.struct_array import record_type
+from warpgrasp.finger.path_record import LinkStep, PathStep
 from warpgrasp.mechanism.calibration import Calibration
 from warpgrasp.mechanism.utah_mit_hand import WEIGHT_ASKEW
 from warpgrasp.parameters import ContactTable, HandTable

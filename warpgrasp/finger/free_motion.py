@@ -13,8 +13,6 @@ behind it. While both ends of the link stay in front of that plane no distance i
 
 import warp as wp
 
-from warpgrasp.closing.closing_record import LinkStep, PathStep, true_command
-from warpgrasp.closing.energy import pick, put
 from warpgrasp.core.dtypes import (
     HALF,
     ONE,
@@ -29,6 +27,8 @@ from warpgrasp.core.dtypes import (
     vec3,
     vec4,
 )
+from warpgrasp.finger.energy import pick, put
+from warpgrasp.finger.path_record import LinkStep, PathStep, true_command
 from warpgrasp.geometry.scene import Scene, body_distance_grad
 from warpgrasp.geometry.segment_distance import LINK_SAMPLES, link_valley, nearest_on_link
 from warpgrasp.mechanism.utah_mit_hand_kernel import (

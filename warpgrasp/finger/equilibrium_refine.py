@@ -11,14 +11,14 @@ missed, or the gradient does not vanish, the descent continues to the least ener
 
 import warp as wp
 
-from warpgrasp.closing.energy import (
+from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat44, real, vec4
+from warpgrasp.finger.energy import (
     Equilibrium,
     finger_energy,
     free_equilibrium,
     largest_magnitude,
     put,
 )
-from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat44, real, vec4
 from warpgrasp.geometry.scene import Scene, body_is_convex, body_is_estimated
 from warpgrasp.geometry.segment_distance import deepest_valley
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_pose, link_direction, link_start

@@ -1,0 +1,14 @@
+"""One finger against object and table: its energy, where it rests, and how it moves freely."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "energy": ["Equilibrium", "finger_energy", "free_equilibrium", "largest_magnitude"],
+    "equilibrium": ["finger_equilibrium"],
+    "equilibrium_refine": ["refine_equilibrium", "refined_energy"],
+    "free_motion": ["FreeFinger", "advance_free", "start_free"],
+    "path_record": ["LinkStep", "PathStep", "true_command"],
+    "path_table": ["path_on_device"],
+    "torque_bounds": ["agree", "intersect_balls", "may_stop", "predict_joints", "stop_reading",
+        "torque_bound"],
+})
