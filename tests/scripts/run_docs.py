@@ -24,6 +24,7 @@ from doc_blocks import ROOT, Block, blocks
 
 EXCUSED = {
     r"make (test|check)": "runs these very tests",
+    r"make studies-docs": "is every study that ships, whole: most of an hour",
     r"make validate": "installs from a package index; `warpgrasp validate` itself is run",
     r".*pip install '\.\[ray\]'.*": "installs from a package index; tests do not need Ray",
     r"pytest tests/sweeps/run/test_ray_engine.py": "wants Ray, and says so",

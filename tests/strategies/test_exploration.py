@@ -214,6 +214,7 @@ def test_orders_repeat_and_share_out_their_waypoints() -> None:
     assert len(found.belief.faces) == 1
 
 
+@pytest.mark.slow
 def test_grasps_after_a_contour_are_fitted_from_scratch(monkeypatch: pytest.MonkeyPatch) -> None:
     """A contour that explains what pads felt spares fits of pads alone: bodies refined from the
     contour's own to twelve grasps ended up to 23 mm off, and their contacts barred the contour."""

@@ -73,6 +73,7 @@ def test_where_a_body_is_none_contacts_stay_where_they_are_felt() -> None:
     assert np.array_equal(placed.points_m[[0, 2]], alone.points_m[[0, 2]])
 
 
+@pytest.mark.slow
 def test_early_bodies_are_begun_anew_only_where_they_are_doubted(
         monkeypatch: pytest.MonkeyPatch) -> None:
     evidence, links, _ = ball_links()

@@ -129,6 +129,7 @@ def test_none_of_these_is_right_of_an_object_whatever_its_name() -> None:
     assert right_answer(replace(body_from_name("wine_bottle"), name="mine")) == "wine_bottle"
 
 
+@pytest.mark.slow
 def test_rows_hold_the_parameters_of_the_model_chosen() -> None:
     parts = [(Cell(STRATEGIES["contour-only"], {"name": name}, name, seed=3), np.arange(2))
              for name in ("coke_bottle", "block")]
