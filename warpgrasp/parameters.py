@@ -158,6 +158,8 @@ class PadTable:
                               "how far the distal pad bends over the fingertip [est]")
     thickness_m: float = _number(0.001, 1e-4, 0.01, "stands proud of the link's skin [est]")
     stiffness_N_m: float = _number(1000.0, 1.0, 1e6, "of one taxel: 1 N at 1 mm [est]")
+    flat_stiffness_N_m: float = _number(2e4, 1.0, 1e8,
+                                        "of one taxel pressed flat, beyond the thickness [est]")
     law: str = _choice("exponential", ("exponential", "inverse_power"),
                        "resistance against force")
     rest_ohm: float = _number(1e5, 1.0, 1e9, "resistance without force [est]")

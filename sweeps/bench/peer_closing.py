@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from warpgrasp.parameters import HandTable, SensorTable
+from warpgrasp.parameters import ContactTable, HandTable, SensorTable
 
 HAND = HandTable()
 QUIET = SensorTable(tension_noise_N=0.0, tension_step_N=0.0, joint_noise_rad=0.0)
@@ -30,7 +30,8 @@ def _close(worlds: int, count: int, sensors: SensorTable):
     made = np.ones((worlds, 1, 1), int)
     key = np.arange(worlds, dtype=np.uint64)
     return lambda: close_fingers(scene, np.zeros(1, int), stands, HAND, sensors, key, made, pose,
-                                 COMMANDS_RAD[:, :, :count], np.array([count]))
+                                 COMMANDS_RAD[:, :, :count], np.array([count]),
+                                 contact=ContactTable.none())
 
 
 def ours(batch: int) -> tuple[Callable[[], int], Callable[[], np.ndarray]]:

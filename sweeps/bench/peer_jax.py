@@ -71,11 +71,11 @@ def _close(origin, side, palm, commands):
         command = commands[s]
         delta = command - commands[jnp.maximum(s - 1, 0)]
         q = _rest(q + delta, command, origin, side, palm)
-        pull = HAND.joint_stiffness_Nm_rad * (command - q)[1:] / (2 * arm)
-        limits = HAND.tension_low_N, HAND.tension_high_N
+        pull = HAND.joint_stiffness_Nm_rad * (command - q)[1:] / arm
+        slack = jnp.maximum(HAND.co_contraction_N - jnp.abs(pull) / 2, HAND.tension_low_N)
         rub = HAND.tendon_friction * jnp.where(jnp.abs(delta[1:]) > 1e-12, jnp.sign(delta[1:]), 0)
-        read = (jnp.clip(HAND.co_contraction_N + pull, *limits) * (1 + rub)
-                - jnp.clip(HAND.co_contraction_N - pull, *limits) * (1 - rub))
+        read = ((slack + jnp.maximum(pull, 0.0)) * (1 + rub)
+                - (slack - jnp.minimum(pull, 0.0)) * (1 - rub))
         touches = jnp.abs(command - q).max() > 1e-9
         past = touches & (jnp.abs(read).max() > _THRESHOLD_N)
         return (q, jnp.where((stop < 0) & past, s, stop)), None

@@ -17,7 +17,7 @@ _LENGTH = np.array(HAND.link_length_m)
 _R, _K, _SKIN = HAND.link_radius_m, HAND.joint_stiffness_Nm_rad, HAND.skin_stiffness_N_m
 _ARM = np.array(HAND.moment_arm_m)
 _RUB, _REST_N = HAND.tendon_friction, HAND.co_contraction_N
-_LOW_N, _HIGH_N = HAND.tension_low_N, HAND.tension_high_N
+_LOW_N = HAND.tension_low_N
 _OFFSET = HAND.abduction_offset_m
 _THRESHOLD_N = 6.0
 _GOLDEN = 0.6180339887498949
@@ -134,10 +134,11 @@ def _close(origin, side, palm, commands, travel, skip):
             if not better:
                 break
         for k in range(1, 4):
-            pull = _K * (command[k] - q[k]) / (2 * _ARM[k])
+            pull = _K * (command[k] - q[k]) / _ARM[k]
+            slack = max(_REST_N - abs(pull) / 2, _LOW_N)
             moving = np.sign(delta[k]) if abs(delta[k]) > 1e-12 else 0.0
-            flexor = min(max(_REST_N + pull, _LOW_N), _HIGH_N) * (1 + _RUB * moving)
-            extensor = min(max(_REST_N - pull, _LOW_N), _HIGH_N) * (1 - _RUB * moving)
+            flexor = (slack + max(pull, 0.0)) * (1 + _RUB * moving)
+            extensor = (slack - min(pull, 0.0)) * (1 - _RUB * moving)
             if abs(flexor - extensor) > _THRESHOLD_N:
                 return s
         s += 1

@@ -11,7 +11,7 @@ import numpy as np
 
 from sweeps.bench.measure import Workload
 from sweeps.bench.peer_closing import COMMANDS_RAD, COUNT, HAND_POSE, ours, rest_tips
-from warpgrasp.parameters import HandTable, PadTable
+from warpgrasp.parameters import ContactTable, HandTable, PadTable
 
 HAND = HandTable()
 ROLLOUT_S = 1.5
@@ -170,7 +170,7 @@ def mujoco_scipy_episode(of: str, batch: int) -> Workload:
                             np.array([body.high_m[2]]))
     poses = waypoint_poses(strategy.waypoints, prior, HAND, np.zeros(1, np.uint64))[0]
     commands, count = padded_commands(strategy.closings)
-    hand = MujocoHand(object_solids(body), HAND, friction=0.0, limits=False)
+    hand = MujocoHand(object_solids(body), HAND, ContactTable.none())
 
     def body_residuals(p: np.ndarray, points: np.ndarray) -> np.ndarray:
         size, e, taper = np.exp(p[:3]), 0.1 + 1.9 / (1 + np.exp(-p[3:5])), np.tanh(p[11:13])

@@ -35,8 +35,7 @@ def compare_pads() -> list[Comparison]:
             "pads", f"{body.name}: load of {len(poses)} presses, taxels against the integral", "N",
             float(total.mean()), float(whole.mean()),
             float(np.abs(total - whole).max() / whole.max()), INTEGRAL, "relative to the largest"))
-        each = PADS.stiffness_N_m * np.maximum(
-            [-_closed_form(body, _taxel_places(pose)) for pose in poses[:3]], 0.0)
+        each = _springs(np.array([-_closed_form(body, _taxel_places(p)) for p in poses[:3]]))
         rows.append(Comparison("pads", f"{body.name}: one taxel, geometry written out anew", "N",
                                float(force[:3].max()), float(each.max()),
                                float(np.abs(force[:3] - each).max()), TAXEL_N))
@@ -84,13 +83,20 @@ def _closed_form(body: Body, p: np.ndarray) -> np.ndarray:
     return np.linalg.norm(np.maximum(q, 0.0), axis=-1) + np.minimum(q.max(-1), 0.0)
 
 
+def _springs(depth_m: np.ndarray) -> np.ndarray:
+    """Force of taxels [N]: to the pad's thickness, and beyond it pressed flat."""
+    depth = np.maximum(depth_m, 0.0)
+    past = np.maximum(depth - PADS.thickness_m, 0.0)
+    return PADS.stiffness_N_m * (depth - past) + PADS.flat_stiffness_N_m * past
+
+
 def _integral(body: Body, pose: np.ndarray) -> float:
-    """Load of the whole pad [N]: stiffness a unit of area, times depth, over the pad."""
+    """Load of the whole pad [N]: force a unit of area, over the pad."""
     along = np.linspace(0.0, PADS.length_m, _SAMPLES)
     across = np.linspace(-PADS.width_m / 2, PADS.width_m / 2, _SAMPLES)
     places = pad_surface(pose, *np.meshgrid(along, across, indexing="ij"))
-    depth = np.maximum(-_closed_form(body, places), 0.0)
-    return float(PADS.stiffness_N_m * TAXELS**2 / _AREA_M2 * simpson(simpson(depth, across), along))
+    force = _springs(-_closed_form(body, places))
+    return float(TAXELS**2 / _AREA_M2 * simpson(simpson(force, across), along))
 
 
 def _presses(body: Body) -> tuple[np.ndarray, np.ndarray]:
@@ -142,7 +148,7 @@ def _in_mujoco(mujoco: Any, body: Body, poses: np.ndarray) -> np.ndarray:
         data.mocap_pos[0] = places[k, row, column]
         mujoco.mj_kinematics(model, data)
         gap = mujoco.mj_geomDistance(model, data, taxel, solid, 1.0, segment) + ball
-        force[k, row, column] = PADS.stiffness_N_m * max(-gap, 0.0)
+        force[k, row, column] = _springs(np.array(-gap))
     return force
 
 

@@ -18,6 +18,12 @@ def record_type(struct: Any) -> np.dtype:
     return np.dtype(struct.numpy_dtype())
 
 
+def repeated(value: Any, struct: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """Rows of `shape`, each a copy of the struct `value`, to be changed."""
+    one = wp.array([value], dtype=struct, device="cpu").numpy()
+    return np.broadcast_to(one, shape).copy()
+
+
 class Records:
     """Rows of a `struct` on a device: `array` is what kernels take."""
 

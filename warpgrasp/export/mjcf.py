@@ -1,8 +1,9 @@
 """The robot, and the object before it, as MJCF text for MuJoCo.
 
 Joints carry position actuators of the hand's joint stiffness, so a finger commanded slowly rests
-where `finger.equilibrium` says: gravity is off (the simulator has none), links meet the object
-and the table but not each other. Masses, armature and damping decide only how fast it gets there.
+where `finger.equilibrium` says. In the text gravity is off, and links meet the object and the table
+but not each other; `warpgrasp validate` switches both on. Armature and damping decide only how fast
+a finger gets there.
 """
 
 from collections.abc import Iterable, Sequence

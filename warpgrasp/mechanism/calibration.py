@@ -13,7 +13,7 @@ import warp as wp
 from scipy.spatial.transform import Rotation
 
 from warpgrasp.core.random import Purpose, counter_key, normal_vector
-from warpgrasp.core.struct_array import record_type
+from warpgrasp.core.struct_array import repeated
 from warpgrasp.mechanism.puma560 import arm_of
 from warpgrasp.mechanism.puma560_kernel import Arm
 from warpgrasp.mechanism.tendon import may_stop_free, tendon_sensor_of
@@ -141,9 +141,7 @@ def true_hands(
 
     A joint's stops are where its sensor reads its limits: the zeros are set by them.
     """
-    shape = (errors.worlds, FINGER_COUNT)
-    rows = np.empty(shape, record_type(Hand))
-    rows[...] = np.frombuffer(bytes(hand_of(table, contact).__ctype__()), record_type(Hand))[0]
+    rows = repeated(hand_of(table, contact), Hand, (errors.worlds, FINGER_COUNT))
     rows["link_length"] *= 1.0 + errors.link_length_share
     rows["base_shift"] = errors.finger_base_m
     rows["offset"] = errors.joint_offset_rad
@@ -159,9 +157,7 @@ def true_tendons(
     hand: HandTable, sensors: SensorTable, contact: ContactTable, errors: Calibration, device: str
 ) -> wp.array:
     """The true tendons as kernels take them, (world or 1, finger 4)."""
-    rows = np.empty((errors.worlds, FINGER_COUNT), record_type(TendonSensor))
-    rows[...] = np.frombuffer(bytes(tendon_sensor_of(hand, sensors).__ctype__()),
-                              record_type(TendonSensor))[0]
+    rows = repeated(tendon_sensor_of(hand, sensors), TendonSensor, (errors.worlds, FINGER_COUNT))
     rows["moment_arm"] *= 1.0 + errors.moment_arm_share
     rows["per_torque"] = 1.0 / rows["moment_arm"]
     torque = weight_bounds(hand, link_weights(hand) * contact.weight)[0]
@@ -174,9 +170,7 @@ def true_arms(
     table: ArmTable, mount_length_m: float, errors: Calibration, device: str
 ) -> wp.array:
     """The true arms as kernels take them, (world or 1,)."""
-    rows = np.empty(errors.worlds, record_type(Arm))
-    rows[...] = np.frombuffer(bytes(arm_of(table, mount_length_m).__ctype__()),
-                              record_type(Arm))[0]
+    rows = repeated(arm_of(table, mount_length_m), Arm, (errors.worlds,))
     for n, name in enumerate(_ARM_LENGTHS):
         rows[name] += errors.arm_length_m[:, n]
     rows["offset"] = errors.arm_offset_rad

@@ -270,17 +270,16 @@ def line_kernel(
             q = rest.skin.q
             moved = int(1)
             f = finger_pose(real_hand, base, q)
-            # All pads are read; the finger's reading is that of the pad pressed most.
+            # All pads are read.
             for link in range(3):
                 if pad.on[link] != 0:
                     load = pad_load(scene, which, real_pad, real_hand, turns, f, link, row_bits)
                     if load[3] > most[3]:
                         most = load
-                        felt_link = int(link)
-            if felt_link >= 0:
-                if pad_feels(scene, which, real_pad, real_hand, turns, f, finger, felt_link, key,
-                             pad_reading_key(key, number, s, finger, felt_link), row_bits):
-                    felt = int(1)
+                    if felt == 0 and pad_feels(
+                            scene, which, real_pad, real_hand, turns, f, finger, link, key,
+                            pad_reading_key(key, number, s, finger, link), row_bits):
+                        felt = int(1)
         else:
             q = hangs
             moved = int(0)
@@ -331,14 +330,28 @@ def line_kernel(
     if moved == 0:
         read = _joints_read(q + real_hand.offset, joint_noise, counter_key(reader, s))
 
+    stopped = moved == 1 and noise_alone == 0
     if status != _CONTACT and status != _BLOCKED:
-        felt_link = int(-1)  # a pad's image is read of a touch or a block alone
-    if felt_link >= 0 and noise_alone == 0:
+        stopped = False
+    if stopped:
+        # The finger's image is that of the pad that reads most.
         base = wp.transform_multiply(wp.transform_multiply(to_body, here),
                                      finger_base(real_hand, finger))
-        peak = read_image(scene, which, real_pad, real_hand, turns,
-                          finger_pose(real_hand, base, q), finger, felt_link, key,
-                          pad_reading_key(key, number, s, finger, felt_link), row_bits, image, i)
+        f = finger_pose(real_hand, base, q)
+        read_last = int(-1)
+        for link in range(3):
+            if real_pad.on[link] != 0:
+                most_read = read_image(scene, which, real_pad, real_hand, turns, f, finger, link,
+                                       key, pad_reading_key(key, number, s, finger, link),
+                                       row_bits, image, i)
+                read_last = link
+                if most_read > peak:
+                    peak = most_read
+                    felt_link = link
+        if felt_link >= 0 and felt_link != read_last:
+            peak = read_image(scene, which, real_pad, real_hand, turns, f, finger, felt_link, key,
+                              pad_reading_key(key, number, s, finger, felt_link), row_bits, image,
+                              i)
     end.status = status
     end.made = s
     end.peak = peak

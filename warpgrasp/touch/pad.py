@@ -15,7 +15,7 @@ import warp as wp
 
 from warpgrasp.core.dtypes import real, transform, vec2, vec4
 from warpgrasp.core.kernel_launch import check_range, launch
-from warpgrasp.core.struct_array import record_type
+from warpgrasp.core.struct_array import repeated
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.calibration import Calibration
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, LINK_COUNT, hand_of
@@ -38,6 +38,7 @@ def pad_of(table: PadTable, hand: HandTable) -> Pad:
     pad.on = wp.vec3i(int(table.proximal), int(table.middle), int(table.distal))
     pad.width, pad.length, pad.wrap = table.width_m, table.length_m, table.wrap_rad
     pad.thickness, pad.stiffness = table.thickness_m, table.stiffness_N_m
+    pad.flat = table.flat_stiffness_N_m
     pad.law = int(table.law != "exponential")
     pad.rest_ohm, pad.least_ohm = table.rest_ohm, table.least_ohm
     pad.force_scale, pad.newton_ohm, pad.power = table.force_scale_N, table.newton_ohm, table.power
@@ -67,8 +68,7 @@ def false_touch_probability(table: PadTable) -> float:
 @lru_cache(maxsize=8)
 def true_pads(table: PadTable, hand: HandTable, errors: Calibration, device: str) -> wp.array:
     """The true pads as kernels take them, (world or 1, finger 4)."""
-    rows = np.empty((errors.worlds, FINGER_COUNT), record_type(Pad))
-    rows[...] = np.frombuffer(bytes(pad_of(table, hand).__ctype__()), record_type(Pad))[0]
+    rows = repeated(pad_of(table, hand), Pad, (errors.worlds, FINGER_COUNT))
     rows["shift"], rows["gain"] = errors.pad_shift_m, errors.pad_gain
     return wp.array(rows, dtype=Pad, device=device)
 

@@ -3,6 +3,8 @@
 
     E(q) = E_servo,skin(q) + sum over taxels 1/2 k max(0, -phi(x_taxel(q)))^2
 
+up to the pad's thickness, beyond which a taxel is pressed flat (`pad_kernel.taxel_spring`).
+
 Pads stand above the skin: they yield first, then the skin behind them.
 """
 
@@ -21,7 +23,7 @@ from warpgrasp.touch.pad_culling import (
     taxel_place,
     taxel_row,
 )
-from warpgrasp.touch.pad_kernel import Pad
+from warpgrasp.touch.pad_kernel import Pad, taxel_spring
 
 _ITERATIONS = wp.constant(30)
 _SHORTENED = wp.constant(12)
@@ -83,12 +85,12 @@ def pad_energy(
                                     if d < ZERO:
                                         g = body_table_distance_grad(scene, body, x)
                                         jt = finger_jacobian(f, link, x, vec3(g[0], g[1], g[2]))
-                                        load = -g[3] * pad.stiffness
-                                        rest.skin.energy -= HALF * load * g[3]
-                                        rest.skin.pressed -= HALF * load * g[3]
-                                        rest.skin.gradient -= jt * load
-                                        rest.pad_force += load
-                                        rest.hessian += wp.outer(jt, jt) * pad.stiffness
+                                        spring = taxel_spring(pad, -g[3])
+                                        rest.skin.energy += spring[1]
+                                        rest.skin.pressed += spring[1]
+                                        rest.skin.gradient -= jt * spring[0]
+                                        rest.pad_force += spring[0]
+                                        rest.hessian += wp.outer(jt, jt) * spring[2]
                                     elif d >= CULLING_MARGIN:
                                         seen = seen ^ bit
                 if cull == 1:

@@ -46,6 +46,7 @@ class Pad:
     wrap: real
     thickness: real
     stiffness: real
+    flat: real
     law: int
     rest_ohm: real
     least_ohm: real
@@ -166,9 +167,25 @@ def pad_near(
 
 
 @wp.func
+def taxel_spring(pad: Pad, depth: real):
+    """Force [N], energy [J] and stiffness [N/m] of a taxel pressed in by `depth` > 0 [m].
+
+    Beyond its thickness it is pressed flat, and gives hardly more.
+    """
+    past = wp.max(depth - pad.thickness, ZERO)
+    soft = depth - past
+    force = pad.stiffness * soft
+    energy = HALF * force * soft + past * (force + HALF * pad.flat * past)
+    return vec3(force + pad.flat * past, energy, wp.where(past > ZERO, pad.flat, pad.stiffness))
+
+
+@wp.func
 def taxel_force(scene: Scene, body: int, pad: Pad, x: vec3):
     """Force on a taxel at x [N]."""
-    return pad.stiffness * wp.max(-body_table_distance(scene, body, x), ZERO)
+    depth = -body_table_distance(scene, body, x)
+    if depth <= ZERO:
+        return ZERO
+    return taxel_spring(pad, depth)[0]
 
 
 @wp.func
