@@ -18,7 +18,7 @@ PHALANGES = ("proximal", "middle", "distal")
 ARM_RADIUS_M = 0.05
 """Of the arm's capsules, for the eye: the simulator takes the arm's way to be free [est]."""
 DENSITY_KG_M3 = 1000.0
-"""Of all links [est], as `HandTable.link_density_kg_m3` by default; other engines need one for all."""
+"""Of all links [est], by default `HandTable.link_density_kg_m3`; other engines want all weighed."""
 STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 

@@ -135,3 +135,25 @@ def test_a_pad_that_no_force_makes_conduct_is_refused(law) -> None:
 def test_a_pad_that_does_not_fit_is_refused() -> None:
     with pytest.raises(ValueError, match="does not fit link 2"):
         pad_of(replace(PadTable(), length_m=0.045), HandTable())
+
+
+def test_a_taxel_is_pressed_flat_beyond_its_thickness() -> None:
+    """A finger laid ever deeper into a block: force by depth, soft first, then hardly giving."""
+    pads = PadTable(gain_spread=0.0, dead_fraction=0.0)
+    body = body_from_name("block")
+    scene, stands = scene_of([body], "cpu"), np.array([[0, 0, 0, 0, 0, 0, 1.0]])
+    q = np.zeros((1, 4, 4))
+    q[:, :, 1] = np.pi / 2  # links lie level, palmar sides down
+    reach = HandTable().link_radius_m + pads.thickness_m
+    found = []
+    for depth in (0.0005, 0.001, 0.0015):
+        # Finger 1 lies along the top of the block, its distal link over the middle.
+        height = body.high_m[2] + reach - depth - HandTable().abduction_offset_m
+        pose = np.array([[-0.09 + HandTable().palm_gap_m / 2, 0, height, 0, 0, 0, 1.0]])
+        found.append(read_pads(scene, np.zeros(1, int), stands, HandTable(), pads,
+                               np.zeros(1, np.uint64), pose, q).force_N[0, 1, 2].max())
+    # The columns nearest to the middle stand half a pitch aside on the round pad.
+    lift = reach * (1.0 - np.cos(pads.width_m / 32 / reach))
+    k, flat = pads.stiffness_N_m, pads.flat_stiffness_N_m
+    soft, deep = np.array([0.0005, 0.001]) - lift, 0.0015 - lift - pads.thickness_m
+    np.testing.assert_allclose(found, [*(soft * k), pads.thickness_m * k + deep * flat], rtol=1e-6)

@@ -1,0 +1,119 @@
+"""Fingers that meet: they stop at one another and at the palm, and the robot can tell."""
+
+import numpy as np
+import pytest
+
+from strategies.poses.hand_poses import waypoint_poses
+from strategies.procedures.containment import padded_commands
+from strategies.ready_made import STRATEGIES
+from sweeps.episode.episodes import place_objects
+from sweeps.episode.given_prior import draw_prior
+from warpgrasp.closing.closing import Closing, ClosingTruth, close_fingers
+from warpgrasp.closing.self_contact import self_contacts, self_margin
+from warpgrasp.core.random import counter_key
+from warpgrasp.geometry.body import scene_of
+from warpgrasp.mechanism.arm_motion import ArmState, move_hand
+from warpgrasp.mechanism.calibration import draw_calibration
+from warpgrasp.mechanism.utah_mit_hand import hand_links
+from warpgrasp.objects.catalogue import body_from_name
+from warpgrasp.parameters import (
+    ArmTable,
+    ContactTable,
+    ErrorTable,
+    HandTable,
+    ObjectTable,
+    SensorTable,
+)
+from warpgrasp.probe_status import ProbeStatus
+
+HAND = HandTable()
+COMMANDS, COUNT = padded_commands(("curl40", "together"))
+OVERLAP_M = 5e-4
+
+
+def close(name: str, contact: ContactTable, *, worlds: int = 8, errors: ErrorTable | None = None,
+          sensors: SensorTable | None = None) -> tuple[Closing, ClosingTruth, np.ndarray]:
+    """Closings of `ring18` about a body, with the true hand poses."""
+    key = counter_key(5, np.arange(worlds))
+    body, pose = body_from_name(name), place_objects(ObjectTable(), key)
+    given = draw_prior(body, pose, ObjectTable(), key)
+    hands = waypoint_poses(STRATEGIES["ring18"].waypoints, given, HAND, key)
+    scene, none = scene_of([body], "cpu"), np.zeros(1, int)
+    moves, actual = move_hand(scene, none, pose, ArmTable(), HAND, key, ArmState.home(worlds),
+                              hands, np.ones(hands.shape[:2], bool), COMMANDS)
+    drawn = draw_calibration(errors or ErrorTable.none(), key)
+    felt, truth = close_fingers(scene, none, pose, HAND, sensors or SensorTable(), key,
+                                moves.status, actual, COMMANDS, COUNT, contact=contact,
+                                errors=drawn)
+    return felt, truth, actual
+
+
+def overlap(q_rad: np.ndarray, hand_pose: np.ndarray) -> np.ndarray:
+    """How deep links of fingers are in those of others [m], (world, probe, grasp), sampled."""
+    grasps = q_rad.shape[2]
+    points, _ = hand_links(HAND, np.repeat(hand_pose.reshape(-1, 7), grasps, 0),
+                           q_rad.reshape(-1, 4, 4))
+    share = np.linspace(0.0, 1.0, 13)[:, None]
+    a, b = points[:, :, 1:-1, None], points[:, :, 2:, None]
+    axes = (a + (b - a) * share).reshape(len(points), 4, -1, 3)
+    deepest = np.full(len(points), -1.0)
+    for one in range(4):
+        for two in range(one + 1, 4):
+            apart = np.linalg.norm(axes[:, one, :, None] - axes[:, two, None], axis=-1)
+            deepest = np.maximum(deepest, 2 * HAND.link_radius_m - apart.reshape(
+                len(points), -1).min(1))
+    return deepest.reshape(q_rad.shape[:3])
+
+
+@pytest.mark.parametrize("name", ["funnel", "block", "wine_bottle"])
+def test_no_links_overlap_at_rest(name: str) -> None:
+    felt, truth, poses = close(name, ContactTable())
+    made = felt.status[..., 0] != ProbeStatus.COLLISION
+    made &= np.isfinite(truth.rest_rad).all((-1, -2))
+    _, through, _ = close(name, ContactTable(self_contact=False))
+    before = overlap(np.nan_to_num(through.rest_rad), poses)[made]
+    after = overlap(np.nan_to_num(truth.rest_rad), poses)[made]
+    assert (before > 2e-3).mean() > 0.05
+    assert (after > OVERLAP_M).sum() == 0
+
+
+def test_fingers_that_never_come_near_close_as_they_did() -> None:
+    felt, truth, _ = close("large_cylinder", ContactTable())
+    alone_felt, alone, _ = close("large_cylinder", ContactTable(self_contact=False))
+    stopped = (alone_felt.status == ProbeStatus.CONTACT).all(-1)  # all four at the cylinder
+    assert stopped.sum() > 50
+    np.testing.assert_array_equal(felt.step[stopped], alone_felt.step[stopped])
+    np.testing.assert_array_equal(truth.q_rad[stopped], alone.q_rad[stopped])
+    np.testing.assert_array_equal(felt.tension_N[stopped], alone_felt.tension_N[stopped])
+
+
+def test_what_found_nothing_stops_at_itself() -> None:
+    """A hand that closes on air: fingers at the thumb or at the palm, no point on the object."""
+    _, truth, _ = close("block", ContactTable())
+    alone, _, _ = close("block", ContactTable(self_contact=False))
+    air = (alone.status == ProbeStatus.NO_CONTACT).all(-1)
+    assert air.sum() > 20
+    assert truth.self_contact[air].mean() > 0.95
+    assert (truth.link[air][truth.self_contact[air]] == -1).all()
+    assert np.isnan(truth.point_m[truth.self_contact]).all()
+
+
+def test_the_robot_tells_its_own_links_by_its_joint_angles() -> None:
+    errors, sensors = ErrorTable(), SensorTable()
+    felt, truth, _ = close("wedge", ContactTable(), errors=errors)
+    stopped = felt.status == ProbeStatus.CONTACT
+    told = self_contacts(felt, COMMANDS, HAND, sensors, errors)
+    assert told[stopped & truth.self_contact].mean() > 0.95
+    assert told[stopped & (truth.link >= 0)].mean() < 0.15
+    assert 0.002 < self_margin(HAND, sensors, errors) < 0.006
+
+
+def test_a_finger_is_read_where_it_stops() -> None:
+    """One that stopped at the object is pushed later by one that closes on it: that it does not
+    read, though it rests elsewhere then."""
+    felt, truth, _ = close("block", ContactTable())
+    alone_felt, alone, _ = close("block", ContactTable(self_contact=False))
+    stopped = (alone.link >= 0) & (felt.step == alone_felt.step) & ~truth.self_contact
+    pushed = stopped & (np.abs(truth.rest_rad - truth.q_rad).max(-1) > 1e-3)
+    assert pushed.any()
+    np.testing.assert_allclose(truth.q_rad[pushed], alone.q_rad[pushed], atol=1e-9)
