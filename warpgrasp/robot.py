@@ -187,17 +187,19 @@ class Robot:
     def guarded_line(
         self, rows: np.ndarray, hand_pose: np.ndarray, direction: np.ndarray, *,
         interval_m: float, steps: int, finger: int, commands_rad: np.ndarray,
-        until: Until = Until.CONTACT,
+        until: Until = Until.CONTACT, checked: bool = False,
     ) -> LineTouch:
         """Move arm or finger along a line in intervals until a pad of `finger` feels.
 
         Only the worlds `rows` (row,) move; `hand_pose` (row, 7) is where the hand starts,
         `direction` (row, 3) the arm's way in intervals (unit; zero: the arm stays), `commands_rad`
         (finger 4, step, 4) the joints at each interval, the last held. `until` RELEASE ends when
-        the pads feel nothing any more.
+        the pads feel nothing any more. The way from where the hand is to the start is taken to be
+        free, as between retreats; `checked`, the status is COLLISION where the hand, its fingers at
+        their first commands, would strike something on the straight way.
         """
         move = LineMove(rows, self._lines_made[rows], hand_pose, direction, interval_m, steps,
-                        finger, commands_rad, until)
+                        finger, commands_rad, until, checked)
         touch, truth, arm_q = guarded_line(
             self._scene, self._body, self._truth.body_pose, self.arm, self.hand, self.sensors,
             self.pads, self._key, self._calibration, self._state.q_rad[rows], move,

@@ -264,7 +264,7 @@ class _Follower:
             interval = 0.002
             touch = self.robot.guarded_line(
                 left, start, z, interval_m=interval, steps=round(o.retreat_m / interval),
-                finger=INDEX, commands_rad=PINCH_OPEN_RAD)
+                finger=INDEX, commands_rad=PINCH_OPEN_RAD, checked=sideways != o.sidesteps_m[0])
             self._spend(left, touch)
             stopped = np.isin(touch.status, (ProbeStatus.CONTACT, ProbeStatus.BLOCKED))
             short = o.retreat_m - touch.steps * interval + _BACK_OFF_M
@@ -313,7 +313,7 @@ class _Follower:
         commands = pinch_commands(finger)
         touch = self.robot.guarded_line(
             rows, pose, np.zeros((len(rows), 3)), interval_m=0.001, steps=commands.shape[1] - 1,
-            finger=finger, commands_rad=commands)
+            finger=finger, commands_rad=commands, checked=True)
         self._spend(rows, touch)
         self.log.miss(rows, touch)
         noted = np.isin(touch.status, (ProbeStatus.CONTACT, ProbeStatus.BLOCKED))

@@ -28,6 +28,8 @@ _LEANS = np.radians([0, 45, -45, 90, -90, 135, -135, 180])
 _CROSS = np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]]) * 0.040
 """Places along u and v [m] that the arm should reach, and the point where it approaches from."""
 _ALL_OF_CROSS = len(_CROSS) + 1
+_TRAVEL_M = 0.004  # guarded intervals of a way back
+_OVER_M = 0.004  # and how much higher it leads than others
 _SHORTEST_STEP = 0.15
 _TURN_MOST_RAD = np.radians(55)  # a believed normal further off belongs to something else
 
@@ -115,6 +117,7 @@ class _Explorer:
         self.rejected = np.zeros(worlds, int)
         self.time, self.path = np.zeros(worlds), np.zeros(worlds)
         self.log = TouchLog(worlds)
+        self.begun = False  # the way to the first line comes from a retreat
 
     def run(self) -> PlanarExploration:
         self._approach()
@@ -202,7 +205,8 @@ class _Explorer:
         pose = np.concatenate([self.place[rows], self.turn[rows]], 1)
         touch = self.robot.guarded_line(
             rows, pose, way[rows], interval_m=interval, steps=max(1, round(length / interval)),
-            finger=INDEX, commands_rad=POKE_RAD, until=until)
+            finger=INDEX, commands_rad=POKE_RAD, until=until, checked=self.begun)
+        self.begun = True
         self.place[rows] += way[rows] * (touch.steps * interval)[:, None]
         self.time[rows] += touch.time_s
         self.path[rows] += touch.path_m
@@ -238,10 +242,37 @@ class _Explorer:
         self.direction_reason[rows, self.direction[rows]] = why
         self.direction[rows] += 1
         self.steps[rows], self.blocked[rows] = 0, 0
-        self.place[rows] = self.first[rows]
         done = rows[self.direction[rows] >= DIRECTIONS]
         self.direction[done] = DIRECTIONS - 1
         self.reason[done] = EndReason.COMPLETE
+        self._return(rows[self.reason[rows] == EndReason.GOING_ON])
+
+    def _return(self, rows: np.ndarray) -> None:
+        """Off the face, over it, and down to the first contact: straight back the hand would strike
+        what it has just passed. A world in which something is met on the way is done."""
+        if len(rows) == 0:
+            return
+        normal, above = self.axes[:, 2], self.o.clear_m + _OVER_M
+        self._line(rows, normal, 0.010, until=Until.RELEASE, interval=0.5 * self.o.interval_m)
+        height = ((self.first - self.place) * normal).sum(1, keepdims=True)
+        free = self._go(rows, normal * (np.maximum(height, 0.0) + above))
+        rows = rows[free]
+        free = self._go(rows, self.first + normal * above - self.place)
+        self._go(rows[free], self.first - self.place, down=True)
+
+    def _go(self, rows: np.ndarray, way: np.ndarray, *, down: bool = False) -> np.ndarray:
+        """Along `way` (world, 3) [m], guarded; which rows came to its end. The others are done,
+        unless the way leads `down` to the face, whose touch is none to be noted."""
+        if len(rows) == 0:
+            return np.zeros(0, bool)
+        steps = max(1, int(np.ceil(np.linalg.norm(way[rows], axis=1).max() / _TRAVEL_M)))
+        touch = self._line(rows, way / (steps * _TRAVEL_M), steps * _TRAVEL_M, interval=_TRAVEL_M)
+        free = touch.status == ProbeStatus.NO_CONTACT
+        if down:
+            free |= touch.status == ProbeStatus.CONTACT
+        self.rejected[rows[~free]] += 1
+        self.reason[rows[~free]] = EndReason.BLOCKED
+        return np.asarray(free)
 
 
 def face_axes(normal: np.ndarray) -> np.ndarray:

@@ -109,6 +109,8 @@ class LineMove:
     """Joint commands of all fingers at each interval, (finger 4, step, 4), the last one held; the
     fingers that do not probe stay at their first."""
     until: Until = Until.CONTACT
+    checked: bool = False
+    """Whether the way to the start is looked at: see `Robot.guarded_line`."""
 
 
 @lru_cache(maxsize=8)
@@ -190,7 +192,8 @@ def guarded_line(
         "interval": move.interval_m, "steps": move.steps, "finger": move.finger,
         "commands": commands,
         "swing": swing * reach,
-        "until_release": int(move.until == Until.RELEASE), "near_bits": near_bits, "image": images,
+        "checked": int(move.checked), "until_release": int(move.until == Until.RELEASE),
+        "near_bits": near_bits, "image": images,
         "ends": ends.array}, device=device)
     end, image = ends.numpy(), images.numpy().copy()
     gone = end["made"] * move.interval_m * speed

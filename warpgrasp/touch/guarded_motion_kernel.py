@@ -25,7 +25,6 @@ from warpgrasp.core.random_kernel import counter_key, counter_normal, counter_un
 from warpgrasp.finger.energy import largest_magnitude
 from warpgrasp.geometry.scene import Scene, body_table_distance_grad
 from warpgrasp.geometry.segment_distance import LINK_SAMPLES, nearest_on_link
-from warpgrasp.mechanism.hand_clearance import finger_clearance, palm_clearance
 from warpgrasp.mechanism.puma560_kernel import Arm, move_time, puma_forward, puma_reach
 from warpgrasp.mechanism.utah_mit_hand_kernel import (
     Hand,
@@ -36,7 +35,14 @@ from warpgrasp.mechanism.utah_mit_hand_kernel import (
     link_start,
 )
 from warpgrasp.probe_status import ProbeStatus
-from warpgrasp.touch.line_pose import along_line, hand_at, hand_slip
+from warpgrasp.touch.line_pose import (
+    along_line,
+    command_at,
+    hand_at,
+    hand_slip,
+    others_free,
+    way_is_free,
+)
 from warpgrasp.touch.line_record import LineBegin, LineEnd
 from warpgrasp.touch.pad_equilibrium import pad_equilibrium
 from warpgrasp.touch.pad_kernel import Pad, pad_place, pad_reading_key
@@ -79,13 +85,6 @@ def _below(draw: wp.uint64, count: int):
 
 
 @wp.func
-def _command(commands: wp.array3d[real], finger: int, step: int):
-    k = wp.min(step, commands.shape[1] - 1)
-    return vec4(commands[finger, k, 0], commands[finger, k, 1], commands[finger, k, 2],
-                commands[finger, k, 3])
-
-
-@wp.func
 def _finger_free(scene: Scene, body: int, hand: Hand, pad: Pad, base: transform, q: vec4):
     """A lower bound of the distance from a finger's skin and pads to any obstacle [m]."""
     f = finger_pose(hand, base, q)
@@ -102,22 +101,6 @@ def _finger_free(scene: Scene, body: int, hand: Hand, pad: Pad, base: transform,
         table = a[2] + wp.min(u[2], ZERO) * length
         free = wp.min(free, wp.min(near.distance, table) - radius)
     return free
-
-
-@wp.func
-def _others_free(
-    scene: Scene, body: int, hands: wp.array2d[Hand], own: int, pose: transform, mount: real,
-    commands: wp.array3d[real], finger: int
-):
-    """Clearance of palm and the other fingers [m], which stay at their first command."""
-    worst = real(1e9)
-    for other in range(4):
-        if other != finger:
-            hand = hands[own, other]
-            worst = finger_clearance(scene, body, hand,
-                                     wp.transform_multiply(pose, finger_base(hand, other)),
-                                     _command(commands, other, 0) - hand.offset, worst)
-    return palm_clearance(scene, body, hands[own, finger], pose, mount, worst)
 
 
 @wp.func
@@ -157,6 +140,7 @@ def line_kernel(
     finger: int,
     commands: wp.array3d[real],
     swing: real,
+    checked: int,
     until_release: int,
     # Scratch, for the taxels in sight:
     near_bits: wp.array3d[int],
@@ -218,6 +202,18 @@ def line_kernel(
     slip_last = hand_slip(true_arms[own], arm_last,
                       along_line(line, way, interval * real(reachable)), hand_on_flange, mount[own])
     per_step = ONE / wp.max(real(reachable), ONE)
+    if checked == 1:
+        before = wp.transform_multiply(puma_forward(arm, begin.arm_q), hand_on_flange)
+        if not way_is_free(scene, which, true_hands, own, wp.transform_inverse(begin.body_pose),
+                           wp.transform_multiply(before, slip), wp.transform_multiply(line, slip),
+                           arm.mount, commands):
+            end.status = _COLLISION
+            end.believed = before
+            end.arm_q = begin.arm_q
+            end.q_read = vec4(_NAN, _NAN, _NAN, _NAN)
+            end.tip = nan3
+            ends[i] = end
+            return
     noise = counter_key(counter_key(key, _ARM), number)
     wobble = vec3(counter_normal(counter_key(noise, 0)), counter_normal(counter_key(noise, 1)),
                   counter_normal(counter_key(noise, 2))) * arm.repeatability
@@ -235,7 +231,7 @@ def line_kernel(
     if reachable < steps:
         status = _UNREACHABLE
     s = int(0)
-    q = _command(commands, finger, 0)
+    q = command_at(commands, finger, 0)
     here = line
     reader = counter_key(counter_key(key, _JOINT), number)
     read = q
@@ -251,7 +247,7 @@ def line_kernel(
     arm_step = arm_move / march_scale
     step_bound = wp.max(arm_move + swing, real(1e-9))
     while True:
-        command = _command(commands, finger, s) - real_hand.offset
+        command = command_at(commands, finger, s) - real_hand.offset
         here = hand_at(line, way, interval * real(s), slip, slip_last, per_step * real(s), wobble)
         pose = wp.transform_multiply(to_body, here)
         base = wp.transform_multiply(pose, finger_base(real_hand, finger))
@@ -259,7 +255,7 @@ def line_kernel(
         if moved == 0:
             q = hangs
         if others <= ZERO:
-            others = _others_free(scene, which, true_hands, own, pose, arm.mount, commands, finger)
+            others = others_free(scene, which, true_hands, own, pose, arm.mount, commands, finger)
         free = wp.min(_finger_free(scene, which, real_hand, real_pad, base, hangs), others)
         felt_link = int(-1)
         felt = int(0)
@@ -317,7 +313,7 @@ def line_kernel(
                                 per_step * real(s), wobble)
                 q = free_joints(real_hand, wp.transform_multiply(
                     wp.transform_multiply(to_body, here), finger_base(real_hand, finger)),
-                                _command(commands, finger, s) - real_hand.offset)
+                                command_at(commands, finger, s) - real_hand.offset)
                 felt_link = _link_with_pad(pad, _below(counter_key(false, 2), _pads_on(pad)))
                 noise_alone = int(1)
                 peak = int(wp.ceil(pad.threshold))

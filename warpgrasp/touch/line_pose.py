@@ -1,10 +1,17 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
-"""Where the hand is along a guarded line: as believed, and truly, by errors of calibration."""
+"""Where the hand is along a guarded line, as believed and truly, and whether its way is free."""
 
 import warp as wp
 
-from warpgrasp.core.dtypes import ZERO, real, transform, vec3, vec6
+from warpgrasp.core.dtypes import ZERO, real, transform, vec3, vec4, vec6
+from warpgrasp.geometry.scene import Scene
+from warpgrasp.mechanism.hand_clearance import finger_clearance, palm_clearance
 from warpgrasp.mechanism.puma560_kernel import Arm, puma_forward
+from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_base
+
+_SWING = wp.constant(real(0.25))  # [m]: from the hand's origin to its farthest place, about
+_SHORTEST = wp.constant(real(5e-4))  # [m]
+_LEAVING = wp.constant(real(2e-3))  # [m]: a touch may be left that presses in no deeper
 
 
 @wp.func
@@ -40,3 +47,58 @@ def hand_at(
                     wp.normalize(a + (b - a) * share))
     here = wp.transform_multiply(along_line(line, direction, s), off)
     return transform(wp.transform_get_translation(here) + wobble, wp.transform_get_rotation(here))
+
+
+@wp.func
+def command_at(commands: wp.array3d[real], finger: int, step: int):
+    """The command of a finger at a step; the last one is held."""
+    k = wp.min(step, commands.shape[1] - 1)
+    return vec4(commands[finger, k, 0], commands[finger, k, 1], commands[finger, k, 2],
+                commands[finger, k, 3])
+
+
+@wp.func
+def others_free(
+    scene: Scene, body: int, hands: wp.array2d[Hand], own: int, pose: transform, mount: real,
+    commands: wp.array3d[real], finger: int
+):
+    """Clearance of palm and the other fingers [m], which stay at their first command; of all with
+    `finger` -1."""
+    worst = real(1e9)
+    for other in range(4):
+        if other != finger:
+            hand = hands[own, other]
+            worst = finger_clearance(scene, body, hand,
+                                     wp.transform_multiply(pose, finger_base(hand, other)),
+                                     command_at(commands, other, 0) - hand.offset, worst)
+    return palm_clearance(scene, body, hands[own, 0], pose, mount, worst)
+
+
+@wp.func
+def way_is_free(
+    scene: Scene, body: int, hands: wp.array2d[Hand], own: int, to_body: transform,
+    here: transform, there: transform, mount: real, commands: wp.array3d[real]
+):
+    """Whether the hand, its fingers at their first commands, can go straight from pose to pose.
+
+    The start may touch a little, since a hand that leaves a touch does. `here` and `there` are true
+    poses in the base frame.
+    """
+    a = wp.transform_get_rotation(here)
+    b = wp.transform_get_rotation(there)
+    if wp.dot(a, b) < ZERO:
+        b = -b
+    x = wp.transform_get_translation(here)
+    y = wp.transform_get_translation(there)
+    # The chord of two quaternions is half the turn's angle.
+    way = wp.length(y - x) + real(2.0) * wp.length(b - a) * _SWING
+    gone = real(0.0)
+    while gone < way:
+        share = gone / way
+        pose = wp.transform_multiply(to_body, transform(
+            x + (y - x) * share, wp.normalize(a + (b - a) * share)))
+        clear = others_free(scene, body, hands, own, pose, mount, commands, -1)
+        if clear < -_LEAVING or (clear < -_SHORTEST and gone > _LEAVING):
+            return False
+        gone += wp.max(clear, _SHORTEST)
+    return True
