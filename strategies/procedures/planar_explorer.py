@@ -29,7 +29,8 @@ _CROSS = np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]]) * 0.040
 """Places along u and v [m] that the arm should reach, and the point where it approaches from."""
 _ALL_OF_CROSS = len(_CROSS) + 1
 _TRAVEL_M = 0.004  # guarded intervals of a way back
-_OVER_M = 0.004  # and how much higher it leads than others
+_OVER_M = 0.008  # and how much higher it leads than others
+_TRIES = 3  # each so much higher again
 _SHORTEST_STEP = 0.15
 _TURN_MOST_RAD = np.radians(55)  # a believed normal further off belongs to something else
 
@@ -162,7 +163,7 @@ class _Explorer:
         sign = np.where(self.direction % 2 == 0, 1.0, -1.0)
         along = self.axes[np.arange(len(sign)), self.direction // 2] * sign[:, None]
         self.steps[rows] += 1
-        self._line(rows, normal, 0.010, until=Until.RELEASE, interval=0.5 * o.interval_m)
+        self._release(rows)
         self.place[rows] += normal[rows] * o.clear_m
         share = self._step_above_table(rows, along)
         low = share < _SHORTEST_STEP
@@ -249,30 +250,46 @@ class _Explorer:
 
     def _return(self, rows: np.ndarray) -> None:
         """Off the face, over it, and down to the first contact: straight back the hand would strike
-        what it has just passed. A world in which something is met on the way is done."""
-        if len(rows) == 0:
-            return
-        normal, above = self.axes[:, 2], self.o.clear_m + _OVER_M
-        self._line(rows, normal, 0.010, until=Until.RELEASE, interval=0.5 * self.o.interval_m)
+        what it has just passed. Where something is met on the way, higher; at last it is barred."""
+        normal = self.axes[:, 2]
+        # Up to where the last way down began: that way is known to be free.
+        self._release(rows)
         height = ((self.first - self.place) * normal).sum(1, keepdims=True)
-        free = self._go(rows, normal * (np.maximum(height, 0.0) + above))
-        rows = rows[free]
-        free = self._go(rows, self.first + normal * above - self.place)
-        self._go(rows[free], self.first - self.place, down=True)
+        self.place[rows] += (normal * (np.maximum(height, 0.0) + self.o.clear_m))[rows]
+        over: list[np.ndarray] = []
+        for _ in range(_TRIES):
+            if len(rows) == 0:
+                break
+            self.place[rows] += normal[rows] * _OVER_M
+            away = self.first - self.place
+            level = away - (away * normal).sum(1, keepdims=True) * normal
+            free = self._go(rows, level)
+            over.append(rows[free])
+            rows = rows[~free]
+            self._release(rows)
+        self._bar(rows)
+        rows = np.sort(np.concatenate([np.zeros(0, int), *over]))
+        free = self._go(rows, self.first - self.place, down=True)
+        self._bar(rows[~free])
+
+    def _release(self, rows: np.ndarray) -> None:
+        self._line(rows, self.axes[:, 2], 0.010, until=Until.RELEASE,
+                   interval=0.5 * self.o.interval_m)
 
     def _go(self, rows: np.ndarray, way: np.ndarray, *, down: bool = False) -> np.ndarray:
-        """Along `way` (world, 3) [m], guarded; which rows came to its end. The others are done,
-        unless the way leads `down` to the face, whose touch is none to be noted."""
+        """Along `way` (world, 3) [m], guarded: which rows came to its end. `down` to the face a
+        touch is one, and none to be noted."""
         if len(rows) == 0:
             return np.zeros(0, bool)
         steps = max(1, int(np.ceil(np.linalg.norm(way[rows], axis=1).max() / _TRAVEL_M)))
         touch = self._line(rows, way / (steps * _TRAVEL_M), steps * _TRAVEL_M, interval=_TRAVEL_M)
         free = touch.status == ProbeStatus.NO_CONTACT
-        if down:
-            free |= touch.status == ProbeStatus.CONTACT
-        self.rejected[rows[~free]] += 1
-        self.reason[rows[~free]] = EndReason.BLOCKED
-        return np.asarray(free)
+        return np.asarray(free | (down & (touch.status == ProbeStatus.CONTACT)))
+
+    def _bar(self, rows: np.ndarray) -> None:
+        """No way leads back: these worlds are done."""
+        self.rejected[rows] += 1
+        self.reason[rows] = EndReason.BLOCKED
 
 
 def face_axes(normal: np.ndarray) -> np.ndarray:

@@ -115,6 +115,7 @@ def test_sets_that_cannot_be_fitted_have_a_status_and_spoil_nobody(
         assert np.array_equal(value[[0, 9]], vars(alone)[name][[0, 0]]), name
 
 
+@pytest.mark.slow
 def test_normals_make_up_for_few_touches() -> None:
     body = superquadric(*(np.repeat(v, 12, axis=0) for v in superquadric(
         [0.03, 0.04, 0.05], [0.2, 0.4], [0.45, 0.0, 0.05])))

@@ -8,6 +8,8 @@ from fit.choice import MODELS, choose_shape, count_places
 from fit.polyhedron import fit_polyhedron
 from fit.superquadric.geometry import superquadric
 
+pytestmark = pytest.mark.slow
+
 
 def wedge(n: int, count: int, noise: float, rng) -> np.ndarray:
     """Touches on the four side faces of a ridge 60 x 60 x 100 mm."""
@@ -40,17 +42,14 @@ def chosen():
     return choose_shape(sets, table_z=0.0)
 
 
-@pytest.mark.slow
 def test_ellipsoids_need_no_more_than_eleven_parameters(chosen) -> None:
     assert chosen.names()[:4].count("superquadric") >= 3
 
 
-@pytest.mark.slow
 def test_wedges_are_polyhedra_or_tapered(chosen) -> None:
     assert set(chosen.names()[4:8]) <= {"polyhedron", "tapered"}
 
 
-@pytest.mark.slow
 def test_bottles_are_revolutions(chosen) -> None:
     assert chosen.names()[8:].count("revolution") >= 3
     assert np.allclose(chosen.probability.sum(axis=1), 1)

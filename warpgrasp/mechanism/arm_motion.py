@@ -1,10 +1,11 @@
 """Arm and hand together: taking the hand to a sequence of poses, and what that costs.
 
 A probe is approached from a retreat behind its pose, straight along the hand's z axis, and left the
-same way. The approach is guarded by the arm's torques: what strikes anything stops it. Between retreats the arm moves joint by joint, the slowest joint governing; that the way
-between retreats is free is assumed, not checked. The believed pose is what the encoders and the
-nominal tables say; the true one differs by repeatability and by errors of calibration, which are
-fixed per episode (`calibration`).
+same way. The approach is guarded by the arm's torques: what strikes anything stops it. Between
+retreats the arm moves joint by joint, the slowest joint governing; that the way between retreats is
+free is assumed, not checked. The believed pose is what the encoders and the nominal tables say; the
+true one differs by repeatability and by errors of calibration, which are fixed per episode
+(`calibration`).
 """
 
 from dataclasses import dataclass

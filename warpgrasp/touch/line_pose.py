@@ -11,7 +11,7 @@ from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_base
 
 _SWING = wp.constant(real(0.25))  # [m]: from the hand's origin to its farthest place, about
 _SHORTEST = wp.constant(real(5e-4))  # [m]
-_LEAVING = wp.constant(real(2e-3))  # [m]: a touch may be left that presses in no deeper
+_LEAVING = wp.constant(real(1e-2))  # [m]: so far a touch may be left that gets no deeper
 
 
 @wp.func
@@ -93,12 +93,14 @@ def way_is_free(
     # The chord of two quaternions is half the turn's angle.
     way = wp.length(y - x) + real(2.0) * wp.length(b - a) * _SWING
     gone = real(0.0)
+    last = real(-1.0)
     while gone < way:
         share = gone / way
         pose = wp.transform_multiply(to_body, transform(
             x + (y - x) * share, wp.normalize(a + (b - a) * share)))
         clear = others_free(scene, body, hands, own, pose, mount, commands, -1)
-        if clear < -_LEAVING or (clear < -_SHORTEST and gone > _LEAVING):
+        if clear < -_SHORTEST and (gone > _LEAVING or clear < last - _SHORTEST):
             return False
+        last = clear
         gone += wp.max(clear, _SHORTEST)
     return True

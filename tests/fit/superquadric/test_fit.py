@@ -110,6 +110,7 @@ def test_bad_sets_have_a_status_and_finite_rows_and_spoil_nobody(sets, fitted) -
     assert same_bits(found[0:1], fitted[0:1])
 
 
+@pytest.mark.slow
 def test_taper_and_bend_are_found() -> None:
     rng = np.random.default_rng(2)
     body = standing_bodies(4, rng, taper=0.6, bend=6.0)

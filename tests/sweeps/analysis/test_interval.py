@@ -59,6 +59,7 @@ def test_the_critical_difference_bounds_tukeys(entries: int, freedom: float) -> 
         stats.t.ppf(0.975, freedom) if np.isfinite(freedom) else 1.96, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_more_entries_and_fewer_degrees_of_freedom_need_more() -> None:
     freedoms = np.array([2.0, 3.5, 5.0, 12.0, 55.0, 400.0, np.inf])
     few, many, most = (critical_difference(n, freedoms) for n in (5, 64, 256))

@@ -44,6 +44,7 @@ def test_a_neighbours_face_bars_no_end_from_being_crossed() -> None:
     assert "planar" in alone["procedures"][0]
 
 
+@pytest.mark.slow
 def test_a_budget_is_cut_by_what_each_world_could_make() -> None:
     funnels = cell(replace(STRATEGIES["ring18"], touches=48), "funnel")
     beside = run_episodes(funnels, np.arange(8), "cpu")
@@ -53,6 +54,7 @@ def test_a_budget_is_cut_by_what_each_world_could_make() -> None:
         same(run_episodes(funnels, np.array([episode]), "cpu"), beside, episode)
 
 
+@pytest.mark.slow
 def test_the_noise_of_a_world_is_its_own() -> None:
     """Worlds that grasp at other steps than their neighbours."""
     mixed = cell(Strategy("s", call=f"{THEIRS}:Mixed"), "block")

@@ -55,7 +55,8 @@ def test_rows_do_not_depend_on_the_batch(rows: dict) -> None:
         assert repr(column.tolist()) == repr(rows[name][4:5].tolist()), name
 
 
-@pytest.mark.parametrize("strategy", ["ring6", "coarse-to-fine"])
+@pytest.mark.parametrize("strategy", [
+    "ring6", pytest.param("coarse-to-fine", marks=pytest.mark.slow)])
 def test_objects_run_together_give_the_rows_of_each_alone(strategy: str) -> None:
     egg = {"name": "egg", "superquadric": {"size_mm": [30.0, 30.0, 45.0], "exponents": [1, 1.0]}}
     tables = [{"name": "block"}, egg, {"name": "wine_bottle"}, {"name": "lightbulb"}]

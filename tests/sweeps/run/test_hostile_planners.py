@@ -60,6 +60,7 @@ def notes(folder: Path, plan: Plan) -> dict[str, str]:
     return found
 
 
+@pytest.mark.slow
 def test_each_has_its_line_and_the_others_their_rows(tmp_path: Path) -> None:
     lines = ["raise KeyboardInterrupt", "sys.exit(0)", "os._exit(0)",
              "os.fork() and time.sleep(0.1)", "os.fork() or os._exit(0)",
