@@ -31,6 +31,7 @@ from warpgrasp.finger.free_motion import FreeFinger, advance_free, start_free
 from warpgrasp.finger.path_record import LinkStep, PathStep, true_command
 from warpgrasp.finger.torque_bounds import (
     agree,
+    bound_shares,
     intersect_balls,
     may_stop,
     predict_joints,
@@ -219,6 +220,7 @@ def closing_kernel(
         # Skip the steps that cannot stop the finger.
         if low_step >= slips:
             jump = int(_FAR)
+        low_shares = bound_shares(hand, now.low)
         s = low_step + 1
         while s <= last:
             command = true_command(hand, path, g, finger, s)
@@ -229,14 +231,16 @@ def closing_kernel(
                 now.low = now.high
                 low_step = int(s)
                 low_command = vec4(high_command)
+                low_shares = bound_shares(hand, now.low)
                 reading = high_reading
                 if wp.abs(reading) > sensor.threshold:
                     stopped = int(s)
                     break
             else:
-                ball = torque_bound(low_command, now.low, command, k)
+                ball = torque_bound(low_command, now.low, command, k, low_shares)
                 if high_step >= 0:
-                    ball = intersect_balls(ball, torque_bound(high_command, now.high, command, k))
+                    ball = intersect_balls(ball, torque_bound(
+                        high_command, now.high, command, k, bound_shares(hand, now.high)))
                 elif s - low_step >= jump or largest_magnitude(command - low_command) > _STRIDE:
                     break
                 delta = command - true_command(hand, path, g, finger, s - 1)

@@ -12,15 +12,16 @@ A link that bears on an edge or a round wall is not quite convex: it can slip of
 torques fall while the joints move on. The weight of links is not either. Torques may therefore
 change against the joints by a share s of the stiffness, a . e >= -s K |e|^2 for joints that move by
 e = d - a / K. With the square completed, `a` lies in a ball about c K d of the radius r K |d|, with
-c = (1 - 2 s) / (2 - 2 s) and r^2 = s / (1 - s) + c^2. Two equilibria that lie outside show that
-something slips (`agree`).
+c = (1 - 2 s) / (2 - 2 s) and r^2 = s / (1 - s) + c^2. That is allowed for where a joint is held by
+its stop, and the finger can but slip sideways; elsewhere s is 0. Two equilibria that lie outside
+show that something slips (`agree`).
 """
 
 from math import sqrt
 
 import warp as wp
 
-from warpgrasp.core.dtypes import HALF, ONE, ZERO, greater, real, struct, vec4
+from warpgrasp.core.dtypes import HALF, ONE, ZERO, greater, real, struct, vec2, vec4
 from warpgrasp.core.random_kernel import counter_key, counter_uniform
 from warpgrasp.finger.energy import Equilibrium
 from warpgrasp.mechanism.tendon_kernel import (
@@ -31,6 +32,7 @@ from warpgrasp.mechanism.tendon_kernel import (
     tension_noise,
     tension_sum,
 )
+from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, beyond_stops
 
 _AGAINST_SHARE = 0.1
 _CENTRE_SHARE = (1.0 - 2.0 * _AGAINST_SHARE) / (2.0 - 2.0 * _AGAINST_SHARE)
@@ -49,12 +51,22 @@ class Ball:
 
 
 @wp.func
-def torque_bound(command: vec4, rest: Equilibrium, other: vec4, stiffness: real):
-    """Possible torques at another command, from the equilibrium `rest` at `command`."""
+def bound_shares(hand: Hand, rest: Equilibrium):
+    """Centre and radius of the ball of `torque_bound` from an equilibrium, in parts of K |d|."""
+    past = beyond_stops(hand, rest.q)
+    if wp.dot(past, past) > ZERO:
+        return vec2(_CENTRE, _RADIUS)
+    return vec2(HALF, HALF)
+
+
+@wp.func
+def torque_bound(command: vec4, rest: Equilibrium, other: vec4, stiffness: real, shares: vec2):
+    """Possible torques at another command, from the equilibrium `rest` at `command`, whose
+    `bound_shares` are given."""
     ball = Ball()
     way = (other - command) * stiffness
-    ball.centre = (command - rest.q) * stiffness + way * _CENTRE
-    ball.radius = wp.length(way) * _RADIUS
+    ball.centre = (command - rest.q) * stiffness + way * shares[0]
+    ball.radius = wp.length(way) * shares[1]
     return ball
 
 
