@@ -9,6 +9,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "free_motion": ["FreeFinger", "advance_free", "start_free"],
     "path_record": ["LinkStep", "PathStep", "true_command"],
     "path_table": ["path_on_device"],
-    "torque_bounds": ["agree", "intersect_balls", "may_stop", "predict_joints", "stop_reading",
-        "torque_bound"],
+    "torque_bounds": ["agree", "bound_shares", "intersect_balls", "may_stop", "predict_joints",
+        "stop_reading", "torque_bound"],
 })
