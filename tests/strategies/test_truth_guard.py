@@ -70,7 +70,8 @@ def _in_motion(robot: GuardedRobot, move: Callable[..., Any]) -> Callable[..., A
     return call
 
 
-def run(name: str, body_name: str = "block", poses: int | None = None) -> np.ndarray:
+def run(name: str, body_name: str = "block", poses: int | None = None,
+        table: FitTable | None = None) -> np.ndarray:
     """The statuses of two short episodes of a strategy."""
     key = counter_key(11, np.arange(2))
     body, pose = body_from_name(body_name), place_objects(ObjectTable(), key)
@@ -82,7 +83,7 @@ def run(name: str, body_name: str = "block", poses: int | None = None) -> np.nda
         strategy = replace(strategy, touches=8 * poses)
     planner = planner_of(strategy, PlanarTable(), ContourTable(), DecideTable(), StereoTable(),
                          robot, prior)
-    found = explore(robot, planner, prior, counter_key(key, 3), table=FitTable(),
+    found = explore(robot, planner, prior, counter_key(key, 3), table=table or FitTable(),
                     closings=strategy.closings, budget=budget_of(strategy))
     assert not found.fault.any(), found.fault
     return found.status
@@ -100,7 +101,8 @@ def test_the_guard_bites() -> None:
 
 @pytest.mark.parametrize("name", ["ring6", "planar"])
 def test_what_ships_reads_no_truth(name: str) -> None:
-    assert len(run(name)) == 2
+    # Small fits: what matters here is who reads the truth.
+    assert len(run(name, table=FitTable(taper=False, rivals=False, rounds=0))) == 2
 
 
 @pytest.mark.slow
