@@ -97,6 +97,7 @@ MOVED_M = 2e-3
 def _moved_rows(poses: int) -> list[Comparison]:
     """How many stops and tips each piece of the physics moves, against a finger without any."""
     rows = []
+    bodies = bodies_compared()
     for path in PATHS:
         commands = closing_commands(CLOSING_PATHS[path])
         for what, contact in {**PIECES, "all together": ContactTable()}.items():
@@ -104,7 +105,7 @@ def _moved_rows(poses: int) -> list[Comparison]:
                 continue
             stops = tips = count = 0
             for name in _VARIED:
-                body, solids = bodies_compared()[name]
+                body, solids = bodies[name]
                 places = random_poses(MujocoHand(solids, HAND, ContactTable()), body,
                                       commands[:, 0], poses)
                 ends = [_ours(body, places, commands, 6.0, c)

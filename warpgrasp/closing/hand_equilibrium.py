@@ -12,12 +12,12 @@ of rank one each, whose forces solve a small system (Woodbury).
 
 import warp as wp
 
-from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat44, real, struct, transform, vec3, vec4
+from warpgrasp.closing.link_gap import link_end, palm_capsule
+from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat44, real, struct, transform, vec4
 from warpgrasp.finger.energy import Equilibrium, finger_energy, largest_magnitude
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.geometry.segment_pair import segment_pair
 from warpgrasp.mechanism.utah_mit_hand_kernel import (
-    FingerPose,
     Hand,
     finger_base,
     finger_jacobian,
@@ -27,7 +27,6 @@ from warpgrasp.mechanism.utah_mit_hand_kernel import (
 
 MEETINGS = 8
 """Places where links of a hand touch one another that are resolved; there are hardly three."""
-PALM_CAPSULES = 4
 _MEETINGS = wp.constant(MEETINGS)
 _PALM = wp.constant(4)  # in the place of a finger
 _NEAR = wp.constant(real(2e-3))  # [m]: links nearer than this may meet in a step
@@ -53,26 +52,6 @@ class Meeting:
     give_one: vec4
     """How far a newton between them turns the joints of each [rad/N]."""
     give_two: vec4
-
-
-@wp.func
-def link_end(f: FingerPose, link: int):
-    """Where a link ends."""
-    if link == 0:
-        return f.p2
-    if link == 1:
-        return f.p3
-    return f.p4
-
-
-@wp.func
-def palm_capsule(hand: Hand, mount: real, number: int, end: int):
-    """An end of one of the capsules of palm and wrist, hand frame; see `palm_clearance`."""
-    thick = hand.palm_thickness * HALF
-    if number == 3:
-        return vec3(ZERO, ZERO, wp.where(end == 0, -wp.max(mount, thick + real(1e-3)), -thick))
-    side = wp.where(end == 0, -hand.spacing, hand.spacing)
-    return vec3(hand.gap * HALF * real(number - 1), side, -thick)
 
 
 @wp.func

@@ -3,15 +3,17 @@
 
 Fingers that close alone are followed on their commands. Bounds of how far they come, tabulated with
 the path, leave out most pairs at once; the others are looked at as seldom as their motion allows.
+How far a finger that presses may be off its commands is an estimate: what its guarded joints can
+lag, and 4 mm for abduction, which nothing guards.
 """
 
 import warp as wp
 
 from warpgrasp.closing.closing_record import ClosingRow, ClosingTruthRow
-from warpgrasp.closing.hand_equilibrium import link_end, pair_bit, palm_capsule
-from warpgrasp.core.dtypes import HALF, ONE, ZERO, real, transform, vec4
+from warpgrasp.closing.hand_equilibrium import pair_bit
+from warpgrasp.closing.link_gap import finger_gap, palm_gap
+from warpgrasp.core.dtypes import ONE, ZERO, real, transform, vec4
 from warpgrasp.finger.path_record import LinkStep, PathStep, true_command
-from warpgrasp.geometry.segment_pair import segment_pair
 from warpgrasp.mechanism.tendon_kernel import TendonSensor
 from warpgrasp.mechanism.utah_mit_hand_kernel import (
     Hand,
@@ -19,14 +21,12 @@ from warpgrasp.mechanism.utah_mit_hand_kernel import (
     finger_length,
     finger_pose,
     free_joints,
-    link_start,
 )
 from warpgrasp.probe_status import ProbeStatus
 
 wp.set_module_options({"max_unroll": 1})
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
 _NO_CONTACT = wp.constant(int(ProbeStatus.NO_CONTACT))
-_FAR = wp.constant(real(1.0))  # [m]
 _ROUGH = wp.constant(real(1e-4))  # [m]: `free_joints` is of first order
 _GIVE = wp.constant(real(4e-3))  # [m]: what abduction, which nothing guards, gives
 
@@ -60,31 +60,17 @@ def _joints_at(
 @wp.func
 def _room(
     hands: wp.array2d[Hand], own: int, pose: transform, mount: real, one: int, two: int, p: vec4,
-    q: vec4, enough: real
+    q: vec4
 ):
-    """Least distance between the skins of two fingers at joints `p` and `q`; of a finger and the
-    palm with `two` 4 [m]. Where it is more than `enough` any such value."""
+    """Least distance between the skins of two fingers at joints `p` and `q` [m], of a finger and
+    the palm with `two` 4."""
     hand = hands[own, one]
     f = finger_pose(hand, wp.transform_multiply(pose, finger_base(hand, one)), p)
-    least = real(_FAR)
     if two == 4:
-        thick = hand.palm_thickness * HALF
-        for a in range(1, 3):
-            for bar in range(4):
-                near = segment_pair(
-                    link_start(f, a), link_end(f, a),
-                    wp.transform_point(pose, palm_capsule(hand, mount, bar, 0)),
-                    wp.transform_point(pose, palm_capsule(hand, mount, bar, 1)))
-                least = wp.min(least, near.apart - hand.link_radius - thick)
-        return least
+        return palm_gap(hand, mount, pose, f)
     other = hands[own, two]
     g = finger_pose(other, wp.transform_multiply(pose, finger_base(other, two)), q)
-    both = hand.link_radius + other.link_radius
-    for a in range(3):
-        for b in range(3):
-            near = segment_pair(link_start(f, a), link_end(f, a), link_start(g, b), link_end(g, b))
-            least = wp.min(least, near.apart - both)
-    return least
+    return finger_gap(f, hand.link_radius, g, other.link_radius)
 
 
 @wp.func
@@ -229,7 +215,7 @@ def first_near(
                 room = _room(hands, own, pose, mount, one, two,
                              _joints_at(hand, base, path, row, true, g, one, s),
                              _joints_at(other, other_base, path, other_row, other_true, g,
-                                        wp.min(two, 3), s), _FAR)
+                                        wp.min(two, 3), s))
                 fast = real(0.0)
                 if s < row.step:
                     room -= _stray(hand, sensors[own_sensor, one], true.touched, s)

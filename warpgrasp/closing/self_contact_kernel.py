@@ -3,15 +3,13 @@
 
 import warp as wp
 
-from warpgrasp.closing.hand_equilibrium import link_end, palm_capsule
-from warpgrasp.core.dtypes import HALF, real, vec4
-from warpgrasp.geometry.segment_pair import segment_pair
+from warpgrasp.closing.link_gap import finger_gap, palm_gap
+from warpgrasp.core.dtypes import real, vec4
 from warpgrasp.mechanism.utah_mit_hand_kernel import (
     FingerPose,
     Hand,
     finger_base,
     finger_pose,
-    link_start,
 )
 
 wp.set_module_options({"max_unroll": 1})
@@ -60,17 +58,7 @@ def self_gap_kernel(
                              commands[g, other, s, 2], commands[g, other, s, 3])
             o = finger_pose(hand, finger_base(hand, other), there)
             if _beside(f, o, both * real(2.0)):
-                for a in range(3):
-                    for b in range(3):
-                        near = segment_pair(link_start(f, a), link_end(f, a), link_start(o, b),
-                                            link_end(o, b))
-                        least = wp.min(least, near.apart - both)
-    thick = hand.palm_thickness * HALF
+                least = wp.min(least, finger_gap(f, hand.link_radius, o, hand.link_radius))
     if wp.min(f.p3[2], f.p4[2]) < both:
-        for a in range(1, 3):
-            for bar in range(4):
-                near = segment_pair(link_start(f, a), link_end(f, a),
-                                    palm_capsule(hand, mount, bar, 0),
-                                    palm_capsule(hand, mount, bar, 1))
-                least = wp.min(least, near.apart - hand.link_radius - thick)
+        least = wp.min(least, palm_gap(hand, mount, wp.transform_identity(dtype=real), f))
     gap[w, p, g, finger] = least

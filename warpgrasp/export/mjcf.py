@@ -27,8 +27,7 @@ def mjcf_text(
 ) -> str:
     """MJCF of a robot's links and an object's solids standing at `object_place`.
 
-    `limits` False leaves joint limits out, as the simulator's closing does: it keeps commands in
-    range, but lets a finger be pushed back past straight.
+    `limits` False leaves joint limits out, as `ContactTable.joint_stops` does in the simulator.
     """
     children: dict[str, list[Link]] = {}
     for link in links:
