@@ -12,7 +12,7 @@ of rank one each, whose forces solve a small system (Woodbury).
 
 import warp as wp
 
-from warpgrasp.closing.link_gap import link_end, palm_capsule
+from warpgrasp.closing.link_gap import above_palm, link_end, links_within, palm_capsule
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat44, real, struct, transform, vec4
 from warpgrasp.finger.energy import Equilibrium, finger_energy, largest_magnitude
 from warpgrasp.geometry.scene import Scene
@@ -87,7 +87,7 @@ def _note(
 
 @wp.func
 def find_meetings(
-    hands: wp.array2d[Hand], own: int, pose: transform, mount: real, q: mat44, pairs: int,
+    hands: wp.array2d[Hand], own: int, mount: real, q: mat44, pairs: int,
     meetings: wp.array2d[Meeting], i: int
 ):
     """Notes the pairs of links that touch or are near, in row `i`; returns their number.
@@ -99,15 +99,17 @@ def find_meetings(
         if (pairs & (31 << (5 * one))) == 0:
             continue
         hand = hands[own, one]
-        f = finger_pose(hand, wp.transform_multiply(pose, finger_base(hand, one)), q[one])
+        f = finger_pose(hand, finger_base(hand, one), q[one])
         for two in range(one + 1, 4):
             if (pairs & pair_bit(one, two)) == 0:
                 continue
             other = hands[own, two]
-            g = finger_pose(other, wp.transform_multiply(pose, finger_base(other, two)), q[two])
+            g = finger_pose(other, finger_base(other, two), q[two])
             both = hand.link_radius + other.link_radius
             for a in range(3):
                 for b in range(3):
+                    if not links_within(hand, f, a, other, g, b, _NEAR):
+                        continue
                     near = segment_pair(link_start(f, a), link_end(f, a), link_start(g, b),
                                         link_end(g, b))
                     if near.apart < both + _NEAR:
@@ -118,11 +120,12 @@ def find_meetings(
             continue
         thick = hand.palm_thickness * HALF
         for a in range(1, 3):
+            if above_palm(hand, f, a, _NEAR):
+                continue
             for bar in range(4):
                 near = segment_pair(
-                    link_start(f, a), link_end(f, a),
-                    wp.transform_point(pose, palm_capsule(hand, mount, bar, 0)),
-                    wp.transform_point(pose, palm_capsule(hand, mount, bar, 1)))
+                    link_start(f, a), link_end(f, a), palm_capsule(hand, mount, bar, 0),
+                    palm_capsule(hand, mount, bar, 1))
                 if near.apart < hand.link_radius + thick + _NEAR:
                     count = _note(meetings, i, count, one, _PALM, a,
                                   hand.link_radius + thick - near.apart,
@@ -238,7 +241,7 @@ def hand_energy(
             scene, body, hand, wp.transform_multiply(pose, finger_base(hand, f)), command[f], q[f],
             state[i, last + f], samples)
         total += state[i, slot + f].energy
-    count = find_meetings(hands, own, pose, mount, q, pairs, meetings, i)
+    count = find_meetings(hands, own, mount, q, pairs, meetings, i)
     for a in range(count):
         depth = wp.max(meetings[i, a].depth, ZERO)
         total += real(0.25) * hands[own, 0].skin * depth * depth
@@ -246,36 +249,73 @@ def hand_energy(
 
 
 @wp.func
+def _newton_step(
+    state: wp.array2d[Equilibrium], i: int, slot: int, meetings: wp.array2d[Meeting], count: int,
+    stiffness: real, pairs: int
+):
+    """How far a Newton step turns the joints of each finger, a row each."""
+    force = meeting_forces(state, i, slot, meetings, count, stiffness)
+    step = mat44()
+    for f in range(4):
+        if not in_pairs(pairs, f):
+            continue
+        pull = state[i, slot + f].gradient
+        for a in range(count):
+            if meetings[i, a].one == f:
+                pull -= meetings[i, a].by_one * force[a]
+            elif meetings[i, a].two == f:
+                pull -= meetings[i, a].by_two * force[a]
+        step[f] = -(state[i, slot + f].compliance * pull)
+    return step
+
+
+@wp.func
+def _largest(step: mat44):
+    """The largest absolute value of a step."""
+    largest = real(0.0)
+    for f in range(4):
+        largest = wp.max(largest, largest_magnitude(step[f]))
+    return largest
+
+
+@wp.func
+def move_commands(
+    hands: wp.array2d[Hand], own: int, moves: mat44, pairs: int, state: wp.array2d[Equilibrium],
+    i: int
+):
+    """States in slots 0 to 3 of row `i` at the same joints with commands moved by `moves` [rad], a
+    row each finger: only the servos' part of the gradient changes."""
+    for f in range(4):
+        if in_pairs(pairs, f):
+            pull = moves[f] * hands[own, f].stiffness
+            state[i, f].drive -= pull
+            state[i, f].gradient -= pull
+
+
+@wp.func
 def hand_equilibrium(
     scene: Scene, body: int, hands: wp.array2d[Hand], own: int, pose: transform, mount: real,
-    command: mat44, start: mat44, pairs: int, state: wp.array2d[Equilibrium], i: int, samples: int,
-    meetings: wp.array2d[Meeting]
+    command: mat44, pairs: int, state: wp.array2d[Equilibrium], i: int, samples: int,
+    meetings: wp.array2d[Meeting], noted: int
 ):
-    """The hand's equilibrium for commands (a row each finger), from joints `start`, near which the
-    states in slots 0 to 3 of row `i` are. The result is left there; returns the number of meetings.
+    """The hand's equilibrium for commands (a row each finger), from the states in slots 0 to 3 of
+    row `i` with their `noted` meetings; see `move_commands`. The result is left there; returns the
+    number of meetings.
+
+    The first step is always gone, since the valleys of the distance are chosen after it, with
+    `samples` compared; then the energy never rises.
     """
     stiffness = hands[own, 0].skin * HALF
-    slot = int(4)
-    best, count = hand_energy(scene, body, hands, own, pose, mount, command, start, pairs, state, i,
-                              4, 0, samples, meetings)
-    q = mat44(start)
-    for _iteration in range(_ITERATIONS):
-        force = meeting_forces(state, i, slot, meetings, count, stiffness)
-        step = mat44()
-        largest = real(0.0)
-        for f in range(4):
-            if not in_pairs(pairs, f):
-                continue
-            pull = state[i, slot + f].gradient
-            for a in range(count):
-                if meetings[i, a].one == f:
-                    pull -= meetings[i, a].by_one * force[a]
-                elif meetings[i, a].two == f:
-                    pull -= meetings[i, a].by_two * force[a]
-            way = -(state[i, slot + f].compliance * pull)
-            step[f] = way
-            largest = wp.max(largest, largest_magnitude(way))
-        if largest < _LAST:
+    slot = int(0)
+    best = real(0.0)
+    count = int(noted)
+    fresh = int(1)  # whether the meetings noted are those of the joints
+    q = mat44()
+    for f in range(4):
+        q[f] = state[i, f].q
+    for iteration in range(_ITERATIONS):
+        step = _newton_step(state, i, slot, meetings, count, stiffness, pairs)
+        if iteration > 0 and _largest(step) < _LAST:
             q += step
             for f in range(4):
                 state[i, slot + f].q = q[f]
@@ -284,15 +324,16 @@ def hand_equilibrium(
         found = int(0)
         for _halving in range(_HALVINGS):
             energy, met = hand_energy(scene, body, hands, own, pose, mount, command,
-                                      q + step * scale, pairs, state, i, 4 - slot, slot, 0,
-                                      meetings)
-            if energy < best:
+                                      q + step * scale, pairs, state, i, 4 - slot, slot,
+                                      wp.where(iteration == 0, samples, 0), meetings)
+            if iteration == 0 or energy < best:
                 best = energy
                 count = met
                 found = int(1)
                 break
             scale *= HALF
         if found == 0:
+            fresh = int(0)
             break
         q += step * scale
         slot = 4 - slot
@@ -300,5 +341,6 @@ def hand_equilibrium(
         for f in range(4):
             if in_pairs(pairs, f):
                 state[i, f] = state[i, 4 + f]
-    # The meetings of the last trial may not be those of the result.
-    return find_meetings(hands, own, pose, mount, q, pairs, meetings, i)
+    if fresh == 0:
+        count = find_meetings(hands, own, mount, q, pairs, meetings, i)
+    return count

@@ -11,7 +11,13 @@ Where nothing is near any more, fingers that nothing has touched end as they did
 import warp as wp
 
 from warpgrasp.closing.closing_record import ClosingRow, ClosingTruthRow
-from warpgrasp.closing.hand_equilibrium import Meeting, hand_equilibrium, in_pairs
+from warpgrasp.closing.hand_equilibrium import (
+    Meeting,
+    hand_energy,
+    hand_equilibrium,
+    in_pairs,
+    move_commands,
+)
 from warpgrasp.closing.near_kernel import first_near, pairs_that_may
 from warpgrasp.core.dtypes import ZERO, mat44, real, transform, vec4
 from warpgrasp.core.random import Purpose
@@ -100,7 +106,7 @@ def meeting_kernel(
     pairs = pairs_that_may(hands, sensors, own, own_sensor, path, felt, truth, w, p, g)
     touched = int(0)  # fingers that another one, or the palm, has touched: a bit each
     stopped = int(0)
-    q = mat44()
+    count = int(0)
     command = mat44()
     fresh = int(1)
     while s <= last:
@@ -108,6 +114,7 @@ def meeting_kernel(
             # From where each finger, closing alone, was a step before.
             fresh = int(0)
             stopped = int(0)
+            q = mat44()
             for f in range(4):
                 if not in_pairs(pairs, f):
                     stopped = stopped | (1 << f)  # it closes alone
@@ -127,15 +134,17 @@ def meeting_kernel(
                                               samples)
                 state[i, f] = rest
                 q[f] = rest.q
+            _begun, count = hand_energy(scene, which, hands, own, pose, mount, command, q, pairs,
+                                        state, i, 0, 0, samples, meetings)
+        moves = mat44()
         for f in range(4):
             if (stopped & (1 << f)) == 0:
                 now = true_command(hands[own, f], path, g, f, s)
-                q[f] = state[i, f].q + (now - command[f])
+                moves[f] = now - command[f]
                 command[f] = now
-            else:
-                q[f] = state[i, f].q
-        count = hand_equilibrium(scene, which, hands, own, pose, mount, command, q, pairs,
-                                 state, i, samples, meetings)
+        move_commands(hands, own, moves, pairs, state, i)
+        count = hand_equilibrium(scene, which, hands, own, pose, mount, command, pairs, state, i,
+                                 samples, meetings, count)
         touches = int(0)
         for a in range(count):
             if meetings[i, a].depth > ZERO:

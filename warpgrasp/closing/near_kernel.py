@@ -59,18 +59,16 @@ def _joints_at(
 
 @wp.func
 def _room(
-    hands: wp.array2d[Hand], own: int, pose: transform, mount: real, one: int, two: int, p: vec4,
-    q: vec4
+    hands: wp.array2d[Hand], own: int, mount: real, one: int, two: int, p: vec4, q: vec4
 ):
     """Least distance between the skins of two fingers at joints `p` and `q` [m], of a finger and
     the palm with `two` 4."""
     hand = hands[own, one]
-    f = finger_pose(hand, wp.transform_multiply(pose, finger_base(hand, one)), p)
+    f = finger_pose(hand, finger_base(hand, one), p)
     if two == 4:
-        return palm_gap(hand, mount, pose, f)
+        return palm_gap(hand, mount, f)
     other = hands[own, two]
-    g = finger_pose(other, wp.transform_multiply(pose, finger_base(other, two)), q)
-    return finger_gap(f, hand.link_radius, g, other.link_radius)
+    return finger_gap(hand, f, other, finger_pose(other, finger_base(other, two), q))
 
 
 @wp.func
@@ -212,7 +210,7 @@ def first_near(
                     stray += _stray(other, sensors[own_sensor, two], other_true.touched, end)
                 s = _first_by_table(hands, own, path, felt, w, p, g, one, two, stray, begin, end)
             while s < found:
-                room = _room(hands, own, pose, mount, one, two,
+                room = _room(hands, own, mount, one, two,
                              _joints_at(hand, base, path, row, true, g, one, s),
                              _joints_at(other, other_base, path, other_row, other_true, g,
                                         wp.min(two, 3), s))

@@ -58,7 +58,7 @@ def self_gap_kernel(
                              commands[g, other, s, 2], commands[g, other, s, 3])
             o = finger_pose(hand, finger_base(hand, other), there)
             if _beside(f, o, both * real(2.0)):
-                least = wp.min(least, finger_gap(f, hand.link_radius, o, hand.link_radius))
+                least = wp.min(least, finger_gap(hand, f, hand, o))
     if wp.min(f.p3[2], f.p4[2]) < both:
-        least = wp.min(least, palm_gap(hand, mount, wp.transform_identity(dtype=real), f))
+        least = wp.min(least, palm_gap(hand, mount, f))
     gap[w, p, g, finger] = least
