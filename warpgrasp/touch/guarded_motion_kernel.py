@@ -19,6 +19,7 @@ from warpgrasp.core.dtypes import (
     vec2,
     vec3,
     vec4,
+    vec6,
 )
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key, counter_normal, counter_uniform
@@ -110,6 +111,23 @@ def _tip(hand: Hand, pose: transform, finger: int, q: vec4):
 
 
 @wp.func
+def _not_moved(pose: transform, arm_q: vec6):
+    """The end of a line that is not begun: the hand is at `pose`, the arm at `arm_q`."""
+    nan3 = vec3(_NAN, _NAN, _NAN)
+    end = LineEnd()
+    end.link = -1
+    end.point = nan3
+    end.normal = nan3
+    end.point_true = nan3
+    end.normal_true = nan3
+    end.believed = pose
+    end.arm_q = arm_q
+    end.q_read = vec4(_NAN, _NAN, _NAN, _NAN)
+    end.tip = nan3
+    return end
+
+
+@wp.func
 def _joints_read(q: vec4, noise: real, reading: wp.uint64):
     """Joint angles as the sensors read them."""
     return q + noise * vec4(
@@ -156,13 +174,7 @@ def line_kernel(
     number = begin.number
     line = begin.start
     way = begin.direction
-    nan3 = vec3(_NAN, _NAN, _NAN)
-    end = LineEnd()
-    end.link = -1
-    end.point = nan3
-    end.normal = nan3
-    end.point_true = nan3
-    end.normal_true = nan3
+    end = _not_moved(begin.start, begin.arm_q)
     hand_on_flange = transform(vec3(ZERO, ZERO, arm.mount), quat(ZERO, ZERO, ZERO, ONE))
     flange_on_hand = wp.transform_inverse(hand_on_flange)
 
@@ -171,10 +183,6 @@ def line_kernel(
     reachable = int(steps)
     if not wp.isfinite(arm_start[0]):
         end.status = _UNREACHABLE
-        end.believed = line
-        end.arm_q = begin.arm_q
-        end.q_read = vec4(_NAN, _NAN, _NAN, _NAN)
-        end.tip = nan3
         ends[i] = end
         return
     arm_last = puma_reach(arm, wp.transform_multiply(
@@ -209,9 +217,6 @@ def line_kernel(
                            arm.mount, commands):
             end.status = _COLLISION
             end.believed = before
-            end.arm_q = begin.arm_q
-            end.q_read = vec4(_NAN, _NAN, _NAN, _NAN)
-            end.tip = nan3
             ends[i] = end
             return
     noise = counter_key(counter_key(key, _ARM), number)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from false_stops import false_stop_probability
 from scipy.optimize import minimize, minimize_scalar
 from scipy.stats import norm
 
@@ -14,7 +15,6 @@ from warpgrasp.closing.closing import close_fingers
 from warpgrasp.core.kernel_launch import ShapeError, set_thread_count
 from warpgrasp.geometry.body import Body, scene_of
 from warpgrasp.geometry.body_sampling import sample_body
-from warpgrasp.mechanism.tendon import false_stop_probability
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.objects.mesh_import import body_from_mesh
 from warpgrasp.parameters import ContactTable, HandTable, SensorTable
