@@ -3,7 +3,7 @@
     python tests/scripts/interval_coverage.py runs/coverage --trials 2000
 
 Runs two sweeps into the folder, unless they are there: ten objects with 512 episodes of each
-strategy, and 48 objects with 64. Their rows are then taken for the truth and drawn from.
+strategy, and 48 objects (more with `--scans`) with 64. Their rows are then taken for the truth and drawn from.
 
 - *These*: objects of the first are drawn once a trial, and of each so many episodes; the truth is
   the mean of all 512.
@@ -45,8 +45,8 @@ def spec(episodes: int, objects: list[str]) -> str:
             f"objects = [{', '.join(objects)}]\n{STRATEGIES}")
 
 
-def many_objects() -> list[str]:
-    """The catalogue and 38 superquadrics."""
+def many_objects(scans: Path | None) -> list[str]:
+    """The catalogue, 38 superquadrics, and the first ten meshes [m] of a folder."""
     rng = np.random.default_rng(48)
     found = [f'"{name}"' for name in CATALOGUE]
     for number in range(38):
@@ -54,6 +54,8 @@ def many_objects() -> list[str]:
         e1, e2 = rng.uniform(0.1, 1.6, 2)
         found.append(f'{{ name = "s{number}", superquadric = {{ size_mm = [{a:.1f}, {b:.1f}, '
                      f'{h:.1f}], exponents = [{e1:.2f}, {e2:.2f}] }} }}')
+    meshes = sorted(scans.glob("*.ply"))[:10] if scans else []
+    found += [f'{{ name = "{m.stem}", mesh = "{m.resolve()}", units = "m" }}' for m in meshes]
     return found
 
 
@@ -99,9 +101,10 @@ def main() -> None:
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--trials", type=int, default=2000)
+    parser.add_argument("--scans", type=Path, help="folder of scanned meshes, which join the 48")
     given = parser.parse_args()
     deep = values_of(given.folder / "deep", spec(512, [f'"{name}"' for name in CATALOGUE]))
-    many = values_of(given.folder / "many", spec(64, many_objects()))
+    many = values_of(given.folder / "many", spec(64, many_objects(given.scans)))
     rng = np.random.default_rng(1)
     print("claim       objects  episodes  % held: means; differences to the first")
     for objects in (1, 3, 6, 10):

@@ -26,12 +26,30 @@ def test_one_object_is_a_paired_t_test() -> None:
     assert np.isnan(means_of(data).differences(0, "like-these").low).all()
 
 
-def test_objects_like_these_are_a_t_test_of_their_means() -> None:
-    data = np.random.default_rng(2).normal([3.0, 4.0], 1.0, (7, 5, 2))
-    found = means_of(data).differences(0, "like-these")
-    apart = data.mean(axis=1)[:, 1] - data.mean(axis=1)[:, 0]
-    low, high = stats.ttest_1samp(apart, 0.0).confidence_interval(0.95)
-    assert (found.low[1], found.high[1]) == pytest.approx((low, high), rel=1e-9)
+def test_objects_like_these_are_a_t_test_of_their_means_widened_for_skewness() -> None:
+    wider = []
+    for objects in (7, 14):
+        data = np.random.default_rng(2).normal([3.0, 4.0], 1.0, (objects, 5, 2))
+        found = means_of(data).differences(0, "like-these")
+        apart = data.mean(axis=1)[:, 1] - data.mean(axis=1)[:, 0]
+        low, high = stats.ttest_1samp(apart, 0.0).confidence_interval(0.95)
+        assert found.low[1] + found.high[1] == pytest.approx(low + high, rel=1e-9)
+        wider.append(objects * ((found.high[1] - found.low[1]) / (high - low) - 1.0))
+    assert wider[0] == pytest.approx(wider[1], rel=1e-9)
+    assert 0.5 < wider[0] < 0.75  # Hall's expansion at a skewness of 0.8
+
+
+@pytest.mark.parametrize("objects", [3, 6, 10])
+@pytest.mark.parametrize("skewness", [0.0, 0.8])
+def test_objects_as_skewed_as_assumed_are_covered(objects: int, skewness: float) -> None:
+    generator = np.random.default_rng(5)
+    shape = (4.0 / skewness**2) if skewness else 1e6
+    means = generator.gamma(shape, 1.0, (objects, 4000)) - shape
+    board = ObjectMeans(4000, 0)
+    for each in means:
+        board.add(each[None])
+    found = board.values("like-these")
+    assert 0.945 < np.mean((found.low <= 0.0) & (found.high >= 0.0)) < 0.975
 
 
 def test_two_objects_of_one_entry_against_a_constant_is_welchs_test() -> None:
