@@ -3,9 +3,9 @@
 Two populations. *These* objects, with other episodes: the variance of the mean is that of episodes
 within each object (a stratified mean), and Student's t has Welch and Satterthwaite's degrees of
 freedom. Objects *like these*: an object's mean is one observation, and t has one degree of freedom
-less than there are objects; nothing follows from one object. Objects differ in skewed ways, of which
-few of them tell little: intervals are widened by the share that Edgeworth's expansion asks for
-(Hall 1992, The bootstrap and Edgeworth expansion, 2.6) at an assumed skewness.
+less than there are objects; nothing follows from one object. Objects differ in skewed ways, of
+which few of them tell little: intervals are widened by the share that Edgeworth's expansion asks
+for (Hall 1992, The bootstrap and Edgeworth expansion, 2.6) at an assumed skewness.
 
 Differences to the best are simultaneous: the best is chosen after the fact, so that an interval of
 one pair would claim too much. Their half width is that of a single pair times the ratio of the 95 %

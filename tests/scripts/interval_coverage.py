@@ -55,7 +55,8 @@ def many_objects(scans: Path | None) -> list[str]:
         found.append(f'{{ name = "s{number}", superquadric = {{ size_mm = [{a:.1f}, {b:.1f}, '
                      f'{h:.1f}], exponents = [{e1:.2f}, {e2:.2f}] }} }}')
     meshes = sorted(scans.glob("*.ply"))[:10] if scans else []
-    found += [f'{{ name = "{m.stem}", mesh = "{m.resolve()}", units = "m" }}' for m in meshes]
+    found += [f'{{ name = "{mesh.stem}", mesh = "{mesh.resolve()}", units = "m" }}'
+              for mesh in meshes]
     return found
 
 
