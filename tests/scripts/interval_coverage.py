@@ -3,7 +3,8 @@
     python tests/scripts/interval_coverage.py runs/coverage --trials 2000
 
 Runs two sweeps into the folder, unless they are there: ten objects with 512 episodes of each
-strategy, and 48 objects (more with `--scans`) with 64. Their rows are then taken for the truth and drawn from.
+strategy, and 48 objects (more with `--scans`) with 64. Their rows are then taken for the truth and
+drawn from.
 
 - *These*: objects of the first are drawn once a trial, and of each so many episodes; the truth is
   the mean of all 512.
