@@ -389,4 +389,4 @@ def _widened(placed: Evidence, felt: Evidence, free: int) -> Evidence:
         np.concatenate([placed.mask, np.zeros_like(felt.mask[:, new])], 1),
         np.concatenate([placed.covariance_m2, felt.covariance_m2[:, new]], 1),
         np.concatenate([placed.normals, felt.normals[:, new]], 1),
-        free_m, felt.free_radius_m, free_mask, felt.by_pad.copy())
+        free_m, felt.free_radius_m, free_mask, felt.by_pad.copy(), felt.felt_normals.copy())

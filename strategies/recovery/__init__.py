@@ -5,9 +5,11 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "belief": ["Belief", "read_only"],
     "body_distances": ["bodies_on"],
-    "choose_model": ["Recovered", "Shape", "choose_body", "explained_by", "or_prior",
+    "choose_model": ["Recovered", "Shape", "choose_body", "or_prior",
         "prior_superquadric", "revolution_of", "same_bodies"],
     "complete_contour": ["OPTIONS", "revolution_misfit", "revolution_of_all", "whole_profile"],
+    "contact_verdict": ["ACCEPTED", "FAR", "TABLE", "accepted_contacts", "accepted_rms",
+        "contact_verdicts", "explained_by"],
     "evidence": ["CONTOUR_TOUCHES", "Evidence", "FACE_TOUCHES", "TABLE_MARGIN_M", "TouchedLinks",
         "evidence_from_grasps", "evidence_from_touches", "joined_evidence", "joined_links",
         "no_evidence", "no_links", "touched_links"],

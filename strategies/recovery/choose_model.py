@@ -12,7 +12,6 @@ from strategies.poses.waypoints import BoundingCylinder
 from strategies.procedures.contour_shape import Profile
 from strategies.recovery.body_distances import contour_distances, surface_distances
 from strategies.recovery.evidence import Evidence
-from strategies.recovery.misfit import FARTHEST_M
 from strategies.recovery.plausibility import plausible_contour
 
 FEWEST_NODES = 4
@@ -106,20 +105,6 @@ def choose_body(
 def _rms(distance: np.ndarray, mask: np.ndarray) -> np.ndarray:
     square = row_sums(np.where(mask, np.minimum(distance, LARGEST_RESIDUAL_M) ** 2, 0.0))
     return np.sqrt(square / np.maximum(mask.sum(1), 1))
-
-
-def explained_by(recovered: Recovered, points_m: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """Of points (world, point, 3) those near enough to the body to be its, bool (world, point).
-
-    `FARTHEST_M` is how far; farther ones weigh nothing more in a body's misfit. None of a world
-    where only the prior stands for the body.
-    """
-    near = np.abs(surface_distances(recovered.superquadric, points_m, mask, ahead_m=0.0)[0])
-    if recovered.revolution is not None:
-        turned = (recovered.shape == Shape.REVOLUTION)[:, None]
-        near = np.where(turned, contour_distances(recovered.revolution, points_m, mask), near)
-    known = (recovered.shape != Shape.PRIOR_CYLINDER)[:, None]
-    return mask & known & (near <= FARTHEST_M)
 
 
 def prior_superquadric(prior: BoundingCylinder) -> Superquadric:

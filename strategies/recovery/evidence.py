@@ -6,11 +6,14 @@ from typing import Any
 import numpy as np
 
 from strategies.procedures.touches import MissedTips, TouchTable
+from warpgrasp.closing.contact_estimate import ContactEstimate
 from warpgrasp.probe_status import FELT_TO_THE_END, ProbeStatus
 from warpgrasp.robot import Grasps
 
 TABLE_MARGIN_M = 0.006
 """Contacts believed lower than this are taken to be the table."""
+SURE_LINK = 0.9
+"""Probability of its likeliest link from which on a contact counts as of that link [est]."""
 FREE_SLACK_M = 0.002
 """Links reported free are thinned by this: their places are known no better."""
 
@@ -34,6 +37,9 @@ class Evidence:
     """(..., free)."""
     by_pad: np.ndarray
     """Contacts felt by a pad, whose normal was measured, (..., point)."""
+    felt_normals: np.ndarray
+    """As torques or pads tell, (..., point, 3), also where a fit has placed the contact; NaN where
+    torques leave in doubt which link touched."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +86,13 @@ def evidence_from_grasps(grasps: Grasps, link_radius_m: float) -> Evidence:
         free_radius_m=link_radius_m - FREE_SLACK_M,
         free_mask=free_mask,
         by_pad=np.zeros_like(mask),
+        felt_normals=_sure_normals(estimate).reshape(worlds, -1, 3),
     )
+
+
+def _sure_normals(estimate: ContactEstimate) -> np.ndarray:
+    sure = estimate.link_weight.max(axis=-1, keepdims=True) >= SURE_LINK
+    return np.where(sure, estimate.normal, np.nan)
 
 
 def touched_links(grasps: Grasps, link_radius_m: float) -> TouchedLinks:
@@ -137,7 +149,7 @@ def evidence_from_touches(table: TouchTable, missed: MissedTips | None, worlds: 
         chosen, at = _slots(missed.world, worlds, room)
         free[at], free_mask[at] = missed.tip_m[chosen], True
     return Evidence(points, mask, covariance, normals, free, like.free_radius_m, free_mask,
-                    mask.copy())
+                    mask.copy(), normals.copy())
 
 
 def _slots(world: np.ndarray, worlds: int, slots: int) -> tuple[np.ndarray, tuple]:
@@ -158,7 +170,7 @@ def no_evidence(worlds: int, free_radius_m: float) -> Evidence:
     return Evidence(np.zeros((worlds, 0, 3)), np.zeros((worlds, 0), bool),
                     np.zeros((worlds, 0, 3, 3)), np.zeros((worlds, 0, 3)),
                     np.zeros((worlds, 0, 3)), free_radius_m, np.zeros((worlds, 0), bool),
-                    np.zeros((worlds, 0), bool))
+                    np.zeros((worlds, 0), bool), np.zeros((worlds, 0, 3)))
 
 
 def no_links(worlds: int, slots: int, radius_m: float) -> TouchedLinks:

@@ -11,6 +11,7 @@ from fit.superquadric.geometry import Superquadric
 from strategies.procedures.contour_shape import Profile
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered, Shape
+from strategies.recovery.contact_verdict import accepted_rms
 
 REVOLUTION = ("px_m", "py_m", "pz_m", "ax", "ay", "az", "height_m", "volume_m3")
 NODES = ("profile_z_m", "profile_r_m")
@@ -21,7 +22,7 @@ def model_columns(belief: Belief, recovered: Recovered) -> dict[str, np.ndarray]
     """Columns of each world's model, a row each: of `recovered`, with the fit in `belief`."""
     fits, profile = belief.fits, belief.profile
     turned = recovered.shape == Shape.REVOLUTION
-    rms = np.where(recovered.shape == Shape.SUPERQUADRIC, fits.rms_m, np.nan)
+    rms = accepted_rms(recovered, belief.evidence)
     iterations, status = fits.iterations, fits.status
     fitted = superquadric_parameters(recovered.superquadric)
     contour: dict[str, np.ndarray] = dict.fromkeys(REVOLUTION, np.full(len(turned), np.nan))
@@ -30,7 +31,6 @@ def model_columns(belief: Belief, recovered: Recovered) -> dict[str, np.ndarray]
         contour = revolution_parameters(profile)
         nodes = [contour_nodes(profile, world) if turned[world] else empty
                  for world, empty in enumerate(nodes)]
-        rms = np.where(turned, profile.rms_m, rms)
         iterations = np.where(turned, profile.fit.iterations, iterations)
         status = np.where(turned, profile.fit.status, status)
     columns = {name: np.where(turned, contour.get(name, np.nan), fitted.get(name, np.nan))

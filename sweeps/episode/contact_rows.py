@@ -2,10 +2,10 @@
 
 x, y, z are the contact as the robot estimates it; for a contact used by the last fit, the point
 that it used. `link` is the link that the robot concludes, `true_link` the one that touched.
-`accepted` is 1 for a contact that the recovered body explains and 0 for one that lies too far from
-it, or too low to be told from the table, to count as one of its contacts. No strategy or fit reads
-the true columns. For touches of pads `grasp` is the direction on a face or the section of a
-contour. What a move does not have is NaN.
+`accepted` is 1 for a contact that counts as one of the recovered body's and 0 for another one;
+`verdict` says why (`contact_verdict`). `var_` and `cov_` are the point's covariance. No strategy
+or fit reads the true columns. For touches of pads `grasp` is the direction on a face or the section
+of a contour. What a move does not have is NaN.
 
 A world's rows do not depend on the worlds beside it: probes that it did not make have no rows.
 """
@@ -18,7 +18,14 @@ from strategies.exploration import Exploration, Procedure
 from strategies.procedures.contour_follower import ContourExploration
 from strategies.procedures.planar_explorer import PlanarExploration
 from strategies.procedures.touches import true_touches
-from strategies.recovery.choose_model import Recovered, explained_by
+from strategies.recovery.choose_model import Recovered
+from strategies.recovery.contact_verdict import (
+    ACCEPTED,
+    FAR,
+    TABLE,
+    contact_verdicts,
+    explained_by,
+)
 from strategies.recovery.evidence import TABLE_MARGIN_M, Evidence
 from warpgrasp.closing.closing import ClosingTruth
 from warpgrasp.probe_status import ProbeStatus
@@ -28,15 +35,18 @@ INTEGERS = ("probe", "grasp", "finger", "link", "true_link")
 NUMBERS = ("accepted", "tension_difference_N", "taxel_peak")
 VECTORS = {
     "point": ("x_m", "y_m", "z_m"),
+    "covariance": ("var_x_m2", "var_y_m2", "var_z_m2", "cov_xy_m2", "cov_xz_m2", "cov_yz_m2"),
     "true_point": ("true_x_m", "true_y_m", "true_z_m"),
     "true_normal": ("true_nx", "true_ny", "true_nz"),
     "joints": ("q0_rad", "q1_rad", "q2_rad", "q3_rad"),
     "hand": ("hand_x_m", "hand_y_m", "hand_z_m", "hand_qx", "hand_qy", "hand_qz", "hand_qw"),
 }
 """Arrays of a row, and the columns that hold their numbers."""
-COLUMNS = ("procedure", *INTEGERS, "status", "accepted", *VECTORS["point"],
-           *VECTORS["true_point"], *VECTORS["true_normal"], *VECTORS["joints"],
+COLUMNS = ("procedure", *INTEGERS, "status", "accepted", "verdict",
+           *VECTORS["point"], *VECTORS["covariance"], *VECTORS["true_point"],
+           *VECTORS["true_normal"], *VECTORS["joints"],
            "tension_difference_N", "taxel_peak", *VECTORS["hand"])
+TEXTS = ("procedure", "status", "verdict")
 STATUS_NAMES = np.array([status.name.lower() for status in ProbeStatus], object)
 Parts = dict[str, np.ndarray]
 
@@ -45,14 +55,14 @@ def contact_columns(found: Exploration, truth: Truth) -> dict[str, np.ndarray]:
     """`world`, then `COLUMNS`, (row,) each: world by world, in the order the moves were made."""
     parts = [_columns(part) for part in _procedures(found, truth)]
     if not parts:
-        return {name: np.zeros(0, object if name in ("procedure", "status") else
+        return {name: np.zeros(0, object if name in TEXTS else
                                int if name in ("world", *INTEGERS) else float)
                 for name in ("world", *COLUMNS)}
     columns = {name: np.concatenate([part[name] for part in parts])
                for name in ("world", *COLUMNS)}
     order = np.argsort(columns["world"], kind="stable")
     columns = {name: values[order] for name, values in columns.items()}
-    return columns | {"accepted": _accepted(columns, found.recovered)}
+    return columns | _judged(columns, found.recovered)
 
 
 def contact_tables(found: Exploration, truth: Truth) -> np.ndarray:
@@ -76,14 +86,15 @@ def _procedures(found: Exploration, truth: Truth) -> Iterator[Parts]:
     for procedure in found.procedures:
         if isinstance(procedure.felt, Grasps):
             yield _grasps(procedure, procedure.felt, truth.closings[procedure.closing],
-                          found.belief.evidence, slot, probes)
+                          found.belief.evidence,
+                          contact_verdicts(found.recovered, found.belief.evidence), slot, probes)
         else:
             yield _touches(procedure.name, procedure.felt, truth, probes)
         slot += procedure.slots
 
 
 def _grasps(procedure: Procedure, grasps: Grasps, truth: ClosingTruth, evidence: Evidence,
-            slot: int, probes: np.ndarray) -> Parts:
+            verdicts: np.ndarray, slot: int, probes: np.ndarray) -> Parts:
     """Rows of a batch of grasps, whose contacts begin at `slot` of the evidence; the number of
     each world's probes so far, (world,), is counted on."""
     closing = grasps.closing
@@ -100,7 +111,10 @@ def _grasps(procedure: Procedure, grasps: Grasps, truth: ClosingTruth, evidence:
         "probe": number[world, probe], "grasp": grasp, "finger": finger,
         "link": grasps.estimate.link[at], "true_link": truth.link[at],
         "status": STATUS_NAMES[closing.status[at]],
+        "verdict": verdicts[world, own],
         "point": np.where(used, evidence.points_m[world, own], grasps.estimate.point_m[at]),
+        "covariance": _distinct(np.where(used[..., None], evidence.covariance_m2[world, own],
+                                         grasps.estimate.covariance_m2[at])),
         "true_point": truth.point_m[at], "true_normal": truth.normal[at],
         "joints": closing.q_rad[at], "tension_difference_N": closing.tension_difference_N[at],
         "hand": grasps.moves.believed_pose[world, probe],
@@ -121,13 +135,21 @@ def _touches(name: str, felt: PlanarExploration | ContourExploration, truth: Tru
         "grasp": table.part[order], "finger": table.finger[order], "link": table.link[order],
         "true_link": table.link[order],
         "status": STATUS_NAMES[table.status[order]], "point": table.point_m[order],
+        "verdict": np.full(len(order), "", object),
+        "covariance": np.full((len(order), 6), np.nan),
         "true_point": point[order], "true_normal": normal[order], "joints": table.q_rad[order],
         "taxel_peak": table.taxel_peak[order], "hand": table.hand_pose[order],
     }
 
 
-def _accepted(columns: dict[str, np.ndarray], recovered: Recovered) -> np.ndarray:
-    """1 or 0 for each contact, NaN for rows without one."""
+def _distinct(covariance: np.ndarray) -> np.ndarray:
+    """The six different numbers of symmetric matrices (row, 3, 3)."""
+    return covariance[:, (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]
+
+
+def _judged(columns: dict[str, np.ndarray], recovered: Recovered) -> dict[str, np.ndarray]:
+    """`verdict` of each row, where it has none by its nearness, and `accepted`: 1 or 0 for each
+    contact, NaN for rows without one."""
     point = np.stack([columns[name] for name in VECTORS["point"]], axis=1)
     felt = np.asarray(np.isfinite(point).all(axis=-1))
     world = columns["world"]
@@ -135,16 +157,20 @@ def _accepted(columns: dict[str, np.ndarray], recovered: Recovered) -> np.ndarra
     padded = np.zeros((len(recovered), 1 + number.max(initial=0), 3))
     mask = np.zeros(padded.shape[:2], bool)
     padded[world, number], mask[world, number] = np.where(felt[:, None], point, 0.0), felt
-    high = padded[..., 2] > TABLE_MARGIN_M
-    accepted = explained_by(recovered, padded, mask & high)
-    return np.where(felt, accepted[world, number], np.nan)
+    near = explained_by(recovered, padded, mask)[world, number]
+    verdict = columns["verdict"].copy()
+    verdict[(verdict == "") & felt] = np.where(near, ACCEPTED, FAR)[(verdict == "") & felt]
+    verdict[felt & (columns["z_m"] <= TABLE_MARGIN_M)] = TABLE
+    verdict[~felt] = ""
+    return {"verdict": verdict,
+            "accepted": np.where(felt, (verdict == ACCEPTED).astype(float), np.nan)}
 
 
 def _columns(parts: Parts) -> dict[str, np.ndarray]:
     """One array a column: whole numbers, text, and float64 that are NaN where infinite."""
     flat = {"world": parts["world"].astype(int)}
     flat |= {name: parts[name].astype(int) for name in INTEGERS}
-    flat |= {name: parts[name] for name in ("procedure", "status")}
+    flat |= {name: parts[name] for name in TEXTS}
     unknown = np.full(len(flat["world"]), np.nan)
     numbers = {name: parts.get(name, unknown) for name in NUMBERS}
     for vector, names in VECTORS.items():

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from strategies.recovery.choose_model import Shape, explained_by
+from strategies.recovery.choose_model import Shape
+from strategies.recovery.contact_verdict import accepted_contacts
 from sweeps.episode.episodes import EpisodeBlock
 from sweeps.figures.meshes import quadrilaterals, recovered_grid
 from sweeps.figures.outlines import draw_outline
@@ -46,7 +47,7 @@ def contacts_figure(block: EpisodeBlock, name: str, world: int = 0,
     evidence = block.exploration.belief.evidence
     mine = evidence.mask[world]
     points = 1e3 * (evidence.points_m[world][mine] - pose[:3])
-    near = explained_by(block.recovered, evidence.points_m, evidence.mask)[world][mine]
+    near = accepted_contacts(block.recovered, evidence)[world][mine]
     near |= prior  # nothing was recovered that contacts could contradict
     yaw = 2.0 * np.arctan2(pose[5], pose[6])
     turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])

@@ -19,7 +19,7 @@ from sweeps.episode.columns import (
     revolution_parameters,
     superquadric_parameters,
 )
-from sweeps.episode.contact_rows import COLUMNS, contact_columns
+from sweeps.episode.contact_rows import COLUMNS, VECTORS, contact_columns
 from sweeps.episode.episodes import EpisodeBlock, run_block
 from sweeps.figures.contacts import draw_contacts
 from sweeps.figures.contour import contour_figure
@@ -102,6 +102,8 @@ def _cells(name: str, values: np.ndarray) -> list[Any]:
     if values.dtype != float:
         return values.tolist()
     digits = 0 if name in ("accepted", "taxel_peak") else 6
+    if name in VECTORS["covariance"]:
+        digits = 12
     return ["" if not np.isfinite(v) else f"{v:.{digits}f}" for v in values.tolist()]
 
 

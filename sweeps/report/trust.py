@@ -5,7 +5,8 @@ import numpy as np
 from fit.arrays import rows_of
 from fit.revolution.geometry import revolution_surface
 from fit.superquadric.geometry import superquadric_areas
-from strategies.recovery.choose_model import Recovered, Shape, explained_by
+from strategies.recovery.choose_model import Recovered, Shape
+from strategies.recovery.contact_verdict import accepted_contacts
 from strategies.recovery.evidence import TABLE_MARGIN_M
 from sweeps.episode.episodes import EpisodeBlock
 
@@ -30,13 +31,13 @@ def trust_sentence(block: EpisodeBlock, world: int = 0) -> str:
         why = _NOTHING.get(str(block.status[world]), str(block.status[world]))
         return (f"nothing was recovered: {why} ({felt} contacts); the body written is the cylinder "
                 "that the strategy was given as prior")
-    near = explained_by(recovered, evidence.points_m, evidence.mask)
+    near = accepted_contacts(recovered, evidence)
     share = surface_near(recovered, evidence.points_m[0][near[0]])
     far = felt - int(near.sum())
     text = (f"{100 * share:.0f} % of the recovered surface is within {1e3 * NEAR_M:.0f} mm of one "
             f"of {felt - far} contacts, the rest is the model's guess")
     if far:
-        text += f"; {far} more contacts contradict it"
+        text += f"; {far} more contacts contradict it, or may be elsewhere"
     if recovered.shape[0] == Shape.SUPERQUADRIC:
         low, high = 1e6 * block.exploration.belief.uncertainty.volume_interval_m3()[world]
         text += (f"; its volume is {low:.0f} to {high:.0f} cm3 (90 %), if the object is a "

@@ -19,7 +19,7 @@ from strategies.strategy import Strategy
 from sweeps.spec.cell import SECTIONS, TABLES, Cell
 from sweeps.spec.study import FILE_KEYS, Axis, Body, Study, StudyTable
 
-RESULTS_SCHEMA = 17  # raise when rows change their meaning: older units are then computed again
+RESULTS_SCHEMA = 18  # raise when rows change their meaning: older units are then computed again
 BLOCK = 64  # episodes of a unit; rows do not depend on it
 WIDEST = 100  # characters that are shown of a value
 LEAST_RUNS = 8  # of a shard: the last one may be missing in some, an eighth of their work

@@ -19,7 +19,8 @@ def belief(points: np.ndarray | None = None) -> Belief:
     n = points.shape[1]
     evidence = Evidence(points, np.ones((2, n), bool), np.tile(np.eye(3) * 1e-6, (2, n, 1, 1)),
                         np.full(points.shape, np.nan), np.zeros((2, 0, 3)), 0.006,
-                        np.zeros((2, 0), bool), np.zeros((2, n), bool))
+                        np.zeros((2, 0), bool), np.zeros((2, n), bool),
+                        np.full(points.shape, np.nan))
     prior = BoundingCylinder(*(np.array(v) for v in (
         (0.45, 0.45), (0.0, 0.02), (0.035, 0.035), (0.14, 0.14))))
     zero = np.zeros(2)

@@ -39,7 +39,7 @@ def ball_links(worlds: int = 3, contacts: int = 20) -> tuple[Evidence, TouchedLi
     far = np.zeros((worlds, FREE_BALLS, 3))
     evidence = Evidence(
         true + OFF_M * normal, mask, np.tile(1e-6 * np.eye(3), (worlds, contacts, 1, 1)), normal,
-        far, RADIUS_M, np.zeros(far.shape[:2], bool), np.zeros_like(mask))
+        far, RADIUS_M, np.zeros(far.shape[:2], bool), np.zeros_like(mask), normal)
     links = TouchedLinks(
         centre, np.repeat(along[:, :, None], 3, axis=2), np.full(centre.shape[:3], 1 / 3),
         np.full(centre.shape[:3], 0.01**2), RADIUS_M, np.ones(contacts, bool))

@@ -6,7 +6,8 @@ import pytest
 from fit.revolution.geometry import RevolutionBody, revolution_surface
 from fit.superquadric.geometry import superquadric
 from strategies.poses.waypoints import BoundingCylinder
-from strategies.recovery.choose_model import Recovered, Shape, explained_by
+from strategies.recovery.choose_model import Recovered, Shape
+from strategies.recovery.contact_verdict import explained_by
 from strategies.recovery.evidence import Evidence
 from strategies.recovery.plausibility import plausible, plausible_contour, swept
 
@@ -22,7 +23,8 @@ def evidence(points: np.ndarray, free: np.ndarray) -> Evidence:
     count = len(points)
     return Evidence(points[None], np.ones((1, count), bool), np.tile(np.eye(3), (1, count, 1, 1)),
                     np.full((1, count, 3), np.nan), free[None], 0.006,
-                    np.ones((1, len(free)), bool), np.zeros((1, count), bool))
+                    np.ones((1, len(free)), bool), np.zeros((1, count), bool),
+                    np.full((1, count, 3), np.nan))
 
 
 @pytest.mark.parametrize(("found", "right"), [

@@ -1,0 +1,69 @@
+"""Which contacts the recovered body explains, and why others are rejected.
+
+A contact is placed by the torques of a finger and by the body that all contacts make. Where the two
+contradict one another, or torques leave open which link touched, it may be anywhere on the finger.
+Of contacts so rejected some 10 % lie more than 10 mm off, of the others 1 % (`docs/model.md`).
+Everything here is known to the robot.
+"""
+
+import numpy as np
+
+from fit.arrays import row_sums
+from strategies.recovery.body_distances import contour_distances, surface_distances
+from strategies.recovery.choose_model import Recovered, Shape
+from strategies.recovery.evidence import Evidence
+from strategies.recovery.misfit import FARTHEST_M
+
+AGREES = 0.6
+"""Cosine between the normals by torques and of the body from which on they agree [est]."""
+ACCEPTED, UNSURE_LINK, OTHER_DIRECTION, FAR, TABLE = (
+    "accepted", "unsure_link", "other_direction", "far", "table")
+"""Verdicts: too far from the body to be its contact is `far`, as near to the table as to be told
+from it is `table`."""
+
+
+def surface_gaps(recovered: Recovered, points_m: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """How far points (world, point, 3) are from the body that stands [m], (world, point)."""
+    gap = np.abs(surface_distances(recovered.superquadric, points_m, mask, ahead_m=0.0)[0])
+    if recovered.revolution is None:
+        return gap
+    turned = (recovered.shape == Shape.REVOLUTION)[:, None]
+    return np.where(turned, contour_distances(recovered.revolution, points_m, mask), gap)
+
+
+def explained_by(recovered: Recovered, points_m: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Of points (world, point, 3) those near enough to the body to be its, bool (world, point).
+
+    `FARTHEST_M` is how far; farther ones weigh nothing more in a body's misfit. None of a world
+    where only the prior stands for the body.
+    """
+    known = (recovered.shape != Shape.PRIOR_CYLINDER)[:, None]
+    return mask & known & (surface_gaps(recovered, points_m, mask) <= FARTHEST_M)
+
+
+def contact_verdicts(recovered: Recovered, evidence: Evidence) -> np.ndarray:
+    """The verdict of each contact of the evidence, (world, point); empty text where there is none.
+    """
+    near = explained_by(recovered, evidence.points_m, evidence.mask)
+    along = np.sum(evidence.felt_normals * evidence.normals, axis=-1)
+    verdict = np.full(near.shape, ACCEPTED, object)
+    verdict[~evidence.by_pad & (along < AGREES)] = OTHER_DIRECTION
+    verdict[np.isnan(evidence.felt_normals).any(axis=-1)] = UNSURE_LINK
+    verdict[~near] = FAR
+    verdict[~evidence.mask] = ""
+    return verdict
+
+
+def accepted_contacts(recovered: Recovered, evidence: Evidence) -> np.ndarray:
+    """Which contacts count as the body's, bool (world, point)."""
+    return np.asarray(contact_verdicts(recovered, evidence) == ACCEPTED)
+
+
+def accepted_rms(recovered: Recovered, evidence: Evidence) -> np.ndarray:
+    """Root mean square distance of the accepted contacts from the body [m], (world,); NaN where
+    there is none."""
+    accepted = accepted_contacts(recovered, evidence)
+    gap = surface_gaps(recovered, evidence.points_m, evidence.mask)
+    count = accepted.sum(1)
+    square = row_sums(np.where(accepted, gap, 0.0) ** 2)
+    return np.where(count > 0, np.sqrt(square / np.maximum(count, 1)), np.nan)
