@@ -58,8 +58,9 @@ from strategies.recovery.plausibility import (
     within_reach,
 )
 from strategies.recovery.refit_policy import REGROWN, contradicted, explained, felt_by_pads
+from warpgrasp.motion_cost import was_made
 from warpgrasp.parameters import FitTable
-from warpgrasp.probe_status import FELT_TO_THE_END, ProbeStatus
+from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Grasps, Robot
 
 _SAFE_POSE = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
@@ -244,8 +245,7 @@ class RunningExploration:
         links = touched_links(grasps, radius)
         evidence = evidence_from_grasps(grasps, radius)
         self._add(evidence, links)
-        made = np.isin(grasps.closing.status, FELT_TO_THE_END)
-        self.touches += made.reshape(len(made), -1).sum(1)
+        self.touches += was_made(grasps.closing.status).sum((1, 2, 3))
         self.time += np.where(mask, grasps.time_s, 0.0).sum(1)
         self.path += np.where(mask, grasps.moves.path_m, 0.0).sum(1)
         self.procedures.append(Procedure("containment", self.step, grasps, np.asarray(mask.any(1)),
@@ -276,8 +276,7 @@ class RunningExploration:
         missed = found.missed if self.table.free_tips else None
         self._add(evidence_from_touches(found.touches, missed, worlds, slots, self.felt),
                   no_links(worlds, slots, self.links.radius_m))
-        made = np.bincount(found.touches.world, minlength=worlds)
-        self.touches += made
+        self.touches += found.touch_count
         self.time += found.time_s
         self.path += found.path_m
         self.procedures.append(Procedure(name, self.step, found, wanted, slots))

@@ -38,7 +38,7 @@ class Strategy:
         0, 0, 256, "poses of a containment between two fits; 0: one fit after all of them")
     noise_stream: int = _number(0, 0, 10**6, "strategies of one stream meet the same noise")
     touches: int | None = _number(
-        None, 1, 10**6, "budget: guarded closings and pad touches of an episode")
+        None, 1, 10**6, "budget: guarded motions of a finger in an episode, felt or not")
     robot_time_s: float | None = _number(None, 1e-3, 1e6, "budget: robot time of an episode")
     volume_ratio: float | None = _number(
         None, 1.0, 1e6, "budget: 90 % interval of the volume, upper over lower bound")

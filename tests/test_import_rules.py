@@ -14,8 +14,8 @@ import pytest
 from places import ROOT
 
 FLOORS = {
-    "warpgrasp": ["spec_words", "parameters", "probe_status", "core", "geometry", "objects",
-                  "mechanism", "finger", "closing", "touch", "export", "robot"],
+    "warpgrasp": ["spec_words", "parameters", "probe_status", "motion_cost", "core", "geometry",
+                  "objects", "mechanism", "finger", "closing", "touch", "export", "robot"],
     "fit": ["fit_status", "rotation", "arrays", "optimize", "prepare", "superquadric",
             "revolution", "plane", "polyhedron", "choice", "match_parameters",
             "interpretation_tree", "points_csv"],

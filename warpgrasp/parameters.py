@@ -43,8 +43,9 @@ class ArmTable:
         tuple(radians(v) for v in (82, 54, 122, 228, 241, 228)), 1e-3, 100.0, "joint speeds [est]")
     encoder_step_rad: float = _number(1e-4, 0.0, 0.1, "encoder step [est]")
     repeatability_m: float = _number(1e-4, 0.0, 0.1, "sigma of the tip's place [ref: bulletin]")
-    guarded_step_s: float = _number(0.05, 0.0, 10.0, "time of one guarded step [est]")
-    finger_speed_rad_s: float = _number(radians(90), 1e-3, 100.0, "finger strokes [est]")
+    guarded_step_s: float = _number(0.05, 0.0, 10.0, "of one guarded step of fingers or "
+                                    "arm: command, rest, reading [est]")
+    finger_speed_rad_s: float = _number(radians(90), 1e-3, 100.0, "finger strokes, not guarded [est]")
 
 
 @spec_words

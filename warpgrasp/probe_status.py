@@ -21,4 +21,4 @@ class ProbeStatus(IntEnum):
 
 
 FELT_TO_THE_END = (ProbeStatus.CONTACT, ProbeStatus.NO_CONTACT, ProbeStatus.SELF_CONTACT)
-"""What may have become of a closing that was made."""
+"""What may have become of a closing whose joint angles tell what is free."""

@@ -19,6 +19,7 @@ from warpgrasp.geometry.body import Body, scene_of
 from warpgrasp.geometry.scene import Shape
 from warpgrasp.mechanism.arm_motion import ArmMoves, ArmState, move_hand
 from warpgrasp.mechanism.calibration import draw_calibration
+from warpgrasp.motion_cost import closing_time_s
 from warpgrasp.parameters import (
     ArmTable,
     ContactTable,
@@ -27,7 +28,7 @@ from warpgrasp.parameters import (
     PadTable,
     SensorTable,
 )
-from warpgrasp.probe_status import FELT_TO_THE_END, ProbeStatus
+from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.touch.guarded_motion import LineMove, LineTouch, LineTruth, Until, guarded_line
 from warpgrasp.touch.silhouette import Cameras, silhouettes
 
@@ -151,7 +152,8 @@ class Robot:
                                      self.hand, self.sensors, errors=self.errors,
                                      contact=self.contact, device=self._device)
         return Grasps(moves, closing, estimate,
-                      moves.time_s + self._finger_time(closing, commands_rad), commands_rad)
+                      moves.time_s + closing_time_s(self.arm, closing.status, closing.step,
+                                                    commands_rad), commands_rad)
 
     def _without_self(self, closing: Closing, commands_rad: np.ndarray) -> Closing:
         """The closing with what the robot can tell to be its own fingers or palm named so."""
@@ -220,13 +222,3 @@ class Robot:
     def camera_noise(self, size: int) -> np.ndarray:
         """Standard normals (world, size) for what is read off the cameras' images."""
         return normal_vector(counter_key(self._key, int(Purpose.CAMERA)), size)
-
-    def _finger_time(self, closing: Closing, commands_rad: np.ndarray) -> np.ndarray:
-        """Time of closing and opening again at each probe [s], (world, probe)."""
-        stroke = np.abs(np.diff(commands_rad, axis=2)).max(-1)
-        reached = np.concatenate([np.zeros_like(stroke[:, :, :1]), stroke.cumsum(2)], axis=2)
-        made = np.isin(closing.status, FELT_TO_THE_END)
-        grasp = np.arange(len(commands_rad))[:, None]
-        finger = np.arange(commands_rad.shape[1])[None, :]
-        travelled = np.where(made, reached[grasp, finger, np.maximum(closing.step, 0)], 0.0)
-        return 2.0 * travelled.max(-1).sum(-1) / self.arm.finger_speed_rad_s

@@ -24,7 +24,7 @@ class Budget:
     """Limits of one episode; a world that has reached one of them ends."""
 
     touches: int | None = None
-    """Guarded closings and pad touches. A batch of grasps is cut so as not to pass it by more than
+    """Guarded motions of a finger, felt or not. A batch of grasps is cut so as not to pass it by more than
     the last hand pose."""
     robot_time_s: float | None = None
     """Checked between steps."""

@@ -103,6 +103,8 @@ class ContourExploration:
     """Lowest place above it where a finger found nothing; NaN where none did."""
     rejected: np.ndarray
     """Closings blocked without tactile contact."""
+    touch_count: np.ndarray
+    """Guarded lines until contact that were made, felt or not, (world,)."""
     time_s: np.ndarray
     path_m: np.ndarray
     missed: MissedTips
@@ -153,6 +155,7 @@ class _Follower:
         self.section = np.zeros(worlds, int)
         self.missed = np.zeros(worlds, int)
         self.rejected = np.zeros(worlds, int)
+        self.touch_count = np.zeros(worlds, int)
         self.time, self.path = np.zeros(worlds), np.zeros(worlds)
         self.frames = np.tile(np.eye(3), (worlds, 2, 1, 1))
         self.log = TouchLog(worlds)
@@ -166,8 +169,8 @@ class _Follower:
                 break
             self._take_section(rows)
         return ContourExploration(self.log.table(), self.reason, self.axis, self.found,
-                                  self.nothing, self.rejected, self.time, self.path,
-                                  self.log.missed())
+                                  self.nothing, self.rejected, self.touch_count, self.time,
+                                  self.path, self.log.missed())
 
     @property
     def frame(self) -> np.ndarray:
@@ -278,6 +281,7 @@ class _Follower:
         self.reason[left] = EndReason.START_BLOCKED
 
     def _spend(self, rows: np.ndarray, touch: LineTouch) -> None:
+        self.touch_count[rows] += touch.is_touch
         self.time[rows] += touch.time_s
         self.path[rows] += touch.path_m
 

@@ -75,6 +75,8 @@ class PlanarExploration:
     """u, v and the outward normal as given, (world, 3, 3)."""
     rejected: np.ndarray
     """Moves that were blocked without tactile contact, (world,)."""
+    touch_count: np.ndarray
+    """Guarded lines until contact that were made, felt or not, (world,)."""
     time_s: np.ndarray
     path_m: np.ndarray
     missed: MissedTips
@@ -116,6 +118,7 @@ class _Explorer:
         self.steps = np.zeros(worlds, int)
         self.blocked = np.zeros(worlds, int)
         self.rejected = np.zeros(worlds, int)
+        self.touch_count = np.zeros(worlds, int)
         self.time, self.path = np.zeros(worlds), np.zeros(worlds)
         self.log = TouchLog(worlds)
         self.begun = False  # the way to the first line comes from a retreat
@@ -128,7 +131,8 @@ class _Explorer:
                 break
             self._cross(rows)
         return PlanarExploration(self.log.table(), self.reason, self.direction_reason, self.axes,
-                                 self.rejected, self.time, self.path, self.log.missed())
+                                 self.rejected, self.touch_count, self.time, self.path,
+                                 self.log.missed())
 
     def _approach(self) -> None:
         """Choose how the hand leans, come up to the face, and touch it."""
@@ -209,6 +213,7 @@ class _Explorer:
             finger=INDEX, commands_rad=POKE_RAD, until=until, checked=self.begun)
         self.begun = True
         self.place[rows] += way[rows] * (touch.steps * interval)[:, None]
+        self.touch_count[rows] += touch.is_touch
         self.time[rows] += touch.time_s
         self.path[rows] += touch.path_m
         return touch

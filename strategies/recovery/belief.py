@@ -51,7 +51,7 @@ class Belief:
     shape: np.ndarray
     """Which model stands for the body, `strategies.recovery.choose_model.Shape`, (world,)."""
     touches: np.ndarray
-    """Guarded closings and pad touches made, (world,)."""
+    """Guarded motions of a finger that were made, felt or not, (world,); see `motion_cost`."""
     time_s: np.ndarray
     """Robot time spent, (world,)."""
     path_m: np.ndarray

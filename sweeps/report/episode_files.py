@@ -182,7 +182,9 @@ def _ends(block: EpisodeBlock, world: int) -> Iterator[dict[str, Any]]:
                                                                 .sum())}
         else:
             reason = EndReason(int(procedure.felt.reason[world]))
+            felt = procedure.felt.touches
             yield {"procedure": procedure.name, "ended": reason.name.lower(),
                    "because": REASON_TEXT[reason],
-                   "touches": int((procedure.felt.touches.world == world).sum()),
+                   "touches": int(procedure.felt.touch_count[world]),
+                   "contacts": int((felt.world[felt.status == ProbeStatus.CONTACT] == world).sum()),
                    "thrown_out": int(procedure.felt.rejected[world])}

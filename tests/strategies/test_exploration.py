@@ -3,6 +3,7 @@ but their own world."""
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,7 +26,9 @@ from strategies.strategy import Strategy
 from warpgrasp.core.random import counter_key
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import ArmTable, FitTable, HandTable, SensorTable
+from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Robot, Truth
+from warpgrasp.touch.guarded_motion import LineTouch, Until
 
 MINE = HELPERS / "mine.py"
 QUICK = FitTable()
@@ -182,6 +185,31 @@ def test_budgets_end_an_episode() -> None:
     sure = run(ordered("containment", refit_every=1, count=12), table=QUICK,
                budget=Budget(volume_ratio=30.0))
     assert (sure.belief.touches < whole.belief.touches).all()
+
+
+@pytest.mark.parametrize("order", ["contour", "planar"])
+def test_misses_count_as_touches_for_pads_too(
+    order: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every guarded line until contact that was made, felt or not, and the time of each line."""
+    made, felt, time = np.zeros(2, int), np.zeros(2, int), np.zeros(2)
+    guarded_line = Robot.guarded_line
+
+    def counted(robot: Robot, rows: np.ndarray, *given: Any, **also: Any) -> LineTouch:
+        touch = guarded_line(robot, rows, *given, **also)
+        until_contact = also.get("until", Until.CONTACT) == Until.CONTACT
+        stands = np.isin(touch.status, (ProbeStatus.UNREACHABLE, ProbeStatus.COLLISION))
+        made[rows] += until_contact & ~stands
+        felt[rows] += until_contact & (touch.status == ProbeStatus.CONTACT)
+        time[rows] += touch.time_s
+        return touch
+
+    monkeypatch.setattr(Robot, "guarded_line", counted)
+    belief = run(ordered(order)).belief
+    assert np.array_equal(belief.touches, made)
+    assert (made > felt).all()
+    assert (felt > 10).all()
+    assert belief.time_s == pytest.approx(time)
 
 
 @pytest.mark.parametrize("touches", [12, 22])

@@ -21,6 +21,7 @@ from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.calibration import Calibration, true_arms, true_hands
 from warpgrasp.mechanism.puma560 import arm_of
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, LINK_COUNT, hand_of
+from warpgrasp.motion_cost import line_time_s, was_made
 from warpgrasp.parameters import ArmTable, ContactTable, HandTable, PadTable, SensorTable
 from warpgrasp.touch.guarded_motion_kernel import line_kernel
 from warpgrasp.touch.line_record import LineBegin, LineEnd
@@ -62,8 +63,10 @@ class LineTouch:
     """Its counts, uint8, (row, 16, 16)."""
     steps: np.ndarray
     """Intervals made."""
+    is_touch: np.ndarray
+    """Whether it counts as a touch, felt or not (see `motion_cost`); never one until RELEASE."""
     time_s: np.ndarray
-    """Move to the start, and the intervals."""
+    """Move to the start, the intervals, and the finger's way back to its first command."""
     path_m: np.ndarray
     """Path of the hand's origin, straight to the start and along the intervals [m]."""
 
@@ -201,7 +204,9 @@ def guarded_line(
         status=end["status"], link=end["link"], point_m=end["point"], normal=end["normal"],
         tip_m=end["tip"], hand_pose=end["believed"], q_rad=end["q_read"], taxel_peak=end["peak"],
         image=image, steps=end["made"],
-        time_s=end["arm_time"] + end["made"] * arm.guarded_step_s,
+        is_touch=was_made(end["status"]) & (move.until == Until.CONTACT),
+        time_s=end["arm_time"] + line_time_s(arm, move.commands_rad[move.finger], end["made"],
+                                            end["line_time"]),
         path_m=end["arm_path"] + gone)
     # Copies: a truth is kept for the whole episode, and a view would keep all of the record.
     truth = LineTruth(move.rows, end["q_true"].copy(), end["point_true"].copy(),

@@ -364,6 +364,7 @@ def line_kernel(
         arm_stop = puma_reach(arm, wp.transform_multiply(
             along_line(line, way, interval * real(s)), flange_on_hand), arm_start)
     end.arm_time = move_time(arm, begin.arm_q, arm_start)
+    end.line_time = move_time(arm, arm_start, arm_stop)
     before = wp.transform_multiply(puma_forward(arm, begin.arm_q), hand_on_flange)
     end.arm_path = wp.length(
         wp.transform_get_translation(line) - wp.transform_get_translation(before))

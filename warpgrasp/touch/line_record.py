@@ -35,6 +35,9 @@ class LineEnd:
     peak: int
     made: int
     arm_time: real
+    """Of the move to the line's start."""
+    line_time: real
+    """That the arm's joints need for the way along the line."""
     arm_path: real
     """Of the hand to the line's start."""
     arm_q: vec6
