@@ -6,8 +6,8 @@
   `ArmTable.finger_speed_rad_s`. A finger that closed opens again the way that it came.
 - A move of the arm from place to place: the slowest joint governs (`puma560_kernel.move_time`).
 
-A touch is one guarded motion of one finger until contact that was made, whether anything was felt or
-not: it was stopped, or it came to its end. `docs/model.md` has the table.
+A touch is one guarded motion of one finger until contact that was made, whether anything was felt
+or not: it was stopped, or it came to its end. `docs/model.md` has the table.
 """
 
 import numpy as np

@@ -45,7 +45,8 @@ class ArmTable:
     repeatability_m: float = _number(1e-4, 0.0, 0.1, "sigma of the tip's place [ref: bulletin]")
     guarded_step_s: float = _number(0.05, 0.0, 10.0, "of one guarded step of fingers or "
                                     "arm: command, rest, reading [est]")
-    finger_speed_rad_s: float = _number(radians(90), 1e-3, 100.0, "finger strokes, not guarded [est]")
+    finger_speed_rad_s: float = _number(radians(90), 1e-3, 100.0, "finger strokes, not "
+                                       "guarded [est]")
 
 
 @spec_words

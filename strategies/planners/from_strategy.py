@@ -24,8 +24,8 @@ class Budget:
     """Limits of one episode; a world that has reached one of them ends."""
 
     touches: int | None = None
-    """Guarded motions of a finger, felt or not. A batch of grasps is cut so as not to pass it by more than
-    the last hand pose."""
+    """Guarded motions of a finger, felt or not. A batch of grasps is cut so as not to pass it by
+    more than the last hand pose."""
     robot_time_s: float | None = None
     """Checked between steps."""
     volume_ratio: float | None = None

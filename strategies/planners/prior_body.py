@@ -39,11 +39,10 @@ def planning_belief(
     """The belief with a body that is a guide to where touches will be found, in every world, and
     in which worlds that is the fit to touches alone, bool (world,).
 
-    `larger_m` (world,) is added to the radius and the height of the prior cylinder.
+    `larger_m` (world,) is added to the radius (or half sides) and the height of the prior.
     """
     evidence, prior = belief.evidence, belief.prior
-    prior = replace(prior, radius_m=np.maximum(prior.radius_m + larger_m, LEAST_RADIUS_M),
-                   height_m=prior.height_m + np.maximum(larger_m, 0.0))
+    prior = prior.larger(larger_m, LEAST_RADIUS_M)
     count = evidence.mask.sum(1)
     trusted = (belief.fitted & (count >= TRUSTED_FROM))
     if trusted.any():

@@ -8,7 +8,7 @@ its approach, 0 having the fingers close horizontally. `aim` is the height aimed
 of the object's; `aim_out` moves that point from the axis towards the hand, 1 being the rim.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import pi, radians
 from typing import Any
 
@@ -33,6 +33,11 @@ class BoundingCylinder:
     radius_m: np.ndarray
     height_m: np.ndarray
 
+    def larger(self, by_m: np.ndarray | float, least_m: float) -> "BoundingCylinder":
+        """With radius, or half sides, and height larger `by_m` (world,); where that is negative the
+        height stays, and the others keep `least_m`."""
+        return replace(self, radius_m=np.maximum(self.radius_m + by_m, least_m),
+                       height_m=self.height_m + np.maximum(by_m, 0.0))
 
     def half_width(self, angle: np.ndarray) -> np.ndarray:
         """From the axis to the side seen along a level direction [m].
@@ -54,6 +59,12 @@ class BoundingBox(BoundingCylinder):
     """Half its length and half its width, (world, 2)."""
     yaw_rad: np.ndarray
     """Azimuth of its length, (world,)."""
+
+    def larger(self, by_m: np.ndarray | float, least_m: float) -> "BoundingBox":
+        """As of a cylinder."""
+        half = self.half_m + np.broadcast_to(by_m, self.x_m.shape)[:, None]
+        whole = super().larger(by_m, least_m)
+        return replace(whole, half_m=np.maximum(half, least_m))  # type: ignore[return-value]
 
     def half_width(self, angle: np.ndarray) -> np.ndarray:
         """From the axis to the side seen along a level direction [m], (world, pose)."""

@@ -8,7 +8,7 @@ import numpy as np
 from fit.arrays import row_sums, rows_of
 from fit.revolution.geometry import RevolutionBody
 from fit.superquadric.geometry import Superquadric, SuperquadricLike
-from strategies.poses.waypoints import BoundingCylinder
+from strategies.poses.waypoints import BoundingBox, BoundingCylinder
 from strategies.procedures.contour_shape import Profile
 from strategies.recovery.body_distances import contour_distances, surface_distances
 from strategies.recovery.evidence import Evidence
@@ -108,13 +108,17 @@ def _rms(distance: np.ndarray, mask: np.ndarray) -> np.ndarray:
 
 
 def prior_superquadric(prior: BoundingCylinder) -> Superquadric:
-    """The prior cylinder as a superquadric."""
+    """The prior as a superquadric: a cylinder, or the box where one is given."""
     zero = np.zeros((len(prior.x_m), 2))
+    half, yaw, section = np.stack([prior.radius_m] * 2, 1), zero[:, 0], 1.0
+    if isinstance(prior, BoundingBox):
+        half, yaw, section = prior.half_m, prior.yaw_rad, 0.1
     return Superquadric(
-        size_m=np.stack([prior.radius_m, prior.radius_m, prior.height_m / 2], 1),
-        exponents=np.tile([0.1, 1.0], (len(zero), 1)),
+        size_m=np.concatenate([half, prior.height_m[:, None] / 2], 1),
+        exponents=np.tile([0.1, section], (len(zero), 1)),
         position_m=np.stack([prior.x_m, prior.y_m, prior.height_m / 2], 1),
-        quaternion_xyzw=np.tile([0.0, 0.0, 0.0, 1.0], (len(zero), 1)), taper=zero, bend=zero)
+        quaternion_xyzw=np.stack([*zero.T, np.sin(yaw / 2), np.cos(yaw / 2)], 1),
+        taper=zero, bend=zero)
 
 
 def or_prior(fits: SuperquadricLike, prior: BoundingCylinder, good: np.ndarray) -> Superquadric:

@@ -7,6 +7,9 @@ would pay: it scores what its row has (the prior body) or, where the row has no 
 coverage 0 and the largest distance that any entry had on that object. `failure_rate` is the share
 of failed episodes.
 
+The last row, `given-prior`, has no rank: it is what an entry scores that touches nothing
+(`sweeps.analysis.given_prior`). `worse_than_prior` flags the entries that are worse.
+
 `_ci_` columns are of objects like these, `_these_` columns of these objects with other episodes;
 see `interval`. Differences to the best hold for all entries at once.
 """
@@ -26,8 +29,21 @@ from sweeps.analysis.entries import (
     entries_of,
     entry_axes,
 )
+from sweeps.analysis.given_prior import (
+    SCORES,
+    Reference,
+    ReferenceMeans,
+    prior_column,
+    references_of,
+)
 from sweeps.analysis.interval import ObjectMeans
-from sweeps.analysis.paired import MANY_OBJECTS, ObjectRows, few_episodes_note, read_objects
+from sweeps.analysis.paired import (
+    MANY_OBJECTS,
+    ObjectRows,
+    by_episode,
+    few_episodes_note,
+    read_objects,
+)
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
 from sweeps.run.unit_file import Columns
@@ -78,9 +94,14 @@ class _Faults:
 class _Ranking:
     """Sums over the objects of one ranking."""
 
-    def __init__(self, entries: Sequence[Entry], metric: str, seed: int) -> None:
+    def __init__(self, entries: Sequence[Entry], references: Sequence[Reference], metric: str,
+                 seed: int) -> None:
         self.entries, self.metric = entries, metric
+        self.sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
+        self.references = references
         self.means = {name: ObjectMeans(len(entries), seed) for name in {metric, "iou"}}
+        self.beside_prior = {name: ReferenceMeans(references, len(entries), name, seed)
+                             for name in self.means}
         self.plain: dict[str, list[np.ndarray]] = {name: [] for name in PLAIN}
         self.objects = self.episodes = 0
 
@@ -88,6 +109,9 @@ class _Ranking:
         """Takes in an object's rows."""
         for name, mean in self.means.items():
             mean.add(found.filled(name))
+            column = prior_column(name)
+            self.beside_prior[name].add(found.filled(name), None if column is None else by_episode(
+                found.values[column], found.episodes))
         for name, of_objects in self.plain.items():
             of_objects.append(found.plain(name))
         self.objects += 1
@@ -96,7 +120,7 @@ class _Ranking:
     def rows(self, label: str, faults: _Faults) -> list[tuple[str, ...]]:
         """The rows of a leaderboard, the best first."""
         metric, found = self.metric, self.means[self.metric]
-        sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
+        sign = self.sign
         value = found.values("like-these", bounds_of(metric))
         key = np.where(np.isfinite(value.value), sign * value.value, np.inf)
         order = sorted(range(len(self.entries)), key=lambda n: (key[n], self.entries[n].label))
@@ -114,19 +138,55 @@ class _Ranking:
             f"{metric}_these_high": (these.high, digits),
             "delta_these_low": (delta_these.low, digits),
             "delta_these_high": (delta_these.high, digits)}
-        rows = []
+        rows, worse = [], self.beside_prior[metric].worse(sign)
         for rank, n in enumerate(order, 1):
             name = self.entries[n].label
             cells = {column: number_text(values[n], places)
                      for column, (values, places) in columns.items()}
+            cells["worse_than_prior"] = worse[n]
             if name not in faults.names_objects and metric != "recognized":
                 cells["recognized"] = "NA"
-            if label:
-                name = f"{name[:-1]}, {label}]" if name.endswith("]") else f"{name} [{label}]"
-            cells |= {"rank": str(rank), "strategy": name, "n_objects": str(self.objects),
-                      "n_episodes": str(self.episodes)}
-            rows.append(tuple(cells[column] for column in _header(metric)))
-        return rows
+            rows.append(self._row(cells, str(rank), name, label))
+        return [*rows, *self._reference_rows(order[0], digits, label)]
+
+    def _row(self, cells: dict[str, str], rank: str, name: str, label: str) -> tuple[str, ...]:
+        if label:
+            name = f"{name[:-1]}, {label}]" if name.endswith("]") else f"{name} [{label}]"
+        cells |= {"rank": rank, "strategy": name, "n_objects": str(self.objects),
+                  "n_episodes": str(self.episodes)}
+        return tuple(cells.get(column, "NA") for column in _header(self.metric))
+
+    def _reference_rows(self, best: int, digits: int, label: str) -> Iterator[tuple[str, ...]]:
+        """The rows of the references, where rows of the study tell of them."""
+        if not self.beside_prior[self.metric].known:
+            return
+        of_metric = self.beside_prior[self.metric].columns(best)
+        of_iou = self.beside_prior["iou"].columns(best)
+        own = {name: (values, digits) for name, values in of_metric.items()} | {
+            name: (values, 4) for name, values in of_iou.items() if name.startswith("iou")}
+        own[_delta(self.metric)] = own.pop("delta")
+        for number, reference in enumerate(self.references):
+            cells = {name: number_text(0.0, PLAIN[name])
+                     for name in ("touches", "robot_time_s", "contacts")}
+            cells |= {name: number_text(values[number], places)
+                      for name, (values, places) in own.items()}
+            yield self._row(cells, "NA", reference.label, label)
+
+    def worse_than_prior(self) -> list[str]:
+        """What there is to say of entries that are worse than what they were given."""
+        beside = self.beside_prior[self.metric]
+        worse, lines = beside.worse(self.sign), []
+        for number, reference in enumerate(self.references):
+            for n in (n for n in reference.entries if worse[n] in ("yes", "mean")):
+                apart = beside.means.differences(beside.entries + number, "these")
+                value = beside.means.values("these").value
+                low, high = sorted((self.sign * apart.low[n], self.sign * apart.high[n]))
+                sure = ("" if worse[n] == "yes" else ": in the mean, which may be chance")
+                lines.append((-float(self.sign * apart.value[n]), (
+                    f"{self.entries[n].label} is worse than {reference.label}, {value[n]:.2f} "
+                    f"against {value[beside.entries + number]:.2f}, by {low:.2f} to {high:.2f} on these "
+                    f"objects{sure}")))
+        return [line for _, line in sorted(lines)]
 
     def rarely_touching(self) -> Iterator[tuple[str, float]]:
         """Entries with few contacts, and how many they have in the mean."""
@@ -142,14 +202,16 @@ def make_leaderboard(plan: Plan, stores: Sequence[Store], metric: str = "chamfer
     check_metric(metric)
     axes, per_object = entry_axes(plan, by)
     entries = entries_of(plan, axes)
+    references = references_of(plan, entries)
     faults, seed = _Faults(), int(plan.hash, 16)
     rankings: dict[str, _Ranking] = {}
     missing = 0
-    metrics = tuple({metric, "iou", *PLAIN})
+    metrics = tuple({metric, "iou", *PLAIN, *(
+        f"prior_{name}" for name in (metric, "iou") if name in SCORES)})
     for found in read_objects(plan, stores, entries, axes, metrics, faults):
         missing += found.missing
         label = f"object={found.name}" if per_object else ""
-        ranking = rankings.setdefault(label, _Ranking(entries, metric, seed))
+        ranking = rankings.setdefault(label, _Ranking(entries, references, metric, seed))
         if found.episodes:
             ranking.add(found)
     rows = [row for label, ranking in rankings.items() for row in ranking.rows(label, faults)]
@@ -162,6 +224,7 @@ def make_leaderboard(plan: Plan, stores: Sequence[Store], metric: str = "chamfer
         notes += _few([
             f"{name} hardly ever touches{where}: {mean:.1f} contacts an episode in the mean"
             for name, mean in ranking.rarely_touching()])
+        notes += _few([line + where for line in ranking.worse_than_prior()])
     notes += _few(faults.untouched())
     return Leaderboard(_header(metric), tuple(rows), tuple(notes))
 
@@ -189,7 +252,8 @@ def _header(metric: str) -> tuple[str, ...]:
     rest = tuple(name for name in PLAIN if name != metric)
     return ("rank", "strategy", metric, f"{metric}_ci_low", f"{metric}_ci_high", _delta(metric),
             "delta_ci_low", "delta_ci_high", "p_best", *iou, *rest, "n_objects", "n_episodes",
-            f"{metric}_these_low", f"{metric}_these_high", "delta_these_low", "delta_these_high")
+            f"{metric}_these_low", f"{metric}_these_high", "delta_these_low", "delta_these_high",
+            "worse_than_prior")
 
 
 def _notes(plan: Plan, missing: int, count: int) -> Iterator[str]:

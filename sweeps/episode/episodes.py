@@ -30,7 +30,7 @@ from strategies.recovery.evidence import Evidence
 from strategies.recovery.recognition import Recognizer, recognizer, right_answer
 from sweeps.episode.columns import model_columns
 from sweeps.episode.contact_rows import contact_tables
-from sweeps.episode.given_prior import draw_prior, seen_prior
+from sweeps.episode.given_prior import draw_prior, prior_recovered, seen_prior
 from sweeps.episode.scores import Scorer, Scores
 from sweeps.episode.untouched import why_untouched
 from sweeps.spec.cell import CONTACTS, Cell
@@ -70,6 +70,8 @@ class EpisodeBlock:
     prior: BoundingCylinder
     exploration: Exploration
     scores: Scores
+    prior_scores: Scores
+    """Of the prior itself: what an episode without a touch would have."""
     moments: tuple[Moment, ...]
     recognized: np.ndarray
     """Name of the catalogue's object that was felt, "none of these", or "", str (world,)."""
@@ -156,18 +158,22 @@ def _rows_of(
         "procedures": _procedures(block),
         "robot_time_s": belief.time_s,
         "arm_path_m": belief.path_m,
-        "chamfer_mm": scores.chamfer_m * 1e3,
-        "hausdorff95_mm": scores.hausdorff95_m * 1e3,
-        "iou": scores.iou,
-        "volume_ratio": scores.volume_ratio,
-        "coverage5mm": scores.coverage,
+        **_score_columns(scores),
         "recognized_as": block.recognized,
         "recognized": block.recognized == np.repeat([right_answer(b) for b in bodies], counts),
         "shape": names[recovered.shape],
+        **_score_columns(block.prior_scores, "prior_"),
     }
     if cell.keep == "contacts":
         columns[CONTACTS] = contact_tables(block.exploration, block.truth)
     return columns | model_columns(belief, recovered) | curves(block.moments, worlds)
+
+
+def _score_columns(scores: Scores, prefix: str = "") -> dict[str, np.ndarray]:
+    return {f"{prefix}{name}": values for name, values in (
+        ("chamfer_mm", scores.chamfer_m * 1e3), ("hausdorff95_mm", scores.hausdorff95_m * 1e3),
+        ("iou", scores.iou), ("volume_ratio", scores.volume_ratio),
+        ("coverage5mm", scores.coverage))}
 
 
 def episode_notes(block: EpisodeBlock, cell: Cell, which: np.ndarray) -> np.ndarray:
@@ -204,14 +210,12 @@ def _run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Ep
     unseen = np.full(len(key), "", object)
     if cell.placement.prior == "silhouettes":
         prior, unseen = seen_prior(robot, prior, cell.stereo)
-    moments: list[Moment] = []
+    given = prior_recovered(prior)
+    moments = [Moment(np.zeros(len(key)), np.zeros(len(key)), scorer.score(given), given)]
 
     def observe(belief: Belief, recovered: Recovered) -> None:
-        if moments:
-            last = moments[-1]
-            scores = scorer.score_again(recovered, last.recovered, last.scores)
-        else:
-            scores = scorer.score(recovered)
+        last = moments[-1]
+        scores = scorer.score_again(recovered, last.recovered, last.scores)
         moments.append(Moment(belief.touches, belief.time_s, scores, recovered))
 
     planner, fault = _planner(cell, robot, prior)
@@ -227,9 +231,11 @@ def _run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Ep
         wrong = faults != ""
         found = replace(found, fault=np.where(wrong, faults, found.fault),
                         status=np.where(wrong, "strategy_failed", found.status))
-    scores = moments[-1].scores if moments else scorer.score(found.recovered)
+    last = moments[-1]
+    scores = scorer.score_again(found.recovered, last.recovered, last.scores)
     recognized = _recognizer(device).names(found.belief, found.recovered)
-    return EpisodeBlock(tuple(bodies), truth, prior, found, scores, tuple(moments), recognized)
+    return EpisodeBlock(tuple(bodies), truth, prior, found, scores, moments[0].scores,
+                        tuple(moments[1:]), recognized)
 
 
 def _noise_key(key: np.ndarray, stream: int) -> np.ndarray:

@@ -4,6 +4,7 @@ import numpy as np
 
 from strategies.poses.waypoints import BoundingBox, BoundingCylinder
 from strategies.procedures.stereo_prior import see_cylinder
+from strategies.recovery.choose_model import Recovered, Shape, prior_superquadric
 from warpgrasp.core.random import Purpose, counter_key, counter_normal
 from warpgrasp.geometry.body import Body
 from warpgrasp.geometry.body_sampling import sample_body
@@ -52,6 +53,11 @@ def rectangle_around(body: Body) -> tuple[np.ndarray, np.ndarray, float]:
     half = np.asarray(sides) / 2
     return (middle, half, turned) if half[0] >= half[1] else (
         middle, half[::-1].copy(), turned + np.pi / 2)
+
+
+def prior_recovered(prior: BoundingCylinder) -> Recovered:
+    """What an episode recovers that touches nothing: the prior of each world."""
+    return Recovered(np.full(len(prior.x_m), Shape.PRIOR_CYLINDER), prior_superquadric(prior))
 
 
 def seen_prior(

@@ -32,6 +32,7 @@ from sweeps.report.views import Views, make_views, pick_episodes
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store, open_study
 from sweeps.spec.errors import StoreError
+from sweeps.spec.strategies import REFERENCE
 
 METRIC = "chamfer_mm"
 SCRIPTS = ("tables.js", "solids.js", "views.js", "print.js")
@@ -97,6 +98,7 @@ def _parts(plan: Plan, stores: Sequence[Store], board: Leaderboard, paired: Pair
 def _rivals(board: Leaderboard) -> str:
     """How many entries cannot be told from the first, by each of the two intervals."""
     rows = [dict(zip(board.header, row, strict=True)) for row in board.rows[1:]]
+    rows = [row for row in rows if row["rank"] != "NA"]
     if not rows:
         return ""
     ties = [sum(row[f"delta_{over}_low"] == "NA" or float(row[f"delta_{over}_low"]) <= 0.0
@@ -113,6 +115,9 @@ def _warnings(board: Leaderboard, paired: Paired, shown: Views) -> str:
         more = f" and {len(failing) - NAMED} more" if len(failing) > NAMED else ""
         notes.append(f"more than {MANY_FAIL:.0%} of the episodes failed: "
                      f"{', '.join(failing[:NAMED])}{more}")
+    worse = [line for line in board.notes if f" is worse than {REFERENCE}" in line]
+    notes += [*worse[:NAMED], *([f"and {len(worse) - NAMED} more like that"] if len(worse) > NAMED
+                               else [])]
     items = "".join(f"<li>{escape(note)}</li>" for note in notes)
     return f'<ul class="warnings">{items}</ul>' if notes else ""
 

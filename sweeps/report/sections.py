@@ -35,7 +35,8 @@ def leaderboard_section(board: Leaderboard, paired: Paired, metric: str) -> str:
     return section("Leaderboard", paragraph(
         "All strategies meet the same objects, poses and noise. There are two 95 % intervals: _ci_ "
         "of objects like these, _these_ of these objects with other episodes. Differences to the "
-        "best are paired, and hold for all strategies at once. Failed episodes count."),
+        "best are paired, and hold for all strategies at once. Failed episodes count. given-prior "
+        "touches nothing: what it scores is what every strategy is given."),
         forest, table("Ranked by the mean chamfer distance; any column's heading sorts",
                       *_with_intervals(board), row_names=1), name="board")
 

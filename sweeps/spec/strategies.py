@@ -14,6 +14,8 @@ from sweeps.spec.objects import CSV_LIMIT, NoFile, named_file
 from sweeps.spec.units import read_table
 
 NUMBERS = ("refit_every", "noise_stream")
+REFERENCE = "given-prior"
+"""The name of a leaderboard's row for what every strategy is given."""
 KEYS = ("name", "waypoints", "closings", "order", "strategy", "options", "budget", *NUMBERS)
 
 
@@ -46,6 +48,10 @@ def _read_strategy(table: Any, path: KeyPath, base_dir: Path,
             problems.add((*path, key), f"unknown key; {choose(key, KEYS)}")
     name = check_name(table.get("name"), (*path, "name"), problems)
     if name is None:
+        return None
+    if name == REFERENCE:
+        problems.add((*path, "name"), f"is {name!r}, which every leaderboard has as its reference "
+                     "row; leave it out, or give the strategy another name")
         return None
     if set(table) <= {"name"}:
         if name not in STRATEGIES:

@@ -15,7 +15,7 @@ from sweeps.spec.cell import Cell
 COLUMNS = ("rank,strategy,chamfer_mm,chamfer_mm_ci_low,chamfer_mm_ci_high,delta_to_best_mm,"
            "delta_ci_low,delta_ci_high,p_best,iou,iou_ci_low,iou_ci_high,recognized,touches,"
            "robot_time_s,failure_rate,contacts,n_objects,n_episodes,chamfer_mm_these_low,"
-           "chamfer_mm_these_high,delta_these_low,delta_these_high")
+           "chamfer_mm_these_high,delta_these_low,delta_these_high,worse_than_prior")
 SWEPT = SMALL + """
 [sweep.grid]
 "sensors.tendon_threshold_N" = [3, 6.0]

@@ -5,8 +5,11 @@ import pytest
 
 from strategies.poses.hand_poses import waypoint_poses
 from strategies.poses.waypoints import BoundingBox, BoundingCylinder, Ring
-from sweeps.episode.episodes import place_objects
+from strategies.ready_made import STRATEGIES
+from strategies.strategy import Strategy
+from sweeps.episode.episodes import place_objects, run_episodes
 from sweeps.episode.given_prior import draw_prior, seen_prior
+from sweeps.spec.cell import Cell
 from warpgrasp.core.random import counter_key
 from warpgrasp.geometry.body_sampling import sample_body
 from warpgrasp.objects.catalogue import body_from_name
@@ -79,3 +82,25 @@ def test_an_object_that_is_not_whole_in_the_images_is_told() -> None:
     prior, why, _ = seen_of("wine_bottle", field_of_view_rad=0.1)
     assert all("not whole in both images" in text for text in why)
     assert np.isfinite(prior.radius_m).all()
+
+
+NOTHING = Strategy("nothing", (Ring(count=1, palm_clearance_m=2.0),))  # out of the arm's reach
+
+
+@pytest.mark.parametrize("words", [{}, {"prior": "box", "prior_sigma_m": 0.0}])
+def test_rows_hold_what_an_episode_without_a_touch_scores(words: dict) -> None:
+    """The same for every strategy, to the last digit."""
+    cells = [Cell(strategy, {"name": "block"}, "block", seed=5, placement=ObjectTable(**words))
+             for strategy in (NOTHING, STRATEGIES["ring6"])]
+    idle, active = (run_episodes(cell, np.arange(4), "cpu") for cell in cells)
+    assert (idle["touches"] == 0).all()
+    ok = active["status"] == "ok"
+    assert ok.any()
+    assert (active["chamfer_mm"] != active["prior_chamfer_mm"])[ok].all()
+    for name in ("chamfer_mm", "hausdorff95_mm", "iou", "volume_ratio", "coverage5mm"):
+        assert np.array_equal(idle[name], idle[f"prior_{name}"])
+        assert np.array_equal(idle[f"prior_{name}"], active[f"prior_{name}"])
+        assert np.array_equal(active[name][~ok], active[f"prior_{name}"][~ok])
+    if words:  # the narrowest box about a block is the block, but for the edges that are round
+        assert (idle["iou"] > 0.97).all()
+        assert (idle["chamfer_mm"] < 0.6).all()
