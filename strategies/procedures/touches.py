@@ -44,14 +44,20 @@ class EndReason(IntEnum):
     """A finger found nothing: the object ends here."""
 
 
-REASON_TEXT = {reason: (reason.__doc__ or "") for reason in EndReason} | {
+REASON_TEXT = {
+    EndReason.GOING_ON: "not ended",
+    EndReason.COMPLETE: "all its parts were done",
+    EndReason.EDGE: "the edge was passed: no surface where it should go on, nor a little below",
+    EndReason.FELL_AWAY: "the surface goes on, but below the plane felt so far",
+    EndReason.OBSTACLE: "something else stands there: the next touch was on the side of it",
+    EndReason.TABLE: "the finger came down to the table",
+    EndReason.SPENT: "the steps allowed were used up",
     EndReason.NO_CONTACT: "the first approach met nothing: does the start miss the object?",
     EndReason.START_BLOCKED: "the hand strikes something where it starts: is the start inside the "
                              "object, or does the normal point into it?",
     EndReason.BAD_START: "the start has a number that is not finite, or a direction of length 0",
     EndReason.UNREACHABLE: "the arm cannot reach there",
     EndReason.BLOCKED: "the hand was stopped, but no pad felt anything: are the pads dead?",
-    EndReason.COMPLETE: "done",
     EndReason.END_OF_OBJECT: "a finger found nothing: the object ends here",
 }
 """The message for a user about an ending."""

@@ -18,6 +18,7 @@ from warpgrasp.closing.near_kernel import near_kernel
 from warpgrasp.closing.readout import reading_kernel
 from warpgrasp.core.dtypes import transform
 from warpgrasp.core.kernel_launch import check_range, launch, launch_in_turn
+from warpgrasp.core.random import Purpose, counter_key
 from warpgrasp.core.struct_array import Records
 from warpgrasp.finger.energy import Equilibrium
 from warpgrasp.finger.path_table import path_on_device
@@ -123,7 +124,7 @@ def close_fingers(
 
     given = {
         "scene": scene, "body": there(body, int), "body_pose": there(body_pose, transform),
-        "hands": hands, "sensors": tendons, "key": there(key, wp.uint64),
+        "hands": hands, "sensors": tendons, "key": there(counter_key(key, int(Purpose.CLOSING)), wp.uint64),
         "probe_number": there(probe_number, int), "hand_pose": there(hand_pose, transform),
         "path": path, "felt": felt.array, "truth": truth.array}
     steps = {"links": links, "command_count": there(command_count, int)}

@@ -36,6 +36,7 @@ class Purpose(IntEnum):
     NOISE_STREAM = 18
     OBJECT = 19
     CALIBRATION = 20
+    CLOSING = 21
 
 
 def counter_key(key: np.ndarray | int, *counters: np.ndarray | int) -> np.ndarray:

@@ -128,6 +128,19 @@ def test_bad_starts_end_with_a_reason_and_a_message() -> None:
     assert np.isfinite(planes_of(e).normal).all()
 
 
+def test_every_reason_has_a_text_of_its_own() -> None:
+    """An enumeration's members have no docstrings: asked for one, they give the class's."""
+    assert set(REASON_TEXT) == set(EndReason)
+    assert len(set(REASON_TEXT.values())) == len(EndReason)
+    assert EndReason.__doc__ not in REASON_TEXT.values()
+    for reason, text in REASON_TEXT.items():
+        assert text
+        assert "\n" not in text
+        assert "Why an exploration" not in text, reason
+    assert "edge" in REASON_TEXT[EndReason.EDGE]
+    assert "table" in REASON_TEXT[EndReason.TABLE]
+
+
 def test_dead_pads_block_and_say_so() -> None:
     robot, truth = set_up(3, pads=replace(PadTable(), dead_fraction=1.0))
     e = explore_plane(robot, *told_face(truth, "near"))

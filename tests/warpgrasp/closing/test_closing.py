@@ -13,6 +13,7 @@ from scipy.stats import norm
 
 from warpgrasp.closing.closing import close_fingers
 from warpgrasp.core.kernel_launch import ShapeError, set_thread_count
+from warpgrasp.core.random import Purpose, counter_key, counter_normal
 from warpgrasp.geometry.body import Body, scene_of
 from warpgrasp.geometry.body_sampling import sample_body
 from warpgrasp.objects.catalogue import body_from_name
@@ -45,6 +46,24 @@ def close_on_cylinder(sensors: SensorTable, worlds: int = 1, height: float | Non
         scene_of([body], "cpu"), np.zeros(1, int), np.repeat(ON_TABLE, worlds, 0), hand,
         sensors, np.arange(worlds, dtype=np.uint64), np.ones((worlds, 1, 1), int), pose, commands,
         count, contact=ContactTable.none())
+
+
+def test_streams_of_a_closing_begin_with_a_purpose_of_their_own() -> None:
+    """A probe's number at the level of purposes would share streams with the purpose that has it."""
+    noisy = replace(QUIET, joint_noise_rad=1e-3)
+    probes = 6
+    commands, count = base_flexion(1.0)
+    pose = np.tile([0, 0, 0.5, 1, 0, 0, 0.0], (1, probes, 1))  # nothing is there
+    felt, truth = close_fingers(
+        scene_of([CYLINDER], "cpu"), np.zeros(1, int), ON_TABLE, HAND, noisy,
+        np.array([11], np.uint64), np.ones((1, probes, 1), int), pose, commands, count,
+        contact=ContactTable.none())
+    read = (felt.q_rad - truth.q_rad)[0, :, 0] / 1e-3
+    probe, finger, joint = np.ogrid[:probes, :4, :4]
+    drawn = counter_normal(counter_key(11, int(Purpose.CLOSING), probe, 0, finger,
+                                       int(Purpose.JOINT), joint))
+    assert read == pytest.approx(drawn, abs=1e-9)
+    assert len(set(Purpose)) == len(Purpose.__members__)
 
 
 def contact_angle() -> float:
