@@ -57,7 +57,7 @@ class MujocoHand:
         m = self.model
         m.opt.iterations, m.opt.ccd_iterations = 100, 100
         m.opt.tolerance, m.opt.ccd_tolerance = 1e-12, 1e-9
-        m.opt.impratio = 10.0
+        m.opt.impratio = 1e4  # friction then creeps by less than a micrometre a step
         m.opt.gravity[2] = -9.81 if contact.weight else 0.0
         m.body_mass *= hand.link_density_kg_m3 / DENSITY_KG_M3
         m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_MULTICCD

@@ -12,6 +12,7 @@ import warp as wp
 
 from warpgrasp.closing.closing_kernel import closing_kernel
 from warpgrasp.closing.closing_record import ClosingRow, ClosingTruthRow
+from warpgrasp.closing.friction_kernel import friction_kernel
 from warpgrasp.closing.hand_equilibrium import Meeting
 from warpgrasp.closing.meeting_kernel import meeting_kernel
 from warpgrasp.closing.near_kernel import near_kernel
@@ -127,7 +128,7 @@ def close_fingers(
         "probe_number": there(probe_number, int), "hand_pose": there(hand_pose, transform),
         "path": path, "felt": felt.array, "truth": truth.array}
     steps = {"links": links, "command_count": there(command_count, int)}
-    closing = (closing_kernel, _SHAPES, given | steps | {
+    closing = (friction_kernel if contact.friction else closing_kernel, _SHAPES, given | steps | {
         "march_scale": march_scale, "probe_status": there(probe_status, int)})
     reading = (reading_kernel, _SHAPES, given)
     if contact.self_contact:
