@@ -74,8 +74,11 @@ class MujocoHand:
         stop = hand.joint_stop_Nm_rad * (1.0 - _IMPEDANCE) * m.dof_invweight0
         m.jnt_solref[:] = np.stack([-stop, -2.0 * np.sqrt(stop)], 1)
         m.jnt_solimp[:] = [_IMPEDANCE, _IMPEDANCE, 0.001, 0.5, 2.0]
-        m.geom_condim[ours] = 3 if friction else 1
-        m.geom_friction[ours, 0] = friction
+        # Object and table rub, links among themselves do not: of a pair the rougher counts.
+        m.geom_condim[ours], m.geom_friction[ours, 0] = 1, 0.0
+        stands = m.geom_contype == 2
+        m.geom_condim[stands], m.geom_friction[stands, 0] = 3 if friction else 1, friction
+        m.geom_priority[stands], m.geom_solmix[stands] = 1, 0.0
         self._palm = m.body("palm").id
         # finger and link of every body: -1 where it is none
         self._finger = np.full(m.nbody, -1)

@@ -21,6 +21,7 @@ from warpgrasp.core.dtypes import transform
 from warpgrasp.core.kernel_launch import check_range, launch, launch_in_turn
 from warpgrasp.core.struct_array import Records
 from warpgrasp.finger.energy import Equilibrium
+from warpgrasp.finger.friction import Friction
 from warpgrasp.finger.path_table import path_on_device
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.calibration import Calibration, no_errors, true_hands, true_tendons
@@ -72,6 +73,7 @@ _SHAPES = {
     "hand_pose": "world probe",
     "path": "grasp finger step", "links": "grasp finger 3 step", "command_count": "grasp",
     "near": "world probe grasp", "place": "row", "state": "row 8", "meetings": "row 8",
+    "frictions": "row? 4",
     "felt": "world probe grasp finger", "truth": "world probe grasp finger"}
 
 
@@ -136,7 +138,7 @@ def close_fingers(
         meeting = {"mount": hand.mount_length_m, "near": near}
         launch_in_turn(extents, [closing, (near_kernel, _SHAPES, _named(
             near_kernel, given | steps | meeting))], device=device)
-        _resolve(near.numpy(), given | steps | meeting, device)
+        _resolve(near.numpy(), given | steps | meeting, contact.friction > 0.0, device)
         launch_in_turn(extents, [reading], device=device)
     else:
         launch_in_turn(extents, [closing, reading], device=device)
@@ -152,16 +154,17 @@ def _named(kernel: Any, values: dict[str, Any]) -> dict[str, Any]:
     return {a.label: values[a.label] for a in kernel.adj.args if a.label in values}
 
 
-def _resolve(near: np.ndarray, given: dict[str, Any], device: str) -> None:
+def _resolve(near: np.ndarray, given: dict[str, Any], rubs: bool, device: str) -> None:
     """Close together the fingers of those hands whose links come near one another."""
     place = np.argwhere(near >= 0).astype(np.int32)
     if len(place) == 0:
         return
     n = len(place)
     state, meetings = (Records(row, (n, 8), device) for row in (Equilibrium, Meeting))
+    frictions = Records(Friction, (n if rubs else 1, 4), device)
     # Here worlds are no axis of the launch: their number is stated by an array that has them all.
     shapes = {**_SHAPES, "body": "some"} if given["body"].shape[0] == 1 else _SHAPES
     launch(meeting_kernel, {"row": n}, shapes, _named(meeting_kernel, given | {
         "place": wp.array(place, dtype=wp.vec3i, device=device), "state": state.array,
-        "meetings": meetings.array}), device=device)
+        "meetings": meetings.array, "frictions": frictions.array}), device=device)
 
