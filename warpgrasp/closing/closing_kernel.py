@@ -27,8 +27,8 @@ from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key
 from warpgrasp.finger.energy import Equilibrium, free_equilibrium, largest_magnitude
 from warpgrasp.finger.equilibrium import finger_equilibrium
-from warpgrasp.finger.friction import NO_FRICTION
 from warpgrasp.finger.free_motion import FreeFinger, advance_free, start_free
+from warpgrasp.finger.friction import NO_FRICTION
 from warpgrasp.finger.path_record import LinkStep, PathStep, true_command
 from warpgrasp.finger.torque_bounds import (
     agree,

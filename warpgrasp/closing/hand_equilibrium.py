@@ -5,9 +5,9 @@ The energy is that of the four fingers (`energy`) and of the skin between them,
 
     E(q) = sum over fingers E_f(q_f) + sum over pairs of links 1/2 k/2 max(0, 2 r - d(q))^2
 
-with d the distance of two links' axes; two skins give in series, and do not rub. Palm and wrist are capsules too.
-Newton steps: each finger's inverse Hessian is known, and what links do to one another adds a term
-of rank one each, whose forces solve a small system (Woodbury).
+with d the distance of two links' axes; two skins give in series, and do not rub. Palm and wrist are
+capsules too. Newton steps: each finger's inverse Hessian is known, and what links do to one another
+adds a term of rank one each, whose forces solve a small system (Woodbury).
 """
 
 import warp as wp
@@ -231,8 +231,9 @@ def hand_energy(
 ):
     """Energies of the fingers, into row `i` of `state` from `slot` on, and of what they do to one
     another; returns their sum [J] and the number of meetings. `pose` is the hand's in the body's
-    frame; the states from `last` on are of joints near by. `frictions` are those of their contacts with
-    the body, in row `i`; without friction one row will do. Fingers in none of `pairs` are left out.
+    frame; the states from `last` on are of joints near by. Row `i` of `frictions` is that of their
+    contacts with the body; it is not read without friction. Fingers in none of `pairs` are left
+    out.
     """
     total = real(0.0)
     for f in range(4):

@@ -51,8 +51,8 @@ def finger_equilibrium(
     """The equilibrium for a command, from `start`; `base` is in the body's frame.
 
     The valleys of the distance are chosen at the start, with `samples` compared, and followed from
-    there. `friction` is a Friction, or NO_FRICTION. After a last step without evaluation, energy, gradient and compliance are those before
-    it, and depths are upper bounds.
+    there. `friction` is a Friction, or NO_FRICTION. After a last step without evaluation, energy,
+    gradient and compliance are those before it, and depths are upper bounds.
     """
     rest = last
     step = start - last.q

@@ -53,9 +53,10 @@ def refined_energy(
     scene: Scene, body: int, convex: bool, hand: Hand, base: wp.transformd, command: vec4, q: vec4,
     last: Equilibrium, friction: Any
 ):
-    """`finger_energy`, and friction's, with every valley of the distance searched, see `deepest_valley`.
+    """`finger_energy` and that of friction, with every valley of the distance searched.
 
-    In front of a convex body there is one valley, the one of the `last` equilibrium.
+    See `deepest_valley`. `friction` is a Friction, or NO_FRICTION. In front of a convex body there
+    is one valley, the one of the `last` equilibrium.
     """
     known = free_equilibrium(last.q)
     known.along = last.along

@@ -11,9 +11,9 @@ of contact fixed it is the least of the finger's energy and, for each contact, o
 e the stretch: what was left of the last step, and how far the point of the link that is now in
 touch has moved along the surface since. N and the place are then those of the rest found, and so on
 until they no longer change (Alart and Curnier 1991; Li et al. 2020, Incremental potential contact,
-for energies with lagged N). A rolling link is followed, since each step takes the points that touch.
-k_t / k = 2 (1 - nu) / (2 - nu) = 2/3 for a skin that does not change its volume, nu = 1/2 (Mindlin
-1949, Compliance of elastic bodies in contact).
+for energies with lagged N). A rolling link is followed, since each step takes the points that
+touch. k_t / k = 2 (1 - nu) / (2 - nu) = 2/3 for a skin that does not change its volume, nu = 1/2
+(Mindlin 1949, Compliance of elastic bodies in contact).
 """
 
 import warp as wp
@@ -33,7 +33,9 @@ from warpgrasp.mechanism.utah_mit_hand_kernel import (
 CONTACTS = wp.constant(6)
 """Three links against the body, then the same against the table."""
 NO_FRICTION = wp.constant(0)
-_SHEAR = wp.constant(real(2.0 / 3.0))
+SHEAR = 2.0 / 3.0
+"""Stiffness of the skin along the surface, of that across it."""
+_SHEAR = wp.constant(real(SHEAR))
 _LEAST = wp.constant(real(0.25))  # of the secant: where friction wedges a link, N has no limit
 _pairs = wp.types.matrix(shape=(6, 2), dtype=real)
 _places = wp.types.matrix(shape=(6, 3), dtype=real)
