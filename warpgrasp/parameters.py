@@ -105,6 +105,8 @@ class ContactTable:
     weight: bool = field(default=True, metadata={"doc": "links weigh down on the servos"})
     self_contact: bool = field(default=True, metadata={
         "doc": "fingers stop at one another and at the palm"})
+    friction: float = _number(0.0, 0.0, 2.0, "coefficient of the skin on object and table; 0: it "
+                              "slides freely [est]")
 
     @staticmethod
     def none() -> "ContactTable":

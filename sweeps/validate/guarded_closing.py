@@ -7,7 +7,7 @@ closing; every closing that differs is put down to a cause.
 from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import nan
 from multiprocessing import get_context
 from pathlib import Path
@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
 from sweeps.output import init_warp
 from sweeps.validate.comparison import Comparison
+from sweeps.validate.link_overlap import OVERLAP_M, link_overlap
 from sweeps.validate.mujoco_hand import MujocoHand, MujocoStop, tension_differences
 from sweeps.validate.reference_finger import FingerEnergy
 from warpgrasp.closing.closing import Closing, ClosingTruth, close_fingers
@@ -31,8 +32,23 @@ from warpgrasp.probe_status import ProbeStatus
 
 THRESHOLDS_N = (3.0, 6.0, 12.0)
 PATHS = ("curl40", "base_then_curl")
-SMALLEST_SHARE, TIP_M, TORQUE = 0.95, 5e-4, 0.05
-"""Must hold: same stop within a step; tip and torque (of the largest) at the 95th percentile."""
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Must hold: share of stops more than a step apart; 95th percentiles of tip and torque (of the
+    largest)."""
+
+    apart: float = nan
+    tip_m: float = nan
+    torque: float = nan
+    overlap: float = nan
+
+
+BOUNDS = (Bounds(0.05, 5e-4, 0.05, 0.0), Bounds(0.10, 1e-3, nan, 0.0))
+"""Without and with friction."""
+_TIP_M, _TORQUE = 5e-4, 0.05
+"""Closings that differ by more are put down to a cause."""
 HAND = HandTable()
 _HALF_AXES_M = (0.030, 0.050)  # of the ellipsoid, across and along its axis
 
@@ -54,40 +70,46 @@ class _Tally:
     links: Counter[int] = field(default_factory=Counter)
     other_link: int = 0
     causes: Counter[str] = field(default_factory=Counter)
+    overlap_m: list[float] = field(default_factory=list)
 
 
 def compare_closing(poses: int = 24, workers: int = 2) -> list[Comparison]:
     """All comparisons; `poses` random hand poses for each body and closing path."""
-    runs = [(name, PATHS, poses, 0.0, ContactTable()) for name in bodies_compared()]
-    some = max(poses // 4, 2)
-    variants = {"friction 0.01": (0.01, ContactTable()), "friction 0.5": (0.5, ContactTable()),
-                **{what: (0.0, contact) for what, contact in PIECES.items()}}
-    runs += [(name, PATHS[1:], some, *variant) for variant in variants.values()
-             for name in _VARIED]
+    some, every = max(poses // 4, 2), tuple(bodies_compared())
+    whole = [(name, PATHS, poses, contact) for contact in (FREE, RUBBING)
+             for name in (every if contact == FREE else TEN)]
+    parts = [(name, PATHS[1:], some, contact) for contact in PIECES.values() for name in _VARIED]
+    runs = [*whole, *parts]
     with ProcessPoolExecutor(workers, get_context("spawn"), initializer=init_warp) as pool:
         tallies = list(pool.map(_tally, *zip(*runs, strict=True)))
-    exact = _Tally()
     rows: list[Comparison] = []
-    for (name, *_), tally in zip(runs, tallies[:len(bodies_compared())], strict=False):
-        rows += _rows(name, tally, name in EXACT)
-        if name in EXACT:
-            _add(exact, tally)
-    hands = len(EXACT) * len(PATHS) * poses
-    rows = _rows(f"all exact bodies, {hands} hands", exact, True) + rows
-    left = iter(tallies[len(bodies_compared()):])
-    for what in variants:
+    for contact, what in ((FREE, "no friction"), (RUBBING, f"friction {RUBBING.friction:g}")):
+        ten, each = _Tally(), []
+        for (name, _, _, acting), tally in zip(whole, tallies, strict=False):
+            if acting == contact:
+                each += _rows(f"{name}, {what}", tally)
+                if name in TEN:
+                    _add(ten, tally)
+        hands = len(TEN) * len(PATHS) * poses
+        rows += _rows(f"ten bodies, {hands} hands, {what}", ten, BOUNDS[contact.friction > 0.0])
+        rows += each
+    left = iter(tallies[len(whole):])
+    for what in PIECES:
         both = _Tally()
         for _ in _VARIED:
             _add(both, next(left))
-        rows += _rows(f"box and cylinder, {what}", both, False)
+        rows += _rows(f"box and cylinder, {what}", both)
     return rows + _moved_rows(some)
 
 
+FREE = replace(ContactTable(), friction=0.0)
+RUBBING = replace(ContactTable(), friction=0.5)
 _VARIED = ("box", "cylinder")
 PIECES = {
-    "joint stops alone": ContactTable(weight=False, self_contact=False),
-    "weight alone": ContactTable(joint_stops=False, self_contact=False),
-    "fingers that meet alone": ContactTable(joint_stops=False, weight=False),
+    "joint stops alone": replace(FREE, weight=False, self_contact=False),
+    "weight alone": replace(FREE, joint_stops=False, self_contact=False),
+    "fingers that meet alone": replace(FREE, joint_stops=False, weight=False),
+    "friction 0.5 alone": replace(ContactTable.none(), friction=0.5),
     "none of these": ContactTable.none(),
 }
 """The physics beside servos, skin and object, a piece at a time."""
@@ -100,14 +122,14 @@ def _moved_rows(poses: int) -> list[Comparison]:
     bodies = bodies_compared()
     for path in PATHS:
         commands = closing_commands(CLOSING_PATHS[path])
-        for what, contact in {**PIECES, "all together": ContactTable()}.items():
+        for what, contact in {**PIECES, "all but friction": FREE, "all together": RUBBING}.items():
             if what == "none of these":
                 continue
             stops = tips = count = 0
             for name in _VARIED:
                 body, solids = bodies[name]
-                places = random_poses(MujocoHand(solids, HAND, ContactTable()), body,
-                                      commands[:, 0], poses)
+                places = random_poses(MujocoHand(solids, HAND, FREE), body, commands[:, 0],
+                                      poses)
                 ends = [_ours(body, places, commands, 6.0, c)
                         for c in (ContactTable.none(), contact)]
                 step = [felt.step[:, 0, 0] for felt, _ in ends]
@@ -123,22 +145,25 @@ def _moved_rows(poses: int) -> list[Comparison]:
     return rows
 
 
-def _tally(name: str, paths: Sequence[str], poses: int, friction: float = 0.0,
-           contact: ContactTable | None = None) -> "_Tally":
+def _tally(name: str, paths: Sequence[str], poses: int, contact: ContactTable) -> "_Tally":
     body, solids = bodies_compared()[name]
     tally = _Tally()
     for path in paths:
-        _compare(tally, body, solids, path, poses, friction, contact)
+        _compare(tally, body, solids, path, poses, contact)
     return tally
 
 
-def compare_body(name: str, poses: int) -> list[Comparison]:
+def compare_body(name: str, poses: int, contact: ContactTable = FREE) -> list[Comparison]:
     """The comparisons of one of `bodies_compared` alone."""
-    return _rows(name, _tally(name, PATHS, poses), name in EXACT)
+    return _rows(name, _tally(name, PATHS, poses, contact), BOUNDS[contact.friction > 0.0])
 
 
+PROFILES = ("large_cylinder", "lightbulb", "funnel", "wine_bottle")
+"""Bodies of revolution from the catalogue; slices of cones are polyhedra to MuJoCo."""
 EXACT = ("box", "cylinder", "capsule", "ellipsoid", "wedge")
 """Bodies whose distance is exact; a wedge is a convex mesh to MuJoCo."""
+TEN = (*EXACT, *PROFILES, "hull (baked grid)")
+"""Bodies for which bounds are promised."""
 
 
 def bodies_compared() -> dict[str, tuple[Body, list[Solid]]]:
@@ -154,6 +179,7 @@ def bodies_compared() -> dict[str, tuple[Body, list[Solid]]]:
         {"shape": "capsule", "radius_mm": 25, "height_mm": 110}]}, Path())
     bodies = {"box": body_from_name("block"), "cylinder": body_from_name("small_cylinder"),
               "capsule": capsule, "wedge": body_from_name("wedge")}
+    bodies |= {name: body_from_name(name) for name in PROFILES}
     found = {name: (body, object_solids(body)) for name, body in bodies.items()}
     found["ellipsoid"] = (ellipsoid, [Solid("ellipsoid", (across, across, along),
                                             (0.0, 0.0, along, 0.0, 0.0, 0.0, 1.0))])
@@ -202,9 +228,8 @@ def random_poses(hand: MujocoHand, body: Body, open_rad: np.ndarray, count: int,
 
 
 def _compare(tally: _Tally, body: Body, solids: Sequence[Solid], path: str, poses: int,
-             friction: float = 0.0, contact: ContactTable | None = None) -> int:
-    contact = contact or ContactTable()
-    hand = MujocoHand(solids, HAND, contact, friction=friction)
+             contact: ContactTable) -> int:
+    hand = MujocoHand(solids, HAND, contact)
     commands = closing_commands(CLOSING_PATHS[path])
     places = random_poses(hand, body, commands[:, 0], poses)
     theirs = []
@@ -214,6 +239,7 @@ def _compare(tally: _Tally, body: Body, solids: Sequence[Solid], path: str, pose
     for k, threshold in enumerate(THRESHOLDS_N):
         felt, truth = _ours(body, places, commands, threshold, contact)
         tips = hand_links(HAND, places, truth.q_rad[:, 0, 0])[0][:, :, 4]
+        tally.overlap_m += link_overlap(HAND, places, truth.rest_rad[:, 0, 0]).tolist()
         for i, f in np.ndindex(len(places), 4):
             ours = _Ours(felt, truth, tips, (i, 0, 0, f), (i, f))
             _tell(tally, body, places[i], commands, threshold, ours, theirs[i][f][k], contact)
@@ -275,7 +301,7 @@ def _tell(tally: _Tally, body: Body, pose: np.ndarray, commands: np.ndarray, thr
             tally.force_N.append((HAND.skin_stiffness_N_m * float(depth.max()), theirs.touch_N))
     else:
         tally.other_link += 1
-    if tip > TIP_M or torque > TORQUE:
+    if tip > _TIP_M or torque > _TORQUE:
         tally.causes[_cause(body, pose, commands, threshold, ours, theirs, contact)] += 1
 
 
@@ -292,10 +318,12 @@ def _cause(body: Body, pose: np.ndarray, commands: np.ndarray, threshold: float,
     if not theirs.settled:
         return "MuJoCo did not come to rest"
     energy = FingerEnergy(body, HAND, pose, ours.finger, contact)
-    push = np.abs(energy.gradient(theirs.q_rad, commands[ours.finger, theirs.step])).max()
+    push = np.abs(energy.unheld(theirs.q_rad, commands[ours.finger, theirs.step])).max()
     if push < 1e-3:  # theirs is a rest of our energy too
+        if contact.friction:
+            return "two rests at one command: friction holds both"
         return "two rests at one command: the finger jumps an edge"
-    return "another contact force in MuJoCo (friction, several contacts on a link)"
+    return "another contact force in MuJoCo (several contacts on a link)"
 
 
 def _margin(ours: _Ours, commands: np.ndarray, threshold: float) -> float:
@@ -309,20 +337,22 @@ def _add(total: _Tally, part: _Tally) -> None:
     """Add a body's tally to the one over all bodies."""
     for name in ("pairs", "stops_ours", "stops_theirs", "apart", "other_link"):
         setattr(total, name, getattr(total, name) + getattr(part, name))
-    for name in ("tip_m", "torque", "torque_Nm", "point_m", "normal_rad", "force_N"):
+    for name in ("tip_m", "torque", "torque_Nm", "point_m", "normal_rad", "force_N", "overlap_m"):
         getattr(total, name).extend(getattr(part, name))
     total.causes.update(part.causes)
     total.links.update(part.links)
 
 
-def _rows(what: str, t: _Tally, promised: bool) -> list[Comparison]:
+def _rows(what: str, t: _Tally, bounds: Bounds | None = None) -> list[Comparison]:
+    bounds = bounds or Bounds()
+
     def p95(values: Sequence[float]) -> float:
         return float(np.quantile(values, 0.95)) if len(values) else nan
 
     def row(quantity: str, unit: str, ours: float, theirs: float, difference: float,
             bound: float = nan, note: str = "") -> Comparison:
         return Comparison("closing", f"{what}: {quantity}", unit, ours, theirs, difference,
-                          bound if promised else nan, note)
+                          bound, note)
 
     causes = "; ".join(f"{count} x {cause}" for cause, count in sorted(t.causes.items()))
     torque = np.mean(t.torque_Nm, 0) if t.torque_Nm else [nan, nan]
@@ -332,13 +362,18 @@ def _rows(what: str, t: _Tally, promised: bool) -> list[Comparison]:
              f"{t.other_link} on different links")
     return [
         row(f"stops more than a step apart, of {t.pairs}", "share", t.stops_ours, t.stops_theirs,
-            t.apart / max(t.pairs, 1), 1.0 - SMALLEST_SHARE, causes or "all agree"),
-        row("tip at the stop, p95", "mm", nan, nan, 1e3 * p95(t.tip_m), 1e3 * TIP_M,
+            t.apart / max(t.pairs, 1), bounds.apart, causes or "all agree"),
+        row("tip at the stop, p95", "mm", nan, nan, 1e3 * p95(t.tip_m), 1e3 * bounds.tip_m,
             f"largest {1e3 * max(t.tip_m, default=nan):.3g} mm"),
         row("torque of the largest, p95 (means left)", "N m", torque[0], torque[1],
-            p95(t.torque), TORQUE, f"relative; largest {max(t.torque, default=nan):.3g}"),
+            p95(t.torque), bounds.torque, f"relative; largest {max(t.torque, default=nan):.3g}"),
         row("contact point, p95", "mm", nan, nan, 1e3 * p95(t.point_m), nan, share),
         row("contact normal, p95", "deg", nan, nan, float(np.degrees(p95(t.normal_rad)))),
         row("force on a distal link, touch sensor (means left)", "N", mean[0], mean[1],
-            p95(list(np.abs(force[:, 0] - force[:, 1]) / force[:, 1])), TORQUE, "relative, p95"),
+            p95(list(np.abs(force[:, 0] - force[:, 1]) / force[:, 1])), bounds.torque,
+            "relative, p95"),
+        row(f"hands at rest whose links overlap by more than {1e3 * OVERLAP_M:g} mm, of "
+            f"{len(t.overlap_m)}", "share", nan, nan, float(np.mean(
+                np.array(t.overlap_m) > OVERLAP_M)) if t.overlap_m else nan, bounds.overlap,
+            f"largest {1e3 * max(t.overlap_m, default=nan):.3g} mm"),
     ]

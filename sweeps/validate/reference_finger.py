@@ -27,6 +27,8 @@ _CREASE_M = 1e-7
 _FLUSH_M = 2e-3
 """A stretch of a link equally near and longer than this lies flush with a face."""
 _FINE = 2001
+_DIRECTIONS = 64
+"""Of a force along the surface."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +71,7 @@ class FingerEnergy:
         length, radius = np.array(hand.link_length_m), hand.link_radius_m
         volume = np.pi * radius**2 * length + 4 / 3 * np.pi * radius**3
         self._weight = 9.81 * hand.link_density_kg_m3 * volume * contact.weight
+        self._friction = contact.friction
         self._stop = hand.joint_stop_Nm_rad * contact.joint_stops
         self._low = np.array([hand.abduction_limit_rad[0], *hand.flexion_low_rad])
         self._high = np.array([hand.abduction_limit_rad[1], *hand.flexion_high_rad])
@@ -166,6 +169,39 @@ class FingerEnergy:
         weights, _ = nnls(np.concatenate([slopes, sums]),
                           np.concatenate([-fixed, np.full(len(sums), whole)]))
         return fixed + slopes @ weights
+
+    def unheld(self, q: np.ndarray, command: np.ndarray) -> np.ndarray:
+        """The part of dE/dq that no friction can hold [N m], (4,), shortest: zero at any rest.
+
+        Along the surface each contact can bear any force up to the friction coefficient times its
+        normal force, here in one of `_DIRECTIONS` directions.
+        """
+        state, (places, axes) = self.links(q), self.chain(q)
+        left, columns, owners, limits = self.gradient(q, command), [], [], []
+        angle = 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+        for k, (link, what) in enumerate(np.argwhere(state.depth_m > 0.0)):
+            n, depth = state.normal[link, what], float(state.depth_m[link, what])
+            n = n / np.linalg.norm(n)
+            skin = state.point_m[link, what] - n * (self.hand.link_radius_m - depth)
+            one = np.cross(n, np.eye(3)[np.abs(n).argmin()])
+            one /= np.linalg.norm(one)
+            ways = np.outer(np.cos(angle), one) + np.outer(np.sin(angle), np.cross(n, one))
+            columns += [*(self._lever(int(link), skin, places, axes) @ ways.T).T, np.zeros(4)]
+            owners += [k] * (_DIRECTIONS + 1)
+            # A polygon around the circle.
+            limits.append(self._friction * self.hand.skin_stiffness_N_m * depth
+                          / np.cos(np.pi / _DIRECTIONS))
+        if not columns:
+            return left
+        forces, whole = np.stack(columns, 1), 1e2
+        sums = np.stack([np.asarray(owners) == k for k in range(len(limits))]) * whole
+        weights, _ = nnls(np.concatenate([forces, sums]),
+                          np.concatenate([-left, whole * np.asarray(limits)]))
+        return left + forces @ weights
+
+    def lever(self, link: int, point: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """How a point of a link moves as each joint turns [m/rad], (4, 3)."""
+        return self._lever(link, point, *self.chain(q))
 
     def _moments(self, link: int, depth: float, point: np.ndarray, normal: np.ndarray,
                  places: np.ndarray, axes: np.ndarray) -> np.ndarray:

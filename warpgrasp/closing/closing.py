@@ -12,6 +12,7 @@ import warp as wp
 
 from warpgrasp.closing.closing_kernel import closing_kernel
 from warpgrasp.closing.closing_record import ClosingRow, ClosingTruthRow
+from warpgrasp.closing.friction_kernel import friction_kernel
 from warpgrasp.closing.hand_equilibrium import Meeting
 from warpgrasp.closing.meeting_kernel import meeting_kernel
 from warpgrasp.closing.near_kernel import near_kernel
@@ -21,6 +22,7 @@ from warpgrasp.core.kernel_launch import check_range, launch, launch_in_turn
 from warpgrasp.core.random import Purpose, counter_key
 from warpgrasp.core.struct_array import Records
 from warpgrasp.finger.energy import Equilibrium
+from warpgrasp.finger.friction import Friction
 from warpgrasp.finger.path_table import path_on_device
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.calibration import Calibration, no_errors, true_hands, true_tendons
@@ -72,6 +74,7 @@ _SHAPES = {
     "hand_pose": "world probe",
     "path": "grasp finger step", "links": "grasp finger 3 step", "command_count": "grasp",
     "near": "world probe grasp", "place": "row", "state": "row 8", "meetings": "row 8",
+    "frictions": "row? 4",
     "felt": "world probe grasp finger", "truth": "world probe grasp finger"}
 
 
@@ -128,7 +131,7 @@ def close_fingers(
         "probe_number": there(probe_number, int), "hand_pose": there(hand_pose, transform),
         "path": path, "felt": felt.array, "truth": truth.array}
     steps = {"links": links, "command_count": there(command_count, int)}
-    closing = (closing_kernel, _SHAPES, given | steps | {
+    closing = (friction_kernel if contact.friction else closing_kernel, _SHAPES, given | steps | {
         "march_scale": march_scale, "probe_status": there(probe_status, int)})
     reading = (reading_kernel, _SHAPES, given)
     if contact.self_contact:
@@ -136,7 +139,7 @@ def close_fingers(
         meeting = {"mount": hand.mount_length_m, "near": near}
         launch_in_turn(extents, [closing, (near_kernel, _SHAPES, _named(
             near_kernel, given | steps | meeting))], device=device)
-        _resolve(near.numpy(), given | steps | meeting, device)
+        _resolve(near.numpy(), given | steps | meeting, contact.friction > 0.0, device)
         launch_in_turn(extents, [reading], device=device)
     else:
         launch_in_turn(extents, [closing, reading], device=device)
@@ -152,16 +155,17 @@ def _named(kernel: Any, values: dict[str, Any]) -> dict[str, Any]:
     return {a.label: values[a.label] for a in kernel.adj.args if a.label in values}
 
 
-def _resolve(near: np.ndarray, given: dict[str, Any], device: str) -> None:
+def _resolve(near: np.ndarray, given: dict[str, Any], rubs: bool, device: str) -> None:
     """Close together the fingers of those hands whose links come near one another."""
     place = np.argwhere(near >= 0).astype(np.int32)
     if len(place) == 0:
         return
     n = len(place)
     state, meetings = (Records(row, (n, 8), device) for row in (Equilibrium, Meeting))
+    frictions = Records(Friction, (n if rubs else 1, 4), device)
     # Here worlds are no axis of the launch: their number is stated by an array that has them all.
     shapes = {**_SHAPES, "body": "some"} if given["body"].shape[0] == 1 else _SHAPES
     launch(meeting_kernel, {"row": n}, shapes, _named(meeting_kernel, given | {
         "place": wp.array(place, dtype=wp.vec3i, device=device), "state": state.array,
-        "meetings": meetings.array}), device=device)
+        "meetings": meetings.array, "frictions": frictions.array}), device=device)
 

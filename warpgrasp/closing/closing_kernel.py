@@ -28,6 +28,7 @@ from warpgrasp.core.random_kernel import counter_key
 from warpgrasp.finger.energy import Equilibrium, free_equilibrium, largest_magnitude
 from warpgrasp.finger.equilibrium import finger_equilibrium
 from warpgrasp.finger.free_motion import FreeFinger, advance_free, start_free
+from warpgrasp.finger.friction import NO_FRICTION
 from warpgrasp.finger.path_record import LinkStep, PathStep, true_command
 from warpgrasp.finger.torque_bounds import (
     agree,
@@ -176,7 +177,7 @@ def closing_kernel(
             start = predict_joints(low_command, now.low, command, k)
         known = low_pressed == 0 and wp.min(now.low.along) >= ZERO
         solved = finger_equilibrium(scene, which, hand, base, command, start, now.low,
-                           wp.where(known, 0, samples))
+                           wp.where(known, 0, samples), NO_FRICTION)
         if low_pressed == 1 and s > low_step + 1:
             if not agree(low_command, now.low, command, solved, k):
                 # Something slips on the way here.

@@ -3,8 +3,9 @@
 `fingertip`, as in the paper: the palmar surface point of the tip, by nominal forward kinematics
 from the measured joint angles. `intrinsic`: intrinsic contact sensing (Bicchi, Salisbury and Brock
 1993, Contact sensing from force measurements) from joint torques. A frictionless contact force acts
-along the normal of a link's capsule, and the four joint torques determine its place. The posterior
-over all places of the three capsules gives the mean and the covariance.
+along the normal of a link's capsule, and the four joint torques determine its place. With friction
+it leans by any direction within the friction cone, all alike. The posterior over all places of the
+three capsules, and over these directions, gives the mean and the covariance.
 """
 
 from dataclasses import dataclass

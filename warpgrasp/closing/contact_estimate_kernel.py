@@ -46,6 +46,15 @@ _AROUND_COS = wp.constant(_around_vec(*np.cos(_TURNS)))
 _AROUND_SIN = wp.constant(_around_vec(*np.sin(_TURNS)))
 _CAP_COS = wp.constant(_cap_vec(*np.cos(_UPS)))
 _CAP_SIN = wp.constant(_cap_vec(*np.sin(_UPS)))
+LEANS = 7
+"""Directions of a force with friction: along the normal, and six about it."""
+_LEANS = wp.constant(LEANS)
+_lean_vec = wp.types.vector(length=LEANS, dtype=real)
+# With the normal they have the second moments of a disc of the radius of the friction coefficient.
+_LEAN = np.sqrt(LEANS / (2 * (LEANS - 1)))
+_LEAN_ANGLES = 2 * np.pi * np.arange(LEANS - 1) / (LEANS - 1)
+_LEAN_ALONG = wp.constant(_lean_vec(0.0, *(_LEAN * np.cos(_LEAN_ANGLES))))
+_LEAN_ACROSS = wp.constant(_lean_vec(0.0, *(_LEAN * np.sin(_LEAN_ANGLES))))
 _TINY = wp.constant(real(1e-300))
 _AT_STOP = wp.constant(real(3.0))  # deviations of a joint's reading
 _DEEPEST = wp.constant(real(40.0))  # places that explain so much less than the best are left out
@@ -213,8 +222,14 @@ def _estimate_kernel(
     post = _Posterior()
     # First the largest likelihood of all places, then the places that come close to it.
     most = real(0.0)
+    leans = wp.where(hand.friction > ZERO, _LEANS, 1)
+    arm = wp.where(hand.friction > ZERO, r, ZERO)
     for turn in range(2):
-        for k in range(_AROUND):
+        for ring in range(_AROUND * leans):
+            k = ring // leans
+            lean = ring % leans
+            along_link = hand.friction * real(_LEAN_ALONG[lean])
+            across = hand.friction * real(_LEAN_ACROSS[lean])
             side = f.side * real(_AROUND_SIN[k])
             for link in range(3):
                 a = f.p1
@@ -230,8 +245,11 @@ def _estimate_kernel(
                     n = f.n3
                 length = hand.link_length[link]
                 out = n * real(_AROUND_COS[k]) + side
-                low = wp.cw_mul(finger_jacobian(f, link, a, out), root)
-                rise = wp.cw_mul(finger_jacobian(f, link, a + u * length, out), root) - low
+                # Along the surface a force acts on the skin, a radius from the axis.
+                force = out + u * along_link + wp.cross(u, out) * across
+                skin = a + out * arm
+                low = wp.cw_mul(finger_jacobian(f, link, skin, force), root)
+                rise = wp.cw_mul(finger_jacobian(f, link, skin + u * length, force), root) - low
                 square = vec3(wp.dot(low, low), real(2.0) * wp.dot(low, rise), wp.dot(rise, rise))
                 product = vec2(wp.dot(low, felt), wp.dot(rise, felt))
                 ring_most = _most_gain(square, product)
@@ -247,20 +265,23 @@ def _estimate_kernel(
                         if gain >= most - _DEEPEST:
                             weight = wp.exp((gain - most) * HALF)
                             sums += vec3(ONE, share, share * share) * weight
-                    ring = PI * r / _AROUND_REAL * length * _STEP
-                    sums = vec3(sums[0], sums[1] * length, sums[2] * length * length) * ring
+                    area = PI * r / _AROUND_REAL * length * _STEP
+                    sums = vec3(sums[0], sums[1] * length, sums[2] * length * length) * area
                     post = _gathered(post, a + out * r, u, out, sums, link, ZERO, best)
                 if link == 2:
                     for c in range(_CAP):
                         tip_out = out * real(_CAP_COS[c]) + u * real(_CAP_SIN[c])
-                        push = wp.cw_mul(finger_jacobian(f, 2, f.p4, tip_out), root)
+                        up = u * real(_CAP_COS[c]) - out * real(_CAP_SIN[c])
+                        leans_to = tip_out + up * along_link + wp.cross(u, out) * across
+                        push = wp.cw_mul(
+                            finger_jacobian(f, 2, f.p4 + tip_out * arm, leans_to), root)
                         gain = _gain(wp.dot(push, push), wp.dot(push, felt))
                         if turn == 0:
                             most = wp.max(most, gain)
                         elif gain >= most - _DEEPEST:
-                            area = (PI * r / _AROUND_REAL * real(_CAP_COS[c])) * (
+                            cell = (PI * r / _AROUND_REAL * real(_CAP_COS[c])) * (
                                 PI * HALF * r / _CAP_REAL)
-                            weight = area * wp.exp((gain - most) * HALF)
+                            weight = cell * wp.exp((gain - most) * HALF)
                             post = _gathered(post, f.p4 + tip_out * r, u, tip_out,
                                              vec3(weight, ZERO, ZERO), 2, length, gain)
     if post.weight <= ZERO:

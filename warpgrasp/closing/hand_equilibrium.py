@@ -5,9 +5,9 @@ The energy is that of the four fingers (`energy`) and of the skin between them,
 
     E(q) = sum over fingers E_f(q_f) + sum over pairs of links 1/2 k/2 max(0, 2 r - d(q))^2
 
-with d the distance of two links' axes; two skins give in series. Palm and wrist are capsules too.
-Newton steps: each finger's inverse Hessian is known, and what links do to one another adds a term
-of rank one each, whose forces solve a small system (Woodbury).
+with d the distance of two links' axes; two skins give in series, and do not rub. Palm and wrist are
+capsules too. Newton steps: each finger's inverse Hessian is known, and what links do to one another
+adds a term of rank one each, whose forces solve a small system (Woodbury).
 """
 
 import warp as wp
@@ -15,6 +15,7 @@ import warp as wp
 from warpgrasp.closing.link_gap import above_palm, link_end, links_within, palm_capsule
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat44, real, struct, transform, vec4
 from warpgrasp.finger.energy import Equilibrium, finger_energy, largest_magnitude
+from warpgrasp.finger.friction import Friction, with_friction
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.geometry.segment_pair import segment_pair
 from warpgrasp.mechanism.utah_mit_hand_kernel import (
@@ -226,11 +227,13 @@ def meeting_forces(
 def hand_energy(
     scene: Scene, body: int, hands: wp.array2d[Hand], own: int, pose: transform, mount: real,
     command: mat44, q: mat44, pairs: int, state: wp.array2d[Equilibrium], i: int, slot: int,
-    last: int, samples: int, meetings: wp.array2d[Meeting]
+    last: int, samples: int, meetings: wp.array2d[Meeting], frictions: wp.array2d[Friction]
 ):
     """Energies of the fingers, into row `i` of `state` from `slot` on, and of what they do to one
     another; returns their sum [J] and the number of meetings. `pose` is the hand's in the body's
-    frame; the states from `last` on are of joints near by. Fingers in none of `pairs` are left out.
+    frame; the states from `last` on are of joints near by. Row `i` of `frictions` is that of their
+    contacts with the body; it is not read without friction. Fingers in none of `pairs` are left
+    out.
     """
     total = real(0.0)
     for f in range(4):
@@ -240,6 +243,8 @@ def hand_energy(
         state[i, slot + f] = finger_energy(
             scene, body, hand, wp.transform_multiply(pose, finger_base(hand, f)), command[f], q[f],
             state[i, last + f], samples)
+        if hand.friction > ZERO:
+            state[i, slot + f] = with_friction(state[i, slot + f], hand.skin, frictions[i, f])
         total += state[i, slot + f].energy
     count = find_meetings(hands, own, mount, q, pairs, meetings, i)
     for a in range(count):
@@ -296,7 +301,7 @@ def move_commands(
 def hand_equilibrium(
     scene: Scene, body: int, hands: wp.array2d[Hand], own: int, pose: transform, mount: real,
     command: mat44, pairs: int, state: wp.array2d[Equilibrium], i: int, samples: int,
-    meetings: wp.array2d[Meeting], noted: int
+    meetings: wp.array2d[Meeting], noted: int, frictions: wp.array2d[Friction]
 ):
     """The hand's equilibrium for commands (a row each finger), from the states in slots 0 to 3 of
     row `i` with their `noted` meetings; see `move_commands`. The result is left there; returns the
@@ -325,7 +330,7 @@ def hand_equilibrium(
         for _halving in range(_HALVINGS):
             energy, met = hand_energy(scene, body, hands, own, pose, mount, command,
                                       q + step * scale, pairs, state, i, 4 - slot, slot,
-                                      wp.where(iteration == 0, samples, 0), meetings)
+                                      wp.where(iteration == 0, samples, 0), meetings, frictions)
             if iteration == 0 or energy < best:
                 best = energy
                 count = met

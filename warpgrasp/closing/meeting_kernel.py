@@ -19,11 +19,13 @@ from warpgrasp.closing.hand_equilibrium import (
     move_commands,
 )
 from warpgrasp.closing.near_kernel import first_near, pairs_that_may
+from warpgrasp.closing.rubbing_hand import rubbed_at, rubbing_hand
 from warpgrasp.core.dtypes import ZERO, mat44, real, transform, vec4
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key
 from warpgrasp.finger.energy import Equilibrium, free_equilibrium
 from warpgrasp.finger.equilibrium import finger_equilibrium
+from warpgrasp.finger.friction import NO_FRICTION, Friction
 from warpgrasp.finger.path_record import LinkStep, PathStep, true_command
 from warpgrasp.finger.torque_bounds import stop_reading
 from warpgrasp.geometry.scene import Scene, body_is_convex
@@ -84,6 +86,7 @@ def meeting_kernel(
     # Scratch:
     state: wp.array2d[Equilibrium],
     meetings: wp.array2d[Meeting],
+    frictions: wp.array2d[Friction],
     # Made right:
     felt: wp.array4d[ClosingRow],
     truth: wp.array4d[ClosingTruthRow],
@@ -125,17 +128,23 @@ def meeting_kernel(
                 before = wp.min(wp.max(s - 1, 0), row.step)
                 command[f] = true_command(hand, path, g, f, before)
                 rest = free_equilibrium(free_joints(hand, base, command[f]))
+                begun = truth[w, p, g, f].touched
+                if hand.friction > ZERO:
+                    rubbed = rubbed_at(scene, which, hand, base, path, g, f, begun, before,
+                                       samples)
+                    rest = rubbed.rest
+                    frictions[i, f] = rubbed.left
                 if s > row.step:
                     rest = free_equilibrium(truth[w, p, g, f].q)
                     if row.status == _CONTACT:
                         stopped = stopped | (1 << f)
-                elif truth[w, p, g, f].touched >= 0 and before >= truth[w, p, g, f].touched:
+                elif hand.friction == ZERO and begun >= 0 and before >= begun:
                     rest = finger_equilibrium(scene, which, hand, base, command[f], rest.q, rest,
-                                              samples)
+                                              samples, NO_FRICTION)
                 state[i, f] = rest
                 q[f] = rest.q
             _begun, count = hand_energy(scene, which, hands, own, pose, mount, command, q, pairs,
-                                        state, i, 0, 0, samples, meetings)
+                                        state, i, 0, 0, samples, meetings, frictions)
         moves = mat44()
         for f in range(4):
             if (stopped & (1 << f)) == 0:
@@ -143,8 +152,12 @@ def meeting_kernel(
                 moves[f] = now - command[f]
                 command[f] = now
         move_commands(hands, own, moves, pairs, state, i)
-        count = hand_equilibrium(scene, which, hands, own, pose, mount, command, pairs, state, i,
-                                 samples, meetings, count)
+        if hands[own, 0].friction > ZERO:
+            count = rubbing_hand(scene, which, hands, own, pose, mount, command, moves, pairs,
+                                 state, i, samples, meetings, count, frictions)
+        else:
+            count = hand_equilibrium(scene, which, hands, own, pose, mount, command, pairs, state,
+                                     i, samples, meetings, count, frictions)
         touches = int(0)
         for a in range(count):
             if meetings[i, a].depth > ZERO:

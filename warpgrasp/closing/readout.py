@@ -13,6 +13,7 @@ from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key, counter_normal
 from warpgrasp.finger.energy import free_equilibrium
 from warpgrasp.finger.equilibrium_refine import refine_equilibrium, refined_energy
+from warpgrasp.finger.friction import NO_FRICTION
 from warpgrasp.finger.path_record import PathStep, true_command
 from warpgrasp.geometry.scene import Scene, body_distance_grad, body_is_convex
 from warpgrasp.geometry.segment_distance import lower_end
@@ -86,11 +87,12 @@ def reading_kernel(
         rest.along = truth[w, p, g, finger].along
         rest.bend = truth[w, p, g, finger].bend
         rest.depth = truth[w, p, g, finger].depth
-        if truth[w, p, g, finger].met == 1:  # what its fellows do is not in a finger's own energy
+        # What its fellows do, and friction, is not in a finger's own energy.
+        if truth[w, p, g, finger].met == 1 or hand.friction > ZERO:
             rest = refined_energy(scene, which, body_is_convex(scene, which), hand, base, command,
-                                  rest.q, rest)
+                                  rest.q, rest, NO_FRICTION)
         else:
-            rest = refine_equilibrium(scene, which, hand, base, command, rest)
+            rest = refine_equilibrium(scene, which, hand, base, command, rest, NO_FRICTION)
         truth[w, p, g, finger].q = rest.q
         truth[w, p, g, finger].torque = (command - rest.q) * hand.stiffness
         bearing = int(0)

@@ -13,10 +13,13 @@ equilibrium is refined (`equilibrium_refine`).
 - A last step that is small enough is taken without another evaluation.
 """
 
+from typing import Any
+
 import warp as wp
 
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, real, vec3, vec4
 from warpgrasp.finger.energy import Equilibrium, finger_energy, largest_magnitude
+from warpgrasp.finger.friction import with_friction
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_length
 
@@ -43,13 +46,13 @@ def joints_toward(rest: Equilibrium, torque: vec4, skin: real):
 @wp.func
 def finger_equilibrium(
     scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, start: vec4,
-    last: Equilibrium, samples: int
+    last: Equilibrium, samples: int, friction: Any
 ):
     """The equilibrium for a command, from `start`; `base` is in the body's frame.
 
     The valleys of the distance are chosen at the start, with `samples` compared, and followed from
-    there. After a last step without evaluation, energy, gradient and compliance are those before
-    it, and depths are upper bounds.
+    there. `friction` is a Friction, or NO_FRICTION. After a last step without evaluation, energy,
+    gradient and compliance are those before it, and depths are upper bounds.
     """
     rest = last
     step = start - last.q
@@ -59,8 +62,9 @@ def finger_equilibrium(
     halvings = int(0)
     plain = int(1)
     for k in range(_ITERATIONS):
-        trial = finger_energy(scene, body, hand, base, command, rest.q + step * scale, rest,
-                              wp.where(k == 0, samples, 0))
+        trial = with_friction(finger_energy(
+            scene, body, hand, base, command, rest.q + step * scale, rest,
+            wp.where(k == 0, samples, 0)), hand.skin, friction)
         halvings += 1
         scale = scale * HALF
         if k == 0 or trial.energy < rest.energy:

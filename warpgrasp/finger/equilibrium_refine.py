@@ -9,6 +9,8 @@ methods). A closing passes the equilibrium at its stop to this function: if a co
 missed, or the gradient does not vanish, the descent continues to the least energy near by.
 """
 
+from typing import Any
+
 import warp as wp
 
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat44, real, vec4
@@ -19,6 +21,7 @@ from warpgrasp.finger.energy import (
     largest_magnitude,
     put,
 )
+from warpgrasp.finger.friction import with_friction
 from warpgrasp.geometry.scene import Scene, body_is_convex, body_is_estimated
 from warpgrasp.geometry.segment_distance import deepest_valley
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_pose, link_direction, link_start
@@ -48,11 +51,12 @@ def secant_compliance(compliance: mat44, step: vec4, rise: vec4):
 @wp.func
 def refined_energy(
     scene: Scene, body: int, convex: bool, hand: Hand, base: wp.transformd, command: vec4, q: vec4,
-    last: Equilibrium
+    last: Equilibrium, friction: Any
 ):
-    """`finger_energy` with every valley of the distance searched, see `deepest_valley`.
+    """`finger_energy` and that of friction, with every valley of the distance searched.
 
-    In front of a convex body there is one valley, the one of the `last` equilibrium.
+    See `deepest_valley`. `friction` is a Friction, or NO_FRICTION. In front of a convex body there
+    is one valley, the one of the `last` equilibrium.
     """
     known = free_equilibrium(last.q)
     known.along = last.along
@@ -66,12 +70,14 @@ def refined_energy(
             known.along = put(known.along, link, along)
             known.bend = put(known.bend, link, _STIFF)
             known.depth = put(known.depth, link, wp.where(along < ZERO, -_FAR, ZERO))
-    return finger_energy(scene, body, hand, base, command, q, known, 0)
+    return with_friction(finger_energy(scene, body, hand, base, command, q, known, 0), hand.skin,
+                         friction)
 
 
 @wp.func
 def refine_equilibrium(
-    scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, begun: Equilibrium
+    scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, begun: Equilibrium,
+    friction: Any
 ):
     """The equilibrium at or below `begun`; `base` is in the body's frame. The energy never rises.
 
@@ -86,7 +92,8 @@ def refine_equilibrium(
     nudge = vec4(ZERO, ZERO, ZERO, ZERO)
     for attempt in range(attempts):
         at = wp.where(attempt == 0, begun.q, best.q)
-        rest = refined_energy(scene, body, convex, hand, base, command, at + nudge, begun)
+        rest = refined_energy(scene, body, convex, hand, base, command, at + nudge, begun,
+                              friction)
         compliance = rest.compliance
         for _iteration in range(_ITERATIONS):
             if largest_magnitude(rest.gradient) < _LEVEL:
@@ -100,7 +107,7 @@ def refine_equilibrium(
             trial = rest
             for _try in range(tries):
                 trial = refined_energy(scene, body, convex, hand, base, command,
-                                     rest.q + way * share, rest)
+                                     rest.q + way * share, rest, friction)
                 if trial.energy >= rest.energy + _ARMIJO * share * fall:
                     high = share
                 elif wp.dot(trial.gradient, way) < _WOLFE * fall:

@@ -34,6 +34,7 @@ def hand_of(table: HandTable, contact: ContactTable | None = None) -> Hand:
     hand.spacing, hand.gap = table.finger_spacing_m, table.palm_gap_m
     hand.palm_thickness = table.palm_thickness_m
     hand.stiffness, hand.skin = table.joint_stiffness_Nm_rad, table.skin_stiffness_N_m
+    hand.friction = contact.friction
     hand.stop = table.joint_stop_Nm_rad if contact.joint_stops else 0.0
     hand.low = vec4(table.abduction_limit_rad[0], *table.flexion_low_rad)
     hand.high = vec4(table.abduction_limit_rad[1], *table.flexion_high_rad)

@@ -24,6 +24,8 @@ class Hand:
     palm_thickness: real
     stiffness: real
     skin: real
+    friction: real
+    """Coefficient of friction of the skin."""
     base_shift: vec3
     """Of the finger's base, hand frame [m]."""
     offset: vec4

@@ -8,13 +8,13 @@ from strategies.procedures.containment import padded_commands
 from strategies.ready_made import STRATEGIES
 from sweeps.episode.episodes import place_objects
 from sweeps.episode.given_prior import draw_prior
+from sweeps.validate.link_overlap import OVERLAP_M, link_overlap
 from warpgrasp.closing.closing import Closing, ClosingTruth, close_fingers
 from warpgrasp.closing.self_contact import self_contacts, self_margin
 from warpgrasp.core.random import counter_key
 from warpgrasp.geometry.body import scene_of
 from warpgrasp.mechanism.arm_motion import ArmState, move_hand
 from warpgrasp.mechanism.calibration import draw_calibration
-from warpgrasp.mechanism.utah_mit_hand import hand_links
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import (
     ArmTable,
@@ -28,7 +28,6 @@ from warpgrasp.probe_status import ProbeStatus
 
 HAND = HandTable()
 COMMANDS, COUNT = padded_commands(("curl40", "together"))
-OVERLAP_M = 5e-4
 
 
 def close(name: str, contact: ContactTable, *, worlds: int = 8, errors: ErrorTable | None = None,
@@ -49,25 +48,15 @@ def close(name: str, contact: ContactTable, *, worlds: int = 8, errors: ErrorTab
 
 
 def overlap(q_rad: np.ndarray, hand_pose: np.ndarray) -> np.ndarray:
-    """How deep links of fingers are in those of others [m], (world, probe, grasp), sampled."""
-    grasps = q_rad.shape[2]
-    points, _ = hand_links(HAND, np.repeat(hand_pose.reshape(-1, 7), grasps, 0),
-                           q_rad.reshape(-1, 4, 4))
-    share = np.linspace(0.0, 1.0, 13)[:, None]
-    a, b = points[:, :, 1:-1, None], points[:, :, 2:, None]
-    axes = (a + (b - a) * share).reshape(len(points), 4, -1, 3)
-    deepest = np.full(len(points), -1.0)
-    for one in range(4):
-        for two in range(one + 1, 4):
-            apart = np.linalg.norm(axes[:, one, :, None] - axes[:, two, None], axis=-1)
-            deepest = np.maximum(deepest, 2 * HAND.link_radius_m - apart.reshape(
-                len(points), -1).min(1))
-    return deepest.reshape(q_rad.shape[:3])
+    """How deep links of fingers are in those of others [m], (world, probe, grasp)."""
+    return link_overlap(HAND, np.repeat(hand_pose.reshape(-1, 7), q_rad.shape[2], 0),
+                        q_rad.reshape(-1, 4, 4)).reshape(q_rad.shape[:3])
 
 
-@pytest.mark.parametrize("name", ["funnel", "block", "wine_bottle"])
-def test_no_links_overlap_at_rest(name: str) -> None:
-    felt, truth, poses = close(name, ContactTable())
+@pytest.mark.parametrize(("name", "friction"), [
+    ("funnel", 0.0), ("block", 0.0), ("wine_bottle", 0.0), ("block", 0.5)])
+def test_no_links_overlap_at_rest(name: str, friction: float) -> None:
+    felt, truth, poses = close(name, ContactTable(friction=friction))
     made = felt.status[..., 0] != ProbeStatus.COLLISION
     made &= np.isfinite(truth.rest_rad).all((-1, -2))
     _, through, _ = close(name, ContactTable(self_contact=False))

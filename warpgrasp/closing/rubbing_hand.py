@@ -1,0 +1,72 @@
+# type: ignore  # Warp functions, which type checkers cannot follow
+"""A hand whose fingers meet, with friction between their skin and the body.
+
+What a finger's skin holds depends on how it came there: a finger that closed alone is followed
+again from where it touched, and from then on all four go step by step together.
+"""
+
+import warp as wp
+
+from warpgrasp.closing.hand_equilibrium import Meeting, hand_energy, hand_equilibrium, in_pairs
+from warpgrasp.core.dtypes import mat44, real, transform
+from warpgrasp.finger.energy import Equilibrium
+from warpgrasp.finger.friction import Friction, end_friction, note_friction
+from warpgrasp.finger.friction_step import next_rubbed, start_rubbed
+from warpgrasp.finger.path_record import PathStep, true_command
+from warpgrasp.geometry.scene import Scene
+from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_base
+
+_PASSES = wp.constant(30)
+_CLOSE = wp.constant(real(1e-3))  # [N]
+
+
+@wp.func
+def rubbed_at(
+    scene: Scene, body: int, hand: Hand, base: transform, path: wp.array3d[PathStep], grasp: int,
+    finger: int, touched: int, step: int, samples: int
+):
+    """A finger that closed alone and first touched at step `touched` (negative: never), at `step`.
+    """
+    begin = step
+    if touched >= 0 and touched <= step:
+        begin = wp.max(touched - 1, 0)
+    now = start_rubbed(hand, base, true_command(hand, path, grasp, finger, begin))
+    for s in range(begin + 1, step + 1):
+        now = next_rubbed(scene, body, hand, base, true_command(hand, path, grasp, finger, s), now,
+                          samples)
+    return now
+
+
+@wp.func
+def rubbing_hand(
+    scene: Scene, body: int, hands: wp.array2d[Hand], own: int, pose: transform, mount: real,
+    command: mat44, moves: mat44, pairs: int, state: wp.array2d[Equilibrium], i: int, samples: int,
+    meetings: wp.array2d[Meeting], noted: int, frictions: wp.array2d[Friction]
+):
+    """`hand_equilibrium` for commands that have moved by `moves`, with the friction in row `i` of
+    `frictions`, where what is left for the next step is put."""
+    count = int(noted)
+    for f in range(4):
+        frictions[i, f].drift = state[i, f].compliance * (moves[f] * hands[own, f].stiffness)
+    for again in range(_PASSES):
+        count = hand_equilibrium(scene, body, hands, own, pose, mount, command, pairs, state, i,
+                                 wp.where(again == 0, samples, 0), meetings, count, frictions)
+        q = mat44()
+        for f in range(4):
+            q[f] = state[i, f].q
+        _energy, count = hand_energy(scene, body, hands, own, pose, mount, command, q, pairs,
+                                     state, i, 0, 0, 0, meetings, frictions)
+        off = real(0.0)
+        for f in range(4):
+            if in_pairs(pairs, f):
+                frictions[i, f] = note_friction(
+                    scene, body, hands[own, f],
+                    wp.transform_multiply(pose, finger_base(hands[own, f], f)), state[i, f],
+                    frictions[i, f])
+                off = wp.max(off, frictions[i, f].off)
+        if off < _CLOSE:
+            break
+    for f in range(4):
+        if in_pairs(pairs, f):
+            frictions[i, f] = end_friction(hands[own, f], frictions[i, f], state[i, f].q)
+    return count
