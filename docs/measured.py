@@ -37,7 +37,8 @@ DOCS = Path(__file__).parent
 FIGURES = DOCS / "figures.json"
 FIGURE = re.compile(r"<!--=(\S+) (\S+?)-->(.*?)<!--=-->", re.DOTALL)
 TABLE = re.compile(r"(<!--table studies\.(\S+) ([^>]*?)-->\n)(.*?)(<!--end-->)", re.DOTALL)
-NAMED_BY = {"recovery": ("object", "way"), "faces": ("source", "size"), "bottles": ("bottle",)}
+NAMED_BY = {"recovery": ("object", "contacts", "fit"), "faces": ("source", "size"),
+            "bottles": ("bottle", "contour"), "stereo": ("switched_on",)}
 """Columns that name a row of the paper's tables."""
 
 

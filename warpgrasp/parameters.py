@@ -206,6 +206,14 @@ class StereoTable:
                                  "object, from the x axis [est]")
     elevation_rad: float = _number(radians(15), -1.5, 1.5, "of the cameras above the object [est]")
     pixel_noise: float = _number(0.3, 0.0, 20.0, "sigma of an edge's place in pixels [est]")
+    missing_edges: float = _number(0.0, 0.0, 0.9, "share of a silhouette's edge lost in gaps, "
+                                   "where the object looks like what is behind it [est]")
+    spurious_edges: int = _number(0, 0, 100, "lines in each image that are no edges of the object "
+                                  "[est]")
+    clutter: int = _number(0, 0, 100, "things behind the object in each image that look like it "
+                           "[est]")
+    flipped_pixels: float = _number(0.0, 0.0, 0.4, "share of pixels taken for the other side "
+                                    "[est]")
 
 
 @spec_words
@@ -244,6 +252,10 @@ class FitTable:
                             "found")
     rivals: bool = field(default=True, metadata={
         "doc": "another residual too, where touches lie far from the body"})
+    flat_ends: bool = field(default=True, metadata={
+        "doc": "prior on eps1: flat ends rather than round ones, where touches do not tell"})
+    shape_prior: bool = field(default=True, metadata={
+        "doc": "weak prior on both exponents and the taper, towards the middles of their ranges"})
     upright_rad: float | None = _number(0.01, 1e-3, 10.0,
                                         "sigma of the tilt of a body that stands on the table")
     rounds: int = _number(4, 0, 32, "times contacts are re-projected onto the body last fitted")

@@ -27,10 +27,12 @@ from warpgrasp.parameters import (
     HandTable,
     PadTable,
     SensorTable,
+    StereoTable,
 )
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.touch.guarded_motion import LineMove, LineTouch, LineTruth, Until, guarded_line
 from warpgrasp.touch.silhouette import Cameras, silhouettes
+from warpgrasp.touch.silhouette_faults import faulty_silhouettes
 
 
 @dataclass(frozen=True)
@@ -214,10 +216,12 @@ class Robot:
         self._state = ArmState(q)
         return touch
 
-    def look(self, cameras: Cameras) -> np.ndarray:
-        """Silhouettes of the objects, bool (world, camera, row, column)."""
-        return silhouettes(self._scene, self._body, self._truth.body_pose, cameras,
+    def look(self, cameras: Cameras, table: StereoTable) -> np.ndarray:
+        """What is cut out of the cameras' images as the object, faults of `table` and all, bool
+        (world, camera, row, column)."""
+        seen = silhouettes(self._scene, self._body, self._truth.body_pose, cameras,
                            march_scale=self._march_scale, device=self._device)
+        return faulty_silhouettes(seen, self._key, table)
 
     def camera_noise(self, size: int) -> np.ndarray:
         """Standard normals (world, size) for what is read off the cameras' images."""

@@ -17,6 +17,7 @@ from fit.fit_status import is_fitted
 from fit.revolution.fit import fit_revolution
 from fit.revolution.record import RevolutionFit, RevolutionOptions
 from strategies.procedures.contour_follower import ContourExploration
+from strategies.procedures.contour_sections import SectionProfile
 
 FIT = RevolutionOptions(nodes=10, upright=True, least_fall=1e-5)
 
@@ -128,14 +129,16 @@ def _segments(
     return height, np.where(np.isfinite(height), np.maximum(mean_r - slope * mean_t, 0.0), np.nan)
 
 
-def radius_at(profile: Profile, height_m: np.ndarray) -> np.ndarray:
+def radius_at(profile: Profile | SectionProfile, height_m: np.ndarray) -> np.ndarray:
     """Radii (world, n) at heights (n,) above the foot, 0 beyond the top [m]."""
     return np.stack([np.interp(height_m, h[np.isfinite(h)], r[np.isfinite(h)], right=0.0)
                      if np.isfinite(h[:1]).all() else np.full(len(height_m), np.nan)
                      for h, r in zip(profile.height_m, profile.radius_m, strict=True)])
 
 
-def match_profiles(profile: Profile, candidates: dict[str, np.ndarray]) -> list[str]:
+def match_profiles(
+    profile: Profile | SectionProfile, candidates: dict[str, np.ndarray]
+) -> list[str]:
     """The candidate each recovered contour is most like; "" where nothing was recovered.
 
     `candidates` are (z, r) [m], shape (point, 2). The measure is the mean difference of the radii

@@ -13,6 +13,7 @@ import numpy as np
 from warpgrasp.parameters import StereoTable
 from warpgrasp.robot import Robot
 from warpgrasp.touch.silhouette import Cameras, stereo_cameras
+from warpgrasp.touch.silhouette_faults import object_regions, silhouette_edges
 from warpgrasp.touch.tactile_image import hough_lines
 
 _NEAR_PIXELS = 1.6  # edges this near to a Hough line belong to it
@@ -40,7 +41,7 @@ def see_axis(robot: Robot, target_m: np.ndarray, table: StereoTable | None = Non
     table = table or StereoTable()
     cameras = stereo_cameras(table, np.asarray(target_m, float))
     worlds = len(target_m)
-    seen = robot.look(cameras).reshape(-1, table.pixels, table.pixels)
+    seen = object_regions(robot.look(cameras, table).reshape(-1, table.pixels, table.pixels))
     noise = table.pixel_noise * robot.camera_noise(2 * table.pixels).reshape(2 * worlds, -1)
     normal, votes = longest_lines(seen, noise, cameras)
     planes = np.einsum("wcij,wcsj->wcsi", cameras.axes, normal.reshape(worlds, 2, 2, 3))
@@ -59,14 +60,6 @@ def see_axis(robot: Robot, target_m: np.ndarray, table: StereoTable | None = Non
     direction = direction / np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-12)
     return StereoAxis(np.where(found[:, None], direction, [0.0, 0.0, 1.0]), found,
                       votes[rows, :, best], np.arcsin(np.clip(sine[rows, best], 0.0, 1.0)))
-
-
-def silhouette_edges(seen: np.ndarray) -> np.ndarray:
-    """Seen pixels with an unseen neighbour beside, above or below, bool (n, row, column)."""
-    padded = np.pad(seen, ((0, 0), (1, 1), (1, 1)), mode="edge")
-    inner = (padded[:, :-2, 1:-1] & padded[:, 2:, 1:-1] & padded[:, 1:-1, :-2]
-             & padded[:, 1:-1, 2:])
-    return seen & ~inner
 
 
 def longest_lines(

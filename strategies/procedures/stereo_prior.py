@@ -11,6 +11,7 @@ from strategies.poses.waypoints import BoundingCylinder
 from warpgrasp.parameters import StereoTable
 from warpgrasp.robot import Robot
 from warpgrasp.touch.silhouette import Cameras, stereo_cameras
+from warpgrasp.touch.silhouette_faults import object_regions
 
 _READ = 3
 """Numbers read off each image: left, right, top."""
@@ -24,7 +25,8 @@ def see_cylinder(robot: Robot, target_m: np.ndarray,
     others' numbers mean nothing.
     """
     cameras = stereo_cameras(table, np.asarray(target_m, float))
-    seen = robot.look(cameras)
+    images = robot.look(cameras, table)
+    seen = object_regions(images.reshape(-1, *images.shape[2:])).reshape(images.shape)
     noise = table.pixel_noise * robot.camera_noise(2 * _READ).reshape(-1, 2, _READ)
     return cylinder_of(seen, noise, cameras)
 
@@ -39,8 +41,9 @@ def cylinder_of(seen: np.ndarray, noise: np.ndarray,
     whole = np.all(seen.any((2, 3)) & ~border.any(-1), axis=1)
     azimuth, rise = _rays(cameras)  # of every pixel
     step = 1.0 / cameras.focal_pixels  # angle of a pixel at the middle of an image
-    low = np.where(seen, azimuth, np.inf).min((2, 3)) - step * (0.5 + noise[..., 0])
-    high = np.where(seen, azimuth, -np.inf).max((2, 3)) + step * (0.5 + noise[..., 1])
+    # One of many rows has its outermost pixel at the very edge: no half a pixel more.
+    low = np.where(seen, azimuth, np.inf).min((2, 3)) - step * noise[..., 0]
+    high = np.where(seen, azimuth, -np.inf).max((2, 3)) + step * noise[..., 1]
     top = np.where(seen, rise, -np.inf).max((2, 3)) + step * (0.5 + noise[..., 2])
     low, high, top = (np.where(whole[:, None], v, 0.0) for v in (low, high, top))
     half = np.clip((high - low) / 2, 0.0, np.pi / 3)

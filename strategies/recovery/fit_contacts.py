@@ -120,7 +120,9 @@ def fit_evidence(
     options = SuperquadricOptions(
         taper=table.taper, residual=residual, loss=table.loss,  # pyright: ignore
         iterations=iterations, screen_iterations=SCREEN_ITERATIONS, least_fall=LEAST_FALL,
-        upright_std_rad=table.upright_rad if table.table_plane else None)
+        upright_std_rad=table.upright_rad if table.table_plane else None,
+        mean_exponent=SuperquadricOptions.mean_exponent if table.flat_ends else None,
+        prior=SuperquadricOptions.prior if table.shape_prior else 0.0)
     return fit_superquadric(
         evidence.points_m, evidence.mask,
         covariance=evidence.covariance_m2 if table.weights else None,

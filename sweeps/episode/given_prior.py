@@ -76,5 +76,6 @@ def seen_prior(
             (np.maximum(seen.radius_m, LEAST_RADIUS_M), drawn.radius_m),
             (np.maximum(seen.height_m, LEAST_HEIGHT_M), drawn.height_m))))
     why = np.where(whole, "", "object.prior silhouettes: the object is not whole in both images; "
-                   "a larger stereo.field_of_view_deg or distance_mm would show it")
+                   "a larger stereo.field_of_view_deg or distance_mm would show it, and fewer "
+                   "stereo.clutter leave it by itself")
     return cylinder, why.astype(object)

@@ -5,14 +5,29 @@ from dataclasses import dataclass
 import numpy as np
 
 from strategies.procedures.contour_follower import Axis, ContourExploration, explore_contour
+from strategies.procedures.contour_sections import SectionProfile, profile_by_sections
 from strategies.procedures.contour_shape import Profile, match_profiles, profile_of
 from strategies.procedures.touches import EndReason
+from sweeps.text_table import number_text
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import ArmTable, HandTable, SensorTable
 from warpgrasp.robot import Robot, Truth
 
+WAYS = ("circles and linear segments about the axis given", "surface of revolution, axis refined")
+"""The paper's contour (`contour_sections`), and ours (`contour_shape`)."""
 BOTTLES = ("wine_bottle", "coke_bottle", "beer_bottle", "orangina_bottle")
 _PRIOR_SIGMA_M = 0.008  # of each number of the axis given as prior; estimated
+
+
+@dataclass(frozen=True)
+class Contour:
+    """What one way makes of the touches along one bottle. Shapes (world,)."""
+
+    profile: Profile | SectionProfile
+    matched: np.ndarray
+    """Name of the bottle whose profile is nearest."""
+    by_volume: np.ndarray
+    """Name of the bottle nearest in largest radius, length and volume alone."""
 
 
 @dataclass(frozen=True)
@@ -21,12 +36,15 @@ class Followed:
 
     name: str
     exploration: ContourExploration
-    profile: Profile
     ended: np.ndarray
-    matched: np.ndarray
-    """Name of the bottle whose profile is nearest, (world,)."""
-    by_volume: np.ndarray
-    """Name of the bottle nearest in largest radius, length and volume alone, (world,)."""
+    """Whether the end of the bottle was reached, bool (world,)."""
+    contours: dict[str, Contour]
+    """By way, `WAYS`."""
+
+    def volume_errors(self, way: str) -> np.ndarray:
+        """Relative errors of the volume, without sign, of the worlds that reached the end."""
+        true = volume_of(contour_of(self.name))
+        return np.abs(self.contours[way].profile.volume_m3[self.ended] / true - 1.0)
 
 
 def contour_of(name: str) -> np.ndarray:
@@ -56,32 +74,52 @@ def _follow(name: str, contours: dict[str, np.ndarray], worlds: int) -> Followed
     axis = Axis.upright(0.45 + error[:, 0], error[:, 1], contour[-1, 0] + error[:, 2],
                         contour[:, 1].max() + error[:, 3])
     exploration = explore_contour(robot, axis)
-    profile = profile_of(exploration)
+    profiles = dict(zip(WAYS, (profile_by_sections(exploration), profile_of(exploration)),
+                        strict=True))
+    return Followed(name, exploration, exploration.reason == EndReason.END_OF_OBJECT,
+                    {way: _matched(profile, contours) for way, profile in profiles.items()})
+
+
+def _matched(profile: Profile | SectionProfile, contours: dict[str, np.ndarray]) -> Contour:
     features = {n: np.log([c[:, 1].max(), c[-1, 0], volume_of(c)]) for n, c in contours.items()}
     mine = np.log(np.stack([profile.largest_radius_m, profile.length_m,
                             np.maximum(profile.volume_m3, 1e-9)], 1))
     away = np.stack([np.abs(mine - f).sum(1) for f in features.values()], 1)
     nearest = np.array(list(features))[np.nan_to_num(away, nan=np.inf).argmin(1)]
-    return Followed(name, exploration, profile, exploration.reason == EndReason.END_OF_OBJECT,
-                    np.asarray(match_profiles(profile, contours)), nearest)
+    return Contour(profile, np.asarray(match_profiles(profile, contours)), nearest)
 
 
-BOTTLES_HEADER = ("bottle", "worlds", "to_the_end", "radius_mm_true", "radius_mm_median",
-                  "length_mm_true", "length_mm_median", "volume_ml_true", "volume_ml_median",
-                  "volume_ml_p5", "volume_ml_p95", "right_by_size_and_volume", "right_by_profile")
+BOTTLES_HEADER = (
+    "bottle", "contour", "worlds", "to_the_end", "radius_mm_true", "radius_mm_median",
+    "length_mm_true", "length_mm_median", "volume_ml_true", "volume_ml_median", "volume_ml_p5",
+    "volume_ml_p95", "volume_off_pct_median", "right_by_size_and_volume", "right_by_profile")
 
 
 def bottle_rows(found: list[Followed]) -> list[tuple[str, ...]]:
-    """The table, a row for each bottle, over the worlds in which its end was reached."""
+    """The table, a row for each bottle and way, over the worlds in which its end was reached.
+
+    `to_the_end` and `right_by` count those worlds.
+    """
     rows = []
     for f in found:
-        contour, end, p = contour_of(f.name), f.ended, f.profile
-        low, high = np.quantile(1e6 * p.volume_m3[end], [0.05, 0.95])
-        rows.append((
-            f.name, str(len(end)), f"{end.mean():.2f}", f"{1e3 * contour[:, 1].max():.1f}",
-            f"{1e3 * np.median(p.largest_radius_m[end]):.1f}", f"{1e3 * contour[-1, 0]:.0f}",
-            f"{1e3 * np.median(p.length_m[end]):.0f}", f"{1e6 * volume_of(contour):.0f}",
-            f"{1e6 * np.median(p.volume_m3[end]):.0f}", f"{low:.0f}", f"{high:.0f}",
-            f"{(f.by_volume[end] == f.name).mean():.2f}",
-            f"{(f.matched[end] == f.name).mean():.2f}"))
+        true, end = contour_of(f.name), f.ended
+        for way, c in f.contours.items():
+            p = c.profile
+            volume = 1e6 * p.volume_m3[end]
+            low, high = np.quantile(volume, [0.05, 0.95]) if end.any() else (np.nan, np.nan)
+            rows.append((
+                f.name, way, str(len(end)), str(end.sum()),
+                *_texts(1, 1e3 * true[:, 1].max(), _median(1e3 * p.largest_radius_m[end])),
+                *_texts(0, 1e3 * true[-1, 0], _median(1e3 * p.length_m[end]),
+                        1e6 * volume_of(true), _median(volume), low, high),
+                *_texts(1, 100 * _median(f.volume_errors(way))),
+                str((c.by_volume[end] == f.name).sum()), str((c.matched[end] == f.name).sum())))
     return rows
+
+
+def _texts(digits: int, *values: float) -> list[str]:
+    return [number_text(float(value), digits) for value in values]
+
+
+def _median(values: np.ndarray) -> float:
+    return float(np.median(values)) if len(values) else float("nan")

@@ -11,11 +11,13 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from fit.superquadric.geometry import Superquadric
 from sweeps.figures.meshes import surface_mesh
 from sweeps.figures.solids import CONTACT, FIT, TRUE
-from sweeps.paper.bottles import Followed, contour_of
+from sweeps.paper.bottles import WAYS, Followed, contour_of
+from sweeps.paper.contacts import FINGERTIP
 from sweeps.paper.faces import Explored
-from sweeps.paper.recovery import Recovered, median_world
+from sweeps.paper.recovery import ALL, PLAIN, TORQUES, Grasped, median_world, of_way
+from warpgrasp.objects.catalogue import body_from_name
 
-_BODY = "#c9d8e8"
+_BODY, _SECTIONS = "#c9d8e8", "#2a9d8f"
 
 
 def _png(figure: Figure) -> bytes:
@@ -24,31 +26,30 @@ def _png(figure: Figure) -> bytes:
     return stream.getvalue()
 
 
-def draw_recovered(found: Sequence[Recovered]) -> bytes:
-    """Figure 4: recovered bodies and contacts of the episode of median IoU; a row for each way."""
-    ways = list(dict.fromkeys(r.way for r in found))
-    count = len(found) // len(ways)
-    figure = Figure(figsize=(2.3 * count, 2.9 * len(ways)), dpi=100)
-    for place, r in enumerate(found):
-        axes: Any = figure.add_subplot(len(ways), count, place + 1, projection="3d")
+def draw_recovered(found: Sequence[Grasped]) -> bytes:
+    """Figure 4: recovered bodies and contacts of the episode of median IoU; a row as the paper has
+    it, and one with all evidence."""
+    rows = [of_way(list(found), *way) for way in ((FINGERTIP, PLAIN), (TORQUES, ALL))]
+    figure = Figure(figsize=(2.3 * len(found), 2.9 * len(rows)), dpi=100)
+    for place, r in enumerate(r for row in rows for r in row):
+        axes: Any = figure.add_subplot(len(rows), len(found), place + 1, projection="3d")
         world = median_world(r)
-        pose = r.block.truth.body_pose[world]
-        body = Superquadric(*(f[world:world + 1] for f in r.block.recovered.superquadric))
+        pose = r.body_pose[world]
+        body = Superquadric(*(f[world:world + 1] for f in r.bodies))
         faces = 1e3 * (surface_mesh(body, rows=12) - pose[:3])
-        evidence = r.block.exploration.belief.evidence
-        points = 1e3 * (evidence.points_m[world][evidence.mask[world]] - pose[:3])
+        points = 1e3 * (r.evidence.points_m[world][r.evidence.mask[world]] - pose[:3])
         axes.add_collection3d(Poly3DCollection(list(faces), facecolors=_BODY, edgecolors=FIT,
                                                linewidths=0.25, alpha=0.55))
         axes.scatter(*points.T, s=4, color=CONTACT, depthshade=False)
-        tall = 1.1e3 * r.block.body.high_m[2]
+        tall = 1.1e3 * body_from_name(r.name).high_m[2]
         wide = 0.7 * tall
         axes.set(xlim=(-wide / 2, wide / 2), ylim=(-wide / 2, wide / 2), zlim=(0, tall))
         axes.set_box_aspect((0.7, 0.7, 1.0))
         axes.set_axis_off()
         axes.view_init(18, -60)
-        axes.set_title(f"{r.name}, {r.way}\n{len(points)} contacts, "
-                       f"IoU {r.block.scores.iou[world]:.2f}", fontsize=8)
-    figure.subplots_adjust(0.0, 0.0, 1.0, 0.93, 0.0, 0.12)
+        axes.set_title(f"{r.name}\n{r.contacts}, {r.fit}\n{len(points)} contacts, "
+                       f"IoU {r.scores.iou[world]:.2f}", fontsize=8)
+    figure.subplots_adjust(0.0, 0.0, 1.0, 0.92, 0.0, 0.18)
     return _png(figure)
 
 
@@ -59,7 +60,7 @@ def draw_faces(default: Explored, poor: Explored) -> bytes:
     for exploration, colour in zip(default.faces, (CONTACT, FIT), strict=True):
         table = exploration.touches
         mine = (table.world == 0) & np.isfinite(table.point_m[:, 0])
-        axes.scatter(*(1e3 * (table.point_m[mine] - default.truth.body_pose[0, :3])).T, s=6,
+        axes.scatter(*(1e3 * (table.point_m[mine] - default.body_pose[0, :3])).T, s=6,
                      color=colour, depthshade=False)
     axes.set(xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]", zlim=(0, 130))
     axes.set_title("touches on two faces of a block", fontsize=9)
@@ -79,18 +80,23 @@ def draw_faces(default: Explored, poor: Explored) -> bytes:
 
 
 def draw_bottles(found: Sequence[Followed]) -> bytes:
-    """Figure 6: a panel for each bottle with the recovered contour of median volume."""
+    """Figure 6: a panel for each bottle, of the world whose refined contour has the median
+    volume."""
     figure = Figure(figsize=(2.3 * len(found), 4.2), dpi=110, layout="constrained")
     panels = figure.subplots(1, len(found), sharey=True)
     for axes, f in zip(panels, found, strict=True):
-        volume = np.where(f.ended, f.profile.volume_m3, np.nan)
+        ours = f.contours[WAYS[1]].profile
+        volume = np.where(f.ended, ours.volume_m3, np.nan)
         world = int(np.argsort(np.nan_to_num(volume, nan=np.inf))[f.ended.sum() // 2])
         z, r = 1e3 * contour_of(f.name).T
         axes.plot(np.r_[r, -r[::-1]], np.r_[z, z[::-1]], color=TRUE, lw=1, label="true")
-        known = np.isfinite(f.profile.height_m[world])
-        h, rho = 1e3 * f.profile.height_m[world][known], 1e3 * f.profile.radius_m[world][known]
-        axes.plot(rho, h, "--", color=FIT, lw=1.3, label="recovered")
-        axes.plot(-rho, h, "--", color=FIT, lw=1.3)
+        for way, style, label in zip(WAYS, ("-", "--"), ("sections", "refined"), strict=True):
+            p = f.contours[way].profile
+            known = np.isfinite(p.height_m[world])
+            h, rho = 1e3 * p.height_m[world][known], 1e3 * p.radius_m[world][known]
+            colour = FIT if way == WAYS[1] else _SECTIONS
+            axes.plot(rho, h, style, color=colour, lw=1.2, label=label)
+            axes.plot(-rho, h, style, color=colour, lw=1.2)
         table = f.exploration.touches
         mine = (table.world == world) & np.isfinite(table.point_m[:, 0])
         p = 1e3 * table.point_m[mine]

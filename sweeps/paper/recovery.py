@@ -1,116 +1,189 @@
-"""The paper's first experiment: six objects from grasps by containment; convergence of the fits."""
+"""The paper's first experiment: six objects from grasps by containment.
 
-import time
-from dataclasses import dataclass
+The same grasps are recovered from in many ways: contacts taken to be here or there
+(`sweeps.paper.contacts`), and fitted to with more or less evidence. What a way switches on is read
+off its table. Way by way the episodes are the same, so that differences are paired.
+"""
+
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from fit.optimize.batch import take
-from fit.optimize.multistart import Problem, advance
-from fit.prepare import prepare
-from fit.superquadric.descent import begin_starts
-from fit.superquadric.parameter_vector import Form
-from fit.superquadric.record import SuperquadricOptions
-from fit.superquadric.residuals import normal_equations
+from fit.fit_status import is_fitted
+from fit.superquadric.geometry import Superquadric
+from fit.superquadric.record import SuperquadricFit
 from strategies.ready_made import STRATEGIES
+from strategies.recovery.choose_model import or_prior
+from strategies.recovery.evidence import (
+    Evidence,
+    TouchedLinks,
+    evidence_from_grasps,
+    touched_links,
+)
+from strategies.recovery.fit_contacts import recover_bodies
 from sweeps.episode.episodes import EpisodeBlock, run_block
+from sweeps.episode.scores import Scores, score_superquadrics
+from sweeps.paper.contacts import FINGERTIP, Contacts, contacts_of
+from sweeps.paper.convergence import iterations_of
 from sweeps.spec.cell import Cell
 from warpgrasp.parameters import FitTable, SensorTable
 
 OBJECTS = ("large_cylinder", "block", "wedge", "lightbulb", "funnel", "small_cylinder")
 STRATEGY = "rim6-ring12"
 SEED = 1990
+TORQUES = "joint torques"
+"""Contacts placed on the links by joint torques, and on the body last fitted."""
 AS_PAPER = FitTable(table_plane=False, free_space=False, weights=False, loss="none", rounds=0,
-                    residual="solina", upright_rad=None)
-"""Solina's residual on fingertips alone: no table, no free space, no weights."""
-SETTLED = 1.01
-"""Iterations count until the cost is below this multiple of its last value."""
-_ITERATIONS = 60
-_SCREENED = 5  # iterations of every start, of which the best continues
+                    residual="solina", rivals=False, upright_rad=None, flat_ends=False,
+                    shape_prior=False)
+"""Solina's residual alone, of a tapered superquadric."""
+OURS = FitTable()
+FITS = {"Solina": AS_PAPER, "Solina, rivals": replace(AS_PAPER, rivals=True),
+        "all evidence, no rivals": replace(OURS, rivals=False), "all evidence": OURS}
+"""What bodies are fitted by, by name."""
+PLAIN, RIVALS, NO_RIVALS, ALL = FITS
 
 
 @dataclass(frozen=True)
 class Recovered:
-    """One object recovered in many episodes, with one estimator and objective."""
+    """One object recovered in many episodes, in one way. Shapes start with (episode,)."""
 
     name: str
-    way: str
-    block: EpisodeBlock
+    contacts: str
+    """Where contacts are taken to be: one of the four of `contacts`, or by joint torques."""
+    fit: str
+    """Which of `FITS`."""
+    evidence: Evidence
+    """Contacts as placed for the last fit."""
+    bodies: Superquadric
+    """What is scored: the fits, and where nothing could be fitted the prior cylinder."""
+    body_pose: np.ndarray
+    """Where the objects truly stand, (episode, 7)."""
+    fitted: np.ndarray
+    """Bool (episode,)."""
+    replaced: np.ndarray
+    """Where a rival's body took the place of the first residual's, bool (episode,)."""
+    scores: Scores
     iterations: np.ndarray
-    """To convergence, (episode,); NaN where there were too few contacts."""
+    """Of a plain fit to convergence, (episode,); NaN where there were too few contacts."""
     seconds_a_fit: float
     """Time of 20 iterations of one fit; printed, and in no file."""
 
 
-def recover_objects(episodes: int) -> list[Recovered]:
-    """Every object, as in the paper and with our evidence."""
-    found = []
-    fingertip = SensorTable(contact_estimator="fingertip")
-    for way, sensors, fit in (("as the paper", fingertip, AS_PAPER),
-                              ("ours", SensorTable(), FitTable())):
-        for name in OBJECTS:
-            cell = Cell(STRATEGIES[STRATEGY], {"name": name}, name, sensors=sensors, fit=fit,
-                        seed=SEED)
-            block = run_block(cell, np.arange(episodes), "cpu")
-            iterations, seconds = _convergence(block)
-            found.append(Recovered(name, way, block, iterations, seconds))
-    return found
+@dataclass(frozen=True)
+class Grasped:
+    """What is recovered of one object, and where its contacts were."""
+
+    ways: tuple[Recovered, ...]
+    contacts: Contacts
 
 
-def _convergence(block: EpisodeBlock) -> tuple[np.ndarray, float]:
-    """Iterations of the best start of a plain fit to the contacts, and the time of 20 [s]."""
-    evidence = block.exploration.belief.evidence
-    iterations = np.full(len(evidence.mask), np.nan)
-    enough = np.flatnonzero(evidence.mask.sum(1) >= 14)
-    if len(enough) == 0:
-        return iterations, float("nan")
-    options = SuperquadricOptions(taper=True, residual="solina")
-    form = Form(True, False, "solina", "none")
-    problem = Problem(lambda t, lane: normal_equations(t, lane, form), f"{form}")
-    seconds = float("nan")
-    for rows, sets in prepare(evidence.points_m[enough], evidence.mask[enough]).buckets():
-        lanes, theta = begin_starts(sets, form, options)
-        fits, starts = theta.shape[:2]
-        moved = advance(problem, theta.reshape(fits * starts, -1), lanes, _SCREENED)
-        damping = np.asarray(moved.damping)
-        best = np.asarray(moved.cost).reshape(fits, starts).argmin(1)
-        pick = np.arange(fits) * starts + best
-        lanes = take(lanes, pick)
-        theta, damping = np.asarray(moved.theta)[pick], damping[pick]
-        costs = [np.asarray(moved.cost)[pick]]
-        begin = time.process_time()
-        for _ in range(_ITERATIONS - _SCREENED):
-            moved = advance(problem, theta, lanes, 1, damping)
-            theta, damping = np.asarray(moved.theta), np.asarray(moved.damping)
-            costs.append(np.asarray(moved.cost))
-        seconds = (time.process_time() - begin) / fits / (_ITERATIONS - _SCREENED)
-        cost = np.stack(costs, 1)
-        iterations[enough[rows]] = _SCREENED + (cost > SETTLED * cost[:, -1:]).sum(1)
-    return iterations, 20 * seconds
+def recover_objects(episodes: int) -> list[Grasped]:
+    """Every object in every way."""
+    return [_recover(name, np.arange(episodes)) for name in OBJECTS]
 
 
-RECOVERY_HEADER = ("object", "way", "episodes", "recovered", "contacts_median", "contacts_low",
-                   "contacts_high", "iou_median", "iou_p10", "chamfer_mm_median",
-                   "volume_ratio_median", "iterations_median", "iterations_p90")
+def _recover(name: str, episodes: np.ndarray) -> Grasped:
+    ways, contacts = by_fingertip(name, episodes)
+    return Grasped((*ways, *by_torques(name, episodes)), contacts)
 
 
-def recovery_rows(found: list[Recovered]) -> list[tuple[str, ...]]:
-    """The table, a row for each object and way; low and high are the 10 % and 90 % quantiles."""
+def by_fingertip(name: str, episodes: np.ndarray) -> tuple[list[Recovered], Contacts]:
+    """As the paper has it, and with contacts put right in part; Solina's residual, and rivals."""
+    cell = _cell(name, AS_PAPER, "fingertip")
+    block = run_block(cell, episodes, "cpu")
+    contacts = contacts_of(block, cell.hand)
+    return [way for placed, evidence in contacts.placed.items()
+            for way in _pair(name, placed, (PLAIN, RIVALS), evidence, None, block)], contacts
+
+
+def by_torques(name: str, episodes: np.ndarray) -> list[Recovered]:
+    """From all evidence, without and with rivals."""
+    cell = _cell(name, OURS, "intrinsic")
+    block = run_block(cell, episodes, "cpu")
+    grasps, = block.grasps
+    radius = cell.hand.link_radius_m
+    return _pair(name, TORQUES, (NO_RIVALS, ALL), evidence_from_grasps(grasps, radius),
+                 touched_links(grasps, radius), block)
+
+
+def _cell(name: str, fit: FitTable, estimator: str) -> Cell:
+    return Cell(STRATEGIES[STRATEGY], {"name": name}, name, seed=SEED, fit=fit,
+                sensors=SensorTable(contact_estimator=estimator))
+
+
+def _pair(
+    name: str, contacts: str, fits: tuple[str, str], evidence: Evidence,
+    links: TouchedLinks | None, block: EpisodeBlock,
+) -> list[Recovered]:
+    """Without rivals, and with them."""
+    found: list[tuple[SuperquadricFit, Evidence]] = [
+        recover_bodies(evidence, links, FITS[fit]) for fit in fits]
+    (alone, _), (rivalled, _) = found
+    differ = np.any([(getattr(alone, f.name) != getattr(rivalled, f.name)).reshape(
+        len(alone), -1).any(1) for f in fields(alone)], axis=0)
+    ways = []
+    for fit, replaced, (bodies, placed) in zip(fits, (np.zeros_like(differ), differ), found,
+                                               strict=True):
+        iterations, seconds = np.full(len(alone), np.nan), np.nan
+        if (contacts, fit) in ((FINGERTIP, PLAIN), (TORQUES, ALL)):
+            iterations, seconds = iterations_of(placed.points_m, placed.mask)
+        fitted = is_fitted(bodies.status)
+        scored = or_prior(bodies, block.prior, fitted)
+        scores = score_superquadrics(scored, block.body, block.truth.body_pose)
+        ways.append(Recovered(name, contacts, fit, placed, scored, block.truth.body_pose, fitted,
+                              replaced, scores, iterations, seconds))
+    return ways
+
+
+def switched_on(table: FitTable) -> str:
+    """What a table's fits go by, word by word: its residual, and all that is not switched off."""
+    off = {"loss": "none", "rounds": 0}
+    words = [f"residual {table.residual}"]
+    for f in fields(table):
+        value = getattr(table, f.name)
+        if f.name == "upright_rad" and value is not None and table.table_plane:
+            words.append("upright")
+        elif value is True:
+            words.append(f.name)
+        elif f.name in off and value != off[f.name]:
+            words.append(f"{f.name} {value}")
+    return ", ".join(words)
+
+
+RECOVERY_HEADER = (
+    "object", "contacts", "fit", "switched_on", "episodes", "fitted", "replaced_by_rival",
+    "contacts_median", "contacts_p10", "contacts_p90", "iou_median", "iou_p10", "iou_p90",
+    "chamfer_mm_median", "volume_ratio_median", "iterations_median", "iterations_p90")
+
+
+def recovery_rows(found: list[Grasped]) -> list[tuple[str, ...]]:
+    """The table, a row for each way and object; p10 and p90 are quantiles over episodes."""
     rows = []
-    for r in found:
-        contacts = r.block.exploration.belief.evidence.mask.sum(1)
-        scores, seen = r.block.scores, r.iterations[np.isfinite(r.iterations)]
-        low, high = np.quantile(contacts, [0.1, 0.9])
+    for r in sorted((r for g in found for r in g.ways), key=lambda r: _order(r, found)):
+        count, seen = r.evidence.mask.sum(1), r.iterations[np.isfinite(r.iterations)]
+        (low, high), iou = np.quantile(count, [0.1, 0.9]), r.scores.iou
         rows.append((
-            r.name, r.way, str(len(contacts)), f"{(r.block.status == 'ok').mean():.2f}",
-            f"{np.median(contacts):.0f}", f"{low:.0f}", f"{high:.0f}",
-            f"{np.median(scores.iou):.3f}", f"{np.quantile(scores.iou, 0.1):.3f}",
-            f"{1e3 * np.median(scores.chamfer_m):.2f}", f"{np.median(scores.volume_ratio):.2f}",
+            r.name, r.contacts, r.fit, switched_on(FITS[r.fit]), str(len(iou)),
+            str(r.fitted.sum()), str(r.replaced.sum()), f"{np.median(count):.0f}", f"{low:.0f}",
+            f"{high:.0f}", f"{np.median(iou):.3f}", f"{np.quantile(iou, 0.1):.3f}",
+            f"{np.quantile(iou, 0.9):.3f}", f"{1e3 * np.median(r.scores.chamfer_m):.2f}",
+            f"{np.median(r.scores.volume_ratio):.2f}",
             f"{np.median(seen):.0f}" if len(seen) else "NA",
             f"{np.quantile(seen, 0.9):.0f}" if len(seen) else "NA"))
     return rows
 
 
+def _order(r: Recovered, found: list[Grasped]) -> int:
+    ways = [(w.contacts, w.fit) for w in found[0].ways]
+    return ways.index((r.contacts, r.fit))
+
+
+def of_way(found: list[Grasped], contacts: str, fit: str) -> list[Recovered]:
+    """Every object recovered in one way."""
+    return [r for g in found for r in g.ways if (r.contacts, r.fit) == (contacts, fit)]
+
+
 def median_world(r: Recovered) -> int:
     """The episode of median IoU, for the figure."""
-    return int(np.argsort(r.block.scores.iou, kind="stable")[len(r.block.scores.iou) // 2])
+    return int(np.argsort(r.scores.iou, kind="stable")[len(r.scores.iou) // 2])
