@@ -4,7 +4,8 @@ Touches (a point and an outward normal each) are assigned to the faces of a mode
 branch is pruned when a pair of assignments violates one of three constraints: the angle between
 normals, the range of distances between points, or the range of the components of their separation
 along the normals. Each remaining assignment gives a pose, which is verified: every touch must lie
-within the bounds of its face.
+within the bounds of its face. A touch may belong to no face (the null face of 1987), if so few do
+that the others still decide.
 """
 
 from dataclasses import dataclass
@@ -13,8 +14,11 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from fit.rotation import quaternion_of_matrix
+from fit.polyhedron import polyhedron_faces
+from fit.rotation import matrix_of_quaternion, quaternion_of_matrix
 
+NULL = -1
+"""The face of a touch that is none of the model's."""
 
 @dataclass(frozen=True)
 class FaceModel:
@@ -65,12 +69,29 @@ class Interpretation:
 
     model: str
     assignment: tuple[int, ...]
-    """Model face of each touch."""
+    """Model face of each touch, or `NULL`."""
     quaternion_xyzw: Float[np.ndarray, " 4"]
     """Rotation from model to world."""
     position_m: Float[np.ndarray, " 3"]
-    rms_m: float
-    """Root mean square distance of the touches to the planes of their faces [m]."""
+    away_m: Float[np.ndarray, " touch"]
+    """Signed distance of each touch to the plane of its face [m]; 0 for one of none."""
+
+    @property
+    def assigned(self) -> int:
+        """Number of touches that belong to a face."""
+        return sum(face != NULL for face in self.assignment)
+
+    @property
+    def rms_m(self) -> float:
+        """Root mean square distance of the touches to the planes of their faces [m]."""
+        return float(np.sqrt((self.away_m**2).sum() / max(self.assigned, 1)))
+
+    def planes(self, points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Normals (touch, 3) and offsets (touch,) [m] of the touched planes in the model's frame.
+        """
+        rotation = matrix_of_quaternion(self.quaternion_xyzw[None])[0]
+        local = normals @ rotation
+        return local, ((points - self.position_m) @ rotation * local).sum(1)
 
 
 def interpret(
@@ -80,13 +101,15 @@ def interpret(
     *,
     angle_rad: float = 0.2,
     distance_m: float = 4e-3,
+    most_null: int = 0,
     most: int = 100,
 ) -> list[Interpretation]:
     """Interpretations of touches [m] with outward normals, best first; empty if none is possible.
 
-    `angle_rad` and `distance_m` bound the errors of a normal and a point. At most `most`
-    assignments are verified; symmetric bodies have several equivalent ones. Raises ValueError for
-    arrays of the wrong shape.
+    First come those that assign most touches, among them those of least distances. `angle_rad` and
+    `distance_m` bound the errors of a normal and a point. At most `most_null` touches belong to no
+    face. At most `most` assignments are verified; symmetric bodies have several equivalent ones.
+    Raises ValueError for arrays of the wrong shape.
     """
     points, normals = np.asarray(points, float), np.asarray(normals, float)
     if points.ndim != 2 or points.shape[1] != 3 or normals.shape != points.shape:
@@ -96,12 +119,15 @@ def interpret(
     compatible = _compatible(points, normals, model, angle_rad, distance_m)
     for touch in range(len(points)):
         branches = [(*branch, face) for branch in branches for face in range(len(model.faces))
-                    if all(compatible[k, touch, branch[k], face] for k in range(touch))]
+                    if all(compatible[k, touch, branch[k], face] for k in range(touch)
+                           if branch[k] != NULL)
+                    ] + [(*branch, NULL) for branch in branches if branch.count(NULL) < most_null]
         # Bound the breadth; the last levels prune most, and a cube has 24 equivalent answers.
         branches = branches[: 50 * most]
+    branches.sort(key=lambda branch: branch.count(NULL))
     found = [_verified(points, normals, model, branch, angle_rad, distance_m)
              for branch in branches[:most]]
-    return sorted((f for f in found if f is not None), key=lambda f: f.rms_m)
+    return sorted((f for f in found if f is not None), key=lambda f: (-f.assigned, f.rms_m))
 
 
 def _compatible(points, normals, model, angle_rad, distance_m) -> np.ndarray:
@@ -124,10 +150,14 @@ def _compatible(points, normals, model, angle_rad, distance_m) -> np.ndarray:
 
 def _verified(points, normals, model, assignment, angle_rad, distance_m) -> Interpretation | None:
     """The pose of an assignment if every touch lies inside its face, else None."""
-    faces: Int[np.ndarray, " touch"] = np.array(assignment)
+    every: Int[np.ndarray, " touch"] = np.array(assignment, int)
+    on = every != NULL
+    faces, points, normals = every[on], points[on], normals[on]
+    if len(faces) < 2:
+        return None
     true = model.normals[faces]
     u, values, vt = np.linalg.svd(normals.T @ true)
-    if values[1] < 1e-6:
+    if values[1] < 1e-3:
         return None  # parallel normals: the rotation about them is undetermined
     rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
     turned = true @ rotation.T
@@ -152,9 +182,21 @@ def _verified(points, normals, model, assignment, angle_rad, distance_m) -> Inte
         inward /= np.linalg.norm(inward, axis=1, keepdims=True)
         if (np.einsum("ei,ei->e", p - corners, inward) < -2 * distance_m).any():
             return None
-    rms = float(np.sqrt(np.mean(away**2)))
-    return Interpretation(model.name, tuple(assignment), quaternion_of_matrix(rotation), position,
-                          rms)
+    distance = np.zeros(len(every))
+    distance[on] = away
+    return Interpretation(model.name, tuple(map(int, every)), quaternion_of_matrix(rotation),
+                          position, distance)
+
+
+def model_of_planes(
+    name: str, normals: Float[np.ndarray, "plane 3"], offset_m: Float[np.ndarray, " plane"]
+) -> FaceModel:
+    """The body n.x <= offset [m]; planes that bound none of it are left out.
+
+    Raises ValueError for planes that do not close a body.
+    """
+    faces = polyhedron_faces(normals, offset_m)
+    return FaceModel(name, tuple(corners for corners in faces if len(corners)))
 
 
 def block_model(name: str, size_m: tuple[float, float, float]) -> FaceModel:

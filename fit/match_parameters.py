@@ -1,164 +1,96 @@
-"""Recognition against a catalogue by parameters with their covariance, or by radius profile.
+"""Recognition of a recovered shape by its numbers and their covariance.
 
-Each entry gives a probability density at the recovered shape. A broad background density stands for
-unlisted objects: "none of these" is one of the answers. For polyhedra see `interpretation_tree`.
+Each known object is a population of shapes that were recovered of it before. A new shape x with
+covariance C belongs to it with the density of a multivariate Student t about the population's mean,
+with the scatter of the population plus C: the random effects model of meta-analysis (Hardy and
+Thompson 1996), with tails for recoveries that went wrong (Lange, Little and Taylor 1989). A broad
+population of unlisted objects is one more: "none of these" is an answer.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+from scipy.special import gammaln
 
-from fit.fit_status import is_fitted
-from fit.revolution.record import RevolutionFit
-from fit.superquadric.geometry import SuperquadricLike
-
-NONE = "none of these"
-PARAMETERS = (0, 1, 2, 3, 4, 11, 12)
-"""Tangent coordinates of shape rather than pose: log sizes, exponents, tapers."""
-MODEL_STD = np.array([0.06, 0.06, 0.06, 0.15, 0.15, 0.15, 0.15])
-"""Standard deviations of a shape recovered from perfect touches: a real object is no superquadric,
-and its fit depends on where it was touched."""
-BACKGROUND_STD = np.array([0.7, 0.7, 0.7, 0.6, 0.6, 0.5, 0.5])
-"""Standard deviations of unlisted objects about the mean of the catalogue."""
+TAIL = 5.0
+"""Degrees of freedom of the Student t [est]: one recovery in some twenty goes wrong."""
+ROUNDS = 30
+"""Of expectation and maximisation."""
+PRIOR_COUNT = 6.0
+"""Recoveries that the common scatter counts for in the scatter of one object [est]."""
+LEAST_VARIANCE = 1e-6
 
 
 @dataclass(frozen=True)
-class Entry:
-    """One object of a catalogue."""
+class Population:
+    """Shapes of one kind: where their numbers lie and how they scatter, beyond what is measured."""
 
-    name: str
-    size_m: tuple[float, float, float]
-    """Half extents of its superquadric [m]."""
-    exponents: tuple[float, float]
-    taper: tuple[float, float] = (0.0, 0.0)
-
-
-@dataclass(frozen=True)
-class ProfileEntry:
-    """One object of revolution: its contour [m] from the lower end up."""
-
-    name: str
-    height_m: tuple[float, ...]
-    radius_m: tuple[float, ...]
+    mean: Float[np.ndarray, " number"]
+    scatter: Float[np.ndarray, "number number"]
+    count: int
+    """Recoveries that it was learned from."""
 
 
-@dataclass(frozen=True)
-class Candidate:
-    """One answer, with its posterior probability."""
+def population_of(
+    shapes: Float[np.ndarray, "shape number"],
+    covariance: Float[np.ndarray, "shape number number"],
+    common: Float[np.ndarray, "number number"] | None = None,
+) -> Population:
+    """The population that some shapes with their covariances were drawn from.
 
-    name: str
-    probability: float
-    distance: float
-    """Mahalanobis distance between the entry and the recovered shape."""
-
-
-def entry_of_fit(name: str, fit: SuperquadricLike, row: int = 0) -> Entry:
-    """A catalogue entry of a recovered superquadric."""
-    def numbers(values) -> tuple:
-        return tuple(float(v) for v in values[row])
-
-    return Entry(name, numbers(fit.size_m), numbers(fit.exponents), numbers(fit.taper))
-
-
-def recognize_parameters(
-    fit: SuperquadricLike,
-    covariance: Float[np.ndarray, "fit 15 15"],
-    catalogue: list[Entry],
-    *,
-    none_prior: float = 0.1,
-) -> list[list[Candidate]]:
-    """Ranked candidates of each fit, including "none of these"; probabilities sum to one.
-
-    `covariance` is that of `superquadric_uncertainty`. A superquadric has several equivalent
-    parameter vectors (x and y exchanged, z reversed, any axis as z if the exponents agree); the
-    nearest one of each entry counts. Raises ValueError for an empty catalogue.
+    `common` is the scatter to which few shapes are drawn; without it, a small share of theirs.
+    Raises ValueError without shapes.
     """
-    if not catalogue:
-        raise ValueError("catalogue: empty; list at least one Entry")
-    pick = np.array(PARAMETERS)
-    cov = covariance[:, pick[:, None], pick]
-    here = np.concatenate([np.log(np.maximum(fit.size_m, 1e-9)), fit.exponents, fit.taper], axis=1)
-    vectors = [_equivalent_vectors(entry) for entry in catalogue]
-    centre = np.concatenate(vectors).mean(axis=0)
-    answers = []
-    for x, c in zip(here, cov, strict=True):
-        near, broad = c + np.diag(MODEL_STD**2), c + np.diag(BACKGROUND_STD**2)
-        square = np.array([min(_square(x - vector, near) for vector in entry) for entry in vectors])
-        log = -0.5 * square - 0.5 * np.linalg.slogdet(near)[1] + np.log((1 - none_prior)
-                                                                        / len(catalogue))
-        none = _square(x - centre, broad)
-        log_none = -0.5 * none - 0.5 * np.linalg.slogdet(broad)[1] + np.log(none_prior)
-        names = [entry.name for entry in catalogue]
-        answers.append(_ranked(names, log, square, log_none, none))
-    return answers
+    count, width = shapes.shape
+    if count == 0:
+        raise ValueError("shapes: none; a population needs one at least")
+    floor = LEAST_VARIANCE * np.eye(width)
+    middle = np.median(shapes, axis=0)
+    spread = (1.4826 * np.median(np.abs(shapes - middle), axis=0)) ** 2
+    common = np.diag(spread) + floor if common is None else common
+    mean, scatter = middle, common + floor
+    for _ in range(ROUNDS):
+        inverse = np.linalg.inv(scatter + covariance)
+        away = shapes - mean
+        square = np.einsum("si,sij,sj->s", away, inverse, away)
+        weight = (TAIL + width) / (TAIL + square)
+        pull = np.einsum("s,sij->sij", weight, inverse)
+        mean = np.linalg.solve(pull.sum(0), np.einsum("sij,sj->i", pull, shapes))
+        # Each shape's own deviation from the mean, as far as its covariance does not explain it.
+        own = np.einsum("ij,sjk,sk->si", scatter, inverse, shapes - mean)
+        left = scatter - np.einsum("ij,sjk,kl->sil", scatter, inverse, scatter)
+        total = np.einsum("s,si,sj->ij", weight, own, own) + left.sum(0)
+        scatter = (total + PRIOR_COUNT * common) / (count + PRIOR_COUNT) + floor
+    return Population(mean, 0.5 * (scatter + scatter.T), count)
 
 
-def recognize_profile(
-    fit: RevolutionFit,
-    catalogue: list[ProfileEntry],
-    *,
-    model_std_m: float = 2e-3,
-    none_prior: float = 0.1,
-) -> list[list[Candidate]]:
-    """Ranked candidates of each surface of revolution, by contour and height.
+def log_density(
+    shapes: Float[np.ndarray, "shape number"],
+    covariance: Float[np.ndarray, "shape number number"],
+    population: Population,
+) -> Float[np.ndarray, " shape"]:
+    """Logarithm of the population's density at shapes measured with these covariances."""
+    width = shapes.shape[1]
+    scale = population.scatter * (1 + 1 / population.count) + covariance
+    away = shapes - population.mean
+    square = np.einsum("si,si->s", away, np.linalg.solve(scale, away[..., None])[..., 0])
+    return (gammaln((TAIL + width) / 2) - gammaln(TAIL / 2) - 0.5 * width * np.log(TAIL * np.pi)
+            - 0.5 * np.linalg.slogdet(scale)[1] - 0.5 * (TAIL + width) * np.log1p(square / TAIL))
 
-    Radii are compared at the nodes of the fit. Errors of neighbouring nodes are correlated, so
-    each node counts half. Raises ValueError for an empty catalogue.
+
+def posterior(
+    log_densities: Float[np.ndarray, "shape population"],
+    *, none_prior: float, temperature: float = 1.0,
+) -> Float[np.ndarray, "shape population"]:
+    """Probability of each population, the last one being unlisted objects; rows sum to one.
+
+    `none_prior` is the probability of an unlisted object before anything is felt; listed ones share
+    the rest. Log densities are divided by `temperature`, which is above one where errors of the
+    numbers are more alike than the populations say (Guo and others 2017).
     """
-    if not catalogue:
-        raise ValueError("catalogue: empty; list at least one ProfileEntry")
-    share = np.linspace(0.0, 1.0, fit.radius_m.shape[1])
-    answers = []
-    for row, good in enumerate(is_fitted(fit.status)):
-        radius, height = fit.radius_m[row], fit.height_m[row]
-        std = np.hypot(fit.radius_std_m[row], model_std_m)
-        tall = max(0.03 * height, 2 * model_std_m)
-        square, broad = [], []
-        for entry in catalogue:
-            z = np.asarray(entry.height_m) - entry.height_m[0]
-            true = np.interp(share * z[-1], z, entry.radius_m)
-            square.append(0.5 * np.sum(((radius - true) / std) ** 2)
-                          + ((height - z[-1]) / tall) ** 2)
-            broad.append(true)
-        spread = 0.015
-        middle = np.mean(broad, axis=0)
-        none = (0.5 * np.sum((radius - middle) ** 2 / (std**2 + spread**2))
-                + ((height - 0.15) / 0.1) ** 2)
-        normal = -0.5 * np.sum(np.log(std)) - np.log(tall)
-        log = -0.5 * np.array(square) + normal + np.log((1 - none_prior) / len(catalogue))
-        log_none = (-0.5 * none - 0.25 * np.sum(np.log(std**2 + spread**2)) - np.log(0.1)
-                    + np.log(none_prior))
-        if not good:
-            log = np.full(len(catalogue), -np.inf)
-        names = [entry.name for entry in catalogue]
-        answers.append(_ranked(names, log, np.array(square), log_none, float(none)))
-    return answers
-
-
-def _equivalent_vectors(entry: Entry) -> np.ndarray:
-    """Equivalent parameter vectors of the entry's body, shape [vector, 7]."""
-    (a1, a2, a3), (e1, e2), (kx, ky) = entry.size_m, entry.exponents, entry.taper
-    vectors = []
-    for s in (1.0, -1.0):
-        vectors += [(a1, a2, a3, e1, e2, s * kx, s * ky), (a2, a1, a3, e1, e2, s * ky, s * kx)]
-    if abs(e1 - e2) < 0.1 and kx == ky == 0:
-        vectors += [(a2, a3, a1, e1, e2, 0, 0), (a3, a2, a1, e1, e2, 0, 0),
-                 (a1, a3, a2, e1, e2, 0, 0), (a3, a1, a2, e1, e2, 0, 0)]
-    table = np.array(vectors, float)
-    table[:, :3] = np.log(table[:, :3])
-    return table
-
-
-def _square(difference: np.ndarray, covariance: np.ndarray) -> float:
-    return float(difference @ np.linalg.solve(covariance, difference))
-
-
-def _ranked(names, log, square, log_none: float, square_none: float) -> list[Candidate]:
-    every = np.append(log, log_none)
-    weight = np.exp(every - every.max())
-    weight /= weight.sum()
-    distance = np.sqrt(np.append(square, square_none))
-    candidates = [Candidate(name, float(w), float(d)) for name, w, d in
-                  zip([*names, NONE], weight, distance, strict=True)]
-    return sorted(candidates, key=lambda c: -c.probability)
+    listed = log_densities.shape[1] - 1
+    prior = np.append(np.full(listed, (1 - none_prior) / max(listed, 1)), none_prior)
+    log = log_densities / temperature + np.log(prior)
+    weight = np.exp(log - log.max(axis=1, keepdims=True))
+    return weight / weight.sum(axis=1, keepdims=True)

@@ -1,71 +1,64 @@
-"""Convex polyhedra from touches, in batch, by k-planes.
+"""Convex polyhedra from the planes of their faces: which corners each face has."""
 
-Starting from a box (a fitted superquadric's frame), alternately assign each touch to the face with
-the largest signed distance and refit every face with enough touches, until nothing changes.
-"""
-
-from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float
 
-from fit.arrays import is_valid
-from fit.rotation import matrix_of_quaternion
-from fit.superquadric.geometry import SuperquadricLike
-
-FACE_POINTS = 4
-"""Minimum number of touches to tilt a face; fewer only shift it."""
-ROUNDS = 30
+PARALLEL = 1e-3
+"""Three planes meet in no point where the determinant of their unit normals is below this."""
+SAME_M = 1e-6
+"""Corners nearer to one another than this are one; one this far beyond a plane is on it [m]."""
 
 
-@dataclass(frozen=True)
-class PolyhedronFit:
-    """Polyhedra n.x <= offset for every face in use, one per row."""
+def polyhedron_faces(
+    normals: Float[np.ndarray, "face 3"], offset_m: Float[np.ndarray, " face"],
+) -> list[Float[np.ndarray, "corner 3"]]:
+    """Corners [m] of each face of the body n.x <= offset, counter-clockwise seen from outside.
 
-    normal: Float[np.ndarray, "fit face 3"]
-    offset_m: Float[np.ndarray, "fit face"]
-    used: Bool[np.ndarray, "fit face"]
-    """Faces determined by touches; the others are those of the box."""
-    touches: Int[np.ndarray, "fit face"]
-    """Number of touches on each face."""
-    distance_m: Float[np.ndarray, "fit point"]
-    """Signed distance of each touch to the plane of its face [m]; 0 for padding."""
+    A face without area has no corners. `normals` are unit vectors. Raises ValueError for arrays of
+    the wrong shape, and for planes that do not close a body.
+    """
+    normals, offset_m = np.asarray(normals, float), np.asarray(offset_m, float)
+    if normals.ndim != 2 or normals.shape[1] != 3 or offset_m.shape != normals.shape[:1]:
+        raise ValueError(f"planes: normals {normals.shape}, offsets {offset_m.shape}, should be "
+                         "(face, 3) and (face,)")
+    if not _closed(normals):
+        raise ValueError("planes: they close no body; some direction meets none of them")
+    corners = []
+    for three in combinations(range(len(normals)), 3):
+        rows = normals[list(three)]
+        if abs(np.linalg.det(rows)) > PARALLEL:
+            point = np.linalg.solve(rows, offset_m[list(three)])
+            if (normals @ point <= offset_m + SAME_M).all():
+                corners.append(point)
+    points = np.array(corners).reshape(-1, 3)
+    return [_ordered(points[np.abs(points @ n - d) <= 2 * SAME_M], n)
+            for n, d in zip(normals, offset_m, strict=True)]
 
 
-def fit_polyhedron(
-    points: Float[np.ndarray, "fit point 3"],
-    mask: Bool[np.ndarray, "fit point"],
-    box: SuperquadricLike,
-) -> PolyhedronFit:
-    """Fit six-faced convex polyhedra to touches [m], starting from the boxes around `box`."""
-    rotation = matrix_of_quaternion(box.quaternion_xyzw)
-    axes = np.moveaxis(rotation, 2, 1)
-    normal = np.concatenate([axes, -axes], axis=1)
-    offset = np.einsum("fki,fi->fk", normal, box.position_m) + np.tile(box.size_m, (1, 2))
-    mask = mask & is_valid(points).all(axis=2)
-    points = np.where(mask[..., None], points, 0.0)
-    face = np.full(mask.shape, -1)
-    for _ in range(ROUNDS):
-        out = np.einsum("fpi,fki->fpk", points, normal) - offset[:, None]
-        now = np.where(mask, np.argmax(out, axis=2), -1)
-        if np.array_equal(now, face):
-            break
-        face = now
-        member = (face[..., None] == np.arange(6)) & mask[..., None]
-        count = member.sum(axis=1)
-        some = np.maximum(count, 1)
-        mean = np.einsum("fpk,fpi->fki", member, points) / some[..., None]
-        spread = points[:, None] - mean[:, :, None]
-        scatter = np.einsum("fpk,fkpi,fkpj->fkij", member, spread, spread)
-        values, vectors = np.linalg.eigh(scatter)
-        found = vectors[..., 0]
-        found = found * np.sign(np.einsum("fki,fki->fk", found, normal) + 1e-12)[..., None]
-        # Tilt a face only if touches spread in two directions, and never past its neighbours.
-        wide = values[..., 1] > 4 * values[..., 0] + 1e-18
-        close = np.einsum("fki,fki->fk", found, normal) > 0.75
-        turns = (count >= FACE_POINTS) & wide & close
-        normal = np.where(turns[..., None], found, normal)
-        offset = np.where(count > 0, np.einsum("fki,fki->fk", normal, mean), offset)
-    out = np.einsum("fpi,fki->fpk", points, normal) - offset[:, None]
-    count = ((np.argmax(out, axis=2)[..., None] == np.arange(6)) & mask[..., None]).sum(axis=1)
-    return PolyhedronFit(normal, offset, count > 0, count, np.where(mask, out.max(axis=2), 0.0))
+def _closed(normals: np.ndarray) -> bool:
+    """Whether no direction makes an obtuse or right angle with every normal.
+
+    If there were such a direction, there would be one along the line where two planes meet.
+    """
+    ways = [np.cross(a, b) for a, b in combinations(normals, 2)]
+    ways = np.array([w / np.linalg.norm(w) for w in ways if np.linalg.norm(w) > PARALLEL])
+    if len(ways) == 0:
+        return False
+    ways = np.concatenate([ways, -ways])
+    return bool((ways @ normals.T > PARALLEL).any(1).all())
+
+
+def _ordered(points: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """Different corners of one face, turning about its outward normal."""
+    kept: list[np.ndarray] = []
+    for point in points:
+        if all(np.linalg.norm(point - other) > 2 * SAME_M for other in kept):
+            kept.append(point)
+    if len(kept) < 3:
+        return np.zeros((0, 3))
+    corners = np.array(kept)
+    arms = corners - corners.mean(axis=0)
+    u = arms[0] / np.linalg.norm(arms[0])
+    return corners[np.argsort(np.arctan2(arms @ np.cross(normal, u), arms @ u))]

@@ -259,3 +259,18 @@ class FitTable:
     upright_rad: float | None = _number(0.01, 1e-3, 10.0,
                                         "sigma of the tilt of a body that stands on the table")
     rounds: int = _number(4, 0, 32, "times contacts are re-projected onto the body last fitted")
+
+
+@dataclass(frozen=True)
+class RecognitionTable:
+    """Which of the known objects was felt."""
+
+    way: str = _choice("as_felt", ("as_felt", "faces", "profile", "parameters",
+                                   "catalogue_alignment"),
+                       "what is compared with models recovered before; as_felt: faces where two "
+                       "were felt, else the profile of a contour, else the parameters; "
+                       "catalogue_alignment lays the catalogue's exact bodies on the touches")
+    models: str = field(default="", metadata={
+        "doc": "a file that `warpgrasp learn` wrote; empty: the models that ship"})
+    none_prior: float = _number(0.2, 1e-3, 0.999, "probability of an object that is not among the "
+                                "models, before anything is felt [est]")

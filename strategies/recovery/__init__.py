@@ -1,4 +1,4 @@
-"""From contacts to a body: evidence, fits, choice of a model, recognition."""
+"""From contacts to a body: evidence, fits, choice of a model."""
 
 import lazy_loader
 
@@ -16,7 +16,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "fit_contacts": ["recover_bodies", "refine_bodies"],
     "misfit": ["FARTHEST_M", "UNBELIEVED_M", "touch_misfit"],
     "plausibility": ["FEWEST_CONTACTS", "plausible", "swept", "within_reach"],
-    "recognition": ["Recognizer", "recognizer", "right_answer"],
     "refit_policy": ["REGROWN", "contradicted", "explained", "felt_by_pads"],
     "upright": ["faces_of", "stand_upright"],
 })

@@ -11,7 +11,7 @@ import numpy as np
 
 KERNEL_MODULES = (
     "strategies.recovery.body_distances_kernel",
-    "strategies.recovery.pose_alignment_kernel",
+    "strategies.recognition.pose_alignment_kernel",
     "sweeps.episode.scores_kernel",
     "sweeps.episode.surface_elements_kernel",
     "warpgrasp.closing.closing_kernel",

@@ -7,5 +7,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "contact_rows": ["COLUMNS", "VECTORS", "contact_columns"],
     "episodes": ["EpisodeBlock", "place_objects", "run_block", "run_episodes", "cell_body"],
     "given_prior": ["draw_prior", "seen_prior"],
+    "recognition_columns": ["columns_of_recognition", "recognize_objects", "right_answers"],
     "scores": ["Scorer", "Scores", "score_superquadrics"],
 })

@@ -11,7 +11,6 @@ alone: the same for every strategy, setting and block.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from math import pi
 from pathlib import Path
 
@@ -24,13 +23,14 @@ from strategies.planners.oracle import Oracle
 from strategies.planners.planner_file import PlannerError
 from strategies.planners.register import Planner
 from strategies.poses.waypoints import BoundingCylinder
+from strategies.recognition.recognize import Recognition
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered
 from strategies.recovery.evidence import Evidence
-from strategies.recovery.recognition import Recognizer, recognizer, right_answer
 from sweeps.episode.columns import model_columns
 from sweeps.episode.contact_rows import contact_tables
 from sweeps.episode.given_prior import draw_prior, prior_recovered, seen_prior
+from sweeps.episode.recognition_columns import columns_of_recognition, recognize_objects
 from sweeps.episode.scores import Scorer, Scores
 from sweeps.episode.untouched import why_untouched
 from sweeps.spec.cell import CONTACTS, Cell
@@ -73,8 +73,8 @@ class EpisodeBlock:
     prior_scores: Scores
     """Of the prior itself: what an episode without a touch would have."""
     moments: tuple[Moment, ...]
-    recognized: np.ndarray
-    """Name of the catalogue's object that was felt, "none of these", or "", str (world,)."""
+    recognition: Recognition
+    """Which known object was felt."""
 
     @property
     def body(self) -> Body:
@@ -135,7 +135,7 @@ def _rows_of(
 ) -> dict[str, np.ndarray]:
     cell = parts[0][0]
     counts = [len(episodes) for _, episodes in parts]
-    block = _run_parts(parts, bodies, device)
+    block = run_parts(parts, bodies, device)
     worlds = sum(counts)
     belief, scores, recovered = block.exploration.belief, block.scores, block.recovered
     # Probes in turn, a column each: which of them the arm could not make, and why.
@@ -159,8 +159,7 @@ def _rows_of(
         "robot_time_s": belief.time_s,
         "arm_path_m": belief.path_m,
         **_score_columns(scores),
-        "recognized_as": block.recognized,
-        "recognized": block.recognized == np.repeat([right_answer(b) for b in bodies], counts),
+        **columns_of_recognition(block.recognition, cell.recognition, bodies, counts),
         "shape": names[recovered.shape],
         **_score_columns(block.prior_scores, "prior_"),
     }
@@ -189,10 +188,10 @@ def episode_notes(block: EpisodeBlock, cell: Cell, which: np.ndarray) -> np.ndar
 
 def run_block(cell: Cell, episodes: np.ndarray, device: str) -> EpisodeBlock:
     """Run a block of episodes of one cell and keep all of it."""
-    return _run_parts([(cell, episodes)], [cell_body(cell)], device)
+    return run_parts([(cell, episodes)], [cell_body(cell)], device)
 
 
-def _run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> EpisodeBlock:
+def run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> EpisodeBlock:
     cell = parts[0][0]
     which = np.repeat(np.arange(len(parts)), [len(episodes) for _, episodes in parts])
     key = np.concatenate([
@@ -233,9 +232,9 @@ def _run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Ep
                         status=np.where(wrong, "strategy_failed", found.status))
     last = moments[-1]
     scores = scorer.score_again(found.recovered, last.recovered, last.scores)
-    recognized = _recognizer(device).names(found.belief, found.recovered)
+    recognition = recognize_objects(found.belief, found.recovered, cell.recognition, device)
     return EpisodeBlock(tuple(bodies), truth, prior, found, scores, moments[0].scores,
-                        tuple(moments[1:]), recognized)
+                        tuple(moments[1:]), recognition)
 
 
 def _noise_key(key: np.ndarray, stream: int) -> np.ndarray:
@@ -250,11 +249,6 @@ def _planner(cell: Cell, robot: Robot, prior: BoundingCylinder) -> tuple[Planner
                           robot, prior), ""
     except PlannerError as error:
         return lambda belief: [], str(error)
-
-
-@cache
-def _recognizer(device: str) -> Recognizer:
-    return recognizer(device=device)
 
 
 def _procedures(block: EpisodeBlock) -> np.ndarray:

@@ -9,6 +9,7 @@ from strategies.ready_made import STRATEGIES
 from sweeps.episode.episodes import cell_body
 from sweeps.spec.cell import SECTIONS, Cell
 from sweeps.spec.errors import Problems, choose
+from sweeps.spec.models import with_models
 from sweeps.spec.objects import read_objects
 from sweeps.spec.units import read_table
 from warpgrasp.geometry.body import Body
@@ -41,6 +42,7 @@ def read_settings(objects: Any, tables: Mapping[str, Any] | None) -> Settings:
             problems.add(("settings", name), f"unknown table; {choose(name, SECTIONS)}")
     read = {name: table(**read_table(table, given.get(name, {}), ("settings", name), problems))
             for name, table in SECTIONS.items()}
+    read["recognition"] = with_models(read["recognition"], Path.cwd(), problems)
     if problems.found:
         raise ValueError("\n".join(f"{p.key}: {p.what}" for p in problems.found))
     read["placement"] = read.pop("object")

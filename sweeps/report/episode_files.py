@@ -122,7 +122,10 @@ def shape_record(cell: Cell, block: EpisodeBlock, world: int = 0) -> dict[str, A
         "trust": trust_sentence(block, world),
         "models": list(_models(cell, block, world)),
         "chosen": kinds[shape],
-        "recognized_as": str(block.recognized[world]) or None,
+        "recognized_as": str(block.recognition.name[world]) or None,
+        "recognized_by": str(block.recognition.way[world]) or None,
+        "recognized_probability": (float(block.recognition.probability[world])
+                                   if block.recognition.name[world] else None),
         "true_pose": {"x_m": float(pose[0]), "y_m": float(pose[1]),
                       "yaw_rad": float(2 * np.arctan2(pose[5], pose[6]))},
         "procedures": list(_ends(block, world)),

@@ -1,4 +1,5 @@
-"""What a study was read from besides its spec: meshes, profiles, files of poses, planners.
+"""What a study was read from besides its spec: meshes, profiles, files of poses,
+planners, known models.
 
 A study keeps a copy of each below `inputs/HASH/`, under its own name, so that its episodes can be
 run again when the originals have changed or the directory was moved. `HASH` is the one by which
@@ -23,6 +24,8 @@ from sweeps.spec.study import FILE_KEYS, Body, Study
 FOLDER = "inputs"
 POSES = "poses.csv"
 """Of a copy of a file of poses, whose name is not known from `resolved.json`."""
+MODELS = "models.json"
+"""Of a copy of a file of known models, likewise."""
 
 
 def keep_inputs(folder: Path, study: Study) -> None:
@@ -42,6 +45,10 @@ def keep_inputs(folder: Path, study: Study) -> None:
         if file.endswith(".py"):
             for name in (Path(file).name, *files_beside(Path(file))):
                 _keep(Path(file).with_name(name), inputs / program_hash(file) / name)
+
+
+    if models := study.tables["recognition"].models:
+        _keep(Path(models), inputs / _hash(Path(models)) / MODELS)
 
 
 def _keep(file: Path, copy: Path) -> None:
@@ -78,7 +85,12 @@ def kept_cell(cell: Cell, body: Body, folders: tuple[Path, ...]) -> Cell:
             _hash(place / name), {file.name: _hash(file) for file in sorted(place.glob("*.py"))
                                   if file.name != name}))
         strategy = replace(strategy, call=f"{place}/{rest}")
-    return replace(cell, body_table=table, strategy=strategy)
+    recognition = cell.recognition
+    if recognition.models:
+        key = recognition.models.removeprefix("sha256:")
+        place = _find(folders, key, "known models", lambda place: _hash(place / MODELS) == key)
+        recognition = replace(recognition, models=str(place / MODELS))
+    return replace(cell, body_table=table, strategy=strategy, recognition=recognition)
 
 
 def _find(folders: Sequence[Path], key: str, name: str, whole: Callable[[Path], bool]) -> Path:

@@ -17,6 +17,7 @@ from strategies.planners.planner_file import files_beside
 from strategies.poses.waypoints import WAYPOINT_KINDS
 from strategies.strategy import Strategy
 from sweeps.spec.cell import SECTIONS, TABLES, Cell
+from sweeps.spec.models import canonical_table
 from sweeps.spec.study import FILE_KEYS, Axis, Body, Study, StudyTable
 
 RESULTS_SCHEMA = 18  # raise when rows change their meaning: older units are then computed again
@@ -110,7 +111,7 @@ def cell_hash(cell: Cell, body: Body) -> str:
     return digest({
         "strategy": canonical_strategy(cell.strategy), "object": cell.object_name,
         "body": canonical_body(body), "seed": cell.seed,
-        **{name: asdict(getattr(cell, name)) for name in TABLES}})
+        **{name: canonical_table(getattr(cell, name), _file_hash) for name in TABLES}})
 
 
 def unit_id(cell_name: str, start: int, stop: int) -> str:
@@ -159,7 +160,7 @@ def canonical_study(study: Study) -> dict[str, Any]:
         "episodes_per_cell": study.head.episodes_per_cell,
         "objects": {body.name: canonical_body(body) for body in study.objects},
         "strategies": {s.name: canonical_strategy(s) for s in study.strategies},
-        **{name: asdict(table) for name, table in study.tables.items()},
+        **{name: canonical_table(table, _file_hash) for name, table in study.tables.items()},
         "sweep": [_canonical_axis(axis) for axis in study.axes],
     }))
 

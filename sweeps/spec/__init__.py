@@ -6,6 +6,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "cell": ["CONTACTS", "Cell", "SECTIONS", "TABLES", "differ_in_object_alone"],
     "errors": ["Held", "OtherStudy", "Problem", "Problems", "SpecError", "StoreError",
         "choose", "short"],
+    "models": ["UNSWEPT", "canonical_table", "with_models"],
     "objects": ["files_digest", "object_of_argument", "read_objects"],
     "reader": ["read_spec"],
     "study": ["Axis", "Body", "FILE_KEYS", "Study", "StudyTable"],

@@ -11,6 +11,7 @@ from strategies.strategy import BUDGET_KEYS, Strategy
 from sweeps.spec.cell import SECTIONS
 from sweeps.spec.checks import check_swept_order
 from sweeps.spec.errors import KeyPath, Problem, Problems, SpecError, choose, short
+from sweeps.spec.models import UNSWEPT
 from sweeps.spec.strategies import read_names
 from sweeps.spec.study import Axis
 from sweeps.spec.units import spec_fields
@@ -99,7 +100,8 @@ def _readers(strategies: Sequence[Strategy]) -> dict[str, Reader]:
     """How to check and convert one value of every key that can be swept."""
     readers: dict[str, Reader] = {f"{section}.{name}": field.read
                                   for section, table in SECTIONS.items()
-                                  for name, field in spec_fields(table).items()}
+                                  for name, field in spec_fields(table).items()
+                                  if f"{section}.{name}" != UNSWEPT}
     for strategy in strategies:
         for family in strategy.waypoints:
             for name, field in spec_fields(type(family)).items():

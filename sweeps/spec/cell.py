@@ -14,6 +14,7 @@ from warpgrasp.parameters import (
     HandTable,
     ObjectTable,
     PadTable,
+    RecognitionTable,
     SensorTable,
     StereoTable,
 )
@@ -23,6 +24,7 @@ SECTIONS: dict[str, type] = {
     "contact": ContactTable,
     "object": ObjectTable, "fit": FitTable, "pads": PadTable, "stereo": StereoTable,
     "planar": PlanarTable, "contour": ContourTable, "decide": DecideTable,
+    "recognition": RecognitionTable,
 }
 TABLES = tuple("placement" if name == "object" else name for name in SECTIONS)
 """Names of the sections' fields in a `Cell`."""
@@ -54,6 +56,7 @@ class Cell:
     planar: PlanarTable = field(default_factory=PlanarTable)
     contour: ContourTable = field(default_factory=ContourTable)
     decide: DecideTable = field(default_factory=DecideTable)
+    recognition: RecognitionTable = field(default_factory=RecognitionTable)
     seed: int = 0
     setting: Mapping[str, Any] = field(default_factory=dict)
     keep: str = "nothing"

@@ -10,6 +10,7 @@ from sweeps.spec.axes import read_axes, read_overrides
 from sweeps.spec.cell import SECTIONS
 from sweeps.spec.checks import check_order, check_pads
 from sweeps.spec.errors import Problem, Problems, SpecError, choose
+from sweeps.spec.models import with_models
 from sweeps.spec.objects import read_objects
 from sweeps.spec.strategies import read_strategies
 from sweeps.spec.study import CELL_LIMIT, EPISODE_LIMIT, Study, StudyTable
@@ -52,6 +53,7 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
         head = replace(head, name=FilePath(problems.file).stem)
     tables = {name: table(**read_table(table, values.get(name, {}), (name,), problems))
               for name, table in SECTIONS.items()}
+    tables["recognition"] = with_models(tables["recognition"], base_dir, problems)
     strategies = read_strategies(values.get("strategy", []), base_dir, problems)
     objects = read_objects(values.get("objects", []), base_dir, problems)
     axes = read_axes(values.get("sweep", {}), extra_grid or {}, strategies, tables, head.seed,

@@ -7,7 +7,7 @@ weights of Geman and McClure 1985.
 import numpy as np
 import warp as wp
 
-from strategies.recovery.pose_alignment_kernel import _placement_kernel
+from strategies.recognition.pose_alignment_kernel import _placement_kernel
 from warpgrasp.core.dtypes import real, vec3
 from warpgrasp.core.kernel_launch import ShapeError, launch
 from warpgrasp.geometry.scene import Scene

@@ -11,7 +11,7 @@ from places import SHARED
 from fit.superquadric.geometry import superquadric
 from strategies.recovery.choose_model import Recovered, Shape
 from strategies.recovery.evidence import Evidence
-from strategies.recovery.recognition import NONE, Recognizer, recognizer
+from strategies.recognition.catalogue_alignment import NONE, Recognizer, recognizer
 from warpgrasp.geometry.body import Body
 from warpgrasp.geometry.body_sampling import sample_body
 from warpgrasp.objects.catalogue import body_from_name, body_from_table

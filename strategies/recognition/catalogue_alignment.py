@@ -1,6 +1,6 @@
-"""Which of the known objects was felt: each is laid on the touches, and the best one must fit.
+"""Recognition by exact bodies: each known one is laid on the touches, and the best one must fit.
 
-The known bodies stand upright, so three numbers place one: x, y and its turn about the vertical.
+That is more than a robot would know; it shows what the touches could tell. The bodies stand upright, so three numbers place one: x, y and its turn about the vertical.
 They are found by Gauss-Newton on the distances of the touches to its surface, from several turns
 (verification of a hypothesis after Grimson and Lozano-Perez 1984, with the distance field in place
 of face bounds). A body taller than what was felt leaves its top untouched: the height counts too.
@@ -11,15 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from strategies.recognition.pose_alignment import placed_squares
+from strategies.recognition.recognize import ALIGNMENT, NONE, Recognition, no_answer
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered, Shape
-from strategies.recovery.pose_alignment import placed_squares
 from strategies.recovery.upright import stand_upright
 from warpgrasp.geometry.body import Body, distance_to_bodies, scene_of
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.objects.catalogue_names import BODY_NAMES
 
-NONE = "none of these"
 TURNS = 12
 """Of a whole turn, from which a body with sides is laid down."""
 SAME_M = 1e-6
@@ -86,21 +86,15 @@ class Recognizer:
         weight = np.exp(log - log.max(1, keepdims=True))
         return Ranking(tuple(self.bodies), square, weight / weight.sum(1, keepdims=True))
 
-    def names(self, belief: Belief, recovered: Recovered) -> np.ndarray:
-        """The likeliest answer of each world, "" where no body was recovered, str (world,)."""
-        if not (recovered.shape != Shape.PRIOR_CYLINDER).any():
-            return np.full(belief.worlds, "", object)
+    def recognize(self, belief: Belief, recovered: Recovered) -> Recognition:
+        """The likeliest answer of each world, "" where no body was recovered."""
+        there = recovered.shape != Shape.PRIOR_CYLINDER
+        if not there.any():
+            return no_answer(len(there))
         found = self.ranking(belief, recovered)
         answers = np.array([*found.names, NONE], object)[found.probability.argmax(1)]
-        return np.where(recovered.shape == Shape.PRIOR_CYLINDER, "", answers)
-
-
-def right_answer(body: Body) -> str:
-    """The right answer of a recognizer of the whole catalogue: shapes count, not names."""
-    for name in BODY_NAMES:
-        if body_from_name(name).content == body.content:
-            return name
-    return NONE
+        return Recognition(np.where(there, answers, ""), np.where(there, ALIGNMENT, ""),
+                           np.where(there, found.probability.max(1), np.nan))
 
 
 def recognizer(names: tuple[str, ...] = (), *, device: str = "cpu") -> Recognizer:

@@ -1,0 +1,11 @@
+"""Which object was felt: recovered bodies compared with models that were recovered before."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "catalogue_alignment": ["Recognizer", "recognizer"],
+    "descriptions": ["described"],
+    "known_models": ["KnownModels", "ModelsError", "models_from_file", "models_text"],
+    "lessons": ["UNLISTED", "Lesson", "add_objects", "learn_models", "lesson_of"],
+    "recognize": ["ALIGNMENT", "NONE", "Recognition", "recognize"],
+})

@@ -1,0 +1,106 @@
+"""The command `learn`: known models from episodes with objects that a teacher names."""
+
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sweeps.output import init_warp, note, quiet_stdout, write_atomic
+from sweeps.spec.errors import StoreError
+from sweeps.spec.objects import object_of_argument
+from sweeps.text_table import print_table
+from warpgrasp.objects.catalogue_names import BODY_NAMES
+
+if TYPE_CHECKING:
+    from strategies.recognition.known_models import KnownModels
+    from strategies.recognition.lessons import Lesson
+    from strategies.strategy import Strategy
+
+CATALOGUE = "catalogue"
+"""An argument that stands for all objects of the catalogue."""
+
+
+def learn(
+    what: Sequence[str], out: Path, *, units: str | None, strategies: Sequence["Strategy"],
+    episodes: int, seed: int, unlisted: int, extend: Path | None, only: bool, device: str,
+) -> int:
+    """Feel each object and write what was recovered; prints a row an object.
+
+    With `unlisted` objects everything is learned anew, else the objects are added to the models of
+    `extend`, by default those that ship.
+    """
+    with quiet_stdout():
+        init_warp()
+        objects = _tables(what, units)
+        from strategies.recognition.known_models import ModelsError, models_from_file, models_text
+
+        try:
+            known = models_from_file("" if extend is None else str(extend))
+        except ModelsError as error:
+            if unlisted == 0:
+                raise StoreError(str(error)) from None
+            known = None
+        models = _learned(objects, strategies, episodes, seed, unlisted, known, only, device,
+                          _command(what, strategies, episodes, seed, unlisted, extend, only))
+        try:
+            write_atomic(out, models_text(models).encode())
+        except OSError as error:
+            raise StoreError(f"{out}: cannot be written: {error.strerror or error}") from None
+    print_table(("object", "recovered", "faces", "profile", "parameters"),
+                [(one.name or "unlisted", str(max(one.tried.values())),
+                  *(f"{one.found[way]} of {one.tried[way]}" for way in
+                    ("faces", "profile", "parameters")))
+                 for one in (*models.objects, models.unlisted)], False)
+    return 0
+
+
+def _tables(what: Sequence[str], units: str | None) -> dict[str, dict[str, Any]]:
+    """Objects by name, as a spec would have them. Raises StoreError for a name given twice."""
+    names = [name for one in what for name in (BODY_NAMES if one == CATALOGUE else [one])]
+    tables: dict[str, dict[str, Any]] = {}
+    for name in names:
+        table = object_of_argument(name, units)
+        if table["name"] in tables:
+            raise StoreError(f"{name}: the name {table['name']} is given twice")
+        tables[table["name"]] = table
+    return tables
+
+
+def _learned(
+    objects: dict[str, dict[str, Any]], strategies: Sequence["Strategy"], episodes: int, seed: int,
+    unlisted: int, known: "KnownModels | None", only: bool, device: str, made_by: str,
+) -> "KnownModels":
+    from dataclasses import replace
+
+    from strategies.recognition.lessons import add_objects, learn_models
+    from sweeps.episode.teaching import contents_of, teach, unlisted_table
+
+    lessons: list[Lesson] = []
+    for strategy, lesson in teach(objects, strategies, episodes, seed, device):
+        lessons.append(lesson)
+        note(f"{strategy.name}: {len(lesson.names)} episodes")
+    contents = contents_of(objects)
+    try:
+        if unlisted == 0 and known is not None:
+            return add_objects(replace(known, objects=()) if only else known, lessons, contents,
+                               made_by)
+        others = [unlisted_table(seed, number) for number in range(unlisted)]
+        for strategy, lesson in teach({table["name"]: table for table in others}, strategies, 2,
+                                      seed, device, listed=False):
+            lessons.append(lesson)
+            note(f"{strategy.name}: {len(lesson.names)} episodes with unlisted objects")
+        return learn_models(lessons, contents, made_by)
+    except ValueError as error:
+        raise StoreError(str(error)) from None
+
+
+def _command(what: Sequence[str], strategies: Sequence["Strategy"], episodes: int, seed: int,
+             unlisted: int, extend: Path | None, only: bool) -> str:
+    """The command that makes the same models again, without folders."""
+    names = [Path(one).name for one in what]
+    words = ["warpgrasp", "learn", *names, "--episodes", str(episodes), "--seed", str(seed)]
+    for strategy in strategies:
+        words += ["--strategy", Path(strategy.name).name]
+    words += ["--unlisted", str(unlisted)] if unlisted else []
+    words += ["--extend", extend.name] if extend is not None else []
+    return shlex.join([*words, *(["--only"] if only else [])])
