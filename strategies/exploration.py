@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fit.arrays import put_rows, rows_of, with_rows
+from fit.arrays import rows_of, with_rows
 from fit.fit_status import FitStatus
 from fit.superquadric.fit import fit_superquadric
 from fit.superquadric.record import SuperquadricFit
@@ -49,7 +49,6 @@ from strategies.recovery.evidence import (
     no_links,
     touched_links,
 )
-from strategies.recovery.fit_contacts import recover_bodies, refine_bodies
 from strategies.recovery.misfit import UNBELIEVED_M, touch_misfit
 from strategies.recovery.plausibility import (
     FEWEST_CONTACTS,
@@ -57,7 +56,7 @@ from strategies.recovery.plausibility import (
     swept,
     within_reach,
 )
-from strategies.recovery.refit_policy import REGROWN, contradicted, explained, felt_by_pads
+from strategies.recovery.refit_policy import Fitted, finished, newly_felt, refitted
 from warpgrasp.motion_cost import was_made
 from warpgrasp.parameters import FitTable
 from warpgrasp.probe_status import ProbeStatus
@@ -121,6 +120,8 @@ def explore(
             break
         if observe is not None and run.step > before:
             observe(run.belief, run.recovered)
+    if run.finish() and observe is not None:
+        observe(run.belief, run.recovered)
     return run.result()
 
 
@@ -153,9 +154,8 @@ class RunningExploration:
         self.whole: Profile | None = None  # and completed by all else that was felt
         self.touches = np.zeros(worlds, int)
         self.time, self.path = np.zeros(worlds), np.zeros(worlds)
-        self.fits = _no_fits(worlds)
-        self.count_at_scratch = np.zeros(worlds, int)
-        self.placed = self.felt
+        self.fitted = Fitted(_no_fits(worlds), self.felt, np.zeros(worlds, int),
+                             np.zeros(worlds, bool))
         self.shape = np.zeros(worlds, int)
         self._conclude(np.arange(worlds))
 
@@ -195,6 +195,14 @@ class RunningExploration:
             self.active &= within_budget(self.budget, self.belief)
             self.belief = replace(self.belief, active=read_only(self.active.copy()))
         return bool((changed | stopped).any())
+
+    def finish(self) -> bool:
+        """Fit bodies that were only refined since from new starts; False where there are none."""
+        self.fitted, rows = finished(self.fitted, self.felt,
+                                     self.links if self.intrinsic else None, self.table)
+        if len(rows):
+            self._conclude(rows)
+        return len(rows) > 0
 
     def result(self) -> Exploration:
         """The episodes as far as they have come."""
@@ -286,38 +294,24 @@ class RunningExploration:
         self.slots += evidence.mask.shape[1]
 
     def _refit(self, rows: np.ndarray) -> None:
-        """Bodies of the worlds that felt something new.
-
-        From scratch where links have made half as many contacts again since that was last done, or
-        pads contradict the body; otherwise from the body last fitted, and where a contour explains
-        what pads felt without a rival.
-        """
+        """Bodies of those of the worlds `rows` that felt something new."""
         self.felt = joined_evidence(self.felt, *(evidence for evidence, _ in self.news))
         self.links = joined_links(self.links, *(links for _, links in self.news))
+        new = newly_felt([evidence for evidence, _ in self.news], self.robot.worlds)
         self.news = []
-        by_pads = felt_by_pads(self.felt, rows)
-        believed = self.believed()
-        count = (self.felt.mask & ~self.felt.by_pad).sum(1)
-        regrown = ~believed | (count > REGROWN * self.count_at_scratch)
-        from_scratch = regrown | contradicted(self.fits, by_pads)
-        turned = ~regrown & explained(self.profile, by_pads)
-        for among, start, table in (
-                (from_scratch & ~turned, False, self.table),
-                (~from_scratch & ~turned, True, self.table),
-                (turned, True, replace(self.table, rivals=False))):
-            part = rows[among[rows]]
-            if len(part) == 0:
-                continue
-            felt = rows_of(self.felt, part)
-            links = rows_of(self.links, part) if self.intrinsic else None
-            if start:
-                fits, placed = refine_bodies(felt, links, table, self.fits[part])
-            else:
-                fits, placed = recover_bodies(felt, links, table)
-                self.count_at_scratch = with_rows(self.count_at_scratch, part, count[part])
-            self.fits = with_rows(self.fits, part, fits)
-            self.placed = _widened(self.placed, self.felt, placed.free_m.shape[1])
-            put_rows(self.placed, part, placed)
+        links = self.links if self.intrinsic else None
+        self.fitted = refitted(self.fitted, self.felt, links, rows[new[rows]], self.steps,
+                               self.believed(), self.profile, self.table)
+
+    @property
+    def fits(self) -> SuperquadricFit:
+        """The superquadrics last fitted."""
+        return self.fitted.fits
+
+    @property
+    def placed(self) -> Evidence:
+        """What they were fitted to."""
+        return self.fitted.placed
 
     def believed(self) -> np.ndarray:
         """Worlds whose fit is good enough to go on by, bool (world,)."""
@@ -373,19 +367,3 @@ class RunningExploration:
 def _no_fits(worlds: int) -> SuperquadricFit:
     """Fits of nothing."""
     return fit_superquadric(np.zeros((worlds, 1, 3)), np.zeros((worlds, 1), bool))
-
-
-def _widened(placed: Evidence, felt: Evidence, free: int) -> Evidence:
-    """The evidence last placed, empty where more has been felt since; arrays of its own."""
-    worlds, before = placed.mask.shape
-    new = slice(before, None)
-    free_m = np.zeros((worlds, free, 3))
-    free_mask = np.zeros((worlds, free), bool)
-    kept = min(free, placed.free_m.shape[1])
-    free_m[:, :kept], free_mask[:, :kept] = placed.free_m[:, :kept], placed.free_mask[:, :kept]
-    return Evidence(
-        np.concatenate([placed.points_m, felt.points_m[:, new]], 1),
-        np.concatenate([placed.mask, np.zeros_like(felt.mask[:, new])], 1),
-        np.concatenate([placed.covariance_m2, felt.covariance_m2[:, new]], 1),
-        np.concatenate([placed.normals, felt.normals[:, new]], 1),
-        free_m, felt.free_radius_m, free_mask, felt.by_pad.copy(), felt.felt_normals.copy())

@@ -10,7 +10,8 @@ import numpy as np
 
 from fit.superquadric.geometry import Superquadric
 from fit.superquadric.uncertainty import distance_slopes, surface_std
-from strategies.planners.candidates import candidate_poses, predicted_touches
+from strategies.planners.candidates import candidate_poses
+from strategies.planners.foresight import predicted_touches
 from strategies.planners.prior_body import planning_belief
 from strategies.planners.probes import Grasp, Probe
 from strategies.planners.register import planner
@@ -43,15 +44,20 @@ class OneAtATime(ABC):
         self.larger_m: np.ndarray | float = 0.0
         """By how much the object is taken to be larger than believed, (world,)."""
         self._before: tuple[np.ndarray, np.ndarray] | None = None
+        self._about_prior: tuple[np.ndarray, np.ndarray] | None = None
+        """Candidates about the prior cylinder, which stays: they are the same at every step."""
 
     def __call__(self, belief: Belief) -> list[Probe]:
         """One grasp in every world that has a candidate left."""
-        margin: np.ndarray | float = 0.0
         if self.about == "belief":
             self._learn(belief)
             belief, trusted = planning_belief(belief, self.larger_m)
             margin = np.where(trusted, self.larger_m, 0.0)
-        poses, reachable = candidate_poses(belief, about=self.about, margin_m=margin)
+            poses, reachable = candidate_poses(belief, margin_m=margin)
+        else:
+            if self._about_prior is None:
+                self._about_prior = candidate_poses(belief, about="prior")
+            poses, reachable = self._about_prior
         if self.taken is None:
             self.taken = np.zeros(reachable.shape, bool)
         free = reachable & ~self.taken & belief.active[:, None]
@@ -97,16 +103,26 @@ class EvenPoses(OneAtATime):
 
     about = "prior"
 
+    def __init__(self) -> None:
+        super().__init__()
+        self._apart: np.ndarray | None = None
+
     def gain(self, belief: Belief, poses: np.ndarray, free: np.ndarray) -> np.ndarray:
         """Distance to the nearest pose taken; 0.1 m counts as much as one radian."""
         assert self.taken is not None
-        x, y, z, w = np.moveaxis(poses[..., 3:], -1, 0)
-        approach = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], -1)
-        side = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], -1)
-        place = np.concatenate([poses[..., :3] / 0.1, approach, 0.5 * side], -1)
-        apart = np.linalg.norm(place[:, :, None] - place[:, None], axis=-1)
-        near = np.where(self.taken[:, None], apart, np.inf).min(-1)
+        if self._apart is None:
+            self._apart = _apart(poses)
+        near = np.where(self.taken[:, None], self._apart, np.inf).min(-1)
         return np.where(np.isfinite(near), near, 1.0)
+
+
+def _apart(poses: np.ndarray) -> np.ndarray:
+    """Distances between a world's poses, (world, candidate, candidate)."""
+    x, y, z, w = np.moveaxis(poses[..., 3:], -1, 0)
+    approach = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], -1)
+    side = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], -1)
+    place = np.concatenate([poses[..., :3] / 0.1, approach, 0.5 * side], -1)
+    return np.linalg.norm(place[:, :, None] - place[:, None], axis=-1)
 
 
 @planner("coverage", "greedy coverage: the pose whose predicted touches are farthest from all felt")

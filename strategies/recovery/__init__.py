@@ -13,9 +13,9 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "evidence": ["CONTOUR_TOUCHES", "Evidence", "FACE_TOUCHES", "TABLE_MARGIN_M", "TouchedLinks",
         "evidence_from_grasps", "evidence_from_touches", "joined_evidence", "joined_links",
         "no_evidence", "no_links", "touched_links"],
-    "fit_contacts": ["recover_bodies", "refine_bodies"],
+    "fit_contacts": ["recover_bodies"],
     "misfit": ["FARTHEST_M", "UNBELIEVED_M", "touch_misfit"],
     "plausibility": ["FEWEST_CONTACTS", "plausible", "swept", "within_reach"],
-    "refit_policy": ["REGROWN", "contradicted", "explained", "felt_by_pads"],
+    "refit_policy": ["Fitted", "newly_felt", "refitted"],
     "upright": ["faces_of", "stand_upright"],
 })

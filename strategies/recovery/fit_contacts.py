@@ -22,8 +22,9 @@ from warpgrasp.parameters import FitTable
 
 FREE_BALLS = 24
 """Free balls given to a fit, the nearest to the body last fitted."""
-REFINE_ROUNDS = 2
-"""Rounds for a body that is known already and felt a little more."""
+REFINE_ITERATIONS = 12
+"""Iterations of the finish of a body that is known already and felt a little more: the next step
+goes on from there."""
 PLACE_SIGMA_M = 0.003
 """How well a body still being fitted predicts where a link's axis must pass [est]."""
 NORMAL_SIGMA_M = 0.0008
@@ -38,21 +39,25 @@ descents scores move by less than 1 um in the median, in nine of ten by less tha
 FARTHEST_M = 0.02
 """A link farther than this from the body is no less likely than one this far."""
 
+Bodies = tuple[SuperquadricFit, Evidence]
+"""Fits, and their contacts as placed for them, a row a world."""
+
 
 def recover_bodies(
-    evidence: Evidence, links: TouchedLinks | None, table: FitTable
-) -> tuple[SuperquadricFit, Evidence]:
+    evidence: Evidence, links: TouchedLinks | None, table: FitTable, *, doubted_m: float = DOUBTED_M
+) -> Bodies:
     """Superquadrics of all worlds, and the contacts as placed for the last fit.
 
     Without `links` (the paper's fingertip estimate) the points stay where they are felt, and one
-    more fit brings in free space. Bodies that are doubted have rivals (`misfit`).
+    more fit brings in free space. Bodies whose contacts lie `doubted_m` off have rivals (`misfit`).
     """
-    return _against_rivals(*_recover(evidence, links, table), evidence, links, table)
+    return beside_rivals(*_recover(evidence, links, table), evidence, links, table,
+                         doubted_m=doubted_m)
 
 
 def _recover(
     evidence: Evidence, links: TouchedLinks | None, table: FitTable
-) -> tuple[SuperquadricFit, Evidence]:
+) -> Bodies:
     # No body yet, so no free balls yet; masked ones in their place, for one compiled program.
     first = slice(0, FREE_BALLS)
     placed = replace(evidence, free_m=evidence.free_m[:, first],
@@ -76,35 +81,43 @@ def _recover(
 
 
 def refine_bodies(
-    evidence: Evidence, links: TouchedLinks | None, table: FitTable, start: SuperquadricFit
-) -> tuple[SuperquadricFit, Evidence]:
-    """Bodies of worlds that felt a little more, going on from the bodies last fitted."""
+    evidence: Evidence, links: TouchedLinks | None, table: FitTable, start: SuperquadricFit, *,
+    rounds: int = 1, iterations: int = REFINE_ITERATIONS
+) -> Bodies:
+    """Bodies of worlds that felt a little more, going on from the bodies last fitted.
+
+    Contacts are placed `rounds` times. No rivals: see `beside_rivals`.
+    """
     placed, fits = evidence, start
-    rounds = min(REFINE_ROUNDS, max(table.rounds, 1)) if links is not None else 1
+    rounds = min(rounds, max(table.rounds, 1)) if links is not None else 1
     for number in range(rounds):
         if links is not None:
             placed = contacts_placed(evidence, links, fits)
         placed = nearest_free(placed, evidence, fits)
-        fits = fit_evidence(
-            placed, table, start=fits,
-            iterations=LAST_ITERATIONS if number == rounds - 1 else 0)
-    return _against_rivals(fits, placed, evidence, links, table)
+        fits = fit_evidence(placed, table, start=fits,
+                            iterations=iterations if number == rounds - 1 else 0)
+    return fits, placed
 
 
-def _against_rivals(
+def beside_rivals(
     fits: SuperquadricFit, placed: Evidence, evidence: Evidence, links: TouchedLinks | None,
-    table: FitTable
-) -> tuple[SuperquadricFit, Evidence]:
+    table: FitTable, *, doubted_m: float = DOUBTED_M
+) -> Bodies:
     """The fits, or in doubted worlds those of the rival residual where they are nearer."""
-    misfit = touch_misfit(fits, placed)
-    rows = np.flatnonzero((misfit > DOUBTED_M) & placed.mask.any(1) & table.rivals)
+    far = touch_misfit(fits, placed) > doubted_m
+    rows = np.flatnonzero(far & placed.mask.any(1) & table.rivals)
     if len(rows) == 0:
         return fits, placed
     rival, where = _recover(rows_of(evidence, rows), rows_of(links, rows),
                             replace(table, residual=RIVAL))
-    won = touch_misfit(rival, where) < CLEARLY * misfit[rows]
-    return (with_rows(fits, rows[won], rival[won]),
-            with_rows(placed, rows[won], rows_of(where, won)))
+    best, there = nearer((fits[rows], rows_of(placed, rows)), (rival, where), CLEARLY)
+    return with_rows(fits, rows, best), with_rows(placed, rows, there)
+
+
+def nearer(one: Bodies, other: Bodies, share: float = 1.0) -> Bodies:
+    """Of each world the `other` body where its misfit is below `share` of the first's."""
+    won = np.flatnonzero(touch_misfit(*other) < share * touch_misfit(*one))
+    return (with_rows(one[0], won, other[0][won]), with_rows(one[1], won, rows_of(other[1], won)))
 
 
 def fit_evidence(

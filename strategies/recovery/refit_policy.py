@@ -1,20 +1,37 @@
-"""What pads have felt against what is believed: which bodies are worth fitting from scratch."""
+"""Which bodies are fitted again after a step, and how: refined, or from new starts.
 
-from dataclasses import replace
+Where nothing new was felt, a body stays. Where something was, it is refined from the body last
+fitted. New starts take many times as long: a body has them when links first feel something, when
+its episode has passed two, four, eight ... steps, where pads contradict it, and when its episode
+ends. Of refined body and new one the nearer to the touches stays.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fit.arrays import row_sums
+from fit.arrays import row_sums, rows_of, with_rows
+from fit.fit_status import is_fitted
 from fit.superquadric.record import SuperquadricFit
 from strategies.procedures.contour_shape import Profile
 from strategies.recovery.body_distances import contour_distances
 from strategies.recovery.choose_model import revolution_of
-from strategies.recovery.evidence import Evidence
-from strategies.recovery.misfit import DOUBTED_M, FARTHEST_M, touch_misfit
+from strategies.recovery.evidence import Evidence, TouchedLinks
+from strategies.recovery.fit_contacts import (
+    FREE_BALLS,
+    LAST_ITERATIONS,
+    Bodies,
+    beside_rivals,
+    nearer,
+    recover_bodies,
+    refine_bodies,
+)
+from strategies.recovery.misfit import DOUBTED_M, FARTHEST_M, UNBELIEVED_M, touch_misfit
+from warpgrasp.parameters import FitTable
 
-REGROWN = 1.5
-"""A body is fitted from scratch when links have made this times as many contacts as when that was
-last done."""
+ROUGH_ROUNDS = 2
+"""Rounds of new starts of a body that is fitted again at the end."""
 EXPLAINED_M = 0.001
 """Mean distance of pads' touches from a contour that explains them [est]."""
 FEWEST_EXPLAINED = 8
@@ -46,3 +63,116 @@ def explained(profile: Profile | None, by_pads: Evidence) -> np.ndarray:
     count = mask.sum(1)
     mean = row_sums(np.where(mask, away, 0.0)) / np.maximum(count, 1)
     return (count >= FEWEST_EXPLAINED) & (mean < EXPLAINED_M)
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """Bodies last fitted. Shapes start with (world,)."""
+
+    fits: SuperquadricFit
+    placed: Evidence
+    """What they were fitted to."""
+    renewed_at: np.ndarray
+    """Step in which new starts were last tried, int (world,)."""
+    rough: np.ndarray
+    """Bodies that are to have new starts when their episode ends, bool (world,)."""
+
+
+def newly_felt(news: list[Evidence], worlds: int) -> np.ndarray:
+    """Worlds in which something was touched or a link swept free space, bool (world,)."""
+    felt = np.zeros(worlds, bool)
+    for evidence in news:
+        felt |= evidence.mask.any(1) | evidence.free_mask.any(1)
+    return felt
+
+
+def refitted(
+    last: Fitted, felt: Evidence, links: TouchedLinks | None, rows: np.ndarray,
+    steps: np.ndarray, believed: np.ndarray, profile: Profile | None, table: FitTable
+) -> Fitted:
+    """Bodies of all worlds after a step in which the worlds `rows` felt something new.
+
+    `felt` is all evidence, `links` those that may have been touched (None: contacts stay where they
+    are felt), `steps` (world,) the number of this step, from 1, `believed` (world,) whether a body
+    is to be gone on from, `profile` the contours followed.
+    """
+    by_pads = felt_by_pads(felt, rows)
+    pads = by_pads.mask[:, last.placed.mask.shape[1]:].any(1)
+    first = ~(last.placed.mask & ~last.placed.by_pad).any(1)
+    whole = pads | first
+    due = np.frexp(steps)[1] > np.frexp(last.renewed_at)[1]  # a power of two has been passed
+    renewed = np.where(pads, ~believed, first | due | ~is_fitted(last.fits.status))
+    turned = ~renewed & explained(profile, by_pads)
+    renewed |= contradicted(last.fits, by_pads) & ~turned
+    last = replace(
+        last, placed=_widened(last.placed, felt), rough=with_rows(last.rough, rows, ~whole[rows]),
+        renewed_at=with_rows(last.renewed_at, rows, np.where(
+            renewed, steps, last.renewed_at)[rows]))
+    for among, fit in (
+            (renewed & whole, _begun), (renewed & ~whole, _refined_or_begun),
+            (~renewed & turned, _refined), (~renewed & ~turned & pads, _refined_beside_rivals),
+            (~renewed & ~turned & ~pads, refine_bodies)):
+        last = _with_bodies(last, felt, links, rows[among[rows]], table, fit)
+    return last
+
+
+def finished(
+    last: Fitted, felt: Evidence, links: TouchedLinks | None, table: FitTable
+) -> tuple[Fitted, np.ndarray]:
+    """Bodies at the end of episodes: those that are rough have new starts and rivals like those of
+    a sequence that is fitted once. Also the worlds fitted, (row,)."""
+    rows = np.flatnonzero(last.rough)
+    if len(rows) == 0:
+        return last, rows
+    whole = recover_bodies(rows_of(felt, rows), rows_of(links, rows), table, doubted_m=0.0)
+    found, where = nearer((last.fits[rows], rows_of(last.placed, rows)), whole)
+    return Fitted(with_rows(last.fits, rows, found), with_rows(last.placed, rows, where),
+                  last.renewed_at, np.zeros_like(last.rough)), rows
+
+
+def _with_bodies(last: Fitted, felt: Evidence, links: TouchedLinks | None, rows: np.ndarray,
+                 table: FitTable, fit: Callable) -> Fitted:
+    if len(rows) == 0:
+        return last
+    found, where = fit(rows_of(felt, rows), rows_of(links, rows), table, last.fits[rows])
+    placed = with_rows(last.placed, rows, where)
+    return replace(last, fits=with_rows(last.fits, rows, found), placed=placed)
+
+
+def _begun(felt: Evidence, links: TouchedLinks | None, table: FitTable, start: SuperquadricFit
+           ) -> Bodies:
+    return recover_bodies(felt, links, table)
+
+
+def _refined_or_begun(felt: Evidence, links: TouchedLinks | None, table: FitTable,
+                      start: SuperquadricFit) -> Bodies:
+    few = replace(table, rounds=min(table.rounds, ROUGH_ROUNDS))
+    return nearer(refine_bodies(felt, links, table, start),
+                  recover_bodies(felt, links, few, doubted_m=UNBELIEVED_M))
+
+
+def _refined(felt: Evidence, links: TouchedLinks | None, table: FitTable, start: SuperquadricFit
+             ) -> Bodies:
+    return refine_bodies(felt, links, table, start, rounds=2, iterations=LAST_ITERATIONS)
+
+
+def _refined_beside_rivals(felt: Evidence, links: TouchedLinks | None, table: FitTable,
+                           start: SuperquadricFit) -> Bodies:
+    return beside_rivals(*_refined(felt, links, table, start), felt, links, table)
+
+
+def _widened(placed: Evidence, felt: Evidence) -> Evidence:
+    """The evidence last placed, empty where more has been felt since; arrays of its own."""
+    worlds, before = placed.mask.shape
+    new = slice(before, None)
+    free = min(FREE_BALLS, felt.free_m.shape[1])
+    free_m = np.zeros((worlds, free, 3))
+    free_mask = np.zeros((worlds, free), bool)
+    kept = min(free, placed.free_m.shape[1])
+    free_m[:, :kept], free_mask[:, :kept] = placed.free_m[:, :kept], placed.free_mask[:, :kept]
+    return Evidence(
+        np.concatenate([placed.points_m, felt.points_m[:, new]], 1),
+        np.concatenate([placed.mask, np.zeros_like(felt.mask[:, new])], 1),
+        np.concatenate([placed.covariance_m2, felt.covariance_m2[:, new]], 1),
+        np.concatenate([placed.normals, felt.normals[:, new]], 1),
+        free_m, felt.free_radius_m, free_mask, felt.by_pad.copy(), felt.felt_normals.copy())

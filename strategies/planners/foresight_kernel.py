@@ -1,0 +1,192 @@
+# type: ignore  # Warp functions, which type checkers cannot follow
+"""Where the fingers of a hand would first meet a believed superquadric, in kernels.
+
+Free motion alone: a finger follows its commands until a link touches body or table, and rests
+there. Steps are skipped while a bound of the distance exceeds what the link can have moved
+(conservative advancement), from coarse to fine: the box around the body first, whose distance costs
+no powers, then five places along the link against the body itself.
+"""
+
+import warp as wp
+
+from warpgrasp.core.dtypes import HALF, ONE, ZERO, greater, lesser, real, transform, vec3
+from warpgrasp.finger.path_record import LinkStep
+from warpgrasp.geometry.sdf_superquadric import SuperquadricShape, sdf_superquadric_bound_grad
+from warpgrasp.mechanism.arm_motion_kernel import RETREAT_M
+from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_base
+
+wp.set_module_options({"max_unroll": 1})
+_NAN = wp.constant(real(float("nan")))
+_FAR = wp.constant(real(1e3))  # [m]
+_RETREAT = wp.constant(real(RETREAT_M))
+_STRAIGHT = wp.constant(real(1e-6))  # curvatures below are no bend [1/m]
+_PLACES = wp.constant(5)  # along a link
+_SHORTEST = wp.constant(real(1e-3))  # way marched at once on an approach [m]
+_MARCHES = wp.constant(int(RETREAT_M / 1e-3) + 2)
+_PALM_BARS = wp.constant(3)
+
+
+@wp.func
+def _box_distance(p: vec3, s: SuperquadricShape):
+    """Distance to the box around a tapered body, negative within; no bound of a bent one."""
+    x = wp.abs(p[0]) - s.size[0] * (ONE + wp.abs(s.kx))
+    y = wp.abs(p[1]) - s.size[1] * (ONE + wp.abs(s.ky))
+    z = wp.abs(p[2]) - s.size[2]
+    if s.bend > _STRAIGHT:
+        return -_FAR
+    within = lesser(greater(x, greater(y, z)), ZERO)
+    return within + wp.length(vec3(greater(x, ZERO), greater(y, ZERO), greater(z, ZERO)))
+
+
+@wp.func
+def _segment_distance(s: SuperquadricShape, a: vec3, b: vec3, enough: real):
+    """About the least distance of a segment from the body, or a bound of it above `enough`."""
+    half = wp.length(b - a) * HALF
+    far = _box_distance((a + b) * HALF, s) - half
+    if far > enough:
+        return far
+    least = _FAR
+    for k in range(_PLACES):
+        p = a + (b - a) * (real(k) / real(_PLACES - 1))
+        bound = _box_distance(p, s)
+        if bound <= enough and bound < least:
+            bound = sdf_superquadric_bound_grad(p, s)[3]
+        least = lesser(least, bound)
+    return least
+
+
+@wp.func
+def _nearest_place(s: SuperquadricShape, a: vec3, b: vec3):
+    """The point of the body nearest to a segment: the lowest of five places, moved to the foot of
+    the parabola through it and its neighbours."""
+    spacing = ONE / real(_PLACES - 1)
+    best = int(0)
+    least = _FAR
+    for k in range(_PLACES):
+        d = sdf_superquadric_bound_grad(a + (b - a) * (spacing * real(k)), s)[3]
+        if d < least:
+            least = d
+            best = int(k)
+    t = spacing * real(best)
+    if best > 0 and best < _PLACES - 1:
+        before = sdf_superquadric_bound_grad(a + (b - a) * (t - spacing), s)[3]
+        after = sdf_superquadric_bound_grad(a + (b - a) * (t + spacing), s)[3]
+        bend = before + after - least - least
+        if bend > ZERO:
+            t += spacing * HALF * (before - after) / bend
+    p = a + (b - a) * t
+    g = sdf_superquadric_bound_grad(p, s)
+    return p - vec3(g[0], g[1], g[2]) * g[3]
+
+
+@wp.func
+def _clear(s: SuperquadricShape, to_body: transform, a: vec3, b: vec3, radius: real, worst: real):
+    """Clearance of a capsule of the base frame from body and table, at most `worst`."""
+    clear = lesser(a[2], b[2]) - radius
+    body = _segment_distance(s, wp.transform_point(to_body, a), wp.transform_point(to_body, b),
+                             lesser(worst, clear) + radius) - radius
+    return lesser(worst, lesser(clear, body))
+
+
+@wp.kernel(enable_backward=False)
+def approach_kernel(
+    first: int,
+    shape: wp.array[SuperquadricShape],
+    pose: wp.array[transform],
+    wanted: wp.array2d[wp.bool],
+    hand_pose: wp.array2d[transform],
+    hand_table: wp.array2d[Hand],
+    mount: real,
+    links: wp.array4d[LinkStep],
+    free: wp.array3d[wp.bool],
+):
+    """Whether the open hand comes to a pose, each closing's open hand in turn."""
+    w, p, g = wp.tid()
+    w += first
+    free[w, p, g] = False
+    if not wanted[w, p]:
+        return
+    s = shape[w]
+    to_body = wp.transform_inverse(pose[w])
+    at = hand_pose[w, p]
+    z = wp.transform_vector(at, vec3(ZERO, ZERO, ONE))
+    scale = wp.where(greater(wp.abs(s.kx), wp.abs(s.ky)) + s.bend > ZERO, HALF, ONE)
+    palm = hand_table[0, 0]
+    thick = palm.palm_thickness * HALF
+    left = ZERO
+    if g == 0:
+        left = _RETREAT
+    for _ in range(_MARCHES):
+        here = transform(wp.transform_get_translation(at) - z * left,
+                         wp.transform_get_rotation(at))
+        clear = _FAR
+        for finger in range(4):
+            hand = hand_table[0, finger]
+            base = wp.transform_multiply(here, finger_base(hand, finger))
+            for link in range(3):
+                clear = _clear(s, to_body,
+                               wp.transform_point(base, links[g, finger, link, 0].start),
+                               wp.transform_point(base, links[g, finger, link, 0].end),
+                               hand.link_radius, clear)
+        for bar in range(_PALM_BARS):
+            x = palm.gap * HALF * real(bar - 1)
+            clear = _clear(s, to_body, wp.transform_point(here, vec3(x, -palm.spacing, -thick)),
+                           wp.transform_point(here, vec3(x, palm.spacing, -thick)), thick, clear)
+        clear = _clear(s, to_body,
+                       wp.transform_point(here, vec3(ZERO, ZERO, -greater(mount, thick))),
+                       wp.transform_point(here, vec3(ZERO, ZERO, -thick)), thick, clear)
+        if clear < ZERO:
+            return
+        if left <= ZERO:
+            free[w, p, g] = True
+            return
+        left = greater(left - greater(clear * scale, _SHORTEST), ZERO)
+
+
+@wp.kernel(enable_backward=False)
+def first_touch_kernel(
+    first: int,
+    shape: wp.array[SuperquadricShape],
+    pose: wp.array[transform],
+    free: wp.array3d[wp.bool],
+    hand_pose: wp.array2d[transform],
+    hand_table: wp.array2d[Hand],
+    links: wp.array4d[LinkStep],
+    command_count: wp.array[int],
+    point: wp.array4d[vec3],
+):
+    """Where a finger first meets the body, base frame; NaN where it does not, or the table first.
+    """
+    w, p, g, finger = wp.tid()
+    w += first
+    point[w, p, g, finger] = vec3(_NAN, _NAN, _NAN)
+    if not free[w, p, 0] or not free[w, p, g]:
+        return
+    s = shape[w]
+    hand = hand_table[0, finger]
+    base = wp.transform_multiply(hand_pose[w, p], finger_base(hand, finger))
+    to_body = wp.transform_multiply(wp.transform_inverse(pose[w]), base)
+    scale = wp.where(greater(wp.abs(s.kx), wp.abs(s.ky)) + s.bend > ZERO, HALF, ONE)
+    end = command_count[g]
+    touched = int(-1)
+    for inward in range(3):
+        link = 2 - inward
+        step = int(0)
+        while step < end:
+            at = links[g, finger, link, step]
+            table = lesser(wp.transform_point(base, at.start)[2],
+                           wp.transform_point(base, at.end)[2]) - hand.link_radius
+            body = _segment_distance(
+                s, wp.transform_point(to_body, at.start), wp.transform_point(to_body, at.end),
+                greater(table, ZERO) + hand.link_radius) - hand.link_radius
+            clear = lesser(table, body)
+            if clear <= ZERO:
+                end = int(step)
+                touched = wp.where(body <= table, link, int(-1))
+            step += 1 + int(lesser(greater(clear, ZERO) * scale * at.steps, real(end)))
+    if touched < 0:
+        return
+    at = links[g, finger, touched, end]
+    place = _nearest_place(s, wp.transform_point(to_body, at.start),
+                           wp.transform_point(to_body, at.end))
+    point[w, p, g, finger] = wp.transform_point(pose[w], place)
