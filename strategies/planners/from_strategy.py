@@ -1,5 +1,6 @@
 """From a strategy's record to the planner that carries it out, and to its budget."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,16 +50,20 @@ def within_budget(budget: Budget, belief: Belief) -> np.ndarray:
 
 def planner_of(
     strategy: Strategy, planar: PlanarTable, contour: ContourTable, decide: DecideTable,
-    stereo: StereoTable, robot: Robot, prior: BoundingCylinder
+    stereo: StereoTable, robot: Robot, prior: BoundingCylinder,
+    waypoints: Sequence[tuple[Sequence[object], int]] = ()
 ) -> Planner:
-    """A fresh planner for one batch. Raises PlannerError for one that cannot be found or made."""
+    """A fresh planner for one batch. Raises PlannerError for one that cannot be found or made.
+
+    `waypoints` are those of an `OrderedPlanner`.
+    """
     if strategy.call:
         return make_planner(strategy.call, dict(strategy.options))
     seen = None
     if contour.axis == "stereo" and {"contour", "decide"} & set(strategy.order):
         target = np.stack([prior.x_m, prior.y_m, prior.height_m / 2], 1)
         seen = see_axis(robot, target, stereo)
-    return OrderedPlanner(strategy, planar, contour, decide, seen)
+    return OrderedPlanner(strategy, planar, contour, decide, seen, waypoints)
 
 
 def budget_of(strategy: Strategy) -> Budget:

@@ -1,7 +1,10 @@
 """The planner of strategies given in advance: procedures in their order, `decide` among them."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from fit.arrays import rows_of
 from strategies.planners.next_procedure import (
     contour_to_follow,
     decide,
@@ -21,9 +24,11 @@ class OrderedPlanner:
     """Carries out `Strategy.order`; what each step wants depends on the body believed by then."""
 
     def __init__(self, strategy: Strategy, planar: PlanarTable, contour: ContourTable,
-                 decide_by: DecideTable, seen: StereoAxis | None = None) -> None:
-        """`seen` is the axis that the cameras saw, where `contour.axis` asks for it."""
-        self.strategy, self.seen = strategy, seen
+                 decide_by: DecideTable, seen: StereoAxis | None = None,
+                 waypoints: Sequence[tuple[Sequence[object], int]] = ()) -> None:
+        """`seen` is the axis that the cameras saw, where `contour.axis` asks for it; `waypoints`
+        are the families of so many worlds each, in turn, where they are not the strategy's."""
+        self.strategy, self.seen, self.waypoints = strategy, seen, waypoints
         self.planar, self.contour, self.decide_by = planar, contour, decide_by
         self.parts: list[tuple[str, np.ndarray | None]] | None = None
         self.crossing = np.zeros(0, bool)
@@ -49,7 +54,7 @@ class OrderedPlanner:
     def _parts(self, belief: Belief) -> list[tuple[str, np.ndarray | None]]:
         """The order, each containment with its poses, cut where a fit is wanted between."""
         strategy = self.strategy
-        poses = waypoint_poses(strategy.waypoints, belief.prior, belief.hand, belief.seed)
+        poses = self._poses(belief)
         times = max(strategy.order.count("containment"), 1)
         shares = iter(np.array_split(poses, times, axis=1))
         parts: list[tuple[str, np.ndarray | None]] = []
@@ -62,6 +67,16 @@ class OrderedPlanner:
             parts += [("containment", share[:, k:k + step])
                       for k in range(0, share.shape[1], step)]
         return parts
+
+    def _poses(self, belief: Belief) -> np.ndarray:
+        """Hand poses of every world, (world, probe, 7)."""
+        if not self.waypoints:
+            return waypoint_poses(self.strategy.waypoints, belief.prior, belief.hand, belief.seed)
+        ends = np.cumsum([count for _, count in self.waypoints])
+        return np.concatenate([
+            waypoint_poses(families, rows_of(belief.prior, slice(end - count, end)), belief.hand,
+                           belief.seed[end - count:end])
+            for (families, count), end in zip(self.waypoints, ends, strict=True)])
 
     def _probes(self, name: str, poses: np.ndarray | None, belief: Belief) -> list[Probe]:
         everywhere = np.ones(belief.worlds, bool)

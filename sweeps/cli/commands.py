@@ -3,18 +3,16 @@
 import csv
 import io
 import json
-import signal
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, redirect_stdout
+from collections.abc import Sequence
+from contextlib import redirect_stdout
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
 from sweeps.cli.app import DONE, SOME_FAILED
 from sweeps.output import devices, note, say, write_atomic
 from sweeps.run.grown_units import kept_units
-from sweeps.run.local_engine import UNIT_TIMEOUT_S, Options, run
+from sweeps.run.local_engine import UNIT_TIMEOUT_S, Options, run, terminated_as_interrupted
 from sweeps.run.plan import Plan, plan_study
 from sweeps.run.progress import Progress, read_note
 from sweeps.run.scheduler import Outcome
@@ -40,7 +38,7 @@ def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], dev
     plan = plan_study(read_spec(spec, settings))
     store = Store(folder)
     options = Options(workers, shard, device, EPISODES, unit_timeout_s, verify)
-    with _terminated_as_interrupted(), store.lock(shard):
+    with terminated_as_interrupted(), store.lock(shard):
         for line in store.open_for(plan, spec.read_bytes(), device):
             note(line)
         count, kept = plan.shard_size(shard), kept_units(plan, store, shard)
@@ -193,16 +191,3 @@ def _show(board: Leaderboard, as_json: bool) -> None:
 
 def _count_files(store: Store) -> int:
     return sum(1 for _ in store.units.glob("*.parquet"))
-
-
-@contextmanager
-def _terminated_as_interrupted() -> Iterator[None]:
-    """A batch system's SIGTERM ends a sweep as Ctrl-C does: what is finished is kept."""
-    def interrupt(number: int, frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

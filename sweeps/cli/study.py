@@ -125,6 +125,81 @@ def sweep(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])
 
 
 @app.command
+def race(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])], within: float,
+         confidence: float = 95.0, budget_episodes: int | None = None,
+         budget_minutes: float | None = None, metric: str = "chamfer_mm",
+         over: Literal["these", "like-these"] = "these", start: int = 8,
+         cap: float | None = None, workers: int = 1, device: str = "cpu",
+         set_: Settings = None, engine: Literal["local", "ray"] = "local",
+         address: str | None = None, unit_timeout_s: float = 3600.0, json: Json = False) -> int:
+    """Find the best of many strategies or settings, with as few episodes as that takes.
+
+    Parameters
+    ----------
+    spec
+        The study, a TOML file, as for sweep; episodes_per_cell only counts for --over like-these.
+    out
+        The directory of the race; a second run continues where the first stopped.
+    within
+        The race goes on until the best is known within this much, in units of the metric.
+    confidence
+        In percent: how certain the outcome is to be, over all entries and looks together.
+    budget_episodes
+        Stop before more episodes than this have been taken, whatever is known by then.
+    budget_minutes
+        Begin no rung after so many minutes. (What was known then depends on the machine.)
+    metric
+        What is raced for.
+    over
+        these: the best on these objects; like-these: on others like them, an object a replicate.
+    start
+        Episodes on each object (or objects) in the first rung.
+    cap
+        A score above this counts as this much; the outcome then holds whatever the scores'
+        distribution, and takes more episodes.
+    workers
+        Cores to use, one process each.
+    device
+        cpu, or cuda:0.
+    set_
+        KEY=V1,V2: as for sweep.
+    engine
+        local: worker processes here; ray: tasks on a Ray cluster (an optional extra).
+    address
+        Of the Ray cluster, or auto.
+    unit_timeout_s
+        As for sweep.
+    json
+        Print JSON.
+    """
+    from sweeps.race.command import race as run_race
+    from sweeps.race.command import rules_of
+    from sweeps.run.local_engine import Options
+    from sweeps.run.worker import EPISODES
+
+    if address is not None and engine != "ray":
+        raise UsageError("--address: is for --engine ray")
+    for name, value, low, high in (
+            ("--within", within, 0.0, 1e9), ("--confidence", confidence, 0.0, 100.0),
+            ("--budget-minutes", 1.0 if budget_minutes is None else budget_minutes, 0.0, 1e9),
+            ("--cap", 1.0 if cap is None else cap, 0.0, 1e9)):
+        if not low < value < high:
+            raise UsageError(f"{name}: is {value:g}; should be a number between {low:g} and "
+                             f"{high:g}")
+    if not 2 <= start <= 1_000_000:
+        raise UsageError(f"--start: is {start}; should be a whole number from 2 to 1,000,000")
+    if budget_episodes is not None and budget_episodes < 1:
+        raise UsageError(f"--budget-episodes: is {budget_episodes}; should be a whole number "
+                         "from 1 on")
+    options = Options(count_of(workers, "--workers"), (1, 1), device_of(device), EPISODES,
+                      timeout_of(unit_timeout_s))
+    return run_race(spec, out, rules=rules_of(within, confidence, start, cap, metric),
+                    episodes=budget_episodes, minutes=budget_minutes, metric=metric, over=over,
+                    options=options, settings=set_ or [], as_json=json, engine=engine,
+                    address=address)
+
+
+@app.command
 def status(folder: Path, /, *, json: Json = False) -> int:
     """Print how far a study is, also while it runs.
 

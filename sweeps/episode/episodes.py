@@ -2,8 +2,8 @@
 
     cell + episode numbers → placed objects → exploration → recovered bodies → scores → rows
 
-Cells that differ in their object alone can be run in one block: many episodes at once cost less
-each.
+Cells that differ in their object, or in where their waypoints stand, can be run in one block: many
+episodes at once cost less each.
 
 An episode's object, pose, prior cylinder and noise come from (study seed, object, episode number)
 alone: the same for every strategy, setting and block.
@@ -11,6 +11,7 @@ alone: the same for every strategy, setting and block.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from math import pi
 from pathlib import Path
 
@@ -106,13 +107,16 @@ class EpisodeBlock:
 def run_cells(parts: Sequence[Part], device: str) -> list[dict[str, np.ndarray]]:
     """Rows of each of some `(cell, episodes)`, as `run_episodes` would give them, bit for bit.
 
-    The cells differ in their object alone.
+    The cells have one `batch_key`.
     """
-    bodies = [cell_body(cell) for cell, _ in parts]
+    made = {cell.object_name: cell_body(cell) for cell, _ in parts}
+    names = list(made)
+    bodies = [made[cell.object_name] for cell, _ in parts]
     found: dict[int, dict[str, np.ndarray]] = {}
     # Hands move more carefully before bodies whose distance may overshoot.
     for careful in (False, True):
         numbers = [n for n, body in enumerate(bodies) if has_deformed_part([body]) == careful]
+        numbers.sort(key=lambda n: names.index(parts[n][0].object_name))
         if numbers:
             rows = _rows_of([parts[n] for n in numbers], [bodies[n] for n in numbers], device)
             ends = np.cumsum([len(parts[n][1]) for n in numbers])
@@ -145,11 +149,11 @@ def _rows_of(
                       "superquadric", "revolution"])
     columns: dict[str, np.ndarray] = {
         "episode": np.concatenate([np.asarray(episodes, np.int64) for _, episodes in parts]),
-        "strategy": np.full(worlds, cell.strategy.name),
+        "strategy": np.repeat([cell.strategy.name for cell, _ in parts], counts),
         "object": np.repeat([cell.object_name for cell, _ in parts], counts),
         "seed": np.full(worlds, cell.seed, np.int64),
         "status": block.status,
-        "note": episode_notes(block, cell, np.repeat(np.arange(len(parts)), counts)),
+        "note": episode_notes(block, cell, np.repeat(_which(bodies), counts)),
         "contacts": belief.evidence.mask.sum(1),
         "touches": belief.touches,
         "probes": (probes == ProbeStatus.CONTACT).sum(1),
@@ -193,10 +197,11 @@ def run_block(cell: Cell, episodes: np.ndarray, device: str) -> EpisodeBlock:
 
 def run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> EpisodeBlock:
     cell = parts[0][0]
-    which = np.repeat(np.arange(len(parts)), [len(episodes) for _, episodes in parts])
+    which = np.repeat(_which(bodies), [len(episodes) for _, episodes in parts])
     key = np.concatenate([
         counter_key(int(cell.seed) & (2**63 - 1), _content_number(body), episodes)
         for (cell, episodes), body in zip(parts, bodies, strict=True)])
+    bodies = [body for n, body in enumerate(bodies) if not n or body is not bodies[n - 1]]
     body_pose = place_objects(cell.placement, key)
     scorer = Scorer(bodies, which, body_pose, device)
     prior = joined([draw_prior(body, body_pose[rows], cell.placement, key[rows])
@@ -217,7 +222,7 @@ def run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Epi
         scores = scorer.score_again(recovered, last.recovered, last.scores)
         moments.append(Moment(belief.touches, belief.time_s, scores, recovered))
 
-    planner, fault = _planner(cell, robot, prior)
+    planner, fault = _planner(parts, robot, prior)
     # No subclass and nothing that looks like it: the truth is for the shipped one alone.
     oracle = planner if type(planner) is Oracle else None
     if oracle is not None:
@@ -237,16 +242,23 @@ def run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Epi
                         tuple(moments[1:]), recognition)
 
 
+def _which(bodies: Sequence[Body]) -> np.ndarray:
+    """Of each part's body: which it is, parts of one object standing side by side."""
+    return np.cumsum([0, *(body is not last for last, body in pairwise(bodies))])
+
+
 def _noise_key(key: np.ndarray, stream: int) -> np.ndarray:
     """Keys of the noise: the episodes' own, or those of another stream."""
     return key if stream == 0 else counter_key(key, int(Purpose.NOISE_STREAM), stream)
 
 
-def _planner(cell: Cell, robot: Robot, prior: BoundingCylinder) -> tuple[Planner, str]:
+def _planner(parts: Sequence[Part], robot: Robot, prior: BoundingCylinder) -> tuple[Planner, str]:
     """The strategy, or one without probes and the reason why the named one cannot be used."""
+    cell = parts[0][0]
+    waypoints = [(part.strategy.waypoints, len(episodes)) for part, episodes in parts]
     try:
         return planner_of(cell.strategy, cell.planar, cell.contour, cell.decide, cell.stereo,
-                          robot, prior), ""
+                          robot, prior, waypoints), ""
     except PlannerError as error:
         return lambda belief: [], str(error)
 

@@ -12,7 +12,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from multiprocessing import get_context
@@ -233,10 +233,14 @@ class _Run:
                 self.work.store.sweep_out(unit)
 
 
-def run(plan: Plan, store: Store, options: Options, progress: Progress) -> Outcome:
-    """Runs what is left of a study's shard; the caller holds the shard's lock."""
+def run(plan: Plan, store: Store, options: Options, progress: Progress,
+        further: Callable[[], Sequence[Unit]] | None = None) -> Outcome:
+    """Runs what is left of a study's shard; the caller holds the shard's lock.
+
+    `further` gives the units of the next step of a run that is decided in steps (see `UnitQueue`).
+    """
     current = _Run(UnitQueue(plan, store, options.shard, progress, options.verify,
-                        options.unit_timeout_s), options)
+                        options.unit_timeout_s, further), options)
     with _handled_by(current.interrupt):
         try:
             current.go()
@@ -267,6 +271,19 @@ def _handled_by(handler: Callable[[int, FrameType | None], None]) -> Iterator[No
     finally:
         for number in taken:
             signal.signal(number, before[number])
+
+
+@contextmanager
+def terminated_as_interrupted() -> Iterator[None]:
+    """A batch system's SIGTERM ends a run as Ctrl-C does: what is finished is kept."""
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _say_where(slot: _Slot) -> None:

@@ -63,6 +63,12 @@ class Progress:
         self.kept_units += 1
         self._show()
 
+    def more(self, units: int) -> None:
+        """A run that is decided in steps goes on by so many units."""
+        self.total += units
+        if self.bar:
+            self.bar.update(self.task, total=self.total)
+
     def done(self, episodes: int) -> None:
         """A unit was finished."""
         self.done_units += 1

@@ -7,6 +7,7 @@ need this package, and meshes and pose files at the paths where the spec found t
 import os
 import time
 import traceback
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from sweeps.output import write_atomic
@@ -37,10 +38,11 @@ def compute_units(
 
 
 def run_on_ray(plan: Plan, store: Store, options: Options, progress: Progress,
-               address: str | None) -> Outcome:
+               address: str | None,
+               further: Callable[[], Sequence[Unit]] | None = None) -> Outcome:
     """Runs what is left of a study's shard on a cluster (`address`), or on this machine's cores.
 
-    The caller holds the shard's lock.
+    The caller holds the shard's lock. `further` is that of the local engine.
     """
     ray = _ray()
     ray.init(address=address, num_cpus=None if address else options.workers,
@@ -48,7 +50,7 @@ def run_on_ray(plan: Plan, store: Store, options: Options, progress: Progress,
              runtime_env={"env_vars": ENVIRONMENT})
     try:
         work = UnitQueue(plan, store, options.shard, progress, options.verify,
-                         options.unit_timeout_s)
+                         options.unit_timeout_s, further)
         _go(ray, work, options)
         return work.outcome
     finally:

@@ -1,7 +1,7 @@
 """What a run still has to do, and what became of it: the part that every engine shares."""
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import inf
 
@@ -10,7 +10,7 @@ from sweeps.run.grown_units import begun, join, rest_of
 from sweeps.run.plan import Plan, Unit
 from sweeps.run.progress import Progress
 from sweeps.run.store import Store
-from sweeps.spec.cell import differ_in_object_alone
+from sweeps.spec.cell import batch_key
 
 ATTEMPTS = 2
 MOST_EPISODES = 512
@@ -34,8 +34,8 @@ class Outcome:
 
 @dataclass
 class UnitQueue:
-    """The units of a shard, handed out in batches: units of one cell, or of cells that differ in
-    their object alone, to be run in one call.
+    """The units of a shard, handed out in batches: units of one cell, or of cells that can be run
+    in one call (`batch_key`).
 
     A batch that fails is handed out again unit by unit, which counts against none of them. A unit
     that fails alone is handed out once more; the second time it is set aside as failed, with its
@@ -48,6 +48,9 @@ class UnitQueue:
     progress: Progress
     verify: bool = False  # read every row of what is there, not just the files' ends
     unit_timeout_s: float = inf  # a batch should end long before
+    further: Callable[[], Sequence[Unit]] | None = None
+    """The next units of a run that is decided in steps; asked for when all that went before are
+    there or have failed; none end it."""
     outcome: Outcome = field(default_factory=Outcome)
     again: deque[Unit] = field(default_factory=deque)
     attempts: dict[str, int] = field(default_factory=dict)
@@ -59,7 +62,7 @@ class UnitQueue:
     exhausted: bool = False
 
     def __post_init__(self) -> None:
-        self.missing = self._missing()
+        self.missing = self._missing(self.plan.units(self.shard))
         self.found: deque[Unit] = deque()  # missing, to be handed out before all others
         self.left_behind = self.store.left_behind()
         self.earlier = self.store.earlier()
@@ -69,9 +72,25 @@ class UnitQueue:
 
     def at_least(self, count: int) -> int:
         """How many units are left to hand out, as far as up to `count` of them."""
-        while len(self.found) < count and (unit := next(self.missing, None)):
-            self.found.append(unit)
+        while len(self.found) < count:
+            if unit := next(self.missing, None):
+                self.found.append(unit)
+            elif not self._take_step():
+                break
         return min(count, len(self.found) + len(self.again))
+
+    def _take_step(self) -> bool:
+        """Goes on to the next step of a run, if nothing of the last one is left."""
+        if self.further is None or self.in_hand or self.again:
+            return False
+        units = self.further()
+        if not units:
+            self.further = None
+            return False
+        self.ahead, self.exhausted = len(units), False
+        self.progress.more(len(units))
+        self.missing = self._missing(units)
+        return True
 
     def take(self, workers: int = 1, elsewhere: float = 0.0, cold: bool = False) -> list[Unit]:
         """The next units for one of `workers`, retries first; empty where none is left.
@@ -102,14 +121,14 @@ class UnitQueue:
         apart = {unit.cell.object_name, last.cell.object_name} & self.spoilers
         return size <= MOST_EPISODES and (unit.cell_hash == last.cell_hash or (
             unit.cell_hash not in self.alone and not apart
-            and differ_in_object_alone(unit.cell, last.cell)))
+            and batch_key(unit.cell) == batch_key(last.cell)))
 
     def unit_s(self, unit: Unit) -> float:
         """How long a unit should take [s]: what the last one of its strategy did."""
         return self.seconds.get(unit.cell.strategy.name, EPISODE_S * (unit.stop - unit.start))
 
-    def _missing(self) -> Iterator[Unit]:
-        for unit in self.plan.units(self.shard):
+    def _missing(self, units: Iterable[Unit]) -> Iterator[Unit]:
+        for unit in units:
             self.ahead -= 1
             known = unit.id in self.in_hand or unit.id in self.attempts
             if known or self._is_there(unit):
@@ -152,8 +171,12 @@ class UnitQueue:
 
     @property
     def over(self) -> bool:
-        """Whether nothing is left and nothing is in hand (or found and still to be handed out)."""
-        return self.exhausted and not self.again and not self.in_hand
+        """Whether nothing is left and nothing is in hand (or found and still to be handed out).
+
+        A run that is decided in steps may take its next one here.
+        """
+        return (self.exhausted and not self.again and not self.in_hand
+                and not self._take_step())
 
     @property
     def running(self) -> int:

@@ -96,7 +96,7 @@ def find_function(name: str) -> RunCells:
 
 
 def run_units(run_cells: RunCells, units: Sequence[Unit], device: str) -> list[Columns]:
-    """The rows of each of some units, from one call; their cells differ in their object alone.
+    """The rows of each of some units, from one call; their cells have one `batch_key`.
 
     They are the rows of a call for each, bit for bit. What names them comes from the units. Where
     a strategy failed its message names the world of its batch, so the units are then run alone.

@@ -3,7 +3,7 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "cell": ["CONTACTS", "Cell", "SECTIONS", "TABLES", "differ_in_object_alone"],
+    "cell": ["CONTACTS", "Cell", "SECTIONS", "TABLES", "batch_key"],
     "errors": ["Held", "OtherStudy", "Problem", "Problems", "SpecError", "StoreError",
         "choose", "short"],
     "models": ["UNSWEPT", "canonical_table", "with_models"],

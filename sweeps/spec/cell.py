@@ -63,6 +63,15 @@ class Cell:
     """What is kept beside the rows: nothing, or contacts. No row depends on it."""
 
 
-def differ_in_object_alone(one: Cell, other: Cell) -> bool:
-    """Whether episodes of two cells can be run in one call."""
-    return replace(other, body_table=one.body_table, object_name=one.object_name) == one
+def batch_key(cell: Cell) -> Cell:
+    """What cells whose episodes can be run in one call have in common.
+
+    They may differ in their object and, where the order of procedures is given in advance, in where
+    their waypoints stand, but not in how many poses those are.
+    """
+    strategy = cell.strategy
+    if not strategy.call:
+        strategy = replace(strategy, name="", waypoints=tuple(
+            (type(family).__name__, family.count) if hasattr(family, "count") else family
+            for family in strategy.waypoints))
+    return replace(cell, strategy=strategy, body_table={}, object_name="", setting={})

@@ -1,0 +1,7 @@
+"""Races: which entry of many is best, within how much, with as few episodes as that takes."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "command": ["race", "rules_of"],
+})

@@ -1,0 +1,197 @@
+"""The method of a race: rungs, the leader, who is worse, who need not be looked at further.
+
+Entries are compared over the same replicates; a replicate is an episode on each object (or, for
+objects like these, one object). An entry's score is its mean, less is better. At every rung one
+entry leads, and of each other one a lower bound of its mean minus the leader's is known:
+
+- above zero: it is worse than the leader, and is out for good;
+- at least -delta: it is not better than the leader by more than the indifference zone delta
+  (`within`), and takes no more episodes while that leader leads;
+- below that: it is open, and takes part in the next rung, as does the leader, unless it is ahead.
+
+The race ends when none is open. Then the leader is within delta of the best. For let a* be the best
+entry: were the leader b worse by more than delta, or a* out, a bound of a* minus some b would be
+above the truth. That happens with a chance of at most 1 - confidence, if each of the N - 1 bounds
+has a chance of (1 - confidence) / (N - 1) over all looks together. So the union is over entries and
+not over pairs, and neither the choice of the leader nor the time to stop costs anything. Ended
+early, by a budget, the leader is within minus the lowest bound. The indifference zone is
+Bechhofer's (1954, Annals of Mathematical Statistics 25); elimination with common random numbers is
+Kim and Nelson's (2001, A fully sequential procedure for indifference-zone selection in simulation,
+ACM TOMACS 11).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sweeps.race.confidence_sequence import safe_lower, stratified_lower
+
+START = 8
+"""Replicates of the first rung. See docs/race.md for what fewer would risk."""
+GROWTH = 1.35
+"""Of the replicates from rung to rung."""
+CANDIDATES = 8
+"""Entries of the lowest means; if one of them leaves none open, it leads."""
+
+
+@dataclass(frozen=True)
+class Rules:
+    """What a race is to find out, and how."""
+
+    within: float
+    """The indifference zone, in units of the score."""
+    confidence: float = 0.95
+    start: int = START
+    bounds: tuple[float, float] | None = None
+    """Of scores, which are cut there; with them the bounds of differences are safe, without,
+    asymptotic."""
+    budget: int | None = None
+    """Replicates of all entries together, at most."""
+    most: int | None = None
+    """Replicates that there are."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """What was known after a rung."""
+
+    number: int
+    replicates: np.ndarray
+    """Of every entry so far, (entry,)."""
+    leader: int
+    difference: np.ndarray
+    """Each entry's mean minus the leader's over the replicates of both, (entry,)."""
+    lower: np.ndarray
+    """Its lower bound, (entry,); 0 for the leader."""
+    out: np.ndarray
+    """Entries that are worse than a leader was, bool (entry,)."""
+    open: np.ndarray
+    """Entries that may still be better than the leader by more than `within`, bool (entry,)."""
+
+    @property
+    def within(self) -> float:
+        """The leader is so near to the best, at the race's confidence; infinite if unknown."""
+        return max(0.0, float(-self.lower[~self.out].min()))
+
+    @property
+    def tied(self) -> np.ndarray:
+        """Entries not known to be worse than the leader, bool (entry,)."""
+        return ~self.out & (self.lower <= 0.0)
+
+    @property
+    def total(self) -> int:
+        """Replicates of all entries together."""
+        return int(self.replicates.sum())
+
+
+Part = tuple[int, int, int]
+"""An entry, and the replicates `start` to `stop` that are asked of it."""
+
+
+class Race:
+    """A race of some entries, rung by rung: ask, sample, take, until nothing is asked.
+
+    What is asked depends on the scores and the rules alone.
+    """
+
+    def __init__(self, entries: int, rules: Rules) -> None:
+        self.rules = rules
+        self.looks: list[Look] = []
+        self._scores: list[np.ndarray] = [np.zeros((0, 0))] * entries
+        self._out = np.zeros(entries, bool)
+        self._running = np.ones(entries, bool)
+        self.last_rung = np.zeros(entries, int)
+        """The rung in which each entry last took part, (entry,)."""
+
+    @property
+    def count(self) -> np.ndarray:
+        """Replicates of every entry so far, (entry,)."""
+        return np.array([values.shape[1] for values in self._scores])
+
+    @property
+    def spread(self) -> np.ndarray:
+        """Standard deviation of a replicate's difference to the leader, (entry,); 0 for it."""
+        leader = self._scores[self.looks[-1].leader]
+        found = []
+        for values in self._scores:
+            shared = min(values.shape[1], leader.shape[1])
+            apart = values[:, :shared] - leader[:, :shared]
+            found.append(np.sqrt(apart.var(axis=1, ddof=1).sum()) / len(apart))
+        return np.array(found)
+
+    @property
+    def means(self) -> np.ndarray:
+        """Every entry's mean over its own replicates, (entry,)."""
+        return np.array([values.mean() for values in self._scores])
+
+    def asked(self) -> list[Part]:
+        """What the next rung needs; nothing where the race is over or its budget is spent."""
+        count = self.count
+        stop = np.array([next_rung(int(n), self.rules.start) for n in count])
+        stop = np.where(self._running, np.minimum(stop, self.rules.most or stop), count)
+        stop = _affordable(count, stop, self.rules.budget)
+        if stop.max() < 2:
+            return []
+        return [(int(e), int(count[e]), int(stop[e])) for e in np.flatnonzero(stop > count)]
+
+    def take(self, asked: Sequence[Part], found: Sequence[np.ndarray]) -> Look:
+        """Takes in the scores of what was asked, each (stratum, replicate), less being better."""
+        number = len(self.looks) + 1
+        for (entry, start, _), values in zip(asked, found, strict=True):
+            cut = np.clip(values, *self.rules.bounds) if self.rules.bounds else values
+            self._scores[entry] = (np.concatenate([self._scores[entry], cut], axis=1) if start
+                                   else np.asarray(cut, float))
+            self.last_rung[entry] = number
+        look = judge(number, self._scores, self._out, self.rules)
+        self.looks.append(look)
+        self._out = look.out
+        count = look.replicates
+        self._running = look.open.copy()
+        self._running[look.leader] = (count[look.open] >= count[look.leader]).any()
+        return look
+
+
+def next_rung(stop: int, start: int) -> int:
+    """Replicates after the rung that follows `stop`."""
+    return max(start, int(np.ceil(GROWTH * stop)))
+
+
+def _affordable(count: np.ndarray, stop: np.ndarray, budget: int | None) -> np.ndarray:
+    """How far entries can go with a budget: all that take part by the same share of their step."""
+    if budget is None or stop.sum() <= budget:
+        return stop
+    step = stop - count
+    left = max(0, budget - int(count.sum()))
+    return count + step * left // max(1, int(step.sum()))
+
+
+def judge(number: int, scores: Sequence[np.ndarray], out: np.ndarray, rules: Rules) -> Look:
+    """The look after a rung: the entry of the lowest mean leads, of those with most replicates;
+    or another of the lowest means, if that one leaves none open."""
+    count = np.array([values.shape[1] for values in scores])
+    means = np.array([values.mean() if values.size else np.inf for values in scores])
+    may_lead = np.flatnonzero(~out & (count == count.max()))
+    best = may_lead[np.argsort(means[may_lead], kind="stable")][:CANDIDATES]
+    looks = [_against(int(leader), number, scores, count, out, rules) for leader in best]
+    return next((look for look in looks if not look.open.any()), looks[0])
+
+
+def _against(leader: int, number: int, scores: Sequence[np.ndarray], count: np.ndarray,
+             out: np.ndarray, rules: Rules) -> Look:
+    """The look if this entry leads."""
+    alpha = (1.0 - rules.confidence) / max(len(scores) - 1, 1)
+    difference, lower = np.zeros(len(scores)), np.zeros(len(scores))
+    others = np.arange(len(scores)) != leader
+    for shared in np.unique(np.minimum(count, count[leader])[others]):
+        mine = np.flatnonzero(others & (np.minimum(count, count[leader]) == shared))
+        apart = np.stack([scores[e][:, :shared] - scores[leader][:, :shared] for e in mine])
+        difference[mine] = apart.mean(axis=(1, 2))
+        if rules.bounds is None:
+            lower[mine] = stratified_lower(apart, alpha)
+        else:
+            width = rules.bounds[1] - rules.bounds[0]
+            lower[mine] = safe_lower(apart.mean(axis=1), alpha, -width, width)
+    beaten = out | (lower > 0.0)
+    return Look(number, count.copy(), leader, difference, lower, beaten,
+                ~beaten & (lower < -rules.within))

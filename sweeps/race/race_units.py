@@ -1,0 +1,171 @@
+"""The episodes of a race as units of a study: which units a rung needs, and the scores in them.
+
+Of *these* objects a replicate is an episode with the same number on each object. Of objects *like
+these* it is one object, with all the episodes of a cell; objects come in an order drawn from the
+study's seed. Axes that do not define entries are averaged over.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import product
+
+import numpy as np
+
+from sweeps.analysis.entries import (
+    HIGHER_IS_BETTER,
+    Entry,
+    entries_of,
+    entry_axes,
+    setting_index,
+    values_of,
+)
+from sweeps.analysis.paired import failure_score
+from sweeps.race.elimination import Part
+from sweeps.run.plan import BLOCK, Plan, Unit, cell_hash, unit_id
+from sweeps.run.store import Store
+from sweeps.spec.cell import Cell, batch_key
+
+
+@dataclass(frozen=True)
+class RacePlan(Plan):
+    """A plan whose units are those that a race has asked for so far."""
+
+    asked: list[Unit] = field(default_factory=list)
+
+    @property
+    def unit_count(self) -> int:
+        """Units asked for so far."""
+        return len(self.asked)
+
+    def units(self, shard: tuple[int, int] = (1, 1)) -> Iterator[Unit]:
+        """Those units; a race has no shards."""
+        return iter(self.asked)
+
+    def shard_size(self, shard: tuple[int, int] = (1, 1)) -> int:
+        """How many they are."""
+        return len(self.asked)
+
+
+class RaceUnits:
+    """The units of a race and their scores."""
+
+    def __init__(self, plan: Plan, store: Store, metric: str, over: str) -> None:
+        self.plan = RacePlan(plan.study, plan.resolved, plan.hash, plan.folders)
+        self.store, self.metric, self.over = store, metric, over
+        self.axes = entry_axes(plan, None)[0]
+        self.entries = entries_of(plan, self.axes)
+        bodies = len(plan.study.objects)
+        order = np.random.Generator(np.random.Philox(
+            np.random.SeedSequence([plan.study.head.seed, bodies]))).permutation(bodies)
+        self.order = [int(body) for body in order]
+        self._together: dict[str, str] = {}  # by a cell's hash: what it can be run together with
+        self._cells: dict[tuple[int, int], list[tuple[Cell, str]]] = {}
+        self.missing: list[Unit] = []
+        """Units that the last call of `scores` found neither there nor failed: damaged ones."""
+        self._worst: dict[int, float] = {}  # by object: what an episode without a score counts as
+
+    @property
+    def objects_each(self) -> int:
+        """Objects of a replicate."""
+        return 1 if self.over == "like-these" else len(self.order)
+
+    @property
+    def episodes_each(self) -> int:
+        """Episodes of a replicate."""
+        cases = int(np.prod([len(axis.values) for n, axis in enumerate(self.plan.study.axes)
+                             if n not in self.axes], initial=1))
+        return cases * (self.plan.study.head.episodes_per_cell if self.over == "like-these"
+                        else len(self.order))
+
+    def units(self, asked: Sequence[Part]) -> list[Unit]:
+        """The units of a rung, those that can be run in one call side by side; the plan counts
+        them."""
+        together: dict[str, list[Unit]] = {}
+        for entry, start, stop in asked:
+            for body, first, last in self._blocks(start, stop):
+                for unit in self._units(entry, body, first, last):
+                    together.setdefault(self._together[unit.cell_hash], []).append(unit)
+        found = [unit for units in together.values() for unit in units]
+        self.plan.asked.extend(found)
+        return found
+
+    def scores(self, asked: Sequence[Part]) -> list[np.ndarray]:
+        """The scores of what was asked, each (stratum, replicate), less being better.
+
+        An episode without a score counts as the worst that any entry has had on its object.
+        """
+        self.missing = []
+        raw = [{body: self._values(entry, body, blocks)
+                for body, blocks in self._by_object(start, stop).items()}
+               for entry, start, stop in asked]
+        for of_objects in raw:
+            for body, values in of_objects.items():
+                known = values[np.isfinite(values)]
+                if len(known):
+                    self._worst[body] = max(self._worst.get(body, -np.inf), float(known.max()))
+        score = failure_score(self.metric)
+        found = []
+        for of_objects in raw:
+            rows = []
+            for body, values in of_objects.items():
+                worst = self._worst.get(body, 0.0) if score is None else score
+                rows.append(np.where(np.isfinite(values), values, worst).mean(axis=0))
+            found.append(np.array([[row.mean() for row in rows]])
+                         if self.over == "like-these" else np.array(rows))
+        return found
+
+    def _by_object(self, start: int, stop: int) -> dict[int, list[tuple[int, int]]]:
+        """The blocks of episodes of some replicates, by object."""
+        found: dict[int, list[tuple[int, int]]] = {}
+        for body, first, last in self._blocks(start, stop):
+            found.setdefault(body, []).append((first, last))
+        return found
+
+    def _blocks(self, start: int, stop: int) -> Iterator[tuple[int, int, int]]:
+        """(object, first, last) of each block of episodes of some replicates."""
+        if self.over == "like-these":
+            each = self.plan.study.head.episodes_per_cell
+            whole = [(body, 0, each) for body in self.order[start:stop]]
+        else:
+            whole = [(body, start, stop) for body in range(len(self.order))]
+        for body, first, last in whole:
+            for begin in range(first, last, BLOCK):
+                yield body, begin, min(begin + BLOCK, last)
+
+    def _values(self, entry: int, body: int, blocks: Sequence[tuple[int, int]]) -> np.ndarray:
+        """The scores of an entry on an object, (case, episode); NaN where there is none."""
+        sign = -1.0 if self.metric in HIGHER_IS_BETTER else 1.0
+        parts = []
+        for first, last in blocks:
+            of_cases = []
+            for unit in self._units(entry, body, first, last):
+                rows = self.store.read(unit)
+                if rows is None and not self.store.log(unit).exists():
+                    self.missing.append(unit)
+                of_cases.append(np.full(last - first, np.nan) if rows is None
+                                else sign * values_of(rows, self.metric))
+            parts.append(np.array(of_cases))
+        return np.concatenate(parts, axis=1)
+
+    def _units(self, entry: int, body: int, first: int, last: int) -> list[Unit]:
+        """A block of episodes of an entry on an object: a unit a case."""
+        key = entry, body
+        if key not in self._cells:
+            self._cells[key] = [self._cell(self.entries[entry], body, case)
+                                for case in self._cases()]
+        return [Unit(unit_id(name, first, last), name, cell, first, last)
+                for cell, name in self._cells[key]]
+
+    def _cell(self, entry: Entry, body: int, case: dict[int, int]) -> tuple[Cell, str]:
+        study = self.plan.study
+        cell = study.cell(entry.strategy, body, setting_index(self.plan, case | entry.points))
+        name = cell_hash(cell, study.objects[body])
+        self._together[name] = repr(batch_key(cell))
+        return cell, name
+
+    def _cases(self) -> Iterator[dict[int, int]]:
+        """The points of the axes that entries are averaged over."""
+        axes = self.plan.study.axes
+        rest = [n for n in range(len(axes)) if n not in self.axes]
+        for points in product(*(range(len(axes[n].values)) for n in rest)):
+            yield dict(zip(rest, points, strict=True))

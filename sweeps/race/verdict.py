@@ -1,0 +1,127 @@
+"""What a race has found, in words, as a table, and against equal allocation."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sweeps.analysis.entries import HIGHER_IS_BETTER
+from sweeps.race.elimination import Look, Race, Rules
+from sweeps.race.race_units import RaceUnits
+from sweeps.text_table import TextTable, number_text
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The end of a race, or how far it is. Arrays are (entry,)."""
+
+    labels: tuple[str, ...]
+    metric: str
+    over: str
+    objects: int
+    """Of the study, or, over objects like these, those that the leader has met."""
+    rules: Rules
+    looks: tuple[Look, ...]
+    means: np.ndarray
+    """Every entry's mean over its own replicates; less is better, so the sign may be turned."""
+    episodes: np.ndarray
+    last_rung: np.ndarray
+    """The rung in which each entry last took episodes."""
+    equal: float
+    """Episodes that equal allocation would take (see `equal_replicates`)."""
+
+    @property
+    def last(self) -> Look:
+        """The last look."""
+        return self.looks[-1]
+
+    @property
+    def reached(self) -> bool:
+        """Whether the best is known within what was asked."""
+        return not self.last.open.any()
+
+    @property
+    def within(self) -> float:
+        """How near to the best the leader is for certain, at the race's confidence."""
+        return self.rules.within if self.reached else self.last.within
+
+    @property
+    def order(self) -> np.ndarray:
+        """Entries, the leader first, then by their difference to it."""
+        key = self.last.difference.copy()
+        key[self.last.leader] = -np.inf
+        return np.argsort(key, kind="stable")
+
+
+def verdict_of(race: Race, units: RaceUnits) -> Verdict:
+    """What a race has found after its last look."""
+    count = race.count
+    objects = (int(count[race.looks[-1].leader]) if units.over == "like-these"
+               else units.objects_each)
+    return Verdict(tuple(entry.label for entry in units.entries), units.metric, units.over,
+                   objects, race.rules, tuple(race.looks), race.means,
+                   count * units.episodes_each, race.last_rung.copy(),
+                   equal_replicates(race.spread, race.looks[-1].leader, race.rules)
+                   * len(count) * units.episodes_each)
+
+
+def equal_replicates(spread: np.ndarray, leader: int, rules: Rules) -> float:
+    """Replicates of every entry, planned in advance, that would tell the best within as much.
+
+    So many that N - 1 one-sided intervals (Bonferroni) of the differences to one entry are each no
+    longer than `within`, at the median spread of such a difference.
+    """
+    from scipy.special import ndtri
+
+    others = np.delete(spread, leader)
+    alpha = (1.0 - rules.confidence) / max(len(others), 1)
+    return float(np.ceil((ndtri(alpha) * np.median(others) / rules.within) ** 2))
+
+
+def amount(value: float, metric: str) -> str:
+    """A difference with its unit."""
+    unit = metric.rpartition("_")[2] if metric.endswith(("_mm", "_s", "_m")) else ""
+    return f"{value:.3g} {unit}".rstrip()
+
+
+def claim(found: Verdict) -> str:
+    """The sentence that a race ends with."""
+    if not np.isfinite(found.within):
+        return "nothing can be claimed yet"
+    where = ("these" if found.over == "these" else "objects like these")
+    many = f"{found.objects} objects" if found.over == "these" else f"{found.objects}"
+    cut = ("" if found.rules.bounds is None else
+           f", scores cut at {amount(found.rules.bounds[1], found.metric)}")
+    return (f"within {amount(found.within, found.metric)} of the best of {len(found.labels):,} on "
+            f"{where} {many}, {100 * found.rules.confidence:g} %{cut}")
+
+
+def summary(found: Verdict) -> dict[str, str]:
+    """The lines that a race prints, by what they tell."""
+    last, taken = found.last, int(found.episodes.sum())
+    tied, worse = int(last.tied.sum()) - 1, int(last.out.sum())
+    sign = -1.0 if found.metric in HIGHER_IS_BETTER else 1.0
+    times = found.equal / taken
+    return {
+        "best": found.labels[last.leader],
+        "claim": claim(found),
+        found.metric: number_text(sign * found.means[last.leader], 4 if sign < 0 else 3),
+        "tied": f"{tied:,} not known to be worse, {worse:,} worse",
+        "episodes": f"{taken:,} in {last.number} rungs",
+        "equal": f"{found.equal:,.0f} if all had as many ({times:.2g} times; reckoned)",
+    }
+
+
+def race_table(found: Verdict) -> TextTable:
+    """A row for each entry, the winner first: what `race.csv` holds."""
+    last, metric = found.last, found.metric
+    digits = 4 if metric in HIGHER_IS_BETTER else 3
+    sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
+    rows = tuple((
+        str(rank), found.labels[n], number_text(sign * found.means[n], digits),
+        number_text(last.difference[n], digits), number_text(last.lower[n], digits),
+        ("best" if n == last.leader else "worse" if last.out[n] else
+         "open" if last.open[n] else "tied"),
+        str(found.last_rung[n]), str(found.episodes[n]))
+        for rank, n in enumerate(found.order, 1))
+    return TextTable(("rank", "strategy", metric, "worse_by", "worse_by_at_least", "verdict",
+                      "last_rung", "n_episodes"), rows)
