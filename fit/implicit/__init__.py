@@ -1,0 +1,11 @@
+"""Free-form bodies: Gaussian processes over signed distance, their zero sets as meshes."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "fit": ["fit_implicit"],
+    "mesh": ["implicit_meshes"],
+    "query": ["ImplicitValues", "implicit_distance", "implicit_values"],
+    "record": ["ImplicitFit", "ImplicitOptions", "Mean", "TriangleMesh"],
+    "volume": ["VolumeEstimate", "implicit_volume"],
+})

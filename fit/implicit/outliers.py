@@ -1,0 +1,40 @@
+"""Outliers among touches: a contaminated normal distribution of their errors.
+
+A touch is off by its noise, or with a small probability by much more. What all other touches
+predict for it decides: the cavity of expectation propagation (Minka 2001; for processes Rasmussen
+and Williams 2006, section 5.4.2 on deleted residuals). The residual of the full fit would not do,
+since a process of dense rows passes through an outlier.
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+
+def outlier_weights(
+    deleted: Float[np.ndarray, "fit row"], deleted_variance: Float[np.ndarray, "fit row"],
+    inlying: Float[np.ndarray, "fit row"], share: float, outlier: Float[np.ndarray, "fit 1"],
+) -> Float[np.ndarray, "fit row"]:
+    """Share of its precision that each touch keeps, from above 0 to 1.
+
+    Args:
+        deleted: prediction by all other rows less the touch.
+        deleted_variance: variance of that prediction.
+        inlying: variance of a touch that is no outlier.
+        share: prior probability of an outlier.
+        outlier: standard deviation of an outlier beyond its noise.
+
+    The precision is the mean of 1/variance over the two cases, each by its probability.
+    """
+    wide = inlying + outlier**2
+    inside, outside = deleted_variance + inlying, deleted_variance + wide
+    square = deleted**2
+    log_odds = (np.log(share / (1.0 - share)) + 0.5 * np.log(inside / outside)
+                + 0.5 * square * (1.0 / inside - 1.0 / outside))
+    probability = 1.0 / (1.0 + np.exp(-np.clip(log_odds, -40.0, 40.0)))
+    return 1.0 - probability * (1.0 - inlying / wide)
+
+
+def outlier_probability(weight, inlying, outlier) -> np.ndarray:
+    """Probability of an outlier that a weight of `outlier_weights` stands for."""
+    wide = inlying + np.asarray(outlier) ** 2
+    return (1.0 - np.asarray(weight)) / (1.0 - inlying / wide)
