@@ -17,6 +17,12 @@ from fit.arrays import put_rows, rows_of, with_rows
 from fit.fit_status import FitStatus
 from fit.superquadric.fit import fit_superquadric
 from fit.superquadric.record import SuperquadricFit
+from strategies.contacts.touched_links import (
+    TouchedLinks,
+    joined_links,
+    no_links,
+    touched_links,
+)
 from strategies.planners.from_strategy import Budget, within_budget
 from strategies.planners.guarded_call import guarded_call
 from strategies.planners.probes import CrossFaces, FollowContour, Grasp, Probe, misfits, wanted_of
@@ -40,14 +46,10 @@ from strategies.recovery.evidence import (
     CONTOUR_TOUCHES,
     FACE_TOUCHES,
     Evidence,
-    TouchedLinks,
     evidence_from_grasps,
     evidence_from_touches,
     joined_evidence,
-    joined_links,
     no_evidence,
-    no_links,
-    touched_links,
 )
 from strategies.recovery.fit_contacts import recover_bodies, refine_bodies
 from strategies.recovery.misfit import UNBELIEVED_M, touch_misfit
@@ -137,7 +139,7 @@ class RunningExploration:
         radius = robot.hand.link_radius_m
         self.intrinsic = robot.sensors.contact_estimator == "intrinsic"
         self.felt = no_evidence(worlds, radius)
-        self.links = no_links(worlds, 0, radius)
+        self.links = no_links(worlds, 0, robot.hand)
         self.news: list[tuple[Evidence, TouchedLinks]] = []  # felt since the last fit
         self.slots = 0
         self.contour = np.zeros(0, int)  # slots of touches along a contour
@@ -241,7 +243,7 @@ class RunningExploration:
                                         room)
         mask = grasps.moves.status[:, :, 0] != ProbeStatus.NOT_TRIED
         radius = self.robot.hand.link_radius_m
-        links = touched_links(grasps, radius)
+        links = touched_links(grasps, self.robot.hand)
         evidence = evidence_from_grasps(grasps, radius)
         self._add(evidence, links)
         made = np.isin(grasps.closing.status, FELT_TO_THE_END)
@@ -274,8 +276,8 @@ class RunningExploration:
                  wanted: np.ndarray, slots: int) -> None:
         worlds = self.robot.worlds
         missed = found.missed if self.table.free_tips else None
-        self._add(evidence_from_touches(found.touches, missed, worlds, slots, self.felt),
-                  no_links(worlds, slots, self.links.radius_m))
+        self._add(*evidence_from_touches(found.touches, missed, worlds, slots, self.felt,
+                                         self.robot.hand))
         made = np.bincount(found.touches.world, minlength=worlds)
         self.touches += made
         self.time += found.time_s
@@ -359,7 +361,7 @@ class RunningExploration:
             self.step, self.active.copy(), self.prior, self.seed, self.robot.arm,
             self.robot.hand, self.robot.sensors, self.closings, self.placed, self.fits, fitted,
             body, tuple(self.faces), self.whole, self.shape, self.touches.copy(),
-            self.time.copy(), self.path.copy()))
+            self.time.copy(), self.path.copy(), self.links, self.robot.errors))
 
     def status(self) -> np.ndarray:
         """How each world ended."""
@@ -389,4 +391,5 @@ def _widened(placed: Evidence, felt: Evidence, free: int) -> Evidence:
         np.concatenate([placed.mask, np.zeros_like(felt.mask[:, new])], 1),
         np.concatenate([placed.covariance_m2, felt.covariance_m2[:, new]], 1),
         np.concatenate([placed.normals, felt.normals[:, new]], 1),
-        free_m, felt.free_radius_m, free_mask, felt.by_pad.copy(), felt.felt_normals.copy())
+        free_m, felt.free_radius_m, free_mask, felt.by_pad.copy(),
+        np.concatenate([placed.contradiction, felt.contradiction[:, new]], 1))

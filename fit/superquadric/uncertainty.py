@@ -61,14 +61,14 @@ def superquadric_uncertainty(
     table_z: float | np.ndarray | None = None,
     sigma_floor_m: float = 1e-3,
     table_sigma_m: float = 5e-4,
-    common_sigma_m: float = 0.0,
+    shared_m: Float[np.ndarray, "fit point error"] | None = None,
 ) -> SuperquadricUncertainty:
     """Uncertainty of `fit` to `points` [m] with the evidence it was fitted to.
 
     Without `covariance` [m^2] the noise is estimated from the residuals. With it, the variance of
-    each touch is n.C n + sigma_floor^2, scaled up if the residuals are larger. `common_sigma_m` is
-    the standard deviation of an error along the normal common to all touches (skin, link radius,
-    calibration), which does not average out.
+    each touch is n.C n + sigma_floor^2, scaled up if the residuals are larger. `shared_m` are
+    errors that touches share and that do not average out (calibration, skin): by how much one
+    standard deviation of each moves each touch along the normal.
     """
     body = _body(fit)
     points = np.asarray(points, float)
@@ -90,9 +90,11 @@ def superquadric_uncertainty(
         information += row[:, :, None] * row[:, None, :]
     # In units of the prior the matrix is at least the identity, hence regular.
     unit = np.linalg.inv(information)
-    if common_sigma_m:
-        shared = np.einsum("fij,fpj,fp->fi", unit, rows, kept / sigma) * common_sigma_m
-        unit = unit + shared[:, :, None] * shared[:, None, :]
+    if shared_m is not None:
+        # What least squares make of each of these errors.
+        moved = np.where(kept[..., None], shared_m / sigma[..., None], 0.0)
+        shared = unit @ np.einsum("fpj,fpk->fjk", rows, moved)
+        unit = unit + shared @ np.swapaxes(shared, 1, 2)
     cov = unit * prior[:, :, None] * prior[:, None, :]
     log_volume_std = _log_volume_std(body, cov, prior)
     return SuperquadricUncertainty(cov, superquadric_volume(body), log_volume_std)

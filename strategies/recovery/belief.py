@@ -9,11 +9,12 @@ import numpy as np
 from fit.superquadric.geometry import Superquadric
 from fit.superquadric.record import SuperquadricFit
 from fit.superquadric.uncertainty import SuperquadricUncertainty, superquadric_uncertainty
+from strategies.contacts.touched_links import TouchedLinks
 from strategies.poses.waypoints import BoundingCylinder
 from strategies.procedures.contour_shape import Profile
 from strategies.procedures.planar_faces import Face
 from strategies.recovery.evidence import Evidence
-from warpgrasp.parameters import ArmTable, FitTable, HandTable, SensorTable
+from warpgrasp.parameters import ArmTable, ErrorTable, FitTable, HandTable, SensorTable
 
 _PACK = 64
 
@@ -56,6 +57,10 @@ class Belief:
     """Robot time spent, (world,)."""
     path_m: np.ndarray
     """Path of the hand, (world,)."""
+    links: TouchedLinks
+    """How the robot stood at each contact of the evidence, and what its joints felt."""
+    errors: ErrorTable
+    """How far the robot may be from its tables: deviations, not what was drawn."""
 
     @property
     def worlds(self) -> int:

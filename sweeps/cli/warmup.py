@@ -10,6 +10,7 @@ from multiprocessing import get_context
 import numpy as np
 
 KERNEL_MODULES = (
+    "strategies.contacts.placing_kernel",
     "strategies.recovery.body_distances_kernel",
     "strategies.recovery.pose_alignment_kernel",
     "sweeps.episode.scores_kernel",
