@@ -141,6 +141,24 @@ class ErrorTable:
 
 @spec_words
 @dataclass(frozen=True)
+class RobotTable:
+    """Whose tables a sweep varies."""
+
+    swept: str = _choice("both", ("both", "truth", "belief"), "whose [hand], [sensors] and "
+                         "[errors] a sweep varies: the robot's that is, that it believes, or both")
+
+
+@dataclass(frozen=True)
+class TrueTables:
+    """What the robot that is differs in from the robot that is believed."""
+
+    hand: HandTable
+    sensors: SensorTable
+    errors: ErrorTable
+
+
+@spec_words
+@dataclass(frozen=True)
 class PadTable:
     """Force-sensing pads of 16 x 16 taxels on 0.5 x 1.0 in, 8-bit converter [paper].
 

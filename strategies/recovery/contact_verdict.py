@@ -11,12 +11,11 @@ import numpy as np
 from fit.arrays import row_sums
 from strategies.recovery.body_distances import contour_distances, surface_distances
 from strategies.recovery.choose_model import Recovered, Shape
-from strategies.recovery.evidence import Evidence
+from strategies.recovery.evidence import CONTRADICTED_FROM, Evidence
 from strategies.recovery.misfit import FARTHEST_M
 
-CONTRADICTED_FROM = 10.0
-"""Chi-square of torques and body, of about three degrees of freedom, from which on they contradict
-one another [est]."""
+NEAR_M = 0.006
+"""An accepted contact of a finger lies at most this far from the body [est]."""
 ACCEPTED, UNSURE_LINK, CONTRADICTED, FAR, TABLE = (
     "accepted", "unsure_link", "contradicted", "far", "table")
 """Verdicts: too far from the body to be its contact is `far`, as near to the table as to be told
@@ -46,6 +45,8 @@ def contact_verdicts(recovered: Recovered, evidence: Evidence) -> np.ndarray:
     """The verdict of each contact of the evidence, (world, point); empty text where there is none.
     """
     near = explained_by(recovered, evidence.points_m, evidence.mask)
+    near &= evidence.by_pad | (
+        surface_gaps(recovered, evidence.points_m, evidence.mask) <= NEAR_M)
     verdict = np.full(near.shape, ACCEPTED, object)
     verdict[evidence.contradiction > CONTRADICTED_FROM] = CONTRADICTED
     verdict[np.isinf(evidence.contradiction)] = UNSURE_LINK

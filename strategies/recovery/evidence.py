@@ -15,6 +15,9 @@ TABLE_MARGIN_M = 0.006
 """Contacts believed lower than this are taken to be the table."""
 SURE_LINK = 0.9
 """Probability of its likeliest link from which on a contact counts as of that link [est]."""
+CONTRADICTED_FROM = 10.0
+"""Chi-square of torques and body, of about three degrees of freedom, from which on they contradict
+one another [est]."""
 FREE_SLACK_M = 0.002
 """Links reported free are thinned by this: their places are known no better."""
 

@@ -110,7 +110,8 @@ def cell_hash(cell: Cell, body: Body) -> str:
     return digest({
         "strategy": canonical_strategy(cell.strategy), "object": cell.object_name,
         "body": canonical_body(body), "seed": cell.seed,
-        **{name: asdict(getattr(cell, name)) for name in TABLES}})
+        **{name: asdict(getattr(cell, name)) for name in TABLES},
+        **({} if cell.true is None else {"true": asdict(cell.true)})})
 
 
 def unit_id(cell_name: str, start: int, stop: int) -> str:
