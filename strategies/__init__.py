@@ -3,7 +3,7 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "contacts.touched_links": ["touched_links"],
+    "contacts.finger_touch": ["touched_links"],
     "exploration": ["explore"],
     "planners.probes": ["CrossFaces", "FollowContour", "Grasp"],
     "planners.register": ["planner"],

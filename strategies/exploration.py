@@ -17,7 +17,7 @@ from fit.arrays import put_rows, rows_of, with_rows
 from fit.fit_status import FitStatus
 from fit.superquadric.fit import fit_superquadric
 from fit.superquadric.record import SuperquadricFit
-from strategies.contacts.touched_links import (
+from strategies.contacts.finger_touch import (
     TouchedLinks,
     joined_links,
     no_links,

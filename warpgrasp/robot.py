@@ -104,12 +104,12 @@ class Robot:
         self._march_scale = 0.5 if has_deformed_part(bodies) else 1.0
         self.arm, self.hand, self.sensors = arm, hand, sensors
         self.pads = pads or PadTable()
-        self.errors = errors or ErrorTable()
+        self.errors = (errors or ErrorTable()).scaled()
         self.contact = contact or ContactTable()
         self._true = true or TrueTables(hand, sensors, self.errors)
         if self._true.hand.mount_length_m != hand.mount_length_m:
             raise ValueError("hand.mount_length_mm cannot differ between truth and belief")
-        self._calibration = draw_calibration(self._true.errors, key)
+        self._calibration = draw_calibration(self._true.errors.scaled(), key)
 
     @property
     def worlds(self) -> int:

@@ -22,8 +22,8 @@ from fit.superquadric.uncertainty import (
     surface_distance,
     surface_std,
 )
+from strategies.contacts.finger_touch import TouchedLinks
 from strategies.contacts.shared_errors import shared_shifts
-from strategies.contacts.touched_links import TouchedLinks
 from warpgrasp.parameters import ArmTable, ErrorTable
 
 OUTSIDE = 0.10

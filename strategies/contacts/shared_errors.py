@@ -10,7 +10,7 @@ was drawn. Errors of the arm shift the hand nearly alike at all poses about an o
 import numpy as np
 
 from fit.rotation import matrix_of_quaternion
-from strategies.contacts.touched_links import TouchedLinks
+from strategies.contacts.finger_touch import TouchedLinks
 from warpgrasp.mechanism.calibration import arm_variance
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT
 from warpgrasp.parameters import ArmTable, ErrorTable

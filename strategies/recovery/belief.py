@@ -10,7 +10,7 @@ from fit.superquadric.geometry import Superquadric
 from fit.superquadric.record import SuperquadricFit
 from fit.superquadric.uncertainty import SuperquadricUncertainty
 from strategies.contacts.body_uncertainty import Felt, calibrated_uncertainty
-from strategies.contacts.touched_links import TouchedLinks
+from strategies.contacts.finger_touch import TouchedLinks
 from strategies.poses.waypoints import BoundingCylinder
 from strategies.procedures.contour_shape import Profile
 from strategies.procedures.planar_faces import Face

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from strategies.contacts.touched_links import TouchedLinks, links_of_touches
+from strategies.contacts.finger_touch import TouchedLinks, links_of_touches
 from strategies.procedures.touches import MissedTips, TouchTable
 from warpgrasp.parameters import HandTable
 from warpgrasp.probe_status import FELT_TO_THE_END, ProbeStatus

@@ -16,8 +16,8 @@ from fit.arrays import rows_of, with_rows
 from fit.superquadric.fit import fit_superquadric
 from fit.superquadric.geometry import SuperquadricLike
 from fit.superquadric.record import SuperquadricFit, SuperquadricOptions
+from strategies.contacts.finger_touch import TouchedLinks
 from strategies.contacts.placing_kernel import _placing_kernel
-from strategies.contacts.touched_links import TouchedLinks
 from strategies.recovery.body_distances import bodies_on, radial_distances
 from strategies.recovery.evidence import SURE_LINK, Evidence
 from strategies.recovery.misfit import CLEARLY, DOUBTED_M, RIVAL, touch_misfit

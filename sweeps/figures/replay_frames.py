@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from fit.arrays import rows_of
 from fit.superquadric.geometry import Superquadric
-from strategies.contacts.touched_links import touched_links
+from strategies.contacts.finger_touch import touched_links
 from strategies.poses.postures import PINCH_OPEN_RAD, POKE_RAD
 from strategies.procedures.touches import TouchTable
 from strategies.recovery.choose_model import Recovered, Shape

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from fit.superquadric.geometry import superquadric
-from strategies.contacts.touched_links import no_links
+from strategies.contacts.finger_touch import no_links
 from strategies.poses.waypoints import BoundingCylinder
 from strategies.recovery.belief import Belief
 from strategies.recovery.evidence import Evidence
