@@ -26,10 +26,10 @@ def table(words: list[TableKind | str], /, *,
     ----------
     words
         DIR... KIND: the directories of a study, then one of pairs (paired tests), objects
-        (medians on each), beside (means on each, settings side by side), confusion (recognition), curves (error against touches and robot
-        time), reach (touches and seconds to 5 mm and 3 mm), same-time (errors when the
-        strategy of --against ended), pareto (error against robot time), settings (what each
-        swept factor does).
+        (medians on each), beside (means on each, settings side by side), confusion
+        (recognition), curves (error against touches and robot time), reach (touches and
+        seconds to 5 mm and 3 mm), same-time (errors when the strategy of --against ended),
+        pareto (error against robot time), settings (what each swept factor does).
     out
         Also write it, as CSV.
     metric

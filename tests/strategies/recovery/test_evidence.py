@@ -53,7 +53,8 @@ def test_many_misses_are_thinned_evenly_and_apart_from_other_worlds() -> None:
     one = MissedTips(np.full(n, 1), np.arange(3.0 * n).reshape(n, 3))
     both = MissedTips(np.concatenate([one.world, [2, 2]]),
                       np.concatenate([one.tip_m, np.ones((2, 3))]))
-    alone, beside = (evidence_from_touches(table, missed, 3, 4, LIKE, HandTable())[0] for missed in (one, both))
+    alone, beside = (evidence_from_touches(table, missed, 3, 4, LIKE, HandTable())[0]
+                     for missed in (one, both))
     np.testing.assert_array_equal(alone.free_m[1], beside.free_m[1])
     assert alone.free_mask.sum(1).tolist() == [0, FREE_TIPS, 0]
     assert beside.free_mask.sum(1).tolist() == [0, FREE_TIPS, 2]
