@@ -35,6 +35,7 @@ from sweeps.bench import bench_table
 
 DOCS = Path(__file__).parent
 FIGURES = DOCS / "figures.json"
+ERRORS = DOCS / "fidelity" / "errors.md"
 FIGURE = re.compile(r"<!--=(\S+) (\S+?)-->(.*?)<!--=-->", re.DOTALL)
 TABLE = re.compile(r"(<!--table studies\.(\S+) ([^>]*?)-->\n)(.*?)(<!--end-->)", re.DOTALL)
 NAMED_BY = {"recovery": ("object", "contacts", "fit"), "faces": ("source", "size"),
@@ -122,6 +123,16 @@ def _table(study: str, columns: list[str]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def errors_page(rows: list[dict[str, str]]) -> str:
+    """The table of `errors.csv` as a page."""
+    header = list(rows[0])
+    lines = ["| " + " | ".join(header) + " |", "|---" * len(header) + "|",
+             *("| " + " | ".join(row.values()) + " |" for row in rows)]
+    return ("<!-- written by `make errors-docs`; do not edit -->\n\n"
+            "# Every strategy with errors of calibration, and without\n\n" + "\n".join(lines)
+            + "\n")
+
+
 def main() -> int:
     """Writes `figures.json` and the pages."""
     figures = collect()
@@ -130,6 +141,8 @@ def main() -> int:
     (DOCS / "speed_table.md").write_text(
         "<!-- written by `make figures` from bench.jsonl; do not edit -->\n\n"
         "# One run of the whole benchmark\n\n" + bench_table.markdown(lines))
+    if ERRORS.with_suffix(".csv").exists():
+        ERRORS.write_text(errors_page(_rows(ERRORS.with_suffix(".csv"))))
     for page in pages():
         text = page.read_text()
         try:

@@ -53,8 +53,8 @@ def _of_arrays(change: Callable[..., np.ndarray], record: Any, *others: Any) -> 
     if isinstance(record, np.ndarray):
         return change(record, *others)
     if isinstance(record, tuple):
-        return type(record)(*(_of_arrays(change, *values)
-                              for values in zip(record, *others, strict=True)))
+        parts = (_of_arrays(change, *values) for values in zip(record, *others, strict=True))
+        return type(record)(*parts) if hasattr(record, "_fields") else tuple(parts)
     if is_dataclass(record):
         return type(record)(**{f.name: _of_arrays(change, *(
             getattr(one, f.name) for one in (record, *others))) for f in fields(record)})

@@ -3,6 +3,7 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "contacts.finger_touch": ["touched_links"],
     "exploration": ["explore"],
     "planners.probes": ["CrossFaces", "FollowContour", "Grasp"],
     "planners.register": ["planner"],
@@ -10,7 +11,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "procedures.containment": ["explore_by_containment"],
     "ready_made": ["STRATEGIES"],
     "recovery.belief": ["Belief"],
-    "recovery.evidence": ["Evidence", "evidence_from_grasps", "touched_links"],
+    "recovery.evidence": ["Evidence", "evidence_from_grasps"],
     "recovery.fit_contacts": ["recover_bodies"],
     "strategy": ["Strategy"],
 })

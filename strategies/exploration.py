@@ -17,6 +17,12 @@ from fit.arrays import rows_of, with_rows
 from fit.fit_status import FitStatus
 from fit.superquadric.fit import fit_superquadric
 from fit.superquadric.record import SuperquadricFit
+from strategies.contacts.finger_touch import (
+    TouchedLinks,
+    joined_links,
+    no_links,
+    touched_links,
+)
 from strategies.planners.from_strategy import Budget, within_budget
 from strategies.planners.guarded_call import guarded_call
 from strategies.planners.probes import CrossFaces, FollowContour, Grasp, Probe, misfits, wanted_of
@@ -40,14 +46,10 @@ from strategies.recovery.evidence import (
     CONTOUR_TOUCHES,
     FACE_TOUCHES,
     Evidence,
-    TouchedLinks,
     evidence_from_grasps,
     evidence_from_touches,
     joined_evidence,
-    joined_links,
     no_evidence,
-    no_links,
-    touched_links,
 )
 from strategies.recovery.misfit import UNBELIEVED_M, touch_misfit
 from strategies.recovery.plausibility import (
@@ -139,7 +141,7 @@ class RunningExploration:
         radius = robot.hand.link_radius_m
         self.intrinsic = robot.sensors.contact_estimator == "intrinsic"
         self.felt = no_evidence(worlds, radius)
-        self.links = no_links(worlds, 0, radius)
+        self.links = no_links(worlds, 0, robot.hand)
         self.news: list[tuple[Evidence, TouchedLinks]] = []  # felt since the last fit
         self.slots = 0
         self.contour = np.zeros(0, int)  # slots of touches along a contour
@@ -250,7 +252,7 @@ class RunningExploration:
                                         room)
         mask = grasps.moves.status[:, :, 0] != ProbeStatus.NOT_TRIED
         radius = self.robot.hand.link_radius_m
-        links = touched_links(grasps, radius)
+        links = touched_links(grasps, self.robot.hand)
         evidence = evidence_from_grasps(grasps, radius)
         self._add(evidence, links)
         self.touches += was_made(grasps.closing.status).sum((1, 2, 3))
@@ -282,8 +284,8 @@ class RunningExploration:
                  wanted: np.ndarray, slots: int) -> None:
         worlds = self.robot.worlds
         missed = found.missed if self.table.free_tips else None
-        self._add(evidence_from_touches(found.touches, missed, worlds, slots, self.felt),
-                  no_links(worlds, slots, self.links.radius_m))
+        self._add(*evidence_from_touches(found.touches, missed, worlds, slots, self.felt,
+                                         self.robot.hand))
         self.touches += found.touch_count
         self.time += found.time_s
         self.path += found.path_m
@@ -352,7 +354,7 @@ class RunningExploration:
             self.step, self.active.copy(), self.prior, self.seed, self.robot.arm,
             self.robot.hand, self.robot.sensors, self.closings, self.placed, self.fits, fitted,
             body, tuple(self.faces), self.whole, self.shape, self.touches.copy(),
-            self.time.copy(), self.path.copy()))
+            self.time.copy(), self.path.copy(), self.links, self.robot.errors))
 
     def status(self) -> np.ndarray:
         """How each world ended."""

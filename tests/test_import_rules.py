@@ -19,8 +19,8 @@ FLOORS = {
     "fit": ["fit_status", "rotation", "arrays", "optimize", "prepare", "superquadric",
             "revolution", "plane", "polyhedron", "match_parameters", "interpretation_tree",
             "points_csv"],
-    "strategies": ["poses", "strategy", "ready_made", "procedures", "recovery", "recognition",
-                   "planners", "exploration"],
+    "strategies": ["poses", "strategy", "ready_made", "procedures", "contacts", "recovery",
+                   "recognition", "planners", "exploration"],
     "sweeps": ["output", "text_table", "spec", "episode", "run", "analysis", "compare", "figures",
                "report", "gym", "paper", "validate", "bench", "cli", "__main__"],
 }

@@ -136,11 +136,35 @@ class ErrorTable:
     mount_rad: float = _number(radians(0.2), 0.0, 0.5, "same, rotation vector [est]")
     pad_m: float = _number(5e-4, 0.0, 0.005, "place of each pad on its link, both ways [est]")
     pad_gain_share: float = _number(0.10, 0.0, 0.5, "gain of each pad as a whole [est]")
+    scale: float = _number(1.0, 0.0, 10.0, "factor of all of these; 0: the tables are true")
 
     @staticmethod
     def none() -> "ErrorTable":
         """The robot that is believed."""
         return ErrorTable(**{f.name: 0.0 for f in fields(ErrorTable)})
+
+    def scaled(self) -> "ErrorTable":
+        """The deviations times `scale`, which is then one."""
+        return ErrorTable(**{f.name: 1.0 if f.name == "scale" else self.scale * getattr(
+            self, f.name) for f in fields(ErrorTable)})
+
+
+@spec_words
+@dataclass(frozen=True)
+class RobotTable:
+    """Whose tables a sweep varies."""
+
+    swept: str = _choice("both", ("both", "truth", "belief"), "whose [hand], [sensors] and "
+                         "[errors] a sweep varies: the robot's that is, that it believes, or both")
+
+
+@dataclass(frozen=True)
+class TrueTables:
+    """What the robot that is differs in from the robot that is believed."""
+
+    hand: HandTable
+    sensors: SensorTable
+    errors: ErrorTable
 
 
 @spec_words

@@ -28,6 +28,7 @@ from warpgrasp.parameters import (
     PadTable,
     SensorTable,
     StereoTable,
+    TrueTables,
 )
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.touch.guarded_motion import LineMove, LineTouch, LineTruth, Until, guarded_line
@@ -82,12 +83,15 @@ class Robot:
         pads: PadTable | None = None,
         errors: ErrorTable | None = None,
         contact: ContactTable | None = None,
+        true: TrueTables | None = None,
         device: str = "cpu",
     ) -> None:
         """`body` (world or 1,) numbers `bodies`; `key` (world,) uint64 seeds all noise, and the
-        errors of calibration, whose deviations are those of `errors`.
+        errors of calibration, whose deviations are those of `errors`. The robot that is has the
+        tables `true`; those that are believed where there are none.
 
-        Raises ValueError for a number that none of `bodies` has.
+        Raises ValueError for a number that none of `bodies` has, and where `true` moves the hand
+        along its mount, which arm and hand share.
         """
         check_range("body", body, 0, len(bodies) - 1)
         self._scene = scene_of(bodies, device)
@@ -103,9 +107,12 @@ class Robot:
         self._march_scale = 0.5 if has_deformed_part(bodies) else 1.0
         self.arm, self.hand, self.sensors = arm, hand, sensors
         self.pads = pads or PadTable()
-        self.errors = errors or ErrorTable()
+        self.errors = (errors or ErrorTable()).scaled()
         self.contact = contact or ContactTable()
-        self._calibration = draw_calibration(self.errors, key)
+        self._true = true or TrueTables(hand, sensors, self.errors)
+        if self._true.hand.mount_length_m != hand.mount_length_m:
+            raise ValueError("hand.mount_length_mm cannot differ between truth and belief")
+        self._calibration = draw_calibration(self._true.errors.scaled(), key)
 
     @property
     def worlds(self) -> int:
@@ -140,9 +147,9 @@ class Robot:
         number = self._numbers(wanted)
         moves, actual = self._move(hand_pose, wanted, commands_rad, number)
         closing, truth = close_fingers(
-            self._scene, self._body, self._truth.body_pose, self.hand, self.sensors, self._key,
-            moves.status, actual, commands_rad, command_count, contact=self.contact,
-            errors=self._calibration, probe_number=number,
+            self._scene, self._body, self._truth.body_pose, self._true.hand,
+            self._true.sensors, self._key, moves.status, actual, commands_rad, command_count,
+            contact=self.contact, errors=self._calibration, probe_number=number,
             march_scale=self._march_scale, device=self._device)
         if self.contact.self_contact:
             closing = self._without_self(closing, commands_rad)
@@ -173,7 +180,7 @@ class Robot:
         number: np.ndarray,
     ) -> tuple[ArmMoves, np.ndarray]:
         return move_hand(
-            self._scene, self._body, self._truth.body_pose, self.arm, self.hand, self._key,
+            self._scene, self._body, self._truth.body_pose, self.arm, self._true.hand, self._key,
             self._state, hand_pose, wanted, commands_rad, contact=self.contact,
             errors=self._calibration, probe_number=number,
             march_scale=self._march_scale, device=self._device)
@@ -207,7 +214,8 @@ class Robot:
         touch, truth, arm_q = guarded_line(
             self._scene, self._body, self._truth.body_pose, self.arm, self.hand, self.sensors,
             self.pads, self._key, self._calibration, self._state.q_rad[rows], move,
-            contact=self.contact, march_scale=self._march_scale, device=self._device)
+            true=self._true, contact=self.contact, march_scale=self._march_scale,
+            device=self._device)
         self._truth.lines.append(truth)
         self._lines_made[rows] += 1
         self._line_count += 1

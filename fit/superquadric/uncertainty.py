@@ -32,6 +32,8 @@ STEP = 1e-5
 """Difference step, in standard deviations of the prior."""
 FLAT = 0.1
 """Minimum gradient of the scaled radius times the half diagonal, except at the centre."""
+_NOT_FITTED = 1e-7
+"""Prior standard deviations below this are of parameters that no body has."""
 MIN_SIGMA_M = 1e-9
 """Minimum standard deviation of a touch [m]."""
 
@@ -45,10 +47,13 @@ class SuperquadricUncertainty:
     volume_m3: Float[np.ndarray, " fit"]
     log_volume_std: Float[np.ndarray, " fit"]
     """Standard deviation of the logarithm of the volume."""
+    log_volume_shift: Float[np.ndarray, " fit"]
+    """By how much the logarithm of the true volume is expected to exceed that of the fit."""
 
     def volume_interval_m3(self, z: float = 1.645) -> np.ndarray:
         """Lower and upper bound of the volume [m^3], shape [fit, 2]; 90 % for z = 1.645."""
-        spread = z * self.log_volume_std[:, None] * np.array([-1.0, 1.0])
+        spread = self.log_volume_shift[:, None] + (
+            z * self.log_volume_std[:, None] * np.array([-1.0, 1.0]))
         return self.volume_m3[:, None] * np.exp(spread)
 
 
@@ -61,14 +66,14 @@ def superquadric_uncertainty(
     table_z: float | np.ndarray | None = None,
     sigma_floor_m: float = 1e-3,
     table_sigma_m: float = 5e-4,
-    common_sigma_m: float = 0.0,
+    shared_m: Float[np.ndarray, "fit point error"] | None = None,
 ) -> SuperquadricUncertainty:
     """Uncertainty of `fit` to `points` [m] with the evidence it was fitted to.
 
     Without `covariance` [m^2] the noise is estimated from the residuals. With it, the variance of
-    each touch is n.C n + sigma_floor^2, scaled up if the residuals are larger. `common_sigma_m` is
-    the standard deviation of an error along the normal common to all touches (skin, link radius,
-    calibration), which does not average out.
+    each touch is n.C n + sigma_floor^2, scaled up if the residuals are larger. `shared_m` are
+    errors that touches share and that do not average out (calibration, skin): by how much one
+    standard deviation of each moves each touch along the normal.
     """
     body = _body(fit)
     points = np.asarray(points, float)
@@ -90,12 +95,15 @@ def superquadric_uncertainty(
         information += row[:, :, None] * row[:, None, :]
     # In units of the prior the matrix is at least the identity, hence regular.
     unit = np.linalg.inv(information)
-    if common_sigma_m:
-        shared = np.einsum("fij,fpj,fp->fi", unit, rows, kept / sigma) * common_sigma_m
-        unit = unit + shared[:, :, None] * shared[:, None, :]
+    if shared_m is not None:
+        # What least squares make of each of these errors.
+        moved = np.where(kept[..., None], shared_m / sigma[..., None], 0.0)
+        shared = unit @ np.einsum("fpj,fpk->fjk", rows, moved)
+        unit = unit + shared @ np.swapaxes(shared, 1, 2)
     cov = unit * prior[:, :, None] * prior[:, None, :]
     log_volume_std = _log_volume_std(body, cov, prior)
-    return SuperquadricUncertainty(cov, superquadric_volume(body), log_volume_std)
+    return SuperquadricUncertainty(cov, superquadric_volume(body), log_volume_std,
+                                   np.zeros(len(points)))
 
 
 def surface_std(
@@ -178,7 +186,7 @@ def _slopes(body: SuperquadricLike, points, prior, slope, normal) -> np.ndarray:
     """`distance_slopes`, from the results of `_first_order`."""
     slopes = np.zeros((*points.shape[:2], 15))
     for k in (*range(8), *range(11, 15)):
-        if not prior[:, k].any():
+        if prior[:, k].max() < _NOT_FITTED:
             continue
         step = np.zeros((len(points), 15))
         step[:, k] = STEP * prior[:, k]
@@ -212,7 +220,7 @@ def _sigma(distance, normal, kept, parameters, covariance, floor) -> np.ndarray:
 
 def _table_slope(body: SuperquadricLike, prior) -> np.ndarray:
     """Derivative of the body's lowest height, averaged over points near it."""
-    points, area = superquadric_areas(body, 1500)
+    points, area = superquadric_areas(body, 600)
     height = points[..., 2]
     low, high = height.min(axis=1, keepdims=True), height.max(axis=1, keepdims=True)
     weight = area * (height - low < 0.01 * (high - low))

@@ -12,6 +12,7 @@ from strategies.poses.waypoints import BoundingCylinder
 from strategies.procedures.options import ContourTable, DecideTable, PlanarTable
 from strategies.procedures.stereo_axis import see_axis
 from strategies.recovery.belief import Belief
+from strategies.recovery.choose_model import Shape
 from strategies.strategy import Strategy
 from warpgrasp.parameters import StereoTable
 from warpgrasp.robot import Robot
@@ -42,9 +43,10 @@ def within_budget(budget: Budget, belief: Belief) -> np.ndarray:
         on &= belief.touches < budget.touches
     if budget.robot_time_s is not None:
         on &= belief.time_s < budget.robot_time_s
-    if budget.volume_ratio is not None and belief.step and belief.fitted.any():
+    known = belief.shape != Shape.PRIOR_CYLINDER
+    if budget.volume_ratio is not None and belief.step and known.any():
         low, high = belief.uncertainty.volume_interval_m3().T
-        on &= ~(belief.fitted & (high <= budget.volume_ratio * low))
+        on &= ~(known & (high <= budget.volume_ratio * low))
     return on
 
 

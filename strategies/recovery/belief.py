@@ -8,14 +8,15 @@ import numpy as np
 
 from fit.superquadric.geometry import Superquadric
 from fit.superquadric.record import SuperquadricFit
-from fit.superquadric.uncertainty import SuperquadricUncertainty, superquadric_uncertainty
+from fit.superquadric.uncertainty import SuperquadricUncertainty
+from strategies.contacts.body_uncertainty import Felt, calibrated_uncertainty
+from strategies.contacts.finger_touch import TouchedLinks
 from strategies.poses.waypoints import BoundingCylinder
 from strategies.procedures.contour_shape import Profile
 from strategies.procedures.planar_faces import Face
-from strategies.recovery.evidence import Evidence
-from warpgrasp.parameters import ArmTable, FitTable, HandTable, SensorTable
-
-_PACK = 64
+from strategies.recovery.choose_model import Shape, revolution_of
+from strategies.recovery.evidence import CONTRADICTED_FROM, Evidence
+from warpgrasp.parameters import ArmTable, ErrorTable, HandTable, SensorTable
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,10 @@ class Belief:
     """Robot time spent, (world,)."""
     path_m: np.ndarray
     """Path of the hand, (world,)."""
+    links: TouchedLinks
+    """How the robot stood at each contact of the evidence, and what its joints felt."""
+    errors: ErrorTable
+    """How far the robot may be from its tables: deviations, not what was drawn."""
 
     @property
     def worlds(self) -> int:
@@ -69,8 +74,18 @@ class Belief:
 
     @cached_property
     def uncertainty(self) -> SuperquadricUncertainty:
-        """Covariance of the body's parameters, computed on first use."""
-        return believed_uncertainty(self.body, self.evidence)
+        """Of the model that stands for the body: calibrated intervals of its volume, covariance of
+        the superquadric's parameters. Computed on first use."""
+        return calibrated_uncertainty(
+            self.body, None if self.profile is None else revolution_of(self.profile),
+            self.shape == Shape.REVOLUTION, self.felt, self.links, self.errors, self.arm)
+
+    @property
+    def felt(self) -> Felt:
+        """The contacts of the evidence as uncertainty takes them."""
+        e = self.evidence
+        return Felt(e.points_m, e.mask, e.covariance_m2, e.mask & (
+            e.contradiction > CONTRADICTED_FROM))
 
 
 def read_only(record: Any) -> Any:
@@ -86,48 +101,3 @@ def read_only(record: Any) -> Any:
         return replace(record, **{f.name: read_only(getattr(record, f.name))
                                   for f in fields(record) if f.init})
     return record
-
-
-def believed_uncertainty(body: Superquadric, evidence: Evidence) -> SuperquadricUncertainty:
-    """Uncertainty of each world's body from its own contacts alone.
-
-    Contacts are packed to a number of slots that depends on the world's own count: sums over more
-    empty slots, for a neighbour's sake, would round otherwise.
-    """
-    worlds = len(evidence.mask)
-    slots = -(-np.maximum(evidence.mask.sum(1), 1) // _PACK) * _PACK
-    found: dict[str, np.ndarray] = {}
-    for width in np.unique(slots):
-        rows = np.flatnonzero(slots == width)
-        order = np.argsort(~evidence.mask[rows], axis=1, kind="stable")[:, :width]
-        pad = max(0, width - order.shape[1])
-
-        def packed(values: np.ndarray, rows=rows, order=order, pad=pad) -> np.ndarray:
-            index = order.reshape(*order.shape, *([1] * (values.ndim - 2)))
-            taken = np.take_along_axis(values[rows], index, 1)
-            return np.pad(taken, [(0, 0), (0, pad)] + [(0, 0)] * (values.ndim - 2))
-
-        part = superquadric_uncertainty(
-            Superquadric(*(field[rows] for field in body)), packed(evidence.points_m),
-            packed(evidence.mask), covariance=packed(evidence.covariance_m2), table_z=0.0)
-        for f in fields(SuperquadricUncertainty):
-            values = getattr(part, f.name)
-            whole = found.setdefault(f.name, np.zeros((worlds, *values.shape[1:]), values.dtype))
-            whole[rows] = values
-    return SuperquadricUncertainty(**found)
-
-
-COMMON_SIGMA_M = 0.0006
-"""Standard deviation of an error along the normal that all contacts of an episode share [est]: in
-simulated grasps of blocks and cylinders contacts as placed lie 0.3 to 0.5 mm (one standard
-deviation over episodes) about a mean that is itself outside the body."""
-
-
-def recovered_uncertainty(
-    fits: SuperquadricFit, evidence: Evidence, table: FitTable
-) -> SuperquadricUncertainty:
-    """Uncertainty of the fits of `recovery.recover_bodies` to the evidence it gave back."""
-    return superquadric_uncertainty(
-        fits, evidence.points_m, evidence.mask,
-        covariance=evidence.covariance_m2 if table.weights else None,
-        table_z=0.0 if table.table_plane else None, common_sigma_m=COMMON_SIGMA_M)

@@ -3,21 +3,14 @@
 
 import warp as wp
 
-from warpgrasp.core.dtypes import ONE, ZERO, real, transform, vec2, vec3, vec4
-from warpgrasp.geometry.sdf_superquadric import SuperquadricShape, superquadric_deformed_gauge
+from strategies.contacts.placing_kernel import world_radius
+from warpgrasp.core.dtypes import ONE, ZERO, real, transform, vec2, vec3
+from warpgrasp.geometry.sdf_superquadric import SuperquadricShape
 
 _LEAST_SLOPE = wp.constant(real(1e-3))  # [1/m]
 _LEAST_RADIUS = wp.constant(real(1e-3))  # scaled
 _INFINITY = wp.constant(real(float("inf")))
 _NO_LENGTH = wp.constant(real(1e-18))  # [m^2]: two nodes at one place
-
-
-@wp.func
-def world_radius(p: vec3, shape: SuperquadricShape, pose: transform):
-    """Gradient and value of the scaled radius at a point of the world."""
-    g = superquadric_deformed_gauge(wp.transform_point(wp.transform_inverse(pose), p), shape)
-    turned = wp.quat_rotate(wp.transform_get_rotation(pose), vec3(g[0], g[1], g[2]))
-    return vec4(turned[0], turned[1], turned[2], g[3])
 
 
 @wp.kernel(enable_backward=False)

@@ -11,13 +11,13 @@ import numpy as np
 from fit.arrays import row_sums
 from strategies.recovery.body_distances import contour_distances, surface_distances
 from strategies.recovery.choose_model import Recovered, Shape
-from strategies.recovery.evidence import Evidence
+from strategies.recovery.evidence import CONTRADICTED_FROM, Evidence
 from strategies.recovery.misfit import FARTHEST_M
 
-AGREES = 0.6
-"""Cosine between the normals by torques and of the body from which on they agree [est]."""
-ACCEPTED, UNSURE_LINK, OTHER_DIRECTION, FAR, TABLE = (
-    "accepted", "unsure_link", "other_direction", "far", "table")
+NEAR_M = 0.006
+"""An accepted contact of a finger lies at most this far from the body [est]."""
+ACCEPTED, UNSURE_LINK, CONTRADICTED, FAR, TABLE = (
+    "accepted", "unsure_link", "contradicted", "far", "table")
 """Verdicts: too far from the body to be its contact is `far`, as near to the table as to be told
 from it is `table`."""
 
@@ -45,10 +45,11 @@ def contact_verdicts(recovered: Recovered, evidence: Evidence) -> np.ndarray:
     """The verdict of each contact of the evidence, (world, point); empty text where there is none.
     """
     near = explained_by(recovered, evidence.points_m, evidence.mask)
-    along = np.sum(evidence.felt_normals * evidence.normals, axis=-1)
+    near &= evidence.by_pad | (
+        surface_gaps(recovered, evidence.points_m, evidence.mask) <= NEAR_M)
     verdict = np.full(near.shape, ACCEPTED, object)
-    verdict[~evidence.by_pad & (along < AGREES)] = OTHER_DIRECTION
-    verdict[np.isnan(evidence.felt_normals).any(axis=-1)] = UNSURE_LINK
+    verdict[evidence.contradiction > CONTRADICTED_FROM] = CONTRADICTED
+    verdict[np.isinf(evidence.contradiction)] = UNSURE_LINK
     verdict[~near] = FAR
     verdict[~evidence.mask] = ""
     return verdict

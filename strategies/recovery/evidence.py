@@ -1,12 +1,13 @@
-"""What has been felt, gathered for fitting: contacts, the links they may be on, and free space."""
+"""What has been felt, gathered for fitting: contacts and free space."""
 
 from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 
+from strategies.contacts.finger_touch import TouchedLinks, links_of_touches
 from strategies.procedures.touches import MissedTips, TouchTable
-from warpgrasp.closing.contact_estimate import ContactEstimate
+from warpgrasp.parameters import HandTable
 from warpgrasp.probe_status import FELT_TO_THE_END, ProbeStatus
 from warpgrasp.robot import Grasps
 
@@ -14,6 +15,9 @@ TABLE_MARGIN_M = 0.006
 """Contacts believed lower than this are taken to be the table."""
 SURE_LINK = 0.9
 """Probability of its likeliest link from which on a contact counts as of that link [est]."""
+CONTRADICTED_FROM = 10.0
+"""Chi-square of torques and body, of about three degrees of freedom, from which on they contradict
+one another [est]."""
 FREE_SLACK_M = 0.002
 """Links reported free are thinned by this: their places are known no better."""
 
@@ -37,30 +41,9 @@ class Evidence:
     """(..., free)."""
     by_pad: np.ndarray
     """Contacts felt by a pad, whose normal was measured, (..., point)."""
-    felt_normals: np.ndarray
-    """As torques or pads tell, (..., point, 3), also where a fit has placed the contact; NaN where
-    torques leave in doubt which link touched."""
-
-
-@dataclass(frozen=True)
-class TouchedLinks:
-    """For each contact, where on the axis of each link it would be. Shapes (world, point, link 3).
-
-    A round link touches a body where its axis is nearest to it, one link radius away: the axis is
-    known from the joint angles, so a place on it is more certain than a point on the skin.
-    """
-
-    centre_m: np.ndarray
-    """Most likely place on the link's axis, (..., 3)."""
-    direction: np.ndarray
-    """Along the link, unit, (..., 3)."""
-    weight: np.ndarray
-    """Probability that it is this link."""
-    variance_m2: np.ndarray
-    """Of the place along the axis."""
-    radius_m: float
-    linked: np.ndarray
-    """Which contacts were felt by tendons, bool (...); pads know their place already."""
+    contradiction: np.ndarray
+    """Chi-square of torques and body at the contact's likeliest place, (..., point): infinite where
+    which link touched is in doubt; 0 for pads and before a body is known."""
 
 
 def evidence_from_grasps(grasps: Grasps, link_radius_m: float) -> Evidence:
@@ -76,6 +59,7 @@ def evidence_from_grasps(grasps: Grasps, link_radius_m: float) -> Evidence:
     closed = np.isin(status, FELT_TO_THE_END)
     free_mask = np.broadcast_to(closed[..., None], balls.shape[:-1]).reshape(worlds, -1)
     free_mask = free_mask & np.isfinite(balls).all(-1).reshape(worlds, -1)
+    sure = estimate.link_weight.max(axis=-1) >= SURE_LINK
     return Evidence(
         points_m=np.where(mask[..., None], points, 0.0),
         mask=mask,
@@ -86,31 +70,7 @@ def evidence_from_grasps(grasps: Grasps, link_radius_m: float) -> Evidence:
         free_radius_m=link_radius_m - FREE_SLACK_M,
         free_mask=free_mask,
         by_pad=np.zeros_like(mask),
-        felt_normals=_sure_normals(estimate).reshape(worlds, -1, 3),
-    )
-
-
-def _sure_normals(estimate: ContactEstimate) -> np.ndarray:
-    sure = estimate.link_weight.max(axis=-1, keepdims=True) >= SURE_LINK
-    return np.where(sure, estimate.normal, np.nan)
-
-
-def touched_links(grasps: Grasps, link_radius_m: float) -> TouchedLinks:
-    """The links each contact may be on, in the order of `evidence_from_grasps`' points."""
-    estimate = grasps.estimate
-    worlds = len(grasps.closing.status)
-    joints = np.nan_to_num(estimate.link_points_m)
-    along = joints[..., 1:, :] - joints[..., :-1, :]
-    length = np.linalg.norm(along, axis=-1, keepdims=True)
-    direction = along / np.maximum(length, 1e-9)
-    centre = joints[..., :-1, :] + direction * estimate.along_m[..., None]
-    return TouchedLinks(
-        centre_m=centre.reshape(worlds, -1, 3, 3),
-        direction=direction.reshape(worlds, -1, 3, 3),
-        weight=estimate.link_weight.reshape(worlds, -1, 3),
-        variance_m2=estimate.along_variance_m2.reshape(worlds, -1, 3),
-        radius_m=link_radius_m,
-        linked=np.ones((worlds, estimate.along_m[0, ..., 0].size), bool),
+        contradiction=np.where(sure, 0.0, np.inf).reshape(worlds, -1),
     )
 
 
@@ -125,12 +85,14 @@ TANGENT_SIGMA_M = 0.0015
 """Across it: where on the pad [est]."""
 
 
-def evidence_from_touches(table: TouchTable, missed: MissedTips | None, worlds: int, slots: int,
-                          like: Evidence) -> Evidence:
+def evidence_from_touches(
+    table: TouchTable, missed: MissedTips | None, worlds: int, slots: int, like: Evidence,
+    hand: HandTable,
+) -> tuple[Evidence, TouchedLinks]:
     """Touches of pads as evidence with `slots` points a world, thinned evenly where more were made.
 
-    Normals are those of the pads. Where a fingertip touched nothing its ball is free, with the
-    radius of those in `like`.
+    Beside it how the robot stood. Normals are those of the pads. Where a fingertip touched nothing
+    its ball is free, with the radius of those in `like`.
     """
     keep = np.isfinite(table.point_m).all(1) & np.isfinite(table.normal).all(1)
     keep &= np.nan_to_num(table.point_m[:, 2]) > TABLE_MARGIN_M
@@ -146,10 +108,11 @@ def evidence_from_touches(table: TouchTable, missed: MissedTips | None, worlds: 
     room = 0 if missed is None else FREE_TIPS
     free, free_mask = np.zeros((worlds, room, 3)), np.zeros((worlds, room), bool)
     if missed is not None:
-        chosen, at = _slots(missed.world, worlds, room)
-        free[at], free_mask[at] = missed.tip_m[chosen], True
+        which, place = _slots(missed.world, worlds, room)
+        free[place], free_mask[place] = missed.tip_m[which], True
+    links = links_of_touches(table, np.flatnonzero(keep)[chosen], at, worlds, slots, hand)
     return Evidence(points, mask, covariance, normals, free, like.free_radius_m, free_mask,
-                    mask.copy(), normals.copy())
+                    mask.copy(), np.zeros(mask.shape)), links
 
 
 def _slots(world: np.ndarray, worlds: int, slots: int) -> tuple[np.ndarray, tuple]:
@@ -170,14 +133,7 @@ def no_evidence(worlds: int, free_radius_m: float) -> Evidence:
     return Evidence(np.zeros((worlds, 0, 3)), np.zeros((worlds, 0), bool),
                     np.zeros((worlds, 0, 3, 3)), np.zeros((worlds, 0, 3)),
                     np.zeros((worlds, 0, 3)), free_radius_m, np.zeros((worlds, 0), bool),
-                    np.zeros((worlds, 0), bool), np.zeros((worlds, 0, 3)))
-
-
-def no_links(worlds: int, slots: int, radius_m: float) -> TouchedLinks:
-    """Of touches of pads, whose place does not depend on which link touched."""
-    wide = np.zeros((worlds, slots, 3, 3))
-    narrow = np.ones((worlds, slots, 3))
-    return TouchedLinks(wide, wide, narrow, narrow, radius_m, np.zeros((worlds, slots), bool))
+                    np.zeros((worlds, 0), bool), np.zeros((worlds, 0)))
 
 
 def joined_evidence(*parts: Evidence) -> Evidence:
@@ -186,11 +142,3 @@ def joined_evidence(*parts: Evidence) -> Evidence:
         f.name: parts[0].free_radius_m if f.name == "free_radius_m" else np.concatenate(
             [getattr(part, f.name) for part in parts], axis=1) for f in fields(Evidence)}
     return Evidence(**values)
-
-
-def joined_links(*parts: TouchedLinks) -> TouchedLinks:
-    """The slots of all parts, in order."""
-    values: dict[str, Any] = {
-        f.name: parts[0].radius_m if f.name == "radius_m" else np.concatenate(
-            [getattr(part, f.name) for part in parts], axis=1) for f in fields(TouchedLinks)}
-    return TouchedLinks(**values)

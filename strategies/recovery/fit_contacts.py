@@ -10,14 +10,20 @@ the next fit is given the balls nearest to the body last fitted; only those can 
 from dataclasses import replace
 
 import numpy as np
+import warp as wp
 
 from fit.arrays import rows_of, with_rows
 from fit.superquadric.fit import fit_superquadric
-from fit.superquadric.geometry import Superquadric, SuperquadricLike
+from fit.superquadric.geometry import SuperquadricLike
 from fit.superquadric.record import SuperquadricFit, SuperquadricOptions
-from strategies.recovery.body_distances import radial_distances, surface_distances
-from strategies.recovery.evidence import Evidence, TouchedLinks
+from strategies.contacts.finger_touch import TouchedLinks
+from strategies.contacts.placing_kernel import _placing_kernel
+from strategies.recovery.body_distances import bodies_on, radial_distances
+from strategies.recovery.evidence import SURE_LINK, Evidence
 from strategies.recovery.misfit import CLEARLY, DOUBTED_M, RIVAL, touch_misfit
+from warpgrasp.core.dtypes import mat33, real, transform, vec3, vec4
+from warpgrasp.core.kernel_launch import launch
+from warpgrasp.mechanism.utah_mit_hand import hand_of
 from warpgrasp.parameters import FitTable
 
 FREE_BALLS = 24
@@ -27,6 +33,8 @@ REFINE_ITERATIONS = 12
 goes on from there."""
 PLACE_SIGMA_M = 0.003
 """How well a body still being fitted predicts where a link's axis must pass [est]."""
+TURN_SIGMA_RAD = 0.15
+"""How well it predicts the direction of its surface there [est]."""
 NORMAL_SIGMA_M = 0.0008
 """Spread of a placed contact along the normal: joint angles, mount, repeatability [est]."""
 SCREEN_ITERATIONS = 3
@@ -153,38 +161,37 @@ def _felt_normals(evidence: Evidence) -> np.ndarray:
 
 
 def contacts_placed(
-    evidence: Evidence, links: TouchedLinks, body: SuperquadricLike
+    evidence: Evidence, links: TouchedLinks, body: SuperquadricLike, *, device: str = "cpu"
 ) -> Evidence:
-    """Contacts where links touch `body`, each on its likeliest link, moved along its axis.
+    """Contacts where links touch `body`: on their likeliest link, where torques and body agree best
+    (`strategies.contacts.placing_kernel`).
 
-    Where a body is none, its contacts stay where they are felt.
+    Where a body is none, its contacts stay where they are felt. Raises ShapeError where shapes
+    disagree.
     """
-    rows = np.nonzero(evidence.mask & links.linked)
-    centre, direction, variance = (
-        field[rows] for field in (links.centre_m, links.direction, links.variance_m2))
-    of_contact = Superquadric(*(getattr(body, name)[rows[0]] for name in Superquadric._fields))
-    distance, normal = surface_distances(of_contact, centre, np.ones(variance.shape, bool))
-    slope = np.sum(direction * normal, axis=-1)
-    miss = distance - links.radius_m
-    spread = PLACE_SIGMA_M**2 + slope**2 * variance
-    misfit = (np.minimum(miss**2, FARTHEST_M**2) / spread
-              - 2.0 * np.log(np.maximum(links.weight[rows], 1e-9)))
-    likeliest = np.arange(len(misfit)), np.argmin(misfit, axis=-1)
-    centre, direction, variance, normal, slope, miss = (
-        values[likeliest] for values in (centre, direction, variance, normal, slope, miss))
-    # The torque's place along the axis and the body's meet in the middle, by their spreads.
-    shift = -miss * slope / (PLACE_SIGMA_M**2 / np.maximum(variance, 1e-8) + slope**2)
-    reach = 2.0 * np.sqrt(variance)
-    centre = centre + direction * np.clip(shift, -reach, reach)[:, None]
-    points = centre - links.radius_m * normal
-    covariance = (np.eye(3) * NORMAL_SIGMA_M**2
-                  + direction[:, :, None] * direction[:, None, :] * variance[:, None, None])
-    moved = normal.any(-1) & np.isfinite(points).all(-1)
-    there = rows[0][moved], rows[1][moved]
+    asked = evidence.mask & links.linked
+    shape, pose = bodies_on(body, device)
+    found = {name: wp.empty(asked.shape, dtype=kind, device=device) for name, kind in (
+        ("point", vec3), ("covariance", mat33), ("normal", vec3), ("chance", real),
+        ("misfit", real))}
+    given = {name: wp.array(values, dtype=kind, device=device) for name, values, kind in (
+        ("kept", asked, wp.bool), ("hand_pose", links.hand_pose, transform),
+        ("q", links.q_rad, vec4), ("finger", links.finger, int),
+        ("torque", links.torque_Nm, vec4), ("torque_sigma", links.torque_sigma_Nm, vec4),
+        ("link_weight", links.weight, vec3))}
+    launch(_placing_kernel, {"world": len(asked), "point": asked.shape[1]}, {
+        "shape": "world", "pose": "world", **dict.fromkeys((*given, *found), "world point")}, {
+        "shape": shape, "pose": pose, "hand": hand_of(links.hand), "place_sigma": PLACE_SIGMA_M,
+        "turn_sigma": TURN_SIGMA_RAD, "farthest": FARTHEST_M,
+        "normal_variance": NORMAL_SIGMA_M**2, **given, **found}, device=device)
+    point, covariance, normal, chance, misfit = (values.numpy() for values in found.values())
+    moved = asked & (chance > 0.0) & np.isfinite(point).all(-1)
+    sure = np.where(chance >= SURE_LINK, misfit, np.inf)
     return replace(
-        evidence, points_m=with_rows(evidence.points_m, there, points[moved]),
-        covariance_m2=with_rows(evidence.covariance_m2, there, covariance[moved]),
-        normals=with_rows(evidence.normals, there, normal[moved]))
+        evidence, points_m=np.where(moved[..., None], point, evidence.points_m),
+        covariance_m2=np.where(moved[..., None, None], covariance, evidence.covariance_m2),
+        normals=np.where(moved[..., None], normal, evidence.normals),
+        contradiction=np.where(moved, sure, evidence.contradiction))
 
 
 def nearest_free(placed: Evidence, evidence: Evidence, body: SuperquadricLike) -> Evidence:

@@ -14,10 +14,11 @@ import numpy as np
 from fit.arrays import row_sums, rows_of, with_rows
 from fit.fit_status import is_fitted
 from fit.superquadric.record import SuperquadricFit
+from strategies.contacts.finger_touch import TouchedLinks
 from strategies.procedures.contour_shape import Profile
 from strategies.recovery.body_distances import contour_distances
 from strategies.recovery.choose_model import revolution_of
-from strategies.recovery.evidence import Evidence, TouchedLinks
+from strategies.recovery.evidence import Evidence
 from strategies.recovery.fit_contacts import (
     FREE_BALLS,
     LAST_ITERATIONS,
@@ -175,4 +176,5 @@ def _widened(placed: Evidence, felt: Evidence) -> Evidence:
         np.concatenate([placed.mask, np.zeros_like(felt.mask[:, new])], 1),
         np.concatenate([placed.covariance_m2, felt.covariance_m2[:, new]], 1),
         np.concatenate([placed.normals, felt.normals[:, new]], 1),
-        free_m, felt.free_radius_m, free_mask, felt.by_pad.copy(), felt.felt_normals.copy())
+        free_m, felt.free_radius_m, free_mask, felt.by_pad.copy(),
+        np.concatenate([placed.contradiction, felt.contradiction[:, new]], 1))

@@ -11,7 +11,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
         "entries_of", "entry_axes", "setting_index", "value_text", "values_of"],
     "interval": ["ObjectMeans", "students_t"],
     "leaderboard": ["Leaderboard", "make_leaderboard"],
-    "objects": ["ALSO", "objects_table"],
+    "objects": ["ALSO", "BESIDE", "beside_table", "objects_table"],
     "paired": ["MANY_OBJECTS", "ObjectRows", "Paired", "by_episode", "failure_score", "filled",
         "interval_note", "read_objects", "read_paired"],
     "pairs": ["pairs_table"],

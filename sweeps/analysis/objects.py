@@ -1,4 +1,5 @@
-"""Each entry on each object: the median over episodes with its interval, and what it cost.
+"""Each entry on each object: the median over episodes with its interval, and what it cost; or the
+settings of a study side by side.
 
 The interval is the distribution-free one between order statistics (exact binomial coverage of at
 least 95 %), so that it needs neither a normal spread nor random numbers. An episode repeated at
@@ -31,6 +32,10 @@ class ObjectRow:
     """The value that nine in ten episodes are better than."""
     also: tuple[float, ...]
     episodes: int
+
+
+BESIDE = ("chamfer_mm", "iou")
+"""Metrics of the table `beside`."""
 
 
 def object_rows(paired: Paired, metric: str) -> Iterator[ObjectRow]:
@@ -73,3 +78,23 @@ def objects_table(paired: Paired, metric: str) -> TextTable:
          str(row.episodes))
         for row in object_rows(paired, metric))
     return TextTable(header, rows, paired.notes)
+
+
+def beside_table(paired: Paired) -> TextTable:
+    """The table of `warpgrasp table DIR beside`: means of each strategy on each object, the
+    settings of a study side by side."""
+    names = [label.partition(" [")[0] for label in paired.labels]
+    settings = [label.partition(" [")[2].removesuffix("]") for label in paired.labels]
+    shown = list(dict.fromkeys(settings))
+    header = ("object", "strategy", *(f"{metric} {setting}".strip() for metric in BESIDE
+                                      for setting in shown))
+    rows = []
+    for number, name in enumerate(paired.objects):
+        for strategy in dict.fromkeys(names):
+            values = []
+            for metric in BESIDE:
+                means = paired.values[metric][number].mean(axis=0)
+                values += [means[n] for setting in shown for n in range(len(names))
+                           if names[n] == strategy and settings[n] == setting]
+            rows.append((name, strategy, *(number_text(float(v), 2) for v in values)))
+    return TextTable(header, tuple(rows), paired.notes)

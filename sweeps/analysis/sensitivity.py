@@ -1,8 +1,10 @@
 """Which estimated constants change a ranking of strategies? One at a time, over their brackets.
 
 A study like any other, whose one zip axis holds the defaults in its first row and in every further
-row one constant at an end of its bracket. Episodes meet the same objects, poses and noise in every
-row, so rows differ by the constant alone.
+row one constant at an end of its bracket: of the robot that is and of the one that is believed
+alike (`both`), then of either alone, where the robot's conclusions use it. A constant that is wrong
+in both is known to the robot; one that differs between them is an error it does not know of.
+Episodes meet the same objects, poses and noise in every row, so rows differ by the constant alone.
 """
 
 from collections.abc import Sequence
@@ -24,6 +26,9 @@ STRATEGIES = ("ring6", "column9", "random18", "rim12-ring12")
 OBJECTS = ("block", "large_cylinder", "small_cylinder", "wedge", "lightbulb", "funnel")
 EPISODES = 16
 METRIC = "chamfer_mm"
+SIDES = ("both", "truth", "belief")
+SWEPT = "robot.swept"
+"""The key that says whose a constant is."""
 SURE = 2.0
 """Standard errors by which a pair of strategies must differ, both ways, to count as swapped."""
 
@@ -36,6 +41,13 @@ class Bracket:
     default: Any
     ends: tuple[Any, ...]
     why: str
+    apart: bool = True
+    """Whether what the robot concludes depends on it, so that truth and belief may differ."""
+
+    @property
+    def rows(self) -> list[tuple[Any, str]]:
+        """Values and whose they are, a row of the study each."""
+        return [(end, side) for end in self.ends for side in (SIDES if self.apart else SIDES[:1])]
 
 
 BRACKETS = (
@@ -46,15 +58,15 @@ BRACKETS = (
     Bracket("hand.link_radius_mm", 8.0, (6.0, 10.0), "a quarter either way"),
     Bracket("hand.moment_arm_mm", [10.0, 10.0, 8.0, 6.0],
             ([7.0, 7.0, 5.6, 4.2], [14.0, 14.0, 11.2, 8.4]), "0.7 and 1.4 times"),
-    Bracket("hand.joint_stiffness_Nm_rad", 2.0, (1.0, 5.0), "half to 2.5 times"),
-    Bracket("hand.skin_stiffness_N_m", 2e4, (5e3, 1e5), "a quarter to five times"),
+    Bracket("hand.joint_stiffness_Nm_rad", 2.0, (1.0, 5.0), "half to 2.5 times", apart=False),
+    Bracket("hand.skin_stiffness_N_m", 2e4, (5e3, 1e5), "a quarter to five times", apart=False),
     Bracket("hand.tendon_friction", 0.07, (0.02, 0.15), "over pulleys, or in a tube"),
-    Bracket("hand.co_contraction_N", 9.0, (5.0, 15.0), "0.6 to 1.7 times"),
+    Bracket("hand.co_contraction_N", 9.0, (5.0, 15.0), "0.6 to 1.7 times", apart=False),
     Bracket("sensors.tension_noise_N", 0.3, (0.1, 1.0), "a third to three times"),
     Bracket("sensors.joint_noise_deg", 0.3, (0.1, 1.0), "a third to three times"),
     Bracket("errors.mount_mm", 0.5, (0.1, 2.0), "a fifth to four times"),
     Bracket("errors.mount_deg", 0.2, (0.05, 1.0), "a quarter to five times"),
-    Bracket("object.prior_sigma_mm", 10.0, (5.0, 20.0), "half to twice"),
+    Bracket("object.prior_sigma_mm", 10.0, (5.0, 20.0), "half to twice", apart=False),
 )
 
 
@@ -70,9 +82,11 @@ def sensitivity_spec(
         lines += ["", "[[strategy]]", f"name = {_toml(name)}"]
     lines += ["", "[sweep.zip]"]
     for bracket in brackets:
-        row = [end if other is bracket else bracket.default
-               for other in brackets for end in other.ends]
+        row = [value if other is bracket else bracket.default
+               for other in brackets for value, _ in other.rows]
         lines.append(f'"{bracket.key}" = {_toml([bracket.default, *row])}  # {bracket.why}')
+    sides = [SIDES[0], *(side for bracket in brackets for _, side in bracket.rows)]
+    lines.append(f'"{SWEPT}" = {_toml(sides)}')
     return "\n".join([*lines, ""])
 
 
@@ -84,7 +98,7 @@ def _toml(value: Any) -> str:
     return repr(value)
 
 
-HEADER = ("constant", "value", "tau", "best", "best_chamfer_mm", "mean_change_mm",
+HEADER = ("constant", "value", "varied", "tau", "best", "best_chamfer_mm", "mean_change_mm",
           "swapped_for_sure")
 
 
@@ -111,7 +125,7 @@ def sensitivity_table(plan: Plan, store: Store) -> tuple[list[tuple[str, ...]], 
     base = scores[0]
     rows = []
     for number, values in enumerate(scores):
-        key, value = _changed(plan, number)
+        key, value, side = _changed(plan, number)
         means = _means(values)
         change = means - _means(base)
         best, least, mean = "NA", "NA", "NA"
@@ -119,7 +133,7 @@ def sensitivity_table(plan: Plan, store: Store) -> tuple[list[tuple[str, ...]], 
             best, least = names[int(np.nanargmin(means))], f"{np.nanmin(means):.3f}"
         if np.isfinite(change).any():
             mean = f"{np.nanmean(change):+.3f}"
-        rows.append((key, value, number_text(_tau(_means(base), means), 2), best, least, mean,
+        rows.append((key, value, side, number_text(_tau(_means(base), means), 2), best, least, mean,
                      _swapped(base, values, names)))
     chance = _tau_by_chance(base)
     low, middle = (number_text(v, 2) for v in np.quantile(chance, [0.05, 0.5]))
@@ -197,17 +211,19 @@ def _lead(difference: np.ndarray) -> float:
     return float(np.nanmean(told) / max(error, 1e-12))
 
 
-def _changed(plan: Plan, number: int) -> tuple[str, str]:
-    """The constant of a setting that is not as in the first one, and its value."""
+def _changed(plan: Plan, number: int) -> tuple[str, str, str]:
+    """The constant of a setting that is not as in the first one, its value, and whose it is."""
     found = _changes(plan, number)
+    given, _ = plan.study.setting(number)
+    side = str(given.get(SWEPT, plan.study.tables["robot"].swept))
     if not found:
-        return "(default)", ""
+        return "(default)", "", side
     key, value = found[0]
     values = value if isinstance(value, tuple) else (value,)
-    return key, " ".join(map(value_text, values))
+    return key, " ".join(map(value_text, values)), side
 
 
 def _changes(plan: Plan, number: int) -> list[tuple[str, Any]]:
     base, _ = plan.study.setting(0)
     given, _ = plan.study.setting(number)
-    return [(key, value) for key, value in given.items() if value != base[key]]
+    return [(key, value) for key, value in given.items() if key != SWEPT and value != base[key]]

@@ -13,7 +13,7 @@ from sweeps.analysis.curves import (
     same_time_table,
 )
 from sweeps.analysis.entries import check_metric
-from sweeps.analysis.objects import ALSO, objects_table
+from sweeps.analysis.objects import ALSO, BESIDE, beside_table, objects_table
 from sweeps.analysis.paired import Paired, read_paired
 from sweeps.analysis.pairs import pairs_table
 from sweeps.analysis.pareto import COST, pareto_table
@@ -49,6 +49,8 @@ KINDS: dict[str, tuple[Callable[[Asked], TextTable], str]] = {
               "paired tests between strategies, Holm-corrected"),
     "objects": (lambda a: objects_table(a.paired(*ALSO), a.metric),
                 "each strategy on each object: medians with intervals, cost"),
+    "beside": (lambda a: beside_table(read_paired(a.plan, a.stores, BESIDE, over=a.over)),
+               "each strategy on each object, the settings of a study side by side"),
     "confusion": (lambda a: confusion_table(read_confusion(a.plan, a.stores)),
                   "what each object was taken for"),
     "curves": (lambda a: curves_table(a.curves()), "error against touches and robot time"),

@@ -7,8 +7,8 @@ from cyclopts import Parameter
 
 from sweeps.cli.app import Json, UsageError, app, count_of, device_of, folders_and_kind
 
-TableKind = Literal["pairs", "objects", "confusion", "curves", "reach", "same-time", "pareto",
-                    "settings"]
+TableKind = Literal["pairs", "objects", "beside", "confusion", "curves", "reach", "same-time",
+                    "pareto", "settings"]
 FigureKind = Literal["forest", "curves-touches", "curves-time", "pareto", "confusion", "settings",
                      "contacts", "faces", "contour", "taxels", "grasp"]
 Over = Literal["like-these", "these"]
@@ -26,10 +26,10 @@ def table(words: list[TableKind | str], /, *,
     ----------
     words
         DIR... KIND: the directories of a study, then one of pairs (paired tests), objects
-        (medians on each), confusion (recognition), curves (error against touches and robot
-        time), reach (touches and seconds to 5 mm and 3 mm), same-time (errors when the
-        strategy of --against ended), pareto (error against robot time), settings (what each
-        swept factor does).
+        (medians on each), beside (means on each, settings side by side), confusion
+        (recognition), curves (error against touches and robot time), reach (touches and
+        seconds to 5 mm and 3 mm), same-time (errors when the strategy of --against ended),
+        pareto (error against robot time), settings (what each swept factor does).
     out
         Also write it, as CSV.
     metric

@@ -10,6 +10,7 @@ from multiprocessing import get_context
 import numpy as np
 
 KERNEL_MODULES = (
+    "strategies.contacts.placing_kernel",
     "strategies.planners.foresight_kernel",
     "strategies.recovery.body_distances_kernel",
     "strategies.recognition.pose_alignment_kernel",

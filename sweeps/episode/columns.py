@@ -8,6 +8,7 @@ import numpy as np
 
 from fit.fit_status import status_names
 from fit.superquadric.geometry import Superquadric
+from strategies.contacts.body_uncertainty import INADEQUATE_FROM
 from strategies.procedures.contour_shape import Profile
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered, Shape
@@ -38,8 +39,22 @@ def model_columns(belief: Belief, recovered: Recovered) -> dict[str, np.ndarray]
     for number, name in enumerate(NODES):
         columns[name] = np.empty(len(turned), object)
         columns[name][:] = [row[number] for row in nodes]
+    columns |= interval_columns(belief, recovered)
     return columns | {"fit_rms_mm": rms * 1e3, "fit_iterations": iterations.astype(np.int64),
                       "fit_status": np.array(status_names(status))}
+
+
+def interval_columns(belief: Belief, recovered: Recovered) -> dict[str, np.ndarray]:
+    """90 % intervals of volumes, (world,) each, NaN where nothing was recovered, and whether the
+    contacts agree with the model: where they do not, intervals may fail."""
+    known = recovered.shape != Shape.PRIOR_CYLINDER
+    low, high = np.full((2, len(known)), np.nan)
+    if known.any():
+        low, high = np.where(known, belief.uncertainty.volume_interval_m3().T, np.nan)
+    share = belief.felt.contradicted_share()
+    return {"volume_low_m3": low, "volume_high_m3": high,
+            "contradicted_share": np.where(known, share, np.nan),
+            "model_adequate": known & (share < INADEQUATE_FROM)}
 
 
 def superquadric_parameters(s: Superquadric) -> dict[str, np.ndarray]:

@@ -210,7 +210,7 @@ def run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Epi
     noise = _noise_key(key, cell.strategy.noise_stream)
     robot = Robot(bodies, which, truth, noise, cell.arm, cell.hand, cell.sensors,
                   pads=cell.pads, errors=cell.errors, contact=cell.contact,
-                  device=device)
+                  true=cell.true, device=device)
     unseen = np.full(len(key), "", object)
     if cell.placement.prior == "silhouettes":
         prior, unseen = seen_prior(robot, prior, cell.stereo)

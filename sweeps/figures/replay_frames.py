@@ -12,10 +12,11 @@ from scipy.spatial.transform import Rotation
 
 from fit.arrays import rows_of
 from fit.superquadric.geometry import Superquadric
+from strategies.contacts.finger_touch import touched_links
 from strategies.poses.postures import PINCH_OPEN_RAD, POKE_RAD
 from strategies.procedures.touches import TouchTable
 from strategies.recovery.choose_model import Recovered, Shape
-from strategies.recovery.evidence import evidence_from_grasps, touched_links
+from strategies.recovery.evidence import evidence_from_grasps
 from strategies.recovery.fit_contacts import recover_bodies
 from strategies.recovery.plausibility import FEWEST_CONTACTS
 from sweeps.episode.episodes import EpisodeBlock, run_block
@@ -199,7 +200,7 @@ def refits(cell: Cell, grasps: Grasps, world: int) -> list[np.ndarray | None]:
     """
     one = replace(rows_of(grasps, [world]), commands_rad=grasps.commands_rad)
     evidence = evidence_from_grasps(one, cell.hand.link_radius_m)
-    links = (touched_links(one, cell.hand.link_radius_m)
+    links = (touched_links(one, cell.hand)
              if cell.sensors.contact_estimator == "intrinsic" else None)
     probes = one.closing.status.shape[1]
     copies = np.zeros(probes, int)

@@ -16,6 +16,7 @@ from strategies.strategy import Strategy
 from sweeps.episode.columns import (
     NODES,
     contour_nodes,
+    interval_columns,
     revolution_parameters,
     superquadric_parameters,
 )
@@ -122,6 +123,8 @@ def shape_record(cell: Cell, block: EpisodeBlock, world: int = 0) -> dict[str, A
         "trust": trust_sentence(block, world),
         "models": list(_models(cell, block, world)),
         "chosen": kinds[shape],
+        "interval": {name: None if shape == Shape.PRIOR_CYLINDER else float(values[world])
+                     for name, values in interval_columns(belief, block.recovered).items()},
         "recognized_as": str(block.recognition.name[world]) or None,
         "recognized_by": str(block.recognition.way[world]) or None,
         "recognized_probability": (float(block.recognition.probability[world])

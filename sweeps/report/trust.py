@@ -5,6 +5,7 @@ import numpy as np
 from fit.arrays import rows_of
 from fit.revolution.geometry import revolution_surface
 from fit.superquadric.geometry import superquadric_areas
+from strategies.contacts.body_uncertainty import INADEQUATE_FROM
 from strategies.recovery.choose_model import Recovered, Shape
 from strategies.recovery.contact_verdict import accepted_contacts
 from strategies.recovery.evidence import TABLE_MARGIN_M
@@ -38,10 +39,11 @@ def trust_sentence(block: EpisodeBlock, world: int = 0) -> str:
             f"of {felt - far} contacts, the rest is the model's guess")
     if far:
         text += f"; {far} more contacts contradict it, or may be elsewhere"
-    if recovered.shape[0] == Shape.SUPERQUADRIC:
-        low, high = 1e6 * block.exploration.belief.uncertainty.volume_interval_m3()[world]
-        text += (f"; its volume is {low:.0f} to {high:.0f} cm3 (90 %), if the object is a "
-                 "superquadric")
+    belief = block.exploration.belief
+    low, high = 1e6 * belief.uncertainty.volume_interval_m3()[world]
+    text += f"; its volume is {low:.0f} to {high:.0f} cm3 (90 %)"
+    if belief.felt.contradicted_share()[world] >= INADEQUATE_FROM:
+        text += ", but so many contacts contradict the model that this may fail"
     return text
 
 

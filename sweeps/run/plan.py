@@ -111,7 +111,8 @@ def cell_hash(cell: Cell, body: Body) -> str:
     return digest({
         "strategy": canonical_strategy(cell.strategy), "object": cell.object_name,
         "body": canonical_body(body), "seed": cell.seed,
-        **{name: canonical_table(getattr(cell, name), _file_hash) for name in TABLES}})
+        **{name: canonical_table(getattr(cell, name), _file_hash) for name in TABLES},
+        **({} if cell.true is None else {"true": asdict(cell.true)})})
 
 
 def unit_id(cell_name: str, start: int, stop: int) -> str:

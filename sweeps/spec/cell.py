@@ -15,19 +15,23 @@ from warpgrasp.parameters import (
     ObjectTable,
     PadTable,
     RecognitionTable,
+    RobotTable,
     SensorTable,
     StereoTable,
+    TrueTables,
 )
 
 SECTIONS: dict[str, type] = {
     "arm": ArmTable, "hand": HandTable, "sensors": SensorTable, "errors": ErrorTable,
-    "contact": ContactTable,
+    "contact": ContactTable, "robot": RobotTable,
     "object": ObjectTable, "fit": FitTable, "pads": PadTable, "stereo": StereoTable,
     "planar": PlanarTable, "contour": ContourTable, "decide": DecideTable,
     "recognition": RecognitionTable,
 }
 TABLES = tuple("placement" if name == "object" else name for name in SECTIONS)
 """Names of the sections' fields in a `Cell`."""
+APART = ("hand", "sensors", "errors")
+"""Sections in which the robot that is may differ from the one that is believed."""
 CONTACTS = "contact_rows"
 """The column of rows that holds each episode's contacts, a table of columns, where a cell keeps
 them."""
@@ -49,6 +53,9 @@ class Cell:
     sensors: SensorTable = field(default_factory=SensorTable)
     errors: ErrorTable = field(default_factory=ErrorTable)
     contact: ContactTable = field(default_factory=ContactTable)
+    robot: RobotTable = field(default_factory=RobotTable)
+    true: TrueTables | None = None
+    """Of the robot that is; None: it has the tables that are believed."""
     placement: ObjectTable = field(default_factory=ObjectTable)
     fit: FitTable = field(default_factory=FitTable)
     pads: PadTable = field(default_factory=PadTable)

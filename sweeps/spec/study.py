@@ -6,7 +6,8 @@ from math import prod
 from typing import Any
 
 from strategies.strategy import BUDGET_KEYS, Strategy
-from sweeps.spec.cell import SECTIONS, TABLES, Cell
+from sweeps.spec.cell import APART, SECTIONS, TABLES, Cell
+from warpgrasp.parameters import TrueTables
 
 FILE_KEYS = ("mesh", "profile")  # of an object's table, however deep: files it is read from
 
@@ -101,9 +102,16 @@ class Study:
                 chosen = with_strategy_value(chosen, name, value)
             else:
                 tables[section] = replace(tables[section], **{_si_name(section, name): value})
+        side = tables["robot"].swept
+        true = None
+        if side != "both":
+            swept = {name: tables[name] for name in APART}
+            base = {name: self.tables[name] for name in APART}
+            true = TrueTables(**(swept if side == "truth" else base))
+            tables |= base if side == "truth" else swept
         return Cell(chosen, self.objects[body].table, self.objects[body].name,
                     **dict(zip(TABLES, (tables[name] for name in SECTIONS), strict=True)),
-                    seed=self.head.seed, setting=given, keep=self.head.keep)
+                    true=true, seed=self.head.seed, setting=given, keep=self.head.keep)
 
     def holds(self, strategy: int, key: str, si: Any) -> bool:
         """Whether a strategy, or the study's tables, have this value of a key without a sweep."""

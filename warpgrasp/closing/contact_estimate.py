@@ -44,6 +44,10 @@ class ContactEstimate:
     """Place of the touch along each link's axis, were it that link, (..., link 3)."""
     along_variance_m2: np.ndarray
     """Its variance, (..., link 3)."""
+    torque_Nm: np.ndarray
+    """By which contacts turn the joints, the links' weight taken off, (..., 4)."""
+    torque_sigma_Nm: np.ndarray
+    """Its standard deviation; huge where a joint is held by its stop, (..., 4)."""
     link_points_m: np.ndarray
     """Believed joints and tip centre of each finger, (..., 4, 3): the links' axes between them."""
 
@@ -77,6 +81,8 @@ def estimate_contacts(
                for name in ("link_weight", "along", "along_variance")}
     joints = {name: wp.empty(dims, dtype=vec3, device=device)
               for name in ("joint_1", "joint_2", "joint_3", "tip")}
+    torques = {name: wp.empty(dims, dtype=vec4, device=device)
+               for name in ("torque_out", "torque_sigma")}
     errors = errors or ErrorTable()
     each = "world probe grasp finger"
 
@@ -86,7 +92,7 @@ def estimate_contacts(
     launch(_estimate_kernel, dict(zip(("world", "probe", "grasp", "finger"), dims, strict=True)), {
         "status": each, "hand_pose": "world probe", "q": each, "flexor": each, "extensor": each,
         "moving": each, "point": each, "covariance": each, "normal": each, "link_out": each,
-        **dict.fromkeys(by_link, each), **dict.fromkeys(joints, each)}, {
+        **dict.fromkeys((*by_link, *joints, *torques), each)}, {
         "hand": hand_of(hand, contact), "sensor": tendon_sensor_of(hand, sensors),
         "intrinsic": int(sensors.contact_estimator == "intrinsic"),
         "pose_variance": place_variance(errors, arm, hand),
@@ -98,13 +104,14 @@ def estimate_contacts(
         "extensor": put(closing.tension_N[..., 1], vec4),
         "moving": put(_moving(closing, commands_rad), vec4), "point": point,
         "covariance": covariance, "normal": normal, "link_out": link, **by_link,
-        **joints},
+        **joints, **torques},
         device=device)
     assert fingers == FINGER_COUNT
     found = {name: values.numpy().copy() for name, values in by_link.items()}
     return ContactEstimate(point.numpy().copy(), covariance.numpy().copy(),
                            normal.numpy().copy(), link.numpy().copy(), found["link_weight"],
                            found["along"], found["along_variance"],
+                           *(values.numpy().copy() for values in torques.values()),
                            np.stack([joint.numpy() for joint in joints.values()], axis=-2))
 
 

@@ -160,6 +160,8 @@ def _estimate_kernel(
     joint_2: wp.array4d[vec3],
     joint_3: wp.array4d[vec3],
     tip: wp.array4d[vec3],
+    torque_out: wp.array4d[vec4],
+    torque_sigma: wp.array4d[vec4],
 ):
     w, p, g, finger = wp.tid()
     w += first
@@ -171,6 +173,8 @@ def _estimate_kernel(
     link_weight[w, p, g, finger] = vec3(ZERO, ZERO, ZERO)
     along[w, p, g, finger] = vec3(ZERO, ZERO, ZERO)
     along_variance[w, p, g, finger] = vec3(ZERO, ZERO, ZERO)
+    torque_out[w, p, g, finger] = vec4(ZERO, ZERO, ZERO, ZERO)
+    torque_sigma[w, p, g, finger] = vec4(ONE, ONE, ONE, ONE)
     pose = hand_pose[w, p]
     angles = q[w, p, g, finger]
     f = finger_pose(hand, finger_base(hand, finger), angles)
@@ -218,6 +222,8 @@ def _estimate_kernel(
     root = vec4(wp.sqrt(precision[0]), wp.sqrt(precision[1]), wp.sqrt(precision[2]),
                 wp.sqrt(precision[3]))
     felt = wp.cw_mul(torque, root)
+    torque_out[w, p, g, finger] = torque
+    torque_sigma[w, p, g, finger] = vec4(ONE / root[0], ONE / root[1], ONE / root[2], ONE / root[3])
     r = hand.link_radius
     post = _Posterior()
     # First the largest likelihood of all places, then the places that come close to it.

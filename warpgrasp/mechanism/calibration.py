@@ -102,15 +102,21 @@ def no_errors() -> Calibration:
     return draw_calibration(ErrorTable.none(), np.zeros(1, np.uint64))
 
 
+def arm_variance(errors: ErrorTable, arm: ArmTable) -> float:
+    """Variance per axis of where the flange is believed to be [m2]: the arm's calibration, turns
+    acting on a lever of half a metre, and its repeatability. An estimate."""
+    swing = 3 * (_ARM_LEVER_M * errors.arm_joint_offset_rad) ** 2
+    return swing + len(_ARM_LENGTHS) / 3 * errors.arm_link_m**2 + arm.repeatability_m**2
+
+
 def place_variance(errors: ErrorTable, arm: ArmTable, hand: HandTable) -> float:
     """Variance per axis of where the robot believes a place on a finger to be [m2], its finger's
     joints apart: from the calibration of arm, mount and finger base, and the arm's repeatability.
 
-    An estimate: turns act on levers of half a metre (arm) and 0.15 m (mount).
+    An estimate: turns of the mount act on a lever of 0.15 m.
     """
-    swing = 3 * (_ARM_LEVER_M * errors.arm_joint_offset_rad) ** 2
-    return (errors.mount_m**2 + arm.repeatability_m**2 + (_MOUNT_LEVER_M * errors.mount_rad) ** 2
-            + swing + len(_ARM_LENGTHS) / 3 * errors.arm_link_m**2 + errors.finger_base_m**2
+    return (arm_variance(errors, arm) + errors.mount_m**2
+            + (_MOUNT_LEVER_M * errors.mount_rad) ** 2 + errors.finger_base_m**2
             + (errors.link_length_share * max(hand.link_length_m)) ** 2)
 
 

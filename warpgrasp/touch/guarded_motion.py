@@ -22,7 +22,14 @@ from warpgrasp.mechanism.calibration import Calibration, true_arms, true_hands
 from warpgrasp.mechanism.puma560 import arm_of
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, LINK_COUNT, hand_of
 from warpgrasp.motion_cost import line_time_s, was_made
-from warpgrasp.parameters import ArmTable, ContactTable, HandTable, PadTable, SensorTable
+from warpgrasp.parameters import (
+    ArmTable,
+    ContactTable,
+    HandTable,
+    PadTable,
+    SensorTable,
+    TrueTables,
+)
 from warpgrasp.touch.guarded_motion_kernel import line_kernel
 from warpgrasp.touch.line_record import LineBegin, LineEnd
 from warpgrasp.touch.pad import pad_of, pad_turns, true_pads
@@ -118,15 +125,15 @@ class LineMove:
 
 @lru_cache(maxsize=8)
 def _robot(
-    arm: ArmTable, hand: HandTable, pads: PadTable, contact: ContactTable, errors: Calibration,
-    device: str
+    arm: ArmTable, hand: HandTable, true_hand: HandTable, pads: PadTable, contact: ContactTable,
+    errors: Calibration, device: str
 ) -> dict[str, Any]:
     """The robots, believed and true, on a device; kept for the next line."""
     return {"arm": arm_of(arm, hand.mount_length_m), "hand": hand_of(hand),
             "pad": pad_of(pads, hand), "turns": pad_turns(pads, hand, device),
             "true_arms": true_arms(arm, hand.mount_length_m, errors, device),
-            "true_hands": true_hands(hand, contact, errors, device),
-            "true_pads": true_pads(pads, hand, errors, device),
+            "true_hands": true_hands(true_hand, contact, errors, device),
+            "true_pads": true_pads(pads, true_hand, errors, device),
             "mount": wp.array(errors.mount, dtype=transform, device=device)}
 
 
@@ -154,6 +161,7 @@ def guarded_line(
     arm_q_rad: np.ndarray,
     move: LineMove,
     *,
+    true: TrueTables | None = None,
     contact: ContactTable | None = None,
     march_scale: float = 1.0,
     device: str = "cpu",
@@ -161,12 +169,14 @@ def guarded_line(
     """Make one guarded line; also returns the arms' joints after it (row, 6).
 
     `body` (world or 1,), `body_pose` (world, 7), `key` (world,) uint64, `errors` of the true
-    robots, `arm_q_rad` (row, 6) where the arms stand. Worlds not among `move.rows` cost
+    robots, whose tables are `true` (those believed unless given), `arm_q_rad` (row, 6) where the
+    arms stand. Worlds not among `move.rows` cost
     nothing. Raises ShapeError, and ValueError for a body or a finger that there is not.
     """
     check_range("body", body, 0, scene.bodies - 1)
     check_range("finger", move.finger, 0, FINGER_COUNT - 1)
     n = len(move.rows)
+    true_hand, true_sensors = (hand, sensors) if true is None else (true.hand, true.sensors)
     begin = np.zeros(n, record_type(LineBegin))
     for name, value in {
             "body": np.broadcast_to(body, len(key))[move.rows], "body_pose": body_pose[move.rows],
@@ -178,7 +188,7 @@ def guarded_line(
                              f"wants {column.shape}")
         column[...] = value
     speed = np.linalg.norm(move.direction, axis=1)
-    reach = (hand.abduction_offset_m + sum(hand.link_length_m) + hand.link_radius_m
+    reach = (true_hand.abduction_offset_m + sum(true_hand.link_length_m) + true_hand.link_radius_m
              + pads.thickness_m)
     commands, swing = _commands(
         np.shape(move.commands_rad), np.ascontiguousarray(move.commands_rad, float).tobytes(),
@@ -190,8 +200,10 @@ def guarded_line(
         "turns": "40", "true_arms": "world?", "true_hands": "world? 4", "true_pads": "world? 4",
         "mount": "world?", "begins": "row", "commands": "4 step 4", "near_bits": "row 3 16",
         "image": "row 16 16", "ends": "row"}, {
-        "scene": scene, **_robot(arm, hand, pads, contact or ContactTable(), errors, device),
-        "joint_noise": sensors.joint_noise_rad, "march_scale": march_scale, "begins": begins.array,
+        "scene": scene,
+        **_robot(arm, hand, true_hand, pads, contact or ContactTable(), errors, device),
+        "joint_noise": true_sensors.joint_noise_rad, "march_scale": march_scale,
+        "begins": begins.array,
         "interval": move.interval_m, "steps": move.steps, "finger": move.finger,
         "commands": commands,
         "swing": swing * reach,

@@ -29,7 +29,8 @@ def coverage(n: int, count: int, noise: float, common: float = 0.0) -> tuple[flo
     evidence = {"covariance": covariance, "table_z": 0.0}
     options = SuperquadricOptions(sigma_floor_m=1e-4)
     fit = fit_superquadric(points, options=options, **evidence)
-    known = superquadric_uncertainty(fit, points, sigma_floor_m=1e-4, common_sigma_m=common,
+    known = superquadric_uncertainty(fit, points, sigma_floor_m=1e-4,
+                                    shared_m=np.full((n, count, 1), common),
                                      **evidence)
     low, high = known.volume_interval_m3().T
     true = superquadric_volume(body)
@@ -75,7 +76,8 @@ def test_padding_changes_no_bit() -> None:
     padded = np.full((6, 300, 3), np.nan)
     padded[:, :37] = points
     for common in (0.0, 5e-4):
-        plain, again = (superquadric_uncertainty(body, p, table_z=0.0, common_sigma_m=common)
+        plain, again = (superquadric_uncertainty(
+            body, p, table_z=0.0, shared_m=np.full((*p.shape[:2], 1), common))
                         for p in (points, padded))
         for name, value in vars(plain).items():
             assert np.array_equal(getattr(again, name), value), name

@@ -15,7 +15,6 @@ from strategies.planners.oracle import Oracle
 from strategies.planners.planner_file import PlannerError
 from strategies.planners.probes import Grasp
 from strategies.planners.registry import make_planner
-from strategies.recovery.belief import believed_uncertainty
 from strategies.recovery.choose_model import Recovered, Shape
 from warpgrasp.parameters import SensorTable
 
@@ -76,7 +75,7 @@ def test_the_untouched_side_is_worth_more(make: type) -> None:
 def test_information_is_that_of_the_linear_model() -> None:
     """One touch along a direction of known variance: 1/2 log(1 + variance / noise)."""
     here = belief(on_side(0, 360))
-    uncertainty = believed_uncertainty(here.body, here.evidence)
+    uncertainty = here.uncertainty
     only_x = np.zeros((2, 15, 15))
     only_x[:, 8, 8] = 1e-4  # the place along x, 10 mm
     here.__dict__["uncertainty"] = replace(uncertainty, covariance=only_x)

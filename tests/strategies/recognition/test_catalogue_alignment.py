@@ -41,7 +41,7 @@ def felt(body: Body, seed: int = 1, sigma: float = 0.001) -> tuple[SimpleNamespa
     evidence = Evidence(points, np.ones((WORLDS, POINTS), bool), covariance,
                         np.full(points.shape, np.nan), np.zeros((WORLDS, 0, 3)), 0.006,
                         np.zeros((WORLDS, 0), bool), np.zeros((WORLDS, POINTS), bool),
-                        np.full(points.shape, np.nan))
+                        np.zeros((WORLDS, POINTS)))
     # The believed body: the right height, some millimetres off, round whatever the truth.
     at = np.column_stack([[0.45, 0.0] + place + rng.normal(0, 0.004, place.shape),
                           np.full(WORLDS, body.high_m[2] / 2)])

@@ -32,7 +32,7 @@ def evidence_of(points: np.ndarray) -> Evidence:
     n = len(points)
     return Evidence(points[None], np.ones((1, n), bool), np.tile(np.eye(3) * 1e-6, (1, n, 1, 1)),
                     np.full((1, n, 3), np.nan), np.zeros((1, 0, 3)), 0.006, np.zeros((1, 0), bool),
-                    np.zeros((1, n), bool), np.full((1, n, 3), np.nan))
+                    np.zeros((1, n), bool), np.zeros((1, n)))
 
 
 def followed_to(height: float) -> Profile:

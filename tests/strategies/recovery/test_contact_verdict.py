@@ -25,7 +25,7 @@ def touched(off_m: float = 0.0):
     normal = np.random.default_rng(1).normal(size=(2, 30, 3))
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
     evidence = belief(MIDDLE + (RADIUS + off_m) * normal).evidence
-    return replace(evidence, normals=normal, felt_normals=normal.copy())
+    return replace(evidence, normals=normal)
 
 
 @pytest.mark.parametrize("off_m", [0.0, 0.004, -0.004])
@@ -36,24 +36,23 @@ def test_contacts_near_the_body_are_accepted_and_their_rms_is_their_distance(off
 
 def test_each_reason_to_reject() -> None:
     evidence = touched()
-    points, felt = evidence.points_m.copy(), evidence.felt_normals.copy()
-    points[0, 0] += 0.02 * evidence.normals[0, 0]
-    felt[0, 1] = np.nan
-    felt[0, 2] *= -1.0
+    points, contradiction = evidence.points_m.copy(), evidence.contradiction.copy()
+    points[0, 0] += 0.008 * evidence.normals[0, 0]
+    contradiction[0, 1] = np.inf
+    contradiction[0, 2] = 11.0
     mask = evidence.mask.copy()
     mask[0, 3] = False
-    found = contact_verdicts(ball(), replace(evidence, points_m=points, felt_normals=felt,
-                                             mask=mask))
-    assert found[0, :4].tolist() == ["far", "unsure_link", "other_direction", ""]
+    found = contact_verdicts(ball(), replace(
+        evidence, points_m=points, contradiction=contradiction, mask=mask))
+    assert found[0, :4].tolist() == ["far", "unsure_link", "contradicted", ""]
     assert (found[0, 4:] == "accepted").all()
     assert (found[1] == "accepted").all()
 
 
-def test_what_a_pad_felt_is_its_own_direction() -> None:
-    evidence = touched()
-    turned = replace(evidence, felt_normals=-evidence.normals)
-    assert not accepted_contacts(ball(), turned).any()
-    assert accepted_contacts(ball(), replace(turned, by_pad=np.ones_like(turned.mask))).all()
+def test_a_touch_of_a_pad_may_lie_as_far_as_one_that_counts() -> None:
+    far = touched(0.008)
+    assert not accepted_contacts(ball(), far).any()
+    assert accepted_contacts(ball(), replace(far, by_pad=np.ones_like(far.mask))).all()
 
 
 def test_the_prior_explains_nothing() -> None:

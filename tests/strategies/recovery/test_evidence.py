@@ -14,7 +14,7 @@ from strategies.recovery.evidence import (
     joined_evidence,
     no_evidence,
 )
-from warpgrasp.parameters import FitTable
+from warpgrasp.parameters import FitTable, HandTable
 from warpgrasp.probe_status import ProbeStatus
 
 LIKE = no_evidence(3, 0.006)
@@ -34,13 +34,15 @@ def test_only_lines_that_met_nothing_are_free() -> None:
     touch = line([ProbeStatus.CONTACT, ProbeStatus.NO_CONTACT, ProbeStatus.BLOCKED])
     log.miss(np.array([0, 1, 2]), touch)  # pyright: ignore
     log.add(np.array([0, 1, 2]), touch, np.array([0]), np.zeros(3, int), 0, 0)  # pyright: ignore
-    found = evidence_from_touches(log.table(), log.missed(), 3, 4, LIKE)
+    found, links = evidence_from_touches(log.table(), log.missed(), 3, 4, LIKE, HandTable())
+    assert not links.linked.any()
+    assert links.link[0, 0] == 2
     assert found.free_mask.sum(1).tolist() == [0, 1, 0]
     np.testing.assert_array_equal(found.free_m[1, 0], touch.tip_m[1])
     assert found.free_radius_m == LIKE.free_radius_m
     assert found.by_pad.tolist() == found.mask.tolist() == [[True, False, False, False],
                                                             [False] * 4, [False] * 4]
-    without = evidence_from_touches(log.table(), None, 3, 4, LIKE)
+    without, _ = evidence_from_touches(log.table(), None, 3, 4, LIKE, HandTable())
     assert without.free_m.shape[1] == 0
     np.testing.assert_array_equal(without.points_m, found.points_m)
 
@@ -51,7 +53,8 @@ def test_many_misses_are_thinned_evenly_and_apart_from_other_worlds() -> None:
     one = MissedTips(np.full(n, 1), np.arange(3.0 * n).reshape(n, 3))
     both = MissedTips(np.concatenate([one.world, [2, 2]]),
                       np.concatenate([one.tip_m, np.ones((2, 3))]))
-    alone, beside = (evidence_from_touches(table, missed, 3, 4, LIKE) for missed in (one, both))
+    alone, beside = (evidence_from_touches(table, missed, 3, 4, LIKE, HandTable())[0]
+                     for missed in (one, both))
     np.testing.assert_array_equal(alone.free_m[1], beside.free_m[1])
     assert alone.free_mask.sum(1).tolist() == [0, FREE_TIPS, 0]
     assert beside.free_mask.sum(1).tolist() == [0, FREE_TIPS, 2]
@@ -65,7 +68,7 @@ def test_a_fit_is_given_only_normals_that_were_measured(
     log = TouchLog(3)
     touch = line([ProbeStatus.CONTACT] * 3)
     log.add(np.arange(3), touch, np.arange(3), np.zeros(3, int), 0, 0)  # pyright: ignore
-    felt = evidence_from_touches(log.table(), None, 3, 2, LIKE)
+    felt, _ = evidence_from_touches(log.table(), None, 3, 2, LIKE, HandTable())
     felt.by_pad[1] = False  # a contact placed against a body: its normal is the body's own
     given = {}
     monkeypatch.setattr(recovery, "fit_superquadric",

@@ -1,48 +1,69 @@
 """Contacts placed anew against a body, and which bodies are begun anew between placements."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from fit.superquadric.fit import fit_superquadric
 from fit.superquadric.geometry import Superquadric, superquadric
 from fit.superquadric.record import SuperquadricFit, SuperquadricOptions
+from strategies.contacts.finger_touch import TouchedLinks, no_links
 from strategies.recovery import fit_contacts as recovery
 from strategies.recovery.body_distances import surface_distances
-from strategies.recovery.evidence import Evidence, TouchedLinks
+from strategies.recovery.evidence import Evidence
 from strategies.recovery.fit_contacts import (
     FREE_BALLS,
     LAST_ITERATIONS,
     contacts_placed,
     recover_bodies,
 )
-from warpgrasp.parameters import FitTable
+from warpgrasp.mechanism.utah_mit_hand import hand_links
+from warpgrasp.parameters import FitTable, HandTable
 
 RADIUS_M, OFF_M = 0.008, 0.004
 BALL = superquadric([0.04, 0.04, 0.04], [1.0, 1.0], [0.45, 0.0, 0.1])
 
 
 def ball_links(worlds: int = 3, contacts: int = 20) -> tuple[Evidence, TouchedLinks, np.ndarray]:
-    """Contacts felt `OFF_M` too far out on links whose axes pass a ball at a link's radius; also
-    where they truly are. The second link is the true one, the third lies far off."""
-    rng = np.random.default_rng(4)
-    normal = rng.normal(size=(worlds, contacts, 3))
-    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
-    along = np.cross(normal, rng.normal(size=normal.shape))
-    along /= np.linalg.norm(along, axis=-1, keepdims=True)
+    """Contacts of last links with a ball, felt `OFF_M` too far out, the torques of a push of 1 N
+    through each; also where they truly are. Torques by differences of the forward kinematics."""
+    rng, hand, q = np.random.default_rng(4), HandTable(), np.array([0.1, 0.5, 0.6, 0.4])
+    shape, n = (worlds, contacts), worlds * contacts
+
+    def axis(joints: np.ndarray) -> np.ndarray:
+        """A place on the last link's axis, hand frame, for rows of joints."""
+        every = np.repeat(joints[:, None], 4, axis=1)
+        still = np.tile([0, 0, 0, 0, 0, 0, 1.0], (len(joints), 1))
+        points, _ = hand_links(hand, still, every)
+        return points[:, 1, 3] + 0.4 * (points[:, 1, 4] - points[:, 1, 3])
+
+    here, step = axis(q[None])[0], 1e-6
+    slopes = (axis(q + step * np.eye(4)) - axis(q - step * np.eye(4))) / (2 * step)
+    points, palmar = hand_links(hand, np.array([[0, 0, 0, 0, 0, 0, 1.0]]), np.tile(q, (1, 4, 1)))
+    along = (points[0, 1, 4] - points[0, 1, 3]) / hand.link_length_m[2]
+    turn = rng.uniform(-0.8, 0.8, n)[:, None]
+    outward = np.cos(turn) * palmar[0, 1, 2] + np.sin(turn) * np.cross(along, palmar[0, 1, 2])
+    hands = Rotation.random(n, rng=rng)
+    normal = -hands.apply(outward)
     true = BALL.position_m[0] + 0.04 * normal
-    axis = true + RADIUS_M * normal
-    centre = np.stack([axis + 0.03 * normal, axis + OFF_M * along, axis + 0.1 * normal], axis=2)
-    mask = np.ones((worlds, contacts), bool)
+    place = true + RADIUS_M * normal - hands.apply(here)
+    torque = -outward @ slopes.T  # the ball pushes the link back
+    mask = np.ones(shape, bool)
     mask[:, -1] = False
     far = np.zeros((worlds, FREE_BALLS, 3))
+    normal, true = normal.reshape(*shape, 3), true.reshape(*shape, 3)
     evidence = Evidence(
-        true + OFF_M * normal, mask, np.tile(1e-6 * np.eye(3), (worlds, contacts, 1, 1)), normal,
-        far, RADIUS_M, np.zeros(far.shape[:2], bool), np.zeros_like(mask), normal)
-    links = TouchedLinks(
-        centre, np.repeat(along[:, :, None], 3, axis=2), np.full(centre.shape[:3], 1 / 3),
-        np.full(centre.shape[:3], 0.01**2), RADIUS_M, np.ones(contacts, bool))
+        true + OFF_M * normal, mask, np.tile(1e-6 * np.eye(3), (*shape, 1, 1)), normal,
+        far, RADIUS_M, np.zeros(far.shape[:2], bool), np.zeros_like(mask), np.zeros(shape))
+    links = replace(
+        no_links(*shape, hand), linked=np.ones(shape, bool), finger=np.ones(shape, int),
+        hand_pose=np.concatenate([place, hands.as_quat()], axis=1).reshape(*shape, 7),
+        q_rad=np.tile(q, (*shape, 1)), link=np.full(shape, 2),
+        torque_Nm=-torque.reshape(*shape, 4), torque_sigma_Nm=np.full((*shape, 4), 5e-4),
+        weight=np.tile([0.1, 0.2, 0.7], (*shape, 1)))
     return evidence, links, true
 
 
@@ -51,15 +72,25 @@ def balls(worlds: int, size: float = 0.04) -> Superquadric:
     return rows._replace(size_m=np.full((worlds, 3), size))
 
 
-def test_contacts_are_put_on_the_body_by_their_likeliest_link() -> None:
+def test_contacts_are_put_where_torques_and_body_agree() -> None:
     evidence, links, true = ball_links()
     placed = contacts_placed(evidence, links, balls(3))
-    # Where along a link that lies flat on it the body cannot say: that error stays, seen from it.
-    assert np.linalg.norm(placed.points_m - true, axis=-1)[placed.mask].max() < OFF_M
+    assert np.linalg.norm(placed.points_m - true, axis=-1)[placed.mask].max() < 1.5e-3
+    assert placed.contradiction[placed.mask].max() < 3.0
     away, _ = surface_distances(balls(3), placed.points_m, placed.mask)
     assert np.abs(away[placed.mask]).max() < 5e-4
     assert np.array_equal(placed.mask, evidence.mask)
     assert np.array_equal(placed.points_m[:, -1], evidence.points_m[:, -1])  # not felt
+
+
+def test_torques_that_contradict_the_body_are_told() -> None:
+    """Of a finger that touched elsewhere: its joints are pushed the other way."""
+    evidence, links, _ = ball_links()
+    torque = links.torque_Nm.copy()
+    torque[:, 0] *= -1.0
+    placed = contacts_placed(evidence, replace(links, torque_Nm=torque), balls(3))
+    assert (placed.contradiction[:, 0] > 100.0).all()
+    assert placed.contradiction[:, 1:-1].max() < 3.0
 
 
 def test_where_a_body_is_none_contacts_stay_where_they_are_felt() -> None:

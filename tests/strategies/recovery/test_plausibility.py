@@ -24,7 +24,7 @@ def evidence(points: np.ndarray, free: np.ndarray) -> Evidence:
     return Evidence(points[None], np.ones((1, count), bool), np.tile(np.eye(3), (1, count, 1, 1)),
                     np.full((1, count, 3), np.nan), free[None], 0.006,
                     np.ones((1, len(free)), bool), np.zeros((1, count), bool),
-                    np.full((1, count, 3), np.nan))
+                    np.zeros((1, count)))
 
 
 @pytest.mark.parametrize(("found", "right"), [

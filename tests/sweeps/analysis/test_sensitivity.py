@@ -7,10 +7,16 @@ import pytest
 from studies import SMALL, plan_of, write_spec
 
 from sweeps.analysis import sensitivity
-from sweeps.analysis.sensitivity import BRACKETS, _swapped, sensitivity_spec, sensitivity_table
+from sweeps.analysis.sensitivity import (
+    BRACKETS,
+    SWEPT,
+    _swapped,
+    sensitivity_spec,
+    sensitivity_table,
+)
 from sweeps.cli import commands
 from sweeps.cli.main import run
-from sweeps.run.plan import plan_study
+from sweeps.run.plan import cell_hash, plan_study
 from sweeps.run.store import Store
 from sweeps.spec.reader import read_spec
 
@@ -19,11 +25,23 @@ def test_the_spec_varies_one_constant_a_setting(tmp_path) -> None:
     file = tmp_path / "s.toml"
     file.write_text(sensitivity_spec())
     study = plan_study(read_spec(file)).study
-    assert study.setting_count == 1 + sum(len(b.ends) for b in BRACKETS)
+    assert study.setting_count == 1 + sum(len(b.rows) for b in BRACKETS)
     base, _ = study.setting(0)
     for number in range(1, study.setting_count):
         edge, _ = study.setting(number)
-        assert sum(edge[key] != base[key] for key in edge) == 1
+        assert sum(edge[key] != base[key] for key in edge if key != SWEPT) == 1
+
+
+def test_a_constant_is_varied_in_truth_in_belief_and_in_both(tmp_path) -> None:
+    file = tmp_path / "s.toml"
+    file.write_text(sensitivity_spec(BRACKETS[3:4], ("ring6", "column9"), ("block",), 2))
+    study = read_spec(file)
+    cells = [study.cell(0, 0, n) for n in range(study.setting_count)]
+    radii = [(c.hand.link_radius_m, (c.true or c).hand.link_radius_m) for c in cells]
+    assert radii == pytest.approx(np.array([
+        (8, 8), (6, 6), (8, 6), (6, 8), (10, 10), (8, 10), (10, 8)]) / 1e3)
+    assert all(c.sensors == cells[0].sensors for c in cells)
+    assert len({cell_hash(c, study.objects[0]) for c in cells}) == len(cells)
 
 
 def test_defaults_are_the_tables() -> None:
@@ -51,12 +69,12 @@ def test_a_strategy_that_always_fails_is_not_the_best(tmp_path, monkeypatch) -> 
     monkeypatch.setattr(sensitivity, "_scores", lambda plan, store: scores)
     scores[1, 0] = np.nan
     (*_, failing), notes = sensitivity_table(plan, Store(tmp_path))
-    assert failing[3] == plan.study.strategies[1].name
+    assert failing[4] == plan.study.strategies[1].name
     assert "nan" not in str(failing)
     assert f"{plan.study.strategies[0].name} has no score in 1 of 2 settings" in notes[-1]
     scores[:] = np.nan
     rows, _ = sensitivity_table(plan, Store(tmp_path))
-    assert [row[2:6] for row in rows] == [("NA", "NA", "NA", "NA")] * 2
+    assert [row[3:7] for row in rows] == [("NA", "NA", "NA", "NA")] * 2
 
 
 SPEC = SMALL.replace("= 70", "= 3") + "[sweep.zip]\n"
@@ -94,4 +112,4 @@ def test_the_command_prints_a_row_a_setting(tmp_path, capsys) -> None:
     spec.write_text(few)
     assert run(["sensitivity", "-o", str(tmp_path / "out"), "--spec", str(spec)]) == 0
     assert "hand.link_length_mm" in capsys.readouterr().out
-    assert (tmp_path / "out" / "sensitivity.csv").read_text().count("\n") == 4
+    assert (tmp_path / "out" / "sensitivity.csv").read_text().count("\n") == 8

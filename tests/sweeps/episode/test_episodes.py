@@ -30,7 +30,7 @@ CELL = Cell(STRATEGIES["rim12-ring12"], {"name": "large_cylinder"}, "large_cylin
 CONTRACT = {"episode", "strategy", "object", "seed", "status", "contacts", "touches",
             "robot_time_s", "arm_path_m", "chamfer_mm", "hausdorff95_mm", "iou", "volume_ratio",
             "coverage5mm", "recognized_as", "recognized", "shape", "fit_rms_mm", "fit_iterations",
-            "fit_status"}
+            "fit_status", "volume_low_m3", "volume_high_m3", "contradicted_share", "model_adequate"}
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,260 @@
+# type: ignore  # Warp functions, which type checkers cannot follow
+"""Where links touch a believed body: the torques of a finger and the body taken together.
+
+A contact force acts through the axis of a round link, along the body's normal. So a place along the
+axis and a direction around it explain the four torques of a finger, up to the size of the force.
+The posterior over both is the torques' likelihood times how well the body agrees: its surface is
+one link radius from the axis there, and its normal is the direction.
+"""
+
+import warp as wp
+
+from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat33, real, struct, transform, vec3, vec4
+from warpgrasp.core.sincos import sine_cosine
+from warpgrasp.geometry.sdf_superquadric import SuperquadricShape, superquadric_deformed_gauge
+from warpgrasp.mechanism.utah_mit_hand_kernel import (
+    FingerPose,
+    Hand,
+    finger_base,
+    finger_jacobian,
+    finger_pose,
+    link_direction,
+    link_start,
+)
+
+ALONG = 12
+"""Places along a link's axis."""
+AROUND = 7
+"""Directions around it."""
+CAP = 5
+"""Directions over the round tip, each way."""
+WIDEST = 2.25
+"""Directions tried reach this many standard deviations from the body's normal."""
+_ALONG = wp.constant(ALONG)
+_AROUND = wp.constant(AROUND)
+_CAP = wp.constant(CAP)
+_STEP = wp.constant(real(1.0 / ALONG))
+_WIDEST = wp.constant(real(WIDEST))
+_AROUND_STEP = wp.constant(real(2.0 * WIDEST / (AROUND - 1)))
+_CAP_STEP = wp.constant(real(2.0 * WIDEST / (CAP - 1)))
+_TINY = wp.constant(real(1e-300))
+_FLAT = wp.constant(real(1e-9))
+_WORST = wp.constant(real(1e12))
+_AHEAD = wp.constant(real(1e-5))
+_LEAST_SLOPE = wp.constant(real(1e-3))
+_UNLIKELY = wp.constant(real(1e-3))
+_NEGLIGIBLE = wp.constant(real(60.0))
+
+
+@struct
+class Place:
+    """Sums over the places of one link, each weighted by exp((least - chi-square) / 2)."""
+
+    least: real
+    """The smallest chi-square so far."""
+    weight: real
+    along: real
+    axis: vec3
+    outward: vec3
+    alone: real
+    """The weights without the body's distance, and their first two moments along the axis."""
+    alone_along: real
+    alone_square: real
+    alone_least: real
+
+
+@wp.func
+def world_radius(p: vec3, shape: SuperquadricShape, pose: transform):
+    """Gradient and value of the scaled radius of a body at a point of the world."""
+    g = superquadric_deformed_gauge(wp.transform_point(wp.transform_inverse(pose), p), shape)
+    turned = wp.quat_rotate(wp.transform_get_rotation(pose), vec3(g[0], g[1], g[2]))
+    return vec4(turned[0], turned[1], turned[2], g[3])
+
+
+@wp.func
+def _body_at(p: vec3, shape: SuperquadricShape, pose: transform):
+    """Outward normal and first-order signed distance of a body at a point [m]; no normal where the
+    body has no gradient."""
+    g = world_radius(p, shape, pose)
+    slope = wp.length(vec3(g[0], g[1], g[2]))
+    n = vec3(g[0], g[1], g[2]) / slope
+    slope = (world_radius(p + _AHEAD * n, shape, pose)[3] - g[3]) / _AHEAD
+    away = (g[3] - ONE) / wp.max(slope, _LEAST_SLOPE)
+    if wp.isfinite(away):
+        return vec4(n[0], n[1], n[2], away)
+    return vec4(ZERO, ZERO, ZERO, ONE)
+
+
+@wp.func
+def _unexplained(f: FingerPose, link: int, x: vec3, d: vec3, felt: vec4, root: vec4, total: real):
+    """Chi-square of the torques that the best push along -d at x leaves."""
+    j = wp.cw_mul(finger_jacobian(f, link, x, d), root)
+    push = wp.max(wp.dot(j, felt), ZERO)
+    return total - push * push / wp.max(wp.dot(j, j), _TINY)
+
+
+@wp.func
+def _with_place(
+    post: Place, x: vec3, d: vec3, along: real, area: real, alone: real, beside: real
+):
+    """`post` with one more place; `alone` is its chi-square without the body's distance, which adds
+    `beside`."""
+    cost = alone + beside
+    if cost < post.least:
+        fade = wp.exp(HALF * wp.max(cost - post.least, -_NEGLIGIBLE))
+        if post.least == _WORST:
+            fade = ZERO
+        post.least = cost
+        post.weight *= fade
+        post.along *= fade
+        post.axis *= fade
+        post.outward *= fade
+    if alone < post.alone_least:
+        fade = wp.exp(HALF * wp.max(alone - post.alone_least, -_NEGLIGIBLE))
+        if post.alone_least == _WORST:
+            fade = ZERO
+        post.alone_least = alone
+        post.alone *= fade
+        post.alone_along *= fade
+        post.alone_square *= fade
+    if cost < post.least + _NEGLIGIBLE:
+        weight = area * wp.exp(HALF * (post.least - cost))
+        post.weight += weight
+        post.along += along * weight
+        post.axis += x * weight
+        post.outward += d * weight
+    if alone < post.alone_least + _NEGLIGIBLE:
+        weight = area * wp.exp(HALF * (post.alone_least - alone))
+        post.alone += weight
+        post.alone_along += along * weight
+        post.alone_square += along * along * weight
+    return post
+
+
+@wp.func
+def _places_of_link(
+    f: FingerPose, link: int, length: real, radius: real, felt: vec4, root: vec4,
+    shape: SuperquadricShape, pose: transform, place_sigma: real, turn_sigma: real, farthest: real
+):
+    """The posterior over the places of one link."""
+    post = Place()
+    post.least = _WORST
+    post.alone_least = _WORST
+    total = wp.dot(felt, felt)
+    a = link_start(f, link)
+    u = link_direction(f, link)
+    stations = _ALONG
+    if link == 2:
+        stations += 1  # the round tip
+    for k in range(stations):
+        tip = k == _ALONG
+        along = (real(k) + HALF) * _STEP * length
+        if tip:
+            along = length
+        x = a + u * along
+        body = _body_at(x, shape, pose)
+        towards = -vec3(body[0], body[1], body[2])
+        lean = wp.dot(towards, u)
+        middle = towards - u * lean
+        if tip:
+            middle = towards - u * wp.min(lean, ZERO)
+        if wp.length(middle) > _FLAT:
+            middle = wp.normalize(middle)
+            e1 = wp.normalize(wp.cross(u, middle))
+            e2 = wp.cross(middle, e1)
+            miss = wp.min(wp.abs(body[3] - radius), farthest) / place_sigma
+            if tip:
+                area = radius * radius * _CAP_STEP * _CAP_STEP * turn_sigma * turn_sigma
+                for i in range(_CAP):
+                    for j in range(_CAP):
+                        p = (real(i) * _CAP_STEP - _WIDEST) * turn_sigma
+                        q = (real(j) * _CAP_STEP - _WIDEST) * turn_sigma
+                        d = wp.normalize(middle + e1 * p + e2 * q)
+                        if wp.dot(d, u) >= ZERO:
+                            off = wp.length(d - towards) / turn_sigma
+                            chi = _unexplained(f, link, x, d, felt, root, total) + off * off
+                            post = _with_place(post, x, d, along, area, chi, miss * miss)
+            else:
+                area = radius * length * _STEP * _AROUND_STEP * turn_sigma
+                for i in range(_AROUND):
+                    turn = sine_cosine((real(i) * _AROUND_STEP - _WIDEST) * turn_sigma)
+                    d = middle * turn[1] + e1 * turn[0]
+                    off = wp.length(d - towards) / turn_sigma
+                    chi = _unexplained(f, link, x, d, felt, root, total) + off * off
+                    post = _with_place(post, x, d, along, area, chi, miss * miss)
+    return post
+
+
+@wp.kernel(enable_backward=False)
+def _placing_kernel(
+    first: int,
+    # Bodies in:
+    shape: wp.array[SuperquadricShape],
+    pose: wp.array[transform],
+    # Links in:
+    hand: Hand,
+    kept: wp.array2d[wp.bool],
+    hand_pose: wp.array2d[transform],
+    q: wp.array2d[vec4],
+    finger: wp.array2d[int],
+    torque: wp.array2d[vec4],
+    torque_sigma: wp.array2d[vec4],
+    link_weight: wp.array2d[vec3],
+    place_sigma: real,
+    turn_sigma: real,
+    farthest: real,
+    normal_variance: real,
+    # Contacts out:
+    point: wp.array2d[vec3],
+    covariance: wp.array2d[mat33],
+    normal: wp.array2d[vec3],
+    chance: wp.array2d[real],
+    misfit: wp.array2d[real],
+):
+    w, i = wp.tid()
+    w += first
+    point[w, i] = vec3(ZERO, ZERO, ZERO)
+    covariance[w, i] = wp.identity(n=3, dtype=wp.float64)
+    normal[w, i] = vec3(ZERO, ZERO, ZERO)
+    chance[w, i] = ZERO
+    misfit[w, i] = ZERO
+    if not kept[w, i]:
+        return
+    f = finger_pose(hand, wp.transform_multiply(
+        hand_pose[w, i], finger_base(hand, finger[w, i])), q[w, i])
+    sigma = torque_sigma[w, i]
+    root = vec4(ONE / sigma[0], ONE / sigma[1], ONE / sigma[2], ONE / sigma[3])
+    felt = wp.cw_mul(torque[w, i], root)
+    best = Place()
+    best.least = _WORST
+    best_link = int(-1)
+    most = real(-_WORST)
+    logs = vec3(-_WORST, -_WORST, -_WORST)
+    for link in range(3):
+        if link_weight[w, i][link] >= _UNLIKELY:
+            post = _places_of_link(f, link, hand.link_length[link], hand.link_radius, felt, root,
+                                   shape[w], pose[w], place_sigma, turn_sigma, farthest)
+            if post.weight > ZERO:
+                logs[link] = wp.log(post.weight) - HALF * post.least
+                if logs[link] > most:
+                    most = logs[link]
+                    best = post
+                    best_link = link
+    if best_link < 0:
+        return
+    others = real(0.0)
+    for link in range(3):
+        others += wp.exp(wp.max(logs[link] - most, -_NEGLIGIBLE))
+    outward = wp.normalize(best.outward)
+    u = link_direction(f, best_link)
+    mean = best.alone_along / best.alone
+    spread = wp.max(best.alone_square / best.alone - mean * mean,
+                    hand.link_length[best_link] * hand.link_length[best_link] * _STEP * _STEP
+                    / real(12.0))
+    point[w, i] = best.axis / best.weight + outward * hand.link_radius
+    # Of the place along the axis as torques tell it: what the body says is no evidence of its own.
+    covariance[w, i] = (wp.identity(n=3, dtype=wp.float64) * normal_variance
+                        + wp.outer(u, u) * spread)
+    normal[w, i] = -outward
+    chance[w, i] = ONE / others
+    misfit[w, i] = best.least

@@ -1,0 +1,74 @@
+"""How far accepted contacts are off, and how often intervals hold the truth: rows of tables."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fit.rotation import matrix_of_quaternion
+from fit.superquadric.geometry import Superquadric
+from fit.superquadric.uncertainty import surface_distance
+from strategies.contacts.body_uncertainty import INADEQUATE_FROM, surface_spread
+from strategies.ready_made import STRATEGIES
+from strategies.recovery.choose_model import Shape
+from sweeps.episode.contact_rows import contact_columns
+from sweeps.episode.episodes import run_block
+from sweeps.spec.cell import Cell
+from warpgrasp.geometry.body_sampling import sample_body
+from warpgrasp.objects.catalogue_names import BODY_NAMES
+from warpgrasp.parameters import ErrorTable
+
+FAR_MM, Z = 10.0, 1.645
+
+
+def objects(scans: Path | None = None) -> dict[str, dict[str, Any]]:
+    """Tables of the catalogue's ten objects, and of the meshes [m] of a folder."""
+    found: dict[str, dict[str, Any]] = {name: {"name": name} for name in BODY_NAMES}
+    meshes = sorted(scans.glob("*.ply")) if scans else []
+    return found | {m.stem: {"name": m.stem, "mesh": str(m.resolve()), "units": "m"}
+                    for m in meshes}
+
+
+def errors_times(factor: float) -> ErrorTable:
+    """The default deviations, each times `factor`."""
+    return ErrorTable(scale=factor)
+
+
+def cell_of(table: dict[str, Any], strategy: str, seed: int, errors: ErrorTable) -> Cell:
+    """Episodes of a ready-made strategy."""
+    return Cell(STRATEGIES[strategy], table, table["name"], seed=seed, errors=errors)
+
+
+def contact_row(cell: Cell, episodes: int) -> tuple[int, int, int]:
+    """Contacts felt on the object or near it, those accepted, and of these those off by more than
+    `FAR_MM`."""
+    block = run_block(cell, np.arange(episodes), "cpu")
+    columns = contact_columns(block.exploration, block.truth)
+    felt = (columns["verdict"] != "") & (columns["verdict"] != "table")
+    off = np.stack([columns[f"{a}_m"] - columns[f"true_{a}_m"] for a in "xyz"])
+    far = ~(np.linalg.norm(off, axis=0) * 1e3 <= FAR_MM)
+    accepted = columns["accepted"] == 1
+    return int(felt.sum()), int(accepted.sum()), int((accepted & far).sum())
+
+
+def interval_row(cell: Cell, episodes: int) -> dict[str, float]:
+    """Shares of episodes whose 90 % intervals hold the true volume, and of the true surface within
+    those of the recovered one (of superquadrics; NaN where there are none)."""
+    block = run_block(cell, np.arange(episodes), "cpu")
+    belief, recovered = block.exploration.belief, block.recovered
+    known = (block.status == "ok") & (recovered.shape != Shape.PRIOR_CYLINDER)
+    low, high = belief.uncertainty.volume_interval_m3().T
+    true = sample_body(block.body, surface=256)
+    held = (low < true.volume_m3) & (true.volume_m3 < high)
+    turned = known & (recovered.shape == Shape.SUPERQUADRIC)
+    pose = block.truth.body_pose
+    surface = (true.surface_m @ matrix_of_quaternion(pose[:, 3:]).swapaxes(1, 2)
+               + pose[:, None, :3])
+    body = Superquadric(*recovered.superquadric)
+    away, _ = surface_distance(body, surface)
+    within = np.abs(away) < Z * surface_spread(body, belief.uncertainty, belief.felt, surface)
+    return {
+        "episodes": float(known.sum()), "volume": float(held[known].mean()),
+        "surface": float(within[turned].mean()) if turned.any() else float("nan"),
+        "half_width": float(np.median(np.log(high / low)[known]) / 2),
+        "adequate": float((belief.felt.contradicted_share() < INADEQUATE_FROM)[known].mean())}

@@ -1,0 +1,63 @@
+"""How far accepted contacts are off, and how often 90 % intervals hold the truth, by object.
+
+    python tests/scripts/uncertainty_tables.py contacts --scans FOLDER
+    python tests/scripts/uncertainty_tables.py intervals --errors 0 1 2
+
+Prints Markdown tables: accepted contacts farther than 10 mm from where the finger touched; the
+shares of episodes whose interval of the volume holds the true one, and of the true surface within
+the intervals of the recovered one. `--errors` are factors of the default deviations of [errors].
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
+
+import interval_rows as tables
+
+
+def contacts(given: argparse.Namespace) -> None:
+    """The table of contacts."""
+    print("| object | contacts | accepted [%] | off by more than 10 mm [% of accepted] |")
+    print("|---|---|---|---|")
+    total = [0, 0, 0]
+    for name, table in tables.objects(given.scans).items():
+        cell = tables.cell_of(table, "rim6-ring12", given.seed, tables.errors_times(1.0))
+        row = tables.contact_row(cell, given.episodes)
+        total = [a + b for a, b in zip(total, row, strict=True)]
+        _line(name, row)
+    _line("all", total)
+
+
+def _line(name: str, row) -> None:
+    felt, accepted, far = row
+    print(f"| {name} | {felt} | {100 * accepted / max(felt, 1):.0f} | "
+          f"{100 * far / max(accepted, 1):.1f} |", flush=True)
+
+
+def intervals(given: argparse.Namespace) -> None:
+    """The tables of intervals."""
+    for factor in given.errors:
+        print(f"\n[errors] times {factor:g}\n\n| strategy | object | episodes | volume | surface | "
+              "half width of log volume | adequate |\n|---|---|---|---|---|---|---|")
+        for strategy in given.strategies:
+            for name, table in tables.objects(given.scans).items():
+                cell = tables.cell_of(table, strategy, given.seed, tables.errors_times(factor))
+                row = tables.interval_row(cell, given.episodes)
+                print(f"| {strategy} | {name} | {row.pop('episodes'):.0f} | "
+                      + " | ".join(f"{value:.2f}" for value in row.values()) + " |", flush=True)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=("contacts", "intervals"))
+    parser.add_argument("--scans", type=Path, help="folder of scanned meshes [m]")
+    parser.add_argument("--episodes", type=int, default=32)
+    parser.add_argument("--seed", type=int, default=8)
+    parser.add_argument("--errors", type=float, nargs="*", default=[1.0])
+    parser.add_argument("--strategies", nargs="*",
+                        default=["ring18", "rim12-ring12", "coarse-to-fine"])
+    options = parser.parse_args()
+    (contacts if options.what == "contacts" else intervals)(options)

@@ -1,0 +1,88 @@
+"""Shifts of contacts by errors of calibration, against differences of the forward kinematics."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from strategies.contacts.finger_touch import no_links
+from strategies.contacts.shared_errors import COUNT, EACH_FINGER, shared_shifts
+from warpgrasp.mechanism.calibration import arm_variance
+from warpgrasp.mechanism.utah_mit_hand import hand_links
+from warpgrasp.parameters import ArmTable, ErrorTable, HandTable
+
+HAND, ERRORS, ARM, N = HandTable(), ErrorTable(), ArmTable(), 12
+STEP = 1e-6
+
+
+def stood():
+    """Contacts at the tips of fingers of random hands, in one world: links, points, normals."""
+    rng = np.random.default_rng(3)
+    q = rng.uniform([-0.2, 0.0, 0.1, 0.1], [0.2, 1.0, 1.0, 1.0], (N, 4))
+    pose = np.concatenate([rng.normal(0, 0.2, (N, 3)), Rotation.random(N, rng=rng).as_quat()], 1)
+    finger = np.arange(N) % 4
+    links = replace(no_links(1, N, HAND), hand_pose=pose[None], q_rad=q[None],
+                    finger=finger[None], link=np.full((1, N), 2))
+    normal = rng.normal(size=(1, N, 3))
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    return links, tips(HAND, pose, q, finger), normal
+
+
+def tips(hand: HandTable, pose: np.ndarray, q: np.ndarray, finger: np.ndarray) -> np.ndarray:
+    points, _ = hand_links(hand, pose, np.repeat(q[:, None], 4, axis=1))
+    return points[np.arange(N), finger, 4][None]
+
+
+def along(difference: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    return np.abs(np.sum(difference * normal, axis=-1))[0]
+
+
+def own_columns(shifts: np.ndarray, links, number: int) -> np.ndarray:
+    return np.abs(shifts[0, np.arange(N), EACH_FINGER * links.finger[0] + number])
+
+
+@pytest.mark.parametrize("joint", range(4))
+def test_a_joint_zero_turns_the_finger(joint: int) -> None:
+    links, points, normal = stood()
+    shifts = shared_shifts(links, points, normal, ERRORS, ARM)
+    q = links.q_rad[0].copy()
+    q[:, joint] += STEP
+    moved = tips(HAND, links.hand_pose[0], q, links.finger[0]) - points
+    assert shifts.shape == (1, N, COUNT)
+    assert own_columns(shifts, links, joint) == pytest.approx(
+        along(moved, normal) / STEP * ERRORS.joint_offset_rad, rel=1e-4, abs=1e-8)
+
+
+@pytest.mark.parametrize("link", range(2))
+def test_a_length_moves_what_follows(link: int) -> None:
+    links, points, normal = stood()
+    shifts = shared_shifts(links, points, normal, ERRORS, ARM)
+    length = np.array(HAND.link_length_m)
+    length[link] *= 1.0 + STEP
+    longer = replace(HAND, link_length_m=tuple(length))
+    moved = tips(longer, links.hand_pose[0], links.q_rad[0], links.finger[0]) - points
+    assert own_columns(shifts, links, 4 + link) == pytest.approx(
+        along(moved, normal) / STEP * ERRORS.link_length_share, rel=1e-4, abs=1e-8)
+
+
+def test_mount_and_arm_move_the_whole_hand() -> None:
+    links, points, normal = stood()
+    shifts = shared_shifts(links, points, normal, ERRORS, ARM)[0]
+    mount, turn, arm = (shifts[:, -9 + k:shifts.shape[1] - 6 + k] for k in (0, 3, 6))
+    assert np.linalg.norm(mount, axis=1) == pytest.approx(np.full(N, ERRORS.mount_m))
+    assert np.linalg.norm(arm, axis=1) == pytest.approx(
+        np.full(N, np.sqrt(arm_variance(ERRORS, ARM))))
+    hands = Rotation.from_quat(links.hand_pose[0, :, 3:])
+    flange = links.hand_pose[0, :, :3] - hands.apply([0.0, 0.0, HAND.mount_length_m])
+    for axis in range(3):
+        way = hands.apply(np.eye(3)[axis])
+        expected = np.sum(np.cross(way, points[0] - flange) * normal[0], axis=1)
+        assert np.abs(turn[:, axis]) == pytest.approx(
+            np.abs(expected) * ERRORS.mount_rad, abs=1e-9)
+
+
+def test_without_errors_nothing_is_shared() -> None:
+    links, points, normal = stood()
+    exact = shared_shifts(links, points, normal, ErrorTable.none(), ArmTable(repeatability_m=0.0))
+    assert not exact.any()
