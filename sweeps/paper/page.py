@@ -34,7 +34,6 @@ from sweeps.paper.recovery import (
 )
 from sweeps.paper.stereo import STEREO_HEADER, Seen, stereo_rows
 
-
 _RECOVERY_WORDS = {
     "object": "object",
     "contacts": "contacts from",
