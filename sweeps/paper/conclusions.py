@@ -40,7 +40,9 @@ def where_touched(on_distal: int, on_other: int, off_distal_mm: float, off_other
             f"touched, {off_other_mm:.1f} mm.")
 
 
-def link_or_place(told: Scores, link: Scores, tip: Scores, points: Scores) -> str:
+def link_or_place(
+    told: Scores, link: Scores, tip: Scores, both: Scores, points: Scores
+) -> str:
     """Which error of the fingertip estimate costs more."""
     _, low, high = paired(link, tip)
     verdict = ("The place on the tip matters more than the link" if low > 0.0 else
@@ -48,8 +50,9 @@ def link_or_place(told: Scores, link: Scores, tip: Scores, points: Scores) -> st
                "The run does not tell which of the two matters more")
     return (f"With Solina's residual alone, the mean IoU changes by {changed(told, link)} if the "
             f"link that touched is known, by {changed(told, tip)} if the true point is known "
-            f"wherever the tip touched, and by {changed(told, points)} with all true points. "
-            f"{verdict}: the difference is {changed(link, tip)}.")
+            f"wherever the tip touched, by {changed(told, both)} if both are, and by "
+            f"{changed(told, points)} with all true points. {verdict}: the second less the first "
+            f"is {changed(link, tip)}.")
 
 
 def what_limits(names: Sequence[str], points: Scores, ours: Scores) -> str:
@@ -81,10 +84,9 @@ def what_rivals_do(
     if not counts:
         return f"{what}, no rival replaced a fit in {whole} episodes."
     _, low, high = paired(alone, rivalled)
-    verdict = ("better" if low > 0.0 else "worse" if high < 0.0 else
-               "neither clearly better nor clearly worse")
+    verdict = ("better" if low > 0.0 else "worse" if high < 0.0 else "not clearly changed")
     return (f"{what}, a rival's fit replaced the first in {sum(int(r.sum()) for r in replaced)} of "
-            f"{whole} episodes ({counts}); that is {verdict}: {changed(alone, rivalled)} in IoU.")
+            f"{whole} episodes ({counts}). The mean IoU is {verdict}: {changed(alone, rivalled)}.")
 
 
 def iterations_said(iterations: np.ndarray, printed: int = 15) -> str:

@@ -6,6 +6,7 @@ touched, or the round tip touched elsewhere than at its palmar point. Each part 
 - `fingertip`: the palmar point of the tip, whatever touched.
 - `true link`: where the middle or the proximal link touched, the palmar point half way along it.
 - `true point on the tip`: where the distal link touched, the true point.
+- `true link and tip point`: both.
 - `true points`: every true point; contacts that no link made on the object are left out.
 
 Truth stands here because the experiments compare with it; no strategy and no fit sees it.
@@ -19,8 +20,8 @@ from strategies.recovery.evidence import Evidence, evidence_from_grasps
 from sweeps.episode.episodes import EpisodeBlock
 from warpgrasp.parameters import HandTable
 
-FINGERTIP, TRUE_LINK, TRUE_TIP, TRUE_POINTS = (
-    "fingertip", "true link", "true point on the tip", "true points")
+FINGERTIP, TRUE_LINK, TRUE_TIP, TRUE_BOTH, TRUE_POINTS = (
+    "fingertip", "true link", "true point on the tip", "true link and tip point", "true points")
 DISTAL = 2
 
 
@@ -29,7 +30,7 @@ class Contacts:
     """Contacts of one object's episodes, by where they are taken to be."""
 
     placed: dict[str, Evidence]
-    """Evidence for each of the four; all but the points and the mask is the same."""
+    """Evidence for each of the five; all but the points and the mask is the same."""
     on_distal: np.ndarray
     """Contacts made by the distal link on the object, bool (episode, slot)."""
     on_other: np.ndarray
@@ -50,10 +51,12 @@ def contacts_of(block: EpisodeBlock, hand: HandTable) -> Contacts:
     middles = palmar_middles(grasps.estimate.link_points_m, grasps.estimate.point_m,
                              hand.link_radius_m).reshape(*shape, 3, 3)
     of_link = np.take_along_axis(middles, np.maximum(link, 0)[..., None, None], 2)[..., 0, :]
+    by_link = _put(told.points_m, other, of_link)
     return Contacts({
         FINGERTIP: told,
-        TRUE_LINK: replace(told, points_m=_put(told.points_m, other, of_link)),
+        TRUE_LINK: replace(told, points_m=by_link),
         TRUE_TIP: replace(told, points_m=_put(told.points_m, distal, point)),
+        TRUE_BOTH: replace(told, points_m=_put(by_link, distal, point)),
         TRUE_POINTS: replace(told, points_m=_put(told.points_m, on_body, point), mask=on_body)},
         distal, other,
         np.where(on_body, np.linalg.norm(told.points_m - np.nan_to_num(point), axis=-1), np.nan))

@@ -35,7 +35,7 @@ def exponents_said() -> str:
     right, wrong = pairs if along > swapped else pairs[::-1]
     agrees = "contradicts" if along > swapped else "agrees with"
     return (f"Under the paper's equation (1) a cylinder whose axis is z has {right}: the "
-            f"superquadric with these exponents and the cylinder's size has an IoU of "
-            f"{max(along, swapped):.3f} with it, that with {wrong} one of "
-            f"{min(along, swapped):.3f}. The paper's text says {pairs[1]} of its upright cylinder, "
-            f"which {agrees} the equation. Here the equation holds.")
+            f"superquadric of its size with these exponents has an IoU of "
+            f"{max(along, swapped):.3f} with it; with {wrong} the IoU is "
+            f"{min(along, swapped):.3f}. The paper's text gives its upright cylinder {pairs[1]}, "
+            f"which {agrees} the equation. This page follows the equation.")

@@ -7,7 +7,7 @@ import numpy as np
 
 from sweeps.paper import conclusions
 from sweeps.paper.bottles import BOTTLES_HEADER, WAYS, Followed, bottle_rows
-from sweeps.paper.contacts import FINGERTIP, TRUE_LINK, TRUE_POINTS, TRUE_TIP
+from sweeps.paper.contacts import FINGERTIP, TRUE_BOTH, TRUE_LINK, TRUE_POINTS, TRUE_TIP
 from sweeps.paper.exponents import exponents_said
 from sweeps.paper.faces import (
     FACES_HEADER,
@@ -33,6 +33,67 @@ from sweeps.paper.recovery import (
     switched_on,
 )
 from sweeps.paper.stereo import STEREO_HEADER, Seen, stereo_rows
+
+_RECOVERY_WORDS = {
+    "object": "object",
+    "contacts": "contacts from",
+    "switched_on": "switched on",
+    "episodes": "episodes",
+    "contacts_median": "contacts",
+    "replaced_by_rival": "replaced by a rival",
+    "iou_median": "IoU: median",
+    "iou_p10": "IoU: 10 %",
+    "iou_p90": "IoU: 90 %",
+    "chamfer_mm_median": "chamfer [mm]",
+    "volume_ratio_median": "volume ratio",
+    "iterations_median": "iterations: median",
+    "iterations_p90": "iterations: 90 %",
+}
+_FACES_WORDS = {
+    "source": "source changed",
+    "size": "to",
+    "blocks": "blocks",
+    "both_sides": "both crossed",
+    "start_off_deg_median": "start off [deg]",
+    "touches_median": "touches",
+    "angle_deg_median": "angle [deg]: median",
+    "angle_deg_p5": "angle: 5 %",
+    "angle_deg_p95": "angle: 95 %",
+    "error_deg_median": "error [deg]: median",
+    "share_off_6_or_more": "share off by 6 or more",
+}
+_BOTTLES_WORDS = {
+    "bottle": "bottle",
+    "contour": "contour",
+    "worlds": "worlds",
+    "to_the_end": "to the end",
+    "radius_mm_true": "radius, true [mm]",
+    "radius_mm_median": "radius found",
+    "length_mm_true": "length, true [mm]",
+    "length_mm_median": "length found",
+    "volume_ml_true": "volume, true [ml]",
+    "volume_ml_median": "volume found",
+    "volume_ml_p5": "5 %",
+    "volume_ml_p95": "95 %",
+    "volume_off_pct_median": "volume off [%]",
+    "right_by_size_and_volume": "right by size and volume",
+    "right_by_profile": "right by profile",
+}
+_STEREO_WORDS = {
+    "switched_on": "switched on",
+    "pairs_of_images": "pairs of images",
+    "axis_found": "axis found",
+    "tilt_deg_median": "tilt [deg]: median",
+    "tilt_deg_p90": "tilt: 90 %",
+    "whole_in_both": "whole in both",
+    "place_mm_median": "place [mm]: median",
+    "place_mm_p90": "place: 90 %",
+    "radius_off_mm_median": "radius off [mm]: median",
+    "radius_off_mm_p90": "radius off: 90 %",
+    "height_off_mm_median": "height off [mm]: median",
+    "height_off_mm_p90": "height off: 90 %",
+}
+"""What columns are called on the page; those left out are in the CSV files."""
 
 
 @dataclass(frozen=True)
@@ -90,22 +151,17 @@ def _six_objects(found: list[Grasped]) -> list[str]:
         "All rows use the same grasps: `rim6-ring12`, 18 hand poses. The first six take the "
         "fingertip as the contact and fit by Solina's residual, nothing else: no table, no free "
         "space, no weights, no prior, no rival model. The others take contacts from joint torques "
-        "and use all evidence. Each row says what was switched on. In all of them a contact below "
-        "6 mm is taken for the table. Bodies are scored as fitted, without the checks by which an "
-        "episode rejects one; where nothing could be fitted, the cylinder given in advance is "
-        "scored. Iterations are those of a plain fit of 13 parameters to the contacts, until its "
-        "cost is within 1 % of its last.", "",
-        *_chosen(RECOVERY_HEADER, rows, {
-            "object": "object", "contacts": "contacts from", "switched_on": "switched on",
-            "episodes": "episodes", "contacts_median": "contacts", "replaced_by_rival":
-            "replaced by a rival", "iou_median": "IoU, median", "iou_p10": "10 %", "iou_p90":
-            "90 %", "chamfer_mm_median": "chamfer [mm]", "volume_ratio_median": "volume ratio",
-            "iterations_median": "iterations", "iterations_p90": "90 % "}), "",
+        "and use all evidence. Each row says what was switched on. In all of them a contact "
+        "believed lower than 6 mm is taken for the table and left out. Bodies are scored as "
+        "fitted, without the checks by which an episode rejects one; where nothing could be "
+        "fitted, the cylinder given in advance is scored. Iterations are those of a plain fit of "
+        "13 parameters to the contacts, until its cost is within 1 % of its last.", "",
+        *_chosen(RECOVERY_HEADER, rows, _RECOVERY_WORDS), "",
         "What if? The fingertip estimate is put right in part, with and without rivals: the "
         "palmar middle of the link that truly touched; the true point where the distal link "
-        "touched; all true points. Median IoU of each object, and the change of the mean of all "
-        "from the first row.", "", *_what_if(found), "", *_six_conclusions(found), "",
-        exponents_said()]
+        "touched; both; all true points. Median IoU of each object, and the change of the mean IoU "
+        "of all objects from the first row.", "", *_what_if(found), "",
+        *_six_conclusions(found), "", exponents_said()]
 
 
 def _what_if(found: list[Grasped]) -> list[str]:
@@ -117,21 +173,22 @@ def _what_if(found: list[Grasped]) -> list[str]:
                      *(f"{np.median(r.scores.iou):.2f}" for r in ways),
                      "" if not rows else conclusions.changed(first, _iou(ways))))
     names = [g.ways[0].name for g in found]
-    return _table(("contacts from", "switched on", "episodes", *names, "change of the mean"), rows)
+    return _table(("contacts from", "switched on", "episodes", *names, "change of the mean IoU"),
+                  rows)
 
 
 def _six_conclusions(found: list[Grasped]) -> list[str]:
     names = [g.ways[0].name for g in found]
-    told, link, tip, points, ours = (_iou(of_way(found, *way)) for way in (
-        (FINGERTIP, PLAIN), (TRUE_LINK, PLAIN), (TRUE_TIP, PLAIN), (TRUE_POINTS, PLAIN),
-        (TORQUES, ALL)))
+    told, link, tip, both, points = (_iou(of_way(found, contacts, PLAIN)) for contacts in (
+        FINGERTIP, TRUE_LINK, TRUE_TIP, TRUE_BOTH, TRUE_POINTS))
+    ours = _iou(of_way(found, TORQUES, ALL))
     contacts = [g.contacts for g in found]
     off = {way: 1e3 * np.concatenate([c.off_m[getattr(c, way)] for c in contacts])
            for way in ("on_distal", "on_other")}
     said = [
         conclusions.where_touched(len(off["on_distal"]), len(off["on_other"]),
                                   _median(off["on_distal"]), _median(off["on_other"])),
-        conclusions.link_or_place(told, link, tip, points),
+        conclusions.link_or_place(told, link, tip, both, points),
         conclusions.what_limits(names, points, ours)]
     for what, contact, fits in (("With fingertips and Solina's residual", FINGERTIP,
                                  (PLAIN, RIVALS)),
@@ -163,12 +220,7 @@ def _faces(found: list[Explored]) -> list[str]:
         "each. *Start* is how far the worse of their normals was from the block's. A row counts "
         "the blocks whose two sides were both crossed; quantiles are over these. The first row "
         "has the default errors of robot and sensors, each other one a single source changed.", "",
-        *_chosen(FACES_HEADER, face_rows(found), {
-            "source": "source changed", "size": "to", "blocks": "blocks", "both_sides":
-            "both crossed", "start_off_deg_median": "start off [deg]", "touches_median": "touches",
-            "angle_deg_median": "angle [deg], median", "angle_deg_p5": "5 %", "angle_deg_p95":
-            "95 %", "error_deg_median": "error [deg], median", "share_off_6_or_more":
-            "share off by 6 or more"}), "",
+        *_chosen(FACES_HEADER, face_rows(found), _FACES_WORDS), "",
         f"The printed {PRINTED_DEG:.0f} degrees or more came out in {beyond} of {len(angle)} "
         "blocks with the default errors. At which size does each source alone make an error of "
         f"{TYPICAL_DEG:.0f} degrees typical (the median)?", "",
@@ -189,14 +241,7 @@ def _bottles(found: list[Followed]) -> list[str]:
         "given, and linear segments through the radii. Ours: a surface of revolution fitted to all "
         "touches, which refines the axis. Values are medians over the worlds in which the end was "
         "reached.", "",
-        *_chosen(BOTTLES_HEADER, bottle_rows(found), {
-            "bottle": "bottle", "contour": "contour", "worlds": "worlds", "to_the_end":
-            "to the end", "radius_mm_true": "radius, true [mm]", "radius_mm_median": "found",
-            "length_mm_true": "length, true [mm]", "length_mm_median": "found ",
-            "volume_ml_true": "volume, true [ml]", "volume_ml_median": "found  ", "volume_ml_p5":
-            "5 %", "volume_ml_p95": "95 %", "volume_off_pct_median": "off [%]",
-            "right_by_size_and_volume": "right by size and volume", "right_by_profile":
-            "right by profile"}), "", *said, "",
+        *_chosen(BOTTLES_HEADER, bottle_rows(found), _BOTTLES_WORDS), "", *said, "",
         "True sizes are those of `warpgrasp/objects/profiles`, which gives their sources."]
 
 
@@ -212,13 +257,7 @@ def _stereo(found: list[Seen]) -> list[str]:
         "All are estimates (`[stereo]`). The tilt is that of the axis from Hough lines; place, "
         "radius and height are those of the upright cylinder, where the silhouettes were whole in "
         "both images.", "",
-        *_chosen(STEREO_HEADER, stereo_rows(found), {
-            "switched_on": "switched on", "pairs_of_images": "pairs of images", "axis_found":
-            "axis found", "tilt_deg_median": "tilt [deg], median", "tilt_deg_p90": "90 %",
-            "whole_in_both": "whole in both", "place_mm_median": "place [mm], median",
-            "place_mm_p90": "90 % ", "radius_off_mm_median": "radius off [mm], median",
-            "radius_off_mm_p90": "90 %  ", "height_off_mm_median": "height off [mm], median",
-            "height_off_mm_p90": "90 %   "})]
+        *_chosen(STEREO_HEADER, stereo_rows(found), _STEREO_WORDS)]
 
 
 def _chosen(

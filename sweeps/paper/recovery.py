@@ -50,7 +50,7 @@ class Recovered:
 
     name: str
     contacts: str
-    """Where contacts are taken to be: one of the four of `contacts`, or by joint torques."""
+    """Where contacts are taken to be: one of the five of `contacts`, or by joint torques."""
     fit: str
     """Which of `FITS`."""
     evidence: Evidence

@@ -83,7 +83,7 @@ def _line(pixels: int, key: np.ndarray) -> np.ndarray:
     """A straight line somewhere in the image."""
     length, angle, row, column = _draws(key, 4)
     way = np.array([np.cos(np.pi * angle), np.sin(np.pi * angle)])
-    at = np.stack(np.mgrid[:pixels, :pixels], -1) - pixels * np.array([row, column])
+    at = np.moveaxis(np.mgrid[:pixels, :pixels], 0, -1) - pixels * np.array([row, column])
     along, across = at @ way, at @ [-way[1], way[0]]
     half = 0.5 * pixels * np.interp(length, [0, 1], LINE_LENGTH)
     return (np.abs(along) <= half) & (np.abs(across) <= 0.5 * max(LINE_WIDTH * pixels, 1.0))

@@ -1,6 +1,7 @@
 """Contours of circles and linear segments, against profiles that are known."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from strategies.procedures.touches import EndReason, MissedTips, TouchTable
 
 NODES = np.array([[0.0, 0.03], [0.102, 0.03], [0.142, 0.012], [0.20, 0.012]])
 VOLUME = np.pi / 3 * sum((b[0] - a[0]) * (a[1]**2 + a[1] * b[1] + b[1]**2)
-                         for a, b in zip(NODES[:-1], NODES[1:], strict=True))
+                         for a, b in pairwise(NODES))
 
 
 def explored(noise_m: float, shift_m: float = 0.0, worlds: int = 2) -> ContourExploration:

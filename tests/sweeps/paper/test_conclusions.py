@@ -1,5 +1,7 @@
 """Conclusions follow from the data: other data, other conclusions."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -29,9 +31,10 @@ def test_paired_differences_are_those_of_the_means_with_students_interval() -> N
     (0.05, 0.2, "The place on the tip matters more than the link"),
     (0.1, 0.1, "The run does not tell which")])
 def test_link_or_place(link: float, tip: float, verdict: str) -> None:
-    text = said.link_or_place(TOLD, raised(link), raised(tip), raised(0.3))
+    text = said.link_or_place(TOLD, raised(link), raised(tip), raised(0.25), raised(0.3))
     assert verdict in text
-    assert f"{link:+.2f}" in text or f"{link - 0.005:+.3f}"[:5] in text
+    found = [float(word) for word in re.findall(r"([+-]0\.\d{3}) \(", text)]
+    assert found == pytest.approx([link, tip, 0.25, 0.3, tip - link], abs=0.01)
 
 
 def test_what_limits_says_so_only_of_objects_below() -> None:
@@ -52,9 +55,9 @@ def test_rivals_are_counted_and_judged() -> None:
     won = [np.arange(16) < n for n in (7, 0, 12)]
     better = said.what_rivals_do("Here", NAMES, TOLD, raised(0.1), won)
     assert "19 of 48 episodes (block 7, funnel 12)" in better
-    assert "that is better: +0." in better
-    assert "that is worse: -0." in said.what_rivals_do("Here", NAMES, TOLD, raised(-0.1), won)
-    assert "neither" in said.what_rivals_do("Here", NAMES, TOLD, raised(0.0), won)
+    assert "IoU is better: +0." in better
+    assert "IoU is worse: -0." in said.what_rivals_do("Here", NAMES, TOLD, raised(-0.1), won)
+    assert "not clearly changed" in said.what_rivals_do("Here", NAMES, TOLD, raised(0.0), won)
     none = [np.zeros(16, bool)] * 3
     assert "no rival replaced a fit in 48 episodes" in said.what_rivals_do(
         "Here", NAMES, TOLD, TOLD, none)
