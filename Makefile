@@ -6,7 +6,7 @@ DEMO_EPISODES ?= 64
 DEMO_DIR ?= runs/demo
 WORKERS ?= 2
 
-.PHONY: demo bench test test-slow lint check validate paper-docs sensitivity-docs studies-docs pictures figures docs notebook docs-commands lock clean
+.PHONY: demo bench test test-slow lint check validate paper-docs sensitivity-docs studies-docs models pictures figures docs notebook docs-commands lock clean
 
 demo: $(VENV)/.installed  ## environment, install, the demo sweep, its leaderboard
 	$(BIN)/warpgrasp sweep sweeps/studies/demo.toml -o $(DEMO_DIR) --workers $(WORKERS) \
@@ -33,6 +33,9 @@ paper-docs: $(VENV)/.installed  ## the paper's experiments: docs/paper
 sensitivity-docs: $(VENV)/.installed  ## the sensitivity table: docs/fidelity
 	$(BIN)/warpgrasp sensitivity -o runs/sensitivity --workers $(WORKERS)
 	cp runs/sensitivity/sensitivity.csv runs/sensitivity/sensitivity.md docs/fidelity/
+
+models: $(VENV)/.installed  ## learn the models of the catalogue again, for recognition
+	$(BIN)/warpgrasp learn catalogue --unlisted 64 -o strategies/recognition/models.json
 
 pictures: $(VENV)/.installed  ## the picture of the README: docs/images
 	$(BIN)/python docs/overview.py docs/images/overview.png
