@@ -12,6 +12,7 @@ are weighted to the share that `none_prior` says.
 import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -84,7 +85,7 @@ def reliability(answers: Sequence[Answers], none_prior: float = TABLES[0].none_p
     for name in ("all", *sorted(set(told) - {""})):
         mine = (told != "") if name == "all" else (told == name)
         rows = []
-        for low, high in [*zip(EDGES[:-1], EDGES[1:], strict=True), (EDGES[0], EDGES[-1])]:
+        for low, high in [*pairwise(EDGES), (EDGES[0], EDGES[-1])]:
             bin_ = mine & (np.nan_to_num(share, nan=-1.0) >= low) & (share < high)
             if bin_.any():
                 w = weight[bin_]
