@@ -6,7 +6,7 @@ DEMO_EPISODES ?= 64
 DEMO_DIR ?= runs/demo
 WORKERS ?= 2
 
-.PHONY: demo bench test test-slow lint check validate paper-docs sensitivity-docs studies-docs errors-docs pictures figures docs notebook docs-commands lock clean
+.PHONY: demo bench test test-slow lint check validate paper-docs sensitivity-docs studies-docs errors-docs models pictures figures docs notebook docs-commands lock clean
 
 demo: $(VENV)/.installed  ## environment, install, the demo sweep, its leaderboard
 	$(BIN)/warpgrasp sweep sweeps/studies/demo.toml -o $(DEMO_DIR) --workers $(WORKERS) \
@@ -38,6 +38,9 @@ errors-docs: $(VENV)/.installed  ## every strategy with errors of calibration an
 	$(BIN)/warpgrasp sweep sweeps/studies/errors.toml -o runs/studies/errors --workers $(WORKERS)
 	$(BIN)/warpgrasp table runs/studies/errors beside -o docs/fidelity/errors.csv
 	$(BIN)/python docs/measured.py
+
+models: $(VENV)/.installed  ## learn the models of the catalogue again, for recognition
+	$(BIN)/warpgrasp learn catalogue --unlisted 64 -o strategies/recognition/models.json
 
 pictures: $(VENV)/.installed  ## the picture of the README: docs/images
 	$(BIN)/python docs/overview.py docs/images/overview.png

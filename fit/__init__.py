@@ -3,9 +3,8 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "choice": ["choose_shape"],
     "fit_status": ["FitStatus"],
-    "plane": ["PlaneFit", "fit_faces", "fit_plane"],
+    "plane": ["PlaneFit", "fit_plane"],
     "revolution.fit": ["fit_revolution"],
     "revolution.record": ["RevolutionFit", "RevolutionOptions"],
     "superquadric.fit": ["fit_superquadric"],

@@ -106,10 +106,10 @@ def interpret(
 ) -> list[Interpretation]:
     """Interpretations of touches [m] with outward normals, best first; empty if none is possible.
 
-    First come those that assign most touches, among them those of least distances. `angle_rad` and
-    `distance_m` bound the errors of a normal and a point. At most `most_null` touches belong to no
-    face. At most `most` assignments are verified; symmetric bodies have several equivalent ones.
-    Raises ValueError for arrays of the wrong shape.
+    The best are those of least distances. `angle_rad` and `distance_m` bound the errors of a normal
+    and a point. At most `most_null` touches belong to no face, and as few as possible. At most
+    `most` assignments are verified; symmetric bodies have several equivalent ones. Raises
+    ValueError for arrays of the wrong shape.
     """
     points, normals = np.asarray(points, float), np.asarray(normals, float)
     if points.ndim != 2 or points.shape[1] != 3 or normals.shape != points.shape:
@@ -124,10 +124,13 @@ def interpret(
                     ] + [(*branch, NULL) for branch in branches if branch.count(NULL) < most_null]
         # Bound the breadth; the last levels prune most, and a cube has 24 equivalent answers.
         branches = branches[: 50 * most]
-    branches.sort(key=lambda branch: branch.count(NULL))
-    found = [_verified(points, normals, model, branch, angle_rad, distance_m)
-             for branch in branches[:most]]
-    return sorted((f for f in found if f is not None), key=lambda f: (-f.assigned, f.rms_m))
+    for null in range(most_null + 1):  # with fewer left over, those with more explain nothing new
+        found = [_verified(points, normals, model, branch, angle_rad, distance_m)
+                 for branch in [b for b in branches if b.count(NULL) == null][:most]]
+        good = [f for f in found if f is not None]
+        if good:
+            return sorted(good, key=lambda f: f.rms_m)
+    return []
 
 
 def _compatible(points, normals, model, angle_rad, distance_m) -> np.ndarray:

@@ -1,6 +1,5 @@
 """Planes from touches, in batch: robust total least squares, with extents and covariance.
 
-`fit_plane` fits one plane per set; `fit_faces` fits the faces of an object with known angles.
 Orthogonal regression has a closed form, the eigenvector of the scatter with the least eigenvalue.
 Outliers are found by a search over triples of points (least trimmed squares, Rousseeuw 1984), then
 weighted by Tukey's biweight.
@@ -11,10 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from fit.arrays import row_sums
 from fit.fit_status import FitStatus
 from fit.prepare import Sets, prepare
-from fit.rotation import is_upward, quaternion_of_matrix
+from fit.rotation import is_upward
 
 TRIPLES = 96
 """Candidate planes per set: with 40 % outliers, all fail with probability 2e-11."""
@@ -27,8 +25,6 @@ TUKEY = 4.685
 ROUNDS = 25
 SETTLED = 1e-8
 """Largest change of the weights in a round at convergence."""
-PARALLEL_RAD = 0.01
-"""Faces whose normals differ by less count as parallel [rad], roughly."""
 
 
 @dataclass(frozen=True)
@@ -219,86 +215,3 @@ def _masked_median(values: np.ndarray, mask: np.ndarray) -> np.ndarray:
     ordered = np.sort(np.where(mask, values, np.inf), axis=1)
     middle = (np.maximum(mask.sum(axis=1), 1) - 1) // 2
     return np.take_along_axis(ordered, middle[:, None], axis=1)[:, 0]
-
-
-@dataclass(frozen=True)
-class FacesFit:
-    """Faces of objects, one object per row, with the angles between its faces held fixed."""
-
-    quaternion_xyzw: Float[np.ndarray, "fit 4"]
-    """Rotation from the given normals to the fitted ones."""
-    normal: Float[np.ndarray, "fit face 3"]
-    offset_m: Float[np.ndarray, "fit face"]
-    rms_m: Float[np.ndarray, "fit face"]
-    status: Int[np.ndarray, " fit"]
-
-
-def fit_faces(
-    points: Float[np.ndarray, "fit face point 3"],
-    mask: Bool[np.ndarray, "fit face point"] | None,
-    normals: Float[np.ndarray, "face 3"],
-) -> FacesFit:
-    """Fit one rotation of the known `normals` to the touches [m] of all faces of each object.
-
-    Each face is fitted alone, robustly. The rotation that best aligns the known normals with the
-    fitted ones (Kabsch) is refined by Gauss-Newton on the squared distances, sum n_k.S_k n_k.
-    Without two faces that are not parallel the status is `too_few_points`. Raises ValueError for
-    an array of the wrong shape.
-    """
-    points, normals = np.asarray(points, float), np.asarray(normals, float)
-    if points.ndim != 4 or normals.shape != (points.shape[1], 3):
-        raise ValueError(f"faces: points {points.shape} and normals {normals.shape}, should be "
-                         "(fit, face, point, 3) and (face, 3)")
-    n, faces, width = points.shape[:3]
-    mask = np.ones(points.shape[:3], bool) if mask is None else np.asarray(mask, bool)
-    alone = fit_plane(points.reshape(-1, width, 3), mask.reshape(-1, width))
-    good = (alone.status == FitStatus.converged).reshape(n, faces)
-    weight = alone.weight.reshape(n, faces, width) * good[..., None]
-    safe = np.where(weight[..., None] > 0, points, 0.0)
-    total = np.maximum(row_sums(weight.reshape(-1, width)).reshape(n, faces), 1e-300)
-    mean = (safe * weight[..., None]).sum(axis=2) / total[..., None]
-    spread = safe - mean[:, :, None]
-    scatter = np.einsum("fkp,fkpi,fkpj->fkij", weight, spread, spread)
-    found = alone.normal.reshape(n, faces, 3)
-    turn = _align(normals, found, good)
-    for _ in range(20):
-        now = np.einsum("fij,kj->fki", turn, normals)
-        pull = np.einsum("fkij,fkj->fki", scatter, now)
-        gradient = np.cross(now, pull).sum(axis=1)
-        arms = _skew(now)
-        hessian = np.einsum("fkji,fkjl,fklm->fim", arms, scatter, arms)
-        damped = hessian + 1e-9 * np.trace(hessian, axis1=1, axis2=2)[:, None, None] * np.eye(3)
-        step = -np.linalg.solve(damped + 1e-300 * np.eye(3), gradient[..., None])[..., 0]
-        turn = _cayley(np.clip(step, -0.3, 0.3)) @ turn
-    now = np.einsum("fij,kj->fki", turn, normals)
-    square = np.einsum("fki,fkij,fkj->fk", now, scatter, now) / total
-    directions = np.linalg.matrix_rank(normals * good[..., None], tol=PARALLEL_RAD)
-    status = np.where(directions >= 2, FitStatus.converged, FitStatus.too_few_points)
-    return FacesFit(quaternion_of_matrix(turn), now, np.einsum("fki,fki->fk", now, mean),
-                    np.sqrt(np.maximum(square, 0.0)), status)
-
-
-def _align(normals, found, good) -> np.ndarray:
-    """Rotation that best aligns normals with fitted ones, whose signs are unknown."""
-    n, faces = good.shape
-    signs = np.array(np.meshgrid(*[[1.0, -1.0]] * faces)).reshape(faces, -1).T
-    signed = signs[None, :, :, None] * (found * good[..., None])[:, None]
-    u, _, vt = np.linalg.svd(np.einsum("fski,kj->fsij", signed, normals))
-    flip = np.linalg.det(u @ vt)
-    vt = np.concatenate([vt[..., :2, :], vt[..., 2:, :] * flip[..., None, None]], axis=-2)
-    turn = u @ vt
-    match = np.einsum("fski,fsij,kj->fs", signed, turn, normals)
-    return turn[np.arange(n), np.argmax(match, axis=1)]
-
-
-def _skew(v: np.ndarray) -> np.ndarray:
-    x, y, z = np.moveaxis(v, -1, 0)
-    o = np.zeros_like(x)
-    return np.stack([np.stack(r, -1) for r in ((o, -z, y), (z, o, -x), (-y, x, o))], axis=-2)
-
-
-def _cayley(w: np.ndarray) -> np.ndarray:
-    """Cayley rotations of small vectors w [rad]."""
-    skew = _skew(0.5 * w)
-    square = (0.25 * (w**2).sum(axis=-1))[..., None, None]
-    return np.eye(3) + 2 * (skew + skew @ skew) / (1 + square)

@@ -78,7 +78,8 @@ def test_what_is_not_run_is_there_and_nothing_else_is_excused() -> None:
         assert any(re.fullmatch(pattern, text) for text in texts), pattern
     excused = {block.text for block in blocks() if run_docs.excuse(block)}
     assert excused == {
-        "make test", "make check", "make validate", "make studies-docs", "sweeps/bench/gpu.sh",
+        "make test", "make check", "make models", "make validate", "make studies-docs",
+        "sweeps/bench/gpu.sh",
         ".venv/bin/pip install '.[ray]'", "pytest tests/sweeps/run/test_ray_engine.py",
         "sbatch array.sh", "examples/newcomer.sh",
         "warpgrasp sweep study.toml -o DIR --engine ray --address auto"}

@@ -8,6 +8,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "geometry": ["Superquadric", "SuperquadricLike", "cube_grid", "from_straight_frame",
         "superquadric", "superquadric_areas", "superquadric_inside_outside",
         "superquadric_normals", "superquadric_points", "superquadric_volume"],
+    "moments": ["DESCRIPTION", "description_covariance", "superquadric_description"],
     "parameter_vector": ["Form", "Tensor"],
     "record": ["SuperquadricFit", "SuperquadricOptions"],
     "residuals": ["evaluate", "normal_equations", "residual_vector"],

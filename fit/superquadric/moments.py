@@ -21,11 +21,11 @@ DESCRIPTION = (
     "log_size", "log_centre_height", "log_height_std", "log_section",
     "elongation", "taper", "uneven_taper", "squareness", "height_kurtosis",
 )
-"""Numbers of a description: logarithms of the cube root of the volume, of the height of the centroid
-above the table, of the standard deviation of height and of the mean radius of gyration of the level
-section [m]; then, without units, how much longer than wide it is, how the section shrinks with
-height, how that differs between its two directions, its fourth harmonic (corners), and the kurtosis
-of height (flat or pointed ends)."""
+"""Numbers of a description: logarithms of the cube root of the volume, of the height of the
+centroid above the table, of the standard deviation of height and of the mean radius of gyration of
+the level section [m]; then, without units, how much longer than wide it is, how the section shrinks
+with height, how that differs between its two directions, its fourth harmonic (corners), and the
+kurtosis of height (flat or pointed ends)."""
 STEP = 1e-4
 """Step of the differences, in standard deviations of each tangent coordinate."""
 LEAST_HEIGHT_M = 1e-3

@@ -1,18 +1,19 @@
 """Recognition by exact bodies: each known one is laid on the touches, and the best one must fit.
 
-That is more than a robot would know; it shows what the touches could tell. The bodies stand upright, so three numbers place one: x, y and its turn about the vertical.
-They are found by Gauss-Newton on the distances of the touches to its surface, from several turns
-(verification of a hypothesis after Grimson and Lozano-Perez 1984, with the distance field in place
-of face bounds). A body taller than what was felt leaves its top untouched: the height counts too.
-"None of these" is what fits worse than touches of a known body do.
+That is more than a robot would know; it shows what the touches could tell. The bodies stand
+upright, so three numbers place one: x, y and its turn about the vertical. They are found by
+Gauss-Newton on the distances of the touches to its surface, from several turns (verification of a
+hypothesis after Grimson and Lozano-Perez 1984, with the distance field in place of face bounds). A
+body taller than what was felt leaves its top untouched: the height counts too. "None of these" is
+what fits worse than touches of a known body do.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from strategies.recognition.answers import ALIGNMENT, NONE, Recognition, no_answer
 from strategies.recognition.pose_alignment import placed_squares
-from strategies.recognition.recognize import ALIGNMENT, NONE, Recognition, no_answer
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered, Shape
 from strategies.recovery.upright import stand_upright

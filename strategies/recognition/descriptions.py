@@ -94,7 +94,7 @@ def _profiles(belief: Belief, recovered: Recovered, known: np.ndarray) -> Descri
         return _nothing(np.zeros_like(known), width)
     tried = known & (np.nan_to_num(profile.volume_m3) > 0)
     rows = np.flatnonzero(tried & (recovered.shape == Shape.REVOLUTION))
-    numbers = np.array([_profile_numbers(profile, world) for world in rows]).reshape(-1, width)
+    numbers = np.array([_profile_numbers(profile, int(world)) for world in rows]).reshape(-1, width)
     return Described(tried, rows, numbers, np.zeros((len(rows), width, width)))
 
 
@@ -116,7 +116,7 @@ def _faces(belief: Belief, recovered: Recovered, known: np.ndarray) -> Described
                          for face in belief.faces], 1)
         tried = known & crossed.any(1)
         for world in np.flatnonzero(tried & (flat.sum(1) >= 2)):
-            faces = _different(belief.faces, np.flatnonzero(flat[world]), world)
+            faces = _different(belief.faces, np.flatnonzero(flat[world]), int(world))
             if (np.abs(faces.normals @ faces.normals[0]) < np.cos(APART_RAD)).any():
                 found[world] = faces
     return replace(_nothing(tried, 0), rows=np.array(list(found), int),

@@ -149,7 +149,8 @@ def models_text(models: KnownModels) -> str:
 
 
 def _entry_of(known: KnownObject) -> dict[str, Any]:
-    entry: dict[str, Any] = {"content": known.content, "tried": dict(known.tried), "found": dict(known.found)}
+    entry: dict[str, Any] = {"content": known.content, "tried": dict(known.tried),
+                             "found": dict(known.found)}
     for way, population in known.populations.items():
         entry[way] = {
             "count": population.count, "mean": [_rounded(v) for v in population.mean],

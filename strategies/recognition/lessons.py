@@ -1,4 +1,4 @@
-"""Known models from episodes: populations of numbers, polyhedra of faces, and how far to trust both.
+"""Known models from episodes: populations of numbers, polyhedra, and how far to trust them.
 
 Everything is learned from recovered bodies; the truth enters only as the name that a teacher gives.
 """
@@ -10,6 +10,7 @@ import numpy as np
 
 from fit.interpretation_tree import FaceModel, Interpretation
 from fit.match_parameters import Population, population_of, posterior
+from strategies.recognition.answers import log_densities
 from strategies.recognition.descriptions import (
     FACES,
     NUMBERS,
@@ -20,7 +21,6 @@ from strategies.recognition.descriptions import (
 )
 from strategies.recognition.known_models import FEWEST, FacePlanes, KnownModels, KnownObject
 from strategies.recognition.match_faces import best_interpretation, closed_model, with_table
-from strategies.recognition.recognize import log_densities
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered
 
@@ -30,8 +30,10 @@ LEAST_STD_M = 0.001
 """Of a felt plane about the model's, at least [est]."""
 SELDOM = 0.3
 """A face found in a smaller share of the episodes is left out: a ridge crossed, a neighbour."""
-CANDIDATES = 8
+CANDIDATES = 6
 """Episodes whose polyhedra are compared with all others'."""
+ROUNDS = 2
+"""Of averaging planes and closing the polyhedron again."""
 TEMPERATURES = np.geomspace(1.0, 10.0, 25)
 """Among which the likeliest is taken; below one nothing would be gained but overconfidence."""
 NONE_PRIOR = 0.2
@@ -62,14 +64,16 @@ def learn_models(
 ) -> KnownModels:
     """Models of all objects that the lessons name, and of the unlisted ones.
 
-    Every other episode makes models by which the rest are recognized, which tells the temperatures;
-    then all make the models. `contents` has the hash of each named object's geometry. Raises ValueError where nothing is unlisted or nothing named.
+    Every other pair of episodes makes models by which the rest are recognized, which tells the
+    temperatures; then all make the models. `contents` has the hash of each named object's geometry.
+    Raises ValueError where nothing is unlisted or nothing named.
     """
     if not contents or not any((lesson.names == UNLISTED).any() for lesson in lessons):
         raise ValueError("lessons: should name objects, and hold unlisted ones beside them")
-    first, second = ([lesson.part(np.arange(len(lesson.names)) % 2 == k) for lesson in lessons]
-                     for k in (0, 1))
-    plain = dict.fromkeys(WAYS, 1.0)
+    # In pairs, so that both episodes with an unlisted object are on one side.
+    first, second = ([lesson.part(np.arange(len(lesson.names)) // 2 % 2 == k)
+                      for lesson in lessons] for k in (0, 1))
+    plain: dict[str, float] = dict.fromkeys(WAYS, 1.0)
     trial = _models(first, contents, plain, made_by)
     return _models(lessons, contents, {way: _temperature(trial, second, way) for way in WAYS},
                    made_by)
@@ -141,17 +145,14 @@ def _polyhedron(name: str, felt: Sequence[FeltFaces]) -> FacePlanes | None:
             best = worth, model
     if best is None:
         return None
-    model = best[1]
-    for _ in range(2):
-        averaged = _averaged(model, felt)
-        if averaged is None:
-            return None
-        normals, offset, std = averaged
-        closed = closed_model(name, normals, offset)
-        if closed is None:
+    model, planes = best[1], None
+    for _ in range(ROUNDS):
+        planes = _averaged(model, felt)
+        closed = None if planes is None else closed_model(name, *planes[:2])
+        if planes is None or closed is None:
             return None
         model = closed
-    return FacePlanes(normals, offset, std, model)
+    return None if planes is None else FacePlanes(*planes, model)
 
 
 def _planes_alone(faces: FeltFaces) -> tuple[np.ndarray, np.ndarray]:

@@ -188,9 +188,9 @@ def learn(*what: Annotated[str, Parameter(name="OBJECT")],
     if unlisted and (extend is not None or only):
         raise UsageError("--unlisted: learns everything anew; leave out --extend and --only")
     from sweeps.cli import learn as learn_command
-    from sweeps.episode.teaching import STRATEGIES
+    from sweeps.episode.teaching import TEACHERS
 
-    chosen = [_strategy_of_argument(name) for name in strategy or STRATEGIES]
+    chosen = [_strategy_of_argument(name) for name in strategy or TEACHERS]
     return learn_command.learn(what, out, units=units, strategies=chosen, episodes=episodes,
                                seed=seed, unlisted=unlisted, extend=extend, only=only,
                                device=device_of(device))

@@ -10,4 +10,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "given_prior": ["draw_prior", "seen_prior"],
     "recognition_columns": ["columns_of_recognition", "recognize_objects", "right_answers"],
     "scores": ["Scorer", "Scores", "score_superquadrics"],
+    "teaching": ["TEACHERS", "contents_of", "teach", "unlisted_table"],
 })

@@ -24,7 +24,7 @@ from strategies.planners.oracle import Oracle
 from strategies.planners.planner_file import PlannerError
 from strategies.planners.register import Planner
 from strategies.poses.waypoints import BoundingCylinder
-from strategies.recognition.recognize import Recognition
+from strategies.recognition.answers import Recognition
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered
 from strategies.recovery.evidence import Evidence
@@ -196,6 +196,7 @@ def run_block(cell: Cell, episodes: np.ndarray, device: str) -> EpisodeBlock:
 
 
 def run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> EpisodeBlock:
+    """Run the episodes of some cells that differ in their object alone, and keep all of it."""
     cell = parts[0][0]
     which = np.repeat(_which(bodies), [len(episodes) for _, episodes in parts])
     key = np.concatenate([

@@ -9,9 +9,9 @@ from functools import cache
 
 import numpy as np
 
+from strategies.recognition.answers import ALIGNMENT, NONE, Recognition, recognize
 from strategies.recognition.catalogue_alignment import Recognizer, recognizer
 from strategies.recognition.known_models import models_from_file
-from strategies.recognition.recognize import ALIGNMENT, NONE, Recognition, recognize
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered
 from warpgrasp.geometry.body import Body

@@ -15,17 +15,17 @@ from sweeps.episode.episodes import cell_body, run_parts
 from sweeps.spec.cell import Cell
 from warpgrasp.robot import has_deformed_part
 
-STRATEGIES = ("ring18", "rim12-ring12", "planar", "contour", "coarse-to-fine")
+TEACHERS = ("ring18", "rim12-ring12", "planar", "contour", "coarse-to-fine")
 """Strategies that teach, unless others are named: grasps, faces and contours."""
 HALF_WIDTH_MM, HALF_HEIGHT_MM = (18.0, 50.0), (25.0, 120.0)
-"""Of unlisted objects, uniform in the logarithm."""
+"""Of unlisted objects: the least and the greatest."""
 
 
 def unlisted_table(seed: int, number: int) -> dict[str, Any]:
     """The table of one unlisted object, as a spec would have it; every fourth is of one kind."""
     rng = np.random.default_rng([seed, number])
-    a, b = np.exp(rng.uniform(*np.log(HALF_WIDTH_MM), 2)).tolist()
-    h = float(np.exp(rng.uniform(*np.log(HALF_HEIGHT_MM))))
+    a, b, h = (float(low * (high / low) ** rng.uniform())  # uniform in the logarithm
+               for low, high in (HALF_WIDTH_MM, HALF_WIDTH_MM, HALF_HEIGHT_MM))
     e1, e2 = rng.uniform(0.15, 1.6, 2).tolist()
     share, other = rng.uniform(0.3, 0.9), rng.uniform(0.6, 1.8, 2)
     name = f"unlisted-{seed}-{number}"

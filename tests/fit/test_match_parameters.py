@@ -1,69 +1,70 @@
-"""Recognition by parameters, by profile, by faces; and of what is not in the catalogue."""
+"""Populations of shapes, probabilities of what is known and of what is not; polyhedra by faces."""
 
 import numpy as np
 import pytest
-from quality_bodies import touches
+from scipy import stats
 
-from fit.interpretation_tree import block_model, interpret
-from fit.match_parameters import (
-    NONE,
-    Entry,
-    ProfileEntry,
-    entry_of_fit,
-    recognize_parameters,
-    recognize_profile,
-)
-from fit.revolution.fit import fit_revolution
+from fit.interpretation_tree import NULL, block_model, interpret, model_of_planes
+from fit.match_parameters import TAIL, Population, log_density, population_of, posterior
+from fit.polyhedron import polyhedron_faces
 from fit.rotation import matrix_of_quaternion
-from fit.superquadric.fit import fit_superquadric
-from fit.superquadric.geometry import superquadric
-from fit.superquadric.uncertainty import superquadric_uncertainty
 
-CATALOGUE = [
-    Entry("block", (0.03, 0.04, 0.06), (0.1, 0.1)),
-    Entry("large cylinder", (0.035, 0.035, 0.06), (0.1, 1.0)),
-    Entry("small cylinder", (0.02, 0.02, 0.045), (0.1, 1.0)),
-    Entry("ball", (0.03, 0.03, 0.03), (1.0, 1.0)),
-]
+WIDTH = 3
 
 
-def test_parameters_name_the_object_or_none() -> None:
+def drawn(rng, count: int, mean, scatter, noise: float):
+    """Shapes of a population, measured with noise of very different sizes."""
+    size = noise * rng.uniform(0.2, 2.0, (count, 1, 1))
+    covariance = size**2 * np.eye(WIDTH)
+    shapes = rng.multivariate_normal(mean, scatter, count)
+    return shapes + size[:, :, 0] * rng.normal(size=(count, WIDTH)), covariance
+
+
+def test_a_population_is_found_beneath_the_noise_and_in_spite_of_bad_recoveries() -> None:
     rng = np.random.default_rng(0)
-    strange = Entry("", (0.015, 0.09, 0.02), (0.3, 1.6))
-    bodies = [*CATALOGUE, strange]
-    body = superquadric([e.size_m for e in bodies], [e.exponents for e in bodies],
-                        [[0.45, 0, e.size_m[2]] for e in bodies])
-    points = touches(body, 60, 1e-3, rng)
-    fit = fit_superquadric(points, table_z=0.0)
-    known = superquadric_uncertainty(fit, points, table_z=0.0)
-    answers = recognize_parameters(fit, known.covariance, CATALOGUE)
-    assert [a[0].name for a in answers] == [e.name for e in CATALOGUE] + [NONE]
-    assert all(sum(c.probability for c in a) == pytest.approx(1) for a in answers)
-    own = entry_of_fit("felt before", fit, 4)
-    again = recognize_parameters(fit[4:5], known.covariance[4:5], [*CATALOGUE, own])
-    assert again[0][0].name == "felt before"
+    mean, scatter = np.array([1.0, -2.0, 0.5]), np.diag([0.04, 0.01, 0.09])
+    shapes, covariance = drawn(rng, 400, mean, scatter, 0.3)
+    shapes[:12] += 5.0
+    found = population_of(shapes, covariance)
+    assert np.allclose(found.mean, mean, atol=0.06)
+    assert (np.diag(found.scatter) < 2.5 * np.diag(scatter)).all()
+    assert (np.diag(found.scatter) > 0.4 * np.diag(scatter)).all()
+    assert found.count == 400
 
 
-def test_profiles_name_the_bottle_or_none() -> None:
+def test_few_shapes_lean_on_the_common_scatter() -> None:
+    shapes = np.array([[0.0, 0.0, 0.0], [0.01, 0.0, 0.0]])
+    none = np.zeros((2, WIDTH, WIDTH))
+    found = population_of(shapes, none, common=np.eye(WIDTH))
+    assert (np.diag(found.scatter) > 0.3).all()
+    with pytest.raises(ValueError, match="none"):
+        population_of(shapes[:0], none[:0])
+
+
+def test_densities_are_those_of_scipys_student_t() -> None:
     rng = np.random.default_rng(1)
-    bottles = [ProfileEntry("wine", (0.0, 0.18, 0.22, 0.3), (0.037, 0.037, 0.014, 0.014)),
-               ProfileEntry("coke", (0.0, 0.08, 0.15, 0.2), (0.03, 0.028, 0.018, 0.012)),
-               ProfileEntry("can", (0.0, 0.1, 0.115), (0.033, 0.033, 0.03))]
-    vase = ProfileEntry("", (0.0, 0.05, 0.2), (0.01, 0.06, 0.02))
-    sets = []
-    for entry in [*bottles, vase]:
-        z = rng.uniform(0.05, 1, 80) * entry.height_m[-1]
-        r, turn = np.interp(z, entry.height_m, entry.radius_m), rng.uniform(-np.pi, np.pi, 80)
-        sets.append(np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=1))
-    points = np.array(sets) + 1e-3 * rng.normal(size=(4, 80, 3))
-    answers = recognize_profile(fit_revolution(points, table_z=0.0), bottles)
-    assert [a[0].name for a in answers] == ["wine", "coke", "can", NONE]
+    root = rng.normal(size=(WIDTH, WIDTH))
+    one = Population(rng.normal(size=WIDTH), root @ root.T + np.eye(WIDTH), 8)
+    shapes = rng.normal(size=(5, WIDTH))
+    covariance = np.tile(0.3 * np.eye(WIDTH), (5, 1, 1))
+    expected = stats.multivariate_t(one.mean, one.scatter * 9 / 8 + covariance[0], df=TAIL)
+    assert np.allclose(log_density(shapes, covariance, one), expected.logpdf(shapes))
 
 
-def test_faces_find_the_block_and_its_pose_and_not_another() -> None:
-    rng = np.random.default_rng(2)
-    model = block_model("block", (0.06, 0.08, 0.12))
-    other = block_model("brick", (0.03, 0.05, 0.2))
+def test_probabilities_are_bayes_rule_and_temperature_flattens_them() -> None:
+    log = np.log([[0.2, 0.6, 0.1]])
+    share = posterior(log, none_prior=0.2)
+    expected = np.array([0.4 * 0.2, 0.4 * 0.6, 0.2 * 0.1])
+    assert np.allclose(share, expected / expected.sum())
+    flat = posterior(log, none_prior=0.2, temperature=1e9)
+    assert np.allclose(flat, [[0.4, 0.4, 0.2]])
+    nowhere = posterior(np.array([[-np.inf, -np.inf, -4.0]]), none_prior=0.2)
+    assert np.allclose(nowhere, [[0, 0, 1]])
+
+
+def felt_block(seed: int, model):
+    """Touches on eight places of a block, turned and moved."""
+    rng = np.random.default_rng(seed)
     q = rng.normal(size=4)
     turn = matrix_of_quaternion(q / np.linalg.norm(q))
     place = np.array([0.4, -0.1, 0.2])
@@ -72,16 +73,51 @@ def test_faces_find_the_block_and_its_pose_and_not_another() -> None:
                       for c in (model.faces[f] for f in faces)])
     points = local @ turn.T + place + 5e-4 * rng.normal(size=(8, 3))
     normals = model.normals[faces] @ turn.T + 0.03 * rng.normal(size=(8, 3))
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return faces, place, points, normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
+def test_faces_find_the_block_and_its_pose_and_not_another() -> None:
+    model = block_model("block", (0.06, 0.08, 0.12))
+    other = block_model("brick", (0.03, 0.05, 0.2))
+    faces, place, points, normals = felt_block(2, model)
     found = interpret(points, normals, model)
     assert tuple(faces) in {f.assignment for f in found}
     # A block is its own half turn about each axis: four answers of equal worth.
     assert all(np.linalg.norm(f.position_m - place) < 2e-3 for f in found[:4])
     assert found[0].rms_m < 1.5e-3
     assert interpret(points, normals, other) == []
+    local, offset = found[0].planes(points, normals)
+    assert np.allclose(local, model.normals[list(found[0].assignment)], atol=0.15)
+    half = np.repeat([0.03, 0.04, 0.06], 2)[list(found[0].assignment)]
+    assert np.allclose(offset, half, atol=4e-3)
+
+
+def test_a_touch_of_something_else_is_left_over() -> None:
+    model = block_model("block", (0.06, 0.08, 0.12))
+    _, place, points, normals = felt_block(3, model)
+    points[6], normals[6] = place + 0.3, np.ones(3) / np.sqrt(3)
+    assert interpret(points, normals, model) == []
+    found = interpret(points, normals, model, most_null=1)
+    assert found[0].assignment[6] == NULL
+    assert found[0].assigned == 7
+    assert np.linalg.norm(found[0].position_m - place) < 2e-3
 
 
 def test_normals_of_a_block_point_outwards() -> None:
     model = block_model("block", (0.06, 0.08, 0.12))
     for corners, normal in zip(model.faces, model.normals, strict=True):
         assert corners.mean(axis=0) @ normal > 0
+
+
+def test_planes_close_the_body_that_they_bound() -> None:
+    block = block_model("block", (0.06, 0.08, 0.12))
+    offset = np.array([face[0] @ n for face, n in zip(block.faces, block.normals, strict=True)])
+    # A plane far outside bounds nothing.
+    normals = np.concatenate([block.normals, [[0.6, 0.8, 0.0]]])
+    again = model_of_planes("again", normals, np.append(offset, 1.0))
+    assert len(again.faces) == 6
+    assert np.allclose(again.normals, block.normals, atol=1e-9)
+    for face in polyhedron_faces(block.normals, offset):
+        assert np.allclose(sorted(np.abs(face[0])), [0.03, 0.04, 0.06])
+    with pytest.raises(ValueError, match="close no body"):
+        polyhedron_faces(normals[:4], offset[:4])

@@ -1,4 +1,4 @@
-"""Planes and faces against closed forms, with touches off the plane and bad sets."""
+"""Planes against closed forms, with touches off the plane and bad sets."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fit.fit_status import FitStatus
-from fit.plane import fit_faces, fit_plane
+from fit.plane import fit_plane
 from fit.rotation import matrix_of_quaternion
 
 
@@ -121,35 +121,3 @@ def test_bad_sets_have_a_status() -> None:
     assert [FitStatus(s).name for s in found.status] == [
         "converged", "bad_points", "degenerate_line", "degenerate_point"]
     assert all(np.isfinite(value).all() for value in vars(found).values())
-
-
-def test_faces_of_a_box_together_beat_each_alone() -> None:
-    rng = np.random.default_rng(7)
-    q = rng.normal(size=(30, 4))
-    turn = matrix_of_quaternion(q / np.linalg.norm(q, axis=1, keepdims=True))
-    normals = np.eye(3)
-    points = rng.uniform(-0.02, 0.02, (30, 3, 15, 3))
-    for k in range(3):
-        points[:, k, :, k] = 0.03 + 1e-3 * rng.normal(size=(30, 15))
-    world = np.einsum("fij,fkpj->fkpi", turn, points)
-    found = fit_faces(world, None, normals)
-    true = np.einsum("fij,kj->fki", turn, normals)
-    alone = fit_plane(world.reshape(-1, 15, 3)).normal.reshape(30, 3, 3)
-    assert np.median(angle(found.normal, true)) < 0.8 * np.median(angle(alone, true))
-    across = np.einsum("fki,fli->fkl", found.normal, found.normal)
-    assert np.allclose(across, np.eye(3), atol=1e-9)
-    padded = np.full((30, 3, 300, 3), np.nan)
-    padded[:, :, :15] = world
-    again = fit_faces(padded, np.isfinite(padded).all(axis=3), normals)
-    for name, value in vars(found).items():
-        assert np.array_equal(getattr(again, name), value), name
-
-
-def test_parallel_faces_leave_a_turn_free() -> None:
-    rng = np.random.default_rng(10)
-    points = rng.uniform(-0.03, 0.03, (2, 3, 20, 3))
-    points[:, 0, :, 2], points[:, 1, :, 2], points[:, 2, :, 0] = 0.03, -0.03, 0.03
-    mask = np.ones((2, 3, 20), bool)
-    mask[0, 2] = False
-    found = fit_faces(points, mask, np.array([[0, 0, 1.0], [0, 0, -1.0], [1.0, 0, 0]]))
-    assert found.status.tolist() == [FitStatus.too_few_points, FitStatus.converged]

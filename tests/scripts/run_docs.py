@@ -22,9 +22,12 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 from doc_blocks import ROOT, Block, blocks
 
+SHIPPED = ROOT / "strategies/recognition/models.json"
+
 EXCUSED = {
     r"make (test|check)": "runs these very tests",
     r"make studies-docs": "is every study that ships, whole: most of an hour",
+    r"make models": "learns from more than a thousand episodes; `warpgrasp learn` itself is run",
     r"make validate": "installs from a package index; `warpgrasp validate` itself is run",
     r".*pip install '\.\[ray\]'.*": "installs from a package index; tests do not need Ray",
     r"pytest tests/sweeps/run/test_ray_engine.py": "wants Ray, and says so",
@@ -44,6 +47,9 @@ SHRINKS = (
     (r"(warpgrasp sweep (?:sweeps|mine)/.*)", r"\1 --set episodes_per_cell=1"),
     (r"(warpgrasp sweep .*)", rf"\1 {FEW}"),
     (r"(warpgrasp sensitivity .*)", r"\1 --episodes 1"),
+    (r"(warpgrasp learn .*)", r"\1 --strategy ring6 --episodes 4"),
+    (r"(.*recognition_reliability.py).*",
+     r"\1 --episodes 1 --unlisted 1 --strategy ring6"),
     (r"(warpgrasp bench.*)", r"\1 --quick --only touches --only start"),
     (r"(warpgrasp validate --only closing)", r"\1 --poses 1"),
     (r"(warpgrasp validate.*)", r"\1 --only puma --only pads --only metrics"),
@@ -125,6 +131,8 @@ def prepare(folder: Path) -> None:
     (folder / "points.csv").write_text("\n".join(["set,x_m,y_m,z_m", *rows]) + "\n")
     np.save(folder / "touches.npy", points)
     trimesh.creation.cylinder(4.0, 9.0).export(folder / "mug.stl")
+    trimesh.creation.cylinder(3.0, 11.0).export(folder / "jug.stl")
+    (folder / "mine.json").write_bytes(SHIPPED.read_bytes())
     (folder / "vase.csv").write_text("z_mm,r_mm\n0,30\n60,40\n110,25\n")
     shutil.copy(folder / "examples/mine/mine.py", folder)
 

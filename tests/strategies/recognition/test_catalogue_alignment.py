@@ -9,9 +9,10 @@ import pytest
 from places import SHARED
 
 from fit.superquadric.geometry import superquadric
+from strategies.recognition.answers import NONE
+from strategies.recognition.catalogue_alignment import Recognizer, recognizer
 from strategies.recovery.choose_model import Recovered, Shape
 from strategies.recovery.evidence import Evidence
-from strategies.recognition.catalogue_alignment import NONE, Recognizer, recognizer
 from warpgrasp.geometry.body import Body
 from warpgrasp.geometry.body_sampling import sample_body
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
@@ -53,7 +54,7 @@ def felt(body: Body, seed: int = 1, sigma: float = 0.001) -> tuple[SimpleNamespa
 @pytest.mark.parametrize("name", BODY_NAMES)
 def test_each_object_of_the_catalogue_is_known(known: Recognizer, name: str) -> None:
     belief, recovered = felt(body_from_name(name))
-    assert list(known.names(belief, recovered)) == [name] * WORLDS
+    assert list(known.recognize(belief, recovered).name) == [name] * WORLDS
     ranking = known.ranking(belief, recovered)
     assert np.allclose(ranking.probability.sum(1), 1.0)
     assert (ranking.square[:, ranking.names.index(name)] < 2.0).all()
@@ -66,7 +67,7 @@ def test_each_object_of_the_catalogue_is_known(known: Recognizer, name: str) -> 
 ])
 def test_what_nobody_listed_is_none_of_these(known: Recognizer, table: dict) -> None:
     belief, recovered = felt(body_from_table(table, Path()))
-    assert list(known.names(belief, recovered)) == [NONE] * WORLDS
+    assert list(known.recognize(belief, recovered).name) == [NONE] * WORLDS
 
 
 def test_a_scanned_banana_is_none_of_these(known: Recognizer) -> None:
@@ -76,7 +77,7 @@ def test_a_scanned_banana_is_none_of_these(known: Recognizer) -> None:
         pytest.skip("no scanned banana beside the checkout")
     body = body_from_table({"mesh": str(meshes[0]), "units": "m"}, Path())
     belief, recovered = felt(body)
-    assert list(known.names(belief, recovered)) == [NONE] * WORLDS
+    assert list(known.recognize(belief, recovered).name) == [NONE] * WORLDS
 
 
 def test_the_catalogue_can_be_extended_and_a_taller_one_is_another(known: Recognizer) -> None:
@@ -84,7 +85,7 @@ def test_the_catalogue_can_be_extended_and_a_taller_one_is_another(known: Recogn
     mine = Recognizer({"large_cylinder": body_from_name("large_cylinder"),
                        "tall": body_from_table(tall, Path())})
     belief, recovered = felt(body_from_name("large_cylinder"))
-    assert list(mine.names(belief, recovered)) == ["large_cylinder"] * WORLDS
+    assert list(mine.recognize(belief, recovered).name) == ["large_cylinder"] * WORLDS
     with pytest.raises(ValueError, match="empty"):
         Recognizer({})
 
@@ -92,4 +93,4 @@ def test_the_catalogue_can_be_extended_and_a_taller_one_is_another(known: Recogn
 def test_nothing_recovered_is_no_answer(known: Recognizer) -> None:
     belief, recovered = felt(body_from_name("block"))
     prior = replace(recovered, shape=np.zeros(WORLDS, int))
-    assert list(known.names(belief, prior)) == [""] * WORLDS
+    assert list(known.recognize(belief, prior).name) == [""] * WORLDS

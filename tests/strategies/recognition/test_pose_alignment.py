@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from strategies.recognition.catalogue_alignment import Recognizer
 from strategies.recognition.pose_alignment import placed_squares
 from strategies.recognition.pose_alignment_kernel import CAP, ITERATIONS
-from strategies.recognition.catalogue_alignment import Recognizer
 from warpgrasp.core.kernel_launch import ShapeError
 from warpgrasp.geometry.body import Body, distance_to_bodies, scene_of
 from warpgrasp.objects.catalogue import body_from_name, body_from_table

@@ -10,11 +10,12 @@ from places import HELPERS
 
 from fit.revolution.geometry import RevolutionBody, revolution_volume
 from strategies.ready_made import STRATEGIES
-from strategies.recovery.recognition import NONE, right_answer
+from strategies.recognition.answers import ALIGNMENT, NONE
 from strategies.strategy import Strategy
 from sweeps.analysis.entries import values_of
 from sweeps.analysis.leaderboard import make_leaderboard
 from sweeps.episode.episodes import run_block, run_cells, run_episodes
+from sweeps.episode.recognition_columns import right_answers
 from sweeps.report.episode_files import COLUMNS, explore
 from sweeps.run.plan import plan_study
 from sweeps.run.store import Store
@@ -23,14 +24,15 @@ from sweeps.spec.cell import Cell
 from sweeps.spec.reader import read_spec
 from warpgrasp.geometry.body_sampling import sample_body
 from warpgrasp.objects.catalogue import body_from_name
-from warpgrasp.parameters import FitTable, SensorTable
+from warpgrasp.parameters import FitTable, RecognitionTable, SensorTable
 from warpgrasp.probe_status import ProbeStatus
 
 CELL = Cell(STRATEGIES["rim12-ring12"], {"name": "large_cylinder"}, "large_cylinder", seed=11)
 CONTRACT = {"episode", "strategy", "object", "seed", "status", "contacts", "touches",
             "robot_time_s", "arm_path_m", "chamfer_mm", "hausdorff95_mm", "iou", "volume_ratio",
-            "coverage5mm", "recognized_as", "recognized", "shape", "fit_rms_mm", "fit_iterations",
-            "fit_status", "volume_low_m3", "volume_high_m3", "contradicted_share", "model_adequate"}
+            "coverage5mm", "recognized_as", "recognized", "recognized_by",
+            "recognized_probability", "shape", "fit_rms_mm", "fit_iterations", "fit_status",
+            "volume_low_m3", "volume_high_m3", "contradicted_share", "model_adequate"}
 
 
 @pytest.fixture(scope="module")
@@ -127,7 +129,9 @@ def test_none_of_these_is_right_of_an_object_whatever_its_name() -> None:
     rows = run_episodes(Cell(STRATEGIES["ring6"], egg, "block", seed=11), np.arange(4), "cpu")
     assert NONE in rows["recognized_as"]
     assert np.array_equal(values_of(rows, "recognized"), rows["recognized_as"] == NONE)
-    assert right_answer(replace(body_from_name("wine_bottle"), name="mine")) == "wine_bottle"
+    mine = replace(body_from_name("wine_bottle"), name="mine")
+    for way in ("as_felt", ALIGNMENT):
+        assert right_answers([mine], RecognitionTable(way=way)) == ["wine_bottle"]
 
 
 @pytest.mark.slow

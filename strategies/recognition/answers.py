@@ -26,6 +26,8 @@ from strategies.recovery.choose_model import Recovered
 NONE = "none of these"
 ALIGNMENT = "catalogue_alignment"
 AS_FELT = "as_felt"
+RARE = 0.1
+"""Episodes added on either side where a kind of evidence was found always or never [est]."""
 
 
 @dataclass(frozen=True)
@@ -103,5 +105,5 @@ def _face_density(faces: FeltFaces, known: KnownObject) -> float:
 
 
 def _log_rate(known: KnownObject, way: str) -> float:
-    """How often an object gives evidence of this kind, half an episode added on either side."""
-    return float(np.log((known.found[way] + 0.5) / (known.tried[way] + 1.0)))
+    """How often an object gives evidence of this kind."""
+    return float(np.log((known.found[way] + RARE) / (known.tried[way] + 2 * RARE)))

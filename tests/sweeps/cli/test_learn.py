@@ -1,0 +1,58 @@
+"""`warpgrasp learn`: models of one's own from the command line to the rows of a study."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from strategies.ready_made import STRATEGIES
+from strategies.recognition.known_models import models_from_file
+from sweeps.cli import main as cli
+from sweeps.episode.episodes import run_episodes
+from sweeps.spec.cell import Cell
+from warpgrasp.objects.catalogue_names import BODY_NAMES
+from warpgrasp.parameters import RecognitionTable
+
+
+@pytest.mark.parametrize(("words", "message"), [
+    ([], "OBJECT: is missing"), (["nothing"], "no object 'nothing'"),
+    (["block", "block"], "given twice"), (["block", "--episodes", "1"], "--episodes: is 1"),
+    (["block", "--strategy", "ring7"], "no strategy 'ring7'"),
+    (["block", "--unlisted", "8", "--only"], "--unlisted: learns everything anew"),
+    (["block", "--extend", "absent.json"], "absent.json: cannot be read"),
+    (["mug.stl"], "no object 'mug.stl'")])
+def test_what_cannot_be_learned_is_said(
+        words: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "mine.json"
+    assert cli.run(["learn", *words, "-o", str(out)]) == 2
+    assert message in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_an_object_learned_by_grasps_is_named_in_rows(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "mine.json"
+    assert cli.run(["learn", "small_cylinder", "--strategy", "ring6", "--episodes", "8",
+                    "-o", str(file)]) == 0
+    assert "0 of 0" in capsys.readouterr().out  # no faces were looked for
+    known = models_from_file(str(file))
+    assert set(known.names) == set(BODY_NAMES)
+    assert "learn small_cylinder --episodes 8" in known.made_by
+    assert str(tmp_path) not in file.read_text()
+    cell = Cell(STRATEGIES["ring6"], {"name": "small_cylinder"}, "my cylinder", seed=3,
+                recognition=RecognitionTable(models=str(file)))
+    rows = run_episodes(cell, np.arange(8), "cpu")
+    recovered = rows["recognized_as"] != ""
+    assert set(rows["recognized_by"][recovered]) == {"parameters"}
+    assert np.isfinite(rows["recognized_probability"]).tolist() == recovered.tolist()
+    assert (rows["recognized_as"] == "small_cylinder").mean() > 0.6
+    assert rows["recognized"].tolist() == (rows["recognized_as"] == "small_cylinder").tolist()
+
+
+def test_only_leaves_the_others_out(tmp_path: Path) -> None:
+    file = tmp_path / "mine.json"
+    assert cli.run(["learn", "small_cylinder", "--strategy", "ring6", "--episodes", "4", "--only",
+                    "-o", str(file)]) == 0
+    assert models_from_file(str(file)).names == ("small_cylinder",)
+    assert json.loads(file.read_text())["unlisted"]["parameters"]["count"] > 20
