@@ -71,11 +71,11 @@ class Course:
         each = int(look.replicates.max())
         what = ("episodes on each object" if self.units.over == "these" else "objects")
         best = self.units.entries[look.leader].label
-        so_far = (f"within {amount(look.within, self.units.metric)} so far"
-                  if look.open.any() else "and no other is better by more")
+        known = amount(look.within if look.open.any() else self.race.rules.within,
+                       self.units.metric)
         return (f"rung {look.number}, {each} {what}: {int(look.out.sum()):,} of "
-                f"{len(look.out):,} entries are worse, {int(look.open.sum()):,} may be better; "
-                f"{best} leads, {so_far}")
+                f"{len(look.out):,} entries are worse, {int(look.open.sum()):,} may be better by "
+                f"more; {best} leads, within {known} of the best")
 
 
 def rules_of(within: float, confidence: float, start: int, cap: float | None, metric: str) -> Rules:

@@ -32,7 +32,8 @@ START = 8
 GROWTH = 1.35
 """Of the replicates from rung to rung."""
 CANDIDATES = 8
-"""Entries of the lowest means; if one of them leaves none open, it leads."""
+"""Entries of the lowest means; where the lowest of them leaves as few or fewer open, and another
+none, that one leads."""
 
 
 @dataclass(frozen=True)
@@ -173,8 +174,11 @@ def judge(number: int, scores: Sequence[np.ndarray], out: np.ndarray, rules: Rul
     means = np.array([values.mean() if values.size else np.inf for values in scores])
     may_lead = np.flatnonzero(~out & (count == count.max()))
     best = may_lead[np.argsort(means[may_lead], kind="stable")][:CANDIDATES]
-    looks = [_against(int(leader), number, scores, count, out, rules) for leader in best]
-    return next((look for look in looks if not look.open.any()), looks[0])
+    first = _against(int(best[0]), number, scores, count, out, rules)
+    if not 0 < first.open.sum() <= CANDIDATES:
+        return first
+    others = (_against(int(leader), number, scores, count, out, rules) for leader in best[1:])
+    return next((look for look in others if not look.open.any()), first)
 
 
 def _against(leader: int, number: int, scores: Sequence[np.ndarray], count: np.ndarray,

@@ -22,7 +22,8 @@ class Verdict:
     rules: Rules
     looks: tuple[Look, ...]
     means: np.ndarray
-    """Every entry's mean over its own replicates; less is better, so the sign may be turned."""
+    """The winner's mean plus each entry's difference to it over the replicates of both; less is
+    better, so the sign may be turned."""
     episodes: np.ndarray
     last_rung: np.ndarray
     """The rung in which each entry last took episodes."""
@@ -54,13 +55,14 @@ class Verdict:
 
 def verdict_of(race: Race, units: RaceUnits) -> Verdict:
     """What a race has found after its last look."""
-    count = race.count
-    objects = (int(count[race.looks[-1].leader]) if units.over == "like-these"
+    count, last = race.count, race.looks[-1]
+    objects = (int(count[last.leader]) if units.over == "like-these"
                else units.objects_each)
     return Verdict(tuple(entry.label for entry in units.entries), units.metric, units.over,
-                   objects, race.rules, tuple(race.looks), race.means,
+                   objects, race.rules, tuple(race.looks),
+                   race.means[last.leader] + last.difference,
                    count * units.episodes_each, race.last_rung.copy(),
-                   equal_replicates(race.spread, race.looks[-1].leader, race.rules)
+                   equal_replicates(race.spread, last.leader, race.rules)
                    * len(count) * units.episodes_each)
 
 

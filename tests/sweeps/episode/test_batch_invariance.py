@@ -14,7 +14,7 @@ from strategies.ready_made import STRATEGIES
 from strategies.strategy import Strategy
 from sweeps.episode.episodes import run_block, run_cells, run_episodes
 from sweeps.run.unit_file import Columns
-from sweeps.spec.cell import CONTACTS, Cell
+from sweeps.spec.cell import CONTACTS, Cell, batch_key
 
 THEIRS = HELPERS / "theirs.py"
 
@@ -62,6 +62,32 @@ def test_the_noise_of_a_world_is_its_own() -> None:
     assert set(beside["procedures"]) == {"containment", "planar containment"}
     for episode in range(6):
         same(run_episodes(mixed, np.array([episode]), "cpu"), beside, episode)
+
+
+def test_waypoints_of_neighbours_change_no_row() -> None:
+    """Strategies that differ in where their poses stand are run in one call, object by object."""
+    low, high = (Strategy(f"tilt{tilt}", (Ring(count=2, tilt_rad=np.radians(tilt)),))
+                 for tilt in (40, 60))
+    parts = [(cell(strategy, name), np.arange(2)) for strategy in (low, high)
+             for name in ("block", "wedge")]
+    assert len({repr(batch_key(one)) for one, _ in parts}) == 1
+    beside = run_cells(parts, "cpu")
+    for (mine, episodes), rows in zip(parts, beside, strict=True):
+        assert rows["strategy"].tolist() == [mine.strategy.name] * 2
+        assert rows["object"].tolist() == [mine.object_name] * 2
+        same(run_cells([(mine, episodes[1:])], "cpu")[0], rows, 1)
+
+
+def test_what_can_be_run_in_one_call() -> None:
+    ring = Strategy("a", (Ring(count=2),))
+    key = batch_key(cell(ring, "block"))
+    assert batch_key(cell(replace(ring, name="b", waypoints=(Ring(count=2, aim=0.3),)), "wedge")
+                     ) == key
+    for other in (replace(ring, waypoints=(Ring(count=3),)), replace(ring, refit_every=1),
+                  replace(ring, closings=("together",)), replace(ring, noise_stream=1)):
+        assert batch_key(cell(other, "block")) != key
+    own = Strategy("a", call="ring6")
+    assert batch_key(cell(own, "block")) != batch_key(cell(replace(own, name="b"), "block"))
 
 
 def together(parts: list[Columns]) -> Columns:

@@ -1,5 +1,7 @@
 """Units of one cell that are run in one call: the same files, and no one suffers for another."""
 
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import fake_episodes
@@ -7,6 +9,7 @@ import numpy as np
 import pytest
 from studies import SMALL, contents, plan_of, run_in
 
+from sweeps.run.local_engine import Options, run
 from sweeps.run.plan import Plan, Unit
 from sweeps.run.progress import Progress
 from sweeps.run.scheduler import IN_HAND_S, MOST_EPISODES, Outcome, UnitQueue
@@ -227,3 +230,46 @@ def test_folders_are_not_listed_for_each_unit(
         pass
     assert work.exhausted
     assert swept == [left.id]
+
+
+def run_steps(folder: Path, plan: Plan, function: str, workers: int,
+              further: Callable[[], Sequence[Unit]]) -> Outcome:
+    """Runs what is asked for in steps, and nothing else."""
+    store = Store(folder)
+    store.open_for(plan, None, "cpu")
+    options = Options(workers, (1, 1), "cpu", f"fake_episodes:{function}")
+    empty = replace(plan, study=replace(plan.study, objects=()))
+    with store.lock((1, 1)), Progress(0, quiet=True) as progress:
+        return run(empty, store, options, progress, further)
+
+
+@pytest.mark.usefixtures("calls")
+def test_a_run_in_steps_goes_on_when_all_of_a_step_is_back(tmp_path: Path, plan: Plan,
+                                                           right: dict[str, bytes]) -> None:
+    """Each step is asked for when the files of the last one are there; an empty one ends it."""
+    units = list(plan.units())
+    steps = [units[:5], units[5:6], units[6:]]
+    given: list[int] = []
+
+    def further() -> list[Unit]:
+        there = Store(tmp_path).unit_ids()
+        assert all(unit.id in there for step in steps[:len(given)] for unit in step)
+        given.append(len(there))
+        return steps[len(given) - 1] if len(given) <= len(steps) else []
+
+    outcome = run_steps(tmp_path, plan, "batched_episodes", 2, further)
+    assert outcome == Outcome(done=2 * UNITS)
+    assert contents(tmp_path) == right
+    assert given == [0, 5, 6, 2 * UNITS]
+
+
+@pytest.mark.usefixtures("calls")
+def test_a_step_whose_last_unit_fails_is_followed_by_the_next(
+        tmp_path: Path, plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The worker dies of it, so that none is ready when the step is over."""
+    monkeypatch.setenv("FAKE_HOW", "die")
+    units = list(plan.units())
+    bad = next(unit for unit in units if unit.start == 64 * BAD)
+    steps = [[bad], [unit for unit in units if unit is not bad][:3], []]
+    outcome = run_steps(tmp_path, plan, "bad_episode", 1, lambda: steps.pop(0))
+    assert (outcome.done, outcome.failed) == (3, 1)

@@ -1,0 +1,75 @@
+"""Bounds that hold at every look: against simulated walks, formulas, and Student's distribution."""
+
+import numpy as np
+import pytest
+from scipy.stats import norm, t
+
+from sweeps.race.confidence_sequence import (
+    asymptotic_multiple,
+    safe_lower,
+    stratified_lower,
+    students_multiple,
+)
+
+LOOKS = 2000
+
+
+def walks(seed: int, count: int) -> np.ndarray:
+    """Means of normal draws of mean 0 and known spread 1 after every draw, (walk, draw)."""
+    drawn = np.random.default_rng(seed).standard_normal((count, LOOKS))
+    return drawn.cumsum(axis=1) / np.arange(1, LOOKS + 1)
+
+
+@pytest.mark.parametrize("alpha", [0.2, 0.05, 0.01])
+def test_walks_hardly_ever_cross_the_bound(alpha: float) -> None:
+    count = np.arange(1, LOOKS + 1)
+    bound = asymptotic_multiple(count, alpha) / np.sqrt(count)
+    crossed = (walks(1, 3000) > bound).any(axis=1).mean()
+    fixed = (walks(1, 3000) > norm.isf(alpha) / np.sqrt(count)).any(axis=1).mean()
+    assert 0.3 * alpha < crossed < alpha  # valid, and not idle
+    assert fixed > 2 * alpha  # an interval for one look would not do
+
+
+def test_the_bound_is_near_that_of_one_look() -> None:
+    for alpha in (0.05, 1e-3, 5e-5):
+        ratio = asymptotic_multiple(np.array([64]), alpha) / norm.isf(alpha)
+        assert 1.0 < ratio < 1.8
+
+
+def test_students_multiple_has_the_same_tail() -> None:
+    multiple, freedom = np.array([2.0, 4.0, 5.5]), np.array([3.0, 7.5, 42.0])
+    found = students_multiple(multiple, freedom)
+    assert np.allclose(t.sf(found, freedom), norm.sf(multiple))
+    assert np.isinf(students_multiple(np.array([2.0]), np.array([0.0])))
+    assert np.allclose(students_multiple(multiple, np.full(3, 1e9)), multiple)
+
+
+def test_a_stratified_bound_is_made_of_its_strata() -> None:
+    values = np.random.default_rng(2).gamma(2.0, 1.0, (3, 4, 9)) * [[[1.0], [2.0], [4.0], [0.1]]]
+    found = stratified_lower(values, 0.01)
+    for case, lower in zip(values, found, strict=True):
+        errors = [np.var(draws, ddof=1) / 9 / 16 for draws in case]
+        freedom = sum(errors) ** 2 / sum(error**2 / 8 for error in errors)
+        multiple = -t.ppf(norm.sf(asymptotic_multiple(np.array(9), 0.01)), freedom)
+        assert lower == pytest.approx(case.mean() - multiple * np.sqrt(sum(errors)))
+    assert np.isinf(stratified_lower(values[:, :, :1], 0.01)).all()
+    assert (stratified_lower(values * 0.0, 0.01) == 0.0).all()
+
+
+def test_safe_bounds_hold_for_rare_losses() -> None:
+    """One in twenty draws carries all: bounds by the standard error fail, safe ones do not."""
+    drawn = (np.random.default_rng(3).random((2000, 300)) < 0.95).astype(float)
+    safe = safe_lower(drawn, 0.05, 0.0, 1.0)
+    assert (safe > 0.95).mean() <= 0.05
+    early = np.stack([stratified_lower(drawn[:, None, :count], 0.05) > 0.95
+                      for count in (4, 8, 12)]).any(axis=0)
+    assert early.mean() > 0.3
+
+
+def test_safe_bounds_close_in_and_scale() -> None:
+    drawn = np.random.default_rng(4).uniform(0.0, 1.0, (1, 4000))
+    few, many = (safe_lower(drawn[:, :count], 0.01, 0.0, 1.0)[0] for count in (50, 4000))
+    assert few < many < 0.5
+    assert many > 0.5 - 0.05
+    scaled = safe_lower(20.0 * drawn - 10.0, 0.01, -10.0, 10.0)[0]
+    assert scaled == pytest.approx(20.0 * many - 10.0)

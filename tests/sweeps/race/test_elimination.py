@@ -1,0 +1,150 @@
+"""Races of drawn scores: who wins, how often that is wrong, what a rung asks for."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+
+from sweeps.race.elimination import Look, Part, Race, Rules, judge, next_rung
+
+Scores = Callable[[Part], np.ndarray]
+
+
+def drawn(values: np.ndarray) -> Scores:
+    """Gives what is asked from (entry, object, replicate)."""
+    return lambda part: values[part[0], :, part[1]:part[2]]
+
+
+def run(race: Race, scores: Scores) -> list[list[Part]]:
+    """Runs a race to its end; what each rung asked for comes back."""
+    rungs = []
+    while asked := race.asked():
+        rungs.append(asked)
+        race.take(asked, [scores(part) for part in asked])
+    return rungs
+
+
+def skewed(seed: int, means: Sequence[float], replicates: int = 3000) -> np.ndarray:
+    """Scores with common and own errors, skewed, with rare failures of 20 mm."""
+    rng = np.random.default_rng(seed)
+    shape = len(means), 3, replicates
+    common = 2.0 * rng.gamma(1.0, 1.0, (1, *shape[1:]))
+    own = rng.gamma(1.5, 1.0, shape)
+    failed = 20.0 * (rng.random(shape) < 0.01)
+    return np.array(means)[:, None, None] + common + own - 1.5 + failed - 0.2
+
+
+def test_the_winner_is_within_the_zone_of_the_best() -> None:
+    means = np.concatenate([[5.0, 5.2], np.linspace(5.4, 9.0, 22)])
+    wrong, total = 0, []
+    for seed in range(60):
+        race = Race(len(means), Rules(0.3))
+        run(race, drawn(skewed(seed, means.tolist())))
+        last = race.looks[-1]
+        assert not last.open.any()
+        assert last.within <= 0.3
+        wrong += means[last.leader] > 5.3
+        total.append(last.total)
+    assert wrong <= 3
+    # as many as the hardest pair needs at one look with equal allocation: (z s / within)^2
+    equal = 24 * (2.85 * np.sqrt(2 * 1.5 + 8) / np.sqrt(3) / 0.3) ** 2
+    assert np.mean(total) < equal / 5
+
+
+def test_of_equal_entries_hardly_any_is_called_worse() -> None:
+    wrong = 0
+    for seed in range(100):
+        race = Race(10, Rules(0.8))
+        run(race, drawn(skewed(seed, [5.0] * 10)))
+        wrong += race.looks[-1].out.any()
+    assert wrong <= 10  # 5 in the mean
+
+
+def test_safe_bounds_need_more_and_keep_the_promise() -> None:
+    means, counts = [3.0, 4.0, 12.0], []
+    for bounds in (None, (0.0, 30.0)):
+        race = Race(3, Rules(2.0, bounds=bounds))
+        run(race, drawn(skewed(5, means)))
+        assert race.looks[-1].leader in (0, 1)
+        counts.append(race.looks[-1].total)
+    assert counts[0] < counts[1]
+
+
+def test_scores_are_cut_for_safe_bounds() -> None:
+    values = skewed(1, [3.0, 4.0])
+    cut = Race(2, Rules(2.0, bounds=(0.0, 8.0)))
+    run(cut, drawn(values))
+    count = cut.count[0]
+    assert cut.means[0] == pytest.approx(np.clip(values[0, :, :count], 0, 8).mean())
+
+
+def test_a_rung_asks_for_the_open_and_for_nothing_twice() -> None:
+    race = Race(6, Rules(0.3))
+    rungs = run(race, drawn(skewed(2, [5.0, 5.1, 5.5, 6.0, 8.0, 11.0])))
+    have = np.zeros(6, int)
+    before: Look | None = None
+    for asked, look in zip(rungs, race.looks, strict=True):
+        for entry, start, stop in asked:
+            assert start == have[entry]
+            assert stop == next_rung(start, 8)
+            assert before is None or before.open[entry] or entry == before.leader
+            have[entry] = stop
+        assert (look.replicates == have).all()
+        assert before is None or not (before.out & ~look.out).any()
+        before = look
+    assert len({tuple(part) for rung in rungs for part in rung}) == sum(map(len, rungs))
+
+
+def test_entries_that_are_far_worse_change_nothing_but_the_correction() -> None:
+    values = skewed(4, [5.0, 5.4, 6.0])
+    more = np.concatenate([values, values[:1] + 100.0])
+    looks = []
+    for scores in (values, more):
+        race = Race(len(scores), Rules(0.3, confidence=1 - 0.05 * (len(scores) - 1)))
+        run(race, drawn(scores))
+        looks.append(race.looks[-1])
+    assert (looks[0].replicates == looks[1].replicates[:3]).all()
+    assert (looks[0].lower == looks[1].lower[:3]).all()
+    assert looks[1].out[3]
+
+
+@pytest.mark.parametrize("budget", [16, 100, 333])
+def test_a_budget_is_kept_and_larger_ones_go_on_from_there(budget: int) -> None:
+    values = skewed(6, [5.0, 5.05, 5.1, 5.2, 6.0])
+    small, large = Race(5, Rules(0.01, budget=budget)), Race(5, Rules(0.01, budget=1000))
+    run(small, drawn(values))
+    run(large, drawn(values))
+    assert 0 < small.looks[-1].total <= budget
+    assert small.looks[-1].open.any()
+    assert small.looks[-1].within > 0.01
+    for mine, theirs in zip(small.looks[:-1], large.looks, strict=False):
+        assert (mine.replicates == theirs.replicates).all()
+
+
+def test_too_small_a_budget_asks_for_nothing() -> None:
+    assert Race(5, Rules(0.1, budget=9)).asked() == []
+
+
+def test_a_race_ends_with_the_replicates_that_there_are() -> None:
+    race = Race(3, Rules(0.01, start=4, most=7))
+    rungs = run(race, lambda part: skewed(7, [5.0, 5.1, 5.2])[part[0], :1, part[1]:part[2]])
+    assert max(stop for rung in rungs for _, _, stop in rung) == 7
+
+
+def test_what_was_shown_of_a_leader_need_not_hold_of_the_next() -> None:
+    """An entry that rested under one leader is open again where another makes it so."""
+    rng = np.random.default_rng(8)
+    base = rng.normal(0.0, 1.0, (1, 2, 40))
+    few = [base[0, :, :10] + 0.2 * rng.normal(size=(2, 10)), base[0] + 0.5, base[0] + 0.4]
+    look = judge(1, few, np.zeros(3, bool), Rules(0.3))
+    assert look.leader == 2
+    assert look.open[0]
+    assert look.within == pytest.approx(-look.lower[0])
+
+
+def test_the_order_of_answers_is_that_of_the_questions() -> None:
+    values = skewed(9, [5.0, 5.2, 5.9])
+    one, two = Race(3, Rules(0.2)), Race(3, Rules(0.2))
+    run(one, drawn(values))
+    run(two, drawn(values.copy()))
+    assert one.looks[-1].lower.tobytes() == two.looks[-1].lower.tobytes()

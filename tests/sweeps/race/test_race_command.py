@@ -1,0 +1,207 @@
+"""The command: what it prints and leaves, resumed, damaged, with any number of workers."""
+
+import csv
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from places import ROOT
+from studies import write_spec
+
+from sweeps.cli import main as cli
+from sweeps.race.race_units import RaceUnits
+from sweeps.run import worker
+from sweeps.run.plan import Plan, Unit, plan_study
+from sweeps.run.store import Store
+from sweeps.spec.reader import read_spec
+
+SPEC = """\
+schema = 1
+seed = 7
+episodes_per_cell = 4
+objects = ["block", "wedge", "funnel"]
+""" + "".join(f"""[[strategy]]
+name = "{name}"
+waypoints = {{ kind = "ring", count = 6 }}
+""" for name in ("ant", "bee", "cow", "dog", "horse", "elephant"))
+"""Of the stand-in, strategies whose names are equally long are equally good; each has its luck."""
+FILES = ("race.csv", "race.svg", "resolved.json")
+
+
+@pytest.fixture(autouse=True)
+def _fake(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(worker, "EPISODES", "fake_episodes:run_episodes")
+
+
+def race(spec: Path, out: Path, *words: str, within: str = "0.3") -> int:
+    return cli.run(["race", str(spec), "-o", str(out), "--within", within, *words])
+
+
+def rows(out: Path) -> list[dict[str, str]]:
+    return list(csv.DictReader((out / "race.csv").read_text().splitlines()))
+
+
+def test_a_race_from_the_spec_to_the_sentence(tmp_path: Path,
+                                              capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    assert race(write_spec(tmp_path, SPEC), out, "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["best"] in ("ant", "bee", "cow", "dog")
+    assert told["claim"] == "within 0.3 mm of the best of 6 on these 3 objects, 95 %"
+    assert told["reached"]
+    found = rows(out)
+    assert found == told["table"]
+    assert [row["verdict"] for row in found].count("best") == 1
+    assert [row["strategy"] for row in found[-2:]] == ["horse", "elephant"]
+    assert found[-1]["verdict"] == found[-2]["verdict"] == "worse"
+    assert max(int(row["last_rung"]) for row in found) > 3
+    plan = plan_study(read_spec(tmp_path / "spec.toml"))
+    assert sum(int(row["n_episodes"]) for row in found) == sum(
+        unit.stop - unit.start for unit in units_there(plan, out))
+
+
+def test_a_mean_is_that_of_the_rows(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert race(write_spec(tmp_path, SPEC), out, "--metric", "robot_time_s", within="0.5") == 0
+    best = rows(out)[0]
+    plan = plan_study(read_spec(tmp_path / "spec.toml"))
+    mine = [Store(out).read(unit) for unit in units_there(plan, out)
+            if unit.cell.strategy.name == best["strategy"]]
+    times = np.concatenate([unit["robot_time_s"] for unit in mine if unit is not None])
+    assert len(times) == int(best["n_episodes"])
+    assert float(best["robot_time_s"]) == pytest.approx(times.mean(), abs=1e-3)
+
+
+def units_there(plan: Plan, out: Path) -> list[Unit]:
+    """The units of a race's directory, found by their ids."""
+    there = Store(out).unit_ids()
+    units = RaceUnits(plan, Store(out), "chamfer_mm", "these")
+    stops = [0, 8]
+    while stops[-1] < 2000:
+        stops.append(int(np.ceil(1.35 * stops[-1])))
+    found = units.units([(e, a, b) for e in range(len(units.entries))
+                         for a, b in pairwise(stops)])
+    return [unit for unit in found if unit.id in there]
+
+
+def test_workers_and_interruptions_change_no_byte(tmp_path: Path) -> None:
+    spec = write_spec(tmp_path, SPEC)
+    assert race(spec, tmp_path / "one") == 0
+    assert race(spec, tmp_path / "three", "--workers", "3") == 0
+    files = sorted((tmp_path / "one" / "units").iterdir())
+    shutil.copytree(tmp_path / "one", tmp_path / "part")
+    for file in files[::3]:
+        (tmp_path / "part" / "units" / file.name).unlink()
+    flipped = bytearray(files[1].read_bytes())
+    flipped[len(flipped) // 3] ^= 4
+    (tmp_path / "part" / "units" / files[1].name).write_bytes(flipped)
+    assert race(spec, tmp_path / "part") == 0
+    for other in ("three", "part"):
+        assert sorted(f.name for f in (tmp_path / other / "units").iterdir()) == [
+            f.name for f in files]
+        for file in (*(f"units/{f.name}" for f in files), *FILES):
+            assert (tmp_path / other / file).read_bytes() == (tmp_path / "one" / file).read_bytes()
+
+
+def test_a_killed_race_goes_on(tmp_path: Path) -> None:
+    spec = write_spec(tmp_path, SPEC)
+    assert race(spec, tmp_path / "whole") == 0
+    run = ("import sys; from sweeps.run import worker; from sweeps.cli import main as cli; "
+           "worker.EPISODES = 'fake_episodes:slow_episodes'; cli.main(sys.argv[1:])")
+    process = subprocess.Popen(
+        [sys.executable, "-c", run, "race", str(spec), "-o", str(tmp_path / "killed"),
+         "--within", "0.3", "--workers", "2"], cwd=ROOT, stderr=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL, env={**os.environ, "FAKE_SECONDS": "0.2",
+                                        "PYTHONPATH": f"{ROOT}:{ROOT / 'tests/helpers'}"})
+    units = tmp_path / "killed" / "units"
+    for _ in range(600):
+        if units.exists() and len(list(units.glob("*.parquet"))) > 10:
+            break
+        time.sleep(0.05)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    assert race(spec, tmp_path / "killed") == 0
+    for file in FILES[:2]:
+        assert (tmp_path / "killed" / file).read_bytes() == (
+            tmp_path / "whole" / file).read_bytes()
+
+
+def test_a_budget_ends_a_race_and_more_of_it_goes_on(tmp_path: Path,
+                                                     capsys: pytest.CaptureFixture[str]) -> None:
+    spec = write_spec(tmp_path, SPEC)
+    assert race(spec, tmp_path / "out", "--budget-episodes", "200") == 0
+    printed = capsys.readouterr()
+    assert "the budget of episodes ended before the best was known within 0.3 mm" in printed.err
+    assert "within 0.3 mm" not in printed.out
+    assert sum(int(row["n_episodes"]) for row in rows(tmp_path / "out")) <= 200
+    before = {f.name for f in (tmp_path / "out" / "units").iterdir()}
+    assert race(spec, tmp_path / "out") == 0
+    assert before < {f.name for f in (tmp_path / "out" / "units").iterdir()}
+    assert race(spec, tmp_path / "whole") == 0
+    assert (tmp_path / "out/race.csv").read_bytes() == (tmp_path / "whole/race.csv").read_bytes()
+    assert race(spec, tmp_path / "late", "--budget-minutes", "0.00001", within="0.001") == 0
+    assert "the time ended before" in capsys.readouterr().err
+
+
+def test_objects_like_these_are_the_replicates(tmp_path: Path,
+                                               capsys: pytest.CaptureFixture[str]) -> None:
+    objects = ", ".join(f'{{ name = "s{n}", superquadric = {{ size_mm = [{20 + n}, 20, 30], '
+                        f"exponents = [1, 1] }} }}" for n in range(12))
+    spec = write_spec(tmp_path, SPEC.replace('"block", "wedge", "funnel"', objects))
+    assert race(spec, tmp_path / "out", "--over", "like-these", within="0.5") == 0
+    printed = capsys.readouterr().out
+    assert "of the best of 6 on objects like these" in printed
+    taken = {int(row["n_episodes"]) for row in rows(tmp_path / "out")}
+    assert all(count % 4 == 0 and count <= 48 for count in taken)
+    assert race(spec, tmp_path / "end", "--over", "like-these", within="0.0001") == 0
+    assert "the objects ended before" in capsys.readouterr().err
+
+
+def test_swept_nuisances_are_averaged_over(tmp_path: Path) -> None:
+    text = SPEC + '\n[sweep.sobol]\nn = 4\n"errors.mount_mm" = { low = 0, high = 1 }\n'
+    plan = plan_study(read_spec(write_spec(tmp_path, text)))
+    units = RaceUnits(plan, Store(tmp_path / "out"), "chamfer_mm", "these")
+    assert len(units.entries) == 6
+    assert units.episodes_each == 12
+    assert len(units.units([(0, 0, 8)])) == 12
+
+
+def test_capped_races_say_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    spec = write_spec(tmp_path, SPEC)
+    assert race(spec, tmp_path / "out", "--cap", "20", within="5") == 0
+    assert "95 %, scores cut at 20 mm" in capsys.readouterr().out
+    assert race(spec, tmp_path / "iou", "--metric", "iou", within="0.05") == 0
+    assert "within 0.05 of the best" in capsys.readouterr().out
+    assert 0 < float(rows(tmp_path / "iou")[0]["iou"]) < 1
+
+
+@pytest.mark.parametrize(("words", "code", "message"), [
+    (["--within", "0"], 2, "--within: is 0; should be"),
+    (["--within", "1", "--confidence", "100"], 2, "--confidence: is 100; should be"),
+    (["--within", "1", "--start", "1"], 2, "--start: is 1; should be"),
+    (["--within", "1", "--budget-episodes", "10"], 2, "the first rung of 6 entries takes 36"),
+    (["--within", "1", "--metric", "nothing"], 2, "no metric 'nothing'"),
+    (["--within", "1", "--address", "auto"], 2, "--address: is for --engine ray"),
+])
+def test_refusals(tmp_path: Path, words: list[str], code: int, message: str,
+                  capsys: pytest.CaptureFixture[str]) -> None:
+    spec = write_spec(tmp_path, SPEC)
+    assert cli.run(["race", str(spec), "-o", str(tmp_path / "out"), *words]) == code
+    assert message in capsys.readouterr().err
+
+
+def test_one_entry_is_no_race(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    spec = write_spec(tmp_path, SPEC.split('[[strategy]]\nname = "bee"')[0])
+    assert race(spec, tmp_path / "out") == 2
+    assert "has one entry; a race needs two or more" in capsys.readouterr().err
+    one = SPEC.replace(', "wedge", "funnel"', "")
+    assert race(write_spec(tmp_path, one), tmp_path / "out", "--over", "like-these") == 2
+    assert "nothing follows from one object" in capsys.readouterr().err
