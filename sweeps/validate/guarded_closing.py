@@ -99,7 +99,7 @@ def compare_closing(poses: int = 24, workers: int = 2) -> list[Comparison]:
         for _ in _VARIED:
             _add(both, next(left))
         rows += _rows(f"box and cylinder, {what}", both)
-    return rows + _moved_rows(some)
+    return rows + _moved_rows(max(poses, 24))
 
 
 FREE = replace(ContactTable(), friction=0.0)
