@@ -67,64 +67,77 @@ class ExpectedError(OneAtATime):
         first, second = felt.shape[1], felt.shape[1] + candidates * fingers
         for world in np.flatnonzero(free.any(1)):
             known = np.flatnonzero(belief.evidence.mask[world])
+            poses_met = np.flatnonzero(found[world].any(1))
             field = _Field(places[world], slopes[world], self.length_m,
                            known, residual[world, known])
-            gain[world] = field.falls(
-                np.arange(first, second).reshape(candidates, fingers), found[world],
-                np.arange(second, places.shape[1]), weight[world])
+            gain[world, poses_met] = field.falls(
+                np.arange(first, second).reshape(candidates, fingers)[poses_met],
+                found[world, poses_met], np.arange(second, places.shape[1]), weight[world])
         if self.per_second and self.last is not None:
             gain /= BASE_TIME_S + travel_time(belief.arm, belief.hand, self.last, poses)
         return gain
 
 
 class _Field:
-    """One world's distances between the true surface and the body believed, given touches."""
+    """One world's distances between the true surface and the body believed, given touches.
+
+    In units of the noise of one touch, and in single precision but for the touches felt, of which
+    there are few: their covariance is the one to be factored that is nearly singular.
+    """
 
     def __init__(self, places: np.ndarray, slopes: np.ndarray, length: float,
                  known: np.ndarray, residual: np.ndarray) -> None:
-        self.places, self.slopes, self.length, self.known = places, slopes, length, known
-        self.misfit, self.factor = UNFELT_M, np.zeros((0, 0))
+        self.places = np.sqrt(3.0) / length * (places - places.mean(0))
+        self.slopes = slopes / NOISE_M
+        self.known = known
+        self.misfit, self.whiten = UNFELT_M / NOISE_M, np.zeros((0, 0), np.float32)
         if len(known):
-            scores = []
+            alike = _matern(self.places[known], self.places[known])
+            shared = self.slopes[known] @ self.slopes[known].T + np.eye(len(known))
+            factors, scores = [], []
             for misfit in MISFITS_M:
-                factor = self._known(misfit)
-                white = np.linalg.solve(factor, residual)
+                factor = np.linalg.cholesky((misfit / NOISE_M) ** 2 * alike + shared)
+                white = np.linalg.solve(factor, residual / NOISE_M)
+                factors.append(factor)
                 scores.append(-0.5 * white @ white - np.log(np.diag(factor)).sum())
-            self.misfit = MISFITS_M[int(np.argmax(scores))]
-            self.factor = self._known(self.misfit)
+            best = int(np.argmax(scores))
+            self.misfit = MISFITS_M[best] / NOISE_M
+            self.whiten = np.linalg.inv(factors[best]).astype(np.float32)
+        self.places, self.slopes = (v.astype(np.float32) for v in (self.places, self.slopes))
 
-    def _known(self, misfit: float) -> np.ndarray:
-        covariance = self._prior(self.known, self.known, misfit)
-        return np.linalg.cholesky(covariance + NOISE_M**2 * np.eye(len(self.known)))
-
-    def _prior(self, one: np.ndarray, other: np.ndarray, misfit: float) -> np.ndarray:
-        """Covariance (..., n, m) [m^2] before any touch, of places numbered `one` and `other`."""
-        a, b = self.places[one], self.places[other]
-        square = ((a**2).sum(-1)[..., :, None] + (b**2).sum(-1)[..., None, :]
-                  - 2.0 * a @ np.swapaxes(b, -1, -2))
-        scaled = np.sqrt(3.0 * np.maximum(square, 0.0)) / self.length
-        return (misfit**2 * (1.0 + scaled) * np.exp(-scaled)
-                + self.slopes[one] @ np.swapaxes(self.slopes[other], -1, -2))
+    def _prior(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """Covariance (..., n, m) before any touch, of places numbered `one` and `other`."""
+        alike = _matern(self.places[one], self.places[other])
+        alike *= np.float32(self.misfit**2)
+        alike += self.slopes[one] @ np.swapaxes(self.slopes[other], -1, -2)
+        return alike
 
     def falls(self, touches: np.ndarray, found: np.ndarray, surface: np.ndarray,
               weight: np.ndarray) -> np.ndarray:
-        """Of the mean standard deviation over `surface`, for each row of `touches`."""
+        """Of the mean standard deviation over `surface` [m], for each row of `touches`."""
         flat = touches.reshape(-1)
-        to_touch = np.linalg.solve(self.factor, self._prior(self.known, flat, self.misfit))
-        to_surface = np.linalg.solve(self.factor, self._prior(self.known, surface, self.misfit))
-        by_pose = to_touch.T.reshape(*touches.shape, len(self.known))
-        within = (self._prior(touches, touches, self.misfit)
-                  - by_pose @ np.swapaxes(by_pose, -1, -2))
-        across = (self._prior(flat, surface, self.misfit)
+        to_touch = self.whiten @ self._prior(self.known, flat)
+        to_surface = self.whiten @ self._prior(self.known, surface)
+        by_pose = np.ascontiguousarray(to_touch.T).reshape(*touches.shape, len(self.known))
+        within = self._prior(touches, touches) - by_pose @ np.swapaxes(by_pose, -1, -2)
+        across = (self._prior(flat, surface)
                   - to_touch.T @ to_surface).reshape(*touches.shape, -1)
-        both = found[:, :, None] & found[:, None]
-        within = np.where(both, within, 0.0) + NOISE_M**2 * np.eye(touches.shape[1])
-        across = np.where(found[..., None], across, 0.0)
-        before = (self.misfit**2 + (self.slopes[surface]**2).sum(-1) - (to_surface**2).sum(0))
-        explained = (across * np.linalg.solve(within, across)).sum(1)
-        after = np.maximum(before - explained, 0.0)
-        fall = np.sqrt(np.maximum(before, 0.0)) - np.sqrt(after)
-        return fall @ weight / max(weight.sum(), 1e-12)
+        within *= found[:, :, None] & found[:, None]
+        within += np.eye(touches.shape[1], dtype=np.float32)
+        across *= found[..., None]
+        explained = ((np.linalg.inv(np.linalg.cholesky(within)) @ across) ** 2).sum(1)
+        before = np.maximum(self.misfit**2 + (self.slopes[surface]**2).sum(-1)
+                            - (to_surface**2).sum(0), 0.0)
+        fall = np.sqrt(before) - np.sqrt(np.maximum(before - explained, 0.0))
+        return NOISE_M * (fall @ weight) / max(weight.sum(), 1e-12)
+
+
+def _matern(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Matern 3/2 correlation of places (..., n, 3) and (..., m, 3), in units of length / sqrt 3."""
+    square = ((one**2).sum(-1)[..., :, None] + (other**2).sum(-1)[..., None, :]
+              - 2.0 * one @ np.swapaxes(other, -1, -2))
+    apart = np.sqrt(np.maximum(square, 0.0, out=square), out=square)
+    return (1.0 + apart) * np.exp(-apart)
 
 
 def parameter_prior(body: Superquadric) -> np.ndarray:

@@ -29,7 +29,8 @@ def predicted_touches(
     there is one, bool (world, candidate, touch): four fingers for each of `belief.closings`, one
     after the other. A finger moves freely until a link meets the body, and rests there. Where the
     open hand would strike body or table on its way, and where a finger would meet the table or
-    the body so low that the touch would be taken for the table's, there is none.
+    the body so low that the touch would be taken for the table's, there is none; nor where a link
+    grazes the body, which slips past it. Fingers do not meet one another.
     """
     commands, count = padded_commands(belief.closings)
     worlds, poses = hand_pose.shape[:2]

@@ -23,6 +23,7 @@ _STRAIGHT = wp.constant(real(1e-6))  # curvatures below are no bend [1/m]
 _PLACES = wp.constant(5)  # along a link
 _SHORTEST = wp.constant(real(1e-3))  # way marched at once on an approach [m]
 _MARCHES = wp.constant(int(RETREAT_M / 1e-3) + 2)
+_GRAZING = wp.constant(real(0.4))  # of its motion, against what it meets: less slips past [est]
 _PALM_BARS = wp.constant(3)
 
 
@@ -56,9 +57,9 @@ def _segment_distance(s: SuperquadricShape, a: vec3, b: vec3, enough: real):
 
 
 @wp.func
-def _nearest_place(s: SuperquadricShape, a: vec3, b: vec3):
-    """The point of the body nearest to a segment: the lowest of five places, moved to the foot of
-    the parabola through it and its neighbours."""
+def _nearest_share(s: SuperquadricShape, a: vec3, b: vec3):
+    """Where along a segment the body is nearest, from 0 to 1: the lowest of five places, moved to
+    the foot of the parabola through it and its neighbours."""
     spacing = ONE / real(_PLACES - 1)
     best = int(0)
     least = _FAR
@@ -74,9 +75,7 @@ def _nearest_place(s: SuperquadricShape, a: vec3, b: vec3):
         bend = before + after - least - least
         if bend > ZERO:
             t += spacing * HALF * (before - after) / bend
-    p = a + (b - a) * t
-    g = sdf_superquadric_bound_grad(p, s)
-    return p - vec3(g[0], g[1], g[2]) * g[3]
+    return t
 
 
 @wp.func
@@ -155,16 +154,19 @@ def first_touch_kernel(
     command_count: wp.array[int],
     point: wp.array4d[vec3],
 ):
-    """Where a finger first meets the body, base frame; NaN where it does not, or the table first.
+    """Where a finger first meets the body, base frame.
+
+    NaN where it meets nothing, or the table first, or grazes the body: one that
+    hardly moves against the surface slips past it.
     """
-    w, p, g, finger = wp.tid()
+    w, probe, g, finger = wp.tid()
     w += first
-    point[w, p, g, finger] = vec3(_NAN, _NAN, _NAN)
-    if not free[w, p, 0] or not free[w, p, g]:
+    point[w, probe, g, finger] = vec3(_NAN, _NAN, _NAN)
+    if not free[w, probe, 0] or not free[w, probe, g]:
         return
     s = shape[w]
     hand = hand_table[0, finger]
-    base = wp.transform_multiply(hand_pose[w, p], finger_base(hand, finger))
+    base = wp.transform_multiply(hand_pose[w, probe], finger_base(hand, finger))
     to_body = wp.transform_multiply(wp.transform_inverse(pose[w]), base)
     scale = wp.where(greater(wp.abs(s.kx), wp.abs(s.ky)) + s.bend > ZERO, HALF, ONE)
     end = command_count[g]
@@ -187,6 +189,15 @@ def first_touch_kernel(
     if touched < 0:
         return
     at = links[g, finger, touched, end]
-    place = _nearest_place(s, wp.transform_point(to_body, at.start),
-                           wp.transform_point(to_body, at.end))
-    point[w, p, g, finger] = wp.transform_point(pose[w], place)
+    a = wp.transform_point(to_body, at.start)
+    b = wp.transform_point(to_body, at.end)
+    share = _nearest_share(s, a, b)
+    p = a + (b - a) * share
+    grad = sdf_superquadric_bound_grad(p, s)
+    n = vec3(grad[0], grad[1], grad[2])
+    after = links[g, finger, touched, wp.min(end + 1, command_count[g] - 1)]
+    way = wp.transform_vector(to_body, after.start - at.start
+                              + (after.end - at.end - after.start + at.start) * share)
+    if wp.dot(way, n) > -_GRAZING * wp.length(way):
+        return
+    point[w, probe, g, finger] = wp.transform_point(pose[w], p - n * grad[3])

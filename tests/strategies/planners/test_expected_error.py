@@ -3,7 +3,8 @@
 import numpy as np
 from beliefs import belief, on_side
 
-from strategies.planners.candidates import candidate_poses, predicted_touches
+from strategies.planners.candidates import candidate_poses
+from strategies.planners.foresight import predicted_touches
 from strategies.planners.expected_error import NOISE_M, ExpectedError, _Field
 
 
