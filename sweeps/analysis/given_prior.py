@@ -72,8 +72,8 @@ class ReferenceMeans:
         return bool(self.means.objects)
 
     def worse(self, sign: float) -> list[str]:
-        """For each entry whether it is worse than its prior: "no"; "mean" if only its mean is; "yes"
-        if the interval of the difference on these objects excludes 0, too; "NA" if not known.
+        """Whether each entry is worse than its prior: "no"; "mean" if only its mean is; "yes" if
+        the interval of the difference on these objects excludes 0, too; "NA" if not known.
 
         The interval holds for all entries together. `sign` is -1 if more is better.
         """

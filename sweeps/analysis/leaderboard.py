@@ -184,8 +184,8 @@ class _Ranking:
                 sure = ("" if worse[n] == "yes" else ": in the mean, which may be chance")
                 lines.append((-float(self.sign * apart.value[n]), (
                     f"{self.entries[n].label} is worse than {reference.label}, {value[n]:.2f} "
-                    f"against {value[beside.entries + number]:.2f}, by {low:.2f} to {high:.2f} on these "
-                    f"objects{sure}")))
+                    f"against {value[beside.entries + number]:.2f}, by {low:.2f} to {high:.2f} "
+                    f"on these objects{sure}")))
         return [line for _, line in sorted(lines)]
 
     def rarely_touching(self) -> Iterator[tuple[str, float]]:
