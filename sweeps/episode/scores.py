@@ -282,4 +282,4 @@ def distance_to_surface(body: Body, points_m: np.ndarray, *, device: str = "cpu"
         apart = points_m - on
         best = np.where(left < ON_M, np.minimum(best, np.linalg.norm(apart, axis=-1)), best)
         foot = points_m - slope * ((apart * slope).sum(-1) / square)[..., None]
-    return np.where(known[..., 0], best, np.nan)
+    return np.where(np.asarray(known)[..., 0], best, np.nan)
