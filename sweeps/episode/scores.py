@@ -2,9 +2,9 @@
 
 Both surfaces are sampled: the true one by points (`geometry.body_sampling`), the recovered one by
 surface elements, discs with the area of an element (`surface_elements`). Distances from the true
-surface go to the nearest place of the recovered one, found from its nearest element. Distances
-from the recovered surface go to the true body (`distance_to_surface`). Everything is computed in
-the true body's frame, so that its points are the same in every world.
+surface go to the nearest element. Distances from the recovered surface go to the true body
+(`distance_to_surface`). Everything is computed in the true body's frame, so that its points are
+the same in every world.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -16,7 +16,6 @@ import warp as wp
 from fit.arrays import joined, rows_of, with_rows
 from fit.revolution.geometry import (
     RevolutionBody,
-    revolution_distance,
     revolution_inside,
     revolution_surface,
     revolution_volume,
@@ -31,7 +30,7 @@ from sweeps.episode.scores_kernel import (
     _element_distance_kernel,
     _inside_kernel,
 )
-from sweeps.episode.surface_elements import Elements, surface_elements
+from sweeps.episode.surface_elements import surface_elements
 from warpgrasp.core.dtypes import real, vec3, vec4
 from warpgrasp.core.kernel_launch import launch
 from warpgrasp.geometry.body import Body, distance_to_bodies, scene_of
@@ -42,9 +41,7 @@ ELEMENTS = 864
 INSIDE_POINTS = 2048
 COVERAGE_M = 0.005
 DISCS = 8192
-"""Points from which the distance to a body without an exact one is found."""
-ON_M = 2e-5
-"""What is farther from such a surface, by the body's own distance, is not on it."""
+"""Discs that stand for the surface of a body without an exact distance."""
 WORLDS_AT_ONCE = 512
 """More at once leave the caches: 16,384 took 2 GiB and a third more time each."""
 
@@ -75,8 +72,6 @@ class _Surface:
     volume: np.ndarray
     common: np.ndarray
     """Share of the true body's inside points that lie inside, (world,)."""
-    away: np.ndarray
-    """Distances of the true surface's points to it [m], (world, point)."""
 
 
 def score_superquadrics(
@@ -141,10 +136,8 @@ def _superquadrics(
         ((fits.position_m - body_pose[:, :3])[:, None] @ turn)[:, 0],
         quaternion_of_matrix(turn.transpose(0, 2, 1) @ matrix_of_quaternion(fits.quaternion_xyzw)),
         fits.taper, fits.bend)
-    elements = surface_elements(seen, ELEMENTS, device=device)
-    return _Surface(*elements, superquadric_volume(fits),
-                    _share_inside(seen, sample.inside_m, device),
-                    _distance_to_superquadrics(sample.surface_m, elements, seen, device))
+    return _Surface(*surface_elements(seen, ELEMENTS, device=device), superquadric_volume(fits),
+                    _share_inside(seen, sample.inside_m, device))
 
 
 def _revolutions(
@@ -153,13 +146,12 @@ def _revolutions(
     turn, place = matrix_of_quaternion(body_pose[:, 3:]), body_pose[:, None, :3]
     element, normal, area = revolution_surface(bodies)
     inside = revolution_inside(bodies, sample.inside_m @ turn.transpose(0, 2, 1) + place)
-    away = revolution_distance(bodies, sample.surface_m @ turn.transpose(0, 2, 1) + place)
     return _Surface((element - place) @ turn, normal @ turn, area, revolution_volume(bodies),
-                    inside.mean(1), away)
+                    inside.mean(1))
 
 
 def _score(found: _Surface, body: Body, sample: BodySample, device: str) -> Scores:
-    to_fit = found.away
+    to_fit = _distance_to_elements(sample.surface_m, found, device)
     to_body = distance_to_surface(body, found.element, device=device)
     share = found.area / found.area.sum(1, keepdims=True)
     mean_to_body = (to_body * share).sum(1)
@@ -183,27 +175,21 @@ def _quantile(values: np.ndarray, share: np.ndarray, q: float) -> np.ndarray:
     return np.take_along_axis(values, order, 1)[np.arange(len(values)), at]
 
 
-def _distance_to_superquadrics(
-    points: np.ndarray, found: Elements, fits: SuperquadricLike, device: str
-) -> np.ndarray:
-    """From each point (point, 3) to each world's body, whose elements are `found`, (world, point).
-    """
+def _distance_to_elements(points: np.ndarray, found: _Surface, device: str) -> np.ndarray:
+    """From each point (point, 3) to each world's surface, (world, point)."""
     worlds, elements = found.area.shape
     patches = -(-elements // PATCH)
     surface = {
-        "element": wp.array(found.point, dtype=vec3, device=device),
+        "element": wp.array(found.element, dtype=vec3, device=device),
         "radius": wp.array(np.sqrt(found.area / np.pi), dtype=real, device=device)}
     shapes = {"element": "world element", "radius": "world element", "ball": "world patch"}
     ball = wp.empty((worlds, patches), dtype=vec4, device=device)
     launch(_ball_kernel, {"world": worlds, "patch": patches}, shapes,
            {**surface, "ball": ball}, device=device)
-    shape, pose = bodies_on(fits, device)
     out = wp.empty((worlds, len(points)), dtype=real, device=device)
     launch(_element_distance_kernel, {"world": worlds, "point": len(points)}, {
-        **shapes, "shape": "world", "pose": "world", "normal": "world element", "point": "point",
-        "distance": "world point"}, {
-        **surface, "ball": ball, "shape": shape, "pose": pose,
-        "normal": wp.array(found.normal, dtype=vec3, device=device),
+        **shapes, "normal": "world element", "point": "point", "distance": "world point"}, {
+        **surface, "ball": ball, "normal": wp.array(found.normal, dtype=vec3, device=device),
         "point": wp.array(points, dtype=vec3, device=device), "distance": out}, device=device)
     return out.numpy().copy()
 
@@ -256,9 +242,9 @@ def distance_to_surface(body: Body, points_m: np.ndarray, *, device: str = "cpu"
 
     `points_m` has shape (world, point, 3), in the body's frame. A point that is not finite has a
     distance that is not finite. The signed distance of a single primitive is exact; that of a
-    compound, a grid or a superquadric is a bound. There the nearest of `DISCS` points of the
-    surface is taken; the foot of the perpendicular on its disc is moved onto the surface along the
-    gradient, once, and so is the foot on the tangent plane there: the nearer of the two counts.
+    compound, a grid or a superquadric is a bound. There the distance to the nearest of `DISCS`
+    discs is used: with v from the disc's centre to the point, n its normal and r its radius, the
+    length of (v . n, max(|v - (v . n) n| - r, 0)).
     """
     if body.has_exact_distance:
         signed, _ = distance_to_bodies(scene_of([body], device), np.zeros(1, int), points_m,
@@ -268,18 +254,6 @@ def distance_to_surface(body: Body, points_m: np.ndarray, *, device: str = "cpu"
     known = np.isfinite(points_m).all(-1, keepdims=True)
     away, nearest = sample.tree.query(np.where(known, points_m, 0.0))
     v = points_m - sample.surface_m[nearest]
-    normal = sample.surface_normal[nearest]
-    across = v - (v * normal).sum(-1, keepdims=True) * normal
-    wide = np.linalg.norm(across, axis=-1)
-    foot = sample.surface_m[nearest] + across * np.minimum(
-        sample.reach_m[nearest] / np.maximum(wide, 1e-12), 1.0)[..., None]
-    scene, best = scene_of([body], device), away
-    for _ in range(2):
-        signed, slope = distance_to_bodies(scene, np.zeros(1, int), foot, device=device)
-        square = np.maximum((slope**2).sum(-1), 1e-12)
-        on = foot - slope * (signed / square)[..., None]
-        left = np.abs(distance_to_bodies(scene, np.zeros(1, int), on, device=device)[0])
-        apart = points_m - on
-        best = np.where(left < ON_M, np.minimum(best, np.linalg.norm(apart, axis=-1)), best)
-        foot = points_m - slope * ((apart * slope).sum(-1) / square)[..., None]
-    return np.where(np.asarray(known)[..., 0], best, np.nan)
+    height = (v * sample.surface_normal[nearest]).sum(-1)
+    aside = np.sqrt(np.maximum(away**2 - height**2, 0.0)) - sample.reach_m[nearest]
+    return np.hypot(height, np.maximum(aside, 0.0))

@@ -78,7 +78,6 @@ class _Grid(NamedTuple):
 def _grid(count: int) -> _Grid:
     cells = max(int(np.ceil(np.sqrt(count / 6))), 1)
     corners, vertices = cube_grid(cells)
-    vertices = np.sin(np.pi / 2 * vertices)  # closer to one another where faces may meet sharply
     face, i, j = np.unravel_index(np.arange(len(corners)), (6, cells, cells))
     corners = corners[np.lexsort((j, i, j // TILE[1], i // TILE[0], face))]
     middles = vertices[corners].mean(axis=1)
