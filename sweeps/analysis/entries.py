@@ -2,6 +2,10 @@
 
 An entry is a strategy under one setting of the axes that define entries. The rest of the axes
 are cases that an entry is averaged over. A block of episodes counts for all entries or for none.
+
+Beside the entries stands a reference, `given-prior`: what an entry scores that touches nothing.
+Every row holds the scores of the prior that its strategy was given (columns `prior_...`), so that
+it needs no episodes of its own.
 """
 
 from __future__ import annotations
@@ -15,6 +19,7 @@ import numpy as np
 
 from sweeps.run.plan import Plan, Unit, cell_hash
 from sweeps.spec.errors import choose
+from sweeps.spec.strategies import REFERENCE
 
 if TYPE_CHECKING:
     from sweeps.run.store import Store
@@ -23,6 +28,11 @@ LOWER_IS_BETTER = ("chamfer_mm", "hausdorff95_mm", "touches", "robot_time_s", "a
                    "fit_rms_mm")
 HIGHER_IS_BETTER = ("iou", "coverage5mm", "recognized")
 METRICS = (*LOWER_IS_BETTER, *HIGHER_IS_BETTER)
+SCORES = ("chamfer_mm", "hausdorff95_mm", "iou", "coverage5mm")
+"""Metrics that the prior has, in columns of their own."""
+COSTS = ("touches", "robot_time_s", "arm_path_m")
+_TELLING = ("object.", "stereo.")
+"""Tables whose keys change what is given, or on which objects."""
 
 
 def bounds_of(metric: str) -> tuple[float, float]:
@@ -91,6 +101,34 @@ def entries_of(plan: Plan, axes: Sequence[int]) -> list[Entry]:
             label = strategy.name + (f" [{', '.join(told)}]" if told else "")
             entries.append(Entry(number, label, dict(zip(axes, points, strict=True))))
     return entries
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A prior that some entries were given."""
+
+    label: str
+    entries: tuple[int, ...]
+
+
+def references_of(plan: Plan, entries: Sequence[Entry]) -> list[Reference]:
+    """The references of a study's entries, in the order of the entries."""
+    axes = [n for n, axis in enumerate(plan.study.axes)
+            if any(key.startswith(_TELLING) for key in axis.keys)]
+    groups: dict[tuple[str, ...], list[int]] = {}
+    for number, entry in enumerate(entries):
+        told = tuple(
+            f"{key}={value_text(value)}" for n in axes if n in entry.points
+            for key, value in zip(plan.study.axes[n].keys,
+                                  plan.study.axes[n].values[entry.points[n]], strict=True))
+        groups.setdefault(told, []).append(number)
+    return [Reference(REFERENCE + (f" [{', '.join(told)}]" if told else ""), tuple(numbers))
+            for told, numbers in groups.items()]
+
+
+def prior_column(metric: str) -> str | None:
+    """The column of rows that holds the prior's score; None where there is none."""
+    return f"prior_{metric}" if metric in SCORES else None
 
 
 def value_text(value: Any) -> str:

@@ -8,7 +8,7 @@ coverage 0 and the largest distance that any entry had on that object. `failure_
 of failed episodes.
 
 The last row, `given-prior`, has no rank: it is what an entry scores that touches nothing
-(`sweeps.analysis.given_prior`). `worse_than_prior` flags the entries that are worse.
+(`entries.references_of`). `worse_than_prior` flags the entries that are worse.
 
 `_ci_` columns are of objects like these, `_these_` columns of these objects with other episodes;
 see `interval`. Differences to the best hold for all entries at once.
@@ -20,19 +20,17 @@ from typing import Any
 import numpy as np
 
 from sweeps.analysis.entries import (
+    COSTS,
     HIGHER_IS_BETTER,
     METRICS,
+    SCORES,
     Entry,
     LeaderboardError,
+    Reference,
     bounds_of,
     check_metric,
     entries_of,
     entry_axes,
-)
-from sweeps.analysis.given_prior import (
-    SCORES,
-    Reference,
-    ReferenceMeans,
     prior_column,
     references_of,
 )
@@ -89,6 +87,64 @@ class _Faults:
         return [f"{label} touches nothing of {name} in {count} of {self.silent[label, name][1]} "
                  f"episodes; in one {why or 'it did not try'}"
                  for count, label, name, why in sorted(found, key=lambda f: (-f[0], *f[1:3]))]
+
+
+class ReferenceMeans:
+    """Means over objects of every entry and, after them, of every reference, episode by episode."""
+
+    def __init__(self, references: Sequence[Reference], entries: int, metric: str,
+                 seed: int) -> None:
+        self.references, self.entries, self.metric = references, entries, metric
+        self.means = ObjectMeans(entries + len(references), seed)
+
+    def add(self, values: np.ndarray, of_prior: np.ndarray | None) -> None:
+        """An object's episodes of the entries and of their priors, (episode, entry) each."""
+        if of_prior is None:
+            nothing = 0.0 if self.metric in COSTS else np.nan
+            of_prior = np.full(values.shape, nothing)
+        self.means.add(np.column_stack([values, *(
+            _mean_of_known(of_prior[:, list(r.entries)]) for r in self.references)]))
+
+    @property
+    def known(self) -> bool:
+        """Whether any object has the prior's score."""
+        return bool(self.means.objects)
+
+    def worse(self, sign: float) -> list[str]:
+        """Whether each entry is worse than its prior: "no"; "mean" if only its mean is; "yes" if
+        the interval of the difference on these objects excludes 0, too; "NA" if not known.
+
+        The interval holds for all entries together. `sign` is -1 if more is better.
+        """
+        found = ["NA"] * self.entries
+        if not self.known or self.metric not in SCORES:
+            return found
+        for number, reference in enumerate(self.references):
+            apart = self.means.differences(self.entries + number, "these")
+            for n in reference.entries:
+                ends = sorted((sign * apart.low[n], sign * apart.high[n]))
+                found[n] = ("no" if not sign * apart.value[n] > 0.0 else
+                            "yes" if ends[0] > 0.0 else "mean")
+        return found
+
+    def columns(self, best: int) -> dict[str, np.ndarray]:
+        """The numbers of the references' rows, (reference,) each; entry `best` is the first."""
+        own, metric = slice(self.entries, None), self.metric
+        found = {}
+        for over, name in (("like-these", "ci"), ("these", "these")):
+            value = self.means.values(over, bounds_of(metric))
+            delta = self.means.differences(best, over, simultaneous=False)
+            found |= {metric: value.value, f"{metric}_{name}_low": value.low,
+                      f"{metric}_{name}_high": value.high, "delta": delta.value,
+                      f"delta_{name}_low": delta.low, f"delta_{name}_high": delta.high}
+        return {name: values[own] for name, values in found.items()}
+
+
+def _mean_of_known(values: np.ndarray) -> np.ndarray:
+    """Of each row; entries of one reference were given the same prior, or failed without one."""
+    known = np.isfinite(values)
+    return np.divide(np.where(known, values, 0.0).sum(1), known.sum(1), where=known.any(1),
+                     out=np.full(len(values), np.nan))
 
 
 class _Ranking:
@@ -184,8 +240,8 @@ class _Ranking:
                 sure = ("" if worse[n] == "yes" else ": in the mean, which may be chance")
                 lines.append((-float(self.sign * apart.value[n]), (
                     f"{self.entries[n].label} is worse than {reference.label}, {value[n]:.2f} "
-                    f"against {value[beside.entries + number]:.2f}, by {low:.2f} to {high:.2f} on these "
-                    f"objects{sure}")))
+                    f"against {value[beside.entries + number]:.2f}, by {low:.2f} to {high:.2f} "
+                    f"on these objects{sure}")))
         return [line for _, line in sorted(lines)]
 
     def rarely_touching(self) -> Iterator[tuple[str, float]]:

@@ -127,7 +127,8 @@ def close_fingers(
 
     given = {
         "scene": scene, "body": there(body, int), "body_pose": there(body_pose, transform),
-        "hands": hands, "sensors": tendons, "key": there(counter_key(key, int(Purpose.CLOSING)), wp.uint64),
+        "hands": hands, "sensors": tendons,
+        "key": there(counter_key(key, int(Purpose.CLOSING)), wp.uint64),
         "probe_number": there(probe_number, int), "hand_pose": there(hand_pose, transform),
         "path": path, "felt": felt.array, "truth": truth.array}
     steps = {"links": links, "command_count": there(command_count, int)}

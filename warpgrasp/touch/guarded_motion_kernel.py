@@ -47,7 +47,14 @@ from warpgrasp.touch.line_pose import (
 from warpgrasp.touch.line_record import LineBegin, LineEnd
 from warpgrasp.touch.pad_equilibrium import pad_equilibrium
 from warpgrasp.touch.pad_kernel import Pad, pad_place, pad_reading_key
-from warpgrasp.touch.pad_readout import felt_above, image_centroid, pad_feels, pad_load, read_image
+from warpgrasp.touch.pad_readout import (
+    felt_above,
+    image_centroid,
+    image_depth,
+    pad_feels,
+    pad_load,
+    read_image,
+)
 
 wp.set_module_options({"max_unroll": 1})  # unrolled taxels take minutes to compile
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
@@ -249,7 +256,6 @@ def line_kernel(
     # Palm and other fingers move with the arm alone: a clearance lasts until it may be used up.
     others = real(0.0)
     arm_move = interval * wp.length(way)
-    arm_step = arm_move / march_scale
     step_bound = wp.max(arm_move + swing, real(1e-9))
     while True:
         command = command_at(commands, finger, s) - real_hand.offset
@@ -327,7 +333,7 @@ def line_kernel(
                 break
             spared -= ahead
         s += ahead
-        others -= arm_step * real(ahead)
+        others -= arm_move / march_scale * real(ahead)
     if moved == 0:
         read = _joints_read(q + real_hand.offset, joint_noise, counter_key(reader, s))
 
@@ -389,6 +395,6 @@ def line_kernel(
         at = image_centroid(image, i, peak, felt_above(pad))
         touch = pad_place(pad, hand, finger_pose(hand, wp.transform_multiply(
             pose_read, finger_base(hand, finger)), read), felt_link, at[0], at[1])
-        end.point = touch.x
+        end.point = touch.x - touch.out * image_depth(pad, image, i, at, peak)
         end.normal = -touch.out
     ends[i] = end

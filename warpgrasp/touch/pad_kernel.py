@@ -201,6 +201,21 @@ def _voltage(pad: Pad, force: real):
 
 
 @wp.func
+def depth_read(pad: Pad, count: real):
+    """How deep a taxel is pressed in [m] that reads `count`, by the pad as believed."""
+    none = _voltage(pad, ZERO)
+    level = none + (_voltage(pad, pad.saturation) - none) * wp.min(count / _FULL, ONE)
+    ohm = pad.reference_ohm * (ONE / level - ONE)
+    force = real(0.0)
+    if pad.law == _EXPONENTIAL:
+        force = -pad.force_scale * wp.log((ohm - pad.least_ohm) / (pad.rest_ohm - pad.least_ohm))
+    else:
+        force = wp.pow(pad.newton_ohm / ohm, ONE / pad.power)
+    past = wp.max(force - pad.stiffness * pad.thickness, ZERO)
+    return wp.max((force - past) / pad.stiffness + past / pad.flat, ZERO)
+
+
+@wp.func
 def unloaded_count(pad: Pad, taxel_key: wp.uint64, reading_key: wp.uint64):
     """`taxel_count` without force: noise alone, of which half is negative and reads 0."""
     noise = counter_key(reading_key, 1)

@@ -10,6 +10,7 @@ from warpgrasp.mechanism.utah_mit_hand_kernel import FingerPose, Hand
 from warpgrasp.touch.pad_culling import taxel_place, taxel_row
 from warpgrasp.touch.pad_kernel import (
     Pad,
+    depth_read,
     noise_draw,
     noise_limit,
     pad_taxel_key,
@@ -160,6 +161,18 @@ def image_centroid(image: wp.array3d[wp.uint8], i: int, peak: int, least: real):
     if mass <= ZERO:
         return vec2(real(top_row), real(top_column))
     return vec2(at_row / mass, at_column / mass)
+
+
+@wp.func
+def image_depth(pad: Pad, image: wp.array3d[wp.uint8], i: int, at: vec2, peak: int):
+    """How deep the pad is pressed in [m] at a place (row, column) of its image.
+
+    Of the taxel nearest to the place; where that one feels nothing (it may be dead), by the peak.
+    """
+    count = real(int(image[i, int(at[0] + HALF), int(at[1] + HALF)]))
+    if count < felt_above(pad):
+        count = real(peak)
+    return depth_read(pad, count)
 
 
 @wp.func

@@ -1,5 +1,10 @@
-"""Both procedures on scanned objects: faces of a cracker box, the contour of a can of coffee."""
+"""Both procedures on scanned objects: faces of a box, the contour of a can.
 
+Meshes like scans are made here; scanned objects are taken, too, where they lie beside the
+repository.
+"""
+
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +17,7 @@ from strategies.procedures.contour_shape import profile_of
 from strategies.procedures.planar_explorer import explore_plane
 from strategies.procedures.planar_faces import angle_between, planes_of
 from strategies.procedures.touches import EndReason, true_touches
+from sweeps.validate.scan_meshes import scan_meshes
 from warpgrasp.geometry.body_sampling import sample_body
 from warpgrasp.objects.mesh_import import body_from_mesh
 from warpgrasp.parameters import ArmTable, HandTable, SensorTable
@@ -19,12 +25,20 @@ from warpgrasp.robot import Robot, Truth
 
 SCANS = SHARED / "objects" / "ycb"
 WORLDS = 20
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(
-    not SCANS.is_dir(), reason="no scanned objects beside the repository")]
+pytestmark = pytest.mark.slow
 
 
-def set_up(name: str):
-    body = body_from_mesh(SCANS / f"{name}.ply", units="m")
+def scanned(name: str):
+    return pytest.param(name, marks=pytest.mark.skipif(
+        not SCANS.is_dir(), reason="no scanned objects beside the repository"))
+
+
+def set_up(name: str, folder: Path):
+    file = SCANS / f"{name}.ply"
+    if name in (made := scan_meshes()):
+        file = folder / f"{name}.ply"
+        made[name].export(file)
+    body = body_from_mesh(file, units="m")
     pose = np.tile([0.45, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (WORLDS, 1))
     truth = Truth(pose)
     key = np.arange(WORLDS).astype(np.uint64) + np.uint64(5)
@@ -32,8 +46,9 @@ def set_up(name: str):
                               SensorTable())
 
 
-def test_faces_of_a_cracker_box() -> None:
-    body, truth, robot = set_up("cracker_box")
+@pytest.mark.parametrize("name", ["carton", scanned("cracker_box")])
+def test_faces_of_a_box(name: str, tmp_path: Path) -> None:
+    body, truth, robot = set_up(name, tmp_path)
     rng = np.random.default_rng(3)
     faces = []
     for way in (np.array([-1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])):
@@ -57,8 +72,9 @@ def test_faces_of_a_cracker_box() -> None:
     assert (np.abs(np.degrees(angle) - 90.0) <= 3.0).mean() >= 0.9
 
 
-def test_contour_of_a_can() -> None:
-    body, _, robot = set_up("master_chef_can")
+@pytest.mark.parametrize("name", ["can", scanned("master_chef_can")])
+def test_contour_of_a_can(name: str, tmp_path: Path) -> None:
+    body, _, robot = set_up(name, tmp_path)
     error = np.random.default_rng(3).normal(0.0, 0.005, (WORLDS, 4))
     radius, height = body.high_m[0], body.high_m[2]
     e = explore_contour(robot, Axis.upright(0.45 + error[:, 0], error[:, 1],

@@ -13,6 +13,7 @@ from strategies.recognition.answers import NONE
 from strategies.recognition.catalogue_alignment import Recognizer, recognizer
 from strategies.recovery.choose_model import Recovered, Shape
 from strategies.recovery.evidence import Evidence
+from sweeps.validate.scan_meshes import scan_meshes
 from warpgrasp.geometry.body import Body
 from warpgrasp.geometry.body_sampling import sample_body
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
@@ -67,6 +68,13 @@ def test_each_object_of_the_catalogue_is_known(known: Recognizer, name: str) -> 
 ])
 def test_what_nobody_listed_is_none_of_these(known: Recognizer, table: dict) -> None:
     belief, recovered = felt(body_from_table(table, Path()))
+    assert list(known.recognize(belief, recovered).name) == [NONE] * WORLDS
+
+
+def test_a_banana_is_none_of_these(known: Recognizer, tmp_path: Path) -> None:
+    scan_meshes()["banana"].export(tmp_path / "banana.ply")
+    body = body_from_table({"mesh": "banana.ply", "units": "m"}, tmp_path)
+    belief, recovered = felt(body)
     assert list(known.recognize(belief, recovered).name) == [NONE] * WORLDS
 
 

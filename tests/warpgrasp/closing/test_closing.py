@@ -49,7 +49,7 @@ def close_on_cylinder(sensors: SensorTable, worlds: int = 1, height: float | Non
 
 
 def test_streams_of_a_closing_begin_with_a_purpose_of_their_own() -> None:
-    """A probe's number at the level of purposes would share streams with the purpose that has it."""
+    """A probe's number at the level of purposes would share streams with a purpose."""
     noisy = replace(QUIET, joint_noise_rad=1e-3)
     probes = 6
     commands, count = base_flexion(1.0)

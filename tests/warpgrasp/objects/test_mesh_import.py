@@ -7,6 +7,7 @@ import pytest
 import trimesh
 from places import SHARED
 
+from sweeps.validate.scan_meshes import scan_meshes
 from warpgrasp.geometry.body import BodyError, distance_to_bodies, scene_of
 from warpgrasp.geometry.body_sampling import sample_body
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
@@ -185,6 +186,16 @@ def test_a_damaged_cache_is_baked_again(tmp_path: Path) -> None:
         cached.write_bytes(damaged)
         assert body_from_mesh(file, units="m").content == first.content
         assert cached.read_bytes() == whole
+
+
+def test_meshes_like_scans_are_baked_to_what_they_are(tmp_path: Path) -> None:
+    """The volume of the meshes is theirs, by the divergence theorem."""
+    for name, mesh in scan_meshes().items():
+        mesh.export(tmp_path / f"{name}.ply")
+        body = body_from_mesh(tmp_path / f"{name}.ply", units="m")
+        assert np.allclose(np.subtract(body.high_m, body.low_m), mesh.extents, atol=1e-6)
+        assert sample_body(body).volume_m3 == pytest.approx(mesh.volume, rel=0.015), name
+        assert body.grid_error_m < 0.0006
 
 
 @pytest.mark.skipif(not YCB.is_dir(), reason="the scanned meshes lie beside the checkout")

@@ -1,0 +1,43 @@
+"""The place that a pad tells: on the surface that is pressed into it, not on the pad's own."""
+
+import numpy as np
+
+from strategies.poses.postures import POKE_RAD, poking_pose
+from warpgrasp.geometry.body import Body, Part
+from warpgrasp.geometry.scene import Shape
+from warpgrasp.parameters import (
+    ArmTable,
+    ContactTable,
+    ErrorTable,
+    HandTable,
+    PadTable,
+    SensorTable,
+)
+from warpgrasp.probe_status import ProbeStatus
+from warpgrasp.robot import Robot, Truth
+
+RADIUS_M, WORLDS = 0.03, 40
+INWARD = np.array([1.0, 0.0, 0.0])
+BALL = Body("ball", (Part(Shape.SPHERE, size_m=(RADIUS_M, 0.0, 0.0)),),
+            (-RADIUS_M, -RADIUS_M, 0.0), (RADIUS_M, RADIUS_M, 2 * RADIUS_M))
+
+
+def test_a_ball_is_as_large_as_pads_tell() -> None:
+    """A pad yields by some 0.1 mm; places on its own surface would lie that far in the ball."""
+    arm = ArmTable(encoder_step_rad=0.0, repeatability_m=0.0)
+    pads = PadTable(noise_counts=0.0, gain_spread=0.0, repeatability=0.0, dead_fraction=0.0)
+    truth = Truth(np.tile([0.45, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (WORLDS, 1)))
+    robot = Robot([BALL], np.zeros(1, int), truth, np.arange(WORLDS).astype(np.uint64), arm,
+                  HandTable(), SensorTable(joint_noise_rad=0.0), pads=pads,
+                  errors=ErrorTable.none(), contact=ContactTable.none())
+    rng = np.random.default_rng(0)
+    place = np.stack([np.full(WORLDS, 0.45 - RADIUS_M - 0.008), rng.uniform(-0.012, 0.012, WORLDS),
+                      RADIUS_M + rng.uniform(-0.012, 0.012, WORLDS)], 1)
+    poses = np.array([poking_pose(robot.hand, pads, p, INWARD, np.array([0.0, 0.0, -1.0]))
+                      for p in place])
+    touch = robot.guarded_line(np.arange(WORLDS), poses, np.tile(INWARD, (WORLDS, 1)),
+                               interval_m=0.001, steps=30, finger=0, commands_rad=POKE_RAD)
+    assert (touch.status == ProbeStatus.CONTACT).all()
+    off = np.linalg.norm(touch.point_m - [0.45, 0.0, RADIUS_M], axis=1) - RADIUS_M
+    assert abs(off.mean()) < 2.5e-5  # 1.2e-4 on the pad's own surface
+    assert np.abs(off).max() < 6e-5
