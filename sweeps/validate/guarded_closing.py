@@ -18,9 +18,8 @@ from scipy.spatial.transform import Rotation
 from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
 from sweeps.output import init_warp
 from sweeps.validate.comparison import Comparison
-from sweeps.validate.link_overlap import OVERLAP_M, link_overlap
 from sweeps.validate.mujoco_hand import MujocoHand, MujocoStop, tension_differences
-from sweeps.validate.reference_finger import FingerEnergy
+from sweeps.validate.reference_finger import OVERLAP_M, FingerEnergy, link_overlap
 from warpgrasp.closing.closing import Closing, ClosingTruth, close_fingers
 from warpgrasp.export.convex_solids import Solid, object_solids
 from warpgrasp.geometry.body import Body, Part, scene_of

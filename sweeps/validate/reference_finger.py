@@ -17,6 +17,7 @@ from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
 from warpgrasp.geometry.body import Body, distance_to_bodies, scene_of
+from warpgrasp.mechanism.utah_mit_hand import hand_links
 from warpgrasp.parameters import ContactTable, HandTable
 
 _COARSE = 257
@@ -29,6 +30,8 @@ _FLUSH_M = 2e-3
 _FINE = 2001
 _DIRECTIONS = 64
 """Of a force along the surface."""
+OVERLAP_M = 5e-4
+"""Two skins give less than this where links touch."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,3 +252,21 @@ class FingerEnergy:
         value, normal = distance_to_bodies(self._scene, np.zeros(1, int),
                                            points.reshape(1, -1, 3))
         return value.reshape(points.shape[:2]), normal.reshape(points.shape)
+
+
+def link_overlap(hand: HandTable, hand_pose: np.ndarray, q_rad: np.ndarray) -> np.ndarray:
+    """How deep links of fingers are in those of others at most [m], (hand,), negative where apart.
+
+    `hand_pose` (hand, 7), `q_rad` (hand, finger 4, 4).
+    """
+    points, _ = hand_links(hand, hand_pose, q_rad)
+    share = np.linspace(0.0, 1.0, 13)[:, None]
+    a, b = points[:, :, 1:-1, None], points[:, :, 2:, None]
+    axes = (a + (b - a) * share).reshape(len(points), 4, -1, 3)
+    deepest = np.full(len(points), -1.0)
+    for one in range(4):
+        for two in range(one + 1, 4):
+            apart = np.linalg.norm(axes[:, one, :, None] - axes[:, two, None], axis=-1)
+            deepest = np.maximum(deepest, 2 * hand.link_radius_m - apart.reshape(
+                len(points), -1).min(1))
+    return deepest

@@ -8,7 +8,7 @@ again from where it touched, and from then on all four go step by step together.
 import warp as wp
 
 from warpgrasp.closing.hand_equilibrium import Meeting, hand_energy, hand_equilibrium, in_pairs
-from warpgrasp.core.dtypes import mat44, real, transform
+from warpgrasp.core.dtypes import ZERO, mat44, real, transform
 from warpgrasp.finger.energy import Equilibrium
 from warpgrasp.finger.friction import Friction, end_friction, note_friction
 from warpgrasp.finger.friction_step import next_rubbed, start_rubbed
@@ -64,7 +64,7 @@ def rubbing_hand(
                     wp.transform_multiply(pose, finger_base(hands[own, f], f)), state[i, f],
                     frictions[i, f])
                 off = wp.max(off, frictions[i, f].off)
-        if off < _CLOSE:
+        if off == ZERO or (off < _CLOSE and again > 0):
             break
     for f in range(4):
         if in_pairs(pairs, f):

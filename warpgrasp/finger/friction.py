@@ -207,14 +207,3 @@ def end_friction(hand: Hand, done: Friction, q: vec4):
             now.begun[k, 1] = e[1]
             now.touching = now.touching | (1 << k)
     return now
-
-
-@wp.func
-def friction_forces(hand: Hand, done: Friction, q: vec4, k: int):
-    """The force of contact `k` on the finger along the surface [N], the frame of its base's."""
-    e = _stretch(done, q, k)
-    size = wp.length(e)
-    pull = hand.skin * _SHEAR * size
-    if size == ZERO:
-        return vec3(ZERO, ZERO, ZERO)
-    return (done.one[k] * e[0] + done.two[k] * e[1]) * (-wp.min(pull, done.limit[k]) / size)

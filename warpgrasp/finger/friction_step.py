@@ -3,7 +3,7 @@
 
 import warp as wp
 
-from warpgrasp.core.dtypes import real, struct, transform, vec4
+from warpgrasp.core.dtypes import ZERO, real, struct, transform, vec4
 from warpgrasp.finger.energy import Equilibrium, finger_energy, free_equilibrium
 from warpgrasp.finger.equilibrium import finger_equilibrium
 from warpgrasp.finger.equilibrium_refine import refine_equilibrium
@@ -69,7 +69,7 @@ def next_rubbed(
     now.left.drift = drift_of(hand, base, was.command, was.rest, command, was.pressed)
     start = was.rest.q + now.left.drift
     compared = int(samples)
-    for _pass in range(_PASSES):
+    for again in range(_PASSES):
         now.friction = now.left
         now.rest = finger_equilibrium(scene, body, hand, base, command, start, now.rest, compared,
                                       now.friction)
@@ -78,7 +78,8 @@ def next_rubbed(
             finger_energy(scene, body, hand, base, command, now.rest.q, now.rest, 0),
             hand.skin, now.friction)
         now.left = note_friction(scene, body, hand, base, now.rest, now.friction)
-        if now.left.off < _CLOSE:
+        # The first pass has the places of the step before.
+        if now.left.off == ZERO or (now.left.off < _CLOSE and again > 0):
             break
         start = now.rest.q
         compared = int(0)

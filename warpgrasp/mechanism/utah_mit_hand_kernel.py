@@ -161,18 +161,12 @@ def beyond_stops(hand: Hand, q: vec4):
 @wp.func
 def weight_moments(hand: Hand, f: FingerPose):
     """Torques of the links' weight about the joints [N m]; the frame of `f` has z upwards."""
-    # From the tip inwards: what turns a joint is what lies beyond it.
-    carried = hand.weight[2]
-    arm = f.u3 * (HALF * hand.link_length[2] * carried)
-    third = arm[0] * f.side[1] - arm[1] * f.side[0]
-    arm += (f.p3 - f.p2) * carried + f.u2 * (HALF * hand.link_length[1] * hand.weight[1])
-    carried += hand.weight[1]
-    second = arm[0] * f.side[1] - arm[1] * f.side[0]
-    arm += (f.p2 - f.p1) * carried + f.u1 * (HALF * hand.link_length[0] * hand.weight[0])
-    carried += hand.weight[0]
-    first = arm[0] * f.side[1] - arm[1] * f.side[0]
-    arm += (f.p1 - f.base) * carried
-    return vec4(arm[0] * f.abduct[1] - arm[1] * f.abduct[0], first, second, third)
+    up = vec3(ZERO, ZERO, ONE)
+    moments = vec4(ZERO, ZERO, ZERO, ZERO)
+    for link in range(3):
+        centre = link_start(f, link) + link_direction(f, link) * (hand.link_length[link] * HALF)
+        moments -= finger_jacobian(f, link, centre, up) * hand.weight[link]
+    return moments
 
 
 @wp.func

@@ -8,7 +8,7 @@ from strategies.procedures.containment import padded_commands
 from strategies.ready_made import STRATEGIES
 from sweeps.episode.episodes import place_objects
 from sweeps.episode.given_prior import draw_prior
-from sweeps.validate.link_overlap import OVERLAP_M, link_overlap
+from sweeps.validate.reference_finger import OVERLAP_M, link_overlap
 from warpgrasp.closing.closing import Closing, ClosingTruth, close_fingers
 from warpgrasp.closing.self_contact import self_contacts, self_margin
 from warpgrasp.core.random import counter_key
