@@ -141,7 +141,7 @@ class ErrorTable:
     @staticmethod
     def none() -> "ErrorTable":
         """The robot that is believed."""
-        return ErrorTable(**{f.name: 0.0 for f in fields(ErrorTable)})
+        return ErrorTable(**{f.name: float(f.name == "scale") for f in fields(ErrorTable)})
 
     def scaled(self) -> "ErrorTable":
         """The deviations times `scale`, which is then one."""

@@ -11,7 +11,7 @@ calibrated on simulated episodes (`docs/fit.md`).
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from fit.arrays import row_sums
 from fit.revolution.geometry import RevolutionBody, revolution_surface, revolution_volume
@@ -168,6 +168,6 @@ def _unfelt(points_m: np.ndarray, felt: Felt) -> np.ndarray:
     """Distance [m] of points (world, point, 3) from the nearest contact that does not contradict
     the body, at most `FARTHEST_M`; 0 at the foot, where the body is known to stand."""
     use = felt.mask & ~felt.contradicted
-    away = np.array([cKDTree(c[u]).query(p)[0] if u.any() else np.full(len(p), FARTHEST_M)
+    away = np.array([KDTree(c[u]).query(p)[0] if u.any() else np.full(len(p), FARTHEST_M)
                      for p, c, u in zip(points_m, felt.points_m, use, strict=True)])
     return np.where(points_m[..., 2] > FOOT_M, np.minimum(away, FARTHEST_M), 0.0)

@@ -9,8 +9,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 
 from fit.superquadric.geometry import Superquadric
-from fit.superquadric.uncertainty import distance_slopes
-from strategies.contacts.body_uncertainty import surface_spread
+from fit.superquadric.uncertainty import distance_slopes, surface_std
 from strategies.planners.candidates import candidate_poses
 from strategies.planners.foresight import predicted_touches
 from strategies.planners.prior_body import planning_belief
@@ -151,7 +150,7 @@ class MostUncertain(OneAtATime):
         points, found = predicted_touches(belief, poses, free)
         flat = points.reshape(belief.worlds, -1, 3)
         with np.errstate(all="ignore"):
-            std = surface_spread(belief.body, belief.uncertainty, belief.felt, flat)
+            std = surface_std(belief.body, belief.uncertainty, flat)
         std = np.where(np.isfinite(std), np.minimum(std, NEW_AT_M), 0.0).reshape(found.shape)
         return (std**2 * found).sum(-1)
 

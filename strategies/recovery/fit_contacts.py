@@ -2,8 +2,8 @@
 
 Joint torques show which link touched and where along it, but hardly on which side of a round tip.
 The fitted body supplies the rest: a link touches where its axis is nearest, along the body's normal
-there. So a body is fitted, every contact is re-projected onto it (its link chosen by torque and by
-distance together), and the body is fitted again. Of the space that links swept without touching,
+there. So a body is fitted, every contact is placed where torques and body agree best, and the body
+is fitted again. Of the space that links swept without touching,
 the next fit is given the balls nearest to the body last fitted; only those can matter.
 """
 

@@ -31,7 +31,7 @@ def belief(points: np.ndarray | None = None) -> Belief:
                   fits=SimpleNamespace(), fitted=np.ones(2, bool),  # pyright: ignore
                   body=BODY, faces=(), profile=None, shape=np.ones(2, int),
                   touches=zero.astype(int), time_s=zero, path_m=zero,
-                  links=no_links(2, n, HandTable()), errors=ErrorTable())
+                  links=no_links(2, n, HandTable()), errors=ErrorTable.none())
 
 
 def on_side(angle_low: float, angle_high: float, n: int = 40) -> np.ndarray:

@@ -111,7 +111,8 @@ def estimate_contacts(
     return ContactEstimate(point.numpy().copy(), covariance.numpy().copy(),
                            normal.numpy().copy(), link.numpy().copy(), found["link_weight"],
                            found["along"], found["along_variance"],
-                           *(values.numpy().copy() for values in torques.values()),
+                           torques["torque_out"].numpy().copy(),
+                           torques["torque_sigma"].numpy().copy(),
                            np.stack([joint.numpy() for joint in joints.values()], axis=-2))
 
 

@@ -1,0 +1,33 @@
+"""The table of settings side by side: means of each strategy on each object, by hand."""
+
+import numpy as np
+
+from sweeps.analysis.entries import Entry
+from sweeps.analysis.objects import beside_table
+from sweeps.analysis.paired import Paired
+
+
+def test_settings_stand_side_by_side() -> None:
+    labels = ("a [errors.scale=0]", "a [errors.scale=1]", "b [errors.scale=0]",
+              "b [errors.scale=1]")
+    values = np.array([[1.0, 2.0, 3.0, 4.0], [3.0, 4.0, 5.0, 8.0]])  # two episodes
+    paired = Paired(tuple(Entry(n // 2, label, {0: n % 2}) for n, label in enumerate(labels)),
+                    ("block", "wedge"), {"chamfer_mm": (values, 2 * values),
+                                         "iou": (values / 10, values / 20)}, {}, ())
+    table = beside_table(paired)
+    assert table.header == ("object", "strategy", "chamfer_mm errors.scale=0",
+                            "chamfer_mm errors.scale=1", "iou errors.scale=0",
+                            "iou errors.scale=1")
+    assert table.rows == (
+        ("block", "a", "2.00", "3.00", "0.20", "0.30"),
+        ("block", "b", "4.00", "6.00", "0.40", "0.60"),
+        ("wedge", "a", "4.00", "6.00", "0.10", "0.15"),
+        ("wedge", "b", "8.00", "12.00", "0.20", "0.30"))
+
+
+def test_a_study_that_sweeps_nothing_has_one_column_a_metric() -> None:
+    one = (np.ones((2, 1)),)
+    table = beside_table(Paired((Entry(0, "a", {}),), ("block",),
+                                {"chamfer_mm": one, "iou": one}, {}, ()))
+    assert table.header == ("object", "strategy", "chamfer_mm", "iou")
+    assert table.rows == (("block", "a", "1.00", "1.00"),)
