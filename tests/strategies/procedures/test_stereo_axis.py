@@ -65,3 +65,17 @@ def test_cameras_look_at_their_target() -> None:
         assert cameras.axes[0, k][2, 1] < 0  # rows run downwards
     gap = np.linalg.norm(cameras.centre_m[0, 1] - cameras.centre_m[0, 0])
     assert gap == pytest.approx(0.3)
+
+
+def test_shoulders_and_rims_are_no_sides() -> None:
+    # An Orangina bottle has no long straight side: once a shoulder in one image was matched with
+    # the body in the other, and one axis in ten lay 40 degrees off.
+    off = look("orangina_bottle", 0.0, StereoTable())[1]
+    assert off.max() < 25.0
+    assert np.median(off) < 15.0
+
+
+def test_edges_that_are_missing_cost_accuracy_and_no_axis() -> None:
+    axis, off = look("wine_bottle", 0.0, StereoTable(missing_edges=0.2, flipped_pixels=0.05))
+    assert axis.found.all()
+    assert np.median(off) < 3.0
