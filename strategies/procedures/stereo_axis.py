@@ -84,9 +84,9 @@ def _two_sided(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The longest two pairs that may be the two sides of a body, and their length together.
 
-    They have the object between them, lie at the same height, are nearly as long as each other, and
-    do not lean far from each other. `length` (world, pair) and `along` (world, pair, 3); the numbers
-    of the pairs and their length, (world,) each.
+    They have the object between them, lie at the same height, are nearly as long as each other,
+    and do not lean far from each other. `length` is (world, pair) and `along` (world, pair, 3);
+    returned are the numbers of the pairs and their length, (world,) each.
     """
     worlds, count = length.shape
     row = (0.5 * (lines.row[:, 0, :, None] + lines.row[:, 1, None])).reshape(worlds, -1)
