@@ -2,8 +2,9 @@
 
 Edges of the silhouettes, lines on the edges by Hough's transform. A line and its camera's centre
 span a plane; the planes of two cameras meet in the line's direction. Lines are matched that have
-the object on the same side; the longest wins. Where the other side of the object has a line of its
-own that is nearly as long, the two are bisected: the sides of a tapering body lean in or out alike.
+the object on the same side and lie at the same height; the longest wins. Where the other side of
+the object has a line there that is nearly as long, the two are bisected: the sides of a tapering
+body lean in or out alike. A direction that lies rather than stands is no axis.
 """
 
 from dataclasses import dataclass
@@ -17,9 +18,13 @@ from warpgrasp.touch.silhouette_faults import object_regions, silhouette_edges
 from warpgrasp.touch.tactile_image import hough_lines
 
 _NEAR_PIXELS = 1.6  # edges this near to a Hough line belong to it
-_CANDIDATES = 4
+_CANDIDATES = 8
 _COMPARABLE = 0.6
-_LEAN_MOST_RAD = np.radians(50)
+_LEAN_MOST_RAD = np.radians(40)
+"""Of an axis that stands, and of the two sides from each other: the contour follower's limit."""
+_SAME_HEIGHT = 0.05
+"""Lines of both images are matched whose middles differ by less than this share of the rows: the
+cameras stand at one height [est]."""
 _LEAST_SINE = np.sin(np.radians(3))  # planes more alike than this do not meet in a direction
 
 
@@ -43,39 +48,88 @@ def see_axis(robot: Robot, target_m: np.ndarray, table: StereoTable | None = Non
     worlds = len(target_m)
     seen = object_regions(robot.look(cameras, table).reshape(-1, table.pixels, table.pixels))
     noise = table.pixel_noise * robot.camera_noise(2 * table.pixels).reshape(2 * worlds, -1)
-    normal, votes = longest_lines(seen, noise, cameras)
-    planes = np.einsum("wcij,wcsj->wcsi", cameras.axes, normal.reshape(worlds, 2, 2, 3))
-    votes = votes.reshape(worlds, 2, 2)
-    along = np.cross(planes[:, 0], planes[:, 1])  # of the lines with the object on each side
+    lines = longest_lines(seen, noise, cameras).reshaped(worlds)
+    planes = np.einsum("wcij,wckj->wcki", cameras.axes, lines.normal)
+    along = np.cross(planes[:, 0, :, None], planes[:, 1, None])  # of each pair, (world, k, k, 3)
     sine = np.linalg.norm(along, axis=-1)
     along = along / np.maximum(sine, 1e-12)[..., None] * np.where(along[..., 2:] < 0, -1.0, 1.0)
-    length = np.where((sine > _LEAST_SINE) & (votes > 0).all(1), votes.sum(1), 0)
-    best = length.argmax(1)
+    length = _pairs(lines, table.pixels) * (sine > _LEAST_SINE) * (
+        along[..., 2] > np.cos(_LEAN_MOST_RAD))
+    # Of pairs in one row each: the longest alone, or with its counterpart on the other side.
+    length, along, sine = (v.reshape(worlds, -1, *v.shape[3:]) for v in (length, along, sine))
+    one, other, total = _two_sided(length, along, lines, table.pixels)
     rows = np.arange(worlds)
-    found = length[rows, best] > 0
-    direction, other = along[rows, best], along[rows, 1 - best]
-    both = (length.min(1) > _COMPARABLE * length.max(1)) & (
-        (direction * other).sum(1) > np.cos(_LEAN_MOST_RAD))
-    direction = np.where(both[:, None], direction + other, direction)
+    best = np.where(total > length.max(1), one, length.argmax(1))
+    both = total > length.max(1)
+    direction = along[rows, best] + np.where(both[:, None], along[rows, other], 0.0)
     direction = direction / np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-12)
+    found = length[rows, best] > 0
+    votes = np.stack([lines.votes[rows, camera, line] for camera, line in enumerate(
+        np.divmod(best, lines.votes.shape[2]))], 1)
     return StereoAxis(np.where(found[:, None], direction, [0.0, 0.0, 1.0]), found,
-                      votes[rows, :, best], np.arcsin(np.clip(sine[rows, best], 0.0, 1.0)))
+                      np.where(found[:, None], votes, 0),
+                      np.arcsin(np.clip(sine[rows, best], 0.0, 1.0)))
 
 
-def longest_lines(
-    seen: np.ndarray, noise: np.ndarray, cameras: Cameras
-) -> tuple[np.ndarray, np.ndarray]:
-    """Planes of the longest line on either side of each silhouette, and their votes.
+def _pairs(lines: "EdgeLines", pixels: int) -> np.ndarray:
+    """Edge pixels of both lines of each pair that may be one edge, 0 of others, (world, k, k)."""
+    (side, sides), (row, rows), (votes, more) = (
+        (v[:, 0, :, None], v[:, 1, None]) for v in (lines.side, lines.row, lines.votes))
+    same = (side == sides) & (np.abs(row - rows) < _SAME_HEIGHT * pixels)
+    return (votes + more) * (same & (votes > 0) & (more > 0))
 
-    `seen` is bool (n, row, column). Returns plane normals in the camera's frame, (n, side 2, 3):
-    side 0 has the object towards falling columns (rows, for level lines), and votes (n, side 2),
-    0 where there is no line. A Hough line is refined by total least squares over the edges near it,
-    each moved along the line's normal by its own `noise` (n, any) [pixels].
+
+def _two_sided(
+    length: np.ndarray, along: np.ndarray, lines: "EdgeLines", pixels: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The longest two pairs that may be the two sides of a body, and their length together.
+
+    They have the object between them, lie at the same height, are nearly as long as each other,
+    and do not lean far from each other. `length` is (world, pair) and `along` (world, pair, 3);
+    returned are the numbers of the pairs and their length, (world,) each.
+    """
+    worlds, count = length.shape
+    row = (0.5 * (lines.row[:, 0, :, None] + lines.row[:, 1, None])).reshape(worlds, -1)
+    side = np.repeat(lines.side[:, 0], lines.side.shape[2], axis=1)
+    a, b = length[:, :, None], length[:, None]
+    fits = ((side[:, :, None] != side[:, None])
+            & (np.minimum(a, b) > _COMPARABLE * np.maximum(a, b))
+            & (np.abs(row[:, :, None] - row[:, None]) < _SAME_HEIGHT * pixels)
+            & (np.einsum("wpi,wqi->wpq", along, along) > np.cos(_LEAN_MOST_RAD)))
+    total = np.where(fits, a + b, 0).reshape(worlds, -1)
+    best = total.argmax(1)
+    return *np.divmod(best, count), total[np.arange(worlds), best]
+
+
+@dataclass(frozen=True)
+class EdgeLines:
+    """Straight lines on the edges of silhouettes. Shapes start with (image, line)."""
+
+    normal: np.ndarray
+    """Of the plane through the line and the camera's centre, camera's frame, unit, (..., 3)."""
+    side: np.ndarray
+    """1 where the object lies towards rising columns (rows, for level lines), else 0."""
+    row: np.ndarray
+    """Of the middle of the edge pixels on it."""
+    votes: np.ndarray
+    """How many there are; 0: no line."""
+
+    def reshaped(self, worlds: int) -> "EdgeLines":
+        """With (world, camera, line) in place of (image, line)."""
+        return EdgeLines(*(v.reshape(worlds, -1, *v.shape[1:]) for v in (
+            self.normal, self.side, self.row, self.votes)))
+
+
+def longest_lines(seen: np.ndarray, noise: np.ndarray, cameras: Cameras) -> EdgeLines:
+    """The longest lines on the edges of each silhouette.
+
+    `seen` is bool (n, row, column). A Hough line is refined by total least squares over the edges
+    near it, each moved along the line's normal by its own `noise` (n, any) [pixels].
     """
     edges = silhouette_edges(seen)
     lines = hough_lines(edges, count=_CANDIDATES, fewest=8)
-    normals = np.zeros((len(edges), 2, 3))
-    votes = np.zeros((len(edges), 2), int)
+    normals = np.zeros((*lines.votes.shape, 3))
+    side, row, votes = (np.zeros(lines.votes.shape, kind) for kind in (int, float, int))
     middle = 0.5 * cameras.pixels
     for k, line in zip(*np.nonzero(lines.votes), strict=True):
         angle, offset = lines.angle_rad[k, line], lines.offset[k, line]
@@ -84,15 +138,15 @@ def longest_lines(
         offset = offset if np.sin(angle) >= 0 else -offset
         points = np.argwhere(edges[k]).astype(float)
         points = points[np.abs(points @ way - offset) <= _NEAR_PIXELS]
-        side = int(np.argwhere(seen[k]).mean(0) @ way > offset)
-        if len(points) < 3 or votes[k, side] >= lines.votes[k, line]:
+        if len(points) < 3:
             continue
+        side[k, line] = int(np.argwhere(seen[k]).mean(0) @ way > offset)
         points = points + np.resize(noise[k], len(points))[:, None] * way
         mean = points.mean(0)
         way = np.linalg.svd(points - mean, full_matrices=False)[2][1]
         # In units of the focal length, from the middle: row is y down, column x to the right.
         y, x = (mean + 0.5 - middle) / cameras.focal_pixels
         plane = np.array([way[1], way[0], -(way[0] * y + way[1] * x)])
-        normals[k, side] = plane / np.linalg.norm(plane)
-        votes[k, side] = lines.votes[k, line]
-    return normals, votes
+        normals[k, line] = plane / np.linalg.norm(plane)
+        row[k, line], votes[k, line] = mean[0], lines.votes[k, line]
+    return EdgeLines(normals, side, row, votes)

@@ -96,16 +96,18 @@ def iterations_said(iterations: np.ndarray, printed: int = 15) -> str:
             "iterations, the most that the paper prints.")
 
 
-def what_makes_six(medians: Sequence[tuple[str, float, str]], typical_deg: float) -> str:
-    """Which sources of error make the printed angle typical, of (source, largest median, size)."""
-    def listed(chosen: list[tuple[str, float, str]]) -> str:
-        return "; ".join(f"{source} ({error:.1f} deg{' at ' if size else ''}{size})"
-                         for source, error, size in chosen)
+def what_makes_six(medians: Sequence[tuple[str, float, str, str]], typical_deg: float) -> str:
+    """Which sources of error make the printed angle typical, of (source, largest median error,
+    size, blocks that it is of)."""
+    def listed(chosen: list[tuple[str, float, str, str]]) -> str:
+        return "; ".join(f"{source} ({error:.1f} deg{' at ' if size else ''}{size}, {blocks})"
+                         for source, error, size, blocks in chosen)
 
     enough = [m for m in medians if m[1] >= typical_deg]
     nearly = [m for m in medians if 0.8 * typical_deg <= m[1] < typical_deg]
     others = [m for m in medians if m[1] < 0.8 * typical_deg]
-    words = [f"An error of {typical_deg:.0f} degrees is typical with: "
+    words = [f"An error of {typical_deg:.0f} degrees is typical with (largest median error, of the "
+             f"blocks whose two sides were both crossed): "
              f"{listed(enough) if enough else 'none of the sources tried'}."]
     if nearly:
         words.append(f"Nearly: {listed(nearly)}.")

@@ -209,7 +209,8 @@ def _faces(found: list[Explored]) -> list[str]:
     beyond = int((angle >= PRINTED_DEG).sum())
     medians = []
     for source in dict.fromkeys(e.case.source for e in found if e.case.source != "default"):
-        mine = [(float(np.median(errors_of(e))), e.case.size) for e in found
+        mine = [(float(np.median(errors_of(e))), e.case.size,
+                 f"{len(e.angle_deg)} of {e.worlds} blocks") for e in found
                 if e.case.source == source and len(e.angle_deg)]
         if mine:
             medians.append((source, *max(mine)))

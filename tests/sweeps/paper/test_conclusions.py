@@ -66,12 +66,12 @@ def test_rivals_are_counted_and_judged() -> None:
 def test_other_sentences_have_the_numbers_of_their_data() -> None:
     assert "9 of 10 contacts (90 %)" in said.where_touched(9, 1, 6.0, 40.0)
     assert "50 % of 4" in said.iterations_said(np.array([3.0, 15.0, 16.0, 60.0]))
-    text = said.what_makes_six([("steps", 6.3, "1"), ("slip", 5.0, "10 deg"), ("pads", 0.4, "")],
-                               6.0)
-    assert "typical with: steps (6.3 deg at 1)." in text
-    assert "Nearly: slip (5.0 deg at 10 deg)." in text
-    assert "Not with: pads (0.4 deg)." in text
-    assert "none of the sources tried" in said.what_makes_six([("pads", 0.4, "")], 6.0)
+    text = said.what_makes_six([("steps", 6.3, "1", "6 of 9"), ("slip", 5.0, "10 deg", "9 of 9"),
+                                ("pads", 0.4, "", "8 of 9")], 6.0)
+    assert "crossed): steps (6.3 deg at 1, 6 of 9)." in text
+    assert "Nearly: slip (5.0 deg at 10 deg, 9 of 9)." in text
+    assert "Not with: pads (0.4 deg, 8 of 9)." in text
+    assert "none of the sources tried" in said.what_makes_six([("pads", 0.4, "", "9 of 9")], 6.0)
 
 
 def test_which_contour_is_judged_by_its_errors() -> None:
