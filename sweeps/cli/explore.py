@@ -163,7 +163,7 @@ def learn(*what: Annotated[str, Parameter(name="OBJECT")],
         Of meshes: m, cm or mm.
     strategy
         Strategies that feel them, each given once more: `--strategy ring18 --strategy planar`; by
-        default five, of grasps, faces and contours.
+        default seven, of grasps, faces and contours.
     episodes
         Of each object under each strategy.
     seed

@@ -15,8 +15,8 @@ from sweeps.episode.episodes import cell_body, run_parts
 from sweeps.spec.cell import Cell
 from warpgrasp.robot import has_deformed_part
 
-TEACHERS = ("ring18", "rim12-ring12", "planar", "contour", "coarse-to-fine")
-"""Strategies that teach, unless others are named: grasps, faces and contours."""
+TEACHERS = ("ring6", "random18", "ring18", "rim12-ring12", "planar", "contour", "coarse-to-fine")
+"""Strategies that teach, unless others are named: grasps, few and many, faces and contours."""
 HALF_WIDTH_MM, HALF_HEIGHT_MM = (18.0, 50.0), (25.0, 120.0)
 """Of unlisted objects: the least and the greatest."""
 
