@@ -27,6 +27,8 @@ class Verdict:
     episodes: np.ndarray
     last_rung: np.ndarray
     """The rung in which each entry last took episodes."""
+    paired: float
+    """What pairing is worth (`Race.paired_over_unpaired`)."""
     equal: float
     """Episodes that equal allocation would take (see `equal_replicates`)."""
 
@@ -62,6 +64,7 @@ def verdict_of(race: Race, units: RaceUnits) -> Verdict:
                    objects, race.rules, tuple(race.looks),
                    race.means[last.leader] + last.difference,
                    count * units.episodes_each, race.last_rung.copy(),
+                   race.paired_over_unpaired,
                    equal_replicates(race.spread, last.leader, race.rules)
                    * len(count) * units.episodes_each)
 
@@ -108,6 +111,7 @@ def summary(found: Verdict) -> dict[str, str]:
         "claim": claim(found),
         found.metric: number_text(sign * found.means[last.leader], 4 if sign < 0 else 3),
         "tied": f"{tied:,} not known to be worse, {worse:,} worse",
+        "paired": f"{number_text(found.paired, 2)} of the variance of unpaired differences",
         "episodes": f"{taken:,} in {last.number} rungs",
         "equal": f"{found.equal:,.0f} if all had as many ({times:.2g} times; reckoned)",
     }

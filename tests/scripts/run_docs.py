@@ -43,6 +43,7 @@ SHRINKS = (
     (r"(.*)pip install (.*)", r"\1pip install --dry-run --no-index --no-build-isolation -q \2"),
     (r"(warpgrasp sweep (?:sweeps|mine)/.*)", r"\1 --set episodes_per_cell=1"),
     (r"(warpgrasp sweep .*)", rf"\1 {FEW}"),
+    (r"(warpgrasp race .*)", r"\1 --budget-episodes 200"),
     (r"(warpgrasp sensitivity .*)", r"\1 --episodes 1"),
     (r"(warpgrasp bench.*)", r"\1 --quick --only touches --only start"),
     (r"(warpgrasp validate --only closing)", r"\1 --poses 1"),
