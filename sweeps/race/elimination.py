@@ -203,7 +203,7 @@ def _against(leader: int, number: int, scores: Sequence[np.ndarray], count: np.n
     others = np.arange(len(scores)) != leader
     for shared in np.unique(np.minimum(count, count[leader])[others]):
         mine = np.flatnonzero(others & (np.minimum(count, count[leader]) == shared))
-        apart = np.stack([scores[e][:, :shared] - scores[leader][:, :shared] for e in mine])
+        apart = np.stack([scores[int(e)][:, :shared] - scores[leader][:, :shared] for e in mine])
         difference[mine] = apart.mean(axis=(1, 2))
         if rules.bounds is None:
             lower[mine] = stratified_lower(apart, alpha)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sweeps.analysis.entries import HIGHER_IS_BETTER
+from sweeps.analysis.entries import HIGHER_IS_BETTER, bounds_of
 from sweeps.race.elimination import Look, Race, Rules
 from sweeps.race.race_units import RaceUnits
 from sweeps.text_table import TextTable, number_text
@@ -48,11 +48,11 @@ class Verdict:
         return self.rules.within if self.reached else self.last.within
 
     @property
-    def order(self) -> np.ndarray:
+    def order(self) -> list[int]:
         """Entries, the leader first, then by their difference to it."""
         key = self.last.difference.copy()
         key[self.last.leader] = -np.inf
-        return np.argsort(key, kind="stable")
+        return [int(n) for n in np.argsort(key, kind="stable")]
 
 
 def verdict_of(race: Race, units: RaceUnits) -> Verdict:
@@ -94,8 +94,9 @@ def claim(found: Verdict) -> str:
         return "nothing can be claimed yet"
     where = ("these" if found.over == "these" else "objects like these")
     many = f"{found.objects} objects" if found.over == "these" else f"{found.objects}"
-    cut = ("" if found.rules.bounds is None else
-           f", scores cut at {amount(found.rules.bounds[1], found.metric)}")
+    cap = max(map(abs, found.rules.bounds or (0.0, 0.0)))
+    cut = (f", scores cut at {amount(cap, found.metric)}"
+           if 0 < cap < bounds_of(found.metric)[1] else "")
     return (f"within {amount(found.within, found.metric)} of the best of {len(found.labels):,} on "
             f"{where} {many}, {100 * found.rules.confidence:g} %{cut}")
 
@@ -123,8 +124,8 @@ def race_table(found: Verdict) -> TextTable:
     digits = 4 if metric in HIGHER_IS_BETTER else 3
     sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
     rows = tuple((
-        str(rank), found.labels[n], number_text(sign * found.means[n], digits),
-        number_text(last.difference[n], digits), number_text(last.lower[n], digits),
+        str(rank), found.labels[n], number_text(sign * float(found.means[n]), digits),
+        number_text(float(last.difference[n]), digits), number_text(float(last.lower[n]), digits),
         ("best" if n == last.leader else "worse" if last.out[n] else
          "open" if last.open[n] else "tied"),
         str(found.last_rung[n]), str(found.episodes[n]))

@@ -2,8 +2,8 @@
 
     python tests/scripts/kill_race.py --kills 200
 
-The race runs the stand-in episodes, slowed down, with one to three workers. Fails if `race.csv`, the
-picture, or any unit differs from an uninterrupted run.
+The race runs the stand-in episodes, slowed down, with one to three workers. Fails if `race.csv`,
+the picture, or any unit differs from an uninterrupted run.
 """
 
 import argparse
