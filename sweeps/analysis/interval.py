@@ -40,6 +40,11 @@ def _edgeworth_widening(skewness: float) -> float:
 _WIDER = _edgeworth_widening(_SKEWNESS)
 
 
+def small_sample_widening(objects: int) -> float:
+    """By which factor intervals of means over so many objects like these are widened."""
+    return 1.0 + _WIDER / objects
+
+
 class ObjectMeans:
     """Means over objects, then episodes, of every entry, with what their intervals need.
 
@@ -120,7 +125,7 @@ class ObjectMeans:
         means = np.array(self.objects)
         apart = means if to is None else means - means[:, [to]]
         error = apart.std(axis=0, ddof=1) / np.sqrt(count)
-        return error * (1.0 + _WIDER / count), np.full(self.entries, count - 1.0)
+        return error * small_sample_widening(count), np.full(self.entries, count - 1.0)
 
 
 def _ends(mean: np.ndarray, half: np.ndarray, bounds: tuple[float, float]

@@ -45,8 +45,9 @@ def init(spec: Path, /, *, force: Annotated[bool, Parameter(negative="")] = Fals
 
 
 @app.command
-def check(spec: Path, /, *, set_: Settings = None, json: Json = False) -> int:
-    """Check a study; print its cells, episodes, disk and time.
+def check(spec: Path, /, *, set_: Settings = None, pilot: Path | None = None,
+          metric: str = "chamfer_mm", json: Json = False) -> int:
+    """Check a study; print its cells, episodes, disk and time, and what it can tell apart.
 
     Parameters
     ----------
@@ -54,6 +55,11 @@ def check(spec: Path, /, *, set_: Settings = None, json: Json = False) -> int:
         The study, a TOML file.
     set_
         KEY=V1,V2: as for sweep.
+    pilot
+        The directory of a sweep of a few episodes, of such entries on such objects: say which
+        differences the study will tell apart.
+    metric
+        Of these differences.
     json
         Print JSON.
     """
@@ -71,6 +77,10 @@ def check(spec: Path, /, *, set_: Settings = None, json: Json = False) -> int:
         "episodes": f"{study.cell_count * study.head.episodes_per_cell}",
         "units": f"{plan.unit_count}", **dict(estimate_cost(plan)),
     }
+    if pilot is not None:
+        from sweeps.race.power import power_row
+
+        rows |= dict([power_row(plan, pilot, metric)])
     if json:
         print(dumps(rows, indent=1))
     else:

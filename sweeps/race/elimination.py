@@ -122,6 +122,20 @@ class Race:
         return np.array(found)
 
     @property
+    def paired_over_unpaired(self) -> float:
+        """The variance of a difference to the leader over the same replicates, over that of as many
+        drawn anew for each: the median over entries, NaN where nothing varies."""
+        leader = self._scores[self.looks[-1].leader]
+        found = []
+        for values in self._scores:
+            shared = min(values.shape[1], leader.shape[1])
+            mine, other = values[:, :shared], leader[:, :shared]
+            unpaired = float((mine.var(axis=1) + other.var(axis=1)).sum())
+            if values is not leader and unpaired > 0.0:
+                found.append(float((mine - other).var(axis=1).sum()) / unpaired)
+        return float(np.median(found)) if found else float("nan")
+
+    @property
     def means(self) -> np.ndarray:
         """Every entry's mean over its own replicates, (entry,)."""
         return np.array([values.mean() for values in self._scores])
@@ -189,7 +203,7 @@ def _against(leader: int, number: int, scores: Sequence[np.ndarray], count: np.n
     others = np.arange(len(scores)) != leader
     for shared in np.unique(np.minimum(count, count[leader])[others]):
         mine = np.flatnonzero(others & (np.minimum(count, count[leader]) == shared))
-        apart = np.stack([scores[e][:, :shared] - scores[leader][:, :shared] for e in mine])
+        apart = np.stack([scores[int(e)][:, :shared] - scores[leader][:, :shared] for e in mine])
         difference[mine] = apart.mean(axis=(1, 2))
         if rules.bounds is None:
             lower[mine] = stratified_lower(apart, alpha)

@@ -97,7 +97,7 @@ def _number_axis(axis: "Axis", ticks: Sequence[float]) -> None:
 
 def _best_few(found: Verdict) -> str:
     """The names of the best few, a line each."""
-    few = [int(n) for n in found.order[:NAMED]]
+    few = found.order[:NAMED]
     names, keys = distinct_labels([found.labels[n] for n in few], 48)
     lines = textwrap.wrap(keys, 72)
     for n, name in zip(few, names, strict=True):

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sweeps.analysis.entries import HIGHER_IS_BETTER
+from sweeps.analysis.entries import HIGHER_IS_BETTER, bounds_of
 from sweeps.race.elimination import Look, Race, Rules
 from sweeps.race.race_units import RaceUnits
 from sweeps.text_table import TextTable, number_text
@@ -27,6 +27,8 @@ class Verdict:
     episodes: np.ndarray
     last_rung: np.ndarray
     """The rung in which each entry last took episodes."""
+    paired: float
+    """What pairing is worth (`Race.paired_over_unpaired`)."""
     equal: float
     """Episodes that equal allocation would take (see `equal_replicates`)."""
 
@@ -46,11 +48,11 @@ class Verdict:
         return self.rules.within if self.reached else self.last.within
 
     @property
-    def order(self) -> np.ndarray:
+    def order(self) -> list[int]:
         """Entries, the leader first, then by their difference to it."""
         key = self.last.difference.copy()
         key[self.last.leader] = -np.inf
-        return np.argsort(key, kind="stable")
+        return [int(n) for n in np.argsort(key, kind="stable")]
 
 
 def verdict_of(race: Race, units: RaceUnits) -> Verdict:
@@ -62,6 +64,7 @@ def verdict_of(race: Race, units: RaceUnits) -> Verdict:
                    objects, race.rules, tuple(race.looks),
                    race.means[last.leader] + last.difference,
                    count * units.episodes_each, race.last_rung.copy(),
+                   race.paired_over_unpaired,
                    equal_replicates(race.spread, last.leader, race.rules)
                    * len(count) * units.episodes_each)
 
@@ -91,8 +94,9 @@ def claim(found: Verdict) -> str:
         return "nothing can be claimed yet"
     where = ("these" if found.over == "these" else "objects like these")
     many = f"{found.objects} objects" if found.over == "these" else f"{found.objects}"
-    cut = ("" if found.rules.bounds is None else
-           f", scores cut at {amount(found.rules.bounds[1], found.metric)}")
+    cap = max(map(abs, found.rules.bounds or (0.0, 0.0)))
+    cut = (f", scores cut at {amount(cap, found.metric)}"
+           if 0 < cap < bounds_of(found.metric)[1] else "")
     return (f"within {amount(found.within, found.metric)} of the best of {len(found.labels):,} on "
             f"{where} {many}, {100 * found.rules.confidence:g} %{cut}")
 
@@ -108,6 +112,7 @@ def summary(found: Verdict) -> dict[str, str]:
         "claim": claim(found),
         found.metric: number_text(sign * found.means[last.leader], 4 if sign < 0 else 3),
         "tied": f"{tied:,} not known to be worse, {worse:,} worse",
+        "paired": f"{number_text(found.paired, 2)} of the variance of unpaired differences",
         "episodes": f"{taken:,} in {last.number} rungs",
         "equal": f"{found.equal:,.0f} if all had as many ({times:.2g} times; reckoned)",
     }
@@ -119,8 +124,8 @@ def race_table(found: Verdict) -> TextTable:
     digits = 4 if metric in HIGHER_IS_BETTER else 3
     sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
     rows = tuple((
-        str(rank), found.labels[n], number_text(sign * found.means[n], digits),
-        number_text(last.difference[n], digits), number_text(last.lower[n], digits),
+        str(rank), found.labels[n], number_text(sign * float(found.means[n]), digits),
+        number_text(float(last.difference[n]), digits), number_text(float(last.lower[n]), digits),
         ("best" if n == last.leader else "worse" if last.out[n] else
          "open" if last.open[n] else "tied"),
         str(found.last_rung[n]), str(found.episodes[n]))

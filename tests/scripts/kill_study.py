@@ -68,7 +68,7 @@ def kill_and_resume(folder: Path, units: int, kills: int, seconds: float,
         log.mkdir()
         code: int | None = None
         while code is None:
-            code = _run_once(command(spec, pieces), environment(seconds, log), chance,
+            code = run_once(command(spec, pieces), environment(seconds, log), chance,
                              kill=killed < kills)
             killed += code is None
             written = _mark_written(plan, pieces, log)
@@ -81,7 +81,7 @@ def kill_and_resume(folder: Path, units: int, kills: int, seconds: float,
     return wrong, rounds
 
 
-def _run_once(run: list[str], given: dict[str, str], chance: random.Random,
+def run_once(run: list[str], given: dict[str, str], chance: random.Random,
               kill: bool) -> int | None:
     """Starts the study and kills it at a random moment; its exit code if it ended before."""
     process = subprocess.Popen(run, env=given, stdout=subprocess.DEVNULL,

@@ -46,6 +46,7 @@ SHRINKS = (
     (r"(.*)pip install (.*)", r"\1pip install --dry-run --no-index --no-build-isolation -q \2"),
     (r"(warpgrasp sweep (?:sweeps|mine)/.*)", r"\1 --set episodes_per_cell=1"),
     (r"(warpgrasp sweep .*)", rf"\1 {FEW}"),
+    (r"(warpgrasp race .*)", r"\1 --budget-episodes 200"),
     (r"(warpgrasp sensitivity .*)", r"\1 --episodes 1"),
     (r"(warpgrasp learn .*)", r"\1 --strategy ring6 --episodes 4"),
     (r"(.*recognition_reliability.py).*",

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from io import BytesIO
-from itertools import combinations
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 from curved_episodes import SWEPT, wide_study, wide_text
+from drawn_text import looks_right, texts
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from matplotlib.text import Text
 from mpl_toolkits.mplot3d.proj3d import proj_transform
 from PIL import Image
 
@@ -30,7 +29,7 @@ from sweeps.figures.contour import contour_figure, fill_axes
 from sweeps.figures.faces import faces_figure
 from sweeps.figures.forest import draw_forest
 from sweeps.figures.kinds import KINDS, Asked
-from sweeps.figures.style import COLUMN_IN, distinct_labels, drawing, encode, figure
+from sweeps.figures.style import distinct_labels, drawing, encode, figure
 from sweeps.figures.taxels import PadTouch, draw_taxels, image_ellipse, taxels_figure
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
@@ -50,36 +49,6 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> tuple[Plan, Store]:
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory: pytest.TempPathFactory) -> tuple[Plan, Store]:
     return wide_study(tmp_path_factory.mktemp("swept"), SWEPT)
-
-
-def texts(drawn: Figure) -> list[tuple[str, np.ndarray]]:
-    """What is written, with the corners (x0, y0, x1, y1) of where, in pixels."""
-    drawn_texts: list[Text] = []
-    draw = Text.draw
-
-    def noted(self: Text, *given: object, **named: object) -> None:
-        drawn_texts.append(self)
-        draw(self, *given, **named)
-
-    canvas = FigureCanvasAgg(drawn)
-    canvas.draw()  # lays it out
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Text, "draw", noted)
-        canvas.draw()
-    return [(text.get_text(), text.get_window_extent().extents) for text in drawn_texts
-            if text.get_text().strip() and text.get_visible() and not text.get_rotation() % 90]
-
-
-def looks_right(drawn: Figure) -> None:
-    assert drawn.get_figwidth() == COLUMN_IN
-    width, height = drawn.get_size_inches() * drawn.dpi
-    written = texts(drawn)
-    assert written
-    for text, (x0, y0, x1, y1) in written:
-        assert min(x0, y0, width - x1, height - y1) >= -1, text
-    for (a, p), (b, q) in combinations(written, 2):
-        apart = p[2] <= q[0] + 1 or q[2] <= p[0] + 1 or p[3] <= q[1] + 1 or q[3] <= p[1] + 1
-        assert apart, f"{a!r} is over {b!r}"
 
 
 @pytest.mark.parametrize("kind", STUDY_KINDS)

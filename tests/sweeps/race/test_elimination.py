@@ -142,6 +142,15 @@ def test_what_was_shown_of_a_leader_need_not_hold_of_the_next() -> None:
     assert look.within == pytest.approx(-look.lower[0])
 
 
+def test_what_pairing_is_worth() -> None:
+    """Scores of a common part of variance 4 and own parts of variance 1: 2 / 10."""
+    rng = np.random.default_rng(10)
+    common, own = rng.normal(0.0, 2.0, (1, 4, 2000)), rng.normal(0.0, 1.0, (3, 4, 2000))
+    race = Race(3, Rules(1.0, start=2000))
+    run(race, drawn(common + own + np.arange(3)[:, None, None]))
+    assert race.paired_over_unpaired == pytest.approx(0.2, abs=0.02)
+
+
 def test_the_order_of_answers_is_that_of_the_questions() -> None:
     values = skewed(9, [5.0, 5.2, 5.9])
     one, two = Race(3, Rules(0.2)), Race(3, Rules(0.2))

@@ -183,6 +183,17 @@ def test_capped_races_say_so(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert 0 < float(rows(tmp_path / "iou")[0]["iou"]) < 1
 
 
+def test_right_and_wrong_answers_have_safe_bounds(tmp_path: Path,
+                                                  capsys: pytest.CaptureFixture[str]) -> None:
+    """Of few answers a standard error may be zero; a race does not take that for certainty."""
+    spec = write_spec(tmp_path, SPEC)
+    assert race(spec, tmp_path / "out", "--metric", "recognized", "--budget-episodes", "400",
+                within="0.1") == 0
+    printed = capsys.readouterr()
+    assert "cut at" not in printed.out
+    assert "ended before" in printed.err
+
+
 @pytest.mark.parametrize(("words", "code", "message"), [
     (["--within", "0"], 2, "--within: is 0; should be"),
     (["--within", "1", "--confidence", "100"], 2, "--confidence: is 100; should be"),

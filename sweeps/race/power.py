@@ -1,0 +1,87 @@
+"""What a sweep will be able to tell apart, reckoned from a pilot: a sweep of a few episodes.
+
+Two entries are told apart if the simultaneous interval of their difference excludes zero, as in a
+leaderboard. In 80 % of sweeps that happens to a difference of (c + 0.84) standard errors, c being
+the critical difference of that many entries. Of *these* objects the standard error is that of
+episodes within objects, and falls with the episodes of a cell. Of objects *like these* it is that
+of the objects' mean differences: their variance in the pilot, less the share that its few episodes
+have in it, plus that which the sweep's will have.
+"""
+
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+
+from sweeps.analysis.entries import LeaderboardError, check_metric, entries_of, entry_axes
+from sweeps.analysis.interval import critical_difference, small_sample_widening
+from sweeps.analysis.paired import read_paired
+from sweeps.run.plan import Plan
+from sweeps.run.store import open_study
+
+POWER_Z = 0.8416
+"""The standard normal quantile of 80 %."""
+MOST_PAIRS = 2000
+
+
+@dataclass(frozen=True)
+class Spreads:
+    """What a pilot tells of the differences of pairs of entries."""
+
+    within: np.ndarray
+    """Variance of a difference among the episodes of an object, (pair, object)."""
+    between: np.ndarray
+    """Variance of the mean differences of objects, less that of their episodes, (pair,); NaN for
+    one object."""
+    episodes: int
+    """Of the pilot, of each object."""
+
+
+def pilot_spreads(folder: Path, metric: str) -> Spreads:
+    """Reads a pilot. Raises LeaderboardError for one that has too little, StoreError for none."""
+    check_metric(metric)
+    plan, stores = open_study([folder])
+    paired = read_paired(plan, stores, [metric])
+    values = paired.values[metric]
+    if len(paired.labels) < 2 or not values or min(len(v) for v in values) < 2:
+        raise LeaderboardError(f"--pilot: {folder} should hold two entries or more, with two "
+                               "finished episodes or more of each object")
+    pairs = list(combinations(range(len(paired.labels)), 2))
+    pairs = pairs[:: -(-len(pairs) // MOST_PAIRS)]
+    apart = [[v[:, a] - v[:, b] for v in values] for a, b in pairs]
+    within = np.array([[d.var(ddof=1) for d in of_objects] for of_objects in apart])
+    means = np.array([[d.mean() for d in of_objects] for of_objects in apart])
+    own = np.array([1.0 / len(v) for v in values])
+    between = (means.var(axis=1, ddof=1) - (within * own).mean(axis=1) if len(values) > 1
+               else np.full(len(pairs), np.nan))
+    return Spreads(within, np.maximum(between, 0.0), min(len(v) for v in values))
+
+
+def told_apart(spreads: Spreads, entries: int, objects: int, episodes: int
+               ) -> tuple[float, float]:
+    """The difference that the median pair shows in 80 % of sweeps of this size: of these objects,
+    and of objects like these (NaN for one object)."""
+    within = spreads.within.mean(axis=1)
+    these = np.sqrt(within / episodes / objects)
+    freedom = np.full(len(these), float(objects * max(episodes - 1, 1)))
+    shown = (critical_difference(entries, freedom) + POWER_Z) * these
+    if objects < 2:
+        return float(np.median(shown)), float("nan")
+    like = np.sqrt((spreads.between + within / episodes) / objects)
+    like = like * small_sample_widening(objects)
+    wide = critical_difference(entries, np.full(len(like), objects - 1.0))
+    return float(np.median(shown)), float(np.median((wide + POWER_Z) * like))
+
+
+def power_row(plan: Plan, folder: Path, metric: str) -> tuple[str, str]:
+    """A row of `warpgrasp check`: what the sweep can tell apart."""
+    spreads = pilot_spreads(folder, metric)
+    entries = len(entries_of(plan, entry_axes(plan, None)[0]))
+    objects, episodes = len(plan.study.objects), plan.study.head.episodes_per_cell
+    these, like = told_apart(spreads, max(entries, 2), objects, episodes)
+    unit = " mm" if metric.endswith("_mm") else ""
+    others = ("nothing on objects like these" if not np.isfinite(like)
+              else f"{like:.2g}{unit} on objects like these")
+    return "tells_apart", (f"{these:.2g}{unit} on these objects, {others}: differences of {metric} "
+                           f"that 80 % of such sweeps show (from {spreads.episodes} episodes)")

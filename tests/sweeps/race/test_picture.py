@@ -1,0 +1,52 @@
+"""The picture of a race: legible for two entries and for two hundred, the same bytes."""
+
+import numpy as np
+import pytest
+from drawn_text import looks_right, texts
+
+from sweeps.figures.style import encode
+from sweeps.race.elimination import Race, Rules
+from sweeps.race.picture import draw_race
+from sweeps.race.verdict import Verdict, claim, equal_replicates, race_table
+
+
+def verdict(entries: int, rules: Rules, metric: str = "chamfer_mm") -> Verdict:
+    """A race of drawn scores."""
+    rng = np.random.default_rng(entries)
+    means = 4.0 + np.sort(rng.gamma(1.5, 2.0, entries))
+    scores = means[:, None, None] + rng.normal(0.0, 1.5, (entries, 6, 700))
+    race = Race(entries, rules)
+    while asked := race.asked():
+        race.take(asked, [scores[e, :, a:b] for e, a, b in asked])
+    labels = tuple(f"ring [strategy.count={n // 20}, strategy.closings=(curl40 base_then_curl), "
+                   f"sensors.tendon_threshold_N={n}]" for n in range(entries))
+    last = race.looks[-1]
+    return Verdict(labels, metric, "these", 6, rules, tuple(race.looks),
+                   race.means[last.leader] + last.difference, race.count * 6, race.last_rung,
+                   race.paired_over_unpaired, 1e5)
+
+
+@pytest.mark.parametrize(("entries", "rules"), [
+    (2, Rules(0.5)), (5, Rules(0.25)), (200, Rules(1.0)), (200, Rules(0.05, budget=4000))])
+def test_the_picture_is_legible(entries: int, rules: Rules) -> None:
+    found = verdict(entries, rules)
+    drawn = draw_race(found)
+    looks_right(drawn)
+    assert any(claim(found) in text for text, _ in texts(drawn))
+    assert encode(draw_race(found), "svg") == encode(draw_race(found), "svg")
+
+
+def test_a_table_ranks_by_the_difference_to_the_winner() -> None:
+    found = verdict(50, Rules(0.5))
+    rows = race_table(found).rows
+    assert rows[0][5] == "best"
+    behind = [float(row[3]) for row in rows[1:]]
+    assert behind == sorted(behind)
+    for row in rows:
+        assert (row[5] == "worse") == (float(row[4]) > 0) or row[5] == "worse"
+
+
+def test_equal_allocation_is_that_of_a_table_of_sample_sizes() -> None:
+    """(z s / within)^2 with z of 20 one-sided comparisons at 5 %: 2.807 (0.9975)."""
+    spread = np.array([0.0, *[2.0] * 20])
+    assert equal_replicates(spread, 0, Rules(0.5)) == np.ceil((2.80703 * 4.0) ** 2)

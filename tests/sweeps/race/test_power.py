@@ -1,0 +1,45 @@
+"""What a sweep can tell apart: against sweeps drawn with a known difference."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from studies import SMALL, fill, plan_of, write_spec
+
+from sweeps.analysis.interval import ObjectMeans
+from sweeps.cli import main as cli
+from sweeps.race.power import Spreads, told_apart
+
+
+@pytest.mark.parametrize(("over", "between"), [("these", 0.0), ("like-these", 1.5)])
+def test_the_difference_told_is_shown_by_four_sweeps_in_five(over: str, between: float) -> None:
+    """Leaderboards of two entries with that difference, drawn 400 times."""
+    objects, episodes, own = 6, 16, 3.0
+    spreads = Spreads(np.full((1, objects), own**2), np.full(1, between**2), 8)
+    apart = told_apart(spreads, 2, objects, episodes)[0 if over == "these" else 1]
+    rng, shown = np.random.default_rng(1), 0
+    for _ in range(400):
+        board = ObjectMeans(2, 0)
+        for shift in rng.normal(apart, between, objects):
+            values = rng.normal(0.0, own, (episodes, 1)) * [[0.0, 1.0]] + [[0.0, shift]]
+            board.add(values + rng.normal(5.0, 2.0, (episodes, 1)))
+        found = board.differences(0, over)
+        shown += found.low[1] > 0
+    assert shown / 400 == pytest.approx(0.8, abs=0.08)
+
+
+def test_check_reads_a_pilot(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    plan = plan_of(tmp_path / "spec", SMALL.replace("= 70\no", "= 6\no"))
+    fill(tmp_path / "pilot", plan)
+    spec = write_spec(tmp_path)
+    assert cli.run(["check", str(spec), "--pilot", str(tmp_path / "pilot")]) == 0
+    told = capsys.readouterr().out.splitlines()[-1]
+    assert told.startswith("tells_apart")
+    assert told.endswith("differences of chamfer_mm that 80 % of such sweeps show "
+                         "(from 6 episodes)")
+    assert cli.run(["check", str(spec), "--pilot", str(tmp_path)]) == 2
+    assert "holds no study" in capsys.readouterr().err
+    alone = plan_of(tmp_path / "one", SMALL.partition('[[strategy]]\nname = "mine"')[0])
+    fill(tmp_path / "lone", alone)
+    assert cli.run(["check", str(spec), "--pilot", str(tmp_path / "lone")]) == 2
+    assert "should hold two entries or more" in capsys.readouterr().err
