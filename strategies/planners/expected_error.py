@@ -86,11 +86,13 @@ class _Field:
     """
 
     def __init__(self, places: np.ndarray, slopes: np.ndarray, length: float,
-                 known: np.ndarray, residual: np.ndarray) -> None:
+                 known: np.ndarray, residual: np.ndarray, across: type = np.float32) -> None:
+        """`across` is the precision of what touches say of the surface."""
+        self.across = across
         self.places = np.sqrt(3.0) / length * (places - places[-SURFACE_POINTS:].mean(0))
         self.slopes = slopes / NOISE_M
         self.known = known
-        self.misfit, self.whiten = UNFELT_M / NOISE_M, np.zeros((0, 0))
+        self.misfit, self.whiten = UNFELT_M, np.zeros((0, 0))
         if len(known):
             alike = _matern(self.places[known], self.places[known])
             shared = self.slopes[known] @ self.slopes[known].T + np.eye(len(known))
@@ -101,14 +103,14 @@ class _Field:
                 factors.append(factor)
                 scores.append(-0.5 * white @ white - np.log(np.diag(factor)).sum())
             best = int(np.argmax(scores))
-            self.misfit = MISFITS_M[best] / NOISE_M
+            self.misfit = MISFITS_M[best]
             self.whiten = np.linalg.inv(factors[best])
 
     def _prior(self, one: np.ndarray, other: np.ndarray, dtype: type = float) -> np.ndarray:
         """Covariance (..., n, m) before any touch, of places numbered `one` and `other`."""
         places, slopes = self.places.astype(dtype), self.slopes.astype(dtype)
         alike = _matern(places[one], places[other])
-        alike *= dtype(self.misfit**2)
+        alike *= dtype((self.misfit / NOISE_M) ** 2)
         alike += slopes[one] @ np.swapaxes(slopes[other], -1, -2)
         return alike
 
@@ -121,12 +123,12 @@ class _Field:
         by_pose = np.ascontiguousarray(to_touch.T).reshape(*touches.shape, len(self.known))
         within = self._prior(touches, touches) - by_pose @ np.swapaxes(by_pose, -1, -2)
         within = within * (found[:, :, None] & found[:, None]) + np.eye(touches.shape[1])
-        across = self._prior(flat, surface, np.float32)
-        across -= to_touch.T.astype(np.float32) @ to_surface.astype(np.float32)
+        across = self._prior(flat, surface, self.across)
+        across -= to_touch.T.astype(self.across) @ to_surface.astype(self.across)
         across = across.reshape(*touches.shape, -1) * found[..., None]
-        white = np.linalg.inv(np.linalg.cholesky(within)).astype(np.float32)
+        white = np.linalg.inv(np.linalg.cholesky(within)).astype(self.across)
         explained = ((white @ across) ** 2).sum(1)
-        before = np.maximum(self.misfit**2 + (self.slopes[surface]**2).sum(-1)
+        before = np.maximum((self.misfit / NOISE_M) ** 2 + (self.slopes[surface]**2).sum(-1)
                             - (to_surface**2).sum(0), 0.0)
         fall = np.sqrt(before) - np.sqrt(np.maximum(before - explained, 0.0))
         return NOISE_M * (fall @ weight) / max(weight.sum(), 1e-12)
