@@ -18,7 +18,7 @@ from fit.rotation import matrix_of_quaternion
 from fit.superquadric.geometry import Superquadric, superquadric_areas
 from fit.superquadric.uncertainty import distance_slopes, surface_distance
 from strategies.planners.adaptive import OneAtATime
-from strategies.planners.foresight import predicted_touches
+from strategies.planners.candidates import predicted_touches
 from strategies.planners.register import planner
 from strategies.recovery.belief import Belief
 from warpgrasp.mechanism.arm_reach import travel_time

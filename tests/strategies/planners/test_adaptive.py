@@ -8,8 +8,7 @@ from beliefs import BODY, belief, on_side
 
 from fit.superquadric.geometry import superquadric_inside_outside
 from strategies.planners.adaptive import EvenPoses, GreedyCoverage, MostInformation, MostUncertain
-from strategies.planners.candidates import POOL, candidate_poses
-from strategies.planners.foresight import predicted_touches
+from strategies.planners.candidates import POOL, candidate_poses, predicted_touches
 from strategies.planners.gaussian_process import SurfaceGaussianProcess
 from strategies.planners.oracle import Oracle
 from strategies.planners.planner_file import PlannerError

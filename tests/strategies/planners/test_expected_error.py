@@ -3,9 +3,8 @@
 import numpy as np
 from beliefs import belief, on_side
 
-from strategies.planners.candidates import candidate_poses
+from strategies.planners.candidates import candidate_poses, predicted_touches
 from strategies.planners.expected_error import NOISE_M, ExpectedError, _Field
-from strategies.planners.foresight import predicted_touches
 
 
 def test_the_fall_is_that_of_conditioning_by_hand() -> None:
