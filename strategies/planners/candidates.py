@@ -80,7 +80,9 @@ def predicted_touches(
     hands = true_hands(belief.hand, contact, no_errors(), device)
     _, links = path_on_device(belief.hand, contact, no_errors(), commands, device)
     extents = {"world": worlds, "probe": poses, "grasp": len(count)}
-    free = wp.empty(tuple(extents.values()), dtype=wp.bool, device=device)
+    free = wp.empty(
+        tuple(extents.values()), dtype=wp.bool,  # pyright: ignore[reportArgumentType]
+        device=device)
     there = wp.array(hand_pose, dtype=transform, device=device)
     given = {"shape": shape, "pose": pose, "hand_pose": there, "hand_table": hands,
              "links": links, "free": free}

@@ -101,8 +101,8 @@ def refitted(
     """
     by_pads = felt_by_pads(felt, rows)
     pads = by_pads.mask[:, last.placed.mask.shape[1]:].any(1)
-    first = ~(last.placed.mask & ~last.placed.by_pad).any(1)
-    whole = pads | first
+    first = np.asarray(~(last.placed.mask & ~last.placed.by_pad).any(1))
+    whole = np.asarray(pads | first)
     due = _renewals(steps) > _renewals(last.renewed_at)
     renewed = np.where(pads, ~believed, first | due | ~is_fitted(last.fits.status))
     turned = ~renewed & explained(profile, by_pads)
