@@ -10,8 +10,7 @@ import numpy as np
 
 from fit.superquadric.geometry import Superquadric
 from fit.superquadric.uncertainty import distance_slopes, surface_std
-from strategies.planners.candidates import candidate_poses
-from strategies.planners.foresight import predicted_touches
+from strategies.planners.candidates import candidate_poses, predicted_touches
 from strategies.planners.prior_body import planning_belief
 from strategies.planners.probes import Grasp, Probe
 from strategies.planners.register import planner

@@ -18,7 +18,7 @@ from fit.rotation import matrix_of_quaternion
 from fit.superquadric.geometry import Superquadric, superquadric_areas
 from fit.superquadric.uncertainty import distance_slopes, surface_distance
 from strategies.planners.adaptive import OneAtATime
-from strategies.planners.foresight import predicted_touches
+from strategies.planners.candidates import predicted_touches
 from strategies.planners.register import planner
 from strategies.recovery.belief import Belief
 from warpgrasp.mechanism.arm_reach import travel_time
@@ -81,16 +81,18 @@ class ExpectedError(OneAtATime):
 class _Field:
     """One world's distances between the true surface and the body believed, given touches.
 
-    In units of the noise of one touch, and in single precision but for the touches felt, of which
-    there are few: their covariance is the one to be factored that is nearly singular.
+    In units of the noise of one touch. Single precision serves for what each touch says of each
+    place of the surface, which is most of the work; what is factored needs double.
     """
 
     def __init__(self, places: np.ndarray, slopes: np.ndarray, length: float,
-                 known: np.ndarray, residual: np.ndarray) -> None:
-        self.places = np.sqrt(3.0) / length * (places - places.mean(0))
+                 known: np.ndarray, residual: np.ndarray, across: type = np.float32) -> None:
+        """`across` is the precision of what touches say of the surface."""
+        self.across = across
+        self.places = np.sqrt(3.0) / length * (places - places[-SURFACE_POINTS:].mean(0))
         self.slopes = slopes / NOISE_M
         self.known = known
-        self.misfit, self.whiten = UNFELT_M / NOISE_M, np.zeros((0, 0), np.float32)
+        self.misfit, self.whiten = UNFELT_M, np.zeros((0, 0))
         if len(known):
             alike = _matern(self.places[known], self.places[known])
             shared = self.slopes[known] @ self.slopes[known].T + np.eye(len(known))
@@ -101,15 +103,15 @@ class _Field:
                 factors.append(factor)
                 scores.append(-0.5 * white @ white - np.log(np.diag(factor)).sum())
             best = int(np.argmax(scores))
-            self.misfit = MISFITS_M[best] / NOISE_M
-            self.whiten = np.linalg.inv(factors[best]).astype(np.float32)
-        self.places, self.slopes = (v.astype(np.float32) for v in (self.places, self.slopes))
+            self.misfit = MISFITS_M[best]
+            self.whiten = np.linalg.inv(factors[best])
 
-    def _prior(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    def _prior(self, one: np.ndarray, other: np.ndarray, dtype: type = float) -> np.ndarray:
         """Covariance (..., n, m) before any touch, of places numbered `one` and `other`."""
-        alike = _matern(self.places[one], self.places[other])
-        alike *= np.float32(self.misfit**2)
-        alike += self.slopes[one] @ np.swapaxes(self.slopes[other], -1, -2)
+        places, slopes = self.places.astype(dtype), self.slopes.astype(dtype)
+        alike = _matern(places[one], places[other])
+        alike *= dtype((self.misfit / NOISE_M) ** 2)
+        alike += slopes[one] @ np.swapaxes(slopes[other], -1, -2)
         return alike
 
     def falls(self, touches: np.ndarray, found: np.ndarray, surface: np.ndarray,
@@ -120,13 +122,13 @@ class _Field:
         to_surface = self.whiten @ self._prior(self.known, surface)
         by_pose = np.ascontiguousarray(to_touch.T).reshape(*touches.shape, len(self.known))
         within = self._prior(touches, touches) - by_pose @ np.swapaxes(by_pose, -1, -2)
-        across = (self._prior(flat, surface)
-                  - to_touch.T @ to_surface).reshape(*touches.shape, -1)
-        within *= found[:, :, None] & found[:, None]
-        within += np.eye(touches.shape[1], dtype=np.float32)
-        across *= found[..., None]
-        explained = ((np.linalg.inv(np.linalg.cholesky(within)) @ across) ** 2).sum(1)
-        before = np.maximum(self.misfit**2 + (self.slopes[surface]**2).sum(-1)
+        within = within * (found[:, :, None] & found[:, None]) + np.eye(touches.shape[1])
+        across = self._prior(flat, surface, self.across)
+        across -= to_touch.T.astype(self.across) @ to_surface.astype(self.across)
+        across = across.reshape(*touches.shape, -1) * found[..., None]
+        white = np.linalg.inv(np.linalg.cholesky(within)).astype(self.across)
+        explained = ((white @ across) ** 2).sum(1)
+        before = np.maximum((self.misfit / NOISE_M) ** 2 + (self.slopes[surface]**2).sum(-1)
                             - (to_surface**2).sum(0), 0.0)
         fall = np.sqrt(before) - np.sqrt(np.maximum(before - explained, 0.0))
         return NOISE_M * (fall @ weight) / max(weight.sum(), 1e-12)

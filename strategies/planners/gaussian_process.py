@@ -9,7 +9,7 @@ pose is the one whose predicted touches it is least sure of, taken together.
 import numpy as np
 
 from strategies.planners.adaptive import OneAtATime
-from strategies.planners.foresight import predicted_touches
+from strategies.planners.candidates import predicted_touches
 from strategies.planners.register import planner
 from strategies.recovery.belief import Belief
 

@@ -15,6 +15,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "fit_contacts": ["recover_bodies"],
     "misfit": ["FARTHEST_M", "UNBELIEVED_M", "touch_misfit"],
     "plausibility": ["FEWEST_CONTACTS", "plausible", "swept", "within_reach"],
-    "refit_policy": ["Fitted", "newly_felt", "refitted"],
+    "refit_policy": ["Fitted", "finished", "newly_felt", "refitted"],
     "upright": ["faces_of", "stand_upright"],
 })

@@ -2,8 +2,9 @@
 
 Where nothing new was felt, a body stays. Where something was, it is refined from the body last
 fitted. New starts take many times as long: a body has them when links first feel something, when
-its episode has passed two, four, eight ... steps, where pads contradict it, and when its episode
-ends. Of refined body and new one the nearer to the touches stays.
+pads contradict it, where its touches lie off it as its episode comes to 2, 3, 4, 6, 8, 12, 16 ...
+steps, and when its episode ends. That is in all worlds at once, for one call of a program takes
+many of them. Of refined body and new one the nearer to the touches stays.
 """
 
 from collections.abc import Callable
@@ -28,11 +29,13 @@ from strategies.recovery.fit_contacts import (
     recover_bodies,
     refine_bodies,
 )
-from strategies.recovery.misfit import DOUBTED_M, FARTHEST_M, UNBELIEVED_M, touch_misfit
+from strategies.recovery.misfit import DOUBTED_M, FARTHEST_M, touch_misfit
 from warpgrasp.parameters import FitTable
 
 ROUGH_ROUNDS = 2
-"""Rounds of new starts of a body that is fitted again at the end."""
+"""Rounds of new starts that are not the last."""
+A_DOUBLING = 2
+"""So many times a body has new starts while the steps of its episode double."""
 EXPLAINED_M = 0.001
 """Mean distance of pads' touches from a contour that explains them [est]."""
 FEWEST_EXPLAINED = 8
@@ -99,9 +102,9 @@ def refitted(
     """
     by_pads = felt_by_pads(felt, rows)
     pads = by_pads.mask[:, last.placed.mask.shape[1]:].any(1)
-    first = ~(last.placed.mask & ~last.placed.by_pad).any(1)
-    whole = pads | first
-    due = np.frexp(steps)[1] > np.frexp(last.renewed_at)[1]  # a power of two has been passed
+    first = np.asarray(~(last.placed.mask & ~last.placed.by_pad).any(1))
+    whole = np.asarray(pads | first)
+    due = _renewals(steps) > _renewals(last.renewed_at)
     renewed = np.where(pads, ~believed, first | due | ~is_fitted(last.fits.status))
     turned = ~renewed & explained(profile, by_pads)
     renewed |= contradicted(last.fits, by_pads) & ~turned
@@ -131,6 +134,12 @@ def finished(
                   last.renewed_at, np.zeros_like(last.rough)), rows
 
 
+def _renewals(steps: np.ndarray) -> np.ndarray:
+    """How often new starts are due up to a step, less a constant; the same in all worlds, so that
+    they share calls of programs."""
+    return np.floor(A_DOUBLING * np.log2(np.maximum(steps, 0.5)))
+
+
 def _with_bodies(last: Fitted, felt: Evidence, links: TouchedLinks | None, rows: np.ndarray,
                  table: FitTable, fit: Callable) -> Fitted:
     if len(rows) == 0:
@@ -147,9 +156,16 @@ def _begun(felt: Evidence, links: TouchedLinks | None, table: FitTable, start: S
 
 def _refined_or_begun(felt: Evidence, links: TouchedLinks | None, table: FitTable,
                       start: SuperquadricFit) -> Bodies:
+    """Refined bodies; beside those that are doubted, nearer ones from new starts."""
+    found, where = refine_bodies(felt, links, table, start)
+    rows = np.flatnonzero(touch_misfit(found, where) > DOUBTED_M)
+    if len(rows) == 0:
+        return found, where
     few = replace(table, rounds=min(table.rounds, ROUGH_ROUNDS))
-    return nearer(refine_bodies(felt, links, table, start),
-                  recover_bodies(felt, links, few, doubted_m=UNBELIEVED_M))
+    best, there = nearer(
+        (found[rows], rows_of(where, rows)),
+        recover_bodies(rows_of(felt, rows), rows_of(links, rows), few))
+    return with_rows(found, rows, best), with_rows(where, rows, there)
 
 
 def _refined(felt: Evidence, links: TouchedLinks | None, table: FitTable, start: SuperquadricFit

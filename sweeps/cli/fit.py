@@ -1,13 +1,18 @@
 """`warpgrasp fit`: a CSV of sets of touches in, a CSV of recovered shapes out, a row a set."""
 
+import os
 import sys
 from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from math import isfinite
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from fit.arrays import joined
 from fit.fit_status import status_names
 from fit.points_csv import (
     PointSets,
@@ -21,6 +26,8 @@ from fit.points_csv import (
 from sweeps.output import say, write_atomic
 from sweeps.spec.errors import StoreError
 
+SETS_A_PROCESS = 1024
+"""Sets that a process fits at a time; fewer than twice as many are fitted in this one."""
 FIGURE_FORMATS = (".png", ".svg", ".pdf")
 BELOW_SHARE, BELOW_M = 0.1, 0.005
 """More touches than this share lie farther than this below a table that is given too high."""
@@ -49,7 +56,8 @@ def fit(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, robust:
         for name in inward(sets, sets.normals):
             say(f"nx, ny, nz: most normals of {name} point to the middle of its touches; they "
                 "should point out of the body")
-    found = fit_shape(shape, sets, taper=taper, bend=bend, robust=robust, table_z_m=table_z_m)
+    found = fit_on_all_cores(shape, sets, taper=taper, bend=bend, robust=robust,
+                             table_z_m=table_z_m)
     files = {out: rows_csv(*_rows(shape, sets.names, found))}
     if shape == "revolution":
         files[profile_path(out)] = rows_csv(*profile_rows(sets.names, found))
@@ -108,6 +116,25 @@ def inward(sets: PointSets, normals: np.ndarray) -> list[str]:
         if np.median(outward_m) < -INWARD_M:
             out.append(name)
     return out
+
+
+def fit_on_all_cores(shape: str, sets: PointSets, **options: Any) -> Any:
+    """`fit_shape`, by as many processes as there are cores where there are sets enough.
+
+    A fit depends only on its own points, so that the rows are the same however they are shared out.
+    """
+    count, cores = len(sets.names), os.cpu_count() or 1
+    if shape != "superquadric" or cores == 1 or count < 2 * SETS_A_PROCESS:
+        return fit_shape(shape, sets, **options)
+    parts = [_part(sets, slice(start, start + SETS_A_PROCESS))
+             for start in range(0, count, SETS_A_PROCESS)]
+    with ProcessPoolExecutor(min(cores, len(parts)), get_context("spawn")) as pool:
+        return joined(list(pool.map(partial(fit_shape, shape, **options), parts)))
+
+
+def _part(sets: PointSets, rows: slice) -> PointSets:
+    return PointSets(sets.names[rows], sets.points[rows], sets.mask[rows],
+                     None if sets.normals is None else sets.normals[rows])
 
 
 def fit_shape(shape: str, sets: PointSets, *, taper: bool = False, bend: bool = False,

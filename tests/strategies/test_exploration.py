@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from places import HELPERS
 
-from strategies import exploration
 from strategies.exploration import Exploration, explore
 from strategies.planners.from_strategy import MOST_STEPS, Budget, budget_of
 from strategies.planners.ordered import OrderedPlanner
@@ -20,6 +19,7 @@ from strategies.poses.hand_poses import waypoint_poses
 from strategies.poses.waypoints import BoundingCylinder, Ring
 from strategies.procedures.options import ContourTable, DecideTable, PlanarTable
 from strategies.ready_made import STRATEGIES
+from strategies.recovery import refit_policy
 from strategies.recovery.belief import Belief
 from strategies.recovery.fit_contacts import recover_bodies
 from strategies.strategy import Strategy
@@ -248,11 +248,11 @@ def test_grasps_after_a_contour_are_fitted_from_scratch(monkeypatch: pytest.Monk
     contour's own to twelve grasps ended up to 23 mm off, and their contacts barred the contour."""
     scratch: list[int] = []
 
-    def counted(felt, links, table):
+    def counted(felt, links, table, **options):
         scratch.append(int((felt.mask & ~felt.by_pad).sum()))
-        return recover_bodies(felt, links, table)
+        return recover_bodies(felt, links, table, **options)
 
-    monkeypatch.setattr(exploration, "recover_bodies", counted)
+    monkeypatch.setattr(refit_policy, "recover_bodies", counted)
     found = run(ordered("contour", "containment"), (0,), "large_cylinder")
     assert found.recovered.revolution is not None
     assert len(scratch) == 2
@@ -262,11 +262,11 @@ def test_grasps_after_a_contour_are_fitted_from_scratch(monkeypatch: pytest.Monk
 def test_a_needle_among_its_touches_is_not_believed(monkeypatch: pytest.MonkeyPatch) -> None:
     """It was, and `decide` crossed the faces of what was not there."""
 
-    def needle(felt, links, table):
-        fits, placed = recover_bodies(felt, links, table)
+    def needle(felt, links, table, **options):
+        fits, placed = recover_bodies(felt, links, table, **options)
         return replace(fits, size_m=fits.size_m * [1e-3, 1e-3, 1.0]), placed
 
-    monkeypatch.setattr(exploration, "recover_bodies", needle)
+    monkeypatch.setattr(refit_policy, "recover_bodies", needle)
     found = run(ordered("containment"))
     assert (found.status == "fit_implausible").all()
     assert np.allclose(found.belief.body.size_m[:, 0], found.belief.prior.radius_m)

@@ -3,8 +3,7 @@
 import numpy as np
 from beliefs import belief, on_side
 
-from strategies.planners.candidates import candidate_poses
-from strategies.planners.foresight import predicted_touches
+from strategies.planners.candidates import candidate_poses, predicted_touches
 from strategies.planners.expected_error import NOISE_M, ExpectedError, _Field
 
 
@@ -14,7 +13,8 @@ def test_the_fall_is_that_of_conditioning_by_hand() -> None:
     known, touches, surface = np.arange(6), np.arange(6, 14).reshape(2, 4), np.arange(14, 30)
     found = np.array([[True, True, False, True], [True] * 4])
     weight = rng.uniform(size=16)
-    field = _Field(places, slopes, 0.03, known, 0.001 * rng.normal(size=6))
+    residual = 0.001 * rng.normal(size=6)
+    field = _Field(places, slopes, 0.03, known, residual, across=np.float64)
     falls = field.falls(touches, found, surface, weight)
 
     apart = np.sqrt(3) * np.linalg.norm(places[:, None] - places[None], axis=-1) / 0.03
@@ -29,6 +29,8 @@ def test_the_fall_is_that_of_conditioning_by_hand() -> None:
     for row in range(2):
         after = np.concatenate([known, touches[row][found[row]]])
         assert np.isclose(falls[row], mean_std(known) - mean_std(after), rtol=1e-6)
+    single = _Field(places, slopes, 0.03, known, residual)
+    assert np.allclose(single.falls(touches, found, surface, weight), falls, rtol=1e-3)
 
 
 def test_large_residuals_are_laid_to_what_no_superquadric_explains() -> None:

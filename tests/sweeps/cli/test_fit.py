@@ -1,12 +1,15 @@
 """`warpgrasp fit` from CSV to CSV, by the command line."""
 
 import csv
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing.context import BaseContext
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from fit.superquadric.geometry import superquadric, superquadric_surface
+from sweeps.cli import fit as fit_command
 from sweeps.cli import main as cli
 
 SUPERQUADRIC = ["set", "n", "a1_m", "a2_m", "a3_m", "eps1", "eps2", "px_m", "py_m", "pz_m", "qx",
@@ -185,3 +188,24 @@ def test_a_touch_of_no_set_is_an_error(
     points = write(tmp_path / "points.csv", {"a": touches(1), "": touches(2)})
     assert cli.run(["fit", "plane", str(points), "-o", str(tmp_path / "fits.csv")]) == 2
     assert "points.csv:62: set: is empty" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_fits_shared_out_over_processes_are_the_same_bytes(
+        tmp_path: Path, points: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the set that cannot be fitted in either part, and parts that are not full."""
+    alone, shared = tmp_path / "alone.csv", tmp_path / "shared.csv"
+    assert cli.run(["fit", "superquadric", str(points), "-o", str(alone)]) == 0
+    monkeypatch.setattr(fit_command, "SETS_A_PROCESS", 2)
+    monkeypatch.setattr(fit_command.os, "cpu_count", lambda: 2)
+    started: list[int] = []
+    pool = fit_command.ProcessPoolExecutor
+
+    def counted(workers: int, context: BaseContext) -> ProcessPoolExecutor:
+        started.append(workers)
+        return pool(workers, context)
+
+    monkeypatch.setattr(fit_command, "ProcessPoolExecutor", counted)
+    assert cli.run(["fit", "superquadric", str(points), "-o", str(shared)]) == 0
+    assert started == [2]
+    assert alone.read_bytes() == shared.read_bytes()
