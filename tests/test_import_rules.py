@@ -17,10 +17,10 @@ FLOORS = {
     "warpgrasp": ["spec_words", "parameters", "probe_status", "core", "geometry", "objects",
                   "mechanism", "finger", "closing", "touch", "export", "robot"],
     "fit": ["fit_status", "rotation", "arrays", "optimize", "prepare", "superquadric",
-            "revolution", "plane", "polyhedron", "choice", "match_parameters",
+            "revolution", "implicit", "plane", "polyhedron", "choice", "match_parameters",
             "interpretation_tree", "points_csv"],
     "strategies": ["poses", "strategy", "ready_made", "procedures", "recovery", "planners",
-                   "exploration"],
+                   "reconstruct", "exploration"],
     "sweeps": ["output", "text_table", "spec", "episode", "run", "analysis", "compare", "figures",
                "report", "gym", "paper", "validate", "bench", "cli", "__main__"],
 }

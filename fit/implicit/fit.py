@@ -8,7 +8,6 @@ space that the body would otherwise enter (f = their radius at the centre).
 """
 
 from collections.abc import Iterator
-from typing import Any
 
 import jax
 import numpy as np
@@ -19,9 +18,9 @@ from fit.fit_status import FitStatus
 from fit.implicit.free_space import FreeSpace, chosen_balls, free_space, with_balls
 from fit.implicit.outliers import outlier_weights
 from fit.implicit.process import Posterior, ProcessData, normal_equations, posterior, slope_at_rows
+from fit.implicit.process_rows import FREE_ROWS, Rows, row_bucket, touch_rows, with_normals
 from fit.implicit.query import implicit_values, sphere_mean
 from fit.implicit.record import ImplicitFit, ImplicitOptions, Mean
-from fit.implicit.rows import FREE_ROWS, Rows, row_bucket, touch_rows, with_normals
 from fit.optimize.batch import Program, map_lanes, take
 from fit.optimize.multistart import Problem, advance
 from fit.prepare import Sets, prepare
@@ -140,8 +139,9 @@ def _hyperparameters(
     theta[..., 0] = np.log(STARTS)
     theta[..., 1] = np.log(SLOPE_START)
     theta[..., 2] = data.log_noise[:, None]
-    tried = advance(_PROBLEM, theta.reshape(-1, 3), take(data, np.repeat(np.arange(lanes), starts)),
-                    options.start_iterations)
+    begin = _reweighted(theta.reshape(-1, 3), take(data, np.repeat(np.arange(lanes), starts)),
+                        options)
+    tried = advance(_PROBLEM, theta.reshape(-1, 3), begin, options.start_iterations)
     best = np.argmin(tried.cost.reshape(lanes, starts), axis=1) + starts * np.arange(lanes)
     theta, damping = tried.theta[best], tried.damping[best]
     iterations = np.full(lanes, options.start_iterations)

@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from fit.implicit.process import ProcessData
+from fit.implicit.process_rows import FREE_ROWS
 from fit.implicit.record import ImplicitOptions, Mean
-from fit.implicit.rows import FREE_ROWS
 from fit.prepare import Sets
 
 

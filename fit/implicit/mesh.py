@@ -9,6 +9,9 @@ from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from fit.arrays import rows_of
 from fit.implicit.query import implicit_values, of_rows
@@ -34,15 +37,36 @@ def implicit_meshes(
 ) -> list[TriangleMesh]:
     """The surface f = 0 of every fit, closed, in metres; `mean` is that of the fit.
 
-    A body that would reach beyond the grid is cut off there. Raises ValueError as
+    A body that would reach beyond the grid is cut off there. Pieces that are nearest to no touch
+    are left out: there the mean alone speaks. Raises ValueError as
     `zero_set_meshes` does.
     """
     def values(points: np.ndarray, rows: np.ndarray, counts: np.ndarray) -> np.ndarray:
         return implicit_values(rows_of(fits, rows), points, of_rows(mean, rows), counts=counts)
 
     margin = MARGIN * (fits.high_m - fits.low_m).max(axis=1, keepdims=True)
-    return zero_set_meshes(values, fits.low_m - margin, fits.high_m + margin, fits.table_z_m,
-                           cells=cells)
+    meshes = zero_set_meshes(values, fits.low_m - margin, fits.high_m + margin, fits.table_z_m,
+                             cells=cells)
+    return [felt_pieces(mesh, points[: int(count)]) for mesh, points, count in zip(
+        meshes, fits.points_m, np.minimum(fits.n_points, fits.points_m.shape[1]), strict=True)]
+
+
+def felt_pieces(mesh: TriangleMesh, touches_m: Float[np.ndarray, "touch 3"]) -> TriangleMesh:
+    """The connected pieces of a mesh that are nearest to at least one touch."""
+    vertices = len(mesh.vertices_m)
+    if vertices == 0 or len(touches_m) == 0:
+        return mesh
+    edges = coo_array((np.ones(2 * len(mesh.faces), bool),
+                       (mesh.faces[:, [0, 1]].ravel(), mesh.faces[:, [1, 2]].ravel())),
+                      shape=(vertices, vertices))
+    count, piece = connected_components(edges, directed=False)
+    if count == 1:
+        return mesh
+    kept = np.zeros(count, bool)
+    kept[piece[cKDTree(mesh.vertices_m).query(touches_m)[1]]] = True
+    number = np.cumsum(kept[piece]) - 1
+    return TriangleMesh(mesh.vertices_m[kept[piece]],
+                        number[mesh.faces[kept[piece[mesh.faces[:, 0]]]]])
 
 
 def zero_set_meshes(
@@ -121,7 +145,9 @@ def _refined(coarse: Float[np.ndarray, "fit x y z"]) -> Float[np.ndarray, "fit X
     return np.ascontiguousarray(coarse)
 
 
-def _near(coarse: Float[np.ndarray, "fit x y z"], step: np.ndarray) -> Bool[np.ndarray, "fit X Y Z"]:
+def _near(
+    coarse: Float[np.ndarray, "fit x y z"], step: np.ndarray
+) -> Bool[np.ndarray, "fit X Y Z"]:
     """New nodes of coarse cells through which the surface may pass; `step` is between them."""
     reach = STEEPEST * np.linalg.norm(step, axis=1)[:, None, None, None]
     close, below = np.abs(coarse) < reach, coarse < 0.0

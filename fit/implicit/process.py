@@ -21,7 +21,7 @@ LOG_LENGTH = (-0.4, 0.7)
 square distance of the touches from their centre [est]."""
 LOG_SLOPE = (-0.9, 1.0)
 """Of amplitude / length^1.5, which is what nearby touches determine (Zhang 2004) [est]."""
-LOG_NOISE_STD = 0.7
+LOG_NOISE_STD = 0.35
 """Of the noise about its prior median [est]."""
 
 
@@ -150,7 +150,9 @@ def slope_at_rows(theta, data: ProcessData):
 
 
 def slope(length, amplitude, points, alpha, queries):
-    """Gradient of g at queries [query, 3]: that of k is -3 amplitude^2 exp(-r) (x - x_i) / length^2.
+    """Gradient of g at queries [query, 3].
+
+    That of the kernel is -3 amplitude^2 exp(-r) (x - x_i) / length^2.
     """
     pull = amplitude**2 * jnp.exp(-SQRT3 * distances(queries, points) / length) * alpha[None]
     return -3.0 / length**2 * (queries * pull.sum(1, keepdims=True) - pull @ points)

@@ -24,6 +24,7 @@ from strategies.planners.oracle import Oracle
 from strategies.planners.planner_file import PlannerError
 from strategies.planners.register import Planner
 from strategies.poses.waypoints import BoundingCylinder
+from strategies.reconstruct.free_form import Reconstruction, reconstruct
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered
 from strategies.recovery.evidence import Evidence
@@ -31,6 +32,7 @@ from strategies.recovery.recognition import Recognizer, recognizer, right_answer
 from sweeps.episode.columns import model_columns
 from sweeps.episode.contact_rows import contact_tables
 from sweeps.episode.given_prior import draw_prior, seen_prior
+from sweeps.episode.mesh_scores import scores_with_meshes
 from sweeps.episode.scores import Scorer, Scores
 from sweeps.episode.untouched import why_untouched
 from sweeps.spec.cell import CONTACTS, Cell
@@ -45,6 +47,9 @@ from warpgrasp.parameters import ObjectTable
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Grasps, Robot, Truth, has_deformed_part
 
+REBUILD_FAILED = "reconstruct_failed"
+FAULTY = ("strategy_failed", REBUILD_FAILED)
+"""Statuses whose note is what a user's function did wrong."""
 STOPPED = f"stopped: it wanted more than {MOST_STEPS} steps"
 Part = tuple[Cell, np.ndarray]
 """A cell and the numbers of some of its episodes."""
@@ -73,6 +78,8 @@ class EpisodeBlock:
     moments: tuple[Moment, ...]
     recognized: np.ndarray
     """Name of the catalogue's object that was felt, "none of these", or "", str (world,)."""
+    rebuilt: Reconstruction | None = None
+    """Free-form bodies that are scored in place of `recovered`, where they were asked for."""
 
     @property
     def body(self) -> Body:
@@ -163,7 +170,7 @@ def _rows_of(
         "coverage5mm": scores.coverage,
         "recognized_as": block.recognized,
         "recognized": block.recognized == np.repeat([right_answer(b) for b in bodies], counts),
-        "shape": names[recovered.shape],
+        "shape": _shape_names(block, names),
     }
     if cell.keep == "contacts":
         columns[CONTACTS] = contact_tables(block.exploration, block.truth)
@@ -178,7 +185,15 @@ def episode_notes(block: EpisodeBlock, cell: Cell, which: np.ndarray) -> np.ndar
     why = why_untouched(block.exploration, [block.bodies[n] for n in which],
                         block.truth.body_pose, block.prior, cell.arm, cell.hand)
     why = np.where(block.exploration.stopped, STOPPED, why)
-    return np.where(block.status == "strategy_failed", block.exploration.fault, why)
+    return np.where(np.isin(block.status, FAULTY), block.exploration.fault, why)
+
+
+def _shape_names(block: EpisodeBlock, names: np.ndarray) -> np.ndarray:
+    """The model that stands for the body of each world, or how its free form was made."""
+    found = names[block.recovered.shape]
+    if block.rebuilt is None:
+        return found
+    return np.where(block.rebuilt.made, block.rebuilt.name, found)
 
 
 def run_block(cell: Cell, episodes: np.ndarray, device: str) -> EpisodeBlock:
@@ -229,7 +244,23 @@ def _run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Ep
                         status=np.where(wrong, "strategy_failed", found.status))
     scores = moments[-1].scores if moments else scorer.score(found.recovered)
     recognized = _recognizer(device).names(found.belief, found.recovered)
-    return EpisodeBlock(tuple(bodies), truth, prior, found, scores, tuple(moments), recognized)
+    rebuilt = reconstruct(cell.fit.reconstruct, found.recovered, found.belief.evidence, prior,
+                          cell.fit)
+    if rebuilt is not None:
+        found = _rebuilt_status(found, rebuilt)
+        scores = scores_with_meshes(scorer, rebuilt.meshes, scores)
+    return EpisodeBlock(tuple(bodies), truth, prior, found, scores, tuple(moments), recognized,
+                        rebuilt)
+
+
+def _rebuilt_status(found: Exploration, rebuilt: Reconstruction) -> Exploration:
+    """How each world ended: one whose free form was made is `ok`, one whose plug-in failed is
+    `reconstruct_failed`; a strategy's own failure stays."""
+    kept = found.status == "strategy_failed"
+    wrong = (rebuilt.fault != "") & ~kept
+    status = np.where(rebuilt.made & ~kept, "ok", found.status)
+    return replace(found, status=np.where(wrong, REBUILD_FAILED, status),
+                   fault=np.where(wrong, rebuilt.fault, found.fault))
 
 
 def _noise_key(key: np.ndarray, stream: int) -> np.ndarray:

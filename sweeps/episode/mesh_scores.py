@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from fit.arrays import joined, rows_of, with_rows
 from fit.implicit.mesh import zero_set_meshes
 from fit.implicit.record import TriangleMesh
 from fit.implicit.volume import surface_samples
@@ -18,6 +19,7 @@ from sweeps.episode.scores import (
     ELEMENTS,
     INSIDE_POINTS,
     SURFACE_POINTS,
+    Scorer,
     Scores,
     distance_to_surface,
 )
@@ -75,3 +77,19 @@ def score_distances(
     meshes = zero_set_meshes(lambda points, worlds, counts: distance(points, worlds),
                              np.asarray(low_m, float), np.asarray(high_m, float))
     return score_meshes(meshes, body, body_pose, device=device)
+
+
+def scores_with_meshes(
+    scorer: Scorer, meshes: Sequence[TriangleMesh], scores: Scores
+) -> Scores:
+    """The scores of every world, those with a mesh scored by it; empty meshes leave theirs."""
+    parts = []
+    for body, rows in scorer.worlds():
+        part, mine = rows_of(scores, rows), meshes[rows]
+        made = np.flatnonzero([len(mesh.faces) > 0 for mesh in mine])
+        if len(made):
+            part = with_rows(part, made, score_meshes(
+                [mine[k] for k in made], body, scorer.body_pose[rows][made],
+                device=scorer.device))
+        parts.append(part)
+    return joined(parts)

@@ -15,6 +15,7 @@ from typing import Any
 
 from strategies.planners.planner_file import files_beside
 from strategies.poses.waypoints import WAYPOINT_KINDS
+from strategies.reconstruct.plug_in_name import plug_in_file
 from strategies.strategy import Strategy
 from sweeps.spec.cell import SECTIONS, TABLES, Cell
 from sweeps.spec.study import FILE_KEYS, Axis, Body, Study, StudyTable
@@ -110,7 +111,7 @@ def cell_hash(cell: Cell, body: Body) -> str:
     return digest({
         "strategy": canonical_strategy(cell.strategy), "object": cell.object_name,
         "body": canonical_body(body), "seed": cell.seed,
-        **{name: asdict(getattr(cell, name)) for name in TABLES}})
+        **{name: canonical_table(getattr(cell, name)) for name in TABLES}})
 
 
 def unit_id(cell_name: str, start: int, stop: int) -> str:
@@ -151,6 +152,16 @@ def _without_folders(key: str, value: Any) -> Any:
     return Path(value).name if key in FILE_KEYS and isinstance(value, str) else value
 
 
+def canonical_table(table: Any) -> dict[str, Any]:
+    """A section of a spec as plain data; the file of a function that recovers bodies by its
+    content."""
+    values = asdict(table)
+    if file := plug_in_file(values.get("reconstruct", "")):
+        function = values["reconstruct"].rpartition(":")[2]
+        values["reconstruct"] = f"sha256:{program_hash(file)}/{Path(file).name}:{function}"
+    return values
+
+
 def canonical_study(study: Study) -> dict[str, Any]:
     """A study as plain data, every default filled in: what `resolved.json` holds."""
     return json.loads(json.dumps({
@@ -159,7 +170,7 @@ def canonical_study(study: Study) -> dict[str, Any]:
         "episodes_per_cell": study.head.episodes_per_cell,
         "objects": {body.name: canonical_body(body) for body in study.objects},
         "strategies": {s.name: canonical_strategy(s) for s in study.strategies},
-        **{name: asdict(table) for name, table in study.tables.items()},
+        **{name: canonical_table(table) for name, table in study.tables.items()},
         "sweep": [_canonical_axis(axis) for axis in study.axes],
     }))
 
