@@ -17,7 +17,14 @@ from fit.arrays import with_rows
 from fit.fit_status import FitStatus
 from fit.implicit.free_space import FreeSpace, chosen_balls, free_space, with_balls
 from fit.implicit.outliers import outlier_weights
-from fit.implicit.process import Posterior, ProcessData, normal_equations, posterior, slope_at_rows
+from fit.implicit.process import (
+    LEAST_AMPLITUDE,
+    Posterior,
+    ProcessData,
+    normal_equations,
+    posterior,
+    slope_at_rows,
+)
 from fit.implicit.process_rows import FREE_ROWS, Rows, row_bucket, touch_rows, with_normals
 from fit.implicit.query import implicit_values, sphere_mean
 from fit.implicit.record import ImplicitFit, ImplicitOptions, Mean
@@ -33,6 +40,8 @@ FIRST_LENGTH, FIRST_SLOPE = 0.7, 0.4
 length^1.5 [est]."""
 LEAST_SLOPE = 0.2
 """A normal is not estimated where the process rises less than this."""
+SETTLED = 0.1
+"""The weights of a converged fit changed by less than this in its last round."""
 SLOPE_START = 0.4
 """Amplitude over length^1.5 of the starts, in unit frames."""
 _PROBLEM = Problem(normal_equations, "implicit process")
@@ -77,8 +86,9 @@ def fit_implicit(
     sets = prepare(points, mask, covariance, normals, table_z)
     fits = _placeholder(sets, np.asarray(points).shape[1], table_z)
     mean = mean or sphere_mean(fits)
-    free = None if free_points is None or options.free_rounds == 0 else free_space(
-        sets, mean, free_points, free_radius, free_mask)
+    free = None
+    if free_points is not None and np.shape(free_points)[1] and options.free_rounds:
+        free = free_space(sets, mean, free_points, free_radius, free_mask)
     rows = touch_rows(sets, mean, options, 0 if free is None else FREE_ROWS)
     rows = with_normals(rows, sets, mean, _first_normals(rows), options)
     buckets: list[tuple[np.ndarray, np.ndarray, ProcessData]] = []
@@ -148,6 +158,7 @@ def _hyperparameters(
     status = np.full(lanes, FitStatus.not_converged)
     active = np.arange(lanes)
     for turn in range(options.rounds):
+        before = data.weight[active]
         data = with_rows(data, active, _reweighted(theta[active], take(data, active), options))
         moved = advance(_PROBLEM, theta[active], take(data, active), options.round_iterations,
                         damping[active])
@@ -155,7 +166,8 @@ def _hyperparameters(
         iterations[active] += options.round_iterations
         if turn + 1 < options.least_rounds:
             continue
-        done = moved.decrease < options.least_fall
+        settled = np.abs(data.weight[active] - before).max(axis=1) < SETTLED
+        done = (moved.decrease < options.least_fall) & settled
         status[active[done]] = FitStatus.converged
         active = active[~done]
         if len(active) == 0:
@@ -194,7 +206,8 @@ def _put(fits: ImplicitFit, index: np.ndarray, theta: np.ndarray, data: ProcessD
     fits.noise_m2[index, :width] = np.where(used, found.noise * scale[:, None] ** 2, -1.0)
     length = np.exp(theta[:, 0])
     fits.length_m[index] = length * scale
-    fits.amplitude_m[index] = np.exp(theta[:, 1]) * length**1.5 * scale
+    fits.amplitude_m[index] = scale * np.sqrt(
+        np.exp(2.0 * theta[:, 1]) * length**3 + LEAST_AMPLITUDE**2)
     fits.noise_sigma_m[index] = np.exp(theta[:, 2]) * scale
     fits.cost[index] = found.cost
     touch = rows.touches(width)[index]

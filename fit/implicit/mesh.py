@@ -33,20 +33,25 @@ so many (row,) are wanted."""
 
 
 def implicit_meshes(
-    fits: ImplicitFit, mean: Mean | None = None, *, cells: int = CELLS
+    fits: ImplicitFit, mean: Mean | None = None, *,
+    box_m: tuple[Float[np.ndarray, "fit 3"], Float[np.ndarray, "fit 3"]] | None = None,
+    cells: int = CELLS,
 ) -> list[TriangleMesh]:
     """The surface f = 0 of every fit, closed, in metres; `mean` is that of the fit.
 
-    A body that would reach beyond the grid is cut off there. Pieces that are nearest to no touch
+    The grid holds the touches and, if given, the corners `box_m` of the mean's body, with a margin;
+    a body that would reach beyond it is cut off there. Pieces that are nearest to no touch
     are left out: there the mean alone speaks. Raises ValueError as
     `zero_set_meshes` does.
     """
     def values(points: np.ndarray, rows: np.ndarray, counts: np.ndarray) -> np.ndarray:
         return implicit_values(rows_of(fits, rows), points, of_rows(mean, rows), counts=counts)
 
-    margin = MARGIN * (fits.high_m - fits.low_m).max(axis=1, keepdims=True)
-    meshes = zero_set_meshes(values, fits.low_m - margin, fits.high_m + margin, fits.table_z_m,
-                             cells=cells)
+    low, high = fits.low_m, fits.high_m
+    if box_m is not None:
+        low, high = np.minimum(low, box_m[0]), np.maximum(high, box_m[1])
+    margin = MARGIN * (high - low).max(axis=1, keepdims=True)
+    meshes = zero_set_meshes(values, low - margin, high + margin, fits.table_z_m, cells=cells)
     return [felt_pieces(mesh, points[: int(count)]) for mesh, points, count in zip(
         meshes, fits.points_m, np.minimum(fits.n_points, fits.points_m.shape[1]), strict=True)]
 

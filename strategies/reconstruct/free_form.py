@@ -18,15 +18,12 @@ from fit.implicit.volume import VolumeEstimate, implicit_volume
 from strategies.planners.planner_file import PlannerError
 from strategies.poses.waypoints import PRIOR_MARGIN_M, BoundingCylinder
 from strategies.reconstruct.plug_in import NO_MESH, Touches, run_plug_in
-from strategies.reconstruct.plug_in_name import find_plug_in
-from strategies.reconstruct.prior_distance import distance_to_recovered
+from strategies.reconstruct.plug_in_name import BUILT_IN, find_plug_in
+from strategies.reconstruct.prior_distance import box_of_recovered, distance_to_recovered
 from strategies.recovery.belief import read_only
 from strategies.recovery.choose_model import Recovered, Shape
 from strategies.recovery.evidence import Evidence
 from warpgrasp.parameters import FitTable
-
-BUILT_IN = ("superquadric", "implicit")
-"""Words of `[fit] reconstruct`; the first keeps what the episode recovered."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +92,7 @@ def _implicit(recovered: Recovered, evidence: Evidence, table: FitTable,
         good = np.flatnonzero(is_fitted(found.status))
         rows, fits = rows[good], rows_of(found, good)
         mean = of_rows(mean, good)
-        made = implicit_meshes(fits, mean)
+        made = implicit_meshes(fits, mean, box_m=box_of_recovered(rows_of(recovered, rows)))
         volume = implicit_volume(fits, made, mean)
         for row, mesh in zip(rows, made, strict=True):
             meshes[row] = mesh

@@ -65,6 +65,7 @@ def run_plug_in(function: Callable[..., Any], touches: Touches) -> tuple[list[Tr
             answer = function(touches)
             if callable(answer):
                 answer = zero_set_meshes(_checked(answer), touches.low_m, touches.high_m)
+                return answer, fault
             answer = list(answer)
     except Exception as error:  # whatever a user's function may raise
         fault[:] = fault_text(function, error)

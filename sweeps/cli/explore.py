@@ -172,8 +172,11 @@ def objects(*, json: Json = False) -> int:
     """
     from sweeps.text_table import print_table
     from warpgrasp.objects.catalogue_names import BODY_NAMES
+    from warpgrasp.objects.families import FAMILIES, MOST_SEED
 
-    print_table(("object", "what"), list(BODY_NAMES.items()), json)
+    families = [(f"{name}-SEED", f"{what}; SEED from 0 to {MOST_SEED}, see docs/objects.md [est]")
+                for name, (_, what) in FAMILIES.items()]
+    print_table(("object", "what"), [*BODY_NAMES.items(), *families], json)
     return 0
 
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from strategies.planners.planner_file import files_beside
 from strategies.poses.waypoints import WAYPOINT_KINDS
-from strategies.reconstruct.plug_in_name import plug_in_file
+from strategies.reconstruct.plug_in_name import call_by_content, plug_in_file
 from strategies.strategy import Strategy
 from sweeps.spec.cell import SECTIONS, TABLES, Cell
 from sweeps.spec.study import FILE_KEYS, Axis, Body, Study, StudyTable
@@ -157,8 +157,7 @@ def canonical_table(table: Any) -> dict[str, Any]:
     content."""
     values = asdict(table)
     if file := plug_in_file(values.get("reconstruct", "")):
-        function = values["reconstruct"].rpartition(":")[2]
-        values["reconstruct"] = f"sha256:{program_hash(file)}/{Path(file).name}:{function}"
+        values["reconstruct"] = call_by_content(values["reconstruct"], program_hash(file))
     return values
 
 

@@ -4,11 +4,11 @@ from pathlib import Path
 from typing import Any
 
 from strategies.planners.planner_file import PlannerError
-from strategies.reconstruct.plug_in_name import plug_in_file
+from strategies.reconstruct.plug_in_name import BUILT_IN as WORDS
+from strategies.reconstruct.plug_in_name import find_plug_in, plug_in_file
 from sweeps.spec.errors import KeyPath, Problems, choose, short
 from sweeps.spec.objects import CSV_LIMIT, NoFile, named_file
 
-WORDS = ("superquadric", "implicit")
 KEY = "fit.reconstruct"
 
 
@@ -19,16 +19,14 @@ def read_reconstruct(value: str, base_dir: Path, problems: Problems,
         return value
     file = plug_in_file(value)
     if not file:
-        problems.add(path, f"is {short(value)}; {choose(value, WORDS)}; or a function in a file, as "
-                     '"mine.py:my_network"')
+        problems.add(path, f"is {short(value)}; {choose(value, WORDS)}; or a function in a "
+                     'file, as "mine.py:my_network"')
         return WORDS[0]
     try:
         call = f"{named_file(file, base_dir, CSV_LIMIT)}:{value.rpartition(':')[2]}"
     except NoFile as error:
         problems.add(path, str(error))
         return WORDS[0]
-    from strategies.reconstruct.plug_in_name import find_plug_in
-
     try:
         find_plug_in(call)
     except PlannerError as error:

@@ -69,7 +69,7 @@ def test_meshes_are_closed_and_lie_on_the_zero_set(three) -> None:
     for mesh, surface in zip(meshes, volume.surface_m, strict=True):
         other = trimesh.Trimesh(mesh.vertices_m, mesh.faces, process=False)
         middle = (other.triangles_center * other.area_faces[:, None]).sum(0) / other.area
-        assert np.abs(surface.mean(0) - middle).max() < 1e-3
+        assert np.abs(surface.mean(0) - middle).max() < 2.5e-3
 
 
 def test_padding_order_and_neighbours_change_nothing(three) -> None:
@@ -103,7 +103,8 @@ def test_a_mean_that_fits_stays_where_nothing_is_felt() -> None:
     def mean(points: np.ndarray, rows: np.ndarray) -> np.ndarray:
         return np.linalg.norm(points - centre, axis=2) - 0.03
 
-    fits = fit_implicit(upper[None], mean=mean)
+    noise = 3e-4 * np.random.default_rng(2).normal(size=upper.shape)
+    fits = fit_implicit((upper + noise)[None], mean=mean)
     below = directions(100)[60:] * 0.03 + centre
     assert np.abs(implicit_values(fits, below[None], mean)).max() < 1e-3
     assert implicit_distance(fits, below[None], mean).std_m.mean() > 3 * implicit_distance(
@@ -123,6 +124,7 @@ def test_outliers_count_less_beside_a_body_that_fits() -> None:
     plain = fit_implicit(points[None], mean=mean, options=ImplicitOptions(outlier_share=0.0))
     assert (robust.weight[0, ::16] < 0.1).all()
     assert np.median(robust.weight[0]) > 0.95
+    assert (plain.weight[0] == 1.0).all()
     errors = [np.abs(implicit_values(f, true[None], mean)).mean() for f in (robust, plain)]
     assert errors[0] < 0.5 * errors[1]
 
@@ -168,8 +170,8 @@ def test_sets_that_cannot_be_fitted_have_a_status_and_finite_rows() -> None:
     assert fits.status.tolist() == [FitStatus.converged, FitStatus.degenerate_line,
                                     FitStatus.bad_points, FitStatus.too_few_points]
     assert all(np.isfinite(value).all() for value in vars(fits).values())
-    with pytest.raises(ValueError, match="should be"):
-        fit_implicit(points[..., :2])
+    with pytest.raises(ValueError, match="mean: not finite"):
+        fit_implicit(points[:1], mean=lambda points, rows: np.full(points.shape[:2], np.nan))
     with pytest.raises(ValueError, match="multiple of 4"):
         implicit_meshes(fits, cells=30)
     with pytest.raises(ValueError, match="outlier_share"):

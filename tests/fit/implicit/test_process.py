@@ -8,6 +8,7 @@ from scipy.stats import multivariate_normal, norm
 from fit.implicit.fit import fit_implicit
 from fit.implicit.outliers import outlier_probability, outlier_weights
 from fit.implicit.process import (
+    LEAST_AMPLITUDE,
     LOG_LENGTH,
     LOG_NOISE_STD,
     LOG_SLOPE,
@@ -37,7 +38,8 @@ def problem(rows: int = 12, padding: int = 4) -> ProcessData:
 
 
 def covariance(theta: np.ndarray, data: ProcessData, rows: int = 12) -> np.ndarray:
-    length, amplitude = np.exp(theta[0]), np.exp(theta[1] + 1.5 * theta[0])
+    length = np.exp(theta[0])
+    amplitude = np.sqrt(np.exp(2 * theta[1]) * length**3 + LEAST_AMPLITUDE**2)
     noise = (data.variance + data.noisy * np.exp(2 * theta[2])) / data.weight
     points = np.asarray(data.points)[:rows]
     return kernel(points, points, length, amplitude) + np.diag(np.asarray(noise)[:rows])
