@@ -127,11 +127,12 @@ def _buckets(rows: Rows) -> Iterator[tuple[np.ndarray, ProcessData]]:
 
 def _first_normals(rows: Rows) -> np.ndarray:
     """Outward normals at the touches by the process of the first hyperparameters; NaN if none."""
-    normals = np.full(rows.mean_slope.shape, np.nan)
+    fits, points = rows.mean_slope.shape[:2]
+    normals = np.full((fits, points, 3), np.nan)
     for index, data in _buckets(rows):
         theta = np.tile([np.log(FIRST_LENGTH), np.log(FIRST_SLOPE), 0.0], (len(index), 1))
         theta[:, 2] = data.log_noise
-        slope = map_lanes(_SLOPE, theta, data)[:, : normals.shape[1]]
+        slope = map_lanes(_SLOPE, theta, data)[:, :points]
         slope = slope + rows.mean_slope[index, : slope.shape[1]]
         size = np.linalg.norm(slope, axis=2, keepdims=True)
         sound = np.isfinite(size) & (size > LEAST_SLOPE)
@@ -176,14 +177,22 @@ def _hyperparameters(
 
 
 def _reweighted(theta, data: ProcessData, options: ImplicitOptions) -> ProcessData:
+    """The processes with the weights that touches have by what all others predict for them.
+
+    Points off the surface share the error of their touch: they do not vote, and take its weight.
+    """
     if options.outlier_share == 0.0:
         return data
-    found = _posterior(theta, data)
+    touch = np.asarray(data.touch)
+    own = touch == np.arange(touch.shape[1])
+    found = _posterior(theta, data._replace(used=data.used * (own | (touch < 0))))
     inlying = data.variance + np.exp(2.0 * theta[:, 2:3])
     weight = outlier_weights(
-        found.deleted, found.deleted_variance, inlying, options.outlier_share,
-        options.outlier_m * np.exp(data.log_noise[:, None]) / options.noise_m)
-    return data._replace(weight=np.where(data.noisy > 0, weight, 1.0))
+        np.asarray(found.deleted), np.asarray(found.deleted_variance), inlying,
+        options.outlier_share, options.outlier_m * np.exp(data.log_noise[:, None])
+        / options.noise_m)
+    weight = np.take_along_axis(weight, np.maximum(touch, 0), axis=1)
+    return data._replace(weight=np.where((touch >= 0) & (data.used > 0), weight, 1.0))
 
 
 def _posterior(theta, data: ProcessData) -> Posterior:
@@ -219,7 +228,7 @@ def _put(fits: ImplicitFit, index: np.ndarray, theta: np.ndarray, data: ProcessD
     count = min(sets.order.shape[1], width)
     slots = np.nonzero(touch[:, :count])
     fits.weight[index[slots[0]], sets.order[index[slots[0]], slots[1]]] = weight[slots]
-    return found.alpha[:, -FREE_ROWS:]
+    return np.asarray(found.alpha)[:, -FREE_ROWS:]
 
 
 def _placeholder(sets: Sets, points: int, table_z) -> ImplicitFit:

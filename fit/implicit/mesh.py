@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from fit.arrays import rows_of
 from fit.implicit.query import implicit_values, of_rows
@@ -68,7 +68,7 @@ def felt_pieces(mesh: TriangleMesh, touches_m: Float[np.ndarray, "touch 3"]) -> 
     if count == 1:
         return mesh
     kept = np.zeros(count, bool)
-    kept[piece[cKDTree(mesh.vertices_m).query(touches_m)[1]]] = True
+    kept[piece[KDTree(mesh.vertices_m).query(touches_m)[1]]] = True
     number = np.cumsum(kept[piece]) - 1
     return TriangleMesh(mesh.vertices_m[kept[piece]],
                         number[mesh.faces[kept[piece[mesh.faces[:, 0]]]]])
@@ -185,6 +185,6 @@ def _marched(field: np.ndarray, low: np.ndarray, step: np.ndarray) -> TriangleMe
         return TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), int))
     # Unit cells, since Warp keeps vertices in single precision.
     vertices, faces = IsoSurfaceMarchingCubes.extract(
-        wp.array(field, dtype=wp.float32, device="cpu"), 0.0)
+        wp.array(field, dtype=wp.float32, ndim=3, device="cpu"), 0.0)  # type: ignore[arg-type]
     return TriangleMesh(low + step * vertices.numpy().astype(float),
                         faces.numpy().reshape(-1, 3).astype(int))

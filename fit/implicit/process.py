@@ -11,9 +11,10 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 from jax.scipy.linalg import solve_triangular
-from jaxtyping import Array, Float
+from jaxtyping import Float, Int
 
 from fit.optimize.solver import NormalEquations
+from fit.superquadric.parameter_vector import Tensor
 
 SQRT3 = 3.0**0.5
 LOG_LENGTH = (-0.4, 0.7)
@@ -31,33 +32,35 @@ LOG_NOISE_STD = 0.35
 class ProcessData(NamedTuple):
     """Data of one fit in its unit frame."""
 
-    points: Float[Array, "row 3"]
-    target: Float[Array, " row"]
+    points: Float[Tensor, "row 3"]
+    target: Float[Tensor, " row"]
     """What g is there: distance felt less the mean."""
-    variance: Float[Array, " row"]
+    variance: Float[Tensor, " row"]
     """Known variance of the target."""
-    noisy: Float[Array, " row"]
+    noisy: Float[Tensor, " row"]
     """1 where the fitted noise comes on top of it."""
-    weight: Float[Array, " row"]
+    weight: Float[Tensor, " row"]
     """Share of its precision that a row keeps: less than 1 for a likely outlier."""
-    used: Float[Array, " row"]
+    used: Float[Tensor, " row"]
     """1, or 0 for padding."""
-    log_noise: Float[Array, ""]
+    touch: Int[Tensor, " row"]
+    """The row of the touch that a row comes from: its own of a touch; -1 of a ball or padding."""
+    log_noise: Float[Tensor, ""]
     """Prior mean of the logarithm of the noise."""
 
 
 class Posterior(NamedTuple):
     """What the touches leave of the process."""
 
-    alpha: Float[Array, " row"]
+    alpha: Float[Tensor, " row"]
     """Coefficients of the kernel; 0 where not used."""
-    noise: Float[Array, " row"]
+    noise: Float[Tensor, " row"]
     """Variance of each row."""
-    deleted: Float[Array, " row"]
+    deleted: Float[Tensor, " row"]
     """What all other rows predict for a row, less its target."""
-    deleted_variance: Float[Array, " row"]
+    deleted_variance: Float[Tensor, " row"]
     """Variance of that prediction of g, without the row's own noise."""
-    cost: Float[Array, ""]
+    cost: Float[Tensor, ""]
 
 
 def matern(distance, length):

@@ -89,7 +89,7 @@ def scores_with_meshes(
         made = np.flatnonzero([len(mesh.faces) > 0 for mesh in mine])
         if len(made):
             part = with_rows(part, made, score_meshes(
-                [mine[k] for k in made], body, scorer.body_pose[rows][made],
+                [mine[int(k)] for k in made], body, scorer.body_pose[rows][made],
                 device=scorer.device))
         parts.append(part)
     return joined(parts)

@@ -131,7 +131,8 @@ def shape_record(cell: Cell, block: EpisodeBlock, world: int = 0) -> dict[str, A
         "status": str(block.status[world]),
         "trust": trust_sentence(block, world),
         "models": list(_models(cell, block, world)),
-        "chosen": block.rebuilt.name if mesh_of_world(block, world) else kinds[shape],
+        "chosen": block.rebuilt.name if block.rebuilt and mesh_of_world(block, world)
+        else kinds[shape],
         "recognized_as": str(block.recognized[world]) or None,
         "true_pose": {"x_m": float(pose[0]), "y_m": float(pose[1]),
                       "yaw_rad": float(2 * np.arctan2(pose[5], pose[6]))},

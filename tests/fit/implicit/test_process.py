@@ -34,7 +34,7 @@ def problem(rows: int = 12, padding: int = 4) -> ProcessData:
     return ProcessData(
         draw.normal(size=(rows + padding, 3)), 0.3 * draw.normal(size=rows + padding),
         draw.uniform(1e-4, 1e-3, rows + padding), (np.arange(rows + padding) % 4 > 0).astype(float),
-        draw.uniform(0.2, 1.0, rows + padding), used, np.float64(-4.0))
+        draw.uniform(0.2, 1.0, rows + padding), used, np.arange(rows + padding), np.float64(-4.0))
 
 
 def covariance(theta: np.ndarray, data: ProcessData, rows: int = 12) -> np.ndarray:
