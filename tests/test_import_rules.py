@@ -17,10 +17,10 @@ FLOORS = {
     "warpgrasp": ["spec_words", "parameters", "probe_status", "motion_cost", "core", "geometry",
                   "objects", "mechanism", "finger", "closing", "touch", "export", "robot"],
     "fit": ["fit_status", "rotation", "arrays", "optimize", "prepare", "superquadric",
-            "revolution", "plane", "polyhedron", "match_parameters", "interpretation_tree",
-            "points_csv"],
+            "revolution", "implicit", "plane", "polyhedron", "match_parameters",
+            "interpretation_tree", "points_csv"],
     "strategies": ["poses", "strategy", "ready_made", "procedures", "contacts", "recovery",
-                   "recognition", "planners", "exploration"],
+                   "recognition", "planners", "reconstruct", "exploration"],
     "sweeps": ["output", "text_table", "spec", "episode", "run", "analysis", "compare", "figures",
                "race", "report", "gym", "paper", "validate", "bench", "cli", "__main__"],
 }

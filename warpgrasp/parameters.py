@@ -283,6 +283,9 @@ class FitTable:
     upright_rad: float | None = _number(0.01, 1e-3, 10.0,
                                         "sigma of the tilt of a body that stands on the table")
     rounds: int = _number(4, 0, 32, "times contacts are re-projected onto the body last fitted")
+    reconstruct: str = field(default="superquadric", metadata={
+        "doc": "what stands for the body at the end: superquadric, the model recovered; implicit, "
+               "a free-form surface about it; or a function of yours, as mine.py:my_network"})
 
 
 @dataclass(frozen=True)

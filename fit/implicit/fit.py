@@ -8,7 +8,6 @@ space that the body would otherwise enter (f = their radius at the centre).
 """
 
 from collections.abc import Iterator
-from typing import Any
 
 import jax
 import numpy as np
@@ -18,10 +17,17 @@ from fit.arrays import with_rows
 from fit.fit_status import FitStatus
 from fit.implicit.free_space import FreeSpace, chosen_balls, free_space, with_balls
 from fit.implicit.outliers import outlier_weights
-from fit.implicit.process import Posterior, ProcessData, normal_equations, posterior, slope_at_rows
+from fit.implicit.process import (
+    LEAST_AMPLITUDE,
+    Posterior,
+    ProcessData,
+    normal_equations,
+    posterior,
+    slope_at_rows,
+)
+from fit.implicit.process_rows import FREE_ROWS, Rows, row_bucket, touch_rows, with_normals
 from fit.implicit.query import implicit_values, sphere_mean
 from fit.implicit.record import ImplicitFit, ImplicitOptions, Mean
-from fit.implicit.rows import FREE_ROWS, Rows, row_bucket, touch_rows, with_normals
 from fit.optimize.batch import Program, map_lanes, take
 from fit.optimize.multistart import Problem, advance
 from fit.prepare import Sets, prepare
@@ -34,6 +40,8 @@ FIRST_LENGTH, FIRST_SLOPE = 0.7, 0.4
 length^1.5 [est]."""
 LEAST_SLOPE = 0.2
 """A normal is not estimated where the process rises less than this."""
+SETTLED = 0.1
+"""The weights of a converged fit changed by less than this in its last round."""
 SLOPE_START = 0.4
 """Amplitude over length^1.5 of the starts, in unit frames."""
 _PROBLEM = Problem(normal_equations, "implicit process")
@@ -78,8 +86,9 @@ def fit_implicit(
     sets = prepare(points, mask, covariance, normals, table_z)
     fits = _placeholder(sets, np.asarray(points).shape[1], table_z)
     mean = mean or sphere_mean(fits)
-    free = None if free_points is None or options.free_rounds == 0 else free_space(
-        sets, mean, free_points, free_radius, free_mask)
+    free = None
+    if free_points is not None and np.shape(free_points)[1] and options.free_rounds:
+        free = free_space(sets, mean, free_points, free_radius, free_mask)
     rows = touch_rows(sets, mean, options, 0 if free is None else FREE_ROWS)
     rows = with_normals(rows, sets, mean, _first_normals(rows), options)
     buckets: list[tuple[np.ndarray, np.ndarray, ProcessData]] = []
@@ -118,11 +127,12 @@ def _buckets(rows: Rows) -> Iterator[tuple[np.ndarray, ProcessData]]:
 
 def _first_normals(rows: Rows) -> np.ndarray:
     """Outward normals at the touches by the process of the first hyperparameters; NaN if none."""
-    normals = np.full(rows.mean_slope.shape, np.nan)
+    fits, points = rows.mean_slope.shape[:2]
+    normals = np.full((fits, points, 3), np.nan)
     for index, data in _buckets(rows):
         theta = np.tile([np.log(FIRST_LENGTH), np.log(FIRST_SLOPE), 0.0], (len(index), 1))
         theta[:, 2] = data.log_noise
-        slope = map_lanes(_SLOPE, theta, data)[:, : normals.shape[1]]
+        slope = map_lanes(_SLOPE, theta, data)[:, :points]
         slope = slope + rows.mean_slope[index, : slope.shape[1]]
         size = np.linalg.norm(slope, axis=2, keepdims=True)
         sound = np.isfinite(size) & (size > LEAST_SLOPE)
@@ -140,14 +150,16 @@ def _hyperparameters(
     theta[..., 0] = np.log(STARTS)
     theta[..., 1] = np.log(SLOPE_START)
     theta[..., 2] = data.log_noise[:, None]
-    tried = advance(_PROBLEM, theta.reshape(-1, 3), take(data, np.repeat(np.arange(lanes), starts)),
-                    options.start_iterations)
+    begin = _reweighted(theta.reshape(-1, 3), take(data, np.repeat(np.arange(lanes), starts)),
+                        options)
+    tried = advance(_PROBLEM, theta.reshape(-1, 3), begin, options.start_iterations)
     best = np.argmin(tried.cost.reshape(lanes, starts), axis=1) + starts * np.arange(lanes)
     theta, damping = tried.theta[best], tried.damping[best]
     iterations = np.full(lanes, options.start_iterations)
     status = np.full(lanes, FitStatus.not_converged)
     active = np.arange(lanes)
     for turn in range(options.rounds):
+        before = data.weight[active]
         data = with_rows(data, active, _reweighted(theta[active], take(data, active), options))
         moved = advance(_PROBLEM, theta[active], take(data, active), options.round_iterations,
                         damping[active])
@@ -155,7 +167,8 @@ def _hyperparameters(
         iterations[active] += options.round_iterations
         if turn + 1 < options.least_rounds:
             continue
-        done = moved.decrease < options.least_fall
+        settled = np.abs(data.weight[active] - before).max(axis=1) < SETTLED
+        done = (moved.decrease < options.least_fall) & settled
         status[active[done]] = FitStatus.converged
         active = active[~done]
         if len(active) == 0:
@@ -164,14 +177,22 @@ def _hyperparameters(
 
 
 def _reweighted(theta, data: ProcessData, options: ImplicitOptions) -> ProcessData:
+    """The processes with the weights that touches have by what all others predict for them.
+
+    Points off the surface share the error of their touch: they do not vote, and take its weight.
+    """
     if options.outlier_share == 0.0:
         return data
-    found = _posterior(theta, data)
+    touch = np.asarray(data.touch)
+    own = touch == np.arange(touch.shape[1])
+    found = _posterior(theta, data._replace(used=data.used * (own | (touch < 0))))
     inlying = data.variance + np.exp(2.0 * theta[:, 2:3])
     weight = outlier_weights(
-        found.deleted, found.deleted_variance, inlying, options.outlier_share,
-        options.outlier_m * np.exp(data.log_noise[:, None]) / options.noise_m)
-    return data._replace(weight=np.where(data.noisy > 0, weight, 1.0))
+        np.asarray(found.deleted), np.asarray(found.deleted_variance), inlying,
+        options.outlier_share, options.outlier_m * np.exp(data.log_noise[:, None])
+        / options.noise_m)
+    weight = np.take_along_axis(weight, np.maximum(touch, 0), axis=1)
+    return data._replace(weight=np.where((touch >= 0) & (data.used > 0), weight, 1.0))
 
 
 def _posterior(theta, data: ProcessData) -> Posterior:
@@ -194,7 +215,8 @@ def _put(fits: ImplicitFit, index: np.ndarray, theta: np.ndarray, data: ProcessD
     fits.noise_m2[index, :width] = np.where(used, found.noise * scale[:, None] ** 2, -1.0)
     length = np.exp(theta[:, 0])
     fits.length_m[index] = length * scale
-    fits.amplitude_m[index] = np.exp(theta[:, 1]) * length**1.5 * scale
+    fits.amplitude_m[index] = scale * np.sqrt(
+        np.exp(2.0 * theta[:, 1]) * length**3 + LEAST_AMPLITUDE**2)
     fits.noise_sigma_m[index] = np.exp(theta[:, 2]) * scale
     fits.cost[index] = found.cost
     touch = rows.touches(width)[index]
@@ -206,7 +228,7 @@ def _put(fits: ImplicitFit, index: np.ndarray, theta: np.ndarray, data: ProcessD
     count = min(sets.order.shape[1], width)
     slots = np.nonzero(touch[:, :count])
     fits.weight[index[slots[0]], sets.order[index[slots[0]], slots[1]]] = weight[slots]
-    return found.alpha[:, -FREE_ROWS:]
+    return np.asarray(found.alpha)[:, -FREE_ROWS:]
 
 
 def _placeholder(sets: Sets, points: int, table_z) -> ImplicitFit:

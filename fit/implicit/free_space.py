@@ -6,13 +6,14 @@ the surface away.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from fit.implicit.process import ProcessData
+from fit.implicit.process_rows import FREE_ROWS
 from fit.implicit.record import ImplicitOptions, Mean
-from fit.implicit.rows import FREE_ROWS
 from fit.prepare import Sets
 
 
@@ -72,8 +73,8 @@ def with_balls(data: ProcessData, free: FreeSpace, chosen: np.ndarray, index: np
     scale = sets.scale[index, None]
     last = slice(-FREE_ROWS, None)
 
-    def put(rows: np.ndarray, values: np.ndarray, fill: float) -> np.ndarray:
-        rows = rows.copy()
+    def put(given: Any, values: np.ndarray, fill: float) -> np.ndarray:
+        rows = np.array(given)
         mine = used if values.ndim == 2 else used[..., None]
         rows[:, last] = np.where(mine, values, fill)
         return rows

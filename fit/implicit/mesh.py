@@ -9,6 +9,9 @@ from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
 
 from fit.arrays import rows_of
 from fit.implicit.query import implicit_values, of_rows
@@ -24,54 +27,99 @@ STEEPEST = 1.1
 """Slope of the distance that the refinement allows for [est]."""
 
 
+Values = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+"""Signed distances [m] at points (row, point, 3) of the fits numbered (row,), of which the first
+so many (row,) are wanted."""
+
+
 def implicit_meshes(
-    fits: ImplicitFit, mean: Mean | None = None, *, cells: int = CELLS
+    fits: ImplicitFit, mean: Mean | None = None, *,
+    box_m: tuple[Float[np.ndarray, "fit 3"], Float[np.ndarray, "fit 3"]] | None = None,
+    cells: int = CELLS,
 ) -> list[TriangleMesh]:
     """The surface f = 0 of every fit, closed, in metres; `mean` is that of the fit.
 
-    A body that would reach beyond the grid is cut off there. Raises ValueError for `cells` that are
+    The grid holds the touches and, if given, the corners `box_m` of the mean's body, with a margin;
+    a body that would reach beyond it is cut off there. Pieces that are nearest to no touch
+    are left out: there the mean alone speaks. Raises ValueError as
+    `zero_set_meshes` does.
+    """
+    def values(points: np.ndarray, rows: np.ndarray, counts: np.ndarray) -> np.ndarray:
+        return implicit_values(rows_of(fits, rows), points, of_rows(mean, rows), counts=counts)
+
+    low, high = fits.low_m, fits.high_m
+    if box_m is not None:
+        low, high = np.minimum(low, box_m[0]), np.maximum(high, box_m[1])
+    margin = MARGIN * (high - low).max(axis=1, keepdims=True)
+    meshes = zero_set_meshes(values, low - margin, high + margin, fits.table_z_m, cells=cells)
+    return [felt_pieces(mesh, points[: int(count)]) for mesh, points, count in zip(
+        meshes, fits.points_m, np.minimum(fits.n_points, fits.points_m.shape[1]), strict=True)]
+
+
+def felt_pieces(mesh: TriangleMesh, touches_m: Float[np.ndarray, "touch 3"]) -> TriangleMesh:
+    """The connected pieces of a mesh that are nearest to at least one touch."""
+    vertices = len(mesh.vertices_m)
+    if vertices == 0 or len(touches_m) == 0:
+        return mesh
+    edges = coo_array((np.ones(2 * len(mesh.faces), bool),
+                       (mesh.faces[:, [0, 1]].ravel(), mesh.faces[:, [1, 2]].ravel())),
+                      shape=(vertices, vertices))
+    count, piece = connected_components(edges, directed=False)
+    if count == 1:
+        return mesh
+    kept = np.zeros(count, bool)
+    kept[piece[KDTree(mesh.vertices_m).query(touches_m)[1]]] = True
+    number = np.cumsum(kept[piece]) - 1
+    return TriangleMesh(mesh.vertices_m[kept[piece]],
+                        number[mesh.faces[kept[piece[mesh.faces[:, 0]]]]])
+
+
+def zero_set_meshes(
+    values: Values, low_m: Float[np.ndarray, "fit 3"], high_m: Float[np.ndarray, "fit 3"],
+    table_z_m: Float[np.ndarray, " fit"] | None = None, *, cells: int = CELLS,
+) -> list[TriangleMesh]:
+    """The surfaces where signed distances vanish, in boxes from `low_m` to `high_m` [m].
+
+    With `table_z_m` nothing of a body is below that height. Raises ValueError for `cells` that are
     no multiple of 4.
     """
     if cells < 4 or cells % 4:
         raise ValueError(f"cells: {cells}, should be a multiple of 4")
+    low, step = _grid(low_m, high_m, table_z_m, cells)
     meshes: list[TriangleMesh] = []
-    for first in range(0, len(fits), FITS_AT_ONCE):
-        rows = np.arange(first, min(first + FITS_AT_ONCE, len(fits)))
-        part = rows_of(fits, rows)
-        low, step = grid_box(part, cells)
-        field = _field(part, of_rows(mean, rows), low, step, cells)
-        meshes += [_marched(*each) for each in zip(field, low, step, strict=True)]
+    for first in range(0, len(low), FITS_AT_ONCE):
+        rows = np.arange(first, min(first + FITS_AT_ONCE, len(low)))
+        field = _field(values, rows, low[rows], step[rows], cells)
+        meshes += [_marched(*each) for each in zip(field, low[rows], step[rows], strict=True)]
     return meshes
 
 
-def grid_box(
-    fits: ImplicitFit, cells: int
-) -> tuple[Float[np.ndarray, "fit 3"], Float[np.ndarray, "fit 3"]]:
-    """First node and step [m] of each fit's grid, along each axis."""
-    side = fits.high_m - fits.low_m
-    margin = np.maximum(MARGIN * side.max(axis=1, keepdims=True), 1e-9)
-    low, high = fits.low_m - margin, fits.high_m + margin
-    step = (high - low) / cells
-    # Below the table a single layer of cells closes the body.
-    table = fits.table_z_m + 1e-9 * side.max(axis=1)
-    above = low[:, 2] < table
-    step[:, 2] = np.where(above, (high[:, 2] - table) / (cells - 1), step[:, 2])
-    low[:, 2] = np.where(above, table - step[:, 2], low[:, 2])
+def _grid(low: np.ndarray, high: np.ndarray, table_z: np.ndarray | None,
+          cells: int) -> tuple[np.ndarray, np.ndarray]:
+    """First node and step [m] of each grid, along each axis."""
+    side = np.maximum(high - low, 1e-9)
+    low, step = low.copy(), side / cells
+    if table_z is not None:
+        # Below the table a single layer of cells closes the body.
+        table = table_z + 1e-9 * side.max(axis=1)
+        above = low[:, 2] < table
+        step[:, 2] = np.where(above, (high[:, 2] - table) / (cells - 1), step[:, 2])
+        low[:, 2] = np.where(above, table - step[:, 2], low[:, 2])
     return low, step
 
 
-def _field(fits: ImplicitFit, mean: Mean | None, low: np.ndarray, step: np.ndarray,
+def _field(values: Values, rows: np.ndarray, low: np.ndarray, step: np.ndarray,
            cells: int) -> Float[np.ndarray, "fit x y z"]:
     """Distances at the nodes; on the outermost ones the body ends."""
-    n, side = len(fits), cells // 4 + 1
+    n, side = len(rows), cells // 4 + 1
     index = np.stack(np.meshgrid(*[np.arange(side)] * 3, indexing="ij"), -1).reshape(-1, 3)
-    field = implicit_values(fits, low[:, None] + 4 * step[:, None] * index, mean)
+    field = values(low[:, None] + 4 * step[:, None] * index, rows, np.full(n, len(index)))
     field = field.reshape(n, side, side, side)
     for stride in (2, 1):
         near = _near(field, stride * step)
         field = _refined(field)
-        _evaluate(field, near, lambda nodes, counts, stride=stride: implicit_values(
-            fits, low[:, None] + stride * step[:, None] * nodes, mean, counts=counts))
+        _evaluate(field, near, lambda nodes, counts, stride=stride: values(
+            low[:, None] + stride * step[:, None] * nodes, rows, counts))
     rim = 0.01 * step.min(axis=1)[:, None, None]
     for face in (np.s_[:, 0], np.s_[:, -1], np.s_[:, :, 0], np.s_[:, :, -1], np.s_[:, :, :, 0],
                  np.s_[:, :, :, -1]):
@@ -102,7 +150,9 @@ def _refined(coarse: Float[np.ndarray, "fit x y z"]) -> Float[np.ndarray, "fit X
     return np.ascontiguousarray(coarse)
 
 
-def _near(coarse: Float[np.ndarray, "fit x y z"], step: np.ndarray) -> Bool[np.ndarray, "fit X Y Z"]:
+def _near(
+    coarse: Float[np.ndarray, "fit x y z"], step: np.ndarray
+) -> Bool[np.ndarray, "fit X Y Z"]:
     """New nodes of coarse cells through which the surface may pass; `step` is between them."""
     reach = STEEPEST * np.linalg.norm(step, axis=1)[:, None, None, None]
     close, below = np.abs(coarse) < reach, coarse < 0.0
@@ -135,6 +185,6 @@ def _marched(field: np.ndarray, low: np.ndarray, step: np.ndarray) -> TriangleMe
         return TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), int))
     # Unit cells, since Warp keeps vertices in single precision.
     vertices, faces = IsoSurfaceMarchingCubes.extract(
-        wp.array(field, dtype=wp.float32, device="cpu"), 0.0)
+        wp.array(field, dtype=wp.float32, ndim=3, device="cpu"), 0.0)  # type: ignore[arg-type]
     return TriangleMesh(low + step * vertices.numpy().astype(float),
                         faces.numpy().reshape(-1, 3).astype(int))

@@ -11,9 +11,10 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 from jax.scipy.linalg import solve_triangular
-from jaxtyping import Array, Float
+from jaxtyping import Float, Int
 
 from fit.optimize.solver import NormalEquations
+from fit.superquadric.parameter_vector import Tensor
 
 SQRT3 = 3.0**0.5
 LOG_LENGTH = (-0.4, 0.7)
@@ -21,40 +22,45 @@ LOG_LENGTH = (-0.4, 0.7)
 square distance of the touches from their centre [est]."""
 LOG_SLOPE = (-0.9, 1.0)
 """Of amplitude / length^1.5, which is what nearby touches determine (Zhang 2004) [est]."""
-LOG_NOISE_STD = 0.7
+LEAST_AMPLITUDE = 0.02
+"""Added to the amplitude as a standard deviation, in unit frames [est]: a body that explains every
+touch is still not known so well where nothing was felt."""
+LOG_NOISE_STD = 0.35
 """Of the noise about its prior median [est]."""
 
 
 class ProcessData(NamedTuple):
     """Data of one fit in its unit frame."""
 
-    points: Float[Array, "row 3"]
-    target: Float[Array, " row"]
+    points: Float[Tensor, "row 3"]
+    target: Float[Tensor, " row"]
     """What g is there: distance felt less the mean."""
-    variance: Float[Array, " row"]
+    variance: Float[Tensor, " row"]
     """Known variance of the target."""
-    noisy: Float[Array, " row"]
+    noisy: Float[Tensor, " row"]
     """1 where the fitted noise comes on top of it."""
-    weight: Float[Array, " row"]
+    weight: Float[Tensor, " row"]
     """Share of its precision that a row keeps: less than 1 for a likely outlier."""
-    used: Float[Array, " row"]
+    used: Float[Tensor, " row"]
     """1, or 0 for padding."""
-    log_noise: Float[Array, ""]
+    touch: Int[Tensor, " row"]
+    """The row of the touch that a row comes from: its own of a touch; -1 of a ball or padding."""
+    log_noise: Float[Tensor, ""]
     """Prior mean of the logarithm of the noise."""
 
 
 class Posterior(NamedTuple):
     """What the touches leave of the process."""
 
-    alpha: Float[Array, " row"]
+    alpha: Float[Tensor, " row"]
     """Coefficients of the kernel; 0 where not used."""
-    noise: Float[Array, " row"]
+    noise: Float[Tensor, " row"]
     """Variance of each row."""
-    deleted: Float[Array, " row"]
+    deleted: Float[Tensor, " row"]
     """What all other rows predict for a row, less its target."""
-    deleted_variance: Float[Array, " row"]
+    deleted_variance: Float[Tensor, " row"]
     """Variance of that prediction of g, without the row's own noise."""
-    cost: Float[Array, ""]
+    cost: Float[Tensor, ""]
 
 
 def matern(distance, length):
@@ -65,7 +71,8 @@ def matern(distance, length):
 
 def unpack(theta):
     """Length scale, amplitude and noise from theta = log(length, amplitude / length^1.5, noise)."""
-    return jnp.exp(theta[0]), jnp.exp(theta[1] + 1.5 * theta[0]), jnp.exp(theta[2])
+    amplitude = jnp.sqrt(jnp.exp(2.0 * theta[1] + 3.0 * theta[0]) + LEAST_AMPLITUDE**2)
+    return jnp.exp(theta[0]), amplitude, jnp.exp(theta[2])
 
 
 def distances(a, b):
@@ -118,12 +125,14 @@ def normal_equations(theta, data: ProcessData) -> NormalEquations:
     inverse = solve_triangular(lower, inverse_factor, lower=True, trans=1)
     alpha = inverse @ target
     both = data.used[:, None] * data.used[None]
-    by_length = 3.0 * signal + amplitude**2 * both * scaled**2 * jnp.exp(-scaled)
+    share = 1.0 - (LEAST_AMPLITUDE / amplitude) ** 2
+    by_length = 3.0 * share * signal + amplitude**2 * both * scaled**2 * jnp.exp(-scaled)
     by_noise = 2.0 * data.used * data.noisy * sigma**2 / data.weight
-    slopes = jnp.stack([by_length @ alpha, 2.0 * signal @ alpha, by_noise * alpha], 1)
+    slopes = jnp.stack([by_length @ alpha, 2.0 * share * (signal @ alpha), by_noise * alpha], 1)
     own = jnp.diagonal(inverse)
     traces = jnp.array([(inverse * by_length).sum(),
-                        2.0 * (data.used * (1.0 - own * noise)).sum(), (own * by_noise).sum()])
+                        2.0 * share * (data.used * (1.0 - own * noise)).sum(),
+                        (own * by_noise).sum()])
     away, scale = _prior(theta, data)
     half = inverse_factor @ slopes
     return NormalEquations(
@@ -150,7 +159,9 @@ def slope_at_rows(theta, data: ProcessData):
 
 
 def slope(length, amplitude, points, alpha, queries):
-    """Gradient of g at queries [query, 3]: that of k is -3 amplitude^2 exp(-r) (x - x_i) / length^2.
+    """Gradient of g at queries [query, 3].
+
+    That of the kernel is -3 amplitude^2 exp(-r) (x - x_i) / length^2.
     """
     pull = amplitude**2 * jnp.exp(-SQRT3 * distances(queries, points) / length) * alpha[None]
     return -3.0 / length**2 * (queries * pull.sum(1, keepdims=True) - pull @ points)

@@ -49,7 +49,8 @@ def implicit_values(
     """Signed distances [m] at queries [m]; `mean` is that of the fit. Below the table all is free.
 
     Of each fit the first `counts` queries are wanted; values of the others are of no meaning.
-    In single precision relative to the mean, some micrometres. Raises ValueError where shapes disagree.
+    The process is computed in single precision, to some micrometres. Raises ValueError where shapes
+    disagree.
     """
     value = _asked(fits, queries_m, mean, slopes=False, counts=counts)[0]
     return np.maximum(value, fits.table_z_m[:, None] - queries_m[..., 2])

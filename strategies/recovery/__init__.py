@@ -4,7 +4,7 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "belief": ["Belief", "read_only"],
-    "body_distances": ["bodies_on"],
+    "body_distances": ["bodies_on", "contour_distances", "surface_distances"],
     "choose_model": ["Recovered", "Shape", "choose_body", "or_prior",
         "prior_superquadric", "revolution_of", "same_bodies"],
     "complete_contour": ["OPTIONS", "revolution_misfit", "revolution_of_all", "whole_profile"],

@@ -17,7 +17,7 @@ def explore(object_: str, /, *, strategy: str,
             out: Annotated[Path, Parameter(name=["--out", "-o"])], units: str | None = None,
             seed: int = 0, yaw_deg: float | None = None, x_m: float = 0.45, y_m: float = 0.0,
             replay: Annotated[bool, Parameter(negative="")] = False,
-            device: str = "cpu") -> int:
+            reconstruct: str = "superquadric", device: str = "cpu") -> int:
     """Run one episode and write its contacts, the recovered shape and a figure.
 
     Parameters
@@ -40,6 +40,9 @@ def explore(object_: str, /, *, strategy: str,
         Where it stands, to the left of the robot's base.
     replay
         Also write replay.html: the episode played again in 3-D (needs the extra `show`).
+    reconstruct
+        What stands for the body at the end: superquadric; implicit, a free-form surface; or a
+        function of yours, as mine.py:my_network.
     device
         cpu, or cuda:0.
     """
@@ -62,6 +65,7 @@ def explore(object_: str, /, *, strategy: str,
         init_warp()
         chosen = _strategy_of_argument(strategy)
         table = object_of_argument(object_, units)
+        word = _reconstruct_of_argument(reconstruct)
         from sweeps.report.episode_files import explore as explore_object
 
         try:
@@ -69,7 +73,7 @@ def explore(object_: str, /, *, strategy: str,
             written = explore_object(
                 body_table=table, strategy=chosen, seed=seed,
                 yaw_rad=None if yaw_deg is None else radians(yaw_deg), x_m=x_m, y_m=y_m,
-                out=out, device=device, replay=replay)
+                reconstruct=word, out=out, device=device, replay=replay)
         except OSError as error:
             raise StoreError(f"{out}: cannot be written: {error.strerror or error}") from None
     for file in written:
@@ -97,6 +101,18 @@ def _strategy_of_argument(name: str) -> "Strategy":
     from strategies.strategy import Strategy
 
     return Strategy(name, call=name, touches=TOUCHES)
+
+
+def _reconstruct_of_argument(value: str) -> str:
+    """A word of `[fit] reconstruct`, checked as a spec's is."""
+    from sweeps.spec.errors import Problems, StoreError
+    from sweeps.spec.named_files import read_reconstruct
+
+    problems = Problems("", {})
+    word = read_reconstruct(value, Path.cwd(), problems)
+    if problems.found:
+        raise StoreError(f"--reconstruct: {problems.found[0].what}")
+    return word
 
 
 def _check_place(name: str, value: float) -> None:
@@ -207,8 +223,11 @@ def objects(*, json: Json = False) -> int:
     """
     from sweeps.text_table import print_table
     from warpgrasp.objects.catalogue_names import BODY_NAMES
+    from warpgrasp.objects.families import FAMILIES, MOST_SEED
 
-    print_table(("object", "what"), list(BODY_NAMES.items()), json)
+    families = [(f"{name}-SEED", f"{what}; SEED from 0 to {MOST_SEED}, see docs/objects.md [est]")
+                for name, (_, what) in FAMILIES.items()]
+    print_table(("object", "what"), [*BODY_NAMES.items(), *families], json)
     return 0
 
 

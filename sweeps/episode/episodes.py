@@ -25,12 +25,14 @@ from strategies.planners.planner_file import PlannerError
 from strategies.planners.register import Planner
 from strategies.poses.waypoints import BoundingCylinder
 from strategies.recognition.answers import Recognition
+from strategies.reconstruct.free_form import Reconstruction, reconstruct
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered
 from strategies.recovery.evidence import Evidence
 from sweeps.episode.columns import model_columns
 from sweeps.episode.contact_rows import contact_tables
 from sweeps.episode.given_prior import draw_prior, prior_recovered, seen_prior
+from sweeps.episode.mesh_scores import scores_with_meshes
 from sweeps.episode.recognition_columns import columns_of_recognition, recognize_objects
 from sweeps.episode.scores import Scorer, Scores
 from sweeps.episode.untouched import why_untouched
@@ -46,6 +48,9 @@ from warpgrasp.parameters import ObjectTable
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Grasps, Robot, Truth, has_deformed_part
 
+REBUILD_FAILED = "reconstruct_failed"
+FAULTY = ("strategy_failed", REBUILD_FAILED)
+"""Statuses whose note is what a user's function did wrong."""
 STOPPED = f"stopped: it wanted more than {MOST_STEPS} steps"
 Part = tuple[Cell, np.ndarray]
 """A cell and the numbers of some of its episodes."""
@@ -76,6 +81,8 @@ class EpisodeBlock:
     moments: tuple[Moment, ...]
     recognition: Recognition
     """Which known object was felt."""
+    rebuilt: Reconstruction | None = None
+    """Free-form bodies that are scored in place of `recovered`, where they were asked for."""
 
     @property
     def body(self) -> Body:
@@ -164,7 +171,7 @@ def _rows_of(
         "arm_path_m": belief.path_m,
         **_score_columns(scores),
         **columns_of_recognition(block.recognition, cell.recognition, bodies, counts),
-        "shape": names[recovered.shape],
+        "shape": _shape_names(block, names),
         **_score_columns(block.prior_scores, "prior_"),
     }
     if cell.keep == "contacts":
@@ -187,7 +194,15 @@ def episode_notes(block: EpisodeBlock, cell: Cell, which: np.ndarray) -> np.ndar
     why = why_untouched(block.exploration, [block.bodies[n] for n in which],
                         block.truth.body_pose, block.prior, cell.arm, cell.hand)
     why = np.where(block.exploration.stopped, STOPPED, why)
-    return np.where(block.status == "strategy_failed", block.exploration.fault, why)
+    return np.where(np.isin(block.status, FAULTY), block.exploration.fault, why)
+
+
+def _shape_names(block: EpisodeBlock, names: np.ndarray) -> np.ndarray:
+    """The model that stands for the body of each world, or how its free form was made."""
+    found = names[block.recovered.shape]
+    if block.rebuilt is None:
+        return found
+    return np.where(block.rebuilt.made, block.rebuilt.name, found)
 
 
 def run_block(cell: Cell, episodes: np.ndarray, device: str) -> EpisodeBlock:
@@ -239,13 +254,28 @@ def run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Epi
     last = moments[-1]
     scores = scorer.score_again(found.recovered, last.recovered, last.scores)
     recognition = recognize_objects(found.belief, found.recovered, cell.recognition, device)
+    rebuilt = reconstruct(cell.fit.reconstruct, found.recovered, found.belief.evidence, prior,
+                          cell.fit)
+    if rebuilt is not None:
+        found = _rebuilt_status(found, rebuilt)
+        scores = scores_with_meshes(scorer, rebuilt.meshes, scores)
     return EpisodeBlock(tuple(bodies), truth, prior, found, scores, moments[0].scores,
-                        tuple(moments[1:]), recognition)
+                        tuple(moments[1:]), recognition, rebuilt)
 
 
 def _which(bodies: Sequence[Body]) -> np.ndarray:
     """Of each part's body: which it is, parts of one object standing side by side."""
     return np.cumsum([0, *(body is not last for last, body in pairwise(bodies))])
+
+
+def _rebuilt_status(found: Exploration, rebuilt: Reconstruction) -> Exploration:
+    """How each world ended: one whose free form was made is `ok`, one whose plug-in failed is
+    `reconstruct_failed`; a strategy's own failure stays."""
+    kept = found.status == "strategy_failed"
+    wrong = (rebuilt.fault != "") & ~kept
+    status = np.where(rebuilt.made & ~kept, "ok", found.status)
+    return replace(found, status=np.where(wrong, REBUILD_FAILED, status),
+                   fault=np.where(wrong, rebuilt.fault, found.fault))
 
 
 def _noise_key(key: np.ndarray, stream: int) -> np.ndarray:

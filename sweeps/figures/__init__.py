@@ -11,7 +11,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "forest": ["draw_forest"],
     "grasp": ["grasp_figure", "hand_solids"],
     "heat_maps": ["draw_confusion", "draw_settings"],
-    "meshes": ["quadrilaterals", "recovered_grid", "surface_mesh"],
+    "meshes": ["mesh_of_world", "ply_of", "quadrilaterals", "recovered_grid", "surface_mesh"],
     "pareto": ["draw_pareto"],
     "replay_frames": ["PALM_M", "Replay", "make_replay", "replay_of", "segment_pose"],
     "solids": ["CONTACT", "FIT", "TRUE", "direction", "draw_solid", "lit", "set_cube"],

@@ -11,7 +11,7 @@ import numpy as np
 from strategies.recovery.choose_model import Shape
 from strategies.recovery.contact_verdict import accepted_contacts
 from sweeps.episode.episodes import EpisodeBlock
-from sweeps.figures.meshes import quadrilaterals, recovered_grid
+from sweeps.figures.meshes import mesh_of_world, recovered_faces
 from sweeps.figures.outlines import draw_outline
 from sweeps.figures.solids import (
     CONTACT,
@@ -42,13 +42,15 @@ def contacts_figure(block: EpisodeBlock, name: str, world: int = 0,
     from matplotlib.ticker import FixedLocator, MaxNLocator
 
     pose = block.truth.body_pose[world]
-    faces = 1e3 * (quadrilaterals(recovered_grid(block.recovered, world)) - pose[:3])
-    corners, prior = faces.reshape(-1, 3), block.recovered.shape[world] == Shape.PRIOR_CYLINDER
+    faces = 1e3 * (recovered_faces(block, world) - pose[:3])
+    free_form = mesh_of_world(block, world) is not None
+    corners = faces.reshape(-1, 3)
+    prior = block.recovered.shape[world] == Shape.PRIOR_CYLINDER and not free_form
     evidence = block.exploration.belief.evidence
     mine = evidence.mask[world]
     points = 1e3 * (evidence.points_m[world][mine] - pose[:3])
     near = accepted_contacts(block.recovered, evidence)[world][mine]
-    near |= prior  # nothing was recovered that contacts could contradict
+    near |= prior or free_form  # nothing was recovered that contacts could contradict
     yaw = 2.0 * np.arctan2(pose[5], pose[6])
     turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
     vertices, sides = body_mesh(block.body, 48)
@@ -78,7 +80,8 @@ def contacts_figure(block: EpisodeBlock, name: str, world: int = 0,
     axes.zaxis.labelpad = 6.0
     axes.view_init(ELEVATION_DEG, AZIMUTH_DEG)
     axes.computed_zorder = False
-    body = "cylinder given as prior" if prior else "recovered body"
+    body = ("cylinder given as prior" if prior else "recovered surface" if free_form
+            else "recovered body")
     axes.set_title(f"{cut(name)}: {body} and contacts")
 
     for row, (i, j) in enumerate(((0, 2), (0, 1))):

@@ -1,10 +1,16 @@
 """The surface of a recovered body as a grid of points and as quadrilaterals, for drawing."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
+from fit.implicit.record import TriangleMesh
 from fit.revolution.geometry import RevolutionBody
 from fit.superquadric.geometry import Superquadric, from_straight_frame
 from strategies.recovery.choose_model import Recovered, Shape
+
+if TYPE_CHECKING:
+    from sweeps.episode.episodes import EpisodeBlock
 
 
 def recovered_grid(recovered: Recovered, world: int = 0, rows: int = 48) -> np.ndarray:
@@ -13,6 +19,32 @@ def recovered_grid(recovered: Recovered, world: int = 0, rows: int = 48) -> np.n
         return revolution_grid(recovered.revolution, world, 2 * rows)
     return surface_grid(Superquadric(*(field[world:world + 1]
                                        for field in recovered.superquadric)), rows)
+
+
+def mesh_of_world(block: "EpisodeBlock", world: int = 0) -> TriangleMesh | None:
+    """The free-form body of one world, if that is what is scored."""
+    if block.rebuilt is None or len(block.rebuilt.meshes[world].faces) == 0:
+        return None
+    return block.rebuilt.meshes[world]
+
+
+def recovered_faces(block: "EpisodeBlock", world: int = 0) -> np.ndarray:
+    """Faces of the body that is scored, triangles or quadrilaterals, (face, 3 or 4, 3) [m]."""
+    mesh = mesh_of_world(block, world)
+    return (quadrilaterals(recovered_grid(block.recovered, world)) if mesh is None
+            else mesh.corners_m)
+
+
+def ply_of(mesh: TriangleMesh) -> bytes:
+    """A mesh as a binary PLY file, in metres."""
+    head = ("ply\nformat binary_little_endian 1.0\ncomment lengths in m\n"
+            f"element vertex {len(mesh.vertices_m)}\n"
+            "property float x\nproperty float y\nproperty float z\n"
+            f"element face {len(mesh.faces)}\nproperty list uchar int vertex_indices\n"
+            "end_header\n")
+    faces = np.empty(len(mesh.faces), [("count", "u1"), ("corner", "<i4", 3)])
+    faces["count"], faces["corner"] = 3, mesh.faces
+    return head.encode() + mesh.vertices_m.astype("<f4").tobytes() + faces.tobytes()
 
 
 def surface_grid(body: Superquadric, rows: int = 48) -> np.ndarray:

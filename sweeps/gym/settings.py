@@ -9,7 +9,7 @@ from strategies.ready_made import STRATEGIES
 from sweeps.episode.episodes import cell_body
 from sweeps.spec.cell import SECTIONS, Cell
 from sweeps.spec.errors import Problems, choose
-from sweeps.spec.models import with_models
+from sweeps.spec.named_files import with_models
 from sweeps.spec.objects import read_objects
 from sweeps.spec.units import read_table
 from warpgrasp.geometry.body import Body

@@ -12,14 +12,10 @@ import numpy as np
 from fit.fit_status import is_fitted
 from fit.superquadric.geometry import Superquadric
 from fit.superquadric.record import SuperquadricFit
+from strategies.contacts.finger_touch import TouchedLinks, touched_links
 from strategies.ready_made import STRATEGIES
 from strategies.recovery.choose_model import or_prior
-from strategies.recovery.evidence import (
-    Evidence,
-    TouchedLinks,
-    evidence_from_grasps,
-    touched_links,
-)
+from strategies.recovery.evidence import Evidence, evidence_from_grasps
 from strategies.recovery.fit_contacts import recover_bodies
 from sweeps.episode.episodes import EpisodeBlock, run_block
 from sweeps.episode.scores import Scores, score_superquadrics
@@ -102,9 +98,9 @@ def by_torques(name: str, episodes: np.ndarray) -> list[Recovered]:
     cell = _cell(name, OURS, "intrinsic")
     block = run_block(cell, episodes, "cpu")
     grasps, = block.grasps
-    radius = cell.hand.link_radius_m
-    return _pair(name, TORQUES, (NO_RIVALS, ALL), evidence_from_grasps(grasps, radius),
-                 touched_links(grasps, radius), block)
+    return _pair(name, TORQUES, (NO_RIVALS, ALL),
+                 evidence_from_grasps(grasps, cell.hand.link_radius_m),
+                 touched_links(grasps, cell.hand), block)
 
 
 def _cell(name: str, fit: FitTable, estimator: str) -> Cell:

@@ -21,16 +21,17 @@ from sweeps.episode.columns import (
     superquadric_parameters,
 )
 from sweeps.episode.contact_rows import COLUMNS, VECTORS, contact_columns
-from sweeps.episode.episodes import EpisodeBlock, run_block
+from sweeps.episode.episodes import REBUILD_FAILED, EpisodeBlock, run_block
 from sweeps.figures.contacts import draw_contacts
 from sweeps.figures.contour import contour_figure
 from sweeps.figures.faces import crossed_faces, faces_figure
+from sweeps.figures.meshes import mesh_of_world, ply_of
 from sweeps.figures.style import encode
 from sweeps.figures.taxels import pad_touches, taxels_figure
 from sweeps.output import say, write_atomic
 from sweeps.report.trust import trust_sentence
 from sweeps.spec.cell import Cell
-from warpgrasp.parameters import ObjectTable
+from warpgrasp.parameters import FitTable, ObjectTable
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Grasps
 
@@ -38,6 +39,7 @@ from warpgrasp.robot import Grasps
 def explore(
     *, body_table: Mapping[str, Any], strategy: Strategy, seed: int, yaw_rad: float | None,
     x_m: float, y_m: float, out: Path, device: str, replay: bool = False,
+    reconstruct: str = "superquadric",
 ) -> list[Path]:
     """Runs one episode; writes `contacts.csv`, `shape.json` and figures; returns their paths.
 
@@ -49,13 +51,18 @@ def explore(
     """
     name = str(body_table.get("name") or Path(str(body_table.get("mesh", "object"))).stem)
     cell = Cell(strategy, body_table, name, seed=seed,
-                placement=ObjectTable(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad))
+                placement=ObjectTable(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad),
+                fit=FitTable(reconstruct=reconstruct))
     block = run_block(cell, np.arange(1), device)
     shape = json.dumps(shape_record(cell, block), indent=2) + "\n"
     files = {"contacts.csv": contacts_csv(block), "shape.json": shape}
     for file, content in files.items():
         write_atomic(out / file, content.encode())
     written = list(files)
+    mesh = mesh_of_world(block)
+    if mesh is not None:
+        write_atomic(out / "recovered.ply", ply_of(mesh))
+        written.append("recovered.ply")
     for file, draw in _pictures(cell, block):
         try:
             picture = draw()
@@ -72,7 +79,10 @@ def explore(
         written.append("replay.html")
     say(f"{block.status[0]}: {trust_sentence(block)}")
     if block.exploration.fault[0]:
-        say(f"the strategy failed: {block.exploration.fault[0]}")
+        what = "reconstruct" if block.status[0] == REBUILD_FAILED else "the strategy"
+        say(f"{what} failed: {block.exploration.fault[0]}")
+    if block.rebuilt is not None:
+        say(f"{block.rebuilt.name}: free-form body made in {block.rebuilt.time_s:.1f} s")
     return [out / file for file in sorted(written)]
 
 
@@ -122,7 +132,8 @@ def shape_record(cell: Cell, block: EpisodeBlock, world: int = 0) -> dict[str, A
         "status": str(block.status[world]),
         "trust": trust_sentence(block, world),
         "models": list(_models(cell, block, world)),
-        "chosen": kinds[shape],
+        "chosen": block.rebuilt.name if block.rebuilt and mesh_of_world(block, world)
+        else kinds[shape],
         "interval": {name: None if shape == Shape.PRIOR_CYLINDER else float(values[world])
                      for name, values in interval_columns(belief, block.recovered).items()},
         "recognized_as": str(block.recognition.name[world]) or None,
@@ -149,6 +160,7 @@ def shape_record(cell: Cell, block: EpisodeBlock, world: int = 0) -> dict[str, A
 def _models(cell: Cell, block: EpisodeBlock, world: int) -> Iterator[dict[str, Any]]:
     """Every model of the body: the superquadric (or the prior cylinder), faces, the contour."""
     belief = block.exploration.belief
+    yield from _free_form(block, world)
     ok = bool(belief.fitted[world])
     kind = ("tapered_superquadric" if cell.fit.taper else "superquadric") if ok else "prior"
     numbers = superquadric_parameters(belief.body)
@@ -175,6 +187,27 @@ def _models(cell: Cell, block: EpisodeBlock, world: int) -> Iterator[dict[str, A
             "rms_mm": float(profile.rms_m[world] * 1e3),
             "status": status_names(profile.fit.status)[world],
             "contacts": int(profile.fit.n_points[world])}
+
+
+def _free_form(block: EpisodeBlock, world: int) -> Iterator[dict[str, Any]]:
+    """The free-form body of a world: its size, and for a Gaussian process what it is sure of."""
+    mesh, rebuilt = mesh_of_world(block, world), block.rebuilt
+    if mesh is None or rebuilt is None:
+        return
+    found: dict[str, Any] = {"shape": rebuilt.name, "file": "recovered.ply", "parameters": {
+        "volume_m3": mesh.volume_m3, "faces": len(mesh.faces)}}
+    if rebuilt.fits is not None and rebuilt.fitted is not None and rebuilt.volume is not None:
+        row = int(np.flatnonzero(rebuilt.fitted == world)[0])
+        fits, volume = rebuilt.fits, rebuilt.volume
+        low, high = volume.interval_m3()[row].tolist()
+        found["parameters"] |= {
+            "volume_low_m3": low, "volume_high_m3": high,
+            "length_m": float(fits.length_m[row]), "amplitude_m": float(fits.amplitude_m[row]),
+            "noise_m": float(fits.noise_sigma_m[row]),
+            "surface_std_m": float(volume.surface_std_m[row].mean())}
+        found |= {"rms_mm": float(fits.rms_m[row] * 1e3),
+                  "status": status_names(fits.status)[row], "contacts": int(fits.n_points[row])}
+    yield found
 
 
 def _ends(block: EpisodeBlock, world: int) -> Iterator[dict[str, Any]]:

@@ -3,6 +3,8 @@
 import numpy as np
 
 from fit.arrays import rows_of
+from fit.implicit.record import TriangleMesh
+from fit.implicit.volume import surface_samples
 from fit.revolution.geometry import revolution_surface
 from fit.superquadric.geometry import superquadric_areas
 from strategies.contacts.body_uncertainty import INADEQUATE_FROM
@@ -10,6 +12,7 @@ from strategies.recovery.choose_model import Recovered, Shape
 from strategies.recovery.contact_verdict import accepted_contacts
 from strategies.recovery.evidence import TABLE_MARGIN_M
 from sweeps.episode.episodes import EpisodeBlock
+from sweeps.figures.meshes import mesh_of_world
 
 NEAR_M = 0.02
 """A place of the surface farther than this from every contact is a guess of the model."""
@@ -19,6 +22,7 @@ _NOTHING = {
     "too_few_contacts": "too few contacts for any body",
     "fit_failed": "no body could be fitted to the contacts",
     "fit_implausible": "contacts, free space, table or prior contradict what was fitted",
+    "reconstruct_failed": "the function that recovers bodies failed",
     "strategy_failed": "the strategy failed before enough was felt",
 }
 
@@ -28,6 +32,9 @@ def trust_sentence(block: EpisodeBlock, world: int = 0) -> str:
     recovered = rows_of(block.recovered, np.array([world]))
     evidence = rows_of(block.evidence, np.array([world]))
     felt = int(evidence.mask.sum())
+    mesh = mesh_of_world(block, world)
+    if mesh is not None:
+        return _free_form_sentence(mesh, evidence.points_m[0][evidence.mask[0]])
     if recovered.shape[0] == Shape.PRIOR_CYLINDER:
         why = _NOTHING.get(str(block.status[world]), str(block.status[world]))
         return (f"nothing was recovered: {why} ({felt} contacts); the body written is the cylinder "
@@ -45,6 +52,15 @@ def trust_sentence(block: EpisodeBlock, world: int = 0) -> str:
     if belief.felt.contradicted_share()[world] >= INADEQUATE_FROM:
         text += ", but so many contacts contradict the model that this may fail"
     return text
+
+
+def _free_form_sentence(mesh: TriangleMesh, contacts_m: np.ndarray) -> str:
+    points = surface_samples(mesh, SURFACE_POINTS)
+    points = points[points[:, 2] > TABLE_MARGIN_M]
+    away = np.linalg.norm(points[:, None] - contacts_m, axis=-1).min(1, initial=np.inf)
+    share = float((away <= NEAR_M).mean()) if len(points) else 0.0
+    return (f"{100 * share:.0f} % of the recovered surface is within {1e3 * NEAR_M:.0f} mm of one "
+            f"of {len(contacts_m)} contacts, the rest is guessed from the model fitted before")
 
 
 def surface_near(recovered: Recovered, contacts_m: np.ndarray) -> float:

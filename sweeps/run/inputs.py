@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from strategies.planners.planner_file import files_beside
+from strategies.reconstruct.plug_in_name import plug_in_file
 from sweeps.output import write_atomic
 from sweeps.run.plan import files_hash, program_hash
 from sweeps.spec.cell import Cell
@@ -41,10 +42,10 @@ def keep_inputs(folder: Path, study: Study) -> None:
         for family in strategy.waypoints:
             if file := getattr(family, "file", ""):
                 _keep(Path(file), inputs / _hash(Path(file)) / POSES)
-        file = strategy.call.rpartition(":")[0]
-        if file.endswith(".py"):
-            for name in (Path(file).name, *files_beside(Path(file))):
-                _keep(Path(file).with_name(name), inputs / program_hash(file) / name)
+    programs = [plug_in_file(strategy.call) for strategy in study.strategies]
+    for file in filter(None, (*programs, plug_in_file(study.tables["fit"].reconstruct))):
+        for name in (Path(file).name, *files_beside(Path(file))):
+            _keep(Path(file).with_name(name), inputs / program_hash(file) / name)
 
 
     if models := study.tables["recognition"].models:
@@ -78,19 +79,26 @@ def kept_cell(cell: Cell, body: Body, folders: tuple[Path, ...]) -> Cell:
             family = replace(family, file=str(place / POSES))  # type: ignore[type-var]
         families.append(family)
     strategy = replace(strategy, waypoints=tuple(families))
-    if strategy.call.startswith("sha256:"):
-        key, _, rest = strategy.call.removeprefix("sha256:").partition("/")
-        name = rest.rpartition(":")[0]
-        place = _find(folders, key, name, lambda place: key == files_hash(
-            _hash(place / name), {file.name: _hash(file) for file in sorted(place.glob("*.py"))
-                                  if file.name != name}))
-        strategy = replace(strategy, call=f"{place}/{rest}")
+    strategy = replace(strategy, call=_kept_call(strategy.call, folders))
+    fits = replace(cell.fit, reconstruct=_kept_call(cell.fit.reconstruct, folders))
     recognition = cell.recognition
     if recognition.models:
         key = recognition.models.removeprefix("sha256:")
         place = _find(folders, key, "known models", lambda place: _hash(place / MODELS) == key)
         recognition = replace(recognition, models=str(place / MODELS))
-    return replace(cell, body_table=table, strategy=strategy, recognition=recognition)
+    return replace(cell, body_table=table, strategy=strategy, fit=fits, recognition=recognition)
+
+
+def _kept_call(call: str, folders: tuple[Path, ...]) -> str:
+    """A function of a user's file where a directory keeps it; names of ours stay."""
+    if not call.startswith("sha256:"):
+        return call
+    key, _, rest = call.removeprefix("sha256:").partition("/")
+    name = rest.rpartition(":")[0]
+    place = _find(folders, key, name, lambda place: key == files_hash(
+        _hash(place / name), {file.name: _hash(file) for file in sorted(place.glob("*.py"))
+                              if file.name != name}))
+    return f"{place}/{rest}"
 
 
 def _find(folders: Sequence[Path], key: str, name: str, whole: Callable[[Path], bool]) -> Path:

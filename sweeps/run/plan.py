@@ -15,12 +15,12 @@ from typing import Any
 
 from strategies.planners.planner_file import files_beside
 from strategies.poses.waypoints import WAYPOINT_KINDS
+from strategies.reconstruct.plug_in_name import call_by_content, plug_in_file
 from strategies.strategy import Strategy
 from sweeps.spec.cell import SECTIONS, TABLES, Cell
-from sweeps.spec.models import canonical_table
 from sweeps.spec.study import FILE_KEYS, Axis, Body, Study, StudyTable
 
-RESULTS_SCHEMA = 18  # raise when rows change their meaning: older units are then computed again
+RESULTS_SCHEMA = 19  # raise when rows change their meaning: older units are then computed again
 BLOCK = 64  # episodes of a unit; rows do not depend on it
 WIDEST = 100  # characters that are shown of a value
 LEAST_RUNS = 8  # of a shard: the last one may be missing in some, an eighth of their work
@@ -111,7 +111,7 @@ def cell_hash(cell: Cell, body: Body) -> str:
     return digest({
         "strategy": canonical_strategy(cell.strategy), "object": cell.object_name,
         "body": canonical_body(body), "seed": cell.seed,
-        **{name: canonical_table(getattr(cell, name), _file_hash) for name in TABLES},
+        **{name: canonical_table(getattr(cell, name)) for name in TABLES},
         **({} if cell.true is None else {"true": asdict(cell.true)})})
 
 
@@ -153,6 +153,17 @@ def _without_folders(key: str, value: Any) -> Any:
     return Path(value).name if key in FILE_KEYS and isinstance(value, str) else value
 
 
+def canonical_table(table: Any) -> dict[str, Any]:
+    """A section of a spec as plain data; files that it names, of a function that recovers bodies
+    and of known models, by their content."""
+    values = asdict(table)
+    if models := values.get("models"):
+        values["models"] = f"sha256:{_file_hash(models)}"
+    if file := plug_in_file(values.get("reconstruct", "")):
+        values["reconstruct"] = call_by_content(values["reconstruct"], program_hash(file))
+    return values
+
+
 def canonical_study(study: Study) -> dict[str, Any]:
     """A study as plain data, every default filled in: what `resolved.json` holds."""
     return json.loads(json.dumps({
@@ -161,7 +172,7 @@ def canonical_study(study: Study) -> dict[str, Any]:
         "episodes_per_cell": study.head.episodes_per_cell,
         "objects": {body.name: canonical_body(body) for body in study.objects},
         "strategies": {s.name: canonical_strategy(s) for s in study.strategies},
-        **{name: canonical_table(table, _file_hash) for name, table in study.tables.items()},
+        **{name: canonical_table(table) for name, table in study.tables.items()},
         "sweep": [_canonical_axis(axis) for axis in study.axes],
     }))
 

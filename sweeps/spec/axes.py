@@ -11,7 +11,7 @@ from strategies.strategy import BUDGET_KEYS, Strategy
 from sweeps.spec.cell import SECTIONS
 from sweeps.spec.checks import check_swept_order
 from sweeps.spec.errors import KeyPath, Problem, Problems, SpecError, choose, short
-from sweeps.spec.models import UNSWEPT
+from sweeps.spec.named_files import UNSWEPT
 from sweeps.spec.strategies import read_names
 from sweeps.spec.study import Axis
 from sweeps.spec.units import spec_fields

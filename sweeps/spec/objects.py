@@ -7,8 +7,10 @@ from typing import Any
 
 from sweeps.output import init_warp, quiet_stdout
 from sweeps.spec.errors import KeyPath, Problems, check_name, choose, short
+from sweeps.spec.object_sets import expanded
 from sweeps.spec.study import FILE_KEYS, Body
 from warpgrasp.objects.catalogue_names import BODY_NAMES, NAME_LIMIT
+from warpgrasp.objects.families import family_table
 
 SHAPES = ("mesh", "compound", "superquadric", "profile")
 
@@ -18,7 +20,8 @@ class ObjectError(ValueError):
 
 
 def read_objects(values: Any, base_dir: Path, problems: Problems) -> tuple[Body, ...]:
-    """Every object of a spec; each is built once to check it."""
+    """Every object of a spec, those of families and patterns included; each is built once to
+    check it."""
     path: KeyPath = ("objects",)
     if not isinstance(values, list):
         problems.add(path, f"is {short(values)}; should be a list such as [\"block\"]")
@@ -26,7 +29,9 @@ def read_objects(values: Any, base_dir: Path, problems: Problems) -> tuple[Body,
     if not values and path in problems.lines:
         problems.add(path, "is empty; name at least one object")
     found: list[Body] = []
-    for n, value in enumerate(values):
+    entries = [(n, value) for n, entry in enumerate(values)
+               for value in expanded(entry, (*path, n), base_dir, problems)]
+    for n, value in entries:
         body = read_object(value, (*path, n), base_dir, problems)
         if body and any(body.name == other.name for other in found):
             problems.add((*path, n), f"is {body.name!r} a second time; give one another name")
@@ -73,6 +78,8 @@ def object_of_argument(what: str, units: str | None) -> dict[str, Any]:
     """The table of an object named on the command line; `ObjectError` says what is wrong."""
     if what in BODY_NAMES:
         return {"name": what}
+    if table := family_table(what):
+        return table
     file = Path(what)
     if not file.is_file():
         raise ObjectError(f"no object {what!r}; {choose(what, BODY_NAMES)}; or a mesh file with "

@@ -10,7 +10,12 @@ from sweeps.spec.axes import read_axes, read_overrides
 from sweeps.spec.cell import SECTIONS
 from sweeps.spec.checks import check_order, check_pads
 from sweeps.spec.errors import Problem, Problems, SpecError, choose
-from sweeps.spec.models import with_models
+from sweeps.spec.named_files import (
+    KEY,
+    check_swept_reconstruct,
+    read_reconstruct,
+    with_models,
+)
 from sweeps.spec.objects import read_objects
 from sweeps.spec.strategies import read_strategies
 from sweeps.spec.study import CELL_LIMIT, EPISODE_LIMIT, Study, StudyTable
@@ -54,11 +59,17 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
     tables = {name: table(**read_table(table, values.get(name, {}), (name,), problems))
               for name, table in SECTIONS.items()}
     tables["recognition"] = with_models(tables["recognition"], base_dir, problems)
+    tables["fit"] = replace(tables["fit"], reconstruct=read_reconstruct(
+        tables["fit"].reconstruct, base_dir, problems))
     strategies = read_strategies(values.get("strategy", []), base_dir, problems)
     objects = read_objects(values.get("objects", []), base_dir, problems)
     axes = read_axes(values.get("sweep", {}), extra_grid or {}, strategies, tables, head.seed,
                      problems)
     check_order(tables, values, axes, problems)
+    for axis in axes:
+        if KEY in axis.keys:
+            check_swept_reconstruct([point[axis.keys.index(KEY)] for point in axis.values],
+                                    ("sweep",), problems)
     study = Study(head, objects, strategies, tables, axes)
     if study.cell_count > CELL_LIMIT:
         problems.add(("sweep",), f"spans {study.cell_count:,} cells; the limit is {CELL_LIMIT:,}")

@@ -51,7 +51,7 @@ def test_help_and_completion_know_every_kind() -> None:
 
 
 @pytest.mark.parametrize(("words", "expected"), [
-    (["warpgrasp", "lea"], "leaderboard"), (["warpgrasp", "table", "x", "--ag"], "--against"),
+    (["warpgrasp", "lead"], "leaderboard"), (["warpgrasp", "table", "x", "--ag"], "--against"),
     (["warpgrasp", "table", "x", "par"], "pareto")])
 def test_the_shell_completes(words: list[str], expected: str, tmp_path: Path,
                              capsys: pytest.CaptureFixture[str]) -> None:

@@ -38,6 +38,8 @@ class Rows:
     target: Float[np.ndarray, "fit row"]
     variance: Float[np.ndarray, "fit row"]
     noisy: Bool[np.ndarray, "fit row"]
+    touch: Int[np.ndarray, "fit row"]
+    """The touch that each row comes from."""
     n_rows: Int[np.ndarray, " fit"]
     n_touches: Int[np.ndarray, " fit"]
     free: int
@@ -70,7 +72,7 @@ class Rows:
         return ProcessData(
             padded(self.points, 0.0), padded(self.target, 0.0), padded(self.variance, 1.0),
             padded(self.noisy.astype(float), 0.0), np.ones((lanes, width)), used.astype(float),
-            self.log_noise[index])
+            padded(self.touch, -1.0).astype(int), self.log_noise[index])
 
 
 def touch_rows(sets: Sets, mean: Mean, options: ImplicitOptions, free: int) -> Rows:
@@ -84,6 +86,7 @@ def touch_rows(sets: Sets, mean: Mean, options: ImplicitOptions, free: int) -> R
     return Rows(
         points=sets.points, target=np.where(sets.mask, -values[0], 0.0),
         variance=np.where(sets.mask, np.maximum(variance, _FLOOR), 1.0), noisy=sets.mask,
+        touch=np.broadcast_to(np.arange(sets.mask.shape[1]), sets.mask.shape),
         n_rows=sets.count, n_touches=sets.count, free=free, mean_slope=slope,
         log_noise=np.log(options.noise_m / sets.scale), fitted=fitted)
 
@@ -119,7 +122,8 @@ def with_normals(rows: Rows, sets: Sets, mean: Mean, normals: Float[np.ndarray, 
     return replace(
         rows, points=np.where(used[..., None], points[row, order], 0.0),
         target=np.where(used, target[row, order], 0.0),
-        variance=np.where(used, variance[row, order], 1.0), noisy=used, n_rows=used.sum(axis=1))
+        variance=np.where(used, variance[row, order], 1.0), noisy=used, touch=order % slots,
+        n_rows=used.sum(axis=1))
 
 
 def _mean(sets: Sets, mean: Mean, *points: np.ndarray) -> np.ndarray:

@@ -1,0 +1,10 @@
+"""Free-form bodies after an episode: from a Gaussian process, or by a user's own function."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "free_form": ["Reconstruction", "reconstruct"],
+    "plug_in": ["Touches"],
+    "plug_in_name": ["BUILT_IN", "call_by_content", "find_plug_in", "plug_in_file"],
+    "prior_distance": ["distance_to_recovered"],
+})

@@ -1,0 +1,59 @@
+"""Signed distance of recovered bodies: the prior mean of free-form bodies."""
+
+import numpy as np
+
+from fit.arrays import rows_of
+from fit.implicit.record import Mean
+from fit.revolution.geometry import RevolutionBody, revolution_inside, revolution_surface
+from fit.superquadric.geometry import Superquadric, superquadric_points
+from strategies.recovery.body_distances import contour_distances, surface_distances
+from strategies.recovery.choose_model import Recovered, Shape
+
+SURFACE_POINTS = 864
+
+
+def distance_to_recovered(recovered: Recovered) -> Mean:
+    """Signed distances [m] of points to the body that stands for each world, negative inside.
+
+    Of a contour exact; of a superquadric, and of the prior cylinder, of first order in the
+    distance, and never deeper than the body's least half extent.
+    """
+    def distance(points_m: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        out = np.empty(points_m.shape[:2])
+        turned = recovered.shape[rows] == Shape.REVOLUTION
+        others = np.flatnonzero(~turned)
+        if len(others):
+            out[others] = superquadric_distance(
+                rows_of(recovered.superquadric, rows[others]), points_m[others])
+        mine = np.flatnonzero(turned)
+        if len(mine) and recovered.revolution is not None:
+            out[mine] = revolution_distance(recovered.revolution[rows[mine]], points_m[mine])
+        return out
+
+    return distance
+
+
+def box_of_recovered(recovered: Recovered) -> tuple[np.ndarray, np.ndarray]:
+    """Corners [m] of a box about the body that stands for each world, (world, 3) each."""
+    points = superquadric_points(recovered.superquadric, SURFACE_POINTS)
+    low, high = points.min(axis=1), points.max(axis=1)
+    turned = np.flatnonzero(recovered.shape == Shape.REVOLUTION)
+    if len(turned) and recovered.revolution is not None:
+        surface = revolution_surface(recovered.revolution[turned])[0]
+        low[turned], high[turned] = surface.min(axis=1), surface.max(axis=1)
+    return low, high
+
+
+def superquadric_distance(body: Superquadric, points_m: np.ndarray) -> np.ndarray:
+    """First-order signed distances [m], (world, point); at a centre minus the least half extent."""
+    every = np.ones(points_m.shape[:2], bool)
+    signed, normal = surface_distances(body, points_m, every, ahead_m=0.0)
+    deepest = -body.size_m.min(axis=1)[:, None]
+    known = np.isfinite(signed) & normal.any(axis=2)
+    return np.where(known, np.maximum(signed, deepest), deepest)
+
+
+def revolution_distance(body: RevolutionBody, points_m: np.ndarray) -> np.ndarray:
+    """Signed distances [m], (world, point)."""
+    away = contour_distances(body, points_m, np.ones(points_m.shape[:2], bool))
+    return np.where(revolution_inside(body, points_m), -away, away)

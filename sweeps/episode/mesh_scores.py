@@ -1,0 +1,95 @@
+"""Scores of recovered meshes and of sampled signed distances, defined as those of other bodies.
+
+Distances from the true surface go to the mesh itself, those from the mesh are of points spread
+evenly over its area (`fit.implicit.surface_samples`). Everything is computed in the true body's
+frame; its sample is the one that superquadrics are scored by (`sweeps.episode.scores`).
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from fit.arrays import joined, rows_of, with_rows
+from fit.implicit.mesh import zero_set_meshes
+from fit.implicit.record import TriangleMesh
+from fit.implicit.volume import surface_samples
+from fit.rotation import matrix_of_quaternion
+from sweeps.episode.scores import (
+    COVERAGE_M,
+    ELEMENTS,
+    INSIDE_POINTS,
+    SURFACE_POINTS,
+    Scorer,
+    Scores,
+    distance_to_surface,
+)
+from warpgrasp.geometry.body import Body
+from warpgrasp.geometry.body_sampling import sample_body
+from warpgrasp.objects.mesh_orientation import mesh_distance, mesh_of
+
+WORLDS_AT_ONCE = 64
+
+
+def score_meshes(
+    meshes: Sequence[TriangleMesh], body: Body, body_pose: np.ndarray, *, device: str = "cpu"
+) -> Scores:
+    """Score one closed mesh a world, in the base frame, against `body` at `body_pose` (world, 7).
+
+    Raises ValueError for another number of meshes than poses, or a mesh without faces.
+    """
+    if len(meshes) != len(body_pose):
+        raise ValueError(f"meshes: {len(meshes)} for {len(body_pose)} worlds")
+    if not all(len(mesh.faces) for mesh in meshes):
+        raise ValueError("meshes: one has no faces; nothing that could be scored")
+    sample = sample_body(body, surface=SURFACE_POINTS, inside=INSIDE_POINTS)
+    turn = matrix_of_quaternion(body_pose[:, 3:])
+    seen = [TriangleMesh((mesh.vertices_m - pose[:3]) @ matrix, mesh.faces)
+            for mesh, pose, matrix in zip(meshes, body_pose, turn, strict=True)]
+    asked = np.concatenate([sample.surface_m, sample.inside_m])
+    signed = np.array([mesh_distance(mesh_of(mesh.vertices_m, mesh.faces), asked)
+                       for mesh in seen]).reshape(-1, len(asked))
+    to_mesh = np.abs(signed[:, :SURFACE_POINTS]).astype(float)
+    elements = np.array([surface_samples(mesh, ELEMENTS) for mesh in seen]).reshape(-1, ELEMENTS, 3)
+    to_body = np.concatenate([np.zeros((0, ELEMENTS))] + [
+        distance_to_surface(body, elements[first:first + WORLDS_AT_ONCE], device=device)
+        for first in range(0, len(seen), WORLDS_AT_ONCE)])
+    volume = np.array([mesh.volume_m3 for mesh in seen])
+    common = sample.volume_m3 * (signed[:, SURFACE_POINTS:] < 0.0).mean(1)
+    return Scores(
+        chamfer_m=0.5 * (to_mesh.mean(1) + to_body.mean(1)),
+        hausdorff95_m=np.maximum(np.quantile(to_mesh, 0.95, axis=1),
+                                 np.quantile(to_body, 0.95, axis=1)),
+        iou=common / (volume + sample.volume_m3 - common),
+        volume_ratio=volume / sample.volume_m3,
+        coverage=(to_mesh <= COVERAGE_M).mean(1),
+    )
+
+
+def score_distances(
+    distance: Callable[[np.ndarray, np.ndarray], np.ndarray], low_m: np.ndarray,
+    high_m: np.ndarray, body: Body, body_pose: np.ndarray, *, device: str = "cpu",
+) -> Scores:
+    """Score bodies given by signed distances [m], sampled in boxes (world, 3) of the base frame.
+
+    `distance(points, worlds)` is asked for points (row, point, 3) [m] of the worlds numbered
+    (row,). Raises ValueError where a zero set has no surface.
+    """
+    meshes = zero_set_meshes(lambda points, worlds, counts: distance(points, worlds),
+                             np.asarray(low_m, float), np.asarray(high_m, float))
+    return score_meshes(meshes, body, body_pose, device=device)
+
+
+def scores_with_meshes(
+    scorer: Scorer, meshes: Sequence[TriangleMesh], scores: Scores
+) -> Scores:
+    """The scores of every world, those with a mesh scored by it; empty meshes leave theirs."""
+    parts = []
+    for body, rows in scorer.worlds():
+        part, mine = rows_of(scores, rows), meshes[rows]
+        made = np.flatnonzero([len(mesh.faces) > 0 for mesh in mine])
+        if len(made):
+            part = with_rows(part, made, score_meshes(
+                [mine[int(k)] for k in made], body, scorer.body_pose[rows][made],
+                device=scorer.device))
+        parts.append(part)
+    return joined(parts)

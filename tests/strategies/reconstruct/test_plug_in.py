@@ -1,0 +1,149 @@
+"""A user's function: what it may return, and how its faults become data."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from fit.superquadric.geometry import Superquadric
+from strategies.poses.waypoints import BoundingCylinder
+from strategies.reconstruct.free_form import reconstruct
+from strategies.reconstruct.plug_in import checked_mesh
+from strategies.reconstruct.prior_distance import distance_to_recovered
+from strategies.recovery.choose_model import Recovered
+from strategies.recovery.evidence import Evidence
+from warpgrasp.parameters import FitTable
+
+LOW, HIGH = np.full(3, -0.1), np.full(3, 0.1)
+FUNCTIONS = '''
+import numpy as np
+import trimesh
+
+def balls(touches):
+    middle = (touches.low_m + touches.high_m) / 2
+    return lambda points, worlds: np.linalg.norm(points - middle[worlds][:, None], axis=2) - 0.03
+
+def second_only(touches):
+    return [None, trimesh.creation.icosphere(2, 0.03)]
+
+def too_few(touches):
+    return []
+
+def writes(touches):
+    touches.points_m[:] = 0.0
+    return [None, None]
+
+def leaves(touches):
+    raise SystemExit(3)
+
+def half(touches):
+    ball = trimesh.creation.icosphere(2, 0.03)
+    return [(ball.vertices, ball.faces), (ball.vertices, ball.faces[:-1])]
+
+def not_finite(touches):
+    return lambda points, worlds: np.full(points.shape[:2], np.nan)
+'''
+
+
+def spheres(worlds: int = 2) -> Recovered:
+    """Recovered spheres of 30 mm at the origin."""
+    zero = np.zeros((worlds, 2))
+    return Recovered(np.ones(worlds, int), Superquadric(
+        np.full((worlds, 3), 0.03), np.ones((worlds, 2)), np.zeros((worlds, 3)),
+        np.tile([0.0, 0, 0, 1], (worlds, 1)), zero, zero))
+
+
+def felt(points: np.ndarray) -> Evidence:
+    """Contacts (world, point, 3) of 1 mm, and nothing else."""
+    mask = np.ones(points.shape[:2], bool)
+    return Evidence(points, mask, np.tile(1e-6 * np.eye(3), (*mask.shape, 1, 1)),
+                    np.full(points.shape, np.nan), np.zeros((len(points), 0, 3)), 0.006,
+                    np.zeros((len(points), 0), bool), np.zeros_like(mask),
+                    np.full(points.shape, np.nan))
+
+
+def prior(worlds: int = 2) -> BoundingCylinder:
+    return BoundingCylinder(*np.zeros((2, worlds)), np.full(worlds, 0.04), np.full(worlds, 0.08))
+
+
+@pytest.fixture
+def asked(tmp_path):
+    """Runs one of `FUNCTIONS` on two worlds."""
+    (tmp_path / "mine.py").write_text(FUNCTIONS)
+    evidence = felt(np.random.default_rng(0).normal(size=(2, 9, 3)))
+    return lambda name: reconstruct(f"{tmp_path}/mine.py:{name}", spheres(), evidence, prior(),
+                                    FitTable())
+
+
+def test_signed_distances_become_meshes(asked) -> None:
+    found = asked("balls")
+    assert found.name == "balls"
+    assert found.made.all()
+    assert not found.fault.any()
+    for mesh in found.meshes:
+        assert mesh.volume_m3 == pytest.approx(4 / 3 * np.pi * 0.03**3, rel=0.03)
+
+
+def test_a_world_without_an_answer_keeps_what_was_recovered(asked) -> None:
+    found = asked("second_only")
+    assert found.made.tolist() == [False, True]
+    assert not found.fault.any()
+
+
+@pytest.mark.parametrize(("name", "said"), [
+    ("too_few", "0 meshes for 2 worlds"), ("writes", "read-only"), ("leaves", "SystemExit"),
+    ("not_finite", "not finite"), ("missing", "has no function 'missing'"),
+])
+def test_faults_name_the_function_and_what_is_wrong(asked, name: str, said: str) -> None:
+    found = asked(name)
+    assert not found.made.any()
+    assert all(said in text for text in found.fault)
+
+
+def test_a_fault_of_one_mesh_is_its_world_s_alone(asked) -> None:
+    found = asked("half")
+    assert found.made.tolist() == [True, False]
+    assert found.fault[0] == ""
+    assert "open" in found.fault[1]
+
+
+@pytest.mark.parametrize(("change", "said"), [
+    (lambda v, f: (v[:, :2], f), "vertices of shape"), (lambda v, f: (v, f[:2]), "2 faces"),
+    (lambda v, f: (v, f + len(v)), "faces name vertex"), (lambda v, f: (v, f[:, ::-1]), "outwards"),
+    (lambda v, f: (v * np.nan, f), "not finite"), (lambda v, f: (v * 1e3, f), "in m"),
+    (lambda v, f: (v, f.astype(float)), "whole numbers"),
+    (lambda v, f: (v, np.concatenate([f[:1, ::-1], f[1:]])), "open, or"),
+])
+def test_meshes_are_checked(change, said: str) -> None:
+    ball = trimesh.creation.icosphere(1, 0.03)
+    good = np.array(ball.vertices), np.array(ball.faces)
+    assert len(checked_mesh(good, LOW, HIGH).faces) == 80
+    with pytest.raises(ValueError, match=said):
+        checked_mesh(change(*good), LOW, HIGH)
+
+
+def test_the_mean_is_the_distance_to_what_was_recovered() -> None:
+    points = np.array([[[0.05, 0, 0], [0, 0, 0.03], [0, 0.02, 0], [0, 0, 0]]])
+    found = distance_to_recovered(spheres())(points, np.array([1]))
+    assert np.allclose(found, [[0.02, 0.0, -0.01, -0.03]], atol=1e-9)
+
+
+def test_the_word_superquadric_rebuilds_nothing() -> None:
+    assert reconstruct("superquadric", spheres(), felt(np.zeros((2, 9, 3))), prior(),
+                       FitTable()) is None
+
+
+def test_a_free_form_body_explains_what_the_model_leaves_over() -> None:
+    way = np.random.default_rng(1).normal(size=(120, 3))
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    bump = 1.0 + 0.3 * (way[:, :1] > 0.6) * way[:, :1]
+    evidence = felt(np.stack([0.03 * way, 0.03 * bump * way]))
+    table = FitTable(table_plane=False)
+    found = reconstruct("implicit", spheres(), evidence, prior(), table)
+    assert found.made.all()
+    ball = 4 / 3 * np.pi * 0.03**3
+    assert found.meshes[0].volume_m3 == pytest.approx(ball, rel=0.02)
+    assert found.meshes[1].volume_m3 > 1.05 * ball
+    assert found.meshes[1].vertices_m[:, 0].max() > 0.0355
+    none = reconstruct("implicit", Recovered(np.zeros(2, int), spheres().superquadric), evidence,
+                       prior(), table)
+    assert not none.made.any()

@@ -1,0 +1,101 @@
+"""Scores of meshes against trimesh, nearest neighbours and closed forms."""
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial import cKDTree
+
+from fit.implicit.record import TriangleMesh
+from fit.superquadric.geometry import Superquadric
+from sweeps.episode.mesh_scores import score_distances, score_meshes, scores_with_meshes
+from sweeps.episode.scores import Scorer, score_superquadrics
+from warpgrasp.geometry.body_sampling import sample_body
+from warpgrasp.objects.catalogue import body_from_name
+
+AT = np.array([[0.45, 0.1, 0, 0, 0, np.sin(0.4), np.cos(0.4)]])
+TURN = np.array([[np.cos(0.8), -np.sin(0.8), 0], [np.sin(0.8), np.cos(0.8), 0], [0, 0, 1]])
+
+
+def standing(size, exponents) -> Superquadric:
+    """Superquadrics that stand where `AT` says, a row each."""
+    size = np.atleast_2d(size)
+    middle = np.array([[0.45, 0.1, 0.0]]) + size * [0, 0, 1]
+    return Superquadric(size, np.broadcast_to(exponents, (len(size), 2)), middle,
+                        np.repeat(AT[:, 3:], len(size), 0), *np.zeros((2, len(size), 2)))
+
+
+def placed(mesh: trimesh.Trimesh) -> TriangleMesh:
+    """A mesh in the body's frame as it stands in the base frame."""
+    return TriangleMesh(np.asarray(mesh.vertices) @ TURN.T + AT[0, :3], np.asarray(mesh.faces))
+
+
+def block(share: float = 1.0) -> trimesh.Trimesh:
+    """The catalogue's block, or one of that share of its size about its centre."""
+    made = trimesh.creation.box(share * np.array([0.06, 0.08, 0.12]))
+    made.apply_translation([0, 0, 0.06])
+    return made.subdivide().subdivide()
+
+
+def test_the_true_mesh_scores_perfectly() -> None:
+    scores = score_meshes([placed(block())], body_from_name("block"), AT)
+    assert scores.chamfer_m[0] < 2e-4
+    assert scores.iou[0] == pytest.approx(1.0, abs=1e-3)
+    assert scores.volume_ratio[0] == pytest.approx(1.0, abs=1e-2)
+    assert scores.coverage[0] == 1.0
+
+
+def test_an_inner_block_has_the_ratio_of_volumes() -> None:
+    scores = score_meshes([placed(block(0.8))], body_from_name("block"), AT)
+    assert scores.iou[0] == pytest.approx(0.8**3, abs=0.01)
+    assert scores.volume_ratio[0] == pytest.approx(0.8**3, abs=0.01)
+
+
+def test_distances_and_shares_against_trimesh() -> None:
+    body = body_from_name("large_cylinder")
+    other = trimesh.creation.cylinder(0.031, 0.13, sections=64).subdivide()
+    other.apply_transform(trimesh.transformations.rotation_matrix(0.1, [1, 0, 0]))
+    other.apply_translation([0.004, 0.0, 0.061])
+    scores = score_meshes([placed(other)], body, AT)
+    sample = sample_body(body, surface=4096, inside=4096)
+    there = np.abs(trimesh.proximity.signed_distance(other, sample.surface_m[:600]))
+    on, _ = trimesh.sample.sample_surface(other, 6000, seed=1)
+    back = cKDTree(sample_body(body, surface=16384).surface_m).query(on)[0]
+    assert scores.chamfer_m[0] == pytest.approx(0.5 * (there.mean() + back.mean()), abs=4e-4)
+    assert scores.hausdorff95_m[0] == pytest.approx(
+        max(np.quantile(there, 0.95), np.quantile(back, 0.95)), abs=1e-3)
+    assert scores.coverage[0] == pytest.approx((there <= 0.005).mean(), abs=0.05)
+    common = sample.volume_m3 * other.contains(sample.inside_m).mean()
+    union = sample.volume_m3 + other.volume - common
+    assert scores.iou[0] == pytest.approx(common / union, abs=0.01)
+
+
+def test_meshes_and_superquadrics_are_scored_alike() -> None:
+    body = body_from_name("large_cylinder")
+    ball = trimesh.creation.icosphere(4, 0.045)
+    ball.apply_translation([0, 0, 0.045])
+    mesh = score_meshes([placed(ball)], body, AT)
+    fits = score_superquadrics(standing([0.045, 0.045, 0.045], [1.0, 1.0]), body, AT)
+    for name in ("chamfer_m", "hausdorff95_m"):
+        assert getattr(mesh, name)[0] == pytest.approx(getattr(fits, name)[0], abs=3e-4)
+    assert mesh.iou[0] == pytest.approx(fits.iou[0], abs=0.005)
+    assert mesh.coverage[0] == pytest.approx(fits.coverage[0], abs=0.02)
+    signed = score_distances(
+        lambda points, worlds: np.linalg.norm(points - (AT[0, :3] + [0, 0, 0.045]), axis=2) - 0.045,
+        AT[:, :3] - [0.06, 0.06, 0.01], AT[:, :3] + [0.06, 0.06, 0.11], body, AT)
+    assert signed.chamfer_m[0] == pytest.approx(mesh.chamfer_m[0], abs=2e-4)
+    assert signed.iou[0] == pytest.approx(mesh.iou[0], abs=0.005)
+
+
+def test_only_worlds_with_a_mesh_are_scored_by_it() -> None:
+    bodies = [body_from_name("block"), body_from_name("large_cylinder")]
+    pose = np.repeat(AT, 3, 0)
+    scorer = Scorer(bodies, np.array([0, 0, 1]), pose)
+    before = score_superquadrics(standing(np.full((3, 3), 0.04), np.ones((3, 2))), bodies[0], pose)
+    none = TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), int))
+    after = scores_with_meshes(scorer, [none, placed(block()), none], before)
+    assert after.iou[[0, 2]].tolist() == before.iou[[0, 2]].tolist()
+    assert after.iou[1] == pytest.approx(1.0, abs=1e-3)
+    with pytest.raises(ValueError, match="no faces"):
+        score_meshes([none], bodies[0], AT)
+    with pytest.raises(ValueError, match="for 1 worlds"):
+        score_meshes([], bodies[0], AT)

@@ -1,0 +1,45 @@
+"""Entries of `objects` that stand for several."""
+
+from pathlib import Path
+
+import pytest
+import trimesh
+
+from sweeps.spec.errors import Problems
+from sweeps.spec.objects import object_of_argument, read_objects
+
+
+def read(values: list, base: Path = Path()) -> tuple[list[str], list[str]]:
+    """Names of the objects, and what is wrong."""
+    problems = Problems("spec.toml", {})
+    found = read_objects(values, base, problems)
+    return [body.name for body in found], [problem.what for problem in problems.found]
+
+
+def test_members_of_families_by_name_and_by_set() -> None:
+    assert read(["block", "mug-3", {"family": "box", "count": 2}]) == (
+        ["block", "mug-3", "box-0", "box-1"], [])
+    assert read([{"family": "box", "set": "held-out", "first": 4, "count": 1}])[0] == ["box-1004"]
+    assert "compound" in object_of_argument("mug-3", None)
+
+
+@pytest.mark.parametrize(("entry", "said"), [
+    ({"family": "mugs"}, "mug"), ({"family": "mug", "set": "hidden"}, "held-out"),
+    ({"family": "mug", "count": 0}, "whole number"), ({"family": "mug", "seed": 1}, "unknown key"),
+    ({"family": "mug", "first": 999, "count": 2}, "there are 1"), ("mug-2000", "no object"),
+    ({"meshes": "none/*.ply", "units": "m"}, "no file matches"), ({"meshes": 3}, "pattern"),
+    ({"meshes": "*.ply", "unit": "m"}, "unknown key"),
+])
+def test_what_is_wrong_is_said(entry, said: str, tmp_path: Path) -> None:
+    names, wrong = read([entry], tmp_path)
+    assert not names
+    assert any(said in text for text in wrong)
+
+
+def test_meshes_by_a_pattern(tmp_path: Path) -> None:
+    (tmp_path / "scans").mkdir()
+    for name, radius in (("one", 0.03), ("two", 0.04)):
+        trimesh.creation.icosphere(3, radius).export(tmp_path / "scans" / f"{name}.ply")
+    assert read([{"meshes": "scans/*.ply", "units": "m"}], tmp_path) == (["one", "two"], [])
+    assert read([{"meshes": f"{tmp_path}/scans/o*.ply", "units": "m"}])[0] == ["one"]
+    assert any("units" in text for text in read([{"meshes": "scans/*.ply"}], tmp_path)[1])

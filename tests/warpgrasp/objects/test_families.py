@@ -1,0 +1,40 @@
+"""Families of objects: sound bodies, the same for the same seed, different for others."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from warpgrasp.geometry.body_sampling import sample_body
+from warpgrasp.objects.catalogue import body_from_table
+from warpgrasp.objects.families import FAMILIES, HELD_OUT, PUBLIC, family_table
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_family_makes_bodies_that_stand_on_the_table(family: str) -> None:
+    contents = set()
+    for seed in (0, 1, HELD_OUT):
+        table = family_table(f"{family}-{seed}")
+        assert table is not None
+        body = body_from_table(table, Path())
+        assert body.low_m[2] == 0.0
+        sides = np.subtract(body.high_m, body.low_m)
+        assert 0.04 < sides.max() < 0.33
+        assert sample_body(body, surface=64, inside=64).volume_m3 > 1e-5
+        contents.add(body.content)
+    assert len(contents) == 3
+
+
+def test_names_give_the_same_object_and_others_give_none() -> None:
+    assert family_table("mug-17") == family_table("mug-17")
+    assert family_table("mug-17") != family_table("mug-18")
+    for name in ("mug", "mug-", "mug-2000", "cup-1", "mug-1.5", "mug--1"):
+        assert family_table(name) is None
+    assert PUBLIC <= HELD_OUT
+
+
+def test_mugs_and_bowls_are_hollow() -> None:
+    for name in ("mug-3", "bowl-3"):
+        body = body_from_table(family_table(name) or {}, Path())
+        box = np.prod(np.subtract(body.high_m, body.low_m))
+        assert sample_body(body).volume_m3 < 0.35 * box
