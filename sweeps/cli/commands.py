@@ -126,6 +126,9 @@ def leaderboard(folders: Sequence[Path], out: Path | None, *, metric: str,
             raise StoreError(f"{out}: cannot be written: {error.strerror}") from None
     _show(board, as_json)
     for store in stores:
+        if (store.folder / "race.csv").exists():
+            note(f"note: {store.folder} holds a race, whose outcome is in its race.csv; a "
+                 "leaderboard is of the episodes of a sweep")
         if store.damaged:
             note(f"note: {store.damaged} damaged units were set aside; see {store.logs}; run "
                  "the sweep again to repeat them")

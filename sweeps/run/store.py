@@ -20,7 +20,7 @@ from sweeps.run.unit_file import Columns, DamagedUnit, contacts_id, looks_whole,
 from sweeps.spec.errors import Held, OtherStudy, StoreError, short
 
 OWN_FILES = ("spec.toml", "resolved.json", "environment.json", "leaderboard.csv",
-             "sensitivity.toml", "sensitivity.csv", "sensitivity.md")
+             "race.csv", "race.svg", "sensitivity.toml", "sensitivity.csv", "sensitivity.md")
 
 
 def _locked(descriptor: int) -> bool:

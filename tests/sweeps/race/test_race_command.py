@@ -59,6 +59,8 @@ def test_a_race_from_the_spec_to_the_sentence(tmp_path: Path,
     assert told["reached"]
     found = rows(out)
     assert found == told["table"]
+    assert cli.run(["leaderboard", str(out)]) == 0
+    assert "holds a race, whose outcome is in its race.csv" in capsys.readouterr().err
     assert [row["verdict"] for row in found].count("best") == 1
     assert [row["strategy"] for row in found[-2:]] == ["horse", "elephant"]
     assert found[-1]["verdict"] == found[-2]["verdict"] == "worse"
