@@ -8,6 +8,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
         "choose", "short"],
     "objects": ["files_digest", "object_of_argument", "read_objects"],
     "reader": ["read_spec"],
+    "reconstruct": ["read_reconstruct"],
     "study": ["Axis", "Body", "FILE_KEYS", "Study", "StudyTable"],
     "template": ["spec_template"],
     "units": ["read_table", "spec_fields"],
