@@ -151,10 +151,11 @@ def _hyperparameters(
     theta[..., 1] = np.log(SLOPE_START)
     theta[..., 2] = data.log_noise[:, None]
     begin = _reweighted(theta.reshape(-1, 3), take(data, np.repeat(np.arange(lanes), starts)),
-                        options)
+                        options, at_first=True)
     tried = advance(_PROBLEM, theta.reshape(-1, 3), begin, options.start_iterations)
     best = np.argmin(tried.cost.reshape(lanes, starts), axis=1) + starts * np.arange(lanes)
     theta, damping = tried.theta[best], tried.damping[best]
+    data = data._replace(weight=np.asarray(begin.weight)[best])
     iterations = np.full(lanes, options.start_iterations)
     status = np.full(lanes, FitStatus.not_converged)
     active = np.arange(lanes)
@@ -176,7 +177,8 @@ def _hyperparameters(
     return theta, _reweighted(theta, data, options), iterations, status
 
 
-def _reweighted(theta, data: ProcessData, options: ImplicitOptions) -> ProcessData:
+def _reweighted(theta, data: ProcessData, options: ImplicitOptions, *,
+                at_first: bool = False) -> ProcessData:
     """The processes with the weights that touches have by what all others predict for them.
 
     Points off the surface share the error of their touch: they do not vote, and take its weight.
@@ -190,7 +192,7 @@ def _reweighted(theta, data: ProcessData, options: ImplicitOptions) -> ProcessDa
     weight = outlier_weights(
         np.asarray(found.deleted), np.asarray(found.deleted_variance), inlying,
         options.outlier_share, options.outlier_m * np.exp(data.log_noise[:, None])
-        / options.noise_m)
+        / options.noise_m, at_first=at_first)
     weight = np.take_along_axis(weight, np.maximum(touch, 0), axis=1)
     return data._replace(weight=np.where((touch >= 0) & (data.used > 0), weight, 1.0))
 

@@ -13,6 +13,7 @@ from jaxtyping import Float
 def outlier_weights(
     deleted: Float[np.ndarray, "fit row"], deleted_variance: Float[np.ndarray, "fit row"],
     inlying: Float[np.ndarray, "fit row"], share: float, outlier: Float[np.ndarray, "fit 1"],
+    *, at_first: bool = False,
 ) -> Float[np.ndarray, "fit row"]:
     """Share of its precision that each touch keeps, from above 0 to 1.
 
@@ -22,6 +23,8 @@ def outlier_weights(
         inlying: variance of a touch that is no outlier.
         share: prior probability of an outlier.
         outlier: standard deviation of an outlier beyond its noise.
+        at_first: before the hyperparameters are known. Then the variance is averaged instead, so
+            that doubtful touches do not decide how rough the surface is.
 
     The precision is the mean of 1/variance over the two cases, each by its probability.
     """
@@ -31,6 +34,8 @@ def outlier_weights(
     log_odds = (np.log(share / (1.0 - share)) + 0.5 * np.log(inside / outside)
                 + 0.5 * square * (1.0 / inside - 1.0 / outside))
     probability = 1.0 / (1.0 + np.exp(-np.clip(log_odds, -40.0, 40.0)))
+    if at_first:
+        return inlying / (inlying + probability * outlier**2)
     return 1.0 - probability * (1.0 - inlying / wide)
 
 

@@ -222,11 +222,10 @@ def objects(*, json: Json = False) -> int:
         Print JSON.
     """
     from sweeps.text_table import print_table
-    from warpgrasp.objects.catalogue_names import BODY_NAMES
-    from warpgrasp.objects.families import FAMILIES, MOST_SEED
+    from warpgrasp.objects.catalogue_names import BODY_NAMES, FAMILY_NAMES, MOST_SEED
 
     families = [(f"{name}-SEED", f"{what}; SEED from 0 to {MOST_SEED}, see docs/objects.md [est]")
-                for name, (_, what) in FAMILIES.items()]
+                for name, what in FAMILY_NAMES.items()]
     print_table(("object", "what"), [*BODY_NAMES.items(), *families], json)
     return 0
 

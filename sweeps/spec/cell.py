@@ -79,6 +79,6 @@ def batch_key(cell: Cell) -> Cell:
     strategy = cell.strategy
     if not strategy.call:
         strategy = replace(strategy, name="", waypoints=tuple(
-            (type(family).__name__, family.count) if hasattr(family, "count") else family
+            (type(family).__name__, getattr(family, "count", None) or family)
             for family in strategy.waypoints))
     return replace(cell, strategy=strategy, body_table={}, object_name="", setting={})

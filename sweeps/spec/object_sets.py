@@ -5,8 +5,14 @@ from pathlib import Path
 from typing import Any
 
 from sweeps.spec.errors import KeyPath, Problems, choose, short
-from warpgrasp.objects.catalogue_names import NAME_LIMIT
-from warpgrasp.objects.families import FAMILIES, MOST_SEED, PUBLIC, SETS, family_table
+from warpgrasp.objects.catalogue_names import (
+    FAMILY_NAMES,
+    MOST_SEED,
+    NAME_LIMIT,
+    PUBLIC,
+    SETS,
+    member_of_family,
+)
 
 MOST_OBJECTS = 1000
 """Of one entry."""
@@ -16,8 +22,8 @@ _MESHES = {"meshes", "units"}
 
 def expanded(value: Any, path: KeyPath, base_dir: Path, problems: Problems) -> Iterator[Any]:
     """The entry itself, or all that it stands for; what is wrong with it is noted."""
-    if isinstance(value, str) and (table := family_table(value)):
-        yield table
+    if isinstance(value, str) and member_of_family(value):
+        yield member_table(value)
     elif isinstance(value, Mapping) and "family" in value:
         yield from _family(value, path, problems)
     elif isinstance(value, Mapping) and "meshes" in value:
@@ -26,11 +32,20 @@ def expanded(value: Any, path: KeyPath, base_dir: Path, problems: Problems) -> I
         yield value
 
 
+def member_table(name: str) -> dict[str, Any]:
+    """The table of a member of a family, such as "mug-17"."""
+    # Its random numbers need Warp, which a spec without families does not.
+    from warpgrasp.objects.families import family_table
+
+    return family_table(name) or {}
+
+
 def _family(value: Mapping[str, Any], path: KeyPath, problems: Problems) -> Iterator[Any]:
-    _note_unknown(value, _FAMILY, path, problems)
+    if _note_unknown(value, _FAMILY, path, problems):
+        return
     family, half = value["family"], value.get("set", "public")
-    if not isinstance(family, str) or family not in FAMILIES:
-        problems.add((*path, "family"), f"is {short(family)}; {choose(family, FAMILIES)}")
+    if not isinstance(family, str) or family not in FAMILY_NAMES:
+        problems.add((*path, "family"), f"is {short(family)}; {choose(family, FAMILY_NAMES)}")
         return
     if not isinstance(half, str) or half not in SETS:
         problems.add((*path, "set"), f"is {short(half)}; {choose(half, SETS)}")
@@ -46,12 +61,13 @@ def _family(value: Mapping[str, Any], path: KeyPath, problems: Problems) -> Iter
         problems.add((*path, "count"), f"is {count}; from {first} on there are {room - first}")
         return
     for seed in range(SETS[half] + first, SETS[half] + first + count):
-        yield family_table(f"{family}-{seed}")
+        yield member_table(f"{family}-{seed}")
 
 
 def _meshes(value: Mapping[str, Any], path: KeyPath, base_dir: Path,
             problems: Problems) -> Iterator[Any]:
-    _note_unknown(value, _MESHES, path, problems)
+    if _note_unknown(value, _MESHES, path, problems):
+        return
     pattern = value["meshes"]
     if not isinstance(pattern, str) or not pattern:
         problems.add((*path, "meshes"), f"is {short(pattern)}; should be files by a pattern such "
@@ -76,7 +92,9 @@ def _meshes(value: Mapping[str, Any], path: KeyPath, base_dir: Path,
 
 
 def _note_unknown(value: Mapping[str, Any], known: set[str], path: KeyPath,
-                  problems: Problems) -> None:
-    for key in value:
-        if key not in known:
-            problems.add((*path, key), f"unknown key; {choose(key, sorted(known))}")
+                  problems: Problems) -> bool:
+    """Notes keys that are not known; whether there are any."""
+    unknown = [key for key in value if key not in known]
+    for key in unknown:
+        problems.add((*path, key), f"unknown key; {choose(key, sorted(known))}")
+    return bool(unknown)

@@ -7,10 +7,9 @@ from typing import Any
 
 from sweeps.output import init_warp, quiet_stdout
 from sweeps.spec.errors import KeyPath, Problems, check_name, choose, short
-from sweeps.spec.object_sets import expanded
+from sweeps.spec.object_sets import expanded, member_table
 from sweeps.spec.study import FILE_KEYS, Body
-from warpgrasp.objects.catalogue_names import BODY_NAMES, NAME_LIMIT
-from warpgrasp.objects.families import family_table
+from warpgrasp.objects.catalogue_names import BODY_NAMES, NAME_LIMIT, member_of_family
 
 SHAPES = ("mesh", "compound", "superquadric", "profile")
 
@@ -78,8 +77,8 @@ def object_of_argument(what: str, units: str | None) -> dict[str, Any]:
     """The table of an object named on the command line; `ObjectError` says what is wrong."""
     if what in BODY_NAMES:
         return {"name": what}
-    if table := family_table(what):
-        return table
+    if member_of_family(what):
+        return member_table(what)
     file = Path(what)
     if not file.is_file():
         raise ObjectError(f"no object {what!r}; {choose(what, BODY_NAMES)}; or a mesh file with "

@@ -1,4 +1,6 @@
-"""The objects of the catalogue, a line each, for who only wants the list; the limit of a name."""
+"""The objects of the catalogue and its families, a line each, for who only wants the list."""
+
+import re
 
 NAME_LIMIT = 80
 """Characters of an object's name, at most."""
@@ -14,3 +16,28 @@ BODY_NAMES: dict[str, str] = {
     "coke_bottle": "coke bottle, height 197 mm [est]",
     "orangina_bottle": "orangina bottle, height 145 mm [est]",
 }
+FAMILY_NAMES: dict[str, str] = {
+    "mug": "hollow cylinder with a handle",
+    "bowl": "half a superquadric, hollow",
+    "hammer": "handle lying on the table, with a head across it",
+    "pliers": "two crossing handles, lying",
+    "bottle": "cylinder, shoulder and neck",
+    "box": "block with a lid that overhangs, some with a knob",
+    "toy": "block with two to five solids joined to it",
+}
+"""Families and what each is; an object's name is FAMILY-SEED."""
+PUBLIC = 1000
+"""Seeds from 0 to below this are the public half."""
+HELD_OUT = 1000
+"""Seeds from this on are the held-out half."""
+MOST_SEED = 1999
+SETS = {"public": 0, "held-out": HELD_OUT}
+"""First seed of each half."""
+
+
+def member_of_family(name: str) -> tuple[str, int] | None:
+    """Family and seed of an object such as "mug-17"; None where the name is no family's."""
+    match = re.fullmatch(r"([a-z_]+)-(\d{1,4})", name)
+    if match is None or match[1] not in FAMILY_NAMES or int(match[2]) > MOST_SEED:
+        return None
+    return match[1], int(match[2])

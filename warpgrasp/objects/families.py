@@ -5,21 +5,14 @@ of what stands in a kitchen or a workshop. Seeds below `PUBLIC` are for developm
 `HELD_OUT` on are for a last comparison, which nothing should be tuned to.
 """
 
-import re
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from warpgrasp.core.random import Purpose, counter_key, counter_uniform
+from warpgrasp.objects.catalogue_names import member_of_family
 
-PUBLIC = 1000
-"""Seeds from 0 to below this are the public half."""
-HELD_OUT = 1000
-"""Seeds from this on are the held-out half."""
-MOST_SEED = 1999
-SETS = {"public": 0, "held-out": HELD_OUT}
-"""First seed of each half."""
 Part = dict[str, Any]
 
 
@@ -44,10 +37,10 @@ class Draw:
 
 def family_table(name: str) -> Part | None:
     """The spec's table of an object such as "mug-17"; None where the name is no family's."""
-    match = re.fullmatch(r"([a-z_]+)-(\d{1,4})", name)
-    if match is None or match[1] not in FAMILIES or int(match[2]) > MOST_SEED:
+    member = member_of_family(name)
+    if member is None:
         return None
-    return {"name": name, "compound": FAMILIES[match[1]][0](Draw(match[1], int(match[2])))}
+    return {"name": name, "compound": FAMILIES[member[0]](Draw(*member))}
 
 
 def _at(*place: float) -> list[float]:
@@ -152,13 +145,7 @@ def _toy(draw: Draw) -> list[Part]:
     return parts
 
 
-FAMILIES: dict[str, tuple[Callable[[Draw], list[Part]], str]] = {
-    "mug": (_mug, "hollow cylinder with a handle"),
-    "bowl": (_bowl, "half a superquadric, hollow"),
-    "hammer": (_hammer, "handle lying on the table, with a head across it"),
-    "pliers": (_pliers, "two crossing handles, lying"),
-    "bottle": (_bottle, "cylinder, shoulder and neck"),
-    "box": (_box, "block with a lid that overhangs, some with a knob"),
-    "toy": (_toy, "block with two to five solids joined to it"),
-}
-"""Families and what each is; an object's name is FAMILY-SEED."""
+FAMILIES: dict[str, Callable[[Draw], list[Part]]] = {
+    "mug": _mug, "bowl": _bowl, "hammer": _hammer, "pliers": _pliers, "bottle": _bottle,
+    "box": _box, "toy": _toy}
+"""The parts of a member of each family."""

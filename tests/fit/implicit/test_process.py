@@ -124,5 +124,8 @@ def test_outlier_weights_follow_bayes() -> None:
     inside, outside = (norm.pdf(deleted, 0.0, np.sqrt(v)) for v in (1.5, 101.5))
     expected = 0.05 * outside / (0.05 * outside + 0.95 * inside)
     assert np.allclose(outlier_probability(weight, 1.0, 10.0), expected, atol=1e-9)
+    first = outlier_weights(deleted, variance, np.full((1, 4), 1.0), 0.05, np.array([[10.0]]),
+                            at_first=True)
+    assert np.allclose(1.0 / first, 1.0 + expected * 100.0)
     assert weight[0, 0] > 0.99
     assert weight[0, 3] == pytest.approx(1.0 / 101.0)

@@ -39,7 +39,7 @@ def explored(noise_m: float, shift_m: float = 0.0, worlds: int = 2) -> ContourEx
     none = np.zeros(worlds)
     axis = Axis.upright(none + 0.45, none, none + 0.2, none + 0.03)
     return ContourExploration(table, np.full(worlds, EndReason.END_OF_OBJECT), axis, none, none,
-                              none, none, none, MissedTips(zero[:0], np.zeros((0, 3))))
+                              none, none, none, none, MissedTips(zero[:0], np.zeros((0, 3))))
 
 
 def test_a_body_of_linear_segments_is_found_again() -> None:

@@ -213,7 +213,7 @@ name = "ring6"
     board = make_leaderboard(plan, [store])
     assert any("strategy mine failed: mine.py:2: broken: AttributeError" in note
                for note in board.notes)
-    assert [row[1] for row in board.rows] == ["ring6", "mine"]
+    assert [row[1] for row in board.rows] == ["ring6", "mine", "given-prior"]
 
 
 def test_none_but_the_oracle_foresees() -> None:

@@ -117,7 +117,8 @@ def test_hardly_any_friction_is_none() -> None:
         rubbed, there, _ = close(body, poses, path, 6.0, noise=0.3,
                                  contact=replace(contact, friction=1e-9))
         same = felt.step == rubbed.step
-        assert same.mean() > 0.99  # where a finger snaps, several rests are near
+        # Where a finger slips off an edge, the one that skips steps may miss a stop.
+        assert same.mean() > 0.98
         np.testing.assert_allclose(truth.q_rad[same], there.q_rad[same], atol=2e-6)
 
 

@@ -7,7 +7,12 @@ import pytest
 
 from warpgrasp.geometry.body_sampling import sample_body
 from warpgrasp.objects.catalogue import body_from_table
-from warpgrasp.objects.families import FAMILIES, HELD_OUT, PUBLIC, family_table
+from warpgrasp.objects.catalogue_names import FAMILY_NAMES, HELD_OUT, PUBLIC
+from warpgrasp.objects.families import FAMILIES, family_table
+
+
+def test_each_family_has_a_line() -> None:
+    assert list(FAMILY_NAMES) == list(FAMILIES)
 
 
 @pytest.mark.parametrize("family", FAMILIES)
