@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from strategies.ready_made import REFERENCE
 from sweeps.run.plan import Plan, Unit, cell_hash
 from sweeps.spec.errors import choose
-from sweeps.spec.strategies import REFERENCE
 
 if TYPE_CHECKING:
     from sweeps.run.store import Store

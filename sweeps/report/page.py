@@ -10,6 +10,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
+from strategies.ready_made import REFERENCE
 from sweeps.analysis.confusion import Confusion, read_confusion
 from sweeps.analysis.curves import Curves, read_curves
 from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
@@ -32,7 +33,6 @@ from sweeps.report.views import Views, make_views, pick_episodes
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store, open_study
 from sweeps.spec.errors import StoreError
-from sweeps.spec.strategies import REFERENCE
 
 METRIC = "chamfer_mm"
 SCRIPTS = ("tables.js", "solids.js", "views.js", "print.js")

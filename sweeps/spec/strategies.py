@@ -7,15 +7,13 @@ from typing import Any
 
 from strategies.poses.closing_paths import CLOSING_PATHS
 from strategies.poses.waypoints import WAYPOINT_KINDS, WaypointError
-from strategies.ready_made import STRATEGIES
+from strategies.ready_made import REFERENCE, STRATEGIES
 from strategies.strategy import BUDGET_KEYS, PROCEDURES, Strategy
 from sweeps.spec.errors import KeyPath, Problems, check_name, choose, short
 from sweeps.spec.objects import CSV_LIMIT, NoFile, named_file
 from sweeps.spec.units import read_table
 
 NUMBERS = ("refit_every", "noise_stream")
-REFERENCE = "given-prior"
-"""The name of a leaderboard's row for what every strategy is given."""
 KEYS = ("name", "waypoints", "closings", "order", "strategy", "options", "budget", *NUMBERS)
 
 

@@ -58,7 +58,7 @@ def felt(points: np.ndarray) -> Evidence:
     return Evidence(points, mask, np.tile(1e-6 * np.eye(3), (*mask.shape, 1, 1)),
                     np.full(points.shape, np.nan), np.zeros((len(points), 0, 3)), 0.006,
                     np.zeros((len(points), 0), bool), np.zeros_like(mask),
-                    np.full(points.shape, np.nan))
+                    np.full(mask.shape, np.inf))
 
 
 def prior(worlds: int = 2) -> BoundingCylinder:
