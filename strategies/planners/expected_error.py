@@ -68,6 +68,8 @@ class ExpectedError(OneAtATime):
         for world in np.flatnonzero(free.any(1)):
             known = np.flatnonzero(belief.evidence.mask[world])
             poses_met = np.flatnonzero(found[world].any(1))
+            if len(poses_met) == 0:
+                continue
             field = _Field(places[world], slopes[world], self.length_m,
                            known, residual[world, known])
             gain[world, poses_met] = field.falls(

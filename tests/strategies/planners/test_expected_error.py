@@ -1,5 +1,7 @@
 """The expected error falls by touches as a Gaussian process says, most where little was felt."""
 
+from dataclasses import replace
+
 import numpy as np
 from beliefs import belief, on_side
 
@@ -60,3 +62,11 @@ def test_a_pose_that_touches_nothing_is_worth_nothing_and_time_divides_the_gain(
     quick.last = poses[:, :1]
     rate = quick.gain(here, poses, reachable)
     assert (rate[reachable] <= gain[reachable] / 3.0 + 1e-15).all()
+
+
+def test_poses_that_meet_nothing_gain_nothing() -> None:
+    """Hands a metre above the object."""
+    poses = np.tile([0.45, 0.0, 1.3, 1.0, 0.0, 0.0, 0.0], (2, 3, 1))
+    gain = ExpectedError().gain(
+        replace(belief(), closings=("curl40",)), poses, np.ones((2, 3), bool))
+    np.testing.assert_array_equal(gain, 0.0)
