@@ -4,7 +4,7 @@ Entries are compared over the same replicates; a replicate is an episode on each
 objects like these, one object). An entry's score is its mean, less is better. At every rung one
 entry leads, and of each other one a lower bound of its mean minus the leader's is known:
 
-- above zero: it is worse than the leader, and is out for good;
+- above zero, even at the level at which all pairs hold together: it is worse, and out for good;
 - at least -delta: it is not better than the leader by more than the indifference zone delta
   (`within`), and takes no more episodes while that leader leads;
 - below that: it is open, and takes part in the next rung, as does the leader, unless it is ahead.
@@ -13,8 +13,11 @@ The race ends when none is open. Then the leader is within delta of the best. Fo
 entry: were the leader b worse by more than delta, or a* out, a bound of a* minus some b would be
 above the truth. That happens with a chance of at most 1 - confidence, if each of the N - 1 bounds
 has a chance of (1 - confidence) / (N - 1) over all looks together. So the union is over entries and
-not over pairs, and neither the choice of the leader nor the time to stop costs anything. Ended
-early, by a budget, the leader is within minus the lowest bound. The indifference zone is
+not over pairs, and neither the choice of the leader nor the time to stop costs anything. That any
+entry is called worse than a leader and is not has at most the same chance, since that takes a bound
+at 1 / N of this level, for each of N (N - 1) ordered pairs.
+
+Ended early, by a budget, the leader is within minus the lowest bound. The indifference zone is
 Bechhofer's (1954, Annals of Mathematical Statistics 25); elimination with common random numbers is
 Kim and Nelson's (2001, A fully sequential procedure for indifference-zone selection in simulation,
 ACM TOMACS 11).
@@ -64,7 +67,7 @@ class Look:
     difference: np.ndarray
     """Each entry's mean minus the leader's over the replicates of both, (entry,)."""
     lower: np.ndarray
-    """Its lower bound, (entry,); 0 for the leader."""
+    """Its lower bound, (entry,); 0 for the leader; of those that are out at the stricter level."""
     out: np.ndarray
     """Entries that are worse than a leader was, bool (entry,)."""
     open: np.ndarray
@@ -78,7 +81,7 @@ class Look:
     @property
     def tied(self) -> np.ndarray:
         """Entries not known to be worse than the leader, bool (entry,)."""
-        return ~self.out & (self.lower <= 0.0)
+        return ~self.out
 
     @property
     def total(self) -> int:
@@ -199,17 +202,22 @@ def _against(leader: int, number: int, scores: Sequence[np.ndarray], count: np.n
              out: np.ndarray, rules: Rules) -> Look:
     """The look if this entry leads."""
     alpha = (1.0 - rules.confidence) / max(len(scores) - 1, 1)
-    difference, lower = np.zeros(len(scores)), np.zeros(len(scores))
+    difference, lower, surely = np.zeros((3, len(scores)))
     others = np.arange(len(scores)) != leader
     for shared in np.unique(np.minimum(count, count[leader])[others]):
         mine = np.flatnonzero(others & (np.minimum(count, count[leader]) == shared))
         apart = np.stack([scores[int(e)][:, :shared] - scores[leader][:, :shared] for e in mine])
         difference[mine] = apart.mean(axis=(1, 2))
-        if rules.bounds is None:
-            lower[mine] = stratified_lower(apart, alpha)
-        else:
-            width = rules.bounds[1] - rules.bounds[0]
-            lower[mine] = safe_lower(apart.mean(axis=1), alpha, -width, width)
-    beaten = out | (lower > 0.0)
-    return Look(number, count.copy(), leader, difference, lower, beaten,
+        lower[mine], surely[mine] = (_lower(apart, level, rules)
+                                     for level in (alpha, alpha / len(scores)))
+    beaten = out | (surely > 0.0)
+    return Look(number, count.copy(), leader, difference, np.where(beaten, surely, lower), beaten,
                 ~beaten & (lower < -rules.within))
+
+
+def _lower(apart: np.ndarray, alpha: float, rules: Rules) -> np.ndarray:
+    """Lower bounds of mean differences (case, stratum, replicate)."""
+    if rules.bounds is None:
+        return stratified_lower(apart, alpha)
+    width = rules.bounds[1] - rules.bounds[0]
+    return safe_lower(apart.mean(axis=1), alpha, -width, width)

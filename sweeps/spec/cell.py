@@ -78,7 +78,11 @@ def batch_key(cell: Cell) -> Cell:
     """
     strategy = cell.strategy
     if not strategy.call:
-        strategy = replace(strategy, name="", waypoints=tuple(
-            (type(family).__name__, getattr(family, "count", None) or family)
-            for family in strategy.waypoints))
+        strategy = replace(strategy, name="", waypoints=tuple(map(_kind, strategy.waypoints)))
     return replace(cell, strategy=strategy, body_table={}, object_name="", setting={})
+
+
+def _kind(family: object) -> object:
+    """What kind of waypoints a family makes, and how many; of a file's the family itself."""
+    count = getattr(family, "count", None)
+    return family if count is None else (type(family).__name__, count)

@@ -42,8 +42,8 @@ def test_a_table_ranks_by_the_difference_to_the_winner() -> None:
     assert rows[0][5] == "best"
     behind = [float(row[3]) for row in rows[1:]]
     assert behind == sorted(behind)
-    for row in rows:
-        assert (row[5] == "worse") == (float(row[4]) > 0) or row[5] == "worse"
+    assert all(float(row[3]) > 0 for row in rows if row[5] == "worse")
+    assert {row[5] for row in rows} == {"best", "tied", "worse"}
 
 
 def test_equal_allocation_is_that_of_a_table_of_sample_sizes() -> None:
