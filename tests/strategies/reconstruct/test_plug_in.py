@@ -147,3 +147,14 @@ def test_a_free_form_body_explains_what_the_model_leaves_over() -> None:
     none = reconstruct("implicit", Recovered(np.zeros(2, int), spheres().superquadric), evidence,
                        prior(), table)
     assert not none.made.any()
+
+
+def test_what_was_never_felt_stays_that_of_the_model() -> None:
+    way = np.random.default_rng(2).normal(size=(1, 96, 3))
+    way /= np.linalg.norm(way, axis=2, keepdims=True)
+    upper = np.concatenate([way[..., :2], np.abs(way[..., 2:])], axis=2)
+    found = reconstruct("implicit", spheres(1), felt(0.03 * upper), prior(1),
+                        FitTable(table_plane=False))
+    assert found is not None
+    assert found.meshes[0].volume_m3 == pytest.approx(4 / 3 * np.pi * 0.03**3, rel=0.03)
+    assert found.meshes[0].vertices_m[:, 2].min() == pytest.approx(-0.03, abs=1e-3)
