@@ -45,7 +45,7 @@ BODIES_EACH = 16
 STEP_M, BACK, MESH, INSIDE = 0.003, 48, 96, 200_000
 """Size of elements of a true surface (twice that on scans), cells along an edge of a recovered
 superquadric's grid, for its elements and for its triangles, and points of the true body's box."""
-CHAMFER, HAUSDORFF, IOU, VOLUME = (0.015, 0.04), (0.12, 0.35), (0.04, 0.04), (0.001, 0.01)
+CHAMFER, HAUSDORFF, IOU, VOLUME = (0.015, 0.03), (0.12, 0.35), (0.04, 0.04), (0.001, 0.01)
 """Bounds as shares of the score, for objects by formulas and for scans; a distance of less than a
 millimetre may differ by as large a share of a millimetre."""
 VASE = "z_mm,r_mm\n0,30\n10,38\n50,45\n90,30\n120,18\n140,24\n150,30\n"
