@@ -4,6 +4,7 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "fit": ["fit_revolution", "revolution_inside"],
-    "geometry": ["RevolutionBody", "revolution_inside", "revolution_surface", "revolution_volume"],
+    "geometry": ["RevolutionBody", "closed_contours", "revolution_inside", "revolution_surface",
+        "revolution_volume"],
     "record": ["RevolutionFit", "RevolutionOptions"],
 })

@@ -60,6 +60,16 @@ def revolution_distance(
     return out
 
 
+def closed_contours(body: RevolutionBody) -> Float[np.ndarray, "fit node 2"]:
+    """Contours (height, radius) from the axis around both ends back to it; the last node repeats
+    where a contour has fewer than others."""
+    out = np.zeros((len(body), body.height_m.shape[1] + 2, 2))
+    for row in range(len(body)):
+        node = np.stack(_closed(body, row), 1)
+        out[row, :len(node)], out[row, len(node):] = node, node[-1]
+    return out
+
+
 def revolution_surface(
     body: RevolutionBody, around: int = 24, rings: int = 36
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -213,13 +213,14 @@ def _project(body: SuperquadricLike, directions: np.ndarray) -> np.ndarray:
     return directions / radius[..., None] * body.size_m[:, None]
 
 
-def cube_grid(cells: int) -> tuple[np.ndarray, np.ndarray]:
+def cube_grid(cells: int, line: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Quadrilaterals [6 cells^2, 4] and vertices [6 (cells+1)^2, 3] of the cube [-1, 1]^3.
 
-    Lines are at tangents of even angles, for even projected spacing; corners are counter-clockwise
-    seen from outside.
+    `line` holds the coordinates of a face's lines, (cells + 1,); without it they are at tangents of
+    even angles, for even projected spacing. Corners are counter-clockwise seen from outside.
     """
-    line = np.tan(np.linspace(-np.pi / 4, np.pi / 4, cells + 1))
+    if line is None:
+        line = np.tan(np.linspace(-np.pi / 4, np.pi / 4, cells + 1))
     u, v = (grid.ravel() for grid in np.meshgrid(line, line, indexing="ij"))
     one = np.ones_like(u)
     faces = [(one, u, v), (-one, v, u), (v, one, u), (u, -one, v), (u, v, one), (v, u, -one)]

@@ -2,13 +2,15 @@
 
 Both surfaces are sampled: the true one by points (`geometry.body_sampling`), the recovered one by
 surface elements, discs with the area of an element (`surface_elements`). Distances from the true
-surface go to the nearest element. Distances from the recovered surface go to the true body
-(`distance_to_surface`). Everything is computed in the true body's frame, so that its points are
-the same in every world.
+surface go to the nearest place of the recovered one, found from its nearest element, at every
+`EXACT_EACH`-th point. First-order distances at all points tell how a mean over the few differs from
+one over all (a control variate). Distances from the recovered surface go to the true body
+(`distance_to_surface`). Everything is computed in the true body's frame, so that its points are the
+same in every world.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import warp as wp
@@ -16,6 +18,7 @@ import warp as wp
 from fit.arrays import joined, rows_of, with_rows
 from fit.revolution.geometry import (
     RevolutionBody,
+    closed_contours,
     revolution_inside,
     revolution_surface,
     revolution_volume,
@@ -27,21 +30,26 @@ from strategies.recovery.choose_model import Recovered, Shape, same_bodies
 from sweeps.episode.scores_kernel import (
     PATCH,
     _ball_kernel,
+    _contour_distance_kernel,
     _element_distance_kernel,
+    _first_order_kernel,
     _inside_kernel,
 )
-from sweeps.episode.surface_elements import surface_elements
-from warpgrasp.core.dtypes import real, vec3, vec4
+from sweeps.episode.surface_elements import Elements, surface_elements
+from warpgrasp.core.dtypes import real, vec2, vec3, vec4
 from warpgrasp.core.kernel_launch import launch
 from warpgrasp.geometry.body import Body, distance_to_bodies, scene_of
 from warpgrasp.geometry.body_sampling import BodySample, sample_body
 
-SURFACE_POINTS = 512
+SURFACE_POINTS = 2048
+EXACT_EACH = 5
 ELEMENTS = 864
 INSIDE_POINTS = 2048
 COVERAGE_M = 0.005
 DISCS = 8192
-"""Discs that stand for the surface of a body without an exact distance."""
+"""Points from which the distance to a body without an exact one is found."""
+ON_M = 2e-5
+"""What is farther from such a surface, by the body's own distance, is not on it."""
 WORLDS_AT_ONCE = 512
 """More at once leave the caches: 16,384 took 2 GiB and a third more time each."""
 
@@ -72,6 +80,10 @@ class _Surface:
     volume: np.ndarray
     common: np.ndarray
     """Share of the true body's inside points that lie inside, (world,)."""
+    away: np.ndarray
+    """Distances of every `EXACT_EACH`-th point of the true surface to it [m], (world, few)."""
+    about: np.ndarray
+    """The same of all points to first order, (world, point)."""
 
 
 def score_superquadrics(
@@ -110,7 +122,8 @@ def _recovered(
         parts.append(_superquadrics(rows_of(recovered.superquadric, others), sample,
                                     body_pose[others], device))
     if len(turned) and recovered.revolution is not None:
-        parts.append(_revolutions(recovered.revolution[turned], sample, body_pose[turned]))
+        parts.append(_revolutions(recovered.revolution[turned], sample, body_pose[turned],
+                                  device))
     order = np.argsort(np.concatenate([others, turned]), kind="stable")
     return rows_of(joined(parts), order)
 
@@ -136,60 +149,115 @@ def _superquadrics(
         ((fits.position_m - body_pose[:, :3])[:, None] @ turn)[:, 0],
         quaternion_of_matrix(turn.transpose(0, 2, 1) @ matrix_of_quaternion(fits.quaternion_xyzw)),
         fits.taper, fits.bend)
-    return _Surface(*surface_elements(seen, ELEMENTS, device=device), superquadric_volume(fits),
-                    _share_inside(seen, sample.inside_m, device))
+    elements = surface_elements(seen, ELEMENTS, device=device, graded=True)
+    return _Surface(*elements, superquadric_volume(fits),
+                    _share_inside(seen, sample.inside_m, device),
+                    _distance_to_superquadrics(_few(sample.surface_m), elements, seen, device),
+                    _first_order_distance(seen, sample.surface_m, device))
 
 
 def _revolutions(
-    bodies: RevolutionBody, sample: BodySample, body_pose: np.ndarray
+    bodies: RevolutionBody, sample: BodySample, body_pose: np.ndarray, device: str
 ) -> _Surface:
     turn, place = matrix_of_quaternion(body_pose[:, 3:]), body_pose[:, None, :3]
     element, normal, area = revolution_surface(bodies)
     inside = revolution_inside(bodies, sample.inside_m @ turn.transpose(0, 2, 1) + place)
+    seen = replace(bodies, foot_m=((bodies.foot_m[:, None] - place) @ turn)[:, 0],
+                   axis=(bodies.axis[:, None] @ turn)[:, 0])
+    away = _distance_to_contours(seen, sample.surface_m, device)
     return _Surface((element - place) @ turn, normal @ turn, area, revolution_volume(bodies),
-                    inside.mean(1))
+                    inside.mean(1), _few(away.T).T, away)
 
 
 def _score(found: _Surface, body: Body, sample: BodySample, device: str) -> Scores:
-    to_fit = _distance_to_elements(sample.surface_m, found, device)
     to_body = distance_to_surface(body, found.element, device=device)
     share = found.area / found.area.sum(1, keepdims=True)
-    mean_to_body = (to_body * share).sum(1)
-    chamfer = 0.5 * (to_fit.mean(1) + mean_to_body)
-    hausdorff = np.maximum(np.quantile(to_fit, 0.95, axis=1), _quantile(to_body, share, 0.95))
+    chamfer = 0.5 * (_of_all(found, lambda d: d.mean(1)) + (to_body * share).sum(1))
+    hausdorff = np.maximum(_of_all(found, lambda d: np.quantile(d, 0.95, axis=1)),
+                           _quantile(to_body, share, 0.95))
     common = sample.volume_m3 * found.common
     return Scores(
         chamfer_m=chamfer,
         hausdorff95_m=hausdorff,
         iou=common / (found.volume + sample.volume_m3 - common),
         volume_ratio=found.volume / sample.volume_m3,
-        coverage=(to_fit <= COVERAGE_M).mean(1),
+        coverage=np.minimum(_of_all(found, lambda d: (d <= COVERAGE_M).mean(1)), 1.0),
     )
 
 
+def _few(rows: np.ndarray) -> np.ndarray:
+    """Every `EXACT_EACH`-th row, from within the first so many."""
+    return rows[EXACT_EACH // 2::EXACT_EACH]
+
+
+def _of_all(found: _Surface, score: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """A score of distances from the true surface: of the exact few, and by how much first-order
+    distances at all points differ from those at the few, times their regression coefficient."""
+    few = _few(found.about.T).T
+    off = few - few.mean(1, keepdims=True)
+    slope = (found.away * off).mean(1) / np.maximum((off**2).mean(1), 1e-18)
+    slope = np.clip(slope, 0.0, 1.0)
+    return np.maximum(score(found.away) + slope * (score(found.about) - score(few)), 0.0)
+
+
 def _quantile(values: np.ndarray, share: np.ndarray, q: float) -> np.ndarray:
-    """Weighted quantile of each row."""
+    """Weighted quantile of each row, straight between values, each at the middle of its share."""
     order = np.argsort(values, axis=1, kind="stable")
-    cumulative = np.cumsum(np.take_along_axis(share, order, 1), axis=1)
-    at = np.minimum((cumulative < q).sum(1), values.shape[1] - 1)
-    return np.take_along_axis(values, order, 1)[np.arange(len(values)), at]
+    part, rising = np.take_along_axis(share, order, 1), np.take_along_axis(values, order, 1)
+    middle = np.cumsum(part, axis=1) - 0.5 * part
+    row, last = np.arange(len(values)), values.shape[1] - 1
+    above = np.clip((middle < q).sum(1), 1, last)
+    low, high = middle[row, above - 1], middle[row, above]
+    t = np.clip((q - low) / np.maximum(high - low, 1e-12), 0.0, 1.0)
+    return rising[row, above - 1] + t * (rising[row, above] - rising[row, above - 1])
 
 
-def _distance_to_elements(points: np.ndarray, found: _Surface, device: str) -> np.ndarray:
-    """From each point (point, 3) to each world's surface, (world, point)."""
+def _distance_to_superquadrics(
+    points: np.ndarray, found: Elements, fits: SuperquadricLike, device: str
+) -> np.ndarray:
+    """From each point (point, 3) to each world's body, whose elements are `found`, (world, point).
+    """
     worlds, elements = found.area.shape
     patches = -(-elements // PATCH)
     surface = {
-        "element": wp.array(found.element, dtype=vec3, device=device),
+        "element": wp.array(found.point, dtype=vec3, device=device),
         "radius": wp.array(np.sqrt(found.area / np.pi), dtype=real, device=device)}
     shapes = {"element": "world element", "radius": "world element", "ball": "world patch"}
     ball = wp.empty((worlds, patches), dtype=vec4, device=device)
     launch(_ball_kernel, {"world": worlds, "patch": patches}, shapes,
            {**surface, "ball": ball}, device=device)
+    shape, pose = bodies_on(fits, device)
     out = wp.empty((worlds, len(points)), dtype=real, device=device)
     launch(_element_distance_kernel, {"world": worlds, "point": len(points)}, {
-        **shapes, "normal": "world element", "point": "point", "distance": "world point"}, {
-        **surface, "ball": ball, "normal": wp.array(found.normal, dtype=vec3, device=device),
+        **shapes, "shape": "world", "pose": "world", "normal": "world element", "point": "point",
+        "distance": "world point"}, {
+        **surface, "ball": ball, "shape": shape, "pose": pose,
+        "normal": wp.array(found.normal, dtype=vec3, device=device),
+        "point": wp.array(points, dtype=vec3, device=device), "distance": out}, device=device)
+    return out.numpy().copy()
+
+
+def _distance_to_contours(bodies: RevolutionBody, points: np.ndarray, device: str) -> np.ndarray:
+    """From each point (point, 3) to each world's body of revolution, (world, point)."""
+    node = closed_contours(bodies)
+    out = wp.empty((len(bodies), len(points)), dtype=real, device=device)
+    launch(_contour_distance_kernel, {"world": len(bodies), "point": len(points)}, {
+        "foot": "world", "axis": "world", "node": "world node", "point": "point",
+        "distance": "world point"}, {
+        "foot": wp.array(bodies.foot_m, dtype=vec3, device=device),
+        "axis": wp.array(bodies.axis, dtype=vec3, device=device),
+        "node": wp.array(node, dtype=vec2, device=device),
+        "point": wp.array(points, dtype=vec3, device=device), "distance": out}, device=device)
+    return out.numpy().copy()
+
+
+def _first_order_distance(fits: SuperquadricLike, points: np.ndarray, device: str) -> np.ndarray:
+    """From each point (point, 3) to each world's body, to first order, (world, point)."""
+    shape, pose = bodies_on(fits, device)
+    out = wp.empty((len(fits.size_m), len(points)), dtype=real, device=device)
+    launch(_first_order_kernel, {"world": len(fits.size_m), "point": len(points)}, {
+        "shape": "world", "pose": "world", "point": "point", "distance": "world point"}, {
+        "shape": shape, "pose": pose,
         "point": wp.array(points, dtype=vec3, device=device), "distance": out}, device=device)
     return out.numpy().copy()
 
@@ -242,9 +310,9 @@ def distance_to_surface(body: Body, points_m: np.ndarray, *, device: str = "cpu"
 
     `points_m` has shape (world, point, 3), in the body's frame. A point that is not finite has a
     distance that is not finite. The signed distance of a single primitive is exact; that of a
-    compound, a grid or a superquadric is a bound. There the distance to the nearest of `DISCS`
-    discs is used: with v from the disc's centre to the point, n its normal and r its radius, the
-    length of (v . n, max(|v - (v . n) n| - r, 0)).
+    compound, a grid or a superquadric is a bound. There the nearest of `DISCS` points of the
+    surface is taken, and the foot of the perpendicular on its disc is moved onto the surface along
+    the gradient: the nearer of the two counts.
     """
     if body.has_exact_distance:
         signed, _ = distance_to_bodies(scene_of([body], device), np.zeros(1, int), points_m,
@@ -254,6 +322,14 @@ def distance_to_surface(body: Body, points_m: np.ndarray, *, device: str = "cpu"
     known = np.isfinite(points_m).all(-1, keepdims=True)
     away, nearest = sample.tree.query(np.where(known, points_m, 0.0))
     v = points_m - sample.surface_m[nearest]
-    height = (v * sample.surface_normal[nearest]).sum(-1)
-    aside = np.sqrt(np.maximum(away**2 - height**2, 0.0)) - sample.reach_m[nearest]
-    return np.hypot(height, np.maximum(aside, 0.0))
+    normal = sample.surface_normal[nearest]
+    across = v - (v * normal).sum(-1, keepdims=True) * normal
+    wide = np.linalg.norm(across, axis=-1)
+    foot = sample.surface_m[nearest] + across * np.minimum(
+        sample.reach_m[nearest] / np.maximum(wide, 1e-12), 1.0)[..., None]
+    scene = scene_of([body], device)
+    signed, slope = distance_to_bodies(scene, np.zeros(1, int), foot, device=device)
+    on = foot - slope * (signed / np.maximum((slope**2).sum(-1), 1e-12))[..., None]
+    left = np.abs(distance_to_bodies(scene, np.zeros(1, int), on, device=device)[0])
+    best = np.where(left < ON_M, np.minimum(away, np.linalg.norm(points_m - on, axis=-1)), away)
+    return np.where(np.asarray(known)[..., 0], best, np.nan)

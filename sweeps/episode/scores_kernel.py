@@ -5,13 +5,52 @@
 import warp as wp
 
 from sweeps.episode.surface_elements import TILE
-from warpgrasp.core.dtypes import ONE, ZERO, real, transform, vec3, vec4
-from warpgrasp.geometry.sdf_superquadric import SuperquadricShape, straighten, superquadric_gauge
+from warpgrasp.core.dtypes import ONE, ZERO, real, transform, vec2, vec3, vec4
+from warpgrasp.geometry.sdf_superquadric import (
+    SuperquadricShape,
+    deformed_gradient,
+    sdf_superquadric_bound_grad,
+    straighten,
+    superquadric_gauge,
+    taper_and_bend,
+)
 
 PATCH = TILE[0] * TILE[1]
 """Elements that follow each other lie side by side: so many share a ball."""
 _PATCH = wp.constant(PATCH)
 _ROUNDING = wp.constant(real(1e-9))
+_NO_LENGTH = wp.constant(real(1e-18))
+_PROJECTIONS = wp.constant(4)
+_SETTLED = wp.constant(real(4e-6))  # [m]: a step aside then gains some two micrometres
+
+
+@wp.func
+def _nearer(p: vec3, foot: vec3, nearest: real, s: SuperquadricShape):
+    """The distance of a point to the surface, from a place `foot` near the nearest one, in the
+    body's frame; at most `nearest`, which is the distance of a place on it.
+
+    The foot is moved onto the surface along its ray from the centre. Its next place is where the
+    point lies over the tangent plane there. Every place on the surface bounds the distance.
+    """
+    best = nearest
+    for _ in range(_PROJECTIONS):
+        q = straighten(foot, s)
+        g = superquadric_gauge(q.point, s.size, s.e1, s.e2)
+        if not wp.isfinite(g[3]) or g[3] <= ZERO:
+            return best
+        on = taper_and_bend(q.point / g[3], s)
+        v = p - on
+        best = wp.min(best, wp.length(v))
+        outward = deformed_gradient(g, on, straighten(on, s), s)
+        n = vec3(outward[0], outward[1], outward[2])
+        square = wp.dot(n, n)
+        if not wp.isfinite(square) or square <= ZERO:
+            return best
+        aside = v - n * (wp.dot(v, n) / square)
+        if wp.dot(aside, aside) < _SETTLED * best:
+            return best
+        foot = on + aside
+    return best
 
 
 @wp.kernel(enable_backward=False)
@@ -22,12 +61,17 @@ def _element_distance_kernel(
     normal: wp.array2d[vec3],
     radius: wp.array2d[real],
     ball: wp.array2d[vec4],
+    shape: wp.array[SuperquadricShape],
+    pose: wp.array[transform],
     # True surface in:
     point: wp.array[vec3],
     # Distance out:
     distance: wp.array2d[real],
 ):
-    """Distance to the nearest element; `ball` holds a patch of elements, discs and all."""
+    """Distance to the body, found from its nearest element.
+
+    `ball` holds a patch of elements, discs and all; `shape` and `pose` are the body's.
+    """
     w, i = wp.tid()
     w += first
     p = point[i]
@@ -40,6 +84,7 @@ def _element_distance_kernel(
             least = wp.dot(v, v)
             nearest = int(g)
     best = real(1e9)
+    found = int(0)
     for turn in range(ball.shape[1] + 1):
         g = turn - 1
         if turn == 0:
@@ -56,8 +101,61 @@ def _element_distance_kernel(
                     height = wp.dot(v, normal[w, k])
                     aside = wp.max(
                         wp.sqrt(wp.max(square - height * height, ZERO)) - radius[w, k], ZERO)
-                    best = wp.min(best, wp.sqrt(height * height + aside * aside))
-    distance[w, i] = best
+                    away = wp.sqrt(height * height + aside * aside)
+                    if away < best:
+                        best = away
+                        found = int(k)
+    v = p - element[w, found]
+    across = v - normal[w, found] * wp.dot(v, normal[w, found])
+    foot = element[w, found] + across * wp.min(
+        radius[w, found] / wp.max(wp.length(across), _ROUNDING), ONE)
+    to_body = wp.transform_inverse(pose[w])
+    distance[w, i] = _nearer(wp.transform_point(to_body, p), wp.transform_point(to_body, foot),
+                             wp.length(v), shape[w])
+
+
+@wp.kernel(enable_backward=False)
+def _first_order_kernel(
+    first: int,
+    # Recovered body in:
+    shape: wp.array[SuperquadricShape],
+    pose: wp.array[transform],
+    # True surface in:
+    point: wp.array[vec3],
+    # Distance out:
+    distance: wp.array2d[real],
+):
+    w, i = wp.tid()
+    w += first
+    there = wp.transform_point(wp.transform_inverse(pose[w]), point[i])
+    distance[w, i] = wp.abs(sdf_superquadric_bound_grad(there, shape[w])[3])
+
+
+@wp.kernel(enable_backward=False)
+def _contour_distance_kernel(
+    first: int,
+    # Bodies of revolution in: the axis' lower end and direction, nodes (height, radius), closed:
+    foot: wp.array[vec3],
+    axis: wp.array[vec3],
+    node: wp.array2d[vec2],
+    # True surface in:
+    point: wp.array[vec3],
+    # Distance out:
+    distance: wp.array2d[real],
+):
+    """Distance to the nearest piece of a contour, in the half plane of the point."""
+    w, i = wp.tid()
+    w += first
+    arm = point[i] - foot[w]
+    along = wp.dot(arm, axis[w])
+    p = vec2(along, wp.length(arm - axis[w] * along))
+    best = real(1e18)
+    for k in range(node.shape[1] - 1):
+        way = node[w, k + 1] - node[w, k]
+        v = p - node[w, k]
+        v -= way * wp.clamp(wp.dot(v, way) / wp.max(wp.dot(way, way), _NO_LENGTH), ZERO, ONE)
+        best = wp.min(best, wp.dot(v, v))
+    distance[w, i] = wp.sqrt(best)
 
 
 @wp.kernel(enable_backward=False)

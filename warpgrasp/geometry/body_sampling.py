@@ -13,7 +13,7 @@ from scipy.spatial import KDTree
 
 from warpgrasp.geometry.body import Body, BodyError, distance_to_bodies, scene_of
 
-_LOG2_POINTS = 17
+_LOG2_POINTS = 18
 _OFF_M = 1e-4  # points that Newton's steps left farther from the surface are dropped
 _OUTSIDE_M = 2e-4
 
@@ -63,8 +63,10 @@ class _Keyed:
 @lru_cache(maxsize=64)
 def _sample(keyed: _Keyed, surface: int, inside: int) -> BodySample:
     on, normal, within, volume = _dense(keyed)
-    return BodySample(_spread(on, surface), _spread(normal, surface), _spread(within, inside),
-                      volume)
+    skin = _strata(on, surface)
+    # Any start of a Sobol sequence is even over the volume; a stride would not be.
+    core = np.arange(inside) % len(within)
+    return BodySample(on[skin], normal[skin], within[core], volume)
 
 
 @lru_cache(maxsize=2)  # megabytes, for samples of several sizes that are taken one after the other
@@ -76,7 +78,7 @@ def _dense(keyed: _Keyed) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     if len(within) < 64:
         raise BodyError(f"{body.name}: almost no volume: do its parts cut each other away?")
     volume = box * len(within) / len(points)
-    shell = 0.02 * box ** (1 / 3)
+    shell = 0.012 * box ** (1 / 3)
     near = np.abs(distance) < shell
     scene = scene_of([body], "cpu")
     on = points[near] - distance[near, None] * gradient[near]
@@ -93,10 +95,20 @@ def _dense(keyed: _Keyed) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     return on[good], normal, within, float(volume)
 
 
-def _spread(rows: np.ndarray, count: int) -> np.ndarray:
-    """The first `count` rows, which any start of a Sobol sequence spreads evenly (a stride would
-    not), over again where there are fewer."""
-    return rows[np.arange(count) % len(rows)]
+def _strata(points: np.ndarray, count: int) -> np.ndarray:
+    """Which of the points (point, 3) stand for all, (count,): the middle one of each stretch of
+    Morton's curve.
+
+    Stretches are compact: a mean over these points is two to three times as near to that over all
+    as of as many Sobol points. Where in its stretch a point lies has nothing to do with the body's
+    edges: points in the middle of their surroundings would leave edges out.
+    """
+    low, high = points.min(0), points.max(0)
+    grid = ((points - low) / (high - low).max() * 1023.0).astype(np.int64)
+    code = sum(((grid[:, axis] >> bit) & 1) << (3 * bit + axis)
+               for bit in range(10) for axis in range(3))
+    order = np.argsort(code, kind="stable")
+    return order[((np.arange(count) + 0.5) * (len(points) / count)).astype(int)]
 
 
 def _box_distances(body: Body) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:

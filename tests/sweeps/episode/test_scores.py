@@ -7,10 +7,16 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from fit.revolution.geometry import RevolutionBody
+from fit.revolution.geometry import RevolutionBody, revolution_distance
 from fit.superquadric.geometry import Superquadric, superquadric, superquadric_surface
 from strategies.recovery.choose_model import Recovered, Shape
-from sweeps.episode.scores import score_recovered, score_superquadrics, scores_again
+from sweeps.episode.scores import (
+    _distance_to_contours,
+    score_recovered,
+    score_superquadrics,
+    scores_again,
+)
+from sweeps.validate.dense_scores import Triangles, elements_of, split, superquadric_corners
 from warpgrasp.geometry.body_sampling import sample_body
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
 
@@ -55,6 +61,38 @@ def test_distances_against_a_kd_tree(name: str, size, exponents, taper) -> None:
     order = np.argsort(back)
     tail = back[order][np.searchsorted(np.cumsum(share[order]), 0.95)]
     assert scores.hausdorff95_m[0] == pytest.approx(max(np.quantile(there, 0.95), tail), abs=1e-3)
+
+
+@pytest.mark.parametrize("exponent", [0.1, 0.2])
+def test_rounded_edges_of_a_block_count_below_a_millimetre(exponent: float) -> None:
+    body, fits = body_from_name("block"), standing([0.03, 0.04, 0.06], [exponent, exponent])
+    scores = score_superquadrics(fits, body, AT)
+    here = superquadric([0.03, 0.04, 0.06], [exponent, exponent], [0, 0, 0.06], [0, 0, 0, 1])
+    corner = split(superquadric_corners(here, 64))
+    half, middle = np.array([0.03, 0.04, 0.06]), np.array([0, 0, 0.06])
+    line = (np.arange(60) + 0.5) / 30 - 1.0
+    u, v = (grid.ravel() for grid in np.meshgrid(line, line))
+    face = np.stack([np.ones_like(u), u, v], -1)
+    sides = [(side * face[:, [(k - a) % 3 for k in range(3)]] * half + middle,
+              4 * np.prod(np.delete(half, a))) for a in range(3) for side in (1.0, -1.0)]
+    there = sum(Triangles(corner).distance(points).mean() * area for points, area in sides)
+    there /= sum(area for _, area in sides)
+    found = elements_of(corner)
+    back = np.abs(np.abs(found.middle - middle) - half).min(1) @ found.share
+    assert scores.chamfer_m[0] == pytest.approx(0.5 * (there + back), rel=0.015, abs=1.5e-5)
+
+
+def test_distances_to_contours_are_those_of_the_geometry() -> None:
+    rng = np.random.default_rng(8)
+    axis = rng.normal(size=(5, 3))
+    height = np.cumsum(rng.uniform(0.0, 0.03, (5, 6)), axis=1)
+    height[3:, 4:] = np.nan
+    body = RevolutionBody(rng.normal(0.0, 0.1, (5, 3)),
+                          axis / np.linalg.norm(axis, axis=1, keepdims=True), height,
+                          np.where(np.isnan(height), np.nan, rng.uniform(0.0, 0.05, (5, 6))))
+    points = rng.normal(0.0, 0.1, (200, 3))
+    assert np.allclose(_distance_to_contours(body, points, "cpu"),
+                       revolution_distance(body, np.tile(points, (5, 1, 1))), atol=1e-12)
 
 
 def mug_surface(count: int) -> np.ndarray:

@@ -73,4 +73,4 @@ def test_puma_against_the_toolbox() -> None:
 @pytest.mark.slow
 def test_distances_and_metrics() -> None:
     pytest.importorskip("rtree", reason="rtree is not installed: make validate")
-    assert not broken([*compare_distances(), *compare_metrics()])
+    assert not broken([*compare_distances(), *compare_metrics(4)])
