@@ -69,7 +69,8 @@ def test_meshes_are_closed_and_lie_on_the_zero_set(three) -> None:
     for mesh, surface in zip(meshes, volume.surface_m, strict=True):
         other = trimesh.Trimesh(mesh.vertices_m, mesh.faces, process=False)
         middle = (other.triangles_center * other.area_faces[:, None]).sum(0) / other.area
-        assert np.abs(surface.mean(0) - middle).max() < 2.5e-3
+        error = surface.std(0) / np.sqrt(len(surface))  # of points drawn at random; even ones less
+        assert (np.abs(surface.mean(0) - middle) < 3 * error).all()
 
 
 def test_padding_order_and_neighbours_change_nothing(three) -> None:
@@ -107,7 +108,7 @@ def test_a_mean_that_fits_stays_where_nothing_is_felt() -> None:
     fits = fit_implicit((upper + noise)[None], mean=mean)
     below = directions(100)[60:] * 0.03 + centre
     assert np.abs(implicit_values(fits, below[None], mean)).max() < 1e-3
-    assert implicit_distance(fits, below[None], mean).std_m.mean() > 3 * implicit_distance(
+    assert implicit_distance(fits, below[None], mean).std_m.mean() > 2 * implicit_distance(
         fits, upper[None], mean).std_m.mean()
 
 

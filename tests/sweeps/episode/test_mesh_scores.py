@@ -57,7 +57,7 @@ def test_distances_and_shares_against_trimesh() -> None:
     other.apply_translation([0.004, 0.0, 0.061])
     scores = score_meshes([placed(other)], body, AT)
     sample = sample_body(body, surface=4096, inside=4096)
-    there = np.abs(trimesh.proximity.signed_distance(other, sample.surface_m[:600]))
+    there = np.abs(trimesh.proximity.signed_distance(other, sample.surface_m[::7]))
     on, _ = trimesh.sample.sample_surface(other, 6000, seed=1)
     back = cKDTree(sample_body(body, surface=16384).surface_m).query(on)[0]
     assert scores.chamfer_m[0] == pytest.approx(0.5 * (there.mean() + back.mean()), abs=4e-4)
