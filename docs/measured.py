@@ -118,7 +118,8 @@ def _table(study: str, columns: list[str]) -> str:
     lines = ["| strategy | " + " | ".join(name for name, _ in names) + " |",
              "|---" * (len(names) + 1) + "|"]
     for row in _rows(DOCS / "studies" / f"{study}.csv"):
-        cells = [format(float(row[name]), form) if form else row[name] for name, form in names]
+        cells = [format(float(row[name]), form) if form and row[name] != "NA" else row[name]
+                 for name, form in names]
         lines.append(f"| {row['strategy']} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 
