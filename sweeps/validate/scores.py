@@ -42,7 +42,7 @@ from warpgrasp.objects.mesh_import import body_from_mesh, mesh_triangles
 from warpgrasp.objects.mesh_orientation import mesh_distance, mesh_of
 
 BODIES_EACH = 16
-STEP_M, BACK, MESH, INSIDE = 0.003, 48, 96, 200_000
+STEP_M, BACK, MESH, INSIDE = 0.003, 64, 128, 200_000
 """Size of elements of a true surface (twice that on scans), cells along an edge of a recovered
 superquadric's grid, for its elements and for its triangles, and points of the true body's box."""
 CHAMFER, HAUSDORFF, IOU, VOLUME = (0.015, 0.03), (0.12, 0.35), (0.04, 0.04), (0.001, 0.01)

@@ -10,8 +10,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
         "body_is_estimated", "body_table_distance", "body_table_distance_grad"],
     "sdf_grid": ["mesh_distance_kernel"],
     "sdf_primitive": ["sign_of"],
-    "sdf_superquadric": ["SuperquadricShape", "deformed_gradient", "straighten",
-        "superquadric_deformed_gauge", "superquadric_gauge", "taper_and_bend"],
+    "sdf_superquadric": ["SuperquadricShape", "deformed_gradient", "sdf_superquadric_bound_grad",
+        "straighten", "superquadric_deformed_gauge", "superquadric_gauge", "taper_and_bend"],
     "segment_distance": ["LINK_SAMPLES", "deepest_valley", "link_valley", "lower_end",
         "nearest_along", "nearest_on_link"],
 })
