@@ -6,4 +6,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "catalogue": ["body_from_name", "body_from_table"],
     "catalogue_names": ["BODY_NAMES", "NAME_LIMIT"],
     "mesh_import": ["body_from_mesh", "mesh_triangles"],
+    "mesh_orientation": ["mesh_distance", "mesh_of"],
 })
