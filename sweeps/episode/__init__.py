@@ -9,11 +9,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "episodes": ["EpisodeBlock", "REBUILD_FAILED", "cell_body", "place_objects", "run_block",
         "run_episodes"],
     "given_prior": ["draw_prior", "seen_prior"],
-<<<<<<< HEAD
     "recognition_columns": ["columns_of_recognition", "recognize_objects", "right_answers"],
     "scores": ["Scorer", "Scores", "score_recovered", "score_superquadrics"],
     "teaching": ["TEACHERS", "contents_of", "teach", "unlisted_table"],
-=======
-    "scores": ["Scorer", "Scores", "score_recovered", "score_superquadrics"],
->>>>>>> scores
 })
