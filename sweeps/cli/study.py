@@ -210,6 +210,36 @@ def race(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
 
 
 @app.command
+def watch(folder: Path, /, *, port: int = 0, metric: str = "chamfer_mm",
+          terminal: Annotated[bool, Parameter(negative="")] = False,
+          open_: Annotated[bool, Parameter(name="--open", negative="")] = False) -> int:
+    """Watch a sweep or a race, also while it runs: a page on this machine, or text.
+
+    Parameters
+    ----------
+    folder
+        The directory of a sweep or a race; nothing is written there.
+    port
+        Of the page, on 127.0.0.1; by default a free one. Its address is printed.
+    metric
+        Of a sweep's leaderboard; a race has its own.
+    terminal
+        Print it instead; on a terminal again and again until the run ends.
+    open_
+        Open the page in the browser of this machine.
+    """
+    if not 0 <= port <= 65535:
+        raise UsageError(f"--port: is {port}; should be a whole number from 0 to 65535")
+    if terminal:
+        from sweeps.watch.terminal import watch_in_terminal
+
+        return watch_in_terminal(folder, metric=metric)
+    from sweeps.watch.server import watch as serve
+
+    return serve(folder, port=port, metric=metric, opens=open_)
+
+
+@app.command
 def status(folder: Path, /, *, json: Json = False) -> int:
     """Print how far a study is, also while it runs.
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from sweeps.analysis.entries import HIGHER_IS_BETTER, LeaderboardError, check_metric
 from sweeps.output import note, say, write_atomic
 from sweeps.race.elimination import Look, Part, Race, Rules
+from sweeps.race.race_note import write_race_note
 from sweeps.race.race_units import RaceUnits
 from sweeps.race.verdict import Verdict, amount, claim, race_table, summary, verdict_of
 from sweeps.run.local_engine import Options, run, terminated_as_interrupted
@@ -45,6 +46,8 @@ class Course:
                 return self._once_more(damaged)
             look = self.race.take(self.asked, found)
             note(self._line(look))
+            write_race_note(self.units.store.logs, verdict_of(self.race, self.units),
+                            self.units.statuses, self.units.touches)
             self.asked = []
         if self.race.looks and time.monotonic() > self.until:
             self.late = not self.over
