@@ -7,4 +7,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "power": ["power_row"],
     "race_note": ["read_race_note"],
     "race_units": ["RaceUnits"],
+    "until": ["sweep_until"],
 })

@@ -9,7 +9,7 @@ from pathlib import Path
 from sweeps.analysis.entries import HIGHER_IS_BETTER, LeaderboardError, check_metric
 from sweeps.output import note, say, write_atomic
 from sweeps.race.elimination import Look, Part, Race, Rules
-from sweeps.race.race_note import write_race_note
+from sweeps.race.race_note import begin_race_note, write_race_note
 from sweeps.race.race_units import RaceUnits
 from sweeps.race.verdict import Verdict, amount, claim, race_table, summary, verdict_of
 from sweeps.run.local_engine import Options, run, terminated_as_interrupted
@@ -46,14 +46,18 @@ class Course:
                 return self._once_more(damaged)
             look = self.race.take(self.asked, found)
             note(self._line(look))
-            write_race_note(self.units.store.logs, verdict_of(self.race, self.units),
-                            self.units.statuses, self.units.touches)
+            self.looked()
             self.asked = []
         if self.race.looks and time.monotonic() > self.until:
             self.late = not self.over
             return []
         self.asked = self.race.asked()
         return self.units.units(self.asked)
+
+    def looked(self) -> None:
+        """Leaves a note for those who watch."""
+        write_race_note(self.units.store.logs, verdict_of(self.race, self.units),
+                        self.units.statuses, self.units.touches)
 
     @property
     def over(self) -> bool:
@@ -108,12 +112,13 @@ def race(spec: Path, folder: Path, *, rules: Rules, episodes: int | None, minute
     units = RaceUnits(plan, store, metric, over)
     course = Course(Race(len(units.entries), _afforded(rules, units, episodes)), units,
                     began + 60.0 * minutes if minutes is not None else float("inf"))
-    _check(course, spec)
+    check_entries(units, spec)
     with terminated_as_interrupted(), store.lock(options.shard):
         for line in store.open_for(plan, spec.read_bytes(), options.device):
             note(line)
+        begin_race_note(store.logs, metric, over, len(units.entries))
         try:
-            outcome = _run(units.plan, store, options, course, engine, address)
+            outcome = run_course(units.plan, store, options, course, engine, address)
         except KeyboardInterrupt:
             if course.race.looks:
                 _write(folder, verdict_of(course.race, units))
@@ -147,9 +152,8 @@ def _first_rung(units: RaceUnits, rules: Rules) -> int:
     return len(units.entries) * units.episodes_each * 2
 
 
-def _check(course: Course, spec: Path) -> None:
+def check_entries(units: RaceUnits, spec: Path) -> None:
     """Refuses a race of one entry, or one that could never end."""
-    units = course.units
     if len(units.entries) < 2:
         raise LeaderboardError(f"{spec}: has one entry; a race needs two or more strategies, or "
                                "values of [sweep.grid] or --set")
@@ -158,8 +162,9 @@ def _check(course: Course, spec: Path) -> None:
                                "use --over these, or name more objects")
 
 
-def _run(plan: Plan, store: Store, options: Options, course: Course, engine: str,
-         address: str | None) -> Outcome:
+def run_course(plan: Plan, store: Store, options: Options, course: Course, engine: str,
+               address: str | None) -> Outcome:
+    """Runs a race on one of the engines to its end."""
     with Progress(0, store.note("1-of-1")) as progress:
         if engine == "ray":
             from sweeps.run.ray_engine import run_on_ray

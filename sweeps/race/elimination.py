@@ -29,11 +29,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from sweeps.race.confidence_sequence import safe_lower, stratified_lower
+from sweeps.race.rung_level import level_at_rungs, next_rung
 
 START = 8
 """Replicates of the first rung. See docs/race.md for what fewer would risk."""
-GROWTH = 1.35
-"""Of the replicates from rung to rung."""
 CANDIDATES = 8
 """Entries of the lowest means; where the lowest of them leaves as few or fewer open, and another
 none, that one leads."""
@@ -54,6 +53,10 @@ class Rules:
     """Replicates of all entries together, at most."""
     most: int | None = None
     """Replicates that there are."""
+    everyone: bool = False
+    """All entries take part in every rung: nobody is eliminated."""
+    whole: int = 1
+    """Rungs end at multiples of it."""
 
 
 @dataclass(frozen=True)
@@ -146,7 +149,7 @@ class Race:
     def asked(self) -> list[Part]:
         """What the next rung needs; nothing where the race is over or its budget is spent."""
         count = self.count
-        stop = np.array([next_rung(int(n), self.rules.start) for n in count])
+        stop = np.array([next_rung(int(n), self.rules.start, self.rules.whole) for n in count])
         stop = np.where(self._running, np.minimum(stop, self.rules.most or stop), count)
         stop = _affordable(count, stop, self.rules.budget)
         if stop.max() < 2:
@@ -167,12 +170,9 @@ class Race:
         count = look.replicates
         self._running = look.open.copy()
         self._running[look.leader] = (count[look.open] >= count[look.leader]).any()
+        if self.rules.everyone and look.open.any():
+            self._running[:] = True
         return look
-
-
-def next_rung(stop: int, start: int) -> int:
-    """Replicates after the rung that follows `stop`."""
-    return max(start, int(np.ceil(GROWTH * stop)))
 
 
 def _affordable(count: np.ndarray, stop: np.ndarray, budget: int | None) -> np.ndarray:
@@ -218,6 +218,6 @@ def _against(leader: int, number: int, scores: Sequence[np.ndarray], count: np.n
 def _lower(apart: np.ndarray, alpha: float, rules: Rules) -> np.ndarray:
     """Lower bounds of mean differences (case, stratum, replicate)."""
     if rules.bounds is None:
-        return stratified_lower(apart, alpha)
+        return stratified_lower(apart, level_at_rungs(rules.start, alpha, rules.whole))
     width = rules.bounds[1] - rules.bounds[0]
     return safe_lower(apart.mean(axis=1), alpha, -width, width)

@@ -39,17 +39,28 @@ def write_race_note(logs: Path, found: Verdict, statuses: Counter[str],
                    "out": int(look.out.sum()), "open": int(look.open.sum())}
                   for look, taking in zip(found.looks, taking_part(found.looks), strict=True)],
         "statuses": dict(sorted(statuses.items())), "entries": entries}
-    with suppress(OSError):  # a full disk must not stop a race over a note
-        write_atomic(logs / NAME, (json.dumps(content) + "\n").encode())
+    _write(logs, content)
+
+
+def begin_race_note(logs: Path, metric: str, over: str, entries: int) -> None:
+    """Writes the note of a race that has not looked yet, unless it has one."""
+    if read_race_note(logs) is None:
+        _write(logs, {"metric": metric, "over": over, "rungs": [], "entries": [],
+                      "count": entries})
 
 
 def read_race_note(logs: Path) -> dict[str, Any] | None:
     """The note of a race; None where there is none, or none that can be read."""
     try:
         found = json.loads((logs / NAME).read_bytes())
-        return found if isinstance(found, dict) and found["rungs"] and found["entries"] else None
-    except (OSError, ValueError, KeyError, RecursionError):
+        return found if {"metric", "over", "rungs", "entries"} <= set(found) else None
+    except (OSError, ValueError, TypeError, RecursionError):
         return None
+
+
+def _write(logs: Path, content: dict[str, Any]) -> None:
+    with suppress(OSError):  # a full disk must not stop a race over a note
+        write_atomic(logs / NAME, (json.dumps(content) + "\n").encode())
 
 
 def taking_part(looks: tuple[Look, ...]) -> list[int]:

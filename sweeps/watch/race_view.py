@@ -10,11 +10,16 @@ from sweeps.race.race_units import RaceUnits
 from sweeps.run.plan import Plan, Unit
 from sweeps.run.store import Store
 from sweeps.watch.mean_error import mean_error
-from sweeps.watch.state import Row, State, failed_units, failures_of, pace_facts, pace_of
+from sweeps.watch.state import Pace, Row, State, failed_units, failures_of, pace_facts, pace_of
 from sweeps.watch.unit_rows import CURVES_OF, UnitReader
 
 ROWS = 100
 CURVES = 6
+
+
+def _of_this_rung(pace: Pace) -> list[tuple[str, str]]:
+    """How many of the units that were asked for so far are there."""
+    return [("units", f"{pace.past:,} of {pace.total:,} so far")] if pace.running else []
 
 
 class RaceView:
@@ -26,10 +31,12 @@ class RaceView:
         self.reader: UnitReader | None = None
 
     def state(self) -> State | None:
-        """How the race stands; None before its first look."""
+        """How the race stands; None where there is no race."""
         found = read_race_note(self.store.logs)
         if found is None:
             return None
+        if not found["rungs"]:
+            return self._before_the_first_look(found)
         if self.units is None or self.reader is None or self.reader.metric != found["metric"]:
             self.units = RaceUnits(self.plan, self.store, found["metric"], found["over"])
             self.reader = UnitReader(self.store.units, self.store.logs, found["metric"])
@@ -43,7 +50,8 @@ class RaceView:
                   for name in ("open", "tied", "worse")}
         facts = [("state", verdict), ("episodes", f"{taken:,}"),
                  ("still open", f"{counts['open']:,}"), ("tied", f"{counts['tied']:,}"),
-                 ("worse, out", f"{counts['worse']:,}"), *pace_facts(pace, None)]
+                 ("worse, out", f"{counts['worse']:,}"), *_of_this_rung(pace),
+                 *pace_facts(pace, pace.total - pace.past)]
         return State(
             "race", self.plan.study.head.name or self.store.folder.name, pace.running,
             f"{first['label']}: {found['claim']}", tuple(facts), 1.0 if over else -1.0,
@@ -56,6 +64,15 @@ class RaceView:
             tuple((entry["label"], curve) for entry in entries[:CURVES]
                   if (curve := self._curve(entry))),
             failures_of(found["statuses"]), failed_units(self.store.logs))
+
+    def _before_the_first_look(self, found: Mapping[str, Any]) -> State:
+        pace = pace_of(self.store)
+        facts = [("state", "rung 1 is being run" if pace.running else "stopped in rung 1"),
+                 ("entries", f"{found.get('count', 0):,}"), *_of_this_rung(pace),
+                 *pace_facts(pace, pace.total - pace.past)]
+        return State("race", self.plan.study.head.name or self.store.folder.name, pace.running,
+                     "nothing is known before the first rung is over", tuple(facts), -1.0,
+                     found["metric"], "", (), 0, (), (), (), failed_units(self.store.logs))
 
     def _row(self, entry: Mapping[str, Any], first: Mapping[str, Any], found: Mapping[str, Any]
              ) -> Row:

@@ -5,8 +5,10 @@ that no page of another site can read it, knows two paths, and changes nothing.
 """
 
 import threading
+from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from typing import cast
 from urllib.parse import parse_qs, urlsplit
 
 from sweeps.analysis.entries import check_metric
@@ -44,17 +46,21 @@ class Watcher(ThreadingHTTPServer):
 class Answer(BaseHTTPRequestHandler):
     """The answer to one request."""
 
-    server: Watcher
     server_version, sys_version = "warpgrasp", ""
+
+    @property
+    def watcher(self) -> Watcher:
+        """The server that it belongs to."""
+        return cast(Watcher, self.server)
 
     def do_GET(self) -> None:
         """Gives the page or the state."""
         asked = urlsplit(self.path)
-        port = self.server.server_address[1]
+        port = self.watcher.server_address[1]
         if self.headers.get("Host") not in (f"{HOST}:{port}", f"localhost:{port}"):
             self._send(403, "text/plain", b"this page is for the browser of this machine\n")
         elif asked.path == "/":
-            self._send(200, "text/html; charset=utf-8", self.server.page)
+            self._send(200, "text/html; charset=utf-8", self.watcher.page)
         elif asked.path == "/state.json":
             self._send_state(parse_qs(asked.query).get("seen", [""])[0])
         else:
@@ -62,7 +68,7 @@ class Answer(BaseHTTPRequestHandler):
 
     def _send_state(self, seen: str) -> None:
         try:
-            found = self.server.state_after(seen)
+            found = self.watcher.state_after(seen)
         except (StoreError, OSError) as error:
             self._send(503, "text/plain; charset=utf-8", str(error).encode())
             return
@@ -100,8 +106,6 @@ def watch(folder: Path, *, port: int, metric: str, opens: bool) -> int:
             import webbrowser
 
             webbrowser.open(server.address)
-        try:
+        with suppress(KeyboardInterrupt):
             server.serve_forever()
-        except KeyboardInterrupt:
-            pass
     return 0

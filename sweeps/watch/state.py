@@ -67,18 +67,21 @@ class Pace:
     running: bool
     units_per_s: float
     in_hand: int
+    past: int
+    """Units that are done, of those asked for so far."""
+    total: int
 
 
 def pace_of(store: Store) -> Pace:
     """What the runs that hold the directory note of themselves."""
     holders = store.holders()
     notes = [read_note(store.note(shard)) for shard in holders]
-    return Pace(bool(holders), sum(note["units_per_s"] for note in notes),
-                sum(note["running"] for note in notes))
+    return Pace(bool(holders), *(sum(note[name] for note in notes)
+                                 for name in ("units_per_s", "running", "past", "total")))
 
 
 def pace_facts(pace: Pace, left: int | None) -> list[tuple[str, str]]:
-    """The rate, and how long the rest takes at it."""
+    """The rate, and how long the rest takes at it (of a race: of the rung)."""
     if not pace.running:
         return []
     found = [("in hand", f"{pace.in_hand} units")]

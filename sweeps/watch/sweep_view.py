@@ -133,8 +133,8 @@ class SweepView:
                          "compared yet. Those that have met most are first.")
         if self.reader.damaged:
             notes.append(f"{len(self.reader.damaged)} damaged units are left out")
-        about = (f"95 % intervals of these objects, with other episodes, which may be looked at "
-                 f"at any time: an entry has {self.looks:,} units, and each look takes as small a "
+        about = (f"95 % intervals of these objects, with other episodes, which may be read "
+                 f"at any time: an entry has {self.looks:,} units, and each look takes an equal "
                  "share of the 5 %. Worse: than the first, of all pairs together.")
         return State("sweep", self.plan.study.head.name or self.store.folder.name, pace.running,
                      self._headline(rows, done), tuple(facts), done / max(total, 1), self.metric,
