@@ -12,7 +12,7 @@ from pathlib import Path
 from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
 from sweeps.output import note, write_atomic
 from sweeps.race.command import Course, check_entries, rules_of, run_course
-from sweeps.race.elimination import Race, Rules
+from sweeps.race.elimination import Race
 from sweeps.race.race_units import RaceUnits
 from sweeps.race.verdict import summary, verdict_of
 from sweeps.run.local_engine import Options, terminated_as_interrupted

@@ -4,12 +4,13 @@ from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import Any
 
+from sweeps.analysis.curves import Steps
 from sweeps.analysis.entries import HIGHER_IS_BETTER
 from sweeps.race.race_note import read_race_note
 from sweeps.race.race_units import RaceUnits
 from sweeps.run.plan import Plan, Unit
 from sweeps.run.store import Store
-from sweeps.watch.mean_error import mean_error
+from sweeps.watch.mean_error import mean_errors
 from sweeps.watch.state import Pace, Row, State, failed_units, failures_of, pace_facts, pace_of
 from sweeps.watch.unit_rows import CURVES_OF, UnitReader
 
@@ -61,8 +62,9 @@ class RaceView:
             tuple(self._row(entry, first, found) for entry in entries[:ROWS]),
             max(0, len(entries) - ROWS),
             tuple((rung["replicates"], rung["taking"]) for rung in rungs),
-            tuple((entry["label"], curve) for entry in entries[:CURVES]
-                  if (curve := self._curve(entry))),
+            tuple((entry["label"], curve) for entry, curve in zip(
+                entries, mean_errors([self._steps(entry) for entry in entries[:CURVES]]),
+                strict=False) if curve),
             failures_of(found["statuses"]), failed_units(self.store.logs))
 
     def _before_the_first_look(self, found: Mapping[str, Any]) -> State:
@@ -83,13 +85,14 @@ class RaceView:
         return Row(entry["label"], mean, low, high, entry["worse_by"], entry["verdict"],
                    entry["episodes"], found["objects"], entry["touches"])
 
-    def _curve(self, entry: Mapping[str, Any]) -> list[tuple[float, float]]:
-        objects: dict[str, list] = {}
+    def _steps(self, entry: Mapping[str, Any]) -> dict[str, list[Steps]]:
+        """Error after each fit of an entry's first episodes, by object."""
+        objects: dict[str, list[Steps]] = {}
         for unit in self._units(entry):
             rows = self.reader.read(unit) if self.reader else None
             if rows is not None and rows.steps:
                 objects.setdefault(unit.cell.object_name, []).extend(rows.steps)
-        return mean_error(list(objects.values()))
+        return objects
 
     def _units(self, entry: Mapping[str, Any]) -> Iterator[Unit]:
         """The units of an entry's first episodes."""

@@ -20,7 +20,7 @@ from sweeps.analysis.paired import failure_score
 from sweeps.run.plan import Plan, Unit, cell_hash
 from sweeps.run.store import Store
 from sweeps.watch.any_time import Mean, alpha_of, mean_over_objects
-from sweeps.watch.mean_error import mean_error
+from sweeps.watch.mean_error import mean_errors
 from sweeps.watch.state import Row, State, failed_units, failures_of, pace_facts, pace_of
 from sweeps.watch.unit_rows import UnitReader, UnitRows
 
@@ -198,10 +198,12 @@ class SweepView:
 
     def _curves(self, rows: list[Row]) -> Iterator[tuple[str, list[tuple[float, float]]]]:
         numbers = {entry.label: n for n, entry in enumerate(self.entries)}
-        for row in rows[:CURVES]:
-            steps = [found.steps for found in self.found[numbers[row.label]].values()
-                     if found.steps]
-            if curve := mean_error(steps):
+        shown = rows[:CURVES]
+        steps = [{self.plan.study.objects[body].name: found.steps
+                  for body, found in self.found[numbers[row.label]].items() if found.steps}
+                 for row in shown]
+        for row, curve in zip(shown, mean_errors(steps), strict=True):
+            if curve:
                 yield row.label, curve
 
 
