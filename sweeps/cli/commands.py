@@ -78,9 +78,8 @@ def _sweep_until(spec: Path, folder: Path, within: float, options: Options,
     found = sweep_until(spec, folder, within=within, options=options, settings=settings,
                         engine=engine, address=address)
     if as_json:
-        header, rows = found.board.header, found.board.rows
-        print(json.dumps({**found.lines, "within": found.within,
-                          "table": [dict(zip(header, row, strict=True)) for row in rows]}, indent=1))
+        rows = [dict(zip(found.board.header, row, strict=True)) for row in found.board.rows]
+        print(json.dumps({**found.lines, "within": found.within, "table": rows}, indent=1))
     else:
         width = max(map(len, found.lines))
         for name, text in found.lines.items():

@@ -1,4 +1,4 @@
-"""`warpgrasp sweep --until`: all entries take more episodes until the best is known within a margin.
+"""`warpgrasp sweep --until`: all entries take more episodes until the best is known well enough.
 
 It is a race in which nobody is eliminated. Rungs end at whole units, and before each the study
 grows to as many episodes a cell: its directory is that of a sweep with so many episodes, and every
