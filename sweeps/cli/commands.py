@@ -20,6 +20,7 @@ from sweeps.run.store import Store, open_study, plan_of
 from sweeps.run.worker import EPISODES
 from sweeps.spec.errors import StoreError
 from sweeps.spec.reader import read_spec
+from sweeps.spec.search import refuse_search
 from sweeps.text_table import print_table
 from warpgrasp.core.plain_text import on_one_line
 
@@ -39,6 +40,7 @@ def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], dev
     if until is not None:
         return _sweep_until(spec, folder, until, options, settings, as_json, engine, address)
     plan = plan_study(read_spec(spec, settings))
+    refuse_search(plan.study, spec)
     store = Store(folder)
     with terminated_as_interrupted(), store.lock(shard):
         for line in store.open_for(plan, spec.read_bytes(), device):

@@ -191,7 +191,7 @@ def race(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
         Print JSON.
     """
     from sweeps.race.command import race as run_race
-    from sweeps.race.command import rules_of
+    from sweeps.race.course import rules_of
     from sweeps.run.local_engine import Options
     from sweeps.run.worker import EPISODES
 

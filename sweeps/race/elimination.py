@@ -34,8 +34,9 @@ from sweeps.race.rung_level import level_at_rungs, next_rung
 START = 8
 """Replicates of the first rung. See docs/race.md for what fewer would risk."""
 CANDIDATES = 8
-"""Entries of the lowest means; where the lowest of them leaves as few or fewer open, and another
-none, that one leads."""
+"""Entries of the lowest means, of which one leads."""
+MOST_TIMES = 30.0
+"""A bound is not taken to need more than this squared times the replicates that it has."""
 
 
 @dataclass(frozen=True)
@@ -185,17 +186,24 @@ def _affordable(count: np.ndarray, stop: np.ndarray, budget: int | None) -> np.n
 
 
 def judge(number: int, scores: Sequence[np.ndarray], out: np.ndarray, rules: Rules) -> Look:
-    """The look after a rung: the entry of the lowest mean leads, of those with most replicates;
-    or another of the lowest means, if that one leaves none open."""
+    """The look after a rung: of the entries of the lowest means, among those with most replicates,
+    that one leads with which the race should end soonest."""
     count = np.array([values.shape[1] for values in scores])
     means = np.array([values.mean() if values.size else np.inf for values in scores])
     may_lead = np.flatnonzero(~out & (count == count.max()))
     best = may_lead[np.argsort(means[may_lead], kind="stable")][:CANDIDATES]
-    first = _against(int(best[0]), number, scores, count, out, rules)
-    if not 0 < first.open.sum() <= CANDIDATES:
-        return first
-    others = (_against(int(leader), number, scores, count, out, rules) for leader in best[1:])
-    return next((look for look in others if not look.open.any()), first)
+    looks = (_against(int(leader), number, scores, count, out, rules) for leader in best)
+    return min(looks, key=lambda look: replicates_left(look, rules.within))
+
+
+def replicates_left(look: Look, within: float) -> float:
+    """How many more replicates the open entries should take until none is open, if that leader
+    stays and differences are as they seem; bounds close in as one over their root."""
+    apart = look.difference[look.open] + within
+    half = look.difference[look.open] - look.lower[look.open]
+    each = np.divide(half, apart, where=apart > half / MOST_TIMES,
+                     out=np.full(len(half), MOST_TIMES))
+    return float((look.replicates[look.open] * (np.minimum(each, MOST_TIMES) ** 2 - 1.0)).sum())
 
 
 def _against(leader: int, number: int, scores: Sequence[np.ndarray], count: np.ndarray,

@@ -21,8 +21,11 @@ NAME = "race.json"
 
 
 def write_race_note(logs: Path, found: Verdict, statuses: Counter[str],
-                    touches: np.ndarray) -> None:
-    """Writes the note into the folder of logs; `touches` is each entry's mean, (entry,)."""
+                    touches: np.ndarray, stage: str = "") -> None:
+    """Writes the note into the folder of logs; `touches` is each entry's mean, (entry,).
+
+    `stage` says which race of a search it is; its entries are not those of the study.
+    """
     last = found.last
     sign = -1.0 if found.metric in HIGHER_IS_BETTER else 1.0
     entries = [{
@@ -30,9 +33,9 @@ def write_race_note(logs: Path, found: Verdict, statuses: Counter[str],
         "worse_by": _number(last.difference[n]), "at_least": _number(last.lower[n]),
         "verdict": verdict_name(last, n), "episodes": int(found.episodes[n]),
         "touches": _number(touches[n]),
-        "entry": n, "stops": _stops(found.looks, n)} for n in found.order]
+        "entry": n, "stops": [] if stage else _stops(found.looks, n)} for n in found.order]
     content = {
-        "metric": found.metric, "over": found.over, "objects": found.objects,
+        "stage": stage, "metric": found.metric, "over": found.over, "objects": found.objects,
         "within": found.rules.within, "confidence": found.rules.confidence,
         "reached": found.reached, "claim": claim(found), "equal": _number(found.equal),
         "rungs": [{"replicates": int(look.replicates.max()), "taking": taking,
@@ -42,11 +45,10 @@ def write_race_note(logs: Path, found: Verdict, statuses: Counter[str],
     _write(logs, content)
 
 
-def begin_race_note(logs: Path, metric: str, over: str, entries: int) -> None:
+def begin_race_note(logs: Path, metric: str, over: str) -> None:
     """Writes the note of a race that has not looked yet, unless it has one."""
     if read_race_note(logs) is None:
-        _write(logs, {"metric": metric, "over": over, "rungs": [], "entries": [],
-                      "count": entries})
+        _write(logs, {"metric": metric, "over": over, "rungs": [], "entries": []})
 
 
 def read_race_note(logs: Path) -> dict[str, Any] | None:

@@ -51,8 +51,11 @@ class RacePlan(Plan):
 class RaceUnits:
     """The units of a race and their scores."""
 
-    def __init__(self, plan: Plan, store: Store, metric: str, over: str) -> None:
-        self.plan = RacePlan(plan.study, plan.resolved, plan.hash, plan.folders)
+    def __init__(self, plan: Plan, store: Store, metric: str, over: str,
+                 asked: list[Unit] | None = None) -> None:
+        """`asked` is the list to which the units of several races are added."""
+        self.plan = RacePlan(plan.study, plan.resolved, plan.hash, plan.folders,
+                             [] if asked is None else asked)
         self.store, self.metric, self.over = store, metric, over
         self.axes = entry_axes(plan, None)[0]
         self.entries = entries_of(plan, self.axes)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
 from sweeps.output import note, write_atomic
-from sweeps.race.command import Course, check_entries, rules_of, run_course
+from sweeps.race.course import Course, check_entries, rules_of, run_course
 from sweeps.race.elimination import Race
 from sweeps.race.race_units import RaceUnits
 from sweeps.race.verdict import summary, verdict_of
@@ -20,6 +20,7 @@ from sweeps.run.plan import BLOCK, Plan, Unit, plan_study
 from sweeps.run.store import Store, plan_of
 from sweeps.spec.errors import StoreError
 from sweeps.spec.reader import read_spec
+from sweeps.spec.search import refuse_search
 
 METRIC = "chamfer_mm"
 TOLD = ("best", "claim", "tied", "paired", "episodes")
@@ -82,6 +83,7 @@ def sweep_until(spec: Path, folder: Path, *, within: float, options: Options,
     Raises LeaderboardError for one entry, SpecError and StoreError as a sweep does.
     """
     plan = plan_study(read_spec(spec, settings))
+    refuse_search(plan.study, spec)
     store = Store(folder)
     units = RaceUnits(plan, store, METRIC, "these")
     rules = replace(rules_of(within, 95.0, _whole(plan.study.head.episodes_per_cell), None, METRIC),
@@ -90,7 +92,7 @@ def sweep_until(spec: Path, folder: Path, *, within: float, options: Options,
     check_entries(units, spec)
     with terminated_as_interrupted(), store.lock(options.shard):
         course.grow(rules.start)
-        outcome = run_course(units.plan, store, options, course, engine, address)
+        outcome = run_course(units.plan, store, options, course.further, engine, address)
         found = verdict_of(course.race, units)
         board = make_leaderboard(plan_of(store), [store])
         write_atomic(folder / "leaderboard.csv", board.csv())

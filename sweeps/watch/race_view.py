@@ -49,6 +49,8 @@ class RaceView:
                    else "stopped before it was decided")
         counts = {name: sum(entry["verdict"] == name for entry in entries)
                   for name in ("open", "tied", "worse")}
+        if found["stage"]:
+            verdict = f"{found['stage']}: {verdict}"
         facts = [("state", verdict), ("episodes", f"{taken:,}"),
                  ("still open", f"{counts['open']:,}"), ("tied", f"{counts['tied']:,}"),
                  ("worse, out", f"{counts['worse']:,}"), *_of_this_rung(pace),
@@ -70,8 +72,7 @@ class RaceView:
     def _before_the_first_look(self, found: Mapping[str, Any]) -> State:
         pace = pace_of(self.store)
         facts = [("state", "rung 1 is being run" if pace.running else "stopped in rung 1"),
-                 ("entries", f"{found.get('count', 0):,}"), *_of_this_rung(pace),
-                 *pace_facts(pace, pace.total - pace.past)]
+                 *_of_this_rung(pace), *pace_facts(pace, pace.total - pace.past)]
         return State("race", self.plan.study.head.name or self.store.folder.name, pace.running,
                      "nothing is known before the first rung is over", tuple(facts), -1.0,
                      found["metric"], "", (), 0, (), (), (), failed_units(self.store.logs))

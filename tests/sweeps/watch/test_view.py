@@ -202,7 +202,7 @@ def test_a_race_before_its_first_rung_is_a_race(tmp_path: Path) -> None:
     store = Store(tmp_path / "out")
     store.open_for(plan, None, "cpu")
     (store.logs / "race.json").write_text(json.dumps(
-        {"metric": "chamfer_mm", "over": "these", "rungs": [], "entries": [], "count": 4}))
+        {"metric": "chamfer_mm", "over": "these", "rungs": [], "entries": []}))
     state = View(tmp_path / "out", "chamfer_mm").state()
     assert (state.kind, state.rows) == ("race", ())
     assert dict(state.facts)["state"] == "stopped in rung 1"
