@@ -34,7 +34,11 @@ from sweeps.race.rung_level import level_at_rungs, next_rung
 START = 8
 """Replicates of the first rung. See docs/race.md for what fewer would risk."""
 CANDIDATES = 8
-"""Entries of the lowest means, of which one leads."""
+"""Entries of the lowest means; where the leader leaves as few or fewer open, and another none, that
+one leads."""
+STAYS = 0.5
+"""A leader stays, though another has a lower mean by less than half of `within`, where the race
+should need less than this share of the replicates that it needs if the other one leads."""
 MOST_TIMES = 30.0
 """A bound is not taken to need more than this squared times the replicates that it has."""
 
@@ -165,7 +169,8 @@ class Race:
             self._scores[entry] = (np.concatenate([self._scores[entry], cut], axis=1) if start
                                    else np.asarray(cut, float))
             self.last_rung[entry] = number
-        look = judge(number, self._scores, self._out, self.rules)
+        before = self.looks[-1].leader if self.looks else None
+        look = judge(number, self._scores, self._out, self.rules, before)
         self.looks.append(look)
         self._out = look.out
         count = look.replicates
@@ -185,15 +190,26 @@ def _affordable(count: np.ndarray, stop: np.ndarray, budget: int | None) -> np.n
     return count + step * left // max(1, int(step.sum()))
 
 
-def judge(number: int, scores: Sequence[np.ndarray], out: np.ndarray, rules: Rules) -> Look:
-    """The look after a rung: of the entries of the lowest means, among those with most replicates,
-    that one leads with which the race should end soonest."""
+def judge(number: int, scores: Sequence[np.ndarray], out: np.ndarray, rules: Rules,
+          before: int | None = None) -> Look:
+    """The look after a rung. Of the entries with most replicates leads the one of the lowest mean;
+    or the leader `before`, where it is about as good and the race should end far sooner; or another
+    of the lowest means, if that one leaves none open."""
     count = np.array([values.shape[1] for values in scores])
     means = np.array([values.mean() if values.size else np.inf for values in scores])
     may_lead = np.flatnonzero(~out & (count == count.max()))
     best = may_lead[np.argsort(means[may_lead], kind="stable")][:CANDIDATES]
-    looks = (_against(int(leader), number, scores, count, out, rules) for leader in best)
-    return min(looks, key=lambda look: replicates_left(look, rules.within))
+    first = _against(int(best[0]), number, scores, count, out, rules)
+    if (first.open.any() and before is not None and before != best[0] and before in may_lead
+            and means[before] - means[best[0]] < rules.within / 2.0):
+        stays = _against(before, number, scores, count, out, rules)
+        if replicates_left(stays, rules.within) < STAYS * replicates_left(first, rules.within):
+            first = stays
+    if not 0 < first.open.sum() <= CANDIDATES:
+        return first
+    others = (_against(int(leader), number, scores, count, out, rules) for leader in best
+              if leader != first.leader)
+    return next((look for look in others if not look.open.any()), first)
 
 
 def replicates_left(look: Look, within: float) -> float:
