@@ -18,6 +18,10 @@ from sweeps.race.elimination import Look
 from sweeps.race.verdict import Verdict, claim, verdict_name
 
 NAME = "race.json"
+WHOLE = {"stage", "objects", "within", "confidence", "reached", "claim", "statuses"}
+ENTRY = {"label", "mean", "worse_by", "at_least", "verdict", "episodes", "touches", "entry",
+         "stops"}
+"""Keys of the note of a race that has looked, and of its entries."""
 
 
 def write_race_note(logs: Path, found: Verdict, statuses: Counter[str],
@@ -52,12 +56,16 @@ def begin_race_note(logs: Path, metric: str, over: str) -> None:
 
 
 def read_race_note(logs: Path) -> dict[str, Any] | None:
-    """The note of a race; None where there is none, or none that can be read."""
+    """The note of a race; None where there is none, or none of this form that can be read."""
     try:
         found = json.loads((logs / NAME).read_bytes())
-        return found if {"metric", "over", "rungs", "entries"} <= set(found) else None
-    except (OSError, ValueError, TypeError, RecursionError):
+        begun = {"metric", "over", "rungs", "entries"} <= set(found)
+        looked = WHOLE <= set(found) and bool(found["entries"]) and all(
+            ENTRY <= set(entry) for entry in found["entries"])
+        known = begun and (looked or not found["rungs"])
+    except (OSError, ValueError, TypeError, KeyError, RecursionError):
         return None
+    return found if known else None
 
 
 def _write(logs: Path, content: dict[str, Any]) -> None:

@@ -206,8 +206,9 @@ def test_a_race_before_its_first_rung_is_a_race(tmp_path: Path) -> None:
     state = View(tmp_path / "out", "chamfer_mm").state()
     assert (state.kind, state.rows) == ("race", ())
     assert dict(state.facts)["state"] == "stopped in rung 1"
-    (store.logs / "race.json").write_text("[]")
-    assert View(tmp_path / "out", "chamfer_mm").state().kind == "sweep"
+    for damaged in ("[]", "{", '{"metric": 1, "over": 2, "rungs": [{}], "entries": [{}]}'):
+        (store.logs / "race.json").write_text(damaged)
+        assert View(tmp_path / "out", "chamfer_mm").state().kind == "sweep"
 
 
 def test_a_folder_without_a_study_is_refused(tmp_path: Path) -> None:
