@@ -60,8 +60,8 @@ def read_race_note(logs: Path) -> dict[str, Any] | None:
     try:
         found = json.loads((logs / NAME).read_bytes())
         begun = {"metric", "over", "rungs", "entries"} <= set(found)
-        looked = WHOLE <= set(found) and bool(found["entries"]) and all(
-            ENTRY <= set(entry) for entry in found["entries"])
+        looked = set(found) >= WHOLE and bool(found["entries"]) and all(
+            set(entry) >= ENTRY for entry in found["entries"])
         known = begun and (looked or not found["rungs"])
     except (OSError, ValueError, TypeError, KeyError, RecursionError):
         return None

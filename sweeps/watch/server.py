@@ -4,6 +4,7 @@ Python's own HTTP server, bound to 127.0.0.1. It answers to requests that name t
 that no page of another site can read it, knows two paths, and changes nothing.
 """
 
+import sys
 import threading
 from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -35,6 +36,11 @@ class Watcher(ThreadingHTTPServer):
     def address(self) -> str:
         """Where the page is."""
         return f"http://{HOST}:{self.server_address[1]}/"
+
+    def handle_error(self, request: object, client_address: object) -> None:
+        """A browser that has gone meanwhile is no error."""
+        if not isinstance(sys.exception(), ConnectionError):
+            super().handle_error(request, client_address)  # type: ignore[arg-type]
 
     def state_after(self, seen: str) -> str | None:
         """The state as JSON; None if its version has been seen."""
