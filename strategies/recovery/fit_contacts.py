@@ -178,7 +178,7 @@ def contacts_placed(
         ("kept", asked, wp.bool), ("hand_pose", links.hand_pose, transform),
         ("q", links.q_rad, vec4), ("finger", links.finger, int),
         ("torque", links.torque_Nm, vec4), ("torque_sigma", links.torque_sigma_Nm, vec4),
-        ("link_weight", links.weight, vec3))}
+        ("link_weight", links.weight, vec3), ("friction", links.friction, real))}
     launch(_placing_kernel, {"world": len(asked), "point": asked.shape[1]}, {
         "shape": "world", "pose": "world", **dict.fromkeys((*given, *found), "world point")}, {
         "shape": shape, "pose": pose, "hand": hand_of(links.hand), "place_sigma": PLACE_SIGMA_M,
