@@ -4,9 +4,8 @@
 Without friction a contact force acts through the axis of a round link, along the body's normal. So
 a place along the axis and a direction around it explain the four torques of a finger, up to the
 size of the force. With friction the force leans: by a share of its normal part that is taken as
-normally distributed along the surface, each way with half the friction coefficient as its
-deviation, that of directions that fill the cone evenly. The posterior over places and directions is
-the likelihood of the torques, whatever the size and the lean of the force, times how well the body
+normally distributed, each way along the surface. The posterior over places and directions is the
+likelihood of the torques, whatever the size and the lean of the force, times how well the body
 agrees: its surface is one link radius from the axis there, and its normal is the direction.
 
 """
@@ -237,7 +236,7 @@ def _placing_kernel(
     torque: wp.array2d[vec4],
     torque_sigma: wp.array2d[vec4],
     link_weight: wp.array2d[vec3],
-    friction: wp.array2d[real],
+    lean: wp.array2d[real],
     place_sigma: real,
     turn_sigma: real,
     farthest: real,
@@ -271,7 +270,7 @@ def _placing_kernel(
     for link in range(3):
         if link_weight[w, i][link] >= _UNLIKELY:
             post = _places_of_link(f, link, hand.link_length[link], hand.link_radius,
-                                   HALF * friction[w, i], felt, root, shape[w], pose[w],
+                                   lean[w, i], felt, root, shape[w], pose[w],
                                    place_sigma, turn_sigma, farthest)
             if post.weight > ZERO:
                 logs[link] = wp.log(post.weight) - HALF * post.least
