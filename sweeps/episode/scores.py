@@ -40,7 +40,7 @@ from warpgrasp.geometry.body_sampling import BodySample, sample_body
 
 SURFACE_POINTS = 2048
 ELEMENTS, AROUND = 1536, 16
-INSIDE_POINTS = 4096
+INSIDE_POINTS = 3072
 COVERAGE_M = 0.005
 DISCS = 8192
 """Points from which the distance to a body without an exact one is found."""

@@ -235,7 +235,7 @@ def _signed_distance_kernel(
         r = wp.length(wp.cw_div(q, s.size))
         least = wp.min(s.size[0], wp.min(s.size[1], s.size[2]))
         least *= ONE - wp.max(wp.abs(s.kx), wp.abs(s.ky))
-        if (ONE - r) * least > TWO * enough:
+        if (ONE - r) * least > enough:
             distance[w, i] = -enough
             return
     distance[w, i] = sdf_superquadric_bound_grad(p, s)[3]
