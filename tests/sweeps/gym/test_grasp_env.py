@@ -30,6 +30,8 @@ from gymnasium.wrappers.vector import RecordEpisodeStatistics  # noqa: E402
 from sweeps.gym import GraspVectorEnv  # noqa: E402
 from sweeps.gym.actions import probes_of  # noqa: E402
 
+Rows = dict[str, np.ndarray]
+
 
 def test_one_world_passes_gymnasiums_check() -> None:
     check_env(gymnasium.make("warpgrasp/Grasp-v0", probes=2, closings=("curl40",)).unwrapped)
@@ -86,7 +88,7 @@ def test_a_world_with_a_seed_of_its_own_is_as_alone() -> None:
     assert (worlds.reset(seed=7)[0][0] == alone.reset(seed=7)[0][0]).all()
 
 
-def sweep_and_environment() -> tuple[np.ndarray, GraspVectorEnv, dict[str, Any]]:
+def sweep_and_environment() -> tuple[Rows, GraspVectorEnv, dict[str, Any]]:
     """Rows of six episodes of two probes near the side, and an environment that made the same."""
     actions = np.random.default_rng(4).uniform(-0.3, 0.3, (2, 6, 4))
     cell = Cell(Strategy("same", call="same_actions", closings=("curl40", "base_then_curl")),
@@ -105,12 +107,11 @@ def sweep_and_environment() -> tuple[np.ndarray, GraspVectorEnv, dict[str, Any]]
     worlds._drawn_keys = lambda seed: counter_key(  # type: ignore[method-assign]
         9, int(body.content[:15], 16), np.arange(6))
     worlds.reset(seed=1)
-    for action in actions:
-        *_, info = worlds.step(action)
-    return rows, worlds, info
+    infos = [worlds.step(action)[-1] for action in actions]
+    return rows, worlds, infos[-1]
 
 
-def assert_the_same(rows: np.ndarray, worlds: GraspVectorEnv, info: dict[str, Any]) -> None:
+def assert_the_same(rows: Rows, worlds: GraspVectorEnv, info: dict[str, Any]) -> None:
     """Scores, status and recovered body of the environment are those of the rows."""
     assert (info["chamfer_mm"] == rows["chamfer_mm"]).all()
     assert (info["status"] == rows["status"]).all()
