@@ -56,12 +56,12 @@ def hand(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
     hold
         Joints that stand still, as NAME=DEGREES.
     """
-    from sweeps.figures.hand_picture import hand_picture
     from sweeps.figures.style import encode
     from sweeps.output import note, quiet_stdout, write_atomic
+    from sweeps.report.hand_picture import hand_picture
     from sweeps.spec.errors import StoreError
     from warpgrasp.hands.hand_file import hand_from_file
-    from warpgrasp.hands.hand_text import hand_text
+    from warpgrasp.hands.hand_writer import hand_text
     from warpgrasp.hands.urdf_hand import hand_from_urdf
 
     if out.suffix != ".toml":

@@ -4,10 +4,11 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "hand_file": ["SHIPPED", "hand_from_file", "hand_named"],
-    "hand_frames": ["driven_angles", "finger_tips", "link_frames", "posture_angles"],
+    "hand_frames": ["driven_angles", "finger_tips", "link_frames", "matrix_of",
+                    "place_of", "posture_angles"],
     "hand_model": ["Box", "Capsule", "HandClosing", "Finger", "Follow", "HandError", "HandJoint",
                    "HandModel", "Place", "Posture", "STILL", "Shape"],
-    "hand_text": ["hand_text"],
-    "link_frames_batch": ["link_frames_batch"],
+    "hand_writer": ["hand_text"],
+    "frames_batch": ["link_frames_batch"],
     "urdf_hand": ["hand_from_urdf"],
 })

@@ -12,7 +12,7 @@ from sweeps.cli import main as cli
 from warpgrasp.hands.hand_file import hand_from_file, hand_named
 from warpgrasp.hands.hand_frames import driven_angles
 from warpgrasp.hands.hand_model import HandError
-from warpgrasp.hands.hand_text import hand_text
+from warpgrasp.hands.hand_writer import hand_text
 from warpgrasp.hands.urdf_hand import hand_from_urdf
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")  # yourdfpy's own

@@ -7,11 +7,11 @@ import pytest
 from chains import as_matrices, mujoco_frames, random_angles, random_urdf, yourdfpy_frames
 from places import SHARED
 
+from warpgrasp.hands.frames_batch import link_frames_batch
 from warpgrasp.hands.hand_file import SHIPPED, hand_from_file, hand_named
 from warpgrasp.hands.hand_frames import link_frames
 from warpgrasp.hands.hand_model import HandModel
-from warpgrasp.hands.hand_text import hand_text
-from warpgrasp.hands.link_frames_batch import link_frames_batch
+from warpgrasp.hands.hand_writer import hand_text
 from warpgrasp.hands.urdf_hand import hand_from_urdf
 from warpgrasp.mechanism.utah_mit_hand import hand_links
 from warpgrasp.parameters import HandTable
