@@ -36,8 +36,8 @@ def _files(
     file: Path, kind: str, arm: bool, what: str | None, units: str | None, hand_word: str
 ) -> dict[Path, str]:
     from warpgrasp.export.convex_solids import object_solids
-    from warpgrasp.export.hand_model_tree import arm_model_tree, hand_model_tree
     from warpgrasp.export.mjcf import mjcf_text
+    from warpgrasp.export.model_tree import arm_model_tree, hand_model_tree
     from warpgrasp.export.robot_tree import STILL, arm_hand_tree, hand_tree
     from warpgrasp.export.urdf import urdf_text
     from warpgrasp.hands.hand_file import hand_from_file, hand_named

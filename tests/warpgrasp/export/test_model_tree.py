@@ -9,8 +9,8 @@ import pytest
 from chains import random_angles
 
 from sweeps.cli import main as cli
-from warpgrasp.export.hand_model_tree import arm_model_tree, hand_model_tree
 from warpgrasp.export.mjcf import mjcf_text
+from warpgrasp.export.model_tree import arm_model_tree, hand_model_tree
 from warpgrasp.export.urdf import urdf_text
 from warpgrasp.hands.hand_file import SHIPPED, hand_named
 from warpgrasp.hands.hand_frames import driven_angles, finger_tips, matrix_of
