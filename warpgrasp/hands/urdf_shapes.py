@@ -22,20 +22,23 @@ def shapes_of(file: Path, link: Any, frame: np.ndarray) -> tuple[Shape, ...]:
     found = []
     for collision in link.collisions:
         geometry = collision.geometry
-        at = frame if collision.origin is None else frame @ collision.origin
         where = f"{file}: link {link.name}"
+        origin = np.eye(4) if collision.origin is None else np.asarray(collision.origin)
+        if not np.isfinite(origin).all():
+            raise HandError(f"{where}: a collision's origin is not finite; should be")
+        at = frame @ origin
         if geometry is None:
             raise HandError(f"{where}: a collision without geometry; should have a shape")
         if geometry.box is not None:
-            x, y, z = _sizes(where, "box", geometry.box.size)
+            x, y, z = _sizes(where, "box", geometry.box.size, 3)
             found.append(Box(place_of(at), (x, y, z)))
         elif geometry.sphere is not None:
-            radius, = _sizes(where, "sphere", [geometry.sphere.radius])
+            radius, = _sizes(where, "sphere", [geometry.sphere.radius], 1)
             x, y, z = (float(v) for v in at[:3, 3])
             found.append(Capsule((x, y, z), (x, y, z), radius))
         elif geometry.cylinder is not None:
             radius, length = _sizes(where, "cylinder", [geometry.cylinder.radius,
-                                                        geometry.cylinder.length])
+                                                        geometry.cylinder.length], 2)
             found.append(_fitted(where, trimesh.creation.cylinder(radius, length).vertices, at))
         else:
             mesh = geometry.mesh
@@ -45,8 +48,10 @@ def shapes_of(file: Path, link: Any, frame: np.ndarray) -> tuple[Shape, ...]:
     return tuple(found)
 
 
-def _sizes(where: str, kind: str, numbers: Any) -> list[float]:
+def _sizes(where: str, kind: str, numbers: Any, wanted: int) -> list[float]:
     values = [float(v) for v in numbers]
+    if len(values) != wanted:
+        raise HandError(f"{where}: a {kind} of {len(values)} sizes; should have {wanted}")
     if not all(_LEAST_M < v < 10.0 for v in values):
         raise HandError(f"{where}: a {kind} of {' x '.join(f'{v:g}' for v in values)} m; every "
                         "size should be more than 0")

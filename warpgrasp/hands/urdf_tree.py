@@ -109,7 +109,8 @@ def _parsed(file: Path) -> Any:
             raise HandError(f"{file}: joint {joint.get('name')}: has no parent or no child; should "
                             "have both")
     try:
-        return URDF.load(str(file), build_scene_graph=False, load_meshes=False).robot
+        with np.errstate(all="ignore"):  # numbers that are not finite are refused later, by name
+            return URDF.load(str(file), build_scene_graph=False, load_meshes=False).robot
     except Exception as error:  # whatever the reader comes upon in a file of anyone's
         raise HandError(f"{file}: cannot be read as a URDF: {type(error).__name__}: {error}; "
                         "should be as wiki.ros.org/urdf/XML says") from None

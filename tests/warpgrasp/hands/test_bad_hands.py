@@ -60,6 +60,9 @@ BAD = {
     "no link": ([*GOOD, joint("j3", "palm", "c")], "joint j3: there is no link 'c'; should"),
     "flat box": ([*GOOD[:2], link("b", '<collision><geometry><box size="0.1 0 0.1"/></geometry>'
                                   "</collision>"), *GOOD[3:]], "link b: a box of 0.1 x 0 x 0.1 m"),
+    "origin": ([*GOOD[:2], link("b", '<collision><origin xyz="inf 0 0"/><geometry><sphere '
+                                'radius="1"/></geometry></collision>'), *GOOD[3:]],
+               "link b: a collision's origin is not finite"),
     "apart": ([*GOOD, link("c")], "links palm, c hang on no joint"),
     "mimic": ([*GOOD[:4], joint("j2", "a", "b", more='<mimic joint="j9"/>')],
               "joint j2: follows 'j9'; mimic should name"),
