@@ -7,9 +7,8 @@ from warpgrasp.core.dtypes import ONE, TWO, ZERO, quat, real, transform, vec3, v
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key, counter_normal
 from warpgrasp.geometry.scene import Scene
-from warpgrasp.mechanism.arm_kernel import arm_flange, arm_joints, arm_time
+from warpgrasp.mechanism.arm_kernel import Arm, arm_flange, arm_joints, arm_time
 from warpgrasp.mechanism.hand_clearance import hand_clearance
-from warpgrasp.mechanism.puma560_kernel import Arm
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
 from warpgrasp.probe_status import ProbeStatus
 

@@ -26,8 +26,7 @@ from warpgrasp.core.random_kernel import counter_key, counter_normal, counter_un
 from warpgrasp.finger.energy import largest_magnitude
 from warpgrasp.geometry.scene import Scene, body_table_distance_grad
 from warpgrasp.geometry.segment_distance import LINK_SAMPLES, nearest_on_link
-from warpgrasp.mechanism.arm_kernel import arm_flange, arm_joints, arm_time
-from warpgrasp.mechanism.puma560_kernel import Arm
+from warpgrasp.mechanism.arm_kernel import Arm, arm_flange, arm_joints, arm_time
 from warpgrasp.mechanism.utah_mit_hand_kernel import (
     Hand,
     finger_base,

@@ -5,9 +5,8 @@ import warp as wp
 
 from warpgrasp.core.dtypes import ZERO, real, transform, vec3, vec4, vec6
 from warpgrasp.geometry.scene import Scene
-from warpgrasp.mechanism.arm_kernel import arm_flange
+from warpgrasp.mechanism.arm_kernel import Arm, arm_flange
 from warpgrasp.mechanism.hand_clearance import finger_clearance, palm_clearance
-from warpgrasp.mechanism.puma560_kernel import Arm
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_base
 
 _SWING = wp.constant(real(0.25))  # [m]: from the hand's origin to its farthest place, about
