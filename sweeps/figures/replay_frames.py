@@ -38,7 +38,7 @@ FULL_COUNT = 255
 FAR_RAD = 0.2
 """Between touches of pads, joint motions larger than this take TRAVEL frames, others one."""
 _POST_M = 0.3
-"""Height of the post that a floating wrist is drawn to hang on."""
+"""Height of the post above a floating wrist."""
 PALM_M, PALM_OFFSET_M = (0.095, 0.075, 0.03), 0.02
 """Sides of the box that stands for the palm, and its centre's depth below the hand's origin."""
 
@@ -232,7 +232,7 @@ def arm_points(arm: ArmTable, q_rad: np.ndarray, mount_m: float) -> tuple[np.nda
     """Joints of the arm from the base to the hand's origin, (6, 3), and the hand's quaternion xyzw.
 
     Standard Denavit-Hartenberg frames; the three coincident joints of the wrist are given once. A
-    floating wrist hangs on a post.
+    floating wrist is drawn at the foot of a post.
     """
     if is_floating(arm):
         turn = Rotation.from_rotvec(q_rad[3:])

@@ -156,8 +156,8 @@ def _root(file: Path, links: dict[str, Any], joint_to: dict[str, UrdfJoint]) -> 
     if not roots:
         raise HandError(f"{file}: every link is moved by a joint, a loop; a hand should be a tree")
     if len(roots) > 1:
-        raise HandError(f"{file}: links {', '.join(roots[:4])} hang on no joint; all but one "
-                        "should be joined to the hand")
+        raise HandError(f"{file}: links {', '.join(roots[:4])} are moved by no joint; all but "
+                        "one should be joined to the hand")
     for name in links:
         seen = set()
         while name in joint_to:

@@ -63,7 +63,7 @@ BAD = {
     "origin": ([*GOOD[:2], link("b", '<collision><origin xyz="inf 0 0"/><geometry><sphere '
                                 'radius="1"/></geometry></collision>'), *GOOD[3:]],
                "link b: a collision's origin is not finite"),
-    "apart": ([*GOOD, link("c")], "links palm, c hang on no joint"),
+    "apart": ([*GOOD, link("c")], "links palm, c are moved by no joint; all but one should"),
     "mimic": ([*GOOD[:4], joint("j2", "a", "b", more='<mimic joint="j9"/>')],
               "joint j2: follows 'j9'; mimic should name"),
     "itself": ([*GOOD[:4], joint("j2", "a", "b", more='<mimic joint="j2"/>')],
