@@ -15,7 +15,7 @@ from places import ROOT
 
 FLOORS = {
     "warpgrasp": ["spec_words", "parameters", "probe_status", "motion_cost", "core", "geometry",
-                  "objects", "mechanism", "finger", "closing", "touch", "export", "robot"],
+                  "objects", "hands", "mechanism", "finger", "closing", "touch", "export", "robot"],
     "fit": ["fit_status", "rotation", "arrays", "optimize", "prepare", "superquadric",
             "revolution", "implicit", "plane", "polyhedron", "match_parameters",
             "interpretation_tree", "points_csv"],
