@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from fit.optimize.batch import vmap_cond
+from fit.optimize.pieces import Span, sum_of_pieces
 from fit.optimize.solver import NormalEquations, robust
 from fit.optimize.xla_flags import force_materialize
 from fit.superquadric.field import distance, log_square_radius, residual, slopes
@@ -17,6 +18,10 @@ from fit.superquadric.support import support
 
 UPRIGHT_DOUBT = 3.0
 """Scale of the robust prior on the tilt, in its standard deviations."""
+
+
+BY_POINT = ("points", "weight", "normals", "normal_weight")
+"""Fields of `FitData` with a value for each touch."""
 
 
 class FitData(NamedTuple):
@@ -43,21 +48,33 @@ class FitData(NamedTuple):
     """Balls of free space: centre (3), radius, weight."""
 
 
-def normal_equations(theta, data: FitData, form: Form) -> NormalEquations:
+def normal_equations(
+    theta, data: FitData, form: Form, span: Span | None = None
+) -> NormalEquations:
     """JᵀJ, Jᵀr and cost of all residuals: points, free space, other evidence and priors.
 
     Residuals are differentiated by the fields of the body and their products summed, then
-    `by_parameters` transforms the sums to theta. Each prior depends on one parameter.
+    `by_parameters` transforms the sums to theta. Each prior depends on one parameter. With `span`
+    the fields `BY_POINT` are pieces, [slot, ..., point], of which those of the span count.
     """
     body = unpack(theta, data.rotation, form)
-    columns = [_point_columns(body, data.points, *_touch_terms(data, form))]
+
+    def of_touches(values):
+        piece = data._replace(**values)
+        columns = [_point_columns(body, piece.points, *_touch_terms(piece, form))]
+        if piece.normals is not None:
+            columns.append(_normal_columns(body, piece, form))
+        return _sums(jnp.concatenate(columns, axis=1))
+
+    touches = {name: getattr(data, name) for name in BY_POINT}
+    sums = of_touches(touches) if span is None else sum_of_pieces(of_touches, touches, span)
+    columns = []
     if data.plane is not None:
         columns.append(_table_columns(body, data.plane))
     if data.upright is not None:
         columns.append(_tilt_columns(body, data.upright))
-    if data.normals is not None:
-        columns.append(_normal_columns(body, data, form))
-    sums = _sums(jnp.concatenate(columns, axis=1))
+    if columns:
+        sums = sums + _sums(jnp.concatenate(columns, axis=1))
     if data.free is not None:
         # Fits without free space share this program with masked balls.
         sums = sums + vmap_cond(
@@ -203,12 +220,14 @@ def _priors(theta, data: FitData) -> tuple[Tensor, Array, Array]:
             0.5 * (jnp.sum(ridge * theta**2) + edge))
 
 
-def evaluate(theta, data: FitData, form: Form) -> tuple[Body, Array, Array, Array]:
+def evaluate(
+    theta, rotation: Float[Tensor, "3 3"], points: Float[Tensor, "3 point"], form: Form
+) -> tuple[Body, Array, Array, Array]:
     """The body, and for each point its distance, normal, and unweighted residual."""
-    body = unpack(theta, data.rotation, form)
-    local = body.local(data.points)
+    body = unpack(theta, rotation, form)
+    local = body.local(points)
     # Materialized, or XLA recomputes the whole field for each row of the normal.
-    stored = force_materialize(data.points[2])
+    stored = force_materialize(points[2])
     steepest = [stored(row) for row in slopes(log_square_radius, body.shape, local)[2]]
     shorter = stored(1.0 / jnp.sqrt(sum(row**2 for row in steepest) + 1e-24))
     normal = jnp.stack([row * shorter for row in steepest])
