@@ -147,7 +147,7 @@ def _rows(end, lanes: FitData, sets: Sets, options: RevolutionOptions) -> dict[s
 
 @lru_cache(maxsize=64)
 def _problem(options: RevolutionOptions) -> Problem:
-    return Problem(lambda theta, data, span: normal_equations(theta, data, options, span),
+    return Problem(lambda theta, data, span, _: normal_equations(theta, data, options, span),
                    f"{options}", BY_POINT)
 
 
@@ -160,7 +160,7 @@ def _evaluated(theta, lanes: FitData, options: RevolutionOptions) -> Evaluated:
     spread = spread._replace(points=points.reshape(-1, 3, PIECE), weight=weight.reshape(-1, PIECE))
     found = map_lanes(_evaluate(options), np.repeat(theta, pieces, axis=0), spread)
     parts = lambda values: values.reshape(n, pieces, *values.shape[1:])  # noqa: E731
-    return take(found, slice(None, None, pieces))._replace(
+    return take(found, np.arange(0, n * pieces, pieces))._replace(
         distance=undivided(parts(found.distance), lanes.points.shape[2]),
         touch_information=parts(found.touch_information).sum(1))
 

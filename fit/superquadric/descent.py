@@ -12,7 +12,7 @@ from fit.optimize.multistart import Problem, Solution, advance, finish, screen
 from fit.optimize.pieces import PIECE, divided, undivided
 from fit.prepare import Sets
 from fit.rotation import matrix_of_quaternion, quaternion_of_matrix
-from fit.superquadric.field import widening
+from fit.superquadric.field import KINDS, widening
 from fit.superquadric.parameter_vector import (
     MAX_BEND,
     MAX_EXPONENT,
@@ -246,21 +246,36 @@ def _evaluated(theta, lanes: FitData, form: Form):
     """`evaluate` of every fit; each piece of its points is a lane of the program."""
     points = divided(lanes.points)
     n, pieces = points.shape[:2]
-    found = map_lanes(_evaluate(form), np.repeat(theta, pieces, axis=0),
-                      np.repeat(lanes.rotation, pieces, axis=0), points.reshape(-1, 3, PIECE))
+    found = map_lanes(
+        _evaluate(form.taper, form.bend), np.repeat(theta, pieces, axis=0),
+        np.repeat(lanes.rotation, pieces, axis=0), points.reshape(-1, 3, PIECE),
+        shared=(_kind(form),))
     whole = lambda values: undivided(  # noqa: E731
         values.reshape(n, pieces, *values.shape[1:]), lanes.points.shape[2])
-    return take(found[0], slice(None, None, pieces)), *map(whole, found[1:])
+    return take(found[0], np.arange(0, n * pieces, pieces)), *map(whole, found[1:])
 
 
 @lru_cache(maxsize=64)
-def _evaluate(form: Form):
-    return Program(f"evaluate {form}", jax.vmap(
-        lambda theta, rotation, points: evaluate(theta, rotation, points, form)))
+def _evaluate(taper: bool, bend: bool) -> Program:
+    form = Form(taper, bend, KINDS[0], "none")
+    return Program(f"evaluate superquadrics, {taper=}, {bend=}", jax.vmap(
+        lambda theta, rotation, points, kind: evaluate(theta, rotation, points, form, kind),
+        in_axes=(0, 0, 0, None)))
 
 
-@lru_cache(maxsize=64)
+def _kind(form: Form) -> np.int32:
+    return np.int32(KINDS.index(form.residual))
+
+
 def _problem(form: Form) -> Problem:
+    return _any_residual(form._replace(residual=KINDS[0]))._replace(choice=int(_kind(form)))
+
+
+@lru_cache(maxsize=64)
+def _any_residual(form: Form) -> Problem:
+    """The problem of a form, whose residual is a run-time argument."""
     # Jitted so that it is traced once, for the first evaluation and all others.
-    equations = jax.jit(lambda theta, data, span: normal_equations(theta, data, form, span))
-    return Problem(equations, f"{form}", BY_POINT)
+    equations = jax.jit(
+        lambda theta, data, span, kind: normal_equations(theta, data, form, span, kind))
+    name = f"superquadrics, taper={form.taper}, bend={form.bend}, loss={form.loss}"
+    return Problem(equations, name, BY_POINT)

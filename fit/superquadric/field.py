@@ -64,6 +64,26 @@ def residual(shape: Shape, local: Rows, kind: Kind) -> Float[Array, " point"]:
     return 2.0 * _box_factor(shape, True) * away
 
 
+KINDS: tuple[Kind, ...] = ("solina", "solina_box", "radial", "distance", "volume_distance")
+"""Residuals in the order of their numbers."""
+
+
+def chosen_slopes(kind, shape: Shape, local: Rows) -> tuple[Any, Shape, tuple]:
+    """`slopes` of the residual with the number `kind`, which is a run-time argument.
+
+    A program computes only the one chosen, so that one program does for all.
+    """
+    of = lambda name: lambda *at: slopes(  # noqa: E731
+        lambda shape, local: residual(shape, local, name), *at)
+    return jax.lax.switch(kind, [of(name) for name in KINDS], shape, local)
+
+
+def chosen_residual(kind, shape: Shape, local: Rows) -> Float[Array, " point"]:
+    """The residual with the number `kind`, which is a run-time argument."""
+    of = lambda name: lambda *at: residual(*at, name)  # noqa: E731
+    return jax.lax.switch(kind, [of(name) for name in KINDS], shape, local)
+
+
 def widening(taper: Any) -> Any:
     """Width of a tapered body's widest section over that of its middle one: 1 + |taper|, rounded.
 
