@@ -15,7 +15,7 @@ import numpy as np
 
 PIECE = 32
 """Points in a piece."""
-SLOTS = 32
+SLOTS = 16
 """Slots for the pieces of one launch, or a multiple where a single group needs more."""
 
 
@@ -35,8 +35,10 @@ def pieces_of(points: int) -> int:
 def divided(values: np.ndarray) -> np.ndarray:
     """[lane, ..., point] as [lane, piece, ..., PIECE], padded with zeros."""
     pieces = pieces_of(values.shape[-1])
-    padding = [(0, 0)] * (values.ndim - 1) + [(0, pieces * PIECE - values.shape[-1])]
-    parts = np.pad(values, padding).reshape(*values.shape[:-1], pieces, PIECE)
+    missing = pieces * PIECE - values.shape[-1]
+    if missing:
+        values = np.pad(values, [(0, 0)] * (values.ndim - 1) + [(0, missing)])
+    parts = values.reshape(*values.shape[:-1], pieces, PIECE)
     return np.moveaxis(parts, -2, 1)
 
 
@@ -55,7 +57,8 @@ def in_slots(values: np.ndarray, group: int, groups: int, slots: int) -> np.ndar
         rows = parts[number * group : min((number + 1) * group, lanes)]
         at = slice(number * count, (number + 1) * count)
         room[: len(rows), at] = rows
-        room[len(rows) :, at] = rows[-1]  # valid data, whose results are dropped
+        if len(rows) < group:
+            room[len(rows) :, at] = rows[-1]  # valid data, whose results are dropped
     return room
 
 

@@ -15,7 +15,6 @@ from fit.optimize.solver import NormalEquations, normal_equations_of, robust
 from fit.revolution.record import RevolutionOptions
 from fit.superquadric.parameter_vector import Tensor
 
-
 BY_POINT = ("points", "weight")
 """Fields of `FitData` with a value for each touch."""
 

@@ -134,7 +134,7 @@ def _free_space_sums(body: Body, free: Float[Tensor, "5 free"]):
 
 
 def _point_columns(
-    places: Float[Tensor, "row point"], local, found: tuple, transform: Callable
+    places: Float[Tensor, "coordinate point"], local, found: tuple, transform: Callable
 ) -> Float[Array, "row point"]:
     """Derivatives of residuals at points, as `_columns`, from their `slopes` before `transform`."""
     value, by_shape, by_place = found

@@ -108,6 +108,7 @@ def test_an_episode_here_is_the_sweeps_row_of_the_same_probes(tmp_path: Path) ->
     assert (info["chamfer_mm"] == rows["chamfer_mm"]).all()
     assert (info["status"] == rows["status"]).all()
     assert (info["touches"] == rows["touches"]).all()
+    assert not worlds._run.fitted.rough.any()  # the end of an episode, as there
 
 
 def test_objects_are_mixed_and_meshes_taken(tmp_path: Path) -> None:
