@@ -39,11 +39,16 @@ def nearest_reachable(arm: ArmTable, hand: HandTable, hand_pose: np.ndarray) -> 
     """
     steps = np.arange(-_FARTHEST_M, _FARTHEST_M + _LATTICE_M / 2, _LATTICE_M)
     place = np.stack(np.meshgrid(steps, steps, steps[steps >= 0.0]), -1).reshape(-1, 3)
-    poses = np.concatenate([place, np.tile(hand_pose[3:], (len(place), 1))], 1)
-    poses = poses[pose_reachable(arm, hand, poses)]
-    if len(poses) == 0:
+    place = place[np.argsort(np.linalg.norm(place - hand_pose[:3], axis=1), kind="stable")]
+    best, first, count = None, 0, _ON_LINE
+    while best is None and first < len(place):  # the nearest first, most often among the first few
+        near = place[first:first + count]
+        poses = np.concatenate([near, np.tile(hand_pose[3:], (len(near), 1))], 1)
+        reached = pose_reachable(arm, hand, poses)
+        best = poses[int(reached.argmax())] if reached.any() else None
+        first, count = first + count, 2 * count
+    if best is None:
         return None
-    best = poses[np.linalg.norm(poses[:, :3] - hand_pose[:3], axis=1).argmin()]
     way = hand_pose[:3] - best[:3]
     length = float(np.linalg.norm(way))
     on_line = np.repeat(best[None], _ON_LINE, 0)

@@ -69,3 +69,16 @@ def test_no_reachable_place_is_much_nearer_than_the_nearest() -> None:
 def test_a_pose_that_no_place_allows_has_no_nearest() -> None:
     short = ArmTable(limit_low_rad=(0.0,) * 6, limit_high_rad=(0.01,) * 6)
     assert nearest_reachable(short, HAND, np.array([0.4, 0, 0.3, 1.0, 0, 0, 0])) is None
+
+
+def test_the_nearest_place_is_found_by_trying_few(monkeypatch: pytest.MonkeyPatch) -> None:
+    tried: list[int] = []
+
+    def counted(arm: ArmTable, hand: HandTable, poses: np.ndarray) -> np.ndarray:
+        tried.append(poses.size // 7)
+        return pose_reachable(arm, hand, poses)
+
+    monkeypatch.setattr("warpgrasp.mechanism.arm_reach.pose_reachable", counted)
+    # Every failed episode of a sweep asks: the whole lattice is 60,025 places.
+    assert nearest_reachable(ARM, HAND, np.array([1.0, 0.0, 0.3, 1.0, 0, 0, 0])) is not None
+    assert sum(tried) < 4000
