@@ -32,7 +32,7 @@ def pieces_of(points: int) -> int:
     return -(-points // PIECE)
 
 
-def divided(values: np.ndarray) -> np.ndarray:
+def divided(values: Any) -> np.ndarray:
     """[lane, ..., point] as [lane, piece, ..., PIECE], padded with zeros."""
     pieces = pieces_of(values.shape[-1])
     missing = pieces * PIECE - values.shape[-1]

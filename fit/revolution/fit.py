@@ -7,6 +7,7 @@ count too.
 """
 
 from functools import lru_cache
+from typing import Any
 
 import jax
 import numpy as np
@@ -17,7 +18,7 @@ from fit.optimize.multistart import Problem, advance, finish, screen
 from fit.optimize.pieces import PIECE, divided, undivided
 from fit.prepare import Sets, prepare
 from fit.revolution.record import RevolutionFit, RevolutionOptions
-from fit.revolution.residuals import BY_POINT, Evaluated, FitData, evaluate, normal_equations
+from fit.revolution.residuals import BY_POINT, FitData, evaluate, normal_equations
 from fit.rotation import is_upward
 from fit.superquadric.starts import box_starts
 
@@ -151,8 +152,8 @@ def _problem(options: RevolutionOptions) -> Problem:
                    f"{options}", BY_POINT)
 
 
-def _evaluated(theta, lanes: FitData, options: RevolutionOptions) -> Evaluated:
-    """`evaluate` of every fit; each piece of its touches is a lane of the program."""
+def _evaluated(theta, lanes: FitData, options: RevolutionOptions) -> Any:
+    """The `Evaluated` of every fit; each piece of its touches is a lane of the program."""
     points, weight = divided(lanes.points), divided(lanes.weight)
     n, pieces = weight.shape[:2]
     spread = take(lanes._replace(points=points[:, 0], weight=weight[:, 0]),

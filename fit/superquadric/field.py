@@ -9,6 +9,7 @@ make the rest of a descent NaN.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -73,15 +74,15 @@ def chosen_slopes(kind, shape: Shape, local: Rows) -> tuple[Any, Shape, tuple]:
 
     A program computes only the one chosen, so that one program does for all.
     """
-    of = lambda name: lambda *at: slopes(  # noqa: E731
-        lambda shape, local: residual(shape, local, name), *at)
+    def of(name: Kind) -> Callable:
+        return lambda shape, local: slopes(partial(residual, kind=name), shape, local)
+
     return jax.lax.switch(kind, [of(name) for name in KINDS], shape, local)
 
 
 def chosen_residual(kind, shape: Shape, local: Rows) -> Float[Array, " point"]:
     """The residual with the number `kind`, which is a run-time argument."""
-    of = lambda name: lambda *at: residual(*at, name)  # noqa: E731
-    return jax.lax.switch(kind, [of(name) for name in KINDS], shape, local)
+    return jax.lax.switch(kind, [partial(residual, kind=name) for name in KINDS], shape, local)
 
 
 def widening(taper: Any) -> Any:
