@@ -105,13 +105,13 @@ class ContactTable:
     weight: bool = field(default=True, metadata={"doc": "links weigh down on the servos"})
     self_contact: bool = field(default=True, metadata={
         "doc": "fingers stop at one another and at the palm"})
-    friction: float = _number(0.0, 0.0, 2.0, "coefficient of the skin on object and table; 0: it "
+    friction: float = _number(0.5, 0.0, 2.0, "coefficient of the skin on object and table; 0: it "
                               "slides freely [est]")
 
     @staticmethod
     def none() -> "ContactTable":
         """Nothing beside them."""
-        return ContactTable(joint_stops=False, weight=False, self_contact=False)
+        return ContactTable(joint_stops=False, weight=False, self_contact=False, friction=0.0)
 
 
 @spec_words

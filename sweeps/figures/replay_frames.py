@@ -200,7 +200,7 @@ def refits(cell: Cell, grasps: Grasps, world: int) -> list[np.ndarray | None]:
     """
     one = replace(rows_of(grasps, [world]), commands_rad=grasps.commands_rad)
     evidence = evidence_from_grasps(one, cell.hand.link_radius_m)
-    links = (touched_links(one, cell.hand)
+    links = (touched_links(one, cell.hand, cell.contact)
              if cell.sensors.contact_estimator == "intrinsic" else None)
     probes = one.closing.status.shape[1]
     copies = np.zeros(probes, int)
