@@ -116,6 +116,7 @@ def assert_the_same(rows: Rows, worlds: GraspVectorEnv, info: dict[str, Any]) ->
     assert (info["chamfer_mm"] == rows["chamfer_mm"]).all()
     assert (info["status"] == rows["status"]).all()
     assert (info["touches"] == rows["touches"]).all()
+    assert not worlds._run.fitted.rough.any()  # both end with `finish`
     for name, column in model_columns(worlds._run.belief, worlds._run.recovered).items():
         if column.dtype.kind != "O":  # but for contours, which are lists
             assert np.array_equal(column, rows[name], equal_nan=column.dtype.kind == "f"), name
