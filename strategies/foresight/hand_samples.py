@@ -44,7 +44,7 @@ class HandSamples:
 
 
 @lru_cache(maxsize=8)
-def hand_samples(hand: HandTable, closings: tuple[str, ...]) -> HandSamples:
+def samples_of_hand(hand: HandTable, closings: tuple[str, ...]) -> HandSamples:
     """Samples of a hand for closing paths named in `CLOSING_PATHS`."""
     commands, count = padded_commands(closings)
     swept = []

@@ -30,7 +30,7 @@ MARGIN_M = 0.025
 """Of the grid about the prior; objects outside are not looked for."""
 PRIOR_SIGMA_M = 0.012
 """Of the prior's sides and top [est]."""
-AT_RIM, AT_AXIS = 0.15, 0.85
+AT_RIM, AT_AXIS = 0.03, 0.80
 """Probability of an object at the prior's rim and at its axis [est]."""
 NEAR_M = 0.010
 """What a contact covers."""
@@ -145,7 +145,7 @@ def begin_occupancy(prior: BoundingCylinder, radius_m: float) -> Occupancy:
         share = far / prior.radius_m[:, None, None]
     over = middle[2] - prior.height_m[:, None]
     within = ndtr((radius_m - outside) / PRIOR_SIGMA_M) * (
-        AT_RIM + (AT_AXIS - AT_RIM) * np.clip(1.0 - share, 0.0, 1.0))
+        AT_RIM + (AT_AXIS - AT_RIM) * np.clip(1.0 - share, 0.0, 1.0) ** 2)
     hit = within[..., None] * ndtr((radius_m - over) / PRIOR_SIGMA_M)[:, None, None]
     return Occupancy(corner, size, hit.reshape(len(size), -1), radius_m)
 

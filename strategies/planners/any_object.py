@@ -16,9 +16,9 @@ from strategies.foresight import (
     HandSamples,
     Occupancy,
     begin_occupancy,
-    hand_samples,
     lowest_of_hand,
     reached_place,
+    samples_of_hand,
 )
 from strategies.planners.probes import Grasp, Probe
 from strategies.planners.register import planner
@@ -27,7 +27,7 @@ from strategies.recovery.evidence import TABLE_MARGIN_M
 from warpgrasp.core.random import counter_key, counter_uniform
 from warpgrasp.mechanism.arm_reach import pose_reachable
 
-CANDIDATES = 128
+CANDIDATES = 256
 """Poses drawn at each step."""
 ABOUT_FELT = 0.6
 """Share of them about what was felt, once anything was [est]."""
@@ -58,7 +58,7 @@ class _Asked:
 class AnyObject:
     """Greedy expected coverage."""
 
-    def __init__(self, poses: int = 2, candidates: int = CANDIDATES) -> None:
+    def __init__(self, poses: int = 4, candidates: int = CANDIDATES) -> None:
         """`poses` a step, chosen of so many `candidates`. Raises ValueError."""
         self.poses, self.candidates = int(poses), int(candidates)
         if not 1 <= self.poses <= 16:
@@ -71,7 +71,7 @@ class AnyObject:
 
     def __call__(self, belief: Belief) -> list[Probe]:
         """The next poses of every world that is active."""
-        samples = hand_samples(belief.hand, belief.closings)
+        samples = samples_of_hand(belief.hand, belief.closings)
         if self.grid is None:
             self.grid = begin_occupancy(belief.prior, belief.hand.link_radius_m)
         self._learn(belief, samples)
@@ -149,7 +149,7 @@ def _swept_balls(samples: HandSamples, asked: _Asked, closed: np.ndarray, q_rad:
                  contact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Balls of the base frame that are free: the open hand that came in, and the fingers up to
     where they stopped. (world, ball, 3), and how many of each world."""
-    worlds, poses = asked.wanted.shape
+    worlds = len(asked.wanted)
     swept = samples.swept[asked.closing]
     found: list[list[np.ndarray]] = [[] for _ in range(worlds)]
     turn = matrix_of_quaternion(asked.pose[..., 3:])
