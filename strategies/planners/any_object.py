@@ -12,14 +12,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fit.rotation import matrix_of_quaternion
-from strategies.foresight import (
+from strategies.foresight.hand_samples import (
     HandSamples,
-    Occupancy,
-    begin_occupancy,
     lowest_of_hand,
     reached_place,
     samples_of_hand,
 )
+from strategies.foresight.occupancy import Occupancy, begin_occupancy
 from strategies.planners.probes import Grasp, Probe
 from strategies.planners.register import planner
 from strategies.recovery.belief import Belief
@@ -68,23 +67,28 @@ class AnyObject:
         self.grid: Occupancy | None = None
         self.asked: _Asked | None = None
         self.step = 0
+        self.over: np.ndarray | None = None
+        """Worlds of which nothing was wanted once: alone, their episodes would have ended."""
 
     def __call__(self, belief: Belief) -> list[Probe]:
         """The next poses of every world that is active."""
         samples = samples_of_hand(belief.hand, belief.closings)
-        if self.grid is None:
-            self.grid = begin_occupancy(belief.prior, belief.hand.link_radius_m)
-        self._learn(belief, samples)
+        grid = self.grid or begin_occupancy(belief.prior, belief.hand.link_radius_m)
+        self.grid = grid
+        if self.asked is not None:
+            self._learn(belief, samples, grid, self.asked)
         poses = self._candidates(belief, samples)
-        free = pose_reachable(belief.arm, belief.hand, poses) & belief.active[:, None]
+        over = np.zeros(belief.worlds, bool) if self.over is None else self.over
+        free = pose_reachable(belief.arm, belief.hand, poses) & (belief.active & ~over)[:, None]
         closing = self.step % len(belief.closings)
         evidence = belief.evidence
-        seen = self.grid.foresee(
+        seen = grid.foresee(
             samples.open_m, samples.swept[closing], poses, free,
-            self.grid.worth(evidence.points_m, evidence.mask),
+            grid.worth(evidence.points_m, evidence.mask),
             TABLE_MARGIN_M + 0.5 * belief.hand.link_radius_m)
         chosen, wanted = _greedy(np.where(free[..., None], seen.gain, 0.0), seen.place_m,
                                  self.poses)
+        self.over = over | ~wanted.any(1)
         pose = np.take_along_axis(poses, chosen[..., None], 1)
         self.asked = _Asked(pose, wanted, closing, evidence.mask.shape[1])
         self.step += 1
@@ -125,24 +129,23 @@ class AnyObject:
         pose[..., 2] += np.maximum(clear - lowest, 0.0)
         return pose
 
-    def _learn(self, belief: Belief, samples: HandSamples) -> None:
+    @staticmethod
+    def _learn(belief: Belief, samples: HandSamples, grid: Occupancy, asked: _Asked) -> None:
         """What the grasps last asked for have told of the cells."""
-        asked, evidence = self.asked, belief.evidence
-        if asked is None or self.grid is None:
-            return
+        evidence = belief.evidence
         worlds, poses = asked.wanted.shape
         new = slice(asked.slots, asked.slots + 4 * poses)
         q = belief.links.q_rad[:, new].reshape(worlds, poses, 4, 4)
         closed = asked.wanted[..., None] & (q != 0.0).any(-1)  # nothing is read of what was barred
-        self.grid.learn_barred(samples.open_m, asked.pose,
-                               asked.wanted & ~closed.any(2) & belief.active[:, None])
+        grid.learn_barred(samples.open_m, asked.pose,
+                          asked.wanted & ~closed.any(2) & belief.active[:, None])
         mask = evidence.mask[:, new]
         normal = np.nan_to_num(evidence.normals[:, new])
         spread = np.sqrt(np.trace(evidence.covariance_m2[:, new], axis1=2, axis2=3))
         sure = np.isfinite(evidence.contradiction[:, new]) & (np.abs(normal).sum(-1) > 0.0)
         weight = np.where(mask & sure, 1.0 / (1.0 + (spread / UNSURE_M) ** 2), 0.0)
         balls, count = _swept_balls(samples, asked, closed, q, mask.reshape(worlds, poses, 4))
-        self.grid.learn_touches(evidence.points_m[:, new], normal, weight, balls, count)
+        grid.learn_touches(evidence.points_m[:, new], normal, weight, balls, count)
 
 
 def _swept_balls(samples: HandSamples, asked: _Asked, closed: np.ndarray, q_rad: np.ndarray,

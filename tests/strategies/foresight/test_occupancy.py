@@ -45,8 +45,9 @@ def test_the_prior_falls_from_its_axis_to_nothing_outside() -> None:
     assert (np.diff(along) < 0.0).all()
     assert along[0] > 0.5
     assert nearest(grid, [0.45, 0.0, 0.12]) < 0.5 * along[0]
-    turned = BoundingBox(*(getattr(prior(), n) for n in ("x_m", "y_m", "radius_m", "height_m")),
-                         np.array([[0.05, 0.01]]), np.array([np.pi / 2]))
+    c = prior()
+    turned = BoundingBox(c.x_m, c.y_m, c.radius_m, c.height_m, np.array([[0.05, 0.01]]),
+                         np.array([np.pi / 2]))
     box = begin_occupancy(turned, RADIUS_M)
     assert nearest(box, [0.45, 0.025, 0.05]) > nearest(box, [0.475, 0.0, 0.05])
 
