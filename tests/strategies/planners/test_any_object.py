@@ -29,13 +29,13 @@ def test_options_out_of_range_are_named() -> None:
         AnyObject(candidates=1)
 
 
-def test_it_finds_flat_things_that_rings_miss_and_not_by_the_batch() -> None:
+def test_it_finds_a_hammer_that_rings_miss_and_not_by_the_batch() -> None:
     short = replace(STRATEGIES["any-object"], touches=32)
-    rows = episodes(short, "pliers-1", np.arange(2))
-    rings = episodes(STRATEGIES["rim6-ring12"], "pliers-1", np.arange(2))
+    rows = episodes(short, "hammer-1", np.arange(2))
+    rings = episodes(STRATEGIES["rim6-ring12"], "hammer-1", np.arange(2))
     assert (rows["touches"] == 32).all()
     assert rows["touched10mm"].mean() > 2.0 * rings["touched10mm"].mean()
     assert rows["touched10mm"].min() > 0.05
-    alone = episodes(short, "pliers-1", np.arange(1, 2))
+    alone = episodes(short, "hammer-1", np.arange(1, 2))
     for name in ("touches", "touched10mm", "chamfer_mm", "robot_time_s", "contacts"):
         assert rows[name][1] == alone[name][0], name
