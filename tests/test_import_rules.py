@@ -20,7 +20,7 @@ FLOORS = {
             "revolution", "implicit", "plane", "polyhedron", "match_parameters",
             "interpretation_tree", "points_csv"],
     "strategies": ["poses", "strategy", "ready_made", "procedures", "contacts", "recovery",
-                   "recognition", "planners", "reconstruct", "exploration"],
+                   "recognition", "foresight", "planners", "reconstruct", "exploration"],
     "sweeps": ["output", "text_table", "spec", "episode", "run", "analysis", "compare", "figures",
                "race", "report", "watch", "gym", "paper", "validate", "bench", "cli", "__main__"],
 }

@@ -11,7 +11,8 @@ import numpy as np
 
 KERNEL_MODULES = (
     "strategies.contacts.placing_kernel",
-    "strategies.planners.foresight_kernel",
+    "strategies.foresight.foresight_kernel",
+    "strategies.foresight.occupancy_kernel",
     "strategies.recovery.body_distances_kernel",
     "strategies.recognition.pose_alignment_kernel",
     "sweeps.episode.scores_kernel",
