@@ -15,14 +15,14 @@ from places import ROOT
 
 FLOORS = {
     "warpgrasp": ["spec_words", "parameters", "probe_status", "motion_cost", "core", "geometry",
-                  "objects", "mechanism", "finger", "closing", "touch", "export", "robot"],
+                  "objects", "hands", "mechanism", "finger", "closing", "touch", "export", "robot"],
     "fit": ["fit_status", "rotation", "arrays", "optimize", "prepare", "superquadric",
             "revolution", "implicit", "plane", "polyhedron", "match_parameters",
             "interpretation_tree", "points_csv"],
     "strategies": ["poses", "strategy", "ready_made", "procedures", "contacts", "recovery",
                    "recognition", "planners", "reconstruct", "exploration"],
     "sweeps": ["output", "text_table", "spec", "episode", "run", "analysis", "compare", "figures",
-               "race", "report", "gym", "paper", "validate", "bench", "cli", "__main__"],
+               "race", "report", "watch", "gym", "paper", "validate", "bench", "cli", "__main__"],
 }
 """The rooms and files of each package; one may import those before it, in its package."""
 BELOW = {"warpgrasp": set(), "fit": set(), "strategies": {"warpgrasp", "fit"},

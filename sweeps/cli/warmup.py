@@ -23,6 +23,7 @@ KERNEL_MODULES = (
     "warpgrasp.closing.readout",
     "warpgrasp.geometry.scene",
     "warpgrasp.geometry.sdf_grid",
+    "warpgrasp.hands.link_frames_kernel",
     "warpgrasp.mechanism.arm_motion_kernel",
     "warpgrasp.mechanism.puma560_kernel",
     "warpgrasp.mechanism.utah_mit_hand_kernel",
