@@ -97,6 +97,7 @@ class Plan:
 def plan_study(study: Study) -> Plan:
     """The plan of a study; the files it names are read once."""
     _file_hash.cache_clear()
+    _TABLES.clear()
     resolved = canonical_study(study)
     return Plan(study, resolved, digest(resolved))
 
@@ -112,7 +113,7 @@ def cell_hash(cell: Cell, body: Body) -> str:
     return digest({
         "strategy": canonical_strategy(cell.strategy), "object": cell.object_name,
         "body": canonical_body(body), "seed": cell.seed,
-        **{name: canonical_table(getattr(cell, name)) for name in TABLES},
+        **{name: _same_table(getattr(cell, name)) for name in TABLES},
         **({} if cell.true is None else {"true": asdict(cell.true)})})
 
 
@@ -181,6 +182,21 @@ def canonical_study(study: Study) -> dict[str, Any]:
 
 def _canonical_axis(axis: Axis) -> dict[str, Any]:
     return {"sampled": axis.sampled, "keys": axis.keys, "values": axis.values, "si": axis.si}
+
+
+_TABLES: dict[int, tuple[Any, dict[str, Any]]] = {}
+"""Canonical tables by the identity of the table, which is kept so that none other takes its place.
+Most cells of a study share most of their tables. Equal ones may differ in kind: 1 and 1.0."""
+_MOST_TABLES = 4096
+
+
+def _same_table(table: Any) -> dict[str, Any]:
+    """`canonical_table`, computed once of each table."""
+    if (known := _TABLES.get(id(table))) is None:
+        if len(_TABLES) >= _MOST_TABLES:
+            _TABLES.clear()
+        known = _TABLES[id(table)] = table, canonical_table(table)
+    return known[1]
 
 
 @cache
