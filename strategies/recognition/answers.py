@@ -1,4 +1,4 @@
-"""Which known object was felt, if any, in each world of a batch, and by which way that was told.
+"""Which known object was felt, if any, in each world of a batch, and by which way.
 
     belief and recovered body → description by one way → density of each known object → probability
 
@@ -37,7 +37,7 @@ class Recognition:
     name: np.ndarray
     """A known object, "none of these", or "" where there is nothing to compare."""
     way: np.ndarray
-    """How it was told: faces, profile, parameters, catalogue_alignment, or ""."""
+    """By which way it was recognized: faces, profile, parameters, catalogue_alignment, or ""."""
     probability: np.ndarray
     """Of the answer; NaN where there is none."""
 

@@ -12,12 +12,12 @@ from strategies.recovery.choose_model import Shape
 from strategies.recovery.contact_verdict import accepted_contacts
 from sweeps.episode.episodes import EpisodeBlock
 from sweeps.figures.meshes import mesh_of_world, recovered_faces
-from sweeps.figures.outlines import draw_outline
 from sweeps.figures.solids import (
     CONTACT,
     FIT,
     TRUE,
     direction,
+    draw_outline,
     draw_solid,
     set_box,
     visible,

@@ -1,4 +1,4 @@
-"""Solids on three axes in millimetres, as the figures of bodies share them."""
+"""Solids on three axes in millimetres and their outlines, as the figures of bodies share them."""
 
 from typing import Any
 
@@ -6,6 +6,12 @@ import numpy as np
 
 BODY, CONTACT, TRUE, FIT = "#9db7d5", "#b2182b", "#4d4d4d", "#2166ac"
 LIGHT = np.array([0.3, -0.6, 0.74])
+PIXELS = 384
+"""Of the longer side of the picture that an outline is traced in."""
+_EDGE = 4
+"""Pixels around the body, so that its outline closes."""
+_SMOOTH = 1.0
+"""Standard deviation [pixels] of the blur that makes an outline of steps a curve."""
 
 
 def direction(azimuth_deg: float, elevation_deg: float) -> np.ndarray:
@@ -68,3 +74,32 @@ def set_cube(axes: Any, cloud: np.ndarray, share: float, least_mm: float, zoom: 
     low, high = cloud.min(axis=0), cloud.max(axis=0)
     middle, half = (low + high) / 2, share * max((high - low).max(), least_mm)
     set_box(axes, middle - half, middle + half, zoom)
+
+
+def silhouette(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Which places the faces of a body cover, its faces (face, corner, 2) seen along an axis,
+    concavities and holes included.
+
+    Coordinates of columns and of rows, and the covered share (row, column) from 0 to 1.
+    """
+    from PIL import Image, ImageDraw
+    from scipy.ndimage import gaussian_filter
+
+    low, high = faces.reshape(-1, 2).min(0), faces.reshape(-1, 2).max(0)
+    step = float((high - low).max()) / PIXELS
+    count = np.ceil((high - low) / step).astype(int) + 1 + 2 * _EDGE
+    picture = Image.new("L", (int(count[0]), int(count[1])))
+    pen = ImageDraw.Draw(picture)
+    for corners in (faces - low) / step + _EDGE:
+        pen.polygon([(float(x), float(y)) for x, y in corners], fill=255, outline=255)
+    covered = gaussian_filter(np.asarray(picture, float) / 255, _SMOOTH)
+    x, y = (low[k] + step * (np.arange(count[k]) - _EDGE) for k in (0, 1))
+    return x, y, covered
+
+
+def draw_outline(axes: Any, faces: np.ndarray, colour: str, style: str, label: str) -> None:
+    """Draws the outline of a body, its faces (face, corner, 2) seen along an axis."""
+    x, y, covered = silhouette(faces)
+    axes.contour(x, y, covered, levels=[0.5], colors=[colour], linestyles=[style],
+                 linewidths=1.2)
+    axes.plot([], [], style, color=colour, lw=1.2, label=label)  # contours have no legend

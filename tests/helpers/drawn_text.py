@@ -13,20 +13,21 @@ from sweeps.figures.style import COLUMN_IN
 
 def texts(drawn: Figure) -> list[tuple[str, np.ndarray]]:
     """What is written, with the corners (x0, y0, x1, y1) of where, in pixels."""
-    drawn_texts: list[Text] = []
+    found: list[tuple[str, np.ndarray]] = []
     draw = Text.draw
 
     def noted(self: Text, *given: object, **named: object) -> None:
-        drawn_texts.append(self)
         draw(self, *given, **named)
+        if self.get_text().strip() and self.get_visible() and not self.get_rotation() % 90:
+            # While it is drawn: only then a text of three axes stands where it is projected.
+            found.append((self.get_text(), self.get_window_extent().extents))
 
     canvas = FigureCanvasAgg(drawn)
     canvas.draw()  # lays it out
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Text, "draw", noted)
         canvas.draw()
-    return [(text.get_text(), text.get_window_extent().extents) for text in drawn_texts
-            if text.get_text().strip() and text.get_visible() and not text.get_rotation() % 90]
+    return found
 
 
 def looks_right(drawn: Figure) -> None:
