@@ -22,7 +22,7 @@ FLOORS = {
     "strategies": ["poses", "strategy", "ready_made", "procedures", "contacts", "recovery",
                    "recognition", "foresight", "planners", "reconstruct", "exploration"],
     "sweeps": ["output", "text_table", "spec", "episode", "run", "analysis", "compare", "figures",
-               "race", "report", "gym", "paper", "validate", "bench", "cli", "__main__"],
+               "race", "report", "watch", "gym", "paper", "validate", "bench", "cli", "__main__"],
 }
 """The rooms and files of each package; one may import those before it, in its package."""
 BELOW = {"warpgrasp": set(), "fit": set(), "strategies": {"warpgrasp", "fit"},

@@ -97,7 +97,8 @@ def entries_of(plan: Plan, axes: Sequence[int]) -> list[Entry]:
         for points in product(*(range(len(plan.study.axes[n].values)) for n in axes)):
             told = [f"{key}={value_text(value)}" for n, point in zip(axes, points, strict=True)
                     for key, value in zip(plan.study.axes[n].keys,
-                                          plan.study.axes[n].values[point], strict=True)]
+                                          plan.study.axes[n].values[point], strict=True)
+                    if value is not None]
             label = strategy.name + (f" [{', '.join(told)}]" if told else "")
             entries.append(Entry(number, label, dict(zip(axes, points, strict=True))))
     return entries

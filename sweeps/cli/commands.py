@@ -20,6 +20,7 @@ from sweeps.run.store import Store, open_study, plan_of
 from sweeps.run.worker import EPISODES
 from sweeps.spec.errors import StoreError
 from sweeps.spec.reader import read_spec
+from sweeps.spec.search import refuse_search
 from sweeps.text_table import print_table
 from warpgrasp.core.plain_text import on_one_line
 
@@ -31,13 +32,16 @@ SHOWN = ("rank", "strategy", "_ci_low", "_ci_high", "p_best", "iou", "recognized
 def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], device: str,
           settings: Sequence[str], as_json: bool, engine: str = "local",
           address: str | None = None, unit_timeout_s: float = UNIT_TIMEOUT_S,
-          verify: bool = False) -> int:
-    """Runs what is left of a study, then ranks it."""
+          verify: bool = False, until: float | None = None) -> int:
+    """Runs what is left of a study, then ranks it; `until` its best is known within so much."""
     if device != "cpu" and engine == "local" and device not in (found := devices()):
         raise StoreError(f"--device: there is no {device} here; there are: {', '.join(found)}")
-    plan = plan_study(read_spec(spec, settings))
-    store = Store(folder)
     options = Options(workers, shard, device, EPISODES, unit_timeout_s, verify)
+    if until is not None:
+        return _sweep_until(spec, folder, until, options, settings, as_json, engine, address)
+    plan = plan_study(read_spec(spec, settings))
+    refuse_search(plan.study, spec)
+    store = Store(folder)
     with terminated_as_interrupted(), store.lock(shard):
         for line in store.open_for(plan, spec.read_bytes(), device):
             note(line)
@@ -66,6 +70,25 @@ def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], dev
         say(f"{outcome.lost} units were lost: they were run, and their files are not there; "
             "run the sweep again")
     return SOME_FAILED if outcome.failed or outcome.lost else DONE
+
+
+def _sweep_until(spec: Path, folder: Path, within: float, options: Options,
+                 settings: Sequence[str], as_json: bool, engine: str, address: str | None) -> int:
+    """Runs a sweep until its best is known; prints what is known above the leaderboard."""
+    from sweeps.race.until import sweep_until
+
+    found = sweep_until(spec, folder, within=within, options=options, settings=settings,
+                        engine=engine, address=address)
+    if as_json:
+        rows = [dict(zip(found.board.header, row, strict=True)) for row in found.board.rows]
+        print(json.dumps({**found.lines, "within": found.within, "table": rows}, indent=1))
+    else:
+        width = max(map(len, found.lines))
+        for name, text in found.lines.items():
+            print(f"{name.ljust(width)}  {on_one_line(text)}")
+        print()
+        _show(found.board, False)
+    return SOME_FAILED if found.failed else DONE
 
 
 def _run(plan: Plan, store: Store, options: Options, engine: str,

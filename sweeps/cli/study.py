@@ -92,10 +92,10 @@ def check(spec: Path, /, *, set_: Settings = None, pilot: Path | None = None,
 
 @app.command
 def sweep(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])],
-          workers: int = 1, shard: str = "1/1", device: str = "cpu", set_: Settings = None,
-          engine: Literal["local", "ray"] = "local", address: str | None = None,
-          unit_timeout_s: float = 3600.0, verify: Annotated[bool, Parameter(negative="")] = False,
-          json: Json = False) -> int:
+          until: float | None = None, workers: int = 1, shard: str = "1/1", device: str = "cpu",
+          set_: Settings = None, engine: Literal["local", "ray"] = "local",
+          address: str | None = None, unit_timeout_s: float = 3600.0,
+          verify: Annotated[bool, Parameter(negative="")] = False, json: Json = False) -> int:
     """Run a study, or what is left of it, and print its leaderboard.
 
     Parameters
@@ -104,6 +104,9 @@ def sweep(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])
         The study, a TOML file; `warpgrasp init` writes a template.
     out
         The directory of the study; a second run continues where the first stopped.
+    until
+        Millimetres of chamfer_mm: go on with more episodes of every entry until the best is known
+        within so much (95 %); `race` answers the same with fewer, for it drops entries.
     workers
         Cores to use, one process each.
     shard
@@ -128,10 +131,15 @@ def sweep(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])
 
     if address is not None and engine != "ray":
         raise UsageError("--address: is for --engine ray")
+    if until is not None and not 0.0 < until < 1e9:
+        raise UsageError(f"--until: is {until:g}; should be a number between 0 and 1e9")
+    if until is not None and shard != "1/1":
+        raise UsageError("--until: what comes next depends on all units, so it takes no --shard; "
+                         "use --engine ray for several machines")
     return commands.sweep(spec, out, workers=count_of(workers, "--workers"), shard=shard_of(shard),
                           device=device_of(device), settings=set_ or [], engine=engine,
                           address=address, unit_timeout_s=timeout_of(unit_timeout_s), verify=verify,
-                          as_json=json)
+                          as_json=json, until=until)
 
 
 @app.command
@@ -183,7 +191,7 @@ def race(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
         Print JSON.
     """
     from sweeps.race.command import race as run_race
-    from sweeps.race.command import rules_of
+    from sweeps.race.course import rules_of
     from sweeps.run.local_engine import Options
     from sweeps.run.worker import EPISODES
 
@@ -207,6 +215,36 @@ def race(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
                     episodes=budget_episodes, minutes=budget_minutes, metric=metric, over=over,
                     options=options, settings=set_ or [], as_json=json, engine=engine,
                     address=address)
+
+
+@app.command
+def watch(folder: Path, /, *, port: int = 0, metric: str = "chamfer_mm",
+          terminal: Annotated[bool, Parameter(negative="")] = False,
+          open_: Annotated[bool, Parameter(name="--open", negative="")] = False) -> int:
+    """Watch a sweep or a race, also while it runs: a page on this machine, or text.
+
+    Parameters
+    ----------
+    folder
+        The directory of a sweep or a race; nothing is written there.
+    port
+        Of the page, on 127.0.0.1; by default a free one. Its address is printed.
+    metric
+        Of a sweep's leaderboard; a race has its own.
+    terminal
+        Print it instead; on a terminal again and again until the run ends.
+    open_
+        Open the page in the browser of this machine.
+    """
+    if not 0 <= port <= 65535:
+        raise UsageError(f"--port: is {port}; should be a whole number from 0 to 65535")
+    if terminal:
+        from sweeps.watch.terminal import watch_in_terminal
+
+        return watch_in_terminal(folder, metric=metric)
+    from sweeps.watch.server import watch as serve
+
+    return serve(folder, port=port, metric=metric, opens=open_)
 
 
 @app.command

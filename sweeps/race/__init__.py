@@ -3,6 +3,10 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "command": ["race", "rules_of"],
+    "command": ["race"],
+    "course": ["rules_of"],
     "power": ["power_row"],
+    "race_note": ["read_race_note"],
+    "race_units": ["RaceUnits"],
+    "until": ["sweep_until"],
 })

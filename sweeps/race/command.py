@@ -3,18 +3,18 @@
 import json
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from sweeps.analysis.entries import HIGHER_IS_BETTER, LeaderboardError, check_metric
+from sweeps.analysis.entries import LeaderboardError, check_metric
 from sweeps.output import note, say, write_atomic
-from sweeps.race.elimination import Look, Part, Race, Rules
+from sweeps.race.course import Course, afforded, check_entries, run_course
+from sweeps.race.elimination import Race, Rules
+from sweeps.race.race_note import begin_race_note
 from sweeps.race.race_units import RaceUnits
+from sweeps.race.search import SearchCourse, search_lines, search_table
 from sweeps.race.verdict import Verdict, amount, claim, race_table, summary, verdict_of
-from sweeps.run.local_engine import Options, run, terminated_as_interrupted
-from sweeps.run.plan import Plan, Unit, plan_study
-from sweeps.run.progress import Progress
-from sweeps.run.scheduler import Outcome
+from sweeps.run.local_engine import Options, terminated_as_interrupted
+from sweeps.run.plan import Plan, plan_study
 from sweeps.run.store import Store
 from sweeps.spec.errors import StoreError
 from sweeps.spec.reader import read_spec
@@ -23,71 +23,6 @@ from warpgrasp.core.plain_text import on_one_line
 
 SHOWN = 20
 """Rows that are printed; `race.csv` has them all."""
-
-
-@dataclass
-class Course:
-    """A race under way: what the engine asks for the next units."""
-
-    race: Race
-    units: RaceUnits
-    until: float = float("inf")
-    """The time of `time.monotonic` after which no rung begins."""
-    late: bool = False
-    asked: list[Part] = field(default_factory=list)
-    again: set[str] = field(default_factory=set)  # ids of units that were found damaged
-
-    def further(self) -> Sequence[Unit]:
-        """Takes in the rung that has been run, and gives the units of the next."""
-        if self.asked:
-            found = self.units.scores(self.asked)
-            if damaged := self.units.missing:
-                return self._once_more(damaged)
-            look = self.race.take(self.asked, found)
-            note(self._line(look))
-            self.asked = []
-        if self.race.looks and time.monotonic() > self.until:
-            self.late = not self.over
-            return []
-        self.asked = self.race.asked()
-        return self.units.units(self.asked)
-
-    @property
-    def over(self) -> bool:
-        """Whether the race is decided."""
-        return bool(self.race.looks) and not self.race.looks[-1].open.any()
-
-    def _once_more(self, damaged: list[Unit]) -> list[Unit]:
-        """Units whose rows turned out to be damaged are run again, once."""
-        if twice := self.again & {unit.id for unit in damaged}:
-            raise StoreError(f"{self.units.store.folder}: {len(twice)} units were damaged twice; "
-                             f"see {self.units.store.logs}", 1)
-        self.again |= {unit.id for unit in damaged}
-        note(f"{len(damaged)} damaged units are run again; see {self.units.store.logs}")
-        return damaged
-
-    def _line(self, look: Look) -> str:
-        """How the race stands after a rung."""
-        each = int(look.replicates.max())
-        what = ("episodes on each object" if self.units.over == "these" else "objects")
-        best = self.units.entries[look.leader].label
-        known = amount(look.within if look.open.any() else self.race.rules.within,
-                       self.units.metric)
-        return (f"rung {look.number}, {each} {what}: {int(look.out.sum()):,} of "
-                f"{len(look.out):,} entries are worse, {int(look.open.sum()):,} may be better by "
-                f"more; {best} leads, within {known} of the best")
-
-
-def rules_of(within: float, confidence: float, start: int, cap: float | None, metric: str) -> Rules:
-    """The rules of a race from the command's arguments; `confidence` in percent.
-
-    What is right or wrong has safe bounds always: entries that were right eight times are no proof
-    that they never differ, as a standard error of zero would have it.
-    """
-    if metric == "recognized":
-        cap = 1.0
-    bounds = None if cap is None else (-cap, 0.0) if metric in HIGHER_IS_BETTER else (0.0, cap)
-    return Rules(within, confidence / 100.0, start, bounds)
 
 
 def race(spec: Path, folder: Path, *, rules: Rules, episodes: int | None, minutes: float | None,
@@ -102,27 +37,26 @@ def race(spec: Path, folder: Path, *, rules: Rules, episodes: int | None, minute
     check_metric(metric)
     plan = plan_study(read_spec(spec, settings))
     store = Store(folder)
-    units = RaceUnits(plan, store, metric, over)
-    course = Course(Race(len(units.entries), _afforded(rules, units, episodes)), units,
-                    began + 60.0 * minutes if minutes is not None else float("inf"))
-    _check(course, spec)
+    until = began + 60.0 * minutes if minutes is not None else float("inf")
+    course = _course(spec, plan, store, rules, episodes, metric, over, until)
     with terminated_as_interrupted(), store.lock(options.shard):
         for line in store.open_for(plan, spec.read_bytes(), options.device):
             note(line)
+        begin_race_note(store.logs, metric, over)
         try:
-            outcome = _run(units.plan, store, options, course, engine, address)
+            outcome = run_course(course.whole, store, options, course.further, engine, address)
         except KeyboardInterrupt:
             if course.race.looks:
-                _write(folder, verdict_of(course.race, units))
-                say(f"so far: {claim(verdict_of(course.race, units))}")
+                _write(folder, verdict_of(course.race, course.units))
+                say(f"so far: {claim(verdict_of(course.race, course.units))}")
             raise
         if not course.race.looks:
-            raise StoreError(f"--budget-episodes: is {episodes}; the first rung of "
-                             f"{len(units.entries):,} entries takes "
-                             f"{_first_rung(units, rules):,} episodes", 2)
-        found = verdict_of(course.race, units)
+            raise StoreError(f"--budget-episodes: is {episodes}; {course.least}", 2)
+        found = verdict_of(course.race, course.units)
         _write(folder, found)
-    _show(found, as_json)
+        if isinstance(course, SearchCourse):
+            write_atomic(folder / "search.csv", search_table(course).csv())
+    _show(found, as_json, search_lines(course) if isinstance(course, SearchCourse) else {})
     if not found.reached:
         spent = "time" if course.late else "budget of episodes" if episodes else "objects"
         note(f"note: the {spent} ended before the best was known within "
@@ -132,37 +66,17 @@ def race(spec: Path, folder: Path, *, rules: Rules, episodes: int | None, minute
     return int(bool(outcome.failed or outcome.lost))
 
 
-def _afforded(rules: Rules, units: RaceUnits, episodes: int | None) -> Rules:
-    """The rules with the budget in replicates, and as many of each as there can be."""
-    budget = None if episodes is None else episodes // units.episodes_each
-    most = len(units.order) if units.over == "like-these" else None
-    return replace(rules, budget=budget, most=most,
-                   start=min(rules.start, most) if most else rules.start)
-
-
-def _first_rung(units: RaceUnits, rules: Rules) -> int:
-    return len(units.entries) * units.episodes_each * 2
-
-
-def _check(course: Course, spec: Path) -> None:
-    """Refuses a race of one entry, or one that could never end."""
-    units = course.units
-    if len(units.entries) < 2:
-        raise LeaderboardError(f"{spec}: has one entry; a race needs two or more strategies, or "
-                               "values of [sweep.grid] or --set")
-    if units.over == "like-these" and len(units.order) < 2:
-        raise LeaderboardError("--over like-these: nothing follows from one object about others; "
-                               "use --over these, or name more objects")
-
-
-def _run(plan: Plan, store: Store, options: Options, course: Course, engine: str,
-         address: str | None) -> Outcome:
-    with Progress(0, store.note("1-of-1")) as progress:
-        if engine == "ray":
-            from sweeps.run.ray_engine import run_on_ray
-
-            return run_on_ray(plan, store, options, progress, address, course.further)
-        return run(plan, store, options, progress, course.further)
+def _course(spec: Path, plan: Plan, store: Store, rules: Rules, episodes: int | None, metric: str,
+            over: str, until: float) -> Course | SearchCourse:
+    """The race of a study's entries, or of those that its search proposes."""
+    if plan.study.search is None:
+        units = RaceUnits(plan, store, metric, over)
+        check_entries(units, spec)
+        return Course(Race(len(units.entries), afforded(rules, units, episodes)), units, until)
+    if over != "these":
+        raise LeaderboardError("--over like-these: a [search] races on these objects; race its "
+                               "finalists in a spec of their own")
+    return SearchCourse(plan, store, metric, rules, episodes, until)
 
 
 def _write(folder: Path, found: Verdict) -> None:
@@ -174,8 +88,8 @@ def _write(folder: Path, found: Verdict) -> None:
     write_atomic(folder / "race.svg", encode(draw_race(found), "svg"))
 
 
-def _show(found: Verdict, as_json: bool) -> None:
-    lines, made = summary(found), race_table(found)
+def _show(found: Verdict, as_json: bool, more: dict[str, str]) -> None:
+    lines, made = {**summary(found), **more}, race_table(found)
     if as_json:
         rows = [dict(zip(made.header, row, strict=True)) for row in made.rows]
         print(json.dumps({**lines, "reached": found.reached, "within": found.within,

@@ -29,14 +29,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from sweeps.race.confidence_sequence import safe_lower, stratified_lower
+from sweeps.race.rung_level import level_at_rungs, next_rung
 
 START = 8
 """Replicates of the first rung. See docs/race.md for what fewer would risk."""
-GROWTH = 1.35
-"""Of the replicates from rung to rung."""
 CANDIDATES = 8
-"""Entries of the lowest means; where the lowest of them leaves as few or fewer open, and another
-none, that one leads."""
+"""Entries of the lowest means; where the leader leaves as few or fewer open, and another none, that
+one leads."""
+STAYS = 0.5
+"""A leader stays, though another has a lower mean by less than half of `within`, where the race
+should need less than this share of the replicates that it needs if the other one leads."""
+MOST_TIMES = 30.0
+"""A bound is not taken to need more than this squared times the replicates that it has."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,10 @@ class Rules:
     """Replicates of all entries together, at most."""
     most: int | None = None
     """Replicates that there are."""
+    everyone: bool = False
+    """All entries take part in every rung: nobody is eliminated."""
+    whole: int = 1
+    """Rungs end at multiples of it."""
 
 
 @dataclass(frozen=True)
@@ -146,7 +154,7 @@ class Race:
     def asked(self) -> list[Part]:
         """What the next rung needs; nothing where the race is over or its budget is spent."""
         count = self.count
-        stop = np.array([next_rung(int(n), self.rules.start) for n in count])
+        stop = np.array([next_rung(int(n), self.rules.start, self.rules.whole) for n in count])
         stop = np.where(self._running, np.minimum(stop, self.rules.most or stop), count)
         stop = _affordable(count, stop, self.rules.budget)
         if stop.max() < 2:
@@ -161,18 +169,16 @@ class Race:
             self._scores[entry] = (np.concatenate([self._scores[entry], cut], axis=1) if start
                                    else np.asarray(cut, float))
             self.last_rung[entry] = number
-        look = judge(number, self._scores, self._out, self.rules)
+        before = self.looks[-1].leader if self.looks else None
+        look = judge(number, self._scores, self._out, self.rules, before)
         self.looks.append(look)
         self._out = look.out
         count = look.replicates
         self._running = look.open.copy()
         self._running[look.leader] = (count[look.open] >= count[look.leader]).any()
+        if self.rules.everyone and look.open.any():
+            self._running[:] = True
         return look
-
-
-def next_rung(stop: int, start: int) -> int:
-    """Replicates after the rung that follows `stop`."""
-    return max(start, int(np.ceil(GROWTH * stop)))
 
 
 def _affordable(count: np.ndarray, stop: np.ndarray, budget: int | None) -> np.ndarray:
@@ -184,18 +190,36 @@ def _affordable(count: np.ndarray, stop: np.ndarray, budget: int | None) -> np.n
     return count + step * left // max(1, int(step.sum()))
 
 
-def judge(number: int, scores: Sequence[np.ndarray], out: np.ndarray, rules: Rules) -> Look:
-    """The look after a rung: the entry of the lowest mean leads, of those with most replicates;
-    or another of the lowest means, if that one leaves none open."""
+def judge(number: int, scores: Sequence[np.ndarray], out: np.ndarray, rules: Rules,
+          before: int | None = None) -> Look:
+    """The look after a rung. Of the entries with most replicates leads the one of the lowest mean;
+    or the leader `before`, where it is about as good and the race should end far sooner; or another
+    of the lowest means, if that one leaves none open."""
     count = np.array([values.shape[1] for values in scores])
     means = np.array([values.mean() if values.size else np.inf for values in scores])
     may_lead = np.flatnonzero(~out & (count == count.max()))
     best = may_lead[np.argsort(means[may_lead], kind="stable")][:CANDIDATES]
     first = _against(int(best[0]), number, scores, count, out, rules)
+    if (first.open.any() and before is not None and before != best[0] and before in may_lead
+            and means[before] - means[best[0]] < rules.within / 2.0):
+        stays = _against(before, number, scores, count, out, rules)
+        if replicates_left(stays, rules.within) < STAYS * replicates_left(first, rules.within):
+            first = stays
     if not 0 < first.open.sum() <= CANDIDATES:
         return first
-    others = (_against(int(leader), number, scores, count, out, rules) for leader in best[1:])
+    others = (_against(int(leader), number, scores, count, out, rules) for leader in best
+              if leader != first.leader)
     return next((look for look in others if not look.open.any()), first)
+
+
+def replicates_left(look: Look, within: float) -> float:
+    """How many more replicates the open entries should take until none is open, if that leader
+    stays and differences are as they seem; bounds close in as one over their root."""
+    apart = look.difference[look.open] + within
+    half = look.difference[look.open] - look.lower[look.open]
+    each = np.divide(half, apart, where=apart > half / MOST_TIMES,
+                     out=np.full(len(half), MOST_TIMES))
+    return float((look.replicates[look.open] * (np.minimum(each, MOST_TIMES) ** 2 - 1.0)).sum())
 
 
 def _against(leader: int, number: int, scores: Sequence[np.ndarray], count: np.ndarray,
@@ -218,6 +242,6 @@ def _against(leader: int, number: int, scores: Sequence[np.ndarray], count: np.n
 def _lower(apart: np.ndarray, alpha: float, rules: Rules) -> np.ndarray:
     """Lower bounds of mean differences (case, stratum, replicate)."""
     if rules.bounds is None:
-        return stratified_lower(apart, alpha)
+        return stratified_lower(apart, level_at_rungs(rules.start, alpha, rules.whole))
     width = rules.bounds[1] - rules.bounds[0]
     return safe_lower(apart.mean(axis=1), alpha, -width, width)

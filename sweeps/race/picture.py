@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sweeps.figures.style import COLOURS, MUTED, distinct_labels, drawing, figure
+from sweeps.race.race_note import taking_part
 from sweeps.race.verdict import Verdict, amount, claim
 
 if TYPE_CHECKING:
@@ -34,9 +35,7 @@ def draw_race(found: Verdict) -> "Figure":
 def _draw_left(axes: "Axes", found: Verdict) -> None:
     """Entries in each rung, over the replicates after it."""
     most = [int(look.replicates.max()) for look in found.looks]
-    before = [np.zeros_like(found.episodes), *(look.replicates for look in found.looks)]
-    taking = [int((look.replicates > earlier).sum())
-              for look, earlier in zip(found.looks, before, strict=False)]
+    taking = taking_part(found.looks)
     axes.step([most[0], *most], [taking[0], *taking], where="pre", color=COLOURS[0])
     axes.plot(most, taking, "o", color=COLOURS[0], ms=2.0)
     axes.set_yscale("log")

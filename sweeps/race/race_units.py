@@ -5,6 +5,7 @@ these* it is one object, with all the episodes of a cell; objects come in an ord
 study's seed. Axes that do not define entries are averaged over.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import product
@@ -23,6 +24,7 @@ from sweeps.analysis.paired import failure_score
 from sweeps.race.elimination import Part
 from sweeps.run.plan import BLOCK, Plan, Unit, cell_hash, unit_id
 from sweeps.run.store import Store
+from sweeps.run.unit_file import Columns
 from sweeps.spec.cell import Cell, batch_key
 
 
@@ -49,8 +51,11 @@ class RacePlan(Plan):
 class RaceUnits:
     """The units of a race and their scores."""
 
-    def __init__(self, plan: Plan, store: Store, metric: str, over: str) -> None:
-        self.plan = RacePlan(plan.study, plan.resolved, plan.hash, plan.folders)
+    def __init__(self, plan: Plan, store: Store, metric: str, over: str,
+                 asked: list[Unit] | None = None) -> None:
+        """`asked` is the list to which the units of several races are added."""
+        self.plan = RacePlan(plan.study, plan.resolved, plan.hash, plan.folders,
+                             [] if asked is None else asked)
         self.store, self.metric, self.over = store, metric, over
         self.axes = entry_axes(plan, None)[0]
         self.entries = entries_of(plan, self.axes)
@@ -63,6 +68,9 @@ class RaceUnits:
         self.missing: list[Unit] = []
         """Units that the last call of `scores` found neither there nor failed: damaged ones."""
         self._worst: dict[int, float] = {}  # by object: what an episode without a score counts as
+        self.statuses: Counter[str] = Counter()
+        """What became of the episodes that were read."""
+        self._touches = np.zeros((2, len(self.entries)))  # sum and number of those known
 
     @property
     def objects_each(self) -> int:
@@ -78,16 +86,19 @@ class RaceUnits:
                         else len(self.order))
 
     def units(self, asked: Sequence[Part]) -> list[Unit]:
-        """The units of a rung, those that can be run in one call side by side; the plan counts
-        them."""
+        """The units of a rung; the plan counts them."""
+        found = self.of(asked)
+        self.plan.asked.extend(found)
+        return found
+
+    def of(self, asked: Sequence[Part]) -> list[Unit]:
+        """The units of some replicates, those that can be run in one call side by side."""
         together: dict[str, list[Unit]] = {}
         for entry, start, stop in asked:
             for body, first, last in self._blocks(start, stop):
                 for unit in self._units(entry, body, first, last):
                     together.setdefault(self._together[unit.cell_hash], []).append(unit)
-        found = [unit for units in together.values() for unit in units]
-        self.plan.asked.extend(found)
-        return found
+        return [unit for units in together.values() for unit in units]
 
     def scores(self, asked: Sequence[Part]) -> list[np.ndarray]:
         """The scores of what was asked, each (stratum, replicate), less being better.
@@ -95,9 +106,12 @@ class RaceUnits:
         An episode without a score counts as the worst that any entry has had on its object.
         """
         self.missing = []
+        before = self.statuses.copy(), self._touches.copy()
         raw = [{body: self._values(entry, body, blocks)
                 for body, blocks in self._by_object(start, stop).items()}
                for entry, start, stop in asked]
+        if self.missing:  # they will be asked for again
+            self.statuses, self._touches = before
         for of_objects in raw:
             for body, values in of_objects.items():
                 known = values[np.isfinite(values)]
@@ -142,10 +156,26 @@ class RaceUnits:
                 rows = self.store.read(unit)
                 if rows is None and not self.store.log(unit).exists():
                     self.missing.append(unit)
+                self._count(entry, last - first, rows)
                 of_cases.append(np.full(last - first, np.nan) if rows is None
                                 else sign * values_of(rows, self.metric))
             parts.append(np.array(of_cases))
         return np.concatenate(parts, axis=1)
+
+    def _count(self, entry: int, episodes: int, rows: Columns | None) -> None:
+        """Takes note of what a reader of the race wants to know beside scores."""
+        if rows is None:
+            self.statuses["unit_failed"] += episodes
+            return
+        self.statuses.update(map(str, rows["status"]))
+        touches = values_of(rows, "touches")
+        self._touches[:, entry] += np.nansum(touches), np.isfinite(touches).sum()
+
+    @property
+    def touches(self) -> np.ndarray:
+        """Each entry's mean number of touches, (entry,); NaN where none is known."""
+        total, count = self._touches
+        return np.divide(total, count, where=count > 0, out=np.full(len(total), np.nan))
 
     def _units(self, entry: int, body: int, first: int, last: int) -> list[Unit]:
         """A block of episodes of an entry on an object: a unit a case."""

@@ -118,6 +118,13 @@ def summary(found: Verdict) -> dict[str, str]:
     }
 
 
+def verdict_name(look: Look, entry: int) -> str:
+    """What is known of an entry: best, worse, open or tied."""
+    if entry == look.leader:
+        return "best"
+    return "worse" if look.out[entry] else "open" if look.open[entry] else "tied"
+
+
 def race_table(found: Verdict) -> TextTable:
     """A row for each entry, the winner first: what `race.csv` holds."""
     last, metric = found.last, found.metric
@@ -126,8 +133,7 @@ def race_table(found: Verdict) -> TextTable:
     rows = tuple((
         str(rank), found.labels[n], number_text(sign * float(found.means[n]), digits),
         number_text(float(last.difference[n]), digits), number_text(float(last.lower[n]), digits),
-        ("best" if n == last.leader else "worse" if last.out[n] else
-         "open" if last.open[n] else "tied"),
+        verdict_name(last, n),
         str(found.last_rung[n]), str(found.episodes[n]))
         for rank, n in enumerate(found.order, 1))
     return TextTable(("rank", "strategy", metric, "worse_by", "worse_by_at_least", "verdict",

@@ -18,6 +18,7 @@ from strategies.poses.waypoints import WAYPOINT_KINDS
 from strategies.reconstruct.plug_in_name import call_by_content, plug_in_file
 from strategies.strategy import Strategy
 from sweeps.spec.cell import SECTIONS, TABLES, Cell
+from sweeps.spec.search import canonical_search, search_of
 from sweeps.spec.study import FILE_KEYS, Axis, Body, Study, StudyTable
 
 RESULTS_SCHEMA = 19  # raise when rows change their meaning: older units are then computed again
@@ -174,6 +175,7 @@ def canonical_study(study: Study) -> dict[str, Any]:
         "strategies": {s.name: canonical_strategy(s) for s in study.strategies},
         **{name: canonical_table(table) for name, table in study.tables.items()},
         "sweep": [_canonical_axis(axis) for axis in study.axes],
+        **({} if study.search is None else {"search": canonical_search(study.search)}),
     }))
 
 
@@ -228,7 +230,8 @@ def study_of(resolved: Mapping[str, Any], name: str = "", keep: str = "nothing")
         tuple(strategy(label, values) for label, values in resolved["strategies"].items()),
         {section: table(**{k: _tuples(v) for k, v in resolved[section].items()})
          for section, table in SECTIONS.items()},
-        tuple(Axis(**{k: _tuples(v) for k, v in axis.items()}) for axis in resolved["sweep"]))
+        tuple(Axis(**{k: _tuples(v) for k, v in axis.items()}) for axis in resolved["sweep"]),
+        search_of(resolved["search"]) if "search" in resolved else None)
 
 
 def _tuples(value: Any) -> Any:

@@ -19,9 +19,11 @@ def read_note(file: Path) -> dict[str, Any]:
     """The last note of a run; without one, or with a damaged one, no run."""
     try:
         found = json.loads(file.read_bytes())
-        return {"running": int(found["running"]), "units_per_s": float(found["units_per_s"] or 0)}
+        return {"running": int(found["running"]), "units_per_s": float(found["units_per_s"] or 0),
+                "past": sum(int(found[name]) for name in ("kept", "done", "failed")),
+                "total": int(found["total"])}
     except (OSError, ValueError, TypeError, KeyError, RecursionError):
-        return {"running": 0, "units_per_s": 0.0}
+        return {"running": 0, "units_per_s": 0.0, "past": 0, "total": 0}
 
 
 class Progress:

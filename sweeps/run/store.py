@@ -20,7 +20,8 @@ from sweeps.run.unit_file import Columns, DamagedUnit, contacts_id, looks_whole,
 from sweeps.spec.errors import Held, OtherStudy, StoreError, short
 
 OWN_FILES = ("spec.toml", "resolved.json", "environment.json", "leaderboard.csv",
-             "race.csv", "race.svg", "sensitivity.toml", "sensitivity.csv", "sensitivity.md")
+             "race.csv", "race.svg", "search.csv", "sensitivity.toml", "sensitivity.csv",
+             "sensitivity.md")
 
 
 def _locked(descriptor: int) -> bool:

@@ -9,6 +9,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "named_files": ["UNSWEPT", "read_reconstruct", "with_models"],
     "objects": ["files_digest", "object_of_argument", "read_objects"],
     "reader": ["read_spec"],
+    "search": ["Factor", "Search", "canonical_search", "refuse_search", "search_of",
+        "with_points"],
     "study": ["Axis", "Body", "FILE_KEYS", "Study", "StudyTable"],
     "template": ["spec_template"],
     "units": ["read_table", "spec_fields"],

@@ -42,7 +42,7 @@ def read_axes(sweep: Any, extra_grid: Mapping[str, list[Any]],
     parts = {kind: dict(_flat(sweep.get(kind, {}), ("sweep", kind))) for kind in KINDS}
     parts["grid"].update({key: (("sweep", "grid", key), list(values))
                           for key, values in extra_grid.items()})
-    readers = _readers(strategies)
+    readers = readers_of(strategies)
     _check_keys(parts, readers, problems)
     axes = [axis for key, (path, value) in parts["grid"].items() if key in readers
             for axis in _listed({key: (path, value)}, readers, problems)]
@@ -96,7 +96,7 @@ def _flat(table: Any, path: KeyPath) -> Iterator[tuple[str, tuple[KeyPath, Any]]
             yield key, ((*path, key), value)
 
 
-def _readers(strategies: Sequence[Strategy]) -> dict[str, Reader]:
+def readers_of(strategies: Sequence[Strategy]) -> dict[str, Reader]:
     """How to check and convert one value of every key that can be swept."""
     readers: dict[str, Reader] = {f"{section}.{name}": field.read
                                   for section, table in SECTIONS.items()

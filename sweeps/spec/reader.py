@@ -17,6 +17,7 @@ from sweeps.spec.named_files import (
     with_models,
 )
 from sweeps.spec.objects import read_objects
+from sweeps.spec.search import read_search
 from sweeps.spec.strategies import read_strategies
 from sweeps.spec.study import CELL_LIMIT, EPISODE_LIMIT, Study, StudyTable
 from sweeps.spec.toml_reader import read_toml
@@ -24,7 +25,7 @@ from sweeps.spec.units import read_table
 
 HEAD = ("schema", "name", "seed", "episodes_per_cell", "keep")
 REQUIRED = ("schema", "objects", "strategy")
-TOP = (*HEAD, "objects", "strategy", *SECTIONS, "sweep")
+TOP = (*HEAD, "objects", "strategy", *SECTIONS, "sweep", "search")
 
 
 def read_spec(file: FilePath, overrides: Sequence[str] = ()) -> Study:
@@ -70,7 +71,8 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
         if KEY in axis.keys:
             check_swept_reconstruct([point[axis.keys.index(KEY)] for point in axis.values],
                                     ("sweep",), problems)
-    study = Study(head, objects, strategies, tables, axes)
+    search = read_search(values.get("search"), strategies, axes, problems)
+    study = Study(head, objects, strategies, tables, axes, search)
     if study.cell_count > CELL_LIMIT:
         problems.add(("sweep",), f"spans {study.cell_count:,} cells; the limit is {CELL_LIMIT:,}")
     elif study.cell_count * head.episodes_per_cell > EPISODE_LIMIT:

@@ -64,6 +64,8 @@ class Study:
     strategies: tuple[Strategy, ...]
     tables: Mapping[str, Any]  # section name -> its parameter table
     axes: tuple[Axis, ...] = ()
+    search: Any = None
+    """A `sweeps.spec.search.Search`: entries that are proposed, beside those of the axes."""
 
     @property
     def setting_count(self) -> int:
@@ -88,7 +90,8 @@ class Study:
             index, point = divmod(index, len(axis.values))
             given.update(zip(axis.keys, axis.values[point], strict=True))
             si.update(zip(axis.keys, axis.si[point], strict=True))
-        order = [key for axis in self.axes for key in axis.keys]
+        # None: a factor of a search that was not proposed here, which stays as it is
+        order = [key for axis in self.axes for key in axis.keys if given[key] is not None]
         return {key: given[key] for key in order}, {key: si[key] for key in order}
 
     def cell(self, strategy: int, body: int, setting: int) -> Cell:

@@ -18,8 +18,8 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 DRIVER = shutil.which("chromedriver") or shutil.which("chromium-driver")
 FLAGS = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
          "--disable-background-networking", "--disable-component-update", "--disable-sync",
-         "--disable-dev-shm-usage", "--window-size=1280,900",
-         "--host-resolver-rules=MAP * ~NOTFOUND")
+         "--disable-dev-shm-usage", "--window-size=1280,900")
+NOBODY = "--host-resolver-rules=MAP * ~NOTFOUND"
 
 needs_browser = pytest.mark.skipif(
     not (CHROMIUM and DRIVER), reason="needs Debian's chromium and chromium-driver: "
@@ -27,14 +27,16 @@ needs_browser = pytest.mark.skipif(
 
 
 @contextmanager
-def browser(profile: Path) -> Iterator[Any]:
-    """A driver with a fresh profile, its console and requests recorded."""
+def browser(profile: Path, loopback: bool = False) -> Iterator[Any]:
+    """A driver with a fresh profile, its console and requests recorded; it may talk to servers of
+    this machine if `loopback`."""
     from selenium import webdriver
     from selenium.webdriver.chrome.service import Service
 
     options = webdriver.ChromeOptions()
     options.binary_location = str(CHROMIUM)
-    for flag in (*FLAGS, f"--user-data-dir={profile}"):
+    for flag in (*FLAGS, NOBODY + ", EXCLUDE 127.0.0.1" * loopback,
+                 f"--user-data-dir={profile}"):
         options.add_argument(flag)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
     driver = webdriver.Chrome(options=options, service=Service(str(DRIVER)))

@@ -45,6 +45,8 @@ SHRINKS = (
     (r"make demo", r"make -o .venv/.installed demo DEMO_EPISODES=5"),
     (r"(.*)pip install (.*)", r"\1pip install --dry-run --no-index --no-build-isolation -q \2"),
     (r"(warpgrasp sweep (?:sweeps|mine)/.*)", r"\1 --set episodes_per_cell=1"),
+    (r"(warpgrasp watch (?!.*--terminal).*)", r"\1 --terminal"),  # a page is served until Ctrl-C
+    (r"(warpgrasp sweep .*) --until [\d.]+", r"\1 --until 100"),
     (r"(warpgrasp sweep .*) --set episodes_per_cell=\d+", rf"\1 {FEW}"),
     (r"(warpgrasp sweep .*)", rf"\1 {FEW}"),
     (r"(warpgrasp race .*)", r"\1 --budget-episodes 200"),

@@ -5,7 +5,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pytest
 
-from sweeps.race.elimination import Look, Part, Race, Rules, judge, next_rung
+from sweeps.race.elimination import Look, Part, Race, Rules, judge
+from sweeps.race.rung_level import next_rung
 
 Scores = Callable[[Part], np.ndarray]
 

@@ -1,0 +1,131 @@
+"""A race under way: what the engine asks for the next units, rung by rung."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from sweeps.analysis.entries import HIGHER_IS_BETTER, LeaderboardError
+from sweeps.output import note
+from sweeps.race.elimination import Look, Part, Race, Rules
+from sweeps.race.race_note import write_race_note
+from sweeps.race.race_units import RaceUnits
+from sweeps.race.verdict import amount, verdict_of
+from sweeps.run.local_engine import Options, run
+from sweeps.run.plan import Plan, Unit
+from sweeps.run.progress import Progress
+from sweeps.run.scheduler import Outcome
+from sweeps.run.store import Store
+from sweeps.spec.errors import StoreError
+
+
+@dataclass
+class Course:
+    """A race under way: what the engine asks for the next units."""
+
+    race: Race
+    units: RaceUnits
+    until: float = float("inf")
+    """The time of `time.monotonic` after which no rung begins."""
+    late: bool = False
+    asked: list[Part] = field(default_factory=list)
+    again: set[str] = field(default_factory=set)  # ids of units that were found damaged
+
+    @property
+    def whole(self) -> Plan:
+        """The units that were asked for so far, as a plan."""
+        return self.units.plan
+
+    @property
+    def least(self) -> str:
+        """What its first rung takes at least."""
+        count = len(self.units.entries)
+        return (f"the first rung of {count:,} entries takes "
+                f"{2 * count * self.units.episodes_each:,} episodes")
+
+    def further(self) -> Sequence[Unit]:
+        """Takes in the rung that has been run, and gives the units of the next."""
+        if self.asked:
+            found = self.units.scores(self.asked)
+            if damaged := self.units.missing:
+                return self._once_more(damaged)
+            look = self.race.take(self.asked, found)
+            note(self._line(look))
+            self.looked()
+            self.asked = []
+        if self.race.looks and time.monotonic() > self.until:
+            self.late = not self.over
+            return []
+        self.asked = self.race.asked()
+        return self.units.units(self.asked)
+
+    def looked(self) -> None:
+        """Leaves a note for those who watch."""
+        write_race_note(self.units.store.logs, verdict_of(self.race, self.units),
+                        self.units.statuses, self.units.touches)
+
+    @property
+    def over(self) -> bool:
+        """Whether the race is decided."""
+        return bool(self.race.looks) and not self.race.looks[-1].open.any()
+
+    def _once_more(self, damaged: list[Unit]) -> list[Unit]:
+        """Units whose rows turned out to be damaged are run again, once."""
+        if twice := self.again & {unit.id for unit in damaged}:
+            raise StoreError(f"{self.units.store.folder}: {len(twice)} units were damaged twice; "
+                             f"see {self.units.store.logs}", 1)
+        self.again |= {unit.id for unit in damaged}
+        note(f"{len(damaged)} damaged units are run again; see {self.units.store.logs}")
+        return damaged
+
+    def _line(self, look: Look) -> str:
+        """How the race stands after a rung."""
+        each = int(look.replicates.max())
+        what = ("episodes on each object" if self.units.over == "these" else "objects")
+        best = self.units.entries[look.leader].label
+        known = amount(look.within if look.open.any() else self.race.rules.within,
+                       self.units.metric)
+        return (f"rung {look.number}, {each} {what}: {int(look.out.sum()):,} of "
+                f"{len(look.out):,} entries are worse, {int(look.open.sum()):,} may be better by "
+                f"more; {best} leads, within {known} of the best")
+
+
+def rules_of(within: float, confidence: float, start: int, cap: float | None, metric: str) -> Rules:
+    """The rules of a race from the command's arguments; `confidence` in percent.
+
+    What is right or wrong has safe bounds always: entries that were right eight times are no proof
+    that they never differ, as a standard error of zero would have it.
+    """
+    if metric == "recognized":
+        cap = 1.0
+    bounds = None if cap is None else (-cap, 0.0) if metric in HIGHER_IS_BETTER else (0.0, cap)
+    return Rules(within, confidence / 100.0, start, bounds)
+
+
+def afforded(rules: Rules, units: RaceUnits, episodes: int | None) -> Rules:
+    """The rules with the budget in replicates, and as many of each as there can be."""
+    budget = None if episodes is None else episodes // units.episodes_each
+    most = len(units.order) if units.over == "like-these" else None
+    return replace(rules, budget=budget, most=most,
+                   start=min(rules.start, most) if most else rules.start)
+
+
+def check_entries(units: RaceUnits, spec: Path) -> None:
+    """Refuses a race of one entry, or one that could never end."""
+    if len(units.entries) < 2:
+        raise LeaderboardError(f"{spec}: has one entry; a race needs two or more strategies, or "
+                               "values of [sweep.grid] or --set")
+    if units.over == "like-these" and len(units.order) < 2:
+        raise LeaderboardError("--over like-these: nothing follows from one object about others; "
+                               "use --over these, or name more objects")
+
+
+def run_course(plan: Plan, store: Store, options: Options, further: Callable[[], Sequence[Unit]],
+               engine: str, address: str | None) -> Outcome:
+    """Runs a race on one of the engines to its end."""
+    with Progress(0, store.note("1-of-1")) as progress:
+        if engine == "ray":
+            from sweeps.run.ray_engine import run_on_ray
+
+            return run_on_ray(plan, store, options, progress, address, further)
+        return run(plan, store, options, progress, further)

@@ -1,0 +1,66 @@
+"""Proposals of a search: Optuna's tree-structured Parzen estimator, asked and told in order.
+
+What is proposed depends on the study's seed and on what was told, in the order of asking; so a
+search that is run again proposes the same. Bergstra and others 2011, Algorithms for hyper-parameter
+optimization, NeurIPS 24; Akiba and others 2019, Optuna, KDD.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+from sweeps.spec.errors import StoreError
+from sweeps.spec.search import Factor, Search
+
+DIGITS = 6
+STARTUP = 10
+"""Proposals at random, before the estimator has something to go by."""
+Point = dict[str, Any]
+"""A value for each factor that is proposed, in units of the spec."""
+
+
+class Proposals:
+    """The points that a search has proposed, and what became of them."""
+
+    def __init__(self, search: Search, seed: int) -> None:
+        try:
+            import optuna
+        except ImportError:
+            raise StoreError("[search]: needs Optuna, an optional extra: "
+                             "pip install 'warpgrasp[search]'") from None
+        optuna.logging.set_verbosity(optuna.logging.ERROR)
+        self.search = search
+        sampler = optuna.samplers.TPESampler(seed=seed % 2**32, n_startup_trials=STARTUP,
+                                             constant_liar=True)
+        self.study = optuna.create_study(sampler=sampler)
+        self.asked: list[Any] = []
+
+    def ask(self, count: int) -> list[Point]:
+        """So many new points."""
+        trials = [self.study.ask() for _ in range(count)]
+        self.asked += trials
+        return [self._point(trial) for trial in trials]
+
+    def tell(self, values: Sequence[float]) -> None:
+        """The scores of the points that were asked for last, less being better."""
+        for trial, value in zip(self.asked[-len(values):], values, strict=True):
+            self.study.tell(trial, float(value))
+
+    def _point(self, trial: Any) -> Point:
+        found: Point = {}
+        for factor in self.search.factors:
+            if factor.is_open(found):
+                found[factor.key] = _suggested(trial, factor)
+        return found
+
+
+def _suggested(trial: Any, factor: Factor) -> Any:
+    """A value of a factor; a choice is told to the sampler by its number."""
+    if factor.choices:
+        return factor.choices[trial.suggest_categorical(
+            factor.key, list(range(len(factor.choices))))]
+    if factor.whole:
+        return trial.suggest_int(factor.key, int(factor.low), int(factor.high),
+                                 step=int(factor.step or 1))
+    value = trial.suggest_float(factor.key, float(factor.low), float(factor.high),
+                                step=factor.step)
+    return float(f"{value:.{DIGITS}g}")

@@ -1,0 +1,89 @@
+"""How a race stands after its last look, as a note beside its logs: what `warpgrasp watch` shows.
+
+Nothing depends on the note. A race that is resumed writes it again, look by look.
+"""
+
+import json
+from collections import Counter
+from contextlib import suppress
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sweeps.analysis.entries import HIGHER_IS_BETTER
+from sweeps.output import write_atomic
+from sweeps.race.elimination import Look
+from sweeps.race.verdict import Verdict, claim, verdict_name
+
+NAME = "race.json"
+WHOLE = {"stage", "objects", "within", "confidence", "reached", "claim", "statuses"}
+ENTRY = {"label", "mean", "worse_by", "at_least", "verdict", "episodes", "touches", "entry",
+         "stops"}
+"""Keys of the note of a race that has looked, and of its entries."""
+
+
+def write_race_note(logs: Path, found: Verdict, statuses: Counter[str],
+                    touches: np.ndarray, stage: str = "") -> None:
+    """Writes the note into the folder of logs; `touches` is each entry's mean, (entry,).
+
+    `stage` says which race of a search it is; its entries are not those of the study.
+    """
+    last = found.last
+    sign = -1.0 if found.metric in HIGHER_IS_BETTER else 1.0
+    entries = [{
+        "label": found.labels[n], "mean": _number(sign * found.means[n]),
+        "worse_by": _number(last.difference[n]), "at_least": _number(last.lower[n]),
+        "verdict": verdict_name(last, n), "episodes": int(found.episodes[n]),
+        "touches": _number(touches[n]),
+        "entry": n, "stops": [] if stage else _stops(found.looks, n)} for n in found.order]
+    content = {
+        "stage": stage, "metric": found.metric, "over": found.over, "objects": found.objects,
+        "within": found.rules.within, "confidence": found.rules.confidence,
+        "reached": found.reached, "claim": claim(found), "equal": _number(found.equal),
+        "rungs": [{"replicates": int(look.replicates.max()), "taking": taking,
+                   "out": int(look.out.sum()), "open": int(look.open.sum())}
+                  for look, taking in zip(found.looks, taking_part(found.looks), strict=True)],
+        "statuses": dict(sorted(statuses.items())), "entries": entries}
+    _write(logs, content)
+
+
+def begin_race_note(logs: Path, metric: str, over: str) -> None:
+    """Writes the note of a race that has not looked yet, unless it has one."""
+    if read_race_note(logs) is None:
+        _write(logs, {"metric": metric, "over": over, "rungs": [], "entries": []})
+
+
+def read_race_note(logs: Path) -> dict[str, Any] | None:
+    """The note of a race; None where there is none, or none of this form that can be read."""
+    try:
+        found = json.loads((logs / NAME).read_bytes())
+        begun = {"metric", "over", "rungs", "entries"} <= set(found)
+        looked = set(found) >= WHOLE and bool(found["entries"]) and all(
+            set(entry) >= ENTRY for entry in found["entries"])
+        known = begun and (looked or not found["rungs"])
+    except (OSError, ValueError, TypeError, KeyError, RecursionError):
+        return None
+    return found if known else None
+
+
+def _write(logs: Path, content: dict[str, Any]) -> None:
+    with suppress(OSError):  # a full disk must not stop a race over a note
+        write_atomic(logs / NAME, (json.dumps(content) + "\n").encode())
+
+
+def taking_part(looks: tuple[Look, ...]) -> list[int]:
+    """How many entries took episodes in each rung."""
+    before = [np.zeros_like(looks[0].replicates), *(look.replicates for look in looks)]
+    return [int((now > then).sum()) for then, now in pairwise(before)]
+
+
+def _stops(looks: tuple[Look, ...], entry: int) -> list[int]:
+    """The replicates that an entry had after each rung in which it took part."""
+    counts = [0, *(int(look.replicates[entry]) for look in looks)]
+    return [now for then, now in pairwise(counts) if now > then]
+
+
+def _number(value: float) -> float | None:
+    return float(f"{value:.6g}") if np.isfinite(value) else None

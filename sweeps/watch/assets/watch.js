@@ -1,0 +1,231 @@
+"use strict";
+// Asks for the state every second or two and draws it. Texts become text nodes, nothing else.
+const SVG = "http://www.w3.org/2000/svg";
+const at = id => document.getElementById(id);
+let seen = "", last = 0, failed = 0;
+
+function node(name, attributes = {}, ...children) {
+  const made = document.createElement(name);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  made.append(...children);
+  return made;
+}
+
+function mark(name, attributes, text) {
+  const made = document.createElementNS(SVG, name);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  if (text !== undefined) made.textContent = text;
+  return made;
+}
+
+// Swept keys of strategies are most of a label; the whole of it is the cell's title.
+const short = label => label.replaceAll(/([[ ])strategy\./g, "$1");
+const number = (value, digits) => value === null ? "" : value.toFixed(digits);
+const count = value => value.toLocaleString("en");
+
+function drawHead(state) {
+  document.title = `${state.name}: warpgrasp watch`;
+  at("name").replaceChildren(state.name, node("span",
+    {class: state.running ? "pill running" : "pill"},
+    state.running ? `${state.kind}, running` : state.kind));
+  at("headline").textContent = state.headline;
+  at("bar").hidden = state.done < 0;
+  at("bar").firstElementChild.style.width = `${100 * Math.max(0, state.done)}%`;
+  at("bar").setAttribute("aria-valuenow", Math.round(100 * Math.max(0, state.done)));
+  at("facts").replaceChildren(...state.facts.map(([what, value]) =>
+    node("div", {}, node("dt", {}, what), node("dd", {}, value))));
+  at("notes").hidden = !state.notes.length;
+  at("notes").replaceChildren(...state.notes.map(text => node("li", {}, text)));
+}
+
+const HEADINGS = ["", "strategy", "", "", "behind", "", "episodes", "touches"];
+
+function drawBoard(state) {
+  at("about").textContent = state.about;
+  at("head").replaceChildren(...HEADINGS.map((name, n) => node("th",
+    {scope: "col", class: n === 3 ? "plot" : n === 1 || n === 5 ? "text" : ""},
+    n === 2 ? state.metric : name)));
+  const scale = scaleOf(state.rows);
+  if (state.rows.length) at("head").cells[3].append(axisOf(scale));
+  at("rows").replaceChildren(...state.rows.map((row, n) => node("tr", {class: row.verdict || "open"},
+    node("td", {}, `${n + 1}`), node("th", {scope: "row", title: row.label}, short(row.label)),
+    node("td", {}, number(row.mean, 3)), node("td", {class: "plot"}, forest(row, scale)),
+    node("td", {}, n ? number(row.behind, 3) : ""),
+    node("td", {class: "text"}, node("span", {class: "tag"}, row.verdict || "open")),
+    node("td", {}, count(row.episodes)), node("td", {}, number(row.touches, 1)))));
+  at("more").textContent = state.more ? `and ${count(state.more)} more` : "";
+}
+
+// From the best entries' values: what is far behind is drawn at the edge.
+function scaleOf(rows) {
+  const means = rows.map(row => row.mean).filter(value => value !== null).sort((a, b) => a - b);
+  const ends = rows.filter(row => row.verdict !== "worse").flatMap(row => [row.low, row.high])
+    .filter(value => value !== null);
+  const middle = means.slice(0, Math.ceil(0.9 * means.length));
+  const all = [...middle, ...ends.filter(value => Math.abs(value - middle[0]) <
+    3 * (middle[middle.length - 1] - middle[0]) + Math.abs(0.3 * middle[0]))];
+  let low = Math.min(...all), high = Math.max(...all);
+  if (!(high > low)) [low, high] = [low - 0.5, high + 0.5];
+  const room = 0.05 * (high - low);
+  return {low: low - room, high: high + room};
+}
+
+const WIDE = 272, TALL = 22;
+
+function place(value, scale) {
+  const share = (value - scale.low) / (scale.high - scale.low);
+  return 4 + (WIDE - 8) * Math.min(1, Math.max(0, share));
+}
+
+function axisOf(scale) {
+  const svg = mark("svg", {viewBox: `0 0 ${WIDE} 14`, width: WIDE, height: 14, "aria-hidden": "true"});
+  for (const tick of ticks(scale.low, scale.high, 4))
+    svg.append(mark("text", {x: place(tick, scale), y: 11, "text-anchor": "middle",
+      "font-size": 10, fill: "currentColor"}, label(tick)));
+  return svg;
+}
+
+function forest(row, scale) {
+  const svg = mark("svg", {viewBox: `0 0 ${WIDE} ${TALL}`, role: "img"});
+  const kind = `c-${row.verdict || "open"}`;
+  for (const tick of ticks(scale.low, scale.high, 4))
+    svg.append(mark("line", {class: "zero", x1: place(tick, scale), x2: place(tick, scale), y1: 0,
+      y2: TALL}));
+  if (row.mean === null) return svg;
+  const low = place(row.low ?? scale.low, scale), high = place(row.high ?? scale.high, scale);
+  svg.append(mark("title", {}, `${number(row.low, 3)} to ${number(row.high, 3)}`));
+  svg.append(mark("line", {class: kind, x1: low, x2: high, y1: TALL / 2, y2: TALL / 2,
+    "stroke-width": 3, "stroke-linecap": "round", opacity: 0.55}));
+  svg.append(mark("circle", {class: kind, cx: place(row.mean, scale), cy: TALL / 2, r: 4}));
+  return svg;
+}
+
+function ticks(low, high, wanted) {
+  const raw = (high - low) / wanted, size = 10 ** Math.floor(Math.log10(raw));
+  const step = [1, 2, 5, 10].map(times => times * size).find(value => value >= raw);
+  const found = [];
+  for (let n = Math.ceil(low / step); n * step <= high + 1e-9 * step; n++) found.push(n * step);
+  return found;
+}
+
+const label = value => `${Number(value.toPrecision(6))}`;
+
+// A frame with axes; gives functions from values to places.
+function chart(svg, x, y, names) {
+  const box = {left: 48, right: 16, top: 12, bottom: 38, wide: 520, tall: 300};
+  svg.setAttribute("viewBox", `0 0 ${box.wide} ${box.tall}`);
+  svg.replaceChildren();
+  const toX = value => box.left + (box.wide - box.left - box.right) * x.share(value);
+  const toY = value => box.tall - box.bottom - (box.tall - box.top - box.bottom) * y.share(value);
+  for (const tick of y.ticks) {
+    svg.append(mark("line", {class: "grid", x1: box.left, x2: box.wide - box.right, y1: toY(tick),
+      y2: toY(tick)}));
+    svg.append(mark("text", {x: box.left - 6, y: toY(tick) + 4, "text-anchor": "end"}, label(tick)));
+  }
+  for (const tick of x.ticks)
+    svg.append(mark("text", {x: toX(tick), y: box.tall - box.bottom + 16, "text-anchor": "middle"},
+      label(tick)));
+  svg.append(mark("line", {class: "axis", x1: box.left, x2: box.wide - box.right,
+    y1: box.tall - box.bottom, y2: box.tall - box.bottom}));
+  svg.append(mark("text", {x: (box.left + box.wide - box.right) / 2, y: box.tall - 4,
+    "text-anchor": "middle"}, names[0]));
+  svg.append(mark("text", {x: -(box.top + box.tall - box.bottom) / 2, y: 12, "text-anchor": "middle",
+    transform: "rotate(-90)"}, names[1]));
+  svg.setAttribute("aria-label", `${names[1]} against ${names[0]}`);
+  return [toX, toY];
+}
+
+const linear = (low, high, wanted) => ({ticks: ticks(low, high, wanted),
+  share: value => (value - low) / (high - low || 1)});
+const logarithmic = (low, high, found) => ({ticks: found,
+  share: value => Math.log(value / low) / Math.log(high / low || Math.E)});
+
+function drawSurvivors(state) {
+  at("survivors").hidden = !state.rungs.length;
+  if (!state.rungs.length) return;
+  const most = state.rungs[0][1], farthest = state.rungs[state.rungs.length - 1][0];
+  const first = state.rungs[0][0];
+  const powers = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 1e4, 1e5];
+  const counts = [];
+  for (const [replicates] of state.rungs)
+    if (!counts.length || replicates > 1.5 * counts[counts.length - 1]) counts.push(replicates);
+  const svg = at("survivors").querySelector("svg");
+  const [x, y] = chart(svg, logarithmic(first / 1.2, Math.max(farthest, 2 * first), counts),
+    logarithmic(0.8, 1.3 * most, powers.filter(value => value <= 1.3 * most)),
+    ["episodes on each object", "entries"]);
+  let path = "";
+  state.rungs.forEach(([replicates, taking], n) => {
+    const from = n ? state.rungs[n - 1][0] : first / 1.2;
+    path += `${n ? "L" : "M"}${x(from)} ${y(Math.max(taking, 0.8))}L${x(replicates)} ${y(Math.max(taking, 0.8))}`;
+  });
+  svg.append(mark("path", {class: "line c-open", d: path}));
+  for (const [replicates, taking] of state.rungs) {
+    const dot = mark("circle", {class: "c-open", cx: x(replicates), cy: y(Math.max(taking, 0.8)), r: 3});
+    dot.append(mark("title", {}, `${taking} entries, ${replicates} episodes`));
+    svg.append(dot);
+  }
+}
+
+function drawError(state) {
+  const dots = state.rows.filter(row => row.touches !== null && row.mean !== null);
+  at("error").hidden = !dots.length;
+  if (!dots.length) return;
+  const all = [...dots.map(row => [row.touches, row.mean]), ...(state.metric === "chamfer_mm"
+    ? state.curves.flatMap(([, points]) => points) : [])];
+  const xs = all.map(point => point[0]), ys = all.map(point => point[1]);
+  const wide = range => (range[1] > range[0] ? range : [range[0] - 0.5, range[1] + 0.5]);
+  const room = ([low, high]) => [low - 0.06 * (high - low), high + 0.06 * (high - low)];
+  const [left, right] = room(wide([Math.min(...xs), Math.max(...xs)]));
+  const [low, high] = room(wide([Math.min(...ys), Math.max(...ys)]));
+  const svg = at("error").querySelector("svg");
+  const [x, y] = chart(svg, linear(Math.max(0, left), right, 6), linear(Math.max(0, low), high, 5),
+    ["touches", state.metric]);
+  const curved = state.metric === "chamfer_mm" ? state.curves : [];
+  for (const [name, points] of [...curved].reverse()) {
+    const row = dots.find(other => other.label === name);
+    const line = mark("path", {class: `line c-${row ? row.verdict || "open" : "open"}`,
+      d: points.map(([a, b], n) => `${n ? "L" : "M"}${x(a)} ${y(b)}`).join(""), opacity: 0.7});
+    line.append(mark("title", {}, name));
+    svg.append(line);
+  }
+  for (const row of [...dots].reverse()) {
+    const best = row.verdict === "best";
+    const dot = mark("circle", {class: `c-${row.verdict || "open"}${row.verdict === "worse" ? " dim" : ""}`,
+      cx: x(row.touches), cy: y(row.mean), r: best ? 6 : 3.5});
+    dot.append(mark("title", {}, `${row.label}: ${number(row.mean, 3)} after ${number(row.touches, 1)}`));
+    svg.append(dot);
+  }
+  at("error").querySelector("figcaption").textContent = "A dot an entry, at its mean number of " +
+    "touches" + (curved.length ? "; lines: mean error after each fit, of the first entries, over " +
+    "their first 64 episodes of each object." : ". The large one is the first.");
+}
+
+function drawFailures(state) {
+  at("nofailure").hidden = state.failures.length > 0 || state.failed_units.length > 0;
+  at("reasons").replaceChildren(...state.failures.map(([reason, episodes]) => node("tr", {},
+    node("td", {class: "text"}, reason), node("td", {}, `${count(episodes)} episodes`))));
+  at("units").replaceChildren(...state.failed_units.map(text => node("li", {}, text)));
+}
+
+async function ask() {
+  try {
+    const answer = await fetch(`/state.json?seen=${encodeURIComponent(seen)}`);
+    if (answer.status === 200) {
+      const state = await answer.json();
+      seen = state.version;
+      drawHead(state); drawBoard(state); drawSurvivors(state); drawError(state);
+      drawFailures(state);
+    } else if (answer.status !== 204) throw new Error(await answer.text());
+    last = Date.now();
+    failed = 0;
+    at("fresh").textContent = "";
+    at("fresh").className = "";
+  } catch (error) {
+    failed += 1;
+    at("fresh").className = "stale";
+    at("fresh").textContent = `not up to date: ${error.message}`;
+  }
+  setTimeout(ask, document.hidden ? 5000 : Math.min(1000 * (1 + failed), 10000));
+}
+
+ask();

@@ -1,0 +1,211 @@
+"""A sweep as it goes on: every entry by the episodes that it has so far."""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import product
+
+import numpy as np
+
+from sweeps.analysis.curves import Steps
+from sweeps.analysis.entries import (
+    HIGHER_IS_BETTER,
+    Entry,
+    bounds_of,
+    entries_of,
+    entry_axes,
+    setting_index,
+)
+from sweeps.analysis.paired import failure_score
+from sweeps.run.plan import Plan, Unit, cell_hash
+from sweeps.run.store import Store
+from sweeps.watch.any_time import Mean, alpha_of, mean_over_objects
+from sweeps.watch.mean_error import mean_errors
+from sweeps.watch.state import Row, State, failed_units, failures_of, pace_facts, pace_of
+from sweeps.watch.unit_rows import UnitReader, UnitRows
+
+ROWS = 100
+CURVES = 6
+
+
+@dataclass
+class Found:
+    """What one entry has on one object so far, a list item a unit."""
+
+    scores: list[np.ndarray] = field(default_factory=list)
+    episodes: list[np.ndarray] = field(default_factory=list)  # their numbers
+    touches: list[np.ndarray] = field(default_factory=list)
+    steps: list[Steps] = field(default_factory=list)
+    statuses: Counter[str] = field(default_factory=Counter)
+
+    def add(self, unit: Unit, rows: UnitRows) -> None:
+        """Takes in a unit."""
+        self.scores.append(rows.scores)
+        self.episodes.append(np.arange(unit.start, unit.stop))
+        self.touches.append(rows.touches)
+        self.steps.extend(rows.steps)
+        self.statuses += rows.statuses
+
+    def by_episode(self, worst: float) -> "Scores":
+        """Scores by episode, the mean over the cases in which it was run so far."""
+        numbers, own, counts = np.unique(np.concatenate(self.episodes), return_inverse=True,
+                                         return_counts=True)
+        values = np.concatenate(self.scores)
+        sums = np.bincount(own, np.where(np.isfinite(values), values, worst), len(numbers))
+        return Scores(numbers, sums / counts)
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Scores of some episodes of one object, by their numbers."""
+
+    episodes: np.ndarray
+    values: np.ndarray
+
+    def minus(self, other: "Scores") -> np.ndarray:
+        """Differences over the episodes that both have."""
+        _, mine, theirs = np.intersect1d(self.episodes, other.episodes, assume_unique=True,
+                                         return_indices=True)
+        return self.values[mine] - other.values[theirs]
+
+
+class SweepView:
+    """Reads a sweep's directory again and again, every unit once."""
+
+    def __init__(self, plan: Plan, store: Store, metric: str, kept: UnitReader | None = None
+                 ) -> None:
+        self.plan, self.store, self.metric = plan, store, metric
+        self.reader = kept or UnitReader(store.units, store.logs, metric)
+        axes, _ = entry_axes(plan, None)
+        self.entries = entries_of(plan, axes)
+        self.found: list[dict[int, Found]] = [{} for _ in self.entries]  # by object
+        self.waiting = {unit.id: (entry, body, unit)
+                        for entry, body, unit in self._every_unit(axes)}
+
+    def _every_unit(self, axes: list[int]) -> Iterator[tuple[int, int, Unit]]:
+        """All units with their entry and object."""
+        study = self.plan.study
+        for (n, entry), body in product(enumerate(self.entries), range(len(study.objects))):
+            for case in self._cases(axes, entry):
+                cell = study.cell(entry.strategy, body, setting_index(self.plan, case))
+                name = cell_hash(cell, study.objects[body])
+                for block in range(self.plan.block_count):
+                    yield n, body, self.plan.unit(cell, name, block)
+
+    def _cases(self, axes: list[int], entry: Entry) -> Iterator[dict[int, int]]:
+        every = self.plan.study.axes
+        rest = [n for n in range(len(every)) if n not in axes]
+        for points in product(*(range(len(every[n].values)) for n in rest)):
+            yield dict(zip(rest, points, strict=True)) | entry.points
+
+    @property
+    def looks(self) -> int:
+        """Units of an entry: so often its mean changes."""
+        return self.plan.unit_count // max(1, len(self.entries))
+
+    def take_in(self) -> None:
+        """Reads the units that have come since."""
+        there = self.store.unit_ids()
+        failed = {file.name.removesuffix(".failed.log")
+                  for file in self.store.logs.glob("*.failed.log")}
+        for name in sorted((there | failed) & self.waiting.keys()):
+            entry, body, unit = self.waiting[name]
+            rows = self.reader.read(unit)
+            if rows is not None:
+                del self.waiting[name]
+                self.found[entry].setdefault(body, Found()).add(unit, rows)
+
+    def state(self) -> State:
+        """How the sweep stands."""
+        self.take_in()
+        pace = pace_of(self.store)
+        total, left = self.plan.unit_count, len(self.waiting)
+        done = total - left
+        rows = self._rows()
+        statuses: Counter[str] = sum((found.statuses for of_objects in self.found
+                                      for found in of_objects.values()), Counter())
+        facts = [("state", "finished" if not left else "running" if pace.running
+                  else "stopped before its end"), ("units", f"{done:,} of {total:,}"),
+                 ("episodes", f"{sum(statuses.values()):,}"), *pace_facts(pace, left)]
+        notes = []
+        if len({row.objects for row in rows}) > 1:
+            notes.append("Entries have met different objects so far: their means cannot be "
+                         "compared yet. Those that have met most are first.")
+        if self.reader.damaged:
+            notes.append(f"{len(self.reader.damaged)} damaged units are left out")
+        about = (f"95 % intervals of these objects, with other episodes, which may be read "
+                 f"at any time: an entry has {self.looks:,} units, and each look takes an equal "
+                 "share of the 5 %. Worse: than the first, of all pairs together.")
+        return State("sweep", self.plan.study.head.name or self.store.folder.name, pace.running,
+                     self._headline(rows, done), tuple(facts), done / max(total, 1), self.metric,
+                     about, tuple(rows[:ROWS]), max(0, len(rows) - ROWS), (),
+                     tuple(self._curves(rows)), failures_of(statuses),
+                     failed_units(self.store.logs), tuple(notes))
+
+    def _headline(self, rows: list[Row], done: int) -> str:
+        if not rows:
+            return "no unit is finished yet" if not done else "no episode has a score yet"
+        near = sum(row.verdict != "worse" for row in rows) - 1
+        return (f"{rows[0].label} is first; {near} of {len(rows) - 1} others "
+                "cannot be told from it" if len(rows) > 1 else rows[0].label)
+
+    def _rows(self) -> list[Row]:
+        """A row for each entry that has a score, the best of those that met most objects first."""
+        worst = self._worst()
+        scores = [{body: found.by_episode(worst[body]) for body, found in of_objects.items()
+                   if body in worst} for of_objects in self.found]
+        means = {n: mean_over_objects([part.values for part in of.values()])
+                 for n, of in enumerate(scores) if of}
+        sign = -1.0 if self.metric in HIGHER_IS_BETTER else 1.0
+        order = sorted(means, key=lambda n: (-len(scores[n]), sign * means[n].value, n))
+        return [self._row(n, order[0], scores, means[n], sign) for n in order]
+
+    def _row(self, n: int, first: int, scores: list[dict[int, Scores]], mean: Mean,
+             sign: float) -> Row:
+        half = mean.half_width(alpha_of(self.looks))
+        lowest, highest = bounds_of(self.metric)
+        apart = [sign * scores[n][body].minus(scores[first][body])
+                 for body in scores[n] if body in scores[first]]
+        apart = [values for values in apart if len(values)]
+        verdict, behind = "best" if n == first else "", 0.0
+        if n != first and apart:
+            found = mean_over_objects(apart)
+            pairs = len(self.entries) * (len(self.entries) - 1)
+            one_sided = 2.0 * alpha_of(self.looks, pairs)
+            verdict = "worse" if found.value > found.half_width(one_sided) else ""
+            behind = found.value
+        touches = np.concatenate([part for found in self.found[n].values()
+                                  for part in found.touches])
+        known = np.isfinite(touches)
+        return Row(self.entries[n].label, _rounded(mean.value),
+                   _rounded(max(mean.value - half, lowest)),
+                   _rounded(min(mean.value + half, highest)), _rounded(behind), verdict,
+                   sum(len(part.values) for part in scores[n].values()), len(scores[n]),
+                   _rounded(touches[known].mean()) if known.any() else None)
+
+    def _worst(self) -> dict[int, float]:
+        """What an episode without a score counts as on each object that has any."""
+        found: dict[int, float] = {}
+        score = failure_score(self.metric)
+        for of_objects in self.found:
+            for body, part in of_objects.items():
+                values = np.concatenate(part.scores)
+                known = values[np.isfinite(values)]
+                if len(known):
+                    found[body] = (max(found.get(body, -np.inf), float(known.max()))
+                                   if score is None else score)
+        return found
+
+    def _curves(self, rows: list[Row]) -> Iterator[tuple[str, list[tuple[float, float]]]]:
+        numbers = {entry.label: n for n, entry in enumerate(self.entries)}
+        shown = rows[:CURVES]
+        steps = [{self.plan.study.objects[body].name: found.steps
+                  for body, found in self.found[numbers[row.label]].items() if found.steps}
+                 for row in shown]
+        for row, curve in zip(shown, mean_errors(steps), strict=True):
+            if curve:
+                yield row.label, curve
+
+
+def _rounded(value: float) -> float | None:
+    return float(f"{value:.6g}") if np.isfinite(value) else None

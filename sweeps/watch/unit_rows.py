@@ -1,0 +1,65 @@
+"""What is shown of a unit's rows, read once each; nothing is written, a damaged file is skipped."""
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from sweeps.analysis.curves import Steps, episode_steps
+from sweeps.analysis.entries import values_of
+from sweeps.run.plan import Unit
+from sweeps.run.unit_file import Columns, DamagedUnit, read_unit
+
+CURVES_OF = 64
+"""Episodes of each object of which error is drawn against touches: the first ones."""
+
+
+@dataclass(frozen=True)
+class UnitRows:
+    """A unit's scores and what else is shown of it."""
+
+    scores: np.ndarray
+    """(episode,), NaN for an episode without a score."""
+    touches: np.ndarray
+    statuses: Counter[str]
+    steps: tuple[Steps, ...]
+    """Error after each fit of the episodes that curves are drawn of; empty of later ones."""
+
+
+class UnitReader:
+    """Reads the units of a directory, each once; keeps what is shown of them."""
+
+    def __init__(self, units: Path, logs: Path, metric: str) -> None:
+        self.units, self.logs, self.metric = units, logs, metric
+        self.known: dict[str, UnitRows] = {}
+        self.damaged: set[str] = set()
+
+    def read(self, unit: Unit) -> UnitRows | None:
+        """A unit's rows; of one set aside as failed, episodes that all failed; None if it is not
+        there or damaged."""
+        if unit.id not in self.known and unit.id not in self.damaged:
+            found = self._read(unit)
+            if found is None:
+                return None
+            self.known[unit.id] = found
+        return self.known.get(unit.id)
+
+    def _read(self, unit: Unit) -> UnitRows | None:
+        count = unit.stop - unit.start
+        try:
+            rows = read_unit(self.units / f"{unit.id}.parquet", unit.id, count)
+        except DamagedUnit:
+            self.damaged.add(unit.id)
+            return None
+        except OSError:
+            if not (self.logs / f"{unit.id}.failed.log").exists():
+                return None
+            nothing = np.full(count, np.nan)
+            return UnitRows(nothing, nothing, Counter(unit_failed=count), ())
+        return self._shown(unit, rows)
+
+    def _shown(self, unit: Unit, rows: Columns) -> UnitRows:
+        steps = tuple(episode_steps(rows, "touches")) if unit.start < CURVES_OF else ()
+        return UnitRows(values_of(rows, self.metric), values_of(rows, "touches"),
+                        Counter(map(str, rows["status"])), steps)

@@ -1,0 +1,57 @@
+"""What stands in a directory, whether a sweep or a race, looked at again and again."""
+
+import json
+import time
+from pathlib import Path
+
+from sweeps.run.store import Store, plan_of
+from sweeps.watch.race_view import RaceView
+from sweeps.watch.state import State
+from sweeps.watch.sweep_view import SweepView
+
+SHARE = 0.01
+"""Of the time since it last looked, a view takes no more than this for looking."""
+LEAST_S = 1.0
+
+
+class View:
+    """The state of a directory. A look is due when the last one is so old that looks take less
+    than a hundredth of the time."""
+
+    def __init__(self, folder: Path, metric: str) -> None:
+        self.store, self.metric = Store(folder), metric
+        self.plan = plan_of(self.store)
+        self.race = RaceView(self.plan, self.store)
+        self.sweep: SweepView | None = None
+        self.last: State | None = None
+        self.version = 0
+        self.spent_s = 0.0
+        """Processor time of all looks."""
+        self._due = 0.0
+
+    def state(self) -> State:
+        """The newest state, or the last one where no look is due; `version` counts changes."""
+        if self.last is None or time.monotonic() >= self._due:
+            began = time.process_time()
+            found = self._look()
+            took = time.process_time() - began
+            self.spent_s += took
+            self._due = time.monotonic() + max(LEAST_S, took / SHARE)
+            self.version += found != self.last
+            self.last = found
+        return self.last
+
+    def json(self) -> str:
+        """The state, with its version."""
+        return json.dumps({"version": self.version, **self.state().plain()}, allow_nan=False)
+
+    def _look(self) -> State:
+        found = self.race.state()
+        if found is not None:
+            return found
+        if self.store.resolved()["hash"] != self.plan.hash:  # the study has grown
+            self.plan = plan_of(self.store)
+            self.sweep = SweepView(self.plan, self.store, self.metric,
+                                   self.sweep.reader if self.sweep else None)
+        self.sweep = self.sweep or SweepView(self.plan, self.store, self.metric)
+        return self.sweep.state()

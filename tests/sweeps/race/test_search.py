@@ -1,0 +1,185 @@
+"""A race over a space: what is proposed, in which order, and that the last race has other seeds."""
+
+import csv
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from studies import write_spec
+
+from sweeps.cli import main as cli
+from sweeps.race.proposals import Proposals
+from sweeps.run import worker
+from sweeps.run.plan import plan_study, study_of
+from sweeps.run.store import Store, plan_of
+from sweeps.spec.errors import SpecError
+from sweeps.spec.reader import read_spec
+from sweeps.spec.search import with_points
+
+SPEC = """\
+schema = 1
+seed = 7
+objects = ["block", "wedge"]
+[[strategy]]
+name = "ant"
+waypoints = { kind = "ring", count = 6 }
+[search]
+trials = 12
+round = 6
+finalists = 4
+episodes = 8
+"sensors.tendon_threshold_N" = { low = 1.0, high = 30.0 }
+"strategy.count" = { low = 3, high = 6, step = 1 }
+"strategy.closings" = [["together"], ["curl40", "base_then_curl"]]
+"strategy.tilt_deg" = { low = 40, high = 70.0, when = { "strategy.count" = [5, 6] } }
+"""
+"""Of the stand-in, the lower the threshold the better; nothing else matters."""
+
+
+@pytest.fixture(autouse=True)
+def _fake(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("optuna")
+    monkeypatch.setattr(worker, "EPISODES", "fake_episodes:run_episodes")
+
+
+def search(spec: Path, out: Path, *words: str) -> int:
+    return cli.run(["race", str(spec), "-o", str(out), "--within", "0.5", *words])
+
+
+def rows(file: Path) -> list[dict[str, str]]:
+    return list(csv.DictReader(file.read_text().splitlines()))
+
+
+def test_a_search_from_the_spec_to_the_claim(tmp_path: Path,
+                                             capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    assert search(write_spec(tmp_path, SPEC), out) == 0
+    printed = capsys.readouterr().out
+    assert "within 0.5 mm of the best of 4 on these 2 objects, 95 %" in printed
+    assert "12 proposals in 2 rounds" in printed
+    found = rows(out / "search.csv")
+    assert [row["round"] for row in found] == ["1"] * 6 + ["2"] * 6
+    for row in found:
+        assert 1.0 <= float(row["sensors.tendon_threshold_N"]) <= 30.0
+        assert row["strategy.count"] in ("3", "4", "5", "6")
+        assert row["strategy.closings"] in ("together", "curl40 base_then_curl")
+        assert (row["strategy.tilt_deg"] != "") == (row["strategy.count"] in ("5", "6"))
+    finalists = [float(row["chamfer_mm"]) for row in found if row["finalist"] == "yes"]
+    assert sorted(finalists) == sorted(float(row["chamfer_mm"]) for row in found)[:4]
+    race = rows(out / "race.csv")
+    assert len(race) == 4
+    least = min(found, key=lambda row: float(row["sensors.tendon_threshold_N"]))
+    assert f"tendon_threshold_N={float(least['sensors.tendon_threshold_N']):.6g}" in " ".join(
+        row["strategy"] for row in race)
+
+
+def test_the_last_race_has_seeds_of_its_own(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert search(write_spec(tmp_path, SPEC), out) == 0
+    seeds: dict[int, int] = {}
+    from pyarrow import parquet
+
+    for file in (out / "units").iterdir():
+        table = parquet.read_table(file)
+        seed = table["seed"].to_pylist()[0]
+        seeds[seed] = seeds.get(seed, 0) + table.num_rows
+    assert len(seeds) == 2
+    assert 7 in seeds
+    found, race = rows(out / "search.csv"), rows(out / "race.csv")
+    assert seeds.pop(7) == sum(int(row["n_episodes"]) for row in found)
+    assert sum(seeds.values()) == sum(int(row["n_episodes"]) for row in race)
+
+
+def test_workers_and_interruptions_change_no_byte(tmp_path: Path) -> None:
+    spec = write_spec(tmp_path, SPEC)
+    assert search(spec, tmp_path / "one") == 0
+    assert search(spec, tmp_path / "three", "--workers", "3") == 0
+    files = sorted((tmp_path / "one" / "units").iterdir())
+    shutil.copytree(tmp_path / "one", tmp_path / "part")
+    for file in files[::3]:
+        (tmp_path / "part" / "units" / file.name).unlink()
+    assert search(spec, tmp_path / "part", "--workers", "2") == 0
+    for other in ("three", "part"):
+        assert sorted(f.name for f in (tmp_path / other / "units").iterdir()) == [
+            f.name for f in files]
+        for name in ("race.csv", "race.svg", "search.csv", *(f"units/{f.name}" for f in files)):
+            assert (tmp_path / other / name).read_bytes() == (tmp_path / "one" / name).read_bytes()
+
+
+def test_a_budget_keeps_half_for_the_last_race(tmp_path: Path,
+                                               capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    assert search(write_spec(tmp_path, SPEC), out, "--budget-episodes", "300") == 0
+    found, race = rows(out / "search.csv"), rows(out / "race.csv")
+    assert sum(int(row["n_episodes"]) for row in found) <= 150
+    assert sum(int(row["n_episodes"]) for row in (*found, *race)) <= 300
+    assert search(tmp_path / "spec.toml", tmp_path / "few", "--budget-episodes", "20") == 2
+    assert "half of it is for proposals" in capsys.readouterr().err
+
+
+def test_the_sampler_learns_where_it_is_good(tmp_path: Path) -> None:
+    study = read_spec(write_spec(tmp_path, SPEC))
+    proposals, scores = Proposals(study.search, 3), []
+    for _ in range(8):
+        points = proposals.ask(10)
+        scores.append([abs(point["sensors.tendon_threshold_N"] - 12.0) for point in points])
+        proposals.tell(scores[-1])
+    assert np.mean(scores[-2:]) < 0.5 * np.mean(scores[0])
+    again = Proposals(study.search, 3)
+    assert [abs(p["sensors.tendon_threshold_N"] - 12.0) for p in again.ask(10)] == scores[0]
+
+
+def test_what_was_not_proposed_stays_as_it_is(tmp_path: Path) -> None:
+    study = read_spec(write_spec(tmp_path, SPEC))
+    points = [{"strategy.count": 5, "strategy.tilt_deg": 47.5}, {"strategy.count": 3}]
+    made = with_points(study, study.search, points)
+    cells = [made.cell(0, 0, n) for n in range(2)]
+    assert [cell.strategy.waypoints[0].count for cell in cells] == [5, 3]  # type: ignore[attr-defined]
+    assert cells[0].strategy.waypoints[0].tilt_rad == pytest.approx(np.radians(47.5))  # type: ignore[attr-defined]
+    assert cells[1].strategy.waypoints[0].tilt_rad == (  # type: ignore[attr-defined]
+        study.strategies[0].waypoints[0].tilt_rad)  # type: ignore[attr-defined]
+    assert cells[1].setting == {"strategy.count": 3}
+
+
+def test_a_folder_keeps_the_search(tmp_path: Path) -> None:
+    plan = plan_study(read_spec(write_spec(tmp_path, SPEC)))
+    store = Store(tmp_path / "out")
+    store.open_for(plan, None, "cpu")
+    assert plan_of(store).study.search == plan.study.search
+    assert plan_study(study_of(plan.resolved)).hash == plan.hash
+
+
+def test_without_optuna_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                                capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "optuna", None)
+    assert search(write_spec(tmp_path, SPEC), tmp_path / "out") == 2
+    assert "pip install 'warpgrasp[search]'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("line", "message"), [
+    ('"strategy.nothing" = { low = 1, high = 2 }', "unknown key 'strategy.nothing'"),
+    ('"strategy.aim" = { low = 1, high = 0.5 }', "should have numbers low < high"),
+    ('"strategy.aim" = { low = 0.2, high = 0.5, step = 0 }', "and step > 0"),
+    ('"strategy.aim" = 0.5', "should be a range such as"),
+    ('"strategy.aim" = []', "should be a list of at least one value"),
+    ('"strategy.aim" = { low = 0.2, high = 0.5, when = { "strategy.x" = [1] } }',
+     "'strategy.x' is no factor above this one"),
+    ('"strategy.aim" = { low = 0.2, high = 0.5, when = 3 }', "should name values of factors above"),
+    ("finalists = 1", "finalists: is 1; should be a whole number from 2"),
+    ('[sweep.grid]\n"strategy.count" = [4, 5]', "strategy.count is swept already in [sweep]"),
+])
+def test_refusals(tmp_path: Path, line: str, message: str) -> None:
+    text = SPEC.replace("finalists = 4\n", "") if line.startswith("finalists") else SPEC
+    text = text + line + "\n" if not line.startswith("finalists") else text.replace(
+        "[search]\n", f"[search]\n{line}\n")
+    with pytest.raises(SpecError) as caught:
+        read_spec(write_spec(tmp_path, text))
+    assert message in str(caught.value)
+
+
+def test_a_sweep_of_a_search_is_refused(tmp_path: Path,
+                                        capsys: pytest.CaptureFixture[str]) -> None:
+    spec = write_spec(tmp_path, SPEC)
+    assert cli.run(["sweep", str(spec), "-o", str(tmp_path / "out")]) == 2
+    assert "[search] is for `warpgrasp race`" in capsys.readouterr().err

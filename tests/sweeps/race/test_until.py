@@ -1,0 +1,108 @@
+"""`sweep --until`: it ends when the best is known, and leaves the directory of a sweep."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from studies import write_spec
+
+from sweeps.cli import commands
+from sweeps.cli import main as cli
+from sweeps.run.store import Store, plan_of
+
+SPEC = """\
+schema = 1
+seed = 7
+episodes_per_cell = 8
+objects = ["block", "wedge"]
+""" + "".join(f"""[[strategy]]
+name = "{name}"
+waypoints = {{ kind = "ring", count = 6 }}
+""" for name in ("ant", "bee", "horse"))
+WITHIN = 0.14
+
+
+@pytest.fixture(autouse=True)
+def _fake(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(commands, "EPISODES", "fake_episodes:run_episodes")
+
+
+def until(spec: Path, out: Path, *words: str, within: float = WITHIN) -> int:
+    return cli.run(["sweep", str(spec), "-o", str(out), "--until", str(within), *words])
+
+
+def files(out: Path) -> dict[str, bytes]:
+    return {f"{file.parent.name}/{file.name}": file.read_bytes()
+            for file in (out / "leaderboard.csv", out / "resolved.json",
+                         *sorted((out / "units").iterdir()))
+            } if out.exists() else {}
+
+
+def same(one: Path, other: Path) -> None:
+    mine, theirs = ({name.partition("/")[2]: content for name, content in files(out).items()}
+                    for out in (one, other))
+    assert mine == theirs
+
+
+def test_it_goes_on_until_the_best_is_known(tmp_path: Path,
+                                            capsys: pytest.CaptureFixture[str]) -> None:
+    spec, out = write_spec(tmp_path, SPEC), tmp_path / "out"
+    assert until(spec, out, "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["best"] in ("ant", "bee")
+    assert told["claim"] == f"within {WITHIN} mm of the best of 3 on these 2 objects, 95 %"
+    plan = plan_of(Store(out))
+    each = plan.study.head.episodes_per_cell
+    assert each % 64 == 0
+    assert each > 64
+    assert {row["n_episodes"] for row in told["table"] if row["rank"] != "NA"} == {str(2 * each)}
+    assert all(Store(out).has(unit, verify=True) for unit in plan.units())
+    assert len(Store(out).unit_ids()) == plan.unit_count
+    assert cli.run(["leaderboard", str(out)]) == 0
+    assert "race" not in capsys.readouterr().err
+
+
+def test_a_wide_margin_takes_the_first_rung_alone(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert until(write_spec(tmp_path, SPEC), out, within=5.0) == 0
+    assert plan_of(Store(out)).study.head.episodes_per_cell == 64
+
+
+def test_workers_interruptions_and_a_sweep_before_change_no_row(tmp_path: Path) -> None:
+    spec = write_spec(tmp_path, SPEC)
+    assert until(spec, tmp_path / "one") == 0
+    assert until(spec, tmp_path / "three", "--workers", "3") == 0
+    same(tmp_path / "one", tmp_path / "three")
+    shutil.copytree(tmp_path / "one", tmp_path / "part")
+    for file in sorted((tmp_path / "part" / "units").iterdir())[::2]:
+        file.unlink()
+    assert until(spec, tmp_path / "part", "--workers", "2") == 0
+    same(tmp_path / "one", tmp_path / "part")
+    assert cli.run(["sweep", str(spec), "-o", str(tmp_path / "grown")]) == 0  # 8 episodes a cell
+    assert until(spec, tmp_path / "grown") == 0
+    mine, theirs = files(tmp_path / "one"), files(tmp_path / "grown")
+    assert {name: content for name, content in mine.items() if name.startswith("units")} == {
+        name: content for name, content in theirs.items() if name.startswith("units")}
+
+
+def test_a_smaller_margin_goes_on_and_a_larger_one_takes_nothing_more(tmp_path: Path) -> None:
+    spec, out = write_spec(tmp_path, SPEC), tmp_path / "out"
+    assert until(spec, out, within=1.0) == 0
+    before = set(Store(out).unit_ids())
+    assert until(spec, out) == 0
+    after = set(Store(out).unit_ids())
+    assert before < after
+    assert until(spec, out, within=1.0) == 0
+    assert set(Store(out).unit_ids()) == after
+
+
+@pytest.mark.parametrize(("words", "message"), [
+    (["--until", "0"], "--until: is 0; should be a number"),
+    (["--until", "1", "--shard", "1/2"], "--until: what comes next depends on all units"),
+])
+def test_refusals(tmp_path: Path, words: list[str], message: str,
+                  capsys: pytest.CaptureFixture[str]) -> None:
+    spec = write_spec(tmp_path, SPEC)
+    assert cli.run(["sweep", str(spec), "-o", str(tmp_path / "out"), *words]) == 2
+    assert message in capsys.readouterr().err

@@ -1,0 +1,216 @@
+"""What is shown of a sweep and of a race: against leaderboard and race.csv; nothing is written."""
+
+import csv
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from curved_episodes import wide_study, wide_text
+from fake_episodes import run_episodes
+from scipy.stats import t
+from studies import fill, plan_of, write_spec
+
+from sweeps.analysis.curves import grid_of, mean_curve, read_curves
+from sweeps.analysis.leaderboard import make_leaderboard
+from sweeps.cli import main as cli
+from sweeps.race.race_note import read_race_note
+from sweeps.run import worker
+from sweeps.run.store import Store
+from sweeps.run.unit_file import write_files
+from sweeps.run.worker import run_units
+from sweeps.spec.errors import StoreError
+from sweeps.watch.any_time import alpha_of, mean_over_objects
+from sweeps.watch.mean_error import mean_errors
+from sweeps.watch.view import View
+
+SPEC = """\
+schema = 1
+seed = 7
+episodes_per_cell = 130
+objects = ["block", "wedge", "funnel"]
+""" + "".join(f"""[[strategy]]
+name = "{name}"
+waypoints = {{ kind = "ring", count = 6 }}
+""" for name in ("ant", "bee", "horse", "elephant"))
+
+
+def snapshot(folder: Path) -> dict[str, tuple[int, bytes]]:
+    """All files below a folder, with their times and bytes; locks come and go."""
+    return {str(file): (file.stat().st_mtime_ns, file.read_bytes())
+            for file in sorted(folder.rglob("*")) if file.is_file()}
+
+
+def test_a_finished_sweep_is_its_leaderboard(tmp_path: Path) -> None:
+    plan = plan_of(tmp_path / "spec", SPEC)
+    store = fill(tmp_path / "out", plan)
+    state = View(tmp_path / "out", "chamfer_mm").state()
+    board = [dict(zip(made.header, row, strict=True))
+             for made in [make_leaderboard(plan, [store])] for row in made.rows]
+    ranked = [row for row in board if row["rank"] != "NA"]
+    assert [row.label for row in state.rows] == [row["strategy"] for row in ranked]
+    for mine, theirs in zip(state.rows, ranked, strict=True):
+        assert mine.mean == pytest.approx(float(theirs["chamfer_mm"]), abs=6e-4)
+        assert mine.touches == pytest.approx(float(theirs["touches"]), abs=0.06)
+        assert mine.episodes == int(theirs["n_episodes"]) * 3 or mine.episodes == 390
+        assert mine.low is not None
+        assert mine.low <= float(theirs["chamfer_mm_these_low"])  # valid at every look: wider
+    assert [row.verdict for row in state.rows] == ["best", "", "worse", "worse"]
+    assert state.done == 1.0
+    failed = sum((run_units(run_episodes, [unit], "cpu")[0]["status"] != "ok").sum()
+                 for unit in plan.units())
+    assert state.failures == (("fit_failed", failed),)
+
+
+def test_intervals_are_students_at_a_look_of_many(tmp_path: Path) -> None:
+    plan = plan_of(tmp_path / "spec", SPEC)
+    fill(tmp_path / "out", plan)
+    row = View(tmp_path / "out", "touches").state().rows[0]
+    cells = [np.concatenate([run_units(run_episodes, [unit], "cpu")[0]["touches"]
+                             for unit in plan.units() if unit.cell.strategy.name == row.label
+                             and unit.cell.object_name == name]).astype(float)
+             for name in ("block", "wedge", "funnel")]
+    parts = [cell.var(ddof=1) / 130 / 9 for cell in cells]
+    freedom = sum(parts) ** 2 / sum(part**2 / 129 for part in parts)
+    half = t.isf(0.05 / 9 / 2, freedom) * np.sqrt(sum(parts))  # 9 units of an entry
+    mean = np.mean([cell.mean() for cell in cells])
+    assert row.mean == pytest.approx(mean, rel=1e-5)
+    assert (row.low, row.high) == pytest.approx((mean - half, mean + half), rel=1e-5)
+
+
+def test_every_look_of_a_sweep_holds_together() -> None:
+    """Ten looks at a growing mean: intervals of each alone fail, these hold."""
+    rng = np.random.default_rng(2)
+    failed = np.zeros(2)
+    for _ in range(1500):
+        drawn = rng.normal(0.0, 1.0, (2, 320))
+        looks = [mean_over_objects([drawn[0, :32 * n], drawn[1, :32 * n]]) for n in range(1, 11)]
+        for n, alpha in enumerate((0.05, alpha_of(10))):
+            failed[n] += any(abs(mean.value) > mean.half_width(alpha) for mean in looks)
+    assert failed[1] / 1500 < 0.05 < failed[0] / 1500
+
+
+def test_a_look_while_units_come_reads_only_what_is_new(tmp_path: Path) -> None:
+    plan = plan_of(tmp_path / "spec", SPEC)
+    out = tmp_path / "out"
+    store = Store(out)
+    store.open_for(plan, None, "cpu")
+    units = list(plan.units())
+    view = View(out, "chamfer_mm")
+    assert view.state().headline == "no unit is finished yet"
+    for unit in units[:14]:
+        write_files(store.path(unit), unit.id, run_units(run_episodes, [unit], "cpu")[0])
+    view._due = 0.0
+    state = view.state()
+    assert dict(state.facts)["units"] == f"14 of {len(units)}"
+    assert view.sweep is not None
+    known = dict(view.sweep.reader.known)
+    assert len(known) == 14
+    assert any("met different objects" in text for text in state.notes)
+    for unit in units[14:]:
+        write_files(store.path(unit), unit.id, run_units(run_episodes, [unit], "cpu")[0])
+    view._due = 0.0
+    assert view.state().done == 1.0
+    assert all(view.sweep.reader.known[name] is rows for name, rows in known.items())
+
+
+def test_nothing_is_written_and_what_is_damaged_is_left(tmp_path: Path) -> None:
+    plan = plan_of(tmp_path / "spec", SPEC)
+    out = tmp_path / "out"
+    store = fill(out, plan)
+    units = list(plan.units())
+    store.path(units[0]).write_bytes(store.path(units[0]).read_bytes()[:200])
+    (store.units / f".{units[1].id}.parquet.0123456789ab.tmp").write_bytes(b"half of it")
+    os.replace(store.path(units[1]), store.logs / "aside")
+    store.log(units[1]).write_text("strategy ant\n\nTraceback\nValueError: no such luck\n")
+    before = snapshot(out)
+    state = View(out, "chamfer_mm").state()
+    assert snapshot(out) == before
+    assert dict(state.facts)["units"] == f"{len(units) - 1} of {len(units)}"
+    assert "1 damaged units are left out" in state.notes
+    assert state.failed_units == ("strategy ant: ValueError: no such luck",)
+    assert dict(state.failures)["unit_failed"] == 64
+
+
+def test_looks_take_less_than_a_hundredth_of_the_time(tmp_path: Path,
+                                                      monkeypatch: pytest.MonkeyPatch) -> None:
+    fill(tmp_path / "out", plan_of(tmp_path / "spec", SPEC))
+    view = View(tmp_path / "out", "chamfer_mm")
+    now, worked = [100.0], [0.0]
+    monkeypatch.setattr("sweeps.watch.view.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("sweeps.watch.view.time.process_time", lambda: worked[0])
+    looked = view._look
+
+    def costly() -> object:
+        worked[0] += 0.25
+        return looked()
+
+    monkeypatch.setattr(view, "_look", costly)
+    for _ in range(3000):
+        view.state()
+        now[0] += 0.1
+    assert worked[0] <= 0.01 * 300 + 0.25
+    assert worked[0] > 0.008 * 300
+
+
+def test_curves_are_those_of_the_report(tmp_path: Path) -> None:
+    plan, store = wide_study(tmp_path, wide_text(2, 3, 8))
+    state = View(tmp_path, "chamfer_mm").state()
+    found = read_curves(plan, [store])
+    assert len(state.curves) == 2
+    for label, points in state.curves:
+        entry = found.labels.index(label)
+        grid = np.array([at for at, _ in points])
+        expected = mean_curve(found, "touches", entry, grid).value
+        assert [error for _, error in points] == pytest.approx(expected.tolist(), abs=1e-3)
+    assert grid_of(found, "touches")[-1] >= state.curves[0][1][-1][0]
+
+
+def test_episodes_that_were_fitted_once_have_no_curve() -> None:
+    once = (np.array([30.0]), np.array([4.0]))
+    assert mean_errors([{"block": [once, once]}, {}]) == [[], []]
+    assert mean_errors([]) == []
+
+
+def test_a_race_is_its_csv(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(worker, "EPISODES", "fake_episodes:run_episodes")
+    spec, out = write_spec(tmp_path, SPEC), tmp_path / "out"
+    assert cli.run(["race", str(spec), "-o", str(out), "--within", "0.3"]) == 0
+    before = snapshot(out)
+    state = View(out, "iou").state()
+    assert snapshot(out) == before
+    rows = list(csv.DictReader((out / "race.csv").read_text().splitlines()))
+    assert [row.label for row in state.rows] == [row["strategy"] for row in rows]
+    assert [row.verdict for row in state.rows] == [row["verdict"] for row in rows]
+    for mine, theirs in zip(state.rows, rows, strict=True):
+        assert mine.mean == pytest.approx(float(theirs["chamfer_mm"]), abs=6e-4)
+        assert mine.behind == pytest.approx(float(theirs["worse_by"]), abs=6e-4)
+        assert mine.low == pytest.approx(
+            state.rows[0].mean + float(theirs["worse_by_at_least"]), abs=2e-3)
+        assert mine.episodes == int(theirs["n_episodes"])
+    assert state.rungs[0] == (8, 4)
+    assert state.rungs[-1][0] == max(int(row["n_episodes"]) for row in rows) // 3
+    note = read_race_note(out / "logs")
+    assert note is not None
+    assert sum(note["statuses"].values()) == sum(row.episodes for row in state.rows)
+    assert json.loads(View(out, "iou").json())["kind"] == "race"
+
+
+def test_a_race_before_its_first_rung_is_a_race(tmp_path: Path) -> None:
+    plan = plan_of(tmp_path / "spec", SPEC)
+    store = Store(tmp_path / "out")
+    store.open_for(plan, None, "cpu")
+    (store.logs / "race.json").write_text(json.dumps(
+        {"metric": "chamfer_mm", "over": "these", "rungs": [], "entries": []}))
+    state = View(tmp_path / "out", "chamfer_mm").state()
+    assert (state.kind, state.rows) == ("race", ())
+    assert dict(state.facts)["state"] == "stopped in rung 1"
+    for damaged in ("[]", "{", '{"metric": 1, "over": 2, "rungs": [{}], "entries": [{}]}'):
+        (store.logs / "race.json").write_text(damaged)
+        assert View(tmp_path / "out", "chamfer_mm").state().kind == "sweep"
+
+
+def test_a_folder_without_a_study_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match="holds no study"):
+        View(tmp_path, "chamfer_mm")
