@@ -14,8 +14,8 @@ MIN_SOLID_POINTS = 8
 """Minimum number of points for a solid."""
 FLAT = 1e-5
 """A set is degenerate in a direction if its spread is below this fraction of the largest."""
-FREE_BUCKET = 8
-"""Free-space balls are padded to a multiple of this."""
+FREE_BUCKET = 24
+"""Free-space balls are padded to a multiple of this: as many as episodes give to a fit."""
 SETS_AT_ONCE = 1024
 """Sets of one bucket fitted together. Their starts take about 40 kB each; more is no faster."""
 _SIX = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)  # rows and columns of a symmetric matrix

@@ -252,7 +252,7 @@ class RunningExploration:
                                         room)
         mask = grasps.moves.status[:, :, 0] != ProbeStatus.NOT_TRIED
         radius = self.robot.hand.link_radius_m
-        links = touched_links(grasps, self.robot.hand)
+        links = touched_links(grasps, self.robot.hand, self.robot.contact)
         evidence = evidence_from_grasps(grasps, radius)
         self._add(evidence, links)
         self.touches += was_made(grasps.closing.status).sum((1, 2, 3))

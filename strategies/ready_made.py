@@ -48,6 +48,7 @@ STRATEGIES: dict[str, Strategy] = {s.name: s for s in (
         ("most-uncertain", "adaptive: where the fitted surface is least certain"),
         ("information", "adaptive: greatest expected information (D-optimal)"),
         ("gaussian-process", "adaptive: where a Gaussian process surface is least certain"),
+        ("any-object", "adaptive: where an object of any shape may still be found"),
         ("expected-error", "adaptive: lowers the expected error of the whole surface most"),
         ("oracle", "the ceiling: takes the truly best of its candidates, by the truth"))),
 )}

@@ -17,8 +17,8 @@ import pytest
 import run_docs
 from doc_blocks import ROOT, Block, blocks, commands, pages
 
-LIGHT = {"objects", "strategies", "init", "check", "sweep", "status", "leaderboard", "table",
-         "rows", "compare", "figure", "export", "completion"}
+LIGHT = {"objects", "hands", "hand", "strategies", "init", "check", "sweep", "status",
+         "leaderboard", "table", "rows", "compare", "figure", "export", "completion"}
 PROGRAMS = [block for block in commands() if "warpgrasp " in block.text
             and not run_docs.excuse(block)]
 

@@ -15,12 +15,12 @@ from places import ROOT
 
 FLOORS = {
     "warpgrasp": ["spec_words", "parameters", "probe_status", "motion_cost", "core", "geometry",
-                  "objects", "mechanism", "finger", "closing", "touch", "export", "robot"],
+                  "objects", "hands", "mechanism", "finger", "closing", "touch", "export", "robot"],
     "fit": ["fit_status", "rotation", "arrays", "optimize", "prepare", "superquadric",
             "revolution", "implicit", "plane", "polyhedron", "match_parameters",
             "interpretation_tree", "points_csv"],
     "strategies": ["poses", "strategy", "ready_made", "procedures", "contacts", "recovery",
-                   "recognition", "planners", "reconstruct", "exploration"],
+                   "recognition", "foresight", "planners", "reconstruct", "exploration"],
     "sweeps": ["output", "text_table", "spec", "episode", "run", "analysis", "compare", "figures",
                "race", "report", "watch", "gym", "paper", "validate", "bench", "cli", "__main__"],
 }

@@ -4,7 +4,7 @@
   `ArmTable.guarded_step_s`, or as long as the joints need for the motion, whichever is longer.
 - A finger's stroke, not guarded: the joint with the longest way governs, at
   `ArmTable.finger_speed_rad_s`. A finger that closed opens again the way that it came.
-- A move of the arm from place to place: the slowest joint governs (`puma560_kernel.move_time`).
+- A move of the arm from place to place: the slowest joint governs (`arm_kernel.arm_time`).
 
 A touch is one guarded motion of one finger until contact that was made, whether anything was felt
 or not: it was stopped, or it came to its end. `docs/model.md` has the table.

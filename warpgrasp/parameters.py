@@ -27,8 +27,13 @@ def _choice(default: str, choices: tuple[str, ...], doc: str) -> Any:
 @spec_words
 @dataclass(frozen=True)
 class ArmTable:
-    """PUMA 560, standard Denavit-Hartenberg parameters (robotics-toolbox-python) [ref]."""
+    """PUMA 560, standard Denavit-Hartenberg parameters (robotics-toolbox-python) [ref].
 
+    Or none: a wrist that floats within a box, where every pose is reachable.
+    """
+
+    kind: str = _choice("puma560", ("puma560", "none"), "the arm; none: a floating wrist, whose "
+                        "box and speeds count in place of what joints have")
     d_m: tuple[float, ...] = _number((0.67183, 0.0, 0.15005, 0.4318, 0.0, 0.0), 0.0, 2.0,
                                      "joint offsets [ref]")
     a_m: tuple[float, ...] = _number((0.0, 0.4318, 0.0203, 0.0, 0.0, 0.0), 0.0, 2.0,
@@ -43,6 +48,11 @@ class ArmTable:
         tuple(radians(v) for v in (82, 54, 122, 228, 241, 228)), 1e-3, 100.0, "joint speeds [est]")
     encoder_step_rad: float = _number(1e-4, 0.0, 0.1, "encoder step [est]")
     repeatability_m: float = _number(1e-4, 0.0, 0.1, "sigma of the tip's place [ref: bulletin]")
+    box_low_m: tuple[float, ...] = _number((-1.0, -1.0, 0.0), -5.0, 5.0, "corner of the box of a "
+                                           "floating wrist's flange [est]")
+    box_high_m: tuple[float, ...] = _number((1.0, 1.0, 1.5), -5.0, 5.0, "the opposite corner [est]")
+    wrist_speed_m_s: float = _number(0.5, 1e-3, 100.0, "of a floating wrist [est]")
+    wrist_turn_rad_s: float = _number(radians(120), 1e-3, 100.0, "same, turning [est]")
     guarded_step_s: float = _number(0.05, 0.0, 10.0, "of one guarded step of fingers or "
                                     "arm: command, rest, reading [est]")
     finger_speed_rad_s: float = _number(radians(90), 1e-3, 100.0, "finger strokes, not "
@@ -105,13 +115,13 @@ class ContactTable:
     weight: bool = field(default=True, metadata={"doc": "links weigh down on the servos"})
     self_contact: bool = field(default=True, metadata={
         "doc": "fingers stop at one another and at the palm"})
-    friction: float = _number(0.0, 0.0, 2.0, "coefficient of the skin on object and table; 0: it "
+    friction: float = _number(0.5, 0.0, 2.0, "coefficient of the skin on object and table; 0: it "
                               "slides freely [est]")
 
     @staticmethod
     def none() -> "ContactTable":
         """Nothing beside them."""
-        return ContactTable(joint_stops=False, weight=False, self_contact=False)
+        return ContactTable(joint_stops=False, weight=False, self_contact=False, friction=0.0)
 
 
 @spec_words

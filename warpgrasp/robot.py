@@ -102,7 +102,7 @@ class Robot:
         self._probes_made = np.zeros(len(key), int)
         self._lines_made = np.zeros(len(key), int)
         self._line_count = 0
-        self._state = ArmState.home(len(key))
+        self._state = ArmState.home(len(key), arm)
         # A first-order distance to a deformed superquadric may overshoot: march half of it.
         self._march_scale = 0.5 if has_deformed_part(bodies) else 1.0
         self.arm, self.hand, self.sensors = arm, hand, sensors

@@ -5,6 +5,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "batch": ["POINT_BUCKETS", "Program", "map_lanes", "point_bucket", "take", "vmap_cond"],
     "multistart": ["Problem", "Solution", "advance", "finish", "screen"],
+    "pieces": ["PIECE", "Span", "divided", "sum_of_pieces", "undivided"],
     "solver": ["NormalEquations", "normal_equations_of", "robust"],
     "xla_flags": ["force_materialize"],
 })

@@ -2,8 +2,9 @@
 
 A fit must depend only on its own points. Therefore each fit is padded to the bucket of its *own*
 number of points, and lanes are computed in groups of fixed size by one program, which takes the
-number of groups as a run-time argument. The same instructions run for any batch size, nothing
-recompiles, and a small batch costs little.
+number of groups, and of pieces that the points of a lane are divided into (`pieces`), as run-time
+arguments. The same instructions run for any batch size, nothing recompiles, and a small batch costs
+little.
 """
 
 import threading
@@ -17,6 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.custom_batching import custom_vmap
 
+from fit.optimize.pieces import SLOTS, Span, in_slots, pieces_of
 from fit.optimize.program_cache import load_or_compile
 from fit.optimize.xla_flags import set_xla_flags
 
@@ -56,10 +58,11 @@ class Program:
 
 @lru_cache(maxsize=256)
 def _jitted(group_function: Callable) -> Callable:
-    def launch(groups, lanes, *common):
+    def launch(groups, pieces, lanes, slots, *common):
         """Compute `groups` groups of `lanes` in turn; rows after them stay zero."""
         # Jitted so that it is traced once, for the shapes and the loop.
-        group = jax.jit(lambda lanes: group_function(*lanes, *common))
+        group = jax.jit(lambda lanes, index: group_function(
+            *lanes, *(() if slots is None else (slots, Span(index * pieces, pieces))), *common))
         part = lambda tree, start: jax.tree.map(  # noqa: E731
             lambda leaf: jax.lax.dynamic_slice_in_dim(leaf, start, GROUP), tree)
 
@@ -67,9 +70,9 @@ def _jitted(group_function: Callable) -> Callable:
             start = index * GROUP
             return jax.tree.map(
                 lambda whole, rows: jax.lax.dynamic_update_slice_in_dim(whole, rows, start, 0),
-                out, group(part(lanes, start)))
+                out, group(part(lanes, start), index))
 
-        shapes = jax.eval_shape(group, part(lanes, 0))
+        shapes = jax.eval_shape(group, part(lanes, 0), 0)
         empty = jax.tree.map(lambda leaf: jnp.zeros((LANES, *leaf.shape[1:]), leaf.dtype), shapes)
         return jax.lax.fori_loop(0, groups, step, empty)
 
@@ -91,21 +94,30 @@ def _run(group_function: Callable, arguments: tuple) -> Any:
     return program(*arguments)
 
 
-def map_lanes(group_function: Callable, *lanes: Any, shared: tuple = ()) -> Any:
+def map_lanes(
+    group_function: Callable, *lanes: Any, shared: tuple = (), by_point: Any = None
+) -> Any:
     """`group_function(*lanes, *shared)` over all lanes, a group at a time, in float64.
 
     `lanes` are trees of arrays whose first axis is the lane; so is the result. `group_function` is
     a vmapped function, the same object in every call; a `Program` is compiled once for all
-    processes.
+    processes. `by_point` is a tree of arrays [lane, ..., point] of one number of points: the
+    function gets its pieces, [lane, slot, ..., PIECE], and their `Span` after the lanes.
     """
     count = len(jax.tree.leaves(lanes)[0])
+    pieces = 1 if by_point is None else pieces_of(jax.tree.leaves(by_point)[0].shape[-1])
+    slots = -(-pieces // SLOTS) * SLOTS
+    at_once = LANES if by_point is None else min(LANES, slots // pieces * GROUP)
     parts = []
-    for start in range(0, count, LANES):
-        rows = min(LANES, count - start)
+    for start in range(0, count, at_once):
+        rows = min(at_once, count - start)
         groups = -(-rows // GROUP)
         chunk = jax.tree.map(lambda leaf, start=start, rows=rows: _padded(leaf, start, rows), lanes)
+        points = jax.tree.map(lambda leaf, start=start, rows=rows, groups=groups: in_slots(
+            leaf[start : start + rows], GROUP, groups, slots), by_point)
         with _lock, jax.enable_x64(True):
-            out = jax.device_get(_run(group_function, (np.int64(groups), chunk, *shared)))
+            out = jax.device_get(_run(group_function, (
+                np.int64(groups), np.int64(pieces), chunk, points, *shared)))
         parts.append(jax.tree.map(lambda leaf, rows=rows: np.asarray(leaf)[:rows], out))
     return jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
 

@@ -23,12 +23,18 @@ MIN_COST = 1e-24
 
 
 class Problem(NamedTuple):
-    """A least-squares problem and its solver; the same object in every call, for caching."""
+    """A least-squares problem; its function is the same object in every call, for caching."""
 
     function: Callable
-    """Of (theta, lane): the `NormalEquations` of one fit."""
+    """Of (theta, lane): the `NormalEquations` of one fit; of (theta, lane, span, choice) if
+    `by_point`."""
     name: str
     """States all that the function closes over."""
+    by_point: tuple[str, ...] = ()
+    """Fields of a lane with a value for each point on their last axis. The function gets them as
+    [slot, ..., point of a piece], to sum over those of its `pieces.Span`."""
+    choice: int = 0
+    """A number that the function gets at run time: problems that differ by it share a program."""
 
 
 class Solution(NamedTuple):
@@ -43,7 +49,12 @@ class Solution(NamedTuple):
 def advance(problem: Problem, theta, lanes: Any, iterations: int, damping=None) -> Any:
     """Advance every lane by `iterations` steps; returns a `solver.Descent`."""
     damping = np.zeros(len(theta)) if damping is None else damping
-    return map_lanes(_program(problem), theta, damping, lanes, shared=(np.int64(iterations),))
+    program = _program(problem._replace(choice=0))
+    if not problem.by_point:
+        return map_lanes(program, theta, damping, lanes, shared=(np.int64(iterations),))
+    points = {name: getattr(lanes, name) for name in problem.by_point}
+    return map_lanes(program, theta, damping, lanes._replace(**dict.fromkeys(points)),
+                     shared=(np.int64(iterations), np.int32(problem.choice)), by_point=points)
 
 
 def screen(
@@ -99,5 +110,11 @@ def finish(
 
 @lru_cache(maxsize=64)
 def _program(problem: Problem) -> Program:
-    return Program(f"descend {problem.name}", lambda theta, damping, lane, iterations:
-                   descend(problem.function, theta, damping, iterations, lane))
+    def whole(theta, damping, lane, iterations):
+        return descend(problem.function, theta, damping, iterations, lane)
+
+    def in_pieces(theta, damping, lane, slots, span, iterations, choice):
+        return descend(lambda theta, lane: problem.function(theta, lane, span, choice), theta,
+                       damping, iterations, lane._replace(**slots))
+
+    return Program(f"descend {problem.name}", in_pieces if problem.by_point else whole)

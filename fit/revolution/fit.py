@@ -7,6 +7,7 @@ count too.
 """
 
 from functools import lru_cache
+from typing import Any
 
 import jax
 import numpy as np
@@ -14,9 +15,10 @@ from jaxtyping import Bool, Float
 
 from fit.optimize.batch import Program, map_lanes, take
 from fit.optimize.multistart import Problem, advance, finish, screen
+from fit.optimize.pieces import PIECE, divided, undivided
 from fit.prepare import Sets, prepare
 from fit.revolution.record import RevolutionFit, RevolutionOptions
-from fit.revolution.residuals import FitData, evaluate, normal_equations
+from fit.revolution.residuals import BY_POINT, FitData, evaluate, normal_equations
 from fit.rotation import is_upward
 from fit.superquadric.starts import box_starts
 
@@ -102,7 +104,7 @@ def _fit_bucket(sets: Sets, options: RevolutionOptions) -> dict[str, np.ndarray]
 
 def _scale(theta, lanes: FitData, sets: Sets, options: RevolutionOptions) -> np.ndarray:
     """Scale of the robust loss: 2.4 standard deviations, estimated from the median residual."""
-    away = map_lanes(_evaluate(options), theta, lanes)[1]
+    away = _evaluated(theta, lanes, options).distance
     size = np.where(sets.mask, np.abs(away) * lanes.weight, np.nan)
     spare = np.maximum(sets.count - theta.shape[1], 1) / sets.count
     deviation = 1.4826 * np.nanmedian(size, axis=1) / np.sqrt(spare)
@@ -110,7 +112,8 @@ def _scale(theta, lanes: FitData, sets: Sets, options: RevolutionOptions) -> np.
 
 
 def _rows(end, lanes: FitData, sets: Sets, options: RevolutionOptions) -> dict[str, np.ndarray]:
-    body, away, information, slopes = map_lanes(_evaluate(options), end.theta, lanes)
+    body, away, touches, others, slopes = _evaluated(end.theta, lanes, options)
+    information = touches + others
     position, axis, height, radius = body
     scale = sets.scale
     # Point the axis upwards, so that the result does not depend on the start.
@@ -145,7 +148,22 @@ def _rows(end, lanes: FitData, sets: Sets, options: RevolutionOptions) -> dict[s
 
 @lru_cache(maxsize=64)
 def _problem(options: RevolutionOptions) -> Problem:
-    return Problem(lambda theta, data: normal_equations(theta, data, options), f"{options}")
+    return Problem(lambda theta, data, span, _: normal_equations(theta, data, options, span),
+                   f"{options}", BY_POINT)
+
+
+def _evaluated(theta, lanes: FitData, options: RevolutionOptions) -> Any:
+    """The `Evaluated` of every fit; each piece of its touches is a lane of the program."""
+    points, weight = divided(lanes.points), divided(lanes.weight)
+    n, pieces = weight.shape[:2]
+    spread = take(lanes._replace(points=points[:, 0], weight=weight[:, 0]),
+                  np.repeat(np.arange(n), pieces))
+    spread = spread._replace(points=points.reshape(-1, 3, PIECE), weight=weight.reshape(-1, PIECE))
+    found = map_lanes(_evaluate(options), np.repeat(theta, pieces, axis=0), spread)
+    parts = lambda values: values.reshape(n, pieces, *values.shape[1:])  # noqa: E731
+    return take(found, np.arange(0, n * pieces, pieces))._replace(
+        distance=undivided(parts(found.distance), lanes.points.shape[2]),
+        touch_information=parts(found.touch_information).sum(1))
 
 
 @lru_cache(maxsize=64)

@@ -10,9 +10,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from fit.optimize.pieces import Span, sum_of_pieces
 from fit.optimize.solver import NormalEquations, normal_equations_of, robust
 from fit.revolution.record import RevolutionOptions
 from fit.superquadric.parameter_vector import Tensor
+
+BY_POINT = ("points", "weight")
+"""Fields of `FitData` with a value for each touch."""
 
 
 class FitData(NamedTuple):
@@ -34,6 +38,19 @@ class Body(NamedTuple):
     axis: Float[Tensor, " 3"]
     height: Float[Array, ""]
     radius: Float[Array, " node"]
+
+
+class Evaluated(NamedTuple):
+    """A body beside its touches."""
+
+    body: Body
+    distance: Float[Array, " point"]
+    """Signed distances of touches, positive outside."""
+    touch_information: Float[Array, "parameter parameter"]
+    """JᵀJ of these touches."""
+    body_information: Float[Array, "parameter parameter"]
+    """JᵀJ of table, smoothing and priors."""
+    volume_slope: Float[Array, " parameter"]
 
 
 class Nearest(NamedTuple):
@@ -61,11 +78,18 @@ def unpack(theta, rotation: Float[Tensor, "3 3"]) -> Body:
     return Body(middle - 0.5 * height * axis, axis, height, _radius(theta))
 
 
-def normal_equations(theta, data: FitData, options: RevolutionOptions) -> NormalEquations:
-    """JᵀJ, Jᵀr and cost. Residuals of touches are differentiated by hand."""
-    columns = _touch_rows(theta, data, options)
-    sums = columns @ columns.T
-    few = normal_equations_of(lambda t, data: _body_residuals(t, data, options))(theta, data)
+def normal_equations(
+    theta, data: FitData, options: RevolutionOptions, span: Span | None = None
+) -> NormalEquations:
+    """JᵀJ, Jᵀr and cost. Residuals of touches are differentiated by hand.
+
+    With `span` the fields `BY_POINT` are pieces, [slot, ..., point], of which those of the span
+    count.
+    """
+    of_touches = lambda values: _touch_sums(theta, data._replace(**values), options)  # noqa: E731
+    touches = {name: getattr(data, name) for name in BY_POINT}
+    sums = of_touches(touches) if span is None else sum_of_pieces(of_touches, touches, span)
+    few = _of_body(theta, data, options)
     return NormalEquations(sums[:-1, :-1] + few.matrix, sums[-1, :-1] + few.gradient,
                            0.5 * sums[-1, -1] + few.cost)
 
@@ -76,12 +100,25 @@ def residuals(theta, data: FitData, options: RevolutionOptions) -> Float[Array, 
         [_touch_rows(theta, data, options)[-1], _body_residuals(theta, data, options)])
 
 
-def evaluate(theta, data: FitData, options: RevolutionOptions) -> tuple[Body, Array, Array, Array]:
-    """Body, distances of the touches, information matrix, and gradient of the volume."""
+def evaluate(theta, data: FitData, options: RevolutionOptions) -> "Evaluated":
+    """What a fit's results need, of any part of its touches."""
     body = unpack(theta, data.rotation)
     s, rho, *_ = _half_plane(theta, data)
-    return (body, nearest_of_contour(body.height, body.radius, s, rho).distance,
-            normal_equations(theta, data, options).matrix, jax.grad(_volume)(theta))
+    return Evaluated(
+        body, nearest_of_contour(body.height, body.radius, s, rho).distance,
+        _touch_sums(theta, data, options)[:-1, :-1], _of_body(theta, data, options).matrix,
+        jax.grad(_volume)(theta))
+
+
+def _touch_sums(theta, data: FitData, options: RevolutionOptions):
+    """Sums of products of touches' residuals and their derivatives."""
+    columns = _touch_rows(theta, data, options)
+    return columns @ columns.T
+
+
+def _of_body(theta, data: FitData, options: RevolutionOptions) -> NormalEquations:
+    """Normal equations of all but the touches."""
+    return normal_equations_of(lambda t, data: _body_residuals(t, data, options))(theta, data)
 
 
 def nearest_of_contour(

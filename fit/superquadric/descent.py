@@ -9,9 +9,10 @@ from fit.arrays import row_medians
 from fit.fit_status import FitStatus, is_fitted
 from fit.optimize.batch import Program, map_lanes, take
 from fit.optimize.multistart import Problem, Solution, advance, finish, screen
+from fit.optimize.pieces import PIECE, divided, undivided
 from fit.prepare import Sets
 from fit.rotation import matrix_of_quaternion, quaternion_of_matrix
-from fit.superquadric.field import widening
+from fit.superquadric.field import KINDS, widening
 from fit.superquadric.parameter_vector import (
     MAX_BEND,
     MAX_EXPONENT,
@@ -20,7 +21,7 @@ from fit.superquadric.parameter_vector import (
     Form,
 )
 from fit.superquadric.record import SuperquadricFit, SuperquadricOptions
-from fit.superquadric.residuals import FitData, evaluate, normal_equations
+from fit.superquadric.residuals import BY_POINT, FitData, evaluate, normal_equations
 from fit.superquadric.starts import box_starts, taper_starts
 
 START_EXPONENT_LOGITS = (-2.0, -1.0)
@@ -196,7 +197,7 @@ def _badness(form: Form):
 
 def _refresh(lanes: FitData, theta, sets: Sets, form: Form, options: SuperquadricOptions):
     """Data with tangent frame, weights and loss scale for the shape at `theta`."""
-    body, _, normal, raw = map_lanes(_evaluate(form), theta, lanes)
+    body, _, normal, raw = _evaluated(theta, lanes, form)
     weight = lanes.weight
     if sets.covariance is not None:
         variance = np.einsum("fip,fpij,fjp->fp", normal, sets.covariance, normal)
@@ -221,7 +222,7 @@ def _refresh(lanes: FitData, theta, sets: Sets, form: Form, options: Superquadri
 
 def _rows(end: Solution, lanes: FitData, sets: Sets, form: Form) -> dict[str, np.ndarray]:
     """The fits in metres in the world frame, by field of the result."""
-    body, away, _, _ = map_lanes(_evaluate(form), end.theta, lanes)
+    body, away, _, _ = _evaluated(end.theta, lanes, form)
     n = len(end.status)
     scale = sets.scale
     square = np.where(sets.mask, away**2, 0.0).sum(1) / sets.count
@@ -241,13 +242,40 @@ def _rows(end: Solution, lanes: FitData, sets: Sets, form: Form) -> dict[str, np
     }
 
 
-@lru_cache(maxsize=64)
-def _evaluate(form: Form):
-    return Program(f"evaluate {form}", jax.vmap(lambda theta, data: evaluate(theta, data, form)))
+def _evaluated(theta, lanes: FitData, form: Form):
+    """`evaluate` of every fit; each piece of its points is a lane of the program."""
+    points = divided(lanes.points)
+    n, pieces = points.shape[:2]
+    found = map_lanes(
+        _evaluate(form.taper, form.bend), np.repeat(theta, pieces, axis=0),
+        np.repeat(lanes.rotation, pieces, axis=0), points.reshape(-1, 3, PIECE),
+        shared=(_kind(form),))
+    whole = lambda values: undivided(  # noqa: E731
+        values.reshape(n, pieces, *values.shape[1:]), lanes.points.shape[2])
+    return take(found[0], np.arange(0, n * pieces, pieces)), *map(whole, found[1:])
 
 
 @lru_cache(maxsize=64)
+def _evaluate(taper: bool, bend: bool) -> Program:
+    form = Form(taper, bend, KINDS[0], "none")
+    return Program(f"evaluate superquadrics, {taper=}, {bend=}", jax.vmap(
+        lambda theta, rotation, points, kind: evaluate(theta, rotation, points, form, kind),
+        in_axes=(0, 0, 0, None)))
+
+
+def _kind(form: Form) -> np.int32:
+    return np.int32(KINDS.index(form.residual))
+
+
 def _problem(form: Form) -> Problem:
+    return _any_residual(form._replace(residual=KINDS[0]))._replace(choice=int(_kind(form)))
+
+
+@lru_cache(maxsize=64)
+def _any_residual(form: Form) -> Problem:
+    """The problem of a form, whose residual is a run-time argument."""
     # Jitted so that it is traced once, for the first evaluation and all others.
-    equations = jax.jit(lambda theta, data: normal_equations(theta, data, form))
-    return Problem(equations, f"{form}")
+    equations = jax.jit(
+        lambda theta, data, span, kind: normal_equations(theta, data, form, span, kind))
+    name = f"superquadrics, taper={form.taper}, bend={form.bend}, loss={form.loss}"
+    return Problem(equations, name, BY_POINT)

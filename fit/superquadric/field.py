@@ -9,6 +9,7 @@ make the rest of a descent NaN.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -62,6 +63,26 @@ def residual(shape: Shape, local: Rows, kind: Kind) -> Float[Array, " point"]:
     if kind == "distance":
         return away
     return 2.0 * _box_factor(shape, True) * away
+
+
+KINDS: tuple[Kind, ...] = ("solina", "solina_box", "radial", "distance", "volume_distance")
+"""Residuals in the order of their numbers."""
+
+
+def chosen_slopes(kind, shape: Shape, local: Rows) -> tuple[Any, Shape, tuple]:
+    """`slopes` of the residual with the number `kind`, which is a run-time argument.
+
+    A program computes only the one chosen, so that one program does for all.
+    """
+    def of(name: Kind) -> Callable:
+        return lambda shape, local: slopes(partial(residual, kind=name), shape, local)
+
+    return jax.lax.switch(kind, [of(name) for name in KINDS], shape, local)
+
+
+def chosen_residual(kind, shape: Shape, local: Rows) -> Float[Array, " point"]:
+    """The residual with the number `kind`, which is a run-time argument."""
+    return jax.lax.switch(kind, [partial(residual, kind=name) for name in KINDS], shape, local)
 
 
 def widening(taper: Any) -> Any:

@@ -9,14 +9,26 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from fit.optimize.batch import vmap_cond
+from fit.optimize.pieces import Span, sum_of_pieces
 from fit.optimize.solver import NormalEquations, robust
 from fit.optimize.xla_flags import force_materialize
-from fit.superquadric.field import distance, log_square_radius, residual, slopes
+from fit.superquadric.field import (
+    chosen_residual,
+    chosen_slopes,
+    distance,
+    log_square_radius,
+    residual,
+    slopes,
+)
 from fit.superquadric.parameter_vector import Body, Form, Tensor, by_parameters, product, unpack
 from fit.superquadric.support import support
 
 UPRIGHT_DOUBT = 3.0
 """Scale of the robust prior on the tilt, in its standard deviations."""
+
+
+BY_POINT = ("points", "weight", "normals", "normal_weight")
+"""Fields of `FitData` with a value for each touch."""
 
 
 class FitData(NamedTuple):
@@ -43,26 +55,41 @@ class FitData(NamedTuple):
     """Balls of free space: centre (3), radius, weight."""
 
 
-def normal_equations(theta, data: FitData, form: Form) -> NormalEquations:
+def normal_equations(
+    theta, data: FitData, form: Form, span: Span | None = None, kind=None
+) -> NormalEquations:
     """JᵀJ, Jᵀr and cost of all residuals: points, free space, other evidence and priors.
 
     Residuals are differentiated by the fields of the body and their products summed, then
-    `by_parameters` transforms the sums to theta. Each prior depends on one parameter.
+    `by_parameters` transforms the sums to theta. Each prior depends on one parameter. With `span`
+    the fields `BY_POINT` are pieces, [slot, ..., point], of which those of the span count. `kind`
+    is the residual's number in `field.KINDS`; None: that of the form.
     """
     body = unpack(theta, data.rotation, form)
-    columns = [_point_columns(body, data.points, *_touch_terms(data, form))]
+
+    def of_touches(values):
+        piece = data._replace(**values)
+        raw, transform = _touch_terms(piece, form)
+        local = body.local(piece.points)
+        found = (slopes(raw, body.shape, local) if kind is None
+                 else chosen_slopes(kind, body.shape, local))
+        columns = [_point_columns(piece.points, local, found, transform)]
+        if piece.normals is not None:
+            columns.append(_normal_columns(body, piece, form))
+        return _sums(jnp.concatenate(columns, axis=1))
+
+    touches = {name: getattr(data, name) for name in BY_POINT}
+    sums = of_touches(touches) if span is None else sum_of_pieces(of_touches, touches, span)
+    columns = []
     if data.plane is not None:
         columns.append(_table_columns(body, data.plane))
     if data.upright is not None:
         columns.append(_tilt_columns(body, data.upright))
-    if data.normals is not None:
-        columns.append(_normal_columns(body, data, form))
-    sums = _sums(jnp.concatenate(columns, axis=1))
+    if columns:
+        sums = sums + _sums(jnp.concatenate(columns, axis=1))
     if data.free is not None:
         # Fits without free space share this program with masked balls.
-        sums = sums + vmap_cond(
-            lambda body, free: _sums(_point_columns(body, free[:3], *_free_space_terms(free))),
-            jnp.any(data.free[4] > 0.0), body, data.free)
+        sums = sums + vmap_cond(_free_space_sums, jnp.any(data.free[4] > 0.0), body, data.free)
     sums = by_parameters(by_parameters(sums, theta, form).T, theta, form)
     stiffness, pull, energy = _priors(theta, data)
     return NormalEquations(sums[:-1, :-1] + stiffness * np.eye(len(theta)), sums[-1, :-1] + pull,
@@ -100,12 +127,17 @@ def _free_space_terms(free: Float[Tensor, "5 free"]) -> tuple[Callable, Callable
     return distance, lambda away: free[4] * jnp.maximum(free[3] - away, 0.0)
 
 
+def _free_space_sums(body: Body, free: Float[Tensor, "5 free"]):
+    raw, transform = _free_space_terms(free)
+    local = body.local(free[:3])
+    return _sums(_point_columns(free, local, slopes(raw, body.shape, local), transform))
+
+
 def _point_columns(
-    body: Body, places: Float[Tensor, "3 point"], raw: Callable, transform: Callable
+    places: Float[Tensor, "coordinate point"], local, found: tuple, transform: Callable
 ) -> Float[Array, "row point"]:
-    """Derivatives of residuals at points, as `_columns`."""
-    local = body.local(places)
-    value, by_shape, by_place = slopes(raw, body.shape, local)
+    """Derivatives of residuals at points, as `_columns`, from their `slopes` before `transform`."""
+    value, by_shape, by_place = found
     value, factor = jax.jvp(transform, (value,), (jnp.ones_like(value),))
     return _columns(value, jax.tree.leaves(by_shape), by_place, local, by_place,
                     force_materialize(places[2])(factor))
@@ -203,14 +235,19 @@ def _priors(theta, data: FitData) -> tuple[Tensor, Array, Array]:
             0.5 * (jnp.sum(ridge * theta**2) + edge))
 
 
-def evaluate(theta, data: FitData, form: Form) -> tuple[Body, Array, Array, Array]:
-    """The body, and for each point its distance, normal, and unweighted residual."""
-    body = unpack(theta, data.rotation, form)
-    local = body.local(data.points)
+def evaluate(
+    theta, rotation: Float[Tensor, "3 3"], points: Float[Tensor, "3 point"], form: Form, kind
+) -> tuple[Body, Array, Array, Array]:
+    """The body, and for each point its distance, normal, and unweighted residual.
+
+    `kind` is the residual's number in `field.KINDS`, the form's own is not used.
+    """
+    body = unpack(theta, rotation, form)
+    local = body.local(points)
     # Materialized, or XLA recomputes the whole field for each row of the normal.
-    stored = force_materialize(data.points[2])
+    stored = force_materialize(points[2])
     steepest = [stored(row) for row in slopes(log_square_radius, body.shape, local)[2]]
     shorter = stored(1.0 / jnp.sqrt(sum(row**2 for row in steepest) + 1e-24))
     normal = jnp.stack([row * shorter for row in steepest])
     return (body, distance(body.shape, local), product(body.rotation, normal),
-            residual(body.shape, local, form.residual))
+            chosen_residual(kind, body.shape, local))

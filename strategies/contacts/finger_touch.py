@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from strategies.procedures.touches import TouchTable
-from warpgrasp.parameters import HandTable
+from warpgrasp.parameters import ContactTable, HandTable
 from warpgrasp.robot import Grasps
 
 SHARED = ("hand",)
@@ -33,11 +33,13 @@ class TouchedLinks:
     """Its standard deviation, (..., 4)."""
     weight: np.ndarray
     """Probability of each link by torques alone, (..., link 3)."""
+    friction: np.ndarray
+    """Coefficient of the skin: the contact's force may lean from the normal by that much, (...)."""
     hand: HandTable
     """As the tables have it."""
 
 
-def touched_links(grasps: Grasps, hand: HandTable) -> TouchedLinks:
+def touched_links(grasps: Grasps, hand: HandTable, contact: ContactTable) -> TouchedLinks:
     """The links each contact may be on, in the order of `evidence_from_grasps`' points."""
     estimate, closing = grasps.estimate, grasps.closing
     shape = closing.status.shape
@@ -55,7 +57,8 @@ def touched_links(grasps: Grasps, hand: HandTable) -> TouchedLinks:
         link=np.maximum(flat(estimate.link), 0),
         torque_Nm=flat(estimate.torque_Nm, 4),
         torque_sigma_Nm=flat(estimate.torque_sigma_Nm, 4),
-        weight=flat(estimate.link_weight, 3), hand=hand)
+        weight=flat(estimate.link_weight, 3), friction=flat(np.array(contact.friction)).copy(),
+        hand=hand)
 
 
 def no_links(worlds: int, slots: int, hand: HandTable) -> TouchedLinks:
@@ -64,7 +67,7 @@ def no_links(worlds: int, slots: int, hand: HandTable) -> TouchedLinks:
         return np.zeros((worlds, slots, *last), dtype)
 
     return TouchedLinks(zeros(dtype=bool), zeros(7), zeros(4), zeros(dtype=int), zeros(dtype=int),
-                        zeros(4), zeros(4) + 1.0, zeros(3), hand)
+                        zeros(4), zeros(4) + 1.0, zeros(3), zeros(), hand)
 
 
 def links_of_touches(table: TouchTable, rows: np.ndarray, at: tuple, worlds: int, slots: int,

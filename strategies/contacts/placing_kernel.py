@@ -1,15 +1,17 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
 """Where links touch a believed body: the torques of a finger and the body taken together.
 
-A contact force acts through the axis of a round link, along the body's normal. So a place along the
-axis and a direction around it explain the four torques of a finger, up to the size of the force.
-The posterior over both is the torques' likelihood times how well the body agrees: its surface is
-one link radius from the axis there, and its normal is the direction.
-"""
+Without friction a contact force acts through the axis of a round link, along the body's normal. So
+a place along the axis and a direction around it explain the four torques of a finger, up to the
+size of the force. With friction the force leans: by a share of its normal part that is taken as
+normally distributed, each way along the surface. The posterior over places and directions is the
+likelihood of the torques, whatever the size and the lean of the force, times how well the body
+agrees: its surface is one link radius from the axis there, and its normal is the direction.
 
+"""
 import warp as wp
 
-from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat33, real, struct, transform, vec3, vec4
+from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat33, real, struct, transform, vec2, vec3, vec4
 from warpgrasp.core.sincos import sine_cosine
 from warpgrasp.geometry.sdf_superquadric import SuperquadricShape, superquadric_deformed_gauge
 from warpgrasp.mechanism.utah_mit_hand_kernel import (
@@ -51,7 +53,9 @@ class Place:
     """Sums over the places of one link, each weighted by exp((least - chi-square) / 2)."""
 
     least: real
-    """The smallest chi-square so far."""
+    """The smallest cost so far: twice the negative logarithm of the posterior."""
+    misfit: real
+    """Chi-square there."""
     weight: real
     along: real
     axis: vec3
@@ -86,25 +90,54 @@ def _body_at(p: vec3, shape: SuperquadricShape, pose: transform):
 
 
 @wp.func
-def _unexplained(f: FingerPose, link: int, x: vec3, d: vec3, felt: vec4, root: vec4, total: real):
-    """Chi-square of the torques that the best push along -d at x leaves."""
+def _unexplained(
+    f: FingerPose, link: int, x: vec3, d: vec3, radius: real, lean: real, felt: vec4, root: vec4,
+    total: real
+):
+    """What the best push along -d at x leaves of the torques: chi-square, and the logarithm of how
+    much wider a force that leans makes their spread. `lean` is the deviation of its lean."""
     j = wp.cw_mul(finger_jacobian(f, link, x, d), root)
+    size = wp.max(wp.dot(j, j), _TINY)
     push = wp.max(wp.dot(j, felt), ZERO)
-    return total - push * push / wp.max(wp.dot(j, j), _TINY)
+    if lean == ZERO:
+        return vec2(total - push * push / size, ZERO)
+    # Spread of the torques: one, and that of a force along the surface both ways, for the push
+    # that explains most without it.
+    one = wp.normalize(wp.cross(link_direction(f, link), d))
+    two = wp.cross(d, one)
+    skin = x + d * radius
+    a = wp.cw_mul(finger_jacobian(f, link, skin, one), root) * (lean * push / size)
+    b = wp.cw_mul(finger_jacobian(f, link, skin, two), root) * (lean * push / size)
+    aa = ONE + wp.dot(a, a)
+    bb = ONE + wp.dot(b, b)
+    ab = wp.dot(a, b)
+    wider = aa * bb - ab * ab
+    # The inverse of that spread, times j and times the torques (Woodbury).
+    ja = wp.dot(j, a)
+    jb = wp.dot(j, b)
+    fa = wp.dot(felt, a)
+    fb = wp.dot(felt, b)
+    jj = wp.dot(j, j) - (bb * ja * ja - real(2.0) * ab * ja * jb + aa * jb * jb) / wider
+    jf = wp.dot(j, felt) - (bb * ja * fa - ab * (ja * fb + jb * fa) + aa * jb * fb) / wider
+    ff = total - (bb * fa * fa - real(2.0) * ab * fa * fb + aa * fb * fb) / wider
+    push = wp.max(jf, ZERO)
+    return vec2(ff - push * push / wp.max(jj, _TINY), wp.log(wider))
 
 
 @wp.func
 def _with_place(
-    post: Place, x: vec3, d: vec3, along: real, area: real, alone: real, beside: real
+    post: Place, x: vec3, d: vec3, along: real, area: real, chi: vec2, beside: real
 ):
-    """`post` with one more place; `alone` is its chi-square without the body's distance, which adds
-    `beside`."""
+    """`post` with one more place; `chi` is its chi-square without the body's distance, which adds
+    `beside`, and what the spread of the torques adds to its cost."""
+    alone = chi[0] + chi[1]
     cost = alone + beside
     if cost < post.least:
         fade = wp.exp(HALF * wp.max(cost - post.least, -_NEGLIGIBLE))
         if post.least == _WORST:
             fade = ZERO
         post.least = cost
+        post.misfit = chi[0] + beside
         post.weight *= fade
         post.along *= fade
         post.axis *= fade
@@ -133,7 +166,8 @@ def _with_place(
 
 @wp.func
 def _places_of_link(
-    f: FingerPose, link: int, length: real, radius: real, felt: vec4, root: vec4,
+    f: FingerPose, link: int, length: real, radius: real, lean: real,
+    felt: vec4, root: vec4,
     shape: SuperquadricShape, pose: transform, place_sigma: real, turn_sigma: real, farthest: real
 ):
     """The posterior over the places of one link."""
@@ -154,10 +188,10 @@ def _places_of_link(
         x = a + u * along
         body = _body_at(x, shape, pose)
         towards = -vec3(body[0], body[1], body[2])
-        lean = wp.dot(towards, u)
-        middle = towards - u * lean
+        inwards = wp.dot(towards, u)
+        middle = towards - u * inwards
         if tip:
-            middle = towards - u * wp.min(lean, ZERO)
+            middle = towards - u * wp.min(inwards, ZERO)
         if wp.length(middle) > _FLAT:
             middle = wp.normalize(middle)
             e1 = wp.normalize(wp.cross(u, middle))
@@ -172,7 +206,8 @@ def _places_of_link(
                         d = wp.normalize(middle + e1 * p + e2 * q)
                         if wp.dot(d, u) >= ZERO:
                             off = wp.length(d - towards) / turn_sigma
-                            chi = _unexplained(f, link, x, d, felt, root, total) + off * off
+                            chi = _unexplained(f, link, x, d, radius, lean, felt, root, total)
+                            chi[0] += off * off
                             post = _with_place(post, x, d, along, area, chi, miss * miss)
             else:
                 area = radius * length * _STEP * _AROUND_STEP * turn_sigma
@@ -180,7 +215,8 @@ def _places_of_link(
                     turn = sine_cosine((real(i) * _AROUND_STEP - _WIDEST) * turn_sigma)
                     d = middle * turn[1] + e1 * turn[0]
                     off = wp.length(d - towards) / turn_sigma
-                    chi = _unexplained(f, link, x, d, felt, root, total) + off * off
+                    chi = _unexplained(f, link, x, d, radius, lean, felt, root, total)
+                    chi[0] += off * off
                     post = _with_place(post, x, d, along, area, chi, miss * miss)
     return post
 
@@ -200,6 +236,7 @@ def _placing_kernel(
     torque: wp.array2d[vec4],
     torque_sigma: wp.array2d[vec4],
     link_weight: wp.array2d[vec3],
+    lean: wp.array2d[real],
     place_sigma: real,
     turn_sigma: real,
     farthest: real,
@@ -232,8 +269,9 @@ def _placing_kernel(
     logs = vec3(-_WORST, -_WORST, -_WORST)
     for link in range(3):
         if link_weight[w, i][link] >= _UNLIKELY:
-            post = _places_of_link(f, link, hand.link_length[link], hand.link_radius, felt, root,
-                                   shape[w], pose[w], place_sigma, turn_sigma, farthest)
+            post = _places_of_link(f, link, hand.link_length[link], hand.link_radius,
+                                   lean[w, i], felt, root, shape[w], pose[w],
+                                   place_sigma, turn_sigma, farthest)
             if post.weight > ZERO:
                 logs[link] = wp.log(post.weight) - HALF * post.least
                 if logs[link] > most:
@@ -257,4 +295,4 @@ def _placing_kernel(
                         + wp.outer(u, u) * spread)
     normal[w, i] = -outward
     chance[w, i] = ONE / others
-    misfit[w, i] = best.least
+    misfit[w, i] = best.misfit

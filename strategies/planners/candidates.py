@@ -7,7 +7,7 @@ import numpy as np
 import warp as wp
 
 from fit.superquadric.geometry import Superquadric
-from strategies.planners.foresight_kernel import approach_kernel, first_touch_kernel
+from strategies.foresight.foresight_kernel import approach_kernel, first_touch_kernel
 from strategies.poses.hand_poses import waypoint_poses
 from strategies.poses.waypoints import PRIOR_MARGIN_M, BoundingCylinder, Placement, Ring, Top
 from strategies.procedures.containment import padded_commands

@@ -48,6 +48,7 @@ def takes_belief(found: Any) -> bool:
 def find_planner(call: str) -> Callable[..., Any]:
     """What `call` names. Raises PlannerError."""
     import strategies.planners.adaptive
+    import strategies.planners.any_object
     import strategies.planners.expected_error
     import strategies.planners.gaussian_process
     import strategies.planners.oracle  # noqa: F401

@@ -2,7 +2,7 @@
 
 A contact is placed by the torques of a finger and by the body that all contacts make. Where the two
 contradict one another, or torques leave open which link touched, it may be anywhere on the finger.
-Of contacts so rejected some 10 % lie more than 10 mm off, of the others 1 % (`docs/model.md`).
+So it may where torques leave open where along the link it is (`docs/model.md`).
 Everything here is known to the robot.
 """
 
@@ -16,8 +16,11 @@ from strategies.recovery.misfit import FARTHEST_M
 
 NEAR_M = 0.006
 """An accepted contact of a finger lies at most this far from the body [est]."""
-ACCEPTED, UNSURE_LINK, CONTRADICTED, FAR, TABLE = (
-    "accepted", "unsure_link", "contradicted", "far", "table")
+UNSURE_M = 0.010 / 2.576
+"""Standard deviation along the link from which a contact of a finger is more than 10 mm off with a
+probability of 1 % or more, as its torques tell."""
+ACCEPTED, UNSURE_LINK, UNSURE_PLACE, CONTRADICTED, FAR, TABLE = (
+    "accepted", "unsure_link", "unsure_place", "contradicted", "far", "table")
 """Verdicts: too far from the body to be its contact is `far`, as near to the table as to be told
 from it is `table`."""
 
@@ -48,11 +51,18 @@ def contact_verdicts(recovered: Recovered, evidence: Evidence) -> np.ndarray:
     near &= evidence.by_pad | (
         surface_gaps(recovered, evidence.points_m, evidence.mask) <= NEAR_M)
     verdict = np.full(near.shape, ACCEPTED, object)
+    verdict[~evidence.by_pad & (_widest(evidence) > UNSURE_M)] = UNSURE_PLACE
     verdict[evidence.contradiction > CONTRADICTED_FROM] = CONTRADICTED
     verdict[np.isinf(evidence.contradiction)] = UNSURE_LINK
     verdict[~near] = FAR
     verdict[~evidence.mask] = ""
     return verdict
+
+
+def _widest(evidence: Evidence) -> np.ndarray:
+    """The largest standard deviation of each contact [m], (world, point); 0 where there is none."""
+    covariance = np.where(evidence.mask[..., None, None], evidence.covariance_m2, 0.0)
+    return np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[..., -1], 0.0))
 
 
 def accepted_contacts(recovered: Recovered, evidence: Evidence) -> np.ndarray:

@@ -35,6 +35,9 @@ PLACE_SIGMA_M = 0.003
 """How well a body still being fitted predicts where a link's axis must pass [est]."""
 TURN_SIGMA_RAD = 0.15
 """How well it predicts the direction of its surface there [est]."""
+LEAN_SHARE = 0.5
+"""Deviation of a force's lean each way along the surface, of the friction coefficient: that of
+directions that fill the cone evenly."""
 NORMAL_SIGMA_M = 0.0008
 """Spread of a placed contact along the normal: joint angles, mount, repeatability [est]."""
 SCREEN_ITERATIONS = 3
@@ -178,7 +181,7 @@ def contacts_placed(
         ("kept", asked, wp.bool), ("hand_pose", links.hand_pose, transform),
         ("q", links.q_rad, vec4), ("finger", links.finger, int),
         ("torque", links.torque_Nm, vec4), ("torque_sigma", links.torque_sigma_Nm, vec4),
-        ("link_weight", links.weight, vec3))}
+        ("link_weight", links.weight, vec3), ("lean", LEAN_SHARE * links.friction, real))}
     launch(_placing_kernel, {"world": len(asked), "point": asked.shape[1]}, {
         "shape": "world", "pose": "world", **dict.fromkeys((*given, *found), "world point")}, {
         "shape": shape, "pose": pose, "hand": hand_of(links.hand), "place_sigma": PLACE_SIGMA_M,

@@ -60,6 +60,8 @@ BRACKETS = (
             ([7.0, 7.0, 5.6, 4.2], [14.0, 14.0, 11.2, 8.4]), "0.7 and 1.4 times"),
     Bracket("hand.joint_stiffness_Nm_rad", 2.0, (1.0, 5.0), "half to 2.5 times", apart=False),
     Bracket("hand.skin_stiffness_N_m", 2e4, (5e3, 1e5), "a quarter to five times", apart=False),
+    Bracket("contact.friction", 0.5, (0.2, 1.0), "of rubber and of finger pads; 0.4 to 2 times",
+            apart=False),
     Bracket("hand.tendon_friction", 0.07, (0.02, 0.15), "over pulleys, or in a tube"),
     Bracket("hand.co_contraction_N", 9.0, (5.0, 15.0), "0.6 to 1.7 times", apart=False),
     Bracket("sensors.tension_noise_N", 0.3, (0.1, 1.0), "a third to three times"),

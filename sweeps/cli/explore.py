@@ -249,8 +249,8 @@ def strategies(*, json: Json = False) -> int:
 @app.command(name="export")
 def export_(file: Path, /, *, arm: Annotated[bool, Parameter(negative="")] = False,
             object_: Annotated[str | None, Parameter(name="--object")] = None,
-            units: str | None = None) -> int:
-    """Write the hand as MJCF or URDF, from the tables the simulator uses.
+            units: str | None = None, hand: str = "utah_mit") -> int:
+    """Write a hand as MJCF or URDF, from the numbers the simulator uses.
 
     Parameters
     ----------
@@ -262,7 +262,9 @@ def export_(file: Path, /, *, arm: Annotated[bool, Parameter(negative="")] = Fal
         Put this object before it: a name (`warpgrasp objects`) or a mesh file, then with its units.
     units
         Of a mesh: m, cm or mm.
+    hand
+        A name (`warpgrasp hands`) or a TOML file that `warpgrasp hand` wrote.
     """
     from sweeps.cli.export import export
 
-    return export(file, arm=arm, what=object_, units=units)
+    return export(file, arm=arm, what=object_, units=units, hand=hand)

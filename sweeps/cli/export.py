@@ -8,18 +8,21 @@ from sweeps.spec.objects import object_of_argument
 from warpgrasp.geometry.body import BodyError
 from warpgrasp.parameters import ArmTable, HandTable, ObjectTable, PadTable
 
+DEFAULT_HAND = "utah_mit"
 HAND_ABOVE_M = 0.15
 """Hand alone with an object: the hand frame this far above the object, pointing down."""
 
 
-def export(file: Path, *, arm: bool, what: str | None, units: str | None) -> int:
+def export(
+    file: Path, *, arm: bool, what: str | None, units: str | None, hand: str = "utah_mit"
+) -> int:
     """Write `file` (.xml: MJCF, .urdf: URDF; then meshes beside it) and print what was written."""
     kind = file.suffix.lower()
     if kind not in (".xml", ".urdf"):
         raise StoreError(f"{file}: ends in {kind or 'nothing'}; .xml writes MJCF, .urdf URDF")
     with quiet_stdout():
         init_warp()
-        files = _files(file, kind, arm, what, units)
+        files = _files(file, kind, arm, what, units, hand)
     for path, text in files.items():
         try:
             write_atomic(path, text.encode())
@@ -30,16 +33,22 @@ def export(file: Path, *, arm: bool, what: str | None, units: str | None) -> int
 
 
 def _files(
-    file: Path, kind: str, arm: bool, what: str | None, units: str | None
+    file: Path, kind: str, arm: bool, what: str | None, units: str | None, hand_word: str
 ) -> dict[Path, str]:
     from warpgrasp.export.convex_solids import object_solids
     from warpgrasp.export.mjcf import mjcf_text
+    from warpgrasp.export.model_tree import arm_model_tree, hand_model_tree
     from warpgrasp.export.robot_tree import STILL, arm_hand_tree, hand_tree
     from warpgrasp.export.urdf import urdf_text
+    from warpgrasp.hands.hand_file import hand_from_file, hand_named
     from warpgrasp.objects.catalogue import body_from_name, body_from_table
     from warpgrasp.objects.mesh_import import mesh_triangles
 
     hand, pads, stands = HandTable(), PadTable(), ObjectTable()
+    model = None  # the default hand is the tables', pads included
+    if hand_word != DEFAULT_HAND:
+        model = (hand_from_file(Path(hand_word)) if hand_word.endswith(".toml")
+                 else hand_named(hand_word))
     solids, top = [], 0.0
     if what is not None:
         table = object_of_argument(what, units)
@@ -51,13 +60,17 @@ def _files(
             body = body_from_name(str(table["name"]))
         solids, top = object_solids(body, triangles), body.high_m[2]
     if arm:
-        links = arm_hand_tree(ArmTable(), hand, pads)
+        links = (arm_hand_tree(ArmTable(), hand, pads) if model is None
+                 else arm_model_tree(ArmTable(), model, hand.mount_length_m))
         place = (stands.x_m, stands.y_m, *STILL[2:])
     else:
         above = (0.0, 0.0, top + HAND_ABOVE_M, 1.0, 0.0, 0.0, 0.0)
-        links = hand_tree(hand, pads, place=above if solids else STILL)
+        at = above if solids else STILL
+        links = (hand_tree(hand, pads, place=at) if model is None
+                 else hand_model_tree(model, place=at))
         place = STILL
-    name = "puma560_utah_mit_hand" if arm else "utah_mit_hand"
+    hand_name = "utah_mit_hand" if model is None else model.name
+    name = f"puma560_{hand_name}" if arm else hand_name
     if kind == ".xml":
         return {file: mjcf_text(links, solids, name=name, object_place=place,
                                 table=arm or bool(solids))}

@@ -35,6 +35,7 @@ from sweeps.episode.given_prior import draw_prior, prior_recovered, seen_prior
 from sweeps.episode.mesh_scores import scores_with_meshes
 from sweeps.episode.recognition_columns import columns_of_recognition, recognize_objects
 from sweeps.episode.scores import Scorer, Scores
+from sweeps.episode.touched_share import TouchedSurface
 from sweeps.episode.untouched import why_untouched
 from sweeps.spec.cell import CONTACTS, Cell
 from warpgrasp.core.random import (
@@ -64,6 +65,8 @@ class Moment:
     time_s: np.ndarray
     scores: Scores
     recovered: Recovered
+    touched: np.ndarray
+    """Share of the surface near a contact so far."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +84,8 @@ class EpisodeBlock:
     moments: tuple[Moment, ...]
     recognition: Recognition
     """Which known object was felt."""
+    touched: np.ndarray
+    """Share of each true surface within 10 mm of a contact (`touched_share`), (world,)."""
     rebuilt: Reconstruction | None = None
     """Free-form bodies that are scored in place of `recovered`, where they were asked for."""
 
@@ -163,6 +168,7 @@ def _rows_of(
         "note": episode_notes(block, cell, np.repeat(_which(bodies), counts)),
         "contacts": belief.evidence.mask.sum(1),
         "touches": belief.touches,
+        "touched10mm": block.touched,
         "probes": (probes == ProbeStatus.CONTACT).sum(1),
         "unreachable": (probes == ProbeStatus.UNREACHABLE).sum(1),
         "collisions": (probes == ProbeStatus.COLLISION).sum(1),
@@ -231,12 +237,15 @@ def run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Epi
     if cell.placement.prior == "silhouettes":
         prior, unseen = seen_prior(robot, prior, cell.stereo)
     given = prior_recovered(prior)
-    moments = [Moment(np.zeros(len(key)), np.zeros(len(key)), scorer.score(given), given)]
+    surface = TouchedSurface(scorer.worlds(), body_pose)
+    moments = [Moment(np.zeros(len(key)), np.zeros(len(key)), scorer.score(given), given,
+                      surface.share(truth))]
 
     def observe(belief: Belief, recovered: Recovered) -> None:
         last = moments[-1]
         scores = scorer.score_again(recovered, last.recovered, last.scores)
-        moments.append(Moment(belief.touches, belief.time_s, scores, recovered))
+        moments.append(Moment(belief.touches, belief.time_s, scores, recovered,
+                              surface.share(truth)))
 
     planner, fault = _planner(parts, robot, prior)
     # No subclass and nothing that looks like it: the truth is for the shipped one alone.
@@ -260,7 +269,7 @@ def run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Epi
         found = _rebuilt_status(found, rebuilt)
         scores = scores_with_meshes(scorer, rebuilt.meshes, scores)
     return EpisodeBlock(tuple(bodies), truth, prior, found, scores, moments[0].scores,
-                        tuple(moments[1:]), recognition, rebuilt)
+                        tuple(moments[1:]), recognition, surface.share(truth), rebuilt)
 
 
 def _which(bodies: Sequence[Body]) -> np.ndarray:
@@ -316,7 +325,8 @@ def curves(moments: tuple[Moment, ...], worlds: int) -> dict[str, np.ndarray]:
         for name, values in (
                 ("curve_touches", at[:, 0]), ("curve_time_s", at[:, 1]),
                 ("curve_chamfer_mm", [m.scores.chamfer_m[world] * 1e3 for m in moments]),
-                ("curve_iou", [m.scores.iou[world] for m in moments])):
+                ("curve_iou", [m.scores.iou[world] for m in moments]),
+                ("curve_touched10mm", [m.touched[world] for m in moments])):
             columns[name].append(np.array(values, float)[kept])
     found = {}
     for name, rows in columns.items():
@@ -325,7 +335,7 @@ def curves(moments: tuple[Moment, ...], worlds: int) -> dict[str, np.ndarray]:
     return found
 
 
-CURVES = ("curve_touches", "curve_time_s", "curve_chamfer_mm", "curve_iou")
+CURVES = ("curve_touches", "curve_time_s", "curve_chamfer_mm", "curve_iou", "curve_touched10mm")
 
 
 def cell_body(cell: Cell) -> Body:

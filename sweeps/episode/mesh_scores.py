@@ -45,7 +45,7 @@ def score_meshes(
     turn = matrix_of_quaternion(body_pose[:, 3:])
     seen = [TriangleMesh((mesh.vertices_m - pose[:3]) @ matrix, mesh.faces)
             for mesh, pose, matrix in zip(meshes, body_pose, turn, strict=True)]
-    asked = np.concatenate([sample.surface_m, sample.inside_m])
+    asked = np.concatenate([sample.surface_m, sample.about_m])
     signed = np.array([mesh_distance(mesh_of(mesh.vertices_m, mesh.faces), asked)
                        for mesh in seen]).reshape(-1, len(asked))
     to_mesh = np.abs(signed[:, :SURFACE_POINTS]).astype(float)
@@ -54,7 +54,7 @@ def score_meshes(
         distance_to_surface(body, elements[first:first + WORLDS_AT_ONCE], device=device)
         for first in range(0, len(seen), WORLDS_AT_ONCE)])
     volume = np.array([mesh.volume_m3 for mesh in seen])
-    common = sample.volume_m3 * (signed[:, SURFACE_POINTS:] < 0.0).mean(1)
+    common = sample.common_volume(signed[:, SURFACE_POINTS:])
     return Scores(
         chamfer_m=0.5 * (to_mesh.mean(1) + to_body.mean(1)),
         hausdorff95_m=np.maximum(np.quantile(to_mesh, 0.95, axis=1),

@@ -2,11 +2,9 @@
 
 Both surfaces are sampled: the true one by points (`geometry.body_sampling`), the recovered one by
 surface elements, discs with the area of an element (`surface_elements`). Distances from the true
-surface go to the nearest place of the recovered one, found from its nearest element, at every
-`EXACT_EACH`-th point. First-order distances at all points tell how a mean over the few differs from
-one over all (a control variate). Distances from the recovered surface go to the true body
-(`distance_to_surface`). Everything is computed in the true body's frame, so that its points are the
-same in every world.
+surface go to the nearest place of the recovered one, found from its nearest element. Distances from
+the recovered surface go to the true body (`distance_to_surface`). Everything is computed in the
+true body's frame, so that its points are the same in every world.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -32,8 +30,7 @@ from sweeps.episode.scores_kernel import (
     _ball_kernel,
     _contour_distance_kernel,
     _element_distance_kernel,
-    _first_order_kernel,
-    _inside_kernel,
+    _signed_distance_kernel,
 )
 from sweeps.episode.surface_elements import Elements, surface_elements
 from warpgrasp.core.dtypes import real, vec2, vec3, vec4
@@ -42,9 +39,8 @@ from warpgrasp.geometry.body import Body, distance_to_bodies, scene_of
 from warpgrasp.geometry.body_sampling import BodySample, sample_body
 
 SURFACE_POINTS = 2048
-EXACT_EACH = 5
-ELEMENTS = 864
-INSIDE_POINTS = 2048
+ELEMENTS, AROUND = 1536, 16
+INSIDE_POINTS = 3072
 COVERAGE_M = 0.005
 DISCS = 8192
 """Points from which the distance to a body without an exact one is found."""
@@ -79,11 +75,9 @@ class _Surface:
     area: np.ndarray
     volume: np.ndarray
     common: np.ndarray
-    """Share of the true body's inside points that lie inside, (world,)."""
+    """Volume that both share [m^3], (world,)."""
     away: np.ndarray
-    """Distances of every `EXACT_EACH`-th point of the true surface to it [m], (world, few)."""
-    about: np.ndarray
-    """The same of all points to first order, (world, point)."""
+    """Distances of the points of the true surface to it [m], (world, point)."""
 
 
 def score_superquadrics(
@@ -151,53 +145,35 @@ def _superquadrics(
         fits.taper, fits.bend)
     elements = surface_elements(seen, ELEMENTS, device=device, graded=True)
     return _Surface(*elements, superquadric_volume(fits),
-                    _share_inside(seen, sample.inside_m, device),
-                    _distance_to_superquadrics(_few(sample.surface_m), elements, seen, device),
-                    _first_order_distance(seen, sample.surface_m, device))
+                    sample.common_volume(_signed_distance(seen, sample, device)),
+                    _distance_to_superquadrics(sample, elements, seen, device))
 
 
 def _revolutions(
     bodies: RevolutionBody, sample: BodySample, body_pose: np.ndarray, device: str
 ) -> _Surface:
     turn, place = matrix_of_quaternion(body_pose[:, 3:]), body_pose[:, None, :3]
-    element, normal, area = revolution_surface(bodies)
-    inside = revolution_inside(bodies, sample.inside_m @ turn.transpose(0, 2, 1) + place)
+    element, normal, area = revolution_surface(bodies, around=AROUND, rings=ELEMENTS // AROUND)
+    inside = revolution_inside(bodies, sample.about_m @ turn.transpose(0, 2, 1) + place)
     seen = replace(bodies, foot_m=((bodies.foot_m[:, None] - place) @ turn)[:, 0],
                    axis=(bodies.axis[:, None] @ turn)[:, 0])
-    away = _distance_to_contours(seen, sample.surface_m, device)
+    deep = _distance_to_contours(seen, sample.about_m, device)
     return _Surface((element - place) @ turn, normal @ turn, area, revolution_volume(bodies),
-                    inside.mean(1), _few(away.T).T, away)
+                    sample.common_volume(np.where(inside, -deep, deep)),
+                    _distance_to_contours(seen, sample.surface_m, device))
 
 
 def _score(found: _Surface, body: Body, sample: BodySample, device: str) -> Scores:
     to_body = distance_to_surface(body, found.element, device=device)
     share = found.area / found.area.sum(1, keepdims=True)
-    chamfer = 0.5 * (_of_all(found, lambda d: d.mean(1)) + (to_body * share).sum(1))
-    hausdorff = np.maximum(_of_all(found, lambda d: np.quantile(d, 0.95, axis=1)),
-                           _quantile(to_body, share, 0.95))
-    common = sample.volume_m3 * found.common
     return Scores(
-        chamfer_m=chamfer,
-        hausdorff95_m=hausdorff,
-        iou=common / (found.volume + sample.volume_m3 - common),
+        chamfer_m=0.5 * (found.away.mean(1) + (to_body * share).sum(1)),
+        hausdorff95_m=np.maximum(np.quantile(found.away, 0.95, axis=1),
+                                 _quantile(to_body, share, 0.95)),
+        iou=found.common / (found.volume + sample.volume_m3 - found.common),
         volume_ratio=found.volume / sample.volume_m3,
-        coverage=np.minimum(_of_all(found, lambda d: (d <= COVERAGE_M).mean(1)), 1.0),
+        coverage=(found.away <= COVERAGE_M).mean(1),
     )
-
-
-def _few(rows: np.ndarray) -> np.ndarray:
-    """Every `EXACT_EACH`-th row, from within the first so many."""
-    return rows[EXACT_EACH // 2::EXACT_EACH]
-
-
-def _of_all(found: _Surface, score: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """A score of distances from the true surface: of the exact few, and by how much first-order
-    distances at all points differ from those at the few, times their regression coefficient."""
-    few = _few(found.about.T).T
-    off = few - few.mean(1, keepdims=True)
-    slope = (found.away * off).mean(1) / np.maximum((off**2).mean(1), 1e-18)
-    slope = np.clip(slope, 0.0, 1.0)
-    return np.maximum(score(found.away) + slope * (score(found.about) - score(few)), 0.0)
 
 
 def _quantile(values: np.ndarray, share: np.ndarray, q: float) -> np.ndarray:
@@ -213,27 +189,28 @@ def _quantile(values: np.ndarray, share: np.ndarray, q: float) -> np.ndarray:
 
 
 def _distance_to_superquadrics(
-    points: np.ndarray, found: Elements, fits: SuperquadricLike, device: str
+    sample: BodySample, found: Elements, fits: SuperquadricLike, device: str
 ) -> np.ndarray:
-    """From each point (point, 3) to each world's body, whose elements are `found`, (world, point).
-    """
+    """From points of the true surface to each world's body, whose elements are `found`,
+    (world, point)."""
+    points, (begin, end) = sample.surface_m, sample.groups
     worlds, elements = found.area.shape
     patches = -(-elements // PATCH)
-    surface = {
-        "element": wp.array(found.point, dtype=vec3, device=device),
-        "radius": wp.array(np.sqrt(found.area / np.pi), dtype=real, device=device)}
-    shapes = {"element": "world element", "radius": "world element", "ball": "world patch"}
+    surface = {"element": wp.array(found.point, dtype=vec3, device=device)}
+    shapes = {"element": "world element", "ball": "world patch"}
     ball = wp.empty((worlds, patches), dtype=vec4, device=device)
     launch(_ball_kernel, {"world": worlds, "patch": patches}, shapes,
            {**surface, "ball": ball}, device=device)
     shape, pose = bodies_on(fits, device)
     out = wp.empty((worlds, len(points)), dtype=real, device=device)
-    launch(_element_distance_kernel, {"world": worlds, "point": len(points)}, {
+    launch(_element_distance_kernel, {"world": worlds, "group": len(begin)}, {
         **shapes, "shape": "world", "pose": "world", "normal": "world element", "point": "point",
-        "distance": "world point"}, {
+        "begin": "group", "end": "group", "distance": "world point"}, {
         **surface, "ball": ball, "shape": shape, "pose": pose,
         "normal": wp.array(found.normal, dtype=vec3, device=device),
-        "point": wp.array(points, dtype=vec3, device=device), "distance": out}, device=device)
+        "point": wp.array(points, dtype=vec3, device=device),
+        "begin": wp.array(begin, dtype=int, device=device),
+        "end": wp.array(end, dtype=int, device=device), "distance": out}, device=device)
     return out.numpy().copy()
 
 
@@ -251,26 +228,17 @@ def _distance_to_contours(bodies: RevolutionBody, points: np.ndarray, device: st
     return out.numpy().copy()
 
 
-def _first_order_distance(fits: SuperquadricLike, points: np.ndarray, device: str) -> np.ndarray:
-    """From each point (point, 3) to each world's body, to first order, (world, point)."""
+def _signed_distance(fits: SuperquadricLike, sample: BodySample, device: str) -> np.ndarray:
+    """From the points inside to each world's body, to first order, (world, point); beyond the
+    sample's ramp only the sign counts."""
     shape, pose = bodies_on(fits, device)
+    points = sample.about_m
     out = wp.empty((len(fits.size_m), len(points)), dtype=real, device=device)
-    launch(_first_order_kernel, {"world": len(fits.size_m), "point": len(points)}, {
+    launch(_signed_distance_kernel, {"world": len(fits.size_m), "point": len(points)}, {
         "shape": "world", "pose": "world", "point": "point", "distance": "world point"}, {
-        "shape": shape, "pose": pose,
+        "shape": shape, "pose": pose, "enough": sample.ramp_m,
         "point": wp.array(points, dtype=vec3, device=device), "distance": out}, device=device)
-    return out.numpy().copy()
-
-
-def _share_inside(fits: SuperquadricLike, points: np.ndarray, device: str) -> np.ndarray:
-    """Share of points (point, 3) that lie in each world's body, (world,)."""
-    shape, pose = bodies_on(fits, device)
-    out = wp.empty((len(fits.size_m), len(points)), dtype=int, device=device)
-    launch(_inside_kernel, {"world": len(fits.size_m), "point": len(points)}, {
-        "shape": "world", "pose": "world", "point": "point", "inside": "world point"}, {
-        "shape": shape, "pose": pose,
-        "point": wp.array(points, dtype=vec3, device=device), "inside": out}, device=device)
-    return out.numpy().mean(1)
+    return out.numpy()
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "meshes": ["mesh_of_world", "ply_of", "quadrilaterals", "recovered_grid", "surface_mesh"],
     "pareto": ["draw_pareto"],
     "replay_frames": ["PALM_M", "Replay", "make_replay", "replay_of", "segment_pose"],
-    "solids": ["CONTACT", "FIT", "TRUE", "direction", "draw_solid", "lit", "set_cube"],
-    "style": ["COLOURS", "MUTED", "UNITS", "distinct_labels", "drawing", "encode", "figure"],
+    "solids": ["CONTACT", "FIT", "TRUE", "direction", "draw_solid", "lit", "set_box", "set_cube"],
+    "style": ["COLOURS", "COLUMN_IN", "MUTED", "UNITS", "cut", "distinct_labels", "drawing",
+              "encode", "figure"],
     "taxels": ["pad_touches", "taxels_figure"],
 })

@@ -23,7 +23,8 @@ from sweeps.episode.episodes import EpisodeBlock, run_block
 from sweeps.figures.meshes import recovered_grid, surface_grid
 from sweeps.spec.cell import Cell
 from warpgrasp.geometry.meshing import body_mesh
-from warpgrasp.mechanism.arm_motion import HOME_RAD, arm_hand_links
+from warpgrasp.mechanism.arm import arm_home, floating_joints, is_floating
+from warpgrasp.mechanism.arm_motion import arm_hand_links
 from warpgrasp.mechanism.arm_motion_kernel import RETREAT_M
 from warpgrasp.mechanism.puma560 import ALPHA_RAD, puma_inverse_batch
 from warpgrasp.parameters import ArmTable
@@ -36,6 +37,8 @@ FULL_COUNT = 255
 """Full scale of a pad's 8-bit converter."""
 FAR_RAD = 0.2
 """Between touches of pads, joint motions larger than this take TRAVEL frames, others one."""
+_POST_M = 0.3
+"""Height of the post above a floating wrist."""
 PALM_M, PALM_OFFSET_M = (0.095, 0.075, 0.03), 0.02
 """Sides of the box that stands for the palm, and its centre's depth below the hand's origin."""
 
@@ -98,7 +101,7 @@ class _Recording:
 
     def __init__(self, cell: Cell, block: EpisodeBlock, world: int) -> None:
         self.cell, self.block, self.world = cell, block, world
-        self.arm = np.asarray(HOME_RAD, float)
+        self.arm = arm_home(cell.arm)
         self.contacts: list[np.ndarray] = []
         self.estimates: list[np.ndarray] = []
         self.estimate = -1
@@ -200,7 +203,7 @@ def refits(cell: Cell, grasps: Grasps, world: int) -> list[np.ndarray | None]:
     """
     one = replace(rows_of(grasps, [world]), commands_rad=grasps.commands_rad)
     evidence = evidence_from_grasps(one, cell.hand.link_radius_m)
-    links = (touched_links(one, cell.hand)
+    links = (touched_links(one, cell.hand, cell.contact)
              if cell.sensors.contact_estimator == "intrinsic" else None)
     probes = one.closing.status.shape[1]
     copies = np.zeros(probes, int)
@@ -228,8 +231,13 @@ def _so_far(shape: tuple[int, ...]) -> np.ndarray:
 def arm_points(arm: ArmTable, q_rad: np.ndarray, mount_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Joints of the arm from the base to the hand's origin, (6, 3), and the hand's quaternion xyzw.
 
-    Standard Denavit-Hartenberg frames; the three coincident joints of the wrist are given once.
+    Standard Denavit-Hartenberg frames; the three coincident joints of the wrist are given once. A
+    floating wrist is drawn at the foot of a post.
     """
+    if is_floating(arm):
+        turn = Rotation.from_rotvec(q_rad[3:])
+        post = q_rad[:3] + np.outer(np.linspace(_POST_M, 0.0, 5), [0.0, 0.0, 1.0])
+        return np.vstack([post, q_rad[:3] + turn.apply([0.0, 0.0, mount_m])]), turn.as_quat()
     at, turn = np.zeros(3), Rotation.identity()
     points = [at]
     for n, (theta, d, a, alpha) in enumerate(zip(q_rad, arm.d_m, arm.a_m, ALPHA_RAD, strict=True)):
@@ -251,6 +259,8 @@ def segment_pose(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, Rotation]:
 def _reach(cell: Cell, hand_pose: np.ndarray, near: np.ndarray) -> np.ndarray:
     """The arm's joints for a hand pose: the branch of the inverse that is nearest to `near`."""
     flange = _retreated(hand_pose, cell.hand.mount_length_m)
+    if is_floating(cell.arm):
+        return floating_joints(flange[None])[0]
     branches = puma_inverse_batch(cell.arm, flange[None])[0]
     branches = branches + 2 * np.pi * np.round((near - branches) / (2 * np.pi))
     low, high = np.array(cell.arm.limit_low_rad), np.array(cell.arm.limit_high_rad)

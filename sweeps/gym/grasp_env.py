@@ -167,8 +167,10 @@ class GraspVectorEnv(VectorEnv):
         self._run.take_step(lambda belief: probes_of(
             actions, self._procedures, belief, self._made_with.cell))
         self._made += 1
-        self._chamfer_mm = self._score()
         self._over = self._made >= self._probes
+        if self._over:
+            self._run.finish()
+        self._chamfer_mm = self._score()
         return (self._observation(), before - self._chamfer_mm, nothing,
                 np.full(self.num_envs, self._over), self._info())
 

@@ -100,7 +100,7 @@ def by_torques(name: str, episodes: np.ndarray) -> list[Recovered]:
     grasps, = block.grasps
     return _pair(name, TORQUES, (NO_RIVALS, ALL),
                  evidence_from_grasps(grasps, cell.hand.link_radius_m),
-                 touched_links(grasps, cell.hand), block)
+                 touched_links(grasps, cell.hand, cell.contact), block)
 
 
 def _cell(name: str, fit: FitTable, estimator: str) -> Cell:

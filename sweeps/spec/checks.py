@@ -13,6 +13,7 @@ from sweeps.spec.study import Axis, Study
 from sweeps.spec.units import spec_fields
 
 _PAIRS = (("arm", "limit_low_deg", "limit_high_deg"),
+          ("arm", "box_low_mm", "box_high_mm"),
           ("hand", "flexion_low_deg", "flexion_high_deg"))
 
 

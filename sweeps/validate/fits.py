@@ -12,9 +12,9 @@ from fit.optimize.batch import map_lanes
 from fit.optimize.multistart import Problem, finish
 from fit.prepare import prepare
 from fit.superquadric.descent import begin_starts
-from fit.superquadric.parameter_vector import Form
+from fit.superquadric.parameter_vector import Form, unpack
 from fit.superquadric.record import SuperquadricOptions
-from fit.superquadric.residuals import evaluate, normal_equations, residual_vector
+from fit.superquadric.residuals import normal_equations, residual_vector
 from sweeps.validate.comparison import Comparison
 from warpgrasp.geometry.body_sampling import sample_body
 from warpgrasp.objects.catalogue import body_from_name
@@ -98,8 +98,8 @@ def _descend(value: Any, start: np.ndarray, lane: Any) -> Any:
 def _apart(form: Form, lanes: Any, one: np.ndarray, other: np.ndarray,
            scale: np.ndarray) -> np.ndarray:
     """Largest difference of half axes and place [m] of two bodies, (lane,)."""
-    program = jax.vmap(lambda theta, lane: evaluate(theta, lane, form)[0])
-    a, b = map_lanes(program, one, lanes), map_lanes(program, other, lanes)
+    program = jax.vmap(lambda theta, rotation: unpack(theta, rotation, form))
+    a, b = (map_lanes(program, theta, lanes.rotation) for theta in (one, other))
     metres = np.repeat(scale, len(one) // len(scale))
     return metres * np.maximum(np.abs(np.asarray(a.size) - b.size).max(1),
                                np.abs(np.asarray(a.position) - b.position).max(1))

@@ -13,7 +13,9 @@ from warpgrasp.objects.catalogue import body_from_name, body_from_table
 from warpgrasp.parameters import ContactTable, HandTable, SensorTable
 from warpgrasp.probe_status import ProbeStatus
 
-HAND, ALONE = HandTable(), ContactTable(self_contact=False)
+HAND = HandTable()
+ALONE = ContactTable(self_contact=False, friction=0.0)
+"""A finger whose rest does not depend on the way there."""
 
 
 def body_of(name: str) -> Body:

@@ -21,7 +21,13 @@ down to single steps.
 
 import warp as wp
 
-from warpgrasp.closing.closing_record import ClosingRow, ClosingTruthRow
+from warpgrasp.closing.closing_record import (
+    ClosingRow,
+    ClosingTruthRow,
+    base_from_body,
+    clear_rows,
+    finger_key,
+)
 from warpgrasp.core.dtypes import ZERO, real, struct, transform, vec4
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key
@@ -42,14 +48,13 @@ from warpgrasp.finger.torque_bounds import (
 from warpgrasp.geometry.scene import Scene, body_is_convex
 from warpgrasp.geometry.segment_distance import LINK_SAMPLES
 from warpgrasp.mechanism.tendon_kernel import TendonSensor
-from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_base, free_joints
+from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, free_joints
 from warpgrasp.probe_status import ProbeStatus
 
 wp.set_module_options({"max_unroll": 1})  # few copies of the distance: they are then inlined
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
 _NO_CONTACT = wp.constant(int(ProbeStatus.NO_CONTACT))
 _TENSION_STEP = wp.constant(int(Purpose.TENSION_STEP))
-_NAN = wp.constant(real(float("nan")))
 _FAR = wp.constant(1000000)  # steps
 _STRIDE = wp.constant(real(0.04))  # [rad] of a joint's command between two solved steps
 
@@ -94,27 +99,15 @@ def closing_kernel(
     """A finger's closing: status, step, and the equilibrium there before refinement."""
     w, p, g, finger = wp.tid()
     w += first
-    felt[w, p, g, finger].status = probe_status[w, p, g]
-    felt[w, p, g, finger].step = -1
-    felt[w, p, g, finger].difference = _NAN
-    truth[w, p, g, finger].link = -1
-    truth[w, p, g, finger].touched = -1
-    truth[w, p, g, finger].met = 0
-    truth[w, p, g, finger].self_depth = ZERO
-    truth[w, p, g, finger].q = vec4(_NAN, _NAN, _NAN, _NAN)
-    truth[w, p, g, finger].torque = vec4(_NAN, _NAN, _NAN, _NAN)
-    truth[w, p, g, finger].rest = vec4(_NAN, _NAN, _NAN, _NAN)
+    clear_rows(felt, truth, probe_status, w, p, g, finger)
     if probe_status[w, p, g] != _CONTACT:
         return
 
     hand = hands[w % hands.shape[0], finger]
     sensor = sensors[w % sensors.shape[0], finger]
     which = body[w % body.shape[0]]
-    to_body = wp.transform_inverse(body_pose[w])
-    base = wp.transform_multiply(
-        to_body, wp.transform_multiply(hand_pose[w, p], finger_base(hand, finger)))
-    stream = counter_key(counter_key(counter_key(key[w], probe_number[w, p]), g), finger)
-    reader = counter_key(stream, _TENSION_STEP)
+    base = base_from_body(body_pose, hand_pose, hand, w, p, finger)
+    reader = counter_key(finger_key(key, probe_number, w, p, g, finger), _TENSION_STEP)
     last = command_count[g] - 1
     k = hand.stiffness
 

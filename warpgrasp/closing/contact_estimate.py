@@ -40,10 +40,6 @@ class ContactEstimate:
     """Link believed in touch (0 proximal to 2 distal), -1 without a contact."""
     link_weight: np.ndarray
     """Posterior probability of each link, (..., link 3); zeros without a contact."""
-    along_m: np.ndarray
-    """Place of the touch along each link's axis, were it that link, (..., link 3)."""
-    along_variance_m2: np.ndarray
-    """Its variance, (..., link 3)."""
     torque_Nm: np.ndarray
     """By which contacts turn the joints, the links' weight taken off, (..., 4)."""
     torque_sigma_Nm: np.ndarray
@@ -77,8 +73,7 @@ def estimate_contacts(
     covariance = wp.empty(dims, dtype=mat33, device=device)
     normal = wp.empty(dims, dtype=vec3, device=device)
     link = wp.empty(dims, dtype=int, device=device)
-    by_link = {name: wp.empty(dims, dtype=vec3, device=device)
-               for name in ("link_weight", "along", "along_variance")}
+    link_weight = wp.empty(dims, dtype=vec3, device=device)
     joints = {name: wp.empty(dims, dtype=vec3, device=device)
               for name in ("joint_1", "joint_2", "joint_3", "tip")}
     torques = {name: wp.empty(dims, dtype=vec4, device=device)
@@ -92,7 +87,7 @@ def estimate_contacts(
     launch(_estimate_kernel, dict(zip(("world", "probe", "grasp", "finger"), dims, strict=True)), {
         "status": each, "hand_pose": "world probe", "q": each, "flexor": each, "extensor": each,
         "moving": each, "point": each, "covariance": each, "normal": each, "link_out": each,
-        **dict.fromkeys((*by_link, *joints, *torques), each)}, {
+        **dict.fromkeys(("link_weight", *joints, *torques), each)}, {
         "hand": hand_of(hand, contact), "sensor": tendon_sensor_of(hand, sensors),
         "intrinsic": int(sensors.contact_estimator == "intrinsic"),
         "pose_variance": place_variance(errors, arm, hand),
@@ -103,14 +98,12 @@ def estimate_contacts(
         "q": put(closing.q_rad, vec4), "flexor": put(closing.tension_N[..., 0], vec4),
         "extensor": put(closing.tension_N[..., 1], vec4),
         "moving": put(_moving(closing, commands_rad), vec4), "point": point,
-        "covariance": covariance, "normal": normal, "link_out": link, **by_link,
-        **joints, **torques},
+        "covariance": covariance, "normal": normal, "link_out": link,
+        "link_weight": link_weight, **joints, **torques},
         device=device)
     assert fingers == FINGER_COUNT
-    found = {name: values.numpy().copy() for name, values in by_link.items()}
     return ContactEstimate(point.numpy().copy(), covariance.numpy().copy(),
-                           normal.numpy().copy(), link.numpy().copy(), found["link_weight"],
-                           found["along"], found["along_variance"],
+                           normal.numpy().copy(), link.numpy().copy(), link_weight.numpy().copy(),
                            torques["torque_out"].numpy().copy(),
                            torques["torque_sigma"].numpy().copy(),
                            np.stack([joint.numpy() for joint in joints.values()], axis=-2))

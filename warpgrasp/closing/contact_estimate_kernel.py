@@ -19,6 +19,7 @@ from warpgrasp.core.dtypes import (
 )
 from warpgrasp.mechanism.tendon_kernel import TendonSensor, torque_from_tensions
 from warpgrasp.mechanism.utah_mit_hand_kernel import (
+    FingerPose,
     Hand,
     finger_base,
     finger_jacobian,
@@ -73,8 +74,6 @@ class _Posterior:
     normal: vec3
     link: int
     link_weight: vec3
-    along: vec3
-    along_second: vec3
 
 
 @wp.func
@@ -107,8 +106,7 @@ def _most_gain(square: vec3, along: vec2):
 
 @wp.func
 def _gathered(
-    post: _Posterior, x: vec3, u: vec3, outward: vec3, sums: vec3, link: int, along: real,
-    gain: real
+    post: _Posterior, x: vec3, u: vec3, outward: vec3, sums: vec3, link: int, gain: real
 ):
     """`post` with places x + u t added, whose weights, times 1, t and t^2, sum to `sums`.
 
@@ -125,9 +123,38 @@ def _gathered(
                     + wp.outer(u, u) * sums[2])
     post.normal -= outward * sums[0]
     post.link_weight[link] += sums[0]
-    post.along[link] += along * sums[0] + sums[1]
-    post.along_second[link] += along * (along * sums[0] + real(2.0) * sums[1]) + sums[2]
     return post
+
+
+@struct
+class _Ways:
+    """Torques of unit forces at the low end of a line of places, and by how much they rise from
+    there to its other end: along the outward normal, along the line, and across it."""
+
+    out: vec4
+    along: vec4
+    across: vec4
+    out_rise: vec4
+    across_rise: vec4
+
+
+@wp.func
+def _ways(
+    f: FingerPose, link: int, x: vec3, line: vec3, out: vec3, along: vec3, across: vec3, root: vec4,
+    leans: int
+):
+    """Of the places from `x` to x + `line`, in units of the torques' deviations. Only those of
+    `out` where a force has one direction."""
+    ways = _Ways()
+    ways.out = wp.cw_mul(finger_jacobian(f, link, x, out), root)
+    ways.out_rise = wp.cw_mul(finger_jacobian(f, link, x + line, out), root) - ways.out
+    if leans > 1:
+        # A force along the line turns the joints alike from all its places.
+        ways.along = wp.cw_mul(finger_jacobian(f, link, x, along), root)
+        ways.across = wp.cw_mul(finger_jacobian(f, link, x, across), root)
+        ways.across_rise = (wp.cw_mul(finger_jacobian(f, link, x + line, across), root)
+                            - ways.across)
+    return ways
 
 
 @wp.kernel(enable_backward=False)
@@ -154,8 +181,6 @@ def _estimate_kernel(
     normal: wp.array4d[vec3],
     link_out: wp.array4d[int],
     link_weight: wp.array4d[vec3],
-    along: wp.array4d[vec3],
-    along_variance: wp.array4d[vec3],
     joint_1: wp.array4d[vec3],
     joint_2: wp.array4d[vec3],
     joint_3: wp.array4d[vec3],
@@ -171,8 +196,6 @@ def _estimate_kernel(
     covariance[w, p, g, finger] = mat33(_NAN, _NAN, _NAN, _NAN, _NAN, _NAN, _NAN, _NAN, _NAN)
     link_out[w, p, g, finger] = -1
     link_weight[w, p, g, finger] = vec3(ZERO, ZERO, ZERO)
-    along[w, p, g, finger] = vec3(ZERO, ZERO, ZERO)
-    along_variance[w, p, g, finger] = vec3(ZERO, ZERO, ZERO)
     torque_out[w, p, g, finger] = vec4(ZERO, ZERO, ZERO, ZERO)
     torque_sigma[w, p, g, finger] = vec4(ONE, ONE, ONE, ONE)
     pose = hand_pose[w, p]
@@ -191,8 +214,6 @@ def _estimate_kernel(
         covariance[w, p, g, finger] = unit * (tip_variance + pose_variance)
         link_out[w, p, g, finger] = 2
         link_weight[w, p, g, finger] = vec3(ZERO, ZERO, ONE)
-        along[w, p, g, finger] = vec3(ZERO, ZERO, hand.link_length[2])
-        along_variance[w, p, g, finger] = vec3(ZERO, ZERO, tip_variance)
         return
 
     torque = vec4(ZERO, ZERO, ZERO, ZERO)
@@ -231,11 +252,7 @@ def _estimate_kernel(
     leans = wp.where(hand.friction > ZERO, _LEANS, 1)
     arm = wp.where(hand.friction > ZERO, r, ZERO)
     for turn in range(2):
-        for ring in range(_AROUND * leans):
-            k = ring // leans
-            lean = ring % leans
-            along_link = hand.friction * real(_LEAN_ALONG[lean])
-            across = hand.friction * real(_LEAN_ACROSS[lean])
+        for k in range(_AROUND):
             side = f.side * real(_AROUND_SIN[k])
             for link in range(3):
                 a = f.p1
@@ -252,44 +269,51 @@ def _estimate_kernel(
                 length = hand.link_length[link]
                 out = n * real(_AROUND_COS[k]) + side
                 # Along the surface a force acts on the skin, a radius from the axis.
-                force = out + u * along_link + wp.cross(u, out) * across
-                skin = a + out * arm
-                low = wp.cw_mul(finger_jacobian(f, link, skin, force), root)
-                rise = wp.cw_mul(finger_jacobian(f, link, skin + u * length, force), root) - low
-                square = vec3(wp.dot(low, low), real(2.0) * wp.dot(low, rise), wp.dot(rise, rise))
-                product = vec2(wp.dot(low, felt), wp.dot(rise, felt))
-                ring_most = _most_gain(square, product)
-                if turn == 0:
-                    most = wp.max(most, ring_most)
-                elif ring_most >= most - _DEEPEST:
-                    sums = vec3(ZERO, ZERO, ZERO)
-                    best = real(-1.0)
-                    for i in range(_ALONG):
-                        share = (real(i) + HALF) * _STEP
-                        gain = _gain_at(square, product, share)
-                        best = wp.max(best, gain)
-                        if gain >= most - _DEEPEST:
-                            weight = wp.exp((gain - most) * HALF)
-                            sums += vec3(ONE, share, share * share) * weight
-                    area = PI * r / _AROUND_REAL * length * _STEP
-                    sums = vec3(sums[0], sums[1] * length, sums[2] * length * length) * area
-                    post = _gathered(post, a + out * r, u, out, sums, link, ZERO, best)
+                ways = _ways(f, link, a + out * arm, u * length, out, u, wp.cross(u, out), root,
+                             leans)
+                for lean in range(leans):
+                    along_link = hand.friction * real(_LEAN_ALONG[lean])
+                    across = hand.friction * real(_LEAN_ACROSS[lean])
+                    low = ways.out + ways.along * along_link + ways.across * across
+                    rise = ways.out_rise + ways.across_rise * across
+                    square = vec3(wp.dot(low, low), real(2.0) * wp.dot(low, rise),
+                                  wp.dot(rise, rise))
+                    product = vec2(wp.dot(low, felt), wp.dot(rise, felt))
+                    line_most = _most_gain(square, product)
+                    if turn == 0:
+                        most = wp.max(most, line_most)
+                    elif line_most >= most - _DEEPEST:
+                        sums = vec3(ZERO, ZERO, ZERO)
+                        best = real(-1.0)
+                        for i in range(_ALONG):
+                            share = (real(i) + HALF) * _STEP
+                            gain = _gain_at(square, product, share)
+                            best = wp.max(best, gain)
+                            if gain >= most - _DEEPEST:
+                                weight = wp.exp((gain - most) * HALF)
+                                sums += vec3(ONE, share, share * share) * weight
+                        area = PI * r / _AROUND_REAL * length * _STEP
+                        sums = vec3(sums[0], sums[1] * length, sums[2] * length * length) * area
+                        post = _gathered(post, a + out * r, u, out, sums, link, best)
                 if link == 2:
                     for c in range(_CAP):
                         tip_out = out * real(_CAP_COS[c]) + u * real(_CAP_SIN[c])
                         up = u * real(_CAP_COS[c]) - out * real(_CAP_SIN[c])
-                        leans_to = tip_out + up * along_link + wp.cross(u, out) * across
-                        push = wp.cw_mul(
-                            finger_jacobian(f, 2, f.p4 + tip_out * arm, leans_to), root)
-                        gain = _gain(wp.dot(push, push), wp.dot(push, felt))
-                        if turn == 0:
-                            most = wp.max(most, gain)
-                        elif gain >= most - _DEEPEST:
-                            cell = (PI * r / _AROUND_REAL * real(_CAP_COS[c])) * (
-                                PI * HALF * r / _CAP_REAL)
-                            weight = cell * wp.exp((gain - most) * HALF)
-                            post = _gathered(post, f.p4 + tip_out * r, u, tip_out,
-                                             vec3(weight, ZERO, ZERO), 2, length, gain)
+                        cell = (PI * r / _AROUND_REAL * real(_CAP_COS[c])) * (
+                            PI * HALF * r / _CAP_REAL)
+                        ways = _ways(f, 2, f.p4 + tip_out * arm, vec3(ZERO, ZERO, ZERO), tip_out,
+                                     up, wp.cross(u, out), root, leans)
+                        for lean in range(leans):
+                            push = (ways.out + ways.along * (hand.friction
+                                                             * real(_LEAN_ALONG[lean]))
+                                    + ways.across * (hand.friction * real(_LEAN_ACROSS[lean])))
+                            gain = _gain(wp.dot(push, push), wp.dot(push, felt))
+                            if turn == 0:
+                                most = wp.max(most, gain)
+                            elif gain >= most - _DEEPEST:
+                                weight = cell * wp.exp((gain - most) * HALF)
+                                post = _gathered(post, f.p4 + tip_out * r, u, tip_out,
+                                                 vec3(weight, ZERO, ZERO), 2, gain)
     if post.weight <= ZERO:
         return
     mean = post.mean / post.weight
@@ -305,12 +329,6 @@ def _estimate_kernel(
     normal[w, p, g, finger] = wp.normalize(wp.transform_vector(pose, post.normal))
     link_out[w, p, g, finger] = post.link
     link_weight[w, p, g, finger] = post.link_weight / post.weight
-    for link in range(3):
-        if post.link_weight[link] > ZERO:
-            place = post.along[link] / post.link_weight[link]
-            along[w, p, g, finger][link] = place
-            along_variance[w, p, g, finger][link] = wp.max(
-                post.along_second[link] / post.link_weight[link] - place * place, ZERO)
 
 
 @wp.func

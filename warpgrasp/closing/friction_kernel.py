@@ -8,8 +8,14 @@ skipped.
 
 import warp as wp
 
-from warpgrasp.closing.closing_record import ClosingRow, ClosingTruthRow
-from warpgrasp.core.dtypes import ZERO, real, transform, vec4
+from warpgrasp.closing.closing_record import (
+    ClosingRow,
+    ClosingTruthRow,
+    base_from_body,
+    clear_rows,
+    finger_key,
+)
+from warpgrasp.core.dtypes import ZERO, real, transform
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key
 from warpgrasp.finger.free_motion import advance_free, start_free
@@ -19,14 +25,13 @@ from warpgrasp.finger.torque_bounds import stop_reading
 from warpgrasp.geometry.scene import Scene, body_is_convex
 from warpgrasp.geometry.segment_distance import LINK_SAMPLES
 from warpgrasp.mechanism.tendon_kernel import TendonSensor
-from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_base, free_joints
+from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, free_joints
 from warpgrasp.probe_status import ProbeStatus
 
 wp.set_module_options({"max_unroll": 1})
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
 _NO_CONTACT = wp.constant(int(ProbeStatus.NO_CONTACT))
 _TENSION_STEP = wp.constant(int(Purpose.TENSION_STEP))
-_NAN = wp.constant(real(float("nan")))
 
 
 @wp.kernel(enable_backward=False)
@@ -62,11 +67,8 @@ def friction_kernel(
     hand = hands[w % hands.shape[0], finger]
     sensor = sensors[w % sensors.shape[0], finger]
     which = body[w % body.shape[0]]
-    base = wp.transform_multiply(
-        wp.transform_inverse(body_pose[w]),
-        wp.transform_multiply(hand_pose[w, p], finger_base(hand, finger)))
-    stream = counter_key(counter_key(counter_key(key[w], probe_number[w, p]), g), finger)
-    reader = counter_key(stream, _TENSION_STEP)
+    base = base_from_body(body_pose, hand_pose, hand, w, p, finger)
+    reader = counter_key(finger_key(key, probe_number, w, p, g, finger), _TENSION_STEP)
     last = command_count[g] - 1
     k = hand.stiffness
     convex = body_is_convex(scene, which)
@@ -139,21 +141,3 @@ def friction_kernel(
         felt[w, p, g, finger].status = _CONTACT
         felt[w, p, g, finger].difference = reading
         truth[w, p, g, finger].link = now.pressed - 1
-
-
-@wp.func
-def clear_rows(
-    felt: wp.array4d[ClosingRow], truth: wp.array4d[ClosingTruthRow],
-    probe_status: wp.array3d[int], w: int, p: int, g: int, finger: int
-):
-    """Rows of a finger before its closing."""
-    felt[w, p, g, finger].status = probe_status[w, p, g]
-    felt[w, p, g, finger].step = -1
-    felt[w, p, g, finger].difference = _NAN
-    truth[w, p, g, finger].link = -1
-    truth[w, p, g, finger].touched = -1
-    truth[w, p, g, finger].met = 0
-    truth[w, p, g, finger].self_depth = ZERO
-    truth[w, p, g, finger].q = vec4(_NAN, _NAN, _NAN, _NAN)
-    truth[w, p, g, finger].torque = vec4(_NAN, _NAN, _NAN, _NAN)
-    truth[w, p, g, finger].rest = vec4(_NAN, _NAN, _NAN, _NAN)

@@ -7,7 +7,12 @@ tensions are read, and the true contact is recorded for the scorer.
 
 import warp as wp
 
-from warpgrasp.closing.closing_record import ClosingRow, ClosingTruthRow
+from warpgrasp.closing.closing_record import (
+    ClosingRow,
+    ClosingTruthRow,
+    base_from_body,
+    finger_key,
+)
 from warpgrasp.core.dtypes import ONE, ZERO, mat42, real, transform, vec3, vec4
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key, counter_normal
@@ -25,7 +30,6 @@ from warpgrasp.mechanism.tendon_kernel import (
 )
 from warpgrasp.mechanism.utah_mit_hand_kernel import (
     Hand,
-    finger_base,
     finger_pose,
     link_direction,
     link_start,
@@ -75,13 +79,11 @@ def reading_kernel(
 
     hand = hands[w % hands.shape[0], finger]
     sensor = sensors[w % sensors.shape[0], finger]
-    stream = counter_key(counter_key(counter_key(key[w], probe_number[w, p]), g), finger)
+    stream = finger_key(key, probe_number, w, p, g, finger)
     at = felt[w, p, g, finger].step
     if truth[w, p, g, finger].link >= 0:
         which = body[w % body.shape[0]]
-        base = wp.transform_multiply(
-            wp.transform_inverse(body_pose[w]),
-            wp.transform_multiply(hand_pose[w, p], finger_base(hand, finger)))
+        base = base_from_body(body_pose, hand_pose, hand, w, p, finger)
         command = true_command(hand, path, g, finger, at)
         rest = free_equilibrium(truth[w, p, g, finger].q)
         rest.along = truth[w, p, g, finger].along

@@ -10,7 +10,8 @@ from collections.abc import Iterable, Sequence
 from xml.sax.saxutils import quoteattr
 
 from warpgrasp.export.convex_solids import Solid
-from warpgrasp.export.robot_tree import DENSITY_KG_M3, STILL, Capsule, Link
+from warpgrasp.export.robot_tree import DENSITY_KG_M3, STILL, Joint, Link
+from warpgrasp.hands.hand_model import Capsule
 
 FINGER_ARMATURE = 1e-4
 """Rotor inertia of a finger joint [kg m2, est]."""
@@ -33,6 +34,7 @@ def mjcf_text(
     for link in links:
         children.setdefault(link.parent, []).append(link)
     joints = [link.joint for link in links if link.joint is not None]
+    driven = [joint for joint in joints if joint.follows is None]
     lines = [
         f"<mujoco model={quoteattr(name)}>",
         '  <compiler angle="radian" autolimits="true"/>',
@@ -51,11 +53,12 @@ def mjcf_text(
     for link in children.get("", []):
         lines += _body(link, children, 4, limits)
     lines += ["  </worldbody>", "  <actuator>"]
-    for joint in joints:
+    for joint in driven:
+        held = f' forcerange="{_n(-joint.effort)} {_n(joint.effort)}"' if joint.effort else ""
         lines.append(f'    <position name="{joint.name}" joint="{joint.name}" '
                      f'kp="{_n(joint.stiffness or ARM_STIFFNESS)}" '
-                     f'ctrlrange="{_n(joint.low)} {_n(joint.high)}"/>')
-    lines += ["  </actuator>", "  <sensor>"]
+                     f'ctrlrange="{_n(joint.low)} {_n(joint.high)}"{held}/>')
+    lines += ["  </actuator>", *_equalities(joints), "  <sensor>"]
     for pad in (pad for link in links for pad in link.pads):
         lines.append(f'    <touch name="{pad.name}" site="{pad.name}"/>')
     return "\n".join([*lines, "  </sensor>", "</mujoco>", ""])
@@ -71,10 +74,14 @@ def _body(link: Link, children: dict[str, list[Link]], indent: int, limits: bool
         held = f'range="{_n(j.low)} {_n(j.high)}"' if limits else 'limited="false"'
         lines.append(f'{pad}  <joint name="{j.name}" axis="{_all(j.axis)}" {held} '
                      f'armature="{_n(armature)}" damping="{damping:.6g}"/>')
-    if link.joint is not None and not link.capsules:
+    if link.joint is not None and not link.capsules and not link.boxes:
         lines.append(f'{pad}  <geom type="sphere" size="0.004" {_IDLE}/>')  # a moving body has mass
     for k, capsule in enumerate(link.capsules):
         lines.append(f'{pad}  {_capsule(capsule, f"{link.name}_{k}", link.touches)}')
+    for k, box in enumerate(link.boxes, len(link.capsules)):
+        size = _all(v / 2 for v in box.size)
+        lines.append(f'{pad}  <geom name="{link.name}_{k}" type="box" size="{size}" '
+                     f'{_place(box.place)} {_LINK if link.touches else _IDLE}/>')
     for site in link.pads:
         half = [v / 2 for v in site.size]
         lines.append(f'{pad}  <site name="{site.name}" type="box" pos="{_all(site.centre)}" '
@@ -82,6 +89,14 @@ def _body(link: Link, children: dict[str, list[Link]], indent: int, limits: bool
     for child in children.get(link.name, []):
         lines += _body(child, children, indent + 2, limits)
     return [*lines, f"{pad}</body>"]
+
+
+def _equalities(joints: Iterable[Joint]) -> list[str]:
+    """Joints that follow others: MuJoCo's polynomial of the other's angle."""
+    lines = [f'    <joint joint1="{j.name}" joint2="{j.follows.joint}" '
+             f'polycoef="{_n(j.follows.offset_rad)} {_n(j.follows.factor)} 0 0 0"/>'
+             for j in joints if j.follows is not None]
+    return ["  <equality>", *lines, "  </equality>"] if lines else []
 
 
 def _capsule(c: Capsule, name: str, touches: bool) -> str:

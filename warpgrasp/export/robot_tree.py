@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from warpgrasp.hands.hand_model import STILL, Box, Capsule, Follow, Place
 from warpgrasp.mechanism.puma560 import ALPHA_RAD
 from warpgrasp.parameters import ArmTable, HandTable, PadTable
 
@@ -19,16 +20,6 @@ ARM_RADIUS_M = 0.05
 """Of the arm's capsules, for the eye: the simulator takes the arm's way to be free [est]."""
 DENSITY_KG_M3 = 1000.0
 """Of all links [est], by default `HandTable.link_density_kg_m3`; other engines want all weighed."""
-STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-
-
-@dataclass(frozen=True)
-class Capsule:
-    """A capsule in its link's frame [m]."""
-
-    start: tuple[float, float, float]
-    end: tuple[float, float, float]
-    radius: float
 
 
 @dataclass(frozen=True)
@@ -40,6 +31,9 @@ class Joint:
     low: float
     high: float
     stiffness: float
+    effort: float = 0.0
+    """[N m], 0 where it is not known."""
+    follows: Follow | None = None
 
 
 @dataclass(frozen=True)
@@ -60,6 +54,7 @@ class Link:
     place: tuple[float, ...]
     joint: Joint | None = None
     capsules: tuple[Capsule, ...] = ()
+    boxes: tuple[Box, ...] = ()
     pads: tuple[PadSite, ...] = ()
     touches: bool = field(default=True)
     """Whether it meets object and table (the arm does not)."""
@@ -92,13 +87,19 @@ def hand_tree(
                 f"{finger}_{phalanx}", links[-1].name, (0.0, 0.0, rise, 0.0, 0.0, 0.0, 1.0),
                 Joint(f"{finger}_flexion{j + 1}", (0.0, 1.0, 0.0), hand.flexion_low_rad[j],
                       hand.flexion_high_rad[j], k),
-                (bone,), (_pad_site(f"{finger}_{phalanx}_pad", hand, pads, j),) if on else ()))
+                (bone,), pads=(_pad_site(f"{finger}_{phalanx}_pad", hand, pads, j),) if on else ()))
             rise = length
     return links
 
 
 def arm_hand_tree(arm: ArmTable, hand: HandTable, pads: PadTable) -> list[Link]:
     """The whole robot in its base frame, 22 joints in the order of `arm_hand_links`."""
+    links, place = arm_tree(arm, hand.mount_length_m)
+    return links + hand_tree(hand, pads, parent=links[-1].name, place=place)
+
+
+def arm_tree(arm: ArmTable, mount_length_m: float) -> tuple[list[Link], Place]:
+    """The arm in its base frame, 6 joints, and the place of the hand's frame in its last link."""
     links = [Link("base", "", STILL, capsules=(
         Capsule((0.0, 0.0, 0.0), (0.0, 0.0, arm.d_m[0]), ARM_RADIUS_M),), touches=False)]
     place: tuple[float, ...] = STILL
@@ -112,9 +113,9 @@ def arm_hand_tree(arm: ArmTable, hand: HandTable, pads: PadTable) -> list[Link]:
             Joint(f"arm_joint{j + 1}", (0.0, 0.0, 1.0), arm.limit_low_rad[j],
                   arm.limit_high_rad[j], 0.0), bones, touches=False))
         place = (*end, *turn)
-    reach = np.asarray(place[:3]) + [0.0, 0.0, hand.mount_length_m]
-    return links + hand_tree(hand, pads, parent="arm6",
-                             place=(*(float(v) for v in reach), *place[3:]))
+    x, y, z, *turned = (float(v) for v in place)
+    a, b, c, d = turned
+    return links, (x, y, z + mount_length_m, a, b, c, d)
 
 
 def _dh_end(arm: ArmTable, j: int) -> tuple[tuple[float, float, float], tuple[float, ...]]:

@@ -11,7 +11,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from warpgrasp.export.convex_solids import Solid
-from warpgrasp.export.robot_tree import DENSITY_KG_M3, STILL, Capsule, Link
+from warpgrasp.export.robot_tree import DENSITY_KG_M3, STILL, Link
+from warpgrasp.hands.hand_model import Box, Capsule
 
 _EFFORT, _SPEED = 10.0, 10.0  # of a joint [N m, rad/s, est]: URDF requires both
 
@@ -24,10 +25,13 @@ def urdf_text(
     meshes: dict[str, str] = {}
     lines = [f"<robot name={quoteattr(name)}>", '  <link name="world"/>']
     for link in links:
-        lines += [f'  <link name="{link.name}">', *_inertial(link.capsules)]
+        lines += [f'  <link name="{link.name}">', *_inertial(link.capsules, link.boxes)]
         for capsule in link.capsules:
             for role in ("visual", "collision") if link.touches else ("visual",):
                 lines += _capsule(capsule, role)
+        for box in link.boxes:
+            for role in ("visual", "collision") if link.touches else ("visual",):
+                lines += _shape(role, box.place, f'<box size="{_all(box.size)}"/>')
         lines += ["  </link>", *_joint(link)]
         for pad in link.pads:
             lines += _fixed(pad.name, link.name, (*pad.centre, 0.0, 0.0, 0.0, 1.0))
@@ -50,8 +54,12 @@ def _joint(link: Link) -> list[str]:
     lines = [f'  <joint name="{j.name}" type="revolute">',
              f'    <parent link="{parent}"/>', f'    <child link="{link.name}"/>',
              f"    {_origin(link.place)}", f'    <axis xyz="{_all(j.axis)}"/>',
-             f'    <limit lower="{_n(j.low)}" upper="{_n(j.high)}" effort="{_n(_EFFORT)}" '
-             f'velocity="{_n(_SPEED)}"/>']
+             f'    <limit lower="{_n(j.low)}" upper="{_n(j.high)}" '
+             f'effort="{_n(j.effort or _EFFORT)}" velocity="{_n(_SPEED)}"/>']
+    if j.follows is not None:
+        f = j.follows
+        lines.append(f'    <mimic joint="{f.joint}" multiplier="{_n(f.factor)}" '
+                     f'offset="{_n(f.offset_rad)}"/>')
     if j.stiffness:
         lines.append(f"    <!-- position servo: {_n(j.stiffness)} N m/rad -->")
     return [*lines, "  </joint>"]
@@ -107,13 +115,17 @@ def _obj(solid: Solid) -> str:
     return "\n".join([*rows, *(f"f {a + 1} {b + 1} {c + 1}" for a, b, c in solid.faces), ""])
 
 
-def _inertial(capsules: Sequence[Capsule]) -> list[str]:
-    """Mass and inertia of solid capsules, as cylinders with balls at their ends."""
-    if not capsules:
+def _inertial(capsules: Sequence[Capsule], boxes: Sequence[Box]) -> list[str]:
+    """Mass and inertia of solid boxes, and of capsules as cylinders with balls at their ends."""
+    if not capsules and not boxes:
         return ['    <inertial><mass value="0.001"/><inertia ixx="1e-7" ixy="0" ixz="0" '
                 'iyy="1e-7" iyz="0" izz="1e-7"/></inertial>']
-    mass, first = 0.0, np.zeros(3)
     parts = []
+    for box in boxes:
+        size, turn = np.asarray(box.size), Rotation.from_quat(box.place[3:]).as_matrix()
+        weight = DENSITY_KG_M3 * float(size.prod())
+        spin = turn @ np.diag(weight / 12 * ((size**2).sum() - size**2)) @ turn.T
+        parts.append((weight, np.asarray(box.place[:3]), spin))
     for c in capsules:
         start, end = np.asarray(c.start), np.asarray(c.end)
         length = float(np.linalg.norm(end - start))
@@ -125,9 +137,8 @@ def _inertial(capsules: Sequence[Capsule]) -> list[str]:
         along = tube * c.radius**2 / 2 + ball * 0.4 * c.radius**2
         spin = across * (np.eye(3) - np.outer(u, u)) + along * np.outer(u, u)
         parts.append((tube + ball, (start + end) / 2, spin))
-        mass += tube + ball
-        first += (tube + ball) * (start + end) / 2
-    centre = first / mass
+    mass = sum(m for m, _, _ in parts)
+    centre = np.sum([m * p for m, p, _ in parts], axis=0) / mass
     total = sum(spin + m * ((p - centre) @ (p - centre) * np.eye(3)
                             - np.outer(p - centre, p - centre)) for m, p, spin in parts)
     i = np.asarray(total)

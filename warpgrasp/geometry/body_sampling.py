@@ -1,8 +1,8 @@
 """Points of a body for its scorer: inside, on the surface, and its volume, from distances alone.
 
-Low-discrepancy (Sobol, unscrambled) points fill the body's box; those inside sample the volume, and
-those of a thin shell, moved along the gradient onto the surface, sample the area evenly. The same
-body always gives the same points.
+Low-discrepancy (Sobol, unscrambled) points fill the body's box; those inside sample the volume.
+Lines through the box, as evenly spread, cross the surface and sample its area
+(`surface_crossings`). The same body always gives the same points.
 """
 
 from dataclasses import dataclass, replace
@@ -12,9 +12,11 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from warpgrasp.geometry.body import Body, BodyError, distance_to_bodies, scene_of
+from warpgrasp.geometry.surface_crossings import Crossings, surface_crossings
 
 _LOG2_POINTS = 18
-_OFF_M = 1e-4  # points that Newton's steps left farther from the surface are dropped
+GROUP = 8
+_LOG2_LINES = 13  # along each axis
 _OUTSIDE_M = 2e-4
 
 
@@ -23,12 +25,46 @@ class BodySample:
     """Points of one body in its own frame [m]."""
 
     surface_m: np.ndarray
-    """Even over the area, shape (surface, 3)."""
+    """Even over the area, shape (surface, 3); by the side of a box that they face, then along
+    Morton's curve."""
     surface_normal: np.ndarray
     """Outward, unit, shape (surface, 3)."""
-    inside_m: np.ndarray
-    """Even over the volume, shape (inside, 3)."""
+    spacing_m: float
+    """Root of the area for which each point of the surface stands."""
+    about_m: np.ndarray
+    """Even over the volume and a layer of `ramp_m` around it, shape (inside, 3)."""
+    distance_m: np.ndarray
+    """Signed distances of `about_m` to the surface, shape (inside,)."""
+    ramp_m: float
+    """Half the spacing of `about_m`."""
     volume_m3: float
+
+    @cached_property
+    def groups(self) -> tuple[np.ndarray, np.ndarray]:
+        """First and one past the last of points of the surface that follow each other, lie side by
+        side and face about the same way, (group,) each."""
+        begin, first, wide = [0], 0, 3.0 * self.spacing_m
+        for k in range(1, len(self.surface_m)):
+            if (k - first == GROUP or self.surface_normal[k] @ self.surface_normal[first] < 0.8
+                    or np.abs(self.surface_m[k] - self.surface_m[first]).max() > wide):
+                begin.append(first := k)
+        return np.array(begin), np.array([*begin[1:], len(self.surface_m)])
+
+    def shares(self, distance_m: np.ndarray) -> np.ndarray:
+        """What of the surroundings of points of `about_m` lies in a body, from their signed
+        distances to it: a ramp from 1 to 0 between -`ramp_m` and `ramp_m`."""
+        return np.clip(0.5 - 0.5 / self.ramp_m * distance_m, 0.0, 1.0)
+
+    def common_volume(self, distance_m: np.ndarray) -> np.ndarray:
+        """Volumes [m^3], (body,), that bodies share with this one; `distance_m` (body, inside) are
+        signed distances of `about_m` to them. A point that a surface passes counts in part."""
+        both = self.shares(np.maximum(distance_m, self.distance_m)).sum(-1)
+        return self.volume_m3 * both / self.shares(self.distance_m).sum()
+
+    @property
+    def inside_m(self) -> np.ndarray:
+        """Those of `about_m` that lie inside, (point, 3)."""
+        return self.about_m[self.distance_m < 0.0]
 
     @cached_property
     def tree(self) -> KDTree:
@@ -62,42 +98,48 @@ class _Keyed:
 
 @lru_cache(maxsize=64)
 def _sample(keyed: _Keyed, surface: int, inside: int) -> BodySample:
-    on, normal, within, volume = _dense(keyed)
-    skin = _strata(on, surface)
+    on, points, distance, volume = _dense(keyed)
+    skin = _strata(on.point, on.area, surface)
+    side = np.abs(on.normal[skin]).argmax(1)
+    side = 2 * side + (np.take_along_axis(on.normal[skin], side[:, None], 1)[:, 0] > 0.0)
+    skin = skin[np.argsort(side, kind="stable")]
+    spacing = float(np.sqrt(on.area.sum() / surface))
+    ramp = 0.5 * (volume / inside) ** (1 / 3)
     # Any start of a Sobol sequence is even over the volume; a stride would not be.
-    core = np.arange(inside) % len(within)
-    return BodySample(on[skin], normal[skin], within[core], volume)
+    core = np.flatnonzero(distance < ramp)
+    core = core[np.arange(inside) % len(core)]
+    return BodySample(on.point[skin], on.normal[skin], spacing, points[core], distance[core],
+                      ramp, volume)
 
 
 @lru_cache(maxsize=2)  # megabytes, for samples of several sizes that are taken one after the other
-def _dense(keyed: _Keyed) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """All points on the surface, their normals, all points within, and the volume of a body."""
+def _dense(keyed: _Keyed) -> tuple[Crossings, np.ndarray, np.ndarray, float]:
+    """All points on a body's surface, points of its box with their distances, and its volume."""
     body = keyed.body
-    points, distance, gradient, box = _box_distances(body)
-    within = points[distance < 0.0]
-    if len(within) < 64:
+    points, distance, _, box = _box_distances(body)
+    inside = int((distance < 0.0).sum())
+    if inside < 64:
         raise BodyError(f"{body.name}: almost no volume: do its parts cut each other away?")
-    volume = box * len(within) / len(points)
-    shell = 0.012 * box ** (1 / 3)
-    near = np.abs(distance) < shell
+    volume = box * inside / len(points)
     scene = scene_of([body], "cpu")
-    on = points[near] - distance[near, None] * gradient[near]
-    for _ in range(4):
-        d, g = distance_to_bodies(scene, np.zeros(1, int), on[None])
-        on = on - d[0, :, None] * g[0]
-    d, _ = distance_to_bodies(scene, np.zeros(1, int), on[None])
-    # On the surface itself gradients may be rounding alone; where parts meet face to face is none.
-    beyond, normal = distance_to_bodies(scene, np.zeros(1, int),
-                                        (on + _OUTSIDE_M * gradient[near])[None])
-    good = (np.abs(d[0]) < _OFF_M) & (beyond[0] > 0.0)
-    normal = normal[0][good]
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)  # a baked grid's are shorter
-    return on[good], normal, within, float(volume)
+
+    def distances(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        found, slope = distance_to_bodies(scene, np.zeros(1, int), at[None])
+        return found[0], slope[0]
+
+    low, high = _box(body)
+    on = surface_crossings(distances, low, high, sobol_points(_LOG2_LINES)[:, :2])
+    # Where parts meet face to face is no surface.
+    facing = distances(on.point + _OUTSIDE_M * on.normal)[0] > 0.0
+    if not facing.any():
+        raise BodyError(f"{body.name}: almost no surface: do its parts cut each other away?")
+    on = Crossings(*(field[facing] for field in on))
+    return on, points, distance, float(volume)
 
 
-def _strata(points: np.ndarray, count: int) -> np.ndarray:
+def _strata(points: np.ndarray, area: np.ndarray, count: int) -> np.ndarray:
     """Which of the points (point, 3) stand for all, (count,): the middle one of each stretch of
-    Morton's curve.
+    Morton's curve, stretches of the same area.
 
     Stretches are compact: a mean over these points is two to three times as near to that over all
     as of as many Sobol points. Where in its stretch a point lies has nothing to do with the body's
@@ -108,13 +150,19 @@ def _strata(points: np.ndarray, count: int) -> np.ndarray:
     code = sum(((grid[:, axis] >> bit) & 1) << (3 * bit + axis)
                for bit in range(10) for axis in range(3))
     order = np.argsort(code, kind="stable")
-    return order[((np.arange(count) + 0.5) * (len(points) / count)).astype(int)]
+    reached = np.cumsum(area[order])
+    return order[np.searchsorted(reached, (np.arange(count) + 0.5) * (reached[-1] / count))]
+
+
+def _box(body: Body) -> tuple[np.ndarray, np.ndarray]:
+    """Corners of the body's box and a little more."""
+    low, high = np.asarray(body.low_m), np.asarray(body.high_m)
+    pad = 0.03 * (high - low).max()
+    return low - pad, high + pad
 
 
 def _box_distances(body: Body) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    low, high = np.asarray(body.low_m), np.asarray(body.high_m)
-    pad = 0.03 * (high - low).max()
-    low, high = low - pad, high + pad
+    low, high = _box(body)
     points = low + sobol_points(_LOG2_POINTS) * (high - low)
     d, g = distance_to_bodies(scene_of([body], "cpu"), np.zeros(1, int), points[None])
     return points, d[0], g[0], float(np.prod(high - low))

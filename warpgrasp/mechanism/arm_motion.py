@@ -17,27 +17,27 @@ from scipy.spatial.transform import Rotation
 from warpgrasp.core.dtypes import real, transform, vec6
 from warpgrasp.core.kernel_launch import check_range, launch
 from warpgrasp.geometry.scene import Scene
+from warpgrasp.mechanism.arm import arm_flanges, arm_home, arm_of
 from warpgrasp.mechanism.arm_motion_kernel import _clearance_kernel, _move_kernel
 from warpgrasp.mechanism.calibration import Calibration, no_errors, true_arms, true_hands
-from warpgrasp.mechanism.puma560 import arm_of, puma_forward_batch
 from warpgrasp.mechanism.utah_mit_hand import hand_links
 from warpgrasp.parameters import ArmTable, ContactTable, HandTable
 from warpgrasp.probe_status import ProbeStatus
 
-HOME_RAD = tuple(np.radians((19.5, 28.8, 160.0, 0.0, -8.8, -160.5)))
-"""Where an episode starts: the hand some 0.35 m above the table, pointing down."""
-
 
 @dataclass(frozen=True)
 class ArmState:
-    """The joints of each arm between batches of probes [rad], shape (world, 6)."""
+    """The joints of each arm between batches of probes [rad], shape (world, 6).
+
+    Of a floating wrist: place [m] and rotation vector.
+    """
 
     q_rad: np.ndarray
 
     @staticmethod
-    def home(worlds: int) -> "ArmState":
-        """All arms at home."""
-        return ArmState(np.tile(HOME_RAD, (worlds, 1)))
+    def home(worlds: int, arm: ArmTable | None = None) -> "ArmState":
+        """All arms at home; the default of `arm` is `ArmTable()`."""
+        return ArmState(np.tile(arm_home(arm or ArmTable()), (worlds, 1)))
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def arm_hand_links(
     """
     if q_rad.ndim != 2 or q_rad.shape[1] != 22:
         raise ValueError(f"q_rad has shape {q_rad.shape}, wants (pose, 22)")
-    pose = puma_forward_batch(arm, q_rad[:, :6], device=device)
+    pose = arm_flanges(arm, q_rad[:, :6], device=device)
     reach = Rotation.from_quat(pose[:, 3:]).apply([0.0, 0.0, hand.mount_length_m])
     pose[:, :3] += reach
     return hand_links(hand, pose, q_rad[:, 6:].reshape(-1, 4, 4), device=device)

@@ -7,8 +7,8 @@ from warpgrasp.core.dtypes import ONE, TWO, ZERO, quat, real, transform, vec3, v
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key, counter_normal
 from warpgrasp.geometry.scene import Scene
+from warpgrasp.mechanism.arm_kernel import Arm, arm_flange, arm_joints, arm_time
 from warpgrasp.mechanism.hand_clearance import hand_clearance
-from warpgrasp.mechanism.puma560_kernel import Arm, move_time, puma_forward, puma_reach
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
 from warpgrasp.probe_status import ProbeStatus
 
@@ -59,25 +59,25 @@ def _move_kernel(
         path[w, p] = ZERO
         if wanted_status[w, p] == _TRY:
             retreat = wp.transform_multiply(wanted[w, p], back)
-            q_retreat = puma_reach(arm, wp.transform_multiply(retreat, flange_on_hand), last)
-            q = puma_reach(arm, wp.transform_multiply(wanted[w, p], flange_on_hand), q_retreat)
+            q_retreat = arm_joints(arm, wp.transform_multiply(retreat, flange_on_hand), last)
+            q = arm_joints(arm, wp.transform_multiply(wanted[w, p], flange_on_hand), q_retreat)
             if wp.isfinite(q_retreat[0]) and wp.isfinite(q[0]):
                 if arm.encoder_step > ZERO:
                     for j in range(6):
                         q[j] = arm.encoder_step * wp.round(q[j] / arm.encoder_step)
-                pose = wp.transform_multiply(puma_forward(arm, q), hand_on_flange)
+                pose = wp.transform_multiply(arm_flange(arm, q), hand_on_flange)
                 believed[w, p] = pose
                 noise = counter_key(counter_key(key[w], _ARM), probe_number[w, p])
                 wobble = vec3(counter_normal(counter_key(noise, 0)),
                               counter_normal(counter_key(noise, 1)),
                               counter_normal(counter_key(noise, 2))) * arm.repeatability
                 real_pose = wp.transform_multiply(
-                    wp.transform_multiply(puma_forward(true_arms[w % true_arms.shape[0]], q),
+                    wp.transform_multiply(arm_flange(true_arms[w % true_arms.shape[0]], q),
                                           hand_on_flange), mount[w % mount.shape[0]])
                 actual[w, p] = transform(wp.transform_get_translation(real_pose) + wobble,
                                          wp.transform_get_rotation(real_pose))
-                time[w, p] = move_time(arm, last, q_retreat) + TWO * move_time(arm, q_retreat, q)
-                before = wp.transform_multiply(puma_forward(arm, last), hand_on_flange)
+                time[w, p] = arm_time(arm, last, q_retreat) + TWO * arm_time(arm, q_retreat, q)
+                before = wp.transform_multiply(arm_flange(arm, last), hand_on_flange)
                 path[w, p] = TWO * _RETREAT + wp.length(
                     wp.transform_get_translation(retreat) - wp.transform_get_translation(before))
                 last = q_retreat

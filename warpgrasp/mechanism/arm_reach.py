@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from warpgrasp.mechanism.arm import floating_joints, is_floating
 from warpgrasp.mechanism.arm_motion_kernel import RETREAT_M
 from warpgrasp.mechanism.puma560 import puma_inverse_batch
 from warpgrasp.parameters import ArmTable, HandTable
@@ -66,6 +67,8 @@ def travel_time(
     The slowest joint governs, over the pair of configurations that are nearest in time; inf where
     either pose is out of reach.
     """
+    if is_floating(arm):
+        return _floating_time(arm, hand, np.asarray(start_pose, float), np.asarray(end_pose, float))
     inside, q = _configurations(arm, hand, np.asarray(start_pose, float))
     inside_end, q_end = _configurations(arm, hand, np.asarray(end_pose, float))
     apart = np.abs(q[..., :, None, :] - q_end[..., None, :, :])
@@ -74,20 +77,39 @@ def travel_time(
     return np.where(possible, time, np.inf).min((-1, -2))
 
 
+def _floating_time(
+    arm: ArmTable, hand: HandTable, start: np.ndarray, end: np.ndarray
+) -> np.ndarray:
+    """`travel_time` of a floating wrist: way and turn at once, the slower one governs."""
+    start, end = np.broadcast_arrays(start, end)
+    possible, q = _configurations(arm, hand, start)
+    possible_end, q_end = _configurations(arm, hand, end)
+    way = np.linalg.norm(q_end[..., 0, :3] - q[..., 0, :3], axis=-1)
+    turn = (Rotation.from_rotvec(q[..., 0, 3:].reshape(-1, 3)).inv()
+            * Rotation.from_rotvec(q_end[..., 0, 3:].reshape(-1, 3))).magnitude()
+    time = np.maximum(way / arm.wrist_speed_m_s, turn.reshape(way.shape) / arm.wrist_turn_rad_s)
+    return np.where(possible[..., 0] & possible_end[..., 0], time, np.inf)
+
+
 def _configurations(
     arm: ArmTable, hand: HandTable, poses: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """The eight configurations [rad] of hand poses (..., 7), each angle the least inside the
-    limits where there is one: whether they are (..., 8), and the angles (..., 8, 6)."""
+    limits where there is one: whether they are (..., 8), and the angles (..., 8, 6). A floating
+    wrist has one."""
     flat = poses.reshape(-1, 7)
     finite = np.asarray(np.isfinite(flat).all(1))
     flange = np.where(finite[:, None], flat, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
     flange[:, :3] -= Rotation.from_quat(flange[:, 3:]).apply([0.0, 0.0, hand.mount_length_m])
+    shape = poses.shape[:-1]
+    if is_floating(arm):  # one configuration a pose
+        within = (flange[:, :3] >= arm.box_low_m) & (flange[:, :3] <= arm.box_high_m)
+        return ((within.all(1) & finite).reshape(*shape, 1),
+                floating_joints(flange).reshape(*shape, 1, 6))
     q = puma_inverse_batch(arm, flange)
     low, high = np.asarray(arm.limit_low_rad), np.asarray(arm.limit_high_rad)
     # The least equivalent angle that is not below the lower limit.
     with np.errstate(invalid="ignore"):
         wrapped = low + np.mod(q - low, 2 * np.pi)
         inside = (np.isfinite(q) & (wrapped <= high)).all(-1) & finite[:, None]
-    shape = poses.shape[:-1]
     return inside.reshape(*shape, 8), np.nan_to_num(wrapped).reshape(*shape, 8, 6)

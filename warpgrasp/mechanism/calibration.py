@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from warpgrasp.core.random import Purpose, counter_key, normal_vector
 from warpgrasp.core.struct_array import repeated
-from warpgrasp.mechanism.puma560 import arm_of
+from warpgrasp.mechanism.arm import arm_of, is_floating
 from warpgrasp.mechanism.puma560_kernel import Arm
 from warpgrasp.mechanism.tendon import may_stop_free, tendon_sensor_of
 from warpgrasp.mechanism.tendon_kernel import TendonSensor
@@ -104,7 +104,10 @@ def no_errors() -> Calibration:
 
 def arm_variance(errors: ErrorTable, arm: ArmTable) -> float:
     """Variance per axis of where the flange is believed to be [m2]: the arm's calibration, turns
-    acting on a lever of half a metre, and its repeatability. An estimate."""
+    acting on a lever of half a metre, and its repeatability. A floating wrist has no joints whose
+    calibration could be off. An estimate."""
+    if is_floating(arm):
+        return arm.repeatability_m**2
     swing = 3 * (_ARM_LEVER_M * errors.arm_joint_offset_rad) ** 2
     return swing + len(_ARM_LENGTHS) / 3 * errors.arm_link_m**2 + arm.repeatability_m**2
 

@@ -18,7 +18,7 @@ from warpgrasp.parameters import ArmTable
 ALPHA_RAD = (np.pi / 2, 0.0, -np.pi / 2, np.pi / 2, -np.pi / 2, 0.0)
 
 
-def arm_of(table: ArmTable, mount_length_m: float) -> Arm:
+def puma_arm(table: ArmTable, mount_length_m: float) -> Arm:
     """The kernels' arm. Raises ValueError for a table the closed-form inverse does not cover."""
     d, a = table.d_m, table.a_m
     if d[1] or d[4] or d[5] or a[0] or any(a[3:]):
@@ -36,7 +36,7 @@ def puma_forward_batch(table: ArmTable, q_rad: np.ndarray, *, device: str = "cpu
     """Flange poses (x, y, z [m], quaternion xyzw), shape (pose, 7), of joints (pose, 6) [rad]."""
     out = wp.empty(len(q_rad), dtype=transform, device=device)
     launch(_forward_kernel, {"pose": len(q_rad)}, {"q": "pose", "flange": "pose"},
-           {"arm": arm_of(table, 0.0), "q": wp.array(q_rad, dtype=vec6, device=device),
+           {"arm": puma_arm(table, 0.0), "q": wp.array(q_rad, dtype=vec6, device=device),
             "flange": out}, device=device)
     return out.numpy().copy()
 
@@ -49,6 +49,6 @@ def puma_inverse_batch(table: ArmTable, flange: np.ndarray, *, device: str = "cp
     out = wp.empty((len(flange), 8), dtype=vec6, device=device)  # pyright: ignore[reportArgumentType]
     launch(_inverse_kernel, {"pose": len(flange), "branch": 8},
            {"flange": "pose", "q": "pose branch"},
-           {"arm": arm_of(table, 0.0), "flange": wp.array(flange, dtype=transform, device=device),
+           {"arm": puma_arm(table, 0.0), "flange": wp.array(flange, dtype=transform, device=device),
             "q": out}, device=device)
     return out.numpy().copy()

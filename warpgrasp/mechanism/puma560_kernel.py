@@ -38,6 +38,8 @@ class Arm:
     mount: real
     encoder_step: real
     repeatability: real
+    floating: int
+    """1: no arm, a wrist that floats within `low` to `high` (`arm_kernel`)."""
     offset: vec6
     """Of the true arm's joints against what the encoders say [rad]."""
 

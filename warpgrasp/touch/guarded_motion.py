@@ -18,8 +18,8 @@ from warpgrasp.core.dtypes import real, transform
 from warpgrasp.core.kernel_launch import ShapeError, check_range, launch
 from warpgrasp.core.struct_array import Records, record_type
 from warpgrasp.geometry.scene import Scene
+from warpgrasp.mechanism.arm import arm_of
 from warpgrasp.mechanism.calibration import Calibration, true_arms, true_hands
-from warpgrasp.mechanism.puma560 import arm_of
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, LINK_COUNT, hand_of
 from warpgrasp.motion_cost import line_time_s, was_made
 from warpgrasp.parameters import (

@@ -26,7 +26,7 @@ from warpgrasp.core.random_kernel import counter_key, counter_normal, counter_un
 from warpgrasp.finger.energy import largest_magnitude
 from warpgrasp.geometry.scene import Scene, body_table_distance_grad
 from warpgrasp.geometry.segment_distance import LINK_SAMPLES, nearest_on_link
-from warpgrasp.mechanism.puma560_kernel import Arm, move_time, puma_forward, puma_reach
+from warpgrasp.mechanism.arm_kernel import Arm, arm_flange, arm_joints, arm_time
 from warpgrasp.mechanism.utah_mit_hand_kernel import (
     Hand,
     finger_base,
@@ -186,27 +186,27 @@ def line_kernel(
     flange_on_hand = wp.transform_inverse(hand_on_flange)
 
     # How far along the line the arm can go.
-    arm_start = puma_reach(arm, wp.transform_multiply(line, flange_on_hand), begin.arm_q)
+    arm_start = arm_joints(arm, wp.transform_multiply(line, flange_on_hand), begin.arm_q)
     reachable = int(steps)
     if not wp.isfinite(arm_start[0]):
         end.status = _UNREACHABLE
         ends[i] = end
         return
-    arm_last = puma_reach(arm, wp.transform_multiply(
+    arm_last = arm_joints(arm, wp.transform_multiply(
         along_line(line, way, interval * real(steps)), flange_on_hand), arm_start)
     if not wp.isfinite(arm_last[0]):
         low = int(0)
         high = int(steps)
         while high - low > 1:
             middle = (low + high) // 2
-            arm_try = puma_reach(arm, wp.transform_multiply(
+            arm_try = arm_joints(arm, wp.transform_multiply(
                 along_line(line, way, interval * real(middle)), flange_on_hand), arm_start)
             if wp.isfinite(arm_try[0]):
                 low = middle
             else:
                 high = middle
         reachable = low
-        arm_last = puma_reach(arm, wp.transform_multiply(
+        arm_last = arm_joints(arm, wp.transform_multiply(
             along_line(line, way, interval * real(reachable)), flange_on_hand), arm_start)
 
     # The robot that is: it moves and feels; `arm`, `hand` and `pad` are believed.
@@ -218,7 +218,7 @@ def line_kernel(
                       along_line(line, way, interval * real(reachable)), hand_on_flange, mount[own])
     per_step = ONE / wp.max(real(reachable), ONE)
     if checked == 1:
-        before = wp.transform_multiply(puma_forward(arm, begin.arm_q), hand_on_flange)
+        before = wp.transform_multiply(arm_flange(arm, begin.arm_q), hand_on_flange)
         if not way_is_free(scene, which, true_hands, own, wp.transform_inverse(begin.body_pose),
                            wp.transform_multiply(before, slip), wp.transform_multiply(line, slip),
                            arm.mount, commands):
@@ -367,18 +367,18 @@ def line_kernel(
     end.pose_true = here
     arm_stop = arm_last
     if s < steps:
-        arm_stop = puma_reach(arm, wp.transform_multiply(
+        arm_stop = arm_joints(arm, wp.transform_multiply(
             along_line(line, way, interval * real(s)), flange_on_hand), arm_start)
-    end.arm_time = move_time(arm, begin.arm_q, arm_start)
-    end.line_time = move_time(arm, arm_start, arm_stop)
-    before = wp.transform_multiply(puma_forward(arm, begin.arm_q), hand_on_flange)
+    end.arm_time = arm_time(arm, begin.arm_q, arm_start)
+    end.line_time = arm_time(arm, arm_start, arm_stop)
+    before = wp.transform_multiply(arm_flange(arm, begin.arm_q), hand_on_flange)
     end.arm_path = wp.length(
         wp.transform_get_translation(line) - wp.transform_get_translation(before))
     end.arm_q = arm_stop
     if arm.encoder_step > ZERO:
         for j in range(6):
             arm_stop[j] = arm.encoder_step * wp.round(arm_stop[j] / arm.encoder_step)
-    pose_read = wp.transform_multiply(puma_forward(arm, arm_stop), hand_on_flange)
+    pose_read = wp.transform_multiply(arm_flange(arm, arm_stop), hand_on_flange)
     end.believed = pose_read
     end.tip = _tip(hand, pose_read, finger, read)
     if most[3] > ZERO:

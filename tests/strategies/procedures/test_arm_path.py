@@ -7,7 +7,7 @@ import pytest
 
 from strategies.procedures.contour_follower import Axis, explore_contour
 from strategies.procedures.planar_explorer import explore_plane
-from warpgrasp.mechanism.arm_motion import HOME_RAD
+from warpgrasp.mechanism.arm import HOME_RAD
 from warpgrasp.mechanism.puma560 import puma_forward_batch
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import ArmTable, HandTable, SensorTable

@@ -42,10 +42,13 @@ def test_each_reason_to_reject() -> None:
     contradiction[0, 2] = 11.0
     mask = evidence.mask.copy()
     mask[0, 3] = False
+    covariance = evidence.covariance_m2.copy()
+    covariance[0, 4] = np.diag([0.0, 0.0, 0.004**2])
     found = contact_verdicts(ball(), replace(
-        evidence, points_m=points, contradiction=contradiction, mask=mask))
-    assert found[0, :4].tolist() == ["far", "unsure_link", "contradicted", ""]
-    assert (found[0, 4:] == "accepted").all()
+        evidence, points_m=points, contradiction=contradiction, mask=mask,
+        covariance_m2=covariance))
+    assert found[0, :5].tolist() == ["far", "unsure_link", "contradicted", "", "unsure_place"]
+    assert (found[0, 5:] == "accepted").all()
     assert (found[1] == "accepted").all()
 
 

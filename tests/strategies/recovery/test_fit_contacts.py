@@ -27,30 +27,43 @@ RADIUS_M, OFF_M = 0.008, 0.004
 BALL = superquadric([0.04, 0.04, 0.04], [1.0, 1.0], [0.45, 0.0, 0.1])
 
 
-def ball_links(worlds: int = 3, contacts: int = 20) -> tuple[Evidence, TouchedLinks, np.ndarray]:
+def ball_links(
+    worlds: int = 3, contacts: int = 20, lean: float = 0.0
+) -> tuple[Evidence, TouchedLinks, np.ndarray]:
     """Contacts of last links with a ball, felt `OFF_M` too far out, the torques of a push of 1 N
-    through each; also where they truly are. Torques by differences of the forward kinematics."""
+    through each; also where they truly are. Torques by differences of the forward kinematics.
+
+    The push leans by `lean`, along the surface any way."""
     rng, hand, q = np.random.default_rng(4), HandTable(), np.array([0.1, 0.5, 0.6, 0.4])
     shape, n = (worlds, contacts), worlds * contacts
 
-    def axis(joints: np.ndarray) -> np.ndarray:
-        """A place on the last link's axis, hand frame, for rows of joints."""
+    turn = rng.uniform(-0.8, 0.8, n)[:, None]
+
+    def frames(joints: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """A place on the last link's axis, its direction, and outward of it to each contact, hand
+        frame, (row, 1 or contact, 3) for rows of joints."""
         every = np.repeat(joints[:, None], 4, axis=1)
         still = np.tile([0, 0, 0, 0, 0, 0, 1.0], (len(joints), 1))
-        points, _ = hand_links(hand, still, every)
-        return points[:, 1, 3] + 0.4 * (points[:, 1, 4] - points[:, 1, 3])
+        points, palmar = hand_links(hand, still, every)
+        way, bend = (points[:, 1, 4] - points[:, 1, 3])[:, None], palmar[:, 1, 2][:, None]
+        along = way / hand.link_length_m[2]
+        return (points[:, 1, 3][:, None] + 0.4 * way, along,
+                np.cos(turn) * bend + np.sin(turn) * np.cross(along, bend))
 
-    here, step = axis(q[None])[0], 1e-6
-    slopes = (axis(q + step * np.eye(4)) - axis(q - step * np.eye(4))) / (2 * step)
-    points, palmar = hand_links(hand, np.array([[0, 0, 0, 0, 0, 0, 1.0]]), np.tile(q, (1, 4, 1)))
-    along = (points[0, 1, 4] - points[0, 1, 3]) / hand.link_length_m[2]
-    turn = rng.uniform(-0.8, 0.8, n)[:, None]
-    outward = np.cos(turn) * palmar[0, 1, 2] + np.sin(turn) * np.cross(along, palmar[0, 1, 2])
+    def skin(joints: np.ndarray) -> np.ndarray:
+        place, _, outward = frames(joints)
+        return place + RADIUS_M * outward
+
+    step = 1e-6
+    slopes = (skin(q + step * np.eye(4)) - skin(q - step * np.eye(4))) / (2 * step)
+    here, along, outward = (part[0] for part in frames(q[None]))
+    aside = rng.uniform(-np.pi, np.pi, n)[:, None]
+    push = outward + lean * (np.cos(aside) * along + np.sin(aside) * np.cross(along, outward))
     hands = Rotation.random(n, rng=rng)
     normal = -hands.apply(outward)
     true = BALL.position_m[0] + 0.04 * normal
     place = true + RADIUS_M * normal - hands.apply(here)
-    torque = -outward @ slopes.T  # the ball pushes the link back
+    torque = -np.einsum("ni,jni->nj", push, slopes)  # the ball pushes the link back
     mask = np.ones(shape, bool)
     mask[:, -1] = False
     far = np.zeros((worlds, FREE_BALLS, 3))
@@ -81,6 +94,22 @@ def test_contacts_are_put_where_torques_and_body_agree() -> None:
     assert np.abs(away[placed.mask]).max() < 5e-4
     assert np.array_equal(placed.mask, evidence.mask)
     assert np.array_equal(placed.points_m[:, -1], evidence.points_m[:, -1])  # not felt
+
+
+def test_forces_within_the_friction_cone_agree_with_the_body() -> None:
+    evidence, links, true = ball_links(lean=0.5)  # it slides
+    links = replace(links, torque_sigma_Nm=0.03 * np.abs(links.torque_Nm).max(-1, keepdims=True)
+                    * np.ones(4))
+    known = replace(links, friction=np.full(evidence.mask.shape, 0.5))
+    placed = contacts_placed(evidence, known, balls(3))
+    off = np.linalg.norm(placed.points_m - true, axis=-1)[placed.mask]
+    assert off.max() < 4e-3
+    assert np.median(placed.contradiction[placed.mask]) < 5.0
+    # To a robot that expects a force along the normal the same torques contradict the body.
+    slippery = contacts_placed(evidence, links, balls(3))
+    assert np.median(slippery.contradiction[placed.mask]) > 10.0
+    away = np.linalg.norm(slippery.points_m - true, axis=-1)[placed.mask]
+    assert np.median(away) > 2.0 * np.median(off)
 
 
 def test_torques_that_contradict_the_body_are_told() -> None:

@@ -1,4 +1,4 @@
-"""What pads felt contradicts a body, or is explained by a contour."""
+"""What pads felt contradicts a body, or is explained by a contour; when bodies have new starts."""
 
 from dataclasses import replace
 
@@ -8,7 +8,17 @@ from beliefs import BODY, belief, on_side
 from fit.superquadric.fit import fit_superquadric
 from strategies.procedures.contour_shape import Profile
 from strategies.recovery.evidence import Evidence
-from strategies.recovery.refit_policy import FEWEST_EXPLAINED, contradicted, explained, felt_by_pads
+from strategies.recovery.misfit import touch_misfit
+from strategies.recovery.refit_policy import (
+    FEWEST_EXPLAINED,
+    Fitted,
+    _renewals,
+    contradicted,
+    explained,
+    felt_by_pads,
+    finished,
+)
+from warpgrasp.parameters import FitTable
 
 ROUND = on_side(0, 360)
 
@@ -54,3 +64,24 @@ def test_only_worlds_that_are_asked_for_take_part() -> None:
     evidence = belief(ROUND).evidence
     some = felt_by_pads(replace(evidence, by_pad=evidence.mask), np.array([1]))
     assert some.mask.any(1).tolist() == [False, True]
+
+
+def test_new_starts_are_due_twice_while_steps_double() -> None:
+    steps = np.arange(1, 33)
+    due = _renewals(steps[1:]) > _renewals(steps[:-1])
+    assert steps[1:][due].tolist() == [2, 3, 4, 6, 8, 12, 16, 23, 32]
+
+
+def test_the_end_fits_rough_bodies_and_no_others() -> None:
+    evidence = belief(ROUND).evidence
+    good = fit_superquadric(evidence.points_m, evidence.mask, table_z=0.0)
+    fits = replace(good, size_m=1.3 * good.size_m)
+    last = Fitted(fits, evidence, np.zeros(2, int), np.array([False, True]))
+    after, rows = finished(last, evidence, None, FitTable())
+    assert rows.tolist() == [1]
+    assert not after.rough.any()
+    assert np.array_equal(after.fits.size_m[0], fits.size_m[0])
+    assert touch_misfit(after.fits, after.placed)[1] < 0.5 * touch_misfit(fits, evidence)[1]
+    again, rows = finished(after, evidence, None, FitTable())
+    assert len(rows) == 0
+    assert again is after

@@ -13,7 +13,9 @@ from places import ROOT
 from strategies.planners.probes import Probe
 from strategies.planners.register import planner
 from strategies.recovery.belief import Belief
+from strategies.recovery.misfit import touch_misfit
 from strategies.strategy import Strategy
+from sweeps.episode.columns import model_columns
 from sweeps.episode.episodes import run_episodes
 from sweeps.spec.cell import Cell
 from warpgrasp.core.random import counter_key
@@ -27,6 +29,8 @@ from gymnasium.wrappers.vector import RecordEpisodeStatistics  # noqa: E402
 
 from sweeps.gym import GraspVectorEnv  # noqa: E402
 from sweeps.gym.actions import probes_of  # noqa: E402
+
+Rows = dict[str, np.ndarray]
 
 
 def test_one_world_passes_gymnasiums_check() -> None:
@@ -84,11 +88,11 @@ def test_a_world_with_a_seed_of_its_own_is_as_alone() -> None:
     assert (worlds.reset(seed=7)[0][0] == alone.reset(seed=7)[0][0]).all()
 
 
-def test_an_episode_here_is_the_sweeps_row_of_the_same_probes(tmp_path: Path) -> None:
-    """Noise, recovered body and score are those of `run_episodes`."""
-    actions = np.random.default_rng(4).uniform(-1, 1, (2, 3, 4))
+def sweep_and_environment() -> tuple[Rows, GraspVectorEnv, dict[str, Any]]:
+    """Rows of six episodes of two probes near the side, and an environment that made the same."""
+    actions = np.random.default_rng(4).uniform(-0.3, 0.3, (2, 6, 4))
     cell = Cell(Strategy("same", call="same_actions", closings=("curl40", "base_then_curl")),
-                {"name": "wedge"}, "wedge", seed=9,
+                {"name": "block"}, "block", seed=9,
                 sensors=SensorTable(tendon_threshold_N=4.0))
 
     def same_actions(belief: Belief) -> list[Probe]:
@@ -96,18 +100,49 @@ def test_an_episode_here_is_the_sweeps_row_of_the_same_probes(tmp_path: Path) ->
                 if belief.step < 2 else [])
 
     planner("same_actions")(lambda: same_actions)
-    rows = run_episodes(cell, np.arange(3), "cpu")
-    worlds = GraspVectorEnv(3, objects="wedge", probes=2,
+    rows = run_episodes(cell, np.arange(6), "cpu")
+    worlds = GraspVectorEnv(6, objects="block", probes=2,
                             settings={"sensors": {"tendon_threshold_N": 4.0}})
     body = worlds._made_with.bodies[0]
     worlds._drawn_keys = lambda seed: counter_key(  # type: ignore[method-assign]
-        9, int(body.content[:15], 16), np.arange(3))
+        9, int(body.content[:15], 16), np.arange(6))
     worlds.reset(seed=1)
-    for action in actions:
-        *_, info = worlds.step(action)
+    infos = [worlds.step(action)[-1] for action in actions]
+    return rows, worlds, infos[-1]
+
+
+def assert_the_same(rows: Rows, worlds: GraspVectorEnv, info: dict[str, Any]) -> None:
+    """Scores, status and recovered body of the environment are those of the rows."""
     assert (info["chamfer_mm"] == rows["chamfer_mm"]).all()
     assert (info["status"] == rows["status"]).all()
     assert (info["touches"] == rows["touches"]).all()
+    assert not worlds._run.fitted.rough.any()  # both end with `finish`
+    for name, column in model_columns(worlds._run.belief, worlds._run.recovered).items():
+        if column.dtype.kind != "O":  # but for contours, which are lists
+            assert np.array_equal(column, rows[name], equal_nan=column.dtype.kind == "f"), name
+
+
+def test_an_episode_here_is_the_sweeps_row_of_the_same_probes() -> None:
+    """Noise, recovered body and score are those of `run_episodes`."""
+    assert_the_same(*sweep_and_environment())
+
+
+def test_a_body_far_from_its_touches_is_rewarded_no_more_than_in_a_sweep(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Where the distance to its own touches decides that a body is not believed, both score the
+    prior. Bodies 6 mm away are rare: the bound is lowered until one of these is rejected."""
+    rows, worlds, _ = sweep_and_environment()
+    run = worlds._run
+    rejected = np.flatnonzero(run.believed())[:1]
+    away = touch_misfit(run.fits, run.placed)
+    assert len(rejected) == 1
+    monkeypatch.setattr("strategies.exploration.UNBELIEVED_M", 0.99 * away[rejected[0]])
+    strict, worlds, info = sweep_and_environment()
+    assert_the_same(strict, worlds, info)
+    assert (rows["status"][rejected], strict["status"][rejected]) == ("ok", "fit_implausible")
+    assert (strict["chamfer_mm"][rejected] == strict["prior_chamfer_mm"][rejected]).all()
+    assert (strict["chamfer_mm"][rejected] != rows["chamfer_mm"][rejected]).all()
 
 
 def test_objects_are_mixed_and_meshes_taken(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from closings import HAND, body_of, close, poses_about
+from closings import ALONE, HAND, body_of, close, poses_about
 
 from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
 from sweeps.validate.reference_finger import FingerEnergy
@@ -111,11 +111,10 @@ def test_hardly_any_friction_is_none() -> None:
     """The step-by-step closing with friction ends where the one that skips steps does."""
     body = body_of("capsule")
     poses = poses_about(body, 40, 4)
-    contact = ContactTable(self_contact=False)
     for path in ("curl40", "base_then_curl"):
-        felt, truth, _ = close(body, poses, path, 6.0, noise=0.3, contact=contact)
+        felt, truth, _ = close(body, poses, path, 6.0, noise=0.3, contact=ALONE)
         rubbed, there, _ = close(body, poses, path, 6.0, noise=0.3,
-                                 contact=replace(contact, friction=1e-9))
+                                 contact=replace(ALONE, friction=1e-9))
         same = felt.step == rubbed.step
         # Where a finger slips off an edge, the one that skips steps may miss a stop.
         assert same.mean() > 0.98

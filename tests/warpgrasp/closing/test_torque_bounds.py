@@ -19,7 +19,7 @@ from warpgrasp.geometry.body import scene_of
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import ContactTable, HandTable, ObjectTable, SensorTable
 
-HAND, ALONE = HandTable(), ContactTable(self_contact=False)
+HAND, ALONE = HandTable(), ContactTable(self_contact=False, friction=0.0)
 
 
 @wp.kernel(enable_backward=False)

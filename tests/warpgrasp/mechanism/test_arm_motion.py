@@ -6,7 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from warpgrasp.geometry.body import Body, Part, scene_of
 from warpgrasp.geometry.scene import Shape
-from warpgrasp.mechanism.arm_motion import HOME_RAD, ArmState, arm_hand_links, move_hand
+from warpgrasp.mechanism.arm import HOME_RAD
+from warpgrasp.mechanism.arm_motion import ArmState, arm_hand_links, move_hand
 from warpgrasp.mechanism.puma560 import puma_forward_batch
 from warpgrasp.parameters import ArmTable, HandTable
 from warpgrasp.probe_status import ProbeStatus

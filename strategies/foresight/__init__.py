@@ -1,0 +1,9 @@
+"""What a hand pose is expected to touch, by what is believed of the object."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "hand_samples": ["HandSamples", "SweptFingers", "lowest_of_hand", "reached_place",
+        "samples_of_hand"],
+    "occupancy": ["Occupancy", "Prospect", "begin_occupancy"],
+})

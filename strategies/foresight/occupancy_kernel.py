@@ -1,0 +1,245 @@
+# type: ignore  # Warp functions, which type checkers cannot follow
+"""A grid of beliefs about an object: what raises and lowers them, and what a hand would meet.
+
+A cell holds the probability that a ball of a link's radius, centred in it, touches the object. What
+touches say raises `hit`; where links have been, `cap` bounds it. Worlds have grids of as many
+cells; each has its own corner and cell.
+"""
+
+import warp as wp
+
+from warpgrasp.core.dtypes import HALF, ONE, ZERO, greater, lesser, real, transform, vec3
+
+wp.set_module_options({"max_unroll": 1})
+_FREE_REACH = wp.constant(real(0.012))  # [m] from a free ball, a ball is unhindered no more
+_TRUSTED = wp.constant(real(0.025))  # [m] how far a touch tells of the surface beside it
+_SPREAD = wp.constant(real(0.003))  # [m] of the surface where it was touched
+_TILT = wp.constant(real(0.35))  # growth of that a metre aside
+_BARRED = wp.constant(real(0.95))
+_LEAST = wp.constant(real(0.05))
+_SURE = wp.constant(real(0.97))
+_ON_TABLE = wp.constant(real(0.0005))  # [m]
+
+
+@wp.func
+def _cell(p: vec3, corner: vec3, size: real, n: wp.vec3i):
+    """Number of the cell that holds `p`, -1 outside the grid."""
+    i = int(wp.floor((p[0] - corner[0]) / size))
+    j = int(wp.floor((p[1] - corner[1]) / size))
+    k = int(wp.floor((p[2] - corner[2]) / size))
+    if i < 0 or j < 0 or k < 0 or i >= n[0] or j >= n[1] or k >= n[2]:
+        return int(-1)
+    return (i * n[1] + j) * n[2] + k
+
+
+@wp.func
+def _low(x: real, corner: real, size: real):
+    return wp.max(int(wp.floor((x - corner) / size)), int(0))
+
+
+@wp.func
+def _high(x: real, corner: real, size: real, n: int):
+    return wp.min(int(wp.floor((x - corner) / size)), n - 1)
+
+
+@wp.kernel(enable_backward=False)
+def learn_kernel(
+    first: int,
+    corner: wp.array[vec3],
+    cell: wp.array[real],
+    n: wp.vec3i,
+    radius: real,
+    # What was felt since the last time:
+    contact: wp.array2d[vec3],
+    normal: wp.array2d[vec3],
+    weight: wp.array2d[real],
+    free: wp.array2d[vec3],
+    free_count: wp.array[int],
+    # Beliefs, in and out:
+    hit: wp.array2d[wp.float32],
+    cap: wp.array2d[wp.float32],
+):
+    """Contacts, where `weight` is positive: below the plane through each a ball touches, above it
+    none does, the less surely the farther aside. Then free balls."""
+    w = wp.tid() + first
+    c, size = corner[w], cell[w]
+    for t in range(contact.shape[1]):
+        much = weight[w, t]
+        if much > ZERO:
+            p = contact[w, t]
+            up = normal[w, t]
+            reach = _TRUSTED * real(1.6)
+            for i in range(_low(p[0] - reach, c[0], size),
+                           _high(p[0] + reach, c[0], size, n[0]) + 1):
+                for j in range(_low(p[1] - reach, c[1], size),
+                               _high(p[1] + reach, c[1], size, n[1]) + 1):
+                    for k in range(_low(p[2] - reach, c[2], size),
+                                   _high(p[2] + reach, c[2], size, n[2]) + 1):
+                        x = c + vec3(real(i) + HALF, real(j) + HALF, real(k) + HALF) * size
+                        d = x - p
+                        above = wp.dot(d, up)
+                        aside = wp.length(d - up * above)
+                        share = ONE / (ONE + wp.exp(
+                            real(1.7) * (above - radius) / (_SPREAD + _TILT * aside)))
+                        trust = much * wp.exp(-wp.length_sq(d) / (_TRUSTED * _TRUSTED))
+                        at = (i * n[1] + j) * n[2] + k
+                        old = real(hit[w, at])
+                        hit[w, at] = wp.float32(old + trust * (share - old))
+    for f in range(free_count[w]):
+        p = free[w, f]
+        for i in range(_low(p[0] - _FREE_REACH, c[0], size),
+                       _high(p[0] + _FREE_REACH, c[0], size, n[0]) + 1):
+            for j in range(_low(p[1] - _FREE_REACH, c[1], size),
+                           _high(p[1] + _FREE_REACH, c[1], size, n[1]) + 1):
+                for k in range(_low(p[2] - _FREE_REACH, c[2], size),
+                               _high(p[2] + _FREE_REACH, c[2], size, n[2]) + 1):
+                    x = c + vec3(real(i) + HALF, real(j) + HALF, real(k) + HALF) * size
+                    # The middle of the cell that holds it is at most 0.87 of a cell away.
+                    far = greater(wp.length(x - p) - HALF * size, ZERO) / _FREE_REACH
+                    at = (i * n[1] + j) * n[2] + k
+                    if wp.float32(far) < cap[w, at]:
+                        cap[w, at] = wp.float32(far)
+
+
+@wp.func
+def _believed(w: int, at: int, hit: wp.array2d[wp.float32], cap: wp.array2d[wp.float32]):
+    return real(wp.min(hit[w, at], cap[w, at]))
+
+
+@wp.kernel(enable_backward=False)
+def barred_kernel(
+    first: int,
+    corner: wp.array[vec3],
+    cell: wp.array[real],
+    n: wp.vec3i,
+    open_ball: wp.array[vec3],
+    hand_pose: wp.array2d[transform],
+    barred: wp.array2d[wp.bool],
+    hit: wp.array2d[wp.float32],
+    cap: wp.array2d[wp.float32],
+):
+    """Where the open hand struck something: its likeliest cells are occupied, others in proportion.
+    """
+    w = wp.tid() + first
+    c, size = corner[w], cell[w]
+    for p in range(hand_pose.shape[1]):
+        if barred[w, p]:
+            most = _LEAST
+            for b in range(open_ball.shape[0]):
+                at = _cell(wp.transform_point(hand_pose[w, p], open_ball[b]), c, size, n)
+                if at >= 0:
+                    most = greater(most, _believed(w, at, hit, cap))
+            factor = _BARRED / most
+            if factor > ONE:
+                for b in range(open_ball.shape[0]):
+                    at = _cell(wp.transform_point(hand_pose[w, p], open_ball[b]), c, size, n)
+                    if at >= 0:
+                        now = _believed(w, at, hit, cap)
+                        # A cell is met by many balls: it is raised once.
+                        if now < most + real(1e-6) and now > HALF * most:
+                            hit[w, at] = wp.float32(lesser(now * factor, _BARRED))
+                            cap[w, at] = wp.max(cap[w, at], hit[w, at])
+
+
+@wp.kernel(enable_backward=False)
+def worth_kernel(
+    first: int,
+    corner: wp.array[vec3],
+    cell: wp.array[real],
+    n: wp.vec3i,
+    radius: real,
+    near: real,
+    reach: real,
+    contact: wp.array2d[vec3],
+    felt: wp.array2d[wp.bool],
+    worth: wp.array2d[wp.float32],
+):
+    """What a touch by a ball in a cell is worth: the share of the surface around it that no earlier
+    contact has covered, by the nearest one. Starts as ones."""
+    w = wp.tid() + first
+    c, size = corner[w], cell[w]
+    for t in range(contact.shape[1]):
+        if felt[w, t]:
+            p = contact[w, t]
+            for i in range(_low(p[0] - reach, c[0], size),
+                           _high(p[0] + reach, c[0], size, n[0]) + 1):
+                for j in range(_low(p[1] - reach, c[1], size),
+                               _high(p[1] + reach, c[1], size, n[1]) + 1):
+                    for k in range(_low(p[2] - reach, c[2], size),
+                                   _high(p[2] + reach, c[2], size, n[2]) + 1):
+                        x = c + vec3(real(i) + HALF, real(j) + HALF, real(k) + HALF) * size
+                        apart = greater(wp.length(x - p) - radius, ZERO) / (near + near)
+                        value = wp.float32(lesser(apart, ONE))
+                        at = (i * n[1] + j) * n[2] + k
+                        if value < worth[w, at]:
+                            worth[w, at] = value
+
+
+@wp.kernel(enable_backward=False)
+def foresee_kernel(
+    first: int,
+    corner: wp.array[vec3],
+    cell: wp.array[real],
+    n: wp.vec3i,
+    radius: real,
+    lowest: real,
+    open_ball: wp.array[vec3],
+    swept_ball: wp.array3d[vec3],
+    hand_pose: wp.array2d[transform],
+    wanted: wp.array2d[wp.bool],
+    hit: wp.array2d[wp.float32],
+    cap: wp.array2d[wp.float32],
+    worth: wp.array2d[wp.float32],
+    barred: wp.array2d[real],
+    gain: wp.array3d[real],
+    place: wp.array3d[vec3],
+):
+    """The probability that a pose is barred, and for each finger the expected worth of its touch
+    and the likeliest place of it. Probabilities along a path are those of one uncertain surface:
+    that a finger was stopped by then is the greatest of all cells met so far."""
+    w, p = wp.tid()
+    w += first
+    barred[w, p] = ONE
+    for finger in range(4):
+        gain[w, p, finger] = ZERO
+        place[w, p, finger] = vec3(ZERO, ZERO, ZERO)
+    if not wanted[w, p]:
+        return
+    c, size = corner[w], cell[w]
+    pose = hand_pose[w, p]
+    start = ZERO
+    for b in range(open_ball.shape[0]):
+        x = wp.transform_point(pose, open_ball[b])
+        if x[2] < radius:
+            return
+        at = _cell(x, c, size, n)
+        if at >= 0:
+            start = greater(start, _believed(w, at, hit, cap))
+            if start > _SURE:
+                return
+    barred[w, p] = start
+    for finger in range(4):
+        most = start
+        best = ZERO
+        done = bool(False)
+        for s in range(swept_ball.shape[1]):
+            if not done:
+                for b in range(swept_ball.shape[2]):
+                    x = wp.transform_point(pose, swept_ball[finger, s, b])
+                    if x[2] < radius - _ON_TABLE:
+                        done = bool(True)
+                    else:
+                        at = _cell(x, c, size, n)
+                        if at >= 0:
+                            now = _believed(w, at, hit, cap)
+                            if now > most:
+                                value = ZERO
+                                if x[2] > lowest:
+                                    value = (now - most) * real(worth[w, at])
+                                gain[w, p, finger] += value
+                                if value > best:
+                                    best = value
+                                    place[w, p, finger] = x
+                                most = now
+                if most > _SURE:
+                    done = bool(True)

@@ -1,0 +1,194 @@
+"""A strategy for objects of any shape: it spends its touches where the object may still be.
+
+It keeps an occupancy grid (`strategies.foresight`) instead of a fitted body. At each step it draws
+hand poses about the prior and about what was felt, and takes the one or few whose fingers are
+expected to touch most of the surface that no contact has covered yet: greedy maximum coverage
+(Nemhauser, Wolsey and Fisher 1978) under what is believed.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from fit.rotation import matrix_of_quaternion
+from strategies.foresight.hand_samples import (
+    HandSamples,
+    lowest_of_hand,
+    reached_place,
+    samples_of_hand,
+)
+from strategies.foresight.occupancy import Occupancy, begin_occupancy
+from strategies.planners.probes import Grasp, Probe
+from strategies.planners.register import planner
+from strategies.recovery.belief import Belief
+from strategies.recovery.evidence import TABLE_MARGIN_M
+from warpgrasp.core.random import counter_key, counter_uniform
+from warpgrasp.mechanism.arm_reach import pose_reachable
+
+CANDIDATES = 256
+"""Poses drawn at each step."""
+ABOUT_FELT = 0.6
+"""Share of them about what was felt, once anything was [est]."""
+BESIDE_M = 0.045
+"""How far from a contact they are aimed at, along each axis [est]."""
+CLEARANCE_M = 0.003, 0.009
+"""Between the open hand and the table, at least and at most more than that."""
+STEEPEST_COS = -0.17
+"""Approaches come from above down to ten degrees from below level."""
+UNSURE_M = 0.006
+"""A contact whose standard deviation is this counts half [est]."""
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """The grasps last asked for."""
+
+    pose: np.ndarray
+    """(world, pose, 7)."""
+    wanted: np.ndarray
+    """(world, pose)."""
+    closing: int
+    slots: int
+    """Contacts in the evidence before them."""
+
+
+@planner("any-object", "expected new coverage of an object of any shape, by an occupancy grid")
+class AnyObject:
+    """Greedy expected coverage."""
+
+    def __init__(self, poses: int = 4, candidates: int = CANDIDATES) -> None:
+        """`poses` a step, chosen of so many `candidates`. Raises ValueError."""
+        self.poses, self.candidates = int(poses), int(candidates)
+        if not 1 <= self.poses <= 16:
+            raise ValueError(f"poses is {poses!r}; should be from 1 to 16")
+        if not self.poses <= self.candidates <= 4096:
+            raise ValueError(f"candidates is {candidates!r}; should be from {poses} to 4096")
+        self.grid: Occupancy | None = None
+        self.asked: _Asked | None = None
+        self.step = 0
+        self.over: np.ndarray | None = None
+        """Worlds of which nothing was wanted once: alone, their episodes would have ended."""
+
+    def __call__(self, belief: Belief) -> list[Probe]:
+        """The next poses of every world that is active."""
+        samples = samples_of_hand(belief.hand, belief.closings)
+        grid = self.grid or begin_occupancy(belief.prior, belief.hand.link_radius_m)
+        self.grid = grid
+        if self.asked is not None:
+            self._learn(belief, samples, grid, self.asked)
+        poses = self._candidates(belief, samples)
+        over = np.zeros(belief.worlds, bool) if self.over is None else self.over
+        free = pose_reachable(belief.arm, belief.hand, poses) & (belief.active & ~over)[:, None]
+        closing = self.step % len(belief.closings)
+        evidence = belief.evidence
+        seen = grid.foresee(
+            samples.open_m, samples.swept[closing], poses, free,
+            grid.worth(evidence.points_m, evidence.mask),
+            TABLE_MARGIN_M + 0.5 * belief.hand.link_radius_m)
+        chosen, wanted = _greedy(np.where(free[..., None], seen.gain, 0.0), seen.place_m,
+                                 self.poses)
+        self.over = over | ~wanted.any(1)
+        pose = np.take_along_axis(poses, chosen[..., None], 1)
+        self.asked = _Asked(pose, wanted, closing, evidence.mask.shape[1])
+        self.step += 1
+        return [Grasp(pose, wanted, (belief.closings[closing],))]
+
+    def _candidates(self, belief: Belief, samples: HandSamples) -> np.ndarray:
+        """Hand poses aimed at the prior's inside and at places beside contacts,
+        (world, candidate, 7)."""
+        prior, evidence = belief.prior, belief.evidence
+        draw = counter_uniform(counter_key(
+            belief.seed[:, None, None], self.step, np.arange(self.candidates)[:, None],
+            np.arange(12)))
+        angle, out = 2 * np.pi * draw[..., 0], np.sqrt(draw[..., 1])
+        aim = np.stack([
+            prior.x_m[:, None] + prior.radius_m[:, None] * out * np.cos(angle),
+            prior.y_m[:, None] + prior.radius_m[:, None] * out * np.sin(angle),
+            prior.height_m[:, None] * draw[..., 2]], -1)
+        count = evidence.mask.sum(1)
+        if count.any():
+            # The contacts of a world in front, so that slots without one do not matter.
+            order = np.argsort(~evidence.mask, axis=1, kind="stable")
+            number = (draw[..., 1] * count[:, None]).astype(int)
+            number = np.take_along_axis(order, np.minimum(number, order.shape[1] - 1), 1)
+            point = np.take_along_axis(evidence.points_m, number[..., None], 1)
+            beside = point + BESIDE_M * (2 * draw[..., 8:11] - 1)
+            about = (draw[..., 11] < ABOUT_FELT) & (count > 0)[:, None]
+            aim = np.where(about[..., None], beside, aim)
+        cos_tilt = 1.0 - draw[..., 3] * (1.0 - STEEPEST_COS)
+        turn = Rotation.from_euler("ZYZ", np.stack(
+            [2 * np.pi * draw[..., 4], np.pi - np.arccos(cos_tilt), 2 * np.pi * draw[..., 5]],
+            -1).reshape(-1, 3))
+        approach = turn.apply([0.0, 0.0, 1.0]).reshape(aim.shape)
+        length = belief.hand.abduction_offset_m + sum(belief.hand.link_length_m)
+        place = aim - approach * length * (0.35 + 0.75 * draw[..., 6:7])
+        pose = np.concatenate([place, turn.as_quat().reshape(*aim.shape[:2], 4)], -1)
+        clear = CLEARANCE_M[0] + CLEARANCE_M[1] * draw[..., 7]
+        lowest = lowest_of_hand(samples, belief.hand, pose)
+        pose[..., 2] += np.maximum(clear - lowest, 0.0)
+        return pose
+
+    @staticmethod
+    def _learn(belief: Belief, samples: HandSamples, grid: Occupancy, asked: _Asked) -> None:
+        """What the grasps last asked for have told of the cells."""
+        evidence = belief.evidence
+        worlds, poses = asked.wanted.shape
+        new = slice(asked.slots, asked.slots + 4 * poses)
+        q = belief.links.q_rad[:, new].reshape(worlds, poses, 4, 4)
+        closed = asked.wanted[..., None] & (q != 0.0).any(-1)  # nothing is read of what was barred
+        grid.learn_barred(samples.open_m, asked.pose,
+                          asked.wanted & ~closed.any(2) & belief.active[:, None])
+        mask = evidence.mask[:, new]
+        normal = np.nan_to_num(evidence.normals[:, new])
+        spread = np.sqrt(np.trace(evidence.covariance_m2[:, new], axis1=2, axis2=3))
+        sure = np.isfinite(evidence.contradiction[:, new]) & (np.abs(normal).sum(-1) > 0.0)
+        weight = np.where(mask & sure, 1.0 / (1.0 + (spread / UNSURE_M) ** 2), 0.0)
+        balls, count = _swept_balls(samples, asked, closed, q, mask.reshape(worlds, poses, 4))
+        grid.learn_touches(evidence.points_m[:, new], normal, weight, balls, count)
+
+
+def _swept_balls(samples: HandSamples, asked: _Asked, closed: np.ndarray, q_rad: np.ndarray,
+                 contact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Balls of the base frame that are free: the open hand that came in, and the fingers up to
+    where they stopped. (world, ball, 3), and how many of each world."""
+    worlds = len(asked.wanted)
+    swept = samples.swept[asked.closing]
+    found: list[list[np.ndarray]] = [[] for _ in range(worlds)]
+    turn = matrix_of_quaternion(asked.pose[..., 3:])
+    world, pose = np.nonzero(closed.any(2))
+    for w, p in zip(world, pose, strict=True):
+        at = asked.pose[w, p, :3]
+        found[w].append(samples.open_m @ turn[w, p].T + at)
+        finger = np.flatnonzero(closed[w, p])
+        last = reached_place(swept, finger, q_rad[w, p, finger])
+        # Where a finger touched, its last places are those of the contact itself.
+        last = np.where(contact[w, p, finger], last - 1, last + 1)
+        for f, k in zip(finger, last, strict=True):
+            found[w].append(swept.balls_m[f, :max(k, 0)].reshape(-1, 3) @ turn[w, p].T + at)
+    count = np.array([sum(map(len, parts)) for parts in found], int)
+    balls = np.zeros((worlds, max(count.max(initial=0), 1), 3))
+    for w, parts in enumerate(found):
+        if parts:
+            balls[w, :count[w]] = np.concatenate(parts)
+    return balls, count
+
+
+def _greedy(gain: np.ndarray, place_m: np.ndarray, poses: int) -> tuple[np.ndarray, np.ndarray]:
+    """The best candidates, each counted beside those before it: their numbers (world, pose) and
+    whether anything is expected of them."""
+    rows = np.arange(len(gain))
+    left = gain.copy()
+    chosen, wanted = [], []
+    for _ in range(poses):
+        total = left.sum(2)
+        best = total.argmax(1)
+        chosen.append(best)
+        wanted.append(total[rows, best] > 0.0)
+        there = place_m[rows, best]
+        likely = np.minimum(gain[rows, best] * 4.0, 1.0)
+        apart = np.linalg.norm(place_m[:, :, :, None] - there[:, None, None], axis=-1)
+        covered = likely[:, None, None] * np.clip(1.0 - apart / 0.02, 0.0, 1.0)
+        left = left * (1.0 - covered.max(-1))
+        left[rows, best] = 0.0
+    return np.stack(chosen, 1), np.stack(wanted, 1)

@@ -1,0 +1,109 @@
+"""The commands for hands: those that ship, and a hand from a URDF."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from sweeps.cli.app import Json, UsageError, app
+
+if TYPE_CHECKING:
+    from warpgrasp.hands.hand_model import HandModel
+
+
+@app.command
+def hands(*files: Path, json: Json = False) -> int:
+    """List the hands that ship, or those of files: fingers, joints, what they feel.
+
+    Parameters
+    ----------
+    files
+        Hands as `warpgrasp hand` writes them.
+    json
+        Print JSON.
+    """
+    from sweeps.text_table import print_table
+    from warpgrasp.hands.hand_file import SHIPPED, hand_from_file, hand_named
+
+    found = [(str(file), hand_from_file(file)) for file in files]
+    found = found or [(name, hand_named(name)) for name in SHIPPED]
+    print_table(("hand", "fingers", "joints", "driven", "thumb", "senses", "closings", "source"),
+                [(name, str(len(m.fingers)), str(len(m.joints)), str(len(m.driven)),
+                  m.thumb or "none", m.senses, ", ".join(c.name for c in m.closings), m.source)
+                 for name, m in found], json)
+    return 0
+
+
+@app.command
+def hand(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])],
+         palm: str | None = None,
+         tip: Annotated[list[str] | None, Parameter(negative="")] = None,
+         hold: Annotated[list[str] | None, Parameter(negative="")] = None) -> int:
+    """Write a hand from a URDF as TOML, guesses marked, and a picture beside it, open and closed.
+
+    Parameters
+    ----------
+    urdf
+        A URDF with its meshes (a TOML that this command wrote: only the picture is drawn again).
+    out
+        The file to write, .toml; the picture gets the same name and .png.
+    palm
+        The link that fingers start from; by default the root.
+    tip
+        Only chains to these links are fingers; by default all.
+    hold
+        Joints that stand still, as NAME=DEGREES.
+    """
+    from sweeps.figures.style import encode
+    from sweeps.output import note, quiet_stdout, write_atomic
+    from sweeps.report.hand_picture import hand_picture
+    from sweeps.spec.errors import StoreError
+    from warpgrasp.hands.hand_file import hand_from_file
+    from warpgrasp.hands.hand_writer import hand_text
+    from warpgrasp.hands.urdf_hand import hand_from_urdf
+
+    if out.suffix != ".toml":
+        raise UsageError(f"--out: is {out}; should end in .toml")
+    with quiet_stdout():
+        if urdf.suffix == ".toml":
+            model, text = hand_from_file(urdf), None
+        else:
+            model, notes = hand_from_urdf(urdf, palm=palm, tips=tip or [], held_rad=_held(hold))
+            text = hand_text(model, notes, guessed=True)
+            for line in notes:
+                note(f"note: {line}")
+        _say_guesses(model)
+        picture = out.with_suffix(".png")
+        files = {} if text is None else {out: text.encode()}
+        for path, content in (files | {picture: encode(hand_picture(model), "png")}).items():
+            try:
+                write_atomic(path, content)
+            except OSError as error:
+                raise StoreError(f"{path}: cannot be written: {error.strerror or error}") from None
+    for path in (*files, picture):
+        print(path)
+    return 0
+
+
+def _held(words: Sequence[str] | None) -> dict[str, float]:
+    """NAME=DEGREES as radians by name."""
+    found = {}
+    for word in words or []:
+        name, _, angle = word.rpartition("=")
+        try:
+            found[name] = math.radians(float(angle))
+        except ValueError:
+            found[name] = math.nan
+        if not name or not math.isfinite(found[name]):
+            raise UsageError(f"--hold: is {word!r}; should be NAME=DEGREES, as wrist=0")
+    return found
+
+
+def _say_guesses(model: "HandModel") -> None:
+    from sweeps.output import note
+
+    for finger in model.fingers:
+        note(f"finger {finger.name}: {', '.join(joint.name for joint in finger.joints)}"
+             f"{' (thumb)' if finger.name == model.thumb else ''}")

@@ -1,0 +1,147 @@
+"""Occupancy grids: what evidence does to cells, and what is foreseen of a body that is sure."""
+
+import numpy as np
+import pytest
+
+from strategies.foresight.hand_samples import lowest_of_hand, reached_place, samples_of_hand
+from strategies.foresight.occupancy import CELLS, NEAR_M, Occupancy, begin_occupancy
+from strategies.poses.waypoints import BoundingBox, BoundingCylinder
+from warpgrasp.parameters import HandTable
+
+HAND = HandTable()
+RADIUS_M = HAND.link_radius_m
+CLOSINGS = ("curl40", "base_then_curl")
+DOWN = [1.0, 0.0, 0.0, 0.0]
+"""Half a turn about x: the hand's approach points down."""
+
+
+def prior(worlds: int = 1) -> BoundingCylinder:
+    one = np.ones(worlds)
+    return BoundingCylinder(0.45 * one, 0.0 * one, 0.05 * one, 0.10 * one)
+
+
+def centres(grid: Occupancy) -> np.ndarray:
+    """Of the cells of the first world, (x, y, z, 3) [m]."""
+    at = np.stack(np.meshgrid(*map(np.arange, CELLS), indexing="ij"), -1) + 0.5
+    return grid.corner_m[0] + at * grid.cell_m[0]
+
+
+def nearest(grid: Occupancy, point: list[float]) -> float:
+    away = np.linalg.norm(centres(grid) - point, axis=-1)
+    return float(grid.believed[0].reshape(-1)[away.argmin()])
+
+
+def learn(grid: Occupancy, contact: list[float] | None = None, normal: tuple = (0, 0, 1),
+          free: np.ndarray | None = None) -> None:
+    balls = np.zeros((1, 1, 3)) if free is None else free[None]
+    grid.learn_touches(np.array([[contact or [0, 0, 0]]], float), np.array([[normal]], float),
+                       np.array([[1.0 if contact else 0.0]]), balls,
+                       np.array([0 if free is None else len(free)]))
+
+
+def test_the_prior_falls_from_its_axis_to_nothing_outside() -> None:
+    grid = begin_occupancy(prior(), RADIUS_M)
+    along = [nearest(grid, [0.45 + out, 0.0, 0.05]) for out in (0.0, 0.02, 0.04, 0.06)]
+    assert (np.diff(along) < 0.0).all()
+    assert along[0] > 0.5
+    assert nearest(grid, [0.45, 0.0, 0.12]) < 0.5 * along[0]
+    c = prior()
+    turned = BoundingBox(c.x_m, c.y_m, c.radius_m, c.height_m, np.array([[0.05, 0.01]]),
+                         np.array([np.pi / 2]))
+    box = begin_occupancy(turned, RADIUS_M)
+    assert nearest(box, [0.45, 0.025, 0.05]) > nearest(box, [0.475, 0.0, 0.05])
+
+
+def test_what_is_felt_moves_beliefs_the_right_way() -> None:
+    grid = begin_occupancy(prior(), RADIUS_M)
+    before, above = grid.believed.copy(), nearest(grid, [0.45, 0.0, 0.075])
+    learn(grid, [0.45, 0.0, 0.06])
+    assert nearest(grid, [0.45, 0.0, 0.055]) > 0.9  # below a contact whose normal points up
+    assert nearest(grid, [0.45, 0.0, 0.075]) < 0.5 * above
+    far = np.linalg.norm(centres(grid) - [0.45, 0.0, 0.06], axis=-1) > 0.08
+    np.testing.assert_array_equal(grid.believed[0][far], before[0][far])
+    learn(grid, free=np.array([[0.45, 0.0, 0.055]]))
+    assert nearest(grid, [0.45, 0.0, 0.055]) < 0.2  # where a link has been is nothing
+    learn(grid, [0.45, 0.0, 0.06])
+    assert nearest(grid, [0.45, 0.0, 0.055]) < 0.2
+
+
+def test_a_pose_that_was_barred_is_foreseen_to_be_barred() -> None:
+    grid = begin_occupancy(prior(), RADIUS_M)
+    samples = samples_of_hand(HAND, CLOSINGS)
+    pose = np.array([[[0.42, 0.01, 0.18, *DOWN], [0.42, 0.01, 0.36, *DOWN]]])
+    wanted = np.ones((1, 2), bool)
+    worth = np.ones_like(grid.hit)
+
+    def barred() -> np.ndarray:
+        return grid.foresee(samples.open_m, samples.swept[0], pose, wanted, worth, 0.0).barred[0]
+
+    first = barred()
+    assert 0.05 < first[0] < 0.9
+    assert first[1] == 0.0
+    grid.learn_barred(samples.open_m, pose, np.array([[True, False]]))
+    assert barred()[0] == pytest.approx(0.95, abs=1e-6)
+
+
+def test_touches_of_a_sure_body_are_foreseen_on_it_and_cost_nothing_new_near_contacts() -> None:
+    """A post that the fingers stand around: each meets it, and rests a radius from its side."""
+    grid = begin_occupancy(prior(), RADIUS_M)
+    x, y, z = np.moveaxis(centres(grid), -1, 0)
+    post = 0.015
+    gap = np.hypot(x - 0.45, y) - post
+    grid.hit[:] = ((gap < RADIUS_M) & (z < 0.10 + RADIUS_M)).reshape(1, -1)
+    samples = samples_of_hand(HAND, CLOSINGS)
+    pose = np.array([[[0.45, 0.0, 0.17, *DOWN]]])
+    wanted = np.ones((1, 1), bool)
+    none = grid.worth(np.zeros((1, 1, 3)), np.zeros((1, 1), bool))
+    seen = grid.foresee(samples.open_m, samples.swept[1], pose, wanted, none, 0.0)
+    assert seen.barred[0, 0] == 0.0
+    met = seen.gain[0, 0] > 0.5
+    assert met[[1, 3]].all()  # the middle finger and the thumb; the outer two may pass beside it
+    away = np.hypot(seen.place_m[0, 0, met, 0] - 0.45, seen.place_m[0, 0, met, 1]) - post
+    np.testing.assert_allclose(away, RADIUS_M, atol=1.8 * grid.cell_m[0])
+    there = seen.place_m[0, 0][met]
+    worth = grid.worth(there[None], np.ones((1, len(there)), bool))
+    again = grid.foresee(samples.open_m, samples.swept[1], pose, wanted, worth, 0.0)
+    assert again.gain.sum() < 0.2 * seen.gain.sum()
+    far = np.linalg.norm(centres(grid) - there[0], axis=-1) > 2 * NEAR_M + 2 * RADIUS_M
+    one = grid.worth(there[None, :1], np.ones((1, 1), bool))
+    assert (one.reshape(CELLS)[far] == 1.0).all()
+
+
+def test_a_world_does_not_depend_on_those_beside_it() -> None:
+    draw = np.random.default_rng(5)
+    samples = samples_of_hand(HAND, CLOSINGS)
+    pose = np.tile([0.45, 0.0, 0.15, *DOWN], (3, 8, 1))
+    pose[..., :3] += draw.normal(0.0, 0.03, (3, 8, 3))
+    contact = [0.45, 0.0, 0.05] + draw.normal(0.0, 0.02, (3, 4, 3))
+    normal = np.tile([0.0, 0.0, 1.0], (3, 4, 1))
+    free = [0.45, 0.0, 0.08] + draw.normal(0.0, 0.03, (3, 50, 3))
+
+    def gains(rows: slice) -> np.ndarray:
+        grid = begin_occupancy(prior(len(pose[rows])), RADIUS_M)
+        ones = np.ones(contact[rows].shape[:2])
+        grid.learn_touches(contact[rows], normal[rows], ones, free[rows],
+                           np.full(len(pose[rows]), 50))
+        grid.learn_barred(samples.open_m, pose[rows, :1], ones[:, :1] > 0)
+        worth = grid.worth(contact[rows], ones > 0)
+        return grid.foresee(samples.open_m, samples.swept[0], pose[rows],
+                            np.ones(pose[rows].shape[:2], bool), worth, 0.01).gain
+
+    np.testing.assert_array_equal(gains(slice(0, 3))[1:2], gains(slice(1, 2)))
+
+
+def test_where_a_finger_stopped_is_read_from_its_joints() -> None:
+    swept = samples_of_hand(HAND, CLOSINGS).swept[0]
+    finger = np.array([0, 1, 2, 3])
+    place = np.array([0, 5, 20, 31])
+    q = swept.joints_rad[finger, place] + np.radians(0.3)
+    np.testing.assert_array_equal(reached_place(swept, finger, q), place)
+
+
+def test_the_lowest_place_of_a_hand_that_points_down_is_a_fingertip() -> None:
+    samples = samples_of_hand(HAND, CLOSINGS)
+    length = sum(HAND.link_length_m)
+    back = HAND.abduction_offset_m + np.cos(np.radians(10)) * length + RADIUS_M
+    low = lowest_of_hand(samples, HAND, np.array([[0.0, 0.0, 0.3, *DOWN]]))
+    np.testing.assert_allclose(low, 0.3 - back, atol=1e-9)

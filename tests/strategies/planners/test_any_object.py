@@ -1,0 +1,41 @@
+"""The strategy for objects of any shape: it finds what rings about the prior do not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from strategies.planners.any_object import AnyObject
+from strategies.ready_made import STRATEGIES
+from strategies.strategy import Strategy
+from sweeps.episode.episodes import run_episodes
+from sweeps.spec.cell import Cell
+from warpgrasp.objects.families import family_table
+from warpgrasp.parameters import FitTable
+
+FIT = FitTable(taper=False, rivals=False, rounds=0)
+
+
+def episodes(strategy: Strategy, name: str, numbers: np.ndarray) -> dict[str, np.ndarray]:
+    table = family_table(name)
+    assert table is not None
+    return run_episodes(Cell(strategy, table, name, seed=4, fit=FIT), numbers, "cpu")
+
+
+def test_options_out_of_range_are_named() -> None:
+    with pytest.raises(ValueError, match="poses is 0; should be from 1 to 16"):
+        AnyObject(poses=0)
+    with pytest.raises(ValueError, match="candidates is 1; should be from 4 to 4096"):
+        AnyObject(candidates=1)
+
+
+def test_it_finds_a_hammer_that_rings_miss_and_not_by_the_batch() -> None:
+    short = replace(STRATEGIES["any-object"], touches=32)
+    rows = episodes(short, "hammer-1", np.arange(2))
+    rings = episodes(STRATEGIES["rim6-ring12"], "hammer-1", np.arange(2))
+    assert (rows["touches"] == 32).all()
+    assert rows["touched10mm"].mean() > 2.0 * rings["touched10mm"].mean()
+    assert rows["touched10mm"].min() > 0.05
+    alone = episodes(short, "hammer-1", np.arange(1, 2))
+    for name in ("touches", "touched10mm", "chamfer_mm", "robot_time_s", "contacts"):
+        assert rows[name][1] == alone[name][0], name

@@ -1,0 +1,191 @@
+"""What is wrong with a hand's file is said: file, element, and what would be right."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from chains import random_angles
+
+from sweeps.cli import main as cli
+from warpgrasp.hands.hand_file import hand_from_file, hand_named
+from warpgrasp.hands.hand_frames import driven_angles
+from warpgrasp.hands.hand_model import HandError
+from warpgrasp.hands.hand_writer import hand_text
+from warpgrasp.hands.urdf_hand import hand_from_urdf
+
+pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")  # yourdfpy's own
+BALL = '<collision><geometry><sphere radius="0.01"/></geometry></collision>'
+
+
+def link(name: str, inside: str = BALL) -> str:
+    return f'<link name="{name}">{inside}</link>'
+
+
+def joint(name: str, parent: str, child: str, *, kind: str = "revolute", at: str = "0 0 0.03",
+          limit: str = '<limit lower="0" upper="1" effort="1" velocity="1"/>', more: str = "",
+          axis: str = "0 1 0") -> str:
+    return (f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+            f'<origin xyz="{at}"/><axis xyz="{axis}"/>{limit}{more}</joint>')
+
+
+GOOD = [link("palm"), link("a"), link("b"), joint("j1", "palm", "a"), joint("j2", "a", "b")]
+
+
+def chain(count: int) -> list[str]:
+    names = ["palm", *(f"l{n}" for n in range(count))]
+    return [*map(link, names), *(joint(f"j{n}", names[n], names[n + 1]) for n in range(count))]
+
+
+BAD = {
+    "mesh": ([*GOOD[:2], link("b", '<collision><geometry><mesh filename="no.stl"/></geometry>'
+                              "</collision>"), *GOOD[3:]],
+             r"link b: .*mesh no\.stl is missing; should be a file"),
+    "loop": ([*GOOD, joint("j3", "palm", "b")], "joint j3: link b is moved by joint j2 as well"),
+    "circle": ([link("palm"), link("a"), link("b"), joint("j1", "b", "a"), joint("j2", "a", "b")],
+               "joint j[12]: is part of a loop; a hand should be a tree"),
+    "prismatic": ([*GOOD[:4], joint("j2", "a", "b", kind="prismatic")],
+                  "joint j2: is prismatic; .*should be revolute"),
+    "no length": ([*GOOD[:4], joint("j2", "a", "b", at="0 0 0")],
+                  "joint j2: turns about the axis of joint j1, .*no length; should stand apart"),
+    "reversed": ([*GOOD[:4], joint("j2", "a", "b", limit='<limit lower="1" upper="-1" effort="1" '
+                                   'velocity="1"/>')],
+                 "joint j2: limits from 1 to -1 rad; lower should be less"),
+    "no limit": ([*GOOD[:4], joint("j2", "a", "b", limit="")], "joint j2: has no limit; should"),
+    "no tip": ([*GOOD[:2], link("b", ""), *GOOD[3:]],
+               "finger finger1: its tip lies on its last joint j2.*should be named"),
+    "nine": (chain(9), "finger finger1: 9 joints; should be 1 to 6"),
+    "no axis": ([*GOOD[:4], joint("j2", "a", "b", axis="0 0 0")], "joint j2: its axis has no len"),
+    "no link": ([*GOOD, joint("j3", "palm", "c")], "joint j3: there is no link 'c'; should"),
+    "flat box": ([*GOOD[:2], link("b", '<collision><geometry><box size="0.1 0 0.1"/></geometry>'
+                                  "</collision>"), *GOOD[3:]], "link b: a box of 0.1 x 0 x 0.1 m"),
+    "origin": ([*GOOD[:2], link("b", '<collision><origin xyz="inf 0 0"/><geometry><sphere '
+                                'radius="1"/></geometry></collision>'), *GOOD[3:]],
+               "link b: a collision's origin is not finite"),
+    "apart": ([*GOOD, link("c")], "links palm, c are moved by no joint; all but one should"),
+    "mimic": ([*GOOD[:4], joint("j2", "a", "b", more='<mimic joint="j9"/>')],
+              "joint j2: follows 'j9'; mimic should name"),
+    "itself": ([*GOOD[:4], joint("j2", "a", "b", more='<mimic joint="j2"/>')],
+               "joint j2: follows itself"),
+    "still": ([link("palm"), link("a"), joint("j1", "palm", "a", kind="fixed")],
+              "no moving joint beyond link palm; a hand should have a finger"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_bad_urdf_is_refused(name: str, tmp_path: Path,
+                               capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("yourdfpy")
+    parts, message = BAD[name]
+    file, out = tmp_path / "bad.urdf", tmp_path / "hand.toml"
+    # A ball at the last link's frame gives it a tip one radius out.
+    file.write_text(f'<robot name="bad">{"".join(parts)}</robot>')
+    assert cli.run(["hand", str(file), "-o", str(out)]) == 2
+    said = capsys.readouterr().err
+    assert re.search(f"{re.escape(str(file))}: {message}", said), said
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("text", ["", "<robot", "<sdf/>", '<robot name="a"/>', "<robot/>",
+                                  '<robot name="a"><link/></robot>'])
+def test_what_is_no_urdf_is_refused(text: str, tmp_path: Path) -> None:
+    file = tmp_path / "bad.urdf"
+    file.write_text(text)
+    with pytest.raises(HandError, match=r"should be|should have"):
+        hand_from_urdf(file)
+
+
+def drop(text: str) -> Callable[[str], str]:
+    return lambda whole: "\n".join(line for line in whole.split("\n") if not re.match(text, line))
+
+
+def change(old: str, new: str) -> Callable[[str], str]:
+    return lambda whole: re.sub(old, new, whole, count=1, flags=re.MULTILINE)
+
+
+@pytest.mark.parametrize(("edit", "message"), [
+    (drop("tip_mm"), r"finger\[0\]\.tip_mm: field required"),
+    (change(r"^tip_mm = .*", "tip_mm = [0, 0, 0]"), "finger index: its tip lies on its last joint"),
+    (change("^limits_deg = .*", "limits_deg = [10, -10]"), "lower one should be less"),
+    (change("^axis = .*", "axis = [0, 0, 2]"), "axis of length 2; should be 1"),
+    (change("^turn = .*", "turn = [0, 0, 0, 2]"), "turn is of length 2; should be a quaternion"),
+    (change("^thumb = .*", 'thumb = "tumb"'), "thumb: there is no finger 'tumb'; should be one of"),
+    (change("^senses = .*", 'senses = "smell"'), "senses: is 'smell'; should be one of tendons"),
+    (change("^moves = .*", "moves = []"), "closing grasp: moves no joint"),
+    (change("^moves = .*", 'moves = ["x"]'), "closing grasp: moves 'x'; should be driven joints"),
+    (change('^end = "closed"', 'end = "shut"'), "closing grasp: there is no posture 'shut'"),
+    (change('^"joint_1.0" = .*', '"joint_1.0" = 500'), "joint joint_1.0 at 500 deg; should be"),
+    (change("^box_mm = .*", ""), "a shape without box_mm or capsule_mm"),
+    (change("^box_mm = .*", "box_mm = [1, 0, 1]"), "palm: a shape of size 0 m; should be more"),
+    (change("^name = ", "nane = "), "nane: extra inputs are not permitted"),
+    (change("^axis = .*", "axis = [0, nan, 0]"), "axis.*finite"),
+    (change("^pads = .*", 'pads = ["joint_4.0"]'), "a pad on 'joint_4.0'; should be on one of"),
+    (change("^stiffness_Nm_rad = .*", "stiffness_Nm_rad = 0"), "stiffness 0; should be more"),
+    (lambda whole: "[" + whole, "is not valid TOML"),
+])
+def test_a_bad_hand_file_is_refused(edit: Callable[[str], str], message: str, tmp_path: Path,
+                                    capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "hand.toml"
+    file.write_text(edit(hand_text(hand_named("allegro"))))
+    assert cli.run(["hands", str(file)]) == 2
+    said = capsys.readouterr().err
+    assert re.search(f"{re.escape(str(file))}: .*{message}", said), said
+
+
+def test_a_file_says_all_of_its_hand(tmp_path: Path) -> None:
+    file = tmp_path / "hand.toml"
+    for name in ("utah_mit", "barrett"):
+        file.write_text(hand_text(hand_named(name)))
+        again = hand_from_file(file)
+        assert hand_text(again) == file.read_text()
+
+
+def test_rows_of_followers_lead_to_the_driven_joint(tmp_path: Path) -> None:
+    """j3 follows j2, which follows j1."""
+    pytest.importorskip("yourdfpy")
+    names = ["palm", "a", "b", "c"]
+    file = tmp_path / "hand.urdf"
+    file.write_text('<robot name="x">' + "".join([
+        *map(link, names), joint("j1", "palm", "a"),
+        joint("j2", "a", "b", more='<mimic joint="j1" multiplier="0.5" offset="0.1"/>'),
+        joint("j3", "b", "c", more='<mimic joint="j2" multiplier="2" offset="-0.3"/>')
+    ]) + "</robot>")
+    model, _ = hand_from_urdf(file)
+    assert [j.name for j in model.driven] == ["j1"]
+    q = random_angles(model, 3)
+    assert np.allclose(driven_angles(model, q), np.hstack([q, 0.5 * q + 0.1, q - 0.1]))
+
+
+def test_joints_that_move_several_fingers_are_held_and_said(tmp_path: Path) -> None:
+    pytest.importorskip("yourdfpy")
+    file = tmp_path / "hand.urdf"
+    names = ["arm", "palm", "a", "a_tip", "b"]
+    tip = joint("weld", "a", "a_tip", kind="fixed", limit="")
+    file.write_text('<robot name="x">' + "".join([
+        *map(link, names), joint("wrist", "arm", "palm"), joint("j1", "palm", "a"), tip,
+        joint("j2", "palm", "b")]) + "</robot>")
+    model, notes = hand_from_urdf(file)
+    assert [[j.name for j in f.joints] for f in model.fingers] == [["j1"], ["j2"]]
+    assert any("wrist moves several fingers: it is held at 0 deg" in note for note in notes)
+    assert model.fingers[0].tip_m == (0.0, 0.0, 0.03)  # the link that is called a tip
+    alone, notes = hand_from_urdf(file, palm="palm", tips=["a_tip"])
+    assert [[j.name for j in f.joints] for f in alone.fingers] == [["j1"]]
+    assert any("j2 is in no finger" in note for note in notes)
+
+
+def test_the_command_writes_what_it_reads(tmp_path: Path,
+                                          capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("yourdfpy")
+    file, out = tmp_path / "hand.urdf", tmp_path / "hand.toml"
+    file.write_text(f'<robot name="x">{"".join(GOOD)}</robot>')
+    assert cli.run(["hand", str(file), "-o", str(out), "--hold", "j1=20"]) == 0
+    assert capsys.readouterr().out.split() == [str(out), str(tmp_path / "hand.png")]
+    assert "GUESS" in out.read_text()
+    assert [j.name for j in hand_from_file(out).joints] == ["j2"]
+    assert cli.run(["hands", str(out)]) == 0
+    assert cli.run(["hands"]) == 0
+    assert "barrett" in capsys.readouterr().out
+    assert cli.run(["hand", str(file), "-o", str(out), "--hold", "j1=x"]) == 2
+    assert cli.run(["hand", str(file), "-o", str(out), "--palm", "q"]) == 2
+    assert cli.run(["hand", str(tmp_path / "none.urdf"), "-o", str(out)]) == 2

@@ -1,0 +1,56 @@
+"""Any hand as a tree of joints and links for other simulators, alone or on the arm.
+
+The hand's frame is its `grasp_frame`; a link is called after the joint that moves it.
+"""
+
+from collections.abc import Sequence
+from xml.sax.saxutils import escape
+
+import numpy as np
+
+from warpgrasp.export.robot_tree import STILL, Joint, Link, arm_tree
+from warpgrasp.hands.hand_frames import matrix_of, place_of
+from warpgrasp.hands.hand_model import Box, Capsule, Follow, HandJoint, HandModel, Shape
+from warpgrasp.parameters import ArmTable
+
+
+def hand_model_tree(
+    model: HandModel, *, parent: str = "", place: Sequence[float] = STILL
+) -> list[Link]:
+    """The palm, and every link and tip of the fingers; `place` of the hand's frame in `parent`.
+
+    Names are escaped, ready to stand in an attribute of XML.
+    """
+    x, y, z, a, b, c, d = place
+    palm = matrix_of((x, y, z, a, b, c, d)) @ np.linalg.inv(matrix_of(model.grasp_frame))
+    links = [Link("palm", parent, place_of(palm), None, *_shapes(model.palm))]
+    for finger in model.fingers:
+        above = "palm"
+        for joint in finger.joints:
+            name = f"{_name(joint.name)}_link"
+            links.append(Link(name, above, joint.place, _hinge(joint), *_shapes(joint.shapes)))
+            above = name
+        links.append(Link(f"{_name(finger.name)}_tip", above, (*finger.tip_m, *STILL[3:])))
+    return links
+
+
+def arm_model_tree(arm: ArmTable, model: HandModel, mount_length_m: float) -> list[Link]:
+    """The arm in its base frame with a hand, the hand's frame `mount_length_m` from the flange."""
+    links, place = arm_tree(arm, mount_length_m)
+    return links + hand_model_tree(model, parent=links[-1].name, place=place)
+
+
+def _hinge(joint: HandJoint) -> Joint:
+    follows = joint.follows and Follow(_name(joint.follows.joint), joint.follows.factor,
+                                       joint.follows.offset_rad)
+    return Joint(_name(joint.name), joint.axis, joint.low_rad, joint.high_rad,
+                 joint.stiffness_Nm_rad, joint.effort_Nm, follows)
+
+
+def _shapes(shapes: tuple[Shape, ...]) -> tuple[tuple[Capsule, ...], tuple[Box, ...]]:
+    return (tuple(shape for shape in shapes if isinstance(shape, Capsule)),
+            tuple(shape for shape in shapes if isinstance(shape, Box)))
+
+
+def _name(text: str) -> str:
+    return escape(text, {'"': "&quot;"})

@@ -1,0 +1,14 @@
+"""Hands as data: records, the files they are kept in, the URDFs they come from, kinematics."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "hand_file": ["SHIPPED", "hand_from_file", "hand_named"],
+    "hand_frames": ["driven_angles", "finger_tips", "link_frames", "matrix_of",
+                    "place_of", "posture_angles"],
+    "hand_model": ["Box", "Capsule", "HandClosing", "Finger", "Follow", "HandError", "HandJoint",
+                   "HandModel", "Place", "Posture", "STILL", "Shape"],
+    "hand_writer": ["hand_text"],
+    "frames_batch": ["link_frames_batch"],
+    "urdf_hand": ["hand_from_urdf"],
+})

@@ -1,0 +1,134 @@
+"""What a hand must be, whatever file it comes from; the message names the element and the remedy.
+
+The caller puts the file's name before it.
+"""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+
+from warpgrasp.hands.hand_frames import matrix_of
+from warpgrasp.hands.hand_model import (
+    SENSES,
+    Box,
+    Finger,
+    HandClosing,
+    HandError,
+    HandModel,
+    Posture,
+    Shape,
+)
+
+MOST_JOINTS, MOST_FINGERS = 6, 6
+NEAR = 1e-9
+"""Lengths [m] and angles [rad] that count as nothing."""
+
+
+def check_hand(model: HandModel) -> HandModel:
+    """The model itself. Raises HandError for the first thing that is wrong."""
+    if not 1 <= len(model.fingers) <= MOST_FINGERS:
+        raise HandError(f"{len(model.fingers)} fingers; should be 1 to {MOST_FINGERS}")
+    _distinct("finger", [finger.name for finger in model.fingers])
+    _distinct("joint", [joint.name for joint in model.joints])
+    if model.senses not in SENSES:
+        raise HandError(f"senses: is {model.senses!r}; should be one of {', '.join(SENSES)}")
+    if model.thumb and model.thumb not in [finger.name for finger in model.fingers]:
+        raise HandError(f"thumb: there is no finger {model.thumb!r}; should be one of "
+                        f"{', '.join(f.name for f in model.fingers)}, or empty")
+    _check_shapes("palm", model.palm)
+    for finger in model.fingers:
+        _check_finger(finger)
+    _check_followers(model)
+    names = {joint.name: joint for joint in model.driven}
+    for posture in model.postures:
+        for joint, angle in posture.angles_rad:
+            if joint not in names:
+                raise HandError(f"posture {posture.name}: there is no driven joint {joint!r}; "
+                                f"should be one of {', '.join(names)}")
+            low, high = names[joint].low_rad, names[joint].high_rad
+            if not low - NEAR <= angle <= high + NEAR:
+                raise HandError(
+                    f"posture {posture.name}: joint {joint} at {math.degrees(angle):.4g} deg; "
+                    f"should be {math.degrees(low):.4g} to {math.degrees(high):.4g}")
+    for path in model.closings:
+        _check_path(path, model.postures, list(names))
+    return model
+
+
+def _check_finger(finger: Finger) -> None:
+    count = len(finger.joints)
+    if not 1 <= count <= MOST_JOINTS:
+        raise HandError(f"finger {finger.name}: {count} joints; should be 1 to {MOST_JOINTS}: hold "
+                        "some of them at an angle, or name the link beyond them as the palm")
+    for joint in finger.joints:
+        numbers = [*joint.place, *joint.axis, joint.low_rad, joint.high_rad, joint.effort_Nm,
+                   joint.stiffness_Nm_rad]
+        if not np.isfinite(numbers).all():
+            raise HandError(f"joint {joint.name}: a number that is not finite; should be finite")
+        if abs(np.linalg.norm(joint.axis) - 1.0) > 1e-6:
+            raise HandError(f"joint {joint.name}: axis of length "
+                            f"{np.linalg.norm(joint.axis):.4g}; should be 1")
+        if not joint.low_rad < joint.high_rad:
+            raise HandError(f"joint {joint.name}: limits {joint.low_rad:.4g} to "
+                            f"{joint.high_rad:.4g} rad; the lower one should be less than the "
+                            "upper one")
+        if joint.stiffness_Nm_rad <= 0.0:
+            raise HandError(f"joint {joint.name}: stiffness {joint.stiffness_Nm_rad:g}; should be "
+                            "more than 0")
+    for joint, after in pairwise(finger.joints):
+        ahead = matrix_of(after.place)
+        same = np.linalg.norm(np.cross(joint.axis, ahead[:3, :3] @ after.axis)) < NEAR
+        apart = np.linalg.norm(np.cross(joint.axis, ahead[:3, 3]))
+        if same and apart < NEAR:
+            raise HandError(f"joint {after.name}: turns about the axis of joint {joint.name}, the "
+                            "link between them has no length; should stand apart from it, or be "
+                            "fixed")
+    if np.linalg.norm(finger.tip_m) < NEAR:
+        raise HandError(f"finger {finger.name}: its tip lies on its last joint "
+                        f"{finger.joints[-1].name}: a link without length, or no tip; should be "
+                        "named, apart from the joint")
+    if not any(joint.shapes for joint in finger.joints):
+        raise HandError(f"finger {finger.name}: none of its links has a collision shape; should "
+                        "have a capsule or a box at least on the last")
+    for joint in finger.joints:
+        _check_shapes(f"joint {joint.name}", joint.shapes)
+    for pad in finger.pads:
+        if pad not in [joint.name for joint in finger.joints]:
+            raise HandError(f"finger {finger.name}: a pad on {pad!r}; should be on one of its "
+                            f"joints: {', '.join(j.name for j in finger.joints)}")
+
+
+def _check_shapes(where: str, shapes: tuple[Shape, ...]) -> None:
+    for shape in shapes:
+        least = min(shape.size) if isinstance(shape, Box) else shape.radius
+        if not least > NEAR:
+            raise HandError(f"{where}: a shape of size {least:g} m; should be more than 0")
+
+
+def _check_followers(model: HandModel) -> None:
+    driven = {joint.name for joint in model.driven}
+    for joint in model.joints:
+        if joint.follows is not None and joint.follows.joint not in driven:
+            raise HandError(f"joint {joint.name}: follows {joint.follows.joint!r}, which is no "
+                            f"driven joint of a finger; should be one of "
+                            f"{', '.join(sorted(driven))}")
+
+
+def _check_path(path: HandClosing, postures: tuple[Posture, ...], driven: list[str]) -> None:
+    for name in (path.start, path.end):
+        if name not in [posture.name for posture in postures]:
+            raise HandError(f"closing {path.name}: there is no posture {name!r}; should be one of "
+                            f"{', '.join(p.name for p in postures)}")
+    for joint in path.moves:
+        if joint not in driven:
+            raise HandError(f"closing {path.name}: moves {joint!r}; should be driven joints: "
+                            f"{', '.join(driven)}")
+    if not path.moves:
+        raise HandError(f"closing {path.name}: moves no joint; should move one at least")
+
+
+def _distinct(what: str, names: list[str]) -> None:
+    for name in names:
+        if names.count(name) > 1:
+            raise HandError(f"{what} {name!r}: the name stands for two; names should differ")

@@ -1,0 +1,184 @@
+"""Hands from files: those that ship, by name, and a user's own TOML.
+
+`hand_text` writes what is read here.
+"""
+
+import math
+import tomllib
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from warpgrasp.hands.hand_checks import check_hand
+from warpgrasp.hands.hand_model import (
+    STILL,
+    Box,
+    Capsule,
+    Finger,
+    Follow,
+    HandClosing,
+    HandError,
+    HandJoint,
+    HandModel,
+    Place,
+    Posture,
+    Shape,
+)
+
+_DATA = Path(__file__).parent / "data"
+SHIPPED = ("utah_mit", "allegro", "leap", "barrett")
+_LARGEST_BYTES = 1 << 20
+_Three = tuple[float, float, float]
+_Word = Annotated[str, Field(min_length=1, max_length=80)]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+class _Place(_Strict):
+    at_mm: _Three
+    turn: tuple[float, float, float, float]
+
+
+class _Shape(_Strict):
+    box_mm: _Three | None = None
+    at_mm: _Three = (0.0, 0.0, 0.0)
+    turn: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
+    capsule_mm: tuple[_Three, _Three] | None = None
+    radius_mm: float = 0.0
+    fit_error_mm: float = 0.0
+
+
+class _Follow(_Strict):
+    joint: _Word
+    factor: float
+    offset_deg: float
+
+
+class _Joint(_Place):
+    name: _Word
+    axis: _Three
+    limits_deg: tuple[float, float]
+    effort_Nm: float
+    stiffness_Nm_rad: float
+    follows: _Follow | None = None
+    shape: list[_Shape] = []
+
+
+class _Finger(_Strict):
+    name: _Word
+    tip_mm: _Three
+    pads: list[str] = []
+    joint: list[_Joint]
+
+
+class _Closing(_Strict):
+    start: _Word
+    end: _Word
+    moves: list[str]
+
+
+class _Hand(_Strict):
+    name: _Word
+    source: str = ""
+    licence: str = ""
+    thumb: str = ""
+    senses: str
+    grasp_frame: _Place
+    postures: dict[_Word, dict[str, float]]
+    closings: dict[_Word, _Closing]
+    palm: list[_Shape] = []
+    finger: list[_Finger]
+
+
+@lru_cache(maxsize=len(SHIPPED))
+def hand_named(name: str) -> HandModel:
+    """A hand that ships. Raises HandError for another name."""
+    if name not in SHIPPED:
+        raise HandError(f"hand {name!r}; should be one of {', '.join(SHIPPED)}, or a TOML file")
+    return hand_from_file(_DATA / f"{name}.toml")
+
+
+def hand_from_file(file: Path) -> HandModel:
+    """A hand from a TOML file. Raises HandError with the file, the element, and what would be
+    right."""
+    try:
+        with file.open("rb") as stream:
+            raw = stream.read(_LARGEST_BYTES + 1)
+    except OSError as error:
+        raise HandError(f"{file}: cannot be read: {error.strerror or error}; should be a TOML file "
+                        "as `warpgrasp hand URDF -o FILE` writes it") from None
+    if len(raw) > _LARGEST_BYTES:
+        raise HandError(f"{file}: is larger than {_LARGEST_BYTES >> 20} MiB, the most of a hand")
+    try:
+        given = _Hand.model_validate(tomllib.loads(raw.decode()))
+    except ValidationError as error:
+        raise HandError("\n".join(
+            f"{file}: {_dotted(e['loc'])}: {e['msg'][:1].lower()}{e['msg'][1:]}"
+            for e in error.errors()[:20])) from None
+    except (ValueError, RecursionError) as error:
+        raise HandError(f"{file}: is not valid TOML: {str(error)[:200]}") from None
+    try:
+        return check_hand(_model(given))
+    except HandError as error:
+        raise HandError(f"{file}: {error}") from None
+
+
+def _model(given: _Hand) -> HandModel:
+    return HandModel(
+        given.name, given.source, given.licence, _place(given.grasp_frame, "grasp_frame"),
+        tuple(_shape(shape, f"palm[{n}]") for n, shape in enumerate(given.palm)),
+        tuple(_finger(finger) for finger in given.finger), given.thumb, given.senses,
+        tuple(Posture(name, tuple((joint, math.radians(v)) for joint, v in angles.items()))
+              for name, angles in given.postures.items()),
+        tuple(HandClosing(name, path.start, path.end, tuple(path.moves))
+              for name, path in given.closings.items()))
+
+
+def _finger(given: _Finger) -> Finger:
+    return Finger(given.name, tuple(_joint(joint) for joint in given.joint), _metres(given.tip_mm),
+                  tuple(given.pads))
+
+
+def _joint(given: _Joint) -> HandJoint:
+    where = f"joint {given.name}"
+    follows = given.follows and Follow(given.follows.joint, given.follows.factor,
+                                       math.radians(given.follows.offset_deg))
+    low, high = (math.radians(v) for v in given.limits_deg)
+    return HandJoint(given.name, _place(given, where), given.axis, low, high, given.effort_Nm,
+                     given.stiffness_Nm_rad, follows,
+                     tuple(_shape(shape, where) for shape in given.shape))
+
+
+def _shape(given: _Shape, where: str) -> Shape:
+    if (given.box_mm is None) == (given.capsule_mm is None):
+        raise HandError(f"{where}: a shape without box_mm or capsule_mm, or with both; should have "
+                        "one of them")
+    if given.box_mm is not None:
+        return Box(_place(given, where), _metres(given.box_mm))
+    start, end = given.capsule_mm or (STILL[:3], STILL[:3])
+    return Capsule(_metres(start), _metres(end), given.radius_mm / 1e3, given.fit_error_mm / 1e3)
+
+
+def _place(given: _Place | _Shape, where: str) -> Place:
+    size = math.hypot(*given.turn)
+    if not abs(size - 1.0) < 1e-6:
+        raise HandError(f"{where}: turn is of length {size:.6g}; should be a quaternion of length "
+                        "1")
+    a, b, c, d = (v / size for v in given.turn)
+    return (*_metres(given.at_mm), a, b, c, d)
+
+
+def _metres(given: _Three) -> _Three:
+    x, y, z = given
+    return x / 1e3, y / 1e3, z / 1e3
+
+
+def _dotted(path: tuple[int | str, ...]) -> str:
+    text = ""
+    for part in path:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
+    return text or "the file"

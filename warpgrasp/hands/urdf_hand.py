@@ -1,0 +1,134 @@
+"""A hand from a URDF alone: its chains and shapes as they stand, the rest guessed and said."""
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from warpgrasp.hands.hand_checks import check_hand
+from warpgrasp.hands.hand_frames import place_of
+from warpgrasp.hands.hand_guesses import farthest_point, with_guesses
+from warpgrasp.hands.hand_model import (
+    STILL,
+    Capsule,
+    Finger,
+    HandError,
+    HandJoint,
+    HandModel,
+    Shape,
+)
+from warpgrasp.hands.urdf_chains import Chains, finger_chains
+from warpgrasp.hands.urdf_shapes import shapes_of
+from warpgrasp.hands.urdf_tree import UrdfJoint, UrdfTree, read_urdf
+from warpgrasp.parameters import HandTable
+
+_WORDS = (("thumb", r"thumb|(^|_)th($|[^a-z])"), ("index", r"index|(^|_)ff"),
+          ("middle", r"middle|(^|_)mf"), ("ring", r"ring|(^|_)rf"),
+          ("little", r"little|pinky|(^|_)lf"))
+"""Names of fingers, and how their links and joints are called."""
+
+
+def hand_from_urdf(
+    file: Path, *, palm: str | None = None, tips: Sequence[str] = (),
+    held_rad: Mapping[str, float] | None = None,
+) -> tuple[HandModel, tuple[str, ...]]:
+    """A hand, and what was left out or changed, a sentence each.
+
+    `palm` is the link that fingers start from, by default the root; what lies before it is left
+    out. Only chains to the links `tips` are fingers, by default all that end in a joint. Joints in
+    `held_rad` stand still at these angles. Thumb, frame of the grasp, postures and closing path are
+    guesses. Raises HandError.
+    """
+    tree = read_urdf(file)
+    for what, names in (("palm", [palm] if palm else []), ("tip", tips)):
+        for name in names:
+            if name not in tree.links:
+                raise HandError(f"{file}: {what}: there is no link {name!r}; should be one of "
+                                f"{', '.join(tree.links)}")
+    turning = [joint.name for joint in tree.joint_to.values() if joint.turns]
+    for name in held_rad or {}:
+        if name not in turning:
+            raise HandError(f"{file}: hold: there is no moving joint {name!r}; should be one of "
+                            f"{', '.join(turning)}")
+    root = palm or tree.root
+    chains = finger_chains(tree, root, tips, held_rad or {})
+    names = _names(tree, chains)
+    fingers = tuple(_finger(tree, root, name, chain, chains)
+                    for name, chain in zip(names, chains.fingers, strict=True))
+    model = HandModel(
+        tree.name, f"{file.name}, read by `warpgrasp hand`", "", STILL,
+        _rigid(tree, root, chains, np.eye(4)), fingers, "", "tendons", (), ())
+    where = [("palm", model.palm), *((f"joint {j.name}", j.shapes) for j in model.joints)]
+    fits = tuple(f"{name}: a capsule stands for a mesh or cylinder, off by at most "
+                 f"{shape.fit_error_m * 1e3:.2f} mm" for name, shapes in where
+                 for shape in shapes if isinstance(shape, Capsule) and shape.fit_error_m)
+    try:
+        check_hand(model)
+        return check_hand(with_guesses(model)), (*chains.notes, *fits)
+    except HandError as error:
+        raise HandError(f"{file}: {error}") from None
+
+
+def _finger(
+    tree: UrdfTree, root: str, name: str, chain: tuple[UrdfJoint, ...], chains: Chains
+) -> Finger:
+    made: list[HandJoint] = []
+    before = np.eye(4)
+    stiffness = HandTable().joint_stiffness_Nm_rad
+    for joint in tree.path(chain[-1].child)[len(tree.path(root)):]:
+        if joint not in chain:
+            before = before @ _still(joint, chains)
+            continue
+        x, y, z = (float(v) for v in joint.axis)
+        made.append(HandJoint(
+            joint.name, place_of(before @ joint.origin), (x, y, z), joint.low_rad, joint.high_rad,
+            joint.effort_Nm, stiffness, chains.follows.get(joint.name),
+            _rigid(tree, joint.child, chains, np.eye(4))))
+        before = np.eye(4)
+    x, y, z = (float(v) for v in _tip(tree, chain[-1].child, made[-1], chains))
+    return Finger(name, tuple(made), (x, y, z), (made[-1].name,))
+
+
+def _still(joint: UrdfJoint, chains: Chains) -> np.ndarray:
+    """The frame (4, 4), in its parent's, of a link that stands still."""
+    turn = np.eye(4)
+    if joint.turns:
+        turn[:3, :3] = Rotation.from_rotvec(chains.held_rad[joint.name] * joint.axis).as_matrix()
+    return joint.origin @ turn
+
+
+def _rigid(tree: UrdfTree, link: str, chains: Chains, frame: np.ndarray) -> tuple[Shape, ...]:
+    """Shapes of a link at `frame` (4, 4) and of all that stand still on it."""
+    shapes = list(shapes_of(tree.file, tree.links[link], frame))
+    for joint in tree.children(link):
+        if all(joint not in chain for chain in chains.fingers):
+            shapes += _rigid(tree, joint.child, chains, frame @ _still(joint, chains))
+    return tuple(shapes)
+
+
+def _tip(tree: UrdfTree, link: str, last: HandJoint, chains: Chains) -> np.ndarray:
+    """In the last joint's frame (3,): the origin of a fixed link named tip, or else the point of
+    the link's shapes that lies farthest out. A guess."""
+    frames = [(link, np.eye(4))]
+    for name, frame in frames:
+        if "tip" in name.lower() and np.linalg.norm(frame[:3, 3]) > 1e-6:
+            return frame[:3, 3]
+        frames += [(joint.child, frame @ _still(joint, chains)) for joint in tree.children(name)]
+    if last.shapes:
+        return farthest_point(last.shapes)
+    return max((frame[:3, 3] for _, frame in frames), key=lambda point: float(point @ point))
+
+
+def _names(tree: UrdfTree, chains: Chains) -> list[str]:
+    """A finger is called by the word in the names of its joints and links, or numbered."""
+    found: list[str] = []
+    for number, chain in enumerate(chains.fingers, 1):
+        words = [word for joint in chain for word in (joint.child.lower(), joint.name.lower())]
+        named = {name: sum(re.search(pattern, w) is not None for w in words)
+                 for name, pattern in _WORDS}
+        name = max(named, key=lambda name: named[name])
+        name = name if named[name] else f"finger{number}"
+        found.append(name if name not in found else f"finger{number}")
+    return found

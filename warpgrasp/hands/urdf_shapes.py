@@ -1,0 +1,96 @@
+"""Collision shapes of a URDF's links: boxes and balls as they are, cylinders and meshes as fitted
+capsules."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from warpgrasp.hands.capsule_fit import fit_capsule
+from warpgrasp.hands.hand_frames import place_of
+from warpgrasp.hands.hand_model import Box, Capsule, HandError, Shape
+
+_LEAST_M = 1e-6
+
+
+def shapes_of(file: Path, link: Any, frame: np.ndarray) -> tuple[Shape, ...]:
+    """The shapes of a link, `frame` (4, 4) in the frame that they are wanted in.
+
+    Raises HandError for a shape without size and a mesh that is missing or flat.
+    """
+    found = []
+    for collision in link.collisions:
+        geometry = collision.geometry
+        where = f"{file}: link {link.name}"
+        origin = np.eye(4) if collision.origin is None else np.asarray(collision.origin)
+        if not np.isfinite(origin).all():
+            raise HandError(f"{where}: a collision's origin is not finite; should be")
+        at = frame @ origin
+        if geometry is None:
+            raise HandError(f"{where}: a collision without geometry; should have a shape")
+        if geometry.box is not None:
+            x, y, z = _sizes(where, "box", geometry.box.size, 3)
+            found.append(Box(place_of(at), (x, y, z)))
+        elif geometry.sphere is not None:
+            radius, = _sizes(where, "sphere", [geometry.sphere.radius], 1)
+            x, y, z = (float(v) for v in at[:3, 3])
+            found.append(Capsule((x, y, z), (x, y, z), radius))
+        elif geometry.cylinder is not None:
+            radius, length = _sizes(where, "cylinder", [geometry.cylinder.radius,
+                                                        geometry.cylinder.length], 2)
+            found.append(_fitted(where, trimesh.creation.cylinder(radius, length).vertices, at))
+        else:
+            mesh = geometry.mesh
+            scale = 1.0 if mesh.scale is None else np.asarray(mesh.scale, float)
+            found.append(_fitted(f"{where}: mesh {mesh.filename}",
+                                 _vertices(where, file, mesh.filename) * scale, at))
+    return tuple(found)
+
+
+def _sizes(where: str, kind: str, numbers: Any, wanted: int) -> list[float]:
+    values = [float(v) for v in numbers]
+    if len(values) != wanted:
+        raise HandError(f"{where}: a {kind} of {len(values)} sizes; should have {wanted}")
+    if not all(_LEAST_M < v < 10.0 for v in values):
+        raise HandError(f"{where}: a {kind} of {' x '.join(f'{v:g}' for v in values)} m; every "
+                        "size should be more than 0")
+    return values
+
+
+def _fitted(where: str, vertices: np.ndarray, at: np.ndarray) -> Capsule:
+    try:
+        return fit_capsule(vertices @ at[:3, :3].T + at[:3, 3])
+    except ValueError as error:
+        raise HandError(f"{where}: {error}; a shape should have a volume") from None
+
+
+def _vertices(where: str, urdf: Path, name: str) -> np.ndarray:
+    path = _mesh_path(urdf, name)
+    if path is None:
+        raise HandError(f"{where}: mesh {name} is missing; should be a file, its path relative to "
+                        f"{urdf.parent}")
+    try:
+        mesh = trimesh.load(path, force="mesh", process=False)
+        vertices = np.asarray(mesh.vertices, float)  # type: ignore[union-attr]
+    except Exception as error:  # whatever a reader of meshes comes upon
+        raise HandError(f"{where}: mesh {name} cannot be read: {error}; should be STL, OBJ or "
+                        "PLY") from None
+    if len(vertices) < 4 or not np.isfinite(vertices).all():
+        raise HandError(f"{where}: mesh {name} has {len(vertices)} vertices; should be at least 4")
+    return vertices
+
+
+def _mesh_path(urdf: Path, name: str) -> Path | None:
+    """A mesh's file: relative to the URDF, or of a package, sought in the folders above it."""
+    plain = name.removeprefix("file://")
+    if not name.startswith("package://"):
+        path = urdf.parent / plain
+        return path if path.is_file() else None
+    whole = name.removeprefix("package://")
+    inner = whole.partition("/")[2]
+    for folder in [urdf.parent, *urdf.resolve().parents]:
+        for path in (folder / whole, folder / inner):
+            if path.is_file():
+                return path
+    return None

@@ -1,0 +1,169 @@
+"""A URDF as a tree of links that are joined by revolute and fixed joints, read by yourdfpy.
+
+Raises HandError naming the file, the element, and what would be right.
+"""
+
+import math
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from warpgrasp.hands.hand_model import HandError
+
+LARGEST_BYTES = 8 * 2**20
+_TURNING = ("revolute", "continuous")
+
+
+@dataclass(frozen=True)
+class UrdfJoint:
+    """A joint between two links; `origin` (4, 4) in the parent's frame."""
+
+    name: str
+    parent: str
+    child: str
+    origin: np.ndarray
+    turns: bool
+    axis: np.ndarray
+    low_rad: float
+    high_rad: float
+    effort_Nm: float
+    follows: tuple[str, float, float] | None
+    """Another joint's name, a factor, and an offset [rad]."""
+
+
+@dataclass(frozen=True)
+class UrdfTree:
+    """Links by name as yourdfpy has them, and the joint that leads to each but the root."""
+
+    file: Path
+    name: str
+    root: str
+    links: dict[str, Any]
+    joint_to: dict[str, UrdfJoint]
+
+    def children(self, link: str) -> list[UrdfJoint]:
+        """The joints that start from a link, in the order of the file."""
+        return [joint for joint in self.joint_to.values() if joint.parent == link]
+
+    def path(self, link: str) -> list[UrdfJoint]:
+        """The joints from the root to a link."""
+        found = []
+        while link in self.joint_to:
+            found.append(self.joint_to[link])
+            link = found[-1].parent
+        return found[::-1]
+
+
+def read_urdf(file: Path) -> UrdfTree:
+    """The tree of a URDF file; meshes are not read."""
+    robot = _parsed(file)
+    links = {link.name: link for link in robot.links}
+    if len(links) < len(robot.links):
+        raise HandError(f"{file}: two links have the same name; names should differ")
+    joint_to: dict[str, UrdfJoint] = {}
+    names = set()
+    for given in robot.joints:
+        joint = _joint(file, given)
+        if joint.name in names:
+            raise HandError(f"{file}: joint {joint.name}: the name stands for two joints; names "
+                            "should differ")
+        names.add(joint.name)
+        for end in (joint.parent, joint.child):
+            if end not in links:
+                raise HandError(f"{file}: joint {joint.name}: there is no link {end!r}; should be "
+                                "one of the file's links")
+        if joint.child in joint_to:
+            raise HandError(f"{file}: joint {joint.name}: link {joint.child} is moved by joint "
+                            f"{joint_to[joint.child].name} as well, a loop; a hand should be a "
+                            "tree")
+        joint_to[joint.child] = joint
+    return UrdfTree(file, str(robot.name), _root(file, links, joint_to), links, joint_to)
+
+
+def _parsed(file: Path) -> Any:
+    try:
+        size = file.stat().st_size
+        if size > LARGEST_BYTES:
+            raise HandError(f"{file}: {size / 2**20:.0f} MiB; should be at most "
+                            f"{LARGEST_BYTES >> 20} MiB")
+        root = ET.parse(file).getroot()
+    except OSError as error:
+        raise HandError(f"{file}: cannot be read: {error.strerror or error}; should be a URDF "
+                        "file") from None
+    except ET.ParseError as error:
+        raise HandError(f"{file}: is not XML: {error}; should be a URDF file (a xacro file is made "
+                        "one by `xacro FILE`)") from None
+    if root.tag != "robot":
+        raise HandError(f"{file}: begins with <{root.tag}>; should be a URDF, which begins with "
+                        "<robot>")
+    try:
+        from yourdfpy import URDF
+    except ImportError:
+        raise HandError(f"{file}: reading a URDF needs yourdfpy; install it by `pip install "
+                        "'warpgrasp[hands]'`") from None
+    for joint in root.iter("joint"):  # the reader's own messages name no element
+        if joint.get("type") and None in (joint.find("parent"), joint.find("child")):
+            raise HandError(f"{file}: joint {joint.get('name')}: has no parent or no child; should "
+                            "have both")
+    try:
+        with np.errstate(all="ignore"):  # numbers that are not finite are refused later, by name
+            return URDF.load(str(file), build_scene_graph=False, load_meshes=False).robot
+    except Exception as error:  # whatever the reader comes upon in a file of anyone's
+        raise HandError(f"{file}: cannot be read as a URDF: {type(error).__name__}: {error}; "
+                        "should be as wiki.ros.org/urdf/XML says") from None
+
+
+def _joint(file: Path, given: Any) -> UrdfJoint:
+    where = f"{file}: joint {given.name}"
+    if given.type not in (*_TURNING, "fixed"):
+        raise HandError(f"{where}: is {given.type}; joints of a hand should be revolute, "
+                        "continuous or fixed")
+    origin = np.eye(4) if given.origin is None else np.asarray(given.origin, float)
+    axis = np.asarray(given.axis, float)
+    if origin.shape != (4, 4) or axis.shape != (3,) or not (
+            np.isfinite(origin).all() and np.isfinite(axis).all()):
+        raise HandError(f"{where}: origin or axis is not of three finite numbers; should be, as in "
+                        '<axis xyz="0 0 1"/>')
+    turns = given.type in _TURNING
+    low, high, effort = -math.pi, math.pi, 0.0
+    if turns:
+        size = float(np.linalg.norm(axis))
+        if size < 1e-9:
+            raise HandError(f"{where}: its axis has no length; should be a direction")
+        axis = axis / size
+        limit = given.limit
+        effort = float(limit.effort or 0.0) if limit is not None else 0.0
+        if given.type == "revolute":
+            if limit is None:
+                raise HandError(f"{where}: has no limit; should have lower and upper [rad]")
+            low, high = float(limit.lower or 0.0), float(limit.upper or 0.0)
+            if not low < high:
+                raise HandError(f"{where}: limits from {low:g} to {high:g} rad; lower should be "
+                                "less than upper, or the joint fixed")
+    follows = None
+    if turns and given.mimic is not None:
+        mimic = given.mimic
+        follows = (str(mimic.joint), float(mimic.multiplier), float(mimic.offset))
+    return UrdfJoint(given.name, given.parent, given.child, origin, turns, axis, low, high, effort,
+                     follows)
+
+
+def _root(file: Path, links: dict[str, Any], joint_to: dict[str, UrdfJoint]) -> str:
+    roots = [name for name in links if name not in joint_to]
+    if not roots:
+        raise HandError(f"{file}: every link is moved by a joint, a loop; a hand should be a tree")
+    if len(roots) > 1:
+        raise HandError(f"{file}: links {', '.join(roots[:4])} are moved by no joint; all but "
+                        "one should be joined to the hand")
+    for name in links:
+        seen = set()
+        while name in joint_to:
+            if name in seen:
+                raise HandError(f"{file}: joint {joint_to[name].name}: is part of a loop; a hand "
+                                "should be a tree")
+            seen.add(name)
+            name = joint_to[name].parent
+    return roots[0]
