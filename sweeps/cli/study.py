@@ -201,8 +201,8 @@ def race(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
     if address is not None and engine != "ray":
         raise UsageError("--address: is for --engine ray")
     if shard != "1/1":
-        raise UsageError("--shard: which units of a race come next depends on all units of the rung "
-                         "before, so shards would wait for each other; use --engine ray for "
+        raise UsageError("--shard: which units of a race come next depends on all units of the "
+                         "rung before, so shards would wait for each other; use --engine ray for "
                          "several machines")
     for name, value, low, high in (
             ("--within", within, 0.0, 1e9), ("--confidence", confidence, 0.0, 100.0),
