@@ -13,7 +13,7 @@ from sweeps.run.environment import PACKAGES, describe_environment
 from sweeps.text_table import print_table
 from warpgrasp.core.cache_file import cache_root
 
-EXTRAS = ("ray", "viser", "gymnasium", "mujoco", "pandas")
+EXTRAS = ("ray", "viser", "gymnasium", "optuna", "mujoco", "pandas")
 Row = tuple[str, str, str]  # what, value, "ok" or what to do
 
 

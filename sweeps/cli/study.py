@@ -149,7 +149,8 @@ def race(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
          over: Literal["these", "like-these"] = "these", start: int = 8,
          cap: float | None = None, workers: int = 1, device: str = "cpu",
          set_: Settings = None, engine: Literal["local", "ray"] = "local",
-         address: str | None = None, unit_timeout_s: float = 3600.0, json: Json = False) -> int:
+         address: str | None = None, unit_timeout_s: float = 3600.0,
+         shard: Annotated[str, Parameter(show=False)] = "1/1", json: Json = False) -> int:
     """Find the best of many strategies or settings, with as few episodes as that takes.
 
     Parameters
@@ -187,6 +188,8 @@ def race(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
         Of the Ray cluster, or auto.
     unit_timeout_s
         As for sweep.
+    shard
+        Refused, with the reason.
     json
         Print JSON.
     """
@@ -197,6 +200,10 @@ def race(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
 
     if address is not None and engine != "ray":
         raise UsageError("--address: is for --engine ray")
+    if shard != "1/1":
+        raise UsageError("--shard: which units of a race come next depends on all units of the "
+                         "rung before, so shards would wait for each other; use --engine ray for "
+                         "several machines")
     for name, value, low, high in (
             ("--within", within, 0.0, 1e9), ("--confidence", confidence, 0.0, 100.0),
             ("--budget-minutes", 1.0 if budget_minutes is None else budget_minutes, 0.0, 1e9),

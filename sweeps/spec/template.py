@@ -40,6 +40,8 @@ SWEEP = """\
 # n = 32
 # "object.yaw_deg" = { low = -180, high = 180 }
 # "hand.link_length_mm" = { low = [39, 30, 25], high = [47, 36, 31] }   # each for itself
+# [search]                             # entries that `warpgrasp race` proposes: docs/race.md
+# "strategy.count" = { low = 4, high = 8, step = 1 }
 """
 
 

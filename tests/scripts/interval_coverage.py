@@ -10,6 +10,10 @@ drawn from.
   the mean of all 512.
 - *Like these*: objects of the second are drawn with replacement, and of each so many episodes; the
   truth is the mean of all 48.
+- *Each object* (`--sweep`, a study of many episodes a cell): of each object that every entry has
+  finished so many episodes are drawn; the truth is the mean of all. Over all entries, how often
+  intervals of means and of differences to the first entry hold, and the least and the most of any
+  entry.
 - *Equal entries*: every entry of a board draws its own episodes of one strategy. A board claims
   something where an interval of a difference to its best excludes zero.
 """
@@ -90,6 +94,31 @@ def coverage(over: str, truth: np.ndarray, samples: list[list[np.ndarray]]) -> s
     return "  ".join(f"{v:5.1f}" for v in 100 * hits / len(samples))
 
 
+def each_object(folder: Path, trials: int, rng: np.random.Generator) -> None:
+    """Prints how often intervals of one object hold, by object and number of episodes."""
+    plan, stores = open_study([folder])
+    paired = read_paired(plan, stores, [METRIC])
+    print("each object        episodes  % held, of all (least to most): means; differences")
+    for name, values in zip(paired.objects, paired.values[METRIC], strict=True):
+        means = values.mean(axis=0)
+        for episodes in (8, 16, 64, 256):
+            if 4 * episodes > len(values):  # too much of the truth itself
+                continue
+            hits = np.zeros((2, values.shape[1]))
+            for _ in range(trials):
+                board = ObjectMeans(len(means), 0)
+                board.add(values[rng.choice(len(values), episodes, replace=False)])
+                found = board.values("these", BOUNDS)
+                apart = board.differences(0, "these", simultaneous=False)
+                hits += [held(found.low, found.high, means),
+                         held(apart.low, apart.high, means - means[0])]
+            shares = 100 * hits / trials
+            shown = (shares[0], shares[1][1:])
+            print(f"{name:18} {episodes:9}  " + "; ".join(
+                f"{part.mean():.1f} ({part.min():.1f} to {part.max():.1f})" for part in shown),
+                flush=True)
+
+
 def claims(board: ObjectMeans, over: str) -> bool:
     """Whether an entry is said to differ from the best."""
     best = int(np.argmin(board.values("these").value))
@@ -104,10 +133,14 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--trials", type=int, default=2000)
     parser.add_argument("--scans", type=Path, help="folder of scanned meshes, which join the 48")
+    parser.add_argument("--sweep", type=Path, help="look at each object of this study instead")
     given = parser.parse_args()
+    rng = np.random.default_rng(1)
+    if given.sweep is not None:
+        each_object(given.sweep, given.trials, rng)
+        return
     deep = values_of(given.folder / "deep", spec(512, [f'"{name}"' for name in CATALOGUE]))
     many = values_of(given.folder / "many", spec(64, many_objects(given.scans)))
-    rng = np.random.default_rng(1)
     print("claim       objects  episodes  % held: means; differences to the first")
     for objects in (1, 3, 6, 10):
         for episodes in (8, 16, 64):
