@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 from strategies.strategy import Strategy
-from sweeps.spec.axes import readers_of
 from sweeps.spec.errors import KeyPath, Problems, StoreError, choose, short
 from sweeps.spec.study import Axis, Study
 
@@ -76,7 +75,7 @@ def read_search(table: Any, strategies: Sequence[Strategy], axes: Iterable[Axis]
     before = len(problems.found)
     counts = {name: _count(table, name, problems) for name in COUNTS}
     swept = {key for axis in axes for key in axis.keys}
-    readers = readers_of(strategies)
+    readers = _readers(strategies)
     factors: list[Factor] = []
     for key, value in _flat(table):
         place = (*path, key)
@@ -165,7 +164,7 @@ def with_points(study: Study, search: Search, points: Sequence[Mapping[str, Any]
                 seed: int | None = None) -> Study:
     """The study of these points of the space, a setting each; a factor that was not proposed has
     the value of the strategy or the tables. `seed` replaces the study's."""
-    readers, quiet = readers_of(study.strategies), Problems("", {})
+    readers, quiet = _readers(study.strategies), Problems("", {})
     keys = tuple(factor.key for factor in search.factors)
     values = tuple(tuple(point.get(key) for key in keys) for point in points)
     si = tuple(tuple(None if value is None else readers[key](_plain(value), (), quiet)
@@ -199,3 +198,9 @@ def _frozen(value: Any) -> Any:
 
 def _plain(value: Any) -> Any:
     return list(map(_plain, value)) if isinstance(value, tuple) else value
+
+
+def _readers(strategies: Sequence[Strategy]) -> Any:
+    from sweeps.spec.axes import readers_of  # and with it pydantic, which reading rows needs not
+
+    return readers_of(strategies)

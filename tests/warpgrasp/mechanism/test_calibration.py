@@ -11,7 +11,7 @@ from warpgrasp.mechanism.arm_motion import ArmState, move_hand
 from warpgrasp.mechanism.calibration import Calibration, draw_calibration, no_errors
 from warpgrasp.mechanism.puma560 import puma_forward_batch, puma_inverse_batch
 from warpgrasp.objects.catalogue import body_from_name
-from warpgrasp.parameters import ArmTable, ErrorTable, HandTable, SensorTable
+from warpgrasp.parameters import ArmTable, ContactTable, ErrorTable, HandTable, SensorTable
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Robot, Truth
 
@@ -80,7 +80,7 @@ def grasp_twice(errors: ErrorTable, worlds: int = 8) -> tuple[np.ndarray, np.nda
     truth = Truth(np.tile([0.45, 0, 0, 0, 0, 0, 1.0], (worlds, 1)))
     quiet = SensorTable(tension_noise_N=0.0, tension_step_N=0.0, joint_noise_rad=0.0)
     robot = Robot([body_from_name("lightbulb")], np.zeros(1, int), truth, KEY[:worlds], EXACT_ARM,
-                  HandTable(), quiet, errors=errors)
+                  HandTable(), quiet, contact=ContactTable(friction=0.0), errors=errors)
     poses = np.tile([0.45, 0.0, 0.16, 1.0, 0.0, 0.0, 0.0], (worlds, 2, 1))
     poses[:, 1, 0] += 0.004
     commands = closing_commands(CLOSING_PATHS["curl40"])[None]
