@@ -87,6 +87,7 @@ def test_padding_order_and_neighbours_change_nothing(three) -> None:
     assert not other.weight[0, :20].any()
 
 
+@pytest.mark.slow
 def test_a_motion_carries_the_body_with_it() -> None:
     points = ellipsoids()[1:2]
     turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
@@ -97,6 +98,7 @@ def test_a_motion_carries_the_body_with_it() -> None:
     assert np.allclose(implicit_values(one, queries), implicit_values(other, moved), atol=1.5e-3)
 
 
+@pytest.mark.slow
 def test_a_mean_that_fits_stays_where_nothing_is_felt() -> None:
     centre = np.array([0.4, 0.1, 0.08])
     upper = directions(160)[:80] * 0.03 + centre
@@ -112,6 +114,7 @@ def test_a_mean_that_fits_stays_where_nothing_is_felt() -> None:
         fits, upper[None], mean).std_m.mean()
 
 
+@pytest.mark.slow
 def test_outliers_count_less_beside_a_body_that_fits() -> None:
     centre = np.array([0.4, 0.1, 0.08])
     true = directions(96) * 0.03 + centre
@@ -151,6 +154,7 @@ def test_a_body_stands_on_its_table() -> None:
     assert mesh.volume_m3 == pytest.approx(half, rel=0.1)
 
 
+@pytest.mark.slow
 def test_normals_tell_a_shell_from_a_solid() -> None:
     way = directions(96)
     points = np.concatenate([0.05 * way, 0.035 * way])

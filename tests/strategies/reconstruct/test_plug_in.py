@@ -149,6 +149,7 @@ def test_a_free_form_body_explains_what_the_model_leaves_over() -> None:
     assert not none.made.any()
 
 
+@pytest.mark.slow
 def test_what_was_never_felt_stays_that_of_the_model() -> None:
     way = np.random.default_rng(2).normal(size=(1, 96, 3))
     way /= np.linalg.norm(way, axis=2, keepdims=True)

@@ -21,6 +21,7 @@ def faces() -> list[Explored]:
     return explore_faces(3, [cases()[0], cases()[-2]])
 
 
+@pytest.mark.slow
 def test_faces_start_from_the_recovered_body(faces: list[Explored]) -> None:
     rows = face_rows(faces)
     assert rows == face_rows(explore_faces(3, [cases()[0], cases()[-2]]))
