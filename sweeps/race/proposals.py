@@ -1,8 +1,8 @@
 """Proposals of a search: Optuna's tree-structured Parzen estimator, asked and told in order.
 
-What is proposed depends on the study's seed and on what was told, in the order of asking; so a
-search that is run again proposes the same. Bergstra and others 2011, Algorithms for hyper-parameter
-optimization, NeurIPS 24; Akiba and others 2019, Optuna, KDD.
+What is proposed follows from the study's seed and the scores reported, in the order of asking; so
+a search that is run again proposes the same. Bergstra and others 2011, Algorithms for
+hyper-parameter optimization, NeurIPS 24; Akiba and others 2019, Optuna, KDD.
 """
 
 from collections.abc import Sequence
@@ -54,7 +54,7 @@ class Proposals:
 
 
 def _suggested(trial: Any, factor: Factor) -> Any:
-    """A value of a factor; a choice is told to the sampler by its number."""
+    """A value of a factor; the sampler knows a choice by its number."""
     if factor.choices:
         return factor.choices[trial.suggest_categorical(
             factor.key, list(range(len(factor.choices))))]

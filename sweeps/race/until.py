@@ -23,7 +23,7 @@ from sweeps.spec.reader import read_spec
 from sweeps.spec.search import refuse_search
 
 METRIC = "chamfer_mm"
-TOLD = ("best", "claim", "tied", "paired", "episodes")
+SAID = ("best", "claim", "tied", "paired", "episodes")
 """What is said of a race that holds here, too."""
 
 
@@ -98,7 +98,7 @@ def sweep_until(spec: Path, folder: Path, *, within: float, options: Options,
         write_atomic(folder / "leaderboard.csv", board.csv())
     if outcome.failed:
         note(f"{outcome.failed} units failed and count as the worst; see {store.logs}/*.failed.log")
-    return Known({name: text for name, text in summary(found).items() if name in TOLD},
+    return Known({name: text for name, text in summary(found).items() if name in SAID},
                  found.within, board, bool(outcome.failed or outcome.lost))
 
 

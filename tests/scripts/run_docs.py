@@ -4,7 +4,7 @@
 
 Each runs as it is written, but for what `SHRINKS` adds to make studies small, and the few that
 `EXCUSED` names with the reason. What a page has made is there for the pages after it. One that ends
-with another code than 0 is told, and the end is 1.
+with another code than 0 is printed, and the end is 1.
 """
 
 import argparse

@@ -76,7 +76,7 @@ def test_random_chains_of_any_axes(seed: int, tmp_path: Path) -> None:
 
 
 def test_a_palm_further_out_and_held_joints(tmp_path: Path) -> None:
-    """Frames are seen from the palm; a joint that is held stands where it was told to."""
+    """Frames are seen from the palm; a joint that is held stands at the angle asked for."""
     pytest.importorskip("yourdfpy")
     file = tmp_path / "random.urdf"
     file.write_text(random_urdf(2))
