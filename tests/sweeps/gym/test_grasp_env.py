@@ -88,20 +88,24 @@ def test_a_world_with_a_seed_of_its_own_is_as_alone() -> None:
     assert (worlds.reset(seed=7)[0][0] == alone.reset(seed=7)[0][0]).all()
 
 
+PROBES = 4
+
+
 def sweep_and_environment() -> tuple[Rows, GraspVectorEnv, dict[str, Any]]:
-    """Rows of six episodes of two probes near the side, and an environment that made the same."""
-    actions = np.random.default_rng(4).uniform(-0.3, 0.3, (2, 6, 4))
+    """Rows of six episodes near the side, and an environment that made the same probes: so many
+    that no new starts are due at the last."""
+    actions = np.random.default_rng(4).uniform(-0.3, 0.3, (PROBES, 6, 4))
     cell = Cell(Strategy("same", call="same_actions", closings=("curl40", "base_then_curl")),
                 {"name": "block"}, "block", seed=9,
                 sensors=SensorTable(tendon_threshold_N=4.0))
 
     def same_actions(belief: Belief) -> list[Probe]:
         return (probes_of(actions[belief.step], ("containment",), belief, cell)
-                if belief.step < 2 else [])
+                if belief.step < PROBES else [])
 
     planner("same_actions")(lambda: same_actions)
     rows = run_episodes(cell, np.arange(6), "cpu")
-    worlds = GraspVectorEnv(6, objects="block", probes=2,
+    worlds = GraspVectorEnv(6, objects="block", probes=PROBES,
                             settings={"sensors": {"tendon_threshold_N": 4.0}})
     body = worlds._made_with.bodies[0]
     worlds._drawn_keys = lambda seed: counter_key(  # type: ignore[method-assign]
