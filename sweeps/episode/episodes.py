@@ -31,7 +31,12 @@ from strategies.recovery.choose_model import Recovered
 from strategies.recovery.evidence import Evidence
 from sweeps.episode.columns import model_columns
 from sweeps.episode.contact_rows import contact_tables
-from sweeps.episode.given_prior import draw_prior, prior_recovered, seen_prior
+from sweeps.episode.given_prior import (
+    draw_prior,
+    prior_recovered,
+    score_priors,
+    seen_prior,
+)
 from sweeps.episode.mesh_scores import scores_with_meshes
 from sweeps.episode.recognition_columns import columns_of_recognition, recognize_objects
 from sweeps.episode.scores import Scorer, Scores
@@ -238,7 +243,7 @@ def run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Epi
         prior, unseen = seen_prior(robot, prior, cell.stereo)
     given = prior_recovered(prior)
     surface = TouchedSurface(scorer.worlds(), body_pose)
-    moments = [Moment(np.zeros(len(key)), np.zeros(len(key)), scorer.score(given), given,
+    moments = [Moment(np.zeros(len(key)), np.zeros(len(key)), score_priors(scorer, given), given,
                       surface.share(truth))]
 
     def observe(belief: Belief, recovered: Recovered) -> None:

@@ -1,10 +1,15 @@
-"""The prior that a strategy is given: a bounding cylinder, a box, or what two cameras see."""
+"""The prior that a strategy is given, a bounding cylinder, a box, or what two cameras see, and its
+scores."""
+
+from dataclasses import fields
 
 import numpy as np
 
+from fit.arrays import rows_of
 from strategies.poses.waypoints import BoundingBox, BoundingCylinder
 from strategies.procedures.stereo_prior import see_cylinder
 from strategies.recovery.choose_model import Recovered, Shape, prior_superquadric
+from sweeps.episode.scores import Scorer, Scores
 from warpgrasp.core.random import Purpose, counter_key, counter_normal
 from warpgrasp.geometry.body import Body
 from warpgrasp.geometry.body_sampling import sample_body
@@ -12,6 +17,10 @@ from warpgrasp.parameters import ObjectTable, StereoTable
 from warpgrasp.robot import Robot
 
 LEAST_RADIUS_M, LEAST_HEIGHT_M = 0.010, 0.020
+REMEMBERED = 100_000
+"""Priors whose scores a process keeps, some 40 MiB; then it begins again."""
+_known: dict[bytes, np.ndarray] = {}
+
 
 
 def draw_prior(
@@ -58,6 +67,28 @@ def rectangle_around(body: Body) -> tuple[np.ndarray, np.ndarray, float]:
 def prior_recovered(prior: BoundingCylinder) -> Recovered:
     """What an episode recovers that touches nothing: the prior of each world."""
     return Recovered(np.full(len(prior.x_m), Shape.PRIOR_CYLINDER), prior_superquadric(prior))
+
+
+def score_priors(scorer: Scorer, given: Recovered) -> Scores:
+    """`scorer.score(given)`; a prior that was scored before is not scored again.
+
+    A score depends on the true body, its pose and the prior alone, not on the worlds beside it.
+    """
+    prior = given.superquadric
+    numbers = np.column_stack([scorer.body_pose, prior.size_m, prior.exponents, prior.position_m,
+                               prior.quaternion_xyzw])
+    names = [scorer.bodies[body].content.encode() + row.tobytes()
+             for body, row in zip(scorer.which, numbers, strict=True)]
+    if len(_known) + len(names) > REMEMBERED:
+        _known.clear()
+    asked = {name: world for world, name in enumerate(names) if name not in _known}
+    if asked:
+        rows = np.sort(list(asked.values()))
+        part = Scorer(scorer.bodies, scorer.which[rows], scorer.body_pose[rows],
+                      scorer.device).score(rows_of(given, rows))
+        table = np.column_stack([getattr(part, field.name) for field in fields(Scores)])
+        _known.update(zip((names[row] for row in rows), table, strict=True))
+    return Scores(*np.array([_known[name] for name in names]).T)
 
 
 def seen_prior(
