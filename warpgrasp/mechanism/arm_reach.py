@@ -38,16 +38,15 @@ def nearest_reachable(arm: ArmTable, hand: HandTable, hand_pose: np.ndarray) -> 
     To about 10 mm: a lattice is searched, then the line from its best place to the pose asked for.
     None where no place of the lattice is reachable turned so.
     """
-    steps = np.arange(-_FARTHEST_M, _FARTHEST_M + _LATTICE_M / 2, _LATTICE_M)
-    place = np.stack(np.meshgrid(steps, steps, steps[steps >= 0.0]), -1).reshape(-1, 3)
-    place = place[np.argsort(np.linalg.norm(place - hand_pose[:3], axis=1), kind="stable")]
-    best, first, count = None, 0, _ON_LINE
-    while best is None and first < len(place):  # the nearest first, most often among the first few
-        near = place[first:first + count]
+    low, high = np.array([-_FARTHEST_M, -_FARTHEST_M, 0.0]), np.full(3, _FARTHEST_M)
+    apart = float(np.linalg.norm(hand_pose[:3] - np.clip(hand_pose[:3], low, high)))
+    best, beyond, wide = None, 0.0, 2 * _LATTICE_M
+    while best is None and beyond < apart + 4 * _FARTHEST_M:  # the nearest first, mostly near by
+        near = _lattice(hand_pose[:3], beyond, apart + wide)
+        beyond, wide = apart + wide, 2 * wide
         poses = np.concatenate([near, np.tile(hand_pose[3:], (len(near), 1))], 1)
         reached = pose_reachable(arm, hand, poses)
         best = poses[int(reached.argmax())] if reached.any() else None
-        first, count = first + count, 2 * count
     if best is None:
         return None
     way = hand_pose[:3] - best[:3]
@@ -57,6 +56,17 @@ def nearest_reachable(arm: ArmTable, hand: HandTable, hand_pose: np.ndarray) -> 
     on_line[:, :3] += share[:, None] * way
     barred = ~pose_reachable(arm, hand, on_line)
     return on_line[int(barred.argmax()) - 1] if barred.any() else on_line[-1]
+
+
+def _lattice(place: np.ndarray, beyond: float, within: float) -> np.ndarray:
+    """The places of the lattice so far from `place` (3,), the nearest first, (near, 3)."""
+    steps = np.arange(-_FARTHEST_M, _FARTHEST_M + _LATTICE_M / 2, _LATTICE_M)
+    along = [steps[np.abs(steps - middle) <= within] for middle in place]
+    along[2] = along[2][along[2] >= 0.0]
+    near = np.stack(np.meshgrid(*along), -1).reshape(-1, 3)
+    far = np.linalg.norm(near - place, axis=1)
+    shell = ((far > beyond) | (beyond == 0.0)) & (far <= within)
+    return near[shell][np.argsort(far[shell], kind="stable")]
 
 
 def travel_time(
