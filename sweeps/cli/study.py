@@ -150,7 +150,7 @@ def race(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
          cap: float | None = None, workers: int = 1, device: str = "cpu",
          set_: Settings = None, engine: Literal["local", "ray"] = "local",
          address: str | None = None, unit_timeout_s: float = 3600.0,
-         shard: Annotated[str, Parameter(show=False)] = "1/1", json: Json = False) -> int:
+         shard: str = "1/1", json: Json = False) -> int:
     """Find the best of many strategies or settings, with as few episodes as that takes.
 
     Parameters
@@ -189,7 +189,7 @@ def race(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
     unit_timeout_s
         As for sweep.
     shard
-        Refused, with the reason.
+        I/N: run the I-th share of N of every rung, in one directory with the others.
     json
         Print JSON.
     """
@@ -200,10 +200,6 @@ def race(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
 
     if address is not None and engine != "ray":
         raise UsageError("--address: is for --engine ray")
-    if shard != "1/1":
-        raise UsageError("--shard: which units of a race come next depends on all units of the "
-                         "rung before, so shards would wait for each other; use --engine ray for "
-                         "several machines")
     for name, value, low, high in (
             ("--within", within, 0.0, 1e9), ("--confidence", confidence, 0.0, 100.0),
             ("--budget-minutes", 1.0 if budget_minutes is None else budget_minutes, 0.0, 1e9),
@@ -216,7 +212,7 @@ def race(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
     if budget_episodes is not None and budget_episodes < 1:
         raise UsageError(f"--budget-episodes: is {budget_episodes}; should be a whole number "
                          "from 1 on")
-    options = Options(count_of(workers, "--workers"), (1, 1), device_of(device), EPISODES,
+    options = Options(count_of(workers, "--workers"), shard_of(shard), device_of(device), EPISODES,
                       timeout_of(unit_timeout_s))
     return run_race(spec, out, rules=rules_of(within, confidence, start, cap, metric),
                     episodes=budget_episodes, minutes=budget_minutes, metric=metric, over=over,

@@ -12,6 +12,7 @@ from sweeps.race.elimination import Race, Rules
 from sweeps.race.race_note import begin_race_note
 from sweeps.race.race_units import RaceUnits
 from sweeps.race.search import SearchCourse, search_lines, search_table
+from sweeps.race.shards import SharedRungs
 from sweeps.race.verdict import Verdict, amount, claim, race_table, summary, verdict_of
 from sweeps.run.local_engine import Options, terminated_as_interrupted
 from sweeps.run.plan import Plan, plan_study
@@ -44,7 +45,9 @@ def race(spec: Path, folder: Path, *, rules: Rules, episodes: int | None, minute
             note(line)
         begin_race_note(store.logs, metric, over)
         try:
-            outcome = run_course(course.whole, store, options, course.further, engine, address)
+            further = (course.further if options.shard[1] == 1 else
+                       SharedRungs(course.further, store, options.shard).further)
+            outcome = run_course(course.whole, store, options, further, engine, address)
         except KeyboardInterrupt:
             if course.race.looks:
                 _write(folder, verdict_of(course.race, course.units))

@@ -120,10 +120,12 @@ def check_entries(units: RaceUnits, spec: Path) -> None:
                                "use --over these, or name more objects")
 
 
-def run_course(plan: Plan, store: Store, options: Options, further: Callable[[], Sequence[Unit]],
-               engine: str, address: str | None) -> Outcome:
-    """Runs a race on one of the engines to its end."""
-    with Progress(0, store.note("1-of-1")) as progress:
+def run_course(plan: Plan, store: Store, options: Options,
+               further: Callable[[], Sequence[Unit] | None], engine: str, address: str | None
+               ) -> Outcome:
+    """Runs a race, or a shard's part of it, on one of the engines to its end."""
+    index, count = options.shard
+    with Progress(0, store.note(f"{index}-of-{count}")) as progress:
         if engine == "ray":
             from sweeps.run.ray_engine import run_on_ray
 

@@ -76,9 +76,8 @@ class _Run:
     draining: bool = False  # no more units are handed out
 
     def go(self) -> None:
-        for number in range(1, self.work.at_least(self.options.workers) + 1):
-            self.slots.append(self._start_worker(number))
         while True:
+            self._start_workers()
             self._hand_out()  # which may find that nothing was left
             if self.work.over:
                 return
@@ -107,6 +106,12 @@ class _Run:
             f"interrupted: waiting for the {sum(len(s.units) for s in self.slots if s.sent)} units "
             f"that are being run, about {max(1.0, left):.0f} s (estimate); interrupt again to stop "
             "now, without them")
+
+    def _start_workers(self) -> None:
+        """As many as there is work for, which in a run decided in steps may come later."""
+        if not self.draining:
+            for number in range(len(self.slots), self.work.at_least(self.options.workers)):
+                self.slots.append(self._start_worker(number + 1))
 
     def _start_worker(self, number: int) -> _Slot:
         context = get_context("spawn")
@@ -234,7 +239,7 @@ class _Run:
 
 
 def run(plan: Plan, store: Store, options: Options, progress: Progress,
-        further: Callable[[], Sequence[Unit]] | None = None) -> Outcome:
+        further: Callable[[], Sequence[Unit] | None] | None = None) -> Outcome:
     """Runs what is left of a study's shard; the caller holds the shard's lock.
 
     `further` gives the units of the next step of a run that is decided in steps (see `UnitQueue`).

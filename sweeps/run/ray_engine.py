@@ -39,7 +39,7 @@ def compute_units(
 
 def run_on_ray(plan: Plan, store: Store, options: Options, progress: Progress,
                address: str | None,
-               further: Callable[[], Sequence[Unit]] | None = None) -> Outcome:
+               further: Callable[[], Sequence[Unit] | None] | None = None) -> Outcome:
     """Runs what is left of a study's shard on a cluster (`address`), or on this machine's cores.
 
     The caller holds the shard's lock. `further` is that of the local engine.

@@ -48,9 +48,9 @@ class UnitQueue:
     progress: Progress
     verify: bool = False  # read every row of what is there, not just the files' ends
     unit_timeout_s: float = inf  # a batch should end long before
-    further: Callable[[], Sequence[Unit]] | None = None
+    further: Callable[[], Sequence[Unit] | None] | None = None
     """The next units of a run that is decided in steps; asked for when all that went before are
-    there or have failed; none end it."""
+    there or have failed. An empty sequence ends it; None: not yet, ask again."""
     outcome: Outcome = field(default_factory=Outcome)
     again: deque[Unit] = field(default_factory=deque)
     attempts: dict[str, int] = field(default_factory=dict)
@@ -60,6 +60,7 @@ class UnitQueue:
     spoilers: set[str] = field(default_factory=set)  # objects of which a unit has failed alone
     slow: set[str] = field(default_factory=set)  # units for which all was compiled
     exhausted: bool = False
+    waiting: bool = False  # for what other shards have in hand
 
     def __post_init__(self) -> None:
         self.missing = self._missing(self.plan.units(self.shard))
@@ -80,10 +81,13 @@ class UnitQueue:
         return min(count, len(self.found) + len(self.again))
 
     def _take_step(self) -> bool:
-        """Goes on to the next step of a run, if nothing of the last one is left."""
+        """Goes on to the next step of a run, if nothing of the last one is left and it can."""
         if self.further is None or self.in_hand or self.again:
             return False
         units = self.further()
+        self.waiting = units is None
+        if units is None:
+            return False
         if not units:
             self.further = None
             return False
@@ -176,7 +180,7 @@ class UnitQueue:
         A run that is decided in steps may take its next one here.
         """
         return (self.exhausted and not self.again and not self.in_hand
-                and not self._take_step())
+                and not self._take_step() and not self.waiting)
 
     @property
     def running(self) -> int:

@@ -203,7 +203,6 @@ def test_right_and_wrong_answers_have_safe_bounds(tmp_path: Path,
     (["--within", "1", "--budget-episodes", "10"], 2, "the first rung of 6 entries takes 36"),
     (["--within", "1", "--metric", "nothing"], 2, "no metric 'nothing'"),
     (["--within", "1", "--address", "auto"], 2, "--address: is for --engine ray"),
-    (["--within", "1", "--shard", "1/2"], 2, "shards would wait for each other; use --engine ray"),
 ])
 def test_refusals(tmp_path: Path, words: list[str], code: int, message: str,
                   capsys: pytest.CaptureFixture[str]) -> None:
