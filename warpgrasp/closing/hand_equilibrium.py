@@ -152,7 +152,7 @@ def _shared(a: Meeting, b: Meeting):
 
 @wp.func
 def _solved(system: _mat, right: _vec, count: int):
-    """The solution of a symmetric positive system, by elimination."""
+    """The solution of a system whose pivots are on its diagonal, by elimination."""
     a = system
     y = right
     for k in range(count):
@@ -181,16 +181,18 @@ def meeting_forces(
     for a in range(count):
         one = slot + meetings[i, a].one
         meetings[i, a].give_one = state[i, one].compliance * meetings[i, a].by_one
-        apart[a] = -wp.dot(meetings[i, a].give_one, state[i, one].gradient)
+        # With friction a compliance is not symmetric.
+        apart[a] = -wp.dot(meetings[i, a].by_one, state[i, one].compliance * state[i, one].gradient)
         if meetings[i, a].two != _PALM:
             two = slot + meetings[i, a].two
             meetings[i, a].give_two = state[i, two].compliance * meetings[i, a].by_two
-            apart[a] = apart[a] - wp.dot(meetings[i, a].give_two, state[i, two].gradient)
+            apart[a] = apart[a] - wp.dot(meetings[i, a].by_two,
+                                         state[i, two].compliance * state[i, two].gradient)
         if meetings[i, a].depth > ZERO:
             bears = bears | (1 << a)
         for b in range(a + 1):
             all[a, b] = _shared(meetings[i, a], meetings[i, b])
-            all[b, a] = all[a, b]
+            all[b, a] = _shared(meetings[i, b], meetings[i, a])
     force = _vec()
     for _pass in range(_PASSES):
         system = _mat()
@@ -254,7 +256,7 @@ def hand_energy(
 
 
 @wp.func
-def _newton_step(
+def newton_step(
     state: wp.array2d[Equilibrium], i: int, slot: int, meetings: wp.array2d[Meeting], count: int,
     stiffness: real, pairs: int
 ):
@@ -275,7 +277,7 @@ def _newton_step(
 
 
 @wp.func
-def _largest(step: mat44):
+def largest_step(step: mat44):
     """The largest absolute value of a step."""
     largest = real(0.0)
     for f in range(4):
@@ -319,8 +321,8 @@ def hand_equilibrium(
     for f in range(4):
         q[f] = state[i, f].q
     for iteration in range(_ITERATIONS):
-        step = _newton_step(state, i, slot, meetings, count, stiffness, pairs)
-        if iteration > 0 and _largest(step) < _LAST:
+        step = newton_step(state, i, slot, meetings, count, stiffness, pairs)
+        if iteration > 0 and largest_step(step) < _LAST:
             q += step
             for f in range(4):
                 state[i, slot + f].q = q[f]

@@ -59,7 +59,8 @@ def start_rubbed(hand: Hand, base: transform, command: vec4):
     free = Rubbed()
     free.command = command
     free.rest = free_equilibrium(free_joints(hand, base, command))
-    free.left = start_grip(free.rest.q)
+    free.grip = start_grip(free.rest.q)
+    free.left = free.grip
     return free
 
 

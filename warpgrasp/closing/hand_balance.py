@@ -1,0 +1,102 @@
+# type: ignore  # Warp functions, which type checkers cannot follow
+"""The rest of a hand whose fingers meet and whose skin rubs, by Newton's method.
+
+Each finger's torques are those of its `balance`; links that meet add theirs as in
+`hand_equilibrium`, by the same small system. Steps are taken whole.
+"""
+
+import warp as wp
+
+from warpgrasp.closing.hand_equilibrium import (
+    Meeting,
+    find_meetings,
+    in_pairs,
+    largest_step,
+    newton_step,
+)
+from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat44, real, transform
+from warpgrasp.finger.balance import Grip, finger_balance
+from warpgrasp.finger.energy import Equilibrium
+from warpgrasp.geometry.scene import Scene
+from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_base
+
+_ITERATIONS = wp.constant(16)
+_LAST = wp.constant(real(2e-5))  # [rad]; a Newton step that is taken without another evaluation
+_GROWN = wp.constant(real(2.0))  # steps that lengthen so much lead nowhere
+
+
+@wp.func
+def _expect(rest: Equilibrium, skin: real):
+    """`rest` with a link that is near counted as pressed, where the finger's own step presses it.
+    """
+    expected = rest
+    way = -(rest.compliance * rest.gradient)
+    if rest.near_depth - wp.dot(rest.near, way) > ZERO:
+        expected.gradient -= rest.near * (skin * rest.near_depth)
+        yields = rest.compliance * rest.near
+        expected.compliance -= wp.outer(yields, rest.near * rest.compliance) / (
+            ONE / skin + wp.dot(rest.near, yields))
+    return expected
+
+
+@wp.func
+def hand_balance(
+    scene: Scene, body: int, hands: wp.array2d[Hand], own: int, pose: transform, mount: real,
+    command: mat44, q: mat44, pairs: int, state: wp.array2d[Equilibrium], i: int, slot: int,
+    last: int, samples: int, meetings: wp.array2d[Meeting], grips: wp.array2d[Grip]
+):
+    """Balances of the fingers at joints `q` (a row each), into row `i` of `state` from `slot` on,
+    with their grips from 4 on in row `i` of `grips`, whose first four are those the step began
+    with; returns the number of meetings. The states from `last` on are of joints near by. Fingers
+    in none of `pairs` are left out.
+    """
+    for f in range(4):
+        if in_pairs(pairs, f):
+            hand = hands[own, f]
+            at = finger_balance(
+                scene, body, hand, wp.transform_multiply(pose, finger_base(hand, f)), command[f],
+                q[f], state[i, last + f], grips[i, f], samples)
+            state[i, slot + f] = _expect(at.rest, hand.skin)
+            grips[i, 4 + f] = at.grip
+    return find_meetings(hands, own, mount, q, pairs, meetings, i)
+
+
+@wp.func
+def balanced_hand(
+    scene: Scene, body: int, hands: wp.array2d[Hand], own: int, pose: transform, mount: real,
+    command: mat44, pairs: int, state: wp.array2d[Equilibrium], i: int, samples: int,
+    meetings: wp.array2d[Meeting], noted: int, grips: wp.array2d[Grip]
+):
+    """The hand at rest on commands (a row each finger), from the states in slots 0 to 3 of row `i`
+    with their `noted` meetings; see `hand_equilibrium.move_commands`. The result is left there, and
+    its grips from 4 on; returns the number of meetings, negative where no rest was found."""
+    stiffness = hands[own, 0].skin * HALF
+    slot = int(0)
+    count = int(noted)
+    settled = int(0)
+    longest = real(0.0)
+    q = mat44()
+    for f in range(4):
+        q[f] = state[i, f].q
+    for iteration in range(_ITERATIONS):
+        step = newton_step(state, i, slot, meetings, count, stiffness, pairs)
+        long = largest_step(step)
+        q += step
+        if iteration > 0 and long < _LAST:
+            for f in range(4):
+                state[i, slot + f].q = q[f]
+            settled = int(1)
+            break
+        if iteration > 1 and long > _GROWN * longest:
+            break
+        longest = wp.max(long, real(0.0))
+        count = hand_balance(scene, body, hands, own, pose, mount, command, q, pairs, state, i,
+                             4 - slot, slot, wp.where(iteration == 0, samples, 0), meetings, grips)
+        slot = 4 - slot
+    if settled == 0:
+        return -1
+    if slot == 4:
+        for f in range(4):
+            if in_pairs(pairs, f):
+                state[i, f] = state[i, 4 + f]
+    return count
