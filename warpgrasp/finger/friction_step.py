@@ -86,7 +86,7 @@ def lagged(
 
 
 @wp.func
-def _lagged_rest(
+def lagged_rest(
     scene: Scene, body: int, hand: Hand, base: transform, command: vec4, was: Rubbed, grip: Grip,
     samples: int
 ):
@@ -127,7 +127,7 @@ def next_rubbed(
     found = balanced_finger(scene, body, hand, base, command, was.rest.q + turn + was.missed,
                             was.rest, now.grip, samples)
     if found.settled == 0:
-        found = _lagged_rest(scene, body, hand, base, command, was, now.grip, samples)
+        found = lagged_rest(scene, body, hand, base, command, was, now.grip, samples)
     now.rest = found.rest
     now.left = found.grip
     now.pressed = int((now.left.touching & _TOUCHING) != 0)
