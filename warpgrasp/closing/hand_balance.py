@@ -13,6 +13,7 @@ from warpgrasp.closing.hand_equilibrium import (
     in_pairs,
     largest_step,
     newton_step,
+    stands,
 )
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat44, real, transform
 from warpgrasp.finger.balance import Grip, finger_balance
@@ -48,10 +49,14 @@ def hand_balance(
     """Balances of the fingers at joints `q` (a row each), into row `i` of `state` from `slot` on,
     with their grips from 4 on in row `i` of `grips`, whose first four are those the step began
     with; returns the number of meetings. The states from `last` on are of joints near by. Fingers
-    in none of `pairs` are left out.
+    in none of `pairs` are left out; the state of one that stands still is kept.
     """
     for f in range(4):
-        if in_pairs(pairs, f):
+        if not in_pairs(pairs, f):
+            continue
+        if slot != last and stands(state, i, last + f, q[f]):
+            state[i, slot + f] = state[i, last + f]
+        else:
             hand = hands[own, f]
             at = finger_balance(
                 scene, body, hand, wp.transform_multiply(pose, finger_base(hand, f)), command[f],

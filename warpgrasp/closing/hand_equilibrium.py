@@ -35,6 +35,7 @@ _ITERATIONS = wp.constant(40)
 _HALVINGS = wp.constant(14)
 _PASSES = wp.constant(6)
 _LAST = wp.constant(real(2e-5))  # [rad]; a Newton step that is taken without another evaluation
+_STILL = wp.constant(real(1e-7))  # [rad]; less is not gone
 _mat = wp.types.matrix(shape=(MEETINGS, MEETINGS), dtype=real)
 _vec = wp.types.vector(length=MEETINGS, dtype=real)
 
@@ -226,27 +227,37 @@ def meeting_forces(
 
 
 @wp.func
+def stands(state: wp.array2d[Equilibrium], i: int, slot: int, q: vec4):
+    """Whether a finger's joints are those of its state."""
+    return largest_magnitude(q - state[i, slot].q) == ZERO
+
+
+@wp.func
 def hand_energy(
     scene: Scene, body: int, hands: wp.array2d[Hand], own: int, pose: transform, mount: real,
     command: mat44, q: mat44, pairs: int, state: wp.array2d[Equilibrium], i: int, slot: int,
-    last: int, samples: int, meetings: wp.array2d[Meeting], frictions: wp.array2d[Friction]
+    last: int, samples: int, keep: int, meetings: wp.array2d[Meeting],
+    frictions: wp.array2d[Friction]
 ):
     """Energies of the fingers, into row `i` of `state` from `slot` on, and of what they do to one
     another; returns their sum [J] and the number of meetings. `pose` is the hand's in the body's
     frame; the states from `last` on are of joints near by. Row `i` of `frictions` is that of their
     contacts with the body; it is not read without friction. Fingers in none of `pairs` are left
-    out.
+    out, and with `keep` 1 the state of one that stands still is kept.
     """
     total = real(0.0)
     for f in range(4):
         if not in_pairs(pairs, f):
             continue
         hand = hands[own, f]
-        state[i, slot + f] = finger_energy(
-            scene, body, hand, wp.transform_multiply(pose, finger_base(hand, f)), command[f], q[f],
-            state[i, last + f], samples)
-        if hand.friction > ZERO:
-            state[i, slot + f] = with_friction(state[i, slot + f], hand.skin, frictions[i, f])
+        if keep == 1 and stands(state, i, last + f, q[f]):
+            state[i, slot + f] = state[i, last + f]
+        else:
+            state[i, slot + f] = finger_energy(
+                scene, body, hand, wp.transform_multiply(pose, finger_base(hand, f)), command[f],
+                q[f], state[i, last + f], samples)
+            if hand.friction > ZERO:
+                state[i, slot + f] = with_friction(state[i, slot + f], hand.skin, frictions[i, f])
         total += state[i, slot + f].energy
     count = find_meetings(hands, own, mount, q, pairs, meetings, i)
     for a in range(count):
@@ -260,7 +271,8 @@ def newton_step(
     state: wp.array2d[Equilibrium], i: int, slot: int, meetings: wp.array2d[Meeting], count: int,
     stiffness: real, pairs: int
 ):
-    """How far a Newton step turns the joints of each finger, a row each."""
+    """How far a Newton step turns the joints of each finger, a row each; a finger that is all but
+    at rest stays where it is."""
     force = meeting_forces(state, i, slot, meetings, count, stiffness)
     step = mat44()
     for f in range(4):
@@ -272,7 +284,8 @@ def newton_step(
                 pull -= meetings[i, a].by_one * force[a]
             elif meetings[i, a].two == f:
                 pull -= meetings[i, a].by_two * force[a]
-        step[f] = -(state[i, slot + f].compliance * pull)
+        turn = -(state[i, slot + f].compliance * pull)
+        step[f] = turn * wp.where(largest_magnitude(turn) < _STILL, ZERO, ONE)
     return step
 
 
@@ -316,6 +329,8 @@ def hand_equilibrium(
     slot = int(0)
     best = real(0.0)
     count = int(noted)
+    # Friction may have changed since the states were found.
+    rubs = hands[own, 0].friction > ZERO
     fresh = int(1)  # whether the meetings noted are those of the joints
     q = mat44()
     for f in range(4):
@@ -332,7 +347,9 @@ def hand_equilibrium(
         for _halving in range(_HALVINGS):
             energy, met = hand_energy(scene, body, hands, own, pose, mount, command,
                                       q + step * scale, pairs, state, i, 4 - slot, slot,
-                                      wp.where(iteration == 0, samples, 0), meetings, frictions)
+                                      wp.where(iteration == 0, samples, 0),
+                                      wp.where(iteration > 0 or not rubs, 1, 0), meetings,
+                                      frictions)
             if iteration == 0 or energy < best:
                 best = energy
                 count = met

@@ -153,7 +153,8 @@ def meeting_kernel(
                     grips[i, f] = grips[i, 4 + f]
             else:
                 _begun, count = hand_energy(scene, which, hands, own, pose, mount, command, q,
-                                            pairs, state, i, 0, 0, samples, meetings, frictions)
+                                            pairs, state, i, 0, 0, samples, 0, meetings,
+                                            frictions)
         moves = mat44()
         for f in range(4):
             if (stopped & (1 << f)) == 0:

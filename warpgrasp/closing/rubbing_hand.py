@@ -49,7 +49,7 @@ def _lagging_hand(
     for f in range(4):
         frictions[i, f] = start_friction(q[f])
     _energy, count = hand_energy(scene, body, hands, own, pose, mount, command, q, pairs, state, i,
-                                 0, 0, samples, meetings, frictions)
+                                 0, 0, samples, 0, meetings, frictions)
     for f in range(4):
         if in_pairs(pairs, f):
             frictions[i, f] = lagged(
@@ -57,7 +57,7 @@ def _lagging_hand(
                 wp.transform_multiply(pose, finger_base(hands[own, f], f)), state[i, f],
                 grips[i, f])
     _energy, count = hand_energy(scene, body, hands, own, pose, mount, command, q, pairs, state, i,
-                                 0, 0, 0, meetings, frictions)
+                                 0, 0, 0, 0, meetings, frictions)
     for again in range(_PASSES):
         count = hand_equilibrium(scene, body, hands, own, pose, mount, command, pairs, state, i,
                                  wp.where(again == 0, samples, 0), meetings, count, frictions)
@@ -65,7 +65,7 @@ def _lagging_hand(
         for f in range(4):
             now[f] = state[i, f].q
         _energy, count = hand_energy(scene, body, hands, own, pose, mount, command, now, pairs,
-                                     state, i, 0, 0, 0, meetings, frictions)
+                                     state, i, 0, 0, 0, 0, meetings, frictions)
         off = real(0.0)
         for f in range(4):
             if in_pairs(pairs, f):
