@@ -18,10 +18,11 @@ from warpgrasp.closing.closing_record import (
 from warpgrasp.core.dtypes import ZERO, real, transform
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key
+from warpgrasp.finger.energy import largest_magnitude
 from warpgrasp.finger.free_motion import advance_free, start_free
-from warpgrasp.finger.friction_step import next_rubbed, refine_rubbed, start_rubbed
+from warpgrasp.finger.friction_step import Rubbed, next_rubbed, refine_rubbed, start_rubbed
 from warpgrasp.finger.path_record import LinkStep, PathStep, true_command
-from warpgrasp.finger.torque_bounds import stop_reading
+from warpgrasp.finger.torque_bounds import predict_joints, stop_reading
 from warpgrasp.geometry.scene import Scene, body_is_convex
 from warpgrasp.geometry.segment_distance import LINK_SAMPLES
 from warpgrasp.mechanism.tendon_kernel import TendonSensor
@@ -32,6 +33,49 @@ wp.set_module_options({"max_unroll": 1})
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
 _NO_CONTACT = wp.constant(int(ProbeStatus.NO_CONTACT))
 _TENSION_STEP = wp.constant(int(Purpose.TENSION_STEP))
+_FAR = wp.constant(1000000)  # steps
+_STRIDE = wp.constant(real(0.04))  # [rad] of a joint's command that is gone at once
+_SMOOTH = wp.constant(real(1e-3))  # [rad]; what a step may miss that is gone at once
+
+
+@wp.func
+def _foreseen_stop(
+    hand: Hand, sensor: TendonSensor, path: wp.array3d[PathStep], grasp: int, finger: int,
+    now: Rubbed, begin: int, end: int, reader: wp.uint64
+):
+    """The first step from `begin` on at which the reading should stop the finger, to first order;
+    at most `end`, and as far as a stride goes."""
+    s = int(begin)
+    while s < end:
+        command = true_command(hand, path, grasp, finger, s)
+        if largest_magnitude(command - now.command) > _STRIDE:
+            break
+        delta = command - true_command(hand, path, grasp, finger, s - 1)
+        q = predict_joints(now.command, now.rest, command, hand.stiffness)
+        q += now.missed * (wp.length_sq(command - now.command) / now.gone)
+        if wp.abs(stop_reading(sensor, (command - q) * hand.stiffness, delta,
+                               counter_key(reader, s))) > sensor.threshold:
+            break
+        s += 1
+    return s
+
+
+@wp.func
+def _first_stop(
+    hand: Hand, sensor: TendonSensor, path: wp.array3d[PathStep], grasp: int, finger: int,
+    now: Rubbed, low: int, ahead: Rubbed, high: int, reader: wp.uint64
+):
+    """The first step between `now` at step `low` and `ahead` at `high` whose reading should stop
+    the finger, `high` if none."""
+    for s in range(low + 1, high):
+        command = true_command(hand, path, grasp, finger, s)
+        delta = command - true_command(hand, path, grasp, finger, s - 1)
+        q = predict_joints(now.command, now.rest, command, hand.stiffness)
+        q += ahead.missed * (wp.length_sq(command - now.command) / ahead.gone)
+        if wp.abs(stop_reading(sensor, (command - q) * hand.stiffness, delta,
+                               counter_key(reader, s))) > sensor.threshold:
+            return s
+    return high
 
 
 @wp.kernel(enable_backward=False)
@@ -77,9 +121,12 @@ def friction_kernel(
 
     free = start_free(scene, which, convex, hand, base, links[g, finger, 1, 0].end)
     now = start_rubbed(hand, base, true_command(hand, path, g, finger, 0))
+    low = int(-1)  # the step of `now`
     heard = int(0)  # free steps before are known not to stop the finger
     stopped = int(-1)
     reading = real(0.0)
+    jump = int(_FAR)  # most steps that are gone at once, up to step `uneven`
+    uneven = int(-1)
     s = int(0)
     while s <= last:
         known = False
@@ -99,8 +146,8 @@ def friction_kernel(
                     heard += 1
             if stopped >= 0:
                 break
-            now = start_rubbed(hand, base, true_command(hand, path, g, finger,
-                                                        wp.min(wp.max(s - 1, 0), last)))
+            low = wp.min(s - 1, last)
+            now = start_rubbed(hand, base, true_command(hand, path, g, finger, wp.max(low, 0)))
             if s > last:
                 break
             heard = s + 1
@@ -109,8 +156,21 @@ def friction_kernel(
             # As at the step itself: bounds of it hold for the one before within what a step moves.
             now.rest.depth = -free.room
             known = wp.min(free.along) >= ZERO
-        now = next_rubbed(scene, which, hand, base, true_command(hand, path, g, finger, s), now,
-                          wp.where(known, 0, samples))
+        ahead = next_rubbed(scene, which, hand, base, true_command(hand, path, g, finger, s), now,
+                            wp.where(known, 0, samples))
+        if s > low + 1:
+            if ahead.even == 0 or largest_magnitude(ahead.missed) > _SMOOTH:
+                # Contacts changed on the way.
+                uneven = wp.max(uneven, s)
+                jump = (s - low) // 2
+                s = low + jump
+                continue
+            first_stop = _first_stop(hand, sensor, path, g, finger, now, low, ahead, s, reader)
+            if first_stop < s:
+                s = first_stop
+                continue
+        now = ahead
+        low = int(s)
         reading = real(0.0)
         if now.pressed == 1 and truth[w, p, g, finger].touched < 0:
             truth[w, p, g, finger].touched = s
@@ -125,7 +185,12 @@ def friction_kernel(
             free.step = s
             for link in range(3):
                 free.room[link] = -march_scale * wp.max(now.rest.depth[link], now.rest.table[link])
+        elif low >= uneven:
+            jump = int(_FAR)
         s += 1
+        if now.pressed == 1 and now.even == 1:
+            s = _foreseen_stop(hand, sensor, path, g, finger, now, s, wp.min(last, low + jump),
+                               reader)
 
     at = wp.where(stopped < 0, last, stopped)
     if stopped >= 0 and now.pressed == 1:

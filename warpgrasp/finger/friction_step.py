@@ -41,8 +41,9 @@ class Rubbed:
     """A finger at rest on a command, with friction.
 
     `grip` is what the step there began with, `left` what the next one begins with. `pressed` is 1
-    where a link touches. `missed` is how far the joints rest from where they were foreseen [rad],
-    where the contacts did what they had done in the step before; 0 otherwise.
+    where a link touches. `missed` is how far the joints rest from where they were foreseen to
+    first order [rad], `gone` the square of the step of the command [rad^2]. `even` is 1 where the
+    contacts did what they had done in the step before.
     """
 
     command: vec4
@@ -50,7 +51,9 @@ class Rubbed:
     grip: Grip
     left: Grip
     pressed: int
+    even: int
     missed: vec4
+    gone: real
 
 
 @wp.func
@@ -121,18 +124,23 @@ def next_rubbed(
     """The finger at rest on the next command; `base` is in the body's frame."""
     now = Rubbed()
     now.command = command
+    now.gone = wp.length_sq(command - was.command)
     turn = drift_of(hand, base, was.command, was.rest, command, was.pressed)
     now.grip = was.left
     now.grip.drift = was.rest.q + turn - was.left.q
-    found = balanced_finger(scene, body, hand, base, command, was.rest.q + turn + was.missed,
-                            was.rest, now.grip, samples)
+    start = was.rest.q + turn
+    if was.even == 1:
+        # What was missed grows as the square of the step.
+        start += was.missed * (now.gone / was.gone)
+    found = balanced_finger(scene, body, hand, base, command, start, was.rest, now.grip, samples)
     if found.settled == 0:
         found = lagged_rest(scene, body, hand, base, command, was, now.grip, samples)
     now.rest = found.rest
     now.left = found.grip
     now.pressed = int((now.left.touching & _TOUCHING) != 0)
-    if found.settled == 1 and now.left.touching == was.left.touching:
-        now.missed = now.rest.q - was.rest.q - turn
+    now.missed = now.rest.q - was.rest.q - turn
+    now.even = int(found.settled == 1 and now.left.touching == was.left.touching
+                   and now.gone > ZERO)
     return now
 
 
