@@ -16,7 +16,7 @@ from warpgrasp.closing.hand_equilibrium import (
     stands,
 )
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat44, real, transform
-from warpgrasp.finger.balance import Grip, finger_balance
+from warpgrasp.finger.balance import Balance, Grip, finger_balance
 from warpgrasp.finger.energy import Equilibrium
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_base
@@ -27,16 +27,17 @@ _GROWN = wp.constant(real(2.0))  # steps that lengthen so much lead nowhere
 
 
 @wp.func
-def _expect(rest: Equilibrium, skin: real):
-    """`rest` with a link that is near counted as pressed, where the finger's own step presses it.
+def _expect(at: Balance):
+    """Its rest with a link that is near counted as pressed, where the finger's own step presses it.
     """
-    expected = rest
+    rest = at.rest
+    expected = at.rest
     way = -(rest.compliance * rest.gradient)
     if rest.near_depth - wp.dot(rest.near, way) > ZERO:
-        expected.gradient -= rest.near * (skin * rest.near_depth)
-        yields = rest.compliance * rest.near
+        expected.gradient -= at.near_slope * rest.near_depth
+        yields = rest.compliance * at.near_slope
         expected.compliance -= wp.outer(yields, rest.near * rest.compliance) / (
-            ONE / skin + wp.dot(rest.near, yields))
+            ONE + wp.dot(rest.near, yields))
     return expected
 
 
@@ -44,7 +45,8 @@ def _expect(rest: Equilibrium, skin: real):
 def hand_balance(
     scene: Scene, body: int, hands: wp.array2d[Hand], own: int, pose: transform, mount: real,
     command: mat44, q: mat44, pairs: int, state: wp.array2d[Equilibrium], i: int, slot: int,
-    last: int, samples: int, meetings: wp.array2d[Meeting], grips: wp.array2d[Grip]
+    last: int, samples: int, begins: int, meetings: wp.array2d[Meeting],
+    grips: wp.array2d[Grip]
 ):
     """Balances of the fingers at joints `q` (a row each), into row `i` of `state` from `slot` on,
     with their grips from 4 on in row `i` of `grips`, whose first four are those the step began
@@ -60,8 +62,8 @@ def hand_balance(
             hand = hands[own, f]
             at = finger_balance(
                 scene, body, hand, wp.transform_multiply(pose, finger_base(hand, f)), command[f],
-                q[f], state[i, last + f], grips[i, f], samples)
-            state[i, slot + f] = _expect(at.rest, hand.skin)
+                q[f], state[i, last + f], grips[i, f], samples, begins)
+            state[i, slot + f] = _expect(at)
             grips[i, 4 + f] = at.grip
     return find_meetings(hands, own, mount, q, pairs, meetings, i)
 
@@ -96,7 +98,8 @@ def balanced_hand(
             break
         longest = wp.max(long, real(0.0))
         count = hand_balance(scene, body, hands, own, pose, mount, command, q, pairs, state, i,
-                             4 - slot, slot, wp.where(iteration == 0, samples, 0), meetings, grips)
+                             4 - slot, slot, wp.where(iteration == 0, samples, 0), int(iteration == 0),
+                             meetings, grips)
         slot = 4 - slot
     if settled == 0:
         return -1

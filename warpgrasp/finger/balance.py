@@ -52,11 +52,13 @@ class Balance:
     """A finger at joints: `rest`, whose `gradient` are the torques that are not in balance [N m]
     and whose `compliance` is the inverse of their derivative, and the `grip` there.
 
-    `settled` is 1 where a search for balance has ended. The fields of `rest` for energies are not
+    `near_slope` is what the nearest place that bears no load would change torques by if it were
+    pressed in, sliding [N m/m]. `settled` is 1 where a search for balance has ended. The fields of `rest` for energies are not
     set.
     """
 
     rest: Equilibrium
+    near_slope: vec4
     grip: Grip
     settled: int
 
@@ -67,6 +69,8 @@ class _Hold:
 
     torque: vec4
     stiffness: mat44
+    away: vec4
+    slope: vec4
     left: vec3
     bits: int
 
@@ -82,12 +86,13 @@ def start_grip(q: vec4):
 @wp.func
 def _hold(
     hand: Hand, f: FingerPose, link: int, contact: int, place: vec3, normal: vec3, depth: real,
-    turned: vec4, grip: Grip
+    turned: vec4, grip: Grip, begins: int
 ):
     """What skin does that is pressed in by `depth` at a `place` of the surface, the joints `turned`
-    since `grip`."""
+    since `grip`; less than 0 for a place that is near, which then slides."""
     hold = _Hold()
     away = finger_jacobian(f, link, place, normal)
+    hold.away = away
     force = hand.skin * depth
     n = wp.normalize(normal)
     turn = turned
@@ -124,12 +129,17 @@ def _hold(
         slope -= by_one * (hand.friction * hand.skin)
         along = limit
         resists = limit / size
+        if begins == 1 and (grip.touching & (1 << contact)) == 0:
+            # Deep in at first, it will bear what the servos press it with.
+            resists = hand.friction * depth / (
+                size * (ONE / hand.skin + wp.dot(away, away) / hand.stiffness))
         hold.left = one * (limit / shear)
         hold.bits = (1 + _SLIDES) << contact
     else:
         hold.stiffness = wp.outer(by_one * shear, by_one)
         hold.left = e
         hold.bits = 1 << contact
+    hold.slope = slope
     hold.torque = by_one * along - away * force
     hold.stiffness += wp.outer(slope, away) + wp.outer(by_two * resists, by_two)
     return hold
@@ -138,12 +148,12 @@ def _hold(
 @wp.func
 def finger_balance(
     scene: Scene, body: int, hand: Hand, base: transform, command: vec4, q: vec4,
-    last: Equilibrium, grip: Grip, samples: int
+    last: Equilibrium, grip: Grip, samples: int, begins: int
 ):
     """The torques at joints `q` that are not in balance, their derivative's inverse, and the grip.
 
     `base`, `last` and `samples` are as for `finger_energy`; `grip` is that of the rest on the
-    command before.
+    command before. `begins` is 1 for the first joints that are tried.
     """
     at = Balance()
     at.grip.q = q
@@ -183,20 +193,23 @@ def finger_balance(
             bend = near.bend
             if depth > ZERO:
                 hold = _hold(hand, f, link, link, a + way * along - near.normal * near.distance,
-                             near.normal, depth, turned, grip)
+                             near.normal, depth, turned, grip, begins)
                 at.rest.gradient += hold.torque
                 stiffness += hold.stiffness
                 for j in range(3):
                     at.grip.left[link, j] = hold.left[j]
                 at.grip.touching = at.grip.touching | hold.bits
             elif depth > at.rest.near_depth:
-                at.rest.near = finger_jacobian(f, link, a + way * along, near.normal)
+                hold = _hold(hand, f, link, link, a + way * along - near.normal * near.distance,
+                             near.normal, depth, turned, grip, 0)
+                at.rest.near = hold.away
+                at.near_slope = hold.slope
                 at.rest.near_depth = depth
         low = a + way * lower_end(way, length)
         pressed = hand.link_radius - low[2]
         if pressed > ZERO:
             hold = _hold(hand, f, link, link + 3, vec3(low[0], low[1], ZERO),
-                         vec3(ZERO, ZERO, ONE), pressed, turned, grip)
+                         vec3(ZERO, ZERO, ONE), pressed, turned, grip, begins)
             at.rest.gradient += hold.torque
             stiffness += hold.stiffness
             for j in range(3):

@@ -9,19 +9,29 @@ from step to step (semismooth Newton, Qi and Sun 1993).
 
 import warp as wp
 
-from warpgrasp.core.dtypes import HALF, ONE, ZERO, real, transform, vec3, vec4
+from warpgrasp.core.dtypes import ONE, ZERO, real, transform, vec3, vec4
 from warpgrasp.finger.balance import Balance, Grip, finger_balance
 from warpgrasp.finger.energy import Equilibrium, largest_magnitude
-from warpgrasp.finger.equilibrium import joints_toward
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_length
 
-_ITERATIONS = wp.constant(16)
-_HALVINGS = wp.constant(3)
+_ITERATIONS = wp.constant(12)
 _GRADIENT = wp.constant(real(1e-6))  # [N m]; 0.2 mN on a tendon, a 300th of the converter's step
 _LAST = wp.constant(real(2e-5))  # [rad]; to a tendon's reading a tenth of a converter's step
 _CREEP = wp.constant(real(0.1))  # share of a step gained by it; a right matrix gains all
 _JOINTS = wp.constant(real(4.0))  # each turns all of the finger beyond it
+
+
+@wp.func
+def newton_turn(at: Balance):
+    """How a Newton step turns the joints, a place that is near and would be pressed included."""
+    rest = at.rest
+    turn = -(rest.compliance * rest.gradient)
+    bite = rest.near_depth - wp.dot(rest.near, turn)
+    if bite > ZERO:
+        yields = rest.compliance * at.near_slope
+        turn += yields * (bite / (ONE + wp.dot(rest.near, yields)))
+    return turn
 
 
 @wp.func
@@ -38,42 +48,27 @@ def balanced_finger(
     now.rest = last
     step = start - last.q
     way = vec4(ZERO, ZERO, ZERO, ZERO)
-    scale = real(1.0)
     level = real(0.0)
-    longest = real(0.0)  # the square of the step that is being gone
-    halvings = int(0)
     for k in range(_ITERATIONS):
-        trial = finger_balance(scene, body, hand, base, command, now.rest.q + step * scale,
-                               now.rest, grip, wp.where(k == 0, samples, 0))
-        ahead = now.rest.compliance * trial.rest.gradient
-        if k == 0 or wp.dot(ahead, ahead) < longest:
-            turned = trial.rest.q - now.rest.q
-            now = trial
-            step = joints_toward(now.rest, -now.rest.gradient, hand.skin)
-            level_before = level
-            level = largest_magnitude(now.rest.gradient)
-            last_step = largest_magnitude(step)
-            if level < _GRADIENT or (
-                    last_step < _LAST and level * level < _GRADIENT * level_before):
-                now.rest.q += step
-                moved = last_step * _JOINTS * finger_length(hand)
-                now.rest.depth += vec3(moved, moved, moved)
-                now.rest.table += vec3(moved, moved, moved)
-                now.settled = 1
-                break
-            change = step - way
-            way = step
-            longest = wp.dot(step, step)
-            # How much of a step is gained by going it: 1 where the matrix is right.
-            share = -wp.dot(change, turned) / wp.dot(turned, turned)
-            if k >= 2 and share > _CREEP and share < ONE - _CREEP:
-                step -= (turned + change) * (wp.dot(step, change) / wp.dot(change, change))
-            scale = real(1.0)
-            halvings = int(0)
-        else:
-            halvings += 1
-            if halvings > _HALVINGS:
-                break
-            step = way
-            scale = scale * HALF
+        now = finger_balance(scene, body, hand, base, command, now.rest.q + step, now.rest, grip,
+                             wp.where(k == 0, samples, 0), int(k == 0))
+        turned = step
+        step = newton_turn(now)
+        level_before = level
+        level = largest_magnitude(now.rest.gradient)
+        last_step = largest_magnitude(step)
+        if level < _GRADIENT or (
+                last_step < _LAST and level * level < _GRADIENT * level_before):
+            now.rest.q += step
+            moved = last_step * _JOINTS * finger_length(hand)
+            now.rest.depth += vec3(moved, moved, moved)
+            now.rest.table += vec3(moved, moved, moved)
+            now.settled = 1
+            break
+        change = step - way
+        way = step
+        # How much of a step is gained by going it: 1 where the matrix is right.
+        share = -wp.dot(change, turned) / wp.dot(turned, turned)
+        if k >= 2 and share > _CREEP and share < ONE - _CREEP:
+            step -= (turned + change) * (wp.dot(step, change) / wp.dot(change, change))
     return now
