@@ -62,7 +62,7 @@ def hand_balance(
             hand = hands[own, f]
             at = finger_balance(
                 scene, body, hand, wp.transform_multiply(pose, finger_base(hand, f)), command[f],
-                q[f], state[i, last + f], grips[i, f], samples, begins)
+                q[f], state[i, last + f], grips[i, f], grips[i, 4 + f], samples, begins)
             state[i, slot + f] = _expect(at)
             grips[i, 4 + f] = at.grip
     return find_meetings(hands, own, mount, q, pairs, meetings, i)

@@ -101,6 +101,7 @@ def rubbing_hand(
         q[f] = state[i, f].q
         grips[i, f].drift = (state[i, f].compliance * (moves[f] * hands[own, f].stiffness)
                              + state[i, f].q - grips[i, f].q)
+        grips[i, 4 + f] = grips[i, f]
     count = balanced_hand(scene, body, hands, own, pose, mount, command, pairs, state, i, samples,
                           meetings, noted, grips)
     if count < 0:

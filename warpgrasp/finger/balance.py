@@ -53,13 +53,15 @@ class Balance:
     and whose `compliance` is the inverse of their derivative, and the `grip` there.
 
     `near_slope` is what the nearest place that bears no load would change torques by if it were
-    pressed in, sliding [N m/m]. `settled` is 1 where a search for balance has ended. The fields of `rest` for energies are not
+    pressed in, sliding [N m/m]. `forced` counts contacts that are held with more force than they
+    can bear. `settled` is 1 where a search for balance has ended. The fields of `rest` for energies are not
     set.
     """
 
     rest: Equilibrium
     near_slope: vec4
     grip: Grip
+    forced: int
     settled: int
 
 
@@ -73,6 +75,7 @@ class _Hold:
     slope: vec4
     left: vec3
     bits: int
+    forced: int
 
 
 @wp.func
@@ -86,7 +89,7 @@ def start_grip(q: vec4):
 @wp.func
 def _hold(
     hand: Hand, f: FingerPose, link: int, contact: int, place: vec3, normal: vec3, depth: real,
-    turned: vec4, grip: Grip, begins: int
+    turned: vec4, grip: Grip, tried: Grip, begins: int
 ):
     """What skin does that is pressed in by `depth` at a `place` of the surface, the joints `turned`
     since `grip`; less than 0 for a place that is near, which then slides."""
@@ -125,7 +128,11 @@ def _hold(
     slope = away * hand.skin
     along = shear * size
     resists = shear
-    if along > limit:
+    if along > limit and ((tried.touching >> contact) & _SLIDES) != 0 and wp.dot(e, vec3(
+            tried.left[contact, 0], tried.left[contact, 1], tried.left[contact, 2])) < ZERO:
+        # It went past where it would have held.
+        hold.forced = 1
+    if along > limit and hold.forced == 0:
         slope -= by_one * (hand.friction * hand.skin)
         along = limit
         resists = limit / size
@@ -148,12 +155,13 @@ def _hold(
 @wp.func
 def finger_balance(
     scene: Scene, body: int, hand: Hand, base: transform, command: vec4, q: vec4,
-    last: Equilibrium, grip: Grip, samples: int, begins: int
+    last: Equilibrium, grip: Grip, tried: Grip, samples: int, begins: int
 ):
     """The torques at joints `q` that are not in balance, their derivative's inverse, and the grip.
 
     `base`, `last` and `samples` are as for `finger_energy`; `grip` is that of the rest on the
-    command before. `begins` is 1 for the first joints that are tried.
+    command before, `tried` that at the joints tried last: a contact that has slid one way and would
+    slide the other is held. `begins` is 1 for the first joints that are tried.
     """
     at = Balance()
     at.grip.q = q
@@ -193,7 +201,8 @@ def finger_balance(
             bend = near.bend
             if depth > ZERO:
                 hold = _hold(hand, f, link, link, a + way * along - near.normal * near.distance,
-                             near.normal, depth, turned, grip, begins)
+                             near.normal, depth, turned, grip, tried, begins)
+                at.forced = at.forced + hold.forced
                 at.rest.gradient += hold.torque
                 stiffness += hold.stiffness
                 for j in range(3):
@@ -201,7 +210,7 @@ def finger_balance(
                 at.grip.touching = at.grip.touching | hold.bits
             elif depth > at.rest.near_depth:
                 hold = _hold(hand, f, link, link, a + way * along - near.normal * near.distance,
-                             near.normal, depth, turned, grip, 0)
+                             near.normal, depth, turned, grip, tried, 0)
                 at.rest.near = hold.away
                 at.near_slope = hold.slope
                 at.rest.near_depth = depth
@@ -209,7 +218,8 @@ def finger_balance(
         pressed = hand.link_radius - low[2]
         if pressed > ZERO:
             hold = _hold(hand, f, link, link + 3, vec3(low[0], low[1], ZERO),
-                         vec3(ZERO, ZERO, ONE), pressed, turned, grip, begins)
+                         vec3(ZERO, ZERO, ONE), pressed, turned, grip, tried, begins)
+            at.forced = at.forced + hold.forced
             at.rest.gradient += hold.torque
             stiffness += hold.stiffness
             for j in range(3):

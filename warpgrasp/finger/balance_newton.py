@@ -13,24 +13,34 @@ from warpgrasp.core.dtypes import ONE, ZERO, real, transform, vec3, vec4
 from warpgrasp.finger.balance import Balance, Grip, finger_balance
 from warpgrasp.finger.energy import Equilibrium, largest_magnitude
 from warpgrasp.geometry.scene import Scene
-from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_length
+from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, beyond_stops, finger_length
 
 _ITERATIONS = wp.constant(12)
 _GRADIENT = wp.constant(real(1e-6))  # [N m]; 0.2 mN on a tendon, a 300th of the converter's step
 _LAST = wp.constant(real(2e-5))  # [rad]; to a tendon's reading a tenth of a converter's step
+_LEFT = wp.constant(real(3e-6))  # [N m]
 _CREEP = wp.constant(real(0.1))  # share of a step gained by it; a right matrix gains all
 _JOINTS = wp.constant(real(4.0))  # each turns all of the finger beyond it
 
 
 @wp.func
-def newton_turn(at: Balance):
-    """How a Newton step turns the joints, a place that is near and would be pressed included."""
+def newton_turn(hand: Hand, at: Balance):
+    """How a Newton step turns the joints, with a place that is near and stops where it would press
+    them."""
     rest = at.rest
     turn = -(rest.compliance * rest.gradient)
     bite = rest.near_depth - wp.dot(rest.near, turn)
     if bite > ZERO:
         yields = rest.compliance * at.near_slope
         turn += yields * (bite / (ONE + wp.dot(rest.near, yields)))
+    if hand.stop > ZERO:
+        past = beyond_stops(hand, rest.q)
+        over = beyond_stops(hand, rest.q + turn)
+        for j in range(4):
+            if over[j] != ZERO and past[j] == ZERO:
+                column = vec4(rest.compliance[0, j], rest.compliance[1, j], rest.compliance[2, j],
+                              rest.compliance[3, j])
+                turn -= column * (over[j] / (ONE / hand.stop + column[j]))
     return turn
 
 
@@ -46,19 +56,19 @@ def balanced_finger(
     """
     now = Balance()
     now.rest = last
+    now.grip = grip
     step = start - last.q
     way = vec4(ZERO, ZERO, ZERO, ZERO)
-    level = real(0.0)
     for k in range(_ITERATIONS):
-        now = finger_balance(scene, body, hand, base, command, now.rest.q + step, now.rest, grip,
+        now = finger_balance(scene, body, hand, base, command, now.rest.q + step, now.rest, grip, now.grip,
                              wp.where(k == 0, samples, 0), int(k == 0))
         turned = step
-        step = newton_turn(now)
-        level_before = level
+        step = newton_turn(hand, now)
         level = largest_magnitude(now.rest.gradient)
         last_step = largest_magnitude(step)
-        if level < _GRADIENT or (
-                last_step < _LAST and level * level < _GRADIENT * level_before):
+        # What is left once the step is gone, by how much shorter it is than the one before.
+        if now.forced == 0 and (level < _GRADIENT or (
+                last_step < _LAST and level * last_step < _LEFT * largest_magnitude(turned))):
             now.rest.q += step
             moved = last_step * _JOINTS * finger_length(hand)
             now.rest.depth += vec3(moved, moved, moved)
@@ -69,6 +79,6 @@ def balanced_finger(
         way = step
         # How much of a step is gained by going it: 1 where the matrix is right.
         share = -wp.dot(change, turned) / wp.dot(turned, turned)
-        if k >= 2 and share > _CREEP and share < ONE - _CREEP:
+        if k >= 2 and now.forced == 0 and share > _CREEP and share < ONE - _CREEP:
             step -= (turned + change) * (wp.dot(step, change) / wp.dot(change, change))
     return now

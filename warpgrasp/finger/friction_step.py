@@ -147,7 +147,8 @@ def next_rubbed(
 @wp.func
 def refine_rubbed(scene: Scene, body: int, hand: Hand, base: transform, was: Rubbed):
     """Where the finger rests when every valley of the distance is searched, friction included."""
-    at = finger_balance(scene, body, hand, base, was.command, was.rest.q, was.rest, was.grip, 0, 0)
+    at = finger_balance(scene, body, hand, base, was.command, was.rest.q, was.rest, was.grip,
+                        was.grip, 0, 0)
     rest = at.rest
     if body_is_convex(scene, body) and largest_magnitude(rest.gradient) < _LEVEL:
         return rest

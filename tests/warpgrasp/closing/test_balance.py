@@ -37,8 +37,8 @@ def _both_kernel(
         was = now
         now = next_rubbed(scene, 0, hand, base[i], command[s], was, samples)
         by = lagged_rest(scene, 0, hand, base[i], command[s], was, now.grip, samples)
-        at = finger_balance(scene, 0, hand, base[i], command[s], now.rest.q, now.rest, now.grip, 0,
-                            0)
+        at = finger_balance(scene, 0, hand, base[i], command[s], now.rest.q, now.rest, now.grip,
+                            now.grip, 0, 0)
         q[i, s] = now.rest.q
         lagged[i, s] = by.rest.q
         level[i, s] = largest_magnitude(at.rest.gradient)
