@@ -9,16 +9,18 @@ from step to step (semismooth Newton, Qi and Sun 1993).
 
 import warp as wp
 
-from warpgrasp.core.dtypes import ONE, ZERO, real, transform, vec3, vec4
+from warpgrasp.core.dtypes import HALF, ONE, ZERO, real, transform, vec3, vec4
 from warpgrasp.finger.balance import Balance, Grip, finger_balance
 from warpgrasp.finger.energy import Equilibrium, largest_magnitude
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, beyond_stops, finger_length
 
-_ITERATIONS = wp.constant(12)
+_ITERATIONS = wp.constant(16)
 _GRADIENT = wp.constant(real(1e-6))  # [N m]; 0.2 mN on a tendon, a 300th of the converter's step
 _LAST = wp.constant(real(2e-5))  # [rad]; to a tendon's reading a tenth of a converter's step
 _LEFT = wp.constant(real(3e-6))  # [N m]
+_DAMPED = wp.constant(4)
+_SHORTER = wp.constant(real(0.25))
 _CREEP = wp.constant(real(0.1))  # share of a step gained by it; a right matrix gains all
 _JOINTS = wp.constant(real(4.0))  # each turns all of the finger beyond it
 
@@ -60,8 +62,8 @@ def balanced_finger(
     step = start - last.q
     way = vec4(ZERO, ZERO, ZERO, ZERO)
     for k in range(_ITERATIONS):
-        now = finger_balance(scene, body, hand, base, command, now.rest.q + step, now.rest, grip, now.grip,
-                             wp.where(k == 0, samples, 0), int(k == 0))
+        now = finger_balance(scene, body, hand, base, command, now.rest.q + step, now.rest,
+                             grip, now.grip, wp.where(k == 0, samples, 0), int(k == 0))
         turned = step
         step = newton_turn(hand, now)
         level = largest_magnitude(now.rest.gradient)
@@ -81,4 +83,6 @@ def balanced_finger(
         share = -wp.dot(change, turned) / wp.dot(turned, turned)
         if k >= 2 and now.forced == 0 and share > _CREEP and share < ONE - _CREEP:
             step -= (turned + change) * (wp.dot(step, change) / wp.dot(change, change))
+        elif k >= _DAMPED and wp.dot(step, step) > _SHORTER * wp.dot(turned, turned):
+            step = step * HALF
     return now
