@@ -35,6 +35,7 @@ _NO_CONTACT = wp.constant(int(ProbeStatus.NO_CONTACT))
 _TENSION_STEP = wp.constant(int(Purpose.TENSION_STEP))
 _FAR = wp.constant(1000000)  # steps
 _STRIDE = wp.constant(real(0.04))  # [rad] of a joint's command that is gone at once
+_CORNER = wp.constant(real(1e-6))  # [rad]
 _SMOOTH = wp.constant(real(1e-3))  # [rad]; what a step may miss that is gone at once
 
 
@@ -44,13 +45,16 @@ def _foreseen_stop(
     now: Rubbed, begin: int, end: int, reader: wp.uint64
 ):
     """The first step from `begin` on at which the reading should stop the finger, to first order;
-    at most `end`, and as far as a stride goes."""
+    at most `end`, as far as a stride goes, and not round a corner of the path."""
     s = int(begin)
+    first = true_command(hand, path, grasp, finger, s) - now.command
     while s < end:
         command = true_command(hand, path, grasp, finger, s)
-        if largest_magnitude(command - now.command) > _STRIDE:
-            break
         delta = command - true_command(hand, path, grasp, finger, s - 1)
+        next = true_command(hand, path, grasp, finger, s + 1) - command
+        if largest_magnitude(next - first) > _CORNER or largest_magnitude(
+                command + next - now.command) > _STRIDE:
+            break
         q = predict_joints(now.command, now.rest, command, hand.stiffness)
         q += now.missed * (wp.length_sq(command - now.command) / now.gone)
         if wp.abs(stop_reading(sensor, (command - q) * hand.stiffness, delta,
@@ -188,7 +192,7 @@ def friction_kernel(
         elif low >= uneven:
             jump = int(_FAR)
         s += 1
-        if now.pressed == 1 and now.even == 1:
+        if now.pressed == 1 and now.even == 1 and s < last:
             s = _foreseen_stop(hand, sensor, path, g, finger, now, s, wp.min(last, low + jump),
                                reader)
 
