@@ -85,10 +85,15 @@ def balanced_hand(
     q = mat44()
     for f in range(4):
         q[f] = state[i, f].q
+    foreseen = mat44()
     for iteration in range(_ITERATIONS):
         step = newton_step(state, i, slot, meetings, count, stiffness, pairs)
         long = largest_step(step)
         q += step
+        if iteration == 0:
+            foreseen = q
+            for f in range(4):
+                q[f] = q[f] + grips[i, f].missed
         if iteration > 0 and long < _LAST:
             for f in range(4):
                 state[i, slot + f].q = q[f]
@@ -103,8 +108,10 @@ def balanced_hand(
         slot = 4 - slot
     if settled == 0:
         return -1
-    if slot == 4:
-        for f in range(4):
-            if in_pairs(pairs, f):
+    for f in range(4):
+        if in_pairs(pairs, f):
+            if slot == 4:
                 state[i, f] = state[i, 4 + f]
+            grips[i, 4 + f].missed = (q[f] - foreseen[f]) * wp.where(
+                grips[i, f].touching == grips[i, 4 + f].touching, ONE, ZERO)
     return count

@@ -11,7 +11,7 @@ from warpgrasp.closing.hand_balance import balanced_hand
 from warpgrasp.closing.hand_equilibrium import Meeting, hand_energy, hand_equilibrium, in_pairs
 from warpgrasp.core.dtypes import ZERO, mat44, real, transform
 from warpgrasp.finger.balance import Grip
-from warpgrasp.finger.energy import Equilibrium
+from warpgrasp.finger.energy import Equilibrium, largest_magnitude
 from warpgrasp.finger.friction import Friction, end_friction, note_friction, start_friction
 from warpgrasp.finger.friction_step import lagged, next_rubbed, start_rubbed
 from warpgrasp.finger.path_record import PathStep, true_command
@@ -82,6 +82,7 @@ def _lagging_hand(
             grips[i, 4 + f].q = done.q
             grips[i, 4 + f].left = done.left
             grips[i, 4 + f].touching = done.touching
+            grips[i, 4 + f].missed = done.q * ZERO
     return count
 
 
@@ -101,6 +102,8 @@ def rubbing_hand(
         q[f] = state[i, f].q
         grips[i, f].drift = (state[i, f].compliance * (moves[f] * hands[own, f].stiffness)
                              + state[i, f].q - grips[i, f].q)
+        if largest_magnitude(moves[f]) == ZERO:
+            grips[i, f].missed = moves[f]
         grips[i, 4 + f] = grips[i, f]
     count = balanced_hand(scene, body, hands, own, pose, mount, command, pairs, state, i, samples,
                           meetings, noted, grips)

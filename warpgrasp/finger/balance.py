@@ -38,13 +38,15 @@ class Grip:
     `q` are the joints, `drift` how they would turn in the next step if nothing new came in touch;
     `left` [m] is the stretch at each of six contacts: three links against the body, then the same
     against the table. `touching` has a bit for each contact that touches, and six higher one for
-    each that slides.
+    each that slides. `missed` is how far the joints of a hand's finger rest from where they were
+    foreseen to first order [rad], where the contacts did what they had done in the step before.
     """
 
     q: vec4
     drift: vec4
     left: places
     touching: int
+    missed: vec4
 
 
 @struct
