@@ -15,9 +15,9 @@ from warpgrasp.closing.hand_equilibrium import (
     newton_step,
     stands,
 )
-from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat44, real, transform
+from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat44, real, transform, vec4
 from warpgrasp.finger.balance import Balance, Grip, finger_balance
-from warpgrasp.finger.energy import Equilibrium
+from warpgrasp.finger.energy import Equilibrium, largest_magnitude
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_base
 
@@ -86,22 +86,29 @@ def balanced_hand(
     for f in range(4):
         q[f] = state[i, f].q
     foreseen = mat44()
+    still = vec4(ZERO, ZERO, ZERO, ZERO)
     for iteration in range(_ITERATIONS):
         step = newton_step(state, i, slot, meetings, count, stiffness, pairs)
         long = largest_step(step)
-        q += step
-        if iteration == 0:
-            foreseen = q
-            for f in range(4):
-                q[f] = q[f] + grips[i, f].missed
         if iteration > 0 and long < _LAST:
+            q += step
             for f in range(4):
                 state[i, slot + f].q = q[f]
             settled = int(1)
             break
         if iteration > 1 and long > _GROWN * longest:
             break
-        longest = wp.max(long, real(0.0))
+        if iteration > 0:
+            # Fingers that are all but there wait for the others, and go their step at the end.
+            for f in range(4):
+                if largest_magnitude(step[f]) < _LAST:
+                    step[f] = still
+        q += step
+        if iteration == 0:
+            foreseen = q
+            for f in range(4):
+                q[f] = q[f] + grips[i, f].missed
+        longest = real(long)
         count = hand_balance(scene, body, hands, own, pose, mount, command, q, pairs, state, i,
                              4 - slot, slot, wp.where(iteration == 0, samples, 0), int(iteration == 0),
                              meetings, grips)
