@@ -18,9 +18,15 @@ from warpgrasp.closing.closing_record import (
 from warpgrasp.core.dtypes import ZERO, real, transform
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key
-from warpgrasp.finger.energy import largest_magnitude
 from warpgrasp.finger.free_motion import advance_free, start_free
-from warpgrasp.finger.friction_step import Rubbed, next_rubbed, refine_rubbed, start_rubbed
+from warpgrasp.finger.friction_step import (
+    Rubbed,
+    next_rubbed,
+    refine_rubbed,
+    runs_on,
+    start_rubbed,
+    went_evenly,
+)
 from warpgrasp.finger.path_record import LinkStep, PathStep, true_command
 from warpgrasp.finger.torque_bounds import predict_joints, stop_reading
 from warpgrasp.geometry.scene import Scene, body_is_convex
@@ -34,9 +40,6 @@ _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
 _NO_CONTACT = wp.constant(int(ProbeStatus.NO_CONTACT))
 _TENSION_STEP = wp.constant(int(Purpose.TENSION_STEP))
 _FAR = wp.constant(1000000)  # steps
-_STRIDE = wp.constant(real(0.04))  # [rad] of a joint's command that is gone at once
-_CORNER = wp.constant(real(1e-6))  # [rad]
-_SMOOTH = wp.constant(real(1e-3))  # [rad]; what a step may miss that is gone at once
 
 
 @wp.func
@@ -47,14 +50,9 @@ def _foreseen_stop(
     """The first step from `begin` on at which the reading should stop the finger, to first order;
     at most `end`, as far as a stride goes, and not round a corner of the path."""
     s = int(begin)
-    first = true_command(hand, path, grasp, finger, s) - now.command
-    while s < end:
+    while s < end and runs_on(hand, path, grasp, finger, now.command, begin - 1, s):
         command = true_command(hand, path, grasp, finger, s)
         delta = command - true_command(hand, path, grasp, finger, s - 1)
-        next = true_command(hand, path, grasp, finger, s + 1) - command
-        if largest_magnitude(next - first) > _CORNER or largest_magnitude(
-                command + next - now.command) > _STRIDE:
-            break
         q = predict_joints(now.command, now.rest, command, hand.stiffness)
         q += now.missed * (wp.length_sq(command - now.command) / now.gone)
         if wp.abs(stop_reading(sensor, (command - q) * hand.stiffness, delta,
@@ -163,7 +161,7 @@ def friction_kernel(
         ahead = next_rubbed(scene, which, hand, base, true_command(hand, path, g, finger, s), now,
                             wp.where(known, 0, samples))
         if s > low + 1:
-            if ahead.even == 0 or largest_magnitude(ahead.missed) > _SMOOTH:
+            if not went_evenly(ahead):
                 # Contacts changed on the way.
                 uneven = wp.max(uneven, s)
                 jump = (s - low) // 2

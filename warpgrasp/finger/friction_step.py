@@ -25,6 +25,7 @@ from warpgrasp.finger.friction import (
     start_friction,
     with_friction,
 )
+from warpgrasp.finger.path_record import PathStep, true_command
 from warpgrasp.finger.torque_bounds import predict_joints
 from warpgrasp.geometry.scene import Scene, body_is_convex
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, free_joints
@@ -33,6 +34,9 @@ _PASSES = wp.constant(30)
 _REFINEMENTS = wp.constant(4)
 _CLOSE = wp.constant(real(1e-3))  # [N]; a hundredth of a tendon's noise, by any lever
 _LEVEL = wp.constant(real(1e-6))  # slope [N m]
+_STRIDE = wp.constant(real(0.04))  # [rad] of a joint's command that is gone at once
+_CORNER = wp.constant(real(1e-6))  # [rad]
+_SMOOTH = wp.constant(real(1e-3))  # [rad]
 _TOUCHING = wp.constant(63)
 
 
@@ -142,6 +146,26 @@ def next_rubbed(
     now.even = int(found.settled == 1 and now.left.touching == was.left.touching
                    and now.gone > ZERO)
     return now
+
+
+@wp.func
+def went_evenly(now: Rubbed):
+    """Whether a step of several commands may stand for them: contacts did what they had done, and
+    joints rest all but where they were foreseen."""
+    return now.even == 1 and largest_magnitude(now.missed) <= _SMOOTH
+
+
+@wp.func
+def runs_on(
+    hand: Hand, path: wp.array3d[PathStep], grasp: int, finger: int, begin: vec4, low: int, s: int
+):
+    """Whether a step of several commands, from that at step `low`, `begin`, may go past step `s`:
+    as far as a stride, and not round a corner of the path."""
+    here = true_command(hand, path, grasp, finger, s)
+    beyond = true_command(hand, path, grasp, finger, s + 1)
+    first = true_command(hand, path, grasp, finger, low + 1) - begin
+    return largest_magnitude(beyond - here - first) <= _CORNER and largest_magnitude(
+        beyond - begin) <= _STRIDE
 
 
 @wp.func
