@@ -171,5 +171,6 @@ def _resolve(near: np.ndarray, given: dict[str, Any], rubs: bool, device: str) -
     shapes = {**_SHAPES, "body": "some"} if given["body"].shape[0] == 1 else _SHAPES
     launch(meeting_kernel, {"row": n}, shapes, _named(meeting_kernel, given | {
         "place": wp.array(place, dtype=wp.vec3i, device=device), "state": state.array,
-        "meetings": meetings.array, "frictions": frictions.array, "grips": grips.array}), device=device)
+        "meetings": meetings.array, "frictions": frictions.array,
+        "grips": grips.array}), device=device)
 

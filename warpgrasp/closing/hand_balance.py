@@ -110,8 +110,8 @@ def balanced_hand(
                 q[f] = q[f] + grips[i, f].missed
         longest = real(long)
         count = hand_balance(scene, body, hands, own, pose, mount, command, q, pairs, state, i,
-                             4 - slot, slot, wp.where(iteration == 0, samples, 0), int(iteration == 0),
-                             meetings, grips)
+                             4 - slot, slot, wp.where(iteration == 0, samples, 0),
+                             int(iteration == 0), meetings, grips)
         slot = 4 - slot
     if settled == 0:
         return -1

@@ -56,8 +56,8 @@ class Balance:
 
     `near_slope` is what the nearest place that bears no load would change torques by if it were
     pressed in, sliding [N m/m]. `forced` counts contacts that are held with more force than they
-    can bear. `settled` is 1 where a search for balance has ended. The fields of `rest` for energies are not
-    set.
+    can bear. `settled` is 1 where a search for balance has ended. The fields of `rest` for energies
+    are not set.
     """
 
     rest: Equilibrium

@@ -21,6 +21,7 @@ _LAST = wp.constant(real(2e-5))  # [rad]; to a tendon's reading a tenth of a con
 _LEFT = wp.constant(real(3e-6))  # [N m]
 _DAMPED = wp.constant(4)
 _SHORTER = wp.constant(real(0.25))
+_AWAY = wp.constant(real(0.05))  # [rad]; a rest so far off may be another one
 _CREEP = wp.constant(real(0.1))  # share of a step gained by it; a right matrix gains all
 _JOINTS = wp.constant(real(4.0))  # each turns all of the finger beyond it
 
@@ -75,7 +76,7 @@ def balanced_finger(
             moved = last_step * _JOINTS * finger_length(hand)
             now.rest.depth += vec3(moved, moved, moved)
             now.rest.table += vec3(moved, moved, moved)
-            now.settled = 1
+            now.settled = int(largest_magnitude(now.rest.q - start) < _AWAY)
             break
         change = step - way
         way = step

@@ -19,7 +19,6 @@ from warpgrasp.finger.energy import (
 from warpgrasp.finger.equilibrium import finger_equilibrium
 from warpgrasp.finger.equilibrium_refine import refine_equilibrium
 from warpgrasp.finger.friction import (
-    Friction,
     end_friction,
     note_friction,
     start_friction,
@@ -81,15 +80,20 @@ def drift_of(hand: Hand, base: transform, command: vec4, rest: Equilibrium, now:
 
 
 @wp.func
-def lagged(
-    scene: Scene, body: int, hand: Hand, base: transform, rest: Equilibrium, grip: Grip
-):
-    """The contacts at `rest` as `note_friction` notes them, in a step that begins with `grip`."""
+def _begun(grip: Grip):
     friction = start_friction(grip.q)
     friction.drift = grip.drift
     friction.left = grip.left
     friction.touching = grip.touching & _TOUCHING
-    return note_friction(scene, body, hand, base, rest, friction)
+    return friction
+
+
+@wp.func
+def lagged(
+    scene: Scene, body: int, hand: Hand, base: transform, rest: Equilibrium, grip: Grip
+):
+    """The contacts at `rest` as `note_friction` notes them, in a step that begins with `grip`."""
+    return note_friction(scene, body, hand, base, rest, _begun(grip))
 
 
 @wp.func
@@ -100,7 +104,9 @@ def lagged_rest(
     """The finger at rest on a command, by passes with friction lagged."""
     now = Balance()
     now.rest = was.rest
-    friction = lagged(scene, body, hand, base, was.rest, grip)
+    friction = _begun(grip)
+    if was.pressed == 1:
+        friction = lagged(scene, body, hand, base, was.rest, grip)
     start = was.rest.q + grip.drift
     for again in range(_PASSES):
         now.rest = finger_equilibrium(scene, body, hand, base, command, start, now.rest,
