@@ -19,16 +19,9 @@ from warpgrasp.core.dtypes import ZERO, real, transform
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key
 from warpgrasp.finger.free_motion import advance_free, start_free
-from warpgrasp.finger.friction_step import (
-    Rubbed,
-    next_rubbed,
-    refine_rubbed,
-    runs_on,
-    start_rubbed,
-    went_evenly,
-)
+from warpgrasp.finger.friction_step import next_rubbed, refine_rubbed, start_rubbed
 from warpgrasp.finger.path_record import LinkStep, PathStep, true_command
-from warpgrasp.finger.torque_bounds import predict_joints, stop_reading
+from warpgrasp.finger.torque_bounds import stop_reading
 from warpgrasp.geometry.scene import Scene, body_is_convex
 from warpgrasp.geometry.segment_distance import LINK_SAMPLES
 from warpgrasp.mechanism.tendon_kernel import TendonSensor
@@ -39,45 +32,6 @@ wp.set_module_options({"max_unroll": 1})
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
 _NO_CONTACT = wp.constant(int(ProbeStatus.NO_CONTACT))
 _TENSION_STEP = wp.constant(int(Purpose.TENSION_STEP))
-_FAR = wp.constant(1000000)  # steps
-
-
-@wp.func
-def _foreseen_stop(
-    hand: Hand, sensor: TendonSensor, path: wp.array3d[PathStep], grasp: int, finger: int,
-    now: Rubbed, begin: int, end: int, reader: wp.uint64
-):
-    """The first step from `begin` on at which the reading should stop the finger, to first order;
-    at most `end`, as far as a stride goes, and not round a corner of the path."""
-    s = int(begin)
-    while s < end and runs_on(hand, path, grasp, finger, now.command, begin - 1, s):
-        command = true_command(hand, path, grasp, finger, s)
-        delta = command - true_command(hand, path, grasp, finger, s - 1)
-        q = predict_joints(now.command, now.rest, command, hand.stiffness)
-        q += now.missed * (wp.length_sq(command - now.command) / now.gone)
-        if wp.abs(stop_reading(sensor, (command - q) * hand.stiffness, delta,
-                               counter_key(reader, s))) > sensor.threshold:
-            break
-        s += 1
-    return s
-
-
-@wp.func
-def _first_stop(
-    hand: Hand, sensor: TendonSensor, path: wp.array3d[PathStep], grasp: int, finger: int,
-    now: Rubbed, low: int, ahead: Rubbed, high: int, reader: wp.uint64
-):
-    """The first step between `now` at step `low` and `ahead` at `high` whose reading should stop
-    the finger, `high` if none."""
-    for s in range(low + 1, high):
-        command = true_command(hand, path, grasp, finger, s)
-        delta = command - true_command(hand, path, grasp, finger, s - 1)
-        q = predict_joints(now.command, now.rest, command, hand.stiffness)
-        q += ahead.missed * (wp.length_sq(command - now.command) / ahead.gone)
-        if wp.abs(stop_reading(sensor, (command - q) * hand.stiffness, delta,
-                               counter_key(reader, s))) > sensor.threshold:
-            return s
-    return high
 
 
 @wp.kernel(enable_backward=False)
@@ -123,12 +77,9 @@ def friction_kernel(
 
     free = start_free(scene, which, convex, hand, base, links[g, finger, 1, 0].end)
     now = start_rubbed(hand, base, true_command(hand, path, g, finger, 0))
-    low = int(-1)  # the step of `now`
     heard = int(0)  # free steps before are known not to stop the finger
     stopped = int(-1)
     reading = real(0.0)
-    jump = int(_FAR)  # most steps that are gone at once, up to step `uneven`
-    uneven = int(-1)
     s = int(0)
     while s <= last:
         known = False
@@ -148,8 +99,8 @@ def friction_kernel(
                     heard += 1
             if stopped >= 0:
                 break
-            low = wp.min(s - 1, last)
-            now = start_rubbed(hand, base, true_command(hand, path, g, finger, wp.max(low, 0)))
+            now = start_rubbed(hand, base, true_command(hand, path, g, finger,
+                                                        wp.min(wp.max(s - 1, 0), last)))
             if s > last:
                 break
             heard = s + 1
@@ -158,21 +109,8 @@ def friction_kernel(
             # As at the step itself: bounds of it hold for the one before within what a step moves.
             now.rest.depth = -free.room
             known = wp.min(free.along) >= ZERO
-        ahead = next_rubbed(scene, which, hand, base, true_command(hand, path, g, finger, s), now,
-                            wp.where(known, 0, samples))
-        if s > low + 1:
-            if not went_evenly(ahead):
-                # Contacts changed on the way.
-                uneven = wp.max(uneven, s)
-                jump = (s - low) // 2
-                s = low + jump
-                continue
-            first_stop = _first_stop(hand, sensor, path, g, finger, now, low, ahead, s, reader)
-            if first_stop < s:
-                s = first_stop
-                continue
-        now = ahead
-        low = int(s)
+        now = next_rubbed(scene, which, hand, base, true_command(hand, path, g, finger, s), now,
+                          wp.where(known, 0, samples))
         reading = real(0.0)
         if now.pressed == 1 and truth[w, p, g, finger].touched < 0:
             truth[w, p, g, finger].touched = s
@@ -187,12 +125,7 @@ def friction_kernel(
             free.step = s
             for link in range(3):
                 free.room[link] = -march_scale * wp.max(now.rest.depth[link], now.rest.table[link])
-        elif low >= uneven:
-            jump = int(_FAR)
         s += 1
-        if now.pressed == 1 and now.even == 1 and s < last:
-            s = _foreseen_stop(hand, sensor, path, g, finger, now, s, wp.min(last, low + jump),
-                               reader)
 
     at = wp.where(stopped < 0, last, stopped)
     if stopped >= 0 and now.pressed == 1:

@@ -13,7 +13,7 @@ from warpgrasp.core.dtypes import ZERO, mat44, real, transform
 from warpgrasp.finger.balance import Grip
 from warpgrasp.finger.energy import Equilibrium, largest_magnitude
 from warpgrasp.finger.friction import Friction, end_friction, note_friction, start_friction
-from warpgrasp.finger.friction_step import lagged, next_rubbed, runs_on, start_rubbed, went_evenly
+from warpgrasp.finger.friction_step import lagged, next_rubbed, start_rubbed
 from warpgrasp.finger.path_record import PathStep, true_command
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_base
@@ -33,24 +33,9 @@ def rubbed_at(
     if touched >= 0 and touched <= step:
         begin = wp.max(touched - 1, 0)
     now = start_rubbed(hand, base, true_command(hand, path, grasp, finger, begin))
-    low = int(begin)
-    uneven = int(-1)
-    jump = int(step)  # most steps that are gone at once, up to step `uneven`
-    while low < step:
-        s = low + 1
-        while now.even == 1 and s < wp.min(step, low + jump) and runs_on(
-                hand, path, grasp, finger, now.command, low, s):
-            s += 1
-        ahead = next_rubbed(scene, body, hand, base, true_command(hand, path, grasp, finger, s),
-                            now, samples)
-        if s > low + 1 and not went_evenly(ahead):
-            uneven = s
-            jump = (s - low) // 2
-        else:
-            now = ahead
-            low = s
-            if low >= uneven:
-                jump = int(step)
+    for s in range(begin + 1, step + 1):
+        now = next_rubbed(scene, body, hand, base, true_command(hand, path, grasp, finger, s), now,
+                          samples)
     return now
 
 

@@ -24,7 +24,6 @@ from warpgrasp.finger.friction import (
     start_friction,
     with_friction,
 )
-from warpgrasp.finger.path_record import PathStep, true_command
 from warpgrasp.finger.torque_bounds import predict_joints
 from warpgrasp.geometry.scene import Scene, body_is_convex
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, free_joints
@@ -33,9 +32,6 @@ _PASSES = wp.constant(30)
 _REFINEMENTS = wp.constant(4)
 _CLOSE = wp.constant(real(1e-3))  # [N]; a hundredth of a tendon's noise, by any lever
 _LEVEL = wp.constant(real(1e-6))  # slope [N m]
-_STRIDE = wp.constant(real(0.04))  # [rad] of a joint's command that is gone at once
-_CORNER = wp.constant(real(1e-6))  # [rad]
-_SMOOTH = wp.constant(real(1e-3))  # [rad]
 _TOUCHING = wp.constant(63)
 
 
@@ -45,8 +41,8 @@ class Rubbed:
 
     `grip` is what the step there began with, `left` what the next one begins with. `pressed` is 1
     where a link touches. `missed` is how far the joints rest from where they were foreseen to
-    first order [rad], `gone` the square of the step of the command [rad^2]. `even` is 1 where the
-    contacts did what they had done in the step before.
+    first order [rad], where the contacts did what they had done in the step before: the next step
+    will miss as much.
     """
 
     command: vec4
@@ -54,9 +50,7 @@ class Rubbed:
     grip: Grip
     left: Grip
     pressed: int
-    even: int
     missed: vec4
-    gone: real
 
 
 @wp.func
@@ -134,44 +128,19 @@ def next_rubbed(
     """The finger at rest on the next command; `base` is in the body's frame."""
     now = Rubbed()
     now.command = command
-    now.gone = wp.length_sq(command - was.command)
     turn = drift_of(hand, base, was.command, was.rest, command, was.pressed)
     now.grip = was.left
     now.grip.drift = was.rest.q + turn - was.left.q
-    start = was.rest.q + turn
-    if was.even == 1:
-        # What was missed grows as the square of the step.
-        start += was.missed * (now.gone / was.gone)
-    found = balanced_finger(scene, body, hand, base, command, start, was.rest, now.grip, samples)
+    found = balanced_finger(scene, body, hand, base, command, was.rest.q + turn + was.missed,
+                            was.rest, now.grip, samples)
     if found.settled == 0:
         found = lagged_rest(scene, body, hand, base, command, was, now.grip, samples)
     now.rest = found.rest
     now.left = found.grip
     now.pressed = int((now.left.touching & _TOUCHING) != 0)
-    now.missed = now.rest.q - was.rest.q - turn
-    now.even = int(found.settled == 1 and now.left.touching == was.left.touching
-                   and now.gone > ZERO)
+    if found.settled == 1 and now.left.touching == was.left.touching:
+        now.missed = now.rest.q - was.rest.q - turn
     return now
-
-
-@wp.func
-def went_evenly(now: Rubbed):
-    """Whether a step of several commands may stand for them: contacts did what they had done, and
-    joints rest all but where they were foreseen."""
-    return now.even == 1 and largest_magnitude(now.missed) <= _SMOOTH
-
-
-@wp.func
-def runs_on(
-    hand: Hand, path: wp.array3d[PathStep], grasp: int, finger: int, begin: vec4, low: int, s: int
-):
-    """Whether a step of several commands, from that at step `low`, `begin`, may go past step `s`:
-    as far as a stride, and not round a corner of the path."""
-    here = true_command(hand, path, grasp, finger, s)
-    beyond = true_command(hand, path, grasp, finger, s + 1)
-    first = true_command(hand, path, grasp, finger, low + 1) - begin
-    return largest_magnitude(beyond - here - first) <= _CORNER and largest_magnitude(
-        beyond - begin) <= _STRIDE
 
 
 @wp.func
