@@ -11,20 +11,12 @@ that it is not symmetric (Alart and Curnier 1991, the derivative of their projec
 import warp as wp
 
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat44, real, struct, transform, vec3, vec4
+from warpgrasp.finger.chain import Chain, finger_chain, lifted, moved, moved_along
 from warpgrasp.finger.energy import Equilibrium, pick, put
 from warpgrasp.finger.friction import SHEAR, places
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.geometry.segment_distance import lower_end, nearest_on_link
-from warpgrasp.mechanism.utah_mit_hand_kernel import (
-    FingerPose,
-    Hand,
-    beyond_stops,
-    finger_jacobian,
-    finger_pose,
-    link_direction,
-    link_start,
-    weight_moments,
-)
+from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, beyond_stops
 
 _SHEAR = wp.constant(real(SHEAR))
 _UNSTRETCHED = wp.constant(real(1e-12))  # [m]
@@ -90,13 +82,13 @@ def start_grip(q: vec4):
 
 @wp.func
 def _hold(
-    hand: Hand, f: FingerPose, link: int, contact: int, place: vec3, normal: vec3, depth: real,
+    hand: Hand, chain: Chain, link: int, contact: int, place: vec3, normal: vec3, depth: real,
     turned: vec4, grip: Grip, tried: Grip, begins: int
 ):
     """What skin does that is pressed in by `depth` at a `place` of the surface, the joints `turned`
     since `grip`; less than 0 for a place that is near, which then slides."""
     hold = _Hold()
-    away = finger_jacobian(f, link, place, normal)
+    away = moved_along(chain, link, place, normal)
     hold.away = away
     force = hand.skin * depth
     n = wp.normalize(normal)
@@ -109,29 +101,23 @@ def _hold(
         if closes > ZERO:
             share = wp.clamp(-before / closes, ZERO, ONE)
         turn -= grip.drift * share
-    arm = (place - f.p1) * turn[1]
-    if link >= 1:
-        arm += (place - f.p2) * turn[2]
-    if link >= 2:
-        arm += (place - f.p3) * turn[3]
-    e = vec3(grip.left[contact, 0], grip.left[contact, 1], grip.left[contact, 2])
-    e += wp.cross(f.abduct, place - f.base) * turn[0] + wp.cross(f.side, arm)
+    e = grip.left[contact] + moved(chain, link, place, turn)
     e -= n * wp.dot(n, e)
     size = wp.length(e)
     one = e / size
     if size < _UNSTRETCHED:
         one = wp.where(wp.abs(n[0]) < HALF, vec3(ONE, ZERO, ZERO), vec3(ZERO, ONE, ZERO))
         one = wp.normalize(one - n * wp.dot(n, one))
-    by_one = finger_jacobian(f, link, place, one)
-    by_two = finger_jacobian(f, link, place, wp.cross(n, one))
+    by_one = moved_along(chain, link, place, one)
+    by_two = moved_along(chain, link, place, wp.cross(n, one))
     shear = hand.skin * _SHEAR
     limit = hand.friction * force
     # Torques of the forces across and along the surface; what changes with the depth comes first.
     slope = away * hand.skin
     along = shear * size
     resists = shear
-    if along > limit and ((tried.touching >> contact) & _SLIDES) != 0 and wp.dot(e, vec3(
-            tried.left[contact, 0], tried.left[contact, 1], tried.left[contact, 2])) < ZERO:
+    if along > limit and ((tried.touching >> contact) & _SLIDES) != 0 and wp.dot(
+            e, tried.left[contact]) < ZERO:
         # It went past where it would have held.
         hold.forced = 1
     if along > limit and hold.forced == 0:
@@ -169,7 +155,7 @@ def finger_balance(
     at.grip.q = q
     at.rest.q = q
     k = hand.stiffness
-    f = finger_pose(hand, base, q)
+    chain = finger_chain(hand, base, q)
     past = beyond_stops(hand, q)
     c = k + hand.stop
     stiffness = mat44(wp.where(past[0] == ZERO, k, c), ZERO, ZERO, ZERO,
@@ -178,7 +164,7 @@ def finger_balance(
                       ZERO, ZERO, ZERO, wp.where(past[3] == ZERO, k, c))
     at.rest.drive = (q - command) * k
     if hand.weight[0] > ZERO:
-        at.rest.drive -= weight_moments(hand, f)
+        at.rest.drive += lifted(hand, chain)
     at.rest.gradient = at.rest.drive + past * hand.stop
     turned = q - grip.q
     flexed = vec3(wp.abs(q[1] - last.q[1]), wp.abs(q[2] - last.q[2]), wp.abs(q[3] - last.q[3]))
@@ -186,8 +172,8 @@ def finger_balance(
     swung = wp.abs(q[0] - last.q[0])
     travel = swung * hand.abduction_offset
     for link in range(3):
-        a = link_start(f, link)
-        way = link_direction(f, link)
+        a = chain.starts[link]
+        way = chain.ways[link]
         length = pick(hand.link_length, link)
         swung += pick(flexed, link)
         travel += swung * length
@@ -202,7 +188,7 @@ def finger_balance(
             along = near.along
             bend = near.bend
             if depth > ZERO:
-                hold = _hold(hand, f, link, link, a + way * along - near.normal * near.distance,
+                hold = _hold(hand, chain, link, link, a + way * along - near.normal * near.distance,
                              near.normal, depth, turned, grip, tried, begins)
                 at.forced = at.forced + hold.forced
                 at.rest.gradient += hold.torque
@@ -211,7 +197,7 @@ def finger_balance(
                     at.grip.left[link, j] = hold.left[j]
                 at.grip.touching = at.grip.touching | hold.bits
             elif depth > at.rest.near_depth:
-                hold = _hold(hand, f, link, link, a + way * along - near.normal * near.distance,
+                hold = _hold(hand, chain, link, link, a + way * along - near.normal * near.distance,
                              near.normal, depth, turned, grip, tried, 0)
                 at.rest.near = hold.away
                 at.near_slope = hold.slope
@@ -219,7 +205,7 @@ def finger_balance(
         low = a + way * lower_end(way, length)
         pressed = hand.link_radius - low[2]
         if pressed > ZERO:
-            hold = _hold(hand, f, link, link + 3, vec3(low[0], low[1], ZERO),
+            hold = _hold(hand, chain, link, link + 3, vec3(low[0], low[1], ZERO),
                          vec3(ZERO, ZERO, ONE), pressed, turned, grip, tried, begins)
             at.forced = at.forced + hold.forced
             at.rest.gradient += hold.torque
