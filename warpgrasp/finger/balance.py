@@ -64,7 +64,10 @@ class _Hold:
     """What a pressed place does: torques [N m], their derivative, and how its skin is stretched."""
 
     torque: vec4
-    stiffness: mat44
+    by_one: vec4
+    by_two: vec4
+    holds: real
+    resists: real
     away: vec4
     slope: vec4
     left: vec3
@@ -131,13 +134,30 @@ def _hold(
         hold.left = one * (limit / shear)
         hold.bits = (1 + _SLIDES) << contact
     else:
-        hold.stiffness = wp.outer(by_one * shear, by_one)
+        hold.holds = shear
         hold.left = e
         hold.bits = 1 << contact
     hold.slope = slope
     hold.torque = by_one * along - away * force
-    hold.stiffness += wp.outer(slope, away) + wp.outer(by_two * resists, by_two)
+    hold.by_one = by_one
+    hold.by_two = by_two
+    hold.resists = resists
     return hold
+
+
+@wp.func
+def stiffened(compliance: mat44, hold: _Hold):
+    """A compliance with a place that is pressed, by the formula of Sherman and Morrison."""
+    c = compliance
+    yields = c * hold.slope
+    c -= wp.outer(yields, (hold.away * c) / (ONE + wp.dot(hold.away, yields)))
+    if hold.holds > ZERO:
+        yields = c * hold.by_one
+        c -= wp.outer(yields, (hold.by_one * c) / (ONE / hold.holds + wp.dot(hold.by_one, yields)))
+    yields = c * hold.by_two
+    c -= wp.outer(yields, (hold.by_two * c) * (hold.resists / (
+        ONE + hold.resists * wp.dot(hold.by_two, yields))))
+    return c
 
 
 @wp.func
@@ -158,10 +178,12 @@ def finger_balance(
     chain = finger_chain(hand, base, q)
     past = beyond_stops(hand, q)
     c = k + hand.stop
-    stiffness = mat44(wp.where(past[0] == ZERO, k, c), ZERO, ZERO, ZERO,
-                      ZERO, wp.where(past[1] == ZERO, k, c), ZERO, ZERO,
-                      ZERO, ZERO, wp.where(past[2] == ZERO, k, c), ZERO,
-                      ZERO, ZERO, ZERO, wp.where(past[3] == ZERO, k, c))
+    loose = ONE / k
+    stopped = ONE / c
+    at.rest.compliance = mat44(wp.where(past[0] == ZERO, loose, stopped), ZERO, ZERO, ZERO,
+                               ZERO, wp.where(past[1] == ZERO, loose, stopped), ZERO, ZERO,
+                               ZERO, ZERO, wp.where(past[2] == ZERO, loose, stopped), ZERO,
+                               ZERO, ZERO, ZERO, wp.where(past[3] == ZERO, loose, stopped))
     at.rest.drive = (q - command) * k
     if hand.weight[0] > ZERO:
         at.rest.drive += lifted(hand, chain)
@@ -192,7 +214,7 @@ def finger_balance(
                              near.normal, depth, turned, grip, tried, begins)
                 at.forced = at.forced + hold.forced
                 at.rest.gradient += hold.torque
-                stiffness += hold.stiffness
+                at.rest.compliance = stiffened(at.rest.compliance, hold)
                 for j in range(3):
                     at.grip.left[link, j] = hold.left[j]
                 at.grip.touching = at.grip.touching | hold.bits
@@ -209,7 +231,7 @@ def finger_balance(
                          vec3(ZERO, ZERO, ONE), pressed, turned, grip, tried, begins)
             at.forced = at.forced + hold.forced
             at.rest.gradient += hold.torque
-            stiffness += hold.stiffness
+            at.rest.compliance = stiffened(at.rest.compliance, hold)
             for j in range(3):
                 at.grip.left[link + 3, j] = hold.left[j]
             at.grip.touching = at.grip.touching | hold.bits
@@ -217,5 +239,4 @@ def finger_balance(
         at.rest.along = put(at.rest.along, link, along)
         at.rest.bend = put(at.rest.bend, link, bend)
         at.rest.depth = put(at.rest.depth, link, depth)
-    at.rest.compliance = wp.inverse(stiffness)
     return at

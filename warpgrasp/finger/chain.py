@@ -6,7 +6,7 @@ As `mechanism.finger_pose`, with what those sums do not need left out.
 
 import warp as wp
 
-from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat33, real, struct, transform, vec3, vec4
+from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat33, struct, transform, vec3, vec4
 from warpgrasp.core.sincos import sine_cosine
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
 
