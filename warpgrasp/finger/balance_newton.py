@@ -1,10 +1,10 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
 """The rest of a finger whose skin rubs, by Newton's method on its balance of torques.
 
-As there is no energy that could fall, a step is taken whole where the next one, by the same
-matrix, would be shorter (Deuflhard, Newton methods for nonlinear problems, 2004, the natural
-monotonicity test), and halved otherwise. Contacts that come, go, stick or slide change the matrix
-from step to step (semismooth Newton, Qi and Sun 1993).
+There is no energy that could fall, and contacts that come, go, stick or slide change the matrix
+from step to step (semismooth Newton, Qi and Sun 1993), so that the torques off balance may rise for
+a step. Steps are therefore taken whole, and later halved where they do not shorten. What is near
+and would be pressed is foreseen (`newton_turn`).
 """
 
 import warp as wp
@@ -19,8 +19,8 @@ _ITERATIONS = wp.constant(16)
 _GRADIENT = wp.constant(real(1e-6))  # [N m]; 0.2 mN on a tendon, a 300th of the converter's step
 _LAST = wp.constant(real(2e-5))  # [rad]; to a tendon's reading a tenth of a converter's step
 _LEFT = wp.constant(real(3e-6))  # [N m]
-_DAMPED = wp.constant(4)
-_SHORTER = wp.constant(real(0.25))
+_DAMPED = wp.constant(4)  # from this iteration on steps that do not shorten are halved:
+_SHORTER = wp.constant(real(0.25))  # in square
 _AWAY = wp.constant(real(0.05))  # [rad]; a rest so far off may be another one
 _CREEP = wp.constant(real(0.1))  # share of a step gained by it; a right matrix gains all
 _JOINTS = wp.constant(real(4.0))  # each turns all of the finger beyond it
