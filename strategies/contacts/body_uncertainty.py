@@ -8,10 +8,9 @@ Contacts that contradict the body tell that the model is not adequate. The three
 calibrated on simulated episodes (`docs/fit.md`).
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from fit.arrays import row_sums
 from fit.revolution.geometry import RevolutionBody, revolution_surface, revolution_volume
@@ -22,6 +21,7 @@ from fit.superquadric.uncertainty import (
     surface_distance,
     surface_std,
 )
+from strategies.contacts.felt import Felt, packed, unfelt_distance
 from strategies.contacts.finger_touch import TouchedLinks
 from strategies.contacts.shared_errors import shared_shifts
 from warpgrasp.parameters import ArmTable, ErrorTable
@@ -38,25 +38,8 @@ INADEQUATE_FROM = 0.12
 """Share of contradicted contacts from which on the body's model is not adequate [est]."""
 TOUCH_SIGMA_M = 0.001
 """Spread of one touch of a pad about a contour [est]."""
-FARTHEST_M = 0.1
-FOOT_M = 0.006
 _PACK = 64
 _SURFACE_POINTS = 216
-
-
-@dataclass(frozen=True)
-class Felt:
-    """Contacts of each world. Shapes start with (world, point)."""
-
-    points_m: np.ndarray
-    mask: np.ndarray
-    covariance_m2: np.ndarray
-    contradicted: np.ndarray
-    """Which of them contradict the body they were placed on, bool."""
-
-    def contradicted_share(self) -> np.ndarray:
-        """Of all contacts, (world,)."""
-        return self.contradicted.sum(1) / np.maximum(self.mask.sum(1), 1)
 
 
 def calibrated_uncertainty(
@@ -92,28 +75,9 @@ def surface_spread(
 ) -> np.ndarray:
     """Standard deviation [m] of the surface along its normal, at or near points (world, point, 3),
     what was not felt included."""
-    away = np.hypot(OUTSIDE, SPREAD) * _unfelt(points_m, felt)
+    away = np.hypot(OUTSIDE, SPREAD) * unfelt_distance(points_m, felt)
     model = CONTRADICTED_SPREAD_M * felt.contradicted_share()[:, None]
     return np.sqrt(surface_std(body, uncertainty, points_m) ** 2 + away**2 + model**2)
-
-
-def packed(felt: Felt, links: TouchedLinks, rows: np.ndarray, width: int
-           ) -> tuple[Felt, TouchedLinks]:
-    """The contacts of the worlds `rows`, in order, in `width` slots."""
-    order = np.argsort(~felt.mask[rows], axis=1, kind="stable")[:, :width]
-    pad = max(0, width - order.shape[1])
-
-    def taken(record: Felt | TouchedLinks) -> dict[str, np.ndarray]:
-        moved = {}
-        for f in fields(record):
-            values = getattr(record, f.name)
-            if isinstance(values, np.ndarray):
-                index = order.reshape(*order.shape, *([1] * (values.ndim - 2)))
-                moved[f.name] = np.pad(np.take_along_axis(values[rows], index, 1),
-                                       [(0, 0), (0, pad)] + [(0, 0)] * (values.ndim - 2))
-        return moved
-
-    return replace(felt, **taken(felt)), replace(links, **taken(links))
 
 
 def _of_superquadrics(
@@ -124,7 +88,7 @@ def _of_superquadrics(
     known = superquadric_uncertainty(body, felt.points_m, felt.mask, table_z=0.0,
                                      covariance=felt.covariance_m2, shared_m=shared)
     points, area = superquadric_areas(body, _SURFACE_POINTS)
-    unfelt = row_sums(area * _unfelt(points, felt)) / known.volume_m3
+    unfelt = row_sums(area * unfelt_distance(points, felt)) / known.volume_m3
     return replace(known, log_volume_shift=OUTSIDE * unfelt,
                    log_volume_std=_widened(known.log_volume_std, unfelt, felt))
 
@@ -149,7 +113,7 @@ def _with_contours(
     points, _, area = revolution_surface(body)
     volume = revolution_volume(body)
     side = row_sums(area) / volume
-    unfelt = row_sums(area * _unfelt(points, felt)) / volume
+    unfelt = row_sums(area * unfelt_distance(points, felt)) / volume
     std = np.hypot(side * radius, side * TOUCH_SIGMA_M / np.sqrt(count))
     values = {"volume_m3": volume, "log_volume_shift": OUTSIDE * unfelt,
               "log_volume_std": _widened(std, unfelt, felt)}
@@ -162,12 +126,3 @@ def _with_contours(
 def _widened(std: np.ndarray, unfelt: np.ndarray, felt: Felt) -> np.ndarray:
     return np.sqrt(std**2 + (SPREAD * unfelt) ** 2
                    + (CONTRADICTED_SPREAD * felt.contradicted_share()) ** 2)
-
-
-def _unfelt(points_m: np.ndarray, felt: Felt) -> np.ndarray:
-    """Distance [m] of points (world, point, 3) from the nearest contact that does not contradict
-    the body, at most `FARTHEST_M`; 0 at the foot, where the body is known to stand."""
-    use = felt.mask & ~felt.contradicted
-    away = np.array([KDTree(c[u]).query(p)[0] if u.any() else np.full(len(p), FARTHEST_M)
-                     for p, c, u in zip(points_m, felt.points_m, use, strict=True)])
-    return np.where(points_m[..., 2] > FOOT_M, np.minimum(away, FARTHEST_M), 0.0)

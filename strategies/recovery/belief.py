@@ -9,7 +9,8 @@ import numpy as np
 from fit.superquadric.geometry import Superquadric
 from fit.superquadric.record import SuperquadricFit
 from fit.superquadric.uncertainty import SuperquadricUncertainty
-from strategies.contacts.body_uncertainty import Felt, calibrated_uncertainty
+from strategies.contacts.body_uncertainty import calibrated_uncertainty
+from strategies.contacts.felt import Felt
 from strategies.contacts.finger_touch import TouchedLinks
 from strategies.poses.waypoints import BoundingCylinder
 from strategies.procedures.contour_shape import Profile
@@ -79,6 +80,13 @@ class Belief:
         return calibrated_uncertainty(
             self.body, None if self.profile is None else revolution_of(self.profile),
             self.shape == Shape.REVOLUTION, self.felt, self.links, self.errors, self.arm)
+
+    def with_active(self, active: np.ndarray) -> "Belief":
+        """The same belief, other worlds going on; its uncertainty, if computed, stays."""
+        other = replace(self, active=active)
+        if "uncertainty" in self.__dict__:
+            other.__dict__["uncertainty"] = self.uncertainty
+        return other
 
     @property
     def felt(self) -> Felt:
