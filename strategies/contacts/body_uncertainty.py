@@ -1,14 +1,13 @@
 """How uncertain a recovered body is: the one calibrated uncertainty of budgets, planners and rows.
 
-To first order in the body's parameters, from the contacts' own spread and from the errors that they
-share (`shared_errors`), and beside it what no covariance of parameters holds: where nothing was
-felt the surface may lie off any superquadric or contour, in proportion to the distance to the
-nearest contact, and rather outside, since fits take the smallest body that explains the contacts.
-Contacts that contradict the body tell that the model is not adequate. The three factors are
+Covariances are to first order in the body's parameters, from the contacts' own spread and from the
+errors that they share (`shared_errors`). What no covariance of parameters holds, that the true
+surface lies off any superquadric or contour, widens and shifts volumes by signs that the robot
+knows (`volume_spread`), and places of a surface by how far the nearest contact is. Factors are
 calibrated on simulated episodes (`docs/fit.md`).
 """
 
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -21,19 +20,20 @@ from fit.superquadric.uncertainty import (
     surface_distance,
     surface_std,
 )
-from strategies.contacts.felt import Felt, packed, unfelt_distance
+from strategies.contacts.felt import FOOT_M, Felt, packed, unfelt_distance
 from strategies.contacts.finger_touch import TouchedLinks
 from strategies.contacts.shared_errors import shared_shifts
+from strategies.contacts.volume_spread import OWN, FeltBy, VolumeSigns, volume_spread
+from strategies.poses.waypoints import BoundingCylinder
 from warpgrasp.parameters import ArmTable, ErrorTable
 
-OUTSIDE = 0.10
-"""By how much the true surface lies outside the recovered one, of the distance to a contact."""
-SPREAD = 0.12
-"""Standard deviation of that."""
-CONTRADICTED_SPREAD = 1.5
-"""Standard deviation of the logarithm of the volume, of the share of contradicted contacts."""
-CONTRADICTED_SPREAD_M = 0.02
-"""The same of a place of the surface [m]."""
+UNFELT = 0.27
+"""By how much a place of the surface may lie off, of its distance to a contact, one standard
+deviation [est]."""
+OFF_M = 0.0012
+"""The same where a contact is [est]."""
+CONTRADICTED_SPREAD_M = 0.014
+"""The same, of the share of contradicted contacts [m] [est]."""
 INADEQUATE_FROM = 0.12
 """Share of contradicted contacts from which on the body's model is not adequate [est]."""
 TOUCH_SIGMA_M = 0.001
@@ -42,11 +42,19 @@ _PACK = 64
 _SURFACE_POINTS = 216
 
 
+@dataclass(frozen=True)
+class BodyUncertainty(SuperquadricUncertainty):
+    """Uncertainty of recovered bodies, one a world."""
+
+    signs: VolumeSigns
+    """What the spread of the volumes goes by."""
+
+
 def calibrated_uncertainty(
     body: Superquadric, turned: RevolutionBody | None, is_turned: np.ndarray, felt: Felt,
-    links: TouchedLinks, errors: ErrorTable, arm: ArmTable,
-) -> SuperquadricUncertainty:
-    """Uncertainty of each world's body from its own contacts alone.
+    links: TouchedLinks, errors: ErrorTable, arm: ArmTable, prior: BoundingCylinder,
+) -> BodyUncertainty:
+    """Uncertainty of each world's body from its own contacts, and from the prior that was given.
 
     Volumes are those of `turned` where `is_turned` (world,), bool; covariances always those of the
     superquadric's parameters. Contacts are packed to a number of slots that depends on the world's
@@ -54,20 +62,26 @@ def calibrated_uncertainty(
     """
     worlds = len(felt.mask)
     slots = -(-np.maximum(felt.mask.sum(1), 1) // _PACK) * _PACK
-    found: dict[str, np.ndarray] = {}
+    contours = np.flatnonzero(is_turned) if turned is not None else np.zeros(0, int)
+    known = {f.name: np.zeros((worlds, *(15, 15) * (f.name == "covariance")))
+             for f in fields(SuperquadricUncertainty)}
     for width in np.unique(slots):
         rows = np.flatnonzero(slots == width)
         some, stood = packed(felt, links, rows, int(width))
         part = _of_superquadrics(Superquadric(*(field[rows] for field in body)), some, stood,
                                  errors, arm)
-        those = np.flatnonzero(is_turned[rows])
+        for name, values in known.items():
+            values[rows] = getattr(part, name)
+        those = np.flatnonzero(np.isin(rows, contours))
         if turned is not None and len(those):
-            part = _with_contours(part, those, turned[rows[those]], some, stood, errors, arm)
-        for f in fields(SuperquadricUncertainty):
-            values = getattr(part, f.name)
-            whole = found.setdefault(f.name, np.zeros((worlds, *values.shape[1:]), values.dtype))
-            whole[rows] = values
-    return SuperquadricUncertainty(**found)
+            own = _of_contours(turned[rows[those]], those, some, stood, errors, arm)
+            known["log_volume_std"][rows[those]] = own
+    if turned is not None:
+        known["volume_m3"][contours] = revolution_volume(turned[contours])
+    signs = _signs(body, turned, contours, felt, prior, known)
+    shift, std = volume_spread(signs)
+    return BodyUncertainty(**known | {"log_volume_shift": shift, "log_volume_std": std},
+                           signs=signs)
 
 
 def surface_spread(
@@ -75,9 +89,10 @@ def surface_spread(
 ) -> np.ndarray:
     """Standard deviation [m] of the surface along its normal, at or near points (world, point, 3),
     what was not felt included."""
-    away = np.hypot(OUTSIDE, SPREAD) * unfelt_distance(points_m, felt)
+    own = OWN * surface_std(body, uncertainty, points_m)
+    away = UNFELT * unfelt_distance(points_m, felt)
     model = CONTRADICTED_SPREAD_M * felt.contradicted_share()[:, None]
-    return np.sqrt(surface_std(body, uncertainty, points_m) ** 2 + away**2 + model**2)
+    return np.sqrt(own**2 + away**2 + model**2 + OFF_M**2)
 
 
 def _of_superquadrics(
@@ -85,19 +100,16 @@ def _of_superquadrics(
 ) -> SuperquadricUncertainty:
     _, normal = surface_distance(body, felt.points_m)
     shared = shared_shifts(links, felt.points_m, normal, errors, arm)
-    known = superquadric_uncertainty(body, felt.points_m, felt.mask, table_z=0.0,
-                                     covariance=felt.covariance_m2, shared_m=shared)
-    points, area = superquadric_areas(body, _SURFACE_POINTS)
-    unfelt = row_sums(area * unfelt_distance(points, felt)) / known.volume_m3
-    return replace(known, log_volume_shift=OUTSIDE * unfelt,
-                   log_volume_std=_widened(known.log_volume_std, unfelt, felt))
+    return superquadric_uncertainty(body, felt.points_m, felt.mask, table_z=0.0,
+                                    covariance=felt.covariance_m2, shared_m=shared)
 
 
-def _with_contours(
-    known: SuperquadricUncertainty, rows: np.ndarray, body: RevolutionBody, felt: Felt,
-    links: TouchedLinks, errors: ErrorTable, arm: ArmTable
-) -> SuperquadricUncertainty:
-    """`known`, the volumes of `rows` replaced by those of contours."""
+def _of_contours(
+    body: RevolutionBody, rows: np.ndarray, felt: Felt, links: TouchedLinks, errors: ErrorTable,
+    arm: ArmTable
+) -> np.ndarray:
+    """Standard deviation of the logarithm of the volume of contours, of the worlds `rows`, by their
+    touches and the errors that these share."""
     felt = Felt(*(getattr(felt, f.name)[rows] for f in fields(Felt)))
     links = replace(links, **{f.name: getattr(links, f.name)[rows] for f in fields(links)
                               if isinstance(getattr(links, f.name), np.ndarray)})
@@ -110,19 +122,33 @@ def _with_contours(
     count = np.maximum(counted.sum(1), 1)
     shared = shared_shifts(links, felt.points_m, outward, errors, arm) * counted[..., None]
     radius = np.linalg.norm(shared.sum(1) / count[:, None], axis=-1)
-    points, _, area = revolution_surface(body)
-    volume = revolution_volume(body)
-    side = row_sums(area) / volume
-    unfelt = row_sums(area * unfelt_distance(points, felt)) / volume
-    std = np.hypot(side * radius, side * TOUCH_SIGMA_M / np.sqrt(count))
-    values = {"volume_m3": volume, "log_volume_shift": OUTSIDE * unfelt,
-              "log_volume_std": _widened(std, unfelt, felt)}
-    out = {name: getattr(known, name).copy() for name in values}
-    for name, part in values.items():
-        out[name][rows] = part
-    return replace(known, **out)
+    _, _, area = revolution_surface(body)
+    side = row_sums(area) / revolution_volume(body)
+    return side * np.hypot(radius, TOUCH_SIGMA_M / np.sqrt(count))
 
 
-def _widened(std: np.ndarray, unfelt: np.ndarray, felt: Felt) -> np.ndarray:
-    return np.sqrt(std**2 + (SPREAD * unfelt) ** 2
-                   + (CONTRADICTED_SPREAD * felt.contradicted_share()) ** 2)
+def _signs(
+    body: Superquadric, turned: RevolutionBody | None, contours: np.ndarray, felt: Felt,
+    prior: BoundingCylinder, known: dict[str, np.ndarray]
+) -> VolumeSigns:
+    volume = np.maximum(known["volume_m3"], 1e-12)
+    # Of the cylinder about a box, too: factors were fitted with cylinders.
+    given = np.pi * prior.radius_m**2 * prior.height_m
+    top, area = _top_and_area(*superquadric_areas(body, _SURFACE_POINTS))
+    felt_by = np.where((felt.by_pad & felt.mask).any(1), FeltBy.PADS, FeltBy.GRASPS)
+    if turned is not None and len(contours):
+        points, _, areas = revolution_surface(turned[contours])
+        top[contours], area[contours] = _top_and_area(points, areas)
+        felt_by[contours] = FeltBy.CONTOUR
+    return VolumeSigns(
+        felt_by=felt_by, own_std=known["log_volume_std"], side_per_m=area / volume,
+        contradicted=felt.contradicted_share(),
+        missing=np.maximum(prior.height_m / np.maximum(top, FOOT_M) - 1.0, 0.0),
+        empty=np.maximum(np.log(np.maximum(given, 1e-12) / volume), 0.0),
+        round_end=body.exponents[:, 0])
+
+
+def _top_and_area(points_m: np.ndarray, area_m2: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Height of surfaces above the table [m], and their area above the foot [m^2]."""
+    height = points_m[..., 2]
+    return height.max(1), row_sums(np.where(height > FOOT_M, area_m2, 0.0))

@@ -22,6 +22,8 @@ class Felt:
     covariance_m2: np.ndarray
     contradicted: np.ndarray
     """Which of them contradict the body they were placed on, bool."""
+    by_pad: np.ndarray
+    """Which of them a pad felt, bool."""
 
     def contradicted_share(self) -> np.ndarray:
         """Of all contacts, (world,)."""
