@@ -38,6 +38,8 @@ INADEQUATE_FROM = 0.12
 """Share of contradicted contacts from which on the body's model is not adequate [est]."""
 TOUCH_SIGMA_M = 0.001
 """Spread of one touch of a pad about a contour [est]."""
+END_M = 0.004
+"""A touch nearer than this to the upper end of a contour may be one of the end."""
 _PACK = 64
 _SURFACE_POINTS = 216
 
@@ -114,11 +116,15 @@ def _of_contours(
     links = replace(links, **{f.name: getattr(links, f.name)[rows] for f in fields(links)
                               if isinstance(getattr(links, f.name), np.ndarray)})
     arm_m = felt.points_m - body.foot_m[:, None]
-    across = arm_m - np.einsum("wpi,wi->wp", arm_m, body.axis)[..., None] * body.axis[:, None]
+    along = np.einsum("wpi,wi->wp", arm_m, body.axis)
+    across = arm_m - along[..., None] * body.axis[:, None]
     outward = across / np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-9)
-    # Radii are means of the touches around them, and so are their errors.
-    own = felt.mask & ~links.linked
-    counted = np.where(own.any(1, keepdims=True), own, felt.mask)
+    # Radii are means of the touches around them, and so are their errors. Touches of the flat end
+    # say nothing of radii.
+    below = along < np.nanmax(body.height_m, axis=1, keepdims=True) - END_M
+    counted = felt.mask & ~links.linked & below
+    for others in (felt.mask & ~links.linked, felt.mask):
+        counted = np.where(counted.any(1, keepdims=True), counted, others)
     count = np.maximum(counted.sum(1), 1)
     shared = shared_shifts(links, felt.points_m, outward, errors, arm) * counted[..., None]
     radius = np.linalg.norm(shared.sum(1) / count[:, None], axis=-1)
