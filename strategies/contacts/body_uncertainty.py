@@ -23,10 +23,12 @@ from fit.superquadric.uncertainty import (
 from strategies.contacts.felt import FOOT_M, Felt, packed, unfelt_distance
 from strategies.contacts.finger_touch import TouchedLinks
 from strategies.contacts.shared_errors import shared_shifts
-from strategies.contacts.volume_spread import OWN, FeltBy, VolumeSigns, volume_spread
+from strategies.contacts.volume_spread import FeltBy, VolumeSigns, volume_spread
 from strategies.poses.waypoints import BoundingCylinder
 from warpgrasp.parameters import ArmTable, ErrorTable
 
+OWN_OF_SURFACE = 0.5
+"""Of the standard deviation of a place of the surface by the covariance of the parameters [est]."""
 UNFELT = 0.27
 """By how much a place of the surface may lie off, of its distance to a contact, one standard
 deviation [est]."""
@@ -40,6 +42,8 @@ TOUCH_SIGMA_M = 0.001
 """Spread of one touch of a pad about a contour [est]."""
 END_M = 0.004
 """A touch nearer than this to the upper end of a contour may be one of the end."""
+LEAST_M3 = 1e-12
+"""A smaller volume counts as this one."""
 _PACK = 64
 _SURFACE_POINTS = 216
 
@@ -91,7 +95,7 @@ def surface_spread(
 ) -> np.ndarray:
     """Standard deviation [m] of the surface along its normal, at or near points (world, point, 3),
     what was not felt included."""
-    own = OWN * surface_std(body, uncertainty, points_m)
+    own = OWN_OF_SURFACE * surface_std(body, uncertainty, points_m)
     away = UNFELT * unfelt_distance(points_m, felt)
     model = CONTRADICTED_SPREAD_M * felt.contradicted_share()[:, None]
     return np.sqrt(own**2 + away**2 + model**2 + OFF_M**2)
@@ -137,24 +141,19 @@ def _signs(
     body: Superquadric, turned: RevolutionBody | None, contours: np.ndarray, felt: Felt,
     prior: BoundingCylinder, known: dict[str, np.ndarray]
 ) -> VolumeSigns:
-    volume = np.maximum(known["volume_m3"], 1e-12)
+    volume = np.maximum(known["volume_m3"], LEAST_M3)
     # Of the cylinder about a box, too: factors were fitted with cylinders.
-    given = np.pi * prior.radius_m**2 * prior.height_m
-    top, area = _top_and_area(*superquadric_areas(body, _SURFACE_POINTS))
+    given = np.maximum(np.pi * prior.radius_m**2 * prior.height_m, LEAST_M3)
+    points, area = superquadric_areas(body, _SURFACE_POINTS)
+    top = points[..., 2].max(1)
+    unfelt = row_sums(area * unfelt_distance(points, felt)) / volume
     felt_by = np.where((felt.by_pad & felt.mask).any(1), FeltBy.PADS, FeltBy.GRASPS)
     if turned is not None and len(contours):
-        points, _, areas = revolution_surface(turned[contours])
-        top[contours], area[contours] = _top_and_area(points, areas)
         felt_by[contours] = FeltBy.CONTOUR
+        top[contours] = revolution_surface(turned[contours])[0][..., 2].max(1)
+        unfelt[contours] = 0.0
     return VolumeSigns(
-        felt_by=felt_by, own_std=known["log_volume_std"], side_per_m=area / volume,
+        felt_by=felt_by, own_std=known["log_volume_std"], unfelt=unfelt,
         contradicted=felt.contradicted_share(),
         missing=np.maximum(prior.height_m / np.maximum(top, FOOT_M) - 1.0, 0.0),
-        empty=np.maximum(np.log(np.maximum(given, 1e-12) / volume), 0.0),
-        round_end=body.exponents[:, 0])
-
-
-def _top_and_area(points_m: np.ndarray, area_m2: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Height of surfaces above the table [m], and their area above the foot [m^2]."""
-    height = points_m[..., 2]
-    return height.max(1), row_sums(np.where(height > FOOT_M, area_m2, 0.0))
+        empty=np.maximum(np.log(given / volume), 0.0))
