@@ -4,7 +4,8 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "body_uncertainty": ["INADEQUATE_FROM", "calibrated_uncertainty", "surface_spread"],
-    "felt": ["Felt"],
+    "felt": ["Felt"], "interval_trust": ["interval_trusted"],
+    "volume_spread": ["FeltBy", "VolumeSigns", "volume_spread"],
     "finger_touch": ["TouchedLinks", "joined_links", "links_of_touches", "no_links",
         "touched_links"],
 })

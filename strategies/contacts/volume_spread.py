@@ -15,17 +15,6 @@ from enum import IntEnum
 
 import numpy as np
 
-OWN_OF_GRASPS, OWN_OF_PADS, OWN_OF_CONTOURS = 0.5, 1.45, 0.85
-"""Of the standard deviation that contacts and their shared errors give. Of grasps it is not fitted:
-it is large only where few contacts leave a body open, and one object would decide it [est]."""
-PADS_SHIFT = 1.2
-"""By how much the true volume exceeds that of a body that pads touched, of the same [est]."""
-UNFELT, CONTRADICTED, EMPTY = 0.095, 0.75, 0.04
-"""Standard deviations of the logarithm of the volume, of grasps alone: of `VolumeSigns.unfelt`, of
-`contradicted`, and of the square of `empty` [est]."""
-MISSING_SHIFT, EMPTY_SHIFT = 0.58, 0.07
-"""By how much the logarithm of the true volume is greater, of grasps alone: of `missing`, and of
-the square of `empty` [est]."""
 MOST_OWN, MOST_UNFELT, MOST_EMPTY, MOST_MISSING = 1.0, 4.0, 3.0, 2.0
 """Greater signs count as this great: such bodies have failed."""
 
@@ -60,16 +49,41 @@ class VolumeSigns:
     """Logarithm of the volume of the prior cylinder over the body's; at least 0."""
 
 
-def volume_spread(signs: VolumeSigns) -> tuple[np.ndarray, np.ndarray]:
+@dataclass(frozen=True)
+class Factors:
+    """What the signs are multiplied by [est]; of grasps alone, unless they say otherwise."""
+
+    own_of_grasps: float = 0.5
+    """Of `own_std`. Not fitted: it is large only where few contacts leave a body open, and one
+    object would decide it."""
+    own_of_pads: float = 1.45
+    own_of_contours: float = 0.85
+    unfelt: float = 0.095
+    contradicted: float = 0.75
+    empty: float = 0.04
+    """Of the square of `VolumeSigns.empty`."""
+    missing_shift: float = 0.58
+    """By how much the logarithm of the true volume is greater, of `missing`."""
+    empty_shift: float = 0.07
+    """The same, of the square of `empty`."""
+    pads_shift: float = 1.2
+    """The same, of `own_std`, where pads touched a superquadric."""
+
+
+FACTORS = Factors()
+
+
+def volume_spread(signs: VolumeSigns, factors: Factors = FACTORS) -> tuple[np.ndarray, np.ndarray]:
     """By how much the logarithm of the true volume is expected to exceed that of the body, and its
     standard deviation, (world,) each."""
+    f = factors
     own = np.minimum(signs.own_std, MOST_OWN)
     empty = np.minimum(signs.empty, MOST_EMPTY) ** 2
     # By `FeltBy`.
     shift = np.choose(signs.felt_by, [
-        MISSING_SHIFT * np.minimum(signs.missing, MOST_MISSING) + EMPTY_SHIFT * empty,
-        PADS_SHIFT * own, np.zeros_like(own)])
-    grasped = np.sqrt((OWN_OF_GRASPS * own) ** 2 + (EMPTY * empty) ** 2
-                      + (UNFELT * np.minimum(signs.unfelt, MOST_UNFELT)) ** 2
-                      + (CONTRADICTED * signs.contradicted) ** 2)
-    return shift, np.choose(signs.felt_by, [grasped, OWN_OF_PADS * own, OWN_OF_CONTOURS * own])
+        f.missing_shift * np.minimum(signs.missing, MOST_MISSING) + f.empty_shift * empty,
+        f.pads_shift * own, np.zeros_like(own)])
+    grasped = np.sqrt((f.own_of_grasps * own) ** 2 + (f.empty * empty) ** 2
+                      + (f.unfelt * np.minimum(signs.unfelt, MOST_UNFELT)) ** 2
+                      + (f.contradicted * signs.contradicted) ** 2)
+    return shift, np.choose(signs.felt_by, [grasped, f.own_of_pads * own, f.own_of_contours * own])
