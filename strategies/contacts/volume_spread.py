@@ -58,6 +58,8 @@ class Factors:
     object would decide it."""
     own_of_pads: float = 1.45
     own_of_contours: float = 0.85
+    contours: float = 0.02
+    """Of every contour, added: what no surface of revolution is. Not fitted."""
     unfelt: float = 0.095
     contradicted: float = 0.75
     empty: float = 0.04
@@ -86,4 +88,5 @@ def volume_spread(signs: VolumeSigns, factors: Factors = FACTORS) -> tuple[np.nd
     grasped = np.sqrt((f.own_of_grasps * own) ** 2 + (f.empty * empty) ** 2
                       + (f.unfelt * np.minimum(signs.unfelt, MOST_UNFELT)) ** 2
                       + (f.contradicted * signs.contradicted) ** 2)
-    return shift, np.choose(signs.felt_by, [grasped, f.own_of_pads * own, f.own_of_contours * own])
+    return shift, np.choose(signs.felt_by, [
+        grasped, f.own_of_pads * own, np.hypot(f.own_of_contours * own, f.contours)])

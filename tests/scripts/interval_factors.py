@@ -78,8 +78,10 @@ def fitted(rows: Rows) -> Factors:
     """Factors of least mean interval score."""
     shift, std = features(rows)
     a, b = np.stack(list(shift.values()), 1), np.stack(list(std.values()), 1) ** 2
-    held = (rows["felt_by"] == FeltBy.GRASPS) * (
-        FACTORS.own_of_grasps * np.minimum(rows["own_std"], MOST_OWN)) ** 2 + 1e-6
+    held = np.where(
+        rows["felt_by"] == FeltBy.GRASPS, (
+            FACTORS.own_of_grasps * np.minimum(rows["own_std"], MOST_OWN)) ** 2 + 1e-6,
+        np.where(rows["felt_by"] == FeltBy.CONTOUR, FACTORS.contours**2, 1e-6))
     off = np.clip(rows["log_ratio"], -WORST, WORST)
     weight, n = cell_weights(rows), len(shift)
 
