@@ -18,6 +18,7 @@ from sweeps.episode.episodes import run_block
 from sweeps.spec.cell import Cell
 from warpgrasp.geometry.body_sampling import sample_body
 from warpgrasp.objects.catalogue_names import BODY_NAMES
+from warpgrasp.objects.families import family_table
 from warpgrasp.parameters import ErrorTable
 
 FAR_MM, Z = 10.0, 1.645
@@ -25,10 +26,11 @@ FAR_MM, Z = 10.0, 1.645
 
 def objects(scans: Path | None = None, names: Sequence[str] | None = None
             ) -> dict[str, dict[str, Any]]:
-    """Tables of the catalogue's ten objects, or of others by name, and of the meshes [m] of a
-    folder."""
+    """Tables of the catalogue's ten objects, or of others and members of families by name, and of
+    the meshes [m] of a folder."""
     named = BODY_NAMES if names is None else names
-    found: dict[str, dict[str, Any]] = {name: {"name": name} for name in named}
+    found: dict[str, dict[str, Any]] = {
+        name: family_table(name) or {"name": name} for name in named}
     meshes = sorted(scans.glob("*.ply")) if scans else []
     return found | {m.stem: {"name": m.stem, "mesh": str(m.resolve()), "units": "m"}
                     for m in meshes}

@@ -175,7 +175,7 @@ if __name__ == "__main__":
     parser.add_argument("what", choices=("collect", "fit", "judge"))
     parser.add_argument("folder", type=Path)
     parser.add_argument("--scans", type=Path, help="folder of scanned meshes [m]")
-    parser.add_argument("--objects", nargs="*", help="by default the catalogue's ten")
+    parser.add_argument("--objects", nargs="*", help="by default the catalogue; also mug-3")
     parser.add_argument("--episodes", type=int, default=32)
     parser.add_argument("--seeds", type=int, nargs="*", default=[21])
     parser.add_argument("--errors", type=float, nargs="*", default=[1.0])
