@@ -10,12 +10,12 @@ import numpy as np
 
 from strategies.contacts.volume_spread import FeltBy, VolumeSigns
 
-CONTRADICTED_FROM_SHARE, EMPTY_FROM, UNFELT_FROM = 0.3, 1.5, 4.0
+CONTRADICTED_FROM, EMPTY_FROM, UNFELT_FROM = 0.3, 1.5, 4.0
 """Signs of a body felt by grasps alone from which on its interval is not trusted [est]."""
 
 
 def interval_trusted(signs: VolumeSigns) -> np.ndarray:
-    """Whether an interval is of a kind that held, bool (world,)."""
-    failing = ((signs.contradicted >= CONTRADICTED_FROM_SHARE) | (signs.empty >= EMPTY_FROM)
-               | (signs.unfelt >= UNFELT_FROM))
-    return ~failing | (signs.felt_by != FeltBy.GRASPS)
+    """Whether an interval is of a kind that held, bool (world,); not where a sign is no number."""
+    sound = ((signs.contradicted < CONTRADICTED_FROM) & (signs.empty < EMPTY_FROM)
+             & (signs.unfelt < UNFELT_FROM))
+    return (sound | (signs.felt_by != FeltBy.GRASPS)) & np.isfinite(signs.own_std)

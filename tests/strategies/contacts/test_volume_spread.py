@@ -48,6 +48,8 @@ def test_what_failed_most_is_not_trusted() -> None:
     for changed in ({"contradicted": 0.4}, {"empty": 1.8}, {"unfelt": 5.0}):
         assert not interval_trusted(signs(**changed))
         assert interval_trusted(signs(FeltBy.PADS, **changed))
+    for name in ("own_std", "contradicted", "empty", "unfelt"):
+        assert not interval_trusted(signs(**{name: np.nan}))
 
 
 def test_signs_are_those_of_body_and_prior() -> None:
