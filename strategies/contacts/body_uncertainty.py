@@ -23,7 +23,7 @@ from fit.superquadric.uncertainty import (
 from strategies.contacts.felt import FOOT_M, Felt, packed, unfelt_distance
 from strategies.contacts.finger_touch import TouchedLinks
 from strategies.contacts.shared_errors import shared_shifts
-from strategies.contacts.volume_spread import FeltBy, VolumeSigns, volume_spread
+from strategies.contacts.volume_spread import FeltBy, VolumeSigns, spread_of_volumes
 from strategies.poses.waypoints import BoundingCylinder
 from warpgrasp.parameters import ArmTable, ErrorTable
 
@@ -85,7 +85,7 @@ def calibrated_uncertainty(
     if turned is not None:
         known["volume_m3"][contours] = revolution_volume(turned[contours])
     signs = _signs(body, turned, contours, felt, prior, known)
-    shift, std = volume_spread(signs)
+    shift, std = spread_of_volumes(signs)
     return BodyUncertainty(**known | {"log_volume_shift": shift, "log_volume_std": std},
                            signs=signs)
 

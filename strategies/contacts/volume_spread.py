@@ -17,6 +17,8 @@ import numpy as np
 
 MOST_OWN, MOST_UNFELT, MOST_EMPTY, MOST_MISSING = 1.0, 4.0, 3.0, 2.0
 """Greater signs count as this great: such bodies have failed."""
+CONTRADICTED_FROM, EMPTY_FROM, UNFELT_FROM = 0.3, 1.5, 4.0
+"""Signs of a body felt by grasps alone from which on its interval is not trusted [est]."""
 
 
 class FeltBy(IntEnum):
@@ -75,7 +77,9 @@ class Factors:
 FACTORS = Factors()
 
 
-def volume_spread(signs: VolumeSigns, factors: Factors = FACTORS) -> tuple[np.ndarray, np.ndarray]:
+def spread_of_volumes(
+    signs: VolumeSigns, factors: Factors = FACTORS
+) -> tuple[np.ndarray, np.ndarray]:
     """By how much the logarithm of the true volume is expected to exceed that of the body, and its
     standard deviation, (world,) each."""
     f = factors
@@ -90,3 +94,16 @@ def volume_spread(signs: VolumeSigns, factors: Factors = FACTORS) -> tuple[np.nd
                       + (f.contradicted * signs.contradicted) ** 2)
     return shift, np.choose(signs.felt_by, [
         grasped, f.own_of_pads * own, np.hypot(f.own_of_contours * own, f.contours)])
+
+
+def interval_trusted(signs: VolumeSigns) -> np.ndarray:
+    """Whether an interval is of a kind that held as often as it says, bool (world,).
+
+    On the episodes that the factors were fitted on, 85 to 95 % of the intervals of each kind held
+    but of three: bodies that many contacts contradict, bodies of which hardly anything was felt,
+    and bodies that leave most of the prior empty. Those held in 66 to 81 %. A sign that is no
+    number is not trusted.
+    """
+    sound = ((signs.contradicted < CONTRADICTED_FROM) & (signs.empty < EMPTY_FROM)
+             & (signs.unfelt < UNFELT_FROM))
+    return (sound | (signs.felt_by != FeltBy.GRASPS)) & np.isfinite(signs.own_std)

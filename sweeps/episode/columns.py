@@ -9,7 +9,7 @@ import numpy as np
 from fit.fit_status import status_names
 from fit.superquadric.geometry import Superquadric
 from strategies.contacts.body_uncertainty import INADEQUATE_FROM
-from strategies.contacts.interval_trust import interval_trusted
+from strategies.contacts.volume_spread import interval_trusted
 from strategies.procedures.contour_shape import Profile
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered, Shape

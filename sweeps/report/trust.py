@@ -8,7 +8,7 @@ from fit.implicit.volume import surface_samples
 from fit.revolution.geometry import revolution_surface
 from fit.superquadric.geometry import superquadric_areas
 from strategies.contacts.body_uncertainty import INADEQUATE_FROM
-from strategies.contacts.interval_trust import interval_trusted
+from strategies.contacts.volume_spread import interval_trusted
 from strategies.recovery.choose_model import Recovered, Shape
 from strategies.recovery.contact_verdict import accepted_contacts
 from strategies.recovery.evidence import TABLE_MARGIN_M

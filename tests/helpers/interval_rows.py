@@ -10,7 +10,7 @@ from fit.rotation import matrix_of_quaternion
 from fit.superquadric.geometry import Superquadric
 from fit.superquadric.uncertainty import surface_distance
 from strategies.contacts.body_uncertainty import surface_spread
-from strategies.contacts.interval_trust import interval_trusted
+from strategies.contacts.volume_spread import interval_trusted
 from strategies.ready_made import STRATEGIES
 from strategies.recovery.choose_model import Shape
 from sweeps.episode.contact_rows import contact_columns

@@ -25,7 +25,6 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 import interval_rows as tables
 from interval_episodes import episode_columns, read_columns
 
-from strategies.contacts.interval_trust import interval_trusted
 from strategies.contacts.volume_spread import (
     FACTORS,
     MOST_EMPTY,
@@ -35,7 +34,8 @@ from strategies.contacts.volume_spread import (
     Factors,
     FeltBy,
     VolumeSigns,
-    volume_spread,
+    interval_trusted,
+    spread_of_volumes,
 )
 
 Z, LEVEL = 1.645, 0.9
@@ -132,10 +132,10 @@ def fit(given: argparse.Namespace) -> None:
     for name in np.unique(rows["object"]):
         left = rows["object"] == name
         others = fitted({key: values[~left] for key, values in rows.items()})
-        shift[left], std[left] = (each[left] for each in volume_spread(signs_of(rows), others))
+        shift[left], std[left] = (each[left] for each in spread_of_volumes(signs_of(rows), others))
     signs = signs_of(rows)
-    print(f"mean score {mean_score(rows, *volume_spread(signs, factors)):.3f}, as they are "
-          f"{mean_score(rows, *volume_spread(signs)):.3f}, objects left out "
+    print(f"mean score {mean_score(rows, *spread_of_volumes(signs, factors)):.3f}, as they are "
+          f"{mean_score(rows, *spread_of_volumes(signs)):.3f}, objects left out "
           f"{mean_score(rows, shift, std):.3f}")
     held = np.abs(rows["log_ratio"] - shift) < Z * std
     print("held with the object left out: " + ", ".join(
@@ -145,7 +145,7 @@ def fit(given: argparse.Namespace) -> None:
 def judge(given: argparse.Namespace) -> None:
     """Prints how often the intervals hold."""
     rows = read_columns(sorted(given.folder.glob("*.npz")))
-    shift, std = volume_spread(signs_of(rows))
+    shift, std = spread_of_volumes(signs_of(rows))
     held = np.abs(rows["log_ratio"] - shift) < Z * std
     trusted = interval_trusted(signs_of(rows))
     shares = []

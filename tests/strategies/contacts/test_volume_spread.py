@@ -11,8 +11,12 @@ from fit.superquadric.geometry import superquadric_volume
 from strategies.contacts.body_uncertainty import calibrated_uncertainty
 from strategies.contacts.felt import Felt
 from strategies.contacts.finger_touch import no_links
-from strategies.contacts.interval_trust import interval_trusted
-from strategies.contacts.volume_spread import FeltBy, VolumeSigns, volume_spread
+from strategies.contacts.volume_spread import (
+    FeltBy,
+    VolumeSigns,
+    interval_trusted,
+    spread_of_volumes,
+)
 from strategies.poses.waypoints import BoundingCylinder
 from strategies.recovery import belief as belief_module
 from warpgrasp.parameters import ArmTable, ErrorTable, HandTable
@@ -26,21 +30,21 @@ def signs(felt_by: FeltBy = FeltBy.GRASPS, **changed: float) -> VolumeSigns:
 
 @pytest.mark.parametrize("name", ["own_std", "unfelt", "contradicted", "empty"])
 def test_each_sign_widens_the_interval_of_grasps(name: str) -> None:
-    widths = [volume_spread(signs(**{name: value}))[1][0] for value in (0.0, 0.2, 0.9)]
+    widths = [spread_of_volumes(signs(**{name: value}))[1][0] for value in (0.0, 0.2, 0.9)]
     assert widths == sorted(widths)
     assert widths[2] > widths[0]
 
 
 def test_a_taller_prior_means_more_volume() -> None:
-    assert volume_spread(signs(missing=0.5))[0] > volume_spread(signs())[0] > 0.0
+    assert spread_of_volumes(signs(missing=0.5))[0] > spread_of_volumes(signs())[0] > 0.0
 
 
 @pytest.mark.parametrize("felt_by", [FeltBy.PADS, FeltBy.CONTOUR])
 def test_pads_know_by_themselves(felt_by: FeltBy) -> None:
-    usual, other = (volume_spread(signs(felt_by, **changed)) for changed in (
+    usual, other = (spread_of_volumes(signs(felt_by, **changed)) for changed in (
         {}, {"unfelt": 3.0, "contradicted": 0.3, "missing": 1.0, "empty": 2.0}))
     assert usual == other
-    assert volume_spread(signs(felt_by, own_std=0.2))[1] > usual[1]
+    assert spread_of_volumes(signs(felt_by, own_std=0.2))[1] > usual[1]
 
 
 def test_what_failed_most_is_not_trusted() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from interval_rows import cell_of, contact_row, errors_times, interval_row
 
-from strategies.contacts.interval_trust import interval_trusted
+from strategies.contacts.volume_spread import interval_trusted
 from strategies.ready_made import STRATEGIES
 from strategies.recovery.choose_model import Shape
 from sweeps.episode.episodes import run_block
