@@ -101,7 +101,7 @@ def interval_trusted(signs: VolumeSigns) -> np.ndarray:
 
     On the episodes that the factors were fitted on, 85 to 95 % of the intervals of each kind held
     but of three: bodies that many contacts contradict, bodies of which hardly anything was felt,
-    and bodies that leave most of the prior empty. Those held in 66 to 81 %. A sign that is no
+    and bodies that leave most of the prior empty. Those held in 70 to 80 %. A sign that is no
     number is not trusted.
     """
     sound = ((signs.contradicted < CONTRADICTED_FROM) & (signs.empty < EMPTY_FROM)
