@@ -29,6 +29,7 @@ from strategies.contacts.volume_spread import (
     FACTORS,
     MOST_EMPTY,
     MOST_MISSING,
+    MOST_OF_GRASPS,
     MOST_OWN,
     MOST_UNFELT,
     Factors,
@@ -80,7 +81,7 @@ def fitted(rows: Rows) -> Factors:
     a, b = np.stack(list(shift.values()), 1), np.stack(list(std.values()), 1) ** 2
     held = np.where(
         rows["felt_by"] == FeltBy.GRASPS, (
-            FACTORS.own_of_grasps * np.minimum(rows["own_std"], MOST_OWN)) ** 2 + 1e-6,
+            FACTORS.own_of_grasps * np.minimum(rows["own_std"], MOST_OF_GRASPS)) ** 2 + 1e-6,
         np.where(rows["felt_by"] == FeltBy.CONTOUR, FACTORS.contours**2, 1e-6))
     off = np.clip(rows["log_ratio"], -WORST, WORST)
     weight, n = cell_weights(rows), len(shift)
