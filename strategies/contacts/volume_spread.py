@@ -58,8 +58,8 @@ class Factors:
     """What the signs are multiplied by [est]; of grasps alone, unless they say otherwise."""
 
     own_of_grasps: float = 0.8
-    """Of `own_std`. Not fitted, for one object would decide it: the least with which about 90 % hold
-    when errors of calibration are doubled."""
+    """Of `own_std`. Not fitted, for one object would decide it: the least with which about 90 %
+    hold when errors of calibration are doubled."""
     own_of_pads: float = 1.45
     own_of_contours: float = 0.85
     contours: float = 0.02
@@ -91,8 +91,8 @@ def spread_of_volumes(
     shift = np.choose(signs.felt_by, [
         f.missing_shift * np.minimum(signs.missing, MOST_MISSING) + f.empty_shift * empty,
         f.pads_shift * own, np.zeros_like(own)])
-    grasped = np.sqrt((f.own_of_grasps * np.minimum(own, MOST_OF_GRASPS)) ** 2 + (f.empty * empty) ** 2
-                      + (f.unfelt * np.minimum(signs.unfelt, MOST_UNFELT)) ** 2
+    grasped = np.sqrt((f.own_of_grasps * np.minimum(own, MOST_OF_GRASPS)) ** 2
+                      + (f.empty * empty) ** 2 + (f.unfelt * np.minimum(signs.unfelt, MOST_UNFELT)) ** 2
                       + (f.contradicted * signs.contradicted) ** 2)
     return shift, np.choose(signs.felt_by, [
         grasped, f.own_of_pads * own, np.hypot(f.own_of_contours * own, f.contours)])
@@ -103,7 +103,7 @@ def interval_trusted(signs: VolumeSigns) -> np.ndarray:
 
     On the episodes that the factors were fitted on, 85 to 95 % of the intervals of each kind held
     but of three: bodies that many contacts contradict, bodies of which hardly anything was felt,
-    and bodies that leave most of the prior empty. Those held in 70 to 80 %. A sign that is no
+    and bodies that leave most of the prior empty. Those held in 71 to 78 %. A sign that is no
     number is not trusted.
     """
     sound = ((signs.contradicted < CONTRADICTED_FROM) & (signs.empty < EMPTY_FROM)
