@@ -92,8 +92,8 @@ def spread_of_volumes(
         f.missing_shift * np.minimum(signs.missing, MOST_MISSING) + f.empty_shift * empty,
         f.pads_shift * own, np.zeros_like(own)])
     grasped = np.sqrt((f.own_of_grasps * np.minimum(own, MOST_OF_GRASPS)) ** 2
-                      + (f.empty * empty) ** 2 + (f.unfelt * np.minimum(signs.unfelt, MOST_UNFELT)) ** 2
-                      + (f.contradicted * signs.contradicted) ** 2)
+                      + (f.unfelt * np.minimum(signs.unfelt, MOST_UNFELT)) ** 2
+                      + (f.empty * empty) ** 2 + (f.contradicted * signs.contradicted) ** 2)
     return shift, np.choose(signs.felt_by, [
         grasped, f.own_of_pads * own, np.hypot(f.own_of_contours * own, f.contours)])
 
