@@ -1,0 +1,64 @@
+"""Sensors of fingers without tendons on the host: the tables that kernels take.
+
+A joint's torque is read at its motor, as a current or by a sensor of its own, with noise, in steps
+of a converter, and with the friction of what lies between. The weight that the robot believes its
+links to have is taken off. The largest reading of a finger guards its closing. A switch at the tip
+closes by the force on the last link; all other links may press unnoticed.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+import warp as wp
+
+from warpgrasp.chain.chain_hand import ChainHand, chain_rows
+from warpgrasp.chain.torque_sensor_kernel import SWITCHES, TORQUES, TorqueSensor
+from warpgrasp.core.struct_array import record_type
+from warpgrasp.mechanism.calibration import Calibration
+from warpgrasp.parameters import ContactTable, HandTable, SensorTable
+
+KINDS = {"tendons": TORQUES, "joint_torques": TORQUES, "tip_switches": SWITCHES, "nothing": 0}
+"""By what a hand senses (`hand_model.SENSES`); tendons of a chain are read as the torques that they
+carry."""
+_NEVER = 6.0
+"""Deviations of a reading; chances below 1e-9 are taken for none."""
+
+
+@lru_cache(maxsize=8)
+def true_sensors(
+    hand: ChainHand, table: HandTable, sensors: SensorTable, contact: ContactTable,
+    errors: Calibration, device: str
+) -> wp.array:
+    """The true sensors as kernels take them, (world or 1, finger); without errors those believed.
+    """
+    rows = np.zeros((errors.worlds, hand.fingers), record_type(TorqueSensor))
+    rows["kind"] = KINDS[hand.model.senses]
+    rows["gain"] = 1.0
+    width = min(rows["gain"].shape[-1], errors.moment_arm_share.shape[-1])
+    rows["gain"][..., :width] += errors.moment_arm_share[..., :width]
+    rows["friction"] = sensors.torque_friction_Nm
+    rows["threshold"], rows["noise"] = sensors.torque_threshold_Nm, sensors.torque_noise_Nm
+    rows["step"], rows["readings"] = sensors.torque_step_Nm, sensors.tension_readings
+    rows["switch_force"], rows["joint_noise"] = sensors.switch_force_N, sensors.joint_noise_rad
+    unknown = _unknown_torque(hand, table, contact, errors)
+    margin = sensors.torque_threshold_Nm - sensors.torque_step_Nm - sensors.torque_friction_Nm
+    rows["heard"] = (rows["kind"] == TORQUES) & (
+        margin - unknown <= _NEVER * sensors.torque_noise_Nm)
+    return wp.array(rows, dtype=TorqueSensor, device=device)
+
+
+def _unknown_torque(
+    hand: ChainHand, table: HandTable, contact: ContactTable, errors: Calibration
+) -> np.ndarray:
+    """The most that a free finger may read beside noise and friction [N m], (world or 1, finger):
+    what its weight makes that the robot does not take off, and what its stops bear where a zero
+    is off."""
+    chains, joints, _ = chain_rows(hand, table, contact, errors)
+    off = np.abs(errors.joint_offset_rad).sum(-1)
+    weight = joints["weight"].sum(-1) * chains["reach"]
+    share = off + np.abs(errors.link_length_share).max(-1) + np.abs(
+        errors.moment_arm_share).max(-1)
+    lever = np.linalg.norm(errors.finger_base_m, axis=-1)
+    unknown = np.where(chains["weighs"] == 1, weight * share + joints["weight"].sum(-1) * lever, 0)
+    stops = np.where(chains["stop"] > 0.0, chains["stiffness"].max(-1) * off, 0.0)
+    return np.asarray(unknown + stops)
