@@ -36,7 +36,7 @@ class ChainHand:
     """Of each finger the number of each drive's angle in a configuration of the hand; for a joint
     that follows another finger's, of the joint it follows."""
     capsules: tuple[tuple[Capsule, ...], ...]
-    """Of each finger, from its first joint on."""
+    """Of each finger, from its first joint on; each ends towards the tip."""
     capsule_joint: tuple[tuple[int, ...], ...]
     """The joint within the finger that bears each."""
     palm: tuple[Capsule, ...]
@@ -73,8 +73,8 @@ def chain_hand(model: HandModel) -> ChainHand:
                      if joint.follows is None or joint.follows.joint not in own)
         drives.append(mine)
         numbers.append(tuple(known[_leader(finger, j)] for j in mine))
-        found = [(c, j) for j, joint in enumerate(finger.joints) for c in joint.shapes
-                 if isinstance(c, Capsule)]
+        found = [(_outward(c, _next_m(finger, j)), j) for j, joint in enumerate(finger.joints)
+                 for c in joint.shapes if isinstance(c, Capsule)]
         capsules.append(tuple(c for c, _ in found))
         bearing.append(tuple(j for _, j in found))
     inverse = np.linalg.inv(matrix_of(touched.grasp_frame))
@@ -216,6 +216,19 @@ def _drive(hand: ChainHand, finger: int, joint: int) -> tuple[int, float, float]
     assert follows is not None
     names = [hand.model.fingers[finger].joints[j].name for j in hand.drives[finger]]
     return names.index(follows.joint), follows.factor, follows.offset_rad
+
+
+def _next_m(finger: Finger, joint: int) -> np.ndarray:
+    """Where the next joint, or the tip, stands in a joint's frame [m], (3,)."""
+    if joint + 1 < len(finger.joints):
+        return np.array(finger.joints[joint + 1].place[:3])
+    return np.array(finger.tip_m)
+
+
+def _outward(capsule: Capsule, toward_m: np.ndarray) -> Capsule:
+    """The capsule, its end the nearer one to a place."""
+    start, end = (np.linalg.norm(toward_m - np.array(at)) for at in (capsule.start, capsule.end))
+    return capsule if end <= start else replace(capsule, start=capsule.end, end=capsule.start)
 
 
 def _leader(finger: Finger, joint: int) -> str:
