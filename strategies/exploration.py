@@ -27,6 +27,7 @@ from strategies.planners.from_strategy import Budget, within_budget
 from strategies.planners.guarded_call import guarded_call
 from strategies.planners.probes import CrossFaces, FollowContour, Grasp, Probe, misfits, wanted_of
 from strategies.planners.register import Foreseeing, Planner, fault_text, place_of
+from strategies.poses.hand_outline import outline_of
 from strategies.poses.waypoints import BoundingCylinder
 from strategies.procedures.containment import explore_by_containment
 from strategies.procedures.contour_follower import ContourExploration, explore_contour
@@ -138,7 +139,7 @@ class RunningExploration:
         worlds = robot.worlds
         self.robot, self.prior, self.seed, self.table = robot, prior, seed, table
         self.closings, self.budget = closings, budget
-        radius = robot.hand.link_radius_m
+        radius = outline_of(robot.hand).skin_m
         self.intrinsic = robot.sensors.contact_estimator == "intrinsic"
         self.felt = no_evidence(worlds, radius)
         self.links = no_links(worlds, 0, robot.hand)
@@ -251,7 +252,7 @@ class RunningExploration:
         grasps = explore_by_containment(self.robot, pose, mask, probe.closings or self.closings,
                                         room)
         mask = grasps.moves.status[:, :, 0] != ProbeStatus.NOT_TRIED
-        radius = self.robot.hand.link_radius_m
+        radius = outline_of(self.robot.hand).skin_m
         links = touched_links(grasps, self.robot.hand, self.robot.contact)
         evidence = evidence_from_grasps(grasps, radius)
         self._add(evidence, links)

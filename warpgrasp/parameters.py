@@ -64,9 +64,12 @@ class ArmTable:
 class HandTable:
     """Utah-MIT hand: four identical fingers of four joints, thumb opposite three [paper].
 
-    Link lengths are estimates bracketed by GraspIt!'s human hand and the Allegro hand.
+    Link lengths are estimates bracketed by GraspIt!'s human hand and the Allegro hand. Or another
+    hand, by its `kind`: of this table then count mount, stops, density and skin.
     """
 
+    kind: str = field(default="utah_mit", metadata={
+        "doc": "the hand: utah_mit, another one that ships (`warpgrasp hands`), or a TOML file"})
     abduction_offset_m: float = _number(0.0095, 0.0, 0.1, "abduction axis to first flexion [est]")
     link_length_m: tuple[float, ...] = _number((0.043, 0.033, 0.028), 0.005, 0.2,
                                                "proximal, middle, distal link [est]")

@@ -7,12 +7,14 @@ as a drive, which is commanded alike; so fingers remain apart.
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 import warp as wp
 
 from warpgrasp.chain.chain_kernel import CAPSULES, JOINTS, Chain, ChainCapsule, ChainJoint
 from warpgrasp.core.struct_array import record_type
+from warpgrasp.hands.hand_file import SHIPPED, hand_from_file, hand_named
 from warpgrasp.hands.hand_frames import link_frames, matrix_of, place_of, posture_angles
 from warpgrasp.hands.hand_model import Capsule, Finger, HandClosing, HandError, HandModel
 from warpgrasp.hands.touch_shapes import bulk_of, palmar_directions, touch_model
@@ -80,6 +82,22 @@ def chain_hand(model: HandModel) -> ChainHand:
     inverse = np.linalg.inv(matrix_of(touched.grasp_frame))
     palm = tuple(_moved(shape, inverse) for shape in touched.palm if isinstance(shape, Capsule))
     return ChainHand(touched, tuple(drives), tuple(numbers), tuple(capsules), tuple(bearing), palm)
+
+
+UTAH_MIT = "utah_mit"
+"""The hand that the tables of numbers describe; it has kernels of its own."""
+
+
+@lru_cache(maxsize=16)
+def hand_of_kind(kind: str) -> HandModel:
+    """The model of a table's kind: the name of a hand that ships, or a TOML file. Raises HandError.
+    """
+    return hand_named(kind) if kind in SHIPPED else hand_from_file(Path(kind))
+
+
+def chain_of_table(table: HandTable) -> ChainHand | None:
+    """The hand that a table names; None for the Utah-MIT hand. Raises HandError."""
+    return None if table.kind == UTAH_MIT else chain_hand(hand_of_kind(table.kind))
 
 
 def drive_angles(hand: ChainHand, q_rad: np.ndarray) -> np.ndarray:

@@ -1,0 +1,79 @@
+"""What waypoints, closing paths and evidence know of a hand: sizes in the hand's own frame.
+
+z is the approach, x the way from the fingers to the thumb, and the origin the middle of the palm.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from warpgrasp.chain.chain_hand import (
+    ChainHand,
+    capsule_ends,
+    chain_of_table,
+    closing_way,
+    tip_places,
+)
+from warpgrasp.parameters import HandTable
+
+REACH_M = 0.1125
+"""Reach of the hand for which distances of waypoint families are given; others keep theirs in
+proportion."""
+
+
+@dataclass(frozen=True, eq=False)
+class HandOutline:
+    """Sizes of a hand, SI."""
+
+    fingers: int
+    drives: int
+    """Joint angles of a finger, as arrays have them."""
+    links: int
+    skin_m: float
+    """Radius of its thinnest link."""
+    open_m: np.ndarray
+    """Places of the open fingers, (place, 3), and the radii about them, (place,): no part of the
+    open fingers lies beyond these balls as seen along the approach."""
+    open_radius_m: np.ndarray
+    reach_m: float
+    """From the palm to the tips of the straight or open fingers, along the approach."""
+    half_gap_m: float
+    """From the middle of the palm to the fingers' bases, or open tips, along x."""
+    half_side_m: float
+    """From it to the side of the outermost finger, along y."""
+    scale: float
+    """Distances of waypoint families are as many times as long."""
+
+
+@lru_cache(maxsize=16)
+def outline_of(hand: HandTable) -> HandOutline:
+    """The outline of a table's hand. Raises HandError for a hand that cannot be used."""
+    chain = chain_of_table(hand)
+    return _utah_mit(hand) if chain is None else _chains(chain)
+
+
+def _utah_mit(hand: HandTable) -> HandOutline:
+    spread = -hand.flexion_low_rad[0]
+    length = sum(hand.link_length_m)
+    x = hand.palm_gap_m / 2 + length * np.sin(spread)
+    z = hand.abduction_offset_m + length * np.cos(spread)
+    tips = np.array([(sx * x, y * hand.finger_spacing_m, z) for sx in (-1, 1) for y in (-1, 1)])
+    return HandOutline(
+        4, 4, 3, hand.link_radius_m, tips, np.full(len(tips), hand.link_radius_m),
+        hand.abduction_offset_m + length, hand.palm_gap_m / 2,
+        1.5 * hand.finger_spacing_m + hand.link_radius_m, 1.0)
+
+
+def _chains(hand: ChainHand) -> HandOutline:
+    opened = closing_way(hand, hand.model.closings[0], 2)[:, 0]
+    ends = [capsule_ends(hand, f, opened[f]) for f in range(hand.fingers)]
+    radii = [np.array([c.radius for c in own]) for own in hand.capsules]
+    places = np.concatenate([e.reshape(-1, 3) for e in ends])
+    radius = np.concatenate([np.repeat(r, 2) for r in radii])
+    tips = tip_places(hand, opened)
+    reach = float(tips[:, 2].max())
+    return HandOutline(
+        hand.fingers, hand.width, hand.links, min(float(r.min()) for r in radii), places, radius,
+        reach, float(np.abs(tips[:, 0]).max()), float((np.abs(places[:, 1]) + radius).max()),
+        reach / REACH_M)
