@@ -34,6 +34,7 @@ from strategies.procedures.contour_follower import ContourExploration, explore_c
 from strategies.procedures.contour_shape import Profile, later_profile, profile_of, with_profiles
 from strategies.procedures.planar_explorer import PlanarExploration, explore_plane
 from strategies.procedures.planar_faces import Face, planes_of
+from strategies.procedures.possible import NotPossible, check_possible, fault_status
 from strategies.recovery.belief import Belief, read_only
 from strategies.recovery.choose_model import (
     Recovered,
@@ -95,7 +96,8 @@ class Exploration:
     """At the end."""
     recovered: Recovered
     status: np.ndarray
-    """ok, too_few_contacts, fit_failed, fit_implausible or strategy_failed, (world,)."""
+    """ok, too_few_contacts, fit_failed, fit_implausible, strategy_failed or not_possible, (world,).
+    """
     fault: np.ndarray
     """What the strategy did wrong in each world, with file and line; empty where nothing, (world,).
     """
@@ -168,6 +170,9 @@ class RunningExploration:
             with guarded_call():
                 probes = list(planner(self.belief))
             wanted = [wanted_of(probe, self.robot.worlds) for probe in probes]
+        except NotPossible as error:
+            self._blame(np.ones(self.robot.worlds, bool), str(error))
+            return False
         except Exception as error:  # whatever a user's strategy may raise
             self._blame(np.ones(self.robot.worlds, bool), fault_text(planner, error))
             return False
@@ -181,7 +186,7 @@ class RunningExploration:
         changed = np.zeros(self.robot.worlds, bool)
         for probe, mask in zip(probes, wanted, strict=True):
             mask = self._sound(probe, mask & self.active[:, None], planner)
-            if not mask.any():
+            if not mask.any() or not self._possible(probe, mask):
                 continue
             changed |= mask.any(1)
             if isinstance(probe, Grasp):
@@ -239,6 +244,18 @@ class RunningExploration:
                             f"world {world}, probe {number}{shown}")
             mask = mask & ~np.asarray(found.any(1))[:, None]
         return mask
+
+    def _possible(self, probe: Probe, mask: np.ndarray) -> bool:
+        """Whether the hand can do it; worlds that ask for what it cannot are done."""
+        if isinstance(probe, Grasp):
+            return True
+        try:
+            check_possible("planar" if isinstance(probe, CrossFaces) else "contour",
+                           self.robot.hand)
+        except NotPossible as error:
+            self._blame(mask.any(1), str(error))
+            return False
+        return True
 
     def _blame(self, worlds: np.ndarray, text: str) -> None:
         at_fault = worlds & self.active
@@ -362,7 +379,7 @@ class RunningExploration:
         known = self.recovered.shape > 0
         enough = self.placed.mask.sum(1) >= FEWEST_CONTACTS
         good = np.isin(self.fits.status, (FitStatus.converged, FitStatus.not_converged))
-        return np.where(self.faulty, "strategy_failed", np.where(
+        return np.where(self.faulty, fault_status(self.fault), np.where(
             known, "ok", np.where(~enough, "too_few_contacts", np.where(
                 good, "fit_implausible", "fit_failed"))))
 

@@ -105,8 +105,8 @@ class SensorTable:
     tension_step_N: float = _number(0.05, 0.0, 10.0, "converter step; 0 switches it off [est]")
     tension_readings: int = _number(16, 1, 1000, "readings averaged after the stop")
     joint_noise_rad: float = _number(radians(0.3), 0.0, 0.5, "sigma of a joint angle [est]")
-    torque_threshold_Nm: float = _number(0.05, 1e-6, 100.0, "of hands that read joint torques: stop "
-                                         "when one passes this, the links' weight taken off [est]")
+    torque_threshold_Nm: float = _number(0.05, 1e-6, 100.0, "of hands that read joint torques: "
+                                         "stop when one, less the links' weight, passes this [est]")
     torque_noise_Nm: float = _number(0.003, 0.0, 10.0, "sigma of one reading of theirs [est]")
     torque_step_Nm: float = _number(0.001, 0.0, 10.0, "its converter step; 0 switches it off [est]")
     torque_friction_Nm: float = _number(0.01, 0.0, 10.0, "of the gears between joint and motor, "

@@ -58,8 +58,8 @@ def touched_links(grasps: Grasps, hand: HandTable, contact: ContactTable) -> Tou
         link=np.maximum(flat(estimate.link), 0),
         torque_Nm=flat(estimate.torque_Nm, estimate.torque_Nm.shape[-1]),
         torque_sigma_Nm=flat(estimate.torque_sigma_Nm, estimate.torque_Nm.shape[-1]),
-        weight=flat(estimate.link_weight, estimate.link_weight.shape[-1]), friction=flat(np.array(contact.friction)).copy(),
-        hand=hand)
+        weight=flat(estimate.link_weight, estimate.link_weight.shape[-1]),
+        friction=flat(np.array(contact.friction)).copy(), hand=hand)
 
 
 def no_links(worlds: int, slots: int, hand: HandTable) -> TouchedLinks:

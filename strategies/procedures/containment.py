@@ -2,7 +2,8 @@
 
 At each waypoint the open hand approaches the object and closes along one or more closing paths.
 A finger stops where the difference of its tendon tensions, or what else it feels, passes the
-threshold. The joint angles and tensions read at the stops become contacts in `strategies.recovery.evidence`.
+threshold. The joint angles and tensions read at the stops become contacts in
+`strategies.recovery.evidence`.
 """
 
 import numpy as np

@@ -115,7 +115,7 @@ def drive_angles(hand: ChainHand, q_rad: np.ndarray) -> np.ndarray:
 def tip_places(hand: ChainHand, q_rad: np.ndarray) -> np.ndarray:
     """Places of the tips in the hand's frame [m], (..., finger, 3), of drives (..., finger, width).
     """
-    return np.stack([_frames(hand, f, q_rad[..., f, :])[..., -1, :3, :]
+    return np.stack([link_frames_of(hand, f, q_rad[..., f, :])[..., -1, :3, :]
                      @ np.array([*finger.tip_m, 1.0])
                      for f, finger in enumerate(hand.model.fingers)], -2)
 
@@ -123,13 +123,13 @@ def tip_places(hand: ChainHand, q_rad: np.ndarray) -> np.ndarray:
 def capsule_ends(hand: ChainHand, finger: int, q_rad: np.ndarray) -> np.ndarray:
     """Both ends of a finger's capsules in the hand's frame [m], (..., capsule, 2, 3), of its drives
     (..., width)."""
-    frames = _frames(hand, finger, q_rad)
+    frames = link_frames_of(hand, finger, q_rad)
     ends = np.array([[(*c.start, 1.0), (*c.end, 1.0)] for c in hand.capsules[finger]])
     borne = frames[..., list(hand.capsule_joint[finger]), :3, :]
     return np.einsum("...cij,cej->...cei", borne, ends.reshape(-1, 2, 4))
 
 
-def _frames(hand: ChainHand, finger: int, q_rad: np.ndarray) -> np.ndarray:
+def link_frames_of(hand: ChainHand, finger: int, q_rad: np.ndarray) -> np.ndarray:
     """Frames of a finger's links in the hand's frame, (..., joint, 4, 4), of its drives."""
     flat = q_rad.reshape(-1, q_rad.shape[-1])
     alone = _alone(hand.model, finger)
@@ -178,7 +178,7 @@ def chain_rows(
             else:
                 row["place"][:, :3] += errors.finger_base_m[:, f]
             row["axis"] = joint.axis
-            row["drive"], row["factor"], row["shift"] = _drive(hand, f, j)
+            row["drive"], row["factor"], row["shift"] = joint_drive(hand, f, j)
             bulk = bulk_of(joint.shapes)
             row["weight"] = bulk.volume_m3 * table.link_density_kg_m3 * GRAVITY_M_S2
             row["centre"] = bulk.centre_m * stretch[:, j, None]
@@ -226,7 +226,7 @@ def true_chains(
     return found
 
 
-def _drive(hand: ChainHand, finger: int, joint: int) -> tuple[int, float, float]:
+def joint_drive(hand: ChainHand, finger: int, joint: int) -> tuple[int, float, float]:
     """The drive of a joint, its factor and its shift [rad]."""
     if joint in hand.drives[finger]:
         return hand.drives[finger].index(joint), 1.0, 0.0
@@ -271,7 +271,7 @@ def _palmar(hand: ChainHand) -> list[np.ndarray]:
         if closing is not None and len(axes):
             q = closing_way(hand, closing, _WAY_STEPS)[f]
             middle = capsule_ends(hand, f, q).mean(2)
-            turns = _frames(hand, f, q)[:-1, list(hand.capsule_joint[f]), :3, :3]
+            turns = link_frames_of(hand, f, q)[:-1, list(hand.capsule_joint[f]), :3, :3]
             moved = np.einsum("scij,sci->cj", turns, np.diff(middle, axis=0))
         found.append(palmar_directions(moved, axes))
     return found

@@ -1,4 +1,4 @@
-"""Guarded closing of any hand: its fingers are chains of revolute joints, guarded by what they feel.
+"""Guarded closing of any hand whose fingers are chains, each guarded by what it feels.
 
 All fingers of all grasps of all probes of all worlds close in one launch, and what is felt where
 they stop is read in a second one.

@@ -2,8 +2,8 @@
 """Where the robot concludes that a finger of chains touched, with a covariance: the kernel.
 
 As `closing.contact_estimate_kernel`, capsule by capsule: the torques of the drives are explained by
-a force at a place of a capsule's palmar half, or of its cap where it ends the finger. A switch tells
-no more than that its link touched: all places of that link are then alike.
+a force at a place of a capsule's palmar half, or of its cap where it ends the finger. A switch
+tells no more than that its link touched: all places of that link are then alike.
 """
 
 import warp as wp

@@ -8,7 +8,7 @@ from warpgrasp.mechanism.calibration import Calibration
 from warpgrasp.parameters import ContactTable, HandTable
 
 _MOST_SAG = 0.5
-"""Weight may turn joints by so much for a turn of the others; a hand that yields more is refused."""
+"""Radians that weight may turn joints by for a radian of the others; more is refused."""
 
 
 def padded(q: np.ndarray) -> np.ndarray:

@@ -1,5 +1,5 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
-"""What the refinement of an equilibrium needs of a finger: its energy with every valley searched."""
+"""What the refinement of an equilibrium needs: a finger's energy with every valley searched."""
 
 from typing import Any
 

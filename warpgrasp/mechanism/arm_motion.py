@@ -26,7 +26,6 @@ from warpgrasp.mechanism.utah_mit_hand import hand_links
 from warpgrasp.parameters import ArmTable, ContactTable, HandTable
 from warpgrasp.probe_status import ProbeStatus
 
-
 ClearanceKernel = tuple[Any, Mapping[str, str], Mapping[str, Any]]
 """A kernel that tells which approaches are barred, shapes in words and arguments of the hand."""
 Clearance = Callable[[np.ndarray, str], ClearanceKernel]
@@ -106,8 +105,8 @@ def move_hand(
     gives each grasp's open hand (its first step), which must clear object and table on the last
     0.12 m of the approach. `errors` are those of the true robots; none unless given.
     `probe_number` (world, probe) numbers the probes for the noise, each world's from 0 unless
-    given. `clearance` stands for a hand other than the Utah-MIT's. Returns the moves and the true hand poses (world, probe, 7), which only the simulator may
-    use. Raises ShapeError, and ValueError for a body that the scene has not.
+    given. `clearance` stands for a hand other than the Utah-MIT's. Returns the moves and the true
+    hand poses (world, probe, 7), which only the simulator may use. Raises ShapeError, and ValueError for a body that the scene has not.
     """
     check_range("body", body, 0, scene.bodies - 1)
     worlds, probes = wanted_pose.shape[:2]
