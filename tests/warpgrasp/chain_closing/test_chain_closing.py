@@ -1,0 +1,125 @@
+"""Guarded closing of any hand: an independent energy minimum, the Utah-MIT hand as a chain."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from reference_chain import ReferenceChain
+from scipy.spatial.transform import Rotation
+
+from strategies.poses.chain_paths import chain_commands
+from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
+from warpgrasp.chain.chain_hand import ChainHand, chain_hand, hand_of_kind
+from warpgrasp.chain_closing.chain_closing import close_chains
+from warpgrasp.closing.closing import close_fingers
+from warpgrasp.geometry.body import scene_of
+from warpgrasp.hands.hand_frames import matrix_of
+from warpgrasp.objects.catalogue import body_from_name
+from warpgrasp.parameters import ContactTable, HandTable, SensorTable
+from warpgrasp.probe_status import ProbeStatus
+
+TABLE = HandTable()
+QUIET = SensorTable(torque_noise_Nm=0.0, torque_step_Nm=0.0, torque_friction_Nm=0.0,
+                    joint_noise_rad=0.0)
+ALONE = replace(ContactTable(), friction=0.0, self_contact=False)
+ON_TABLE = np.array([0, 0, 0, 0, 0, 0, 1.0])
+
+
+def poses_above(count: int, seed: int = 0) -> np.ndarray:
+    """Hand poses from the upper side, some 0.1 m from a body's middle, (count, 7)."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for _ in range(count):
+        azimuth, roll = rng.uniform(-np.pi, np.pi, 2)
+        turn = Rotation.from_euler("ZYZ", [azimuth, np.pi - rng.uniform(0, 1.2), roll])
+        place = [0, 0, 0.06] - turn.apply([0, 0, 1.0]) * rng.uniform(0.08, 0.14)
+        found.append([*place, *turn.as_quat()])
+    return np.array(found)
+
+
+def close(hand: ChainHand, name: str, poses: np.ndarray, commands: np.ndarray,
+          sensors: SensorTable = QUIET, contact: ContactTable = ALONE):
+    n = len(poses)
+    return close_chains(
+        scene_of([body_from_name(name)], "cpu"), np.zeros(1, int), np.tile(ON_TABLE, (n, 1)), hand,
+        TABLE, sensors, np.arange(n, dtype=np.uint64), np.ones((n, 1, 1), int), poses[:, None],
+        commands[None], np.array([commands.shape[1]]), contact=contact)
+
+
+@pytest.mark.parametrize("kind", ["allegro", "leap", "barrett"])
+def test_a_finger_rests_where_its_energy_is_least(kind: str) -> None:
+    hand = chain_hand(hand_of_kind(kind))
+    commands = chain_commands(hand, "curl40")
+    checked = 0
+    for name in ("block", "small_cylinder"):
+        poses = poses_above(12)
+        felt, truth = close(hand, name, poses, commands)
+        for i, f in np.argwhere(truth.link[:, 0, 0] >= 0)[:8]:
+            drives = len(hand.drives[f])
+            q = truth.q_rad[i, 0, 0, f, :drives]
+            command = commands[f, felt.step[i, 0, 0, f], :drives]
+            energy = ReferenceChain(body_from_name(name), hand, TABLE, matrix_of(tuple(poses[i])),
+                                    int(f), ALONE)
+            best = energy.rest(command, q)
+            assert energy.energy(q, command) <= energy.energy(best, command) + 2e-9
+            assert q == pytest.approx(best, abs=2e-5)
+            torque = truth.torque_Nm[i, 0, 0, f, :drives]
+            assert torque == pytest.approx(energy.stiffness * (command - q), abs=1e-12)
+            checked += 1
+    assert checked >= 10
+
+
+def test_a_stop_is_the_first_step_whose_torques_pass_the_threshold() -> None:
+    """Step by step by the independent energy: torques less weight stay below until the stop."""
+    hand = chain_hand(hand_of_kind("allegro"))
+    commands = chain_commands(hand, "curl40")
+    body = body_from_name("small_cylinder")
+    poses = poses_above(12)
+    felt, truth = close(hand, "small_cylinder", poses, commands)
+    light = replace(TABLE, link_density_kg_m3=0.0)
+    stopped = np.argwhere(truth.link[:, 0, 0] >= 0)[:4]
+    for i, f in stopped:
+        energy = ReferenceChain(body, hand, TABLE, matrix_of(tuple(poses[i])), int(f), ALONE)
+        skin = ReferenceChain(body, hand, light, matrix_of(tuple(poses[i])), int(f), ALONE)
+        step = int(felt.step[i, 0, 0, f])
+        q = commands[f, step - 12]
+        most = []
+        for s in range(step - 12, step + 1):
+            q = energy.rest(commands[f, s], q)
+            # Torques of the skin: the slope of the energy without servos and weight.
+            slope = np.array([(skin.energy(q + d, q + d) - skin.energy(q - d, q - d)) / 2e-6
+                              for d in 1e-6 * np.eye(4)])
+            most.append(np.abs(slope).max())
+        assert most[-1] > QUIET.torque_threshold_Nm
+        assert max(most[:-1]) <= QUIET.torque_threshold_Nm * (1 + 1e-3)
+    assert len(stopped) == 4
+
+
+def test_the_utah_mit_hand_closes_alike_as_a_chain() -> None:
+    hand = chain_hand(hand_of_kind("utah_mit"))
+    path = CLOSING_PATHS["curl40"]
+    commands = closing_commands(path)
+    poses = poses_above(24)
+    # The same thresholds: tendons have a moment arm each, and here all joints are guarded.
+    table = replace(TABLE, moment_arm_m=(0.01,) * 4, tendon_friction=0.0)
+    tendons = SensorTable(tendon_threshold_N=5.0, tension_noise_N=0.0, tension_step_N=0.0,
+                          joint_noise_rad=0.0)
+    contact = replace(ALONE, weight=False)
+    n = len(poses)
+    theirs, true = close_fingers(
+        scene_of([body_from_name("small_cylinder")], "cpu"), np.zeros(1, int),
+        np.tile(ON_TABLE, (n, 1)), table, tendons, np.arange(n, dtype=np.uint64),
+        np.ones((n, 1, 1), int), poses[:, None], commands[None], np.array([commands.shape[1]]),
+        contact=contact)
+    ours, truth = close(hand, "small_cylinder", poses, commands,
+                        replace(QUIET, torque_threshold_Nm=0.05), contact)
+    both = (theirs.status == ProbeStatus.CONTACT) & (ours.status == ProbeStatus.CONTACT)
+    # A finger may stop by its abduction, which tendons do not guard.
+    alike = both & (np.abs(truth.torque_Nm[..., 0]) < 0.05)
+    assert alike.sum() > 30
+    assert (ours.step[alike] == theirs.step[alike]).all()
+    assert truth.q_rad[alike] == pytest.approx(true.q_rad[alike], abs=2e-6)
+    assert (truth.link[alike] == true.link[alike] + 1).all()
+    assert truth.point_m[alike] == pytest.approx(true.point_m[alike], abs=1e-6)
+    only = (theirs.status == ProbeStatus.CONTACT) & ~both
+    assert not only.any()
