@@ -57,7 +57,7 @@ def pose_about(
 
     Angles and `aim` as the module `waypoints` defines them; a hand whose open fingers would come
     within TABLE_CLEARANCE_M of the table backs off along its approach, or, where that is level or
-    from below, is raised. Distances are those of a hand of `REACH_M`; other hands stay away in
+    from below, is raised. Its fingers close about the place aimed at. Distances are those of a hand of `REACH_M`; other hands stay away in
     proportion to their reach. Shape (world, probe, 7).
     """
     outline = outline_of(hand)
@@ -83,6 +83,9 @@ def pose_about(
     away = np.maximum(np.minimum(sideways, endways), 0.0) + stay
     centre = np.stack([x + out * np.cos(angle), y + out * np.sin(angle), aim * height], -1)
     place = centre - approach * away[..., None]
+    for axis, off in enumerate(outline.centre_m):
+        if off:
+            place = place - off * frame[..., axis]
     lowest = place[..., 2] + _open_fingers_below(outline, frame)
     short = np.maximum(TABLE_CLEARANCE_M - lowest, 0.0)
     level_or_up = cos_t < LEVEL
