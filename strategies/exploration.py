@@ -253,7 +253,7 @@ class RunningExploration:
             check_possible("planar" if isinstance(probe, CrossFaces) else "contour",
                            self.robot.hand)
         except NotPossible as error:
-            self._blame(mask.any(1), str(error))
+            self._blame(np.asarray(mask.any(1)), str(error))
             return False
         return True
 

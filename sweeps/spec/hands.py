@@ -16,9 +16,10 @@ from sweeps.spec.objects import NoFile, named_file
 from sweeps.spec.study import Axis, Study
 from sweeps.spec.units import spec_fields
 from warpgrasp.chain.chain_hand import UTAH_MIT, chain_of_table, hand_of_kind
+from warpgrasp.chain_closing.chain_closing import unsupported_contact
 from warpgrasp.hands.hand_file import SHIPPED
 from warpgrasp.hands.hand_model import HandError
-from warpgrasp.parameters import HandTable
+from warpgrasp.parameters import ContactTable, HandTable
 
 HAND_LIMIT = 1 << 20
 COUNTS = ("kind", "mount_length_m", "palm_thickness_m", "joint_stop_Nm_rad", "link_density_kg_m3",
@@ -71,6 +72,10 @@ def check_hands(study: Study, given: Mapping[str, Any], problems: Problems) -> N
             if key in given and field.name not in COUNTS:
                 problems.add(("hand", key), "is a number of the Utah-MIT hand; other hands have "
                              f"their numbers in their TOML file, and {', '.join(COUNTS[1:])}")
+    for table in _contacts(study):
+        for key, what in unsupported_contact(table):
+            problems.add(("contact", key), what)
+            return
     for kind in sorted(hands - {UTAH_MIT}):
         chain = chain_of_table(HandTable(kind=kind))
         assert chain is not None
@@ -80,6 +85,17 @@ def check_hands(study: Study, given: Mapping[str, Any], problems: Problems) -> N
                 if name not in known:
                     problems.add(("strategy",), f"{strategy.name}: the hand {chain.model.name} has "
                                  f"no closing path {short(name)}; {choose(name, known)}")
+
+
+def _contacts(study: Study) -> list[ContactTable]:
+    """Every table of what acts on the fingers that a study runs with."""
+    tables = [study.tables["contact"]]
+    for axis in study.axes:
+        for n, key in enumerate(axis.keys):
+            if key.startswith("contact."):
+                name = spec_fields(ContactTable)[key.removeprefix("contact.")].name
+                tables += [replace(tables[0], **{name: point[n]}) for point in axis.si]
+    return tables
 
 
 def hands_of(study: Study) -> set[str]:

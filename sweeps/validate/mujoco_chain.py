@@ -30,6 +30,9 @@ class MujocoChain(MujocoFingers):
     The links' weight, at the angles that the joints have, is taken off the torques.
     """
 
+    ahead = 40
+    """Links that weigh turn their joints by a twelfth of a radian: 20 degrees are enough."""
+
     def __init__(self, solids: Sequence[Solid], hand: ChainHand, table: HandTable,
                  sensors: SensorTable, contact: ContactTable) -> None:
         """`contact` says what acts on the fingers."""

@@ -58,6 +58,9 @@ class MujocoFingers:
     where their tips are.
     """
 
+    ahead = 1
+    """Steps that are simulated before the first whose commands touch anything."""
+
     def __init__(self, model: Any, contact: ContactTable, *, skin_N_m: float,
                  stop_Nm_rad: float) -> None:
         """`contact` says what acts on the fingers; masses are those of the model."""
@@ -132,8 +135,8 @@ class MujocoFingers:
         found: list[list[MujocoStop | None]] = [[None] * len(thresholds) for _ in self._joints]
         first = 0
         while first < steps and not self.touches(commands_rad[:, first]):
-            first += 1  # a finger that touches nothing rests at its command
-        first = max(first - 1, 0)
+            first += 1  # a finger that touches nothing rests at its command, or sags a little
+        first = max(first - self.ahead, 0)
         self.touches(commands_rad[:, first])
         held = np.zeros(len(self._joints), bool)
         command = commands_rad[:, first].copy()

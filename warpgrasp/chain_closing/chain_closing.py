@@ -46,6 +46,18 @@ _SHAPES = {
     "truth": _EACH}
 
 
+def unsupported_contact(contact: ContactTable) -> list[tuple[str, str]]:
+    """Keys of `[contact]` that no closing of chains takes yet, and what they should be."""
+    wrong = []
+    if contact.friction:
+        wrong.append(("friction", f"is {contact.friction:g}; should be 0: of hands other than the "
+                      "Utah-MIT the skin does not rub yet"))
+    if contact.self_contact:
+        wrong.append(("self_contact", "is true; should be false: of hands other than the Utah-MIT "
+                      "each finger closes as if alone"))
+    return wrong
+
+
 def no_chain_errors(hand: ChainHand) -> Calibration:
     """The hand that is believed."""
     return no_errors(hand.fingers, JOINTS, JOINTS)
@@ -75,8 +87,11 @@ def close_chains(
     As `closing.close_fingers`, with `hand` in place of the Utah-MIT's, and of `table` the numbers
     that any hand has: skin, stops, density. `commands_rad` has shape (grasp, finger, step, width),
     angles of drives. Links are numbered by their joints. Raises ShapeError, and ValueError for a
-    body or a count of steps that there is not, and for a hand that sags by its own weight.
+    body or a count of steps that there is not, for a hand that sags by its own weight, and for
+    `unsupported_contact`.
     """
+    for word, what in unsupported_contact(contact or ContactTable()):
+        raise ValueError(f"contact.{word} {what}")
     check_range("body", body, 0, scene.bodies - 1)
     check_range("command_count", command_count, 1, np.shape(commands_rad)[2])
     worlds, probes = hand_pose.shape[:2]

@@ -105,7 +105,7 @@ def _row(turn: np.ndarray, low: np.ndarray, high: np.ndarray, most: int
     thin, wide, long = np.argsort(half, kind="stable")
     radius = float(half[thin])
     out = half[wide] - radius
-    count = min(most, 1 + round(2 * out / (_APART * radius)))
+    count = min(most, 1 + round(float(2 * out / (_APART * radius))))
     found = []
     for across in np.linspace(-out, out, count) if count > 1 else [0.0]:
         ends = np.tile(middle, (2, 1))

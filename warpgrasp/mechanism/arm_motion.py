@@ -106,7 +106,8 @@ def move_hand(
     0.12 m of the approach. `errors` are those of the true robots; none unless given.
     `probe_number` (world, probe) numbers the probes for the noise, each world's from 0 unless
     given. `clearance` stands for a hand other than the Utah-MIT's. Returns the moves and the true
-    hand poses (world, probe, 7), which only the simulator may use. Raises ShapeError, and ValueError for a body that the scene has not.
+    hand poses (world, probe, 7), which only the simulator may use. Raises ShapeError, and
+    ValueError for a body that the scene has not.
     """
     check_range("body", body, 0, scene.bodies - 1)
     worlds, probes = wanted_pose.shape[:2]
