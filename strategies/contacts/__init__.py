@@ -6,4 +6,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "body_uncertainty": ["Felt", "INADEQUATE_FROM", "calibrated_uncertainty", "surface_spread"],
     "finger_touch": ["TouchedLinks", "joined_links", "links_of_touches", "no_links",
         "touched_links"],
+    "placing": ["placing_of"],
 })

@@ -17,7 +17,7 @@ from sweeps.output import init_warp
 from sweeps.validate.comparison import Comparison
 from sweeps.validate.guarded_closing import TEN, Bounds, bodies_compared, random_poses
 from sweeps.validate.mujoco_chain import MujocoChain
-from warpgrasp.chain.chain_hand import ChainHand, chain_hand, link_frames_of
+from warpgrasp.chain.chain_hand import ChainHand, chain_of, link_frames_of
 from warpgrasp.chain_closing.chain_closing import close_chains
 from warpgrasp.geometry.body import Body, scene_of
 from warpgrasp.hands.hand_file import hand_named
@@ -69,7 +69,7 @@ def compare_hands(poses: int = 24, workers: int = 2) -> list[Comparison]:
 def tally_of(name: str, body_name: str, poses: int, contact: ContactTable = ALONE) -> _Tally:
     """The differences of a hand before one of `bodies_compared`."""
     body, solids = bodies_compared()[body_name]
-    hand = chain_hand(hand_named(name))
+    hand = chain_of(hand_named(name))
     quiet = _quiet(THRESHOLDS_NM[0])
     theirs = MujocoChain(solids, hand, TABLE, quiet, contact)
     tally = _Tally()

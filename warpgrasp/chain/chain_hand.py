@@ -8,6 +8,7 @@ as a drive, which is commanded alike; so fingers remain apart.
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -61,7 +62,7 @@ class ChainHand:
 
 
 @lru_cache(maxsize=16)
-def chain_hand(model: HandModel) -> ChainHand:
+def chain_of(model: HandModel) -> ChainHand:
     """The hand of a model. Raises HandError for a finger of more than six joints."""
     touched = touch_model(model)
     known = {joint.name: n for n, joint in enumerate(touched.driven)}
@@ -97,7 +98,7 @@ def hand_of_kind(kind: str) -> HandModel:
 
 def chain_of_table(table: HandTable) -> ChainHand | None:
     """The hand that a table names; None for the Utah-MIT hand. Raises HandError."""
-    return None if table.kind == UTAH_MIT else chain_hand(hand_of_kind(table.kind))
+    return None if table.kind == UTAH_MIT else chain_of(hand_of_kind(table.kind))
 
 
 def drive_angles(hand: ChainHand, q_rad: np.ndarray) -> np.ndarray:
@@ -220,7 +221,8 @@ def true_chains(
             wp.array(capsules, dtype=ChainCapsule, device=device))
     for name, rows in zip(("joints", "capsules"), kept, strict=True):
         number = np.arange(chains.size, dtype=np.uint64).reshape(chains.shape)
-        chains[name] = np.uint64(rows.ptr) + number * np.uint64(rows.strides[1])
+        address: Any = rows.ptr
+        chains[name] = np.uint64(address) + number * np.uint64(rows.strides[1])
     found = wp.array(chains, dtype=Chain, device=device)
     found._ref = kept  # as long as the fingers live, so do their rows
     return found

@@ -3,7 +3,7 @@
 import numpy as np
 import warp as wp
 
-from warpgrasp.chain.chain_clearance import chain_clearance_kernel
+from warpgrasp.chain.chain_clearance_kernel import chain_clearance_kernel
 from warpgrasp.chain.chain_hand import ChainHand, true_chains
 from warpgrasp.chain.chain_kernel import vec6
 from warpgrasp.chain_closing.chain_path import padded
@@ -17,7 +17,10 @@ def chain_clearance(
     hand: ChainHand, table: HandTable, contact: ContactTable, errors: Calibration
 ) -> Clearance:
     """Which approaches are barred to a hand, its fingers at the first commands of a grasp, its palm
-    and its wrist as they are."""
+    and its wrist as they are.
+
+    The wrist reaches from the palm's deepest place back to the flange.
+    """
     bars = [(c.start, c.end, c.radius) for c in hand.palm]
     deepest = min((z for start, end, _ in bars for z in (start[2], end[2])), default=0.0)
     if -table.mount_length_m < deepest:

@@ -27,7 +27,7 @@ from warpgrasp.chain.chain_kernel import (
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, greater, real, struct, transform, vec3
 from warpgrasp.finger.energy import finger_energy, largest_magnitude, loosened
 from warpgrasp.finger.friction import with_friction
-from warpgrasp.finger.refined_energy import refined_energy, secant_compliance
+from warpgrasp.finger.valley_energy import refined_energy, secant_compliance
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.geometry.segment_distance import deepest_valley, lower_end, nearest_on_link
 from warpgrasp.mechanism.utah_mit_hand_kernel import finger_length

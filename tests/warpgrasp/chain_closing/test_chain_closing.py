@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from strategies.poses.chain_paths import chain_commands
 from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
-from warpgrasp.chain.chain_hand import ChainHand, chain_hand, hand_of_kind
+from warpgrasp.chain.chain_hand import ChainHand, chain_of, hand_of_kind
 from warpgrasp.chain_closing.chain_closing import close_chains
 from warpgrasp.closing.closing import close_fingers
 from warpgrasp.geometry.body import scene_of
@@ -48,7 +48,7 @@ def close(hand: ChainHand, name: str, poses: np.ndarray, commands: np.ndarray,
 
 @pytest.mark.parametrize("kind", ["allegro", "leap", "barrett"])
 def test_a_finger_rests_where_its_energy_is_least(kind: str) -> None:
-    hand = chain_hand(hand_of_kind(kind))
+    hand = chain_of(hand_of_kind(kind))
     commands = chain_commands(hand, "curl40")
     checked = 0
     for name in ("block", "small_cylinder"):
@@ -71,7 +71,7 @@ def test_a_finger_rests_where_its_energy_is_least(kind: str) -> None:
 
 def test_a_stop_is_the_first_step_whose_torques_pass_the_threshold() -> None:
     """Step by step by the independent energy: torques less weight stay below until the stop."""
-    hand = chain_hand(hand_of_kind("allegro"))
+    hand = chain_of(hand_of_kind("allegro"))
     commands = chain_commands(hand, "curl40")
     body = body_from_name("small_cylinder")
     poses = poses_above(12)
@@ -96,7 +96,7 @@ def test_a_stop_is_the_first_step_whose_torques_pass_the_threshold() -> None:
 
 
 def test_the_utah_mit_hand_closes_alike_as_a_chain() -> None:
-    hand = chain_hand(hand_of_kind("utah_mit"))
+    hand = chain_of(hand_of_kind("utah_mit"))
     path = CLOSING_PATHS["curl40"]
     commands = closing_commands(path)
     poses = poses_above(24)
