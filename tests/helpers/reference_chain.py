@@ -68,14 +68,25 @@ class ReferenceChain:
                      + 0.5 * self.skin * (pressed**2).sum() + (self.weight * height).sum()
                      + 0.5 * self.stop * (past**2).sum())
 
+    def slope(self, q: np.ndarray, command: np.ndarray) -> np.ndarray:
+        """Of the energy, by each drive [N m]."""
+        return np.array([(self.energy(q + d, command) - self.energy(q - d, command)) / 2e-6
+                         for d in 1e-6 * np.eye(len(q))])
+
+    def felt(self, q: np.ndarray) -> np.ndarray:
+        """What skin and stops turn the drives by [N m]."""
+        weight, self.weight = self.weight, 0.0 * self.weight
+        found = np.array([(self.energy(q + d, q + d) - self.energy(q - d, q - d)) / 2e-6
+                          for d in 1e-6 * np.eye(len(q))])
+        self.weight = weight
+        return found
+
     def rest(self, command: np.ndarray, start: np.ndarray) -> np.ndarray:
         """The drives of least energy near `start`."""
-        q = start
-        for _ in range(3):
-            found = minimize(lambda d, q=q: 1e3 * self.energy(q + 1e-2 * d, command),
-                             np.zeros(len(q)), method="Nelder-Mead",
-                             options={"xatol": 1e-6, "fatol": 1e-13, "maxiter": 4000,
-                                      "initial_simplex": np.vstack([np.zeros(len(q)),
-                                                                    0.1 * np.eye(len(q))])})
-            q = q + 1e-2 * found.x
-        return q
+        # Stiff across the skin and soft along it: steps of a simplex of a thousandth of a radian.
+        found = minimize(lambda d: 1e3 * self.energy(start + 1e-2 * d, command),
+                         np.zeros(len(start)), method="Nelder-Mead",
+                         options={"xatol": 1e-5, "fatol": 1e-11, "maxiter": 1200,
+                                  "initial_simplex": np.vstack([np.zeros(len(start)),
+                                                                0.1 * np.eye(len(start))])})
+        return start + 1e-2 * found.x

@@ -47,52 +47,57 @@ def close(hand: ChainHand, name: str, poses: np.ndarray, commands: np.ndarray,
 
 
 @pytest.mark.parametrize("kind", ["allegro", "leap", "barrett"])
-def test_a_finger_rests_where_its_energy_is_least(kind: str) -> None:
+def test_torques_are_in_balance_where_a_finger_stops(kind: str) -> None:
     hand = chain_of(hand_of_kind(kind))
     commands = chain_commands(hand, "curl40")
-    checked = 0
-    for name in ("block", "small_cylinder"):
-        poses = poses_above(12)
-        felt, truth = close(hand, name, poses, commands)
-        for i, f in np.argwhere(truth.link[:, 0, 0] >= 0)[:8]:
-            drives = len(hand.drives[f])
-            q = truth.q_rad[i, 0, 0, f, :drives]
-            command = commands[f, felt.step[i, 0, 0, f], :drives]
-            energy = ReferenceChain(body_from_name(name), hand, TABLE, matrix_of(tuple(poses[i])),
-                                    int(f), ALONE)
-            best = energy.rest(command, q)
-            assert energy.energy(q, command) <= energy.energy(best, command) + 2e-9
-            assert q == pytest.approx(best, abs=2e-5)
-            torque = truth.torque_Nm[i, 0, 0, f, :drives]
-            assert torque == pytest.approx(energy.stiffness * (command - q), abs=1e-12)
-            checked += 1
-    assert checked >= 10
+    poses = poses_above(12)
+    felt, truth = close(hand, "small_cylinder", poses, commands)
+    stopped = np.argwhere(truth.link[:, 0, 0] >= 0)
+    assert len(stopped) >= 10
+    for i, f in stopped[:10]:
+        drives = len(hand.drives[f])
+        q = truth.q_rad[i, 0, 0, f, :drives]
+        command = commands[f, felt.step[i, 0, 0, f], :drives]
+        energy = ReferenceChain(body_from_name("small_cylinder"), hand, TABLE,
+                                matrix_of(tuple(poses[i])), int(f), ALONE)
+        assert energy.slope(q, command) == pytest.approx(0.0, abs=1e-4)
+        torque = truth.torque_Nm[i, 0, 0, f, :drives]
+        assert torque == pytest.approx(energy.stiffness * (command - q), abs=1e-12)
+        bearing = energy.depths(q).max(1).argmax()
+        assert hand.capsule_joint[f][bearing] == truth.link[i, 0, 0, f]
+
+
+def test_a_link_flush_with_a_face_rests_where_its_energy_is_least() -> None:
+    """Where two places of a capsule are equally near, the slope of the energy jumps."""
+    hand = chain_of(hand_of_kind("allegro"))
+    commands = chain_commands(hand, "curl40")
+    poses = poses_above(12)
+    felt, truth = close(hand, "block", poses, commands)
+    for i, f in np.argwhere(truth.link[:, 0, 0] >= 0)[:3]:
+        q = truth.q_rad[i, 0, 0, f]
+        command = commands[f, felt.step[i, 0, 0, f]]
+        energy = ReferenceChain(body_from_name("block"), hand, TABLE, matrix_of(tuple(poses[i])),
+                                int(f), ALONE)
+        best = energy.rest(command, q)
+        assert energy.energy(q, command) <= energy.energy(best, command) + 2e-8
+        assert q == pytest.approx(best, abs=5e-4)
 
 
 def test_a_stop_is_the_first_step_whose_torques_pass_the_threshold() -> None:
-    """Step by step by the independent energy: torques less weight stay below until the stop."""
+    """By the independent energy: torques less weight, a step before the stop and there."""
     hand = chain_of(hand_of_kind("allegro"))
     commands = chain_commands(hand, "curl40")
-    body = body_from_name("small_cylinder")
     poses = poses_above(12)
     felt, truth = close(hand, "small_cylinder", poses, commands)
-    light = replace(TABLE, link_density_kg_m3=0.0)
-    stopped = np.argwhere(truth.link[:, 0, 0] >= 0)[:4]
+    stopped = np.argwhere(truth.link[:, 0, 0] >= 0)[:3]
+    assert len(stopped) == 3
     for i, f in stopped:
-        energy = ReferenceChain(body, hand, TABLE, matrix_of(tuple(poses[i])), int(f), ALONE)
-        skin = ReferenceChain(body, hand, light, matrix_of(tuple(poses[i])), int(f), ALONE)
-        step = int(felt.step[i, 0, 0, f])
-        q = commands[f, step - 12]
-        most = []
-        for s in range(step - 12, step + 1):
-            q = energy.rest(commands[f, s], q)
-            # Torques of the skin: the slope of the energy without servos and weight.
-            slope = np.array([(skin.energy(q + d, q + d) - skin.energy(q - d, q - d)) / 2e-6
-                              for d in 1e-6 * np.eye(4)])
-            most.append(np.abs(slope).max())
-        assert most[-1] > QUIET.torque_threshold_Nm
-        assert max(most[:-1]) <= QUIET.torque_threshold_Nm * (1 + 1e-3)
-    assert len(stopped) == 4
+        energy = ReferenceChain(body_from_name("small_cylinder"), hand, TABLE,
+                                matrix_of(tuple(poses[i])), int(f), ALONE)
+        step, q = int(felt.step[i, 0, 0, f]), truth.q_rad[i, 0, 0, f]
+        assert np.abs(energy.felt(q)).max() > QUIET.torque_threshold_Nm
+        before = energy.rest(commands[f, step - 1], q)
+        assert np.abs(energy.felt(before)).max() < QUIET.torque_threshold_Nm
 
 
 def test_the_utah_mit_hand_closes_alike_as_a_chain() -> None:
