@@ -2,8 +2,8 @@
 """Where the robot concludes that a finger of chains touched, with a covariance: the kernel.
 
 As `closing.contact_estimate_kernel`, capsule by capsule: the torques of the drives are explained by
-a force at a place of a capsule's palmar half, or of its cap where it ends the finger. A switch
-tells no more than that its link touched: all places of that link are then alike.
+a force at a place of a capsule's palmar half, or of its round end where it ends the finger. A
+switch tells no more than that its link touched: all places of that link are then alike.
 """
 
 import warp as wp
@@ -284,6 +284,7 @@ def chain_estimate_kernel(
         felt.torque = vec6()
         felt.leans = 1
     post = _Posterior()
+    post.best = -ONE
     longest = real(0.0)
     for turn in range(2):
         felt.turn = turn
@@ -312,6 +313,9 @@ def chain_estimate_kernel(
                                           out, felt)
                     if joint == hand.joint_count - 1:
                         post = _with_cap(post, hand, pose, joint, end, u, capsule.radius, out,
+                                         felt)
+                        # Thick tips touch with all of their round end.
+                        post = _with_cap(post, hand, pose, joint, end, u, capsule.radius, -out,
                                          felt)
     if post.weight <= ZERO:
         return

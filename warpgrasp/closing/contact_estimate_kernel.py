@@ -57,6 +57,7 @@ _LEAN_ANGLES = 2 * np.pi * np.arange(LEANS - 1) / (LEANS - 1)
 LEAN_ALONG = wp.constant(_lean_vec(0.0, *(_LEAN * np.cos(_LEAN_ANGLES))))
 LEAN_ACROSS = wp.constant(_lean_vec(0.0, *(_LEAN * np.sin(_LEAN_ANGLES))))
 _TINY = wp.constant(real(1e-300))
+_NO_ARM = wp.constant(real(1e-9))  # of a force that turns no joint: a nanometre's arm and less
 _AT_STOP = wp.constant(real(3.0))  # deviations of a joint's reading
 _DEEPEST = wp.constant(real(40.0))  # places that explain so much less than the best are left out
 _RELATIVE = wp.constant(real(0.03))  # model error of a torque, of the largest [est]
@@ -83,7 +84,7 @@ def force_gain(square: real, along: real):
     `square` is that of the torques of a unit force, `along` their product with the measured ones.
     """
     push = wp.max(along, ZERO)
-    return push * push / wp.max(square, _TINY)
+    return push * push / wp.max(square, _NO_ARM)
 
 
 @wp.func
