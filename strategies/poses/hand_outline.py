@@ -51,13 +51,13 @@ class HandOutline:
     """Distances of waypoint families are as many times as long."""
 
 
-@lru_cache(maxsize=16)
 def outline_of(hand: HandTable) -> HandOutline:
     """The outline of a table's hand. Raises HandError for a hand that cannot be used."""
     chain = chain_of_table(hand)
     return _utah_mit(hand) if chain is None else _chains(chain)
 
 
+@lru_cache(maxsize=16)
 def _utah_mit(hand: HandTable) -> HandOutline:
     spread = -hand.flexion_low_rad[0]
     length = sum(hand.link_length_m)
@@ -70,6 +70,7 @@ def _utah_mit(hand: HandTable) -> HandOutline:
         1.5 * hand.finger_spacing_m + hand.link_radius_m, 1.0)
 
 
+@lru_cache(maxsize=16)
 def _chains(hand: ChainHand) -> HandOutline:
     way = closing_way(hand, hand.model.closings[0], _WAY_STEPS)
     ends = [capsule_ends(hand, f, way[f, 0]) for f in range(hand.fingers)]

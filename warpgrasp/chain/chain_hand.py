@@ -89,11 +89,22 @@ UTAH_MIT = "utah_mit"
 """The hand that the tables of numbers describe; it has kernels of its own."""
 
 
-@lru_cache(maxsize=16)
 def hand_of_kind(kind: str) -> HandModel:
     """The model of a table's kind: the name of a hand that ships, or a TOML file. Raises HandError.
     """
-    return hand_named(kind) if kind in SHIPPED else hand_from_file(Path(kind))
+    if kind in SHIPPED:
+        return hand_named(kind)
+    try:
+        changed = Path(kind).stat()
+    except OSError:
+        return hand_from_file(Path(kind))  # which says what is wrong
+    return _hand_of_file(kind, changed.st_mtime_ns, changed.st_size)
+
+
+@lru_cache(maxsize=16)
+def _hand_of_file(kind: str, changed_ns: int, size: int) -> HandModel:
+    """The hand of a file, read again when the file has changed."""
+    return hand_from_file(Path(kind))
 
 
 def chain_of_table(table: HandTable) -> ChainHand | None:
