@@ -10,6 +10,7 @@ drawn from.
   the mean of all 512.
 - *Like these*: objects of the second are drawn with replacement, and of each so many episodes; the
   truth is the mean of all 48.
+- *Everyday objects* (`--everyday`): as *like these*, of forty members of the families instead.
 - *Each object* (`--sweep`, a study of many episodes a cell): of each object that every entry has
   finished so many episodes are drawn; the truth is the mean of all. Over all entries, how often
   intervals of means and of differences to the first entry hold, and the least and the most of any
@@ -42,6 +43,8 @@ name = "hemisphere8"
 waypoints = { kind = "hemisphere", count = 8 }
 """
 METRIC, BOUNDS = "chamfer_mm", (0.0, np.inf)
+FORTY = {"mug": 6, "bowl": 6, "hammer": 6, "bottle": 6, "box": 6, "toy": 6, "pliers": 4}
+"""Everyday objects of the public half, the first so many of each family."""
 
 
 def spec(episodes: int, objects: list[str]) -> str:
@@ -126,51 +129,71 @@ def claims(board: ObjectMeans, over: str) -> bool:
     return bool(((found.low > 0) | (found.high < 0)).any())
 
 
+def these_objects(deep: np.ndarray, trials: int, rng: np.random.Generator) -> None:
+    """Prints how often intervals of these objects hold; `deep` has 512 episodes of each."""
+    print("claim       objects  episodes  % held: means; differences to the first")
+    for objects in (1, 3, 6, 10):
+        for episodes in (8, 16, 64):
+            samples, truth = [], []
+            for _ in range(trials):
+                drawn = rng.choice(len(deep), objects, replace=False)
+                samples.append([deep[n][rng.choice(512, episodes, replace=False)] for n in drawn])
+                truth.append(deep[drawn].mean(axis=(0, 1)))
+            print(f"these       {objects:7}  {episodes:8}  "
+                  f"{coverage('these', np.array(truth), samples)}", flush=True)
+
+
+def like_these(many: np.ndarray, trials: int, rng: np.random.Generator) -> None:
+    """Prints how often intervals of objects like these hold; `many` has 64 episodes of each."""
+    print("claim       objects  episodes  % held: means; differences to the first")
+    for objects in (3, 6, 10, 20):
+        for episodes in (8, 16, 64):
+            samples = [[many[n][rng.integers(0, 64, episodes)]
+                        for n in rng.integers(0, len(many), objects)] for _ in range(trials)]
+            truth = np.tile(many.mean(axis=(0, 1)), (trials, 1))
+            print(f"like-these  {objects:7}  {episodes:8}  "
+                  f"{coverage('like-these', truth, samples)}", flush=True)
+
+
+def equal_entries(deep: np.ndarray, trials: int, rng: np.random.Generator) -> None:
+    """Prints how many boards of equal entries claim a difference."""
+    print("\nequal entries  objects  episodes  % of boards that claim: these  like-these")
+    for entries in (2, 6, 15, 100):
+        for objects, episodes in ((3, 8), (6, 8), (6, 16), (10, 64)):
+            boards = trials if entries < 100 else max(1, trials // 4)
+            count = np.zeros(2)
+            for _ in range(boards):
+                board = ObjectMeans(entries, 0)
+                for n in rng.choice(len(deep), objects, replace=False):
+                    board.add(deep[n][rng.integers(0, 512, (episodes, entries)), 0])
+                count += [claims(board, "these"), claims(board, "like-these")]
+            print(f"{entries:13}  {objects:7}  {episodes:8}  {100 * count[0] / boards:29.1f}  "
+                  f"{100 * count[1] / boards:10.1f}", flush=True)
+
+
 def main() -> None:
-    """Prints the three tables."""
+    """Prints the tables."""
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--trials", type=int, default=2000)
     parser.add_argument("--scans", type=Path, help="folder of scanned meshes, which join the 48")
+    parser.add_argument("--everyday", action="store_true", help="forty members of the families")
     parser.add_argument("--sweep", type=Path, help="look at each object of this study instead")
     given = parser.parse_args()
     rng = np.random.default_rng(1)
     if given.sweep is not None:
         each_object(given.sweep, given.trials, rng)
         return
+    if given.everyday:
+        forty = [f'"{family}-{seed}"' for family, count in FORTY.items() for seed in range(count)]
+        like_these(values_of(given.folder / "everyday", spec(64, forty)), given.trials, rng)
+        return
     deep = values_of(given.folder / "deep", spec(512, [f'"{name}"' for name in CATALOGUE]))
     many = values_of(given.folder / "many", spec(64, many_objects(given.scans)))
-    print("claim       objects  episodes  % held: means; differences to the first")
-    for objects in (1, 3, 6, 10):
-        for episodes in (8, 16, 64):
-            samples, truth = [], []
-            for _ in range(given.trials):
-                drawn = rng.choice(len(deep), objects, replace=False)
-                samples.append([deep[n][rng.choice(512, episodes, replace=False)] for n in drawn])
-                truth.append(deep[drawn].mean(axis=(0, 1)))
-            print(f"these       {objects:7}  {episodes:8}  "
-                  f"{coverage('these', np.array(truth), samples)}", flush=True)
-    for objects in (3, 6, 10, 20):
-        for episodes in (8, 16, 64):
-            samples = [[many[n][rng.integers(0, 64, episodes)]
-                        for n in rng.integers(0, len(many), objects)]
-                       for _ in range(given.trials)]
-            truth = np.tile(many.mean(axis=(0, 1)), (given.trials, 1))
-            print(f"like-these  {objects:7}  {episodes:8}  "
-                  f"{coverage('like-these', truth, samples)}", flush=True)
-    print("\nequal entries  objects  episodes  % of boards that claim: these  like-these")
-    for entries in (2, 6, 15, 100):
-        for objects, episodes in ((3, 8), (6, 8), (6, 16), (10, 64)):
-            trials = given.trials if entries < 100 else max(1, given.trials // 4)
-            count = np.zeros(2)
-            for _ in range(trials):
-                board = ObjectMeans(entries, 0)
-                for n in rng.choice(len(deep), objects, replace=False):
-                    board.add(deep[n][rng.integers(0, 512, (episodes, entries)), 0])
-                count += [claims(board, "these"), claims(board, "like-these")]
-            print(f"{entries:13}  {objects:7}  {episodes:8}  {100 * count[0] / trials:29.1f}  "
-                  f"{100 * count[1] / trials:10.1f}", flush=True)
+    these_objects(deep, given.trials, rng)
+    like_these(many, given.trials, rng)
+    equal_entries(deep, given.trials, rng)
 
 
 if __name__ == "__main__":

@@ -79,7 +79,7 @@ def main() -> int:
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--within", type=float, default=1.0)
-    parser.add_argument("--start", type=int, default=4)
+    parser.add_argument("--start", type=int, default=8)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--rivals", type=int, default=9, help="of the race, beside its winner")
     parser.add_argument("--episodes", type=int, default=1000)
