@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from warpgrasp.chain.chain_hand import UTAH_MIT
 from warpgrasp.closing.closing import Closing, ClosingTruth
 from warpgrasp.closing.contact_estimate import ContactEstimate
 from warpgrasp.core.kernel_launch import check_range
@@ -206,8 +207,12 @@ class Robot:
         (finger 4, step, 4) the joints at each interval, the last held. `until` RELEASE ends when
         the pads feel nothing any more. The way from where the hand is to the start is taken to be
         free, as between retreats; `checked`, the status is COLLISION where the hand, its fingers at
-        their first commands, would strike something on the straight way.
+        their first commands, would strike something on the straight way. Raises ValueError for a
+        hand other than the Utah-MIT, which has no pads.
         """
+        if self.hand.kind != UTAH_MIT:
+            raise ValueError(f"guarded lines feel with the pads of the Utah-MIT hand; the hand is "
+                             f"{self.hand.kind}")
         move = LineMove(rows, self._lines_made[rows], hand_pose, direction, interval_m, steps,
                         finger, commands_rad, until, checked)
         touch, truth, arm_q = guarded_line(

@@ -56,8 +56,8 @@ class Frame:
     fingers_m: np.ndarray
     """Base, joints and tip of each finger, (finger, place, 3)."""
     felt: np.ndarray
-    """Strength of each finger's contact in this frame, 0 to 1, (finger,): 1 for a contact of a grasp,
-    for a pad its largest count over full scale."""
+    """Strength of each finger's contact in this frame, 0 to 1, (finger,): 1 for a contact of a
+    grasp, for a pad its largest count over full scale."""
     contacts: int
     """Number of the replay's contacts made so far."""
     estimate: int
@@ -207,7 +207,8 @@ class _Recording:
         cell = self.cell
         joints, turn = arm_points(cell.arm, self.arm, cell.hand.mount_length_m)
         level = np.zeros(len(fingers)) if felt is None else np.asarray(felt, float)
-        return Frame(joints, turn, self._links(joints[-1], turn, fingers), level, len(self.contacts), self.estimate, label)
+        return Frame(joints, turn, self._links(joints[-1], turn, fingers), level,
+                     len(self.contacts), self.estimate, label)
 
 
 def refits(cell: Cell, grasps: Grasps, world: int) -> list[np.ndarray | None]:

@@ -72,6 +72,9 @@ def check_hands(study: Study, given: Mapping[str, Any], problems: Problems) -> N
             if key in given and field.name not in COUNTS:
                 problems.add(("hand", key), "is a number of the Utah-MIT hand; other hands have "
                              f"their numbers in their TOML file, and {', '.join(COUNTS[1:])}")
+    if len(hands) > 1 and _sides(study) != {"both"}:
+        problems.add(("robot", "swept"), "hands are swept, and a robot knows which hand it has; "
+                     "should be both")
     for table in _contacts(study):
         for key, what in unsupported_contact(table):
             problems.add(("contact", key), what)
@@ -96,6 +99,14 @@ def _contacts(study: Study) -> list[ContactTable]:
                 name = spec_fields(ContactTable)[key.removeprefix("contact.")].name
                 tables += [replace(tables[0], **{name: point[n]}) for point in axis.si]
     return tables
+
+
+def _sides(study: Study) -> set[str]:
+    """Whose tables the study sweeps, at all of its settings."""
+    key = "robot.swept"
+    swept = {point[axis.keys.index(key)] for axis in study.axes if key in axis.keys
+             for point in axis.si}
+    return swept or {study.tables["robot"].swept}
 
 
 def hands_of(study: Study) -> set[str]:

@@ -82,6 +82,12 @@ def test_a_closing_path_that_a_hand_has_not_is_said(tmp_path: Path) -> None:
     assert "the hand leap has no closing path" in told(tmp_path, text)
 
 
+def test_a_robot_knows_which_hand_it_has(tmp_path: Path) -> None:
+    text = HEAD + RING + ALONE + '[robot]\nswept = "truth"\n'
+    text += '[sweep.grid]\nhand = ["leap", "barrett"]\n'
+    assert "a robot knows which hand it has" in told(tmp_path, text)
+
+
 def test_what_fingers_of_other_hands_do_not_do_yet_is_said(tmp_path: Path) -> None:
     assert "the skin does not rub yet" in told(tmp_path, HEAD + 'hand = "leap"\n' + RING)
     text = HEAD + RING + ALONE + '[sweep.grid]\nhand = ["utah_mit", "leap"]\n'
