@@ -25,6 +25,8 @@ from warpgrasp.parameters import ContactTable, HandTable
 GRAVITY_M_S2 = 9.81
 _NO_SERVO = 1.0
 _WAY_STEPS = 16
+_SHORTEST_M = 1e-6
+"""A ball is a capsule as long: distances of two of them need a direction."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,8 @@ def chain_of(model: HandModel) -> ChainHand:
         capsules.append(tuple(c for c, _ in found))
         bearing.append(tuple(j for _, j in found))
     inverse = np.linalg.inv(matrix_of(touched.grasp_frame))
-    palm = tuple(_moved(shape, inverse) for shape in touched.palm if isinstance(shape, Capsule))
+    palm = tuple(_outward(_moved(shape, inverse), np.zeros(3)) for shape in touched.palm
+                 if isinstance(shape, Capsule))
     return ChainHand(touched, tuple(drives), tuple(numbers), tuple(capsules), tuple(bearing), palm)
 
 
@@ -269,8 +272,11 @@ def _next_m(finger: Finger, joint: int) -> np.ndarray:
 
 
 def _outward(capsule: Capsule, toward_m: np.ndarray) -> Capsule:
-    """The capsule, its end the nearer one to a place."""
+    """The capsule, its end the nearer one to a place, and its axis not without length."""
     start, end = (np.linalg.norm(toward_m - np.array(at)) for at in (capsule.start, capsule.end))
+    if capsule.start == capsule.end:
+        x, y, z = capsule.start
+        return replace(capsule, end=(x, y, z + _SHORTEST_M))
     return capsule if end <= start else replace(capsule, start=capsule.end, end=capsule.start)
 
 

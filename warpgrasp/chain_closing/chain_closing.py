@@ -14,6 +14,7 @@ from warpgrasp.chain.chain_hand import ChainHand, true_chains
 from warpgrasp.chain.chain_kernel import CAPSULES, JOINTS, vec6
 from warpgrasp.chain.torque_sensor import true_sensors
 from warpgrasp.chain_closing.chain_closing_kernel import chain_closing_kernel
+from warpgrasp.chain_closing.chain_meeting import resolve_meetings
 from warpgrasp.chain_closing.chain_path import come_bounds, padded
 from warpgrasp.chain_closing.chain_readout import chain_reading_kernel
 from warpgrasp.chain_closing.chain_record import ChainClosingRow, ChainTruthRow
@@ -52,9 +53,6 @@ def unsupported_contact(contact: ContactTable) -> list[tuple[str, str]]:
     if contact.friction:
         wrong.append(("friction", f"is {contact.friction:g}; should be 0: of hands other than the "
                       "Utah-MIT the skin does not rub yet"))
-    if contact.self_contact:
-        wrong.append(("self_contact", "is true; should be false: of hands other than the Utah-MIT "
-                      "each finger closes as if alone"))
     return wrong
 
 
@@ -120,11 +118,17 @@ def close_chains(
         "key": there(counter_key(key, int(Purpose.CLOSING)), wp.uint64),
         "probe_number": there(probe_number, int), "hand_pose": there(hand_pose, transform),
         "path": path, "felt": felt.array, "truth": truth.array}
-    launch_in_turn(extents, [
-        (chain_closing_kernel, _SHAPES, given | {
-            "march_scale": march_scale, "probe_status": there(probe_status, int), "come": come,
-            "command_count": there(command_count, int)}),
-        (chain_reading_kernel, _SHAPES, given)], device=device)
+    counts = {"command_count": there(command_count, int)}
+    closing = (chain_closing_kernel, _SHAPES, given | counts | {
+        "march_scale": march_scale, "probe_status": there(probe_status, int), "come": come})
+    reading = (chain_reading_kernel, _SHAPES, given)
+    if contact.self_contact:
+        launch_in_turn(extents, [closing], device=device)
+        resolve_meetings(hand, sensors, felt.numpy()["status"][..., 0], come.numpy(),
+                         given | counts, device)
+        launch_in_turn(extents, [reading], device=device)
+    else:
+        launch_in_turn(extents, [closing, reading], device=device)
     row, true, width = felt.numpy(), truth.numpy(), hand.width
     return (ChainClosing(
                 row["status"], row["step"], row["q"][..., :width],

@@ -178,7 +178,6 @@ def chain_closing_kernel(
 
     at = wp.where(stopped < 0, last, stopped)
     truth[w, p, g, finger].q = now.rest.q
-    truth[w, p, g, finger].rest = now.rest.q
     truth[w, p, g, finger].torque = wp.cw_mul(command - now.rest.q, hand.stiffness)
     truth[w, p, g, finger].along = now.rest.along
     truth[w, p, g, finger].bend = now.rest.bend

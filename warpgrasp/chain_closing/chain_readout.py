@@ -84,7 +84,6 @@ def chain_reading_kernel(
                                   rest.q, rest, NO_FRICTION)
         else:
             rest = refine_equilibrium(scene, which, hand, base, command, rest, NO_FRICTION)
-            truth[w, p, g, finger].rest = rest.q
         truth[w, p, g, finger].q = rest.q
         truth[w, p, g, finger].torque = wp.cw_mul(command - rest.q, hand.stiffness)
         bearing = int(0)
@@ -115,6 +114,8 @@ def chain_reading_kernel(
             truth[w, p, g, finger].normal = wp.transform_vector(
                 body_pose[w], wp.normalize(normal))  # a grid's gradient is shorter in its creases
 
+    if not wp.isfinite(truth[w, p, g, finger].rest[0]):
+        truth[w, p, g, finger].rest = truth[w, p, g, finger].q
     reader = counter_key(stream, _JOINT)
     q = truth[w, p, g, finger].q
     for d in range(hand.drives):
