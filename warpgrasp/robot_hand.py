@@ -14,6 +14,7 @@ from warpgrasp.chain.chain_kernel import JOINTS
 from warpgrasp.chain_closing.chain_closing import ChainClosing, close_chains
 from warpgrasp.chain_closing.chain_estimate import estimate_chain_contacts
 from warpgrasp.chain_closing.chain_move import chain_clearance
+from warpgrasp.chain_closing.chain_self_contact import chain_self_contacts
 from warpgrasp.closing.closing import Closing, ClosingTruth, close_fingers
 from warpgrasp.closing.contact_estimate import ContactEstimate, estimate_contacts
 from warpgrasp.closing.self_contact import self_contacts
@@ -136,7 +137,8 @@ class Chains:
     def own_touches(self, closing: Closing, commands_rad: np.ndarray, errors: ErrorTable,
                     device: str) -> np.ndarray:
         """As a `RobotHand`."""
-        return np.zeros(closing.status.shape, bool)
+        return chain_self_contacts(closing, commands_rad, self.chain, self.hand, self.sensors,
+                                   errors, device=device)
 
     def estimate(self, closing: Closing, believed_pose: np.ndarray, commands_rad: np.ndarray,
                  arm: ArmTable, errors: ErrorTable, device: str) -> ContactEstimate:

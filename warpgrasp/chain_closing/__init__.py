@@ -7,4 +7,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "chain_estimate": ["ChainEstimate", "estimate_chain_contacts"],
     "chain_path": ["come_bounds", "padded"],
     "chain_move": ["chain_clearance"],
+    "chain_self_contact": ["chain_self_contacts"],
 })

@@ -85,9 +85,11 @@ def _rows(kernel: Any, hand: ChainHand, place: np.ndarray, given: Mapping[str, A
 
 
 @lru_cache(maxsize=16)
-def palm_of(hand: ChainHand) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def palm_of(hand: ChainHand, close_m: float = CLOSE_M
+            ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The palm's capsules (bar, 2, 3) and radii (bar,), and which pairs of capsules are none: bool
-    (finger x `CAPSULES`, the same, then bars)."""
+    (finger x `CAPSULES`, the same, then bars). Those that are nearer than `close_m` in the open
+    hand are none."""
     ends = np.array([(c.start, c.end) for c in hand.palm]).reshape(-1, 2, 3)
     radius = np.array([c.radius for c in hand.palm])
     if len(ends) == 0:  # a palm without shape: one far away
@@ -104,7 +106,7 @@ def palm_of(hand: ChainHand) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     whole = hand.fingers * CAPSULES
     barred = np.ones((whole, whole + len(ends)), bool)
     to = np.concatenate([own, whole + np.arange(len(ends))])
-    barred[np.ix_(own, to)] = (apart < CLOSE_M)[:len(own)]
+    barred[np.ix_(own, to)] = (apart < close_m)[:len(own)]
     for f in range(hand.fingers):  # links of a finger, and its first one and the palm
         for c, joint in enumerate(hand.capsule_joint[f]):
             barred[f * CAPSULES + c, f * CAPSULES:(f + 1) * CAPSULES] = True

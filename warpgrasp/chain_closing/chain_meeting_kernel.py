@@ -4,7 +4,8 @@
 `chain_closing_kernel` closes each finger as if the others were not there. Here all fingers of a
 hand are brought to rest together from the step at which links first come near one another or the
 palm, step by step, each stopped by its own readings; a finger that has stopped holds its command
-and is pushed. Where nothing is near any more, fingers that nothing has touched end as they did alone.
+and is pushed. Where nothing is near any more, fingers that nothing has touched end as they did
+alone.
 """
 
 import warp as wp

@@ -12,12 +12,12 @@ from sweeps.episode.episodes import episode_notes, run_block, run_episodes
 from sweeps.spec.cell import Cell
 from warpgrasp.parameters import ArmTable, ContactTable, HandTable
 
-ALONE = ContactTable(friction=0.0, self_contact=False)
+SMOOTH = ContactTable(friction=0.0)
 
 
 def cell_of(hand: str, strategy: str = "ring6") -> Cell:
     return Cell(STRATEGIES[strategy], {"name": "block"}, "block", arm=ArmTable(kind="none"),
-                hand=HandTable(kind=hand), contact=ALONE)
+                hand=HandTable(kind=hand), contact=SMOOTH)
 
 
 @pytest.mark.parametrize("hand", ["allegro", "leap", "barrett"])

@@ -13,7 +13,7 @@ from warpgrasp.hands.hand_writer import hand_text
 
 HEAD = 'schema = 1\nobjects = ["block"]\n'
 RING = '[[strategy]]\nname = "ring6"\n'
-ALONE = "[contact]\nfriction = 0.0\nself_contact = false\n"
+ALONE = "[contact]\nfriction = 0.0\n"
 
 
 def read(tmp_path: Path, text: str, *overrides: str) -> Study:

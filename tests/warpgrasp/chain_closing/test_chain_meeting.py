@@ -11,8 +11,10 @@ from strategies.poses.chain_paths import chain_commands
 from warpgrasp.chain.chain_hand import ChainHand, capsule_ends, chain_of, hand_of_kind
 from warpgrasp.chain.chain_kernel import CAPSULES
 from warpgrasp.chain_closing.chain_meeting import palm_of
+from warpgrasp.chain_closing.chain_self_contact import chain_self_contacts
 from warpgrasp.hands.hand_frames import matrix_of
 from warpgrasp.objects.catalogue import body_from_name
+from warpgrasp.parameters import ErrorTable
 
 MEET = replace(ALONE, self_contact=True)
 FAR = np.array([[0.4, 0.3, 0.5, 1.0, 0.0, 0.0, 0.0], [0.4, 0.3, 0.5, 0.8, 0.6, 0.0, 0.0]])
@@ -27,7 +29,7 @@ def between(a: np.ndarray, b: np.ndarray) -> float:
         return segment[0] + share[:, None] * along
 
     x = a[0] + np.linspace(0, 1, 9)[:, None] * (a[1] - a[0])
-    for _ in range(400):
+    for _ in range(200):
         y = project(x, b)
         x = project(y, a)
     return float(np.linalg.norm(x - y, axis=1).min())
@@ -49,7 +51,9 @@ def depths_between(hand: ChainHand, q: np.ndarray) -> np.ndarray:
             for segment, radius, column in others:
                 both = capsule.radius + radius
                 middles = np.linalg.norm((ends[one][c] - segment).mean(0))
-                if not barred[row, column] and middles < both + 0.1:
+                long = (np.linalg.norm(np.diff(ends[one][c], axis=0))
+                        + np.linalg.norm(np.diff(segment, axis=0))) / 2
+                if not barred[row, column] and middles < both + long + 1e-3:
                     found.append(both - between(ends[one][c], segment))
     return np.array(found)
 
@@ -58,13 +62,14 @@ def depths_between(hand: ChainHand, q: np.ndarray) -> np.ndarray:
 def test_all_torques_of_a_hand_that_meets_are_in_balance(kind: str) -> None:
     hand = chain_of(hand_of_kind(kind))
     commands = chain_commands(hand, "together")
-    felt, truth = close(hand, "block", FAR, commands, contact=MEET)
+    felt, truth = close(hand, "block", FAR[1:], commands, contact=MEET)
     met = truth.self_contact[:, 0, 0].any(1)
     assert met.any()
     for i in np.flatnonzero(met):
         q, step = truth.rest_rad[i, 0, 0], felt.step[i, 0, 0]
-        fingers = [ReferenceChain(body_from_name("block"), hand, TABLE, matrix_of(tuple(FAR[i])),
-                                  f, ALONE) for f in range(hand.fingers)]
+        pose = matrix_of(tuple(FAR[1 + i]))
+        fingers = [ReferenceChain(body_from_name("block"), hand, TABLE, pose, f, ALONE)
+                   for f in range(hand.fingers)]
 
         def energy(q: np.ndarray, fingers=fingers, step=step) -> float:
             own = sum(e.energy(q[f, :len(hand.drives[f])],
@@ -80,6 +85,19 @@ def test_all_torques_of_a_hand_that_meets_are_in_balance(kind: str) -> None:
                 turn[f, d] = 1e-6
                 slope = (energy(q + turn) - energy(q - turn)) / 2e-6
                 assert slope == pytest.approx(0.0, abs=3e-4)
+
+
+def test_a_robot_tells_its_own_fingers_by_their_angles() -> None:
+    hand = chain_of(hand_of_kind("leap"))
+    commands = chain_commands(hand, "together")
+    felt, truth = close(hand, "block", FAR, commands, contact=MEET)
+    own = chain_self_contacts(felt, commands[None], hand, TABLE, QUIET, ErrorTable.none())
+    stopped = felt.status == 1
+    assert stopped.any()
+    assert (own[stopped] == truth.self_contact[stopped]).all()
+    short = commands[:, :40]
+    felt, _ = close(hand, "block", FAR, short, contact=MEET)
+    assert not chain_self_contacts(felt, short[None], hand, TABLE, QUIET, ErrorTable.none()).any()
 
 
 def test_fingers_that_do_not_meet_close_as_alone() -> None:
