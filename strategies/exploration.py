@@ -201,7 +201,7 @@ class RunningExploration:
             self._refit(np.flatnonzero(changed))
             self._conclude(np.flatnonzero(changed))
             self.active &= within_budget(self.budget, self.belief)
-            self.belief = replace(self.belief, active=read_only(self.active.copy()))
+            self.belief = self.belief.with_active(read_only(self.active.copy()))
         return bool((changed | stopped).any())
 
     def finish(self) -> bool:

@@ -15,7 +15,7 @@ from scipy.special import betaln, gammaln
 
 from fit.rotation import matrix_of_quaternion
 from fit.superquadric.geometry import Superquadric, SuperquadricLike
-from fit.superquadric.uncertainty import displaced
+from fit.superquadric.slopes import displaced
 
 DESCRIPTION = (
     "log_size", "log_centre_height", "log_height_std", "log_section",
@@ -113,11 +113,14 @@ def description_covariance(
 
     `covariance` is that of `fit.superquadric.uncertainty`.
     """
+    fits = len(covariance)
+    free = np.array(sorted(set(range(15)) - set(_HELD)))
     std = np.sqrt(np.maximum(np.einsum("fii->fi", covariance), 1e-12))
-    slopes = np.zeros((len(std), len(DESCRIPTION), 15))
-    for k in sorted(set(range(15)) - set(_HELD)):
-        step = np.zeros((len(std), 15))
-        step[:, k] = STEP * std[:, k]
-        up, down = (superquadric_description(displaced(body, s * step)) for s in (1, -1))
-        slopes[..., k] = (up - down) / (2 * step[:, k, None])
+    # All steps up and down as bodies of one call.
+    step = STEP * std.T[free, :, None] * np.eye(15)[free, None]
+    moved = displaced(Superquadric(*(np.tile(field, (2 * len(free), 1)) for field in body)),
+                      np.concatenate([step, -step]).reshape(-1, 15))
+    up, down = superquadric_description(moved).reshape(2, len(free), fits, len(DESCRIPTION))
+    slopes = np.zeros((fits, len(DESCRIPTION), 15))
+    slopes[..., free] = np.moveaxis((up - down) / (2 * STEP * std.T[free, :, None]), 0, -1)
     return np.einsum("fik,fkl,fjl->fij", slopes, covariance, slopes)

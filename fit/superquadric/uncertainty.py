@@ -2,8 +2,7 @@
 
 The information matrix sums the touches' distances to the surface, whitened by their standard
 deviations, and the table as one touch at the lowest point. A wide prior over the range of each
-parameter keeps the matrix regular, for example if a rotation is undetermined. Derivatives are
-central differences along the tangent coordinates.
+parameter keeps the matrix regular, for example if a rotation is undetermined.
 """
 
 from dataclasses import dataclass
@@ -12,28 +11,18 @@ import numpy as np
 from jaxtyping import Float
 
 from fit.arrays import is_valid, row_medians, row_sums
-from fit.rotation import matrix_of_quaternion, quaternion_of_matrix
 from fit.superquadric.geometry import (
     Superquadric,
     SuperquadricLike,
-    radius_differences,
     superquadric_areas,
-    superquadric_inside_outside,
     superquadric_volume,
 )
+from fit.superquadric.slopes import displaced, radius_slopes
 
-TANGENT = (
-    "log_a1", "log_a2", "log_a3", "eps1", "eps2",
-    "turn_x_rad", "turn_y_rad", "turn_z_rad", "px_m", "py_m", "pz_m",
-    "kx", "ky", "bend_x_per_m", "bend_y_per_m",
-)  # fmt: skip
-"""Tangent coordinates; rotations are about the body's own axes, the bend is a vector."""
 STEP = 1e-5
 """Difference step, in standard deviations of the prior."""
 FLAT = 0.1
 """Minimum gradient of the scaled radius times the half diagonal, except at the centre."""
-_NOT_FITTED = 1e-7
-"""Prior standard deviations below this are of parameters that no body has."""
 MIN_SIGMA_M = 1e-9
 """Minimum standard deviation of a touch [m]."""
 
@@ -85,9 +74,9 @@ def superquadric_uncertainty(
     fitted[:, 13:15] = (body.bend[:, :1] != 0)
     prior = _prior(body) * np.where(fitted, 1.0, 1e-9)
 
-    away, slope, normal = _first_order(body, points)
+    away, slope, normal, slopes = _first_order(body, points)
     sigma = _sigma(away / slope, normal, kept, fitted.sum(axis=1), covariance, sigma_floor_m)
-    slopes = _slopes(body, points, prior, slope, normal)
+    slopes = slopes / slope[..., None] * prior[:, None]
     rows = slopes / sigma[..., None] * kept[..., None]
     information = np.einsum("fpi,fpj->fij", rows, rows) + np.eye(15)
     if table_z is not None:
@@ -128,41 +117,19 @@ def surface_distance(body: SuperquadricLike, points: np.ndarray) -> tuple[np.nda
 
     At the centre, where beta has no gradient, the distance is the smallest half extent.
     """
-    away, slope, normal = _first_order(body, points)
+    away, slope, normal, _ = _first_order(body, points)
     return away / slope, normal
 
 
-def _first_order(body: SuperquadricLike, points) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """beta - 1 (the scaled radius), |grad beta| [1/m] and the unit normal at points."""
-    difference, step = radius_differences(body, points)
-    gradient = difference / (2 * step)[..., None]
+def _first_order(body: SuperquadricLike, points) -> tuple[np.ndarray, ...]:
+    """beta - 1 (the scaled radius), |grad beta| [1/m], the unit normal at points, and the slopes of
+    beta by `TANGENT`."""
+    radius, slopes = radius_slopes(body, points)
+    gradient = -slopes[..., 8:11]
     slope = np.linalg.norm(gradient, axis=2)
     flat = slope < FLAT / np.linalg.norm(body.size_m, axis=1)[:, None]
     slope = np.where(flat, 1 / body.size_m.min(axis=1)[:, None], slope)
-    return superquadric_inside_outside(body, points) - 1, slope, gradient / slope[..., None]
-
-
-def displaced(body: SuperquadricLike, tangent: Float[np.ndarray, "fit 15"]) -> Superquadric:
-    """The bodies displaced by a step in tangent coordinates."""
-    t = tangent
-    rotation = matrix_of_quaternion(body.quaternion_xyzw)
-    half = np.concatenate([0.5 * t[:, 5:8], np.ones((len(t), 1))], axis=1)
-    turn = matrix_of_quaternion(half / np.linalg.norm(half, axis=1, keepdims=True))
-    bend = _bend_vector(body) + t[:, 13:15]
-    return Superquadric(
-        body.size_m * np.exp(t[:, 0:3]),
-        body.exponents + t[:, 3:5],
-        body.position_m + t[:, 8:11],
-        quaternion_of_matrix(rotation @ turn),
-        body.taper + t[:, 11:13],
-        np.stack([np.hypot(*bend.T), np.arctan2(bend[:, 1], bend[:, 0])], axis=1),
-    )
-
-
-def _bend_vector(body: SuperquadricLike) -> np.ndarray:
-    """Curvature vectors [1/m] in x and y, shape [fit, 2]."""
-    curvature, direction = body.bend[:, :1], body.bend[:, 1]
-    return curvature * np.stack([np.cos(direction), np.sin(direction)], axis=1)
+    return radius - 1, slope, gradient / slope[..., None], slopes
 
 
 def _prior(body: SuperquadricLike) -> np.ndarray:
@@ -178,23 +145,8 @@ def _prior(body: SuperquadricLike) -> np.ndarray:
 
 def distance_slopes(body: SuperquadricLike, points, prior) -> Float[np.ndarray, "fit point 15"]:
     """Derivatives of distances [m] by tangent coordinates, per prior standard deviation."""
-    _, slope, normal = _first_order(body, points)
-    return _slopes(body, points, prior, slope, normal)
-
-
-def _slopes(body: SuperquadricLike, points, prior, slope, normal) -> np.ndarray:
-    """`distance_slopes`, from the results of `_first_order`."""
-    slopes = np.zeros((*points.shape[:2], 15))
-    for k in (*range(8), *range(11, 15)):
-        if prior[:, k].max() < _NOT_FITTED:
-            continue
-        step = np.zeros((len(points), 15))
-        step[:, k] = STEP * prior[:, k]
-        up, down = (superquadric_inside_outside(displaced(body, s * step), points) for s in (1, -1))
-        slopes[..., k] = (up - down) / (2 * STEP) / slope
-    # Translation is exact: the surface moves by its component along the normal.
-    slopes[..., 8:11] = -normal * prior[:, None, 8:11]
-    return slopes
+    _, slope, _, slopes = _first_order(body, points)
+    return slopes / slope[..., None] * prior[:, None]
 
 
 def _sigma(distance, normal, kept, parameters, covariance, floor) -> np.ndarray:

@@ -3,7 +3,9 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "body_uncertainty": ["Felt", "INADEQUATE_FROM", "calibrated_uncertainty", "surface_spread"],
+    "body_uncertainty": ["BodyUncertainty", "INADEQUATE_FROM", "calibrated_uncertainty",
+        "surface_spread"],
+    "felt": ["Felt"], "volume_spread": ["FeltBy", "VolumeSigns", "interval_trusted"],
     "finger_touch": ["TouchedLinks", "joined_links", "links_of_touches", "no_links",
         "touched_links"],
     "placing": ["placing_of"],

@@ -1,17 +1,15 @@
 """How uncertain a recovered body is: the one calibrated uncertainty of budgets, planners and rows.
 
-To first order in the body's parameters, from the contacts' own spread and from the errors that they
-share (`shared_errors`), and beside it what no covariance of parameters holds: where nothing was
-felt the surface may lie off any superquadric or contour, in proportion to the distance to the
-nearest contact, and rather outside, since fits take the smallest body that explains the contacts.
-Contacts that contradict the body tell that the model is not adequate. The three factors are
+Covariances are to first order in the body's parameters, from the contacts' own spread and from the
+errors that they share (`shared_errors`). What no covariance of parameters holds, that the true
+surface lies off any superquadric or contour, widens and shifts volumes by signs that the robot
+knows (`volume_spread`), and places of a surface by how far the nearest contact is. Factors are
 calibrated on simulated episodes (`docs/fit.md`).
 """
 
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from fit.arrays import row_sums
 from fit.revolution.geometry import RevolutionBody, revolution_surface, revolution_volume
@@ -22,48 +20,47 @@ from fit.superquadric.uncertainty import (
     surface_distance,
     surface_std,
 )
+from strategies.contacts.felt import FOOT_M, Felt, packed, unfelt_distance
 from strategies.contacts.finger_touch import TouchedLinks
 from strategies.contacts.shared_errors import shared_shifts
+from strategies.contacts.volume_spread import FeltBy, VolumeSigns, spread_of_volumes
+from strategies.poses.waypoints import BoundingCylinder
 from warpgrasp.parameters import ArmTable, ErrorTable
 
-OUTSIDE = 0.10
-"""By how much the true surface lies outside the recovered one, of the distance to a contact."""
-SPREAD = 0.12
-"""Standard deviation of that."""
-CONTRADICTED_SPREAD = 1.5
-"""Standard deviation of the logarithm of the volume, of the share of contradicted contacts."""
-CONTRADICTED_SPREAD_M = 0.02
-"""The same of a place of the surface [m]."""
+OWN_OF_SURFACE = 0.5
+"""Of the standard deviation of a place of the surface by the covariance of the parameters [est]."""
+UNFELT = 0.27
+"""By how much a place of the surface may lie off, of its distance to a contact, one standard
+deviation [est]."""
+OFF_M = 0.0012
+"""The same where a contact is [est]."""
+CONTRADICTED_SPREAD_M = 0.014
+"""The same, of the share of contradicted contacts [m] [est]."""
 INADEQUATE_FROM = 0.12
 """Share of contradicted contacts from which on the body's model is not adequate [est]."""
 TOUCH_SIGMA_M = 0.001
 """Spread of one touch of a pad about a contour [est]."""
-FARTHEST_M = 0.1
-FOOT_M = 0.006
+END_M = 0.004
+"""A touch nearer than this to the upper end of a contour may be one of the end."""
+LEAST_M3 = 1e-12
+"""A smaller volume counts as this one."""
 _PACK = 64
 _SURFACE_POINTS = 216
 
 
 @dataclass(frozen=True)
-class Felt:
-    """Contacts of each world. Shapes start with (world, point)."""
+class BodyUncertainty(SuperquadricUncertainty):
+    """Uncertainty of recovered bodies, one a world."""
 
-    points_m: np.ndarray
-    mask: np.ndarray
-    covariance_m2: np.ndarray
-    contradicted: np.ndarray
-    """Which of them contradict the body they were placed on, bool."""
-
-    def contradicted_share(self) -> np.ndarray:
-        """Of all contacts, (world,)."""
-        return self.contradicted.sum(1) / np.maximum(self.mask.sum(1), 1)
+    signs: VolumeSigns
+    """What the spread of the volumes goes by."""
 
 
 def calibrated_uncertainty(
     body: Superquadric, turned: RevolutionBody | None, is_turned: np.ndarray, felt: Felt,
-    links: TouchedLinks, errors: ErrorTable, arm: ArmTable,
-) -> SuperquadricUncertainty:
-    """Uncertainty of each world's body from its own contacts alone.
+    links: TouchedLinks, errors: ErrorTable, arm: ArmTable, prior: BoundingCylinder,
+) -> BodyUncertainty:
+    """Uncertainty of each world's body from its own contacts, and from the prior that was given.
 
     Volumes are those of `turned` where `is_turned` (world,), bool; covariances always those of the
     superquadric's parameters. Contacts are packed to a number of slots that depends on the world's
@@ -71,20 +68,26 @@ def calibrated_uncertainty(
     """
     worlds = len(felt.mask)
     slots = -(-np.maximum(felt.mask.sum(1), 1) // _PACK) * _PACK
-    found: dict[str, np.ndarray] = {}
+    contours = np.flatnonzero(is_turned) if turned is not None else np.zeros(0, int)
+    known = {f.name: np.zeros((worlds, *(15, 15) * (f.name == "covariance")))
+             for f in fields(SuperquadricUncertainty)}
     for width in np.unique(slots):
         rows = np.flatnonzero(slots == width)
         some, stood = packed(felt, links, rows, int(width))
         part = _of_superquadrics(Superquadric(*(field[rows] for field in body)), some, stood,
                                  errors, arm)
-        those = np.flatnonzero(is_turned[rows])
+        for name, values in known.items():
+            values[rows] = getattr(part, name)
+        those = np.flatnonzero(np.isin(rows, contours))
         if turned is not None and len(those):
-            part = _with_contours(part, those, turned[rows[those]], some, stood, errors, arm)
-        for f in fields(SuperquadricUncertainty):
-            values = getattr(part, f.name)
-            whole = found.setdefault(f.name, np.zeros((worlds, *values.shape[1:]), values.dtype))
-            whole[rows] = values
-    return SuperquadricUncertainty(**found)
+            own = _of_contours(turned[rows[those]], those, some, stood, errors, arm)
+            known["log_volume_std"][rows[those]] = own
+    if turned is not None:
+        known["volume_m3"][contours] = revolution_volume(turned[contours])
+    signs = _signs(body, turned, contours, felt, prior, known)
+    shift, std = spread_of_volumes(signs)
+    return BodyUncertainty(**known | {"log_volume_shift": shift, "log_volume_std": std},
+                           signs=signs)
 
 
 def surface_spread(
@@ -92,28 +95,10 @@ def surface_spread(
 ) -> np.ndarray:
     """Standard deviation [m] of the surface along its normal, at or near points (world, point, 3),
     what was not felt included."""
-    away = np.hypot(OUTSIDE, SPREAD) * _unfelt(points_m, felt)
+    own = OWN_OF_SURFACE * surface_std(body, uncertainty, points_m)
+    away = UNFELT * unfelt_distance(points_m, felt)
     model = CONTRADICTED_SPREAD_M * felt.contradicted_share()[:, None]
-    return np.sqrt(surface_std(body, uncertainty, points_m) ** 2 + away**2 + model**2)
-
-
-def packed(felt: Felt, links: TouchedLinks, rows: np.ndarray, width: int
-           ) -> tuple[Felt, TouchedLinks]:
-    """The contacts of the worlds `rows`, in order, in `width` slots."""
-    order = np.argsort(~felt.mask[rows], axis=1, kind="stable")[:, :width]
-    pad = max(0, width - order.shape[1])
-
-    def taken(record: Felt | TouchedLinks) -> dict[str, np.ndarray]:
-        moved = {}
-        for f in fields(record):
-            values = getattr(record, f.name)
-            if isinstance(values, np.ndarray):
-                index = order.reshape(*order.shape, *([1] * (values.ndim - 2)))
-                moved[f.name] = np.pad(np.take_along_axis(values[rows], index, 1),
-                                       [(0, 0), (0, pad)] + [(0, 0)] * (values.ndim - 2))
-        return moved
-
-    return replace(felt, **taken(felt)), replace(links, **taken(links))
+    return np.sqrt(own**2 + away**2 + model**2 + OFF_M**2)
 
 
 def _of_superquadrics(
@@ -121,53 +106,54 @@ def _of_superquadrics(
 ) -> SuperquadricUncertainty:
     _, normal = surface_distance(body, felt.points_m)
     shared = shared_shifts(links, felt.points_m, normal, errors, arm)
-    known = superquadric_uncertainty(body, felt.points_m, felt.mask, table_z=0.0,
-                                     covariance=felt.covariance_m2, shared_m=shared)
-    points, area = superquadric_areas(body, _SURFACE_POINTS)
-    unfelt = row_sums(area * _unfelt(points, felt)) / known.volume_m3
-    return replace(known, log_volume_shift=OUTSIDE * unfelt,
-                   log_volume_std=_widened(known.log_volume_std, unfelt, felt))
+    return superquadric_uncertainty(body, felt.points_m, felt.mask, table_z=0.0,
+                                    covariance=felt.covariance_m2, shared_m=shared)
 
 
-def _with_contours(
-    known: SuperquadricUncertainty, rows: np.ndarray, body: RevolutionBody, felt: Felt,
-    links: TouchedLinks, errors: ErrorTable, arm: ArmTable
-) -> SuperquadricUncertainty:
-    """`known`, the volumes of `rows` replaced by those of contours."""
+def _of_contours(
+    body: RevolutionBody, rows: np.ndarray, felt: Felt, links: TouchedLinks, errors: ErrorTable,
+    arm: ArmTable
+) -> np.ndarray:
+    """Standard deviation of the logarithm of the volume of contours, of the worlds `rows`, by their
+    touches and the errors that these share."""
     felt = Felt(*(getattr(felt, f.name)[rows] for f in fields(Felt)))
     links = replace(links, **{f.name: getattr(links, f.name)[rows] for f in fields(links)
                               if isinstance(getattr(links, f.name), np.ndarray)})
     arm_m = felt.points_m - body.foot_m[:, None]
-    across = arm_m - np.einsum("wpi,wi->wp", arm_m, body.axis)[..., None] * body.axis[:, None]
+    along = np.einsum("wpi,wi->wp", arm_m, body.axis)
+    across = arm_m - along[..., None] * body.axis[:, None]
     outward = across / np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-9)
-    # Radii are means of the touches around them, and so are their errors.
-    own = felt.mask & ~links.linked
-    counted = np.where(own.any(1, keepdims=True), own, felt.mask)
+    # Radii are means of the touches around them, and so are their errors. Touches of the flat end
+    # say nothing of radii.
+    below = along < np.nanmax(body.height_m, axis=1, keepdims=True) - END_M
+    counted = felt.mask & ~links.linked & below
+    for others in (felt.mask & ~links.linked, felt.mask):
+        counted = np.where(counted.any(1, keepdims=True), counted, others)
     count = np.maximum(counted.sum(1), 1)
     shared = shared_shifts(links, felt.points_m, outward, errors, arm) * counted[..., None]
     radius = np.linalg.norm(shared.sum(1) / count[:, None], axis=-1)
-    points, _, area = revolution_surface(body)
-    volume = revolution_volume(body)
-    side = row_sums(area) / volume
-    unfelt = row_sums(area * _unfelt(points, felt)) / volume
-    std = np.hypot(side * radius, side * TOUCH_SIGMA_M / np.sqrt(count))
-    values = {"volume_m3": volume, "log_volume_shift": OUTSIDE * unfelt,
-              "log_volume_std": _widened(std, unfelt, felt)}
-    out = {name: getattr(known, name).copy() for name in values}
-    for name, part in values.items():
-        out[name][rows] = part
-    return replace(known, **out)
+    _, _, area = revolution_surface(body)
+    side = row_sums(area) / revolution_volume(body)
+    return side * np.hypot(radius, TOUCH_SIGMA_M / np.sqrt(count))
 
 
-def _widened(std: np.ndarray, unfelt: np.ndarray, felt: Felt) -> np.ndarray:
-    return np.sqrt(std**2 + (SPREAD * unfelt) ** 2
-                   + (CONTRADICTED_SPREAD * felt.contradicted_share()) ** 2)
-
-
-def _unfelt(points_m: np.ndarray, felt: Felt) -> np.ndarray:
-    """Distance [m] of points (world, point, 3) from the nearest contact that does not contradict
-    the body, at most `FARTHEST_M`; 0 at the foot, where the body is known to stand."""
-    use = felt.mask & ~felt.contradicted
-    away = np.array([KDTree(c[u]).query(p)[0] if u.any() else np.full(len(p), FARTHEST_M)
-                     for p, c, u in zip(points_m, felt.points_m, use, strict=True)])
-    return np.where(points_m[..., 2] > FOOT_M, np.minimum(away, FARTHEST_M), 0.0)
+def _signs(
+    body: Superquadric, turned: RevolutionBody | None, contours: np.ndarray, felt: Felt,
+    prior: BoundingCylinder, known: dict[str, np.ndarray]
+) -> VolumeSigns:
+    volume = np.maximum(known["volume_m3"], LEAST_M3)
+    # Of the cylinder about a box, too: factors were fitted with cylinders.
+    given = np.maximum(np.pi * prior.radius_m**2 * prior.height_m, LEAST_M3)
+    points, area = superquadric_areas(body, _SURFACE_POINTS)
+    top = points[..., 2].max(1)
+    unfelt = row_sums(area * unfelt_distance(points, felt)) / volume
+    felt_by = np.where((felt.by_pad & felt.mask).any(1), FeltBy.PADS, FeltBy.GRASPS)
+    if turned is not None and len(contours):
+        felt_by[contours] = FeltBy.CONTOUR
+        top[contours] = revolution_surface(turned[contours])[0][..., 2].max(1)
+        unfelt[contours] = 0.0
+    return VolumeSigns(
+        felt_by=felt_by, own_std=known["log_volume_std"], unfelt=unfelt,
+        contradicted=felt.contradicted_share(),
+        missing=np.maximum(prior.height_m / np.maximum(top, FOOT_M) - 1.0, 0.0),
+        empty=np.maximum(np.log(given / volume), 0.0))

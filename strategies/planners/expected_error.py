@@ -145,7 +145,7 @@ def _matern(one: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 
 def parameter_prior(body: Superquadric) -> np.ndarray:
-    """Standard deviations of the tangent `fit.superquadric.uncertainty.TANGENT` before any touch,
+    """Standard deviations of the tangent `fit.superquadric.slopes.TANGENT` before any touch,
     (world, 15), of a body that stands on the table near the prior place [est]."""
     axes = matrix_of_quaternion(body.quaternion_xyzw)
     upright = np.abs(axes[:, 2]).argmax(1)

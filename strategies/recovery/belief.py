@@ -8,8 +8,8 @@ import numpy as np
 
 from fit.superquadric.geometry import Superquadric
 from fit.superquadric.record import SuperquadricFit
-from fit.superquadric.uncertainty import SuperquadricUncertainty
-from strategies.contacts.body_uncertainty import Felt, calibrated_uncertainty
+from strategies.contacts.body_uncertainty import BodyUncertainty, calibrated_uncertainty
+from strategies.contacts.felt import Felt
 from strategies.contacts.finger_touch import TouchedLinks
 from strategies.poses.waypoints import BoundingCylinder
 from strategies.procedures.contour_shape import Profile
@@ -73,19 +73,27 @@ class Belief:
         return self.prior
 
     @cached_property
-    def uncertainty(self) -> SuperquadricUncertainty:
+    def uncertainty(self) -> BodyUncertainty:
         """Of the model that stands for the body: calibrated intervals of its volume, covariance of
         the superquadric's parameters. Computed on first use."""
         return calibrated_uncertainty(
             self.body, None if self.profile is None else revolution_of(self.profile),
-            self.shape == Shape.REVOLUTION, self.felt, self.links, self.errors, self.arm)
+            self.shape == Shape.REVOLUTION, self.felt, self.links, self.errors, self.arm,
+            self.prior)
+
+    def with_active(self, active: np.ndarray) -> "Belief":
+        """The same belief, other worlds going on; its uncertainty, if computed, stays."""
+        other = replace(self, active=active)
+        if "uncertainty" in self.__dict__:
+            other.__dict__["uncertainty"] = self.uncertainty
+        return other
 
     @property
     def felt(self) -> Felt:
         """The contacts of the evidence as uncertainty takes them."""
         e = self.evidence
         return Felt(e.points_m, e.mask, e.covariance_m2, e.mask & (
-            e.contradiction > CONTRADICTED_FROM))
+            e.contradiction > CONTRADICTED_FROM), e.by_pad)
 
 
 def read_only(record: Any) -> Any:

@@ -9,6 +9,7 @@ import numpy as np
 from fit.fit_status import status_names
 from fit.superquadric.geometry import Superquadric
 from strategies.contacts.body_uncertainty import INADEQUATE_FROM
+from strategies.contacts.volume_spread import interval_trusted
 from strategies.procedures.contour_shape import Profile
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered, Shape
@@ -45,14 +46,16 @@ def model_columns(belief: Belief, recovered: Recovered) -> dict[str, np.ndarray]
 
 
 def interval_columns(belief: Belief, recovered: Recovered) -> dict[str, np.ndarray]:
-    """90 % intervals of volumes, (world,) each, NaN where nothing was recovered, and whether the
-    contacts agree with the model: where they do not, intervals may fail."""
+    """90 % intervals of volumes, (world,) each, NaN where nothing was recovered; if they are of a
+    kind that held, and whether the contacts agree with the model."""
     known = recovered.shape != Shape.PRIOR_CYLINDER
     low, high = np.full((2, len(known)), np.nan)
+    trusted = np.zeros_like(known)
     if known.any():
         low, high = np.where(known, belief.uncertainty.volume_interval_m3().T, np.nan)
+        trusted = known & interval_trusted(belief.uncertainty.signs)
     share = belief.felt.contradicted_share()
-    return {"volume_low_m3": low, "volume_high_m3": high,
+    return {"volume_low_m3": low, "volume_high_m3": high, "interval_trusted": trusted,
             "contradicted_share": np.where(known, share, np.nan),
             "model_adequate": known & (share < INADEQUATE_FROM)}
 

@@ -8,6 +8,7 @@ from fit.implicit.volume import surface_samples
 from fit.revolution.geometry import revolution_surface
 from fit.superquadric.geometry import superquadric_areas
 from strategies.contacts.body_uncertainty import INADEQUATE_FROM
+from strategies.contacts.volume_spread import interval_trusted
 from strategies.recovery.choose_model import Recovered, Shape
 from strategies.recovery.contact_verdict import accepted_contacts
 from strategies.recovery.evidence import TABLE_MARGIN_M
@@ -50,8 +51,10 @@ def trust_sentence(block: EpisodeBlock, world: int = 0) -> str:
     belief = block.exploration.belief
     low, high = 1e6 * belief.uncertainty.volume_interval_m3()[world]
     text += f"; its volume is {low:.0f} to {high:.0f} cm3 (90 %)"
+    if not interval_trusted(belief.uncertainty.signs)[world]:
+        text += ", but intervals of such bodies held less often"
     if belief.felt.contradicted_share()[world] >= INADEQUATE_FROM:
-        text += ", but so many contacts contradict the model that this may fail"
+        text += "; many contacts contradict the model"
     return text
 
 

@@ -1,5 +1,6 @@
 """How far accepted contacts are off, and how often intervals hold the truth: rows of tables."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,8 @@ import numpy as np
 from fit.rotation import matrix_of_quaternion
 from fit.superquadric.geometry import Superquadric
 from fit.superquadric.uncertainty import surface_distance
-from strategies.contacts.body_uncertainty import INADEQUATE_FROM, surface_spread
+from strategies.contacts.body_uncertainty import surface_spread
+from strategies.contacts.volume_spread import interval_trusted
 from strategies.ready_made import STRATEGIES
 from strategies.recovery.choose_model import Shape
 from sweeps.episode.contact_rows import contact_columns
@@ -16,14 +18,19 @@ from sweeps.episode.episodes import run_block
 from sweeps.spec.cell import Cell
 from warpgrasp.geometry.body_sampling import sample_body
 from warpgrasp.objects.catalogue_names import BODY_NAMES
+from warpgrasp.objects.families import family_table
 from warpgrasp.parameters import ErrorTable
 
 FAR_MM, Z = 10.0, 1.645
 
 
-def objects(scans: Path | None = None) -> dict[str, dict[str, Any]]:
-    """Tables of the catalogue's ten objects, and of the meshes [m] of a folder."""
-    found: dict[str, dict[str, Any]] = {name: {"name": name} for name in BODY_NAMES}
+def objects(scans: Path | None = None, names: Sequence[str] | None = None
+            ) -> dict[str, dict[str, Any]]:
+    """Tables of the catalogue's ten objects, or of others and members of families by name, and of
+    the meshes [m] of a folder."""
+    named = BODY_NAMES if names is None else names
+    found: dict[str, dict[str, Any]] = {
+        name: family_table(name) or {"name": name} for name in named}
     meshes = sorted(scans.glob("*.ply")) if scans else []
     return found | {m.stem: {"name": m.stem, "mesh": str(m.resolve()), "units": "m"}
                     for m in meshes}
@@ -52,8 +59,9 @@ def contact_row(cell: Cell, episodes: int) -> tuple[int, int, int]:
 
 
 def interval_row(cell: Cell, episodes: int) -> dict[str, float]:
-    """Shares of episodes whose 90 % intervals hold the true volume, and of the true surface within
-    those of the recovered one (of superquadrics; NaN where there are none)."""
+    """Shares of episodes whose 90 % intervals hold the true volume, of the true surface within
+    those of the recovered one (of superquadrics; NaN where there are none), and of episodes whose
+    interval is trusted; half the median width of the interval of the volume's logarithm."""
     block = run_block(cell, np.arange(episodes), "cpu")
     belief, recovered = block.exploration.belief, block.recovered
     known = (block.status == "ok") & (recovered.shape != Shape.PRIOR_CYLINDER)
@@ -71,4 +79,4 @@ def interval_row(cell: Cell, episodes: int) -> dict[str, float]:
         "episodes": float(known.sum()), "volume": float(held[known].mean()),
         "surface": float(within[turned].mean()) if turned.any() else float("nan"),
         "half_width": float(np.median(np.log(high / low)[known]) / 2),
-        "adequate": float((belief.felt.contradicted_share() < INADEQUATE_FROM)[known].mean())}
+        "trusted": float(interval_trusted(belief.uncertainty.signs)[known].mean())}

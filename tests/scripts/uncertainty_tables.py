@@ -9,6 +9,7 @@ the intervals of the recovered one. `--errors` are factors of the default deviat
 """
 
 import argparse
+import math
 import sys
 from pathlib import Path
 
@@ -37,16 +38,23 @@ def _line(name: str, row) -> None:
 
 
 def intervals(given: argparse.Namespace) -> None:
-    """The tables of intervals."""
+    """The tables of intervals: volume, surface (half width of the volume's; share trusted)."""
     for factor in given.errors:
-        print(f"\n[errors] times {factor:g}\n\n| strategy | object | episodes | volume | surface | "
-              "half width of log volume | adequate |\n|---|---|---|---|---|---|---|")
-        for strategy in given.strategies:
-            for name, table in tables.objects(given.scans).items():
+        print(f"\n[errors] times {factor:g}\n\n| object | " + " | ".join(given.strategies) + " |\n"
+              + "|---" * (1 + len(given.strategies)) + "|")
+        shares = []
+        for name, table in tables.objects(given.scans).items():
+            cells = []
+            for strategy in given.strategies:
                 cell = tables.cell_of(table, strategy, given.seed, tables.errors_times(factor))
                 row = tables.interval_row(cell, given.episodes)
-                print(f"| {strategy} | {name} | {row.pop('episodes'):.0f} | "
-                      + " | ".join(f"{value:.2f}" for value in row.values()) + " |", flush=True)
+                shares.append(row["volume"])
+                surface = "–" if math.isnan(row["surface"]) else f"{row['surface']:.2f}"
+                cells.append(f"{row['volume']:.2f}, {surface} (±{row['half_width']:.2f}; "
+                             f"{row['trusted']:.2f})")
+            print(f"| {name} | " + " | ".join(cells) + " |", flush=True)
+        inside = sum(0.85 <= share <= 0.95 for share in shares)
+        print(f"\n{inside} of {len(shares)} cells 85 to 95 %, least {min(shares):.2f}")
 
 
 if __name__ == "__main__":

@@ -21,6 +21,7 @@ from warpgrasp.core.dtypes import transform
 from warpgrasp.core.kernel_launch import check_range, launch, launch_in_turn
 from warpgrasp.core.random import Purpose, counter_key
 from warpgrasp.core.struct_array import Records
+from warpgrasp.finger.balance import Grip
 from warpgrasp.finger.energy import Equilibrium
 from warpgrasp.finger.friction import Friction
 from warpgrasp.finger.path_table import path_on_device
@@ -74,7 +75,7 @@ _SHAPES = {
     "hand_pose": "world probe",
     "path": "grasp finger step", "links": "grasp finger 3 step", "command_count": "grasp",
     "near": "world probe grasp", "place": "row", "state": "row 8", "meetings": "row 8",
-    "frictions": "row? 4",
+    "frictions": "row? 4", "grips": "row? 8",
     "felt": "world probe grasp finger", "truth": "world probe grasp finger"}
 
 
@@ -163,10 +164,13 @@ def _resolve(near: np.ndarray, given: dict[str, Any], rubs: bool, device: str) -
         return
     n = len(place)
     state, meetings = (Records(row, (n, 8), device) for row in (Equilibrium, Meeting))
-    frictions = Records(Friction, (n if rubs else 1, 4), device)
+    rubbing = n if rubs else 1
+    frictions, grips = (Records(row, (rubbing, count), device)
+                        for row, count in ((Friction, 4), (Grip, 8)))
     # Here worlds are no axis of the launch: their number is stated by an array that has them all.
     shapes = {**_SHAPES, "body": "some"} if given["body"].shape[0] == 1 else _SHAPES
     launch(meeting_kernel, {"row": n}, shapes, _named(meeting_kernel, given | {
         "place": wp.array(place, dtype=wp.vec3i, device=device), "state": state.array,
-        "meetings": meetings.array, "frictions": frictions.array}), device=device)
+        "meetings": meetings.array, "frictions": frictions.array,
+        "grips": grips.array}), device=device)
 

@@ -35,6 +35,7 @@ _ITERATIONS = wp.constant(40)
 _HALVINGS = wp.constant(14)
 _PASSES = wp.constant(6)
 _LAST = wp.constant(real(2e-5))  # [rad]; a Newton step that is taken without another evaluation
+_STILL = wp.constant(real(1e-7))  # [rad]; less is not gone
 _mat = wp.types.matrix(shape=(MEETINGS, MEETINGS), dtype=real)
 _vec = wp.types.vector(length=MEETINGS, dtype=real)
 
@@ -152,7 +153,7 @@ def _shared(a: Meeting, b: Meeting):
 
 @wp.func
 def _solved(system: _mat, right: _vec, count: int):
-    """The solution of a symmetric positive system, by elimination."""
+    """The solution of a system whose pivots are on its diagonal, by elimination."""
     a = system
     y = right
     for k in range(count):
@@ -181,16 +182,18 @@ def meeting_forces(
     for a in range(count):
         one = slot + meetings[i, a].one
         meetings[i, a].give_one = state[i, one].compliance * meetings[i, a].by_one
-        apart[a] = -wp.dot(meetings[i, a].give_one, state[i, one].gradient)
+        # With friction a compliance is not symmetric.
+        apart[a] = -wp.dot(meetings[i, a].by_one, state[i, one].compliance * state[i, one].gradient)
         if meetings[i, a].two != _PALM:
             two = slot + meetings[i, a].two
             meetings[i, a].give_two = state[i, two].compliance * meetings[i, a].by_two
-            apart[a] = apart[a] - wp.dot(meetings[i, a].give_two, state[i, two].gradient)
+            apart[a] = apart[a] - wp.dot(meetings[i, a].by_two,
+                                         state[i, two].compliance * state[i, two].gradient)
         if meetings[i, a].depth > ZERO:
             bears = bears | (1 << a)
         for b in range(a + 1):
             all[a, b] = _shared(meetings[i, a], meetings[i, b])
-            all[b, a] = all[a, b]
+            all[b, a] = _shared(meetings[i, b], meetings[i, a])
     force = _vec()
     for _pass in range(_PASSES):
         system = _mat()
@@ -224,27 +227,37 @@ def meeting_forces(
 
 
 @wp.func
+def stands(state: wp.array2d[Equilibrium], i: int, slot: int, q: vec4):
+    """Whether a finger's joints are those of its state."""
+    return largest_magnitude(q - state[i, slot].q) == ZERO
+
+
+@wp.func
 def hand_energy(
     scene: Scene, body: int, hands: wp.array2d[Hand], own: int, pose: transform, mount: real,
     command: mat44, q: mat44, pairs: int, state: wp.array2d[Equilibrium], i: int, slot: int,
-    last: int, samples: int, meetings: wp.array2d[Meeting], frictions: wp.array2d[Friction]
+    last: int, samples: int, keep: int, meetings: wp.array2d[Meeting],
+    frictions: wp.array2d[Friction]
 ):
     """Energies of the fingers, into row `i` of `state` from `slot` on, and of what they do to one
     another; returns their sum [J] and the number of meetings. `pose` is the hand's in the body's
     frame; the states from `last` on are of joints near by. Row `i` of `frictions` is that of their
     contacts with the body; it is not read without friction. Fingers in none of `pairs` are left
-    out.
+    out, and with `keep` 1 the state of one that stands still is kept.
     """
     total = real(0.0)
     for f in range(4):
         if not in_pairs(pairs, f):
             continue
         hand = hands[own, f]
-        state[i, slot + f] = finger_energy(
-            scene, body, hand, wp.transform_multiply(pose, finger_base(hand, f)), command[f], q[f],
-            state[i, last + f], samples)
-        if hand.friction > ZERO:
-            state[i, slot + f] = with_friction(state[i, slot + f], hand.skin, frictions[i, f])
+        if keep == 1 and stands(state, i, last + f, q[f]):
+            state[i, slot + f] = state[i, last + f]
+        else:
+            state[i, slot + f] = finger_energy(
+                scene, body, hand, wp.transform_multiply(pose, finger_base(hand, f)), command[f],
+                q[f], state[i, last + f], samples)
+            if hand.friction > ZERO:
+                state[i, slot + f] = with_friction(state[i, slot + f], hand.skin, frictions[i, f])
         total += state[i, slot + f].energy
     count = find_meetings(hands, own, mount, q, pairs, meetings, i)
     for a in range(count):
@@ -254,11 +267,12 @@ def hand_energy(
 
 
 @wp.func
-def _newton_step(
+def newton_step(
     state: wp.array2d[Equilibrium], i: int, slot: int, meetings: wp.array2d[Meeting], count: int,
     stiffness: real, pairs: int
 ):
-    """How far a Newton step turns the joints of each finger, a row each."""
+    """How far a Newton step turns the joints of each finger, a row each; a finger that is all but
+    at rest stays where it is."""
     force = meeting_forces(state, i, slot, meetings, count, stiffness)
     step = mat44()
     for f in range(4):
@@ -270,12 +284,13 @@ def _newton_step(
                 pull -= meetings[i, a].by_one * force[a]
             elif meetings[i, a].two == f:
                 pull -= meetings[i, a].by_two * force[a]
-        step[f] = -(state[i, slot + f].compliance * pull)
+        turn = -(state[i, slot + f].compliance * pull)
+        step[f] = turn * wp.where(largest_magnitude(turn) < _STILL, ZERO, ONE)
     return step
 
 
 @wp.func
-def _largest(step: mat44):
+def largest_step(step: mat44):
     """The largest absolute value of a step."""
     largest = real(0.0)
     for f in range(4):
@@ -314,13 +329,15 @@ def hand_equilibrium(
     slot = int(0)
     best = real(0.0)
     count = int(noted)
+    # Friction may have changed since the states were found.
+    rubs = hands[own, 0].friction > ZERO
     fresh = int(1)  # whether the meetings noted are those of the joints
     q = mat44()
     for f in range(4):
         q[f] = state[i, f].q
     for iteration in range(_ITERATIONS):
-        step = _newton_step(state, i, slot, meetings, count, stiffness, pairs)
-        if iteration > 0 and _largest(step) < _LAST:
+        step = newton_step(state, i, slot, meetings, count, stiffness, pairs)
+        if iteration > 0 and largest_step(step) < _LAST:
             q += step
             for f in range(4):
                 state[i, slot + f].q = q[f]
@@ -330,7 +347,9 @@ def hand_equilibrium(
         for _halving in range(_HALVINGS):
             energy, met = hand_energy(scene, body, hands, own, pose, mount, command,
                                       q + step * scale, pairs, state, i, 4 - slot, slot,
-                                      wp.where(iteration == 0, samples, 0), meetings, frictions)
+                                      wp.where(iteration == 0, samples, 0),
+                                      wp.where(iteration > 0 or not rubs, 1, 0), meetings,
+                                      frictions)
             if iteration == 0 or energy < best:
                 best = energy
                 count = met

@@ -11,6 +11,7 @@ Where nothing is near any more, fingers that nothing has touched end as they did
 import warp as wp
 
 from warpgrasp.closing.closing_record import ClosingRow, ClosingTruthRow
+from warpgrasp.closing.hand_balance import hand_balance
 from warpgrasp.closing.hand_equilibrium import (
     Meeting,
     hand_energy,
@@ -23,6 +24,7 @@ from warpgrasp.closing.rubbing_hand import rubbed_at, rubbing_hand
 from warpgrasp.core.dtypes import ZERO, mat44, real, transform, vec4
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key
+from warpgrasp.finger.balance import Grip
 from warpgrasp.finger.energy import Equilibrium, free_equilibrium
 from warpgrasp.finger.equilibrium import finger_equilibrium
 from warpgrasp.finger.friction import NO_FRICTION, Friction
@@ -87,6 +89,7 @@ def meeting_kernel(
     state: wp.array2d[Equilibrium],
     meetings: wp.array2d[Meeting],
     frictions: wp.array2d[Friction],
+    grips: wp.array2d[Grip],
     # Made right:
     felt: wp.array4d[ClosingRow],
     truth: wp.array4d[ClosingTruthRow],
@@ -133,7 +136,7 @@ def meeting_kernel(
                     rubbed = rubbed_at(scene, which, hand, base, path, g, f, begun, before,
                                        samples)
                     rest = rubbed.rest
-                    frictions[i, f] = rubbed.left
+                    grips[i, f] = rubbed.grip
                 if s > row.step:
                     rest = free_equilibrium(truth[w, p, g, f].q)
                     if row.status == _CONTACT:
@@ -143,8 +146,15 @@ def meeting_kernel(
                                               samples, NO_FRICTION)
                 state[i, f] = rest
                 q[f] = rest.q
-            _begun, count = hand_energy(scene, which, hands, own, pose, mount, command, q, pairs,
-                                        state, i, 0, 0, samples, meetings, frictions)
+            if hands[own, 0].friction > ZERO:
+                count = hand_balance(scene, which, hands, own, pose, mount, command, q, pairs,
+                                     state, i, 0, 0, samples, 0, meetings, grips)
+                for f in range(4):
+                    grips[i, f] = grips[i, 4 + f]
+            else:
+                _begun, count = hand_energy(scene, which, hands, own, pose, mount, command, q,
+                                            pairs, state, i, 0, 0, samples, 0, meetings,
+                                            frictions)
         moves = mat44()
         for f in range(4):
             if (stopped & (1 << f)) == 0:
@@ -154,7 +164,7 @@ def meeting_kernel(
         move_commands(hands, own, moves, pairs, state, i)
         if hands[own, 0].friction > ZERO:
             count = rubbing_hand(scene, which, hands, own, pose, mount, command, moves, pairs,
-                                 state, i, samples, meetings, count, frictions)
+                                 state, i, samples, meetings, count, frictions, grips)
         else:
             count = hand_equilibrium(scene, which, hands, own, pose, mount, command, pairs, state,
                                      i, samples, meetings, count, frictions)

@@ -38,7 +38,7 @@ SHEAR = 2.0 / 3.0
 _SHEAR = wp.constant(real(SHEAR))
 _LEAST = wp.constant(real(0.25))  # of the secant: where friction wedges a link, N has no limit
 _pairs = wp.types.matrix(shape=(6, 2), dtype=real)
-_places = wp.types.matrix(shape=(6, 3), dtype=real)
+places = wp.types.matrix(shape=(6, 3), dtype=real)
 _turns = wp.types.matrix(shape=(6, 4), dtype=real)
 _six = wp.types.vector(length=6, dtype=real)
 
@@ -57,11 +57,11 @@ class Friction:
 
     q: vec4
     drift: vec4
-    left: _places
+    left: places
     touching: int
     limit: _six
-    one: _places
-    two: _places
+    one: places
+    two: places
     by_one: _turns
     by_two: _turns
     begun: _pairs

@@ -1,41 +1,56 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
-"""A step of the command of a finger whose skin rubs: its rest, and the friction left in it."""
+"""A step of the command of a finger whose skin rubs: its rest, and how its skin is stretched then.
+
+Newton's method on the balance of torques finds nearly all rests (`balance_newton`). Where it does
+not, friction is lagged (`friction`), which takes several times as long.
+"""
 
 import warp as wp
 
 from warpgrasp.core.dtypes import ZERO, real, struct, transform, vec4
-from warpgrasp.finger.energy import Equilibrium, finger_energy, free_equilibrium
+from warpgrasp.finger.balance import Balance, Grip, finger_balance, start_grip
+from warpgrasp.finger.balance_newton import balanced_finger
+from warpgrasp.finger.energy import (
+    Equilibrium,
+    finger_energy,
+    free_equilibrium,
+    largest_magnitude,
+)
 from warpgrasp.finger.equilibrium import finger_equilibrium
 from warpgrasp.finger.equilibrium_refine import refine_equilibrium
 from warpgrasp.finger.friction import (
-    Friction,
     end_friction,
     note_friction,
     start_friction,
     with_friction,
 )
 from warpgrasp.finger.torque_bounds import predict_joints
-from warpgrasp.geometry.scene import Scene
+from warpgrasp.geometry.scene import Scene, body_is_convex
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, free_joints
 
 _PASSES = wp.constant(30)
 _REFINEMENTS = wp.constant(4)
 _CLOSE = wp.constant(real(1e-3))  # [N]; a hundredth of a tendon's noise, by any lever
+_LEVEL = wp.constant(real(1e-6))  # slope [N m]
+_TOUCHING = wp.constant(63)
 
 
 @struct
 class Rubbed:
     """A finger at rest on a command, with friction.
 
-    `friction` is that of the step that led there, `left` what the next step begins with. `pressed`
-    is 1 where a link touches.
+    `grip` is what the step there began with, `left` what the next one begins with. `pressed` is 1
+    where a link touches. `missed` is how far the joints rest from where they were foreseen to
+    first order [rad], where the contacts did what they had done in the step before: the next step
+    will miss as much.
     """
 
     command: vec4
     rest: Equilibrium
-    friction: Friction
-    left: Friction
+    grip: Grip
+    left: Grip
     pressed: int
+    missed: vec4
 
 
 @wp.func
@@ -44,7 +59,8 @@ def start_rubbed(hand: Hand, base: transform, command: vec4):
     free = Rubbed()
     free.command = command
     free.rest = free_equilibrium(free_joints(hand, base, command))
-    free.left = start_friction(free.rest.q)
+    free.grip = start_grip(free.rest.q)
+    free.left = free.grip
     return free
 
 
@@ -58,41 +74,84 @@ def drift_of(hand: Hand, base: transform, command: vec4, rest: Equilibrium, now:
 
 
 @wp.func
+def _begun(grip: Grip):
+    friction = start_friction(grip.q)
+    friction.drift = grip.drift
+    friction.left = grip.left
+    friction.touching = grip.touching & _TOUCHING
+    return friction
+
+
+@wp.func
+def lagged(
+    scene: Scene, body: int, hand: Hand, base: transform, rest: Equilibrium, grip: Grip
+):
+    """The contacts at `rest` as `note_friction` notes them, in a step that begins with `grip`."""
+    return note_friction(scene, body, hand, base, rest, _begun(grip))
+
+
+@wp.func
+def lagged_rest(
+    scene: Scene, body: int, hand: Hand, base: transform, command: vec4, was: Rubbed, grip: Grip,
+    samples: int
+):
+    """The finger at rest on a command, by passes with friction lagged."""
+    now = Balance()
+    now.rest = was.rest
+    friction = _begun(grip)
+    if was.pressed == 1:
+        friction = lagged(scene, body, hand, base, was.rest, grip)
+    start = was.rest.q + grip.drift
+    for again in range(_PASSES):
+        now.rest = finger_equilibrium(scene, body, hand, base, command, start, now.rest,
+                                      wp.where(again == 0, samples, 0), friction)
+        # Its last step may not have been evaluated.
+        now.rest = with_friction(
+            finger_energy(scene, body, hand, base, command, now.rest.q, now.rest, 0),
+            hand.skin, friction)
+        friction = note_friction(scene, body, hand, base, now.rest, friction)
+        # The first pass has the places of the step before.
+        if friction.off == ZERO or (friction.off < _CLOSE and again > 0):
+            break
+        start = now.rest.q
+    friction = end_friction(hand, friction, now.rest.q)
+    now.grip.q = friction.q
+    now.grip.left = friction.left
+    now.grip.touching = friction.touching
+    return now
+
+
+@wp.func
 def next_rubbed(
     scene: Scene, body: int, hand: Hand, base: transform, command: vec4, was: Rubbed, samples: int
 ):
     """The finger at rest on the next command; `base` is in the body's frame."""
     now = Rubbed()
     now.command = command
-    now.rest = was.rest
-    now.left = was.left
-    now.left.drift = drift_of(hand, base, was.command, was.rest, command, was.pressed)
-    start = was.rest.q + now.left.drift
-    compared = int(samples)
-    for again in range(_PASSES):
-        now.friction = now.left
-        now.rest = finger_equilibrium(scene, body, hand, base, command, start, now.rest, compared,
-                                      now.friction)
-        # Its last step may not have been evaluated.
-        now.rest = with_friction(
-            finger_energy(scene, body, hand, base, command, now.rest.q, now.rest, 0),
-            hand.skin, now.friction)
-        now.left = note_friction(scene, body, hand, base, now.rest, now.friction)
-        # The first pass has the places of the step before.
-        if now.left.off == ZERO or (now.left.off < _CLOSE and again > 0):
-            break
-        start = now.rest.q
-        compared = int(0)
-    now.left = end_friction(hand, now.left, now.rest.q)
-    now.pressed = int(now.left.touching != 0)
+    turn = drift_of(hand, base, was.command, was.rest, command, was.pressed)
+    now.grip = was.left
+    now.grip.drift = was.rest.q + turn - was.left.q
+    found = balanced_finger(scene, body, hand, base, command, was.rest.q + turn + was.missed,
+                            was.rest, now.grip, samples)
+    if found.settled == 0:
+        found = lagged_rest(scene, body, hand, base, command, was, now.grip, samples)
+    now.rest = found.rest
+    now.left = found.grip
+    now.pressed = int((now.left.touching & _TOUCHING) != 0)
+    if found.settled == 1 and now.left.touching == was.left.touching:
+        now.missed = now.rest.q - was.rest.q - turn
     return now
 
 
 @wp.func
 def refine_rubbed(scene: Scene, body: int, hand: Hand, base: transform, was: Rubbed):
     """Where the finger rests when every valley of the distance is searched, friction included."""
-    rest = was.rest
-    friction = was.friction
+    at = finger_balance(scene, body, hand, base, was.command, was.rest.q, was.rest, was.grip,
+                        was.grip, 0, 0)
+    rest = at.rest
+    if body_is_convex(scene, body) and largest_magnitude(rest.gradient) < _LEVEL:
+        return rest
+    friction = lagged(scene, body, hand, base, rest, was.grip)
     for _pass in range(_REFINEMENTS):
         rest = refine_equilibrium(scene, body, hand, base, was.command, rest, friction)
         again = note_friction(scene, body, hand, base, rest, friction)

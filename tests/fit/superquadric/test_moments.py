@@ -14,7 +14,7 @@ from fit.superquadric.moments import (
     superquadric_description,
     superquadric_moment,
 )
-from fit.superquadric.uncertainty import displaced
+from fit.superquadric.slopes import displaced
 
 ROOT = np.sqrt(0.5)
 

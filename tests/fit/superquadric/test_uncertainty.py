@@ -8,9 +8,9 @@ from fit.rotation import matrix_of_quaternion
 from fit.superquadric.fit import fit_superquadric
 from fit.superquadric.geometry import superquadric, superquadric_surface, superquadric_volume
 from fit.superquadric.record import SuperquadricOptions
+from fit.superquadric.slopes import displaced
 from fit.superquadric.uncertainty import (
     _table_slope,
-    displaced,
     distance_slopes,
     superquadric_uncertainty,
     surface_distance,

@@ -32,7 +32,8 @@ CONTRACT = {"episode", "strategy", "object", "seed", "status", "contacts", "touc
             "robot_time_s", "arm_path_m", "chamfer_mm", "hausdorff95_mm", "iou", "volume_ratio",
             "coverage5mm", "recognized_as", "recognized", "recognized_by",
             "recognized_probability", "shape", "fit_rms_mm", "fit_iterations", "fit_status",
-            "volume_low_m3", "volume_high_m3", "contradicted_share", "model_adequate"}
+            "volume_low_m3", "volume_high_m3", "interval_trusted",
+            "contradicted_share", "model_adequate"}
 
 
 @pytest.fixture(scope="module")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from interval_rows import cell_of, contact_row, errors_times, interval_row
 
+from strategies.contacts.volume_spread import interval_trusted
 from strategies.ready_made import STRATEGIES
 from strategies.recovery.choose_model import Shape
 from sweeps.episode.episodes import run_block
@@ -23,6 +24,8 @@ def test_rows_hold_the_interval_that_budgets_use() -> None:
     assert np.array_equal(np.stack([rows["volume_low_m3"], rows["volume_high_m3"]], 1)[known], used)
     assert np.isnan(rows["volume_low_m3"][~known]).all()
     assert not rows["model_adequate"][~known].any()
+    trusted = interval_trusted(belief.uncertainty.signs)
+    assert np.array_equal(rows["interval_trusted"], known & trusted)
 
 
 @pytest.mark.slow

@@ -1,0 +1,117 @@
+"""Spread of volumes by signs: what widens it, what shifts it, and what the signs are of."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from beliefs import BODY, belief, on_side
+
+from fit.revolution.geometry import RevolutionBody
+from fit.superquadric.geometry import superquadric_volume
+from strategies.contacts.body_uncertainty import calibrated_uncertainty
+from strategies.contacts.felt import Felt
+from strategies.contacts.finger_touch import no_links
+from strategies.contacts.volume_spread import (
+    FeltBy,
+    VolumeSigns,
+    interval_trusted,
+    spread_of_volumes,
+)
+from strategies.poses.waypoints import BoundingCylinder
+from strategies.recovery import belief as belief_module
+from warpgrasp.parameters import ArmTable, ErrorTable, HandTable
+
+
+def signs(felt_by: FeltBy = FeltBy.GRASPS, **changed: float) -> VolumeSigns:
+    usual = {"own_std": 0.1, "unfelt": 1.0, "contradicted": 0.05, "missing": 0.0, "empty": 0.2}
+    return VolumeSigns(np.array([felt_by]), **{
+        name: np.array([value]) for name, value in (usual | changed).items()})
+
+
+@pytest.mark.parametrize("name", ["own_std", "unfelt", "contradicted", "empty"])
+def test_each_sign_widens_the_interval_of_grasps(name: str) -> None:
+    widths = [spread_of_volumes(signs(**{name: value}))[1][0] for value in (0.0, 0.2, 0.9)]
+    assert widths == sorted(widths)
+    assert widths[2] > widths[0]
+
+
+def test_a_taller_prior_means_more_volume() -> None:
+    assert spread_of_volumes(signs(missing=0.5))[0] > spread_of_volumes(signs())[0] > 0.0
+
+
+@pytest.mark.parametrize("felt_by", [FeltBy.PADS, FeltBy.CONTOUR])
+def test_pads_know_by_themselves(felt_by: FeltBy) -> None:
+    usual, other = (spread_of_volumes(signs(felt_by, **changed)) for changed in (
+        {}, {"unfelt": 3.0, "contradicted": 0.3, "missing": 1.0, "empty": 2.0}))
+    assert usual == other
+    assert spread_of_volumes(signs(felt_by, own_std=0.2))[1] > usual[1]
+
+
+def test_what_failed_most_is_not_trusted() -> None:
+    assert interval_trusted(signs())
+    for changed in ({"contradicted": 0.4}, {"empty": 1.8}, {"unfelt": 5.0}):
+        assert not interval_trusted(signs(**changed))
+        assert interval_trusted(signs(FeltBy.PADS, **changed))
+    for name in ("own_std", "contradicted", "empty", "unfelt"):
+        assert not interval_trusted(signs(**{name: np.nan}))
+
+
+def test_signs_are_those_of_body_and_prior() -> None:
+    felt = belief(on_side(0, 360))
+    found = felt.uncertainty.signs
+    assert (found.felt_by == FeltBy.GRASPS).all()
+    assert found.missing == pytest.approx(0.0, abs=0.01)
+    wide = replace(felt, prior=felt.prior.larger(0.035, 0.0))
+    prior_m3 = np.pi * 0.07**2 * 0.175
+    assert wide.uncertainty.signs.missing == pytest.approx(0.035 / 0.14, abs=0.01)
+    assert wide.uncertainty.signs.empty == pytest.approx(
+        np.log(prior_m3 / superquadric_volume(BODY)))
+    bare = belief(on_side(0, 90)).uncertainty.signs
+    assert (bare.unfelt > 1.5 * found.unfelt).all()
+
+
+def test_touches_of_the_flat_end_say_nothing_of_the_radius() -> None:
+    """A finger that crossed the end of a cylinder touched it on all sides of the axis, so that the
+    errors of its joints seemed to cancel."""
+    height, radius, foot = 0.1, 0.03, np.array([0.45, 0.0, 0.0])
+    rng = np.random.default_rng(1)
+    angle, z = np.tile([0.0, np.pi], 20), rng.uniform(0.02, 0.09, 40)
+    sides = foot + np.stack([radius * np.cos(angle), radius * np.sin(angle), z], 1)
+    end = foot + np.stack([rng.uniform(-0.02, 0.02, 40), np.zeros(40), np.full(40, height)], 1)
+    points = np.concatenate([sides, end])[None]
+    # Index finger and thumb on either side, the index finger alone on the end.
+    finger = np.concatenate([np.tile([0, 3], 20), np.zeros(40, int)])[None]
+    body = BODY._replace(**{n: getattr(BODY, n)[:1] for n in BODY._fields})
+    contour = RevolutionBody(foot[None], np.array([[0.0, 0.0, 1.0]]), np.array([[0.0, height]]),
+                             np.full((1, 2), radius))
+    pose = np.array([0.45, 0.0, 0.25, 1.0, 0.0, 0.0, 0.0])
+
+    def own_std(count: int) -> float:
+        mask = np.ones((1, count), bool)
+        felt = Felt(points[:, :count], mask, np.tile(1e-6 * np.eye(3), (1, count, 1, 1)),
+                    ~mask, mask)
+        links = replace(no_links(1, count, HandTable()), finger=finger[:, :count],
+                        hand_pose=np.tile(pose, (1, count, 1)),
+                        q_rad=np.tile([0.0, 0.5, 0.5, 0.5], (1, count, 1)),
+                        link=np.full((1, count), 2))
+        prior = BoundingCylinder(*(np.array([v]) for v in (0.45, 0.0, radius, height)))
+        found = calibrated_uncertainty(body, contour, np.array([True]), felt, links, ErrorTable(),
+                                       ArmTable(), prior)
+        assert found.signs.felt_by[0] == FeltBy.CONTOUR
+        return float(found.signs.own_std[0])
+
+    assert own_std(80) == pytest.approx(own_std(40))
+
+
+def test_the_uncertainty_outlives_the_mask_of_worlds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A budget asks for it, and then the worlds that may go on change: it was computed twice."""
+    made = []
+    compute = belief_module.calibrated_uncertainty
+    monkeypatch.setattr(belief_module, "calibrated_uncertainty",
+                        lambda *given: made.append(1) or compute(*given))
+    felt = belief(on_side(0, 360))
+    first = felt.uncertainty
+    later = felt.with_active(np.zeros(2, bool))
+    assert later.uncertainty is first
+    assert not later.active.any()
+    assert len(made) == 1
