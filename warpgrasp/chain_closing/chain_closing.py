@@ -12,7 +12,7 @@ import warp as wp
 
 from warpgrasp.chain.chain_hand import ChainHand, true_chains
 from warpgrasp.chain.chain_kernel import CAPSULES, JOINTS, vec6
-from warpgrasp.chain.torque_sensor import true_sensors
+from warpgrasp.chain.torque_sensor import command_range, true_sensors
 from warpgrasp.chain_closing.chain_closing_kernel import chain_closing_kernel
 from warpgrasp.chain_closing.chain_meeting import resolve_meetings
 from warpgrasp.chain_closing.chain_path import come_bounds, padded
@@ -114,7 +114,8 @@ def close_chains(
         "scene": scene, "body": there(body, int), "body_pose": there(body_pose, transform),
         "hands": true_chains(hand, table, contact, errors, device),
         "believed": true_chains(hand, table, contact, none, device),
-        "sensors": true_sensors(hand, table, sensors, contact, errors, device),
+        "sensors": true_sensors(hand, table, sensors, contact, errors, device,
+                                command_range(commands)),
         "key": there(counter_key(key, int(Purpose.CLOSING)), wp.uint64),
         "probe_number": there(probe_number, int), "hand_pose": there(hand_pose, transform),
         "path": path, "felt": felt.array, "truth": truth.array}
