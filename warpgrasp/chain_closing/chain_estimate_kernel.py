@@ -56,6 +56,7 @@ _AROUND_REAL, _CAP_REAL = wp.constant(real(AROUND)), wp.constant(real(CAP))
 _STEP = wp.constant(real(1.0 / ALONG))
 _JOINTS, _CAPSULES = wp.constant(JOINTS), wp.constant(CAPSULES)
 _TINY = wp.constant(real(1e-300))
+_NO_ARM = wp.constant(real(1e-9))  # of a force that turns no joint: a nanometre's arm and less
 _AT_STOP = wp.constant(real(3.0))  # deviations of a joint's reading
 _DEEPEST = wp.constant(real(40.0))  # places that explain so much less than the best are left out
 _RELATIVE = wp.constant(real(0.03))  # model error of a torque, of the largest [est]
@@ -137,7 +138,7 @@ def _with_side(
         rise = rise_out + rise_across * aside
         square = vec3(wp.dot(low, low), real(2.0) * wp.dot(low, rise), wp.dot(rise, rise))
         product = vec2(wp.dot(low, felt.torque), wp.dot(rise, felt.torque))
-        line_most = most_force_gain(square, product)
+        line_most = most_force_gain(square, product, _NO_ARM)
         if felt.turn == 0:
             post.most = wp.max(post.most, line_most)
         elif line_most >= post.most - _DEEPEST:
@@ -145,7 +146,7 @@ def _with_side(
             best = real(-1.0)
             for i in range(_ALONG):
                 share = (real(i) + HALF) * _STEP
-                g = force_gain_at(square, product, share)
+                g = force_gain_at(square, product, share, _NO_ARM)
                 best = wp.max(best, g)
                 if g >= post.most - _DEEPEST:
                     sums += vec3(ONE, share, share * share) * wp.exp((g - post.most) * HALF)
@@ -176,7 +177,7 @@ def _with_cap(
         for lean in range(felt.leans):
             push = (by_out + by_up * (felt.friction * real(LEAN_ALONG[lean]))
                     + by_across * (felt.friction * real(LEAN_ACROSS[lean])))
-            g = force_gain(wp.dot(push, push), wp.dot(push, felt.torque))
+            g = force_gain(wp.dot(push, push), wp.dot(push, felt.torque), _NO_ARM)
             if felt.turn == 0:
                 post.most = wp.max(post.most, g)
             elif g >= post.most - _DEEPEST:

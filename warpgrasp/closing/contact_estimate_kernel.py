@@ -57,7 +57,6 @@ _LEAN_ANGLES = 2 * np.pi * np.arange(LEANS - 1) / (LEANS - 1)
 LEAN_ALONG = wp.constant(_lean_vec(0.0, *(_LEAN * np.cos(_LEAN_ANGLES))))
 LEAN_ACROSS = wp.constant(_lean_vec(0.0, *(_LEAN * np.sin(_LEAN_ANGLES))))
 _TINY = wp.constant(real(1e-300))
-_NO_ARM = wp.constant(real(1e-9))  # of a force that turns no joint: a nanometre's arm and less
 _AT_STOP = wp.constant(real(3.0))  # deviations of a joint's reading
 _DEEPEST = wp.constant(real(40.0))  # places that explain so much less than the best are left out
 _RELATIVE = wp.constant(real(0.03))  # model error of a torque, of the largest [est]
@@ -78,31 +77,33 @@ class _Posterior:
 
 
 @wp.func
-def force_gain(square: real, along: real):
+def force_gain(square: real, along: real, least: real):
     """The share of the weighted square of the torques that a force of the best size >= 0 explains.
 
-    `square` is that of the torques of a unit force, `along` their product with the measured ones.
+    `square` is that of the torques of a unit force, `least` where they count as none, and `along`
+    their product with the measured ones.
     """
     push = wp.max(along, ZERO)
-    return push * push / wp.max(square, _NO_ARM)
+    return push * push / wp.max(square, least)
 
 
 @wp.func
-def force_gain_at(square: vec3, along: vec2, share: real):
+def force_gain_at(square: vec3, along: vec2, share: real, least: real):
     """The gain of a force at a place along a link: torques are linear in the place."""
     return force_gain(square[0] + share * (square[1] + share * square[2]),
-                      along[0] + share * along[1])
+                      along[0] + share * along[1], least)
 
 
 @wp.func
-def most_force_gain(square: vec3, along: vec2):
+def most_force_gain(square: vec3, along: vec2, least: real):
     """The largest gain of any place along the link."""
-    most = wp.max(force_gain_at(square, along, ZERO), force_gain_at(square, along, ONE))
+    most = wp.max(force_gain_at(square, along, ZERO, least),
+                  force_gain_at(square, along, ONE, least))
     # Where the derivative of along^2 / square vanishes.
     top = along[0] * square[1] - real(2.0) * along[1] * square[0]
     bottom = along[1] * square[1] - real(2.0) * along[0] * square[2]
     if top * bottom > ZERO and wp.abs(top) < wp.abs(bottom):
-        most = wp.max(most, force_gain_at(square, along, top / bottom))
+        most = wp.max(most, force_gain_at(square, along, top / bottom, least))
     return most
 
 
@@ -281,7 +282,7 @@ def _estimate_kernel(
                     square = vec3(wp.dot(low, low), real(2.0) * wp.dot(low, rise),
                                   wp.dot(rise, rise))
                     product = vec2(wp.dot(low, felt), wp.dot(rise, felt))
-                    line_most = most_force_gain(square, product)
+                    line_most = most_force_gain(square, product, _TINY)
                     if turn == 0:
                         most = wp.max(most, line_most)
                     elif line_most >= most - _DEEPEST:
@@ -289,7 +290,7 @@ def _estimate_kernel(
                         best = real(-1.0)
                         for i in range(_ALONG):
                             share = (real(i) + HALF) * _STEP
-                            gain = force_gain_at(square, product, share)
+                            gain = force_gain_at(square, product, share, _TINY)
                             best = wp.max(best, gain)
                             if gain >= most - _DEEPEST:
                                 weight = wp.exp((gain - most) * HALF)
@@ -309,7 +310,7 @@ def _estimate_kernel(
                             push = (ways.out + ways.along * (hand.friction
                                                              * real(LEAN_ALONG[lean]))
                                     + ways.across * (hand.friction * real(LEAN_ACROSS[lean])))
-                            gain = force_gain(wp.dot(push, push), wp.dot(push, felt))
+                            gain = force_gain(wp.dot(push, push), wp.dot(push, felt), _TINY)
                             if turn == 0:
                                 most = wp.max(most, gain)
                             elif gain >= most - _DEEPEST:
