@@ -248,7 +248,8 @@ def true_chains(
     for name, rows in zip(("joints", "capsules"), kept, strict=True):
         number = np.arange(chains.size, dtype=np.uint64).reshape(chains.shape)
         address: Any = rows.ptr
-        chains[name] = np.uint64(address) + number * np.uint64(rows.strides[1])
+        stride: Any = rows.strides[1]
+        chains[name] = np.uint64(address) + number * np.uint64(stride)
     found = wp.array(chains, dtype=Chain, device=device)
     found._ref = kept  # as long as the fingers live, so do their rows
     return found

@@ -5,7 +5,7 @@ felt, and by the paper's `fingertip` estimate, anywhere on the last link.
 """
 
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -58,11 +58,10 @@ def estimate_chain_contacts(
     dims = closing.status.shape
     errors, contact = errors or ErrorTable(), contact or ContactTable()
     each = "world probe grasp finger"
-    kinds: tuple[tuple[str, Any], ...] = (
-        ("point", vec3), ("covariance", mat33), ("normal", vec3), ("link_out", int),
-        ("link_weight", vec6), ("torque_out", vec6), ("torque_sigma", vec6),
-        ("balls", cast(Any, balls_type)))
-    out = {name: wp.empty(dims, dtype=kind, device=device) for name, kind in kinds}
+    kinds: dict[str, Any] = {
+        "point": vec3, "covariance": mat33, "normal": vec3, "link_out": int, "link_weight": vec6,
+        "torque_out": vec6, "torque_sigma": vec6, "balls": balls_type}
+    out = {name: wp.empty(dims, dtype=kind, device=device) for name, kind in kinds.items()}
     given = {name: wp.array(np.ascontiguousarray(values), dtype=kind, device=device)
              for name, values, kind in (
         ("status", closing.status, int), ("q", padded(np.nan_to_num(closing.q_rad)), vec6),

@@ -59,10 +59,11 @@ def resolve_meetings(
         "stray": wp.array(_strays(hand, sensors), dtype=real, device=device),
         "swept": wp.array(np.diff(come_m, axis=-1, prepend=0.0).max(2).cumsum(-1), dtype=real,
                           device=device)}
-    near = _rows(chain_near_kernel, hand, place, given | own, device)
+    every = {**given, **own}
+    near = _rows(chain_near_kernel, hand, place, every, device)
     some = near >= 0
     if some.any():
-        _rows(chain_meeting_kernel, hand, place[some], given | own, device, near[some])
+        _rows(chain_meeting_kernel, hand, place[some], every, device, near[some])
 
 
 def _rows(kernel: Any, hand: ChainHand, place: np.ndarray, given: Mapping[str, Any], device: str,
