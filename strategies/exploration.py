@@ -27,12 +27,14 @@ from strategies.planners.from_strategy import Budget, within_budget
 from strategies.planners.guarded_call import guarded_call
 from strategies.planners.probes import CrossFaces, FollowContour, Grasp, Probe, misfits, wanted_of
 from strategies.planners.register import Foreseeing, Planner, fault_text, place_of
+from strategies.poses.hand_outline import outline_of
 from strategies.poses.waypoints import BoundingCylinder
 from strategies.procedures.containment import explore_by_containment
 from strategies.procedures.contour_follower import ContourExploration, explore_contour
 from strategies.procedures.contour_shape import Profile, later_profile, profile_of, with_profiles
 from strategies.procedures.planar_explorer import PlanarExploration, explore_plane
 from strategies.procedures.planar_faces import Face, planes_of
+from strategies.procedures.possible import NotPossible, check_possible, fault_status
 from strategies.recovery.belief import Belief, read_only
 from strategies.recovery.choose_model import (
     Recovered,
@@ -94,7 +96,8 @@ class Exploration:
     """At the end."""
     recovered: Recovered
     status: np.ndarray
-    """ok, too_few_contacts, fit_failed, fit_implausible or strategy_failed, (world,)."""
+    """ok, too_few_contacts, fit_failed, fit_implausible, strategy_failed or not_possible, (world,).
+    """
     fault: np.ndarray
     """What the strategy did wrong in each world, with file and line; empty where nothing, (world,).
     """
@@ -138,7 +141,7 @@ class RunningExploration:
         worlds = robot.worlds
         self.robot, self.prior, self.seed, self.table = robot, prior, seed, table
         self.closings, self.budget = closings, budget
-        radius = robot.hand.link_radius_m
+        radius = outline_of(robot.hand).skin_m
         self.intrinsic = robot.sensors.contact_estimator == "intrinsic"
         self.felt = no_evidence(worlds, radius)
         self.links = no_links(worlds, 0, robot.hand)
@@ -167,6 +170,9 @@ class RunningExploration:
             with guarded_call():
                 probes = list(planner(self.belief))
             wanted = [wanted_of(probe, self.robot.worlds) for probe in probes]
+        except NotPossible as error:
+            self._blame(np.ones(self.robot.worlds, bool), str(error))
+            return False
         except Exception as error:  # whatever a user's strategy may raise
             self._blame(np.ones(self.robot.worlds, bool), fault_text(planner, error))
             return False
@@ -180,7 +186,7 @@ class RunningExploration:
         changed = np.zeros(self.robot.worlds, bool)
         for probe, mask in zip(probes, wanted, strict=True):
             mask = self._sound(probe, mask & self.active[:, None], planner)
-            if not mask.any():
+            if not mask.any() or not self._possible(probe, mask):
                 continue
             changed |= mask.any(1)
             if isinstance(probe, Grasp):
@@ -239,6 +245,18 @@ class RunningExploration:
             mask = mask & ~np.asarray(found.any(1))[:, None]
         return mask
 
+    def _possible(self, probe: Probe, mask: np.ndarray) -> bool:
+        """Whether the hand can do it; worlds that ask for what it cannot are done."""
+        if isinstance(probe, Grasp):
+            return True
+        try:
+            check_possible("planar" if isinstance(probe, CrossFaces) else "contour",
+                           self.robot.hand)
+        except NotPossible as error:
+            self._blame(np.asarray(mask.any(1)), str(error))
+            return False
+        return True
+
     def _blame(self, worlds: np.ndarray, text: str) -> None:
         at_fault = worlds & self.active
         self.fault[at_fault] = text
@@ -251,7 +269,7 @@ class RunningExploration:
         grasps = explore_by_containment(self.robot, pose, mask, probe.closings or self.closings,
                                         room)
         mask = grasps.moves.status[:, :, 0] != ProbeStatus.NOT_TRIED
-        radius = self.robot.hand.link_radius_m
+        radius = outline_of(self.robot.hand).skin_m
         links = touched_links(grasps, self.robot.hand, self.robot.contact)
         evidence = evidence_from_grasps(grasps, radius)
         self._add(evidence, links)
@@ -361,7 +379,7 @@ class RunningExploration:
         known = self.recovered.shape > 0
         enough = self.placed.mask.sum(1) >= FEWEST_CONTACTS
         good = np.isin(self.fits.status, (FitStatus.converged, FitStatus.not_converged))
-        return np.where(self.faulty, "strategy_failed", np.where(
+        return np.where(self.faulty, fault_status(self.fault), np.where(
             known, "ok", np.where(~enough, "too_few_contacts", np.where(
                 good, "fit_implausible", "fit_failed"))))
 

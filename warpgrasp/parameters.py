@@ -64,9 +64,12 @@ class ArmTable:
 class HandTable:
     """Utah-MIT hand: four identical fingers of four joints, thumb opposite three [paper].
 
-    Link lengths are estimates bracketed by GraspIt!'s human hand and the Allegro hand.
+    Link lengths are estimates bracketed by GraspIt!'s human hand and the Allegro hand. Or another
+    hand, by its `kind`: of this table then count mount, stops, density and skin.
     """
 
+    kind: str = field(default="utah_mit", metadata={
+        "doc": "the hand: utah_mit, another one that ships (`warpgrasp hands`), or a TOML file"})
     abduction_offset_m: float = _number(0.0095, 0.0, 0.1, "abduction axis to first flexion [est]")
     link_length_m: tuple[float, ...] = _number((0.043, 0.033, 0.028), 0.005, 0.2,
                                                "proximal, middle, distal link [est]")
@@ -102,6 +105,14 @@ class SensorTable:
     tension_step_N: float = _number(0.05, 0.0, 10.0, "converter step; 0 switches it off [est]")
     tension_readings: int = _number(16, 1, 1000, "readings averaged after the stop")
     joint_noise_rad: float = _number(radians(0.3), 0.0, 0.5, "sigma of a joint angle [est]")
+    torque_threshold_Nm: float = _number(0.05, 1e-6, 100.0, "of hands that read joint torques: "
+                                         "stop when one, less the links' weight, passes this [est]")
+    torque_noise_Nm: float = _number(0.003, 0.0, 10.0, "sigma of one reading of theirs [est]")
+    torque_step_Nm: float = _number(0.001, 0.0, 10.0, "its converter step; 0 switches it off [est]")
+    torque_friction_Nm: float = _number(0.01, 0.0, 10.0, "of the gears between joint and motor, "
+                                        "where the torque is read [est]")
+    switch_force_N: float = _number(0.5, 1e-6, 1000.0, "of hands with switches in their tips: the "
+                                    "force that closes one [est]")
     contact_estimator: str = _choice("intrinsic", ("fingertip", "intrinsic"),
                                      "fingertip: the paper's; intrinsic: from joint torques")
 

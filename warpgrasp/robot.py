@@ -10,15 +10,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from warpgrasp.closing.closing import Closing, ClosingTruth, close_fingers
-from warpgrasp.closing.contact_estimate import ContactEstimate, estimate_contacts
-from warpgrasp.closing.self_contact import self_contacts
+from warpgrasp.chain.chain_hand import UTAH_MIT
+from warpgrasp.closing.closing import Closing, ClosingTruth
+from warpgrasp.closing.contact_estimate import ContactEstimate
 from warpgrasp.core.kernel_launch import check_range
 from warpgrasp.core.random import Purpose, counter_key, normal_vector
 from warpgrasp.geometry.body import Body, scene_of
 from warpgrasp.geometry.scene import Shape
-from warpgrasp.mechanism.arm_motion import ArmMoves, ArmState, move_hand
-from warpgrasp.mechanism.calibration import draw_calibration
+from warpgrasp.mechanism.arm_motion import ArmMoves, ArmState
 from warpgrasp.motion_cost import closing_time_s
 from warpgrasp.parameters import (
     ArmTable,
@@ -31,6 +30,7 @@ from warpgrasp.parameters import (
     TrueTables,
 )
 from warpgrasp.probe_status import ProbeStatus
+from warpgrasp.robot_hand import robot_hand
 from warpgrasp.touch.guarded_motion import LineMove, LineTouch, LineTruth, Until, guarded_line
 from warpgrasp.touch.silhouette import Cameras, silhouettes
 from warpgrasp.touch.silhouette_faults import faulty_silhouettes
@@ -91,7 +91,8 @@ class Robot:
         tables `true`; those that are believed where there are none.
 
         Raises ValueError for a number that none of `bodies` has, and where `true` moves the hand
-        along its mount, which arm and hand share.
+        along its mount, which arm and hand share, or is another hand; HandError for a hand that
+        cannot be used.
         """
         check_range("body", body, 0, len(bodies) - 1)
         self._scene = scene_of(bodies, device)
@@ -112,7 +113,10 @@ class Robot:
         self._true = true or TrueTables(hand, sensors, self.errors)
         if self._true.hand.mount_length_m != hand.mount_length_m:
             raise ValueError("hand.mount_length_mm cannot differ between truth and belief")
-        self._calibration = draw_calibration(self._true.errors.scaled(), key)
+        if self._true.hand.kind != hand.kind:
+            raise ValueError("hand.kind cannot differ between truth and belief")
+        self._own = robot_hand(hand, sensors, self.contact, self._true)
+        self._calibration = self._own.calibration(self._true.errors.scaled(), key)
 
     @property
     def worlds(self) -> int:
@@ -146,10 +150,9 @@ class Robot:
             wanted = self._within(room, hand_pose, wanted, commands_rad)
         number = self._numbers(wanted)
         moves, actual = self._move(hand_pose, wanted, commands_rad, number)
-        closing, truth = close_fingers(
-            self._scene, self._body, self._truth.body_pose, self._true.hand,
-            self._true.sensors, self._key, moves.status, actual, commands_rad, command_count,
-            contact=self.contact, errors=self._calibration, probe_number=number,
+        closing, truth = self._own.close(
+            self._scene, self._body, self._truth.body_pose, self._key, moves.status, actual,
+            commands_rad, command_count, errors=self._calibration, probe_number=number,
             march_scale=self._march_scale, device=self._device)
         if self.contact.self_contact:
             closing = self._without_self(closing, commands_rad)
@@ -157,17 +160,15 @@ class Robot:
         self._truth.hand_poses.append(actual)
         self._probes_made += wanted.sum(1)
         self._state = moves.state
-        estimate = estimate_contacts(closing, moves.believed_pose, commands_rad, self.arm,
-                                     self.hand, self.sensors, errors=self.errors,
-                                     contact=self.contact, device=self._device)
+        estimate = self._own.estimate(closing, moves.believed_pose, commands_rad, self.arm,
+                                      self.errors, self._device)
         return Grasps(moves, closing, estimate,
                       moves.time_s + closing_time_s(self.arm, closing.status, closing.step,
                                                     commands_rad), commands_rad)
 
     def _without_self(self, closing: Closing, commands_rad: np.ndarray) -> Closing:
         """The closing with what the robot can tell to be its own fingers or palm named so."""
-        own = self_contacts(closing, commands_rad, self.hand, self.sensors, self.errors,
-                            device=self._device)
+        own = self._own.own_touches(closing, commands_rad, self.errors, self._device)
         own &= closing.status == ProbeStatus.CONTACT
         return replace(closing, status=np.where(own, ProbeStatus.SELF_CONTACT, closing.status))
 
@@ -179,10 +180,9 @@ class Robot:
         self, hand_pose: np.ndarray, wanted: np.ndarray, commands_rad: np.ndarray,
         number: np.ndarray,
     ) -> tuple[ArmMoves, np.ndarray]:
-        return move_hand(
-            self._scene, self._body, self._truth.body_pose, self.arm, self._true.hand, self._key,
-            self._state, hand_pose, wanted, commands_rad, contact=self.contact,
-            errors=self._calibration, probe_number=number,
+        return self._own.move(
+            self._scene, self._body, self._truth.body_pose, self.arm, self._key, self._state,
+            hand_pose, wanted, commands_rad, errors=self._calibration, probe_number=number,
             march_scale=self._march_scale, device=self._device)
 
     def _within(self, room: np.ndarray, hand_pose: np.ndarray, wanted: np.ndarray,
@@ -207,8 +207,12 @@ class Robot:
         (finger 4, step, 4) the joints at each interval, the last held. `until` RELEASE ends when
         the pads feel nothing any more. The way from where the hand is to the start is taken to be
         free, as between retreats; `checked`, the status is COLLISION where the hand, its fingers at
-        their first commands, would strike something on the straight way.
+        their first commands, would strike something on the straight way. Raises ValueError for a
+        hand other than the Utah-MIT, which has no pads.
         """
+        if self.hand.kind != UTAH_MIT:
+            raise ValueError(f"guarded lines feel with the pads of the Utah-MIT hand; the hand is "
+                             f"{self.hand.kind}")
         move = LineMove(rows, self._lines_made[rows], hand_pose, direction, interval_m, steps,
                         finger, commands_rad, until, checked)
         touch, truth, arm_q = guarded_line(

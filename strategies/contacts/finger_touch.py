@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from strategies.poses.hand_outline import outline_of
 from strategies.procedures.touches import TouchTable
 from warpgrasp.parameters import ContactTable, HandTable
 from warpgrasp.robot import Grasps
@@ -22,17 +23,17 @@ class TouchedLinks:
     hand_pose: np.ndarray
     """Believed, [m] and quaternion xyzw, (..., 7)."""
     q_rad: np.ndarray
-    """Joints of the finger as read, (..., 4)."""
+    """Joints of the finger as read, (..., joint)."""
     finger: np.ndarray
-    """0 to 2, 3 the thumb, int (...)."""
+    """Its number; of the Utah-MIT hand 3 is the thumb, int (...)."""
     link: np.ndarray
-    """Believed in touch, 0 proximal to 2 distal, int (...)."""
+    """Believed in touch: 0 proximal to 2 distal, of other hands its joint's number, int (...)."""
     torque_Nm: np.ndarray
-    """By which the contact turns the joints, (..., 4)."""
+    """By which the contact turns the joints, (..., joint)."""
     torque_sigma_Nm: np.ndarray
-    """Its standard deviation, (..., 4)."""
+    """Its standard deviation, (..., joint)."""
     weight: np.ndarray
-    """Probability of each link by torques alone, (..., link 3)."""
+    """Probability of each link by torques alone, (..., link)."""
     friction: np.ndarray
     """Coefficient of the skin: the contact's force may lean from the normal by that much, (...)."""
     hand: HandTable
@@ -52,13 +53,13 @@ def touched_links(grasps: Grasps, hand: HandTable, contact: ContactTable) -> Tou
     return TouchedLinks(
         linked=np.ones((worlds, closing.status[0].size), bool),
         hand_pose=np.where(np.isfinite(flat(pose, 7)), flat(pose, 7), 0.0),
-        q_rad=np.nan_to_num(flat(closing.q_rad, 4)),
+        q_rad=np.nan_to_num(flat(closing.q_rad, closing.q_rad.shape[-1])),
         finger=flat(np.arange(shape[3])).copy(),
         link=np.maximum(flat(estimate.link), 0),
-        torque_Nm=flat(estimate.torque_Nm, 4),
-        torque_sigma_Nm=flat(estimate.torque_sigma_Nm, 4),
-        weight=flat(estimate.link_weight, 3), friction=flat(np.array(contact.friction)).copy(),
-        hand=hand)
+        torque_Nm=flat(estimate.torque_Nm, estimate.torque_Nm.shape[-1]),
+        torque_sigma_Nm=flat(estimate.torque_sigma_Nm, estimate.torque_Nm.shape[-1]),
+        weight=flat(estimate.link_weight, estimate.link_weight.shape[-1]),
+        friction=flat(np.array(contact.friction)).copy(), hand=hand)
 
 
 def no_links(worlds: int, slots: int, hand: HandTable) -> TouchedLinks:
@@ -66,8 +67,11 @@ def no_links(worlds: int, slots: int, hand: HandTable) -> TouchedLinks:
     def zeros(*last: int, dtype: type = float) -> np.ndarray:
         return np.zeros((worlds, slots, *last), dtype)
 
-    return TouchedLinks(zeros(dtype=bool), zeros(7), zeros(4), zeros(dtype=int), zeros(dtype=int),
-                        zeros(4), zeros(4) + 1.0, zeros(3), zeros(), hand)
+    outline = outline_of(hand)
+    joints, links = outline.drives, outline.links
+    return TouchedLinks(zeros(dtype=bool), zeros(7), zeros(joints), zeros(dtype=int),
+                        zeros(dtype=int), zeros(joints), zeros(joints) + 1.0, zeros(links),
+                        zeros(), hand)
 
 
 def links_of_touches(table: TouchTable, rows: np.ndarray, at: tuple, worlds: int, slots: int,

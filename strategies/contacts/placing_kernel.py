@@ -9,19 +9,18 @@ likelihood of the torques, whatever the size and the lean of the force, times ho
 agrees: its surface is one link radius from the axis there, and its normal is the direction.
 
 """
+from typing import Any
+
 import warp as wp
 
+from strategies.contacts.link_places import direction_at, jacobian_at, start_at
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat33, real, struct, transform, vec2, vec3, vec4
 from warpgrasp.core.sincos import sine_cosine
 from warpgrasp.geometry.sdf_superquadric import SuperquadricShape, superquadric_deformed_gauge
 from warpgrasp.mechanism.utah_mit_hand_kernel import (
-    FingerPose,
     Hand,
     finger_base,
-    finger_jacobian,
     finger_pose,
-    link_direction,
-    link_start,
 )
 
 ALONG = 12
@@ -41,11 +40,11 @@ _AROUND_STEP = wp.constant(real(2.0 * WIDEST / (AROUND - 1)))
 _CAP_STEP = wp.constant(real(2.0 * WIDEST / (CAP - 1)))
 _TINY = wp.constant(real(1e-300))
 _FLAT = wp.constant(real(1e-9))
-_WORST = wp.constant(real(1e12))
+WORST = wp.constant(real(1e12))
 _AHEAD = wp.constant(real(1e-5))
 _LEAST_SLOPE = wp.constant(real(1e-3))
-_UNLIKELY = wp.constant(real(1e-3))
-_NEGLIGIBLE = wp.constant(real(60.0))
+UNLIKELY = wp.constant(real(1e-3))
+NEGLIGIBLE = wp.constant(real(60.0))
 
 
 @struct
@@ -91,23 +90,23 @@ def _body_at(p: vec3, shape: SuperquadricShape, pose: transform):
 
 @wp.func
 def _unexplained(
-    f: FingerPose, link: int, x: vec3, d: vec3, radius: real, lean: real, felt: vec4, root: vec4,
+    f: Any, link: int, x: vec3, d: vec3, radius: real, lean: real, felt: Any, root: Any,
     total: real
 ):
     """What the best push along -d at x leaves of the torques: chi-square, and the logarithm of how
     much wider a force that leans makes their spread. `lean` is the deviation of its lean."""
-    j = wp.cw_mul(finger_jacobian(f, link, x, d), root)
+    j = wp.cw_mul(jacobian_at(f, link, x, d), root)
     size = wp.max(wp.dot(j, j), _TINY)
     push = wp.max(wp.dot(j, felt), ZERO)
     if lean == ZERO:
         return vec2(total - push * push / size, ZERO)
     # Spread of the torques: one, and that of a force along the surface both ways, for the push
     # that explains most without it.
-    one = wp.normalize(wp.cross(link_direction(f, link), d))
+    one = wp.normalize(wp.cross(direction_at(f, link), d))
     two = wp.cross(d, one)
     skin = x + d * radius
-    a = wp.cw_mul(finger_jacobian(f, link, skin, one), root) * (lean * push / size)
-    b = wp.cw_mul(finger_jacobian(f, link, skin, two), root) * (lean * push / size)
+    a = wp.cw_mul(jacobian_at(f, link, skin, one), root) * (lean * push / size)
+    b = wp.cw_mul(jacobian_at(f, link, skin, two), root) * (lean * push / size)
     aa = ONE + wp.dot(a, a)
     bb = ONE + wp.dot(b, b)
     ab = wp.dot(a, b)
@@ -133,8 +132,8 @@ def _with_place(
     alone = chi[0] + chi[1]
     cost = alone + beside
     if cost < post.least:
-        fade = wp.exp(HALF * wp.max(cost - post.least, -_NEGLIGIBLE))
-        if post.least == _WORST:
+        fade = wp.exp(HALF * wp.max(cost - post.least, -NEGLIGIBLE))
+        if post.least == WORST:
             fade = ZERO
         post.least = cost
         post.misfit = chi[0] + beside
@@ -143,20 +142,20 @@ def _with_place(
         post.axis *= fade
         post.outward *= fade
     if alone < post.alone_least:
-        fade = wp.exp(HALF * wp.max(alone - post.alone_least, -_NEGLIGIBLE))
-        if post.alone_least == _WORST:
+        fade = wp.exp(HALF * wp.max(alone - post.alone_least, -NEGLIGIBLE))
+        if post.alone_least == WORST:
             fade = ZERO
         post.alone_least = alone
         post.alone *= fade
         post.alone_along *= fade
         post.alone_square *= fade
-    if cost < post.least + _NEGLIGIBLE:
+    if cost < post.least + NEGLIGIBLE:
         weight = area * wp.exp(HALF * (post.least - cost))
         post.weight += weight
         post.along += along * weight
         post.axis += x * weight
         post.outward += d * weight
-    if alone < post.alone_least + _NEGLIGIBLE:
+    if alone < post.alone_least + NEGLIGIBLE:
         weight = area * wp.exp(HALF * (post.alone_least - alone))
         post.alone += weight
         post.alone_along += along * weight
@@ -165,21 +164,18 @@ def _with_place(
 
 
 @wp.func
-def _places_of_link(
-    f: FingerPose, link: int, length: real, radius: real, lean: real,
-    felt: vec4, root: vec4,
+def places_of_link(
+    f: Any, link: int, ends: int, length: real, radius: real, lean: real, felt: Any, root: Any,
     shape: SuperquadricShape, pose: transform, place_sigma: real, turn_sigma: real, farthest: real
 ):
-    """The posterior over the places of one link."""
+    """The posterior over the places of one link; with `ends` 1 it has a round tip."""
     post = Place()
-    post.least = _WORST
-    post.alone_least = _WORST
+    post.least = WORST
+    post.alone_least = WORST
     total = wp.dot(felt, felt)
-    a = link_start(f, link)
-    u = link_direction(f, link)
-    stations = _ALONG
-    if link == 2:
-        stations += 1  # the round tip
+    a = start_at(f, link)
+    u = direction_at(f, link)
+    stations = _ALONG + ends
     for k in range(stations):
         tip = k == _ALONG
         along = (real(k) + HALF) * _STEP * length
@@ -263,15 +259,15 @@ def _placing_kernel(
     root = vec4(ONE / sigma[0], ONE / sigma[1], ONE / sigma[2], ONE / sigma[3])
     felt = wp.cw_mul(torque[w, i], root)
     best = Place()
-    best.least = _WORST
+    best.least = WORST
     best_link = int(-1)
-    most = real(-_WORST)
-    logs = vec3(-_WORST, -_WORST, -_WORST)
+    most = real(-WORST)
+    logs = vec3(-WORST, -WORST, -WORST)
     for link in range(3):
-        if link_weight[w, i][link] >= _UNLIKELY:
-            post = _places_of_link(f, link, hand.link_length[link], hand.link_radius,
-                                   lean[w, i], felt, root, shape[w], pose[w],
-                                   place_sigma, turn_sigma, farthest)
+        if link_weight[w, i][link] >= UNLIKELY:
+            post = places_of_link(f, link, wp.where(link == 2, 1, 0), hand.link_length[link],
+                                  hand.link_radius, lean[w, i], felt, root, shape[w], pose[w],
+                                  place_sigma, turn_sigma, farthest)
             if post.weight > ZERO:
                 logs[link] = wp.log(post.weight) - HALF * post.least
                 if logs[link] > most:
@@ -282,9 +278,9 @@ def _placing_kernel(
         return
     others = real(0.0)
     for link in range(3):
-        others += wp.exp(wp.max(logs[link] - most, -_NEGLIGIBLE))
+        others += wp.exp(wp.max(logs[link] - most, -NEGLIGIBLE))
     outward = wp.normalize(best.outward)
-    u = link_direction(f, best_link)
+    u = direction_at(f, best_link)
     mean = best.alone_along / best.alone
     spread = wp.max(best.alone_square / best.alone - mean * mean,
                     hand.link_length[best_link] * hand.link_length[best_link] * _STEP * _STEP

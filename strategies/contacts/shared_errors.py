@@ -10,7 +10,9 @@ was drawn. Errors of the arm shift the hand nearly alike at all poses about an o
 import numpy as np
 
 from fit.rotation import matrix_of_quaternion
+from strategies.contacts.chain_errors import chain_shifts
 from strategies.contacts.finger_touch import TouchedLinks
+from warpgrasp.chain.chain_hand import chain_of_table
 from warpgrasp.mechanism.calibration import arm_variance
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT
 from warpgrasp.parameters import ArmTable, ErrorTable
@@ -19,7 +21,7 @@ _JOINTS, _LENGTHS, _AXES = 4, 2, 3
 EACH_FINGER = _JOINTS + _LENGTHS + _AXES
 """Errors of a finger: joint zeros, lengths of the links before the last, place of its base."""
 COUNT = FINGER_COUNT * EACH_FINGER + 3 * _AXES
-"""Of all fingers, of the mount's place and turn, and of the arm."""
+"""Of all fingers of the Utah-MIT hand, of the mount's place and turn, and of the arm."""
 
 
 def shared_shifts(
@@ -27,12 +29,33 @@ def shared_shifts(
     arm: ArmTable,
 ) -> np.ndarray:
     """By how much one standard deviation of each error moves contacts along `normals` [m], (world,
-    point, `COUNT`).
+    point, error): `COUNT` of the Utah-MIT hand.
 
     `points_m` and `normals` (world, point, 3), base frame. Rows that hold no contact are finite.
     """
-    hand, q = links.hand, links.q_rad
+    hand = links.hand
     turn = matrix_of_quaternion(_unit(links.hand_pose[..., 3:]))
+    place = links.hand_pose[..., :3]
+    chain = chain_of_table(hand)
+    if chain is None:
+        fingers = _utah_mit_shifts(links, points_m, normals, errors, turn)
+    else:
+        fingers = chain_shifts(chain, links, points_m, normals, errors, turn)
+    of_hand = np.einsum("wpji,wpj->wpi", turn, normals)
+    arm_of_hand = np.einsum("wpji,wpj->wpi", turn, np.cross(
+        points_m - place + turn[..., 2] * hand.mount_length_m, normals))
+    return np.concatenate([
+        fingers, of_hand * errors.mount_m,
+        arm_of_hand * errors.mount_rad, normals * np.sqrt(arm_variance(errors, arm))], axis=-1)
+
+
+def _utah_mit_shifts(
+    links: TouchedLinks, points_m: np.ndarray, normals: np.ndarray, errors: ErrorTable,
+    turn: np.ndarray,
+) -> np.ndarray:
+    """Of the errors of the Utah-MIT hand's fingers, (world, point, finger x error); `turn` are the
+    hand's axes."""
+    hand, q = links.hand, links.q_rad
     place = links.hand_pose[..., :3]
     side_sign = np.where(links.finger == FINGER_COUNT - 1, -1.0, 1.0)[..., None]
     x, y, z = turn[..., 0] * side_sign, turn[..., 1] * side_sign, turn[..., 2]
@@ -59,12 +82,7 @@ def shared_shifts(
     shifts[..., _JOINTS + _LENGTHS:, :] = np.swapaxes(turn, -1, -2) * errors.finger_base_m
     own = np.einsum("wpki,wpi->wpk", shifts, normals)
     fingers = (links.finger[..., None] == np.arange(FINGER_COUNT))[..., None] * own[..., None, :]
-    of_hand = np.einsum("wpji,wpj->wpi", turn, normals)
-    arm_of_hand = np.einsum("wpji,wpj->wpi", turn, np.cross(
-        points_m - place + turn[..., 2] * hand.mount_length_m, normals))
-    return np.concatenate([
-        fingers.reshape(*own.shape[:2], -1), of_hand * errors.mount_m,
-        arm_of_hand * errors.mount_rad, normals * np.sqrt(arm_variance(errors, arm))], axis=-1)
+    return fingers.reshape(*own.shape[:2], -1)
 
 
 def _unit(quaternion: np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ import numpy as np
 
 from fit.rotation import matrix_of_quaternion
 from strategies.procedures.containment import padded_commands
+from strategies.procedures.possible import check_foreseeable
 from warpgrasp.mechanism.utah_mit_hand import hand_links
 from warpgrasp.parameters import HandTable
 
@@ -45,7 +46,9 @@ class HandSamples:
 
 @lru_cache(maxsize=8)
 def samples_of_hand(hand: HandTable, closings: tuple[str, ...]) -> HandSamples:
-    """Samples of a hand for closing paths named in `CLOSING_PATHS`."""
+    """Samples of the Utah-MIT hand for closing paths named in `CLOSING_PATHS`. Raises NotPossible
+    for another hand."""
+    check_foreseeable(hand)
     commands, count = padded_commands(closings)
     swept = []
     for path, steps in zip(commands, count, strict=True):

@@ -21,6 +21,7 @@ from strategies.foresight.hand_samples import (
 from strategies.foresight.occupancy import Occupancy, begin_occupancy
 from strategies.planners.probes import Grasp, Probe
 from strategies.planners.register import planner
+from strategies.poses.hand_outline import outline_of
 from strategies.recovery.belief import Belief
 from strategies.recovery.evidence import TABLE_MARGIN_M
 from warpgrasp.core.random import counter_key, counter_uniform
@@ -73,7 +74,7 @@ class AnyObject:
     def __call__(self, belief: Belief) -> list[Probe]:
         """The next poses of every world that is active."""
         samples = samples_of_hand(belief.hand, belief.closings)
-        grid = self.grid or begin_occupancy(belief.prior, belief.hand.link_radius_m)
+        grid = self.grid or begin_occupancy(belief.prior, outline_of(belief.hand).skin_m)
         self.grid = grid
         if self.asked is not None:
             self._learn(belief, samples, grid, self.asked)
@@ -85,7 +86,7 @@ class AnyObject:
         seen = grid.foresee(
             samples.open_m, samples.swept[closing], poses, free,
             grid.worth(evidence.points_m, evidence.mask),
-            TABLE_MARGIN_M + 0.5 * belief.hand.link_radius_m)
+            TABLE_MARGIN_M + 0.5 * outline_of(belief.hand).skin_m)
         chosen, wanted = _greedy(np.where(free[..., None], seen.gain, 0.0), seen.place_m,
                                  self.poses)
         self.over = over | ~wanted.any(1)
@@ -121,7 +122,7 @@ class AnyObject:
             [2 * np.pi * draw[..., 4], np.pi - np.arccos(cos_tilt), 2 * np.pi * draw[..., 5]],
             -1).reshape(-1, 3))
         approach = turn.apply([0.0, 0.0, 1.0]).reshape(aim.shape)
-        length = belief.hand.abduction_offset_m + sum(belief.hand.link_length_m)
+        length = outline_of(belief.hand).reach_m
         place = aim - approach * length * (0.35 + 0.75 * draw[..., 6:7])
         pose = np.concatenate([place, turn.as_quat().reshape(*aim.shape[:2], 4)], -1)
         clear = CLEARANCE_M[0] + CLEARANCE_M[1] * draw[..., 7]

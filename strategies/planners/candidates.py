@@ -11,6 +11,7 @@ from strategies.foresight.foresight_kernel import approach_kernel, first_touch_k
 from strategies.poses.hand_poses import waypoint_poses
 from strategies.poses.waypoints import PRIOR_MARGIN_M, BoundingCylinder, Placement, Ring, Top
 from strategies.procedures.containment import padded_commands
+from strategies.procedures.possible import check_foreseeable
 from strategies.recovery.belief import Belief
 from strategies.recovery.body_distances import bodies_on
 from strategies.recovery.evidence import TABLE_MARGIN_M
@@ -70,6 +71,7 @@ def predicted_touches(
     the body so low that the touch would be taken for the table's, there is none; nor where a link
     grazes the body, which slips past it. Fingers do not meet one another.
     """
+    check_foreseeable(belief.hand)
     commands, count = padded_commands(belief.closings)
     worlds, poses = hand_pose.shape[:2]
     bodies = belief.body

@@ -10,6 +10,7 @@ from strategies.planners.register import Planner
 from strategies.planners.registry import make_planner
 from strategies.poses.waypoints import BoundingCylinder
 from strategies.procedures.options import ContourTable, DecideTable, PlanarTable
+from strategies.procedures.possible import check_possible
 from strategies.procedures.stereo_axis import see_axis
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Shape
@@ -55,12 +56,15 @@ def planner_of(
     stereo: StereoTable, robot: Robot, prior: BoundingCylinder,
     waypoints: Sequence[tuple[Sequence[object], int]] = ()
 ) -> Planner:
-    """A fresh planner for one batch. Raises PlannerError for one that cannot be found or made.
+    """A fresh planner for one batch. Raises PlannerError for one that cannot be found or made,
+    NotPossible for an order that the robot's hand cannot carry out.
 
     `waypoints` are those of an `OrderedPlanner`.
     """
     if strategy.call:
         return make_planner(strategy.call, dict(strategy.options))
+    for procedure in strategy.order:
+        check_possible(procedure, robot.hand)
     seen = None
     if contour.axis == "stereo" and {"contour", "decide"} & set(strategy.order):
         target = np.stack([prior.x_m, prior.y_m, prior.height_m / 2], 1)

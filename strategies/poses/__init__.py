@@ -3,7 +3,9 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "chain_paths": ["chain_commands", "chain_path_names"],
     "closing_paths": ["CLOSING_PATHS", "closing_commands"],
+    "hand_outline": ["HandOutline", "outline_of"],
     "hand_poses": ["pose_about", "poses_from_csv", "waypoint_poses"],
     "postures": ["INDEX", "PINCH_OPEN_RAD", "POKE_RAD", "THUMB", "pinch_commands", "poke_tip_m",
         "poking_pose"],

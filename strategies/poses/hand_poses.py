@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from strategies.poses.hand_outline import HandOutline, outline_of
 from strategies.poses.waypoints import (
     BoundingCylinder,
     Column,
@@ -56,8 +57,10 @@ def pose_about(
 
     Angles and `aim` as the module `waypoints` defines them; a hand whose open fingers would come
     within TABLE_CLEARANCE_M of the table backs off along its approach, or, where that is level or
-    from below, is raised. Shape (world, probe, 7).
+    from below, is raised. Its fingers close about the place aimed at. Distances are those of a hand
+    of `REACH_M`; other hands stay away in proportion to their reach. Shape (world, probe, 7).
     """
+    outline = outline_of(hand)
     x, y, height = (v[:, None] for v in (prior.x_m, prior.y_m, prior.height_m))
     azimuth, tilt, roll, aim, _ = np.broadcast_arrays(azimuth, tilt, roll, aim, x + azimuth)
     angle = azimuth + prior.front()[:, None]
@@ -75,11 +78,15 @@ def pose_about(
         endways = np.where(np.abs(cos_t) > 1e-9, end / np.maximum(np.abs(cos_t), 1e-9), np.inf)
     # A hand opens only so far: what does not fit between its fingers is touched from farther off.
     across = prior.half_width(_closing_azimuth(frame))
-    stay = clearance_m + per_radius * np.maximum(across - THIN_RADIUS_M, 0.0)
+    stay = clearance_m * outline.scale + per_radius * np.maximum(
+        across - THIN_RADIUS_M * outline.scale, 0.0)
     away = np.maximum(np.minimum(sideways, endways), 0.0) + stay
     centre = np.stack([x + out * np.cos(angle), y + out * np.sin(angle), aim * height], -1)
     place = centre - approach * away[..., None]
-    lowest = place[..., 2] + _open_fingers_below(hand, frame)
+    for axis, off in enumerate(outline.centre_m):
+        if off:
+            place = place - off * frame[..., axis]
+    lowest = place[..., 2] + _open_fingers_below(outline, frame)
     short = np.maximum(TABLE_CLEARANCE_M - lowest, 0.0)
     level_or_up = cos_t < LEVEL
     back = np.where(level_or_up, 0.0, short / np.maximum(cos_t, LEVEL))
@@ -98,14 +105,10 @@ def _closing_azimuth(frame: np.ndarray) -> np.ndarray:
     return np.arctan2(y, x)
 
 
-def _open_fingers_below(hand: HandTable, frame: np.ndarray) -> np.ndarray:
+def _open_fingers_below(outline: HandOutline, frame: np.ndarray) -> np.ndarray:
     """Height of the lowest point of the open fingers over the hand's origin [m], (world, probe)."""
-    spread = -hand.flexion_low_rad[0]
-    length = sum(hand.link_length_m)
-    x = hand.palm_gap_m / 2 + length * np.sin(spread)
-    z = hand.abduction_offset_m + length * np.cos(spread)
-    tips = np.array([(sx * x, y * hand.finger_spacing_m, z) for sx in (-1, 1) for y in (-1, 1)])
-    return np.einsum("wpk,tk->wpt", frame[..., 2, :], tips).min(-1) - hand.link_radius_m
+    heights = np.einsum("wpk,tk->wpt", frame[..., 2, :], outline.open_m)
+    return (heights - outline.open_radius_m).min(-1)
 
 
 def _about(f: Placement, prior: BoundingCylinder, hand: HandTable, azimuth: np.ndarray, *,

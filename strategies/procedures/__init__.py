@@ -10,6 +10,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "options": ["ContourTable", "DecideTable", "PlanarTable"],
     "planar_explorer": ["PlanarExploration", "PlanarOptions", "explore_plane"],
     "planar_faces": ["Face", "angle_between", "planes_of"],
+    "possible": ["FAILED", "NotPossible", "STATUS", "check_foreseeable", "check_possible",
+        "fault_status"],
     "stereo_axis": ["StereoAxis", "see_axis"],
     "stereo_prior": ["see_cylinder"],
     "touches": ["EndReason", "MissedTips", "REASON_TEXT", "TouchTable", "true_touches"],

@@ -1,24 +1,33 @@
 """Grasping by containment (Allen and Michelman 1990, section IV-C): the first procedure.
 
 At each waypoint the open hand approaches the object and closes along one or more closing paths.
-A finger stops where the difference of its tendon tensions passes the threshold. The joint angles
-and tensions read at the stops become contacts in `strategies.recovery.evidence`.
+A finger stops where the difference of its tendon tensions, or what else it feels, passes the
+threshold. The joint angles and tensions read at the stops become contacts in
+`strategies.recovery.evidence`.
 """
 
 import numpy as np
 
+from strategies.poses.chain_paths import chain_commands
 from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
+from warpgrasp.chain.chain_hand import chain_of_table
+from warpgrasp.parameters import HandTable
 from warpgrasp.robot import Grasps, Robot
 
 
-def padded_commands(closings: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Joint commands of several closing paths in one array.
+def padded_commands(
+    closings: tuple[str, ...], hand: HandTable | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Joint commands of several closing paths in one array, by default of the Utah-MIT hand.
 
-    `closings` are names in `CLOSING_PATHS`. Returns the commands [rad], shape (grasp, finger,
-    step, 4), shorter paths padded with their last command, and the number of steps of each path,
-    shape (grasp,). Raises KeyError for an unknown name.
+    `closings` are names in `CLOSING_PATHS`, or of another hand those of `chain_path_names`. Returns
+    the commands [rad], shape (grasp, finger, step, joint), shorter paths padded with their last
+    command, and the number of steps of each path, shape (grasp,). Raises KeyError for an unknown
+    name.
     """
-    paths = [closing_commands(CLOSING_PATHS[name]) for name in closings]
+    chain = None if hand is None else chain_of_table(hand)
+    paths = [closing_commands(CLOSING_PATHS[name]) if chain is None else
+             chain_commands(chain, name) for name in closings]
     longest = max(p.shape[1] for p in paths)
     padded = np.stack([np.pad(p, ((0, 0), (0, longest - p.shape[1]), (0, 0)), mode="edge")
                        for p in paths])
@@ -36,5 +45,5 @@ def explore_by_containment(
     of each world: the poses that would exceed it are not tried. Raises KeyError for an unknown
     closing path.
     """
-    commands, count = padded_commands(closings)
+    commands, count = padded_commands(closings, robot.hand)
     return robot.grasp(hand_pose, wanted, commands, count, room)

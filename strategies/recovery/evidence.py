@@ -53,9 +53,7 @@ def evidence_from_grasps(grasps: Grasps, link_radius_m: float) -> Evidence:
     points = estimate.point_m.reshape(worlds, -1, 3)
     felt = (status == ProbeStatus.CONTACT).reshape(worlds, -1)
     mask = felt & np.isfinite(points).all(-1) & (np.nan_to_num(points[..., 2]) > TABLE_MARGIN_M)
-    joints = estimate.link_points_m
-    balls = np.concatenate([0.5 * (joints[..., :-1, :] + joints[..., 1:, :]), joints[..., 1:, :]],
-                           axis=-2)
+    balls = estimate.inside_m()
     closed = np.isin(status, FELT_TO_THE_END)
     free_mask = np.broadcast_to(closed[..., None], balls.shape[:-1]).reshape(worlds, -1)
     free_mask = free_mask & np.isfinite(balls).all(-1).reshape(worlds, -1)

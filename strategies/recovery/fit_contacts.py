@@ -17,13 +17,12 @@ from fit.superquadric.fit import fit_superquadric
 from fit.superquadric.geometry import SuperquadricLike
 from fit.superquadric.record import SuperquadricFit, SuperquadricOptions
 from strategies.contacts.finger_touch import TouchedLinks
-from strategies.contacts.placing_kernel import _placing_kernel
+from strategies.contacts.placing import placing_of
 from strategies.recovery.body_distances import bodies_on, radial_distances
 from strategies.recovery.evidence import SURE_LINK, Evidence
 from strategies.recovery.misfit import CLEARLY, DOUBTED_M, RIVAL, touch_misfit
-from warpgrasp.core.dtypes import mat33, real, transform, vec3, vec4
+from warpgrasp.core.dtypes import mat33, real, transform, vec3
 from warpgrasp.core.kernel_launch import launch
-from warpgrasp.mechanism.utah_mit_hand import hand_of
 from warpgrasp.parameters import FitTable
 
 FREE_BALLS = 24
@@ -177,16 +176,18 @@ def contacts_placed(
     found = {name: wp.empty(asked.shape, dtype=kind, device=device) for name, kind in (
         ("point", vec3), ("covariance", mat33), ("normal", vec3), ("chance", real),
         ("misfit", real))}
+    placing = placing_of(links, device)
     given = {name: wp.array(values, dtype=kind, device=device) for name, values, kind in (
         ("kept", asked, wp.bool), ("hand_pose", links.hand_pose, transform),
-        ("q", links.q_rad, vec4), ("finger", links.finger, int),
-        ("torque", links.torque_Nm, vec4), ("torque_sigma", links.torque_sigma_Nm, vec4),
-        ("link_weight", links.weight, vec3), ("lean", LEAN_SHARE * links.friction, real))}
-    launch(_placing_kernel, {"world": len(asked), "point": asked.shape[1]}, {
-        "shape": "world", "pose": "world", **dict.fromkeys((*given, *found), "world point")}, {
-        "shape": shape, "pose": pose, "hand": hand_of(links.hand), "place_sigma": PLACE_SIGMA_M,
+        ("finger", links.finger, int), ("lean", LEAN_SHARE * links.friction, real))}
+    each = (*given, *placing.rows, *found)
+    launch(placing.kernel, {"world": len(asked), "point": asked.shape[1]}, {
+        "shape": "world", "pose": "world", **placing.shapes,
+        **dict.fromkeys(each, "world point")}, {
+        "shape": shape, "pose": pose, "place_sigma": PLACE_SIGMA_M,
         "turn_sigma": TURN_SIGMA_RAD, "farthest": FARTHEST_M,
-        "normal_variance": NORMAL_SIGMA_M**2, **given, **found}, device=device)
+        "normal_variance": NORMAL_SIGMA_M**2, **placing.hand, **placing.rows, **given, **found},
+        device=device)
     point, covariance, normal, chance, misfit = (values.numpy() for values in found.values())
     moved = asked & (chance > 0.0) & np.isfinite(point).all(-1)
     sure = np.where(chance >= SURE_LINK, misfit, np.inf)

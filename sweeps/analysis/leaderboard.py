@@ -70,7 +70,7 @@ class _Faults:
         columns = {"note": nothing, "object": nothing, "contacts": nothing == "", **rows}
         for note, status, name, contacts in zip(
                 *(columns[c] for c in ("note", "status", "object", "contacts")), strict=True):
-            failed = status == "strategy_failed"
+            failed = status in ("strategy_failed", "not_possible")
             if note and (failed or contacts):
                 self.first.setdefault(entry.label, f"failed: {note}" if failed else str(note))
             count = self.silent.setdefault((entry.label, name), [0, 0, ""])

@@ -42,6 +42,8 @@ VECTORS = {
     "hand": ("hand_x_m", "hand_y_m", "hand_z_m", "hand_qx", "hand_qy", "hand_qz", "hand_qw"),
 }
 """Arrays of a row, and the columns that hold their numbers."""
+MORE_JOINTS = ("q4_rad", "q5_rad")
+"""Columns of hands with more joints to a finger."""
 COLUMNS = ("procedure", *INTEGERS, "status", "accepted", "verdict",
            *VECTORS["point"], *VECTORS["covariance"], *VECTORS["true_point"],
            *VECTORS["true_normal"], *VECTORS["joints"],
@@ -58,8 +60,9 @@ def contact_columns(found: Exploration, truth: Truth) -> dict[str, np.ndarray]:
         return {name: np.zeros(0, object if name in TEXTS else
                                int if name in ("world", *INTEGERS) else float)
                 for name in ("world", *COLUMNS)}
+    more = [name for name in MORE_JOINTS if name in parts[0]]
     columns = {name: np.concatenate([part[name] for part in parts])
-               for name in ("world", *COLUMNS)}
+               for name in ("world", *COLUMNS, *more)}
     order = np.argsort(columns["world"], kind="stable")
     columns = {name: values[order] for name, values in columns.items()}
     return columns | _judged(columns, found.recovered)
@@ -174,6 +177,11 @@ def _columns(parts: Parts) -> dict[str, np.ndarray]:
     unknown = np.full(len(flat["world"]), np.nan)
     numbers = {name: parts.get(name, unknown) for name in NUMBERS}
     for vector, names in VECTORS.items():
-        numbers |= dict(zip(names, parts[vector].T, strict=True))
+        values = parts[vector]
+        if vector == "joints":
+            names = (*names, *MORE_JOINTS)[:max(values.shape[1], len(names))]
+            missing = [(0, 0), (0, len(names) - values.shape[1])]
+            values = np.pad(values, missing, constant_values=np.nan)
+        numbers |= dict(zip(names, values.T, strict=True))
     return flat | {name: np.where(np.isfinite(values), values, np.nan).astype(float)
                    for name, values in numbers.items()}

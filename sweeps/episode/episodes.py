@@ -24,6 +24,7 @@ from strategies.planners.oracle import Oracle
 from strategies.planners.planner_file import PlannerError
 from strategies.planners.register import Planner
 from strategies.poses.waypoints import BoundingCylinder
+from strategies.procedures.possible import FAILED, STATUS, NotPossible, fault_status
 from strategies.recognition.answers import Recognition
 from strategies.reconstruct.free_form import Reconstruction, reconstruct
 from strategies.recovery.belief import Belief
@@ -55,8 +56,8 @@ from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Grasps, Robot, Truth, has_deformed_part
 
 REBUILD_FAILED = "reconstruct_failed"
-FAULTY = ("strategy_failed", REBUILD_FAILED)
-"""Statuses whose note is what a user's function did wrong."""
+FAULTY = (FAILED, STATUS, REBUILD_FAILED)
+"""Statuses whose note is what a user's function did wrong, or the hand cannot do."""
 STOPPED = f"stopped: it wanted more than {MOST_STEPS} steps"
 Part = tuple[Cell, np.ndarray]
 """A cell and the numbers of some of its episodes."""
@@ -264,7 +265,7 @@ def run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Epi
     if faults.any():
         wrong = faults != ""
         found = replace(found, fault=np.where(wrong, faults, found.fault),
-                        status=np.where(wrong, "strategy_failed", found.status))
+                        status=np.where(wrong, fault_status(faults), found.status))
     last = moments[-1]
     scores = scorer.score_again(found.recovered, last.recovered, last.scores)
     recognition = recognize_objects(found.belief, found.recovered, cell.recognition, device)
@@ -285,7 +286,7 @@ def _which(bodies: Sequence[Body]) -> np.ndarray:
 def _rebuilt_status(found: Exploration, rebuilt: Reconstruction) -> Exploration:
     """How each world ended: one whose free form was made is `ok`, one whose plug-in failed is
     `reconstruct_failed`; a strategy's own failure stays."""
-    kept = found.status == "strategy_failed"
+    kept = np.isin(found.status, (FAILED, STATUS))
     wrong = (rebuilt.fault != "") & ~kept
     status = np.where(rebuilt.made & ~kept, "ok", found.status)
     return replace(found, status=np.where(wrong, REBUILD_FAILED, status),
@@ -304,7 +305,7 @@ def _planner(parts: Sequence[Part], robot: Robot, prior: BoundingCylinder) -> tu
     try:
         return planner_of(cell.strategy, cell.planar, cell.contour, cell.decide, cell.stereo,
                           robot, prior, waypoints), ""
-    except PlannerError as error:
+    except (PlannerError, NotPossible) as error:
         return lambda belief: [], str(error)
 
 

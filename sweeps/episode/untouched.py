@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from strategies.exploration import Exploration
+from strategies.poses.hand_outline import outline_of
 from strategies.poses.waypoints import BoundingCylinder
 from warpgrasp.geometry.body import Body
 from warpgrasp.geometry.body_sampling import sample_body
@@ -78,8 +79,9 @@ def _place(pose: np.ndarray) -> str:
 def _why_missed(poses: np.ndarray, body: Body, body_pose: np.ndarray, prior: BoundingCylinder,
                 world: int, hand: HandTable) -> str:
     points = Rotation.from_quat(body_pose[3:]).apply(sample_body(body).surface_m) + body_pose[:3]
-    side = np.array([hand.palm_gap_m / 2, 1.5 * hand.finger_spacing_m + hand.link_radius_m, 0.0])
-    long = hand.abduction_offset_m + sum(hand.link_length_m) + hand.link_radius_m
+    outline = outline_of(hand)
+    side = np.array([outline.half_gap_m, outline.half_side_m, 0.0])
+    long = outline.reach_m + outline.skin_m
     turns = Rotation.from_quat(poses[:, 3:])
     gaps, ways = [], []
     for pose, turn in zip(poses, turns, strict=True):

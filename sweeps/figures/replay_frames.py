@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from fit.arrays import rows_of
 from fit.superquadric.geometry import Superquadric
 from strategies.contacts.finger_touch import touched_links
+from strategies.poses.hand_outline import outline_of
 from strategies.poses.postures import PINCH_OPEN_RAD, POKE_RAD
 from strategies.procedures.touches import TouchTable
 from strategies.recovery.choose_model import Recovered, Shape
@@ -22,6 +23,7 @@ from strategies.recovery.plausibility import FEWEST_CONTACTS
 from sweeps.episode.episodes import EpisodeBlock, run_block
 from sweeps.figures.meshes import recovered_grid, surface_grid
 from sweeps.spec.cell import Cell
+from warpgrasp.chain.chain_hand import chain_of_table, closing_way, finger_lines
 from warpgrasp.geometry.meshing import body_mesh
 from warpgrasp.mechanism.arm import arm_home, floating_joints, is_floating
 from warpgrasp.mechanism.arm_motion import arm_hand_links
@@ -52,10 +54,10 @@ class Frame:
     hand_turn: np.ndarray
     """Of the hand, quaternion xyzw."""
     fingers_m: np.ndarray
-    """Base, flexion joints and tip of each finger, (4, 5, 3)."""
+    """Base, joints and tip of each finger, (finger, place, 3)."""
     felt: np.ndarray
-    """Strength of each finger's contact in this frame, 0 to 1, (4,): 1 for a contact of a grasp,
-    for a pad its largest count over full scale."""
+    """Strength of each finger's contact in this frame, 0 to 1, (finger,): 1 for a contact of a
+    grasp, for a pad its largest count over full scale."""
     contacts: int
     """Number of the replay's contacts made so far."""
     estimate: int
@@ -93,7 +95,8 @@ def make_replay(cell: Cell, block: EpisodeBlock, world: int = 0) -> Replay:
     return Replay(
         f"{cell.strategy.name} on {cell.object_name}: {len(made.contacts)} contacts, chamfer "
         f"{score:.1f} mm", frames, np.array(made.contacts).reshape(-1, 3), tuple(made.estimates),
-        Rotation.from_quat(pose[3:]).apply(vertices) + pose[:3], faces, cell.hand.link_radius_m)
+        Rotation.from_quat(pose[3:]).apply(vertices) + pose[:3], faces,
+        outline_of(cell.hand).skin_m)
 
 
 class _Recording:
@@ -102,6 +105,9 @@ class _Recording:
     def __init__(self, cell: Cell, block: EpisodeBlock, world: int) -> None:
         self.cell, self.block, self.world = cell, block, world
         self.arm = arm_home(cell.arm)
+        self.chain = chain_of_table(cell.hand)
+        self.straight = np.zeros((4, 4)) if self.chain is None else closing_way(
+            self.chain, self.chain.model.closings[0], 2)[:, 0]
         self.contacts: list[np.ndarray] = []
         self.estimates: list[np.ndarray] = []
         self.estimate = -1
@@ -131,7 +137,7 @@ class _Recording:
         status = grasps.closing.status[self.world]
         points = grasps.estimate.point_m[self.world]
         felt = (status == ProbeStatus.CONTACT) & np.isfinite(points).all(-1)
-        opened = commands[0, :, 0]
+        opened, fingers = commands[0, :, 0], np.arange(commands.shape[1])
         probes = len(step)
         for probe in range(probes):
             label = "containment" + (f", pose {probe + 1} of {probes}" if probes > 1 else "")
@@ -150,9 +156,9 @@ class _Recording:
                 last = np.maximum(step[probe, grasp], 0)
                 for share in np.arange(1, CLOSE + 1) / CLOSE:
                     at = np.round(share * last).astype(int)
-                    yield self._frame(commands[grasp, np.arange(4), at], None, label)
+                    yield self._frame(commands[grasp, fingers, at], None, label)
                 self.contacts += list(points[probe, grasp][felt[probe, grasp]])
-                yield self._frame(commands[grasp, np.arange(4), last], felt[probe, grasp], label)
+                yield self._frame(commands[grasp, fingers, last], felt[probe, grasp], label)
             if growing and (grid := growing[probe]) is not None:
                 self.estimates.append(grid)
                 self.estimate = len(self.estimates) - 1
@@ -185,15 +191,24 @@ class _Recording:
             yield self._frame(fingers, None, label)
 
     def _still(self, label: str) -> Frame:
-        return self._frame(np.zeros((4, 4)), None, label)
+        return self._frame(self.straight, None, label)
+
+    def _links(self, place_m: np.ndarray, turn: np.ndarray, fingers: np.ndarray) -> np.ndarray:
+        """Joints and tips of fingers at angles (finger, joint), base frame, (finger, place, 3)."""
+        cell = self.cell
+        if self.chain is None:
+            points, _ = arm_hand_links(cell.arm, cell.hand,
+                                       np.concatenate([self.arm, fingers.ravel()])[None])
+            return points[0]
+        return place_m + Rotation.from_quat(turn).apply(
+            finger_lines(self.chain, fingers).reshape(-1, 3)).reshape(len(fingers), -1, 3)
 
     def _frame(self, fingers: np.ndarray, felt: np.ndarray | None, label: str) -> Frame:
         cell = self.cell
         joints, turn = arm_points(cell.arm, self.arm, cell.hand.mount_length_m)
-        points, _ = arm_hand_links(cell.arm, cell.hand,
-                                   np.concatenate([self.arm, fingers.ravel()])[None])
-        level = np.zeros(4) if felt is None else np.asarray(felt, float)
-        return Frame(joints, turn, points[0], level, len(self.contacts), self.estimate, label)
+        level = np.zeros(len(fingers)) if felt is None else np.asarray(felt, float)
+        return Frame(joints, turn, self._links(joints[-1], turn, fingers), level,
+                     len(self.contacts), self.estimate, label)
 
 
 def refits(cell: Cell, grasps: Grasps, world: int) -> list[np.ndarray | None]:
@@ -202,7 +217,7 @@ def refits(cell: Cell, grasps: Grasps, world: int) -> list[np.ndarray | None]:
     An episode of one step is fitted once, at its end; these fits are for the replay alone.
     """
     one = replace(rows_of(grasps, [world]), commands_rad=grasps.commands_rad)
-    evidence = evidence_from_grasps(one, cell.hand.link_radius_m)
+    evidence = evidence_from_grasps(one, outline_of(cell.hand).skin_m)
     links = (touched_links(one, cell.hand, cell.contact)
              if cell.sensors.contact_estimator == "intrinsic" else None)
     probes = one.closing.status.shape[1]
@@ -252,7 +267,10 @@ def arm_points(arm: ArmTable, q_rad: np.ndarray, mount_m: float) -> tuple[np.nda
 
 def segment_pose(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, Rotation]:
     """The middle of a segment, and a rotation that turns the z axis along it."""
-    along = (b - a) / max(float(np.linalg.norm(b - a)), 1e-9)
+    length = float(np.linalg.norm(b - a))
+    if length < 1e-9:
+        return a, Rotation.identity()
+    along = (b - a) / length
     return (a + b) / 2, Rotation.align_vectors([along], [[0.0, 0.0, 1.0]])[0]
 
 

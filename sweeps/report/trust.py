@@ -25,6 +25,7 @@ _NOTHING = {
     "fit_implausible": "contacts, free space, table or prior contradict what was fitted",
     "reconstruct_failed": "the function that recovers bodies failed",
     "strategy_failed": "the strategy failed before enough was felt",
+    "not_possible": "the strategy asks for what the hand cannot do",
 }
 
 

@@ -1,5 +1,5 @@
 """What a study was read from besides its spec: meshes, profiles, files of poses,
-planners, known models.
+planners, known models, hands.
 
 A study keeps a copy of each below `inputs/HASH/`, under its own name, so that its episodes can be
 run again when the originals have changed or the directory was moved. `HASH` is the one by which
@@ -19,8 +19,10 @@ from sweeps.output import write_atomic
 from sweeps.run.plan import files_hash, program_hash
 from sweeps.spec.cell import Cell
 from sweeps.spec.errors import StoreError
+from sweeps.spec.hands import hands_of
 from sweeps.spec.objects import files_digest
 from sweeps.spec.study import FILE_KEYS, Body, Study
+from warpgrasp.parameters import HandTable
 
 FOLDER = "inputs"
 POSES = "poses.csv"
@@ -46,10 +48,11 @@ def keep_inputs(folder: Path, study: Study) -> None:
     for file in filter(None, (*programs, plug_in_file(study.tables["fit"].reconstruct))):
         for name in (Path(file).name, *files_beside(Path(file))):
             _keep(Path(file).with_name(name), inputs / program_hash(file) / name)
-
-
     if models := study.tables["recognition"].models:
         _keep(Path(models), inputs / _hash(Path(models)) / MODELS)
+    for kind in hands_of(study):
+        if kind.endswith(".toml"):
+            _keep(Path(kind), inputs / _hash(Path(kind)) / Path(kind).name)
 
 
 def _keep(file: Path, copy: Path) -> None:
@@ -86,7 +89,18 @@ def kept_cell(cell: Cell, body: Body, folders: tuple[Path, ...]) -> Cell:
         key = recognition.models.removeprefix("sha256:")
         place = _find(folders, key, "known models", lambda place: _hash(place / MODELS) == key)
         recognition = replace(recognition, models=str(place / MODELS))
-    return replace(cell, body_table=table, strategy=strategy, fit=fits, recognition=recognition)
+    return replace(cell, body_table=table, strategy=strategy, fit=fits, recognition=recognition,
+                   hand=_kept_hand(cell.hand, folders),
+                   true=cell.true and replace(cell.true, hand=_kept_hand(cell.true.hand, folders)))
+
+
+def _kept_hand(hand: HandTable, folders: tuple[Path, ...]) -> HandTable:
+    """The table with its hand's file where a directory keeps it."""
+    if not hand.kind.startswith("sha256:"):
+        return hand
+    key, _, name = hand.kind.removeprefix("sha256:").partition("/")
+    place = _find(folders, key, name, lambda place: _hash(place / name) == key)
+    return replace(hand, kind=str(place / name))
 
 
 def _kept_call(call: str, folders: tuple[Path, ...]) -> str:

@@ -17,6 +17,7 @@ from strategies.planners.planner_file import files_beside
 from strategies.poses.waypoints import WAYPOINT_KINDS
 from strategies.reconstruct.plug_in_name import call_by_content, plug_in_file
 from strategies.strategy import Strategy
+from sweeps.spec.axes import HAND_KEY
 from sweeps.spec.cell import SECTIONS, TABLES, Cell
 from sweeps.spec.search import canonical_search, search_of
 from sweeps.spec.study import FILE_KEYS, Axis, Body, Study, StudyTable
@@ -161,6 +162,8 @@ def canonical_table(table: Any) -> dict[str, Any]:
     values = asdict(table)
     if models := values.get("models"):
         values["models"] = f"sha256:{_file_hash(models)}"
+    if "kind" in values:
+        values["kind"] = _hand_by_content(values["kind"])
     if file := plug_in_file(values.get("reconstruct", "")):
         values["reconstruct"] = call_by_content(values["reconstruct"], program_hash(file))
     return values
@@ -181,7 +184,14 @@ def canonical_study(study: Study) -> dict[str, Any]:
 
 
 def _canonical_axis(axis: Axis) -> dict[str, Any]:
-    return {"sampled": axis.sampled, "keys": axis.keys, "values": axis.values, "si": axis.si}
+    si = tuple(tuple(_hand_by_content(value) if key == HAND_KEY else value
+                     for key, value in zip(axis.keys, point, strict=True)) for point in axis.si)
+    return {"sampled": axis.sampled, "keys": axis.keys, "values": axis.values, "si": si}
+
+
+def _hand_by_content(kind: str) -> str:
+    """A hand's name, or the content of its file."""
+    return f"sha256:{_file_hash(kind)}/{Path(kind).name}" if kind.endswith(".toml") else kind
 
 
 _TABLES: dict[int, tuple[Any, dict[str, Any]]] = {}

@@ -3,9 +3,11 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "axes": ["HAND_KEY"],
     "cell": ["CONTACTS", "Cell", "SECTIONS", "TABLES", "batch_key"],
     "errors": ["Held", "OtherStudy", "Problem", "Problems", "SpecError", "StoreError",
         "choose", "short"],
+    "hands": ["hands_of"],
     "named_files": ["UNSWEPT", "read_reconstruct", "with_models"],
     "objects": ["files_digest", "object_of_argument", "read_objects"],
     "reader": ["read_spec"],

@@ -19,6 +19,9 @@ from sweeps.spec.units import spec_fields
 KINDS = ("grid", "zip", "sobol", "lhs")
 POINT_LIMIT = 10**5  # points of one sampled axis
 SETTABLE = ("seed", "episodes_per_cell", "keep", "name")
+HAND_KEY = "hand.kind"
+WORDS = {"hand": HAND_KEY, "arm": "arm.kind"}
+"""Sections that a sweep may name by a word alone, and the key that it is short for."""
 Reader = Callable[[Any, KeyPath, Problems], Any]
 
 
@@ -39,8 +42,9 @@ def read_axes(sweep: Any, extra_grid: Mapping[str, list[Any]],
         elif not isinstance(table, Mapping) or not table:
             problems.add(("sweep", kind), "is empty; give it keys such as "
                          '"sensors.tendon_threshold_N" = [3.0, 6.0]')
-    parts = {kind: dict(_flat(sweep.get(kind, {}), ("sweep", kind))) for kind in KINDS}
-    parts["grid"].update({key: (("sweep", "grid", key), list(values))
+    parts = {kind: {WORDS.get(key, key): found for key, found in _flat(
+        sweep.get(kind, {}), ("sweep", kind))} for kind in KINDS}
+    parts["grid"].update({WORDS.get(key, key): (("sweep", "grid", key), list(values))
                           for key, values in extra_grid.items()})
     readers = readers_of(strategies)
     _check_keys(parts, readers, problems)
@@ -71,7 +75,7 @@ def read_overrides(settings: Sequence[str]) -> tuple[dict[str, list[Any]], dict[
             parsed = [value.strip() for value in values.split(",")]
         if key in grid or key in head:
             wrong.append(Problem("--set", key, "is given twice"))
-        elif "." in key:
+        elif "." in key or key in WORDS:
             grid[key] = parsed
         elif key in SETTABLE and len(parsed) == 1:
             head[key] = parsed[0]

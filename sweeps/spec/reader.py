@@ -10,6 +10,7 @@ from sweeps.spec.axes import read_axes, read_overrides
 from sweeps.spec.cell import SECTIONS
 from sweeps.spec.checks import check_order, check_pads
 from sweeps.spec.errors import Problem, Problems, SpecError, choose
+from sweeps.spec.hands import check_hands, read_hand, spelled_out, with_hands
 from sweeps.spec.named_files import (
     KEY,
     check_swept_reconstruct,
@@ -47,6 +48,7 @@ def read_spec(file: FilePath, overrides: Sequence[str] = ()) -> Study:
 def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
             extra_grid: Mapping[str, list[Any]] | None = None) -> Study:
     """The study a spec's values describe; what is wrong is noted in `problems`."""
+    values = spelled_out(values)
     for key in REQUIRED:
         if key not in values:
             problems.add((), f"{key}: missing; {_EXAMPLES[key]}")
@@ -59,6 +61,8 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
         head = replace(head, name=FilePath(problems.file).stem)
     tables = {name: table(**read_table(table, values.get(name, {}), (name,), problems))
               for name, table in SECTIONS.items()}
+    tables["hand"] = replace(tables["hand"], kind=read_hand(tables["hand"].kind, base_dir,
+                                                            problems))
     tables["recognition"] = with_models(tables["recognition"], base_dir, problems)
     tables["fit"] = replace(tables["fit"], reconstruct=read_reconstruct(
         tables["fit"].reconstruct, base_dir, problems))
@@ -66,6 +70,7 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
     objects = read_objects(values.get("objects", []), base_dir, problems)
     axes = read_axes(values.get("sweep", {}), extra_grid or {}, strategies, tables, head.seed,
                      problems)
+    axes = tuple(with_hands(axis, base_dir, problems) for axis in axes)
     check_order(tables, values, axes, problems)
     for axis in axes:
         if KEY in axis.keys:
@@ -80,6 +85,7 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
                      f"makes {study.cell_count * head.episodes_per_cell:,} episodes in "
                      f"{study.cell_count:,} cells; the limit is {EPISODE_LIMIT:,}")
     if not problems.found:
+        check_hands(study, values.get("hand", {}), problems)
         check_pads(study, problems)
     return study
 

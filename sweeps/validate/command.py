@@ -14,7 +14,7 @@ from sweeps.text_table import print_table
 from sweeps.validate.comparison import HEADER, Comparison, MissingEngine
 
 CHECKS = {"puma": "puma", "distances": "signed_distances", "pads": "pads", "metrics": "scores",
-          "fits": "fits", "closing": "guarded_closing"}
+          "fits": "fits", "hands": "any_hand", "closing": "guarded_closing"}
 """Names and their files here, each with a function `compare_NAME`; the longest check is last."""
 
 
@@ -51,7 +51,7 @@ def validate(only: Sequence[str], out: Path | None, *, poses: int, workers: int,
 
 def _compare(name: str, poses: int, workers: int) -> Callable[[], list[Comparison]]:
     function = getattr(import_module(f"sweeps.validate.{CHECKS[name]}"), f"compare_{name}")
-    return partial(function, poses, workers) if name == "closing" else function
+    return partial(function, poses, workers) if name in ("closing", "hands") else function
 
 
 def csv_of(rows: Sequence[Comparison]) -> bytes:

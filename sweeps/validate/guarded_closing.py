@@ -18,7 +18,12 @@ from scipy.spatial.transform import Rotation
 from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
 from sweeps.output import init_warp
 from sweeps.validate.comparison import Comparison
-from sweeps.validate.mujoco_hand import MujocoHand, MujocoStop, tension_differences
+from sweeps.validate.mujoco_hand import (
+    MujocoFingers,
+    MujocoHand,
+    MujocoStop,
+    tension_differences,
+)
 from sweeps.validate.reference_finger import OVERLAP_M, FingerEnergy, link_overlap
 from warpgrasp.closing.closing import Closing, ClosingTruth, close_fingers
 from warpgrasp.export.convex_solids import Solid, object_solids
@@ -207,7 +212,7 @@ def random_hull(seed: int = 7) -> tuple[Body, list[Solid]]:
         return body, object_solids(body, mesh_triangles(file, units="m"))
 
 
-def random_poses(hand: MujocoHand, body: Body, open_rad: np.ndarray, count: int,
+def random_poses(hand: MujocoFingers, body: Body, open_rad: np.ndarray, count: int,
                  seed: int = 1) -> np.ndarray:
     """Hand poses (count, 7) about a body from which the open hand touches nothing."""
     rng = np.random.default_rng(seed)

@@ -12,8 +12,10 @@ elliptic: Coulomb's.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from sweeps.validate.comparison import engine
 from warpgrasp.export.convex_solids import Solid
@@ -49,33 +51,36 @@ class MujocoStop:
     """What the touch sensor of the distal pad's site reads."""
 
 
-class MujocoHand:
-    """The exported hand before an object that stands on the table at the origin."""
+class MujocoFingers:
+    """The fingers of an exported hand before an object that stands on the table at the origin.
 
-    def __init__(self, solids: Sequence[Solid], hand: HandTable, contact: ContactTable) -> None:
-        """`contact` says what acts on the fingers."""
-        text = mjcf_text(hand_tree(hand, PadTable()), solids, limits=contact.joint_stops)
-        self.model = mujoco.MjModel.from_xml_string(text)
-        self.data = mujoco.MjData(self.model)
-        self.hand = hand
-        m = self.model
+    A subclass says which of a model's bodies are which links, how its fingers are guarded, and
+    where their tips are.
+    """
+
+    ahead = 1
+    """Steps that are simulated before the first whose commands touch anything."""
+
+    def __init__(self, model: Any, contact: ContactTable, *, skin_N_m: float,
+                 stop_Nm_rad: float) -> None:
+        """`contact` says what acts on the fingers; masses are those of the model."""
+        self.model, self.data = model, mujoco.MjData(model)
+        m = model
         m.opt.iterations, m.opt.ccd_iterations = 100, 100
         m.opt.tolerance, m.opt.ccd_tolerance = 1e-12, 1e-9
         m.opt.impratio = 1e4
         m.opt.gravity[2] = -9.81 if contact.weight else 0.0
-        m.body_mass *= hand.link_density_kg_m3 / DENSITY_KG_M3
         m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_MULTICCD
         ours = m.geom_contype == 1
         if contact.self_contact:  # links meet links too; a body never meets its parent
             m.geom_conaffinity[ours] |= 1
             m.body_conaffinity[m.body_contype == 1] |= 1
         body = m.geom_bodyid[ours]
-        stiffness = hand.skin_stiffness_N_m * (1.0 - _IMPEDANCE) * np.maximum(
-            m.body_invweight0[body, 0], 1e-9)
+        stiffness = skin_N_m * (1.0 - _IMPEDANCE) * np.maximum(m.body_invweight0[body, 0], 1e-9)
         m.geom_solref[ours] = np.stack([-stiffness, -2.0 * np.sqrt(stiffness)], 1)
         m.geom_solimp[ours] = [_IMPEDANCE, _IMPEDANCE, 0.001, 0.5, 2.0]
         m.geom_priority[ours] = 1
-        stop = hand.joint_stop_Nm_rad * (1.0 - _IMPEDANCE) * m.dof_invweight0
+        stop = stop_Nm_rad * (1.0 - _IMPEDANCE) * m.dof_invweight0
         m.jnt_solref[:] = np.stack([-stop, -2.0 * np.sqrt(stop)], 1)
         m.jnt_solimp[:] = [_IMPEDANCE, _IMPEDANCE, 0.001, 0.5, 2.0]
         # Object and table rub, links among themselves do not: of a pair the rougher counts.
@@ -85,52 +90,65 @@ class MujocoHand:
             3 if contact.friction else 1), contact.friction
         m.geom_priority[stands], m.geom_solmix[stands] = 1, 0.0
         self._palm = m.body("palm").id
+        self._palm_place = np.eye(4)
         # finger and link of every body: -1 where it is none
         self._finger = np.full(m.nbody, -1)
         self._link = np.full(m.nbody, -1)
-        for f, finger in enumerate(FINGERS):
-            for k, phalanx in enumerate(PHALANGES):
-                number = m.body(f"{finger}_{phalanx}").id
-                self._finger[number], self._link[number] = f, k
-        self._distal = [m.body(f"{finger}_distal").id for finger in FINGERS]
+        self._joints: list[np.ndarray] = []
+        """Of each finger the numbers of its joints, which are those of their servos."""
+
+    def readings(self, torque_Nm: list[np.ndarray], delta_rad: np.ndarray) -> np.ndarray:
+        """The largest reading of each finger, in units of the thresholds, (finger,)."""
+        raise NotImplementedError
+
+    def tip(self, finger: int) -> np.ndarray:
+        """Place of a finger's tip now [m], (3,)."""
+        raise NotImplementedError
+
+    def touched(self, finger: int) -> float:
+        """What the touch sensor of a finger's distal pad reads [N]; NaN without one."""
+        return float("nan")
 
     def place(self, pose: np.ndarray) -> None:
         """Move the hand: position [m] and quaternion xyzw, (7,)."""
-        self.model.body_pos[self._palm] = pose[:3]
-        self.model.body_quat[self._palm] = np.roll(pose[3:], 1)
+        turn = Rotation.from_quat(pose[3:])
+        self.model.body_pos[self._palm] = pose[:3] + turn.apply(self._palm_place[:3, 3])
+        palm = turn * Rotation.from_matrix(self._palm_place[:3, :3])
+        self.model.body_quat[self._palm] = np.roll(palm.as_quat(), 1)
 
     def touches(self, q_rad: np.ndarray) -> bool:
-        """Whether a hand held at joints (4, 4) touches anything."""
-        self.data.qpos[:] = q_rad.ravel()
+        """Whether a hand held at joints (finger, joint) touches anything."""
+        for joints, q in zip(self._joints, q_rad, strict=True):
+            self.data.qpos[joints] = q[:len(joints)]
         self.data.qvel[:] = 0.0
         mujoco.mj_forward(self.model, self.data)
         return self.data.ncon > 0
 
-    def close(self, commands_rad: np.ndarray, thresholds_N: Sequence[float]
+    def close(self, commands_rad: np.ndarray, thresholds: Sequence[float]
               ) -> list[list[MujocoStop | None]]:
-        """Close along (finger 4, step, 4); where each finger stops at each threshold, in order.
+        """Close along (finger, step, joint); where each finger stops at each threshold, in order.
 
-        The stop is decided as the simulator does, without sensor noise: from tensions carried by
-        the actuators' torques and rubbed by Coulomb friction.
+        The stop is decided as the simulator does, without sensor noise, from the actuators'
+        torques.
         """
         steps = commands_rad.shape[1]
-        found: list[list[MujocoStop | None]] = [[None] * len(thresholds_N) for _ in FINGERS]
+        found: list[list[MujocoStop | None]] = [[None] * len(thresholds) for _ in self._joints]
         first = 0
         while first < steps and not self.touches(commands_rad[:, first]):
-            first += 1  # a finger that touches nothing rests at its command
-        first = max(first - 1, 0)
+            first += 1  # a finger that touches nothing rests at its command, or sags a little
+        first = max(first - self.ahead, 0)
         self.touches(commands_rad[:, first])
-        held = np.zeros(4, bool)
+        held = np.zeros(len(self._joints), bool)
         command = commands_rad[:, first].copy()
         for step in range(first, steps):
             delta = commands_rad[:, step] - commands_rad[:, max(step - 1, 0)]
             command[~held] = commands_rad[~held, step]
             settled = self._settle(command)
-            torque = self.data.actuator_force.reshape(4, 4)
-            reading = tension_differences(self.hand, torque, delta)
+            torque = [self.data.actuator_force[joints] for joints in self._joints]
+            reading = self.readings(torque, delta)
             for f in np.flatnonzero(~held):
-                for k, threshold in enumerate(thresholds_N):
-                    if found[f][k] is None and np.abs(reading[f]).max() > threshold:
+                for k, threshold in enumerate(thresholds):
+                    if found[f][k] is None and reading[f] > threshold:
                         found[f][k] = self._stop(int(f), step, settled)
                 held[f] = found[f][-1] is not None
             if held.all():
@@ -139,7 +157,8 @@ class MujocoHand:
 
     def _settle(self, command: np.ndarray) -> bool:
         m, d = self.model, self.data
-        d.ctrl[:] = command.ravel()
+        for joints, q in zip(self._joints, command, strict=True):
+            d.ctrl[joints] = q[:len(joints)]
         for _ in range(_MOST_STEPS // _STEPS_BETWEEN_LOOKS):
             mujoco.mj_step(m, d, _STEPS_BETWEEN_LOOKS)
             if np.abs(d.qvel).max() < _STILL_RAD_S:
@@ -166,12 +185,41 @@ class MujocoHand:
                 # The frame's first axis points from the first geom to the second.
                 normal = contact.frame[:3] * (1.0 if mine[0] == 1 else -1.0)
                 point = contact.pos - 0.5 * contact.dist * normal  # MuJoCo's is midway
-        tip = d.xpos[self._distal[f]] + d.xmat[self._distal[f]].reshape(3, 3)[:, 2] * (
-            self.hand.link_length_m[2])
-        return MujocoStop(step, d.qpos.reshape(4, 4)[f].copy(),
-                          d.actuator_force.reshape(4, 4)[f].copy(), tip.copy(), link,
-                          point.copy(), normal.copy(), int(contacts), settled,
-                          float(d.sensordata[f]))
+        return MujocoStop(step, d.qpos[self._joints[f]].copy(),
+                          d.actuator_force[self._joints[f]].copy(), self.tip(f), link,
+                          point.copy(), normal.copy(), int(contacts), settled, self.touched(f))
+
+
+class MujocoHand(MujocoFingers):
+    """The Utah-MIT hand, guarded by its tendons."""
+
+    def __init__(self, solids: Sequence[Solid], hand: HandTable, contact: ContactTable) -> None:
+        """`contact` says what acts on the fingers."""
+        text = mjcf_text(hand_tree(hand, PadTable()), solids, limits=contact.joint_stops)
+        model = mujoco.MjModel.from_xml_string(text)
+        model.body_mass *= hand.link_density_kg_m3 / DENSITY_KG_M3
+        super().__init__(model, contact, skin_N_m=hand.skin_stiffness_N_m,
+                         stop_Nm_rad=hand.joint_stop_Nm_rad)
+        self.hand = hand
+        self._joints = list(np.arange(16).reshape(4, 4))
+        for f, finger in enumerate(FINGERS):
+            for k, phalanx in enumerate(PHALANGES):
+                number = model.body(f"{finger}_{phalanx}").id
+                self._finger[number], self._link[number] = f, k
+        self._distal = [model.body(f"{finger}_distal").id for finger in FINGERS]
+
+    def readings(self, torque_Nm: list[np.ndarray], delta_rad: np.ndarray) -> np.ndarray:
+        """As of `MujocoFingers`: the tension differences, rubbed by Coulomb friction [N]."""
+        return np.abs(tension_differences(self.hand, np.array(torque_Nm), delta_rad)).max(1)
+
+    def tip(self, finger: int) -> np.ndarray:
+        """As of `MujocoFingers`: its centre."""
+        d, number = self.data, self._distal[finger]
+        return d.xpos[number] + d.xmat[number].reshape(3, 3)[:, 2] * self.hand.link_length_m[2]
+
+    def touched(self, finger: int) -> float:
+        """As of `MujocoFingers`."""
+        return float(self.data.sensordata[finger])
 
 
 def tension_differences(

@@ -47,6 +47,13 @@ class ContactEstimate:
     link_points_m: np.ndarray
     """Believed joints and tip centre of each finger, (..., 4, 3): the links' axes between them."""
 
+    def inside_m(self) -> np.ndarray:
+        """Places of the links' axes that are believed, (..., place, 3): a ball of a link's radius
+        about each lies in the finger."""
+        joints = self.link_points_m
+        return np.concatenate([0.5 * (joints[..., :-1, :] + joints[..., 1:, :]),
+                               joints[..., 1:, :]], axis=-2)
+
 
 def estimate_contacts(
     closing: Closing,

@@ -43,10 +43,10 @@ _around_vec = wp.types.vector(length=AROUND, dtype=real)
 _cap_vec = wp.types.vector(length=CAP, dtype=real)
 _TURNS = np.pi * ((np.arange(AROUND) + 0.5) / AROUND - 0.5)
 _UPS = 0.5 * np.pi * (np.arange(CAP) + 0.5) / CAP
-_AROUND_COS = wp.constant(_around_vec(*np.cos(_TURNS)))
-_AROUND_SIN = wp.constant(_around_vec(*np.sin(_TURNS)))
-_CAP_COS = wp.constant(_cap_vec(*np.cos(_UPS)))
-_CAP_SIN = wp.constant(_cap_vec(*np.sin(_UPS)))
+AROUND_COS = wp.constant(_around_vec(*np.cos(_TURNS)))
+AROUND_SIN = wp.constant(_around_vec(*np.sin(_TURNS)))
+CAP_COS = wp.constant(_cap_vec(*np.cos(_UPS)))
+CAP_SIN = wp.constant(_cap_vec(*np.sin(_UPS)))
 LEANS = 7
 """Directions of a force with friction: along the normal, and six about it."""
 _LEANS = wp.constant(LEANS)
@@ -54,8 +54,8 @@ _lean_vec = wp.types.vector(length=LEANS, dtype=real)
 # With the normal they have the second moments of a disc of the radius of the friction coefficient.
 _LEAN = np.sqrt(LEANS / (2 * (LEANS - 1)))
 _LEAN_ANGLES = 2 * np.pi * np.arange(LEANS - 1) / (LEANS - 1)
-_LEAN_ALONG = wp.constant(_lean_vec(0.0, *(_LEAN * np.cos(_LEAN_ANGLES))))
-_LEAN_ACROSS = wp.constant(_lean_vec(0.0, *(_LEAN * np.sin(_LEAN_ANGLES))))
+LEAN_ALONG = wp.constant(_lean_vec(0.0, *(_LEAN * np.cos(_LEAN_ANGLES))))
+LEAN_ACROSS = wp.constant(_lean_vec(0.0, *(_LEAN * np.sin(_LEAN_ANGLES))))
 _TINY = wp.constant(real(1e-300))
 _AT_STOP = wp.constant(real(3.0))  # deviations of a joint's reading
 _DEEPEST = wp.constant(real(40.0))  # places that explain so much less than the best are left out
@@ -77,30 +77,33 @@ class _Posterior:
 
 
 @wp.func
-def _gain(square: real, along: real):
+def force_gain(square: real, along: real, least: real):
     """The share of the weighted square of the torques that a force of the best size >= 0 explains.
 
-    `square` is that of the torques of a unit force, `along` their product with the measured ones.
+    `square` is that of the torques of a unit force, `least` where they count as none, and `along`
+    their product with the measured ones.
     """
     push = wp.max(along, ZERO)
-    return push * push / wp.max(square, _TINY)
+    return push * push / wp.max(square, least)
 
 
 @wp.func
-def _gain_at(square: vec3, along: vec2, share: real):
+def force_gain_at(square: vec3, along: vec2, share: real, least: real):
     """The gain of a force at a place along a link: torques are linear in the place."""
-    return _gain(square[0] + share * (square[1] + share * square[2]), along[0] + share * along[1])
+    return force_gain(square[0] + share * (square[1] + share * square[2]),
+                      along[0] + share * along[1], least)
 
 
 @wp.func
-def _most_gain(square: vec3, along: vec2):
+def most_force_gain(square: vec3, along: vec2, least: real):
     """The largest gain of any place along the link."""
-    most = wp.max(_gain_at(square, along, ZERO), _gain_at(square, along, ONE))
+    most = wp.max(force_gain_at(square, along, ZERO, least),
+                  force_gain_at(square, along, ONE, least))
     # Where the derivative of along^2 / square vanishes.
     top = along[0] * square[1] - real(2.0) * along[1] * square[0]
     bottom = along[1] * square[1] - real(2.0) * along[0] * square[2]
     if top * bottom > ZERO and wp.abs(top) < wp.abs(bottom):
-        most = wp.max(most, _gain_at(square, along, top / bottom))
+        most = wp.max(most, force_gain_at(square, along, top / bottom, least))
     return most
 
 
@@ -253,7 +256,7 @@ def _estimate_kernel(
     arm = wp.where(hand.friction > ZERO, r, ZERO)
     for turn in range(2):
         for k in range(_AROUND):
-            side = f.side * real(_AROUND_SIN[k])
+            side = f.side * real(AROUND_SIN[k])
             for link in range(3):
                 a = f.p1
                 u = f.u1
@@ -267,19 +270,19 @@ def _estimate_kernel(
                     u = f.u3
                     n = f.n3
                 length = hand.link_length[link]
-                out = n * real(_AROUND_COS[k]) + side
+                out = n * real(AROUND_COS[k]) + side
                 # Along the surface a force acts on the skin, a radius from the axis.
                 ways = _ways(f, link, a + out * arm, u * length, out, u, wp.cross(u, out), root,
                              leans)
                 for lean in range(leans):
-                    along_link = hand.friction * real(_LEAN_ALONG[lean])
-                    across = hand.friction * real(_LEAN_ACROSS[lean])
+                    along_link = hand.friction * real(LEAN_ALONG[lean])
+                    across = hand.friction * real(LEAN_ACROSS[lean])
                     low = ways.out + ways.along * along_link + ways.across * across
                     rise = ways.out_rise + ways.across_rise * across
                     square = vec3(wp.dot(low, low), real(2.0) * wp.dot(low, rise),
                                   wp.dot(rise, rise))
                     product = vec2(wp.dot(low, felt), wp.dot(rise, felt))
-                    line_most = _most_gain(square, product)
+                    line_most = most_force_gain(square, product, _TINY)
                     if turn == 0:
                         most = wp.max(most, line_most)
                     elif line_most >= most - _DEEPEST:
@@ -287,7 +290,7 @@ def _estimate_kernel(
                         best = real(-1.0)
                         for i in range(_ALONG):
                             share = (real(i) + HALF) * _STEP
-                            gain = _gain_at(square, product, share)
+                            gain = force_gain_at(square, product, share, _TINY)
                             best = wp.max(best, gain)
                             if gain >= most - _DEEPEST:
                                 weight = wp.exp((gain - most) * HALF)
@@ -297,17 +300,17 @@ def _estimate_kernel(
                         post = _gathered(post, a + out * r, u, out, sums, link, best)
                 if link == 2:
                     for c in range(_CAP):
-                        tip_out = out * real(_CAP_COS[c]) + u * real(_CAP_SIN[c])
-                        up = u * real(_CAP_COS[c]) - out * real(_CAP_SIN[c])
-                        cell = (PI * r / _AROUND_REAL * real(_CAP_COS[c])) * (
+                        tip_out = out * real(CAP_COS[c]) + u * real(CAP_SIN[c])
+                        up = u * real(CAP_COS[c]) - out * real(CAP_SIN[c])
+                        cell = (PI * r / _AROUND_REAL * real(CAP_COS[c])) * (
                             PI * HALF * r / _CAP_REAL)
                         ways = _ways(f, 2, f.p4 + tip_out * arm, vec3(ZERO, ZERO, ZERO), tip_out,
                                      up, wp.cross(u, out), root, leans)
                         for lean in range(leans):
                             push = (ways.out + ways.along * (hand.friction
-                                                             * real(_LEAN_ALONG[lean]))
-                                    + ways.across * (hand.friction * real(_LEAN_ACROSS[lean])))
-                            gain = _gain(wp.dot(push, push), wp.dot(push, felt))
+                                                             * real(LEAN_ALONG[lean]))
+                                    + ways.across * (hand.friction * real(LEAN_ACROSS[lean])))
+                            gain = force_gain(wp.dot(push, push), wp.dot(push, felt), _TINY)
                             if turn == 0:
                                 most = wp.max(most, gain)
                             elif gain >= most - _DEEPEST:

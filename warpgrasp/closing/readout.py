@@ -17,9 +17,10 @@ from warpgrasp.core.dtypes import ONE, ZERO, mat42, real, transform, vec3, vec4
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key, counter_normal
 from warpgrasp.finger.energy import free_equilibrium
-from warpgrasp.finger.equilibrium_refine import refine_equilibrium, refined_energy
+from warpgrasp.finger.equilibrium_refine import refine_equilibrium
 from warpgrasp.finger.friction import NO_FRICTION
 from warpgrasp.finger.path_record import PathStep, true_command
+from warpgrasp.finger.valley_energy import refined_energy
 from warpgrasp.geometry.scene import Scene, body_distance_grad, body_is_convex
 from warpgrasp.geometry.segment_distance import lower_end
 from warpgrasp.mechanism.tendon_kernel import (

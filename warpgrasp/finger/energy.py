@@ -201,3 +201,12 @@ def finger_energy(
 def largest_magnitude(v: vec4):
     """The largest absolute value of four numbers."""
     return greater(greater(wp.abs(v[0]), wp.abs(v[1])), greater(wp.abs(v[2]), wp.abs(v[3])))
+
+
+@wp.func
+def loosened(rest: Equilibrium, moved: real):
+    """`rest` with depths that stay bounds after any place moves by `moved` [m]."""
+    loose = rest
+    loose.depth += vec3(moved, moved, moved)
+    loose.table += vec3(moved, moved, moved)
+    return loose

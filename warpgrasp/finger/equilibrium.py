@@ -17,11 +17,15 @@ from typing import Any
 
 import warp as wp
 
-from warpgrasp.core.dtypes import HALF, ONE, ZERO, real, vec3, vec4
-from warpgrasp.finger.energy import Equilibrium, finger_energy, largest_magnitude
-from warpgrasp.finger.friction import with_friction
+from warpgrasp.core.dtypes import HALF, ONE, ZERO, real
+from warpgrasp.finger.chain_energy import (
+    finger_energy,
+    finger_length,
+    largest_magnitude,
+    loosened,
+    with_friction,
+)
 from warpgrasp.geometry.scene import Scene
-from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_length
 
 _ITERATIONS = wp.constant(30)
 _HALVINGS = wp.constant(12)
@@ -33,7 +37,7 @@ _JOINTS = wp.constant(real(4.0))  # each turns all of the finger beyond it
 
 
 @wp.func
-def joints_toward(rest: Equilibrium, torque: vec4, skin: real):
+def joints_toward(rest: Any, torque: Any, skin: real):
     """How far joints go to first order by a torque on them [N m], a link that is near included."""
     way = rest.compliance * torque
     bite = rest.near_depth - wp.dot(rest.near, way)
@@ -45,10 +49,12 @@ def joints_toward(rest: Equilibrium, torque: vec4, skin: real):
 
 @wp.func
 def finger_equilibrium(
-    scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, start: vec4,
-    last: Equilibrium, samples: int, friction: Any
+    scene: Scene, body: int, hand: Any, base: wp.transformd, command: Any, start: Any, last: Any,
+    samples: int, friction: Any
 ):
     """The equilibrium for a command, from `start`; `base` is in the body's frame.
+
+    `hand` is a Hand, and `last` its Equilibrium; or a Chain, and its ChainRest.
 
     The valleys of the distance are chosen at the start, with `samples` compared, and followed from
     there. `friction` is a Friction, or NO_FRICTION. After a last step without evaluation, energy,
@@ -56,7 +62,7 @@ def finger_equilibrium(
     """
     rest = last
     step = start - last.q
-    way = vec4(ZERO, ZERO, ZERO, ZERO)
+    way = start - start
     scale = real(1.0)
     level = real(0.0)  # of the iteration before
     halvings = int(0)
@@ -79,9 +85,7 @@ def finger_equilibrium(
             if level < _GRADIENT or (
                     last_step < _LAST and level * level < _GRADIENT * level_before):
                 rest.q += step
-                moved = last_step * _JOINTS * finger_length(hand)
-                rest.depth += vec3(moved, moved, moved)
-                rest.table += vec3(moved, moved, moved)
+                rest = loosened(rest, last_step * _JOINTS * finger_length(hand))
                 break
             change = step - way
             plain = int(1)

@@ -13,22 +13,14 @@ from typing import Any
 
 import warp as wp
 
-from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat44, real, vec4
-from warpgrasp.finger.energy import (
-    Equilibrium,
-    finger_energy,
-    free_equilibrium,
+from warpgrasp.core.dtypes import HALF, ZERO, real
+from warpgrasp.finger.chain_energy import (
     largest_magnitude,
-    put,
+    refined_energy,
+    secant_compliance,
 )
-from warpgrasp.finger.friction import with_friction
 from warpgrasp.geometry.scene import Scene, body_is_convex, body_is_estimated
-from warpgrasp.geometry.segment_distance import deepest_valley
-from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_pose, link_direction, link_start
 
-_PARTS = wp.constant(8)  # of an eighth of a link: half a millimetre
-_FAR = wp.constant(real(1.0))  # [m]
-_STIFF = wp.constant(real(1e4))  # a valley already found is not left: steps of micrometres
 _ITERATIONS = wp.constant(60)
 _SEARCH = wp.constant(40)
 _FEW = wp.constant(10)
@@ -41,45 +33,13 @@ _WOLFE = wp.constant(real(0.5))
 
 
 @wp.func
-def secant_compliance(compliance: mat44, step: vec4, rise: vec4):
-    """The BFGS update of an inverse Hessian by a step and the change of slope along it."""
-    share = ONE / wp.dot(step, rise)
-    keep = wp.identity(n=4, dtype=real) - wp.outer(step, rise) * share
-    return keep * compliance * wp.transpose(keep) + wp.outer(step, step) * share
-
-
-@wp.func
-def refined_energy(
-    scene: Scene, body: int, convex: bool, hand: Hand, base: wp.transformd, command: vec4, q: vec4,
-    last: Equilibrium, friction: Any
-):
-    """`finger_energy` and that of friction, with every valley of the distance searched.
-
-    See `deepest_valley`. `friction` is a Friction, or NO_FRICTION. In front of a convex body there
-    is one valley, the one of the `last` equilibrium.
-    """
-    known = free_equilibrium(last.q)
-    known.along = last.along
-    known.bend = last.bend
-    known.depth = last.depth
-    if not convex:
-        f = finger_pose(hand, base, q)
-        for link in range(3):
-            along = deepest_valley(scene, body, link_start(f, link), link_direction(f, link),
-                                   hand.link_length[link], _PARTS, hand.link_radius)
-            known.along = put(known.along, link, along)
-            known.bend = put(known.bend, link, _STIFF)
-            known.depth = put(known.depth, link, wp.where(along < ZERO, -_FAR, ZERO))
-    return with_friction(finger_energy(scene, body, hand, base, command, q, known, 0), hand.skin,
-                         friction)
-
-
-@wp.func
 def refine_equilibrium(
-    scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, begun: Equilibrium,
+    scene: Scene, body: int, hand: Any, base: wp.transformd, command: Any, begun: Any,
     friction: Any
 ):
     """The equilibrium at or below `begun`; `base` is in the body's frame. The energy never rises.
+
+    `hand` is a Hand, and `begun` its Equilibrium; or a Chain, and its ChainRest.
 
     For a body whose distance is an estimate the search is made once, with few iterations: its
     gradients are not those of its energy, so that the gradient would never vanish.
@@ -88,8 +48,8 @@ def refine_equilibrium(
     estimated = body_is_estimated(scene, body)
     attempts = wp.where(estimated, 1, _ATTEMPTS)
     tries = wp.where(estimated, _FEW, _SEARCH)
-    best = Equilibrium()
-    nudge = vec4(ZERO, ZERO, ZERO, ZERO)
+    best = begun
+    nudge = begun.q - begun.q
     for attempt in range(attempts):
         at = wp.where(attempt == 0, begun.q, best.q)
         rest = refined_energy(scene, body, convex, hand, base, command, at + nudge, begun,
@@ -129,6 +89,6 @@ def refine_equilibrium(
             best = rest
         if largest_magnitude(best.gradient) < _LEVEL or again:
             break
-        for j in range(4):
+        for j in range(len(nudge)):
             nudge[j] = _NUDGE * real(2 * (((5 * attempt + 3) >> j) & 1) - 1)
     return best

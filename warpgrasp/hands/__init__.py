@@ -10,5 +10,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
                    "HandModel", "Place", "Posture", "STILL", "Shape"],
     "hand_writer": ["hand_text"],
     "frames_batch": ["link_frames_batch"],
+    "touch_shapes": ["bulk_of", "palmar_directions", "touch_model"],
     "urdf_hand": ["hand_from_urdf"],
 })

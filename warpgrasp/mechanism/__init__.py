@@ -4,11 +4,12 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "arm": ["HOME_RAD", "arm_home", "arm_of", "floating_joints", "is_floating"],
-    "arm_motion": ["ArmMoves", "ArmState", "arm_hand_links", "move_hand"],
+    "arm_motion": ["ArmMoves", "ArmState", "Clearance", "ClearanceKernel", "arm_hand_links",
+        "move_hand"],
     "arm_reach": ["hand_reachable", "nearest_reachable", "pose_reachable", "travel_time"],
     "calibration": ["Calibration", "arm_variance", "draw_calibration", "no_errors",
         "place_variance", "true_arms", "true_hands", "true_tendons"],
-    "hand_clearance": ["finger_clearance", "palm_clearance"],
+    "hand_clearance": ["finger_clearance", "palm_clearance", "segment_clearance"],
     "puma560": ["ALPHA_RAD", "puma_forward_batch", "puma_inverse_batch"],
     "tendon": ["tendon_sensor_of"],
     "utah_mit_hand": ["FINGER_COUNT", "LINK_COUNT", "WEIGHT_ASKEW", "hand_links", "hand_of"],

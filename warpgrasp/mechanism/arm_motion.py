@@ -8,7 +8,9 @@ true one differs by repeatability and by errors of calibration, which are fixed 
 (`calibration`).
 """
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -23,6 +25,11 @@ from warpgrasp.mechanism.calibration import Calibration, no_errors, true_arms, t
 from warpgrasp.mechanism.utah_mit_hand import hand_links
 from warpgrasp.parameters import ArmTable, ContactTable, HandTable
 from warpgrasp.probe_status import ProbeStatus
+
+ClearanceKernel = tuple[Any, Mapping[str, str], Mapping[str, Any]]
+"""A kernel that tells which approaches are barred, shapes in words and arguments of the hand."""
+Clearance = Callable[[np.ndarray, str], ClearanceKernel]
+"""That kernel for commands (grasp, finger, step, joint) and a device."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +95,7 @@ def move_hand(
     errors: Calibration | None = None,
     probe_number: np.ndarray | None = None,
     march_scale: float = 1.0,
+    clearance: Clearance | None = None,
     device: str = "cpu",
 ) -> tuple[ArmMoves, np.ndarray]:
     """Move each world's hand to its poses in turn, and say which probes can be made.
@@ -97,8 +105,9 @@ def move_hand(
     gives each grasp's open hand (its first step), which must clear object and table on the last
     0.12 m of the approach. `errors` are those of the true robots; none unless given.
     `probe_number` (world, probe) numbers the probes for the noise, each world's from 0 unless
-    given. Returns the moves and the true hand poses (world, probe, 7), which only the simulator may
-    use. Raises ShapeError, and ValueError for a body that the scene has not.
+    given. `clearance` stands for a hand other than the Utah-MIT's. Returns the moves and the true
+    hand poses (world, probe, 7), which only the simulator may use. Raises ShapeError, and
+    ValueError for a body that the scene has not.
     """
     check_range("body", body, 0, scene.bodies - 1)
     worlds, probes = wanted_pose.shape[:2]
@@ -132,17 +141,17 @@ def move_hand(
         "start": wp.array(state.q_rad, dtype=vec6, device=device), "status": status,
         "believed": believed, "actual": actual, "time": time, "path": path, "end": end},
         device=device)
+    if clearance is None:
+        clearance = _utah_mit_clearance(hand, contact or ContactTable(), errors)
     ready = wp.empty((worlds, probes, grasps), dtype=int, device=device)
-    launch(_clearance_kernel, {"world": worlds, "probe": probes, "grasp": grasps}, {
-        "body": "world?", "body_pose": "world", "hands": "world? 4", "move_status": "world probe",
-        "actual": "world probe", "commands": "grasp 4 step 4", "status": "world probe grasp"}, {
+    kernel, shapes, given = clearance(commands_rad, device)
+    launch(kernel, {"world": worlds, "probe": probes, "grasp": grasps}, {
+        "body": "world?", "body_pose": "world", "move_status": "world probe",
+        "actual": "world probe", "status": "world probe grasp", **shapes}, {
         "scene": scene, "body": wp.array(body, dtype=int, device=device),
         "body_pose": wp.array(body_pose, dtype=transform, device=device),
-        "hands": true_hands(hand, contact or ContactTable(), errors, device),
-        "mount_length": hand.mount_length_m,
-        "march_scale": march_scale, "move_status": status, "actual": actual,
-        "commands": wp.array(commands_rad, dtype=real, device=device), "status": ready},
-        device=device)
+        "march_scale": march_scale, "move_status": status, "actual": actual, "status": ready,
+        **given}, device=device)
     ready_host = ready.numpy().copy()
     # A probe whose way in is barred is barred for all its grasps.
     barred = ready_host[:, :, :1] == int(ProbeStatus.COLLISION)
@@ -150,3 +159,13 @@ def move_hand(
     moves = ArmMoves(ready_host, believed.numpy().copy(), time.numpy().copy(),
                      path.numpy().copy(), ArmState(end.numpy().copy()))
     return moves, actual.numpy().copy()
+
+
+def _utah_mit_clearance(hand: HandTable, contact: ContactTable, errors: Calibration) -> Clearance:
+    def kernel_of(commands_rad: np.ndarray, device: str) -> ClearanceKernel:
+        return _clearance_kernel, {"hands": "world? 4", "commands": "grasp 4 step 4"}, {
+            "hands": true_hands(hand, contact, errors, device),
+            "mount_length": hand.mount_length_m,
+            "commands": wp.array(commands_rad, dtype=real, device=device)}
+
+    return kernel_of

@@ -86,6 +86,15 @@ def _move_kernel(
     end[w] = last
 
 
+@wp.func
+def approach_left(left: real, clear: real, march_scale: real):
+    """What is left of an approach [m] when the hand has gone as far as it is clear."""
+    ahead = wp.max(left - wp.max(clear * march_scale, _SHORTEST), ZERO)
+    if ahead < _GLANCE:
+        return ZERO
+    return ahead
+
+
 @wp.kernel(enable_backward=False)
 def _clearance_kernel(
     first: int,
@@ -125,6 +134,4 @@ def _clearance_kernel(
             return
         if left <= ZERO:
             return
-        left = wp.max(left - wp.max(clear * march_scale, _SHORTEST), ZERO)
-        if left < _GLANCE:
-            left = ZERO
+        left = approach_left(left, clear, march_scale)

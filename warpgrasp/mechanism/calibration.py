@@ -43,13 +43,14 @@ class Calibration:
     """
 
     joint_offset_rad: np.ndarray
-    """What joint sensors read less the joints' angles, (..., finger 4, joint 4)."""
+    """What joint sensors read less the joints' angles, (..., finger, joint): 4, 4 of the Utah-MIT
+    hand."""
     link_length_share: np.ndarray
-    """Of each link's length, (..., finger 4, link 3)."""
+    """Of each link's length, (..., finger, link)."""
     finger_base_m: np.ndarray
-    """Hand frame, (..., finger 4, 3)."""
+    """Hand frame, (..., finger, 3)."""
     moment_arm_share: np.ndarray
-    """(..., finger 4, joint 4)."""
+    """Of what turns a torque into what is read, (..., finger, joint)."""
     arm_offset_rad: np.ndarray
     """(..., 6)."""
     arm_length_m: np.ndarray
@@ -57,9 +58,9 @@ class Calibration:
     mount: np.ndarray
     """Pose [m] and quaternion xyzw in the nominal frame of the hand, (..., 7)."""
     pad_shift_m: np.ndarray
-    """Along and across its link, (..., finger 4, link 3, 2)."""
+    """Along and across its link, (..., finger, link, 2)."""
     pad_gain: np.ndarray
-    """Factor, (..., finger 4, link 3)."""
+    """Factor, (..., finger, link)."""
     askew_limit: float
     """What `Hand.askew` is at most for any errors of this size, weight apart."""
 
@@ -69,8 +70,12 @@ class Calibration:
         return len(self.mount)
 
 
-def draw_calibration(table: ErrorTable, key: np.ndarray) -> Calibration:
-    """The errors of each world, from its episode's key (world,) uint64.
+def draw_calibration(
+    table: ErrorTable, key: np.ndarray, *, fingers: int = FINGER_COUNT, joints: int = 4,
+    links: int = LINK_COUNT,
+) -> Calibration:
+    """The errors of each world, from its episode's key (world,) uint64; the defaults are the
+    Utah-MIT hand's.
 
     Normal, cut at three standard deviations; the mount's axes are not cut.
     """
@@ -82,12 +87,12 @@ def draw_calibration(table: ErrorTable, key: np.ndarray) -> Calibration:
 
     mount = normal_vector(counter_key(key, int(Purpose.MOUNT)), 6)
     turn = Rotation.from_rotvec(mount[:, 3:] * table.mount_rad).as_quat()
-    each = FINGER_COUNT, LINK_COUNT
+    each = fingers, links
     return Calibration(
-        joint_offset_rad=table.joint_offset_rad * draw(0, FINGER_COUNT, 4),
+        joint_offset_rad=table.joint_offset_rad * draw(0, fingers, joints),
         link_length_share=table.link_length_share * draw(1, *each),
-        finger_base_m=table.finger_base_m * draw(2, FINGER_COUNT, 3),
-        moment_arm_share=table.moment_arm_share * draw(3, FINGER_COUNT, 4),
+        finger_base_m=table.finger_base_m * draw(2, fingers, 3),
+        moment_arm_share=table.moment_arm_share * draw(3, fingers, joints),
         arm_offset_rad=table.arm_joint_offset_rad * draw(4, 6),
         arm_length_m=table.arm_link_m * draw(5, len(_ARM_LENGTHS)),
         mount=np.concatenate([mount[:, :3] * table.mount_m, turn], axis=1),
@@ -96,10 +101,12 @@ def draw_calibration(table: ErrorTable, key: np.ndarray) -> Calibration:
         askew_limit=_LARGEST * (3 * table.joint_offset_rad + table.link_length_share))
 
 
-@lru_cache(maxsize=1)
-def no_errors() -> Calibration:
+@lru_cache(maxsize=4)
+def no_errors(fingers: int = FINGER_COUNT, joints: int = 4, links: int = LINK_COUNT
+              ) -> Calibration:
     """The robot that is believed, shared by all worlds."""
-    return draw_calibration(ErrorTable.none(), np.zeros(1, np.uint64))
+    return draw_calibration(ErrorTable.none(), np.zeros(1, np.uint64), fingers=fingers,
+                            joints=joints, links=links)
 
 
 def arm_variance(errors: ErrorTable, arm: ArmTable) -> float:

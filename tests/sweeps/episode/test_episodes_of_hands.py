@@ -1,0 +1,59 @@
+"""Episodes with hands other than the Utah-MIT, on a floating wrist."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from strategies.ready_made import STRATEGIES
+from strategies.recovery.evidence import TABLE_MARGIN_M
+from sweeps.episode.contact_rows import contact_columns
+from sweeps.episode.episodes import episode_notes, run_block, run_episodes
+from sweeps.spec.cell import Cell
+from warpgrasp.parameters import ArmTable, ContactTable, HandTable
+
+SMOOTH = ContactTable(friction=0.0)
+
+
+def cell_of(hand: str, strategy: str = "ring6") -> Cell:
+    return Cell(STRATEGIES[strategy], {"name": "block"}, "block", arm=ArmTable(kind="none"),
+                hand=HandTable(kind=hand), contact=SMOOTH)
+
+
+@pytest.mark.parametrize("hand", ["allegro", "leap", "barrett"])
+def test_a_ring_of_grasps_recovers_the_block_better_than_its_prior(hand: str) -> None:
+    block = run_block(cell_of(hand), np.arange(6), "cpu")
+    assert block.evidence.mask.sum(1).mean() > 12
+    assert np.median(block.scores.chamfer_m) < 0.7 * np.median(block.prior_scores.chamfer_m)
+    rows = contact_columns(block.exploration, block.truth)
+    found = np.stack([rows[k] for k in ("x_m", "y_m", "z_m")], 1)
+    true = np.stack([rows[k] for k in ("true_x_m", "true_y_m", "true_z_m")], 1)
+    felt = np.isfinite(found).all(1) & np.isfinite(true).all(1) & (found[:, 2] > TABLE_MARGIN_M)
+    assert np.median(np.linalg.norm(found - true, axis=1)[felt]) < 0.008
+    assert (rows["link"] == rows["true_link"])[felt].mean() > 0.75
+
+
+def test_rows_of_a_world_do_not_depend_on_its_neighbours() -> None:
+    cell = cell_of("allegro")
+    both, one = run_episodes(cell, np.arange(2), "cpu"), run_episodes(cell, np.arange(1, 2), "cpu")
+    for name, values in one.items():
+        if values.dtype.kind in "fiu":
+            assert (values[0] == both[name][1]) | ~np.isfinite(values[0]), name
+
+
+@pytest.mark.parametrize("strategy", ["planar", "contour-only", "expected-error", "any-object"])
+def test_what_a_hand_cannot_do_is_a_row_and_a_sentence(strategy: str) -> None:
+    cell = cell_of("leap", strategy)
+    rows = run_episodes(cell, np.arange(2), "cpu")
+    assert (rows["status"] == "not_possible").all()
+    assert all(note.startswith("not_possible: ") and "leap" in note for note in rows["note"])
+    assert (rows["touches"] == 0).all()
+
+
+def test_a_hand_that_touches_nothing_says_where_it_closed() -> None:
+    cell = replace(cell_of("barrett"), strategy=replace(
+        STRATEGIES["ring6"], waypoints=tuple(replace(w, palm_clearance_m=0.25) for w in
+                                             STRATEGIES["ring6"].waypoints)))  # type: ignore
+    block = run_block(cell, np.arange(1), "cpu")
+    note, = episode_notes(block, cell, np.zeros(1, int))
+    assert "fingers closed at 6 poses and touched nothing" in note

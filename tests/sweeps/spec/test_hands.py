@@ -1,0 +1,94 @@
+"""A spec's hand: a word, a file, a sweep, and what is wrong with it."""
+
+from pathlib import Path
+
+import pytest
+
+from sweeps.run.plan import canonical_study, cell_hash, plan_study, study_of
+from sweeps.spec.errors import SpecError
+from sweeps.spec.reader import read_spec
+from sweeps.spec.study import Study
+from warpgrasp.hands.hand_file import hand_named
+from warpgrasp.hands.hand_writer import hand_text
+
+HEAD = 'schema = 1\nobjects = ["block"]\n'
+RING = '[[strategy]]\nname = "ring6"\n'
+ALONE = "[contact]\nfriction = 0.0\n"
+
+
+def read(tmp_path: Path, text: str, *overrides: str) -> Study:
+    file = tmp_path / "spec.toml"
+    file.write_text(text)
+    return read_spec(file, overrides)
+
+
+def told(tmp_path: Path, text: str) -> str:
+    with pytest.raises(SpecError) as error:
+        read(tmp_path, text)
+    return str(error.value)
+
+
+def test_a_word_names_the_hand_and_the_arm(tmp_path: Path) -> None:
+    study = read(tmp_path, HEAD + 'hand = "leap"\narm = "none"\n' + RING + ALONE)
+    assert study.cell(0, 0, 0).hand.kind == "leap"
+    assert study.cell(0, 0, 0).arm.kind == "none"
+    assert read(tmp_path, HEAD + RING).cell(0, 0, 0).hand.kind == "utah_mit"
+
+
+def test_hands_can_be_swept(tmp_path: Path) -> None:
+    text = HEAD + RING + ALONE + '[sweep.grid]\nhand = ["utah_mit", "allegro", "leap"]\n'
+    study = read(tmp_path, text)
+    kinds = [study.cell(0, 0, n).hand.kind for n in range(study.setting_count)]
+    assert kinds == ["utah_mit", "allegro", "leap"]
+    assert len({cell_hash(study.cell(0, 0, n), study.objects[0]) for n in range(3)}) == 3
+    again = read(tmp_path, HEAD + RING + ALONE, "hand=utah_mit,allegro")
+    assert again.setting_count == 2
+
+
+def test_a_hand_of_ones_own_is_known_by_its_content(tmp_path: Path) -> None:
+    own = tmp_path / "my_hand.toml"
+    own.write_text(hand_text(hand_named("barrett")))
+    text = HEAD + 'hand = "my_hand.toml"\n' + RING + ALONE
+    study = read(tmp_path, text)
+    assert study.cell(0, 0, 0).hand.kind == str(own)
+    resolved = canonical_study(study)
+    assert resolved["hand"]["kind"].startswith("sha256:")
+    name = cell_hash(study.cell(0, 0, 0), study.objects[0])
+    back = study_of(resolved)
+    assert cell_hash(back.cell(0, 0, 0), back.objects[0]) == name
+    moved = tmp_path / "elsewhere"
+    moved.mkdir()
+    (moved / "my_hand.toml").write_text(own.read_text())
+    other = read(moved, text)
+    assert cell_hash(other.cell(0, 0, 0), other.objects[0]) == name
+    own.write_text(own.read_text().replace("stiffness_Nm_rad = 2.0", "stiffness_Nm_rad = 3.0"))
+    changed = read(tmp_path, text)
+    plan_study(changed)  # files are read once a plan
+    assert cell_hash(changed.cell(0, 0, 0), changed.objects[0]) != name
+
+
+@pytest.mark.parametrize(("lines", "said"), [
+    ('hand = "legro"\n', "did you mean allegro? there are: utah_mit, allegro, leap, barrett"),
+    ('hand = "none.toml"\n', "'none.toml' is not a file"),
+    ('[hand]\nkind = "leap"\nlink_radius_mm = 9.0\n', "is a number of the Utah-MIT hand"),
+])
+def test_what_is_wrong_with_a_hand_is_said(tmp_path: Path, lines: str, said: str) -> None:
+    text = HEAD + lines + RING + ALONE if lines.startswith("hand") else HEAD + RING + ALONE + lines
+    assert said in told(tmp_path, text)
+
+
+def test_a_closing_path_that_a_hand_has_not_is_said(tmp_path: Path) -> None:
+    text = HEAD + 'hand = "leap"\n' + RING + 'closings = ["curl25_spread"]\n' + ALONE
+    assert "the hand leap has no closing path" in told(tmp_path, text)
+
+
+def test_a_robot_knows_which_hand_it_has(tmp_path: Path) -> None:
+    text = HEAD + RING + ALONE + '[robot]\nswept = "truth"\n'
+    text += '[sweep.grid]\nhand = ["leap", "barrett"]\n'
+    assert "a robot knows which hand it has" in told(tmp_path, text)
+
+
+def test_what_fingers_of_other_hands_do_not_do_yet_is_said(tmp_path: Path) -> None:
+    assert "the skin does not rub yet" in told(tmp_path, HEAD + 'hand = "leap"\n' + RING)
+    text = HEAD + RING + ALONE + '[sweep.grid]\nhand = ["utah_mit", "leap"]\n'
+    assert "does not rub yet" in told(tmp_path, text + '"contact.friction" = [0.0, 0.5]\n')

@@ -1,0 +1,102 @@
+"""Guarded closing of any hand: an independent energy minimum, the Utah-MIT hand as a chain."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from chain_closings import ALONE, ON_TABLE, QUIET, TABLE, close, poses_above
+from reference_chain import ReferenceChain
+
+from strategies.poses.chain_paths import chain_commands
+from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
+from warpgrasp.chain.chain_hand import chain_of, hand_of_kind
+from warpgrasp.closing.closing import close_fingers
+from warpgrasp.geometry.body import scene_of
+from warpgrasp.hands.hand_frames import matrix_of
+from warpgrasp.objects.catalogue import body_from_name
+from warpgrasp.parameters import SensorTable
+from warpgrasp.probe_status import ProbeStatus
+
+
+@pytest.mark.parametrize("kind", ["allegro", "leap", "barrett"])
+def test_torques_are_in_balance_where_a_finger_stops(kind: str) -> None:
+    hand = chain_of(hand_of_kind(kind))
+    commands = chain_commands(hand, "curl40")
+    poses = poses_above(12)
+    felt, truth = close(hand, "small_cylinder", poses, commands)
+    stopped = np.argwhere(truth.link[:, 0, 0] >= 0)
+    assert len(stopped) >= 10
+    for i, f in stopped[:10]:
+        drives = len(hand.drives[f])
+        q = truth.q_rad[i, 0, 0, f, :drives]
+        command = commands[f, felt.step[i, 0, 0, f], :drives]
+        energy = ReferenceChain(body_from_name("small_cylinder"), hand, TABLE,
+                                matrix_of(tuple(poses[i])), int(f), ALONE)
+        assert energy.slope(q, command) == pytest.approx(0.0, abs=1e-4)
+        torque = truth.torque_Nm[i, 0, 0, f, :drives]
+        assert torque == pytest.approx(energy.stiffness * (command - q), abs=1e-12)
+        bearing = energy.depths(q).max(1).argmax()
+        assert hand.capsule_joint[f][bearing] == truth.link[i, 0, 0, f]
+
+
+def test_a_link_flush_with_a_face_rests_where_its_energy_is_least() -> None:
+    """Where two places of a capsule are equally near, the slope of the energy jumps."""
+    hand = chain_of(hand_of_kind("allegro"))
+    commands = chain_commands(hand, "curl40")
+    poses = poses_above(12)
+    felt, truth = close(hand, "block", poses, commands)
+    for i, f in np.argwhere(truth.link[:, 0, 0] >= 0)[:3]:
+        q = truth.q_rad[i, 0, 0, f]
+        command = commands[f, felt.step[i, 0, 0, f]]
+        energy = ReferenceChain(body_from_name("block"), hand, TABLE, matrix_of(tuple(poses[i])),
+                                int(f), ALONE)
+        best = energy.rest(command, q)
+        assert energy.energy(q, command) <= energy.energy(best, command) + 2e-8
+        assert q == pytest.approx(best, abs=5e-4)
+
+
+def test_a_stop_is_the_first_step_whose_torques_pass_the_threshold() -> None:
+    """By the independent energy: torques less weight, a step before the stop and there."""
+    hand = chain_of(hand_of_kind("allegro"))
+    commands = chain_commands(hand, "curl40")
+    poses = poses_above(12)
+    felt, truth = close(hand, "small_cylinder", poses, commands)
+    stopped = np.argwhere(truth.link[:, 0, 0] >= 0)[:3]
+    assert len(stopped) == 3
+    for i, f in stopped:
+        energy = ReferenceChain(body_from_name("small_cylinder"), hand, TABLE,
+                                matrix_of(tuple(poses[i])), int(f), ALONE)
+        step, q = int(felt.step[i, 0, 0, f]), truth.q_rad[i, 0, 0, f]
+        assert np.abs(energy.felt(q)).max() > QUIET.torque_threshold_Nm
+        before = energy.rest(commands[f, step - 1], q)
+        assert np.abs(energy.felt(before)).max() < QUIET.torque_threshold_Nm
+
+
+def test_the_utah_mit_hand_closes_alike_as_a_chain() -> None:
+    hand = chain_of(hand_of_kind("utah_mit"))
+    path = CLOSING_PATHS["curl40"]
+    commands = closing_commands(path)
+    poses = poses_above(24)
+    # The same thresholds: tendons have a moment arm each, and here all joints are guarded.
+    table = replace(TABLE, moment_arm_m=(0.01,) * 4, tendon_friction=0.0)
+    tendons = SensorTable(tendon_threshold_N=5.0, tension_noise_N=0.0, tension_step_N=0.0,
+                          joint_noise_rad=0.0)
+    contact = replace(ALONE, weight=False)
+    n = len(poses)
+    theirs, true = close_fingers(
+        scene_of([body_from_name("small_cylinder")], "cpu"), np.zeros(1, int),
+        np.tile(ON_TABLE, (n, 1)), table, tendons, np.arange(n, dtype=np.uint64),
+        np.ones((n, 1, 1), int), poses[:, None], commands[None], np.array([commands.shape[1]]),
+        contact=contact)
+    ours, truth = close(hand, "small_cylinder", poses, commands,
+                        replace(QUIET, torque_threshold_Nm=0.05), contact)
+    both = (theirs.status == ProbeStatus.CONTACT) & (ours.status == ProbeStatus.CONTACT)
+    # A finger may stop by its abduction, which tendons do not guard.
+    alike = both & (np.abs(truth.torque_Nm[..., 0]) < 0.05)
+    assert alike.sum() > 30
+    assert (ours.step[alike] == theirs.step[alike]).all()
+    assert truth.q_rad[alike] == pytest.approx(true.q_rad[alike], abs=2e-6)
+    assert (truth.link[alike] == true.link[alike] + 1).all()
+    assert truth.point_m[alike] == pytest.approx(true.point_m[alike], abs=1e-6)
+    only = (theirs.status == ProbeStatus.CONTACT) & ~both
+    assert not only.any()

@@ -1,0 +1,69 @@
+"""Where the robot concludes that a finger of any hand touched, beside where it did."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from chain_closings import ALONE, QUIET, TABLE, close, poses_above
+
+from strategies.poses.chain_paths import chain_commands
+from warpgrasp.chain.chain_hand import chain_of, hand_of_kind, link_frames_of
+from warpgrasp.chain_closing.chain_estimate import ChainEstimate, estimate_chain_contacts
+from warpgrasp.closing.closing import ClosingTruth
+from warpgrasp.hands.hand_frames import matrix_of
+from warpgrasp.hands.hand_model import HandModel
+from warpgrasp.parameters import ArmTable, ErrorTable, SensorTable
+
+POSES = poses_above(60)
+EXACT = replace(ErrorTable.none())
+
+
+def estimated(model: HandModel, sensors: SensorTable
+              ) -> tuple[ChainEstimate, ClosingTruth, np.ndarray]:
+    """Estimates, truths, and which of them are contacts with the object."""
+    hand = chain_of(model)
+    commands = chain_commands(hand, "curl40")
+    felt, truth = close(hand, "small_cylinder", POSES, commands, sensors)
+    found = estimate_chain_contacts(felt, POSES[:, None], commands[None], ArmTable(), hand, TABLE,
+                                    sensors, errors=EXACT, contact=ALONE)
+    return found, truth, (felt.status == 1) & (truth.link >= 0) & ~truth.on_table
+
+
+@pytest.mark.parametrize("kind", ["allegro", "leap"])
+def test_torques_tell_the_link_and_the_place(kind: str) -> None:
+    found, truth, felt = estimated(hand_of_kind(kind), QUIET)
+    assert felt.sum() >= 50
+    off = np.linalg.norm(found.point_m - truth.point_m, axis=-1)[felt]
+    assert np.quantile(off, 0.5) < 0.005
+    assert (found.link == truth.link)[felt].mean() >= 0.85
+    assert found.link_weight[felt].sum(-1) == pytest.approx(1.0)
+    # As far off as the covariance says: three quarters within two deviations.
+    sigma = np.sqrt(np.trace(found.covariance_m2, axis1=-2, axis2=-1))[felt]
+    assert (off < 2.0 * sigma).mean() > 0.75
+
+
+def test_a_switch_tells_its_link_and_no_more() -> None:
+    model = replace(hand_of_kind("allegro"), senses="tip_switches")
+    found, truth, felt = estimated(model, replace(QUIET, switch_force_N=0.2))
+    hand = chain_of(model)
+    assert felt.sum() >= 20
+    assert (found.link[felt] == 3).all()
+    assert (truth.link[felt] == 3).mean() > 0.9
+    for i in map(tuple, np.argwhere(felt)[:8]):
+        pose = matrix_of(tuple(POSES[i[0]]))
+        frame = pose @ link_frames_of(hand, i[3], truth.q_rad[i])[3]
+        ends = np.array([hand.capsules[i[3]][-1].start, hand.capsules[i[3]][-1].end])
+        middle = frame[:3, :3] @ ends.mean(0) + frame[:3, 3]
+        assert np.linalg.norm(found.point_m[i] - middle) < 0.03
+
+
+def test_places_inside_the_finger_lie_in_its_capsules() -> None:
+    found, truth, felt = estimated(hand_of_kind("leap"), QUIET)
+    hand = chain_of(hand_of_kind("leap"))
+    i = tuple(np.argwhere(felt)[0])
+    pose = matrix_of(tuple(POSES[i[0]]))
+    frames = pose @ link_frames_of(hand, i[3], truth.q_rad[i])
+    for c, (capsule, joint) in enumerate(zip(hand.capsules[i[3]], hand.capsule_joint[i[3]],
+                                             strict=True)):
+        end = frames[joint] @ [*capsule.end, 1.0]
+        assert found.inside_m()[i][2 * c + 1] == pytest.approx(end[:3], abs=1e-9)

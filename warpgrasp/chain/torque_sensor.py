@@ -1,0 +1,84 @@
+"""Sensors of fingers without tendons on the host: the tables that kernels take.
+
+A joint's torque is read at its motor, as a current or by a sensor of its own, with noise, in steps
+of a converter, and with the friction of what lies between. The weight that the robot believes its
+links to have is taken off. The largest reading of a finger guards its closing. A switch at the tip
+closes by the force on the last link; all other links may press unnoticed.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+import warp as wp
+
+from warpgrasp.chain.chain_hand import ChainHand, chain_rows
+from warpgrasp.chain.torque_sensor_kernel import SWITCHES, TORQUES, TorqueSensor
+from warpgrasp.core.struct_array import record_type
+from warpgrasp.mechanism.calibration import Calibration
+from warpgrasp.parameters import ContactTable, HandTable, SensorTable
+
+KINDS = {"tendons": TORQUES, "joint_torques": TORQUES, "tip_switches": SWITCHES, "nothing": 0}
+"""By what a hand senses (`hand_model.SENSES`); tendons of a chain are read as the torques that they
+carry."""
+_NEVER = 6.0
+"""Deviations of a reading; chances below 1e-9 are taken for none."""
+
+
+Range = tuple[tuple[tuple[float, float], ...], ...]
+"""The least and the largest command of each finger's drives [rad]."""
+
+
+def command_range(commands_rad: np.ndarray) -> Range:
+    """Of commands (grasp, finger, step, width)."""
+    low, high = commands_rad.min((0, 2)), commands_rad.max((0, 2))
+    return tuple(tuple((float(a), float(b)) for a, b in zip(*own, strict=True))
+                 for own in zip(low, high, strict=True))
+
+
+@lru_cache(maxsize=8)
+def true_sensors(
+    hand: ChainHand, table: HandTable, sensors: SensorTable, contact: ContactTable,
+    errors: Calibration, device: str, commanded: Range = ()
+) -> wp.array:
+    """The true sensors as kernels take them, (world or 1, finger); without errors those believed.
+
+    `commanded` says where fingers are led, which tells whether they may stop touching nothing.
+    """
+    rows = np.zeros((errors.worlds, hand.fingers), record_type(TorqueSensor))
+    rows["kind"] = KINDS[hand.model.senses]
+    rows["gain"] = 1.0
+    width = min(rows["gain"].shape[-1], errors.moment_arm_share.shape[-1])
+    rows["gain"][..., :width] += errors.moment_arm_share[..., :width]
+    rows["friction"] = sensors.torque_friction_Nm
+    rows["threshold"], rows["noise"] = sensors.torque_threshold_Nm, sensors.torque_noise_Nm
+    rows["step"], rows["readings"] = sensors.torque_step_Nm, sensors.tension_readings
+    rows["switch_force"], rows["joint_noise"] = sensors.switch_force_N, sensors.joint_noise_rad
+    unknown = _unknown_torque(hand, table, contact, errors, commanded)
+    margin = sensors.torque_threshold_Nm - sensors.torque_step_Nm - sensors.torque_friction_Nm
+    rows["heard"] = (rows["kind"] == TORQUES) & (
+        margin - unknown <= _NEVER * sensors.torque_noise_Nm)
+    return wp.array(rows, dtype=TorqueSensor, device=device)
+
+
+def _unknown_torque(
+    hand: ChainHand, table: HandTable, contact: ContactTable, errors: Calibration,
+    commanded: Range
+) -> np.ndarray:
+    """The most that a free finger may read beside noise and friction [N m], (world or 1, finger):
+    what of its weight the robot does not take off, all of it where a joint may lie on a stop,
+    and what commands beyond a stop make."""
+    chains, joints, _ = chain_rows(hand, table, contact, errors)
+    weight = np.where(chains["weighs"] == 1, joints["weight"].sum(-1), 0.0)
+    off = np.abs(errors.joint_offset_rad).sum(-1)
+    share = off + np.abs(errors.link_length_share).max(-1)
+    unknown = weight * (chains["reach"] * share + np.linalg.norm(errors.finger_base_m, axis=-1))
+    moment = weight * chains["reach"]
+    for f, own in enumerate(commanded):
+        for d, (low, high) in enumerate(own[:len(hand.drives[f])]):
+            joint = hand.model.fingers[f].joints[hand.drives[f][d]]
+            sag = moment[:, f] / joint.stiffness_Nm_rad
+            past = max(high - joint.high_rad, joint.low_rad - low, 0.0)
+            beside = (high > joint.high_rad - sag) | (low < joint.low_rad + sag)
+            held = np.where(beside, moment[:, f], 0.0) + joint.stiffness_Nm_rad * past
+            unknown[:, f] = np.maximum(unknown[:, f], held * (chains["stop"][:, f] > 0.0))
+    return np.asarray(unknown)

@@ -1,0 +1,11 @@
+"""Guarded closing of hands whose fingers are chains, and where the robot believes they touched."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "chain_closing": ["ChainClosing", "close_chains", "no_chain_errors", "unsupported_contact"],
+    "chain_estimate": ["ChainEstimate", "estimate_chain_contacts"],
+    "chain_path": ["come_bounds", "padded"],
+    "chain_move": ["chain_clearance"],
+    "chain_self_contact": ["chain_self_contacts"],
+})

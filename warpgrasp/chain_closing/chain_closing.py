@@ -1,0 +1,152 @@
+"""Guarded closing of any hand whose fingers are chains, each guarded by what it feels.
+
+All fingers of all grasps of all probes of all worlds close in one launch, and what is felt where
+they stop is read in a second one.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import warp as wp
+
+from warpgrasp.chain.chain_hand import ChainHand, true_chains
+from warpgrasp.chain.chain_kernel import CAPSULES, JOINTS, vec6
+from warpgrasp.chain.torque_sensor import command_range, true_sensors
+from warpgrasp.chain_closing.chain_closing_kernel import chain_closing_kernel
+from warpgrasp.chain_closing.chain_meeting import resolve_meetings
+from warpgrasp.chain_closing.chain_path import come_bounds, padded
+from warpgrasp.chain_closing.chain_readout import chain_reading_kernel
+from warpgrasp.chain_closing.chain_record import ChainClosingRow, ChainTruthRow
+from warpgrasp.closing.closing import Closing, ClosingTruth
+from warpgrasp.core.dtypes import real, transform
+from warpgrasp.core.kernel_launch import check_range, launch_in_turn
+from warpgrasp.core.random import Purpose, counter_key
+from warpgrasp.core.struct_array import Records
+from warpgrasp.geometry.scene import Scene
+from warpgrasp.mechanism.calibration import Calibration, no_errors
+from warpgrasp.parameters import ContactTable, HandTable, SensorTable
+
+
+@dataclass(frozen=True)
+class ChainClosing(Closing):
+    """What the robot knows of a closing of a hand of chains; its tensions are NaN."""
+
+    torque_Nm: np.ndarray
+    """Mean torques read at rest [N m], the believed weight taken off, (..., drive)."""
+    stop_reading: np.ndarray
+    """The reading that stopped the finger, [N m], of a switch [N]; NaN without a stop."""
+
+
+_EACH = "world probe grasp finger"
+_SHAPES = {
+    "body": "world?", "body_pose": "world", "hands": "world? finger", "believed": "1 finger",
+    "sensors": "world? finger", "key": "world", "probe_number": "world probe",
+    "probe_status": "world probe grasp", "hand_pose": "world probe", "path": "grasp finger step",
+    "come": f"grasp finger {CAPSULES} step", "command_count": "grasp", "felt": _EACH,
+    "truth": _EACH}
+
+
+def unsupported_contact(contact: ContactTable) -> list[tuple[str, str]]:
+    """Keys of `[contact]` that no closing of chains takes yet, and what they should be."""
+    wrong = []
+    if contact.friction:
+        wrong.append(("friction", f"is {contact.friction:g}; should be 0: of hands other than the "
+                      "Utah-MIT the skin does not rub yet"))
+    return wrong
+
+
+def no_chain_errors(hand: ChainHand) -> Calibration:
+    """The hand that is believed."""
+    return no_errors(hand.fingers, JOINTS, JOINTS)
+
+
+def close_chains(
+    scene: Scene,
+    body: np.ndarray,
+    body_pose: np.ndarray,
+    hand: ChainHand,
+    table: HandTable,
+    sensors: SensorTable,
+    key: np.ndarray,
+    probe_status: np.ndarray,
+    hand_pose: np.ndarray,
+    commands_rad: np.ndarray,
+    command_count: np.ndarray,
+    *,
+    contact: ContactTable | None = None,
+    errors: Calibration | None = None,
+    probe_number: np.ndarray | None = None,
+    march_scale: float = 1.0,
+    device: str = "cpu",
+) -> tuple[ChainClosing, ClosingTruth]:
+    """Close every finger of every grasp at every probe, guarded by what the hand feels.
+
+    As `closing.close_fingers`, with `hand` in place of the Utah-MIT's, and of `table` the numbers
+    that any hand has: skin, stops, density. `commands_rad` has shape (grasp, finger, step, width),
+    angles of drives. Links are numbered by their joints. Raises ShapeError, and ValueError for a
+    body or a count of steps that there is not, for a hand that sags by its own weight, and for
+    `unsupported_contact`.
+    """
+    for word, what in unsupported_contact(contact or ContactTable()):
+        raise ValueError(f"contact.{word} {what}")
+    check_range("body", body, 0, scene.bodies - 1)
+    check_range("command_count", command_count, 1, np.shape(commands_rad)[2])
+    worlds, probes = hand_pose.shape[:2]
+    if probe_number is None:
+        probe_number = np.tile(np.arange(probes), (worlds, 1))
+    extents = {"world": worlds, "probe": probes, "grasp": len(command_count),
+               "finger": hand.fingers}
+    dims = tuple(extents.values())
+    felt, truth = (Records(row, dims, device, clear=False)
+                   for row in (ChainClosingRow, ChainTruthRow))
+    contact = contact or ContactTable()
+    none = no_chain_errors(hand)
+    errors = errors or none
+
+    def there(values: np.ndarray, dtype: type) -> wp.array:
+        return wp.array(values, dtype=dtype, device=device, copy=False)
+
+    commands = np.ascontiguousarray(commands_rad, np.float64)
+    path, come = _on_device(hand, table, contact, errors, commands.shape, commands.tobytes(),
+                            device)
+    given = {
+        "scene": scene, "body": there(body, int), "body_pose": there(body_pose, transform),
+        "hands": true_chains(hand, table, contact, errors, device),
+        "believed": true_chains(hand, table, contact, none, device),
+        "sensors": true_sensors(hand, table, sensors, contact, errors, device,
+                                command_range(commands)),
+        "key": there(counter_key(key, int(Purpose.CLOSING)), wp.uint64),
+        "probe_number": there(probe_number, int), "hand_pose": there(hand_pose, transform),
+        "path": path, "felt": felt.array, "truth": truth.array}
+    counts = {"command_count": there(command_count, int)}
+    closing = (chain_closing_kernel, _SHAPES, given | counts | {
+        "march_scale": march_scale, "probe_status": there(probe_status, int), "come": come})
+    reading = (chain_reading_kernel, _SHAPES, given)
+    if contact.self_contact:
+        launch_in_turn(extents, [closing], device=device)
+        resolve_meetings(hand, sensors, felt.numpy()["status"][..., 0], come.numpy(),
+                         given | counts, device)
+        launch_in_turn(extents, [reading], device=device)
+    else:
+        launch_in_turn(extents, [closing, reading], device=device)
+    row, true, width = felt.numpy(), truth.numpy(), hand.width
+    return (ChainClosing(
+                row["status"], row["step"], row["q"][..., :width],
+                np.full((*dims, width, 2), np.nan), np.full(dims, np.nan),
+                row["torque"][..., :width], row["reading"]),
+            ClosingTruth(true["q"][..., :width], true["rest"][..., :width],
+                         true["torque"][..., :width], true["link"], true["point"], true["normal"],
+                         true["on_table"].astype(bool), true["self_depth"] > 0.0))
+
+
+@lru_cache(maxsize=32)
+def _on_device(
+    hand: ChainHand, table: HandTable, contact: ContactTable, errors: Calibration,
+    shape: tuple[int, ...], commands: bytes, device: str
+) -> tuple[wp.array, wp.array]:
+    """Commands and bounds of a path, kept for the next launch along the same commands."""
+    commands_rad = np.frombuffer(commands).reshape(shape)
+    return (wp.array(padded(commands_rad), dtype=vec6, device=device),
+            wp.array(come_bounds(hand, table, contact, errors, commands_rad), dtype=real,
+                     device=device))

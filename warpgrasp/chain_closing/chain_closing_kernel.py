@@ -1,0 +1,190 @@
+# type: ignore  # Warp functions, which type checkers cannot follow
+"""The kernel of a closing of a hand of chains: at which step each finger stops.
+
+A finger follows its commands. While it is certainly free it is not looked at (`free_chain`), unless
+friction and noise alone may stop it: then the reading of every free step is drawn. From the first
+touch on it is brought to rest at every step (`finger.equilibrium`), and stops at the first step
+whose reading passes the threshold. What the robot believes its links to weigh is taken off the
+readings, at the angles that its sensors tell.
+"""
+
+import warp as wp
+
+from warpgrasp.chain.chain_kernel import (
+    Chain,
+    chain_capsule,
+    chain_free_joints,
+    chain_pose,
+    chain_weight,
+    vec6,
+)
+from warpgrasp.chain.torque_sensor_kernel import TorqueSensor, guard_reading
+from warpgrasp.chain_closing.chain_record import (
+    ChainClosingRow,
+    ChainTruthRow,
+    clear_chain_rows,
+    finger_stream,
+    hand_from_body,
+)
+from warpgrasp.chain_closing.free_chain import FreeChain, advance_chain
+from warpgrasp.core.dtypes import ONE, ZERO, real, struct, transform
+from warpgrasp.core.random import Purpose
+from warpgrasp.core.random_kernel import counter_key
+from warpgrasp.finger.chain_energy import ChainRest, free_chain
+from warpgrasp.finger.equilibrium import finger_equilibrium
+from warpgrasp.finger.friction import NO_FRICTION
+from warpgrasp.geometry.scene import Scene
+from warpgrasp.geometry.segment_distance import LINK_SAMPLES
+from warpgrasp.probe_status import ProbeStatus
+
+wp.set_module_options({"max_unroll": 1})
+_CONTACT = wp.constant(int(ProbeStatus.CONTACT))
+_NO_CONTACT = wp.constant(int(ProbeStatus.NO_CONTACT))
+_TENSION_STEP = wp.constant(int(Purpose.TENSION_STEP))
+
+
+@struct
+class _State:
+    """Fields change in place; a struct assigned in a branch would be copied."""
+
+    rest: ChainRest
+    free: FreeChain
+
+
+@wp.func
+def tip_force(hand: Chain, rest: ChainRest):
+    """The force on the skin of the last link [N]."""
+    force = real(0.0)
+    for c in range(hand.capsule_count):
+        if chain_capsule(hand, c).joint == hand.joint_count - 1:
+            force += hand.skin * (wp.max(rest.depth[c], ZERO) + wp.max(rest.table[c], ZERO))
+    return force
+
+
+@wp.func
+def touches(hand: Chain, rest: ChainRest):
+    """Whether any capsule presses."""
+    deepest = real(-1.0)
+    for c in range(hand.capsule_count):
+        deepest = wp.max(deepest, wp.max(rest.depth[c], rest.table[c]))
+    return deepest > ZERO
+
+
+@wp.func
+def felt_torque(hand: Chain, believed: Chain, base: transform, command: vec6, q: vec6):
+    """What the servos bear at drives `q` beside the weight that the robot believes [N m]."""
+    return wp.cw_mul(command - q, hand.stiffness) + chain_weight(
+        believed, chain_pose(believed, base, q + hand.offset))
+
+
+@wp.kernel(enable_backward=False)
+def chain_closing_kernel(
+    first: int,
+    # Scene:
+    scene: Scene,
+    body: wp.array[int],
+    body_pose: wp.array[transform],
+    # Robot:
+    hands: wp.array2d[Chain],
+    believed: wp.array2d[Chain],
+    sensors: wp.array2d[TorqueSensor],
+    march_scale: real,
+    # Probe in:
+    key: wp.array[wp.uint64],
+    probe_number: wp.array2d[int],
+    probe_status: wp.array3d[int],
+    hand_pose: wp.array2d[transform],
+    path: wp.array3d[vec6],
+    come: wp.array4d[real],
+    command_count: wp.array[int],
+    # Out:
+    felt: wp.array4d[ChainClosingRow],
+    truth: wp.array4d[ChainTruthRow],
+):
+    """A finger's closing: status, step, and the equilibrium there before refinement."""
+    w, p, g, finger = wp.tid()
+    w += first
+    clear_chain_rows(felt, truth, probe_status, w, p, g, finger)
+    if probe_status[w, p, g] != _CONTACT:
+        return
+    hand = hands[w % hands.shape[0], finger]
+    sensor = sensors[w % sensors.shape[0], finger]
+    which = body[w % body.shape[0]]
+    base = hand_from_body(body_pose, hand_pose, w, p)
+    reader = counter_key(finger_stream(key, probe_number, w, p, g, finger), _TENSION_STEP)
+    last = command_count[g] - 1
+    now = _State()
+    now.free.step = -1
+    command = path[g, finger, 0] - hand.offset
+    before = vec6(command)
+    pressed = int(0)
+    stopped = int(-1)
+    reading = real(0.0)
+    s = int(0)
+    while s <= last:
+        if pressed == 0:
+            begin = now.free.step + 1
+            now.free = advance_chain(scene, which, hand, base, path, come, g, finger, march_scale,
+                                     now.free, last + 1)
+            if sensor.heard == 1:
+                for t in range(begin, now.free.step):
+                    if stopped < 0:
+                        command = path[g, finger, t] - hand.offset
+                        delta = path[g, finger, t] - path[g, finger, wp.max(t - 1, 0)]
+                        now.rest = free_chain(chain_free_joints(hand, base, command))
+                        drawn = guard_reading(
+                            sensor, hand.drives,
+                            felt_torque(hand, believed[0, finger], base, command, now.rest.q),
+                            ZERO, delta, counter_key(reader, t))
+                        if drawn[0] > ONE:
+                            stopped = int(t)
+                            reading = drawn[1]
+            if stopped >= 0:
+                break
+            s = int(now.free.step)
+            if s > last:
+                command = path[g, finger, last] - hand.offset
+                now.rest = free_chain(chain_free_joints(hand, base, command))
+                break
+            command = path[g, finger, s] - hand.offset
+            now.rest = free_chain(chain_free_joints(hand, base, command))
+            now.rest = finger_equilibrium(scene, which, hand, base, command, now.rest.q, now.rest,
+                                          LINK_SAMPLES, NO_FRICTION)
+        else:
+            before = vec6(command)
+            command = path[g, finger, s] - hand.offset
+            ahead = now.rest.q + now.rest.compliance * wp.cw_mul(command - before, hand.stiffness)
+            now.rest = finger_equilibrium(scene, which, hand, base, command, ahead, now.rest,
+                                          LINK_SAMPLES, NO_FRICTION)
+        pressed = int(touches(hand, now.rest))
+        if pressed == 1 and truth[w, p, g, finger].touched < 0:
+            truth[w, p, g, finger].touched = s
+        if pressed == 1 or sensor.heard == 1:
+            delta = path[g, finger, s] - path[g, finger, wp.max(s - 1, 0)]
+            drawn = guard_reading(
+                sensor, hand.drives,
+                felt_torque(hand, believed[0, finger], base, command, now.rest.q),
+                tip_force(hand, now.rest), delta, counter_key(reader, s))
+            if drawn[0] > ONE:
+                stopped = int(s)
+                reading = drawn[1]
+                break
+        if pressed == 0:
+            now.free.step = int(s)
+            for c in range(hand.capsule_count):
+                now.free.until[c] = come[g, finger, c, s] - march_scale * wp.max(
+                    now.rest.depth[c], now.rest.table[c])
+        s += 1
+
+    at = wp.where(stopped < 0, last, stopped)
+    truth[w, p, g, finger].q = now.rest.q
+    truth[w, p, g, finger].torque = wp.cw_mul(command - now.rest.q, hand.stiffness)
+    truth[w, p, g, finger].along = now.rest.along
+    truth[w, p, g, finger].bend = now.rest.bend
+    truth[w, p, g, finger].depth = now.rest.depth
+    felt[w, p, g, finger].step = at
+    if stopped < 0:
+        felt[w, p, g, finger].status = _NO_CONTACT
+        return
+    felt[w, p, g, finger].reading = reading
+    truth[w, p, g, finger].link = pressed - 1

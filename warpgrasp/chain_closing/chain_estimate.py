@@ -1,0 +1,107 @@
+"""Where the robot concludes that a finger of a hand of chains touched, with a covariance.
+
+As `closing.contact_estimate`: from the torques of the drives, or, where only a switch in the tip is
+felt, and by the paper's `fingertip` estimate, anywhere on the last link.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warpgrasp.chain.chain_hand import ChainHand, true_chains
+from warpgrasp.chain.chain_kernel import vec6
+from warpgrasp.chain.torque_sensor import true_sensors
+from warpgrasp.chain_closing.chain_closing import ChainClosing, no_chain_errors
+from warpgrasp.chain_closing.chain_estimate_kernel import balls_type, chain_estimate_kernel
+from warpgrasp.chain_closing.chain_path import padded
+from warpgrasp.closing.contact_estimate import ContactEstimate
+from warpgrasp.core.dtypes import mat33, transform, vec3
+from warpgrasp.core.kernel_launch import launch
+from warpgrasp.mechanism.calibration import arm_variance
+from warpgrasp.parameters import ArmTable, ContactTable, ErrorTable, HandTable, SensorTable
+
+_MOUNT_LEVER_M = 0.15
+
+
+@dataclass(frozen=True)
+class ChainEstimate(ContactEstimate):
+    """Believed contacts. Links are numbered by their joints, drives in place of joints."""
+
+    balls_m: np.ndarray
+    """Middles and ends of the believed capsules' axes, (..., place, 3), NaN where there is none."""
+
+    def inside_m(self) -> np.ndarray:
+        """As of a `ContactEstimate`."""
+        return self.balls_m
+
+
+def estimate_chain_contacts(
+    closing: ChainClosing,
+    believed_pose: np.ndarray,
+    commands_rad: np.ndarray,
+    arm: ArmTable,
+    hand: ChainHand,
+    table: HandTable,
+    sensors: SensorTable,
+    *,
+    errors: ErrorTable | None = None,
+    contact: ContactTable | None = None,
+    device: str = "cpu",
+) -> ChainEstimate:
+    """Contacts as the robot concludes them, by what the hand senses.
+
+    As `contact_estimate.estimate_contacts`, with `hand` in place of the Utah-MIT's. Raises
+    ShapeError where shapes disagree.
+    """
+    dims = closing.status.shape
+    errors, contact = errors or ErrorTable(), contact or ContactTable()
+    each = "world probe grasp finger"
+    kinds: dict[str, Any] = {
+        "point": vec3, "covariance": mat33, "normal": vec3, "link_out": int, "link_weight": vec6,
+        "torque_out": vec6, "torque_sigma": vec6, "balls": balls_type}
+    out = {name: wp.empty(dims, dtype=kind, device=device) for name, kind in kinds.items()}
+    given = {name: wp.array(np.ascontiguousarray(values), dtype=kind, device=device)
+             for name, values, kind in (
+        ("status", closing.status, int), ("q", padded(np.nan_to_num(closing.q_rad)), vec6),
+        ("read", padded(np.nan_to_num(closing.torque_Nm)), vec6),
+        ("moving", padded(_moving(closing, commands_rad)), vec6))}
+    none = no_chain_errors(hand)
+    launch(chain_estimate_kernel,
+           dict(zip(each.split(), dims, strict=True)),
+           {"believed": "1 finger", "sensors": "1 finger", "hand_pose": "world probe",
+            **dict.fromkeys((*given, *out), each)}, {
+        "believed": true_chains(hand, table, contact, none, device),
+        "sensors": true_sensors(hand, table, sensors, contact, none, device),
+        "intrinsic": int(sensors.contact_estimator == "intrinsic"),
+        "pose_variance": chain_place_variance(errors, arm, hand),
+        "angle_variance": 2.0 * (sensors.joint_noise_rad**2 + errors.joint_offset_rad**2),
+        "arm_share": errors.moment_arm_share,
+        "hand_pose": wp.array(np.ascontiguousarray(believed_pose), dtype=transform, device=device),
+        **given, **out}, device=device)
+    found = {name: values.numpy().copy() for name, values in out.items()}
+    most = max(len(own) for own in hand.capsules)
+    return ChainEstimate(
+        found["point"], found["covariance"], found["normal"], found["link_out"],
+        found["link_weight"][..., :hand.links], found["torque_out"][..., :hand.width],
+        found["torque_sigma"][..., :hand.width], np.full((*dims, 4, 3), np.nan),
+        found["balls"][..., :2 * most, :])
+
+
+def chain_place_variance(errors: ErrorTable, arm: ArmTable, hand: ChainHand) -> float:
+    """As `calibration.place_variance`: of where a place on a finger is believed to be [m2]."""
+    longest = max(float(np.linalg.norm(joint.place[:3]))
+                  for finger in hand.model.fingers for joint in finger.joints[1:])
+    return (arm_variance(errors, arm) + errors.mount_m**2
+            + (_MOUNT_LEVER_M * errors.mount_rad) ** 2 + errors.finger_base_m**2
+            + (errors.link_length_share * longest) ** 2)
+
+
+def _moving(closing: ChainClosing, commands_rad: np.ndarray) -> np.ndarray:
+    """Sign of each drive's last command step, (world, probe, grasp, finger, width)."""
+    step = np.maximum(closing.step, 0)
+    before = np.maximum(step - 1, 0)
+    grasp, finger = np.ogrid[:commands_rad.shape[0], :commands_rad.shape[1]]
+    return np.sign(np.round(commands_rad[grasp, finger, step]
+                            - commands_rad[grasp, finger, before], 12))

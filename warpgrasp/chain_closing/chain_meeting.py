@@ -1,0 +1,142 @@
+"""Hands of chains whose fingers meet: which of a batch do, and their closings made right."""
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warpgrasp.chain.chain_hand import ChainHand, capsule_ends, closing_way
+from warpgrasp.chain.chain_kernel import CAPSULES
+from warpgrasp.chain.torque_sensor import KINDS
+from warpgrasp.chain.torque_sensor_kernel import TORQUES
+from warpgrasp.chain_closing.chain_meeting_kernel import chain_meeting_kernel, chain_near_kernel
+from warpgrasp.chain_closing.chain_meetings import FINGERS, MEETINGS, ChainMeeting
+from warpgrasp.core.dtypes import real, vec3
+from warpgrasp.core.kernel_launch import launch
+from warpgrasp.core.struct_array import Records
+from warpgrasp.finger.chain_energy import ChainRest
+from warpgrasp.parameters import SensorTable
+from warpgrasp.probe_status import ProbeStatus
+
+CLOSE_M = 3e-3
+"""Links that are as near in the open hand are built so, and do not count as touching."""
+_UNGUARDED_M = 0.02
+"""How far a finger that feels no torques may be off its way [est]."""
+_DEVIATIONS = 6.0
+_SHAPES = {
+    "body": "some", "body_pose": "world", "hands": "robots finger", "believed": "1 finger",
+    "sensors": "feelers finger", "palm": "bar 2", "palm_radius": "bar", "barred": "all each",
+    "stray": "finger", "key": "world", "probe_number": "world probe", "hand_pose": "world probe",
+    "path": "grasp finger step", "swept": "grasp finger step", "command_count": "grasp",
+    "place": "row", "near": "row", "state": "row slot", "meetings": f"row {MEETINGS}",
+    "ends": "row every 2", "felt": "world probe grasp finger",
+    "truth": "world probe grasp finger"}
+
+
+def resolve_meetings(
+    hand: ChainHand, sensors: SensorTable, status: np.ndarray, come_m: np.ndarray,
+    given: Mapping[str, Any], device: str,
+) -> None:
+    """Close together the fingers of those hands whose links come near one another.
+
+    `status` (world, probe, grasp) are those of the closings made, `come_m` is as `come_bounds`, and
+    `given` are the closing's arguments. Raises ValueError for a hand of more than `FINGERS`
+    fingers.
+    """
+    if hand.fingers > FINGERS:
+        raise ValueError(f"{hand.model.name} has {hand.fingers} fingers; {FINGERS} at most can "
+                         "meet: contact.self_contact should be false")
+    place = np.argwhere(np.isin(status, (ProbeStatus.CONTACT, ProbeStatus.NO_CONTACT)))
+    if len(place) == 0:
+        return
+    ends, radius, barred = palm_of(hand)
+    own = {
+        "palm": wp.array(ends, dtype=vec3, device=device),
+        "palm_radius": wp.array(radius, dtype=real, device=device),
+        "barred": wp.array(barred, dtype=wp.bool, device=device),
+        "stray": wp.array(_strays(hand, sensors), dtype=real, device=device),
+        "swept": wp.array(np.diff(come_m, axis=-1, prepend=0.0).max(2).cumsum(-1), dtype=real,
+                          device=device)}
+    every = {**given, **own}
+    near = _rows(chain_near_kernel, hand, place, every, device)
+    some = near >= 0
+    if some.any():
+        _rows(chain_meeting_kernel, hand, place[some], every, device, near[some])
+
+
+def _rows(kernel: Any, hand: ChainHand, place: np.ndarray, given: Mapping[str, Any], device: str,
+          near: np.ndarray | None = None) -> np.ndarray:
+    """Run a kernel over some hands; the steps at which their links come near, (row,)."""
+    n = len(place)
+    found = wp.array(np.zeros(n, np.int32) if near is None else near.astype(np.int32), dtype=int,
+                     device=device)
+    state, meetings = (Records(ChainRest, (n, 2 * hand.fingers), device),
+                       Records(ChainMeeting, (n, MEETINGS), device))
+    scratch = {
+        "state": state.array, "meetings": meetings.array,
+        "ends": wp.zeros((n, hand.fingers * CAPSULES, 2), dtype=vec3, device=device)}
+    values = {**given, **scratch, "near": found,
+              "place": wp.array(place.astype(np.int32), dtype=wp.vec3i, device=device)}
+    # Here worlds are no axis of the launch: their number is stated by an array that has them all.
+    launch(kernel, {"row": n}, _SHAPES,
+           {a.label: values[a.label] for a in kernel.adj.args if a.label in values}, device=device)
+    return found.numpy()
+
+
+@lru_cache(maxsize=16)
+def palm_of(hand: ChainHand, close_m: float = CLOSE_M
+            ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The palm's capsules (bar, 2, 3) and radii (bar,), and which pairs of capsules are none: bool
+    (finger x `CAPSULES`, the same, then bars). Those that are nearer than `close_m` in the open
+    hand are none."""
+    ends = np.array([(c.start, c.end) for c in hand.palm]).reshape(-1, 2, 3)
+    radius = np.array([c.radius for c in hand.palm])
+    if len(ends) == 0:  # a palm without shape: one far away
+        ends, radius = np.array([[[0.0, 0.0, -9.0], [0.0, 0.0, -9.1]]]), np.array([0.01])
+    opened = closing_way(hand, hand.model.closings[0], 2)[:, 0]
+    rows, own, sizes = [], [], []
+    for f in range(hand.fingers):
+        rows += list(capsule_ends(hand, f, opened[f]))
+        own += [f * CAPSULES + c for c in range(len(hand.capsules[f]))]
+        sizes += [c.radius for c in hand.capsules[f]]
+    every = np.concatenate([np.array(rows), ends])
+    thick = np.concatenate([sizes, radius])
+    apart = _apart(every) - thick[:, None] - thick[None]
+    whole = hand.fingers * CAPSULES
+    barred = np.ones((whole, whole + len(ends)), bool)
+    to = np.concatenate([own, whole + np.arange(len(ends))])
+    barred[np.ix_(own, to)] = (apart < close_m)[:len(own)]
+    for f in range(hand.fingers):  # links of a finger, and its first one and the palm
+        for c, joint in enumerate(hand.capsule_joint[f]):
+            barred[f * CAPSULES + c, f * CAPSULES:(f + 1) * CAPSULES] = True
+            barred[f * CAPSULES + c, whole:] |= joint == 0
+    return ends, radius, barred
+
+
+def _apart(segments: np.ndarray) -> np.ndarray:
+    """About how far segments (segment, 2, 3) are apart [m], (segment, segment): by samples."""
+    share = np.linspace(0.0, 1.0, 21)[:, None]
+    points = segments[:, None, 0] + share * (segments[:, None, 1] - segments[:, None, 0])
+    found = np.empty((len(points), len(points)))
+    for n, one in enumerate(points):
+        found[n] = np.linalg.norm(one[None, :, None] - points[:, None], axis=-1).min((1, 2))
+    return found
+
+
+def _strays(hand: ChainHand, sensors: SensorTable) -> np.ndarray:
+    """How far any place of a finger that presses may be from where its command has it [m],
+    (finger,): each drive bears no more than its threshold, noise, friction and all."""
+    most = (sensors.torque_threshold_Nm + sensors.torque_friction_Nm + sensors.torque_step_Nm
+            + _DEVIATIONS * sensors.torque_noise_Nm)
+    found = []
+    for f, finger in enumerate(hand.model.fingers):
+        if KINDS[hand.model.senses] != TORQUES:
+            found.append(_UNGUARDED_M)
+            continue
+        lengths = [float(np.linalg.norm(j.place[:3])) for j in finger.joints[1:]]
+        lengths.append(float(np.linalg.norm(finger.tip_m)))
+        found.append(sum(most / finger.joints[j].stiffness_Nm_rad * sum(lengths[j:])
+                         for j in hand.drives[f]))
+    return np.array(found)

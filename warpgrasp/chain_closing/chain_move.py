@@ -1,0 +1,41 @@
+"""The approach of an open hand of chains: what `move_hand` asks in place of the Utah-MIT's."""
+
+import numpy as np
+import warp as wp
+
+from warpgrasp.chain.chain_clearance_kernel import chain_clearance_kernel
+from warpgrasp.chain.chain_hand import ChainHand, true_chains
+from warpgrasp.chain.chain_kernel import vec6
+from warpgrasp.chain_closing.chain_path import padded
+from warpgrasp.core.dtypes import real, vec3
+from warpgrasp.mechanism.arm_motion import Clearance, ClearanceKernel
+from warpgrasp.mechanism.calibration import Calibration
+from warpgrasp.parameters import ContactTable, HandTable
+
+
+def chain_clearance(
+    hand: ChainHand, table: HandTable, contact: ContactTable, errors: Calibration
+) -> Clearance:
+    """Which approaches are barred to a hand, its fingers at the first commands of a grasp, its palm
+    and its wrist as they are.
+
+    The wrist reaches from the palm's deepest place back to the flange.
+    """
+    bars = [(c.start, c.end, c.radius) for c in hand.palm]
+    deepest = min((z for start, end, _ in bars for z in (start[2], end[2])), default=0.0)
+    if -table.mount_length_m < deepest:
+        bars.append(((0.0, 0.0, -table.mount_length_m), (0.0, 0.0, deepest),
+                     table.palm_thickness_m / 2))
+    ends = np.array([(start, end) for start, end, _ in bars]).reshape(-1, 2, 3)
+    radius = np.array([r for *_, r in bars])
+
+    def kernel_of(commands_rad: np.ndarray, device: str) -> ClearanceKernel:
+        return chain_clearance_kernel, {
+            "hands": "world? finger", "palm": "bar 2", "radius": "bar",
+            "path": "grasp finger step"}, {
+            "hands": true_chains(hand, table, contact, errors, device),
+            "palm": wp.array(ends, dtype=vec3, device=device),
+            "radius": wp.array(radius, dtype=real, device=device),
+            "path": wp.array(padded(commands_rad), dtype=vec6, device=device)}
+
+    return kernel_of

@@ -1,0 +1,55 @@
+# type: ignore  # Warp functions, which type checkers cannot follow
+"""How near a finger of a hand of chains is to the others and to the palm, in a kernel."""
+
+import warp as wp
+
+from warpgrasp.chain.chain_kernel import Chain, vec6
+from warpgrasp.chain_closing.chain_hand_equilibrium import with_angles
+from warpgrasp.chain_closing.chain_meetings import hand_angles, hand_gap, place_capsules
+from warpgrasp.core.dtypes import real, vec3
+
+wp.set_module_options({"max_unroll": 1})
+_FAR = wp.constant(real(1.0))  # [m]
+
+
+@wp.kernel(enable_backward=False)
+def chain_self_gap_kernel(
+    first: int,
+    # Robot:
+    believed: wp.array2d[Chain],
+    palm: wp.array2d[vec3],
+    palm_radius: wp.array[real],
+    barred: wp.array2d[wp.bool],
+    # Drives in, a row a hand:
+    q: wp.array2d[vec6],
+    step: wp.array2d[int],
+    grasp: wp.array[int],
+    path: wp.array3d[vec6],
+    # Scratch:
+    ends: wp.array3d[vec3],
+    # Gap out:
+    gap: wp.array2d[real],
+):
+    """The least gap between the skins of a finger and of the others and the palm [m], at most a
+    metre: when the finger stopped, where others that had not were commanded."""
+    i = wp.tid() + first
+    fingers = believed.shape[1]
+    for f in range(fingers):
+        least = real(_FAR)
+        if wp.isfinite(q[i, f][0]):
+            at = hand_angles()
+            for other in range(fingers):
+                there = q[i, other]
+                if step[i, other] > step[i, f] or not wp.isfinite(there[0]):
+                    there = path[grasp[i], other, wp.max(step[i, f], 0)]
+                at = with_angles(at, other, there)
+            place_capsules(believed, 0, at, ends, i)
+            least = wp.min(least, hand_gap(believed, 0, f, -1, palm, palm_radius, barred, ends, i))
+            for other in range(fingers):
+                if other < f:
+                    least = wp.min(least, hand_gap(believed, 0, other, f, palm, palm_radius,
+                                                   barred, ends, i))
+                elif other > f:
+                    least = wp.min(least, hand_gap(believed, 0, f, other, palm, palm_radius,
+                                                   barred, ends, i))
+        gap[i, f] = least

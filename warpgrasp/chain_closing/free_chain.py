@@ -1,0 +1,87 @@
+# type: ignore  # Warp functions, which type checkers cannot follow
+"""How far a finger that touches nothing goes before a capsule of it touches the body or the table.
+
+`come` bounds how far any place of a capsule has moved since the first step of the path: a table for
+all worlds, weight and errors of calibration included (`chain_path`). A capsule that was seen at a
+distance cannot touch while it has not come as far (conservative advancement); each is followed by
+itself, the outermost first.
+"""
+
+import warp as wp
+
+from warpgrasp.chain.chain_kernel import (
+    Chain,
+    chain_capsule,
+    chain_free_joints,
+    chain_pose,
+    link_place,
+    vec6,
+    vec12,
+)
+from warpgrasp.core.dtypes import HALF, ONE, ZERO, greater, lesser, real, struct, transform
+from warpgrasp.geometry.scene import Scene
+from warpgrasp.geometry.segment_distance import LINK_SAMPLES, nearest_on_link
+
+_ROUNDING = wp.constant(real(1e-12))  # [m]; a capsule pressed by no more bears 20 nN
+
+
+@struct
+class FreeChain:
+    """A free finger at a step. Each capsule is free while `come` stays below `until` [m]."""
+
+    step: int
+    until: vec12
+    along: vec12
+    bend: vec12
+
+
+@wp.func
+def _first_at_least(
+    come: wp.array4d[real], g: int, finger: int, capsule: int, value: real, begin: int, end: int
+):
+    """The first step from `begin` on at which `come` reaches a value; `end` if none before."""
+    low = int(begin)
+    high = int(end)
+    while low < high:
+        middle = (low + high) // 2
+        if come[g, finger, capsule, middle] >= value:
+            high = middle
+        else:
+            low = middle + 1
+    return low
+
+
+@wp.func
+def advance_chain(
+    scene: Scene, body: int, hand: Chain, base: transform, path: wp.array3d[vec6],
+    come: wp.array4d[real], g: int, finger: int, scale: real, was: FreeChain, end: int
+):
+    """The finger at the first step after `was` at which a capsule touches, or at `end`.
+
+    `base` is the hand's pose in the body's frame; `scale` shortens the skipped distances.
+    """
+    free = was
+    free.step = end
+    for inward in range(hand.capsule_count):
+        c = hand.capsule_count - 1 - inward
+        capsule = chain_capsule(hand, c)
+        s = _first_at_least(come, g, finger, c, free.until[c], was.step + 1, free.step)
+        while s < free.step:
+            pose = chain_pose(hand, base, chain_free_joints(
+                hand, base, path[g, finger, s] - hand.offset))
+            a = link_place(pose, capsule.joint, capsule.start)
+            u = link_place(pose, capsule.joint, capsule.end) - a
+            length = wp.length(u)
+            if length > ZERO:
+                u = u / length
+            near = nearest_on_link(scene, body, a, u, length, -ONE, ONE, LINK_SAMPLES,
+                                   length * HALF + capsule.radius)
+            clear = lesser(near.least, lesser(a[2], a[2] + u[2] * length)) - capsule.radius
+            free.along[c] = near.along
+            free.bend[c] = near.bend
+            free.until[c] = come[g, finger, c, s] + scale * greater(clear, ZERO)
+            if clear < -_ROUNDING:
+                free.step = int(s)
+            else:
+                s = _first_at_least(come, g, finger, c, free.until[c], s + 1, free.step)
+    return free

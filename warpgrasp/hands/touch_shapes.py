@@ -1,0 +1,149 @@
+"""What a hand touches with: every link as a few parallel capsules, its skin.
+
+A link whose shapes are capsules, and few, keeps them. Otherwise the convex hull of its shapes is
+boxed in the frame of the largest of them, and a row of capsules as thick as that box fills it. Its
+edges become round by half its thickness: a skin is round, and distances from a capsule are those
+from its axis. The palm's shapes are filled one by one.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from warpgrasp.hands.hand_frames import matrix_of
+from warpgrasp.hands.hand_model import Box, Capsule, Finger, HandModel, Shape
+
+SIDE_BY_SIDE = 3
+"""Capsules in a link at most; a link of at most as many capsules keeps them."""
+MOST = 12
+"""Capsules of a whole finger."""
+_APART = 1.0
+"""Their axes lie apart by about this times their radius: grooves are a seventh of it deep."""
+_THINNEST_M = 1e-3
+
+
+@dataclass(frozen=True)
+class Bulk:
+    """What a link weighs by: the volume [m3] of the hull of its shapes, and its centre [m]."""
+
+    volume_m3: float
+    centre_m: np.ndarray
+    """In the joint's frame, (3,)."""
+
+
+def touch_model(model: HandModel) -> HandModel:
+    """The hand with capsules for all its shapes."""
+    return replace(
+        model, fingers=tuple(_finger(finger) for finger in model.fingers),
+        palm=tuple(c for shape in model.palm for c in _skin((shape,), SIDE_BY_SIDE)))
+
+
+def _finger(finger: Finger) -> Finger:
+    """With as many capsules a link as a finger has room for: its joints are six at most."""
+    for most in (SIDE_BY_SIDE, 2, 1):
+        joints = tuple(replace(joint, shapes=_skin(joint.shapes, most)) for joint in finger.joints)
+        if sum(len(joint.shapes) for joint in joints) <= MOST:
+            break
+    return replace(finger, joints=joints)
+
+
+def bulk_of(shapes: tuple[Shape, ...]) -> Bulk:
+    """Volume and centre of the convex hull of shapes; of a single capsule exactly, of none none."""
+    if not shapes:
+        return Bulk(0.0, np.zeros(3))
+    if len(shapes) == 1 and isinstance(shapes[0], Capsule):
+        c = shapes[0]
+        start, end = np.array(c.start), np.array(c.end)
+        length = float(np.linalg.norm(end - start))
+        return Bulk(np.pi * c.radius**2 * (length + 4 / 3 * c.radius), (start + end) / 2)
+    hull = ConvexHull(np.concatenate([_points(shape) for shape in shapes]))
+    inside = hull.points[hull.vertices].mean(0)
+    corners = hull.points[hull.simplices] - inside
+    volumes = np.abs(np.linalg.det(corners)) / 6
+    centre = inside + (volumes[:, None] * corners.mean(1) * 3 / 4).sum(0) / volumes.sum()
+    return Bulk(float(volumes.sum()), centre)
+
+
+def _skin(shapes: tuple[Shape, ...], most: int) -> tuple[Capsule, ...]:
+    capsules = [shape for shape in shapes if isinstance(shape, Capsule)]
+    if len(capsules) == len(shapes) and len(shapes) <= most:
+        return tuple(capsules)
+    turn = _frame(max(shapes, key=lambda shape: bulk_of((shape,)).volume_m3))
+    low, high = zip(*(_extent(shape, turn) for shape in shapes), strict=True)
+    return _row(turn, np.min(low, 0), np.max(high, 0), most)
+
+
+def _frame(shape: Shape) -> np.ndarray:
+    """Axes of a box, or with a capsule's axis as the first, as columns (3, 3)."""
+    if isinstance(shape, Box):
+        return matrix_of(shape.place)[:3, :3]
+    along = np.subtract(shape.end, shape.start)
+    if not np.linalg.norm(along) > 0.0:
+        return np.eye(3)
+    along = along / np.linalg.norm(along)
+    side = np.cross(along, np.eye(3)[np.abs(along).argmin()])
+    side /= np.linalg.norm(side)
+    return np.stack([along, side, np.cross(along, side)], 1)
+
+
+def _extent(shape: Shape, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How far a shape reaches along the columns of `turn`, lowest and highest (3,)."""
+    if isinstance(shape, Box):
+        along = _corners(shape) @ turn
+        return along.min(0), along.max(0)
+    ends = np.array([shape.start, shape.end]) @ turn
+    return ends.min(0) - shape.radius, ends.max(0) + shape.radius
+
+
+def _row(turn: np.ndarray, low: np.ndarray, high: np.ndarray, most: int
+         ) -> tuple[Capsule, ...]:
+    """Parallel capsules inside a box, along its longest side, as thick as its shortest."""
+    middle, half = (low + high) / 2, np.maximum((high - low) / 2, _THINNEST_M)
+    thin, wide, long = np.argsort(half, kind="stable")
+    radius = float(half[thin])
+    out = half[wide] - radius
+    count = min(most, 1 + round(float(2 * out / (_APART * radius))))
+    found = []
+    for across in np.linspace(-out, out, count) if count > 1 else [0.0]:
+        ends = np.tile(middle, (2, 1))
+        ends[:, wide] += across
+        ends[:, long] += np.array([-1, 1]) * (half[long] - radius)
+        start, end = ((float(x), float(y), float(z)) for x, y, z in ends @ turn.T)
+        found.append(Capsule(start, end, radius))
+    return tuple(found)
+
+
+def _corners(box: Box) -> np.ndarray:
+    matrix = matrix_of(box.place)
+    signs = np.array(list(product((-0.5, 0.5), repeat=3)))
+    return signs * np.array(box.size) @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def _points(shape: Shape) -> np.ndarray:
+    """Points whose hull is about a shape: a box's corners, a capsule's surface."""
+    if isinstance(shape, Box):
+        return _corners(shape)
+    directions = Rotation.from_euler("ZY", [
+        (a, b) for a in np.linspace(0, 2 * np.pi, 16, endpoint=False)
+        for b in np.linspace(0, np.pi, 9)]).apply([0.0, 0.0, 1.0])
+    ends = np.array([shape.start, shape.end])
+    return (ends[:, None] + shape.radius * directions).reshape(-1, 3)
+
+
+def palmar_directions(moved_m: np.ndarray, along_m: np.ndarray) -> np.ndarray:
+    """Directions that capsules close towards, across their axes: unit vectors (capsule, 3).
+
+    `moved_m` (capsule, 3) is how each moves in a closing and `along_m` (capsule, 3) its axis, both
+    in its link's frame; where it does not move the direction is any across the axis.
+    """
+    size = np.linalg.norm(along_m, axis=1, keepdims=True)
+    unit = np.divide(along_m, size, out=np.zeros_like(along_m), where=size > 0.0)
+    across = moved_m - (moved_m * unit).sum(1, keepdims=True) * unit
+    still = np.linalg.norm(across, axis=1) < 1e-9
+    other = np.cross(unit, np.eye(3)[np.abs(unit).argmin(1)])
+    other = np.where(np.linalg.norm(other, axis=1, keepdims=True) > 0.0, other, [1.0, 0.0, 0.0])
+    across = np.where(still[:, None], other, across)
+    return across / np.linalg.norm(across, axis=1, keepdims=True)
