@@ -11,7 +11,7 @@ that it is not symmetric (Alart and Curnier 1991, the derivative of their projec
 import warp as wp
 
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat44, real, struct, transform, vec3, vec4
-from warpgrasp.finger.chain import Chain, finger_chain, lifted, moved, moved_along
+from warpgrasp.finger.link_chain import LinkChain, finger_chain, lifted, moved, moved_along
 from warpgrasp.finger.energy import Equilibrium, pick, put
 from warpgrasp.finger.friction import SHEAR, places
 from warpgrasp.geometry.scene import Scene
@@ -85,7 +85,7 @@ def start_grip(q: vec4):
 
 @wp.func
 def _hold(
-    hand: Hand, chain: Chain, link: int, contact: int, place: vec3, normal: vec3, depth: real,
+    hand: Hand, chain: LinkChain, link: int, contact: int, place: vec3, normal: vec3, depth: real,
     turned: vec4, grip: Grip, tried: Grip, begins: int
 ):
     """What skin does that is pressed in by `depth` at a `place` of the surface, the joints `turned`

@@ -12,7 +12,7 @@ from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
 
 
 @struct
-class Chain:
+class LinkChain:
     """A finger's chain in the frame its base is given in [m].
 
     `origin` is on the abduction axis, along -`x`; flexion axes point along `side`. `starts` has
@@ -29,7 +29,7 @@ class Chain:
 @wp.func
 def finger_chain(hand: Hand, base: transform, q: vec4):
     """The chain at joints `q`."""
-    chain = Chain()
+    chain = LinkChain()
     r = wp.transform_get_rotation(base)
     chain.origin = wp.transform_get_translation(base)
     x = wp.quat_rotate(r, vec3(ONE, ZERO, ZERO))
@@ -55,7 +55,7 @@ def finger_chain(hand: Hand, base: transform, q: vec4):
 
 
 @wp.func
-def moved_along(chain: Chain, link: int, at: vec3, d: vec3):
+def moved_along(chain: LinkChain, link: int, at: vec3, d: vec3):
     """How far a turn of each joint moves a place of a link along `d` [m/rad]."""
     swing = wp.cross(d, chain.side)
     return vec4(wp.dot(wp.cross(at - chain.origin, chain.x), d),
@@ -65,7 +65,7 @@ def moved_along(chain: Chain, link: int, at: vec3, d: vec3):
 
 
 @wp.func
-def moved(chain: Chain, link: int, at: vec3, turn: vec4):
+def moved(chain: LinkChain, link: int, at: vec3, turn: vec4):
     """How a `turn` of the joints moves a place of a link [m]."""
     arm = (at - chain.starts[0]) * turn[1]
     arm += (at - chain.starts[1]) * wp.where(link >= 1, turn[2], ZERO)
@@ -74,7 +74,7 @@ def moved(chain: Chain, link: int, at: vec3, turn: vec4):
 
 
 @wp.func
-def lifted(hand: Hand, chain: Chain):
+def lifted(hand: Hand, chain: LinkChain):
     """What a turn of each joint adds to the weight's energy [N m]; the frame has z upwards."""
     # Weights times arms, from the tip inwards: what turns a joint is what lies beyond it.
     up = vec3(ZERO, ZERO, ONE)
