@@ -11,9 +11,9 @@ that it is not symmetric (Alart and Curnier 1991, the derivative of their projec
 import warp as wp
 
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat44, real, struct, transform, vec3, vec4
-from warpgrasp.finger.link_chain import LinkChain, finger_chain, lifted, moved, moved_along
 from warpgrasp.finger.energy import Equilibrium, pick, put
 from warpgrasp.finger.friction import SHEAR, places
+from warpgrasp.finger.link_chain import LinkChain, finger_chain, lifted, moved, moved_along
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.geometry.segment_distance import lower_end, nearest_on_link
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, beyond_stops
