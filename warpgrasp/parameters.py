@@ -14,6 +14,9 @@ from warpgrasp.spec_words import spec_words
 OBJECT_REACH_M = 2.0
 """How far from the robot's base an object may stand, along x and along y."""
 
+UTAH_MIT = "utah_mit"
+"""The paper's hand, whose numbers are those of `HandTable`."""
+
 
 def _number(default: Any, low: float = 0.0, high: float = inf, doc: str = "") -> Any:
     """A field with its default, the closed range each entry must lie in, and its meaning."""
@@ -68,7 +71,7 @@ class HandTable:
     hand, by its `kind`: of this table then count mount, stops, density and skin.
     """
 
-    kind: str = field(default="utah_mit", metadata={
+    kind: str = field(default=UTAH_MIT, metadata={
         "doc": "the hand: utah_mit, another one that ships (`warpgrasp hands`), or a TOML file"})
     abduction_offset_m: float = _number(0.0095, 0.0, 0.1, "abduction axis to first flexion [est]")
     link_length_m: tuple[float, ...] = _number((0.043, 0.033, 0.028), 0.005, 0.2,

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from warpgrasp.chain.chain_hand import UTAH_MIT
 from warpgrasp.closing.closing import Closing, ClosingTruth
 from warpgrasp.closing.contact_estimate import ContactEstimate
 from warpgrasp.core.kernel_launch import check_range
@@ -20,6 +19,7 @@ from warpgrasp.geometry.scene import Shape
 from warpgrasp.mechanism.arm_motion import ArmMoves, ArmState
 from warpgrasp.motion_cost import closing_time_s
 from warpgrasp.parameters import (
+    UTAH_MIT,
     ArmTable,
     ContactTable,
     ErrorTable,

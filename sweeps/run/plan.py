@@ -17,10 +17,9 @@ from strategies.planners.planner_file import files_beside
 from strategies.poses.waypoints import WAYPOINT_KINDS
 from strategies.reconstruct.plug_in_name import call_by_content, plug_in_file
 from strategies.strategy import Strategy
-from sweeps.spec.axes import HAND_KEY
 from sweeps.spec.cell import SECTIONS, TABLES, Cell
 from sweeps.spec.search import canonical_search, search_of
-from sweeps.spec.study import FILE_KEYS, Axis, Body, Study, StudyTable
+from sweeps.spec.study import FILE_KEYS, HAND_KEY, Axis, Body, Study, StudyTable
 
 RESULTS_SCHEMA = 21  # raise when rows change their meaning: older units are then computed again
 BLOCK = 64  # episodes of a unit; rows do not depend on it

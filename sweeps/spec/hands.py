@@ -9,17 +9,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from strategies.poses.chain_paths import chain_path_names
-from sweeps.spec.axes import HAND_KEY, WORDS
+from sweeps.spec.axes import WORDS
 from sweeps.spec.errors import KeyPath, Problems, choose, short
 from sweeps.spec.objects import NoFile, named_file
-from sweeps.spec.study import Axis, Study
+from sweeps.spec.study import HAND_KEY, Axis, Study
 from sweeps.spec.units import spec_fields
-from warpgrasp.chain.chain_hand import UTAH_MIT, chain_of_table, hand_of_kind
-from warpgrasp.chain_closing.chain_closing import unsupported_contact
-from warpgrasp.hands.hand_file import SHIPPED
 from warpgrasp.hands.hand_model import HandError
-from warpgrasp.parameters import ContactTable, HandTable
+from warpgrasp.parameters import UTAH_MIT, ContactTable, HandTable
 
 HAND_LIMIT = 1 << 20
 COUNTS = ("kind", "mount_length_m", "palm_thickness_m", "joint_stop_Nm_rad", "link_density_kg_m3",
@@ -36,6 +32,11 @@ def spelled_out(values: Mapping[str, Any]) -> dict[str, Any]:
 def read_hand(value: str, base_dir: Path, problems: Problems, path: KeyPath = ("hand", "kind")
               ) -> str:
     """The name of a hand that ships, or its file made absolute; what is wrong is noted."""
+    if value == UTAH_MIT:
+        return value
+    from warpgrasp.chain.chain_hand import chain_of_table, hand_of_kind
+    from warpgrasp.hands.hand_file import SHIPPED
+
     if value in SHIPPED:
         return value
     if not value.endswith(".toml"):
@@ -67,6 +68,11 @@ def check_hands(study: Study, given: Mapping[str, Any], problems: Problems) -> N
     hands = hands_of(study)
     if hands == {UTAH_MIT}:
         return
+    # Warp and what reads hands are imported for other hands alone.
+    from strategies.poses.chain_paths import chain_path_names
+    from warpgrasp.chain.chain_hand import chain_of_table
+    from warpgrasp.chain_closing.chain_closing import unsupported_contact
+
     if UTAH_MIT not in hands:
         for key, field in spec_fields(HandTable).items():
             if key in given and field.name not in COUNTS:

@@ -15,12 +15,11 @@ import warp as wp
 
 from warpgrasp.chain.chain_kernel import CAPSULES, JOINTS, Chain, ChainCapsule, ChainJoint
 from warpgrasp.core.struct_array import record_type
-from warpgrasp.hands.hand_file import SHIPPED, hand_from_file, hand_named
 from warpgrasp.hands.hand_frames import link_frames, matrix_of, place_of, posture_angles
 from warpgrasp.hands.hand_model import Capsule, Finger, HandClosing, HandError, HandModel
 from warpgrasp.hands.touch_shapes import bulk_of, palmar_directions, touch_model
 from warpgrasp.mechanism.calibration import Calibration
-from warpgrasp.parameters import ContactTable, HandTable
+from warpgrasp.parameters import UTAH_MIT, ContactTable, HandTable
 
 GRAVITY_M_S2 = 9.81
 _NO_SERVO = 1.0
@@ -88,13 +87,12 @@ def chain_of(model: HandModel) -> ChainHand:
     return ChainHand(touched, tuple(drives), tuple(numbers), tuple(capsules), tuple(bearing), palm)
 
 
-UTAH_MIT = "utah_mit"
-"""The hand that the tables of numbers describe; it has kernels of its own."""
-
-
 def hand_of_kind(kind: str) -> HandModel:
     """The model of a table's kind: the name of a hand that ships, or a TOML file. Raises HandError.
     """
+    # What reads files is not imported where the hand is the Utah-MIT's.
+    from warpgrasp.hands.hand_file import SHIPPED, hand_from_file, hand_named
+
     if kind in SHIPPED:
         return hand_named(kind)
     try:
@@ -107,6 +105,8 @@ def hand_of_kind(kind: str) -> HandModel:
 @lru_cache(maxsize=16)
 def _hand_of_file(kind: str, changed_ns: int, size: int) -> HandModel:
     """The hand of a file, read again when the file has changed."""
+    from warpgrasp.hands.hand_file import hand_from_file
+
     return hand_from_file(Path(kind))
 
 

@@ -31,8 +31,8 @@ def test_options_out_of_range_are_named() -> None:
 
 def test_it_finds_a_hammer_that_rings_miss_and_not_by_the_batch() -> None:
     short = replace(STRATEGIES["any-object"], touches=32)
-    rows = episodes(short, "hammer-1", np.arange(2))
-    rings = episodes(STRATEGIES["rim6-ring12"], "hammer-1", np.arange(2))
+    rows = episodes(short, "hammer-1", np.arange(8))
+    rings = episodes(STRATEGIES["rim6-ring12"], "hammer-1", np.arange(8))
     assert (rows["touches"] == 32).all()
     assert rows["touched10mm"].mean() > 2.0 * rings["touched10mm"].mean()
     assert rows["touched10mm"].min() > 0.05
