@@ -10,6 +10,7 @@ greater `impratio`. At 10 it creeps by as much as the fingers move, and they do 
 elliptic: Coulomb's.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -51,7 +52,7 @@ class MujocoStop:
     """What the touch sensor of the distal pad's site reads."""
 
 
-class MujocoFingers:
+class MujocoFingers(ABC):
     """The fingers of an exported hand before an object that stands on the table at the origin.
 
     A subclass says which of a model's bodies are which links, how its fingers are guarded, and
@@ -97,13 +98,15 @@ class MujocoFingers:
         self._joints: list[np.ndarray] = []
         """Of each finger the numbers of its joints, which are those of their servos."""
 
+    @abstractmethod
     def readings(self, torque_Nm: list[np.ndarray], delta_rad: np.ndarray) -> np.ndarray:
         """The largest reading of each finger, in units of the thresholds, (finger,)."""
-        raise NotImplementedError
+        ...
 
+    @abstractmethod
     def tip(self, finger: int) -> np.ndarray:
         """Place of a finger's tip now [m], (3,)."""
-        raise NotImplementedError
+        ...
 
     def touched(self, finger: int) -> float:
         """What the touch sensor of a finger's distal pad reads [N]; NaN without one."""
