@@ -12,7 +12,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "reader": ["read_spec"],
     "search": ["Factor", "Search", "canonical_search", "refuse_search", "search_of",
         "with_points"],
-    "study": ["Axis", "Body", "FILE_KEYS", "HAND_KEY", "Study", "StudyTable"],
+    "study": ["Axis", "Body", "FILE_KEYS", "ARM_KEY", "HAND_KEY", "Study", "StudyTable"],
     "template": ["spec_template"],
     "units": ["read_table", "spec_fields"],
 })
