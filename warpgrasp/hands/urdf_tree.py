@@ -155,6 +155,8 @@ def _joint(file: Path, given: Any) -> UrdfJoint:
 
 
 def _root(file: Path, links: dict[str, Any], joint_to: dict[str, UrdfJoint]) -> str:
+    if not links:
+        raise HandError(f"{file}: has no links; should be a tree of links and joints")
     roots = [name for name in links if name not in joint_to]
     if not roots:
         raise HandError(f"{file}: every link is moved by a joint, a loop; a hand should be a tree")
