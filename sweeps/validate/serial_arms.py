@@ -29,7 +29,7 @@ def compare_arms(poses: int = POSES) -> list[Comparison]:
     for name in SHIPPED_ARMS:
         model = arm_named(name)
         limits = np.array([[joint.low_rad, joint.high_rad] for joint in model.joints]).T
-        q = np.random.default_rng(0).uniform(*limits, (poses, len(model.joints)))
+        q = np.random.default_rng(0).uniform(limits[0], limits[1], (poses, len(model.joints)))
         ours = flange_poses(model, q)
         base = Rotation.from_euler("xyz", model.base_rpy_rad)
         theirs = np.asarray(_toolbox_arm(name).fkine(q).A).reshape(-1, 4, 4)
