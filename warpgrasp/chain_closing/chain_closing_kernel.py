@@ -5,13 +5,14 @@ A finger follows its commands. While it is certainly free it is not looked at (`
 friction and noise alone may stop it: then the reading of every free step is drawn. From the first
 touch on it is brought to rest at every step (`finger.equilibrium`), and stops at the first step
 whose reading passes the threshold. What the robot believes its links to weigh is taken off the
-readings, at the angles that its sensors tell.
+readings, at the angles that its sensors tell, and what stops bear of it put back.
 """
 
 import warp as wp
 
 from warpgrasp.chain.chain_kernel import (
     Chain,
+    chain_beyond_stops,
     chain_capsule,
     chain_free_joints,
     chain_pose,
@@ -77,6 +78,25 @@ def felt_torque(hand: Chain, believed: Chain, base: transform, command: vec6, q:
         believed, chain_pose(believed, base, q + hand.offset))
 
 
+@wp.func
+def guarded_torque(hand: Chain, believed: Chain, base: transform, command: vec6, q: vec6):
+    """What the servos bear beside what the robot believes them to where nothing touches [N m].
+
+    A drive that is led onto its stop, or sinks onto it, presses it with the servo's spring and the
+    stop's in series; that much of the weight, or of the command, is not felt.
+    """
+    drive = wp.cw_mul(command - q, hand.stiffness)
+    felt = felt_torque(hand, believed, base, command, q)
+    led = command + hand.offset
+    for d in range(hand.drives):
+        led[d] += (felt[d] - drive[d]) / hand.stiffness[d]
+    past = chain_beyond_stops(believed, led)
+    for d in range(hand.drives):
+        k = hand.stiffness[d]
+        felt[d] -= past[d] * (k * hand.stop / (k + hand.stop))
+    return felt
+
+
 @wp.kernel(enable_backward=False)
 def chain_closing_kernel(
     first: int,
@@ -134,7 +154,7 @@ def chain_closing_kernel(
                         now.rest = free_chain(chain_free_joints(hand, base, command))
                         drawn = guard_reading(
                             sensor, hand.drives,
-                            felt_torque(hand, believed[0, finger], base, command, now.rest.q),
+                            guarded_torque(hand, believed[0, finger], base, command, now.rest.q),
                             ZERO, delta, counter_key(reader, t))
                         if drawn[0] > ONE:
                             stopped = int(t)
@@ -163,7 +183,7 @@ def chain_closing_kernel(
             delta = path[g, finger, s] - path[g, finger, wp.max(s - 1, 0)]
             drawn = guard_reading(
                 sensor, hand.drives,
-                felt_torque(hand, believed[0, finger], base, command, now.rest.q),
+                guarded_torque(hand, believed[0, finger], base, command, now.rest.q),
                 tip_force(hand, now.rest), delta, counter_key(reader, s))
             if drawn[0] > ONE:
                 stopped = int(s)

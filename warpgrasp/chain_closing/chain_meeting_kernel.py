@@ -12,7 +12,7 @@ import warp as wp
 
 from warpgrasp.chain.chain_kernel import Chain, chain_free_joints, vec6
 from warpgrasp.chain.torque_sensor_kernel import TorqueSensor, guard_reading
-from warpgrasp.chain_closing.chain_closing_kernel import felt_torque, tip_force
+from warpgrasp.chain_closing.chain_closing_kernel import guarded_torque, tip_force
 from warpgrasp.chain_closing.chain_hand_equilibrium import (
     chains_energy,
     chains_equilibrium,
@@ -248,7 +248,7 @@ def chain_meeting_kernel(
                 at = angles_of(command, f)
                 drawn = guard_reading(
                     sensors[own_sensor, f], hand.drives,
-                    felt_torque(hand, believed[0, f], base, at, rest.q), tip_force(hand, rest),
+                    guarded_torque(hand, believed[0, f], base, at, rest.q), tip_force(hand, rest),
                     path[g, f, s] - path[g, f, wp.max(s - 1, 0)],
                     counter_key(counter_key(counter_key(stream, f), _TENSION_STEP), s))
                 if drawn[0] > ONE:

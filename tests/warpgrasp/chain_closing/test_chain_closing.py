@@ -72,6 +72,22 @@ def test_a_stop_is_the_first_step_whose_torques_pass_the_threshold() -> None:
         assert np.abs(energy.felt(before)).max() < QUIET.torque_threshold_Nm
 
 
+@pytest.mark.parametrize("kind", ["allegro", "leap", "barrett"])
+def test_fingers_that_sink_onto_their_stops_do_not_stop_without_a_touch(kind: str) -> None:
+    """The Barrett's spread stands on its stop, which bears what it weighs."""
+    hand = chain_of(hand_of_kind(kind))
+    commands = chain_commands(hand, "curl40")
+    for f, own in enumerate(hand.drives):  # led beyond a stop on the way
+        commands[f, 20, 0] = hand.model.fingers[f].joints[own[0]].low_rad - 0.05
+    poses = poses_above(40)
+    poses[:, 2] += 1.0
+    # As much noise as makes every reading be drawn, and one in 1e8 pass the threshold.
+    felt, truth = close(hand, "small_cylinder", poses, commands,
+                        replace(QUIET, torque_threshold_Nm=0.01, torque_noise_Nm=0.0017))
+    assert (truth.link == -1).all()
+    assert (felt.status == ProbeStatus.NO_CONTACT).all()
+
+
 def test_the_utah_mit_hand_closes_alike_as_a_chain() -> None:
     hand = chain_of(hand_of_kind("utah_mit"))
     path = CLOSING_PATHS["curl40"]
