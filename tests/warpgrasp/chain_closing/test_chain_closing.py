@@ -13,14 +13,30 @@ from warpgrasp.chain.chain_hand import chain_of, hand_of_kind
 from warpgrasp.closing.closing import close_fingers
 from warpgrasp.geometry.body import scene_of
 from warpgrasp.hands.hand_frames import matrix_of
+from warpgrasp.hands.hand_model import Finger, HandModel
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import SensorTable
 from warpgrasp.probe_status import ProbeStatus
 
 
-@pytest.mark.parametrize("kind", ["allegro", "leap", "barrett"])
+def with_six_joints(model: HandModel) -> HandModel:
+    """The hand with fingers of six joints: behind the first one, two that turn a little, about axes
+    askew."""
+    def more(finger: Finger) -> Finger:
+        first, *rest = finger.joints
+        extra = [replace(
+            first, name=f"{first.name}_{n}", place=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0), axis=axis,
+            low_rad=-0.3, high_rad=0.3, shapes=(), follows=None)
+            for n, axis in enumerate([(0.6, 0.0, 0.8), (0.0, 0.8, -0.6)])]
+        return replace(finger, joints=(first, *extra, *rest))
+
+    return replace(model, name="six", fingers=tuple(map(more, model.fingers)))
+
+
+@pytest.mark.parametrize("kind", ["allegro", "leap", "barrett", "six joints"])
 def test_torques_are_in_balance_where_a_finger_stops(kind: str) -> None:
-    hand = chain_of(hand_of_kind(kind))
+    hand = chain_of(with_six_joints(hand_of_kind("allegro")) if kind == "six joints"
+                    else hand_of_kind(kind))
     commands = chain_commands(hand, "curl40")
     poses = poses_above(12)
     felt, truth = close(hand, "small_cylinder", poses, commands)
