@@ -81,6 +81,8 @@ class Chain:
     """In the frame of the last joint."""
     reach: real
     """From the first joint to the farthest place of the finger, stretched out [m]."""
+    levers: vec6
+    """How far a radian of each drive moves any place of the skin's axes at most [m]."""
 
 
 @struct

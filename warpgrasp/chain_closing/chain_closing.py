@@ -125,7 +125,7 @@ def close_chains(
     reading = (chain_reading_kernel, _SHAPES, given)
     if contact.self_contact:
         launch_in_turn(extents, [closing], device=device)
-        resolve_meetings(hand, sensors, felt.numpy()["status"][..., 0], come.numpy(),
+        resolve_meetings(hand, felt.numpy()["status"][..., 0], come.numpy(),
                          given | counts, device)
         launch_in_turn(extents, [reading], device=device)
     else:

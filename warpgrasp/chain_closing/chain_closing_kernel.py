@@ -71,6 +71,16 @@ def touches(hand: Chain, rest: ChainRest):
 
 
 @wp.func
+def strayed(hand: Chain, base: transform, command: vec6, q: vec6):
+    """How far any place of a finger at drives `q` is from where it would be free [m], at most."""
+    free = chain_free_joints(hand, base, command)
+    off = real(0.0)
+    for d in range(hand.drives):
+        off += wp.abs(q[d] - free[d]) * hand.levers[d]
+    return off
+
+
+@wp.func
 def felt_torque(hand: Chain, believed: Chain, base: transform, command: vec6, q: vec6):
     """What the servos bear at drives `q` beside the weight that the robot believes [N m]."""
     return wp.cw_mul(command - q, hand.stiffness) + chain_weight(
@@ -157,8 +167,11 @@ def chain_closing_kernel(
             now.rest = finger_equilibrium(scene, which, hand, base, command, ahead, now.rest,
                                           LINK_SAMPLES, NO_FRICTION)
         pressed = int(touches(hand, now.rest))
-        if pressed == 1 and truth[w, p, g, finger].touched < 0:
-            truth[w, p, g, finger].touched = s
+        if pressed == 1:
+            truth[w, p, g, finger].strayed = wp.max(
+                truth[w, p, g, finger].strayed, strayed(hand, base, command, now.rest.q))
+            if truth[w, p, g, finger].touched < 0:
+                truth[w, p, g, finger].touched = s
         if pressed == 1 or sensor.heard == 1:
             delta = path[g, finger, s] - path[g, finger, wp.max(s - 1, 0)]
             drawn = guard_reading(

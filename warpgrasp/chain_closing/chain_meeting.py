@@ -9,26 +9,20 @@ import warp as wp
 
 from warpgrasp.chain.chain_hand import ChainHand, capsule_ends, closing_way
 from warpgrasp.chain.chain_kernel import CAPSULES
-from warpgrasp.chain.torque_sensor import KINDS
-from warpgrasp.chain.torque_sensor_kernel import TORQUES
 from warpgrasp.chain_closing.chain_meeting_kernel import chain_meeting_kernel, chain_near_kernel
 from warpgrasp.chain_closing.chain_meetings import FINGERS, MEETINGS, ChainMeeting
 from warpgrasp.core.dtypes import real, vec3
 from warpgrasp.core.kernel_launch import launch
 from warpgrasp.core.struct_array import Records
 from warpgrasp.finger.chain_energy import ChainRest
-from warpgrasp.parameters import SensorTable
 from warpgrasp.probe_status import ProbeStatus
 
 CLOSE_M = 3e-3
 """Links that are as near in the open hand are built so, and do not count as touching."""
-_UNGUARDED_M = 0.02
-"""How far a finger that feels no torques may be off its way [est]."""
-_DEVIATIONS = 6.0
 _SHAPES = {
     "body": "some", "body_pose": "world", "hands": "robots finger", "believed": "1 finger",
     "sensors": "feelers finger", "palm": "bar 2", "palm_radius": "bar", "barred": "all each",
-    "stray": "finger", "key": "world", "probe_number": "world probe", "hand_pose": "world probe",
+    "key": "world", "probe_number": "world probe", "hand_pose": "world probe",
     "path": "grasp finger step", "swept": "grasp finger step", "command_count": "grasp",
     "place": "row", "near": "row", "state": "row slot", "meetings": f"row {MEETINGS}",
     "ends": "row every 2", "felt": "world probe grasp finger",
@@ -36,7 +30,7 @@ _SHAPES = {
 
 
 def resolve_meetings(
-    hand: ChainHand, sensors: SensorTable, status: np.ndarray, come_m: np.ndarray,
+    hand: ChainHand, status: np.ndarray, come_m: np.ndarray,
     given: Mapping[str, Any], device: str,
 ) -> None:
     """Close together the fingers of those hands whose links come near one another.
@@ -56,7 +50,6 @@ def resolve_meetings(
         "palm": wp.array(ends, dtype=vec3, device=device),
         "palm_radius": wp.array(radius, dtype=real, device=device),
         "barred": wp.array(barred, dtype=wp.bool, device=device),
-        "stray": wp.array(_strays(hand, sensors), dtype=real, device=device),
         "swept": wp.array(np.diff(come_m, axis=-1, prepend=0.0).max(2).cumsum(-1), dtype=real,
                           device=device)}
     every = {**given, **own}
@@ -123,20 +116,3 @@ def _apart(segments: np.ndarray) -> np.ndarray:
     for n, one in enumerate(points):
         found[n] = np.linalg.norm(one[None, :, None] - points[:, None], axis=-1).min((1, 2))
     return found
-
-
-def _strays(hand: ChainHand, sensors: SensorTable) -> np.ndarray:
-    """How far any place of a finger that presses may be from where its command has it [m],
-    (finger,): each drive bears no more than its threshold, noise, friction and all."""
-    most = (sensors.torque_threshold_Nm + sensors.torque_friction_Nm + sensors.torque_step_Nm
-            + _DEVIATIONS * sensors.torque_noise_Nm)
-    found = []
-    for f, finger in enumerate(hand.model.fingers):
-        if KINDS[hand.model.senses] != TORQUES:
-            found.append(_UNGUARDED_M)
-            continue
-        lengths = [float(np.linalg.norm(j.place[:3])) for j in finger.joints[1:]]
-        lengths.append(float(np.linalg.norm(finger.tip_m)))
-        found.append(sum(most / finger.joints[j].stiffness_Nm_rad * sum(lengths[j:])
-                         for j in hand.drives[f]))
-    return np.array(found)

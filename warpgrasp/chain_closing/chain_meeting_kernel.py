@@ -45,14 +45,13 @@ _TWO = wp.constant(real(2.0))
 
 
 @wp.func
-def _stray(stray: wp.array[real], row: ChainClosingRow, true: ChainTruthRow, finger: int, s: int):
-    """How far a finger may be from where `_angles_at` has it [m]: one that presses is held back by
-    what its drives bear at most, the threshold."""
+def _stray(row: ChainClosingRow, true: ChainTruthRow, s: int):
+    """How far a finger that closes alone may be from where `_angles_at` has it [m]."""
     if s >= row.step:
         return ZERO
     if true.touched < 0 or s < true.touched:
         return _ROUGH
-    return stray[finger]
+    return _ROUGH + true.strayed
 
 
 @wp.func
@@ -69,7 +68,7 @@ def _angles_at(
 @wp.func
 def first_near(
     hands: wp.array2d[Chain], own: int, base: transform, path: wp.array3d[vec6],
-    swept: wp.array3d[real], stray: wp.array[real], palm: wp.array2d[vec3],
+    swept: wp.array3d[real], palm: wp.array2d[vec3],
     palm_radius: wp.array[real], barred: wp.array2d[wp.bool],
     felt: wp.array4d[ChainClosingRow], truth: wp.array4d[ChainTruthRow], w: int, p: int, g: int,
     ends: wp.array3d[vec3], i: int, begin: int, last: int
@@ -92,13 +91,13 @@ def first_near(
         place_capsules(hands, own, q, ends, i)
         room = ONE
         for one in range(fingers):
-            off = _stray(stray, felt[w, p, g, one], truth[w, p, g, one], one, s)
+            off = _stray(felt[w, p, g, one], truth[w, p, g, one], s)
             room = wp.min(room, hand_gap(hands, own, one, -1, palm, palm_radius, barred, ends, i)
                           - off)
             for two in range(one + 1, fingers):
                 room = wp.min(room, hand_gap(hands, own, one, two, palm, palm_radius, barred, ends,
                                              i) - off
-                              - _stray(stray, felt[w, p, g, two], truth[w, p, g, two], two, s))
+                              - _stray(felt[w, p, g, two], truth[w, p, g, two], s))
         if room <= ZERO:
             return s
         if s >= end:
@@ -125,7 +124,6 @@ def chain_near_kernel(
     palm: wp.array2d[vec3],
     palm_radius: wp.array[real],
     barred: wp.array2d[wp.bool],
-    stray: wp.array[real],
     # Closing in:
     body_pose: wp.array[transform],
     hand_pose: wp.array2d[transform],
@@ -145,7 +143,7 @@ def chain_near_kernel(
     w = place[i][0]
     last = command_count[place[i][2]] - 1
     base = hand_from_body(body_pose, hand_pose, w, place[i][1])
-    near[i] = first_near(hands, w % hands.shape[0], base, path, swept, stray, palm, palm_radius,
+    near[i] = first_near(hands, w % hands.shape[0], base, path, swept, palm, palm_radius,
                          barred, felt, truth, w, place[i][1], place[i][2], ends, i, 0, last)
     if near[i] > last:
         near[i] = -1
@@ -165,7 +163,6 @@ def chain_meeting_kernel(
     palm: wp.array2d[vec3],
     palm_radius: wp.array[real],
     barred: wp.array2d[wp.bool],
-    stray: wp.array[real],
     # Closing in:
     key: wp.array[wp.uint64],
     probe_number: wp.array2d[int],
@@ -282,7 +279,7 @@ def chain_meeting_kernel(
         s += 1
         if (touched & ~stopped) == 0 and s <= last:
             # Those that go on have met nothing: each goes on alone until links are near again.
-            ahead = first_near(hands, own, base, path, swept, stray, palm, palm_radius, barred,
+            ahead = first_near(hands, own, base, path, swept, palm, palm_radius, barred,
                                felt, truth, w, p, g, ends, i, s, last)
             if ahead > s:
                 s = ahead
