@@ -11,6 +11,7 @@ import warp as wp
 from warpgrasp.chain.chain_kernel import Chain, vec6
 from warpgrasp.chain_closing.chain_meetings import (
     MEETINGS,
+    CapsulePair,
     ChainMeeting,
     angles_of,
     find_chain_meetings,
@@ -130,8 +131,8 @@ def _forces(
 @wp.func
 def chains_energy(
     scene: Scene, body: int, hands: wp.array2d[Chain], own: int, pose: transform,
-    command: hand_angles, q: hand_angles, palm: wp.array2d[vec3], palm_radius: wp.array[real],
-    barred: wp.array2d[wp.bool], state: wp.array2d[ChainRest], i: int, slot: int, last: int,
+    command: hand_angles, q: hand_angles, palm: wp.array2d[vec3], pairs: wp.array[CapsulePair],
+    state: wp.array2d[ChainRest], i: int, slot: int, last: int,
     samples: int, ends: wp.array3d[vec3], meetings: wp.array2d[ChainMeeting]
 ):
     """Energies of the fingers, into row `i` of `state` from `slot` on, and of what they do to one
@@ -142,7 +143,7 @@ def chains_energy(
         state[i, slot + f] = finger_energy(scene, body, hands[own, f], pose, angles_of(command, f),
                                            angles_of(q, f), state[i, last + f], samples)
         total += state[i, slot + f].energy
-    count = find_chain_meetings(hands, own, q, palm, palm_radius, barred, _NEAR, ends, meetings, i)
+    count = find_chain_meetings(hands, own, q, palm, pairs, _NEAR, ends, meetings, i)
     for a in range(count):
         depth = wp.max(meetings[i, a].depth, ZERO)
         total += real(0.25) * hands[own, 0].skin * depth * depth
@@ -152,8 +153,8 @@ def chains_energy(
 @wp.func
 def chains_equilibrium(
     scene: Scene, body: int, hands: wp.array2d[Chain], own: int, pose: transform,
-    command: hand_angles, palm: wp.array2d[vec3], palm_radius: wp.array[real],
-    barred: wp.array2d[wp.bool], state: wp.array2d[ChainRest], i: int, samples: int,
+    command: hand_angles, palm: wp.array2d[vec3], pairs: wp.array[CapsulePair],
+    state: wp.array2d[ChainRest], i: int, samples: int,
     ends: wp.array3d[vec3], meetings: wp.array2d[ChainMeeting], noted: int
 ):
     """The hand's equilibrium for commands, from the states in the first slots of row `i`, whose
@@ -195,9 +196,8 @@ def chains_equilibrium(
         found = int(0)
         for _halving in range(_HALVINGS):
             energy, met = chains_energy(
-                scene, body, hands, own, pose, command, q + step * scale, palm, palm_radius, barred,
-                state, i, fingers - slot, slot, wp.where(iteration == 0, samples, 0), ends,
-                meetings)
+                scene, body, hands, own, pose, command, q + step * scale, palm, pairs, state, i,
+                fingers - slot, slot, wp.where(iteration == 0, samples, 0), ends, meetings)
             if iteration == 0 or energy < best:
                 best = energy
                 count = met
@@ -213,6 +213,6 @@ def chains_equilibrium(
         for f in range(fingers):
             state[i, f] = state[i, fingers + f]
     if fresh == 0:
-        count = find_chain_meetings(hands, own, q, palm, palm_radius, barred, _NEAR, ends,
+        count = find_chain_meetings(hands, own, q, palm, pairs, _NEAR, ends,
                                     meetings, i)
     return count

@@ -10,10 +10,10 @@ import warp as wp
 from warpgrasp.chain.chain_hand import ChainHand, capsule_ends, closing_way
 from warpgrasp.chain.chain_kernel import CAPSULES
 from warpgrasp.chain_closing.chain_meeting_kernel import chain_meeting_kernel, chain_near_kernel
-from warpgrasp.chain_closing.chain_meetings import FINGERS, MEETINGS, ChainMeeting
+from warpgrasp.chain_closing.chain_meetings import FINGERS, MEETINGS, CapsulePair, ChainMeeting
 from warpgrasp.core.dtypes import real, vec3
 from warpgrasp.core.kernel_launch import launch
-from warpgrasp.core.struct_array import Records
+from warpgrasp.core.struct_array import Records, record_type
 from warpgrasp.finger.chain_energy import ChainRest
 from warpgrasp.probe_status import ProbeStatus
 
@@ -21,7 +21,7 @@ CLOSE_M = 3e-3
 """Links that are as near in the open hand are built so, and do not count as touching."""
 _SHAPES = {
     "body": "some", "body_pose": "world", "hands": "robots finger", "believed": "1 finger",
-    "sensors": "feelers finger", "palm": "bar 2", "palm_radius": "bar", "barred": "all each",
+    "sensors": "feelers finger", "palm": "bar 2", "pairs": "pair",
     "key": "world", "probe_number": "world probe", "hand_pose": "world probe",
     "path": "grasp finger step", "swept": "grasp finger step", "command_count": "grasp",
     "place": "row", "near": "row", "state": "row slot", "meetings": f"row {MEETINGS}",
@@ -45,11 +45,9 @@ def resolve_meetings(
     place = np.argwhere(np.isin(status, (ProbeStatus.CONTACT, ProbeStatus.NO_CONTACT)))
     if len(place) == 0:
         return
-    ends, radius, barred = palm_of(hand)
+    palm, pairs = pairs_on_device(hand, CLOSE_M, device)
     own = {
-        "palm": wp.array(ends, dtype=vec3, device=device),
-        "palm_radius": wp.array(radius, dtype=real, device=device),
-        "barred": wp.array(barred, dtype=wp.bool, device=device),
+        "palm": palm, "pairs": pairs,
         "swept": wp.array(np.diff(come_m, axis=-1, prepend=0.0).max(2).cumsum(-1), dtype=real,
                           device=device)}
     every = {**given, **own}
@@ -106,6 +104,28 @@ def palm_of(hand: ChainHand, close_m: float = CLOSE_M
             barred[f * CAPSULES + c, f * CAPSULES:(f + 1) * CAPSULES] = True
             barred[f * CAPSULES + c, whole:] |= joint == 0
     return ends, radius, barred
+
+
+@lru_cache(maxsize=16)
+def pairs_on_device(hand: ChainHand, close_m: float, device: str) -> tuple[wp.array, wp.array]:
+    """The palm's capsules (bar, 2) and the pairs of capsules that are not nearer than `close_m` in
+    the open hand, (pair,), as kernels take them."""
+    ends, thick, barred = palm_of(hand, close_m)
+    whole = hand.fingers * CAPSULES
+    free = ~barred
+    free[:, :whole] &= np.triu(free[:, :whole])  # each pair once
+    row, other = np.argwhere(free).T
+    pairs = np.zeros(len(row), record_type(CapsulePair))
+    pairs["one"], pairs["capsule"] = np.divmod(row, CAPSULES)
+    pairs["two"] = np.where(other < whole, other // CAPSULES, -1)
+    pairs["other"] = np.where(other < whole, other % CAPSULES, other - whole)
+    radius = np.zeros(whole + len(ends))
+    radius[whole:] = thick
+    for f, own in enumerate(hand.capsules):
+        radius[f * CAPSULES:f * CAPSULES + len(own)] = [c.radius for c in own]
+    pairs["both"] = radius[row] + radius[other]
+    return (wp.array(ends, dtype=vec3, device=device),
+            wp.array(pairs, dtype=CapsulePair, device=device))
 
 
 def _apart(segments: np.ndarray) -> np.ndarray:

@@ -19,10 +19,12 @@ from warpgrasp.chain_closing.chain_hand_equilibrium import (
     with_angles,
 )
 from warpgrasp.chain_closing.chain_meetings import (
+    CapsulePair,
     ChainMeeting,
     angles_of,
     hand_angles,
-    hand_gap,
+    hand_room,
+    least_gap,
     place_capsules,
 )
 from warpgrasp.chain_closing.chain_record import ChainClosingRow, ChainTruthRow, hand_from_body
@@ -68,8 +70,7 @@ def _angles_at(
 @wp.func
 def first_near(
     hands: wp.array2d[Chain], own: int, base: transform, path: wp.array3d[vec6],
-    swept: wp.array3d[real], palm: wp.array2d[vec3],
-    palm_radius: wp.array[real], barred: wp.array2d[wp.bool],
+    swept: wp.array3d[real], palm: wp.array2d[vec3], pairs: wp.array[CapsulePair],
     felt: wp.array4d[ChainClosingRow], truth: wp.array4d[ChainTruthRow], w: int, p: int, g: int,
     ends: wp.array3d[vec3], i: int, begin: int, last: int
 ):
@@ -89,15 +90,10 @@ def first_near(
             q = with_angles(q, f, _angles_at(hands[own, f], base, path, felt[w, p, g, f],
                                              truth[w, p, g, f], g, f, s))
         place_capsules(hands, own, q, ends, i)
-        room = ONE
-        for one in range(fingers):
-            off = _stray(felt[w, p, g, one], truth[w, p, g, one], s)
-            room = wp.min(room, hand_gap(hands, own, one, -1, palm, palm_radius, barred, ends, i)
-                          - off)
-            for two in range(one + 1, fingers):
-                room = wp.min(room, hand_gap(hands, own, one, two, palm, palm_radius, barred, ends,
-                                             i) - off
-                              - _stray(felt[w, p, g, two], truth[w, p, g, two], s))
+        off = hand_room()
+        for f in range(fingers):
+            off[f] = _stray(felt[w, p, g, f], truth[w, p, g, f], s)
+        room = least_gap(pairs, palm, ends, i, off, -1)
         if room <= ZERO:
             return s
         if s >= end:
@@ -122,8 +118,7 @@ def chain_near_kernel(
     # Robot:
     hands: wp.array2d[Chain],
     palm: wp.array2d[vec3],
-    palm_radius: wp.array[real],
-    barred: wp.array2d[wp.bool],
+    pairs: wp.array[CapsulePair],
     # Closing in:
     body_pose: wp.array[transform],
     hand_pose: wp.array2d[transform],
@@ -143,8 +138,8 @@ def chain_near_kernel(
     w = place[i][0]
     last = command_count[place[i][2]] - 1
     base = hand_from_body(body_pose, hand_pose, w, place[i][1])
-    near[i] = first_near(hands, w % hands.shape[0], base, path, swept, palm, palm_radius,
-                         barred, felt, truth, w, place[i][1], place[i][2], ends, i, 0, last)
+    near[i] = first_near(hands, w % hands.shape[0], base, path, swept, palm, pairs, felt,
+                         truth, w, place[i][1], place[i][2], ends, i, 0, last)
     if near[i] > last:
         near[i] = -1
 
@@ -161,8 +156,7 @@ def chain_meeting_kernel(
     believed: wp.array2d[Chain],
     sensors: wp.array2d[TorqueSensor],
     palm: wp.array2d[vec3],
-    palm_radius: wp.array[real],
-    barred: wp.array2d[wp.bool],
+    pairs: wp.array[CapsulePair],
     # Closing in:
     key: wp.array[wp.uint64],
     probe_number: wp.array2d[int],
@@ -221,7 +215,7 @@ def chain_meeting_kernel(
                 q = with_angles(q, f, rest.q)
                 command = with_angles(command, f, at)
             _begun, count = chains_energy(
-                scene, which, hands, own, base, command, q, palm, palm_radius, barred, state, i, 0,
+                scene, which, hands, own, base, command, q, palm, pairs, state, i, 0,
                 0, LINK_SAMPLES, ends, meetings)
         for f in range(fingers):
             if (stopped & (1 << f)) == 0:
@@ -230,8 +224,8 @@ def chain_meeting_kernel(
                 state[i, f].drive -= pull
                 state[i, f].gradient -= pull
                 command = with_angles(command, f, now)
-        count = chains_equilibrium(scene, which, hands, own, base, command, palm, palm_radius,
-                                   barred, state, i, LINK_SAMPLES, ends, meetings, count)
+        count = chains_equilibrium(scene, which, hands, own, base, command, palm, pairs,
+                                   state, i, LINK_SAMPLES, ends, meetings, count)
         for a in range(count):
             if meetings[i, a].depth > ZERO:
                 for f in range(fingers):
@@ -279,7 +273,7 @@ def chain_meeting_kernel(
         s += 1
         if (touched & ~stopped) == 0 and s <= last:
             # Those that go on have met nothing: each goes on alone until links are near again.
-            ahead = first_near(hands, own, base, path, swept, palm, palm_radius, barred,
+            ahead = first_near(hands, own, base, path, swept, palm, pairs,
                                felt, truth, w, p, g, ends, i, s, last)
             if ahead > s:
                 s = ahead
