@@ -26,6 +26,7 @@ _NEAR = wp.constant(real(2e-3))  # [m]: links nearer than this may meet in a ste
 _ITERATIONS = wp.constant(40)
 _HALVINGS = wp.constant(14)
 _PASSES = wp.constant(6)
+_STILL = wp.constant(real(1e-7))  # [rad]; less is not gone
 _LAST = wp.constant(real(2e-5))  # [rad]; a Newton step that is taken without another evaluation
 _mat = wp.types.matrix(shape=(MEETINGS, MEETINGS), dtype=real)
 _vec = wp.types.vector(length=MEETINGS, dtype=real)
@@ -137,11 +138,18 @@ def chains_energy(
 ):
     """Energies of the fingers, into row `i` of `state` from `slot` on, and of what they do to one
     another; returns their sum [J] and the number of meetings. `pose` is the hand's in the body's
-    frame; the states from `last` on are of drives near by."""
+    frame; the states from `last` on are of drives near by. That of a finger that stands still is
+    kept.
+    """
     total = real(0.0)
     for f in range(hands.shape[1]):
-        state[i, slot + f] = finger_energy(scene, body, hands[own, f], pose, angles_of(command, f),
-                                           angles_of(q, f), state[i, last + f], samples)
+        at = angles_of(q, f)
+        if slot != last and largest_magnitude(at - state[i, last + f].q) == ZERO:
+            state[i, slot + f] = state[i, last + f]
+        else:
+            state[i, slot + f] = finger_energy(scene, body, hands[own, f], pose,
+                                               angles_of(command, f), at, state[i, last + f],
+                                               samples)
         total += state[i, slot + f].energy
     count = find_chain_meetings(hands, own, q, palm, pairs, _NEAR, ends, meetings, i)
     for a in range(count):
@@ -185,8 +193,9 @@ def chains_equilibrium(
                 elif meetings[i, a].two == f:
                     pull -= meetings[i, a].by_two * force[a]
             turn = -(state[i, slot + f].compliance * pull)
-            longest = wp.max(longest, largest_magnitude(turn))
-            step = with_angles(step, f, turn)
+            if largest_magnitude(turn) >= _STILL:
+                longest = wp.max(longest, largest_magnitude(turn))
+                step = with_angles(step, f, turn)
         if iteration > 0 and longest < _LAST:
             q += step
             for f in range(fingers):

@@ -77,13 +77,15 @@ def first_near(
     """The first step from `begin` on at which links of a hand may touch, `last` + 1 if none.
 
     Distances are looked at while they cannot have been used up (conservative advancement); `swept`
-    bounds how far any place of a finger has come.
+    bounds how far any place of a finger has come. Pairs that are both at rest before `begin` are left
+    out.
     """
     fingers = hands.shape[1]
     end = int(0)
     for f in range(fingers):
         end = wp.max(end, felt[w, p, g, f].step)
     s = int(begin)
+    seen = begin - 1  # the step looked at before
     while s <= last:
         q = hand_angles()
         for f in range(fingers):
@@ -91,15 +93,22 @@ def first_near(
                                              truth[w, p, g, f], g, f, s))
         place_capsules(hands, own, q, ends, i)
         off = hand_room()
+        moving = int(0)
+        strays = int(end)  # from where a finger may be off farther
         for f in range(fingers):
             off[f] = _stray(felt[w, p, g, f], truth[w, p, g, f], s)
-        room = least_gap(pairs, palm, ends, i, off, -1)
+            if felt[w, p, g, f].step > seen:
+                moving = moving | (1 << f)
+            if truth[w, p, g, f].touched > s:
+                strays = wp.min(strays, truth[w, p, g, f].touched)
+        room = least_gap(pairs, palm, ends, i, off, moving)
         if room <= ZERO:
             return s
         if s >= end:
             return last + 1
+        seen = int(s)
         ahead = s + 1
-        while ahead < end:
+        while ahead < strays:
             come = real(0.0)
             for f in range(fingers):
                 stop = felt[w, p, g, f].step

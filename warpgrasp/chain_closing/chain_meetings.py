@@ -47,8 +47,8 @@ class ChainMeeting:
 
 @struct
 class CapsulePair:
-    """Two capsules that may touch: fingers, `two` -1 for the palm; numbers of their capsules, of the
-    palm's in its place; the sum of their radii [m]."""
+    """Two capsules that may touch: their fingers, `two` -1 for the palm; their numbers, of a finger
+    or of the palm; the sum of their radii [m]."""
 
     one: int
     two: int
@@ -99,14 +99,17 @@ def _pair_end(pair: CapsulePair, palm: wp.array2d[vec3], ends: wp.array3d[vec3],
 @wp.func
 def least_gap(
     pairs: wp.array[CapsulePair], palm: wp.array2d[vec3], ends: wp.array3d[vec3], i: int,
-    off: hand_room, finger: int
+    off: hand_room, fingers: int
 ):
     """Least distance between the skins of pairs [m], less what each finger may be `off`; at most a
-    metre. Of all fingers, or only pairs of the `finger`, if it is not negative."""
+    metre. Of the pairs of which one is one of `fingers`, a bit each."""
     least = real(_FAR)
     for k in range(pairs.shape[0]):
         pair = pairs[k]
-        if finger < 0 or pair.one == finger or pair.two == finger:
+        own = fingers & (1 << pair.one)
+        if pair.two >= 0:
+            own = own | (fingers & (1 << pair.two))
+        if own != 0:
             reach = pair.both + off[pair.one]
             if pair.two >= 0:
                 reach += off[pair.two]

@@ -49,5 +49,5 @@ def chain_self_gap_kernel(
                     there = path[grasp[i], other, wp.max(step[i, f], 0)]
                 at = with_angles(at, other, there)
             place_capsules(believed, 0, at, ends, i)
-            least = least_gap(pairs, palm, ends, i, hand_room(), f)
+            least = least_gap(pairs, palm, ends, i, hand_room(), 1 << f)
         gap[i, f] = least
