@@ -77,8 +77,8 @@ def first_near(
     """The first step from `begin` on at which links of a hand may touch, `last` + 1 if none.
 
     Distances are looked at while they cannot have been used up (conservative advancement); `swept`
-    bounds how far any place of a finger has come. Pairs that are both at rest before `begin` are left
-    out.
+    bounds how far any place of a finger has come. Pairs that are both at rest before `begin` are
+    left out.
     """
     fingers = hands.shape[1]
     end = int(0)

@@ -42,7 +42,7 @@ class ChainTruthRow:
     met: int
     self_depth: real
     strayed: real
-    """How far any place of the pressed finger was from where it would have been free [m], at most."""
+    """How far any place of the pressed finger was from where it would be free [m], at most."""
 
 
 @wp.func

@@ -21,7 +21,6 @@ from warpgrasp.core.dtypes import transform
 from warpgrasp.core.kernel_launch import check_range, launch, launch_in_turn
 from warpgrasp.core.random import Purpose, counter_key
 from warpgrasp.core.struct_array import Records
-from warpgrasp.finger.balance import Grip
 from warpgrasp.finger.energy import Equilibrium
 from warpgrasp.finger.friction import Friction
 from warpgrasp.finger.path_table import path_on_device
@@ -29,6 +28,7 @@ from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.calibration import Calibration, no_errors, true_hands, true_tendons
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT
 from warpgrasp.parameters import ContactTable, HandTable, SensorTable
+from warpgrasp.rubbing.balance import Grip
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,10 @@ from warpgrasp.closing.hand_equilibrium import (
     stands,
 )
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat44, real, transform, vec4
-from warpgrasp.finger.balance import Balance, Grip, finger_balance
 from warpgrasp.finger.energy import Equilibrium, largest_magnitude
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_base
+from warpgrasp.rubbing.balance import Balance, Grip, finger_balance
 
 _ITERATIONS = wp.constant(16)
 _LAST = wp.constant(real(2e-5))  # [rad]; a Newton step that is taken without another evaluation
@@ -120,5 +120,6 @@ def balanced_hand(
             if slot == 4:
                 state[i, f] = state[i, 4 + f]
             grips[i, 4 + f].missed = (q[f] - foreseen[f]) * wp.where(
-                grips[i, f].touching == grips[i, 4 + f].touching, ONE, ZERO)
+                grips[i, f].touching == grips[i, 4 + f].touching
+                and grips[i, f].sliding == grips[i, 4 + f].sliding, ONE, ZERO)
     return count

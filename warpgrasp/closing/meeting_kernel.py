@@ -24,7 +24,6 @@ from warpgrasp.closing.rubbing_hand import rubbed_at, rubbing_hand
 from warpgrasp.core.dtypes import ZERO, mat44, real, transform, vec4
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key
-from warpgrasp.finger.balance import Grip
 from warpgrasp.finger.energy import Equilibrium, free_equilibrium
 from warpgrasp.finger.equilibrium import finger_equilibrium
 from warpgrasp.finger.friction import NO_FRICTION, Friction
@@ -35,6 +34,7 @@ from warpgrasp.geometry.segment_distance import LINK_SAMPLES
 from warpgrasp.mechanism.tendon_kernel import TendonSensor
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_base, free_joints
 from warpgrasp.probe_status import ProbeStatus
+from warpgrasp.rubbing.balance import Grip
 
 wp.set_module_options({"max_unroll": 1})
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))

@@ -10,13 +10,13 @@ import warp as wp
 from warpgrasp.closing.hand_balance import balanced_hand
 from warpgrasp.closing.hand_equilibrium import Meeting, hand_energy, hand_equilibrium, in_pairs
 from warpgrasp.core.dtypes import ZERO, mat44, real, transform
-from warpgrasp.finger.balance import Grip
 from warpgrasp.finger.energy import Equilibrium, largest_magnitude
 from warpgrasp.finger.friction import Friction, end_friction, note_friction, start_friction
-from warpgrasp.finger.friction_step import lagged, next_rubbed, start_rubbed
 from warpgrasp.finger.path_record import PathStep, true_command
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_base
+from warpgrasp.rubbing.balance import Grip
+from warpgrasp.rubbing.friction_step import lagged, next_rubbed, start_rubbed
 
 _PASSES = wp.constant(30)
 _CLOSE = wp.constant(real(1e-3))  # [N]
@@ -82,6 +82,7 @@ def _lagging_hand(
             grips[i, 4 + f].q = done.q
             grips[i, 4 + f].left = done.left
             grips[i, 4 + f].touching = done.touching
+            grips[i, 4 + f].sliding = 0
             grips[i, 4 + f].missed = done.q * ZERO
     return count
 

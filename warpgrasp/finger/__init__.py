@@ -3,7 +3,6 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "balance": ["Balance", "Grip", "finger_balance"],
     "energy": ["Equilibrium", "finger_energy", "free_equilibrium", "largest_magnitude"],
     "equilibrium": ["finger_equilibrium"],
     "chain_energy": ["ChainRest", "free_chain"],
@@ -11,7 +10,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "valley_energy": ["refined_energy"],
     "friction": ["NO_FRICTION", "Friction", "end_friction", "note_friction", "start_friction",
         "with_friction"],
-    "friction_step": ["lagged", "next_rubbed", "refine_rubbed", "start_rubbed"],
     "free_motion": ["FreeFinger", "advance_free", "start_free"],
     "path_record": ["LinkStep", "PathStep", "true_command"],
     "path_table": ["path_on_device"],
