@@ -15,7 +15,7 @@ from sweeps.spec.objects import NoFile, named_file
 from sweeps.spec.study import HAND_KEY, Axis, Study
 from sweeps.spec.units import spec_fields
 from warpgrasp.hands.hand_model import HandError
-from warpgrasp.parameters import UTAH_MIT, ContactTable, HandTable
+from warpgrasp.parameters import UTAH_MIT, HandTable
 
 HAND_LIMIT = 1 << 20
 COUNTS = ("kind", "mount_length_m", "palm_thickness_m", "joint_stop_Nm_rad", "link_density_kg_m3",
@@ -71,7 +71,6 @@ def check_hands(study: Study, given: Mapping[str, Any], problems: Problems) -> N
     # Warp and what reads hands are imported for other hands alone.
     from strategies.poses.chain_paths import chain_path_names
     from warpgrasp.chain.chain_hand import chain_of_table
-    from warpgrasp.chain_closing.chain_closing import unsupported_contact
 
     if UTAH_MIT not in hands:
         for key, field in spec_fields(HandTable).items():
@@ -81,10 +80,6 @@ def check_hands(study: Study, given: Mapping[str, Any], problems: Problems) -> N
     if len(hands) > 1 and _sides(study) != {"both"}:
         problems.add(("robot", "swept"), "hands are swept, and a robot knows which hand it has; "
                      "should be both")
-    for table in _contacts(study):
-        for key, what in unsupported_contact(table):
-            problems.add(("contact", key), what)
-            return
     for kind in sorted(hands - {UTAH_MIT}):
         chain = chain_of_table(HandTable(kind=kind))
         assert chain is not None
@@ -94,17 +89,6 @@ def check_hands(study: Study, given: Mapping[str, Any], problems: Problems) -> N
                 if name not in known:
                     problems.add(("strategy",), f"{strategy.name}: the hand {chain.model.name} has "
                                  f"no closing path {short(name)}; {choose(name, known)}")
-
-
-def _contacts(study: Study) -> list[ContactTable]:
-    """Every table of what acts on the fingers that a study runs with."""
-    tables = [study.tables["contact"]]
-    for axis in study.axes:
-        for n, key in enumerate(axis.keys):
-            if key.startswith("contact."):
-                name = spec_fields(ContactTable)[key.removeprefix("contact.")].name
-                tables += [replace(tables[0], **{name: point[n]}) for point in axis.si]
-    return tables
 
 
 def _sides(study: Study) -> set[str]:

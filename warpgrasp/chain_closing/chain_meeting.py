@@ -10,12 +10,15 @@ import warp as wp
 from warpgrasp.chain.chain_hand import ChainHand, capsule_ends, closing_way
 from warpgrasp.chain.chain_kernel import CAPSULES
 from warpgrasp.chain_closing.chain_meeting_kernel import chain_meeting_kernel, chain_near_kernel
-from warpgrasp.chain_closing.chain_meetings import FINGERS, MEETINGS, CapsulePair, ChainMeeting
+from warpgrasp.chain_closing.chain_meetings import FINGERS, CapsulePair, ChainMeeting
 from warpgrasp.core.dtypes import real, vec3
 from warpgrasp.core.kernel_launch import launch
 from warpgrasp.core.struct_array import Records, record_type
 from warpgrasp.finger.chain_energy import ChainRest
+from warpgrasp.finger.chain_friction import ChainFriction
+from warpgrasp.hand_rest.meetings import MEETINGS
 from warpgrasp.probe_status import ProbeStatus
+from warpgrasp.rubbing.chain_balance import ChainGrip
 
 CLOSE_M = 3e-3
 """Links that are as near in the open hand are built so, and do not count as touching."""
@@ -25,19 +28,19 @@ _SHAPES = {
     "key": "world", "probe_number": "world probe", "hand_pose": "world probe",
     "path": "grasp finger step", "swept": "grasp finger step", "command_count": "grasp",
     "place": "row", "near": "row", "state": "row slot", "meetings": f"row {MEETINGS}",
-    "ends": "row every 2", "felt": "world probe grasp finger",
-    "truth": "world probe grasp finger"}
+    "ends": "row every 2", "frictions": "rubs finger", "grips": "rubs slot",
+    "felt": "world probe grasp finger", "truth": "world probe grasp finger"}
 
 
 def resolve_meetings(
     hand: ChainHand, status: np.ndarray, come_m: np.ndarray,
-    given: Mapping[str, Any], device: str,
+    given: Mapping[str, Any], rubs: bool, device: str,
 ) -> None:
     """Close together the fingers of those hands whose links come near one another.
 
-    `status` (world, probe, grasp) are those of the closings made, `come_m` is as `come_bounds`, and
-    `given` are the closing's arguments. Raises ValueError for a hand of more than `FINGERS`
-    fingers.
+    `status` (world, probe, grasp) are those of the closings made, `come_m` is as `come_bounds`,
+    `given` are the closing's arguments, and `rubs` says whether there is friction. Raises
+    ValueError for a hand of more than `FINGERS` fingers.
     """
     if hand.fingers > FINGERS:
         raise ValueError(f"{hand.model.name} has {hand.fingers} fingers; {FINGERS} at most can "
@@ -51,22 +54,26 @@ def resolve_meetings(
         "swept": wp.array(np.diff(come_m, axis=-1, prepend=0.0).max(2).cumsum(-1), dtype=real,
                           device=device)}
     every = {**given, **own}
-    near = _rows(chain_near_kernel, hand, place, every, device)
+    near = _rows(chain_near_kernel, hand, place, every, rubs, device)
     some = near >= 0
     if some.any():
-        _rows(chain_meeting_kernel, hand, place[some], every, device, near[some])
+        _rows(chain_meeting_kernel, hand, place[some], every, rubs, device, near[some])
 
 
-def _rows(kernel: Any, hand: ChainHand, place: np.ndarray, given: Mapping[str, Any], device: str,
-          near: np.ndarray | None = None) -> np.ndarray:
+def _rows(kernel: Any, hand: ChainHand, place: np.ndarray, given: Mapping[str, Any], rubs: bool,
+          device: str, near: np.ndarray | None = None) -> np.ndarray:
     """Run a kernel over some hands; the steps at which their links come near, (row,)."""
     n = len(place)
     found = wp.array(np.zeros(n, np.int32) if near is None else near.astype(np.int32), dtype=int,
                      device=device)
     state, meetings = (Records(ChainRest, (n, 2 * hand.fingers), device),
                        Records(ChainMeeting, (n, MEETINGS), device))
+    rubbing = n if rubs else 1
+    frictions, grips = (Records(row, (rubbing, count), device) for row, count in (
+        (ChainFriction, hand.fingers), (ChainGrip, 2 * hand.fingers)))
     scratch = {
-        "state": state.array, "meetings": meetings.array,
+        "state": state.array, "meetings": meetings.array, "frictions": frictions.array,
+        "grips": grips.array,
         "ends": wp.zeros((n, hand.fingers * CAPSULES, 2), dtype=vec3, device=device)}
     values = {**given, **scratch, "near": found,
               "place": wp.array(place.astype(np.int32), dtype=wp.vec3i, device=device)}

@@ -13,15 +13,10 @@ import warp as wp
 from warpgrasp.chain.chain_kernel import Chain, chain_free_joints, vec6
 from warpgrasp.chain.torque_sensor_kernel import TorqueSensor, guard_reading
 from warpgrasp.chain_closing.chain_closing_kernel import felt_torque, tip_force
-from warpgrasp.chain_closing.chain_hand_equilibrium import (
-    chains_energy,
-    chains_equilibrium,
-    with_angles,
-)
 from warpgrasp.chain_closing.chain_meetings import (
     CapsulePair,
+    ChainBuild,
     ChainMeeting,
-    angles_of,
     hand_angles,
     hand_room,
     least_gap,
@@ -32,11 +27,17 @@ from warpgrasp.core.dtypes import ONE, ZERO, real, transform, vec3
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key
 from warpgrasp.finger.chain_energy import ChainRest, free_chain
+from warpgrasp.finger.chain_friction import ChainFriction
 from warpgrasp.finger.equilibrium import finger_equilibrium
 from warpgrasp.finger.friction import NO_FRICTION
+from warpgrasp.finger.path_record import true_command
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.geometry.segment_distance import LINK_SAMPLES
+from warpgrasp.hand_rest.hand_balance import hand_balance
+from warpgrasp.hand_rest.hand_equilibrium import hand_energy, hand_equilibrium, move_commands
+from warpgrasp.hand_rest.rubbing_hand import rubbed_at, rubbing_hand
 from warpgrasp.probe_status import ProbeStatus
+from warpgrasp.rubbing.chain_balance import ChainGrip
 
 wp.set_module_options({"max_unroll": 1})
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
@@ -70,9 +71,8 @@ def _angles_at(
 @wp.func
 def first_near(
     hands: wp.array2d[Chain], own: int, base: transform, path: wp.array3d[vec6],
-    swept: wp.array3d[real], palm: wp.array2d[vec3], pairs: wp.array[CapsulePair],
-    felt: wp.array4d[ChainClosingRow], truth: wp.array4d[ChainTruthRow], w: int, p: int, g: int,
-    ends: wp.array3d[vec3], i: int, begin: int, last: int
+    swept: wp.array3d[real], build: ChainBuild, felt: wp.array4d[ChainClosingRow],
+    truth: wp.array4d[ChainTruthRow], w: int, p: int, g: int, i: int, begin: int, last: int
 ):
     """The first step from `begin` on at which links of a hand may touch, `last` + 1 if none.
 
@@ -89,9 +89,9 @@ def first_near(
     while s <= last:
         q = hand_angles()
         for f in range(fingers):
-            q = with_angles(q, f, _angles_at(hands[own, f], base, path, felt[w, p, g, f],
-                                             truth[w, p, g, f], g, f, s))
-        place_capsules(hands, own, q, ends, i)
+            q[f] = _angles_at(hands[own, f], base, path, felt[w, p, g, f], truth[w, p, g, f], g, f,
+                              s)
+        place_capsules(hands, own, q, build.ends, i)
         off = hand_room()
         moving = int(0)
         strays = int(end)  # from where a finger may be off farther
@@ -101,7 +101,7 @@ def first_near(
                 moving = moving | (1 << f)
             if truth[w, p, g, f].touched > s:
                 strays = wp.min(strays, truth[w, p, g, f].touched)
-        room = least_gap(pairs, palm, ends, i, off, moving)
+        room = least_gap(build, i, off, moving)
         if room <= ZERO:
             return s
         if s >= end:
@@ -147,8 +147,12 @@ def chain_near_kernel(
     w = place[i][0]
     last = command_count[place[i][2]] - 1
     base = hand_from_body(body_pose, hand_pose, w, place[i][1])
-    near[i] = first_near(hands, w % hands.shape[0], base, path, swept, palm, pairs, felt,
-                         truth, w, place[i][1], place[i][2], ends, i, 0, last)
+    build = ChainBuild()
+    build.palm = palm
+    build.pairs = pairs
+    build.ends = ends
+    near[i] = first_near(hands, w % hands.shape[0], base, path, swept, build, felt, truth, w,
+                         place[i][1], place[i][2], i, 0, last)
     if near[i] > last:
         near[i] = -1
 
@@ -179,6 +183,8 @@ def chain_meeting_kernel(
     state: wp.array2d[ChainRest],
     meetings: wp.array2d[ChainMeeting],
     ends: wp.array3d[vec3],
+    frictions: wp.array2d[ChainFriction],
+    grips: wp.array2d[ChainGrip],
     # Made right:
     felt: wp.array4d[ChainClosingRow],
     truth: wp.array4d[ChainTruthRow],
@@ -200,6 +206,10 @@ def chain_meeting_kernel(
     stopped = int(0)
     count = int(0)
     command = hand_angles()
+    build = ChainBuild()
+    build.palm = palm
+    build.pairs = pairs
+    build.ends = ends
     fresh = int(1)
     while s <= last:
         if fresh == 1:
@@ -211,30 +221,44 @@ def chain_meeting_kernel(
                 hand = hands[own, f]
                 row = felt[w, p, g, f]
                 before = wp.min(wp.max(s - 1, 0), row.step)
-                at = path[g, f, before] - hand.offset
-                rest = free_chain(chain_free_joints(hand, base, at))
+                command[f] = true_command(hand, path, g, f, before)
+                rest = free_chain(chain_free_joints(hand, base, command[f]))
+                begun = truth[w, p, g, f].touched
+                if hand.friction > ZERO:
+                    rubbed = rubbed_at(scene, which, hand, base, path, g, f, begun, before,
+                                       LINK_SAMPLES)
+                    rest = rubbed.rest
+                    grips[i, f] = rubbed.grip
                 if s > row.step:
                     rest = free_chain(truth[w, p, g, f].q)
                     if row.status == _CONTACT:
                         stopped = stopped | (1 << f)
-                elif truth[w, p, g, f].touched >= 0 and before >= truth[w, p, g, f].touched:
-                    rest = finger_equilibrium(scene, which, hand, base, at, rest.q, rest,
+                elif hand.friction == ZERO and begun >= 0 and before >= begun:
+                    rest = finger_equilibrium(scene, which, hand, base, command[f], rest.q, rest,
                                               LINK_SAMPLES, NO_FRICTION)
                 state[i, f] = rest
-                q = with_angles(q, f, rest.q)
-                command = with_angles(command, f, at)
-            _begun, count = chains_energy(
-                scene, which, hands, own, base, command, q, palm, pairs, state, i, 0,
-                0, LINK_SAMPLES, ends, meetings)
+                q[f] = rest.q
+            if hands[own, 0].friction > ZERO:
+                count = hand_balance(scene, which, hands, own, base, build, command, q, state, i, 0,
+                                     0, LINK_SAMPLES, 0, meetings, grips)
+                for f in range(fingers):
+                    grips[i, f] = grips[i, fingers + f]
+            else:
+                _begun, count = hand_energy(scene, which, hands, own, base, build, command, q,
+                                            state, i, 0, 0, LINK_SAMPLES, 0, meetings, frictions)
+        moves = hand_angles()
         for f in range(fingers):
             if (stopped & (1 << f)) == 0:
-                now = path[g, f, s] - hands[own, f].offset
-                pull = wp.cw_mul(now - angles_of(command, f), hands[own, f].stiffness)
-                state[i, f].drive -= pull
-                state[i, f].gradient -= pull
-                command = with_angles(command, f, now)
-        count = chains_equilibrium(scene, which, hands, own, base, command, palm, pairs,
-                                   state, i, LINK_SAMPLES, ends, meetings, count)
+                now = true_command(hands[own, f], path, g, f, s)
+                moves[f] = now - command[f]
+                command[f] = now
+        move_commands(hands, own, build, moves, state, i)
+        if hands[own, 0].friction > ZERO:
+            count = rubbing_hand(scene, which, hands, own, base, build, command, moves, state, i,
+                                 LINK_SAMPLES, meetings, count, frictions, grips)
+        else:
+            count = hand_equilibrium(scene, which, hands, own, base, build, command, state, i,
+                                     LINK_SAMPLES, meetings, count, frictions)
         for a in range(count):
             if meetings[i, a].depth > ZERO:
                 for f in range(fingers):
@@ -245,7 +269,7 @@ def chain_meeting_kernel(
             if (stopped & (1 << f)) == 0:
                 hand = hands[own, f]
                 rest = state[i, f]
-                at = angles_of(command, f)
+                at = command[f]
                 drawn = guard_reading(
                     sensors[own_sensor, f], hand.drives,
                     felt_torque(hand, believed[0, f], base, at, rest.q), tip_force(hand, rest),
@@ -282,8 +306,8 @@ def chain_meeting_kernel(
         s += 1
         if (touched & ~stopped) == 0 and s <= last:
             # Those that go on have met nothing: each goes on alone until links are near again.
-            ahead = first_near(hands, own, base, path, swept, palm, pairs,
-                               felt, truth, w, p, g, ends, i, s, last)
+            ahead = first_near(hands, own, base, path, swept, build, felt, truth, w, p, g, i, s,
+                               last)
             if ahead > s:
                 s = ahead
                 fresh = int(1)

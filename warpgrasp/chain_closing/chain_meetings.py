@@ -16,16 +16,23 @@ from warpgrasp.chain.chain_kernel import (
     link_place,
     vec6,
 )
-from warpgrasp.core.dtypes import HALF, real, struct, vec3
+from warpgrasp.core.dtypes import HALF, real, struct, transform, vec3
+from warpgrasp.finger.path_record import true_command
 from warpgrasp.geometry.segment_pair import segment_pair
+from warpgrasp.hand_rest.meetings import (
+    MEETINGS,
+    base_of,
+    find_meetings,
+    servo_torques,
+    takes_part,
+)
 
 FINGERS = 5
 """Fingers of a hand at most."""
-MEETINGS = 8
-"""Places where links of a hand touch that are resolved."""
 _CAPSULES = wp.constant(CAPSULES)
 _MEETINGS = wp.constant(MEETINGS)
 _FAR = wp.constant(real(1.0))  # [m]
+_NEAR = wp.constant(real(2e-3))  # [m]: links nearer than this may meet in a step
 hand_angles = wp.types.matrix(shape=(FINGERS, 6), dtype=real)
 hand_room = wp.types.vector(length=FINGERS, dtype=real)
 
@@ -33,7 +40,7 @@ hand_room = wp.types.vector(length=FINGERS, dtype=real)
 @struct
 class ChainMeeting:
     """Two capsules that touch or are near: how deep [m], and how their distance changes with the
-    drives of each finger [m/rad]; `two` is -1 for the palm."""
+    drives of each finger [m/rad]; `two` is `PALM` for the palm."""
 
     one: int
     two: int
@@ -57,13 +64,40 @@ class CapsulePair:
     both: real
 
 
+@struct
+class ChainBuild:
+    """What else decides where links meet: the palm's capsules (bar, 2), the pairs, and room for the
+    ends of capsules (row, capsule, 2), in the hand's frame [m]."""
+
+    palm: wp.array2d[vec3]
+    pairs: wp.array[CapsulePair]
+    ends: wp.array3d[vec3]
+
+
 @wp.func
-def angles_of(q: hand_angles, finger: int):
-    """The drives of a finger."""
-    own = vec6()
-    for d in range(6):
-        own[d] = q[finger, d]
-    return own
+def takes_part(build: ChainBuild, finger: int):  # noqa: F811 (overloads, from here on)
+    """Every finger does."""
+    return True
+
+
+@wp.func
+def base_of(hand: Chain, pose: transform, finger: int):  # noqa: F811
+    """What the kinematics of a finger start from: the hand's own pose."""
+    return pose
+
+
+@wp.func
+def servo_torques(hand: Chain, turn: vec6):  # noqa: F811
+    """Torques of servos that are off by a turn [N m]."""
+    return wp.cw_mul(turn, hand.stiffness)
+
+
+@wp.func
+def true_command(  # noqa: F811
+    hand: Chain, path: wp.array3d[vec6], grasp: int, finger: int, step: int
+):
+    """The command at which the true drives stand, the errors of their sensors taken off [rad]."""
+    return path[grasp, finger, step] - hand.offset
 
 
 @wp.func
@@ -74,7 +108,7 @@ def place_capsules(
     still = wp.transform_identity(dtype=wp.float64)
     for f in range(hands.shape[1]):
         hand = hands[own, f]
-        pose = chain_pose(hand, still, angles_of(q, f))
+        pose = chain_pose(hand, still, q[f])
         for c in range(hand.capsule_count):
             capsule = chain_capsule(hand, c)
             ends[i, f * _CAPSULES + c, 0] = link_place(pose, capsule.joint, capsule.start)
@@ -97,15 +131,12 @@ def _pair_end(pair: CapsulePair, palm: wp.array2d[vec3], ends: wp.array3d[vec3],
 
 
 @wp.func
-def least_gap(
-    pairs: wp.array[CapsulePair], palm: wp.array2d[vec3], ends: wp.array3d[vec3], i: int,
-    off: hand_room, fingers: int
-):
+def least_gap(build: ChainBuild, i: int, off: hand_room, fingers: int):
     """Least distance between the skins of pairs [m], less what each finger may be `off`; at most a
     metre. Of the pairs of which one is one of `fingers`, a bit each."""
     least = real(_FAR)
-    for k in range(pairs.shape[0]):
-        pair = pairs[k]
+    for k in range(build.pairs.shape[0]):
+        pair = build.pairs[k]
         own = fingers & (1 << pair.one)
         if pair.two >= 0:
             own = own | (fingers & (1 << pair.two))
@@ -113,10 +144,10 @@ def least_gap(
             reach = pair.both + off[pair.one]
             if pair.two >= 0:
                 reach += off[pair.two]
-            a = ends[i, pair.one * _CAPSULES + pair.capsule, 0]
-            b = ends[i, pair.one * _CAPSULES + pair.capsule, 1]
-            c = _pair_end(pair, palm, ends, i, 0)
-            d = _pair_end(pair, palm, ends, i, 1)
+            a = build.ends[i, pair.one * _CAPSULES + pair.capsule, 0]
+            b = build.ends[i, pair.one * _CAPSULES + pair.capsule, 1]
+            c = _pair_end(pair, build.palm, build.ends, i, 0)
+            d = _pair_end(pair, build.palm, build.ends, i, 1)
             if _within(a, b, c, d, least + reach):
                 least = wp.min(least, segment_pair(a, b, c, d).apart - reach)
     return least
@@ -145,34 +176,32 @@ def _note(
 
 
 @wp.func
-def find_chain_meetings(
-    hands: wp.array2d[Chain], own: int, q: hand_angles, palm: wp.array2d[vec3],
-    pairs: wp.array[CapsulePair], near_m: real, ends: wp.array3d[vec3],
+def find_meetings(  # noqa: F811
+    hands: wp.array2d[Chain], own: int, build: ChainBuild, q: hand_angles,
     meetings: wp.array2d[ChainMeeting], i: int
 ):
-    """Notes the pairs of capsules that touch or are nearer than `near_m`, in row `i`; returns their
-    number."""
-    place_capsules(hands, own, q, ends, i)
+    """Notes the pairs of capsules that touch or are near, in row `i`; returns their number."""
+    place_capsules(hands, own, q, build.ends, i)
     still = wp.transform_identity(dtype=wp.float64)
     count = int(0)
-    for k in range(pairs.shape[0]):
-        pair = pairs[k]
-        a = ends[i, pair.one * _CAPSULES + pair.capsule, 0]
-        b = ends[i, pair.one * _CAPSULES + pair.capsule, 1]
-        c = _pair_end(pair, palm, ends, i, 0)
-        d = _pair_end(pair, palm, ends, i, 1)
-        if _within(a, b, c, d, pair.both + near_m):
+    for k in range(build.pairs.shape[0]):
+        pair = build.pairs[k]
+        a = build.ends[i, pair.one * _CAPSULES + pair.capsule, 0]
+        b = build.ends[i, pair.one * _CAPSULES + pair.capsule, 1]
+        c = _pair_end(pair, build.palm, build.ends, i, 0)
+        d = _pair_end(pair, build.palm, build.ends, i, 1)
+        if _within(a, b, c, d, pair.both + _NEAR):
             near = segment_pair(a, b, c, d)
-            if near.apart < pair.both + near_m:
+            if near.apart < pair.both + _NEAR:
                 hand = hands[own, pair.one]
                 by_one = chain_jacobian(
-                    hand, chain_pose(hand, still, angles_of(q, pair.one)),
+                    hand, chain_pose(hand, still, q[pair.one]),
                     chain_capsule(hand, pair.capsule).joint, near.one, near.way)
                 by_two = vec6()
                 if pair.two >= 0:
                     other = hands[own, pair.two]
                     by_two = chain_jacobian(
-                        other, chain_pose(other, still, angles_of(q, pair.two)),
+                        other, chain_pose(other, still, q[pair.two]),
                         chain_capsule(other, pair.other).joint, near.two, -near.way)
                 count = _note(meetings, i, count, pair.one, pair.two, pair.both - near.apart,
                               by_one, by_two)

@@ -4,9 +4,9 @@
 import warp as wp
 
 from warpgrasp.chain.chain_kernel import Chain, vec6
-from warpgrasp.chain_closing.chain_hand_equilibrium import with_angles
 from warpgrasp.chain_closing.chain_meetings import (
     CapsulePair,
+    ChainBuild,
     hand_angles,
     hand_room,
     least_gap,
@@ -39,6 +39,10 @@ def chain_self_gap_kernel(
     metre: when the finger stopped, where others that had not were commanded."""
     i = wp.tid() + first
     fingers = believed.shape[1]
+    build = ChainBuild()
+    build.palm = palm
+    build.pairs = pairs
+    build.ends = ends
     for f in range(fingers):
         least = real(_FAR)
         if wp.isfinite(q[i, f][0]):
@@ -47,7 +51,7 @@ def chain_self_gap_kernel(
                 there = q[i, other]
                 if step[i, other] > step[i, f] or not wp.isfinite(there[0]):
                     there = path[grasp[i], other, wp.max(step[i, f], 0)]
-                at = with_angles(at, other, there)
+                at[other] = there
             place_capsules(believed, 0, at, ends, i)
-            least = least_gap(pairs, palm, ends, i, hand_room(), 1 << f)
+            least = least_gap(build, i, hand_room(), 1 << f)
         gap[i, f] = least

@@ -206,8 +206,8 @@ def move_commands(
     hands: Any, own: int, build: Any, moves: Any, state: Any,
     i: int
 ):
-    """States in slots 0 to 3 of row `i` at the same joints with commands moved by `moves` [rad], a
-    row each finger: only the servos' part of the gradient changes."""
+    """States in the first half of row `i` at the same joints with commands moved by `moves` [rad],
+    a row each finger: only the servos' part of the gradient changes."""
     for f in range(hands.shape[1]):
         if takes_part(build, f):
             pull = servo_torques(hands[own, f], moves[f])
@@ -221,9 +221,9 @@ def hand_equilibrium(
     command: Any, state: Any, i: int, samples: int,
     meetings: Any, noted: int, frictions: Any
 ):
-    """The hand's equilibrium for commands (a row each finger), from the states in slots 0 to 3 of
-    row `i` with their `noted` meetings; see `move_commands`. The result is left there; returns the
-    number of meetings.
+    """The hand's equilibrium for commands (a row each finger), from the states in the first half
+    of row `i` with their `noted` meetings; see `move_commands`. The result is left there; returns
+    the number of meetings.
 
     The first step is always gone, since the valleys of the distance are chosen after it, with
     `samples` compared; then the energy never rises.

@@ -96,9 +96,9 @@ def rubbing_hand(
     meetings: Any, noted: int, frictions: Any,
     grips: Any
 ):
-    """The hand at rest on commands that have moved by `moves`, from the states in the first slots of
-    row `i` with their `noted` meetings; the grips of a step begin in the first slots of `grips`, where
-    those of the next are put. Returns the number of meetings.
+    """The hand at rest on commands that have moved by `moves`, from the states in the first half of
+    row `i` with their `noted` meetings; the grips of a step begin in the first half of `grips`,
+    where those of the next are put. Returns the number of meetings.
     """
     fingers = hands.shape[1]
     q = command - command
