@@ -3,7 +3,7 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "balance": ["Balance", "Grip"],
-    "chain_balance": ["ChainGrip", "finger_balance"],
-    "friction_step": ["lagged", "next_rubbed", "refine_rubbed", "start_rubbed"],
+    "balance": ["Balance", "Grip", "finger_balance"],
+    "chain_balance": ["ChainGrip", "ChainRubbed", "predicted"],
+    "friction_step": ["lagged", "lagged_rest", "next_rubbed", "refine_rubbed", "start_rubbed"],
 })
