@@ -275,7 +275,12 @@ def chain_meeting_kernel(
                     felt_torque(hand, believed[0, f], base, at, rest.q), tip_force(hand, rest),
                     path[g, f, s] - path[g, f, wp.max(s - 1, 0)],
                     counter_key(counter_key(counter_key(stream, f), _TENSION_STEP), s))
-                if drawn[0] > ONE:
+                stops = drawn[0] > ONE
+                if (touched & (1 << f)) == 0:
+                    # It stops where it did alone: this equilibrium differs in its last digits,
+                    # which may decide a reading at the threshold.
+                    stops = felt[w, p, g, f].status == _CONTACT and s >= felt[w, p, g, f].step
+                if stops:
                     stopped = stopped | (1 << f)
                 if (touched & (1 << f)) != 0:
                     # It is read where it stops; what pushes it later comes too late for that.
@@ -289,7 +294,7 @@ def chain_meeting_kernel(
                     truth[w, p, g, f].link = -1
                     felt[w, p, g, f].status = _NO_CONTACT
                     felt[w, p, g, f].step = last
-                    if drawn[0] > ONE:
+                    if stops:
                         truth[w, p, g, f].link = 0
                         felt[w, p, g, f].status = _CONTACT
                         felt[w, p, g, f].step = s
