@@ -15,7 +15,7 @@ from sweeps.spec.objects import NoFile, named_file
 from sweeps.spec.study import HAND_KEY, Axis, Study
 from sweeps.spec.units import spec_fields
 from warpgrasp.hands.hand_model import HandError
-from warpgrasp.parameters import UTAH_MIT, ContactTable, HandTable
+from warpgrasp.parameters import UTAH_MIT, HandTable
 
 HAND_LIMIT = 1 << 20
 CLOSINGS_KEY = "strategy.closings"
@@ -65,13 +65,10 @@ def with_hands(axis: Axis, base_dir: Path, problems: Problems) -> Axis:
 
 
 def check_hands(study: Study, given: Mapping[str, Any], problems: Problems) -> None:
-    """Notes keys of `[hand]` that say nothing of the hand, and what other hands do not do."""
+    """Notes keys of `[hand]` that say nothing of the hand, and hands that a robot would mistake."""
     hands = hands_of(study)
     if hands == {UTAH_MIT}:
         return
-    # Warp and what reads hands are imported for other hands alone.
-    from warpgrasp.chain_closing.chain_closing import unsupported_contact
-
     if UTAH_MIT not in hands:
         for key, field in spec_fields(HandTable).items():
             if key in given and field.name not in COUNTS:
@@ -80,10 +77,6 @@ def check_hands(study: Study, given: Mapping[str, Any], problems: Problems) -> N
     if len(hands) > 1 and _sides(study) != {"both"}:
         problems.add(("robot", "swept"), "hands are swept, and a robot knows which hand it has; "
                      "should be both")
-    for table in _contacts(study):
-        for key, what in unsupported_contact(table):
-            problems.add(("contact", key), what)
-            return
 
 
 def check_closings(study: Study, problems: Problems) -> None:
@@ -132,17 +125,6 @@ def _closing_names(kind: str) -> tuple[Collection[str], str]:
     chain = chain_of_table(HandTable(kind=kind))
     assert chain is not None
     return chain_path_names(chain), chain.model.name
-
-
-def _contacts(study: Study) -> list[ContactTable]:
-    """Every table of what acts on the fingers that a study runs with."""
-    tables = [study.tables["contact"]]
-    for axis in study.axes:
-        for n, key in enumerate(axis.keys):
-            if key.startswith("contact."):
-                name = spec_fields(ContactTable)[key.removeprefix("contact.")].name
-                tables += [replace(tables[0], **{name: point[n]}) for point in axis.si]
-    return tables
 
 
 def _sides(study: Study) -> set[str]:

@@ -25,8 +25,9 @@ from warpgrasp.chain.chain_kernel import (
     vec12,
 )
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, greater, real, struct, transform, vec3
+from warpgrasp.finger.chain_friction import ChainFriction
 from warpgrasp.finger.energy import finger_energy, largest_magnitude, loosened
-from warpgrasp.finger.friction import with_friction
+from warpgrasp.finger.friction import rubbed, with_friction
 from warpgrasp.finger.valley_energy import refined_energy, secant_compliance
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.geometry.segment_distance import deepest_valley, lower_end, nearest_on_link
@@ -180,6 +181,12 @@ def loosened(rest: ChainRest, moved: real):  # noqa: F811
 def with_friction(rest: ChainRest, skin: real, friction: int):  # noqa: F811
     """`rest` as it is: without friction."""
     return rest
+
+
+@wp.func
+def with_friction(rest: ChainRest, skin: real, friction: ChainFriction):  # noqa: F811
+    """`rest` of `finger_energy` with energy, slope and stiffness of friction added."""
+    return rubbed(rest, skin, friction)
 
 
 @wp.func

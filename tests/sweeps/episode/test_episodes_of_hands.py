@@ -15,14 +15,17 @@ from warpgrasp.parameters import ArmTable, ContactTable, HandTable
 SMOOTH = ContactTable(friction=0.0)
 
 
-def cell_of(hand: str, strategy: str = "ring6") -> Cell:
+def cell_of(hand: str, strategy: str = "ring6", contact: ContactTable = SMOOTH) -> Cell:
     return Cell(STRATEGIES[strategy], {"name": "block"}, "block", arm=ArmTable(kind="none"),
-                hand=HandTable(kind=hand), contact=SMOOTH)
+                hand=HandTable(kind=hand), contact=contact)
 
 
-@pytest.mark.parametrize("hand", ["allegro", "leap", "barrett"])
-def test_a_ring_of_grasps_recovers_the_block_better_than_its_prior(hand: str) -> None:
-    block = run_block(cell_of(hand), np.arange(6), "cpu")
+@pytest.mark.parametrize(("hand", "contact"), [
+    ("allegro", SMOOTH), ("leap", SMOOTH), ("barrett", SMOOTH), ("leap", ContactTable())])
+def test_a_ring_of_grasps_recovers_the_block_better_than_its_prior(
+    hand: str, contact: ContactTable
+) -> None:
+    block = run_block(cell_of(hand, contact=contact), np.arange(6), "cpu")
     assert block.evidence.mask.sum(1).mean() > 12
     assert np.median(block.scores.chamfer_m) < 0.7 * np.median(block.prior_scores.chamfer_m)
     rows = contact_columns(block.exploration, block.truth)

@@ -103,7 +103,3 @@ def test_a_robot_knows_which_hand_it_has(tmp_path: Path) -> None:
     assert "a robot knows which hand it has" in told(tmp_path, text)
 
 
-def test_what_fingers_of_other_hands_do_not_do_yet_is_said(tmp_path: Path) -> None:
-    assert "the skin does not rub yet" in told(tmp_path, HEAD + 'hand = "leap"\n' + RING)
-    text = HEAD + RING + ALONE + '[sweep.grid]\nhand = ["utah_mit", "leap"]\n'
-    assert "does not rub yet" in told(tmp_path, text + '"contact.friction" = [0.0, 0.5]\n')
