@@ -77,6 +77,23 @@ def _yielding(compliance: mat66, turns: vec6, skin: real):
 
 
 @wp.func
+def links_moved(hand: Chain, q: vec6, last: vec6):
+    """How far each joint's link has turned at most since drives `last` [rad], and how far its joint
+    has moved [m]: each joint's turn times what lies beyond it."""
+    turned = vec6()
+    travel = vec6()
+    turn = real(0.0)
+    way = real(0.0)
+    for j in range(hand.joint_count):
+        row = chain_joint(hand, j)
+        way += turn * row.arm
+        turn += wp.abs(row.factor * (q[row.drive] - last[row.drive]))
+        turned[j] = turn
+        travel[j] = way
+    return turned, travel
+
+
+@wp.func
 def finger_energy(  # noqa: F811 (an overload)
     scene: Scene, body: int, hand: Chain, base: transform, command: vec6, q: vec6,
     last: ChainRest, samples: int
@@ -97,17 +114,7 @@ def finger_energy(  # noqa: F811 (an overload)
         rest.compliance[j, j] = ONE / wp.where(past[j] == ZERO, k, k + hand.stop)
     rest.gradient = past * hand.stop
     pose = chain_pose(hand, base, q)
-    # How far any place of a link can have moved: each joint's turn times what lies beyond it.
-    turned = vec6()
-    travel = vec6()
-    turn = real(0.0)
-    way = real(0.0)
-    for j in range(hand.joint_count):
-        row = chain_joint(hand, j)
-        way += turn * row.arm
-        turn += wp.abs(row.factor * (q[row.drive] - last.q[row.drive]))
-        turned[j] = turn
-        travel[j] = way
+    turned, travel = links_moved(hand, q, last.q)
     rest.near_depth = -ONE
     for c in range(hand.capsule_count):
         capsule = chain_capsule(hand, c)

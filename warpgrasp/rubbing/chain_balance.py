@@ -20,7 +20,7 @@ from warpgrasp.chain.chain_kernel import (
     vec6,
 )
 from warpgrasp.core.dtypes import ONE, ZERO, real, struct, transform, vec3
-from warpgrasp.finger.chain_energy import ChainRest, free_chain
+from warpgrasp.finger.chain_energy import ChainRest, free_chain, links_moved
 from warpgrasp.finger.chain_friction import chain_places, place_jacobian
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.geometry.segment_distance import lower_end, nearest_on_link
@@ -177,17 +177,7 @@ def finger_balance(  # noqa: F811
         at.rest.drive -= chain_weight(hand, pose)
     at.rest.gradient = at.rest.drive + past * hand.stop
     turned = q - grip.q
-    # How far any place of a link can have moved, as in `finger_energy`.
-    swung = vec6()
-    travel = vec6()
-    turn = real(0.0)
-    way = real(0.0)
-    for j in range(hand.joint_count):
-        row = chain_joint(hand, j)
-        way += turn * row.arm
-        turn += wp.abs(row.factor * (q[row.drive] - last.q[row.drive]))
-        swung[j] = turn
-        travel[j] = way
+    swung, travel = links_moved(hand, q, last.q)
     at.rest.near_depth = -ONE
     table = len(at.rest.depth)  # the contacts with it come after those with the body
     for c in range(hand.capsule_count):

@@ -20,10 +20,12 @@ def cell_of(hand: str, strategy: str = "ring6", contact: ContactTable = SMOOTH) 
                 hand=HandTable(kind=hand), contact=contact)
 
 
-@pytest.mark.parametrize(("hand", "contact"), [
-    ("allegro", SMOOTH), ("leap", SMOOTH), ("barrett", SMOOTH), ("leap", ContactTable())])
+@pytest.mark.parametrize(("hand", "contact", "off_m"), [
+    ("allegro", SMOOTH, 0.008), ("leap", SMOOTH, 0.008), ("barrett", SMOOTH, 0.008),
+    # Forces lean within the cone by nobody knows how much: places are less sure.
+    ("leap", ContactTable(), 0.012)])
 def test_a_ring_of_grasps_recovers_the_block_better_than_its_prior(
-    hand: str, contact: ContactTable
+    hand: str, contact: ContactTable, off_m: float
 ) -> None:
     block = run_block(cell_of(hand, contact=contact), np.arange(6), "cpu")
     assert block.evidence.mask.sum(1).mean() > 12
@@ -32,7 +34,7 @@ def test_a_ring_of_grasps_recovers_the_block_better_than_its_prior(
     found = np.stack([rows[k] for k in ("x_m", "y_m", "z_m")], 1)
     true = np.stack([rows[k] for k in ("true_x_m", "true_y_m", "true_z_m")], 1)
     felt = np.isfinite(found).all(1) & np.isfinite(true).all(1) & (found[:, 2] > TABLE_MARGIN_M)
-    assert np.median(np.linalg.norm(found - true, axis=1)[felt]) < 0.008
+    assert np.median(np.linalg.norm(found - true, axis=1)[felt]) < off_m
     assert (rows["link"] == rows["true_link"])[felt].mean() > 0.75
 
 

@@ -1,22 +1,16 @@
 """Guarded closing of any hand: an independent energy minimum, the Utah-MIT hand as a chain."""
 
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from chain_closings import ALONE, ON_TABLE, QUIET, TABLE, close, poses_above
+from chain_closings import ALONE, QUIET, TABLE, close, poses_above, utah_mit_twice
 from reference_chain import ReferenceChain
 
 from strategies.poses.chain_paths import chain_commands
-from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
 from warpgrasp.chain.chain_hand import chain_of, hand_of_kind
-from warpgrasp.closing.closing import close_fingers
-from warpgrasp.geometry.body import scene_of
 from warpgrasp.hands.hand_frames import matrix_of
 from warpgrasp.hands.hand_model import Finger, HandModel
 from warpgrasp.objects.catalogue import body_from_name
-from warpgrasp.parameters import SensorTable
-from warpgrasp.probe_status import ProbeStatus
 
 
 def with_six_joints(model: HandModel) -> HandModel:
@@ -105,30 +99,9 @@ def test_fingers_that_sink_onto_their_stops_do_not_stop_without_a_touch(kind: st
 
 
 def test_the_utah_mit_hand_closes_alike_as_a_chain() -> None:
-    hand = chain_of(hand_of_kind("utah_mit"))
-    path = CLOSING_PATHS["curl40"]
-    commands = closing_commands(path)
-    poses = poses_above(24)
-    # The same thresholds: tendons have a moment arm each, and here all joints are guarded.
-    table = replace(TABLE, moment_arm_m=(0.01,) * 4, tendon_friction=0.0)
-    tendons = SensorTable(tendon_threshold_N=5.0, tension_noise_N=0.0, tension_step_N=0.0,
-                          joint_noise_rad=0.0)
-    contact = replace(ALONE, weight=False)
-    n = len(poses)
-    theirs, true = close_fingers(
-        scene_of([body_from_name("small_cylinder")], "cpu"), np.zeros(1, int),
-        np.tile(ON_TABLE, (n, 1)), table, tendons, np.arange(n, dtype=np.uint64),
-        np.ones((n, 1, 1), int), poses[:, None], commands[None], np.array([commands.shape[1]]),
-        contact=contact)
-    ours, truth = close(hand, "small_cylinder", poses, commands,
-                        replace(QUIET, torque_threshold_Nm=0.05), contact)
-    both = (theirs.status == ProbeStatus.CONTACT) & (ours.status == ProbeStatus.CONTACT)
-    # A finger may stop by its abduction, which tendons do not guard.
-    alike = both & (np.abs(truth.torque_Nm[..., 0]) < 0.05)
-    assert alike.sum() > 30
-    assert (ours.step[alike] == theirs.step[alike]).all()
-    assert truth.q_rad[alike] == pytest.approx(true.q_rad[alike], abs=2e-6)
-    assert (truth.link[alike] == true.link[alike] + 1).all()
-    assert truth.point_m[alike] == pytest.approx(true.point_m[alike], abs=1e-6)
-    only = (theirs.status == ProbeStatus.CONTACT) & ~both
-    assert not only.any()
+    true, truth, both, same = utah_mit_twice(24, ALONE)
+    assert both.sum() > 30
+    assert (same == both).all()
+    assert truth.q_rad[both] == pytest.approx(true.q_rad[both], abs=2e-6)
+    assert (truth.link[both] == true.link[both] + 1).all()
+    assert truth.point_m[both] == pytest.approx(true.point_m[both], abs=1e-6)

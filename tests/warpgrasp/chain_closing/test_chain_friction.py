@@ -5,16 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import warp as wp
-from chain_closings import ALONE, ON_TABLE, QUIET, TABLE, close, poses_above
+from chain_closings import ALONE, TABLE, close, poses_above, utah_mit_twice
 from reference_chain import ReferenceChain
 
 from strategies.poses.chain_paths import chain_commands
-from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
 from warpgrasp.chain.chain_hand import chain_of, hand_of_kind, true_chains
 from warpgrasp.chain.chain_kernel import Chain, vec6
 from warpgrasp.chain_closing.chain_closing import no_chain_errors
 from warpgrasp.chain_closing.chain_path import padded
-from warpgrasp.closing.closing import close_fingers
 from warpgrasp.core.dtypes import real, transform
 from warpgrasp.core.kernel_launch import launch
 from warpgrasp.finger.chain_energy import largest_magnitude
@@ -23,8 +21,6 @@ from warpgrasp.geometry.scene import Scene
 from warpgrasp.geometry.segment_distance import LINK_SAMPLES
 from warpgrasp.hands.hand_frames import matrix_of
 from warpgrasp.objects.catalogue import body_from_name
-from warpgrasp.parameters import SensorTable
-from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.rubbing.chain_balance import finger_balance, start_rubbed
 from warpgrasp.rubbing.friction_step import lagged_rest, next_rubbed
 
@@ -131,25 +127,7 @@ def test_hardly_any_friction_is_none(self_contact: bool) -> None:
 
 
 def test_the_utah_mit_hand_rubs_alike_as_a_chain() -> None:
-    hand = chain_of(hand_of_kind("utah_mit"))
-    commands = closing_commands(CLOSING_PATHS["curl40"])
-    poses = poses_above(24)
-    table = replace(TABLE, moment_arm_m=(0.01,) * 4, tendon_friction=0.0)
-    tendons = SensorTable(tendon_threshold_N=5.0, tension_noise_N=0.0, tension_step_N=0.0,
-                          joint_noise_rad=0.0)
-    contact = replace(ROUGH, weight=False)
-    n = len(poses)
-    theirs, true = close_fingers(
-        scene_of([body_from_name("small_cylinder")], "cpu"), np.zeros(1, int),
-        np.tile(ON_TABLE, (n, 1)), table, tendons, np.arange(n, dtype=np.uint64),
-        np.ones((n, 1, 1), int), poses[:, None], commands[None], np.array([commands.shape[1]]),
-        contact=contact)
-    ours, truth = close(hand, "small_cylinder", poses, commands,
-                        replace(QUIET, torque_threshold_Nm=0.05), contact)
-    both = (theirs.status == ProbeStatus.CONTACT) & (ours.status == ProbeStatus.CONTACT)
-    # A finger may stop by its abduction, which tendons do not guard.
-    alike = both & (np.abs(truth.torque_Nm[..., 0]) < 0.05)
-    assert alike.sum() > 20
-    same = alike & (ours.step == theirs.step)
-    assert same.sum() > 0.95 * alike.sum()
+    true, truth, both, same = utah_mit_twice(24, ROUGH)
+    assert both.sum() > 20
+    assert same.sum() > 0.95 * both.sum()
     assert (np.abs(truth.q_rad - true.q_rad)[same].max(-1) < 1e-5).mean() > 0.95
