@@ -1,6 +1,8 @@
 """Guarded closing of any hand: an independent energy minimum, the Utah-MIT hand as a chain."""
 
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from chain_closings import ALONE, QUIET, TABLE, close, poses_above, utah_mit_twice
@@ -11,6 +13,7 @@ from warpgrasp.chain.chain_hand import chain_of, hand_of_kind
 from warpgrasp.hands.hand_frames import matrix_of
 from warpgrasp.hands.hand_model import Finger, HandModel
 from warpgrasp.objects.catalogue import body_from_name
+from warpgrasp.probe_status import ProbeStatus
 
 
 def with_six_joints(model: HandModel) -> HandModel:
