@@ -169,7 +169,7 @@ class RunningExploration:
         try:
             with guarded_call():
                 probes = list(planner(self.belief))
-            wanted = [wanted_of(probe, self.robot.worlds) for probe in probes]
+            wanted = [wanted_of(probe, self.robot.worlds, self.robot.hand) for probe in probes]
         except NotPossible as error:
             self._blame(np.ones(self.robot.worlds, bool), str(error))
             return False
@@ -224,7 +224,7 @@ class RunningExploration:
         copied.procedures = []
         copied.touches, copied.time, copied.path = (
             v.copy() for v in (self.touches, self.time, self.path))
-        mask = wanted_of(probe, self.robot.worlds) & self.active[:, None]
+        mask = wanted_of(probe, self.robot.worlds, self.robot.hand) & self.active[:, None]
         copied._grasp(probe, mask)
         rows = np.flatnonzero(mask.any(1))
         copied._refit(rows)

@@ -46,7 +46,7 @@ class OrderedPlanner:
             probes = self._probes(name, poses, belief)
             for probe in probes:
                 if isinstance(probe, CrossFaces):
-                    self.crossing |= wanted_of(probe, belief.worlds).any(1)
+                    self.crossing |= wanted_of(probe, belief.worlds, belief.hand).any(1)
             if any(p.wanted is None or p.wanted.any() for p in probes):
                 return probes
         return []

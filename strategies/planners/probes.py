@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from strategies.poses.closing_paths import CLOSING_PATHS
+from strategies.procedures.containment import closing_names
 from strategies.procedures.contour_follower import Axis, ContourOptions
 from strategies.procedures.planar_explorer import PlanarOptions
+from warpgrasp.parameters import HandTable
 
 TABLE_M = 0.0
 """A hand pose whose origin is below this height is a fault of the strategy."""
@@ -61,14 +62,15 @@ class ProbeError(ValueError):
     """A probe that cannot be asked for; the message says what is wrong and what would be right."""
 
 
-def wanted_of(probe: Probe, worlds: int) -> np.ndarray:
-    """Which probes are wanted, bool (world, probe or face or 1). Raises ProbeError for shapes."""
+def wanted_of(probe: Probe, worlds: int, hand: HandTable) -> np.ndarray:
+    """Which probes are wanted, bool (world, probe or face or 1). Raises ProbeError for shapes, and
+    for closing paths that `hand` has not."""
     if isinstance(probe, Grasp):
         pose = _checked("Grasp.hand_pose", probe.hand_pose, worlds, 7)
-        if isinstance(probe.closings, str) or not all(
-                name in CLOSING_PATHS for name in probe.closings):
+        known = closing_names(hand)
+        if isinstance(probe.closings, str) or not set(probe.closings) <= set(known):
             raise ProbeError(f"Grasp.closings is {probe.closings!r}; should be a tuple of names "
-                             f"of: {', '.join(CLOSING_PATHS)}")
+                             f"of: {', '.join(known)}")
         return _mask("Grasp.wanted", probe.wanted, pose.shape[:2])
     if isinstance(probe, CrossFaces):
         point = _checked("CrossFaces.point_m", probe.point_m, worlds, 3)

@@ -19,9 +19,6 @@ from warpgrasp.chain.chain_hand import (
 )
 from warpgrasp.parameters import HandTable
 
-REACH_M = 0.1135
-"""Reach of the hand for which distances of waypoint families are given; others keep theirs in
-proportion."""
 _WAY_STEPS = 61
 
 
@@ -48,7 +45,8 @@ class HandOutline:
     half_side_m: float
     """From there to the side of the outermost finger, along y."""
     scale: float
-    """Distances of waypoint families are as many times as long."""
+    """Distances of waypoint families are as many times as long: they are given for the default
+    hand, and others keep theirs in proportion to their reach."""
 
 
 def outline_of(hand: HandTable) -> HandOutline:
@@ -86,7 +84,7 @@ def _chains(hand: ChainHand) -> HandOutline:
     return HandOutline(
         hand.fingers, hand.width, hand.links, min(float(r.min()) for r in radii), places, radius,
         (x, y), reach, float(np.abs(bases[:, 0] - x).max()),
-        float((np.abs(places[:, 1] - y) + radius).max()), reach / REACH_M)
+        float((np.abs(places[:, 1] - y) + radius).max()), reach / _utah_mit(HandTable()).reach_m)
 
 
 def _meeting(hand: ChainHand, tips_m: np.ndarray) -> tuple[float, float]:

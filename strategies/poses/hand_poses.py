@@ -57,8 +57,8 @@ def pose_about(
 
     Angles and `aim` as the module `waypoints` defines them; a hand whose open fingers would come
     within TABLE_CLEARANCE_M of the table backs off along its approach, or, where that is level or
-    from below, is raised. Its fingers close about the place aimed at. Distances are those of a hand
-    of `REACH_M`; other hands stay away in proportion to their reach. Shape (world, probe, 7).
+    from below, is raised. Its fingers close about the place aimed at. Distances are those of
+    the default hand; others stay away in proportion to their reach. Shape (world, probe, 7).
     """
     outline = outline_of(hand)
     x, y, height = (v[:, None] for v in (prior.x_m, prior.y_m, prior.height_m))

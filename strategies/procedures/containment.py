@@ -8,11 +8,17 @@ threshold. The joint angles and tensions read at the stops become contacts in
 
 import numpy as np
 
-from strategies.poses.chain_paths import chain_commands
+from strategies.poses.chain_paths import chain_commands, chain_path_names
 from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
 from warpgrasp.chain.chain_hand import chain_of_table
 from warpgrasp.parameters import HandTable
 from warpgrasp.robot import Grasps, Robot
+
+
+def closing_names(hand: HandTable) -> tuple[str, ...]:
+    """Names of a hand's closing paths. Raises HandError for a hand that cannot be used."""
+    chain = chain_of_table(hand)
+    return tuple(CLOSING_PATHS) if chain is None else chain_path_names(chain)
 
 
 def padded_commands(

@@ -13,7 +13,7 @@ from gymnasium.vector.utils import batch_space
 from fit.arrays import joined, rows_of
 from strategies.exploration import RunningExploration
 from strategies.planners.from_strategy import Budget
-from strategies.poses.closing_paths import CLOSING_PATHS
+from strategies.procedures.containment import closing_names
 from sweeps.episode.episodes import place_objects
 from sweeps.episode.given_prior import draw_prior, seen_prior
 from sweeps.episode.scores import Scorer, Scores
@@ -66,7 +66,9 @@ class GraspVectorEnv(VectorEnv):
         for name, count in (("num_envs", num_envs), ("probes", probes)):
             if not isinstance(count, int | np.integer) or count < 1:
                 raise ValueError(f"{name}: is {count!r}; should be a whole number from 1 on")
-        for name, values, valid in (("closings", closings, CLOSING_PATHS),
+        self._made_with = read_settings(objects, settings)
+        known = closing_names(self._made_with.cell.hand)
+        for name, values, valid in (("closings", closings, known),
                                     ("procedures", procedures, PROCEDURES)):
             if isinstance(values, str) or not values or not set(values) <= set(valid):
                 raise ValueError(f"{name}: are {values!r}; should be some of {', '.join(valid)}")
@@ -74,7 +76,6 @@ class GraspVectorEnv(VectorEnv):
             raise ValueError(f"render_mode: is {render_mode!r}; should be one of None, "
                              f"{', '.join(RENDER_MODES)}")
         self.num_envs, self.render_mode = num_envs, render_mode
-        self._made_with = read_settings(objects, settings)
         self._probes, self._device = probes, device
         self._procedures, self._closings = tuple(procedures), tuple(closings)
         self._slots = contact_slots(self._procedures, len(self._closings), probes)

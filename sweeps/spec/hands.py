@@ -3,20 +3,22 @@
 The same word in a sweep, `hand = ["utah_mit", "allegro"]`, compares hands.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from strategies.poses.closing_paths import CLOSING_PATHS
 from sweeps.spec.axes import WORDS
 from sweeps.spec.errors import KeyPath, Problems, choose, short
 from sweeps.spec.objects import NoFile, named_file
 from sweeps.spec.study import HAND_KEY, Axis, Study
 from sweeps.spec.units import spec_fields
 from warpgrasp.hands.hand_model import HandError
-from warpgrasp.parameters import UTAH_MIT, ContactTable, HandTable
+from warpgrasp.parameters import UTAH_MIT, HandTable
 
 HAND_LIMIT = 1 << 20
+CLOSINGS_KEY = "strategy.closings"
 COUNTS = ("kind", "mount_length_m", "palm_thickness_m", "joint_stop_Nm_rad", "link_density_kg_m3",
           "skin_stiffness_N_m")
 """Fields of `HandTable` that count for every hand."""
@@ -63,15 +65,10 @@ def with_hands(axis: Axis, base_dir: Path, problems: Problems) -> Axis:
 
 
 def check_hands(study: Study, given: Mapping[str, Any], problems: Problems) -> None:
-    """Notes keys of `[hand]` that say nothing of the hand, and closing paths that it has not."""
+    """Notes keys of `[hand]` that say nothing of the hand, and hands that a robot would mistake."""
     hands = hands_of(study)
     if hands == {UTAH_MIT}:
         return
-    # Warp and what reads hands are imported for other hands alone.
-    from strategies.poses.chain_paths import chain_path_names
-    from warpgrasp.chain.chain_hand import chain_of_table
-    from warpgrasp.chain_closing.chain_closing import unsupported_contact
-
     if UTAH_MIT not in hands:
         for key, field in spec_fields(HandTable).items():
             if key in given and field.name not in COUNTS:
@@ -80,30 +77,54 @@ def check_hands(study: Study, given: Mapping[str, Any], problems: Problems) -> N
     if len(hands) > 1 and _sides(study) != {"both"}:
         problems.add(("robot", "swept"), "hands are swept, and a robot knows which hand it has; "
                      "should be both")
-    for table in _contacts(study):
-        for key, what in unsupported_contact(table):
-            problems.add(("contact", key), what)
-            return
-    for kind in sorted(hands - {UTAH_MIT}):
-        chain = chain_of_table(HandTable(kind=kind))
-        assert chain is not None
-        known = chain_path_names(chain)
-        for strategy in study.strategies:
-            for name in strategy.closings:
-                if name not in known:
-                    problems.add(("strategy",), f"{strategy.name}: the hand {chain.model.name} has "
-                                 f"no closing path {short(name)}; {choose(name, known)}")
 
 
-def _contacts(study: Study) -> list[ContactTable]:
-    """Every table of what acts on the fingers that a study runs with."""
-    tables = [study.tables["contact"]]
-    for axis in study.axes:
-        for n, key in enumerate(axis.keys):
-            if key.startswith("contact."):
-                name = spec_fields(ContactTable)[key.removeprefix("contact.")].name
-                tables += [replace(tables[0], **{name: point[n]}) for point in axis.si]
-    return tables
+def check_closings(study: Study, problems: Problems) -> None:
+    """Notes closing paths that a hand of the study has not."""
+    hands = hands_of(study)
+    for path, name, kinds in _closings(study, problems):
+        for kind in sorted(kinds):
+            known, called = _closing_names(kind)
+            if name not in known:
+                problems.add(path, f"is {short(name)}; {choose(name, known)}"
+                             if hands == {UTAH_MIT} else
+                             f"the hand {called} has no closing path {short(name)}; "
+                             f"{choose(name, known)}")
+
+
+def _closings(study: Study, problems: Problems) -> Iterator[tuple[KeyPath, str, set[str]]]:
+    """Every closing path named, where, and the hands that may go it."""
+    hands = hands_of(study)
+    swept = [(axis, axis.keys.index(CLOSINGS_KEY)) for axis in study.axes
+             if CLOSINGS_KEY in axis.keys]
+    for n, strategy in enumerate(() if swept else study.strategies):
+        for k, name in enumerate(strategy.closings):
+            yield ("strategy", n, "closings", k), name, hands
+    for axis, at in swept:
+        places = [p for p in problems.lines if p and p[0] == "sweep" and p[-1] == CLOSINGS_KEY]
+        path = places[0] if places else ("sweep",)
+        for point in axis.si:
+            own = {point[axis.keys.index(HAND_KEY)]} if HAND_KEY in axis.keys else hands
+            for name in point[at] or ():
+                yield path, name, own
+    for factor in () if study.search is None else study.search.factors:
+        if factor.key == CLOSINGS_KEY:
+            for names in factor.choices:
+                for name in names:
+                    yield ("search", CLOSINGS_KEY), name, hands
+
+
+def _closing_names(kind: str) -> tuple[Collection[str], str]:
+    """Names of a hand's closing paths, and its own name."""
+    if kind == UTAH_MIT:
+        return CLOSING_PATHS, kind
+    # Warp and what reads hands are imported for other hands alone.
+    from strategies.poses.chain_paths import chain_path_names
+    from warpgrasp.chain.chain_hand import chain_of_table
+
+    chain = chain_of_table(HandTable(kind=kind))
+    assert chain is not None
+    return chain_path_names(chain), chain.model.name
 
 
 def _sides(study: Study) -> set[str]:

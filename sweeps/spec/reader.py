@@ -10,7 +10,7 @@ from sweeps.spec.axes import read_axes, read_overrides
 from sweeps.spec.cell import SECTIONS
 from sweeps.spec.checks import check_order, check_pads
 from sweeps.spec.errors import Problem, Problems, SpecError, choose
-from sweeps.spec.hands import check_hands, read_hand, spelled_out, with_hands
+from sweeps.spec.hands import check_closings, check_hands, read_hand, spelled_out, with_hands
 from sweeps.spec.named_files import (
     KEY,
     check_arms,
@@ -89,6 +89,7 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
         problems.add(("episodes_per_cell",),
                      f"makes {study.cell_count * head.episodes_per_cell:,} episodes in "
                      f"{study.cell_count:,} cells; the limit is {EPISODE_LIMIT:,}")
+    check_closings(study, problems)
     if not problems.found:
         check_hands(study, values.get("hand", {}), problems)
         check_arms(study, values.get("arm", {}), problems)

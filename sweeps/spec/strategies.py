@@ -119,13 +119,14 @@ def _read_budget(value: Any, path: KeyPath, problems: Problems) -> dict[str, Any
 
 
 def read_names(key: str, value: Any, path: KeyPath, problems: Problems) -> tuple[str, ...]:
-    """A list of closing paths or of procedures, by name."""
+    """A list of closing paths or of procedures, by name. Which closing paths there are is the
+    hand's (`check_closings`)."""
     valid = {"closings": CLOSING_PATHS, "order": PROCEDURES}[key]
     if not isinstance(value, list) or not value:
         problems.add(path, f"is {short(value)}; should be a list of names; {choose(None, valid)}")
         return ()
     for n, name in enumerate(value):
-        if not isinstance(name, str) or name not in valid:
+        if not isinstance(name, str) or (key == "order" and name not in valid):
             problems.add((*path, n), f"is {short(name)}; {choose(name, valid)}")
     return tuple(name for name in value if isinstance(name, str))
 

@@ -26,8 +26,6 @@ from warpgrasp.parameters import ContactTable, HandTable, SensorTable
 from warpgrasp.probe_status import ProbeStatus
 
 HANDS = ("allegro", "leap", "barrett")
-BOUNDED = ("allegro", "leap")
-"""Hands for which bounds are promised."""
 PATHS = ("curl40", "base_then_curl")
 THRESHOLDS_NM = (0.03, 0.06, 0.12)
 BOUNDS = Bounds(0.05, 5e-4, 0.05)
@@ -59,8 +57,7 @@ def compare_hands(poses: int = 24, workers: int = 2) -> list[Comparison]:
         total = _Tally()
         for _, tally in own:
             _add(total, tally)
-        bounds = BOUNDS if hand in BOUNDED else Bounds()
-        rows += rows_of_tally(f"{hand}, ten bodies", total, bounds)
+        rows += rows_of_tally(f"{hand}, ten bodies", total, BOUNDS)
         for body, tally in own:
             rows += rows_of_tally(f"{hand}, {body}", tally, Bounds())
     return rows

@@ -27,7 +27,8 @@ _RADIUS_M = 0.01
 class MujocoChain(MujocoFingers):
     """A hand of chains, guarded by the torques of its joints, in units of their threshold.
 
-    The links' weight, at the angles that the joints have, is taken off the torques.
+    The links' weight, at the angles that the joints have, is taken off the torques, less what stops
+    bear where nothing touches.
     """
 
     ahead = 40
@@ -55,6 +56,7 @@ class MujocoChain(MujocoFingers):
         super().__init__(model, contact, skin_N_m=table.skin_stiffness_N_m,
                          stop_Nm_rad=table.joint_stop_Nm_rad)
         self.hand, self.sensors = hand, sensors
+        self._stop_Nm_rad = table.joint_stop_Nm_rad if contact.joint_stops else 0.0
         self._palm_place = np.linalg.inv(matrix_of(hand.model.grasp_frame))
         for f, finger in enumerate(hand.model.fingers):
             for j in range(len(finger.joints)):
@@ -68,10 +70,17 @@ class MujocoChain(MujocoFingers):
         """As of `MujocoFingers`: torques less what weight makes, and friction of the gears [N m].
         """
         weight = self.data.qfrc_bias  # at rest gravity alone
+        low, high = self.model.jnt_range.T
         found = []
         for f, joints in enumerate(self._joints):
             moving = np.sign(np.round(delta_rad[f, :len(joints)], 12))
             read = torque_Nm[f] - weight[joints] + self.sensors.torque_friction_Nm * moving
+            if self._stop_Nm_rad > 0.0:
+                spring = np.array([self.hand.model.fingers[f].joints[j].stiffness_Nm_rad
+                                   for j in self.hand.drives[f]])
+                led = self.data.ctrl[joints] - weight[joints] / spring
+                past = led - np.clip(led, low[joints], high[joints])
+                read -= past / (1.0 / spring + 1.0 / self._stop_Nm_rad)
             found.append(np.abs(read).max())
         return np.array(found)
 

@@ -9,7 +9,7 @@ with the kernels.
 """
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import minimize, nnls
 
 from warpgrasp.chain.chain_hand import ChainHand, capsule_ends, link_frames_of
 from warpgrasp.geometry.body import Body, distance_to_bodies, scene_of
@@ -17,6 +17,7 @@ from warpgrasp.hands.touch_shapes import bulk_of
 from warpgrasp.parameters import ContactTable, HandTable
 
 _SAMPLES, _ROUNDS = 65, 6
+_DIRECTIONS = 32
 
 
 class ReferenceChain:
@@ -32,6 +33,7 @@ class ReferenceChain:
         self.high = np.array([joint.high_rad for joint in drives])
         self.stop = table.joint_stop_Nm_rad * contact.joint_stops
         self.skin = table.skin_stiffness_N_m
+        self.friction = contact.friction
         self.radius = np.array([c.radius for c in hand.capsules[finger]])
         bulks = [bulk_of(joint.shapes) for joint in model.joints]
         self.weight = 9.81 * table.link_density_kg_m3 * contact.weight * np.array(
@@ -41,10 +43,14 @@ class ReferenceChain:
     def _padded(self, q: np.ndarray) -> np.ndarray:
         return np.pad(q, (0, self.hand.width - len(q)))
 
+    def _ends(self, q: np.ndarray) -> np.ndarray:
+        """Of the capsules' axes in the body's frame [m], (capsule, 2, 3)."""
+        ends = capsule_ends(self.hand, self.finger, self._padded(q))
+        return np.asarray(ends @ self.pose[:3, :3].T + self.pose[:3, 3])
+
     def depths(self, q: np.ndarray) -> np.ndarray:
         """How deep body and table press into each capsule [m], (capsule, 2); negative: free."""
-        ends = capsule_ends(self.hand, self.finger, self._padded(q))
-        ends = ends @ self.pose[:3, :3].T + self.pose[:3, 3]
+        ends = self._ends(q)
         low, high = np.zeros(len(ends)), np.ones(len(ends))
         nearest = np.zeros(len(ends))
         for _ in range(_ROUNDS):
@@ -80,6 +86,59 @@ class ReferenceChain:
                           for d in 1e-6 * np.eye(len(q))])
         self.weight = weight
         return found
+
+    def contacts(self, q: np.ndarray) -> list[tuple[int, np.ndarray, np.ndarray, float]]:
+        """Pressed capsules: the number, the place on its axis that is nearest to body or table in
+        the body's frame [m], the normal there, and how deep [m]."""
+        found = []
+        for c, what in np.argwhere(self.depths(q) > 0.0):
+            start, end = self._ends(q)[c]
+            share = np.linspace(0.0, 1.0, 20001)[:, None]
+            points = start + share * (end - start)
+            away, normal = distance_to_bodies(self.scene, np.zeros(1, int), points[None])
+            if what:
+                away, normal = points[None, :, 2], np.broadcast_to([0.0, 0.0, 1.0], (1, 20001, 3))
+            k = away[0].argmin()
+            n = normal[0, k] / np.linalg.norm(normal[0, k])
+            found.append((int(c), points[k], n, float(self.radius[c] - away[0, k])))
+        return found
+
+    def lever(self, c: int, point: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """How a point of a capsule moves as each drive turns [m/rad], (drive, 3): differences."""
+        joint = self.hand.capsule_joint[self.finger][c]
+
+        def frame(q: np.ndarray) -> np.ndarray:
+            return self.pose @ link_frames_of(self.hand, self.finger, self._padded(q))[joint]
+
+        own = np.linalg.solve(frame(q), [*point, 1.0])
+        return np.array([((frame(q + d) - frame(q - d)) @ own)[:3] / 2e-6
+                         for d in 1e-6 * np.eye(len(q))])
+
+    def unheld(self, q: np.ndarray, command: np.ndarray) -> np.ndarray:
+        """The part of the slope that no friction can hold [N m], shortest: zero at any rest.
+
+        Along the surface each contact bears any force up to the friction coefficient times its
+        normal force, here in one of `_DIRECTIONS` directions.
+        """
+        left = self.slope(q, command)
+        columns, owners, limits = [], [], []
+        angle = 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+        for k, (c, place, n, depth) in enumerate(self.contacts(q)):
+            one = np.cross(n, np.eye(3)[np.abs(n).argmin()])
+            one /= np.linalg.norm(one)
+            ways = np.outer(np.cos(angle), one) + np.outer(np.sin(angle), np.cross(n, one))
+            skin = place - n * (self.radius[c] - depth)
+            columns += [*(self.lever(c, skin, q) @ ways.T).T, np.zeros(len(q))]
+            owners += [k] * (_DIRECTIONS + 1)
+            # A polygon around the circle.
+            limits.append(self.friction * self.skin * depth / np.cos(np.pi / _DIRECTIONS))
+        if not columns:
+            return left
+        forces, whole = np.stack(columns, 1), 1e2
+        sums = np.stack([np.asarray(owners) == k for k in range(len(limits))]) * whole
+        weights, _ = nnls(np.concatenate([forces, sums]),
+                          np.concatenate([-left, whole * np.asarray(limits)]))
+        return np.asarray(left + forces @ weights)
 
     def rest(self, command: np.ndarray, start: np.ndarray) -> np.ndarray:
         """The drives of least energy near `start`."""

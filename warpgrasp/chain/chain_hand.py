@@ -229,6 +229,13 @@ def chain_rows(
             row["end"] = np.array(capsule.end) * stretch[:, j, None]
             row["palmar"] = toward[f][c]
             row["far"] = np.linalg.norm([row["start"], row["end"]], axis=2).max(0)
+        beyond = np.zeros(worlds)  # from a joint to the farthest place that it moves
+        for j in reversed(range(len(finger.joints))):
+            borne = capsules[:, f]["far"] * (capsules[:, f]["joint"] == j)
+            beyond = np.maximum(beyond, borne.max(1))
+            row = joints[:, f, j]
+            chain["levers"][np.arange(worlds), row["drive"]] += np.abs(row["factor"]) * beyond
+            beyond = beyond + row["arm"]
         far = capsules[:, f]["far"].max(1)
         chain["reach"] = reach + np.maximum(far, np.linalg.norm(chain["tip"], axis=1))
     return chains, joints, capsules

@@ -8,7 +8,7 @@ of joints and capsules are addresses, since Warp passes structs by value (see `g
 
 import warp as wp
 
-from warpgrasp.core.dtypes import HALF, ONE, ZERO, quat, real, struct, transform, vec3
+from warpgrasp.core.dtypes import HALF, ZERO, quat, real, struct, transform, vec3
 from warpgrasp.core.sincos import sine_cosine
 
 JOINTS = 6
@@ -81,6 +81,8 @@ class Chain:
     """In the frame of the last joint."""
     reach: real
     """From the first joint to the farthest place of the finger, stretched out [m]."""
+    levers: vec6
+    """How far a radian of each drive moves any place of the skin's axes at most [m]."""
 
 
 @struct
@@ -167,11 +169,17 @@ def chain_weight(hand: Chain, pose: ChainPose):
     """Torques of the links' weight about the drives [N m]; the frame of `pose` has z upwards."""
     turns = vec6()
     if hand.weighs == 1:
-        for j in range(hand.joint_count):
+        # From the tip inwards: what turns a joint is what lies beyond it.
+        carried = real(0.0)
+        moment = vec3(ZERO, ZERO, ZERO)
+        for beyond in range(hand.joint_count):
+            j = hand.joint_count - 1 - beyond
             row = chain_joint(hand, j)
-            if row.weight > ZERO:
-                turns -= chain_jacobian(hand, pose, j, link_place(pose, j, row.centre),
-                                        vec3(ZERO, ZERO, ONE)) * row.weight
+            carried += row.weight
+            moment += link_place(pose, j, row.centre) * row.weight
+            arm = moment - pose.at[j] * carried
+            axis = pose.axis[j]
+            turns[row.drive] -= row.factor * (axis[0] * arm[1] - axis[1] * arm[0])
     return turns
 
 

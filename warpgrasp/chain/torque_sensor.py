@@ -65,20 +65,20 @@ def _unknown_torque(
     commanded: Range
 ) -> np.ndarray:
     """The most that a free finger may read beside noise and friction [N m], (world or 1, finger):
-    what of its weight the robot does not take off, all of it where a joint may lie on a stop,
-    and what commands beyond a stop make."""
+    what of its weight the robot does not take off, and as much of what a stop bears, where a joint
+    may lie on one."""
     chains, joints, _ = chain_rows(hand, table, contact, errors)
     weight = np.where(chains["weighs"] == 1, joints["weight"].sum(-1), 0.0)
     off = np.abs(errors.joint_offset_rad).sum(-1)
     share = off + np.abs(errors.link_length_share).max(-1)
-    unknown = weight * (chains["reach"] * share + np.linalg.norm(errors.finger_base_m, axis=-1))
+    light = weight * (chains["reach"] * share + np.linalg.norm(errors.finger_base_m, axis=-1))
     moment = weight * chains["reach"]
+    unknown = light.copy()
     for f, own in enumerate(commanded):
         for d, (low, high) in enumerate(own[:len(hand.drives[f])]):
             joint = hand.model.fingers[f].joints[hand.drives[f][d]]
             sag = moment[:, f] / joint.stiffness_Nm_rad
-            past = max(high - joint.high_rad, joint.low_rad - low, 0.0)
             beside = (high > joint.high_rad - sag) | (low < joint.low_rad + sag)
-            held = np.where(beside, moment[:, f], 0.0) + joint.stiffness_Nm_rad * past
-            unknown[:, f] = np.maximum(unknown[:, f], held * (chains["stop"][:, f] > 0.0))
+            held = 2.0 * light[:, f] * beside * (chains["stop"][:, f] > 0.0)
+            unknown[:, f] = np.maximum(unknown[:, f], held)
     return np.asarray(unknown)

@@ -47,15 +47,6 @@ _SHAPES = {
     "truth": _EACH}
 
 
-def unsupported_contact(contact: ContactTable) -> list[tuple[str, str]]:
-    """Keys of `[contact]` that no closing of chains takes yet, and what they should be."""
-    wrong = []
-    if contact.friction:
-        wrong.append(("friction", f"is {contact.friction:g}; should be 0: of hands other than the "
-                      "Utah-MIT the skin does not rub yet"))
-    return wrong
-
-
 def no_chain_errors(hand: ChainHand) -> Calibration:
     """The hand that is believed."""
     return no_errors(hand.fingers, JOINTS, JOINTS)
@@ -88,8 +79,6 @@ def close_chains(
     body or a count of steps that there is not, for a hand that sags by its own weight, and for
     `unsupported_contact`.
     """
-    for word, what in unsupported_contact(contact or ContactTable()):
-        raise ValueError(f"contact.{word} {what}")
     check_range("body", body, 0, scene.bodies - 1)
     check_range("command_count", command_count, 1, np.shape(commands_rad)[2])
     worlds, probes = hand_pose.shape[:2]
@@ -125,8 +114,8 @@ def close_chains(
     reading = (chain_reading_kernel, _SHAPES, given)
     if contact.self_contact:
         launch_in_turn(extents, [closing], device=device)
-        resolve_meetings(hand, sensors, felt.numpy()["status"][..., 0], come.numpy(),
-                         given | counts, device)
+        resolve_meetings(hand, felt.numpy()["status"][..., 0], come.numpy(),
+                         given | counts, contact.friction > 0.0, device)
         launch_in_turn(extents, [reading], device=device)
     else:
         launch_in_turn(extents, [closing, reading], device=device)

@@ -4,14 +4,16 @@
 A finger follows its commands. While it is certainly free it is not looked at (`free_chain`), unless
 friction and noise alone may stop it: then the reading of every free step is drawn. From the first
 touch on it is brought to rest at every step (`finger.equilibrium`), and stops at the first step
-whose reading passes the threshold. What the robot believes its links to weigh is taken off the
-readings, at the angles that its sensors tell.
+whose reading passes the threshold; with friction, the skin remembers how it is stretched
+(`rubbing`). What the robot believes its links to weigh is taken off the readings, at the angles
+that its sensors tell, and what stops bear of it put back.
 """
 
 import warp as wp
 
 from warpgrasp.chain.chain_kernel import (
     Chain,
+    chain_beyond_stops,
     chain_capsule,
     chain_free_joints,
     chain_pose,
@@ -36,6 +38,8 @@ from warpgrasp.finger.friction import NO_FRICTION
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.geometry.segment_distance import LINK_SAMPLES
 from warpgrasp.probe_status import ProbeStatus
+from warpgrasp.rubbing.chain_balance import ChainRubbed, predicted, start_rubbed
+from warpgrasp.rubbing.friction_step import next_rubbed, refine_rubbed
 
 wp.set_module_options({"max_unroll": 1})
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
@@ -49,6 +53,8 @@ class _State:
 
     rest: ChainRest
     free: FreeChain
+    rubbed: ChainRubbed
+    """With friction: `rest`, and how the skin is stretched there."""
 
 
 @wp.func
@@ -71,10 +77,39 @@ def touches(hand: Chain, rest: ChainRest):
 
 
 @wp.func
+def strayed(hand: Chain, base: transform, command: vec6, q: vec6):
+    """How far any place of a finger at drives `q` is from where it would be free [m], at most."""
+    free = chain_free_joints(hand, base, command)
+    off = real(0.0)
+    for d in range(hand.drives):
+        off += wp.abs(q[d] - free[d]) * hand.levers[d]
+    return off
+
+
+@wp.func
 def felt_torque(hand: Chain, believed: Chain, base: transform, command: vec6, q: vec6):
     """What the servos bear at drives `q` beside the weight that the robot believes [N m]."""
     return wp.cw_mul(command - q, hand.stiffness) + chain_weight(
         believed, chain_pose(believed, base, q + hand.offset))
+
+
+@wp.func
+def guarded_torque(hand: Chain, believed: Chain, base: transform, command: vec6, q: vec6):
+    """What the servos bear beside what the robot believes them to where nothing touches [N m].
+
+    A drive that is led onto its stop, or sinks onto it, presses it with the servo's spring and the
+    stop's in series; that much of the weight, or of the command, is not felt.
+    """
+    drive = wp.cw_mul(command - q, hand.stiffness)
+    felt = felt_torque(hand, believed, base, command, q)
+    led = command + hand.offset
+    for d in range(hand.drives):
+        led[d] += (felt[d] - drive[d]) / hand.stiffness[d]
+    past = chain_beyond_stops(believed, led)
+    for d in range(hand.drives):
+        k = hand.stiffness[d]
+        felt[d] -= past[d] * (k * hand.stop / (k + hand.stop))
+    return felt
 
 
 @wp.kernel(enable_backward=False)
@@ -134,7 +169,7 @@ def chain_closing_kernel(
                         now.rest = free_chain(chain_free_joints(hand, base, command))
                         drawn = guard_reading(
                             sensor, hand.drives,
-                            felt_torque(hand, believed[0, finger], base, command, now.rest.q),
+                            guarded_torque(hand, believed[0, finger], base, command, now.rest.q),
                             ZERO, delta, counter_key(reader, t))
                         if drawn[0] > ONE:
                             stopped = int(t)
@@ -147,23 +182,36 @@ def chain_closing_kernel(
                 now.rest = free_chain(chain_free_joints(hand, base, command))
                 break
             command = path[g, finger, s] - hand.offset
-            now.rest = free_chain(chain_free_joints(hand, base, command))
-            now.rest = finger_equilibrium(scene, which, hand, base, command, now.rest.q, now.rest,
-                                          LINK_SAMPLES, NO_FRICTION)
+            if hand.friction > ZERO:
+                now.rubbed = start_rubbed(hand, base,
+                                          path[g, finger, wp.max(s - 1, 0)] - hand.offset)
+            else:
+                now.rest = free_chain(chain_free_joints(hand, base, command))
+                now.rest = finger_equilibrium(scene, which, hand, base, command, now.rest.q,
+                                              now.rest, LINK_SAMPLES, NO_FRICTION)
         else:
             before = vec6(command)
             command = path[g, finger, s] - hand.offset
-            ahead = now.rest.q + now.rest.compliance * wp.cw_mul(command - before, hand.stiffness)
-            now.rest = finger_equilibrium(scene, which, hand, base, command, ahead, now.rest,
-                                          LINK_SAMPLES, NO_FRICTION)
-        pressed = int(touches(hand, now.rest))
-        if pressed == 1 and truth[w, p, g, finger].touched < 0:
-            truth[w, p, g, finger].touched = s
+            if hand.friction == ZERO:
+                ahead = predicted(hand, before, now.rest, command)
+                now.rest = finger_equilibrium(scene, which, hand, base, command, ahead, now.rest,
+                                              LINK_SAMPLES, NO_FRICTION)
+        if hand.friction > ZERO:
+            now.rubbed = next_rubbed(scene, which, hand, base, command, now.rubbed, LINK_SAMPLES)
+            now.rest = now.rubbed.rest
+            pressed = int(now.rubbed.pressed)
+        else:
+            pressed = int(touches(hand, now.rest))
+        if pressed == 1:
+            truth[w, p, g, finger].strayed = wp.max(
+                truth[w, p, g, finger].strayed, strayed(hand, base, command, now.rest.q))
+            if truth[w, p, g, finger].touched < 0:
+                truth[w, p, g, finger].touched = s
         if pressed == 1 or sensor.heard == 1:
             delta = path[g, finger, s] - path[g, finger, wp.max(s - 1, 0)]
             drawn = guard_reading(
                 sensor, hand.drives,
-                felt_torque(hand, believed[0, finger], base, command, now.rest.q),
+                guarded_torque(hand, believed[0, finger], base, command, now.rest.q),
                 tip_force(hand, now.rest), delta, counter_key(reader, s))
             if drawn[0] > ONE:
                 stopped = int(s)
@@ -177,6 +225,8 @@ def chain_closing_kernel(
         s += 1
 
     at = wp.where(stopped < 0, last, stopped)
+    if stopped >= 0 and pressed == 1 and hand.friction > ZERO:
+        now.rest = refine_rubbed(scene, which, hand, base, now.rubbed)
     truth[w, p, g, finger].q = now.rest.q
     truth[w, p, g, finger].torque = wp.cw_mul(command - now.rest.q, hand.stiffness)
     truth[w, p, g, finger].along = now.rest.along

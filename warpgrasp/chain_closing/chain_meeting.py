@@ -9,41 +9,38 @@ import warp as wp
 
 from warpgrasp.chain.chain_hand import ChainHand, capsule_ends, closing_way
 from warpgrasp.chain.chain_kernel import CAPSULES
-from warpgrasp.chain.torque_sensor import KINDS
-from warpgrasp.chain.torque_sensor_kernel import TORQUES
 from warpgrasp.chain_closing.chain_meeting_kernel import chain_meeting_kernel, chain_near_kernel
-from warpgrasp.chain_closing.chain_meetings import FINGERS, MEETINGS, ChainMeeting
+from warpgrasp.chain_closing.chain_meetings import FINGERS, CapsulePair, ChainMeeting
 from warpgrasp.core.dtypes import real, vec3
 from warpgrasp.core.kernel_launch import launch
-from warpgrasp.core.struct_array import Records
+from warpgrasp.core.struct_array import Records, record_type
 from warpgrasp.finger.chain_energy import ChainRest
-from warpgrasp.parameters import SensorTable
+from warpgrasp.finger.chain_friction import ChainFriction
+from warpgrasp.hand_rest.meetings import MEETINGS
 from warpgrasp.probe_status import ProbeStatus
+from warpgrasp.rubbing.chain_balance import ChainGrip
 
 CLOSE_M = 3e-3
 """Links that are as near in the open hand are built so, and do not count as touching."""
-_UNGUARDED_M = 0.02
-"""How far a finger that feels no torques may be off its way [est]."""
-_DEVIATIONS = 6.0
 _SHAPES = {
     "body": "some", "body_pose": "world", "hands": "robots finger", "believed": "1 finger",
-    "sensors": "feelers finger", "palm": "bar 2", "palm_radius": "bar", "barred": "all each",
-    "stray": "finger", "key": "world", "probe_number": "world probe", "hand_pose": "world probe",
+    "sensors": "feelers finger", "palm": "bar 2", "pairs": "pair",
+    "key": "world", "probe_number": "world probe", "hand_pose": "world probe",
     "path": "grasp finger step", "swept": "grasp finger step", "command_count": "grasp",
     "place": "row", "near": "row", "state": "row slot", "meetings": f"row {MEETINGS}",
-    "ends": "row every 2", "felt": "world probe grasp finger",
-    "truth": "world probe grasp finger"}
+    "ends": "row every 2", "frictions": "rubs finger", "grips": "rubs slot",
+    "felt": "world probe grasp finger", "truth": "world probe grasp finger"}
 
 
 def resolve_meetings(
-    hand: ChainHand, sensors: SensorTable, status: np.ndarray, come_m: np.ndarray,
-    given: Mapping[str, Any], device: str,
+    hand: ChainHand, status: np.ndarray, come_m: np.ndarray,
+    given: Mapping[str, Any], rubs: bool, device: str,
 ) -> None:
     """Close together the fingers of those hands whose links come near one another.
 
-    `status` (world, probe, grasp) are those of the closings made, `come_m` is as `come_bounds`, and
-    `given` are the closing's arguments. Raises ValueError for a hand of more than `FINGERS`
-    fingers.
+    `status` (world, probe, grasp) are those of the closings made, `come_m` is as `come_bounds`,
+    `given` are the closing's arguments, and `rubs` says whether there is friction. Raises
+    ValueError for a hand of more than `FINGERS` fingers.
     """
     if hand.fingers > FINGERS:
         raise ValueError(f"{hand.model.name} has {hand.fingers} fingers; {FINGERS} at most can "
@@ -51,31 +48,32 @@ def resolve_meetings(
     place = np.argwhere(np.isin(status, (ProbeStatus.CONTACT, ProbeStatus.NO_CONTACT)))
     if len(place) == 0:
         return
-    ends, radius, barred = palm_of(hand)
+    palm, pairs = pairs_on_device(hand, CLOSE_M, device)
     own = {
-        "palm": wp.array(ends, dtype=vec3, device=device),
-        "palm_radius": wp.array(radius, dtype=real, device=device),
-        "barred": wp.array(barred, dtype=wp.bool, device=device),
-        "stray": wp.array(_strays(hand, sensors), dtype=real, device=device),
+        "palm": palm, "pairs": pairs,
         "swept": wp.array(np.diff(come_m, axis=-1, prepend=0.0).max(2).cumsum(-1), dtype=real,
                           device=device)}
     every = {**given, **own}
-    near = _rows(chain_near_kernel, hand, place, every, device)
+    near = _rows(chain_near_kernel, hand, place, every, rubs, device)
     some = near >= 0
     if some.any():
-        _rows(chain_meeting_kernel, hand, place[some], every, device, near[some])
+        _rows(chain_meeting_kernel, hand, place[some], every, rubs, device, near[some])
 
 
-def _rows(kernel: Any, hand: ChainHand, place: np.ndarray, given: Mapping[str, Any], device: str,
-          near: np.ndarray | None = None) -> np.ndarray:
+def _rows(kernel: Any, hand: ChainHand, place: np.ndarray, given: Mapping[str, Any], rubs: bool,
+          device: str, near: np.ndarray | None = None) -> np.ndarray:
     """Run a kernel over some hands; the steps at which their links come near, (row,)."""
     n = len(place)
     found = wp.array(np.zeros(n, np.int32) if near is None else near.astype(np.int32), dtype=int,
                      device=device)
     state, meetings = (Records(ChainRest, (n, 2 * hand.fingers), device),
                        Records(ChainMeeting, (n, MEETINGS), device))
+    rubbing = n if rubs else 1
+    frictions, grips = (Records(row, (rubbing, count), device) for row, count in (
+        (ChainFriction, hand.fingers), (ChainGrip, 2 * hand.fingers)))
     scratch = {
-        "state": state.array, "meetings": meetings.array,
+        "state": state.array, "meetings": meetings.array, "frictions": frictions.array,
+        "grips": grips.array,
         "ends": wp.zeros((n, hand.fingers * CAPSULES, 2), dtype=vec3, device=device)}
     values = {**given, **scratch, "near": found,
               "place": wp.array(place.astype(np.int32), dtype=wp.vec3i, device=device)}
@@ -115,6 +113,28 @@ def palm_of(hand: ChainHand, close_m: float = CLOSE_M
     return ends, radius, barred
 
 
+@lru_cache(maxsize=16)
+def pairs_on_device(hand: ChainHand, close_m: float, device: str) -> tuple[wp.array, wp.array]:
+    """The palm's capsules (bar, 2) and the pairs of capsules that are not nearer than `close_m` in
+    the open hand, (pair,), as kernels take them."""
+    ends, thick, barred = palm_of(hand, close_m)
+    whole = hand.fingers * CAPSULES
+    free = ~barred
+    free[:, :whole] &= np.triu(free[:, :whole])  # each pair once
+    row, other = np.argwhere(free).T
+    pairs = np.zeros(len(row), record_type(CapsulePair))
+    pairs["one"], pairs["capsule"] = np.divmod(row, CAPSULES)
+    pairs["two"] = np.where(other < whole, other // CAPSULES, -1)
+    pairs["other"] = np.where(other < whole, other % CAPSULES, other - whole)
+    radius = np.zeros(whole + len(ends))
+    radius[whole:] = thick
+    for f, own in enumerate(hand.capsules):
+        radius[f * CAPSULES:f * CAPSULES + len(own)] = [c.radius for c in own]
+    pairs["both"] = radius[row] + radius[other]
+    return (wp.array(ends, dtype=vec3, device=device),
+            wp.array(pairs, dtype=CapsulePair, device=device))
+
+
 def _apart(segments: np.ndarray) -> np.ndarray:
     """About how far segments (segment, 2, 3) are apart [m], (segment, segment): by samples."""
     share = np.linspace(0.0, 1.0, 21)[:, None]
@@ -123,20 +143,3 @@ def _apart(segments: np.ndarray) -> np.ndarray:
     for n, one in enumerate(points):
         found[n] = np.linalg.norm(one[None, :, None] - points[:, None], axis=-1).min((1, 2))
     return found
-
-
-def _strays(hand: ChainHand, sensors: SensorTable) -> np.ndarray:
-    """How far any place of a finger that presses may be from where its command has it [m],
-    (finger,): each drive bears no more than its threshold, noise, friction and all."""
-    most = (sensors.torque_threshold_Nm + sensors.torque_friction_Nm + sensors.torque_step_Nm
-            + _DEVIATIONS * sensors.torque_noise_Nm)
-    found = []
-    for f, finger in enumerate(hand.model.fingers):
-        if KINDS[hand.model.senses] != TORQUES:
-            found.append(_UNGUARDED_M)
-            continue
-        lengths = [float(np.linalg.norm(j.place[:3])) for j in finger.joints[1:]]
-        lengths.append(float(np.linalg.norm(finger.tip_m)))
-        found.append(sum(most / finger.joints[j].stiffness_Nm_rad * sum(lengths[j:])
-                         for j in hand.drives[f]))
-    return np.array(found)

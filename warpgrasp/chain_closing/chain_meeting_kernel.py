@@ -12,17 +12,14 @@ import warp as wp
 
 from warpgrasp.chain.chain_kernel import Chain, chain_free_joints, vec6
 from warpgrasp.chain.torque_sensor_kernel import TorqueSensor, guard_reading
-from warpgrasp.chain_closing.chain_closing_kernel import felt_torque, tip_force
-from warpgrasp.chain_closing.chain_hand_equilibrium import (
-    chains_energy,
-    chains_equilibrium,
-    with_angles,
-)
+from warpgrasp.chain_closing.chain_closing_kernel import guarded_torque, tip_force
 from warpgrasp.chain_closing.chain_meetings import (
+    CapsulePair,
+    ChainBuild,
     ChainMeeting,
-    angles_of,
     hand_angles,
-    hand_gap,
+    hand_room,
+    least_gap,
     place_capsules,
 )
 from warpgrasp.chain_closing.chain_record import ChainClosingRow, ChainTruthRow, hand_from_body
@@ -30,11 +27,17 @@ from warpgrasp.core.dtypes import ONE, ZERO, real, transform, vec3
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key
 from warpgrasp.finger.chain_energy import ChainRest, free_chain
+from warpgrasp.finger.chain_friction import ChainFriction
 from warpgrasp.finger.equilibrium import finger_equilibrium
 from warpgrasp.finger.friction import NO_FRICTION
+from warpgrasp.finger.path_record import true_command
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.geometry.segment_distance import LINK_SAMPLES
+from warpgrasp.hand_rest.hand_balance import hand_balance
+from warpgrasp.hand_rest.hand_equilibrium import hand_energy, hand_equilibrium, move_commands
+from warpgrasp.hand_rest.rubbing_hand import rubbed_at, rubbing_hand
 from warpgrasp.probe_status import ProbeStatus
+from warpgrasp.rubbing.chain_balance import ChainGrip
 
 wp.set_module_options({"max_unroll": 1})
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
@@ -45,14 +48,13 @@ _TWO = wp.constant(real(2.0))
 
 
 @wp.func
-def _stray(stray: wp.array[real], row: ChainClosingRow, true: ChainTruthRow, finger: int, s: int):
-    """How far a finger may be from where `_angles_at` has it [m]: one that presses is held back by
-    what its drives bear at most, the threshold."""
+def _stray(row: ChainClosingRow, true: ChainTruthRow, s: int):
+    """How far a finger that closes alone may be from where `_angles_at` has it [m]."""
     if s >= row.step:
         return ZERO
     if true.touched < 0 or s < true.touched:
         return _ROUGH
-    return stray[finger]
+    return _ROUGH + true.strayed
 
 
 @wp.func
@@ -69,42 +71,44 @@ def _angles_at(
 @wp.func
 def first_near(
     hands: wp.array2d[Chain], own: int, base: transform, path: wp.array3d[vec6],
-    swept: wp.array3d[real], stray: wp.array[real], palm: wp.array2d[vec3],
-    palm_radius: wp.array[real], barred: wp.array2d[wp.bool],
-    felt: wp.array4d[ChainClosingRow], truth: wp.array4d[ChainTruthRow], w: int, p: int, g: int,
-    ends: wp.array3d[vec3], i: int, begin: int, last: int
+    swept: wp.array3d[real], build: ChainBuild, felt: wp.array4d[ChainClosingRow],
+    truth: wp.array4d[ChainTruthRow], w: int, p: int, g: int, i: int, begin: int, last: int
 ):
     """The first step from `begin` on at which links of a hand may touch, `last` + 1 if none.
 
     Distances are looked at while they cannot have been used up (conservative advancement); `swept`
-    bounds how far any place of a finger has come.
+    bounds how far any place of a finger has come. Pairs that are both at rest before `begin` are
+    left out.
     """
     fingers = hands.shape[1]
     end = int(0)
     for f in range(fingers):
         end = wp.max(end, felt[w, p, g, f].step)
     s = int(begin)
+    seen = begin - 1  # the step looked at before
     while s <= last:
         q = hand_angles()
         for f in range(fingers):
-            q = with_angles(q, f, _angles_at(hands[own, f], base, path, felt[w, p, g, f],
-                                             truth[w, p, g, f], g, f, s))
-        place_capsules(hands, own, q, ends, i)
-        room = ONE
-        for one in range(fingers):
-            off = _stray(stray, felt[w, p, g, one], truth[w, p, g, one], one, s)
-            room = wp.min(room, hand_gap(hands, own, one, -1, palm, palm_radius, barred, ends, i)
-                          - off)
-            for two in range(one + 1, fingers):
-                room = wp.min(room, hand_gap(hands, own, one, two, palm, palm_radius, barred, ends,
-                                             i) - off
-                              - _stray(stray, felt[w, p, g, two], truth[w, p, g, two], two, s))
+            q[f] = _angles_at(hands[own, f], base, path, felt[w, p, g, f], truth[w, p, g, f], g, f,
+                              s)
+        place_capsules(hands, own, q, build.ends, i)
+        off = hand_room()
+        moving = int(0)
+        strays = int(end)  # from where a finger may be off farther
+        for f in range(fingers):
+            off[f] = _stray(felt[w, p, g, f], truth[w, p, g, f], s)
+            if felt[w, p, g, f].step > seen:
+                moving = moving | (1 << f)
+            if truth[w, p, g, f].touched > s:
+                strays = wp.min(strays, truth[w, p, g, f].touched)
+        room = least_gap(build, i, off, moving)
         if room <= ZERO:
             return s
         if s >= end:
             return last + 1
+        seen = int(s)
         ahead = s + 1
-        while ahead < end:
+        while ahead < strays:
             come = real(0.0)
             for f in range(fingers):
                 stop = felt[w, p, g, f].step
@@ -123,9 +127,7 @@ def chain_near_kernel(
     # Robot:
     hands: wp.array2d[Chain],
     palm: wp.array2d[vec3],
-    palm_radius: wp.array[real],
-    barred: wp.array2d[wp.bool],
-    stray: wp.array[real],
+    pairs: wp.array[CapsulePair],
     # Closing in:
     body_pose: wp.array[transform],
     hand_pose: wp.array2d[transform],
@@ -145,8 +147,12 @@ def chain_near_kernel(
     w = place[i][0]
     last = command_count[place[i][2]] - 1
     base = hand_from_body(body_pose, hand_pose, w, place[i][1])
-    near[i] = first_near(hands, w % hands.shape[0], base, path, swept, stray, palm, palm_radius,
-                         barred, felt, truth, w, place[i][1], place[i][2], ends, i, 0, last)
+    build = ChainBuild()
+    build.palm = palm
+    build.pairs = pairs
+    build.ends = ends
+    near[i] = first_near(hands, w % hands.shape[0], base, path, swept, build, felt, truth, w,
+                         place[i][1], place[i][2], i, 0, last)
     if near[i] > last:
         near[i] = -1
 
@@ -163,9 +169,7 @@ def chain_meeting_kernel(
     believed: wp.array2d[Chain],
     sensors: wp.array2d[TorqueSensor],
     palm: wp.array2d[vec3],
-    palm_radius: wp.array[real],
-    barred: wp.array2d[wp.bool],
-    stray: wp.array[real],
+    pairs: wp.array[CapsulePair],
     # Closing in:
     key: wp.array[wp.uint64],
     probe_number: wp.array2d[int],
@@ -179,6 +183,8 @@ def chain_meeting_kernel(
     state: wp.array2d[ChainRest],
     meetings: wp.array2d[ChainMeeting],
     ends: wp.array3d[vec3],
+    frictions: wp.array2d[ChainFriction],
+    grips: wp.array2d[ChainGrip],
     # Made right:
     felt: wp.array4d[ChainClosingRow],
     truth: wp.array4d[ChainTruthRow],
@@ -200,6 +206,10 @@ def chain_meeting_kernel(
     stopped = int(0)
     count = int(0)
     command = hand_angles()
+    build = ChainBuild()
+    build.palm = palm
+    build.pairs = pairs
+    build.ends = ends
     fresh = int(1)
     while s <= last:
         if fresh == 1:
@@ -211,30 +221,44 @@ def chain_meeting_kernel(
                 hand = hands[own, f]
                 row = felt[w, p, g, f]
                 before = wp.min(wp.max(s - 1, 0), row.step)
-                at = path[g, f, before] - hand.offset
-                rest = free_chain(chain_free_joints(hand, base, at))
+                command[f] = true_command(hand, path, g, f, before)
+                rest = free_chain(chain_free_joints(hand, base, command[f]))
+                begun = truth[w, p, g, f].touched
+                if hand.friction > ZERO:
+                    rubbed = rubbed_at(scene, which, hand, base, path, g, f, begun, before,
+                                       LINK_SAMPLES)
+                    rest = rubbed.rest
+                    grips[i, f] = rubbed.grip
                 if s > row.step:
                     rest = free_chain(truth[w, p, g, f].q)
                     if row.status == _CONTACT:
                         stopped = stopped | (1 << f)
-                elif truth[w, p, g, f].touched >= 0 and before >= truth[w, p, g, f].touched:
-                    rest = finger_equilibrium(scene, which, hand, base, at, rest.q, rest,
+                elif hand.friction == ZERO and begun >= 0 and before >= begun:
+                    rest = finger_equilibrium(scene, which, hand, base, command[f], rest.q, rest,
                                               LINK_SAMPLES, NO_FRICTION)
                 state[i, f] = rest
-                q = with_angles(q, f, rest.q)
-                command = with_angles(command, f, at)
-            _begun, count = chains_energy(
-                scene, which, hands, own, base, command, q, palm, palm_radius, barred, state, i, 0,
-                0, LINK_SAMPLES, ends, meetings)
+                q[f] = rest.q
+            if hands[own, 0].friction > ZERO:
+                count = hand_balance(scene, which, hands, own, base, build, command, q, state, i, 0,
+                                     0, LINK_SAMPLES, 0, meetings, grips)
+                for f in range(fingers):
+                    grips[i, f] = grips[i, fingers + f]
+            else:
+                _begun, count = hand_energy(scene, which, hands, own, base, build, command, q,
+                                            state, i, 0, 0, LINK_SAMPLES, 0, meetings, frictions)
+        moves = hand_angles()
         for f in range(fingers):
             if (stopped & (1 << f)) == 0:
-                now = path[g, f, s] - hands[own, f].offset
-                pull = wp.cw_mul(now - angles_of(command, f), hands[own, f].stiffness)
-                state[i, f].drive -= pull
-                state[i, f].gradient -= pull
-                command = with_angles(command, f, now)
-        count = chains_equilibrium(scene, which, hands, own, base, command, palm, palm_radius,
-                                   barred, state, i, LINK_SAMPLES, ends, meetings, count)
+                now = true_command(hands[own, f], path, g, f, s)
+                moves[f] = now - command[f]
+                command[f] = now
+        move_commands(hands, own, build, moves, state, i)
+        if hands[own, 0].friction > ZERO:
+            count = rubbing_hand(scene, which, hands, own, base, build, command, moves, state, i,
+                                 LINK_SAMPLES, meetings, count, frictions, grips)
+        else:
+            count = hand_equilibrium(scene, which, hands, own, base, build, command, state, i,
+                                     LINK_SAMPLES, meetings, count, frictions)
         for a in range(count):
             if meetings[i, a].depth > ZERO:
                 for f in range(fingers):
@@ -245,13 +269,18 @@ def chain_meeting_kernel(
             if (stopped & (1 << f)) == 0:
                 hand = hands[own, f]
                 rest = state[i, f]
-                at = angles_of(command, f)
+                at = command[f]
                 drawn = guard_reading(
                     sensors[own_sensor, f], hand.drives,
-                    felt_torque(hand, believed[0, f], base, at, rest.q), tip_force(hand, rest),
+                    guarded_torque(hand, believed[0, f], base, at, rest.q), tip_force(hand, rest),
                     path[g, f, s] - path[g, f, wp.max(s - 1, 0)],
                     counter_key(counter_key(counter_key(stream, f), _TENSION_STEP), s))
-                if drawn[0] > ONE:
+                stops = drawn[0] > ONE
+                if (touched & (1 << f)) == 0:
+                    # It stops where it did alone: this equilibrium differs in its last digits,
+                    # which may decide a reading at the threshold.
+                    stops = felt[w, p, g, f].status == _CONTACT and s >= felt[w, p, g, f].step
+                if stops:
                     stopped = stopped | (1 << f)
                 if (touched & (1 << f)) != 0:
                     # It is read where it stops; what pushes it later comes too late for that.
@@ -265,7 +294,7 @@ def chain_meeting_kernel(
                     truth[w, p, g, f].link = -1
                     felt[w, p, g, f].status = _NO_CONTACT
                     felt[w, p, g, f].step = last
-                    if drawn[0] > ONE:
+                    if stops:
                         truth[w, p, g, f].link = 0
                         felt[w, p, g, f].status = _CONTACT
                         felt[w, p, g, f].step = s
@@ -282,8 +311,8 @@ def chain_meeting_kernel(
         s += 1
         if (touched & ~stopped) == 0 and s <= last:
             # Those that go on have met nothing: each goes on alone until links are near again.
-            ahead = first_near(hands, own, base, path, swept, stray, palm, palm_radius, barred,
-                               felt, truth, w, p, g, ends, i, s, last)
+            ahead = first_near(hands, own, base, path, swept, build, felt, truth, w, p, g, i, s,
+                               last)
             if ahead > s:
                 s = ahead
                 fresh = int(1)

@@ -2,7 +2,7 @@
 """Where capsules of a hand of chains touch one another or the palm, or are near.
 
 Two skins give in series, and do not rub. Pairs that the hand's build keeps close are no pairs: the
-first links of fingers and the palm, and what is as near in the open hand (`barred`).
+first links of fingers and the palm, and what is as near in the open hand (`chain_meeting.palm_of`).
 """
 
 import warp as wp
@@ -16,23 +16,31 @@ from warpgrasp.chain.chain_kernel import (
     link_place,
     vec6,
 )
-from warpgrasp.core.dtypes import HALF, real, struct, vec3
+from warpgrasp.core.dtypes import HALF, real, struct, transform, vec3
+from warpgrasp.finger.path_record import true_command
 from warpgrasp.geometry.segment_pair import segment_pair
+from warpgrasp.hand_rest.meetings import (
+    MEETINGS,
+    base_of,
+    find_meetings,
+    servo_torques,
+    takes_part,
+)
 
 FINGERS = 5
 """Fingers of a hand at most."""
-MEETINGS = 8
-"""Places where links of a hand touch that are resolved."""
 _CAPSULES = wp.constant(CAPSULES)
 _MEETINGS = wp.constant(MEETINGS)
 _FAR = wp.constant(real(1.0))  # [m]
+_NEAR = wp.constant(real(2e-3))  # [m]: links nearer than this may meet in a step
 hand_angles = wp.types.matrix(shape=(FINGERS, 6), dtype=real)
+hand_room = wp.types.vector(length=FINGERS, dtype=real)
 
 
 @struct
 class ChainMeeting:
     """Two capsules that touch or are near: how deep [m], and how their distance changes with the
-    drives of each finger [m/rad]; `two` is -1 for the palm."""
+    drives of each finger [m/rad]; `two` is `PALM` for the palm."""
 
     one: int
     two: int
@@ -44,13 +52,52 @@ class ChainMeeting:
     give_two: vec6
 
 
+@struct
+class CapsulePair:
+    """Two capsules that may touch: their fingers, `two` -1 for the palm; their numbers, of a finger
+    or of the palm; the sum of their radii [m]."""
+
+    one: int
+    two: int
+    capsule: int
+    other: int
+    both: real
+
+
+@struct
+class ChainBuild:
+    """What else decides where links meet: the palm's capsules (bar, 2), the pairs, and room for the
+    ends of capsules (row, capsule, 2), in the hand's frame [m]."""
+
+    palm: wp.array2d[vec3]
+    pairs: wp.array[CapsulePair]
+    ends: wp.array3d[vec3]
+
+
 @wp.func
-def angles_of(q: hand_angles, finger: int):
-    """The drives of a finger."""
-    own = vec6()
-    for d in range(6):
-        own[d] = q[finger, d]
-    return own
+def takes_part(build: ChainBuild, finger: int):  # noqa: F811 (overloads, from here on)
+    """Every finger does."""
+    return True
+
+
+@wp.func
+def base_of(hand: Chain, pose: transform, finger: int):  # noqa: F811
+    """What the kinematics of a finger start from: the hand's own pose."""
+    return pose
+
+
+@wp.func
+def servo_torques(hand: Chain, turn: vec6):  # noqa: F811
+    """Torques of servos that are off by a turn [N m]."""
+    return wp.cw_mul(turn, hand.stiffness)
+
+
+@wp.func
+def true_command(  # noqa: F811
+    hand: Chain, path: wp.array3d[vec6], grasp: int, finger: int, step: int
+):
+    """The command at which the true drives stand, the errors of their sensors taken off [rad]."""
+    return path[grasp, finger, step] - hand.offset
 
 
 @wp.func
@@ -61,7 +108,7 @@ def place_capsules(
     still = wp.transform_identity(dtype=wp.float64)
     for f in range(hands.shape[1]):
         hand = hands[own, f]
-        pose = chain_pose(hand, still, angles_of(q, f))
+        pose = chain_pose(hand, still, q[f])
         for c in range(hand.capsule_count):
             capsule = chain_capsule(hand, c)
             ends[i, f * _CAPSULES + c, 0] = link_place(pose, capsule.joint, capsule.start)
@@ -76,32 +123,33 @@ def _within(a: vec3, b: vec3, c: vec3, d: vec3, reach: real):
 
 
 @wp.func
-def hand_gap(
-    hands: wp.array2d[Chain], own: int, one: int, two: int, palm: wp.array2d[vec3],
-    palm_radius: wp.array[real], barred: wp.array2d[wp.bool], ends: wp.array3d[vec3], i: int
-):
-    """Least distance between the skins of two fingers [m], of a finger and the palm with `two` -1;
-    at most a metre."""
+def _pair_end(pair: CapsulePair, palm: wp.array2d[vec3], ends: wp.array3d[vec3], i: int, end: int):
+    """An end of a pair's second capsule."""
+    if pair.two < 0:
+        return palm[pair.other, end]
+    return ends[i, pair.two * _CAPSULES + pair.other, end]
+
+
+@wp.func
+def least_gap(build: ChainBuild, i: int, off: hand_room, fingers: int):
+    """Least distance between the skins of pairs [m], less what each finger may be `off`; at most a
+    metre. Of the pairs of which one is one of `fingers`, a bit each."""
     least = real(_FAR)
-    for c in range(hands[own, one].capsule_count):
-        row = one * _CAPSULES + c
-        a = ends[i, row, 0]
-        b = ends[i, row, 1]
-        radius = chain_capsule(hands[own, one], c).radius
-        if two < 0:
-            for bar in range(palm.shape[0]):
-                if not barred[row, hands.shape[1] * _CAPSULES + bar] and _within(
-                        a, b, palm[bar, 0], palm[bar, 1], least + radius + palm_radius[bar]):
-                    near = segment_pair(a, b, palm[bar, 0], palm[bar, 1])
-                    least = wp.min(least, near.apart - radius - palm_radius[bar])
-        else:
-            for d in range(hands[own, two].capsule_count):
-                other = two * _CAPSULES + d
-                both = radius + chain_capsule(hands[own, two], d).radius
-                if not barred[row, other] and _within(a, b, ends[i, other, 0], ends[i, other, 1],
-                                                      least + both):
-                    near = segment_pair(a, b, ends[i, other, 0], ends[i, other, 1])
-                    least = wp.min(least, near.apart - both)
+    for k in range(build.pairs.shape[0]):
+        pair = build.pairs[k]
+        own = fingers & (1 << pair.one)
+        if pair.two >= 0:
+            own = own | (fingers & (1 << pair.two))
+        if own != 0:
+            reach = pair.both + off[pair.one]
+            if pair.two >= 0:
+                reach += off[pair.two]
+            a = build.ends[i, pair.one * _CAPSULES + pair.capsule, 0]
+            b = build.ends[i, pair.one * _CAPSULES + pair.capsule, 1]
+            c = _pair_end(pair, build.palm, build.ends, i, 0)
+            d = _pair_end(pair, build.palm, build.ends, i, 1)
+            if _within(a, b, c, d, least + reach):
+                least = wp.min(least, segment_pair(a, b, c, d).apart - reach)
     return least
 
 
@@ -128,46 +176,33 @@ def _note(
 
 
 @wp.func
-def find_chain_meetings(
-    hands: wp.array2d[Chain], own: int, q: hand_angles, palm: wp.array2d[vec3],
-    palm_radius: wp.array[real], barred: wp.array2d[wp.bool], near_m: real,
-    ends: wp.array3d[vec3], meetings: wp.array2d[ChainMeeting], i: int
+def find_meetings(  # noqa: F811
+    hands: wp.array2d[Chain], own: int, build: ChainBuild, q: hand_angles,
+    meetings: wp.array2d[ChainMeeting], i: int
 ):
-    """Notes the pairs of capsules that touch or are nearer than `near_m`, in row `i`; returns their
-    number."""
-    place_capsules(hands, own, q, ends, i)
+    """Notes the pairs of capsules that touch or are near, in row `i`; returns their number."""
+    place_capsules(hands, own, q, build.ends, i)
     still = wp.transform_identity(dtype=wp.float64)
     count = int(0)
-    for one in range(hands.shape[1]):
-        hand = hands[own, one]
-        f = chain_pose(hand, still, angles_of(q, one))
-        for c in range(hand.capsule_count):
-            row = one * _CAPSULES + c
-            capsule = chain_capsule(hand, c)
-            a = ends[i, row, 0]
-            b = ends[i, row, 1]
-            for bar in range(palm.shape[0]):
-                both = capsule.radius + palm_radius[bar]
-                if not barred[row, hands.shape[1] * _CAPSULES + bar] and _within(
-                        a, b, palm[bar, 0], palm[bar, 1], both + near_m):
-                    near = segment_pair(a, b, palm[bar, 0], palm[bar, 1])
-                    if near.apart < both + near_m:
-                        count = _note(meetings, i, count, one, -1, both - near.apart,
-                                      chain_jacobian(hand, f, capsule.joint, near.one, near.way),
-                                      vec6())
-            for two in range(one + 1, hands.shape[1]):
-                other = hands[own, two]
-                for d in range(other.capsule_count):
-                    there = two * _CAPSULES + d
-                    both = capsule.radius + chain_capsule(other, d).radius
-                    if not barred[row, there] and _within(
-                            a, b, ends[i, there, 0], ends[i, there, 1], both + near_m):
-                        near = segment_pair(a, b, ends[i, there, 0], ends[i, there, 1])
-                        if near.apart < both + near_m:
-                            g = chain_pose(other, still, angles_of(q, two))
-                            count = _note(
-                                meetings, i, count, one, two, both - near.apart,
-                                chain_jacobian(hand, f, capsule.joint, near.one, near.way),
-                                chain_jacobian(other, g, chain_capsule(other, d).joint, near.two,
-                                               -near.way))
+    for k in range(build.pairs.shape[0]):
+        pair = build.pairs[k]
+        a = build.ends[i, pair.one * _CAPSULES + pair.capsule, 0]
+        b = build.ends[i, pair.one * _CAPSULES + pair.capsule, 1]
+        c = _pair_end(pair, build.palm, build.ends, i, 0)
+        d = _pair_end(pair, build.palm, build.ends, i, 1)
+        if _within(a, b, c, d, pair.both + _NEAR):
+            near = segment_pair(a, b, c, d)
+            if near.apart < pair.both + _NEAR:
+                hand = hands[own, pair.one]
+                by_one = chain_jacobian(
+                    hand, chain_pose(hand, still, q[pair.one]),
+                    chain_capsule(hand, pair.capsule).joint, near.one, near.way)
+                by_two = vec6()
+                if pair.two >= 0:
+                    other = hands[own, pair.two]
+                    by_two = chain_jacobian(
+                        other, chain_pose(other, still, q[pair.two]),
+                        chain_capsule(other, pair.other).joint, near.two, -near.way)
+                count = _note(meetings, i, count, pair.one, pair.two, pair.both - near.apart,
+                              by_one, by_two)
     return count

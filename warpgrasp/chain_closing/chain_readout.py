@@ -78,8 +78,8 @@ def chain_reading_kernel(
         rest.along = truth[w, p, g, finger].along
         rest.bend = truth[w, p, g, finger].bend
         rest.depth = truth[w, p, g, finger].depth
-        # What its fellows do is not in a finger's own energy.
-        if truth[w, p, g, finger].met == 1:
+        # What its fellows do, and friction, is not in a finger's own energy.
+        if truth[w, p, g, finger].met == 1 or hand.friction > ZERO:
             rest = refined_energy(scene, which, body_is_convex(scene, which), hand, base, command,
                                   rest.q, rest, NO_FRICTION)
         else:

@@ -41,6 +41,8 @@ class ChainTruthRow:
     touched: int
     met: int
     self_depth: real
+    strayed: real
+    """How far any place of the pressed finger was from where it would be free [m], at most."""
 
 
 @wp.func
@@ -65,6 +67,7 @@ def clear_chain_rows(
     truth[w, p, g, finger].touched = -1
     truth[w, p, g, finger].met = 0
     truth[w, p, g, finger].self_depth = ZERO
+    truth[w, p, g, finger].strayed = ZERO
     truth[w, p, g, finger].q = no_angles()
     truth[w, p, g, finger].torque = no_angles()
     truth[w, p, g, finger].rest = no_angles()

@@ -8,7 +8,7 @@ import warp as wp
 
 from warpgrasp.chain.chain_hand import ChainHand, true_chains
 from warpgrasp.chain.chain_kernel import CAPSULES, vec6
-from warpgrasp.chain_closing.chain_meeting import CLOSE_M, palm_of
+from warpgrasp.chain_closing.chain_meeting import CLOSE_M, pairs_on_device
 from warpgrasp.chain_closing.chain_path import padded
 from warpgrasp.chain_closing.chain_self_kernel import chain_self_gap_kernel
 from warpgrasp.closing.closing import Closing
@@ -33,21 +33,19 @@ def chain_self_contacts(
     rows = closing.status[..., 0].size
     # Of links that the open hand has as near nothing can be told.
     margin = chain_self_margin(hand, sensors, errors)
-    ends, radius, barred = palm_of(hand, max(margin, CLOSE_M))
+    palm, pairs = pairs_on_device(hand, max(margin, CLOSE_M), device)
     read = closing.q_rad.reshape(rows, hand.fingers, -1).copy()
     # Drives that a finger has not stand at zero; a finger that was not closed is not finite.
     for f, own in enumerate(hand.drives):
         read[:, f, len(own):] = 0.0
     gap = wp.empty((rows, hand.fingers), dtype=real, device=device)
     launch(chain_self_gap_kernel, {"row": rows}, {
-        "believed": "1 finger", "palm": "bar 2", "palm_radius": "bar", "barred": "all each",
+        "believed": "1 finger", "palm": "bar 2", "pairs": "pair",
         "q": "row finger", "step": "row finger", "grasp": "row", "path": "grasps finger step",
         "ends": "row every 2", "gap": "row finger"}, {
         "believed": true_chains(hand, table, ContactTable(), no_errors(hand.fingers, 6, 6),
                                 device),
-        "palm": wp.array(ends, dtype=vec3, device=device),
-        "palm_radius": wp.array(radius, dtype=real, device=device),
-        "barred": wp.array(barred, dtype=wp.bool, device=device),
+        "palm": palm, "pairs": pairs,
         "q": wp.array(padded(read), dtype=vec6, device=device),
         "step": wp.array(closing.step.reshape(rows, -1), dtype=int, device=device),
         "grasp": wp.array(np.broadcast_to(np.arange(shape[2]), shape[:3]).ravel(), dtype=int,

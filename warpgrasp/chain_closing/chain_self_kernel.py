@@ -4,8 +4,14 @@
 import warp as wp
 
 from warpgrasp.chain.chain_kernel import Chain, vec6
-from warpgrasp.chain_closing.chain_hand_equilibrium import with_angles
-from warpgrasp.chain_closing.chain_meetings import hand_angles, hand_gap, place_capsules
+from warpgrasp.chain_closing.chain_meetings import (
+    CapsulePair,
+    ChainBuild,
+    hand_angles,
+    hand_room,
+    least_gap,
+    place_capsules,
+)
 from warpgrasp.core.dtypes import real, vec3
 
 wp.set_module_options({"max_unroll": 1})
@@ -18,8 +24,7 @@ def chain_self_gap_kernel(
     # Robot:
     believed: wp.array2d[Chain],
     palm: wp.array2d[vec3],
-    palm_radius: wp.array[real],
-    barred: wp.array2d[wp.bool],
+    pairs: wp.array[CapsulePair],
     # Drives in, a row a hand:
     q: wp.array2d[vec6],
     step: wp.array2d[int],
@@ -34,6 +39,10 @@ def chain_self_gap_kernel(
     metre: when the finger stopped, where others that had not were commanded."""
     i = wp.tid() + first
     fingers = believed.shape[1]
+    build = ChainBuild()
+    build.palm = palm
+    build.pairs = pairs
+    build.ends = ends
     for f in range(fingers):
         least = real(_FAR)
         if wp.isfinite(q[i, f][0]):
@@ -42,14 +51,7 @@ def chain_self_gap_kernel(
                 there = q[i, other]
                 if step[i, other] > step[i, f] or not wp.isfinite(there[0]):
                     there = path[grasp[i], other, wp.max(step[i, f], 0)]
-                at = with_angles(at, other, there)
+                at[other] = there
             place_capsules(believed, 0, at, ends, i)
-            least = wp.min(least, hand_gap(believed, 0, f, -1, palm, palm_radius, barred, ends, i))
-            for other in range(fingers):
-                if other < f:
-                    least = wp.min(least, hand_gap(believed, 0, other, f, palm, palm_radius,
-                                                   barred, ends, i))
-                elif other > f:
-                    least = wp.min(least, hand_gap(believed, 0, f, other, palm, palm_radius,
-                                                   barred, ends, i))
+            least = least_gap(build, i, hand_room(), 1 << f)
         gap[i, f] = least

@@ -3,8 +3,7 @@
 
 `come` bounds how far any place of a capsule has moved since the first step of the path: a table for
 all worlds, weight and errors of calibration included (`chain_path`). A capsule that was seen at a
-distance cannot touch while it has not come as far (conservative advancement); each is followed by
-itself, the outermost first.
+distance cannot touch while it has not come as far (conservative advancement).
 """
 
 import warp as wp
@@ -31,8 +30,6 @@ class FreeChain:
 
     step: int
     until: vec12
-    along: vec12
-    bend: vec12
 
 
 @wp.func
@@ -62,26 +59,29 @@ def advance_chain(
     """
     free = was
     free.step = end
-    for inward in range(hand.capsule_count):
-        c = hand.capsule_count - 1 - inward
-        capsule = chain_capsule(hand, c)
-        s = _first_at_least(come, g, finger, c, free.until[c], was.step + 1, free.step)
-        while s < free.step:
+    s = int(was.step)
+    while s < free.step:
+        # All capsules that may touch at the next step at which any may are looked at together.
+        begin = s + 1
+        s = end
+        for c in range(hand.capsule_count):
+            s = _first_at_least(come, g, finger, c, free.until[c], begin, s)
+        if s < end:
             pose = chain_pose(hand, base, chain_free_joints(
                 hand, base, path[g, finger, s] - hand.offset))
-            a = link_place(pose, capsule.joint, capsule.start)
-            u = link_place(pose, capsule.joint, capsule.end) - a
-            length = wp.length(u)
-            if length > ZERO:
-                u = u / length
-            near = nearest_on_link(scene, body, a, u, length, -ONE, ONE, LINK_SAMPLES,
-                                   length * HALF + capsule.radius)
-            clear = lesser(near.least, lesser(a[2], a[2] + u[2] * length)) - capsule.radius
-            free.along[c] = near.along
-            free.bend[c] = near.bend
-            free.until[c] = come[g, finger, c, s] + scale * greater(clear, ZERO)
-            if clear < -_ROUNDING:
-                free.step = int(s)
-            else:
-                s = _first_at_least(come, g, finger, c, free.until[c], s + 1, free.step)
+            for c in range(hand.capsule_count):
+                if come[g, finger, c, s] >= free.until[c]:
+                    capsule = chain_capsule(hand, c)
+                    a = link_place(pose, capsule.joint, capsule.start)
+                    u = link_place(pose, capsule.joint, capsule.end) - a
+                    length = wp.length(u)
+                    if length > ZERO:
+                        u = u / length
+                    near = nearest_on_link(scene, body, a, u, length, -ONE, ONE, LINK_SAMPLES,
+                                           length * HALF + capsule.radius)
+                    clear = lesser(near.least, lesser(a[2], a[2] + u[2] * length))
+                    clear -= capsule.radius
+                    free.until[c] = come[g, finger, c, s] + scale * greater(clear, ZERO)
+                    if clear < -_ROUNDING:
+                        free.step = int(s)
     return free

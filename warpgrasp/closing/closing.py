@@ -13,7 +13,6 @@ import warp as wp
 from warpgrasp.closing.closing_kernel import closing_kernel
 from warpgrasp.closing.closing_record import ClosingRow, ClosingTruthRow
 from warpgrasp.closing.friction_kernel import friction_kernel
-from warpgrasp.closing.hand_equilibrium import Meeting
 from warpgrasp.closing.meeting_kernel import meeting_kernel
 from warpgrasp.closing.near_kernel import near_kernel
 from warpgrasp.closing.readout import reading_kernel
@@ -21,14 +20,15 @@ from warpgrasp.core.dtypes import transform
 from warpgrasp.core.kernel_launch import check_range, launch, launch_in_turn
 from warpgrasp.core.random import Purpose, counter_key
 from warpgrasp.core.struct_array import Records
-from warpgrasp.finger.balance import Grip
 from warpgrasp.finger.energy import Equilibrium
 from warpgrasp.finger.friction import Friction
 from warpgrasp.finger.path_table import path_on_device
 from warpgrasp.geometry.scene import Scene
+from warpgrasp.hand_rest.meetings import Meeting
 from warpgrasp.mechanism.calibration import Calibration, no_errors, true_hands, true_tendons
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT
 from warpgrasp.parameters import ContactTable, HandTable, SensorTable
+from warpgrasp.rubbing.balance import Grip
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,6 @@ from warpgrasp.core.dtypes import ZERO, real, transform
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key
 from warpgrasp.finger.free_motion import advance_free, start_free
-from warpgrasp.finger.friction_step import next_rubbed, refine_rubbed, start_rubbed
 from warpgrasp.finger.path_record import LinkStep, PathStep, true_command
 from warpgrasp.finger.torque_bounds import stop_reading
 from warpgrasp.geometry.scene import Scene, body_is_convex
@@ -27,6 +26,7 @@ from warpgrasp.geometry.segment_distance import LINK_SAMPLES
 from warpgrasp.mechanism.tendon_kernel import TendonSensor
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, free_joints
 from warpgrasp.probe_status import ProbeStatus
+from warpgrasp.rubbing.friction_step import next_rubbed, refine_rubbed, start_rubbed
 
 wp.set_module_options({"max_unroll": 1})
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))

@@ -11,20 +11,10 @@ Where nothing is near any more, fingers that nothing has touched end as they did
 import warp as wp
 
 from warpgrasp.closing.closing_record import ClosingRow, ClosingTruthRow
-from warpgrasp.closing.hand_balance import hand_balance
-from warpgrasp.closing.hand_equilibrium import (
-    Meeting,
-    hand_energy,
-    hand_equilibrium,
-    in_pairs,
-    move_commands,
-)
 from warpgrasp.closing.near_kernel import first_near, pairs_that_may
-from warpgrasp.closing.rubbing_hand import rubbed_at, rubbing_hand
 from warpgrasp.core.dtypes import ZERO, mat44, real, transform, vec4
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key
-from warpgrasp.finger.balance import Grip
 from warpgrasp.finger.energy import Equilibrium, free_equilibrium
 from warpgrasp.finger.equilibrium import finger_equilibrium
 from warpgrasp.finger.friction import NO_FRICTION, Friction
@@ -32,9 +22,14 @@ from warpgrasp.finger.path_record import LinkStep, PathStep, true_command
 from warpgrasp.finger.torque_bounds import stop_reading
 from warpgrasp.geometry.scene import Scene, body_is_convex
 from warpgrasp.geometry.segment_distance import LINK_SAMPLES
+from warpgrasp.hand_rest.hand_balance import hand_balance
+from warpgrasp.hand_rest.hand_equilibrium import hand_energy, hand_equilibrium, move_commands
+from warpgrasp.hand_rest.meetings import PALM, HandBuild, Meeting, in_pairs
+from warpgrasp.hand_rest.rubbing_hand import rubbed_at, rubbing_hand
 from warpgrasp.mechanism.tendon_kernel import TendonSensor
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_base, free_joints
 from warpgrasp.probe_status import ProbeStatus
+from warpgrasp.rubbing.balance import Grip
 
 wp.set_module_options({"max_unroll": 1})
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
@@ -110,6 +105,9 @@ def meeting_kernel(
 
     s = near[w, p, g]
     pairs = pairs_that_may(hands, sensors, own, own_sensor, path, felt, truth, w, p, g)
+    build = HandBuild()
+    build.mount = mount
+    build.pairs = pairs
     touched = int(0)  # fingers that another one, or the palm, has touched: a bit each
     stopped = int(0)
     count = int(0)
@@ -147,13 +145,13 @@ def meeting_kernel(
                 state[i, f] = rest
                 q[f] = rest.q
             if hands[own, 0].friction > ZERO:
-                count = hand_balance(scene, which, hands, own, pose, mount, command, q, pairs,
+                count = hand_balance(scene, which, hands, own, pose, build, command, q,
                                      state, i, 0, 0, samples, 0, meetings, grips)
                 for f in range(4):
                     grips[i, f] = grips[i, 4 + f]
             else:
-                _begun, count = hand_energy(scene, which, hands, own, pose, mount, command, q,
-                                            pairs, state, i, 0, 0, samples, 0, meetings,
+                _begun, count = hand_energy(scene, which, hands, own, pose, build, command, q,
+                                            state, i, 0, 0, samples, 0, meetings,
                                             frictions)
         moves = mat44()
         for f in range(4):
@@ -161,18 +159,18 @@ def meeting_kernel(
                 now = true_command(hands[own, f], path, g, f, s)
                 moves[f] = now - command[f]
                 command[f] = now
-        move_commands(hands, own, moves, pairs, state, i)
+        move_commands(hands, own, build, moves, state, i)
         if hands[own, 0].friction > ZERO:
-            count = rubbing_hand(scene, which, hands, own, pose, mount, command, moves, pairs,
+            count = rubbing_hand(scene, which, hands, own, pose, build, command, moves,
                                  state, i, samples, meetings, count, frictions, grips)
         else:
-            count = hand_equilibrium(scene, which, hands, own, pose, mount, command, pairs, state,
+            count = hand_equilibrium(scene, which, hands, own, pose, build, command, state,
                                      i, samples, meetings, count, frictions)
         touches = int(0)
         for a in range(count):
             if meetings[i, a].depth > ZERO:
                 touches = touches | (1 << meetings[i, a].one)
-                if meetings[i, a].two < 4:
+                if meetings[i, a].two != PALM:
                     touches = touches | (1 << meetings[i, a].two)
         touched = touched | (touches & ~stopped)
         for f in range(4):

@@ -10,10 +10,10 @@ lag, and 4 mm for abduction, which nothing guards.
 import warp as wp
 
 from warpgrasp.closing.closing_record import ClosingRow, ClosingTruthRow
-from warpgrasp.closing.hand_equilibrium import pair_bit
-from warpgrasp.closing.link_gap import finger_gap, palm_gap
 from warpgrasp.core.dtypes import ONE, ZERO, real, transform, vec4
 from warpgrasp.finger.path_record import LinkStep, PathStep, true_command
+from warpgrasp.hand_rest.link_gap import finger_gap, palm_gap
+from warpgrasp.hand_rest.meetings import pair_bit
 from warpgrasp.mechanism.tendon_kernel import TendonSensor
 from warpgrasp.mechanism.utah_mit_hand_kernel import (
     Hand,

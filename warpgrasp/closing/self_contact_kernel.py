@@ -3,8 +3,8 @@
 
 import warp as wp
 
-from warpgrasp.closing.link_gap import finger_gap, palm_gap
 from warpgrasp.core.dtypes import real, vec4
+from warpgrasp.hand_rest.link_gap import finger_gap, palm_gap
 from warpgrasp.mechanism.utah_mit_hand_kernel import (
     FingerPose,
     Hand,

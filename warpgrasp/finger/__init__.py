@@ -3,15 +3,16 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "balance": ["Balance", "Grip", "finger_balance"],
-    "energy": ["Equilibrium", "finger_energy", "free_equilibrium", "largest_magnitude"],
+    "energy": ["Equilibrium", "finger_energy", "free_equilibrium", "largest_magnitude", "pick",
+        "put"],
     "equilibrium": ["finger_equilibrium"],
-    "chain_energy": ["ChainRest", "free_chain"],
+    "chain_energy": ["ChainRest", "finger_length", "free_chain", "links_moved",
+        "loosened"],
+    "chain_friction": ["ChainFriction", "chain_places", "place_jacobian"],
     "equilibrium_refine": ["refine_equilibrium"],
     "valley_energy": ["refined_energy"],
-    "friction": ["NO_FRICTION", "Friction", "end_friction", "note_friction", "start_friction",
-        "with_friction"],
-    "friction_step": ["lagged", "next_rubbed", "refine_rubbed", "start_rubbed"],
+    "friction": ["NO_FRICTION", "SHEAR", "Friction", "end_friction", "note_friction", "places",
+        "start_friction", "with_friction"],
     "free_motion": ["FreeFinger", "advance_free", "start_free"],
     "path_record": ["LinkStep", "PathStep", "true_command"],
     "path_table": ["path_on_device"],

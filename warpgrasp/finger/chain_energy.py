@@ -25,8 +25,9 @@ from warpgrasp.chain.chain_kernel import (
     vec12,
 )
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, greater, real, struct, transform, vec3
+from warpgrasp.finger.chain_friction import ChainFriction
 from warpgrasp.finger.energy import finger_energy, largest_magnitude, loosened
-from warpgrasp.finger.friction import with_friction
+from warpgrasp.finger.friction import rubbed, with_friction
 from warpgrasp.finger.valley_energy import refined_energy, secant_compliance
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.geometry.segment_distance import deepest_valley, lower_end, nearest_on_link
@@ -76,6 +77,23 @@ def _yielding(compliance: mat66, turns: vec6, skin: real):
 
 
 @wp.func
+def links_moved(hand: Chain, q: vec6, last: vec6):
+    """How far each joint's link has turned at most since drives `last` [rad], and how far its joint
+    has moved [m]: each joint's turn times what lies beyond it."""
+    turned = vec6()
+    travel = vec6()
+    turn = real(0.0)
+    way = real(0.0)
+    for j in range(hand.joint_count):
+        row = chain_joint(hand, j)
+        way += turn * row.arm
+        turn += wp.abs(row.factor * (q[row.drive] - last[row.drive]))
+        turned[j] = turn
+        travel[j] = way
+    return turned, travel
+
+
+@wp.func
 def finger_energy(  # noqa: F811 (an overload)
     scene: Scene, body: int, hand: Chain, base: transform, command: vec6, q: vec6,
     last: ChainRest, samples: int
@@ -96,17 +114,7 @@ def finger_energy(  # noqa: F811 (an overload)
         rest.compliance[j, j] = ONE / wp.where(past[j] == ZERO, k, k + hand.stop)
     rest.gradient = past * hand.stop
     pose = chain_pose(hand, base, q)
-    # How far any place of a link can have moved: each joint's turn times what lies beyond it.
-    turned = vec6()
-    travel = vec6()
-    turn = real(0.0)
-    way = real(0.0)
-    for j in range(hand.joint_count):
-        row = chain_joint(hand, j)
-        way += turn * row.arm
-        turn += wp.abs(row.factor * (q[row.drive] - last.q[row.drive]))
-        turned[j] = turn
-        travel[j] = way
+    turned, travel = links_moved(hand, q, last.q)
     rest.near_depth = -ONE
     for c in range(hand.capsule_count):
         capsule = chain_capsule(hand, c)
@@ -180,6 +188,12 @@ def loosened(rest: ChainRest, moved: real):  # noqa: F811
 def with_friction(rest: ChainRest, skin: real, friction: int):  # noqa: F811
     """`rest` as it is: without friction."""
     return rest
+
+
+@wp.func
+def with_friction(rest: ChainRest, skin: real, friction: ChainFriction):  # noqa: F811
+    """`rest` of `finger_energy` with energy, slope and stiffness of friction added."""
+    return rubbed(rest, skin, friction)
 
 
 @wp.func

@@ -16,6 +16,8 @@ touch. k_t / k = 2 (1 - nu) / (2 - nu) = 2/3 for a skin that does not change its
 (Mindlin 1949, Compliance of elastic bodies in contact).
 """
 
+from typing import Any
+
 import warp as wp
 
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, real, struct, transform, vec2, vec3, vec4
@@ -23,6 +25,7 @@ from warpgrasp.finger.energy import Equilibrium
 from warpgrasp.geometry.scene import Scene, body_distance_grad
 from warpgrasp.geometry.segment_distance import lower_end
 from warpgrasp.mechanism.utah_mit_hand_kernel import (
+    FingerPose,
     Hand,
     finger_jacobian,
     finger_pose,
@@ -30,8 +33,6 @@ from warpgrasp.mechanism.utah_mit_hand_kernel import (
     link_start,
 )
 
-CONTACTS = wp.constant(6)
-"""Three links against the body, then the same against the table."""
 NO_FRICTION = wp.constant(0)
 SHEAR = 2.0 / 3.0
 """Stiffness of the skin along the surface, of that across it."""
@@ -45,7 +46,8 @@ _six = wp.types.vector(length=6, dtype=real)
 
 @struct
 class Friction:
-    """The contacts of a finger in a step of its command, each in a row.
+    """The contacts of a finger in a step of its command, each in a row: three links against the
+    body, then the same against the table.
 
     `q` are the joints at the step before, `drift` how they would turn in this step if nothing new
     came in touch; `left` the stretch of the skin then [m], zero and not in
@@ -77,7 +79,7 @@ def start_friction(q: vec4):
 
 
 @wp.func
-def _stretch(friction: Friction, q: vec4, k: int):
+def _stretch(friction: Any, q: Any, k: int):
     """How far the skin at contact `k` would be stretched if it held, along `one` and `two` [m]."""
     turned = q - friction.q
     return vec2(friction.begun[k, 0] + wp.dot(friction.by_one[k], turned),
@@ -93,9 +95,15 @@ def with_friction(rest: Equilibrium, skin: real, friction: int):
 @wp.func
 def with_friction(rest: Equilibrium, skin: real, friction: Friction):  # noqa: F811
     """`rest` of `finger_energy` with energy, slope and stiffness of friction added."""
+    return rubbed(rest, skin, friction)
+
+
+@wp.func
+def rubbed(rest: Any, skin: real, friction: Any):
+    """`with_friction` for any finger: an Equilibrium and its Friction, or those of a chain."""
     held = rest
     shear = skin * _SHEAR
-    for k in range(CONTACTS):
+    for k in range(len(friction.limit)):
         limit = friction.limit[k]
         if limit > ZERO:
             e = _stretch(friction, rest.q, k)
@@ -125,8 +133,38 @@ def with_friction(rest: Equilibrium, skin: real, friction: Friction):  # noqa: F
 
 
 @wp.func
+def pose_of(hand: Hand, base: transform, q: vec4):
+    """Where a finger's links are, of a hand of any kind."""
+    return finger_pose(hand, base, q)
+
+
+@wp.func
+def axis_start(hand: Hand, f: FingerPose, link: int):
+    """Where the axis of a link's skin begins, on the side of the palm."""
+    return link_start(f, link)
+
+
+@wp.func
+def axis_way(hand: Hand, f: FingerPose, link: int):
+    """Unit vector along the axis of a link's skin."""
+    return link_direction(f, link)
+
+
+@wp.func
+def axis_length(hand: Hand, link: int):
+    """Length of the axis of a link's skin [m]."""
+    return hand.link_length[link]
+
+
+@wp.func
+def place_jacobian(hand: Hand, f: FingerPose, link: int, x: vec3, d: vec3):
+    """Motion along `d` of the point `x` of a link per radian of each joint."""
+    return finger_jacobian(f, link, x, d)
+
+
+@wp.func
 def note_friction(
-    scene: Scene, body: int, hand: Hand, base: transform, rest: Equilibrium, was: Friction
+    scene: Scene, body: int, hand: Any, base: transform, rest: Any, was: Any
 ):
     """The contacts at `rest`, found with the limits and places of `was`, of the same step.
 
@@ -134,22 +172,23 @@ def note_friction(
     """
     now = was
     now.off = ZERO
-    f = finger_pose(hand, base, rest.q)
-    for k in range(CONTACTS):
-        link = k % 3
-        u = link_direction(f, link)
+    f = pose_of(hand, base, rest.q)
+    links = len(rest.depth)
+    for k in range(len(was.limit)):
+        link = k % links
+        u = axis_way(hand, f, link)
         depth = rest.depth[link]
-        if k >= 3:
+        if k >= links:
             depth = rest.table[link]
         force = wp.where(depth > ZERO, hand.skin * depth * hand.friction, ZERO)
         if force == ZERO:
             now.off = wp.max(now.off, was.limit[k])
             now.limit[k] = ZERO
         else:
-            x = link_start(f, link) + u * rest.along[link]
+            x = axis_start(hand, f, link) + u * rest.along[link]
             n = vec3(ZERO, ZERO, ONE)
-            if k >= 3:
-                x = link_start(f, link) + u * lower_end(u, hand.link_length[link])
+            if k >= links:
+                x = axis_start(hand, f, link) + u * lower_end(u, axis_length(hand, link))
                 x -= n * x[2]
             else:
                 g = body_distance_grad(scene, body, x)
@@ -158,7 +197,7 @@ def note_friction(
             one = wp.where(wp.abs(n[0]) < HALF, vec3(ONE, ZERO, ZERO), vec3(ZERO, ONE, ZERO))
             one = wp.normalize(one - n * wp.dot(n, one))
             two = wp.cross(n, one)
-            away = finger_jacobian(f, link, x, n)
+            away = place_jacobian(hand, f, link, x, n)
             # How much of a rise of the limit comes back as normal force, where it slides.
             echo = real(0.0)
             if was.limit[k] > ZERO:
@@ -172,8 +211,8 @@ def note_friction(
                 was.limit[k] + (force - was.limit[k]) / wp.max(ONE - echo, _LEAST), ZERO)
             now.one[k] = one
             now.two[k] = two
-            now.by_one[k] = finger_jacobian(f, link, x, one)
-            now.by_two[k] = finger_jacobian(f, link, x, two)
+            now.by_one[k] = place_jacobian(hand, f, link, x, one)
+            now.by_two[k] = place_jacobian(hand, f, link, x, two)
             if (was.touching & (1 << k)) != 0:
                 now.begun[k, 0] = wp.dot(was.left[k], one)
                 now.begun[k, 1] = wp.dot(was.left[k], two)
@@ -189,12 +228,12 @@ def note_friction(
 
 
 @wp.func
-def end_friction(hand: Hand, done: Friction, q: vec4):
+def end_friction(hand: Any, done: Any, q: Any):
     """The contacts of a step that ended at joints `q`, as the next step finds them."""
     now = done
     now.q = q
     now.touching = 0
-    for k in range(CONTACTS):
+    for k in range(len(done.limit)):
         now.left[k] = vec3(ZERO, ZERO, ZERO)
         if done.limit[k] > ZERO:
             e = _stretch(done, q, k)

@@ -23,6 +23,8 @@ MOST = 12
 _APART = 1.0
 """Their axes lie apart by about this times their radius: grooves are a seventh of it deep."""
 _THINNEST_M = 1e-3
+_BALL_M = 1e-9
+"""Half an axis; what is shorter is a ball."""
 
 
 @dataclass(frozen=True)
@@ -112,6 +114,8 @@ def _row(turn: np.ndarray, low: np.ndarray, high: np.ndarray, most: int
         ends[:, wide] += across
         ends[:, long] += np.array([-1, 1]) * (half[long] - radius)
         start, end = ((float(x), float(y), float(z)) for x, y, z in ends @ turn.T)
+        if half[long] - radius < _BALL_M:  # a cube's ends differ by rounding alone
+            end = start
         found.append(Capsule(start, end, radius))
     return tuple(found)
 

@@ -15,21 +15,26 @@ from warpgrasp.parameters import ArmTable, ContactTable, HandTable
 SMOOTH = ContactTable(friction=0.0)
 
 
-def cell_of(hand: str, strategy: str = "ring6") -> Cell:
+def cell_of(hand: str, strategy: str = "ring6", contact: ContactTable = SMOOTH) -> Cell:
     return Cell(STRATEGIES[strategy], {"name": "block"}, "block", arm=ArmTable(kind="none"),
-                hand=HandTable(kind=hand), contact=SMOOTH)
+                hand=HandTable(kind=hand), contact=contact)
 
 
-@pytest.mark.parametrize("hand", ["allegro", "leap", "barrett"])
-def test_a_ring_of_grasps_recovers_the_block_better_than_its_prior(hand: str) -> None:
-    block = run_block(cell_of(hand), np.arange(6), "cpu")
+@pytest.mark.parametrize(("hand", "contact", "off_m"), [
+    ("allegro", SMOOTH, 0.008), ("leap", SMOOTH, 0.008), ("barrett", SMOOTH, 0.008),
+    # Forces lean within the cone by nobody knows how much: places are less sure.
+    ("leap", ContactTable(), 0.012)])
+def test_a_ring_of_grasps_recovers_the_block_better_than_its_prior(
+    hand: str, contact: ContactTable, off_m: float
+) -> None:
+    block = run_block(cell_of(hand, contact=contact), np.arange(6), "cpu")
     assert block.evidence.mask.sum(1).mean() > 12
     assert np.median(block.scores.chamfer_m) < 0.7 * np.median(block.prior_scores.chamfer_m)
     rows = contact_columns(block.exploration, block.truth)
     found = np.stack([rows[k] for k in ("x_m", "y_m", "z_m")], 1)
     true = np.stack([rows[k] for k in ("true_x_m", "true_y_m", "true_z_m")], 1)
     felt = np.isfinite(found).all(1) & np.isfinite(true).all(1) & (found[:, 2] > TABLE_MARGIN_M)
-    assert np.median(np.linalg.norm(found - true, axis=1)[felt]) < 0.008
+    assert np.median(np.linalg.norm(found - true, axis=1)[felt]) < off_m
     assert (rows["link"] == rows["true_link"])[felt].mean() > 0.75
 
 

@@ -78,8 +78,23 @@ def test_what_is_wrong_with_a_hand_is_said(tmp_path: Path, lines: str, said: str
 
 
 def test_a_closing_path_that_a_hand_has_not_is_said(tmp_path: Path) -> None:
-    text = HEAD + 'hand = "leap"\n' + RING + 'closings = ["curl25_spread"]\n' + ALONE
-    assert "the hand leap has no closing path" in told(tmp_path, text)
+    text = HEAD + 'hand = "leap"\n' + RING + 'closings = ["curl40", "curl25_spread"]\n' + ALONE
+    said = told(tmp_path, text)
+    assert ":6: strategy[0].closings[1]: the hand leap has no closing path 'curl25_spread'" in said
+    own = HEAD + RING + 'closings = ["grasp"]\n'
+    assert "strategy[0].closings[0]: is 'grasp'" in told(tmp_path, own)
+
+
+def test_a_closing_path_of_the_hands_own_file_is_gone(tmp_path: Path) -> None:
+    text = HEAD + 'hand = "barrett"\n' + RING + 'closings = ["grasp"]\n' + ALONE
+    assert read(tmp_path, text).cell(0, 0, 0).strategy.closings == ("grasp",)
+    swept = HEAD + RING + ALONE + '[sweep.zip]\nhand = ["utah_mit", "barrett"]\n'
+    both = '"strategy.closings" = [["curl25_spread"], ["grasp"]]\n'
+    study = read(tmp_path, swept + both)
+    assert study.cell(0, 0, 1).strategy.closings == ("grasp",)
+    said = told(tmp_path, swept + '"strategy.closings" = [["grasp"], ["grasp"]]\n')
+    assert "the hand utah_mit has no closing path 'grasp'" in said
+    assert ":9: " in said
 
 
 def test_a_robot_knows_which_hand_it_has(tmp_path: Path) -> None:
@@ -88,7 +103,3 @@ def test_a_robot_knows_which_hand_it_has(tmp_path: Path) -> None:
     assert "a robot knows which hand it has" in told(tmp_path, text)
 
 
-def test_what_fingers_of_other_hands_do_not_do_yet_is_said(tmp_path: Path) -> None:
-    assert "the skin does not rub yet" in told(tmp_path, HEAD + 'hand = "leap"\n' + RING)
-    text = HEAD + RING + ALONE + '[sweep.grid]\nhand = ["utah_mit", "leap"]\n'
-    assert "does not rub yet" in told(tmp_path, text + '"contact.friction" = [0.0, 0.5]\n')

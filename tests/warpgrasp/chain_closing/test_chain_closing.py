@@ -1,26 +1,39 @@
 """Guarded closing of any hand: an independent energy minimum, the Utah-MIT hand as a chain."""
 
+
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from chain_closings import ALONE, ON_TABLE, QUIET, TABLE, close, poses_above
+from chain_closings import ALONE, QUIET, TABLE, close, poses_above, utah_mit_twice
 from reference_chain import ReferenceChain
 
 from strategies.poses.chain_paths import chain_commands
-from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
 from warpgrasp.chain.chain_hand import chain_of, hand_of_kind
-from warpgrasp.closing.closing import close_fingers
-from warpgrasp.geometry.body import scene_of
 from warpgrasp.hands.hand_frames import matrix_of
+from warpgrasp.hands.hand_model import Finger, HandModel
 from warpgrasp.objects.catalogue import body_from_name
-from warpgrasp.parameters import SensorTable
 from warpgrasp.probe_status import ProbeStatus
 
 
-@pytest.mark.parametrize("kind", ["allegro", "leap", "barrett"])
+def with_six_joints(model: HandModel) -> HandModel:
+    """The hand with fingers of six joints: behind the first one, two that turn a little, about axes
+    askew."""
+    def more(finger: Finger) -> Finger:
+        first, *rest = finger.joints
+        extra = [replace(
+            first, name=f"{first.name}_{n}", place=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0), axis=axis,
+            low_rad=-0.3, high_rad=0.3, shapes=(), follows=None)
+            for n, axis in enumerate([(0.6, 0.0, 0.8), (0.0, 0.8, -0.6)])]
+        return replace(finger, joints=(first, *extra, *rest))
+
+    return replace(model, name="six", fingers=tuple(map(more, model.fingers)))
+
+
+@pytest.mark.parametrize("kind", ["allegro", "leap", "barrett", "six joints"])
 def test_torques_are_in_balance_where_a_finger_stops(kind: str) -> None:
-    hand = chain_of(hand_of_kind(kind))
+    hand = chain_of(with_six_joints(hand_of_kind("allegro")) if kind == "six joints"
+                    else hand_of_kind(kind))
     commands = chain_commands(hand, "curl40")
     poses = poses_above(12)
     felt, truth = close(hand, "small_cylinder", poses, commands)
@@ -72,31 +85,26 @@ def test_a_stop_is_the_first_step_whose_torques_pass_the_threshold() -> None:
         assert np.abs(energy.felt(before)).max() < QUIET.torque_threshold_Nm
 
 
+@pytest.mark.parametrize("kind", ["allegro", "leap", "barrett"])
+def test_fingers_that_sink_onto_their_stops_do_not_stop_without_a_touch(kind: str) -> None:
+    """The Barrett's spread stands on its stop, which bears what it weighs."""
+    hand = chain_of(hand_of_kind(kind))
+    commands = chain_commands(hand, "curl40")
+    for f, own in enumerate(hand.drives):  # led beyond a stop on the way
+        commands[f, 20, 0] = hand.model.fingers[f].joints[own[0]].low_rad - 0.05
+    poses = poses_above(40)
+    poses[:, 2] += 1.0
+    # As much noise as makes every reading be drawn, and one in 1e8 pass the threshold.
+    felt, truth = close(hand, "small_cylinder", poses, commands,
+                        replace(QUIET, torque_threshold_Nm=0.01, torque_noise_Nm=0.0017))
+    assert (truth.link == -1).all()
+    assert (felt.status == ProbeStatus.NO_CONTACT).all()
+
+
 def test_the_utah_mit_hand_closes_alike_as_a_chain() -> None:
-    hand = chain_of(hand_of_kind("utah_mit"))
-    path = CLOSING_PATHS["curl40"]
-    commands = closing_commands(path)
-    poses = poses_above(24)
-    # The same thresholds: tendons have a moment arm each, and here all joints are guarded.
-    table = replace(TABLE, moment_arm_m=(0.01,) * 4, tendon_friction=0.0)
-    tendons = SensorTable(tendon_threshold_N=5.0, tension_noise_N=0.0, tension_step_N=0.0,
-                          joint_noise_rad=0.0)
-    contact = replace(ALONE, weight=False)
-    n = len(poses)
-    theirs, true = close_fingers(
-        scene_of([body_from_name("small_cylinder")], "cpu"), np.zeros(1, int),
-        np.tile(ON_TABLE, (n, 1)), table, tendons, np.arange(n, dtype=np.uint64),
-        np.ones((n, 1, 1), int), poses[:, None], commands[None], np.array([commands.shape[1]]),
-        contact=contact)
-    ours, truth = close(hand, "small_cylinder", poses, commands,
-                        replace(QUIET, torque_threshold_Nm=0.05), contact)
-    both = (theirs.status == ProbeStatus.CONTACT) & (ours.status == ProbeStatus.CONTACT)
-    # A finger may stop by its abduction, which tendons do not guard.
-    alike = both & (np.abs(truth.torque_Nm[..., 0]) < 0.05)
-    assert alike.sum() > 30
-    assert (ours.step[alike] == theirs.step[alike]).all()
-    assert truth.q_rad[alike] == pytest.approx(true.q_rad[alike], abs=2e-6)
-    assert (truth.link[alike] == true.link[alike] + 1).all()
-    assert truth.point_m[alike] == pytest.approx(true.point_m[alike], abs=1e-6)
-    only = (theirs.status == ProbeStatus.CONTACT) & ~both
-    assert not only.any()
+    true, truth, both, same = utah_mit_twice(24, ALONE)
+    assert both.sum() > 30
+    assert (same == both).all()
+    assert truth.q_rad[both] == pytest.approx(true.q_rad[both], abs=2e-6)
+    assert (truth.link[both] == true.link[both] + 1).all()
+    assert truth.point_m[both] == pytest.approx(true.point_m[both], abs=1e-6)

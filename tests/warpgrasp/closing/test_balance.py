@@ -8,15 +8,15 @@ from closings import HAND, body_of, poses_about
 from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
 from warpgrasp.core.dtypes import real, transform, vec4
 from warpgrasp.core.kernel_launch import launch
-from warpgrasp.finger.balance import finger_balance
 from warpgrasp.finger.energy import largest_magnitude
-from warpgrasp.finger.friction_step import lagged_rest, next_rubbed, start_rubbed
 from warpgrasp.geometry.body import scene_of
 from warpgrasp.geometry.scene import Scene, body_is_convex
 from warpgrasp.geometry.segment_distance import LINK_SAMPLES
 from warpgrasp.mechanism.utah_mit_hand import hand_links, hand_of
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
 from warpgrasp.parameters import ContactTable
+from warpgrasp.rubbing.balance import finger_balance
+from warpgrasp.rubbing.friction_step import lagged_rest, next_rubbed, start_rubbed
 
 FINGER = 1
 SAME_RAD = 1e-4

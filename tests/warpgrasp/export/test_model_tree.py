@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from chains import random_angles
+from scipy.spatial.transform import Rotation
 
 from sweeps.cli import main as cli
 from warpgrasp.export.mjcf import mjcf_text
@@ -14,7 +15,8 @@ from warpgrasp.export.model_tree import arm_model_tree, hand_model_tree
 from warpgrasp.export.urdf import urdf_text
 from warpgrasp.hands.hand_file import SHIPPED, hand_named
 from warpgrasp.hands.hand_frames import driven_angles, finger_tips, matrix_of
-from warpgrasp.hands.hand_model import Follow, HandModel
+from warpgrasp.hands.hand_model import Box, Follow, HandModel
+from warpgrasp.hands.touch_shapes import touch_model
 from warpgrasp.hands.urdf_hand import hand_from_urdf
 from warpgrasp.parameters import ArmTable
 
@@ -32,6 +34,17 @@ def following(model: HandModel) -> HandModel:
 def tips_in_grasp_frame(model: HandModel, q: np.ndarray) -> np.ndarray:
     to_grasp = np.linalg.inv(matrix_of(model.grasp_frame))
     return finger_tips(model, q) @ to_grasp[:3, :3].T + to_grasp[:3, 3]
+
+
+def test_a_cube_touches_as_a_ball_however_it_is_turned() -> None:
+    """A capsule whose ends differ by rounding is one that MuJoCo refuses."""
+    turns = Rotation.random(50, rng=0).as_quat()
+    cubes = tuple(Box((0.01, 0.02, 0.03, *turn), (0.04,) * 3) for turn in turns)
+    touching = touch_model(replace(hand_named("barrett"), palm=cubes))
+    assert all(ball.start == ball.end for ball in touching.palm)
+    assert np.array([ball.start for ball in touching.palm]) == pytest.approx(
+        np.tile([0.01, 0.02, 0.03], (50, 1)))
+    assert [ball.radius for ball in touching.palm] == pytest.approx([0.02] * 50)
 
 
 @pytest.mark.parametrize("name", SHIPPED)

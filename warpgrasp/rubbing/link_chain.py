@@ -55,7 +55,7 @@ def finger_chain(hand: Hand, base: transform, q: vec4):
 
 
 @wp.func
-def moved_along(chain: LinkChain, link: int, at: vec3, d: vec3):
+def moved_along(hand: Hand, chain: LinkChain, link: int, at: vec3, d: vec3):
     """How far a turn of each joint moves a place of a link along `d` [m/rad]."""
     swing = wp.cross(d, chain.side)
     return vec4(wp.dot(wp.cross(at - chain.origin, chain.x), d),
@@ -65,7 +65,7 @@ def moved_along(chain: LinkChain, link: int, at: vec3, d: vec3):
 
 
 @wp.func
-def moved(chain: LinkChain, link: int, at: vec3, turn: vec4):
+def moved(hand: Hand, chain: LinkChain, link: int, at: vec3, turn: vec4):
     """How a `turn` of the joints moves a place of a link [m]."""
     arm = (at - chain.starts[0]) * turn[1]
     arm += (at - chain.starts[1]) * wp.where(link >= 1, turn[2], ZERO)

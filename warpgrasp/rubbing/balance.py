@@ -8,19 +8,20 @@ along the surface changes with N: a row and a column of the derivative that are 
 that it is not symmetric (Alart and Curnier 1991, the derivative of their projected forces).
 """
 
+from typing import Any
+
 import warp as wp
 
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat44, real, struct, transform, vec3, vec4
 from warpgrasp.finger.energy import Equilibrium, pick, put
 from warpgrasp.finger.friction import SHEAR, places
-from warpgrasp.finger.link_chain import LinkChain, finger_chain, lifted, moved, moved_along
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.geometry.segment_distance import lower_end, nearest_on_link
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, beyond_stops
+from warpgrasp.rubbing.link_chain import finger_chain, lifted, moved, moved_along
 
 _SHEAR = wp.constant(real(SHEAR))
 _UNSTRETCHED = wp.constant(real(1e-12))  # [m]
-_SLIDES = wp.constant(64)  # the bit of a contact that slides, over that of one that touches
 
 
 @struct
@@ -29,8 +30,8 @@ class Grip:
 
     `q` are the joints, `drift` how they would turn in the next step if nothing new came in touch;
     `left` [m] is the stretch at each of six contacts: three links against the body, then the same
-    against the table. `touching` has a bit for each contact that touches, and six higher one for
-    each that slides. `missed` is how far the joints of a hand's finger rest from where they were
+    against the table. `touching` has a bit for each contact that touches, `sliding` for each that
+    slides. `missed` is how far the joints of a hand's finger rest from where they were
     foreseen to first order [rad], where the contacts did what they had done in the step before.
     """
 
@@ -38,6 +39,7 @@ class Grip:
     drift: vec4
     left: places
     touching: int
+    sliding: int
     missed: vec4
 
 
@@ -60,7 +62,7 @@ class Balance:
 
 
 @struct
-class _Hold:
+class Hold:
     """What a pressed place does: torques [N m], their derivative, and how its skin is stretched."""
 
     torque: vec4
@@ -71,7 +73,7 @@ class _Hold:
     away: vec4
     slope: vec4
     left: vec3
-    bits: int
+    slides: int
     forced: int
 
 
@@ -84,14 +86,30 @@ def start_grip(q: vec4):
 
 
 @wp.func
-def _hold(
-    hand: Hand, chain: LinkChain, link: int, contact: int, place: vec3, normal: vec3, depth: real,
-    turned: vec4, grip: Grip, tried: Grip, begins: int
+def off_balance(rest: Equilibrium, grip: Grip):
+    """A finger before its balance is found."""
+    at = Balance()
+    at.rest = rest
+    at.grip = grip
+    return at
+
+
+@wp.func
+def yields_by(hand: Hand, by: vec4):
+    """How far a place gives by a newton on it, by the servos alone [m/N]; `by` is its Jacobian."""
+    return wp.dot(by, by) / hand.stiffness
+
+
+@wp.func
+def hold_of(
+    hand: Any, chain: Any, link: int, contact: int, place: vec3, normal: vec3, depth: real,
+    turned: Any, grip: Any, tried: Any, begins: int, none: Any
 ):
     """What skin does that is pressed in by `depth` at a `place` of the surface, the joints `turned`
-    since `grip`; less than 0 for a place that is near, which then slides."""
-    hold = _Hold()
-    away = moved_along(chain, link, place, normal)
+    since `grip`; less than 0 for a place that is near, which then slides. `none` is an empty Hold,
+    or that of a chain."""
+    hold = none
+    away = moved_along(hand, chain, link, place, normal)
     hold.away = away
     force = hand.skin * depth
     n = wp.normalize(normal)
@@ -104,22 +122,22 @@ def _hold(
         if closes > ZERO:
             share = wp.clamp(-before / closes, ZERO, ONE)
         turn -= grip.drift * share
-    e = grip.left[contact] + moved(chain, link, place, turn)
+    e = grip.left[contact] + moved(hand, chain, link, place, turn)
     e -= n * wp.dot(n, e)
     size = wp.length(e)
     one = e / size
     if size < _UNSTRETCHED:
         one = wp.where(wp.abs(n[0]) < HALF, vec3(ONE, ZERO, ZERO), vec3(ZERO, ONE, ZERO))
         one = wp.normalize(one - n * wp.dot(n, one))
-    by_one = moved_along(chain, link, place, one)
-    by_two = moved_along(chain, link, place, wp.cross(n, one))
+    by_one = moved_along(hand, chain, link, place, one)
+    by_two = moved_along(hand, chain, link, place, wp.cross(n, one))
     shear = hand.skin * _SHEAR
     limit = hand.friction * force
     # Torques of the forces across and along the surface; what changes with the depth comes first.
     slope = away * hand.skin
     along = shear * size
     resists = shear
-    if along > limit and ((tried.touching >> contact) & _SLIDES) != 0 and wp.dot(
+    if along > limit and (tried.sliding & (1 << contact)) != 0 and wp.dot(
             e, tried.left[contact]) < ZERO:
         # It went past where it would have held.
         hold.forced = 1
@@ -130,13 +148,12 @@ def _hold(
         if begins == 1 and (grip.touching & (1 << contact)) == 0:
             # Deep in at first, it will bear what the servos press it with.
             resists = hand.friction * depth / (
-                size * (ONE / hand.skin + wp.dot(away, away) / hand.stiffness))
+                size * (ONE / hand.skin + yields_by(hand, away)))
         hold.left = one * (limit / shear)
-        hold.bits = (1 + _SLIDES) << contact
+        hold.slides = 1 << contact
     else:
         hold.holds = shear
         hold.left = e
-        hold.bits = 1 << contact
     hold.slope = slope
     hold.torque = by_one * along - away * force
     hold.by_one = by_one
@@ -146,7 +163,7 @@ def _hold(
 
 
 @wp.func
-def stiffened(compliance: mat44, hold: _Hold):
+def stiffened(compliance: Any, hold: Any):
     """A compliance with a place that is pressed, by the formula of Sherman and Morrison."""
     c = compliance
     yields = c * hold.slope
@@ -172,6 +189,7 @@ def finger_balance(
     slide the other is held. `begins` is 1 for the first joints that are tried.
     """
     at = Balance()
+    none = Hold()
     at.grip.q = q
     at.rest.q = q
     k = hand.stiffness
@@ -210,31 +228,35 @@ def finger_balance(
             along = near.along
             bend = near.bend
             if depth > ZERO:
-                hold = _hold(hand, chain, link, link, a + way * along - near.normal * near.distance,
-                             near.normal, depth, turned, grip, tried, begins)
+                hold = hold_of(hand, chain, link, link,
+                               a + way * along - near.normal * near.distance, near.normal, depth,
+                               turned, grip, tried, begins, none)
                 at.forced = at.forced + hold.forced
                 at.rest.gradient += hold.torque
                 at.rest.compliance = stiffened(at.rest.compliance, hold)
                 for j in range(3):
                     at.grip.left[link, j] = hold.left[j]
-                at.grip.touching = at.grip.touching | hold.bits
+                at.grip.touching = at.grip.touching | (1 << link)
+                at.grip.sliding = at.grip.sliding | hold.slides
             elif depth > at.rest.near_depth:
-                hold = _hold(hand, chain, link, link, a + way * along - near.normal * near.distance,
-                             near.normal, depth, turned, grip, tried, 0)
+                hold = hold_of(hand, chain, link, link,
+                               a + way * along - near.normal * near.distance, near.normal, depth,
+                               turned, grip, tried, 0, none)
                 at.rest.near = hold.away
                 at.near_slope = hold.slope
                 at.rest.near_depth = depth
         low = a + way * lower_end(way, length)
         pressed = hand.link_radius - low[2]
         if pressed > ZERO:
-            hold = _hold(hand, chain, link, link + 3, vec3(low[0], low[1], ZERO),
-                         vec3(ZERO, ZERO, ONE), pressed, turned, grip, tried, begins)
+            hold = hold_of(hand, chain, link, link + 3, vec3(low[0], low[1], ZERO),
+                         vec3(ZERO, ZERO, ONE), pressed, turned, grip, tried, begins, none)
             at.forced = at.forced + hold.forced
             at.rest.gradient += hold.torque
             at.rest.compliance = stiffened(at.rest.compliance, hold)
             for j in range(3):
                 at.grip.left[link + 3, j] = hold.left[j]
-            at.grip.touching = at.grip.touching | hold.bits
+            at.grip.touching = at.grip.touching | (1 << (link + 3))
+            at.grip.sliding = at.grip.sliding | hold.slides
         at.rest.table = put(at.rest.table, link, pressed)
         at.rest.along = put(at.rest.along, link, along)
         at.rest.bend = put(at.rest.bend, link, bend)

@@ -5,34 +5,30 @@ Newton's method on the balance of torques finds nearly all rests (`balance_newto
 not, friction is lagged (`friction`), which takes several times as long.
 """
 
+from typing import Any
+
 import warp as wp
 
 from warpgrasp.core.dtypes import ZERO, real, struct, transform, vec4
-from warpgrasp.finger.balance import Balance, Grip, finger_balance, start_grip
-from warpgrasp.finger.balance_newton import balanced_finger
-from warpgrasp.finger.energy import (
-    Equilibrium,
-    finger_energy,
-    free_equilibrium,
-    largest_magnitude,
-)
+from warpgrasp.finger.chain_energy import finger_energy, largest_magnitude, with_friction
+from warpgrasp.finger.energy import Equilibrium, free_equilibrium
 from warpgrasp.finger.equilibrium import finger_equilibrium
 from warpgrasp.finger.equilibrium_refine import refine_equilibrium
 from warpgrasp.finger.friction import (
     end_friction,
     note_friction,
     start_friction,
-    with_friction,
 )
 from warpgrasp.finger.torque_bounds import predict_joints
 from warpgrasp.geometry.scene import Scene, body_is_convex
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, free_joints
+from warpgrasp.rubbing.balance import Grip, finger_balance, off_balance, start_grip
+from warpgrasp.rubbing.balance_newton import balanced_finger
 
 _PASSES = wp.constant(30)
 _REFINEMENTS = wp.constant(4)
 _CLOSE = wp.constant(real(1e-3))  # [N]; a hundredth of a tendon's noise, by any lever
 _LEVEL = wp.constant(real(1e-6))  # slope [N m]
-_TOUCHING = wp.constant(63)
 
 
 @struct
@@ -65,26 +61,31 @@ def start_rubbed(hand: Hand, base: transform, command: vec4):
 
 
 @wp.func
-def drift_of(hand: Hand, base: transform, command: vec4, rest: Equilibrium, now: vec4,
-             pressed: int):
+def predicted(hand: Hand, command: vec4, rest: Equilibrium, other: vec4):
+    """Joints on another command to first order, from `rest` on `command`."""
+    return predict_joints(command, rest, other, hand.stiffness)
+
+
+@wp.func
+def drift_of(hand: Any, base: transform, command: Any, rest: Any, now: Any, pressed: int):
     """How joints turn from `rest` on `command` to the command `now` if nothing new is touched."""
     if pressed == 1:
-        return predict_joints(command, rest, now, hand.stiffness) - rest.q
+        return predicted(hand, command, rest, now) - rest.q
     return free_joints(hand, base, now) - rest.q
 
 
 @wp.func
-def _begun(grip: Grip):
+def _begun(grip: Any):
     friction = start_friction(grip.q)
     friction.drift = grip.drift
     friction.left = grip.left
-    friction.touching = grip.touching & _TOUCHING
+    friction.touching = grip.touching
     return friction
 
 
 @wp.func
 def lagged(
-    scene: Scene, body: int, hand: Hand, base: transform, rest: Equilibrium, grip: Grip
+    scene: Scene, body: int, hand: Any, base: transform, rest: Any, grip: Any
 ):
     """The contacts at `rest` as `note_friction` notes them, in a step that begins with `grip`."""
     return note_friction(scene, body, hand, base, rest, _begun(grip))
@@ -92,12 +93,14 @@ def lagged(
 
 @wp.func
 def lagged_rest(
-    scene: Scene, body: int, hand: Hand, base: transform, command: vec4, was: Rubbed, grip: Grip,
+    scene: Scene, body: int, hand: Any, base: transform, command: Any, was: Any, grip: Any,
     samples: int
 ):
     """The finger at rest on a command, by passes with friction lagged."""
-    now = Balance()
-    now.rest = was.rest
+    now = off_balance(was.rest, grip)
+    now.grip.missed = grip.missed - grip.missed
+    now.grip.drift = now.grip.missed
+    now.grip.sliding = 0
     friction = _begun(grip)
     if was.pressed == 1:
         friction = lagged(scene, body, hand, base, was.rest, grip)
@@ -123,10 +126,10 @@ def lagged_rest(
 
 @wp.func
 def next_rubbed(
-    scene: Scene, body: int, hand: Hand, base: transform, command: vec4, was: Rubbed, samples: int
+    scene: Scene, body: int, hand: Any, base: transform, command: Any, was: Any, samples: int
 ):
     """The finger at rest on the next command; `base` is in the body's frame."""
-    now = Rubbed()
+    now = was
     now.command = command
     turn = drift_of(hand, base, was.command, was.rest, command, was.pressed)
     now.grip = was.left
@@ -137,14 +140,16 @@ def next_rubbed(
         found = lagged_rest(scene, body, hand, base, command, was, now.grip, samples)
     now.rest = found.rest
     now.left = found.grip
-    now.pressed = int((now.left.touching & _TOUCHING) != 0)
-    if found.settled == 1 and now.left.touching == was.left.touching:
+    now.pressed = int(now.left.touching != 0)
+    now.missed = turn - turn
+    if found.settled == 1 and now.left.touching == was.left.touching and (
+            now.left.sliding == was.left.sliding):
         now.missed = now.rest.q - was.rest.q - turn
     return now
 
 
 @wp.func
-def refine_rubbed(scene: Scene, body: int, hand: Hand, base: transform, was: Rubbed):
+def refine_rubbed(scene: Scene, body: int, hand: Any, base: transform, was: Any):
     """Where the finger rests when every valley of the distance is searched, friction included."""
     at = finger_balance(scene, body, hand, base, was.command, was.rest.q, was.rest, was.grip,
                         was.grip, 0, 0)

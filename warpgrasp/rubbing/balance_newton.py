@@ -7,13 +7,15 @@ a step. Steps are therefore taken whole, and later halved where they do not shor
 and would be pressed is foreseen (`newton_turn`).
 """
 
+from typing import Any
+
 import warp as wp
 
-from warpgrasp.core.dtypes import HALF, ONE, ZERO, real, transform, vec3, vec4
-from warpgrasp.finger.balance import Balance, Grip, finger_balance
-from warpgrasp.finger.energy import Equilibrium, largest_magnitude
+from warpgrasp.core.dtypes import HALF, ONE, ZERO, real, transform
+from warpgrasp.finger.chain_energy import finger_length, largest_magnitude, loosened
 from warpgrasp.geometry.scene import Scene
-from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, beyond_stops, finger_length
+from warpgrasp.mechanism.utah_mit_hand_kernel import beyond_stops
+from warpgrasp.rubbing.balance import finger_balance, off_balance
 
 _ITERATIONS = wp.constant(16)
 _GRADIENT = wp.constant(real(1e-6))  # [N m]; 0.2 mN on a tendon, a 300th of the converter's step
@@ -27,7 +29,7 @@ _JOINTS = wp.constant(real(4.0))  # each turns all of the finger beyond it
 
 
 @wp.func
-def newton_turn(hand: Hand, at: Balance):
+def newton_turn(hand: Any, at: Any):
     """How a Newton step turns the joints, with a place that is near and stops where it would press
     them."""
     rest = at.rest
@@ -39,29 +41,28 @@ def newton_turn(hand: Hand, at: Balance):
     if hand.stop > ZERO:
         past = beyond_stops(hand, rest.q)
         over = beyond_stops(hand, rest.q + turn)
-        for j in range(4):
+        for j in range(len(turn)):
             if over[j] != ZERO and past[j] == ZERO:
-                column = vec4(rest.compliance[0, j], rest.compliance[1, j], rest.compliance[2, j],
-                              rest.compliance[3, j])
+                column = turn - turn
+                for i in range(len(turn)):
+                    column[i] = rest.compliance[i, j]
                 turn -= column * (over[j] / (ONE / hand.stop + column[j]))
     return turn
 
 
 @wp.func
 def balanced_finger(
-    scene: Scene, body: int, hand: Hand, base: transform, command: vec4, start: vec4,
-    last: Equilibrium, grip: Grip, samples: int
+    scene: Scene, body: int, hand: Any, base: transform, command: Any, start: Any,
+    last: Any, grip: Any, samples: int
 ):
     """The finger at rest on a command, from joints `start`; `settled` is 0 where none was found.
 
     Arguments are those of `finger_balance`. Where the last step was not evaluated, the grip is that
     before it, with its joints, and depths are upper bounds.
     """
-    now = Balance()
-    now.rest = last
-    now.grip = grip
+    now = off_balance(last, grip)
     step = start - last.q
-    way = vec4(ZERO, ZERO, ZERO, ZERO)
+    way = start - start
     for k in range(_ITERATIONS):
         now = finger_balance(scene, body, hand, base, command, now.rest.q + step, now.rest,
                              grip, now.grip, wp.where(k == 0, samples, 0), int(k == 0))
@@ -73,9 +74,7 @@ def balanced_finger(
         if now.forced == 0 and (level < _GRADIENT or (
                 last_step < _LAST and level * last_step < _LEFT * largest_magnitude(turned))):
             now.rest.q += step
-            moved = last_step * _JOINTS * finger_length(hand)
-            now.rest.depth += vec3(moved, moved, moved)
-            now.rest.table += vec3(moved, moved, moved)
+            now.rest = loosened(now.rest, last_step * _JOINTS * finger_length(hand))
             now.settled = int(largest_magnitude(now.rest.q - start) < _AWAY)
             break
         change = step - way

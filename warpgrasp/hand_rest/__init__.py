@@ -1,0 +1,11 @@
+"""The rest of a hand whose fingers touch one another or the palm, with friction and without."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "link_gap": ["finger_gap", "palm_gap"],
+    "meetings": ["MEETINGS", "PALM", "HandBuild", "Meeting", "base_of", "find_meetings", "in_pairs",
+        "pair_bit", "servo_torques", "takes_part"],
+    "hand_equilibrium": ["hand_energy", "move_commands"],
+    "rubbing_hand": ["rubbed_at"],
+})
