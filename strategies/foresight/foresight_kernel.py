@@ -41,6 +41,12 @@ def _box_distance(p: vec3, s: SuperquadricShape):
 
 
 @wp.func
+def _place(a: vec3, b: vec3, k: int):
+    """Place number `k` along a segment."""
+    return a + (b - a) * (real(k) / real(_PLACES - 1))
+
+
+@wp.func
 def _capsule_distance(s: SuperquadricShape, a: vec3, b: vec3, radius: real, enough: real):
     """About the least distance of a capsule from the body; a bound of it above `enough`, or
     `_COARSE`."""
@@ -48,14 +54,25 @@ def _capsule_distance(s: SuperquadricShape, a: vec3, b: vec3, radius: real, enou
     far = _box_distance((a + b) * HALF, s) - half - radius
     if far > lesser(enough, _COARSE):
         return far
-    enough += radius
-    least = _FAR
+    first = int(0)
+    far = _FAR
     for k in range(_PLACES):
-        p = a + (b - a) * (real(k) / real(_PLACES - 1))
-        bound = _box_distance(p, s)
-        if bound <= enough and bound < least:
-            bound = sdf_superquadric_bound_grad(p, s)[3]
-        least = lesser(least, bound)
+        bound = _box_distance(_place(a, b, k), s)
+        if bound < far:
+            far = bound
+            first = int(k)
+    far -= radius
+    if far > enough:
+        return far
+    far -= half / real(_PLACES - 1)
+    if far > _COARSE:
+        return far
+    # The place that is nearest to the box is likely the nearest to the body.
+    least = sdf_superquadric_bound_grad(_place(a, b, first), s)[3]
+    for k in range(_PLACES):
+        p = _place(a, b, k)
+        if k != first and _box_distance(p, s) < lesser(least, enough + radius):
+            least = lesser(least, sdf_superquadric_bound_grad(p, s)[3])
     return least - radius
 
 
