@@ -94,7 +94,7 @@ def main() -> int:
     meshes = [] if given.meshes is None else sorted(given.meshes.glob("*.ply"))
     found = {f"{name}/{key}": values for name in given.strategies for key, values in
              measured(name, meshes, given.episodes, given.seed).items()}
-    np.savez(given.out, **found)
+    np.savez(given.out, **found)  # pyright: ignore[reportArgumentType]
     return 0
 
 
