@@ -162,6 +162,8 @@ class RunningExploration:
         self.fitted = Fitted(_no_fits(worlds), self.felt, np.zeros(worlds, int),
                              np.zeros(worlds, bool))
         self.shape = np.zeros(worlds, int)
+        self.believed = self.agrees = np.zeros(worlds, bool)
+        """Worlds whose fit is good enough to go on by, and those whose body nothing contradicts."""
         self._conclude(np.arange(worlds))
 
     def take_step(self, planner: Planner) -> bool:
@@ -321,7 +323,7 @@ class RunningExploration:
         self.news = []
         links = self.links if self.intrinsic else None
         self.fitted = refitted(self.fitted, self.felt, links, rows[new[rows]], self.steps,
-                               self.believed(), self.profile, self.table)
+                               self.believed, self.profile, self.table)
 
     @property
     def fits(self) -> SuperquadricFit:
@@ -333,45 +335,39 @@ class RunningExploration:
         """What they were fitted to."""
         return self.fitted.placed
 
-    def believed(self) -> np.ndarray:
-        """Worlds whose fit is good enough to go on by, bool (world,)."""
-        near = touch_misfit(self.fits, self.placed) < UNBELIEVED_M
-        return ((self.placed.mask.sum(1) >= FEWEST_CONTACTS) & near
-                & within_reach(self.fits, self.prior))
-
-    def _all_felt(self, rows: np.ndarray) -> Evidence:
-        """Contacts as placed for the last fit, and all free space, of the worlds `rows`."""
-        return replace(rows_of(self.placed, rows), free_m=self.felt.free_m[rows],
-                       free_mask=self.felt.free_mask[rows])
-
     def _conclude(self, rows: np.ndarray) -> None:
         """What is believed now; only `rows` felt something new, the others' bodies stay."""
-        fitted = self.believed()
-        body = or_prior(self.fits, self.prior, fitted)
+        placed, prior = rows_of(self.placed, rows), rows_of(self.prior, rows)
+        near = touch_misfit(self.fits[rows], placed) < UNBELIEVED_M
+        fitted = ((placed.mask.sum(1) >= FEWEST_CONTACTS) & near
+                  & within_reach(self.fits[rows], prior))
+        body = or_prior(self.fits[rows], prior, fitted)
         profile = None
         if self.profile is not None:
-            profile = whole_profile(
-                rows_of(self.profile, rows), rows_of(self.placed, rows), self.contour,
-                rows_of(self.prior, rows))
+            profile = whole_profile(rows_of(self.profile, rows), placed, self.contour, prior)
             before = self.profile if self.whole is None else self.whole
             self.whole = with_profiles(before, rows, profile)
+        all_felt = replace(placed, free_m=self.felt.free_m[rows],
+                           free_mask=self.felt.free_mask[rows])
         self.shape = with_rows(self.shape, rows, choose_body(
-            fitted[rows], rows_of(body, rows), profile, self._all_felt(rows), self.contour,
-            rows_of(self.prior, rows)).shape)
-        turned = None if self.whole is None else revolution_of(self.whole)
+            fitted, body, profile, all_felt, self.contour, prior).shape)
         # What is contradicted may lead to where it is felt to be wrong, but it is no result.
         # Evidence that the fit may not use is not used to judge it either.
-        agrees = plausible(body, self.prior, table_plane=self.table.table_plane)
+        agrees = plausible(body, prior, table_plane=self.table.table_plane)
         if self.table.free_space:
-            agrees &= ~swept(body, self.felt)
-        denied = (self.shape == Shape.SUPERQUADRIC) & ~agrees
+            agrees &= ~swept(body, all_felt)
+        self.believed = with_rows(self.believed, rows, fitted)
+        self.agrees = with_rows(self.agrees, rows, agrees)
+        whole = or_prior(self.fits, self.prior, self.believed)
+        turned = None if self.whole is None else revolution_of(self.whole)
+        denied = (self.shape == Shape.SUPERQUADRIC) & ~self.agrees
         self.recovered = Recovered(
             np.where(denied, Shape.PRIOR_CYLINDER, self.shape),
-            or_prior(body, self.prior, ~denied), turned)
+            or_prior(whole, self.prior, ~denied), turned)
         self.belief = read_only(Belief(
             self.step, self.active.copy(), self.prior, self.seed, self.robot.arm,
-            self.robot.hand, self.robot.sensors, self.closings, self.placed, self.fits, fitted,
-            body, tuple(self.faces), self.whole, self.shape, self.touches.copy(),
+            self.robot.hand, self.robot.sensors, self.closings, self.placed, self.fits,
+            self.believed, whole, tuple(self.faces), self.whole, self.shape, self.touches.copy(),
             self.time.copy(), self.path.copy(), self.links, self.robot.errors))
 
     def status(self) -> np.ndarray:

@@ -21,6 +21,7 @@ _FAR = wp.constant(real(1e3))  # [m]
 _RETREAT = wp.constant(real(RETREAT_M))
 _STRAIGHT = wp.constant(real(1e-6))  # curvatures below are no bend [1/m]
 _PLACES = wp.constant(5)  # along a link
+_COARSE = wp.constant(real(0.005))  # [m]: a bound by the box above this is gone on by
 _SHORTEST = wp.constant(real(1e-3))  # way marched at once on an approach [m]
 _MARCHES = wp.constant(int(RETREAT_M / 1e-3) + 2)
 _GRAZING = wp.constant(real(0.4))  # of its motion, against what it meets: less slips past [est]
@@ -40,20 +41,39 @@ def _box_distance(p: vec3, s: SuperquadricShape):
 
 
 @wp.func
-def _segment_distance(s: SuperquadricShape, a: vec3, b: vec3, enough: real):
-    """About the least distance of a segment from the body, or a bound of it above `enough`."""
+def _place(a: vec3, b: vec3, k: int):
+    """Place number `k` along a segment."""
+    return a + (b - a) * (real(k) / real(_PLACES - 1))
+
+
+@wp.func
+def _capsule_distance(s: SuperquadricShape, a: vec3, b: vec3, radius: real, enough: real):
+    """About the least distance of a capsule from the body; a bound of it above `enough`, or
+    `_COARSE`."""
     half = wp.length(b - a) * HALF
-    far = _box_distance((a + b) * HALF, s) - half
+    far = _box_distance((a + b) * HALF, s) - half - radius
+    if far > lesser(enough, _COARSE):
+        return far
+    first = int(0)
+    far = _FAR
+    for k in range(_PLACES):
+        bound = _box_distance(_place(a, b, k), s)
+        if bound < far:
+            far = bound
+            first = int(k)
+    far -= radius
     if far > enough:
         return far
-    least = _FAR
+    far -= half / real(_PLACES - 1)
+    if far > _COARSE:
+        return far
+    # The place that is nearest to the box is likely the nearest to the body.
+    least = sdf_superquadric_bound_grad(_place(a, b, first), s)[3]
     for k in range(_PLACES):
-        p = a + (b - a) * (real(k) / real(_PLACES - 1))
-        bound = _box_distance(p, s)
-        if bound <= enough and bound < least:
-            bound = sdf_superquadric_bound_grad(p, s)[3]
-        least = lesser(least, bound)
-    return least
+        p = _place(a, b, k)
+        if k != first and _box_distance(p, s) < lesser(least, enough + radius):
+            least = lesser(least, sdf_superquadric_bound_grad(p, s)[3])
+    return least - radius
 
 
 @wp.func
@@ -82,8 +102,8 @@ def _nearest_share(s: SuperquadricShape, a: vec3, b: vec3):
 def _clear(s: SuperquadricShape, to_body: transform, a: vec3, b: vec3, radius: real, worst: real):
     """Clearance of a capsule of the base frame from body and table, at most `worst`."""
     clear = lesser(a[2], b[2]) - radius
-    body = _segment_distance(s, wp.transform_point(to_body, a), wp.transform_point(to_body, b),
-                             lesser(worst, clear) + radius) - radius
+    body = _capsule_distance(s, wp.transform_point(to_body, a), wp.transform_point(to_body, b),
+                             radius, lesser(worst, clear))
     return lesser(worst, lesser(clear, body))
 
 
@@ -178,9 +198,9 @@ def first_touch_kernel(
             at = links[g, finger, link, step]
             table = lesser(wp.transform_point(base, at.start)[2],
                            wp.transform_point(base, at.end)[2]) - hand.link_radius
-            body = _segment_distance(
+            body = _capsule_distance(
                 s, wp.transform_point(to_body, at.start), wp.transform_point(to_body, at.end),
-                greater(table, ZERO) + hand.link_radius) - hand.link_radius
+                hand.link_radius, greater(table, ZERO))
             clear = lesser(table, body)
             if clear <= ZERO:
                 end = int(step)

@@ -27,7 +27,7 @@ from warpgrasp.parameters import FitTable
 
 FREE_BALLS = 24
 """Free balls given to a fit, the nearest to the body last fitted."""
-REFINE_ITERATIONS = 12
+REFINE_ITERATIONS = 4
 """Iterations of the finish of a body that is known already and felt a little more: the next step
 goes on from there."""
 PLACE_SIGMA_M = 0.003

@@ -40,7 +40,7 @@ from sweeps.episode.given_prior import (
 )
 from sweeps.episode.mesh_scores import scores_with_meshes
 from sweeps.episode.recognition_columns import columns_of_recognition, recognize_objects
-from sweeps.episode.scores import Scorer, Scores
+from sweeps.episode.scores import ROUGH, Scorer, Scores
 from sweeps.episode.touched_share import TouchedSurface
 from sweeps.episode.untouched import why_untouched
 from sweeps.spec.cell import CONTACTS, Cell
@@ -244,20 +244,20 @@ def run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Epi
         prior, unseen = seen_prior(robot, prior, cell.stereo)
     given = prior_recovered(prior)
     surface = TouchedSurface(scorer.worlds(), body_pose)
-    moments = [Moment(np.zeros(len(key)), np.zeros(len(key)), score_priors(scorer, given), given,
-                      surface.share(truth))]
+    begin = Moment(np.zeros(len(key)), np.zeros(len(key)), score_priors(scorer, given), given,
+                   surface.share(truth))
+    reached: list[Moment] = []
 
     def observe(belief: Belief, recovered: Recovered) -> None:
-        last = moments[-1]
-        scores = scorer.score_again(recovered, last.recovered, last.scores)
-        moments.append(Moment(belief.touches, belief.time_s, scores, recovered,
+        reached.append(Moment(belief.touches, belief.time_s, begin.scores, recovered,
                               surface.share(truth)))
 
     planner, fault = _planner(parts, robot, prior)
     # No subclass and nothing that looks like it: the truth is for the shipped one alone.
     oracle = planner if type(planner) is Oracle else None
     if oracle is not None:
-        oracle.let_see(lambda recovered: scorer.score(recovered).chamfer_m)
+        rough = replace(scorer, samples=ROUGH)
+        oracle.let_see(lambda recovered: rough.score(recovered).chamfer_m)
     found = explore(robot, planner, prior, counter_key(noise, int(Purpose.STRATEGY)),
                     table=cell.fit, closings=cell.strategy.closings,
                     budget=budget_of(cell.strategy), observe=observe, oracle=oracle)
@@ -266,16 +266,27 @@ def run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Epi
         wrong = faults != ""
         found = replace(found, fault=np.where(wrong, faults, found.fault),
                         status=np.where(wrong, fault_status(faults), found.status))
-    last = moments[-1]
-    scores = scorer.score_again(found.recovered, last.recovered, last.scores)
+    moments = _scored(scorer, begin, reached)
+    scores = moments[-1].scores if moments else begin.scores
     recognition = recognize_objects(found.belief, found.recovered, cell.recognition, device)
     rebuilt = reconstruct(cell.fit.reconstruct, found.recovered, found.belief.evidence, prior,
                           cell.fit)
     if rebuilt is not None:
         found = _rebuilt_status(found, rebuilt)
         scores = scores_with_meshes(scorer, rebuilt.meshes, scores)
-    return EpisodeBlock(tuple(bodies), truth, prior, found, scores, moments[0].scores,
-                        tuple(moments[1:]), recognition, surface.share(truth), rebuilt)
+    return EpisodeBlock(tuple(bodies), truth, prior, found, scores, begin.scores, moments,
+                        recognition, surface.share(truth), rebuilt)
+
+
+def _scored(scorer: Scorer, begin: Moment, reached: Sequence[Moment]) -> tuple[Moment, ...]:
+    """The moments after `begin` with their scores: the last finely, those before it roughly."""
+    rough = replace(scorer, samples=ROUGH)
+    scored, last = [], begin
+    for moment in reached[:-1]:
+        scores = rough.score_again(moment.recovered, last.recovered, last.scores)
+        scored.append(last := replace(moment, scores=scores))
+    return (*scored, *(replace(moment, scores=scorer.score_again(
+        moment.recovered, begin.recovered, begin.scores)) for moment in reached[-1:]))
 
 
 def _which(bodies: Sequence[Body]) -> np.ndarray:

@@ -11,6 +11,8 @@ from fit.revolution.geometry import RevolutionBody, revolution_distance
 from fit.superquadric.geometry import Superquadric, superquadric, superquadric_surface
 from strategies.recovery.choose_model import Recovered, Shape
 from sweeps.episode.scores import (
+    FINE,
+    ROUGH,
     _distance_to_contours,
     score_recovered,
     score_superquadrics,
@@ -173,3 +175,17 @@ def test_worlds_are_scored_some_at_a_time_with_the_same_bits(
     for one, other in zip(whole, parts, strict=True):
         for name, values in asdict(one).items():
             assert np.array_equal(values, getattr(other, name)), name
+
+
+@pytest.mark.parametrize("name", ["block", "lightbulb", "wine_bottle"])
+def test_rough_scores_are_near_the_fine_ones(name: str) -> None:
+    body, size = body_from_name(name), np.random.default_rng(3).uniform(0.8, 1.2, (8, 3))
+    half = 0.5 * (np.array(body.high_m) - body.low_m)
+    fits = Superquadric(half * size, np.full((8, 2), 0.4),
+                        np.tile(AT[0, :3] + [0.0, 0.0, half[2]], (8, 1)),
+                        np.tile([0.0, 0.0, 0.0, 1.0], (8, 1)), np.zeros((8, 2)), np.zeros((8, 2)))
+    given, at = Recovered(np.full(8, Shape.SUPERQUADRIC), fits), np.repeat(AT, 8, axis=0)
+    fine, rough = (score_recovered(given, body, at, samples=samples) for samples in (FINE, ROUGH))
+    np.testing.assert_allclose(rough.chamfer_m, fine.chamfer_m, rtol=0.03)
+    np.testing.assert_allclose(rough.iou, fine.iou, atol=0.015)
+    assert (rough.chamfer_m != fine.chamfer_m).all()
