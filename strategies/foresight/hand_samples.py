@@ -11,6 +11,7 @@ from math import pi
 import numpy as np
 
 from fit.rotation import matrix_of_quaternion
+from strategies.foresight.hand_meetings import hand_meetings
 from strategies.procedures.containment import padded_commands
 from strategies.procedures.possible import check_foreseeable
 from warpgrasp.mechanism.utah_mit_hand import hand_links
@@ -32,6 +33,11 @@ class SweptFingers:
     """Centres, (finger 4, place, ball, 3)."""
     joints_rad: np.ndarray
     """Commands, (finger 4, place, 4)."""
+    met: np.ndarray
+    """Place at which each finger touches another or the palm, where nothing is in the way; the
+    number of places where none, int (finger 4,)."""
+    meets: np.ndarray
+    """The finger it touches there; -1 the palm or none, int (finger 4,)."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +59,8 @@ def samples_of_hand(hand: HandTable, closings: tuple[str, ...]) -> HandSamples:
     swept = []
     for path, steps in zip(commands, count, strict=True):
         kept = np.append(np.arange(0, steps - 1, STRIDE), steps - 1)
-        swept.append(SweptFingers(_balls(_joints(hand, path[:, kept])), path[:, kept]))
+        joints = _joints(hand, path[:, kept])
+        swept.append(SweptFingers(_balls(joints), path[:, kept], *hand_meetings(hand, joints)))
     fingers = _balls(_joints(hand, commands[0][:, :1])).reshape(-1, 3)
     ahead = np.stack([s.balls_m[:, 0, -2 * BALLS:].reshape(-1, 3) for s in swept[:1]])[0]
     back = APPROACH_STEP_M * np.arange(1, int(APPROACH_M / APPROACH_STEP_M) + 1)

@@ -39,8 +39,8 @@ _SHAPES = {"corner": "world", "cell": "world", "contact": "world contact", "norm
            "world contact", "weight": "world contact", "felt": "world contact", "free":
            "world free", "free_count": "world", "hit": "world cells", "cap": "world cells",
            "worth": "world cells", "open_ball": "open", "hand_pose": "world pose", "barred":
-           "world pose", "swept_ball": "4 place ball", "wanted": "world pose",
-           "gain": "world pose 4", "place": "world pose 4"}
+           "world pose", "swept_ball": "4 place ball", "met": "4", "meets": "4",
+           "wanted": "world pose", "gain": "world pose 4", "place": "world pose 4"}
 
 
 @dataclass(frozen=True)
@@ -106,6 +106,7 @@ class Occupancy:
         balls = swept.balls_m
         self._launch(foresee_kernel, {"world": worlds, "pose": poses}, radius=self.radius_m,
                      lowest=lowest_m, open_ball=_vectors(open_m), swept_ball=_vectors(balls),
+                     met=_numbers(swept.met), meets=_numbers(swept.meets),
                      hand_pose=wp.array(hand_pose, dtype=transform, device="cpu"),
                      wanted=wp.array(wanted, dtype=wp.bool, device="cpu"), worth=_shared(worth),
                      barred=wp.array(barred, dtype=real, device="cpu", copy=False),
@@ -148,6 +149,10 @@ def begin_occupancy(prior: BoundingCylinder, radius_m: float) -> Occupancy:
         AT_RIM + (AT_AXIS - AT_RIM) * np.clip(1.0 - share, 0.0, 1.0) ** 2)
     hit = within[..., None] * ndtr((radius_m - over) / PRIOR_SIGMA_M)[:, None, None]
     return Occupancy(corner, size, hit.reshape(len(size), -1), radius_m)
+
+
+def _numbers(values: np.ndarray) -> wp.array:
+    return wp.array(values, dtype=int, device="cpu")
 
 
 def _vectors(values: np.ndarray) -> wp.array:

@@ -27,7 +27,7 @@ from strategies.recovery.evidence import TABLE_MARGIN_M
 from warpgrasp.core.random import counter_key, counter_uniform
 from warpgrasp.mechanism.arm_reach import pose_reachable
 
-CANDIDATES = 256
+CANDIDATES = 1024
 """Poses drawn at each step."""
 ABOUT_FELT = 0.6
 """Share of them about what was felt, once anything was [est]."""
