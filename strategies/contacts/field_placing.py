@@ -12,7 +12,7 @@ from strategies.contacts.field_placing_kernel import (
     station_kernel,
 )
 from strategies.contacts.finger_touch import TouchedLinks
-from strategies.contacts.placing_kernel import STATIONS
+from strategies.contacts.placing_kernel import STATIONS, UNLIKELY
 from warpgrasp.chain.chain_hand import chain_of_table
 from warpgrasp.core.dtypes import mat33, real, transform, vec3, vec4
 from warpgrasp.core.kernel_launch import launch
@@ -52,6 +52,11 @@ def link_stations(links: TouchedLinks, *, device: str = "cpu"
         "finger": wp.array(links.finger, dtype=int, device=device), "station": station},
         device=device)
     return station.numpy()
+
+
+def possible_stations(links: TouchedLinks) -> Bool[np.ndarray, "world point station"]:
+    """Those of links that torques leave possible; no other is looked at."""
+    return np.repeat(links.weight >= float(UNLIKELY), STATIONS, axis=-1)
 
 
 def places_on_field(

@@ -111,7 +111,7 @@ def _body_at(body: SuperquadricAt, p: vec3, link: int, station: int):
 
 
 @wp.func
-def _body_at(body: FieldAt, p: vec3, link: int, station: int):  # noqa: F811 (an overload)
+def _body_at(body: FieldAt, p: vec3, link: int, station: int):
     """The same, by what was asked for at the station."""
     return body.stations[body.world, body.point, link * _STATIONS + station]
 

@@ -15,7 +15,12 @@ import numpy as np
 from fit.implicit.known import KnownProcess, fit_known
 from fit.implicit.query import implicit_slopes
 from fit.implicit.record import ImplicitFit
-from strategies.contacts.field_placing import can_be_placed, link_stations, places_on_field
+from strategies.contacts.field_placing import (
+    can_be_placed,
+    link_stations,
+    places_on_field,
+    possible_stations,
+)
 from strategies.contacts.finger_touch import TouchedLinks
 from strategies.recovery.evidence import CONTRADICTED_FROM, SURE_LINK, Evidence
 from strategies.recovery.fit_contacts import (
@@ -43,9 +48,9 @@ LEAST_SLOPE, STEEPEST = 0.5, 1.5
 """Slopes of the process that its values are divided by to be distances."""
 PAD_SIGMA_M = 0.0006
 """Least deviation of a pad's touch [est]."""
-PLACING = KnownProcess(length_m=0.1)
+PLACING = KnownProcess(length_m=0.15)
 """Of the fits that contacts are placed by: stiff, for single contacts still err [est]."""
-BODY = KnownProcess(length_m=0.06)
+BODY = KnownProcess(length_m=0.05)
 """Of the last fit [est]."""
 
 
@@ -77,14 +82,9 @@ def _fit(placed: Evidence, sigma_m: np.ndarray, table: FitTable, process: KnownP
 def _placed(fits: ImplicitFit, before: Evidence, sigma: np.ndarray, links: TouchedLinks,
             stations: np.ndarray, trust: float) -> tuple[Evidence, np.ndarray]:
     asked = before.mask & links.linked
-    worlds, points, each = stations.shape[:3]
-    value, slope = implicit_slopes(fits, stations.reshape(worlds, -1, 3), PLACING.mean)
-    size = np.linalg.norm(slope, axis=-1)
-    known = np.isfinite(size) & (size > 0.0)
-    normal = np.where(known[..., None], slope / np.where(known, size, 1.0)[..., None], 0.0)
+    distance, normal = _field(fits, stations, asked[..., None] & possible_stations(links))
     found = places_on_field(
-        links, asked, (value / np.clip(size, LEAST_SLOPE, STEEPEST)).reshape(stations.shape[:3]),
-        normal.reshape(worlds, points, each, 3), lean_share=LEAN_SHARE,
+        links, asked, distance, normal, lean_share=LEAN_SHARE,
         place_sigma_m=FIRST_PLACE_M + trust * (PLACE_SIGMA_M - FIRST_PLACE_M),
         turn_sigma_rad=FIRST_TURN_RAD + trust * (TURN_SIGMA_RAD - FIRST_TURN_RAD),
         farthest_m=FARTHEST_M, normal_sigma_m=NORMAL_SIGMA_M)
@@ -99,6 +99,24 @@ def _placed(fits: ImplicitFit, before: Evidence, sigma: np.ndarray, links: Touch
         contradiction=contradiction)
     own = np.where(contradiction > CONTRADICTED_FROM, DOUBTED_SIGMA_M, LATER_SIGMA_M)
     return placed, np.where(moved, own, sigma)
+
+
+def _field(fits: ImplicitFit, stations: np.ndarray, wanted: np.ndarray
+           ) -> tuple[np.ndarray, np.ndarray]:
+    """Distances [m] and unit normals of the bodies at the stations `wanted`, (world, point,
+    station); 1 m and no normal elsewhere."""
+    distance, normal = np.ones(wanted.shape), np.zeros(stations.shape)
+    world, point, station = at = np.nonzero(wanted)
+    slot = np.arange(len(world)) - np.searchsorted(world, world)
+    asked = np.zeros((len(wanted), slot.max(initial=-1) + 1, 3))
+    asked[world, slot] = stations[at]
+    value, slope = implicit_slopes(fits, asked, PLACING.mean)
+    value, slope = value[world, slot], slope[world, slot]
+    size = np.linalg.norm(slope, axis=-1)
+    known = np.isfinite(size) & (size > 0.0)
+    normal[at] = np.where(known[:, None], slope / np.where(known, size, 1.0)[:, None], 0.0)
+    distance[at] = value / np.clip(size, LEAST_SLOPE, STEEPEST)
+    return distance, normal
 
 
 def _first_sigma(felt: Evidence) -> np.ndarray:
