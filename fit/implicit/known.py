@@ -1,11 +1,11 @@
 """Free-form bodies with known hyperparameters: one Cholesky factor a body.
 
-For contacts that are still to move, and for many touches with normals: the descent of `fit_implicit`
-to the hyperparameters factors its matrices a hundred times. Rows are those of `fit_implicit`: touches,
-points off the surface along their normals, and the balls of free space that the body would enter.
+For contacts that are still to move, and for many touches with normals: the descent of
+`fit_implicit` to the hyperparameters factors its matrices a hundred times. Rows are those of
+`fit_implicit`: touches, points off the surface along their normals, and the balls of free space
+that the body would enter.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +20,6 @@ from fit.implicit.record import ImplicitFit
 FEWEST = 4
 """Touches; with fewer there is no body."""
 NO_TABLE_M = -1e12
-Field = Callable[[np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)

@@ -82,7 +82,8 @@ def places_on_field(
         ("torque", links.torque_Nm, vec4), ("torque_sigma", links.torque_sigma_Nm, vec4),
         ("link_weight", links.weight, vec3), ("lean", lean_share * links.friction, real))}
     launch(field_placing_kernel, {"world": asked.shape[0], "point": asked.shape[1]}, {
-        "field": f"world point {LINKS * STATIONS}", **dict.fromkeys((*given, *found), "world point")}, {
+        "field": f"world point {LINKS * STATIONS}",
+        **dict.fromkeys((*given, *found), "world point")}, {
         "field": wp.array(field, dtype=vec4, device=device),
         "hand": hand_of(links.hand), "place_sigma": place_sigma_m,
         "turn_sigma": turn_sigma_rad, "farthest": farthest_m,

@@ -3,9 +3,8 @@
 Joint torques say which link touched and roughly where along it, hardly on which side. What stands
 there says the rest: a link touches where its axis is nearest, along the normal there. Contacts
 placed on a superquadric are bent towards it where the object is none. Here a Gaussian process about
-nothing is fitted to the contacts as they were felt, each contact is placed where torques and process
-agree best, and the process is fitted again. It learns to turn by and by: at first its surface is
-trusted little.
+nothing is fitted to the contacts as they were felt, each contact is placed where torques and
+process agree best, and the process is fitted again. Its surface is trusted little at first.
 """
 
 from dataclasses import replace
@@ -64,7 +63,7 @@ def fitted_freely(felt: Evidence, links: TouchedLinks, table: FitTable
     """
     placed, sigma = felt, _first_sigma(felt)
     rounds = ROUNDS if can_be_placed(links) and bool((felt.mask & links.linked).any()) else 0
-    stations = link_stations(links) if rounds else None
+    stations = link_stations(links) if rounds else np.zeros((0, 0, 0, 3))
     for turn in range(rounds):
         fits = _fit(placed, sigma, table, PLACING)
         placed, sigma = _placed(fits, placed, sigma, links, stations, min(turn / SURE_ROUNDS, 1.0))
@@ -106,7 +105,8 @@ def _field(fits: ImplicitFit, stations: np.ndarray, wanted: np.ndarray
     """Distances [m] and unit normals of the bodies at the stations `wanted`, (world, point,
     station); 1 m and no normal elsewhere."""
     distance, normal = np.ones(wanted.shape), np.zeros(stations.shape)
-    world, point, station = at = np.nonzero(wanted)
+    at = np.nonzero(wanted)
+    world = at[0]
     slot = np.arange(len(world)) - np.searchsorted(world, world)
     asked = np.zeros((len(wanted), slot.max(initial=-1) + 1, 3))
     asked[world, slot] = stations[at]

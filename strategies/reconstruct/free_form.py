@@ -39,11 +39,15 @@ class Reconstruction:
     """What a plug-in did wrong, str (world,)."""
     time_s: float
     """Wall time of all worlds together."""
-    fits: ImplicitFit | None = None
-    """Of the Gaussian process, of the worlds `fitted`, in order."""
+    fits: tuple[ImplicitFit, ...] = ()
+    """Of the Gaussian process, one of each of the worlds `fitted`, in order."""
     fitted: np.ndarray | None = None
-    volume: VolumeEstimate | None = None
-    """Volume and the surface's uncertainty, likewise."""
+
+    def volume(self, number: int) -> VolumeEstimate:
+        """Volume and the surface's uncertainty of the fit so numbered."""
+        assert self.fitted is not None
+        mesh = self.meshes[int(self.fitted[number])]
+        return implicit_volume(self.fits[number], [mesh], BODY.mean)
 
     @property
     def made(self) -> np.ndarray:
@@ -60,7 +64,8 @@ def reconstruct(
     `evidence` has contacts as placed on the bodies recovered, `felt` as they were felt, of `links`.
     "implicit" makes a free form of every world that felt enough, "chosen" only where the recovered
     body does not explain what was felt. Neither stands where prior or table contradict it: one that
-    ends high above the table was not felt to its foot. A plug-in is asked about every world. Its faults are data.
+    ends high above the table was not felt to its foot. A plug-in is asked about every world. Its
+    faults are data.
     """
     if word == BUILT_IN[0]:
         return None
@@ -84,21 +89,18 @@ def reconstruct(
 def _implicit(rows: np.ndarray, felt: Evidence, links: TouchedLinks, prior: BoundingCylinder,
               table: FitTable, begin: float) -> Reconstruction:
     """Free forms of the worlds `rows`."""
-    worlds = len(felt.mask)
-    meshes = [NO_MESH] * worlds
-    fits, volume = None, None
-    if len(rows):
-        found, _ = fitted_freely(rows_of(felt, rows), rows_of(links, rows), table)
-        made = implicit_meshes(found, BODY.mean)
-        good = np.flatnonzero(plausible_vertices([m.vertices_m for m in made],
-                                                 rows_of(prior, rows)))
-        rows, fits, made = rows[good], rows_of(found, good), [made[k] for k in good]
-        if len(rows):
-            volume = implicit_volume(fits, made, BODY.mean)
-        for row, mesh in zip(rows, made, strict=True):
+    meshes = [NO_MESH] * len(felt.mask)
+    fits, fitted = [], []
+    for row in rows:  # one at a time: sums over rows of a longer neighbour would round otherwise
+        own = np.array([row])
+        fit, _ = fitted_freely(rows_of(felt, own), rows_of(links, own), table)
+        mesh, = implicit_meshes(fit, BODY.mean)
+        if plausible_vertices([mesh.vertices_m], rows_of(prior, own))[0]:
             meshes[row] = mesh
-    return Reconstruction(IMPLICIT, tuple(meshes), np.full(worlds, "", object),
-                          time.perf_counter() - begin, fits, rows, volume)
+            fits.append(fit)
+            fitted.append(row)
+    return Reconstruction(IMPLICIT, tuple(meshes), np.full(len(meshes), "", object),
+                          time.perf_counter() - begin, tuple(fits), np.array(fitted, int))
 
 
 def _touches(recovered: Recovered, evidence: Evidence, prior: BoundingCylinder) -> Touches:
