@@ -19,9 +19,9 @@ from strategies.reconstruct.free_contacts import BODY, fitted_freely
 from strategies.reconstruct.plug_in import NO_MESH, Touches, run_plug_in
 from strategies.reconstruct.plug_in_name import BUILT_IN, CHOSEN, IMPLICIT, find_plug_in
 from strategies.reconstruct.prior_distance import distance_to_recovered
-from strategies.reconstruct.unexplained import unexplained
 from strategies.recovery.belief import read_only
 from strategies.recovery.choose_model import Recovered
+from strategies.recovery.contact_verdict import unexplained
 from strategies.recovery.evidence import Evidence
 from strategies.recovery.plausibility import FEWEST_CONTACTS, plausible_vertices
 from warpgrasp.parameters import FitTable
