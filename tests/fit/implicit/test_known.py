@@ -84,5 +84,5 @@ def test_slopes_are_those_of_the_distance() -> None:
 
 
 def test_wrong_numbers_are_named() -> None:
-    with pytest.raises(ValueError, match="length_m: 0.0, should be positive"):
+    with pytest.raises(ValueError, match=r"length_m: 0\.0, should be positive"):
         KnownProcess(length_m=0.0)

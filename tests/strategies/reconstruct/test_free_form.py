@@ -48,7 +48,8 @@ def test_contacts_move_towards_where_fingers_touched(bowls: EpisodeBlock) -> Non
 
 def test_a_bowl_is_a_free_form_and_nearer_than_the_model(bowls: EpisodeBlock) -> None:
     assert unexplained(bowls.recovered, bowls.evidence).all()
-    assert bowls.rebuilt is not None and bowls.rebuilt.made.all()
+    assert bowls.rebuilt is not None
+    assert bowls.rebuilt.made.all()
     assert (bowls.status == "ok").all()
     model = bowls.moments[-1].scores
     assert np.median(bowls.scores.chamfer_m) < np.median(model.chamfer_m)
@@ -73,6 +74,7 @@ def test_no_body_is_unexplained(bowls: EpisodeBlock) -> None:
 
 def test_a_free_form_does_not_depend_on_the_batch(bowls: EpisodeBlock) -> None:
     alone = run_block(cell("bowl-2"), np.arange(1, 2), "cpu")
-    assert alone.rebuilt is not None and bowls.rebuilt is not None
+    assert alone.rebuilt is not None
+    assert bowls.rebuilt is not None
     assert (alone.rebuilt.meshes[0].vertices_m == bowls.rebuilt.meshes[1].vertices_m).all()
     assert alone.scores.chamfer_m[0] == bowls.scores.chamfer_m[1]
