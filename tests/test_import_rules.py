@@ -15,8 +15,8 @@ from places import ROOT
 
 FLOORS = {
     "warpgrasp": ["spec_words", "parameters", "probe_status", "motion_cost", "core", "geometry",
-                  "objects", "hands", "mechanism", "chain", "finger", "closing", "chain_closing",
-                  "touch", "export", "robot_hand", "robot"],
+                  "objects", "hands", "arms", "mechanism", "chain", "finger", "closing",
+                  "chain_closing", "touch", "export", "robot_hand", "robot"],
     "fit": ["fit_status", "rotation", "arrays", "optimize", "prepare", "superquadric",
             "revolution", "implicit", "plane", "polyhedron", "match_parameters",
             "interpretation_tree", "points_csv"],

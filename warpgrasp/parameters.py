@@ -14,6 +14,7 @@ from warpgrasp.spec_words import spec_words
 OBJECT_REACH_M = 2.0
 """How far from the robot's base an object may stand, along x and along y."""
 
+PUMA560, FLOATING = "puma560", "none"
 UTAH_MIT = "utah_mit"
 """The paper's hand, whose numbers are those of `HandTable`."""
 
@@ -32,11 +33,14 @@ def _choice(default: str, choices: tuple[str, ...], doc: str) -> Any:
 class ArmTable:
     """PUMA 560, standard Denavit-Hartenberg parameters (robotics-toolbox-python) [ref].
 
-    Or none: a wrist that floats within a box, where every pose is reachable.
+    Or another arm, by its `kind`, which has joints of its own: of this table then count encoder
+    step and repeatability. Or none: a wrist that floats within a box, where every pose is
+    reachable.
     """
 
-    kind: str = _choice("puma560", ("puma560", "none"), "the arm; none: a floating wrist, whose "
-                        "box and speeds count in place of what joints have")
+    kind: str = field(default=PUMA560, metadata={
+        "doc": "the arm: puma560, another one that ships (`warpgrasp arms`), or a TOML file; none: "
+               "a floating wrist, whose box and speeds count in place of what joints have"})
     d_m: tuple[float, ...] = _number((0.67183, 0.0, 0.15005, 0.4318, 0.0, 0.0), 0.0, 2.0,
                                      "joint offsets [ref]")
     a_m: tuple[float, ...] = _number((0.0, 0.4318, 0.0203, 0.0, 0.0, 0.0), 0.0, 2.0,

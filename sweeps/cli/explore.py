@@ -249,6 +249,7 @@ def strategies(*, json: Json = False) -> int:
 
 @app.command(name="export")
 def export_(file: Path, /, *, arm: Annotated[bool, Parameter(negative="")] = False,
+            on: str | None = None,
             object_: Annotated[str | None, Parameter(name="--object")] = None,
             units: str | None = None, hand: str = "utah_mit") -> int:
     """Write a hand as MJCF or URDF, from the numbers the simulator uses.
@@ -258,7 +259,9 @@ def export_(file: Path, /, *, arm: Annotated[bool, Parameter(negative="")] = Fal
     file
         Ends in .xml for MJCF (MuJoCo), in .urdf for URDF.
     arm
-        The whole robot: PUMA 560 with the hand, 22 joints.
+        The whole robot: the arm with the hand; the PUMA 560 unless `--on` names another.
+    on
+        The arm that carries the hand: a name (`warpgrasp arms`) or a TOML file.
     object_
         Put this object before it: a name (`warpgrasp objects`) or a mesh file, then with its units.
     units
@@ -267,5 +270,8 @@ def export_(file: Path, /, *, arm: Annotated[bool, Parameter(negative="")] = Fal
         A name (`warpgrasp hands`) or a TOML file that `warpgrasp hand` wrote.
     """
     from sweeps.cli.export import export
+    from warpgrasp.parameters import FLOATING, PUMA560
 
-    return export(file, arm=arm, what=object_, units=units, hand=hand)
+    if on == FLOATING:
+        raise UsageError("--on: a floating wrist has no links; should be an arm")
+    return export(file, arm=on or (PUMA560 if arm else None), what=object_, units=units, hand=hand)

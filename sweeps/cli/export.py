@@ -14,7 +14,7 @@ HAND_ABOVE_M = 0.15
 
 
 def export(
-    file: Path, *, arm: bool, what: str | None, units: str | None, hand: str = "utah_mit"
+    file: Path, *, arm: str | None, what: str | None, units: str | None, hand: str = "utah_mit"
 ) -> int:
     """Write `file` (.xml: MJCF, .urdf: URDF; then meshes beside it) and print what was written."""
     kind = file.suffix.lower()
@@ -33,7 +33,7 @@ def export(
 
 
 def _files(
-    file: Path, kind: str, arm: bool, what: str | None, units: str | None, hand_word: str
+    file: Path, kind: str, arm: str | None, what: str | None, units: str | None, hand_word: str
 ) -> dict[Path, str]:
     from warpgrasp.export.convex_solids import object_solids
     from warpgrasp.export.mjcf import mjcf_text
@@ -60,8 +60,9 @@ def _files(
             body = body_from_name(str(table["name"]))
         solids, top = object_solids(body, triangles), body.high_m[2]
     if arm:
-        links = (arm_hand_tree(ArmTable(), hand, pads) if model is None
-                 else arm_model_tree(ArmTable(), model, hand.mount_length_m))
+        carries = ArmTable(kind=arm)
+        links = (arm_hand_tree(carries, hand, pads) if model is None
+                 else arm_model_tree(carries, model, hand.mount_length_m))
         place = (stands.x_m, stands.y_m, *STILL[2:])
     else:
         above = (0.0, 0.0, top + HAND_ABOVE_M, 1.0, 0.0, 0.0, 0.0)
@@ -70,10 +71,10 @@ def _files(
                  else hand_model_tree(model, place=at))
         place = STILL
     hand_name = "utah_mit_hand" if model is None else model.name
-    name = f"puma560_{hand_name}" if arm else hand_name
+    name = f"{Path(arm).stem}_{hand_name}" if arm else hand_name
     if kind == ".xml":
         return {file: mjcf_text(links, solids, name=name, object_place=place,
-                                table=arm or bool(solids))}
+                                table=bool(arm or solids))}
     try:
         text, meshes = urdf_text(links, solids, name=name, object_place=place,
                                  mesh_stem=f"{file.stem}_object")

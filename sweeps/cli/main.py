@@ -5,11 +5,11 @@ import sys
 
 from cyclopts import CycloptsError
 
-from sweeps.cli import explore, hands, look, machine, measure, study
+from sweeps.cli import arms, explore, hands, look, machine, measure, study
 from sweeps.cli.app import BAD_USAGE, INTERRUPTED, OTHER_SPEC, SOME_FAILED, UsageError, app
 
 # Imported for the commands that they add to the app.
-GROUPS = (study, look, explore, hands, measure, machine)
+GROUPS = (study, look, explore, hands, arms, measure, machine)
 GARBAGE_AFTER = (500_000, 20, 20)
 """Objects made before the youngest are searched for garbage, and searches before older ones are.
 Imports make many objects and no garbage: Python's own 700 cost a tenth of a command's time, and a
@@ -65,7 +65,7 @@ def _explain(error: Exception) -> int:
     if isinstance(error, OSError):
         return _refuse(f"{error.filename or 'warpgrasp'}: {error.strerror or error}", SOME_FAILED)
     if type(error).__name__ in ("LeaderboardError", "ObjectError", "BodyError", "WaypointError",
-                                "PointsError", "HandError"):
+                                "PointsError", "HandError", "ArmError"):
         return _refuse(str(error))
     raise error
 

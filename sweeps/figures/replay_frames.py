@@ -23,9 +23,10 @@ from strategies.recovery.plausibility import FEWEST_CONTACTS
 from sweeps.episode.episodes import EpisodeBlock, run_block
 from sweeps.figures.meshes import recovered_grid, surface_grid
 from sweeps.spec.cell import Cell
+from warpgrasp.arms.serial_arm import nearest_joints, serial_places
 from warpgrasp.chain.chain_hand import chain_of_table, closing_way, finger_lines
 from warpgrasp.geometry.meshing import body_mesh
-from warpgrasp.mechanism.arm import arm_home, floating_joints, is_floating
+from warpgrasp.mechanism.arm import arm_home, floating_joints, is_floating, serial_model
 from warpgrasp.mechanism.arm_motion import arm_hand_links
 from warpgrasp.mechanism.arm_motion_kernel import RETREAT_M
 from warpgrasp.mechanism.puma560 import ALPHA_RAD, puma_inverse_batch
@@ -244,11 +245,18 @@ def _so_far(shape: tuple[int, ...]) -> np.ndarray:
 
 
 def arm_points(arm: ArmTable, q_rad: np.ndarray, mount_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Joints of the arm from the base to the hand's origin, (6, 3), and the hand's quaternion xyzw.
+    """Joints of the arm from the base to the hand's origin, (point, 3), and the hand's quaternion
+    xyzw.
 
-    Standard Denavit-Hartenberg frames; the three coincident joints of the wrist are given once. A
-    floating wrist is drawn at the foot of a post.
+    Of the PUMA 560 standard Denavit-Hartenberg frames; the three coincident joints of the wrist are
+    given once. A floating wrist is drawn at the foot of a post.
     """
+    model = serial_model(arm)
+    if model is not None:
+        places = serial_places(model, q_rad)
+        turn = Rotation.from_quat(places[-1, 3:])
+        return np.vstack([places[:, :3], places[-1, :3] + turn.apply([0.0, 0.0, mount_m])]
+                         ), turn.as_quat()
     if is_floating(arm):
         turn = Rotation.from_rotvec(q_rad[3:])
         post = q_rad[:3] + np.outer(np.linspace(_POST_M, 0.0, 5), [0.0, 0.0, 1.0])
@@ -279,6 +287,10 @@ def _reach(cell: Cell, hand_pose: np.ndarray, near: np.ndarray) -> np.ndarray:
     flange = _retreated(hand_pose, cell.hand.mount_length_m)
     if is_floating(cell.arm):
         return floating_joints(flange[None])[0]
+    model = serial_model(cell.arm)
+    if model is not None:
+        found = nearest_joints(model, flange[None], near[None])[0]
+        return found if np.isfinite(found).all() else near
     branches = puma_inverse_batch(cell.arm, flange[None])[0]
     branches = branches + 2 * np.pi * np.round((near - branches) / (2 * np.pi))
     low, high = np.array(cell.arm.limit_low_rad), np.array(cell.arm.limit_high_rad)

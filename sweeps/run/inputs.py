@@ -1,5 +1,5 @@
 """What a study was read from besides its spec: meshes, profiles, files of poses,
-planners, known models, hands.
+planners, known models, hands, arms.
 
 A study keeps a copy of each below `inputs/HASH/`, under its own name, so that its episodes can be
 run again when the originals have changed or the directory was moved. `HASH` is the one by which
@@ -11,7 +11,7 @@ from contextlib import suppress
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from strategies.planners.planner_file import files_beside
 from strategies.reconstruct.plug_in_name import plug_in_file
@@ -20,9 +20,12 @@ from sweeps.run.plan import files_hash, program_hash
 from sweeps.spec.cell import Cell
 from sweeps.spec.errors import StoreError
 from sweeps.spec.hands import hands_of
+from sweeps.spec.named_files import arms_of
 from sweeps.spec.objects import files_digest
 from sweeps.spec.study import FILE_KEYS, Body, Study
-from warpgrasp.parameters import HandTable
+from warpgrasp.parameters import ArmTable, HandTable
+
+Kind = TypeVar("Kind", ArmTable, HandTable)
 
 FOLDER = "inputs"
 POSES = "poses.csv"
@@ -50,7 +53,7 @@ def keep_inputs(folder: Path, study: Study) -> None:
             _keep(Path(file).with_name(name), inputs / program_hash(file) / name)
     if models := study.tables["recognition"].models:
         _keep(Path(models), inputs / _hash(Path(models)) / MODELS)
-    for kind in hands_of(study):
+    for kind in hands_of(study) | arms_of(study):
         if kind.endswith(".toml"):
             _keep(Path(kind), inputs / _hash(Path(kind)) / Path(kind).name)
 
@@ -90,17 +93,17 @@ def kept_cell(cell: Cell, body: Body, folders: tuple[Path, ...]) -> Cell:
         place = _find(folders, key, "known models", lambda place: _hash(place / MODELS) == key)
         recognition = replace(recognition, models=str(place / MODELS))
     return replace(cell, body_table=table, strategy=strategy, fit=fits, recognition=recognition,
-                   hand=_kept_hand(cell.hand, folders),
-                   true=cell.true and replace(cell.true, hand=_kept_hand(cell.true.hand, folders)))
+                   hand=_kept_kind(cell.hand, folders), arm=_kept_kind(cell.arm, folders),
+                   true=cell.true and replace(cell.true, hand=_kept_kind(cell.true.hand, folders)))
 
 
-def _kept_hand(hand: HandTable, folders: tuple[Path, ...]) -> HandTable:
-    """The table with its hand's file where a directory keeps it."""
-    if not hand.kind.startswith("sha256:"):
-        return hand
-    key, _, name = hand.kind.removeprefix("sha256:").partition("/")
+def _kept_kind(table: Kind, folders: tuple[Path, ...]) -> Kind:
+    """The table of a hand or an arm with its file where a directory keeps it."""
+    if not table.kind.startswith("sha256:"):
+        return table
+    key, _, name = table.kind.removeprefix("sha256:").partition("/")
     place = _find(folders, key, name, lambda place: _hash(place / name) == key)
-    return replace(hand, kind=str(place / name))
+    return replace(table, kind=str(place / name))
 
 
 def _kept_call(call: str, folders: tuple[Path, ...]) -> str:

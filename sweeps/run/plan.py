@@ -19,7 +19,7 @@ from strategies.reconstruct.plug_in_name import call_by_content, plug_in_file
 from strategies.strategy import Strategy
 from sweeps.spec.cell import SECTIONS, TABLES, Cell
 from sweeps.spec.search import canonical_search, search_of
-from sweeps.spec.study import FILE_KEYS, HAND_KEY, Axis, Body, Study, StudyTable
+from sweeps.spec.study import ARM_KEY, FILE_KEYS, HAND_KEY, Axis, Body, Study, StudyTable
 
 RESULTS_SCHEMA = 21  # raise when rows change their meaning: older units are then computed again
 BLOCK = 64  # episodes of a unit; rows do not depend on it
@@ -162,7 +162,7 @@ def canonical_table(table: Any) -> dict[str, Any]:
     if models := values.get("models"):
         values["models"] = f"sha256:{_file_hash(models)}"
     if "kind" in values:
-        values["kind"] = _hand_by_content(values["kind"])
+        values["kind"] = _kind_by_content(values["kind"])
     if file := plug_in_file(values.get("reconstruct", "")):
         values["reconstruct"] = call_by_content(values["reconstruct"], program_hash(file))
     return values
@@ -183,13 +183,13 @@ def canonical_study(study: Study) -> dict[str, Any]:
 
 
 def _canonical_axis(axis: Axis) -> dict[str, Any]:
-    si = tuple(tuple(_hand_by_content(value) if key == HAND_KEY else value
+    si = tuple(tuple(_kind_by_content(value) if key in (HAND_KEY, ARM_KEY) else value
                      for key, value in zip(axis.keys, point, strict=True)) for point in axis.si)
     return {"sampled": axis.sampled, "keys": axis.keys, "values": axis.values, "si": si}
 
 
-def _hand_by_content(kind: str) -> str:
-    """A hand's name, or the content of its file."""
+def _kind_by_content(kind: str) -> str:
+    """A hand's or an arm's name, or the content of its file."""
     return f"sha256:{_file_hash(kind)}/{Path(kind).name}" if kind.endswith(".toml") else kind
 
 

@@ -1,7 +1,6 @@
 """The hand of a spec: `hand = "allegro"`, a hand that ships or a TOML file, in place of `[hand]`.
 
-The same word in a sweep, `hand = ["utah_mit", "allegro"]`, compares hands. `arm = "none"` is short
-for `[arm]` with `kind = "none"`.
+The same word in a sweep, `hand = ["utah_mit", "allegro"]`, compares hands.
 """
 
 from collections.abc import Mapping

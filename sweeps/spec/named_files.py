@@ -1,9 +1,11 @@
 """Keys of a spec's sections that name a file of the user's: it is found, read once, made absolute.
 
 `[fit] reconstruct` is a word, or a function in a file; `[recognition] models` is a file that
-`warpgrasp learn` wrote.
+`warpgrasp learn` wrote. `arm = "ur5e"`, an arm that ships or a TOML file, stands in place of
+`[arm]`; in a sweep, `arm = ["puma560", "ur5e"]` compares arms.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,13 +15,20 @@ from strategies.reconstruct.plug_in_name import BUILT_IN as WORDS
 from strategies.reconstruct.plug_in_name import find_plug_in, plug_in_file
 from sweeps.spec.errors import KeyPath, Problems, choose, short
 from sweeps.spec.objects import CSV_LIMIT, NoFile, named_file
-from warpgrasp.parameters import RecognitionTable
+from sweeps.spec.study import ARM_KEY, Axis, Study
+from sweeps.spec.units import spec_fields
+from warpgrasp.parameters import FLOATING, PUMA560, ArmTable, RecognitionTable
 
 KEY = "fit.reconstruct"
 MODELS_LIMIT = 1 << 24
 """Bytes of a file of models."""
 UNSWEPT = "recognition.models"
 """The key that names a file; a study keeps one."""
+ARM_LIMIT = 1 << 20
+JOINT_FIELDS = ("d_m", "a_m", "limit_low_rad", "limit_high_rad", "speed_rad_s")
+"""Fields of `ArmTable` that say something of the PUMA 560 alone."""
+WRIST_FIELDS = ("box_low_m", "box_high_m", "wrist_speed_m_s", "wrist_turn_rad_s")
+"""Fields that say something of a floating wrist alone."""
 
 
 def read_reconstruct(value: str, base_dir: Path, problems: Problems,
@@ -72,3 +81,55 @@ def with_models(
     except ModelsError as error:
         problems.add(path, str(error))
     return replace(table, models=str(file))
+
+
+def read_arm(value: str, base_dir: Path, problems: Problems, path: KeyPath = ("arm", "kind")
+             ) -> str:
+    """The name of an arm that ships, or its file made absolute; what is wrong is noted."""
+    if value in (PUMA560, FLOATING):
+        return value
+    from warpgrasp.arms.arm_file import SHIPPED_ARMS, arm_from_file
+    from warpgrasp.arms.arm_model import ArmError
+
+    if value in SHIPPED_ARMS:
+        return value
+    if not value.endswith(".toml"):
+        known = (PUMA560, FLOATING, *SHIPPED_ARMS)
+        problems.add(path, f"no arm {short(value)}; {choose(value, known)}; or a TOML file, as "
+                     "`warpgrasp arm URDF -o my_arm.toml` writes it")
+        return PUMA560
+    try:
+        file = str(named_file(value, base_dir, ARM_LIMIT))
+        arm_from_file(Path(file))
+    except (NoFile, ArmError) as error:
+        problems.add(path, str(error))
+        return PUMA560
+    return file
+
+
+def with_arms(axis: Axis, base_dir: Path, problems: Problems) -> Axis:
+    """An axis of a sweep whose arms are found."""
+    if ARM_KEY not in axis.keys:
+        return axis
+    at = axis.keys.index(ARM_KEY)
+    si = tuple((*point[:at], read_arm(point[at], base_dir, problems, ("sweep",)),
+                *point[at + 1:]) for point in axis.si)
+    return replace(axis, si=si)
+
+
+def check_arms(study: Study, given: Mapping[str, Any], problems: Problems) -> None:
+    """Notes keys of `[arm]` that say nothing of an arm with a file of its own."""
+    if arms_of(study) & {PUMA560, FLOATING}:
+        return
+    for key, field in spec_fields(ArmTable).items():
+        for names, whose in ((JOINT_FIELDS, "the PUMA 560"), (WRIST_FIELDS, "a floating wrist")):
+            if key in given and field.name in names:
+                problems.add(("arm", key), f"is a number of {whose}; other arms have their numbers "
+                             "in their TOML file")
+
+
+def arms_of(study: Study) -> set[str]:
+    """Every arm that a study runs with."""
+    swept = {point[axis.keys.index(ARM_KEY)] for axis in study.axes if ARM_KEY in axis.keys
+             for point in axis.si}
+    return swept or {study.tables["arm"].kind}

@@ -13,8 +13,11 @@ from sweeps.spec.errors import Problem, Problems, SpecError, choose
 from sweeps.spec.hands import check_hands, read_hand, spelled_out, with_hands
 from sweeps.spec.named_files import (
     KEY,
+    check_arms,
     check_swept_reconstruct,
+    read_arm,
     read_reconstruct,
+    with_arms,
     with_models,
 )
 from sweeps.spec.objects import read_objects
@@ -63,6 +66,7 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
               for name, table in SECTIONS.items()}
     tables["hand"] = replace(tables["hand"], kind=read_hand(tables["hand"].kind, base_dir,
                                                             problems))
+    tables["arm"] = replace(tables["arm"], kind=read_arm(tables["arm"].kind, base_dir, problems))
     tables["recognition"] = with_models(tables["recognition"], base_dir, problems)
     tables["fit"] = replace(tables["fit"], reconstruct=read_reconstruct(
         tables["fit"].reconstruct, base_dir, problems))
@@ -70,7 +74,8 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
     objects = read_objects(values.get("objects", []), base_dir, problems)
     axes = read_axes(values.get("sweep", {}), extra_grid or {}, strategies, tables, head.seed,
                      problems)
-    axes = tuple(with_hands(axis, base_dir, problems) for axis in axes)
+    axes = tuple(with_arms(with_hands(axis, base_dir, problems), base_dir, problems)
+                 for axis in axes)
     check_order(tables, values, axes, problems)
     for axis in axes:
         if KEY in axis.keys:
@@ -86,6 +91,7 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
                      f"{study.cell_count:,} cells; the limit is {EPISODE_LIMIT:,}")
     if not problems.found:
         check_hands(study, values.get("hand", {}), problems)
+        check_arms(study, values.get("arm", {}), problems)
         check_pads(study, problems)
     return study
 

@@ -9,7 +9,7 @@ from strategies.strategy import BUDGET_KEYS, Strategy
 from sweeps.spec.cell import APART, SECTIONS, TABLES, Cell
 from warpgrasp.parameters import TrueTables
 
-HAND_KEY = "hand.kind"
+HAND_KEY, ARM_KEY = "hand.kind", "arm.kind"
 FILE_KEYS = ("mesh", "profile")  # of an object's table, however deep: files it is read from
 
 EPISODE_LIMIT = 10**9

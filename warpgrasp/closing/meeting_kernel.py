@@ -183,6 +183,10 @@ def meeting_kernel(
                 sensors[own_sensor, f], (command[f] - state[i, f].q) * k, delta,
                 counter_key(counter_key(counter_key(stream, f), _TENSION_STEP), s))
             stops = wp.abs(reading) > sensors[own_sensor, f].threshold
+            if (touched & (1 << f)) == 0:
+                # It stops where it did alone: this equilibrium differs in its last digits, which
+                # may decide a reading at the threshold.
+                stops = felt[w, p, g, f].status == _CONTACT and s >= felt[w, p, g, f].step
             if stops:
                 stopped = stopped | (1 << f)
             if (touched & (1 << f)) != 0:

@@ -42,8 +42,24 @@ class mat42(wp.types.matrix(shape=(4, 2), dtype=wp.float64)):
     """Four pairs."""
 
 
+class mat66(wp.types.matrix(shape=(6, 6), dtype=wp.float64)):
+    """Six directions of a rigid body each way."""
+
+
+class mat76(wp.types.matrix(shape=(7, 6), dtype=wp.float64)):
+    """Seven joints' directions of a rigid body."""
+
+
+class mat77(wp.types.matrix(shape=(7, 7), dtype=wp.float64)):
+    """Seven joints' places: positions and quaternions."""
+
+
 class vec6(wp.types.vector(length=6, dtype=wp.float64)):
-    """Six arm joints."""
+    """Six numbers."""
+
+
+class vec7(wp.types.vector(length=7, dtype=wp.float64)):
+    """Seven joints of an arm; those that an arm has not are 0."""
 
 
 ZERO = wp.constant(real(0.0))

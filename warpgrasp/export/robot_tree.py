@@ -9,8 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from warpgrasp.arms.arm_model import ArmModel
 from warpgrasp.hands.hand_model import STILL, Box, Capsule, Follow, Place
+from warpgrasp.mechanism.arm import is_floating, serial_model
 from warpgrasp.mechanism.puma560 import ALPHA_RAD
 from warpgrasp.parameters import ArmTable, HandTable, PadTable
 
@@ -93,13 +96,19 @@ def hand_tree(
 
 
 def arm_hand_tree(arm: ArmTable, hand: HandTable, pads: PadTable) -> list[Link]:
-    """The whole robot in its base frame, 22 joints in the order of `arm_hand_links`."""
+    """The whole robot in its base frame, joints in the order of `arm_hand_links`."""
     links, place = arm_tree(arm, hand.mount_length_m)
     return links + hand_tree(hand, pads, parent=links[-1].name, place=place)
 
 
 def arm_tree(arm: ArmTable, mount_length_m: float) -> tuple[list[Link], Place]:
-    """The arm in its base frame, 6 joints, and the place of the hand's frame in its last link."""
+    """The arm in its base frame, and the place of the hand's frame in its last link. Raises
+    ValueError for a floating wrist, and ArmError for an arm that cannot be used."""
+    model = serial_model(arm)
+    if model is not None:
+        return _serial_tree(model, mount_length_m)
+    if is_floating(arm):
+        raise ValueError("a floating wrist has no links; should be an arm")
     links = [Link("base", "", STILL, capsules=(
         Capsule((0.0, 0.0, 0.0), (0.0, 0.0, arm.d_m[0]), ARM_RADIUS_M),), touches=False)]
     place: tuple[float, ...] = STILL
@@ -116,6 +125,31 @@ def arm_tree(arm: ArmTable, mount_length_m: float) -> tuple[list[Link], Place]:
     x, y, z, *turned = (float(v) for v in place)
     a, b, c, d = turned
     return links, (x, y, z + mount_length_m, a, b, c, d)
+
+
+def _serial_tree(model: ArmModel, mount_length_m: float) -> tuple[list[Link], Place]:
+    places = [(*joint.xyz_m, *Rotation.from_euler("xyz", joint.rpy_rad).as_quat())
+              for joint in model.joints]
+    places.append((*model.flange_xyz_m,
+                   *Rotation.from_euler("xyz", model.flange_rpy_rad).as_quat()))
+    base = (*model.base_xyz_m, *Rotation.from_euler("xyz", model.base_rpy_rad).as_quat())
+    links = [Link("base", "", _floats(base), touches=False)]
+    origin = (0.0, 0.0, 0.0)
+    for joint, place, then in zip(model.joints, places, places[1:], strict=False):
+        end = (then[0], then[1], then[2])
+        bones = (Capsule(origin, end, ARM_RADIUS_M),) if end != origin else ()
+        links.append(Link(
+            f"arm{len(links)}", links[-1].name, _floats(place),
+            Joint(f"arm_joint{len(links)}", joint.axis, joint.low_rad, joint.high_rad, 0.0), bones,
+            touches=False))
+    at = np.array(places[-1][:3]) + Rotation.from_quat(places[-1][3:]).apply(
+        [0.0, 0.0, mount_length_m])
+    return links, _floats((*at, *places[-1][3:]))
+
+
+def _floats(place: Sequence[float]) -> Place:
+    x, y, z, a, b, c, d = (float(v) for v in place)
+    return x, y, z, a, b, c, d
 
 
 def _dh_end(arm: ArmTable, j: int) -> tuple[tuple[float, float, float], tuple[float, ...]]:

@@ -12,4 +12,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "frames_batch": ["link_frames_batch"],
     "touch_shapes": ["bulk_of", "palmar_directions", "touch_model"],
     "urdf_hand": ["hand_from_urdf"],
+    "urdf_tree": ["UrdfJoint", "UrdfTree", "read_urdf"],
 })

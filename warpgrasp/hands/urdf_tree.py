@@ -30,6 +30,8 @@ class UrdfJoint:
     low_rad: float
     high_rad: float
     effort_Nm: float
+    speed_rad_s: float
+    """0 where the file does not say."""
     follows: tuple[str, float, float] | None
     """Another joint's name, a factor, and an offset [rad]."""
 
@@ -128,14 +130,15 @@ def _joint(file: Path, given: Any) -> UrdfJoint:
         raise HandError(f"{where}: origin or axis is not of three finite numbers; should be, as in "
                         '<axis xyz="0 0 1"/>')
     turns = given.type in _TURNING
-    low, high, effort = -math.pi, math.pi, 0.0
+    low, high, effort, speed = -math.pi, math.pi, 0.0, 0.0
     if turns:
         size = float(np.linalg.norm(axis))
         if size < 1e-9:
             raise HandError(f"{where}: its axis has no length; should be a direction")
         axis = axis / size
         limit = given.limit
-        effort = float(limit.effort or 0.0) if limit is not None else 0.0
+        if limit is not None:
+            effort, speed = float(limit.effort or 0.0), float(limit.velocity or 0.0)
         if given.type == "revolute":
             if limit is None:
                 raise HandError(f"{where}: has no limit; should have lower and upper [rad]")
@@ -148,10 +151,12 @@ def _joint(file: Path, given: Any) -> UrdfJoint:
         mimic = given.mimic
         follows = (str(mimic.joint), float(mimic.multiplier), float(mimic.offset))
     return UrdfJoint(given.name, given.parent, given.child, origin, turns, axis, low, high, effort,
-                     follows)
+                     speed, follows)
 
 
 def _root(file: Path, links: dict[str, Any], joint_to: dict[str, UrdfJoint]) -> str:
+    if not links:
+        raise HandError(f"{file}: has no links; should be a tree of links and joints")
     roots = [name for name in links if name not in joint_to]
     if not roots:
         raise HandError(f"{file}: every link is moved by a joint, a loop; a hand should be a tree")

@@ -3,7 +3,8 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "arm": ["HOME_RAD", "arm_home", "arm_of", "floating_joints", "is_floating"],
+    "arm": ["HOME_RAD", "arm_home", "arm_of", "floating_joints", "is_floating",
+        "serial_model"],
     "arm_motion": ["ArmMoves", "ArmState", "Clearance", "ClearanceKernel", "arm_hand_links",
         "move_hand"],
     "arm_reach": ["hand_reachable", "nearest_reachable", "pose_reachable", "travel_time"],

@@ -2,16 +2,21 @@
 
 A floating wrist stands for an arm that reaches every pose: its six numbers are the flange's place
 [m] and rotation vector [rad], base frame; its place stays within a box, and way and turn have a
-speed each.
+speed each. A serial arm has its numbers in a file of its own (`warpgrasp.arms`).
 """
+
+from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from warpgrasp.core.dtypes import vec6
+from warpgrasp.arms.arm_model import ArmModel
+from warpgrasp.arms.serial_arm import flange_poses, padded, serial_of
+from warpgrasp.core.dtypes import vec7
 from warpgrasp.mechanism.puma560 import puma_arm, puma_forward_batch
 from warpgrasp.mechanism.puma560_kernel import Arm
-from warpgrasp.parameters import ArmTable
+from warpgrasp.parameters import FLOATING, PUMA560, ArmTable
 
 HOME_RAD = tuple(np.radians((19.5, 28.8, 160.0, 0.0, -8.8, -160.5)))
 """Where an episode starts: the hand some 0.35 m above the table, pointing down."""
@@ -21,24 +26,49 @@ _FLOATING_HOME = (0.45, 0.0, 0.5, np.pi, 0.0, 0.0)
 
 def is_floating(table: ArmTable) -> bool:
     """Whether the table's arm is none, a floating wrist."""
-    return table.kind == "none"
+    return table.kind == FLOATING
+
+
+@lru_cache(maxsize=16)
+def serial_model(table: ArmTable) -> ArmModel | None:
+    """The model of a serial arm; None of the PUMA 560 and of a floating wrist. Raises ArmError for
+    an arm that cannot be used."""
+    if table.kind in (PUMA560, FLOATING):
+        return None
+    # What reads files of arms is imported for other arms alone.
+    from warpgrasp.arms.arm_file import arm_from_file, arm_named
+
+    if table.kind.endswith(".toml"):
+        return arm_from_file(Path(table.kind))
+    return arm_named(table.kind)
 
 
 def arm_of(table: ArmTable, mount_length_m: float) -> Arm:
-    """The kernels' arm. Raises ValueError for a table the closed-form inverse does not cover."""
-    if not is_floating(table):
+    """The kernels' arm. Raises ValueError for a table the closed-form inverse does not cover, and
+    ArmError for an arm that cannot be used."""
+    model = serial_model(table)
+    if model is None and not is_floating(table):
         return puma_arm(table, mount_length_m)
     arm = Arm()
-    arm.floating = 1
-    arm.low = vec6(*table.box_low_m, *[-np.inf] * 3)
-    arm.high = vec6(*table.box_high_m, *[np.inf] * 3)
-    arm.speed = vec6(*[table.wrist_speed_m_s] * 3, *[table.wrist_turn_rad_s] * 3)
     arm.mount, arm.repeatability = mount_length_m, table.repeatability_m
+    if model is not None:
+        arm.serial = serial_of(model)
+        arm.speed = vec7(*padded([joint.speed_rad_s for joint in model.joints])
+                         + np.where(padded(np.ones(len(model.joints))) > 0.0, 0.0, 1.0))
+        arm.encoder_step = table.encoder_step_rad
+        return arm
+    arm.floating = 1
+    arm.low = vec7(*padded([*table.box_low_m, *[-np.inf] * 3]))
+    arm.high = vec7(*padded([*table.box_high_m, *[np.inf] * 3]))
+    arm.speed = vec7(*[table.wrist_speed_m_s] * 3, *[table.wrist_turn_rad_s] * 3, 1.0)
     return arm
 
 
 def arm_home(table: ArmTable) -> np.ndarray:
-    """The joints where an episode starts, (6,)."""
+    """The joints where an episode starts, (joint,)."""
+    model = serial_model(table)
+    if model is not None:
+        return np.array(model.home_rad)
     if not is_floating(table):
         return np.array(HOME_RAD)
     home = np.array(_FLOATING_HOME)
@@ -47,10 +77,13 @@ def arm_home(table: ArmTable) -> np.ndarray:
 
 
 def arm_flanges(table: ArmTable, q: np.ndarray, *, device: str = "cpu") -> np.ndarray:
-    """Flange poses (x, y, z [m], quaternion xyzw), (pose, 7), of joints (pose, 6)."""
+    """Flange poses (x, y, z [m], quaternion xyzw), (pose, 7), of joints (pose, joint)."""
+    model = serial_model(table)
+    if model is not None:
+        return flange_poses(model, q, device=device)
     if not is_floating(table):
         return puma_forward_batch(table, q, device=device)
-    return np.concatenate([q[:, :3], Rotation.from_rotvec(q[:, 3:]).as_quat()], axis=1)
+    return np.concatenate([q[:, :3], Rotation.from_rotvec(q[:, 3:6]).as_quat()], axis=1)
 
 
 def floating_joints(flange: np.ndarray) -> np.ndarray:

@@ -16,7 +16,8 @@ import numpy as np
 import warp as wp
 from scipy.spatial.transform import Rotation
 
-from warpgrasp.core.dtypes import real, transform, vec6
+from warpgrasp.arms.serial_arm import padded
+from warpgrasp.core.dtypes import real, transform, vec7
 from warpgrasp.core.kernel_launch import check_range, launch
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.arm import arm_flanges, arm_home, arm_of
@@ -34,7 +35,7 @@ Clearance = Callable[[np.ndarray, str], ClearanceKernel]
 
 @dataclass(frozen=True)
 class ArmState:
-    """The joints of each arm between batches of probes [rad], shape (world, 6).
+    """The joints of each arm between batches of probes [rad], (world, 7): zeros after the last.
 
     Of a floating wrist: place [m] and rotation vector.
     """
@@ -44,7 +45,7 @@ class ArmState:
     @staticmethod
     def home(worlds: int, arm: ArmTable | None = None) -> "ArmState":
         """All arms at home; the default of `arm` is `ArmTable()`."""
-        return ArmState(np.tile(arm_home(arm or ArmTable()), (worlds, 1)))
+        return ArmState(np.tile(padded(arm_home(arm or ArmTable())), (worlds, 1)))
 
 
 @dataclass(frozen=True)
@@ -67,16 +68,18 @@ def arm_hand_links(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Every joint and fingertip of the whole robot in the base frame, nominal mount.
 
-    `q_rad` (pose, 22) [rad]: six joints of the arm, then four of each finger, the thumb last.
-    Returns points [m], (pose, finger 4, 5, 3): base, flexion joints, tip centre; and unit palmar
-    normals, (pose, finger 4, link 3, 3). Raises ValueError for another shape.
+    `q_rad` (pose, joint) [rad]: those of the arm, then four of each finger, the thumb last, of the
+    PUMA 560 22 in all. Returns points [m], (pose, finger 4, 5, 3): base, flexion joints, tip
+    centre; and unit palmar normals, (pose, finger 4, link 3, 3). Raises ValueError for another
+    shape.
     """
-    if q_rad.ndim != 2 or q_rad.shape[1] != 22:
-        raise ValueError(f"q_rad has shape {q_rad.shape}, wants (pose, 22)")
-    pose = arm_flanges(arm, q_rad[:, :6], device=device)
+    joints = len(arm_home(arm))
+    if q_rad.ndim != 2 or q_rad.shape[1] != joints + 16:
+        raise ValueError(f"q_rad has shape {q_rad.shape}, wants (pose, {joints + 16})")
+    pose = arm_flanges(arm, q_rad[:, :joints], device=device)
     reach = Rotation.from_quat(pose[:, 3:]).apply([0.0, 0.0, hand.mount_length_m])
     pose[:, :3] += reach
-    return hand_links(hand, pose, q_rad[:, 6:].reshape(-1, 4, 4), device=device)
+    return hand_links(hand, pose, q_rad[:, joints:].reshape(-1, 4, 4), device=device)
 
 
 def move_hand(
@@ -120,7 +123,7 @@ def move_hand(
     actual = wp.empty((worlds, probes), dtype=transform, device=device)
     time = wp.empty((worlds, probes), dtype=real, device=device)
     path = wp.empty((worlds, probes), dtype=real, device=device)
-    end = wp.empty(worlds, dtype=vec6, device=device)  # pyright: ignore[reportArgumentType]
+    end = wp.empty(worlds, dtype=vec7, device=device)  # pyright: ignore[reportArgumentType]
     tries = np.where(wanted, int(ProbeStatus.CONTACT), int(ProbeStatus.NOT_TRIED))
     finite = np.isfinite(wanted_pose).all(-1)
     tries = np.where(wanted & ~finite, int(ProbeStatus.UNREACHABLE), tries)
@@ -138,7 +141,7 @@ def move_hand(
         "mount": wp.array(errors.mount, dtype=transform, device=device),
         "wanted": wp.array(wanted_pose, dtype=transform, device=device),
         "wanted_status": wp.array(tries, dtype=int, device=device),
-        "start": wp.array(state.q_rad, dtype=vec6, device=device), "status": status,
+        "start": wp.array(state.q_rad, dtype=vec7, device=device), "status": status,
         "believed": believed, "actual": actual, "time": time, "path": path, "end": end},
         device=device)
     if clearance is None:

@@ -3,7 +3,7 @@
 
 import warp as wp
 
-from warpgrasp.core.dtypes import ONE, TWO, ZERO, quat, real, transform, vec3, vec6
+from warpgrasp.core.dtypes import ONE, TWO, ZERO, quat, real, transform, vec3, vec7
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key, counter_normal
 from warpgrasp.geometry.scene import Scene
@@ -37,14 +37,14 @@ def _move_kernel(
     mount: wp.array[transform],
     wanted: wp.array2d[transform],
     wanted_status: wp.array2d[int],
-    start: wp.array[vec6],
+    start: wp.array[vec7],
     # Moves out:
     status: wp.array2d[int],
     believed: wp.array2d[transform],
     actual: wp.array2d[transform],
     time: wp.array2d[real],
     path: wp.array2d[real],
-    end: wp.array[vec6],
+    end: wp.array[vec7],
 ):
     w = wp.tid() + first
     hand_on_flange = transform(vec3(ZERO, ZERO, arm.mount), quat(ZERO, ZERO, ZERO, ONE))
@@ -63,7 +63,7 @@ def _move_kernel(
             q = arm_joints(arm, wp.transform_multiply(wanted[w, p], flange_on_hand), q_retreat)
             if wp.isfinite(q_retreat[0]) and wp.isfinite(q[0]):
                 if arm.encoder_step > ZERO:
-                    for j in range(6):
+                    for j in range(7):
                         q[j] = arm.encoder_step * wp.round(q[j] / arm.encoder_step)
                 pose = wp.transform_multiply(arm_flange(arm, q), hand_on_flange)
                 believed[w, p] = pose

@@ -3,7 +3,8 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from warpgrasp.mechanism.arm import floating_joints, is_floating
+from warpgrasp.arms.serial_arm import joint_choices
+from warpgrasp.mechanism.arm import floating_joints, is_floating, serial_model
 from warpgrasp.mechanism.arm_motion_kernel import RETREAT_M
 from warpgrasp.mechanism.puma560 import puma_inverse_batch
 from warpgrasp.parameters import ArmTable, HandTable
@@ -79,10 +80,12 @@ def travel_time(
     """
     if is_floating(arm):
         return _floating_time(arm, hand, np.asarray(start_pose, float), np.asarray(end_pose, float))
+    model = serial_model(arm)
+    speed = arm.speed_rad_s if model is None else [joint.speed_rad_s for joint in model.joints]
     inside, q = _configurations(arm, hand, np.asarray(start_pose, float))
     inside_end, q_end = _configurations(arm, hand, np.asarray(end_pose, float))
     apart = np.abs(q[..., :, None, :] - q_end[..., None, :, :])
-    time = (apart / np.asarray(arm.speed_rad_s)).max(-1)
+    time = (apart / np.asarray(speed)).max(-1)
     possible = inside[..., :, None] & inside_end[..., None, :]
     return np.where(possible, time, np.inf).min((-1, -2))
 
@@ -104,9 +107,9 @@ def _floating_time(
 def _configurations(
     arm: ArmTable, hand: HandTable, poses: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The eight configurations [rad] of hand poses (..., 7), each angle the least inside the
-    limits where there is one: whether they are (..., 8), and the angles (..., 8, 6). A floating
-    wrist has one."""
+    """The configurations [rad] of hand poses (..., 7): whether they are, (..., n), and the angles
+    (..., n, joint). Of the PUMA 560 eight, each angle the least inside the limits where there is
+    one; a floating wrist has one; of a serial arm those that some starts come to."""
     flat = poses.reshape(-1, 7)
     finite = np.asarray(np.isfinite(flat).all(1))
     flange = np.where(finite[:, None], flat, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
@@ -116,6 +119,11 @@ def _configurations(
         within = (flange[:, :3] >= arm.box_low_m) & (flange[:, :3] <= arm.box_high_m)
         return ((within.all(1) & finite).reshape(*shape, 1),
                 floating_joints(flange).reshape(*shape, 1, 6))
+    model = serial_model(arm)
+    if model is not None:
+        q = joint_choices(model, flange)
+        inside = np.isfinite(q).all(-1) & finite[:, None]
+        return inside.reshape(*shape, -1), np.nan_to_num(q).reshape(*shape, *q.shape[1:])
     q = puma_inverse_batch(arm, flange)
     low, high = np.asarray(arm.limit_low_rad), np.asarray(arm.limit_high_rad)
     # The least equivalent angle that is not below the lower limit.

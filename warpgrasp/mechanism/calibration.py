@@ -12,9 +12,10 @@ import numpy as np
 import warp as wp
 from scipy.spatial.transform import Rotation
 
+from warpgrasp.arms.arm_model import ARM_JOINTS
 from warpgrasp.core.random import Purpose, counter_key, normal_vector
 from warpgrasp.core.struct_array import repeated
-from warpgrasp.mechanism.arm import arm_of, is_floating
+from warpgrasp.mechanism.arm import arm_of, is_floating, serial_model
 from warpgrasp.mechanism.puma560_kernel import Arm
 from warpgrasp.mechanism.tendon import may_stop_free, tendon_sensor_of
 from warpgrasp.mechanism.tendon_kernel import TendonSensor
@@ -52,9 +53,10 @@ class Calibration:
     moment_arm_share: np.ndarray
     """Of what turns a torque into what is read, (..., finger, joint)."""
     arm_offset_rad: np.ndarray
-    """(..., 6)."""
+    """Of each joint of the arm, (..., 7)."""
     arm_length_m: np.ndarray
-    """Of d1, d3, d4, a2, a3 of the DH table, (..., 5)."""
+    """Of d1, d3, d4, a2, a3 of the PUMA's DH table, of other arms of the first five ways from joint
+    to joint, (..., 5)."""
     mount: np.ndarray
     """Pose [m] and quaternion xyzw in the nominal frame of the hand, (..., 7)."""
     pad_shift_m: np.ndarray
@@ -93,7 +95,7 @@ def draw_calibration(
         link_length_share=table.link_length_share * draw(1, *each),
         finger_base_m=table.finger_base_m * draw(2, fingers, 3),
         moment_arm_share=table.moment_arm_share * draw(3, fingers, joints),
-        arm_offset_rad=table.arm_joint_offset_rad * draw(4, 6),
+        arm_offset_rad=table.arm_joint_offset_rad * draw(4, ARM_JOINTS),
         arm_length_m=table.arm_link_m * draw(5, len(_ARM_LENGTHS)),
         mount=np.concatenate([mount[:, :3] * table.mount_m, turn], axis=1),
         pad_shift_m=table.pad_m * draw(6, *each, 2),
@@ -187,7 +189,19 @@ def true_arms(
 ) -> wp.array:
     """The true arms as kernels take them, (world or 1,)."""
     rows = repeated(arm_of(table, mount_length_m), Arm, (errors.worlds,))
-    for n, name in enumerate(_ARM_LENGTHS):
-        rows[name] += errors.arm_length_m[:, n]
+    if serial_model(table) is not None:
+        _lengthen(rows["serial"], errors.arm_length_m)
+    else:
+        for n, name in enumerate(_ARM_LENGTHS):
+            rows[name] += errors.arm_length_m[:, n]
     rows["offset"] = errors.arm_offset_rad
     return wp.array(rows, dtype=Arm, device=device)
+
+
+def _lengthen(serial: np.ndarray, more_m: np.ndarray) -> None:
+    """Makes the first ways from joint to joint longer: of rows of `SerialArm`, in place."""
+    way = serial["frame"][:, :, :3]
+    length = np.linalg.norm(way, axis=-1)
+    moved = [j for j in range(1, ARM_JOINTS) if length[0, j] > 0.0][:more_m.shape[1]]
+    for n, j in enumerate(moved):
+        way[:, j] *= (1.0 + more_m[:, n] / length[:, j])[:, None]

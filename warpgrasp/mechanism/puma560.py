@@ -7,9 +7,10 @@ efficient kinematics for manipulators with spherical wrists".
 import numpy as np
 import warp as wp
 
+from warpgrasp.arms.serial_arm import padded
 from warpgrasp.core.dtypes import (
     transform,
-    vec6,
+    vec7,
 )
 from warpgrasp.core.kernel_launch import launch
 from warpgrasp.mechanism.puma560_kernel import Arm, _forward_kernel, _inverse_kernel
@@ -25,8 +26,8 @@ def puma_arm(table: ArmTable, mount_length_m: float) -> Arm:
         raise ValueError("the closed-form inverse wants d2 = d5 = d6 = a1 = a4 = a5 = a6 = 0")
     arm = Arm()
     arm.d1, arm.d3, arm.d4, arm.a2, arm.a3 = d[0], d[2], d[3], a[1], a[2]
-    arm.low, arm.high = vec6(*table.limit_low_rad), vec6(*table.limit_high_rad)
-    arm.speed = vec6(*table.speed_rad_s)
+    arm.low, arm.high = vec7(*padded(table.limit_low_rad)), vec7(*padded(table.limit_high_rad))
+    arm.speed = vec7(*table.speed_rad_s, 1.0)
     arm.mount = mount_length_m
     arm.encoder_step, arm.repeatability = table.encoder_step_rad, table.repeatability_m
     return arm
@@ -36,7 +37,7 @@ def puma_forward_batch(table: ArmTable, q_rad: np.ndarray, *, device: str = "cpu
     """Flange poses (x, y, z [m], quaternion xyzw), shape (pose, 7), of joints (pose, 6) [rad]."""
     out = wp.empty(len(q_rad), dtype=transform, device=device)
     launch(_forward_kernel, {"pose": len(q_rad)}, {"q": "pose", "flange": "pose"},
-           {"arm": puma_arm(table, 0.0), "q": wp.array(q_rad, dtype=vec6, device=device),
+           {"arm": puma_arm(table, 0.0), "q": wp.array(padded(q_rad), dtype=vec7, device=device),
             "flange": out}, device=device)
     return out.numpy().copy()
 
@@ -46,9 +47,9 @@ def puma_inverse_batch(table: ArmTable, flange: np.ndarray, *, device: str = "cp
 
     Branch bits: 1 lefty, 2 elbow, 4 wrist flip. Limits are not applied.
     """
-    out = wp.empty((len(flange), 8), dtype=vec6, device=device)  # pyright: ignore[reportArgumentType]
+    out = wp.empty((len(flange), 8), dtype=vec7, device=device)  # pyright: ignore[reportArgumentType]
     launch(_inverse_kernel, {"pose": len(flange), "branch": 8},
            {"flange": "pose", "q": "pose branch"},
            {"arm": puma_arm(table, 0.0), "flange": wp.array(flange, dtype=transform, device=device),
             "q": out}, device=device)
-    return out.numpy().copy()
+    return out.numpy()[..., :6].copy()

@@ -4,6 +4,7 @@
 import numpy as np
 import warp as wp
 
+from warpgrasp.arms.serial_arm_kernel import SerialArm
 from warpgrasp.core.dtypes import (
     HALF,
     ONE,
@@ -16,7 +17,7 @@ from warpgrasp.core.dtypes import (
     struct,
     transform,
     vec3,
-    vec6,
+    vec7,
 )
 
 _SINGULAR = wp.constant(real(1e-10))
@@ -25,22 +26,25 @@ _QUARTER = wp.constant(real(np.pi / 2))
 
 @struct
 class Arm:
-    """The numbers of an ArmTable that kernels need [m, rad, rad/s]."""
+    """What kernels need of an ArmTable [m, rad, rad/s]: a PUMA 560, a floating wrist or a serial
+    arm."""
 
     d1: real
     d3: real
     d4: real
     a2: real
     a3: real
-    low: vec6
-    high: vec6
-    speed: vec6
+    low: vec7
+    high: vec7
+    speed: vec7
     mount: real
     encoder_step: real
     repeatability: real
     floating: int
     """1: no arm, a wrist that floats within `low` to `high` (`arm_kernel`)."""
-    offset: vec6
+    serial: SerialArm
+    """Any other arm; see `arm_kernel`."""
+    offset: vec7
     """Of the true arm's joints against what the encoders say [rad]."""
 
 
@@ -61,7 +65,7 @@ def _dh(theta: real, d: real, a: real, quarter_turns: real):
 
 
 @wp.func
-def puma_forward(arm: Arm, q: vec6):
+def puma_forward(arm: Arm, q: vec7):
     """Pose of the flange (joint frame 6) in the base frame."""
     turn = q + arm.offset
     t = _dh(turn[0], arm.d1, ZERO, ONE)
@@ -134,7 +138,7 @@ def puma_inverse(arm: Arm, flange: transform, branch: int, wrist_hint: real):
     """
     q = _arm_angles(arm, wp.transform_get_translation(flange), branch)
     w = _flipped(_wrist_angles(q, wp.transform_get_rotation(flange), wrist_hint), branch)
-    return vec6(q[0], q[1], q[2], w[0], w[1], w[2])
+    return vec7(q[0], q[1], q[2], w[0], w[1], w[2], ZERO)
 
 
 @wp.func
@@ -151,28 +155,28 @@ def _into_limits(angle: real, low: real, high: real, near: real):
 
 
 @wp.func
-def move_time(arm: Arm, start: vec6, end: vec6):
+def move_time(arm: Arm, start: vec7, end: vec7):
     """Time of a joint move [s]: the slowest joint governs."""
     t = real(0.0)
-    for j in range(6):
+    for j in range(7):
         t = wp.max(t, wp.abs(end[j] - start[j]) / arm.speed[j])
     return t
 
 
 @wp.func
-def puma_reach(arm: Arm, flange: transform, last: vec6):
+def puma_reach(arm: Arm, flange: transform, last: vec7):
     """The branch inside the limits that is soonest reached from `last`; NaN joints if none is.
 
     Of several as soon the first one. A wrist is computed only where the first three joints
     would be there as soon as the best so far.
     """
-    best = vec6(wp.sqrt(-ONE), ZERO, ZERO, ZERO, ZERO, ZERO)
+    best = vec7(wp.sqrt(-ONE), ZERO, ZERO, ZERO, ZERO, ZERO, ZERO)
     best_time = real(1.0e30)
     best_branch = int(8)
     turn = wp.transform_get_rotation(flange)
     for branch in range(4):
         free = _arm_angles(arm, wp.transform_get_translation(flange), branch)
-        q = vec6(free[0], free[1], free[2], last[3], last[4], last[5])
+        q = vec7(free[0], free[1], free[2], last[3], last[4], last[5], ZERO)
         for j in range(3):
             q[j] = _into_limits(q[j], arm.low[j], arm.high[j], last[j])
         inside = wp.isfinite(q[0]) and wp.isfinite(q[1]) and wp.isfinite(q[2])
@@ -199,7 +203,7 @@ def _forward_kernel(
     first: int,
     arm: Arm,
     # Joints in:
-    q: wp.array[vec6],
+    q: wp.array[vec7],
     # Pose out:
     flange: wp.array[transform],
 ):
@@ -214,7 +218,7 @@ def _inverse_kernel(
     # Pose in:
     flange: wp.array[transform],
     # Joints out:
-    q: wp.array2d[vec6],
+    q: wp.array2d[vec7],
 ):
     i, branch = wp.tid()
     q[i + first, branch] = puma_inverse(arm, flange[i + first], branch, ZERO)

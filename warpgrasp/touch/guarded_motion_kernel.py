@@ -19,7 +19,7 @@ from warpgrasp.core.dtypes import (
     vec2,
     vec3,
     vec4,
-    vec6,
+    vec7,
 )
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key, counter_normal, counter_uniform
@@ -118,7 +118,7 @@ def _tip(hand: Hand, pose: transform, finger: int, q: vec4):
 
 
 @wp.func
-def _not_moved(pose: transform, arm_q: vec6):
+def _not_moved(pose: transform, arm_q: vec7):
     """The end of a line that is not begun: the hand is at `pose`, the arm at `arm_q`."""
     nan3 = vec3(_NAN, _NAN, _NAN)
     end = LineEnd()
@@ -376,7 +376,7 @@ def line_kernel(
         wp.transform_get_translation(line) - wp.transform_get_translation(before))
     end.arm_q = arm_stop
     if arm.encoder_step > ZERO:
-        for j in range(6):
+        for j in range(7):
             arm_stop[j] = arm.encoder_step * wp.round(arm_stop[j] / arm.encoder_step)
     pose_read = wp.transform_multiply(arm_flange(arm, arm_stop), hand_on_flange)
     end.believed = pose_read

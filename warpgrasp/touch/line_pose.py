@@ -3,7 +3,7 @@
 
 import warp as wp
 
-from warpgrasp.core.dtypes import ZERO, real, transform, vec3, vec4, vec6
+from warpgrasp.core.dtypes import ZERO, real, transform, vec3, vec4, vec7
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.arm_kernel import Arm, arm_flange
 from warpgrasp.mechanism.hand_clearance import finger_clearance, palm_clearance
@@ -22,7 +22,7 @@ def along_line(line: transform, direction: vec3, s: real):
 
 
 @wp.func
-def hand_slip(arm: Arm, q: vec6, believed: transform, hand_on_flange: transform, mount: transform):
+def hand_slip(arm: Arm, q: vec7, believed: transform, hand_on_flange: transform, mount: transform):
     """The true pose of the hand in the frame of the believed one; `arm` is the true arm."""
     true = wp.transform_multiply(wp.transform_multiply(arm_flange(arm, q), hand_on_flange), mount)
     return wp.transform_multiply(wp.transform_inverse(believed), true)

@@ -3,7 +3,7 @@
 
 import warp as wp
 
-from warpgrasp.core.dtypes import real, struct, transform, vec3, vec4, vec6
+from warpgrasp.core.dtypes import real, struct, transform, vec3, vec4, vec7
 
 
 @struct
@@ -18,7 +18,7 @@ class LineBegin:
     number: int
     start: transform
     direction: vec3
-    arm_q: vec6
+    arm_q: vec7
 
 
 @struct
@@ -40,7 +40,7 @@ class LineEnd:
     """That the arm's joints need for the way along the line."""
     arm_path: real
     """Of the hand to the line's start."""
-    arm_q: vec6
+    arm_q: vec7
     # Truth:
     q_true: vec4
     point_true: vec3

@@ -74,3 +74,11 @@ def test_puma_against_the_toolbox() -> None:
 def test_distances_and_metrics() -> None:
     pytest.importorskip("rtree", reason="rtree is not installed: make validate")
     assert not broken([*compare_distances(), *compare_metrics(4)])
+
+
+@pytest.mark.skipif(NO_TOOLBOX, reason="roboticstoolbox is not installed: make validate")
+@pytest.mark.filterwarnings("ignore")
+def test_arms_against_the_toolbox_and_mujoco() -> None:
+    from sweeps.validate.serial_arms import compare_arms
+
+    assert not broken(compare_arms(50))

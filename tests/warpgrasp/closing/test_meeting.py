@@ -106,3 +106,20 @@ def test_a_finger_is_read_where_it_stops() -> None:
     pushed = stopped & (np.abs(truth.rest_rad - truth.q_rad).max(-1) > 1e-3)
     assert pushed.any()
     np.testing.assert_allclose(truth.q_rad[pushed], alone.q_rad[pushed], atol=1e-9)
+
+
+def test_a_finger_that_stopped_on_an_edge_holds_its_command() -> None:
+    """At this pose the thumb's reading at an edge of the wedge grazes the threshold. A step later
+    it would slip off the edge and close on, through the finger that comes to meet it."""
+    body = body_from_name("wedge")
+    pose = np.array([[0.0163, 0.0078, 0.1225, 0.363, 0.9314, -0.0219, -0.0157]])
+    pose[:, 3:] /= np.linalg.norm(pose[:, 3:])
+    sensors = SensorTable(tendon_threshold_N=12.0, tension_noise_N=0.0, tension_step_N=0.0,
+                          joint_noise_rad=0.0)
+    felt, truth = close_fingers(
+        scene_of([body], "cpu"), np.zeros(1, int), np.array([[0, 0, 0, 0, 0, 0, 1.0]]), HAND,
+        sensors, np.zeros(1, np.uint64), np.full((1, 1, 1), int(ProbeStatus.CONTACT)), pose[None],
+        COMMANDS[:1], COUNT[:1], contact=ContactTable(friction=0.0))
+    rest, commands = truth.rest_rad[0, 0, 0], COMMANDS[0, np.arange(4), felt.step[0, 0, 0]]
+    assert np.isclose(np.degrees(rest), np.degrees(commands), atol=8.0).all()
+    assert overlap(truth.rest_rad, pose[None])[0, 0, 0] < OVERLAP_M

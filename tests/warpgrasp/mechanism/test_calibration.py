@@ -69,7 +69,7 @@ def test_the_true_hand_is_where_the_true_arm_takes_it() -> None:
         d[[0, 2, 3]] += errors.arm_length_m[world, :3]
         a[[1, 2]] += errors.arm_length_m[world, 3:]
         own = replace(EXACT_ARM, d_m=tuple(d), a_m=tuple(a))
-        places = puma_forward_batch(own, branches + errors.arm_offset_rad[world])[:, :3]
+        places = puma_forward_batch(own, branches + errors.arm_offset_rad[world, :6])[:, :3]
         away = np.linalg.norm(places - actual[world, 0, :3], axis=1)
         assert np.nanmin(away) < 1e-9
         assert 1e-4 < np.linalg.norm(actual[world, 0, :3] - wanted[:3]) < 0.02

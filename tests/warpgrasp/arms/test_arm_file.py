@@ -1,0 +1,102 @@
+"""Arms from files: what is written is read again, and what is wrong is named."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from warpgrasp.arms.arm_file import SHIPPED_ARMS, arm_from_file, arm_named, arm_text
+from warpgrasp.arms.arm_model import ArmError
+from warpgrasp.arms.serial_arm import flange_poses
+from warpgrasp.arms.urdf_arm import arm_from_urdf
+from warpgrasp.export.robot_tree import arm_hand_tree
+from warpgrasp.export.urdf import urdf_text
+from warpgrasp.hands.hand_model import HandError
+from warpgrasp.parameters import ArmTable, HandTable, PadTable
+
+
+@pytest.mark.parametrize("name", SHIPPED_ARMS)
+def test_a_written_arm_is_read_again(name: str, tmp_path: Path) -> None:
+    model = arm_named(name)
+    file = tmp_path / "arm.toml"
+    file.write_text(arm_text(model))
+    again = arm_from_file(file)
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, (20, len(model.joints)))
+    np.testing.assert_allclose(flange_poses(again, q), flange_poses(model, q), atol=1e-9)
+    assert [joint.name for joint in again.joints] == [joint.name for joint in model.joints]
+
+
+@pytest.mark.parametrize("name", SHIPPED_ARMS)
+def test_an_exported_arm_is_read_from_its_urdf(name: str, tmp_path: Path) -> None:
+    pytest.importorskip("yourdfpy")
+    model = arm_named(name)
+    text, _ = urdf_text(arm_hand_tree(ArmTable(kind=name), HandTable(), PadTable()), (),
+                        name=name, mesh_stem="none")
+    file = tmp_path / "arm.urdf"
+    file.write_text(text)
+    found, _ = arm_from_urdf(file, flange=f"arm{len(model.joints)}")
+    still = replace(model, flange_xyz_m=(0.0, 0.0, 0.0), flange_rpy_rad=(0.0, 0.0, 0.0))
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, (20, len(model.joints)))
+    np.testing.assert_allclose(flange_poses(found, q)[:, :3], flange_poses(still, q)[:, :3],
+                               atol=1e-6)
+
+
+def chain(joints: int) -> str:
+    links = "".join(f'<link name="l{n}"/>' for n in range(joints + 1))
+    turning = "".join(
+        f'<joint name="j{n}" type="revolute"><parent link="l{n}"/><child link="l{n + 1}"/>'
+        f'<origin xyz="0 0 0.1" rpy="{n % 2 * 1.5} 0 0"/><axis xyz="0 0 1"/>'
+        '<limit lower="-1" upper="2" effort="1" velocity="1"/></joint>' for n in range(joints))
+    return f'<robot name="r">{links}{turning}</robot>'
+
+
+def test_the_only_chain_of_six_or_seven_joints_is_the_arm(tmp_path: Path) -> None:
+    pytest.importorskip("yourdfpy")
+    file = tmp_path / "arm.urdf"
+    file.write_text(chain(7))
+    model, notes = arm_from_urdf(file)
+    assert len(model.joints) == 7
+    assert model.home_rad == pytest.approx([0.5] * 7)
+    assert any("home" in note for note in notes)
+    for joints in (5, 8):
+        file.write_text(chain(joints))
+        with pytest.raises(ArmError, match="should"):
+            arm_from_urdf(file, flange=f"l{joints}")
+    with pytest.raises(ArmError, match="no link 'hand'"):
+        arm_from_urdf(file, flange="hand")
+    file.write_text("<robot")
+    with pytest.raises(HandError, match="is not XML"):
+        arm_from_urdf(file)
+
+
+@pytest.mark.parametrize(("old", "new", "message"), [
+    ("limits_deg = [-180.0, 180.0]", "limits_deg = [180.0, -180.0]", "the first should be less"),
+    ("speed_deg_s = 180.0", "speed_deg_s = 0.0", "should be above 0"),
+    ("home_deg = [-20.0, ", "home_deg = [", "should be one for each of the 6 joints"),
+    ("home_deg = [-20.0, ", "home_deg = [400.0, ", "is not within its limits"),
+    ("xyz_mm = [-425.0, 0.0, 0.0]", "xyz_mm = [-42500.0, 0.0, 0.0]", "should be at most 5000"),
+    ("xyz_mm = [-425.0, 0.0, 0.0]", "xyz_mm = [nan, 0.0, 0.0]", "joint.2.xyz_mm.0"),
+    ('name = "elbow"', 'name = "wrist_1"', "names should differ"),
+    ("axis = [0.0, 0.0, 1.0]", "axis = [0, 0, 0]", "should be a direction"),
+    ('name = "elbow"', 'name = "elbow"\nlenght = 3', "joint.2.lenght"),
+    ("[flange]", "[flange", "is not TOML"),
+])
+def test_what_is_wrong_is_named(old: str, new: str, message: str, tmp_path: Path) -> None:
+    text = arm_text(arm_named("ur5e")).replace("-0,", "0.0,")
+    text = re.sub(r"(?<=[ \[])(-?\d+)(?=[,\]])", r"\1.0", text)
+    text = re.sub(r"speed_deg_s = 180$", "speed_deg_s = 180.0", text, flags=re.MULTILINE)
+    assert old in text
+    file = tmp_path / "arm.toml"
+    file.write_text(text.replace(old, new, 1))
+    with pytest.raises(ArmError, match=re.escape(message)) as error:
+        arm_from_file(file)
+    assert str(file) in str(error.value)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ArmError, match=r"none\.toml: cannot be read"):
+        arm_from_file(tmp_path / "none.toml")
+    with pytest.raises(ArmError, match="should be one of ur5e, panda"):
+        arm_named("ur6")

@@ -1,0 +1,155 @@
+"""Arms from files: those that ship, by name, and a user's own TOML."""
+
+import math
+import tomllib
+from collections.abc import Iterable
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from warpgrasp.arms.arm_model import ARM_JOINTS, ArmError, ArmJoint, ArmModel, Vector
+
+_DATA = Path(__file__).parent / "data"
+SHIPPED_ARMS = ("ur5e", "panda")
+_LARGEST_BYTES = 1 << 20
+_FARTHEST_MM = 5000.0
+_Word = Annotated[str, Field(min_length=1, max_length=80)]
+_STILL = (0.0, 0.0, 0.0)
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+class _Place(_Strict):
+    xyz_mm: Vector = _STILL
+    rpy_deg: Vector = _STILL
+
+
+class _Joint(_Place):
+    name: _Word
+    axis: Vector = (0.0, 0.0, 1.0)
+    limits_deg: tuple[float, float]
+    speed_deg_s: float
+
+
+class _Arm(_Strict):
+    name: _Word
+    source: str = ""
+    base: _Place = _Place()
+    flange: _Place = _Place()
+    home_deg: list[float]
+    joint: list[_Joint]
+
+
+@lru_cache(maxsize=len(SHIPPED_ARMS))
+def arm_named(name: str) -> ArmModel:
+    """An arm that ships. Raises ArmError for another name."""
+    if name not in SHIPPED_ARMS:
+        raise ArmError(f"arm {name!r}; should be one of {', '.join(SHIPPED_ARMS)}, or a TOML file")
+    return arm_from_file(_DATA / f"{name}.toml")
+
+
+def arm_from_file(file: Path) -> ArmModel:
+    """An arm from a TOML file. Raises ArmError with the file, the element, and what would be right.
+    """
+    try:
+        with file.open("rb") as stream:
+            raw = stream.read(_LARGEST_BYTES + 1)
+    except OSError as error:
+        raise ArmError(f"{file}: cannot be read: {error.strerror or error}; should be a TOML file "
+                       "as `warpgrasp arm URDF -o FILE` writes it") from None
+    if len(raw) > _LARGEST_BYTES:
+        raise ArmError(f"{file}: is larger than {_LARGEST_BYTES >> 20} MiB, the most of an arm")
+    try:
+        given = _Arm.model_validate(tomllib.loads(raw.decode()))
+    except ValidationError as error:
+        raise ArmError("\n".join(
+            f"{file}: {'.'.join(str(part) for part in e['loc'])}: {e['msg'][:1].lower()}"
+            f"{e['msg'][1:]}" for e in error.errors())) from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ArmError(f"{file}: is not TOML: {error}") from None
+    return check_arm(str(file), ArmModel(
+        given.name, tuple(_joint(joint) for joint in given.joint), _m(given.base.xyz_mm),
+        _rad(given.base.rpy_deg), _m(given.flange.xyz_mm), _rad(given.flange.rpy_deg),
+        tuple(math.radians(v) for v in given.home_deg), given.source))
+
+
+def check_arm(file: str, arm: ArmModel) -> ArmModel:
+    """The arm, its axes made unit vectors. Raises ArmError for one that cannot move."""
+    joints = arm.joints
+    if not 6 <= len(joints) <= ARM_JOINTS:
+        raise ArmError(f"{file}: joint: {len(joints)} joints; should be 6 or {ARM_JOINTS}")
+    if len(arm.home_rad) != len(joints):
+        raise ArmError(f"{file}: home_deg: {len(arm.home_rad)} angles; should be one for each of "
+                       f"the {len(joints)} joints")
+    if len({joint.name for joint in joints}) < len(joints):
+        raise ArmError(f"{file}: joint: two have the same name; names should differ")
+    made = []
+    for joint, home in zip(joints, arm.home_rad, strict=True):
+        where = f"{file}: joint {joint.name}"
+        size = math.hypot(*joint.axis)
+        if size < 1e-9:
+            raise ArmError(f"{where}: axis: has no length; should be a direction")
+        if not joint.low_rad < joint.high_rad:
+            raise ArmError(f"{where}: limits_deg: from {math.degrees(joint.low_rad):g} to "
+                           f"{math.degrees(joint.high_rad):g}; the first should be less")
+        if not joint.low_rad <= home <= joint.high_rad:
+            raise ArmError(f"{file}: home_deg: {math.degrees(home):g} of joint {joint.name} is not "
+                           "within its limits")
+        if joint.speed_rad_s <= 0.0:
+            raise ArmError(f"{where}: speed_deg_s: should be above 0")
+        if max(map(abs, joint.xyz_m)) * 1e3 > _FARTHEST_MM:
+            raise ArmError(f"{where}: xyz_mm: should be at most {_FARTHEST_MM:g} each way")
+        made.append(ArmJoint(joint.name, joint.xyz_m, joint.rpy_rad,
+                             (joint.axis[0] / size, joint.axis[1] / size, joint.axis[2] / size),
+                             joint.low_rad, joint.high_rad, joint.speed_rad_s))
+    return ArmModel(arm.name, tuple(made), arm.base_xyz_m, arm.base_rpy_rad, arm.flange_xyz_m,
+                    arm.flange_rpy_rad, arm.home_rad, arm.source)
+
+
+def arm_text(arm: ArmModel) -> str:
+    """The TOML file that `arm_from_file` reads as this arm."""
+    lines = ["# An arm: joints in a row. Lengths are in mm, angles in degrees; a joint's frame",
+             "# stands in that of the joint before it, turned about fixed x, y and z axes (rpy).",
+             "", f"name = {_quoted(arm.name)}", f"source = {_quoted(arm.source)}",
+             f"home_deg = {_list(map(math.degrees, arm.home_rad))}", "",
+             "[base]  # where the arm stands; the table's top is z = 0",
+             f"xyz_mm = {_list(1e3 * v for v in arm.base_xyz_m)}",
+             f"rpy_deg = {_list(map(math.degrees, arm.base_rpy_rad))}", "",
+             "[flange]  # in the last joint's frame; its z axis points to the hand",
+             f"xyz_mm = {_list(1e3 * v for v in arm.flange_xyz_m)}",
+             f"rpy_deg = {_list(map(math.degrees, arm.flange_rpy_rad))}"]
+    for joint in arm.joints:
+        limits = map(math.degrees, (joint.low_rad, joint.high_rad))
+        lines += ["", "[[joint]]", f"name = {_quoted(joint.name)}",
+                  f"xyz_mm = {_list(1e3 * v for v in joint.xyz_m)}",
+                  f"rpy_deg = {_list(map(math.degrees, joint.rpy_rad))}",
+                  f"axis = {_list(joint.axis)}", f"limits_deg = {_list(limits)}",
+                  f"speed_deg_s = {math.degrees(joint.speed_rad_s):.10g}"]
+    return "\n".join(lines) + "\n"
+
+
+def _joint(given: _Joint) -> ArmJoint:
+    low, high = given.limits_deg
+    return ArmJoint(given.name, _m(given.xyz_mm), _rad(given.rpy_deg), given.axis,
+                    math.radians(low), math.radians(high), math.radians(given.speed_deg_s))
+
+
+def _m(mm: Vector) -> Vector:
+    return mm[0] / 1e3, mm[1] / 1e3, mm[2] / 1e3
+
+
+def _rad(deg: Vector) -> Vector:
+    return math.radians(deg[0]), math.radians(deg[1]), math.radians(deg[2])
+
+
+def _quoted(text: str) -> str:
+    escaped = "".join(c if c.isprintable() else " " for c in text)
+    return '"' + escaped.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+def _list(values: Iterable[float]) -> str:
+    return "[" + ", ".join(f"{round(v, 9) + 0.0:.12g}" for v in values) + "]"
