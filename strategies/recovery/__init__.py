@@ -11,7 +11,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "contact_verdict": ["ACCEPTED", "FAR", "TABLE", "accepted_contacts", "accepted_rms",
         "contact_verdicts", "explained_by",
         "unexplained"],
-    "evidence": ["CONTOUR_TOUCHES", "Evidence", "FACE_TOUCHES", "TABLE_MARGIN_M",
+    "evidence": ["CONTRADICTED_FROM", "CONTOUR_TOUCHES", "Evidence", "FACE_TOUCHES", "SURE_LINK", "TABLE_MARGIN_M",
         "evidence_from_grasps", "evidence_from_touches", "joined_evidence", "no_evidence"],
     "fit_contacts": ["recover_bodies"],
     "misfit": ["FARTHEST_M", "UNBELIEVED_M", "touch_misfit"],
