@@ -53,18 +53,19 @@ BODY = KnownProcess(length_m=0.05)
 """Of the last fit [est]."""
 
 
-def fitted_freely(felt: Evidence, links: TouchedLinks, table: FitTable
+def fitted_freely(felt: Evidence, links: TouchedLinks | None, table: FitTable
                   ) -> tuple[ImplicitFit, Evidence]:
     """Free-form bodies of all worlds, whose mean is `BODY.mean`, and the contacts as placed on
     them.
 
     `felt` has contacts as they were felt, `links` how fingers stood. Contacts of hands that are
-    chains, and those of pads, stay where they are.
+    chains, those of pads, and all where there are no `links`, stay where they are.
     """
     placed, sigma = felt, _first_sigma(felt)
-    rounds = ROUNDS if can_be_placed(links) and bool((felt.mask & links.linked).any()) else 0
-    stations = link_stations(links) if rounds else np.zeros((0, 0, 0, 3))
-    for turn in range(rounds):
+    if links is None or not can_be_placed(links) or not (felt.mask & links.linked).any():
+        return _fit(placed, sigma, table, BODY), placed
+    stations = link_stations(links)
+    for turn in range(ROUNDS):
         fits = _fit(placed, sigma, table, PLACING)
         placed, sigma = _placed(fits, placed, sigma, links, stations, min(turn / SURE_ROUNDS, 1.0))
     return _fit(placed, sigma, table, BODY), placed

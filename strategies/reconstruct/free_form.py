@@ -56,12 +56,13 @@ class Reconstruction:
 
 
 def reconstruct(
-    word: str, recovered: Recovered, evidence: Evidence, felt: Evidence, links: TouchedLinks,
-    prior: BoundingCylinder, table: FitTable
+    word: str, recovered: Recovered, evidence: Evidence, prior: BoundingCylinder, table: FitTable,
+    *, felt: Evidence | None = None, links: TouchedLinks | None = None
 ) -> Reconstruction | None:
     """The bodies that `word` asks for; None for "superquadric", which keeps those recovered.
 
-    `evidence` has contacts as placed on the bodies recovered, `felt` as they were felt, of `links`.
+    `evidence` has contacts as placed on the bodies recovered, `felt` as they were felt, of `links`;
+    without these a free form takes contacts as they are in `evidence`.
     "implicit" makes a free form of every world that felt enough, "chosen" only where the recovered
     body does not explain what was felt. Neither stands where prior or table contradict it: one that
     ends high above the table was not felt to its foot. A plug-in is asked about every world. Its
@@ -74,7 +75,9 @@ def reconstruct(
         wanted = evidence.mask.sum(1) >= FEWEST_CONTACTS
         if word == CHOSEN:
             wanted &= unexplained(recovered, evidence)
-        return _implicit(np.flatnonzero(wanted), felt, links, prior, table, begin)
+        known = felt is not None and links is not None
+        return _implicit(np.flatnonzero(wanted), felt if known else evidence,
+                         links if known else None, prior, table, begin)
     name = word.rpartition(":")[2]
     worlds = len(recovered)
     try:
@@ -86,8 +89,8 @@ def reconstruct(
     return Reconstruction(name, tuple(meshes), fault, time.perf_counter() - begin)
 
 
-def _implicit(rows: np.ndarray, felt: Evidence, links: TouchedLinks, prior: BoundingCylinder,
-              table: FitTable, begin: float) -> Reconstruction:
+def _implicit(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
+              prior: BoundingCylinder, table: FitTable, begin: float) -> Reconstruction:
     """Free forms of the worlds `rows`."""
     meshes = [NO_MESH] * len(felt.mask)
     fits, fitted = [], []
@@ -95,7 +98,8 @@ def _implicit(rows: np.ndarray, felt: Evidence, links: TouchedLinks, prior: Boun
         own = np.array([row])
         fit, _ = fitted_freely(rows_of(felt, own), rows_of(links, own), table)
         mesh, = implicit_meshes(fit, BODY.mean)
-        if plausible_vertices([mesh.vertices_m], rows_of(prior, own))[0]:
+        if plausible_vertices([mesh.vertices_m], rows_of(prior, own),
+                              table_plane=table.table_plane)[0]:
             meshes[row] = mesh
             fits.append(fit)
             fitted.append(row)

@@ -80,15 +80,17 @@ def plausible_contour(
 
 
 def plausible_vertices(
-    vertices_m: Sequence[np.ndarray], prior: BoundingCylinder
+    vertices_m: Sequence[np.ndarray], prior: BoundingCylinder, *, table_plane: bool = True
 ) -> np.ndarray:
     """Whether surfaces with vertices [m] (vertex, 3), one of each world, agree with prior and
-    table, bool (world,); False for those without any."""
+    table, bool (world,); False for those without any. With `table_plane` off the table is not known."""
     reach, low, high = (np.full(len(vertices_m), np.inf) for _ in range(3))
     for world, v in enumerate(vertices_m):
         if len(v):
             reach[world] = np.hypot(v[:, 0] - prior.x_m[world], v[:, 1] - prior.y_m[world]).max()
             low[world], high[world] = v[:, 2].min(), v[:, 2].max()
+    if not table_plane:
+        low = np.where(np.isfinite(low), 0.0, low)
     return _within(reach, low, high, prior)
 
 

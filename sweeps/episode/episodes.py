@@ -269,8 +269,8 @@ def run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Epi
     last = moments[-1]
     scores = scorer.score_again(found.recovered, last.recovered, last.scores)
     recognition = recognize_objects(found.belief, found.recovered, cell.recognition, device)
-    rebuilt = reconstruct(cell.fit.reconstruct, found.recovered, found.belief.evidence, found.felt,
-                          found.belief.links, prior, cell.fit)
+    rebuilt = reconstruct(cell.fit.reconstruct, found.recovered, found.belief.evidence, prior,
+                          cell.fit, felt=found.felt, links=found.belief.links)
     if rebuilt is not None:
         found = _rebuilt_status(found, rebuilt)
         scores = scores_with_meshes(scorer, rebuilt.meshes, scores)
