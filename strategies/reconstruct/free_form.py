@@ -75,9 +75,9 @@ def reconstruct(
         wanted = evidence.mask.sum(1) >= FEWEST_CONTACTS
         if word == CHOSEN:
             wanted &= unexplained(recovered, evidence)
-        known = felt is not None and links is not None
-        return _implicit(np.flatnonzero(wanted), felt if known else evidence,
-                         links if known else None, prior, table, begin)
+        if felt is None:
+            felt, links = evidence, None
+        return _implicit(np.flatnonzero(wanted), felt, links, prior, table, begin)
     name = word.rpartition(":")[2]
     worlds = len(recovered)
     try:
@@ -96,7 +96,8 @@ def _implicit(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
     fits, fitted = [], []
     for row in rows:  # one at a time: sums over rows of a longer neighbour would round otherwise
         own = np.array([row])
-        fit, _ = fitted_freely(rows_of(felt, own), rows_of(links, own), table)
+        fit, _ = fitted_freely(rows_of(felt, own), None if links is None else rows_of(links, own),
+                               table)
         mesh, = implicit_meshes(fit, BODY.mean)
         if plausible_vertices([mesh.vertices_m], rows_of(prior, own),
                               table_plane=table.table_plane)[0]:

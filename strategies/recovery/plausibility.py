@@ -83,7 +83,7 @@ def plausible_vertices(
     vertices_m: Sequence[np.ndarray], prior: BoundingCylinder, *, table_plane: bool = True
 ) -> np.ndarray:
     """Whether surfaces with vertices [m] (vertex, 3), one of each world, agree with prior and
-    table, bool (world,); False for those without any. With `table_plane` off the table is unknown."""
+    table, bool (world,); False for those without any. Without `table_plane` none is known."""
     reach, low, high = (np.full(len(vertices_m), np.inf) for _ in range(3))
     for world, v in enumerate(vertices_m):
         if len(v):
