@@ -103,6 +103,8 @@ class Exploration:
     """
     stopped: np.ndarray
     """Worlds in which it wanted more than `Budget.steps` steps, bool (world,)."""
+    felt: Evidence
+    """All that was felt, contacts where they were felt: not placed on any body."""
 
 
 def explore(
@@ -217,7 +219,7 @@ class RunningExploration:
     def result(self) -> Exploration:
         """The episodes as far as they have come."""
         return Exploration(tuple(self.procedures), self.belief, self.recovered, self.status(),
-                           self.fault, self.stopped)
+                           self.fault, self.stopped, self.felt)
 
     def imagine(self, probe: Grasp) -> Recovered:
         """What would be recovered after a grasp, noise and all; nothing of it is kept."""

@@ -313,7 +313,8 @@ class FitTable:
     rounds: int = _number(4, 0, 32, "times contacts are re-projected onto the body last fitted")
     reconstruct: str = field(default="superquadric", metadata={
         "doc": "what stands for the body at the end: superquadric, the model recovered; implicit, "
-               "a free-form surface about it; or a function of yours, as mine.py:my_network"})
+               "a free-form surface; chosen, that where the model does not explain the touches; "
+               "or a function of yours, as mine.py:my_network"})
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,10 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "fit": ["fit_implicit"],
+    "known": ["KnownProcess", "fit_known"],
     "mesh": ["implicit_meshes", "zero_set_meshes"],
-    "query": ["ImplicitValues", "implicit_distance", "implicit_values", "of_rows"],
+    "query": ["ImplicitValues", "implicit_distance", "implicit_slopes",
+        "implicit_values", "of_rows"],
     "record": ["ImplicitFit", "ImplicitOptions", "Mean", "TriangleMesh"],
     "volume": ["VolumeEstimate", "implicit_volume", "surface_samples"],
 })

@@ -1,12 +1,13 @@
 """Values of fitted processes at points: distance, its gradient and its standard deviation."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import jax
 import numpy as np
 from jaxtyping import Float, Int
 
-from fit.implicit.process import predict, predict_with_slope
+from fit.implicit.process import predict, predict_with_slope, slope
 from fit.implicit.record import ImplicitFit, Mean
 from fit.optimize.batch import Program, map_lanes
 
@@ -16,6 +17,7 @@ STEP_M = 1e-5
 """Of the differences that give the mean's gradient [m]."""
 _VALUES = Program("implicit values", jax.vmap(predict))
 _SLOPES = Program("implicit slopes", jax.vmap(predict_with_slope))
+_GRADIENTS = Program("implicit gradients", jax.vmap(slope))
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,7 @@ def implicit_values(
     The process is computed in single precision, to some micrometres. Raises ValueError where shapes
     disagree.
     """
-    value = _asked(fits, queries_m, mean, slopes=False, counts=counts)[0]
+    value = _asked(fits, queries_m, mean, "value", counts=counts)[0]
     return np.maximum(value, fits.table_z_m[:, None] - queries_m[..., 2])
 
 
@@ -63,13 +65,22 @@ def implicit_distance(
 
     Where the table decides, the gradient is that of the table; the deviation is the process'.
     """
-    value, gradient, variance = _asked(fits, queries_m, mean, slopes=True)
+    value, gradient, variance = _asked(fits, queries_m, mean, "variance")
     gradient = gradient + mean_gradient(mean or sphere_mean(fits), queries_m)
     below = fits.table_z_m[:, None] - queries_m[..., 2]
     table = below > value
     return ImplicitValues(np.where(table, below, value),
                           np.where(table[..., None], [0.0, 0.0, -1.0], gradient),
                           np.sqrt(variance))
+
+
+def implicit_slopes(
+    fits: ImplicitFit, queries_m: Float[np.ndarray, "fit query 3"], mean: Mean | None = None
+) -> tuple[Float[np.ndarray, "fit query"], Float[np.ndarray, "fit query 3"]]:
+    """Signed distances [m] and their gradients, the table aside, without deviations, whose cost
+    grows with the cube of the touches. Raises ValueError where shapes disagree."""
+    value, gradient = _asked(fits, queries_m, mean, "gradient")
+    return value, gradient + mean_gradient(mean or sphere_mean(fits), queries_m)
 
 
 def mean_gradient(
@@ -83,9 +94,10 @@ def mean_gradient(
     return np.nan_to_num(np.moveaxis(gradient, 1, 2), posinf=0.0, neginf=0.0)
 
 
-def _asked(fits: ImplicitFit, queries_m: np.ndarray, mean: Mean | None, *,
-           slopes: bool, counts: np.ndarray | None = None) -> list[np.ndarray]:
-    """Distance, and with `slopes` the process' gradient and variance, of every query."""
+def _asked(fits: ImplicitFit, queries_m: np.ndarray, mean: Mean | None,
+           most: Literal["value", "gradient", "variance"], *, counts: np.ndarray | None = None
+           ) -> list[np.ndarray]:
+    """Of every query the distance and, up to `most`, the process' gradient and its variance."""
     n, count = queries_m.shape[:2]
     if n != len(fits):
         raise ValueError(f"queries_m: {n} sets of queries for {len(fits)} fits")
@@ -106,11 +118,13 @@ def _asked(fits: ImplicitFit, queries_m: np.ndarray, mean: Mean | None, *,
              fits.alpha_per_m[each, :width]]
     if len(lane) == 0:
         return [given, np.zeros((n, count, 3)), np.zeros((n, count))]
-    if slopes:
+    if most == "variance":
         noise = np.where(used, fits.noise_m2, 1.0)[each, :width]
         found = map_lanes(_SLOPES, *lanes, noise, used[each, :width].astype(float), queries)
     else:
         found = [map_lanes(_VALUES, *lanes, queries)]
+        if most == "gradient":
+            found.append(map_lanes(_GRADIENTS, *lanes, queries))
     out = []
     for values in found:
         whole = np.zeros((n * chunks, *values.shape[1:]))

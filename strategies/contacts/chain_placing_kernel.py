@@ -11,6 +11,7 @@ from strategies.contacts.placing_kernel import (
     UNLIKELY,
     WORST,
     Place,
+    SuperquadricAt,
     places_of_link,
 )
 from warpgrasp.chain.chain_kernel import CAPSULES, JOINTS, Chain, chain_capsule, chain_pose, vec6
@@ -62,6 +63,9 @@ def chain_placing_kernel(
     f = ChainAt()
     f.hand = hands[0, finger[w, i]]
     f.pose = chain_pose(f.hand, hand_pose[w, i], q[w, i])
+    believed = SuperquadricAt()
+    believed.shape = shape[w]
+    believed.pose = pose[w]
     root = vec6()
     for d in range(_JOINTS):
         root[d] = ONE / torque_sigma[w, i][d]
@@ -78,7 +82,7 @@ def chain_placing_kernel(
             length = wp.length(capsule.end - capsule.start)
             ends = wp.where(capsule.joint == f.hand.joint_count - 1 or length == ZERO, 1, 0)
             post = places_of_link(f, c, ends, length, capsule.radius, lean[w, i], felt, root,
-                                  shape[w], pose[w], place_sigma, turn_sigma, farthest)
+                                  believed, place_sigma, turn_sigma, farthest)
             if post.weight > ZERO:
                 logs[c] = wp.log(post.weight) - HALF * post.least
                 if logs[c] > most:

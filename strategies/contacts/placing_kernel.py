@@ -18,6 +18,7 @@ from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat33, real, struct, transfor
 from warpgrasp.core.sincos import sine_cosine
 from warpgrasp.geometry.sdf_superquadric import SuperquadricShape, superquadric_deformed_gauge
 from warpgrasp.mechanism.utah_mit_hand_kernel import (
+    FingerPose,
     Hand,
     finger_base,
     finger_pose,
@@ -27,12 +28,15 @@ ALONG = 12
 """Places along a link's axis."""
 AROUND = 7
 """Directions around it."""
+STATIONS = ALONG + 1
+"""Those places and the link's end."""
 CAP = 5
 """Directions over the round tip, each way."""
 WIDEST = 2.25
 """Directions tried reach this many standard deviations from the body's normal."""
 _ALONG = wp.constant(ALONG)
 _AROUND = wp.constant(AROUND)
+_STATIONS = wp.constant(STATIONS)
 _CAP = wp.constant(CAP)
 _STEP = wp.constant(real(1.0 / ALONG))
 _WIDEST = wp.constant(real(WIDEST))
@@ -74,18 +78,42 @@ def world_radius(p: vec3, shape: SuperquadricShape, pose: transform):
     return vec4(turned[0], turned[1], turned[2], g[3])
 
 
+@struct
+class SuperquadricAt:
+    """A believed body that is a superquadric."""
+
+    shape: SuperquadricShape
+    pose: transform
+
+
+@struct
+class FieldAt:
+    """A believed body of any form, as it is at the stations of one finger's links."""
+
+    stations: wp.array3d[vec4]
+    """Outward normal and signed distance [m], (world, point, station)."""
+    world: int
+    point: int
+
+
 @wp.func
-def _body_at(p: vec3, shape: SuperquadricShape, pose: transform):
+def _body_at(body: SuperquadricAt, p: vec3, link: int, station: int):
     """Outward normal and first-order signed distance of a body at a point [m]; no normal where the
     body has no gradient."""
-    g = world_radius(p, shape, pose)
+    g = world_radius(p, body.shape, body.pose)
     slope = wp.length(vec3(g[0], g[1], g[2]))
     n = vec3(g[0], g[1], g[2]) / slope
-    slope = (world_radius(p + _AHEAD * n, shape, pose)[3] - g[3]) / _AHEAD
+    slope = (world_radius(p + _AHEAD * n, body.shape, body.pose)[3] - g[3]) / _AHEAD
     away = (g[3] - ONE) / wp.max(slope, _LEAST_SLOPE)
     if wp.isfinite(away):
         return vec4(n[0], n[1], n[2], away)
     return vec4(ZERO, ZERO, ZERO, ONE)
+
+
+@wp.func
+def _body_at(body: FieldAt, p: vec3, link: int, station: int):
+    """The same, by what was asked for at the station."""
+    return body.stations[body.world, body.point, link * _STATIONS + station]
 
 
 @wp.func
@@ -164,9 +192,17 @@ def _with_place(
 
 
 @wp.func
+def station_along(station: int, length: real):
+    """Where along a link a station is, from its start; the last one is its end."""
+    if station == _ALONG:
+        return length
+    return (real(station) + HALF) * _STEP * length
+
+
+@wp.func
 def places_of_link(
     f: Any, link: int, ends: int, length: real, radius: real, lean: real, felt: Any, root: Any,
-    shape: SuperquadricShape, pose: transform, place_sigma: real, turn_sigma: real, farthest: real
+    believed: Any, place_sigma: real, turn_sigma: real, farthest: real
 ):
     """The posterior over the places of one link; with `ends` 1 it has a round tip."""
     post = Place()
@@ -178,11 +214,9 @@ def places_of_link(
     stations = _ALONG + ends
     for k in range(stations):
         tip = k == _ALONG
-        along = (real(k) + HALF) * _STEP * length
-        if tip:
-            along = length
+        along = station_along(k, length)
         x = a + u * along
-        body = _body_at(x, shape, pose)
+        body = _body_at(believed, x, link, k)
         towards = -vec3(body[0], body[1], body[2])
         inwards = wp.dot(towards, u)
         middle = towards - u * inwards
@@ -215,6 +249,65 @@ def places_of_link(
                     chi[0] += off * off
                     post = _with_place(post, x, d, along, area, chi, miss * miss)
     return post
+
+
+@struct
+class Placed:
+    """Where a contact is taken to be."""
+
+    point: vec3
+    covariance: mat33
+    normal: vec3
+    chance: real
+    """Probability of the link that bears it; 0 where none can."""
+    misfit: real
+
+
+@wp.func
+def placed_contact(
+    f: FingerPose, hand: Hand, torque: vec4, sigma: vec4, link_weight: vec3, lean: real,
+    believed: Any, place_sigma: real, turn_sigma: real, farthest: real, normal_variance: real
+):
+    """The likeliest place of a contact of a finger."""
+    out = Placed()
+    out.covariance = wp.identity(n=3, dtype=wp.float64)
+    root = vec4(ONE / sigma[0], ONE / sigma[1], ONE / sigma[2], ONE / sigma[3])
+    felt = wp.cw_mul(torque, root)
+    best = Place()
+    best.least = WORST
+    best_link = int(-1)
+    most = real(-WORST)
+    logs = vec3(-WORST, -WORST, -WORST)
+    for link in range(3):
+        if link_weight[link] >= UNLIKELY:
+            post = places_of_link(f, link, wp.where(link == 2, 1, 0), hand.link_length[link],
+                                  hand.link_radius, lean, felt, root, believed,
+                                  place_sigma, turn_sigma, farthest)
+            if post.weight > ZERO:
+                logs[link] = wp.log(post.weight) - HALF * post.least
+                if logs[link] > most:
+                    most = logs[link]
+                    best = post
+                    best_link = link
+    if best_link < 0:
+        return out
+    others = real(0.0)
+    for link in range(3):
+        others += wp.exp(wp.max(logs[link] - most, -NEGLIGIBLE))
+    outward = wp.normalize(best.outward)
+    u = direction_at(f, best_link)
+    mean = best.alone_along / best.alone
+    spread = wp.max(best.alone_square / best.alone - mean * mean,
+                    hand.link_length[best_link] * hand.link_length[best_link] * _STEP * _STEP
+                    / real(12.0))
+    out.point = best.axis / best.weight + outward * hand.link_radius
+    # Of the place along the axis as torques tell it: what the body says is no evidence of its own.
+    out.covariance = (wp.identity(n=3, dtype=wp.float64) * normal_variance
+                      + wp.outer(u, u) * spread)
+    out.normal = -outward
+    out.chance = ONE / others
+    out.misfit = best.misfit
+    return out
 
 
 @wp.kernel(enable_backward=False)
@@ -255,40 +348,14 @@ def _placing_kernel(
         return
     f = finger_pose(hand, wp.transform_multiply(
         hand_pose[w, i], finger_base(hand, finger[w, i])), q[w, i])
-    sigma = torque_sigma[w, i]
-    root = vec4(ONE / sigma[0], ONE / sigma[1], ONE / sigma[2], ONE / sigma[3])
-    felt = wp.cw_mul(torque[w, i], root)
-    best = Place()
-    best.least = WORST
-    best_link = int(-1)
-    most = real(-WORST)
-    logs = vec3(-WORST, -WORST, -WORST)
-    for link in range(3):
-        if link_weight[w, i][link] >= UNLIKELY:
-            post = places_of_link(f, link, wp.where(link == 2, 1, 0), hand.link_length[link],
-                                  hand.link_radius, lean[w, i], felt, root, shape[w], pose[w],
-                                  place_sigma, turn_sigma, farthest)
-            if post.weight > ZERO:
-                logs[link] = wp.log(post.weight) - HALF * post.least
-                if logs[link] > most:
-                    most = logs[link]
-                    best = post
-                    best_link = link
-    if best_link < 0:
-        return
-    others = real(0.0)
-    for link in range(3):
-        others += wp.exp(wp.max(logs[link] - most, -NEGLIGIBLE))
-    outward = wp.normalize(best.outward)
-    u = direction_at(f, best_link)
-    mean = best.alone_along / best.alone
-    spread = wp.max(best.alone_square / best.alone - mean * mean,
-                    hand.link_length[best_link] * hand.link_length[best_link] * _STEP * _STEP
-                    / real(12.0))
-    point[w, i] = best.axis / best.weight + outward * hand.link_radius
-    # Of the place along the axis as torques tell it: what the body says is no evidence of its own.
-    covariance[w, i] = (wp.identity(n=3, dtype=wp.float64) * normal_variance
-                        + wp.outer(u, u) * spread)
-    normal[w, i] = -outward
-    chance[w, i] = ONE / others
-    misfit[w, i] = best.misfit
+    believed = SuperquadricAt()
+    believed.shape = shape[w]
+    believed.pose = pose[w]
+    found = placed_contact(f, hand, torque[w, i], torque_sigma[w, i], link_weight[w, i],
+                           lean[w, i], believed, place_sigma, turn_sigma, farthest,
+                           normal_variance)
+    point[w, i] = found.point
+    covariance[w, i] = found.covariance
+    normal[w, i] = found.normal
+    chance[w, i] = found.chance
+    misfit[w, i] = found.misfit

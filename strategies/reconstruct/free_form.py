@@ -1,6 +1,6 @@
 """The body of an episode as a free-form surface, by what `[fit] reconstruct` names.
 
-    touches + recovered superquadric or contour → Gaussian process or plug-in → meshes
+    contacts as felt → Gaussian process and contacts in turns, or plug-in → meshes
 """
 
 import time
@@ -9,20 +9,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from fit.arrays import rows_of
-from fit.fit_status import is_fitted
-from fit.implicit.fit import fit_implicit
 from fit.implicit.mesh import implicit_meshes
-from fit.implicit.query import of_rows
-from fit.implicit.record import ImplicitFit, ImplicitOptions, TriangleMesh
+from fit.implicit.record import ImplicitFit, TriangleMesh
 from fit.implicit.volume import VolumeEstimate, implicit_volume
+from strategies.contacts.finger_touch import TouchedLinks
 from strategies.planners.planner_file import PlannerError
 from strategies.poses.waypoints import PRIOR_MARGIN_M, BoundingCylinder
+from strategies.reconstruct.free_contacts import BODY, fitted_freely
 from strategies.reconstruct.plug_in import NO_MESH, Touches, run_plug_in
-from strategies.reconstruct.plug_in_name import BUILT_IN, find_plug_in
-from strategies.reconstruct.prior_distance import box_of_recovered, distance_to_recovered
+from strategies.reconstruct.plug_in_name import BUILT_IN, CHOSEN, IMPLICIT, find_plug_in
+from strategies.reconstruct.prior_distance import distance_to_recovered
 from strategies.recovery.belief import read_only
-from strategies.recovery.choose_model import Recovered, Shape
+from strategies.recovery.choose_model import Recovered
+from strategies.recovery.contact_verdict import unexplained
 from strategies.recovery.evidence import Evidence
+from strategies.recovery.plausibility import FEWEST_CONTACTS, plausible_vertices
 from warpgrasp.parameters import FitTable
 
 
@@ -38,11 +39,15 @@ class Reconstruction:
     """What a plug-in did wrong, str (world,)."""
     time_s: float
     """Wall time of all worlds together."""
-    fits: ImplicitFit | None = None
-    """Of the Gaussian process, of the worlds `fitted`, in order."""
+    fits: tuple[ImplicitFit, ...] = ()
+    """Of the Gaussian process, one of each of the worlds `fitted`, in order."""
     fitted: np.ndarray | None = None
-    volume: VolumeEstimate | None = None
-    """Volume and the surface's uncertainty, likewise."""
+
+    def volume(self, number: int) -> VolumeEstimate:
+        """Volume and the surface's uncertainty of the fit so numbered."""
+        assert self.fitted is not None
+        mesh = self.meshes[int(self.fitted[number])]
+        return implicit_volume(self.fits[number], [mesh], BODY.mean)
 
     @property
     def made(self) -> np.ndarray:
@@ -51,18 +56,28 @@ class Reconstruction:
 
 
 def reconstruct(
-    word: str, recovered: Recovered, evidence: Evidence, prior: BoundingCylinder, table: FitTable
+    word: str, recovered: Recovered, evidence: Evidence, prior: BoundingCylinder, table: FitTable,
+    *, felt: Evidence | None = None, links: TouchedLinks | None = None
 ) -> Reconstruction | None:
     """The bodies that `word` asks for; None for "superquadric", which keeps those recovered.
 
-    A Gaussian process explains what the recovered model leaves over, so it is made only where there
-    is one. A plug-in is asked about every world. Its faults are data.
+    `evidence` has contacts as placed on the bodies recovered, `felt` as they were felt, of `links`;
+    without these a free form takes contacts as they are in `evidence`.
+    "implicit" makes a free form of every world that felt enough, "chosen" only where the recovered
+    body does not explain what was felt. Neither stands where prior or table contradict it: one that
+    ends high above the table was not felt to its foot. A plug-in is asked about every world. Its
+    faults are data.
     """
     if word == BUILT_IN[0]:
         return None
     begin = time.perf_counter()
-    if word == BUILT_IN[1]:
-        return _implicit(recovered, evidence, table, begin)
+    if word in BUILT_IN:
+        wanted = evidence.mask.sum(1) >= FEWEST_CONTACTS
+        if word == CHOSEN:
+            wanted &= unexplained(recovered, evidence)
+        if felt is None:
+            felt, links = evidence, None
+        return _implicit(np.flatnonzero(wanted), felt, links, prior, table, begin)
     name = word.rpartition(":")[2]
     worlds = len(recovered)
     try:
@@ -74,30 +89,23 @@ def reconstruct(
     return Reconstruction(name, tuple(meshes), fault, time.perf_counter() - begin)
 
 
-def _implicit(recovered: Recovered, evidence: Evidence, table: FitTable,
-              begin: float) -> Reconstruction:
-    worlds = len(recovered)
-    rows = np.flatnonzero(recovered.shape != Shape.PRIOR_CYLINDER)
-    meshes = [NO_MESH] * worlds
-    fits, volume = None, None
-    if len(rows):
-        mean = distance_to_recovered(rows_of(recovered, rows))
-        felt = rows_of(evidence, rows)
-        free = {"free_points": felt.free_m, "free_radius": felt.free_radius_m,
-                "free_mask": felt.free_mask} if table.free_space else {}
-        options = ImplicitOptions() if table.loss != "none" else ImplicitOptions(outlier_share=0.0)
-        found = fit_implicit(
-            felt.points_m, felt.mask, covariance=felt.covariance_m2 if table.weights else None,
-            mean=mean, table_z=0.0 if table.table_plane else None, options=options, **free)
-        good = np.flatnonzero(is_fitted(found.status))
-        rows, fits = rows[good], rows_of(found, good)
-        mean = of_rows(mean, good)
-        made = implicit_meshes(fits, mean, box_m=box_of_recovered(rows_of(recovered, rows)))
-        volume = implicit_volume(fits, made, mean)
-        for row, mesh in zip(rows, made, strict=True):
+def _implicit(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
+              prior: BoundingCylinder, table: FitTable, begin: float) -> Reconstruction:
+    """Free forms of the worlds `rows`."""
+    meshes = [NO_MESH] * len(felt.mask)
+    fits, fitted = [], []
+    for row in rows:  # one at a time: sums over rows of a longer neighbour would round otherwise
+        own = np.array([row])
+        fit, _ = fitted_freely(rows_of(felt, own), None if links is None else rows_of(links, own),
+                               table)
+        mesh, = implicit_meshes(fit, BODY.mean)
+        if plausible_vertices([mesh.vertices_m], rows_of(prior, own),
+                              table_plane=table.table_plane)[0]:
             meshes[row] = mesh
-    return Reconstruction(BUILT_IN[1], tuple(meshes), np.full(worlds, "", object),
-                          time.perf_counter() - begin, fits, rows, volume)
+            fits.append(fit)
+            fitted.append(row)
+    return Reconstruction(IMPLICIT, tuple(meshes), np.full(len(meshes), "", object),
+                          time.perf_counter() - begin, tuple(fits), np.array(fitted, int))
 
 
 def _touches(recovered: Recovered, evidence: Evidence, prior: BoundingCylinder) -> Touches:

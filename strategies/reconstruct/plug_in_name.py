@@ -10,7 +10,8 @@ from typing import Any
 
 from strategies.planners.planner_file import PlannerError, planner_file
 
-BUILT_IN = ("superquadric", "implicit")
+IMPLICIT, CHOSEN = "implicit", "chosen"
+BUILT_IN = ("superquadric", IMPLICIT, CHOSEN)
 """Words of `[fit] reconstruct`; the first keeps what the episode recovered."""
 
 

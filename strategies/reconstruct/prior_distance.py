@@ -4,12 +4,10 @@ import numpy as np
 
 from fit.arrays import rows_of
 from fit.implicit.record import Mean
-from fit.revolution.geometry import RevolutionBody, revolution_inside, revolution_surface
-from fit.superquadric.geometry import Superquadric, superquadric_points
+from fit.revolution.geometry import RevolutionBody, revolution_inside
+from fit.superquadric.geometry import Superquadric
 from strategies.recovery.body_distances import contour_distances, surface_distances
 from strategies.recovery.choose_model import Recovered, Shape
-
-SURFACE_POINTS = 864
 
 
 def distance_to_recovered(recovered: Recovered) -> Mean:
@@ -31,17 +29,6 @@ def distance_to_recovered(recovered: Recovered) -> Mean:
         return out
 
     return distance
-
-
-def box_of_recovered(recovered: Recovered) -> tuple[np.ndarray, np.ndarray]:
-    """Corners [m] of a box about the body that stands for each world, (world, 3) each."""
-    points = superquadric_points(recovered.superquadric, SURFACE_POINTS)
-    low, high = points.min(axis=1), points.max(axis=1)
-    turned = np.flatnonzero(recovered.shape == Shape.REVOLUTION)
-    if len(turned) and recovered.revolution is not None:
-        surface = revolution_surface(recovered.revolution[turned])[0]
-        low[turned], high[turned] = surface.min(axis=1), surface.max(axis=1)
-    return low, high
 
 
 def superquadric_distance(body: Superquadric, points_m: np.ndarray) -> np.ndarray:

@@ -19,6 +19,8 @@ NEAR_M = 0.006
 UNSURE_M = 0.010 / 2.576
 """Standard deviation along the link from which a contact of a finger is more than 10 mm off with a
 probability of 1 % or more, as its torques tell."""
+UNEXPLAINED_M = 0.002
+"""Mean distance of contacts from a body that does not explain them [m] [est]."""
 ACCEPTED, UNSURE_LINK, UNSURE_PLACE, CONTRADICTED, FAR, TABLE = (
     "accepted", "unsure_link", "unsure_place", "contradicted", "far", "table")
 """Verdicts: too far from the body to be its contact is `far`, as near to the table as to be told
@@ -42,6 +44,18 @@ def explained_by(recovered: Recovered, points_m: np.ndarray, mask: np.ndarray) -
     """
     known = (recovered.shape != Shape.PRIOR_CYLINDER)[:, None]
     return mask & known & (surface_gaps(recovered, points_m, mask) <= FARTHEST_M)
+
+
+def unexplained(recovered: Recovered, evidence: Evidence) -> np.ndarray:
+    """Worlds whose recovered body lies off its contacts, or that have none, bool (world,).
+
+    A free form passes near every contact: contacts cannot choose between it and a model, they can
+    only contradict the model. Where they do not, the model stands, for it knows more of what was
+    not felt. Distances beyond `FARTHEST_M` count as that.
+    """
+    away = np.minimum(surface_gaps(recovered, evidence.points_m, evidence.mask), FARTHEST_M)
+    mean = row_sums(np.where(evidence.mask, away, 0.0)) / np.maximum(evidence.mask.sum(1), 1)
+    return (recovered.shape == Shape.PRIOR_CYLINDER) | (mean > UNEXPLAINED_M)
 
 
 def contact_verdicts(recovered: Recovered, evidence: Evidence) -> np.ndarray:

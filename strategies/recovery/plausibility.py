@@ -1,6 +1,8 @@
 """Whether a recovered body is to be believed: what it was felt by, swept space, table and prior may
 contradict it, whatever model it came from."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from fit.arrays import row_sums
@@ -75,6 +77,21 @@ def plausible_contour(
     return (within & known.any(1) & (evidence.mask.sum(1) >= FEWEST_CONTACTS)
             & (_mean_away(felt, evidence.mask) < UNBELIEVED_M)
             & ~_swept(np.where(inside, -free, free), evidence.free_mask))
+
+
+def plausible_vertices(
+    vertices_m: Sequence[np.ndarray], prior: BoundingCylinder, *, table_plane: bool = True
+) -> np.ndarray:
+    """Whether surfaces with vertices [m] (vertex, 3), one of each world, agree with prior and
+    table, bool (world,); False for those without any. Without `table_plane` none is known."""
+    reach, low, high = (np.full(len(vertices_m), np.inf) for _ in range(3))
+    for world, v in enumerate(vertices_m):
+        if len(v):
+            reach[world] = np.hypot(v[:, 0] - prior.x_m[world], v[:, 1] - prior.y_m[world]).max()
+            low[world], high[world] = v[:, 2].min(), v[:, 2].max()
+    if not table_plane:
+        low = np.where(np.isfinite(low), 0.0, low)
+    return _within(reach, low, high, prior)
 
 
 def swept(body: SuperquadricLike, evidence: Evidence) -> np.ndarray:

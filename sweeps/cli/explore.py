@@ -41,8 +41,9 @@ def explore(object_: str, /, *, strategy: str,
     replay
         Also write replay.html: the episode played again in 3-D (needs the extra `show`).
     reconstruct
-        What stands for the body at the end: superquadric; implicit, a free-form surface; or a
-        function of yours, as mine.py:my_network.
+        What stands for the body at the end: superquadric; implicit, a free-form surface; chosen,
+        that where the model does not explain the touches; or a function of yours, as
+        mine.py:my_network.
     device
         cpu, or cuda:0.
     """

@@ -18,6 +18,7 @@ KERNEL_MODULES = (
     "sweeps.episode.scores_kernel",
     "sweeps.episode.surface_elements_kernel",
     "strategies.contacts.chain_placing_kernel",
+    "strategies.contacts.field_placing_kernel",
     "warpgrasp.arms.serial_arm_kernel",
     "warpgrasp.chain.chain_clearance_kernel",
     "warpgrasp.chain_closing.chain_closing_kernel",

@@ -270,7 +270,7 @@ def run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Epi
     scores = moments[-1].scores if moments else begin.scores
     recognition = recognize_objects(found.belief, found.recovered, cell.recognition, device)
     rebuilt = reconstruct(cell.fit.reconstruct, found.recovered, found.belief.evidence, prior,
-                          cell.fit)
+                          cell.fit, felt=found.felt, links=found.belief.links)
     if rebuilt is not None:
         found = _rebuilt_status(found, rebuilt)
         scores = scores_with_meshes(scorer, rebuilt.meshes, scores)

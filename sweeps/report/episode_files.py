@@ -196,17 +196,17 @@ def _free_form(block: EpisodeBlock, world: int) -> Iterator[dict[str, Any]]:
         return
     found: dict[str, Any] = {"shape": rebuilt.name, "file": "recovered.ply", "parameters": {
         "volume_m3": mesh.volume_m3, "faces": len(mesh.faces)}}
-    if rebuilt.fits is not None and rebuilt.fitted is not None and rebuilt.volume is not None:
+    if rebuilt.fits and rebuilt.fitted is not None:
         row = int(np.flatnonzero(rebuilt.fitted == world)[0])
-        fits, volume = rebuilt.fits, rebuilt.volume
-        low, high = volume.interval_m3()[row].tolist()
+        fit, volume = rebuilt.fits[row], rebuilt.volume(row)
+        low, high = volume.interval_m3()[0].tolist()
         found["parameters"] |= {
             "volume_low_m3": low, "volume_high_m3": high,
-            "length_m": float(fits.length_m[row]), "amplitude_m": float(fits.amplitude_m[row]),
-            "noise_m": float(fits.noise_sigma_m[row]),
-            "surface_std_m": float(volume.surface_std_m[row].mean())}
-        found |= {"rms_mm": float(fits.rms_m[row] * 1e3),
-                  "status": status_names(fits.status)[row], "contacts": int(fits.n_points[row])}
+            "length_m": float(fit.length_m[0]), "amplitude_m": float(fit.amplitude_m[0]),
+            "noise_m": float(fit.noise_sigma_m[0]),
+            "surface_std_m": float(volume.surface_std_m[0].mean())}
+        found |= {"rms_mm": float(fit.rms_m[0] * 1e3),
+                  "status": status_names(fit.status)[0], "contacts": int(fit.n_points[0])}
     yield found
 
 

@@ -1,0 +1,145 @@
+"""Free-form bodies with known hyperparameters: one Cholesky factor a body.
+
+For contacts that are still to move, and for many touches with normals: the descent of
+`fit_implicit` to the hyperparameters factors its matrices a hundred times. Rows are those of
+`fit_implicit`: touches, points off the surface along their normals, and the balls of free space
+that the body would enter.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.linalg import cho_factor, cho_solve
+from scipy.spatial.distance import cdist
+
+from fit.fit_status import FitStatus
+from fit.implicit.process import SQRT3
+from fit.implicit.record import ImplicitFit
+
+FEWEST = 4
+"""Touches; with fewer there is no body."""
+NO_TABLE_M = -1e12
+
+
+@dataclass(frozen=True)
+class KnownProcess:
+    """What a process is known to be.
+
+    Raises ValueError for a number that is not positive.
+    """
+
+    length_m: float = 0.06
+    """Length scale of the kernel [m]."""
+    amplitude_m: float = 0.03
+    """Standard deviation of the distance before any touch [m]."""
+    mean_m: float = 0.02
+    """The mean, everywhere [m]: where nothing was felt there is no body."""
+    offset_m: float = 0.008
+    """How far outwards along normals the distance is given too [m]."""
+    slope: float = 0.25
+    """Standard deviation of that distance as a share of the offset."""
+    free_sigma_m: float = 0.0015
+    """Standard deviation of the surface of a ball of free space [m]."""
+    free_rows: int = 40
+    """Balls at most that become rows at a time."""
+    free_rounds: int = 2
+    """Times that violated balls are looked for."""
+
+    def __post_init__(self) -> None:
+        for name in ("length_m", "amplitude_m", "mean_m", "offset_m", "slope", "free_sigma_m"):
+            if not 0.0 < getattr(self, name) < 1e3:
+                raise ValueError(f"{name}: {getattr(self, name)}, should be positive")
+
+    def mean(self, points_m: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """The mean of the fits, as `implicit_values` takes it."""
+        return np.full(points_m.shape[:2], self.mean_m)
+
+
+def fit_known(
+    points: Float[np.ndarray, "fit point 3"], mask: Bool[np.ndarray, "fit point"],
+    normals: Float[np.ndarray, "fit point 3"], sigma_m: Float[np.ndarray, "fit point"],
+    process: KnownProcess, *, free_points: Float[np.ndarray, "fit free 3"] | None = None,
+    free_radius: float = 0.0, free_mask: Bool[np.ndarray, "fit free"] | None = None,
+    table_z: float | None = None,
+) -> ImplicitFit:
+    """Fit free-form bodies to touches [m] with outward normals and deviations `sigma_m`.
+
+    Returns `ImplicitFit`, whose mean is `process.mean`; a set of fewer than four touches has the
+    status `too_few_points` and no body. Raises ValueError for arrays whose shapes disagree.
+    """
+    if normals.shape != points.shape or not mask.shape == sigma_m.shape == points.shape[:2]:
+        raise ValueError(f"shapes disagree: points {points.shape}, mask {mask.shape}, normals "
+                         f"{normals.shape}, sigma_m {sigma_m.shape}")
+    found = []
+    for world in range(len(points)):
+        own = mask[world]
+        free = np.zeros((0, 3))
+        if free_points is not None and free_mask is not None:
+            free = free_points[world][free_mask[world]]
+        found.append(_fitted(points[world][own], normals[world][own], sigma_m[world][own], free,
+                             free_radius, process))
+    return _record(found, points, mask, process, table_z)
+
+
+def _kernel(process: KnownProcess, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    scaled = (SQRT3 / process.length_m) * cdist(a, b)
+    return process.amplitude_m**2 * (1.0 + scaled) * np.exp(-scaled)
+
+
+def _fitted(points: np.ndarray, normals: np.ndarray, sigma: np.ndarray, free: np.ndarray,
+            radius: float, process: KnownProcess) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows of one process, their coefficients [1/m] and variances [m^2]."""
+    if len(points) < FEWEST:
+        return np.zeros((0, 3)), np.zeros(0), np.zeros(0)
+    known = np.isfinite(normals).all(1)
+    off = process.offset_m
+    at = np.concatenate([points, points[known] + off * normals[known]])
+    value = np.concatenate([np.zeros(len(points)), np.full(known.sum(), off)]) - process.mean_m
+    noise = np.concatenate([sigma**2, sigma[known] ** 2 + (process.slope * off) ** 2])
+    alpha = _coefficients(process, at, value, noise)
+    for _ in range(process.free_rounds if len(free) else 0):
+        depth = radius - process.mean_m - _kernel(process, free, at) @ alpha
+        deep = np.argsort(-depth, kind="stable")[:process.free_rows]
+        deep = deep[depth[deep] > process.free_sigma_m]
+        if len(deep) == 0:
+            break
+        at = np.concatenate([at, free[deep]])
+        value = np.concatenate([value, np.full(len(deep), radius - process.mean_m)])
+        noise = np.concatenate([noise, np.full(len(deep), process.free_sigma_m**2)])
+        free = np.delete(free, deep, axis=0)
+        alpha = _coefficients(process, at, value, noise)
+    return at, alpha, noise
+
+
+def _coefficients(process: KnownProcess, at: np.ndarray, value: np.ndarray, noise: np.ndarray
+                  ) -> np.ndarray:
+    return cho_solve(cho_factor(_kernel(process, at, at) + np.diag(noise), lower=True), value)
+
+
+def _record(found: list, points: np.ndarray, mask: np.ndarray, process: KnownProcess,
+            table_z: float | None) -> ImplicitFit:
+    n, width = len(found), max([len(alpha) for _, alpha, _ in found], default=0)
+    width = max(width, 1)
+    at, alpha, noise = np.zeros((n, width, 3)), np.zeros((n, width)), np.full((n, width), -1.0)
+    rms = np.zeros(n)
+    for k, (place, own, variance) in enumerate(found):
+        rows = len(own)
+        at[k, :rows], alpha[k, :rows], noise[k, :rows] = place, own, variance
+        # At a touch the process differs from its target by the noise times alpha.
+        miss = (variance * own)[: mask[k].sum()]
+        rms[k] = np.sqrt((miss**2).mean()) if len(miss) else 0.0
+    count = mask.sum(1)
+    low = np.where(mask[..., None], points, np.inf).min(1, initial=np.inf)
+    high = np.where(mask[..., None], points, -np.inf).max(1, initial=-np.inf)
+    any_ = count[:, None] > 0
+    low, high = np.where(any_, low, 0.0), np.where(any_, high, 0.0)
+    fitted = count >= FEWEST
+    return ImplicitFit(
+        points_m=at, alpha_per_m=alpha, noise_m2=noise, weight=mask.astype(float),
+        length_m=np.full(n, process.length_m), amplitude_m=np.full(n, process.amplitude_m),
+        noise_sigma_m=np.zeros(n), centre_m=(low + high) / 2, radius_m=np.full(n, 0.03),
+        low_m=low, high_m=high, table_z_m=np.full(n, NO_TABLE_M if table_z is None else table_z),
+        cost=np.zeros(n), rms_m=rms, iterations=np.zeros(n, int),
+        status=np.where(fitted, int(FitStatus.converged), int(FitStatus.too_few_points)),
+        n_points=count)

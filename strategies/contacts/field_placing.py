@@ -1,0 +1,93 @@
+"""Contacts placed on believed bodies of any form: stations along the links, and places there."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+from jaxtyping import Bool, Float
+
+from strategies.contacts.field_placing_kernel import (
+    LINKS,
+    field_placing_kernel,
+    station_kernel,
+)
+from strategies.contacts.finger_touch import TouchedLinks
+from strategies.contacts.placing_kernel import STATIONS, UNLIKELY
+from warpgrasp.chain.chain_hand import chain_of_table
+from warpgrasp.core.dtypes import mat33, real, transform, vec3, vec4
+from warpgrasp.core.kernel_launch import launch
+from warpgrasp.mechanism.utah_mit_hand import hand_of
+
+
+@dataclass(frozen=True)
+class FieldPlaces:
+    """Contacts at their likeliest places. Shapes start with (world, point)."""
+
+    point_m: Float[np.ndarray, "world point 3"]
+    covariance_m2: Float[np.ndarray, "world point 3 3"]
+    normal: Float[np.ndarray, "world point 3"]
+    """Outward normals of the body."""
+    chance: Float[np.ndarray, "world point"]
+    """Probability of the link that bears each; 0 where none can."""
+    misfit: Float[np.ndarray, "world point"]
+    """Chi-square of torques and body there."""
+
+
+def can_be_placed(links: TouchedLinks) -> bool:
+    """Whether the contacts of a hand can be placed on bodies of any form: of the Utah-MIT hand."""
+    return chain_of_table(links.hand) is None
+
+
+def link_stations(links: TouchedLinks, *, device: str = "cpu"
+                  ) -> Float[np.ndarray, "world point station 3"]:
+    """Places along the axes of each finger's links [m], link by link."""
+    shape = links.finger.shape
+    station = wp.empty((*shape, LINKS * STATIONS), dtype=vec3, device=device)
+    launch(station_kernel, {"world": shape[0], "point": shape[1]}, {
+        **dict.fromkeys(("hand_pose", "q", "finger"), "world point"),
+        "station": f"world point {LINKS * STATIONS}"}, {
+        "hand": hand_of(links.hand),
+        "hand_pose": wp.array(links.hand_pose, dtype=transform, device=device),
+        "q": wp.array(links.q_rad, dtype=vec4, device=device),
+        "finger": wp.array(links.finger, dtype=int, device=device), "station": station},
+        device=device)
+    return station.numpy()
+
+
+def possible_stations(links: TouchedLinks) -> Bool[np.ndarray, "world point station"]:
+    """Those of links that torques leave possible; no other is looked at."""
+    return np.repeat(links.weight >= float(UNLIKELY), STATIONS, axis=-1)
+
+
+def places_on_field(
+    links: TouchedLinks, asked: Bool[np.ndarray, "world point"],
+    distance_m: Float[np.ndarray, "world point station"],
+    normal: Float[np.ndarray, "world point station 3"], *, lean_share: float,
+    place_sigma_m: float, turn_sigma_rad: float, farthest_m: float, normal_sigma_m: float,
+    device: str = "cpu",
+) -> FieldPlaces:
+    """The likeliest places of the contacts `asked`, by torques and by a body of which signed
+    distance and outward normal at `link_stations` are given.
+
+    The numbers are those of `strategies.recovery.fit_contacts`. Raises ShapeError where shapes
+    disagree.
+    """
+    field = np.concatenate([normal, distance_m[..., None]], -1)
+    found = {name: wp.empty(asked.shape, dtype=kind, device=device) for name, kind in (
+        ("point", vec3), ("covariance", mat33), ("normal", vec3), ("chance", real),
+        ("misfit", real))}
+    given = {name: wp.array(values, dtype=kind, device=device) for name, values, kind in (
+        ("kept", asked, wp.bool), ("hand_pose", links.hand_pose, transform),
+        ("q", links.q_rad, vec4), ("finger", links.finger, int),
+        ("torque", links.torque_Nm, vec4), ("torque_sigma", links.torque_sigma_Nm, vec4),
+        ("link_weight", links.weight, vec3), ("lean", lean_share * links.friction, real))}
+    launch(field_placing_kernel, {"world": asked.shape[0], "point": asked.shape[1]}, {
+        "field": f"world point {LINKS * STATIONS}",
+        **dict.fromkeys((*given, *found), "world point")}, {
+        "field": wp.array(field, dtype=vec4, device=device),
+        "hand": hand_of(links.hand), "place_sigma": place_sigma_m,
+        "turn_sigma": turn_sigma_rad, "farthest": farthest_m,
+        "normal_variance": normal_sigma_m**2, **given, **found}, device=device)
+    values = {name: array.numpy() for name, array in found.items()}
+    return FieldPlaces(values["point"], values["covariance"], values["normal"], values["chance"],
+                       values["misfit"])

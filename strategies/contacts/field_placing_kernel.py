@@ -1,0 +1,89 @@
+# type: ignore  # Warp functions, which type checkers cannot follow
+"""Where links touch a believed body of any form, by the mathematics of `placing_kernel`.
+
+Its normals and distances come from elsewhere: they are asked for at stations along the links.
+"""
+
+import warp as wp
+
+from strategies.contacts.link_places import direction_at, start_at
+from strategies.contacts.placing_kernel import STATIONS, FieldAt, placed_contact, station_along
+from warpgrasp.core.dtypes import ZERO, mat33, real, transform, vec3, vec4
+from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_base, finger_pose
+
+LINKS = 3
+_STATIONS = wp.constant(STATIONS)
+
+
+@wp.kernel(enable_backward=False)
+def station_kernel(
+    first: int,
+    # Links in:
+    hand: Hand,
+    hand_pose: wp.array2d[transform],
+    q: wp.array2d[vec4],
+    finger: wp.array2d[int],
+    # Places out:
+    station: wp.array3d[vec3],
+):
+    """Where the stations of a finger's links are, link by link."""
+    w, i = wp.tid()
+    w += first
+    f = finger_pose(hand, wp.transform_multiply(
+        hand_pose[w, i], finger_base(hand, finger[w, i])), q[w, i])
+    for link in range(3):
+        for k in range(_STATIONS):
+            station[w, i, link * _STATIONS + k] = start_at(f, link) + direction_at(
+                f, link) * station_along(k, hand.link_length[link])
+
+
+@wp.kernel(enable_backward=False)
+def field_placing_kernel(
+    first: int,
+    # Bodies in:
+    field: wp.array3d[vec4],
+    # Links in:
+    hand: Hand,
+    kept: wp.array2d[wp.bool],
+    hand_pose: wp.array2d[transform],
+    q: wp.array2d[vec4],
+    finger: wp.array2d[int],
+    torque: wp.array2d[vec4],
+    torque_sigma: wp.array2d[vec4],
+    link_weight: wp.array2d[vec3],
+    lean: wp.array2d[real],
+    place_sigma: real,
+    turn_sigma: real,
+    farthest: real,
+    normal_variance: real,
+    # Contacts out:
+    point: wp.array2d[vec3],
+    covariance: wp.array2d[mat33],
+    normal: wp.array2d[vec3],
+    chance: wp.array2d[real],
+    misfit: wp.array2d[real],
+):
+    """`field` holds normal and distance at the stations of every contact."""
+    w, i = wp.tid()
+    w += first
+    point[w, i] = vec3(ZERO, ZERO, ZERO)
+    covariance[w, i] = wp.identity(n=3, dtype=wp.float64)
+    normal[w, i] = vec3(ZERO, ZERO, ZERO)
+    chance[w, i] = ZERO
+    misfit[w, i] = ZERO
+    if not kept[w, i]:
+        return
+    f = finger_pose(hand, wp.transform_multiply(
+        hand_pose[w, i], finger_base(hand, finger[w, i])), q[w, i])
+    believed = FieldAt()
+    believed.stations = field
+    believed.world = w
+    believed.point = i
+    found = placed_contact(f, hand, torque[w, i], torque_sigma[w, i], link_weight[w, i],
+                           lean[w, i], believed, place_sigma, turn_sigma, farthest,
+                           normal_variance)
+    point[w, i] = found.point
+    covariance[w, i] = found.covariance
+    normal[w, i] = found.normal
+    chance[w, i] = found.chance
+    misfit[w, i] = found.misfit

@@ -1,0 +1,128 @@
+"""A free-form body and the contacts that make it, in turns.
+
+Joint torques say which link touched and roughly where along it, hardly on which side. What stands
+there says the rest: a link touches where its axis is nearest, along the normal there. Contacts
+placed on a superquadric are bent towards it where the object is none. Here a Gaussian process about
+nothing is fitted to the contacts as they were felt, each contact is placed where torques and
+process agree best, and the process is fitted again. Its surface is trusted little at first.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from fit.implicit.known import KnownProcess, fit_known
+from fit.implicit.query import implicit_slopes
+from fit.implicit.record import ImplicitFit
+from strategies.contacts.field_placing import (
+    can_be_placed,
+    link_stations,
+    places_on_field,
+    possible_stations,
+)
+from strategies.contacts.finger_touch import TouchedLinks
+from strategies.recovery.evidence import CONTRADICTED_FROM, SURE_LINK, Evidence
+from strategies.recovery.fit_contacts import (
+    FARTHEST_M,
+    LEAN_SHARE,
+    NORMAL_SIGMA_M,
+    PLACE_SIGMA_M,
+    TURN_SIGMA_RAD,
+)
+from warpgrasp.parameters import FitTable
+
+ROUNDS = 6
+"""Fits after which contacts are placed, before the last one [est]."""
+SURE_ROUNDS = 3
+"""Rounds until the surface is trusted as much as that of a superquadric is."""
+FIRST_PLACE_M, FIRST_TURN_RAD = 0.006, 0.3
+"""How well the first surface predicts where an axis passes and which way it looks [est]."""
+FIRST_SIGMA_M = 0.003
+"""Least deviation of a contact as it was felt, along its normal [est]."""
+LATER_SIGMA_M = 0.0015
+"""Deviation of a placed contact along its normal [est]."""
+DOUBTED_SIGMA_M = 0.005
+"""The same of one that contradicts the surface or whose link is in doubt [est]."""
+LEAST_SLOPE, STEEPEST = 0.5, 1.5
+"""Slopes of the process that its values are divided by to be distances."""
+PAD_SIGMA_M = 0.0006
+"""Least deviation of a pad's touch [est]."""
+PLACING = KnownProcess(length_m=0.15)
+"""Of the fits that contacts are placed by: stiff, for single contacts still err [est]."""
+BODY = KnownProcess(length_m=0.05)
+"""Of the last fit [est]."""
+
+
+def fitted_freely(felt: Evidence, links: TouchedLinks | None, table: FitTable
+                  ) -> tuple[ImplicitFit, Evidence]:
+    """Free-form bodies of all worlds, whose mean is `BODY.mean`, and the contacts as placed on
+    them.
+
+    `felt` has contacts as they were felt, `links` how fingers stood. Contacts of hands that are
+    chains, those of pads, and all where there are no `links`, stay where they are.
+    """
+    placed, sigma = felt, _first_sigma(felt)
+    if links is None or not can_be_placed(links) or not (felt.mask & links.linked).any():
+        return _fit(placed, sigma, table, BODY), placed
+    stations = link_stations(links)
+    for turn in range(ROUNDS):
+        fits = _fit(placed, sigma, table, PLACING)
+        placed, sigma = _placed(fits, placed, sigma, links, stations, min(turn / SURE_ROUNDS, 1.0))
+    return _fit(placed, sigma, table, BODY), placed
+
+
+def _fit(placed: Evidence, sigma_m: np.ndarray, table: FitTable, process: KnownProcess
+         ) -> ImplicitFit:
+    free = {"free_points": placed.free_m, "free_radius": placed.free_radius_m,
+            "free_mask": placed.free_mask} if table.free_space else {}
+    return fit_known(placed.points_m, placed.mask, placed.normals, sigma_m, process,
+                     table_z=0.0 if table.table_plane else None, **free)
+
+
+def _placed(fits: ImplicitFit, before: Evidence, sigma: np.ndarray, links: TouchedLinks,
+            stations: np.ndarray, trust: float) -> tuple[Evidence, np.ndarray]:
+    asked = before.mask & links.linked
+    distance, normal = _field(fits, stations, asked[..., None] & possible_stations(links))
+    found = places_on_field(
+        links, asked, distance, normal, lean_share=LEAN_SHARE,
+        place_sigma_m=FIRST_PLACE_M + trust * (PLACE_SIGMA_M - FIRST_PLACE_M),
+        turn_sigma_rad=FIRST_TURN_RAD + trust * (TURN_SIGMA_RAD - FIRST_TURN_RAD),
+        farthest_m=FARTHEST_M, normal_sigma_m=NORMAL_SIGMA_M)
+    moved = asked & (found.chance > 0.0) & np.isfinite(found.point_m).all(-1)
+    contradiction = np.where(moved, np.where(found.chance >= SURE_LINK, found.misfit, np.inf),
+                             before.contradiction)
+    placed = replace(
+        before, points_m=np.where(moved[..., None], found.point_m, before.points_m),
+        covariance_m2=np.where(moved[..., None, None], found.covariance_m2,
+                               before.covariance_m2),
+        normals=np.where(moved[..., None], found.normal, before.normals),
+        contradiction=contradiction)
+    own = np.where(contradiction > CONTRADICTED_FROM, DOUBTED_SIGMA_M, LATER_SIGMA_M)
+    return placed, np.where(moved, own, sigma)
+
+
+def _field(fits: ImplicitFit, stations: np.ndarray, wanted: np.ndarray
+           ) -> tuple[np.ndarray, np.ndarray]:
+    """Distances [m] and unit normals of the bodies at the stations `wanted`, (world, point,
+    station); 1 m and no normal elsewhere."""
+    distance, normal = np.ones(wanted.shape), np.zeros(stations.shape)
+    at = np.nonzero(wanted)
+    world = at[0]
+    slot = np.arange(len(world)) - np.searchsorted(world, world)
+    asked = np.zeros((len(wanted), slot.max(initial=-1) + 1, 3))
+    asked[world, slot] = stations[at]
+    value, slope = implicit_slopes(fits, asked, PLACING.mean)
+    value, slope = value[world, slot], slope[world, slot]
+    size = np.linalg.norm(slope, axis=-1)
+    known = np.isfinite(size) & (size > 0.0)
+    normal[at] = np.where(known[:, None], slope / np.where(known, size, 1.0)[:, None], 0.0)
+    distance[at] = value / np.clip(size, LEAST_SLOPE, STEEPEST)
+    return distance, normal
+
+
+def _first_sigma(felt: Evidence) -> np.ndarray:
+    """Deviations of contacts along their normals as they were felt, (world, point)."""
+    normal = np.nan_to_num(felt.normals)
+    along = np.sqrt(np.maximum(np.einsum("wpi,wpij,wpj->wp", normal, felt.covariance_m2, normal),
+                               0.0))
+    return np.where(felt.by_pad, np.maximum(along, PAD_SIGMA_M), np.maximum(along, FIRST_SIGMA_M))

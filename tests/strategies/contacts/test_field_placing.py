@@ -1,0 +1,60 @@
+"""Contacts placed on bodies given by their distances: as on the superquadric that they are of."""
+
+import numpy as np
+import pytest
+
+from strategies.contacts.field_placing import link_stations, places_on_field, possible_stations
+from strategies.ready_made import STRATEGIES
+from strategies.recovery.body_distances import surface_distances
+from strategies.recovery.fit_contacts import (
+    FARTHEST_M,
+    LEAN_SHARE,
+    NORMAL_SIGMA_M,
+    PLACE_SIGMA_M,
+    TURN_SIGMA_RAD,
+    contacts_placed,
+)
+from sweeps.episode.episodes import EpisodeBlock, run_block
+from sweeps.spec.cell import Cell
+
+
+@pytest.fixture(scope="module")
+def block() -> EpisodeBlock:
+    """Grasps of a block."""
+    return run_block(Cell(STRATEGIES["ring6"], {"name": "block"}, "block", seed=5), np.arange(3),
+                     "cpu")
+
+
+def test_they_are_those_of_the_superquadric(block: EpisodeBlock) -> None:
+    felt, links = block.exploration.felt, block.exploration.belief.links
+    body = block.recovered.superquadric
+    stations = link_stations(links)
+    worlds = len(stations)
+    flat = stations.reshape(worlds, -1, 3)
+    # With the step ahead by which contacts are placed on superquadrics.
+    distance, normal = surface_distances(body, flat, np.ones(flat.shape[:2], bool))
+    found = places_on_field(
+        links, felt.mask, distance.reshape(stations.shape[:3]), normal.reshape(stations.shape),
+        lean_share=LEAN_SHARE, place_sigma_m=PLACE_SIGMA_M, turn_sigma_rad=TURN_SIGMA_RAD,
+        farthest_m=FARTHEST_M, normal_sigma_m=NORMAL_SIGMA_M)
+    expected = contacts_placed(felt, links, body)
+    at = felt.mask & (found.chance > 0.0)
+    assert at.sum() > 20
+    assert np.allclose(found.point_m[at], expected.points_m[at], atol=1e-9)
+    assert np.allclose(found.normal[at], expected.normals[at], atol=1e-7)
+    assert np.allclose(found.covariance_m2[at], expected.covariance_m2[at], atol=1e-12)
+
+
+def test_stations_of_links_that_torques_exclude_do_not_count(block: EpisodeBlock) -> None:
+    felt, links = block.exploration.felt, block.exploration.belief.links
+    possible = possible_stations(links)
+    shape = possible.shape
+    assert 0.1 < possible[felt.mask].mean() < 0.7
+    normal = np.zeros((*shape, 3))
+    normal[..., 2] = 1.0
+    given = {"lean_share": LEAN_SHARE, "place_sigma_m": PLACE_SIGMA_M,
+             "turn_sigma_rad": TURN_SIGMA_RAD, "farthest_m": FARTHEST_M,
+             "normal_sigma_m": NORMAL_SIGMA_M}
+    one = places_on_field(links, felt.mask, np.full(shape, 0.008), normal, **given)
+    two = places_on_field(links, felt.mask, np.where(possible, 0.008, 5.0), normal, **given)
+    assert (one.point_m == two.point_m).all()

@@ -1,0 +1,80 @@
+"""Free forms of episodes: their contacts lie nearer to where fingers truly touched, they stand
+where a model does not explain what was felt, and do not depend on the batch."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from strategies.ready_made import STRATEGIES
+from strategies.reconstruct.free_contacts import fitted_freely
+from strategies.recovery.choose_model import Shape
+from strategies.recovery.contact_verdict import unexplained
+from sweeps.episode.episodes import EpisodeBlock, run_block, run_episodes
+from sweeps.spec.cell import Cell
+from warpgrasp.objects.families import family_table
+from warpgrasp.parameters import FitTable
+
+FIT = FitTable(reconstruct="chosen")
+
+
+def cell(name: str) -> Cell:
+    table = family_table(name)
+    assert table is not None
+    return Cell(replace(STRATEGIES["any-object"], touches=128), table, name, seed=4, fit=FIT)
+
+
+@pytest.fixture(scope="module")
+def bowls() -> EpisodeBlock:
+    """Bowls, which no superquadric is."""
+    return run_block(cell("bowl-2"), np.arange(3), "cpu")
+
+
+def test_contacts_move_towards_where_fingers_touched(bowls: EpisodeBlock) -> None:
+    found = bowls.exploration
+    true = np.concatenate([bowls.truth.closings[p.closing].point_m.reshape(len(found.status), -1, 3)
+                           for p in found.procedures], axis=1)
+    _, placed = fitted_freely(found.felt, found.belief.links, FIT)
+    use = found.felt.mask & np.isfinite(true).all(-1)
+
+    def error(points: np.ndarray) -> float:
+        return float(np.median(np.linalg.norm(points - true, axis=-1)[use]))
+
+    assert use.sum() > 100
+    assert error(placed.points_m) < 0.0055
+    assert error(placed.points_m) < 0.75 * error(found.felt.points_m)
+    assert error(placed.points_m) < 0.75 * error(found.belief.evidence.points_m)
+
+
+def test_a_bowl_is_a_free_form_and_nearer_than_the_model(bowls: EpisodeBlock) -> None:
+    assert unexplained(bowls.recovered, bowls.evidence).all()
+    assert bowls.rebuilt is not None
+    assert bowls.rebuilt.made.all()
+    assert (bowls.status == "ok").all()
+    model = bowls.moments[-1].scores
+    assert np.median(bowls.scores.chamfer_m) < np.median(model.chamfer_m)
+    assert np.median(bowls.scores.iou) > np.median(model.iou)
+    volume = bowls.rebuilt.volume(0)
+    low, high = volume.interval_m3()[0]
+    assert 0.0 < low < volume.volume_m3[0] < high
+
+
+def test_a_model_that_explains_its_touches_stands() -> None:
+    block = Cell(STRATEGIES["ring18"], {"name": "block"}, "block", seed=5, fit=FIT)
+    rows = run_episodes(block, np.arange(3), "cpu")
+    plain = run_episodes(replace(block, fit=FitTable()), np.arange(3), "cpu")
+    for name in ("shape", "status", "chamfer_mm"):
+        assert (rows[name] == plain[name]).all(), name
+
+
+def test_no_body_is_unexplained(bowls: EpisodeBlock) -> None:
+    none = replace(bowls.recovered, shape=np.full(3, Shape.PRIOR_CYLINDER))
+    assert unexplained(none, bowls.evidence).all()
+
+
+def test_a_free_form_does_not_depend_on_the_batch(bowls: EpisodeBlock) -> None:
+    alone = run_block(cell("bowl-2"), np.arange(1, 2), "cpu")
+    assert alone.rebuilt is not None
+    assert bowls.rebuilt is not None
+    assert (alone.rebuilt.meshes[0].vertices_m == bowls.rebuilt.meshes[1].vertices_m).all()
+    assert alone.scores.chamfer_m[0] == bowls.scores.chamfer_m[1]
