@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from fit.fit_status import status_names
-from fit.plane import PlaneFit
+from fit.plane_record import PlaneFit
 from fit.revolution.record import RevolutionFit
 from fit.superquadric.record import SuperquadricFit
 from warpgrasp.core.plain_text import csv_cell
