@@ -5,12 +5,11 @@ Outliers are found by a search over triples of points (least trimmed squares, Ro
 weighted by Tukey's biweight.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from fit.fit_status import FitStatus
+from fit.plane_record import PlaneFit
 from fit.prepare import Sets, prepare
 from fit.rotation import is_upward
 
@@ -25,32 +24,6 @@ TUKEY = 4.685
 ROUNDS = 25
 SETTLED = 1e-8
 """Largest change of the weights in a round at convergence."""
-
-
-@dataclass(frozen=True)
-class PlaneFit:
-    """Planes n.x = offset, one per row; every field is finite for any status."""
-
-    normal: Float[np.ndarray, "fit 3"]
-    """Unit normal with a positive z (else y, else x)."""
-    offset_m: Float[np.ndarray, " fit"]
-    """Distance from the origin along the normal [m]."""
-    centre_m: Float[np.ndarray, "fit 3"]
-    """Middle of the touches on the plane [m]."""
-    axes: Float[np.ndarray, "fit 2 3"]
-    """Directions u, v in the plane; u has the largest scatter."""
-    extent_m: Float[np.ndarray, "fit 2"]
-    """Full extent of the touches on the plane along u and v [m]."""
-    rms_m: Float[np.ndarray, " fit"]
-    """Weighted root mean square distance [m]."""
-    covariance: Float[np.ndarray, "fit 3 3"]
-    """Of rotation about u and v [rad], and displacement along the normal at the centre [m]."""
-    weight: Float[np.ndarray, "fit point"]
-    """Weight of each touch, from 0 (outlier or masked) to 1."""
-    status: Int[np.ndarray, " fit"]
-    """`FitStatus` of each fit."""
-    n_points: Int[np.ndarray, " fit"]
-    """Number of points used."""
 
 
 def fit_plane(

@@ -9,6 +9,7 @@ import io
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +17,15 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from fit.fit_status import status_names
-from fit.plane import PlaneFit
+from fit.plane_record import PlaneFit
 from fit.revolution.record import RevolutionFit
 from fit.superquadric.record import SuperquadricFit
 from warpgrasp.core.plain_text import csv_cell
 
 UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+NORMAL = ("nx", "ny", "nz")
+ROWS_AT_ONCE = 512
+"""Few enough that Python's garbage collector does not walk through the rows again and again."""
 LARGEST_M = 2.0
 """The diagonal of what may be touched by a hand on an arm [est]."""
 
@@ -67,45 +71,75 @@ def read_points(path: str | Path, *, units: str | None = None,
 
 def _read_points(path: Path, units: str | None, most_problems: int) -> PointSets:
     problems: list[str] = []
-    sets: dict[str, list[list[float]]] = {}
+    names: list[str] = []
+    values: list[np.ndarray] = []
     with path.open(newline="", encoding="utf-8-sig") as file:
         reader = csv.reader(file)
         header = [name.strip() for name in next(reader, [])]
         columns, named = _columns(path, header)
-        wanted = [columns[f"{axis}_{named}"] for axis in "xyz"]
-        has_normals = "nx" in columns
-        if has_normals:
-            wanted += [columns[name] for name in ("nx", "ny", "nz")]
-        for row in reader:
-            if not row or all(not cell.strip() for cell in row):
-                continue
-            where = f"{path}:{reader.line_num}"
-            if len(row) != len(header):
-                problems.append(f"{where}: {len(row)} cells, should be {len(header)} as in line 1")
-                continue
-            numbers = []
-            for k in wanted:
-                value = _number(row[k], optional=header[k] in ("nx", "ny", "nz"))
-                if value is None:
-                    problems.append(f"{where}: {header[k]}: {row[k].strip()!r} is not a number; "
-                                    "write metres such as 0.0425")
-                    value = math.nan
-                numbers.append(value)
-            name = row[columns["set"]].strip() if "set" in columns else "0"
-            if not name:
-                problems.append(f"{where}: set: is empty; every touch should name its set")
-            sets.setdefault(name, []).append(numbers)
-    if not sets and not problems:
+        numbered = ((reader.line_num, row) for row in reader if any(map(str.strip, row)))
+        while block := list(islice(numbered, ROWS_AT_ONCE)):
+            of_block = _Block(path, header, block)
+            values.append(of_block.numbers([columns[f"{axis}_{named}"] for axis in "xyz"] + [
+                columns[name] for name in NORMAL if name in columns]))
+            names += of_block.names(columns.get("set"))
+            problems += of_block.problems
+    if not values:
         problems.append(f"{path}:2: no points; a row of numbers for each touch should follow")
     if problems:
         hidden = len(problems) - most_problems
         shown = problems[:most_problems]
         raise PointsError([*shown, f"{path}: {hidden} more"] if hidden > 0 else shown)
-    found = _padded(sets, has_normals)
+    found = _padded(names, np.concatenate(values))
     found = replace(found, points=found.points * UNITS_M[units or named])
     if units is None:
         _check_extent(path, found, named)
     return found
+
+
+class _Block:
+    """Some rows, read column by column, since a call for each cell would take longer than a fit."""
+
+    def __init__(self, path: Path, header: Sequence[str], block: Sequence[tuple[int, list[str]]]):
+        self._path, self._header = path, header
+        self._wrong = [(line, f"{len(row)} cells, should be {len(header)} as in line 1")
+                       for line, row in block if len(row) != len(header)]
+        right = [(line, row) for line, row in block if len(row) == len(header)]
+        self._lines = [line for line, _ in right]
+        self._cells = list(zip(*(row for _, row in right), strict=True)) or [()] * len(header)
+
+    def numbers(self, wanted: Sequence[int]) -> np.ndarray:
+        """The numbers of the columns `wanted`, shape [row, column]; NaN where it is none."""
+        return np.stack([self._column(k) for k in wanted], axis=1)
+
+    def names(self, column: int | None) -> list[str]:
+        """The set of each row."""
+        if column is None:
+            return ["0"] * len(self._lines)
+        names = [cell.strip() for cell in self._cells[column]]
+        self._wrong += [(line, "set: is empty; every touch should name its set")
+                        for line, name in zip(self._lines, names, strict=True) if not name]
+        return names
+
+    @property
+    def problems(self) -> list[str]:
+        """What is wrong in what was read, in the order of the lines."""
+        return [f"{self._path}:{line}: {what}"
+                for line, what in sorted(self._wrong, key=lambda wrong: wrong[0])]
+
+    def _column(self, k: int) -> np.ndarray:
+        cells, name = self._cells[k], self._header[k]
+        try:
+            if "_" not in "".join(cells):
+                return np.fromiter(map(float, cells), float, len(cells))
+        except ValueError:  # some cell is not a number: look at each
+            pass
+        found = [_number(cell, optional=name in NORMAL) for cell in cells]
+        self._wrong += [(line, f"{name}: {cell.strip()!r} is not a number; write metres such as "
+                               "0.0425")
+                        for line, cell, number in zip(self._lines, cells, found, strict=True)
+                        if number is None]
+        return np.array([math.nan if number is None else number for number in found])
 
 
 def _check_extent(path: Path, sets: PointSets, unit: str) -> None:
@@ -128,7 +162,7 @@ def _columns(path: Path, header: list[str]) -> tuple[dict[str, int], str]:
     unit = next((unit for unit in UNITS_M if f"x_{unit}" in columns), "m")
     problems = [f"{path}:1: {name}: column is missing; there are: {', '.join(header) or 'none'}"
                 for name in (f"x_{unit}", f"y_{unit}", f"z_{unit}") if name not in columns]
-    normals = [name for name in ("nx", "ny", "nz") if name in columns]
+    normals = [name for name in NORMAL if name in columns]
     if 0 < len(normals) < 3:
         problems.append(f"{path}:1: {normals[0]}: a normal needs all of nx, ny, nz")
     problems += [f"{path}:1: {name}: column appears twice" for name in columns
@@ -149,15 +183,21 @@ def _number(cell: str, *, optional: bool) -> float | None:
         return None
 
 
-def _padded(sets: dict[str, list[list[float]]], has_normals: bool) -> PointSets:
-    width = max(len(rows) for rows in sets.values())
-    values = np.full((len(sets), width, 6 if has_normals else 3), np.nan)
-    mask = np.zeros((len(sets), width), bool)
-    for k, rows in enumerate(sets.values()):
-        values[k, : len(rows)] = rows
-        mask[k, : len(rows)] = True
-    points = np.where(mask[..., None], values[..., :3], 0.0)
-    return PointSets(tuple(sets), points, mask, values[..., 3:] if has_normals else None)
+def _padded(names: Sequence[str], values: np.ndarray) -> PointSets:
+    """Rows of `values` [row, 3 or 6] as sets, by the name of each row."""
+    number = {name: k for k, name in enumerate(dict.fromkeys(names))}
+    of_row = np.fromiter(map(number.__getitem__, names), int, len(names))
+    count = np.bincount(of_row)
+    order = np.argsort(of_row, kind="stable")
+    place = np.empty_like(of_row)
+    place[order] = np.arange(len(names)) - np.repeat(np.cumsum(count) - count, count)
+    points = np.zeros((len(number), count.max(), 3))
+    points[of_row, place] = values[:, :3]
+    normals = None
+    if values.shape[1] > 3:
+        normals = np.full_like(points, np.nan)
+        normals[of_row, place] = values[:, 3:]
+    return PointSets(tuple(number), points, np.arange(count.max()) < count[:, None], normals)
 
 
 def superquadric_rows(names: Sequence[str], fit: SuperquadricFit) -> tuple[list[str], list[list]]:

@@ -19,7 +19,7 @@ FLOORS = {
                   "hand_rest", "closing", "chain_closing", "touch", "export", "robot_hand",
                   "robot"],
     "fit": ["fit_status", "rotation", "arrays", "optimize", "prepare", "superquadric",
-            "revolution", "implicit", "plane", "polyhedron", "match_parameters",
+            "revolution", "implicit", "plane_record", "plane", "polyhedron", "match_parameters",
             "interpretation_tree", "points_csv"],
     "strategies": ["poses", "strategy", "ready_made", "procedures", "contacts", "recovery",
                    "recognition", "foresight", "planners", "reconstruct", "exploration"],
@@ -97,7 +97,7 @@ def test_folders_and_files_are_small() -> None:
         assert len(files) <= 15, f"{folder}: {len(files)} files"
 
 
-RECORDS = {"probe_status", "catalogue_names", "strategy", "closing_record"}
+RECORDS = {"probe_status", "catalogue_names", "strategy", "closing_record", "plane_record"}
 """Files of one small record or list."""
 
 

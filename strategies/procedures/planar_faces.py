@@ -6,7 +6,8 @@ import numpy as np
 
 from fit.arrays import rows_of
 from fit.fit_status import FitStatus
-from fit.plane import PlaneFit, fit_plane
+from fit.plane import fit_plane
+from fit.plane_record import PlaneFit
 from strategies.procedures.planar_explorer import PlanarExploration
 
 _FACING_RAD = np.radians(35)

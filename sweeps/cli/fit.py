@@ -84,7 +84,8 @@ def _check_table(sets: PointSets, table_z_m: float) -> None:
     points = np.where(good[..., None], sets.points, np.nan)[used]
     names = [name for name, there in zip(sets.names, np.atleast_1d(used), strict=True) if there]
     low, high = np.nanmin(points, axis=1), np.nanmax(points, axis=1)
-    under = np.nanquantile(points[..., 2], BELOW_SHARE, axis=1) < table_z_m - BELOW_M
+    below = (points[..., 2] < table_z_m - BELOW_M).sum(1)
+    under = below > BELOW_SHARE * good[used].sum(1)
     extent = np.maximum(np.linalg.norm(high - low, axis=1), LEAST_EXTENT_M)
     far = low[:, 2] - table_z_m > FAR * extent
     wrong = [f"--table-z: is {table_z_m:g}; the touches of {name} lie "

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from fit.fit_status import FitStatus, status_names
-from fit.plane import PlaneFit
+from fit.plane_record import PlaneFit
 from fit.points_csv import PointSets
 from fit.revolution.geometry import RevolutionBody
 from fit.revolution.record import RevolutionFit

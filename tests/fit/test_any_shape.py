@@ -7,7 +7,8 @@ import pytest
 from quality_bodies import standing_bodies, touches, volume_iou
 
 from fit.fit_status import FitStatus, status_names
-from fit.plane import PlaneFit, fit_plane
+from fit.plane import fit_plane
+from fit.plane_record import PlaneFit
 from fit.revolution.fit import fit_revolution
 from fit.revolution.record import RevolutionFit
 from fit.rotation import matrix_of_quaternion

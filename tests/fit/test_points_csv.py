@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fit.plane import fit_plane
-from fit.points_csv import PointsError, plane_rows, read_points, rows_csv
+from fit.points_csv import ROWS_AT_ONCE, PointsError, plane_rows, read_points, rows_csv
 
 
 def test_sets_in_any_order_with_some_normals(tmp_path) -> None:
@@ -77,3 +77,23 @@ def test_rows_of_planes() -> None:
     assert [row["set"] for row in rows] == ["a", "b"]
     assert float(rows[1]["offset_m"]) == pytest.approx(0.5)
     assert rows[0]["status"] == "converged"
+
+
+def test_sets_and_mistakes_go_on_over_blocks_of_rows(tmp_path) -> None:
+    path = tmp_path / "points.csv"
+    count = 3 * ROWS_AT_ONCE + 7
+    rows = [f"s{k % 5},{k},{0.5 * k},-1" for k in range(count)]
+    path.write_text("\n".join(["set,x_m,y_m,z_m", *rows]))
+    sets = read_points(path, units="m")
+    assert sets.names == ("s0", "s1", "s2", "s3", "s4")
+    assert sets.mask.sum(1).tolist() == [len(range(s, count, 5)) for s in range(5)]
+    for s in range(5):
+        assert sets.points[s, sets.mask[s], 0].tolist() == list(range(s, count, 5))
+    rows[ROWS_AT_ONCE] = "s0,1,1_0,2"
+    rows[2 * ROWS_AT_ONCE] = ",1,2,three"
+    path.write_text("\n".join(["set,x_m,y_m,z_m", *rows]))
+    with pytest.raises(PointsError) as error:
+        read_points(path, units="m")
+    places = [problem.removeprefix(f"{path}:").split(": ")[:2] for problem in error.value.problems]
+    assert places == [[str(ROWS_AT_ONCE + 2), "y_m"], [str(2 * ROWS_AT_ONCE + 2), "z_m"],
+                      [str(2 * ROWS_AT_ONCE + 2), "set"]]
