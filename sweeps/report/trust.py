@@ -64,7 +64,7 @@ def _free_form_sentence(mesh: TriangleMesh, contacts_m: np.ndarray) -> str:
     away = np.linalg.norm(points[:, None] - contacts_m, axis=-1).min(1, initial=np.inf)
     share = float((away <= NEAR_M).mean()) if len(points) else 0.0
     return (f"{100 * share:.0f} % of the recovered surface is within {1e3 * NEAR_M:.0f} mm of one "
-            f"of {len(contacts_m)} contacts, the rest is guessed from the model fitted before")
+            f"of {len(contacts_m)} contacts, the rest was not felt")
 
 
 def surface_near(recovered: Recovered, contacts_m: np.ndarray) -> float:
