@@ -138,7 +138,7 @@ def test_a_body_far_from_its_touches_is_rewarded_no_more_than_in_a_sweep(
     prior. Bodies 6 mm away are rare: the bound is lowered until one of these is rejected."""
     rows, worlds, _ = sweep_and_environment()
     run = worlds._run
-    rejected = np.flatnonzero(run.believed())[:1]
+    rejected = np.flatnonzero(run.believed)[:1]
     away = touch_misfit(run.fits, run.placed)
     assert len(rejected) == 1
     monkeypatch.setattr("strategies.exploration.UNBELIEVED_M", 0.99 * away[rejected[0]])
