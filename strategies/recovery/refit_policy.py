@@ -2,10 +2,10 @@
 
 Where nothing new was felt, a body stays. Where something was, it is refined from the body last
 fitted. New starts take many times as long: a body has them when links first feel something, when
-pads contradict it, and where its touches lie off it as its episode comes to 2, 3, 4, 6, 8, 12, 16
-... steps, or ends. That is in all worlds at once, for one call of a program takes many of them. On
-the way they are few and rough: no rivals, and contacts placed once. Of refined body and new one the
-nearer to the touches stays.
+pads contradict it, where its touches lie off it as its episode comes to 2, 3, 4, 6, 8, 12, 16 ...
+steps, and when its episode ends. That is in all worlds at once, for one call of a program takes
+many of them. On the way they are few and rough: no rivals, and contacts placed once. Of refined
+body and new one the nearer to the touches stays.
 """
 
 from collections.abc import Callable
@@ -80,7 +80,7 @@ class Fitted:
     renewed_at: np.ndarray
     """Step in which new starts were last tried, int (world,)."""
     rough: np.ndarray
-    """Bodies that are to be refined to the end when their episode ends, bool (world,)."""
+    """Bodies that are to have new starts when their episode ends, bool (world,)."""
 
 
 def newly_felt(news: list[Evidence], worlds: int) -> np.ndarray:
@@ -124,15 +124,13 @@ def refitted(
 def finished(
     last: Fitted, felt: Evidence, links: TouchedLinks | None, table: FitTable
 ) -> tuple[Fitted, np.ndarray]:
-    """Bodies at the end of episodes: those that are rough are refined to the end, and where their
-    touches still lie off them have new starts and rivals like those of a sequence that is fitted
-    once. Also the worlds fitted, (row,)."""
+    """Bodies at the end of episodes: those that are rough have new starts and rivals like those of
+    a sequence that is fitted once. Also the worlds fitted, (row,)."""
     rows = np.flatnonzero(last.rough)
     if len(rows) == 0:
         return last, rows
-    found, where = _or_begun(_refined(rows_of(felt, rows), rows_of(links, rows), table,
-                                      last.fits[rows]),
-                             rows_of(felt, rows), rows_of(links, rows), table)
+    whole = recover_bodies(rows_of(felt, rows), rows_of(links, rows), table, doubted_m=0.0)
+    found, where = nearer((last.fits[rows], rows_of(last.placed, rows)), whole)
     return Fitted(with_rows(last.fits, rows, found), with_rows(last.placed, rows, where),
                   last.renewed_at, np.zeros_like(last.rough)), rows
 
@@ -159,20 +157,16 @@ def _begun(felt: Evidence, links: TouchedLinks | None, table: FitTable, start: S
 
 def _refined_or_begun(felt: Evidence, links: TouchedLinks | None, table: FitTable,
                       start: SuperquadricFit) -> Bodies:
-    rough = replace(table, rounds=min(table.rounds, ROUGH_ROUNDS), rivals=False)
-    return _or_begun(refine_bodies(felt, links, table, start), felt, links, rough)
-
-
-def _or_begun(bodies: Bodies, felt: Evidence, links: TouchedLinks | None, table: FitTable
-              ) -> Bodies:
-    """The bodies; of those that are doubted, those from new starts where they are nearer."""
-    rows = np.flatnonzero(touch_misfit(*bodies) > DOUBTED_M)
+    """Refined bodies; of those that are doubted, those from rough new starts where they are nearer.
+    """
+    found, where = refine_bodies(felt, links, table, start)
+    rows = np.flatnonzero(touch_misfit(found, where) > DOUBTED_M)
     if len(rows) == 0:
-        return bodies
-    found, where = bodies
+        return found, where
+    rough = replace(table, rounds=min(table.rounds, ROUGH_ROUNDS), rivals=False)
     best, there = nearer(
         (found[rows], rows_of(where, rows)),
-        recover_bodies(rows_of(felt, rows), rows_of(links, rows), table))
+        recover_bodies(rows_of(felt, rows), rows_of(links, rows), rough))
     return with_rows(found, rows, best), with_rows(where, rows, there)
 
 

@@ -3,14 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from beliefs import BODY, belief, on_side
 
 from fit.superquadric.fit import fit_superquadric
 from strategies.procedures.contour_shape import Profile
-from strategies.recovery import refit_policy
 from strategies.recovery.evidence import Evidence
-from strategies.recovery.fit_contacts import recover_bodies
 from strategies.recovery.misfit import touch_misfit
 from strategies.recovery.refit_policy import (
     FEWEST_EXPLAINED,
@@ -88,24 +85,3 @@ def test_the_end_fits_rough_bodies_and_no_others() -> None:
     again, rows = finished(after, evidence, None, FitTable())
     assert len(rows) == 0
     assert again is after
-
-
-def test_the_end_has_new_starts_only_where_touches_contradict_a_body(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    evidence = belief(ROUND).evidence
-    fits = fit_superquadric(evidence.points_m, evidence.mask, table_z=0.0)
-    # Half of the second world's touches are off: no superquadric is near all.
-    off = evidence.points_m.copy()
-    off[1, ::2] = outwards(ROUND, 0.008)[1, ::2]
-    begun: list[np.ndarray] = []
-
-    def recover(felt: Evidence, *others: object) -> tuple:
-        begun.append(felt.points_m)
-        return recover_bodies(felt, *others)  # pyright: ignore
-
-    monkeypatch.setattr(refit_policy, "recover_bodies", recover)
-    felt = replace(evidence, points_m=off)
-    finished(Fitted(fits, felt, np.zeros(2, int), np.ones(2, bool)), felt, None, FitTable())
-    assert [len(points) for points in begun] == [1]
-    np.testing.assert_array_equal(begun[0][0], off[1])
