@@ -129,7 +129,7 @@ def finished(
     rows = np.flatnonzero(last.rough)
     if len(rows) == 0:
         return last, rows
-    whole = recover_bodies(rows_of(felt, rows), rows_of(links, rows), table, doubted_m=0.0)
+    whole = recover_bodies(rows_of(felt, rows), rows_of(links, rows), table)
     found, where = nearer((last.fits[rows], rows_of(last.placed, rows)), whole)
     return Fitted(with_rows(last.fits, rows, found), with_rows(last.placed, rows, where),
                   last.renewed_at, np.zeros_like(last.rough)), rows
