@@ -30,6 +30,7 @@ def bowls() -> EpisodeBlock:
     return run_block(cell("bowl-2"), np.arange(3), "cpu")
 
 
+@pytest.mark.slow
 def test_contacts_move_towards_where_fingers_touched(bowls: EpisodeBlock) -> None:
     found = bowls.exploration
     true = np.concatenate([bowls.truth.closings[p.closing].point_m.reshape(len(found.status), -1, 3)
@@ -46,6 +47,7 @@ def test_contacts_move_towards_where_fingers_touched(bowls: EpisodeBlock) -> Non
     assert error(placed.points_m) < 0.75 * error(found.belief.evidence.points_m)
 
 
+@pytest.mark.slow
 def test_a_bowl_is_a_free_form_and_nearer_than_the_model(bowls: EpisodeBlock) -> None:
     assert unexplained(bowls.recovered, bowls.evidence).all()
     assert bowls.rebuilt is not None
@@ -67,11 +69,13 @@ def test_a_model_that_explains_its_touches_stands() -> None:
         assert (rows[name] == plain[name]).all(), name
 
 
+@pytest.mark.slow
 def test_no_body_is_unexplained(bowls: EpisodeBlock) -> None:
     none = replace(bowls.recovered, shape=np.full(3, Shape.PRIOR_CYLINDER))
     assert unexplained(none, bowls.evidence).all()
 
 
+@pytest.mark.slow
 def test_a_free_form_does_not_depend_on_the_batch(bowls: EpisodeBlock) -> None:
     alone = run_block(cell("bowl-2"), np.arange(1, 2), "cpu")
     assert alone.rebuilt is not None

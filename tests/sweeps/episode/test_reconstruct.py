@@ -51,6 +51,7 @@ def same_but_for_scores(found: dict[str, np.ndarray], plain: dict[str, np.ndarra
                    for a, b in zip(found[name], plain[name], strict=True)), name
 
 
+@pytest.mark.slow
 def test_rows_name_the_free_form_and_change_in_scores_alone() -> None:
     cell = replace(CELL, strategy=replace(STRATEGIES["any-object"], touches=96))
     plain, found = (run_episodes(replace(cell, fit=FitTable(reconstruct=word)), np.arange(3), "cpu")

@@ -58,7 +58,7 @@ def depths_between(hand: ChainHand, q: np.ndarray) -> np.ndarray:
     return np.array(found)
 
 
-@pytest.mark.parametrize("kind", ["allegro", "leap"])
+@pytest.mark.parametrize("kind", ["allegro", pytest.param("leap", marks=pytest.mark.slow)])
 def test_all_torques_of_a_hand_that_meets_are_in_balance(kind: str) -> None:
     hand = chain_of(hand_of_kind(kind))
     commands = chain_commands(hand, "together")
