@@ -81,7 +81,7 @@ def explore(
     if block.exploration.fault[0]:
         what = "reconstruct" if block.status[0] == REBUILD_FAILED else "the strategy"
         say(f"{what} failed: {block.exploration.fault[0]}")
-    if block.rebuilt is not None:
+    if block.rebuilt is not None and block.rebuilt.made[0]:
         say(f"{block.rebuilt.name}: free-form body made in {block.rebuilt.time_s:.1f} s")
     return [out / file for file in sorted(written)]
 

@@ -1,19 +1,18 @@
 """Arms from files: those that ship, by name, and a user's own TOML."""
 
 import math
-import tomllib
 from collections.abc import Iterable
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from warpgrasp.arms.arm_model import ARM_JOINTS, ArmError, ArmJoint, ArmModel, Vector
+from warpgrasp.hands.strict_toml import read_strict
 
 _DATA = Path(__file__).parent / "data"
 SHIPPED_ARMS = ("ur5e", "panda")
-_LARGEST_BYTES = 1 << 20
 _FARTHEST_MM = 5000.0
 _Word = Annotated[str, Field(min_length=1, max_length=80)]
 _STILL = (0.0, 0.0, 0.0)
@@ -55,22 +54,7 @@ def arm_named(name: str) -> ArmModel:
 def arm_from_file(file: Path) -> ArmModel:
     """An arm from a TOML file. Raises ArmError with the file, the element, and what would be right.
     """
-    try:
-        with file.open("rb") as stream:
-            raw = stream.read(_LARGEST_BYTES + 1)
-    except OSError as error:
-        raise ArmError(f"{file}: cannot be read: {error.strerror or error}; should be a TOML file "
-                       "as `warpgrasp arm URDF -o FILE` writes it") from None
-    if len(raw) > _LARGEST_BYTES:
-        raise ArmError(f"{file}: is larger than {_LARGEST_BYTES >> 20} MiB, the most of an arm")
-    try:
-        given = _Arm.model_validate(tomllib.loads(raw.decode()))
-    except ValidationError as error:
-        raise ArmError("\n".join(
-            f"{file}: {'.'.join(str(part) for part in e['loc'])}: {e['msg'][:1].lower()}"
-            f"{e['msg'][1:]}" for e in error.errors())) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ArmError(f"{file}: is not TOML: {error}") from None
+    given = read_strict(file, _Arm, ArmError, "warpgrasp arm URDF -o FILE")
     return check_arm(str(file), ArmModel(
         given.name, tuple(_joint(joint) for joint in given.joint), _m(given.base.xyz_mm),
         _rad(given.base.rpy_deg), _m(given.flange.xyz_mm), _rad(given.flange.rpy_deg),

@@ -10,6 +10,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
                    "HandModel", "Place", "Posture", "STILL", "Shape"],
     "hand_writer": ["hand_text"],
     "frames_batch": ["link_frames_batch"],
+    "strict_toml": ["read_strict"],
     "touch_shapes": ["bulk_of", "palmar_directions", "touch_model"],
     "urdf_hand": ["hand_from_urdf"],
     "urdf_tree": ["UrdfJoint", "UrdfTree", "read_urdf"],

@@ -4,12 +4,11 @@
 """
 
 import math
-import tomllib
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from warpgrasp.hands.hand_checks import check_hand
 from warpgrasp.hands.hand_model import (
@@ -26,10 +25,10 @@ from warpgrasp.hands.hand_model import (
     Posture,
     Shape,
 )
+from warpgrasp.hands.strict_toml import read_strict
 
 _DATA = Path(__file__).parent / "data"
 SHIPPED = ("utah_mit", "allegro", "leap", "barrett")
-_LARGEST_BYTES = 1 << 20
 _Three = tuple[float, float, float]
 _Word = Annotated[str, Field(min_length=1, max_length=80)]
 
@@ -105,22 +104,7 @@ def hand_named(name: str) -> HandModel:
 def hand_from_file(file: Path) -> HandModel:
     """A hand from a TOML file. Raises HandError with the file, the element, and what would be
     right."""
-    try:
-        with file.open("rb") as stream:
-            raw = stream.read(_LARGEST_BYTES + 1)
-    except OSError as error:
-        raise HandError(f"{file}: cannot be read: {error.strerror or error}; should be a TOML file "
-                        "as `warpgrasp hand URDF -o FILE` writes it") from None
-    if len(raw) > _LARGEST_BYTES:
-        raise HandError(f"{file}: is larger than {_LARGEST_BYTES >> 20} MiB, the most of a hand")
-    try:
-        given = _Hand.model_validate(tomllib.loads(raw.decode()))
-    except ValidationError as error:
-        raise HandError("\n".join(
-            f"{file}: {_dotted(e['loc'])}: {e['msg'][:1].lower()}{e['msg'][1:]}"
-            for e in error.errors()[:20])) from None
-    except (ValueError, RecursionError) as error:
-        raise HandError(f"{file}: is not valid TOML: {str(error)[:200]}") from None
+    given = read_strict(file, _Hand, HandError, "warpgrasp hand URDF -o FILE")
     try:
         return check_hand(_model(given))
     except HandError as error:
@@ -175,10 +159,3 @@ def _place(given: _Place | _Shape, where: str) -> Place:
 def _metres(given: _Three) -> _Three:
     x, y, z = given
     return x / 1e3, y / 1e3, z / 1e3
-
-
-def _dotted(path: tuple[int | str, ...]) -> str:
-    text = ""
-    for part in path:
-        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
-    return text or "the file"

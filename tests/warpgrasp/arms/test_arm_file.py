@@ -77,11 +77,11 @@ def test_the_only_chain_of_six_or_seven_joints_is_the_arm(tmp_path: Path) -> Non
     ("home_deg = [-20.0, ", "home_deg = [", "should be one for each of the 6 joints"),
     ("home_deg = [-20.0, ", "home_deg = [400.0, ", "is not within its limits"),
     ("xyz_mm = [-425.0, 0.0, 0.0]", "xyz_mm = [-42500.0, 0.0, 0.0]", "should be at most 5000"),
-    ("xyz_mm = [-425.0, 0.0, 0.0]", "xyz_mm = [nan, 0.0, 0.0]", "joint.2.xyz_mm.0"),
+    ("xyz_mm = [-425.0, 0.0, 0.0]", "xyz_mm = [nan, 0.0, 0.0]", "joint[2].xyz_mm[0]"),
     ('name = "elbow"', 'name = "wrist_1"', "names should differ"),
     ("axis = [0.0, 0.0, 1.0]", "axis = [0, 0, 0]", "should be a direction"),
-    ('name = "elbow"', 'name = "elbow"\nlenght = 3', "joint.2.lenght"),
-    ("[flange]", "[flange", "is not TOML"),
+    ('name = "elbow"', 'name = "elbow"\nlenght = 3', "joint[2].lenght"),
+    ("[flange]", "[flange", "is not valid TOML"),
 ])
 def test_what_is_wrong_is_named(old: str, new: str, message: str, tmp_path: Path) -> None:
     text = arm_text(arm_named("ur5e")).replace("-0,", "0.0,")
@@ -100,3 +100,10 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
         arm_from_file(tmp_path / "none.toml")
     with pytest.raises(ArmError, match="should be one of ur5e, panda"):
         arm_named("ur6")
+
+
+def test_a_file_nested_without_end_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "arm.toml"
+    file.write_text("x = " + "[" * 100_000)
+    with pytest.raises(ArmError, match="is not valid TOML"):
+        arm_from_file(file)
