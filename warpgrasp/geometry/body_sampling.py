@@ -16,7 +16,7 @@ from warpgrasp.geometry.surface_crossings import Crossings, surface_crossings
 
 _LOG2_POINTS = 18
 GROUP = 8
-_LOG2_LINES = 13  # along each axis
+_LOG2_LINES = 13  # along each axis; as many as points, where more are asked
 _OUTSIDE_M = 2e-4
 
 
@@ -98,7 +98,8 @@ class _Keyed:
 
 @lru_cache(maxsize=64)
 def _sample(keyed: _Keyed, surface: int, inside: int) -> BodySample:
-    on, points, distance, volume = _dense(keyed)
+    lines = max(_LOG2_LINES, (surface - 1).bit_length())
+    on, points, distance, volume = _dense(keyed, lines)
     skin = _strata(on.point, on.area, surface)
     side = np.abs(on.normal[skin]).argmax(1)
     side = 2 * side + (np.take_along_axis(on.normal[skin], side[:, None], 1)[:, 0] > 0.0)
@@ -113,8 +114,11 @@ def _sample(keyed: _Keyed, surface: int, inside: int) -> BodySample:
 
 
 @lru_cache(maxsize=2)  # megabytes, for samples of several sizes that are taken one after the other
-def _dense(keyed: _Keyed) -> tuple[Crossings, np.ndarray, np.ndarray, float]:
-    """All points on a body's surface, points of its box with their distances, and its volume."""
+def _dense(
+    keyed: _Keyed, log2_lines: int
+) -> tuple[Crossings, np.ndarray, np.ndarray, float]:
+    """All points where lines, so many along each axis, cross a body's surface; points of its box
+    with their distances; its volume."""
     body = keyed.body
     points, distance, _, box = _box_distances(body)
     inside = int((distance < 0.0).sum())
@@ -128,7 +132,7 @@ def _dense(keyed: _Keyed) -> tuple[Crossings, np.ndarray, np.ndarray, float]:
         return found[0], slope[0]
 
     low, high = _box(body)
-    on = surface_crossings(distances, low, high, sobol_points(_LOG2_LINES)[:, :2])
+    on = surface_crossings(distances, low, high, sobol_points(log2_lines)[:, :2])
     # Where parts meet face to face is no surface.
     facing = distances(on.point + _OUTSIDE_M * on.normal)[0] > 0.0
     if not facing.any():

@@ -76,29 +76,52 @@ def puma_forward(arm: Arm, q: vec7):
     return wp.transform_multiply(t, _dh(turn[5], ZERO, ZERO, ZERO))
 
 
+@struct
+class _WristPlace:
+    """What the first three joints of all branches have in common."""
+
+    p: vec3
+    z: real
+    distance: real
+    """From the first joint's axis."""
+    azimuth: real
+    shoulder: real
+    """NaN where the wrist is nearer the axis than the shoulder."""
+    forearm: real
+
+
 @wp.func
-def _arm_angles(arm: Arm, p: vec3, branch: int):
-    """Joints 1 to 3 that take the wrist to `p`, NaN out of reach."""
-    r = wp.sqrt(p[0] * p[0] + p[1] * p[1])
-    z = p[2] - arm.d1
-    azimuth = wp.atan2(p[1], p[0])
-    shoulder = wp.asin(arm.d3 / r)  # NaN where the wrist is nearer the axis than the shoulder
-    q1 = azimuth + shoulder
+def _wrist_place(arm: Arm, p: vec3):
+    """Where the wrist is to be."""
+    at = _WristPlace()
+    at.p = p
+    at.z = p[2] - arm.d1
+    at.distance = wp.sqrt(p[0] * p[0] + p[1] * p[1])
+    at.azimuth = wp.atan2(p[1], p[0])
+    at.shoulder = wp.asin(arm.d3 / at.distance)
+    at.forearm = wp.atan2(arm.a3, arm.d4)
+    return at
+
+
+@wp.func
+def _arm_angles(arm: Arm, at: _WristPlace, branch: int):
+    """Joints 1 to 3 that take the wrist to its place, NaN out of reach."""
+    q1 = at.azimuth + at.shoulder
     if (branch & 1) != 0:
-        q1 = azimuth + PI - shoulder
-    v = p[0] * wp.cos(q1) + p[1] * wp.sin(q1)
-    reach_sq = v * v + z * z
+        q1 = at.azimuth + PI - at.shoulder
+    v = at.p[0] * wp.cos(q1) + at.p[1] * wp.sin(q1)
+    reach_sq = v * v + at.z * at.z
     cosine = (arm.a2 * arm.a2 - arm.d4 * arm.d4 - arm.a3 * arm.a3 + reach_sq) / (
         TWO * arm.a2 * wp.sqrt(reach_sq))
     elbow = wp.acos(cosine)  # NaN out of reach
-    if wp.abs(cosine) > ONE or arm.d3 > r:
+    if wp.abs(cosine) > ONE or arm.d3 > at.distance:
         elbow = wp.sqrt(-ONE)
-    q2 = wp.atan2(z, v) + elbow
+    q2 = wp.atan2(at.z, v) + elbow
     if (branch & 2) != 0:
-        q2 = wp.atan2(z, v) - elbow
+        q2 = wp.atan2(at.z, v) - elbow
     c2 = wp.cos(q2)
     s2 = wp.sin(q2)
-    q3 = wp.atan2(arm.a3, arm.d4) - wp.atan2(c2 * v + s2 * z - arm.a2, c2 * z - s2 * v)
+    q3 = at.forearm - wp.atan2(c2 * v + s2 * at.z - arm.a2, c2 * at.z - s2 * v)
     return vec3(q1, q2, q3)
 
 
@@ -136,7 +159,7 @@ def puma_inverse(arm: Arm, flange: transform, branch: int, wrist_hint: real):
 
     In the wrist singularity, where only q4 + q6 is fixed, q4 is taken from `wrist_hint`.
     """
-    q = _arm_angles(arm, wp.transform_get_translation(flange), branch)
+    q = _arm_angles(arm, _wrist_place(arm, wp.transform_get_translation(flange)), branch)
     w = _flipped(_wrist_angles(q, wp.transform_get_rotation(flange), wrist_hint), branch)
     return vec7(q[0], q[1], q[2], w[0], w[1], w[2], ZERO)
 
@@ -174,8 +197,9 @@ def puma_reach(arm: Arm, flange: transform, last: vec7):
     best_time = real(1.0e30)
     best_branch = int(8)
     turn = wp.transform_get_rotation(flange)
+    at = _wrist_place(arm, wp.transform_get_translation(flange))
     for branch in range(4):
-        free = _arm_angles(arm, wp.transform_get_translation(flange), branch)
+        free = _arm_angles(arm, at, branch)
         q = vec7(free[0], free[1], free[2], last[3], last[4], last[5], ZERO)
         for j in range(3):
             q[j] = _into_limits(q[j], arm.low[j], arm.high[j], last[j])
