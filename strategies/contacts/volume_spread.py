@@ -20,7 +20,8 @@ MOST_UNFELT, MOST_EMPTY, MOST_MISSING = 4.0, 3.0, 2.0
 """Greater signs count as this great: such bodies have failed. `own_std` of grasps is greater only
 where few contacts leave a body open, and the prior knows more then [est]."""
 CONTRADICTED_FROM, EMPTY_FROM, UNFELT_FROM = 0.3, 1.5, 4.0
-"""Signs of a body felt by grasps alone from which on its interval is not trusted [est]."""
+"""Signs of a body felt by grasps alone from which on its interval is not trusted [est]; the fourth
+is an `own_std` of `MOST_OF_GRASPS`, which the interval leaves out."""
 
 
 class FeltBy(IntEnum):
@@ -101,11 +102,11 @@ def spread_of_volumes(
 def interval_trusted(signs: VolumeSigns) -> np.ndarray:
     """Whether an interval is of a kind that held as often as it says, bool (world,).
 
-    On the episodes that the factors were fitted on, 85 to 95 % of the intervals of each kind held
-    but of three: bodies that many contacts contradict, bodies of which hardly anything was felt,
-    and bodies that leave most of the prior empty. Those held in 71 to 78 %. A sign that is no
-    number is not trusted.
+    Intervals of each kind held in 85 to 95 % of the episodes but of four: bodies that many contacts
+    contradict, bodies of which hardly anything was felt, bodies that leave most of the prior empty,
+    and bodies that so few contacts hold that least squares know less than the prior. Those held in
+    71 to 80 %. A sign that is no number is not trusted.
     """
     sound = ((signs.contradicted < CONTRADICTED_FROM) & (signs.empty < EMPTY_FROM)
-             & (signs.unfelt < UNFELT_FROM))
+             & (signs.unfelt < UNFELT_FROM) & (signs.own_std < MOST_OF_GRASPS))
     return (sound | (signs.felt_by != FeltBy.GRASPS)) & np.isfinite(signs.own_std)

@@ -61,7 +61,8 @@ def contact_row(cell: Cell, episodes: int) -> tuple[int, int, int]:
 def interval_row(cell: Cell, episodes: int) -> dict[str, float]:
     """Shares of episodes whose 90 % intervals hold the true volume, of the true surface within
     those of the recovered one (of superquadrics; NaN where there are none), and of episodes whose
-    interval is trusted; half the median width of the interval of the volume's logarithm."""
+    interval is trusted, and of these the share that hold the true volume; half the median width
+    of the interval of the volume's logarithm."""
     block = run_block(cell, np.arange(episodes), "cpu")
     belief, recovered = block.exploration.belief, block.recovered
     known = (block.status == "ok") & (recovered.shape != Shape.PRIOR_CYLINDER)
@@ -75,8 +76,10 @@ def interval_row(cell: Cell, episodes: int) -> dict[str, float]:
     body = Superquadric(*recovered.superquadric)
     away, _ = surface_distance(body, surface)
     within = np.abs(away) < Z * surface_spread(body, belief.uncertainty, belief.felt, surface)
+    trusted = known & interval_trusted(belief.uncertainty.signs)
     return {
         "episodes": float(known.sum()), "volume": float(held[known].mean()),
         "surface": float(within[turned].mean()) if turned.any() else float("nan"),
         "half_width": float(np.median(np.log(high / low)[known]) / 2),
-        "trusted": float(interval_trusted(belief.uncertainty.signs)[known].mean())}
+        "trusted": float(trusted.sum() / max(known.sum(), 1)),
+        "trusted_volume": float(held[trusted].mean()) if trusted.any() else float("nan")}

@@ -158,7 +158,8 @@ def judge(given: argparse.Namespace) -> None:
                 if cell.any():
                     shares.append(held[cell].mean())
                     print(f"x{factor:g} {strategy:14} {name:18} {cell.sum():4} held "
-                          f"{shares[-1]:.2f}, trusted {trusted[cell].mean():.2f}, half width "
+                          f"{shares[-1]:.2f}, trusted {trusted[cell].mean():.2f} held "
+                          f"{held[cell & trusted].mean():.2f}, half width "
                           f"{Z * np.median(std[cell]):.2f}")
     inside = sum(0.85 <= share <= 0.95 for share in shares)
     print(f"{len(held)} intervals: {held.mean():.3f} hold; {inside} of {len(shares)} cells 85 to "

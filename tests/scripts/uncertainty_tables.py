@@ -4,8 +4,9 @@
     python tests/scripts/uncertainty_tables.py intervals --errors 0 1 2
 
 Prints Markdown tables: accepted contacts farther than 10 mm from where the finger touched; the
-shares of episodes whose interval of the volume holds the true one, and of the true surface within
-the intervals of the recovered one. `--errors` are factors of the default deviations of [errors].
+shares of episodes whose interval of the volume holds the true one, of those whose interval is
+trusted, and of the true surface within the intervals of the recovered one. `--errors` are factors
+of the default deviations of [errors].
 """
 
 import argparse
@@ -38,7 +39,8 @@ def _line(name: str, row) -> None:
 
 
 def intervals(given: argparse.Namespace) -> None:
-    """The tables of intervals: volume, surface (half width of the volume's; share trusted)."""
+    """The tables of intervals: volume, of trusted ones, surface (half width of the volume's; share
+    trusted)."""
     for factor in given.errors:
         print(f"\n[errors] times {factor:g}\n\n| object | " + " | ".join(given.strategies) + " |\n"
               + "|---" * (1 + len(given.strategies)) + "|")
@@ -50,8 +52,8 @@ def intervals(given: argparse.Namespace) -> None:
                 row = tables.interval_row(cell, given.episodes)
                 shares.append(row["volume"])
                 surface = "–" if math.isnan(row["surface"]) else f"{row['surface']:.2f}"
-                cells.append(f"{row['volume']:.2f}, {surface} (±{row['half_width']:.2f}; "
-                             f"{row['trusted']:.2f})")
+                cells.append(f"{row['volume']:.2f}, {row['trusted_volume']:.2f}, {surface} "
+                             f"(±{row['half_width']:.2f}; {row['trusted']:.2f})")
             print(f"| {name} | " + " | ".join(cells) + " |", flush=True)
         inside = sum(0.85 <= share <= 0.95 for share in shares)
         print(f"\n{inside} of {len(shares)} cells 85 to 95 %, least {min(shares):.2f}")

@@ -49,7 +49,8 @@ def test_pads_know_by_themselves(felt_by: FeltBy) -> None:
 
 def test_what_failed_most_is_not_trusted() -> None:
     assert interval_trusted(signs())
-    for changed in ({"contradicted": 0.4}, {"empty": 1.8}, {"unfelt": 5.0}):
+    for changed in ({"contradicted": 0.4}, {"empty": 1.8}, {"unfelt": 5.0},
+                    {"own_std": 0.5}):
         assert not interval_trusted(signs(**changed))
         assert interval_trusted(signs(FeltBy.PADS, **changed))
     for name in ("own_std", "contradicted", "empty", "unfelt"):
