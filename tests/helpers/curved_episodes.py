@@ -1,5 +1,7 @@
 """Stand-ins with a curve in every row, answers of recognition, failures; and a wide study."""
 
+import csv
+import io
 from pathlib import Path
 
 import fake_episodes
@@ -11,6 +13,7 @@ from sweeps.run.store import Store
 from sweeps.run.unit_file import Columns, write_unit
 from sweeps.run.worker import run_units
 from sweeps.spec.cell import Cell
+from sweeps.text_table import TextTable
 
 OBJECTS = ("block", "large_cylinder", "small_cylinder", "wedge", "lightbulb", "funnel",
            "wine_bottle", "beer_bottle", "coke_bottle", "orangina_bottle")
@@ -67,3 +70,20 @@ SWEPT = wide_text(2, 3, 8, """
 n = 16
 "object.yaw_deg" = { low = -180, high = 180 }
 """)
+
+
+def unfinished_study(
+    folder: Path, objects: int, there: int, episodes: int = 16
+) -> tuple[Plan, Store]:
+    """A study of which the units of the first objects alone are there."""
+    plan, store = wide_study(folder, wide_text(2, objects, episodes))
+    names = [body.name for body in plan.study.objects[there:]]
+    for unit in plan.units():
+        if unit.cell.object_name in names:
+            store.path(unit).unlink()
+    return plan, store
+
+
+def table_rows(table: TextTable) -> list[dict[str, str]]:
+    """The rows of a table's CSV."""
+    return list(csv.DictReader(io.StringIO(table.csv().decode())))

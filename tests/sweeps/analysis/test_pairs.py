@@ -1,0 +1,129 @@
+"""Tests of pairs of entries, against scipy, definitions and cases worked by hand."""
+
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+from curved_episodes import wide_study, wide_text
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+from sweeps.analysis.confusion import confusion_table, read_confusion
+from sweeps.analysis.curves import (
+    curves_table,
+    read_curves,
+)
+from sweeps.analysis.entries import LeaderboardError
+from sweeps.analysis.objects import ALSO, objects_table
+from sweeps.analysis.paired import Paired, read_paired
+from sweeps.analysis.pairs import (
+    compare_pairs,
+    episodes_test,
+    holm,
+    objects_test,
+    pairs_table,
+    variance_ratio,
+)
+from sweeps.run.plan import Plan
+from sweeps.run.store import Store
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> tuple[Plan, Store]:
+    return wide_study(tmp_path_factory.mktemp("wide"))
+
+
+@pytest.fixture(scope="module")
+def paired(study: tuple[Plan, Store]) -> Paired:
+    plan, store = study
+    return read_paired(plan, [store], ["chamfer_mm", *ALSO])
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.lists(st.floats(0, 1), min_size=1, max_size=6))
+def test_holm_is_the_closed_test_of_bonferroni(p: list[float]) -> None:
+    """A hypothesis is rejected when every intersection that holds it is: Holm's own proof."""
+    def by_definition(n: int) -> float:
+        subsets = [s for size in range(1, len(p) + 1) for s in combinations(range(len(p)), size)
+                   if n in s]
+        return min(1.0, max(len(s) * min(p[k] for k in s) for s in subsets))
+
+    assert np.allclose(holm(np.array(p)), [by_definition(n) for n in range(len(p))])
+
+
+def test_holm_passes_over_what_has_no_p() -> None:
+    found = holm(np.array([0.01, np.nan, 0.04]))
+    assert found[[0, 2]].tolist() == [0.02, 0.04]
+    assert np.isnan(found[1])
+
+
+def test_tests_on_one_object_are_those_of_scipy() -> None:
+    generator = np.random.default_rng(1)
+    first, second = generator.normal(0, 1, (2, 30))
+    assert episodes_test([first - second]) == pytest.approx(
+        stats.ttest_rel(first, second).pvalue, rel=1e-9)
+    differences = generator.normal(0.4, 1, 9)
+    ranks = stats.rankdata(np.abs(differences))
+    observed = min(ranks[differences > 0].sum(), ranks[differences < 0].sum())
+    every = np.array([sum(r for r, up in zip(ranks, f"{n:09b}", strict=True) if up == "1")
+                      for n in range(2**9)])  # all signs, equally likely
+    assert objects_test(differences) == pytest.approx(min(1.0, 2 * (every <= observed).mean()))
+
+
+def test_the_stratified_test_holds_its_level() -> None:
+    """Objects of very different spread and a true difference of zero: p below 5 % is rare."""
+    generator = np.random.default_rng(2)
+    found = np.array([episodes_test([generator.normal(0, spread, 12) for spread in (1, 5, 20)])
+                      for _ in range(2000)])
+    assert (found < 0.05).mean() == pytest.approx(0.05, abs=0.015)
+    assert np.isnan(episodes_test([np.array([1.0])]))
+    assert episodes_test([np.full(4, 2.0)]) == 0.0
+    assert objects_test(np.zeros(4)) == 1.0
+
+
+def test_pairs_agree_with_the_values_themselves(paired: Paired) -> None:
+    pairs = compare_pairs(paired, "chamfer_mm")
+    assert [(p.first, p.second) for p in pairs] == [("s", "sx"), ("s", "sxx"), ("sx", "sxx")]
+    by_hand = np.mean([v[:, 0].mean() - v[:, 1].mean() for v in paired.values["chamfer_mm"]])
+    assert pairs[0].difference == pytest.approx(by_hand)
+    assert pairs[0].like_these[0] < pairs[0].difference < pairs[0].like_these[1] < 0
+    assert pairs[0].wins == 6
+    assert pairs[0].p_objects == 2 * 0.5**6
+    table = pairs_table(paired, "chamfer_mm")
+    assert "cannot fall below 0.094: a claim about other objects needs 7" in table.notes[-1]
+    against = compare_pairs(paired, "chamfer_mm", "best")
+    assert [(p.first, p.second) for p in against] == [("sx", "s"), ("sxx", "s")]
+    with pytest.raises(LeaderboardError, match="did you mean sxx"):
+        compare_pairs(paired, "chamfer_mm", "sxxx")
+
+
+def test_an_identical_copy_is_never_told_apart(paired: Paired) -> None:
+    twin = Paired(paired.entries[:2], paired.objects,
+                  {"iou": tuple(v[:, [0, 0]] for v in paired.values["chamfer_mm"])},
+                  {"iou": paired.means["chamfer_mm"][:, [0, 0]]}, ())
+    (pair,) = compare_pairs(twin, "iou")
+    assert (pair.difference, pair.wins) == (0.0, 0)
+    assert pair.like_these == pair.these == (0.0, 0.0)
+    assert (pair.p_objects, pair.p_episodes) == (1.0, 1.0)
+
+
+def test_few_objects_are_told(tmp_path: Path) -> None:
+    plan, store = wide_study(tmp_path, wide_text(2, 2, 4))
+    paired = read_paired(plan, [store], ["chamfer_mm", *ALSO])
+    for table in (pairs_table(paired, "chamfer_mm"), objects_table(paired, "chamfer_mm"),
+                  curves_table(read_curves(plan, [store])),
+                  confusion_table(read_confusion(plan, [store]))):
+        assert "2 objects: below 6 nothing can be claimed" in " ".join(table.notes)
+
+
+def test_the_worth_of_common_random_numbers_is_their_covariance() -> None:
+    draw = np.random.default_rng(3)
+    shared, own, other = draw.normal(size=(3, 4000))
+    first, second = shared + own, shared + other  # Var(a-b) = 2, Var(a) + Var(b) = 4
+    assert variance_ratio([first], [second]) == pytest.approx(0.5, abs=0.02)
+    assert variance_ratio([own], [other]) == pytest.approx(1.0, abs=0.05)
+    assert variance_ratio([first], [-first]) == pytest.approx(2.0)
+    assert variance_ratio([first], [first]) == 0.0
+    assert np.isnan(variance_ratio([np.ones(5)], [np.ones(5)]))
