@@ -168,16 +168,18 @@ def chain_meeting_kernel(
                 hand = hands[own, f]
                 rest = state[i, f]
                 at = command[f]
-                drawn = guard_reading(
-                    sensors[own_sensor, f], hand.drives,
-                    guarded_torque(hand, believed[0, f], base, at, rest.q), tip_force(hand, rest),
-                    path[g, f, s] - path[g, f, wp.max(s - 1, 0)],
-                    counter_key(counter_key(counter_key(stream, f), _TENSION_STEP), s))
-                stops = drawn[0] > ONE
-                if (touched & (1 << f)) == 0:
-                    # It stops where it did alone: this equilibrium differs in its last digits,
-                    # which may decide a reading at the threshold.
-                    stops = felt[w, p, g, f].status == _CONTACT and s >= felt[w, p, g, f].step
+                # What nothing has touched stops where it did alone: this equilibrium differs in
+                # its last digits, which may decide a reading at the threshold.
+                stops = felt[w, p, g, f].status == _CONTACT and s >= felt[w, p, g, f].step
+                reading = real(0.0)
+                if (touched & (1 << f)) != 0:
+                    drawn = guard_reading(
+                        sensors[own_sensor, f], hand.drives,
+                        guarded_torque(hand, believed[0, f], base, at, rest.q),
+                        tip_force(hand, rest), path[g, f, s] - path[g, f, wp.max(s - 1, 0)],
+                        counter_key(counter_key(counter_key(stream, f), _TENSION_STEP), s))
+                    stops = drawn[0] > ONE
+                    reading = drawn[1]
                 if stops:
                     stopped = stopped | (1 << f)
                 if (touched & (1 << f)) != 0:
@@ -196,7 +198,7 @@ def chain_meeting_kernel(
                         truth[w, p, g, f].link = 0
                         felt[w, p, g, f].status = _CONTACT
                         felt[w, p, g, f].step = s
-                        felt[w, p, g, f].reading = drawn[1]
+                        felt[w, p, g, f].reading = reading
                     for a in range(count):
                         if meetings[i, a].one == f or meetings[i, a].two == f:
                             truth[w, p, g, f].self_depth = wp.max(

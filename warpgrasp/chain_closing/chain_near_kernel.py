@@ -8,15 +8,18 @@ never do. The others are looked at together, as seldom as the motion of their ca
 
 import warp as wp
 
-from warpgrasp.chain.chain_kernel import Chain, chain_free_joints, vec6
+from warpgrasp.chain.chain_kernel import Chain, past_stops, turned_by_weight, vec6
 from warpgrasp.chain_closing.chain_record import ChainClosingRow, ChainTruthRow, hand_from_body
 from warpgrasp.core.dtypes import HALF, ZERO, lesser, real, transform, vec3
+from warpgrasp.finger.path_record import true_command
 from warpgrasp.geometry.segment_pair import segment_pair
 from warpgrasp.hand_rest.chain_meetings import (
     CAPSULE_ROWS,
+    FINGERS,
     CapsulePair,
     ChainBuild,
-    hand_room,
+    hand_angles,
+    off_command,
     ordered_pair,
     pair_gap,
     pairs_within,
@@ -24,7 +27,9 @@ from warpgrasp.hand_rest.chain_meetings import (
 )
 
 wp.set_module_options({"max_unroll": 1})
-_ROUGH = wp.constant(real(1e-4))  # [m]: `chain_free_joints` is of second order
+_ROUGH = wp.constant(real(1e-4))  # [m]: what weight does is found to second order
+_SOON = wp.constant(8)  # steps, in which what it does changes so little that it may begin with it
+_hand_room = wp.types.vector(length=FINGERS, dtype=real)
 _WIDE = wp.constant(real(0.02))  # [m]: pairs as far apart are looked at roughly
 _CLOSE = wp.constant(real(5e-4))  # [m]: of a path's least gap no more is told
 _FARTHEST = wp.constant(real(0.1))  # [m]: nor of one that is larger
@@ -32,23 +37,12 @@ _FARTHEST = wp.constant(real(0.1))  # [m]: nor of one that is larger
 
 @wp.func
 def _stray(row: ChainClosingRow, true: ChainTruthRow, s: int):
-    """How far a finger that closes alone may be from where `_angles_at` has it [m]."""
+    """How far a finger that closes alone may be from where its command would have it [m]."""
     if s >= row.step:
         return ZERO
     if true.touched < 0 or s < true.touched:
         return _ROUGH
     return _ROUGH + true.strayed
-
-
-@wp.func
-def _angles_at(
-    hand: Chain, base: transform, path: wp.array3d[vec6], row: ChainClosingRow,
-    true: ChainTruthRow, g: int, finger: int, s: int
-):
-    """Drives of a finger that closes alone: where it rests, or where its command would have it."""
-    if s >= row.step:
-        return true.q
-    return chain_free_joints(hand, base, path[g, finger, s] - hand.offset)
 
 
 @wp.func
@@ -58,6 +52,28 @@ def _come_since(
     """How far a capsule has come since a step [m], at most; it stands still from `stop` on."""
     return (come[g, finger, capsule, wp.min(step, stop)]
             - come[g, finger, capsule, wp.min(since, stop)])
+
+
+@wp.func
+def _due(
+    come: wp.array4d[real], g: int, pair: CapsulePair, stop: int, other_stop: int, s: int,
+    latest: int, room: real
+):
+    """The first step at which a pair that has `room` at step `s` [m] may have used it up, or
+    `latest`."""
+    low = s + 1
+    high = int(latest)
+    while low < high:
+        # The last step first: mostly it is as far off.
+        middle = wp.where(high == latest, high - 1, (low + high) // 2)
+        used = _come_since(come, g, pair.one, pair.capsule, s, middle, stop)
+        if pair.two >= 0:
+            used += _come_since(come, g, pair.two, pair.other, s, middle, other_stop)
+        if used >= room:
+            high = middle
+        else:
+            low = middle + 1
+    return low
 
 
 @wp.func
@@ -80,6 +96,10 @@ def first_near(
         stray = _ROUGH
         if truth[w, p, g, f].touched >= 0:
             stray += truth[w, p, g, f].strayed
+        if truth[w, p, g, f].met == 1:
+            hand = hands[w % hands.shape[0], f]
+            stray += off_command(hand, true_command(hand, path, g, f, felt[w, p, g, f].step)
+                                 - truth[w, p, g, f].q)
         second = wp.max(second, wp.min(most, stray))
         most = wp.max(most, stray)
     count = pairs_within(build, most + second)
@@ -89,10 +109,11 @@ def first_near(
         looked = looked | (1 << pair.one)
         if pair.two >= 0:
             looked = looked | (1 << pair.two)
+    sag = hand_angles()
     s = int(begin)
     seen = begin - 1  # the step looked at before
     while s <= last and looked != 0:
-        off = hand_room()
+        off = _hand_room()
         moving = int(0)
         ahead = last + 1
         for f in range(fingers):
@@ -100,50 +121,36 @@ def first_near(
                 continue
             row = felt[w, p, g, f]
             true = truth[w, p, g, f]
+            hand = hands[w % hands.shape[0], f]
             off[f] = _stray(row, true, s)
             if row.step > seen:
                 moving = moving | (1 << f)
-            if row.step > seen or s == begin:
-                place_finger(
-                    hands[w % hands.shape[0], f],
-                    _angles_at(hands[w % hands.shape[0], f], base, path, row, true, g, f, s),
-                    build.ends, i, f)
+            if s >= row.step:
+                if row.step > seen or s == begin:
+                    place_finger(hand, true.q, build.ends, i, f)
+            else:
+                command = true_command(hand, path, g, f, s)
+                if s == begin or s - seen > _SOON:
+                    sag[f] = turned_by_weight(hand, base, command)
+                sag[f] = turned_by_weight(hand, base, command + sag[f])
+                place_finger(hand, past_stops(hand, command + sag[f]), build.ends, i, f)
             if true.touched > s:
                 ahead = wp.min(ahead, true.touched)  # from there on it may be off farther
         for k in range(count):
             pair = ordered_pair(build, k)
             both = 1 << pair.one
             reach = off[pair.one]
-            stop = felt[w, p, g, pair.one].step
             other_stop = int(0)
-            other = int(pair.one)
             if pair.two >= 0:
                 both = both | (1 << pair.two)
                 reach += off[pair.two]
-                other = int(pair.two)
                 other_stop = felt[w, p, g, pair.two].step
-            if (moving & both) == 0:
-                continue
-            room = pair_gap(build, pair, i, _WIDE) - reach
-            if room <= ZERO:
-                return s
-            low = s + 1
-            high = wp.min(ahead, last)
-            used = _come_since(come, g, pair.one, pair.capsule, s, high, stop)
-            if pair.two >= 0:
-                used += _come_since(come, g, other, pair.other, s, high, other_stop)
-            if used < room:
-                continue
-            while low < high:
-                middle = (low + high) // 2
-                used = _come_since(come, g, pair.one, pair.capsule, s, middle, stop)
-                if pair.two >= 0:
-                    used += _come_since(come, g, other, pair.other, s, middle, other_stop)
-                if used >= room:
-                    high = middle
-                else:
-                    low = middle + 1
-            ahead = low
+            if (moving & both) != 0:
+                room = pair_gap(build, pair, i, _WIDE) - reach
+                if room <= ZERO:
+                    return s
+                ahead = _due(come, g, pair, felt[w, p, g, pair.one].step, other_stop, s, ahead,
+                             room)
         seen = int(s)
         s = int(ahead)
     return last + 1

@@ -34,7 +34,6 @@ CAPSULE_ROWS = wp.constant(CAPSULES)
 _MEETINGS = wp.constant(MEETINGS)
 _NEAR = wp.constant(real(2e-3))  # [m]: links nearer than this may meet in a step
 hand_angles = wp.types.matrix(shape=(FINGERS, 6), dtype=real)
-hand_room = wp.types.vector(length=FINGERS, dtype=real)
 
 
 @struct
@@ -156,6 +155,16 @@ def pairs_within(build: ChainBuild, reach: real):
 
 
 @wp.func
+def off_command(hand: Chain, turn: vec6):
+    """How far drives that are off their commands by a turn move any place of a finger [m], at most.
+    """
+    off = real(0.0)
+    for d in range(hand.drives):
+        off += hand.levers[d] * wp.abs(turn[d])
+    return off
+
+
+@wp.func
 def pairs_that_may(
     hands: wp.array2d[Chain], own: int, build: ChainBuild, command: hand_angles, q: hand_angles,
     moves: hand_angles
@@ -164,10 +173,8 @@ def pairs_that_may(
     most = real(0.0)  # that any two fingers are off their commands [m]
     second = real(0.0)
     for f in range(hands.shape[1]):
-        off = real(0.0)
-        for d in range(hands[own, f].drives):
-            off += hands[own, f].levers[d] * (
-                wp.abs(command[f, d] - q[f, d]) + wp.abs(moves[f, d]))
+        hand = hands[own, f]
+        off = off_command(hand, command[f] - q[f]) + off_command(hand, moves[f])
         second = wp.max(second, wp.min(most, off))
         most = wp.max(most, off)
     return pairs_within(build, most + second + _NEAR)
@@ -215,8 +222,15 @@ def find_meetings(  # noqa: F811
     meetings: wp.array2d[ChainMeeting], i: int
 ):
     """Notes the pairs of capsules that touch or are near, in row `i`; returns their number."""
+    looked = int(0)
+    for k in range(build.count):
+        pair = ordered_pair(build, k)
+        looked = looked | (1 << pair.one)
+        if pair.two >= 0:
+            looked = looked | (1 << pair.two)
     for f in range(hands.shape[1]):
-        place_finger(hands[own, f], q[f], build.ends, i, f)
+        if (looked & (1 << f)) != 0:
+            place_finger(hands[own, f], q[f], build.ends, i, f)
     still = wp.transform_identity(dtype=wp.float64)
     count = int(0)
     for k in range(build.count):
