@@ -24,6 +24,7 @@ KERNEL_MODULES = (
     "warpgrasp.chain_closing.chain_closing_kernel",
     "warpgrasp.chain_closing.chain_estimate_kernel",
     "warpgrasp.chain_closing.chain_meeting_kernel",
+    "warpgrasp.chain_closing.chain_near_kernel",
     "warpgrasp.chain_closing.chain_readout",
     "warpgrasp.chain_closing.chain_self_kernel",
     "warpgrasp.closing.closing_kernel",

@@ -7,6 +7,7 @@ tips and torques are compared closing by closing.
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
+from itertools import product
 from math import nan
 from multiprocessing import get_context
 
@@ -28,9 +29,10 @@ from warpgrasp.probe_status import ProbeStatus
 HANDS = ("allegro", "leap", "barrett")
 PATHS = ("curl40", "base_then_curl")
 THRESHOLDS_NM = (0.03, 0.06, 0.12)
-BOUNDS = Bounds(0.05, 5e-4, 0.05)
 ALONE = replace(ContactTable(), friction=0.0, self_contact=False)
 """Each finger for itself."""
+RUBBING = replace(ALONE, friction=0.5)
+BOUNDS = {ALONE: Bounds(0.05, 5e-4, 0.05), RUBBING: Bounds(0.10, 1e-3, 0.05)}
 TABLE = HandTable()
 
 
@@ -46,20 +48,22 @@ class _Tally:
 
 
 def compare_hands(poses: int = 24, workers: int = 2) -> list[Comparison]:
-    """Rows for each hand: over all ten bodies, then body by body; `poses` random hand poses for
-    each body and closing path."""
-    runs = [(hand, body, poses) for hand in HANDS for body in TEN]
+    """Rows for each hand, without friction and with: over all ten bodies, then body by body;
+    `poses` random hand poses for each body and closing path."""
+    runs = [(hand, body, poses, contact) for contact in BOUNDS for hand in HANDS for body in TEN]
     with ProcessPoolExecutor(workers, get_context("spawn"), initializer=init_warp) as pool:
         tallies = list(pool.map(tally_of, *zip(*runs, strict=True)))
     rows: list[Comparison] = []
-    for hand in HANDS:
-        own = [(body, t) for (h, body, _), t in zip(runs, tallies, strict=True) if h == hand]
+    for contact, hand in product(BOUNDS, HANDS):
+        own = [(body, t) for (h, body, _, acts), t in zip(runs, tallies, strict=True)
+               if h == hand and acts == contact]
         total = _Tally()
         for _, tally in own:
             _add(total, tally)
-        rows += rows_of_tally(f"{hand}, ten bodies", total, BOUNDS)
+        rubs = f", friction {contact.friction:g}" if contact.friction else ""
+        rows += rows_of_tally(f"{hand}, ten bodies{rubs}", total, BOUNDS[contact])
         for body, tally in own:
-            rows += rows_of_tally(f"{hand}, {body}", tally, Bounds())
+            rows += rows_of_tally(f"{hand}, {body}{rubs}", tally, Bounds())
     return rows
 
 

@@ -29,6 +29,7 @@ _IMPEDANCE = 0.9
 _STILL_RAD_S = 1e-4
 _STEPS_BETWEEN_LOOKS = 10
 _MOST_STEPS = 600
+_PART_STEPS = 30
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,9 @@ class MujocoFingers(ABC):
 
     ahead = 1
     """Steps that are simulated before the first whose commands touch anything."""
+    parts = 1
+    """In which a step of the command is led: a finger swings where the command jumps, and friction
+    may hold it where it swung to."""
 
     def __init__(self, model: Any, contact: ContactTable, *, skin_N_m: float,
                  stop_Nm_rad: float) -> None:
@@ -141,6 +145,8 @@ class MujocoFingers(ABC):
             first += 1  # a finger that touches nothing rests at its command, or sags a little
         first = max(first - self.ahead, 0)
         self.touches(commands_rad[:, first])
+        for joints, q in zip(self._joints, commands_rad[:, first], strict=True):
+            self.data.ctrl[joints] = q[:len(joints)]
         held = np.zeros(len(self._joints), bool)
         command = commands_rad[:, first].copy()
         for step in range(first, steps):
@@ -160,8 +166,14 @@ class MujocoFingers(ABC):
 
     def _settle(self, command: np.ndarray) -> bool:
         m, d = self.model, self.data
+        before = d.ctrl.copy()
         for joints, q in zip(self._joints, command, strict=True):
             d.ctrl[joints] = q[:len(joints)]
+        led = d.ctrl.copy()
+        for part in range(1, self.parts):
+            d.ctrl[:] = before + (led - before) * (part / self.parts)
+            mujoco.mj_step(m, d, _PART_STEPS)
+        d.ctrl[:] = led
         for _ in range(_MOST_STEPS // _STEPS_BETWEEN_LOOKS):
             mujoco.mj_step(m, d, _STEPS_BETWEEN_LOOKS)
             if np.abs(d.qvel).max() < _STILL_RAD_S:

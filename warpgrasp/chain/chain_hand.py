@@ -262,6 +262,20 @@ def true_chains(
     return found
 
 
+def joint_reaches(arm_m: np.ndarray) -> np.ndarray:
+    """From each joint to the joint of each link beyond it, stretched out [m], (..., joint, joint),
+    0 before it; of ways from joint to joint (..., joint)."""
+    way = arm_m.cumsum(-1)
+    return np.triu(way[..., None, :] - way[..., :, None])
+
+
+def weight_moments(joints: np.ndarray) -> np.ndarray:
+    """The most that links' weight turns each joint with [N m], (..., joint), of rows of ChainJoint
+    (..., joint)."""
+    arm = joint_reaches(joints["arm"]) + np.linalg.norm(joints["centre"], axis=-1)[..., None, :]
+    return np.asarray((np.triu(arm) * joints["weight"][..., None, :]).sum(-1))
+
+
 def joint_drive(hand: ChainHand, finger: int, joint: int) -> tuple[int, float, float]:
     """The drive of a joint, its factor and its shift [rad]."""
     if joint in hand.drives[finger]:

@@ -184,6 +184,16 @@ def chain_weight(hand: Chain, pose: ChainPose):
 
 
 @wp.func
+def past_stops(hand: Chain, q: vec6):
+    """Where servos that would hold drives at `q` do so with the stops against them."""
+    held = vec6(q)
+    past = chain_beyond_stops(hand, q)
+    for j in range(hand.drives):
+        held[j] -= past[j] * (hand.stop / (hand.stop + hand.stiffness[j]))
+    return held
+
+
+@wp.func
 def chain_free_joints(hand: Chain, base: transform, command: vec6):
     """Where a finger that touches nothing rests, to second order in what its weight turns.
     `command` is that of the true drives, the errors of their sensors taken off."""
@@ -193,7 +203,13 @@ def chain_free_joints(hand: Chain, base: transform, command: vec6):
             turned = chain_weight(hand, chain_pose(hand, base, q))
             for j in range(hand.drives):
                 q[j] = command[j] + turned[j] / hand.stiffness[j]
-    past = chain_beyond_stops(hand, q)
-    for j in range(hand.drives):
-        q[j] -= past[j] * (hand.stop / (hand.stop + hand.stiffness[j]))
-    return q
+    return past_stops(hand, q)
+
+
+@wp.func
+def turned_by_weight(hand: Chain, base: transform, q: vec6):
+    """How far weight turns the drives of a finger at `q` from their commands [rad]."""
+    turned = vec6()
+    if hand.weighs == 1:
+        turned = wp.cw_div(chain_weight(hand, chain_pose(hand, base, q)), hand.stiffness)
+    return turned

@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 import warp as wp
 
-from warpgrasp.chain.chain_hand import ChainHand, chain_rows
+from warpgrasp.chain.chain_hand import ChainHand, chain_rows, joint_drive, weight_moments
 from warpgrasp.chain.torque_sensor_kernel import SWITCHES, TORQUES, TorqueSensor
 from warpgrasp.core.struct_array import record_type
 from warpgrasp.mechanism.calibration import Calibration
@@ -22,6 +22,7 @@ KINDS = {"tendons": TORQUES, "joint_torques": TORQUES, "tip_switches": SWITCHES,
 carry."""
 _NEVER = 6.0
 """Deviations of a reading; chances below 1e-9 are taken for none."""
+_ROUNDING = 1e-9
 
 
 Range = tuple[tuple[tuple[float, float], ...], ...]
@@ -54,10 +55,24 @@ def true_sensors(
     rows["step"], rows["readings"] = sensors.torque_step_Nm, sensors.tension_readings
     rows["switch_force"], rows["joint_noise"] = sensors.switch_force_N, sensors.joint_noise_rad
     unknown = _unknown_torque(hand, table, contact, errors, commanded)
-    margin = sensors.torque_threshold_Nm - sensors.torque_step_Nm - sensors.torque_friction_Nm
-    rows["heard"] = (rows["kind"] == TORQUES) & (
-        margin - unknown <= _NEVER * sensors.torque_noise_Nm)
+    rows["suspect"] = np.where(rows["kind"] == TORQUES, _suspect_draw(
+        sensors, unknown, unknown * rows["gain"].max(-1)), 0.0)
     return wp.array(rows, dtype=TorqueSensor, device=device)
+
+
+def _suspect_draw(sensors: SensorTable, unknown: np.ndarray, read: np.ndarray) -> np.ndarray:
+    """`TorqueSensor.suspect` of fingers that may bear `unknown` and read as much as `read` [N m]
+    touching nothing.
+
+    A normal number of Box and Muller is at most sqrt(-2 log u), u its first uniform draw.
+    """
+    noise = sensors.torque_noise_Nm
+    margin = sensors.torque_threshold_Nm - sensors.torque_step_Nm - sensors.torque_friction_Nm
+    if noise == 0.0:
+        return np.where(margin <= unknown, np.inf, 0.0)
+    deviations = np.maximum(margin - read, 0.0) / noise
+    return np.where(margin - unknown <= _NEVER * noise,
+                    np.exp(-0.5 * deviations**2) * (1.0 + _ROUNDING), 0.0)
 
 
 def _unknown_torque(
@@ -66,19 +81,27 @@ def _unknown_torque(
 ) -> np.ndarray:
     """The most that a free finger may read beside noise and friction [N m], (world or 1, finger):
     what of its weight the robot does not take off, and as much of what a stop bears, where a joint
-    may lie on one."""
+    may lie on one.
+
+    Offsets of joints turn links, and with them what they weigh about a joint, by no more than
+    their sum.
+    """
     chains, joints, _ = chain_rows(hand, table, contact, errors)
-    weight = np.where(chains["weighs"] == 1, joints["weight"].sum(-1), 0.0)
-    off = np.abs(errors.joint_offset_rad).sum(-1)
-    share = off + np.abs(errors.link_length_share).max(-1)
-    light = weight * (chains["reach"] * share + np.linalg.norm(errors.finger_base_m, axis=-1))
-    moment = weight * chains["reach"]
-    unknown = light.copy()
-    for f, own in enumerate(commanded):
-        for d, (low, high) in enumerate(own[:len(hand.drives[f])]):
-            joint = hand.model.fingers[f].joints[hand.drives[f][d]]
-            sag = moment[:, f] / joint.stiffness_Nm_rad
-            beside = (high > joint.high_rad - sag) | (low < joint.low_rad + sag)
-            held = 2.0 * light[:, f] * beside * (chains["stop"][:, f] > 0.0)
-            unknown[:, f] = np.maximum(unknown[:, f], held)
-    return np.asarray(unknown)
+    moment = np.where(chains["weighs"][..., None] == 1, weight_moments(joints), 0.0)
+    share = np.abs(errors.joint_offset_rad).sum(-1) + np.abs(errors.link_length_share).max(-1)
+    unknown = np.zeros(chains.shape)
+    for f, drives in enumerate(hand.drives):
+        turned = np.zeros((len(chains), len(drives)))
+        for j in range(len(hand.model.fingers[f].joints)):
+            d, factor, _ = joint_drive(hand, f, j)
+            turned[:, d] += np.abs(factor) * moment[:, f, j]
+        light = turned * share[:, f, None]
+        if commanded:
+            low, high = np.array(commanded[f])[:len(drives)].T
+            own = [hand.model.fingers[f].joints[j] for j in drives]
+            sag = turned / np.array([joint.stiffness_Nm_rad for joint in own])
+            beside = ((high > np.array([joint.high_rad for joint in own]) - sag)
+                      | (low < np.array([joint.low_rad for joint in own]) + sag))
+            light = light * (1.0 + beside * (chains["stop"][:, f, None] > 0.0))
+        unknown[:, f] = light.max(-1)
+    return unknown

@@ -5,7 +5,7 @@ import warp as wp
 
 from warpgrasp.chain.chain_kernel import vec6
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, real, struct, vec2
-from warpgrasp.core.random_kernel import counter_key, counter_normal
+from warpgrasp.core.random_kernel import counter_key, counter_normal, counter_uniform
 from warpgrasp.mechanism.tendon_kernel import moving_sign
 
 TORQUES, SWITCHES = 1, 2
@@ -29,8 +29,9 @@ class TorqueSensor:
     switch_force: real
     """On the last link, that closes its switch."""
     joint_noise: real
-    heard: int
-    """Whether a finger that touches nothing may stop: its readings are then all drawn."""
+    suspect: real
+    """Noise can stop a finger that touches nothing only where the first uniform draw of a reading
+    is below this; 0: it never can."""
 
 
 @wp.func
@@ -74,6 +75,17 @@ def guard_reading(
     elif sensor.kind == _SWITCHES:
         largest = vec2(tip_force / sensor.switch_force, tip_force)
     return largest
+
+
+@wp.func
+def noise_may_stop(sensor: TorqueSensor, drives: int, key: wp.uint64):
+    """Whether the noise of a reading may stop a finger that touches nothing: of `counter_normal`
+    the first draw alone bounds how large it is, whatever the other one."""
+    may = int(0)
+    for d in range(drives):
+        if counter_uniform(counter_key(counter_key(key, d), 1)) < sensor.suspect:
+            may = 1
+    return may == 1
 
 
 @wp.func

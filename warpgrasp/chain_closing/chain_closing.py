@@ -14,10 +14,11 @@ from warpgrasp.chain.chain_hand import ChainHand, true_chains
 from warpgrasp.chain.chain_kernel import CAPSULES, JOINTS, vec6
 from warpgrasp.chain.torque_sensor import command_range, true_sensors
 from warpgrasp.chain_closing.chain_closing_kernel import chain_closing_kernel
-from warpgrasp.chain_closing.chain_meeting import resolve_meetings
+from warpgrasp.chain_closing.chain_meeting import CLOSE_M, pairs_on_device, resolve_meetings
 from warpgrasp.chain_closing.chain_path import come_bounds, padded
 from warpgrasp.chain_closing.chain_readout import chain_reading_kernel
 from warpgrasp.chain_closing.chain_record import ChainClosingRow, ChainTruthRow
+from warpgrasp.chain_closing.chain_slack import pair_slack
 from warpgrasp.closing.closing import Closing, ClosingTruth
 from warpgrasp.core.dtypes import real, transform
 from warpgrasp.core.kernel_launch import check_range, launch_in_turn
@@ -114,8 +115,10 @@ def close_chains(
     reading = (chain_reading_kernel, _SHAPES, given)
     if contact.self_contact:
         launch_in_turn(extents, [closing], device=device)
-        resolve_meetings(hand, felt.numpy()["status"][..., 0], come.numpy(),
-                         given | counts, contact.friction > 0.0, device)
+        resolve_meetings(hand, felt.numpy()["status"][..., 0],
+                         *_slack(hand, table, contact, errors, commands.shape, commands.tobytes(),
+                                 device),
+                         given | counts | {"come": come}, contact.friction > 0.0, device)
         launch_in_turn(extents, [reading], device=device)
     else:
         launch_in_turn(extents, [closing, reading], device=device)
@@ -139,3 +142,14 @@ def _on_device(
     return (wp.array(padded(commands_rad), dtype=vec6, device=device),
             wp.array(come_bounds(hand, table, contact, errors, commands_rad), dtype=real,
                      device=device))
+
+
+@lru_cache(maxsize=8)
+def _slack(
+    hand: ChainHand, table: HandTable, contact: ContactTable, errors: Calibration,
+    shape: tuple[int, ...], commands: bytes, device: str
+) -> tuple[wp.array, wp.array]:
+    """How near pairs of capsules can come, kept for the next launch of the same robots."""
+    _, come = _on_device(hand, table, contact, errors, shape, commands, device)
+    return pair_slack(hand, table, contact, errors, np.frombuffer(commands).reshape(shape), come,
+                      *pairs_on_device(hand, CLOSE_M, device), device)

@@ -2,11 +2,12 @@
 """The kernel of a closing of a hand of chains: at which step each finger stops.
 
 A finger follows its commands. While it is certainly free it is not looked at (`free_chain`), unless
-friction and noise alone may stop it: then the reading of every free step is drawn. From the first
-touch on it is brought to rest at every step (`finger.equilibrium`), and stops at the first step
-whose reading passes the threshold; with friction, the skin remembers how it is stretched
-(`rubbing`). What the robot believes its links to weigh is taken off the readings, at the angles
-that its sensors tell, and what stops bear of it put back.
+friction and noise alone may stop it: then the reading of a free step is drawn where its noise is
+large enough (`noise_may_stop`). From the first touch on it is brought to rest at every step
+(`finger.equilibrium`), and stops at the first step whose reading passes the threshold; with
+friction, the skin remembers how it is stretched (`rubbing`). What the robot believes its links to
+weigh is taken off the readings, at the angles that its sensors tell, and what stops bear of it put
+back.
 """
 
 import warp as wp
@@ -20,7 +21,7 @@ from warpgrasp.chain.chain_kernel import (
     chain_weight,
     vec6,
 )
-from warpgrasp.chain.torque_sensor_kernel import TorqueSensor, guard_reading
+from warpgrasp.chain.torque_sensor_kernel import TorqueSensor, guard_reading, noise_may_stop
 from warpgrasp.chain_closing.chain_record import (
     ChainClosingRow,
     ChainTruthRow,
@@ -161,9 +162,9 @@ def chain_closing_kernel(
             begin = now.free.step + 1
             now.free = advance_chain(scene, which, hand, base, path, come, g, finger, march_scale,
                                      now.free, last + 1)
-            if sensor.heard == 1:
+            if sensor.suspect > ZERO:
                 for t in range(begin, now.free.step):
-                    if stopped < 0:
+                    if stopped < 0 and noise_may_stop(sensor, hand.drives, counter_key(reader, t)):
                         command = path[g, finger, t] - hand.offset
                         delta = path[g, finger, t] - path[g, finger, wp.max(t - 1, 0)]
                         now.rest = free_chain(chain_free_joints(hand, base, command))
@@ -207,7 +208,7 @@ def chain_closing_kernel(
                 truth[w, p, g, finger].strayed, strayed(hand, base, command, now.rest.q))
             if truth[w, p, g, finger].touched < 0:
                 truth[w, p, g, finger].touched = s
-        if pressed == 1 or sensor.heard == 1:
+        if pressed == 1 or sensor.suspect > ZERO:
             delta = path[g, finger, s] - path[g, finger, wp.max(s - 1, 0)]
             drawn = guard_reading(
                 sensor, hand.drives,

@@ -16,7 +16,7 @@ from warpgrasp.chain.torque_sensor import true_sensors
 from warpgrasp.chain_closing.chain_closing import ChainClosing, no_chain_errors
 from warpgrasp.chain_closing.chain_estimate_kernel import balls_type, chain_estimate_kernel
 from warpgrasp.chain_closing.chain_path import padded
-from warpgrasp.closing.contact_estimate import ContactEstimate
+from warpgrasp.closing.contact_estimate import ContactEstimate, moving_senses
 from warpgrasp.core.dtypes import mat33, transform, vec3
 from warpgrasp.core.kernel_launch import launch
 from warpgrasp.mechanism.calibration import arm_variance
@@ -66,7 +66,7 @@ def estimate_chain_contacts(
              for name, values, kind in (
         ("status", closing.status, int), ("q", padded(np.nan_to_num(closing.q_rad)), vec6),
         ("read", padded(np.nan_to_num(closing.torque_Nm)), vec6),
-        ("moving", padded(_moving(closing, commands_rad)), vec6))}
+        ("moving", padded(moving_senses(closing, commands_rad)), vec6))}
     none = no_chain_errors(hand)
     launch(chain_estimate_kernel,
            dict(zip(each.split(), dims, strict=True)),
@@ -96,12 +96,3 @@ def chain_place_variance(errors: ErrorTable, arm: ArmTable, hand: ChainHand) -> 
     return (arm_variance(errors, arm) + errors.mount_m**2
             + (_MOUNT_LEVER_M * errors.mount_rad) ** 2 + errors.finger_base_m**2
             + (errors.link_length_share * longest) ** 2)
-
-
-def _moving(closing: ChainClosing, commands_rad: np.ndarray) -> np.ndarray:
-    """Sign of each drive's last command step, (world, probe, grasp, finger, width)."""
-    step = np.maximum(closing.step, 0)
-    before = np.maximum(step - 1, 0)
-    grasp, finger = np.ogrid[:commands_rad.shape[0], :commands_rad.shape[1]]
-    return np.sign(np.round(commands_rad[grasp, finger, step]
-                            - commands_rad[grasp, finger, before], 12))

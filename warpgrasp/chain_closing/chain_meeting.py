@@ -9,13 +9,14 @@ import warp as wp
 
 from warpgrasp.chain.chain_hand import ChainHand, capsule_ends, closing_way
 from warpgrasp.chain.chain_kernel import CAPSULES
-from warpgrasp.chain_closing.chain_meeting_kernel import chain_meeting_kernel, chain_near_kernel
-from warpgrasp.chain_closing.chain_meetings import FINGERS, CapsulePair, ChainMeeting
-from warpgrasp.core.dtypes import real, vec3
+from warpgrasp.chain_closing.chain_meeting_kernel import chain_meeting_kernel
+from warpgrasp.chain_closing.chain_near_kernel import chain_near_kernel
+from warpgrasp.core.dtypes import vec3
 from warpgrasp.core.kernel_launch import launch
 from warpgrasp.core.struct_array import Records, record_type
 from warpgrasp.finger.chain_energy import ChainRest
 from warpgrasp.finger.chain_friction import ChainFriction
+from warpgrasp.hand_rest.chain_meetings import FINGERS, CapsulePair, ChainMeeting
 from warpgrasp.hand_rest.meetings import MEETINGS
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.rubbing.chain_balance import ChainGrip
@@ -26,21 +27,22 @@ _SHAPES = {
     "body": "some", "body_pose": "world", "hands": "robots finger", "believed": "1 finger",
     "sensors": "feelers finger", "palm": "bar 2", "pairs": "pair",
     "key": "world", "probe_number": "world probe", "hand_pose": "world probe",
-    "path": "grasp finger step", "swept": "grasp finger step", "command_count": "grasp",
+    "path": "grasp finger step", "come": f"grasp finger {CAPSULES} step",
+    "command_count": "grasp", "order": "orders grasp pair", "slack": "orders grasp pair",
     "place": "row", "near": "row", "state": "row slot", "meetings": f"row {MEETINGS}",
     "ends": "row every 2", "frictions": "rubs finger", "grips": "rubs slot",
     "felt": "world probe grasp finger", "truth": "world probe grasp finger"}
 
 
 def resolve_meetings(
-    hand: ChainHand, status: np.ndarray, come_m: np.ndarray,
+    hand: ChainHand, status: np.ndarray, order: wp.array, slack: wp.array,
     given: Mapping[str, Any], rubs: bool, device: str,
 ) -> None:
     """Close together the fingers of those hands whose links come near one another.
 
-    `status` (world, probe, grasp) are those of the closings made, `come_m` is as `come_bounds`,
-    `given` are the closing's arguments, and `rubs` says whether there is friction. Raises
-    ValueError for a hand of more than `FINGERS` fingers.
+    `status` (world, probe, grasp) are those of the closings made, `order` and `slack` are as
+    `pair_slack`, `given` are the closing's arguments, and `rubs` says whether there is friction.
+    Raises ValueError for a hand of more than `FINGERS` fingers.
     """
     if hand.fingers > FINGERS:
         raise ValueError(f"{hand.model.name} has {hand.fingers} fingers; {FINGERS} at most can "
@@ -49,11 +51,7 @@ def resolve_meetings(
     if len(place) == 0:
         return
     palm, pairs = pairs_on_device(hand, CLOSE_M, device)
-    own = {
-        "palm": palm, "pairs": pairs,
-        "swept": wp.array(np.diff(come_m, axis=-1, prepend=0.0).max(2).cumsum(-1), dtype=real,
-                          device=device)}
-    every = {**given, **own}
+    every = {**given, "palm": palm, "pairs": pairs, "order": order, "slack": slack}
     near = _rows(chain_near_kernel, hand, place, every, rubs, device)
     some = near >= 0
     if some.any():

@@ -13,15 +13,7 @@ import warp as wp
 from warpgrasp.chain.chain_kernel import Chain, chain_free_joints, vec6
 from warpgrasp.chain.torque_sensor_kernel import TorqueSensor, guard_reading
 from warpgrasp.chain_closing.chain_closing_kernel import guarded_torque, tip_force
-from warpgrasp.chain_closing.chain_meetings import (
-    CapsulePair,
-    ChainBuild,
-    ChainMeeting,
-    hand_angles,
-    hand_room,
-    least_gap,
-    place_capsules,
-)
+from warpgrasp.chain_closing.chain_near_kernel import first_near
 from warpgrasp.chain_closing.chain_record import ChainClosingRow, ChainTruthRow, hand_from_body
 from warpgrasp.core.dtypes import ONE, ZERO, real, transform, vec3
 from warpgrasp.core.random import Purpose
@@ -33,6 +25,13 @@ from warpgrasp.finger.friction import NO_FRICTION
 from warpgrasp.finger.path_record import true_command
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.geometry.segment_distance import LINK_SAMPLES
+from warpgrasp.hand_rest.chain_meetings import (
+    CapsulePair,
+    ChainBuild,
+    ChainMeeting,
+    hand_angles,
+    pairs_that_may,
+)
 from warpgrasp.hand_rest.hand_balance import hand_balance
 from warpgrasp.hand_rest.hand_equilibrium import hand_energy, hand_equilibrium, move_commands
 from warpgrasp.hand_rest.rubbing_hand import rubbed_at, rubbing_hand
@@ -43,118 +42,6 @@ wp.set_module_options({"max_unroll": 1})
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
 _NO_CONTACT = wp.constant(int(ProbeStatus.NO_CONTACT))
 _TENSION_STEP = wp.constant(int(Purpose.TENSION_STEP))
-_ROUGH = wp.constant(real(1e-4))  # [m]: `chain_free_joints` is of second order
-_TWO = wp.constant(real(2.0))
-
-
-@wp.func
-def _stray(row: ChainClosingRow, true: ChainTruthRow, s: int):
-    """How far a finger that closes alone may be from where `_angles_at` has it [m]."""
-    if s >= row.step:
-        return ZERO
-    if true.touched < 0 or s < true.touched:
-        return _ROUGH
-    return _ROUGH + true.strayed
-
-
-@wp.func
-def _angles_at(
-    hand: Chain, base: transform, path: wp.array3d[vec6], row: ChainClosingRow,
-    true: ChainTruthRow, g: int, finger: int, s: int
-):
-    """Drives of a finger that closes alone: where it rests, or where its command would have it."""
-    if s >= row.step:
-        return true.q
-    return chain_free_joints(hand, base, path[g, finger, s] - hand.offset)
-
-
-@wp.func
-def first_near(
-    hands: wp.array2d[Chain], own: int, base: transform, path: wp.array3d[vec6],
-    swept: wp.array3d[real], build: ChainBuild, felt: wp.array4d[ChainClosingRow],
-    truth: wp.array4d[ChainTruthRow], w: int, p: int, g: int, i: int, begin: int, last: int
-):
-    """The first step from `begin` on at which links of a hand may touch, `last` + 1 if none.
-
-    Distances are looked at while they cannot have been used up (conservative advancement); `swept`
-    bounds how far any place of a finger has come. Pairs that are both at rest before `begin` are
-    left out.
-    """
-    fingers = hands.shape[1]
-    end = int(0)
-    for f in range(fingers):
-        end = wp.max(end, felt[w, p, g, f].step)
-    s = int(begin)
-    seen = begin - 1  # the step looked at before
-    while s <= last:
-        q = hand_angles()
-        for f in range(fingers):
-            q[f] = _angles_at(hands[own, f], base, path, felt[w, p, g, f], truth[w, p, g, f], g, f,
-                              s)
-        place_capsules(hands, own, q, build.ends, i)
-        off = hand_room()
-        moving = int(0)
-        strays = int(end)  # from where a finger may be off farther
-        for f in range(fingers):
-            off[f] = _stray(felt[w, p, g, f], truth[w, p, g, f], s)
-            if felt[w, p, g, f].step > seen:
-                moving = moving | (1 << f)
-            if truth[w, p, g, f].touched > s:
-                strays = wp.min(strays, truth[w, p, g, f].touched)
-        room = least_gap(build, i, off, moving)
-        if room <= ZERO:
-            return s
-        if s >= end:
-            return last + 1
-        seen = int(s)
-        ahead = s + 1
-        while ahead < strays:
-            come = real(0.0)
-            for f in range(fingers):
-                stop = felt[w, p, g, f].step
-                come = wp.max(come, swept[g, f, wp.min(ahead + 1, stop)]
-                              - swept[g, f, wp.min(s, stop)])
-            if come * _TWO >= room:
-                break
-            ahead += 1
-        s = int(ahead)
-    return last + 1
-
-
-@wp.kernel(enable_backward=False)
-def chain_near_kernel(
-    first: int,
-    # Robot:
-    hands: wp.array2d[Chain],
-    palm: wp.array2d[vec3],
-    pairs: wp.array[CapsulePair],
-    # Closing in:
-    body_pose: wp.array[transform],
-    hand_pose: wp.array2d[transform],
-    path: wp.array3d[vec6],
-    swept: wp.array3d[real],
-    command_count: wp.array[int],
-    place: wp.array[wp.vec3i],
-    felt: wp.array4d[ChainClosingRow],
-    truth: wp.array4d[ChainTruthRow],
-    # Scratch:
-    ends: wp.array3d[vec3],
-    # Out:
-    near: wp.array[int],
-):
-    """The step at which links of a hand first come near one another; -1 where they never do."""
-    i = wp.tid() + first
-    w = place[i][0]
-    last = command_count[place[i][2]] - 1
-    base = hand_from_body(body_pose, hand_pose, w, place[i][1])
-    build = ChainBuild()
-    build.palm = palm
-    build.pairs = pairs
-    build.ends = ends
-    near[i] = first_near(hands, w % hands.shape[0], base, path, swept, build, felt, truth, w,
-                         place[i][1], place[i][2], i, 0, last)
-    if near[i] > last:
-        near[i] = -1
 
 
 @wp.kernel(enable_backward=False)
@@ -170,12 +57,14 @@ def chain_meeting_kernel(
     sensors: wp.array2d[TorqueSensor],
     palm: wp.array2d[vec3],
     pairs: wp.array[CapsulePair],
+    order: wp.array3d[int],
+    slack: wp.array3d[real],
     # Closing in:
     key: wp.array[wp.uint64],
     probe_number: wp.array2d[int],
     hand_pose: wp.array2d[transform],
     path: wp.array3d[vec6],
-    swept: wp.array3d[real],
+    come: wp.array4d[real],
     command_count: wp.array[int],
     place: wp.array[wp.vec3i],
     near: wp.array[int],
@@ -210,6 +99,10 @@ def chain_meeting_kernel(
     build.palm = palm
     build.pairs = pairs
     build.ends = ends
+    build.order = order
+    build.slack = slack
+    build.world = w % order.shape[0]
+    build.grasp = g
     fresh = int(1)
     while s <= last:
         if fresh == 1:
@@ -238,6 +131,7 @@ def chain_meeting_kernel(
                                               LINK_SAMPLES, NO_FRICTION)
                 state[i, f] = rest
                 q[f] = rest.q
+            build.count = pairs_that_may(hands, own, build, command, q, hand_angles())
             if hands[own, 0].friction > ZERO:
                 count = hand_balance(scene, which, hands, own, base, build, command, q, state, i, 0,
                                      0, LINK_SAMPLES, 0, meetings, grips)
@@ -252,6 +146,10 @@ def chain_meeting_kernel(
                 now = true_command(hands[own, f], path, g, f, s)
                 moves[f] = now - command[f]
                 command[f] = now
+        now_at = hand_angles()
+        for f in range(fingers):
+            now_at[f] = state[i, f].q
+        build.count = pairs_that_may(hands, own, build, command, now_at, moves)
         move_commands(hands, own, build, moves, state, i)
         if hands[own, 0].friction > ZERO:
             count = rubbing_hand(scene, which, hands, own, base, build, command, moves, state, i,
@@ -270,16 +168,18 @@ def chain_meeting_kernel(
                 hand = hands[own, f]
                 rest = state[i, f]
                 at = command[f]
-                drawn = guard_reading(
-                    sensors[own_sensor, f], hand.drives,
-                    guarded_torque(hand, believed[0, f], base, at, rest.q), tip_force(hand, rest),
-                    path[g, f, s] - path[g, f, wp.max(s - 1, 0)],
-                    counter_key(counter_key(counter_key(stream, f), _TENSION_STEP), s))
-                stops = drawn[0] > ONE
-                if (touched & (1 << f)) == 0:
-                    # It stops where it did alone: this equilibrium differs in its last digits,
-                    # which may decide a reading at the threshold.
-                    stops = felt[w, p, g, f].status == _CONTACT and s >= felt[w, p, g, f].step
+                # What nothing has touched stops where it did alone: this equilibrium differs in
+                # its last digits, which may decide a reading at the threshold.
+                stops = felt[w, p, g, f].status == _CONTACT and s >= felt[w, p, g, f].step
+                reading = real(0.0)
+                if (touched & (1 << f)) != 0:
+                    drawn = guard_reading(
+                        sensors[own_sensor, f], hand.drives,
+                        guarded_torque(hand, believed[0, f], base, at, rest.q),
+                        tip_force(hand, rest), path[g, f, s] - path[g, f, wp.max(s - 1, 0)],
+                        counter_key(counter_key(counter_key(stream, f), _TENSION_STEP), s))
+                    stops = drawn[0] > ONE
+                    reading = drawn[1]
                 if stops:
                     stopped = stopped | (1 << f)
                 if (touched & (1 << f)) != 0:
@@ -298,7 +198,7 @@ def chain_meeting_kernel(
                         truth[w, p, g, f].link = 0
                         felt[w, p, g, f].status = _CONTACT
                         felt[w, p, g, f].step = s
-                        felt[w, p, g, f].reading = drawn[1]
+                        felt[w, p, g, f].reading = reading
                     for a in range(count):
                         if meetings[i, a].one == f or meetings[i, a].two == f:
                             truth[w, p, g, f].self_depth = wp.max(
@@ -311,8 +211,7 @@ def chain_meeting_kernel(
         s += 1
         if (touched & ~stopped) == 0 and s <= last:
             # Those that go on have met nothing: each goes on alone until links are near again.
-            ahead = first_near(hands, own, base, path, swept, build, felt, truth, w, p, g, i, s,
-                               last)
+            ahead = first_near(hands, base, path, come, build, felt, truth, w, p, g, i, s, last)
             if ahead > s:
                 s = ahead
                 fresh = int(1)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from warpgrasp.chain.chain_hand import ChainHand, chain_rows
+from warpgrasp.chain.chain_hand import ChainHand, chain_rows, joint_reaches, weight_moments
 from warpgrasp.chain.chain_kernel import CAPSULES, JOINTS
 from warpgrasp.mechanism.calibration import Calibration
 from warpgrasp.parameters import ContactTable, HandTable
@@ -36,16 +36,11 @@ def come_bounds(
         count = int(chains[0, f]["joint_count"])
         arm, row = joints[:, f]["arm"].max(0), joints[0, f]
         far = capsules[:, f]["far"].max(0)
-        weight = joints[:, f]["weight"].max(0)
-        centre = np.linalg.norm(joints[:, f]["centre"], axis=-1).max(0)
-        # From each joint to the joint that bears a place, stretched out.
-        between = np.array([[arm[i + 1:j + 1].sum() if i <= j else 0.0 for j in range(count)]
-                            for i in range(count)])
+        between = joint_reaches(arm)
         turns = np.zeros((grasps, steps - 1, width))
         turns[:] = np.abs(np.diff(commands_rad[:, f], axis=1))
         if contact.weight:
-            moment = np.array([sum(weight[j] * (between[i, j] + centre[j])
-                                   for j in range(i, count)) for i in range(count)])
+            moment = weight_moments(joints[:, f]).max(0)
             yields = np.zeros(width)
             for j in range(count):
                 d = int(row["drive"][j])

@@ -4,15 +4,13 @@
 import warp as wp
 
 from warpgrasp.chain.chain_kernel import Chain, vec6
-from warpgrasp.chain_closing.chain_meetings import (
+from warpgrasp.core.dtypes import real, vec3
+from warpgrasp.hand_rest.chain_meetings import (
     CapsulePair,
     ChainBuild,
-    hand_angles,
-    hand_room,
-    least_gap,
-    place_capsules,
+    pair_gap,
+    place_finger,
 )
-from warpgrasp.core.dtypes import real, vec3
 
 wp.set_module_options({"max_unroll": 1})
 _FAR = wp.constant(real(1.0))  # [m]
@@ -46,12 +44,12 @@ def chain_self_gap_kernel(
     for f in range(fingers):
         least = real(_FAR)
         if wp.isfinite(q[i, f][0]):
-            at = hand_angles()
             for other in range(fingers):
                 there = q[i, other]
                 if step[i, other] > step[i, f] or not wp.isfinite(there[0]):
                     there = path[grasp[i], other, wp.max(step[i, f], 0)]
-                at[other] = there
-            place_capsules(believed, 0, at, ends, i)
-            least = least_gap(build, i, hand_room(), 1 << f)
+                place_finger(believed[0, other], there, ends, i, other)
+            for k in range(pairs.shape[0]):
+                if pairs[k].one == f or pairs[k].two == f:
+                    least = wp.min(least, pair_gap(build, pairs[k], i, least))
         gap[i, f] = least

@@ -5,5 +5,5 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "closing": ["Closing", "ClosingTruth", "close_fingers"],
     "self_contact": ["self_contacts"],
-    "contact_estimate": ["ContactEstimate", "estimate_contacts"],
+    "contact_estimate": ["ContactEstimate", "estimate_contacts", "moving_senses"],
 })

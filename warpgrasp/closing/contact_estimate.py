@@ -104,7 +104,7 @@ def estimate_contacts(
         "status": put(closing.status, int), "hand_pose": put(believed_pose, transform),
         "q": put(closing.q_rad, vec4), "flexor": put(closing.tension_N[..., 0], vec4),
         "extensor": put(closing.tension_N[..., 1], vec4),
-        "moving": put(_moving(closing, commands_rad), vec4), "point": point,
+        "moving": put(moving_senses(closing, commands_rad), vec4), "point": point,
         "covariance": covariance, "normal": normal, "link_out": link,
         "link_weight": link_weight, **joints, **torques},
         device=device)
@@ -116,11 +116,11 @@ def estimate_contacts(
                            np.stack([joint.numpy() for joint in joints.values()], axis=-2))
 
 
-def _moving(closing: Closing, commands_rad: np.ndarray) -> np.ndarray:
-    """Sign of each joint's last command step, (world, probe, grasp, finger, 4)."""
+def moving_senses(closing: Closing, commands_rad: np.ndarray) -> np.ndarray:
+    """Sign of each joint's last command step before its finger stopped, (world, probe, grasp,
+    finger, joint), of commands (grasp, finger, step, joint)."""
     step = np.maximum(closing.step, 0)
     before = np.maximum(step - 1, 0)
-    grasp = np.arange(len(commands_rad))[:, None]
-    finger = np.arange(FINGER_COUNT)[None, :]
+    grasp, finger = np.ogrid[:commands_rad.shape[0], :commands_rad.shape[1]]
     return np.sign(np.round(commands_rad[grasp, finger, step]
                             - commands_rad[grasp, finger, before], 12))

@@ -5,11 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import warp as wp
 from chain_closings import ALONE, QUIET, TABLE, close, poses_above, utah_mit_twice
 from reference_chain import ReferenceChain
 
 from strategies.poses.chain_paths import chain_commands
+from warpgrasp.chain import torque_sensor
 from warpgrasp.chain.chain_hand import chain_of, hand_of_kind
+from warpgrasp.chain.torque_sensor_kernel import TorqueSensor
+from warpgrasp.chain_closing import chain_closing
 from warpgrasp.hands.hand_frames import matrix_of
 from warpgrasp.hands.hand_model import Finger, HandModel
 from warpgrasp.objects.catalogue import body_from_name
@@ -108,3 +112,29 @@ def test_the_utah_mit_hand_closes_alike_as_a_chain() -> None:
     assert truth.q_rad[both] == pytest.approx(true.q_rad[both], abs=2e-6)
     assert (truth.link[both] == true.link[both] + 1).all()
     assert truth.point_m[both] == pytest.approx(true.point_m[both], abs=1e-6)
+
+
+def test_noise_that_may_stop_a_free_finger_is_found_by_its_first_draw(
+    monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As with the readings of all free steps drawn."""
+    hand = chain_of(hand_of_kind("barrett"))
+    commands = chain_commands(hand, "curl40")
+    poses = poses_above(40)
+    poses[:, 2] += 1.0
+    loud = replace(QUIET, torque_threshold_Nm=0.03, torque_noise_Nm=0.01, torque_friction_Nm=0.003)
+    some = close(hand, "small_cylinder", poses, commands, loud)
+    stopped = some[0].status == ProbeStatus.CONTACT
+    assert 0.2 < stopped.mean() < 0.98
+
+    def every(*given: object) -> wp.array:
+        rows = torque_sensor.true_sensors(*given).numpy()
+        assert (rows["suspect"] < 0.9).all()
+        rows["suspect"] = 2.0
+        return wp.array(rows, dtype=TorqueSensor, device="cpu")
+
+    monkeypatch.setattr(chain_closing, "true_sensors", every)
+    drawn = close(hand, "small_cylinder", poses, commands, loud)
+    for one, other in zip(some, drawn, strict=True):
+        for name in vars(one):
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name))

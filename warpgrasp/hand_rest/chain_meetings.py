@@ -29,12 +29,11 @@ from warpgrasp.hand_rest.meetings import (
 
 FINGERS = 5
 """Fingers of a hand at most."""
-_CAPSULES = wp.constant(CAPSULES)
+CAPSULE_ROWS = wp.constant(CAPSULES)
+"""Of a finger, in a row of all capsules of a hand."""
 _MEETINGS = wp.constant(MEETINGS)
-_FAR = wp.constant(real(1.0))  # [m]
 _NEAR = wp.constant(real(2e-3))  # [m]: links nearer than this may meet in a step
 hand_angles = wp.types.matrix(shape=(FINGERS, 6), dtype=real)
-hand_room = wp.types.vector(length=FINGERS, dtype=real)
 
 
 @struct
@@ -67,11 +66,21 @@ class CapsulePair:
 @struct
 class ChainBuild:
     """What else decides where links meet: the palm's capsules (bar, 2), the pairs, and room for the
-    ends of capsules (row, capsule, 2), in the hand's frame [m]."""
+    ends of capsules (row, capsule, 2), in the hand's frame [m].
+
+    `order` (world, grasp, pair) numbers the pairs by their `slack`, the least first: how near they
+    come on the way of a grasp while nothing holds their fingers, at least [m]. Of this hand's
+    (`world`, `grasp`) the first `count` are looked at.
+    """
 
     palm: wp.array2d[vec3]
     pairs: wp.array[CapsulePair]
     ends: wp.array3d[vec3]
+    order: wp.array3d[int]
+    slack: wp.array3d[real]
+    world: int
+    grasp: int
+    count: int
 
 
 @wp.func
@@ -101,18 +110,13 @@ def true_command(  # noqa: F811
 
 
 @wp.func
-def place_capsules(
-    hands: wp.array2d[Chain], own: int, q: hand_angles, ends: wp.array3d[vec3], i: int
-):
-    """Notes both ends of every capsule in the hand's frame, in row `i` of `ends`."""
-    still = wp.transform_identity(dtype=wp.float64)
-    for f in range(hands.shape[1]):
-        hand = hands[own, f]
-        pose = chain_pose(hand, still, q[f])
-        for c in range(hand.capsule_count):
-            capsule = chain_capsule(hand, c)
-            ends[i, f * _CAPSULES + c, 0] = link_place(pose, capsule.joint, capsule.start)
-            ends[i, f * _CAPSULES + c, 1] = link_place(pose, capsule.joint, capsule.end)
+def place_finger(hand: Chain, q: vec6, ends: wp.array3d[vec3], i: int, finger: int):
+    """Notes both ends of a finger's capsules in the hand's frame, in row `i` of `ends`."""
+    pose = chain_pose(hand, wp.transform_identity(dtype=wp.float64), q)
+    for c in range(hand.capsule_count):
+        capsule = chain_capsule(hand, c)
+        ends[i, finger * CAPSULE_ROWS + c, 0] = link_place(pose, capsule.joint, capsule.start)
+        ends[i, finger * CAPSULE_ROWS + c, 1] = link_place(pose, capsule.joint, capsule.end)
 
 
 @wp.func
@@ -127,30 +131,67 @@ def _pair_end(pair: CapsulePair, palm: wp.array2d[vec3], ends: wp.array3d[vec3],
     """An end of a pair's second capsule."""
     if pair.two < 0:
         return palm[pair.other, end]
-    return ends[i, pair.two * _CAPSULES + pair.other, end]
+    return ends[i, pair.two * CAPSULE_ROWS + pair.other, end]
 
 
 @wp.func
-def least_gap(build: ChainBuild, i: int, off: hand_room, fingers: int):
-    """Least distance between the skins of pairs [m], less what each finger may be `off`; at most a
-    metre. Of the pairs of which one is one of `fingers`, a bit each."""
-    least = real(_FAR)
-    for k in range(build.pairs.shape[0]):
-        pair = build.pairs[k]
-        own = fingers & (1 << pair.one)
-        if pair.two >= 0:
-            own = own | (fingers & (1 << pair.two))
-        if own != 0:
-            reach = pair.both + off[pair.one]
-            if pair.two >= 0:
-                reach += off[pair.two]
-            a = build.ends[i, pair.one * _CAPSULES + pair.capsule, 0]
-            b = build.ends[i, pair.one * _CAPSULES + pair.capsule, 1]
-            c = _pair_end(pair, build.palm, build.ends, i, 0)
-            d = _pair_end(pair, build.palm, build.ends, i, 1)
-            if _within(a, b, c, d, least + reach):
-                least = wp.min(least, segment_pair(a, b, c, d).apart - reach)
-    return least
+def ordered_pair(build: ChainBuild, k: int):
+    """The pair of a number in `order`."""
+    return build.pairs[build.order[build.world, build.grasp, k]]
+
+
+@wp.func
+def pairs_within(build: ChainBuild, reach: real):
+    """How many pairs may touch where fingers are held back, or pushed, by `reach` together [m]."""
+    low = int(0)
+    high = int(build.pairs.shape[0])
+    while low < high:
+        middle = (low + high) // 2
+        if build.slack[build.world, build.grasp, middle] < reach:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@wp.func
+def off_command(hand: Chain, turn: vec6):
+    """How far drives that are off their commands by a turn move any place of a finger [m], at most.
+    """
+    off = real(0.0)
+    for d in range(hand.drives):
+        off += hand.levers[d] * wp.abs(turn[d])
+    return off
+
+
+@wp.func
+def pairs_that_may(
+    hands: wp.array2d[Chain], own: int, build: ChainBuild, command: hand_angles, q: hand_angles,
+    moves: hand_angles
+):
+    """How many pairs may be near in a step that moves the commands of fingers at drives `q`."""
+    most = real(0.0)  # that any two fingers are off their commands [m]
+    second = real(0.0)
+    for f in range(hands.shape[1]):
+        hand = hands[own, f]
+        off = off_command(hand, command[f] - q[f]) + off_command(hand, moves[f])
+        second = wp.max(second, wp.min(most, off))
+        most = wp.max(most, off)
+    return pairs_within(build, most + second + _NEAR)
+
+
+@wp.func
+def pair_gap(build: ChainBuild, pair: CapsulePair, i: int, enough: real):
+    """How far the skins of a pair are apart [m]; by balls around them where that is `enough`."""
+    a = build.ends[i, pair.one * CAPSULE_ROWS + pair.capsule, 0]
+    b = build.ends[i, pair.one * CAPSULE_ROWS + pair.capsule, 1]
+    c = _pair_end(pair, build.palm, build.ends, i, 0)
+    d = _pair_end(pair, build.palm, build.ends, i, 1)
+    gap = wp.length((a + b - c - d) * HALF) - (
+        wp.length(b - a) + wp.length(d - c)) * HALF - pair.both
+    if gap < enough:
+        gap = segment_pair(a, b, c, d).apart - pair.both
+    return gap
 
 
 @wp.func
@@ -181,13 +222,21 @@ def find_meetings(  # noqa: F811
     meetings: wp.array2d[ChainMeeting], i: int
 ):
     """Notes the pairs of capsules that touch or are near, in row `i`; returns their number."""
-    place_capsules(hands, own, q, build.ends, i)
+    looked = int(0)
+    for k in range(build.count):
+        pair = ordered_pair(build, k)
+        looked = looked | (1 << pair.one)
+        if pair.two >= 0:
+            looked = looked | (1 << pair.two)
+    for f in range(hands.shape[1]):
+        if (looked & (1 << f)) != 0:
+            place_finger(hands[own, f], q[f], build.ends, i, f)
     still = wp.transform_identity(dtype=wp.float64)
     count = int(0)
-    for k in range(build.pairs.shape[0]):
-        pair = build.pairs[k]
-        a = build.ends[i, pair.one * _CAPSULES + pair.capsule, 0]
-        b = build.ends[i, pair.one * _CAPSULES + pair.capsule, 1]
+    for k in range(build.count):
+        pair = ordered_pair(build, k)
+        a = build.ends[i, pair.one * CAPSULE_ROWS + pair.capsule, 0]
+        b = build.ends[i, pair.one * CAPSULE_ROWS + pair.capsule, 1]
         c = _pair_end(pair, build.palm, build.ends, i, 0)
         d = _pair_end(pair, build.palm, build.ends, i, 1)
         if _within(a, b, c, d, pair.both + _NEAR):
