@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import inf
 
+from strategies.ready_made import PLANNED_TOGETHER
 from sweeps.output import write_atomic
 from sweeps.run.grown_units import begun, join, rest_of
 from sweeps.run.plan import Plan, Unit
@@ -158,7 +159,8 @@ class UnitQueue:
         At most a worker's share of all that is not done yet, so that all end together. Planners of
         one's own are called for a unit at a time, since they need not keep worlds apart.
         """
-        if unit.cell.strategy.call or unit.cell_hash in self.alone:
+        call = unit.cell.strategy.call
+        if unit.cell_hash in self.alone or call and call not in PLANNED_TOGETHER:
             return 1
         short = min(IN_HAND_S, self.unit_timeout_s / 4) / max(self.unit_s(unit), 1e-9)
         share = (1 + len(self.found) + self.ahead + elsewhere) / workers
