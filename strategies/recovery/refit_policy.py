@@ -37,6 +37,8 @@ ROUGH_ROUNDS = 1
 """Rounds of new starts that are not the last."""
 A_DOUBLING = 2
 """So many times a body has new starts while the steps of its episode double."""
+GROWN = 1.25
+"""A body that nobody asks for on the way is fitted when contacts are so many times as many."""
 EXPLAINED_M = 0.001
 """Mean distance of pads' touches from a contour that explains them [est]."""
 FEWEST_EXPLAINED = 8
@@ -93,13 +95,16 @@ def newly_felt(news: list[Evidence], worlds: int) -> np.ndarray:
 
 def refitted(
     last: Fitted, felt: Evidence, links: TouchedLinks | None, rows: np.ndarray,
-    steps: np.ndarray, believed: np.ndarray, profile: Profile | None, table: FitTable
+    steps: np.ndarray, believed: np.ndarray, profile: Profile | None, table: FitTable, *,
+    seldom: bool = False
 ) -> Fitted:
     """Bodies of all worlds after a step in which the worlds `rows` felt something new.
 
     `felt` is all evidence, `links` those that may have been touched (None: contacts stay where they
     are felt), `steps` (world,) the number of this step, from 1, `believed` (world,) whether a body
-    is to be gone on from, `profile` the contours followed.
+    is to be gone on from, `profile` the contours followed. With `seldom` only worlds are fitted
+    that pads touched, or whose contacts are `GROWN` times as many as at their last fit, and those
+    only when new starts are due.
     """
     by_pads = felt_by_pads(felt, rows)
     pads = by_pads.mask[:, last.placed.mask.shape[1]:].any(1)
@@ -109,6 +114,9 @@ def refitted(
     renewed = np.where(pads, ~believed, first | due | ~is_fitted(last.fits.status))
     turned = ~renewed & explained(profile, by_pads)
     renewed |= contradicted(last.fits, by_pads) & ~turned
+    if seldom:
+        on_time = _renewals(steps) > _renewals(steps - 1)
+        rows = rows[(pads | on_time & _grown(last.placed, felt))[rows]]
     last = replace(
         last, placed=_widened(last.placed, felt), rough=with_rows(last.rough, rows, ~whole[rows]),
         renewed_at=with_rows(last.renewed_at, rows, np.where(
@@ -125,14 +133,23 @@ def finished(
     last: Fitted, felt: Evidence, links: TouchedLinks | None, table: FitTable
 ) -> tuple[Fitted, np.ndarray]:
     """Bodies at the end of episodes: those that are rough have new starts and rivals like those of
-    a sequence that is fitted once. Also the worlds fitted, (row,)."""
-    rows = np.flatnonzero(last.rough)
+    a sequence that is fitted once; those not fitted since contacts were felt are refined first.
+    Also the worlds fitted, (row,)."""
+    behind = felt.mask.sum(1) > last.placed.mask.sum(1)
+    rows = np.flatnonzero(last.rough | behind)
     if len(rows) == 0:
         return last, rows
+    last = _with_bodies(last, felt, links, np.flatnonzero(behind), table, refine_bodies)
     whole = recover_bodies(rows_of(felt, rows), rows_of(links, rows), table)
     found, where = nearer((last.fits[rows], rows_of(last.placed, rows)), whole)
     return Fitted(with_rows(last.fits, rows, found), with_rows(last.placed, rows, where),
                   last.renewed_at, np.zeros_like(last.rough)), rows
+
+
+def _grown(placed: Evidence, felt: Evidence) -> np.ndarray:
+    """Worlds that felt clearly more contacts than their body was fitted to, bool (world,)."""
+    before, now = placed.mask.sum(1), felt.mask.sum(1)
+    return (now > before) & (now >= GROWN * before)
 
 
 def _renewals(steps: np.ndarray) -> np.ndarray:
