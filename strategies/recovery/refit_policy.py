@@ -28,6 +28,7 @@ from strategies.recovery.fit_contacts import (
     beside_rivals,
     nearer,
     recover_bodies,
+    recover_from,
     refine_bodies,
 )
 from strategies.recovery.misfit import DOUBTED_M, FARTHEST_M, touch_misfit
@@ -118,11 +119,13 @@ def refitted(
         on_time = _renewals(steps) > _renewals(steps - 1)
         rows = rows[(pads | on_time & _grown(last.placed, felt))[rows]]
     last = replace(
-        last, placed=_widened(last.placed, felt), rough=with_rows(last.rough, rows, ~whole[rows]),
+        last, placed=_widened(last.placed, felt),
+        rough=with_rows(last.rough, rows, seldom | ~whole[rows]),
         renewed_at=with_rows(last.renewed_at, rows, np.where(
             renewed, steps, last.renewed_at)[rows]))
     for among, fit in (
-            (renewed & whole, _begun), (renewed & ~whole, _refined_or_begun),
+            (renewed & whole, _begun_roughly if seldom else _begun),
+            (renewed & ~whole, _refined_or_begun),
             (~renewed & turned, _refined), (~renewed & ~turned & pads, _refined_beside_rivals),
             (~renewed & ~turned & ~pads, refine_bodies)):
         last = _with_bodies(last, felt, links, rows[among[rows]], table, fit)
@@ -130,20 +133,32 @@ def refitted(
 
 
 def finished(
-    last: Fitted, felt: Evidence, links: TouchedLinks | None, table: FitTable
+    last: Fitted, felt: Evidence, links: TouchedLinks | None, table: FitTable,
+    agrees: np.ndarray | None = None
 ) -> tuple[Fitted, np.ndarray]:
     """Bodies at the end of episodes: those that are rough have new starts and rivals like those of
     a sequence that is fitted once; those not fitted since contacts were felt are refined first.
-    Also the worlds fitted, (row,)."""
+    Where nothing contradicts a body, `agrees` (world,), its new starts go by where its contacts are
+    by now. Also the worlds fitted, (row,)."""
     behind = felt.mask.sum(1) > last.placed.mask.sum(1)
     rows = np.flatnonzero(last.rough | behind)
     if len(rows) == 0:
         return last, rows
     last = _with_bodies(last, felt, links, np.flatnonzero(behind), table, refine_bodies)
-    whole = recover_bodies(rows_of(felt, rows), rows_of(links, rows), table)
-    found, where = nearer((last.fits[rows], rows_of(last.placed, rows)), whole)
-    return Fitted(with_rows(last.fits, rows, found), with_rows(last.placed, rows, where),
-                  last.renewed_at, np.zeros_like(last.rough)), rows
+    sure = np.zeros(len(last.rough), bool)
+    if agrees is not None:
+        sure = agrees & (touch_misfit(last.fits, last.placed) < DOUBTED_M)
+    fits, placed = last.fits, last.placed
+    for among in (sure, ~sure):
+        some = rows[among[rows]]
+        if len(some) == 0:
+            continue
+        known = last.fits[some], rows_of(last.placed, some)
+        given = rows_of(felt, some), rows_of(links, some), table
+        new = recover_from(known, *given) if sure[some[0]] else recover_bodies(*given)
+        found, where = nearer(known, new)
+        fits, placed = with_rows(fits, some, found), with_rows(placed, some, where)
+    return Fitted(fits, placed, last.renewed_at, np.zeros_like(last.rough)), rows
 
 
 def _grown(placed: Evidence, felt: Evidence) -> np.ndarray:
@@ -172,6 +187,12 @@ def _begun(felt: Evidence, links: TouchedLinks | None, table: FitTable, start: S
     return recover_bodies(felt, links, table)
 
 
+def _begun_roughly(felt: Evidence, links: TouchedLinks | None, table: FitTable,
+                   start: SuperquadricFit) -> Bodies:
+    rough = replace(table, rounds=min(table.rounds, ROUGH_ROUNDS), rivals=False)
+    return recover_bodies(felt, links, rough)
+
+
 def _refined_or_begun(felt: Evidence, links: TouchedLinks | None, table: FitTable,
                       start: SuperquadricFit) -> Bodies:
     """Refined bodies; of those that are doubted, those from rough new starts where they are nearer.
@@ -180,10 +201,8 @@ def _refined_or_begun(felt: Evidence, links: TouchedLinks | None, table: FitTabl
     rows = np.flatnonzero(touch_misfit(found, where) > DOUBTED_M)
     if len(rows) == 0:
         return found, where
-    rough = replace(table, rounds=min(table.rounds, ROUGH_ROUNDS), rivals=False)
-    best, there = nearer(
-        (found[rows], rows_of(where, rows)),
-        recover_bodies(rows_of(felt, rows), rows_of(links, rows), rough))
+    best, there = nearer((found[rows], rows_of(where, rows)),
+                         _begun_roughly(rows_of(felt, rows), rows_of(links, rows), table, start))
     return with_rows(found, rows, best), with_rows(where, rows, there)
 
 

@@ -160,7 +160,7 @@ class UnitQueue:
         one's own are called for a unit at a time, since they need not keep worlds apart.
         """
         call = unit.cell.strategy.call
-        if unit.cell_hash in self.alone or call and call not in PLANNED_TOGETHER:
+        if unit.cell_hash in self.alone or (call and call not in PLANNED_TOGETHER):
             return 1
         short = min(IN_HAND_S, self.unit_timeout_s / 4) / max(self.unit_s(unit), 1e-9)
         share = (1 + len(self.found) + self.ahead + elsewhere) / workers
