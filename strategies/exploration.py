@@ -216,8 +216,7 @@ class RunningExploration:
     def finish(self) -> bool:
         """Fit bodies that were only refined since from new starts; False where there are none."""
         self.fitted, rows = finished(self.fitted, self.felt,
-                                     self.links if self.intrinsic else None, self.table,
-                                     self.believed & self.agrees if self.seldom else None)
+                                     self.links if self.intrinsic else None, self.table)
         if len(rows):
             self._conclude(rows)
         return len(rows) > 0

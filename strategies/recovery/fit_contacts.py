@@ -90,19 +90,6 @@ def _recover(
     return fits, placed
 
 
-def recover_from(
-    known: Bodies, evidence: Evidence, links: TouchedLinks | None, table: FitTable
-) -> Bodies:
-    """Bodies from new starts, as `recover_bodies` without rivals; but the first are fitted to
-    contacts as placed on `known` bodies, which nothing contradicts, and half the rounds follow."""
-    placed = nearest_free(known[1], evidence, known[0])
-    rounds = table.rounds // 2 if links is not None else 0
-    fits = fit_evidence(placed, table, iterations=0 if rounds else LAST_ITERATIONS)
-    if rounds == 0:
-        return fits, placed
-    return refine_bodies(evidence, links, table, fits, rounds=rounds, iterations=LAST_ITERATIONS)
-
-
 def refine_bodies(
     evidence: Evidence, links: TouchedLinks | None, table: FitTable, start: SuperquadricFit, *,
     rounds: int = 1, iterations: int = REFINE_ITERATIONS

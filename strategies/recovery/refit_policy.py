@@ -6,6 +6,9 @@ pads contradict it, where its touches lie off it as its episode comes to 2, 3, 4
 steps, and when its episode ends. That is in all worlds at once, for one call of a program takes
 many of them. On the way they are few and rough: no rivals, and contacts placed once. Of refined
 body and new one the nearer to the touches stays.
+
+A planner that nothing felt guides asks for no body on the way. Then one is fitted only at those
+steps, the first and the last among them, and where contacts have become clearly more (`seldom`).
 """
 
 from collections.abc import Callable
@@ -28,7 +31,6 @@ from strategies.recovery.fit_contacts import (
     beside_rivals,
     nearer,
     recover_bodies,
-    recover_from,
     refine_bodies,
 )
 from strategies.recovery.misfit import DOUBTED_M, FARTHEST_M, touch_misfit
@@ -133,32 +135,20 @@ def refitted(
 
 
 def finished(
-    last: Fitted, felt: Evidence, links: TouchedLinks | None, table: FitTable,
-    agrees: np.ndarray | None = None
+    last: Fitted, felt: Evidence, links: TouchedLinks | None, table: FitTable
 ) -> tuple[Fitted, np.ndarray]:
     """Bodies at the end of episodes: those that are rough have new starts and rivals like those of
     a sequence that is fitted once; those not fitted since contacts were felt are refined first.
-    Where nothing contradicts a body, `agrees` (world,), its new starts go by where its contacts are
-    by now. Also the worlds fitted, (row,)."""
+    Also the worlds fitted, (row,)."""
     behind = felt.mask.sum(1) > last.placed.mask.sum(1)
     rows = np.flatnonzero(last.rough | behind)
     if len(rows) == 0:
         return last, rows
-    last = _with_bodies(last, felt, links, np.flatnonzero(behind), table, refine_bodies)
-    sure = np.zeros(len(last.rough), bool)
-    if agrees is not None:
-        sure = agrees & (touch_misfit(last.fits, last.placed) < DOUBTED_M)
-    fits, placed = last.fits, last.placed
-    for among in (sure, ~sure):
-        some = rows[among[rows]]
-        if len(some) == 0:
-            continue
-        known = last.fits[some], rows_of(last.placed, some)
-        given = rows_of(felt, some), rows_of(links, some), table
-        new = recover_from(known, *given) if sure[some[0]] else recover_bodies(*given)
-        found, where = nearer(known, new)
-        fits, placed = with_rows(fits, some, found), with_rows(placed, some, where)
-    return Fitted(fits, placed, last.renewed_at, np.zeros_like(last.rough)), rows
+    last = _with_bodies(last, felt, links, np.flatnonzero(behind), table, _refined)
+    whole = recover_bodies(rows_of(felt, rows), rows_of(links, rows), table)
+    found, where = nearer((last.fits[rows], rows_of(last.placed, rows)), whole)
+    return Fitted(with_rows(last.fits, rows, found), with_rows(last.placed, rows, where),
+                  last.renewed_at, np.zeros_like(last.rough)), rows
 
 
 def _grown(placed: Evidence, felt: Evidence) -> np.ndarray:

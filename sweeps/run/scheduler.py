@@ -7,6 +7,7 @@ from math import inf
 
 from strategies.ready_made import PLANNED_TOGETHER
 from sweeps.output import write_atomic
+from sweeps.run.estimate import episode_seconds
 from sweeps.run.grown_units import begun, join, rest_of
 from sweeps.run.plan import Plan, Unit
 from sweeps.run.progress import Progress
@@ -20,8 +21,8 @@ IN_HAND_S = 30.0
 """Seconds of work handed out together: what a kill may lose, of each worker. With ten,
 `coarse-to-fine` is run some 200 at once, which takes it a fifth longer than 512 (reckoned)."""
 EPISODE_S = 0.05
-"""What an episode is taken to need until one of its strategy has come back [est]; one of
-`coarse-to-fine` does, many at once."""
+"""What an episode of an order given in advance is taken to need until one of its strategy has come
+back [est]; one of `coarse-to-fine` does, many at once."""
 
 
 @dataclass
@@ -130,7 +131,9 @@ class UnitQueue:
 
     def unit_s(self, unit: Unit) -> float:
         """How long a unit should take [s]: what the last one of its strategy did."""
-        return self.seconds.get(unit.cell.strategy.name, EPISODE_S * (unit.stop - unit.start))
+        strategy = unit.cell.strategy
+        each = episode_seconds(strategy) if strategy.call else EPISODE_S
+        return self.seconds.get(strategy.name, each * (unit.stop - unit.start))
 
     def _missing(self, units: Iterable[Unit]) -> Iterator[Unit]:
         for unit in units:

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from beliefs import BODY, belief, on_side
 
 from fit.superquadric.fit import fit_superquadric
@@ -119,13 +118,12 @@ def test_bodies_that_nobody_asks_for_are_fitted_when_contacts_are_clearly_more()
     assert at_once.placed.mask.sum(1).tolist() == [count, count]
 
 
-@pytest.mark.parametrize("agrees", [None, np.ones(2, bool)])
-def test_at_the_end_every_contact_counts(agrees: np.ndarray | None) -> None:
+def test_at_the_end_every_contact_counts() -> None:
     felt = belief(ROUND).evidence
     few = with_first(felt, 1, 8)
     fits = fit_superquadric(few.points_m, few.mask, table_z=0.0)
     last = Fitted(fits, few, np.zeros(2, int), np.zeros(2, bool))
-    end, rows = finished(last, felt, None, FitTable(), agrees)
+    end, rows = finished(last, felt, None, FitTable())
     assert rows.tolist() == [1]
     assert np.array_equal(end.placed.mask, felt.mask)
     assert touch_misfit(end.fits, end.placed)[1] < 5e-4
