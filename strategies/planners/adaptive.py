@@ -39,40 +39,57 @@ class OneAtATime(ABC):
     def __init__(self) -> None:
         self.taken: np.ndarray | None = None
         self.last: np.ndarray | None = None
-        """Where the hand is, (world, 1, 7)."""
-        self.larger_m: np.ndarray | float = 0.0
+        """Where the hand is in the worlds that are looked at, (row, 1, 7)."""
+        self.larger_m = np.zeros(0)
         """By how much the object is taken to be larger than believed, (world,)."""
         self._before: tuple[np.ndarray, np.ndarray] | None = None
         self._about_prior: tuple[np.ndarray, np.ndarray] | None = None
         """Candidates about the prior cylinder, which stays: they are the same at every step."""
+        self._stood: np.ndarray | None = None
+        """The same of all worlds."""
 
     def __call__(self, belief: Belief) -> list[Probe]:
         """One grasp in every world that has a candidate left."""
+        rows = np.arange(belief.worlds)
         if self.about == "belief":
             self._learn(belief)
-            belief, trusted = planning_belief(belief, self.larger_m)
-            margin = np.where(trusted, self.larger_m, 0.0)
-            poses, reachable = candidate_poses(belief, margin_m=margin)
-        else:
+            rows = np.flatnonzero(belief.active)  # what others believe is not asked for
+        here = belief.of(rows)
+        self.last = None if self._stood is None else self._stood[rows]
+        poses, reachable, here = self._candidates(here, rows)
+        if self.taken is None:
+            self.taken = np.zeros((belief.worlds, poses.shape[1]), bool)
+        free = reachable & ~self.taken[rows] & here.active[:, None]
+        gain = np.where(free, self.gain(here, poses, free), -np.inf)
+        best = gain.argmax(1)
+        every = np.arange(len(rows))
+        wanted = np.zeros(belief.worlds, bool)
+        wanted[rows] = np.isfinite(gain[every, best])
+        chosen = np.zeros((belief.worlds, 7)) if self._stood is None else self._stood[:, 0].copy()
+        chosen[rows] = poses[every, best]
+        self.taken[rows, best] |= wanted[rows]
+        self.taken[~wanted] = True  # alone, its episode would have ended
+        self._stood = chosen[:, None]
+        return [Grasp(chosen[:, None], wanted[:, None])]
+
+    def _candidates(self, belief: Belief, rows: np.ndarray
+                    ) -> tuple[np.ndarray, np.ndarray, Belief]:
+        """Poses of the worlds `rows`, (row, candidate, 7), whether the arm reaches them, and the
+        belief to judge them by."""
+        if self.about != "belief":
             if self._about_prior is None:
                 self._about_prior = candidate_poses(belief, about="prior")
-            poses, reachable = self._about_prior
-        if self.taken is None:
-            self.taken = np.zeros(reachable.shape, bool)
-        free = reachable & ~self.taken & belief.active[:, None]
-        gain = np.where(free, self.gain(belief, poses, free), -np.inf)
-        best = gain.argmax(1)
-        rows = np.arange(belief.worlds)
-        wanted = np.isfinite(gain[rows, best])
-        self.taken[rows[wanted], best[wanted]] = True
-        self.taken[~wanted] = True  # alone, its episode would have ended
-        self.last = poses[rows, best][:, None]
-        return [Grasp(poses[rows, best][:, None], wanted[:, None])]
+            return *self._about_prior, belief
+        larger = np.asarray(self.larger_m)[rows]
+        belief, trusted = planning_belief(belief, larger)
+        return *candidate_poses(belief, margin_m=np.where(trusted, larger, 0.0)), belief
 
     def _learn(self, belief: Belief) -> None:
         """How the last pose went says whether the object is larger or smaller than believed."""
         contacts = belief.evidence.mask.sum(1)
-        if self._before is not None:
+        if self._before is None:
+            self.larger_m = np.zeros(belief.worlds)
+        else:
             closed, felt = belief.touches - self._before[0], contacts - self._before[1]
             larger = np.where(closed == 0, self.larger_m + BARRED_M, np.where(
                 felt < POOR * closed, self.larger_m - EMPTY_M, FORGETS * self.larger_m))
@@ -88,7 +105,7 @@ class OneAtATime(ABC):
 class RandomPose(OneAtATime):
     """A pose at random."""
 
-    about = "prior"
+    about, blind = "prior", True
 
     def gain(self, belief: Belief, poses: np.ndarray, free: np.ndarray) -> np.ndarray:
         """A draw a candidate and step."""
@@ -100,7 +117,7 @@ class RandomPose(OneAtATime):
 class EvenPoses(OneAtATime):
     """Farthest-point order (Gonzalez 1985) over the places of the hand and its approach."""
 
-    about = "prior"
+    about, blind = "prior", True
 
     def __init__(self) -> None:
         super().__init__()

@@ -119,15 +119,16 @@ class _Field:
     def falls(self, touches: np.ndarray, found: np.ndarray, surface: np.ndarray,
               weight: np.ndarray) -> np.ndarray:
         """Of the mean standard deviation over `surface` [m], for each row of `touches`."""
-        flat = touches.reshape(-1)
+        flat = touches[found]
         to_touch = self.whiten @ self._prior(self.known, flat)
         to_surface = self.whiten @ self._prior(self.known, surface)
-        by_pose = np.ascontiguousarray(to_touch.T).reshape(*touches.shape, len(self.known))
+        by_pose = np.zeros((*touches.shape, len(self.known)))
+        by_pose[found] = to_touch.T
         within = self._prior(touches, touches) - by_pose @ np.swapaxes(by_pose, -1, -2)
         within = within * (found[:, :, None] & found[:, None]) + np.eye(touches.shape[1])
-        across = self._prior(flat, surface, self.across)
-        across -= to_touch.T.astype(self.across) @ to_surface.astype(self.across)
-        across = across.reshape(*touches.shape, -1) * found[..., None]
+        across = np.zeros((*touches.shape, len(surface)), self.across)
+        across[found] = self._prior(flat, surface, self.across) - (
+            to_touch.T.astype(self.across) @ to_surface.astype(self.across))
         white = np.linalg.inv(np.linalg.cholesky(within)).astype(self.across)
         explained = ((white @ across) ** 2).sum(1)
         before = np.maximum((self.misfit / NOISE_M) ** 2 + (self.slopes[surface]**2).sum(-1)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from fit.arrays import rows_of
 from fit.superquadric.geometry import Superquadric
 from fit.superquadric.record import SuperquadricFit
 from strategies.contacts.body_uncertainty import BodyUncertainty, calibrated_uncertainty
@@ -17,6 +18,9 @@ from strategies.procedures.planar_faces import Face
 from strategies.recovery.choose_model import Shape, revolution_of
 from strategies.recovery.evidence import CONTRADICTED_FROM, Evidence
 from warpgrasp.parameters import ArmTable, ErrorTable, HandTable, SensorTable
+
+_SHARED = ("step", "arm", "hand", "sensors", "closings", "errors")
+"""Fields that all worlds share."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +91,11 @@ class Belief:
         if "uncertainty" in self.__dict__:
             other.__dict__["uncertainty"] = self.uncertainty
         return other
+
+    def of(self, rows: np.ndarray) -> "Belief":
+        """The belief of some of the worlds, in the order of their numbers `rows`."""
+        return replace(self, **{f.name: rows_of(getattr(self, f.name), rows)
+                                for f in fields(self) if f.name not in _SHARED})
 
     @property
     def felt(self) -> Felt:

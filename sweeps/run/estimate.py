@@ -7,13 +7,14 @@ UNIT_BYTES = 30_000  # a full unit file of 64 episodes, measured
 MOVE_BYTES = 65  # of a guarded move whose contact is kept, measured
 TOUCHES = 200  # of a procedure that feels with pads
 # Seconds of one core, measured on objects of the catalogue and a scanned bottle, in units of 64
-# episodes; a quieter or a faster machine takes half as long.
+# episodes, of planners those of many objects together; a quieter or a faster machine takes half
+# as long.
 FIT_S = 0.008  # a body found from scratch, in five fits
 GRASP_S = 0.0008  # a pose of two closings
 TOUCHED_S = {"planar": 0.07, "contour": 0.03, "decide": 0.08}
-STEP_S = {"random": 0.016, "even": 0.016, "oracle": 0.3}
+STEP_S = {"random": 0.008, "even": 0.008, "oracle": 0.3}
 """A step of planners that choose one pose at a time, its fit included."""
-OTHER_STEP_S = 0.035
+OTHER_STEP_S = 0.018
 """Of the others, and of planners of the user's own."""
 
 

@@ -5,7 +5,9 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import inf
 
+from strategies.ready_made import PLANNED_TOGETHER
 from sweeps.output import write_atomic
+from sweeps.run.estimate import episode_seconds
 from sweeps.run.grown_units import begun, join, rest_of
 from sweeps.run.plan import Plan, Unit
 from sweeps.run.progress import Progress
@@ -19,8 +21,8 @@ IN_HAND_S = 30.0
 """Seconds of work handed out together: what a kill may lose, of each worker. With ten,
 `coarse-to-fine` is run some 200 at once, which takes it a fifth longer than 512 (reckoned)."""
 EPISODE_S = 0.05
-"""What an episode is taken to need until one of its strategy has come back [est]; one of
-`coarse-to-fine` does, many at once."""
+"""What an episode of an order given in advance is taken to need until one of its strategy has come
+back [est]; one of `coarse-to-fine` does, many at once."""
 
 
 @dataclass
@@ -129,7 +131,9 @@ class UnitQueue:
 
     def unit_s(self, unit: Unit) -> float:
         """How long a unit should take [s]: what the last one of its strategy did."""
-        return self.seconds.get(unit.cell.strategy.name, EPISODE_S * (unit.stop - unit.start))
+        strategy = unit.cell.strategy
+        each = episode_seconds(strategy) if strategy.call else EPISODE_S
+        return self.seconds.get(strategy.name, each * (unit.stop - unit.start))
 
     def _missing(self, units: Iterable[Unit]) -> Iterator[Unit]:
         for unit in units:
@@ -158,7 +162,8 @@ class UnitQueue:
         At most a worker's share of all that is not done yet, so that all end together. Planners of
         one's own are called for a unit at a time, since they need not keep worlds apart.
         """
-        if unit.cell.strategy.call or unit.cell_hash in self.alone:
+        call = unit.cell.strategy.call
+        if unit.cell_hash in self.alone or (call and call not in PLANNED_TOGETHER):
             return 1
         short = min(IN_HAND_S, self.unit_timeout_s / 4) / max(self.unit_s(unit), 1e-9)
         share = (1 + len(self.found) + self.ahead + elsewhere) / workers

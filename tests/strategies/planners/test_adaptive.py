@@ -161,3 +161,22 @@ def test_options_a_planner_cannot_use_are_refused_by_name() -> None:
         make_planner("gaussian-process", {"length_m": "wide"})
     with pytest.raises(PlannerError, match="breadth"):
         make_planner("even", {"breadth": 1})
+
+
+def test_worlds_that_have_ended_are_not_planned_for() -> None:
+    class Watched(GreedyCoverage):
+        def gain(self, belief, poses, free):
+            looked_at.append(belief.seed.tolist())
+            return super().gain(belief, poses, free)
+
+    looked_at: list[list[int]] = []
+    here = belief(on_side(-60, 60, 16))
+    both, one = Watched(), Watched()
+    (first,) = both(here)
+    (again,) = one(replace(here, active=np.array([False, True])))
+    assert looked_at == [[0, 1], [1]]
+    assert isinstance(first, Grasp)
+    assert isinstance(again, Grasp)
+    assert again.wanted is not None
+    assert again.wanted.tolist() == [[False], [True]]
+    assert np.array_equal(again.hand_pose[1], first.hand_pose[1])

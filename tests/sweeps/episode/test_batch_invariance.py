@@ -10,7 +10,7 @@ from places import HELPERS
 from studies import plan_of
 
 from strategies.poses.waypoints import Ring
-from strategies.ready_made import STRATEGIES
+from strategies.ready_made import PLANNED_TOGETHER, STRATEGIES
 from strategies.strategy import Strategy
 from sweeps.episode.episodes import run_block, run_cells, run_episodes
 from sweeps.run.unit_file import Columns
@@ -62,6 +62,18 @@ def test_the_noise_of_a_world_is_its_own() -> None:
     assert set(beside["procedures"]) == {"containment", "planar containment"}
     for episode in range(6):
         same(run_episodes(mixed, np.array([episode]), "cpu"), beside, episode)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(PLANNED_TOGETHER))
+def test_planners_that_are_called_for_many_keep_worlds_apart(name: str) -> None:
+    """Beside worlds of other objects, which end at other steps."""
+    strategy = replace(STRATEGIES[name], touches=40, options=(
+        (("tried", 2),) if name == "oracle" else ()))
+    wedges, bottles = cell(strategy, "wedge"), cell(strategy, "wine_bottle")
+    beside, others = run_cells([(wedges, np.arange(3)), (bottles, np.arange(5))], "cpu")
+    same(run_episodes(wedges, np.array([1]), "cpu"), beside, 1)
+    same(run_episodes(bottles, np.array([4]), "cpu"), others, 4)
 
 
 def test_waypoints_of_neighbours_change_no_row() -> None:

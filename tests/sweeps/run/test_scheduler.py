@@ -185,10 +185,16 @@ def test_a_batch_holds_seconds_of_work_at_most(
 
 
 def test_planners_of_ones_own_are_called_for_a_unit_at_a_time(tmp_path: Path) -> None:
-    own = TEXT.replace("ring6", "random")
+    own = TEXT.replace("ring6", "any-object")
     work = work_of(plan_of(tmp_path / "spec", own), tmp_path)
     finish(work, work.take()[0], 0.001)
     assert len(work.take()) == 1
+
+
+def test_planners_of_the_package_are_called_for_many_units_of_many_objects(tmp_path: Path) -> None:
+    small = TEXT.replace("ring6", "random").replace("1000", "32")
+    work = work_of(plan_of(tmp_path / "spec", small), tmp_path)
+    assert len({unit.cell.object_name for unit in work.take()}) == 2
 
 
 def test_where_a_strategy_fails_units_are_run_alone(plan: Plan) -> None:
