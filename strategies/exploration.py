@@ -116,12 +116,9 @@ def explore(
 
     `seed` (world,) uint64 is the strategy's own; `table` says what the fits go by; `closings` are
     the paths of grasps that name none. `observe` is shown the belief after every step. `oracle` is
-    the planner, if it is one that may foresee: what it is handed leads to the truth. A
-    planner that is `blind`, which nothing that was felt guides, has bodies fitted seldom on the way
-    (`refit_policy`), unless the budget asks for their volume.
+    the planner, if it is one that may foresee: what it is handed leads to the truth.
     """
     run = RunningExploration(robot, prior, seed, table, closings, budget or Budget())
-    run.seldom = getattr(planner, "blind", False) and run.budget.volume_ratio is None
     if oracle is not None:
         oracle.foresee = run.imagine
     while run.active.any():
@@ -144,8 +141,6 @@ class RunningExploration:
     def __init__(self, robot: Robot, prior: BoundingCylinder, seed: np.ndarray, table: FitTable,
                  closings: tuple[str, ...], budget: Budget) -> None:
         worlds = robot.worlds
-        self.seldom = False
-        """Whether bodies are fitted only where contacts have become clearly more."""
         self.robot, self.prior, self.seed, self.table = robot, prior, seed, table
         self.closings, self.budget = closings, budget
         radius = outline_of(robot.hand).skin_m
@@ -330,7 +325,7 @@ class RunningExploration:
         self.news = []
         links = self.links if self.intrinsic else None
         self.fitted = refitted(self.fitted, self.felt, links, rows[new[rows]], self.steps,
-                               self.believed, self.profile, self.table, seldom=self.seldom)
+                               self.believed, self.profile, self.table)
 
     @property
     def fits(self) -> SuperquadricFit:

@@ -105,7 +105,7 @@ class OneAtATime(ABC):
 class RandomPose(OneAtATime):
     """A pose at random."""
 
-    about, blind = "prior", True
+    about = "prior"
 
     def gain(self, belief: Belief, poses: np.ndarray, free: np.ndarray) -> np.ndarray:
         """A draw a candidate and step."""
@@ -117,7 +117,7 @@ class RandomPose(OneAtATime):
 class EvenPoses(OneAtATime):
     """Farthest-point order (Gonzalez 1985) over the places of the hand and its approach."""
 
-    about, blind = "prior", True
+    about = "prior"
 
     def __init__(self) -> None:
         super().__init__()

@@ -6,9 +6,6 @@ pads contradict it, where its touches lie off it as its episode comes to 2, 3, 4
 steps, and when its episode ends. That is in all worlds at once, for one call of a program takes
 many of them. On the way they are few and rough: no rivals, and contacts placed once. Of refined
 body and new one the nearer to the touches stays.
-
-A planner that nothing felt guides asks for no body on the way. Then one is fitted only at those
-steps, the first and the last among them, and where contacts have become clearly more (`seldom`).
 """
 
 from collections.abc import Callable
@@ -40,8 +37,6 @@ ROUGH_ROUNDS = 1
 """Rounds of new starts that are not the last."""
 A_DOUBLING = 2
 """So many times a body has new starts while the steps of its episode double."""
-GROWN = 1.25
-"""A body that nobody asks for on the way is fitted when contacts are so many times as many."""
 EXPLAINED_M = 0.001
 """Mean distance of pads' touches from a contour that explains them [est]."""
 FEWEST_EXPLAINED = 8
@@ -98,16 +93,13 @@ def newly_felt(news: list[Evidence], worlds: int) -> np.ndarray:
 
 def refitted(
     last: Fitted, felt: Evidence, links: TouchedLinks | None, rows: np.ndarray,
-    steps: np.ndarray, believed: np.ndarray, profile: Profile | None, table: FitTable, *,
-    seldom: bool = False
+    steps: np.ndarray, believed: np.ndarray, profile: Profile | None, table: FitTable
 ) -> Fitted:
     """Bodies of all worlds after a step in which the worlds `rows` felt something new.
 
     `felt` is all evidence, `links` those that may have been touched (None: contacts stay where they
     are felt), `steps` (world,) the number of this step, from 1, `believed` (world,) whether a body
-    is to be gone on from, `profile` the contours followed. With `seldom` only worlds are fitted
-    that pads touched, or whose contacts are `GROWN` times as many as at their last fit, and those
-    only when new starts are due.
+    is to be gone on from, `profile` the contours followed.
     """
     by_pads = felt_by_pads(felt, rows)
     pads = by_pads.mask[:, last.placed.mask.shape[1]:].any(1)
@@ -117,17 +109,12 @@ def refitted(
     renewed = np.where(pads, ~believed, first | due | ~is_fitted(last.fits.status))
     turned = ~renewed & explained(profile, by_pads)
     renewed |= contradicted(last.fits, by_pads) & ~turned
-    if seldom:
-        on_time = _renewals(steps) > _renewals(steps - 1)
-        rows = rows[(pads | on_time & _grown(last.placed, felt))[rows]]
     last = replace(
-        last, placed=_widened(last.placed, felt),
-        rough=with_rows(last.rough, rows, seldom | ~whole[rows]),
+        last, placed=_widened(last.placed, felt), rough=with_rows(last.rough, rows, ~whole[rows]),
         renewed_at=with_rows(last.renewed_at, rows, np.where(
             renewed, steps, last.renewed_at)[rows]))
     for among, fit in (
-            (renewed & whole, _begun_roughly if seldom else _begun),
-            (renewed & ~whole, _refined_or_begun),
+            (renewed & whole, _begun), (renewed & ~whole, _refined_or_begun),
             (~renewed & turned, _refined), (~renewed & ~turned & pads, _refined_beside_rivals),
             (~renewed & ~turned & ~pads, refine_bodies)):
         last = _with_bodies(last, felt, links, rows[among[rows]], table, fit)
@@ -138,23 +125,14 @@ def finished(
     last: Fitted, felt: Evidence, links: TouchedLinks | None, table: FitTable
 ) -> tuple[Fitted, np.ndarray]:
     """Bodies at the end of episodes: those that are rough have new starts and rivals like those of
-    a sequence that is fitted once; those not fitted since contacts were felt are refined first.
-    Also the worlds fitted, (row,)."""
-    behind = felt.mask.sum(1) > last.placed.mask.sum(1)
-    rows = np.flatnonzero(last.rough | behind)
+    a sequence that is fitted once. Also the worlds fitted, (row,)."""
+    rows = np.flatnonzero(last.rough)
     if len(rows) == 0:
         return last, rows
-    last = _with_bodies(last, felt, links, np.flatnonzero(behind), table, _refined)
     whole = recover_bodies(rows_of(felt, rows), rows_of(links, rows), table)
     found, where = nearer((last.fits[rows], rows_of(last.placed, rows)), whole)
     return Fitted(with_rows(last.fits, rows, found), with_rows(last.placed, rows, where),
                   last.renewed_at, np.zeros_like(last.rough)), rows
-
-
-def _grown(placed: Evidence, felt: Evidence) -> np.ndarray:
-    """Worlds that felt clearly more contacts than their body was fitted to, bool (world,)."""
-    before, now = placed.mask.sum(1), felt.mask.sum(1)
-    return (now > before) & (now >= GROWN * before)
 
 
 def _renewals(steps: np.ndarray) -> np.ndarray:
@@ -177,12 +155,6 @@ def _begun(felt: Evidence, links: TouchedLinks | None, table: FitTable, start: S
     return recover_bodies(felt, links, table)
 
 
-def _begun_roughly(felt: Evidence, links: TouchedLinks | None, table: FitTable,
-                   start: SuperquadricFit) -> Bodies:
-    rough = replace(table, rounds=min(table.rounds, ROUGH_ROUNDS), rivals=False)
-    return recover_bodies(felt, links, rough)
-
-
 def _refined_or_begun(felt: Evidence, links: TouchedLinks | None, table: FitTable,
                       start: SuperquadricFit) -> Bodies:
     """Refined bodies; of those that are doubted, those from rough new starts where they are nearer.
@@ -191,8 +163,10 @@ def _refined_or_begun(felt: Evidence, links: TouchedLinks | None, table: FitTabl
     rows = np.flatnonzero(touch_misfit(found, where) > DOUBTED_M)
     if len(rows) == 0:
         return found, where
-    best, there = nearer((found[rows], rows_of(where, rows)),
-                         _begun_roughly(rows_of(felt, rows), rows_of(links, rows), table, start))
+    rough = replace(table, rounds=min(table.rounds, ROUGH_ROUNDS), rivals=False)
+    best, there = nearer(
+        (found[rows], rows_of(where, rows)),
+        recover_bodies(rows_of(felt, rows), rows_of(links, rows), rough))
     return with_rows(found, rows, best), with_rows(where, rows, there)
 
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from places import HELPERS
 
-from strategies import exploration
 from strategies.exploration import Exploration, explore
 from strategies.planners.from_strategy import MOST_STEPS, Budget, budget_of
 from strategies.planners.ordered import OrderedPlanner
@@ -308,21 +307,3 @@ def test_belief_holds_no_truth() -> None:
     for name in vars(found.belief):
         assert "true" not in name
         assert "truth" not in name
-
-
-def test_only_bodies_that_nobody_asks_for_are_fitted_seldom(
-        monkeypatch: pytest.MonkeyPatch) -> None:
-    def watched(*given, seldom: bool):
-        asked.append(seldom)
-        return refit_policy.refitted(*given, seldom=seldom)
-
-    monkeypatch.setattr(exploration, "refitted", watched)
-    for planner, budget, seldom in (
-            (make_planner("even", {}), Budget(touches=8), True),
-            (make_planner("even", {}), Budget(touches=8, volume_ratio=1.1), False),
-            (make_planner("coverage", {}), Budget(touches=8), False),
-            (ordered("containment", count=2, refit_every=1), Budget(), False)):
-        asked: list[bool] = []
-        found = run(planner, budget=budget)
-        assert set(asked) == {seldom}
-        assert np.array_equal(found.belief.evidence.mask, found.felt.mask)

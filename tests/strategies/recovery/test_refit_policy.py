@@ -17,7 +17,6 @@ from strategies.recovery.refit_policy import (
     explained,
     felt_by_pads,
     finished,
-    refitted,
 )
 from warpgrasp.parameters import FitTable
 
@@ -86,44 +85,3 @@ def test_the_end_fits_rough_bodies_and_no_others() -> None:
     again, rows = finished(after, evidence, None, FitTable())
     assert len(rows) == 0
     assert again is after
-
-
-def with_first(felt: Evidence, world: int, count: int) -> Evidence:
-    """The same with only the first contacts of a world, so many of them."""
-    mask = felt.mask.copy()
-    mask[world, count:] = False
-    return replace(felt, mask=mask)
-
-
-def after(last: Fitted, felt: Evidence, step: int, *, seldom: bool) -> Fitted:
-    """Bodies after the step of that number, in which both worlds felt something."""
-    every = np.arange(2)
-    return refitted(last, felt, None, every, np.full(2, step), np.ones(2, bool), None,
-                    FitTable(), seldom=seldom)
-
-
-def test_bodies_that_nobody_asks_for_are_fitted_when_contacts_are_clearly_more() -> None:
-    felt = belief(ROUND).evidence
-    count = int(felt.mask[0].sum())
-    few = with_first(with_first(felt, 0, count - 1), 1, count // 2)
-    fits = fit_superquadric(few.points_m, few.mask, table_z=0.0)
-    last = Fitted(replace(fits, size_m=1.1 * fits.size_m), few, np.ones(2, int), np.zeros(2, bool))
-    on_time = after(last, felt, 4, seldom=True)
-    assert on_time.placed.mask.sum(1).tolist() == [count - 1, count]
-    assert np.array_equal(on_time.fits.size_m[0], last.fits.size_m[0])
-    assert not np.array_equal(on_time.fits.size_m[1], last.fits.size_m[1])
-    between = after(last, felt, 5, seldom=True)
-    assert np.array_equal(between.fits.size_m, last.fits.size_m)
-    at_once = after(last, felt, 5, seldom=False)
-    assert at_once.placed.mask.sum(1).tolist() == [count, count]
-
-
-def test_at_the_end_every_contact_counts() -> None:
-    felt = belief(ROUND).evidence
-    few = with_first(felt, 1, 8)
-    fits = fit_superquadric(few.points_m, few.mask, table_z=0.0)
-    last = Fitted(fits, few, np.zeros(2, int), np.zeros(2, bool))
-    end, rows = finished(last, felt, None, FitTable())
-    assert rows.tolist() == [1]
-    assert np.array_equal(end.placed.mask, felt.mask)
-    assert touch_misfit(end.fits, end.placed)[1] < 5e-4
