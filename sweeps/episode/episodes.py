@@ -37,6 +37,7 @@ from sweeps.episode.given_prior import (
     prior_recovered,
     score_priors,
     seen_prior,
+    worse_than_prior,
 )
 from sweeps.episode.mesh_scores import scores_with_meshes
 from sweeps.episode.recognition_columns import columns_of_recognition, recognize_objects
@@ -105,6 +106,11 @@ class EpisodeBlock:
     def status(self) -> np.ndarray:
         """How each world ended."""
         return self.exploration.status
+
+    @property
+    def worse_than_prior(self) -> np.ndarray:
+        """The scores in which each world is worse than the prior it was given, as text."""
+        return worse_than_prior(self.scores, self.prior_scores)
 
     @property
     def recovered(self) -> Recovered:
@@ -185,6 +191,7 @@ def _rows_of(
         **columns_of_recognition(block.recognition, cell.recognition, bodies, counts),
         "shape": _shape_names(block, names),
         **_score_columns(block.prior_scores, "prior_"),
+        "worse_than_prior": block.worse_than_prior,
     }
     if cell.keep == "contacts":
         columns[CONTACTS] = contact_tables(block.exploration, block.truth)

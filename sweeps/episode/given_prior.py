@@ -69,6 +69,14 @@ def prior_recovered(prior: BoundingCylinder) -> Recovered:
     return Recovered(np.full(len(prior.x_m), Shape.PRIOR_CYLINDER), prior_superquadric(prior))
 
 
+def worse_than_prior(scores: Scores, prior: Scores) -> np.ndarray:
+    """In which scores each world's body is worse than the prior that was given, as text (world,):
+    "chamfer_mm", "iou", both with a space between, or nothing."""
+    farther = np.where(scores.chamfer_m > prior.chamfer_m, "chamfer_mm", "")
+    smaller = np.where(scores.iou < prior.iou, "iou", "")
+    return np.char.strip(np.char.add(np.char.add(farther, " "), smaller))
+
+
 def score_priors(scorer: Scorer, given: Recovered) -> Scores:
     """`scorer.score(given)`; a prior that was scored before is not scored again.
 

@@ -81,6 +81,8 @@ def explore(
     if block.exploration.fault[0]:
         what = "reconstruct" if block.status[0] == REBUILD_FAILED else "the strategy"
         say(f"{what} failed: {block.exploration.fault[0]}")
+    if block.worse_than_prior[0]:
+        say("worse than the prior it was given: " + ", ".join(block.worse_than_prior[0].split()))
     if block.rebuilt is not None and block.rebuilt.made[0]:
         say(f"{block.rebuilt.name}: free-form body made in {block.rebuilt.time_s:.1f} s")
     return [out / file for file in sorted(written)]
@@ -153,6 +155,7 @@ def shape_record(cell: Cell, block: EpisodeBlock, world: int = 0) -> dict[str, A
             "robot_time_s": float(belief.time_s[world]),
             "arm_path_m": float(belief.path_m[world]),
         },
+        "worse_than_prior": str(block.worse_than_prior[world]),
         "grid_error_mm": block.body.grid_error_m * 1e3,
     }
 

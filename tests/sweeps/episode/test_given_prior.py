@@ -102,6 +102,12 @@ def test_rows_hold_what_an_episode_without_a_touch_scores(words: dict) -> None:
         assert np.array_equal(idle[name], idle[f"prior_{name}"])
         assert np.array_equal(idle[f"prior_{name}"], active[f"prior_{name}"])
         assert np.array_equal(active[name][~ok], active[f"prior_{name}"][~ok])
+    assert (idle["worse_than_prior"] == "").all()
+    for row, words_of_row in enumerate(active["worse_than_prior"]):
+        assert set(words_of_row.split()) == {
+            name for name, sign in (("chamfer_mm", 1), ("iou", -1))
+            if sign * active[name][row] > sign * active[f"prior_{name}"][row]}
     if words:  # the narrowest box about a block is the block, but for the edges that are round
         assert (idle["iou"] > 0.97).all()
         assert (idle["chamfer_mm"] < 0.6).all()
+        assert (active["worse_than_prior"][ok] == "chamfer_mm iou").all()
