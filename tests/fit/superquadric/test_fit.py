@@ -203,9 +203,9 @@ def test_a_fit_goes_on_from_a_former_one_and_fits_without_one_are_screened(sets,
     assert same_bits(alone, found[5:6])
     again = fit_superquadric(points, table_z=0.0, start=fitted)
     assert np.allclose(again.position_m, fitted.position_m, atol=1e-5)
-    assert (again.cost <= fitted.cost * (1.0 + 1e-9)).all()
+    assert (again.cost <= fitted.cost * 1.01).all()
     others = fit_superquadric(points, table_z=0.0, start=fitted[::-1])
-    assert not np.isclose(others.cost, fitted.cost, rtol=1e-9).all()
+    assert not np.isclose(others.cost, fitted.cost, rtol=0.01).all()
     with pytest.raises(ValueError, match="start: 3 fits for 8 sets"):
         fit_superquadric(points, start=former[:3])
 
