@@ -40,6 +40,7 @@ def coverage(n: int, count: int, noise: float, common: float = 0.0) -> tuple[flo
     return float(np.mean((low < true) & (true < high))), float(held.mean())
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_about_as_often_as_they_say() -> None:
     for common in (0.0, 1.5e-3):
         volume, surface = coverage(60, 60, 1e-3, common)

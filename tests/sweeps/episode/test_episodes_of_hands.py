@@ -21,7 +21,8 @@ def cell_of(hand: str, strategy: str = "ring6", contact: ContactTable = SMOOTH) 
 
 
 @pytest.mark.parametrize(("hand", "contact", "off_m"), [
-    ("allegro", SMOOTH, 0.008), ("leap", SMOOTH, 0.008), ("barrett", SMOOTH, 0.008),
+    pytest.param("allegro", SMOOTH, 0.008, marks=pytest.mark.slow),
+    pytest.param("leap", SMOOTH, 0.008, marks=pytest.mark.slow), ("barrett", SMOOTH, 0.008),
     # Forces lean within the cone by nobody knows how much: places are less sure.
     ("leap", ContactTable(), 0.012)])
 def test_a_ring_of_grasps_recovers_the_block_better_than_its_prior(

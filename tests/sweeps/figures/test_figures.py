@@ -56,7 +56,7 @@ def test_text_is_on_the_page_and_apart(study: tuple[Plan, Store], kind: str) -> 
     looks_right(KINDS[kind](Asked(study[0], [study[1]])))
 
 
-@pytest.fixture(scope="module", params=[1, 5, 200])
+@pytest.fixture(scope="module", params=[1, 40, pytest.param(200, marks=pytest.mark.slow)])
 def entries(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
             ) -> tuple[Plan, Store]:
     """Studies of so many entries: strategies, and settings of a long name."""

@@ -54,6 +54,17 @@ def test_pads_against_integral_and_mujoco() -> None:
 
 
 @pytest.mark.skipif(NO_MUJOCO, reason="MuJoCo is not installed: make validate")
+@pytest.mark.parametrize("rubs", [False, True])
+def test_a_few_closings_of_another_hand_against_mujoco(rubs: bool) -> None:
+    from sweeps.validate.any_hand import ALONE, BOUNDS, RUBBING, rows_of_tally, tally_of
+
+    contact = RUBBING if rubs else ALONE
+    tally = tally_of("barrett", "cylinder", 2, contact)
+    assert min(tally.stops) > 5
+    assert not broken(list(rows_of_tally("barrett", tally, BOUNDS[contact])))
+
+
+@pytest.mark.skipif(NO_MUJOCO, reason="MuJoCo is not installed: make validate")
 def test_a_few_closings_against_mujoco() -> None:
     from sweeps.validate.guarded_closing import FREE, RUBBING, compare_body
 
