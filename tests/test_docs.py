@@ -90,6 +90,7 @@ def test_what_is_not_run_is_there_and_nothing_else_is_excused() -> None:
                                                       "sensitivity")}
 
 
+@pytest.mark.slow
 def test_light_commands_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
                             capfd: pytest.CaptureFixture[str]) -> None:
     """Those that need no simulator, in order, as a reader would; sweeps run a stand-in."""

@@ -27,8 +27,9 @@ def lane(rng: np.random.Generator) -> FitData:
                 normals=normals, normal_weight=rng.random(24), free=balls)
 
 
-@pytest.mark.parametrize("form", [PLAIN, RADIAL, BOXED, BENT],
-                         ids=["plain", "radial", "boxed", "bent"])
+@pytest.mark.parametrize("form", [
+    pytest.param(PLAIN, id="plain"), pytest.param(RADIAL, id="radial"),
+    pytest.param(BOXED, id="boxed", marks=pytest.mark.slow), pytest.param(BENT, id="bent")])
 def test_normal_equations_are_those_of_the_residuals(form: Form) -> None:
     rng = np.random.default_rng(4)
     data = lane(rng)

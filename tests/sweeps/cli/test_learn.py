@@ -30,6 +30,7 @@ def test_what_cannot_be_learned_is_said(
     assert not out.exists()
 
 
+@pytest.mark.slow
 def test_an_object_learned_by_grasps_is_named_in_rows(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "mine.json"

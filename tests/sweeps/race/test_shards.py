@@ -48,6 +48,7 @@ def start(spec: Path, out: Path, shard: str) -> subprocess.Popen[bytes]:
              "PYTHONPATH": f"{ROOT}:{ROOT / 'tests/helpers'}"})
 
 
+@pytest.mark.slow
 def test_three_shards_of_which_one_is_killed_leave_the_same_bytes(tmp_path: Path) -> None:
     spec = write_spec(tmp_path, SPEC)
     assert cli.run(["race", str(spec), "-o", str(tmp_path / "whole"), "--within", "0.3"]) == 0

@@ -34,7 +34,9 @@ def with_six_joints(model: HandModel) -> HandModel:
     return replace(model, name="six", fingers=tuple(map(more, model.fingers)))
 
 
-@pytest.mark.parametrize("kind", ["allegro", "leap", "barrett", "six joints"])
+@pytest.mark.parametrize("kind", [
+    "allegro", "barrett", pytest.param("leap", marks=pytest.mark.slow),
+    pytest.param("six joints", marks=pytest.mark.slow)])
 def test_torques_are_in_balance_where_a_finger_stops(kind: str) -> None:
     hand = chain_of(with_six_joints(hand_of_kind("allegro")) if kind == "six joints"
                     else hand_of_kind(kind))

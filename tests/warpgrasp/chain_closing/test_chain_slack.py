@@ -32,7 +32,8 @@ def apart(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.asarray(np.linalg.norm(points - foot, axis=-1).min(-1))
 
 
-@pytest.mark.parametrize("kind", ["allegro", "leap", "barrett"])
+@pytest.mark.parametrize("kind", [
+    "allegro", "barrett", pytest.param("leap", marks=pytest.mark.slow)])
 def test_no_robot_brings_capsules_nearer_than_their_slack(kind: str) -> None:
     """Fingers that touch nothing, by joint sensors off their zeros and by what links weigh, with
     the hand turned any way."""

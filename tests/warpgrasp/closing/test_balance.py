@@ -66,7 +66,9 @@ def both(name: str, path: str, friction: float, count: int = 16) -> dict[str, np
 
 
 @pytest.mark.parametrize("friction", [0.2, 1.0])
-@pytest.mark.parametrize("name", ["block", "capsule", "wine_bottle"])
+@pytest.mark.parametrize("name", [
+    "block", pytest.param("capsule", marks=pytest.mark.slow),
+    pytest.param("wine_bottle", marks=pytest.mark.slow)])
 def test_both_ways_come_to_the_same_rest(name: str, friction: float) -> None:
     for path in ("curl40", "base_then_curl"):
         found = both(name, path, friction)

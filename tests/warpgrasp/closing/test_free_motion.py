@@ -39,7 +39,8 @@ def _free_kernel(
         scene, 0, convex, hand, base[i], path, links, 0, FINGER, real(1.0), begin, end).step
 
 
-@pytest.mark.parametrize("name", ["block", "small_cylinder", "lightbulb"])
+@pytest.mark.parametrize("name", [
+    pytest.param("block", marks=pytest.mark.slow), "small_cylinder", "lightbulb"])
 def test_the_first_touch_against_links_sampled_at_every_step(name: str) -> None:
     body, key = body_from_name(name), counter_key(5, np.arange(1))
     hands = waypoint_poses(STRATEGIES["rim6-ring12"].waypoints,
