@@ -89,6 +89,9 @@ def test_as_text(server: Watcher, tmp_path: Path, capsys: pytest.CaptureFixture[
 
 RUN = ("import sys; from sweeps.run import worker; from sweeps.cli import main as cli; "
        "worker.EPISODES = 'fake_episodes:slow_episodes'; cli.main(sys.argv[1:])")
+# A shell started in the background ignores SIGINT, and so does what it starts.
+WATCH = ("import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
+         "from sweeps.cli import main as cli; cli.main(sys.argv[1:])")
 
 
 @needs_browser
@@ -102,7 +105,7 @@ def test_a_race_is_watched_in_a_browser(tmp_path: Path) -> None:
         cwd=ROOT, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     while not (out / "logs" / "race.json").exists():
         time.sleep(0.05)
-    watch = subprocess.Popen([sys.executable, "-m", "sweeps", "watch", str(out)], cwd=ROOT,
+    watch = subprocess.Popen([sys.executable, "-c", WATCH, "watch", str(out)], cwd=ROOT,
                              env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
                              text=True)
     try:
