@@ -31,7 +31,7 @@ _ROUGH = wp.constant(real(1e-4))  # [m]: what weight does is found to second ord
 _SOON = wp.constant(8)  # steps, in which what it does changes so little that it may begin with it
 _hand_room = wp.types.vector(length=FINGERS, dtype=real)
 _WIDE = wp.constant(real(0.02))  # [m]: pairs as far apart are looked at roughly
-_CLOSE = wp.constant(real(5e-4))  # [m]: of a path's least gap no more is told
+_CLOSE = wp.constant(real(5e-4))  # [m]: a path's least gap is found to within this
 _FARTHEST = wp.constant(real(0.1))  # [m]: nor of one that is larger
 
 

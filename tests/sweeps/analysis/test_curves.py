@@ -17,21 +17,9 @@ from sweeps.analysis.curves import (
     same_time_table,
 )
 from sweeps.analysis.entries import LeaderboardError
-from sweeps.analysis.objects import ALSO
-from sweeps.analysis.paired import Paired, read_paired
+from sweeps.analysis.paired import Paired
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
-
-
-@pytest.fixture(scope="module")
-def study(tmp_path_factory: pytest.TempPathFactory) -> tuple[Plan, Store]:
-    return wide_study(tmp_path_factory.mktemp("wide"))
-
-
-@pytest.fixture(scope="module")
-def paired(study: tuple[Plan, Store]) -> Paired:
-    plan, store = study
-    return read_paired(plan, [store], ["chamfer_mm", *ALSO])
 
 
 def test_same_time_without_a_finished_block_is_told(tmp_path: Path) -> None:

@@ -26,19 +26,6 @@ from sweeps.analysis.pairs import (
     pairs_table,
     variance_ratio,
 )
-from sweeps.run.plan import Plan
-from sweeps.run.store import Store
-
-
-@pytest.fixture(scope="module")
-def study(tmp_path_factory: pytest.TempPathFactory) -> tuple[Plan, Store]:
-    return wide_study(tmp_path_factory.mktemp("wide"))
-
-
-@pytest.fixture(scope="module")
-def paired(study: tuple[Plan, Store]) -> Paired:
-    plan, store = study
-    return read_paired(plan, [store], ["chamfer_mm", *ALSO])
 
 
 @settings(max_examples=100, deadline=None)

@@ -37,17 +37,6 @@ from sweeps.run.plan import Plan
 from sweeps.run.store import Store
 
 
-@pytest.fixture(scope="module")
-def study(tmp_path_factory: pytest.TempPathFactory) -> tuple[Plan, Store]:
-    return wide_study(tmp_path_factory.mktemp("wide"))
-
-
-@pytest.fixture(scope="module")
-def paired(study: tuple[Plan, Store]) -> Paired:
-    plan, store = study
-    return read_paired(plan, [store], ["chamfer_mm", *ALSO])
-
-
 @pytest.mark.parametrize("count", [6, 7, 16, 64, 101])
 def test_median_intervals_are_scipys(count: int) -> None:
     values = np.random.default_rng(count).normal(0, 1, count)
