@@ -1,19 +1,18 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
 """Where the fingers of a hand would first meet a believed superquadric, in kernels.
 
-Free motion alone: a finger follows its commands until a link touches body or table, and rests
-there. Steps are skipped while a bound of the distance exceeds what the link can have moved
+A hand is capsules: of its fingers' links at every command, of its palm, and of its wrist
+(`SweptLink`). Free motion alone: a finger follows its commands until a link touches body or table,
+and rests there. Steps are skipped while a bound of the distance exceeds what the link can have moved
 (conservative advancement), from coarse to fine: the box around the body first, whose distance costs
 no powers, then five places along the link against the body itself.
 """
 
 import warp as wp
 
-from warpgrasp.core.dtypes import HALF, ONE, ZERO, greater, lesser, real, transform, vec3
-from warpgrasp.finger.path_record import LinkStep
+from warpgrasp.core.dtypes import HALF, ONE, ZERO, greater, lesser, real, struct, transform, vec3
 from warpgrasp.geometry.sdf_superquadric import SuperquadricShape, sdf_superquadric_bound_grad
 from warpgrasp.mechanism.arm_motion_kernel import RETREAT_M
-from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_base
 
 wp.set_module_options({"max_unroll": 1})
 _NAN = wp.constant(real(float("nan")))
@@ -25,7 +24,18 @@ _COARSE = wp.constant(real(0.005))  # [m]: a bound by the box above this is gone
 _SHORTEST = wp.constant(real(1e-3))  # way marched at once on an approach [m]
 _MARCHES = wp.constant(int(RETREAT_M / 1e-3) + 2)
 _GRAZING = wp.constant(real(0.4))  # of its motion, against what it meets: less slips past [est]
-_PALM_BARS = wp.constant(3)
+
+
+@struct
+class SweptLink:
+    """A capsule's axis at a step of a closing path that touches nothing, in its finger's frame [m].
+
+    `steps` is the number of steps per metre at its fastest from here on [1/m].
+    """
+
+    start: vec3
+    end: vec3
+    steps: real
 
 
 @wp.func
@@ -114,9 +124,12 @@ def approach_kernel(
     pose: wp.array[transform],
     wanted: wp.array2d[wp.bool],
     hand_pose: wp.array2d[transform],
-    hand_table: wp.array2d[Hand],
-    mount: real,
-    links: wp.array4d[LinkStep],
+    base: wp.array[transform],
+    links: wp.array4d[SweptLink],
+    link_count: wp.array[int],
+    radius: wp.array2d[real],
+    bar: wp.array2d[vec3],
+    bar_radius: wp.array[real],
     free: wp.array3d[wp.bool],
 ):
     """Whether the open hand comes to a pose, each closing's open hand in turn."""
@@ -130,8 +143,6 @@ def approach_kernel(
     at = hand_pose[w, p]
     z = wp.transform_vector(at, vec3(ZERO, ZERO, ONE))
     scale = wp.where(greater(wp.abs(s.kx), wp.abs(s.ky)) + s.bend > ZERO, HALF, ONE)
-    palm = hand_table[0, 0]
-    thick = palm.palm_thickness * HALF
     left = ZERO
     if g == 0:
         left = _RETREAT
@@ -139,21 +150,16 @@ def approach_kernel(
         here = transform(wp.transform_get_translation(at) - z * left,
                          wp.transform_get_rotation(at))
         clear = _FAR
-        for finger in range(4):
-            hand = hand_table[0, finger]
-            base = wp.transform_multiply(here, finger_base(hand, finger))
-            for link in range(3):
+        for finger in range(link_count.shape[0]):
+            there = wp.transform_multiply(here, base[finger])
+            for link in range(link_count[finger]):
                 clear = _clear(s, to_body,
-                               wp.transform_point(base, links[g, finger, link, 0].start),
-                               wp.transform_point(base, links[g, finger, link, 0].end),
-                               hand.link_radius, clear)
-        for bar in range(_PALM_BARS):
-            x = palm.gap * HALF * real(bar - 1)
-            clear = _clear(s, to_body, wp.transform_point(here, vec3(x, -palm.spacing, -thick)),
-                           wp.transform_point(here, vec3(x, palm.spacing, -thick)), thick, clear)
-        clear = _clear(s, to_body,
-                       wp.transform_point(here, vec3(ZERO, ZERO, -greater(mount, thick))),
-                       wp.transform_point(here, vec3(ZERO, ZERO, -thick)), thick, clear)
+                               wp.transform_point(there, links[g, finger, link, 0].start),
+                               wp.transform_point(there, links[g, finger, link, 0].end),
+                               radius[finger, link], clear)
+        for b in range(bar.shape[0]):
+            clear = _clear(s, to_body, wp.transform_point(here, bar[b, 0]),
+                           wp.transform_point(here, bar[b, 1]), bar_radius[b], clear)
         if clear < ZERO:
             return
         if left <= ZERO:
@@ -169,15 +175,18 @@ def first_touch_kernel(
     pose: wp.array[transform],
     free: wp.array3d[wp.bool],
     hand_pose: wp.array2d[transform],
-    hand_table: wp.array2d[Hand],
-    links: wp.array4d[LinkStep],
+    base: wp.array[transform],
+    links: wp.array4d[SweptLink],
+    link_count: wp.array[int],
+    radius: wp.array2d[real],
+    feels: wp.array2d[wp.bool],
     command_count: wp.array[int],
     point: wp.array4d[vec3],
 ):
     """Where a finger first meets the body, base frame.
 
-    NaN where it meets nothing, or the table first, or grazes the body: one that
-    hardly moves against the surface slips past it.
+    NaN where it meets nothing, or the table first, or with a link that feels nothing, or grazes the
+    body: one that hardly moves against the surface slips past it.
     """
     w, probe, g, finger = wp.tid()
     w += first
@@ -185,28 +194,28 @@ def first_touch_kernel(
     if not free[w, probe, 0] or not free[w, probe, g]:
         return
     s = shape[w]
-    hand = hand_table[0, finger]
-    base = wp.transform_multiply(hand_pose[w, probe], finger_base(hand, finger))
-    to_body = wp.transform_multiply(wp.transform_inverse(pose[w]), base)
+    own = wp.transform_multiply(hand_pose[w, probe], base[finger])
+    to_body = wp.transform_multiply(wp.transform_inverse(pose[w]), own)
     scale = wp.where(greater(wp.abs(s.kx), wp.abs(s.ky)) + s.bend > ZERO, HALF, ONE)
     end = command_count[g]
     touched = int(-1)
-    for inward in range(3):
-        link = 2 - inward
+    for inward in range(link_count[finger]):
+        link = link_count[finger] - 1 - inward
+        thick = radius[finger, link]
         step = int(0)
         while step < end:
             at = links[g, finger, link, step]
-            table = lesser(wp.transform_point(base, at.start)[2],
-                           wp.transform_point(base, at.end)[2]) - hand.link_radius
+            table = lesser(wp.transform_point(own, at.start)[2],
+                           wp.transform_point(own, at.end)[2]) - thick
             body = _capsule_distance(
                 s, wp.transform_point(to_body, at.start), wp.transform_point(to_body, at.end),
-                hand.link_radius, greater(table, ZERO))
+                thick, greater(table, ZERO))
             clear = lesser(table, body)
             if clear <= ZERO:
                 end = int(step)
                 touched = wp.where(body <= table, link, int(-1))
             step += 1 + int(lesser(greater(clear, ZERO) * scale * at.steps, real(end)))
-    if touched < 0:
+    if touched < 0 or not feels[finger, wp.max(touched, 0)]:
         return
     at = links[g, finger, touched, end]
     a = wp.transform_point(to_body, at.start)

@@ -1,26 +1,25 @@
 """The hand as balls of a link's radius: where it is open, and where its fingers sweep.
 
-A capsule is taken as the balls along its axis, the palm and the wrist as balls just within their
-surface. All places are in the hand's frame and depend on the tables of the hand alone.
+A link is taken as balls along its axis, and one thicker than the thinnest, as palm and wrist are,
+as balls just within its surface. All places are in the hand's frame and depend on the tables of the
+hand alone.
 """
 
 from dataclasses import dataclass
 from functools import lru_cache
-from math import pi
 
 import numpy as np
 
 from fit.rotation import matrix_of_quaternion
 from strategies.foresight.hand_meetings import hand_meetings
+from strategies.poses.hand_outline import outline_of
 from strategies.procedures.containment import padded_commands
 from strategies.procedures.possible import check_foreseeable
-from warpgrasp.mechanism.utah_mit_hand import hand_links
+from warpgrasp.hand_capsules import HandCapsules, balls_within, capsules_of_hand
 from warpgrasp.parameters import HandTable
 
 STRIDE = 6
 """Steps of half a degree between two places of a finger that are looked at."""
-BALLS = 3
-"""Along a link, its end among them."""
 APPROACH_M, APPROACH_STEP_M = 0.12, 0.008
 """The way in, and how often it is looked at."""
 
@@ -30,14 +29,16 @@ class SweptFingers:
     """The fingers along one closing path."""
 
     balls_m: np.ndarray
-    """Centres, (finger 4, place, ball, 3)."""
+    """Centres, (finger, place, ball, 3)."""
+    feels: np.ndarray
+    """Which balls feel a touch, bool (finger, ball)."""
     joints_rad: np.ndarray
-    """Commands, (finger 4, place, 4)."""
+    """Commands, (finger, place, joint)."""
     met: np.ndarray
     """Place at which each finger touches another or the palm, where nothing is in the way; the
-    number of places where none, int (finger 4,)."""
+    number of places where none, int (finger,)."""
     meets: np.ndarray
-    """The finger it touches there; -1 the palm or none, int (finger 4,)."""
+    """The finger it touches there; -1 the palm or none, int (finger,)."""
 
 
 @dataclass(frozen=True)
@@ -46,63 +47,59 @@ class HandSamples:
 
     open_m: np.ndarray
     """Centres of balls that fill the open hand and its way in, (ball, 3)."""
+    radius_m: float
+    """Of all balls."""
     swept: tuple[SweptFingers, ...]
     """One for each closing path."""
 
 
 @lru_cache(maxsize=8)
 def samples_of_hand(hand: HandTable, closings: tuple[str, ...]) -> HandSamples:
-    """Samples of the Utah-MIT hand for closing paths named in `CLOSING_PATHS`. Raises NotPossible
-    for another hand."""
+    """Samples of a hand for its closing paths of these names. Raises NotPossible for a hand that
+    feels nothing."""
     check_foreseeable(hand)
-    commands, count = padded_commands(closings)
+    capsules, radius = capsules_of_hand(hand), outline_of(hand).skin_m
+    commands, count = padded_commands(closings, hand)
     swept = []
     for path, steps in zip(commands, count, strict=True):
         kept = np.append(np.arange(0, steps - 1, STRIDE), steps - 1)
-        joints = _joints(hand, path[:, kept])
-        swept.append(SweptFingers(_balls(joints), path[:, kept], *hand_meetings(hand, joints)))
-    fingers = _balls(_joints(hand, commands[0][:, :1])).reshape(-1, 3)
-    ahead = np.stack([s.balls_m[:, 0, -2 * BALLS:].reshape(-1, 3) for s in swept[:1]])[0]
+        ends = capsules.places(path[:, kept])
+        balls, link = _balls(capsules, ends, radius)
+        feels = np.take_along_axis(capsules.feels, link, 1)
+        swept.append(SweptFingers(balls, feels, path[:, kept], *hand_meetings(capsules, ends)))
+    fingers, link = _balls(capsules, capsules.places(commands[0][:, :1]), radius)
+    fingers = fingers[:, 0]
+    ahead = fingers[np.take_along_axis(capsules.outer, link, 1)]
     back = APPROACH_STEP_M * np.arange(1, int(APPROACH_M / APPROACH_STEP_M) + 1)
     way = ahead[:, None] - back[:, None] * np.array([0.0, 0.0, 1.0])
-    return HandSamples(np.concatenate([way.reshape(-1, 3), fingers, _palm(hand)]), tuple(swept))
+    return HandSamples(np.concatenate([way.reshape(-1, 3), fingers.reshape(-1, 3),
+                                       capsules.within_m]), radius, tuple(swept))
 
 
-def _joints(hand: HandTable, commands_rad: np.ndarray) -> np.ndarray:
-    """Flexion joints and tips of commands (finger 4, place, 4), (finger, place, 4, 3) [m]."""
-    pose = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (commands_rad.shape[1], 1))
-    points, _ = hand_links(hand, pose, commands_rad.swapaxes(0, 1))
-    return points[:, :, 1:].swapaxes(0, 1)
+def _balls(hand: HandCapsules, ends_m: np.ndarray, ball_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Balls of all links with axes (finger, place, link, 2, 3): (finger, place, ball, 3), and each
+    ball's link, int (finger, ball). A finger with fewer balls than others repeats its last."""
+    balls = [[balls_within(ends_m[f, :, c], float(hand.radius_m[f, c]), ball_m)
+              for c in range(hand.count[f])] for f in range(hand.fingers)]
+    most = max(sum(own.shape[1] for own in of_finger) for of_finger in balls)
+    found, link = [], []
+    for of_finger in balls:
+        own = np.concatenate(of_finger, 1)
+        number = np.repeat(np.arange(len(of_finger)), [b.shape[1] for b in of_finger])
+        more = most - own.shape[1]
+        found.append(np.pad(own, ((0, 0), (0, more), (0, 0)), mode="edge"))
+        link.append(np.pad(number, (0, more), mode="edge"))
+    return np.stack(found), np.stack(link)
 
 
-def _balls(joints_m: np.ndarray) -> np.ndarray:
-    """Along the links between joints (finger, place, 4, 3): (finger, place, ball, 3)."""
-    share = np.arange(1, BALLS + 1)[:, None] / BALLS
-    start, end = joints_m[:, :, :-1, None], joints_m[:, :, 1:, None]
-    return (start + share * (end - start)).reshape(*joints_m.shape[:2], -1, 3)
-
-
-def _palm(hand: HandTable) -> np.ndarray:
-    """Within the palm's slab and the wrist, (ball, 3)."""
-    thick, radius = hand.palm_thickness_m, hand.link_radius_m
-    x = np.linspace(-1, 1, 5) * (hand.palm_gap_m / 2 + thick / 2 - radius)
-    y = np.linspace(-1, 1, 5) * (hand.finger_spacing_m + thick / 2 - radius)
-    face = np.stack(np.meshgrid(x, y, [-radius, radius - thick]), -1).reshape(-1, 3)
-    turn = np.arange(4) * pi / 2
-    ring = (thick / 2 - radius) * np.stack([np.cos(turn), np.sin(turn)], -1)
-    z = -np.linspace(thick, hand.mount_length_m, 4)
-    wrist = np.concatenate([np.tile(ring, (len(z), 1)), np.repeat(z, 4)[:, None]], 1)
-    return np.concatenate([face, wrist])
-
-
-def lowest_of_hand(samples: HandSamples, hand: HandTable, hand_pose: np.ndarray) -> np.ndarray:
+def lowest_of_hand(samples: HandSamples, hand_pose: np.ndarray) -> np.ndarray:
     """Height of the lowest place of the open hand, way in and all, at poses (..., 7) [m], (...)."""
     down = matrix_of_quaternion(hand_pose[..., 3:])[..., 2, :]
-    return ((down @ samples.open_m.T).min(-1) + hand_pose[..., 2]) - hand.link_radius_m
+    return ((down @ samples.open_m.T).min(-1) + hand_pose[..., 2]) - samples.radius_m
 
 
 def reached_place(swept: SweptFingers, finger: np.ndarray, q_rad: np.ndarray) -> np.ndarray:
-    """Which place of the path is nearest to where fingers (k,) stand, by joints (k, 4) as read,
+    """Which place of the path is nearest to where fingers (k,) stand, by joints (k, joint) as read,
     (k,)."""
     apart = np.linalg.norm(swept.joints_rad[finger] - q_rad[:, None], axis=-1)
     return apart.argmin(1)

@@ -39,8 +39,10 @@ _SHAPES = {"corner": "world", "cell": "world", "contact": "world contact", "norm
            "world contact", "weight": "world contact", "felt": "world contact", "free":
            "world free", "free_count": "world", "hit": "world cells", "cap": "world cells",
            "worth": "world cells", "open_ball": "open", "hand_pose": "world pose", "barred":
-           "world pose", "swept_ball": "4 place ball", "met": "4", "meets": "4",
-           "wanted": "world pose", "gain": "world pose 4", "place": "world pose 4"}
+           "world pose", "swept_ball": "finger place ball", "feels": "finger ball",
+           "met": "finger", "meets": "finger", "wanted": "world pose",
+           "gain": "world pose finger", "place": "world pose finger",
+           "stopped": "world pose finger"}
 
 
 @dataclass(frozen=True)
@@ -50,9 +52,9 @@ class Prospect:
     barred: np.ndarray
     """Probability that the open hand strikes something."""
     gain: np.ndarray
-    """Expected worth of each finger's touch, from 0 to 1, (..., 4)."""
+    """Expected worth of each finger's touch, from 0 to 1, (..., finger)."""
     place_m: np.ndarray
-    """Likeliest place of each finger's touch, (..., 4, 3)."""
+    """Likeliest place of each finger's touch, (..., finger, 3)."""
 
 
 class Occupancy:
@@ -102,11 +104,14 @@ class Occupancy:
         taken for the table's."""
         worlds, poses = hand_pose.shape[:2]
         barred = np.ones((worlds, poses))
-        gain, place = np.zeros((worlds, poses, 4)), np.zeros((worlds, poses, 4, 3))
-        balls = swept.balls_m
+        fingers = len(swept.met)
+        gain, stopped = (np.zeros((worlds, poses, fingers)) for _ in range(2))
+        place = np.zeros((worlds, poses, fingers, 3))
         self._launch(foresee_kernel, {"world": worlds, "pose": poses}, radius=self.radius_m,
-                     lowest=lowest_m, open_ball=_vectors(open_m), swept_ball=_vectors(balls),
-                     met=_numbers(swept.met), meets=_numbers(swept.meets),
+                     lowest=lowest_m, open_ball=_vectors(open_m),
+                     swept_ball=_vectors(swept.balls_m),
+                     feels=wp.array(swept.feels, dtype=wp.bool, device="cpu"),
+                     stopped=wp.array(stopped, dtype=real, device="cpu", copy=False), met=_numbers(swept.met), meets=_numbers(swept.meets),
                      hand_pose=wp.array(hand_pose, dtype=transform, device="cpu"),
                      wanted=wp.array(wanted, dtype=wp.bool, device="cpu"), worth=_shared(worth),
                      barred=wp.array(barred, dtype=real, device="cpu", copy=False),

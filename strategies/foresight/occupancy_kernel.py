@@ -18,7 +18,6 @@ from warpgrasp.core.dtypes import (
     struct,
     transform,
     vec3,
-    vec4,
 )
 
 wp.set_module_options({"max_unroll": 1})
@@ -211,8 +210,8 @@ class _Walk:
 @wp.func
 def _followed(
     walk: _Walk, w: int, pose: transform, finger: int, begin: int, end: int, share: real,
-    swept_ball: wp.array3d[vec3], corner: vec3, size: real, n: wp.vec3i, radius: real,
-    lowest: real, hit: wp.array2d[wp.float32], cap: wp.array2d[wp.float32],
+    swept_ball: wp.array3d[vec3], feels: wp.array2d[wp.bool], corner: vec3, size: real,
+    n: wp.vec3i, radius: real, lowest: real, hit: wp.array2d[wp.float32], cap: wp.array2d[wp.float32],
     worth: wp.array2d[wp.float32]
 ):
     """A finger followed from one place of its path to another; it comes there with probability
@@ -229,7 +228,7 @@ def _followed(
                     now = _likely(w, at, hit, cap)
                     if now > walk.most:
                         value = ZERO
-                        if x[2] > lowest:
+                        if x[2] > lowest and feels[finger, b]:
                             value = share * (now - walk.most) * real(worth[w, at])
                         walk.gain += value
                         if value > walk.best:
@@ -252,6 +251,7 @@ def foresee_kernel(
     lowest: real,
     open_ball: wp.array[vec3],
     swept_ball: wp.array3d[vec3],
+    feels: wp.array2d[wp.bool],
     met: wp.array[int],
     meets: wp.array[int],
     hand_pose: wp.array2d[transform],
@@ -262,16 +262,18 @@ def foresee_kernel(
     barred: wp.array2d[real],
     gain: wp.array3d[real],
     place: wp.array3d[vec3],
+    stopped: wp.array3d[real],
 ):
     """The probability that a pose is barred, and for each finger the expected worth of its touch
     and the likeliest place of it. Probabilities along a path are those of one uncertain surface:
     that a finger was stopped by then is the greatest of all cells met so far. From its place `met`
-    on a finger is stopped by the hand itself, unless the finger that it `meets` there was stopped
+    on a finger is stopped by the hand itself, unless the finger that it `meets` there was `stopped`
     before."""
     w, p = wp.tid()
     w += first
     barred[w, p] = ONE
-    for finger in range(4):
+    for finger in range(met.shape[0]):
+        stopped[w, p, finger] = ZERO
         gain[w, p, finger] = ZERO
         place[w, p, finger] = vec3(ZERO, ZERO, ZERO)
     if not wanted[w, p]:
@@ -289,21 +291,20 @@ def foresee_kernel(
             if start > _SURE:
                 return
     barred[w, p] = start
-    stopped = vec4(ZERO, ZERO, ZERO, ZERO)
     for again in range(2):
-        for finger in range(4):
+        for finger in range(met.shape[0]):
             if again == 0 and meets[finger] < 0:
                 continue
             walk = _Walk()
             walk.most = start
-            walk = _followed(walk, w, pose, finger, 0, met[finger], ONE, swept_ball, c, size, n,
-                             radius, lowest, hit, cap, worth)
+            walk = _followed(walk, w, pose, finger, 0, met[finger], ONE, swept_ball, feels, c,
+                             size, n, radius, lowest, hit, cap, worth)
             if again == 0:
-                stopped[finger] = walk.most
+                stopped[w, p, finger] = walk.most
             else:
                 if meets[finger] >= 0:
                     walk = _followed(walk, w, pose, finger, met[finger], swept_ball.shape[1],
-                                     stopped[meets[finger]], swept_ball, c, size, n, radius,
-                                     lowest, hit, cap, worth)
+                                     stopped[w, p, meets[finger]], swept_ball, feels, c, size,
+                                     n, radius, lowest, hit, cap, worth)
                 gain[w, p, finger] = walk.gain
                 place[w, p, finger] = walk.place

@@ -126,7 +126,7 @@ class AnyObject:
         place = aim - approach * length * (0.35 + 0.75 * draw[..., 6:7])
         pose = np.concatenate([place, turn.as_quat().reshape(*aim.shape[:2], 4)], -1)
         clear = CLEARANCE_M[0] + CLEARANCE_M[1] * draw[..., 7]
-        lowest = lowest_of_hand(samples, belief.hand, pose)
+        lowest = lowest_of_hand(samples, pose)
         pose[..., 2] += np.maximum(clear - lowest, 0.0)
         return pose
 
@@ -135,8 +135,9 @@ class AnyObject:
         """What the grasps last asked for have told of the cells."""
         evidence = belief.evidence
         worlds, poses = asked.wanted.shape
-        new = slice(asked.slots, asked.slots + 4 * poses)
-        q = belief.links.q_rad[:, new].reshape(worlds, poses, 4, 4)
+        fingers = len(samples.swept[asked.closing].met)
+        new = slice(asked.slots, asked.slots + fingers * poses)
+        q = belief.links.q_rad[:, new].reshape(worlds, poses, fingers, -1)
         closed = asked.wanted[..., None] & (q != 0.0).any(-1)  # nothing is read of what was barred
         grid.learn_barred(samples.open_m, asked.pose,
                           asked.wanted & ~closed.any(2) & belief.active[:, None])
@@ -145,7 +146,7 @@ class AnyObject:
         spread = np.sqrt(np.trace(evidence.covariance_m2[:, new], axis1=2, axis2=3))
         sure = np.isfinite(evidence.contradiction[:, new]) & (np.abs(normal).sum(-1) > 0.0)
         weight = np.where(mask & sure, 1.0 / (1.0 + (spread / UNSURE_M) ** 2), 0.0)
-        balls, count = _swept_balls(samples, asked, closed, q, mask.reshape(worlds, poses, 4))
+        balls, count = _swept_balls(samples, asked, closed, q, mask.reshape(worlds, poses, fingers))
         grid.learn_touches(evidence.points_m[:, new], normal, weight, balls, count)
 
 

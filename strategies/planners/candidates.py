@@ -4,24 +4,16 @@ from dataclasses import replace
 from math import radians
 
 import numpy as np
-import warp as wp
 
 from fit.superquadric.geometry import Superquadric
-from strategies.foresight.foresight_kernel import approach_kernel, first_touch_kernel
+from strategies.foresight.first_touch import first_touches
 from strategies.poses.hand_poses import waypoint_poses
 from strategies.poses.waypoints import PRIOR_MARGIN_M, BoundingCylinder, Placement, Ring, Top
-from strategies.procedures.containment import padded_commands
 from strategies.procedures.possible import check_foreseeable
 from strategies.recovery.belief import Belief
-from strategies.recovery.body_distances import bodies_on
 from strategies.recovery.evidence import TABLE_MARGIN_M
 from strategies.recovery.upright import stand_upright
-from warpgrasp.core.dtypes import transform, vec3
-from warpgrasp.core.kernel_launch import launch
-from warpgrasp.finger.path_table import path_on_device
 from warpgrasp.mechanism.arm_reach import pose_reachable
-from warpgrasp.mechanism.calibration import no_errors, true_hands
-from warpgrasp.parameters import ContactTable
 
 _RIM = Ring(count=6, tilt_rad=radians(50), roll_rad=radians(90), aim=1.0, aim_out=1.0,
             palm_clearance_m=0.080, clearance_per_radius=0.0)
@@ -65,40 +57,18 @@ def predicted_touches(
     """Where the fingers would first meet the body believed.
 
     `hand_pose` (world, candidate, 7). Returns points [m] (world, candidate, touch, 3) and whether
-    there is one, bool (world, candidate, touch): four fingers for each of `belief.closings`, one
+    there is one, bool (world, candidate, touch): all fingers for each of `belief.closings`, one
     after the other. A finger moves freely until a link meets the body, and rests there. Where the
     open hand would strike body or table on its way, and where a finger would meet the table or
     the body so low that the touch would be taken for the table's, there is none; nor where a link
-    grazes the body, which slips past it. Fingers do not meet one another.
+    grazes the body, which slips past it. Fingers do not meet one another. Raises NotPossible for a
+    hand that feels nothing.
     """
     check_foreseeable(belief.hand)
-    commands, count = padded_commands(belief.closings)
-    worlds, poses = hand_pose.shape[:2]
     bodies = belief.body
-    shape, pose = bodies_on(
+    points = first_touches(
         Superquadric(*bodies)._replace(taper=np.clip(bodies.taper, -MOST_TAPER, MOST_TAPER)),
-        device)
-    contact = ContactTable(weight=False)
-    hands = true_hands(belief.hand, contact, no_errors(), device)
-    _, links = path_on_device(belief.hand, contact, no_errors(), commands, device)
-    extents = {"world": worlds, "probe": poses, "grasp": len(count)}
-    free = wp.empty(
-        tuple(extents.values()), dtype=wp.bool,  # pyright: ignore[reportArgumentType]
-        device=device)
-    there = wp.array(hand_pose, dtype=transform, device=device)
-    given = {"shape": shape, "pose": pose, "hand_pose": there, "hand_table": hands,
-             "links": links, "free": free}
-    shapes = {"shape": "world", "pose": "world", "wanted": "world probe",
-              "hand_pose": "world probe", "hand_table": "1 4", "links": "grasp finger 3 step",
-              "command_count": "grasp", "free": "world probe grasp",
-              "point": "world probe grasp finger"}
-    launch(approach_kernel, extents, {**shapes, "links": "grasp 4 3 step"}, {
-        **given, "mount": belief.hand.mount_length_m,
-        "wanted": wp.array(wanted, dtype=wp.bool, device=device)}, device=device)
-    point = wp.empty((*extents.values(), 4), dtype=vec3, device=device)
-    launch(first_touch_kernel, {**extents, "finger": 4}, shapes, {
-        **given, "command_count": wp.array(count, dtype=int, device=device), "point": point},
-        device=device)
-    points = point.numpy().reshape(worlds, poses, -1, 3)
+        belief.hand, belief.closings, hand_pose, wanted, device)
+    points = points.reshape(*hand_pose.shape[:2], -1, 3)
     found = np.nan_to_num(points[..., 2]) > TABLE_MARGIN_M
     return np.where(found[..., None], points, 0.0), found

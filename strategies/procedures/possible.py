@@ -29,11 +29,11 @@ def check_possible(procedure: str, hand: HandTable) -> None:
 
 
 def check_foreseeable(hand: HandTable) -> None:
-    """Raise NotPossible for a hand whose touches strategies cannot foresee."""
+    """Raise NotPossible for a hand that feels no touches which strategies could foresee."""
     chain = chain_of_table(hand)
-    if chain is not None:
-        raise NotPossible(f"{STATUS}: this strategy foresees what the Utah-MIT hand would touch, "
-                          f"and the hand is {chain.model.name}")
+    if chain is not None and chain.model.senses == "nothing":
+        raise NotPossible(f"{STATUS}: this strategy foresees touches, and the hand "
+                          f'{chain.model.name} feels none: its file says senses = "nothing"')
 
 
 def fault_status(fault: np.ndarray) -> np.ndarray:

@@ -17,17 +17,8 @@ def chain_clearance(
     hand: ChainHand, table: HandTable, contact: ContactTable, errors: Calibration
 ) -> Clearance:
     """Which approaches are barred to a hand, its fingers at the first commands of a grasp, its palm
-    and its wrist as they are.
-
-    The wrist reaches from the palm's deepest place back to the flange.
-    """
-    bars = [(c.start, c.end, c.radius) for c in hand.palm]
-    deepest = min((z for start, end, _ in bars for z in (start[2], end[2])), default=0.0)
-    if -table.mount_length_m < deepest:
-        bars.append(((0.0, 0.0, -table.mount_length_m), (0.0, 0.0, deepest),
-                     table.palm_thickness_m / 2))
-    ends = np.array([(start, end) for start, end, _ in bars]).reshape(-1, 2, 3)
-    radius = np.array([r for *_, r in bars])
+    and its wrist as they are."""
+    ends, radius = palm_and_wrist(hand, table)
 
     def kernel_of(commands_rad: np.ndarray, device: str) -> ClearanceKernel:
         return chain_clearance_kernel, {
@@ -39,3 +30,15 @@ def chain_clearance(
             "path": wp.array(padded(commands_rad), dtype=vec6, device=device)}
 
     return kernel_of
+
+
+def palm_and_wrist(hand: ChainHand, table: HandTable) -> tuple[np.ndarray, np.ndarray]:
+    """Capsules of the palm, then of the wrist, which reaches from the palm's deepest place back to
+    the flange: their ends in the hand's frame (bar, 2, 3) and radii (bar,) [m]."""
+    bars = [(c.start, c.end, c.radius) for c in hand.palm]
+    deepest = min((z for start, end, _ in bars for z in (start[2], end[2])), default=0.0)
+    if -table.mount_length_m < deepest:
+        bars.append(((0.0, 0.0, -table.mount_length_m), (0.0, 0.0, deepest),
+                     table.palm_thickness_m / 2))
+    ends = np.array([(start, end) for start, end, _ in bars]).reshape(-1, 2, 3)
+    return ends, np.array([r for *_, r in bars])

@@ -143,5 +143,5 @@ def test_the_lowest_place_of_a_hand_that_points_down_is_a_fingertip() -> None:
     samples = samples_of_hand(HAND, CLOSINGS)
     length = sum(HAND.link_length_m)
     back = HAND.abduction_offset_m + np.cos(np.radians(10)) * length + RADIUS_M
-    low = lowest_of_hand(samples, HAND, np.array([[0.0, 0.0, 0.3, *DOWN]]))
+    low = lowest_of_hand(samples, np.array([[0.0, 0.0, 0.3, *DOWN]]))
     np.testing.assert_allclose(low, 0.3 - back, atol=1e-9)
