@@ -25,6 +25,9 @@ BALLS = 3
 """Along a link at least, its end among them."""
 _THICKER = 0.25
 """Of a ball's radius: capsules that are thicker by less are filled by balls on their axes."""
+_RING_SPACING = 1.5
+"""Between neighbours in a ring, of a ball's radius."""
+_SHORTEST_M = 1e-12
 _FEELS_BY_TIP, _FEELS_NOTHING = "tip_switches", "nothing"
 
 
@@ -102,23 +105,25 @@ def balls_within(
     places (..., 2, 3): (..., ball, 3) [m].
 
     Along the axis they touch one another at least. A thicker capsule has rings of them just within
-    its surface, and one in each cap. Without `start` the axis begins beyond its first end, where
-    the end of the link before is.
+    its surface, and one in each cap. Without `start` the axis of a thin one begins beyond its first
+    end, where the end of the link before is.
     """
     first, way = ends_m[..., :1, :], ends_m[..., 1:, :] - ends_m[..., :1, :]
     length = float(np.linalg.norm(way, axis=-1).max())
-    count = max(BALLS, ceil(length / (2.0 * ball_m))) if length > ball_m else 1
-    share = np.arange(0 if start else 1, count + 1)[:, None] / count
-    axis = first + share * way
+    count = max(1, ceil(length / (2.0 * ball_m)))
     off = radius_m - ball_m
     if off < _THICKER * ball_m:
-        return axis
-    u = way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-12)
+        count = max(BALLS, count) if length > ball_m else 1
+        share = np.arange(0 if start else 1, count + 1)[:, None] / count
+        return first + share * way
+    axis = first + (np.arange(count) + 0.5)[:, None] / count * way
+    u = way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), _SHORTEST_M)
     side = np.cross(u, np.eye(3)[np.abs(u).argmin(-1)])
     side /= np.linalg.norm(side, axis=-1, keepdims=True)
-    turn = np.linspace(0.0, 2 * pi, max(4, ceil(2 * pi * off / ball_m)), endpoint=False)[:, None]
-    around = off * (np.cos(turn) * side + np.sin(turn) * np.cross(u, side))
-    rings = axis[..., :, None, :] + around[..., None, :, :]
+    around = max(4, ceil(2 * pi * off / (_RING_SPACING * ball_m)))
+    turn = np.linspace(0.0, 2 * pi, around, endpoint=False)[:, None]
+    offset = off * (np.cos(turn) * side + np.sin(turn) * np.cross(u, side))
+    rings = axis[..., :, None, :] + offset[..., None, :, :]
     caps = ends_m + off * np.concatenate([-u, u], -2)
     return np.concatenate([rings.reshape(*axis.shape[:-2], -1, 3), caps], -2)
 

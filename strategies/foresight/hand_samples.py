@@ -20,6 +20,7 @@ from warpgrasp.parameters import HandTable
 
 STRIDE = 6
 """Steps of half a degree between two places of a finger that are looked at."""
+STILL_M = 1e-6
 APPROACH_M, APPROACH_STEP_M = 0.12, 0.008
 """The way in, and how often it is looked at."""
 
@@ -77,15 +78,19 @@ def samples_of_hand(hand: HandTable, closings: tuple[str, ...]) -> HandSamples:
 
 
 def _balls(hand: HandCapsules, ends_m: np.ndarray, ball_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Balls of all links with axes (finger, place, link, 2, 3): (finger, place, ball, 3), and each
-    ball's link, int (finger, ball). A finger with fewer balls than others repeats its last."""
-    balls = [[balls_within(ends_m[f, :, c], float(hand.radius_m[f, c]), ball_m)
-              for c in range(hand.count[f])] for f in range(hand.fingers)]
-    most = max(sum(own.shape[1] for own in of_finger) for of_finger in balls)
+    """Balls of links with axes (finger, place, link, 2, 3): (finger, place, ball, 3), and each
+    ball's link, int (finger, ball). A finger with fewer balls than others repeats its last. Of
+    fingers that move, links that stand still have none: they are where the open hand is."""
+    still = np.ptp(ends_m, axis=1).max((-1, -2)) < STILL_M
+    balls, numbers = [], []
+    for f, count in enumerate(hand.count):
+        moved = [c for c in range(count) if not still[f, c]] or list(range(count))
+        own = [balls_within(ends_m[f, :, c], float(hand.radius_m[f, c]), ball_m) for c in moved]
+        balls.append(np.concatenate(own, 1))
+        numbers.append(np.repeat(moved, [b.shape[1] for b in own]))
+    most = max(map(len, numbers))
     found, link = [], []
-    for of_finger in balls:
-        own = np.concatenate(of_finger, 1)
-        number = np.repeat(np.arange(len(of_finger)), [b.shape[1] for b in of_finger])
+    for own, number in zip(balls, numbers, strict=True):
         more = most - own.shape[1]
         found.append(np.pad(own, ((0, 0), (0, more), (0, 0)), mode="edge"))
         link.append(np.pad(number, (0, more), mode="edge"))
