@@ -1,4 +1,4 @@
-"""Adaptive planners choose what they say they choose; predictions are the simulator's."""
+"""Adaptive planners choose what they say they choose."""
 
 from dataclasses import replace
 
@@ -14,13 +14,7 @@ from strategies.planners.oracle import Oracle
 from strategies.planners.planner_file import PlannerError
 from strategies.planners.probes import Grasp
 from strategies.planners.registry import make_planner
-from strategies.procedures.containment import padded_commands
 from strategies.recovery.choose_model import Recovered, Shape
-from strategies.recovery.evidence import TABLE_MARGIN_M
-from warpgrasp.geometry.body import Body, Part
-from warpgrasp.geometry.scene import Shape as Solid
-from warpgrasp.parameters import ErrorTable
-from warpgrasp.robot import Robot, Truth
 
 CURLED = replace(belief(), closings=("curl40",))
 
@@ -49,37 +43,6 @@ def test_both_closings_are_predicted_one_after_the_other() -> None:
     assert np.array_equal(points[:, :, :4], first)
     assert np.array_equal(found[:, :, :4], first_found)
     assert found[:, :, 4:].any()
-
-
-def test_predictions_are_where_the_simulator_finds_touches() -> None:
-    """The guarded closing of the same hand on the same body, noise and errors off, is the oracle:
-    where both touch, the places are near, and the predictions miss and add few touches."""
-    here = belief()
-    poses, reachable = candidate_poses(here)
-    points, found = predicted_touches(here, poses, reachable)
-    bodies = []
-    for world in range(2):
-        numbers = [float(v) for row in (BODY.size_m, BODY.exponents, BODY.taper, BODY.bend)
-                   for v in row[world]]
-        x, y, z = (float(v) for v in BODY.position_m[world])
-        place = (x, y, z, *(float(v) for v in BODY.quaternion_xyzw[world]))
-        part = Part(Solid.SUPERQUADRIC, superquadric=tuple(numbers), place=place)
-        bodies.append(Body("believed", (part,), (x - 0.2, y - 0.2, 0.0), (x + 0.2, y + 0.2, 0.3)))
-    truth = Truth(np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (2, 1)))
-    robot = Robot(bodies, np.arange(2), truth, np.zeros(2, np.uint64),
-                  replace(here.arm, repeatability_m=0.0), here.hand,
-                  replace(here.sensors, tension_noise_N=0.0, joint_noise_rad=0.0),
-                  errors=ErrorTable.none())
-    robot.grasp(poses, reachable, *padded_commands(here.closings))
-    closed = truth.closings[-1]
-    true = closed.point_m.reshape(points.shape)
-    felt = np.isfinite(true).all(-1) & (np.nan_to_num(true[..., 2]) > TABLE_MARGIN_M)
-    both = found & felt
-    assert both.sum() > 0.95 * felt.sum()
-    assert both.sum() > 0.95 * found.sum()
-    apart = np.linalg.norm(points - true, axis=-1)[both]
-    assert np.median(apart) < 0.003
-    assert np.quantile(apart, 0.9) < 0.012
 
 
 @pytest.mark.parametrize("make", [GreedyCoverage, SurfaceGaussianProcess, MostUncertain])
