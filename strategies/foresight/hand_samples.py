@@ -5,10 +5,11 @@ surface. All places are in the hand's frame and depend on the tables of the hand
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from math import pi
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from fit.rotation import matrix_of_quaternion
 from strategies.foresight.hand_meetings import hand_meetings
@@ -21,6 +22,8 @@ STRIDE = 6
 """Steps of half a degree between two places of a finger that are looked at."""
 BALLS = 3
 """Along a link, its end among them."""
+THIN = 6
+"""Of how many places of a path a first look takes one; of twice as many balls of the open hand."""
 APPROACH_M, APPROACH_STEP_M = 0.12, 0.008
 """The way in, and how often it is looked at."""
 
@@ -48,6 +51,20 @@ class HandSamples:
     """Centres of balls that fill the open hand and its way in, (ball, 3)."""
     swept: tuple[SweptFingers, ...]
     """One for each closing path."""
+
+    @cached_property
+    def outermost_m(self) -> np.ndarray:
+        """Those of `open_m` that no others are around, (corner, 3): the lowest is one of them,
+        however the hand is turned."""
+        return self.open_m[ConvexHull(self.open_m).vertices]
+
+    @cached_property
+    def thinned(self) -> "HandSamples":
+        """A tenth of the samples, for a first look at many poses: the ends of links alone, at a few
+        places of a path."""
+        return HandSamples(self.open_m[::2 * THIN], tuple(
+            SweptFingers(swept.balls_m[:, ::THIN, BALLS - 1::BALLS], swept.joints_rad[:, ::THIN],
+                         -(-swept.met // THIN), swept.meets) for swept in self.swept))
 
 
 @lru_cache(maxsize=8)
@@ -97,8 +114,10 @@ def _palm(hand: HandTable) -> np.ndarray:
 
 def lowest_of_hand(samples: HandSamples, hand: HandTable, hand_pose: np.ndarray) -> np.ndarray:
     """Height of the lowest place of the open hand, way in and all, at poses (..., 7) [m], (...)."""
-    down = matrix_of_quaternion(hand_pose[..., 3:])[..., 2, :]
-    return ((down @ samples.open_m.T).min(-1) + hand_pose[..., 2]) - hand.link_radius_m
+    down = matrix_of_quaternion(hand_pose[..., 3:])[..., 2, :, None]
+    x, y, z = samples.outermost_m.T  # sums written out: they do not round by the batch
+    height = down[..., 0, :] * x + down[..., 1, :] * y + down[..., 2, :] * z
+    return height.min(-1) + hand_pose[..., 2] - hand.link_radius_m
 
 
 def reached_place(swept: SweptFingers, finger: np.ndarray, q_rad: np.ndarray) -> np.ndarray:

@@ -15,10 +15,11 @@ from scipy.special import ndtr
 from strategies.foresight.hand_samples import SweptFingers
 from strategies.foresight.occupancy_kernel import (
     barred_kernel,
-    foresee_kernel,
+    chance_kernel,
     learn_kernel,
     worth_kernel,
 )
+from strategies.foresight.prospect_kernel import foresee_kernel
 from strategies.poses.waypoints import BoundingBox, BoundingCylinder
 from warpgrasp.core.dtypes import real, transform, vec3
 from warpgrasp.core.kernel_launch import launch
@@ -38,9 +39,9 @@ WORTH_REACH_M = 0.036
 _SHAPES = {"corner": "world", "cell": "world", "contact": "world contact", "normal":
            "world contact", "weight": "world contact", "felt": "world contact", "free":
            "world free", "free_count": "world", "hit": "world cells", "cap": "world cells",
-           "worth": "world cells", "open_ball": "open", "hand_pose": "world pose", "barred":
-           "world pose", "swept_ball": "4 place ball", "met": "4", "meets": "4",
-           "wanted": "world pose", "gain": "world pose 4", "place": "world pose 4"}
+           "worth": "world cells", "chance": "world cells", "open_ball": "open", "hand_pose":
+           "world pose", "barred": "world pose", "swept_ball": "4 place ball", "met": "4",
+           "meets": "4", "wanted": "world pose", "gain": "world pose 4", "place": "world pose 4"}
 
 
 @dataclass(frozen=True)
@@ -103,12 +104,15 @@ class Occupancy:
         worlds, poses = hand_pose.shape[:2]
         barred = np.ones((worlds, poses))
         gain, place = np.zeros((worlds, poses, 4)), np.zeros((worlds, poses, 4, 3))
+        chance = np.empty_like(self.hit)
+        self._launch(chance_kernel, {"world": worlds}, chance=_shared(chance))
         balls = swept.balls_m
         self._launch(foresee_kernel, {"world": worlds, "pose": poses}, radius=self.radius_m,
                      lowest=lowest_m, open_ball=_vectors(open_m), swept_ball=_vectors(balls),
                      met=_numbers(swept.met), meets=_numbers(swept.meets),
                      hand_pose=wp.array(hand_pose, dtype=transform, device="cpu"),
                      wanted=wp.array(wanted, dtype=wp.bool, device="cpu"), worth=_shared(worth),
+                     chance=_shared(chance),
                      barred=wp.array(barred, dtype=real, device="cpu", copy=False),
                      gain=wp.array(gain, dtype=real, device="cpu", copy=False),
                      place=wp.array(place, dtype=vec3, device="cpu", copy=False))
