@@ -6,9 +6,10 @@ hand alone.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from fit.rotation import matrix_of_quaternion
 from strategies.foresight.hand_meetings import hand_meetings
@@ -21,6 +22,9 @@ from warpgrasp.parameters import HandTable
 STRIDE = 6
 """Steps of half a degree between two places of a finger that are looked at."""
 STILL_M = 1e-6
+THIN, THIRD = 6, 3
+"""Of how many places of a path a first look takes one, of twice as many balls of the open hand, and
+of how many balls of a finger."""
 APPROACH_M, APPROACH_STEP_M = 0.12, 0.008
 """The way in, and how often it is looked at."""
 
@@ -52,6 +56,25 @@ class HandSamples:
     """Of all balls."""
     swept: tuple[SweptFingers, ...]
     """One for each closing path."""
+
+    @cached_property
+    def outermost_m(self) -> np.ndarray:
+        """Those of `open_m` that no others are around, (corner, 3): the lowest is one of them,
+        however the hand is turned."""
+        return self.open_m[ConvexHull(self.open_m).vertices]
+
+    @cached_property
+    def thinned(self) -> "HandSamples":
+        """A tenth of the samples, for a first look at many poses: the last ball of each finger and
+        every third before it, at a few places of a path."""
+        return HandSamples(self.open_m[::2 * THIN], self.radius_m,
+                           tuple(map(_thinned, self.swept)))
+
+
+def _thinned(swept: SweptFingers) -> SweptFingers:
+    kept = np.arange(swept.balls_m.shape[2])[::-THIRD][::-1]
+    return SweptFingers(swept.balls_m[:, ::THIN, kept], swept.feels[:, kept],
+                        swept.joints_rad[:, ::THIN], -(-swept.met // THIN), swept.meets)
 
 
 @lru_cache(maxsize=8)
@@ -99,8 +122,10 @@ def _balls(hand: HandCapsules, ends_m: np.ndarray, ball_m: float) -> tuple[np.nd
 
 def lowest_of_hand(samples: HandSamples, hand_pose: np.ndarray) -> np.ndarray:
     """Height of the lowest place of the open hand, way in and all, at poses (..., 7) [m], (...)."""
-    down = matrix_of_quaternion(hand_pose[..., 3:])[..., 2, :]
-    return ((down @ samples.open_m.T).min(-1) + hand_pose[..., 2]) - samples.radius_m
+    down = matrix_of_quaternion(hand_pose[..., 3:])[..., 2, :, None]
+    x, y, z = samples.outermost_m.T  # sums written out: they do not round by the batch
+    height = down[..., 0, :] * x + down[..., 1, :] * y + down[..., 2, :] * z
+    return height.min(-1) + hand_pose[..., 2] - samples.radius_m
 
 
 def reached_place(swept: SweptFingers, finger: np.ndarray, q_rad: np.ndarray) -> np.ndarray:

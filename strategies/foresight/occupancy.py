@@ -15,10 +15,11 @@ from scipy.special import ndtr
 from strategies.foresight.hand_samples import SweptFingers
 from strategies.foresight.occupancy_kernel import (
     barred_kernel,
-    foresee_kernel,
+    chance_kernel,
     learn_kernel,
     worth_kernel,
 )
+from strategies.foresight.prospect_kernel import foresee_kernel
 from strategies.poses.waypoints import BoundingBox, BoundingCylinder
 from warpgrasp.core.dtypes import real, transform, vec3
 from warpgrasp.core.kernel_launch import launch
@@ -38,11 +39,10 @@ WORTH_REACH_M = 0.036
 _SHAPES = {"corner": "world", "cell": "world", "contact": "world contact", "normal":
            "world contact", "weight": "world contact", "felt": "world contact", "free":
            "world free", "free_count": "world", "hit": "world cells", "cap": "world cells",
-           "worth": "world cells", "open_ball": "open", "hand_pose": "world pose", "barred":
-           "world pose", "swept_ball": "finger place ball", "feels": "finger ball",
-           "met": "finger", "meets": "finger", "wanted": "world pose",
-           "gain": "world pose finger", "place": "world pose finger",
-           "stopped": "world pose finger"}
+           "worth": "world cells", "chance": "world cells", "open_ball": "open", "hand_pose":
+           "world pose", "barred": "world pose", "swept_ball": "finger place ball", "feels":
+           "finger ball", "met": "finger", "meets": "finger", "wanted": "world pose", "gain":
+           "world pose finger", "place": "world pose finger", "stopped": "world pose finger"}
 
 
 @dataclass(frozen=True)
@@ -107,16 +107,20 @@ class Occupancy:
         fingers = len(swept.met)
         gain, stopped = (np.zeros((worlds, poses, fingers)) for _ in range(2))
         place = np.zeros((worlds, poses, fingers, 3))
+        chance = np.empty_like(self.hit)
+        self._launch(chance_kernel, {"world": worlds}, chance=_shared(chance))
         self._launch(foresee_kernel, {"world": worlds, "pose": poses}, radius=self.radius_m,
                      lowest=lowest_m, open_ball=_vectors(open_m),
                      swept_ball=_vectors(swept.balls_m),
                      feels=wp.array(swept.feels, dtype=wp.bool, device="cpu"),
-                     stopped=wp.array(stopped, dtype=real, device="cpu", copy=False), met=_numbers(swept.met), meets=_numbers(swept.meets),
+                     met=_numbers(swept.met), meets=_numbers(swept.meets),
                      hand_pose=wp.array(hand_pose, dtype=transform, device="cpu"),
                      wanted=wp.array(wanted, dtype=wp.bool, device="cpu"), worth=_shared(worth),
+                     chance=_shared(chance),
                      barred=wp.array(barred, dtype=real, device="cpu", copy=False),
                      gain=wp.array(gain, dtype=real, device="cpu", copy=False),
-                     place=wp.array(place, dtype=vec3, device="cpu", copy=False))
+                     place=wp.array(place, dtype=vec3, device="cpu", copy=False),
+                     stopped=wp.array(stopped, dtype=real, device="cpu", copy=False))
         return Prospect(barred, gain, place)
 
     def _launch(self, kernel: object, extents: dict[str, int], **given: object) -> None:

@@ -1,5 +1,5 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
-"""A grid of beliefs about an object: what raises and lowers them, and what a hand would meet.
+"""A grid of beliefs about an object: what raises and lowers them, and what touches are worth.
 
 A cell holds the probability that a ball of a link's radius, centred in it, touches the object. What
 touches say raises `hit`; where links have been, `cap` bounds it. Worlds have grids of as many
@@ -15,7 +15,6 @@ from warpgrasp.core.dtypes import (
     greater,
     lesser,
     real,
-    struct,
     transform,
     vec3,
 )
@@ -26,9 +25,7 @@ _TRUSTED = wp.constant(real(0.025))  # [m] how far a touch tells of the surface 
 _SPREAD = wp.constant(real(0.003))  # [m] of the surface where it was touched
 _TILT = wp.constant(real(0.35))  # growth of that a metre aside
 _BARRED = wp.constant(real(0.95))
-_LEAST = wp.constant(real(0.05))
-_SURE = wp.constant(real(0.97))
-_ON_TABLE = wp.constant(real(0.0005))  # [m]
+_LEAST = wp.constant(real(0.0005))
 
 
 @wp.func
@@ -185,126 +182,17 @@ def worth_kernel(
                             worth[w, at] = value
 
 
-@wp.func
-def _likely(w: int, at: int, hit: wp.array2d[wp.float32], cap: wp.array2d[wp.float32]):
+@wp.kernel(enable_backward=False)
+def chance_kernel(
+    first: int,
+    hit: wp.array2d[wp.float32],
+    cap: wp.array2d[wp.float32],
+    chance: wp.array2d[wp.float32],
+):
     """How often a cell to which a hand is sent stops it: the square of what is believed. Poses are
     picked for what is left to find, and there beliefs are too high: of fingers sent to cells
     believed at 0.35, 0.55 and 0.85 about 0.2, 0.5 and 0.9 felt something [est]."""
-    p = _believed(w, at, hit, cap)
-    return p * p
-
-
-@struct
-class _Walk:
-    """How far a finger has been followed."""
-
-    most: real
-    """Probability that it was stopped by then."""
-    gain: real
-    best: real
-    place: vec3
-    """Where the touch of the greatest worth is likeliest."""
-    done: wp.bool
-
-
-@wp.func
-def _followed(
-    walk: _Walk, w: int, pose: transform, finger: int, begin: int, end: int, share: real,
-    swept_ball: wp.array3d[vec3], feels: wp.array2d[wp.bool], corner: vec3, size: real,
-    n: wp.vec3i, radius: real, lowest: real, hit: wp.array2d[wp.float32], cap: wp.array2d[wp.float32],
-    worth: wp.array2d[wp.float32]
-):
-    """A finger followed from one place of its path to another; it comes there with probability
-    `share`."""
-    s = int(begin)
-    while s < end and not walk.done:
-        for b in range(swept_ball.shape[2]):
-            x = wp.transform_point(pose, swept_ball[finger, s, b])
-            if x[2] < radius - _ON_TABLE:
-                walk.done = True
-            elif not walk.done:
-                at = _cell(x, corner, size, n)
-                if at >= 0:
-                    now = _likely(w, at, hit, cap)
-                    if now > walk.most:
-                        value = ZERO
-                        if x[2] > lowest and feels[finger, b]:
-                            value = share * (now - walk.most) * real(worth[w, at])
-                        walk.gain += value
-                        if value > walk.best:
-                            walk.best = value
-                            walk.place = x
-                        walk.most = now
-        if walk.most > _SURE:
-            walk.done = True
-        s += 1
-    return walk
-
-
-@wp.kernel(enable_backward=False)
-def foresee_kernel(
-    first: int,
-    corner: wp.array[vec3],
-    cell: wp.array[real],
-    n: wp.vec3i,
-    radius: real,
-    lowest: real,
-    open_ball: wp.array[vec3],
-    swept_ball: wp.array3d[vec3],
-    feels: wp.array2d[wp.bool],
-    met: wp.array[int],
-    meets: wp.array[int],
-    hand_pose: wp.array2d[transform],
-    wanted: wp.array2d[wp.bool],
-    hit: wp.array2d[wp.float32],
-    cap: wp.array2d[wp.float32],
-    worth: wp.array2d[wp.float32],
-    barred: wp.array2d[real],
-    gain: wp.array3d[real],
-    place: wp.array3d[vec3],
-    stopped: wp.array3d[real],
-):
-    """The probability that a pose is barred, and for each finger the expected worth of its touch
-    and the likeliest place of it. Probabilities along a path are those of one uncertain surface:
-    that a finger was stopped by then is the greatest of all cells met so far. From its place `met`
-    on a finger is stopped by the hand itself, unless the finger that it `meets` there was `stopped`
-    before."""
-    w, p = wp.tid()
-    w += first
-    barred[w, p] = ONE
-    for finger in range(met.shape[0]):
-        stopped[w, p, finger] = ZERO
-        gain[w, p, finger] = ZERO
-        place[w, p, finger] = vec3(ZERO, ZERO, ZERO)
-    if not wanted[w, p]:
-        return
-    c, size = corner[w], cell[w]
-    pose = hand_pose[w, p]
-    start = ZERO
-    for b in range(open_ball.shape[0]):
-        x = wp.transform_point(pose, open_ball[b])
-        if x[2] < radius:
-            return
-        at = _cell(x, c, size, n)
-        if at >= 0:
-            start = greater(start, _likely(w, at, hit, cap))
-            if start > _SURE:
-                return
-    barred[w, p] = start
-    for again in range(2):
-        for finger in range(met.shape[0]):
-            if again == 0 and meets[finger] < 0:
-                continue
-            walk = _Walk()
-            walk.most = start
-            walk = _followed(walk, w, pose, finger, 0, met[finger], ONE, swept_ball, feels, c,
-                             size, n, radius, lowest, hit, cap, worth)
-            if again == 0:
-                stopped[w, p, finger] = walk.most
-            else:
-                if meets[finger] >= 0:
-                    walk = _followed(walk, w, pose, finger, met[finger], swept_ball.shape[1],
-                                     stopped[w, p, meets[finger]], swept_ball, feels, c, size,
-                                     n, radius, lowest, hit, cap, worth)
-                gain[w, p, finger] = walk.gain
-                place[w, p, finger] = walk.place
+    w = wp.tid() + first
+    for at in range(hit.shape[1]):
+        p = wp.min(hit[w, at], cap[w, at])
+        chance[w, at] = p * p

@@ -6,10 +6,10 @@ expected to touch most of the surface that no contact has covered yet: greedy ma
 (Nemhauser, Wolsey and Fisher 1978) under what is believed.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from fit.rotation import matrix_of_quaternion
 from strategies.foresight.hand_samples import (
@@ -18,7 +18,7 @@ from strategies.foresight.hand_samples import (
     reached_place,
     samples_of_hand,
 )
-from strategies.foresight.occupancy import Occupancy, begin_occupancy
+from strategies.foresight.occupancy import Occupancy, Prospect, begin_occupancy
 from strategies.planners.probes import Grasp, Probe
 from strategies.planners.register import planner
 from strategies.poses.hand_outline import outline_of
@@ -27,8 +27,11 @@ from strategies.recovery.evidence import TABLE_MARGIN_M
 from warpgrasp.core.random import counter_key, counter_uniform
 from warpgrasp.mechanism.arm_reach import pose_reachable
 
-CANDIDATES = 1024
-"""Poses drawn at each step."""
+CANDIDATES = 16384
+"""Poses drawn at each step; three times as many find no more."""
+LOOKED_AT = 256
+"""Of them, those that a first look finds best: the arm's reach and all of the hand are asked only
+of these."""
 ABOUT_FELT = 0.6
 """Share of them about what was felt, once anything was [est]."""
 BESIDE_M = 0.045
@@ -63,8 +66,8 @@ class AnyObject:
         self.poses, self.candidates = int(poses), int(candidates)
         if not 1 <= self.poses <= 16:
             raise ValueError(f"poses is {poses!r}; should be from 1 to 16")
-        if not self.poses <= self.candidates <= 4096:
-            raise ValueError(f"candidates is {candidates!r}; should be from {poses} to 4096")
+        if not self.poses <= self.candidates <= 65536:
+            raise ValueError(f"candidates is {candidates!r}; should be from {poses} to 65536")
         self.grid: Occupancy | None = None
         self.asked: _Asked | None = None
         self.step = 0
@@ -78,15 +81,17 @@ class AnyObject:
         self.grid = grid
         if self.asked is not None:
             self._learn(belief, samples, grid, self.asked)
-        poses = self._candidates(belief, samples)
         over = np.zeros(belief.worlds, bool) if self.over is None else self.over
-        free = pose_reachable(belief.arm, belief.hand, poses) & (belief.active & ~over)[:, None]
+        active = belief.active & ~over
         closing = self.step % len(belief.closings)
         evidence = belief.evidence
-        seen = grid.foresee(
-            samples.open_m, samples.swept[closing], poses, free,
-            grid.worth(evidence.points_m, evidence.mask),
-            TABLE_MARGIN_M + 0.5 * outline_of(belief.hand).skin_m)
+        worth = grid.worth(evidence.points_m, evidence.mask)
+        lowest = TABLE_MARGIN_M + 0.5 * outline_of(belief.hand).skin_m
+        poses = self._candidates(belief, samples)
+        poses = self._best_looking(poses, active, lambda some, wanted: grid.foresee(
+            samples.thinned.open_m, samples.thinned.swept[closing], some, wanted, worth, lowest))
+        free = pose_reachable(belief.arm, belief.hand, poses) & active[:, None]
+        seen = grid.foresee(samples.open_m, samples.swept[closing], poses, free, worth, lowest)
         chosen, wanted = _greedy(np.where(free[..., None], seen.gain, 0.0), seen.place_m,
                                  self.poses)
         self.over = over | ~wanted.any(1)
@@ -94,6 +99,18 @@ class AnyObject:
         self.asked = _Asked(pose, wanted, closing, evidence.mask.shape[1])
         self.step += 1
         return [Grasp(pose, wanted, (belief.closings[closing],))]
+
+    @staticmethod
+    def _best_looking(poses: np.ndarray, active: np.ndarray,
+                      look: Callable[[np.ndarray, np.ndarray], Prospect]) -> np.ndarray:
+        """Of poses (world, candidate, 7) those from which a first look expects most, in the order
+        in which they were drawn."""
+        if poses.shape[1] <= LOOKED_AT:
+            return poses
+        wanted = np.repeat(active[:, None], poses.shape[1], 1)
+        gain = look(poses, wanted).gain.sum(2)
+        best = np.argpartition(-gain, LOOKED_AT - 1, axis=1)[:, :LOOKED_AT]
+        return np.take_along_axis(poses, np.sort(best, axis=1)[..., None], 1)
 
     def _candidates(self, belief: Belief, samples: HandSamples) -> np.ndarray:
         """Hand poses aimed at the prior's inside and at places beside contacts,
@@ -118,13 +135,11 @@ class AnyObject:
             about = (draw[..., 11] < ABOUT_FELT) & (count > 0)[:, None]
             aim = np.where(about[..., None], beside, aim)
         cos_tilt = 1.0 - draw[..., 3] * (1.0 - STEEPEST_COS)
-        turn = Rotation.from_euler("ZYZ", np.stack(
-            [2 * np.pi * draw[..., 4], np.pi - np.arccos(cos_tilt), 2 * np.pi * draw[..., 5]],
-            -1).reshape(-1, 3))
-        approach = turn.apply([0.0, 0.0, 1.0]).reshape(aim.shape)
+        turn, approach = _towards(2 * np.pi * draw[..., 4], np.pi - np.arccos(cos_tilt),
+                                  2 * np.pi * draw[..., 5])
         length = outline_of(belief.hand).reach_m
         place = aim - approach * length * (0.35 + 0.75 * draw[..., 6:7])
-        pose = np.concatenate([place, turn.as_quat().reshape(*aim.shape[:2], 4)], -1)
+        pose = np.concatenate([place, turn], -1)
         clear = CLEARANCE_M[0] + CLEARANCE_M[1] * draw[..., 7]
         lowest = lowest_of_hand(samples, pose)
         pose[..., 2] += np.maximum(clear - lowest, 0.0)
@@ -148,6 +163,18 @@ class AnyObject:
         weight = np.where(mask & sure, 1.0 / (1.0 + (spread / UNSURE_M) ** 2), 0.0)
         balls, count = _swept_balls(samples, asked, closed, q, mask.reshape(worlds, poses, fingers))
         grid.learn_touches(evidence.points_m[:, new], normal, weight, balls, count)
+
+
+def _towards(around: np.ndarray, tilt: np.ndarray, roll: np.ndarray
+             ) -> tuple[np.ndarray, np.ndarray]:
+    """Turns about z, then about the new y, then about the new z [rad] (...): as quaternions xyzw
+    (..., 4), and where they take the z axis (..., 3)."""
+    sin, cos = np.sin(tilt / 2), np.cos(tilt / 2)
+    less, more = (roll - around) / 2, (roll + around) / 2
+    turn = np.stack([sin * np.sin(less), sin * np.cos(less), cos * np.sin(more),
+                     cos * np.cos(more)], -1)
+    return turn, np.stack([np.sin(tilt) * np.cos(around), np.sin(tilt) * np.sin(around),
+                           np.cos(tilt)], -1)
 
 
 def _swept_balls(samples: HandSamples, asked: _Asked, closed: np.ndarray, q_rad: np.ndarray,

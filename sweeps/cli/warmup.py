@@ -13,6 +13,7 @@ KERNEL_MODULES = (
     "strategies.contacts.placing_kernel",
     "strategies.foresight.foresight_kernel",
     "strategies.foresight.occupancy_kernel",
+    "strategies.foresight.prospect_kernel",
     "strategies.recovery.body_distances_kernel",
     "strategies.recognition.pose_alignment_kernel",
     "sweeps.episode.scores_kernel",

@@ -83,6 +83,36 @@ def test_a_pose_that_was_barred_is_foreseen_to_be_barred() -> None:
     assert barred()[0] == pytest.approx(0.95**2, abs=1e-6)  # beliefs count by their squares
 
 
+def test_what_bars_the_hand_where_nothing_was_believed_is_believed_after() -> None:
+    """A prior that is too narrow: what the hand struck beside it is learned all the same."""
+    grid = begin_occupancy(prior(), RADIUS_M)
+    samples = samples_of_hand(HAND, CLOSINGS)
+    pose, wanted = np.array([[[0.33, 0.0, 0.16, *DOWN]]]), np.ones((1, 1), bool)
+    worth = np.ones_like(grid.hit)
+
+    def barred() -> float:
+        return grid.foresee(samples.open_m, samples.swept[0], pose, wanted, worth,
+                            0.0).barred[0, 0]
+
+    assert barred() < 0.001
+    grid.learn_barred(samples.open_m, pose, wanted)
+    assert barred() > 0.25
+
+
+def test_a_first_look_finds_what_a_close_one_does() -> None:
+    grid = begin_occupancy(prior(), RADIUS_M)
+    samples = samples_of_hand(HAND, CLOSINGS)
+    draw = np.random.default_rng(3)
+    pose = np.tile([0.45, 0.0, 0.15, *DOWN], (1, 400, 1))
+    pose[..., :3] += draw.normal(0.0, 0.05, (1, 400, 3))
+    every, worth = np.ones((1, 400), bool), np.ones_like(grid.hit)
+    close, first = (grid.foresee(some.open_m, some.swept[0], pose, every, worth, 0.0)
+                    .gain.sum(-1)[0] for some in (samples, samples.thinned))
+    kept = np.argsort(-first)[:40]
+    assert close[kept].max() > 0.9 * close.max()
+    assert close[kept].mean() > 0.8 * np.sort(close)[-40:].mean()
+
+
 def test_touches_of_a_sure_body_are_foreseen_on_it_and_cost_nothing_new_near_contacts() -> None:
     """A post that the fingers stand around: each meets it, and rests a radius from its side."""
     grid = begin_occupancy(prior(), RADIUS_M)

@@ -25,7 +25,7 @@ def episodes(strategy: Strategy, name: str, numbers: np.ndarray) -> dict[str, np
 def test_options_out_of_range_are_named() -> None:
     with pytest.raises(ValueError, match="poses is 0; should be from 1 to 16"):
         AnyObject(poses=0)
-    with pytest.raises(ValueError, match="candidates is 1; should be from 4 to 4096"):
+    with pytest.raises(ValueError, match="candidates is 1; should be from 4 to 65536"):
         AnyObject(candidates=1)
 
 
