@@ -6,6 +6,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "chain_closing": ["ChainClosing", "close_chains", "no_chain_errors"],
     "chain_estimate": ["ChainEstimate", "estimate_chain_contacts"],
     "chain_path": ["come_bounds", "padded"],
-    "chain_move": ["chain_clearance"],
+    "chain_move": ["chain_clearance", "palm_bars"],
     "chain_self_contact": ["chain_self_contacts"],
 })

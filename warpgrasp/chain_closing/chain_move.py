@@ -5,19 +5,16 @@ import warp as wp
 
 from warpgrasp.chain.chain_clearance_kernel import chain_clearance_kernel
 from warpgrasp.chain.chain_hand import ChainHand, true_chains
-from warpgrasp.chain.chain_kernel import vec6
+from warpgrasp.chain.chain_kernel import ChainBar, vec6
 from warpgrasp.chain_closing.chain_path import padded
-from warpgrasp.core.dtypes import real, vec3
+from warpgrasp.core.struct_array import record_type
 from warpgrasp.mechanism.arm_motion import Clearance, ClearanceKernel
 from warpgrasp.mechanism.calibration import Calibration
 from warpgrasp.parameters import ContactTable, HandTable
 
 
-def chain_clearance(
-    hand: ChainHand, table: HandTable, contact: ContactTable, errors: Calibration
-) -> Clearance:
-    """Which approaches are barred to a hand, its fingers at the first commands of a grasp, its palm
-    and its wrist as they are.
+def palm_bars(hand: ChainHand, table: HandTable, device: str) -> wp.array:
+    """Palm and wrist as kernels take them, (bar,).
 
     The wrist reaches from the palm's deepest place back to the flange.
     """
@@ -26,16 +23,23 @@ def chain_clearance(
     if -table.mount_length_m < deepest:
         bars.append(((0.0, 0.0, -table.mount_length_m), (0.0, 0.0, deepest),
                      table.palm_thickness_m / 2))
-    ends = np.array([(start, end) for start, end, _ in bars]).reshape(-1, 2, 3)
-    radius = np.array([r for *_, r in bars])
+    rows = np.zeros(len(bars), record_type(ChainBar))
+    for row, (start, end, radius) in zip(rows, bars, strict=True):
+        row["start"], row["end"], row["radius"] = start, end, radius
+    return wp.array(rows, dtype=ChainBar, device=device)
+
+
+def chain_clearance(
+    hand: ChainHand, table: HandTable, contact: ContactTable, errors: Calibration
+) -> Clearance:
+    """Which approaches are barred to a hand, its fingers at the first commands of a grasp, its palm
+    and its wrist as they are."""
 
     def kernel_of(commands_rad: np.ndarray, device: str) -> ClearanceKernel:
         return chain_clearance_kernel, {
-            "hands": "world? finger", "palm": "bar 2", "radius": "bar",
-            "path": "grasp finger step"}, {
+            "hands": "world? finger", "palm": "bar", "path": "grasp finger step"}, {
             "hands": true_chains(hand, table, contact, errors, device),
-            "palm": wp.array(ends, dtype=vec3, device=device),
-            "radius": wp.array(radius, dtype=real, device=device),
+            "palm": palm_bars(hand, table, device),
             "path": wp.array(padded(commands_rad), dtype=vec6, device=device)}
 
     return kernel_of

@@ -47,7 +47,7 @@ def test_rows_of_a_world_do_not_depend_on_its_neighbours() -> None:
             assert (values[0] == both[name][1]) | ~np.isfinite(values[0]), name
 
 
-@pytest.mark.parametrize("strategy", ["planar", "contour-only", "expected-error", "any-object"])
+@pytest.mark.parametrize("strategy", ["contour-only", "expected-error", "any-object"])
 def test_what_a_hand_cannot_do_is_a_row_and_a_sentence(strategy: str) -> None:
     cell = cell_of("leap", strategy)
     rows = run_episodes(cell, np.arange(2), "cpu")

@@ -1,0 +1,149 @@
+"""How a hand of chains touches with one finger, and with two: as its file says, or computed.
+
+An extended finger points, straight, as nearly along the approach as its joints let it, and the
+others stand as far behind its tip as one of their postures has them. The hand leans so far towards
+where the finger points that the tip leads the rest by most, the pad still bent that far.
+"""
+
+from collections.abc import Iterator
+from functools import lru_cache
+from math import radians
+
+import numpy as np
+
+from warpgrasp.chain.chain_hand import (
+    ChainHand,
+    capsule_ends,
+    drive_angles,
+    link_frames_of,
+)
+from warpgrasp.chain.chain_pads import own_pads, pad_places
+from warpgrasp.hands.hand_frames import posture_angles
+from warpgrasp.hands.hand_model import HandError, Posture
+from warpgrasp.mechanism.touch_postures import ExtendedFinger
+from warpgrasp.parameters import PadTable
+
+_EDGE_RAD = radians(20)
+"""The pad bends so much farther over the tip than the hand leans."""
+_LEANS = 46
+_ROOM_M = 0.02
+"""By so much a tip leads enough."""
+_TURNS_RAD = radians(2)
+"""Of a base joint, from one angle tried to the next."""
+
+
+@lru_cache(maxsize=16)
+def chain_extended(hand: ChainHand, pads: PadTable) -> ExtendedFinger | None:
+    """The hand with one finger extended; None without a pad on the end of a finger. `pads` are a
+    spec's. Raises HandError for pads that do not fit."""
+    pads = own_pads(hand, pads)
+    said = hand.model.extended
+    if said is not None:
+        names = [finger.name for finger in hand.model.fingers]
+        finger = names.index(said.finger)
+        if not tip_pads(hand, finger):
+            raise HandError(f"{hand.model.name}: extended.finger: {said.finger} has no pad on its "
+                            "last link; should be a finger that has")
+        found = _extended(hand, finger, posture_drives(hand, said.posture), pads, said.lean_rad)
+        return found[1]
+    able = [f for f in range(hand.fingers) if tip_pads(hand, f)
+            and hand.model.fingers[f].name != hand.model.thumb]
+    tried = [_extended(hand, f, q, pads, None) for f in able for q in _straight(hand, f, pads)]
+    return max(tried, key=_merit)[1] if tried else None
+
+
+def _merit(tried: tuple[float, ExtendedFinger]) -> float:
+    """Enough room before all else; then the flange behind the finger, that the arm reaches."""
+    leads, one = tried
+    return min(leads, _ROOM_M) / _ROOM_M + float(one.axes[2, 2])
+
+
+def tip_pads(hand: ChainHand, finger: int) -> bool:
+    """Whether the last link of a finger bears a pad."""
+    return hand.model.fingers[finger].joints[-1].name in hand.model.fingers[finger].pads
+
+
+def posture_drives(hand: ChainHand, name: str) -> np.ndarray:
+    """Drives of all fingers in a posture of the hand's, (finger, width)."""
+    return drive_angles(hand, posture_angles(hand.model, hand.model.posture(name)))
+
+
+def pad_axes(hand: ChainHand, finger: int, q_rad: np.ndarray, pads: PadTable
+             ) -> tuple[np.ndarray, np.ndarray, float]:
+    """What the pad at a finger's tip bends about, (..., 3) [m], its columns (side it lies on, the
+    third, along the finger), (..., 3, 3), hand frame, and the radius of its face [m]; of drives
+    (..., width). `pads` are the hand's own."""
+    place = pad_places(hand, finger, pads)[-1]
+    frame = link_frames_of(hand, finger, q_rad)[..., -1, :, :]
+    turn = frame[..., :3, :3]
+    along = np.subtract(place.end, place.start)
+    along = along / np.linalg.norm(along)
+    out = np.array(place.out)
+    axes = turn @ np.stack([out, np.cross(along, out), along], 1)
+    return turn @ np.array(place.end) + frame[..., :3, 3], axes, place.radius + pads.thickness_m
+
+
+def _extended(
+    hand: ChainHand, finger: int, q: np.ndarray, pads: PadTable, lean: float | None
+) -> tuple[float, ExtendedFinger]:
+    """By how much the tip leads all else [m], and how it touches."""
+    tip, axes, ball = pad_axes(hand, finger, q[finger], pads)
+    leans = np.linspace(0.0, max(pads.wrap_rad - _EDGE_RAD, 0.0), _LEANS)
+    leans = leans if lean is None else np.array([lean])
+    ways = np.cos(leans)[:, None] * axes[:, 0] + np.sin(leans)[:, None] * axes[:, 2]
+    leads = ways @ tip + ball - np.max([_farthest(*part, ways) for part in _rest(hand, finger, q)],
+                                       axis=0)
+    best = int(leads.argmax())
+    return float(leads[best]), ExtendedFinger(finger, q[:, None], axes, tip, ball,
+                                              float(leans[best]))
+
+
+def _rest(hand: ChainHand, finger: int, q: np.ndarray
+          ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Ends (place, 3) and radii (place,) of all capsules but those of a finger's last link."""
+    for f in range(hand.fingers):
+        keep = [n for n, joint in enumerate(hand.capsule_joint[f])
+                if f != finger or joint < len(hand.model.fingers[f].joints) - 1]
+        if keep:
+            ends = capsule_ends(hand, f, q[f])[keep].reshape(-1, 3)
+            yield ends, np.repeat([hand.capsules[f][n].radius for n in keep], 2)
+    if hand.palm:
+        yield (np.array([(c.start, c.end) for c in hand.palm]).reshape(-1, 3),
+               np.repeat([c.radius for c in hand.palm], 2))
+
+
+def _farthest(places: np.ndarray, radii: np.ndarray, ways: np.ndarray) -> np.ndarray:
+    """How far balls reach along each way [m]."""
+    return (ways @ places.T + radii).max(1)
+
+
+def _straight(hand: ChainHand, finger: int, pads: PadTable) -> Iterator[np.ndarray]:
+    """Drives of hands (finger, width) with a straight finger that points along the approach."""
+    zero = drive_angles(hand, posture_angles(hand.model, Posture("", ())))
+    others = [zero, *(posture_drives(hand, p.name) for p in hand.model.postures)]
+    joints = hand.model.fingers[finger].joints
+    for drive, joint in enumerate(hand.drives[finger][:2]):
+        low, high = joints[joint].low_rad, joints[joint].high_rad
+        turns = np.linspace(low, high, 2 + int((high - low) / _TURNS_RAD))
+        q = np.tile(zero[finger], (len(turns), 1))
+        q[:, drive] = turns
+        _, axes, _ = pad_axes(hand, finger, q, pads)
+        best = q[axes[:, 2, 2].argmax()]
+        found = _behind(hand, finger, best, others, pads)
+        found[finger] = best
+        yield found
+
+
+def _behind(
+    hand: ChainHand, finger: int, q: np.ndarray, others: list[np.ndarray], pads: PadTable
+) -> np.ndarray:
+    """Each of the other fingers in the posture that leaves its places farthest behind the tip."""
+    _, axes, _ = pad_axes(hand, finger, q, pads)
+    way = (axes[:, 0] + axes[:, 2])[None] / np.sqrt(2.0)
+    found = others[0].copy()
+    for f in range(hand.fingers):
+        radii = np.repeat([c.radius for c in hand.capsules[f]], 2)
+        reach = [float(_farthest(capsule_ends(hand, f, one[f]).reshape(-1, 3), radii, way)[0])
+                 for one in others]
+        found[f] = others[int(np.argmin(reach))][f]
+    return found
