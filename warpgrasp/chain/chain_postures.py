@@ -1,8 +1,8 @@
 """How a hand of chains touches with one finger, and with two: as its file says, or computed.
 
 An extended finger points, straight, as nearly along the approach as its joints let it, and the
-others stand as far behind its tip as one of their postures has them. The hand leans so far towards
-where the finger points that the tip leads the rest by most, the pad still bent that far.
+others stand behind its tip, compact, in one of their postures. The hand leans so far towards where
+the finger points that the tip leads the rest by most, the pad still bent that far.
 """
 
 from collections.abc import Iterator
@@ -14,6 +14,7 @@ import numpy as np
 from warpgrasp.chain.chain_hand import (
     ChainHand,
     capsule_ends,
+    closing_way,
     drive_angles,
     link_frames_of,
 )
@@ -26,6 +27,8 @@ from warpgrasp.parameters import PadTable
 _EDGE_RAD = radians(20)
 """The pad bends so much farther over the tip than the hand leans."""
 _LEANS = 46
+_FOLDED = 0.98
+"""Share of the way to a joint's limit: off its stop."""
 _ROOM_M = 0.02
 """By so much a tip leads enough."""
 _TURNS_RAD = radians(2)
@@ -120,7 +123,7 @@ def _farthest(places: np.ndarray, radii: np.ndarray, ways: np.ndarray) -> np.nda
 def _straight(hand: ChainHand, finger: int, pads: PadTable) -> Iterator[np.ndarray]:
     """Drives of hands (finger, width) with a straight finger that points along the approach."""
     zero = drive_angles(hand, posture_angles(hand.model, Posture("", ())))
-    others = [zero, *(posture_drives(hand, p.name) for p in hand.model.postures)]
+    others = [zero, *(posture_drives(hand, p.name) for p in hand.model.postures), _folded(hand)]
     joints = hand.model.fingers[finger].joints
     for drive, joint in enumerate(hand.drives[finger][:2]):
         low, high = joints[joint].low_rad, joints[joint].high_rad
@@ -134,16 +137,31 @@ def _straight(hand: ChainHand, finger: int, pads: PadTable) -> Iterator[np.ndarr
         yield found
 
 
+def _folded(hand: ChainHand) -> np.ndarray:
+    """Drives of all fingers as far closed as their joints let them, (finger, width)."""
+    way = closing_way(hand, hand.model.closings[0], 2)
+    found = way[:, 0].copy()
+    for f, finger in enumerate(hand.model.fingers):
+        for d, joint in enumerate(hand.drives[f]):
+            turn = way[f, 1, d] - way[f, 0, d]
+            if turn:
+                found[f, d] = _FOLDED * (finger.joints[joint].high_rad if turn > 0.0
+                                         else finger.joints[joint].low_rad)
+    return found
+
+
 def _behind(
     hand: ChainHand, finger: int, q: np.ndarray, others: list[np.ndarray], pads: PadTable
 ) -> np.ndarray:
-    """Each of the other fingers in the posture that leaves its places farthest behind the tip."""
-    _, axes, _ = pad_axes(hand, finger, q, pads)
-    way = (axes[:, 0] + axes[:, 2])[None] / np.sqrt(2.0)
+    """Each of the other fingers in the posture, of those well behind the tip, that reaches least to
+    where the pad does not lie: there the table is where a finger points down at a face."""
+    tip, axes, ball = pad_axes(hand, finger, q, pads)
+    ways = np.stack([(axes[:, 0] + axes[:, 2]) / np.sqrt(2.0), -axes[:, 0]])
     found = others[0].copy()
     for f in range(hand.fingers):
         radii = np.repeat([c.radius for c in hand.capsules[f]], 2)
-        reach = [float(_farthest(capsule_ends(hand, f, one[f]).reshape(-1, 3), radii, way)[0])
-                 for one in others]
-        found[f] = others[int(np.argmin(reach))][f]
+        ahead, back = np.array([_farthest(capsule_ends(hand, f, one[f]).reshape(-1, 3), radii, ways)
+                                for one in others]).T
+        short = np.maximum(ahead - (tip @ ways[0] + ball - _ROOM_M), 0.0)
+        found[f] = others[int(np.lexsort((back, short))[0])][f]
     return found
