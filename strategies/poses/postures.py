@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from warpgrasp.chain.chain_hand import chain_of_table
+from warpgrasp.chain.chain_pairs import chain_opposed
 from warpgrasp.chain.chain_postures import chain_extended
 from warpgrasp.mechanism.touch_postures import (
     ExtendedFinger,
@@ -31,7 +32,8 @@ def extended_finger(hand: HandTable, pads: PadTable) -> ExtendedFinger | None:
 @lru_cache(maxsize=16)
 def opposed_pair(hand: HandTable, pads: PadTable) -> OpposedPair | None:
     """Two of its fingers that close towards each other; None where no two with pads do."""
-    return utah_mit_opposed(hand, pads) if chain_of_table(hand) is None else None
+    chain = chain_of_table(hand)
+    return utah_mit_opposed(hand, pads) if chain is None else chain_opposed(chain, pads)
 
 
 def poking_pose(

@@ -220,8 +220,13 @@ class _Follower:
         return score
 
     def _lowest(self) -> np.ndarray:
-        """Lowest section at which the pitched fingertips clear the table."""
-        tip = max(self.pair.ball_m) + self.o.table_clear_m
+        """Lowest section at which the pitched hand clears the table."""
+        pair, below = self.pair, max(self.pair.ball_m)
+        if len(pair.rest_m):
+            _, up, ahead = ((pair.rest_m - pair.middle_m) @ pair.axes).T
+            below = max(below, float((ahead * np.sin(_PITCH_RAD) - up * np.cos(_PITCH_RAD)
+                                      + pair.rest_radius_m).max()))
+        tip = below + self.o.table_clear_m
         reach = max(self.o.beyond_m) + 0.004
         return (tip + reach * np.sin(_PITCH_RAD) - self.foot[:, 2]) / self.along[:, 2]
 
@@ -251,7 +256,8 @@ class _Follower:
         inward = z - (z * self.along[rows]).sum(1, keepdims=True) * self.along[rows]
         target = centre + inward * beyond[:, None] + frame[:, :, 0] * sideways
         turn = (frame[:, :, None] * pair.axes).sum(-1)
-        place = target - (turn * pair.middle_m).sum(-1)
+        deeper = np.interp(self.radius[rows], pair.half_m, pair.deep_m)
+        place = target - (turn * pair.middle_m).sum(-1) - z * deeper[:, None]
         return np.concatenate([place, Rotation.from_matrix(turn).as_quat()], 1)
 
     def _come_around(self) -> None:

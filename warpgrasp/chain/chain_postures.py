@@ -94,16 +94,17 @@ def _extended(
     leans = np.linspace(0.0, max(pads.wrap_rad - _EDGE_RAD, 0.0), _LEANS)
     leans = leans if lean is None else np.array([lean])
     ways = np.cos(leans)[:, None] * axes[:, 0] + np.sin(leans)[:, None] * axes[:, 2]
-    leads = ways @ tip + ball - np.max([_farthest(*part, ways) for part in _rest(hand, finger, q)],
-                                       axis=0)
+    leads = ways @ tip + ball - np.max([_farthest(*part, ways)
+                                        for part in hand_places(hand, q, finger)], axis=0)
     best = int(leads.argmax())
     return float(leads[best]), ExtendedFinger(finger, q[:, None], axes, tip, ball,
                                               float(leans[best]))
 
 
-def _rest(hand: ChainHand, finger: int, q: np.ndarray
-          ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Ends (place, 3) and radii (place,) of all capsules but those of a finger's last link."""
+def hand_places(hand: ChainHand, q: np.ndarray, finger: int = -1
+                ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Ends (place, 3) [m] and radii (place,) of all capsules at drives (finger, width), hand frame,
+    finger by finger, then the palm's; without those of the last link of `finger`."""
     for f in range(hand.fingers):
         keep = [n for n, joint in enumerate(hand.capsule_joint[f])
                 if f != finger or joint < len(hand.model.fingers[f].joints) - 1]
@@ -123,7 +124,8 @@ def _farthest(places: np.ndarray, radii: np.ndarray, ways: np.ndarray) -> np.nda
 def _straight(hand: ChainHand, finger: int, pads: PadTable) -> Iterator[np.ndarray]:
     """Drives of hands (finger, width) with a straight finger that points along the approach."""
     zero = drive_angles(hand, posture_angles(hand.model, Posture("", ())))
-    others = [zero, *(posture_drives(hand, p.name) for p in hand.model.postures), _folded(hand)]
+    others = [zero, *(posture_drives(hand, p.name) for p in hand.model.postures),
+              folded_drives(hand)]
     joints = hand.model.fingers[finger].joints
     for drive, joint in enumerate(hand.drives[finger][:2]):
         low, high = joints[joint].low_rad, joints[joint].high_rad
@@ -137,7 +139,7 @@ def _straight(hand: ChainHand, finger: int, pads: PadTable) -> Iterator[np.ndarr
         yield found
 
 
-def _folded(hand: ChainHand) -> np.ndarray:
+def folded_drives(hand: ChainHand) -> np.ndarray:
     """Drives of all fingers as far closed as their joints let them, (finger, width)."""
     way = closing_way(hand, hand.model.closings[0], 2)
     found = way[:, 0].copy()

@@ -141,7 +141,6 @@ class Opposed:
     """Two fingers whose tips close towards each other, and how."""
 
     fingers: tuple[str, str]
-    """The thumb, or what stands for it, second."""
     start: str
     """The posture in which both are open and the others out of the way."""
     end: str

@@ -35,9 +35,9 @@ class OpposedPair:
     """Two fingers whose tips close towards each other, SI, hand frame."""
 
     fingers: tuple[int, int]
-    """The thumb, or what stands for it, second."""
-    commands_rad: np.ndarray
-    """Of each of the two all fingers', (2, finger, step, joint): it closes, the others stay."""
+    """The second stands for the thumb."""
+    commands_rad: tuple[np.ndarray, np.ndarray]
+    """Of each of the two all fingers', (finger, step, joint): it closes, the others stay."""
     axes: np.ndarray
     """Columns: the way from the first tip to the second, the third, and the approach, (3, 3)."""
     middle_m: np.ndarray
@@ -46,6 +46,14 @@ class OpposedPair:
     """Radii of both fingertips, pads included."""
     widest_half_m: float
     """Half the chord that the open fingertips can stand astride with some room."""
+    half_m: np.ndarray
+    """Half chords, rising, (sample,), at which the tips, on their way, are by `deep_m` (sample,)
+    farther along the approach than the middle."""
+    deep_m: np.ndarray
+    rest_m: np.ndarray
+    """Places of the hand that may reach lower than its fingertips, (place, 3), and the radii about
+    them, (place,); none where the pair is known to be lowest."""
+    rest_radius_m: np.ndarray
 
     @property
     def open_rad(self) -> np.ndarray:
@@ -83,10 +91,11 @@ def utah_mit_extended(hand: HandTable, pads: PadTable) -> ExtendedFinger:
 def utah_mit_opposed(hand: HandTable, pads: PadTable) -> OpposedPair:
     """Its index finger and thumb, each straight, closing from its base: half a degree a step, a
     millimetre at the fingertip."""
-    commands = np.repeat(np.repeat(_PINCH_OPEN_RAD, _CLOSING_STEPS, axis=1)[None], 2, axis=0)
-    for row, finger in enumerate((_INDEX, _THUMB)):
-        commands[row, finger, :, 1] = np.radians(np.linspace(-10.0, _CLOSED_DEG, _CLOSING_STEPS))
+    index, thumb = (np.repeat(_PINCH_OPEN_RAD, _CLOSING_STEPS, axis=1) for _ in range(2))
+    for commands, finger in ((index, _INDEX), (thumb, _THUMB)):
+        commands[finger, :, 1] = np.radians(np.linspace(-10.0, _CLOSED_DEG, _CLOSING_STEPS))
     reach = (hand.abduction_offset_m + sum(hand.link_length_m)) * cos(_PINCH_OPEN_RAD[0, 0, 0])
     ball = hand.link_radius_m + pads.thickness_m
-    return OpposedPair((_INDEX, _THUMB), commands, np.eye(3), np.array([0.0, 0.0, reach]),
-                       (ball, ball), _WIDEST_HALF_M)
+    return OpposedPair((_INDEX, _THUMB), (index, thumb), np.eye(3), np.array([0.0, 0.0, reach]),
+                       (ball, ball), _WIDEST_HALF_M, np.zeros(1), np.zeros(1), np.zeros((0, 3)),
+                       np.zeros(0))
