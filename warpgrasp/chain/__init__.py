@@ -8,7 +8,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
         "joint_reaches", "link_frames_of", "palmar_sides", "tip_places",
         "true_chains", "weight_moments"],
     "chain_pairs": ["chain_opposed"],
-    "chain_pads": ["own_pads", "pad_places"],
+    "chain_pads": ["own_pads", "pad_misfit", "pad_places"],
     "chain_postures": ["chain_extended"],
     "torque_sensor": ["KINDS", "command_range", "true_sensors"],
 })

@@ -31,6 +31,16 @@ def own_pads(hand: ChainHand, table: PadTable) -> PadTable:
                    thickness_m=size.thickness_m)
 
 
+def pad_misfit(hand: ChainHand, table: PadTable) -> str:
+    """Why a spec's pads do not fit the hand; empty where they do."""
+    try:
+        for finger in range(hand.fingers):
+            pad_places(hand, finger, own_pads(hand, table))
+    except HandError as error:
+        return str(error)
+    return ""
+
+
 @lru_cache(maxsize=64)
 def pad_places(hand: ChainHand, finger: int, pads: PadTable) -> tuple[PadPlace, ...]:
     """Where a finger's pads lie, outwards. Raises HandError for one that does not fit its link;

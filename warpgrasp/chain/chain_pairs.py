@@ -18,7 +18,6 @@ from warpgrasp.chain.chain_postures import (
     posture_drives,
     tip_pads,
 )
-from warpgrasp.hands.hand_model import HandError
 from warpgrasp.mechanism.touch_postures import OpposedPair
 from warpgrasp.parameters import PadTable
 
@@ -36,16 +35,12 @@ _SAMPLES = 61
 @lru_cache(maxsize=16)
 def chain_opposed(hand: ChainHand, pads: PadTable) -> OpposedPair | None:
     """The pair; None where no two fingers with pads on their tips face each other. `pads` are a
-    spec's. Raises HandError for a pair of the file that has no pads."""
+    spec's. Raises HandError for pads that do not fit."""
     pads = own_pads(hand, pads)
     names = [finger.name for finger in hand.model.fingers]
     said = hand.model.opposed
     if said is not None:
         one, other = (names.index(name) for name in said.fingers)
-        for f in (one, other):
-            if not tip_pads(hand, f):
-                raise HandError(f"{hand.model.name}: opposed.fingers: {names[f]} has no pad on its "
-                                "last link; should be fingers that have")
         ways = [posture_drives(hand, said.start), posture_drives(hand, said.end)]
         return _pair(hand, (one, other), *ways, pads)
     if hand.model.thumb not in names or not tip_pads(hand, names.index(hand.model.thumb)):

@@ -20,7 +20,7 @@ from warpgrasp.chain.chain_hand import (
 )
 from warpgrasp.chain.chain_pads import own_pads, pad_places
 from warpgrasp.hands.hand_frames import posture_angles
-from warpgrasp.hands.hand_model import HandError, Posture
+from warpgrasp.hands.hand_model import Posture
 from warpgrasp.mechanism.touch_postures import ExtendedFinger
 from warpgrasp.parameters import PadTable
 
@@ -43,12 +43,8 @@ def chain_extended(hand: ChainHand, pads: PadTable) -> ExtendedFinger | None:
     said = hand.model.extended
     if said is not None:
         names = [finger.name for finger in hand.model.fingers]
-        finger = names.index(said.finger)
-        if not tip_pads(hand, finger):
-            raise HandError(f"{hand.model.name}: extended.finger: {said.finger} has no pad on its "
-                            "last link; should be a finger that has")
-        found = _extended(hand, finger, posture_drives(hand, said.posture), pads, said.lean_rad)
-        return found[1]
+        return _extended(hand, names.index(said.finger), posture_drives(hand, said.posture), pads,
+                         said.lean_rad)[1]
     able = [f for f in range(hand.fingers) if tip_pads(hand, f)
             and hand.model.fingers[f].name != hand.model.thumb]
     tried = [_extended(hand, f, q, pads, None) for f in able for q in _straight(hand, f, pads)]

@@ -69,14 +69,24 @@ def _check_touching(model: HandModel) -> None:
     if model.extended is not None:
         check("extended.finger", model.extended.finger, fingers, "finger")
         check("extended.posture", model.extended.posture, postures, "posture")
+        _check_tip_pad("extended.finger", model.extended.finger, model)
     if model.opposed is not None:
         for name in model.opposed.fingers:
             check("opposed.fingers", name, fingers, "finger")
+            _check_tip_pad("opposed.fingers", name, model)
         if len(set(model.opposed.fingers)) < len(model.opposed.fingers):
             raise HandError(f"opposed.fingers: {model.opposed.fingers[0]!r} twice; should be two "
                             "fingers")
         check("opposed.start", model.opposed.start, postures, "posture")
         check("opposed.end", model.opposed.end, postures, "posture")
+
+
+def _check_tip_pad(what: str, name: str, model: HandModel) -> None:
+    finger = next(finger for finger in model.fingers if finger.name == name)
+    last = finger.joints[-1].name
+    if last not in finger.pads:
+        raise HandError(f"{what}: finger {name} has no pad on its last link; should have "
+                        f"pads = [{last!r}]")
 
 
 def _check_finger(finger: Finger) -> None:

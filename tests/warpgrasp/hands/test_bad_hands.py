@@ -127,6 +127,13 @@ def change(old: str, new: str) -> Callable[[str], str]:
      "extended.finger: there is no finger 'pinky'; should be one of index, middle"),
     (change('^posture = "extended"', 'posture = "poke"'),
      "extended.posture: there is no posture 'poke'; should be one of open"),
+    (change(r"^(pads = \[).*", r"\1]"),
+     "extended.finger: finger index has no pad on its last link; should have pads = .'joint_3.0'"),
+    (change("^fingers = .*", 'fingers = ["index", "index"]'),
+     "opposed.fingers: 'index' twice; should be two fingers"),
+    (change("^fingers = .*", 'fingers = ["index", "palm"]'),
+     "opposed.fingers: there is no finger 'palm'"),
+    (change('^end = "pinched"', 'end = "shut"'), "opposed.end: there is no posture 'shut'"),
     (change("^length_mm = .*", "length_mm = -1"), "pads.length_mm: input should be greater than 0"),
     (change(r"^pads = \[.*", 'pads = ["joint_0.0", "joint_1.0", "joint_2.0", "joint_3.0"]'),
      "finger index: 4 pads; should be 3 at most"),
@@ -147,7 +154,7 @@ def test_a_bad_hand_file_is_refused(edit: Callable[[str], str], message: str, tm
 
 def test_a_file_says_all_of_its_hand(tmp_path: Path) -> None:
     file = tmp_path / "hand.toml"
-    for name in ("utah_mit", "barrett"):
+    for name in ("utah_mit", "allegro", "leap", "barrett"):
         file.write_text(hand_text(hand_named(name)))
         again = hand_from_file(file)
         assert hand_text(again) == file.read_text()
