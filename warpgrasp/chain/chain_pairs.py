@@ -41,8 +41,8 @@ def chain_opposed(hand: ChainHand, pads: PadTable) -> OpposedPair | None:
     said = hand.model.opposed
     if said is not None:
         one, other = (names.index(name) for name in said.fingers)
-        ways = [posture_drives(hand, said.start), posture_drives(hand, said.end)]
-        return _pair(hand, (one, other), *ways, pads)
+        return _pair(hand, (one, other), posture_drives(hand, said.start),
+                     posture_drives(hand, said.end), pads)
     if hand.model.thumb not in names or not tip_pads(hand, names.index(hand.model.thumb)):
         return None
     thumb = names.index(hand.model.thumb)
