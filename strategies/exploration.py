@@ -255,7 +255,7 @@ class RunningExploration:
             return True
         try:
             check_possible("planar" if isinstance(probe, CrossFaces) else "contour",
-                           self.robot.hand)
+                           self.robot.hand, self.robot.pads)
         except NotPossible as error:
             self._blame(np.asarray(mask.any(1)), str(error))
             return False

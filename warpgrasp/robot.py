@@ -19,7 +19,6 @@ from warpgrasp.geometry.scene import Shape
 from warpgrasp.mechanism.arm_motion import ArmMoves, ArmState
 from warpgrasp.motion_cost import closing_time_s
 from warpgrasp.parameters import (
-    UTAH_MIT,
     ArmTable,
     ContactTable,
     ErrorTable,
@@ -204,15 +203,12 @@ class Robot:
 
         Only the worlds `rows` (row,) move; `hand_pose` (row, 7) is where the hand starts,
         `direction` (row, 3) the arm's way in intervals (unit; zero: the arm stays), `commands_rad`
-        (finger 4, step, 4) the joints at each interval, the last held. `until` RELEASE ends when
+        (finger, step, joint) the joints at each interval, the last held. `until` RELEASE ends when
         the pads feel nothing any more. The way from where the hand is to the start is taken to be
         free, as between retreats; `checked`, the status is COLLISION where the hand, its fingers at
-        their first commands, would strike something on the straight way. Raises ValueError for a
-        hand other than the Utah-MIT, which has no pads.
+        their first commands, would strike something on the straight way. A finger without pads
+        feels nothing: it ends `blocked`.
         """
-        if self.hand.kind != UTAH_MIT:
-            raise ValueError(f"guarded lines feel with the pads of the Utah-MIT hand; the hand is "
-                             f"{self.hand.kind}")
         move = LineMove(rows, self._lines_made[rows], hand_pose, direction, interval_m, steps,
                         finger, commands_rad, until, checked)
         touch, truth, arm_q = guarded_line(

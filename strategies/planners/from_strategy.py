@@ -64,7 +64,7 @@ def planner_of(
     if strategy.call:
         return make_planner(strategy.call, dict(strategy.options))
     for procedure in strategy.order:
-        check_possible(procedure, robot.hand)
+        check_possible(procedure, robot.hand, robot.pads)
     seen = None
     if contour.axis == "stereo" and {"contour", "decide"} & set(strategy.order):
         target = np.stack([prior.x_m, prior.y_m, prior.height_m / 2], 1)

@@ -1,54 +1,45 @@
-"""Postures of the hand for touching with one or two fingers, and where that puts the fingertip.
+"""How a table's hand touches with one finger or two, and where its hand then stands.
 
-To touch a surface with the index finger extended, the other fingers fold and the hand leans so that
-the fingertip's pad, bent over the tip, faces the surface while thumb and palm stay clear of it.
+To touch a surface one finger is extended, and the hand leans so that the fingertip's pad, bent over
+the tip, faces the surface while the rest of the hand stays clear of it.
 """
 
-from math import radians
+from functools import lru_cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from warpgrasp.chain.chain_hand import chain_of_table
+from warpgrasp.chain.chain_pairs import chain_opposed
+from warpgrasp.chain.chain_postures import chain_extended
+from warpgrasp.mechanism.touch_postures import (
+    ExtendedFinger,
+    OpposedPair,
+    utah_mit_extended,
+    utah_mit_opposed,
+)
 from warpgrasp.parameters import HandTable, PadTable
 
-INDEX, THUMB = 0, 3
-POKE_LEAN_RAD = radians(57)
-"""From the palmar direction to the probing direction: the fingertip leads folded thumb and palm."""
+
+@lru_cache(maxsize=16)
+def extended_finger(hand: HandTable, pads: PadTable) -> ExtendedFinger | None:
+    """The hand with one finger extended; None where no finger's tip bears a pad. Raises HandError
+    for a hand that cannot be used."""
+    chain = chain_of_table(hand)
+    return utah_mit_extended(hand, pads) if chain is None else chain_extended(chain, pads)
 
 
-def _posture(*fingers_deg: tuple[float, float, float, float]) -> np.ndarray:
-    """Joint commands (finger 4, step 1, 4) [rad]."""
-    return np.radians(np.asarray(fingers_deg, float))[:, None, :]
-
-
-POKE_RAD = _posture((0, 0, 0, 0), (0, -10, 95, 95), (0, -10, 95, 95), (0, 10, 95, 95))
-"""Index finger extended, the others folded."""
-PINCH_OPEN_RAD = _posture((14.3, -10, 0, 0), (0, 30, 95, 95), (0, 30, 95, 95), (0, -10, 0, 0))
-"""Index finger and thumb opened wide, the index finger abducted to face the thumb; others fold."""
-_CLOSED_DEG = 30.0
-_CLOSING_STEPS = 81
-
-
-def pinch_commands(finger: int) -> np.ndarray:
-    """Commands (finger 4, step, 4) [rad] that close one straight finger from its base.
-
-    Half a degree a step: a millimetre at the fingertip.
-    """
-    commands = np.repeat(PINCH_OPEN_RAD, _CLOSING_STEPS, axis=1)
-    commands[finger, :, 1] = np.radians(np.linspace(-10.0, _CLOSED_DEG, _CLOSING_STEPS))
-    return commands
-
-
-def poke_tip_m(hand: HandTable) -> np.ndarray:
-    """Centre of the extended index fingertip in the hand frame [m]."""
-    return np.array([-hand.palm_gap_m / 2, -hand.finger_spacing_m,
-                     hand.abduction_offset_m + sum(hand.link_length_m)])
+@lru_cache(maxsize=16)
+def opposed_pair(hand: HandTable, pads: PadTable) -> OpposedPair | None:
+    """Two of its fingers that close towards each other; None where no two with pads do."""
+    chain = chain_of_table(hand)
+    return utah_mit_opposed(hand, pads) if chain is None else chain_opposed(chain, pads)
 
 
 def poking_pose(
-    hand: HandTable, pads: PadTable, touch_m: np.ndarray, inward: np.ndarray, lean: np.ndarray
+    one: ExtendedFinger, touch_m: np.ndarray, inward: np.ndarray, lean: np.ndarray
 ) -> np.ndarray:
-    """Hand poses whose extended index pad touches `touch_m` while probing along `inward`.
+    """Hand poses whose extended finger's pad touches `touch_m` while probing along `inward`.
 
     `touch_m`, unit `inward` and `lean` have shape (..., 3); the finger points along `inward` turned
     towards `lean` (its part across `inward`). Returns (..., 7), position [m], quaternion xyzw.
@@ -56,11 +47,10 @@ def poking_pose(
     touch_m, inward, lean = np.broadcast_arrays(touch_m, inward, lean)
     side = lean - (lean * inward).sum(-1, keepdims=True) * inward
     side = side / np.linalg.norm(side, axis=-1, keepdims=True)
-    c, s = np.cos(POKE_LEAN_RAD), np.sin(POKE_LEAN_RAD)
+    c, s = np.cos(one.lean_rad), np.sin(one.lean_rad)
     x, z = c * inward - s * side, s * inward + c * side
-    turn = Rotation.from_matrix(
-        np.stack([x, np.cross(z, x), z], -1).reshape(-1, 3, 3))
-    tip = turn.apply(poke_tip_m(hand)).reshape(touch_m.shape)
-    radius = hand.link_radius_m + pads.thickness_m
+    stands = np.stack([x, np.cross(z, x), z], -1).reshape(-1, 3, 3)
+    turn = Rotation.from_matrix((stands[:, :, None] * one.axes).sum(-1))
+    tip = turn.apply(one.tip_m).reshape(touch_m.shape)
     quaternion = turn.as_quat().reshape(*touch_m.shape[:-1], 4)
-    return np.concatenate([touch_m - radius * inward - tip, quaternion], -1)
+    return np.concatenate([touch_m - one.ball_m * inward - tip, quaternion], -1)

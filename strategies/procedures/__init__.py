@@ -11,7 +11,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "planar_explorer": ["PlanarExploration", "PlanarOptions", "explore_plane"],
     "planar_faces": ["Face", "angle_between", "planes_of"],
     "possible": ["FAILED", "NotPossible", "STATUS", "check_foreseeable", "check_possible",
-        "fault_status"],
+        "extended_of", "fault_status", "opposed_of"],
     "stereo_axis": ["StereoAxis", "see_axis"],
     "stereo_prior": ["see_cylinder"],
     "touches": ["EndReason", "MissedTips", "REASON_TEXT", "TouchTable", "true_touches"],

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from strategies.poses.postures import INDEX, PINCH_OPEN_RAD, THUMB, pinch_commands
+from strategies.procedures.possible import opposed_of
 from strategies.procedures.touches import EndReason, MissedTips, TouchLog, TouchTable
 from warpgrasp.mechanism.arm_reach import hand_reachable
 from warpgrasp.probe_status import ProbeStatus
@@ -32,8 +32,6 @@ _LOWER_END = 3 * _LOW  # for both swings, and the way in for one
 _ALL_REACHED = _LOWER_END + 2 * _HIGH
 _LEAST_REACH = 0.75  # wide objects: fingertips short of the axis by this share of the radius
 _FINGERS_PASS = 0.9  # by more, however much the hand is held off, they could pass in front of it
-_WIDEST_HALF_M = 0.041
-"""Half chord the open fingertips can stand astride with some room."""
 
 
 @dataclass(frozen=True)
@@ -92,11 +90,13 @@ class ContourExploration:
     """The contours of each world's object."""
 
     touches: TouchTable
-    """`part` is the section, upwards from 0; finger 3 is the thumb."""
+    """`part` is the section, upwards from 0."""
     reason: np.ndarray
     """EndReason, (world,)."""
     axis: Axis
     """As given."""
+    thumb: int
+    """The number of the finger that is, or stands for, the thumb; the others are opposed to it."""
     found_m: np.ndarray
     """Highest place along the axis where both fingers touched, from its foot, (world,)."""
     nothing_m: np.ndarray
@@ -118,7 +118,8 @@ def explore_contour(
     """Follow the contours of each world's object along its axis, upwards.
 
     Worlds where `wanted` (world,) is False are left alone. An axis that cannot be used, or misses
-    the object, ends with a reason, never an exception.
+    the object, ends with a reason, never an exception. Raises NotPossible for a hand without an
+    opposed pair of fingers.
     """
     return _Follower(robot, axis, wanted, options or ContourOptions()).run()
 
@@ -130,6 +131,7 @@ class _Follower:
         if axis.foot_m.shape != (worlds, 3) or axis.direction.shape != (worlds, 3):
             raise ValueError(f"axis {axis.foot_m.shape}, {axis.direction.shape}: ({worlds}, 3)")
         self.robot, self.axis, self.o = robot, axis, options
+        self.pair = opposed_of(robot.hand, robot.pads)
         length = np.linalg.norm(axis.direction, axis=1)
         numbers = np.concatenate([axis.foot_m, axis.direction, axis.length_m[:, None],
                                   axis.radius_m[:, None]], 1)
@@ -158,7 +160,7 @@ class _Follower:
         self.touch_count = np.zeros(worlds, int)
         self.time, self.path = np.zeros(worlds), np.zeros(worlds)
         self.frames = np.tile(np.eye(3), (worlds, 2, 1, 1))
-        self.log = TouchLog(worlds)
+        self.log = TouchLog(worlds, self.pair.open_rad.shape[2])
 
     def run(self) -> ContourExploration:
         self._choose_azimuth()
@@ -168,9 +170,9 @@ class _Follower:
             if len(rows) == 0:
                 break
             self._take_section(rows)
-        return ContourExploration(self.log.table(), self.reason, self.axis, self.found,
-                                  self.nothing, self.rejected, self.touch_count, self.time,
-                                  self.path, self.log.missed())
+        return ContourExploration(self.log.table(), self.reason, self.axis, self.pair.fingers[1],
+                                  self.found, self.nothing, self.rejected, self.touch_count,
+                                  self.time, self.path, self.log.missed())
 
     @property
     def frame(self) -> np.ndarray:
@@ -218,8 +220,13 @@ class _Follower:
         return score
 
     def _lowest(self) -> np.ndarray:
-        """Lowest section at which the pitched fingertips clear the table."""
-        tip = self.robot.hand.link_radius_m + self.robot.pads.thickness_m + self.o.table_clear_m
+        """Lowest section at which the pitched hand clears the table."""
+        pair, below = self.pair, max(self.pair.ball_m)
+        if len(pair.rest_m):
+            _, up, ahead = ((pair.rest_m - pair.middle_m) @ pair.axes).T
+            below = max(below, float((ahead * np.sin(_PITCH_RAD) - up * np.cos(_PITCH_RAD)
+                                      + pair.rest_radius_m).max()))
+        tip = below + self.o.table_clear_m
         reach = max(self.o.beyond_m) + 0.004
         return (tip + reach * np.sin(_PITCH_RAD) - self.foot[:, 2]) / self.along[:, 2]
 
@@ -235,12 +242,10 @@ class _Follower:
 
     def _pose(self, rows: np.ndarray, sideways: float = 0.0) -> np.ndarray:
         """Hand poses astride the axis at the present sections, (row, 7)."""
-        hand = self.robot.hand
-        frame = self.frame[rows]
+        pair, frame = self.pair, self.frame[rows]
         z = frame[:, :, 2]
-        tip = (hand.abduction_offset_m + sum(hand.link_length_m)) * np.cos(PINCH_OPEN_RAD[0, 0, 0])
         # Wide objects are held short of their widest: the fingers open only so far.
-        wide = np.sqrt(np.maximum(self.radius[rows]**2 - _WIDEST_HALF_M**2, 0.0))
+        wide = np.sqrt(np.maximum(self.radius[rows]**2 - pair.widest_half_m**2, 0.0))
         beyond = np.take(self.o.beyond_m, self.section[rows] % 2) - wide * (
             1.0 + 0.4 * (self.section[rows] % 2))
         beyond = np.maximum(beyond / np.cos(_PITCH_RAD), -_LEAST_REACH * self.radius[rows])
@@ -250,8 +255,10 @@ class _Follower:
         # The fingertips, not the hand's middle, are to be at the section's height.
         inward = z - (z * self.along[rows]).sum(1, keepdims=True) * self.along[rows]
         target = centre + inward * beyond[:, None] + frame[:, :, 0] * sideways
-        place = target - z * tip
-        return np.concatenate([place, Rotation.from_matrix(frame).as_quat()], 1)
+        turn = (frame[:, :, None] * pair.axes).sum(-1)
+        deeper = np.interp(self.radius[rows], pair.half_m, pair.deep_m)
+        place = target - (turn * pair.middle_m).sum(-1) - z * deeper[:, None]
+        return np.concatenate([place, Rotation.from_matrix(turn).as_quat()], 1)
 
     def _come_around(self) -> None:
         """The open hand comes in; where it is barred it is tried again a little to the side."""
@@ -267,7 +274,8 @@ class _Follower:
             interval = 0.002
             touch = self.robot.guarded_line(
                 left, start, z, interval_m=interval, steps=round(o.retreat_m / interval),
-                finger=INDEX, commands_rad=PINCH_OPEN_RAD, checked=sideways != o.sidesteps_m[0])
+                finger=self.pair.fingers[0], commands_rad=self.pair.open_rad,
+                checked=sideways != o.sidesteps_m[0])
             self._spend(left, touch)
             stopped = np.isin(touch.status, (ProbeStatus.CONTACT, ProbeStatus.BLOCKED))
             short = o.retreat_m - touch.steps * interval + _BACK_OFF_M
@@ -288,7 +296,7 @@ class _Follower:
     def _take_section(self, rows: np.ndarray) -> None:
         """Thumb, then index finger; what they found steers the hand to the next section."""
         pose = self._pose(rows)
-        thumb, index = (self._close(rows, pose, finger) for finger in (THUMB, INDEX))
+        thumb, index = (self._close(rows, pose, which) for which in (1, 0))
         status = np.stack([thumb.status, index.status], 1)
         both = (status == ProbeStatus.CONTACT).all(1)
         nothing = (status == ProbeStatus.NO_CONTACT).any(1) & ~both
@@ -313,8 +321,8 @@ class _Follower:
         self.reason[rows[(self.section[rows] >= self.o.most_sections)
                          & (self.reason[rows] == EndReason.GOING_ON)]] = EndReason.SPENT
 
-    def _close(self, rows: np.ndarray, pose: np.ndarray, finger: int) -> LineTouch:
-        commands = pinch_commands(finger)
+    def _close(self, rows: np.ndarray, pose: np.ndarray, which: int) -> LineTouch:
+        finger, commands = self.pair.fingers[which], self.pair.commands_rad[which]
         touch = self.robot.guarded_line(
             rows, pose, np.zeros((len(rows), 3)), interval_m=0.001, steps=commands.shape[1] - 1,
             finger=finger, commands_rad=commands, checked=True)

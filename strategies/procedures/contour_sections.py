@@ -16,7 +16,6 @@ from strategies.procedures.contour_follower import ContourExploration, section_c
 SPLIT_M = 0.0015
 """A segment is split where a radius is farther than this from it [est]: twice the deviation of a
 section's radius from the true one."""
-_THUMB = 3
 _RADII_M = (0.002, 0.2)
 
 
@@ -66,8 +65,8 @@ def _contour(
     table, axis = exploration.touches, exploration.axis
     mine = np.flatnonzero((table.world == world) & np.isfinite(table.point_m).all(1)
                           & np.isfinite(table.normal).all(1))
-    thumb = {table.part[row]: row for row in mine if table.finger[row] == _THUMB}
-    index = {table.part[row]: row for row in mine if table.finger[row] != _THUMB}
+    thumb = {table.part[row]: row for row in mine if table.finger[row] == exploration.thumb}
+    index = {table.part[row]: row for row in mine if table.finger[row] != exploration.thumb}
     both = sorted(thumb.keys() & index.keys())
     nothing = np.full(3, np.nan), np.full((1, 2), np.nan), len(both)
     if len(both) < 2:

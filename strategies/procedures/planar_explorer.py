@@ -1,6 +1,6 @@
 """The planar surface explorer (Allen and Michelman 1990, section IV-D): the second procedure.
 
-With the index finger extended the arm approaches a face until the pad feels. From there the finger
+With one finger extended the arm approaches a face until the pad feels. From there the finger
 crosses the face: a) it lifts until contact is lost, b) steps along the surface, c) comes down until
 contact, d) again, until c fails. Then back to the first contact and the opposite way, and both ways
 across. A host-side state machine over the whole batch: worlds that are done are not touched again.
@@ -16,9 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from fit.rotation import matrix_of_quaternion, turn_points
-from strategies.poses.postures import INDEX, POKE_RAD, poke_tip_m, poking_pose
+from strategies.poses.postures import poking_pose
+from strategies.procedures.possible import extended_of
 from strategies.procedures.touches import EndReason, MissedTips, TouchLog, TouchTable
 from warpgrasp.mechanism.arm_reach import hand_reachable
+from warpgrasp.mechanism.touch_postures import ExtendedFinger
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Robot
 from warpgrasp.touch.guarded_motion import LineTouch, Until
@@ -90,7 +92,7 @@ def explore_plane(
     """Explore one face of each world's object: a point near it and its outward normal, (world, 3).
 
     Worlds where `wanted` (world,) is False are left alone. A start that cannot be used ends with a
-    reason, never an exception.
+    reason, never an exception. Raises NotPossible for a hand without a pad on a fingertip.
     """
     return _Explorer(robot, point_m, normal, wanted, options or PlanarOptions()).run()
 
@@ -103,6 +105,7 @@ class _Explorer:
         if point.shape != (worlds, 3) or normal.shape != (worlds, 3):
             raise ValueError(f"point {point.shape} and normal {normal.shape}: ({worlds}, 3) each")
         self.robot, self.o = robot, options
+        self.one = extended_of(robot.hand, robot.pads)
         length = np.linalg.norm(normal, axis=1)
         good = np.isfinite(point).all(1) & np.isfinite(normal).all(1) & (length > 1e-9)
         safe = np.where(good[:, None], normal, [0.0, 0.0, 1.0])
@@ -120,7 +123,7 @@ class _Explorer:
         self.rejected = np.zeros(worlds, int)
         self.touch_count = np.zeros(worlds, int)
         self.time, self.path = np.zeros(worlds), np.zeros(worlds)
-        self.log = TouchLog(worlds)
+        self.log = TouchLog(worlds, self.one.commands_rad.shape[2])
         self.begun = False  # the way to the first line comes from a retreat
 
     def run(self) -> PlanarExploration:
@@ -141,11 +144,12 @@ class _Explorer:
         inward = -self.axes[:, 2]
         pose = np.zeros((robot.worlds, 7))
         pose[:, 6] = 1.0
-        pose[rows], reachable = choose_lean(robot, self.point[rows], self.axes[rows], o)
+        pose[rows], reachable = choose_lean(
+            robot, self.one, self.point[rows], self.axes[rows], o)
         self.reason[rows[~reachable]] = EndReason.UNREACHABLE
         rows = rows[reachable]
         self.turn = pose[:, 3:]
-        self.tip = fingertip_from(robot, self.turn)  # the finger stays as it is
+        self.tip = fingertip_from(self.one, self.turn)  # the finger stays as it is
         self.place = pose[:, :3] - inward * o.stand_off_m
         touch = self._line(rows, inward, (o.stand_off_m + o.search_m))
         status = touch.status
@@ -210,7 +214,8 @@ class _Explorer:
         pose = np.concatenate([self.place[rows], self.turn[rows]], 1)
         touch = self.robot.guarded_line(
             rows, pose, way[rows], interval_m=interval, steps=max(1, round(length / interval)),
-            finger=INDEX, commands_rad=POKE_RAD, until=until, checked=self.begun)
+            finger=self.one.finger, commands_rad=self.one.commands_rad, until=until,
+            checked=self.begun)
         self.begun = True
         self.place[rows] += way[rows] * (touch.steps * interval)[:, None]
         self.touch_count[rows] += touch.is_touch
@@ -219,7 +224,8 @@ class _Explorer:
         return touch
 
     def _note(self, rows: np.ndarray, touch: LineTouch, which: np.ndarray) -> None:
-        self.log.add(rows, touch, which, self.direction[rows], INDEX, self.robot.line_count - 1)
+        self.log.add(rows, touch, which, self.direction[rows], self.one.finger,
+                     self.robot.line_count - 1)
 
     def _count_blocked(self, rows: np.ndarray, felt: np.ndarray, stopped: np.ndarray) -> None:
         """A blocked point is rejected, the hand backs off, and the search continues."""
@@ -237,8 +243,7 @@ class _Explorer:
     def _step_above_table(self, rows: np.ndarray, along: np.ndarray) -> np.ndarray:
         """Share of a step that leaves the fingertip clear of the table."""
         height = self.place[rows, 2] + self.tip[rows, 2]
-        lowest = (self.robot.hand.link_radius_m + self.robot.pads.thickness_m
-                  + self.o.table_clear_m)
+        lowest = self.one.ball_m + self.o.table_clear_m
         sinks = np.maximum(-along[rows, 2], 1e-9) * self.o.step_m
         return np.clip((height - lowest) / sinks, 0.0, 1.0)
 
@@ -305,31 +310,34 @@ def face_axes(normal: np.ndarray) -> np.ndarray:
     return np.stack([u, np.cross(normal, u), normal], 1)
 
 
-def fingertip_from(robot: Robot, turn: np.ndarray) -> np.ndarray:
-    """From the hand's origin to the centre of the extended index fingertip [m], (n, 3), for the
+def fingertip_from(one: ExtendedFinger, turn: np.ndarray) -> np.ndarray:
+    """From the hand's origin to the centre of the extended fingertip [m], (n, 3), for the
     hand's quaternions (n, 4)."""
     # SciPy's product rounds one rotation differently from several: a row would depend on others.
-    return turn_points(matrix_of_quaternion(turn), poke_tip_m(robot.hand)[None])[:, 0]
+    return turn_points(matrix_of_quaternion(turn), one.tip_m[None])[:, 0]
 
 
 def choose_lean(
-    robot: Robot, point: np.ndarray, axes: np.ndarray, options: PlanarOptions
+    robot: Robot, one: ExtendedFinger, point: np.ndarray, axes: np.ndarray,
+    options: PlanarOptions
 ) -> tuple[np.ndarray, np.ndarray]:
     """Hand poses touching `point` (n, 3), leaning so that the arm reaches, and whether it does.
 
     Preferred is a finger that points downwards at an upright face; among the leans that can be
     reached over the most of a cross of 40 mm about the point, the one nearest to that.
     """
-    pose, usable, score = _lean_poses(robot, point, axes, options, _LEANS[:1])
+    pose, usable, score = _lean_poses(robot, one, point, axes, options, _LEANS[:1])
     # No other lean is better than the first one, where that reaches all of the cross.
     rest = np.flatnonzero(~usable | (score < _ALL_OF_CROSS))
     if len(rest):
-        pose[rest], usable[rest], _ = _lean_poses(robot, point[rest], axes[rest], options, _LEANS)
+        pose[rest], usable[rest], _ = _lean_poses(robot, one, point[rest], axes[rest], options,
+                                                  _LEANS)
     return pose, usable
 
 
 def _lean_poses(
-    robot: Robot, point: np.ndarray, axes: np.ndarray, options: PlanarOptions, leans: np.ndarray
+    robot: Robot, one: ExtendedFinger, point: np.ndarray, axes: np.ndarray,
+    options: PlanarOptions, leans: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The best of some leans for each point: its pose (n, 7), whether it is usable, how much of the
     cross it reaches, less a little for every lean before it, (n,)."""
@@ -338,8 +346,8 @@ def _lean_poses(
             + np.sin(leans)[None, :, None] * u[:, None])
     cross = _CROSS[:, :1] * u[:, None] + _CROSS[:, 1:] * v[:, None]
     cross = np.concatenate([cross, options.stand_off_m * normal[:, None]], 1)
-    poses = poking_pose(robot.hand, robot.pads, (point[:, None] + cross)[:, None],
-                        -normal[:, None, None], lean[:, :, None])
+    poses = poking_pose(one, (point[:, None] + cross)[:, None], -normal[:, None, None],
+                        lean[:, :, None])
     reached = hand_reachable(robot.arm, robot.hand, poses)
     score = reached.sum(-1) - 0.1 * np.arange(len(leans))
     usable = reached[:, :, 0] & reached[:, :, -1]

@@ -2,30 +2,51 @@
 
 import numpy as np
 
+from strategies.poses.postures import extended_finger, opposed_pair
 from warpgrasp.chain.chain_hand import chain_of_table
-from warpgrasp.parameters import HandTable
+from warpgrasp.mechanism.touch_postures import ExtendedFinger, OpposedPair
+from warpgrasp.parameters import HandTable, PadTable
 
 STATUS = "not_possible"
 """Of an episode whose strategy asks for what its hand cannot do; its note begins with it too."""
 FAILED = "strategy_failed"
-NEEDS = {
-    "planar": "feels with the pad of one extended finger",
-    "contour": "feels with the pads of an opposed pair of fingers",
-    "decide": "goes on to procedures that feel with pads",
-}
 
 
 class NotPossible(ValueError):
     """A hand cannot do what it is asked; the message says what and why."""
 
 
-def check_possible(procedure: str, hand: HandTable) -> None:
-    """Raise NotPossible where a hand cannot carry out a procedure: pads are simulated on the
-    Utah-MIT hand alone, and so are fingers that are extended."""
+def extended_of(hand: HandTable, pads: PadTable) -> ExtendedFinger:
+    """The hand with one finger extended. Raises NotPossible for a hand that has none to touch with.
+    """
+    found = extended_finger(hand, pads)
+    if found is None:
+        raise NotPossible(f"{STATUS}: planar feels with the pad of one extended finger, and no "
+                          f"finger of the hand {_name(hand)} has a pad on its last link")
+    return found
+
+
+def opposed_of(hand: HandTable, pads: PadTable) -> OpposedPair:
+    """Two fingers that close towards each other. Raises NotPossible for a hand that has none."""
+    found = opposed_pair(hand, pads)
+    if found is None:
+        raise NotPossible(f"{STATUS}: contour feels with the pads of an opposed pair of fingers, "
+                          f"and the hand {_name(hand)} has no opposed pair")
+    return found
+
+
+def check_possible(procedure: str, hand: HandTable, pads: PadTable) -> None:
+    """Raise NotPossible where a hand cannot carry out a procedure that feels with pads. `decide`
+    goes on to either of them."""
+    if procedure in ("planar", "decide"):
+        extended_of(hand, pads)
+    if procedure in ("contour", "decide"):
+        opposed_of(hand, pads)
+
+
+def _name(hand: HandTable) -> str:
     chain = chain_of_table(hand)
-    if chain is not None and procedure in NEEDS:
-        raise NotPossible(f"{STATUS}: {procedure} {NEEDS[procedure]}, and the hand "
-                          f"{chain.model.name} has none in this simulator")
+    return hand.kind if chain is None else chain.model.name
 
 
 def check_foreseeable(hand: HandTable) -> None:

@@ -81,7 +81,7 @@ class TouchTable:
     normal: np.ndarray
     """Believed outward normal, (row, 3)."""
     q_rad: np.ndarray
-    """(row, 4)."""
+    """(row, joint)."""
     taxel_peak: np.ndarray
     image: np.ndarray
     """Counts of the pad that felt, or of the distal pad, uint8 (row, 16, 16)."""
@@ -126,7 +126,8 @@ class MissedTips:
 class TouchLog:
     """Gathers touches, and what was missed, while a procedure runs."""
 
-    def __init__(self, worlds: int) -> None:
+    def __init__(self, worlds: int, joints: int = 4) -> None:
+        self._joints = joints
         self._parts: list[TouchTable] = []
         self._missed: list[MissedTips] = []
         self._made = np.zeros(worlds, int)
@@ -162,7 +163,7 @@ class TouchLog:
         names = [field.name for field in fields(TouchTable)]
         if not self._parts:
             none = np.zeros(0, int)
-            wide = {"point_m": (3,), "normal": (3,), "q_rad": (4,), "hand_pose": (7,),
+            wide = {"point_m": (3,), "normal": (3,), "q_rad": (self._joints,), "hand_pose": (7,),
                     "image": (TAXELS, TAXELS)}
             return TouchTable(**{name: np.zeros((0, *wide[name])) if name in wide else none
                                  for name in names})

@@ -14,8 +14,9 @@ import time
 import numpy as np
 
 from strategies.poses.hand_poses import waypoint_poses
-from strategies.poses.postures import POKE_RAD, poking_pose
+from strategies.poses.postures import poking_pose
 from strategies.procedures.containment import explore_by_containment
+from strategies.procedures.possible import extended_of
 from strategies.ready_made import STRATEGIES
 from sweeps.bench.measure import bodies_touched
 from sweeps.bench.rows import body_of
@@ -61,11 +62,11 @@ def lines(worlds: int, device: str) -> tuple[np.ndarray, np.ndarray]:
     pose = np.tile([0.45, 0, 0, 0, 0, 0, 1.0], (worlds, 1))
     robot, _ = robot_of("block", key, pose, device)
     inward = np.array([1.0, 0.0, 0.0])
-    at = poking_pose(robot.hand, robot.pads, np.array([0.41, 0.0, 0.06]), inward,
-                     np.array([0.0, 0.0, -1.0]))
+    one = extended_of(robot.hand, robot.pads)
+    at = poking_pose(one, np.array([0.41, 0.0, 0.06]), inward, np.array([0.0, 0.0, -1.0]))
     touch = robot.guarded_line(np.arange(worlds), np.tile(at, (worlds, 1)),
-                               np.tile(inward, (worlds, 1)), interval_m=0.001, steps=40, finger=0,
-                               commands_rad=POKE_RAD)
+                               np.tile(inward, (worlds, 1)), interval_m=0.001, steps=40,
+                               finger=one.finger, commands_rad=one.commands_rad)
     return touch.steps, touch.point_m
 
 

@@ -56,7 +56,8 @@ def closings(of: str, batch: int) -> Workload:
 def touches(of: str, batch: int) -> Workload:
     """Guarded lines of 1 mm intervals that end on a pad of 16 x 16 taxels, of robots that make one
     after the other."""
-    from strategies.poses.postures import POKE_RAD, poking_pose
+    from strategies.poses.postures import poking_pose
+    from strategies.procedures.possible import extended_of
     from warpgrasp.parameters import ArmTable, HandTable, SensorTable
     from warpgrasp.probe_status import ProbeStatus
     from warpgrasp.robot import Robot, Truth
@@ -67,13 +68,14 @@ def touches(of: str, batch: int) -> Workload:
     robot = Robot([body], np.zeros(1, int), truth, np.arange(batch).astype(np.uint64), ArmTable(),
                   HandTable(), SensorTable())
     gap, side, height = rng.uniform([0.005, -0.02, 0.03], [0.03, 0.02, 0.09], (batch, 3)).T
-    pose = np.stack([poking_pose(robot.hand, robot.pads, np.array([x, y, z]), inward,
-                                 np.array([0.0, 0.0, -1.0]))
+    one = extended_of(robot.hand, robot.pads)
+    pose = np.stack([poking_pose(one, np.array([x, y, z]), inward, np.array([0.0, 0.0, -1.0]))
                      for x, y, z in zip(0.45 + body.low_m[0] - gap, side, height, strict=True)])
 
     def call() -> int:
         touch = robot.guarded_line(np.arange(batch), pose, np.tile(inward, (batch, 1)),
-                                   interval_m=0.001, steps=60, finger=0, commands_rad=POKE_RAD)
+                                   interval_m=0.001, steps=60, finger=one.finger,
+                                   commands_rad=one.commands_rad)
         return int((touch.status == ProbeStatus.CONTACT).sum())
 
     return Workload("touches", call)

@@ -39,6 +39,7 @@ KERNEL_MODULES = (
     "warpgrasp.mechanism.arm_motion_kernel",
     "warpgrasp.mechanism.puma560_kernel",
     "warpgrasp.mechanism.utah_mit_hand_kernel",
+    "warpgrasp.touch.chain_line_kernel",
     "warpgrasp.touch.guarded_motion_kernel",
     "warpgrasp.touch.pad_kernel",
     "warpgrasp.touch.silhouette_kernel",

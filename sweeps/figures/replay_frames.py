@@ -14,7 +14,7 @@ from fit.arrays import rows_of
 from fit.superquadric.geometry import Superquadric
 from strategies.contacts.finger_touch import touched_links
 from strategies.poses.hand_outline import outline_of
-from strategies.poses.postures import PINCH_OPEN_RAD, POKE_RAD
+from strategies.procedures.possible import extended_of, opposed_of
 from strategies.procedures.touches import TouchTable
 from strategies.recovery.choose_model import Recovered, Shape
 from strategies.recovery.evidence import evidence_from_grasps
@@ -169,7 +169,9 @@ class _Recording:
 
     def _touches(self, name: str, table: TouchTable) -> Iterator[Frame]:
         rows = np.flatnonzero(table.world == self.world)
-        posture = (POKE_RAD if name == "planar" else PINCH_OPEN_RAD)[:, 0]
+        hand, pads = self.cell.hand, self.cell.pads
+        posture = (extended_of(hand, pads).commands_rad if name == "planar"
+                   else opposed_of(hand, pads).open_rad)[:, 0]
         for row in rows:
             label = f"{name}, part {int(table.part[row]) + 1}"
             goal = _reach(self.cell, table.hand_pose[row], self.arm)
@@ -182,7 +184,8 @@ class _Recording:
             if contact:
                 self.contacts.append(table.point_m[row])
             level = float(table.taxel_peak[row]) / FULL_COUNT if contact else 0.0
-            yield self._frame(fingers, np.where(np.arange(4) == finger, level, 0.0), label)
+            felt = np.where(np.arange(len(posture)) == finger, level, 0.0)
+            yield self._frame(fingers, felt, label)
 
     def _way(self, goal: np.ndarray, count: int, fingers: np.ndarray,
              label: str) -> Iterator[Frame]:

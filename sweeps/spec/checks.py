@@ -11,6 +11,7 @@ from sweeps.spec.cell import SECTIONS
 from sweeps.spec.errors import KeyPath, Problems
 from sweeps.spec.study import Axis, Study
 from sweeps.spec.units import spec_fields
+from warpgrasp.parameters import UTAH_MIT, HandTable, PadTable
 
 _PAIRS = (("arm", "limit_low_deg", "limit_high_deg"),
           ("arm", "box_low_mm", "box_high_mm"),
@@ -67,7 +68,7 @@ def _set(tables: Mapping[str, Any], section: str, name: str) -> np.ndarray:
 PROCEDURES = {"planar", "contour", "decide"}
 """What feels with pads; planners that do so find out by themselves."""
 KEYS = ("pads.length_mm", "pads.wrap_deg", "pads.thickness_mm", "pads.distal", "pads.middle",
-        "pads.proximal", "hand.link_length_mm", "hand.link_radius_mm")
+        "pads.proximal", "hand.kind", "hand.link_length_mm", "hand.link_radius_mm")
 
 
 def check_pads(study: Study, problems: Problems) -> None:
@@ -84,12 +85,24 @@ def check_pads(study: Study, problems: Problems) -> None:
             section, name = key.split(".")
             field = spec_fields(SECTIONS[section])[name]
             tables[section] = replace(tables[section], **{field.name: si})
-        if wrong := tables["pads"].misfit(tables["hand"]):
+        if wrong := _misfit(tables["hand"], tables["pads"]):
             given = [path for key in KEYS if (path := tuple(key.split("."))) in problems.lines]
             at = [("sweep",)] if swept else [*given, ("pads",)]
             told = ", ".join(f"{key} = {value}" for key, value, _ in swept)
             problems.add(at[0], f"with {told}: {wrong}" if told else wrong)
             return
+
+
+def _misfit(hand: HandTable, pads: PadTable) -> str:
+    """Why pads do not fit a hand's links; empty where they do."""
+    if hand.kind == UTAH_MIT:
+        return pads.misfit(hand)
+    # What reads hands is not imported where the hand is the Utah-MIT's.
+    from warpgrasp.chain.chain_hand import chain_of_table
+    from warpgrasp.chain.chain_pads import pad_misfit
+
+    chain = chain_of_table(hand)
+    return pad_misfit(chain, pads) if chain is not None else ""
 
 
 def _orders(study: Study) -> list[tuple[str, ...]]:

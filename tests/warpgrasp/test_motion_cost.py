@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
-from strategies.poses.postures import POKE_RAD, THUMB, pinch_commands
+from strategies.poses.postures import extended_finger, opposed_pair
 from warpgrasp.motion_cost import closing_time_s, guarded_time_s, line_time_s, opening_time_s
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import (
@@ -24,6 +24,8 @@ from warpgrasp.touch.guarded_motion import Until
 ABOVE = np.array([0.45, 0.0, 0.45, 1.0, 0.0, 0.0, 0.0])
 """A hand pose [m], quaternion xyzw, high above the object: the hand points down."""
 ONE = np.zeros(1, int)
+POKE_RAD = extended_finger(HandTable(), PadTable()).commands_rad
+THUMB = opposed_pair(HandTable(), PadTable()).fingers[1]
 
 
 def robot_of(arm: ArmTable) -> Robot:
@@ -40,7 +42,7 @@ def robot_of(arm: ArmTable) -> Robot:
     ArmTable(guarded_step_s=0.2, finger_speed_rad_s=3.0)])
 def test_closing_a_finger_costs_the_same_in_a_grasp_and_along_a_contour(arm: ArmTable) -> None:
     """Half a degree a step: 50 ms, by tendons or by a pad; and the finger opens again."""
-    commands = pinch_commands(THUMB)
+    commands = opposed_pair(HandTable(), PadTable()).commands_rad[1]
     steps = commands.shape[1] - 1
     robot = robot_of(arm)
     grasps = robot.grasp(ABOVE[None, None], np.ones((1, 1), bool), commands[None],

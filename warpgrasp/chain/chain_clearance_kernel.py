@@ -3,7 +3,14 @@
 
 import warp as wp
 
-from warpgrasp.chain.chain_kernel import Chain, chain_capsule, chain_pose, link_place, vec6
+from warpgrasp.chain.chain_kernel import (
+    Chain,
+    ChainBar,
+    chain_capsule,
+    chain_pose,
+    link_place,
+    vec6,
+)
 from warpgrasp.core.dtypes import ONE, ZERO, real, transform, vec3
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.arm_motion_kernel import RETREAT_M, approach_left
@@ -30,26 +37,44 @@ def _capsule_clearance(
 
 
 @wp.func
+def chain_finger_clearance(
+    scene: Scene, body: int, hand: Chain, pose: transform, q: vec6, worst: real
+):
+    """Least clearance of a finger's capsules [m], at most `worst`; `pose` in the body's frame."""
+    f = chain_pose(hand, pose, q)
+    for c in range(hand.capsule_count):
+        capsule = chain_capsule(hand, c)
+        worst = _capsule_clearance(
+            scene, body, link_place(f, capsule.joint, capsule.start),
+            link_place(f, capsule.joint, capsule.end), capsule.radius, worst)
+    return worst
+
+
+@wp.func
+def palm_bars_clearance(
+    scene: Scene, body: int, pose: transform, palm: wp.array[ChainBar], worst: real
+):
+    """The same of palm and wrist."""
+    for n in range(palm.shape[0]):
+        bar = palm[n]
+        worst = _capsule_clearance(scene, body, wp.transform_point(pose, bar.start),
+                                   wp.transform_point(pose, bar.end), bar.radius, worst)
+    return worst
+
+
+@wp.func
 def chain_hand_clearance(
     scene: Scene, body: int, hands: wp.array2d[Chain], world: int, pose: transform,
-    palm: wp.array2d[vec3], radius: wp.array[real], path: wp.array3d[vec6], grasp: int
+    palm: wp.array[ChainBar], path: wp.array3d[vec6], grasp: int
 ):
     """Clearance of the hand [m], its fingers at the first command of a grasp; `pose` in body frame.
     """
     worst = _FAR
     for finger in range(hands.shape[1]):
         hand = hands[world % hands.shape[0], finger]
-        f = chain_pose(hand, pose, path[grasp, finger, 0] - hand.offset)
-        for c in range(hand.capsule_count):
-            capsule = chain_capsule(hand, c)
-            worst = _capsule_clearance(
-                scene, body, link_place(f, capsule.joint, capsule.start),
-                link_place(f, capsule.joint, capsule.end), capsule.radius, worst)
-    for bar in range(palm.shape[0]):
-        worst = _capsule_clearance(
-            scene, body, wp.transform_point(pose, palm[bar, 0]),
-            wp.transform_point(pose, palm[bar, 1]), radius[bar], worst)
-    return worst
+        worst = chain_finger_clearance(scene, body, hand, pose,
+                                       path[grasp, finger, 0] - hand.offset, worst)
+    return palm_bars_clearance(scene, body, pose, palm, worst)
 
 
 @wp.kernel(enable_backward=False)
@@ -61,8 +86,7 @@ def chain_clearance_kernel(
     body_pose: wp.array[transform],
     # Robot:
     hands: wp.array2d[Chain],
-    palm: wp.array2d[vec3],
-    radius: wp.array[real],
+    palm: wp.array[ChainBar],
     march_scale: real,
     # Probe in:
     move_status: wp.array2d[int],
@@ -86,7 +110,7 @@ def chain_clearance_kernel(
         left = _RETREAT  # the first grasp of a probe comes with the approach
     for _ in range(_MARCHES):
         clear = chain_hand_clearance(scene, body[w % body.shape[0]], hands, w,
-                                     transform(place - z * left, turn), palm, radius, path, g)
+                                     transform(place - z * left, turn), palm, path, g)
         if clear < ZERO:
             status[w, p, g] = _COLLISION
             return

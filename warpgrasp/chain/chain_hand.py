@@ -187,7 +187,7 @@ def chain_rows(
     chains = np.zeros((worlds, hand.fingers), record_type(Chain))
     joints = np.zeros((worlds, hand.fingers, JOINTS), record_type(ChainJoint))
     capsules = np.zeros((worlds, hand.fingers, CAPSULES), record_type(ChainCapsule))
-    toward = _palmar(hand)
+    toward = palmar_sides(hand)
     inverse = np.linalg.inv(matrix_of(hand.model.grasp_frame))
     chains["stop"] = table.joint_stop_Nm_rad if contact.joint_stops else 0.0
     chains["skin"], chains["friction"] = table.skin_stiffness_N_m, contact.friction
@@ -313,7 +313,8 @@ def _moved(capsule: Capsule, matrix: np.ndarray) -> Capsule:
     return Capsule(start, end, capsule.radius, capsule.fit_error_m)
 
 
-def _palmar(hand: ChainHand) -> list[np.ndarray]:
+@lru_cache(maxsize=16)
+def palmar_sides(hand: ChainHand) -> list[np.ndarray]:
     """The side that each capsule closes towards along the hand's first closing path, in its link's
     frame, (capsule, 3) a finger."""
     closing = hand.model.closings[0] if hand.model.closings else None

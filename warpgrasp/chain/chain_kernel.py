@@ -57,6 +57,15 @@ class ChainCapsule:
 
 
 @struct
+class ChainBar:
+    """A capsule of palm or wrist, in the hand's frame [m]."""
+
+    start: vec3
+    end: vec3
+    radius: real
+
+
+@struct
 class Chain:
     """One finger, SI; the true one of a world, or the one that is believed, without errors."""
 

@@ -7,6 +7,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "chain_estimate": ["ChainEstimate", "estimate_chain_contacts"],
     "chain_meeting": ["CLOSE_M", "palm_of"],
     "chain_path": ["come_bounds", "padded"],
-    "chain_move": ["chain_clearance", "palm_and_wrist"],
+    "chain_move": ["chain_clearance", "palm_and_wrist", "palm_bars"],
     "chain_self_contact": ["chain_self_contacts"],
 })

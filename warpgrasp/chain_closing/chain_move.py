@@ -5,9 +5,9 @@ import warp as wp
 
 from warpgrasp.chain.chain_clearance_kernel import chain_clearance_kernel
 from warpgrasp.chain.chain_hand import ChainHand, true_chains
-from warpgrasp.chain.chain_kernel import vec6
+from warpgrasp.chain.chain_kernel import ChainBar, vec6
 from warpgrasp.chain_closing.chain_path import padded
-from warpgrasp.core.dtypes import real, vec3
+from warpgrasp.core.struct_array import record_type
 from warpgrasp.mechanism.arm_motion import Clearance, ClearanceKernel
 from warpgrasp.mechanism.calibration import Calibration
 from warpgrasp.parameters import ContactTable, HandTable
@@ -18,18 +18,23 @@ def chain_clearance(
 ) -> Clearance:
     """Which approaches are barred to a hand, its fingers at the first commands of a grasp, its palm
     and its wrist as they are."""
-    ends, radius = palm_and_wrist(hand, table)
 
     def kernel_of(commands_rad: np.ndarray, device: str) -> ClearanceKernel:
         return chain_clearance_kernel, {
-            "hands": "world? finger", "palm": "bar 2", "radius": "bar",
-            "path": "grasp finger step"}, {
+            "hands": "world? finger", "palm": "bar", "path": "grasp finger step"}, {
             "hands": true_chains(hand, table, contact, errors, device),
-            "palm": wp.array(ends, dtype=vec3, device=device),
-            "radius": wp.array(radius, dtype=real, device=device),
+            "palm": palm_bars(hand, table, device),
             "path": wp.array(padded(commands_rad), dtype=vec6, device=device)}
 
     return kernel_of
+
+
+def palm_bars(hand: ChainHand, table: HandTable, device: str) -> wp.array:
+    """Palm and wrist as kernels take them, (bar,), see `palm_and_wrist`."""
+    ends, radius = palm_and_wrist(hand, table)
+    rows = np.zeros(len(ends), record_type(ChainBar))
+    rows["start"], rows["end"], rows["radius"] = ends[:, 0], ends[:, 1], radius
+    return wp.array(rows, dtype=ChainBar, device=device)
 
 
 def palm_and_wrist(hand: ChainHand, table: HandTable) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "hand_frames": ["driven_angles", "finger_tips", "link_frames", "matrix_of",
                     "place_of", "posture_angles"],
     "hand_model": ["Box", "Capsule", "HandClosing", "Finger", "Follow", "HandError", "HandJoint",
-                   "HandModel", "Place", "Posture", "STILL", "Shape"],
+                   "HandModel", "PadPlace", "Place", "Posture", "STILL", "Shape"],
     "hand_writer": ["hand_text"],
     "frames_batch": ["link_frames_batch"],
     "strict_toml": ["read_strict"],

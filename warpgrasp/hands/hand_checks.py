@@ -20,7 +20,7 @@ from warpgrasp.hands.hand_model import (
     Shape,
 )
 
-MOST_JOINTS, MOST_FINGERS = 6, 6
+MOST_JOINTS, MOST_FINGERS, MOST_PADS = 6, 6, 3
 NEAR = 1e-9
 """Lengths [m] and angles [rad] that count as nothing."""
 
@@ -53,7 +53,40 @@ def check_hand(model: HandModel) -> HandModel:
                     f"should be {math.degrees(low):.4g} to {math.degrees(high):.4g}")
     for path in model.closings:
         _check_path(path, model.postures, list(names))
+    _check_touching(model)
     return model
+
+
+def _check_touching(model: HandModel) -> None:
+    """What touches with one finger, and with two."""
+    fingers, postures = [f.name for f in model.fingers], [p.name for p in model.postures]
+
+    def check(what: str, name: str, known: list[str], kind: str) -> None:
+        if name not in known:
+            raise HandError(f"{what}: there is no {kind} {name!r}; should be one of "
+                            f"{', '.join(known)}")
+
+    if model.extended is not None:
+        check("extended.finger", model.extended.finger, fingers, "finger")
+        check("extended.posture", model.extended.posture, postures, "posture")
+        _check_tip_pad("extended.finger", model.extended.finger, model)
+    if model.opposed is not None:
+        for name in model.opposed.fingers:
+            check("opposed.fingers", name, fingers, "finger")
+            _check_tip_pad("opposed.fingers", name, model)
+        if len(set(model.opposed.fingers)) < len(model.opposed.fingers):
+            raise HandError(f"opposed.fingers: {model.opposed.fingers[0]!r} twice; should be two "
+                            "fingers")
+        check("opposed.start", model.opposed.start, postures, "posture")
+        check("opposed.end", model.opposed.end, postures, "posture")
+
+
+def _check_tip_pad(what: str, name: str, model: HandModel) -> None:
+    finger = next(finger for finger in model.fingers if finger.name == name)
+    last = finger.joints[-1].name
+    if last not in finger.pads:
+        raise HandError(f"{what}: finger {name} has no pad on its last link; should have "
+                        f"pads = [{last!r}]")
 
 
 def _check_finger(finger: Finger) -> None:
@@ -93,6 +126,13 @@ def _check_finger(finger: Finger) -> None:
                         "have a capsule or a box at least on the last")
     for joint in finger.joints:
         _check_shapes(f"joint {joint.name}", joint.shapes)
+    if len(finger.pads) > MOST_PADS:
+        raise HandError(f"finger {finger.name}: {len(finger.pads)} pads; should be {MOST_PADS} at "
+                        "most")
+    for place in finger.pad_places:
+        if place.joint not in finger.pads:
+            raise HandError(f"finger {finger.name}: the place of a pad on {place.joint!r}, which "
+                            f"is none of its pads; should be one of {', '.join(finger.pads)}")
     for pad in finger.pads:
         if pad not in [joint.name for joint in finger.joints]:
             raise HandError(f"finger {finger.name}: a pad on {pad!r}; should be on one of its "

@@ -10,17 +10,21 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from warpgrasp.hands.hand_checks import check_hand
+from warpgrasp.hands.hand_checks import NEAR, check_hand
 from warpgrasp.hands.hand_model import (
     STILL,
     Box,
     Capsule,
+    Extended,
     Finger,
     Follow,
     HandClosing,
     HandError,
     HandJoint,
     HandModel,
+    Opposed,
+    PadPlace,
+    PadSize,
     Place,
     Posture,
     Shape,
@@ -29,6 +33,8 @@ from warpgrasp.hands.strict_toml import read_strict
 
 _DATA = Path(__file__).parent / "data"
 SHIPPED = ("utah_mit", "allegro", "leap", "barrett")
+ACROSS = 0.5
+"""Share of a pad's side across its axis, least."""
 _Three = tuple[float, float, float]
 _Word = Annotated[str, Field(min_length=1, max_length=80)]
 
@@ -67,11 +73,38 @@ class _Joint(_Place):
     shape: list[_Shape] = []
 
 
+class _Pad(_Strict):
+    link: _Word
+    axis_mm: tuple[_Three, _Three]
+    radius_mm: float = Field(gt=0.0)
+    side: _Three
+
+
+class _PadSize(_Strict):
+    width_mm: float = Field(gt=0.0)
+    length_mm: float = Field(gt=0.0)
+    wrap_deg: float = Field(ge=0.0, le=90.0)
+    thickness_mm: float = Field(gt=0.0)
+
+
+class _Extended(_Strict):
+    finger: _Word
+    posture: _Word
+    lean_deg: float | None = Field(default=None, ge=0.0, le=90.0)
+
+
+class _Opposed(_Strict):
+    fingers: tuple[_Word, _Word]
+    start: _Word
+    end: _Word
+
+
 class _Finger(_Strict):
     name: _Word
     tip_mm: _Three
     pads: list[str] = []
     joint: list[_Joint]
+    pad: list[_Pad] = []
 
 
 class _Closing(_Strict):
@@ -91,6 +124,9 @@ class _Hand(_Strict):
     closings: dict[_Word, _Closing]
     palm: list[_Shape] = []
     finger: list[_Finger]
+    pads: _PadSize | None = None
+    extended: _Extended | None = None
+    opposed: _Opposed | None = None
 
 
 @lru_cache(maxsize=len(SHIPPED))
@@ -119,12 +155,35 @@ def _model(given: _Hand) -> HandModel:
         tuple(Posture(name, tuple((joint, math.radians(v)) for joint, v in angles.items()))
               for name, angles in given.postures.items()),
         tuple(HandClosing(name, path.start, path.end, tuple(path.moves))
-              for name, path in given.closings.items()))
+              for name, path in given.closings.items()),
+        given.pads and PadSize(given.pads.width_mm / 1e3, given.pads.length_mm / 1e3,
+                               math.radians(given.pads.wrap_deg), given.pads.thickness_mm / 1e3),
+        given.extended and Extended(
+            given.extended.finger, given.extended.posture,
+            None if given.extended.lean_deg is None else math.radians(given.extended.lean_deg)),
+        given.opposed and Opposed(given.opposed.fingers, given.opposed.start, given.opposed.end))
 
 
 def _finger(given: _Finger) -> Finger:
     return Finger(given.name, tuple(_joint(joint) for joint in given.joint), _metres(given.tip_mm),
-                  tuple(given.pads))
+                  tuple(given.pads), tuple(_pad(pad, given.name) for pad in given.pad))
+
+
+def _pad(given: _Pad, finger: str) -> PadPlace:
+    start, end = (_metres(at) for at in given.axis_mm)
+    along = [b - a for a, b in zip(start, end, strict=True)]
+    length, size = math.hypot(*along), math.hypot(*given.side)
+    if length < NEAR or size < NEAR:
+        raise HandError(f"finger {finger}: pad on {given.link}: an axis or a side without length; "
+                        "should be two places apart, and a direction across them")
+    lean = sum(a * b for a, b in zip(along, given.side, strict=True)) / length
+    x, y, z = (s - lean * a / length for s, a in zip(given.side, along, strict=True))
+    across = math.hypot(x, y, z)
+    if across < ACROSS * size:
+        raise HandError(f"finger {finger}: pad on {given.link}: its side points along its axis; "
+                        "should point across it")
+    return PadPlace(given.link, start, end, given.radius_mm / 1e3,
+                    (x / across, y / across, z / across))
 
 
 def _joint(given: _Joint) -> HandJoint:

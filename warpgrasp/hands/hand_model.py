@@ -67,6 +67,31 @@ class HandJoint:
 
 
 @dataclass(frozen=True)
+class PadPlace:
+    """Where a tactile pad lies on a link, in the link's frame [m]: bent about an axis from `start`
+    to `end`, `radius` off it, on the side `out`; on a finger's last link also over the end."""
+
+    joint: str
+    start: Vector
+    end: Vector
+    radius: float
+    """Of what lies under the pad."""
+    out: Vector
+    """Unit vector across the axis."""
+
+
+@dataclass(frozen=True)
+class PadSize:
+    """Of all of a hand's pads [m]."""
+
+    width_m: float
+    length_m: float
+    wrap_rad: float
+    """How far a pad at the end of a finger bends over it."""
+    thickness_m: float
+
+
+@dataclass(frozen=True)
 class Finger:
     """A serial chain of joints that ends in a tip."""
 
@@ -76,6 +101,8 @@ class Finger:
     """In the frame of the last joint."""
     pads: tuple[str, ...]
     """The joints whose links bear a tactile pad."""
+    pad_places: tuple[PadPlace, ...] = ()
+    """Where those lie that do not lie on their links' capsules."""
 
 
 @dataclass(frozen=True)
@@ -98,6 +125,29 @@ class HandClosing:
 
 
 @dataclass(frozen=True)
+class Extended:
+    """How a hand touches with one finger."""
+
+    finger: str
+    posture: str
+    """In which that finger is extended and the others are out of the way."""
+    lean_rad: float | None = None
+    """From the side that its pad lies on to the direction that it touches in, so that nothing else
+    of the hand leads; None: computed."""
+
+
+@dataclass(frozen=True)
+class Opposed:
+    """Two fingers whose tips close towards each other, and how."""
+
+    fingers: tuple[str, str]
+    start: str
+    """The posture in which both are open and the others out of the way."""
+    end: str
+    """The posture in which each has closed, the other one kept open."""
+
+
+@dataclass(frozen=True)
 class HandModel:
     """A whole hand; the palm's frame is its root."""
 
@@ -115,6 +165,11 @@ class HandModel:
     """One of SENSES."""
     postures: tuple[Posture, ...]
     closings: tuple[HandClosing, ...]
+    pad_size: PadSize | None = None
+    """None: as `[pads]` of a spec has it."""
+    extended: Extended | None = None
+    """None: computed, as `opposed` is."""
+    opposed: Opposed | None = None
 
     @property
     def joints(self) -> tuple[HandJoint, ...]:

@@ -32,6 +32,7 @@ def hand_text(model: HandModel, notes: Sequence[str] = (), *, guessed: bool = Fa
         lines += [f"[closings.{_text(path.name)}]{mark}",
                   f"start = {_text(path.start)}", f"end = {_text(path.end)}",
                   f"moves = [{', '.join(map(_text, path.moves))}]", ""]
+    lines += _touching(model)
     for shape in model.palm:
         lines += ["[[palm]]", *_shape(shape), ""]
     for finger in model.fingers:
@@ -39,9 +40,33 @@ def hand_text(model: HandModel, notes: Sequence[str] = (), *, guessed: bool = Fa
     return "\n".join(lines)
 
 
+def _touching(model: HandModel) -> list[str]:
+    """Pads, the finger that is extended, and the pair that is opposed, as far as they are said."""
+    lines = []
+    if (size := model.pad_size) is not None:
+        lines += ["[pads]  # of every finger's", f"width_mm = {_number(size.width_m * 1e3)}",
+                  f"length_mm = {_number(size.length_m * 1e3)}",
+                  f"wrap_deg = {_degrees(size.wrap_rad)}",
+                  f"thickness_mm = {_number(size.thickness_m * 1e3)}", ""]
+    if (one := model.extended) is not None:
+        lines += ["[extended]  # touches with one finger", f"finger = {_text(one.finger)}",
+                  f"posture = {_text(one.posture)}",
+                  *([] if one.lean_rad is None else [f"lean_deg = {_degrees(one.lean_rad)}"]), ""]
+    if (pair := model.opposed) is not None:
+        lines += ["[opposed]  # two fingers whose tips close towards each other",
+                  f"fingers = [{', '.join(map(_text, pair.fingers))}]",
+                  f"start = {_text(pair.start)}", f"end = {_text(pair.end)}", ""]
+    return lines
+
+
 def _finger(finger: Finger, mark: str) -> list[str]:
     lines = ["[[finger]]", f"name = {_text(finger.name)}", f"tip_mm = {_mm(finger.tip_m)}{mark}",
              f"pads = [{', '.join(map(_text, finger.pads))}]{mark}", ""]
+    for place in finger.pad_places:
+        lines += ["[[finger.pad]]", f"link = {_text(place.joint)}",
+                  f"axis_mm = [{_mm(place.start)}, {_mm(place.end)}]",
+                  f"radius_mm = {_number(place.radius * 1e3)}",
+                  f"side = [{', '.join(map(_number, place.out))}]", ""]
     for joint in finger.joints:
         lines += _joint(joint)
     return lines

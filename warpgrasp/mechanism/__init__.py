@@ -13,5 +13,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "hand_clearance": ["finger_clearance", "palm_clearance", "segment_clearance"],
     "puma560": ["ALPHA_RAD", "puma_forward_batch", "puma_inverse_batch"],
     "tendon": ["tendon_sensor_of"],
+    "touch_postures": ["ExtendedFinger", "OpposedPair", "utah_mit_extended", "utah_mit_opposed"],
     "utah_mit_hand": ["FINGER_COUNT", "LINK_COUNT", "WEIGHT_ASKEW", "hand_links", "hand_of"],
 })

@@ -14,6 +14,12 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warpgrasp.chain.chain_hand import ChainHand, chain_of_table, chain_rows, true_chains
+from warpgrasp.chain.chain_kernel import vec6
+from warpgrasp.chain.chain_pads import own_pads, pad_places
+from warpgrasp.chain_closing.chain_closing import no_chain_errors
+from warpgrasp.chain_closing.chain_move import palm_bars
+from warpgrasp.chain_closing.chain_path import padded
 from warpgrasp.core.dtypes import real, transform
 from warpgrasp.core.kernel_launch import ShapeError, check_range, launch
 from warpgrasp.core.struct_array import Records, record_type
@@ -30,11 +36,22 @@ from warpgrasp.parameters import (
     SensorTable,
     TrueTables,
 )
+from warpgrasp.touch.chain_line_kernel import chain_line_kernel
 from warpgrasp.touch.guarded_motion_kernel import line_kernel
 from warpgrasp.touch.line_record import LineBegin, LineEnd
-from warpgrasp.touch.pad import pad_of, pad_turns, true_pads
+from warpgrasp.touch.pad import (
+    chain_pad_turns,
+    chain_pads,
+    pad_of,
+    pad_turns,
+    true_chain_pads,
+    true_pads,
+)
 from warpgrasp.touch.pad_culling import BLOCKS
 from warpgrasp.touch.pad_kernel import TAXELS
+
+_LONGER = 1.03
+"""Links that are true are no longer than believed by more."""
 
 
 class Until(IntEnum):
@@ -53,7 +70,7 @@ class LineTouch:
     """ProbeStatus, shape (row,): CONTACT, NO_CONTACT (spent, or released), BLOCKED, UNREACHABLE,
     COLLISION (the finger is pushed away, or hand strikes, already where the line starts)."""
     link: np.ndarray
-    """Link whose pad felt (0 proximal to 2 distal), -1 without a touch."""
+    """Link whose pad felt (0 proximal to 2 distal; of a chain its joint), -1 without a touch."""
     point_m: np.ndarray
     """Believed contact, base frame [m], (row, 3); NaN without a touch."""
     normal: np.ndarray
@@ -63,7 +80,7 @@ class LineTouch:
     hand_pose: np.ndarray
     """Believed hand pose at the end, [m] and quaternion xyzw, (row, 7)."""
     q_rad: np.ndarray
-    """Joint angles of the finger as read, (row, 4)."""
+    """Joint angles of the finger as read, of a chain its drives', (row, joint)."""
     taxel_peak: np.ndarray
     """Largest count of the pad that felt, or that bore most where the line was blocked; else 0."""
     image: np.ndarray
@@ -85,7 +102,7 @@ class LineTruth:
     rows: np.ndarray
     """World of each row."""
     q_rad: np.ndarray
-    """(row, 4)."""
+    """(row, joint)."""
     point_m: np.ndarray
     """Surface point at the pad's centre of force, base frame [m], (row, 3); NaN without load."""
     normal: np.ndarray
@@ -114,37 +131,88 @@ class LineMove:
     interval_m: float
     steps: int
     finger: int
-    """Whose pads count: 0 to 2, 3 the thumb."""
+    """Whose pads count; of the Utah-MIT hand 3 is the thumb."""
     commands_rad: np.ndarray
-    """Joint commands of all fingers at each interval, (finger 4, step, 4), the last one held; the
+    """Joint commands of all fingers at each interval, (finger, step, joint), the last one held; the
     fingers that do not probe stay at their first."""
     until: Until = Until.CONTACT
     checked: bool = False
     """Whether the way to the start is looked at: see `Robot.guarded_line`."""
 
 
-@lru_cache(maxsize=8)
+@dataclass(frozen=True)
+class _LineRobot:
+    """Robots, believed and true, on a device, as a kernel of a guarded line takes them."""
+
+    kernel: Any
+    shapes: dict[str, str]
+    arguments: dict[str, Any]
+    reach_m: float
+    """From a finger's base to the farthest place of its skin."""
+    joints: int
+    """Angles of a finger."""
+    link: np.ndarray
+    """The link's number of each pad, (pad 3,)."""
+    kept: Any = None
+    """What lives as long."""
+
+
+@lru_cache(maxsize=16)
 def _robot(
     arm: ArmTable, hand: HandTable, true_hand: HandTable, pads: PadTable, contact: ContactTable,
-    errors: Calibration, device: str
-) -> dict[str, Any]:
-    """The robots, believed and true, on a device; kept for the next line."""
-    return {"arm": arm_of(arm, hand.mount_length_m), "hand": hand_of(hand),
-            "pad": pad_of(pads, hand), "turns": pad_turns(pads, hand, device),
+    errors: Calibration, finger: int, device: str
+) -> _LineRobot:
+    """The robots, kept for the next line."""
+    chain = chain_of_table(hand)
+    check_range("finger", finger, 0, (FINGER_COUNT if chain is None else chain.fingers) - 1)
+    arms = {"arm": arm_of(arm, hand.mount_length_m),
             "true_arms": true_arms(arm, hand.mount_length_m, errors, device),
-            "true_hands": true_hands(true_hand, contact, errors, device),
-            "true_pads": true_pads(pads, true_hand, errors, device),
             "mount": wp.array(errors.mount, dtype=transform, device=device)}
+    if chain is not None:
+        return _chain_robot(arms, chain, hand, true_hand, own_pads(chain, pads), contact, errors,
+                            finger, device)
+    reach = (true_hand.abduction_offset_m + sum(true_hand.link_length_m) + true_hand.link_radius_m
+             + pads.thickness_m)
+    return _LineRobot(
+        line_kernel, {"true_hands": "world? 4", "true_pads": "world? 4", "commands": "4 step 4"}, {
+            **arms, "hand": hand_of(hand), "pad": pad_of(pads, hand),
+            "turns": pad_turns(pads, hand, device),
+            "true_hands": true_hands(true_hand, contact, errors, device),
+            "true_pads": true_pads(pads, true_hand, errors, device)},
+        reach, 4, np.arange(LINK_COUNT))
+
+
+def _chain_robot(
+    arms: dict[str, Any], chain: ChainHand, hand: HandTable, true_hand: HandTable, pads: PadTable,
+    contact: ContactTable, errors: Calibration, finger: int, device: str
+) -> _LineRobot:
+    none = no_chain_errors(chain)
+    pad, rows = chain_pads(chain, finger, pads, device)
+    true, true_rows = true_chain_pads(chain, pads, errors, device)
+    chains, *_ = chain_rows(chain, hand, contact, none)
+    joint: Any = rows.numpy()
+    radii = [place.radius for place in pad_places(chain, finger, pads)]
+    return _LineRobot(
+        chain_line_kernel, {"hands": "1 finger", "true_hands": "world? finger", "palm": "bar",
+                            "true_pads": "world? finger", "commands": "finger step"}, {
+            **arms, "hands": true_chains(chain, hand, contact, none, device), "pad": pad,
+            "turns": chain_pad_turns(pads, chain, finger, device),
+            "true_hands": true_chains(chain, true_hand, contact, errors, device),
+            "true_pads": true, "palm": palm_bars(chain, true_hand, device)},
+        _LONGER * (float(chains["reach"][0, finger]) + max(radii, default=0.0)
+                   + pads.thickness_m), chain.width, joint["joint"], (rows, true_rows))
 
 
 @lru_cache(maxsize=32)
 def _commands(
-    shape: tuple[int, ...], commands: bytes, finger: int, device: str
+    shape: tuple[int, ...], commands: bytes, finger: int, chain: bool, device: str
 ) -> tuple[wp.array, float]:
     """Commands on a device, and the most that a finger's joints turn in one of them [rad]; kept for
     the next line along them."""
     there = np.frombuffer(commands).reshape(shape)
     turned = np.abs(np.diff(there[finger], axis=0)).sum(-1).max(initial=0.0)
+    if chain:
+        return wp.array(padded(there), dtype=vec6, device=device), turned
     return wp.array(there, dtype=real, device=device), turned
 
 
@@ -174,7 +242,6 @@ def guarded_line(
     nothing. Raises ShapeError, and ValueError for a body or a finger that there is not.
     """
     check_range("body", body, 0, scene.bodies - 1)
-    check_range("finger", move.finger, 0, FINGER_COUNT - 1)
     n = len(move.rows)
     true_hand, true_sensors = (hand, sensors) if true is None else (true.hand, true.sensors)
     begin = np.zeros(n, record_type(LineBegin))
@@ -188,40 +255,40 @@ def guarded_line(
                              f"wants {column.shape}")
         column[...] = value
     speed = np.linalg.norm(move.direction, axis=1)
-    reach = (true_hand.abduction_offset_m + sum(true_hand.link_length_m) + true_hand.link_radius_m
-             + pads.thickness_m)
+    robot = _robot(arm, hand, true_hand, pads, contact or ContactTable(), errors, move.finger,
+                   device)
     commands, swing = _commands(
         np.shape(move.commands_rad), np.ascontiguousarray(move.commands_rad, float).tobytes(),
-        move.finger, device)
+        move.finger, robot.kernel is chain_line_kernel, device)
     images = wp.zeros((n, TAXELS, TAXELS), dtype=wp.uint8, device=device)
     near_bits = wp.empty((n, LINK_COUNT, BLOCKS**2), dtype=int, device=device)
     begins, ends = Records(LineBegin, begin, device), Records(LineEnd, (n,), device)
-    launch(line_kernel, {"row": n}, {
-        "turns": "40", "true_arms": "world?", "true_hands": "world? 4", "true_pads": "world? 4",
-        "mount": "world?", "begins": "row", "commands": "4 step 4", "near_bits": "row 3 16",
-        "image": "row 16 16", "ends": "row"}, {
-        "scene": scene,
-        **_robot(arm, hand, true_hand, pads, contact or ContactTable(), errors, device),
+    launch(robot.kernel, {"row": n}, {
+        "turns": "turn", "true_arms": "world?", "mount": "world?", "begins": "row",
+        "near_bits": "row 3 16", "image": "row 16 16", "ends": "row", **robot.shapes}, {
+        "scene": scene, **robot.arguments,
         "joint_noise": true_sensors.joint_noise_rad, "march_scale": march_scale,
         "begins": begins.array,
         "interval": move.interval_m, "steps": move.steps, "finger": move.finger,
         "commands": commands,
-        "swing": swing * reach,
+        "swing": swing * robot.reach_m,
         "checked": int(move.checked), "until_release": int(move.until == Until.RELEASE),
         "near_bits": near_bits, "image": images,
         "ends": ends.array}, device=device)
     end, image = ends.numpy(), images.numpy().copy()
     gone = end["made"] * move.interval_m * speed
     touch = LineTouch(
-        status=end["status"], link=end["link"], point_m=end["point"], normal=end["normal"],
-        tip_m=end["tip"], hand_pose=end["believed"], q_rad=end["q_read"], taxel_peak=end["peak"],
+        status=end["status"], link=np.where(end["link"] < 0, -1, robot.link[end["link"]]),
+        point_m=end["point"], normal=end["normal"],
+        tip_m=end["tip"], hand_pose=end["believed"], q_rad=end["q_read"][:, :robot.joints],
+        taxel_peak=end["peak"],
         image=image, steps=end["made"],
         is_touch=was_made(end["status"]) & (move.until == Until.CONTACT),
         time_s=end["arm_time"] + line_time_s(arm, move.commands_rad[move.finger], end["made"],
                                             end["line_time"]),
         path_m=end["arm_path"] + gone)
     # Copies: a truth is kept for the whole episode, and a view would keep all of the record.
-    truth = LineTruth(move.rows, end["q_true"].copy(), end["point_true"].copy(),
+    truth = LineTruth(move.rows, end["q_true"][:, :robot.joints].copy(), end["point_true"].copy(),
                       end["normal_true"].copy(), end["force_true"].copy(),
                       end["on_table"].astype(bool), end["pose_true"].copy())
     return touch, truth, end["arm_q"]

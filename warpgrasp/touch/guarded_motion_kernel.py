@@ -7,38 +7,32 @@ first-passage distribution over the free intervals, for all pads that are on. A 
 noise beyond `yield_rad`, five standard deviations by default) is not drawn.
 """
 
+from typing import Any
+
 import warp as wp
 
-from warpgrasp.core.dtypes import (
-    HALF,
-    ONE,
-    ZERO,
-    quat,
-    real,
-    transform,
-    vec2,
-    vec3,
-    vec4,
-    vec7,
-)
+from warpgrasp.chain.chain_kernel import vec6
+from warpgrasp.core.dtypes import ONE, ZERO, quat, real, transform, vec2, vec3, vec4, vec7
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key, counter_normal, counter_uniform
-from warpgrasp.finger.energy import largest_magnitude
+from warpgrasp.finger.chain_energy import largest_magnitude
 from warpgrasp.geometry.scene import Scene, body_table_distance_grad
-from warpgrasp.geometry.segment_distance import LINK_SAMPLES, nearest_on_link
 from warpgrasp.mechanism.arm_kernel import Arm, arm_flange, arm_joints, arm_time
-from warpgrasp.mechanism.utah_mit_hand_kernel import (
-    Hand,
-    finger_base,
-    finger_pose,
-    free_joints,
-    link_direction,
-    link_start,
-)
+from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
 from warpgrasp.probe_status import ProbeStatus
+from warpgrasp.touch.line_finger import (
+    command_at,
+    finger_free,
+    finger_root,
+    hanging,
+    joints_read,
+    posed,
+    six_of,
+    tip_centre,
+    unexplained,
+)
 from warpgrasp.touch.line_pose import (
     along_line,
-    command_at,
     hand_at,
     hand_slip,
     others_free,
@@ -46,7 +40,7 @@ from warpgrasp.touch.line_pose import (
 )
 from warpgrasp.touch.line_record import LineBegin, LineEnd
 from warpgrasp.touch.pad_equilibrium import pad_equilibrium
-from warpgrasp.touch.pad_kernel import Pad, pad_place, pad_reading_key
+from warpgrasp.touch.pad_kernel import Pad, pad_link, pad_place, pad_reading_key
 from warpgrasp.touch.pad_readout import (
     felt_above,
     image_centroid,
@@ -93,31 +87,6 @@ def _below(draw: wp.uint64, count: int):
 
 
 @wp.func
-def _finger_free(scene: Scene, body: int, hand: Hand, pad: Pad, base: transform, q: vec4):
-    """A lower bound of the distance from a finger's skin and pads to any obstacle [m]."""
-    f = finger_pose(hand, base, q)
-    free = real(1e9)
-    for link in range(3):
-        radius = hand.link_radius
-        if pad.on[link] != 0:
-            radius += pad.thickness + wp.abs(pad.shift[link, 0])
-        a = link_start(f, link)
-        u = link_direction(f, link)
-        length = hand.link_length[link]
-        near = nearest_on_link(scene, body, a, u, length, -ONE, ONE, LINK_SAMPLES,
-                            length * HALF + radius)
-        table = a[2] + wp.min(u[2], ZERO) * length
-        free = wp.min(free, wp.min(near.distance, table) - radius)
-    return free
-
-
-@wp.func
-def _tip(hand: Hand, pose: transform, finger: int, q: vec4):
-    f = finger_pose(hand, wp.transform_multiply(pose, finger_base(hand, finger)), q)
-    return f.p4
-
-
-@wp.func
 def _not_moved(pose: transform, arm_q: vec7):
     """The end of a line that is not begun: the hand is at `pose`, the arm at `arm_q`."""
     nan3 = vec3(_NAN, _NAN, _NAN)
@@ -129,52 +98,22 @@ def _not_moved(pose: transform, arm_q: vec7):
     end.normal_true = nan3
     end.believed = pose
     end.arm_q = arm_q
-    end.q_read = vec4(_NAN, _NAN, _NAN, _NAN)
+    end.q_read = vec6(_NAN, _NAN, _NAN, _NAN, _NAN, _NAN)
     end.tip = nan3
     return end
 
 
 @wp.func
-def _joints_read(q: vec4, noise: real, reading: wp.uint64):
-    """Joint angles as the sensors read them."""
-    return q + noise * vec4(
-        counter_normal(counter_key(reading, 0)), counter_normal(counter_key(reading, 1)),
-        counter_normal(counter_key(reading, 2)), counter_normal(counter_key(reading, 3)))
-
-
-@wp.kernel(enable_backward=False)
-def line_kernel(
-    first: int,
-    # Scene:
-    scene: Scene,
-    # Robot:
-    arm: Arm,
-    hand: Hand,
-    pad: Pad,
-    turns: wp.array[vec2],
-    true_arms: wp.array[Arm],
-    true_hands: wp.array2d[Hand],
-    true_pads: wp.array2d[Pad],
-    mount: wp.array[transform],
-    joint_noise: real,
-    march_scale: real,
-    # Move in:
-    begins: wp.array[LineBegin],
-    interval: real,
-    steps: int,
-    finger: int,
-    commands: wp.array3d[real],
-    swing: real,
-    checked: int,
-    until_release: int,
-    # Scratch, for the taxels in sight:
-    near_bits: wp.array3d[int],
-    # Touch out:
-    image: wp.array3d[wp.uint8],
-    ends: wp.array[LineEnd],
+def line_row(
+    i: int, scene: Scene, arm: Arm, hand: Any, pad: Pad, turns: wp.array[vec2],
+    true_arms: wp.array[Arm], true_hands: Any, true_pads: wp.array2d[Pad],
+    mount: wp.array[transform], palm: Any, joint_noise: real, march_scale: real,
+    begins: wp.array[LineBegin], interval: real, steps: int, finger: int, commands: Any,
+    swing: real, checked: int, until_release: int, near_bits: wp.array3d[int],
+    image: wp.array3d[wp.uint8], ends: wp.array[LineEnd],
 ):
-    """One row of `guarded_line.guarded_line`, which says what goes in and what comes out."""
-    i = wp.tid() + first
+    """One row of `guarded_line.guarded_line`, which says what goes in and what comes out; `palm` is
+    what `others_free` takes."""
     begin = begins[i]
     which = begin.body
     key = begin.key
@@ -221,7 +160,7 @@ def line_kernel(
         before = wp.transform_multiply(arm_flange(arm, begin.arm_q), hand_on_flange)
         if not way_is_free(scene, which, true_hands, own, wp.transform_inverse(begin.body_pose),
                            wp.transform_multiply(before, slip), wp.transform_multiply(line, slip),
-                           arm.mount, commands):
+                           palm, commands):
             end.status = _COLLISION
             end.believed = before
             ends[i] = end
@@ -261,13 +200,13 @@ def line_kernel(
         command = command_at(commands, finger, s) - real_hand.offset
         here = hand_at(line, way, interval * real(s), slip, slip_last, per_step * real(s), wobble)
         pose = wp.transform_multiply(to_body, here)
-        base = wp.transform_multiply(pose, finger_base(real_hand, finger))
-        hangs = free_joints(real_hand, base, command)
+        base = wp.transform_multiply(pose, finger_root(real_hand, finger))
+        hangs = hanging(real_hand, base, command)
         if moved == 0:
             q = hangs
         if others <= ZERO:
-            others = others_free(scene, which, true_hands, own, pose, arm.mount, commands, finger)
-        free = wp.min(_finger_free(scene, which, real_hand, real_pad, base, hangs), others)
+            others = others_free(scene, which, true_hands, own, pose, palm, commands, finger)
+        free = wp.min(finger_free(scene, which, real_hand, real_pad, base, hangs), others)
         felt_link = int(-1)
         felt = int(0)
         most = vec4(ZERO, ZERO, ZERO, ZERO)
@@ -276,15 +215,16 @@ def line_kernel(
                                    row_bits)
             q = rest.skin.q
             moved = int(1)
-            f = finger_pose(real_hand, base, q)
+            f = posed(real_hand, base, q)
             # All pads are read.
             for link in range(3):
                 if pad.on[link] != 0:
-                    load = pad_load(scene, which, real_pad, real_hand, turns, f, link, row_bits)
+                    at_link = pad_link(real_hand, real_pad, f, link)
+                    load = pad_load(scene, which, real_pad, at_link, turns, row_bits)
                     if load[3] > most[3]:
                         most = load
                     if felt == 0 and pad_feels(
-                            scene, which, real_pad, real_hand, turns, f, finger, link, key,
+                            scene, which, real_pad, at_link, turns, finger, key,
                             pad_reading_key(key, number, s, finger, link), row_bits):
                         felt = int(1)
         else:
@@ -292,8 +232,11 @@ def line_kernel(
             moved = int(0)
         lag = real(0.0)
         if free <= ZERO:
-            read = _joints_read(q + real_hand.offset, joint_noise, counter_key(reader, s))
-            lag = largest_magnitude(read - real_hand.offset - command)
+            read = joints_read(real_hand, q + real_hand.offset, joint_noise, counter_key(reader, s))
+            lag = largest_magnitude(unexplained(
+                hand, wp.transform_multiply(along_line(line, way, interval * real(s)),
+                                            finger_root(hand, finger)),
+                command_at(commands, finger, s), read - real_hand.offset - command))
         if until_release == 0 and s == 0 and free <= ZERO and (
                 lag > pad.yield_angle or others <= ZERO):
             status = _COLLISION
@@ -322,8 +265,8 @@ def line_kernel(
                 s += spared
                 here = hand_at(line, way, interval * real(s), slip, slip_last,
                                 per_step * real(s), wobble)
-                q = free_joints(real_hand, wp.transform_multiply(
-                    wp.transform_multiply(to_body, here), finger_base(real_hand, finger)),
+                q = hanging(real_hand, wp.transform_multiply(
+                    wp.transform_multiply(to_body, here), finger_root(real_hand, finger)),
                                 command_at(commands, finger, s) - real_hand.offset)
                 felt_link = _link_with_pad(pad, _below(counter_key(false, 2), _pads_on(pad)))
                 noise_alone = int(1)
@@ -335,7 +278,7 @@ def line_kernel(
         s += ahead
         others -= arm_move / march_scale * real(ahead)
     if moved == 0:
-        read = _joints_read(q + real_hand.offset, joint_noise, counter_key(reader, s))
+        read = joints_read(real_hand, q + real_hand.offset, joint_noise, counter_key(reader, s))
 
     stopped = moved == 1 and noise_alone == 0
     if status != _CONTACT and status != _BLOCKED:
@@ -343,27 +286,29 @@ def line_kernel(
     if stopped:
         # The finger's image is that of the pad that reads most.
         base = wp.transform_multiply(wp.transform_multiply(to_body, here),
-                                     finger_base(real_hand, finger))
-        f = finger_pose(real_hand, base, q)
+                                     finger_root(real_hand, finger))
+        f = posed(real_hand, base, q)
         read_last = int(-1)
         for link in range(3):
             if real_pad.on[link] != 0:
-                most_read = read_image(scene, which, real_pad, real_hand, turns, f, finger, link,
-                                       key, pad_reading_key(key, number, s, finger, link),
-                                       row_bits, image, i)
+                most_read = read_image(scene, which, real_pad,
+                                       pad_link(real_hand, real_pad, f, link), turns, finger, key,
+                                       pad_reading_key(key, number, s, finger, link), row_bits,
+                                       image, i)
                 read_last = link
                 if most_read > peak:
                     peak = most_read
                     felt_link = link
         if felt_link >= 0 and felt_link != read_last:
-            peak = read_image(scene, which, real_pad, real_hand, turns, f, finger, felt_link, key,
+            peak = read_image(scene, which, real_pad,
+                              pad_link(real_hand, real_pad, f, felt_link), turns, finger, key,
                               pad_reading_key(key, number, s, finger, felt_link), row_bits, image,
                               i)
     end.status = status
     end.made = s
     end.peak = peak
-    end.q_true = q
-    end.q_read = read
+    end.q_true = six_of(q)
+    end.q_read = six_of(read)
     end.pose_true = here
     arm_stop = arm_last
     if s < steps:
@@ -380,7 +325,7 @@ def line_kernel(
             arm_stop[j] = arm.encoder_step * wp.round(arm_stop[j] / arm.encoder_step)
     pose_read = wp.transform_multiply(arm_flange(arm, arm_stop), hand_on_flange)
     end.believed = pose_read
-    end.tip = _tip(hand, pose_read, finger, read)
+    end.tip = tip_centre(hand, pad, pose_read, finger, read)
     if most[3] > ZERO:
         centre = vec3(most[0], most[1], most[2])
         g = body_table_distance_grad(scene, which, centre)
@@ -393,8 +338,45 @@ def line_kernel(
     if status == _CONTACT and felt_link >= 0:
         end.link = felt_link
         at = image_centroid(image, i, peak, felt_above(pad))
-        touch = pad_place(pad, hand, finger_pose(hand, wp.transform_multiply(
-            pose_read, finger_base(hand, finger)), read), felt_link, at[0], at[1])
+        touch = pad_place(pad, pad_link(hand, pad, posed(hand, wp.transform_multiply(
+            pose_read, finger_root(hand, finger)), read), felt_link), at[0], at[1])
         end.point = touch.x - touch.out * image_depth(pad, image, i, at, peak)
         end.normal = -touch.out
     ends[i] = end
+
+
+@wp.kernel(enable_backward=False)
+def line_kernel(
+    first: int,
+    # Scene:
+    scene: Scene,
+    # Robot:
+    arm: Arm,
+    hand: Hand,
+    pad: Pad,
+    turns: wp.array[vec2],
+    true_arms: wp.array[Arm],
+    true_hands: wp.array2d[Hand],
+    true_pads: wp.array2d[Pad],
+    mount: wp.array[transform],
+    joint_noise: real,
+    march_scale: real,
+    # Move in:
+    begins: wp.array[LineBegin],
+    interval: real,
+    steps: int,
+    finger: int,
+    commands: wp.array3d[real],
+    swing: real,
+    checked: int,
+    until_release: int,
+    # Scratch, for the taxels in sight:
+    near_bits: wp.array3d[int],
+    # Touch out:
+    image: wp.array3d[wp.uint8],
+    ends: wp.array[LineEnd],
+):
+    """A row of the Utah-MIT hand's."""
+    line_row(wp.tid() + first, scene, arm, hand, pad, turns, true_arms, true_hands, true_pads,
+             mount, arm.mount, joint_noise, march_scale, begins, interval, steps, finger, commands,
+             swing, checked, until_release, near_bits, image, ends)

@@ -1,13 +1,18 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
 """Where the hand is along a guarded line, as believed and truly, and whether its way is free."""
 
+from typing import Any
+
 import warp as wp
 
-from warpgrasp.core.dtypes import ZERO, real, transform, vec3, vec4, vec7
+from warpgrasp.chain.chain_clearance_kernel import chain_finger_clearance, palm_bars_clearance
+from warpgrasp.chain.chain_kernel import Chain, ChainBar, vec6
+from warpgrasp.core.dtypes import ZERO, real, transform, vec3, vec7
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.arm_kernel import Arm, arm_flange
 from warpgrasp.mechanism.hand_clearance import finger_clearance, palm_clearance
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_base
+from warpgrasp.touch.line_finger import command_at
 
 _SWING = wp.constant(real(0.25))  # [m]: from the hand's origin to its farthest place, about
 _SHORTEST = wp.constant(real(5e-4))  # [m]
@@ -50,14 +55,6 @@ def hand_at(
 
 
 @wp.func
-def command_at(commands: wp.array3d[real], finger: int, step: int):
-    """The command of a finger at a step; the last one is held."""
-    k = wp.min(step, commands.shape[1] - 1)
-    return vec4(commands[finger, k, 0], commands[finger, k, 1], commands[finger, k, 2],
-                commands[finger, k, 3])
-
-
-@wp.func
 def others_free(
     scene: Scene, body: int, hands: wp.array2d[Hand], own: int, pose: transform, mount: real,
     commands: wp.array3d[real], finger: int
@@ -75,14 +72,29 @@ def others_free(
 
 
 @wp.func
+def others_free(  # noqa: F811 (an overload)
+    scene: Scene, body: int, hands: wp.array2d[Chain], own: int, pose: transform,
+    palm: wp.array[ChainBar], commands: wp.array2d[vec6], finger: int
+):
+    """The same of a hand of chains, its palm and wrist a number of capsules."""
+    worst = real(1e9)
+    for other in range(hands.shape[1]):
+        if other != finger:
+            hand = hands[own, other]
+            worst = chain_finger_clearance(scene, body, hand, pose,
+                                           command_at(commands, other, 0) - hand.offset, worst)
+    return palm_bars_clearance(scene, body, pose, palm, worst)
+
+
+@wp.func
 def way_is_free(
-    scene: Scene, body: int, hands: wp.array2d[Hand], own: int, to_body: transform,
-    here: transform, there: transform, mount: real, commands: wp.array3d[real]
+    scene: Scene, body: int, hands: Any, own: int, to_body: transform,
+    here: transform, there: transform, palm: Any, commands: Any
 ):
     """Whether the hand, its fingers at their first commands, can go straight from pose to pose.
 
     The start may touch a little, since a hand that leaves a touch does. `here` and `there` are true
-    poses in the base frame.
+    poses in the base frame; `palm` is what `others_free` takes.
     """
     a = wp.transform_get_rotation(here)
     b = wp.transform_get_rotation(there)
@@ -98,7 +110,7 @@ def way_is_free(
         share = gone / way
         pose = wp.transform_multiply(to_body, transform(
             x + (y - x) * share, wp.normalize(a + (b - a) * share)))
-        clear = others_free(scene, body, hands, own, pose, mount, commands, -1)
+        clear = others_free(scene, body, hands, own, pose, palm, commands, -1)
         if clear < -_SHORTEST and (gone > _LEAVING or clear < last - _SHORTEST):
             return False
         last = clear

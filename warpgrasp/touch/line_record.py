@@ -3,7 +3,8 @@
 
 import warp as wp
 
-from warpgrasp.core.dtypes import real, struct, transform, vec3, vec4, vec7
+from warpgrasp.chain.chain_kernel import vec6
+from warpgrasp.core.dtypes import real, struct, transform, vec3, vec7
 
 
 @struct
@@ -31,7 +32,7 @@ class LineEnd:
     normal: vec3
     tip: vec3
     believed: transform
-    q_read: vec4
+    q_read: vec6
     peak: int
     made: int
     arm_time: real
@@ -42,7 +43,7 @@ class LineEnd:
     """Of the hand to the line's start."""
     arm_q: vec7
     # Truth:
-    q_true: vec4
+    q_true: vec6
     point_true: vec3
     normal_true: vec3
     force_true: real

@@ -9,19 +9,25 @@ along the flexion axis.
 from dataclasses import dataclass
 from functools import lru_cache
 from math import erf, sqrt
+from typing import Any
 
 import numpy as np
 import warp as wp
 
+from warpgrasp.chain.chain_hand import ChainHand
+from warpgrasp.chain.chain_pads import pad_places
 from warpgrasp.core.dtypes import real, transform, vec2, vec4
 from warpgrasp.core.kernel_launch import check_range, launch
-from warpgrasp.core.struct_array import repeated
+from warpgrasp.core.struct_array import record_type, repeated
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.calibration import Calibration
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, LINK_COUNT, hand_of
 from warpgrasp.parameters import HandTable, PadTable
 from warpgrasp.touch.pad_culling import BLOCKS
-from warpgrasp.touch.pad_kernel import TAXELS, Pad, _pads_kernel
+from warpgrasp.touch.pad_kernel import TAXELS, ChainPad, Pad, _pads_kernel
+
+TURNS = 40
+"""Rows of `pad_turns` a pad."""
 
 
 def pad_of(table: PadTable, hand: HandTable) -> Pad:
@@ -29,13 +35,19 @@ def pad_of(table: PadTable, hand: HandTable) -> Pad:
     no force makes conduct better."""
     if wrong := table.misfit(hand):
         raise ValueError(wrong)
+    pad = _pad(table)
+    pad.on = wp.vec3i(int(table.proximal), int(table.middle), int(table.distal))
+    return pad
+
+
+def _pad(table: PadTable) -> Pad:
+    """A finger's pads, none of them on."""
     pressed = (table.least_ohm if table.law == "exponential"
                else table.newton_ohm * table.saturation_N**-table.power)
     if pressed >= table.rest_ohm:
         raise ValueError(f"pad of {pressed:g} ohm under load: wants less than without, "
                          f"{table.rest_ohm:g} ohm")
     pad = Pad()
-    pad.on = wp.vec3i(int(table.proximal), int(table.middle), int(table.distal))
     pad.width, pad.length, pad.wrap = table.width_m, table.length_m, table.wrap_rad
     pad.thickness, pad.stiffness = table.thickness_m, table.stiffness_N_m
     pad.flat = table.flat_stiffness_N_m
@@ -71,6 +83,53 @@ def true_pads(table: PadTable, hand: HandTable, errors: Calibration, device: str
     rows = repeated(pad_of(table, hand), Pad, (errors.worlds, FINGER_COUNT))
     rows["shift"], rows["gain"] = errors.pad_shift_m, errors.pad_gain
     return wp.array(rows, dtype=Pad, device=device)
+
+
+@lru_cache(maxsize=32)
+def chain_pads(hand: ChainHand, finger: int, table: PadTable, device: str) -> tuple[Pad, wp.array]:
+    """The pads of a finger that is a chain as they are believed, and their rows, (pad 3,), which
+    are to be kept as long; `table` has the hand's own size (`own_pads`)."""
+    pad, places = _pad(table), pad_places(hand, finger, table)
+    names = [joint.name for joint in hand.model.fingers[finger].joints]
+    rows = np.zeros(LINK_COUNT, record_type(ChainPad))
+    for row, place in zip(rows, places, strict=False):
+        row["joint"] = names.index(place.joint)
+        row["start"], row["end"], row["out"] = place.start, place.end, place.out
+        row["radius"], row["bends"] = place.radius, place.joint == names[-1]
+    pad.on = wp.vec3i(*(int(n < len(places)) for n in range(LINK_COUNT)))
+    kept = wp.array(rows, dtype=ChainPad, device=device)
+    address: Any = kept.ptr
+    pad.places = address
+    return pad, kept
+
+
+@lru_cache(maxsize=32)
+def true_chain_pads(
+    hand: ChainHand, table: PadTable, errors: Calibration, device: str
+) -> tuple[wp.array, Any]:
+    """The true pads of all fingers, (world or 1, finger), and what is to be kept as long.
+
+    A link's length stretches the place of its pad as all that stands in its frame.
+    """
+    worlds = errors.worlds
+    believed = [chain_pads(hand, f, table, "cpu") for f in range(hand.fingers)]
+    rows = np.zeros((worlds, hand.fingers), record_type(Pad))
+    places = np.zeros((worlds, hand.fingers, LINK_COUNT), record_type(ChainPad))
+    world = np.arange(worlds)[:, None]
+    for f, (pad, own) in enumerate(believed):
+        rows[:, f], places[:, f] = repeated(pad, Pad, (1,)), own.numpy()
+        joint = places["joint"][:, f]
+        stretch = 1.0 + errors.link_length_share[world, f, joint]
+        places["start"][:, f] *= stretch[..., None]
+        places["end"][:, f] *= stretch[..., None]
+        rows["shift"][:, f] = errors.pad_shift_m[world, f, joint]
+        rows["gain"][:, f] = errors.pad_gain[world, f, joint]
+    kept = wp.array(places, dtype=ChainPad, device=device)
+    address: Any = kept.ptr
+    stride: Any = kept.strides[1]
+    number = np.arange(rows.size, dtype=np.uint64).reshape(rows.shape)
+    rows["places"] = np.uint64(address) + number * np.uint64(stride)
+    return wp.array(rows, dtype=Pad, device=device), kept
 
 
 @dataclass(frozen=True)
@@ -128,7 +187,19 @@ def pad_turns(pads: PadTable, hand: HandTable, device: str) -> wp.array:
     The turns of columns about a link's axis (`pad_column`), the bends of rows over the fingertip
     (`pad_bend`), then both for the middles of blocks. Kept for the next launch.
     """
-    radius = hand.link_radius_m + pads.thickness_m
+    return wp.array(_turns(pads, hand.link_radius_m), dtype=vec2, device=device)
+
+
+@lru_cache(maxsize=32)
+def chain_pad_turns(pads: PadTable, hand: ChainHand, finger: int, device: str) -> wp.array:
+    """The same of each pad of a chain, one after the other."""
+    turns = [_turns(pads, place.radius) for place in pad_places(hand, finger, pads)]
+    return wp.array(np.concatenate([*turns, np.zeros((LINK_COUNT * TURNS, 2))])[
+        :LINK_COUNT * TURNS], dtype=vec2, device=device)
+
+
+def _turns(pads: PadTable, link_radius_m: float) -> np.ndarray:
+    radius = link_radius_m + pads.thickness_m
     straight = pads.length_m - pads.wrap_rad * radius
     taxel = np.arange(TAXELS) + 0.5
     middle = taxel.reshape(BLOCKS, -1).mean(1)
@@ -140,4 +211,4 @@ def pad_turns(pads: PadTable, hand: HandTable, device: str) -> wp.array:
         return (place * pads.length_m / TAXELS - straight) / radius
 
     angle = np.concatenate([column(taxel), row(taxel), column(middle), row(middle)])
-    return wp.array(np.stack([np.sin(angle), np.cos(angle)], 1), dtype=vec2, device=device)
+    return np.stack([np.sin(angle), np.cos(angle)], 1)

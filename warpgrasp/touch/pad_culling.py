@@ -7,10 +7,22 @@ twenty of the 256 taxels remain, and the equilibrium evaluates these alone.
 
 import warp as wp
 
+from warpgrasp.chain.chain_kernel import Chain, vec6
 from warpgrasp.core.dtypes import real, vec2, vec4
+from warpgrasp.finger.chain_energy import links_moved
 from warpgrasp.geometry.scene import Scene, body_table_distance
-from warpgrasp.mechanism.utah_mit_hand_kernel import FingerPose, Hand
-from warpgrasp.touch.pad_kernel import TAXELS, Pad, PadRow, pad_near, pad_point, pad_row_bent
+from warpgrasp.mechanism.utah_mit_hand import LINK_COUNT
+from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
+from warpgrasp.touch.pad_kernel import (
+    TAXELS,
+    ChainPad,
+    Pad,
+    PadLink,
+    PadRow,
+    pad_near,
+    pad_point,
+    pad_row_bent,
+)
 
 CULLING_MARGIN = wp.constant(real(3e-4))
 """A taxel farther off than this [m] is left out."""
@@ -25,38 +37,34 @@ _MIDDLE_COLUMNS, _MIDDLE_ROWS = wp.constant(2 * TAXELS), wp.constant(2 * TAXELS 
 
 
 @wp.func
-def taxel_row(pad: Pad, hand: Hand, f: FingerPose, link: int, row: int, turns: wp.array[vec2]):
+def taxel_row(pad: Pad, at: PadLink, row: int, turns: wp.array[vec2]):
     """`pad_row` of a row of taxels."""
-    return pad_row_bent(pad, hand, f, link, real(row), turns[_ROWS + row])
+    return pad_row_bent(pad, at, real(row), turns[at.turns + _ROWS + row])
 
 
 @wp.func
-def taxel_place(
-    pad: Pad, hand: Hand, f: FingerPose, link: int, row: PadRow, column: int, turns: wp.array[vec2]
-):
+def taxel_place(pad: Pad, at: PadLink, row: PadRow, column: int, turns: wp.array[vec2]):
     """The place of a taxel of a row."""
-    return pad_point(pad, hand, f, link, row, turns[column]).x
+    return pad_point(pad, at, row, turns[at.turns + column]).x
 
 
 @wp.func
 def rows_near(
-    scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, link: int, block: int,
-    turns: wp.array[vec2]
+    scene: Scene, body: int, pad: Pad, at: PadLink, block: int, turns: wp.array[vec2]
 ):
     """The rows of four taxels of a block that may be within the margin, as bits."""
     pitch = pad.length / _SIDE_REAL
     width = pad.width / _SIDE_REAL
     top = 4 * (block // _BLOCKS)
-    column = turns[_MIDDLE_COLUMNS + block % _BLOCKS]
+    column = turns[at.turns + _MIDDLE_COLUMNS + block % _BLOCKS]
     bits = int(0)
-    row = pad_row_bent(pad, hand, f, link, real(top) + _MIDDLE,
-                       turns[_MIDDLE_ROWS + block // _BLOCKS])
-    middle = pad_point(pad, hand, f, link, row, column).x
+    row = pad_row_bent(pad, at, real(top) + _MIDDLE,
+                       turns[at.turns + _MIDDLE_ROWS + block // _BLOCKS])
+    middle = pad_point(pad, at, row, column).x
     if body_table_distance(scene, body, middle) < CULLING_MARGIN + _MIDDLE * wp.sqrt(
             pitch * pitch + width * width):
         for i in range(4):
-            x = pad_point(
-                pad, hand, f, link, taxel_row(pad, hand, f, link, top + i, turns), column).x
+            x = pad_point(pad, at, taxel_row(pad, at, top + i, turns), column).x
             if body_table_distance(scene, body, x) < CULLING_MARGIN + _MIDDLE * width:
                 bits = bits | (15 << (4 * i))
     return bits
@@ -74,6 +82,20 @@ def culling_holds(pad: Pad, hand: Hand, culled_at: vec4, q: vec4):
 
 
 @wp.func
-def pad_is_near(scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, link: int):
+def culling_holds(pad: Pad, hand: Chain, culled_at: vec6, q: vec6):  # noqa: F811 (an overload)
+    """The same of a chain at drives `q`."""
+    rows = wp.array(ptr=pad.places, shape=(LINK_COUNT,), dtype=ChainPad)
+    turned, travel = links_moved(hand, q, culled_at)
+    most = real(0.0)
+    for link in range(LINK_COUNT):
+        if pad.on[link] != 0:
+            row = rows[link]
+            far = wp.max(wp.length(row.start), wp.length(row.end)) + row.radius + pad.thickness
+            most = wp.max(most, travel[row.joint] + turned[row.joint] * far)
+    return most < CULLING_MARGIN
+
+
+@wp.func
+def pad_is_near(scene: Scene, body: int, pad: Pad, at: PadLink):
     """Whether any taxel of a link's pad may be within the margin."""
-    return pad_near(scene, body, pad, hand, f, link, CULLING_MARGIN)
+    return pad_near(scene, body, pad, at, CULLING_MARGIN)

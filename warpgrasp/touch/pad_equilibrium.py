@@ -8,13 +8,18 @@ up to the pad's thickness, beyond which a taxel is pressed flat (`pad_kernel.tax
 Pads stand above the skin: they yield first, then the skin behind them.
 """
 
+from typing import Any
+
 import warp as wp
 
+from warpgrasp.chain.chain_kernel import JOINTS, Chain, mat66, vec6
 from warpgrasp.core.dtypes import HALF, ONE, TWO, ZERO, mat44, real, struct, vec2, vec3, vec4
-from warpgrasp.finger.energy import Equilibrium, finger_energy, free_equilibrium, largest_magnitude
+from warpgrasp.finger.chain_energy import ChainRest, finger_energy, free_chain, largest_magnitude
+from warpgrasp.finger.energy import Equilibrium, free_equilibrium
 from warpgrasp.geometry.scene import Scene, body_table_distance, body_table_distance_grad
 from warpgrasp.geometry.segment_distance import LINK_SAMPLES
-from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_jacobian, finger_pose
+from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
+from warpgrasp.touch.line_finger import pad_moves, posed
 from warpgrasp.touch.pad_culling import (
     CULLING_MARGIN,
     culling_holds,
@@ -23,8 +28,9 @@ from warpgrasp.touch.pad_culling import (
     taxel_place,
     taxel_row,
 )
-from warpgrasp.touch.pad_kernel import Pad, taxel_spring
+from warpgrasp.touch.pad_kernel import Pad, pad_link, taxel_spring
 
+_SIX = wp.constant(JOINTS)
 _ITERATIONS = wp.constant(30)
 _SHORTENED = wp.constant(12)
 _GRADIENT = wp.constant(real(1e-6))  # [N m]: some 1e-5 N at the tip, a taxel feels 1e-2 N
@@ -46,45 +52,125 @@ class PadEquilibrium:
     """Sum over all taxels [N]."""
 
 
+@struct
+class ChainPadEquilibrium:
+    """The same of a finger that is a chain."""
+
+    skin: ChainRest
+    hessian: mat66
+    pad_force: real
+
+
+@wp.func
+def inverse_of(m: mat44):
+    """The inverse of a symmetric positive definite matrix."""
+    return wp.inverse(m)
+
+
+@wp.func
+def inverse_of(m: mat66):  # noqa: F811 (an overload)
+    """The same by elimination, without pivots."""
+    left = mat66(m)
+    found = mat66()
+    for k in range(_SIX):
+        found[k, k] = ONE
+    for k in range(_SIX):
+        share = ONE / left[k, k]
+        for c in range(_SIX):
+            left[k, c] = left[k, c] * share
+            found[k, c] = found[k, c] * share
+        for r in range(_SIX):
+            if r != k:
+                by = left[r, k]
+                for c in range(_SIX):
+                    left[r, c] = left[r, c] - by * left[k, c]
+                    found[r, c] = found[r, c] - by * found[k, c]
+    return found
+
+
+@wp.func
+def on_skin(skin: Equilibrium):
+    """A finger whose pads are not pressed."""
+    rest = PadEquilibrium()
+    rest.skin = skin
+    rest.hessian = wp.inverse(rest.skin.compliance)
+    return rest
+
+
+@wp.func
+def on_skin(skin: ChainRest):  # noqa: F811
+    """The same of a chain."""
+    rest = ChainPadEquilibrium()
+    rest.skin = skin
+    rest.hessian = inverse_of(rest.skin.compliance)
+    return rest
+
+
+@wp.func
+def in_the_air(q: vec4):
+    """A finger without contact, to start from; its Hessian is not known."""
+    rest = PadEquilibrium()
+    rest.skin = free_equilibrium(q)
+    return rest
+
+
+@wp.func
+def in_the_air(q: vec6):  # noqa: F811
+    """The same of a chain."""
+    rest = ChainPadEquilibrium()
+    rest.skin = free_chain(q)
+    return rest
+
+
+@wp.func
+def servo_curve(hand: Hand, way: vec4):
+    """The curvature of the servos' energy along `way`."""
+    return hand.stiffness * wp.dot(way, way)
+
+
+@wp.func
+def servo_curve(hand: Chain, way: vec6):  # noqa: F811
+    """The same of a chain."""
+    return wp.dot(wp.cw_mul(hand.stiffness, way), way)
+
+
 @wp.func
 def pad_energy(
-    scene: Scene, body: int, hand: Hand, pad: Pad, turns: wp.array[vec2], base: wp.transformd,
-    command: vec4, q: vec4, last: Equilibrium, samples: int, near_bits: wp.array2d[int], cull: int
+    scene: Scene, body: int, hand: Any, pad: Pad, turns: wp.array[vec2], base: wp.transformd,
+    command: Any, q: Any, last: Any, samples: int, near_bits: wp.array2d[int], cull: int
 ):
     """Energy, gradient and Gauss-Newton Hessian at joints `q`; `base` is in the body's frame.
 
     `last` and `samples` are passed to `finger_energy`. `near_bits` (link, block) has a bit for each
     taxel that may press; with `cull` the bits are recomputed, otherwise they must be valid at `q`.
     """
-    rest = PadEquilibrium()
-    rest.skin = finger_energy(scene, body, hand, base, command, q, last, samples)
-    rest.hessian = wp.inverse(rest.skin.compliance)
-    f = finger_pose(hand, base, q)
+    rest = on_skin(finger_energy(scene, body, hand, base, command, q, last, samples))
+    f = posed(hand, base, q)
     for link in range(3):
         if pad.on[link] != 0:
+            at = pad_link(hand, pad, f, link)
             near = int(1)
-            if cull == 1 and not pad_is_near(scene, body, pad, hand, f, link):
+            if cull == 1 and not pad_is_near(scene, body, pad, at):
                 near = int(0)
             for block in range(16):
                 bits = near_bits[link, block]
                 if cull == 1:
                     bits = int(0)
                     if near == 1:
-                        bits = rows_near(scene, body, pad, hand, f, link, block, turns)
+                        bits = rows_near(scene, body, pad, at, block, turns)
                 seen = int(bits)
                 if bits != 0:
                     for i in range(4):
                         if (bits & (15 << (4 * i))) != 0:
-                            row = taxel_row(pad, hand, f, link, 4 * (block // 4) + i, turns)
+                            row = taxel_row(pad, at, 4 * (block // 4) + i, turns)
                             for j in range(4):
                                 bit = 1 << (4 * i + j)
                                 if (bits & bit) != 0:
-                                    x = taxel_place(pad, hand, f, link, row, 4 * (block % 4) + j,
-                                                    turns)
+                                    x = taxel_place(pad, at, row, 4 * (block % 4) + j, turns)
                                     d = body_table_distance(scene, body, x)
                                     if d < ZERO:
                                         g = body_table_distance_grad(scene, body, x)
-                                        jt = finger_jacobian(f, link, x, vec3(g[0], g[1], g[2]))
+                                        jt = pad_moves(hand, f, at, x, vec3(g[0], g[1], g[2]))
                                         spring = taxel_spring(pad, -g[3])
                                         rest.skin.energy += spring[1]
                                         rest.skin.pressed += spring[1]
@@ -99,7 +185,7 @@ def pad_energy(
 
 
 @wp.func
-def _least_along(hand: Hand, rest: PadEquilibrium, way: vec4):
+def _least_along(hand: Any, rest: Any, way: Any):
     """The step along `way`, in units of it, at which the energy should be least, seen from `rest`.
 
     Springs lose contact along the way, so that their force falls faster than a Newton step assumes:
@@ -107,37 +193,35 @@ def _least_along(hand: Hand, rest: PadEquilibrium, way: vec4):
     3 for the shrinking patch of a round body). 0 without load, or where the load would not fall so.
     """
     servo_slope = wp.dot(rest.skin.drive, way)
-    servo_curve = hand.stiffness * wp.dot(way, way)
+    held = servo_curve(hand, way)
     energy = rest.skin.pressed
     slope = wp.dot(rest.skin.gradient, way) - servo_slope
-    curve = wp.dot(way, rest.hessian * way) - servo_curve
+    curve = wp.dot(way, rest.hessian * way) - held
     if energy <= ZERO or slope >= ZERO or energy * curve >= _STEEPEST * slope * slope:
         return ZERO
     n = ONE / (ONE - energy * curve / (slope * slope))
     r = -slope / (n * energy)
-    t = -(servo_slope + slope) / (servo_curve + curve)
+    t = -(servo_slope + slope) / (held + curve)
     for _newton in range(3):
         left = wp.max(ONE - r * t, _LEFT)
         power = wp.pow(left, n - TWO)
-        t -= (servo_slope + servo_curve * t + slope * power * left) / (
-            servo_curve + curve * power)
+        t -= (servo_slope + held * t + slope * power * left) / (held + curve * power)
     return t
 
 
 @wp.func
 def pad_equilibrium(
-    scene: Scene, body: int, hand: Hand, pad: Pad, turns: wp.array[vec2], base: wp.transformd,
-    command: vec4, start: vec4, near_bits: wp.array2d[int]
+    scene: Scene, body: int, hand: Any, pad: Pad, turns: wp.array[vec2], base: wp.transformd,
+    command: Any, start: Any, near_bits: wp.array2d[int]
 ):
     """The equilibrium for a command, from `start`; the energy never rises.
 
     Newton steps. The first, from where springs bear, is lengthened as they lose contact, and a last
     step too small to need another is taken without evaluation. `near_bits` is valid at the result.
     """
-    rest = PadEquilibrium()
-    rest.skin = free_equilibrium(start)
-    culled_at = vec4(start)
-    step = vec4(ZERO, ZERO, ZERO, ZERO)
+    rest = in_the_air(start)
+    culled_at = start * ONE
+    step = start - start
     scale = real(1.0)
     shortened = int(0)
     lengthened = int(0)
@@ -152,7 +236,7 @@ def pad_equilibrium(
                                 wp.where(k == 0, LINK_SAMPLES, 0), near_bits, cull)
         if k == 0 or trial.skin.energy < rest.skin.energy:
             rest = trial
-            step = -(wp.inverse(rest.hessian) * rest.skin.gradient)
+            step = -(inverse_of(rest.hessian) * rest.skin.gradient)
             scale = real(1.0)
             if lengthened == 0:
                 scale = wp.clamp(_least_along(hand, rest, step), ONE, _LONGEST)

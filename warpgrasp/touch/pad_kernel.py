@@ -3,6 +3,7 @@
 
 import warp as wp
 
+from warpgrasp.chain.chain_kernel import Chain, ChainPose, link_place, link_turn
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat32, real, struct, transform, vec2, vec3, vec4
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import (
@@ -28,6 +29,7 @@ TAXELS = 16
 
 wp.set_module_options({"max_unroll": 1})
 _SIDE = wp.constant(16)
+_TURNS = wp.constant(40)  # rows of `pad.pad_turns` a pad
 _SIDE_REAL = wp.constant(real(16.0))
 _EXPONENTIAL = wp.constant(0)
 _GAIN = wp.constant(int(Purpose.PAD_GAIN))
@@ -66,6 +68,44 @@ class Pad:
     shift: mat32
     """Errors of one finger's pads: along and across each link [m], as a row; and their gains."""
     gain: vec3
+    places: wp.uint64
+    """Of a finger that is a chain: its rows of ChainPad."""
+
+
+@struct
+class ChainPad:
+    """Where a pad lies on a link of a chain: the axis that it is bent about and the side that it
+    lies on, in the frame of its joint's link."""
+
+    joint: int
+    start: vec3
+    end: vec3
+    out: vec3
+    radius: real
+    bends: int
+    """Whether it bends over the end."""
+
+
+@struct
+class PadLink:
+    """What a pad lies on: a cylinder about a link's axis, which may end in a half ball.
+
+    `side` is across the axis, and `side` x `along` the middle of the side that the pad lies on.
+    """
+
+    slot: int
+    """Which of the finger's three pads."""
+    joint: int
+    """Of a chain: the joint that bears the link."""
+    foot: vec3
+    tip: vec3
+    along: vec3
+    side: vec3
+    length: real
+    radius: real
+    bends: int
+    turns: int
+    """Where its rows of `pad_turns` begin."""
 
 
 @struct
@@ -85,18 +125,54 @@ class PadRow:
 
 
 @wp.func
-def _straight(pad: Pad, hand: Hand, link: int):
+def pad_link(hand: Hand, pad: Pad, f: FingerPose, link: int):
+    """The link that a pad of the Utah-MIT hand lies on; the distal pad bends over the tip."""
+    at = PadLink()
+    at.slot = link
+    at.joint = link + 1
+    at.foot = link_start(f, link)
+    at.tip = f.p4
+    at.along = link_direction(f, link)
+    at.side = f.side
+    at.length = hand.link_length[link]
+    at.radius = hand.link_radius
+    at.bends = int(link == 2)
+    return at
+
+
+@wp.func
+def pad_link(hand: Chain, pad: Pad, f: ChainPose, link: int):  # noqa: F811 (an overload)
+    """The link that a pad of a chain lies on."""
+    rows = wp.array(ptr=pad.places, shape=(LINK_COUNT,), dtype=ChainPad)
+    row = rows[link]
+    at = PadLink()
+    at.slot = link
+    at.joint = row.joint
+    at.foot = link_place(f, row.joint, row.start)
+    at.tip = link_place(f, row.joint, row.end)
+    way = at.tip - at.foot
+    at.length = wp.length(way)
+    at.along = way / at.length
+    at.side = wp.cross(at.along, wp.quat_rotate(link_turn(f, row.joint), row.out))
+    at.radius = row.radius
+    at.bends = row.bends
+    at.turns = link * _TURNS
+    return at
+
+
+@wp.func
+def _straight(pad: Pad, at: PadLink):
     """Length of a pad's straight part [m]."""
-    if link == 2:
-        return pad.length - pad.wrap * (hand.link_radius + pad.thickness)
+    if at.bends == 1:
+        return pad.length - pad.wrap * (at.radius + pad.thickness)
     return pad.length
 
 
 @wp.func
-def pad_bend(pad: Pad, hand: Hand, row: real):
+def pad_bend(pad: Pad, at: PadLink, row: real):
     """(sin, cos) of a row's turn over the fingertip; of no use before it."""
     s = (row + HALF) * pad.length / _SIDE_REAL
-    return sine_cosine((s - _straight(pad, hand, 2)) / (hand.link_radius + pad.thickness))
+    return sine_cosine((s - _straight(pad, at)) / (at.radius + pad.thickness))
 
 
 @wp.func
@@ -109,60 +185,57 @@ def _turned(angle: vec2, further: real):
 
 
 @wp.func
-def pad_row_bent(pad: Pad, hand: Hand, f: FingerPose, link: int, row: real, bend: vec2):
+def pad_row_bent(pad: Pad, at: PadLink, row: real, bend: vec2):
     """`pad_row`, its `pad_bend` before the pad's error given."""
-    s = (row + HALF) * pad.length / _SIDE_REAL + pad.shift[link, 0]
-    u = link_direction(f, link)
-    n = wp.cross(f.side, u)
-    straight = _straight(pad, hand, link)
-    at = PadRow()
-    if link == 2 and s > straight:
-        turn = _turned(bend, pad.shift[link, 0] / (hand.link_radius + pad.thickness))
-        at.out = n * turn[1] + u * turn[0]
-        at.axis = f.p4
+    s = (row + HALF) * pad.length / _SIDE_REAL + pad.shift[at.slot, 0]
+    u = at.along
+    n = wp.cross(at.side, u)
+    straight = _straight(pad, at)
+    line = PadRow()
+    if at.bends == 1 and s > straight:
+        turn = _turned(bend, pad.shift[at.slot, 0] / (at.radius + pad.thickness))
+        line.out = n * turn[1] + u * turn[0]
+        line.axis = at.tip
     else:
-        start = (hand.link_length[link] - straight) * wp.where(link == 2, ONE, HALF)
-        at.out = n
-        at.axis = link_start(f, link) + u * (start + s)
-    return at
+        start = (at.length - straight) * wp.where(at.bends == 1, ONE, HALF)
+        line.out = n
+        line.axis = at.foot + u * (start + s)
+    return line
 
 
 @wp.func
-def pad_row(pad: Pad, hand: Hand, f: FingerPose, link: int, row: real):
-    """Row `row` of a pad, taxels' rows being whole numbers; in the frame of `f`."""
-    return pad_row_bent(pad, hand, f, link, row, pad_bend(pad, hand, row))
+def pad_row(pad: Pad, at: PadLink, row: real):
+    """Row `row` of a pad, taxels' rows being whole numbers; in the frame of `at`."""
+    return pad_row_bent(pad, at, row, pad_bend(pad, at, row))
 
 
 @wp.func
-def pad_column(pad: Pad, hand: Hand, column: real):
+def pad_column(pad: Pad, at: PadLink, column: real):
     """(sin, cos) of a column's turn about the link's axis, before the pad's error."""
-    radius = hand.link_radius + pad.thickness
+    radius = at.radius + pad.thickness
     return sine_cosine((column + HALF - _SIDE_REAL * HALF) * pad.width / (_SIDE_REAL * radius))
 
 
 @wp.func
-def pad_point(pad: Pad, hand: Hand, f: FingerPose, link: int, row: PadRow, column: vec2):
+def pad_point(pad: Pad, at: PadLink, row: PadRow, column: vec2):
     """The place of a row and a column of a pad."""
     place = PadPlace()
-    turn = _turned(column, pad.shift[link, 1] / (hand.link_radius + pad.thickness))
-    place.out = row.out * turn[1] + f.side * turn[0]
-    place.x = row.axis + place.out * (hand.link_radius + pad.thickness)
+    turn = _turned(column, pad.shift[at.slot, 1] / (at.radius + pad.thickness))
+    place.out = row.out * turn[1] + at.side * turn[0]
+    place.x = row.axis + place.out * (at.radius + pad.thickness)
     return place
 
 
 @wp.func
-def pad_place(pad: Pad, hand: Hand, f: FingerPose, link: int, row: real, column: real):
-    """The place at (row, column), taxel centres being whole numbers; in the frame of `f`."""
-    return pad_point(pad, hand, f, link, pad_row(pad, hand, f, link, row),
-                     pad_column(pad, hand, column))
+def pad_place(pad: Pad, at: PadLink, row: real, column: real):
+    """The place at (row, column), taxel centres being whole numbers; in the frame of `at`."""
+    return pad_point(pad, at, pad_row(pad, at, row), pad_column(pad, at, column))
 
 
 @wp.func
-def pad_near(
-    scene: Scene, body: int, pad: Pad, hand: Hand, f: FingerPose, link: int, margin: real
-):
+def pad_near(scene: Scene, body: int, pad: Pad, at: PadLink, margin: real):
     """Whether a pad may be nearer than `margin` to an obstacle: a bound from its middle."""
-    middle = pad_place(pad, hand, f, link, _SIDE_REAL * HALF, _SIDE_REAL * HALF)
+    middle = pad_place(pad, at, _SIDE_REAL * HALF, _SIDE_REAL * HALF)
     return body_table_distance(scene, body, middle.x) < (pad.length + pad.width) * HALF + margin
 
 
@@ -302,10 +375,11 @@ def _pads_kernel(
         wp.transform_inverse(body_pose[i]),
         wp.transform_multiply(hand_pose[i], finger_base(hand, finger)))
     f = finger_pose(hand, base, q[i, finger])
-    if pad_near(scene, which, pad, hand, f, link, ZERO):
+    at = pad_link(hand, pad, f, link)
+    if pad_near(scene, which, pad, at, ZERO):
         for row in range(_SIDE):
             for column in range(_SIDE):
-                place = pad_place(pad, hand, f, link, real(row), real(column))
+                place = pad_place(pad, at, real(row), real(column))
                 force[i, slot, row, column] = taxel_force(scene, which, pad, place.x)
     read = pad_reading_key(key[i], -1, reading, finger, link)
     for row in range(_SIDE):

@@ -6,10 +6,10 @@ import warp as wp
 from warpgrasp.core.dtypes import HALF, ZERO, real, vec2, vec3, vec4
 from warpgrasp.core.random_kernel import counter_key, counter_uniform
 from warpgrasp.geometry.scene import Scene
-from warpgrasp.mechanism.utah_mit_hand_kernel import FingerPose, Hand
 from warpgrasp.touch.pad_culling import taxel_place, taxel_row
 from warpgrasp.touch.pad_kernel import (
     Pad,
+    PadLink,
     depth_read,
     noise_draw,
     noise_limit,
@@ -25,21 +25,21 @@ _WINDOW = wp.constant(3)  # taxels each way from the peak that count for the cen
 
 @wp.func
 def pad_load(
-    scene: Scene, body: int, pad: Pad, hand: Hand, turns: wp.array[vec2], f: FingerPose, link: int,
+    scene: Scene, body: int, pad: Pad, at: PadLink, turns: wp.array[vec2],
     near_bits: wp.array2d[int]
 ):
     """Centre of force (x, y, z) and the sum of the forces on all taxels [N]; zeros without load."""
     total = real(0.0)
     centre = vec3(ZERO, ZERO, ZERO)
     for block in range(16):
-        bits = near_bits[link, block]
+        bits = near_bits[at.slot, block]
         if bits != 0:
             for i in range(4):
                 if (bits & (15 << (4 * i))) != 0:
-                    row = taxel_row(pad, hand, f, link, 4 * (block // 4) + i, turns)
+                    row = taxel_row(pad, at, 4 * (block // 4) + i, turns)
                     for j in range(4):
                         if (bits & (1 << (4 * i + j))) != 0:
-                            x = taxel_place(pad, hand, f, link, row, 4 * (block % 4) + j, turns)
+                            x = taxel_place(pad, at, row, 4 * (block % 4) + j, turns)
                             force = taxel_force(scene, body, pad, x)
                             total += force
                             centre += x * force
@@ -50,28 +50,28 @@ def pad_load(
 
 @wp.func
 def pad_feels(
-    scene: Scene, body: int, pad: Pad, hand: Hand, turns: wp.array[vec2], f: FingerPose,
-    finger: int, link: int, episode: wp.uint64, reading: wp.uint64, near_bits: wp.array2d[int]
+    scene: Scene, body: int, pad: Pad, at: PadLink, turns: wp.array[vec2], finger: int,
+    episode: wp.uint64, reading: wp.uint64, near_bits: wp.array2d[int]
 ):
     """Whether a taxel of a pad reads the threshold or more: the same result as by `read_image`.
 
     Pressed taxels are read first, those that noise alone may raise only if none of them feels.
     """
     for block in range(16):
-        bits = near_bits[link, block]
+        bits = near_bits[at.slot, block]
         if bits != 0:
             for i in range(4):
                 if (bits & (15 << (4 * i))) != 0:
-                    at = 4 * (block // 4) + i
-                    row = taxel_row(pad, hand, f, link, at, turns)
+                    line = 4 * (block // 4) + i
+                    row = taxel_row(pad, at, line, turns)
                     for j in range(4):
                         if (bits & (1 << (4 * i + j))) != 0:
                             column = 4 * (block % 4) + j
-                            x = taxel_place(pad, hand, f, link, row, column, turns)
-                            force = taxel_force(scene, body, pad, x) * pad.gain[link]
-                            taxel = at * _SIDE + column
+                            x = taxel_place(pad, at, row, column, turns)
+                            force = taxel_force(scene, body, pad, x) * pad.gain[at.slot]
+                            taxel = line * _SIDE + column
                             if force > ZERO and real(taxel_count(
-                                    pad, force, pad_taxel_key(episode, finger, link, taxel),
+                                    pad, force, pad_taxel_key(episode, finger, at.slot, taxel),
                                     counter_key(reading, taxel))) >= pad.threshold:
                                 return True
     most = noise_limit(pad)
@@ -85,23 +85,23 @@ def pad_feels(
         key = counter_key(reading, taxel)
         if noise_draw(key) < most:
             force = real(0.0)
-            at = taxel // _SIDE
+            line = taxel // _SIDE
             column = taxel % _SIDE
-            bits = near_bits[link, 4 * (at // 4) + column // 4]
-            if (bits & (1 << (4 * (at % 4) + column % 4))) != 0:
-                row = taxel_row(pad, hand, f, link, at, turns)
-                x = taxel_place(pad, hand, f, link, row, column, turns)
-                force = taxel_force(scene, body, pad, x) * pad.gain[link]
-            if real(taxel_count(
-                    pad, force, pad_taxel_key(episode, finger, link, taxel), key)) >= pad.threshold:
+            bits = near_bits[at.slot, 4 * (line // 4) + column // 4]
+            if (bits & (1 << (4 * (line % 4) + column % 4))) != 0:
+                row = taxel_row(pad, at, line, turns)
+                x = taxel_place(pad, at, row, column, turns)
+                force = taxel_force(scene, body, pad, x) * pad.gain[at.slot]
+            own = pad_taxel_key(episode, finger, at.slot, taxel)
+            if real(taxel_count(pad, force, own, key)) >= pad.threshold:
                 return True
     return False
 
 
 @wp.func
 def read_image(
-    scene: Scene, body: int, pad: Pad, hand: Hand, turns: wp.array[vec2], f: FingerPose,
-    finger: int, link: int, episode: wp.uint64, reading: wp.uint64, near_bits: wp.array2d[int],
+    scene: Scene, body: int, pad: Pad, at: PadLink, turns: wp.array[vec2], finger: int,
+    episode: wp.uint64, reading: wp.uint64, near_bits: wp.array2d[int],
     image: wp.array3d[wp.uint8], i: int
 ):
     """Read a pad into row `i` of `image`; returns the largest count.
@@ -109,25 +109,25 @@ def read_image(
     All taxels are first read as unloaded, then the pressed ones with their load.
     """
     for taxel in range(_SIDE * _SIDE):
-        count = unloaded_count(pad, pad_taxel_key(episode, finger, link, taxel),
+        count = unloaded_count(pad, pad_taxel_key(episode, finger, at.slot, taxel),
                                counter_key(reading, taxel))
         image[i, taxel // _SIDE, taxel % _SIDE] = wp.uint8(count)
     for block in range(16):
-        bits = near_bits[link, block]
+        bits = near_bits[at.slot, block]
         if bits != 0:
             for k in range(4):
                 if (bits & (15 << (4 * k))) != 0:
-                    at = 4 * (block // 4) + k
-                    row = taxel_row(pad, hand, f, link, at, turns)
+                    line = 4 * (block // 4) + k
+                    row = taxel_row(pad, at, line, turns)
                     for j in range(4):
                         if (bits & (1 << (4 * k + j))) != 0:
                             column = 4 * (block % 4) + j
-                            x = taxel_place(pad, hand, f, link, row, column, turns)
-                            force = taxel_force(scene, body, pad, x) * pad.gain[link]
+                            x = taxel_place(pad, at, row, column, turns)
+                            force = taxel_force(scene, body, pad, x) * pad.gain[at.slot]
                             if force > ZERO:
-                                taxel = at * _SIDE + column
-                                image[i, at, column] = wp.uint8(taxel_count(
-                                    pad, force, pad_taxel_key(episode, finger, link, taxel),
+                                taxel = line * _SIDE + column
+                                image[i, line, column] = wp.uint8(taxel_count(
+                                    pad, force, pad_taxel_key(episode, finger, at.slot, taxel),
                                     counter_key(reading, taxel)))
     peak = int(0)
     for taxel in range(_SIDE * _SIDE):

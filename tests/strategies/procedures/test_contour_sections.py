@@ -38,7 +38,7 @@ def explored(noise_m: float, shift_m: float = 0.0, worlds: int = 2) -> ContourEx
                        np.zeros((len(world), 7)), zero, zero)
     none = np.zeros(worlds)
     axis = Axis.upright(none + 0.45, none, none + 0.2, none + 0.03)
-    return ContourExploration(table, np.full(worlds, EndReason.END_OF_OBJECT), axis, none, none,
+    return ContourExploration(table, np.full(worlds, EndReason.END_OF_OBJECT), axis, 3, none, none,
                               none, none, none, none, MissedTips(zero[:0], np.zeros((0, 3))))
 
 

@@ -1,6 +1,7 @@
 """Episodes with hands other than the Utah-MIT, on a floating wrist."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,8 @@ from strategies.recovery.evidence import TABLE_MARGIN_M
 from sweeps.episode.contact_rows import contact_columns
 from sweeps.episode.episodes import episode_notes, run_block, run_episodes
 from sweeps.spec.cell import Cell
+from warpgrasp.hands.hand_file import hand_named
+from warpgrasp.hands.hand_writer import hand_text
 from warpgrasp.parameters import ArmTable, ContactTable, HandTable
 
 SMOOTH = ContactTable(friction=0.0)
@@ -47,9 +50,15 @@ def test_rows_of_a_world_do_not_depend_on_its_neighbours() -> None:
             assert (values[0] == both[name][1]) | ~np.isfinite(values[0]), name
 
 
-@pytest.mark.parametrize("strategy", ["planar", "contour-only"])
-def test_what_a_hand_cannot_do_is_a_row_and_a_sentence(strategy: str) -> None:
-    cell = cell_of("leap", strategy)
+@pytest.mark.parametrize("strategy", ["planar", "contour-only", "coarse-to-fine"])
+def test_a_hand_without_pads_says_so_in_a_row(strategy: str, tmp_path: Path) -> None:
+    file, model = tmp_path / "bare.toml", hand_named("leap")
+    file.write_text(hand_text(replace(model, extended=None, opposed=None, fingers=tuple(
+        replace(finger, pads=()) for finger in model.fingers))))
+    refused(cell_of(str(file), strategy))
+
+
+def refused(cell: Cell) -> None:
     rows = run_episodes(cell, np.arange(2), "cpu")
     assert (rows["status"] == "not_possible").all()
     assert all(note.startswith("not_possible: ") and "leap" in note for note in rows["note"])

@@ -103,3 +103,16 @@ def test_a_robot_knows_which_hand_it_has(tmp_path: Path) -> None:
     assert "a robot knows which hand it has" in told(tmp_path, text)
 
 
+
+
+def test_pads_that_do_not_fit_the_hand_are_refused(tmp_path: Path) -> None:
+    """Those of its own file, where a strategy feels; as the spec has them, where it says none."""
+    feels = RING + 'order = ["containment", "planar"]\n'
+    own = tmp_path / "my_hand.toml"
+    own.write_text(hand_text(hand_named("allegro")).replace("length_mm = 25.4",
+                                                            "length_mm = 80.0"))
+    said = told(tmp_path, HEAD + 'hand = "my_hand.toml"\n' + feels + ALONE)
+    assert "finger index: pad of 80 mm does not fit link joint_3.0 of 20 mm" in said
+    assert "should be 18.7 to 38.7 mm long" in said
+    read(tmp_path, HEAD + 'hand = "my_hand.toml"\n' + RING + ALONE)
+    read(tmp_path, HEAD + 'hand = "leap"\n' + feels + ALONE + "[pads]\nlength_mm = 45.0\n")

@@ -123,6 +123,24 @@ def change(old: str, new: str) -> Callable[[str], str]:
     (change("^axis = .*", "axis = [0, nan, 0]"), "axis.*finite"),
     (change("^pads = .*", 'pads = ["joint_4.0"]'), "a pad on 'joint_4.0'; should be on one of"),
     (change("^stiffness_Nm_rad = .*", "stiffness_Nm_rad = 0"), "stiffness 0; should be more"),
+    (change(r"^\[extended\].*\nfinger = .*", '[extended]\nfinger = "pinky"'),
+     "extended.finger: there is no finger 'pinky'; should be one of index, middle"),
+    (change('^posture = "extended"', 'posture = "poke"'),
+     "extended.posture: there is no posture 'poke'; should be one of open"),
+    (change(r"^(pads = \[).*", r"\1]"),
+     "extended.finger: finger index has no pad on its last link; should have pads = .'joint_3.0'"),
+    (change("^fingers = .*", 'fingers = ["index", "index"]'),
+     "opposed.fingers: 'index' twice; should be two fingers"),
+    (change("^fingers = .*", 'fingers = ["index", "palm"]'),
+     "opposed.fingers: there is no finger 'palm'"),
+    (change('^end = "pinched"', 'end = "shut"'), "opposed.end: there is no posture 'shut'"),
+    (change("^length_mm = .*", "length_mm = -1"), "pads.length_mm: input should be greater than 0"),
+    (change(r"^pads = \[.*", 'pads = ["joint_0.0", "joint_1.0", "joint_2.0", "joint_3.0"]'),
+     "finger index: 4 pads; should be 3 at most"),
+    (change(r"^\[\[finger.joint\]\]", '[[finger.pad]]\nlink = "joint_2.0"\n'
+            "axis_mm = [[0, 0, 0], [0, 0, 20]]\nradius_mm = 9\nside = [1, 0, 0]\n\n"
+            "[[finger.joint]]"),
+     "the place of a pad on 'joint_2.0', which is none of its pads"),
     (lambda whole: "[" + whole, "is not valid TOML"),
 ])
 def test_a_bad_hand_file_is_refused(edit: Callable[[str], str], message: str, tmp_path: Path,
@@ -136,7 +154,7 @@ def test_a_bad_hand_file_is_refused(edit: Callable[[str], str], message: str, tm
 
 def test_a_file_says_all_of_its_hand(tmp_path: Path) -> None:
     file = tmp_path / "hand.toml"
-    for name in ("utah_mit", "barrett"):
+    for name in ("utah_mit", "allegro", "leap", "barrett"):
         file.write_text(hand_text(hand_named(name)))
         again = hand_from_file(file)
         assert hand_text(again) == file.read_text()

@@ -9,7 +9,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 from scipy.stats import kstest, uniform
 
-from strategies.poses.postures import POKE_RAD, poke_tip_m, poking_pose
+from strategies.poses.postures import extended_finger, poking_pose
 from warpgrasp.geometry.body import Body
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.objects.mesh_import import body_from_mesh
@@ -30,6 +30,7 @@ EXACT_ARM = ArmTable(encoder_step_rad=0.0, repeatability_m=0.0)
 EXACT = SensorTable(joint_noise_rad=0.0)
 QUIET = PadTable(noise_counts=0.0, gain_spread=0.0, repeatability=0.0, dead_fraction=0.0)
 INWARD = np.array([1.0, 0.0, 0.0])
+POKE_RAD = extended_finger(HandTable(), PadTable()).commands_rad
 
 
 def robot_before_block(worlds: int, *, arm=None, sensors=None, pads=None, errors=None,
@@ -48,7 +49,8 @@ def robot_before_block(worlds: int, *, arm=None, sensors=None, pads=None, errors
 def poke(robot: Robot, height: float = 0.06, gap: float = 0.010, side: float = 0.0, **changes):
     rows = np.arange(robot.worlds)
     touch = np.array([0.42 - gap, side, height])
-    pose = poking_pose(robot.hand, robot.pads, touch, INWARD, np.array([0.0, 0.0, -1.0]))
+    pose = poking_pose(extended_finger(robot.hand, robot.pads), touch, INWARD,
+                       np.array([0.0, 0.0, -1.0]))
     arguments = {"interval_m": 0.001, "steps": 30, "finger": 0, "commands_rad": POKE_RAD} | changes
     return robot.guarded_line(rows, np.tile(pose, (len(rows), 1)),
                               np.tile(INWARD, (len(rows), 1)), **arguments)
@@ -56,8 +58,9 @@ def poke(robot: Robot, height: float = 0.06, gap: float = 0.010, side: float = 0
 
 def test_poking_pose_points_the_pad_along_the_normal() -> None:
     hand, pads = HandTable(), PadTable()
-    pose = poking_pose(hand, pads, np.array([0.4, 0.1, 0.2]), INWARD, np.array([0.0, 0.0, -1.0]))
-    tip = Rotation.from_quat(pose[3:]).apply(poke_tip_m(hand)) + pose[:3]
+    pose = poking_pose(extended_finger(hand, pads), np.array([0.4, 0.1, 0.2]), INWARD,
+                       np.array([0.0, 0.0, -1.0]))
+    tip = Rotation.from_quat(pose[3:]).apply(extended_finger(hand, pads).tip_m) + pose[:3]
     np.testing.assert_allclose(tip + 0.009 * INWARD, [0.4, 0.1, 0.2], atol=1e-12)
 
 
@@ -110,7 +113,8 @@ def test_the_load_is_that_of_all_taxels(name: str) -> None:
                   pads=pads, errors=ErrorTable.none())
     angle = np.linspace(-1.0, 1.0, n)
     inward = np.stack([np.cos(angle), np.sin(angle), 0 * angle], 1)
-    start = poking_pose(robot.hand, pads, np.array([0.45, 0.0, 0.05]) - 0.06 * inward, inward,
+    start = poking_pose(extended_finger(robot.hand, pads),
+                        np.array([0.45, 0.0, 0.05]) - 0.06 * inward, inward,
                         np.array([0.0, 0.0, -1.0]))
     robot.guarded_line(np.arange(n), start, inward, interval_m=0.001, steps=60, finger=0,
                        commands_rad=POKE_RAD)
@@ -180,7 +184,7 @@ def test_worlds_do_not_see_each_other() -> None:
     many, _ = robot_before_block(5)
     all_rows = poke(many)
     one, _ = robot_before_block(5)
-    pose = poking_pose(one.hand, one.pads, np.array([0.41, 0.0, 0.06]), INWARD,
+    pose = poking_pose(extended_finger(one.hand, one.pads), np.array([0.41, 0.0, 0.06]), INWARD,
                        np.array([0.0, 0.0, -1.0]))
     alone = one.guarded_line(np.array([3]), pose[None], INWARD[None], interval_m=0.001, steps=30,
                              finger=0, commands_rad=POKE_RAD)
@@ -251,8 +255,8 @@ def test_the_path_goes_by_way_of_the_start() -> None:
     robot, _ = robot_before_block(1, arm=EXACT_ARM, sensors=EXACT, pads=QUIET)
     stood = poke(robot).hand_pose[0, :3]
     touch = poke(robot, height=0.08, gap=0.020)
-    start = poking_pose(robot.hand, robot.pads, np.array([0.40, 0.0, 0.08]), INWARD,
-                        np.array([0.0, 0.0, -1.0]))[:3]
+    start = poking_pose(extended_finger(robot.hand, robot.pads), np.array([0.40, 0.0, 0.08]),
+                        INWARD, np.array([0.0, 0.0, -1.0]))[:3]
     stations = np.stack([stood, start, touch.hand_pose[0, :3]])
     assert touch.path_m[0] == pytest.approx(
         np.linalg.norm(np.diff(stations, axis=0), axis=1).sum(), abs=1e-9)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from strategies.poses.postures import POKE_RAD, poking_pose
+from strategies.poses.postures import extended_finger, poking_pose
 from warpgrasp.geometry.body import Body, Part
 from warpgrasp.geometry.scene import Shape
 from warpgrasp.parameters import (
@@ -33,10 +33,12 @@ def test_a_ball_is_as_large_as_pads_tell() -> None:
     rng = np.random.default_rng(0)
     place = np.stack([np.full(WORLDS, 0.45 - RADIUS_M - 0.008), rng.uniform(-0.012, 0.012, WORLDS),
                       RADIUS_M + rng.uniform(-0.012, 0.012, WORLDS)], 1)
-    poses = np.array([poking_pose(robot.hand, pads, p, INWARD, np.array([0.0, 0.0, -1.0]))
+    one = extended_finger(robot.hand, pads)
+    poses = np.array([poking_pose(one, p, INWARD, np.array([0.0, 0.0, -1.0]))
                       for p in place])
     touch = robot.guarded_line(np.arange(WORLDS), poses, np.tile(INWARD, (WORLDS, 1)),
-                               interval_m=0.001, steps=30, finger=0, commands_rad=POKE_RAD)
+                               interval_m=0.001, steps=30, finger=0,
+                               commands_rad=one.commands_rad)
     assert (touch.status == ProbeStatus.CONTACT).all()
     off = np.linalg.norm(touch.point_m - [0.45, 0.0, RADIUS_M], axis=1) - RADIUS_M
     assert abs(off.mean()) < 2.5e-5  # 1.2e-4 on the pad's own surface

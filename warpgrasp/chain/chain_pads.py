@@ -1,0 +1,108 @@
+"""Tactile pads on a hand of chains: how large they are, and where they lie.
+
+A pad lies on the capsules of its link, in their middle, on the side that the link closes towards;
+where there are several side by side it bridges the grooves between them. A hand's file may place
+it otherwise.
+"""
+
+from dataclasses import replace
+from functools import lru_cache
+from math import cos, sin
+
+import numpy as np
+
+from warpgrasp.chain.chain_hand import ChainHand, palmar_sides
+from warpgrasp.hands.hand_model import Capsule, HandError, PadPlace
+from warpgrasp.parameters import PadTable
+
+_PARALLEL = 0.95
+"""Cosine between a link's longest capsule and others that bear its pad with it."""
+_ACROSS = 9
+"""Places across a pad at which it is to stand off the skin."""
+_FINER_M = 1e-4
+
+
+def own_pads(hand: ChainHand, table: PadTable) -> PadTable:
+    """A spec's pads, of the hand's own size where its file says one."""
+    size = hand.model.pad_size
+    if size is None:
+        return table
+    return replace(table, width_m=size.width_m, length_m=size.length_m, wrap_rad=size.wrap_rad,
+                   thickness_m=size.thickness_m)
+
+
+def pad_misfit(hand: ChainHand, table: PadTable) -> str:
+    """Why a spec's pads do not fit the hand; empty where they do."""
+    try:
+        for finger in range(hand.fingers):
+            pad_places(hand, finger, own_pads(hand, table))
+    except HandError as error:
+        return str(error)
+    return ""
+
+
+@lru_cache(maxsize=64)
+def pad_places(hand: ChainHand, finger: int, pads: PadTable) -> tuple[PadPlace, ...]:
+    """Where a finger's pads lie, outwards. Raises HandError for one that does not fit its link;
+    `pads` are the hand's own."""
+    model = hand.model.fingers[finger]
+    names = [joint.name for joint in model.joints]
+    said = {place.joint: place for place in model.pad_places}
+    found = []
+    for name in sorted(model.pads, key=names.index):
+        place = said.get(name) or _on_capsules(hand, finger, names.index(name), pads)
+        length = float(np.linalg.norm(np.subtract(place.end, place.start)))
+        bent = 0.0
+        if name == names[-1]:
+            bent = pads.wrap_rad * (place.radius + pads.thickness_m)
+        if not 0.0 <= pads.length_m - bent <= length:
+            raise HandError(
+                f"{hand.model.name}: finger {model.name}: pad of {pads.length_m * 1e3:g} mm does "
+                f"not fit link {name} of {length * 1e3:.3g} mm; should be {bent * 1e3:.3g} to "
+                f"{(bent + length) * 1e3:.3g} mm long")
+        found.append(place)
+    return tuple(found)
+
+
+def _on_capsules(hand: ChainHand, finger: int, joint: int, pads: PadTable) -> PadPlace:
+    name = hand.model.fingers[finger].joints[joint].name
+    mine = [n for n, j in enumerate(hand.capsule_joint[finger]) if j == joint]
+    if not mine:
+        raise HandError(f"{hand.model.name}: a pad on {name}, a link without shapes; should have "
+                        "one")
+    capsules = [hand.capsules[finger][n] for n in mine]
+    ways = np.array([np.subtract(c.end, c.start) for c in capsules])
+    size = np.linalg.norm(ways, axis=1)
+    longest = int(size.argmax())
+    along = ways[longest] / size[longest]
+    beside = [n for n, way in enumerate(ways) if way @ along >= _PARALLEL * size[longest]]
+    start = np.mean([capsules[n].start for n in beside], axis=0)
+    end = np.mean([capsules[n].end for n in beside], axis=0)
+    along = (end - start) / np.linalg.norm(end - start)
+    out = palmar_sides(hand)[finger][mine[longest]]
+    out = out - (out @ along) * along
+    out = out / np.linalg.norm(out)
+    radius = _radius(capsules, (start + end) / 2, out, np.cross(out, along), pads)
+    return PadPlace(name, _three(start), _three(end), radius, _three(out))
+
+
+def _radius(
+    capsules: list[Capsule], middle: np.ndarray, out: np.ndarray, side: np.ndarray, pads: PadTable
+) -> float:
+    """The least radius of a pad's back at which its face stands off the skin by its thickness."""
+    axes = [(c.radius, *(np.mean([c.start, c.end], axis=0) - middle) @ np.stack([side, out], 1))
+            for c in capsules]
+    radius = max(c.radius for c in capsules)
+    while True:
+        face = radius + pads.thickness_m
+        turns = np.linspace(-0.5, 0.5, _ACROSS) * pads.width_m / face
+        clear = min(np.hypot(face * sin(a) - x, face * cos(a) - z) - r
+                    for a in turns for r, x, z in axes)
+        if clear >= pads.thickness_m - 1e-9:
+            return radius
+        radius += _FINER_M
+
+
+def _three(values: np.ndarray) -> tuple[float, float, float]:
+    x, y, z = (float(v) for v in values)
+    return x, y, z
