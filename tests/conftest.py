@@ -3,12 +3,16 @@
 from collections.abc import Generator
 from pathlib import Path
 
+import hypothesis
 import jaxtyping
 import pytest
 
 FIT_TESTS = Path(__file__).parent / "fit"
 
 jaxtyping.install_import_hook("fit", "beartype.beartype")
+# How long an example takes says how busy the machine is.
+hypothesis.settings.register_profile("suite")
+hypothesis.settings.load_profile("suite")
 
 
 @pytest.hookimpl(wrapper=True)

@@ -179,6 +179,7 @@ def test_a_batch_of_probes_in_ten_lines() -> None:
     assert found["fits"].size_m.shape == (8, 3)  # type: ignore[attr-defined]
 
 
+@pytest.mark.slow
 def test_the_notebook_says_what_it_is_kept_with() -> None:
     """Outputs are kept; text is what running it gives (`make notebook`), but for last digits, which
     another processor rounds otherwise."""

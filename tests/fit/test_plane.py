@@ -88,7 +88,7 @@ def test_covariance_covers_the_truth() -> None:
     assert 0.85 <= covered <= 0.95
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(st.tuples(*[st.floats(-1, 1)] * 4), st.tuples(*[st.floats(-1, 1)] * 3))
 def test_a_rigid_motion_moves_the_plane_with_it(q, shift) -> None:
     if np.linalg.norm(q) < 0.1:

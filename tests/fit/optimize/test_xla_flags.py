@@ -41,7 +41,8 @@ def test_the_users_own_extra_options_stay() -> None:
     assert said("import fit.optimize.batch", own) == ["True", own, ONE_THREAD]
 
 
-@pytest.mark.parametrize("own", ["", "--xla_cpu_enable_fast_math=false"])
+@pytest.mark.parametrize("own", [
+    pytest.param("", marks=pytest.mark.slow), "--xla_cpu_enable_fast_math=false"])
 def test_workers_and_commands_share_what_is_compiled(own: str) -> None:
     """Else `warmup` warms no study."""
     say = ("import fit.optimize.batch; from fit.optimize import program_cache; "

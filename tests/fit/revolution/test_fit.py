@@ -78,6 +78,7 @@ def test_unknown_words_and_a_lone_node_are_named() -> None:
         RevolutionOptions(nodes=1)
 
 
+@pytest.mark.slow
 def test_two_nodes_are_a_frustum() -> None:
     rng = np.random.default_rng(6)
     z, turn = rng.uniform(0, 0.1, (2, 60)), rng.uniform(-np.pi, np.pi, (2, 60))

@@ -42,6 +42,7 @@ def test_a_finish_goes_on_where_the_descent_settled(fitted) -> None:
     assert np.median(fitted.iterations) <= 8
 
 
+@pytest.mark.slow
 def test_a_converged_fit_stays_where_it_is() -> None:
     """A round of steps refused for being too long is no optimum: it was taken for one in a fit of
     twelve, whose cost could still fall by more than a tenth in one of twenty."""
@@ -119,7 +120,8 @@ def test_taper_and_bend_are_found() -> None:
     assert np.median(volume_iou(body, found)) > 0.95
 
 
-@pytest.mark.parametrize("residual", ["solina_box", "volume_distance"])
+@pytest.mark.parametrize("residual", [
+    pytest.param("solina_box", marks=pytest.mark.slow), "volume_distance"])
 def test_a_face_that_was_felt_is_no_pyramid_on_its_tip(residual) -> None:
     """Touches on a block's top alone: nothing tells how its sides go down, so they go as they may.
 
@@ -143,6 +145,7 @@ def test_outliers_with_a_robust_loss(sets) -> None:
     assert np.quantile(volume_iou(sets[0], found), 0.1) > 0.85
 
 
+@pytest.mark.slow
 def test_covariance_and_free_balls_and_normals_run_and_help_or_do_no_harm(sets) -> None:
     body, points = sets
     rng = np.random.default_rng(1)

@@ -55,7 +55,7 @@ def test_a_small_first_exponent_is_a_cylinder_along_z() -> None:
 finite = st.floats(-1, 1)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     taper=st.tuples(finite, finite),
     curvature=st.floats(0, 8),

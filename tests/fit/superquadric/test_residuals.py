@@ -28,7 +28,7 @@ def lane(rng: np.random.Generator) -> FitData:
 
 
 @pytest.mark.parametrize("form", [
-    pytest.param(PLAIN, id="plain"), pytest.param(RADIAL, id="radial"),
+    pytest.param(PLAIN, id="plain", marks=pytest.mark.slow), pytest.param(RADIAL, id="radial"),
     pytest.param(BOXED, id="boxed", marks=pytest.mark.slow), pytest.param(BENT, id="bent")])
 def test_normal_equations_are_those_of_the_residuals(form: Form) -> None:
     rng = np.random.default_rng(4)

@@ -51,7 +51,7 @@ families = st.one_of(
     st.builds(Hemisphere, count=st.integers(1, 8)))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(families, st.floats(0.01, 0.06), st.floats(0.03, 0.35))
 def test_hands_look_down_and_open_fingers_keep_off_the_table(family, radius, height) -> None:
     poses = waypoint_poses((family,), prior(radius, height), HAND, np.zeros(1, np.uint64))

@@ -192,7 +192,7 @@ def test_sections_are_bounded() -> None:
     assert e.touches.part.max() == 2
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.floats(0.005, 0.08), st.floats(-3, 3), st.floats(0.6, 3.0), st.integers(0, 10**6))
 def test_section_circle_of_exact_touches(radius, first, apart, seed) -> None:
     turn = Rotation.random(rng=seed)

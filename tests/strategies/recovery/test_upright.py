@@ -28,7 +28,7 @@ def test_a_block_has_a_square_section_on_any_axis() -> None:
         assert np.allclose(np.abs(stands.axis[0]), [0, 0, 1], atol=1e-9)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.floats(0.1, 1.0), st.floats(0.1, 1.0), st.floats(-0.6, 0.6), st.floats(-3, 3),
        st.floats(-0.3, 0.3))
 def test_faces_lie_on_the_surface_and_look_out(e1, e2, taper, yaw, tilt) -> None:

@@ -156,7 +156,7 @@ def test_levels_that_differ_by_luck_alone_have_a_spread_that_may_be_none(tmp_pat
         assert effect.spread[1] < 0.0 < effect.spread[0] < effect.spread[2]
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.lists(st.tuples(st.integers(0, 4), st.integers(0, 4)), min_size=1, max_size=8))
 def test_dominance_by_definition(points: list[tuple[int, int]]) -> None:
     by = dominating(*np.array(points, float).T)

@@ -161,31 +161,31 @@ def test_rows_hold_the_parameters_of_the_model_chosen() -> None:
     assert [len(z) for z in block["profile_z_m"]] == [0, 0]
 
 
-def test_explore_writes_faces_and_a_contour(tmp_path: Path) -> None:
-    for strategy, name, figure, shape in (
-            ("planar", "block", "faces.png", "plane"),
-            ("contour-only", "beer_bottle", "contour.png", "revolution")):
-        out = tmp_path / name
-        out.mkdir()
-        files = explore(body_table={"name": name}, strategy=STRATEGIES[strategy], seed=3,
-                        yaw_rad=0.3, x_m=0.45, y_m=0.0, out=out, device="cpu")
-        assert {f.name for f in files} >= {"contacts.csv", "shape.json", "contacts.png", figure}
-        assert (out / figure).read_bytes().startswith(b"\x89PNG")
-        rows = [line.split(",") for line in (out / "contacts.csv").read_text().splitlines()]
-        column = {key: n for n, key in enumerate(rows[0])}
-        touches = [r for r in rows[1:] if r[0] in ("planar", "contour")]
-        assert len(touches) > 30
-        felt = [r for r in touches if r[column["status"]] == "contact"]
-        assert all(int(r[column["taxel_peak"]]) >= 6 for r in felt)
-        apart = [np.linalg.norm([float(r[column[f"{axis}_m"]]) - float(r[column[f"true_{axis}_m"]])
-                                 for axis in "xyz"]) for r in felt
-                 if r[column["true_x_m"]] and r[column["x_m"]]]
-        assert np.median(apart) < 0.006  # most of it by this episode's errors of calibration
-        record = json.loads((out / "shape.json").read_text())
-        assert shape in [model["shape"] for model in record["models"]]
-        assert record["recognized_as"] == name
-        assert record["metrics"]["iou"] > 0.8  # this episode's robot is off by some 4 mm
-        assert record["procedures"][-1]["because"]
+@pytest.mark.parametrize(("strategy", "name", "figure", "shape"), [
+    ("planar", "block", "faces.png", "plane"),
+    ("contour-only", "beer_bottle", "contour.png", "revolution")])
+def test_explore_writes_faces_and_a_contour(
+    tmp_path: Path, strategy: str, name: str, figure: str, shape: str
+) -> None:
+    files = explore(body_table={"name": name}, strategy=STRATEGIES[strategy], seed=3,
+                    yaw_rad=0.3, x_m=0.45, y_m=0.0, out=tmp_path, device="cpu")
+    assert {f.name for f in files} >= {"contacts.csv", "shape.json", "contacts.png", figure}
+    assert (tmp_path / figure).read_bytes().startswith(b"\x89PNG")
+    rows = [line.split(",") for line in (tmp_path / "contacts.csv").read_text().splitlines()]
+    column = {key: n for n, key in enumerate(rows[0])}
+    touches = [r for r in rows[1:] if r[0] in ("planar", "contour")]
+    assert len(touches) > 30
+    felt = [r for r in touches if r[column["status"]] == "contact"]
+    assert all(int(r[column["taxel_peak"]]) >= 6 for r in felt)
+    apart = [np.linalg.norm([float(r[column[f"{axis}_m"]]) - float(r[column[f"true_{axis}_m"]])
+                             for axis in "xyz"]) for r in felt
+             if r[column["true_x_m"]] and r[column["x_m"]]]
+    assert np.median(apart) < 0.006  # most of it by this episode's errors of calibration
+    record = json.loads((tmp_path / "shape.json").read_text())
+    assert shape in [model["shape"] for model in record["models"]]
+    assert record["recognized_as"] == name
+    assert record["metrics"]["iou"] > 0.8  # this episode's robot is off by some 4 mm
+    assert record["procedures"][-1]["because"]
 
 
 def test_a_broken_strategy_is_rows_and_a_note_in_the_leaderboard(tmp_path: Path) -> None:

@@ -37,7 +37,7 @@ def test_the_same_rows_give_the_same_bytes() -> None:
 WHOLE = encode_unit("a", ROWS)
 
 
-@settings(max_examples=300, deadline=None,
+@settings(max_examples=300,
           suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(at=st.integers(0, len(WHOLE) - 1), bit=st.integers(0, 7), cut=st.booleans())
 def test_no_damage_goes_unseen(tmp_path: Path, at: int, bit: int, cut: bool) -> None:

@@ -27,7 +27,7 @@ def read_with(folder: Path, old: str, new: str) -> str:
     return ""
 
 
-@settings(max_examples=150, deadline=None,
+@settings(max_examples=150,
           suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(header=st.sampled_from([HEADER, HEADER.upper(), "\ufeff" + HEADER, "", "a,b\n"]),
        rows=st.lists(ROW, max_size=3), tail=st.binary(max_size=4))

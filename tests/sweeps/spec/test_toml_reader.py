@@ -49,7 +49,7 @@ SCALARS = st.one_of(st.integers(-99, 99), st.booleans(), st.text(max_size=8))
 VALUES = st.recursive(SCALARS, lambda inner: st.lists(inner, max_size=3), max_leaves=6)
 
 
-@settings(max_examples=200, deadline=None,
+@settings(max_examples=200,
           suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.dictionaries(KEYS, st.dictionaries(KEYS, VALUES, max_size=3), max_size=4))
 def test_lines_agree_with_a_writer_that_knows_them(

@@ -116,7 +116,7 @@ def test_a_small_motion_keeps_the_configuration(name: str) -> None:
     assert np.quantile(np.abs(found - q).max(1), 0.98) < 0.15
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.sampled_from(SHIPPED_ARMS), st.floats(1.01, 20.0), st.integers(0, 1000))
 def test_nothing_farther_than_the_arm_is_long_is_reached(name: str, times: float, seed: int
                                                          ) -> None:

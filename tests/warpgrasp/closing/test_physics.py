@@ -36,7 +36,7 @@ drawn = st.tuples(st.integers(0, 10**6), st.sampled_from(["curl40", "base_then_c
                   st.floats(2.5, 20.0))
 
 
-@settings(max_examples=12, deadline=None, derandomize=True, phases=[Phase.generate])
+@settings(max_examples=12, derandomize=True, phases=[Phase.generate])
 @given(st.sampled_from(ROUND), drawn)
 def test_a_rest_is_a_rest(name: str, case) -> None:
     """The energy, written out anew, has no slope at the reported rest, and no way down nearby."""
@@ -50,7 +50,7 @@ def test_a_rest_is_a_rest(name: str, case) -> None:
             assert energy.energy(q + step, command) >= here - 1e-12
 
 
-@settings(max_examples=12, deadline=None, derandomize=True, phases=[Phase.generate])
+@settings(max_examples=12, derandomize=True, phases=[Phase.generate])
 @given(st.sampled_from((*ROUND, *FLAT)), drawn)
 def test_reactions_push_and_no_link_is_deeper_than_its_torque_allows(name: str, case) -> None:
     """Without weight and stops servo torques are what forces k * depth >= 0 along outward normals
@@ -71,7 +71,7 @@ def test_reactions_push_and_no_link_is_deeper_than_its_torque_allows(name: str, 
         assert np.allclose(torque[last + 2:], 0.0, atol=1e-6)
 
 
-@settings(max_examples=10, deadline=None, derandomize=True, phases=[Phase.generate])
+@settings(max_examples=10, derandomize=True, phases=[Phase.generate])
 @given(drawn, st.floats(0.0, 30.0), st.sampled_from((0.0, 0.3, 1.0)))
 def test_no_tendon_is_slack_and_the_difference_is_the_torque(
         case, co_contraction: float, noise: float) -> None:

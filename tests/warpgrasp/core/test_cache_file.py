@@ -80,6 +80,7 @@ def test_whole_kernels_stay_and_damaged_ones_go(kernels: Path) -> None:
     assert not kernels.exists()
 
 
+@pytest.mark.slow
 def test_warps_own_files_are_sealed_and_a_flip_is_compiled_again(tmp_path: Path) -> None:
     """A damaged compiled kernel is not run: another process gives the same answer."""
     program = ("import numpy as np\n"

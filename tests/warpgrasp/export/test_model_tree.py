@@ -74,7 +74,8 @@ def test_mujoco_puts_tips_where_we_do(name: str) -> None:
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
-@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("name", [
+    pytest.param(name, marks=() if name == "barrett" else pytest.mark.slow) for name in SHIPPED])
 def test_our_urdf_is_read_as_the_same_hand(name: str, tmp_path: Path) -> None:
     pytest.importorskip("yourdfpy")
     model = following(hand_named(name))

@@ -30,7 +30,7 @@ def distance(body: Body, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("body", EXACT, ids=lambda b: b.name)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(a=st.lists(point, min_size=1, max_size=20), b=st.lists(point, min_size=1, max_size=20))
 def test_exact_distances_are_1_lipschitz(body: Body, a: list, b: list) -> None:
     pa, pb = np.array(a), np.array(b)

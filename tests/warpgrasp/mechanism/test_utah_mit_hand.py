@@ -34,7 +34,7 @@ def test_flexion_swings_inward_and_abduction_outward() -> None:
     assert (points[0, :3, 4, 1] > points[0, :3, 0, 1]).all()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(angles, st.floats(-3, 3), st.floats(-3, 3))
 def test_links_keep_their_length_and_move_rigidly(q: list, x: float, turn: float) -> None:
     joints = np.array(q).reshape(1, 4, 4)

@@ -10,12 +10,16 @@ from warpgrasp.objects.catalogue import body_from_table
 from warpgrasp.objects.catalogue_names import FAMILY_NAMES, HELD_OUT, PUBLIC
 from warpgrasp.objects.families import FAMILIES, family_table
 
+QUICK = ("mug", "hammer")
+
 
 def test_each_family_has_a_line() -> None:
     assert list(FAMILY_NAMES) == list(FAMILIES)
 
 
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("family", [
+    pytest.param(family, marks=() if family in QUICK else pytest.mark.slow)
+    for family in FAMILIES])
 def test_every_family_makes_bodies_that_stand_on_the_table(family: str) -> None:
     contents = set()
     for seed in (0, 1, HELD_OUT):

@@ -132,7 +132,8 @@ def test_a_klein_bottle_is_refused(tmp_path: Path) -> None:
         body_from_mesh(tmp_path / "klein.off", units="m")
 
 
-@pytest.mark.parametrize("wall_mm", [0.3, 1.0, 1.5])
+@pytest.mark.parametrize("wall_mm", [
+    pytest.param(0.3, marks=pytest.mark.slow), 1.0, pytest.param(1.5, marks=pytest.mark.slow)])
 def test_walls_that_the_grid_would_lose_are_refused(tmp_path: Path, wall_mm: float) -> None:
     mesh = trimesh.creation.annulus(0.04 - wall_mm / 1000, 0.04, 0.1)
     mesh.export(tmp_path / "tube.stl")
@@ -143,7 +144,8 @@ def test_walls_that_the_grid_would_lose_are_refused(tmp_path: Path, wall_mm: flo
 
 
 @pytest.mark.parametrize("mesh", [
-    trimesh.creation.annulus(0.037, 0.04, 0.1), trimesh.creation.icosphere(3, 0.003),
+    pytest.param(trimesh.creation.annulus(0.037, 0.04, 0.1), marks=pytest.mark.slow),
+    pytest.param(trimesh.creation.icosphere(3, 0.003), marks=pytest.mark.slow),
     trimesh.creation.box((0.006, 0.006, 0.006)), trimesh.creation.box((0.1, 0.1, 0.003))])
 def test_what_two_nodes_tell_apart_is_kept(tmp_path: Path, mesh: trimesh.Trimesh) -> None:
     mesh.export(tmp_path / "kept.stl")
@@ -188,6 +190,7 @@ def test_a_damaged_cache_is_baked_again(tmp_path: Path) -> None:
         assert cached.read_bytes() == whole
 
 
+@pytest.mark.slow
 def test_meshes_like_scans_are_baked_to_what_they_are(tmp_path: Path) -> None:
     """The volume of the meshes is theirs, by the divergence theorem."""
     for name, mesh in scan_meshes().items():

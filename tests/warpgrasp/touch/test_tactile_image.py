@@ -25,7 +25,7 @@ def each(images: np.ndarray, operate) -> np.ndarray:
     return np.stack([operate(image.astype(float)) for image in images])
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(IMAGES)
 def test_filters_and_edges_match_scipy(images: np.ndarray) -> None:
     np.testing.assert_allclose(mean_filter(images, 5), each(
@@ -49,7 +49,7 @@ def test_laplacian_of_gaussian_matches_scipy_on_smooth_images(sigma: float) -> N
     np.testing.assert_allclose(ours, theirs, atol=0.02 * np.abs(theirs).max())
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(IMAGES, st.integers(0, 254))
 def test_moments_match_scipy(images: np.ndarray, level: int) -> None:
     m = moments(images, level)
