@@ -137,16 +137,17 @@ def _utah_mit(table: HandTable) -> HandCapsules:
     beyond = np.broadcast_to(np.arange(LINK_COUNT) > 0, links)
     others = ~np.eye(FINGER_COUNT, dtype=bool)[:, None, :, None]
     palm = np.arange(len(bars)) < len(bars) - 1
-    limits = [np.tile([abduction, *flexion], (FINGER_COUNT, 1)) for abduction, flexion in zip(
-        table.abduction_limit_rad, (table.flexion_low_rad, table.flexion_high_rad), strict=True)]
+    low, high = (np.tile([abduction, *flexion], (FINGER_COUNT, 1)) for abduction, flexion in zip(
+        table.abduction_limit_rad, (table.flexion_low_rad, table.flexion_high_rad), strict=True))
     x, y = table.palm_gap_m / 2, table.finger_spacing_m
     base = [(-x, -y, 0, 0, 0, 0, 1), (-x, 0, 0, 0, 0, 0, 1), (-x, y, 0, 0, 0, 0, 1),
             (x, 0, 0, 0, 0, 1, 0)]
     return HandCapsules(
-        table, np.array(base, float), np.full(FINGER_COUNT, LINK_COUNT), np.full(links, table.link_radius_m), beyond,
-        np.ones(links, bool), np.broadcast_to(others, (*links, *links)),
-        beyond[..., None] & palm, np.array(bars), np.full(len(bars), thick), *limits,
-        _slab_and_wrist(table))
+        table=table, base=np.array(base, float), count=np.full(FINGER_COUNT, LINK_COUNT),
+        radius_m=np.full(links, table.link_radius_m), outer=beyond, feels=np.ones(links, bool),
+        meets=np.broadcast_to(others, (*links, *links)), meets_palm=beyond[..., None] & palm,
+        bars_m=np.array(bars), bar_radius_m=np.full(len(bars), thick), low_rad=low, high_rad=high,
+        within_m=_slab_and_wrist(table))
 
 
 def _slab_and_wrist(table: HandTable) -> np.ndarray:
@@ -193,7 +194,9 @@ def _chains(chain: ChainHand, table: HandTable) -> HandCapsules:
     free = ~palm_of(chain, CLOSE_M)[2].reshape(chain.fingers, CAPSULES, -1)[:, :most]
     meets_palm = np.zeros((chain.fingers, most, len(bars)), bool)
     meets_palm[..., :len(chain.palm)] = free[..., whole:whole + len(chain.palm)]
+    base = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (chain.fingers, 1))
+    meets = free[..., :whole].reshape(chain.fingers, most, chain.fingers, CAPSULES)[..., :most]
     return HandCapsules(
-        table, np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (chain.fingers, 1)), count, radius, outer, feels,
-        free[..., :whole].reshape(chain.fingers, most, chain.fingers, CAPSULES)[..., :most],
-        meets_palm, bars, bar_radius, low, high, within.reshape(-1, 3))
+        table=table, base=base, count=count, radius_m=radius, outer=outer, feels=feels, meets=meets,
+        meets_palm=meets_palm, bars_m=bars, bar_radius_m=bar_radius, low_rad=low, high_rad=high,
+        within_m=within.reshape(-1, 3))

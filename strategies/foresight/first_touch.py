@@ -18,9 +18,9 @@ from warpgrasp.parameters import HandTable
 _UNMOVED = 1e9
 """Steps a metre of a link that stands still."""
 _SHAPES = {"shape": "world", "pose": "world", "wanted": "world probe", "hand_pose": "world probe",
-           "base": "finger", "links": "grasp finger link step", "link_count": "finger", "radius": "finger link",
-           "feels": "finger link", "bar": "bar 2", "bar_radius": "bar", "command_count": "grasp",
-           "free": "world probe grasp", "point": "world probe grasp finger"}
+           "base": "finger", "links": "grasp finger link step", "link_count": "finger",
+           "radius": "finger link", "feels": "finger link", "bar": "bar 2", "bar_radius": "bar",
+           "command_count": "grasp", "free": "world probe grasp", "point": "world probe grasp finger"}
 
 
 def first_touches(
@@ -46,8 +46,9 @@ def first_touches(
         return wp.array(np.ascontiguousarray(values), dtype=dtype, device=device)
 
     given = {"shape": shape, "pose": pose, "hand_pose": there(hand_pose, transform),
-             "base": there(capsules.base, transform), "links": links, "link_count": there(capsules.count, int),
-             "radius": there(capsules.radius_m, real), "free": free}
+             "base": there(capsules.base, transform), "links": links,
+             "link_count": there(capsules.count, int), "radius": there(capsules.radius_m, real),
+             "free": free}
     launch(approach_kernel, extents, _SHAPES, {
         **given, "wanted": there(wanted, wp.bool), "bar": there(capsules.bars_m, vec3),
         "bar_radius": there(capsules.bar_radius_m, real)}, device=device)

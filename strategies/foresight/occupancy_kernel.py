@@ -211,8 +211,8 @@ class _Walk:
 def _followed(
     walk: _Walk, w: int, pose: transform, finger: int, begin: int, end: int, share: real,
     swept_ball: wp.array3d[vec3], feels: wp.array2d[wp.bool], corner: vec3, size: real,
-    n: wp.vec3i, radius: real, lowest: real, hit: wp.array2d[wp.float32], cap: wp.array2d[wp.float32],
-    worth: wp.array2d[wp.float32]
+    n: wp.vec3i, radius: real, lowest: real, hit: wp.array2d[wp.float32],
+    cap: wp.array2d[wp.float32], worth: wp.array2d[wp.float32]
 ):
     """A finger followed from one place of its path to another; it comes there with probability
     `share`."""
