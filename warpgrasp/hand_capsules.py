@@ -13,7 +13,7 @@ import numpy as np
 
 from warpgrasp.chain.chain_hand import ChainHand, capsule_ends, chain_of_table
 from warpgrasp.chain.chain_kernel import CAPSULES
-from warpgrasp.chain_closing.chain_meeting import CLOSE_M, palm_of
+from warpgrasp.chain_closing.chain_meeting import palm_of
 from warpgrasp.chain_closing.chain_move import palm_and_wrist
 from warpgrasp.finger.path_table import path_table
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, LINK_COUNT, hand_links
@@ -36,6 +36,8 @@ class HandCapsules:
     """What does not change as fingers move. Links that a finger has not are beyond its `count`."""
 
     table: HandTable
+    chain: ChainHand | None
+    """None for the Utah-MIT hand."""
     base: np.ndarray
     """Poses of the fingers' own frames in the hand's, (finger, 7)."""
     count: np.ndarray
@@ -70,17 +72,16 @@ class HandCapsules:
         """Ends of all links' axes on commands (finger, step, width), as far as stops let joints go:
         (finger, step, link, 2, 3) [m]."""
         q_rad = self._within_stops(q_rad)
-        chain = chain_of_table(self.table)
-        if chain is None:
+        if self.chain is None:
             return _utah_mit_places(self.table, q_rad)
         found = np.zeros((*q_rad.shape[:2], self.radius_m.shape[1], 2, 3))
         for f in range(self.fingers):
-            found[f, :, :self.count[f]] = capsule_ends(chain, f, q_rad[f])
+            found[f, :, :self.count[f]] = capsule_ends(self.chain, f, q_rad[f])
         return found
 
     def places_from_base(self, q_rad: np.ndarray) -> np.ndarray:
         """The same in the fingers' own frames, where closings have tables of them."""
-        if chain_of_table(self.table) is not None:
+        if self.chain is not None:
             return self.places(q_rad)
         links = path_table(self.table, self._within_stops(q_rad)[None])[1][0]
         return np.moveaxis(np.stack([links["start"], links["end"]], 3), 1, 2)
@@ -91,9 +92,9 @@ class HandCapsules:
         return q_rad - past
 
 
-@lru_cache(maxsize=16)
 def capsules_of_hand(table: HandTable) -> HandCapsules:
-    """The capsules of a table's hand. Raises HandError for a hand that cannot be used."""
+    """The capsules of a table's hand, the same record for the same hand. Raises HandError for a
+    hand that cannot be used."""
     chain = chain_of_table(table)
     return _utah_mit(table) if chain is None else _chains(chain, table)
 
@@ -128,6 +129,7 @@ def balls_within(
     return np.concatenate([rings.reshape(*axis.shape[:-2], -1, 3), caps], -2)
 
 
+@lru_cache(maxsize=16)
 def _utah_mit(table: HandTable) -> HandCapsules:
     thick = table.palm_thickness_m / 2
     bars = [((x, -table.finger_spacing_m, -thick), (x, table.finger_spacing_m, -thick))
@@ -137,16 +139,18 @@ def _utah_mit(table: HandTable) -> HandCapsules:
     beyond = np.broadcast_to(np.arange(LINK_COUNT) > 0, links)
     others = ~np.eye(FINGER_COUNT, dtype=bool)[:, None, :, None]
     palm = np.arange(len(bars)) < len(bars) - 1
-    limits = [np.tile([abduction, *flexion], (FINGER_COUNT, 1)) for abduction, flexion in zip(
-        table.abduction_limit_rad, (table.flexion_low_rad, table.flexion_high_rad), strict=True)]
+    low, high = (np.tile([abduction, *flexion], (FINGER_COUNT, 1)) for abduction, flexion in zip(
+        table.abduction_limit_rad, (table.flexion_low_rad, table.flexion_high_rad), strict=True))
     x, y = table.palm_gap_m / 2, table.finger_spacing_m
     base = [(-x, -y, 0, 0, 0, 0, 1), (-x, 0, 0, 0, 0, 0, 1), (-x, y, 0, 0, 0, 0, 1),
             (x, 0, 0, 0, 0, 1, 0)]
     return HandCapsules(
-        table, np.array(base, float), np.full(FINGER_COUNT, LINK_COUNT), np.full(links, table.link_radius_m), beyond,
-        np.ones(links, bool), np.broadcast_to(others, (*links, *links)),
-        beyond[..., None] & palm, np.array(bars), np.full(len(bars), thick), *limits,
-        _slab_and_wrist(table))
+        table=table, chain=None, base=np.array(base, float),
+        count=np.full(FINGER_COUNT, LINK_COUNT), radius_m=np.full(links, table.link_radius_m),
+        outer=beyond, feels=np.ones(links, bool), meets_palm=beyond[..., None] & palm,
+        meets=np.broadcast_to(others, (*links, *links)),
+        bars_m=np.array(bars), bar_radius_m=np.full(len(bars), thick), low_rad=low, high_rad=high,
+        within_m=_slab_and_wrist(table))
 
 
 def _slab_and_wrist(table: HandTable) -> np.ndarray:
@@ -168,6 +172,7 @@ def _utah_mit_places(table: HandTable, q_rad: np.ndarray) -> np.ndarray:
     return np.stack([joints[:, :, :-1], joints[:, :, 1:]], 3)
 
 
+@lru_cache(maxsize=16)
 def _chains(chain: ChainHand, table: HandTable) -> HandCapsules:
     count = np.array([len(own) for own in chain.capsules])
     most = int(count.max())
@@ -190,10 +195,12 @@ def _chains(chain: ChainHand, table: HandTable) -> HandCapsules:
         balls_within(ends, float(r), thinnest, start=True)
         for ends, r in zip(bars, bar_radius, strict=True))])
     whole = chain.fingers * CAPSULES
-    free = ~palm_of(chain, CLOSE_M)[2].reshape(chain.fingers, CAPSULES, -1)[:, :most]
+    free = ~palm_of(chain)[2].reshape(chain.fingers, CAPSULES, -1)[:, :most]
     meets_palm = np.zeros((chain.fingers, most, len(bars)), bool)
     meets_palm[..., :len(chain.palm)] = free[..., whole:whole + len(chain.palm)]
+    base = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (chain.fingers, 1))
+    meets = free[..., :whole].reshape(chain.fingers, most, chain.fingers, CAPSULES)[..., :most]
     return HandCapsules(
-        table, np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (chain.fingers, 1)), count, radius, outer, feels,
-        free[..., :whole].reshape(chain.fingers, most, chain.fingers, CAPSULES)[..., :most],
-        meets_palm, bars, bar_radius, low, high, within.reshape(-1, 3))
+        table=table, chain=chain, base=base, count=count, radius_m=radius, outer=outer, feels=feels,
+        meets=meets, meets_palm=meets_palm, bars_m=bars, bar_radius_m=bar_radius, low_rad=low,
+        high_rad=high, within_m=within.reshape(-1, 3))

@@ -18,9 +18,10 @@ from warpgrasp.parameters import HandTable
 _UNMOVED = 1e9
 """Steps a metre of a link that stands still."""
 _SHAPES = {"shape": "world", "pose": "world", "wanted": "world probe", "hand_pose": "world probe",
-           "base": "finger", "links": "grasp finger link step", "link_count": "finger", "radius": "finger link",
-           "feels": "finger link", "bar": "bar 2", "bar_radius": "bar", "command_count": "grasp",
-           "free": "world probe grasp", "point": "world probe grasp finger"}
+           "base": "finger", "links": "grasp finger link step", "link_count": "finger",
+           "radius": "finger link", "feels": "finger link", "bar": "bar 2", "bar_radius": "bar",
+           "command_count": "grasp", "free": "world probe grasp",
+           "point": "world probe grasp finger"}
 
 
 def first_touches(
@@ -35,7 +36,7 @@ def first_touches(
     where the open hand would strike one of them on its way there is no touch.
     """
     capsules = capsules_of_hand(hand)
-    links, count = _links_on_device(hand, closings, device)
+    links, count = _links_on_device(capsules, closings, device)
     shape, pose = bodies_on(bodies, device)
     extents = {"world": len(hand_pose), "probe": hand_pose.shape[1], "grasp": len(closings)}
     free = wp.empty(
@@ -46,8 +47,9 @@ def first_touches(
         return wp.array(np.ascontiguousarray(values), dtype=dtype, device=device)
 
     given = {"shape": shape, "pose": pose, "hand_pose": there(hand_pose, transform),
-             "base": there(capsules.base, transform), "links": links, "link_count": there(capsules.count, int),
-             "radius": there(capsules.radius_m, real), "free": free}
+             "base": there(capsules.base, transform), "links": links,
+             "link_count": there(capsules.count, int), "radius": there(capsules.radius_m, real),
+             "free": free}
     launch(approach_kernel, extents, _SHAPES, {
         **given, "wanted": there(wanted, wp.bool), "bar": there(capsules.bars_m, vec3),
         "bar_radius": there(capsules.bar_radius_m, real)}, device=device)
@@ -60,11 +62,11 @@ def first_touches(
 
 @lru_cache(maxsize=32)
 def _links_on_device(
-    hand: HandTable, closings: tuple[str, ...], device: str
+    hand: HandCapsules, closings: tuple[str, ...], device: str
 ) -> tuple[wp.array, np.ndarray]:
     """Rows of SweptLink (grasp, finger, link, step), and how many steps each path has."""
-    commands, count = padded_commands(closings, hand)
-    rows = np.stack([swept_links(capsules_of_hand(hand), path) for path in commands])
+    commands, count = padded_commands(closings, hand.table)
+    rows = np.stack([swept_links(hand, path) for path in commands])
     return wp.array(rows, dtype=SweptLink, device=device), count
 
 

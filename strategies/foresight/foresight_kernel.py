@@ -3,9 +3,9 @@
 
 A hand is capsules: of its fingers' links at every command, of its palm, and of its wrist
 (`SweptLink`). Free motion alone: a finger follows its commands until a link touches body or table,
-and rests there. Steps are skipped while a bound of the distance exceeds what the link can have moved
-(conservative advancement), from coarse to fine: the box around the body first, whose distance costs
-no powers, then five places along the link against the body itself.
+and rests there. Steps are skipped while a bound of the distance exceeds what the link can have
+moved (conservative advancement), from coarse to fine: the box around the body first, whose distance
+costs no powers, then five places along the link against the body itself.
 """
 
 import warp as wp

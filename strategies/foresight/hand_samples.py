@@ -77,13 +77,17 @@ def _thinned(swept: SweptFingers) -> SweptFingers:
                         swept.joints_rad[:, ::THIN], -(-swept.met // THIN), swept.meets)
 
 
-@lru_cache(maxsize=8)
 def samples_of_hand(hand: HandTable, closings: tuple[str, ...]) -> HandSamples:
     """Samples of a hand for its closing paths of these names. Raises NotPossible for a hand that
     feels nothing."""
     check_foreseeable(hand)
-    capsules, radius = capsules_of_hand(hand), outline_of(hand).skin_m
-    commands, count = padded_commands(closings, hand)
+    return _samples(capsules_of_hand(hand), closings)
+
+
+@lru_cache(maxsize=8)
+def _samples(capsules: HandCapsules, closings: tuple[str, ...]) -> HandSamples:
+    radius = outline_of(capsules.table).skin_m
+    commands, count = padded_commands(closings, capsules.table)
     swept = []
     for path, steps in zip(commands, count, strict=True):
         kept = np.append(np.arange(0, steps - 1, STRIDE), steps - 1)
