@@ -14,6 +14,8 @@ _CLOSE = Ring(count=6, tilt_rad=radians(50), palm_clearance_m=0.030, clearance_p
               azimuth_rad=radians(30))
 TOUCHES = 96
 """Budget of the strategies that choose one pose at a time: twelve poses of two closings."""
+DEFAULT = "any-object"
+"""Where none is named: it supposes nothing of the object's shape."""
 REFERENCE = "given-prior"
 """Doing nothing: the name of the row that scores what every strategy is given."""
 STRATEGIES: dict[str, Strategy] = {s.name: s for s in (

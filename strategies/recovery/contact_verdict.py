@@ -46,16 +46,22 @@ def explained_by(recovered: Recovered, points_m: np.ndarray, mask: np.ndarray) -
     return mask & known & (surface_gaps(recovered, points_m, mask) <= FARTHEST_M)
 
 
+def mean_gap(recovered: Recovered, evidence: Evidence) -> np.ndarray:
+    """How far contacts are from the body that stands, in the mean [m], (world,). Distances beyond
+    `FARTHEST_M` count as that."""
+    away = np.minimum(surface_gaps(recovered, evidence.points_m, evidence.mask), FARTHEST_M)
+    return row_sums(np.where(evidence.mask, away, 0.0)) / np.maximum(evidence.mask.sum(1), 1)
+
+
 def unexplained(recovered: Recovered, evidence: Evidence) -> np.ndarray:
     """Worlds whose recovered body lies off its contacts, or that have none, bool (world,).
 
     A free form passes near every contact: contacts cannot choose between it and a model, they can
     only contradict the model. Where they do not, the model stands, for it knows more of what was
-    not felt. Distances beyond `FARTHEST_M` count as that.
+    not felt.
     """
-    away = np.minimum(surface_gaps(recovered, evidence.points_m, evidence.mask), FARTHEST_M)
-    mean = row_sums(np.where(evidence.mask, away, 0.0)) / np.maximum(evidence.mask.sum(1), 1)
-    return (recovered.shape == Shape.PRIOR_CYLINDER) | (mean > UNEXPLAINED_M)
+    return ((recovered.shape == Shape.PRIOR_CYLINDER)
+            | (mean_gap(recovered, evidence) > UNEXPLAINED_M))
 
 
 def contact_verdicts(recovered: Recovered, evidence: Evidence) -> np.ndarray:

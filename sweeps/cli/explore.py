@@ -13,11 +13,11 @@ if TYPE_CHECKING:
 
 
 @app.command
-def explore(object_: str, /, *, strategy: str,
+def explore(object_: str, /, *, strategy: str | None = None,
             out: Annotated[Path, Parameter(name=["--out", "-o"])], units: str | None = None,
             seed: int = 0, yaw_deg: float | None = None, x_m: float = 0.45, y_m: float = 0.0,
             replay: Annotated[bool, Parameter(negative="")] = False,
-            reconstruct: str = "superquadric", device: str = "cpu") -> int:
+            reconstruct: str = "chosen", device: str = "cpu") -> int:
     """Run one episode and write its contacts, the recovered shape and a figure.
 
     Parameters
@@ -25,7 +25,7 @@ def explore(object_: str, /, *, strategy: str,
     object_
         A name (`warpgrasp objects`) or a mesh file, then with its units.
     strategy
-        A name (`warpgrasp strategies`).
+        A name (`warpgrasp strategies`); any-object, for objects of any shape, if none is given.
     out
         The directory to write to.
     units
@@ -41,9 +41,9 @@ def explore(object_: str, /, *, strategy: str,
     replay
         Also write replay.html: the episode played again in 3-D (needs the extra `show`).
     reconstruct
-        What stands for the body at the end: superquadric; implicit, a free-form surface; chosen,
-        that where the model does not explain the touches; or a function of yours, as
-        mine.py:my_network.
+        What stands for the body at the end: chosen, a free-form surface where the model does not
+        explain the touches, else the model; superquadric; implicit, the free form wherever it is
+        plausible; or a function of yours, as mine.py:my_network.
     device
         cpu, or cuda:0.
     """
@@ -64,7 +64,7 @@ def explore(object_: str, /, *, strategy: str,
 
     with quiet_stdout():
         init_warp()
-        chosen = _strategy_of_argument(strategy)
+        chosen = _strategy_of_argument(strategy or _default_strategy())
         table = object_of_argument(object_, units)
         word = _reconstruct_of_argument(reconstruct)
         from sweeps.report.episode_files import explore as explore_object
@@ -80,6 +80,12 @@ def explore(object_: str, /, *, strategy: str,
     for file in written:
         print(file)
     return 0
+
+
+def _default_strategy() -> str:
+    from strategies.ready_made import DEFAULT
+
+    return DEFAULT
 
 
 def _strategy_of_argument(name: str) -> "Strategy":

@@ -11,6 +11,7 @@ import numpy as np
 
 from fit.fit_status import status_names
 from strategies.procedures.touches import REASON_TEXT, EndReason
+from strategies.reconstruct.plug_in_name import CHOSEN
 from strategies.recovery.choose_model import Shape
 from strategies.strategy import Strategy
 from sweeps.episode.columns import (
@@ -29,7 +30,7 @@ from sweeps.figures.meshes import mesh_of_world, ply_of
 from sweeps.figures.style import encode
 from sweeps.figures.taxels import pad_touches, taxels_figure
 from sweeps.output import say, write_atomic
-from sweeps.report.trust import trust_sentence
+from sweeps.report.trust import choice_sentence, trust_sentence
 from sweeps.spec.cell import Cell
 from warpgrasp.parameters import FitTable, ObjectTable
 from warpgrasp.probe_status import ProbeStatus
@@ -39,15 +40,15 @@ from warpgrasp.robot import Grasps
 def explore(
     *, body_table: Mapping[str, Any], strategy: Strategy, seed: int, yaw_rad: float | None,
     x_m: float, y_m: float, out: Path, device: str, replay: bool = False,
-    reconstruct: str = "superquadric",
+    reconstruct: str = CHOSEN,
 ) -> list[Path]:
     """Runs one episode; writes `contacts.csv`, `shape.json` and figures; returns their paths.
 
     `contacts.png` always; `faces.png` where faces were crossed, `contour.png` where a contour was
     followed, `taxels.png` where pads had contact, `replay.html` for `replay`. stderr says how far
-    to trust the recovered shape, and which figures could not be drawn. `body_table` names the
-    object as in a spec; `yaw_rad` None gives it a random yaw. Raises BodyError for an object that
-    cannot be built, OSError where `out` cannot be written.
+    to trust the recovered shape, what was chosen and why, and which figures could not be drawn.
+    `body_table` names the object as in a spec; `yaw_rad` None gives it a random yaw. Raises
+    BodyError for an object that cannot be built, OSError where `out` cannot be written.
     """
     name = str(body_table.get("name") or Path(str(body_table.get("mesh", "object"))).stem)
     cell = Cell(strategy, body_table, name, seed=seed,
@@ -78,6 +79,8 @@ def explore(
         write_replay(make_replay(cell, block), out / "replay.html")
         written.append("replay.html")
     say(f"{block.status[0]}: {trust_sentence(block)}")
+    if reconstruct == CHOSEN:
+        say(choice_sentence(block))
     if block.exploration.fault[0]:
         what = "reconstruct" if block.status[0] == REBUILD_FAILED else "the strategy"
         say(f"{what} failed: {block.exploration.fault[0]}")

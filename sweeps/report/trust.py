@@ -10,8 +10,14 @@ from fit.superquadric.geometry import superquadric_areas
 from strategies.contacts.body_uncertainty import INADEQUATE_FROM
 from strategies.contacts.volume_spread import interval_trusted
 from strategies.recovery.choose_model import Recovered, Shape
-from strategies.recovery.contact_verdict import accepted_contacts
+from strategies.recovery.contact_verdict import (
+    UNEXPLAINED_M,
+    accepted_contacts,
+    mean_gap,
+    unexplained,
+)
 from strategies.recovery.evidence import TABLE_MARGIN_M
+from strategies.recovery.plausibility import FEWEST_CONTACTS
 from sweeps.episode.episodes import EpisodeBlock
 from sweeps.figures.meshes import mesh_of_world
 
@@ -56,6 +62,26 @@ def trust_sentence(block: EpisodeBlock, world: int = 0) -> str:
     if belief.felt.contradicted_share()[world] >= INADEQUATE_FROM:
         text += "; many contacts contradict the model"
     return text
+
+
+def choice_sentence(block: EpisodeBlock, world: int = 0) -> str:
+    """Which body `reconstruct = "chosen"` has chosen for one world, and why."""
+    mine = np.array([world])
+    recovered, evidence = rows_of(block.recovered, mine), rows_of(block.evidence, mine)
+    model = {Shape.PRIOR_CYLINDER: "given prior", Shape.SUPERQUADRIC: "superquadric",
+             Shape.REVOLUTION: "contour"}[Shape(int(recovered.shape[0]))]
+    why = (f"contacts lie {1e3 * mean_gap(recovered, evidence)[0]:.1f} mm from the {model} in the "
+           "mean")
+    if recovered.shape[0] == Shape.PRIOR_CYLINDER:
+        why = "no model was recovered"
+    if mesh_of_world(block, world) is not None:
+        return f"chosen: a free form, since {why}"
+    if not unexplained(recovered, evidence)[0]:
+        return (f"chosen: the {model}, since {why}; a free form is made from "
+                f"{1e3 * UNEXPLAINED_M:.0f} mm on")
+    if evidence.mask.sum() < FEWEST_CONTACTS:
+        return f"chosen: the {model}, since {FEWEST_CONTACTS} contacts are needed for a free form"
+    return f"chosen: the {model}; {why}, but table or prior contradict the free form"
 
 
 def _free_form_sentence(mesh: TriangleMesh, contacts_m: np.ndarray) -> str:

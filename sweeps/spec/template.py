@@ -1,11 +1,11 @@
 """The commented template of a spec, generated from the same tables that check one."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from strategies.poses.closing_paths import CLOSING_PATHS
 from strategies.poses.waypoints import WAYPOINT_KINDS
-from strategies.ready_made import STRATEGIES
+from strategies.ready_made import DEFAULT, STRATEGIES
 from strategies.strategy import PROCEDURES
 from sweeps.spec.cell import SECTIONS
 from sweeps.spec.units import SpecField, spec_fields
@@ -15,7 +15,7 @@ HEAD = """\
 schema = 1
 name = "my-study"
 seed = 7
-episodes_per_cell = 64                 # of each strategy on each object
+episodes_per_cell = 16                 # of each strategy on each object
 # keep = "contacts"                    # of every episode, for `warpgrasp rows --contacts`
 # Names (`warpgrasp objects`), meshes, compounds, superquadrics (half their extents):
 #   { mesh = "mug.stl", units = "cm" }
@@ -24,12 +24,14 @@ episodes_per_cell = 64                 # of each strategy on each object
 objects = ["block", "large_cylinder", "small_cylinder", "wedge", "lightbulb", "funnel"]
 
 [[strategy]]                           # ready-made, by name (`warpgrasp strategies`)
-name = "ring6"
+name = "DEFAULT"                      # for objects of any shape; slower than rings of grasps
 
 [[strategy]]
 name = "my-ring"
 waypoints = { kind = "ring", count = 8, tilt_deg = 70 }   # or a list of such tables
 """
+SET = {"fit": {"reconstruct": "chosen"}}
+"""Keys that the template sets, as `explore` does: what suits objects of any shape."""
 SWEEP = """\
 # [sweep.grid]                         # every combination; entries of the leaderboard
 # "sensors.tendon_threshold_N" = [3.0, 6.0, 12.0]
@@ -47,7 +49,8 @@ SWEEP = """\
 
 def spec_template() -> str:
     """A spec that runs as it is, with every other key in a comment, its default and meaning."""
-    lines = [HEAD, f"# closings = {_toml(tuple(CLOSING_PATHS))}  # choose among these",
+    lines = [HEAD.replace("DEFAULT", DEFAULT),
+             f"# closings = {_toml(tuple(CLOSING_PATHS))}  # choose among these",
              f"# order = {_toml(tuple(PROCEDURES))}",
              f"# Ready-made: {', '.join(STRATEGIES)}", "# Keys of each kind of waypoints:"]
     for kind, table in WAYPOINT_KINDS.items():
@@ -55,13 +58,16 @@ def spec_template() -> str:
                          for name, field in spec_fields(table).items())
         lines.append(f"#   {{ kind = \"{kind}\", {keys} }}")
     for section, table in SECTIONS.items():
-        lines += ["", f"[{section}]", *_keys(spec_fields(table).values())]
+        lines += ["", f"[{section}]", *_keys(spec_fields(table).values(), SET.get(section, {}))]
     return "\n".join([*lines, "", SWEEP])
 
 
-def _keys(fields: Any) -> Iterator[str]:
+def _keys(fields: Any, given: Mapping[str, Any]) -> Iterator[str]:
     for field in fields:
-        yield f"# {field.key} = {_value(field)}  # {_meaning(field)}".rstrip(" #")
+        if field.key in given:
+            yield f"{field.key} = {_toml(given[field.key])}  # {_meaning(field)}"
+        else:
+            yield f"# {field.key} = {_value(field)}  # {_meaning(field)}".rstrip(" #")
 
 
 def _value(field: SpecField) -> str:

@@ -177,7 +177,7 @@ def test_lists_and_check_and_init(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert cli.run(["init", str(spec)]) == 0
     assert cli.run(["check", str(spec), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert (found["cells"], found["episodes"], found["units"]) == ("12", "768", "12")
+    assert (found["cells"], found["episodes"], found["units"]) == ("12", "192", "12")
 
 
 def test_the_version_is_the_packages(capsys: pytest.CaptureFixture[str]) -> None:
