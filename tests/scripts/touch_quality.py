@@ -1,6 +1,6 @@
 """How well pads recover faces and contours, and what two thousand worlds in lock-step cost.
 
-    python tests/scripts/touch_quality.py [--worlds 200] [--lockstep 2000]
+    python tests/scripts/touch_quality.py [--worlds 200] [--lockstep 2000] [--hand leap --arm none]
 
 Starts are wrong by what a fitted body would be wrong by: faces 4 mm and 4 degrees, axes 8 mm a
 number. Prints a Markdown table of the figures that docs/touch.md holds.
@@ -32,8 +32,8 @@ def robot_before(name: str, worlds: int, yaw: np.ndarray, seed: int) -> tuple[Ro
     pose[:, 0], pose[:, 5], pose[:, 6] = 0.45, np.sin(yaw / 2), np.cos(yaw / 2)
     truth = Truth(pose)
     key = np.arange(worlds).astype(np.uint64) + np.uint64(10_000 * seed)
-    return Robot([body_from_name(name)], np.zeros(1, int), truth, key, ArmTable(), HandTable(),
-                 SensorTable()), truth
+    return Robot([body_from_name(name)], np.zeros(1, int), truth, key, ArmTable(kind=given.arm),
+                 HandTable(kind=given.hand), SensorTable()), truth
 
 
 def told_face(truth: Truth, face: str, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -124,9 +124,12 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--worlds", type=int, default=200)
     parser.add_argument("--lockstep", type=int, default=2000)
+    parser.add_argument("--hand", default=HandTable().kind)
+    parser.add_argument("--arm", default=ArmTable().kind)
     given = parser.parse_args()
     print("| what | asked | measured |\n|---|---|---|")
     planar(given.worlds, 5)
     contours(given.worlds, 6, 0.0)
     contours(given.worlds, 7, 5.0)
-    lockstep(given.lockstep)
+    if given.lockstep:
+        lockstep(given.lockstep)

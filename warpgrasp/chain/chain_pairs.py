@@ -1,21 +1,22 @@
 """Two fingers of a hand of chains whose tips close towards each other: as its file says, or found.
 
-Where a file says none, each finger goes the hand's first closing path alone, the others folded, and
-the thumb's partner is the finger whose pad comes to face the thumb's from nearest by.
+Where a file says none, both fingers point along the approach and turn towards each other from their
+bases, the others lie as flat as they can, and the thumb's partner is the finger that faces it best.
 """
 
 from functools import lru_cache
-from math import ceil
+from math import ceil, radians
 
 import numpy as np
 
-from warpgrasp.chain.chain_hand import ChainHand, closing_way, link_frames_of
+from warpgrasp.chain.chain_hand import ChainHand, capsule_ends, link_frames_of
 from warpgrasp.chain.chain_pads import own_pads
 from warpgrasp.chain.chain_postures import (
-    folded_drives,
     hand_places,
+    known_postures,
     pad_axes,
     posture_drives,
+    straight_fingers,
     tip_pads,
 )
 from warpgrasp.mechanism.touch_postures import OpposedPair
@@ -29,7 +30,14 @@ _ROOM_M = 0.008
 """Between the open fingertips and the widest chord that they stand astride."""
 _THIN_M = 0.025
 """Half the chord at which the tips are to be as deep as the place aimed at."""
+_NARROW_M = 0.015
+"""A pair that opens no wider is none."""
 _SAMPLES = 61
+_OPEN_RAD, _CLOSED_RAD, _BENT_RAD = radians(35), radians(60), radians(10)
+"""From where a finger points along the approach: how far it opens, closes, and is bent beyond its
+base."""
+_FLEXES, _LITTLE_RAD = 0.8, 1e-4
+"""Cosine between a tip's motion and the pad's side from which on a drive flexes."""
 
 
 @lru_cache(maxsize=16)
@@ -43,33 +51,63 @@ def chain_opposed(hand: ChainHand, pads: PadTable) -> OpposedPair | None:
         one, other = (names.index(name) for name in said.fingers)
         return _pair(hand, (one, other), posture_drives(hand, said.start),
                      posture_drives(hand, said.end), pads)
-    if hand.model.thumb not in names or not tip_pads(hand, names.index(hand.model.thumb)):
-        return None
-    thumb = names.index(hand.model.thumb)
-    start, end = np.moveaxis(closing_way(hand, hand.model.closings[0], 2), 1, 0)
-    able = [f for f in range(hand.fingers) if f != thumb and tip_pads(hand, f)]
-    found = [(_apart(hand, (f, thumb), start, end, pads), f) for f in able]
-    for _, f in sorted(found):
-        kept = folded_drives(hand)
-        kept[[f, thumb]] = start[[f, thumb]]
-        pair = _pair(hand, (f, thumb), kept, end, pads)
-        if pair is not None:
-            return pair
-    return None
+    thumb = names.index(hand.model.thumb) if hand.model.thumb in names else -1
+    able = [f for f in range(hand.fingers) if tip_pads(hand, f)]
+    tried = [(f, g) for f in able for g in able if (g == thumb if thumb >= 0 else f < g) and f != g]
+    ways = {f: _straight_way(hand, f, pads) for f in {f for pair in tried for f in pair}}
+    found = []
+    for f, g in tried:
+        start, end = _flattest(hand), _flattest(hand)
+        for finger in (f, g):
+            start[finger], end[finger] = ways[finger]
+        pair = _pair(hand, (f, g), start, end, pads)
+        if pair is not None and pair.widest_half_m > _NARROW_M:
+            off = [pad_axes(hand, n, start[n], pads)[0] @ pair.axes[:, 1] for n in (f, g)]
+            found.append((abs(off[0] - off[1]), len(found), pair))
+    return min(found)[2] if found else None
+
+
+def _straight_way(hand: ChainHand, finger: int, pads: PadTable) -> tuple[np.ndarray, np.ndarray]:
+    """Drives (width,) of a finger, open and closed, that points along the approach, a little bent,
+    and turns in one joint towards the side that its pad lies on."""
+    q = max((way[finger] for way in straight_fingers(hand, finger, pads)),
+            key=lambda q: float(pad_axes(hand, finger, q, pads)[1][2, 2])).copy()
+    width = len(hand.drives[finger])
+    tip, axes, _ = pad_axes(hand, finger, q, pads)
+    moved = pad_axes(hand, finger, q + _LITTLE_RAD * np.eye(hand.width)[:width], pads)[0] - tip
+    along = moved @ axes[:, 0] / np.maximum(np.linalg.norm(moved, axis=1), 1e-12)
+    flexing = np.flatnonzero(np.abs(along) > _FLEXES)
+    joints = [hand.model.fingers[finger].joints[j] for j in hand.drives[finger]]
+    low, high = np.array([(j.low_rad, j.high_rad) for j in joints]).T
+    start = q.copy()
+    for drive in flexing[1:]:
+        start[drive] += np.sign(along[drive]) * _BENT_RAD
+    end = start.copy()
+    for drive in flexing[:1]:
+        start[drive] -= np.sign(along[drive]) * _OPEN_RAD
+        end[drive] += np.sign(along[drive]) * _CLOSED_RAD
+    for drives in (start, end):
+        drives[:width] = np.clip(drives[:width], low, high)
+    return start, end
+
+
+def _flattest(hand: ChainHand) -> np.ndarray:
+    """Drives of all fingers, each in that of the hand's postures in which it reaches least along
+    the approach, (finger, width)."""
+    postures = known_postures(hand)
+    found = postures[0].copy()
+    for f in range(hand.fingers):
+        radii = np.repeat([c.radius for c in hand.capsules[f]], 2)
+        reach = [float((capsule_ends(hand, f, q[f]).reshape(-1, 3)[:, 2] + radii).max())
+                 for q in postures]
+        found[f] = postures[int(np.argmin(reach))][f]
+    return found
 
 
 def _path(hand: ChainHand, finger: int, start: np.ndarray, end: np.ndarray, count: int
           ) -> np.ndarray:
     """A finger's drives from one posture to another, evenly, (count, width)."""
     return start[finger] + np.linspace(0.0, 1.0, count)[:, None] * (end[finger] - start[finger])
-
-
-def _apart(hand: ChainHand, fingers: tuple[int, int], start: np.ndarray, end: np.ndarray,
-           pads: PadTable) -> float:
-    """The least distance of two tips, each anywhere on its way [m]."""
-    one, other = (pad_axes(hand, f, _path(hand, f, start, end, _SAMPLES), pads)[0]
-                  for f in fingers)
-    return float(np.linalg.norm(one[:, None] - other, axis=-1).min())
 
 
 def _pair(hand: ChainHand, fingers: tuple[int, int], start: np.ndarray, end: np.ndarray,

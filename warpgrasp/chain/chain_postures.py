@@ -47,7 +47,8 @@ def chain_extended(hand: ChainHand, pads: PadTable) -> ExtendedFinger | None:
                          said.lean_rad)[1]
     able = [f for f in range(hand.fingers) if tip_pads(hand, f)
             and hand.model.fingers[f].name != hand.model.thumb]
-    tried = [_extended(hand, f, q, pads, None) for f in able for q in _straight(hand, f, pads)]
+    tried = [_extended(hand, f, q, pads, None)
+             for f in able for q in straight_fingers(hand, f, pads)]
     return max(tried, key=_merit)[1] if tried else None
 
 
@@ -117,11 +118,10 @@ def _farthest(places: np.ndarray, radii: np.ndarray, ways: np.ndarray) -> np.nda
     return (ways @ places.T + radii).max(1)
 
 
-def _straight(hand: ChainHand, finger: int, pads: PadTable) -> Iterator[np.ndarray]:
+def straight_fingers(hand: ChainHand, finger: int, pads: PadTable) -> Iterator[np.ndarray]:
     """Drives of hands (finger, width) with a straight finger that points along the approach."""
-    zero = drive_angles(hand, posture_angles(hand.model, Posture("", ())))
-    others = [zero, *(posture_drives(hand, p.name) for p in hand.model.postures),
-              folded_drives(hand)]
+    others = known_postures(hand)
+    zero = others[0]
     joints = hand.model.fingers[finger].joints
     for drive, joint in enumerate(hand.drives[finger][:2]):
         low, high = joints[joint].low_rad, joints[joint].high_rad
@@ -135,7 +135,13 @@ def _straight(hand: ChainHand, finger: int, pads: PadTable) -> Iterator[np.ndarr
         yield found
 
 
-def folded_drives(hand: ChainHand) -> np.ndarray:
+def known_postures(hand: ChainHand) -> list[np.ndarray]:
+    """Drives of all fingers (finger, width): straight, in each posture of the file, folded."""
+    zero = drive_angles(hand, posture_angles(hand.model, Posture("", ())))
+    return [zero, *(posture_drives(hand, p.name) for p in hand.model.postures), _folded(hand)]
+
+
+def _folded(hand: ChainHand) -> np.ndarray:
     """Drives of all fingers as far closed as their joints let them, (finger, width)."""
     way = closing_way(hand, hand.model.closings[0], 2)
     found = way[:, 0].copy()

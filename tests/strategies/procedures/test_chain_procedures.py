@@ -114,11 +114,12 @@ def test_the_pads_of_a_pair_come_towards_each_other(kind: str, said: bool) -> No
 
 
 def test_what_a_hand_cannot_do_is_said(tmp_path) -> None:
-    """A hand without pads extends no finger; one without a thumb has no opposed pair."""
+    """A hand without pads extends no finger; one whose thumb has none has no opposed pair."""
     model = hand_named("leap")
     bare = replace(model, extended=None, opposed=None,
                    fingers=tuple(replace(f, pads=()) for f in model.fingers))
-    alone = replace(model, opposed=None, thumb="")
+    alone = replace(model, opposed=None, fingers=tuple(
+        replace(f, pads=() if f.name == model.thumb else f.pads) for f in model.fingers))
     files = [tmp_path / f"{n}.toml" for n in ("bare", "alone")]
     for file, hand in zip(files, (bare, alone), strict=True):
         file.write_text(hand_text(hand))
