@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from strategies.poses.postures import extended_finger, poking_pose
-from warpgrasp.chain.chain_hand import chain_of, drive_angles
+from warpgrasp.chain.chain_hand import capsule_ends, chain_of, drive_angles
 from warpgrasp.chain.chain_pads import own_pads
 from warpgrasp.chain.chain_postures import chain_extended, pad_axes
 from warpgrasp.export.mjcf import mjcf_text
@@ -146,9 +146,13 @@ def test_the_extended_finger_leads_the_rest_of_its_hand(kind: str) -> None:
         one = chain_extended(chain, PadTable())
         assert one is not None
         way = np.cos(one.lean_rad) * one.axes[:, 0] + np.sin(one.lean_rad) * one.axes[:, 2]
-        tips = np.array([pad_axes(chain, f, one.commands_rad[f, 0], own_pads(chain, PadTable()))[0]
-                         for f in range(chain.fingers)])
-        assert (np.delete(tips @ way, one.finger) < tips[one.finger] @ way - 0.02).all()
+        for f in range(chain.fingers):
+            last = len(model.fingers[f].joints) - 1
+            ends = capsule_ends(chain, f, one.commands_rad[f, 0]) @ way
+            for end, capsule, joint in zip(ends, chain.capsules[f], chain.capsule_joint[f],
+                                           strict=True):
+                if (f, joint) != (one.finger, last):
+                    assert end.max() + capsule.radius < one.tip_m @ way + one.ball_m - 0.005
 
 
 def test_a_posture_of_the_file_is_that_of_the_finger() -> None:
