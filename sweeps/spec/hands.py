@@ -64,8 +64,10 @@ def with_hands(axis: Axis, base_dir: Path, problems: Problems) -> Axis:
     return replace(axis, si=si)
 
 
-def check_hands(study: Study, given: Mapping[str, Any], problems: Problems) -> None:
-    """Notes keys of `[hand]` that say nothing of the hand, and hands that a robot would mistake."""
+def check_hands(study: Study, given: Mapping[str, Any], pads_given: Mapping[str, Any],
+                problems: Problems) -> None:
+    """Notes keys of `[hand]` and `[pads]` that say nothing of the hand, and hands that a robot
+    would mistake."""
     hands = hands_of(study)
     if hands == {UTAH_MIT}:
         return
@@ -74,9 +76,22 @@ def check_hands(study: Study, given: Mapping[str, Any], problems: Problems) -> N
             if key in given and field.name not in COUNTS:
                 problems.add(("hand", key), "is a number of the Utah-MIT hand; other hands have "
                              f"their numbers in their TOML file, and {', '.join(COUNTS[1:])}")
+        for key in _pads_said(hands) & pads_given.keys():
+            problems.add(("pads", key), "says nothing of this hand: which of its links bear pads, "
+                         "and how large they are, its TOML file says")
     if len(hands) > 1 and _sides(study) != {"both"}:
         problems.add(("robot", "swept"), "hands are swept, and a robot knows which hand it has; "
                      "should be both")
+
+
+def _pads_said(hands: set[str]) -> set[str]:
+    """Keys of `[pads]` that say nothing of any of these hands, none of them the Utah-MIT."""
+    from warpgrasp.chain.chain_hand import hand_of_kind
+
+    said = {"distal", "middle", "proximal"}
+    if all(hand_of_kind(kind).pad_size is not None for kind in hands):
+        said |= {"width_mm", "length_mm", "wrap_deg", "thickness_mm"}
+    return said
 
 
 def check_closings(study: Study, problems: Problems) -> None:

@@ -23,7 +23,7 @@ from warpgrasp.parameters import ArmTable, ErrorTable, HandTable, PadTable, Sens
 from warpgrasp.robot import Robot, Truth
 
 HANDS = ("allegro", "leap", "barrett")
-WORLDS = 6
+WORLDS = 4
 CALIBRATED = replace(ErrorTable.none(), mount_m=5e-4, mount_rad=float(np.radians(0.2)))
 
 

@@ -1,5 +1,6 @@
 """A spec's hand: a word, a file, a sweep, and what is wrong with it."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -106,7 +107,8 @@ def test_a_robot_knows_which_hand_it_has(tmp_path: Path) -> None:
 
 
 def test_pads_that_do_not_fit_the_hand_are_refused(tmp_path: Path) -> None:
-    """Those of its own file, where a strategy feels; as the spec has them, where it says none."""
+    """Those of its own file, where a strategy feels; as the spec has them, where it says none. Keys
+    of a spec that would do nothing are refused."""
     feels = RING + 'order = ["containment", "planar"]\n'
     own = tmp_path / "my_hand.toml"
     own.write_text(hand_text(hand_named("allegro")).replace("length_mm = 25.4",
@@ -115,4 +117,12 @@ def test_pads_that_do_not_fit_the_hand_are_refused(tmp_path: Path) -> None:
     assert "finger index: pad of 80 mm does not fit link joint_3.0 of 20 mm" in said
     assert "should be 18.7 to 38.7 mm long" in said
     read(tmp_path, HEAD + 'hand = "my_hand.toml"\n' + RING + ALONE)
-    read(tmp_path, HEAD + 'hand = "leap"\n' + feels + ALONE + "[pads]\nlength_mm = 45.0\n")
+    for key in ("length_mm = 45.0", "middle = true"):
+        assert "says nothing of this hand" in told(
+            tmp_path, HEAD + 'hand = "leap"\n' + feels + ALONE + f"[pads]\n{key}\n")
+    text = hand_text(replace(hand_named("leap"), pad_size=None))
+    own.write_text(text)
+    said = told(tmp_path, HEAD + 'hand = "my_hand.toml"\n' + feels + ALONE
+                + "[pads]\nlength_mm = 15.0\n")
+    assert "pads.length_mm: leap: finger index: pad of 15 mm does not fit link 3" in said
+    read(tmp_path, HEAD + 'hand = "my_hand.toml"\n' + feels + ALONE + "[pads]\nlength_mm = 30.0\n")
