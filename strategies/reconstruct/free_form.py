@@ -5,6 +5,7 @@
 
 import time
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -43,11 +44,22 @@ class Reconstruction:
     """Of the Gaussian process, one of each of the worlds `fitted`, in order."""
     fitted: np.ndarray | None = None
 
-    def volume(self, number: int) -> VolumeEstimate:
-        """Volume and the surface's uncertainty of the fit so numbered."""
+    def volume(self, world: int) -> VolumeEstimate | None:
+        """Volume of a world's Gaussian process and its surface's uncertainty; None where there is
+        none."""
+        number = self.number(world)
+        return None if number is None else self._volumes[number]
+
+    def number(self, world: int) -> int | None:
+        """Which of `fits` is that of a world."""
+        mine = np.zeros(0, int) if self.fitted is None else np.flatnonzero(self.fitted == world)
+        return int(mine[0]) if len(mine) else None
+
+    @cached_property
+    def _volumes(self) -> tuple[VolumeEstimate, ...]:
         assert self.fitted is not None
-        mesh = self.meshes[int(self.fitted[number])]
-        return implicit_volume(self.fits[number], [mesh], BODY.mean)
+        return tuple(implicit_volume(fit, [self.meshes[int(world)]], BODY.mean)
+                     for fit, world in zip(self.fits, self.fitted, strict=True))
 
     @property
     def made(self) -> np.ndarray:
