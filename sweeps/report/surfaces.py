@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from fit.arrays import rows_of
 from strategies.contacts.body_uncertainty import surface_spread
@@ -32,7 +32,7 @@ def surface_sigma(block: EpisodeBlock, points_m: np.ndarray, world: int = 0) -> 
         volume = rebuilt.volume(world)
         if volume is None:
             return None
-        far, near = cKDTree(volume.surface_m[0]).query(points_m, NEAREST)
+        far, near = KDTree(volume.surface_m[0]).query(points_m, NEAREST)
         weight = 1.0 / np.maximum(far, 1e-6)
         return (volume.surface_std_m[0][near] * weight).sum(1) / weight.sum(1)
     belief, mine = block.exploration.belief, np.array([world])
