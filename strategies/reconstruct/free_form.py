@@ -5,6 +5,7 @@
 
 import time
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -21,10 +22,17 @@ from strategies.reconstruct.plug_in_name import BUILT_IN, CHOSEN, IMPLICIT, find
 from strategies.reconstruct.prior_distance import distance_to_recovered
 from strategies.recovery.belief import read_only
 from strategies.recovery.choose_model import Recovered
-from strategies.recovery.contact_verdict import unexplained
+from strategies.recovery.contact_verdict import (
+    doubted,
+    mean_contradiction,
+    unexplained,
+)
 from strategies.recovery.evidence import Evidence
 from strategies.recovery.plausibility import FEWEST_CONTACTS, plausible_vertices
 from warpgrasp.parameters import FitTable
+
+CLEARLY_BETTER = 0.85
+"""A free form replaces a doubted model where torques contradict it by this share as much [est]."""
 
 
 @dataclass(frozen=True)
@@ -43,11 +51,22 @@ class Reconstruction:
     """Of the Gaussian process, one of each of the worlds `fitted`, in order."""
     fitted: np.ndarray | None = None
 
-    def volume(self, number: int) -> VolumeEstimate:
-        """Volume and the surface's uncertainty of the fit so numbered."""
+    def volume(self, world: int) -> VolumeEstimate | None:
+        """Volume of a world's Gaussian process and its surface's uncertainty; None where there is
+        none."""
+        number = self.number(world)
+        return None if number is None else self._volumes[number]
+
+    def number(self, world: int) -> int | None:
+        """Which of `fits` is that of a world."""
+        mine = np.zeros(0, int) if self.fitted is None else np.flatnonzero(self.fitted == world)
+        return int(mine[0]) if len(mine) else None
+
+    @cached_property
+    def _volumes(self) -> tuple[VolumeEstimate, ...]:
         assert self.fitted is not None
-        mesh = self.meshes[int(self.fitted[number])]
-        return implicit_volume(self.fits[number], [mesh], BODY.mean)
+        return tuple(implicit_volume(fit, [self.meshes[int(world)]], BODY.mean)
+                     for fit, world in zip(self.fits, self.fitted, strict=True))
 
     @property
     def made(self) -> np.ndarray:
@@ -64,7 +83,8 @@ def reconstruct(
     `evidence` has contacts as placed on the bodies recovered, `felt` as they were felt, of `links`;
     without these a free form takes contacts as they are in `evidence`.
     "implicit" makes a free form of every world that felt enough, "chosen" only where the recovered
-    body does not explain what was felt. Neither stands where prior or table contradict it: one that
+    body does not explain what was felt, or explains it badly and torques agree better with the
+    free form. Neither stands where prior or table contradict it: one that
     ends high above the table was not felt to its foot. A plug-in is asked about every world. Its
     faults are data.
     """
@@ -73,11 +93,16 @@ def reconstruct(
     begin = time.perf_counter()
     if word in BUILT_IN:
         wanted = evidence.mask.sum(1) >= FEWEST_CONTACTS
+        most = np.full(len(wanted), np.inf)
         if word == CHOSEN:
-            wanted &= unexplained(recovered, evidence)
+            doubt = unexplained(recovered, evidence)
+            if links is not None:  # without them contacts are not placed anew, and tell nothing
+                most = np.where(doubt, np.inf, CLEARLY_BETTER * mean_contradiction(evidence))
+                doubt |= doubted(recovered, evidence)
+            wanted &= doubt
         if felt is None:
             felt, links = evidence, None
-        return _implicit(np.flatnonzero(wanted), felt, links, prior, table, begin)
+        return _implicit(np.flatnonzero(wanted), felt, links, prior, table, begin, most)
     name = word.rpartition(":")[2]
     worlds = len(recovered)
     try:
@@ -90,14 +115,18 @@ def reconstruct(
 
 
 def _implicit(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
-              prior: BoundingCylinder, table: FitTable, begin: float) -> Reconstruction:
-    """Free forms of the worlds `rows`."""
+              prior: BoundingCylinder, table: FitTable, begin: float, most: np.ndarray
+              ) -> Reconstruction:
+    """Free forms of the worlds `rows`, where torques contradict them by less than `most` (world,).
+    """
     meshes = [NO_MESH] * len(felt.mask)
     fits, fitted = [], []
     for row in rows:  # one at a time: sums over rows of a longer neighbour would round otherwise
         own = np.array([row])
-        fit, _ = fitted_freely(rows_of(felt, own), None if links is None else rows_of(links, own),
-                               table)
+        fit, placed = fitted_freely(
+            rows_of(felt, own), None if links is None else rows_of(links, own), table)
+        if mean_contradiction(placed)[0] >= most[row]:
+            continue
         mesh, = implicit_meshes(fit, BODY.mean)
         if plausible_vertices([mesh.vertices_m], rows_of(prior, own),
                               table_plane=table.table_plane)[0]:

@@ -13,6 +13,7 @@ from strategies.recovery.body_distances import contour_distances, surface_distan
 from strategies.recovery.choose_model import Recovered, Shape
 from strategies.recovery.evidence import CONTRADICTED_FROM, Evidence
 from strategies.recovery.misfit import FARTHEST_M
+from strategies.recovery.upright import stand_upright
 
 NEAR_M = 0.006
 """An accepted contact of a finger lies at most this far from the body [est]."""
@@ -21,6 +22,12 @@ UNSURE_M = 0.010 / 2.576
 probability of 1 % or more, as its torques tell."""
 UNEXPLAINED_M = 0.002
 """Mean distance of contacts from a body that does not explain them [m] [est]."""
+DOUBTED_M = 0.0016
+"""The same of a round body beside which a free form is tried [m] [est]."""
+ROUND_FROM = 0.5
+"""Exponent of the level section from which a superquadric is round, as `decide` takes it."""
+MOST_CONTRADICTED = 9.0
+"""What a contact that contradicts a body more, or of a link in doubt, counts as."""
 ACCEPTED, UNSURE_LINK, UNSURE_PLACE, CONTRADICTED, FAR, TABLE = (
     "accepted", "unsure_link", "unsure_place", "contradicted", "far", "table")
 """Verdicts: too far from the body to be its contact is `far`, as near to the table as to be told
@@ -62,6 +69,24 @@ def unexplained(recovered: Recovered, evidence: Evidence) -> np.ndarray:
     """
     return ((recovered.shape == Shape.PRIOR_CYLINDER)
             | (mean_gap(recovered, evidence) > UNEXPLAINED_M))
+
+
+def doubted(recovered: Recovered, evidence: Evidence) -> np.ndarray:
+    """Worlds whose round superquadric explains its contacts only just, and may have bent them
+    towards itself, as it does where a bottle has a neck, bool (world,). A body with faces is not
+    doubted so soon: a free form would round its edges by more than that."""
+    section = stand_upright(recovered.superquadric).section_exponent
+    return ((recovered.shape == Shape.SUPERQUADRIC) & (section >= ROUND_FROM)
+            & (mean_gap(recovered, evidence) > DOUBTED_M))
+
+
+def mean_contradiction(evidence: Evidence) -> np.ndarray:
+    """How far torques are, in the mean, from what they should be where contacts were placed,
+    (world,). Contacts placed on two bodies tell which one torques agree with, if one clearly."""
+    each = np.minimum(np.nan_to_num(evidence.contradiction, posinf=MOST_CONTRADICTED),
+                      MOST_CONTRADICTED)
+    return (row_sums(np.where(evidence.mask, each, 0.0))
+            / np.maximum(evidence.mask.sum(1), 1))
 
 
 def contact_verdicts(recovered: Recovered, evidence: Evidence) -> np.ndarray:

@@ -17,7 +17,7 @@ def explore(object_: str, /, *, strategy: str | None = None,
             out: Annotated[Path, Parameter(name=["--out", "-o"])], units: str | None = None,
             seed: int = 0, yaw_deg: float | None = None, x_m: float = 0.45, y_m: float = 0.0,
             replay: Annotated[bool, Parameter(negative="")] = False,
-            reconstruct: str = "chosen", device: str = "cpu") -> int:
+            reconstruct: str | None = None, device: str = "cpu") -> int:
     """Run one episode and write its contacts, the recovered shape and a figure.
 
     Parameters
@@ -41,9 +41,10 @@ def explore(object_: str, /, *, strategy: str | None = None,
     replay
         Also write replay.html: the episode played again in 3-D (needs the extra `show`).
     reconstruct
-        What stands for the body at the end: chosen, a free-form surface where the model does not
-        explain the touches, else the model; superquadric; implicit, the free form wherever it is
-        plausible; or a function of yours, as mine.py:my_network.
+        What stands for the body at the end: superquadric; chosen, a free-form surface where the
+        model does not explain the touches; implicit, that wherever it is plausible; or a function
+        of yours, as mine.py:my_network. If not given, chosen with any-object, which touches all
+        around, else superquadric.
     device
         cpu, or cuda:0.
     """
@@ -64,9 +65,12 @@ def explore(object_: str, /, *, strategy: str | None = None,
 
     with quiet_stdout():
         init_warp()
-        chosen = _strategy_of_argument(strategy or _default_strategy())
+        from strategies.ready_made import DEFAULT
+
+        chosen = _strategy_of_argument(strategy or DEFAULT)
         table = object_of_argument(object_, units)
-        word = _reconstruct_of_argument(reconstruct)
+        word = _reconstruct_of_argument(
+            reconstruct or ("chosen" if chosen.name == DEFAULT else "superquadric"))
         from sweeps.report.episode_files import explore as explore_object
 
         try:
@@ -80,12 +84,6 @@ def explore(object_: str, /, *, strategy: str | None = None,
     for file in written:
         print(file)
     return 0
-
-
-def _default_strategy() -> str:
-    from strategies.ready_made import DEFAULT
-
-    return DEFAULT
 
 
 def _strategy_of_argument(name: str) -> "Strategy":

@@ -35,6 +35,19 @@ def recovered_faces(block: "EpisodeBlock", world: int = 0) -> np.ndarray:
             else mesh.corners_m)
 
 
+def coarse_mesh(mesh: TriangleMesh, cells: int = 40) -> TriangleMesh:
+    """A mesh to be looked at, of fewer triangles: vertices of one cell, so many along the longest
+    side, become one (Rossignac and Borrel 1993)."""
+    low, high = mesh.vertices_m.min(0), mesh.vertices_m.max(0)
+    cell = np.floor((mesh.vertices_m - low) / (float((high - low).max()) / cells)).astype(int)
+    _, number, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
+    number = number.ravel()
+    vertices = np.stack([np.bincount(number, mesh.vertices_m[:, k]) for k in range(3)], 1)
+    faces = number[mesh.faces]
+    whole = (faces != np.roll(faces, 1, axis=1)).all(1)
+    return TriangleMesh(vertices / count[:, None], faces[whole])
+
+
 def ply_of(mesh: TriangleMesh) -> bytes:
     """A mesh as a binary PLY file, in metres."""
     head = ("ply\nformat binary_little_endian 1.0\ncomment lengths in m\n"

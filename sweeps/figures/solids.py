@@ -27,20 +27,25 @@ def normals(faces: np.ndarray) -> np.ndarray:
     return normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
 
 
-def lit(faces: np.ndarray, colour: str, light: np.ndarray = LIGHT) -> np.ndarray:
-    """Colours of faces under a light from the direction `light`, (face, 3)."""
+def lit(faces: np.ndarray, colour: str | np.ndarray, light: np.ndarray = LIGHT) -> np.ndarray:
+    """Colours of faces, one `colour` or one each, under a light from the direction `light`,
+    (face, 3)."""
     from matplotlib.colors import to_rgb
 
     share = 0.55 + 0.45 * np.clip(normals(faces) @ light, 0.0, 1.0)
-    return np.array(to_rgb(colour)) * share[:, None]
+    own = np.array(to_rgb(colour)) if isinstance(colour, str) else colour
+    return own * share[:, None]
 
 
-def draw_solid(axes: Any, faces: np.ndarray, eye: np.ndarray) -> None:
-    """Draws those faces (face, 4, 3) of a body that look towards the direction `eye`."""
+def draw_solid(axes: Any, faces: np.ndarray, eye: np.ndarray,
+               tint: str | np.ndarray = BODY, light: np.ndarray = LIGHT) -> None:
+    """Draws those faces (face, 4, 3) of a body that look towards the direction `eye`, in one colour
+    or in one each, (face, 3)."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    faces = faces[normals(faces) @ eye > 0.0]
-    colours = lit(faces, BODY)
+    seen = normals(faces) @ eye > 0.0
+    faces = faces[seen]
+    colours = lit(faces, tint if isinstance(tint, str) else tint[seen], light)
     axes.add_collection3d(Poly3DCollection(
         list(faces), facecolors=colours, edgecolors=colours, linewidths=0.3, zsort="average",
         zorder=1), autolim=False)

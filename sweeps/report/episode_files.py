@@ -30,6 +30,7 @@ from sweeps.figures.meshes import mesh_of_world, ply_of
 from sweeps.figures.style import encode
 from sweeps.figures.taxels import pad_touches, taxels_figure
 from sweeps.output import say, write_atomic
+from sweeps.report.surfaces import surfaces_figure
 from sweeps.report.trust import choice_sentence, trust_sentence
 from sweeps.spec.cell import Cell
 from warpgrasp.parameters import FitTable, ObjectTable
@@ -44,9 +45,10 @@ def explore(
 ) -> list[Path]:
     """Runs one episode; writes `contacts.csv`, `shape.json` and figures; returns their paths.
 
-    `contacts.png` always; `faces.png` where faces were crossed, `contour.png` where a contour was
-    followed, `taxels.png` where pads had contact, `replay.html` for `replay`. stderr says how far
-    to trust the recovered shape, what was chosen and why, and which figures could not be drawn.
+    `contacts.png` and `surfaces.png` always; `faces.png` where faces were crossed, `contour.png`
+    where a contour was followed, `taxels.png` where pads had contact, `replay.html` for `replay`.
+    stderr says how far to trust the recovered shape, what was chosen and why, and which figures
+    could not be drawn.
     `body_table` names the object as in a spec; `yaw_rad` None gives it a random yaw. Raises
     BodyError for an object that cannot be built, OSError where `out` cannot be written.
     """
@@ -95,6 +97,7 @@ def _pictures(cell: Cell, block: EpisodeBlock) -> Iterator[tuple[str, Callable[[
     """The names of the figures that an episode has, and how each is drawn."""
     name, profile = cell.object_name, block.exploration.belief.profile
     yield "contacts.png", lambda: draw_contacts(block, name)
+    yield "surfaces.png", lambda: encode(surfaces_figure(block, name), "png")
     if crossed_faces(block):
         yield "faces.png", lambda: encode(faces_figure(block, name, wide=True), "png")
     if profile is not None and np.isfinite(profile.volume_m3[0]):
@@ -202,9 +205,9 @@ def _free_form(block: EpisodeBlock, world: int) -> Iterator[dict[str, Any]]:
         return
     found: dict[str, Any] = {"shape": rebuilt.name, "file": "recovered.ply", "parameters": {
         "volume_m3": mesh.volume_m3, "faces": len(mesh.faces)}}
-    if rebuilt.fits and rebuilt.fitted is not None:
-        row = int(np.flatnonzero(rebuilt.fitted == world)[0])
-        fit, volume = rebuilt.fits[row], rebuilt.volume(row)
+    number, volume = rebuilt.number(world), rebuilt.volume(world)
+    if number is not None and volume is not None:
+        fit = rebuilt.fits[number]
         low, high = volume.interval_m3()[0].tolist()
         found["parameters"] |= {
             "volume_low_m3": low, "volume_high_m3": high,

@@ -29,7 +29,7 @@ from sweeps.report.sections import (
     spec_section,
     views_section,
 )
-from sweeps.report.views import Views, make_views, pick_episodes
+from sweeps.report.views import Views, make_views, pick_episodes, pick_objects
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store, open_study
 from sweeps.spec.errors import StoreError
@@ -65,7 +65,8 @@ def make_report(plan: Plan, stores: Sequence[Store], *, views: bool = True,
     curves, confusion = read_curves(plan, stores), read_confusion(plan, stores)
     shown = Views({}, [], ["3-D views were left out (--no-views)"])
     if views:
-        shown = make_views(plan, pick_episodes(plan, stores), device, workers, note)
+        shown = make_views(plan, [*pick_episodes(plan, stores), *pick_objects(plan, stores)],
+                           device, workers, note)
     body = "".join(_parts(plan, stores, board, paired, curves, confusion, shown))
     name = plan.study.head.name or "study"
     return page(f"{name}: warpgrasp report", body,

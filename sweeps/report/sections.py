@@ -152,7 +152,11 @@ def views_section(plan: Plan, shown: Views) -> str:
         f'<label><input type="checkbox" id="show-{name}" checked> {text}</label>'
         for name, text in (("recovered", "recovered body"), ("true", "true body, as wires"),
                            ("contacts", "contacts")))
-    numbers = {(e["strategy"], e["place"]): n for n, e in enumerate(shown.episodes)}
+    numbers: dict[tuple[str, str], int] = {}
+    for n, e in enumerate(shown.episodes):  # an object's own come after those of strategies
+        numbers.setdefault((e["strategy"], e["place"]), n)
+    gallery = "".join(_button(shown, n) for n, e in enumerate(shown.episodes)
+                      if numbers[(e["strategy"], e["place"])] != n)
     rows = []
     for strategy in plan.study.strategies:
         cells = "".join(f"<td>{_button(shown, numbers.get((strategy.name, place)))}</td>"
@@ -161,11 +165,19 @@ def views_section(plan: Plan, shown: Views) -> str:
     head = "".join(f'<th scope="col">{name}</th>' for name in ("strategy", *PLACES))
     return section(
         "Best, median and worst episodes", paragraph(
-            "Drag, or the arrow keys, turn the view; plus and minus zoom."),
+            "Drag, or the arrow keys, turn the view; plus and minus zoom. Colours tell how sure "
+            "the robot is of its surface: one standard deviation is 0 where it is violet, 10 mm "
+            "or more where it is yellow."),
         f'<div class="stage"><div><canvas id="stage" tabindex="0" role="img"></canvas>'
         f'<p id="about" class="soft" aria-live="polite"></p><div class="controls">{boxes}</div>'
         f'</div><div class="episodes"><table><thead><tr>{head}</tr></thead><tbody>'
-        f'{"".join(rows)}</tbody></table></div></div>', name="episodes-shown")
+        f'{"".join(rows)}</tbody></table>{_gallery(gallery)}</div></div>', name="episodes-shown")
+
+
+def _gallery(buttons: str) -> str:
+    """Every object, by the median episode of the strategy that is best on it."""
+    return (f'<h3>Every object, as the best strategy on it recovers it</h3><p class="gallery">'
+            f"{buttons}</p>") if buttons else ""
 
 
 def _button(shown: Views, number: int | None) -> str:

@@ -11,8 +11,10 @@ from strategies.contacts.body_uncertainty import INADEQUATE_FROM
 from strategies.contacts.volume_spread import interval_trusted
 from strategies.recovery.choose_model import Recovered, Shape
 from strategies.recovery.contact_verdict import (
+    DOUBTED_M,
     UNEXPLAINED_M,
     accepted_contacts,
+    doubted,
     mean_gap,
     unexplained,
 )
@@ -76,11 +78,13 @@ def choice_sentence(block: EpisodeBlock, world: int = 0) -> str:
         why = "no model was recovered"
     if mesh_of_world(block, world) is not None:
         return f"chosen: a free form, since {why}"
-    if not unexplained(recovered, evidence)[0]:
-        return (f"chosen: the {model}, since {why}; a free form is made from "
-                f"{1e3 * UNEXPLAINED_M:.0f} mm on")
+    if not (unexplained(recovered, evidence) | doubted(recovered, evidence))[0]:
+        return (f"chosen: the {model}, since {why}; a free form is tried from "
+                f"{1e3 * UNEXPLAINED_M:.0f} mm on, beside a round body {1e3 * DOUBTED_M:.1f} mm")
     if evidence.mask.sum() < FEWEST_CONTACTS:
         return f"chosen: the {model}, since {FEWEST_CONTACTS} contacts are needed for a free form"
+    if not unexplained(recovered, evidence)[0]:
+        return f"chosen: the {model}; {why}, but torques do not clearly agree with a free form"
     return f"chosen: the {model}; {why}, but table or prior contradict the free form"
 
 

@@ -11,13 +11,17 @@ from scipy.spatial.transform import Rotation
 
 from sweeps.analysis.entries import values_of
 from sweeps.analysis.rerun_episode import Episode, cell_of, rerun_all
-from sweeps.figures.meshes import recovered_grid
+from sweeps.episode.episodes import EpisodeBlock
+from sweeps.figures.meshes import coarse_mesh, mesh_of_world, quadrilaterals, recovered_grid
+from sweeps.report.surfaces import UNSURE_M, surface_sigma
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
 from sweeps.spec.errors import StoreError
 from warpgrasp.geometry.body import Body
 
 PLACES = ("best", "median", "worst")
+BY_OBJECT = "median"
+"""The place of an object's own episode."""
 UNIT_M = 1e-4  # of the whole numbers that stand for coordinates in the page
 
 
@@ -32,6 +36,33 @@ class Picked:
 
 def pick_episodes(plan: Plan, stores: Sequence[Store]) -> list[Picked]:
     """Each strategy's best, median and worst episode by chamfer distance, over all cells."""
+    picked = []
+    for strategy, table in enumerate(_episodes(plan, stores)):
+        if len(table):
+            for place, n in zip(PLACES, (0, (len(table) - 1) // 2, len(table) - 1), strict=True):
+                picked.append(_picked(place, strategy, table[n]))
+    return picked
+
+
+def pick_objects(plan: Plan, stores: Sequence[Store]) -> list[Picked]:
+    """Of each object the median episode of the strategy whose median is the least there."""
+    tables, picked = _episodes(plan, stores), []
+    for body in range(len(plan.study.objects)):
+        own = [(strategy, table[table[:, 1] == body]) for strategy, table in enumerate(tables)]
+        medians = [(*rows[(len(rows) - 1) // 2], strategy) for strategy, rows in own if len(rows)]
+        if medians:
+            *row, strategy = min(medians)
+            picked.append(_picked(BY_OBJECT, int(strategy), np.array(row)))
+    return picked
+
+
+def _picked(place: str, strategy: int, row: np.ndarray) -> Picked:
+    chamfer, body, setting, episode = row
+    return Picked(place, Episode(strategy, int(body), int(episode), int(setting)), float(chamfer))
+
+
+def _episodes(plan: Plan, stores: Sequence[Store]) -> list[np.ndarray]:
+    """Chamfer distance, object, setting and number of each strategy's episodes, in that order."""
     found: list[list[np.ndarray]] = [[] for _ in plan.study.strategies]
     units = plan.units()
     for strategy, body, setting in plan.study.cells():
@@ -41,17 +72,12 @@ def pick_episodes(plan: Plan, stores: Sequence[Store]) -> list[Picked]:
                 chamfer, same = values_of(rows, "chamfer_mm"), np.ones(len(rows["episode"]))
                 found[strategy].append(np.column_stack([
                     chamfer, body * same, setting * same, rows["episode"]]))
-    picked = []
-    for strategy, parts in enumerate(found):
+    tables = []
+    for parts in found:
         table = np.concatenate([np.zeros((0, 4)), *parts])
         table = table[np.isfinite(table[:, 0])]
-        table = table[np.lexsort(table.T[::-1])]
-        if len(table):
-            for place, n in zip(PLACES, (0, (len(table) - 1) // 2, len(table) - 1), strict=True):
-                chamfer, body, setting, episode = table[n]
-                picked.append(Picked(place, Episode(strategy, int(body), int(episode),
-                                                    int(setting)), float(chamfer)))
-    return picked
+        tables.append(table[np.lexsort(table.T[::-1])])
+    return tables
 
 
 @dataclass(frozen=True)
@@ -84,6 +110,7 @@ def make_views(plan: Plan, picked: Sequence[Picked], device: str = "cpu", worker
             "place": pick.place, "strategy": plan.study.strategies[pick.episode.strategy].name,
             "object": body, "episode": pick.episode.episode, "chamfer_mm": round(again, 3),
             "iou": round(float(block.scores.iou[0]), 4), "status": str(block.status[0]),
+            **surface_data(block),
             **episode_data(recovered_grid(block.recovered, rows=16), block.truth.body_pose[0],
                            evidence.points_m[0][evidence.mask[0]])})
     notes = []
@@ -117,6 +144,26 @@ def episode_data(grid: np.ndarray, pose: np.ndarray, felt: np.ndarray) -> dict[s
     return {"grid": _packed(turn.apply(grid.reshape(-1, 3) - pose[:3])),
             "rows": grid.shape[0], "columns": grid.shape[1],
             "contacts": _packed(turn.apply(felt - pose[:3]) if len(felt) else felt)}
+
+
+def surface_data(block: EpisodeBlock) -> dict[str, Any]:
+    """How sure the robot is of each face of a block's scored surface, packed, 255 and more where it
+    is not; of a free form its mesh too, in the true body's frame. Nothing where only the prior
+    stands."""
+    pose, mesh = block.truth.body_pose[0], mesh_of_world(block)
+    found: dict[str, Any] = {}
+    if mesh is None:
+        middle = quadrilaterals(recovered_grid(block.recovered, rows=16)).mean(1)
+    else:
+        mesh = coarse_mesh(mesh)
+        middle = mesh.corners_m.mean(1)
+        turn = Rotation.from_quat(pose[3:]).inv()
+        found = {"surface": _packed(turn.apply(mesh.vertices_m - pose[:3])),
+                 "faces": _encoded(mesh.faces[:, [0, 1, 2, 2]].astype("<u2"))}
+    sigma = surface_sigma(block, middle)
+    if sigma is not None:
+        found["unsure"] = _encoded(np.clip(255 * sigma / UNSURE_M, 0, 255).astype("u1"))
+    return found
 
 
 def _packed(points_m: np.ndarray) -> str:

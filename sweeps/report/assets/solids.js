@@ -40,7 +40,8 @@ class Solids {
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
   }
 
-  // things: {points: Float32Array, faces: [[i, j, k, ...]], colour, solid | wire | dots, radius}
+  // things: {points: Float32Array, faces: [[i, j, k, ...]], colour or a tint for each face,
+  // solid | wire | dots, radius}
   show(things, frame = null) {
     this.things = things;
     if (frame) [this.middle, this.reach] = frame;
@@ -96,7 +97,7 @@ class Solids {
             wide: Math.max(2 * radius * scale, 1.5)});
         continue;
       }
-      for (const face of thing.faces) {
+      for (const [number, face] of thing.faces.entries()) {
         const [a, , c] = face, b = face[1], d = face[face.length - 1];
         const ux = at[3 * c] - at[3 * a], uy = at[3 * c + 1] - at[3 * a + 1];
         const uz = at[3 * c + 2] - at[3 * a + 2];
@@ -108,7 +109,7 @@ class Solids {
         let depth = 0;
         for (const k of face) depth += at[3 * k + 2] / face.length;
         const light = 0.55 + 0.45 * Math.max(0, (-0.3 * nx + 0.5 * ny - 0.8 * nz) / size);
-        marks.push({depth, face, at, colour, light, wire: thing.wire, back: nz >= 0});
+        marks.push({depth, face, at, colour: thing.tints?.[number] ?? colour, light, wire: thing.wire, back: nz >= 0});
       }
     }
     marks.sort((p, q) => p.depth - q.depth);
@@ -162,6 +163,15 @@ function quads(text) {
   const numbers = new Uint16Array(bytes(text)), faces = [];
   for (let n = 0; n < numbers.length; n += 4) faces.push([...numbers.subarray(n, n + 4)]);
   return faces;
+}
+
+// Colours of bytes, from violet over green to yellow (viridis).
+const SCALE = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]];
+function tints(text) {
+  return Array.from(new Uint8Array(bytes(text)), value => {
+    const place = Math.min(value / 255 * 4, 3.999), n = Math.floor(place);
+    return SCALE[n].map((low, k) => low + (place - n) * (SCALE[n + 1][k] - low));
+  });
 }
 
 function gridFaces(rows, columns) {

@@ -14,8 +14,10 @@ if (stage) {
     body.metres ??= metres(body.points);
     body.quads ??= quads(body.faces);
     const things = [];
-    if (shown("recovered")) things.push({points: metres(episode.grid), colour: "--recovered",
-      faces: gridFaces(episode.rows, episode.columns)});
+    if (shown("recovered")) things.push({colour: "--recovered",
+      tints: episode.unsure && tints(episode.unsure), ...(episode.faces
+        ? {points: metres(episode.surface), faces: quads(episode.faces)}
+        : {points: metres(episode.grid), faces: gridFaces(episode.rows, episode.columns)})});
     if (shown("true")) things.push({points: body.metres, faces: body.quads, colour: "--soft",
       wire: true});
     if (shown("contacts")) things.push({points: metres(episode.contacts), colour: "--contact",

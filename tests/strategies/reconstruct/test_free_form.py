@@ -57,6 +57,7 @@ def test_a_bowl_is_a_free_form_and_nearer_than_the_model(bowls: EpisodeBlock) ->
     assert np.median(bowls.scores.chamfer_m) < np.median(model.chamfer_m)
     assert np.median(bowls.scores.iou) > np.median(model.iou)
     volume = bowls.rebuilt.volume(0)
+    assert volume is not None
     low, high = volume.interval_m3()[0]
     assert 0.0 < low < volume.volume_m3[0] < high
 

@@ -6,9 +6,17 @@ import numpy as np
 import pytest
 from beliefs import belief
 
-from fit.superquadric.geometry import Superquadric
+from fit.superquadric.geometry import Superquadric, superquadric_points
 from strategies.recovery.choose_model import Recovered, Shape
-from strategies.recovery.contact_verdict import accepted_contacts, accepted_rms, contact_verdicts
+from strategies.recovery.contact_verdict import (
+    accepted_contacts,
+    accepted_rms,
+    contact_verdicts,
+    doubted,
+    mean_contradiction,
+    unexplained,
+)
+from strategies.recovery.evidence import Evidence, no_evidence
 
 MIDDLE, RADIUS = np.array([0.45, 0.0, 0.1]), 0.04
 
@@ -61,3 +69,32 @@ def test_a_touch_of_a_pad_may_lie_as_far_as_one_that_counts() -> None:
 def test_the_prior_explains_nothing() -> None:
     assert not accepted_contacts(ball(Shape.PRIOR_CYLINDER), touched()).any()
     assert np.isnan(accepted_rms(ball(Shape.PRIOR_CYLINDER), touched())).all()
+
+
+@pytest.mark.parametrize(("away_mm", "section", "tried", "replaced"), [
+    (1.0, 1.0, False, False), (1.8, 1.0, True, False), (1.8, 0.1, False, False),
+    (3.0, 1.0, True, True), (3.0, 0.1, False, True)])
+def test_a_round_body_is_doubted_before_one_with_faces(
+        away_mm: float, section: float, tried: bool, replaced: bool) -> None:
+    """Contacts on a body that is larger all around by so much."""
+    def body(more_m: float) -> Superquadric:
+        return Superquadric(
+            np.array([[0.04, 0.04, 0.06]]) + more_m, np.array([[0.2, section]]),
+            np.array([[0.45, 0.0, 0.06]]), np.array([[0.0, 0.0, 0.0, 1.0]]), np.zeros((1, 2)),
+            np.zeros((1, 2)))
+
+    points = superquadric_points(body(away_mm / 1e3), 150)
+    count = points.shape[1]
+    felt = Evidence(points, np.ones((1, count), bool), np.zeros((1, count, 3, 3)),
+                    np.zeros((1, count, 3)), np.zeros((1, 0, 3)), 0.0, np.zeros((1, 0), bool),
+                    np.zeros((1, count), bool), np.zeros((1, count)))
+    recovered = Recovered(np.array([Shape.SUPERQUADRIC]), body(0.0))
+    assert doubted(recovered, felt)[0] == tried
+    assert unexplained(recovered, felt)[0] == replaced
+
+
+def test_torques_of_a_link_in_doubt_contradict_as_much_as_any() -> None:
+    none = no_evidence(1, 0.0)
+    felt = replace(none, points_m=np.zeros((1, 4, 3)), mask=np.array([[True, True, True, False]]),
+                   contradiction=np.array([[1.0, np.inf, 100.0, 5.0]]))
+    assert mean_contradiction(felt)[0] == pytest.approx((1.0 + 9.0 + 9.0) / 3.0)

@@ -21,7 +21,7 @@ def test_a_model_that_contacts_agree_with_is_chosen_and_few_contacts_choose_noth
     ring = replace(STRATEGIES["ring18"], name="ring")
     block = run_block(Cell(ring, {"name": "block"}, "block", seed=3, fit=FIT), np.arange(1), "cpu")
     assert choice_sentence(block).startswith("chosen: the superquadric, since contacts lie ")
-    assert "a free form is made from 2 mm on" in choice_sentence(block)
+    assert "a free form is tried from 2 mm on" in choice_sentence(block)
     few = run_block(Cell(replace(ring, touches=4), {"name": "block"}, "block", seed=3, fit=FIT),
                     np.arange(1), "cpu")
     assert choice_sentence(few) == ("chosen: the given prior, since 8 contacts are needed for a "

@@ -1,5 +1,6 @@
 """The report: its markup, its numbers, and its behaviour in a headless Chromium."""
 
+import base64
 import re
 import subprocess
 import sys
@@ -21,7 +22,15 @@ from sweeps.cli import main as cli
 from sweeps.figures.meshes import surface_grid
 from sweeps.report.html import source_hash
 from sweeps.report.page import make_report
-from sweeps.report.views import Picked, Views, body_data, episode_data, make_views, pick_episodes
+from sweeps.report.views import (
+    Picked,
+    Views,
+    body_data,
+    episode_data,
+    make_views,
+    pick_episodes,
+    pick_objects,
+)
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
 from warpgrasp.objects.catalogue import body_from_name
@@ -40,6 +49,7 @@ def drawn_views(plan: Plan, picked: list[Picked], device: str = "cpu",
         [{"place": p.place, "strategy": plan.study.strategies[p.episode.strategy].name,
           "object": plan.study.objects[p.episode.body].name, "episode": p.episode.episode,
           "chamfer_mm": p.chamfer_mm, "iou": 0.5, "status": "ok",
+          "unsure": base64.b64encode(bytes(60 for _ in range(16 * 32))).decode(),
           **episode_data(grid, pose, points)} for p in picked], [])
 
 
@@ -134,6 +144,21 @@ def test_best_median_and_worst(study: tuple[Plan, Store]) -> None:
     assert [p.chamfer_mm for p in mine] == [values[0], values[(len(values) - 1) // 2], values[-1]]
 
 
+def test_each_object_has_its_median_episode_by_the_strategy_best_there(
+        study: tuple[Plan, Store]) -> None:
+    picked = pick_objects(study[0], [study[1]])
+    assert [p.episode.body for p in picked] == list(range(len(study[0].study.objects)))
+    medians: dict[str, list[float]] = {}
+    for unit in study[0].units():
+        rows = study[1].read(unit)
+        assert rows is not None
+        values = np.sort(rows["chamfer_mm"][np.isfinite(rows["chamfer_mm"])])
+        medians.setdefault(unit.cell.object_name, []).append(values[(len(values) - 1) // 2])
+    for pick in picked:
+        name = study[0].study.objects[pick.episode.body].name
+        assert pick.chamfer_mm == min(medians[name])
+
+
 def test_a_study_without_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     _, store = wide_study(tmp_path, wide_text(1, 1, 2))
     for file in store.units.iterdir():
@@ -192,7 +217,7 @@ def test_in_a_browser(tmp_path: Path, quick_views: None, study: tuple[Plan, Stor
         stage.send_keys("\ue014" * 5)  # arrow right
         assert (pixels(driver, "stage") != before).any()
         buttons = driver.find_elements("css selector", "button[data-episode]")
-        assert len(buttons) == 9
+        assert len(buttons) == 9 + len(study[0].study.objects)  # the gallery is of objects
         buttons[4].click()
         assert buttons[4].get_attribute("aria-pressed") == "true"
         assert "median" in driver.find_element("id", "about").text

@@ -1,0 +1,93 @@
+"""The true and the recovered surface of one episode, coloured by how sure the robot is of it."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from fit.arrays import rows_of
+from strategies.contacts.body_uncertainty import surface_spread
+from strategies.recovery.choose_model import Shape
+from sweeps.episode.episodes import EpisodeBlock
+from sweeps.figures.meshes import mesh_of_world, recovered_faces
+from sweeps.figures.solids import CONTACT, TRUE, direction, draw_solid, set_box, visible
+from sweeps.figures.style import cut, drawing, figure
+from warpgrasp.geometry.meshing import body_mesh
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+VIEWS_DEG = (22.0, -55.0), (48.0, 125.0)
+"""Elevation and azimuth: from the front, and into the object from behind and above."""
+NEAREST = 4
+"""Samples of a free form's surface whose deviations make that of a place."""
+UNSURE_M = 0.010
+"""The deviation whose colour is the last of the scale; larger ones have it too."""
+
+
+def surface_sigma(block: EpisodeBlock, points_m: np.ndarray, world: int = 0) -> np.ndarray | None:
+    """Standard deviation of a world's scored surface along its normal at places (point, 3) of it,
+    as the robot knows it [m]; None where only the prior, or a user's mesh, stands for the body."""
+    mesh, rebuilt = mesh_of_world(block, world), block.rebuilt
+    if mesh is not None and rebuilt is not None:
+        volume = rebuilt.volume(world)
+        if volume is None:
+            return None
+        far, near = KDTree(volume.surface_m[0]).query(points_m, NEAREST)
+        weight = 1.0 / np.maximum(far, 1e-6)
+        return (volume.surface_std_m[0][near] * weight).sum(1) / weight.sum(1)
+    belief, mine = block.exploration.belief, np.array([world])
+    if block.recovered.shape[world] == Shape.PRIOR_CYLINDER:
+        return None
+    return surface_spread(rows_of(belief.body, mine), rows_of(belief.uncertainty, mine),
+                          rows_of(belief.felt, mine), points_m[None])[0]
+
+
+@drawing()
+def surfaces_figure(block: EpisodeBlock, name: str, world: int = 0) -> "Figure":
+    """The true surface beside the recovered one, a row a view, a page wide; the contacts in sight
+    on the recovered one."""
+    from matplotlib import colormaps
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize, to_rgb
+
+    pose = block.truth.body_pose[world]
+    yaw = 2.0 * np.arctan2(pose[5], pose[6])
+    turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
+    vertices, sides = body_mesh(block.body, 48)
+    true = (1e3 * (vertices @ turn.T))[sides]
+    faces = recovered_faces(block, world)
+    sigma = surface_sigma(block, faces.mean(1), world)
+    scale = ScalarMappable(Normalize(0.0, 1e3 * UNSURE_M), colormaps["viridis"])
+    tint = (np.tile(to_rgb(TRUE), (len(faces), 1)) if sigma is None
+            else scale.to_rgba(1e3 * sigma)[:, :3])
+    faces = 1e3 * (faces - pose[:3])
+    evidence = block.evidence
+    points = 1e3 * (evidence.points_m[world][evidence.mask[world]] - pose[:3])
+
+    drawn = figure(6.2, 6.85)
+    every = np.concatenate([true.reshape(-1, 3), faces.reshape(-1, 3)])
+    low, high = every.min(0), every.max(0)
+    middle, half = (low + high) / 2, 0.55 * max((high - low)[:2].max(), 0.7 * high[2])
+    made = "recovered" if sigma is not None or mesh_of_world(block, world) else "prior"
+    shown = []
+    for row, (elevation, azimuth) in enumerate(VIEWS_DEG):
+        eye, light = direction(azimuth, elevation), direction(azimuth - 12.0, 48.0)
+        for column, (solid, colour) in enumerate(((true, "#b8b8b8"), (faces, tint))):
+            axes = drawn.add_subplot(2, 2, 2 * row + column + 1, projection="3d")
+            axes.computed_zorder = False
+            draw_solid(axes, solid, eye, colour, light)
+            if column:
+                seen = visible(points, faces, eye)
+                axes.scatter(*points[seen].T, s=7, color=CONTACT, depthshade=False, zorder=10)
+            set_box(axes, np.array([*(middle[:2] - half), 0.0]),
+                    np.array([*(middle[:2] + half), max(1.08 * high[2], half)]), 0.9, (3, 3, 4))
+            axes.view_init(elevation, azimuth)
+            if row == 0:
+                axes.set_title(f"{cut(name)}: {made} surface, contacts in sight" if column
+                               else f"{cut(name)}: true surface")
+            shown.append(axes)
+    if sigma is not None:
+        drawn.colorbar(scale, ax=shown, orientation="horizontal", shrink=0.5, aspect=40, pad=0.02,
+                       label="standard deviation of the recovered surface, as the robot knows it "
+                       "[mm]", extend="max")
+    return drawn
