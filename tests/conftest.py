@@ -11,7 +11,8 @@ FIT_TESTS = Path(__file__).parent / "fit"
 
 jaxtyping.install_import_hook("fit", "beartype.beartype")
 # How long an example takes says how busy the machine is.
-hypothesis.settings.register_profile("suite")
+hypothesis.settings.register_profile("suite", deadline=None, suppress_health_check=[
+    hypothesis.HealthCheck.too_slow])
 hypothesis.settings.load_profile("suite")
 
 
