@@ -119,7 +119,8 @@ def test_explore_out_of_reach_writes_what_there_is_and_says_so(
     files = explore(body_table={"name": r"a$\q$", "compound": [block]},
                     strategy=STRATEGIES["planar"], seed=3, yaw_rad=0.0, x_m=2.0, y_m=0.0,
                     out=tmp_path, device="cpu")
-    assert {f.name for f in files} == {"contacts.csv", "shape.json", "contacts.png"}
+    assert {f.name for f in files} == {
+        "contacts.csv", "shape.json", "contacts.png", "surfaces.png"}
     assert all(f.stat().st_size > 100 for f in files)
     said = capsys.readouterr().err
     assert "too_few_contacts: nothing was recovered" in said
