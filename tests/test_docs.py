@@ -171,6 +171,7 @@ def test_readme_links_lead_somewhere() -> None:
     assert all((ROOT / picture).stat().st_size < 200_000 for picture in pictures)
 
 
+@pytest.mark.slow
 def test_a_batch_of_probes_in_ten_lines() -> None:
     text = (ROOT / "docs" / "python.md").read_text()
     source = text.split("```python\n")[1].split("```")[0]

@@ -154,6 +154,7 @@ def test_without_free_balls_and_with_far_ones_the_surface_stays() -> None:
                        atol=2e-4)
 
 
+@pytest.mark.slow
 def test_a_body_stands_on_its_table() -> None:
     points = ellipsoids()[1] - [0.4, 0.1, 0.08]
     fits = fit_implicit(points[None, points[:, 2] > 0.0], table_z=0.0)

@@ -120,8 +120,8 @@ def test_taper_and_bend_are_found() -> None:
     assert np.median(volume_iou(body, found)) > 0.95
 
 
-@pytest.mark.parametrize("residual", [
-    pytest.param("solina_box", marks=pytest.mark.slow), "volume_distance"])
+@pytest.mark.slow
+@pytest.mark.parametrize("residual", ["solina_box", "volume_distance"])
 def test_a_face_that_was_felt_is_no_pyramid_on_its_tip(residual) -> None:
     """Touches on a block's top alone: nothing tells how its sides go down, so they go as they may.
 
@@ -138,6 +138,7 @@ def test_a_face_that_was_felt_is_no_pyramid_on_its_tip(residual) -> None:
     assert np.median(volume) > 0.7 * 0.22 * 0.16 * 0.12
 
 
+@pytest.mark.slow
 def test_outliers_with_a_robust_loss(sets) -> None:
     rng = np.random.default_rng(RNG_SEED)
     points = touches(sets[0], 60, 1e-3, rng, outliers=0.1)

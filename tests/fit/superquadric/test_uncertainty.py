@@ -57,6 +57,7 @@ def test_ninety_percent_intervals_are_calibrated(count: int, noise: float) -> No
     assert 0.85 <= surface <= 0.95
 
 
+@pytest.mark.slow
 def test_rotation_about_a_symmetry_axis_is_uncertain() -> None:
     rng = np.random.default_rng(1)
     body = superquadric([[0.03, 0.03, 0.05], [0.025, 0.035, 0.05]], [[0.1, 1.0], [0.1, 0.1]],

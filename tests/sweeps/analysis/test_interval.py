@@ -39,7 +39,8 @@ def test_objects_like_these_are_a_t_test_of_their_means_widened_for_skewness() -
     assert 0.5 < wider[0] < 0.75  # Hall's expansion at a skewness of 0.8
 
 
-@pytest.mark.parametrize("objects", [3, 6, 10])
+@pytest.mark.parametrize("objects", [
+    3, pytest.param(6, marks=pytest.mark.slow), pytest.param(10, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("skewness", [0.0, 0.8])
 def test_objects_as_skewed_as_assumed_are_covered(objects: int, skewness: float) -> None:
     generator = np.random.default_rng(5)

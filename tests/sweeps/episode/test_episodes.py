@@ -88,6 +88,7 @@ def test_too_few_contacts_are_a_status_and_the_prior_is_scored() -> None:
     assert np.isnan(rows["fit_rms_mm"]).all()
 
 
+@pytest.mark.slow
 def test_the_papers_estimator_runs_too() -> None:
     rows = run_episodes(replace(CELL, sensors=SensorTable(contact_estimator="fingertip"),
                                 fit=FitTable(taper=False, free_space=False)), np.arange(2), "cpu")
@@ -163,7 +164,7 @@ def test_rows_hold_the_parameters_of_the_model_chosen() -> None:
 
 
 @pytest.mark.parametrize(("strategy", "name", "figure", "shape"), [
-    ("planar", "block", "faces.png", "plane"),
+    pytest.param("planar", "block", "faces.png", "plane", marks=pytest.mark.slow),
     ("contour-only", "beer_bottle", "contour.png", "revolution")])
 def test_explore_writes_faces_and_a_contour(
     tmp_path: Path, strategy: str, name: str, figure: str, shape: str

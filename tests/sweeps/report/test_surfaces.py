@@ -15,6 +15,8 @@ from sweeps.report.views import surface_data
 from sweeps.spec.cell import Cell
 from warpgrasp.parameters import FitTable
 
+pytestmark = pytest.mark.slow  # a free form is compiled
+
 
 @pytest.fixture(scope="module")
 def block() -> EpisodeBlock:

@@ -11,7 +11,9 @@ from sweeps.spec.reader import read_spec
 STUDIES = sorted((ROOT / "sweeps" / "studies").glob("*.toml"))
 
 
-@pytest.mark.parametrize("file", STUDIES, ids=lambda file: file.stem)
+@pytest.mark.parametrize("file", [
+    pytest.param(file, id=file.stem, marks=pytest.mark.slow if file.stem == "everyday" else ())
+    for file in STUDIES])
 def test_a_study_is_a_plan_and_is_explained(file: Path) -> None:
     plan = plan_study(read_spec(file))
     assert plan.unit_count > 0
