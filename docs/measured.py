@@ -141,7 +141,7 @@ def main() -> int:
     lines = [json.loads(line) for line in (DOCS / "bench.jsonl").read_text().splitlines()]
     (DOCS / "speed_table.md").write_text(
         "<!-- written by `make figures` from bench.jsonl; do not edit -->\n\n"
-        "# One run of the whole benchmark\n\n" + bench_table.markdown(lines))
+        "# Every row of the benchmark\n\n" + bench_table.markdown(lines))
     if ERRORS.with_suffix(".csv").exists():
         ERRORS.write_text(errors_page(_rows(ERRORS.with_suffix(".csv"))))
     for page in pages():

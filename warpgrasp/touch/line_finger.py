@@ -85,6 +85,14 @@ def pad_moves(hand: Chain, f: ChainPose, at: PadLink, x: vec3, d: vec3):  # noqa
 
 
 @wp.func
+def _capsule_free(scene: Scene, body: int, a: vec3, u: vec3, length: real, radius: real):
+    """A lower bound of the distance from a capsule to any obstacle, its axis from `a` along `u`."""
+    near = nearest_on_link(scene, body, a, u, length, -ONE, ONE, LINK_SAMPLES,
+                           length * HALF + radius)
+    return wp.min(near.distance, a[2] + wp.min(u[2], ZERO) * length) - radius
+
+
+@wp.func
 def finger_free(scene: Scene, body: int, hand: Hand, pad: Pad, base: transform, q: vec4):
     """A lower bound of the distance from a finger's skin and pads to any obstacle [m]."""
     f = finger_pose(hand, base, q)
@@ -93,21 +101,9 @@ def finger_free(scene: Scene, body: int, hand: Hand, pad: Pad, base: transform, 
         radius = hand.link_radius
         if pad.on[link] != 0:
             radius += pad.thickness + wp.abs(pad.shift[link, 0])
-        a = link_start(f, link)
-        u = link_direction(f, link)
-        length = hand.link_length[link]
-        near = nearest_on_link(scene, body, a, u, length, -ONE, ONE, LINK_SAMPLES,
-                            length * HALF + radius)
-        table = a[2] + wp.min(u[2], ZERO) * length
-        free = wp.min(free, wp.min(near.distance, table) - radius)
+        free = wp.min(free, _capsule_free(scene, body, link_start(f, link), link_direction(f, link),
+                                          hand.link_length[link], radius))
     return free
-
-
-@wp.func
-def _capsule_free(scene: Scene, body: int, a: vec3, u: vec3, length: real, radius: real):
-    near = nearest_on_link(scene, body, a, u, length, -ONE, ONE, LINK_SAMPLES,
-                           length * HALF + radius)
-    return wp.min(near.distance, a[2] + wp.min(u[2], ZERO) * length) - radius
 
 
 @wp.func
