@@ -9,11 +9,15 @@ from sweeps.analysis.paired import Paired
 from sweeps.figures.style import COLOURS, distinct_labels, drawing, figure, metric_label
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
 MOST_ENTRIES = 20
 """Entries shown, the best ones."""
+FARTHEST = 1.0
+"""How far beyond means and intervals of these objects the frame reaches for those of objects like
+these, in widths of all the former: of two objects the latter may be thousands of times as wide."""
 
 
 def draw_forest(paired: Paired, metric: str) -> "Figure":
@@ -31,16 +35,20 @@ def draw_forest(paired: Paired, metric: str) -> "Figure":
     with drawing():
         drawn = figure(0.75 + 0.17 * len(order) + (0.12 if keys else 0.0))
         left, right = drawn.subplots(1, 2, sharey=True, width_ratios=(1.25, 1.0))
-        for over, width in (("like-these", 0.6), ("these", 1.8)):
-            for axes, found, colour in (
-                    (left, exact.values(over, bounds_of(metric)), COLOURS[0]),
-                    (right, exact.differences(order[0], over), COLOURS[1])):
-                axes.hlines(place, found.low[order], found.high[order], color=colour, lw=width)
-        for axes, value, colour in ((left, means[0], COLOURS[0]),
-                                    (right, means[0] - means[0, order[0]], COLOURS[1])):
+        cut = False
+        for axes, value, colour, interval in (
+                (left, means[0], COLOURS[0],
+                 lambda over: exact.values(over, bounds_of(metric))),
+                (right, means[0] - means[0, order[0]], COLOURS[1],
+                 lambda over: exact.differences(order[0], over))):
+            these, like = ([found.low[order], found.high[order]]
+                           for found in (interval("these"), interval("like-these")))
+            axes.hlines(place, *like, color=colour, lw=0.6)
+            axes.hlines(place, *these, color=colour, lw=1.8)
             axes.plot(value[order], place, "o", color=colour, ms=3.2, zorder=3)
-            axes.grid(axis="x", lw=0.3, color="#d0d0d0")
             axes.margins(x=0.06)
+            cut |= _framed(axes, [*these, value[order]], like)
+            axes.grid(axis="x", lw=0.3, color="#d0d0d0")
             axes.tick_params(axis="y", length=0)
         left.set_yticks(place, names)
         right.axvline(0.0, color="#555555", lw=0.6)
@@ -48,6 +56,21 @@ def draw_forest(paired: Paired, metric: str) -> "Figure":
         left.set_title("mean" if count == len(order) else f"best {len(order)} of {count}: mean")
         right.set_title("minus the best")
         drawn.supxlabel(f"{metric_label(metric)}; 95 % intervals:\nthick, these objects; thin, "
-                        "objects like these" + (f"\n{keys}" if keys else ""),
+                        "objects like these" + (" (cut at the frame)" if cut else "")
+                        + (f"\n{keys}" if keys else ""),
                         fontsize=7.0)
     return drawn
+
+
+def _framed(axes: "Axes", inner: list[np.ndarray], outer: list[np.ndarray]) -> bool:
+    """Cuts what is far beyond all of `inner` at the frame; whether anything is."""
+    known, beyond = (values[np.isfinite(values)] for values in map(np.concatenate, (inner, outer)))
+    if not len(known) or not len(beyond):
+        return False
+    wide = FARTHEST * float(np.ptp(known))
+    low, high = known.min() - wide, known.max() + wide
+    if wide == 0.0 or (low <= beyond.min() and beyond.max() <= high):
+        return False
+    edge = 0.05 * float(np.ptp(known))
+    axes.set_xlim(max(low, beyond.min() - edge), min(high, beyond.max() + edge))
+    return True

@@ -80,7 +80,7 @@ def surfaces_figure(block: EpisodeBlock, name: str, world: int = 0) -> "Figure":
                 seen = visible(points, faces, eye)
                 axes.scatter(*points[seen].T, s=7, color=CONTACT, depthshade=False, zorder=10)
             set_box(axes, np.array([*(middle[:2] - half), 0.0]),
-                    np.array([*(middle[:2] + half), max(1.08 * high[2], half)]), 0.9, (3, 3, 4))
+                    np.array([*(middle[:2] + half), max(1.08 * high[2], half)]), 0.82, (3, 3, 4))
             axes.view_init(elevation, azimuth)
             if row == 0:
                 axes.set_title(f"{cut(name)}: {made} surface, contacts in sight" if column

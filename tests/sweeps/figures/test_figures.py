@@ -255,3 +255,17 @@ def test_short_labels_still_tell_entries_apart() -> None:
     assert len(set(names)) == 2
     assert distinct_labels(["ring6", "a name with [brackets]"], 30) == (
         ["ring6", "a name with [brackets]"], "")
+
+
+def test_intervals_of_two_objects_leave_the_others_to_be_seen() -> None:
+    """Student's t over two objects may reach a thousand times as far as the episodes do."""
+    draw = np.random.default_rng(2)
+    values = tuple(level + 0.05 * draw.normal(size=(8, 2)) for level in (1.0, 4.0))
+    means = np.concatenate([np.mean([v.mean(0) for v in values], axis=0)[None]] * (1 + REPLICATES))
+    paired = Paired(tuple(Entry(0, name, {}) for name in "ab"), ("block", "wedge"),
+                    {"chamfer_mm": values}, {"chamfer_mm": means}, ())
+    like = paired.statistics("chamfer_mm").values("like-these")
+    drawn = draw_forest(paired, "chamfer_mm")
+    low, high = drawn.axes[0].get_xlim()
+    assert like.high.max() > 10.0 > high > 2.5 > low
+    assert "cut at the frame" in drawn.get_supxlabel()
