@@ -330,3 +330,13 @@ class RecognitionTable:
         "doc": "a file that `warpgrasp learn` wrote; empty: the models that ship"})
     none_prior: float = _number(0.2, 1e-3, 0.999, "probability of an object that is not among the "
                                 "models, before anything is felt [est]")
+
+
+@spec_words
+@dataclass(frozen=True)
+class ScoreTable:
+    """How finely recovered bodies are compared with true ones."""
+
+    samples: str = _choice("standard", ("standard", "dense"),
+                           "how many samples of surfaces and volumes scores are made from; dense "
+                           "takes sixteen times as many, and a hundred milliseconds an episode")

@@ -41,7 +41,7 @@ from sweeps.episode.given_prior import (
 )
 from sweeps.episode.mesh_scores import scores_with_meshes
 from sweeps.episode.recognition_columns import columns_of_recognition, recognize_objects
-from sweeps.episode.scores import ROUGH, Scorer, Scores
+from sweeps.episode.scores import ROUGH, SAMPLES, Scorer, Scores
 from sweeps.episode.touched_share import TouchedSurface
 from sweeps.episode.untouched import why_untouched
 from sweeps.spec.cell import CONTACTS, Cell
@@ -238,7 +238,7 @@ def run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Epi
         for (cell, episodes), body in zip(parts, bodies, strict=True)])
     bodies = [body for n, body in enumerate(bodies) if not n or body is not bodies[n - 1]]
     body_pose = place_objects(cell.placement, key)
-    scorer = Scorer(bodies, which, body_pose, device)
+    scorer = Scorer(bodies, which, body_pose, device, SAMPLES[cell.scores.samples])
     prior = joined([draw_prior(body, body_pose[rows], cell.placement, key[rows])
                    for body, rows in scorer.worlds()])
     truth = Truth(body_pose)

@@ -1,7 +1,7 @@
 """The prior that a strategy is given, a bounding cylinder, a box, or what two cameras see, and its
 scores."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -80,20 +80,21 @@ def worse_than_prior(scores: Scores, prior: Scores) -> np.ndarray:
 def score_priors(scorer: Scorer, given: Recovered) -> Scores:
     """`scorer.score(given)`; a prior that was scored before is not scored again.
 
-    A score depends on the true body, its pose and the prior alone, not on the worlds beside it.
+    A score depends on the true body, its pose, the samples and the prior alone, not on the worlds
+    beside it.
     """
     prior = given.superquadric
     numbers = np.column_stack([scorer.body_pose, prior.size_m, prior.exponents, prior.position_m,
                                prior.quaternion_xyzw])
-    names = [scorer.bodies[body].content.encode() + row.tobytes()
+    names = [f"{scorer.samples} {scorer.bodies[body].content}".encode() + row.tobytes()
              for body, row in zip(scorer.which, numbers, strict=True)]
     if len(_known) + len(names) > REMEMBERED:
         _known.clear()
     asked = {name: world for world, name in enumerate(names) if name not in _known}
     if asked:
         rows = np.sort(list(asked.values()))
-        part = Scorer(scorer.bodies, scorer.which[rows], scorer.body_pose[rows],
-                      scorer.device).score(rows_of(given, rows))
+        part = replace(scorer, which=scorer.which[rows], body_pose=scorer.body_pose[rows]).score(
+            rows_of(given, rows))
         table = np.column_stack([getattr(part, field.name) for field in fields(Scores)])
         _known.update(zip((names[row] for row in rows), table, strict=True))
     return Scores(*np.array([_known[name] for name in names]).T)

@@ -16,9 +16,8 @@ from fit.implicit.volume import surface_samples
 from fit.rotation import matrix_of_quaternion
 from sweeps.episode.scores import (
     COVERAGE_M,
-    ELEMENTS,
-    INSIDE_POINTS,
-    SURFACE_POINTS,
+    FINE,
+    Samples,
     Scorer,
     Scores,
     distance_to_surface,
@@ -31,7 +30,8 @@ WORLDS_AT_ONCE = 64
 
 
 def score_meshes(
-    meshes: Sequence[TriangleMesh], body: Body, body_pose: np.ndarray, *, device: str = "cpu"
+    meshes: Sequence[TriangleMesh], body: Body, body_pose: np.ndarray, *, samples: Samples = FINE,
+    device: str = "cpu"
 ) -> Scores:
     """Score one closed mesh a world, in the base frame, against `body` at `body_pose` (world, 7).
 
@@ -41,20 +41,21 @@ def score_meshes(
         raise ValueError(f"meshes: {len(meshes)} for {len(body_pose)} worlds")
     if not all(len(mesh.faces) for mesh in meshes):
         raise ValueError("meshes: one has no faces; nothing that could be scored")
-    sample = sample_body(body, surface=SURFACE_POINTS, inside=INSIDE_POINTS)
+    sample = sample_body(body, surface=samples.surface, inside=samples.inside)
     turn = matrix_of_quaternion(body_pose[:, 3:])
     seen = [TriangleMesh((mesh.vertices_m - pose[:3]) @ matrix, mesh.faces)
             for mesh, pose, matrix in zip(meshes, body_pose, turn, strict=True)]
     asked = np.concatenate([sample.surface_m, sample.about_m])
     signed = np.array([mesh_distance(mesh_of(mesh.vertices_m, mesh.faces), asked)
                        for mesh in seen]).reshape(-1, len(asked))
-    to_mesh = np.abs(signed[:, :SURFACE_POINTS]).astype(float)
-    elements = np.array([surface_samples(mesh, ELEMENTS) for mesh in seen]).reshape(-1, ELEMENTS, 3)
-    to_body = np.concatenate([np.zeros((0, ELEMENTS))] + [
+    to_mesh = np.abs(signed[:, :samples.surface]).astype(float)
+    count = samples.elements
+    elements = np.array([surface_samples(mesh, count) for mesh in seen]).reshape(-1, count, 3)
+    to_body = np.concatenate([np.zeros((0, count))] + [
         distance_to_surface(body, elements[first:first + WORLDS_AT_ONCE], device=device)
         for first in range(0, len(seen), WORLDS_AT_ONCE)])
     volume = np.array([mesh.volume_m3 for mesh in seen])
-    common = sample.common_volume(signed[:, SURFACE_POINTS:])
+    common = sample.common_volume(signed[:, samples.surface:])
     return Scores(
         chamfer_m=0.5 * (to_mesh.mean(1) + to_body.mean(1)),
         hausdorff95_m=np.maximum(np.quantile(to_mesh, 0.95, axis=1),
@@ -90,6 +91,6 @@ def scores_with_meshes(
         if len(made):
             part = with_rows(part, made, score_meshes(
                 [mine[int(k)] for k in made], body, scorer.body_pose[rows][made],
-                device=scorer.device))
+                samples=scorer.samples, device=scorer.device))
         parts.append(part)
     return joined(parts)

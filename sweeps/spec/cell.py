@@ -16,6 +16,7 @@ from warpgrasp.parameters import (
     PadTable,
     RecognitionTable,
     RobotTable,
+    ScoreTable,
     SensorTable,
     StereoTable,
     TrueTables,
@@ -26,7 +27,7 @@ SECTIONS: dict[str, type] = {
     "contact": ContactTable, "robot": RobotTable,
     "object": ObjectTable, "fit": FitTable, "pads": PadTable, "stereo": StereoTable,
     "planar": PlanarTable, "contour": ContourTable, "decide": DecideTable,
-    "recognition": RecognitionTable,
+    "recognition": RecognitionTable, "scores": ScoreTable,
 }
 TABLES = tuple("placement" if name == "object" else name for name in SECTIONS)
 """Names of the sections' fields in a `Cell`."""
@@ -64,6 +65,7 @@ class Cell:
     contour: ContourTable = field(default_factory=ContourTable)
     decide: DecideTable = field(default_factory=DecideTable)
     recognition: RecognitionTable = field(default_factory=RecognitionTable)
+    scores: ScoreTable = field(default_factory=ScoreTable)
     seed: int = 0
     setting: Mapping[str, Any] = field(default_factory=dict)
     keep: str = "nothing"

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from fit.implicit.record import TriangleMesh
 from fit.superquadric.geometry import Superquadric
 from sweeps.episode.mesh_scores import score_distances, score_meshes, scores_with_meshes
-from sweeps.episode.scores import Scorer, score_superquadrics
+from sweeps.episode.scores import DENSE, FINE, Scorer, score_superquadrics
 from warpgrasp.geometry.body_sampling import sample_body
 from warpgrasp.objects.catalogue import body_from_name
 
@@ -84,6 +84,15 @@ def test_meshes_and_superquadrics_are_scored_alike() -> None:
         AT[:, :3] - [0.06, 0.06, 0.01], AT[:, :3] + [0.06, 0.06, 0.11], body, AT)
     assert signed.chamfer_m[0] == pytest.approx(mesh.chamfer_m[0], abs=2e-4)
     assert signed.iou[0] == pytest.approx(mesh.iou[0], abs=0.005)
+
+
+def test_dense_samples_of_a_mesh() -> None:
+    body = body_from_name("large_cylinder")
+    fine, dense = (score_meshes([placed(block())], body, AT, samples=samples)
+                   for samples in (FINE, DENSE))
+    assert dense.hausdorff95_m[0] == pytest.approx(fine.hausdorff95_m[0], rel=0.02)
+    assert dense.iou[0] == pytest.approx(fine.iou[0], abs=0.003)
+    assert dense.chamfer_m[0] != fine.chamfer_m[0]
 
 
 def test_only_worlds_with_a_mesh_are_scored_by_it() -> None:

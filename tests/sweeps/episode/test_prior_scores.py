@@ -1,6 +1,6 @@
 """Priors are scored once, and as without that."""
 
-from dataclasses import astuple
+from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ import pytest
 from sweeps.episode import given_prior
 from sweeps.episode.episodes import place_objects
 from sweeps.episode.given_prior import draw_prior, prior_recovered
-from sweeps.episode.scores import Scorer
+from sweeps.episode.scores import ROUGH, Scorer
 from warpgrasp.core.random import counter_key
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import ObjectTable
@@ -46,6 +46,9 @@ def test_scores_of_priors_are_those_of_the_scorer_and_computed_once(
     other, its = given(np.array([0, 1, 1]), np.array([7, 2, 9]))
     given_prior.score_priors(other, its)
     assert scored == [1]  # the funnel's second episode alone is new
+    rough = replace(scorer, samples=ROUGH)
+    np.testing.assert_array_equal(astuple(given_prior.score_priors(rough, priors)),
+                                  astuple(rough.score(priors)))
     monkeypatch.setattr(given_prior, "REMEMBERED", 5)
     np.testing.assert_array_equal(astuple(given_prior.score_priors(scorer, priors)), expected)
     assert len(given_prior._known) == 4

@@ -11,8 +11,10 @@ from fit.revolution.geometry import RevolutionBody, revolution_distance
 from fit.superquadric.geometry import Superquadric, superquadric, superquadric_surface
 from strategies.recovery.choose_model import Recovered, Shape
 from sweeps.episode.scores import (
+    DENSE,
     FINE,
     ROUGH,
+    Samples,
     _distance_to_contours,
     score_recovered,
     score_superquadrics,
@@ -189,3 +191,35 @@ def test_rough_scores_are_near_the_fine_ones(name: str) -> None:
     np.testing.assert_allclose(rough.chamfer_m, fine.chamfer_m, rtol=0.03)
     np.testing.assert_allclose(rough.iou, fine.iou, atol=0.015)
     assert (rough.chamfer_m != fine.chamfer_m).all()
+
+
+@pytest.mark.parametrize(("samples", "within"), [(FINE, 0.006), (DENSE, 0.001)])
+def test_quantiles_of_two_spheres_against_the_integral(samples: Samples, within: float) -> None:
+    """On a sphere heights are uniform: distances to another, aside by c, follow from them."""
+    radius, other, aside = 0.04, 0.038, 0.005
+    body = body_from_table({"name": "ball", "compound": [
+        {"shape": "sphere", "radius_mm": 1e3 * radius}]}, Path())
+    middle = body.low_m[2] + radius
+    fits = superquadric([other] * 3, [1.0, 1.0], [aside, 0.0, middle], [0.0, 0.0, 0.0, 1.0])
+    pose = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
+    found = score_recovered(Recovered(np.array([Shape.SUPERQUADRIC]), fits), body, pose,
+                            samples=samples)
+    height = (np.arange(200_000) + 0.5) / 100_000 - 1.0
+    sides = [np.abs(np.sqrt(a**2 + aside**2 - 2 * a * aside * height) - b)
+             for a, b in ((radius, other), (other, radius))]
+    assert found.hausdorff95_m[0] == pytest.approx(
+        max(np.quantile(side, 0.95) for side in sides), rel=within)
+    assert found.chamfer_m[0] == pytest.approx(np.mean(sides), rel=within)
+
+
+def test_bodies_of_both_kinds_have_dense_scores() -> None:
+    body, pose = body_from_name("wine_bottle"), np.repeat(AT, 2, axis=0)
+    fits = superquadric(np.full((2, 3), 0.04), np.ones((2, 2)), pose[:, :3] + [0, 0, 0.04],
+                        pose[:, 3:], np.zeros((2, 2)), np.zeros((2, 2)))
+    turned = RevolutionBody(pose[:, :3], np.tile([0.0, 0.0, 1.0], (2, 1)),
+                            np.tile([0.0, 0.1, 0.2], (2, 1)), np.full((2, 3), 0.03))
+    given = Recovered(np.array([Shape.SUPERQUADRIC, Shape.REVOLUTION]), fits, turned)
+    fine, dense = (score_recovered(given, body, pose, samples=samples) for samples in (FINE, DENSE))
+    np.testing.assert_allclose(dense.hausdorff95_m, fine.hausdorff95_m, rtol=0.05)
+    np.testing.assert_allclose(dense.iou, fine.iou, atol=0.01)
+    assert (dense.hausdorff95_m != fine.hausdorff95_m).all()

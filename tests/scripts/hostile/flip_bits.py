@@ -1,6 +1,6 @@
 """Flips random bits in every kind of file that is kept between runs, and looks for wrong rows.
 
-    python tests/scripts/flip_bits.py --flips 10000 --sweeps 20
+    python tests/scripts/hostile/flip_bits.py --flips 10000 --sweeps 20
 
 Each flip is undone before the next. A flipped file must read as damaged, or as what was written
 before; of the flips some are followed by a whole sweep in fresh processes, whose rows must be those

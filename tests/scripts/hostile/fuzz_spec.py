@@ -1,6 +1,6 @@
 """Specs that nobody meant: valid ones with pieces replaced, and texts cut and spliced.
 
-    python tests/scripts/fuzz_spec.py --count 10000 --seed 1
+    python tests/scripts/hostile/fuzz_spec.py --count 10000 --seed 1
 
 Each must be read or refused with a line and a reason, never with another exception, and within
 five seconds of processor time. What once went wrong is kept in CORPUS.

@@ -1,6 +1,6 @@
 """Kills a study with SIGKILL at random moments, resumes it each time, and compares the end.
 
-    python tests/scripts/kill_study.py --kills 50 --units 60
+    python tests/scripts/hostile/kill_study.py --kills 50 --units 60
 
 The study runs the stand-in episodes, slowed down, so that the kills meet it at work: the spine
 (units, store, runner, leaderboard) is what is tested, not the simulator. Fails if the leaderboard
@@ -19,7 +19,7 @@ from pathlib import Path
 from sweeps.run.plan import Plan, plan_study
 from sweeps.spec.reader import read_spec
 
-HERE = Path(__file__).parents[1] / "helpers"
+HERE = Path(__file__).parents[2] / "helpers"
 SPEC = """\
 schema = 1
 seed = 11

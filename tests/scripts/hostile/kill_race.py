@@ -1,8 +1,8 @@
 """Kills a race with SIGKILL at random moments, resumes it each time, and compares the end.
 
-    python tests/scripts/kill_race.py --kills 200
-    python tests/scripts/kill_race.py --kills 200 --what until
-    python tests/scripts/kill_race.py --kills 200 --what search
+    python tests/scripts/hostile/kill_race.py --kills 200
+    python tests/scripts/hostile/kill_race.py --kills 200 --what until
+    python tests/scripts/hostile/kill_race.py --kills 200 --what search
 
 It runs the stand-in episodes, slowed down, with one to three workers: a race of a list of entries,
 `sweep --until`, or a race of a [search]. Fails if a table, the picture, or any unit differs from an

@@ -1,6 +1,6 @@
 """Files that nobody should trust: poses, profiles, points and meshes, spoiled at random.
 
-    python tests/scripts/fuzz_files.py --count 10000 --seed 1
+    python tests/scripts/hostile/fuzz_files.py --count 10000 --seed 1
 
 Poses, profiles and meshes go through `warpgrasp check`, points through the reader of `warpgrasp
 fit`. Each must be read (exit code 0) or refused (2, with the spec's line), never with a traceback,

@@ -1,6 +1,6 @@
 """Runs a study of honest strategies beside a hundred planners that try to spoil it.
 
-    python tests/scripts/hostile_planners.py --planners 100
+    python tests/scripts/hostile/hostile_planners.py --planners 100
 
 Each hostile planner does its worst at once or after an honest grasp. The rows of the honest
 strategies must be those of a study without the others, every hostile one must end in rows or a log
