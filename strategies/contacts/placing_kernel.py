@@ -151,7 +151,7 @@ def _unexplained(
     return vec2(ff - push * push / wp.max(jj, _TINY), wp.log(wider))
 
 
-@wp.func
+@wp.func(inline=False)
 def _with_place(
     post: Place, x: vec3, d: vec3, along: real, area: real, chi: vec2, beside: real
 ):
@@ -199,7 +199,7 @@ def station_along(station: int, length: real):
     return (real(station) + HALF) * _STEP * length
 
 
-@wp.func
+@wp.func(inline=False)
 def places_of_link(
     f: Any, link: int, ends: int, length: real, radius: real, lean: real, felt: Any, root: Any,
     believed: Any, place_sigma: real, turn_sigma: real, farthest: real
@@ -263,7 +263,7 @@ class Placed:
     misfit: real
 
 
-@wp.func
+@wp.func(inline=False)
 def placed_contact(
     f: FingerPose, hand: Hand, torque: vec4, sigma: vec4, link_weight: vec3, lean: real,
     believed: Any, place_sigma: real, turn_sigma: real, farthest: real, normal_variance: real

@@ -114,7 +114,7 @@ def _moves(arm: SerialArm, q: vec7, at: vec3):
     return found
 
 
-@wp.func
+@wp.func(inline=False)
 def _solved(a: mat66, y: vec6):
     """The solution of a symmetric positive definite system, by elimination."""
     for k in range(6):
@@ -149,7 +149,7 @@ def _damped_step(arm: SerialArm, moves: mat76, missed: vec6, held: int):
     return step
 
 
-@wp.func
+@wp.func(inline=False)
 def _come_to(arm: SerialArm, wanted: transform, start: vec7):
     """Joints within the limits at the pose, from `start`; NaN where it is not come to."""
     q = vec7()

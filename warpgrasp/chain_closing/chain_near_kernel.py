@@ -76,7 +76,7 @@ def _due(
     return low
 
 
-@wp.func
+@wp.func(inline=False)
 def first_near(
     hands: wp.array2d[Chain], base: transform, path: wp.array3d[vec6], come: wp.array4d[real],
     build: ChainBuild, felt: wp.array4d[ChainClosingRow], truth: wp.array4d[ChainTruthRow], w: int,

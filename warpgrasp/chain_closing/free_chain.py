@@ -48,7 +48,7 @@ def _first_at_least(
     return low
 
 
-@wp.func
+@wp.func(inline=False)
 def advance_chain(
     scene: Scene, body: int, hand: Chain, base: transform, path: wp.array3d[vec6],
     come: wp.array4d[real], g: int, finger: int, scale: real, was: FreeChain, end: int

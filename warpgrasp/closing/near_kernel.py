@@ -170,7 +170,7 @@ def _fastest(links: wp.array4d[LinkStep], g: int, finger: int, step: int):
     return ONE / slow
 
 
-@wp.func
+@wp.func(inline=False)
 def first_near(
     hands: wp.array2d[Hand], sensors: wp.array2d[TendonSensor], own: int, own_sensor: int,
     pose: transform, mount: real, path: wp.array3d[PathStep], links: wp.array4d[LinkStep],

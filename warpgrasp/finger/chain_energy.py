@@ -93,7 +93,7 @@ def links_moved(hand: Chain, q: vec6, last: vec6):
     return turned, travel
 
 
-@wp.func
+@wp.func(inline=False)
 def finger_energy(  # noqa: F811 (an overload)
     scene: Scene, body: int, hand: Chain, base: transform, command: vec6, q: vec6,
     last: ChainRest, samples: int

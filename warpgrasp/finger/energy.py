@@ -84,7 +84,7 @@ def _lost(
                 wp.where(link >= 2, wp.dot(swing, at - p3), ZERO))
 
 
-@wp.func
+@wp.func(inline=False)
 def finger_energy(
     scene: Scene, body: int, hand: Hand, base: wp.transformd, command: vec4, q: vec4,
     last: Equilibrium, samples: int

@@ -47,7 +47,7 @@ def joints_toward(rest: Any, torque: Any, skin: real):
     return way
 
 
-@wp.func
+@wp.func(inline=False)
 def finger_equilibrium(
     scene: Scene, body: int, hand: Any, base: wp.transformd, command: Any, start: Any, last: Any,
     samples: int, friction: Any

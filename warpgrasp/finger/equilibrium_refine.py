@@ -32,7 +32,7 @@ _ARMIJO = wp.constant(real(1e-4))
 _WOLFE = wp.constant(real(0.5))
 
 
-@wp.func
+@wp.func(inline=False)
 def refine_equilibrium(
     scene: Scene, body: int, hand: Any, base: wp.transformd, command: Any, begun: Any,
     friction: Any

@@ -104,7 +104,7 @@ def _clearance(free: FreeFinger, link: int, table: vec4, at: LinkStep, askew: re
                   table[3] + lesser(wp.dot(up, start), wp.dot(up, end))) - loose
 
 
-@wp.func
+@wp.func(inline=False)
 def advance_free(
     scene: Scene, body: int, convex: bool, hand: Hand, base: transform, path: wp.array3d[PathStep],
     links: wp.array4d[LinkStep], grasp: int, finger: int, scale: real, was: FreeFinger, end: int

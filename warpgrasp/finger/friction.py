@@ -98,7 +98,7 @@ def with_friction(rest: Equilibrium, skin: real, friction: Friction):  # noqa: F
     return rubbed(rest, skin, friction)
 
 
-@wp.func
+@wp.func(inline=False)
 def rubbed(rest: Any, skin: real, friction: Any):
     """`with_friction` for any finger: an Equilibrium and its Friction, or those of a chain."""
     held = rest
@@ -162,7 +162,7 @@ def place_jacobian(hand: Hand, f: FingerPose, link: int, x: vec3, d: vec3):
     return finger_jacobian(f, link, x, d)
 
 
-@wp.func
+@wp.func(inline=False)
 def note_friction(
     scene: Scene, body: int, hand: Any, base: transform, rest: Any, was: Any
 ):

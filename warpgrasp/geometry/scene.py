@@ -114,7 +114,7 @@ def _first_row(scene: Scene, body: int):
     return rows[body]
 
 
-@wp.func
+@wp.func(inline=False)
 def _primitive_distance(scene: Scene, row: Primitive, p: vec3):
     size = row.size
     if row.shape == _BLOCK:
@@ -136,7 +136,7 @@ def _primitive_distance(scene: Scene, row: Primitive, p: vec3):
     return sdf_grid_grad(p, grid, row.first, row.nodes, row.origin, row.cell)[3]
 
 
-@wp.func
+@wp.func(inline=False)
 def _primitive_distance_grad(scene: Scene, row: Primitive, p: vec3):
     size = row.size
     if row.shape == _BLOCK:

@@ -41,7 +41,7 @@ def _sheet(
     return vec3(wp.dot(wy, v), wp.dot(sy, v), wp.dot(wy, s))
 
 
-@wp.func
+@wp.func(inline=False)
 def sdf_grid_grad(
     p: vec3, values: wp.array[wp.float32], first: int, nodes: wp.vec3i, origin: vec3, cell: real
 ):

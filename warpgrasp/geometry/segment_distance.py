@@ -50,7 +50,7 @@ class _Found:
     near: Near
 
 
-@wp.func
+@wp.func(inline=False)
 def link_valley(
     scene: Scene, body: int, a: vec3, u: vec3, low: real, high: real, start: real, rate: real,
     enough: real, convex: bool
@@ -120,7 +120,7 @@ def link_valley(
     return near
 
 
-@wp.func
+@wp.func(inline=False)
 def nearest_on_link(
     scene: Scene, body: int, a: vec3, u: vec3, length: real, guess: real, bend: real,
     samples: int, enough: real
@@ -169,7 +169,7 @@ def nearest_on_link(
     return found.near
 
 
-@wp.func
+@wp.func(inline=False)
 def deepest_valley(
     scene: Scene, body: int, a: vec3, u: vec3, length: real, parts: int, enough: real
 ):

@@ -216,7 +216,7 @@ def _note(
     return wp.min(count + 1, _MEETINGS)
 
 
-@wp.func
+@wp.func(inline=False)
 def find_meetings(  # noqa: F811
     hands: wp.array2d[Chain], own: int, build: ChainBuild, q: hand_angles,
     meetings: wp.array2d[ChainMeeting], i: int

@@ -64,7 +64,7 @@ def hand_balance(
     return find_meetings(hands, own, build, q, meetings, i)
 
 
-@wp.func
+@wp.func(inline=False)
 def balanced_hand(
     scene: Scene, body: int, hands: Any, own: int, pose: transform, build: Any,
     command: Any, state: Any, i: int, samples: int,

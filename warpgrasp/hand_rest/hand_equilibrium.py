@@ -54,7 +54,7 @@ def _shared(a: Any, b: Any):
     return total
 
 
-@wp.func
+@wp.func(inline=False)
 def _solved(system: _mat, right: _vec, count: int):
     """The solution of a system whose pivots are on its diagonal, by elimination."""
     a = system
@@ -73,7 +73,7 @@ def _solved(system: _mat, right: _vec, count: int):
     return y
 
 
-@wp.func
+@wp.func(inline=False)
 def meeting_forces(
     state: Any, i: int, slot: int, meetings: Any, count: int,
     stiffness: real
@@ -135,7 +135,7 @@ def stands(state: Any, i: int, slot: int, q: Any):
     return largest_magnitude(q - state[i, slot].q) == ZERO
 
 
-@wp.func
+@wp.func(inline=False)
 def hand_energy(
     scene: Scene, body: int, hands: Any, own: int, pose: transform, build: Any,
     command: Any, q: Any, state: Any, i: int, slot: int,
@@ -215,7 +215,7 @@ def move_commands(
             state[i, f].gradient -= pull
 
 
-@wp.func
+@wp.func(inline=False)
 def hand_equilibrium(
     scene: Scene, body: int, hands: Any, own: int, pose: transform, build: Any,
     command: Any, state: Any, i: int, samples: int,

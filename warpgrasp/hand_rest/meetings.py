@@ -77,7 +77,7 @@ def _note(
     return count
 
 
-@wp.func
+@wp.func(inline=False)
 def find_meetings(
     hands: wp.array2d[Hand], own: int, build: HandBuild, q: mat44, meetings: wp.array2d[Meeting],
     i: int

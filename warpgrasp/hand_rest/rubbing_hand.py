@@ -40,7 +40,7 @@ def rubbed_at(
     return now
 
 
-@wp.func
+@wp.func(inline=False)
 def _lagging_hand(
     scene: Scene, body: int, hands: Any, own: int, pose: transform, build: Any,
     command: Any, q: Any, state: Any, i: int, samples: int,

@@ -103,7 +103,7 @@ def _wrist_place(arm: Arm, p: vec3):
     return at
 
 
-@wp.func
+@wp.func(inline=False)
 def _arm_angles(arm: Arm, at: _WristPlace, branch: int):
     """Joints 1 to 3 that take the wrist to its place, NaN out of reach."""
     q1 = at.azimuth + at.shoulder
@@ -186,7 +186,7 @@ def move_time(arm: Arm, start: vec7, end: vec7):
     return t
 
 
-@wp.func
+@wp.func(inline=False)
 def puma_reach(arm: Arm, flange: transform, last: vec7):
     """The branch inside the limits that is soonest reached from `last`; NaN joints if none is.
 

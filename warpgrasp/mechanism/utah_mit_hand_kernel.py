@@ -83,7 +83,7 @@ def finger_length(hand: Hand):
     return hand.abduction_offset + hand.link_length[0] + hand.link_length[1] + hand.link_length[2]
 
 
-@wp.func
+@wp.func(inline=False)
 def finger_pose(hand: Hand, base: transform, q: vec4):
     """Forward kinematics of one finger, joints (abduction, flexion 1, 2, 3) [rad]."""
     r = wp.transform_get_rotation(base)

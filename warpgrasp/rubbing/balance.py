@@ -100,7 +100,7 @@ def yields_by(hand: Hand, by: vec4):
     return wp.dot(by, by) / hand.stiffness
 
 
-@wp.func
+@wp.func(inline=False)
 def hold_of(
     hand: Any, chain: Any, link: int, contact: int, place: vec3, normal: vec3, depth: real,
     turned: Any, grip: Any, tried: Any, begins: int, none: Any
@@ -177,7 +177,7 @@ def stiffened(compliance: Any, hold: Any):
     return c
 
 
-@wp.func
+@wp.func(inline=False)
 def finger_balance(
     scene: Scene, body: int, hand: Hand, base: transform, command: vec4, q: vec4,
     last: Equilibrium, grip: Grip, tried: Grip, samples: int, begins: int

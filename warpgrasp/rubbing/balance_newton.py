@@ -50,7 +50,7 @@ def newton_turn(hand: Any, at: Any):
     return turn
 
 
-@wp.func
+@wp.func(inline=False)
 def balanced_finger(
     scene: Scene, body: int, hand: Any, base: transform, command: Any, start: Any,
     last: Any, grip: Any, samples: int

@@ -156,7 +156,7 @@ def start_rubbed(hand: Chain, base: transform, command: vec6):  # noqa: F811
     return free
 
 
-@wp.func
+@wp.func(inline=False)
 def finger_balance(  # noqa: F811
     scene: Scene, body: int, hand: Chain, base: transform, command: vec6, q: vec6,
     last: ChainRest, grip: ChainGrip, tried: ChainGrip, samples: int, begins: int

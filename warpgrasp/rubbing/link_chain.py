@@ -26,7 +26,7 @@ class LinkChain:
     ways: mat33
 
 
-@wp.func
+@wp.func(inline=False)
 def finger_chain(hand: Hand, base: transform, q: vec4):
     """The chain at joints `q`."""
     chain = LinkChain()

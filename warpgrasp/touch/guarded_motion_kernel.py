@@ -103,7 +103,7 @@ def _not_moved(pose: transform, arm_q: vec7):
     return end
 
 
-@wp.func
+@wp.func(inline=False)
 def line_row(
     i: int, scene: Scene, arm: Arm, hand: Any, pad: Pad, turns: wp.array[vec2],
     true_arms: wp.array[Arm], true_hands: Any, true_pads: wp.array2d[Pad],

@@ -134,7 +134,7 @@ def servo_curve(hand: Chain, way: vec6):  # noqa: F811
     return wp.dot(wp.cw_mul(hand.stiffness, way), way)
 
 
-@wp.func
+@wp.func(inline=False)
 def pad_energy(
     scene: Scene, body: int, hand: Any, pad: Pad, turns: wp.array[vec2], base: wp.transformd,
     command: Any, q: Any, last: Any, samples: int, near_bits: wp.array2d[int], cull: int
@@ -209,7 +209,7 @@ def _least_along(hand: Any, rest: Any, way: Any):
     return t
 
 
-@wp.func
+@wp.func(inline=False)
 def pad_equilibrium(
     scene: Scene, body: int, hand: Any, pad: Pad, turns: wp.array[vec2], base: wp.transformd,
     command: Any, start: Any, near_bits: wp.array2d[int]

@@ -48,7 +48,7 @@ def pad_load(
     return vec4(centre[0], centre[1], centre[2], total)
 
 
-@wp.func
+@wp.func(inline=False)
 def pad_feels(
     scene: Scene, body: int, pad: Pad, at: PadLink, turns: wp.array[vec2], finger: int,
     episode: wp.uint64, reading: wp.uint64, near_bits: wp.array2d[int]
