@@ -8,7 +8,7 @@ of joints and capsules are addresses, since Warp passes structs by value (see `g
 
 import warp as wp
 
-from warpgrasp.core.dtypes import HALF, ZERO, quat, real, struct, transform, vec3
+from warpgrasp.core.dtypes import HALF, ZERO, quat, real, struct, transform, vec3, vec4
 from warpgrasp.core.sincos import sine_cosine
 
 JOINTS = 6
@@ -148,9 +148,16 @@ def link_turn(pose: ChainPose, joint: int):
 
 
 @wp.func
+def placed(joint: vec3, turn: vec4, at: vec3):
+    """A place of a link whose joint and turn are rows of a ChainPose: where many are wanted, since
+    a pose that is handed on is copied."""
+    return joint + wp.quat_rotate(quat(turn[0], turn[1], turn[2], turn[3]), at)
+
+
+@wp.func
 def link_place(pose: ChainPose, joint: int, at: vec3):
     """A place of a joint's link."""
-    return pose.at[joint] + wp.quat_rotate(link_turn(pose, joint), at)
+    return placed(pose.at[joint], pose.turn[joint], at)
 
 
 @wp.func
@@ -185,7 +192,7 @@ def chain_weight(hand: Chain, pose: ChainPose):
             j = hand.joint_count - 1 - beyond
             row = chain_joint(hand, j)
             carried += row.weight
-            moment += link_place(pose, j, row.centre) * row.weight
+            moment += placed(pose.at[j], pose.turn[j], row.centre) * row.weight
             arm = moment - pose.at[j] * carried
             axis = pose.axis[j]
             turns[row.drive] -= row.factor * (axis[0] * arm[1] - axis[1] * arm[0])

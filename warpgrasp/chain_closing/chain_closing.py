@@ -151,5 +151,6 @@ def _slack(
 ) -> tuple[wp.array, wp.array]:
     """How near pairs of capsules can come, kept for the next launch of the same robots."""
     _, come = _on_device(hand, table, contact, errors, shape, commands, device)
+    palm, _, pairs = pairs_on_device(hand, CLOSE_M, device)
     return pair_slack(hand, table, contact, errors, np.frombuffer(commands).reshape(shape), come,
-                      *pairs_on_device(hand, CLOSE_M, device), device)
+                      palm, pairs, device)

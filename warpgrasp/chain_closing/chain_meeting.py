@@ -11,7 +11,7 @@ from warpgrasp.chain.chain_hand import ChainHand, capsule_ends, closing_way
 from warpgrasp.chain.chain_kernel import CAPSULES
 from warpgrasp.chain_closing.chain_meeting_kernel import chain_meeting_kernel
 from warpgrasp.chain_closing.chain_near_kernel import chain_near_kernel
-from warpgrasp.core.dtypes import vec3
+from warpgrasp.core.dtypes import vec3, vec4
 from warpgrasp.core.kernel_launch import launch
 from warpgrasp.core.struct_array import Records, record_type
 from warpgrasp.finger.chain_energy import ChainRest
@@ -25,12 +25,12 @@ CLOSE_M = 3e-3
 """Links that are as near in the open hand are built so, and do not count as touching."""
 _SHAPES = {
     "body": "some", "body_pose": "world", "hands": "robots finger", "believed": "1 finger",
-    "sensors": "feelers finger", "palm": "bar 2", "pairs": "pair",
+    "sensors": "feelers finger", "palm": "bar 2", "palm_balls": "bar", "pairs": "pair",
     "key": "world", "probe_number": "world probe", "hand_pose": "world probe",
     "path": "grasp finger step", "come": f"grasp finger {CAPSULES} step",
     "command_count": "grasp", "order": "orders grasp pair", "slack": "orders grasp pair",
     "place": "row", "near": "row", "state": "row slot", "meetings": f"row {MEETINGS}",
-    "ends": "row every 2", "frictions": "rubs finger", "grips": "rubs slot",
+    "ends": "row every 2", "balls": "row every", "frictions": "rubs finger", "grips": "rubs slot",
     "felt": "world probe grasp finger", "truth": "world probe grasp finger"}
 
 
@@ -50,8 +50,9 @@ def resolve_meetings(
     place = np.argwhere(np.isin(status, (ProbeStatus.CONTACT, ProbeStatus.NO_CONTACT)))
     if len(place) == 0:
         return
-    palm, pairs = pairs_on_device(hand, CLOSE_M, device)
-    every = {**given, "palm": palm, "pairs": pairs, "order": order, "slack": slack}
+    palm, palm_balls, pairs = pairs_on_device(hand, CLOSE_M, device)
+    every = {**given, "palm": palm, "palm_balls": palm_balls, "pairs": pairs, "order": order,
+             "slack": slack}
     near = _rows(chain_near_kernel, hand, place, every, rubs, device)
     some = near >= 0
     if some.any():
@@ -72,7 +73,8 @@ def _rows(kernel: Any, hand: ChainHand, place: np.ndarray, given: Mapping[str, A
     scratch = {
         "state": state.array, "meetings": meetings.array, "frictions": frictions.array,
         "grips": grips.array,
-        "ends": wp.zeros((n, hand.fingers * CAPSULES, 2), dtype=vec3, device=device)}
+        "ends": wp.zeros((n, hand.fingers * CAPSULES, 2), dtype=vec3, device=device),
+        "balls": wp.zeros((n, hand.fingers * CAPSULES), dtype=vec4, device=device)}
     values = {**given, **scratch, "near": found,
               "place": wp.array(place.astype(np.int32), dtype=wp.vec3i, device=device)}
     # Here worlds are no axis of the launch: their number is stated by an array that has them all.
@@ -112,9 +114,11 @@ def palm_of(hand: ChainHand, close_m: float = CLOSE_M
 
 
 @lru_cache(maxsize=16)
-def pairs_on_device(hand: ChainHand, close_m: float, device: str) -> tuple[wp.array, wp.array]:
-    """The palm's capsules (bar, 2) and the pairs of capsules that are not nearer than `close_m` in
-    the open hand, (pair,), as kernels take them."""
+def pairs_on_device(hand: ChainHand, close_m: float, device: str
+                    ) -> tuple[wp.array, wp.array, wp.array]:
+    """The palm's capsules (bar, 2), the balls around their axes (bar,), middles and radii, and the
+    pairs of capsules that are not nearer than `close_m` in the open hand, (pair,), as kernels take
+    them."""
     ends, thick, barred = palm_of(hand, close_m)
     whole = hand.fingers * CAPSULES
     free = ~barred
@@ -129,7 +133,8 @@ def pairs_on_device(hand: ChainHand, close_m: float, device: str) -> tuple[wp.ar
     for f, own in enumerate(hand.capsules):
         radius[f * CAPSULES:f * CAPSULES + len(own)] = [c.radius for c in own]
     pairs["both"] = radius[row] + radius[other]
-    return (wp.array(ends, dtype=vec3, device=device),
+    balls = np.column_stack([ends.mean(1), np.linalg.norm(ends[:, 1] - ends[:, 0], axis=-1) / 2])
+    return (wp.array(ends, dtype=vec3, device=device), wp.array(balls, dtype=vec4, device=device),
             wp.array(pairs, dtype=CapsulePair, device=device))
 
 

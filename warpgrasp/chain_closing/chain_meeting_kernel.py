@@ -15,7 +15,7 @@ from warpgrasp.chain.torque_sensor_kernel import TorqueSensor, guard_reading
 from warpgrasp.chain_closing.chain_closing_kernel import guarded_torque, tip_force
 from warpgrasp.chain_closing.chain_near_kernel import first_near
 from warpgrasp.chain_closing.chain_record import ChainClosingRow, ChainTruthRow, hand_from_body
-from warpgrasp.core.dtypes import ONE, ZERO, real, transform, vec3
+from warpgrasp.core.dtypes import ONE, ZERO, real, transform, vec3, vec4
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key
 from warpgrasp.finger.chain_energy import ChainRest, free_chain
@@ -56,6 +56,7 @@ def chain_meeting_kernel(
     believed: wp.array2d[Chain],
     sensors: wp.array2d[TorqueSensor],
     palm: wp.array2d[vec3],
+    palm_balls: wp.array[vec4],
     pairs: wp.array[CapsulePair],
     order: wp.array3d[int],
     slack: wp.array3d[real],
@@ -72,6 +73,7 @@ def chain_meeting_kernel(
     state: wp.array2d[ChainRest],
     meetings: wp.array2d[ChainMeeting],
     ends: wp.array3d[vec3],
+    balls: wp.array2d[vec4],
     frictions: wp.array2d[ChainFriction],
     grips: wp.array2d[ChainGrip],
     # Made right:
@@ -97,8 +99,10 @@ def chain_meeting_kernel(
     command = hand_angles()
     build = ChainBuild()
     build.palm = palm
+    build.palm_balls = palm_balls
     build.pairs = pairs
     build.ends = ends
+    build.balls = balls
     build.order = order
     build.slack = slack
     build.world = w % order.shape[0]

@@ -10,7 +10,7 @@ import warp as wp
 
 from warpgrasp.chain.chain_kernel import Chain, past_stops, turned_by_weight, vec6
 from warpgrasp.chain_closing.chain_record import ChainClosingRow, ChainTruthRow, hand_from_body
-from warpgrasp.core.dtypes import HALF, ZERO, lesser, real, transform, vec3
+from warpgrasp.core.dtypes import HALF, ZERO, lesser, real, transform, vec3, vec4
 from warpgrasp.finger.path_record import true_command
 from warpgrasp.geometry.segment_pair import segment_pair
 from warpgrasp.hand_rest.chain_meetings import (
@@ -127,13 +127,14 @@ def first_near(
                 moving = moving | (1 << f)
             if s >= row.step:
                 if row.step > seen or s == begin:
-                    place_finger(hand, true.q, build.ends, i, f)
+                    place_finger(hand, true.q, build.ends, build.balls, i, f)
             else:
                 command = true_command(hand, path, g, f, s)
                 if s == begin or s - seen > _SOON:
                     sag[f] = turned_by_weight(hand, base, command)
                 sag[f] = turned_by_weight(hand, base, command + sag[f])
-                place_finger(hand, past_stops(hand, command + sag[f]), build.ends, i, f)
+                place_finger(hand, past_stops(hand, command + sag[f]), build.ends, build.balls, i,
+                             f)
             if true.touched > s:
                 ahead = wp.min(ahead, true.touched)  # from there on it may be off farther
         for k in range(count):
@@ -162,6 +163,7 @@ def chain_near_kernel(
     # Robot:
     hands: wp.array2d[Chain],
     palm: wp.array2d[vec3],
+    palm_balls: wp.array[vec4],
     pairs: wp.array[CapsulePair],
     order: wp.array3d[int],
     slack: wp.array3d[real],
@@ -176,6 +178,7 @@ def chain_near_kernel(
     truth: wp.array4d[ChainTruthRow],
     # Scratch:
     ends: wp.array3d[vec3],
+    balls: wp.array2d[vec4],
     # Out:
     near: wp.array[int],
 ):
@@ -186,8 +189,10 @@ def chain_near_kernel(
     base = hand_from_body(body_pose, hand_pose, w, place[i][1])
     build = ChainBuild()
     build.palm = palm
+    build.palm_balls = palm_balls
     build.pairs = pairs
     build.ends = ends
+    build.balls = balls
     build.order = order
     build.slack = slack
     build.world = w % order.shape[0]

@@ -12,7 +12,7 @@ from warpgrasp.chain_closing.chain_meeting import CLOSE_M, pairs_on_device
 from warpgrasp.chain_closing.chain_path import padded
 from warpgrasp.chain_closing.chain_self_kernel import chain_self_gap_kernel
 from warpgrasp.closing.closing import Closing
-from warpgrasp.core.dtypes import real, vec3
+from warpgrasp.core.dtypes import real, vec3, vec4
 from warpgrasp.core.kernel_launch import launch
 from warpgrasp.mechanism.calibration import no_errors
 from warpgrasp.parameters import ContactTable, ErrorTable, HandTable, SensorTable
@@ -33,25 +33,26 @@ def chain_self_contacts(
     rows = closing.status[..., 0].size
     # Of links that the open hand has as near nothing can be told.
     margin = chain_self_margin(hand, sensors, errors)
-    palm, pairs = pairs_on_device(hand, max(margin, CLOSE_M), device)
+    palm, palm_balls, pairs = pairs_on_device(hand, max(margin, CLOSE_M), device)
     read = closing.q_rad.reshape(rows, hand.fingers, -1).copy()
     # Drives that a finger has not stand at zero; a finger that was not closed is not finite.
     for f, own in enumerate(hand.drives):
         read[:, f, len(own):] = 0.0
     gap = wp.empty((rows, hand.fingers), dtype=real, device=device)
     launch(chain_self_gap_kernel, {"row": rows}, {
-        "believed": "1 finger", "palm": "bar 2", "pairs": "pair",
+        "believed": "1 finger", "palm": "bar 2", "palm_balls": "bar", "pairs": "pair",
         "q": "row finger", "step": "row finger", "grasp": "row", "path": "grasps finger step",
-        "ends": "row every 2", "gap": "row finger"}, {
+        "ends": "row every 2", "balls": "row every", "gap": "row finger"}, {
         "believed": true_chains(hand, table, ContactTable(), no_errors(hand.fingers, 6, 6),
                                 device),
-        "palm": palm, "pairs": pairs,
+        "palm": palm, "palm_balls": palm_balls, "pairs": pairs,
         "q": wp.array(padded(read), dtype=vec6, device=device),
         "step": wp.array(closing.step.reshape(rows, -1), dtype=int, device=device),
         "grasp": wp.array(np.broadcast_to(np.arange(shape[2]), shape[:3]).ravel(), dtype=int,
                           device=device),
         "path": wp.array(padded(commands_rad), dtype=vec6, device=device),
         "ends": wp.zeros((rows, hand.fingers * CAPSULES, 2), dtype=vec3, device=device),
+        "balls": wp.zeros((rows, hand.fingers * CAPSULES), dtype=vec4, device=device),
         "gap": gap}, device=device)
     return np.asarray(gap.numpy().reshape(shape) < margin)
 

@@ -4,7 +4,7 @@
 import warp as wp
 
 from warpgrasp.chain.chain_kernel import Chain, vec6
-from warpgrasp.core.dtypes import real, vec3
+from warpgrasp.core.dtypes import real, vec3, vec4
 from warpgrasp.hand_rest.chain_meetings import (
     CapsulePair,
     ChainBuild,
@@ -22,6 +22,7 @@ def chain_self_gap_kernel(
     # Robot:
     believed: wp.array2d[Chain],
     palm: wp.array2d[vec3],
+    palm_balls: wp.array[vec4],
     pairs: wp.array[CapsulePair],
     # Drives in, a row a hand:
     q: wp.array2d[vec6],
@@ -30,6 +31,7 @@ def chain_self_gap_kernel(
     path: wp.array3d[vec6],
     # Scratch:
     ends: wp.array3d[vec3],
+    balls: wp.array2d[vec4],
     # Gap out:
     gap: wp.array2d[real],
 ):
@@ -39,8 +41,10 @@ def chain_self_gap_kernel(
     fingers = believed.shape[1]
     build = ChainBuild()
     build.palm = palm
+    build.palm_balls = palm_balls
     build.pairs = pairs
     build.ends = ends
+    build.balls = balls
     for f in range(fingers):
         least = real(_FAR)
         if wp.isfinite(q[i, f][0]):
@@ -48,7 +52,7 @@ def chain_self_gap_kernel(
                 there = q[i, other]
                 if step[i, other] > step[i, f] or not wp.isfinite(there[0]):
                     there = path[grasp[i], other, wp.max(step[i, f], 0)]
-                place_finger(believed[0, other], there, ends, i, other)
+                place_finger(believed[0, other], there, ends, balls, i, other)
             for k in range(pairs.shape[0]):
                 if pairs[k].one == f or pairs[k].two == f:
                     least = wp.min(least, pair_gap(build, pairs[k], i, least))

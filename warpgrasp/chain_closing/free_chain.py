@@ -13,7 +13,7 @@ from warpgrasp.chain.chain_kernel import (
     chain_capsule,
     chain_free_joints,
     chain_pose,
-    link_place,
+    placed,
     vec6,
     vec12,
 )
@@ -72,8 +72,10 @@ def advance_chain(
             for c in range(hand.capsule_count):
                 if come[g, finger, c, s] >= free.until[c]:
                     capsule = chain_capsule(hand, c)
-                    a = link_place(pose, capsule.joint, capsule.start)
-                    u = link_place(pose, capsule.joint, capsule.end) - a
+                    at = pose.at[capsule.joint]
+                    turn = pose.turn[capsule.joint]
+                    a = placed(at, turn, capsule.start)
+                    u = placed(at, turn, capsule.end) - a
                     length = wp.length(u)
                     if length > ZERO:
                         u = u / length

@@ -21,6 +21,7 @@ from warpgrasp.chain.chain_kernel import (
     chain_weight,
     link_place,
     mat66,
+    placed,
     vec6,
     vec12,
 )
@@ -119,8 +120,10 @@ def finger_energy(  # noqa: F811 (an overload)
     for c in range(hand.capsule_count):
         capsule = chain_capsule(hand, c)
         joint = capsule.joint
-        a = link_place(pose, joint, capsule.start)
-        u = link_place(pose, joint, capsule.end) - a
+        at = pose.at[joint]
+        turn = pose.turn[joint]
+        a = placed(at, turn, capsule.start)
+        u = placed(at, turn, capsule.end) - a
         length = wp.length(u)
         if length > ZERO:
             u = u / length
@@ -159,7 +162,7 @@ def finger_energy(  # noqa: F811 (an overload)
         for j in range(hand.joint_count):
             row = chain_joint(hand, j)
             if row.weight > ZERO:
-                rest.energy += row.weight * link_place(pose, j, row.centre)[2]
+                rest.energy += row.weight * placed(pose.at[j], pose.turn[j], row.centre)[2]
     rest.energy += rest.pressed
     rest.gradient += rest.drive
     return rest

@@ -13,10 +13,10 @@ from warpgrasp.chain.chain_kernel import (
     chain_capsule,
     chain_jacobian,
     chain_pose,
-    link_place,
+    placed,
     vec6,
 )
-from warpgrasp.core.dtypes import HALF, real, struct, transform, vec3
+from warpgrasp.core.dtypes import HALF, real, struct, transform, vec3, vec4
 from warpgrasp.finger.path_record import true_command
 from warpgrasp.geometry.segment_pair import segment_pair
 from warpgrasp.hand_rest.meetings import (
@@ -66,7 +66,8 @@ class CapsulePair:
 @struct
 class ChainBuild:
     """What else decides where links meet: the palm's capsules (bar, 2), the pairs, and room for the
-    ends of capsules (row, capsule, 2), in the hand's frame [m].
+    ends of capsules (row, capsule, 2), in the hand's frame [m], with the balls around their axes
+    (bar and row, capsule): middles, and half their lengths.
 
     `order` (world, grasp, pair) numbers the pairs by their `slack`, the least first: how near they
     come on the way of a grasp while nothing holds their fingers, at least [m]. Of this hand's
@@ -74,8 +75,10 @@ class ChainBuild:
     """
 
     palm: wp.array2d[vec3]
+    palm_balls: wp.array[vec4]
     pairs: wp.array[CapsulePair]
     ends: wp.array3d[vec3]
+    balls: wp.array2d[vec4]
     order: wp.array3d[int]
     slack: wp.array3d[real]
     world: int
@@ -110,20 +113,37 @@ def true_command(  # noqa: F811
 
 
 @wp.func
-def place_finger(hand: Chain, q: vec6, ends: wp.array3d[vec3], i: int, finger: int):
-    """Notes both ends of a finger's capsules in the hand's frame, in row `i` of `ends`."""
+def place_finger(
+    hand: Chain, q: vec6, ends: wp.array3d[vec3], balls: wp.array2d[vec4], i: int, finger: int
+):
+    """Notes both ends of a finger's capsules in the hand's frame, in row `i` of `ends`, and the
+    balls around them."""
     pose = chain_pose(hand, wp.transform_identity(dtype=wp.float64), q)
     for c in range(hand.capsule_count):
         capsule = chain_capsule(hand, c)
-        ends[i, finger * CAPSULE_ROWS + c, 0] = link_place(pose, capsule.joint, capsule.start)
-        ends[i, finger * CAPSULE_ROWS + c, 1] = link_place(pose, capsule.joint, capsule.end)
+        at = pose.at[capsule.joint]
+        turn = pose.turn[capsule.joint]
+        a = placed(at, turn, capsule.start)
+        b = placed(at, turn, capsule.end)
+        row = finger * CAPSULE_ROWS + c
+        ends[i, row, 0] = a
+        ends[i, row, 1] = b
+        middle = (a + b) * HALF
+        balls[i, row] = vec4(middle[0], middle[1], middle[2], wp.length(b - a) * HALF)
 
 
 @wp.func
-def _within(a: vec3, b: vec3, c: vec3, d: vec3, reach: real):
-    """Whether two segments may be nearer than `reach`: by balls around them."""
-    apart = wp.length((a + b - c - d) * HALF)
-    return apart < reach + (wp.length(b - a) + wp.length(d - c)) * HALF
+def _balls_apart(build: ChainBuild, pair: CapsulePair, i: int):
+    """The square of the distance of the middles of a pair's balls [m2], and how far apart they are
+    where the skins around them touch [m]."""
+    one = build.balls[i, pair.one * CAPSULE_ROWS + pair.capsule]
+    two = build.palm_balls[wp.where(pair.two < 0, pair.other, 0)]
+    if pair.two >= 0:
+        two = build.balls[i, pair.two * CAPSULE_ROWS + pair.other]
+    x = one[0] - two[0]
+    y = one[1] - two[1]
+    z = one[2] - two[2]
+    return x * x + y * y + z * z, one[3] + two[3] + pair.both
 
 
 @wp.func
@@ -183,13 +203,13 @@ def pairs_that_may(
 @wp.func
 def pair_gap(build: ChainBuild, pair: CapsulePair, i: int, enough: real):
     """How far the skins of a pair are apart [m]; by balls around them where that is `enough`."""
-    a = build.ends[i, pair.one * CAPSULE_ROWS + pair.capsule, 0]
-    b = build.ends[i, pair.one * CAPSULE_ROWS + pair.capsule, 1]
-    c = _pair_end(pair, build.palm, build.ends, i, 0)
-    d = _pair_end(pair, build.palm, build.ends, i, 1)
-    gap = wp.length((a + b - c - d) * HALF) - (
-        wp.length(b - a) + wp.length(d - c)) * HALF - pair.both
+    square, touching = _balls_apart(build, pair, i)
+    gap = wp.sqrt(square) - touching
     if gap < enough:
+        a = build.ends[i, pair.one * CAPSULE_ROWS + pair.capsule, 0]
+        b = build.ends[i, pair.one * CAPSULE_ROWS + pair.capsule, 1]
+        c = _pair_end(pair, build.palm, build.ends, i, 0)
+        d = _pair_end(pair, build.palm, build.ends, i, 1)
         gap = segment_pair(a, b, c, d).apart - pair.both
     return gap
 
@@ -230,17 +250,18 @@ def find_meetings(  # noqa: F811
             looked = looked | (1 << pair.two)
     for f in range(hands.shape[1]):
         if (looked & (1 << f)) != 0:
-            place_finger(hands[own, f], q[f], build.ends, i, f)
+            place_finger(hands[own, f], q[f], build.ends, build.balls, i, f)
     still = wp.transform_identity(dtype=wp.float64)
     count = int(0)
     for k in range(build.count):
         pair = ordered_pair(build, k)
-        a = build.ends[i, pair.one * CAPSULE_ROWS + pair.capsule, 0]
-        b = build.ends[i, pair.one * CAPSULE_ROWS + pair.capsule, 1]
-        c = _pair_end(pair, build.palm, build.ends, i, 0)
-        d = _pair_end(pair, build.palm, build.ends, i, 1)
-        if _within(a, b, c, d, pair.both + _NEAR):
-            near = segment_pair(a, b, c, d)
+        square, touching = _balls_apart(build, pair, i)
+        reach = touching + _NEAR
+        if square < reach * reach:
+            near = segment_pair(build.ends[i, pair.one * CAPSULE_ROWS + pair.capsule, 0],
+                                build.ends[i, pair.one * CAPSULE_ROWS + pair.capsule, 1],
+                                _pair_end(pair, build.palm, build.ends, i, 0),
+                                _pair_end(pair, build.palm, build.ends, i, 1))
             if near.apart < pair.both + _NEAR:
                 hand = hands[own, pair.one]
                 by_one = chain_jacobian(

@@ -16,7 +16,7 @@ from warpgrasp.chain.chain_kernel import (
     chain_joint,
     chain_pose,
     chain_weight,
-    link_place,
+    placed,
     vec6,
 )
 from warpgrasp.core.dtypes import ONE, ZERO, real, struct, transform, vec3
@@ -182,8 +182,10 @@ def finger_balance(  # noqa: F811
     table = len(at.rest.depth)  # the contacts with it come after those with the body
     for c in range(hand.capsule_count):
         capsule = chain_capsule(hand, c)
-        a = link_place(pose, capsule.joint, capsule.start)
-        u = link_place(pose, capsule.joint, capsule.end) - a
+        joint = pose.at[capsule.joint]
+        turn = pose.turn[capsule.joint]
+        a = placed(joint, turn, capsule.start)
+        u = placed(joint, turn, capsule.end) - a
         length = wp.length(u)
         u = wp.normalize(u)
         before = last.depth[c]

@@ -45,7 +45,7 @@ def test_no_robot_brings_capsules_nearer_than_their_slack(kind: str) -> None:
     errors = draw_calibration(
         replace(ErrorTable.none(), joint_offset_rad=np.radians(0.5)), key, fingers=hand.fingers,
         joints=JOINTS, links=JOINTS)
-    palm, pairs = pairs_on_device(hand, CLOSE_M, "cpu")
+    palm, _, pairs = pairs_on_device(hand, CLOSE_M, "cpu")
     come = wp.array(come_bounds(hand, TABLE, contact, errors, commands), dtype=real, device="cpu")
     order, slack = pair_slack(hand, TABLE, contact, errors, commands, come, palm, pairs, "cpu")
     turns = np.random.default_rng(0).normal(size=(3, 4, 4))
