@@ -30,7 +30,7 @@ from warpgrasp.hand_rest.chain_meetings import (
     ChainBuild,
     ChainMeeting,
     hand_angles,
-    pairs_that_may,
+    near_pairs,
 )
 from warpgrasp.hand_rest.hand_balance import hand_balance
 from warpgrasp.hand_rest.hand_equilibrium import hand_energy, hand_equilibrium, move_commands
@@ -74,6 +74,8 @@ def chain_meeting_kernel(
     meetings: wp.array2d[ChainMeeting],
     ends: wp.array3d[vec3],
     balls: wp.array2d[vec4],
+    listed: wp.array2d[int],
+    listed_at: wp.array2d[vec6],
     frictions: wp.array2d[ChainFriction],
     grips: wp.array2d[ChainGrip],
     # Made right:
@@ -103,6 +105,8 @@ def chain_meeting_kernel(
     build.pairs = pairs
     build.ends = ends
     build.balls = balls
+    build.listed = listed
+    build.listed_at = listed_at
     build.order = order
     build.slack = slack
     build.world = w % order.shape[0]
@@ -135,7 +139,7 @@ def chain_meeting_kernel(
                                               LINK_SAMPLES, NO_FRICTION)
                 state[i, f] = rest
                 q[f] = rest.q
-            build.count = pairs_that_may(hands, own, build, command, q, hand_angles())
+            build = near_pairs(hands, own, build, command, q, hand_angles(), i, 1)
             if hands[own, 0].friction > ZERO:
                 count = hand_balance(scene, which, hands, own, base, build, command, q, state, i, 0,
                                      0, LINK_SAMPLES, 0, meetings, grips)
@@ -153,7 +157,7 @@ def chain_meeting_kernel(
         now_at = hand_angles()
         for f in range(fingers):
             now_at[f] = state[i, f].q
-        build.count = pairs_that_may(hands, own, build, command, now_at, moves)
+        build = near_pairs(hands, own, build, command, now_at, moves, i, 0)
         move_commands(hands, own, build, moves, state, i)
         if hands[own, 0].friction > ZERO:
             count = rubbing_hand(scene, which, hands, own, base, build, command, moves, state, i,

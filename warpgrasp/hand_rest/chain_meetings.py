@@ -33,6 +33,8 @@ CAPSULE_ROWS = wp.constant(CAPSULES)
 """Of a finger, in a row of all capsules of a hand."""
 _MEETINGS = wp.constant(MEETINGS)
 _NEAR = wp.constant(real(2e-3))  # [m]: links nearer than this may meet in a step
+_ROOM = wp.constant(real(1.5e-2))  # [m]: two fingers come less far together before pairs are listed
+_MORE = wp.constant(real(5e-3))  # [m]: and may be off their commands by as much more
 hand_angles = wp.types.matrix(shape=(FINGERS, 6), dtype=real)
 
 
@@ -71,7 +73,11 @@ class ChainBuild:
 
     `order` (world, grasp, pair) numbers the pairs by their `slack`, the least first: how near they
     come on the way of a grasp while nothing holds their fingers, at least [m]. Of this hand's
-    (`world`, `grasp`) the first `count` are looked at.
+    (`world`, `grasp`) the first `count` may be near.
+
+    Those of the first `within` that were so near when the drives were `listed_at` (row, finger)
+    that they may meet before a finger has come far are `listed` (row, number), `listed_count` of
+    them, of the fingers `looked` (a bit each); see `near_pairs`.
     """
 
     palm: wp.array2d[vec3]
@@ -84,6 +90,11 @@ class ChainBuild:
     world: int
     grasp: int
     count: int
+    listed: wp.array2d[int]
+    listed_at: wp.array2d[vec6]
+    listed_count: int
+    within: int
+    looked: int
 
 
 @wp.func
@@ -185,19 +196,24 @@ def off_command(hand: Chain, turn: vec6):
 
 
 @wp.func
-def pairs_that_may(
-    hands: wp.array2d[Chain], own: int, build: ChainBuild, command: hand_angles, q: hand_angles,
-    moves: hand_angles
-):
-    """How many pairs may be near in a step that moves the commands of fingers at drives `q`."""
-    most = real(0.0)  # that any two fingers are off their commands [m]
+def _pair_fingers(pair: CapsulePair):
+    """A bit for each finger of a pair."""
+    both = 1 << pair.one
+    if pair.two >= 0:
+        both = both | (1 << pair.two)
+    return both
+
+
+@wp.func
+def _moved(hands: wp.array2d[Chain], own: int, build: ChainBuild, q: hand_angles, i: int):
+    """How much nearer two fingers may have come since pairs were listed [m]."""
+    most = real(0.0)
     second = real(0.0)
     for f in range(hands.shape[1]):
-        hand = hands[own, f]
-        off = off_command(hand, command[f] - q[f]) + off_command(hand, moves[f])
+        off = off_command(hands[own, f], q[f] - build.listed_at[i, f])
         second = wp.max(second, wp.min(most, off))
         most = wp.max(most, off)
-    return pairs_within(build, most + second + _NEAR)
+    return most + second
 
 
 @wp.func
@@ -212,6 +228,44 @@ def pair_gap(build: ChainBuild, pair: CapsulePair, i: int, enough: real):
         d = _pair_end(pair, build.palm, build.ends, i, 1)
         gap = segment_pair(a, b, c, d).apart - pair.both
     return gap
+
+
+@wp.func
+def near_pairs(
+    hands: wp.array2d[Chain], own: int, build: ChainBuild, command: hand_angles, q: hand_angles,
+    moves: hand_angles, i: int, anew: int
+):
+    """`build` with the pairs that may be near in a step that moves the commands of fingers at
+    drives `q`, listed `anew`, or where those listed before may not be all."""
+    now = build
+    most = real(0.0)  # that any two fingers are off their commands [m]
+    second = real(0.0)
+    for f in range(hands.shape[1]):
+        hand = hands[own, f]
+        off = off_command(hand, command[f] - q[f]) + off_command(hand, moves[f])
+        second = wp.max(second, wp.min(most, off))
+        most = wp.max(most, off)
+    now.count = pairs_within(build, most + second + _NEAR)
+    if anew == 0 and now.count <= build.within and (
+            _moved(hands, own, build, q + moves, i) < _ROOM):
+        return now
+    now.within = pairs_within(build, most + second + _NEAR + _MORE)
+    looked = int(0)
+    for k in range(now.within):
+        looked = looked | _pair_fingers(ordered_pair(build, k))
+    for f in range(hands.shape[1]):
+        build.listed_at[i, f] = q[f]
+        if (looked & (1 << f)) != 0:
+            place_finger(hands[own, f], q[f], build.ends, build.balls, i, f)
+    now.looked = int(0)
+    now.listed_count = int(0)
+    for k in range(now.within):
+        pair = ordered_pair(build, k)
+        if pair_gap(build, pair, i, _NEAR + _ROOM) < _NEAR + _ROOM:
+            build.listed[i, now.listed_count] = k
+            now.listed_count = now.listed_count + 1
+            now.looked = now.looked | _pair_fingers(pair)
+    return now
 
 
 @wp.func
@@ -242,18 +296,23 @@ def find_meetings(  # noqa: F811
     meetings: wp.array2d[ChainMeeting], i: int
 ):
     """Notes the pairs of capsules that touch or are near, in row `i`; returns their number."""
-    looked = int(0)
-    for k in range(build.count):
-        pair = ordered_pair(build, k)
-        looked = looked | (1 << pair.one)
-        if pair.two >= 0:
-            looked = looked | (1 << pair.two)
+    looked = build.looked
+    pairs = build.listed_count
+    listed = int(1)
+    if _moved(hands, own, build, q, i) > _ROOM:
+        listed = int(0)
+        pairs = build.count
+        for k in range(pairs):
+            looked = looked | _pair_fingers(ordered_pair(build, k))
     for f in range(hands.shape[1]):
         if (looked & (1 << f)) != 0:
             place_finger(hands[own, f], q[f], build.ends, build.balls, i, f)
     still = wp.transform_identity(dtype=wp.float64)
     count = int(0)
-    for k in range(build.count):
+    for n in range(pairs):
+        k = int(n)
+        if listed == 1:
+            k = build.listed[i, n]
         pair = ordered_pair(build, k)
         square, touching = _balls_apart(build, pair, i)
         reach = touching + _NEAR
