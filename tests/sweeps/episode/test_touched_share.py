@@ -7,6 +7,7 @@ import pytest
 
 from strategies.ready_made import STRATEGIES
 from strategies.recovery.evidence import TABLE_MARGIN_M
+from sweeps.episode import touched_share
 from sweeps.episode.episodes import run_episodes
 from sweeps.episode.touched_share import NEAR_M, TouchedSurface, open_surface, touched_points
 from sweeps.spec.cell import Cell
@@ -54,6 +55,15 @@ def test_no_contact_covers_nothing() -> None:
     assert not touched_points(surface, np.zeros((0, 3))).any()
     assert touched_points(surface, surface).all()
     assert surface[:, 2].min() > TABLE_MARGIN_M
+
+
+def test_few_contacts_cover_what_a_tree_finds(monkeypatch: pytest.MonkeyPatch) -> None:
+    surface = open_surface(body_from_name("block"))
+    contacts = surface[::40] + 0.004
+    few = touched_points(surface, contacts)
+    monkeypatch.setattr(touched_share, "FEW_PAIRS", 0)
+    assert few.any() and not few.all()
+    assert (few == touched_points(surface, contacts)).all()
 
 
 def test_rows_and_curves_have_the_share() -> None:
