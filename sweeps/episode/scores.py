@@ -46,9 +46,9 @@ DISCS = 8192
 """Points from which the distance to a body without an exact one is found."""
 ON_M = 2e-5
 """What is farther from such a surface, by the body's own distance, is not on it."""
-WORLDS_AT_ONCE = 512
-"""More at once leave the caches: 16,384 took 2 GiB and a third more time each. Of dense samples as
-many fewer."""
+WORLDS_AT_ONCE = 64
+"""More at once leave the caches: 512 took a twentieth more time each, 16,384 a third and 2 GiB. Of
+dense samples as many fewer."""
 
 
 class Samples(NamedTuple):
@@ -141,6 +141,8 @@ def _recovered(
     if len(turned) and recovered.revolution is not None:
         parts.append(_revolutions(recovered.revolution[turned], sample, body_pose[turned],
                                   elements, device))
+    if len(parts) == 1:
+        return parts[0]
     order = np.argsort(np.concatenate([others, turned]), kind="stable")
     return rows_of(joined(parts), order)
 
