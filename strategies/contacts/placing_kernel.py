@@ -14,7 +14,19 @@ from typing import Any
 import warp as wp
 
 from strategies.contacts.link_places import direction_at, jacobian_at, start_at
-from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat33, real, struct, transform, vec2, vec3, vec4
+from warpgrasp.core.dtypes import (
+    HALF,
+    ONE,
+    TWO,
+    ZERO,
+    mat33,
+    real,
+    struct,
+    transform,
+    vec2,
+    vec3,
+    vec4,
+)
 from warpgrasp.core.sincos import sine_cosine
 from warpgrasp.geometry.sdf_superquadric import SuperquadricShape, superquadric_deformed_gauge
 from warpgrasp.mechanism.utah_mit_hand_kernel import (
@@ -52,13 +64,29 @@ NEGLIGIBLE = wp.constant(real(60.0))
 
 
 @struct
-class Place:
-    """Sums over the places of one link, each weighted by exp((least - chi-square) / 2)."""
+class Around:
+    """Sums over the directions at one place along an axis, each weighted by exp((least -
+    chi-square) / 2) and by how much narrower than one the spread of the torques is."""
 
     least: real
-    """The smallest cost so far: twice the negative logarithm of the posterior."""
+    """The smallest chi-square so far, the body's distance aside."""
+    weight: real
+    outward: vec3
+    most: real
+    """The largest weight of a direction."""
     misfit: real
     """Chi-square there."""
+
+
+@struct
+class Place:
+    """Sums over the places of one link, weighted so."""
+
+    least: real
+    """The smallest chi-square so far, that of the body's distance included."""
+    misfit: real
+    """Chi-square where the weight, `most`, is largest."""
+    most: real
     weight: real
     along: real
     axis: vec3
@@ -121,16 +149,17 @@ def _unexplained(
     f: Any, link: int, x: vec3, d: vec3, radius: real, lean: real, felt: Any, root: Any,
     total: real
 ):
-    """What the best push along -d at x leaves of the torques: chi-square, and the logarithm of how
-    much wider a force that leans makes their spread. `lean` is the deviation of its lean."""
+    """What the best push along -d at x leaves of the torques: chi-square, and one over how much
+    wider a force that leans makes their spread. `lean` is the deviation of its lean."""
     j = wp.cw_mul(jacobian_at(f, link, x, d), root)
     size = wp.max(wp.dot(j, j), _TINY)
     push = wp.max(wp.dot(j, felt), ZERO)
     if lean == ZERO:
-        return vec2(total - push * push / size, ZERO)
+        return vec2(total - push * push / size, ONE)
     # Spread of the torques: one, and that of a force along the surface both ways, for the push
     # that explains most without it.
-    one = wp.normalize(wp.cross(direction_at(f, link), d))
+    one = wp.cross(direction_at(f, link), d)
+    one *= ONE / wp.max(wp.length(one), _TINY)
     two = wp.cross(d, one)
     skin = x + d * radius
     a = wp.cw_mul(jacobian_at(f, link, skin, one), root) * (lean * push / size)
@@ -138,53 +167,76 @@ def _unexplained(
     aa = ONE + wp.dot(a, a)
     bb = ONE + wp.dot(b, b)
     ab = wp.dot(a, b)
-    wider = aa * bb - ab * ab
+    narrower = ONE / (aa * bb - ab * ab)
     # The inverse of that spread, times j and times the torques (Woodbury).
     ja = wp.dot(j, a)
     jb = wp.dot(j, b)
     fa = wp.dot(felt, a)
     fb = wp.dot(felt, b)
-    jj = wp.dot(j, j) - (bb * ja * ja - real(2.0) * ab * ja * jb + aa * jb * jb) / wider
-    jf = wp.dot(j, felt) - (bb * ja * fa - ab * (ja * fb + jb * fa) + aa * jb * fb) / wider
-    ff = total - (bb * fa * fa - real(2.0) * ab * fa * fb + aa * fb * fb) / wider
+    jj = size - (bb * ja * ja - TWO * ab * ja * jb + aa * jb * jb) * narrower
+    jf = wp.dot(j, felt) - (bb * ja * fa - ab * (ja * fb + jb * fa) + aa * jb * fb) * narrower
+    ff = total - (bb * fa * fa - TWO * ab * fa * fb + aa * fb * fb) * narrower
     push = wp.max(jf, ZERO)
-    return vec2(ff - push * push / wp.max(jj, _TINY), wp.log(wider))
+    return vec2(ff - push * push / wp.max(jj, _TINY), wp.sqrt(narrower))
 
 
-@wp.func(inline=False)
-def _with_place(
-    post: Place, x: vec3, d: vec3, along: real, area: real, chi: vec2, beside: real
-):
-    """`post` with one more place; `chi` is its chi-square without the body's distance, which adds
-    `beside`, and what the spread of the torques adds to its cost."""
-    alone = chi[0] + chi[1]
-    cost = alone + beside
-    if cost < post.least:
-        fade = wp.exp(HALF * wp.max(cost - post.least, -NEGLIGIBLE))
+@wp.func
+def _with_direction(here: Around, d: vec3, chi: real, narrower: real):
+    """`here` with one more direction."""
+    weight = narrower
+    if chi < here.least:
+        fade = wp.exp(HALF * wp.max(chi - here.least, -NEGLIGIBLE))
+        if here.least == WORST:
+            fade = ZERO
+        here.least = chi
+        here.weight *= fade
+        here.outward *= fade
+        here.most *= fade
+    else:
+        weight *= wp.exp(HALF * wp.max(here.least - chi, -NEGLIGIBLE))
+    here.weight += weight
+    here.outward += d * weight
+    if weight > here.most:
+        here.most = weight
+        here.misfit = chi
+    return here
+
+
+@wp.func
+def _with_place(post: Place, here: Around, x: vec3, along: real, area: real, beside: real):
+    """`post` with one more place along the axis, where each direction stands for `area`, and the
+    body's distance adds `beside` to chi-square."""
+    least = here.least + beside
+    if least < post.least:
+        fade = wp.exp(HALF * wp.max(least - post.least, -NEGLIGIBLE))
         if post.least == WORST:
             fade = ZERO
-        post.least = cost
-        post.misfit = chi[0] + beside
+        post.least = least
+        post.most *= fade
         post.weight *= fade
         post.along *= fade
         post.axis *= fade
         post.outward *= fade
-    if alone < post.alone_least:
-        fade = wp.exp(HALF * wp.max(alone - post.alone_least, -NEGLIGIBLE))
+    if here.least < post.alone_least:
+        fade = wp.exp(HALF * wp.max(here.least - post.alone_least, -NEGLIGIBLE))
         if post.alone_least == WORST:
             fade = ZERO
-        post.alone_least = alone
+        post.alone_least = here.least
         post.alone *= fade
         post.alone_along *= fade
         post.alone_square *= fade
-    if cost < post.least + NEGLIGIBLE:
-        weight = area * wp.exp(HALF * (post.least - cost))
+    if least < post.least + NEGLIGIBLE:
+        share = wp.exp(HALF * (post.least - least))
+        if share * here.most > post.most:
+            post.most = share * here.most
+            post.misfit = here.misfit + beside
+        weight = share * area * here.weight
         post.weight += weight
         post.along += along * weight
         post.axis += x * weight
-        post.outward += d * weight
-    if alone < post.alone_least + NEGLIGIBLE:
-        weight = area * wp.exp(HALF * (post.alone_least - alone))
+        post.outward += here.outward * (share * area)
+    if here.least < post.alone_least + NEGLIGIBLE:
+        weight = area * here.weight * wp.exp(HALF * (post.alone_least - here.least))
         post.alone += weight
         post.alone_along += along * weight
         post.alone_square += along * along * weight
@@ -211,6 +263,7 @@ def places_of_link(
     total = wp.dot(felt, felt)
     a = start_at(f, link)
     u = direction_at(f, link)
+    sharp = ONE / (turn_sigma * turn_sigma)
     stations = _ALONG + ends
     for k in range(stations):
         tip = k == _ALONG
@@ -227,6 +280,9 @@ def places_of_link(
             e1 = wp.normalize(wp.cross(u, middle))
             e2 = wp.cross(middle, e1)
             miss = wp.min(wp.abs(body[3] - radius), farthest) / place_sigma
+            here = Around()
+            here.least = WORST
+            area = radius * length * _STEP * _AROUND_STEP * turn_sigma
             if tip:
                 area = radius * radius * _CAP_STEP * _CAP_STEP * turn_sigma * turn_sigma
                 for i in range(_CAP):
@@ -235,19 +291,18 @@ def places_of_link(
                         q = (real(j) * _CAP_STEP - _WIDEST) * turn_sigma
                         d = wp.normalize(middle + e1 * p + e2 * q)
                         if wp.dot(d, u) >= ZERO:
-                            off = wp.length(d - towards) / turn_sigma
+                            off = wp.length_sq(d - towards) * sharp
                             chi = _unexplained(f, link, x, d, radius, lean, felt, root, total)
-                            chi[0] += off * off
-                            post = _with_place(post, x, d, along, area, chi, miss * miss)
+                            here = _with_direction(here, d, chi[0] + off, chi[1])
             else:
-                area = radius * length * _STEP * _AROUND_STEP * turn_sigma
                 for i in range(_AROUND):
                     turn = sine_cosine((real(i) * _AROUND_STEP - _WIDEST) * turn_sigma)
                     d = middle * turn[1] + e1 * turn[0]
-                    off = wp.length(d - towards) / turn_sigma
+                    off = wp.length_sq(d - towards) * sharp
                     chi = _unexplained(f, link, x, d, radius, lean, felt, root, total)
-                    chi[0] += off * off
-                    post = _with_place(post, x, d, along, area, chi, miss * miss)
+                    here = _with_direction(here, d, chi[0] + off, chi[1])
+            if here.weight > ZERO:
+                post = _with_place(post, here, x, along, area, miss * miss)
     return post
 
 
