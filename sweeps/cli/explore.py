@@ -73,6 +73,10 @@ def explore(object_: str, /, *, strategy: str | None = None,
             reconstruct or ("chosen" if chosen.name == DEFAULT else "superquadric"))
         from sweeps.report.episode_files import explore as explore_object
 
+        if chosen.name == DEFAULT:
+            from sweeps.cli.warmup import compile_explored
+
+            compile_explored(device)
         try:
             out.mkdir(parents=True, exist_ok=True)
             written = explore_object(

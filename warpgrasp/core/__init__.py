@@ -8,7 +8,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
         "lesser", "mat32", "mat33", "mat34", "mat42", "mat44", "mat66",
         "mat76", "mat77", "quat", "real", "struct",
         "transform", "uint8", "vec2", "vec3", "vec4", "vec6", "vec7"],
-    "kernel_cache": ["check_kernels", "drop_kernels", "seal_kernels"],
+    "kernel_cache": ["check_kernels", "drop_kernels", "has_kernels", "seal_kernels"],
     "kernel_launch": ["ShapeError", "check_range", "launch", "launch_in_turn", "set_thread_count"],
     "plain_text": ["csv_cell", "on_one_line", "printable"],
     "random": ["Purpose", "counter_key", "counter_normal", "counter_uniform", "normal_vector"],

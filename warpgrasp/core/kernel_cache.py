@@ -20,6 +20,11 @@ _HASH = "[0-9a-f]" * 7
 _SUFFIX = ".sha256"
 
 
+def has_kernels(module: str) -> bool:
+    """Whether a compiled version of a module's kernels is kept, be it of this program or before."""
+    return bool(_folders(module))
+
+
 def check_kernels(module: str) -> None:
     """Removes what is damaged of a module's compiled kernels; before its first launch."""
     for folder in _folders(module):

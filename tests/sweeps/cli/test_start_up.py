@@ -11,6 +11,8 @@ from places import PYTHONPATH
 from studies import write_spec
 
 from sweeps.cli import main as cli
+from sweeps.cli import warmup
+from sweeps.cli.warmup import EXPLORED
 
 
 def modules_after(code: str, *arguments: str) -> set[str]:
@@ -30,6 +32,26 @@ def test_explore_starts_without_what_only_compiling_needs() -> None:
     assert {"jax", "warp"} <= found
     assert not found & {"jaxopt", "scipy.optimize", "scipy.stats", "trimesh", "pandas", "pyarrow",
                         "pydantic"}
+
+
+def test_explore_compiles_at_once_what_the_default_launches() -> None:
+    """In a process of its own, since this one has launched the kernels of other tests."""
+    code = ("import numpy as np; from strategies.ready_made import DEFAULT, STRATEGIES; "
+            "from sweeps.episode.episodes import run_block; from sweeps.spec.cell import Cell; "
+            "run_block(Cell(STRATEGIES[DEFAULT], {'name': 'block'}, 'block'), np.arange(1), 'cpu');"
+            "from warpgrasp.core import kernel_launch; print(*kernel_launch._launched)")
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True,
+                          env={**os.environ, "PYTHONPATH": PYTHONPATH})
+    assert set(EXPLORED) == set(done.stdout.split())
+
+
+def test_kernels_that_are_kept_are_not_loaded_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Their first launch loads them, after it has checked them."""
+    loaded: list[str] = []
+    monkeypatch.setattr(warmup, "_load", lambda names, device: loaded.extend(names))
+    monkeypatch.setattr("warpgrasp.core.has_kernels", lambda name: name != EXPLORED[1])
+    warmup.compile_explored("cpu")
+    assert loaded == [EXPLORED[1]]
 
 
 def test_the_parent_of_a_sweep_simulates_nothing(tmp_path: Path) -> None:

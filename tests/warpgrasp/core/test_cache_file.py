@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from warpgrasp.core.cache_file import read_cached, write_cached
-from warpgrasp.core.kernel_cache import check_kernels, seal_kernels
+from warpgrasp.core.kernel_cache import check_kernels, has_kernels, seal_kernels
 
 
 @given(content=st.binary(max_size=200), where=st.integers(0, 10**6), bit=st.integers(0, 7))
@@ -78,6 +78,12 @@ def test_whole_kernels_stay_and_damaged_ones_go(kernels: Path) -> None:
     assert kernels.exists()
     check_kernels("room.some_kernel")
     assert not kernels.exists()
+
+
+def test_kernels_are_had_by_the_whole_name_of_their_module(kernels: Path) -> None:
+    assert has_kernels("room.some_kernel")
+    assert not has_kernels("room.some")
+    assert not has_kernels("some_kernel")
 
 
 @pytest.mark.slow
