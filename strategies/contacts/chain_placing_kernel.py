@@ -7,13 +7,11 @@ import warp as wp
 from strategies.contacts.link_places import ChainAt, direction_at
 from strategies.contacts.placing_kernel import (
     ALONG,
-    NEGLIGIBLE,
     UNLIKELY,
-    WORST,
-    Place,
     SuperquadricAt,
     places_of_link,
 )
+from strategies.contacts.placing_sums import NEGLIGIBLE, WORST, Place
 from warpgrasp.chain.chain_kernel import CAPSULES, JOINTS, Chain, chain_capsule, chain_pose, vec6
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat33, real, transform, vec3
 from warpgrasp.geometry.sdf_superquadric import SuperquadricShape

@@ -14,6 +14,14 @@ from typing import Any
 import warp as wp
 
 from strategies.contacts.link_places import direction_at, jacobian_at, start_at
+from strategies.contacts.placing_sums import (
+    NEGLIGIBLE,
+    WORST,
+    Around,
+    Place,
+    with_direction,
+    with_place,
+)
 from warpgrasp.core.dtypes import (
     HALF,
     ONE,
@@ -56,46 +64,9 @@ _AROUND_STEP = wp.constant(real(2.0 * WIDEST / (AROUND - 1)))
 _CAP_STEP = wp.constant(real(2.0 * WIDEST / (CAP - 1)))
 _TINY = wp.constant(real(1e-300))
 _FLAT = wp.constant(real(1e-9))
-WORST = wp.constant(real(1e12))
 _AHEAD = wp.constant(real(1e-5))
 _LEAST_SLOPE = wp.constant(real(1e-3))
 UNLIKELY = wp.constant(real(1e-3))
-NEGLIGIBLE = wp.constant(real(60.0))
-
-
-@struct
-class Around:
-    """Sums over the directions at one place along an axis, each weighted by exp((least -
-    chi-square) / 2) and by how much narrower than one the spread of the torques is."""
-
-    least: real
-    """The smallest chi-square so far, the body's distance aside."""
-    weight: real
-    outward: vec3
-    most: real
-    """The largest weight of a direction."""
-    misfit: real
-    """Chi-square there."""
-
-
-@struct
-class Place:
-    """Sums over the places of one link, weighted so."""
-
-    least: real
-    """The smallest chi-square so far, that of the body's distance included."""
-    misfit: real
-    """Chi-square where the weight, `most`, is largest."""
-    most: real
-    weight: real
-    along: real
-    axis: vec3
-    outward: vec3
-    alone: real
-    """The weights without the body's distance, and their first two moments along the axis."""
-    alone_along: real
-    alone_square: real
-    alone_least: real
 
 
 @wp.func
@@ -181,69 +152,6 @@ def _unexplained(
 
 
 @wp.func
-def _with_direction(here: Around, d: vec3, chi: real, narrower: real):
-    """`here` with one more direction."""
-    weight = narrower
-    if chi < here.least:
-        fade = wp.exp(HALF * wp.max(chi - here.least, -NEGLIGIBLE))
-        if here.least == WORST:
-            fade = ZERO
-        here.least = chi
-        here.weight *= fade
-        here.outward *= fade
-        here.most *= fade
-    else:
-        weight *= wp.exp(HALF * wp.max(here.least - chi, -NEGLIGIBLE))
-    here.weight += weight
-    here.outward += d * weight
-    if weight > here.most:
-        here.most = weight
-        here.misfit = chi
-    return here
-
-
-@wp.func
-def _with_place(post: Place, here: Around, x: vec3, along: real, area: real, beside: real):
-    """`post` with one more place along the axis, where each direction stands for `area`, and the
-    body's distance adds `beside` to chi-square."""
-    least = here.least + beside
-    if least < post.least:
-        fade = wp.exp(HALF * wp.max(least - post.least, -NEGLIGIBLE))
-        if post.least == WORST:
-            fade = ZERO
-        post.least = least
-        post.most *= fade
-        post.weight *= fade
-        post.along *= fade
-        post.axis *= fade
-        post.outward *= fade
-    if here.least < post.alone_least:
-        fade = wp.exp(HALF * wp.max(here.least - post.alone_least, -NEGLIGIBLE))
-        if post.alone_least == WORST:
-            fade = ZERO
-        post.alone_least = here.least
-        post.alone *= fade
-        post.alone_along *= fade
-        post.alone_square *= fade
-    if least < post.least + NEGLIGIBLE:
-        share = wp.exp(HALF * (post.least - least))
-        if share * here.most > post.most:
-            post.most = share * here.most
-            post.misfit = here.misfit + beside
-        weight = share * area * here.weight
-        post.weight += weight
-        post.along += along * weight
-        post.axis += x * weight
-        post.outward += here.outward * (share * area)
-    if here.least < post.alone_least + NEGLIGIBLE:
-        weight = area * here.weight * wp.exp(HALF * (post.alone_least - here.least))
-        post.alone += weight
-        post.alone_along += along * weight
-        post.alone_square += along * along * weight
-    return post
-
-
-@wp.func
 def station_along(station: int, length: real):
     """Where along a link a station is, from its start; the last one is its end."""
     if station == _ALONG:
@@ -293,16 +201,16 @@ def places_of_link(
                         if wp.dot(d, u) >= ZERO:
                             off = wp.length_sq(d - towards) * sharp
                             chi = _unexplained(f, link, x, d, radius, lean, felt, root, total)
-                            here = _with_direction(here, d, chi[0] + off, chi[1])
+                            here = with_direction(here, d, chi[0] + off, chi[1])
             else:
                 for i in range(_AROUND):
                     turn = sine_cosine((real(i) * _AROUND_STEP - _WIDEST) * turn_sigma)
                     d = middle * turn[1] + e1 * turn[0]
                     off = wp.length_sq(d - towards) * sharp
                     chi = _unexplained(f, link, x, d, radius, lean, felt, root, total)
-                    here = _with_direction(here, d, chi[0] + off, chi[1])
+                    here = with_direction(here, d, chi[0] + off, chi[1])
             if here.weight > ZERO:
-                post = _with_place(post, here, x, along, area, miss * miss)
+                post = with_place(post, here, x, along, area, miss * miss)
     return post
 
 
