@@ -16,6 +16,7 @@ from fit.implicit.volume import VolumeEstimate, implicit_volume
 from strategies.contacts.finger_touch import TouchedLinks
 from strategies.planners.planner_file import PlannerError
 from strategies.poses.waypoints import PRIOR_MARGIN_M, BoundingCylinder
+from strategies.reconstruct.believed_pieces import believed_pieces
 from strategies.reconstruct.free_contacts import BODY, fitted_freely
 from strategies.reconstruct.plug_in import NO_MESH, Touches, run_plug_in
 from strategies.reconstruct.plug_in_name import BUILT_IN, CHOSEN, IMPLICIT, find_plug_in
@@ -85,7 +86,8 @@ def reconstruct(
     "implicit" makes a free form of every world that felt enough, "chosen" only where the recovered
     body does not explain what was felt, or explains it badly and torques agree better with the
     free form. Neither stands where prior or table contradict it: one that
-    ends high above the table was not felt to its foot. A plug-in is asked about every world. Its
+    ends high above the table was not felt to its foot. Small pieces of a free form that the prior
+    contradicts are left out. A plug-in is asked about every world. Its
     faults are data.
     """
     if word == BUILT_IN[0]:
@@ -127,9 +129,9 @@ def _implicit(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
             rows_of(felt, own), None if links is None else rows_of(links, own), table)
         if mean_contradiction(placed)[0] >= most[row]:
             continue
-        mesh, = implicit_meshes(fit, BODY.mean)
-        if plausible_vertices([mesh.vertices_m], rows_of(prior, own),
-                              table_plane=table.table_plane)[0]:
+        given = rows_of(prior, own)
+        mesh = believed_pieces(implicit_meshes(fit, BODY.mean)[0], given)
+        if plausible_vertices([mesh.vertices_m], given, table_plane=table.table_plane)[0]:
             meshes[row] = mesh
             fits.append(fit)
             fitted.append(row)
