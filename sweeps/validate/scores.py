@@ -70,6 +70,8 @@ a scan's mesh; a distance of less than a millimetre may differ by as large a sha
 """
 DENSE = {"chamfer": 0.01, "hausdorff95": 0.015, "iou": 0.01, "volume ratio": 0.01}
 """Bounds of scores from dense samples against the body that is touched."""
+TINY = 1e-9
+"""The least score of which a share is taken: bodies may have nothing in common."""
 VASE = "z_mm,r_mm\n0,30\n10,38\n50,45\n90,30\n120,18\n140,24\n150,30\n"
 TOUCHES, NOISE_M = 40, (2e-4, 6e-3)
 
@@ -127,7 +129,7 @@ def _table(scores: Scores) -> np.ndarray:
 def _comparison(truth: Truth, score: str, unit: str, bound: float, ours: np.ndarray,
                 theirs: np.ndarray) -> Comparison:
     """The largest difference of a score, next to its bound, and how many keep 1 % or 0.01 mm."""
-    scale = np.maximum(theirs, 1.0) if unit else theirs
+    scale = np.maximum(theirs, 1.0 if unit else TINY)
     apart = np.abs(ours - theirs) / scale
     worst = int(apart.argmax())
     return Comparison(
