@@ -148,9 +148,11 @@ def _balls_apart(build: ChainBuild, pair: CapsulePair, i: int):
     """The square of the distance of the middles of a pair's balls [m2], and how far apart they are
     where the skins around them touch [m]."""
     one = build.balls[i, pair.one * CAPSULE_ROWS + pair.capsule]
-    two = build.palm_balls[wp.where(pair.two < 0, pair.other, 0)]
+    two = vec4()
     if pair.two >= 0:
         two = build.balls[i, pair.two * CAPSULE_ROWS + pair.other]
+    else:
+        two = build.palm_balls[pair.other]
     x = one[0] - two[0]
     y = one[1] - two[1]
     z = one[2] - two[2]
