@@ -16,17 +16,26 @@ def believed_pieces(mesh: TriangleMesh, prior: BoundingCylinder) -> TriangleMesh
     process may have small pieces of its own, as in corners of its box that no link has swept. The
     largest piece stays whatever the prior says: then it is the whole form that is contradicted.
     """
-    vertices, faces = mesh.vertices_m, mesh.faces
-    if len(faces) == 0:
+    if len(mesh.faces) == 0:
         return mesh
-    begin, end = faces[:, [0, 1]].reshape(-1), faces[:, [1, 2]].reshape(-1)
-    edges = coo_array((np.ones(len(begin), bool), (begin, end)), (len(vertices), len(vertices)))
-    count, piece = connected_components(edges, directed=False)
-    largest = np.bincount(piece[faces[:, 0]], minlength=count).argmax()
+    piece = _pieces(mesh)
+    size = np.bincount(piece[mesh.faces[:, 0]], minlength=piece.max() + 1)
     kept = np.array([
-        number == largest
-        or plausible_vertices([vertices[piece == number]], prior, table_plane=False)[0]
-        for number in range(count)])[piece]
-    if kept.all():
-        return mesh
-    return TriangleMesh(vertices[kept], (np.cumsum(kept) - 1)[faces[kept[faces[:, 0]]]])
+        number == size.argmax()
+        or plausible_vertices([mesh.vertices_m[piece == number]], prior, table_plane=False)[0]
+        for number in range(len(size))])
+    return mesh if kept.all() else _part(mesh, kept[piece])
+
+
+def _pieces(mesh: TriangleMesh) -> np.ndarray:
+    """To which connected piece of the mesh each vertex belongs, int (vertex,)."""
+    begin, end = mesh.faces[:, [0, 1]].reshape(-1), mesh.faces[:, [1, 2]].reshape(-1)
+    count = len(mesh.vertices_m)
+    edges = coo_array((np.ones(len(begin), bool), (begin, end)), (count, count))
+    return connected_components(edges, directed=False)[1]
+
+
+def _part(mesh: TriangleMesh, kept: np.ndarray) -> TriangleMesh:
+    """The mesh of the vertices that are `kept`, bool (vertex,)."""
+    number = np.cumsum(kept) - 1
+    return TriangleMesh(mesh.vertices_m[kept], number[mesh.faces[kept[mesh.faces[:, 0]]]])

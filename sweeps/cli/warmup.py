@@ -77,7 +77,7 @@ def compile_explored(device: str) -> None:
     """
     import warp as wp
 
-    from warpgrasp.core import has_kernels
+    from warpgrasp.core.kernel_cache import has_kernels
 
     if wp.get_device(device).is_cpu:
         _load([name for name in EXPLORED if not has_kernels(name)], device)

@@ -192,7 +192,8 @@ def _onto(body: Body, points: np.ndarray) -> np.ndarray:
 
 
 def _box(low: np.ndarray, high: np.ndarray, log2: int) -> np.ndarray:
-    return low + Sobol(3, seed=3).random_base2(log2) * (high - low)
+    even = Sobol(3, seed=3)  # pyright: ignore[reportCallIssue]  # `rng` from SciPy 1.15 on
+    return low + even.random_base2(log2) * (high - low)
 
 
 def _of_profile(name: str, body: Body, step_m: float, inside: int) -> Truth:

@@ -49,7 +49,7 @@ def test_kernels_that_are_kept_are_not_loaded_ahead(monkeypatch: pytest.MonkeyPa
     """Their first launch loads them, after it has checked them."""
     loaded: list[str] = []
     monkeypatch.setattr(warmup, "_load", lambda names, device: loaded.extend(names))
-    monkeypatch.setattr("warpgrasp.core.has_kernels", lambda name: name != EXPLORED[1])
+    monkeypatch.setattr("warpgrasp.core.kernel_cache.has_kernels", lambda name: name != EXPLORED[1])
     warmup.compile_explored("cpu")
     assert loaded == [EXPLORED[1]]
 
