@@ -34,6 +34,7 @@ def test_explore_starts_without_what_only_compiling_needs() -> None:
                         "pydantic"}
 
 
+@pytest.mark.slow
 def test_explore_compiles_at_once_what_the_default_launches() -> None:
     """In a process of its own, since this one has launched the kernels of other tests."""
     code = ("import numpy as np; from strategies.ready_made import DEFAULT, STRATEGIES; "

@@ -86,6 +86,7 @@ def test_meshes_and_superquadrics_are_scored_alike() -> None:
     assert signed.iou[0] == pytest.approx(mesh.iou[0], abs=0.005)
 
 
+@pytest.mark.slow
 def test_dense_samples_of_a_mesh() -> None:
     body = body_from_name("large_cylinder")
     fine, dense = (score_meshes([placed(block())], body, AT, samples=samples)

@@ -212,6 +212,7 @@ def test_quantiles_of_two_spheres_against_the_integral(samples: Samples, within:
     assert found.chamfer_m[0] == pytest.approx(np.mean(sides), rel=within)
 
 
+@pytest.mark.slow
 def test_bodies_of_both_kinds_have_dense_scores() -> None:
     body, pose = body_from_name("wine_bottle"), np.repeat(AT, 2, axis=0)
     fits = superquadric(np.full((2, 3), 0.04), np.ones((2, 2)), pose[:, :3] + [0, 0, 0.04],

@@ -32,6 +32,7 @@ def test_faces_start_from_the_recovered_body(faces: list[Explored]) -> None:
     assert np.median(np.abs(faces[0].angle_deg - 90.0)) < np.median(faces[0].start_deg)
 
 
+@pytest.mark.slow
 def test_bottles_are_read_in_both_ways() -> None:
     rows = bottle_rows(follow_bottles(2))
     assert rows == bottle_rows(follow_bottles(2))
