@@ -21,6 +21,7 @@ from sweeps.episode.scores import (
     Scorer,
     Scores,
     distance_to_surface,
+    weighted_quantile,
 )
 from warpgrasp.geometry.body import Body
 from warpgrasp.geometry.body_sampling import sample_body
@@ -48,21 +49,21 @@ def score_meshes(
     asked = np.concatenate([sample.surface_m, sample.about_m])
     signed = np.array([mesh_distance(mesh_of(mesh.vertices_m, mesh.faces), asked)
                        for mesh in seen]).reshape(-1, len(asked))
-    to_mesh = np.abs(signed[:, :samples.surface]).astype(float)
+    to_mesh = np.abs(signed[:, :len(sample.surface_m)]).astype(float)
     count = samples.elements
     elements = np.array([surface_samples(mesh, count) for mesh in seen]).reshape(-1, count, 3)
     to_body = np.concatenate([np.zeros((0, count))] + [
         distance_to_surface(body, elements[first:first + WORLDS_AT_ONCE], device=device)
         for first in range(0, len(seen), WORLDS_AT_ONCE)])
     volume = np.array([mesh.volume_m3 for mesh in seen])
-    common = sample.common_volume(signed[:, samples.surface:])
+    common = sample.common_volume(signed[:, len(sample.surface_m):])
     return Scores(
-        chamfer_m=0.5 * (to_mesh.mean(1) + to_body.mean(1)),
-        hausdorff95_m=np.maximum(np.quantile(to_mesh, 0.95, axis=1),
+        chamfer_m=0.5 * ((to_mesh * sample.surface_share).sum(1) + to_body.mean(1)),
+        hausdorff95_m=np.maximum(weighted_quantile(to_mesh, sample.surface_share, 0.95),
                                  np.quantile(to_body, 0.95, axis=1)),
         iou=common / (volume + sample.volume_m3 - common),
         volume_ratio=volume / sample.volume_m3,
-        coverage=(to_mesh <= COVERAGE_M).mean(1),
+        coverage=((to_mesh <= COVERAGE_M) * sample.surface_share).sum(1),
     )
 
 

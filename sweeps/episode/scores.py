@@ -42,8 +42,6 @@ from warpgrasp.geometry.body_sampling import BodySample, sample_body
 SURFACE_POINTS, ELEMENTS, INSIDE_POINTS = 2048, 1536, 3072
 AROUND = 16
 COVERAGE_M = 0.005
-DISCS = 8192
-"""Points from which the distance to a body without an exact one is found."""
 ON_M = 2e-5
 """What is farther from such a surface, by the body's own distance, is not on it."""
 WORLDS_AT_ONCE = 64
@@ -54,8 +52,8 @@ dense samples as many fewer."""
 class Samples(NamedTuple):
     """How many samples scores are made from."""
 
-    surface: int = SURFACE_POINTS
-    """Points of the true surface."""
+    surface: int | None = SURFACE_POINTS
+    """Points of the true surface, even over it; None: every crossing with lines, weighed."""
     elements: int = ELEMENTS
     """Elements of the recovered one."""
     inside: int = INSIDE_POINTS
@@ -63,7 +61,7 @@ class Samples(NamedTuple):
 
 
 FINE = Samples()
-DENSE = Samples(16 * SURFACE_POINTS, 16 * ELEMENTS, 16 * INSIDE_POINTS)
+DENSE = Samples(None, 16 * ELEMENTS, 16 * INSIDE_POINTS)
 """Sixteen times as many, for quantiles within 1 %."""
 ROUGH = Samples(512, 384, 768)
 """A quarter, for bodies on the way: chamfer distances within 3 % of the fine ones nearly always,
@@ -125,7 +123,7 @@ def score_recovered(
 
 def _in_turn(score: Callable[[slice], Scores], worlds: int, samples: Samples) -> Scores:
     """The scores of all worlds, so many of them after the other."""
-    count = max(WORLDS_AT_ONCE * FINE.surface // max(samples.surface, FINE.surface), 1)
+    count = max(WORLDS_AT_ONCE * FINE.elements // max(samples.elements, FINE.elements), 1)
     return joined([score(slice(first, first + count)) for first in range(0, max(worlds, 1), count)])
 
 
@@ -193,18 +191,20 @@ def _score(found: _Surface, body: Body, sample: BodySample, device: str) -> Scor
     to_body = distance_to_surface(body, found.element, device=device)
     share = found.area / found.area.sum(1, keepdims=True)
     return Scores(
-        chamfer_m=0.5 * (found.away.mean(1) + (to_body * share).sum(1)),
-        hausdorff95_m=np.maximum(np.quantile(found.away, 0.95, axis=1),
-                                 _quantile(to_body, share, 0.95)),
+        chamfer_m=0.5 * ((found.away * sample.surface_share).sum(1) + (to_body * share).sum(1)),
+        hausdorff95_m=np.maximum(weighted_quantile(found.away, sample.surface_share, 0.95),
+                                 weighted_quantile(to_body, share, 0.95)),
         iou=found.common / (found.volume + sample.volume_m3 - found.common),
         volume_ratio=found.volume / sample.volume_m3,
-        coverage=(found.away <= COVERAGE_M).mean(1),
+        coverage=((found.away <= COVERAGE_M) * sample.surface_share).sum(1),
     )
 
 
-def _quantile(values: np.ndarray, share: np.ndarray, q: float) -> np.ndarray:
-    """Weighted quantile of each row, straight between values, each at the middle of its share."""
+def weighted_quantile(values: np.ndarray, share: np.ndarray, q: float) -> np.ndarray:
+    """Quantile of each row of `values` (row, value), weighed by `share` (row, value) or (value,):
+    straight between values, each at the middle of its share."""
     order = np.argsort(values, axis=1, kind="stable")
+    share = np.broadcast_to(share, values.shape)
     part, rising = np.take_along_axis(share, order, 1), np.take_along_axis(values, order, 1)
     middle = np.cumsum(part, axis=1) - 0.5 * part
     row, last = np.arange(len(values)), values.shape[1] - 1
@@ -314,7 +314,7 @@ def distance_to_surface(body: Body, points_m: np.ndarray, *, device: str = "cpu"
         signed, _ = distance_to_bodies(scene_of([body], device), np.zeros(1, int), points_m,
                                        device=device)
         return np.abs(signed)
-    sample = sample_body(body, surface=DISCS)
+    sample = sample_body(body, surface=None)
     known = np.isfinite(points_m).all(-1, keepdims=True)
     away, nearest = sample.tree.query(np.where(known, points_m, 0.0))
     v = points_m - sample.surface_m[nearest]

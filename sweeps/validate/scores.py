@@ -57,8 +57,9 @@ RING_STEP_M = 0.00025
 of a funnel the 95 % quantile rises by 0.6 mm in 0.1 % of the area."""
 SCAN_STEP_M = 0.003
 """Size of elements of a scan's mesh."""
-ELEMENTS = 60_000
-"""So many elements of a surface are taken, at equal steps of its area."""
+ELEMENTS = 240_000
+"""So many elements of a surface are taken, at equal steps of its area. A quarter changes the 95 %
+quantile of a block or a carton by up to 0.7 %."""
 CELLS, MARGIN_M = 240, 0.004
 """Cells across the box in which a scan's grid is made a mesh, and how far the box reaches beyond
 it. With 112 the rim of a can is cut, which changes the 95 % quantile by 3 % in the mean, with 160
@@ -68,8 +69,8 @@ SCORES = (("chamfer", "mm", (0.015, 0.04)), ("hausdorff95", "mm", (0.12, 0.35)),
 """Bounds of standard samples as shares of the score, against the body that is touched and against
 a scan's mesh; a distance of less than a millimetre may differ by as large a share of a millimetre.
 """
-DENSE = {"chamfer": 0.01, "hausdorff95": 0.015, "iou": 0.01, "volume ratio": 0.01}
-"""Bounds of scores from dense samples against the body that is touched."""
+DENSE = 0.01
+"""Bound of scores from dense samples against the body that is touched."""
 TINY = 1e-9
 """The least score of which a share is taken: bodies may have nothing in common."""
 VASE = "z_mm,r_mm\n0,30\n10,38\n50,45\n90,30\n120,18\n140,24\n150,30\n"
@@ -103,7 +104,7 @@ def compare_metrics(bodies_each: int = BODIES_EACH) -> list[Comparison]:
             ours = _table(score_recovered(recovered, truth.body, pose, samples=samples))
             rows += [_comparison(truth, f"{name}, {word} samples", unit,
                                  bound[truth.scan] if word == "standard" or truth.scan
-                                 else DENSE[name],
+                                 else DENSE,
                                  ours[:, k], theirs[:, k])
                      for k, (name, unit, bound) in enumerate(SCORES)]
         if not truth.scan:

@@ -16,7 +16,7 @@ from warpgrasp.geometry.surface_crossings import Crossings, surface_crossings
 
 _LOG2_POINTS = 18
 GROUP = 8
-_LOG2_LINES = 13  # along each axis; as many as points, where more are asked
+_LOG2_LINES = 13  # along each axis; as many as even points, where more are asked
 _OUTSIDE_M = 2e-4
 
 
@@ -25,12 +25,14 @@ class BodySample:
     """Points of one body in its own frame [m]."""
 
     surface_m: np.ndarray
-    """Even over the area, shape (surface, 3); by the side of a box that they face, then along
+    """Places of the surface, shape (surface, 3); by the side of a box that they face, then along
     Morton's curve."""
     surface_normal: np.ndarray
     """Outward, unit, shape (surface, 3)."""
+    surface_share: np.ndarray
+    """Of the area, what each of them stands for, shape (surface,)."""
     spacing_m: float
-    """Root of the area for which each point of the surface stands."""
+    """Root of the area for which a point of the surface stands in the mean."""
     about_m: np.ndarray
     """Even over the volume and a layer of `ramp_m` around it, shape (inside, 3)."""
     distance_m: np.ndarray
@@ -43,11 +45,13 @@ class BodySample:
     def groups(self) -> tuple[np.ndarray, np.ndarray]:
         """First and one past the last of points of the surface that follow each other, lie side by
         side and face about the same way, (group,) each."""
-        begin, first, wide = [0], 0, 3.0 * self.spacing_m
-        for k in range(1, len(self.surface_m)):
-            if (k - first == GROUP or self.surface_normal[k] @ self.surface_normal[first] < 0.8
-                    or np.abs(self.surface_m[k] - self.surface_m[first]).max() > wide):
-                begin.append(first := k)
+        begin, first, wide = [], 0, 3.0 * self.spacing_m
+        while first < len(self.surface_m):
+            begin.append(first)
+            after = slice(first + 1, first + GROUP)
+            apart = np.abs(self.surface_m[after] - self.surface_m[first]).max(1) > wide
+            apart |= self.surface_normal[after] @ self.surface_normal[first] < 0.8
+            first += 1 + int(apart.argmax() if apart.any() else len(apart))
         return np.array(begin), np.array([*begin[1:], len(self.surface_m)])
 
     def shares(self, distance_m: np.ndarray) -> np.ndarray:
@@ -78,8 +82,14 @@ class BodySample:
         return self.tree.query(self.surface_m, 4)[0][:, 3]
 
 
-def sample_body(body: Body, *, surface: int = 1024, inside: int = 4096) -> BodySample:
-    """Sample a body. Raises BodyError where it has (almost) no volume or surface in its box."""
+def sample_body(
+    body: Body, *, surface: int | None = 1024, inside: int = 4096
+) -> BodySample:
+    """Sample a body, its surface by so many points, even over the area, or by every crossing that
+    was found (None). Of as many points as crossings, quantiles of distances are three to ten times
+    as near by the crossings and their shares. Raises BodyError where the body has (almost) no
+    volume or surface in its box.
+    """
     return _sample(_Keyed((body.content, body.low_m, body.high_m), body), surface, inside)
 
 
@@ -97,20 +107,24 @@ class _Keyed:
 
 
 @lru_cache(maxsize=64)
-def _sample(keyed: _Keyed, surface: int, inside: int) -> BodySample:
-    lines = max(_LOG2_LINES, (surface - 1).bit_length())
+def _sample(keyed: _Keyed, surface: int | None, inside: int) -> BodySample:
+    lines = _LOG2_LINES if surface is None else max(_LOG2_LINES, (surface - 1).bit_length())
     on, points, distance, volume = _dense(keyed, lines)
-    skin = _strata(on.point, on.area, surface)
+    skin = _along_curve(on.point)
+    share = on.area[skin] / on.area.sum()
+    if surface is not None:
+        skin, share = _strata(skin, share, surface), np.full(surface, 1.0 / surface)
     side = np.abs(on.normal[skin]).argmax(1)
     side = 2 * side + (np.take_along_axis(on.normal[skin], side[:, None], 1)[:, 0] > 0.0)
-    skin = skin[np.argsort(side, kind="stable")]
-    spacing = float(np.sqrt(on.area.sum() / surface))
+    order = np.argsort(side, kind="stable")
+    skin, share = skin[order], share[order]
+    spacing = float(np.sqrt(on.area.sum() / len(skin)))
     ramp = 0.5 * (volume / inside) ** (1 / 3)
     # Any start of a Sobol sequence is even over the volume; a stride would not be.
     core = np.flatnonzero(distance < ramp)
     core = core[np.arange(inside) % len(core)]
-    return BodySample(on.point[skin], on.normal[skin], spacing, points[core], distance[core],
-                      ramp, volume)
+    return BodySample(on.point[skin], on.normal[skin], share, spacing, points[core],
+                      distance[core], ramp, volume)
 
 
 @lru_cache(maxsize=2)  # megabytes, for samples of several sizes that are taken one after the other
@@ -141,20 +155,24 @@ def _dense(
     return on, points, distance, float(volume)
 
 
-def _strata(points: np.ndarray, area: np.ndarray, count: int) -> np.ndarray:
-    """Which of the points (point, 3) stand for all, (count,): the middle one of each stretch of
-    Morton's curve, stretches of the same area.
+def _along_curve(points: np.ndarray) -> np.ndarray:
+    """The order of points (point, 3) along Morton's curve."""
+    low, high = points.min(0), points.max(0)
+    grid = ((points - low) / (high - low).max() * 1023.0).astype(np.int64)
+    code = sum(((grid[:, axis] >> bit) & 1) << (3 * bit + axis)
+               for bit in range(10) for axis in range(3))
+    return np.argsort(code, kind="stable")
+
+
+def _strata(order: np.ndarray, share: np.ndarray, count: int) -> np.ndarray:
+    """Which of the points along Morton's curve, `order` (point,), stand for all, (count,): the
+    middle one of each stretch, stretches of the same area; `share` is that of each.
 
     Stretches are compact: a mean over these points is two to three times as near to that over all
     as of as many Sobol points. Where in its stretch a point lies has nothing to do with the body's
     edges: points in the middle of their surroundings would leave edges out.
     """
-    low, high = points.min(0), points.max(0)
-    grid = ((points - low) / (high - low).max() * 1023.0).astype(np.int64)
-    code = sum(((grid[:, axis] >> bit) & 1) << (3 * bit + axis)
-               for bit in range(10) for axis in range(3))
-    order = np.argsort(code, kind="stable")
-    reached = np.cumsum(area[order])
+    reached = np.cumsum(share)
     return order[np.searchsorted(reached, (np.arange(count) + 0.5) * (reached[-1] / count))]
 
 

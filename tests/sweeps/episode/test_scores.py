@@ -16,6 +16,7 @@ from sweeps.episode.scores import (
     ROUGH,
     Samples,
     _distance_to_contours,
+    distance_to_surface,
     score_recovered,
     score_superquadrics,
     scores_again,
@@ -224,3 +225,17 @@ def test_bodies_of_both_kinds_have_dense_scores() -> None:
     np.testing.assert_allclose(dense.hausdorff95_m, fine.hausdorff95_m, rtol=0.05)
     np.testing.assert_allclose(dense.iou, fine.iou, atol=0.01)
     assert (dense.hausdorff95_m != fine.hausdorff95_m).all()
+
+
+def test_distances_to_a_compound_against_a_formula() -> None:
+    """Two blocks that stand on each other are one, whose distance is known."""
+    half = {"shape": "block", "size_mm": [60, 60, 60]}
+    body = body_from_table({"name": "stack", "compound": [half, half | {"at_mm": [0, 0, 60]}]},
+                           Path())
+    on = sample_body(body, surface=2048).surface_m
+    points = on + np.random.default_rng(4).uniform(-0.002, 0.002, on.shape)
+    out = np.abs(points - [0.0, 0.0, 0.060]) - [0.030, 0.030, 0.060]
+    true = np.abs(np.linalg.norm(np.maximum(out, 0.0), axis=1) + np.minimum(out.max(1), 0.0))
+    found = distance_to_surface(body, points[None])[0]
+    assert found.mean() == pytest.approx(true.mean(), rel=0.003)
+    assert np.quantile(found - true, 0.99) < 5e-5

@@ -4,12 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.stats import qmc
 
-from warpgrasp.geometry.body import Body, Part
+from warpgrasp.geometry.body import Body, Part, distance_to_bodies, scene_of
 from warpgrasp.geometry.body_sampling import sample_body, sobol_points
 from warpgrasp.geometry.scene import Shape
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
+from warpgrasp.objects.mesh_import import body_from_mesh
 
 
 def test_sobol_points_are_scipys() -> None:
@@ -44,3 +46,28 @@ def test_where_parts_meet_is_no_surface() -> None:
                             Path())
     x, y, z = np.abs(sample_body(stack).surface_m - [0.0, 0.0, 0.060]).T
     assert np.allclose(np.maximum(np.maximum(x, y) - 0.030, z - 0.060), 0.0, atol=2e-4)
+
+
+@pytest.mark.parametrize(("surface", "within"), [(None, 0.003), (2048, 0.03)])
+def test_points_stand_for_their_shares_of_the_area(surface: int | None, within: float) -> None:
+    """Of a block: the area within 3 mm of its edges."""
+    body = body_from_name("block")
+    size = np.array(body.parts[0].size_m)
+    sample = sample_body(body, surface=surface)
+    assert sample.surface_share.sum() == pytest.approx(1.0)
+    depth = np.sort(0.5 * size - np.abs(sample.surface_m - [0.0, 0.0, size[2] / 2]), axis=1)
+    faces = np.array([[size[0], size[1]], [size[1], size[2]], [size[2], size[0]]])
+    middle = (faces - 0.006).prod(1).sum() / faces.prod(1).sum()
+    assert sample.surface_share[depth[:, 1] < 0.003].sum() == pytest.approx(1 - middle, rel=within)
+
+
+def test_normals_of_a_grid_are_those_of_its_surface(tmp_path: Path) -> None:
+    """Where it is rounded by its cells, two tenths of a millimetre outside are another normal."""
+    trimesh.creation.cylinder(0.03, 0.1).export(tmp_path / "can.ply")
+    body = body_from_mesh(tmp_path / "can.ply", units="m")
+    sample = sample_body(body, surface=None)
+    slope = distance_to_bodies(scene_of([body], "cpu"), np.zeros(1, int),
+                               sample.surface_m[None])[1][0]
+    slope /= np.linalg.norm(slope, axis=1, keepdims=True)
+    away = np.degrees(np.arccos(np.clip((slope * sample.surface_normal).sum(1), -1.0, 1.0)))
+    assert np.quantile(away, 0.99) < 2.0
