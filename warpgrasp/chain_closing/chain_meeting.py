@@ -11,7 +11,7 @@ from warpgrasp.chain.chain_hand import ChainHand, capsule_ends, closing_way
 from warpgrasp.chain.chain_kernel import CAPSULES, vec6
 from warpgrasp.chain_closing.chain_meeting_kernel import chain_meeting_kernel
 from warpgrasp.chain_closing.chain_near_kernel import chain_near_kernel
-from warpgrasp.core.dtypes import vec3, vec4
+from warpgrasp.core.dtypes import real, vec3, vec4
 from warpgrasp.core.kernel_launch import launch
 from warpgrasp.core.struct_array import Records, record_type
 from warpgrasp.finger.chain_energy import ChainRest
@@ -30,7 +30,8 @@ _SHAPES = {
     "path": "grasp finger step", "come": f"grasp finger {CAPSULES} step",
     "command_count": "grasp", "order": "orders grasp pair", "slack": "orders grasp pair",
     "place": "row", "near": "row", "state": "row slot", "meetings": f"row {MEETINGS}",
-    "ends": "row every 2", "balls": "row every", "listed": "row pair", "listed_at": "row finger",
+    "ends": "row every 2", "balls": "row every", "listed": "row pair", "come_since": "row finger",
+    "come_to": "row finger", "due": "row pair",
     "frictions": "rubs finger", "grips": "rubs slot",
     "felt": "world probe grasp finger", "truth": "world probe grasp finger"}
 
@@ -77,7 +78,9 @@ def _rows(kernel: Any, hand: ChainHand, place: np.ndarray, given: Mapping[str, A
         "ends": wp.zeros((n, hand.fingers * CAPSULES, 2), dtype=vec3, device=device),
         "balls": wp.zeros((n, hand.fingers * CAPSULES), dtype=vec4, device=device),
         "listed": wp.zeros((n, given["pairs"].shape[0]), dtype=int, device=device),
-        "listed_at": wp.zeros((n, hand.fingers), dtype=vec6, device=device)}
+        "due": wp.zeros((n, given["pairs"].shape[0]), dtype=real, device=device),
+        "come_since": wp.zeros((n, hand.fingers), dtype=real, device=device),
+        "come_to": wp.zeros((n, hand.fingers), dtype=vec6, device=device)}
     values = {**given, **scratch, "near": found,
               "place": wp.array(place.astype(np.int32), dtype=wp.vec3i, device=device)}
     # Here worlds are no axis of the launch: their number is stated by an array that has them all.

@@ -75,7 +75,9 @@ def chain_meeting_kernel(
     ends: wp.array3d[vec3],
     balls: wp.array2d[vec4],
     listed: wp.array2d[int],
-    listed_at: wp.array2d[vec6],
+    come_since: wp.array2d[real],
+    come_to: wp.array2d[vec6],
+    due: wp.array2d[real],
     frictions: wp.array2d[ChainFriction],
     grips: wp.array2d[ChainGrip],
     # Made right:
@@ -106,7 +108,9 @@ def chain_meeting_kernel(
     build.ends = ends
     build.balls = balls
     build.listed = listed
-    build.listed_at = listed_at
+    build.come = come_since
+    build.come_to = come_to
+    build.due = due
     build.order = order
     build.slack = slack
     build.world = w % order.shape[0]
