@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from warpgrasp.chain.chain_hand import ChainHand, capsule_ends, closing_way
-from warpgrasp.chain.chain_kernel import CAPSULES, vec6
+from warpgrasp.chain.chain_kernel import CAPSULES, ChainPose, vec6
 from warpgrasp.chain_closing.chain_meeting_kernel import chain_meeting_kernel
 from warpgrasp.chain_closing.chain_near_kernel import chain_near_kernel
 from warpgrasp.core.dtypes import real, vec3, vec4
@@ -32,6 +32,7 @@ _SHAPES = {
     "place": "row", "near": "row", "state": "row slot", "meetings": f"row {MEETINGS}",
     "ends": "row every 2", "balls": "row every", "listed": "row pair", "come_since": "row finger",
     "come_to": "row finger", "due": "row pair",
+    "poses": "row finger",
     "frictions": "rubs finger", "grips": "rubs slot",
     "felt": "world probe grasp finger", "truth": "world probe grasp finger"}
 
@@ -67,14 +68,15 @@ def _rows(kernel: Any, hand: ChainHand, place: np.ndarray, given: Mapping[str, A
     n = len(place)
     found = wp.array(np.zeros(n, np.int32) if near is None else near.astype(np.int32), dtype=int,
                      device=device)
-    state, meetings = (Records(ChainRest, (n, 2 * hand.fingers), device),
-                       Records(ChainMeeting, (n, MEETINGS), device))
+    state, meetings, poses = (Records(ChainRest, (n, 2 * hand.fingers), device),
+                              Records(ChainMeeting, (n, MEETINGS), device),
+                              Records(ChainPose, (n, hand.fingers), device))
     rubbing = n if rubs else 1
     frictions, grips = (Records(row, (rubbing, count), device) for row, count in (
         (ChainFriction, hand.fingers), (ChainGrip, 2 * hand.fingers)))
     scratch = {
         "state": state.array, "meetings": meetings.array, "frictions": frictions.array,
-        "grips": grips.array,
+        "grips": grips.array, "poses": poses.array,
         "ends": wp.zeros((n, hand.fingers * CAPSULES, 2), dtype=vec3, device=device),
         "balls": wp.zeros((n, hand.fingers * CAPSULES), dtype=vec4, device=device),
         "listed": wp.zeros((n, given["pairs"].shape[0]), dtype=int, device=device),

@@ -10,7 +10,7 @@ alone.
 
 import warp as wp
 
-from warpgrasp.chain.chain_kernel import Chain, chain_free_joints, vec6
+from warpgrasp.chain.chain_kernel import Chain, ChainPose, chain_free_joints, vec6
 from warpgrasp.chain.torque_sensor_kernel import TorqueSensor, guard_reading
 from warpgrasp.chain_closing.chain_closing_kernel import guarded_torque, tip_force
 from warpgrasp.chain_closing.chain_near_kernel import first_near
@@ -78,6 +78,7 @@ def chain_meeting_kernel(
     come_since: wp.array2d[real],
     come_to: wp.array2d[vec6],
     due: wp.array2d[real],
+    poses: wp.array2d[ChainPose],
     frictions: wp.array2d[ChainFriction],
     grips: wp.array2d[ChainGrip],
     # Made right:
@@ -111,6 +112,7 @@ def chain_meeting_kernel(
     build.come = come_since
     build.come_to = come_to
     build.due = due
+    build.poses = poses
     build.order = order
     build.slack = slack
     build.world = w % order.shape[0]

@@ -10,6 +10,7 @@ import warp as wp
 from warpgrasp.chain.chain_kernel import (
     CAPSULES,
     Chain,
+    ChainPose,
     chain_capsule,
     chain_jacobian,
     chain_pose,
@@ -79,7 +80,8 @@ class ChainBuild:
     Those of the first `within` that were so near that they may meet before a finger has come far
     are `listed` (row, number), `listed_count` of them; see `near_pairs`. `come` (row, finger) is
     how far each finger has come since [m], at most, and `come_to` its drives at that place. A pair
-    is nowhere near before its fingers have together come to `due` (row, number).
+    is nowhere near before its fingers have together come to `due` (row, number). `poses`
+    (row, finger) are those of the fingers last placed for meetings.
     """
 
     palm: wp.array2d[vec3]
@@ -96,6 +98,7 @@ class ChainBuild:
     come: wp.array2d[real]
     come_to: wp.array2d[vec6]
     due: wp.array2d[real]
+    poses: wp.array2d[ChainPose]
     listed_count: int
     within: int
 
@@ -131,7 +134,7 @@ def place_finger(
     hand: Chain, q: vec6, ends: wp.array3d[vec3], balls: wp.array2d[vec4], i: int, finger: int
 ):
     """Notes both ends of a finger's capsules in the hand's frame, in row `i` of `ends`, and the
-    balls around them."""
+    balls around them. Returns its pose there."""
     pose = chain_pose(hand, wp.transform_identity(dtype=wp.float64), q)
     for c in range(hand.capsule_count):
         capsule = chain_capsule(hand, c)
@@ -144,6 +147,7 @@ def place_finger(
         ends[i, row, 1] = b
         middle = (a + b) * HALF
         balls[i, row] = vec4(middle[0], middle[1], middle[2], wp.length(b - a) * HALF)
+    return pose
 
 
 @wp.func
@@ -329,8 +333,7 @@ def find_meetings(  # noqa: F811
             looked = looked | _pair_fingers(pair)
     for f in range(hands.shape[1]):
         if (looked & (1 << f)) != 0:
-            place_finger(hands[own, f], q[f], build.ends, build.balls, i, f)
-    still = wp.transform_identity(dtype=wp.float64)
+            build.poses[i, f] = place_finger(hands[own, f], q[f], build.ends, build.balls, i, f)
     count = int(0)
     for n in range(pairs):
         k = int(n)
@@ -355,15 +358,14 @@ def find_meetings(  # noqa: F811
                 build.due[i, n] = way + near.apart - pair.both - _NEAR
             if near.apart < pair.both + _NEAR:
                 hand = hands[own, pair.one]
-                by_one = chain_jacobian(
-                    hand, chain_pose(hand, still, q[pair.one]),
-                    chain_capsule(hand, pair.capsule).joint, near.one, near.way)
+                by_one = chain_jacobian(hand, build.poses[i, pair.one],
+                                        chain_capsule(hand, pair.capsule).joint, near.one, near.way)
                 by_two = vec6()
                 if pair.two >= 0:
                     other = hands[own, pair.two]
-                    by_two = chain_jacobian(
-                        other, chain_pose(other, still, q[pair.two]),
-                        chain_capsule(other, pair.other).joint, near.two, -near.way)
+                    by_two = chain_jacobian(other, build.poses[i, pair.two],
+                                            chain_capsule(other, pair.other).joint, near.two,
+                                            -near.way)
                 count = _note(meetings, i, count, pair.one, pair.two, pair.both - near.apart,
                               by_one, by_two)
     return count
