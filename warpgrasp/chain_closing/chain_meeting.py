@@ -34,7 +34,8 @@ _SHAPES = {
     "come_to": "row finger", "due": "row pair",
     "poses": "row finger",
     "frictions": "rubs finger", "grips": "rubs slot",
-    "felt": "world probe grasp finger", "truth": "world probe grasp finger"}
+    "felt": "world probe grasp finger", "truth": "world probe grasp finger",
+    "ended": "world? probe? grasp? finger?"}
 
 _RECORDS = ("state", "meetings", "poses", "frictions", "grips")
 """What kernels work in that is made of structs."""

@@ -84,6 +84,7 @@ def chain_meeting_kernel(
     # Made right:
     felt: wp.array4d[ChainClosingRow],
     truth: wp.array4d[ChainTruthRow],
+    ended: wp.array4d[ChainGrip],
 ):
     """A hand whose links may touch one another; `place` says which."""
     i = wp.tid() + first
@@ -131,7 +132,10 @@ def chain_meeting_kernel(
                 command[f] = true_command(hand, path, g, f, before)
                 rest = free_chain(chain_free_joints(hand, base, command[f]))
                 begun = truth[w, p, g, f].touched
-                if hand.friction > ZERO:
+                if hand.friction > ZERO and s > row.step and truth[w, p, g, f].link == 0 and (
+                        truth[w, p, g, f].met == 0):
+                    grips[i, f] = ended[w, p, g, f]  # it pressed where it stopped
+                elif hand.friction > ZERO:
                     rubbed = rubbed_at(scene, which, hand, base, path, g, f, begun, before,
                                        LINK_SAMPLES)
                     rest = rubbed.rest
