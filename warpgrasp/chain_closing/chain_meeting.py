@@ -32,7 +32,7 @@ _SHAPES = {
     "place": "row", "near": "row", "state": "row slot", "meetings": f"row {MEETINGS}",
     "ends": "row every 2", "balls": "row every", "listed": "row pair", "come_since": "row finger",
     "come_to": "row finger", "due": "row pair",
-    "poses": "row finger",
+    "poses": "row finger", "posed": "row finger",
     "frictions": "rubs finger", "grips": "rubs slot",
     "felt": "world probe grasp finger", "truth": "world probe grasp finger",
     "ended": "world? probe? grasp? finger?"}
@@ -79,7 +79,8 @@ def _rows(kernel: Any, hand: ChainHand, place: np.ndarray, given: Mapping[str, A
         "poses": (ChainPose, (n, own)), "frictions": (ChainFriction, (rubbing, own)),
         "grips": (ChainGrip, (rubbing, 2 * own)), "ends": (vec3, (n, own * CAPSULES, 2)),
         "balls": (vec4, (n, own * CAPSULES)), "listed": (int, (n, pairs)),
-        "due": (real, (n, pairs)), "come_since": (real, (n, own)), "come_to": (vec6, (n, own))}
+        "due": (real, (n, pairs)), "come_since": (real, (n, own)), "come_to": (vec6, (n, own)),
+        "posed": (vec6, (n, own))}
     taken = [a.label for a in kernel.adj.args if a.label in rooms]
     # What a kernel finds in them it has put there, but for grips.
     rows = {name: Records(rooms[name][0], rooms[name][1], device, clear=name == "grips")

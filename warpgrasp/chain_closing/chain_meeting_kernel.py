@@ -39,6 +39,7 @@ from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.rubbing.chain_balance import ChainGrip
 
 wp.set_module_options({"max_unroll": 1})
+_NONE = wp.constant(real(1e9))  # [rad]; at no drive
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
 _NO_CONTACT = wp.constant(int(ProbeStatus.NO_CONTACT))
 _TENSION_STEP = wp.constant(int(Purpose.TENSION_STEP))
@@ -79,6 +80,7 @@ def chain_meeting_kernel(
     come_to: wp.array2d[vec6],
     due: wp.array2d[real],
     poses: wp.array2d[ChainPose],
+    posed: wp.array2d[vec6],
     frictions: wp.array2d[ChainFriction],
     grips: wp.array2d[ChainGrip],
     # Made right:
@@ -114,6 +116,10 @@ def chain_meeting_kernel(
     build.come_to = come_to
     build.due = due
     build.poses = poses
+    build.posed = posed
+    for f in range(fingers):
+        posed[i, f] = vec6(_NONE, ZERO, ZERO, ZERO, ZERO, ZERO)
+    build.up = wp.quat_rotate_inv(wp.transform_get_rotation(base), vec3(ZERO, ZERO, ONE))
     build.order = order
     build.slack = slack
     build.world = w % order.shape[0]

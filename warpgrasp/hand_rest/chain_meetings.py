@@ -18,6 +18,7 @@ from warpgrasp.chain.chain_kernel import (
     vec6,
 )
 from warpgrasp.core.dtypes import HALF, ZERO, real, struct, transform, vec3, vec4
+from warpgrasp.finger.chain_energy import largest_magnitude
 from warpgrasp.finger.path_record import true_command
 from warpgrasp.geometry.segment_pair import segment_pair
 from warpgrasp.hand_rest.meetings import (
@@ -81,7 +82,8 @@ class ChainBuild:
     are `listed` (row, number), `listed_count` of them; see `near_pairs`. `come` (row, finger) is
     how far each finger has come since [m], at most, and `come_to` its drives at that place. A pair
     is nowhere near before its fingers have together come to `due` (row, number). `poses`
-    (row, finger) are those of the fingers last placed for meetings.
+    (row, finger) in the hand's frame are those at the drives that are `posed`; `up` is the way
+    upwards there.
     """
 
     palm: wp.array2d[vec3]
@@ -99,6 +101,8 @@ class ChainBuild:
     come_to: wp.array2d[vec6]
     due: wp.array2d[real]
     poses: wp.array2d[ChainPose]
+    posed: wp.array2d[vec6]
+    up: vec3
     listed_count: int
     within: int
 
@@ -134,8 +138,16 @@ def place_finger(
     hand: Chain, q: vec6, ends: wp.array3d[vec3], balls: wp.array2d[vec4], i: int, finger: int
 ):
     """Notes both ends of a finger's capsules in the hand's frame, in row `i` of `ends`, and the
-    balls around them. Returns its pose there."""
-    pose = chain_pose(hand, wp.transform_identity(dtype=wp.float64), q)
+    balls around them."""
+    _place_capsules(hand, chain_pose(hand, wp.transform_identity(dtype=wp.float64), q), ends, balls,
+                    i, finger)
+
+
+@wp.func
+def _place_capsules(
+    hand: Chain, pose: ChainPose, ends: wp.array3d[vec3], balls: wp.array2d[vec4], i: int,
+    finger: int
+):
     for c in range(hand.capsule_count):
         capsule = chain_capsule(hand, c)
         at = pose.at[capsule.joint]
@@ -147,7 +159,6 @@ def place_finger(
         ends[i, row, 1] = b
         middle = (a + b) * HALF
         balls[i, row] = vec4(middle[0], middle[1], middle[2], wp.length(b - a) * HALF)
-    return pose
 
 
 @wp.func
@@ -333,7 +344,11 @@ def find_meetings(  # noqa: F811
             looked = looked | _pair_fingers(pair)
     for f in range(hands.shape[1]):
         if (looked & (1 << f)) != 0:
-            build.poses[i, f] = place_finger(hands[own, f], q[f], build.ends, build.balls, i, f)
+            if largest_magnitude(q[f] - build.posed[i, f]) > ZERO:
+                build.poses[i, f] = chain_pose(
+                    hands[own, f], wp.transform_identity(dtype=wp.float64), q[f])
+                build.posed[i, f] = q[f]
+            _place_capsules(hands[own, f], build.poses[i, f], build.ends, build.balls, i, f)
     count = int(0)
     for n in range(pairs):
         k = int(n)

@@ -12,10 +12,10 @@ import warp as wp
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, real, transform
 from warpgrasp.finger.chain_energy import largest_magnitude
 from warpgrasp.geometry.scene import Scene
+from warpgrasp.hand_rest.far_balance import far_balance
 from warpgrasp.hand_rest.hand_equilibrium import largest_step, newton_step, stands
 from warpgrasp.hand_rest.meetings import base_of, find_meetings, takes_part
 from warpgrasp.rubbing.balance import finger_balance
-from warpgrasp.rubbing.far_balance import far_balance
 
 _ITERATIONS = wp.constant(16)
 _LAST = wp.constant(real(2e-5))  # [rad]; a Newton step that is taken without another evaluation
@@ -58,8 +58,8 @@ def hand_balance(
         else:
             hand = hands[own, f]
             base = base_of(hand, pose, f)
-            if far_balance(hand, base, command[f], q[f], state, i, slot + f, last + f, grips,
-                           fingers + f):
+            if far_balance(hand, base, build, f, command[f], q[f], state, i, slot + f, last + f,
+                           grips, fingers + f):
                 continue
             at = finger_balance(scene, body, hand, base, command[f], q[f], state[i, last + f],
                                 grips[i, f], grips[i, fingers + f], samples, begins)

@@ -12,13 +12,15 @@ from warpgrasp.chain.chain_kernel import (
     chain_beyond_stops,
     chain_capsule,
     chain_pose,
-    chain_weight,
     mat66,
     vec6,
+    weight_along,
 )
 from warpgrasp.core.dtypes import ONE, ZERO, greater, mat44, transform, vec3, vec4
 from warpgrasp.finger.chain_energy import ChainRest, links_moved
 from warpgrasp.finger.energy import Equilibrium, pick
+from warpgrasp.hand_rest.chain_meetings import ChainBuild
+from warpgrasp.hand_rest.meetings import HandBuild
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, beyond_stops
 from warpgrasp.rubbing.balance import Grip
 from warpgrasp.rubbing.chain_balance import ChainGrip, start_grip
@@ -27,8 +29,9 @@ from warpgrasp.rubbing.link_chain import finger_chain, lifted
 
 @wp.func(inline=False)
 def far_balance(
-    hand: Hand, base: transform, command: vec4, q: vec4, state: wp.array2d[Equilibrium], i: int,
-    slot: int, last: int, grips: wp.array2d[Grip], tried: int
+    hand: Hand, base: transform, build: HandBuild, finger: int, command: vec4, q: vec4,
+    state: wp.array2d[Equilibrium], i: int, slot: int, last: int, grips: wp.array2d[Grip],
+    tried: int
 ):
     """Whether no link at joints `q` can touch, by how deep they are in the state `last` of row `i`;
     then the balance is put in its state `slot`, and the grip in its grip `tried`.
@@ -75,10 +78,11 @@ def far_balance(
 
 @wp.func(inline=False)
 def far_balance(  # noqa: F811 (an overload)
-    hand: Chain, base: transform, command: vec6, q: vec6, state: wp.array2d[ChainRest], i: int,
-    slot: int, last: int, grips: wp.array2d[ChainGrip], tried: int
+    hand: Chain, base: transform, build: ChainBuild, finger: int, command: vec6, q: vec6,
+    state: wp.array2d[ChainRest], i: int, slot: int, last: int, grips: wp.array2d[ChainGrip],
+    tried: int
 ):
-    """As the overload for a Hand, capsule by capsule."""
+    """As the overload for a Hand, capsule by capsule; keeps its pose for `find_meetings`."""
     swung, travel = links_moved(hand, q, state[i, last].q)
     depth = state[i, last].depth
     table = state[i, last].table
@@ -97,7 +101,10 @@ def far_balance(  # noqa: F811 (an overload)
         drive[d] = (q[d] - command[d]) * k
         compliance[d, d] = ONE / wp.where(past[d] == ZERO, k, k + hand.stop)
     if hand.weighs == 1:
-        drive -= chain_weight(hand, chain_pose(hand, base, q))
+        pose = chain_pose(hand, wp.transform_identity(dtype=wp.float64), q)
+        drive -= weight_along(hand, pose, build.up)
+        build.poses[i, finger] = pose
+        build.posed[i, finger] = q
     state[i, slot].q = q
     state[i, slot].drive = drive
     state[i, slot].gradient = drive + past * hand.stop
