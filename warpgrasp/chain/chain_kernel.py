@@ -8,7 +8,7 @@ of joints and capsules are addresses, since Warp passes structs by value (see `g
 
 import warp as wp
 
-from warpgrasp.core.dtypes import HALF, ZERO, quat, real, struct, transform, vec3, vec4
+from warpgrasp.core.dtypes import HALF, ONE, ZERO, quat, real, struct, transform, vec3, vec4
 from warpgrasp.core.sincos import sine_cosine
 
 JOINTS = 6
@@ -181,8 +181,9 @@ def chain_beyond_stops(hand: Chain, q: vec6):
 
 
 @wp.func
-def chain_weight(hand: Chain, pose: ChainPose):
-    """Torques of the links' weight about the drives [N m]; the frame of `pose` has z upwards."""
+def weight_along(hand: Chain, pose: ChainPose, up: vec3):
+    """Torques of the links' weight about the drives [N m], by the way that is upwards in the frame
+    of `pose`."""
     turns = vec6()
     if hand.weighs == 1:
         # From the tip inwards: what turns a joint is what lies beyond it.
@@ -194,9 +195,14 @@ def chain_weight(hand: Chain, pose: ChainPose):
             carried += row.weight
             moment += placed(pose.at[j], pose.turn[j], row.centre) * row.weight
             arm = moment - pose.at[j] * carried
-            axis = pose.axis[j]
-            turns[row.drive] -= row.factor * (axis[0] * arm[1] - axis[1] * arm[0])
+            turns[row.drive] -= row.factor * wp.dot(wp.cross(pose.axis[j], arm), up)
     return turns
+
+
+@wp.func
+def chain_weight(hand: Chain, pose: ChainPose):
+    """Torques of the links' weight about the drives [N m]; the frame of `pose` has z upwards."""
+    return weight_along(hand, pose, vec3(ZERO, ZERO, ONE))
 
 
 @wp.func

@@ -27,6 +27,7 @@ from warpgrasp.core.struct_array import Records
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.calibration import Calibration, no_errors
 from warpgrasp.parameters import ContactTable, HandTable, SensorTable
+from warpgrasp.rubbing.chain_balance import ChainGrip
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ _SHAPES = {
     "sensors": "world? finger", "key": "world", "probe_number": "world probe",
     "probe_status": "world probe grasp", "hand_pose": "world probe", "path": "grasp finger step",
     "come": f"grasp finger {CAPSULES} step", "command_count": "grasp", "felt": _EACH,
-    "truth": _EACH}
+    "truth": _EACH, "ended": "world? probe? grasp? finger?"}
 
 
 def no_chain_errors(hand: ChainHand) -> Calibration:
@@ -91,6 +92,8 @@ def close_chains(
     felt, truth = (Records(row, dims, device, clear=False)
                    for row in (ChainClosingRow, ChainTruthRow))
     contact = contact or ContactTable()
+    rubs = contact.friction > 0.0
+    ended = Records(ChainGrip, dims if rubs else (1, 1, 1, 1), device, clear=False)
     none = no_chain_errors(hand)
     errors = errors or none
 
@@ -111,14 +114,15 @@ def close_chains(
         "path": path, "felt": felt.array, "truth": truth.array}
     counts = {"command_count": there(command_count, int)}
     closing = (chain_closing_kernel, _SHAPES, given | counts | {
-        "march_scale": march_scale, "probe_status": there(probe_status, int), "come": come})
+        "march_scale": march_scale, "probe_status": there(probe_status, int), "come": come,
+        "ended": ended.array})
     reading = (chain_reading_kernel, _SHAPES, given)
     if contact.self_contact:
         launch_in_turn(extents, [closing], device=device)
         resolve_meetings(hand, felt.numpy()["status"][..., 0],
                          *_slack(hand, table, contact, errors, commands.shape, commands.tobytes(),
                                  device),
-                         given | counts | {"come": come}, contact.friction > 0.0, device)
+                         given | counts | {"come": come, "ended": ended.array}, rubs, device)
         launch_in_turn(extents, [reading], device=device)
     else:
         launch_in_turn(extents, [closing, reading], device=device)

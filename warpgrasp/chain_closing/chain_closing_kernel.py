@@ -39,7 +39,7 @@ from warpgrasp.finger.friction import NO_FRICTION
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.geometry.segment_distance import LINK_SAMPLES
 from warpgrasp.probe_status import ProbeStatus
-from warpgrasp.rubbing.chain_balance import ChainRubbed, predicted, start_rubbed
+from warpgrasp.rubbing.chain_balance import ChainGrip, ChainRubbed, predicted, start_rubbed
 from warpgrasp.rubbing.friction_step import next_rubbed, refine_rubbed
 
 wp.set_module_options({"max_unroll": 1})
@@ -136,8 +136,10 @@ def chain_closing_kernel(
     # Out:
     felt: wp.array4d[ChainClosingRow],
     truth: wp.array4d[ChainTruthRow],
+    ended: wp.array4d[ChainGrip],
 ):
-    """A finger's closing: status, step, and the equilibrium there before refinement."""
+    """A finger's closing: status, step, and the equilibrium there before refinement; of a finger
+    that presses where it stops, and whose skin rubs, what its last step began with."""
     w, p, g, finger = wp.tid()
     w += first
     clear_chain_rows(felt, truth, probe_status, w, p, g, finger)
@@ -228,6 +230,7 @@ def chain_closing_kernel(
     at = wp.where(stopped < 0, last, stopped)
     if stopped >= 0 and pressed == 1 and hand.friction > ZERO:
         now.rest = refine_rubbed(scene, which, hand, base, now.rubbed)
+        ended[w, p, g, finger] = now.rubbed.grip
     truth[w, p, g, finger].q = now.rest.q
     truth[w, p, g, finger].torque = wp.cw_mul(command - now.rest.q, hand.stiffness)
     truth[w, p, g, finger].along = now.rest.along

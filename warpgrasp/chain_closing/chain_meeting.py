@@ -8,10 +8,10 @@ import numpy as np
 import warp as wp
 
 from warpgrasp.chain.chain_hand import ChainHand, capsule_ends, closing_way
-from warpgrasp.chain.chain_kernel import CAPSULES, vec6
+from warpgrasp.chain.chain_kernel import CAPSULES, ChainPose, vec6
 from warpgrasp.chain_closing.chain_meeting_kernel import chain_meeting_kernel
 from warpgrasp.chain_closing.chain_near_kernel import chain_near_kernel
-from warpgrasp.core.dtypes import vec3, vec4
+from warpgrasp.core.dtypes import real, vec3, vec4
 from warpgrasp.core.kernel_launch import launch
 from warpgrasp.core.struct_array import Records, record_type
 from warpgrasp.finger.chain_energy import ChainRest
@@ -30,9 +30,15 @@ _SHAPES = {
     "path": "grasp finger step", "come": f"grasp finger {CAPSULES} step",
     "command_count": "grasp", "order": "orders grasp pair", "slack": "orders grasp pair",
     "place": "row", "near": "row", "state": "row slot", "meetings": f"row {MEETINGS}",
-    "ends": "row every 2", "balls": "row every", "listed": "row pair", "listed_at": "row finger",
+    "ends": "row every 2", "balls": "row every", "listed": "row pair", "come_since": "row finger",
+    "come_to": "row finger", "due": "row pair",
+    "poses": "row finger", "posed": "row finger",
     "frictions": "rubs finger", "grips": "rubs slot",
-    "felt": "world probe grasp finger", "truth": "world probe grasp finger"}
+    "felt": "world probe grasp finger", "truth": "world probe grasp finger",
+    "ended": "world? probe? grasp? finger?"}
+
+_RECORDS = ("state", "meetings", "poses", "frictions", "grips")
+"""What kernels work in that is made of structs."""
 
 
 def resolve_meetings(
@@ -66,18 +72,21 @@ def _rows(kernel: Any, hand: ChainHand, place: np.ndarray, given: Mapping[str, A
     n = len(place)
     found = wp.array(np.zeros(n, np.int32) if near is None else near.astype(np.int32), dtype=int,
                      device=device)
-    state, meetings = (Records(ChainRest, (n, 2 * hand.fingers), device),
-                       Records(ChainMeeting, (n, MEETINGS), device))
+    own, pairs = hand.fingers, given["pairs"].shape[0]
     rubbing = n if rubs else 1
-    frictions, grips = (Records(row, (rubbing, count), device) for row, count in (
-        (ChainFriction, hand.fingers), (ChainGrip, 2 * hand.fingers)))
-    scratch = {
-        "state": state.array, "meetings": meetings.array, "frictions": frictions.array,
-        "grips": grips.array,
-        "ends": wp.zeros((n, hand.fingers * CAPSULES, 2), dtype=vec3, device=device),
-        "balls": wp.zeros((n, hand.fingers * CAPSULES), dtype=vec4, device=device),
-        "listed": wp.zeros((n, given["pairs"].shape[0]), dtype=int, device=device),
-        "listed_at": wp.zeros((n, hand.fingers), dtype=vec6, device=device)}
+    rooms: dict[str, tuple[Any, tuple[int, ...]]] = {
+        "state": (ChainRest, (n, 2 * own)), "meetings": (ChainMeeting, (n, MEETINGS)),
+        "poses": (ChainPose, (n, own)), "frictions": (ChainFriction, (rubbing, own)),
+        "grips": (ChainGrip, (rubbing, 2 * own)), "ends": (vec3, (n, own * CAPSULES, 2)),
+        "balls": (vec4, (n, own * CAPSULES)), "listed": (int, (n, pairs)),
+        "due": (real, (n, pairs)), "come_since": (real, (n, own)), "come_to": (vec6, (n, own)),
+        "posed": (vec6, (n, own))}
+    taken = [a.label for a in kernel.adj.args if a.label in rooms]
+    # What a kernel finds in them it has put there, but for grips.
+    rows = {name: Records(rooms[name][0], rooms[name][1], device, clear=name == "grips")
+            for name in taken if name in _RECORDS}
+    scratch = {name: rows[name].array if name in rows else wp.empty(
+        rooms[name][1], dtype=rooms[name][0], device=device) for name in taken}
     values = {**given, **scratch, "near": found,
               "place": wp.array(place.astype(np.int32), dtype=wp.vec3i, device=device)}
     # Here worlds are no axis of the launch: their number is stated by an array that has them all.

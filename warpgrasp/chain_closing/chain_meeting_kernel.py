@@ -10,7 +10,7 @@ alone.
 
 import warp as wp
 
-from warpgrasp.chain.chain_kernel import Chain, chain_free_joints, vec6
+from warpgrasp.chain.chain_kernel import Chain, ChainPose, chain_free_joints, vec6
 from warpgrasp.chain.torque_sensor_kernel import TorqueSensor, guard_reading
 from warpgrasp.chain_closing.chain_closing_kernel import guarded_torque, tip_force
 from warpgrasp.chain_closing.chain_near_kernel import first_near
@@ -39,6 +39,7 @@ from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.rubbing.chain_balance import ChainGrip
 
 wp.set_module_options({"max_unroll": 1})
+_NONE = wp.constant(real(1e9))  # [rad]; at no drive
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
 _NO_CONTACT = wp.constant(int(ProbeStatus.NO_CONTACT))
 _TENSION_STEP = wp.constant(int(Purpose.TENSION_STEP))
@@ -75,12 +76,17 @@ def chain_meeting_kernel(
     ends: wp.array3d[vec3],
     balls: wp.array2d[vec4],
     listed: wp.array2d[int],
-    listed_at: wp.array2d[vec6],
+    come_since: wp.array2d[real],
+    come_to: wp.array2d[vec6],
+    due: wp.array2d[real],
+    poses: wp.array2d[ChainPose],
+    posed: wp.array2d[vec6],
     frictions: wp.array2d[ChainFriction],
     grips: wp.array2d[ChainGrip],
     # Made right:
     felt: wp.array4d[ChainClosingRow],
     truth: wp.array4d[ChainTruthRow],
+    ended: wp.array4d[ChainGrip],
 ):
     """A hand whose links may touch one another; `place` says which."""
     i = wp.tid() + first
@@ -106,7 +112,14 @@ def chain_meeting_kernel(
     build.ends = ends
     build.balls = balls
     build.listed = listed
-    build.listed_at = listed_at
+    build.come = come_since
+    build.come_to = come_to
+    build.due = due
+    build.poses = poses
+    build.posed = posed
+    for f in range(fingers):
+        posed[i, f] = vec6(_NONE, ZERO, ZERO, ZERO, ZERO, ZERO)
+    build.up = wp.quat_rotate_inv(wp.transform_get_rotation(base), vec3(ZERO, ZERO, ONE))
     build.order = order
     build.slack = slack
     build.world = w % order.shape[0]
@@ -125,7 +138,10 @@ def chain_meeting_kernel(
                 command[f] = true_command(hand, path, g, f, before)
                 rest = free_chain(chain_free_joints(hand, base, command[f]))
                 begun = truth[w, p, g, f].touched
-                if hand.friction > ZERO:
+                if hand.friction > ZERO and s > row.step and truth[w, p, g, f].link == 0 and (
+                        truth[w, p, g, f].met == 0):
+                    grips[i, f] = ended[w, p, g, f]  # it pressed where it stopped
+                elif hand.friction > ZERO:
                     rubbed = rubbed_at(scene, which, hand, base, path, g, f, begun, before,
                                        LINK_SAMPLES)
                     rest = rubbed.rest

@@ -13,23 +13,33 @@ from warpgrasp.chain.chain_kernel import (
     chain_capsule,
     chain_free_joints,
     chain_pose,
+    chain_weight,
+    past_stops,
     placed,
+    turned_by_weight,
     vec6,
     vec12,
 )
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, greater, lesser, real, struct, transform
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.geometry.segment_distance import LINK_SAMPLES, nearest_on_link
+from warpgrasp.hand_rest.chain_meetings import off_command
 
+_SOON = wp.constant(8)  # steps in which what weight does changes little
+_ROUGH = wp.constant(real(1e-4))  # [m]: what weight does is found to second order
+_TWICE = wp.constant(real(2.0))  # what a finger is off by, less than half of which is left
+_ENOUGH = wp.constant(real(5.0))  # times what it may be off by: clear enough
 _ROUNDING = wp.constant(real(1e-12))  # [m]; a capsule pressed by no more bears 20 nN
 
 
 @struct
 class FreeChain:
-    """A free finger at a step. Each capsule is free while `come` stays below `until` [m]."""
+    """A free finger at a step. Each capsule is free while `come` stays below `until` [m]; `sag` is
+    about what weight turns the drives by there [rad]."""
 
     step: int
     until: vec12
+    sag: vec6
 
 
 @wp.func
@@ -67,23 +77,41 @@ def advance_chain(
         for c in range(hand.capsule_count):
             s = _first_at_least(come, g, finger, c, free.until[c], begin, s)
         if s < end:
-            pose = chain_pose(hand, base, chain_free_joints(
-                hand, base, path[g, finger, s] - hand.offset))
-            for c in range(hand.capsule_count):
-                if come[g, finger, c, s] >= free.until[c]:
-                    capsule = chain_capsule(hand, c)
-                    at = pose.at[capsule.joint]
-                    turn = pose.turn[capsule.joint]
-                    a = placed(at, turn, capsule.start)
-                    u = placed(at, turn, capsule.end) - a
-                    length = wp.length(u)
-                    if length > ZERO:
-                        u = u / length
-                    near = nearest_on_link(scene, body, a, u, length, -ONE, ONE, LINK_SAMPLES,
-                                           length * HALF + capsule.radius)
-                    clear = lesser(near.least, lesser(a[2], a[2] + u[2] * length))
-                    clear -= capsule.radius
-                    free.until[c] = come[g, finger, c, s] + scale * greater(clear, ZERO)
-                    if clear < -_ROUNDING:
-                        free.step = int(s)
+            command = path[g, finger, s] - hand.offset
+            # About where it is first; exactly where that does not tell whether it is free.
+            if begin == 0 or s - begin > _SOON:
+                free.sag = turned_by_weight(hand, base, command + free.sag)
+            q = past_stops(hand, command + free.sag)
+            exact = int(0)
+            while exact < 2:
+                pose = chain_pose(hand, base, q)
+                off = real(0.0)
+                if hand.weighs == 1:
+                    free.sag = wp.cw_div(chain_weight(hand, pose), hand.stiffness)
+                    if exact == 0:
+                        off = _ROUGH + _TWICE * off_command(
+                            hand, past_stops(hand, command + free.sag) - q)
+                exact += 2
+                for c in range(hand.capsule_count):
+                    if exact >= 2 and come[g, finger, c, s] >= free.until[c]:
+                        capsule = chain_capsule(hand, c)
+                        at = pose.at[capsule.joint]
+                        turn = pose.turn[capsule.joint]
+                        a = placed(at, turn, capsule.start)
+                        u = placed(at, turn, capsule.end) - a
+                        length = wp.length(u)
+                        if length > ZERO:
+                            u = u / length
+                        near = nearest_on_link(scene, body, a, u, length, -ONE, ONE, LINK_SAMPLES,
+                                               length * HALF + capsule.radius)
+                        clear = lesser(near.least, lesser(a[2], a[2] + u[2] * length))
+                        clear -= capsule.radius
+                        if off > ZERO and clear < _ENOUGH * off:
+                            exact = int(1)
+                            q = chain_free_joints(hand, base, command)
+                        else:
+                            free.until[c] = come[g, finger, c, s] + scale * greater(
+                                clear - off, ZERO)
+                            if clear < -_ROUNDING:
+                                free.step = int(s)
     return free

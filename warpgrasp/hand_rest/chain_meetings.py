@@ -10,13 +10,15 @@ import warp as wp
 from warpgrasp.chain.chain_kernel import (
     CAPSULES,
     Chain,
+    ChainPose,
     chain_capsule,
     chain_jacobian,
     chain_pose,
     placed,
     vec6,
 )
-from warpgrasp.core.dtypes import HALF, real, struct, transform, vec3, vec4
+from warpgrasp.core.dtypes import HALF, ZERO, real, struct, transform, vec3, vec4
+from warpgrasp.finger.chain_energy import largest_magnitude
 from warpgrasp.finger.path_record import true_command
 from warpgrasp.geometry.segment_pair import segment_pair
 from warpgrasp.hand_rest.meetings import (
@@ -34,6 +36,7 @@ CAPSULE_ROWS = wp.constant(CAPSULES)
 _MEETINGS = wp.constant(MEETINGS)
 _NEAR = wp.constant(real(2e-3))  # [m]: links nearer than this may meet in a step
 _ROOM = wp.constant(real(1.5e-2))  # [m]: two fingers come less far together before pairs are listed
+_FAR = wp.constant(real(8e-3))  # [m]: how far two capsules are is found if it is less
 _MORE = wp.constant(real(5e-3))  # [m]: and may be off their commands by as much more
 hand_angles = wp.types.matrix(shape=(FINGERS, 6), dtype=real)
 
@@ -75,9 +78,12 @@ class ChainBuild:
     come on the way of a grasp while nothing holds their fingers, at least [m]. Of this hand's
     (`world`, `grasp`) the first `count` may be near.
 
-    Those of the first `within` that were so near when the drives were `listed_at` (row, finger)
-    that they may meet before a finger has come far are `listed` (row, number), `listed_count` of
-    them, of the fingers `looked` (a bit each); see `near_pairs`.
+    Those of the first `within` that were so near that they may meet before a finger has come far
+    are `listed` (row, number), `listed_count` of them; see `near_pairs`. `come` (row, finger) is
+    how far each finger has come since [m], at most, and `come_to` its drives at that place. A pair
+    is nowhere near before its fingers have together come to `due` (row, number). `poses`
+    (row, finger) in the hand's frame are those at the drives that are `posed`; `up` is the way
+    upwards there.
     """
 
     palm: wp.array2d[vec3]
@@ -91,10 +97,14 @@ class ChainBuild:
     grasp: int
     count: int
     listed: wp.array2d[int]
-    listed_at: wp.array2d[vec6]
+    come: wp.array2d[real]
+    come_to: wp.array2d[vec6]
+    due: wp.array2d[real]
+    poses: wp.array2d[ChainPose]
+    posed: wp.array2d[vec6]
+    up: vec3
     listed_count: int
     within: int
-    looked: int
 
 
 @wp.func
@@ -129,7 +139,15 @@ def place_finger(
 ):
     """Notes both ends of a finger's capsules in the hand's frame, in row `i` of `ends`, and the
     balls around them."""
-    pose = chain_pose(hand, wp.transform_identity(dtype=wp.float64), q)
+    _place_capsules(hand, chain_pose(hand, wp.transform_identity(dtype=wp.float64), q), ends, balls,
+                    i, finger)
+
+
+@wp.func
+def _place_capsules(
+    hand: Chain, pose: ChainPose, ends: wp.array3d[vec3], balls: wp.array2d[vec4], i: int,
+    finger: int
+):
     for c in range(hand.capsule_count):
         capsule = chain_capsule(hand, c)
         at = pose.at[capsule.joint]
@@ -208,14 +226,23 @@ def _pair_fingers(pair: CapsulePair):
 
 @wp.func
 def _moved(hands: wp.array2d[Chain], own: int, build: ChainBuild, q: hand_angles, i: int):
-    """How much nearer two fingers may have come since pairs were listed [m]."""
+    """How much nearer two fingers may come by drives `q` than where pairs were listed [m]."""
     most = real(0.0)
     second = real(0.0)
     for f in range(hands.shape[1]):
-        off = off_command(hands[own, f], q[f] - build.listed_at[i, f])
-        second = wp.max(second, wp.min(most, off))
-        most = wp.max(most, off)
+        way = build.come[i, f] + off_command(hands[own, f], q[f] - build.come_to[i, f])
+        second = wp.max(second, wp.min(most, way))
+        most = wp.max(most, way)
     return most + second
+
+
+@wp.func
+def _both_come(build: ChainBuild, pair: CapsulePair, i: int):
+    """How far a pair's fingers have come together since pairs were listed [m]."""
+    way = build.come[i, pair.one]
+    if pair.two >= 0:
+        way += build.come[i, pair.two]
+    return way
 
 
 @wp.func
@@ -256,17 +283,18 @@ def near_pairs(
     for k in range(now.within):
         looked = looked | _pair_fingers(ordered_pair(build, k))
     for f in range(hands.shape[1]):
-        build.listed_at[i, f] = q[f]
+        build.come_to[i, f] = q[f]
+        build.come[i, f] = ZERO
         if (looked & (1 << f)) != 0:
             place_finger(hands[own, f], q[f], build.ends, build.balls, i, f)
-    now.looked = int(0)
     now.listed_count = int(0)
     for k in range(now.within):
         pair = ordered_pair(build, k)
-        if pair_gap(build, pair, i, _NEAR + _ROOM) < _NEAR + _ROOM:
+        gap = pair_gap(build, pair, i, _NEAR + _ROOM)
+        if gap < _NEAR + _ROOM:
             build.listed[i, now.listed_count] = k
+            build.due[i, now.listed_count] = gap - _NEAR
             now.listed_count = now.listed_count + 1
-            now.looked = now.looked | _pair_fingers(pair)
     return now
 
 
@@ -298,42 +326,61 @@ def find_meetings(  # noqa: F811
     meetings: wp.array2d[ChainMeeting], i: int
 ):
     """Notes the pairs of capsules that touch or are near, in row `i`; returns their number."""
-    looked = build.looked
     pairs = build.listed_count
     listed = int(1)
     if _moved(hands, own, build, q, i) > _ROOM:
         listed = int(0)
         pairs = build.count
-        for k in range(pairs):
-            looked = looked | _pair_fingers(ordered_pair(build, k))
+    for f in range(hands.shape[1]):
+        build.come[i, f] += off_command(hands[own, f], q[f] - build.come_to[i, f])
+        build.come_to[i, f] = q[f]
+    looked = int(0)
+    for n in range(pairs):
+        k = int(n)
+        if listed == 1:
+            k = build.listed[i, n]
+        pair = ordered_pair(build, k)
+        if listed == 0 or _both_come(build, pair, i) >= build.due[i, n]:
+            looked = looked | _pair_fingers(pair)
     for f in range(hands.shape[1]):
         if (looked & (1 << f)) != 0:
-            place_finger(hands[own, f], q[f], build.ends, build.balls, i, f)
-    still = wp.transform_identity(dtype=wp.float64)
+            if largest_magnitude(q[f] - build.posed[i, f]) > ZERO:
+                build.poses[i, f] = chain_pose(
+                    hands[own, f], wp.transform_identity(dtype=wp.float64), q[f])
+                build.posed[i, f] = q[f]
+            _place_capsules(hands[own, f], build.poses[i, f], build.ends, build.balls, i, f)
     count = int(0)
     for n in range(pairs):
         k = int(n)
         if listed == 1:
             k = build.listed[i, n]
         pair = ordered_pair(build, k)
+        way = _both_come(build, pair, i)
+        if listed == 1:
+            if way < build.due[i, n]:
+                continue
         square, touching = _balls_apart(build, pair, i)
-        reach = touching + _NEAR
-        if square < reach * reach:
+        reach = touching + _NEAR + wp.where(listed == 1, _FAR, ZERO)
+        if square >= reach * reach:
+            if listed == 1:
+                build.due[i, n] = way + _FAR
+        else:
             near = segment_pair(build.ends[i, pair.one * CAPSULE_ROWS + pair.capsule, 0],
                                 build.ends[i, pair.one * CAPSULE_ROWS + pair.capsule, 1],
                                 _pair_end(pair, build.palm, build.ends, i, 0),
                                 _pair_end(pair, build.palm, build.ends, i, 1))
+            if listed == 1:
+                build.due[i, n] = way + near.apart - pair.both - _NEAR
             if near.apart < pair.both + _NEAR:
                 hand = hands[own, pair.one]
-                by_one = chain_jacobian(
-                    hand, chain_pose(hand, still, q[pair.one]),
-                    chain_capsule(hand, pair.capsule).joint, near.one, near.way)
+                by_one = chain_jacobian(hand, build.poses[i, pair.one],
+                                        chain_capsule(hand, pair.capsule).joint, near.one, near.way)
                 by_two = vec6()
                 if pair.two >= 0:
                     other = hands[own, pair.two]
-                    by_two = chain_jacobian(
-                        other, chain_pose(other, still, q[pair.two]),
-                        chain_capsule(other, pair.other).joint, near.two, -near.way)
+                    by_two = chain_jacobian(other, build.poses[i, pair.two],
+                                            chain_capsule(other, pair.other).joint, near.two,
+                                            -near.way)
                 count = _note(meetings, i, count, pair.one, pair.two, pair.both - near.apart,
                               by_one, by_two)
     return count

@@ -12,6 +12,7 @@ import warp as wp
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, real, transform
 from warpgrasp.finger.chain_energy import largest_magnitude
 from warpgrasp.geometry.scene import Scene
+from warpgrasp.hand_rest.far_balance import far_balance
 from warpgrasp.hand_rest.hand_equilibrium import largest_step, newton_step, stands
 from warpgrasp.hand_rest.meetings import base_of, find_meetings, takes_part
 from warpgrasp.rubbing.balance import finger_balance
@@ -56,9 +57,12 @@ def hand_balance(
             state[i, slot + f] = state[i, last + f]
         else:
             hand = hands[own, f]
-            at = finger_balance(
-                scene, body, hand, base_of(hand, pose, f), command[f],
-                q[f], state[i, last + f], grips[i, f], grips[i, fingers + f], samples, begins)
+            base = base_of(hand, pose, f)
+            if far_balance(hand, base, build, f, command[f], q[f], state, i, slot + f, last + f,
+                           grips, fingers + f):
+                continue
+            at = finger_balance(scene, body, hand, base, command[f], q[f], state[i, last + f],
+                                grips[i, f], grips[i, fingers + f], samples, begins)
             state[i, slot + f] = _expect(at)
             grips[i, fingers + f] = at.grip
     return find_meetings(hands, own, build, q, meetings, i)
