@@ -132,13 +132,14 @@ def test_another_spec_is_refused_and_changes_nothing(whole: tuple[Plan, Path]) -
 
 
 def test_deadly_units_are_set_aside_and_the_rest_goes_on(
-        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch, dropped_kernels: list[str]) -> None:
     monkeypatch.setenv("FAKE_LOG", str(tmp_path / "killed once"))
     text = SMALL.replace('"block", "wedge"', '"funnel", "wedge", "lightbulb", "block"').replace(
         "= 70\no", "= 3\no").partition('[[strategy]]\nname = "mine"')[0]
     plan = plan_of(tmp_path / "spec", text)
     outcome = run_in(tmp_path, plan, "deadly_episodes", workers=2)
     assert outcome == Outcome(kept=0, done=2, failed=2)
+    assert dropped_kernels  # here only noted
     assert (tmp_path / "killed once").exists()
     logs = "\n".join(file.read_text() for file in (tmp_path / "logs").glob("*.failed.log"))
     assert "this bulb always breaks" in logs
