@@ -135,7 +135,7 @@ def test_a_klein_bottle_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize("wall_mm", [
     pytest.param(0.3, marks=pytest.mark.slow), 1.0, pytest.param(1.5, marks=pytest.mark.slow)])
 def test_walls_that_the_grid_would_lose_are_refused(tmp_path: Path, wall_mm: float) -> None:
-    mesh = trimesh.creation.annulus(0.04 - wall_mm / 1000, 0.04, 0.1)
+    mesh = trimesh.creation.annulus(0.02 - wall_mm / 1000, 0.02, 0.1)
     mesh.export(tmp_path / "tube.stl")
     with pytest.raises(BodyError, match=r"tube.stl: .* 1.4 mm apart, which hold .* of its") as said:
         body_from_mesh(tmp_path / "tube.stl", units="m")
@@ -180,7 +180,8 @@ def test_bad_files(tmp_path: Path, name: str, content: bytes | None, message: st
 
 
 def test_a_damaged_cache_is_baked_again(tmp_path: Path) -> None:
-    file = block_file(tmp_path)
+    file = tmp_path / "rod.stl"
+    trimesh.creation.box((0.006, 0.006, 0.12)).export(file)  # few nodes
     first = body_from_mesh(file, units="m")
     cached, = (tmp_path / "cache").rglob("*.grid")
     whole = cached.read_bytes()
