@@ -19,6 +19,7 @@ from fit.implicit.process import (
 from fit.implicit.query import implicit_distance, implicit_values, sphere_mean
 
 THETA = np.array([0.2, -0.5, -3.5])
+equations = jax.jit(normal_equations)
 
 
 def kernel(a: np.ndarray, b: np.ndarray, length: float, amplitude: float) -> np.ndarray:
@@ -56,7 +57,7 @@ def cost(theta: np.ndarray, data: ProcessData, rows: int = 12) -> float:
 def test_cost_is_the_negative_log_marginal_likelihood_and_prior() -> None:
     data, other = problem(), THETA + [0.3, -0.2, 0.4]
     with jax.enable_x64(True):
-        found = [float(normal_equations(t, data).cost) for t in (THETA, other)]
+        found = [float(equations(t, data).cost) for t in (THETA, other)]
     assert found[1] - found[0] == pytest.approx(cost(other, data) - cost(THETA, data), abs=1e-8)
     assert min(found) > 0.0
 
@@ -64,7 +65,7 @@ def test_cost_is_the_negative_log_marginal_likelihood_and_prior() -> None:
 def test_gradient_is_that_of_differences_and_the_matrix_is_definite() -> None:
     data, step = problem(), 1e-5
     with jax.enable_x64(True):
-        found = normal_equations(THETA, data)
+        found = equations(THETA, data)
     for k, e in enumerate(step * np.eye(3)):
         slope = (cost(THETA + e, data) - cost(THETA - e, data)) / (2 * step)
         assert float(found.gradient[k]) == pytest.approx(slope, rel=1e-5, abs=1e-6)
@@ -74,7 +75,7 @@ def test_gradient_is_that_of_differences_and_the_matrix_is_definite() -> None:
 def test_deleted_residuals_are_those_of_fits_without_the_row() -> None:
     data = problem(padding=0)
     with jax.enable_x64(True):
-        found = posterior(THETA, data)
+        found = jax.jit(posterior)(THETA, data)
     whole, target = covariance(THETA, data), np.asarray(data.target)
     for row in (0, 5):
         rest = np.arange(12) != row

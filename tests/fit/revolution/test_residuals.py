@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from kept_program import call_kept
 
 from fit.revolution.geometry import RevolutionBody, revolution_distance
 from fit.revolution.record import RevolutionOptions
@@ -12,6 +13,12 @@ from fit.rotation import matrix_of_quaternion
 
 PLAIN = RevolutionOptions(nodes=6, loss="none")
 FALLING = RevolutionOptions(nodes=9, monotone="falling")
+
+
+def equations_and_residuals(at, data: FitData, form: RevolutionOptions):
+    """The normal equations of the first row of `at`, and the residuals of all rows."""
+    return (normal_equations(at[0], data, form),
+            jax.vmap(lambda theta: residuals(theta, data, form))(at))
 
 
 @pytest.mark.parametrize("options", [PLAIN, FALLING], ids=["plain", "falling"])
@@ -24,11 +31,8 @@ def test_normal_equations_are_those_of_the_residuals(options: RevolutionOptions)
     radii = 0.4 + 0.3 * rng.random(options.nodes)
     theta = np.concatenate([0.3 * rng.normal(size=4), [-0.8, 0.7], np.log(radii)])
     count, step = len(theta), 1e-6
-    with jax.enable_x64(True):
-        steps = step * np.concatenate([0 * theta[None], np.eye(count), -np.eye(count)])
-        found, values = jax.device_get(jax.jit(lambda at: (
-            normal_equations(at[0], lane, options),
-            jax.vmap(lambda t: residuals(t, lane, options))(at)))(theta + steps))
+    steps = step * np.concatenate([0 * theta[None], np.eye(count), -np.eye(count)])
+    found, values = call_kept(equations_and_residuals, theta + steps, lane, form=options)
     r, up, down = values[0], values[1 : count + 1], values[count + 1 :]
     j = (up - down).T / (2 * step)
     assert found.cost == pytest.approx(0.5 * r @ r, rel=1e-12)
@@ -44,7 +48,7 @@ def test_distances_are_those_of_the_numpy_body() -> None:
                           np.linspace(0.0, 1.3, 7)[None], radius[None])
     s, rho = points[:, 2], np.hypot(points[:, 0], points[:, 1])
     with jax.enable_x64(True):
-        found = jax.device_get(nearest_of_contour(
+        found = jax.device_get(jax.jit(nearest_of_contour)(
             np.asarray(1.3), jnp.asarray(radius), s, rho))
     assert np.allclose(np.abs(found.distance), revolution_distance(body, points[None])[0],
                        atol=1e-12)

@@ -3,6 +3,7 @@
 import jax
 import numpy as np
 import pytest
+from kept_program import call_kept
 
 from fit.rotation import matrix_of_quaternion
 from fit.superquadric.parameter_vector import Form
@@ -27,6 +28,12 @@ def lane(rng: np.random.Generator) -> FitData:
                 normals=normals, normal_weight=rng.random(24), free=balls)
 
 
+def equations_and_residuals(at, data: FitData, form: Form):
+    """The normal equations of the first row of `at`, and the residuals of all rows."""
+    return (normal_equations(at[0], data, form),
+            jax.vmap(lambda theta: residual_vector(theta, data, form))(at))
+
+
 @pytest.mark.parametrize("form", [
     pytest.param(PLAIN, id="plain", marks=pytest.mark.slow), pytest.param(RADIAL, id="radial"),
     pytest.param(BOXED, id="boxed", marks=pytest.mark.slow), pytest.param(BENT, id="bent")])
@@ -38,12 +45,9 @@ def test_normal_equations_are_those_of_the_residuals(form: Form) -> None:
         data = data._replace(normals=None, normal_weight=None)
     theta = np.concatenate([np.log([0.5, 0.7, 0.9]), 0.3 * rng.normal(size=form.parameters - 3)])
     step = 1e-6
-    with jax.enable_x64(True):
-        steps = step * np.concatenate([0 * theta[None], np.eye(form.parameters),
-                                       -np.eye(form.parameters)])
-        both = jax.jit(lambda at: (normal_equations(at[0], data, form),
-                                   jax.vmap(lambda t: residual_vector(t, data, form))(at)))
-        found, values = jax.device_get(both(theta + steps))
+    steps = step * np.concatenate([0 * theta[None], np.eye(form.parameters),
+                                   -np.eye(form.parameters)])
+    found, values = call_kept(equations_and_residuals, theta + steps, data, form=form)
     r, up, down = values[0], values[1 : form.parameters + 1], values[form.parameters + 1 :]
     j = (up - down).T / (2 * step)
     assert found.cost == pytest.approx(0.5 * r @ r, rel=1e-12)

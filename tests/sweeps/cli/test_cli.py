@@ -1,5 +1,6 @@
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,12 +17,29 @@ from sweeps.cli import main as cli
 from sweeps.run import worker
 
 BIG = SMALL.replace("= 70\no", "= 640\no")
+FAKE = "fake_episodes:run_episodes"
 
 
 @pytest.fixture
 def fake(monkeypatch: pytest.MonkeyPatch) -> None:
     """Sweeps of the command line run the stand-in."""
-    monkeypatch.setattr(commands, "EPISODES", "fake_episodes:run_episodes")
+    monkeypatch.setattr(commands, "EPISODES", FAKE)
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The directory of a sweep to its end, to be copied."""
+    folder = tmp_path_factory.mktemp("finished")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(commands, "EPISODES", FAKE)
+        assert cli.run(["sweep", str(write_spec(folder)), "-o", str(folder / "out")]) == 0
+    return folder / "out"
+
+
+@pytest.fixture
+def swept(finished: Path, tmp_path: Path, fake: None) -> tuple[Path, Path]:
+    """A spec, and the directory of its finished sweep."""
+    return write_spec(tmp_path), Path(shutil.copytree(finished, tmp_path / "out"))
 
 
 def test_explore_refuses_millimetres_for_metres(capsys: pytest.CaptureFixture[str]) -> None:
@@ -85,10 +103,8 @@ def test_a_folder_of_other_files_is_refused_and_left_as_it_is(
     assert cli.run(["sweep", str(spec), "-o", ""]) == 2
 
 
-def test_only_temporaries_of_the_studys_own_names_are_removed(tmp_path: Path, fake: None) -> None:
-    spec, out = tmp_path / "study.toml", tmp_path / "out"
-    spec.write_text(SMALL)
-    assert cli.run(["sweep", str(spec), "-o", str(out)]) == 0
+def test_only_temporaries_of_the_studys_own_names_are_removed(swept: tuple[Path, Path]) -> None:
+    spec, out = swept
     for name in (".draft.tmp", ".spec.toml.draft.tmp", ".spec.toml.0123456789ab.tmp"):
         (out / name).write_text("left")
     assert cli.run(["sweep", str(spec), "-o", str(out)]) == 0
@@ -112,19 +128,17 @@ def test_a_spec_in_another_order_gives_the_same_leaderboard(tmp_path: Path, fake
     ("resolved.json", "[]", 2, "resolved.json: is damaged; remove it"),
 ])
 def test_what_is_no_record_of_a_study_is_said(
-        tmp_path: Path, fake: None, capsys: pytest.CaptureFixture[str], file: str, content: str,
+        swept: tuple[Path, Path], capsys: pytest.CaptureFixture[str], file: str, content: str,
         code: int, says: str) -> None:
-    spec, out = write_spec(tmp_path), tmp_path / "out"
-    assert cli.run(["sweep", str(spec), "-o", str(out)]) == 0
+    spec, out = swept
     (out / file).write_text(content)
     assert cli.run(["sweep", str(spec), "-o", str(out)]) == code
     assert says in capsys.readouterr().err
 
 
 def test_a_refused_sweep_changes_nothing(
-        tmp_path: Path, fake: None, capsys: pytest.CaptureFixture[str]) -> None:
-    spec, out = write_spec(tmp_path), tmp_path / "out"
-    assert cli.run(["sweep", str(spec), "-o", str(out)]) == 0
+        swept: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    spec, out = swept
     before = {name: (out / name).read_bytes() for name in ("resolved.json", "spec.toml")}
     with commands.Store(out).lock((1, 1)):
         assert cli.run(["sweep", str(spec), "-o", str(out), "--set", "episodes_per_cell=99"]) == 2

@@ -1,6 +1,8 @@
 """The command: what it prints and leaves, resumed, damaged, with any number of workers."""
 
+import contextlib
 import csv
+import io
 import json
 import os
 import shutil
@@ -34,11 +36,23 @@ waypoints = {{ kind = "ring", count = 6 }}
 """ for name in ("ant", "bee", "cow", "dog", "horse", "elephant"))
 """Of the stand-in, strategies whose names are equally long are equally good; each has its luck."""
 FILES = ("race.csv", "race.svg", "resolved.json")
+FAKE = "fake_episodes:run_episodes"
 
 
 @pytest.fixture(autouse=True)
 def _fake(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(worker, "EPISODES", "fake_episodes:run_episodes")
+    monkeypatch.setattr(worker, "EPISODES", FAKE)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """A race to its end, its spec beside it; and what it printed."""
+    folder = tmp_path_factory.mktemp("race")
+    printed = io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(printed):
+        patch.setattr(worker, "EPISODES", FAKE)
+        assert race(write_spec(folder, SPEC), folder / "whole", "--json") == 0
+    return folder / "whole", printed.getvalue()
 
 
 def race(spec: Path, out: Path, *words: str, within: str = "0.3") -> int:
@@ -49,11 +63,10 @@ def rows(out: Path) -> list[dict[str, str]]:
     return list(csv.DictReader((out / "race.csv").read_text().splitlines()))
 
 
-def test_a_race_from_the_spec_to_the_sentence(tmp_path: Path,
+def test_a_race_from_the_spec_to_the_sentence(whole: tuple[Path, str],
                                               capsys: pytest.CaptureFixture[str]) -> None:
-    out = tmp_path / "out"
-    assert race(write_spec(tmp_path, SPEC), out, "--json") == 0
-    told = json.loads(capsys.readouterr().out)
+    out, printed = whole
+    told = json.loads(printed)
     assert told["best"] in ("ant", "bee", "cow", "dog")
     assert told["claim"] == "within 0.3 mm of the best of 6 on these 3 objects, 95 %"
     assert told["reached"]
@@ -65,7 +78,7 @@ def test_a_race_from_the_spec_to_the_sentence(tmp_path: Path,
     assert [row["strategy"] for row in found[-2:]] == ["horse", "elephant"]
     assert found[-1]["verdict"] == found[-2]["verdict"] == "worse"
     assert max(int(row["last_rung"]) for row in found) > 3
-    plan = plan_study(read_spec(tmp_path / "spec.toml"))
+    plan = plan_study(read_spec(out.parent / "spec.toml"))
     assert sum(int(row["n_episodes"]) for row in found) == sum(
         unit.stop - unit.start for unit in units_there(plan, out))
 
@@ -94,12 +107,12 @@ def units_there(plan: Plan, out: Path) -> list[Unit]:
     return [unit for unit in found if unit.id in there]
 
 
-def test_workers_and_interruptions_change_no_byte(tmp_path: Path) -> None:
-    spec = write_spec(tmp_path, SPEC)
-    assert race(spec, tmp_path / "one") == 0
+def test_workers_and_interruptions_change_no_byte(tmp_path: Path,
+                                                  whole: tuple[Path, str]) -> None:
+    spec, one = write_spec(tmp_path, SPEC), whole[0]
     assert race(spec, tmp_path / "three", "--workers", "3") == 0
-    files = sorted((tmp_path / "one" / "units").iterdir())
-    shutil.copytree(tmp_path / "one", tmp_path / "part")
+    files = sorted((one / "units").iterdir())
+    shutil.copytree(one, tmp_path / "part")
     for file in files[::3]:
         (tmp_path / "part" / "units" / file.name).unlink()
     flipped = bytearray(files[1].read_bytes())
@@ -110,12 +123,11 @@ def test_workers_and_interruptions_change_no_byte(tmp_path: Path) -> None:
         assert sorted(f.name for f in (tmp_path / other / "units").iterdir()) == [
             f.name for f in files]
         for file in (*(f"units/{f.name}" for f in files), *FILES):
-            assert (tmp_path / other / file).read_bytes() == (tmp_path / "one" / file).read_bytes()
+            assert (tmp_path / other / file).read_bytes() == (one / file).read_bytes()
 
 
-def test_a_killed_race_goes_on(tmp_path: Path) -> None:
+def test_a_killed_race_goes_on(tmp_path: Path, whole: tuple[Path, str]) -> None:
     spec = write_spec(tmp_path, SPEC)
-    assert race(spec, tmp_path / "whole") == 0
     run = ("import sys; from sweeps.run import worker; from sweeps.cli import main as cli; "
            "worker.EPISODES = 'fake_episodes:slow_episodes'; cli.main(sys.argv[1:])")
     process = subprocess.Popen(
@@ -132,11 +144,10 @@ def test_a_killed_race_goes_on(tmp_path: Path) -> None:
     process.wait()
     assert race(spec, tmp_path / "killed") == 0
     for file in FILES[:2]:
-        assert (tmp_path / "killed" / file).read_bytes() == (
-            tmp_path / "whole" / file).read_bytes()
+        assert (tmp_path / "killed" / file).read_bytes() == (whole[0] / file).read_bytes()
 
 
-def test_a_budget_ends_a_race_and_more_of_it_goes_on(tmp_path: Path,
+def test_a_budget_ends_a_race_and_more_of_it_goes_on(tmp_path: Path, whole: tuple[Path, str],
                                                      capsys: pytest.CaptureFixture[str]) -> None:
     spec = write_spec(tmp_path, SPEC)
     assert race(spec, tmp_path / "out", "--budget-episodes", "200") == 0
@@ -147,8 +158,7 @@ def test_a_budget_ends_a_race_and_more_of_it_goes_on(tmp_path: Path,
     before = {f.name for f in (tmp_path / "out" / "units").iterdir()}
     assert race(spec, tmp_path / "out") == 0
     assert before < {f.name for f in (tmp_path / "out" / "units").iterdir()}
-    assert race(spec, tmp_path / "whole") == 0
-    assert (tmp_path / "out/race.csv").read_bytes() == (tmp_path / "whole/race.csv").read_bytes()
+    assert (tmp_path / "out/race.csv").read_bytes() == (whole[0] / "race.csv").read_bytes()
     assert race(spec, tmp_path / "late", "--budget-minutes", "0.00001", within="0.001") == 0
     assert "the time ended before" in capsys.readouterr().err
 

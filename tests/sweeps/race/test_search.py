@@ -1,6 +1,8 @@
 """A race over a space: what is proposed, in which order, and that the last race has other seeds."""
 
+import contextlib
 import csv
+import io
 import shutil
 from pathlib import Path
 
@@ -35,12 +37,24 @@ episodes = 8
 "strategy.tilt_deg" = { low = 40, high = 70.0, when = { "strategy.count" = [5, 6] } }
 """
 """Of the stand-in, the lower the threshold the better; nothing else matters."""
+FAKE = "fake_episodes:run_episodes"
 
 
 @pytest.fixture(autouse=True)
 def _fake(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("optuna")
-    monkeypatch.setattr(worker, "EPISODES", "fake_episodes:run_episodes")
+    monkeypatch.setattr(worker, "EPISODES", FAKE)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """A search to its end, and what it printed."""
+    pytest.importorskip("optuna")
+    folder, printed = tmp_path_factory.mktemp("search"), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(printed):
+        patch.setattr(worker, "EPISODES", FAKE)
+        assert search(write_spec(folder, SPEC), folder / "whole") == 0
+    return folder / "whole", printed.getvalue()
 
 
 def search(spec: Path, out: Path, *words: str) -> int:
@@ -51,11 +65,8 @@ def rows(file: Path) -> list[dict[str, str]]:
     return list(csv.DictReader(file.read_text().splitlines()))
 
 
-def test_a_search_from_the_spec_to_the_claim(tmp_path: Path,
-                                             capsys: pytest.CaptureFixture[str]) -> None:
-    out = tmp_path / "out"
-    assert search(write_spec(tmp_path, SPEC), out) == 0
-    printed = capsys.readouterr().out
+def test_a_search_from_the_spec_to_the_claim(whole: tuple[Path, str]) -> None:
+    out, printed = whole
     assert "within 0.5 mm of the best of 4 on these 2 objects, 95 %" in printed
     assert "12 proposals in 2 rounds" in printed
     found = rows(out / "search.csv")
@@ -74,9 +85,8 @@ def test_a_search_from_the_spec_to_the_claim(tmp_path: Path,
         row["strategy"] for row in race)
 
 
-def test_the_last_race_has_seeds_of_its_own(tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    assert search(write_spec(tmp_path, SPEC), out) == 0
+def test_the_last_race_has_seeds_of_its_own(whole: tuple[Path, str]) -> None:
+    out = whole[0]
     seeds: dict[int, int] = {}
     from pyarrow import parquet
 
@@ -91,12 +101,12 @@ def test_the_last_race_has_seeds_of_its_own(tmp_path: Path) -> None:
     assert sum(seeds.values()) == sum(int(row["n_episodes"]) for row in race)
 
 
-def test_workers_and_interruptions_change_no_byte(tmp_path: Path) -> None:
-    spec = write_spec(tmp_path, SPEC)
-    assert search(spec, tmp_path / "one") == 0
+def test_workers_and_interruptions_change_no_byte(tmp_path: Path,
+                                                  whole: tuple[Path, str]) -> None:
+    spec, one = write_spec(tmp_path, SPEC), whole[0]
     assert search(spec, tmp_path / "three", "--workers", "3") == 0
-    files = sorted((tmp_path / "one" / "units").iterdir())
-    shutil.copytree(tmp_path / "one", tmp_path / "part")
+    files = sorted((one / "units").iterdir())
+    shutil.copytree(one, tmp_path / "part")
     for file in files[::3]:
         (tmp_path / "part" / "units" / file.name).unlink()
     assert search(spec, tmp_path / "part", "--workers", "2") == 0
@@ -104,7 +114,7 @@ def test_workers_and_interruptions_change_no_byte(tmp_path: Path) -> None:
         assert sorted(f.name for f in (tmp_path / other / "units").iterdir()) == [
             f.name for f in files]
         for name in ("race.csv", "race.svg", "search.csv", *(f"units/{f.name}" for f in files)):
-            assert (tmp_path / other / name).read_bytes() == (tmp_path / "one" / name).read_bytes()
+            assert (tmp_path / other / name).read_bytes() == (one / name).read_bytes()
 
 
 def test_a_budget_keeps_half_for_the_last_race(tmp_path: Path,

@@ -1,5 +1,7 @@
 """`sweep --until`: it ends when the best is known, and leaves the directory of a sweep."""
 
+import contextlib
+import io
 import json
 import shutil
 from pathlib import Path
@@ -21,11 +23,22 @@ name = "{name}"
 waypoints = {{ kind = "ring", count = 6 }}
 """ for name in ("ant", "bee", "horse"))
 WITHIN = 0.14
+FAKE = "fake_episodes:run_episodes"
 
 
 @pytest.fixture(autouse=True)
 def _fake(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(commands, "EPISODES", "fake_episodes:run_episodes")
+    monkeypatch.setattr(commands, "EPISODES", FAKE)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """A sweep until the best was known, and what it printed."""
+    folder, printed = tmp_path_factory.mktemp("until"), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(printed):
+        patch.setattr(commands, "EPISODES", FAKE)
+        assert until(write_spec(folder, SPEC), folder / "whole", "--json") == 0
+    return folder / "whole", printed.getvalue()
 
 
 def until(spec: Path, out: Path, *words: str, within: float = WITHIN) -> int:
@@ -45,11 +58,10 @@ def same(one: Path, other: Path) -> None:
     assert mine == theirs
 
 
-def test_it_goes_on_until_the_best_is_known(tmp_path: Path,
+def test_it_goes_on_until_the_best_is_known(whole: tuple[Path, str],
                                             capsys: pytest.CaptureFixture[str]) -> None:
-    spec, out = write_spec(tmp_path, SPEC), tmp_path / "out"
-    assert until(spec, out, "--json") == 0
-    told = json.loads(capsys.readouterr().out)
+    out, printed = whole
+    told = json.loads(printed)
     assert told["best"] in ("ant", "bee")
     assert told["claim"] == f"within {WITHIN} mm of the best of 3 on these 2 objects, 95 %"
     plan = plan_of(Store(out))
@@ -69,19 +81,19 @@ def test_a_wide_margin_takes_the_first_rung_alone(tmp_path: Path) -> None:
     assert plan_of(Store(out)).study.head.episodes_per_cell == 64
 
 
-def test_workers_interruptions_and_a_sweep_before_change_no_row(tmp_path: Path) -> None:
-    spec = write_spec(tmp_path, SPEC)
-    assert until(spec, tmp_path / "one") == 0
+def test_workers_interruptions_and_a_sweep_before_change_no_row(
+        tmp_path: Path, whole: tuple[Path, str]) -> None:
+    spec, one = write_spec(tmp_path, SPEC), whole[0]
     assert until(spec, tmp_path / "three", "--workers", "3") == 0
-    same(tmp_path / "one", tmp_path / "three")
-    shutil.copytree(tmp_path / "one", tmp_path / "part")
+    same(one, tmp_path / "three")
+    shutil.copytree(one, tmp_path / "part")
     for file in sorted((tmp_path / "part" / "units").iterdir())[::2]:
         file.unlink()
     assert until(spec, tmp_path / "part", "--workers", "2") == 0
-    same(tmp_path / "one", tmp_path / "part")
+    same(one, tmp_path / "part")
     assert cli.run(["sweep", str(spec), "-o", str(tmp_path / "grown")]) == 0  # 8 episodes a cell
     assert until(spec, tmp_path / "grown") == 0
-    mine, theirs = files(tmp_path / "one"), files(tmp_path / "grown")
+    mine, theirs = files(one), files(tmp_path / "grown")
     assert {name: content for name, content in mine.items() if name.startswith("units")} == {
         name: content for name, content in theirs.items() if name.startswith("units")}
 

@@ -121,16 +121,16 @@ def test_deaths_at_the_start_are_counted_in_a_row(
 
 
 def test_two_crashes_throw_compiled_programs_away(
-        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch, dropped_kernels: list[str]) -> None:
     monkeypatch.setenv("WARPGRASP_CACHE", str(tmp_path / "cache"))
     program = tmp_path / "cache" / "programs" / "0123" / "bad.xla"
     program.parent.mkdir(parents=True)
     program.write_bytes(b"a program that crashes")
-    monkeypatch.setattr("warpgrasp.core.kernel_cache.drop_kernels", lambda *packages: None)
     plan = plan_of(tmp_path / "spec", HONEST)
     outcome = run_in(tmp_path / "out", plan, function="crashing_while_cached")
     assert (outcome.done, outcome.failed) == (1, 0)
     assert not program.exists()
+    assert dropped_kernels == ["warpgrasp", "strategies", "sweeps"]
 
 
 def test_a_forked_copy_does_not_come_back() -> None:
