@@ -65,10 +65,10 @@ CELLS, MARGIN_M = 240, 0.004
 it. With 112 the rim of a can is cut, which changes the 95 % quantile by 3 % in the mean, with 160
 by 0.8 %; so the mesh's vertices and the middles of its elements are moved onto the zero set."""
 SCORES = (("chamfer", "mm", (0.015, 0.04)), ("hausdorff95", "mm", (0.12, 0.35)),
-          ("iou", "", (0.015, 0.04)), ("volume ratio", "", (0.001, 0.01)))
+          ("iou", "", (0.035, 0.04)), ("volume ratio", "", (0.001, 0.01)))
 """Bounds of standard samples as shares of the score, against the body that is touched and against
 a scan's mesh; a distance of less than a millimetre may differ by as large a share of a millimetre.
-"""
+Standard samples give a body with an IoU of 0.15 half a point more, 3 % of it; others keep 1.5 %."""
 DENSE = 0.01
 """Bound of scores from dense samples against the body that is touched."""
 TINY = 1e-9
