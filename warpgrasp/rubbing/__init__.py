@@ -5,6 +5,5 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "balance": ["Balance", "Grip", "finger_balance"],
     "chain_balance": ["ChainGrip", "ChainRubbed", "predicted", "start_grip"],
-    "link_chain": ["finger_chain", "lifted"],
     "friction_step": ["lagged", "lagged_rest", "next_rubbed", "refine_rubbed", "start_rubbed"],
 })
