@@ -18,7 +18,7 @@ STEPS = 48
 """Pieces of a line; those that may hold two crossings are cut into `FINER` again."""
 FINER = 8
 _HALVINGS = 12  # of a piece: to less than a micrometre
-_OUTSIDE_M = 1e-5
+_OUTSIDE_M = 1e-5  # where normals are taken; more than rounding, far less than edges are rounded
 
 
 class Crossings(NamedTuple):
