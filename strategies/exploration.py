@@ -271,7 +271,7 @@ class RunningExploration:
         room = None if self.budget.touches is None else self.budget.touches - self.touches
         pose = np.where(mask[..., None], np.asarray(probe.hand_pose, float), _SAFE_POSE)
         grasps = explore_by_containment(self.robot, pose, mask, probe.closings or self.closings,
-                                        room)
+                                        room, probe.fingers)
         mask = grasps.moves.status[:, :, 0] != ProbeStatus.NOT_TRIED
         radius = outline_of(self.robot.hand).skin_m
         links = touched_links(grasps, self.robot.hand, self.robot.contact)

@@ -42,6 +42,9 @@ STEEPEST_COS = -0.17
 """Approaches come from above down to ten degrees from below level."""
 UNSURE_M = 0.006
 """A contact whose standard deviation is this counts half [est]."""
+PRICE = 0.6
+"""A finger closes where it is expected to find this share of what the best finger of all would; it
+stays open where it would find less, and costs no touch."""
 
 
 @dataclass(frozen=True)
@@ -92,13 +95,13 @@ class AnyObject:
             samples.thinned.open_m, samples.thinned.swept[closing], some, wanted, worth, lowest))
         free = pose_reachable(belief.arm, belief.hand, poses) & active[:, None]
         seen = grid.foresee(samples.open_m, samples.swept[closing], poses, free, worth, lowest)
-        chosen, wanted = _greedy(np.where(free[..., None], seen.gain, 0.0), seen.place_m,
+        chosen, wanted, closes = _greedy(np.where(free[..., None], seen.gain, 0.0), seen.place_m,
                                  self.poses)
         self.over = over | ~wanted.any(1)
         pose = np.take_along_axis(poses, chosen[..., None], 1)
         self.asked = _Asked(pose, wanted, closing, evidence.mask.shape[1])
         self.step += 1
-        return [Grasp(pose, wanted, (belief.closings[closing],))]
+        return [Grasp(pose, wanted, (belief.closings[closing],), closes)]
 
     @staticmethod
     def _best_looking(poses: np.ndarray, active: np.ndarray,
@@ -108,7 +111,7 @@ class AnyObject:
         if poses.shape[1] <= LOOKED_AT:
             return poses
         wanted = np.repeat(active[:, None], poses.shape[1], 1)
-        gain = look(poses, wanted).gain.sum(2)
+        gain = _of_pose(look(poses, wanted).gain)
         best = np.argpartition(-gain, LOOKED_AT - 1, axis=1)[:, :LOOKED_AT]
         return np.take_along_axis(poses, np.sort(best, axis=1)[..., None], 1)
 
@@ -203,21 +206,34 @@ def _swept_balls(samples: HandSamples, asked: _Asked, closed: np.ndarray, q_rad:
     return balls, count
 
 
-def _greedy(gain: np.ndarray, place_m: np.ndarray, poses: int) -> tuple[np.ndarray, np.ndarray]:
-    """The best candidates, each counted beside those before it: their numbers (world, pose) and
-    whether anything is expected of them."""
+def _price(gain: np.ndarray) -> np.ndarray:
+    """What a touch should bring, (world, 1, 1), beside the best of a finger's gains (world, pose,
+    finger)."""
+    return PRICE * gain.max((1, 2), keepdims=True)
+
+
+def _of_pose(gain: np.ndarray) -> np.ndarray:
+    """What fingers that are worth their touch gain beyond its price, (world, pose)."""
+    return np.maximum(gain - _price(gain), 0.0).sum(2)
+
+
+def _greedy(gain: np.ndarray, place_m: np.ndarray, poses: int
+            ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The best candidates, each counted beside those before it: their numbers (world, pose),
+    whether anything is expected of them, and which fingers are to close (world, pose, finger)."""
     rows = np.arange(len(gain))
     left = gain.copy()
-    chosen, wanted = [], []
+    chosen, wanted, closes = [], [], []
     for _ in range(poses):
-        total = left.sum(2)
+        total = _of_pose(left)
         best = total.argmax(1)
         chosen.append(best)
         wanted.append(total[rows, best] > 0.0)
+        closes.append(left[rows, best] >= _price(left)[:, 0])
         there = place_m[rows, best]
         likely = np.minimum(gain[rows, best] * 4.0, 1.0)
         apart = np.linalg.norm(place_m[:, :, :, None] - there[:, None, None], axis=-1)
         covered = likely[:, None, None] * np.clip(1.0 - apart / 0.02, 0.0, 1.0)
         left = left * (1.0 - covered.max(-1))
         left[rows, best] = 0.0
-    return np.stack(chosen, 1), np.stack(wanted, 1)
+    return np.stack(chosen, 1), np.stack(wanted, 1), np.stack(closes, 1)
