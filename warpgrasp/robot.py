@@ -203,7 +203,7 @@ class Robot:
         """Those of the poses wanted before which fewer closings than `room` are made."""
         each = closes.sum(2)
         made = wanted * each * len(commands_rad)
-        if (wanted & (np.cumsum(made, axis=1) - made >= room[:, None])).any():  # else none is in doubt
+        if (wanted & (np.cumsum(made, axis=1) - made >= room[:, None])).any():  # some are in doubt
             moves, _ = self._move(hand_pose, wanted, commands_rad, self._numbers(wanted))
             made = (moves.status == ProbeStatus.CONTACT).sum(2) * each
         return wanted & (np.cumsum(made, axis=1) - made < room[:, None])

@@ -45,7 +45,8 @@ _SHAPES = {
     "body": "world?", "body_pose": "world", "hands": "world? finger", "believed": "1 finger",
     "sensors": "world? finger", "key": "world", "probe_number": "world probe",
     "probe_status": "world probe grasp", "closes": "world? probe? finger",
-    "hand_pose": "world probe", "path": "grasp finger step", "come": f"grasp finger {CAPSULES} step", "command_count": "grasp", "felt": _EACH,
+    "hand_pose": "world probe", "path": "grasp finger step",
+    "come": f"grasp finger {CAPSULES} step", "command_count": "grasp", "felt": _EACH,
     "truth": _EACH, "ended": "world? probe? grasp? finger?"}
 
 
