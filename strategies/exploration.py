@@ -268,10 +268,9 @@ class RunningExploration:
         self.active &= ~worlds
 
     def _grasp(self, probe: Grasp, mask: np.ndarray) -> None:
-        room = None if self.budget.touches is None else self.budget.touches - self.touches
         pose = np.where(mask[..., None], np.asarray(probe.hand_pose, float), _SAFE_POSE)
         grasps = explore_by_containment(self.robot, pose, mask, probe.closings or self.closings,
-                                        room)
+                                        self._touches_left(), probe.fingers)
         mask = grasps.moves.status[:, :, 0] != ProbeStatus.NOT_TRIED
         radius = outline_of(self.robot.hand).skin_m
         links = touched_links(grasps, self.robot.hand, self.robot.contact)
@@ -283,6 +282,10 @@ class RunningExploration:
         self.procedures.append(Procedure("containment", self.step, grasps, np.asarray(mask.any(1)),
                                          evidence.mask.shape[1], self.closings_made, pose))
         self.closings_made += 1
+
+    def _touches_left(self) -> np.ndarray | None:
+        """How many more touches the budget allows, (world,); None where it does not say."""
+        return None if self.budget.touches is None else self.budget.touches - self.touches
 
     def _cross(self, probe: CrossFaces, mask: np.ndarray) -> None:
         point, normal = np.asarray(probe.point_m, float), np.asarray(probe.normal, float)
@@ -370,7 +373,8 @@ class RunningExploration:
             self.step, self.active.copy(), self.prior, self.seed, self.robot.arm,
             self.robot.hand, self.robot.sensors, self.closings, self.placed, self.fits,
             self.believed, whole, tuple(self.faces), self.whole, self.shape, self.touches.copy(),
-            self.time.copy(), self.path.copy(), self.links, self.robot.errors))
+            self.time.copy(), self.path.copy(), self.links, self.robot.errors,
+            self._touches_left()))
 
     def status(self) -> np.ndarray:
         """How each world ended."""

@@ -66,6 +66,13 @@ def has_deformed_part(bodies: Sequence[Body]) -> bool:
     return any(p.shape == Shape.SUPERQUADRIC for b in bodies for p in b.parts)
 
 
+def _of_closed(closing: Closing, closes: np.ndarray) -> Closing:
+    """The closing with fingers that stayed open as NOT_TRIED."""
+    made = np.isin(closing.status, (ProbeStatus.CONTACT, ProbeStatus.NO_CONTACT))
+    return replace(closing, status=np.where(made & ~closes[:, :, None], ProbeStatus.NOT_TRIED,
+                                            closing.status))
+
+
 class Robot:
     """Robots in lock-step, one a world. All methods take and give arrays with world as axis 0."""
 
@@ -138,21 +145,28 @@ class Robot:
     def grasp(
         self, hand_pose: np.ndarray, wanted: np.ndarray, commands_rad: np.ndarray,
         command_count: np.ndarray, room: np.ndarray | None = None,
+        closes: np.ndarray | None = None,
     ) -> Grasps:
         """Take the hands to poses in turn; at each, close guarded once along every path.
 
         `hand_pose` (world, probe, 7) [m], quaternion xyzw; `wanted` (world, probe) bool;
         `commands_rad` (grasp, finger, step, 4), `command_count` (grasp,) steps that count. Poses
-        are left out from where the fingers' closings are as many as `room` (world,).
+        are left out from where the fingers' closings are as many as `room` (world,). `closes`
+        (world, probe, finger) bool says which fingers close, all unless given; the others stay
+        open, and are NOT_TRIED.
         """
+        if closes is None:
+            closes = np.ones((1, 1, commands_rad.shape[1]), bool)
         if room is not None:
-            wanted = self._within(room, hand_pose, wanted, commands_rad)
+            wanted = self._within(room, hand_pose, wanted, commands_rad, closes)
         number = self._numbers(wanted)
         moves, actual = self._move(hand_pose, wanted, commands_rad, number)
         closing, truth = self._own.close(
             self._scene, self._body, self._truth.body_pose, self._key, moves.status, actual,
-            commands_rad, command_count, errors=self._calibration, probe_number=number,
+            commands_rad, command_count, closes=closes, errors=self._calibration,
+            probe_number=number,
             march_scale=self._march_scale, device=self._device)
+        closing = _of_closed(closing, closes)
         if self.contact.self_contact:
             closing = self._without_self(closing, commands_rad)
         self._truth.closings.append(truth)
@@ -185,13 +199,13 @@ class Robot:
             march_scale=self._march_scale, device=self._device)
 
     def _within(self, room: np.ndarray, hand_pose: np.ndarray, wanted: np.ndarray,
-                commands_rad: np.ndarray) -> np.ndarray:
+                commands_rad: np.ndarray, closes: np.ndarray) -> np.ndarray:
         """Those of the poses wanted before which fewer closings than `room` are made."""
-        each = len(commands_rad) * commands_rad.shape[1]
-        made = wanted * each
-        if (made.sum(1) - each >= room).any():  # or not even the last one is in doubt
+        each = closes.sum(2)
+        made = wanted * each * len(commands_rad)
+        if (wanted & (np.cumsum(made, axis=1) - made >= room[:, None])).any():  # some are in doubt
             moves, _ = self._move(hand_pose, wanted, commands_rad, self._numbers(wanted))
-            made = (moves.status == ProbeStatus.CONTACT).sum(2) * commands_rad.shape[1]
+            made = (moves.status == ProbeStatus.CONTACT).sum(2) * each
         return wanted & (np.cumsum(made, axis=1) - made < room[:, None])
 
     def guarded_line(

@@ -24,7 +24,7 @@ _FREE_REACH = wp.constant(real(0.012))  # [m] from a free ball, a ball is unhind
 _TRUSTED = wp.constant(real(0.025))  # [m] how far a touch tells of the surface beside it
 _SPREAD = wp.constant(real(0.003))  # [m] of the surface where it was touched
 _TILT = wp.constant(real(0.35))  # growth of that a metre aside
-_BARRED = wp.constant(real(0.95))
+_BARRED = wp.constant(real(0.75))
 _LEAST = wp.constant(real(0.0005))
 
 

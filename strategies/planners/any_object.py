@@ -42,6 +42,9 @@ STEEPEST_COS = -0.17
 """Approaches come from above down to ten degrees from below level."""
 UNSURE_M = 0.006
 """A contact whose standard deviation is this counts half [est]."""
+PRICE = 0.55
+"""Where the budget limits touches, a finger closes only if it is expected to find this share of
+what the best finger of all would: one that stays open costs no touch [est]."""
 
 
 @dataclass(frozen=True)
@@ -88,27 +91,28 @@ class AnyObject:
         worth = grid.worth(evidence.points_m, evidence.mask)
         lowest = TABLE_MARGIN_M + 0.5 * outline_of(belief.hand).skin_m
         poses = self._candidates(belief, samples)
-        poses = self._best_looking(poses, active, lambda some, wanted: grid.foresee(
+        price = 0.0 if belief.touches_left is None else PRICE
+        poses = self._best_looking(poses, price, active, lambda some, wanted: grid.foresee(
             samples.thinned.open_m, samples.thinned.swept[closing], some, wanted, worth, lowest))
         free = pose_reachable(belief.arm, belief.hand, poses) & active[:, None]
         seen = grid.foresee(samples.open_m, samples.swept[closing], poses, free, worth, lowest)
-        chosen, wanted = _greedy(np.where(free[..., None], seen.gain, 0.0), seen.place_m,
-                                 self.poses)
+        chosen, wanted, closes = _greedy(np.where(free[..., None], seen.gain, 0.0), seen.place_m,
+                                         self.poses, price)
         self.over = over | ~wanted.any(1)
         pose = np.take_along_axis(poses, chosen[..., None], 1)
         self.asked = _Asked(pose, wanted, closing, evidence.mask.shape[1])
         self.step += 1
-        return [Grasp(pose, wanted, (belief.closings[closing],))]
+        return [Grasp(pose, wanted, (belief.closings[closing],), closes)]
 
     @staticmethod
-    def _best_looking(poses: np.ndarray, active: np.ndarray,
+    def _best_looking(poses: np.ndarray, price: float, active: np.ndarray,
                       look: Callable[[np.ndarray, np.ndarray], Prospect]) -> np.ndarray:
         """Of poses (world, candidate, 7) those from which a first look expects most, in the order
         in which they were drawn."""
         if poses.shape[1] <= LOOKED_AT:
             return poses
         wanted = np.repeat(active[:, None], poses.shape[1], 1)
-        gain = look(poses, wanted).gain.sum(2)
+        gain = _of_pose(look(poses, wanted).gain, price)
         best = np.argpartition(-gain, LOOKED_AT - 1, axis=1)[:, :LOOKED_AT]
         return np.take_along_axis(poses, np.sort(best, axis=1)[..., None], 1)
 
@@ -203,21 +207,33 @@ def _swept_balls(samples: HandSamples, asked: _Asked, closed: np.ndarray, q_rad:
     return balls, count
 
 
-def _greedy(gain: np.ndarray, place_m: np.ndarray, poses: int) -> tuple[np.ndarray, np.ndarray]:
-    """The best candidates, each counted beside those before it: their numbers (world, pose) and
-    whether anything is expected of them."""
+def _beyond(gain: np.ndarray, price: float) -> np.ndarray:
+    """What touches gain beyond their price, a share of the most of all (world, pose, finger)."""
+    return gain - price * gain.max((1, 2), keepdims=True)
+
+
+def _of_pose(gain: np.ndarray, price: float) -> np.ndarray:
+    """The same of poses, (world, pose): fingers that would gain less stay open."""
+    return np.maximum(_beyond(gain, price), 0.0).sum(2)
+
+
+def _greedy(gain: np.ndarray, place_m: np.ndarray, poses: int, price: float
+            ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The best candidates, each counted beside those before it: their numbers (world, pose),
+    whether anything is expected of them, and which fingers are to close (world, pose, finger)."""
     rows = np.arange(len(gain))
     left = gain.copy()
-    chosen, wanted = [], []
+    chosen, wanted, closes = [], [], []
     for _ in range(poses):
-        total = left.sum(2)
+        total = _of_pose(left, price)
         best = total.argmax(1)
         chosen.append(best)
         wanted.append(total[rows, best] > 0.0)
+        closes.append(_beyond(left, price)[rows, best] >= 0.0)
         there = place_m[rows, best]
         likely = np.minimum(gain[rows, best] * 4.0, 1.0)
         apart = np.linalg.norm(place_m[:, :, :, None] - there[:, None, None], axis=-1)
         covered = likely[:, None, None] * np.clip(1.0 - apart / 0.02, 0.0, 1.0)
         left = left * (1.0 - covered.max(-1))
         left[rows, best] = 0.0
-    return np.stack(chosen, 1), np.stack(wanted, 1)
+    return np.stack(chosen, 1), np.stack(wanted, 1), np.stack(closes, 1)

@@ -18,7 +18,7 @@ from strategies.strategy import Strategy
 from warpgrasp.parameters import StereoTable
 from warpgrasp.robot import Robot
 
-MOST_STEPS = 64
+MOST_STEPS = 128
 """Steps of a planner that goes by what it finds, for it might never end."""
 
 

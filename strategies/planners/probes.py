@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from strategies.poses.hand_outline import outline_of
 from strategies.procedures.containment import closing_names
 from strategies.procedures.contour_follower import Axis, ContourOptions
 from strategies.procedures.planar_explorer import PlanarOptions
@@ -27,6 +28,9 @@ class Grasp:
     """Which of them to make, bool (world, probe); all where None."""
     closings: tuple[str, ...] = ()
     """Closing paths at each pose; the strategy's own where empty."""
+    fingers: np.ndarray | None = None
+    """Which fingers close, bool (world, probe, finger); all where None. The others stay open and
+    cost no touch."""
 
 
 @dataclass(frozen=True)
@@ -64,14 +68,16 @@ class ProbeError(ValueError):
 
 def wanted_of(probe: Probe, worlds: int, hand: HandTable) -> np.ndarray:
     """Which probes are wanted, bool (world, probe or face or 1). Raises ProbeError for shapes, and
-    for closing paths that `hand` has not."""
+    for closing paths that `hand` has not; a grasp that no finger is to make is not wanted."""
     if isinstance(probe, Grasp):
         pose = _checked("Grasp.hand_pose", probe.hand_pose, worlds, 7)
         known = closing_names(hand)
         if isinstance(probe.closings, str) or not set(probe.closings) <= set(known):
             raise ProbeError(f"Grasp.closings is {probe.closings!r}; should be a tuple of names "
                              f"of: {', '.join(known)}")
-        return _mask("Grasp.wanted", probe.wanted, pose.shape[:2])
+        fingers = (*pose.shape[:2], outline_of(hand).fingers)
+        closes = _mask("Grasp.fingers", probe.fingers, fingers)
+        return _mask("Grasp.wanted", probe.wanted, pose.shape[:2]) & closes.any(2)
     if isinstance(probe, CrossFaces):
         point = _checked("CrossFaces.point_m", probe.point_m, worlds, 3)
         normal = _checked("CrossFaces.normal", probe.normal, worlds, 3)

@@ -42,14 +42,15 @@ def padded_commands(
 
 def explore_by_containment(
     robot: Robot, hand_pose: np.ndarray, wanted: np.ndarray, closings: tuple[str, ...],
-    room: np.ndarray | None = None,
+    room: np.ndarray | None = None, closes: np.ndarray | None = None,
 ) -> Grasps:
     """Grasp at every wanted pose along every named closing path.
 
     `hand_pose` (world, probe, 7) holds positions [m] and quaternions xyzw in the base frame, and
     `wanted` (world, probe) says which poses to visit. `room` (world,) limits the finger closings
-    of each world: the poses that would exceed it are not tried. Raises KeyError for an unknown
+    of each world: the poses that would exceed it are not tried. `closes` (world, probe, finger)
+    says which fingers close, all unless given. Raises KeyError for an unknown
     closing path.
     """
     commands, count = padded_commands(closings, robot.hand)
-    return robot.grasp(hand_pose, wanted, commands, count, room)
+    return robot.grasp(hand_pose, wanted, commands, count, room, closes)

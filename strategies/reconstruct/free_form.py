@@ -4,7 +4,8 @@
 """
 
 import time
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -13,13 +14,15 @@ from fit.arrays import rows_of
 from fit.implicit.mesh import implicit_meshes
 from fit.implicit.record import ImplicitFit, TriangleMesh
 from fit.implicit.volume import VolumeEstimate, implicit_volume
+from fit.superquadric.record import SuperquadricFit
 from strategies.contacts.finger_touch import TouchedLinks
 from strategies.planners.planner_file import PlannerError
 from strategies.poses.waypoints import PRIOR_MARGIN_M, BoundingCylinder
 from strategies.reconstruct.believed_pieces import believed_pieces
 from strategies.reconstruct.free_contacts import BODY, fitted_freely
+from strategies.reconstruct.parts import fitted_parts, parts_mesh
 from strategies.reconstruct.plug_in import NO_MESH, Touches, run_plug_in
-from strategies.reconstruct.plug_in_name import BUILT_IN, CHOSEN, IMPLICIT, find_plug_in
+from strategies.reconstruct.plug_in_name import BUILT_IN, CHOSEN, IMPLICIT, PARTS, find_plug_in
 from strategies.reconstruct.prior_distance import distance_to_recovered
 from strategies.recovery.belief import read_only
 from strategies.recovery.choose_model import Recovered
@@ -41,7 +44,7 @@ class Reconstruction:
     """Free-form bodies of a batch, in the base frame."""
 
     name: str
-    """How rows name the shape: implicit, or the plug-in's function."""
+    """How rows name the shape: implicit, parts, or the plug-in's function."""
     meshes: tuple[TriangleMesh, ...]
     """One a world, empty where the recovered model stands."""
     fault: np.ndarray
@@ -51,6 +54,8 @@ class Reconstruction:
     fits: tuple[ImplicitFit, ...] = ()
     """Of the Gaussian process, one of each of the worlds `fitted`, in order."""
     fitted: np.ndarray | None = None
+    parts: Mapping[int, SuperquadricFit] = field(default_factory=dict)
+    """Of worlds whose body is several superquadrics."""
 
     def volume(self, world: int) -> VolumeEstimate | None:
         """Volume of a world's Gaussian process and its surface's uncertainty; None where there is
@@ -85,10 +90,10 @@ def reconstruct(
     without these a free form takes contacts as they are in `evidence`.
     "implicit" makes a free form of every world that felt enough, "chosen" only where the recovered
     body does not explain what was felt, or explains it badly and torques agree better with the
-    free form. Neither stands where prior or table contradict it: one that
-    ends high above the table was not felt to its foot. Small pieces of a free form that the prior
-    contradicts are left out. A plug-in is asked about every world. Its
-    faults are data.
+    free form; "parts" makes a body of two or three superquadrics where contacts ask for it. None
+    of them stands where prior or table contradict it: one that ends high above the table was not
+    felt to its foot. Small pieces of a free form that the prior contradicts are left out. A plug-in
+    is asked about every world. Its faults are data.
     """
     if word == BUILT_IN[0]:
         return None
@@ -104,6 +109,8 @@ def reconstruct(
             wanted &= doubt
         if felt is None:
             felt, links = evidence, None
+        if word == PARTS:
+            return _several(np.flatnonzero(wanted), felt, links, prior, table, begin)
         return _implicit(np.flatnonzero(wanted), felt, links, prior, table, begin, most)
     name = word.rpartition(":")[2]
     worlds = len(recovered)
@@ -137,6 +144,25 @@ def _implicit(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
             fitted.append(row)
     return Reconstruction(IMPLICIT, tuple(meshes), np.full(len(meshes), "", object),
                           time.perf_counter() - begin, tuple(fits), np.array(fitted, int))
+
+
+def _several(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
+             prior: BoundingCylinder, table: FitTable, begin: float) -> Reconstruction:
+    """Bodies of several parts of the worlds `rows`."""
+    meshes, parts = [NO_MESH] * len(felt.mask), {}
+    for row in rows:
+        own = np.array([row])
+        _, placed = fitted_freely(
+            rows_of(felt, own), None if links is None else rows_of(links, own), table)
+        found = fitted_parts(placed, rows_of(prior, own), table)
+        if found is None:
+            continue
+        mesh = parts_mesh(found)
+        if len(mesh.faces) and plausible_vertices([mesh.vertices_m], rows_of(prior, own),
+                                                  table_plane=table.table_plane)[0]:
+            meshes[row], parts[int(row)] = mesh, found
+    return Reconstruction(PARTS, tuple(meshes), np.full(len(meshes), "", object),
+                          time.perf_counter() - begin, parts=parts)
 
 
 def _touches(recovered: Recovered, evidence: Evidence, prior: BoundingCylinder) -> Touches:

@@ -10,8 +10,8 @@ from typing import Any
 
 from strategies.planners.planner_file import PlannerError, planner_file
 
-IMPLICIT, CHOSEN = "implicit", "chosen"
-BUILT_IN = ("superquadric", IMPLICIT, CHOSEN)
+IMPLICIT, CHOSEN, PARTS = "implicit", "chosen", "parts"
+BUILT_IN = ("superquadric", IMPLICIT, CHOSEN, PARTS)
 """Words of `[fit] reconstruct`; the first keeps what the episode recovered."""
 
 

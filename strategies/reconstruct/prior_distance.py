@@ -5,7 +5,7 @@ import numpy as np
 from fit.arrays import rows_of
 from fit.implicit.record import Mean
 from fit.revolution.geometry import RevolutionBody, revolution_inside
-from fit.superquadric.geometry import Superquadric
+from fit.superquadric.geometry import SuperquadricLike
 from strategies.recovery.body_distances import contour_distances, surface_distances
 from strategies.recovery.choose_model import Recovered, Shape
 
@@ -31,7 +31,7 @@ def distance_to_recovered(recovered: Recovered) -> Mean:
     return distance
 
 
-def superquadric_distance(body: Superquadric, points_m: np.ndarray) -> np.ndarray:
+def superquadric_distance(body: SuperquadricLike, points_m: np.ndarray) -> np.ndarray:
     """First-order signed distances [m], (world, point); at a centre minus the least half extent."""
     every = np.ones(points_m.shape[:2], bool)
     signed, normal = surface_distances(body, points_m, every, ahead_m=0.0)

@@ -65,6 +65,8 @@ class Belief:
     """How the robot stood at each contact of the evidence, and what its joints felt."""
     errors: ErrorTable
     """How far the robot may be from its tables: deviations, not what was drawn."""
+    touches_left: np.ndarray | None = None
+    """How many more touches the budget allows, (world,); None where it does not limit them."""
 
     @property
     def worlds(self) -> int:

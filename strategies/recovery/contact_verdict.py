@@ -55,9 +55,13 @@ def explained_by(recovered: Recovered, points_m: np.ndarray, mask: np.ndarray) -
 
 def mean_gap(recovered: Recovered, evidence: Evidence) -> np.ndarray:
     """How far contacts are from the body that stands, in the mean [m], (world,). Distances beyond
-    `FARTHEST_M` count as that."""
-    away = np.minimum(surface_gaps(recovered, evidence.points_m, evidence.mask), FARTHEST_M)
-    return row_sums(np.where(evidence.mask, away, 0.0)) / np.maximum(evidence.mask.sum(1), 1)
+    `FARTHEST_M` count as that. A contour is judged by what pads felt alone: pads made it, and feel
+    a surface five times as exactly as fingers do."""
+    pads = evidence.mask & evidence.by_pad
+    alone = (recovered.shape == Shape.REVOLUTION) & pads.any(1)
+    counted = np.where(alone[:, None], pads, evidence.mask)
+    away = np.minimum(surface_gaps(recovered, evidence.points_m, counted), FARTHEST_M)
+    return row_sums(np.where(counted, away, 0.0)) / np.maximum(counted.sum(1), 1)
 
 
 def unexplained(recovered: Recovered, evidence: Evidence) -> np.ndarray:

@@ -7,7 +7,7 @@ empty: the columns are the same whatever was recovered.
 import numpy as np
 
 from fit.fit_status import status_names
-from fit.superquadric.geometry import Superquadric
+from fit.superquadric.geometry import SuperquadricLike
 from strategies.contacts.body_uncertainty import INADEQUATE_FROM
 from strategies.contacts.volume_spread import interval_trusted
 from strategies.procedures.contour_shape import Profile
@@ -60,7 +60,7 @@ def interval_columns(belief: Belief, recovered: Recovered) -> dict[str, np.ndarr
             "model_adequate": known & (share < INADEQUATE_FROM)}
 
 
-def superquadric_parameters(s: Superquadric) -> dict[str, np.ndarray]:
+def superquadric_parameters(s: SuperquadricLike) -> dict[str, np.ndarray]:
     """Parameters of superquadrics, (world,) each."""
     return {
         "a1_m": s.size_m[:, 0], "a2_m": s.size_m[:, 1], "a3_m": s.size_m[:, 2],

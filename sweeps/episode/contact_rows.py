@@ -103,7 +103,8 @@ def _grasps(procedure: Procedure, grasps: Grasps, truth: ClosingTruth, evidence:
     closing = grasps.closing
     tried = grasps.moves.status[:, :, 0] != ProbeStatus.NOT_TRIED
     shape = closing.status.shape
-    at = np.nonzero(np.broadcast_to(tried[:, :, None, None], shape))
+    closed = closing.status != ProbeStatus.NOT_TRIED  # fingers that stay open have no row
+    at = np.nonzero(tried[:, :, None, None] & closed)
     world, probe, grasp, finger = at
     own = slot + np.ravel_multi_index((probe, grasp, finger), shape[1:])
     used = evidence.mask[world, own][:, None]

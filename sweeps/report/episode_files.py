@@ -89,7 +89,7 @@ def explore(
     if block.worse_than_prior[0]:
         say("worse than the prior it was given: " + ", ".join(block.worse_than_prior[0].split()))
     if block.rebuilt is not None and block.rebuilt.made[0]:
-        say(f"{block.rebuilt.name}: free-form body made in {block.rebuilt.time_s:.1f} s")
+        say(f"{block.rebuilt.name}: body made in {block.rebuilt.time_s:.1f} s")
     return [out / file for file in sorted(written)]
 
 
@@ -205,6 +205,10 @@ def _free_form(block: EpisodeBlock, world: int) -> Iterator[dict[str, Any]]:
         return
     found: dict[str, Any] = {"shape": rebuilt.name, "file": "recovered.ply", "parameters": {
         "volume_m3": mesh.volume_m3, "faces": len(mesh.faces)}}
+    if world in rebuilt.parts:
+        numbers = superquadric_parameters(rebuilt.parts[world])
+        found["parts"] = [{k: float(v[part]) for k, v in numbers.items()}
+                          for part in range(len(rebuilt.parts[world]))]
     number, volume = rebuilt.number(world), rebuilt.volume(world)
     if number is not None and volume is not None:
         fit = rebuilt.fits[number]

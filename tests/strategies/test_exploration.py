@@ -91,6 +91,28 @@ def test_a_broken_strategy_is_a_status_with_file_and_line(name, says, worlds) ->
         assert "\n" not in text
 
 
+def test_fingers_of_a_grasp_are_checked_and_close_alone() -> None:
+    def one_finger(fingers: np.ndarray):
+        asked = iter([True, False])
+
+        def planner(belief: Belief):
+            poses = waypoint_poses((Ring(count=6),), belief.prior, belief.hand, belief.seed)
+            return [Grasp(poses, np.full((2, 6), next(asked)), fingers=fingers)]
+
+        return run(planner)
+
+    wrong = one_finger(np.ones((2, 6, 3), bool))
+    assert "Grasp.fingers is bool of shape (2, 6, 3); should be bool of shape (2, 6, 4)" in str(
+        wrong.fault[0])
+    fingers = np.zeros((2, 6, 4), bool)
+    fingers[0, :, 1] = fingers[1, 0, :3] = True
+    found, every = one_finger(fingers), one_finger(np.ones((2, 6, 4), bool))
+    made = every.procedures[0].felt.moves.status[:, :, 0] == ProbeStatus.CONTACT
+    assert made.sum() > 2
+    # A pose at which none closes is not made.
+    assert found.belief.touches.tolist() == [made[0].sum(), 3 * made[1, 0]]
+
+
 def test_each_world_is_told_its_own_fault() -> None:
     def low(belief: Belief) -> list[Grasp]:
         poses = waypoint_poses((Ring(),), belief.prior, belief.hand, belief.seed)[:, :3].copy()

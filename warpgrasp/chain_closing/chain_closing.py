@@ -44,7 +44,8 @@ _EACH = "world probe grasp finger"
 _SHAPES = {
     "body": "world?", "body_pose": "world", "hands": "world? finger", "believed": "1 finger",
     "sensors": "world? finger", "key": "world", "probe_number": "world probe",
-    "probe_status": "world probe grasp", "hand_pose": "world probe", "path": "grasp finger step",
+    "probe_status": "world probe grasp", "closes": "world? probe? finger",
+    "hand_pose": "world probe", "path": "grasp finger step",
     "come": f"grasp finger {CAPSULES} step", "command_count": "grasp", "felt": _EACH,
     "truth": _EACH, "ended": "world? probe? grasp? finger?"}
 
@@ -69,6 +70,7 @@ def close_chains(
     *,
     contact: ContactTable | None = None,
     errors: Calibration | None = None,
+    closes: np.ndarray | None = None,
     probe_number: np.ndarray | None = None,
     march_scale: float = 1.0,
     device: str = "cpu",
@@ -86,6 +88,8 @@ def close_chains(
     worlds, probes = hand_pose.shape[:2]
     if probe_number is None:
         probe_number = np.tile(np.arange(probes), (worlds, 1))
+    if closes is None:
+        closes = np.ones((1, 1, hand.fingers), bool)
     extents = {"world": worlds, "probe": probes, "grasp": len(command_count),
                "finger": hand.fingers}
     dims = tuple(extents.values())
@@ -114,7 +118,8 @@ def close_chains(
         "path": path, "felt": felt.array, "truth": truth.array}
     counts = {"command_count": there(command_count, int)}
     closing = (chain_closing_kernel, _SHAPES, given | counts | {
-        "march_scale": march_scale, "probe_status": there(probe_status, int), "come": come,
+        "march_scale": march_scale, "probe_status": there(probe_status, int),
+        "closes": wp.array(closes, dtype=int, device=device), "come": come,
         "ended": ended.array})
     reading = (chain_reading_kernel, _SHAPES, given)
     if contact.self_contact:

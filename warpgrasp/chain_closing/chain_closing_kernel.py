@@ -30,6 +30,7 @@ from warpgrasp.chain_closing.chain_record import (
     hand_from_body,
 )
 from warpgrasp.chain_closing.free_chain import FreeChain, advance_chain
+from warpgrasp.closing.closing_record import stays_open
 from warpgrasp.core.dtypes import ONE, ZERO, real, struct, transform
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key
@@ -129,6 +130,7 @@ def chain_closing_kernel(
     key: wp.array[wp.uint64],
     probe_number: wp.array2d[int],
     probe_status: wp.array3d[int],
+    closes: wp.array3d[int],
     hand_pose: wp.array2d[transform],
     path: wp.array3d[vec6],
     come: wp.array4d[real],
@@ -151,6 +153,9 @@ def chain_closing_kernel(
     base = hand_from_body(body_pose, hand_pose, w, p)
     reader = counter_key(finger_stream(key, probe_number, w, p, g, finger), _TENSION_STEP)
     last = command_count[g] - 1
+    stays = stays_open(closes, w, p, finger)
+    if stays:
+        last = 0
     now = _State()
     now.free.step = -1
     command = path[g, finger, 0] - hand.offset
@@ -227,6 +232,8 @@ def chain_closing_kernel(
                     now.rest.depth[c], now.rest.table[c])
         s += 1
 
+    if stays:
+        stopped = int(-1)
     at = wp.where(stopped < 0, last, stopped)
     if stopped >= 0 and pressed == 1 and hand.friction > ZERO:
         now.rest = refine_rubbed(scene, which, hand, base, now.rubbed)

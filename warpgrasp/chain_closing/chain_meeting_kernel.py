@@ -135,6 +135,8 @@ def chain_meeting_kernel(
                 hand = hands[own, f]
                 row = felt[w, p, g, f]
                 before = wp.min(wp.max(s - 1, 0), row.step)
+                if row.status == _NO_CONTACT and row.step < last:
+                    stopped = stopped | (1 << f)  # it stays open
                 command[f] = true_command(hand, path, g, f, before)
                 rest = free_chain(chain_free_joints(hand, base, command[f]))
                 begun = truth[w, p, g, f].touched

@@ -72,7 +72,7 @@ class Closing:
 _SHAPES = {
     "body": "world?", "body_pose": "world", "hands": "world? 4", "sensors": "world? 4",
     "key": "world", "probe_number": "world probe", "probe_status": "world probe grasp",
-    "hand_pose": "world probe",
+    "closes": "world? probe? finger", "hand_pose": "world probe",
     "path": "grasp finger step", "links": "grasp finger 3 step", "command_count": "grasp",
     "near": "world probe grasp", "place": "row", "state": "row 8", "meetings": "row 8",
     "frictions": "row? 4", "grips": "row? 8",
@@ -93,6 +93,7 @@ def close_fingers(
     *,
     contact: ContactTable | None = None,
     errors: Calibration | None = None,
+    closes: np.ndarray | None = None,
     probe_number: np.ndarray | None = None,
     march_scale: float = 1.0,
     device: str = "cpu",
@@ -104,8 +105,10 @@ def close_fingers(
     at z = 0. `key` (world,) uint64 seeds the noise, for which `probe_number` (world, probe) numbers
     the probes, each world's from 0 unless given. `probe_status` (world, probe, grasp) says
     CONTACT where the probe is to be made; other values are passed on. `commands_rad` has shape
-    (grasp, finger, step, 4), of which `command_count` (grasp,) steps count. `contact` says what
-    acts on the fingers; `errors` are those of the true robots, none unless given. `march_scale`
+    (grasp, finger, step, 4), of which `command_count` (grasp,) steps count. `closes` (world or 1,
+    probe or 1, finger) says which fingers close, all unless given; the others hold their first
+    command, may be pushed there, and end as NO_CONTACT at step 0. `contact` says what acts on the
+    fingers; `errors` are those of the true robots, none unless given. `march_scale`
     shortens the skipping of free steps for bodies whose distance is not a sure bound. Raises
     ShapeError, and ValueError for a body or a count of steps that there is not.
     """
@@ -114,6 +117,8 @@ def close_fingers(
     worlds, probes = hand_pose.shape[:2]
     if probe_number is None:
         probe_number = np.tile(np.arange(probes), (worlds, 1))
+    if closes is None:
+        closes = np.ones((1, 1, FINGER_COUNT), bool)
     extents = {"world": worlds, "probe": probes, "grasp": len(command_count),
                "finger": FINGER_COUNT}
     dims = tuple(extents.values())
@@ -134,7 +139,8 @@ def close_fingers(
         "path": path, "felt": felt.array, "truth": truth.array}
     steps = {"links": links, "command_count": there(command_count, int)}
     closing = (friction_kernel if contact.friction else closing_kernel, _SHAPES, given | steps | {
-        "march_scale": march_scale, "probe_status": there(probe_status, int)})
+        "march_scale": march_scale, "probe_status": there(probe_status, int),
+        "closes": wp.array(closes, dtype=int, device=device)})
     reading = (reading_kernel, _SHAPES, given)
     if contact.self_contact:
         near = wp.empty(dims[:3], dtype=int, device=device)

@@ -27,6 +27,7 @@ from warpgrasp.closing.closing_record import (
     base_from_body,
     clear_rows,
     finger_key,
+    stays_open,
 )
 from warpgrasp.core.dtypes import ZERO, real, struct, transform, vec4
 from warpgrasp.core.random import Purpose
@@ -88,6 +89,7 @@ def closing_kernel(
     key: wp.array[wp.uint64],
     probe_number: wp.array2d[int],
     probe_status: wp.array3d[int],
+    closes: wp.array3d[int],
     hand_pose: wp.array2d[transform],
     path: wp.array3d[PathStep],
     links: wp.array4d[LinkStep],
@@ -109,6 +111,9 @@ def closing_kernel(
     base = base_from_body(body_pose, hand_pose, hand, w, p, finger)
     reader = counter_key(finger_key(key, probe_number, w, p, g, finger), _TENSION_STEP)
     last = command_count[g] - 1
+    stays = stays_open(closes, w, p, finger)
+    if stays:
+        last = 0
     k = hand.stiffness
 
     # Along a link the distance to a convex body has one valley.
@@ -260,6 +265,8 @@ def closing_kernel(
                 in_order = int(0)
             s = int(ahead)
 
+    if stays:
+        stopped = int(-1)
     at = wp.where(stopped < 0, last, stopped)
     truth[w, p, g, finger].q = now.low.q
     torque = (true_command(hand, path, g, finger, at) - now.low.q) * k

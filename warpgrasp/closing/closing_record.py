@@ -62,6 +62,13 @@ def clear_rows(
 
 
 @wp.func
+def stays_open(closes: wp.array3d[int], w: int, p: int, finger: int):
+    """Whether a finger holds its first command; `closes` has axes (world, probe, finger), each of
+    which may be shared."""
+    return closes[w % closes.shape[0], p % closes.shape[1], finger % closes.shape[2]] == 0
+
+
+@wp.func
 def base_from_body(
     body_pose: wp.array[transform], hand_pose: wp.array2d[transform], hand: Hand, w: int, p: int,
     finger: int

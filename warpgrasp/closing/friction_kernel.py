@@ -14,6 +14,7 @@ from warpgrasp.closing.closing_record import (
     base_from_body,
     clear_rows,
     finger_key,
+    stays_open,
 )
 from warpgrasp.core.dtypes import ZERO, real, transform
 from warpgrasp.core.random import Purpose
@@ -49,6 +50,7 @@ def friction_kernel(
     key: wp.array[wp.uint64],
     probe_number: wp.array2d[int],
     probe_status: wp.array3d[int],
+    closes: wp.array3d[int],
     hand_pose: wp.array2d[transform],
     path: wp.array3d[PathStep],
     links: wp.array4d[LinkStep],
@@ -70,6 +72,9 @@ def friction_kernel(
     base = base_from_body(body_pose, hand_pose, hand, w, p, finger)
     reader = counter_key(finger_key(key, probe_number, w, p, g, finger), _TENSION_STEP)
     last = command_count[g] - 1
+    stays = stays_open(closes, w, p, finger)
+    if stays:
+        last = 0
     k = hand.stiffness
     convex = body_is_convex(scene, which)
     samples = wp.where(convex, 0, LINK_SAMPLES)
@@ -127,6 +132,8 @@ def friction_kernel(
                 free.room[link] = -march_scale * wp.max(now.rest.depth[link], now.rest.table[link])
         s += 1
 
+    if stays:
+        stopped = int(-1)
     at = wp.where(stopped < 0, last, stopped)
     if stopped >= 0 and now.pressed == 1:
         now.rest = refine_rubbed(scene, which, hand, base, now)

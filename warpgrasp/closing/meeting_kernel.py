@@ -127,6 +127,8 @@ def meeting_kernel(
                 base = wp.transform_multiply(pose, finger_base(hand, f))
                 row = felt[w, p, g, f]
                 before = wp.min(wp.max(s - 1, 0), row.step)
+                if row.status == _NO_CONTACT and row.step < last:
+                    stopped = stopped | (1 << f)  # it stays open
                 command[f] = true_command(hand, path, g, f, before)
                 rest = free_equilibrium(free_joints(hand, base, command[f]))
                 begun = truth[w, p, g, f].touched

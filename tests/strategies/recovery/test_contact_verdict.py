@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from beliefs import belief
 
+from fit.arrays import rows_of
+from fit.revolution.geometry import RevolutionBody
 from fit.superquadric.geometry import Superquadric, superquadric_points
 from strategies.recovery.choose_model import Recovered, Shape
 from strategies.recovery.contact_verdict import (
@@ -91,6 +93,25 @@ def test_a_round_body_is_doubted_before_one_with_faces(
     recovered = Recovered(np.array([Shape.SUPERQUADRIC]), body(0.0))
     assert doubted(recovered, felt)[0] == tried
     assert unexplained(recovered, felt)[0] == replaced
+
+
+@pytest.mark.parametrize(("pads_off_m", "fingers_off_m", "replaced"), [
+    (0.0005, 0.004, False), (0.004, 0.0005, True), (None, 0.004, True)])
+def test_a_contour_is_judged_by_what_pads_felt(
+        pads_off_m: float | None, fingers_off_m: float, replaced: bool) -> None:
+    """A cylinder of revolution, touched on its wall."""
+    wall = RevolutionBody(np.array([[0.45, 0.0, 0.0]]), np.array([[0.0, 0.0, 1.0]]),
+                          np.array([[0.0, 0.1]]), np.array([[0.03, 0.03]]))
+    none = rows_of(ball().superquadric, np.array([0]))
+    recovered = Recovered(np.array([Shape.REVOLUTION]), none, wall)
+    angle = np.linspace(0.0, 6.0, 40)
+    by_pad = np.arange(40) < (0 if pads_off_m is None else 12)
+    radius = 0.03 + np.where(by_pad, pads_off_m or 0.0, fingers_off_m)
+    points = np.stack([0.45 + radius * np.cos(angle), radius * np.sin(angle),
+                       np.linspace(0.02, 0.08, 40)], -1)[None]
+    evidence = rows_of(belief(np.repeat(points, 2, 0)).evidence, np.array([0]))
+    evidence = replace(evidence, by_pad=by_pad[None])
+    assert unexplained(recovered, evidence)[0] == replaced
 
 
 def test_torques_of_a_link_in_doubt_contradict_as_much_as_any() -> None:

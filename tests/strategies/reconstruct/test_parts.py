@@ -1,0 +1,110 @@
+"""Bodies of several superquadrics: found where contacts ask for them, and as many."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from beliefs import belief
+
+from fit.arrays import rows_of
+from strategies.poses.waypoints import BoundingCylinder
+from strategies.ready_made import STRATEGIES
+from strategies.reconstruct.parts import divisions, fitted_parts, parts_mesh, schwarz
+from strategies.recovery.evidence import Evidence
+from sweeps.episode.episodes import run_block
+from sweeps.spec.cell import Cell
+from warpgrasp.objects.families import family_table
+from warpgrasp.parameters import FitTable
+
+TABLE = FitTable()
+PRIOR = BoundingCylinder(*(np.array([v]) for v in (0.45, 0.0, 0.12, 0.17)))
+HANDLE, HEAD = (0.012, 0.012, 0.06), (0.05, 0.02, 0.02)
+"""Half sizes of an upright bar and of one across its top."""
+
+
+def box_points(half: tuple[float, ...], middle: tuple[float, ...], count: int, seed: int
+               ) -> np.ndarray:
+    """Points on a box, evenly (point, 3)."""
+    rng = np.random.default_rng(seed)
+    side = np.array(half)
+    area = np.array([side[1] * side[2], side[0] * side[2], side[0] * side[1]])
+    axis = rng.choice(3, count, p=area / area.sum())
+    points = rng.uniform(-1.0, 1.0, (count, 3))
+    points[np.arange(count), axis] = rng.choice([-1.0, 1.0], count)
+    return points * side + np.array(middle)
+
+
+def hammer(count: int = 96) -> np.ndarray:
+    """Points on the union of handle and head, which stands on its handle."""
+    handle, head = (0.45, 0.0, 0.06), (0.45, 0.0, 0.14)
+    points = np.concatenate([box_points(HANDLE, handle, count, 0),
+                             box_points(HEAD, head, count, 1)])
+    inside = (np.abs(points - handle) < np.array(HANDLE) - 1e-9).all(1)
+    inside |= (np.abs(points - head) < np.array(HEAD) - 1e-9).all(1)
+    return points[~inside][::2]
+
+
+def felt_at(points_m: np.ndarray, noise_m: float = 0.0005) -> Evidence:
+    noise = np.random.default_rng(2).normal(0.0, noise_m, points_m.shape)
+    both = np.repeat((points_m + noise)[None], 2, 0)
+    return rows_of(belief(both).evidence, np.array([0]))
+
+
+def test_a_hammer_is_two_parts_of_its_sizes() -> None:
+    parts = fitted_parts(felt_at(hammer()), PRIOR, TABLE)
+    assert parts is not None
+    assert len(parts) == 2
+    found = sorted(np.sort(size).tolist() for size in parts.size_m)
+    wanted = sorted(sorted(size) for size in (HANDLE, HEAD))
+    assert np.abs(np.array(found) - np.array(wanted)).max() < 0.006
+    mesh = parts_mesh(parts)
+    volume = 8.0 * (np.prod(HANDLE) + np.prod(HEAD))  # they meet in a face
+    assert mesh.volume_m3 == pytest.approx(volume, rel=0.2)
+    assert mesh.vertices_m[:, 2].min() > -1e-4
+
+
+def test_a_block_is_one() -> None:
+    points = box_points((0.03, 0.04, 0.05), (0.45, 0.0, 0.05), 80, 3)
+    assert fitted_parts(felt_at(points), PRIOR, TABLE) is None
+
+
+def test_few_or_no_contacts_are_no_parts() -> None:
+    felt = felt_at(hammer())
+    for count in (0, 1, 3):
+        few = replace(felt, mask=felt.mask & (np.arange(felt.mask.shape[1]) < count))
+        assert fitted_parts(few, PRIOR, TABLE) is None
+
+
+def test_parts_that_the_prior_contradicts_are_none() -> None:
+    small = replace(PRIOR, radius_m=np.array([0.01]), height_m=np.array([0.02]))
+    assert fitted_parts(felt_at(hammer()), small, TABLE) is None
+
+
+def test_divisions_are_whole_and_a_part_must_pay_for_its_parameters() -> None:
+    points = hammer()
+    for count in (2, 3):
+        ways = divisions(points, count)
+        assert ways.shape == (6, len(points))
+        assert all(set(way.tolist()) <= set(range(count)) for way in ways)
+        slabs = [np.bincount(way, minlength=count) for way in ways[:3]]
+        assert all(sizes.max() - sizes.min() <= 1 for sizes in slabs)
+    assert schwarz(0.003, 50, 2) < schwarz(0.006, 50, 1)
+    assert schwarz(0.0055, 50, 2) > schwarz(0.006, 50, 1)
+
+
+@pytest.mark.slow
+def test_a_hammer_that_was_touched_is_two_parts_nearer_than_one() -> None:
+    table = family_table("hammer-1")
+    assert table is not None
+    strategy = replace(STRATEGIES["any-object"], touches=96)
+    cell = Cell(strategy, table, "hammer-1", seed=4, fit=FitTable(reconstruct="parts"))
+    block = run_block(cell, np.arange(3), "cpu")
+    assert block.rebuilt is not None
+    assert block.rebuilt.name == "parts"
+    made = np.flatnonzero(block.rebuilt.made)
+    assert len(made) >= 2
+    assert {len(parts) for parts in block.rebuilt.parts.values()} <= {2, 3, 4}
+    model = block.moments[-1].scores.chamfer_m
+    assert (block.scores.chamfer_m[made] < 0.6 * model[made]).all()
+    alone = run_block(cell, made[:1], "cpu")
+    assert alone.scores.chamfer_m[0] == block.scores.chamfer_m[made[0]]
