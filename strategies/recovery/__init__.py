@@ -17,7 +17,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "fit_contacts": ["LEAN_SHARE", "NORMAL_SIGMA_M", "PLACE_SIGMA_M", "TURN_SIGMA_RAD",
         "recover_bodies"],
     "misfit": ["FARTHEST_M", "UNBELIEVED_M", "touch_misfit"],
-    "plausibility": ["FEWEST_CONTACTS", "plausible", "plausible_vertices", "swept", "within_reach"],
+    "plausibility": ["FEWEST_CONTACTS", "FLOATING_M", "plausible", "plausible_vertices", "swept",
+        "within_reach"],
     "refit_policy": ["Fitted", "finished", "newly_felt", "refitted"],
     "upright": ["faces_of", "stand_upright"],
 })
