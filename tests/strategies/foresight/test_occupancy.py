@@ -80,7 +80,7 @@ def test_a_pose_that_was_barred_is_foreseen_to_be_barred() -> None:
     assert 0.05**2 < first[0] < 0.9**2
     assert first[1] == 0.0
     grid.learn_barred(samples.open_m, pose, np.array([[True, False]]))
-    assert barred()[0] == pytest.approx(0.95**2, abs=1e-6)  # beliefs count by their squares
+    assert barred()[0] == pytest.approx(0.75**2, abs=1e-6)  # beliefs count by their squares
 
 
 def test_what_bars_the_hand_where_nothing_was_believed_is_believed_after() -> None:
