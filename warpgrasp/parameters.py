@@ -314,7 +314,7 @@ class FitTable:
     reconstruct: str = field(default="superquadric", metadata={
         "doc": "what stands for the body at the end: superquadric, the model recovered; implicit, "
                "a free-form surface; chosen, that where the model does not explain the touches; "
-               "parts, two or three superquadrics where touches ask for them; "
+               "parts, two to four superquadrics where touches ask for them; "
                "or a function of yours, as mine.py:my_network"})
 
 

@@ -49,8 +49,7 @@ def explore_by_containment(
     `hand_pose` (world, probe, 7) holds positions [m] and quaternions xyzw in the base frame, and
     `wanted` (world, probe) says which poses to visit. `room` (world,) limits the finger closings
     of each world: the poses that would exceed it are not tried. `closes` (world, probe, finger)
-    says which fingers close, all unless given. Raises KeyError for an unknown
-    closing path.
+    bool says which fingers close, all unless given. Raises KeyError for an unknown closing path.
     """
     commands, count = padded_commands(closings, robot.hand)
     return robot.grasp(hand_pose, wanted, commands, count, room, closes)

@@ -41,7 +41,7 @@ CLEARLY_BETTER = 0.85
 
 @dataclass(frozen=True)
 class Reconstruction:
-    """Free-form bodies of a batch, in the base frame."""
+    """Bodies of a batch that no single model is, in the base frame."""
 
     name: str
     """How rows name the shape: implicit, parts, or the plug-in's function."""
@@ -90,7 +90,7 @@ def reconstruct(
     without these a free form takes contacts as they are in `evidence`.
     "implicit" makes a free form of every world that felt enough, "chosen" only where the recovered
     body does not explain what was felt, or explains it badly and torques agree better with the
-    free form; "parts" makes a body of two or three superquadrics where contacts ask for it. None
+    free form; "parts" makes a body of two to four superquadrics where contacts ask for it. None
     of them stands where prior or table contradict it: one that ends high above the table was not
     felt to its foot. Small pieces of a free form that the prior contradicts are left out. A plug-in
     is asked about every world. Its faults are data.

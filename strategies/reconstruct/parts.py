@@ -1,4 +1,4 @@
-"""Bodies of two or three superquadrics, where contacts say that one is not enough.
+"""Bodies of two to four superquadrics, where contacts say that one is not enough.
 
 Contacts are those of a free form, which places them without supposing a shape. They are divided
 into clusters, a superquadric is fitted to each, every contact goes to the one it is nearest to, and

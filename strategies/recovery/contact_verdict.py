@@ -55,8 +55,8 @@ def explained_by(recovered: Recovered, points_m: np.ndarray, mask: np.ndarray) -
 
 def mean_gap(recovered: Recovered, evidence: Evidence) -> np.ndarray:
     """How far contacts are from the body that stands, in the mean [m], (world,). Distances beyond
-    `FARTHEST_M` count as that. A contour is judged by what pads felt alone: pads made it, and feel
-    a surface five times as exactly as fingers do."""
+    `FARTHEST_M` count as that. A contour is judged by what pads felt alone: pads made it, and a
+    finger's contact may lie millimetres off."""
     pads = evidence.mask & evidence.by_pad
     alone = (recovered.shape == Shape.REVOLUTION) & pads.any(1)
     counted = np.where(alone[:, None], pads, evidence.mask)

@@ -11,7 +11,7 @@ import numpy as np
 
 from fit.fit_status import status_names
 from strategies.procedures.touches import REASON_TEXT, EndReason
-from strategies.reconstruct.plug_in_name import CHOSEN
+from strategies.reconstruct.plug_in_name import CHOSEN, PARTS
 from strategies.recovery.choose_model import Shape
 from strategies.strategy import Strategy
 from sweeps.episode.columns import (
@@ -83,6 +83,9 @@ def explore(
     say(f"{block.status[0]}: {trust_sentence(block)}")
     if reconstruct == CHOSEN:
         say(choice_sentence(block))
+    if reconstruct == PARTS and not (block.rebuilt and block.rebuilt.made[0]):
+        say("parts: contacts ask for one superquadric only, or prior or table contradict several; "
+            "the recovered model stands")
     if block.exploration.fault[0]:
         what = "reconstruct" if block.status[0] == REBUILD_FAILED else "the strategy"
         say(f"{what} failed: {block.exploration.fault[0]}")
