@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 def explore(object_: str, /, *, strategy: str | None = None,
             out: Annotated[Path, Parameter(name=["--out", "-o"])], units: str | None = None,
             seed: int = 0, yaw_deg: float | None = None, x_m: float = 0.45, y_m: float = 0.0,
+            stable_pose: int | None = None,
             replay: Annotated[bool, Parameter(negative="")] = False,
             reconstruct: str | None = None, device: str = "cpu") -> int:
     """Run one episode and write its contacts, the recovered shape and a figure.
@@ -38,6 +39,8 @@ def explore(object_: str, /, *, strategy: str | None = None,
         Where it stands, ahead of the robot's base.
     y_m
         Where it stands, to the left of the robot's base.
+    stable_pose
+        How it lies: the number of a stable pose, 1 the likeliest; as it is made if not given.
     replay
         Also write replay.html: the episode played again in 3-D (needs the extra `show`).
     reconstruct
@@ -68,7 +71,7 @@ def explore(object_: str, /, *, strategy: str | None = None,
         from strategies.ready_made import DEFAULT
 
         chosen = _strategy_of_argument(strategy or DEFAULT)
-        table = object_of_argument(object_, units)
+        table = object_of_argument(object_, units, stable_pose)
         word = _reconstruct_of_argument(
             reconstruct or ("chosen" if chosen.name == DEFAULT else "superquadric"))
         from sweeps.report.episode_files import explore as explore_object

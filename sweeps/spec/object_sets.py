@@ -1,11 +1,14 @@
-"""Entries of `objects` that stand for several: members of families, mesh files by a pattern."""
+"""Entries of `objects` that stand for several: members of families, mesh files by a pattern, and
+each of the stable poses of any."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from sweeps.output import init_warp, quiet_stdout
 from sweeps.spec.errors import KeyPath, Problems, choose, short
 from warpgrasp.objects.catalogue_names import (
+    BODY_NAMES,
     FAMILY_NAMES,
     MOST_SEED,
     NAME_LIMIT,
@@ -17,19 +20,76 @@ from warpgrasp.objects.catalogue_names import (
 MOST_OBJECTS = 1000
 """Of one entry."""
 _FAMILY = {"family", "set", "first", "count"}
+_NAMED = {"object", "name"}
 _MESHES = {"meshes", "units"}
+EACH = "each"
+"""Of an entry's `stable_pose`: every stable pose is an object of its own."""
 
 
 def expanded(value: Any, path: KeyPath, base_dir: Path, problems: Problems) -> Iterator[Any]:
     """The entry itself, or all that it stands for; what is wrong with it is noted."""
+    if not isinstance(value, Mapping) or "stable_pose" not in value:
+        yield from _members(value, path, base_dir, problems)
+        return
+    number = value["stable_pose"]
+    if number != EACH and not (type(number) is int and number >= 1):
+        problems.add((*path, "stable_pose"), f"is {short(number)}; should be a whole number from "
+                     f'1, the likeliest pose, or "{EACH}"')
+        return
+    named = "name" in value
+    for table in _members({k: v for k, v in value.items() if k != "stable_pose"}, path, base_dir,
+                          problems):
+        count = _pose_count(table, base_dir) if number == EACH else 0
+        for k in range(1, count + 1) if count else (number if number != EACH else 1,):
+            yield table | {"stable_pose": k} | (
+                {} if named and not count else {"name": f"{_name_of(table)}-pose-{k}"})
+
+
+def _name_of(table: Mapping[str, Any]) -> str:
+    """The name that an object's table gives it."""
+    file = table.get("mesh", table.get("profile", ""))
+    return str(table.get("name", table.get("object", Path(str(file)).stem)))
+
+
+def _pose_count(table: Mapping[str, Any], base_dir: Path) -> int:
+    """How many stable poses an object has; none where it cannot be built, which is noted later."""
+    from warpgrasp.geometry.body import BodyError
+    from warpgrasp.objects.catalogue import body_from_table  # heavy; other entries need none
+    from warpgrasp.objects.stable_pose import stable_poses
+
+    init_warp()
+    try:
+        with quiet_stdout():
+            return len(stable_poses(body_from_table(table, base_dir)))
+    except BodyError:
+        return 0
+
+
+def _members(value: Any, path: KeyPath, base_dir: Path, problems: Problems) -> Iterator[Any]:
+    """As `expanded`, of an entry that names no stable pose."""
     if isinstance(value, str) and member_of_family(value):
         yield member_table(value)
+    elif isinstance(value, Mapping) and "object" in value:
+        yield from _named(value, path, problems)
     elif isinstance(value, Mapping) and "family" in value:
         yield from _family(value, path, problems)
     elif isinstance(value, Mapping) and "meshes" in value:
         yield from _meshes(value, path, base_dir, problems)
     else:
         yield value
+
+
+def _named(value: Mapping[str, Any], path: KeyPath, problems: Problems) -> Iterator[Any]:
+    if _note_unknown(value, _NAMED, path, problems):
+        return
+    what = value["object"]
+    own = {"name": value["name"]} if "name" in value else {}
+    if isinstance(what, str) and member_of_family(what):
+        yield member_table(what) | own
+    elif isinstance(what, str) and what in BODY_NAMES:
+        yield {"object": what, "name": what} | own
+    else:
+        problems.add((*path, "object"), f"no object {short(what)}; {choose(what, BODY_NAMES)}")
 
 
 def member_table(name: str) -> dict[str, Any]:

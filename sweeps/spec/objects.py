@@ -11,7 +11,7 @@ from sweeps.spec.object_sets import expanded, member_table
 from sweeps.spec.study import FILE_KEYS, Body
 from warpgrasp.objects.catalogue_names import BODY_NAMES, NAME_LIMIT, member_of_family
 
-SHAPES = ("mesh", "compound", "superquadric", "profile")
+SHAPES = ("mesh", "compound", "superquadric", "profile", "object")
 
 
 class ObjectError(ValueError):
@@ -73,8 +73,21 @@ def read_object(value: Any, path: KeyPath, base_dir: Path, problems: Problems) -
     return Body(name, table, files_digest(files) if files else "")
 
 
-def object_of_argument(what: str, units: str | None) -> dict[str, Any]:
-    """The table of an object named on the command line; `ObjectError` says what is wrong."""
+def object_of_argument(what: str, units: str | None,
+                       stable_pose: int | None = None) -> dict[str, Any]:
+    """The table of an object named on the command line, lying in a stable pose if one is numbered;
+    `ObjectError` says what is wrong."""
+    table = _table_of_argument(what, units)
+    if stable_pose is None:
+        return table
+    name = f"{table['name']}-pose-{stable_pose}"
+    table = {"object": what} if set(table) == {"name"} else table
+    table = table | {"name": name[:NAME_LIMIT], "stable_pose": stable_pose}
+    _build(table, Path())
+    return table
+
+
+def _table_of_argument(what: str, units: str | None) -> dict[str, Any]:
     if what in BODY_NAMES:
         return {"name": what}
     if member_of_family(what):

@@ -19,6 +19,7 @@ episodes_per_cell = 16                 # of each strategy on each object
 # keep = "contacts"                    # of every episode, for `warpgrasp rows --contacts`
 # Names (`warpgrasp objects`), meshes, compounds, superquadrics (half their extents):
 #   { mesh = "mug.stl", units = "cm" }
+#   { object = "wine_bottle", stable_pose = 1 }   # lying, as it likeliest comes to rest
 #   { name = "egg", superquadric = { size_mm = [30, 30, 45], exponents = [1.0, 1.0] } }
 #   { name = "tee", compound = [{ shape = "block", size_mm = [20, 60, 80] }] }
 objects = ["block", "large_cylinder", "small_cylinder", "wedge", "lightbulb", "funnel"]

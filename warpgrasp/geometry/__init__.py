@@ -4,7 +4,7 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "body": ["Body", "BodyError", "Part", "distance_to_bodies", "scene_of"],
-    "body_sampling": ["BodySample", "body_lowered", "sample_body"],
+    "body_sampling": ["BodySample", "KeyedBody", "body_lowered", "keyed_body", "sample_body"],
     "meshing": ["body_mesh"],
     "scene": ["Join", "Scene", "Shape", "body_distance", "body_distance_grad", "body_is_convex",
         "body_is_estimated", "body_table_distance", "body_table_distance_grad"],

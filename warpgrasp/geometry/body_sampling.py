@@ -90,11 +90,18 @@ def sample_body(
     as near by the crossings and their shares. Raises BodyError where the body has (almost) no
     volume or surface in its box.
     """
-    return _sample(_Keyed((body.content, body.low_m, body.high_m), body), surface, inside)
+    return _sample(keyed_body(body), surface, inside)
+
+
+def keyed_body(body: Body) -> "KeyedBody":
+    """The body, to be known again by its shape and box."""
+    return KeyedBody((body.content, body.low_m, body.high_m), body)
 
 
 @dataclass(frozen=True)
-class _Keyed:
+class KeyedBody:
+    """A body as the key of a cache."""
+
     key: tuple[str, tuple[float, ...], tuple[float, ...]]
     """What the sample depends on: the shape, and the box that it is taken in."""
     body: Body
@@ -103,11 +110,11 @@ class _Keyed:
         return hash(self.key)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Keyed) and self.key == other.key
+        return isinstance(other, KeyedBody) and self.key == other.key
 
 
 @lru_cache(maxsize=64)
-def _sample(keyed: _Keyed, surface: int | None, inside: int) -> BodySample:
+def _sample(keyed: KeyedBody, surface: int | None, inside: int) -> BodySample:
     lines = _LOG2_LINES if surface is None else max(_LOG2_LINES, (surface - 1).bit_length())
     on, points, distance, volume = _dense(keyed, lines)
     skin = _along_curve(on.point)
@@ -129,7 +136,7 @@ def _sample(keyed: _Keyed, surface: int | None, inside: int) -> BodySample:
 
 @lru_cache(maxsize=2)  # megabytes, for samples of several sizes that are taken one after the other
 def _dense(
-    keyed: _Keyed, log2_lines: int
+    keyed: KeyedBody, log2_lines: int
 ) -> tuple[Crossings, np.ndarray, np.ndarray, float]:
     """All points where lines, so many along each axis, cross a body's surface; points of its box
     with their distances; its volume."""

@@ -5,6 +5,7 @@ the second, each a radius profile in `profiles/` whose first line says what is s
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from difflib import get_close_matches
 from functools import cache
 from math import radians
@@ -18,6 +19,7 @@ from warpgrasp.geometry.body import Body, BodyError, Part
 from warpgrasp.geometry.scene import Join, Shape
 from warpgrasp.objects.catalogue_names import BODY_NAMES, NAME_LIMIT
 from warpgrasp.objects.mesh_import import LARGEST_M, SMALLEST_M, body_from_mesh, can_be_explored
+from warpgrasp.objects.stable_pose import body_in_stable_pose
 
 _PROFILES = Path(__file__).parent / "profiles"
 _LARGEST_COMPOUND = 64
@@ -50,16 +52,30 @@ def body_from_table(table: Mapping[str, Any], base_dir: Path) -> Body:
 
     `{mesh = "mug.stl", units = "cm"}`, `{name = "mug", compound = [...]}`, `{name = "egg",
     superquadric = {size_mm = [..], exponents = [..], taper = [..], bend_per_m, bend_deg}}` or
-    `{name = "vase", profile = "vase.csv"}` (columns z_mm, r_mm). `size_mm` of a superquadric is
-    half its extent, of a block or wedge all of it. Raises BodyError, also where the longest side
-    of the object is not of 5 mm to 1 m.
+    `{name = "vase", profile = "vase.csv"}` (columns z_mm, r_mm), or `{object = "block"}`, one of
+    the catalogue. `size_mm` of a superquadric is half its extent, of a block or wedge all of it.
+    With `stable_pose = 2` the object lies in the second of its stable poses. Raises BodyError, also
+    where the longest side of the object is not of 5 mm to 1 m.
     """
+    number = table.get("stable_pose")
+    body = _standing_body({k: v for k, v in table.items() if k != "stable_pose"}, base_dir)
+    if number is None:
+        return body
+    if type(number) is not int:
+        raise BodyError(f"stable_pose = {_short(number)}: a whole number is wanted, 1 for the "
+                        "likeliest pose")
+    return body_in_stable_pose(body, number)
+
+
+def _standing_body(table: Mapping[str, Any], base_dir: Path) -> Body:
+    """An object as its table makes it."""
     name = table.get("name")
     if name is not None and not (
             isinstance(name, str) and name.strip() and len(name) <= NAME_LIMIT):
         raise BodyError(f"name {_short(name)}: a text of 1 to {NAME_LIMIT} characters is wanted")
     kinds = {"mesh": {"mesh", "units", "name"}, "compound": {"compound", "name"},
-             "superquadric": {"superquadric", "name"}, "profile": {"profile", "name"}}
+             "superquadric": {"superquadric", "name"}, "profile": {"profile", "name"},
+             "object": {"object", "name"}}
     kind = next((k for k in kinds if k in table), None)
     if kind is None:
         raise BodyError(f"an object table wants one of {', '.join(kinds)}")
@@ -68,6 +84,8 @@ def body_from_table(table: Mapping[str, Any], base_dir: Path) -> Body:
         if "units" not in table:
             raise BodyError(f"{table['mesh']}: say units = \"m\", \"cm\" or \"mm\"")
         return body_from_mesh(base_dir / str(table["mesh"]), units=table["units"], name=name)
+    if kind == "object":
+        return replace(body_from_name(str(table["object"])), name=name or str(table["object"]))
     if kind == "profile":
         path = base_dir / str(table["profile"])
         part = Part(Shape.REVOLUTION, profile_m=profile_from_csv(path))

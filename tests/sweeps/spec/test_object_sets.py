@@ -28,7 +28,11 @@ def test_members_of_families_by_name_and_by_set() -> None:
     ({"family": "mug", "count": 0}, "whole number"), ({"family": "mug", "seed": 1}, "unknown key"),
     ({"family": "mug", "first": 999, "count": 2}, "there are 1"), ("mug-2000", "no object"),
     ({"meshes": "none/*.ply", "units": "m"}, "no file matches"), ({"meshes": 3}, "pattern"),
-    ({"meshes": "*.ply", "unit": "m"}, "unknown key"),
+    ({"meshes": "*.ply", "unit": "m"}, "unknown key"), ({"object": "blok"}, "block"),
+    ({"object": "block", "units": "m"}, "unknown key"),
+    ({"object": "block", "stable_pose": 0}, "likeliest"),
+    ({"object": "block", "stable_pose": "all"}, '"each"'),
+    ({"object": "block", "stable_pose": 9}, "has 6"),
 ])
 def test_what_is_wrong_is_said(entry, said: str, tmp_path: Path) -> None:
     names, wrong = read([entry], tmp_path)
@@ -43,3 +47,14 @@ def test_meshes_by_a_pattern(tmp_path: Path) -> None:
     assert read([{"meshes": "scans/*.ply", "units": "m"}], tmp_path) == (["one", "two"], [])
     assert read([{"meshes": f"{tmp_path}/scans/o*.ply", "units": "m"}])[0] == ["one"]
     assert any("units" in text for text in read([{"meshes": "scans/*.ply"}], tmp_path)[1])
+
+
+def test_objects_lie_in_stable_poses() -> None:
+    assert read([{"object": "block", "stable_pose": 3}, {"object": "mug-3", "name": "cup"}]) == (
+        ["block-pose-3", "cup"], [])
+    assert read([{"object": "wedge", "stable_pose": "each"}])[0] == [
+        f"wedge-pose-{k}" for k in range(1, 6)]
+    assert read([{"family": "box", "count": 2, "stable_pose": 1}])[0] == [
+        "box-0-pose-1", "box-1-pose-1"]
+    assert object_of_argument("block", None, 2) == {
+        "object": "block", "name": "block-pose-2", "stable_pose": 2}
