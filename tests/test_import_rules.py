@@ -16,8 +16,8 @@ from places import ROOT
 FLOORS = {
     "warpgrasp": ["spec_words", "parameters", "probe_status", "motion_cost", "core", "geometry",
                   "objects", "hands", "arms", "mechanism", "chain", "finger", "rubbing",
-                  "hand_rest", "closing", "chain_closing", "touch", "export", "hand_capsules",
-                  "robot_hand", "robot"],
+                  "hand_rest", "closing", "chain_closing", "touch", "sight", "export",
+                  "hand_capsules", "robot_hand", "robot"],
     "fit": ["fit_status", "rotation", "arrays", "optimize", "prepare", "superquadric",
             "revolution", "implicit", "plane_record", "plane", "polyhedron", "match_parameters",
             "interpretation_tree", "points_csv"],

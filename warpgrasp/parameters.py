@@ -266,6 +266,8 @@ class StereoTable:
                            "[est]")
     flipped_pixels: float = _number(0.0, 0.0, 0.4, "share of pixels taken for the other side "
                                     "[est]")
+    missing_depth: float = _number(0.2, 0.0, 0.95, "share of patches of a depth image in which the "
+                                   "two images are not matched [est]")
 
 
 @spec_words
@@ -277,9 +279,10 @@ class ObjectTable:
                          "place on the table, base frame [paper: near]")
     y_m: float = _number(0.0, -OBJECT_REACH_M, OBJECT_REACH_M, "place on the table")
     yaw_rad: float | None = _number(None, -inf, inf, "turn about the vertical; unset: at random")
-    prior: str = _choice("cylinder", ("cylinder", "box", "silhouettes"),
-                         "what is given: a bounding cylinder, the narrowest upright box, or a "
-                         "cylinder from silhouettes of two cameras ([stereo])")
+    prior: str = _choice("cylinder", ("cylinder", "box", "silhouettes", "depth"),
+                         "what is given: a bounding cylinder, the narrowest upright box, a "
+                         "cylinder from silhouettes of two cameras, or a box about what they see "
+                         "from one side, with the depths that they see ([stereo])")
     prior_sigma_m: float = _number(0.010, 0.0, 0.5, "error of each number of the prior [est]")
 
 

@@ -30,9 +30,10 @@ from warpgrasp.parameters import (
 )
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot_hand import robot_hand
+from warpgrasp.sight.depth_view import DepthView, seen_depths
+from warpgrasp.sight.silhouette import Cameras, silhouettes
+from warpgrasp.sight.silhouette_faults import faulty_silhouettes
 from warpgrasp.touch.guarded_motion import LineMove, LineTouch, LineTruth, Until, guarded_line
-from warpgrasp.touch.silhouette import Cameras, silhouettes
-from warpgrasp.touch.silhouette_faults import faulty_silhouettes
 
 
 @dataclass(frozen=True)
@@ -244,6 +245,12 @@ class Robot:
         seen = silhouettes(self._scene, self._body, self._truth.body_pose, cameras,
                            march_scale=self._march_scale, device=self._device)
         return faulty_silhouettes(seen, self._key, table)
+
+    def look_deep(self, cameras: Cameras, table: StereoTable) -> DepthView:
+        """What stereo of the first of two cameras (world, camera 2) tells of how far the object is,
+        errors and gaps of `table` and all."""
+        return seen_depths(self._scene, self._body, self._truth.body_pose, cameras, table,
+                           self._key, march_scale=self._march_scale, device=self._device)
 
     def camera_noise(self, size: int) -> np.ndarray:
         """Standard normals (world, size) for what is read off the cameras' images."""

@@ -21,6 +21,7 @@ from strategies.foresight.occupancy_kernel import (
 )
 from strategies.foresight.prospect_kernel import foresee_kernel
 from strategies.poses.waypoints import BoundingBox, BoundingCylinder
+from strategies.procedures.depth_prior import SeenBox, believed_after
 from warpgrasp.core.dtypes import real, transform, vec3
 from warpgrasp.core.kernel_launch import launch
 
@@ -157,6 +158,11 @@ def begin_occupancy(prior: BoundingCylinder, radius_m: float) -> Occupancy:
     within = ndtr((radius_m - outside) / PRIOR_SIGMA_M) * (
         AT_RIM + (AT_AXIS - AT_RIM) * np.clip(1.0 - share, 0.0, 1.0) ** 2)
     hit = within[..., None] * ndtr((radius_m - over) / PRIOR_SIGMA_M)[:, None, None]
+    if isinstance(prior, SeenBox):
+        places = np.stack(np.broadcast_arrays(
+            middle[0][:, :, None, None], middle[1][:, None, :, None], middle[2][:, None, None]), -1)
+        hit = believed_after(prior.view, hit.reshape(len(size), -1),
+                             places.reshape(len(size), -1, 3), radius_m)
     return Occupancy(corner, size, hit.reshape(len(size), -1), radius_m)
 
 

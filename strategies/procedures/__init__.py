@@ -13,6 +13,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "possible": ["FAILED", "NotPossible", "STATUS", "check_foreseeable", "check_possible",
         "extended_of", "fault_status", "opposed_of"],
     "stereo_axis": ["StereoAxis", "see_axis"],
+    "depth_prior": ["SeenBox", "believed_after", "or_drawn", "see_box"],
     "stereo_prior": ["see_cylinder"],
     "touches": ["EndReason", "MissedTips", "REASON_TEXT", "TouchTable", "true_touches"],
 })

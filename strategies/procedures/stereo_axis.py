@@ -13,8 +13,8 @@ import numpy as np
 
 from warpgrasp.parameters import StereoTable
 from warpgrasp.robot import Robot
-from warpgrasp.touch.silhouette import Cameras, stereo_cameras
-from warpgrasp.touch.silhouette_faults import object_regions, silhouette_edges
+from warpgrasp.sight.silhouette import Cameras, stereo_cameras
+from warpgrasp.sight.silhouette_faults import object_regions, silhouette_edges
 from warpgrasp.touch.tactile_image import hough_lines
 
 _NEAR_PIXELS = 1.6  # edges this near to a Hough line belong to it

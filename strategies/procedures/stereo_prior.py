@@ -10,8 +10,8 @@ import numpy as np
 from strategies.poses.waypoints import BoundingCylinder
 from warpgrasp.parameters import StereoTable
 from warpgrasp.robot import Robot
-from warpgrasp.touch.silhouette import Cameras, stereo_cameras
-from warpgrasp.touch.silhouette_faults import object_regions
+from warpgrasp.sight.silhouette import Cameras, stereo_cameras
+from warpgrasp.sight.silhouette_faults import object_regions
 
 _READ = 3
 """Numbers read off each image: left, right, top."""

@@ -43,7 +43,7 @@ KERNEL_MODULES = (
     "warpgrasp.touch.chain_line_kernel",
     "warpgrasp.touch.guarded_motion_kernel",
     "warpgrasp.touch.pad_kernel",
-    "warpgrasp.touch.silhouette_kernel",
+    "warpgrasp.sight.silhouette_kernel",
 )
 EXPLORED = (
     "warpgrasp.closing.meeting_kernel", "warpgrasp.closing.friction_kernel",

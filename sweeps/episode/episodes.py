@@ -33,6 +33,7 @@ from strategies.recovery.evidence import Evidence
 from sweeps.episode.columns import model_columns
 from sweeps.episode.contact_rows import contact_tables
 from sweeps.episode.given_prior import (
+    SEEN,
     draw_prior,
     prior_recovered,
     score_priors,
@@ -247,8 +248,8 @@ def run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Epi
                   pads=cell.pads, errors=cell.errors, contact=cell.contact,
                   true=cell.true, device=device)
     unseen = np.full(len(key), "", object)
-    if cell.placement.prior == "silhouettes":
-        prior, unseen = seen_prior(robot, prior, cell.stereo)
+    if cell.placement.prior in SEEN:
+        prior, unseen = seen_prior(robot, prior, cell.stereo, cell.placement.prior)
     given = prior_recovered(prior)
     surface = TouchedSurface(scorer.worlds(), body_pose)
     begin = Moment(np.zeros(len(key)), np.zeros(len(key)), score_priors(scorer, given), given,

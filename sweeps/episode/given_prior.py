@@ -7,6 +7,7 @@ import numpy as np
 
 from fit.arrays import rows_of
 from strategies.poses.waypoints import BoundingBox, BoundingCylinder
+from strategies.procedures.depth_prior import or_drawn, see_box
 from strategies.procedures.stereo_prior import see_cylinder
 from strategies.recovery.choose_model import Recovered, Shape, prior_superquadric
 from sweeps.episode.scores import Scorer, Scores
@@ -34,7 +35,7 @@ def draw_prior(
     stream = counter_key(key, int(Purpose.PRIOR))
     error = table.prior_sigma_m * counter_normal(counter_key(stream[:, None], np.arange(6)))
     height = np.maximum(body.high_m[2] + error[:, 3], LEAST_HEIGHT_M)
-    if table.prior != "box":
+    if table.prior not in ("box", "depth"):
         surface = sample_body(body).surface_m
         radius = float(np.hypot(surface[:, 0], surface[:, 1]).max())
         return BoundingCylinder(body_pose[:, 0] + error[:, 0], body_pose[:, 1] + error[:, 1],
@@ -100,15 +101,26 @@ def score_priors(scorer: Scorer, given: Recovered) -> Scores:
     return Scores(*np.array([_known[name] for name in names]).T)
 
 
-def seen_prior(
-    robot: Robot, drawn: BoundingCylinder, table: StereoTable
-) -> tuple[BoundingCylinder, np.ndarray]:
-    """Cylinders that two cameras see, turned to the place that was drawn.
+SEEN = ("silhouettes", "depth")
+"""Words of `[object] prior` that cameras give."""
 
-    In worlds whose silhouettes are empty or touch the edge of an image the drawn one stands; the
+
+def seen_prior(
+    robot: Robot, drawn: BoundingCylinder, table: StereoTable, kind: str
+) -> tuple[BoundingCylinder, np.ndarray]:
+    """What two cameras see, turned to the place that was drawn: cylinders by their silhouettes, or
+    boxes with the depths; `kind` is one of `SEEN`.
+
+    In worlds whose object is not seen or touches the edge of an image the drawn one stands; the
     text (world,) says so there and is empty elsewhere.
     """
     target = np.stack([drawn.x_m, drawn.y_m, drawn.height_m / 2], 1)
+    if kind == "depth":
+        box, whole = see_box(robot, target, table)
+        assert isinstance(drawn, BoundingBox)
+        return or_drawn(box, whole, drawn), np.where(
+            whole, "", "object.prior depth: the object is not whole in the image; a larger "
+            "stereo.field_of_view_deg or distance_mm would show it").astype(object)
     seen, whole = see_cylinder(robot, target, table)
     cylinder = BoundingCylinder(*(
         np.where(whole, new, old) for new, old in (

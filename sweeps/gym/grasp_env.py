@@ -15,7 +15,7 @@ from strategies.exploration import RunningExploration
 from strategies.planners.from_strategy import Budget
 from strategies.procedures.containment import closing_names
 from sweeps.episode.episodes import place_objects
-from sweeps.episode.given_prior import draw_prior, seen_prior
+from sweeps.episode.given_prior import SEEN, draw_prior, seen_prior
 from sweeps.episode.scores import Scorer, Scores
 from sweeps.gym.actions import PROCEDURES, action_size, probes_of
 from sweeps.gym.observations import BOUND, contact_slots, observation_size, observe
@@ -105,8 +105,8 @@ class GraspVectorEnv(VectorEnv):
         prior = self._merged([
             draw_prior(body, self._truth.body_pose[mine], cell.placement, key[mine])
             for body, mine in self._worlds_of()])
-        if cell.placement.prior == "silhouettes":
-            prior, _ = seen_prior(robot, prior, cell.stereo)
+        if cell.placement.prior in SEEN:
+            prior, _ = seen_prior(robot, prior, cell.stereo, cell.placement.prior)
         self._run = RunningExploration(
             robot, prior, counter_key(key, int(Purpose.STRATEGY)), cell.fit, self._closings,
             Budget(steps=None))

@@ -1,11 +1,9 @@
-"""Tactile pads, guarded lines that end when a pad feels, tactile images, silhouettes."""
+"""Tactile pads, guarded lines that end when a pad feels, tactile images."""
 
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "guarded_motion": ["LineMove", "LineTouch", "LineTruth", "Until", "guarded_line"],
     "pad": ["read_pads"],
-    "silhouette": ["Cameras", "silhouettes", "stereo_cameras"],
-    "silhouette_faults": ["faulty_silhouettes", "object_regions", "silhouette_edges"],
     "tactile_image": ["hough_lines", "moments"],
 })

@@ -10,7 +10,7 @@ from strategies.procedures.stereo_axis import see_axis
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import ArmTable, HandTable, SensorTable, StereoTable
 from warpgrasp.robot import Robot, Truth
-from warpgrasp.touch.silhouette import stereo_cameras
+from warpgrasp.sight.silhouette import stereo_cameras
 
 
 def look(name: str, tilt_deg: float, table: StereoTable, worlds: int = 6, aim_m: float = 0.0):

@@ -62,7 +62,7 @@ def seen_of(name: str, **words: float) -> tuple[BoundingCylinder, np.ndarray, np
     robot = Robot([body], np.zeros(len(KEY), int), Truth(pose), KEY, ArmTable(), HandTable(),
                   SensorTable())
     drawn = draw_prior(body, pose, table, KEY)
-    prior, why = seen_prior(robot, drawn, StereoTable(**words))  # type: ignore[arg-type]
+    prior, why = seen_prior(robot, drawn, StereoTable(**words), "silhouettes")  # type: ignore
     return prior, why, pose
 
 

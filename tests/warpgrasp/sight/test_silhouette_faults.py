@@ -5,7 +5,7 @@ import pytest
 
 from warpgrasp.core.random import counter_key
 from warpgrasp.parameters import StereoTable
-from warpgrasp.touch.silhouette_faults import (
+from warpgrasp.sight.silhouette_faults import (
     faulty_silhouettes,
     object_regions,
     silhouette_edges,

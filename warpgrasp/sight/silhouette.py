@@ -1,15 +1,17 @@
-"""Silhouettes: what two pinhole cameras see of an object, sphere-traced from its distance field."""
+"""Silhouettes and depths: what pinhole cameras see of an object, sphere-traced from its distance
+field."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
 
-from warpgrasp.core.dtypes import mat33, transform, uint8, vec3
+from warpgrasp.core.dtypes import mat33, real, transform, uint8, vec3
 from warpgrasp.core.kernel_launch import check_range, launch
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.parameters import StereoTable
-from warpgrasp.touch.silhouette_kernel import _silhouette_kernel
+from warpgrasp.sight.silhouette_kernel import _range_kernel, _silhouette_kernel
 
 
 @dataclass(frozen=True)
@@ -47,19 +49,41 @@ def silhouettes(
     """Which pixels see the object, bool (world, camera, row, column). Raises ShapeError,
     and ValueError for a body that the scene has not.
     """
+    seen = _traced(_silhouette_kernel, "seen", uint8, scene, body, body_pose, cameras, march_scale,
+                   device)
+    return seen.astype(bool)
+
+
+def depths(
+    scene: Scene, body: np.ndarray, body_pose: np.ndarray, cameras: Cameras, *,
+    march_scale: float = 1.0, device: str = "cpu",
+) -> np.ndarray:
+    """How far along each camera's forward axis the object is [m], (world, camera, row, column);
+    infinite where a pixel sees past it. Raises as `silhouettes`.
+    """
+    far = _traced(_range_kernel, "far", real, scene, body, body_pose, cameras, march_scale, device)
+    at = (np.arange(cameras.pixels) + 0.5 - cameras.pixels / 2) / cameras.focal_pixels
+    return np.where(far < 0.0, np.inf, far / np.sqrt(1.0 + at**2 + at[:, None] ** 2))
+
+
+def _traced(
+    kernel: Any, name: str, kind: type, scene: Scene, body: np.ndarray, body_pose: np.ndarray,
+    cameras: Cameras, march_scale: float, device: str,
+) -> np.ndarray:
+    """What a kernel writes to its argument `name`, (world, camera, row, column)."""
     check_range("body", body, 0, scene.bodies - 1)
     worlds, count = cameras.centre_m.shape[:2]
     n = cameras.pixels
-    seen = wp.empty((worlds, count, n, n), dtype=uint8, device=device)
+    image = wp.empty((worlds, count, n, n), dtype=kind, device=device)
     reach = 2.0 * float(np.linalg.norm(
         cameras.centre_m - np.asarray(body_pose)[:, None, :3], axis=-1).max(initial=0.0))
-    launch(_silhouette_kernel, {"world": worlds, "camera": count, "row": n, "column": n}, {
+    launch(kernel, {"world": worlds, "camera": count, "row": n, "column": n}, {
         "body": "world", "body_pose": "world", "centre": "world camera", "axes": "world camera",
-        "seen": "world camera row column"}, {
+        name: "world camera row column"}, {
         "scene": scene, "body": wp.array(np.broadcast_to(body, worlds), dtype=int, device=device),
         "body_pose": wp.array(body_pose, dtype=transform, device=device),
         "march_scale": march_scale,
         "centre": wp.array(cameras.centre_m, dtype=vec3, device=device),
         "axes": wp.array(cameras.axes, dtype=mat33, device=device),
-        "focal": cameras.focal_pixels, "reach": reach, "seen": seen}, device=device)
-    return seen.numpy().astype(bool)
+        "focal": cameras.focal_pixels, "reach": reach, name: image}, device=device)
+    return image.numpy().copy()

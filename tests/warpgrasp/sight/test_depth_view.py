@@ -1,0 +1,66 @@
+"""Depth images: against lines cut with solids by hand, and their errors as asked for."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from warpgrasp.core.random import counter_key
+from warpgrasp.geometry.body import distance_to_bodies, scene_of
+from warpgrasp.objects.catalogue import body_from_name
+from warpgrasp.parameters import StereoTable
+from warpgrasp.sight.depth_view import MATCHED, DepthView, seen_depths
+from warpgrasp.sight.silhouette import stereo_cameras
+
+WORLDS = 6
+POSE = np.tile([0.45, 0.0, 0, 0, 0, 0, 1.0], (WORLDS, 1))
+EXACT = StereoTable(pixel_noise=0.0, missing_depth=0.0)
+
+
+def seen(name: str, table: StereoTable) -> DepthView:
+    cameras = stereo_cameras(table, np.tile([0.45, 0.0, 0.06], (WORLDS, 1)))
+    return seen_depths(scene_of([body_from_name(name)], "cpu"), np.zeros(1, int), POSE, cameras,
+                       table, counter_key(4, np.arange(WORLDS)))
+
+
+@pytest.mark.parametrize("name", ["block", "wine_bottle"])
+def test_points_lie_on_the_side_that_faces_the_camera(name: str) -> None:
+    view = seen(name, EXACT)
+    points = view.points()[0]
+    found = np.isfinite(points).all(1)
+    assert found.sum() > 200
+    scene = scene_of([body_from_name(name)], "cpu")
+    distance, slope = distance_to_bodies(scene, np.zeros(1, int),
+                                         (points[found] - POSE[0, :3])[None])
+    assert np.abs(distance).max() < 3e-4
+    towards = view.centre_m[0] - points[found]
+    facing = (towards / np.linalg.norm(towards, axis=1, keepdims=True) * slope[0]).sum(1)
+    assert facing.min() > -0.05
+
+
+def test_the_front_of_a_block_is_where_the_ray_meets_its_plane() -> None:
+    table = replace(EXACT, elevation_rad=0.0)
+    view = seen("block", table)
+    depth = view.depth_m[0]
+    # From -y, but for the turn of the cameras towards each other: the plane y = -40 mm.
+    middle = depth.shape[0] // 2
+    ray = view.axes[0] @ [0.5 / view.focal_pixels[0], 0.5 / view.focal_pixels[0], 1.0]
+    assert depth[middle, middle] == pytest.approx(
+        (-0.04 - view.centre_m[0, 1]) / ray[1], abs=3e-4)
+
+
+def test_errors_grow_with_the_square_of_the_depth() -> None:
+    for far in (0.8, 1.6):
+        table = StereoTable(distance_m=far, missing_depth=0.0, pixel_noise=0.5)
+        true, view = seen("block", replace(table, pixel_noise=0.0)), seen("block", table)
+        on = np.isfinite(true.depth_m)
+        wrong = (view.depth_m[on] - true.depth_m[on]) / true.depth_m[on] ** 2
+        focal = view.focal_pixels[0] * MATCHED
+        assert wrong.std() == pytest.approx(0.5 / (focal * table.baseline_m), rel=0.1)
+        assert np.isinf(view.depth_m[~on]).all()
+
+
+def test_as_much_is_missing_as_asked_for() -> None:
+    view = seen("block", StereoTable(missing_depth=0.3))
+    assert np.isnan(view.depth_m).mean() == pytest.approx(0.3, abs=0.07)  # of 384 patches
+    assert not np.array_equal(np.isnan(view.depth_m[0]), np.isnan(view.depth_m[1]))
