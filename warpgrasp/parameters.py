@@ -292,6 +292,8 @@ class FitTable:
     """What evidence the recovered body is fitted to; each can be switched off."""
 
     taper: bool = field(default=True, metadata={"doc": "13 instead of 11 parameters"})
+    bend: bool = field(default=False, metadata={
+        "doc": "along an arc of a circle: two parameters more"})
     table_plane: bool = field(default=True, metadata={"doc": "the body stands on the table"})
     free_space: bool = field(default=True, metadata={"doc": "links that swept lie outside"})
     free_tips: bool = field(default=False, metadata={
@@ -319,6 +321,12 @@ class FitTable:
                "a free-form surface; chosen, that where the model does not explain the touches; "
                "parts, two to four superquadrics where touches ask for them; "
                "or a function of yours, as mine.py:my_network"})
+
+    @property
+    def superquadric_name(self) -> str:
+        """How rows name the model: superquadric, tapered_superquadric, bent_superquadric,
+        tapered_bent_superquadric."""
+        return "tapered_" * self.taper + "bent_" * self.bend + "superquadric"
 
 
 @dataclass(frozen=True)

@@ -137,11 +137,13 @@ def fit_evidence(
     """One fit a world, to the evidence that the table switches on, going on from `start`."""
     residual = table.residual
     if residual == "solina_first":
-        # Distances are truer for tapered bodies, but from afar a body shrunk to nothing fits too.
-        first = "solina_box" if table.taper else "solina"
-        residual = "volume_distance" if table.taper and start is not None else first
+        # Distances are truer for deformed bodies, but from afar a body shrunk to nothing fits too.
+        deformed = table.taper or table.bend
+        first = "solina_box" if deformed else "solina"
+        residual = "volume_distance" if deformed and start is not None else first
     options = SuperquadricOptions(
-        taper=table.taper, residual=residual, loss=table.loss,  # pyright: ignore
+        taper=table.taper, bend=table.bend, residual=residual,  # pyright: ignore
+        loss=table.loss,  # pyright: ignore
         iterations=iterations, screen_iterations=SCREEN_ITERATIONS, least_fall=LEAST_FALL,
         upright_std_rad=table.upright_rad if table.table_plane else None,
         mean_exponent=SuperquadricOptions.mean_exponent if table.flat_ends else None,

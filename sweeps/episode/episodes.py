@@ -170,8 +170,7 @@ def _rows_of(
     # Probes in turn, a column each: which of them the arm could not make, and why.
     probes = np.concatenate([np.zeros((worlds, 0), int),
                              *(g.moves.status[:, :, 0] for g in block.grasps)], axis=1)
-    names = np.array(["prior", "tapered_superquadric" if cell.fit.taper else
-                      "superquadric", "revolution"])
+    names = np.array(["prior", cell.fit.superquadric_name, "revolution"])
     columns: dict[str, np.ndarray] = {
         "episode": np.concatenate([np.asarray(episodes, np.int64) for _, episodes in parts]),
         "strategy": np.repeat([cell.strategy.name for cell, _ in parts], counts),

@@ -134,7 +134,7 @@ def shape_record(cell: Cell, block: EpisodeBlock, world: int = 0) -> dict[str, A
     scores, belief = block.scores, block.exploration.belief
     shape = Shape(int(block.recovered.shape[world]))
     kinds = {Shape.PRIOR_CYLINDER: "prior", Shape.REVOLUTION: "revolution",
-             Shape.SUPERQUADRIC: "tapered_superquadric" if cell.fit.taper else "superquadric"}
+             Shape.SUPERQUADRIC: cell.fit.superquadric_name}
     pose = block.truth.body_pose[world]
     return {
         "object": cell.object_name,
@@ -174,7 +174,7 @@ def _models(cell: Cell, block: EpisodeBlock, world: int) -> Iterator[dict[str, A
     belief = block.exploration.belief
     yield from _free_form(block, world)
     ok = bool(belief.fitted[world])
-    kind = ("tapered_superquadric" if cell.fit.taper else "superquadric") if ok else "prior"
+    kind = cell.fit.superquadric_name if ok else "prior"
     numbers = superquadric_parameters(belief.body)
     yield {"shape": kind, "parameters": {k: float(v[world]) for k, v in numbers.items()},
            "rms_mm": float(belief.fits.rms_m[world] * 1e3) if ok else None,

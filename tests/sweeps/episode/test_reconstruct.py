@@ -106,3 +106,16 @@ def test_wrong_words_are_named(file: Path, word: str, said: str) -> None:
     good = Problems("spec.toml", {})
     assert read_reconstruct("mine.py:recovered", file.parent, good) == f"{file}:recovered"
     assert not good.found
+
+
+@pytest.mark.slow
+def test_a_bent_body_is_recovered_as_one_that_may_bend() -> None:
+    """An arch, touched alike, with and without the two parameters."""
+    arch = {"name": "arch", "superquadric": {
+        "size_mm": [20, 25, 70], "exponents": [0.3, 0.6], "bend_per_m": 6.0}}
+    cells = [Cell(STRATEGIES["rim12-ring12"], arch, "arch", seed=6, fit=FitTable(bend=bend))
+             for bend in (False, True)]
+    straight, bent = (run_episodes(cell, np.arange(6), "cpu") for cell in cells)
+    assert set(bent["shape"]) == {"tapered_bent_superquadric"}
+    assert np.median(bent["chamfer_mm"]) < 0.75 * np.median(straight["chamfer_mm"])
+    assert np.median(bent["iou"]) > np.median(straight["iou"]) + 0.03
