@@ -195,11 +195,12 @@ class _Explorer:
         status, phase = touch.status, self.phase[rows]
         felt, stopped = status == ProbeStatus.CONTACT, status == ProbeStatus.BLOCKED
         strange = felt & (phase == _Phase.STEP) & self._other_surface(rows, touch)
-        to_face = np.isin(phase, (_Phase.APPROACH, _Phase.STEP, _Phase.LOWER))
-        noted = to_face & (felt & ~strange | stopped) | felt & (phase == _Phase.FURTHER)
+        approach, further = phase == _Phase.APPROACH, phase == _Phase.FURTHER
+        to_face = approach | (phase == _Phase.STEP) | (phase == _Phase.LOWER)
+        noted = to_face & (felt & ~strange | stopped) | felt & further
         self.log.add(rows, touch, np.flatnonzero(noted), self.direction[rows], self.one.finger,
                      self.robot.line_count - 1)
-        self.log.miss(rows, touch, np.isin(phase, (_Phase.APPROACH, _Phase.FURTHER)))
+        self.log.miss(rows, touch, approach | further)
         self._end_direction(rows[strange], EndReason.OBSTACLE)
         for now, go_on in {
                 _Phase.APPROACH: self._begin, _Phase.LIFT: self._step, _Phase.STEP: self._lower,
@@ -318,6 +319,8 @@ class _Explorer:
         Off the face, over it, and down to the first contact: straight back the hand would strike
         what it has just passed. Where something is met on the way, higher; at last it is barred.
         """
+        if len(rows) == 0:
+            return
         self.direction_reason[rows, self.direction[rows]] = why
         self.direction[rows] += 1
         self.steps[rows], self.blocked[rows], self.tries[rows] = 0, 0, 0
@@ -354,7 +357,7 @@ class _Explorer:
 
     def _cross_from_first(self, rows: np.ndarray, status: np.ndarray) -> None:
         """Down to the face a touch is one that is known, and not noted."""
-        free = np.isin(status, (ProbeStatus.NO_CONTACT, ProbeStatus.CONTACT))
+        free = (status == ProbeStatus.NO_CONTACT) | (status == ProbeStatus.CONTACT)
         self._bar(rows[~free])
         self._cross(rows[free])
 
