@@ -35,6 +35,23 @@ class FaceModel:
         return np.array([s / np.linalg.norm(s) for s in sums])
 
     @cached_property
+    def offsets(self) -> Float[np.ndarray, " face"]:
+        """Of the faces' planes along their normals [m]."""
+        return np.array([c[0] @ n for c, n in zip(self.faces, self.normals, strict=True)])
+
+    @cached_property
+    def centres(self) -> Float[np.ndarray, "face 3"]:
+        """Mean of each face's corners [m]."""
+        return np.array([c.mean(axis=0) for c in self.faces])
+
+    @cached_property
+    def inward(self) -> tuple[Float[np.ndarray, "edge 3"], ...]:
+        """Of each face: unit vectors within its plane, from each edge inwards."""
+        across = [np.cross(n, np.roll(c, -1, axis=0) - c)
+                  for c, n in zip(self.faces, self.normals, strict=True)]
+        return tuple(v / np.linalg.norm(v, axis=1, keepdims=True) for v in across)
+
+    @cached_property
     def distance_range(self) -> Float[np.ndarray, "face face 2"]:
         """Bounds [m] of the distance between points of two faces.
 
@@ -115,18 +132,22 @@ def interpret(
     if points.ndim != 2 or points.shape[1] != 3 or normals.shape != points.shape:
         raise ValueError(f"touches: points {points.shape}, normals {normals.shape}, "
                          "should both be (touch, 3)")
-    branches: list[tuple[int, ...]] = [()]
+    branches = np.zeros((1, 0), int)
     compatible = _compatible(points, normals, model, angle_rad, distance_m)
     for touch in range(len(points)):
-        branches = [(*branch, face) for branch in branches for face in range(len(model.faces))
-                    if all(compatible[k, touch, branch[k], face] for k in range(touch)
-                           if branch[k] != NULL)
-                    ] + [(*branch, NULL) for branch in branches if branch.count(NULL) < most_null]
+        may = np.ones((len(branches), len(model.faces)), bool)
+        for k in range(touch):
+            may &= (branches[:, k] == NULL)[:, None] | compatible[k, touch, branches[:, k]]
+        branch, face = np.nonzero(may)
+        spare = branches[(branches == NULL).sum(1) < most_null]
         # Bound the breadth; the last levels prune most, and a cube has 24 equivalent answers.
-        branches = branches[: 50 * most]
+        branches = np.concatenate([
+            np.column_stack([branches[branch], face]),
+            np.column_stack([spare, np.full(len(spare), NULL)])])[: 50 * most]
+    nulls = (branches == NULL).sum(1)
     for null in range(most_null + 1):  # with fewer left over, those with more explain nothing new
         found = [_verified(points, normals, model, branch, angle_rad, distance_m)
-                 for branch in [b for b in branches if b.count(NULL) == null][:most]]
+                 for branch in branches[nulls == null][:most]]
         good = [f for f in found if f is not None]
         if good:
             return sorted(good, key=lambda f: f.rms_m)
@@ -151,11 +172,12 @@ def _compatible(points, normals, model, angle_rad, distance_m) -> np.ndarray:
     return fits & (back >= low.T - slack) & (back <= high.T + slack)
 
 
-def _verified(points, normals, model, assignment, angle_rad, distance_m) -> Interpretation | None:
+def _verified(
+    points, normals, model, assignment: Int[np.ndarray, " touch"], angle_rad, distance_m
+) -> Interpretation | None:
     """The pose of an assignment if every touch lies inside its face, else None."""
-    every: Int[np.ndarray, " touch"] = np.array(assignment, int)
-    on = every != NULL
-    faces, points, normals = every[on], points[on], normals[on]
+    on = assignment != NULL
+    faces, points, normals = assignment[on], points[on], normals[on]
     if len(faces) < 2:
         return None
     true = model.normals[faces]
@@ -166,9 +188,9 @@ def _verified(points, normals, model, assignment, angle_rad, distance_m) -> Inte
     turned = true @ rotation.T
     if (np.einsum("ti,ti->t", turned, normals) < np.cos(angle_rad)).any():
         return None
-    offset = np.array([model.faces[f][0] @ model.normals[f] for f in faces])
+    offset = model.offsets[faces]
     # Least squares for t in n.(x - t) = offset; the faces' centres fix undetermined components.
-    centre = np.array([model.faces[f].mean(axis=0) for f in faces]) @ rotation.T
+    centre = model.centres[faces] @ rotation.T
     weak = 1e-3
     matrix = np.concatenate([turned, weak * np.tile(np.eye(3), (len(faces), 1))])
     right = np.concatenate([np.einsum("ti,ti->t", turned, points) - offset,
@@ -179,15 +201,11 @@ def _verified(points, normals, model, assignment, angle_rad, distance_m) -> Inte
     if np.abs(away).max() > 2 * distance_m:
         return None
     for p, f in zip(local, faces, strict=True):
-        corners = model.faces[f]
-        edges = np.roll(corners, -1, axis=0) - corners
-        inward = np.cross(model.normals[f], edges)
-        inward /= np.linalg.norm(inward, axis=1, keepdims=True)
-        if (np.einsum("ei,ei->e", p - corners, inward) < -2 * distance_m).any():
+        if (np.einsum("ei,ei->e", p - model.faces[f], model.inward[f]) < -2 * distance_m).any():
             return None
-    distance = np.zeros(len(every))
+    distance = np.zeros(len(assignment))
     distance[on] = away
-    return Interpretation(model.name, tuple(map(int, every)), quaternion_of_matrix(rotation),
+    return Interpretation(model.name, tuple(map(int, assignment)), quaternion_of_matrix(rotation),
                           position, distance)
 
 

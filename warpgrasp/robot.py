@@ -211,15 +211,16 @@ class Robot:
 
     def guarded_line(
         self, rows: np.ndarray, hand_pose: np.ndarray, direction: np.ndarray, *,
-        interval_m: float, steps: int, finger: int, commands_rad: np.ndarray,
-        until: Until = Until.CONTACT, checked: bool = False,
+        interval_m: np.ndarray | float, steps: np.ndarray | int, finger: int,
+        commands_rad: np.ndarray, until: np.ndarray | Until = Until.CONTACT, checked: bool = False,
     ) -> LineTouch:
         """Move arm or finger along a line in intervals until a pad of `finger` feels.
 
         Only the worlds `rows` (row,) move; `hand_pose` (row, 7) is where the hand starts,
         `direction` (row, 3) the arm's way in intervals (unit; zero: the arm stays), `commands_rad`
         (finger, step, joint) the joints at each interval, the last held. `until` RELEASE ends when
-        the pads feel nothing any more. The way from where the hand is to the start is taken to be
+        the pads feel nothing any more; it, `interval_m` and `steps` are one for all rows, or one a
+        row. The way from where the hand is to the start is taken to be
         free, as between retreats; `checked`, the status is COLLISION where the hand, its fingers at
         their first commands, would strike something on the straight way. A finger without pads
         feels nothing: it ends `blocked`.

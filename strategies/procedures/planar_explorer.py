@@ -12,29 +12,31 @@ across. A host-side state machine over the whole batch: worlds that are done are
 """
 
 from dataclasses import dataclass
+from enum import IntEnum
 
 import numpy as np
 
 from fit.rotation import matrix_of_quaternion, turn_points
-from strategies.poses.postures import poking_pose
+from strategies.procedures.lean import choose_lean
 from strategies.procedures.possible import extended_of
 from strategies.procedures.touches import EndReason, MissedTips, TouchLog, TouchTable
-from warpgrasp.mechanism.arm_reach import hand_reachable
 from warpgrasp.mechanism.touch_postures import ExtendedFinger
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Robot
 from warpgrasp.touch.guarded_motion import LineTouch, Until
 
 DIRECTIONS = 4  # along u both ways, then along v both ways
-_LEANS = np.radians([0, 45, -45, 90, -90, 135, -135, 180])
-_CROSS = np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]]) * 0.040
-"""Places along u and v [m] that the arm should reach, and the point where it approaches from."""
-_ALL_OF_CROSS = len(_CROSS) + 1
 _TRAVEL_M = 0.004  # guarded intervals of a way back
 _OVER_M = 0.008  # and how much higher it leads than others
 _TRIES = 3  # each so much higher again
+_RELEASE_M = 0.010  # the farthest that a touch is left
 _SHORTEST_STEP = 0.15
 _TURN_MOST_RAD = np.radians(55)  # a believed normal further off belongs to something else
+_ENDED = {ProbeStatus.NO_CONTACT: EndReason.NO_CONTACT,
+          ProbeStatus.COLLISION: EndReason.START_BLOCKED,
+          ProbeStatus.BLOCKED: EndReason.BLOCKED,
+          ProbeStatus.UNREACHABLE: EndReason.UNREACHABLE}
+"""What a first approach that touches nothing ends with."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +99,32 @@ def explore_plane(
     return _Explorer(robot, point_m, normal, wanted, options or PlanarOptions()).run()
 
 
+class _Phase(IntEnum):
+    """What the next guarded line of a world is for."""
+
+    APPROACH = 0
+    LIFT = 1
+    """a: off the face."""
+    STEP = 2
+    """b: along it."""
+    LOWER = 3
+    """c: down to it."""
+    FURTHER = 4
+    """Down, where it is no longer: an edge, or a surface that fell away?"""
+    LEAVE = 5
+    """Off the face, to go back to the first contact."""
+    OVER = 6
+    """Level, to above it."""
+    RISE = 7
+    """Off what was met on that way, to try it higher."""
+    DOWN = 8
+    """To the first contact."""
+
+
 class _Explorer:
+    """Each world has one guarded line before it; all of them are made at once, then each world is
+    told its next one."""
+
     def __init__(self, robot: Robot, point: np.ndarray, normal: np.ndarray,
                  wanted: np.ndarray | None, options: PlanarOptions) -> None:
         worlds = robot.worlds
@@ -120,181 +147,214 @@ class _Explorer:
         self.first = np.zeros((worlds, 3))
         self.steps = np.zeros(worlds, int)
         self.blocked = np.zeros(worlds, int)
+        self.tries = np.zeros(worlds, int)  # of the way back
         self.rejected = np.zeros(worlds, int)
         self.touch_count = np.zeros(worlds, int)
         self.time, self.path = np.zeros(worlds), np.zeros(worlds)
         self.log = TouchLog(worlds, self.one.commands_rad.shape[2])
-        self.begun = False  # the way to the first line comes from a retreat
+        # The line before each world:
+        self.phase = np.full(worlds, _Phase.APPROACH)
+        self.way = np.zeros((worlds, 3))
+        self.interval = np.zeros(worlds)
+        self.intervals = np.zeros(worlds, int)
+        self.until = np.full(worlds, Until.CONTACT)
 
     def run(self) -> PlanarExploration:
-        self._approach()
+        self._approach(np.flatnonzero(self.reason == EndReason.GOING_ON))
+        begun = False  # the way to the first line comes from a retreat
         while True:
             rows = np.flatnonzero(self.reason == EndReason.GOING_ON)
             if len(rows) == 0:
                 break
-            self._cross(rows)
+            self._go_on(rows, self._line(rows, checked=begun))
+            begun = True
         return PlanarExploration(self.log.table(), self.reason, self.direction_reason, self.axes,
                                  self.rejected, self.touch_count, self.time, self.path,
                                  self.log.missed())
 
-    def _approach(self) -> None:
-        """Choose how the hand leans, come up to the face, and touch it."""
-        o, robot = self.o, self.robot
-        rows = np.flatnonzero(self.reason == EndReason.GOING_ON)
-        inward = -self.axes[:, 2]
-        pose = np.zeros((robot.worlds, 7))
-        pose[:, 6] = 1.0
-        pose[rows], reachable = choose_lean(
-            robot, self.one, self.point[rows], self.axes[rows], o)
-        self.reason[rows[~reachable]] = EndReason.UNREACHABLE
-        rows = rows[reachable]
-        self.turn = pose[:, 3:]
-        self.tip = fingertip_from(self.one, self.turn)  # the finger stays as it is
-        self.place = pose[:, :3] - inward * o.stand_off_m
-        touch = self._line(rows, inward, (o.stand_off_m + o.search_m))
-        status = touch.status
-        self.log.miss(rows, touch)
-        self._note(rows, touch, np.flatnonzero(np.isin(status, (ProbeStatus.CONTACT,
-                                                                ProbeStatus.BLOCKED))))
-        ended = {ProbeStatus.NO_CONTACT: EndReason.NO_CONTACT,
-                 ProbeStatus.COLLISION: EndReason.START_BLOCKED,
-                 ProbeStatus.BLOCKED: EndReason.BLOCKED,
-                 ProbeStatus.UNREACHABLE: EndReason.UNREACHABLE}
-        for code, why in ended.items():
-            self.reason[rows[status == code]] = why
-        self.first = self.place.copy()
-
-    def _cross(self, rows: np.ndarray) -> None:
-        """One round of a, b, c for every world in `rows`."""
-        o = self.o
-        normal = self.axes[:, 2]
-        sign = np.where(self.direction % 2 == 0, 1.0, -1.0)
-        along = self.axes[np.arange(len(sign)), self.direction // 2] * sign[:, None]
-        self.steps[rows] += 1
-        self._release(rows)
-        self.place[rows] += normal[rows] * o.clear_m
-        share = self._step_above_table(rows, along)
-        low = share < _SHORTEST_STEP
-        self._end_direction(rows[low], EndReason.TABLE)
-        along[rows] *= share[:, None]
-        rows = rows[~low]
-        touch = self._line(rows, along, o.step_m)
-        status = touch.status
-        felt, stopped = status == ProbeStatus.CONTACT, status == ProbeStatus.BLOCKED
-        out = (status == ProbeStatus.UNREACHABLE) | (status == ProbeStatus.COLLISION)
-        strange = felt & self._other_surface(rows, touch)
-        self._note(rows, touch, np.flatnonzero(felt & ~strange | stopped))
-        self._end_direction(rows[strange], EndReason.OBSTACLE)
-        self._end_direction(rows[out], EndReason.UNREACHABLE)
-        self._count_blocked(rows, felt, stopped)
-        self._lower(rows[status == ProbeStatus.NO_CONTACT])
-        self._end_direction(rows[self.steps[rows] >= o.most_steps], EndReason.SPENT)
-
-    def _lower(self, rows: np.ndarray) -> None:
-        """c: down until contact; without one, it is an edge or a surface that fell away."""
-        o = self.o
-        inward = -self.axes[:, 2]
-        down = self._line(rows, inward, o.clear_m + 0.001 + o.edge_drop_m)
-        felt, stopped = down.status == ProbeStatus.CONTACT, down.status == ProbeStatus.BLOCKED
-        self._note(rows, down, np.flatnonzero(felt | stopped))
-        self._count_blocked(rows, felt, stopped)
-        out = (down.status == ProbeStatus.UNREACHABLE) | (down.status == ProbeStatus.COLLISION)
-        self._end_direction(rows[out], EndReason.UNREACHABLE)
-        rows = rows[down.status == ProbeStatus.NO_CONTACT]
-        further = self._line(rows, inward, o.fall_drop_m)
-        self.log.miss(rows, further)
-        fell = further.status == ProbeStatus.CONTACT
-        self._note(rows, further, np.flatnonzero(fell))
-        self._end_direction(rows[fell], EndReason.FELL_AWAY)
-        self._end_direction(rows[~fell], EndReason.EDGE)
-
-    def _line(self, rows: np.ndarray, way: np.ndarray, length: float, *,
-              until: Until = Until.CONTACT, interval: float | None = None) -> LineTouch:
-        interval = interval or self.o.interval_m
-        pose = np.concatenate([self.place[rows], self.turn[rows]], 1)
+    def _line(self, rows: np.ndarray, *, checked: bool) -> LineTouch:
+        """Make the lines of these worlds."""
+        interval = self.interval[rows]
         touch = self.robot.guarded_line(
-            rows, pose, way[rows], interval_m=interval, steps=max(1, round(length / interval)),
-            finger=self.one.finger, commands_rad=self.one.commands_rad, until=until,
-            checked=self.begun)
-        self.begun = True
-        self.place[rows] += way[rows] * (touch.steps * interval)[:, None]
+            rows, np.concatenate([self.place[rows], self.turn[rows]], 1), self.way[rows],
+            interval_m=interval, steps=self.intervals[rows], finger=self.one.finger,
+            commands_rad=self.one.commands_rad, until=self.until[rows], checked=checked)
+        self.place[rows] += self.way[rows] * (touch.steps * interval)[:, None]
         self.touch_count[rows] += touch.is_touch
         self.time[rows] += touch.time_s
         self.path[rows] += touch.path_m
         return touch
 
-    def _note(self, rows: np.ndarray, touch: LineTouch, which: np.ndarray) -> None:
-        self.log.add(rows, touch, which, self.direction[rows], self.one.finger,
+    def _go_on(self, rows: np.ndarray, touch: LineTouch) -> None:
+        """Note what was felt, and tell each world what follows."""
+        status, phase = touch.status, self.phase[rows]
+        felt, stopped = status == ProbeStatus.CONTACT, status == ProbeStatus.BLOCKED
+        strange = felt & (phase == _Phase.STEP) & self._other_surface(rows, touch)
+        approach, further = phase == _Phase.APPROACH, phase == _Phase.FURTHER
+        to_face = approach | (phase == _Phase.STEP) | (phase == _Phase.LOWER)
+        noted = to_face & (felt & ~strange | stopped) | felt & further
+        self.log.add(rows, touch, np.flatnonzero(noted), self.direction[rows], self.one.finger,
                      self.robot.line_count - 1)
+        self.log.miss(rows, touch, approach | further)
+        self._end_direction(rows[strange], EndReason.OBSTACLE)
+        for now, go_on in {
+                _Phase.APPROACH: self._begin, _Phase.LIFT: self._step, _Phase.STEP: self._lower,
+                _Phase.LOWER: self._look_further, _Phase.FURTHER: self._edge,
+                _Phase.LEAVE: self._rise_and_go_over, _Phase.OVER: self._come_down,
+                _Phase.RISE: self._try_higher, _Phase.DOWN: self._cross_from_first}.items():
+            mine = (phase == now) & ~strange
+            if mine.any():
+                go_on(rows[mine], status[mine])
 
-    def _count_blocked(self, rows: np.ndarray, felt: np.ndarray, stopped: np.ndarray) -> None:
-        """A blocked point is rejected, the hand backs off, and the search continues."""
+    def _plan(self, phase: _Phase, rows: np.ndarray, way: np.ndarray, intervals: np.ndarray | int,
+              interval: float | None = None, until: Until = Until.CONTACT) -> None:
+        """The next line of these worlds; `way` (row, 3) in units of an interval."""
+        self.phase[rows], self.way[rows], self.intervals[rows] = phase, way, intervals
+        self.interval[rows], self.until[rows] = interval or self.o.interval_m, until
+
+    def _plan_steps(self, phase: _Phase, rows: np.ndarray, way: np.ndarray, length: float) -> None:
+        """Along `way` (row, 3) for a length [m]."""
+        self._plan(phase, rows, way, max(1, round(length / self.o.interval_m)))
+
+    def _plan_travel(self, phase: _Phase, rows: np.ndarray, way: np.ndarray) -> None:
+        """All of `way` (row, 3) [m]."""
+        steps = np.maximum(np.ceil(np.linalg.norm(way, axis=1) / _TRAVEL_M).astype(int), 1)
+        self._plan(phase, rows, way / (steps * _TRAVEL_M)[:, None], steps, _TRAVEL_M)
+
+    def _plan_release(self, phase: _Phase, rows: np.ndarray) -> None:
+        """Off what is touched."""
+        interval = 0.5 * self.o.interval_m
+        self._plan(phase, rows, self.axes[rows, 2], max(1, round(_RELEASE_M / interval)), interval,
+                   Until.RELEASE)
+
+    def _approach(self, rows: np.ndarray) -> None:
+        """Choose how the hand leans, to come up to the face and touch it."""
+        o, robot = self.o, self.robot
+        inward = -self.axes[:, 2]
+        pose = np.zeros((robot.worlds, 7))
+        pose[:, 6] = 1.0
+        pose[rows], reachable = choose_lean(
+            robot, self.one, self.point[rows], self.axes[rows], o.stand_off_m)
+        self.reason[rows[~reachable]] = EndReason.UNREACHABLE
+        self.turn = pose[:, 3:]
+        self.tip = fingertip_from(self.one, self.turn)  # the finger stays as it is
+        self.place = pose[:, :3] - inward * o.stand_off_m
+        self._plan_steps(_Phase.APPROACH, rows, inward[rows], o.stand_off_m + o.search_m)
+
+    def _begin(self, rows: np.ndarray, status: np.ndarray) -> None:
+        self.first[rows] = self.place[rows]
+        for code, why in _ENDED.items():
+            self.reason[rows[status == code]] = why
+        self._cross(rows[status == ProbeStatus.CONTACT])
+
+    def _cross(self, rows: np.ndarray) -> None:
+        """One more round of a, b, c."""
+        self.steps[rows] += 1
+        self._plan_release(_Phase.LIFT, rows)
+
+    def _step(self, rows: np.ndarray, _: np.ndarray) -> None:
+        o = self.o
+        self.place[rows] += self.axes[rows, 2] * o.clear_m
+        sign = np.where(self.direction[rows] % 2 == 0, 1.0, -1.0)
+        along = self.axes[rows, self.direction[rows] // 2] * sign[:, None]
+        share = self._step_above_table(rows, along)
+        low = share < _SHORTEST_STEP
+        self._end_direction(rows[low], EndReason.TABLE)
+        self._plan_steps(_Phase.STEP, rows[~low], (along * share[:, None])[~low], o.step_m)
+
+    def _lower(self, rows: np.ndarray, status: np.ndarray) -> None:
+        free = self._end_of_line(rows, status)
+        self._plan_steps(_Phase.LOWER, free, -self.axes[free, 2],
+                         self.o.clear_m + 0.001 + self.o.edge_drop_m)
+
+    def _look_further(self, rows: np.ndarray, status: np.ndarray) -> None:
+        free = self._end_of_line(rows, status)
+        self._plan_steps(_Phase.FURTHER, free, -self.axes[free, 2], self.o.fall_drop_m)
+
+    def _edge(self, rows: np.ndarray, status: np.ndarray) -> None:
+        fell = status == ProbeStatus.CONTACT
+        self._end_direction(rows[fell], EndReason.FELL_AWAY)
+        self._end_direction(rows[~fell], EndReason.EDGE)
+
+    def _end_of_line(self, rows: np.ndarray, status: np.ndarray) -> np.ndarray:
+        """Begin a round, or a direction, where this one is over; the worlds whose line was free.
+
+        A blocked point is rejected, the hand backs off, and the search continues.
+        """
+        felt, stopped = status == ProbeStatus.CONTACT, status == ProbeStatus.BLOCKED
+        free = status == ProbeStatus.NO_CONTACT
         self.blocked[rows[felt]] = 0
         back = rows[stopped]
         self.rejected[back] += 1
         self.blocked[back] += 1
         self.place[back] += self.axes[back, 2] * 2.0 * self.o.clear_m
-        self._end_direction(back[self.blocked[back] >= self.o.most_blocked], EndReason.BLOCKED)
+        barred = stopped & (self.blocked[rows] >= self.o.most_blocked)
+        over = (felt | stopped) & ~barred
+        spent = over & (self.steps[rows] >= self.o.most_steps)
+        self._end_direction(rows[~(felt | stopped | free)], EndReason.UNREACHABLE)
+        self._end_direction(rows[barred], EndReason.BLOCKED)
+        self._end_direction(rows[spent], EndReason.SPENT)
+        self._cross(rows[over & ~spent])
+        return rows[free]
 
     def _other_surface(self, rows: np.ndarray, touch: LineTouch) -> np.ndarray:
         cosine = (touch.normal * self.axes[rows, 2]).sum(1)
         return cosine < np.cos(_TURN_MOST_RAD)
 
     def _step_above_table(self, rows: np.ndarray, along: np.ndarray) -> np.ndarray:
-        """Share of a step that leaves the fingertip clear of the table."""
+        """Share of a step `along` (row, 3) that leaves the fingertip clear of the table."""
         height = self.place[rows, 2] + self.tip[rows, 2]
         lowest = self.one.ball_m + self.o.table_clear_m
-        sinks = np.maximum(-along[rows, 2], 1e-9) * self.o.step_m
+        sinks = np.maximum(-along[:, 2], 1e-9) * self.o.step_m
         return np.clip((height - lowest) / sinks, 0.0, 1.0)
 
     def _end_direction(self, rows: np.ndarray, why: EndReason) -> None:
-        """Back to the first contact, and on in the next direction, if there is one."""
-        rows = rows[self.reason[rows] == EndReason.GOING_ON]
+        """Back to the first contact, and on in the next direction, if there is one.
+
+        Off the face, over it, and down to the first contact: straight back the hand would strike
+        what it has just passed. Where something is met on the way, higher; at last it is barred.
+        """
+        if len(rows) == 0:
+            return
         self.direction_reason[rows, self.direction[rows]] = why
         self.direction[rows] += 1
-        self.steps[rows], self.blocked[rows] = 0, 0
-        done = rows[self.direction[rows] >= DIRECTIONS]
-        self.direction[done] = DIRECTIONS - 1
-        self.reason[done] = EndReason.COMPLETE
-        self._return(rows[self.reason[rows] == EndReason.GOING_ON])
+        self.steps[rows], self.blocked[rows], self.tries[rows] = 0, 0, 0
+        done = self.direction[rows] >= DIRECTIONS
+        self.direction[rows[done]] = DIRECTIONS - 1
+        self.reason[rows[done]] = EndReason.COMPLETE
+        self._plan_release(_Phase.LEAVE, rows[~done])
 
-    def _return(self, rows: np.ndarray) -> None:
-        """Off the face, over it, and down to the first contact: straight back the hand would strike
-        what it has just passed. Where something is met on the way, higher; at last it is barred."""
-        normal = self.axes[:, 2]
-        # Up to where the last way down began: that way is known to be free.
-        self._release(rows)
-        height = ((self.first - self.place) * normal).sum(1, keepdims=True)
-        self.place[rows] += (normal * (np.maximum(height, 0.0) + self.o.clear_m))[rows]
-        over: list[np.ndarray] = []
-        for _ in range(_TRIES):
-            if len(rows) == 0:
-                break
-            self.place[rows] += normal[rows] * _OVER_M
-            away = self.first - self.place
-            level = away - (away * normal).sum(1, keepdims=True) * normal
-            free = self._go(rows, level)
-            over.append(rows[free])
-            rows = rows[~free]
-            self._release(rows)
-        self._bar(rows)
-        rows = np.sort(np.concatenate([np.zeros(0, int), *over]))
-        free = self._go(rows, self.first - self.place, down=True)
+    def _rise_and_go_over(self, rows: np.ndarray, _: np.ndarray) -> None:
+        """Up to where the last way down began: that way is known to be free."""
+        normal = self.axes[rows, 2]
+        height = ((self.first[rows] - self.place[rows]) * normal).sum(1, keepdims=True)
+        self.place[rows] += normal * (np.maximum(height, 0.0) + self.o.clear_m)
+        self._go_over(rows)
+
+    def _go_over(self, rows: np.ndarray) -> None:
+        normal = self.axes[rows, 2]
+        self.place[rows] += normal * _OVER_M
+        away = self.first[rows] - self.place[rows]
+        self._plan_travel(_Phase.OVER, rows,
+                          away - (away * normal).sum(1, keepdims=True) * normal)
+
+    def _come_down(self, rows: np.ndarray, status: np.ndarray) -> None:
+        free = status == ProbeStatus.NO_CONTACT
+        self._plan_release(_Phase.RISE, rows[~free])
+        rows = rows[free]
+        self._plan_travel(_Phase.DOWN, rows, self.first[rows] - self.place[rows])
+
+    def _try_higher(self, rows: np.ndarray, _: np.ndarray) -> None:
+        self.tries[rows] += 1
+        barred = self.tries[rows] >= _TRIES
+        self._bar(rows[barred])
+        self._go_over(rows[~barred])
+
+    def _cross_from_first(self, rows: np.ndarray, status: np.ndarray) -> None:
+        """Down to the face a touch is one that is known, and not noted."""
+        free = (status == ProbeStatus.NO_CONTACT) | (status == ProbeStatus.CONTACT)
         self._bar(rows[~free])
-
-    def _release(self, rows: np.ndarray) -> None:
-        self._line(rows, self.axes[:, 2], 0.010, until=Until.RELEASE,
-                   interval=0.5 * self.o.interval_m)
-
-    def _go(self, rows: np.ndarray, way: np.ndarray, *, down: bool = False) -> np.ndarray:
-        """Along `way` (world, 3) [m], guarded: which rows came to its end. `down` to the face a
-        touch is one, and none to be noted."""
-        if len(rows) == 0:
-            return np.zeros(0, bool)
-        steps = max(1, int(np.ceil(np.linalg.norm(way[rows], axis=1).max() / _TRAVEL_M)))
-        touch = self._line(rows, way / (steps * _TRAVEL_M), steps * _TRAVEL_M, interval=_TRAVEL_M)
-        free = touch.status == ProbeStatus.NO_CONTACT
-        return np.asarray(free | (down & (touch.status == ProbeStatus.CONTACT)))
+        self._cross(rows[free])
 
     def _bar(self, rows: np.ndarray) -> None:
         """No way leads back: these worlds are done."""
@@ -315,44 +375,3 @@ def fingertip_from(one: ExtendedFinger, turn: np.ndarray) -> np.ndarray:
     hand's quaternions (n, 4)."""
     # SciPy's product rounds one rotation differently from several: a row would depend on others.
     return turn_points(matrix_of_quaternion(turn), one.tip_m[None])[:, 0]
-
-
-def choose_lean(
-    robot: Robot, one: ExtendedFinger, point: np.ndarray, axes: np.ndarray,
-    options: PlanarOptions
-) -> tuple[np.ndarray, np.ndarray]:
-    """Hand poses touching `point` (n, 3), leaning so that the arm reaches, and whether it does.
-
-    Preferred is a finger that points downwards at an upright face; among the leans that can be
-    reached over the most of a cross of 40 mm about the point, the one nearest to that.
-    """
-    pose, usable, score = _lean_poses(robot, one, point, axes, options, _LEANS[:1])
-    # No other lean is better than the first one, where that reaches all of the cross.
-    rest = np.flatnonzero(~usable | (score < _ALL_OF_CROSS))
-    if len(rest):
-        pose[rest], usable[rest], _ = _lean_poses(robot, one, point[rest], axes[rest], options,
-                                                  _LEANS)
-    return pose, usable
-
-
-def _lean_poses(
-    robot: Robot, one: ExtendedFinger, point: np.ndarray, axes: np.ndarray,
-    options: PlanarOptions, leans: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The best of some leans for each point: its pose (n, 7), whether it is usable, how much of the
-    cross it reaches, less a little for every lean before it, (n,)."""
-    u, v, normal = axes[:, 0], axes[:, 1], axes[:, 2]
-    lean = (-np.cos(leans)[None, :, None] * v[:, None]
-            + np.sin(leans)[None, :, None] * u[:, None])
-    cross = _CROSS[:, :1] * u[:, None] + _CROSS[:, 1:] * v[:, None]
-    cross = np.concatenate([cross, options.stand_off_m * normal[:, None]], 1)
-    poses = poking_pose(one, (point[:, None] + cross)[:, None], -normal[:, None, None],
-                        lean[:, :, None])
-    reached = hand_reachable(robot.arm, robot.hand, poses)
-    score = reached.sum(-1) - 0.1 * np.arange(len(leans))
-    usable = reached[:, :, 0] & reached[:, :, -1]
-    # On an upright face a finger that points upwards would run its hand into the table.
-    usable &= (lean[:, :, 2] < 0.2) | (np.abs(normal[:, None, 2]) > 0.7)
-    best = np.where(usable, score, -1.0).argmax(1)
-    rows = np.arange(len(point))
-    return poses[rows, best, 0], usable[rows, best], score[rows, best]

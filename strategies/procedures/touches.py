@@ -147,9 +147,12 @@ class TouchLog:
             np.full(len(which), line), which))
         self._made[at] += 1
 
-    def miss(self, world: np.ndarray, touch: LineTouch) -> None:
-        """Note the rows of `touch`, of worlds `world`, whose finger met nothing on its way."""
-        free = (touch.status == ProbeStatus.NO_CONTACT) & np.isfinite(touch.tip_m).all(1)
+    def miss(self, world: np.ndarray, touch: LineTouch, which: np.ndarray | bool = True) -> None:
+        """Note the rows of `touch`, of worlds `world`, whose finger met nothing on its way.
+
+        Of those `which` (row,) alone, if it is given.
+        """
+        free = which & (touch.status == ProbeStatus.NO_CONTACT) & np.isfinite(touch.tip_m).all(1)
         self._missed.append(MissedTips(world[free], touch.tip_m[free]))
 
     def missed(self) -> MissedTips:

@@ -64,15 +64,23 @@ class TouchedSurface:
     def share(self, truth: Truth) -> np.ndarray:
         """The share covered by all that was touched so far, (world,); NaN where the table hides
         the whole body."""
-        for felt in truth.closings[self._closings:]:
-            there = (felt.link >= 0) & ~felt.on_table & ~felt.self_contact
-            self._cover(np.nonzero(there)[0], felt.point_m[there])
+        felt: list[tuple[np.ndarray, np.ndarray]] = []
+        for closing in truth.closings[self._closings:]:
+            there = (closing.link >= 0) & ~closing.on_table & ~closing.self_contact
+            felt.append((np.nonzero(there)[0], closing.point_m[there]))
         for line in truth.lines[self._lines:]:
             there = np.isfinite(line.point_m).all(1) & ~line.on_table
-            self._cover(line.rows[there], line.point_m[there])
+            felt.append((line.rows[there], line.point_m[there]))
         self._closings, self._lines = len(truth.closings), len(truth.lines)
+        if felt:
+            self._cover(*(np.concatenate(parts) for parts in zip(*felt, strict=True)))
         return np.array([covered.mean() if len(covered) else np.nan for covered in self._covered])
 
     def _cover(self, world: np.ndarray, point_m: np.ndarray) -> None:
-        for w in np.unique(world):
-            self._covered[w] |= touched_points(self._surface[w], point_m[world == w])
+        order = np.argsort(world, kind="stable")
+        points, count = point_m[order], np.bincount(world, minlength=len(self._covered))
+        ends = count.cumsum()
+        for w in np.flatnonzero(count):
+            left = ~self._covered[w]
+            self._covered[w][left] = touched_points(
+                self._surface[w][left], points[ends[w] - count[w]:ends[w]])

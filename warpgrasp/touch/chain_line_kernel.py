@@ -33,13 +33,10 @@ def chain_line_kernel(
     march_scale: real,
     # Move in:
     begins: wp.array[LineBegin],
-    interval: real,
-    steps: int,
     finger: int,
     commands: wp.array2d[vec6],
     swing: real,
     checked: int,
-    until_release: int,
     # Scratch, for the taxels in sight:
     near_bits: wp.array3d[int],
     # Touch out:
@@ -48,5 +45,5 @@ def chain_line_kernel(
 ):
     """A row; `hands` (1, finger) are believed."""
     line_row(wp.tid() + first, scene, arm, hands[0, finger], pad, turns, true_arms, true_hands,
-             true_pads, mount, palm, joint_noise, march_scale, begins, interval, steps, finger,
-             commands, swing, checked, until_release, near_bits, image, ends)
+             true_pads, mount, palm, joint_noise, march_scale, begins, finger, commands, swing,
+             checked, near_bits, image, ends)

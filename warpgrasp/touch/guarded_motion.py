@@ -128,14 +128,15 @@ class LineMove:
     direction: np.ndarray
     """Way of the arm in one interval, in units of it, base frame, (row, 3): a unit vector, a
     shorter one for shorter intervals, zero where the arm stays."""
-    interval_m: float
-    steps: int
+    interval_m: np.ndarray | float
+    """Of each row, (row,), or of all, as `steps` and `until`."""
+    steps: np.ndarray | int
     finger: int
     """Whose pads count; of the Utah-MIT hand 3 is the thumb."""
     commands_rad: np.ndarray
     """Joint commands of all fingers at each interval, (finger, step, joint), the last one held; the
     fingers that do not probe stay at their first."""
-    until: Until = Until.CONTACT
+    until: np.ndarray | Until = Until.CONTACT
     checked: bool = False
     """Whether the way to the start is looked at: see `Robot.guarded_line`."""
 
@@ -248,7 +249,10 @@ def guarded_line(
     for name, value in {
             "body": np.broadcast_to(body, len(key))[move.rows], "body_pose": body_pose[move.rows],
             "world": move.rows, "key": key[move.rows], "number": move.number,
-            "start": move.hand_pose, "direction": move.direction, "arm_q": arm_q_rad}.items():
+            "start": move.hand_pose, "direction": move.direction, "arm_q": arm_q_rad,
+            "interval": np.broadcast_to(move.interval_m, n),
+            "steps": np.broadcast_to(move.steps, n),
+            "until_release": np.broadcast_to(move.until, n) == Until.RELEASE}.items():
         column = begin[name]
         if np.shape(value) != column.shape:
             raise ShapeError(f"guarded line: {name!r} has shape {np.shape(value)}, "
@@ -269,11 +273,8 @@ def guarded_line(
         "scene": scene, **robot.arguments,
         "joint_noise": true_sensors.joint_noise_rad, "march_scale": march_scale,
         "begins": begins.array,
-        "interval": move.interval_m, "steps": move.steps, "finger": move.finger,
-        "commands": commands,
-        "swing": swing * robot.reach_m,
-        "checked": int(move.checked), "until_release": int(move.until == Until.RELEASE),
-        "near_bits": near_bits, "image": images,
+        "finger": move.finger, "commands": commands, "swing": swing * robot.reach_m,
+        "checked": int(move.checked), "near_bits": near_bits, "image": images,
         "ends": ends.array}, device=device)
     end, image = ends.numpy(), images.numpy().copy()
     gone = end["made"] * move.interval_m * speed

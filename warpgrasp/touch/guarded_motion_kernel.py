@@ -108,9 +108,8 @@ def line_row(
     i: int, scene: Scene, arm: Arm, hand: Any, pad: Pad, turns: wp.array[vec2],
     true_arms: wp.array[Arm], true_hands: Any, true_pads: wp.array2d[Pad],
     mount: wp.array[transform], palm: Any, joint_noise: real, march_scale: real,
-    begins: wp.array[LineBegin], interval: real, steps: int, finger: int, commands: Any,
-    swing: real, checked: int, until_release: int, near_bits: wp.array3d[int],
-    image: wp.array3d[wp.uint8], ends: wp.array[LineEnd],
+    begins: wp.array[LineBegin], finger: int, commands: Any, swing: real, checked: int,
+    near_bits: wp.array3d[int], image: wp.array3d[wp.uint8], ends: wp.array[LineEnd],
 ):
     """One row of `guarded_line.guarded_line`, which says what goes in and what comes out; `palm` is
     what `others_free` takes."""
@@ -120,6 +119,9 @@ def line_row(
     number = begin.number
     line = begin.start
     way = begin.direction
+    interval = begin.interval
+    steps = begin.steps
+    until_release = begin.until_release
     end = _not_moved(begin.start, begin.arm_q)
     hand_on_flange = transform(vec3(ZERO, ZERO, arm.mount), quat(ZERO, ZERO, ZERO, ONE))
     flange_on_hand = wp.transform_inverse(hand_on_flange)
@@ -363,13 +365,10 @@ def line_kernel(
     march_scale: real,
     # Move in:
     begins: wp.array[LineBegin],
-    interval: real,
-    steps: int,
     finger: int,
     commands: wp.array3d[real],
     swing: real,
     checked: int,
-    until_release: int,
     # Scratch, for the taxels in sight:
     near_bits: wp.array3d[int],
     # Touch out:
@@ -378,5 +377,5 @@ def line_kernel(
 ):
     """A row of the Utah-MIT hand's."""
     line_row(wp.tid() + first, scene, arm, hand, pad, turns, true_arms, true_hands, true_pads,
-             mount, arm.mount, joint_noise, march_scale, begins, interval, steps, finger, commands,
-             swing, checked, until_release, near_bits, image, ends)
+             mount, arm.mount, joint_noise, march_scale, begins, finger, commands, swing, checked,
+             near_bits, image, ends)

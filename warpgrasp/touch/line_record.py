@@ -19,6 +19,9 @@ class LineBegin:
     number: int
     start: transform
     direction: vec3
+    interval: real
+    steps: int
+    until_release: int
     arm_q: vec7
 
 

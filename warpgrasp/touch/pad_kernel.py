@@ -106,6 +106,10 @@ class PadLink:
     bends: int
     turns: int
     """Where its rows of `pad_turns` begin."""
+    bent_by: vec2
+    turned_by: vec2
+    """(sin, cos) of what the pad's error turns its rows over the tip, and all of it about the axis.
+    """
 
 
 @struct
@@ -125,6 +129,15 @@ class PadRow:
 
 
 @wp.func
+def _with_error(pad: Pad, at: PadLink):
+    """The link with the turns by its pad's error."""
+    radius = at.radius + pad.thickness
+    at.bent_by = sine_cosine(pad.shift[at.slot, 0] / radius)
+    at.turned_by = sine_cosine(pad.shift[at.slot, 1] / radius)
+    return at
+
+
+@wp.func
 def pad_link(hand: Hand, pad: Pad, f: FingerPose, link: int):
     """The link that a pad of the Utah-MIT hand lies on; the distal pad bends over the tip."""
     at = PadLink()
@@ -137,7 +150,7 @@ def pad_link(hand: Hand, pad: Pad, f: FingerPose, link: int):
     at.length = hand.link_length[link]
     at.radius = hand.link_radius
     at.bends = int(link == 2)
-    return at
+    return _with_error(pad, at)
 
 
 @wp.func
@@ -157,7 +170,7 @@ def pad_link(hand: Chain, pad: Pad, f: ChainPose, link: int):  # noqa: F811 (an 
     at.radius = row.radius
     at.bends = row.bends
     at.turns = link * _TURNS
-    return at
+    return _with_error(pad, at)
 
 
 @wp.func
@@ -176,11 +189,8 @@ def pad_bend(pad: Pad, at: PadLink, row: real):
 
 
 @wp.func
-def _turned(angle: vec2, further: real):
-    """(sin, cos) of an angle increased by a small one."""
-    if further == ZERO:
-        return angle
-    by = sine_cosine(further)
+def _turned(angle: vec2, by: vec2):
+    """(sin, cos) of the sum of two angles."""
     return vec2(angle[0] * by[1] + angle[1] * by[0], angle[1] * by[1] - angle[0] * by[0])
 
 
@@ -193,7 +203,7 @@ def pad_row_bent(pad: Pad, at: PadLink, row: real, bend: vec2):
     straight = _straight(pad, at)
     line = PadRow()
     if at.bends == 1 and s > straight:
-        turn = _turned(bend, pad.shift[at.slot, 0] / (at.radius + pad.thickness))
+        turn = _turned(bend, at.bent_by)
         line.out = n * turn[1] + u * turn[0]
         line.axis = at.tip
     else:
@@ -220,7 +230,7 @@ def pad_column(pad: Pad, at: PadLink, column: real):
 def pad_point(pad: Pad, at: PadLink, row: PadRow, column: vec2):
     """The place of a row and a column of a pad."""
     place = PadPlace()
-    turn = _turned(column, pad.shift[at.slot, 1] / (at.radius + pad.thickness))
+    turn = _turned(column, at.turned_by)
     place.out = row.out * turn[1] + at.side * turn[0]
     place.x = row.axis + place.out * (at.radius + pad.thickness)
     return place

@@ -161,14 +161,26 @@ def test_steps_are_bounded_and_unwanted_worlds_are_left_alone() -> None:
 
 
 def test_a_face_does_not_depend_on_the_batch() -> None:
-    robot, truth = set_up(5)
+    robot, truth = set_up(12)
     point, normal = told_face(truth, "near")
+    point[:4, 1] += [0.02, 0.01, -0.01, -0.02]  # first contacts from which ways back are longer
     together = explore_plane(robot, point, normal)
-    alone_robot, _ = set_up(5)
-    only = np.arange(5) == 3
+    alone_robot, _ = set_up(12)
+    only = np.arange(12) == 7
     alone = explore_plane(alone_robot, point, normal, wanted=only)
-    np.testing.assert_array_equal(together.touches.point_m[together.touches.world == 3],
+    np.testing.assert_array_equal(together.touches.point_m[together.touches.world == 7],
                                   alone.touches.point_m)
+    for name in ("touch_count", "time_s", "path_m"):  # intervals of the way back are its own
+        np.testing.assert_array_equal(getattr(together, name)[only], getattr(alone, name)[only])
+
+
+def test_lines_of_all_worlds_are_made_together() -> None:
+    """As many batches of lines as the world with most lines has, whatever each line is for."""
+    robot, truth = set_up(8)
+    explore_plane(robot, *told_face(truth, "near"))
+    lines = np.bincount(np.concatenate([line.rows for line in truth.lines]))
+    assert robot.line_count == len(truth.lines) == lines.max()
+    assert lines.min() < lines.max()
 
 
 def test_a_cylinder_is_not_flat() -> None:

@@ -192,6 +192,23 @@ def test_worlds_do_not_see_each_other() -> None:
     np.testing.assert_array_equal(alone.image[0], all_rows.image[3])
 
 
+def test_lines_of_several_kinds_are_those_made_one_by_one() -> None:
+    """Intervals, their number and what ends a line may differ from row to row."""
+    kinds = [{"interval_m": 0.001, "steps": 30}, {"interval_m": 0.004, "steps": 2},
+             {"interval_m": 0.0005, "steps": 20, "until": Until.RELEASE}]
+    robot, _ = robot_before_block(3)
+    mixed = poke(robot, interval_m=np.array([k["interval_m"] for k in kinds]),
+                 steps=np.array([k["steps"] for k in kinds]),
+                 until=np.array([k.get("until", Until.CONTACT) for k in kinds]))
+    assert (mixed.status == [ProbeStatus.CONTACT, ProbeStatus.NO_CONTACT,
+                             ProbeStatus.NO_CONTACT]).all()
+    assert list(mixed.is_touch) == [True, True, False]
+    for row, kind in enumerate(kinds):
+        robot, _ = robot_before_block(3)
+        for name, values in vars(poke(robot, **kind)).items():
+            np.testing.assert_array_equal(getattr(mixed, name)[row], values[row], name)
+
+
 def test_skipping_free_intervals_changes_nothing() -> None:
     """With a march of almost nothing every interval is looked at: the same touches."""
     quick, _ = robot_before_block(4)
