@@ -10,6 +10,7 @@ table) ends the episode in the worlds concerned; earlier contacts still count.
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -111,21 +112,22 @@ def explore(
     robot: Robot, planner: Planner, prior: BoundingCylinder, seed: np.ndarray, *, table: FitTable,
     closings: tuple[str, ...], budget: Budget | None = None,
     observe: Callable[[Belief, Recovered], None] | None = None, oracle: Foreseeing | None = None,
+    fits_on_way: bool = True,
 ) -> Exploration:
     """Run one episode in every world.
 
     `seed` (world,) uint64 is the strategy's own; `table` says what the fits go by; `closings` are
-    the paths of grasps that name none. `observe` is shown the belief after every step. `oracle` is
-    the planner, if it is one that may foresee: what it is handed leads to the truth.
-    """
-    run = RunningExploration(robot, prior, seed, table, closings, budget or Budget())
+    the paths of grasps that name none. `observe` is shown the belief after every fit. `oracle` is
+    the planner, if it is one that may foresee: what it is handed leads to the truth. Without
+    `fits_on_way` bodies are fitted after the first step and at the end."""
+    run = RunningExploration(robot, prior, seed, table, closings, budget or Budget(), fits_on_way)
     if oracle is not None:
         oracle.foresee = run.imagine
     while run.active.any():
         before = run.step
         if not run.take_step(planner):
             break
-        if observe is not None and run.step > before:
+        if observe is not None and run.step > before and not run.news:
             observe(run.belief, run.recovered)
     if run.finish() and observe is not None:
         observe(run.belief, run.recovered)
@@ -139,10 +141,10 @@ class RunningExploration:
     """
 
     def __init__(self, robot: Robot, prior: BoundingCylinder, seed: np.ndarray, table: FitTable,
-                 closings: tuple[str, ...], budget: Budget) -> None:
+                 closings: tuple[str, ...], budget: Budget, fits_on_way: bool = True) -> None:
         worlds = robot.worlds
         self.robot, self.prior, self.seed, self.table = robot, prior, seed, table
-        self.closings, self.budget = closings, budget
+        self.closings, self.budget, self.fits_on_way = closings, budget, fits_on_way
         radius = outline_of(robot.hand).skin_m
         self.intrinsic = robot.sensors.contact_estimator == "intrinsic"
         self.felt = no_evidence(worlds, radius)
@@ -202,19 +204,24 @@ class RunningExploration:
         if changed.any():
             self.step += 1
             self.steps += changed
-            self._refit(np.flatnonzero(changed))
-            self._conclude(np.flatnonzero(changed))
+            if self.fits_on_way or self.step == 1:
+                self._refit(np.flatnonzero(changed))
+            else:
+                self.belief = read_only(replace(self.belief, step=self.step, **self._spent()))
             self.active &= within_budget(self.budget, self.belief)
             self.belief = self.belief.with_active(read_only(self.active.copy()))
         return bool((changed | stopped).any())
 
     def finish(self) -> bool:
-        """Fit bodies that were only refined since from new starts; False where there are none."""
-        self.fitted, rows = finished(self.fitted, self.felt,
-                                     self.links if self.intrinsic else None, self.table)
+        """Fit from new starts what was refined since, or never fitted; False if there is none."""
+        unfitted = len(self.news) > 0
+        if unfitted:
+            self._refit(np.arange(self.robot.worlds))
+        links = self.links if self.intrinsic else None
+        self.fitted, rows = finished(self.fitted, self.felt, links, self.table)
         if len(rows):
             self._conclude(rows)
-        return len(rows) > 0
+        return unfitted or len(rows) > 0
 
     def result(self) -> Exploration:
         """The episodes as far as they have come."""
@@ -224,15 +231,12 @@ class RunningExploration:
     def imagine(self, probe: Grasp) -> Recovered:
         """What would be recovered after a grasp, noise and all; nothing of it is kept."""
         copied = copy(self)
-        copied.robot = self.robot.rehearsing()
-        copied.procedures = []
+        copied.robot, copied.procedures = self.robot.rehearsing(), []
         copied.touches, copied.time, copied.path = (
             v.copy() for v in (self.touches, self.time, self.path))
         mask = wanted_of(probe, self.robot.worlds, self.robot.hand) & self.active[:, None]
         copied._grasp(probe, mask)
-        rows = np.flatnonzero(mask.any(1))
-        copied._refit(rows)
-        copied._conclude(rows)
+        copied._refit(np.flatnonzero(mask.any(1)))
         return copied.recovered
 
     def _sound(self, probe: Probe, mask: np.ndarray, planner: Planner) -> np.ndarray:
@@ -321,7 +325,7 @@ class RunningExploration:
         self.slots += evidence.mask.shape[1]
 
     def _refit(self, rows: np.ndarray) -> None:
-        """Bodies of those of the worlds `rows` that felt something new."""
+        """Bodies of those of the worlds `rows` that felt something new, and what is concluded."""
         self.felt = joined_evidence(self.felt, *(evidence for evidence, _ in self.news))
         self.links = joined_links(self.links, *(links for _, links in self.news))
         new = newly_felt([evidence for evidence, _ in self.news], self.robot.worlds)
@@ -329,6 +333,7 @@ class RunningExploration:
         links = self.links if self.intrinsic else None
         self.fitted = refitted(self.fitted, self.felt, links, rows[new[rows]], self.steps,
                                self.believed, self.profile, self.table)
+        self._conclude(rows)
 
     @property
     def fits(self) -> SuperquadricFit:
@@ -372,9 +377,13 @@ class RunningExploration:
         self.belief = read_only(Belief(
             self.step, self.active.copy(), self.prior, self.seed, self.robot.arm,
             self.robot.hand, self.robot.sensors, self.closings, self.placed, self.fits,
-            self.believed, whole, tuple(self.faces), self.whole, self.shape, self.touches.copy(),
-            self.time.copy(), self.path.copy(), self.links, self.robot.errors,
-            self._touches_left()))
+            self.believed, whole, tuple(self.faces), self.whole, self.shape, links=self.links,
+            errors=self.robot.errors, **self._spent()))
+
+    def _spent(self) -> dict[str, Any]:
+        """What the belief says of touches, time and path."""
+        return {"touches": self.touches.copy(), "time_s": self.time.copy(),
+                "path_m": self.path.copy(), "touches_left": self._touches_left()}
 
     def status(self) -> np.ndarray:
         """How each world ended."""

@@ -1,7 +1,8 @@
-"""Strategies that choose their next hand pose by what was felt, and the plain ones beside them.
+"""Strategies that choose their next hand pose by what was felt.
 
 All choose among the same candidates (`candidates`), one pose a step and world, until the
-budget is spent. They differ in the gain that they expect of a pose.
+budget is spent. They differ in the gain that they expect of a pose. The plain ones beside them are
+in `unguided`.
 """
 
 from abc import ABC, abstractmethod
@@ -16,7 +17,6 @@ from strategies.planners.probes import Grasp, Probe
 from strategies.planners.register import planner
 from strategies.poses.waypoints import PRIOR_MARGIN_M
 from strategies.recovery.belief import Belief
-from warpgrasp.core.random import counter_key, counter_uniform
 
 NEW_AT_M = 0.03
 """A touch this far from all others is as new as can be."""
@@ -29,12 +29,14 @@ FORGETS = 0.7
 """What is kept of that after a pose that went well [est]."""
 TOUCH_SIGMA_M = 0.0015
 """Spread of one touch along the normal, as an adaptive strategy reckons [est]."""
+FIELD_NOISE_M = 0.002
+"""The same where a Gaussian process stands for the surface [est]."""
+FIELD_SPREAD_M = 0.01
+"""Standard deviation of such a surface before any touch [est]."""
 
 
 class OneAtATime(ABC):
     """Base of these planners: the candidate of the greatest gain that was not taken yet."""
-
-    about = "belief"
 
     def __init__(self) -> None:
         self.taken: np.ndarray | None = None
@@ -43,17 +45,13 @@ class OneAtATime(ABC):
         self.larger_m = np.zeros(0)
         """By how much the object is taken to be larger than believed, (world,)."""
         self._before: tuple[np.ndarray, np.ndarray] | None = None
-        self._about_prior: tuple[np.ndarray, np.ndarray] | None = None
-        """Candidates about the prior cylinder, which stays: they are the same at every step."""
         self._stood: np.ndarray | None = None
         """The same of all worlds."""
 
     def __call__(self, belief: Belief) -> list[Probe]:
         """One grasp in every world that has a candidate left."""
-        rows = np.arange(belief.worlds)
-        if self.about == "belief":
-            self._learn(belief)
-            rows = np.flatnonzero(belief.active)  # what others believe is not asked for
+        self._learn(belief)
+        rows = np.flatnonzero(belief.active)  # what others believe is not asked for
         here = belief.of(rows)
         self.last = None if self._stood is None else self._stood[rows]
         poses, reachable, here = self._candidates(here, rows)
@@ -76,10 +74,6 @@ class OneAtATime(ABC):
                     ) -> tuple[np.ndarray, np.ndarray, Belief]:
         """Poses of the worlds `rows`, (row, candidate, 7), whether the arm reaches them, and the
         belief to judge them by."""
-        if self.about != "belief":
-            if self._about_prior is None:
-                self._about_prior = candidate_poses(belief, about="prior")
-            return *self._about_prior, belief
         larger = np.asarray(self.larger_m)[rows]
         belief, trusted = planning_belief(belief, larger)
         return *candidate_poses(belief, margin_m=np.where(trusted, larger, 0.0)), belief
@@ -101,46 +95,6 @@ class OneAtATime(ABC):
         """What each pose is worth, (world, candidate); only `free` ones count."""
 
 
-@planner("random", "a pose at random among the candidates about the prior cylinder")
-class RandomPose(OneAtATime):
-    """A pose at random."""
-
-    about = "prior"
-
-    def gain(self, belief: Belief, poses: np.ndarray, free: np.ndarray) -> np.ndarray:
-        """A draw a candidate and step."""
-        return counter_uniform(counter_key(
-            belief.seed[:, None], belief.step, np.arange(poses.shape[1])))
-
-
-@planner("even", "the pose farthest from all poses taken, about the prior cylinder")
-class EvenPoses(OneAtATime):
-    """Farthest-point order (Gonzalez 1985) over the places of the hand and its approach."""
-
-    about = "prior"
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._apart: np.ndarray | None = None
-
-    def gain(self, belief: Belief, poses: np.ndarray, free: np.ndarray) -> np.ndarray:
-        """Distance to the nearest pose taken; 0.1 m counts as much as one radian."""
-        assert self.taken is not None
-        if self._apart is None:
-            self._apart = _apart(poses)
-        near = np.where(self.taken[:, None], self._apart, np.inf).min(-1)
-        return np.where(np.isfinite(near), near, 1.0)
-
-
-def _apart(poses: np.ndarray) -> np.ndarray:
-    """Distances between a world's poses, (world, candidate, candidate)."""
-    x, y, z, w = np.moveaxis(poses[..., 3:], -1, 0)
-    approach = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], -1)
-    side = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], -1)
-    place = np.concatenate([poses[..., :3] / 0.1, approach, 0.5 * side], -1)
-    return np.linalg.norm(place[:, :, None] - place[:, None], axis=-1)
-
-
 @planner("coverage", "greedy coverage: the pose whose predicted touches are farthest from all felt")
 class GreedyCoverage(OneAtATime):
     """Touch where there is no contact yet."""
@@ -148,13 +102,13 @@ class GreedyCoverage(OneAtATime):
     def gain(self, belief: Belief, poses: np.ndarray, free: np.ndarray) -> np.ndarray:
         """Sum over a pose's predicted touches of the distance to the nearest touch, up to a cap."""
         points, found = predicted_touches(belief, poses, free)
-        felt = np.where(belief.evidence.mask[..., None], belief.evidence.points_m, 1e3)
-        if felt.shape[1] == 0:
-            return found.sum(-1).astype(float)
-        flat = points.reshape(belief.worlds, -1, 3)
-        near = np.stack([np.linalg.norm(f[:, None] - t[None], axis=-1).min(1)
-                         for f, t in zip(flat, felt, strict=True)]).reshape(found.shape)
-        return (np.minimum(near, NEW_AT_M) * found).sum(-1)
+        evidence = belief.evidence
+        near = np.where(found, NEW_AT_M, 0.0)
+        for world in np.flatnonzero(evidence.mask.any(1)):
+            felt = evidence.points_m[world, evidence.mask[world]]
+            apart = np.linalg.norm(points[world, found[world]][:, None] - felt, axis=-1).min(1)
+            near[world, found[world]] = np.minimum(apart, NEW_AT_M)
+        return near.sum(-1)
 
 
 @planner("most-uncertain", "the pose that touches where the fitted surface is least certain")
@@ -190,3 +144,47 @@ class MostInformation(OneAtATime):
         spread = np.einsum("wcfi,wij,wcgj->wcfg", slopes, belief.uncertainty.covariance, slopes)
         information = np.eye(fingers) + spread / TOUCH_SIGMA_M**2
         return 0.5 * np.linalg.slogdet(information)[1]
+
+
+@planner("gaussian-process", "the pose whose touches a Gaussian process surface is least sure of")
+class SurfaceGaussianProcess(OneAtATime):
+    """An explorer that knows no shape: a Gaussian process over the distance to the surface.
+
+    After Dragiev, Toussaint and Gienger (2011), Gaussian process implicit surfaces for shape
+    estimation and grasping. The process' mean before any touch is the distance to the body
+    believed; touches say that the distance is zero. Its variance, which needs no mean, falls around
+    every touch; the next pose is the one whose predicted touches it is least sure of, taken
+    together. Its kernel is a Matern 3/2.
+    """
+
+    def __init__(self, length_m: float = 0.03) -> None:
+        """`length_m`: over which distances the surface is alike. Raises ValueError."""
+        super().__init__()
+        self.length_m = float(length_m)
+        if not 1e-3 <= self.length_m <= 1.0:
+            raise ValueError(f"length_m is {length_m!r}; should be from 0.001 to 1")
+
+    def gain(self, belief: Belief, poses: np.ndarray, free: np.ndarray) -> np.ndarray:
+        """Entropy of the surface's distances at each pose's predicted touches, up to a constant."""
+        points, found = predicted_touches(belief, poses, free)
+        out = np.zeros(found.shape[:2])
+        for world in range(belief.worlds):
+            felt = belief.evidence.points_m[world][belief.evidence.mask[world]]
+            near, flat = points[world], points[world].reshape(-1, 3)
+            prior = self._kernel(near, near)
+            if len(felt):
+                known = self._kernel(felt, felt) + FIELD_NOISE_M**2 * np.eye(len(felt))
+                across = self._kernel(flat, felt)
+                solved = np.linalg.solve(known, across.T).T
+                shape = (*found.shape[1:], len(felt))
+                prior = prior - np.einsum("cfn,cgn->cfg", across.reshape(shape),
+                                          solved.reshape(shape))
+            pair = found[world][:, :, None] & found[world][:, None]
+            covariance = np.where(pair, prior, 0.0) / FIELD_NOISE_M**2 + np.eye(found.shape[2])
+            out[world] = 0.5 * np.linalg.slogdet(covariance)[1]
+        return out
+
+    def _kernel(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        apart = np.linalg.norm(a[..., :, None, :] - b[..., None, :, :], axis=-1)
+        scaled = np.sqrt(3.0) * apart / self.length_m
+        return FIELD_SPREAD_M**2 * (1.0 + scaled) * np.exp(-scaled)

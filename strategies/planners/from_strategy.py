@@ -8,6 +8,7 @@ import numpy as np
 from strategies.planners.ordered import OrderedPlanner
 from strategies.planners.register import Planner
 from strategies.planners.registry import make_planner
+from strategies.planners.unguided import Unguided
 from strategies.poses.waypoints import BoundingCylinder
 from strategies.procedures.options import ContourTable, DecideTable, PlanarTable
 from strategies.procedures.possible import check_possible
@@ -62,7 +63,10 @@ def planner_of(
     `waypoints` are those of an `OrderedPlanner`.
     """
     if strategy.call:
-        return make_planner(strategy.call, dict(strategy.options))
+        made = make_planner(strategy.call, dict(strategy.options))
+        if isinstance(made, Unguided):
+            made.at_once = max(strategy.refit_every, 1) if fits_on_way(strategy, made) else None
+        return made
     for procedure in strategy.order:
         check_possible(procedure, robot.hand, robot.pads)
     seen = None
@@ -70,6 +74,13 @@ def planner_of(
         target = np.stack([prior.x_m, prior.y_m, prior.height_m / 2], 1)
         seen = see_axis(robot, target, stereo)
     return OrderedPlanner(strategy, planar, contour, decide, seen, waypoints)
+
+
+def fits_on_way(strategy: Strategy, planner: Planner) -> bool:
+    """Whether bodies are fitted after every step: where the planner looks at them, the strategy
+    asks for it, or the budget is of what is looked at between steps."""
+    return (not isinstance(planner, Unguided) or strategy.refit_every > 0
+            or strategy.robot_time_s is not None or strategy.volume_ratio is not None)
 
 
 def budget_of(strategy: Strategy) -> Budget:

@@ -50,8 +50,8 @@ def find_planner(call: str) -> Callable[..., Any]:
     import strategies.planners.adaptive
     import strategies.planners.any_object
     import strategies.planners.expected_error
-    import strategies.planners.gaussian_process
-    import strategies.planners.oracle  # noqa: F401
+    import strategies.planners.oracle
+    import strategies.planners.unguided  # noqa: F401
 
     if call in PLANNERS:
         return PLANNERS[call][0]

@@ -19,7 +19,7 @@ import numpy as np
 
 from fit.arrays import joined
 from strategies.exploration import Exploration, explore
-from strategies.planners.from_strategy import MOST_STEPS, budget_of, planner_of
+from strategies.planners.from_strategy import MOST_STEPS, budget_of, fits_on_way, planner_of
 from strategies.planners.oracle import Oracle
 from strategies.planners.planner_file import PlannerError
 from strategies.planners.register import Planner
@@ -69,6 +69,8 @@ Part = tuple[Cell, np.ndarray]
 class Moment:
     """What an episode had reached when its bodies were fitted. Shapes (world,)."""
 
+    step: int
+    """How many steps had been made."""
     touches: np.ndarray
     time_s: np.ndarray
     scores: Scores
@@ -251,12 +253,12 @@ def run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Epi
         prior, unseen = seen_prior(robot, prior, cell.stereo, cell.placement.prior)
     given = prior_recovered(prior)
     surface = TouchedSurface(scorer.worlds(), body_pose)
-    begin = Moment(np.zeros(len(key)), np.zeros(len(key)), score_priors(scorer, given), given,
+    begin = Moment(0, np.zeros(len(key)), np.zeros(len(key)), score_priors(scorer, given), given,
                    surface.share(truth))
     reached: list[Moment] = []
 
     def observe(belief: Belief, recovered: Recovered) -> None:
-        reached.append(Moment(belief.touches, belief.time_s, begin.scores, recovered,
+        reached.append(Moment(belief.step, belief.touches, belief.time_s, begin.scores, recovered,
                               surface.share(truth)))
 
     planner, fault = _planner(parts, robot, prior)
@@ -267,7 +269,8 @@ def run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Epi
         oracle.let_see(lambda recovered: rough.score(recovered).chamfer_m)
     found = explore(robot, planner, prior, counter_key(noise, int(Purpose.STRATEGY)),
                     table=cell.fit, closings=cell.strategy.closings,
-                    budget=budget_of(cell.strategy), observe=observe, oracle=oracle)
+                    budget=budget_of(cell.strategy), observe=observe, oracle=oracle,
+                    fits_on_way=fits_on_way(cell.strategy, planner))
     faults = np.full(len(key), fault, object) if fault else unseen
     if faults.any():
         wrong = faults != ""

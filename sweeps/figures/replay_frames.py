@@ -116,17 +116,19 @@ class _Recording:
     def frames(self) -> Iterator[Frame]:
         procedures = [p for p in self.block.exploration.procedures if p.took_part[self.world]]
         alone = len({p.step for p in procedures}) == 1
+        fitted = {moment.step: moment.recovered for moment in self.block.moments}
         for number, procedure in enumerate(procedures):
             if isinstance(procedure.felt, Grasps):
                 growing = refits(self.cell, procedure.felt, self.world) if alone else []
                 yield from self._grasps(procedure.felt, growing)
             else:
                 yield from self._touches(procedure.name, procedure.felt.touches)
-            last = number + 1 == len(procedures)
-            if last or procedures[number + 1].step != procedure.step:
-                self._believe(self.block.moments[procedure.step].recovered)
-                yield self._still("contacts and the last estimate" if last
-                                  else f"{procedure.name}: fitted again")
+            if number + 1 == len(procedures):
+                self._believe(self.block.moments[-1].recovered)
+                yield self._still("contacts and the last estimate")
+            elif procedures[number + 1].step != procedure.step and procedure.step + 1 in fitted:
+                self._believe(fitted[procedure.step + 1])
+                yield self._still(f"{procedure.name}: fitted again")
 
     def _believe(self, recovered: Recovered) -> None:
         if recovered.shape[self.world] != Shape.PRIOR_CYLINDER:

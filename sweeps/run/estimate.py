@@ -14,6 +14,8 @@ GRASP_S = 0.0008  # a pose of two closings
 TOUCHED_S = {"planar": 0.07, "contour": 0.03, "decide": 0.08}
 STEP_S = {"random": 0.012, "even": 0.012, "oracle": 0.3}
 """A step of planners that choose one pose at a time, its fit included."""
+UNGUIDED, UNGUIDED_S = ("random", "even"), 0.0015
+"""Those whose bodies are fitted once, and a pose of theirs."""
 OTHER_STEP_S = 0.018
 """Of the others, and of planners of the user's own."""
 
@@ -33,6 +35,8 @@ def estimate_cost(plan: Plan) -> list[tuple[str, str]]:
 def episode_seconds(strategy: Strategy) -> float:
     """What one episode costs one core, roughly."""
     poses = sum(getattr(family, "count", 12) for family in strategy.waypoints)
+    if strategy.call in UNGUIDED and not strategy.refit_every:
+        return 2 * FIT_S + UNGUIDED_S * min((strategy.touches or 96) / 8, 38.0)
     if strategy.call:
         return STEP_S.get(strategy.call, OTHER_STEP_S) * min((strategy.touches or 96) / 8, 64.0)
     fits = strategy.order.count("containment") * (

@@ -7,9 +7,13 @@ import pytest
 from beliefs import BODY, belief, on_side
 
 from fit.superquadric.geometry import superquadric_inside_outside
-from strategies.planners.adaptive import EvenPoses, GreedyCoverage, MostInformation, MostUncertain
+from strategies.planners.adaptive import (
+    GreedyCoverage,
+    MostInformation,
+    MostUncertain,
+    SurfaceGaussianProcess,
+)
 from strategies.planners.candidates import POOL, candidate_poses, predicted_touches
-from strategies.planners.gaussian_process import SurfaceGaussianProcess
 from strategies.planners.oracle import Oracle
 from strategies.planners.planner_file import PlannerError
 from strategies.planners.probes import Grasp
@@ -75,29 +79,6 @@ def test_information_is_that_of_the_linear_model() -> None:
     spread = np.where(found, normal[..., 0] ** 2, 0.0).sum(-1) * 1e-4 / 0.0015**2
     assert just_sides.sum() > 5
     assert np.allclose(gain[just_sides], 0.5 * np.log1p(spread)[just_sides], rtol=0.05, atol=0.02)
-
-
-def test_even_poses_take_the_farthest_first_and_none_twice() -> None:
-    planner, here = EvenPoses(), belief()
-    taken: list[np.ndarray] = []
-    for step in range(6):
-        probe, = planner(replace(here, step=step))
-        assert isinstance(probe, Grasp)
-        taken.append(probe.hand_pose[:, 0])
-    chosen = np.stack(taken, 1)
-    for world in range(2):
-        apart = np.linalg.norm(chosen[world, :, None, :3] - chosen[world, None, :, :3], axis=-1)
-        turned = np.abs(np.einsum("ik,jk->ij", chosen[world, :, 3:], chosen[world, :, 3:])) < 0.999
-        assert ((apart > 0.01) | turned | np.eye(6, dtype=bool)).all()
-
-
-def test_random_draws_depend_on_world_and_step_alone() -> None:
-    here = belief()
-    one, other = make_planner("random", {}), make_planner("random", {})
-    first, again = one(here)[0], other(here)[0]
-    assert np.array_equal(first.hand_pose, again.hand_pose)
-    second = one(replace(here, step=1))[0]
-    assert not np.array_equal(first.hand_pose, second.hand_pose)
 
 
 def test_the_oracle_takes_what_turns_out_best() -> None:
