@@ -11,7 +11,6 @@ from functools import cached_property, lru_cache
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from fit.rotation import matrix_of_quaternion
 from strategies.foresight.hand_meetings import hand_meetings
 from strategies.poses.hand_outline import outline_of
 from strategies.procedures.containment import padded_commands
@@ -122,14 +121,6 @@ def _balls(hand: HandCapsules, ends_m: np.ndarray, ball_m: float) -> tuple[np.nd
         found.append(np.pad(own, ((0, 0), (0, more), (0, 0)), mode="edge"))
         link.append(np.pad(number, (0, more), mode="edge"))
     return np.stack(found), np.stack(link)
-
-
-def lowest_of_hand(samples: HandSamples, hand_pose: np.ndarray) -> np.ndarray:
-    """Height of the lowest place of the open hand, way in and all, at poses (..., 7) [m], (...)."""
-    down = matrix_of_quaternion(hand_pose[..., 3:])[..., 2, :, None]
-    x, y, z = samples.outermost_m.T  # sums written out: they do not round by the batch
-    height = down[..., 0, :] * x + down[..., 1, :] * y + down[..., 2, :] * z
-    return height.min(-1) + hand_pose[..., 2] - samples.radius_m
 
 
 def reached_place(swept: SweptFingers, finger: np.ndarray, q_rad: np.ndarray) -> np.ndarray:

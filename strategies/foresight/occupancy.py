@@ -7,6 +7,7 @@ rises where the open hand was barred. The numbers marked [est] are guesses of ev
 """
 
 from dataclasses import dataclass
+from math import prod
 
 import numpy as np
 import warp as wp
@@ -15,14 +16,20 @@ from scipy.special import ndtr
 from strategies.foresight.hand_samples import SweptFingers
 from strategies.foresight.occupancy_kernel import (
     barred_kernel,
-    chance_kernel,
     learn_kernel,
     worth_kernel,
 )
-from strategies.foresight.prospect_kernel import foresee_kernel
+from strategies.foresight.prospect_kernel import (
+    BORDER,
+    LANES,
+    MOST_FINGERS,
+    Looks,
+    foresee_kernel,
+    looked_up_kernel,
+)
 from strategies.poses.waypoints import BoundingBox, BoundingCylinder
 from warpgrasp.core.dtypes import real, transform, vec3
-from warpgrasp.core.kernel_launch import launch
+from warpgrasp.core.kernel_launch import check_range, launch
 
 CELLS = (40, 40, 28)
 """Of every grid, along x, y, z."""
@@ -36,13 +43,17 @@ AT_RIM, AT_AXIS = 0.03, 0.80
 NEAR_M = 0.010
 """What a contact covers."""
 WORTH_REACH_M = 0.036
+SURE = 0.97
+"""Of a touch: what is met more surely is not passed."""
+ON_TABLE_M = 0.0005
+"""Links that close are not stopped by the table before."""
 _SHAPES = {"corner": "world", "cell": "world", "contact": "world contact", "normal":
            "world contact", "weight": "world contact", "felt": "world contact", "free":
            "world free", "free_count": "world", "hit": "world cells", "cap": "world cells",
-           "worth": "world cells", "chance": "world cells", "open_ball": "open", "hand_pose":
-           "world pose", "barred": "world pose", "swept_ball": "finger place ball", "feels":
-           "finger ball", "met": "finger", "meets": "finger", "wanted": "world pose", "gain":
-           "world pose finger", "place": "world pose finger", "stopped": "world pose finger"}
+           "worth": "world cells", "chance": "world padded", "value": "world padded", "open_ball":
+           "open", "hand_pose": "world pose", "barred": "world pose", "swept_ball":
+           "finger place ball", "feels": "finger ball", "met": "finger", "meets": "finger",
+           "wanted": "world pose", "gain": "world pose finger", "place": "world closely finger"}
 
 
 @dataclass(frozen=True)
@@ -54,7 +65,7 @@ class Prospect:
     gain: np.ndarray
     """Expected worth of each finger's touch, from 0 to 1, (..., finger)."""
     place_m: np.ndarray
-    """Likeliest place of each finger's touch, (..., finger, 3)."""
+    """Likeliest place of each finger's touch, (..., finger, 3); zeros where it gains nothing."""
 
 
 class Occupancy:
@@ -99,28 +110,34 @@ class Occupancy:
         return worth
 
     def foresee(self, open_m: np.ndarray, swept: SweptFingers, hand_pose: np.ndarray,
-                wanted: np.ndarray, worth: np.ndarray, lowest_m: float) -> Prospect:
+                wanted: np.ndarray, worth: np.ndarray, lowest_m: float,
+                closely: bool = True) -> Prospect:
         """What hand poses (world, pose, 7) would bring; touches by balls lower than `lowest_m` are
-        taken for the table's."""
+        taken for the table's. Places are left out, (world, 0, finger, 3), unless it looks
+        `closely`. Raises ValueError for a hand of more than `MOST_FINGERS`."""
         worlds, poses = hand_pose.shape[:2]
-        barred = np.ones((worlds, poses))
         fingers = len(swept.met)
-        gain, stopped = (np.zeros((worlds, poses, fingers)) for _ in range(2))
-        place = np.zeros((worlds, poses, fingers, 3))
-        chance = np.empty_like(self.hit)
-        self._launch(chance_kernel, {"world": worlds}, chance=_shared(chance))
-        self._launch(foresee_kernel, {"world": worlds, "pose": poses}, radius=self.radius_m,
-                     lowest=lowest_m, open_ball=_vectors(open_m),
+        check_range("fingers", fingers, 1, MOST_FINGERS)
+        barred, gain = np.empty((worlds, poses)), np.empty((worlds, poses, fingers))
+        place = np.empty((worlds, poses if closely else 0, fingers, 3))
+        padded = prod(count + 2 * BORDER for count in CELLS)
+        chance, value = (np.zeros((worlds, padded), np.float32) for _ in range(2))
+        self._launch(looked_up_kernel, {"world": worlds}, worth=_shared(worth),
+                     chance=_shared(chance), value=_shared(value))
+        looks = Looks()
+        looks.floor, looks.table = self.radius_m, self.radius_m - ON_TABLE_M
+        looks.lowest, looks.sure = lowest_m, SURE
+        self._launch(foresee_kernel, {"world": worlds, "group": -(-poses // LANES)}, looks=looks,
+                     closely=closely, open_ball=_vectors(open_m),
                      swept_ball=_vectors(swept.balls_m),
                      feels=wp.array(swept.feels, dtype=wp.bool, device="cpu"),
                      met=_numbers(swept.met), meets=_numbers(swept.meets),
                      hand_pose=wp.array(hand_pose, dtype=transform, device="cpu"),
-                     wanted=wp.array(wanted, dtype=wp.bool, device="cpu"), worth=_shared(worth),
-                     chance=_shared(chance),
+                     wanted=wp.array(wanted, dtype=wp.bool, device="cpu"),
+                     chance=_shared(chance), value=_shared(value),
                      barred=wp.array(barred, dtype=real, device="cpu", copy=False),
                      gain=wp.array(gain, dtype=real, device="cpu", copy=False),
-                     place=wp.array(place, dtype=vec3, device="cpu", copy=False),
-                     stopped=wp.array(stopped, dtype=real, device="cpu", copy=False))
+                     place=wp.array(place, dtype=vec3, device="cpu", copy=False))
         return Prospect(barred, gain, place)
 
     def _launch(self, kernel: object, extents: dict[str, int], **given: object) -> None:

@@ -180,19 +180,3 @@ def worth_kernel(
                         at = (i * n[1] + j) * n[2] + k
                         if value < worth[w, at]:
                             worth[w, at] = value
-
-
-@wp.kernel(enable_backward=False)
-def chance_kernel(
-    first: int,
-    hit: wp.array2d[wp.float32],
-    cap: wp.array2d[wp.float32],
-    chance: wp.array2d[wp.float32],
-):
-    """How often a cell to which a hand is sent stops it: the square of what is believed. Poses are
-    picked for what is left to find, and there beliefs are too high: of fingers sent to cells
-    believed at 0.35, 0.55 and 0.85 about 0.2, 0.5 and 0.9 felt something [est]."""
-    w = wp.tid() + first
-    for at in range(hit.shape[1]):
-        p = wp.min(hit[w, at], cap[w, at])
-        chance[w, at] = p * p
