@@ -124,7 +124,7 @@ def _balls(hand: HandCapsules, ends_m: np.ndarray, ball_m: float) -> tuple[np.nd
 
 
 def reached_place(swept: SweptFingers, finger: np.ndarray, q_rad: np.ndarray) -> np.ndarray:
-    """Which place of the path is nearest to where fingers (k,) stand, by joints (k, joint) as read,
-    (k,)."""
-    apart = np.linalg.norm(swept.joints_rad[finger] - q_rad[:, None], axis=-1)
-    return apart.argmin(1)
+    """Which place of the path is nearest to where fingers (k,) stand, by joints (..., k, joint) as
+    read, (..., k)."""
+    apart = np.linalg.norm(swept.joints_rad[finger] - q_rad[..., None, :], axis=-1)
+    return apart.argmin(-1)

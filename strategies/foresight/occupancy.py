@@ -17,6 +17,7 @@ from strategies.foresight.hand_samples import SweptFingers
 from strategies.foresight.occupancy_kernel import (
     barred_kernel,
     learn_kernel,
+    swept_kernel,
     worth_kernel,
 )
 from strategies.foresight.prospect_kernel import (
@@ -48,8 +49,8 @@ SURE = 0.97
 ON_TABLE_M = 0.0005
 """Links that close are not stopped by the table before."""
 _SHAPES = {"corner": "world", "cell": "world", "contact": "world contact", "normal":
-           "world contact", "weight": "world contact", "felt": "world contact", "free":
-           "world free", "free_count": "world", "hit": "world cells", "cap": "world cells",
+           "world contact", "weight": "world contact", "felt": "world contact", "came":
+           "world pose", "until": "world pose finger", "hit": "world cells", "cap": "world cells",
            "worth": "world cells", "chance": "world padded", "value": "world padded", "open_ball":
            "open", "hand_pose": "world pose", "barred": "world pose", "swept_ball":
            "finger place ball", "feels": "finger ball", "met": "finger", "meets": "finger",
@@ -84,14 +85,22 @@ class Occupancy:
         """The probabilities, (world, x, y, z)."""
         return np.minimum(self.hit, self.cap).reshape(-1, *CELLS)
 
-    def learn_touches(self, contact_m: np.ndarray, normal: np.ndarray, weight: np.ndarray,
-                      free_m: np.ndarray, free_count: np.ndarray) -> None:
-        """Contacts (world, contact, 3) with outward unit normals and weights from 0 (none) to 1;
-        then balls (world, free, 3), of which the first `free_count` (world,) swept freely."""
+    def learn_touches(self, contact_m: np.ndarray, normal: np.ndarray, weight: np.ndarray) -> None:
+        """Contacts (world, contact, 3) with outward unit normals and weights from 0 (none) to 1."""
         self._launch(learn_kernel, {"world": len(self.hit)}, contact=_vectors(contact_m),
                      normal=_vectors(normal), weight=wp.array(weight, dtype=real, device="cpu"),
-                     free=_vectors(free_m), radius=self.radius_m,
-                     free_count=wp.array(free_count, dtype=int, device="cpu"))
+                     radius=self.radius_m)
+
+    def learn_swept(self, open_m: np.ndarray, swept: SweptFingers, hand_pose: np.ndarray,
+                    came: np.ndarray, until: np.ndarray) -> None:
+        """The open hand, balls at `open_m` (ball, 3), `came` to poses (world, pose, 7), bool
+        (world, pose), and its fingers closed freely as far as places of their paths before `until`,
+        int (world, pose, finger)."""
+        check_range("place", until, 0, swept.balls_m.shape[1])
+        self._launch(swept_kernel, {"world": len(self.hit)}, open_ball=_vectors(open_m),
+                     swept_ball=_vectors(swept.balls_m),
+                     hand_pose=wp.array(hand_pose, dtype=transform, device="cpu"),
+                     came=wp.array(came, dtype=wp.bool, device="cpu"), until=_numbers(until))
 
     def learn_barred(self, open_m: np.ndarray, hand_pose: np.ndarray, barred: np.ndarray) -> None:
         """Poses (world, pose, 7) at which the open hand, balls at `open_m` (ball, 3), was `barred`

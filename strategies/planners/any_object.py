@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fit.rotation import matrix_of_quaternion
 from strategies.foresight.aimed_poses import draw_aimed_poses
 from strategies.foresight.hand_samples import HandSamples, reached_place, samples_of_hand
 from strategies.foresight.occupancy import Occupancy, Prospect, begin_occupancy
@@ -122,34 +121,13 @@ class AnyObject:
         spread = np.sqrt(np.trace(evidence.covariance_m2[:, new], axis1=2, axis2=3))
         sure = np.isfinite(evidence.contradiction[:, new]) & (np.abs(normal).sum(-1) > 0.0)
         weight = np.where(mask & sure, 1.0 / (1.0 + (spread / UNSURE_M) ** 2), 0.0)
-        balls, count = _swept_balls(samples, asked, closed, q, mask.reshape(worlds, poses, fingers))
-        grid.learn_touches(evidence.points_m[:, new], normal, weight, balls, count)
-
-
-def _swept_balls(samples: HandSamples, asked: _Asked, closed: np.ndarray, q_rad: np.ndarray,
-                 contact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Balls of the base frame that are free: the open hand that came in, and the fingers up to
-    where they stopped. (world, ball, 3), and how many of each world."""
-    worlds = len(asked.wanted)
-    swept = samples.swept[asked.closing]
-    found: list[list[np.ndarray]] = [[] for _ in range(worlds)]
-    turn = matrix_of_quaternion(asked.pose[..., 3:])
-    world, pose = np.nonzero(closed.any(2))
-    for w, p in zip(world, pose, strict=True):
-        at = asked.pose[w, p, :3]
-        found[w].append(samples.open_m @ turn[w, p].T + at)
-        finger = np.flatnonzero(closed[w, p])
-        last = reached_place(swept, finger, q_rad[w, p, finger])
+        grid.learn_touches(evidence.points_m[:, new], normal, weight)
+        swept = samples.swept[asked.closing]
+        last = reached_place(swept, np.arange(fingers), q)
         # Where a finger touched, its last places are those of the contact itself.
-        last = np.where(contact[w, p, finger], last - 1, last + 1)
-        for f, k in zip(finger, last, strict=True):
-            found[w].append(swept.balls_m[f, :max(k, 0)].reshape(-1, 3) @ turn[w, p].T + at)
-    count = np.array([sum(map(len, parts)) for parts in found], int)
-    balls = np.zeros((worlds, max(count.max(initial=0), 1), 3))
-    for w, parts in enumerate(found):
-        if parts:
-            balls[w, :count[w]] = np.concatenate(parts)
-    return balls, count
+        last = np.where(mask.reshape(closed.shape), last - 1, last + 1)
+        until = np.where(closed, np.clip(last, 0, swept.balls_m.shape[1]), 0)
+        grid.learn_swept(samples.open_m, swept, asked.pose, closed.any(2), until)
 
 
 def _beyond(gain: np.ndarray, price: float) -> np.ndarray:
