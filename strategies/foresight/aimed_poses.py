@@ -1,13 +1,11 @@
 """Hand poses aimed at the prior's inside and at places beside contacts, clear of the table."""
 
 import numpy as np
-import warp as wp
 
 from strategies.foresight.aimed_poses_kernel import Aims, aimed_poses_kernel
+from strategies.foresight.cpu_launch import launch_on_cpu
 from strategies.foresight.hand_samples import HandSamples
 from strategies.poses.waypoints import BoundingCylinder
-from warpgrasp.core.dtypes import real, transform, vec3
-from warpgrasp.core.kernel_launch import launch
 from warpgrasp.core.random import counter_key
 
 ABOUT_FELT = 0.6
@@ -40,16 +38,11 @@ def draw_aimed_poses(
     in_front = (np.take_along_axis(contact_m, order[..., None], 1) if order.size
                 else np.zeros((worlds, 1, 3)))
     poses = np.empty((worlds, count, 7))
-    launch(aimed_poses_kernel, {"world": worlds, "pose": count}, _SHAPES, {
-        "key": wp.array(counter_key(seed, step), dtype=wp.uint64, device="cpu"),
-        **{name: wp.array(value, dtype=real, device="cpu") for name, value in (
-            ("x", prior.x_m), ("y", prior.y_m), ("radius", prior.radius_m),
-            ("height", prior.height_m))},
-        "felt": wp.array(in_front, dtype=vec3, device="cpu"),
-        "felt_count": wp.array(felt.sum(1), dtype=int, device="cpu"),
-        "corner": wp.array(samples.outermost_m, dtype=vec3, device="cpu"),
-        "aims": _aims(samples.radius_m, reach_m),
-        "hand_pose": wp.array(poses, dtype=transform, device="cpu", copy=False)}, device="cpu")
+    launch_on_cpu(aimed_poses_kernel, {"world": worlds, "pose": count}, _SHAPES,
+                  key=counter_key(seed, step), x=prior.x_m, y=prior.y_m, radius=prior.radius_m,
+                  height=prior.height_m, felt=in_front, felt_count=felt.sum(1),
+                  corner=samples.outermost_m, aims=_aims(samples.radius_m, reach_m),
+                  hand_pose=poses)
     return poses
 
 

@@ -8,11 +8,13 @@ rises where the open hand was barred. The numbers marked [est] are guesses of ev
 
 from dataclasses import dataclass
 from math import prod
+from typing import Any
 
 import numpy as np
 import warp as wp
 from scipy.special import ndtr
 
+from strategies.foresight.cpu_launch import launch_on_cpu
 from strategies.foresight.hand_samples import SweptFingers
 from strategies.foresight.occupancy_kernel import (
     barred_kernel,
@@ -29,8 +31,7 @@ from strategies.foresight.prospect_kernel import (
     looked_up_kernel,
 )
 from strategies.poses.waypoints import BoundingBox, BoundingCylinder
-from warpgrasp.core.dtypes import real, transform, vec3
-from warpgrasp.core.kernel_launch import check_range, launch
+from warpgrasp.core.kernel_launch import check_range
 
 CELLS = (40, 40, 28)
 """Of every grid, along x, y, z."""
@@ -77,7 +78,7 @@ class Occupancy:
         """`hit` (world, cells) begins the grids, whose lowest corners are `corner_m` (world, 3) and
         whose cells are `cell_m` (world,) wide; links have `radius_m`."""
         self.corner_m, self.cell_m, self.radius_m = corner_m, cell_m, radius_m
-        self.hit = hit.astype(np.float32)
+        self.hit = np.array(hit, np.float32)
         self.cap = np.ones_like(self.hit)
 
     @property
@@ -87,9 +88,8 @@ class Occupancy:
 
     def learn_touches(self, contact_m: np.ndarray, normal: np.ndarray, weight: np.ndarray) -> None:
         """Contacts (world, contact, 3) with outward unit normals and weights from 0 (none) to 1."""
-        self._launch(learn_kernel, {"world": len(self.hit)}, contact=_vectors(contact_m),
-                     normal=_vectors(normal), weight=wp.array(weight, dtype=real, device="cpu"),
-                     radius=self.radius_m)
+        self._launch(learn_kernel, {"world": len(self.hit)}, contact=contact_m, normal=normal,
+                     weight=weight, radius=self.radius_m)
 
     def learn_swept(self, open_m: np.ndarray, swept: SweptFingers, hand_pose: np.ndarray,
                     came: np.ndarray, until: np.ndarray) -> None:
@@ -97,25 +97,21 @@ class Occupancy:
         (world, pose), and its fingers closed freely as far as places of their paths before `until`,
         int (world, pose, finger)."""
         check_range("place", until, 0, swept.balls_m.shape[1])
-        self._launch(swept_kernel, {"world": len(self.hit)}, open_ball=_vectors(open_m),
-                     swept_ball=_vectors(swept.balls_m),
-                     hand_pose=wp.array(hand_pose, dtype=transform, device="cpu"),
-                     came=wp.array(came, dtype=wp.bool, device="cpu"), until=_numbers(until))
+        self._launch(swept_kernel, {"world": len(self.hit)}, open_ball=open_m,
+                     swept_ball=swept.balls_m, hand_pose=hand_pose, came=came, until=until)
 
     def learn_barred(self, open_m: np.ndarray, hand_pose: np.ndarray, barred: np.ndarray) -> None:
         """Poses (world, pose, 7) at which the open hand, balls at `open_m` (ball, 3), was `barred`
         (world, pose)."""
-        self._launch(barred_kernel, {"world": len(self.hit)}, open_ball=_vectors(open_m),
-                     hand_pose=wp.array(hand_pose, dtype=transform, device="cpu"),
-                     barred=wp.array(barred, dtype=wp.bool, device="cpu"))
+        self._launch(barred_kernel, {"world": len(self.hit)}, open_ball=open_m,
+                     hand_pose=hand_pose, barred=barred)
 
     def worth(self, contact_m: np.ndarray, felt: np.ndarray) -> np.ndarray:
         """What a touch in each cell is worth beside contacts (world, contact, 3), (world, cells).
         """
         worth = np.ones_like(self.hit)
-        self._launch(worth_kernel, {"world": len(self.hit)}, contact=_vectors(contact_m),
-                     felt=wp.array(felt, dtype=wp.bool, device="cpu"), radius=self.radius_m,
-                     near=NEAR_M, reach=WORTH_REACH_M, worth=_shared(worth))
+        self._launch(worth_kernel, {"world": len(self.hit)}, contact=contact_m, felt=felt,
+                     radius=self.radius_m, near=NEAR_M, reach=WORTH_REACH_M, worth=worth)
         return worth
 
     def foresee(self, open_m: np.ndarray, swept: SweptFingers, hand_pose: np.ndarray,
@@ -131,31 +127,23 @@ class Occupancy:
         place = np.empty((worlds, poses if closely else 0, fingers, 3))
         padded = prod(count + 2 * BORDER for count in CELLS)
         chance, value = (np.zeros((worlds, padded), np.float32) for _ in range(2))
-        self._launch(looked_up_kernel, {"world": worlds}, worth=_shared(worth),
-                     chance=_shared(chance), value=_shared(value))
+        self._launch(looked_up_kernel, {"world": worlds}, worth=worth, chance=chance, value=value)
         looks = Looks()
         looks.floor, looks.table = self.radius_m, self.radius_m - ON_TABLE_M
         looks.lowest, looks.sure = lowest_m, SURE
         self._launch(foresee_kernel, {"world": worlds, "group": -(-poses // LANES)}, looks=looks,
-                     closely=closely, open_ball=_vectors(open_m),
-                     swept_ball=_vectors(swept.balls_m),
-                     feels=wp.array(swept.feels, dtype=wp.bool, device="cpu"),
-                     met=_numbers(swept.met), meets=_numbers(swept.meets),
-                     hand_pose=wp.array(hand_pose, dtype=transform, device="cpu"),
-                     wanted=wp.array(wanted, dtype=wp.bool, device="cpu"),
-                     chance=_shared(chance), value=_shared(value),
-                     barred=wp.array(barred, dtype=real, device="cpu", copy=False),
-                     gain=wp.array(gain, dtype=real, device="cpu", copy=False),
-                     place=wp.array(place, dtype=vec3, device="cpu", copy=False))
+                     closely=closely, open_ball=open_m, swept_ball=swept.balls_m,
+                     feels=swept.feels, met=swept.met, meets=swept.meets, hand_pose=hand_pose,
+                     wanted=wanted, chance=chance, value=value, barred=barred, gain=gain,
+                     place=place)
         return Prospect(barred, gain, place)
 
-    def _launch(self, kernel: object, extents: dict[str, int], **given: object) -> None:
-        names = {argument.label for argument in kernel.adj.args}  # type: ignore[attr-defined]
-        grid = {"corner": _vectors(self.corner_m), "cell": wp.array(self.cell_m, dtype=real,
-                                                                    device="cpu"),
-                "n": wp.vec3i(*CELLS), "hit": _shared(self.hit), "cap": _shared(self.cap)}
-        arguments = {name: value for name, value in grid.items() if name in names} | given
-        launch(kernel, extents, _SHAPES, arguments, device="cpu")
+    def _launch(self, kernel: Any, extents: dict[str, int], **given: Any) -> None:
+        names = {argument.label for argument in kernel.adj.args}
+        grid = {"corner": self.corner_m, "cell": self.cell_m, "n": wp.vec3i(*CELLS),
+                "hit": self.hit, "cap": self.cap}
+        launch_on_cpu(kernel, extents, _SHAPES, **{
+            name: value for name, value in grid.items() if name in names}, **given)
 
 
 def begin_occupancy(prior: BoundingCylinder, radius_m: float) -> Occupancy:
@@ -184,16 +172,3 @@ def begin_occupancy(prior: BoundingCylinder, radius_m: float) -> Occupancy:
         AT_RIM + (AT_AXIS - AT_RIM) * np.clip(1.0 - share, 0.0, 1.0) ** 2)
     hit = within[..., None] * ndtr((radius_m - over) / PRIOR_SIGMA_M)[:, None, None]
     return Occupancy(corner, size, hit.reshape(len(size), -1), radius_m)
-
-
-def _numbers(values: np.ndarray) -> wp.array:
-    return wp.array(values, dtype=int, device="cpu")
-
-
-def _vectors(values: np.ndarray) -> wp.array:
-    return wp.array(np.ascontiguousarray(values, float), dtype=vec3, device="cpu")
-
-
-def _shared(values: np.ndarray) -> wp.array:
-    """A view of an array that a kernel writes to."""
-    return wp.array(values, dtype=wp.float32, device="cpu", copy=False)
