@@ -23,8 +23,8 @@ STRIDE = 6
 STILL_M = 1e-6
 THIN_OPEN, THIN_PLACES, THIN_BALLS = 12, 4, 9
 """A first look takes one of so many balls of the open hand, places of a path and balls of a finger.
-Beliefs of four objects at twelve steps [see docs/design_notes/fits.md]: fingertips tell as much as
-three balls of a finger, and places of a path more than both."""
+Fingertips tell as much as three balls of a finger; of places of a path and of the open hand it
+needs more (docs/design_notes/fits.md)."""
 APPROACH_M, APPROACH_STEP_M = 0.12, 0.008
 """The way in, and how often it is looked at."""
 

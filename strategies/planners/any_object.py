@@ -8,6 +8,7 @@ expected to touch most of the surface that no contact has covered yet: greedy ma
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
@@ -137,7 +138,9 @@ def _beyond(gain: np.ndarray, price: float) -> np.ndarray:
 
 def _of_pose(gain: np.ndarray, price: float) -> np.ndarray:
     """The same of poses, (world, pose): fingers that would gain less stay open."""
-    return np.maximum(_beyond(gain, price), 0.0).sum(2)
+    left = _beyond(gain, price)
+    np.maximum(left, 0.0, out=left)
+    return reduce(np.add, np.moveaxis(left, 2, 0))  # a fifth of the time of `sum` over few
 
 
 def _greedy(gain: np.ndarray, place_m: np.ndarray, poses: int, price: float
