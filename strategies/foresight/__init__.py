@@ -3,8 +3,8 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "aimed_poses": ["draw_aimed_poses"],
     "first_touch": ["first_touches"],
-    "hand_samples": ["HandSamples", "SweptFingers", "lowest_of_hand", "reached_place",
-        "samples_of_hand"],
+    "hand_samples": ["HandSamples", "SweptFingers", "reached_place", "samples_of_hand"],
     "occupancy": ["Occupancy", "Prospect", "begin_occupancy"],
 })

@@ -11,7 +11,6 @@ from functools import cached_property, lru_cache
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from fit.rotation import matrix_of_quaternion
 from strategies.foresight.hand_meetings import hand_meetings
 from strategies.poses.hand_outline import outline_of
 from strategies.procedures.containment import padded_commands
@@ -22,9 +21,10 @@ from warpgrasp.parameters import HandTable
 STRIDE = 6
 """Steps of half a degree between two places of a finger that are looked at."""
 STILL_M = 1e-6
-THIN, THIRD = 6, 3
-"""Of how many places of a path a first look takes one, of twice as many balls of the open hand, and
-of how many balls of a finger."""
+THIN_OPEN, THIN_PLACES, THIN_BALLS = 12, 4, 9
+"""A first look takes one of so many balls of the open hand, places of a path and balls of a finger.
+Fingertips tell as much as three balls of a finger; of places of a path and of the open hand it
+needs more (docs/design_notes/fits.md)."""
 APPROACH_M, APPROACH_STEP_M = 0.12, 0.008
 """The way in, and how often it is looked at."""
 
@@ -65,16 +65,29 @@ class HandSamples:
 
     @cached_property
     def thinned(self) -> "HandSamples":
-        """A tenth of the samples, for a first look at many poses: the last ball of each finger and
-        every third before it, at a few places of a path."""
-        return HandSamples(self.open_m[::2 * THIN], self.radius_m,
-                           tuple(map(_thinned, self.swept)))
+        """Fewer samples, for a first look at many poses: the last ball of each finger, and those
+        so far before it, at a few places of a path, and of the open hand some that lie far apart.
+        """
+        return HandSamples(_far_apart(self.open_m, -(-len(self.open_m) // THIN_OPEN)),
+                           self.radius_m, tuple(map(_thinned, self.swept)))
+
+
+def _far_apart(places_m: np.ndarray, count: int) -> np.ndarray:
+    """So many of places (place, 3), each the farthest from those before it, the first from all."""
+    away = np.linalg.norm(places_m - places_m.mean(0), axis=1)
+    chosen = np.array([], int)
+    for _ in range(count):
+        chosen = np.append(chosen, away.argmax())
+        from_last = np.linalg.norm(places_m - places_m[chosen[-1]], axis=1)
+        away = from_last if len(chosen) == 1 else np.minimum(away, from_last)
+    return places_m[chosen]
 
 
 def _thinned(swept: SweptFingers) -> SweptFingers:
-    kept = np.arange(swept.balls_m.shape[2])[::-THIRD][::-1]
-    return SweptFingers(swept.balls_m[:, ::THIN, kept], swept.feels[:, kept],
-                        swept.joints_rad[:, ::THIN], -(-swept.met // THIN), swept.meets)
+    kept = np.arange(swept.balls_m.shape[2])[::-THIN_BALLS][::-1]
+    return SweptFingers(swept.balls_m[:, ::THIN_PLACES, kept], swept.feels[:, kept],
+                        swept.joints_rad[:, ::THIN_PLACES], -(-swept.met // THIN_PLACES),
+                        swept.meets)
 
 
 def samples_of_hand(hand: HandTable, closings: tuple[str, ...]) -> HandSamples:
@@ -124,16 +137,8 @@ def _balls(hand: HandCapsules, ends_m: np.ndarray, ball_m: float) -> tuple[np.nd
     return np.stack(found), np.stack(link)
 
 
-def lowest_of_hand(samples: HandSamples, hand_pose: np.ndarray) -> np.ndarray:
-    """Height of the lowest place of the open hand, way in and all, at poses (..., 7) [m], (...)."""
-    down = matrix_of_quaternion(hand_pose[..., 3:])[..., 2, :, None]
-    x, y, z = samples.outermost_m.T  # sums written out: they do not round by the batch
-    height = down[..., 0, :] * x + down[..., 1, :] * y + down[..., 2, :] * z
-    return height.min(-1) + hand_pose[..., 2] - samples.radius_m
-
-
 def reached_place(swept: SweptFingers, finger: np.ndarray, q_rad: np.ndarray) -> np.ndarray:
-    """Which place of the path is nearest to where fingers (k,) stand, by joints (k, joint) as read,
-    (k,)."""
-    apart = np.linalg.norm(swept.joints_rad[finger] - q_rad[:, None], axis=-1)
-    return apart.argmin(1)
+    """Which place of the path is nearest to where fingers (k,) stand, by joints (..., k, joint) as
+    read, (..., k)."""
+    apart = np.linalg.norm(swept.joints_rad[finger] - q_rad[..., None, :], axis=-1)
+    return apart.argmin(-1)

@@ -7,23 +7,32 @@ rises where the open hand was barred. The numbers marked [est] are guesses of ev
 """
 
 from dataclasses import dataclass
+from math import prod
+from typing import Any
 
 import numpy as np
 import warp as wp
 from scipy.special import ndtr
 
+from strategies.foresight.cpu_launch import launch_on_cpu
 from strategies.foresight.hand_samples import SweptFingers
 from strategies.foresight.occupancy_kernel import (
     barred_kernel,
-    chance_kernel,
     learn_kernel,
+    swept_kernel,
     worth_kernel,
 )
-from strategies.foresight.prospect_kernel import foresee_kernel
+from strategies.foresight.prospect_kernel import (
+    BORDER,
+    LANES,
+    MOST_FINGERS,
+    Looks,
+    foresee_kernel,
+    looked_up_kernel,
+)
 from strategies.poses.waypoints import BoundingBox, BoundingCylinder
 from strategies.procedures.depth_prior import SeenBox, believed_after
-from warpgrasp.core.dtypes import real, transform, vec3
-from warpgrasp.core.kernel_launch import launch
+from warpgrasp.core.kernel_launch import check_range
 
 CELLS = (40, 40, 28)
 """Of every grid, along x, y, z."""
@@ -37,13 +46,17 @@ AT_RIM, AT_AXIS = 0.03, 0.80
 NEAR_M = 0.010
 """What a contact covers."""
 WORTH_REACH_M = 0.036
+SURE = 0.97
+"""Of a touch: what is met more surely is not passed."""
+ON_TABLE_M = 0.0005
+"""Links that close are not stopped by the table before."""
 _SHAPES = {"corner": "world", "cell": "world", "contact": "world contact", "normal":
-           "world contact", "weight": "world contact", "felt": "world contact", "free":
-           "world free", "free_count": "world", "hit": "world cells", "cap": "world cells",
-           "worth": "world cells", "chance": "world cells", "open_ball": "open", "hand_pose":
-           "world pose", "barred": "world pose", "swept_ball": "finger place ball", "feels":
-           "finger ball", "met": "finger", "meets": "finger", "wanted": "world pose", "gain":
-           "world pose finger", "place": "world pose finger", "stopped": "world pose finger"}
+           "world contact", "weight": "world contact", "felt": "world contact", "came":
+           "world pose", "until": "world pose finger", "hit": "world cells", "cap": "world cells",
+           "worth": "world cells", "chance": "world padded", "value": "world padded", "open_ball":
+           "open", "hand_pose": "world pose", "barred": "world pose", "swept_ball":
+           "finger place ball", "feels": "finger ball", "met": "finger", "meets": "finger",
+           "wanted": "world pose", "gain": "world pose finger", "place": "world closely finger"}
 
 
 @dataclass(frozen=True)
@@ -55,7 +68,7 @@ class Prospect:
     gain: np.ndarray
     """Expected worth of each finger's touch, from 0 to 1, (..., finger)."""
     place_m: np.ndarray
-    """Likeliest place of each finger's touch, (..., finger, 3)."""
+    """Likeliest place of each finger's touch, (..., finger, 3); zeros where it gains nothing."""
 
 
 class Occupancy:
@@ -66,7 +79,7 @@ class Occupancy:
         """`hit` (world, cells) begins the grids, whose lowest corners are `corner_m` (world, 3) and
         whose cells are `cell_m` (world,) wide; links have `radius_m`."""
         self.corner_m, self.cell_m, self.radius_m = corner_m, cell_m, radius_m
-        self.hit = hit.astype(np.float32)
+        self.hit = np.array(hit, np.float32)
         self.cap = np.ones_like(self.hit)
 
     @property
@@ -74,63 +87,64 @@ class Occupancy:
         """The probabilities, (world, x, y, z)."""
         return np.minimum(self.hit, self.cap).reshape(-1, *CELLS)
 
-    def learn_touches(self, contact_m: np.ndarray, normal: np.ndarray, weight: np.ndarray,
-                      free_m: np.ndarray, free_count: np.ndarray) -> None:
-        """Contacts (world, contact, 3) with outward unit normals and weights from 0 (none) to 1;
-        then balls (world, free, 3), of which the first `free_count` (world,) swept freely."""
-        self._launch(learn_kernel, {"world": len(self.hit)}, contact=_vectors(contact_m),
-                     normal=_vectors(normal), weight=wp.array(weight, dtype=real, device="cpu"),
-                     free=_vectors(free_m), radius=self.radius_m,
-                     free_count=wp.array(free_count, dtype=int, device="cpu"))
+    def learn_touches(self, contact_m: np.ndarray, normal: np.ndarray, weight: np.ndarray) -> None:
+        """Contacts (world, contact, 3) with outward unit normals and weights from 0 (none) to 1."""
+        self._launch(learn_kernel, {"world": len(self.hit)}, contact=contact_m, normal=normal,
+                     weight=weight, radius=self.radius_m)
+
+    def learn_swept(self, open_m: np.ndarray, swept: SweptFingers, hand_pose: np.ndarray,
+                    came: np.ndarray, until: np.ndarray) -> None:
+        """The open hand, balls at `open_m` (ball, 3), `came` to poses (world, pose, 7), bool
+        (world, pose), and its fingers closed freely as far as places of their paths before `until`,
+        int (world, pose, finger)."""
+        check_range("place", until, 0, swept.balls_m.shape[1])
+        self._launch(swept_kernel, {"world": len(self.hit)}, open_ball=open_m,
+                     swept_ball=swept.balls_m, hand_pose=hand_pose, came=came, until=until)
 
     def learn_barred(self, open_m: np.ndarray, hand_pose: np.ndarray, barred: np.ndarray) -> None:
         """Poses (world, pose, 7) at which the open hand, balls at `open_m` (ball, 3), was `barred`
         (world, pose)."""
-        self._launch(barred_kernel, {"world": len(self.hit)}, open_ball=_vectors(open_m),
-                     hand_pose=wp.array(hand_pose, dtype=transform, device="cpu"),
-                     barred=wp.array(barred, dtype=wp.bool, device="cpu"))
+        self._launch(barred_kernel, {"world": len(self.hit)}, open_ball=open_m,
+                     hand_pose=hand_pose, barred=barred)
 
     def worth(self, contact_m: np.ndarray, felt: np.ndarray) -> np.ndarray:
         """What a touch in each cell is worth beside contacts (world, contact, 3), (world, cells).
         """
         worth = np.ones_like(self.hit)
-        self._launch(worth_kernel, {"world": len(self.hit)}, contact=_vectors(contact_m),
-                     felt=wp.array(felt, dtype=wp.bool, device="cpu"), radius=self.radius_m,
-                     near=NEAR_M, reach=WORTH_REACH_M, worth=_shared(worth))
+        self._launch(worth_kernel, {"world": len(self.hit)}, contact=contact_m, felt=felt,
+                     radius=self.radius_m, near=NEAR_M, reach=WORTH_REACH_M, worth=worth)
         return worth
 
     def foresee(self, open_m: np.ndarray, swept: SweptFingers, hand_pose: np.ndarray,
-                wanted: np.ndarray, worth: np.ndarray, lowest_m: float) -> Prospect:
+                wanted: np.ndarray, worth: np.ndarray, lowest_m: float,
+                closely: bool = True) -> Prospect:
         """What hand poses (world, pose, 7) would bring; touches by balls lower than `lowest_m` are
-        taken for the table's."""
+        taken for the table's. Places are left out, (world, 0, finger, 3), unless it looks
+        `closely`. Raises ValueError for a hand of more than `MOST_FINGERS`."""
         worlds, poses = hand_pose.shape[:2]
-        barred = np.ones((worlds, poses))
         fingers = len(swept.met)
-        gain, stopped = (np.zeros((worlds, poses, fingers)) for _ in range(2))
-        place = np.zeros((worlds, poses, fingers, 3))
-        chance = np.empty_like(self.hit)
-        self._launch(chance_kernel, {"world": worlds}, chance=_shared(chance))
-        self._launch(foresee_kernel, {"world": worlds, "pose": poses}, radius=self.radius_m,
-                     lowest=lowest_m, open_ball=_vectors(open_m),
-                     swept_ball=_vectors(swept.balls_m),
-                     feels=wp.array(swept.feels, dtype=wp.bool, device="cpu"),
-                     met=_numbers(swept.met), meets=_numbers(swept.meets),
-                     hand_pose=wp.array(hand_pose, dtype=transform, device="cpu"),
-                     wanted=wp.array(wanted, dtype=wp.bool, device="cpu"), worth=_shared(worth),
-                     chance=_shared(chance),
-                     barred=wp.array(barred, dtype=real, device="cpu", copy=False),
-                     gain=wp.array(gain, dtype=real, device="cpu", copy=False),
-                     place=wp.array(place, dtype=vec3, device="cpu", copy=False),
-                     stopped=wp.array(stopped, dtype=real, device="cpu", copy=False))
+        check_range("fingers", fingers, 1, MOST_FINGERS)
+        barred, gain = np.empty((worlds, poses)), np.empty((worlds, poses, fingers))
+        place = np.empty((worlds, poses if closely else 0, fingers, 3))
+        padded = prod(count + 2 * BORDER for count in CELLS)
+        chance, value = (np.zeros((worlds, padded), np.float32) for _ in range(2))
+        self._launch(looked_up_kernel, {"world": worlds}, worth=worth, chance=chance, value=value)
+        looks = Looks()
+        looks.floor, looks.table = self.radius_m, self.radius_m - ON_TABLE_M
+        looks.lowest, looks.sure = lowest_m, SURE
+        self._launch(foresee_kernel, {"world": worlds, "group": -(-poses // LANES)}, looks=looks,
+                     closely=closely, open_ball=open_m, swept_ball=swept.balls_m,
+                     feels=swept.feels, met=swept.met, meets=swept.meets, hand_pose=hand_pose,
+                     wanted=wanted, chance=chance, value=value, barred=barred, gain=gain,
+                     place=place)
         return Prospect(barred, gain, place)
 
-    def _launch(self, kernel: object, extents: dict[str, int], **given: object) -> None:
-        names = {argument.label for argument in kernel.adj.args}  # type: ignore[attr-defined]
-        grid = {"corner": _vectors(self.corner_m), "cell": wp.array(self.cell_m, dtype=real,
-                                                                    device="cpu"),
-                "n": wp.vec3i(*CELLS), "hit": _shared(self.hit), "cap": _shared(self.cap)}
-        arguments = {name: value for name, value in grid.items() if name in names} | given
-        launch(kernel, extents, _SHAPES, arguments, device="cpu")
+    def _launch(self, kernel: Any, extents: dict[str, int], **given: Any) -> None:
+        names = {argument.label for argument in kernel.adj.args}
+        grid = {"corner": self.corner_m, "cell": self.cell_m, "n": wp.vec3i(*CELLS),
+                "hit": self.hit, "cap": self.cap}
+        launch_on_cpu(kernel, extents, _SHAPES, **{
+            name: value for name, value in grid.items() if name in names}, **given)
 
 
 def begin_occupancy(prior: BoundingCylinder, radius_m: float) -> Occupancy:
@@ -164,16 +178,3 @@ def begin_occupancy(prior: BoundingCylinder, radius_m: float) -> Occupancy:
         hit = believed_after(prior.view, hit.reshape(len(size), -1),
                              places.reshape(len(size), -1, 3), radius_m)
     return Occupancy(corner, size, hit.reshape(len(size), -1), radius_m)
-
-
-def _numbers(values: np.ndarray) -> wp.array:
-    return wp.array(values, dtype=int, device="cpu")
-
-
-def _vectors(values: np.ndarray) -> wp.array:
-    return wp.array(np.ascontiguousarray(values, float), dtype=vec3, device="cpu")
-
-
-def _shared(values: np.ndarray) -> wp.array:
-    """A view of an array that a kernel writes to."""
-    return wp.array(values, dtype=wp.float32, device="cpu", copy=False)

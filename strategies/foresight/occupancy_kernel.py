@@ -26,6 +26,7 @@ _SPREAD = wp.constant(real(0.003))  # [m] of the surface where it was touched
 _TILT = wp.constant(real(0.35))  # growth of that a metre aside
 _BARRED = wp.constant(real(0.75))
 _LEAST = wp.constant(real(0.0005))
+_SLACK = wp.constant(real(1.000001))  # what rounding may do to a bound that only saves time
 
 
 @wp.func
@@ -60,14 +61,11 @@ def learn_kernel(
     contact: wp.array2d[vec3],
     normal: wp.array2d[vec3],
     weight: wp.array2d[real],
-    free: wp.array2d[vec3],
-    free_count: wp.array[int],
     # Beliefs, in and out:
     hit: wp.array2d[wp.float32],
-    cap: wp.array2d[wp.float32],
 ):
     """Contacts, where `weight` is positive: below the plane through each a ball touches, above it
-    none does, the less surely the farther aside. Then free balls."""
+    none does, the less surely the farther aside."""
     w = wp.tid() + first
     c, size = corner[w], cell[w]
     for t in range(contact.shape[1]):
@@ -92,20 +90,61 @@ def learn_kernel(
                         at = (i * n[1] + j) * n[2] + k
                         old = real(hit[w, at])
                         hit[w, at] = wp.float32(old + trust * (share - old))
-    for f in range(free_count[w]):
-        p = free[w, f]
-        for i in range(_low(p[0] - _FREE_REACH, c[0], size),
-                       _high(p[0] + _FREE_REACH, c[0], size, n[0]) + 1):
-            for j in range(_low(p[1] - _FREE_REACH, c[1], size),
-                           _high(p[1] + _FREE_REACH, c[1], size, n[1]) + 1):
+
+
+@wp.func
+def _free(w: int, p: vec3, c: vec3, size: real, n: wp.vec3i, cap: wp.array2d[wp.float32]):
+    """A ball of a link has been at `p`: what it bounds, it does the less the farther away."""
+    # Roots are taken only where they may matter, which is seldom: balls lie close together.
+    half = HALF * size
+    most = (_FREE_REACH + half) * _SLACK
+    for i in range(_low(p[0] - _FREE_REACH, c[0], size),
+                   _high(p[0] + _FREE_REACH, c[0], size, n[0]) + 1):
+        x = c[0] + (real(i) + HALF) * size - p[0]
+        for j in range(_low(p[1] - _FREE_REACH, c[1], size),
+                       _high(p[1] + _FREE_REACH, c[1], size, n[1]) + 1):
+            y = c[1] + (real(j) + HALF) * size - p[1]
+            level = x * x + y * y
+            if level < most * most:
                 for k in range(_low(p[2] - _FREE_REACH, c[2], size),
                                _high(p[2] + _FREE_REACH, c[2], size, n[2]) + 1):
-                    x = c + vec3(real(i) + HALF, real(j) + HALF, real(k) + HALF) * size
-                    # The middle of the cell that holds it is at most 0.87 of a cell away.
-                    far = greater(wp.length(x - p) - HALF * size, ZERO) / _FREE_REACH
+                    z = c[2] + (real(k) + HALF) * size - p[2]
                     at = (i * n[1] + j) * n[2] + k
-                    if wp.float32(far) < cap[w, at]:
-                        cap[w, at] = wp.float32(far)
+                    bound = (real(cap[w, at]) * _FREE_REACH + half) * _SLACK
+                    if level + z * z < bound * bound:
+                        # The middle of the cell that holds it is at most 0.87 of a cell away.
+                        away = wp.sqrt(level + z * z) - half
+                        far = wp.float32(greater(away, ZERO) / _FREE_REACH)
+                        if far < cap[w, at]:
+                            cap[w, at] = far
+
+
+@wp.kernel(enable_backward=False)
+def swept_kernel(
+    first: int,
+    corner: wp.array[vec3],
+    cell: wp.array[real],
+    n: wp.vec3i,
+    open_ball: wp.array[vec3],
+    swept_ball: wp.array3d[vec3],
+    hand_pose: wp.array2d[transform],
+    came: wp.array2d[wp.bool],
+    until: wp.array3d[int],
+    cap: wp.array2d[wp.float32],
+):
+    """What was free: the open hand at poses at which it `came` in, and there the fingers at the
+    places of their paths before `until`."""
+    w = wp.tid() + first
+    c, size = corner[w], cell[w]
+    for p in range(hand_pose.shape[1]):
+        if came[w, p]:
+            pose = hand_pose[w, p]
+            for b in range(open_ball.shape[0]):
+                _free(w, wp.transform_point(pose, open_ball[b]), c, size, n, cap)
+            for f in range(swept_ball.shape[0]):
+                for s in range(until[w, p, f]):
+                    for b in range(swept_ball.shape[2]):
+                        _free(w, wp.transform_point(pose, swept_ball[f, s, b]), c, size, n, cap)
 
 
 @wp.func
@@ -165,34 +204,26 @@ def worth_kernel(
     contact has covered, by the nearest one. Starts as ones."""
     w = wp.tid() + first
     c, size = corner[w], cell[w]
+    most = (near + near + radius) * _SLACK
     for t in range(contact.shape[1]):
         if felt[w, t]:
             p = contact[w, t]
+            # As above: roots only where they may matter.
             for i in range(_low(p[0] - reach, c[0], size),
                            _high(p[0] + reach, c[0], size, n[0]) + 1):
+                x = c[0] + (real(i) + HALF) * size - p[0]
                 for j in range(_low(p[1] - reach, c[1], size),
                                _high(p[1] + reach, c[1], size, n[1]) + 1):
-                    for k in range(_low(p[2] - reach, c[2], size),
-                                   _high(p[2] + reach, c[2], size, n[2]) + 1):
-                        x = c + vec3(real(i) + HALF, real(j) + HALF, real(k) + HALF) * size
-                        apart = greater(wp.length(x - p) - radius, ZERO) / (near + near)
-                        value = wp.float32(lesser(apart, ONE))
-                        at = (i * n[1] + j) * n[2] + k
-                        if value < worth[w, at]:
-                            worth[w, at] = value
-
-
-@wp.kernel(enable_backward=False)
-def chance_kernel(
-    first: int,
-    hit: wp.array2d[wp.float32],
-    cap: wp.array2d[wp.float32],
-    chance: wp.array2d[wp.float32],
-):
-    """How often a cell to which a hand is sent stops it: the square of what is believed. Poses are
-    picked for what is left to find, and there beliefs are too high: of fingers sent to cells
-    believed at 0.35, 0.55 and 0.85 about 0.2, 0.5 and 0.9 felt something [est]."""
-    w = wp.tid() + first
-    for at in range(hit.shape[1]):
-        p = wp.min(hit[w, at], cap[w, at])
-        chance[w, at] = p * p
+                    y = c[1] + (real(j) + HALF) * size - p[1]
+                    level = x * x + y * y
+                    if level < most * most:
+                        for k in range(_low(p[2] - reach, c[2], size),
+                                       _high(p[2] + reach, c[2], size, n[2]) + 1):
+                            z = c[2] + (real(k) + HALF) * size - p[2]
+                            at = (i * n[1] + j) * n[2] + k
+                            bound = (real(worth[w, at]) * (near + near) + radius) * _SLACK
+                            if level + z * z < bound * bound:
+                                away = wp.sqrt(level + z * z) - radius
+                                value = wp.float32(greater(away, ZERO) / (near + near))
+                                if value < worth[w, at]:
+                                    worth[w, at] = value

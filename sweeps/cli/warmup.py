@@ -12,6 +12,7 @@ import numpy as np
 
 KERNEL_MODULES = (
     "strategies.contacts.placing_kernel",
+    "strategies.foresight.aimed_poses_kernel",
     "strategies.foresight.foresight_kernel",
     "strategies.foresight.occupancy_kernel",
     "strategies.foresight.prospect_kernel",
@@ -54,6 +55,7 @@ EXPLORED = (
     "strategies.foresight.occupancy_kernel", "strategies.foresight.prospect_kernel",
     "warpgrasp.mechanism.puma560_kernel", "strategies.recovery.body_distances_kernel",
     "sweeps.episode.surface_elements_kernel", "warpgrasp.mechanism.utah_mit_hand_kernel",
+    "strategies.foresight.aimed_poses_kernel",
 )
 """What an episode of `explore` with the default strategy launches; those that compile longest come
 first, so that the cores are done at about the same time."""

@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
-from strategies.foresight.hand_samples import lowest_of_hand, reached_place, samples_of_hand
+from fit.rotation import matrix_of_quaternion
+from strategies.foresight.hand_samples import SweptFingers, reached_place, samples_of_hand
 from strategies.foresight.occupancy import CELLS, NEAR_M, Occupancy, begin_occupancy
 from strategies.poses.waypoints import BoundingBox, BoundingCylinder
 from warpgrasp.parameters import HandTable
@@ -31,12 +33,19 @@ def nearest(grid: Occupancy, point: list[float]) -> float:
     return float(grid.believed[0].reshape(-1)[away.argmin()])
 
 
-def learn(grid: Occupancy, contact: list[float] | None = None, normal: tuple = (0, 0, 1),
-          free: np.ndarray | None = None) -> None:
-    balls = np.zeros((1, 1, 3)) if free is None else free[None]
+def learn(grid: Occupancy, contact: list[float] | None = None, normal: tuple = (0, 0, 1)) -> None:
     grid.learn_touches(np.array([[contact or [0, 0, 0]]], float), np.array([[normal]], float),
-                       np.array([[1.0 if contact else 0.0]]), balls,
-                       np.array([0 if free is None else len(free)]))
+                       np.array([[1.0 if contact else 0.0]]))
+
+
+def freed(grid: Occupancy, free: np.ndarray) -> None:
+    """An open hand of balls at `free` (world, ball, 3), one of them a pose."""
+    one = np.zeros((1, 3))
+    fingers = SweptFingers(np.zeros((1, 1, 1, 3)), np.ones((1, 1), bool), np.zeros((1, 1, 1)),
+                           np.ones(1, int), np.full(1, -1))
+    pose = np.concatenate([free, np.tile([0.0, 0.0, 0.0, 1.0], (*free.shape[:2], 1))], -1)
+    grid.learn_swept(one, fingers, pose, np.ones(free.shape[:2], bool),
+                     np.zeros((*free.shape[:2], 1), int))
 
 
 def test_the_prior_falls_from_its_axis_to_nothing_outside() -> None:
@@ -60,7 +69,7 @@ def test_what_is_felt_moves_beliefs_the_right_way() -> None:
     assert nearest(grid, [0.45, 0.0, 0.075]) < 0.5 * above
     far = np.linalg.norm(centres(grid) - [0.45, 0.0, 0.06], axis=-1) > 0.08
     np.testing.assert_array_equal(grid.believed[0][far], before[0][far])
-    learn(grid, free=np.array([[0.45, 0.0, 0.055]]))
+    freed(grid, np.array([[[0.45, 0.0, 0.055]]]))
     assert nearest(grid, [0.45, 0.0, 0.055]) < 0.2  # where a link has been is nothing
     learn(grid, [0.45, 0.0, 0.06])
     assert nearest(grid, [0.45, 0.0, 0.055]) < 0.2
@@ -113,6 +122,47 @@ def test_a_first_look_finds_what_a_close_one_does() -> None:
     assert close[kept].mean() > 0.8 * np.sort(close)[-40:].mean()
 
 
+def test_links_free_all_cells_near_where_they_have_been() -> None:
+    """Beside the distances of all cells from all balls, one by one: the open hand where it came in,
+    and there the fingers as far as they closed."""
+    draw = np.random.default_rng(11)
+    grid = begin_occupancy(prior(2), RADIUS_M)
+    samples = samples_of_hand(HAND, CLOSINGS)
+    swept = samples.swept[1]
+    pose = np.tile([0.45, 0.0, 0.15, *DOWN], (2, 3, 1))
+    pose[..., :3] += draw.normal(0.0, 0.04, (2, 3, 3))
+    came = np.array([[True, False, True], [False, True, False]])
+    until = np.where(came[..., None], draw.integers(0, 40, (2, 3, 4)), 0)
+    grid.learn_swept(samples.open_m, swept, pose, came, until)
+    for world in range(2):
+        balls = []
+        for p in np.flatnonzero(came[world]):
+            own = [samples.open_m] + [swept.balls_m[f, :until[world, p, f]].reshape(-1, 3)
+                                      for f in range(4)]
+            turn = matrix_of_quaternion(pose[world, p, 3:])
+            balls.append(np.concatenate(own) @ turn.T + pose[world, p, :3])
+        away = cKDTree(np.concatenate(balls)).query(centres(grid).reshape(-1, 3))[0]
+        cap = np.clip((away - 0.5 * grid.cell_m[world]) / 0.012, 0.0, 1.0)
+        # A cell beyond those that are a reach away along an axis is left out, if it is near one.
+        sure = (cap < 0.7) | (cap == 1.0)
+        np.testing.assert_allclose(grid.cap[world][sure], cap[sure], atol=1e-6)
+        assert (cap < 0.7).sum() > 3000
+    with pytest.raises(ValueError, match="place 57: wants 0 to 56"):
+        grid.learn_swept(samples.open_m, swept, pose, came, until * 0 + 57)
+
+
+def test_worth_is_the_share_of_the_surface_that_the_nearest_contact_leaves() -> None:
+    draw = np.random.default_rng(12)
+    grid = begin_occupancy(prior(), RADIUS_M)
+    contact = draw.normal([0.45, 0.0, 0.05], 0.03, (1, 9, 3))
+    felt = draw.random((1, 9)) < 0.7
+    worth = grid.worth(contact, felt)[0]
+    away = cKDTree(contact[0, felt[0]]).query(centres(grid).reshape(-1, 3))[0]
+    want = np.clip((away - RADIUS_M) / (2 * NEAR_M), 0.0, 1.0)
+    np.testing.assert_allclose(worth, want, atol=1e-6)
+    assert ((want > 0.1) & (want < 0.9)).sum() > 1000
+
+
 def test_touches_of_a_sure_body_are_foreseen_on_it_and_cost_nothing_new_near_contacts() -> None:
     """A post that the fingers stand around: each meets it, and rests a radius from its side."""
     grid = begin_occupancy(prior(), RADIUS_M)
@@ -151,8 +201,8 @@ def test_a_world_does_not_depend_on_those_beside_it() -> None:
     def gains(rows: slice) -> np.ndarray:
         grid = begin_occupancy(prior(len(pose[rows])), RADIUS_M)
         ones = np.ones(contact[rows].shape[:2])
-        grid.learn_touches(contact[rows], normal[rows], ones, free[rows],
-                           np.full(len(pose[rows]), 50))
+        grid.learn_touches(contact[rows], normal[rows], ones)
+        freed(grid, free[rows])
         grid.learn_barred(samples.open_m, pose[rows, :1], ones[:, :1] > 0)
         worth = grid.worth(contact[rows], ones > 0)
         return grid.foresee(samples.open_m, samples.swept[0], pose[rows],
@@ -167,11 +217,12 @@ def test_where_a_finger_stopped_is_read_from_its_joints() -> None:
     place = np.array([0, 5, 20, 31])
     q = swept.joints_rad[finger, place] + np.radians(0.3)
     np.testing.assert_array_equal(reached_place(swept, finger, q), place)
+    both = reached_place(swept, finger, np.stack([q, swept.joints_rad[:, 7]]))
+    np.testing.assert_array_equal(both, [place, [7] * 4])
 
 
 def test_the_lowest_place_of_a_hand_that_points_down_is_a_fingertip() -> None:
     samples = samples_of_hand(HAND, CLOSINGS)
     length = sum(HAND.link_length_m)
     back = HAND.abduction_offset_m + np.cos(np.radians(10)) * length + RADIUS_M
-    low = lowest_of_hand(samples, np.array([[0.0, 0.0, 0.3, *DOWN]]))
-    np.testing.assert_allclose(low, 0.3 - back, atol=1e-9)
+    np.testing.assert_allclose(samples.outermost_m[:, 2].max() + RADIUS_M, back, atol=1e-9)
