@@ -39,8 +39,8 @@ def draw_aimed_poses(
                 else np.zeros((worlds, 1, 3)))
     poses = np.empty((worlds, count, 7))
     launch_on_cpu(aimed_poses_kernel, {"world": worlds, "pose": count}, _SHAPES,
-                  key=counter_key(seed, step), x=prior.x_m, y=prior.y_m, radius=prior.radius_m,
-                  height=prior.height_m, felt=in_front, felt_count=felt.sum(1),
+                  ("hand_pose",), key=counter_key(seed, step), x=prior.x_m, y=prior.y_m,
+                  radius=prior.radius_m, height=prior.height_m, felt=in_front, felt_count=felt.sum(1),
                   corner=samples.outermost_m, aims=_aims(samples.radius_m, reach_m),
                   hand_pose=poses)
     return poses

@@ -89,8 +89,8 @@ class Occupancy:
 
     def learn_touches(self, contact_m: np.ndarray, normal: np.ndarray, weight: np.ndarray) -> None:
         """Contacts (world, contact, 3) with outward unit normals and weights from 0 (none) to 1."""
-        self._launch(learn_kernel, {"world": len(self.hit)}, contact=contact_m, normal=normal,
-                     weight=weight, radius=self.radius_m)
+        self._launch(learn_kernel, {"world": len(self.hit)}, ("hit",), contact=contact_m,
+                     normal=normal, weight=weight, radius=self.radius_m)
 
     def learn_swept(self, open_m: np.ndarray, swept: SweptFingers, hand_pose: np.ndarray,
                     came: np.ndarray, until: np.ndarray) -> None:
@@ -98,21 +98,21 @@ class Occupancy:
         (world, pose), and its fingers closed freely as far as places of their paths before `until`,
         int (world, pose, finger)."""
         check_range("place", until, 0, swept.balls_m.shape[1])
-        self._launch(swept_kernel, {"world": len(self.hit)}, open_ball=open_m,
+        self._launch(swept_kernel, {"world": len(self.hit)}, ("cap",), open_ball=open_m,
                      swept_ball=swept.balls_m, hand_pose=hand_pose, came=came, until=until)
 
     def learn_barred(self, open_m: np.ndarray, hand_pose: np.ndarray, barred: np.ndarray) -> None:
         """Poses (world, pose, 7) at which the open hand, balls at `open_m` (ball, 3), was `barred`
         (world, pose)."""
-        self._launch(barred_kernel, {"world": len(self.hit)}, open_ball=open_m,
+        self._launch(barred_kernel, {"world": len(self.hit)}, ("hit", "cap"), open_ball=open_m,
                      hand_pose=hand_pose, barred=barred)
 
     def worth(self, contact_m: np.ndarray, felt: np.ndarray) -> np.ndarray:
         """What a touch in each cell is worth beside contacts (world, contact, 3), (world, cells).
         """
         worth = np.ones_like(self.hit)
-        self._launch(worth_kernel, {"world": len(self.hit)}, contact=contact_m, felt=felt,
-                     radius=self.radius_m, near=NEAR_M, reach=WORTH_REACH_M, worth=worth)
+        self._launch(worth_kernel, {"world": len(self.hit)}, ("worth",), contact=contact_m,
+                     felt=felt, radius=self.radius_m, near=NEAR_M, reach=WORTH_REACH_M, worth=worth)
         return worth
 
     def foresee(self, open_m: np.ndarray, swept: SweptFingers, hand_pose: np.ndarray,
@@ -128,22 +128,24 @@ class Occupancy:
         place = np.empty((worlds, poses if closely else 0, fingers, 3))
         padded = prod(count + 2 * BORDER for count in CELLS)
         chance, value = (np.zeros((worlds, padded), np.float32) for _ in range(2))
-        self._launch(looked_up_kernel, {"world": worlds}, worth=worth, chance=chance, value=value)
+        self._launch(looked_up_kernel, {"world": worlds}, ("chance", "value"), worth=worth,
+                     chance=chance, value=value)
         looks = Looks()
         looks.floor, looks.table = self.radius_m, self.radius_m - ON_TABLE_M
         looks.lowest, looks.sure = lowest_m, SURE
-        self._launch(foresee_kernel, {"world": worlds, "group": -(-poses // LANES)}, looks=looks,
-                     closely=closely, open_ball=open_m, swept_ball=swept.balls_m,
-                     feels=swept.feels, met=swept.met, meets=swept.meets, hand_pose=hand_pose,
-                     wanted=wanted, chance=chance, value=value, barred=barred, gain=gain,
+        self._launch(foresee_kernel, {"world": worlds, "group": -(-poses // LANES)},
+                     ("barred", "gain", "place"), looks=looks, closely=closely,
+                     open_ball=open_m, swept_ball=swept.balls_m, feels=swept.feels, met=swept.met,
+                     meets=swept.meets, hand_pose=hand_pose, wanted=wanted, chance=chance, value=value, barred=barred, gain=gain,
                      place=place)
         return Prospect(barred, gain, place)
 
-    def _launch(self, kernel: Any, extents: dict[str, int], **given: Any) -> None:
+    def _launch(self, kernel: Any, extents: dict[str, int], writes: tuple[str, ...],
+                **given: Any) -> None:
         names = {argument.label for argument in kernel.adj.args}
         grid = {"corner": self.corner_m, "cell": self.cell_m, "n": wp.vec3i(*CELLS),
                 "hit": self.hit, "cap": self.cap}
-        launch_on_cpu(kernel, extents, _SHAPES, **{
+        launch_on_cpu(kernel, extents, _SHAPES, writes, **{
             name: value for name, value in grid.items() if name in names}, **given)
 
 

@@ -226,3 +226,11 @@ def test_the_lowest_place_of_a_hand_that_points_down_is_a_fingertip() -> None:
     length = sum(HAND.link_length_m)
     back = HAND.abduction_offset_m + np.cos(np.radians(10)) * length + RADIUS_M
     np.testing.assert_allclose(samples.outermost_m[:, 2].max() + RADIUS_M, back, atol=1e-9)
+
+
+def test_a_grid_that_would_not_learn_is_refused() -> None:
+    """Kernels write to NumPy's arrays: to a copy of one, what is learned would be lost."""
+    grid = begin_occupancy(prior(), RADIUS_M)
+    grid.hit = grid.hit.astype(float)
+    with pytest.raises(ValueError, match=r"hit: float64 .* should be contiguous float32"):
+        learn(grid, [0.45, 0.0, 0.06])
