@@ -40,9 +40,9 @@ def draw_aimed_poses(
     poses = np.empty((worlds, count, 7))
     launch_on_cpu(aimed_poses_kernel, {"world": worlds, "pose": count}, _SHAPES,
                   ("hand_pose",), key=counter_key(seed, step), x=prior.x_m, y=prior.y_m,
-                  radius=prior.radius_m, height=prior.height_m, felt=in_front, felt_count=felt.sum(1),
-                  corner=samples.outermost_m, aims=_aims(samples.radius_m, reach_m),
-                  hand_pose=poses)
+                  radius=prior.radius_m, height=prior.height_m, felt=in_front,
+                  felt_count=felt.sum(1), corner=samples.outermost_m,
+                  aims=_aims(samples.radius_m, reach_m), hand_pose=poses)
     return poses
 
 

@@ -136,8 +136,8 @@ class Occupancy:
         self._launch(foresee_kernel, {"world": worlds, "group": -(-poses // LANES)},
                      ("barred", "gain", "place"), looks=looks, closely=closely,
                      open_ball=open_m, swept_ball=swept.balls_m, feels=swept.feels, met=swept.met,
-                     meets=swept.meets, hand_pose=hand_pose, wanted=wanted, chance=chance, value=value, barred=barred, gain=gain,
-                     place=place)
+                     meets=swept.meets, hand_pose=hand_pose, wanted=wanted, chance=chance,
+                     value=value, barred=barred, gain=gain, place=place)
         return Prospect(barred, gain, place)
 
     def _launch(self, kernel: Any, extents: dict[str, int], writes: tuple[str, ...],

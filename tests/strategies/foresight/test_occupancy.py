@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from fit.rotation import matrix_of_quaternion
 from strategies.foresight.hand_samples import SweptFingers, reached_place, samples_of_hand
@@ -141,7 +141,7 @@ def test_links_free_all_cells_near_where_they_have_been() -> None:
                                       for f in range(4)]
             turn = matrix_of_quaternion(pose[world, p, 3:])
             balls.append(np.concatenate(own) @ turn.T + pose[world, p, :3])
-        away = cKDTree(np.concatenate(balls)).query(centres(grid).reshape(-1, 3))[0]
+        away = KDTree(np.concatenate(balls)).query(centres(grid).reshape(-1, 3))[0]
         cap = np.clip((away - 0.5 * grid.cell_m[world]) / 0.012, 0.0, 1.0)
         # A cell beyond those that are a reach away along an axis is left out, if it is near one.
         sure = (cap < 0.7) | (cap == 1.0)
@@ -157,7 +157,7 @@ def test_worth_is_the_share_of_the_surface_that_the_nearest_contact_leaves() -> 
     contact = draw.normal([0.45, 0.0, 0.05], 0.03, (1, 9, 3))
     felt = draw.random((1, 9)) < 0.7
     worth = grid.worth(contact, felt)[0]
-    away = cKDTree(contact[0, felt[0]]).query(centres(grid).reshape(-1, 3))[0]
+    away = KDTree(contact[0, felt[0]]).query(centres(grid).reshape(-1, 3))[0]
     want = np.clip((away - RADIUS_M) / (2 * NEAR_M), 0.0, 1.0)
     np.testing.assert_allclose(worth, want, atol=1e-6)
     assert ((want > 0.1) & (want < 0.9)).sum() > 1000
