@@ -32,7 +32,7 @@ def test_members_of_families_by_name_and_by_set() -> None:
     ({"object": "block", "units": "m"}, "unknown key"),
     ({"object": "block", "stable_pose": 0}, "likeliest"),
     ({"object": "block", "stable_pose": "all"}, '"each"'),
-    ({"object": "block", "stable_pose": 9}, "has 6"),
+    ({"object": "block", "stable_pose": 9}, "there are 6"),
 ])
 def test_what_is_wrong_is_said(entry, said: str, tmp_path: Path) -> None:
     names, wrong = read([entry], tmp_path)

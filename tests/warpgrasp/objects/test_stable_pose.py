@@ -68,7 +68,7 @@ def test_turning_moves_nothing_within_the_body() -> None:
 
 def test_a_pose_that_there_is_not_is_refused() -> None:
     for number in (0, 7):
-        with pytest.raises(BodyError, match=f"stable_pose = {number}: block has 6"):
+        with pytest.raises(BodyError, match=f"stable_pose = {number}: there are 6"):
             body_in_stable_pose(body_from_name("block"), number)
     with pytest.raises(BodyError, match="whole number"):
         body_from_table({"object": "block", "stable_pose": "on its side"}, Path())
