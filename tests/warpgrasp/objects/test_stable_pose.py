@@ -1,4 +1,4 @@
-"""Stable poses: each is at rest by statics, worked out anew from the body that was set down."""
+"""Stable poses: each is at rest by statics, recomputed from the body that was set down."""
 
 from pathlib import Path
 
