@@ -42,7 +42,13 @@ def expanded(value: Any, path: KeyPath, base_dir: Path, problems: Problems) -> I
         count = _pose_count(table, base_dir) if number == EACH else 0
         for k in range(1, count + 1) if count else (number if number != EACH else 1,):
             yield table | {"stable_pose": k} | (
-                {} if named and not count else {"name": f"{_name_of(table)}-pose-{k}"})
+                {} if named and not count else {"name": pose_name(_name_of(table), k)})
+
+
+def pose_name(name: str, number: int) -> str:
+    """The name of an object in its stable pose of a number."""
+    suffix = f"-pose-{number}"
+    return name[:NAME_LIMIT - len(suffix)] + suffix
 
 
 def _name_of(table: Mapping[str, Any]) -> str:

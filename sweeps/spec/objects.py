@@ -7,7 +7,7 @@ from typing import Any
 
 from sweeps.output import init_warp, quiet_stdout
 from sweeps.spec.errors import KeyPath, Problems, check_name, choose, short
-from sweeps.spec.object_sets import expanded, member_table
+from sweeps.spec.object_sets import expanded, member_table, pose_name
 from sweeps.spec.study import FILE_KEYS, Body
 from warpgrasp.objects.catalogue_names import BODY_NAMES, NAME_LIMIT, member_of_family
 
@@ -80,9 +80,9 @@ def object_of_argument(what: str, units: str | None,
     table = _table_of_argument(what, units)
     if stable_pose is None:
         return table
-    name = f"{table['name']}-pose-{stable_pose}"
     table = {"object": what} if set(table) == {"name"} else table
-    table = table | {"name": name[:NAME_LIMIT], "stable_pose": stable_pose}
+    table = table | {"name": pose_name(str(table["name"]), stable_pose),
+                     "stable_pose": stable_pose}
     _build(table, Path())
     return table
 

@@ -6,7 +6,9 @@ import pytest
 import trimesh
 
 from sweeps.spec.errors import Problems
+from sweeps.spec.object_sets import pose_name
 from sweeps.spec.objects import object_of_argument, read_objects
+from warpgrasp.objects.catalogue_names import NAME_LIMIT
 
 
 def read(values: list, base: Path = Path()) -> tuple[list[str], list[str]]:
@@ -58,3 +60,9 @@ def test_objects_lie_in_stable_poses() -> None:
         "box-0-pose-1", "box-1-pose-1"]
     assert object_of_argument("block", None, 2) == {
         "object": "block", "name": "block-pose-2", "stable_pose": 2}
+
+
+def test_the_number_of_a_pose_is_not_cut_off_a_long_name() -> None:
+    name = "n" * NAME_LIMIT
+    assert pose_name(name, 2) == name[:-7] + "-pose-2"
+    assert pose_name("block", 11) == "block-pose-11"
