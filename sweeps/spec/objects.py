@@ -80,7 +80,7 @@ def object_of_argument(what: str, units: str | None,
     table = _table_of_argument(what, units)
     if stable_pose is None:
         return table
-    table = {"object": what} if set(table) == {"name"} else table
+    table = {"object": what, **table} if set(table) == {"name"} else table
     table = table | {"name": pose_name(str(table["name"]), stable_pose),
                      "stable_pose": stable_pose}
     _build(table, Path())
