@@ -1,14 +1,18 @@
-"""Convex polyhedra from the planes of their faces: which corners each face has."""
+"""Convex polyhedra from the planes of their faces: corners, surface, distances."""
 
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 from jaxtyping import Float
+
+from fit.implicit.record import TriangleMesh
 
 PARALLEL = 1e-3
 """Three planes meet in no point where the determinant of their unit normals is below this."""
 SAME_M = 1e-6
 """Corners nearer to one another than this are one; one this far beyond a plane is on it [m]."""
+FEWEST_FACES = 4
+"""Of a body that has a volume."""
 
 
 def polyhedron_faces(
@@ -62,3 +66,68 @@ def _ordered(points: np.ndarray, normal: np.ndarray) -> np.ndarray:
     arms = corners - corners.mean(axis=0)
     u = arms[0] / np.linalg.norm(arms[0])
     return corners[np.argsort(np.arctan2(arms @ np.cross(normal, u), arms @ u))]
+
+
+def polyhedron_mesh(
+    normals: Float[np.ndarray, "face 3"], offset_m: Float[np.ndarray, " face"],
+) -> TriangleMesh:
+    """The closed surface of the body n.x <= offset, as a fan of triangles a face.
+
+    Without faces where the planes leave no volume. Raises ValueError as `polyhedron_faces` does.
+    """
+    faces = polyhedron_faces(normals, offset_m)
+    sided = [corners for corners in faces if len(corners)]
+    if len(sided) < FEWEST_FACES:
+        return TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), int))
+    vertices: list[np.ndarray] = []
+    triangles = []
+    for corners in sided:
+        number = [_number_of(corner, vertices) for corner in corners]
+        triangles += [(number[0], a, b) for a, b in pairwise(number[1:])]
+    return TriangleMesh(np.array(vertices), np.array(triangles))
+
+
+def _number_of(corner: np.ndarray, vertices: list[np.ndarray]) -> int:
+    """Which vertex a corner is; a new one is appended. Faces share their corners exactly."""
+    for number, vertex in enumerate(vertices):
+        if np.linalg.norm(vertex - corner) <= 2 * SAME_M:
+            return number
+    vertices.append(corner)
+    return len(vertices) - 1
+
+
+def polyhedron_distance(
+    normals: Float[np.ndarray, "face 3"], offset_m: Float[np.ndarray, " face"],
+    points_m: Float[np.ndarray, "point 3"],
+) -> Float[np.ndarray, " point"]:
+    """Signed distances [m] of points to the body n.x <= offset, negative inside; exact.
+
+    Inside the nearest place lies on the plane that is nearest, outside on a face that faces the
+    point or on an edge of one. Infinite where the planes leave no volume. Raises ValueError as
+    `polyhedron_faces` does.
+    """
+    beyond = points_m @ normals.T - offset_m
+    signed = beyond.max(1)
+    outside = np.flatnonzero(signed > 0.0)
+    away = np.full(len(outside), np.inf)
+    faces = polyhedron_faces(normals, offset_m)
+    if sum(len(corners) > 0 for corners in faces) < FEWEST_FACES:
+        return np.full(len(points_m), np.inf)
+    for face, corners in enumerate(faces):
+        if len(corners):
+            away = np.minimum(away, _polygon_distance(points_m[outside], corners, normals[face],
+                                                      beyond[outside, face]))
+    signed[outside] = away
+    return signed
+
+
+def _polygon_distance(points: np.ndarray, corners: np.ndarray, normal: np.ndarray,
+                      height: np.ndarray) -> np.ndarray:
+    """Distances of points (point, 3), `height` above its plane, to a convex polygon that turns
+    counter-clockwise about its normal."""
+    edge = np.roll(corners, -1, axis=0) - corners
+    arm = points[:, None] - corners
+    share = np.clip((arm * edge).sum(-1) / (edge**2).sum(-1), 0.0, 1.0)
+    nearest = np.linalg.norm(arm - share[..., None] * edge, axis=-1).min(1)
+    over = ((np.cross(edge, arm) @ normal) >= 0.0).all(1)
+    return np.where(over, np.abs(height), nearest)

@@ -116,7 +116,7 @@ def _faces(belief: Belief, recovered: Recovered, known: np.ndarray) -> Described
                          for face in belief.faces], 1)
         tried = known & crossed.any(1)
         for world in np.flatnonzero(tried & (flat.sum(1) >= 2)):
-            faces = _different(belief.faces, np.flatnonzero(flat[world]), int(world))
+            faces = different_faces(belief.faces, np.flatnonzero(flat[world]), int(world))
             if (np.abs(faces.normals @ faces.normals[0]) < np.cos(APART_RAD)).any():
                 found[world] = faces
     return replace(_nothing(tried, 0), rows=np.array(list(found), int),
@@ -124,7 +124,7 @@ def _faces(belief: Belief, recovered: Recovered, known: np.ndarray) -> Described
                    faces=tuple(found.values()))
 
 
-def _different(faces: tuple[Face, ...], flat: np.ndarray, world: int) -> FeltFaces:
+def different_faces(faces: tuple[Face, ...], flat: np.ndarray, world: int) -> FeltFaces:
     """Each face once, as it was crossed last."""
     kept: list[int] = []
     for k in flat:

@@ -1,11 +1,12 @@
-"""The body of an episode as a free-form surface, by what `[fit] reconstruct` names.
+"""The body of an episode as a mesh, by what `[fit] reconstruct` names.
 
     contacts as felt → Gaussian process and contacts in turns, or plug-in → meshes
+    planes of crossed faces → polyhedron → meshes
 """
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,12 +20,21 @@ from strategies.contacts.finger_touch import TouchedLinks
 from strategies.planners.planner_file import PlannerError
 from strategies.poses.waypoints import PRIOR_MARGIN_M, BoundingCylinder
 from strategies.reconstruct.believed_pieces import believed_pieces
+from strategies.reconstruct.calibrated_planes import Planes, calibrated_planes
+from strategies.reconstruct.felt_polyhedron import FEWEST_FACES, felt_polyhedron, mesh_of_planes
 from strategies.reconstruct.free_contacts import BODY, fitted_freely
 from strategies.reconstruct.parts import fitted_parts, parts_mesh
 from strategies.reconstruct.plug_in import NO_MESH, Touches, run_plug_in
-from strategies.reconstruct.plug_in_name import BUILT_IN, CHOSEN, IMPLICIT, PARTS, find_plug_in
+from strategies.reconstruct.plug_in_name import (
+    BUILT_IN,
+    CHOSEN,
+    IMPLICIT,
+    PARTS,
+    POLYHEDRON,
+    find_plug_in,
+)
 from strategies.reconstruct.prior_distance import distance_to_recovered
-from strategies.recovery.belief import read_only
+from strategies.recovery.belief import Belief, read_only
 from strategies.recovery.choose_model import Recovered
 from strategies.recovery.contact_verdict import (
     doubted,
@@ -44,7 +54,7 @@ class Reconstruction:
     """Bodies of a batch that no single model is, in the base frame."""
 
     name: str
-    """How rows name the shape: implicit, parts, or the plug-in's function."""
+    """How rows name the shape: implicit, parts, or the plug-in's function; see `name_of`."""
     meshes: tuple[TriangleMesh, ...]
     """One a world, empty where the recovered model stands."""
     fault: np.ndarray
@@ -56,6 +66,12 @@ class Reconstruction:
     fitted: np.ndarray | None = None
     parts: Mapping[int, SuperquadricFit] = field(default_factory=dict)
     """Of worlds whose body is several superquadrics."""
+    polyhedra: Mapping[int, Planes] = field(default_factory=dict)
+    """Of worlds whose body is one of the faces crossed."""
+
+    def name_of(self, world: int) -> str:
+        """How its row names the shape of a world whose body is a mesh."""
+        return POLYHEDRON if world in self.polyhedra else self.name
 
     def volume(self, world: int) -> VolumeEstimate | None:
         """Volume of a world's Gaussian process and its surface's uncertainty; None where there is
@@ -82,7 +98,8 @@ class Reconstruction:
 
 def reconstruct(
     word: str, recovered: Recovered, evidence: Evidence, prior: BoundingCylinder, table: FitTable,
-    *, felt: Evidence | None = None, links: TouchedLinks | None = None
+    *, felt: Evidence | None = None, links: TouchedLinks | None = None,
+    belief: Belief | None = None
 ) -> Reconstruction | None:
     """The bodies that `word` asks for; None for "superquadric", which keeps those recovered.
 
@@ -90,7 +107,8 @@ def reconstruct(
     without these a free form takes contacts as they are in `evidence`.
     "implicit" makes a free form of every world that felt enough, "chosen" only where the recovered
     body does not explain what was felt, or explains it badly and torques agree better with the
-    free form; "parts" makes a body of two to four superquadrics where contacts ask for it. None
+    free form, and no polyhedron of the faces crossed, as the `belief` has them, explains it;
+    "parts" makes a body of two to four superquadrics where contacts ask for it. None
     of them stands where prior or table contradict it: one that ends high above the table was not
     felt to its foot. Small pieces of a free form that the prior contradicts are left out. A plug-in
     is asked about every world. Its faults are data.
@@ -101,17 +119,21 @@ def reconstruct(
     if word in BUILT_IN:
         wanted = evidence.mask.sum(1) >= FEWEST_CONTACTS
         most = np.full(len(wanted), np.inf)
+        polyhedra: dict[int, Planes] = {}
         if word == CHOSEN:
+            polyhedra = _polyhedra(recovered, belief, felt, prior, table)
             doubt = unexplained(recovered, evidence)
             if links is not None:  # without them contacts are not placed anew, and tell nothing
                 most = np.where(doubt, np.inf, CLEARLY_BETTER * mean_contradiction(evidence))
                 doubt |= doubted(recovered, evidence)
             wanted &= doubt
+            wanted[list(polyhedra)] = False
         if felt is None:
             felt, links = evidence, None
         if word == PARTS:
             return _several(np.flatnonzero(wanted), felt, links, prior, table, begin)
-        return _implicit(np.flatnonzero(wanted), felt, links, prior, table, begin, most)
+        free = _implicit(np.flatnonzero(wanted), felt, links, prior, table, begin, most)
+        return _with_polyhedra(free, polyhedra)
     name = word.rpartition(":")[2]
     worlds = len(recovered)
     try:
@@ -121,6 +143,35 @@ def reconstruct(
         return Reconstruction(name, (NO_MESH,) * worlds, fault, 0.0)
     meshes, fault = run_plug_in(function, _touches(recovered, evidence, prior))
     return Reconstruction(name, tuple(meshes), fault, time.perf_counter() - begin)
+
+
+def _polyhedra(recovered: Recovered, belief: Belief | None, felt: Evidence | None,
+               prior: BoundingCylinder, table: FitTable) -> dict[int, Planes]:
+    """Polyhedra of the worlds that one explains better than the model that was recovered."""
+    found: dict[int, Planes] = {}
+    if belief is None or felt is None:
+        return found
+    crossed = sum(face.fit.n_points > 0 for face in belief.faces)
+    for world in np.flatnonzero(crossed >= FEWEST_FACES):
+        own = np.array([world])
+        evidence = rows_of(belief.evidence, own)
+        planes = felt_polyhedron([rows_of(face, own) for face in belief.faces],
+                                 rows_of(recovered, own), evidence, rows_of(felt, own),
+                                 rows_of(prior, own), table)
+        if planes is None:
+            continue
+        calibrated = calibrated_planes(planes, evidence, rows_of(belief.links, own),
+                                       belief.errors, belief.arm)
+        # Of planes that no longer close a body stands what was felt.
+        found[int(world)] = calibrated if len(mesh_of_planes(calibrated).faces) else planes
+    return found
+
+
+def _with_polyhedra(free: Reconstruction, polyhedra: Mapping[int, Planes]) -> Reconstruction:
+    meshes = list(free.meshes)
+    for world, planes in polyhedra.items():
+        meshes[world] = mesh_of_planes(planes)
+    return replace(free, meshes=tuple(meshes), polyhedra=polyhedra)
 
 
 def _implicit(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,

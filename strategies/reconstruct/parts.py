@@ -23,7 +23,7 @@ from strategies.poses.waypoints import BoundingCylinder
 from strategies.reconstruct.prior_distance import superquadric_distance
 from strategies.recovery.evidence import Evidence
 from strategies.recovery.fit_contacts import recover_bodies
-from strategies.recovery.misfit import FARTHEST_M
+from strategies.recovery.misfit import FARTHEST_M, schwarz
 from strategies.recovery.plausibility import FLOATING_M, plausible
 from warpgrasp.parameters import FitTable
 
@@ -55,18 +55,14 @@ def fitted_parts(
     found = {1: _best(placed, np.zeros((1, len(points)), int), 1, prior, loose)}
     for count in range(2, MOST_PARTS + 1):
         found[count] = _best(placed, divisions(points, count), count, prior, loose)
-    best = min(found, key=lambda count: schwarz(found[count][1], len(points),
-                                                len(found[count][0])))
+
+    def evidence(count: int) -> float:
+        parts, misfit = found[count]
+        return np.inf if len(parts) == 0 else schwarz(misfit, len(points), PARAMETERS * len(parts),
+                                                      LEAST_MISFIT_M)
+
+    best = min(found, key=evidence)
     return None if best == 1 or len(found[best][0]) < 2 else found[best][0]
-
-
-def schwarz(misfit_m: float, contacts: int, parts: int) -> float:
-    """Schwarz's criterion, the less the better, with Laplace's distribution of distances: contacts
-    lie `misfit_m` off in the mean."""
-    if parts == 0:
-        return np.inf
-    scale = max(misfit_m, LEAST_MISFIT_M)
-    return 2.0 * contacts * np.log(scale) + PARAMETERS * parts * np.log(contacts)
 
 
 def divisions(points_m: np.ndarray, count: int) -> np.ndarray:

@@ -11,6 +11,8 @@ from typing import Any
 from strategies.planners.planner_file import PlannerError, planner_file
 
 IMPLICIT, CHOSEN, PARTS = "implicit", "chosen", "parts"
+POLYHEDRON = "polyhedron"
+"""How rows name a body of crossed faces, which is no word of its own: "chosen" may make it."""
 BUILT_IN = ("superquadric", IMPLICIT, CHOSEN, PARTS)
 """Words of `[fit] reconstruct`; the first keeps what the episode recovered."""
 

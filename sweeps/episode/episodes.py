@@ -223,7 +223,9 @@ def _shape_names(block: EpisodeBlock, names: np.ndarray) -> np.ndarray:
     found = names[block.recovered.shape]
     if block.rebuilt is None:
         return found
-    return np.where(block.rebuilt.made, block.rebuilt.name, found)
+    return np.array([block.rebuilt.name_of(world) if made else str(name)
+                     for world, (made, name) in enumerate(zip(block.rebuilt.made, found,
+                                                              strict=True))])
 
 
 def run_block(cell: Cell, episodes: np.ndarray, device: str) -> EpisodeBlock:
@@ -280,7 +282,8 @@ def run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Epi
     scores = moments[-1].scores if moments else begin.scores
     recognition = recognize_objects(found.belief, found.recovered, cell.recognition, device)
     rebuilt = reconstruct(cell.fit.reconstruct, found.recovered, found.belief.evidence, prior,
-                          cell.fit, felt=found.felt, links=found.belief.links)
+                          cell.fit, felt=found.felt, links=found.belief.links,
+                          belief=found.belief)
     if rebuilt is not None:
         found = _rebuilt_status(found, rebuilt)
         scores = scores_with_meshes(scorer, rebuilt.meshes, scores)

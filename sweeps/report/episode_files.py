@@ -92,7 +92,7 @@ def explore(
     if block.worse_than_prior[0]:
         say("worse than the prior it was given: " + ", ".join(block.worse_than_prior[0].split()))
     if block.rebuilt is not None and block.rebuilt.made[0]:
-        say(f"{block.rebuilt.name}: body made in {block.rebuilt.time_s:.1f} s")
+        say(f"{block.rebuilt.name_of(0)}: body made in {block.rebuilt.time_s:.1f} s")
     return [out / file for file in sorted(written)]
 
 
@@ -143,7 +143,7 @@ def shape_record(cell: Cell, block: EpisodeBlock, world: int = 0) -> dict[str, A
         "status": str(block.status[world]),
         "trust": trust_sentence(block, world),
         "models": list(_models(cell, block, world)),
-        "chosen": block.rebuilt.name if block.rebuilt and mesh_of_world(block, world)
+        "chosen": block.rebuilt.name_of(world) if block.rebuilt and mesh_of_world(block, world)
         else kinds[shape],
         "interval": {name: None if shape == Shape.PRIOR_CYLINDER else float(values[world])
                      for name, values in interval_columns(belief, block.recovered).items()},
@@ -206,12 +206,20 @@ def _free_form(block: EpisodeBlock, world: int) -> Iterator[dict[str, Any]]:
     mesh, rebuilt = mesh_of_world(block, world), block.rebuilt
     if mesh is None or rebuilt is None:
         return
-    found: dict[str, Any] = {"shape": rebuilt.name, "file": "recovered.ply", "parameters": {
-        "volume_m3": mesh.volume_m3, "faces": len(mesh.faces)}}
+    found: dict[str, Any] = {
+        "shape": rebuilt.name_of(world), "file": "recovered.ply",
+        "parameters": {"volume_m3": mesh.volume_m3, "faces": len(mesh.faces)}}
     if world in rebuilt.parts:
         numbers = superquadric_parameters(rebuilt.parts[world])
         found["parts"] = [{k: float(v[part]) for k, v in numbers.items()}
                           for part in range(len(rebuilt.parts[world]))]
+    if world in rebuilt.polyhedra:
+        planes = rebuilt.polyhedra[world]
+        found["planes"] = [
+            {**dict(zip(("nx", "ny", "nz"), normal.tolist(), strict=True)),
+             "offset_m": float(offset), "felt": number < planes.felt}
+            for number, (normal, offset) in enumerate(zip(planes.normals, planes.offset_m,
+                                                          strict=True))]
     number, volume = rebuilt.number(world), rebuilt.volume(world)
     if number is not None and volume is not None:
         fit = rebuilt.fits[number]

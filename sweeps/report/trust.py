@@ -76,6 +76,12 @@ def choice_sentence(block: EpisodeBlock, world: int = 0) -> str:
            "mean")
     if recovered.shape[0] == Shape.PRIOR_CYLINDER:
         why = "no model was recovered"
+    rebuilt = block.rebuilt
+    if rebuilt is not None and world in rebuilt.polyhedra:
+        planes = rebuilt.polyhedra[world]
+        table = " and the table" * (len(planes.normals) > planes.felt)
+        return (f"chosen: a polyhedron of {planes.felt} faces felt{table}, to which touches of "
+                f"pads are nearer than to the {model}")
     if mesh_of_world(block, world) is not None:
         return f"chosen: a free form, since {why}"
     if not (unexplained(recovered, evidence) | doubted(recovered, evidence))[0]:

@@ -9,8 +9,9 @@ from beliefs import belief
 from fit.arrays import rows_of
 from strategies.poses.waypoints import BoundingCylinder
 from strategies.ready_made import STRATEGIES
-from strategies.reconstruct.parts import divisions, fitted_parts, parts_mesh, schwarz
+from strategies.reconstruct.parts import PARAMETERS, divisions, fitted_parts, parts_mesh
 from strategies.recovery.evidence import Evidence
+from strategies.recovery.misfit import schwarz
 from sweeps.episode.episodes import run_block
 from sweeps.spec.cell import Cell
 from warpgrasp.objects.families import family_table
@@ -88,8 +89,9 @@ def test_divisions_are_whole_and_a_part_must_pay_for_its_parameters() -> None:
         assert all(set(way.tolist()) <= set(range(count)) for way in ways)
         slabs = [np.bincount(way, minlength=count) for way in ways[:3]]
         assert all(sizes.max() - sizes.min() <= 1 for sizes in slabs)
-    assert schwarz(0.003, 50, 2) < schwarz(0.006, 50, 1)
-    assert schwarz(0.0055, 50, 2) > schwarz(0.006, 50, 1)
+    one = schwarz(0.006, 50, PARAMETERS, 0.0008)
+    assert schwarz(0.003, 50, 2 * PARAMETERS, 0.0008) < one
+    assert schwarz(0.0055, 50, 2 * PARAMETERS, 0.0008) > one
 
 
 @pytest.mark.slow

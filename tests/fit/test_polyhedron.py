@@ -1,0 +1,54 @@
+"""Polyhedra from planes: surfaces that close, volumes and distances known otherwise."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from fit.polyhedron import polyhedron_distance, polyhedron_mesh
+
+CUBE = np.concatenate([np.eye(3), -np.eye(3)])
+SIZE_M = np.array([0.03, 0.04, 0.06])
+
+
+def drawn_planes(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Planes about a point that are no corner's alone: a box and six more cuts."""
+    rng = np.random.default_rng(seed)
+    cuts = rng.normal(size=(6, 3))
+    cuts /= np.linalg.norm(cuts, axis=1, keepdims=True)
+    normals = np.concatenate([CUBE, cuts])
+    return normals, np.append(np.tile(SIZE_M, 2), rng.uniform(0.03, 0.06, 6))
+
+
+def test_a_box_has_its_volume_and_the_distance_that_a_formula_gives() -> None:
+    normals, offset = CUBE, np.tile(SIZE_M, 2)
+    assert polyhedron_mesh(normals, offset).volume_m3 == pytest.approx(8.0 * SIZE_M.prod())
+    points = np.random.default_rng(0).uniform(-0.15, 0.15, (400, 3))
+    beyond = np.abs(points) - SIZE_M
+    known = np.linalg.norm(np.maximum(beyond, 0.0), axis=1) + np.minimum(beyond.max(1), 0.0)
+    assert np.allclose(polyhedron_distance(normals, offset, points), known, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_any_polyhedron_closes_and_agrees_with_trimesh(seed: int) -> None:
+    normals, offset = drawn_planes(seed)
+    found = polyhedron_mesh(normals, offset)
+    mesh = trimesh.Trimesh(found.vertices_m, found.faces, process=False)
+    assert mesh.is_watertight
+    assert mesh.is_winding_consistent
+    assert mesh.is_convex
+    hull = trimesh.convex.convex_hull(found.vertices_m)
+    assert found.volume_m3 == pytest.approx(float(hull.volume), rel=1e-9)
+    points = np.random.default_rng(seed + 10).uniform(-0.12, 0.12, (200, 3))
+    signed = polyhedron_distance(normals, offset, points)
+    away = trimesh.proximity.closest_point_naive(mesh, points)[1]
+    assert np.allclose(np.abs(signed), away, atol=1e-8)
+    assert ((signed < 0.0) == ((points @ normals.T) < offset).all(1)).all()
+
+
+def test_planes_that_hold_nothing_have_no_surface_and_open_ones_are_refused() -> None:
+    offset = np.append(np.tile(SIZE_M, 2), -0.1)  # beyond the box
+    normals = np.append(CUBE, [[0.0, 0.0, 1.0]], axis=0)
+    assert len(polyhedron_mesh(normals, offset).faces) == 0
+    assert np.isinf(polyhedron_distance(normals, offset, np.zeros((2, 3)))).all()
+    with pytest.raises(ValueError, match="close no body"):
+        polyhedron_mesh(CUBE[:5], offset[:5])
