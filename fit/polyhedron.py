@@ -29,14 +29,10 @@ def polyhedron_faces(
                          "(face, 3) and (face,)")
     if not _closed(normals):
         raise ValueError("planes: they close no body; some direction meets none of them")
-    corners = []
-    for three in combinations(range(len(normals)), 3):
-        rows = normals[list(three)]
-        if abs(np.linalg.det(rows)) > PARALLEL:
-            point = np.linalg.solve(rows, offset_m[list(three)])
-            if (normals @ point <= offset_m + SAME_M).all():
-                corners.append(point)
-    points = np.array(corners).reshape(-1, 3)
+    three = np.array(list(combinations(range(len(normals)), 3)))
+    three = three[np.abs(np.linalg.det(normals[three])) > PARALLEL]
+    points = np.linalg.solve(normals[three], offset_m[three][..., None])[..., 0]
+    points = points[((points[:, None] * normals).sum(-1) <= offset_m + SAME_M).all(1)]
     return [_ordered(points[np.abs(points @ n - d) <= 2 * SAME_M], n)
             for n, d in zip(normals, offset_m, strict=True)]
 
@@ -46,8 +42,10 @@ def _closed(normals: np.ndarray) -> bool:
 
     If there were such a direction, there would be one along the line where two planes meet.
     """
-    ways = [np.cross(a, b) for a, b in combinations(normals, 2)]
-    ways = np.array([w / np.linalg.norm(w) for w in ways if np.linalg.norm(w) > PARALLEL])
+    one, other = np.array(list(combinations(range(len(normals)), 2))).reshape(-1, 2).T
+    ways = np.cross(normals[one], normals[other])
+    size = np.linalg.norm(ways, axis=1)
+    ways = ways[size > PARALLEL] / size[size > PARALLEL, None]
     if len(ways) == 0:
         return False
     ways = np.concatenate([ways, -ways])

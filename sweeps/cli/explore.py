@@ -45,8 +45,9 @@ def explore(object_: str, /, *, strategy: str | None = None,
         Also write replay.html: the episode played again in 3-D (needs the extra `show`).
     reconstruct
         What stands for the body at the end: superquadric; chosen, a free-form surface where the
-        model does not explain the touches; implicit, that wherever it is plausible; or a function
-        of yours, as mine.py:my_network. If not given, chosen with any-object, which touches all
+        model does not explain the touches, or a polyhedron of the faces crossed where it explains
+        them better; implicit, a free form wherever it is plausible; or a function of yours, as
+        mine.py:my_network. If not given, chosen with any-object, which touches all
         around, else superquadric.
     device
         cpu, or cuda:0.
