@@ -8,7 +8,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "contour_sections": ["SectionProfile", "profile_by_sections"],
     "contour_shape": ["Profile", "later_profile", "match_profiles", "profile_of", "with_profiles"],
     "options": ["ContourTable", "DecideTable", "PlanarTable"],
-    "planar_explorer": ["PlanarExploration", "PlanarOptions", "explore_plane"],
+    "planar_explorer": ["PlanarExploration", "PlanarOptions", "explore_plane", "face_axes"],
     "planar_faces": ["Face", "angle_between", "planes_of"],
     "possible": ["FAILED", "NotPossible", "STATUS", "check_foreseeable", "check_possible",
         "extended_of", "fault_status", "opposed_of"],
