@@ -21,12 +21,7 @@ from strategies.recovery.choose_model import CONTRADICTS_M, MOST_STRAYED, Recove
 from strategies.recovery.contact_verdict import UNEXPLAINED_M, surface_gaps
 from strategies.recovery.evidence import Evidence
 from strategies.recovery.misfit import FARTHEST_M, schwarz
-from strategies.recovery.plausibility import (
-    FEWEST_CONTACTS,
-    INSIDE_M,
-    MOST_INSIDE,
-    plausible_vertices,
-)
+from strategies.recovery.plausibility import FEWEST_CONTACTS, plausible_vertices, swept_by
 from warpgrasp.parameters import FitTable
 
 FEWEST_FACES = 3
@@ -145,8 +140,7 @@ def _agrees(planes: Planes, felt: Evidence, prior: BoundingCylinder, table: FitT
     mesh = mesh_of_planes(planes)
     if not plausible_vertices([mesh.vertices_m], prior, table_plane=table.table_plane)[0]:
         return False
-    free = felt.free_m[0][felt.free_mask[0]]
-    if not table.free_space or len(free) == 0:
+    if not table.free_space:
         return True
-    inside = polyhedron_distance(planes.normals, planes.offset_m, free) < -INSIDE_M
-    return bool(inside.mean() <= MOST_INSIDE)
+    away = polyhedron_distance(planes.normals, planes.offset_m, felt.free_m[0])
+    return not swept_by(away[None], felt.free_mask)[0]

@@ -76,7 +76,7 @@ def plausible_contour(
     inside = revolution_inside(body, evidence.free_m)
     return (within & known.any(1) & (evidence.mask.sum(1) >= FEWEST_CONTACTS)
             & (_mean_away(felt, evidence.mask) < UNBELIEVED_M)
-            & ~_swept(np.where(inside, -free, free), evidence.free_mask))
+            & ~swept_by(np.where(inside, -free, free), evidence.free_mask))
 
 
 def plausible_vertices(
@@ -97,10 +97,11 @@ def plausible_vertices(
 def swept(body: SuperquadricLike, evidence: Evidence) -> np.ndarray:
     """Whether links passed through superquadrics without touching them, bool (world,)."""
     distance, _ = surface_distances(body, evidence.free_m, evidence.free_mask, ahead_m=0.0)
-    return _swept(distance, evidence.free_mask)
+    return swept_by(distance, evidence.free_mask)
 
 
-def _swept(distance: np.ndarray, mask: np.ndarray) -> np.ndarray:
+def swept_by(distance: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """The same by the signed distances [m] of free balls' centres from bodies, (world, ball)."""
     deep = (mask & (distance < -INSIDE_M)).sum(1)
     return deep > MOST_INSIDE * mask.sum(1)
 
