@@ -19,7 +19,7 @@ from strategies.contacts.finger_touch import TouchedLinks
 from strategies.planners.planner_file import PlannerError
 from strategies.poses.waypoints import PRIOR_MARGIN_M, BoundingCylinder
 from strategies.reconstruct.believed_pieces import believed_pieces
-from strategies.reconstruct.free_contacts import BODY, fitted_freely
+from strategies.reconstruct.free_contacts import BODY, Calibration, fitted_freely
 from strategies.reconstruct.parts import fitted_parts, parts_mesh
 from strategies.reconstruct.plug_in import NO_MESH, Touches, run_plug_in
 from strategies.reconstruct.plug_in_name import BUILT_IN, CHOSEN, IMPLICIT, PARTS, find_plug_in
@@ -82,12 +82,14 @@ class Reconstruction:
 
 def reconstruct(
     word: str, recovered: Recovered, evidence: Evidence, prior: BoundingCylinder, table: FitTable,
-    *, felt: Evidence | None = None, links: TouchedLinks | None = None
+    *, felt: Evidence | None = None, links: TouchedLinks | None = None,
+    calibration: Calibration | None = None
 ) -> Reconstruction | None:
     """The bodies that `word` asks for; None for "superquadric", which keeps those recovered.
 
     `evidence` has contacts as placed on the bodies recovered, `felt` as they were felt, of `links`;
-    without these a free form takes contacts as they are in `evidence`.
+    without these a free form takes contacts as they are in `evidence`. `calibration` is how far the
+    robot may be from its tables: what contacts tell of that is taken from them.
     "implicit" makes a free form of every world that felt enough, "chosen" only where the recovered
     body does not explain what was felt, or explains it badly and torques agree better with the
     free form; "parts" makes a body of two to four superquadrics where contacts ask for it. None
@@ -110,8 +112,9 @@ def reconstruct(
         if felt is None:
             felt, links = evidence, None
         if word == PARTS:
-            return _several(np.flatnonzero(wanted), felt, links, prior, table, begin)
-        return _implicit(np.flatnonzero(wanted), felt, links, prior, table, begin, most)
+            return _several(np.flatnonzero(wanted), felt, links, prior, table, begin, calibration)
+        return _implicit(np.flatnonzero(wanted), felt, links, prior, table, begin, most,
+                         calibration)
     name = word.rpartition(":")[2]
     worlds = len(recovered)
     try:
@@ -124,8 +127,8 @@ def reconstruct(
 
 
 def _implicit(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
-              prior: BoundingCylinder, table: FitTable, begin: float, most: np.ndarray
-              ) -> Reconstruction:
+              prior: BoundingCylinder, table: FitTable, begin: float, most: np.ndarray,
+              calibration: Calibration | None) -> Reconstruction:
     """Free forms of the worlds `rows`, where torques contradict them by less than `most` (world,).
     """
     meshes = [NO_MESH] * len(felt.mask)
@@ -133,7 +136,8 @@ def _implicit(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
     for row in rows:  # one at a time: sums over rows of a longer neighbour would round otherwise
         own = np.array([row])
         fit, placed = fitted_freely(
-            rows_of(felt, own), None if links is None else rows_of(links, own), table)
+            rows_of(felt, own), None if links is None else rows_of(links, own), table,
+            calibration)
         if mean_contradiction(placed)[0] >= most[row]:
             continue
         given = rows_of(prior, own)
@@ -147,13 +151,15 @@ def _implicit(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
 
 
 def _several(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
-             prior: BoundingCylinder, table: FitTable, begin: float) -> Reconstruction:
+             prior: BoundingCylinder, table: FitTable, begin: float,
+             calibration: Calibration | None) -> Reconstruction:
     """Bodies of several parts of the worlds `rows`."""
     meshes, parts = [NO_MESH] * len(felt.mask), {}
     for row in rows:
         own = np.array([row])
         _, placed = fitted_freely(
-            rows_of(felt, own), None if links is None else rows_of(links, own), table)
+            rows_of(felt, own), None if links is None else rows_of(links, own), table,
+            calibration)
         found = fitted_parts(placed, rows_of(prior, own), table)
         if found is None:
             continue

@@ -26,6 +26,7 @@ from strategies.planners.register import Planner
 from strategies.poses.waypoints import BoundingCylinder
 from strategies.procedures.possible import FAILED, STATUS, NotPossible, fault_status
 from strategies.recognition.answers import Recognition
+from strategies.reconstruct.free_contacts import Calibration
 from strategies.reconstruct.free_form import Reconstruction, reconstruct
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered
@@ -280,7 +281,8 @@ def run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Epi
     scores = moments[-1].scores if moments else begin.scores
     recognition = recognize_objects(found.belief, found.recovered, cell.recognition, device)
     rebuilt = reconstruct(cell.fit.reconstruct, found.recovered, found.belief.evidence, prior,
-                          cell.fit, felt=found.felt, links=found.belief.links)
+                          cell.fit, felt=found.felt, links=found.belief.links,
+                          calibration=Calibration(found.belief.errors, found.belief.arm))
     if rebuilt is not None:
         found = _rebuilt_status(found, rebuilt)
         scores = scores_with_meshes(scorer, rebuilt.meshes, scores)
