@@ -82,6 +82,30 @@ def fit_known(
     return _record(found, points, mask, process, table_z)
 
 
+def shared_error_means(
+    points: Float[np.ndarray, "fit point 3"], mask: Bool[np.ndarray, "fit point"],
+    normals: Float[np.ndarray, "fit point 3"], sigma_m: Float[np.ndarray, "fit point"],
+    shared_m: Float[np.ndarray, "fit point error"], process: KnownProcess,
+) -> Float[np.ndarray, "fit error"]:
+    """What touches tell of errors that they share, in standard deviations of each.
+
+    `shared_m` is by how much one standard deviation of each error moves a touch [m] along its
+    normal. A touch then says f = -(its share of every error), to first order: beside the kernel of
+    the process stands one of rank `error` (a linear model with a Gaussian process as remainder,
+    Rasmussen and Williams 2006, section 2.7), and the posterior mean of the errors follows. Sets of
+    fewer than four touches tell nothing: zeros.
+    """
+    found = np.zeros((len(points), shared_m.shape[2]))
+    for world, own in enumerate(mask):
+        if own.sum() >= FEWEST:
+            at, value, noise, touch = _touch_rows(
+                points[world][own], normals[world][own], sigma_m[world][own], process)
+            share = shared_m[world][own][touch]
+            covariance = _kernel(process, at, at) + np.diag(noise) + share @ share.T
+            found[world] = share.T @ cho_solve(cho_factor(covariance, lower=True), value)
+    return found
+
+
 def _kernel(process: KnownProcess, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     scaled = (SQRT3 / process.length_m) * cdist(a, b)
     return process.amplitude_m**2 * (1.0 + scaled) * np.exp(-scaled)
@@ -92,11 +116,7 @@ def _fitted(points: np.ndarray, normals: np.ndarray, sigma: np.ndarray, free: np
     """Rows of one process, their coefficients [1/m] and variances [m^2]."""
     if len(points) < FEWEST:
         return np.zeros((0, 3)), np.zeros(0), np.zeros(0)
-    known = np.isfinite(normals).all(1)
-    off = process.offset_m
-    at = np.concatenate([points, points[known] + off * normals[known]])
-    value = np.concatenate([np.zeros(len(points)), np.full(known.sum(), off)]) - process.mean_m
-    noise = np.concatenate([sigma**2, sigma[known] ** 2 + (process.slope * off) ** 2])
+    at, value, noise, _ = _touch_rows(points, normals, sigma, process)
     alpha = _coefficients(process, at, value, noise)
     for _ in range(process.free_rounds if len(free) else 0):
         depth = radius - process.mean_m - _kernel(process, free, at) @ alpha
@@ -110,6 +130,18 @@ def _fitted(points: np.ndarray, normals: np.ndarray, sigma: np.ndarray, free: np
         free = np.delete(free, deep, axis=0)
         alpha = _coefficients(process, at, value, noise)
     return at, alpha, noise
+
+
+def _touch_rows(points: np.ndarray, normals: np.ndarray, sigma: np.ndarray, process: KnownProcess
+                ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Places, targets and variances of the touches and of the points off the surface along known
+    normals, and which touch each of them comes from."""
+    known = np.flatnonzero(np.isfinite(normals).all(1))
+    off = process.offset_m
+    touch = np.concatenate([np.arange(len(points)), known])
+    away = np.where(np.arange(len(touch)) < len(points), 0.0, off)
+    at = points[touch] + away[:, None] * np.nan_to_num(normals[touch])
+    return at, away - process.mean_m, sigma[touch] ** 2 + (process.slope * away) ** 2, touch
 
 
 def _coefficients(process: KnownProcess, at: np.ndarray, value: np.ndarray, noise: np.ndarray

@@ -49,6 +49,16 @@ def shared_shifts(
         arm_of_hand * errors.mount_rad, normals * np.sqrt(arm_variance(errors, arm))], axis=-1)
 
 
+def shared_vectors(
+    links: TouchedLinks, points_m: np.ndarray, errors: ErrorTable, arm: ArmTable
+) -> np.ndarray:
+    """By how much one standard deviation of each error moves contacts [m], (world, point, 3,
+    error)."""
+    return np.stack([
+        shared_shifts(links, points_m, np.broadcast_to(axis, points_m.shape), errors, arm)
+        for axis in np.eye(_AXES)], axis=-2)
+
+
 def _utah_mit_shifts(
     links: TouchedLinks, points_m: np.ndarray, normals: np.ndarray, errors: ErrorTable,
     turn: np.ndarray,

@@ -5,13 +5,15 @@ there says the rest: a link touches where its axis is nearest, along the normal 
 placed on a superquadric are bent towards it where the object is none. Here a Gaussian process about
 nothing is fitted to the contacts as they were felt, each contact is placed where torques and
 process agree best, and the process is fitted again. Its surface is trusted little at first.
+Errors of calibration move all contacts of an episode together. Fingers that touch the same places
+from other sides contradict one another where they do, which tells of these errors.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fit.implicit.known import KnownProcess, fit_known
+from fit.implicit.known import KnownProcess, fit_known, shared_error_means
 from fit.implicit.query import implicit_slopes
 from fit.implicit.record import ImplicitFit
 from strategies.contacts.field_placing import (
@@ -21,6 +23,7 @@ from strategies.contacts.field_placing import (
     possible_stations,
 )
 from strategies.contacts.finger_touch import TouchedLinks
+from strategies.contacts.shared_errors import shared_vectors
 from strategies.recovery.evidence import CONTRADICTED_FROM, SURE_LINK, Evidence
 from strategies.recovery.fit_contacts import (
     FARTHEST_M,
@@ -29,7 +32,7 @@ from strategies.recovery.fit_contacts import (
     PLACE_SIGMA_M,
     TURN_SIGMA_RAD,
 )
-from warpgrasp.parameters import FitTable
+from warpgrasp.parameters import ArmTable, ErrorTable, FitTable
 
 ROUNDS = 6
 """Fits after which contacts are placed, before the last one [est]."""
@@ -41,6 +44,8 @@ FIRST_SIGMA_M = 0.003
 """Least deviation of a contact as it was felt, along its normal [est]."""
 LATER_SIGMA_M = 0.0015
 """Deviation of a placed contact along its normal [est]."""
+ALIKE_SIGMA_M = 0.0007
+"""The same less what the robot's errors do to all contacts of an episode alike [est]."""
 DOUBTED_SIGMA_M = 0.005
 """The same of one that contradicts the surface or whose link is in doubt [est]."""
 LEAST_SLOPE, STEEPEST = 0.5, 1.5
@@ -49,26 +54,55 @@ PAD_SIGMA_M = 0.0006
 """Least deviation of a pad's touch [est]."""
 PLACING = KnownProcess(length_m=0.15)
 """Of the fits that contacts are placed by: stiff, for single contacts still err [est]."""
+CALIBRATING = KnownProcess(length_m=0.1, slope=0.1)
+"""Of the fit that tells of the robot's errors [est]."""
 BODY = KnownProcess(length_m=0.05)
 """Of the last fit [est]."""
 
 
-def fitted_freely(felt: Evidence, links: TouchedLinks | None, table: FitTable
-                  ) -> tuple[ImplicitFit, Evidence]:
+@dataclass(frozen=True)
+class Calibration:
+    """How far the robot may be from its tables: deviations, not what was drawn."""
+
+    errors: ErrorTable
+    arm: ArmTable
+
+
+def fitted_freely(felt: Evidence, links: TouchedLinks | None, table: FitTable,
+                  calibration: Calibration | None = None) -> tuple[ImplicitFit, Evidence]:
     """Free-form bodies of all worlds, whose mean is `BODY.mean`, and the contacts as placed on
     them.
 
     `felt` has contacts as they were felt, `links` how fingers stood. Contacts of hands that are
-    chains, those of pads, and all where there are no `links`, stay where they are.
+    chains and those of pads are not placed anew; they, too, are moved by what all contacts
+    together tell of the robot's errors, if `calibration` says how large those may be. Where there
+    are no `links`, all stay where they are.
     """
     placed, sigma = felt, _first_sigma(felt)
-    if links is None or not can_be_placed(links) or not (felt.mask & links.linked).any():
+    if links is None:
         return _fit(placed, sigma, table, BODY), placed
-    stations = link_stations(links)
-    for turn in range(ROUNDS):
-        fits = _fit(placed, sigma, table, PLACING)
-        placed, sigma = _placed(fits, placed, sigma, links, stations, min(turn / SURE_ROUNDS, 1.0))
+    if can_be_placed(links) and (felt.mask & links.linked).any():
+        stations = link_stations(links)
+        for turn in range(ROUNDS):
+            fits = _fit(placed, sigma, table, PLACING)
+            placed, sigma = _placed(fits, placed, sigma, links, stations,
+                                    min(turn / SURE_ROUNDS, 1.0))
+    if calibration is not None:
+        placed = _calibrated(placed, sigma, links, calibration)
     return _fit(placed, sigma, table, BODY), placed
+
+
+def _calibrated(placed: Evidence, sigma: np.ndarray, links: TouchedLinks, calibration: Calibration
+                ) -> Evidence:
+    """Contacts less what the robot's errors moved them by, as far as they tell."""
+    vectors = shared_vectors(links, placed.points_m, calibration.errors, calibration.arm)
+    normals = np.nan_to_num(placed.normals)
+    found = shared_error_means(
+        placed.points_m, placed.mask, placed.normals,
+        np.where(sigma == LATER_SIGMA_M, ALIKE_SIGMA_M, sigma),
+        np.einsum("wpie,wpi->wpe", vectors, normals), CALIBRATING)
+    shift = np.einsum("wpie,we->wpi", vectors, found)
+    return replace(placed, points_m=placed.points_m + np.where(placed.mask[..., None], shift, 0.0))
 
 
 def _fit(placed: Evidence, sigma_m: np.ndarray, table: FitTable, process: KnownProcess

@@ -22,7 +22,7 @@ from strategies.poses.waypoints import PRIOR_MARGIN_M, BoundingCylinder
 from strategies.reconstruct.believed_pieces import believed_pieces
 from strategies.reconstruct.calibrated_planes import Planes, calibrated_planes
 from strategies.reconstruct.felt_polyhedron import FEWEST_FACES, felt_polyhedron, mesh_of_planes
-from strategies.reconstruct.free_contacts import BODY, fitted_freely
+from strategies.reconstruct.free_contacts import BODY, Calibration, fitted_freely
 from strategies.reconstruct.parts import fitted_parts, parts_mesh
 from strategies.reconstruct.plug_in import NO_MESH, Touches, run_plug_in
 from strategies.reconstruct.plug_in_name import (
@@ -104,7 +104,8 @@ def reconstruct(
     """The bodies that `word` asks for; None for "superquadric", which keeps those recovered.
 
     `evidence` has contacts as placed on the bodies recovered, `felt` as they were felt, of `links`;
-    without these a free form takes contacts as they are in `evidence`.
+    without these a free form takes contacts as they are in `evidence`. What contacts tell of the
+    errors of calibration that the `belief` reckons with is taken from them.
     "implicit" makes a free form of every world that felt enough, "chosen" only where the recovered
     body does not explain what was felt, or explains it badly and torques agree better with the
     free form, and no polyhedron of the faces crossed, as the `belief` has them, explains it;
@@ -130,9 +131,11 @@ def reconstruct(
             wanted[list(polyhedra)] = False
         if felt is None:
             felt, links = evidence, None
+        calibration = None if belief is None else Calibration(belief.errors, belief.arm)
         if word == PARTS:
-            return _several(np.flatnonzero(wanted), felt, links, prior, table, begin)
-        free = _implicit(np.flatnonzero(wanted), felt, links, prior, table, begin, most)
+            return _several(np.flatnonzero(wanted), felt, links, prior, table, begin, calibration)
+        free = _implicit(np.flatnonzero(wanted), felt, links, prior, table, begin, most,
+                         calibration)
         return _with_polyhedra(free, polyhedra)
     name = word.rpartition(":")[2]
     worlds = len(recovered)
@@ -175,8 +178,8 @@ def _with_polyhedra(free: Reconstruction, polyhedra: Mapping[int, Planes]) -> Re
 
 
 def _implicit(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
-              prior: BoundingCylinder, table: FitTable, begin: float, most: np.ndarray
-              ) -> Reconstruction:
+              prior: BoundingCylinder, table: FitTable, begin: float, most: np.ndarray,
+              calibration: Calibration | None) -> Reconstruction:
     """Free forms of the worlds `rows`, where torques contradict them by less than `most` (world,).
     """
     meshes = [NO_MESH] * len(felt.mask)
@@ -184,7 +187,8 @@ def _implicit(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
     for row in rows:  # one at a time: sums over rows of a longer neighbour would round otherwise
         own = np.array([row])
         fit, placed = fitted_freely(
-            rows_of(felt, own), None if links is None else rows_of(links, own), table)
+            rows_of(felt, own), None if links is None else rows_of(links, own), table,
+            calibration)
         if mean_contradiction(placed)[0] >= most[row]:
             continue
         given = rows_of(prior, own)
@@ -198,13 +202,15 @@ def _implicit(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
 
 
 def _several(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
-             prior: BoundingCylinder, table: FitTable, begin: float) -> Reconstruction:
+             prior: BoundingCylinder, table: FitTable, begin: float,
+             calibration: Calibration | None) -> Reconstruction:
     """Bodies of several parts of the worlds `rows`."""
     meshes, parts = [NO_MESH] * len(felt.mask), {}
     for row in rows:
         own = np.array([row])
         _, placed = fitted_freely(
-            rows_of(felt, own), None if links is None else rows_of(links, own), table)
+            rows_of(felt, own), None if links is None else rows_of(links, own), table,
+            calibration)
         found = fitted_parts(placed, rows_of(prior, own), table)
         if found is None:
             continue

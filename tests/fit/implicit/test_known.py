@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fit.fit_status import FitStatus
-from fit.implicit.known import KnownProcess, fit_known
+from fit.implicit.known import KnownProcess, fit_known, shared_error_means
 from fit.implicit.mesh import implicit_meshes
 from fit.implicit.query import implicit_distance, implicit_slopes, implicit_values
 
@@ -86,3 +86,50 @@ def test_slopes_are_those_of_the_distance() -> None:
 def test_wrong_numbers_are_named() -> None:
     with pytest.raises(ValueError, match=r"length_m: 0\.0, should be positive"):
         KnownProcess(length_m=0.0)
+
+
+def two_fingers(error_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Touches of a ball by two fingers, of which the first reads `error_m` too far outwards; one
+    error for each, of 2 mm along the normal."""
+    points, normals = ball(80)
+    first = np.arange(80) % 2 == 0
+    points = points + np.where(first, error_m, 0.0)[:, None] * normals
+    shared = 0.002 * np.stack([first, ~first], axis=-1).astype(float)[None]
+    return points, normals, shared
+
+
+@pytest.mark.parametrize("error_m", [-0.003, 0.0, 0.002])
+def test_fingers_that_contradict_one_another_tell_of_their_errors(error_m: float) -> None:
+    points, normals, shared = two_fingers(error_m)
+    mask = np.ones(points.shape[:2], bool)
+    first, second = shared_error_means(
+        points, mask, normals, np.full(mask.shape, 0.0005), shared, PROCESS)[0]
+    assert 0.002 * (second - first) == pytest.approx(error_m, abs=0.0003)
+
+
+def test_shared_errors_are_the_mean_of_the_joint_distribution() -> None:
+    """Against the conditional mean of a joint normal distribution written out in full."""
+    points, normals, shared = two_fingers(0.001)
+    points, normals, shared = points[:, :12], normals[:, :12], shared[:, :12]
+    mask = np.ones((1, 12), bool)
+    mask[0, 3] = False
+    found = shared_error_means(points, mask, normals, np.full((1, 12), 0.0005), shared, PROCESS)[0]
+    own = np.flatnonzero(mask[0])
+    at = np.concatenate([points[0, own], points[0, own] + PROCESS.offset_m * normals[0, own]])
+    r = np.sqrt(3) * np.linalg.norm(at[:, None] - at[None], axis=-1) / PROCESS.length_m
+    kernel = PROCESS.amplitude_m**2 * (1 + r) * np.exp(-r)
+    both = np.concatenate([shared[0, own]] * 2)
+    # Unknowns: the process at the rows, the two errors, the noise of each row.
+    prior = np.block([[kernel, np.zeros((22, 24))], [np.zeros((24, 22)), np.eye(24)]])
+    noise = np.sqrt(np.repeat([0.0005**2, 0.0005**2 + (PROCESS.slope * PROCESS.offset_m) ** 2], 11))
+    observed = np.concatenate([np.eye(22), both, np.diag(noise)], axis=1)
+    told = np.repeat([0.0, PROCESS.offset_m], 11) - PROCESS.mean_m
+    mean = prior @ observed.T @ np.linalg.solve(observed @ prior @ observed.T, told)
+    np.testing.assert_allclose(found, mean[22:24], rtol=1e-6, atol=1e-9)
+
+
+def test_too_few_touches_tell_nothing_of_errors() -> None:
+    points, normals, shared = two_fingers(0.001)
+    mask = np.arange(80)[None] < 3
+    assert not shared_error_means(points, mask, normals, np.full((1, 80), 0.0005), shared,
+                                  PROCESS).any()

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from strategies.contacts.finger_touch import no_links
-from strategies.contacts.shared_errors import COUNT, EACH_FINGER, shared_shifts
+from strategies.contacts.shared_errors import COUNT, EACH_FINGER, shared_shifts, shared_vectors
 from warpgrasp.mechanism.calibration import arm_variance
 from warpgrasp.mechanism.utah_mit_hand import hand_links
 from warpgrasp.parameters import ArmTable, ErrorTable, HandTable
@@ -52,6 +52,21 @@ def test_a_joint_zero_turns_the_finger(joint: int) -> None:
     assert shifts.shape == (1, N, COUNT)
     assert own_columns(shifts, links, joint) == pytest.approx(
         along(moved, normal) / STEP * ERRORS.joint_offset_rad, rel=1e-4, abs=1e-8)
+
+
+@pytest.mark.parametrize("joint", range(4))
+@pytest.mark.parametrize("finger", range(4))
+def test_an_error_moves_all_contacts_of_a_finger_by_one_sign(joint: int, finger: int) -> None:
+    links, points, _ = stood()
+    vectors = shared_vectors(links, points, ERRORS, ARM)
+    q = links.q_rad[0].copy()
+    q[:, joint] += STEP
+    moved = (tips(HAND, links.hand_pose[0], q, links.finger[0]) - points)[0] / STEP
+    own = links.finger[0] == finger
+    column = vectors[0, own, :, EACH_FINGER * finger + joint] / ERRORS.joint_offset_rad
+    sign = np.sign((column * moved[own]).sum())
+    np.testing.assert_allclose(sign * column, moved[own], rtol=1e-4, atol=1e-7)
+    assert not vectors[0, ~own, :, EACH_FINGER * finger + joint].any()
 
 
 @pytest.mark.parametrize("link", range(2))

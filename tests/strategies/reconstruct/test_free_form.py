@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from strategies.ready_made import STRATEGIES
-from strategies.reconstruct.free_contacts import fitted_freely
+from strategies.reconstruct.free_contacts import Calibration, fitted_freely
 from strategies.recovery.choose_model import Shape
 from strategies.recovery.contact_verdict import unexplained
 from sweeps.episode.episodes import EpisodeBlock, run_block, run_episodes
@@ -45,6 +45,21 @@ def test_contacts_move_towards_where_fingers_touched(bowls: EpisodeBlock) -> Non
     assert error(placed.points_m) < 0.0055
     assert error(placed.points_m) < 0.75 * error(found.felt.points_m)
     assert error(placed.points_m) < 0.75 * error(found.belief.evidence.points_m)
+
+
+@pytest.mark.slow
+def test_contacts_lose_what_calibration_did_to_them(bowls: EpisodeBlock) -> None:
+    found = bowls.exploration
+    part = [bowls.truth.closings[p.closing] for p in found.procedures]
+    true, normal = (np.concatenate([getattr(c, name).reshape(len(found.status), -1, 3)
+                                    for c in part], axis=1) for name in ("point_m", "normal"))
+    known = Calibration(found.belief.errors, found.belief.arm)
+    (_, before), (_, after) = (fitted_freely(found.felt, found.belief.links, FIT, given)
+                               for given in (None, known))
+    use = found.felt.mask & np.isfinite(true).all(-1)
+    miss = [np.abs(((placed.points_m - true) * normal).sum(-1)) for placed in (before, after)]
+    off = [np.mean([np.median(m[w][use[w]]) for w in range(len(use))]) for m in miss]
+    assert off[1] < 0.9 * off[0]
 
 
 @pytest.mark.slow
