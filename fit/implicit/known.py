@@ -65,6 +65,11 @@ def fit_known(
 ) -> ImplicitFit:
     """Fit free-form bodies to touches [m] with outward normals and deviations `sigma_m`.
 
+    All variances of a body, those of `process` and `sigma_m`, are multiplied by the number that
+    makes its touches likeliest, their mean square in units of these variances (Santner, Williams
+    and Notz 2003, section 3.3). The body stays the same; how sure it is depends on how well it
+    agrees with what was expected.
+
     Returns `ImplicitFit`, whose mean is `process.mean`; a set of fewer than four touches has the
     status `too_few_points` and no body. Raises ValueError for arrays whose shapes disagree.
     """
@@ -102,7 +107,8 @@ def shared_error_means(
                 points[world][own], normals[world][own], sigma_m[world][own], process)
             share = shared_m[world][own][touch]
             covariance = _kernel(process, at, at) + np.diag(noise) + share @ share.T
-            found[world] = share.T @ cho_solve(cho_factor(covariance, lower=True), value)
+            told = share.T @ cho_solve(cho_factor(covariance, lower=True), value)
+            found[world] = np.round(told, 9)  # products round by where arrays lie in memory
     return found
 
 
@@ -129,7 +135,8 @@ def _fitted(points: np.ndarray, normals: np.ndarray, sigma: np.ndarray, free: np
         noise = np.concatenate([noise, np.full(len(deep), process.free_sigma_m**2)])
         free = np.delete(free, deep, axis=0)
         alpha = _coefficients(process, at, value, noise)
-    return at, alpha, noise
+    scale = float((value * alpha).sum() / len(value))
+    return at, alpha / scale, noise * scale, scale
 
 
 def _touch_rows(points: np.ndarray, normals: np.ndarray, sigma: np.ndarray, process: KnownProcess
@@ -151,11 +158,12 @@ def _coefficients(process: KnownProcess, at: np.ndarray, value: np.ndarray, nois
 
 def _record(found: list, points: np.ndarray, mask: np.ndarray, process: KnownProcess,
             table_z: float | None) -> ImplicitFit:
-    n, width = len(found), max([len(alpha) for _, alpha, _ in found], default=0)
+    n, width = len(found), max([len(alpha) for _, alpha, _, _ in found], default=0)
     width = max(width, 1)
     at, alpha, noise = np.zeros((n, width, 3)), np.zeros((n, width)), np.full((n, width), -1.0)
-    rms = np.zeros(n)
-    for k, (place, own, variance) in enumerate(found):
+    rms, amplitude = np.zeros(n), np.zeros(n)
+    for k, (place, own, variance, scale) in enumerate(found):
+        amplitude[k] = process.amplitude_m * np.sqrt(scale)
         rows = len(own)
         at[k, :rows], alpha[k, :rows], noise[k, :rows] = place, own, variance
         # At a touch the process differs from its target by the noise times alpha.
@@ -169,7 +177,7 @@ def _record(found: list, points: np.ndarray, mask: np.ndarray, process: KnownPro
     fitted = count >= FEWEST
     return ImplicitFit(
         points_m=at, alpha_per_m=alpha, noise_m2=noise, weight=mask.astype(float),
-        length_m=np.full(n, process.length_m), amplitude_m=np.full(n, process.amplitude_m),
+        length_m=np.full(n, process.length_m), amplitude_m=amplitude,
         noise_sigma_m=np.zeros(n), centre_m=(low + high) / 2, radius_m=np.full(n, 0.03),
         low_m=low, high_m=high, table_z_m=np.full(n, NO_TABLE_M if table_z is None else table_z),
         cost=np.zeros(n), rms_m=rms, iterations=np.zeros(n, int),
