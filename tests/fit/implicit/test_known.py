@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fit.fit_status import FitStatus
-from fit.implicit.known import KnownProcess, fit_known
+from fit.implicit.known import KnownProcess, fit_known, known_slopes
 from fit.implicit.mesh import implicit_meshes
 from fit.implicit.query import implicit_distance, implicit_slopes, implicit_values
 
@@ -81,6 +81,20 @@ def test_slopes_are_those_of_the_distance() -> None:
     other = implicit_distance(fit, asked, PROCESS.mean)
     assert np.allclose(value, other.distance_m, atol=1e-5)
     assert np.allclose(slope, other.gradient, atol=1e-6)
+
+
+def test_slopes_of_one_body_are_those_of_all() -> None:
+    points, normals = ball(40)
+    kept = np.ones((2, 40), bool)
+    kept[1, 7:] = False
+    fits = fit_known(points.repeat(2, 0), kept, normals.repeat(2, 0), np.full(kept.shape, 0.0005),
+                     PROCESS)
+    asked = np.random.default_rng(3).uniform(-0.06, 0.06, (2, 50, 3))
+    value, slope = implicit_slopes(fits, asked, PROCESS.mean)
+    for row in range(2):
+        own_value, own_slope = known_slopes(fits, row, PROCESS, asked[row])
+        np.testing.assert_allclose(own_value, value[row], atol=3e-6)
+        np.testing.assert_allclose(own_slope, slope[row], atol=3e-4)
 
 
 def test_wrong_numbers_are_named() -> None:
