@@ -29,7 +29,6 @@ from strategies.recovery.fit_contacts import (
     PLACE_SIGMA_M,
     TURN_SIGMA_RAD,
 )
-from strategies.recovery.second_surface import LEAST_SLOPE, SIGMA_M, STEEPEST, STIFF
 from warpgrasp.parameters import FitTable
 
 ROUNDS = 6
@@ -40,11 +39,16 @@ FIRST_PLACE_M, FIRST_TURN_RAD = 0.006, 0.3
 """How well the first surface predicts where an axis passes and which way it looks [est]."""
 FIRST_SIGMA_M = 0.003
 """Least deviation of a contact as it was felt, along its normal [est]."""
+LATER_SIGMA_M = 0.0015
+"""Deviation of a placed contact along its normal [est]."""
 DOUBTED_SIGMA_M = 0.005
-"""Deviation along its normal of a placed contact that contradicts the surface or whose link is in
-doubt [est]."""
+"""The same of one that contradicts the surface or whose link is in doubt [est]."""
+LEAST_SLOPE, STEEPEST = 0.5, 1.5
+"""Slopes of the process that its values are divided by to be distances."""
 PAD_SIGMA_M = 0.0006
 """Least deviation of a pad's touch [est]."""
+PLACING = KnownProcess(length_m=0.15)
+"""Of the fits that contacts are placed by: stiff, for single contacts still err [est]."""
 BODY = KnownProcess(length_m=0.05)
 """Of the last fit [est]."""
 
@@ -62,7 +66,7 @@ def fitted_freely(felt: Evidence, links: TouchedLinks | None, table: FitTable
         return _fit(placed, sigma, table, BODY), placed
     stations = link_stations(links)
     for turn in range(ROUNDS):
-        fits = _fit(placed, sigma, table, STIFF)
+        fits = _fit(placed, sigma, table, PLACING)
         placed, sigma = _placed(fits, placed, sigma, links, stations, min(turn / SURE_ROUNDS, 1.0))
     return _fit(placed, sigma, table, BODY), placed
 
@@ -93,7 +97,7 @@ def _placed(fits: ImplicitFit, before: Evidence, sigma: np.ndarray, links: Touch
                                before.covariance_m2),
         normals=np.where(moved[..., None], found.normal, before.normals),
         contradiction=contradiction)
-    own = np.where(contradiction > CONTRADICTED_FROM, DOUBTED_SIGMA_M, SIGMA_M)
+    own = np.where(contradiction > CONTRADICTED_FROM, DOUBTED_SIGMA_M, LATER_SIGMA_M)
     return placed, np.where(moved, own, sigma)
 
 
@@ -107,7 +111,7 @@ def _field(fits: ImplicitFit, stations: np.ndarray, wanted: np.ndarray
     slot = np.arange(len(world)) - np.searchsorted(world, world)
     asked = np.zeros((len(wanted), slot.max(initial=-1) + 1, 3))
     asked[world, slot] = stations[at]
-    value, slope = implicit_slopes(fits, asked, STIFF.mean)
+    value, slope = implicit_slopes(fits, asked, PLACING.mean)
     value, slope = value[world, slot], slope[world, slot]
     size = np.linalg.norm(slope, axis=-1)
     known = np.isfinite(size) & (size > 0.0)
