@@ -29,6 +29,7 @@ from strategies.recovery.fit_contacts import (
     PLACE_SIGMA_M,
     TURN_SIGMA_RAD,
 )
+from strategies.recovery.second_surface import LEAST_SLOPE, STEEPEST
 from warpgrasp.parameters import FitTable
 
 ROUNDS = 6
@@ -43,8 +44,6 @@ LATER_SIGMA_M = 0.0015
 """Deviation of a placed contact along its normal [est]."""
 DOUBTED_SIGMA_M = 0.005
 """The same of one that contradicts the surface or whose link is in doubt [est]."""
-LEAST_SLOPE, STEEPEST = 0.5, 1.5
-"""Slopes of the process that its values are divided by to be distances."""
 PAD_SIGMA_M = 0.0006
 """Least deviation of a pad's touch [est]."""
 PLACING = KnownProcess(length_m=0.15)

@@ -3,7 +3,7 @@ the contacts themselves.
 
 A contact's place along its link follows from the direction of the body's surface there, and a
 model has that everywhere: a superquadric has rounded ends where a bottle has a mouth, and flat
-faces where a wedge is steeper. A stiff Gaussian process through all contacts as placed on the model
+faces where a wedge is steeper. A loose Gaussian process about all contacts as placed on the model
 knows of it only what contacts held. Where torques and that surface put a contact elsewhere, its
 place is the model's word.
 """
@@ -28,10 +28,11 @@ from strategies.recovery.fit_contacts import (
     TURN_SIGMA_RAD,
 )
 
-STIFF = KnownProcess(length_m=0.15)
-"""Of the surface that contacts are placed by: stiff, for single contacts still err [est]."""
-SIGMA_M = 0.0015
-"""Deviation of a placed contact along its normal [est]."""
+SURFACE = KnownProcess(length_m=0.10)
+"""Of the surface that contacts are placed by [est]."""
+SIGMA_M = 0.003
+"""Deviation of a contact from it, along the normal: more than contacts have, so that few of them
+that lie off do not bend it [est]."""
 LEAST_SLOPE, STEEPEST = 0.5, 1.5
 """Slopes of the process that its values are divided by to be distances."""
 
@@ -58,12 +59,12 @@ def moved_on_second_surface(
 def _moved(evidence: Evidence, links: TouchedLinks, asked: np.ndarray) -> np.ndarray:
     """The same of one world whose contacts are asked for."""
     surface = fit_known(
-        evidence.points_m, evidence.mask, evidence.normals, np.full(asked.shape, SIGMA_M), STIFF,
+        evidence.points_m, evidence.mask, evidence.normals, np.full(asked.shape, SIGMA_M), SURFACE,
         free_points=evidence.free_m, free_mask=evidence.free_mask,
         free_radius=evidence.free_radius_m)
     wanted = asked[..., None] & possible_stations(links)
     stations = link_stations(links)
-    value, slope = known_slopes(surface, 0, STIFF, stations[wanted])
+    value, slope = known_slopes(surface, 0, SURFACE, stations[wanted])
     size = np.linalg.norm(slope, axis=-1)
     distance, normal = np.ones(wanted.shape), np.zeros(stations.shape)
     distance[wanted] = value / np.clip(size, LEAST_SLOPE, STEEPEST)
