@@ -22,8 +22,10 @@ NEAR_M = 0.006
 """An accepted contact of a finger lies at most this far from the body [est]."""
 UNSURE_M = 0.010 / 2.576
 """Standard deviation along the link from which a contact of a finger is more than 10 mm off with a
-probability of 1 % or more, as its torques tell. A contact that lies farther than this from its
-place on a second surface hangs on the model."""
+probability of 1 % or more, as its torques tell."""
+MOVED_M = 0.003
+"""A contact that lies farther than this from its place on a second surface hangs on the model
+[est]."""
 UNEXPLAINED_M = 0.002
 """Mean distance of contacts from a body that does not explain them [m] [est]."""
 DOUBTED_M = 0.0016
@@ -116,7 +118,7 @@ def contact_verdicts(
     verdict[~evidence.mask] = ""
     if links is not None:
         asked = np.asarray(verdict == ACCEPTED) & ~evidence.by_pad
-        verdict[moved_on_second_surface(evidence, links, asked) > UNSURE_M] = UNSURE_BODY
+        verdict[moved_on_second_surface(evidence, links, asked) > MOVED_M] = UNSURE_BODY
     return verdict
 
 

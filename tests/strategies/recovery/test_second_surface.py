@@ -34,7 +34,7 @@ def test_hardly_one_accepted_contact_lies_far_from_where_the_finger_touched(
     assert accepted.sum() > 500
     assert (off[accepted] > FAR_M).mean() <= 0.01
     assert (off[accepted | by_model] > FAR_M).mean() > 0.015
-    assert by_model.sum() < 0.25 * (accepted | by_model).sum()
+    assert by_model.sum() < 0.35 * (accepted | by_model).sum()
 
 
 def test_a_world_does_not_depend_on_those_beside_it(wedges: EpisodeBlock) -> None:
