@@ -112,16 +112,35 @@ def shared_error_means(
     return found
 
 
+def known_slopes(
+    fits: ImplicitFit, row: int, process: KnownProcess, queries_m: Float[np.ndarray, "query 3"]
+) -> tuple[Float[np.ndarray, " query"], Float[np.ndarray, "query 3"]]:
+    """Signed distances [m] of one of `fit_known`'s bodies at queries [m], and their gradients, the
+    table aside.
+
+    As `implicit_slopes`, in double precision, without JAX: for one body at a time.
+    """
+    used = fits.noise_m2[row] >= 0.0
+    at, alpha = fits.points_m[row][used], fits.alpha_per_m[row][used]
+    scaled = (SQRT3 / process.length_m) * cdist(queries_m, at)
+    weight = fits.amplitude_m[row]**2 * np.exp(-scaled) * alpha
+    value = process.mean_m + ((1.0 + scaled) * weight).sum(1)
+    towards = weight @ at - weight.sum(1)[:, None] * queries_m
+    return value, (SQRT3 / process.length_m) ** 2 * towards
+
+
 def _kernel(process: KnownProcess, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     scaled = (SQRT3 / process.length_m) * cdist(a, b)
     return process.amplitude_m**2 * (1.0 + scaled) * np.exp(-scaled)
 
 
 def _fitted(points: np.ndarray, normals: np.ndarray, sigma: np.ndarray, free: np.ndarray,
-            radius: float, process: KnownProcess) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows of one process, their coefficients [1/m] and variances [m^2]."""
+            radius: float, process: KnownProcess
+            ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """Rows of one process, their coefficients [1/m] and variances [m^2], and the number that all
+    variances were multiplied by."""
     if len(points) < FEWEST:
-        return np.zeros((0, 3)), np.zeros(0), np.zeros(0)
+        return np.zeros((0, 3)), np.zeros(0), np.zeros(0), 1.0
     at, value, noise, _ = _touch_rows(points, normals, sigma, process)
     alpha = _coefficients(process, at, value, noise)
     for _ in range(process.free_rounds if len(free) else 0):

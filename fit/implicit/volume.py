@@ -45,11 +45,14 @@ class VolumeEstimate:
 
 
 def implicit_volume(
-    fits: ImplicitFit, meshes: Sequence[TriangleMesh], mean: Mean | None = None
+    fits: ImplicitFit, meshes: Sequence[TriangleMesh], mean: Mean | None = None, *,
+    shared_m: float = 0.0
 ) -> VolumeEstimate:
     """Volumes of the meshes of `implicit_meshes` and what the posterior says of their error.
 
-    Raises ValueError for another number of meshes than fits.
+    `shared_m` is the standard deviation [m] of an error along the normal that all touches share:
+    the process takes it for a larger or smaller body. Raises ValueError for another number of
+    meshes than fits.
     """
     if len(meshes) != len(fits):
         raise ValueError(f"meshes: {len(meshes)} for {len(fits)} fits")
@@ -65,7 +68,8 @@ def implicit_volume(
         np.where(used[..., None], fits.points_m - centre, 0.0),
         np.where(used, fits.noise_m2, 1.0), used.astype(float), surface - centre, share)
     return VolumeEstimate(np.array([mesh.volume_m3 for mesh in meshes]),
-                          np.sqrt(np.maximum(variance, 0.0)), surface, values.std_m / slope)
+                          np.sqrt(np.maximum(variance, 0.0) + (shared_m * area) ** 2), surface,
+                          np.hypot(values.std_m / slope, shared_m))
 
 
 def surface_samples(mesh: TriangleMesh, count: int) -> Float[np.ndarray, "sample 3"]:

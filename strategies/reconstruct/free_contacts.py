@@ -32,6 +32,7 @@ from strategies.recovery.fit_contacts import (
     PLACE_SIGMA_M,
     TURN_SIGMA_RAD,
 )
+from strategies.recovery.second_surface import LEAST_SLOPE, STEEPEST
 from warpgrasp.parameters import ArmTable, ErrorTable, FitTable
 
 ROUNDS = 6
@@ -46,10 +47,10 @@ LATER_SIGMA_M = 0.0015
 """Deviation of a placed contact along its normal [est]."""
 ALIKE_SIGMA_M = 0.0007
 """The same less what the robot's errors do to all contacts of an episode alike [est]."""
+LEFT_M = 0.0006
+"""What is left of errors of calibration that make all contacts lie equally far out [est]."""
 DOUBTED_SIGMA_M = 0.005
 """The same of one that contradicts the surface or whose link is in doubt [est]."""
-LEAST_SLOPE, STEEPEST = 0.5, 1.5
-"""Slopes of the process that its values are divided by to be distances."""
 PAD_SIGMA_M = 0.0006
 """Least deviation of a pad's touch [est]."""
 PLACING = KnownProcess(length_m=0.15)

@@ -22,7 +22,7 @@ from strategies.poses.waypoints import PRIOR_MARGIN_M, BoundingCylinder
 from strategies.reconstruct.believed_pieces import believed_pieces
 from strategies.reconstruct.calibrated_planes import Planes, calibrated_planes
 from strategies.reconstruct.felt_polyhedron import FEWEST_FACES, felt_polyhedron, mesh_of_planes
-from strategies.reconstruct.free_contacts import BODY, Calibration, fitted_freely
+from strategies.reconstruct.free_contacts import BODY, LEFT_M, Calibration, fitted_freely
 from strategies.reconstruct.parts import fitted_parts, parts_mesh
 from strategies.reconstruct.plug_in import NO_MESH, Touches, run_plug_in
 from strategies.reconstruct.plug_in_name import (
@@ -87,7 +87,8 @@ class Reconstruction:
     @cached_property
     def _volumes(self) -> tuple[VolumeEstimate, ...]:
         assert self.fitted is not None
-        return tuple(implicit_volume(fit, [self.meshes[int(world)]], BODY.mean)
+        return tuple(implicit_volume(fit, [self.meshes[int(world)]], BODY.mean,
+                                     shared_m=LEFT_M)
                      for fit, world in zip(self.fits, self.fitted, strict=True))
 
     @property

@@ -2,17 +2,20 @@
 
 A contact is placed by the torques of a finger and by the body that all contacts make. Where the two
 contradict one another, or torques leave open which link touched, it may be anywhere on the finger.
-So it may where torques leave open where along the link it is (`docs/model.md`).
+So it may where torques leave open where along the link it is, and where that hangs on the model:
+where a smooth surface through the contacts would have it elsewhere (`docs/model.md`).
 Everything here is known to the robot.
 """
 
 import numpy as np
 
 from fit.arrays import row_sums
+from strategies.contacts.finger_touch import TouchedLinks
 from strategies.recovery.body_distances import contour_distances, surface_distances
 from strategies.recovery.choose_model import Recovered, Shape
 from strategies.recovery.evidence import CONTRADICTED_FROM, Evidence
 from strategies.recovery.misfit import FARTHEST_M
+from strategies.recovery.second_surface import moved_on_second_surface
 from strategies.recovery.upright import stand_upright
 
 NEAR_M = 0.006
@@ -20,6 +23,9 @@ NEAR_M = 0.006
 UNSURE_M = 0.010 / 2.576
 """Standard deviation along the link from which a contact of a finger is more than 10 mm off with a
 probability of 1 % or more, as its torques tell."""
+MOVED_M = 0.003
+"""A contact that lies farther than this from its place on a second surface hangs on the model
+[est]."""
 UNEXPLAINED_M = 0.002
 """Mean distance of contacts from a body that does not explain them [m] [est]."""
 DOUBTED_M = 0.0016
@@ -28,10 +34,10 @@ ROUND_FROM = 0.5
 """Exponent of the level section from which a superquadric is round, as `decide` takes it."""
 MOST_CONTRADICTED = 9.0
 """What a contact that contradicts a body more, or of a link in doubt, counts as."""
-ACCEPTED, UNSURE_LINK, UNSURE_PLACE, CONTRADICTED, FAR, TABLE = (
-    "accepted", "unsure_link", "unsure_place", "contradicted", "far", "table")
+ACCEPTED, UNSURE_LINK, UNSURE_PLACE, UNSURE_BODY, CONTRADICTED, FAR, TABLE = (
+    "accepted", "unsure_link", "unsure_place", "unsure_body", "contradicted", "far", "table")
 """Verdicts: too far from the body to be its contact is `far`, as near to the table as to be told
-from it is `table`."""
+from it is `table`; `unsure_body` is a place that only the model tells."""
 
 
 def surface_gaps(recovered: Recovered, points_m: np.ndarray, mask: np.ndarray) -> np.ndarray:
@@ -93,8 +99,13 @@ def mean_contradiction(evidence: Evidence) -> np.ndarray:
             / np.maximum(evidence.mask.sum(1), 1))
 
 
-def contact_verdicts(recovered: Recovered, evidence: Evidence) -> np.ndarray:
+def contact_verdicts(
+    recovered: Recovered, evidence: Evidence, links: TouchedLinks | None = None
+) -> np.ndarray:
     """The verdict of each contact of the evidence, (world, point); empty text where there is none.
+
+    With `links`, of hands whose contacts can be placed on any form, no contact is accepted whose
+    place hangs on the model; that takes some hundredths of a second a world.
     """
     near = explained_by(recovered, evidence.points_m, evidence.mask)
     near &= evidence.by_pad | (
@@ -105,6 +116,9 @@ def contact_verdicts(recovered: Recovered, evidence: Evidence) -> np.ndarray:
     verdict[np.isinf(evidence.contradiction)] = UNSURE_LINK
     verdict[~near] = FAR
     verdict[~evidence.mask] = ""
+    if links is not None:
+        asked = np.asarray(verdict == ACCEPTED) & ~evidence.by_pad
+        verdict[moved_on_second_surface(evidence, links, asked) > MOVED_M] = UNSURE_BODY
     return verdict
 
 
@@ -114,14 +128,16 @@ def _widest(evidence: Evidence) -> np.ndarray:
     return np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[..., -1], 0.0))
 
 
-def accepted_contacts(recovered: Recovered, evidence: Evidence) -> np.ndarray:
-    """Which contacts count as the body's, bool (world, point)."""
-    return np.asarray(contact_verdicts(recovered, evidence) == ACCEPTED)
+def accepted_contacts(
+    recovered: Recovered, evidence: Evidence, links: TouchedLinks | None = None
+) -> np.ndarray:
+    """Which contacts count as the body's, bool (world, point), as `contact_verdicts` has them."""
+    return np.asarray(contact_verdicts(recovered, evidence, links) == ACCEPTED)
 
 
 def accepted_rms(recovered: Recovered, evidence: Evidence) -> np.ndarray:
-    """Root mean square distance of the accepted contacts from the body [m], (world,); NaN where
-    there is none."""
+    """Root mean square distance of the contacts that the body explains from it [m], (world,); NaN
+    where there is none. Those whose place hangs on the model are among them: along the body."""
     accepted = accepted_contacts(recovered, evidence)
     gap = surface_gaps(recovered, evidence.points_m, evidence.mask)
     count = accepted.sum(1)

@@ -86,11 +86,12 @@ def contact_tables(found: Exploration, truth: Truth) -> np.ndarray:
 
 def _procedures(found: Exploration, truth: Truth) -> Iterator[Parts]:
     slot, probes = 0, np.zeros(len(found.status), int)
+    belief = found.belief
+    verdicts = contact_verdicts(found.recovered, belief.evidence, belief.links)
     for procedure in found.procedures:
         if isinstance(procedure.felt, Grasps):
             yield _grasps(procedure, procedure.felt, truth.closings[procedure.closing],
-                          found.belief.evidence,
-                          contact_verdicts(found.recovered, found.belief.evidence), slot, probes)
+                          belief.evidence, verdicts, slot, probes)
         else:
             yield _touches(procedure.name, procedure.felt, truth, probes)
         slot += procedure.slots

@@ -1,13 +1,14 @@
 """A figure of contacts over the recovered body, after figure 4 of Allen and Michelman (1990).
 
 Left the recovered body with the contacts on its near side; right its outline and the true one, seen
-from the front and from above. Contacts too far from the body to be its are hollow.
+from the front and from above. Contacts that do not count as the body's are hollow.
 """
 
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fit.arrays import rows_of
 from strategies.recovery.choose_model import Shape
 from strategies.recovery.contact_verdict import accepted_contacts
 from sweeps.episode.episodes import EpisodeBlock
@@ -46,10 +47,12 @@ def contacts_figure(block: EpisodeBlock, name: str, world: int = 0,
     free_form = mesh_of_world(block, world) is not None
     corners = faces.reshape(-1, 3)
     prior = block.recovered.shape[world] == Shape.PRIOR_CYLINDER and not free_form
-    evidence = block.exploration.belief.evidence
-    mine = evidence.mask[world]
-    points = 1e3 * (evidence.points_m[world][mine] - pose[:3])
-    near = accepted_contacts(block.recovered, evidence)[world][mine]
+    own = np.array([world])
+    evidence = rows_of(block.evidence, own)
+    mine = evidence.mask[0]
+    points = 1e3 * (evidence.points_m[0][mine] - pose[:3])
+    near = accepted_contacts(rows_of(block.recovered, own), evidence,
+                             rows_of(block.exploration.belief.links, own))[0][mine]
     near |= prior or free_form  # nothing was recovered that contacts could contradict
     yaw = 2.0 * np.arctan2(pose[5], pose[6])
     turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
@@ -92,7 +95,7 @@ def contacts_figure(block: EpisodeBlock, name: str, world: int = 0,
         flat.plot(points[near, i], points[near, j], ".", color=CONTACT, ms=3, label="contacts")
         if not near.all():
             flat.plot(points[~near, i], points[~near, j], "o", ms=2.5, mfc="none", mew=0.6,
-                      color=CONTACT, label="contradict it")
+                      color=CONTACT, label="not counted")
         flat.set_aspect("equal")
         wide_enough = np.ptp(true[:, i]) > 0.35 * np.ptp(true[:, j])
         flat.xaxis.set_major_locator(MaxNLocator(3) if wide_enough else FixedLocator([0.0]))

@@ -41,6 +41,7 @@ def trust_sentence(block: EpisodeBlock, world: int = 0) -> str:
     """What speaks for the recovered body of one world, and how much of it was never felt."""
     recovered = rows_of(block.recovered, np.array([world]))
     evidence = rows_of(block.evidence, np.array([world]))
+    links = rows_of(block.exploration.belief.links, np.array([world]))
     felt = int(evidence.mask.sum())
     mesh = mesh_of_world(block, world)
     if mesh is not None:
@@ -49,7 +50,7 @@ def trust_sentence(block: EpisodeBlock, world: int = 0) -> str:
         why = _NOTHING.get(str(block.status[world]), str(block.status[world]))
         return (f"nothing was recovered: {why} ({felt} contacts); the body written is the cylinder "
                 "that the strategy was given as prior")
-    near = accepted_contacts(recovered, evidence)
+    near = accepted_contacts(recovered, evidence, links)
     share = surface_near(recovered, evidence.points_m[0][near[0]])
     far = felt - int(near.sum())
     text = (f"{100 * share:.0f} % of the recovered surface is within {1e3 * NEAR_M:.0f} mm of one "

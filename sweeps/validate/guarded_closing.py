@@ -24,7 +24,12 @@ from sweeps.validate.mujoco_hand import (
     MujocoStop,
     tension_differences,
 )
-from sweeps.validate.reference_finger import OVERLAP_M, FingerEnergy, link_overlap
+from sweeps.validate.reference_finger import (
+    OVERLAP_M,
+    FingerEnergy,
+    link_overlap,
+    overlap_beyond_skin,
+)
 from warpgrasp.closing.closing import Closing, ClosingTruth, close_fingers
 from warpgrasp.export.convex_solids import Solid, object_solids
 from warpgrasp.geometry.body import Body, Part, scene_of
@@ -53,6 +58,7 @@ BOUNDS = (Bounds(0.05, 5e-4, 0.05, 0.0), Bounds(0.10, 1e-3, nan, 0.0))
 """Without and with friction."""
 _TIP_M, _TORQUE = 5e-4, 0.05
 """Closings that differ by more are put down to a cause."""
+UNPRESSED_M = 2e-5  # what the joints bear presses links that overlap to within this
 HAND = HandTable()
 _HALF_AXES_M = (0.030, 0.050)  # of the ellipsoid, across and along its axis
 
@@ -75,6 +81,7 @@ class _Tally:
     other_link: int = 0
     causes: Counter[str] = field(default_factory=Counter)
     overlap_m: list[float] = field(default_factory=list)
+    unpressed_m: list[float] = field(default_factory=list)  # of those above OVERLAP_M
 
 
 def compare_closing(poses: int = 24, workers: int = 2) -> list[Comparison]:
@@ -243,7 +250,12 @@ def _compare(tally: _Tally, body: Body, solids: Sequence[Solid], path: str, pose
     for k, threshold in enumerate(THRESHOLDS_N):
         felt, truth = _ours(body, places, commands, threshold, contact)
         tips = hand_links(HAND, places, truth.q_rad[:, 0, 0])[0][:, :, 4]
-        tally.overlap_m += link_overlap(HAND, places, truth.rest_rad[:, 0, 0]).tolist()
+        deep = link_overlap(HAND, places, truth.rest_rad[:, 0, 0])
+        tally.overlap_m += deep.tolist()
+        for i in np.flatnonzero(deep > OVERLAP_M):
+            fingers = [FingerEnergy(body, HAND, places[i], f, contact) for f in range(4)]
+            rest, held = truth.rest_rad[i, 0, 0], commands[np.arange(4), felt.step[i, 0, 0]]
+            tally.unpressed_m.append(abs(overlap_beyond_skin(fingers, rest, held)))
         for i, f in np.ndindex(len(places), 4):
             ours = _Ours(felt, truth, tips, (i, 0, 0, f), (i, f))
             _tell(tally, body, places[i], commands, threshold, ours, theirs[i][f][k], contact)
@@ -341,7 +353,8 @@ def _add(total: _Tally, part: _Tally) -> None:
     """Add a body's tally to the one over all bodies."""
     for name in ("pairs", "stops_ours", "stops_theirs", "apart", "other_link"):
         setattr(total, name, getattr(total, name) + getattr(part, name))
-    for name in ("tip_m", "torque", "torque_Nm", "point_m", "normal_rad", "force_N", "overlap_m"):
+    for name in ("tip_m", "torque", "torque_Nm", "point_m", "normal_rad", "force_N", "overlap_m",
+                 "unpressed_m"):
         getattr(total, name).extend(getattr(part, name))
     total.causes.update(part.causes)
     total.links.update(part.links)
@@ -380,4 +393,8 @@ def _rows(what: str, t: _Tally, bounds: Bounds | None = None) -> list[Comparison
             f"{len(t.overlap_m)}", "share", nan, nan, float(np.mean(
                 np.array(t.overlap_m) > OVERLAP_M)) if t.overlap_m else nan, bounds.overlap,
             f"largest {1e3 * max(t.overlap_m, default=nan):.3g} mm"),
+        row(f"and by {1e3 * UNPRESSED_M:g} mm more or less than two skins give under their force",
+            "share", nan, nan, float(np.sum(np.array(t.unpressed_m) > UNPRESSED_M)) / max(
+                len(t.overlap_m), 1), bounds.overlap,
+            f"largest {1e3 * max(t.unpressed_m, default=0.0):.3g} mm"),
     ]

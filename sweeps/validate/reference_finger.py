@@ -8,8 +8,10 @@ of a link is found by sampling, its neighbourhood sampled again, and so on: slow
 the kernels' search. Only the body's distance is shared with them.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -31,7 +33,7 @@ _FINE = 2001
 _DIRECTIONS = 64
 """Of a force along the surface."""
 OVERLAP_M = 5e-4
-"""Two skins give less than this where links touch."""
+"""Two skins give less than this where links touch, unless they press with more than 5 N."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,3 +272,57 @@ def link_overlap(hand: HandTable, hand_pose: np.ndarray, q_rad: np.ndarray) -> n
             deepest = np.maximum(deepest, 2 * hand.link_radius_m - apart.reshape(
                 len(points), -1).min(1))
     return deepest
+
+
+def overlap_beyond_skin(fingers: Sequence[FingerEnergy], q_rad: np.ndarray,
+                        commands_rad: np.ndarray) -> float:
+    """How deep links of a hand at rest are in one another at most [m], less what two skins in
+    series give under the force between them.
+
+    That force is what the servos, stops and weight of one of the two fingers ask for, beside what
+    it touches of body and table; of the finger that leaves less unexplained. Joints and commands
+    (finger, 4). A pair that no force holds apart keeps its whole depth.
+    """
+    hand, deepest, pressed = fingers[0].hand, 0.0, 0.0
+    chains = [finger.chain(q)[0] for finger, q in zip(fingers, q_rad, strict=True)]
+    for one, two in combinations(range(len(fingers)), 2):
+        for a, b in np.ndindex(3, 3):
+            x, y = _nearest(chains[one][a:a + 2], chains[two][b:b + 2])
+            apart = float(np.linalg.norm(x - y))
+            depth = 2 * hand.link_radius_m - apart
+            if depth <= deepest:
+                continue
+            way = (x - y) / max(apart, 1e-12)
+            sides = ((one, a, x, way), (two, b, y, -way))
+            fits = [_pressed(fingers[f], q_rad[f], commands_rad[f], link, point, normal)
+                    for f, link, point, normal in sides]
+            deepest, pressed = depth, min(fits)[1]
+    return deepest - 2.0 * pressed / hand.skin_stiffness_N_m
+
+
+def _pressed(finger: FingerEnergy, q: np.ndarray, command: np.ndarray, link: int,
+             point: np.ndarray, normal: np.ndarray) -> tuple[float, float]:
+    """Which force [N] along `normal` at a point of a link holds a finger, beside what it touches:
+    what it leaves unexplained [N m], and the force."""
+    state = finger.links(q)
+    columns = [finger.lever(link, point, q) @ normal]
+    for other, what in np.argwhere(state.depth_m > 0.0):
+        columns.append(finger.lever(int(other), state.point_m[other, what], q)
+                       @ state.normal[other, what])
+    forces, left = nnls(np.stack(columns, 1), finger.drive(q, command))
+    return left, float(forces[0])
+
+
+def _nearest(one: np.ndarray, two: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where two segments (2, 3) are nearest, by samples of the first, ever closer."""
+    along, low, high = two[1] - two[0], 0.0, 1.0
+    x = y = one[:1]
+    best = 0
+    for samples in (_COARSE, *[_SAMPLES] * _ROUNDS):
+        t = np.linspace(low, high, samples)
+        x = one[0] + t[:, None] * (one[1] - one[0])
+        share = np.clip((x - two[0]) @ along / (along @ along), 0.0, 1.0)
+        y = two[0] + share[:, None] * along
+        best = int(np.linalg.norm(x - y, axis=1).argmin())
+        low, high = t[max(best - 1, 0)], t[min(best + 1, samples - 1)]
+    return x[best], y[best]

@@ -209,3 +209,11 @@ def test_pieces_that_were_not_felt_are_left_out() -> None:
     assert one.vertices_m[:, 0].min() > 0.0
     assert felt_pieces(one, np.zeros((0, 3))) is one
     assert TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), int)).volume_m3 == 0.0
+
+
+def test_an_error_that_all_touches_share_moves_the_whole_surface(three) -> None:
+    fits, meshes, volume = three
+    shared = implicit_volume(fits, meshes, shared_m=0.001)
+    area = [trimesh.Trimesh(mesh.vertices_m, mesh.faces).area for mesh in meshes]
+    assert np.allclose(shared.std_m3**2, volume.std_m3**2 + (0.001 * np.array(area)) ** 2)
+    assert np.allclose(shared.surface_std_m**2, volume.surface_std_m**2 + 1e-6)

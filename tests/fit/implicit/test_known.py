@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fit.fit_status import FitStatus
-from fit.implicit.known import KnownProcess, fit_known, shared_error_means
+from fit.implicit.known import KnownProcess, fit_known, known_slopes, shared_error_means
 from fit.implicit.mesh import implicit_meshes
 from fit.implicit.query import implicit_distance, implicit_slopes, implicit_values
 
@@ -83,6 +83,20 @@ def test_slopes_are_those_of_the_distance() -> None:
     assert np.allclose(slope, other.gradient, atol=1e-6)
 
 
+def test_slopes_of_one_body_are_those_of_all() -> None:
+    points, normals = ball(40)
+    kept = np.ones((2, 40), bool)
+    kept[1, 7:] = False
+    fits = fit_known(points.repeat(2, 0), kept, normals.repeat(2, 0), np.full(kept.shape, 0.0005),
+                     PROCESS)
+    asked = np.random.default_rng(3).uniform(-0.06, 0.06, (2, 50, 3))
+    value, slope = implicit_slopes(fits, asked, PROCESS.mean)
+    for row in range(2):
+        own_value, own_slope = known_slopes(fits, row, PROCESS, asked[row])
+        np.testing.assert_allclose(own_value, value[row], atol=3e-6)
+        np.testing.assert_allclose(own_slope, slope[row], atol=3e-4)
+
+
 def test_wrong_numbers_are_named() -> None:
     with pytest.raises(ValueError, match=r"length_m: 0\.0, should be positive"):
         KnownProcess(length_m=0.0)
@@ -133,3 +147,29 @@ def test_too_few_touches_tell_nothing_of_errors() -> None:
     mask = np.arange(80)[None] < 3
     assert not shared_error_means(points, mask, normals, np.full((1, 80), 0.0005), shared,
                                   PROCESS).any()
+
+
+def test_a_body_that_agrees_badly_is_less_sure() -> None:
+    points, normals = ball(96)
+    rough = points * (1.0 + np.random.default_rng(2).normal(0.0, 0.1, (1, 96, 1)))
+    at = points[:, :1] * 1.1
+    smooth_std, rough_std = (implicit_distance(fitted(p, normals), at, PROCESS.mean).std_m[0, 0]
+                             for p in (points, rough))
+    assert rough_std > 2.0 * smooth_std
+
+
+def test_the_scale_of_all_variances_is_the_likeliest() -> None:
+    """Of the scales around it none makes the touches likelier."""
+    points, normals = ball(40)
+    fit = fitted(points, normals)
+    used = fit.noise_m2[0] >= 0.0
+    at, noise = fit.points_m[0][used], fit.noise_m2[0][used]
+    r = np.sqrt(3) * np.linalg.norm(at[:, None] - at[None], axis=-1) / PROCESS.length_m
+    covariance = fit.amplitude_m[0] ** 2 * (1 + r) * np.exp(-r) + np.diag(noise)
+    told = covariance @ fit.alpha_per_m[0][used]
+
+    def cost(scale: float) -> float:
+        return 0.5 * told @ np.linalg.solve(scale * covariance, told) + 0.5 * np.linalg.slogdet(
+            scale * covariance)[1]
+
+    assert cost(1.0) < min(cost(0.97), cost(1.03))

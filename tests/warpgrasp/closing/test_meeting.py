@@ -8,11 +8,17 @@ from strategies.procedures.containment import padded_commands
 from strategies.ready_made import STRATEGIES
 from sweeps.episode.episodes import place_objects
 from sweeps.episode.given_prior import draw_prior
-from sweeps.validate.reference_finger import OVERLAP_M, link_overlap
+from sweeps.validate.reference_finger import (
+    OVERLAP_M,
+    FingerEnergy,
+    link_overlap,
+    overlap_beyond_skin,
+)
 from warpgrasp.closing.closing import Closing, ClosingTruth, close_fingers
 from warpgrasp.closing.self_contact import self_contacts, self_margin
 from warpgrasp.core.random import counter_key
-from warpgrasp.geometry.body import scene_of
+from warpgrasp.geometry.body import Body, Part, scene_of
+from warpgrasp.geometry.scene import Shape
 from warpgrasp.mechanism.arm_motion import ArmState, move_hand
 from warpgrasp.mechanism.calibration import draw_calibration
 from warpgrasp.objects.catalogue import body_from_name
@@ -123,3 +129,29 @@ def test_a_finger_that_stopped_on_an_edge_holds_its_command() -> None:
     rest, commands = truth.rest_rad[0, 0, 0], COMMANDS[0, np.arange(4), felt.step[0, 0, 0]]
     assert np.isclose(np.degrees(rest), np.degrees(commands), atol=8.0).all()
     assert overlap(truth.rest_rad, pose[None])[0, 0, 0] < OVERLAP_M
+
+
+def test_links_that_overlap_are_as_deep_as_the_force_between_them_presses() -> None:
+    """At this pose, and the highest threshold, the thumb pushes a finger sideways, which tendons do
+    not feel: with 7 N, under which two skins give 0.7 mm. The force is that of the joints of a
+    finger that touches nothing else; were the rest not one, or a pair of links not known to touch,
+    the overlap would be another."""
+    angle = np.linspace(0.0, np.pi, 400)
+    profile = np.stack([0.05 * (1.0 - np.cos(angle)), 0.03 * np.sin(angle)], 1)
+    body = Body("ellipsoid", (Part(Shape.REVOLUTION, profile_m=profile),), (-0.03, -0.03, 0.0),
+                (0.03, 0.03, 0.1))
+    pose = np.array([[0.03292, -0.02467, 0.12534, -0.88318, 0.0679, 0.26146, 0.38344]])
+    pose[:, 3:] /= np.linalg.norm(pose[:, 3:])
+    sensors = SensorTable(tendon_threshold_N=12.0, tension_noise_N=0.0, tension_step_N=0.0,
+                          joint_noise_rad=0.0)
+    contact = ContactTable(friction=0.0)
+    felt, truth = close_fingers(
+        scene_of([body], "cpu"), np.zeros(1, int), np.array([[0, 0, 0, 0, 0, 0, 1.0]]), HAND,
+        sensors, np.zeros(1, np.uint64), np.full((1, 1, 1), int(ProbeStatus.CONTACT)), pose[None],
+        COMMANDS[:1], COUNT[:1], contact=contact)
+    rest, commands = truth.rest_rad[0, 0, 0], COMMANDS[0, np.arange(4), felt.step[0, 0, 0]]
+    fingers = [FingerEnergy(body, HAND, pose[0], f, contact) for f in range(4)]
+    deep = float(overlap(truth.rest_rad, pose[None])[0, 0, 0])
+    assert 0.6e-3 < deep < 0.75e-3
+    assert abs(overlap_beyond_skin(fingers, rest, commands)) < 1e-6
+    assert overlap_beyond_skin(fingers, rest, rest) > 0.9 * deep  # servos that bear nothing

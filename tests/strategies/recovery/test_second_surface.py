@@ -1,0 +1,57 @@
+"""Contacts whose place hangs on the model: told without the truth, in worlds by themselves."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fit.arrays import rows_of
+from strategies.ready_made import STRATEGIES
+from strategies.recovery.contact_verdict import UNSURE_BODY, accepted_contacts, contact_verdicts
+from strategies.recovery.second_surface import moved_on_second_surface
+from sweeps.episode.contact_rows import contact_columns
+from sweeps.episode.episodes import EpisodeBlock, run_block
+from sweeps.spec.cell import Cell
+from warpgrasp.parameters import HandTable
+
+FAR_M = 0.010
+
+
+@pytest.fixture(scope="module")
+def wedges() -> EpisodeBlock:
+    """Wedges, whose ridge and slopes no superquadric has, by a robot with the default errors."""
+    return run_block(Cell(STRATEGIES["rim6-ring12"], {"name": "wedge"}, "wedge", seed=17),
+                     np.arange(12), "cpu")
+
+
+def test_hardly_one_accepted_contact_lies_far_from_where_the_finger_touched(
+        wedges: EpisodeBlock) -> None:
+    columns = contact_columns(wedges.exploration, wedges.truth)
+    off = np.linalg.norm(np.stack(
+        [columns[f"{a}_m"] - columns[f"true_{a}_m"] for a in "xyz"]), axis=0)
+    accepted = columns["accepted"] == 1.0
+    by_model = columns["verdict"] == UNSURE_BODY
+    assert accepted.sum() > 500
+    assert (off[accepted] > FAR_M).mean() <= 0.01
+    assert (off[accepted | by_model] > FAR_M).mean() > 0.015
+    assert by_model.sum() < 0.35 * (accepted | by_model).sum()
+
+
+def test_a_world_does_not_depend_on_those_beside_it(wedges: EpisodeBlock) -> None:
+    evidence, links = wedges.evidence, wedges.exploration.belief.links
+    asked = accepted_contacts(wedges.recovered, evidence)
+    together = moved_on_second_surface(evidence, links, asked)
+    own = np.array([5])
+    alone = moved_on_second_surface(rows_of(evidence, own), rows_of(links, own), asked[own])
+    np.testing.assert_array_equal(alone[0], together[5])
+    assert (together[asked] > 0.0).mean() > 0.9
+    assert (together[~asked] == 0.0).all()
+
+
+def test_touches_of_pads_and_other_hands_do_not_move(wedges: EpisodeBlock) -> None:
+    evidence, links = wedges.evidence, wedges.exploration.belief.links
+    asked = accepted_contacts(wedges.recovered, evidence)
+    for other in (replace(links, linked=np.zeros_like(links.linked)),
+                  replace(links, hand=HandTable(kind="leap"))):
+        assert (moved_on_second_surface(evidence, other, asked) == 0.0).all()
+        assert not (contact_verdicts(wedges.recovered, evidence, other) == UNSURE_BODY).any()
