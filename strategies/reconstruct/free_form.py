@@ -1,26 +1,24 @@
 """The body of an episode as a free-form surface, by what `[fit] reconstruct` names.
 
     contacts as felt → Gaussian process and contacts in turns, or plug-in → meshes
+
+What makes a body is imported when one is made: of most episodes the recovered model stands.
 """
 
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fit.arrays import rows_of
-from fit.implicit.mesh import implicit_meshes
 from fit.implicit.record import ImplicitFit, TriangleMesh
-from fit.implicit.volume import VolumeEstimate, implicit_volume
 from fit.superquadric.record import SuperquadricFit
 from strategies.contacts.finger_touch import TouchedLinks
 from strategies.planners.planner_file import PlannerError
 from strategies.poses.waypoints import PRIOR_MARGIN_M, BoundingCylinder
-from strategies.reconstruct.believed_pieces import believed_pieces
-from strategies.reconstruct.free_contacts import BODY, fitted_freely
-from strategies.reconstruct.parts import fitted_parts, parts_mesh
 from strategies.reconstruct.plug_in import NO_MESH, Touches, run_plug_in
 from strategies.reconstruct.plug_in_name import BUILT_IN, CHOSEN, IMPLICIT, PARTS, find_plug_in
 from strategies.reconstruct.prior_distance import distance_to_recovered
@@ -35,6 +33,8 @@ from strategies.recovery.evidence import Evidence
 from strategies.recovery.plausibility import FEWEST_CONTACTS, plausible_vertices
 from warpgrasp.parameters import FitTable
 
+if TYPE_CHECKING:
+    from fit.implicit.volume import VolumeEstimate
 CLEARLY_BETTER = 0.85
 """A free form replaces a doubted model where torques contradict it by this share as much [est]."""
 
@@ -57,7 +57,7 @@ class Reconstruction:
     parts: Mapping[int, SuperquadricFit] = field(default_factory=dict)
     """Of worlds whose body is several superquadrics."""
 
-    def volume(self, world: int) -> VolumeEstimate | None:
+    def volume(self, world: int) -> "VolumeEstimate | None":
         """Volume of a world's Gaussian process and its surface's uncertainty; None where there is
         none."""
         number = self.number(world)
@@ -69,7 +69,10 @@ class Reconstruction:
         return int(mine[0]) if len(mine) else None
 
     @cached_property
-    def _volumes(self) -> tuple[VolumeEstimate, ...]:
+    def _volumes(self) -> "tuple[VolumeEstimate, ...]":
+        from fit.implicit.volume import implicit_volume
+        from strategies.reconstruct.free_contacts import BODY
+
         assert self.fitted is not None
         return tuple(implicit_volume(fit, [self.meshes[int(world)]], BODY.mean)
                      for fit, world in zip(self.fits, self.fitted, strict=True))
@@ -129,6 +132,14 @@ def _implicit(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
     """Free forms of the worlds `rows`, where torques contradict them by less than `most` (world,).
     """
     meshes = [NO_MESH] * len(felt.mask)
+    none = np.full(len(meshes), "", object)
+    if len(rows) == 0:
+        return Reconstruction(IMPLICIT, tuple(meshes), none, time.perf_counter() - begin,
+                              fitted=np.zeros(0, int))
+    from fit.implicit.mesh import implicit_meshes
+    from strategies.reconstruct.believed_pieces import believed_pieces
+    from strategies.reconstruct.free_contacts import BODY, fitted_freely
+
     fits, fitted = [], []
     for row in rows:  # one at a time: sums over rows of a longer neighbour would round otherwise
         own = np.array([row])
@@ -142,13 +153,16 @@ def _implicit(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
             meshes[row] = mesh
             fits.append(fit)
             fitted.append(row)
-    return Reconstruction(IMPLICIT, tuple(meshes), np.full(len(meshes), "", object),
-                          time.perf_counter() - begin, tuple(fits), np.array(fitted, int))
+    return Reconstruction(IMPLICIT, tuple(meshes), none, time.perf_counter() - begin, tuple(fits),
+                          np.array(fitted, int))
 
 
 def _several(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
              prior: BoundingCylinder, table: FitTable, begin: float) -> Reconstruction:
     """Bodies of several parts of the worlds `rows`."""
+    from strategies.reconstruct.free_contacts import fitted_freely
+    from strategies.reconstruct.parts import fitted_parts, parts_mesh
+
     meshes, parts = [NO_MESH] * len(felt.mask), {}
     for row in rows:
         own = np.array([row])

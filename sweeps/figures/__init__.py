@@ -3,7 +3,7 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "contacts": ["contacts_figure", "draw_contacts"],
+    "contacts": ["contacts_figure", "contacts_shown", "draw_contacts"],
     "contour": ["contour_figure"],
     "curves": ["draw_curves"],
     "faces": ["crossed_faces", "faces_figure"],

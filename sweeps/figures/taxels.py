@@ -15,7 +15,7 @@ from sweeps.spec.errors import StoreError
 from warpgrasp.parameters import PadTable
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Grasps
-from warpgrasp.touch.pad_kernel import TAXELS
+from warpgrasp.touch.line_touch import TAXELS
 from warpgrasp.touch.tactile_image import moments
 
 if TYPE_CHECKING:
