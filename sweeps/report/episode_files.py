@@ -5,7 +5,7 @@ import io
 import json
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -25,10 +25,10 @@ from sweeps.episode.contact_rows import COLUMNS, VECTORS, contact_columns
 from sweeps.episode.episodes import REBUILD_FAILED, EpisodeBlock, run_block
 from sweeps.figures.contacts import contacts_shown, draw_contacts
 from sweeps.figures.contour import contour_figure
-from sweeps.figures.faces import crossed_faces, faces_figure
+from sweeps.figures.faces import crossed_faces, draw_faces, faces_shown
 from sweeps.figures.meshes import mesh_of_world, ply_of
 from sweeps.figures.style import encode
-from sweeps.figures.taxels import pad_touches, taxels_figure
+from sweeps.figures.taxels import draw_taxels, pad_touches, taxels_shown
 from sweeps.output import say, write_atomic
 from sweeps.report.picture_process import Drawn, PictureProcess, attempt
 from sweeps.report.surfaces import draw_surfaces, surfaces_shown
@@ -37,9 +37,6 @@ from sweeps.spec.cell import Cell
 from warpgrasp.parameters import FitTable, ObjectTable
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Grasps
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def explore(
@@ -106,24 +103,23 @@ def _pictures(
 
     `process` draws what can be shown without the simulator, if there is one."""
     name, profile = cell.object_name, block.exploration.belief.profile
+    wanted = [("surfaces.png", draw_surfaces, surfaces_shown),
+              ("contacts.png", draw_contacts, contacts_shown)]
+    if crossed_faces(block):
+        wanted.append(("faces.png", draw_faces, faces_shown))
+    if pad_touches(block):
+        wanted.append(("taxels.png", draw_taxels,
+                       lambda block, name: taxels_shown(block, cell.pads, name)))
     shown: dict[str, tuple[Callable[[Any], bytes], Any]] = {}
-    for file, draw, show in (("surfaces.png", draw_surfaces, surfaces_shown),
-                             ("contacts.png", draw_contacts, contacts_shown)):
+    for file, draw, show in wanted:
         try:
             shown[file] = draw, show(block, name)
         except Exception as error:
             yield file, error
     if process is not None:
         process.begin(list(shown.values()))
-    figures: dict[str, Callable[[], Figure]] = {}
-    if crossed_faces(block):
-        figures["faces.png"] = lambda: faces_figure(block, name, wide=True)
     if profile is not None and np.isfinite(profile.volume_m3[0]):
-        figures["contour.png"] = lambda: contour_figure(block, name, wide=True)
-    if pad_touches(block):
-        figures["taxels.png"] = lambda: taxels_figure(block, cell.pads, name)
-    for file, make in figures.items():
-        yield file, attempt(lambda make=make: encode(make(), "png"))
+        yield "contour.png", attempt(lambda: encode(contour_figure(block, name, wide=True), "png"))
     yield from zip(shown, process.finish() if process is not None
                    else [attempt(*job) for job in shown.values()], strict=True)
 

@@ -24,7 +24,8 @@ Drawn = bytes | Exception
 """A file, or why there is none."""
 IMPORTED = ("matplotlib.backends.backend_agg", "matplotlib.figure", "mpl_toolkits.mplot3d",
             "matplotlib.colorbar", "PIL.ImageDraw", "PIL.PngImagePlugin", "scipy.ndimage",
-            "sweeps.figures.contacts", "sweeps.report.surfaces")
+            "sweeps.figures.contacts", "sweeps.figures.faces", "sweeps.report.surfaces",
+            "sweeps.figures.taxels")
 
 
 class PictureProcess:
