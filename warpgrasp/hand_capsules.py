@@ -13,8 +13,6 @@ import numpy as np
 
 from warpgrasp.chain.chain_hand import ChainHand, capsule_ends, chain_of_table
 from warpgrasp.chain.chain_kernel import CAPSULES
-from warpgrasp.chain_closing.chain_meeting import palm_of
-from warpgrasp.chain_closing.chain_move import palm_and_wrist
 from warpgrasp.finger.path_table import path_table
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, LINK_COUNT, hand_links
 from warpgrasp.parameters import HandTable
@@ -189,6 +187,9 @@ def _chains(chain: ChainHand, table: HandTable) -> HandCapsules:
         for d, j in enumerate(chain.drives[f]):
             low[f, d], high[f, d] = finger.joints[j].low_rad, finger.joints[j].high_rad
     feels &= chain.model.senses != _FEELS_NOTHING
+    from warpgrasp.chain_closing.chain_meeting import palm_of
+    from warpgrasp.chain_closing.chain_move import palm_and_wrist
+
     bars, bar_radius = palm_and_wrist(chain, table)
     thinnest = min(float(own[:n].min()) for own, n in zip(radius, count, strict=True))
     within = np.concatenate([np.zeros((0, 3)), *(

@@ -2,11 +2,14 @@
 
 The robot offers guarded moves and no procedure. What truly happened goes to the `Truth` its
 maker keeps for the scorer; a strategy is handed the robot, never the truth.
+
+Kernels of lines and cameras are imported when they are first used: most episodes do without.
 """
 
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -30,10 +33,11 @@ from warpgrasp.parameters import (
 )
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot_hand import robot_hand
-from warpgrasp.sight.depth_view import DepthView, seen_depths
-from warpgrasp.sight.silhouette import Cameras, silhouettes
-from warpgrasp.sight.silhouette_faults import faulty_silhouettes
-from warpgrasp.touch.guarded_motion import LineMove, LineTouch, LineTruth, Until, guarded_line
+from warpgrasp.touch.line_touch import LineMove, LineTouch, LineTruth, Until
+
+if TYPE_CHECKING:
+    from warpgrasp.sight.depth_view import DepthView
+    from warpgrasp.sight.silhouette import Cameras
 
 
 @dataclass(frozen=True)
@@ -225,6 +229,8 @@ class Robot:
         their first commands, would strike something on the straight way. A finger without pads
         feels nothing: it ends `blocked`.
         """
+        from warpgrasp.touch.guarded_motion import guarded_line
+
         move = LineMove(rows, self._lines_made[rows], hand_pose, direction, interval_m, steps,
                         finger, commands_rad, until, checked)
         touch, truth, arm_q = guarded_line(
@@ -240,16 +246,21 @@ class Robot:
         self._state = ArmState(q)
         return touch
 
-    def look(self, cameras: Cameras, table: StereoTable) -> np.ndarray:
+    def look(self, cameras: "Cameras", table: StereoTable) -> np.ndarray:
         """What is cut out of the cameras' images as the object, faults of `table` and all, bool
         (world, camera, row, column)."""
+        from warpgrasp.sight.silhouette import silhouettes
+        from warpgrasp.sight.silhouette_faults import faulty_silhouettes
+
         seen = silhouettes(self._scene, self._body, self._truth.body_pose, cameras,
                            march_scale=self._march_scale, device=self._device)
         return faulty_silhouettes(seen, self._key, table)
 
-    def look_deep(self, cameras: Cameras, table: StereoTable) -> DepthView:
+    def look_deep(self, cameras: "Cameras", table: StereoTable) -> "DepthView":
         """What stereo of the first of two cameras (world, camera 2) tells of how far the object is,
         errors and gaps of `table` and all."""
+        from warpgrasp.sight.depth_view import seen_depths
+
         return seen_depths(self._scene, self._body, self._truth.body_pose, cameras, table,
                            self._key, march_scale=self._march_scale, device=self._device)
 

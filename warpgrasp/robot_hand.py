@@ -1,7 +1,8 @@
 """The hand of a robot, by what its table names: how it moves, closes, and tells what it touched.
 
 The Utah-MIT hand has functions of its own (`closing`): its parallel flexion axes allow shorter
-mathematics, and it feels by tendons. All other hands are chains (`chain_closing`).
+mathematics, and it feels by tendons. All other hands are chains (`chain_closing`), whose kernels
+are imported when one moves.
 """
 
 from dataclasses import dataclass
@@ -11,10 +12,6 @@ import numpy as np
 
 from warpgrasp.chain.chain_hand import ChainHand, chain_of_table
 from warpgrasp.chain.chain_kernel import JOINTS
-from warpgrasp.chain_closing.chain_closing import ChainClosing, close_chains
-from warpgrasp.chain_closing.chain_estimate import estimate_chain_contacts
-from warpgrasp.chain_closing.chain_move import chain_clearance
-from warpgrasp.chain_closing.chain_self_contact import chain_self_contacts
 from warpgrasp.closing.closing import Closing, ClosingTruth, close_fingers
 from warpgrasp.closing.contact_estimate import ContactEstimate, estimate_contacts
 from warpgrasp.closing.self_contact import self_contacts
@@ -122,6 +119,8 @@ class Chains:
 
     def move(self, *given: Any, errors: Calibration, **words: Any) -> tuple[ArmMoves, np.ndarray]:
         """As a `RobotHand`."""
+        from warpgrasp.chain_closing.chain_move import chain_clearance
+
         scene, body, body_pose, arm, *rest = given
         return move_hand(scene, body, body_pose, arm, self.true.hand, *rest, contact=self.contact,
                          errors=errors, **words, clearance=chain_clearance(
@@ -130,6 +129,8 @@ class Chains:
     def close(self, *given: Any, errors: Calibration, **words: Any
               ) -> tuple[Closing, ClosingTruth]:
         """As a `RobotHand`."""
+        from warpgrasp.chain_closing.chain_closing import close_chains
+
         scene, body, body_pose, *rest = given
         return close_chains(scene, body, body_pose, self.chain, self.true.hand, self.true.sensors,
                             *rest, contact=self.contact, errors=errors, **words)
@@ -137,12 +138,17 @@ class Chains:
     def own_touches(self, closing: Closing, commands_rad: np.ndarray, errors: ErrorTable,
                     device: str) -> np.ndarray:
         """As a `RobotHand`."""
+        from warpgrasp.chain_closing.chain_self_contact import chain_self_contacts
+
         return chain_self_contacts(closing, commands_rad, self.chain, self.hand, self.sensors,
                                    errors, device=device)
 
     def estimate(self, closing: Closing, believed_pose: np.ndarray, commands_rad: np.ndarray,
                  arm: ArmTable, errors: ErrorTable, device: str) -> ContactEstimate:
         """As a `RobotHand`."""
+        from warpgrasp.chain_closing.chain_closing import ChainClosing
+        from warpgrasp.chain_closing.chain_estimate import estimate_chain_contacts
+
         assert isinstance(closing, ChainClosing)
         return estimate_chain_contacts(
             closing, believed_pose, commands_rad, arm, self.chain, self.hand, self.sensors,

@@ -12,7 +12,6 @@ from strategies.planners.unguided import Unguided
 from strategies.poses.waypoints import BoundingCylinder
 from strategies.procedures.options import ContourTable, DecideTable, PlanarTable
 from strategies.procedures.possible import check_possible
-from strategies.procedures.stereo_axis import see_axis
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Shape
 from strategies.strategy import Strategy
@@ -71,6 +70,8 @@ def planner_of(
         check_possible(procedure, robot.hand, robot.pads)
     seen = None
     if contour.axis == "stereo" and {"contour", "decide"} & set(strategy.order):
+        from strategies.procedures.stereo_axis import see_axis  # with it cameras
+
         target = np.stack([prior.x_m, prior.y_m, prior.height_m / 2], 1)
         seen = see_axis(robot, target, stereo)
     return OrderedPlanner(strategy, planar, contour, decide, seen, waypoints)

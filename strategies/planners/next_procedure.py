@@ -1,5 +1,7 @@
 """Where the second and third procedures start, from the body believed so far."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from fit.arrays import rows_of
@@ -9,13 +11,15 @@ from strategies.poses.waypoints import PRIOR_MARGIN_M
 from strategies.procedures.contour_follower import Axis, ContourOptions
 from strategies.procedures.options import ContourTable, DecideTable, PlanarTable
 from strategies.procedures.planar_explorer import PlanarOptions
-from strategies.procedures.stereo_axis import StereoAxis
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Shape
 from strategies.recovery.complete_contour import revolution_misfit, revolution_of_all
 from strategies.recovery.misfit import touch_misfit
 from strategies.recovery.upright import faces_of, stand_upright
 from warpgrasp.core.random import Purpose, counter_key, counter_uniform
+
+if TYPE_CHECKING:
+    from strategies.procedures.stereo_axis import StereoAxis
 
 _DOWN = -0.5  # the face a body stands on, and what leans over it, is out of reach
 _TOP = np.cos(np.radians(45))
@@ -54,7 +58,7 @@ def top_to_cross(belief: Belief, table: PlanarTable, wanted: np.ndarray) -> Cros
 
 
 def contour_to_follow(
-    belief: Belief, table: ContourTable, wanted: np.ndarray, seen: StereoAxis | None = None
+    belief: Belief, table: ContourTable, wanted: np.ndarray, seen: "StereoAxis | None" = None
 ) -> FollowContour:
     """The contour about each body's upright line, its own axis, or the axis `seen` by cameras."""
     stands = stand_upright(belief.body)

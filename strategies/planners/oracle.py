@@ -9,7 +9,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from strategies.planners.candidates import candidate_poses
 from strategies.planners.prior_body import planning_belief
 from strategies.planners.probes import Grasp, Probe
 from strategies.planners.register import planner
@@ -38,6 +37,8 @@ class Oracle:
         """One grasp in every world that has a candidate left."""
         if self.foresee is None or self.error is None:
             raise RuntimeError("the oracle sees nothing outside a sweep")
+        from strategies.planners.candidates import candidate_poses  # with it kernels of foresight
+
         poses, reachable = candidate_poses(planning_belief(belief)[0])
         if self.taken is None:
             self.taken = np.zeros(reachable.shape, bool)

@@ -1,6 +1,7 @@
 """The planner of strategies given in advance: procedures in their order, `decide` among them."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,16 +16,18 @@ from strategies.planners.next_procedure import (
 from strategies.planners.probes import CrossFaces, Grasp, Probe, wanted_of
 from strategies.poses.hand_poses import waypoint_poses
 from strategies.procedures.options import ContourTable, DecideTable, PlanarTable
-from strategies.procedures.stereo_axis import StereoAxis
 from strategies.recovery.belief import Belief
 from strategies.strategy import Strategy
+
+if TYPE_CHECKING:
+    from strategies.procedures.stereo_axis import StereoAxis
 
 
 class OrderedPlanner:
     """Carries out `Strategy.order`; what each step wants depends on the body believed by then."""
 
     def __init__(self, strategy: Strategy, planar: PlanarTable, contour: ContourTable,
-                 decide_by: DecideTable, seen: StereoAxis | None = None,
+                 decide_by: DecideTable, seen: "StereoAxis | None" = None,
                  waypoints: Sequence[tuple[Sequence[object], int]] = ()) -> None:
         """`seen` is the axis that the cameras saw, where `contour.axis` asks for it; `waypoints`
         are the families of so many worlds each, in turn, where they are not the strategy's."""

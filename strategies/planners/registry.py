@@ -2,6 +2,7 @@
 
 import inspect
 from collections.abc import Callable, Mapping
+from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
@@ -47,14 +48,10 @@ def takes_belief(found: Any) -> bool:
 
 def find_planner(call: str) -> Callable[..., Any]:
     """What `call` names. Raises PlannerError."""
-    import strategies.planners.adaptive
-    import strategies.planners.any_object
-    import strategies.planners.expected_error
-    import strategies.planners.oracle
-    import strategies.planners.unguided  # noqa: F401
-
-    if call in PLANNERS:
-        return PLANNERS[call][0]
+    for module in ("any_object", "unguided", "adaptive", "expected_error", "oracle"):
+        import_module(f"strategies.planners.{module}")  # one after the other: each imports kernels
+        if call in PLANNERS:
+            return PLANNERS[call][0]
     file, colon, name = call.rpartition(":")
     if colon and file.endswith(".py"):
         return _from_file(Path(file), name)

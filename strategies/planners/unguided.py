@@ -12,7 +12,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from strategies.planners.candidates import candidate_poses
 from strategies.planners.probes import Grasp, Probe
 from strategies.planners.register import planner
 from strategies.poses.hand_outline import outline_of
@@ -47,6 +46,8 @@ class Unguided(ABC):
         return [Grasp(np.take_along_axis(self._poses, at[..., None], 1), wanted)]
 
     def _begin(self, belief: Belief) -> None:
+        from strategies.planners.candidates import candidate_poses  # with it kernels of foresight
+
         poses, reachable = candidate_poses(belief, about="prior")
         turn = self.order(belief, poses, reachable)
         self._poses = np.take_along_axis(poses, turn[..., None], 1)

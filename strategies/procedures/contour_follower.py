@@ -20,7 +20,7 @@ from strategies.procedures.touches import EndReason, MissedTips, TouchLog, Touch
 from warpgrasp.mechanism.arm_reach import hand_reachable
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Robot
-from warpgrasp.touch.guarded_motion import LineTouch
+from warpgrasp.touch.line_touch import LineTouch
 
 _PITCH_RAD = np.radians(30)
 _AZIMUTHS_RAD = np.radians([0, 25, -25, 50, -50, 75, -75])

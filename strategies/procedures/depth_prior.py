@@ -5,16 +5,16 @@ what is seen, nobody sees: at least as far as its top does, and otherwise as a r
 """
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import minimum_filter
 
 from strategies.poses.waypoints import BoundingBox
 from warpgrasp.parameters import StereoTable
 from warpgrasp.robot import Robot
-from warpgrasp.sight.depth_view import DepthView
-from warpgrasp.sight.silhouette import stereo_cameras
 
+if TYPE_CHECKING:
+    from warpgrasp.sight.depth_view import DepthView
 OUTERMOST = 0.005
 """Share of the points at either end of a direction that are left out, as depths may be wrong."""
 LEAST_SEEN = 20
@@ -29,7 +29,7 @@ CLEARED = 0.02
 class SeenBox(BoundingBox):
     """A box about what was seen, and the view."""
 
-    view: DepthView
+    view: "DepthView"
 
 
 def see_box(robot: Robot, target_m: np.ndarray,
@@ -39,11 +39,13 @@ def see_box(robot: Robot, target_m: np.ndarray,
     Also in which worlds the object is in the image and off its edges, bool (world,); the others'
     numbers mean nothing.
     """
+    from warpgrasp.sight.silhouette import stereo_cameras  # with it the cameras' kernels
+
     view = robot.look_deep(stereo_cameras(table, np.asarray(target_m, float)), table)
     return box_of(view)
 
 
-def box_of(view: DepthView) -> tuple[SeenBox, np.ndarray]:
+def box_of(view: "DepthView") -> tuple[SeenBox, np.ndarray]:
     """As `see_box`, of a view."""
     found = np.isfinite(view.depth_m)
     border = np.concatenate([found[:, 0], found[:, -1], found[:, :, 0], found[:, :, -1]], 1)
@@ -68,11 +70,13 @@ def box_of(view: DepthView) -> tuple[SeenBox, np.ndarray]:
                    np.arctan2(right[:, 1], right[:, 0]), view), whole
 
 
-def believed_after(view: DepthView, believed: np.ndarray, middle_m: np.ndarray,
+def believed_after(view: "DepthView", believed: np.ndarray, middle_m: np.ndarray,
                    radius_m: float) -> np.ndarray:
     """Probabilities (world, cell) that balls of a radius about `middle_m` (world, cell, 3) touch
     the object, after the view: hardly where the camera sees past a ball, likely at a depth seen."""
     after = believed.copy()
+    from scipy.ndimage import minimum_filter
+
     pixels = view.depth_m.shape[1]
     for w, depth in enumerate(view.depth_m):
         own = (middle_m[w] - view.centre_m[w]) @ view.axes[w]

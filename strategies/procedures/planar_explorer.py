@@ -23,7 +23,7 @@ from strategies.procedures.touches import EndReason, MissedTips, TouchLog, Touch
 from warpgrasp.mechanism.touch_postures import ExtendedFinger
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Robot
-from warpgrasp.touch.guarded_motion import LineTouch, Until
+from warpgrasp.touch.line_touch import LineTouch, Until
 
 DIRECTIONS = 4  # along u both ways, then along v both ways
 _TRAVEL_M = 0.004  # guarded intervals of a way back

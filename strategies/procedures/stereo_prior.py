@@ -5,14 +5,16 @@ Halfway between them is a plane through its axis; the axis is where these planes
 meet, and the radius is the distance times the sine of half the angle between the two.
 """
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from strategies.poses.waypoints import BoundingCylinder
 from warpgrasp.parameters import StereoTable
 from warpgrasp.robot import Robot
-from warpgrasp.sight.silhouette import Cameras, stereo_cameras
-from warpgrasp.sight.silhouette_faults import object_regions
 
+if TYPE_CHECKING:
+    from warpgrasp.sight.silhouette import Cameras
 _READ = 3
 """Numbers read off each image: left, right, top."""
 
@@ -24,6 +26,9 @@ def see_cylinder(robot: Robot, target_m: np.ndarray,
     Also in which worlds both silhouettes are there and off the images' edges, bool (world,); the
     others' numbers mean nothing.
     """
+    from warpgrasp.sight.silhouette import stereo_cameras  # with it the cameras' kernels
+    from warpgrasp.sight.silhouette_faults import object_regions
+
     cameras = stereo_cameras(table, np.asarray(target_m, float))
     images = robot.look(cameras, table)
     seen = object_regions(images.reshape(-1, *images.shape[2:])).reshape(images.shape)
@@ -32,7 +37,7 @@ def see_cylinder(robot: Robot, target_m: np.ndarray,
 
 
 def cylinder_of(seen: np.ndarray, noise: np.ndarray,
-                cameras: Cameras) -> tuple[BoundingCylinder, np.ndarray]:
+                cameras: "Cameras") -> tuple[BoundingCylinder, np.ndarray]:
     """As `see_cylinder`, of silhouettes (world, camera 2, row, column).
 
     `noise` (world, camera 2, 3) [pixels] moves the left, right and upper edge.
@@ -56,7 +61,7 @@ def cylinder_of(seen: np.ndarray, noise: np.ndarray,
     return BoundingCylinder(axis[:, 0], axis[:, 1], radius, height), np.asarray(whole)
 
 
-def _rays(cameras: Cameras) -> tuple[np.ndarray, np.ndarray]:
+def _rays(cameras: "Cameras") -> tuple[np.ndarray, np.ndarray]:
     """Of each pixel's ray: its azimuth from the camera's forward [rad], and how much it rises for
     each metre of level way; (world, camera, row, column)."""
     at = (np.arange(cameras.pixels) + 0.5 - cameras.pixels / 2) / cameras.focal_pixels

@@ -7,8 +7,7 @@ import numpy as np
 
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Truth
-from warpgrasp.touch.guarded_motion import LineTouch
-from warpgrasp.touch.pad_kernel import TAXELS
+from warpgrasp.touch.line_touch import TAXELS, LineTouch
 
 SLOTS = 256
 """More than one exploration can make with the options' limits."""

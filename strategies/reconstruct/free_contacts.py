@@ -9,7 +9,7 @@ Errors of calibration move all contacts of an episode together. Fingers that tou
 from other sides contradict one another where they do, which tells of these errors.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -61,23 +61,17 @@ BODY = KnownProcess(length_m=0.05)
 """Of the last fit [est]."""
 
 
-@dataclass(frozen=True)
-class Calibration:
-    """How far the robot may be from its tables: deviations, not what was drawn."""
-
-    errors: ErrorTable
-    arm: ArmTable
-
-
-def fitted_freely(felt: Evidence, links: TouchedLinks | None, table: FitTable,
-                  calibration: Calibration | None = None) -> tuple[ImplicitFit, Evidence]:
+def fitted_freely(
+    felt: Evidence, links: TouchedLinks | None, table: FitTable,
+    calibration: tuple[ErrorTable, ArmTable] | None = None,
+) -> tuple[ImplicitFit, Evidence]:
     """Free-form bodies of all worlds, whose mean is `BODY.mean`, and the contacts as placed on
     them.
 
     `felt` has contacts as they were felt, `links` how fingers stood. Contacts of hands that are
     chains and those of pads are not placed anew; they, too, are moved by what all contacts
-    together tell of the robot's errors, if `calibration` says how large those may be. Where there
-    are no `links`, all stay where they are.
+    together tell of the robot's errors, if `calibration` says how large those of hand and arm may
+    be. Where there are no `links`, all stay where they are.
     """
     placed, sigma = felt, _first_sigma(felt)
     if links is None:
@@ -93,10 +87,10 @@ def fitted_freely(felt: Evidence, links: TouchedLinks | None, table: FitTable,
     return _fit(placed, sigma, table, BODY), placed
 
 
-def _calibrated(placed: Evidence, sigma: np.ndarray, links: TouchedLinks, calibration: Calibration
-                ) -> Evidence:
+def _calibrated(placed: Evidence, sigma: np.ndarray, links: TouchedLinks,
+                calibration: tuple[ErrorTable, ArmTable]) -> Evidence:
     """Contacts less what the robot's errors moved them by, as far as they tell."""
-    vectors = shared_vectors(links, placed.points_m, calibration.errors, calibration.arm)
+    vectors = shared_vectors(links, placed.points_m, *calibration)
     normals = np.nan_to_num(placed.normals)
     found = shared_error_means(
         placed.points_m, placed.mask, placed.normals,

@@ -2,28 +2,24 @@
 
     contacts as felt → Gaussian process and contacts in turns, or plug-in → meshes
     planes of crossed faces → polyhedron → meshes
+
+What makes a body is imported when one is made: of most episodes the recovered model stands.
 """
 
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fit.arrays import rows_of
-from fit.implicit.mesh import implicit_meshes
 from fit.implicit.record import ImplicitFit, TriangleMesh
-from fit.implicit.volume import VolumeEstimate, implicit_volume
 from fit.superquadric.record import SuperquadricFit
 from strategies.contacts.finger_touch import TouchedLinks
 from strategies.planners.planner_file import PlannerError
 from strategies.poses.waypoints import PRIOR_MARGIN_M, BoundingCylinder
-from strategies.reconstruct.believed_pieces import believed_pieces
-from strategies.reconstruct.calibrated_planes import Planes, calibrated_planes
-from strategies.reconstruct.felt_polyhedron import FEWEST_FACES, felt_polyhedron, mesh_of_planes
-from strategies.reconstruct.free_contacts import BODY, LEFT_M, Calibration, fitted_freely
-from strategies.reconstruct.parts import fitted_parts, parts_mesh
 from strategies.reconstruct.plug_in import NO_MESH, Touches, run_plug_in
 from strategies.reconstruct.plug_in_name import (
     BUILT_IN,
@@ -43,8 +39,11 @@ from strategies.recovery.contact_verdict import (
 )
 from strategies.recovery.evidence import Evidence
 from strategies.recovery.plausibility import FEWEST_CONTACTS, plausible_vertices
-from warpgrasp.parameters import FitTable
+from warpgrasp.parameters import ArmTable, ErrorTable, FitTable
 
+if TYPE_CHECKING:
+    from fit.implicit.volume import VolumeEstimate
+    from strategies.reconstruct.calibrated_planes import Planes
 CLEARLY_BETTER = 0.85
 """A free form replaces a doubted model where torques contradict it by this share as much [est]."""
 
@@ -66,14 +65,14 @@ class Reconstruction:
     fitted: np.ndarray | None = None
     parts: Mapping[int, SuperquadricFit] = field(default_factory=dict)
     """Of worlds whose body is several superquadrics."""
-    polyhedra: Mapping[int, Planes] = field(default_factory=dict)
+    polyhedra: "Mapping[int, Planes]" = field(default_factory=dict)
     """Of worlds whose body is one of the faces crossed."""
 
     def name_of(self, world: int) -> str:
         """How its row names the shape of a world whose body is a mesh."""
         return POLYHEDRON if world in self.polyhedra else self.name
 
-    def volume(self, world: int) -> VolumeEstimate | None:
+    def volume(self, world: int) -> "VolumeEstimate | None":
         """Volume of a world's Gaussian process and its surface's uncertainty; None where there is
         none."""
         number = self.number(world)
@@ -85,7 +84,10 @@ class Reconstruction:
         return int(mine[0]) if len(mine) else None
 
     @cached_property
-    def _volumes(self) -> tuple[VolumeEstimate, ...]:
+    def _volumes(self) -> "tuple[VolumeEstimate, ...]":
+        from fit.implicit.volume import implicit_volume
+        from strategies.reconstruct.free_contacts import BODY, LEFT_M
+
         assert self.fitted is not None
         return tuple(implicit_volume(fit, [self.meshes[int(world)]], BODY.mean,
                                      shared_m=LEFT_M)
@@ -132,7 +134,7 @@ def reconstruct(
             wanted[list(polyhedra)] = False
         if felt is None:
             felt, links = evidence, None
-        calibration = None if belief is None else Calibration(belief.errors, belief.arm)
+        calibration = None if belief is None else (belief.errors, belief.arm)
         if word == PARTS:
             return _several(np.flatnonzero(wanted), felt, links, prior, table, begin, calibration)
         free = _implicit(np.flatnonzero(wanted), felt, links, prior, table, begin, most,
@@ -150,11 +152,18 @@ def reconstruct(
 
 
 def _polyhedra(recovered: Recovered, belief: Belief | None, felt: Evidence | None,
-               prior: BoundingCylinder, table: FitTable) -> dict[int, Planes]:
+               prior: BoundingCylinder, table: FitTable) -> "dict[int, Planes]":
     """Polyhedra of the worlds that one explains better than the model that was recovered."""
+    if belief is None or felt is None or not belief.faces:
+        return {}
+    from strategies.reconstruct.calibrated_planes import calibrated_planes
+    from strategies.reconstruct.felt_polyhedron import (
+        FEWEST_FACES,
+        felt_polyhedron,
+        mesh_of_planes,
+    )
+
     found: dict[int, Planes] = {}
-    if belief is None or felt is None:
-        return found
     crossed = sum(face.fit.n_points > 0 for face in belief.faces)
     for world in np.flatnonzero(crossed >= FEWEST_FACES):
         own = np.array([world])
@@ -171,7 +180,11 @@ def _polyhedra(recovered: Recovered, belief: Belief | None, felt: Evidence | Non
     return found
 
 
-def _with_polyhedra(free: Reconstruction, polyhedra: Mapping[int, Planes]) -> Reconstruction:
+def _with_polyhedra(free: Reconstruction, polyhedra: "Mapping[int, Planes]") -> Reconstruction:
+    if not polyhedra:
+        return free
+    from strategies.reconstruct.felt_polyhedron import mesh_of_planes
+
     meshes = list(free.meshes)
     for world, planes in polyhedra.items():
         meshes[world] = mesh_of_planes(planes)
@@ -180,10 +193,18 @@ def _with_polyhedra(free: Reconstruction, polyhedra: Mapping[int, Planes]) -> Re
 
 def _implicit(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
               prior: BoundingCylinder, table: FitTable, begin: float, most: np.ndarray,
-              calibration: Calibration | None) -> Reconstruction:
+              calibration: tuple[ErrorTable, ArmTable] | None) -> Reconstruction:
     """Free forms of the worlds `rows`, where torques contradict them by less than `most` (world,).
     """
     meshes = [NO_MESH] * len(felt.mask)
+    none = np.full(len(meshes), "", object)
+    if len(rows) == 0:
+        return Reconstruction(IMPLICIT, tuple(meshes), none, time.perf_counter() - begin,
+                              fitted=np.zeros(0, int))
+    from fit.implicit.mesh import implicit_meshes
+    from strategies.reconstruct.believed_pieces import believed_pieces
+    from strategies.reconstruct.free_contacts import BODY, fitted_freely
+
     fits, fitted = [], []
     for row in rows:  # one at a time: sums over rows of a longer neighbour would round otherwise
         own = np.array([row])
@@ -198,14 +219,17 @@ def _implicit(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
             meshes[row] = mesh
             fits.append(fit)
             fitted.append(row)
-    return Reconstruction(IMPLICIT, tuple(meshes), np.full(len(meshes), "", object),
-                          time.perf_counter() - begin, tuple(fits), np.array(fitted, int))
+    return Reconstruction(IMPLICIT, tuple(meshes), none, time.perf_counter() - begin, tuple(fits),
+                          np.array(fitted, int))
 
 
 def _several(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
              prior: BoundingCylinder, table: FitTable, begin: float,
-             calibration: Calibration | None) -> Reconstruction:
+             calibration: tuple[ErrorTable, ArmTable] | None) -> Reconstruction:
     """Bodies of several parts of the worlds `rows`."""
+    from strategies.reconstruct.free_contacts import fitted_freely
+    from strategies.reconstruct.parts import fitted_parts, parts_mesh
+
     meshes, parts = [NO_MESH] * len(felt.mask), {}
     for row in rows:
         own = np.array([row])

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from fit.implicit.mesh import zero_set_meshes
 from fit.implicit.record import Mean, TriangleMesh
 from strategies.planners.guarded_call import guarded_call
 from strategies.planners.register import fault_text, place_of
@@ -59,6 +58,8 @@ class Touches:
 def run_plug_in(function: Callable[..., Any], touches: Touches) -> tuple[list[TriangleMesh],
                                                                          np.ndarray]:
     """A mesh of each world, empty where there is none, and what was wrong, str (world,)."""
+    from fit.implicit.mesh import zero_set_meshes
+
     worlds = touches.worlds
     meshes, fault = [NO_MESH] * worlds, np.full(worlds, "", object)
     try:

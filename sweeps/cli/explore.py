@@ -2,7 +2,7 @@
 
 from math import radians
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -63,6 +63,21 @@ def explore(object_: str, /, *, strategy: str | None = None,
         from sweeps.report.replay import check_viser
 
         check_viser()
+    from sweeps.report.picture_process import PictureProcess
+
+    with PictureProcess() as pictures:  # imports what draws, beside all that follows
+        written = _explored(
+            object_, units, stable_pose, strategy, reconstruct, device,
+            {"seed": seed, "yaw_rad": None if yaw_deg is None else radians(yaw_deg), "x_m": x_m,
+             "y_m": y_m, "out": out, "device": device, "replay": replay, "pictures": pictures})
+    for file in written:
+        print(file)
+    return 0
+
+
+def _explored(object_: str, units: str | None, stable_pose: int | None, strategy: str | None,
+              reconstruct: str | None, device: str, rest: dict[str, Any]) -> list[Path]:
+    """Runs the episode with the arguments' objects, strategy and word; files come back."""
     from sweeps.output import init_warp, quiet_stdout
     from sweeps.spec.errors import StoreError
     from sweeps.spec.objects import object_of_argument
@@ -81,17 +96,12 @@ def explore(object_: str, /, *, strategy: str | None = None,
             from sweeps.cli.warmup import compile_explored
 
             compile_explored(device)
+        out = rest["out"]
         try:
             out.mkdir(parents=True, exist_ok=True)
-            written = explore_object(
-                body_table=table, strategy=chosen, seed=seed,
-                yaw_rad=None if yaw_deg is None else radians(yaw_deg), x_m=x_m, y_m=y_m,
-                reconstruct=word, out=out, device=device, replay=replay)
+            return explore_object(body_table=table, strategy=chosen, reconstruct=word, **rest)
         except OSError as error:
             raise StoreError(f"{out}: cannot be written: {error.strerror or error}") from None
-    for file in written:
-        print(file)
-    return 0
 
 
 def _strategy_of_argument(name: str) -> "Strategy":
@@ -118,6 +128,10 @@ def _strategy_of_argument(name: str) -> "Strategy":
 
 def _reconstruct_of_argument(value: str) -> str:
     """A word of `[fit] reconstruct`, checked as a spec's is."""
+    from strategies.reconstruct.plug_in_name import BUILT_IN
+
+    if value in BUILT_IN:
+        return value
     from sweeps.spec.errors import Problems, StoreError
     from sweeps.spec.named_files import read_reconstruct
 

@@ -4,9 +4,7 @@ import importlib
 import os
 import time
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from multiprocessing import get_context
 
 import numpy as np
 
@@ -99,6 +97,9 @@ def compile_fits(device: str) -> float:
     Programs differ by the parameters of the fit, not by its residual or how many touches there are.
     So few episodes ask for all of them; as processes, for none compiles two programs at a time.
     """
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
     begin = time.perf_counter()
     with ProcessPoolExecutor(os.cpu_count(), get_context("spawn")) as pool:
         jobs = [pool.submit(_turn), *(pool.submit(_run, *episodes, device) for episodes in FITS)]

@@ -10,7 +10,7 @@ alone: the same for every strategy, setting and block.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from math import pi
 from pathlib import Path
@@ -40,7 +40,6 @@ from sweeps.episode.given_prior import (
     seen_prior,
     worse_than_prior,
 )
-from sweeps.episode.mesh_scores import scores_with_meshes
 from sweeps.episode.recognition_columns import columns_of_recognition, recognize_objects
 from sweeps.episode.scores import ROUGH, SAMPLES, Scorer, Scores
 from sweeps.episode.touched_share import TouchedSurface
@@ -228,13 +227,18 @@ def _shape_names(block: EpisodeBlock, names: np.ndarray) -> np.ndarray:
                                                               strict=True))])
 
 
-def run_block(cell: Cell, episodes: np.ndarray, device: str) -> EpisodeBlock:
-    """Run a block of episodes of one cell and keep all of it."""
-    return run_parts([(cell, episodes)], [cell_body(cell)], device)
+def run_block(cell: Cell, episodes: np.ndarray, device: str, curve: bool = True) -> EpisodeBlock:
+    """Run a block of episodes of one cell and keep all of it; see `run_parts`."""
+    return run_parts([(cell, episodes)], [cell_body(cell)], device, curve)
 
 
-def run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> EpisodeBlock:
-    """Run the episodes of some cells that differ in their object alone, and keep all of it."""
+def run_parts(
+    parts: Sequence[Part], bodies: Sequence[Body], device: str, curve: bool = True
+) -> EpisodeBlock:
+    """Run the episodes of some cells that differ in their object alone, and keep all of it.
+
+    Without `curve`, touched shares of the moments are NaN, and so are scores but the last.
+    """
     cell = parts[0][0]
     which = np.repeat(_which(bodies), [len(episodes) for _, episodes in parts])
     key = np.concatenate([
@@ -261,7 +265,7 @@ def run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Epi
 
     def observe(belief: Belief, recovered: Recovered) -> None:
         reached.append(Moment(belief.step, belief.touches, belief.time_s, begin.scores, recovered,
-                              surface.share(truth)))
+                              surface.share(truth) if curve else np.full(len(key), np.nan)))
 
     planner, fault = _planner(parts, robot, prior)
     # No subclass and nothing that looks like it: the truth is for the shipped one alone.
@@ -278,26 +282,30 @@ def run_parts(parts: Sequence[Part], bodies: Sequence[Body], device: str) -> Epi
         wrong = faults != ""
         found = replace(found, fault=np.where(wrong, faults, found.fault),
                         status=np.where(wrong, fault_status(faults), found.status))
-    moments = _scored(scorer, begin, reached)
+    moments = _scored(scorer, begin, reached, curve)
     scores = moments[-1].scores if moments else begin.scores
     recognition = recognize_objects(found.belief, found.recovered, cell.recognition, device)
     rebuilt = reconstruct(cell.fit.reconstruct, found.recovered, found.belief.evidence, prior,
-                          cell.fit, felt=found.felt, links=found.belief.links,
-                          belief=found.belief)
+                          cell.fit, felt=found.felt, links=found.belief.links, belief=found.belief)
     if rebuilt is not None:
+        from sweeps.episode.mesh_scores import scores_with_meshes
+
         found = _rebuilt_status(found, rebuilt)
         scores = scores_with_meshes(scorer, rebuilt.meshes, scores)
     return EpisodeBlock(tuple(bodies), truth, prior, found, scores, begin.scores, moments,
                         recognition, surface.share(truth), rebuilt)
 
 
-def _scored(scorer: Scorer, begin: Moment, reached: Sequence[Moment]) -> tuple[Moment, ...]:
-    """The moments after `begin` with their scores: the last finely, those before it roughly."""
+def _scored(scorer: Scorer, begin: Moment, reached: Sequence[Moment], curve: bool
+            ) -> tuple[Moment, ...]:
+    """The moments after `begin` with their scores: the last finely, those before it roughly, or
+    not at all without `curve`."""
     rough = replace(scorer, samples=ROUGH)
     scored, last = [], begin
+    unknown = Scores(*(np.full(len(begin.touches), np.nan) for _ in fields(Scores)))
     for moment in reached[:-1]:
-        scores = rough.score_again(moment.recovered, last.recovered, last.scores)
-        scored.append(last := replace(moment, scores=scores))
+        scored.append(last := replace(moment, scores=rough.score_again(
+            moment.recovered, last.recovered, last.scores) if curve else unknown))
     return (*scored, *(replace(moment, scores=scorer.score_again(
         moment.recovered, begin.recovered, begin.scores)) for moment in reached[-1:]))
 

@@ -10,9 +10,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from fit.arrays import joined, rows_of, with_rows
-from fit.implicit.mesh import zero_set_meshes
 from fit.implicit.record import TriangleMesh
-from fit.implicit.volume import surface_samples
 from fit.rotation import matrix_of_quaternion
 from sweeps.episode.scores import (
     COVERAGE_M,
@@ -50,6 +48,8 @@ def score_meshes(
     signed = np.array([mesh_distance(mesh_of(mesh.vertices_m, mesh.faces), asked)
                        for mesh in seen]).reshape(-1, len(asked))
     to_mesh = np.abs(signed[:, :len(sample.surface_m)]).astype(float)
+    from fit.implicit.volume import surface_samples  # with it JAX's solvers, for a mesh alone
+
     count = samples.elements
     elements = np.array([surface_samples(mesh, count) for mesh in seen]).reshape(-1, count, 3)
     to_body = np.concatenate([np.zeros((0, count))] + [
@@ -76,6 +76,8 @@ def score_distances(
     `distance(points, worlds)` is asked for points (row, point, 3) [m] of the worlds numbered
     (row,). Raises ValueError where a zero set has no surface.
     """
+    from fit.implicit.mesh import zero_set_meshes
+
     meshes = zero_set_meshes(lambda points, worlds, counts: distance(points, worlds),
                              np.asarray(low_m, float), np.asarray(high_m, float))
     return score_meshes(meshes, body, body_pose, device=device)

@@ -3,10 +3,10 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "contacts": ["contacts_figure", "draw_contacts"],
+    "contacts": ["contacts_figure", "contacts_shown", "draw_contacts"],
     "contour": ["contour_figure"],
     "curves": ["draw_curves"],
-    "faces": ["crossed_faces", "faces_figure"],
+    "faces": ["crossed_faces", "draw_faces", "faces_figure", "faces_shown"],
     "fits": ["draw_fits"],
     "forest": ["draw_forest"],
     "grasp": ["grasp_figure", "hand_solids"],
@@ -19,5 +19,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
                "visible"],
     "style": ["COLOURS", "COLUMN_IN", "MUTED", "UNITS", "cut", "distinct_labels", "drawing",
               "encode", "figure"],
-    "taxels": ["pad_touches", "taxels_figure"],
+    "taxels": ["draw_taxels", "pad_touches", "taxels_figure", "taxels_shown"],
 })

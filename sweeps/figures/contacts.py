@@ -2,17 +2,16 @@
 
 Left the recovered body with the contacts on its near side; right its outline and the true one, seen
 from the front and from above. Contacts that do not count as the body's are hollow.
+
+What is shown is made of arrays alone, and only `contacts_shown` imports the simulator: a process
+that draws does without it.
 """
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fit.arrays import rows_of
-from strategies.recovery.choose_model import Shape
-from strategies.recovery.contact_verdict import accepted_contacts
-from sweeps.episode.episodes import EpisodeBlock
-from sweeps.figures.meshes import mesh_of_world, recovered_faces
 from sweeps.figures.solids import (
     CONTACT,
     FIT,
@@ -24,41 +23,76 @@ from sweeps.figures.solids import (
     visible,
 )
 from sweeps.figures.style import cut, drawing, encode, figure
-from warpgrasp.geometry.meshing import body_mesh
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from sweeps.episode.episodes import EpisodeBlock
 ELEVATION_DEG, AZIMUTH_DEG = 22.0, -55.0
 
 
-def draw_contacts(block: EpisodeBlock, name: str, world: int = 0) -> bytes:
-    """A PNG of one world of a block; the same block gives the same bytes."""
-    return encode(contacts_figure(block, name, world, wide=True), "png")
+@dataclass(frozen=True)
+class ContactsShown:
+    """What the figure shows, in mm from the object's place on the table."""
+
+    name: str
+    body: str
+    """What the recovered body is."""
+    prior: bool
+    """Whether nothing was recovered."""
+    faces: np.ndarray
+    """Of the recovered body, (face, 3 or 4, 3)."""
+    true: np.ndarray
+    """Of the true one, (face, corner, 3)."""
+    points: np.ndarray
+    """Contacts, (contact, 3)."""
+    near: np.ndarray
+    """Those that the body explains, (contact,)."""
 
 
-@drawing()
-def contacts_figure(block: EpisodeBlock, name: str, world: int = 0,
-                    wide: bool = False) -> "Figure":
-    """One world of a block: a page wide, or one column with the hulls below the body."""
-    from matplotlib.ticker import FixedLocator, MaxNLocator
+def contacts_shown(block: "EpisodeBlock", name: str, world: int = 0) -> ContactsShown:
+    """What the figure of one world of a block shows."""
+    from fit.arrays import rows_of
+    from strategies.recovery.choose_model import Shape
+    from strategies.recovery.contact_verdict import accepted_contacts
+    from sweeps.figures.meshes import mesh_of_world, recovered_faces
+    from warpgrasp.geometry.meshing import body_mesh
 
     pose = block.truth.body_pose[world]
-    faces = 1e3 * (recovered_faces(block, world) - pose[:3])
     free_form = mesh_of_world(block, world) is not None
-    corners = faces.reshape(-1, 3)
-    prior = block.recovered.shape[world] == Shape.PRIOR_CYLINDER and not free_form
+    prior = bool(block.recovered.shape[world] == Shape.PRIOR_CYLINDER) and not free_form
     own = np.array([world])
     evidence = rows_of(block.evidence, own)
     mine = evidence.mask[0]
-    points = 1e3 * (evidence.points_m[0][mine] - pose[:3])
     near = accepted_contacts(rows_of(block.recovered, own), evidence,
                              rows_of(block.exploration.belief.links, own))[0][mine]
     near |= prior or free_form  # nothing was recovered that contacts could contradict
     yaw = 2.0 * np.arctan2(pose[5], pose[6])
     turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
     vertices, sides = body_mesh(block.body, 48)
-    true = 1e3 * (vertices @ turn.T)
+    return ContactsShown(
+        name, "cylinder given as prior" if prior else "recovered surface" if free_form
+        else "recovered body", prior, 1e3 * (recovered_faces(block, world) - pose[:3]),
+        (1e3 * (vertices @ turn.T))[sides], 1e3 * (evidence.points_m[0][mine] - pose[:3]), near)
 
+
+def draw_contacts(shown: ContactsShown) -> bytes:
+    """A PNG, a page wide; the same contacts give the same bytes."""
+    return encode(_drawn(shown, wide=True), "png")
+
+
+def contacts_figure(block: "EpisodeBlock", name: str, world: int = 0,
+                    wide: bool = False) -> "Figure":
+    """One world of a block: a page wide, or one column with the hulls below the body."""
+    return _drawn(contacts_shown(block, name, world), wide)
+
+
+@drawing()
+def _drawn(shown: ContactsShown, wide: bool) -> "Figure":
+    from matplotlib.ticker import FixedLocator, MaxNLocator
+
+    faces, true, points, near = shown.faces, shown.true, shown.points, shown.near
+    corners, around = faces.reshape(-1, 3), true.reshape(-1, 3)
     if wide:
         drawn = figure(3.5, 6.85)
         grid = drawn.add_gridspec(2, 2, width_ratios=(1.35, 1.0))
@@ -73,7 +107,8 @@ def contacts_figure(block: EpisodeBlock, name: str, world: int = 0,
     seen = visible(points, faces, eye) & near
     axes.scatter(*points[seen].T, s=14, color=CONTACT, depthshade=False, zorder=10,
                  label="contacts in sight")
-    low, high = np.minimum(true.min(0), corners.min(0)), np.maximum(true.max(0), corners.max(0))
+    low = np.minimum(around.min(0), corners.min(0))
+    high = np.maximum(around.max(0), corners.max(0))
     across = (high - low)[:2].max()
     # The wall and the floor leave room for their numbers, also behind a plate and under a bottle.
     tall = max(1.08 * high[2], 0.5 * across)
@@ -83,21 +118,19 @@ def contacts_figure(block: EpisodeBlock, name: str, world: int = 0,
     axes.zaxis.labelpad = 6.0
     axes.view_init(ELEVATION_DEG, AZIMUTH_DEG)
     axes.computed_zorder = False
-    body = ("cylinder given as prior" if prior else "recovered surface" if free_form
-            else "recovered body")
-    axes.set_title(f"{cut(name)}: {body} and contacts")
+    axes.set_title(f"{cut(shown.name)}: {shown.body} and contacts")
 
     for row, (i, j) in enumerate(((0, 2), (0, 1))):
         flat = drawn.add_subplot(places[1 + row])
-        for solid, tint, style, text in ((true[sides], TRUE, "-", "true"),
-                                         (faces, FIT, "--", "prior" if prior else "recovered")):
+        made = "prior" if shown.prior else "recovered"
+        for solid, tint, style, text in ((true, TRUE, "-", "true"), (faces, FIT, "--", made)):
             draw_outline(flat, solid[..., [i, j]], tint, style, text)
         flat.plot(points[near, i], points[near, j], ".", color=CONTACT, ms=3, label="contacts")
         if not near.all():
             flat.plot(points[~near, i], points[~near, j], "o", ms=2.5, mfc="none", mew=0.6,
                       color=CONTACT, label="not counted")
         flat.set_aspect("equal")
-        wide_enough = np.ptp(true[:, i]) > 0.35 * np.ptp(true[:, j])
+        wide_enough = np.ptp(around[:, i]) > 0.35 * np.ptp(around[:, j])
         flat.xaxis.set_major_locator(MaxNLocator(3) if wide_enough else FixedLocator([0.0]))
         flat.set(xlabel="xyz"[i] + " [mm]", ylabel="xyz"[j] + " [mm]")
         flat.set_title("outlines from above" if row else "outlines from the front")

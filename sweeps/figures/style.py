@@ -12,9 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sweeps.analysis.entries import HIGHER_IS_BETTER, LeaderboardError
-from sweeps.spec.errors import choose
-
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 COLUMN_IN = 85.0 / 25.4
@@ -62,6 +59,9 @@ def figure(height_in: float, width_in: float = COLUMN_IN) -> "Figure":
 def encode(drawn: "Figure", file_format: str) -> bytes:
     """The bytes of a figure; `file_format` one of FORMATS, else LeaderboardError."""
     if file_format not in FORMATS:
+        from sweeps.analysis.entries import LeaderboardError
+        from sweeps.spec.errors import choose
+
         raise LeaderboardError(f"--out: a figure cannot be written as {file_format!r}; "
                                f"{choose(file_format, FORMATS)}")
     with drawing():
@@ -89,6 +89,8 @@ def _png(drawn: "Figure") -> bytes:
 
 def metric_label(metric: str) -> str:
     """An axis label with its unit, and which way is better."""
+    from sweeps.analysis.entries import HIGHER_IS_BETTER  # not to draw an episode
+
     way = "more" if metric in HIGHER_IS_BETTER else "less"
     return f"{UNITS.get(metric, metric)}, {way} is better"
 

@@ -9,17 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sweeps.episode.episodes import EpisodeBlock
-from sweeps.figures.style import cut, drawing, figure
-from sweeps.spec.errors import StoreError
+from sweeps.figures.style import cut, drawing, encode, figure
 from warpgrasp.parameters import PadTable
 from warpgrasp.probe_status import ProbeStatus
-from warpgrasp.robot import Grasps
-from warpgrasp.touch.pad_kernel import TAXELS
+from warpgrasp.touch.line_touch import TAXELS
 from warpgrasp.touch.tactile_image import moments
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from sweeps.episode.episodes import EpisodeBlock
 SHOWN = 4
 WINDOW = 3  # taxels each way from the largest
 FINGERS = ("finger 1", "finger 2", "finger 3", "thumb")
@@ -49,8 +48,19 @@ class Ellipse:
     """Size of the window, (x, y)."""
 
 
-def pad_touches(block: EpisodeBlock, world: int = 0) -> list[PadTouch]:
+@dataclass(frozen=True)
+class TaxelsShown:
+    """What the figure shows; a process that draws it does without the simulator."""
+
+    name: str
+    touches: tuple[PadTouch, ...]
+    pads: PadTable
+
+
+def pad_touches(block: "EpisodeBlock", world: int = 0) -> list[PadTouch]:
     """The touches of one world with contact at a pad, in their order."""
+    from warpgrasp.robot import Grasps
+
     found = []
     made = 0
     for procedure in block.exploration.procedures:
@@ -82,25 +92,35 @@ def image_ellipse(image: np.ndarray, pads: PadTable) -> Ellipse:
     return Ellipse(centroid, axes, low[::-1] * pitch, (high - low)[::-1] * pitch)
 
 
-def taxels_figure(block: EpisodeBlock, pads: PadTable, name: str, world: int = 0) -> "Figure":
-    """The touches with the largest sums of counts, one column wide; deterministic.
+def taxels_shown(block: "EpisodeBlock", pads: PadTable, name: str, world: int = 0) -> TaxelsShown:
+    """The touches with the largest sums of counts. Raises StoreError where no pad had contact."""
+    from sweeps.spec.errors import StoreError
 
-    Raises StoreError where no pad had contact.
-    """
     touches = pad_touches(block, world)
     if not touches:
         raise StoreError(
             "taxels: no pad touched anything in this episode; ask for one of a strategy that "
             'crosses faces or follows a contour (order = ["containment", "decide"])')
     loaded = sorted(touches, key=lambda touch: -int(touch.image.astype(int).sum()))[:SHOWN]
-    return draw_taxels(sorted(loaded, key=lambda touch: touch.number), pads, name)
+    return TaxelsShown(name, tuple(sorted(loaded, key=lambda touch: touch.number)), pads)
+
+
+def draw_taxels(shown: TaxelsShown) -> bytes:
+    """A PNG, one column wide; the same touches give the same bytes."""
+    return encode(_drawn(shown), "png")
+
+
+def taxels_figure(block: "EpisodeBlock", pads: PadTable, name: str, world: int = 0) -> "Figure":
+    """The touches of one world, one column wide. Raises StoreError where no pad had contact."""
+    return _drawn(taxels_shown(block, pads, name, world))
 
 
 @drawing()
-def draw_taxels(touches: list[PadTouch], pads: PadTable, name: str) -> "Figure":
+def _drawn(shown: TaxelsShown) -> "Figure":
     """A panel for each of at most four touches."""
     from matplotlib.patches import Rectangle
 
+    name, touches, pads = shown.name, shown.touches, shown.pads
     wide, tall = 1e3 * pads.width_m, 1e3 * pads.length_m
     drawn = figure(2.85)
     drawn.set_layout_engine("none")  # panels have a pad's own proportions: placed by hand

@@ -5,5 +5,6 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "html": ["asset", "source_hash"],
     "episode_files": ["explore"],
+    "picture_process": ["PictureProcess"],
     "replay": ["check_viser"],
 })

@@ -23,14 +23,15 @@ from sweeps.episode.columns import (
 )
 from sweeps.episode.contact_rows import COLUMNS, VECTORS, contact_columns
 from sweeps.episode.episodes import REBUILD_FAILED, EpisodeBlock, run_block
-from sweeps.figures.contacts import draw_contacts
+from sweeps.figures.contacts import contacts_shown, draw_contacts
 from sweeps.figures.contour import contour_figure
-from sweeps.figures.faces import crossed_faces, faces_figure
+from sweeps.figures.faces import crossed_faces, draw_faces, faces_shown
 from sweeps.figures.meshes import mesh_of_world, ply_of
 from sweeps.figures.style import encode
-from sweeps.figures.taxels import pad_touches, taxels_figure
+from sweeps.figures.taxels import draw_taxels, pad_touches, taxels_shown
 from sweeps.output import say, write_atomic
-from sweeps.report.surfaces import surfaces_figure
+from sweeps.report.picture_process import Drawn, PictureProcess, attempt
+from sweeps.report.surfaces import draw_surfaces, surfaces_shown
 from sweeps.report.trust import choice_sentence, trust_sentence
 from sweeps.spec.cell import Cell
 from warpgrasp.parameters import FitTable, ObjectTable
@@ -41,7 +42,7 @@ from warpgrasp.robot import Grasps
 def explore(
     *, body_table: Mapping[str, Any], strategy: Strategy, seed: int, yaw_rad: float | None,
     x_m: float, y_m: float, out: Path, device: str, replay: bool = False,
-    reconstruct: str = CHOSEN,
+    reconstruct: str = CHOSEN, pictures: PictureProcess | None = None,
 ) -> list[Path]:
     """Runs one episode; writes `contacts.csv`, `shape.json` and figures; returns their paths.
 
@@ -49,14 +50,15 @@ def explore(
     where a contour was followed, `taxels.png` where pads had contact, `replay.html` for `replay`.
     stderr says how far to trust the recovered shape, what was chosen and why, and which figures
     could not be drawn.
-    `body_table` names the object as in a spec; `yaw_rad` None gives it a random yaw. Raises
+    `body_table` names the object as in a spec; `yaw_rad` None gives it a random yaw; `pictures`
+    draws figures beside the episode, else they are drawn here. Raises
     BodyError for an object that cannot be built, OSError where `out` cannot be written.
     """
     name = str(body_table.get("name") or Path(str(body_table.get("mesh", "object"))).stem)
     cell = Cell(strategy, body_table, name, seed=seed,
                 placement=ObjectTable(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad),
                 fit=FitTable(reconstruct=reconstruct))
-    block = run_block(cell, np.arange(1), device)
+    block = run_block(cell, np.arange(1), device, curve=False)
     shape = json.dumps(shape_record(cell, block), indent=2) + "\n"
     files = {"contacts.csv": contacts_csv(block), "shape.json": shape}
     for file, content in files.items():
@@ -66,11 +68,9 @@ def explore(
     if mesh is not None:
         write_atomic(out / "recovered.ply", ply_of(mesh))
         written.append("recovered.ply")
-    for file, draw in _pictures(cell, block):
-        try:
-            picture = draw()
-        except Exception as error:  # the episode is kept without the figure
-            say(f"{out / file}: cannot be drawn: {error}")
+    for file, picture in _pictures(cell, block, pictures):
+        if isinstance(picture, Exception):  # the episode is kept without the figure
+            say(f"{out / file}: cannot be drawn: {picture}")
             continue
         write_atomic(out / file, picture)
         written.append(file)
@@ -96,17 +96,32 @@ def explore(
     return [out / file for file in sorted(written)]
 
 
-def _pictures(cell: Cell, block: EpisodeBlock) -> Iterator[tuple[str, Callable[[], bytes]]]:
-    """The names of the figures that an episode has, and how each is drawn."""
+def _pictures(
+    cell: Cell, block: EpisodeBlock, process: PictureProcess | None
+) -> Iterator[tuple[str, Drawn]]:
+    """The names of the figures that an episode has, and each file, or why there is none.
+
+    `process` draws what can be shown without the simulator, if there is one."""
     name, profile = cell.object_name, block.exploration.belief.profile
-    yield "contacts.png", lambda: draw_contacts(block, name)
-    yield "surfaces.png", lambda: encode(surfaces_figure(block, name), "png")
+    wanted = [("surfaces.png", draw_surfaces, surfaces_shown),
+              ("contacts.png", draw_contacts, contacts_shown)]
     if crossed_faces(block):
-        yield "faces.png", lambda: encode(faces_figure(block, name, wide=True), "png")
-    if profile is not None and np.isfinite(profile.volume_m3[0]):
-        yield "contour.png", lambda: encode(contour_figure(block, name, wide=True), "png")
+        wanted.append(("faces.png", draw_faces, faces_shown))
     if pad_touches(block):
-        yield "taxels.png", lambda: encode(taxels_figure(block, cell.pads, name), "png")
+        wanted.append(("taxels.png", draw_taxels,
+                       lambda block, name: taxels_shown(block, cell.pads, name)))
+    shown: dict[str, tuple[Callable[[Any], bytes], Any]] = {}
+    for file, draw, show in wanted:
+        try:
+            shown[file] = draw, show(block, name)
+        except Exception as error:
+            yield file, error
+    if process is not None:
+        process.begin(list(shown.values()))
+    if profile is not None and np.isfinite(profile.volume_m3[0]):
+        yield "contour.png", attempt(lambda: encode(contour_figure(block, name, wide=True), "png"))
+    yield from zip(shown, process.finish() if process is not None
+                   else [attempt(*job) for job in shown.values()], strict=True)
 
 
 def contacts_csv(block: EpisodeBlock, world: int = 0) -> str:

@@ -4,7 +4,6 @@ import numpy as np
 
 from fit.arrays import rows_of
 from fit.implicit.record import TriangleMesh
-from fit.implicit.volume import surface_samples
 from fit.revolution.geometry import revolution_surface
 from fit.superquadric.geometry import superquadric_areas
 from strategies.contacts.body_uncertainty import INADEQUATE_FROM
@@ -96,6 +95,8 @@ def choice_sentence(block: EpisodeBlock, world: int = 0) -> str:
 
 
 def _free_form_sentence(mesh: TriangleMesh, contacts_m: np.ndarray) -> str:
+    from fit.implicit.volume import surface_samples  # with it JAX's solvers, for a free form alone
+
     points = surface_samples(mesh, SURFACE_POINTS)
     points = points[points[:, 2] > TABLE_MARGIN_M]
     away = np.linalg.norm(points[:, None] - contacts_m, axis=-1).min(1, initial=np.inf)

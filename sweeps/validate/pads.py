@@ -12,8 +12,8 @@ from warpgrasp.export.mjcf import mjcf_text
 from warpgrasp.geometry.body import Body, Part, scene_of
 from warpgrasp.geometry.scene import Shape
 from warpgrasp.parameters import HandTable, PadTable
+from warpgrasp.touch.line_touch import TAXELS
 from warpgrasp.touch.pad import read_pads
-from warpgrasp.touch.pad_kernel import TAXELS
 
 HAND, PADS = HandTable(), PadTable()
 FINGER, PRESSES = 1, 6

@@ -28,7 +28,7 @@ from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import ArmTable, FitTable, HandTable, SensorTable
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Robot, Truth
-from warpgrasp.touch.guarded_motion import LineTouch, Until
+from warpgrasp.touch.line_touch import LineTouch, Until
 
 MINE = HELPERS / "mine.py"
 QUICK = FitTable()

@@ -19,7 +19,7 @@ from warpgrasp.parameters import (
 )
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Robot, Truth
-from warpgrasp.touch.guarded_motion import Until
+from warpgrasp.touch.line_touch import Until
 
 ABOVE = np.array([0.45, 0.0, 0.45, 1.0, 0.0, 0.0, 0.0])
 """A hand pose [m], quaternion xyzw, high above the object: the hand points down."""

@@ -6,8 +6,6 @@ Shells are turned outward where that is certain, and refused where it is not.
 
 import numpy as np
 import warp as wp
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from warpgrasp.core.dtypes import float32
 from warpgrasp.core.kernel_launch import launch
@@ -64,6 +62,9 @@ def _shells(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     # Every face is there twice, as it is and turned: what is connected looks one way.
     rows = np.concatenate([one, one + count])
     columns = np.concatenate([other + count * alike, other + count * ~alike])
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     graph = coo_array((np.ones(len(rows), bool), (rows, columns)), shape=(2 * count, 2 * count))
     label = connected_components(graph, directed=False)[1]
     as_is, as_turned = label[:count], label[count:]

@@ -10,7 +10,6 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
 from warpgrasp.geometry.body import Body, BodyError
@@ -79,6 +78,8 @@ def _stable_poses(keyed: KeyedBody) -> tuple[StablePose, ...]:
     up, height = turns[:, 2, :3], turns[:, 2, :3] @ middle + turns[:, 2, 3]
     beside = up @ up.T > np.cos(_BESIDE_RAD)
     beside &= np.abs(height[:, None] - height) < _AS_HIGH * height
+    from scipy.sparse.csgraph import connected_components
+
     count, group = connected_components(beside, directed=False)
     total = np.bincount(group, chance, count)
     found = []

@@ -3,7 +3,8 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "guarded_motion": ["LineMove", "LineTouch", "LineTruth", "Until", "guarded_line"],
+    "guarded_motion": ["guarded_line"],
+    "line_touch": ["TAXELS", "LineMove", "LineTouch", "LineTruth", "Until"],
     "pad": ["read_pads"],
     "tactile_image": ["hough_lines", "moments"],
 })

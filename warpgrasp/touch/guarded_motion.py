@@ -7,7 +7,6 @@ energy of `pad_equilibrium`. The same move backwards ends when the pads feel not
 """
 
 from dataclasses import dataclass
-from enum import IntEnum
 from functools import lru_cache
 from typing import Any
 
@@ -39,6 +38,7 @@ from warpgrasp.parameters import (
 from warpgrasp.touch.chain_line_kernel import chain_line_kernel
 from warpgrasp.touch.guarded_motion_kernel import line_kernel
 from warpgrasp.touch.line_record import LineBegin, LineEnd
+from warpgrasp.touch.line_touch import TAXELS, LineMove, LineTouch, LineTruth, Until
 from warpgrasp.touch.pad import (
     chain_pad_turns,
     chain_pads,
@@ -48,97 +48,9 @@ from warpgrasp.touch.pad import (
     true_pads,
 )
 from warpgrasp.touch.pad_culling import BLOCKS
-from warpgrasp.touch.pad_kernel import TAXELS
 
 _LONGER = 1.03
 """Links that are true are no longer than believed by more."""
-
-
-class Until(IntEnum):
-    """What ends a guarded line."""
-
-    CONTACT = 0
-    RELEASE = 1
-    """A pad that felt feels no more: status NO_CONTACT."""
-
-
-@dataclass(frozen=True)
-class LineTouch:
-    """What the robots know of a guarded line. A row for each robot that moved."""
-
-    status: np.ndarray
-    """ProbeStatus, shape (row,): CONTACT, NO_CONTACT (spent, or released), BLOCKED, UNREACHABLE,
-    COLLISION (the finger is pushed away, or hand strikes, already where the line starts)."""
-    link: np.ndarray
-    """Link whose pad felt (0 proximal to 2 distal; of a chain its joint), -1 without a touch."""
-    point_m: np.ndarray
-    """Believed contact, base frame [m], (row, 3); NaN without a touch."""
-    normal: np.ndarray
-    """Believed outward normal of the surface: against the pad's, (row, 3)."""
-    tip_m: np.ndarray
-    """Believed place of the fingertip's centre [m], (row, 3)."""
-    hand_pose: np.ndarray
-    """Believed hand pose at the end, [m] and quaternion xyzw, (row, 7)."""
-    q_rad: np.ndarray
-    """Joint angles of the finger as read, of a chain its drives', (row, joint)."""
-    taxel_peak: np.ndarray
-    """Largest count of the pad that felt, or that bore most where the line was blocked; else 0."""
-    image: np.ndarray
-    """Its counts, uint8, (row, 16, 16)."""
-    steps: np.ndarray
-    """Intervals made."""
-    is_touch: np.ndarray
-    """Whether it counts as a touch, felt or not (see `motion_cost`); never one until RELEASE."""
-    time_s: np.ndarray
-    """Move to the start, the intervals, and the finger's way back to its first command."""
-    path_m: np.ndarray
-    """Path of the hand's origin, straight to the start and along the intervals [m]."""
-
-
-@dataclass(frozen=True)
-class LineTruth:
-    """The true outcome, for the scorer alone."""
-
-    rows: np.ndarray
-    """World of each row."""
-    q_rad: np.ndarray
-    """(row, joint)."""
-    point_m: np.ndarray
-    """Surface point at the pad's centre of force, base frame [m], (row, 3); NaN without load."""
-    normal: np.ndarray
-    """Outward surface normal there, (row, 3)."""
-    force_N: np.ndarray
-    """On all taxels together, (row,)."""
-    on_table: np.ndarray
-    """Whether the table, not the object, was touched."""
-    hand_pose: np.ndarray
-    """(row, 7)."""
-
-
-@dataclass(frozen=True)
-class LineMove:
-    """One guarded line for some of the worlds, row by row."""
-
-    rows: np.ndarray
-    """Worlds that move, (row,)."""
-    number: np.ndarray
-    """How many lines each of them has made before, (row,): seeds the noise."""
-    hand_pose: np.ndarray
-    """Where the line starts, as believed, [m] and quaternion xyzw, (row, 7)."""
-    direction: np.ndarray
-    """Way of the arm in one interval, in units of it, base frame, (row, 3): a unit vector, a
-    shorter one for shorter intervals, zero where the arm stays."""
-    interval_m: np.ndarray | float
-    """Of each row, (row,), or of all, as `steps` and `until`."""
-    steps: np.ndarray | int
-    finger: int
-    """Whose pads count; of the Utah-MIT hand 3 is the thumb."""
-    commands_rad: np.ndarray
-    """Joint commands of all fingers at each interval, (finger, step, joint), the last one held; the
-    fingers that do not probe stay at their first."""
-    until: np.ndarray | Until = Until.CONTACT
-    checked: bool = False
-    """Whether the way to the start is looked at: see `Robot.guarded_line`."""
 
 
 @dataclass(frozen=True)

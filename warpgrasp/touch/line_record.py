@@ -9,7 +9,7 @@ from warpgrasp.core.dtypes import real, struct, transform, vec3, vec7
 
 @struct
 class LineBegin:
-    """The start of one row, see `guarded_motion.LineMove`."""
+    """The start of one row, see `line_touch.LineMove`."""
 
     body: int
     body_pose: transform
@@ -27,7 +27,7 @@ class LineBegin:
 
 @struct
 class LineEnd:
-    """The outcome: what the robot knows, see `guarded_motion.LineTouch`, and what is true."""
+    """The outcome: what the robot knows, see `line_touch.LineTouch`, and what is true."""
 
     status: int
     link: int

@@ -23,8 +23,9 @@ from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.calibration import Calibration
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, LINK_COUNT, hand_of
 from warpgrasp.parameters import HandTable, PadTable
+from warpgrasp.touch.line_touch import TAXELS
 from warpgrasp.touch.pad_culling import BLOCKS
-from warpgrasp.touch.pad_kernel import TAXELS, ChainPad, Pad, _pads_kernel
+from warpgrasp.touch.pad_kernel import ChainPad, Pad, _pads_kernel
 
 TURNS = 40
 """Rows of `pad_turns` a pad."""

@@ -24,9 +24,6 @@ from warpgrasp.mechanism.utah_mit_hand_kernel import (
     link_start,
 )
 
-TAXELS = 16
-"""Rows and columns of a pad [paper]."""
-
 wp.set_module_options({"max_unroll": 1})
 _SIDE = wp.constant(16)
 _TURNS = wp.constant(40)  # rows of `pad.pad_turns` a pad

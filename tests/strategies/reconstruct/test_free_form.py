@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from strategies.ready_made import STRATEGIES
-from strategies.reconstruct.free_contacts import Calibration, fitted_freely
+from strategies.reconstruct.free_contacts import fitted_freely
 from strategies.recovery.choose_model import Shape
 from strategies.recovery.contact_verdict import unexplained
 from sweeps.episode.episodes import EpisodeBlock, run_block, run_episodes
@@ -53,7 +53,7 @@ def test_contacts_lose_what_calibration_did_to_them(bowls: EpisodeBlock) -> None
     part = [bowls.truth.closings[p.closing] for p in found.procedures]
     true, normal = (np.concatenate([getattr(c, name).reshape(len(found.status), -1, 3)
                                     for c in part], axis=1) for name in ("point_m", "normal"))
-    known = Calibration(found.belief.errors, found.belief.arm)
+    known = (found.belief.errors, found.belief.arm)
     (_, before), (_, after) = (fitted_freely(found.felt, found.belief.links, FIT, given)
                                for given in (None, known))
     use = found.felt.mask & np.isfinite(true).all(-1)

@@ -35,6 +35,29 @@ def test_explore_starts_without_what_only_compiling_needs() -> None:
 
 
 @pytest.mark.slow
+def test_a_whole_explore_imports_neither_what_draws_nor_kernels_that_it_does_not_launch(
+        tmp_path: Path) -> None:
+    """An episode of the default strategy on a block; another process draws its figures."""
+    found = modules_after("from sweeps.cli.main import run; run(sys.argv[1:])",
+                          "explore", "block", "-o", str(tmp_path))
+    assert (tmp_path / "contacts.png").exists()
+    assert (tmp_path / "surfaces.png").exists()
+    assert not found & {"matplotlib", "pydantic", "scipy.ndimage", "scipy.sparse.csgraph",
+                        "multiprocessing", "fit.implicit.process",
+                        "strategies.foresight.foresight_kernel"}
+    assert not {name for name in found if name.startswith(("warpgrasp.chain_closing.",
+                                                           "warpgrasp.touch.pad_kernel",
+                                                           "warpgrasp.sight."))}
+
+
+def test_what_draws_an_episode_imports_no_simulator() -> None:
+    found = modules_after("import importlib; from sweeps.report.picture_process import IMPORTED; "
+                          "[importlib.import_module(name) for name in IMPORTED]")
+    assert "matplotlib" in found
+    assert not found & {"jax", "warp", "pydantic", "scipy.spatial"}
+
+
+@pytest.mark.slow
 def test_explore_compiles_at_once_what_the_default_launches() -> None:
     """In a process of its own, since this one has launched the kernels of other tests."""
     code = ("import numpy as np; from strategies.ready_made import DEFAULT, STRATEGIES; "

@@ -10,7 +10,7 @@ from fit.implicit.record import TriangleMesh
 from strategies.ready_made import STRATEGIES
 from sweeps.episode.episodes import EpisodeBlock, run_block
 from sweeps.figures.meshes import coarse_mesh, recovered_faces
-from sweeps.report.surfaces import surface_sigma, surfaces_figure
+from sweeps.report.surfaces import surface_sigma, surfaces_figure, surfaces_shown
 from sweeps.report.views import surface_data
 from sweeps.spec.cell import Cell
 from warpgrasp.parameters import FitTable
@@ -46,7 +46,8 @@ def test_the_surface_is_less_sure_far_from_contacts(block: EpisodeBlock, free: b
 
 
 def test_a_figure_and_the_report_have_a_tint_for_every_face(block: EpisodeBlock) -> None:
-    assert len(surfaces_figure(block, "block").axes) == 5  # four bodies and the scale
+    drawn = surfaces_figure(surfaces_shown(block, "block"))
+    assert len(drawn.axes) == 5  # four bodies and the scale
     found = surface_data(block)
     faces = len(found["faces"]) * 3 // 4 // 8
     assert len(found["unsure"]) * 3 // 4 == pytest.approx(faces, abs=2)

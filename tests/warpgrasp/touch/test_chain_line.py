@@ -26,7 +26,7 @@ from warpgrasp.parameters import (
 )
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Robot, Truth
-from warpgrasp.touch.guarded_motion import LineTouch
+from warpgrasp.touch.line_touch import LineTouch
 
 INWARD, DOWN = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, -1.0])
 QUIET = PadTable(noise_counts=0.0, gain_spread=0.0, repeatability=0.0, dead_fraction=0.0)

@@ -23,7 +23,7 @@ from warpgrasp.parameters import (
 )
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Robot, Truth
-from warpgrasp.touch.guarded_motion import Until
+from warpgrasp.touch.line_touch import Until
 from warpgrasp.touch.pad import false_touch_probability, read_pads
 
 EXACT_ARM = ArmTable(encoder_step_rad=0.0, repeatability_m=0.0)
