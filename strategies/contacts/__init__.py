@@ -10,5 +10,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "finger_touch": ["TouchedLinks", "joined_links", "links_of_touches", "no_links",
         "touched_links"],
     "placing": ["placing_of"],
-    "shared_errors": ["shared_shifts"],
+    "shared_errors": ["shared_shifts", "shared_vectors"],
 })
