@@ -14,7 +14,7 @@ from sweeps.text_table import print_table
 from sweeps.validate.comparison import HEADER, Comparison, MissingEngine
 
 CHECKS = {"puma": "puma", "arms": "serial_arms", "distances": "signed_distances", "pads": "pads",
-          "metrics": "scores", "fits": "fits", "free_forms": "free_forms",
+          "metrics": "bodies.scores", "fits": "fits", "free_forms": "bodies.free_forms",
           "hands": "any_hand", "closing": "guarded_closing"}
 """Names and their files here, each with a function `compare_NAME`; the longest check is last."""
 

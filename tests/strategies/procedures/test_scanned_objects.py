@@ -17,7 +17,7 @@ from strategies.procedures.contour_shape import profile_of
 from strategies.procedures.planar_explorer import explore_plane
 from strategies.procedures.planar_faces import angle_between, planes_of
 from strategies.procedures.touches import EndReason, true_touches
-from sweeps.validate.scan_meshes import scan_meshes
+from sweeps.validate.bodies.scan_meshes import scan_meshes
 from warpgrasp.geometry.body_sampling import sample_body
 from warpgrasp.objects.mesh_import import body_from_mesh
 from warpgrasp.parameters import ArmTable, HandTable, SensorTable

@@ -13,7 +13,7 @@ from strategies.recognition.answers import NONE
 from strategies.recognition.catalogue_alignment import Recognizer, recognizer
 from strategies.recovery.choose_model import Recovered, Shape
 from strategies.recovery.evidence import Evidence
-from sweeps.validate.scan_meshes import scan_meshes
+from sweeps.validate.bodies.scan_meshes import scan_meshes
 from warpgrasp.geometry.body import Body
 from warpgrasp.geometry.body_sampling import sample_body
 from warpgrasp.objects.catalogue import body_from_name, body_from_table

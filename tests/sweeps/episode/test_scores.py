@@ -21,7 +21,7 @@ from sweeps.episode.scores import (
     score_superquadrics,
     scores_again,
 )
-from sweeps.validate.dense_scores import Triangles, elements_of, split, superquadric_corners
+from sweeps.validate.bodies.dense_scores import Triangles, elements_of, split, superquadric_corners
 from warpgrasp.geometry.body_sampling import sample_body
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sweeps.validate import free_forms
+from sweeps.validate.bodies import free_forms
 
 
 @pytest.fixture

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from sweeps.cli.main import run
+from sweeps.validate.bodies.scores import compare_metrics
 from sweeps.validate.command import CHECKS
 from sweeps.validate.comparison import HEADER, Comparison, MissingEngine, engine
-from sweeps.validate.scores import compare_metrics
 from sweeps.validate.signed_distances import compare_distances
 
 NO_MUJOCO = importlib.util.find_spec("mujoco") is None

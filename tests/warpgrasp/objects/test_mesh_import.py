@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from places import SHARED
 
-from sweeps.validate.scan_meshes import scan_meshes
+from sweeps.validate.bodies.scan_meshes import scan_meshes
 from warpgrasp.geometry.body import BodyError, distance_to_bodies, scene_of
 from warpgrasp.geometry.body_sampling import sample_body
 from warpgrasp.objects.catalogue import body_from_name, body_from_table

@@ -25,8 +25,7 @@ from fit.superquadric.geometry import Superquadric, superquadric_inside_outside
 from fit.superquadric.record import SuperquadricOptions
 from strategies.recovery.choose_model import Recovered, Shape
 from sweeps.episode.scores import SAMPLES, Scores, score_recovered
-from sweeps.validate.comparison import Comparison, engine
-from sweeps.validate.dense_scores import (
+from sweeps.validate.bodies.dense_scores import (
     Elements,
     Triangles,
     contour_distance,
@@ -38,7 +37,8 @@ from sweeps.validate.dense_scores import (
     triangle_distance,
     weighted_quantile,
 )
-from sweeps.validate.scan_meshes import scan_meshes
+from sweeps.validate.bodies.scan_meshes import scan_meshes
+from sweeps.validate.comparison import Comparison, engine
 from warpgrasp.export.convex_solids import object_solids
 from warpgrasp.geometry.body import Body, distance_to_bodies, scene_of
 from warpgrasp.geometry.body_sampling import sample_body

@@ -1,0 +1,1 @@
+"""Bodies beside dense computations: their scores, and free forms from true contacts."""
