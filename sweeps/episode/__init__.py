@@ -10,6 +10,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
         "run_episodes"],
     "given_prior": ["SEEN", "draw_prior", "seen_prior"],
     "recognition_columns": ["columns_of_recognition", "recognize_objects", "right_answers"],
+    "mesh_scores": ["score_meshes"],
     "scores": ["FINE", "SAMPLES", "Samples", "Scorer", "Scores", "score_recovered",
                "score_superquadrics"],
     "teaching": ["TEACHERS", "contents_of", "teach", "unlisted_table"],
