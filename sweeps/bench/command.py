@@ -31,7 +31,7 @@ SHAPES = ("plane", "revolution", "superquadric11", "superquadric13", "superquadr
 _TIMEOUT_S = 900.0
 Row = tuple[str, str, int, int]
 """What, of what, batch, threads (or processes, where a thing runs on one thread)."""
-_PROCESSES = ("fits", "episodes", "metrics")  # two workers rather than two threads
+_PROCESSES = ("fits", "free_forms", "episodes", "metrics")  # two workers rather than two threads
 
 
 def rows(*, quick: bool, peers: bool) -> Iterator[Row]:
@@ -44,6 +44,8 @@ def rows(*, quick: bool, peers: bool) -> Iterator[Row]:
     yield from (("metrics", "block", 256, threads) for threads in cores)
     for of in SHAPES[3:4] if quick else SHAPES:
         yield from (("fits", of, 512, threads) for threads in cores)
+    for of, at_once in (("fit", 512), ("scores", 64)):
+        yield from (("free_forms", of, at_once, threads) for threads in cores)
     for name in ("ring6",) if quick else STRATEGIES:
         at_once = OTHERS.get(name, FORESEEN if STRATEGIES[name].call else AT_ONCE)
         yield from (("episodes", name, at_once, threads) for threads in cores)

@@ -104,6 +104,27 @@ def fits(of: str, batch: int) -> Workload:
     return Workload("fits", call)
 
 
+def free_forms(of: str, batch: int) -> Workload:
+    """Free forms of a mug by 96 touches with normals: the `fit`, or fit, mesh and all `scores`."""
+    from fit.implicit.mesh import implicit_meshes
+    from strategies.reconstruct.free_contacts import BODY
+    from sweeps.episode.mesh_scores import score_meshes
+    from sweeps.validate.bodies.free_forms import SETS, fitted_to, shape, touches
+
+    body = shape("mug-1")
+    points, normals = (np.tile(v, (-(-batch // SETS), 1, 1))[:batch]
+                       for v in touches(body, np.random.default_rng(SEED)))
+    pose = np.tile([0, 0, 0, 0, 0, 0, 1.0], (batch, 1))
+
+    def call() -> int:
+        fits = fitted_to(points, normals)
+        if of == "scores":
+            score_meshes(implicit_meshes(fits, BODY.mean), body, pose)
+        return batch
+
+    return Workload("free forms", call)
+
+
 def metrics(of: str, batch: int) -> Workload:
     """All scores of recovered superquadrics against a true body."""
     from sweeps.episode.scores import score_superquadrics
@@ -143,7 +164,7 @@ def episodes(of: str, batch: int) -> Workload:
 
 
 ROWS: dict[str, Callable[[str, int], Workload]] = {
-    row.__name__: row for row in (closings, touches, fits, metrics, episodes)}
+    row.__name__: row for row in (closings, touches, fits, free_forms, metrics, episodes)}
 
 
 def main(arguments: list[str]) -> None:
