@@ -23,9 +23,11 @@ from sweeps.episode.scores import (
 )
 from warpgrasp.geometry.body import Body
 from warpgrasp.geometry.body_sampling import sample_body
-from warpgrasp.objects.mesh_orientation import mesh_distance, mesh_of
+from warpgrasp.objects.mesh_orientation import mesh_distance, mesh_gap, mesh_of
 
 WORLDS_AT_ONCE = 64
+WINDING_ACCURACY = 1.5
+"""Meshes of bodies are closed."""
 
 
 def score_meshes(
@@ -44,10 +46,11 @@ def score_meshes(
     turn = matrix_of_quaternion(body_pose[:, 3:])
     seen = [TriangleMesh((mesh.vertices_m - pose[:3]) @ matrix, mesh.faces)
             for mesh, pose, matrix in zip(meshes, body_pose, turn, strict=True)]
-    asked = np.concatenate([sample.surface_m, sample.about_m])
-    signed = np.array([mesh_distance(mesh_of(mesh.vertices_m, mesh.faces), asked)
-                       for mesh in seen]).reshape(-1, len(asked))
-    to_mesh = np.abs(signed[:, :len(sample.surface_m)]).astype(float)
+    queried = [mesh_of(mesh.vertices_m, mesh.faces) for mesh in seen]
+    to_mesh = np.array([mesh_gap(mesh, sample.surface_m) for mesh in queried], float).reshape(
+        -1, len(sample.surface_m))
+    signed = np.array([mesh_distance(mesh, sample.about_m, accuracy=WINDING_ACCURACY)
+                       for mesh in queried]).reshape(-1, len(sample.about_m))
     from fit.implicit.volume import surface_samples  # with it JAX's solvers, for a mesh alone
 
     count = samples.elements
@@ -56,7 +59,7 @@ def score_meshes(
         distance_to_surface(body, elements[first:first + WORLDS_AT_ONCE], device=device)
         for first in range(0, len(seen), WORLDS_AT_ONCE)])
     volume = np.array([mesh.volume_m3 for mesh in seen])
-    common = sample.common_volume(signed[:, len(sample.surface_m):])
+    common = sample.common_volume(signed)
     return Scores(
         chamfer_m=0.5 * ((to_mesh * sample.surface_share).sum(1) + to_body.mean(1)),
         hausdorff95_m=np.maximum(weighted_quantile(to_mesh, sample.surface_share, 0.95),

@@ -97,11 +97,29 @@ def mesh_distance_kernel(
     mesh: wp.uint64,
     # Query in:
     point: wp.array[wp.vec3f],
+    accuracy: wp.float32,
     # Distance out:
     distance: wp.array[wp.float32],
 ):
     """Signed distances of points to a mesh: what a grid is baked from."""
     i = wp.tid() + first
-    query = wp.mesh_query_point_sign_winding_number(mesh, point[i], 10.0)
+    query = wp.mesh_query_point_sign_winding_number(mesh, point[i], 10.0, accuracy, 0.5)
     nearest = wp.mesh_eval_position(mesh, query.face, query.u, query.v)
     distance[i] = query.sign * wp.length(point[i] - nearest)
+
+
+@wp.kernel(enable_backward=False)
+def mesh_gap_kernel(
+    first: int,
+    # Mesh:
+    mesh: wp.uint64,
+    # Query in:
+    point: wp.array[wp.vec3f],
+    # Distance out:
+    distance: wp.array[wp.float32],
+):
+    """Distances of points to a mesh, on whichever side of it they are."""
+    i = wp.tid() + first
+    query = wp.mesh_query_point_no_sign(mesh, point[i], 10.0)
+    nearest = wp.mesh_eval_position(mesh, query.face, query.u, query.v)
+    distance[i] = wp.length(point[i] - nearest)

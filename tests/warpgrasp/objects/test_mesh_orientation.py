@@ -1,0 +1,19 @@
+"""Distances of points to meshes, and on which side of them they are."""
+
+import numpy as np
+import trimesh
+
+from warpgrasp.objects.mesh_orientation import mesh_distance, mesh_gap, mesh_of
+
+
+def test_gaps_are_distances_and_a_coarser_winding_number_has_the_same_sides() -> None:
+    """Of a ring, whose hole is outside, against the ring's own distance."""
+    ring = trimesh.creation.torus(0.04, 0.012, major_sections=96, minor_sections=48)
+    mesh = mesh_of(np.asarray(ring.vertices), np.asarray(ring.faces))
+    points = np.random.default_rng(3).uniform(-0.07, 0.07, (4000, 3)) * [1.0, 1.0, 0.4]
+    true = np.hypot(np.hypot(points[:, 0], points[:, 1]) - 0.04, points[:, 2]) - 0.012
+    exact, coarse = (mesh_distance(mesh, points, accuracy=a) for a in (2.0, 1.5))
+    assert np.abs(mesh_gap(mesh, points) - np.abs(true)).max() < 5e-5
+    clear = np.abs(true) > 5e-5
+    assert (np.sign(exact) == np.sign(true))[clear].all()
+    assert (exact == coarse).all()
