@@ -13,7 +13,8 @@ def test_gaps_are_distances_and_a_coarser_winding_number_has_the_same_sides() ->
     points = np.random.default_rng(3).uniform(-0.07, 0.07, (4000, 3)) * [1.0, 1.0, 0.4]
     true = np.hypot(np.hypot(points[:, 0], points[:, 1]) - 0.04, points[:, 2]) - 0.012
     exact, coarse = (mesh_distance(mesh, points, accuracy=a) for a in (2.0, 1.5))
-    assert np.abs(mesh_gap(mesh, points) - np.abs(true)).max() < 5e-5
-    clear = np.abs(true) > 5e-5
+    flat = 0.04 * (1.0 - np.cos(np.pi / 96)) + 0.012 * (1.0 - np.cos(np.pi / 48))  # of its faces
+    assert np.abs(mesh_gap(mesh, points) - np.abs(true)).max() < 1.3 * flat
+    clear = np.abs(true) > 1.3 * flat
     assert (np.sign(exact) == np.sign(true))[clear].all()
     assert (exact == coarse).all()
