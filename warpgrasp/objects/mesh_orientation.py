@@ -4,6 +4,8 @@ The inside of a mesh is decided by its winding number, which faces of the wrong 
 Shells are turned outward where that is certain, and refused where it is not.
 """
 
+from typing import Any
+
 import numpy as np
 import warp as wp
 
@@ -122,7 +124,7 @@ def mesh_gap(mesh: wp.Mesh, points_m: np.ndarray) -> np.ndarray:
     return _distances(mesh_gap_kernel, mesh, points_m)
 
 
-def _distances(kernel: wp.Kernel, mesh: wp.Mesh, points_m: np.ndarray, **how: float) -> np.ndarray:
+def _distances(kernel: Any, mesh: wp.Mesh, points_m: np.ndarray, **how: float) -> np.ndarray:
     out = wp.empty(len(points_m), dtype=float32, device="cpu")
     launch(kernel, {"point": len(points_m)}, {"point": "point", "distance": "point"},
            {"mesh": mesh.id, "point": wp.array(points_m, dtype=wp.vec3f, device="cpu"), **how,
