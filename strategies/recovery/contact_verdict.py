@@ -2,7 +2,7 @@
 
 A contact is placed by the torques of a finger and by the body that all contacts make. Where the two
 contradict one another, or torques leave open which link touched, it may be anywhere on the finger.
-So it may where torques leave open where along the link it is, and where that hangs on the model:
+So it may where torques leave open where along the link it is, and where that depends on the model:
 where a smooth surface through the contacts would have it elsewhere (`docs/model.md`).
 Everything here is known to the robot.
 """
@@ -24,7 +24,7 @@ UNSURE_M = 0.010 / 2.576
 """Standard deviation along the link from which a contact of a finger is more than 10 mm off with a
 probability of 1 % or more, as its torques tell."""
 MOVED_M = 0.003
-"""A contact that lies farther than this from its place on a second surface hangs on the model
+"""A contact that lies farther than this from its place on a second surface depends on the model
 [est]."""
 UNEXPLAINED_M = 0.002
 """Mean distance of contacts from a body that does not explain them [m] [est]."""
@@ -105,7 +105,7 @@ def contact_verdicts(
     """The verdict of each contact of the evidence, (world, point); empty text where there is none.
 
     With `links`, of hands whose contacts can be placed on any form, no contact is accepted whose
-    place hangs on the model; that takes some hundredths of a second a world.
+    place depends on the model; that takes some hundredths of a second a world.
     """
     near = explained_by(recovered, evidence.points_m, evidence.mask)
     near &= evidence.by_pad | (
@@ -137,7 +137,7 @@ def accepted_contacts(
 
 def accepted_rms(recovered: Recovered, evidence: Evidence) -> np.ndarray:
     """Root mean square distance of the contacts that the body explains from it [m], (world,); NaN
-    where there is none. Those whose place hangs on the model are among them: along the body."""
+    where there is none. Those whose place depends on the model are among them: along the body."""
     accepted = accepted_contacts(recovered, evidence)
     gap = surface_gaps(recovered, evidence.points_m, evidence.mask)
     count = accepted.sum(1)

@@ -1,7 +1,7 @@
 """Where a lane stands in its group changes no bit of its descent.
 
 Compilers may unroll a loop over lanes unevenly and contract sums and products otherwise in its
-rest: rounding then hangs on the neighbours, and a study on what its workers ran together.
+rest: rounding then depends on the neighbours, and a study on what its workers ran together.
 """
 
 from collections.abc import Callable

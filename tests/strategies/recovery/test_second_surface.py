@@ -1,4 +1,4 @@
-"""Contacts whose place hangs on the model: told without the truth, in worlds by themselves."""
+"""Contacts whose place depends on the model: told without the truth, in worlds by themselves."""
 
 from dataclasses import replace
 
