@@ -18,6 +18,9 @@ from warpgrasp.core.dtypes import mat33, real, transform, vec3, vec4
 from warpgrasp.core.kernel_launch import launch
 from warpgrasp.mechanism.utah_mit_hand import hand_of
 
+LEAST_SLOPE, STEEPEST = 0.5, 1.5
+"""Slopes of a process that its values are divided by to be distances [est]."""
+
 
 @dataclass(frozen=True)
 class FieldPlaces:
@@ -57,6 +60,16 @@ def link_stations(links: TouchedLinks, *, device: str = "cpu"
 def possible_stations(links: TouchedLinks) -> Bool[np.ndarray, "world point station"]:
     """Those of links that torques leave possible; no other is looked at."""
     return np.repeat(links.weight >= float(UNLIKELY), STATIONS, axis=-1)
+
+
+def field_of_process(value_m: np.ndarray, slope: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distances [m] (k,) and unit normals (k, 3) of a process whose values are `value_m` (k,) and
+    gradients `slope` (k, 3): it rises less or more steeply than a distance where little was felt.
+    """
+    size = np.linalg.norm(slope, axis=-1)
+    known = np.isfinite(size) & (size > 0.0)
+    normal = np.where(known[:, None], slope / np.where(known, size, 1.0)[:, None], 0.0)
+    return value_m / np.clip(size, LEAST_SLOPE, STEEPEST), normal
 
 
 def places_on_field(

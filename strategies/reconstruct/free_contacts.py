@@ -18,6 +18,7 @@ from fit.implicit.query import implicit_slopes
 from fit.implicit.record import ImplicitFit
 from strategies.contacts.field_placing import (
     can_be_placed,
+    field_of_process,
     link_stations,
     places_on_field,
     possible_stations,
@@ -32,7 +33,6 @@ from strategies.recovery.fit_contacts import (
     PLACE_SIGMA_M,
     TURN_SIGMA_RAD,
 )
-from strategies.recovery.second_surface import LEAST_SLOPE, STEEPEST
 from warpgrasp.parameters import ArmTable, ErrorTable, FitTable
 
 ROUNDS = 6
@@ -141,11 +141,7 @@ def _field(fits: ImplicitFit, stations: np.ndarray, wanted: np.ndarray
     asked = np.zeros((len(wanted), slot.max(initial=-1) + 1, 3))
     asked[world, slot] = stations[at]
     value, slope = implicit_slopes(fits, asked, PLACING.mean)
-    value, slope = value[world, slot], slope[world, slot]
-    size = np.linalg.norm(slope, axis=-1)
-    known = np.isfinite(size) & (size > 0.0)
-    normal[at] = np.where(known[:, None], slope / np.where(known, size, 1.0)[:, None], 0.0)
-    distance[at] = value / np.clip(size, LEAST_SLOPE, STEEPEST)
+    distance[at], normal[at] = field_of_process(value[world, slot], slope[world, slot])
     return distance, normal
 
 

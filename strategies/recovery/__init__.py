@@ -21,6 +21,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "plausibility": ["FEWEST_CONTACTS", "FLOATING_M", "plausible", "plausible_vertices", "swept",
         "swept_by", "within_reach"],
     "refit_policy": ["Fitted", "finished", "newly_felt", "refitted"],
-    "second_surface": ["LEAST_SLOPE", "STEEPEST"],
     "upright": ["faces_of", "stand_upright"],
 })

@@ -14,6 +14,7 @@ from fit.arrays import rows_of
 from fit.implicit.known import KnownProcess, fit_known, known_slopes
 from strategies.contacts.field_placing import (
     can_be_placed,
+    field_of_process,
     link_stations,
     places_on_field,
     possible_stations,
@@ -33,8 +34,6 @@ SURFACE = KnownProcess(length_m=0.10)
 SIGMA_M = 0.003
 """Deviation of a contact from it, along the normal: more than contacts have, so that few of them
 that lie off do not bend it [est]."""
-LEAST_SLOPE, STEEPEST = 0.5, 1.5
-"""Slopes of the process that its values are divided by to be distances."""
 
 
 def moved_on_second_surface(
@@ -64,11 +63,9 @@ def _moved(evidence: Evidence, links: TouchedLinks, asked: np.ndarray) -> np.nda
         free_radius=evidence.free_radius_m)
     wanted = asked[..., None] & possible_stations(links)
     stations = link_stations(links)
-    value, slope = known_slopes(surface, 0, SURFACE, stations[wanted])
-    size = np.linalg.norm(slope, axis=-1)
     distance, normal = np.ones(wanted.shape), np.zeros(stations.shape)
-    distance[wanted] = value / np.clip(size, LEAST_SLOPE, STEEPEST)
-    normal[wanted] = slope / np.maximum(size, 1e-12)[:, None]
+    distance[wanted], normal[wanted] = field_of_process(
+        *known_slopes(surface, 0, SURFACE, stations[wanted]))
     found = places_on_field(
         links, asked, distance, normal, lean_share=LEAN_SHARE, place_sigma_m=PLACE_SIGMA_M,
         turn_sigma_rad=TURN_SIGMA_RAD, farthest_m=FARTHEST_M, normal_sigma_m=NORMAL_SIGMA_M)
