@@ -6,6 +6,7 @@ its slope times the way. Elsewhere the coarse values, interpolated, keep their s
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -25,6 +26,9 @@ FITS_AT_ONCE = 16
 """Their grids stay in the processor's cache."""
 STEEPEST = 1.1
 """Slope of the distance that the refinement allows for [est]."""
+HIDDEN = 0.75
+"""A flat sheet through a new node of a cell is in the mean at most this share of the cell's half
+diagonal away from its corners."""
 
 
 Values = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
@@ -70,8 +74,8 @@ def felt_pieces(mesh: TriangleMesh, touches_m: Float[np.ndarray, "touch 3"]) -> 
     kept = np.zeros(count, bool)
     kept[piece[KDTree(mesh.vertices_m).query(touches_m)[1]]] = True
     number = np.cumsum(kept[piece]) - 1
-    return TriangleMesh(mesh.vertices_m[kept[piece]],
-                        number[mesh.faces[kept[piece[mesh.faces[:, 0]]]]])
+    return replace(mesh, vertices_m=mesh.vertices_m[kept[piece]],
+                   faces=number[mesh.faces[kept[piece[mesh.faces[:, 0]]]]])
 
 
 def zero_set_meshes(
@@ -154,9 +158,9 @@ def _near(
     coarse: Float[np.ndarray, "fit x y z"], step: np.ndarray
 ) -> Bool[np.ndarray, "fit X Y Z"]:
     """New nodes of coarse cells through which the surface may pass; `step` is between them."""
-    reach = STEEPEST * np.linalg.norm(step, axis=1)[:, None, None, None]
-    close, below = np.abs(coarse) < reach, coarse < 0.0
-    cut = _corners(close, np.logical_or) | (
+    reach = STEEPEST * HIDDEN * np.linalg.norm(step, axis=1)[:, None, None, None]
+    below = coarse < 0.0
+    cut = (_corners(np.abs(coarse), np.add) < 8.0 * reach) | (
         _corners(below, np.logical_or) & ~_corners(below, np.logical_and))
     n, half = coarse.shape[:2]
     near = np.zeros((n, 2 * half - 1, 2 * half - 1, 2 * half - 1), bool)
@@ -187,4 +191,4 @@ def _marched(field: np.ndarray, low: np.ndarray, step: np.ndarray) -> TriangleMe
     vertices, faces = IsoSurfaceMarchingCubes.extract(
         wp.array(field, dtype=wp.float32, ndim=3, device="cpu"), 0.0)  # type: ignore[arg-type]
     return TriangleMesh(low + step * vertices.numpy().astype(float),
-                        faces.numpy().reshape(-1, 3).astype(int))
+                        faces.numpy().reshape(-1, 3).astype(int), simple=True)

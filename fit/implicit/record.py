@@ -108,6 +108,9 @@ class TriangleMesh:
 
     vertices_m: Float[np.ndarray, "vertex 3"]
     faces: Int[np.ndarray, "face 3"]
+    simple: bool = False
+    """It is known not to cross itself, as a zero set does not: what a ray crosses tells the inside.
+    """
 
     @property
     def corners_m(self) -> Float[np.ndarray, "face 3 3"]:

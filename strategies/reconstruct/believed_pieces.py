@@ -1,5 +1,7 @@
 """Which pieces of a free form are believed: an object is where the prior says."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -38,4 +40,5 @@ def _pieces(mesh: TriangleMesh) -> np.ndarray:
 def _part(mesh: TriangleMesh, kept: np.ndarray) -> TriangleMesh:
     """The mesh of the vertices that are `kept`, bool (vertex,)."""
     number = np.cumsum(kept) - 1
-    return TriangleMesh(mesh.vertices_m[kept], number[mesh.faces[kept[mesh.faces[:, 0]]]])
+    return replace(mesh, vertices_m=mesh.vertices_m[kept],
+                   faces=number[mesh.faces[kept[mesh.faces[:, 0]]]])

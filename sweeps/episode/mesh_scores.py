@@ -6,6 +6,7 @@ frame; its sample is the one that superquadrics are scored by (`sweeps.episode.s
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,7 +24,12 @@ from sweeps.episode.scores import (
 )
 from warpgrasp.geometry.body import Body
 from warpgrasp.geometry.body_sampling import sample_body
-from warpgrasp.objects.mesh_orientation import mesh_distance, mesh_gap, mesh_of
+from warpgrasp.objects.mesh_orientation import (
+    mesh_distance,
+    mesh_gap,
+    mesh_of,
+    simple_mesh_distance,
+)
 
 WORLDS_AT_ONCE = 64
 WINDING_ACCURACY = 1.5
@@ -44,13 +50,15 @@ def score_meshes(
         raise ValueError("meshes: one has no faces; nothing that could be scored")
     sample = sample_body(body, surface=samples.surface, inside=samples.inside)
     turn = matrix_of_quaternion(body_pose[:, 3:])
-    seen = [TriangleMesh((mesh.vertices_m - pose[:3]) @ matrix, mesh.faces)
+    seen = [replace(mesh, vertices_m=(mesh.vertices_m - pose[:3]) @ matrix)
             for mesh, pose, matrix in zip(meshes, body_pose, turn, strict=True)]
-    queried = [mesh_of(mesh.vertices_m, mesh.faces) for mesh in seen]
+    queried = [mesh_of(mesh.vertices_m, mesh.faces, winding=not mesh.simple) for mesh in seen]
     to_mesh = np.array([mesh_gap(mesh, sample.surface_m) for mesh in queried], float).reshape(
         -1, len(sample.surface_m))
-    signed = np.array([mesh_distance(mesh, sample.about_m, accuracy=WINDING_ACCURACY)
-                       for mesh in queried]).reshape(-1, len(sample.about_m))
+    signed = np.array([
+        simple_mesh_distance(query, sample.about_m) if mesh.simple
+        else mesh_distance(query, sample.about_m, accuracy=WINDING_ACCURACY)
+        for mesh, query in zip(seen, queried, strict=True)]).reshape(-1, len(sample.about_m))
     from fit.implicit.volume import surface_samples  # with it JAX's solvers, for a mesh alone
 
     count = samples.elements

@@ -109,6 +109,23 @@ def mesh_distance_kernel(
 
 
 @wp.kernel(enable_backward=False)
+def simple_mesh_distance_kernel(
+    first: int,
+    # Mesh:
+    mesh: wp.uint64,
+    # Query in:
+    point: wp.array[wp.vec3f],
+    # Distance out:
+    distance: wp.array[wp.float32],
+):
+    """Signed distances of points to a closed mesh that does not cross itself, by rays."""
+    i = wp.tid() + first
+    query = wp.mesh_query_point_sign_parity(mesh, point[i], 10.0)
+    nearest = wp.mesh_eval_position(mesh, query.face, query.u, query.v)
+    distance[i] = query.sign * wp.length(point[i] - nearest)
+
+
+@wp.kernel(enable_backward=False)
 def mesh_gap_kernel(
     first: int,
     # Mesh:

@@ -12,7 +12,11 @@ import warp as wp
 from warpgrasp.core.dtypes import float32
 from warpgrasp.core.kernel_launch import launch
 from warpgrasp.geometry.body import BodyError
-from warpgrasp.geometry.sdf_grid import mesh_distance_kernel, mesh_gap_kernel
+from warpgrasp.geometry.sdf_grid import (
+    mesh_distance_kernel,
+    mesh_gap_kernel,
+    simple_mesh_distance_kernel,
+)
 
 _CENTRES = 64  # of faces, which decide whether a shell lies in another
 
@@ -102,11 +106,12 @@ def _held(
     return np.concatenate(inner), np.concatenate(outer), np.concatenate(share)
 
 
-def mesh_of(vertices_m: np.ndarray, faces: np.ndarray) -> wp.Mesh:
-    """The mesh of vertices, (n, 3), and faces, (m, 3), for `mesh_distance`."""
+def mesh_of(vertices_m: np.ndarray, faces: np.ndarray, *, winding: bool = True) -> wp.Mesh:
+    """The mesh of vertices, (n, 3), and faces, (m, 3); without `winding` not for `mesh_distance`.
+    """
     return wp.Mesh(points=wp.array(vertices_m, dtype=wp.vec3f, device="cpu"),
                    indices=wp.array(faces.ravel(), dtype=int, device="cpu"),
-                   support_winding_number=True)
+                   support_winding_number=winding)
 
 
 def mesh_distance(mesh: wp.Mesh, points_m: np.ndarray, *, accuracy: float = 2.0) -> np.ndarray:
@@ -117,6 +122,15 @@ def mesh_distance(mesh: wp.Mesh, points_m: np.ndarray, *, accuracy: float = 2.0)
     sides in two thirds of the time.
     """
     return _distances(mesh_distance_kernel, mesh, points_m, accuracy=accuracy)
+
+
+def simple_mesh_distance(mesh: wp.Mesh, points_m: np.ndarray) -> np.ndarray:
+    """`mesh_distance` of a closed mesh that does not cross itself, in less than half the time.
+
+    How often rays cross the mesh says which side points are on; inside two bodies that overlap,
+    an even number would say outside.
+    """
+    return _distances(simple_mesh_distance_kernel, mesh, points_m)
 
 
 def mesh_gap(mesh: wp.Mesh, points_m: np.ndarray) -> np.ndarray:

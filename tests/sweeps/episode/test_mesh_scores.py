@@ -1,5 +1,7 @@
 """Scores of meshes against trimesh, nearest neighbours and closed forms."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -48,6 +50,31 @@ def test_an_inner_block_has_the_ratio_of_volumes() -> None:
     scores = score_meshes([placed(block(0.8))], body_from_name("block"), AT)
     assert scores.iou[0] == pytest.approx(0.8**3, abs=0.01)
     assert scores.volume_ratio[0] == pytest.approx(0.8**3, abs=0.01)
+
+
+def test_bodies_that_overlap_are_inside_where_both_are() -> None:
+    """A user's mesh of a block with another in it; only what is known to be simple is asked by rays."""
+    cut = [block(), block(0.9)]
+    cut[1].apply_translation([0, 0, 0.003])
+    mesh = placed(trimesh.util.concatenate(cut))
+    scores = score_meshes([mesh], body_from_name("block"), AT)
+    common = scores.iou * (1.0 + scores.volume_ratio) / (1.0 + scores.iou)  # of the true volume
+    assert scores.volume_ratio[0] == pytest.approx(1.0 + 0.9**3, abs=0.01)
+    assert common[0] > 0.9
+
+
+def test_zero_sets_are_scored_as_meshes_of_any_kind() -> None:
+    ring = TriangleMesh(*_ring())
+    scores = [score_meshes([mesh], body_from_name("block"), AT)
+              for mesh in (ring, replace(ring, simple=True))]
+    for name in ("chamfer_m", "iou", "volume_ratio", "coverage"):
+        assert getattr(scores[0], name) == getattr(scores[1], name)
+
+
+def _ring() -> tuple[np.ndarray, np.ndarray]:
+    made = trimesh.creation.torus(0.03, 0.01)
+    made.apply_translation([0.45, 0.1, 0.05])
+    return np.asarray(made.vertices), np.asarray(made.faces)
 
 
 def test_distances_and_shares_against_trimesh() -> None:

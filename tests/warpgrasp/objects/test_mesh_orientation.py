@@ -3,7 +3,12 @@
 import numpy as np
 import trimesh
 
-from warpgrasp.objects.mesh_orientation import mesh_distance, mesh_gap, mesh_of
+from warpgrasp.objects.mesh_orientation import (
+    mesh_distance,
+    mesh_gap,
+    mesh_of,
+    simple_mesh_distance,
+)
 
 
 def test_gaps_are_distances_and_a_coarser_winding_number_has_the_same_sides() -> None:
@@ -18,3 +23,6 @@ def test_gaps_are_distances_and_a_coarser_winding_number_has_the_same_sides() ->
     clear = np.abs(true) > 1.3 * flat
     assert (np.sign(exact) == np.sign(true))[clear].all()
     assert (exact == coarse).all()
+    by_rays = simple_mesh_distance(
+        mesh_of(np.asarray(ring.vertices), np.asarray(ring.faces), winding=False), points)
+    assert (by_rays == exact).all()
