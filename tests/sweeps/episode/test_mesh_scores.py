@@ -53,7 +53,7 @@ def test_an_inner_block_has_the_ratio_of_volumes() -> None:
 
 
 def test_bodies_that_overlap_are_inside_where_both_are() -> None:
-    """A user's mesh of a block with another in it; only what is known to be simple is asked by rays."""
+    """A user's mesh, one block within another. Rays would say that the inner one is outside."""
     cut = [block(), block(0.9)]
     cut[1].apply_translation([0, 0, 0.003])
     mesh = placed(trimesh.util.concatenate(cut))
