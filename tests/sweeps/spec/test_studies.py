@@ -11,8 +11,11 @@ from sweeps.spec.reader import read_spec
 STUDIES = sorted((ROOT / "sweeps" / "studies").glob("*.toml"))
 
 
+MANY_BODIES = ("everyday", "held_out")
+
+
 @pytest.mark.parametrize("file", [
-    pytest.param(file, id=file.stem, marks=pytest.mark.slow if file.stem == "everyday" else ())
+    pytest.param(file, id=file.stem, marks=pytest.mark.slow if file.stem in MANY_BODIES else ())
     for file in STUDIES])
 def test_a_study_is_a_plan_and_is_explained(file: Path) -> None:
     plan = plan_study(read_spec(file))
