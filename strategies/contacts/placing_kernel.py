@@ -64,7 +64,6 @@ _AROUND_STEP = wp.constant(real(2.0 * WIDEST / (AROUND - 1)))
 _CAP_STEP = wp.constant(real(2.0 * WIDEST / (CAP - 1)))
 _TINY = wp.constant(real(1e-300))
 _FLAT = wp.constant(real(1e-9))
-_AHEAD = wp.constant(real(1e-5))
 _LEAST_SLOPE = wp.constant(real(1e-3))
 UNLIKELY = wp.constant(real(1e-3))
 
@@ -102,7 +101,6 @@ def _body_at(body: SuperquadricAt, p: vec3, link: int, station: int):
     g = world_radius(p, body.shape, body.pose)
     slope = wp.length(vec3(g[0], g[1], g[2]))
     n = vec3(g[0], g[1], g[2]) / slope
-    slope = (world_radius(p + _AHEAD * n, body.shape, body.pose)[3] - g[3]) / _AHEAD
     away = (g[3] - ONE) / wp.max(slope, _LEAST_SLOPE)
     if wp.isfinite(away):
         return vec4(n[0], n[1], n[2], away)

@@ -34,7 +34,7 @@ def distance_to_recovered(recovered: Recovered) -> Mean:
 def superquadric_distance(body: SuperquadricLike, points_m: np.ndarray) -> np.ndarray:
     """First-order signed distances [m], (world, point); at a centre minus the least half extent."""
     every = np.ones(points_m.shape[:2], bool)
-    signed, normal = surface_distances(body, points_m, every, ahead_m=0.0)
+    signed, normal = surface_distances(body, points_m, every)
     deepest = -body.size_m.min(axis=1)[:, None]
     known = np.isfinite(signed) & normal.any(axis=2)
     return np.where(known, np.maximum(signed, deepest), deepest)

@@ -17,25 +17,20 @@ from warpgrasp.core.kernel_launch import launch
 from warpgrasp.core.struct_array import record_type
 from warpgrasp.geometry.sdf_superquadric import SuperquadricShape
 
-AHEAD_M = 1e-5
-"""Step outwards whose slope a distance is divided by [m]."""
-
 
 def surface_distances(
-    body: SuperquadricLike, points_m: np.ndarray, kept: np.ndarray, *, ahead_m: float = AHEAD_M,
-    device: str = "cpu"
+    body: SuperquadricLike, points_m: np.ndarray, kept: np.ndarray, *, device: str = "cpu"
 ) -> tuple[np.ndarray, np.ndarray]:
     """First-order signed distances [m] of points (world, point, 3), (world, point), and the unit
     normals outwards there, (world, point, 3).
 
-    The scaled radius beyond one over its slope: over a step of `ahead_m` outwards, or where that is
-    0 its gradient. 1 m and a normal of no length where not `kept` and where a body has no gradient.
-    Raises ShapeError where shapes disagree.
+    The scaled radius beyond one over its slope. 1 m and a normal of no length where not `kept` and
+    where a body has no gradient. Raises ShapeError where shapes disagree.
     """
     distance = wp.empty(points_m.shape[:2], dtype=real, device=device)
     normal = wp.empty(points_m.shape[:2], dtype=vec3, device=device)
     _ask(_distance_kernel, body, points_m, kept,
-         {"ahead": ahead_m, "distance": distance, "normal": normal}, device)
+         {"distance": distance, "normal": normal}, device)
     return distance.numpy(), normal.numpy()
 
 

@@ -22,7 +22,6 @@ def _distance_kernel(
     # Points in:
     point: wp.array2d[vec3],
     kept: wp.array2d[wp.bool],
-    ahead: real,
     # Distance out:
     distance: wp.array2d[real],
     normal: wp.array2d[vec3],
@@ -36,9 +35,6 @@ def _distance_kernel(
     g = world_radius(point[w, i], shape[w], pose[w])
     slope = wp.length(vec3(g[0], g[1], g[2]))
     outwards = vec3(g[0], g[1], g[2]) / slope
-    if ahead > ZERO:
-        step = ahead * outwards
-        slope = (world_radius(point[w, i] + step, shape[w], pose[w])[3] - g[3]) / ahead
     away = (g[3] - ONE) / wp.max(slope, _LEAST_SLOPE)
     if wp.isfinite(away):
         distance[w, i] = away

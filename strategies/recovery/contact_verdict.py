@@ -42,7 +42,7 @@ from it is `table`; `unsure_body` is a place that only the model tells."""
 
 def surface_gaps(recovered: Recovered, points_m: np.ndarray, mask: np.ndarray) -> np.ndarray:
     """How far points (world, point, 3) are from the body that stands [m], (world, point)."""
-    gap = np.abs(surface_distances(recovered.superquadric, points_m, mask, ahead_m=0.0)[0])
+    gap = np.abs(surface_distances(recovered.superquadric, points_m, mask)[0])
     if recovered.revolution is None:
         return gap
     turned = (recovered.shape == Shape.REVOLUTION)[:, None]

@@ -32,7 +32,7 @@ def touch_misfit(fits: SuperquadricFit, placed: Evidence) -> np.ndarray:
 
     Infinite for a world without contacts or without a usable fit.
     """
-    distance, _ = surface_distances(fits, placed.points_m, placed.mask, ahead_m=0.0)
+    distance, _ = surface_distances(fits, placed.points_m, placed.mask)
     away = np.minimum(np.abs(distance), FARTHEST_M)
     count = placed.mask.sum(1)
     mean = row_sums(np.where(placed.mask, away, 0.0)) / np.maximum(count, 1)

@@ -96,7 +96,7 @@ def plausible_vertices(
 
 def swept(body: SuperquadricLike, evidence: Evidence) -> np.ndarray:
     """Whether links passed through superquadrics without touching them, bool (world,)."""
-    distance, _ = surface_distances(body, evidence.free_m, evidence.free_mask, ahead_m=0.0)
+    distance, _ = surface_distances(body, evidence.free_m, evidence.free_mask)
     return swept_by(distance, evidence.free_mask)
 
 

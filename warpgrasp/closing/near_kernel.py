@@ -72,9 +72,15 @@ def _room(
 
 
 @wp.func
-def _sideways(hand: Hand, finger: int, command: vec4, q: vec4, side: real):
+def _sideways(
+    hand: Hand, finger: int, path: wp.array3d[PathStep], g: int, q: vec4, side: real
+):
     """How far a finger's skin reaches to a side (1 or -1 along the hand's y axis) [m], from the
-    hand's middle, on its way from abduction `command[0]` to that of `q`."""
+    hand's middle, on its way from the abduction that its first command asks for to that of `q`.
+
+    Only abduction and weight turn it sideways: errors of flexion joints do not count.
+    """
+    command = true_command(hand, path, g, finger, 0)
     middle = hand.spacing * real(finger - 1)
     turn = side
     if finger == 3:
@@ -82,7 +88,7 @@ def _sideways(hand: Hand, finger: int, command: vec4, q: vec4, side: real):
         turn = -side
     long = finger_length(hand)
     out = wp.max(wp.max(turn * wp.sin(command[0]), turn * wp.sin(q[0])), ZERO) * long
-    return side * (middle + hand.base_shift[1]) + out + hand.link_radius + hand.sag[2]
+    return side * (middle + hand.base_shift[1]) + out + hand.link_radius + hand.lean
 
 
 @wp.func
@@ -111,8 +117,8 @@ def _may_meet(
             high = 3
         if one == 1:
             return True
-    up = _sideways(hands[own, low], low, path[g, low, 0].command, truth[w, p, g, low].q, ONE)
-    down = _sideways(hands[own, high], high, path[g, high, 0].command, truth[w, p, g, high].q, -ONE)
+    up = _sideways(hands[own, low], low, path, g, truth[w, p, g, low].q, ONE)
+    down = _sideways(hands[own, high], high, path, g, truth[w, p, g, high].q, -ONE)
     return up + down + _GIVE > ZERO
 
 

@@ -128,7 +128,8 @@ def nearest_on_link(
     """The point of a segment nearest to the body.
 
     A `guess` that is not negative follows the valley from there, with the `bend` found before, and
-    checks that none of the `samples` (0, or 2 and more) lies lower. Otherwise the samples choose. A
+    checks that none of the `samples` (0, or 2 and more) lies lower. Otherwise the samples choose;
+    without any, as before a convex body, which has one valley, the middle of the link begins. A
     distance above `enough` may be a lower bound.
     """
     spacing = length / real(wp.max(samples - 1, 1))
@@ -147,6 +148,9 @@ def nearest_on_link(
             found.near.along = length * HALF
             found.near.bend = ONE
             search = int(0)
+        if samples == 0:
+            begin = length * HALF
+            rate = real(1.0)
     for attempt in range(2):
         if search == 1:
             if begin >= ZERO:

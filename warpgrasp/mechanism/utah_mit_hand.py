@@ -42,6 +42,7 @@ def hand_of(table: HandTable, contact: ContactTable | None = None) -> Hand:
         weight = link_weights(table)
         hand.askew = WEIGHT_ASKEW
         hand.weight, hand.sag = vec3(*weight), vec3(*weight_bounds(table, weight)[1])
+        hand.lean = weight_bounds(table, weight)[2]
     return hand
 
 
@@ -52,11 +53,11 @@ def link_weights(table: HandTable) -> np.ndarray:
             * table.link_density_kg_m3 * GRAVITY_M_S2)
 
 
-def weight_bounds(table: HandTable, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def weight_bounds(table: HandTable, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """The most that links of `weight` (3,) [N] can do, however the finger is bent and turned.
 
-    Returns torques on the four joints [N m], and how far they can let a place of each link sink
-    [m], a tenth added for what errors of calibration change.
+    Returns torques on the four joints [N m], how far they can let a place of each link sink [m],
+    and how far any place sideways [m], a tenth added for what errors of calibration change.
     """
     length = np.array(table.link_length_m)
     start = np.concatenate([[0.0], length.cumsum()[:-1]])  # of each link from the first flexion
@@ -67,7 +68,8 @@ def weight_bounds(table: HandTable, weight: np.ndarray) -> tuple[np.ndarray, np.
     lever = np.stack([end + table.abduction_offset_m,
                       *(np.maximum(end - start[j], 0.0) for j in range(3))])
     across, along = turn[0] * lever[0], (turn[1:, None] * lever[1:]).sum(0)
-    return np.array([abduction, *flexion]), 1.1 * np.hypot(across, along)
+    return (np.array([abduction, *flexion]), 1.1 * np.hypot(across, along),
+            float(1.1 * across[-1]))
 
 
 def hand_links(

@@ -39,6 +39,8 @@ class Hand:
     sag: vec3
     """How far any place of a link is at most from where the believed hand has it on the same
     commands, touching nothing: by weight and errors of calibration [m]."""
+    lean: real
+    """How far weight turns any place of it sideways, at most [m]."""
     askew: real
     """How far its links stand askew of the believed hand's [rad], and how much longer they are,
     relatively: the largest sum; and what weight changes of that on the way."""

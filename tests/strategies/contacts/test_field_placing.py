@@ -31,7 +31,6 @@ def test_they_are_those_of_the_superquadric(block: EpisodeBlock) -> None:
     stations = link_stations(links)
     worlds = len(stations)
     flat = stations.reshape(worlds, -1, 3)
-    # With the step ahead by which contacts are placed on superquadrics.
     distance, normal = surface_distances(body, flat, np.ones(flat.shape[:2], bool))
     found = places_on_field(
         links, felt.mask, distance.reshape(stations.shape[:3]), normal.reshape(stations.shape),

@@ -1,7 +1,10 @@
 """Fingers that meet: they stop at one another and at the palm, and the robot can tell."""
 
+from typing import Any
+
 import numpy as np
 import pytest
+import warp as wp
 
 from strategies.poses.hand_poses import waypoint_poses
 from strategies.procedures.containment import padded_commands
@@ -14,13 +17,19 @@ from sweeps.validate.reference_finger import (
     link_overlap,
     overlap_beyond_skin,
 )
+from warpgrasp.closing import closing
 from warpgrasp.closing.closing import Closing, ClosingTruth, close_fingers
+from warpgrasp.closing.closing_record import ClosingRow, ClosingTruthRow
+from warpgrasp.closing.near_kernel import pairs_that_may
 from warpgrasp.closing.self_contact import self_contacts, self_margin
 from warpgrasp.core.random import counter_key
+from warpgrasp.finger.path_record import PathStep
 from warpgrasp.geometry.body import Body, Part, scene_of
 from warpgrasp.geometry.scene import Shape
 from warpgrasp.mechanism.arm_motion import ArmState, move_hand
 from warpgrasp.mechanism.calibration import draw_calibration
+from warpgrasp.mechanism.tendon_kernel import TendonSensor
+from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import (
     ArmTable,
@@ -112,6 +121,52 @@ def test_a_finger_is_read_where_it_stops() -> None:
     pushed = stopped & (np.abs(truth.rest_rad - truth.q_rad).max(-1) > 1e-3)
     assert pushed.any()
     np.testing.assert_allclose(truth.q_rad[pushed], alone.q_rad[pushed], atol=1e-9)
+
+
+@pytest.mark.parametrize(("name", "friction"), [("block", 0.0), ("wedge", 0.5)])
+def test_fingers_that_have_stopped_keep_bearing_while_others_close(
+    name: str, friction: float
+) -> None:
+    """On convex bodies, too: the body does not give way when a hand is closed together."""
+    felt, truth, _ = close(name, ContactTable(friction=friction))
+    stopped = (felt.status == ProbeStatus.CONTACT) & (truth.link >= 0)
+    command = np.stack([COMMANDS[np.arange(2)[:, None], np.arange(4), np.minimum(
+        step, COMMANDS.shape[2] - 1)] for step in felt.step.reshape(-1, 2, 4)]).reshape(
+            *felt.step.shape, 4)
+    bore, bears = (np.abs(command - q)[..., 1:].max(-1)[stopped]
+                   for q in (truth.q_rad, truth.rest_rad))
+    moved = np.abs(truth.rest_rad - truth.q_rad).max(-1)[stopped] > 1e-3
+    assert moved.sum() > 5  # pushed by fingers that came later
+    assert (bears > 0.3 * bore).mean() > 0.995
+
+
+@wp.kernel(enable_backward=False)
+def _pairs_kernel(  # type: ignore
+    hands: wp.array2d[Hand], sensors: wp.array2d[TendonSensor],  # type: ignore
+    path: wp.array3d[PathStep], felt: wp.array4d[ClosingRow],  # type: ignore
+    truth: wp.array4d[ClosingTruthRow], pairs: wp.array3d[int],  # type: ignore
+):
+    w, p, g = wp.tid()
+    pairs[w, p, g] = pairs_that_may(hands, sensors, w % hands.shape[0], w % sensors.shape[0], path,
+                                    felt, truth, w, p, g)
+
+
+def test_errors_of_flexion_bring_no_neighbours_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fingers beside one another meet by abduction alone: with errors of calibration hardly more of
+    them are followed together than without."""
+    found: list[int] = []
+    neighbours = sum(1 << (5 * one + one + 1) for one in range(2))  # of `pair_bit`
+
+    def counted(near: np.ndarray, given: dict[str, Any], *others: Any) -> None:
+        pairs = wp.zeros(near.shape, dtype=int, device="cpu")
+        wp.launch(_pairs_kernel, near.shape, [given[n] for n in (
+            "hands", "sensors", "path", "felt", "truth")], [pairs], device="cpu")
+        found.append(int(((pairs.numpy() & neighbours) != 0).sum()))
+
+    monkeypatch.setattr(closing, "_resolve", counted)
+    for errors in (ErrorTable.none(), ErrorTable()):
+        close("block", ContactTable(), errors=errors)
+    assert found[1] <= 0.05 * 8 * 18 * 2 + found[0]
 
 
 def test_a_finger_that_stopped_on_an_edge_holds_its_command() -> None:
