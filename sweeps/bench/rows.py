@@ -22,7 +22,8 @@ def body_of(name: str):
 
 
 def closings(of: str, batch: int) -> Workload:
-    """Finger closings of `rim12-ring12` (24 poses, two paths): `batch` slots or a few more."""
+    """Finger closings of `rim12-ring12` (24 poses, two paths): `batch` slots or a few more, of
+    robots with the errors of calibration that episodes draw."""
     from strategies.poses.hand_poses import waypoint_poses
     from strategies.procedures.containment import padded_commands
     from strategies.ready_made import STRATEGIES
@@ -32,7 +33,8 @@ def closings(of: str, batch: int) -> Workload:
     from warpgrasp.core.random import counter_key
     from warpgrasp.geometry.body import scene_of
     from warpgrasp.mechanism.arm_motion import ArmState, move_hand
-    from warpgrasp.parameters import ArmTable, HandTable, ObjectTable, SensorTable
+    from warpgrasp.mechanism.calibration import draw_calibration
+    from warpgrasp.parameters import ArmTable, ErrorTable, HandTable, ObjectTable, SensorTable
 
     strategy, hand, body = STRATEGIES["rim12-ring12"], HandTable(), body_of(of)
     commands, count = padded_commands(strategy.closings)
@@ -44,10 +46,11 @@ def closings(of: str, batch: int) -> Workload:
     scene, which = scene_of([body], "cpu"), np.zeros(1, int)
     moves, actual = move_hand(scene, which, pose, ArmTable(), hand, key, ArmState.home(worlds),
                               poses, np.ones(poses.shape[:2], bool), commands, device="cpu")
+    errors = draw_calibration(ErrorTable(), key)
 
     def call() -> int:
         felt, _ = close_fingers(scene, which, pose, hand, SensorTable(), key, moves.status, actual,
-                                commands, count)
+                                commands, count, errors=errors)
         return int(np.isfinite(felt.q_rad[..., 0]).sum())
 
     return Workload("closings", call)

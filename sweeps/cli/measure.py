@@ -17,7 +17,7 @@ def validate(*, only: Annotated[list[str] | None, Parameter(negative="")] = None
     Parameters
     ----------
     only
-        Only these checks: puma, arms, distances, pads, metrics, fits, hands, closing.
+        Only these checks: puma, arms, distances, pads, metrics, fits, free_forms, hands, closing.
     out
         Also write the table there, as CSV and Markdown.
     poses
