@@ -14,9 +14,9 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial.distance import cdist
 
 from fit.fit_status import FitStatus
-from fit.implicit.process import SQRT3
 from fit.implicit.record import ImplicitFit
 
+SQRT3 = 3.0**0.5
 FEWEST = 4
 """Touches; with fewer there is no body."""
 NO_TABLE_M = -1e12
