@@ -3,7 +3,8 @@
     python tests/scripts/free_contacts.py [--objects drill bowl-1001 ...] [--touches 192]
 
 Episodes of `any-object`. Contacts are those of the free form (`fitted_freely`), and count where
-torques do not contradict it, the link is sure, and the place along it too (`UNSURE_M`). A row
+they lie on it (`NEAR_M`), torques do not contradict it, the link is sure, and the place along it
+too (`UNSURE_M`), as the verdict of a model's contacts has it. A row
 for each object: means over episodes of the median distance [mm] from the true contact and of the
 median along its normal, and the share of all that are more than 10 mm off.
 """
@@ -14,9 +15,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from fit.implicit.query import implicit_values
 from strategies.ready_made import STRATEGIES
-from strategies.reconstruct.free_contacts import fitted_freely
-from strategies.recovery.contact_verdict import UNSURE_M
+from strategies.reconstruct.free_contacts import BODY, fitted_freely
+from strategies.recovery.contact_verdict import NEAR_M, UNSURE_M
 from strategies.recovery.evidence import CONTRADICTED_FROM
 from sweeps.episode.episodes import EpisodeBlock, run_block
 from sweeps.spec.cell import Cell
@@ -32,7 +34,7 @@ def misses(block: EpisodeBlock, table: FitTable) -> Iterator[tuple[np.ndarray, n
     normals."""
     found, truth = block.exploration, block.truth
     belief = found.belief
-    _, placed = fitted_freely(found.felt, belief.links, table, (belief.errors, belief.arm))
+    fits, placed = fitted_freely(found.felt, belief.links, table, (belief.errors, belief.arm))
     shape = placed.mask.shape
     point, normal = np.full((*shape, 3), np.nan), np.full((*shape, 3), np.nan)
     slot = 0
@@ -45,8 +47,9 @@ def misses(block: EpisodeBlock, table: FitTable) -> Iterator[tuple[np.ndarray, n
         slot += procedure.slots
     widest = np.sqrt(np.linalg.eigvalsh(np.where(
         placed.mask[..., None, None], placed.covariance_m2, 0.0))[..., -1])
+    away = implicit_values(fits, placed.points_m, BODY.mean)
     counted = (placed.mask & (placed.contradiction <= CONTRADICTED_FROM) & (widest <= UNSURE_M)
-               & np.isfinite(point).all(-1))
+               & (np.abs(away) <= NEAR_M) & np.isfinite(point).all(-1))
     off = placed.points_m - point
     for world, mine in enumerate(counted):
         yield (np.linalg.norm(off[world, mine], axis=1),
