@@ -16,7 +16,7 @@ from scipy.spatial.distance import cdist
 from fit.fit_status import FitStatus
 from fit.implicit.record import ImplicitFit
 
-SQRT3 = 3.0**0.5
+SQRT3 = 3.0**0.5  # not that of `process`, which brings JAX's solvers
 FEWEST = 4
 """Touches; with fewer there is no body."""
 NO_TABLE_M = -1e12

@@ -13,11 +13,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from paired_scores import LOSS, OBJECTS
 
 from strategies.ready_made import STRATEGIES
 from sweeps.episode.episodes import cell_body, run_parts
 from sweeps.spec.cell import Cell
-from tests.scripts.paired_scores import LOSS, OBJECTS
 
 AT_ONCE = 16
 """Episodes of each object in one call."""

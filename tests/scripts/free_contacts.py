@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from coverage_reach import body_table
 
 from fit.implicit.query import implicit_values
 from strategies.ready_made import STRATEGIES
@@ -22,7 +23,6 @@ from strategies.recovery.contact_verdict import NEAR_M, UNSURE_M
 from strategies.recovery.evidence import CONTRADICTED_FROM
 from sweeps.episode.episodes import EpisodeBlock, run_block
 from sweeps.spec.cell import Cell
-from tests.scripts.coverage_reach import body_table
 from warpgrasp.parameters import FitTable
 from warpgrasp.robot import Grasps
 

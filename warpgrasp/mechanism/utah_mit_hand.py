@@ -41,8 +41,8 @@ def hand_of(table: HandTable, contact: ContactTable | None = None) -> Hand:
     if contact.weight:
         weight = link_weights(table)
         hand.askew = WEIGHT_ASKEW
-        hand.weight, hand.sag = vec3(*weight), vec3(*weight_bounds(table, weight)[1])
-        hand.lean = weight_bounds(table, weight)[2]
+        _, sag, hand.lean = weight_bounds(table, weight)
+        hand.weight, hand.sag = vec3(*weight), vec3(*sag)
     return hand
 
 
