@@ -102,7 +102,7 @@ class Reconstruction:
 def reconstruct(
     word: str, recovered: Recovered, evidence: Evidence, prior: BoundingCylinder, table: FitTable,
     *, felt: Evidence | None = None, links: TouchedLinks | None = None,
-    belief: Belief | None = None
+    belief: Belief | None = None, wanted: np.ndarray | None = None
 ) -> Reconstruction | None:
     """The bodies that `word` asks for; None for "superquadric", which keeps those recovered.
 
@@ -115,17 +115,20 @@ def reconstruct(
     "parts" makes a body of two to four superquadrics where contacts ask for it. None
     of them stands where prior or table contradict it: one that ends high above the table was not
     felt to its foot. Small pieces of a free form that the prior contradicts are left out. A plug-in
-    is asked about every world. Its faults are data.
+    is asked about every world. Its faults are data. Only worlds `wanted`, bool (world,), are made,
+    if that is given.
     """
     if word == BUILT_IN[0]:
         return None
     begin = time.perf_counter()
+    worlds = len(recovered)
+    asked = np.ones(worlds, bool) if wanted is None else wanted
     if word in BUILT_IN:
-        wanted = evidence.mask.sum(1) >= FEWEST_CONTACTS
+        wanted = asked & (evidence.mask.sum(1) >= FEWEST_CONTACTS)
         most = np.full(len(wanted), np.inf)
         polyhedra: dict[int, Planes] = {}
         if word == CHOSEN:
-            polyhedra = _polyhedra(recovered, belief, felt, prior, table)
+            polyhedra = _polyhedra(asked, recovered, belief, felt, prior, table)
             doubt = unexplained(recovered, evidence)
             if links is not None:  # without them contacts are not placed anew, and tell nothing
                 most = np.where(doubt, np.inf, CLEARLY_BETTER * mean_contradiction(evidence))
@@ -141,19 +144,25 @@ def reconstruct(
                          calibration)
         return _with_polyhedra(free, polyhedra)
     name = word.rpartition(":")[2]
-    worlds = len(recovered)
     try:
         function = find_plug_in(word)
     except PlannerError as error:
         fault = np.full(worlds, str(error), object)
         return Reconstruction(name, (NO_MESH,) * worlds, fault, 0.0)
-    meshes, fault = run_plug_in(function, _touches(recovered, evidence, prior))
+    rows = np.flatnonzero(asked)
+    made, faults = run_plug_in(function, _touches(
+        rows_of(recovered, rows), rows_of(evidence, rows), rows_of(prior, rows)))
+    meshes, fault = [NO_MESH] * worlds, np.full(worlds, "", object)
+    fault[rows] = faults
+    for row, mesh in zip(rows, made, strict=True):
+        meshes[row] = mesh
     return Reconstruction(name, tuple(meshes), fault, time.perf_counter() - begin)
 
 
-def _polyhedra(recovered: Recovered, belief: Belief | None, felt: Evidence | None,
-               prior: BoundingCylinder, table: FitTable) -> "dict[int, Planes]":
-    """Polyhedra of the worlds that one explains better than the model that was recovered."""
+def _polyhedra(asked: np.ndarray, recovered: Recovered, belief: Belief | None,
+               felt: Evidence | None, prior: BoundingCylinder, table: FitTable
+               ) -> "dict[int, Planes]":
+    """Polyhedra of the worlds `asked` that one explains better than the model recovered."""
     if belief is None or felt is None or not belief.faces:
         return {}
     from strategies.reconstruct.calibrated_planes import calibrated_planes
@@ -165,7 +174,7 @@ def _polyhedra(recovered: Recovered, belief: Belief | None, felt: Evidence | Non
 
     found: dict[int, Planes] = {}
     crossed = sum(face.fit.n_points > 0 for face in belief.faces)
-    for world in np.flatnonzero(crossed >= FEWEST_FACES):
+    for world in np.flatnonzero(asked & (crossed >= FEWEST_FACES)):
         own = np.array([world])
         evidence = rows_of(belief.evidence, own)
         planes = felt_polyhedron([rows_of(face, own) for face in belief.faces],
