@@ -11,12 +11,16 @@ import numpy as np
 
 from fit.superquadric.geometry import Superquadric
 from fit.superquadric.uncertainty import distance_slopes, surface_std
+from strategies.foresight.occupancy import Occupancy
+from strategies.foresight.process_occupancy import process_occupancy
+from strategies.planners.any_object import AnyObject
 from strategies.planners.candidates import candidate_poses, predicted_touches
 from strategies.planners.prior_body import planning_belief
 from strategies.planners.probes import Grasp, Probe
 from strategies.planners.register import planner
 from strategies.poses.waypoints import PRIOR_MARGIN_M
 from strategies.recovery.belief import Belief
+from strategies.recovery.free_contacts import BODY, believed_freely
 
 NEW_AT_M = 0.03
 """A touch this far from all others is as new as can be."""
@@ -146,6 +150,16 @@ class MostInformation(OneAtATime):
         return 0.5 * np.linalg.slogdet(information)[1]
 
 
+class FreeFormSearch(AnyObject):
+    """Poses where a free form's surface may be and is least sure."""
+
+    def _looks(self, belief: Belief, grid: Occupancy, active: np.ndarray
+               ) -> tuple[Occupancy, np.ndarray]:
+        rows = np.flatnonzero(active)
+        return process_occupancy(grid, [believed_freely(belief, int(row)) for row in rows], rows,
+                                 BODY)
+
+
 @planner("gaussian-process", "the pose whose touches a Gaussian process surface is least sure of")
 class SurfaceGaussianProcess(OneAtATime):
     """An explorer that knows no shape: a Gaussian process over the distance to the surface.
@@ -155,6 +169,10 @@ class SurfaceGaussianProcess(OneAtATime):
     believed; touches say that the distance is zero. Its variance, which needs no mean, falls around
     every touch; the next pose is the one whose predicted touches it is least sure of, taken
     together. Its kernel is a Matern 3/2.
+
+    Where a free form may stand for the body (`[fit] reconstruct`), it plans with the free form that
+    the touches make: poses are drawn as those of `any-object`, and fingers go where its surface may
+    be and is least sure.
     """
 
     def __init__(self, length_m: float = 0.03) -> None:
@@ -163,6 +181,11 @@ class SurfaceGaussianProcess(OneAtATime):
         self.length_m = float(length_m)
         if not 1e-3 <= self.length_m <= 1.0:
             raise ValueError(f"length_m is {length_m!r}; should be from 0.001 to 1")
+        self.search = FreeFormSearch()
+
+    def __call__(self, belief: Belief) -> list[Probe]:
+        """One grasp about the model, or a few about a free form."""
+        return self.search(belief) if belief.fit.free_forms else super().__call__(belief)
 
     def gain(self, belief: Belief, poses: np.ndarray, free: np.ndarray) -> np.ndarray:
         """Entropy of the surface's distances at each pose's predicted touches, up to a constant."""

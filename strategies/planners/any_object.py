@@ -75,24 +75,30 @@ class AnyObject:
         active = belief.active & ~over
         closing = self.step % len(belief.closings)
         evidence = belief.evidence
-        worth = grid.worth(evidence.points_m, evidence.mask)
+        seen, worth = self._looks(belief, grid, active)
         lowest = TABLE_MARGIN_M + 0.5 * outline_of(belief.hand).skin_m
         poses = draw_aimed_poses(belief.seed, self.step, self.candidates, belief.prior,
                                  evidence.points_m, evidence.mask, samples,
                                  outline_of(belief.hand).reach_m)
         price = 0.0 if belief.touches_left is None else PRICE
-        poses = self._best_looking(poses, price, active, lambda some, wanted: grid.foresee(
+        poses = self._best_looking(poses, price, active, lambda some, wanted: seen.foresee(
             samples.thinned.open_m, samples.thinned.swept[closing], some, wanted, worth, lowest,
             closely=False))
         free = pose_reachable(belief.arm, belief.hand, poses) & active[:, None]
-        seen = grid.foresee(samples.open_m, samples.swept[closing], poses, free, worth, lowest)
-        chosen, wanted, closes = _greedy(np.where(free[..., None], seen.gain, 0.0), seen.place_m,
+        found = seen.foresee(samples.open_m, samples.swept[closing], poses, free, worth, lowest)
+        chosen, wanted, closes = _greedy(np.where(free[..., None], found.gain, 0.0), found.place_m,
                                          self.poses, price)
-        self.over = over | ~wanted.any(1)
+        self.over = over | (active & ~wanted.any(1))
         pose = np.take_along_axis(poses, chosen[..., None], 1)
         self.asked = _Asked(pose, wanted, closing, evidence.mask.shape[1])
         self.step += 1
         return [Grasp(pose, wanted, (belief.closings[closing],), closes)]
+
+    def _looks(self, belief: Belief, grid: Occupancy, active: np.ndarray
+               ) -> tuple[Occupancy, np.ndarray]:
+        """Where the object may be, and what a touch in each cell is worth, (world, cells), of the
+        worlds that are `active`."""
+        return grid, grid.worth(belief.evidence.points_m, belief.evidence.mask)
 
     @staticmethod
     def _best_looking(poses: np.ndarray, price: float, active: np.ndarray,

@@ -86,7 +86,7 @@ class Reconstruction:
     @cached_property
     def _volumes(self) -> "tuple[VolumeEstimate, ...]":
         from fit.implicit.volume import implicit_volume
-        from strategies.reconstruct.free_contacts import BODY, LEFT_M
+        from strategies.recovery.free_contacts import BODY, LEFT_M
 
         assert self.fitted is not None
         return tuple(implicit_volume(fit, [self.meshes[int(world)]], BODY.mean,
@@ -212,7 +212,7 @@ def _implicit(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
                               fitted=np.zeros(0, int))
     from fit.implicit.mesh import implicit_meshes
     from strategies.reconstruct.believed_pieces import believed_pieces
-    from strategies.reconstruct.free_contacts import BODY, fitted_freely
+    from strategies.recovery.free_contacts import BODY, fitted_freely
 
     fits, fitted = [], []
     for row in rows:  # one at a time: sums over rows of a longer neighbour would round otherwise
@@ -236,8 +236,8 @@ def _several(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
              prior: BoundingCylinder, table: FitTable, begin: float,
              calibration: tuple[ErrorTable, ArmTable] | None) -> Reconstruction:
     """Bodies of several parts of the worlds `rows`."""
-    from strategies.reconstruct.free_contacts import fitted_freely
     from strategies.reconstruct.parts import fitted_parts, parts_mesh
+    from strategies.recovery.free_contacts import fitted_freely
 
     meshes, parts = [NO_MESH] * len(felt.mask), {}
     for row in rows:

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from strategies.ready_made import STRATEGIES
-from strategies.reconstruct.free_contacts import fitted_freely
 from strategies.recovery.choose_model import Shape
 from strategies.recovery.contact_verdict import unexplained
+from strategies.recovery.free_contacts import fitted_freely
 from sweeps.episode.episodes import EpisodeBlock, run_block, run_episodes
 from sweeps.spec.cell import Cell
 from warpgrasp.objects.families import family_table

@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fit.arrays import rows_of
 from fit.implicit.known import KnownProcess, fit_known, shared_error_means
 from fit.implicit.query import implicit_slopes
 from fit.implicit.record import ImplicitFit
@@ -25,6 +26,7 @@ from strategies.contacts.field_placing import (
 )
 from strategies.contacts.finger_touch import TouchedLinks
 from strategies.contacts.shared_errors import shared_vectors
+from strategies.recovery.belief import Belief
 from strategies.recovery.evidence import CONTRADICTED_FROM, SURE_LINK, Evidence
 from strategies.recovery.fit_contacts import (
     FARTHEST_M,
@@ -74,7 +76,7 @@ def fitted_freely(
     be. Where there are no `links`, all stay where they are.
     """
     placed, sigma = felt, _first_sigma(felt)
-    if links is None:
+    if links is None or not felt.mask.any():
         return _fit(placed, sigma, table, BODY), placed
     if can_be_placed(links) and (felt.mask & links.linked).any():
         stations = link_stations(links)
@@ -85,6 +87,16 @@ def fitted_freely(
     if calibration is not None:
         placed = _calibrated(placed, sigma, links, calibration)
     return _fit(placed, sigma, table, BODY), placed
+
+
+def believed_freely(belief: Belief, world: int) -> ImplicitFit:
+    """The free form that would be made of one world's contacts now; about nothing, where it has
+    hardly any. Raises ValueError for a belief that does not say where contacts were felt."""
+    if belief.unplaced is None:
+        raise ValueError("belief: does not say where contacts were felt")
+    own = np.array([world])
+    return fitted_freely(rows_of(belief.unplaced, own), rows_of(belief.links, own), belief.fit,
+                         (belief.errors, belief.arm))[0]
 
 
 def _calibrated(placed: Evidence, sigma: np.ndarray, links: TouchedLinks,
