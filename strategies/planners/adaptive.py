@@ -11,8 +11,6 @@ import numpy as np
 
 from fit.superquadric.geometry import Superquadric
 from fit.superquadric.uncertainty import distance_slopes, surface_std
-from strategies.foresight.occupancy import Occupancy
-from strategies.foresight.process_occupancy import process_occupancy
 from strategies.planners.any_object import AnyObject
 from strategies.planners.candidates import candidate_poses, predicted_touches
 from strategies.planners.prior_body import planning_belief
@@ -20,7 +18,6 @@ from strategies.planners.probes import Grasp, Probe
 from strategies.planners.register import planner
 from strategies.poses.waypoints import PRIOR_MARGIN_M
 from strategies.recovery.belief import Belief
-from strategies.recovery.free_contacts import BODY, believed_freely
 
 NEW_AT_M = 0.03
 """A touch this far from all others is as new as can be."""
@@ -151,13 +148,9 @@ class MostInformation(OneAtATime):
 
 
 class FreeFormSearch(AnyObject):
-    """Poses where a free form's surface may be and is least sure."""
+    """Poses where a free form's surface may be and is least sure, by the free form alone."""
 
-    def _looks(self, belief: Belief, grid: Occupancy, active: np.ndarray
-               ) -> tuple[Occupancy, np.ndarray]:
-        rows = np.flatnonzero(active)
-        return process_occupancy(grid, [believed_freely(belief, int(row)) for row in rows], rows,
-                                 BODY)
+    pooled = False
 
 
 @planner("gaussian-process", "the pose whose touches a Gaussian process surface is least sure of")

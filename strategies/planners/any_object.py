@@ -15,11 +15,13 @@ import numpy as np
 from strategies.foresight.aimed_poses import draw_aimed_poses
 from strategies.foresight.hand_samples import HandSamples, reached_place, samples_of_hand
 from strategies.foresight.occupancy import Occupancy, Prospect, begin_occupancy
+from strategies.foresight.process_occupancy import occupancy_by_process
 from strategies.planners.probes import Grasp, Probe
 from strategies.planners.register import planner
 from strategies.poses.hand_outline import outline_of
 from strategies.recovery.belief import Belief
 from strategies.recovery.evidence import TABLE_MARGIN_M
+from strategies.recovery.free_contacts import BODY, believed_freely
 from warpgrasp.mechanism.arm_reach import pose_reachable
 
 CANDIDATES = 16384
@@ -49,7 +51,10 @@ class _Asked:
 
 @planner("any-object", "expected new coverage of an object of any shape, by an occupancy grid")
 class AnyObject:
-    """Greedy expected coverage."""
+    """Greedy expected information of touches, each counted beside those before it."""
+
+    pooled = True
+    """Whether what the grid was told counts beside what the free form says."""
 
     def __init__(self, poses: int = 4, candidates: int = CANDIDATES) -> None:
         """`poses` a step, chosen of so many `candidates`. Raises ValueError."""
@@ -98,7 +103,9 @@ class AnyObject:
                ) -> tuple[Occupancy, np.ndarray]:
         """Where the object may be, and what a touch in each cell is worth, (world, cells), of the
         worlds that are `active`."""
-        return grid, grid.worth(belief.evidence.points_m, belief.evidence.mask)
+        rows = np.flatnonzero(active)
+        return occupancy_by_process(grid, [believed_freely(belief, int(row)) for row in rows], rows,
+                                    BODY, pooled=self.pooled)
 
     @staticmethod
     def _best_looking(poses: np.ndarray, price: float, active: np.ndarray,

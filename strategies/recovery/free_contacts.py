@@ -14,8 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from fit.arrays import rows_of
-from fit.implicit.known import KnownProcess, fit_known, shared_error_means
-from fit.implicit.query import implicit_slopes
+from fit.implicit.known import KnownProcess, fit_known, known_slopes, shared_error_means
 from fit.implicit.record import ImplicitFit
 from strategies.contacts.field_placing import (
     can_be_placed,
@@ -61,6 +60,8 @@ CALIBRATING = KnownProcess(length_m=0.1, slope=0.1)
 """Of the fit that tells of the robot's errors [est]."""
 BODY = KnownProcess(length_m=0.05)
 """Of the last fit [est]."""
+DIGITS = 12
+"""Of the field that contacts are placed by: products round by where arrays lie in memory."""
 
 
 def fitted_freely(
@@ -147,13 +148,11 @@ def _field(fits: ImplicitFit, stations: np.ndarray, wanted: np.ndarray
     """Distances [m] and unit normals of the bodies at the stations `wanted`, (world, point,
     station); 1 m and no normal elsewhere."""
     distance, normal = np.ones(wanted.shape), np.zeros(stations.shape)
-    at = np.nonzero(wanted)
-    world = at[0]
-    slot = np.arange(len(world)) - np.searchsorted(world, world)
-    asked = np.zeros((len(wanted), slot.max(initial=-1) + 1, 3))
-    asked[world, slot] = stations[at]
-    value, slope = implicit_slopes(fits, asked, PLACING.mean)
-    distance[at], normal[at] = field_of_process(value[world, slot], slope[world, slot])
+    for world, mine in enumerate(wanted):
+        if mine.any():
+            found = known_slopes(fits, world, PLACING, stations[world][mine])
+            value, slope = (np.round(values, DIGITS) for values in found)
+            distance[world][mine], normal[world][mine] = field_of_process(value, slope)
     return distance, normal
 
 
