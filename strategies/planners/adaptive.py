@@ -11,7 +11,7 @@ import numpy as np
 
 from fit.superquadric.geometry import Superquadric
 from fit.superquadric.uncertainty import distance_slopes, surface_std
-from strategies.planners.any_object import AnyObject
+from strategies.planners.any_object import FreeFormSearch
 from strategies.planners.candidates import candidate_poses, predicted_touches
 from strategies.planners.prior_body import planning_belief
 from strategies.planners.probes import Grasp, Probe
@@ -145,12 +145,6 @@ class MostInformation(OneAtATime):
         spread = np.einsum("wcfi,wij,wcgj->wcfg", slopes, belief.uncertainty.covariance, slopes)
         information = np.eye(fingers) + spread / TOUCH_SIGMA_M**2
         return 0.5 * np.linalg.slogdet(information)[1]
-
-
-class FreeFormSearch(AnyObject):
-    """Poses where a free form's surface may be and is least sure, by the free form alone."""
-
-    pooled = False
 
 
 @planner("gaussian-process", "the pose whose touches a Gaussian process surface is least sure of")
