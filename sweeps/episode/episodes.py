@@ -33,6 +33,7 @@ from strategies.recovery.choose_model import Recovered
 from strategies.recovery.evidence import Evidence
 from sweeps.episode.columns import model_columns
 from sweeps.episode.contact_rows import contact_tables
+from sweeps.episode.curve_moments import Moment, curves, no_scores, rebuilt_moments, scored_moments
 from sweeps.episode.given_prior import (
     SEEN,
     draw_prior,
@@ -42,7 +43,6 @@ from sweeps.episode.given_prior import (
     seen_prior,
     worse_than_prior,
 )
-from sweeps.episode.moments import Moment, curves, no_scores, rebuilt_moments, scored_moments
 from sweeps.episode.recognition_columns import columns_of_recognition, recognize_objects
 from sweeps.episode.scores import ROUGH, SAMPLES, Scorer, Scores
 from sweeps.episode.touched_share import TouchedSurface

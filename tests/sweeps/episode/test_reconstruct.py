@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from strategies.ready_made import STRATEGIES
+from sweeps.episode.curve_moments import CURVES
 from sweeps.episode.episodes import run_episodes
-from sweeps.episode.moments import CURVES
 from sweeps.run.plan import canonical_table, cell_hash
 from sweeps.spec.cell import Cell
 from sweeps.spec.errors import Problems

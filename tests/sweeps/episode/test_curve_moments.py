@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from strategies.ready_made import STRATEGIES
+from sweeps.episode.curve_moments import CURVES, GROWTH
 from sweeps.episode.episodes import run_block, run_episodes
-from sweeps.episode.moments import CURVES, GROWTH
 from sweeps.spec.cell import Cell
 from sweeps.spec.object_sets import member_table
 from warpgrasp.parameters import FitTable
