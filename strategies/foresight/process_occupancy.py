@@ -78,7 +78,8 @@ def _asked(grid: Occupancy, world: int, fit: ImplicitFit, process: KnownProcess,
     distance = _in_cells(value)
     for axis in range(3):  # written out: one order of rounding
         distance = distance + arm[..., axis] * _in_cells(slope[..., axis])
-    return distance, zoom(deviation, EVERY, order=1, mode="nearest", grid_mode=True)
+    between = zoom(deviation, EVERY, order=1, mode="nearest", grid_mode=True)
+    return distance, np.asarray(between)
 
 
 def _middles(counts: tuple[int, ...]) -> np.ndarray:

@@ -124,8 +124,8 @@ def reconstruct(
     worlds = len(recovered)
     asked = np.ones(worlds, bool) if wanted is None else wanted
     if word in BUILT_IN:
-        wanted = asked & (evidence.mask.sum(1) >= FEWEST_CONTACTS)
-        most = np.full(len(wanted), np.inf)
+        free = asked & (evidence.mask.sum(1) >= FEWEST_CONTACTS)
+        most = np.full(worlds, np.inf)
         polyhedra: dict[int, Planes] = {}
         if word == CHOSEN:
             polyhedra = _polyhedra(asked, recovered, belief, felt, prior, table)
@@ -133,16 +133,15 @@ def reconstruct(
             if links is not None:  # without them contacts are not placed anew, and tell nothing
                 most = np.where(doubt, np.inf, CLEARLY_BETTER * mean_contradiction(evidence))
                 doubt |= doubted(recovered, evidence)
-            wanted &= doubt
-            wanted[list(polyhedra)] = False
+            free &= doubt
+            free[list(polyhedra)] = False
         if felt is None:
             felt, links = evidence, None
         calibration = None if belief is None else (belief.errors, belief.arm)
         if word == PARTS:
-            return _several(np.flatnonzero(wanted), felt, links, prior, table, begin, calibration)
-        free = _implicit(np.flatnonzero(wanted), felt, links, prior, table, begin, most,
-                         calibration)
-        return _with_polyhedra(free, polyhedra)
+            return _several(np.flatnonzero(free), felt, links, prior, table, begin, calibration)
+        return _with_polyhedra(_implicit(np.flatnonzero(free), felt, links, prior, table, begin,
+                                         most, calibration), polyhedra)
     name = word.rpartition(":")[2]
     try:
         function = find_plug_in(word)
