@@ -111,14 +111,14 @@ class Exploration:
 def explore(
     robot: Robot, planner: Planner, prior: BoundingCylinder, seed: np.ndarray, *, table: FitTable,
     closings: tuple[str, ...], budget: Budget | None = None,
-    observe: Callable[[Belief, Recovered, Evidence], None] | None = None,
-    oracle: Foreseeing | None = None, fits_on_way: bool = True,
+    observe: Callable[[Belief, Recovered], None] | None = None, oracle: Foreseeing | None = None,
+    fits_on_way: bool = True,
 ) -> Exploration:
     """Run one episode in every world.
 
     `seed` (world,) uint64 is the strategy's own; `table` says what the fits go by; `closings` are
-    the paths of grasps that name none. `observe` is shown belief, bodies and all that was felt
-    after every fit. `oracle` is the planner if it may foresee: that leads to the truth. Without
+    the paths of grasps that name none. `observe` is shown the belief after every fit. `oracle` is
+    the planner, if it is one that may foresee: what it is handed leads to the truth. Without
     `fits_on_way` bodies are fitted after the first step and at the end."""
     run = RunningExploration(robot, prior, seed, table, closings, budget or Budget(), fits_on_way)
     if oracle is not None:
@@ -128,9 +128,9 @@ def explore(
         if not run.take_step(planner):
             break
         if observe is not None and run.step > before and not run.news:
-            observe(run.belief, run.recovered, run.felt)
+            observe(run.belief, run.recovered)
     if run.finish() and observe is not None:
-        observe(run.belief, run.recovered, run.felt)
+        observe(run.belief, run.recovered)
     return run.result()
 
 

@@ -1,8 +1,8 @@
 """Strategies that choose their next hand pose by what was felt.
 
-All choose among the same candidates (`candidates`), one pose a step and world, until the
-budget is spent. They differ in the gain that they expect of a pose. The plain ones beside them are
-in `unguided`.
+All choose among the same candidates (`candidates`), one pose a step and world, until the budget is
+spent; `gaussian-process` does so unless a free form may stand for the body. They differ in the gain
+that they expect of a pose. The plain ones beside them are in `unguided`.
 """
 
 from abc import ABC, abstractmethod
@@ -158,8 +158,8 @@ class SurfaceGaussianProcess(OneAtATime):
     together. Its kernel is a Matern 3/2.
 
     Where a free form may stand for the body (`[fit] reconstruct`), it plans with the free form that
-    the touches make: poses are drawn as those of `any-object`, and fingers go where its surface may
-    be and is least sure.
+    the touches make, whose length scale is its own: poses are drawn as those of `any-object`, and
+    fingers go where its surface may be and is least sure.
     """
 
     def __init__(self, length_m: float = 0.03) -> None:

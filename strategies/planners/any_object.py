@@ -1,10 +1,10 @@
 """Strategies for objects of any shape: they spend touches where the object may still be.
 
-They keep an occupancy grid (`strategies.foresight`) instead of a fitted body, and make a free form
-of the contacts at each step. They draw hand poses about the prior and about what was felt, and take
-the one or few whose fingers are expected to touch what is known least: each touch is worth what it
-would tell of the free form's surface where it is made, if it is made, and those of other poses
-nearby count less then (greedy, Nemhauser, Wolsey and Fisher 1978).
+They keep an occupancy grid (`strategies.foresight`) instead of a fitted body and, where contacts
+can be placed on it, make a free form of them at each step. They draw hand poses about the prior and
+about what was felt, and take the one or few whose fingers are expected to touch what is known
+least: each touch is worth what it would tell where it is made, if it is made, and those of other
+poses nearby count less then (greedy, Nemhauser, Wolsey and Fisher 1978).
 """
 
 from collections.abc import Callable

@@ -115,8 +115,8 @@ def reconstruct(
     "parts" makes a body of two to four superquadrics where contacts ask for it. None
     of them stands where prior or table contradict it: one that ends high above the table was not
     felt to its foot. Small pieces of a free form that the prior contradicts are left out. A plug-in
-    is asked about every world. Its faults are data. Only worlds `wanted`, bool (world,), are made,
-    if that is given.
+    is asked about every world. Its faults are data. If `wanted`, bool (world,), is given, bodies
+    are made, and a plug-in is asked, of these worlds alone.
     """
     if word == BUILT_IN[0]:
         return None

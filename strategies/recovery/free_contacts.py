@@ -60,8 +60,8 @@ CALIBRATING = KnownProcess(length_m=0.1, slope=0.1)
 """Of the fit that tells of the robot's errors [est]."""
 BODY = KnownProcess(length_m=0.05)
 """Of the last fit [est]."""
-DIGITS = 12
-"""Of the field that contacts are placed by: products round by where arrays lie in memory."""
+DIGITS = 9
+"""Of the field that contacts are placed by [m]: its products round by how they are computed."""
 
 
 def fitted_freely(

@@ -128,8 +128,9 @@ def scipy_fits(of: str, batch: int) -> Workload:
 
 def sklearn_free_forms(of: str, batch: int) -> Workload:
     """scikit-learn's Gaussian process on the very rows of our free forms of a mug: `of` is `known`,
-    with our hyperparameters, or `search`, where it looks for them from its own start. `off_mm`:
-    largest difference of the distances at the touches from ours."""
+    with our hyperparameters, or `search`, where it looks for amplitude and length scale from its
+    own start, which ours do not need. `off_mm`: largest difference of the distances at the touches
+    from ours, of `known` alone."""
     from importlib import import_module
 
     from fit.implicit.known import known_slopes
@@ -159,7 +160,7 @@ def sklearn_free_forms(of: str, batch: int) -> Workload:
 
     ours_m, _ = known_slopes(fits, 0, BODY, points[0])
     off_m = np.abs(fitted(0).predict(points[0]) + BODY.mean_m - ours_m).max()
-    return Workload("free forms", call, {"off_mm": round(float(off_m) * 1e3, 6)})
+    return Workload("free forms", call, {"off_mm": round(float(off_m) * 1e3, 6)} if known else {})
 
 
 def trimesh_distances(of: str, batch: int) -> Workload:

@@ -14,14 +14,16 @@ import numpy as np
 from strategies.reconstruct.free_form import Reconstruction
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered
-from strategies.recovery.evidence import Evidence
 from sweeps.episode.scores import ROUGH, Scorer, Scores
 
 GROWTH = 1.5
-"""Touches of a free form on the way, at least, as a multiple of those of the one before."""
+"""Touches when a free form is made on the way, at least, as a multiple of those of the one before.
+"""
 CURVES = ("curve_touches", "curve_time_s", "curve_chamfer_mm", "curve_iou", "curve_touched10mm")
-Rebuild = Callable[[Belief, Recovered, Evidence, np.ndarray], Reconstruction | None]
-"""Bodies of what was believed, recovered and felt, of the worlds asked for (world,)."""
+Asked = tuple[int, Belief, np.ndarray]
+"""The number of a moment, what was believed then, and the worlds whose body is to be made."""
+Rebuild = Callable[[Belief, Recovered, np.ndarray], Reconstruction | None]
+"""Bodies of what was believed and recovered, of the worlds asked for (world,)."""
 
 
 @dataclass(frozen=True)
@@ -33,22 +35,32 @@ class Moment:
     touches: np.ndarray
     time_s: np.ndarray
     scores: Scores
-    """Of the models recovered."""
+    """Of the models recovered; NaN where nothing asks for them."""
     recovered: Recovered
     touched: np.ndarray
     """Share of the surface near a contact so far."""
     rebuilt: Scores | None = None
-    """Of the bodies that `[fit] reconstruct` makes; NaN in worlds where none was made then."""
-
-    @property
-    def reached(self) -> Scores:
-        """What an episode would have scored that ended here, NaN where that is not known."""
-        return self.scores if self.rebuilt is None else self.rebuilt
+    """Of the bodies that `[fit] reconstruct` makes, if it makes any."""
+    made: np.ndarray | None = None
+    """Worlds in which `rebuilt` is known, bool (world,); all where no other body is made."""
 
 
 def no_scores(worlds: int) -> Scores:
     """Scores that are not known."""
     return Scores(*(np.full(worlds, np.nan) for _ in fields(Scores)))
+
+
+class Grown:
+    """Tells when touches have grown by half since it last said so, world by world."""
+
+    def __init__(self, worlds: int) -> None:
+        self._last = np.zeros(worlds)
+
+    def __call__(self, touches: np.ndarray) -> np.ndarray:
+        """Worlds in which they have, bool (world,)."""
+        grown = (touches > 0) & (touches >= GROWTH * self._last)
+        self._last = np.where(grown, touches, self._last)
+        return grown
 
 
 def scored_moments(scorer: Scorer, begin: Moment, reached: Sequence[Moment], curve: bool
@@ -66,44 +78,45 @@ def scored_moments(scorer: Scorer, begin: Moment, reached: Sequence[Moment], cur
 
 
 def rebuilt_moments(
-    scorer: Scorer, moments: Sequence[Moment], believed: Sequence[tuple[Belief, Evidence]],
+    scorer: Scorer, begin: Moment, moments: Sequence[Moment], asked: Sequence[Asked],
     rebuild: Rebuild, final: Scores
 ) -> tuple[Moment, ...]:
-    """The moments with the scores of the bodies that `rebuild` makes, those of the last `final`.
-
-    `believed` is what the robot believed and had felt at each of the moments.
+    """The moments after `begin` with the scores of the bodies that `rebuild` makes where it is
+    `asked`; those of the last are `final`. Where it makes none the model is scored, as at the end.
     """
     from sweeps.episode.mesh_scores import scores_with_meshes
 
     rough = replace(scorer, samples=ROUGH)
-    found, last = [], np.zeros(len(final.chamfer_m))
-    for moment, (belief, felt) in zip(moments[:-1], believed[:-1], strict=True):
-        wanted = (moment.touches > 0) & (moment.touches >= GROWTH * last)
-        last = np.where(wanted, moment.touches, last)
-        scores = moment.scores
-        made = rebuild(belief, moment.recovered, felt, wanted) if wanted.any() else None
-        if made is not None:
-            scores = scores_with_meshes(rough, made.meshes, scores)
-        found.append(replace(moment, rebuilt=Scores(*(
-            np.where(wanted, getattr(scores, f.name), np.nan) for f in fields(Scores)))))
-    return (*found, *(replace(moment, rebuilt=final) for moment in moments[-1:]))
+    worlds = len(final.chamfer_m)
+    found = [replace(moment, rebuilt=no_scores(worlds), made=np.zeros(worlds, bool))
+             for moment in moments]
+    for number, belief, wanted in asked:
+        if number < len(found) - 1:
+            recovered = moments[number].recovered
+            made = rebuild(belief, recovered, wanted)
+            assert made is not None
+            models = rough.score_again(recovered, begin.recovered, begin.scores)
+            found[number] = replace(found[number], made=wanted, rebuilt=scores_with_meshes(
+                rough, made.meshes, models))
+    return (*found[:-1], *(replace(moment, rebuilt=final, made=np.ones(worlds, bool))
+                           for moment in found[-1:]))
 
 
 def curves(moments: Sequence[Moment], worlds: int) -> dict[str, np.ndarray]:
-    """Columns of arrays: touches, time and scores at each fit; of fits at the same touches and
-    time the last."""
+    """Columns of arrays: touches, time and scores at each body made; of those at the same touches
+    and time the last."""
     columns: dict[str, list[np.ndarray]] = {name: [] for name in CURVES}
     for world in range(worlds):
-        at = np.array([(m.touches[world], m.time_s[world]) for m in moments]).reshape(-1, 2)
+        mine = [m for m in moments if m.made is None or m.made[world]]
+        scores = [m.scores if m.rebuilt is None else m.rebuilt for m in mine]
+        at = np.array([(m.touches[world], m.time_s[world]) for m in mine]).reshape(-1, 2)
         # A pose that was barred took time, and the fit after it is another one.
         kept = np.append((np.diff(at, axis=0) > 0).any(1), True)[:len(at)]
-        kept &= np.array([m.rebuilt is None or np.isfinite(m.rebuilt.chamfer_m[world])
-                          for m in moments], bool)
         for name, values in (
                 ("curve_touches", at[:, 0]), ("curve_time_s", at[:, 1]),
-                ("curve_chamfer_mm", [m.reached.chamfer_m[world] * 1e3 for m in moments]),
-                ("curve_iou", [m.reached.iou[world] for m in moments]),
-                ("curve_touched10mm", [m.touched[world] for m in moments])):
+                ("curve_chamfer_mm", [s.chamfer_m[world] * 1e3 for s in scores]),
+                ("curve_iou", [s.iou[world] for s in scores]),
+                ("curve_touched10mm", [m.touched[world] for m in mine])):
             columns[name].append(np.array(values, float)[kept])
     found = {}
     for name, rows in columns.items():

@@ -33,7 +33,15 @@ from strategies.recovery.choose_model import Recovered
 from strategies.recovery.evidence import Evidence
 from sweeps.episode.columns import model_columns
 from sweeps.episode.contact_rows import contact_tables
-from sweeps.episode.curve_moments import Moment, curves, no_scores, rebuilt_moments, scored_moments
+from sweeps.episode.curve_moments import (
+    Asked,
+    Grown,
+    Moment,
+    curves,
+    no_scores,
+    rebuilt_moments,
+    scored_moments,
+)
 from sweeps.episode.given_prior import (
     SEEN,
     draw_prior,
@@ -254,19 +262,20 @@ def run_parts(
                    surface.share(truth))
     rebuilds = curve and cell.fit.reconstruct != BUILT_IN[0]
     reached: list[Moment] = []
-    believed: list[tuple[Belief, Evidence]] = []
+    asked: list[Asked] = []
+    grown = Grown(len(key))
 
-    def observe(belief: Belief, recovered: Recovered, felt: Evidence) -> None:
+    def observe(belief: Belief, recovered: Recovered) -> None:
         reached.append(Moment(belief.step, belief.touches, belief.time_s, no_scores(len(key)),
                               recovered,
                               surface.share(truth) if curve else np.full(len(key), np.nan)))
-        if rebuilds:
-            believed.append((belief, felt))
+        if rebuilds and (wanted := grown(belief.touches)).any():
+            asked.append((len(reached) - 1, belief, wanted))
 
-    def rebuild(belief: Belief, recovered: Recovered, felt: Evidence, wanted: np.ndarray
+    def rebuild(belief: Belief, recovered: Recovered, wanted: np.ndarray
                 ) -> Reconstruction | None:
         return reconstruct(cell.fit.reconstruct, recovered, belief.evidence, prior, cell.fit,
-                           felt=felt, links=belief.links, belief=belief, wanted=wanted)
+                           felt=belief.unplaced, links=belief.links, belief=belief, wanted=wanted)
 
     planner, fault = _planner(parts, robot, prior)
     # No subclass and nothing that looks like it: the truth is for the shipped one alone.
@@ -283,17 +292,17 @@ def run_parts(
         wrong = faults != ""
         found = replace(found, fault=np.where(wrong, faults, found.fault),
                         status=np.where(wrong, fault_status(faults), found.status))
-    moments = scored_moments(scorer, begin, reached, curve)
+    moments = scored_moments(scorer, begin, reached, curve and not rebuilds)
     scores = moments[-1].scores if moments else begin.scores
     recognition = recognize_objects(found.belief, found.recovered, cell.recognition, device)
-    rebuilt = rebuild(found.belief, found.recovered, found.felt, np.ones(len(key), bool))
+    rebuilt = rebuild(found.belief, found.recovered, np.ones(len(key), bool))
     if rebuilt is not None:
         from sweeps.episode.mesh_scores import scores_with_meshes
 
         found = _rebuilt_status(found, rebuilt)
         scores = scores_with_meshes(scorer, rebuilt.meshes, scores)
         if rebuilds:
-            moments = rebuilt_moments(scorer, moments, believed, rebuild, scores)
+            moments = rebuilt_moments(scorer, begin, moments, asked, rebuild, scores)
     return EpisodeBlock(tuple(bodies), truth, prior, found, scores, begin.scores, moments,
                         recognition, surface.share(truth), rebuilt)
 

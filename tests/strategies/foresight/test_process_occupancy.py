@@ -1,11 +1,12 @@
 """Grids of a Gaussian process: sure where a ball was felt all over, the given grid elsewhere."""
 
 import numpy as np
+from scipy.special import logit
 
 from fit.implicit.known import KnownProcess, fit_known
 from fit.implicit.record import ImplicitFit
 from strategies.foresight.occupancy import CELLS, Occupancy, begin_occupancy
-from strategies.foresight.process_occupancy import occupancy_by_process
+from strategies.foresight.process_occupancy import HARDLY, occupancy_by_process
 from strategies.poses.waypoints import BoundingCylinder
 
 PROCESS = KnownProcess(length_m=0.05)
@@ -72,3 +73,20 @@ def test_worlds_not_asked_for_and_fits_of_nothing_change_nothing() -> None:
     _, other, _, _ = seen(felt_ball(150))
     np.testing.assert_array_equal(other.believed[0], given.believed[0])
     assert (given.believed == begin_occupancy(prior(2), RADIUS_M).believed).all()
+
+
+def test_pooled_opinions_are_the_mean_of_the_logarithms_of_their_odds() -> None:
+    given, alone, worth, _ = seen(felt_ball(150))
+    pooled, also = occupancy_by_process(given, [felt_ball(150)], np.array([1]), PROCESS,
+                                        pooled=True)
+    blocks = given.believed[1].reshape(20, 2, 20, 2, 14, 2).max((1, 3, 5)) > HARDLY
+    asked = blocks.repeat(2, 0).repeat(2, 1).repeat(2, 2)
+    assert 0.05 < asked.mean() < 0.95
+    one, other, both = (np.clip(grid.believed[1].astype(float), 1e-9, 1 - 1e-7)
+                        for grid in (given, alone, pooled))
+    inner = asked & (np.abs(other - 0.5) < 0.49)
+    np.testing.assert_allclose(logit(both)[inner], (0.5 * (logit(one) + logit(other)))[inner],
+                               atol=0.02)
+    np.testing.assert_array_equal(pooled.believed[1][~asked], given.believed[1][~asked])
+    np.testing.assert_allclose(also[1].reshape(CELLS)[inner], worth[1].reshape(CELLS)[inner],
+                               atol=0.3)  # deviations between nodes lean on those not asked about

@@ -6,9 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from strategies.poses.waypoints import BoundingCylinder
 from strategies.ready_made import STRATEGIES
-from sweeps.episode.curve_moments import CURVES, GROWTH
+from sweeps.episode.curve_moments import CURVES, GROWTH, Moment, curves, no_scores
 from sweeps.episode.episodes import run_block, run_episodes
+from sweeps.episode.given_prior import prior_recovered
 from sweeps.spec.cell import Cell
 from sweeps.spec.object_sets import member_table
 from warpgrasp.parameters import FitTable
@@ -16,6 +18,7 @@ from warpgrasp.parameters import FitTable
 EPISODES = np.arange(3)
 CELL = Cell(replace(STRATEGIES["coverage"], touches=40), {"name": "block"}, "block", seed=5)
 MUG = replace(CELL, object_name="mug-1", body_table=member_table("mug-1"))
+NOTHING = prior_recovered(BoundingCylinder(*np.ones((4, 1))))
 BALL = '''
 import numpy as np
 
@@ -30,7 +33,7 @@ def broken(touches):
 
 
 def rows(word: str, cell: Cell = CELL) -> dict[str, np.ndarray]:
-    return run_episodes(replace(MUG, fit=FitTable(reconstruct=word)), EPISODES, "cpu")
+    return run_episodes(replace(cell, fit=FitTable(reconstruct=word)), EPISODES, "cpu")
 
 
 @pytest.fixture
@@ -87,6 +90,18 @@ def test_worlds_have_the_curves_that_they_have_alone() -> None:
     alone = run_episodes(replace(MUG, fit=FitTable(reconstruct="chosen")), EPISODES[1:2], "cpu")
     for name in CURVES:
         np.testing.assert_array_equal(every[name][1], alone[name][0])
+
+
+def test_a_neighbours_step_takes_no_point_away() -> None:
+    """A world that sits out a step has the same touches and time again, and makes no body."""
+    def moment(touches: float, made: bool) -> Moment:
+        scores = replace(no_scores(1), chamfer_m=np.full(1, touches), iou=np.ones(1))
+        return Moment(0, np.array([touches]), np.array([touches]), no_scores(1), NOTHING,
+                      np.zeros(1), scores, np.array([made]))
+
+    found = curves([moment(8, True), moment(8, False), moment(20, True)], 1)
+    assert list(found["curve_touches"][0]) == [8, 20]
+    assert list(found["curve_chamfer_mm"][0]) == [8e3, 20e3]
 
 
 def test_without_curves_nothing_is_made_on_the_way() -> None:
