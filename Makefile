@@ -52,6 +52,8 @@ studies-docs: $(VENV)/.installed  ## run the studies that ship; their leaderboar
 	for study in sweeps/studies/*.toml; do name=$$(basename $$study .toml); \
 		$(BIN)/warpgrasp sweep $$study -o runs/studies/$$name --workers $(WORKERS) && \
 		cp runs/studies/$$name/leaderboard.csv docs/studies/$$name.csv || exit 1; done
+	for name in everyday held_out; do $(BIN)/warpgrasp leaderboard runs/studies/$$name \
+		--metric normalized_chamfer -o docs/studies/$${name}_normalized.csv || exit 1; done
 	$(BIN)/python docs/measured.py
 
 $(VENV)/.installed-validate: $(VENV)/.installed requirements-validate.lock

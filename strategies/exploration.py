@@ -378,7 +378,7 @@ class RunningExploration:
             self.step, self.active.copy(), self.prior, self.seed, self.robot.arm,
             self.robot.hand, self.robot.sensors, self.closings, self.placed, self.fits,
             self.believed, whole, tuple(self.faces), self.whole, self.shape, links=self.links,
-            errors=self.robot.errors, **self._spent()))
+            errors=self.robot.errors, fit=self.table, unplaced=self.felt, **self._spent()))
 
     def _spent(self) -> dict[str, Any]:
         """What the belief says of touches, time and path."""

@@ -58,3 +58,5 @@ PLANNED_TOGETHER = frozenset(("random", "even", "coverage", "most-uncertain", "i
                               "gaussian-process", "expected-error", "oracle"))
 """Planners that keep worlds apart, and need little memory for each: hundreds are run in one call.
 """
+SEARCH_FREELY = frozenset(("gaussian-process",))
+"""Of these, the ones that need more where a free form may stand for the body: one unit a call."""

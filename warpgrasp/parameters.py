@@ -324,6 +324,11 @@ class FitTable:
                "or a function of yours, as mine.py:my_network"})
 
     @property
+    def free_forms(self) -> bool:
+        """Whether a free form may stand for the body."""
+        return self.reconstruct in ("implicit", "chosen")
+
+    @property
     def superquadric_name(self) -> str:
         """How rows name the model: superquadric, tapered_superquadric, bent_superquadric,
         tapered_bent_superquadric."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
 from scipy.spatial.distance import cdist
 
 from fit.fit_status import FitStatus
@@ -127,6 +127,24 @@ def known_slopes(
     value = process.mean_m + ((1.0 + scaled) * weight).sum(1)
     towards = weight @ at - weight.sum(1)[:, None] * queries_m
     return value, (SQRT3 / process.length_m) ** 2 * towards
+
+
+def known_deviations(
+    fits: ImplicitFit, row: int, process: KnownProcess, queries_m: Float[np.ndarray, "query 3"]
+) -> Float[np.ndarray, " query"]:
+    """Posterior standard deviations [m] of the distance of one of `fit_known`'s bodies, (query,).
+
+    Variances are those before any touch less what the rows tell (Rasmussen and Williams 2006,
+    equation 2.26), all scaled as the fit's are.
+    """
+    used = fits.noise_m2[row] >= 0.0
+    at, share = fits.points_m[row][used], (fits.amplitude_m[row] / process.amplitude_m) ** 2
+    if len(at) == 0:
+        return np.full(len(queries_m), fits.amplitude_m[row])
+    known = share * _kernel(process, at, at) + np.diag(fits.noise_m2[row][used])
+    told = solve_triangular(cholesky(known, lower=True),
+                            share * _kernel(process, at, queries_m), lower=True)
+    return np.sqrt(np.maximum(fits.amplitude_m[row] ** 2 - (told**2).sum(0), 0.0))
 
 
 def _kernel(process: KnownProcess, a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -7,4 +7,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "first_touch": ["first_touches"],
     "hand_samples": ["HandSamples", "SweptFingers", "reached_place", "samples_of_hand"],
     "occupancy": ["Occupancy", "Prospect", "begin_occupancy"],
+    "process_occupancy": ["occupancy_by_process"],
 })

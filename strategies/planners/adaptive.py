@@ -1,8 +1,8 @@
 """Strategies that choose their next hand pose by what was felt.
 
-All choose among the same candidates (`candidates`), one pose a step and world, until the
-budget is spent. They differ in the gain that they expect of a pose. The plain ones beside them are
-in `unguided`.
+All choose among the same candidates (`candidates`), one pose a step and world, until the budget is
+spent; `gaussian-process` does so unless a free form may stand for the body. They differ in the gain
+that they expect of a pose. The plain ones beside them are in `unguided`.
 """
 
 from abc import ABC, abstractmethod
@@ -11,6 +11,7 @@ import numpy as np
 
 from fit.superquadric.geometry import Superquadric
 from fit.superquadric.uncertainty import distance_slopes, surface_std
+from strategies.planners.any_object import FreeFormSearch
 from strategies.planners.candidates import candidate_poses, predicted_touches
 from strategies.planners.prior_body import planning_belief
 from strategies.planners.probes import Grasp, Probe
@@ -155,6 +156,10 @@ class SurfaceGaussianProcess(OneAtATime):
     believed; touches say that the distance is zero. Its variance, which needs no mean, falls around
     every touch; the next pose is the one whose predicted touches it is least sure of, taken
     together. Its kernel is a Matern 3/2.
+
+    Where a free form may stand for the body (`[fit] reconstruct`), it plans with the free form that
+    the touches make, whose length scale is its own: poses are drawn as those of `any-object`, and
+    fingers go where its surface may be and is least sure.
     """
 
     def __init__(self, length_m: float = 0.03) -> None:
@@ -163,6 +168,11 @@ class SurfaceGaussianProcess(OneAtATime):
         self.length_m = float(length_m)
         if not 1e-3 <= self.length_m <= 1.0:
             raise ValueError(f"length_m is {length_m!r}; should be from 0.001 to 1")
+        self.search = FreeFormSearch()
+
+    def __call__(self, belief: Belief) -> list[Probe]:
+        """One grasp about the model, or a few about a free form."""
+        return self.search(belief) if belief.fit.free_forms else super().__call__(belief)
 
     def gain(self, belief: Belief, poses: np.ndarray, free: np.ndarray) -> np.ndarray:
         """Entropy of the surface's distances at each pose's predicted touches, up to a constant."""

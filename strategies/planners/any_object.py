@@ -1,9 +1,10 @@
-"""A strategy for objects of any shape: it spends its touches where the object may still be.
+"""Strategies for objects of any shape: they spend touches where the object may still be.
 
-It keeps an occupancy grid (`strategies.foresight`) instead of a fitted body. At each step it draws
-hand poses about the prior and about what was felt, and takes the one or few whose fingers are
-expected to touch most of the surface that no contact has covered yet: greedy maximum coverage
-(Nemhauser, Wolsey and Fisher 1978) under what is believed.
+They keep an occupancy grid (`strategies.foresight`) instead of a fitted body and, where contacts
+can be placed on it, make a free form of them at each step. They draw hand poses about the prior and
+about what was felt, and take the one or few whose fingers are expected to touch what is known
+least: each touch is worth what it would tell where it is made, if it is made, and those of other
+poses nearby count less then (greedy, Nemhauser, Wolsey and Fisher 1978).
 """
 
 from collections.abc import Callable
@@ -12,14 +13,17 @@ from functools import reduce
 
 import numpy as np
 
+from strategies.contacts.field_placing import can_be_placed
 from strategies.foresight.aimed_poses import draw_aimed_poses
 from strategies.foresight.hand_samples import HandSamples, reached_place, samples_of_hand
 from strategies.foresight.occupancy import Occupancy, Prospect, begin_occupancy
+from strategies.foresight.process_occupancy import occupancy_by_process
 from strategies.planners.probes import Grasp, Probe
 from strategies.planners.register import planner
 from strategies.poses.hand_outline import outline_of
 from strategies.recovery.belief import Belief
 from strategies.recovery.evidence import TABLE_MARGIN_M
+from strategies.recovery.free_contacts import BODY, believed_freely
 from warpgrasp.mechanism.arm_reach import pose_reachable
 
 CANDIDATES = 16384
@@ -47,9 +51,9 @@ class _Asked:
     """Contacts in the evidence before them."""
 
 
-@planner("any-object", "expected new coverage of an object of any shape, by an occupancy grid")
+@planner("any-object", "where an object of any shape may be and is known least, by what was felt")
 class AnyObject:
-    """Greedy expected coverage."""
+    """Greedy expected worth of touches, each counted beside those before it."""
 
     def __init__(self, poses: int = 4, candidates: int = CANDIDATES) -> None:
         """`poses` a step, chosen of so many `candidates`. Raises ValueError."""
@@ -75,24 +79,33 @@ class AnyObject:
         active = belief.active & ~over
         closing = self.step % len(belief.closings)
         evidence = belief.evidence
-        worth = grid.worth(evidence.points_m, evidence.mask)
+        seen, worth = self._looks(belief, grid, active)
         lowest = TABLE_MARGIN_M + 0.5 * outline_of(belief.hand).skin_m
         poses = draw_aimed_poses(belief.seed, self.step, self.candidates, belief.prior,
                                  evidence.points_m, evidence.mask, samples,
                                  outline_of(belief.hand).reach_m)
         price = 0.0 if belief.touches_left is None else PRICE
-        poses = self._best_looking(poses, price, active, lambda some, wanted: grid.foresee(
+        poses = self._best_looking(poses, price, active, lambda some, wanted: seen.foresee(
             samples.thinned.open_m, samples.thinned.swept[closing], some, wanted, worth, lowest,
             closely=False))
         free = pose_reachable(belief.arm, belief.hand, poses) & active[:, None]
-        seen = grid.foresee(samples.open_m, samples.swept[closing], poses, free, worth, lowest)
-        chosen, wanted, closes = _greedy(np.where(free[..., None], seen.gain, 0.0), seen.place_m,
+        found = seen.foresee(samples.open_m, samples.swept[closing], poses, free, worth, lowest)
+        chosen, wanted, closes = _greedy(np.where(free[..., None], found.gain, 0.0), found.place_m,
                                          self.poses, price)
-        self.over = over | ~wanted.any(1)
+        self.over = over | (active & ~wanted.any(1))
         pose = np.take_along_axis(poses, chosen[..., None], 1)
         self.asked = _Asked(pose, wanted, closing, evidence.mask.shape[1])
         self.step += 1
         return [Grasp(pose, wanted, (belief.closings[closing],), closes)]
+
+    def _looks(self, belief: Belief, grid: Occupancy, active: np.ndarray
+               ) -> tuple[Occupancy, np.ndarray]:
+        """Where the object may be, and what a touch in each cell is worth, (world, cells), of the
+        worlds that are `active`. A free form tells more than the grid alone only where contacts can
+        be placed on it."""
+        if not can_be_placed(belief.links):
+            return grid, grid.worth(belief.evidence.points_m, belief.evidence.mask)
+        return _seen_freely(belief, grid, active, pooled=True)
 
     @staticmethod
     def _best_looking(poses: np.ndarray, price: float, active: np.ndarray,
@@ -129,6 +142,21 @@ class AnyObject:
         last = np.where(mask.reshape(closed.shape), last - 1, last + 1)
         until = np.where(closed, np.clip(last, 0, swept.balls_m.shape[1]), 0)
         grid.learn_swept(samples.open_m, swept, asked.pose, closed.any(2), until)
+
+
+class FreeFormSearch(AnyObject):
+    """The same by the free form alone, where it tells anything."""
+
+    def _looks(self, belief: Belief, grid: Occupancy, active: np.ndarray
+               ) -> tuple[Occupancy, np.ndarray]:
+        return _seen_freely(belief, grid, active, pooled=False)
+
+
+def _seen_freely(belief: Belief, grid: Occupancy, active: np.ndarray, *, pooled: bool
+                 ) -> tuple[Occupancy, np.ndarray]:
+    rows = np.flatnonzero(active)
+    return occupancy_by_process(grid, [believed_freely(belief, int(row)) for row in rows], rows,
+                                BODY, pooled=pooled)
 
 
 def _beyond(gain: np.ndarray, price: float) -> np.ndarray:

@@ -3,7 +3,6 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "free_contacts": ["BODY"],
     "free_form": ["Reconstruction", "reconstruct"],
     "plug_in": ["Touches"],
     "plug_in_name": ["BUILT_IN", "CHOSEN", "PARTS", "call_by_content", "find_plug_in",

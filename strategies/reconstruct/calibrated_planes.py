@@ -14,8 +14,8 @@ import numpy as np
 from strategies.contacts.finger_touch import TouchedLinks
 from strategies.contacts.shared_errors import shared_shifts
 from strategies.procedures.planar_explorer import face_axes
-from strategies.reconstruct.free_contacts import LATER_SIGMA_M, PAD_SIGMA_M
 from strategies.recovery.evidence import CONTRADICTED_FROM, Evidence
+from strategies.recovery.free_contacts import LATER_SIGMA_M, PAD_SIGMA_M
 from strategies.recovery.misfit import FARTHEST_M
 from warpgrasp.parameters import ArmTable, ErrorTable
 

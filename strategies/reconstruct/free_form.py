@@ -86,7 +86,7 @@ class Reconstruction:
     @cached_property
     def _volumes(self) -> "tuple[VolumeEstimate, ...]":
         from fit.implicit.volume import implicit_volume
-        from strategies.reconstruct.free_contacts import BODY, LEFT_M
+        from strategies.recovery.free_contacts import BODY, LEFT_M
 
         assert self.fitted is not None
         return tuple(implicit_volume(fit, [self.meshes[int(world)]], BODY.mean,
@@ -102,7 +102,7 @@ class Reconstruction:
 def reconstruct(
     word: str, recovered: Recovered, evidence: Evidence, prior: BoundingCylinder, table: FitTable,
     *, felt: Evidence | None = None, links: TouchedLinks | None = None,
-    belief: Belief | None = None
+    belief: Belief | None = None, wanted: np.ndarray | None = None
 ) -> Reconstruction | None:
     """The bodies that `word` asks for; None for "superquadric", which keeps those recovered.
 
@@ -115,45 +115,53 @@ def reconstruct(
     "parts" makes a body of two to four superquadrics where contacts ask for it. None
     of them stands where prior or table contradict it: one that ends high above the table was not
     felt to its foot. Small pieces of a free form that the prior contradicts are left out. A plug-in
-    is asked about every world. Its faults are data.
+    is asked about every world. Its faults are data. If `wanted`, bool (world,), is given, bodies
+    are made, and a plug-in is asked, of these worlds alone.
     """
     if word == BUILT_IN[0]:
         return None
     begin = time.perf_counter()
+    worlds = len(recovered)
+    asked = np.ones(worlds, bool) if wanted is None else wanted
     if word in BUILT_IN:
-        wanted = evidence.mask.sum(1) >= FEWEST_CONTACTS
-        most = np.full(len(wanted), np.inf)
+        free = asked & (evidence.mask.sum(1) >= FEWEST_CONTACTS)
+        most = np.full(worlds, np.inf)
         polyhedra: dict[int, Planes] = {}
         if word == CHOSEN:
-            polyhedra = _polyhedra(recovered, belief, felt, prior, table)
+            polyhedra = _polyhedra(asked, recovered, belief, felt, prior, table)
             doubt = unexplained(recovered, evidence)
             if links is not None:  # without them contacts are not placed anew, and tell nothing
                 most = np.where(doubt, np.inf, CLEARLY_BETTER * mean_contradiction(evidence))
                 doubt |= doubted(recovered, evidence)
-            wanted &= doubt
-            wanted[list(polyhedra)] = False
+            free &= doubt
+            free[list(polyhedra)] = False
         if felt is None:
             felt, links = evidence, None
         calibration = None if belief is None else (belief.errors, belief.arm)
         if word == PARTS:
-            return _several(np.flatnonzero(wanted), felt, links, prior, table, begin, calibration)
-        free = _implicit(np.flatnonzero(wanted), felt, links, prior, table, begin, most,
-                         calibration)
-        return _with_polyhedra(free, polyhedra)
+            return _several(np.flatnonzero(free), felt, links, prior, table, begin, calibration)
+        return _with_polyhedra(_implicit(np.flatnonzero(free), felt, links, prior, table, begin,
+                                         most, calibration), polyhedra)
     name = word.rpartition(":")[2]
-    worlds = len(recovered)
     try:
         function = find_plug_in(word)
     except PlannerError as error:
         fault = np.full(worlds, str(error), object)
         return Reconstruction(name, (NO_MESH,) * worlds, fault, 0.0)
-    meshes, fault = run_plug_in(function, _touches(recovered, evidence, prior))
+    rows = np.flatnonzero(asked)
+    made, faults = run_plug_in(function, _touches(
+        rows_of(recovered, rows), rows_of(evidence, rows), rows_of(prior, rows)))
+    meshes, fault = [NO_MESH] * worlds, np.full(worlds, "", object)
+    fault[rows] = faults
+    for row, mesh in zip(rows, made, strict=True):
+        meshes[row] = mesh
     return Reconstruction(name, tuple(meshes), fault, time.perf_counter() - begin)
 
 
-def _polyhedra(recovered: Recovered, belief: Belief | None, felt: Evidence | None,
-               prior: BoundingCylinder, table: FitTable) -> "dict[int, Planes]":
-    """Polyhedra of the worlds that one explains better than the model that was recovered."""
+def _polyhedra(asked: np.ndarray, recovered: Recovered, belief: Belief | None,
+               felt: Evidence | None, prior: BoundingCylinder, table: FitTable
+               ) -> "dict[int, Planes]":
+    """Polyhedra of the worlds `asked` that one explains better than the model recovered."""
     if belief is None or felt is None or not belief.faces:
         return {}
     from strategies.reconstruct.calibrated_planes import calibrated_planes
@@ -165,7 +173,7 @@ def _polyhedra(recovered: Recovered, belief: Belief | None, felt: Evidence | Non
 
     found: dict[int, Planes] = {}
     crossed = sum(face.fit.n_points > 0 for face in belief.faces)
-    for world in np.flatnonzero(crossed >= FEWEST_FACES):
+    for world in np.flatnonzero(asked & (crossed >= FEWEST_FACES)):
         own = np.array([world])
         evidence = rows_of(belief.evidence, own)
         planes = felt_polyhedron([rows_of(face, own) for face in belief.faces],
@@ -203,7 +211,7 @@ def _implicit(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
                               fitted=np.zeros(0, int))
     from fit.implicit.mesh import implicit_meshes
     from strategies.reconstruct.believed_pieces import believed_pieces
-    from strategies.reconstruct.free_contacts import BODY, fitted_freely
+    from strategies.recovery.free_contacts import BODY, fitted_freely
 
     fits, fitted = [], []
     for row in rows:  # one at a time: sums over rows of a longer neighbour would round otherwise
@@ -227,8 +235,8 @@ def _several(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
              prior: BoundingCylinder, table: FitTable, begin: float,
              calibration: tuple[ErrorTable, ArmTable] | None) -> Reconstruction:
     """Bodies of several parts of the worlds `rows`."""
-    from strategies.reconstruct.free_contacts import fitted_freely
     from strategies.reconstruct.parts import fitted_parts, parts_mesh
+    from strategies.recovery.free_contacts import fitted_freely
 
     meshes, parts = [NO_MESH] * len(felt.mask), {}
     for row in rows:

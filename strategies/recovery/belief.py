@@ -1,6 +1,6 @@
 """What a strategy is handed: what has been felt and fitted so far. Plain arrays, no truth."""
 
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -17,9 +17,9 @@ from strategies.procedures.contour_shape import Profile
 from strategies.procedures.planar_faces import Face
 from strategies.recovery.choose_model import Shape, revolution_of
 from strategies.recovery.evidence import CONTRADICTED_FROM, Evidence
-from warpgrasp.parameters import ArmTable, ErrorTable, HandTable, SensorTable
+from warpgrasp.parameters import ArmTable, ErrorTable, FitTable, HandTable, SensorTable
 
-_SHARED = ("step", "arm", "hand", "sensors", "closings", "errors")
+_SHARED = ("step", "arm", "hand", "sensors", "closings", "errors", "fit")
 """Fields that all worlds share."""
 
 
@@ -65,6 +65,10 @@ class Belief:
     """How the robot stood at each contact of the evidence, and what its joints felt."""
     errors: ErrorTable
     """How far the robot may be from its tables: deviations, not what was drawn."""
+    fit: FitTable = field(default_factory=FitTable)
+    """What the body at the end is fitted to, and what may stand for it."""
+    unplaced: Evidence | None = None
+    """What was felt by the last fit, contacts where they were felt: not placed on any body."""
     touches_left: np.ndarray | None = None
     """How many more touches the budget allows, (world,); None where it does not limit them."""
 

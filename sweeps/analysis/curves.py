@@ -1,6 +1,6 @@
 """Error as it falls with touches or robot time: step functions, averaged over objects, episodes.
 
-An episode's error is that of its last refit so far, and stays after its end. Rows of a strategy
+An episode's error is that of its last body so far, and stays after its end. Rows of a strategy
 that was fitted once, at its end, hold no curve: it is that one step. At a point of the grid
 episodes that have no fit yet are left out; where they are more than one in twenty there is no
 mean (a mean over the quick ones alone would flatter).

@@ -24,11 +24,11 @@ from sweeps.spec.errors import choose
 if TYPE_CHECKING:
     from sweeps.run.store import Store
     from sweeps.run.unit_file import Columns
-LOWER_IS_BETTER = ("chamfer_mm", "hausdorff95_mm", "touches", "robot_time_s", "arm_path_m",
-                   "fit_rms_mm")
+LOWER_IS_BETTER = ("chamfer_mm", "normalized_chamfer", "hausdorff95_mm", "touches",
+                   "robot_time_s", "arm_path_m", "fit_rms_mm")
 HIGHER_IS_BETTER = ("iou", "coverage5mm", "recognized")
 METRICS = (*LOWER_IS_BETTER, *HIGHER_IS_BETTER)
-SCORES = ("chamfer_mm", "hausdorff95_mm", "iou", "coverage5mm")
+SCORES = ("chamfer_mm", "normalized_chamfer", "hausdorff95_mm", "iou", "coverage5mm")
 """Metrics that the prior has, in columns of their own."""
 COSTS = ("touches", "robot_time_s", "arm_path_m")
 _TELLING = ("object.", "stereo.")

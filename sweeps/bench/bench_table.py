@@ -5,7 +5,7 @@ from typing import Any
 
 Line = Mapping[str, Any]
 PEERS = ("same_closing", "mujoco_rollout", "numba_closing", "jax_closing", "scipy_fits",
-         "trimesh_distances", "mujoco_scipy_episode")
+         "sklearn_free_forms", "trimesh_distances", "mujoco_scipy_episode")
 
 
 def markdown(lines: Sequence[Line]) -> str:
@@ -63,6 +63,7 @@ def ratio(line: Line, lines: Sequence[Line]) -> float | None:
     """Our rate over that of a peer's `line`, by processor time; None without a row of ours."""
     wanted = {"mujoco_rollout": ("same_closing", "-"), "numba_closing": ("same_closing", "-"),
               "jax_closing": ("same_closing", "-"), "scipy_fits": ("fits", line.get("of")),
+              "sklearn_free_forms": ("free_forms", "fit"),
               "trimesh_distances": ("trimesh_distances", "ours"),
               "mujoco_scipy_episode": ("episodes", line.get("of"))}.get(line["row"])
     ours = next((v for v in lines if (v["row"], v.get("of")) == wanted and "failed" not in v), None)
@@ -77,5 +78,5 @@ def _ratio(line: Line, lines: Sequence[Line]) -> str:
 
 
 def _notes(line: Line) -> str:
-    known = ("tip_error_mm", "steps", "steps_off", "closings", "failed")
+    known = ("tip_error_mm", "steps", "steps_off", "off_mm", "closings", "failed")
     return ", ".join(f"{key} {line[key]}" for key in known if key in line)

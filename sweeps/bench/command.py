@@ -66,6 +66,8 @@ def rows(*, quick: bool, peers: bool) -> Iterator[Row]:
             yield ("scipy_fits", "superquadric11", 4, 1)
             yield ("scipy_fits", "superquadric13", 4, 1)
             yield ("mujoco_scipy_episode", "ring6", 1, 1)
+        yield ("sklearn_free_forms", "known", 64, 1)
+        yield ("sklearn_free_forms", "search", 8, 1)
         yield ("trimesh_distances", "ours", 100_000, 1)
         yield ("trimesh_distances", "trimesh", 500, 1)
 

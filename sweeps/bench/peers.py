@@ -6,10 +6,11 @@ setting; every closing is of the hand straight above the small cylinder, as `ben
 
 from collections.abc import Callable
 from math import hypot
+from typing import Any
 
 import numpy as np
 
-from sweeps.bench.measure import Workload
+from sweeps.bench.measure import SEED, Workload
 from sweeps.bench.peer_closing import COMMANDS_RAD, COUNT, HAND_POSE, ours, rest_tips
 from warpgrasp.parameters import ContactTable, HandTable, PadTable
 
@@ -125,6 +126,43 @@ def scipy_fits(of: str, batch: int) -> Workload:
     return Workload("fits", call)
 
 
+def sklearn_free_forms(of: str, batch: int) -> Workload:
+    """scikit-learn's Gaussian process on the very rows of our free forms of a mug: `of` is `known`,
+    with our hyperparameters, or `search`, where it looks for amplitude and length scale from its
+    own start, which ours do not need. `off_mm`: largest difference of the distances at the touches
+    from ours, of `known` alone."""
+    from importlib import import_module
+
+    from fit.implicit.known import known_slopes
+    from strategies.recovery.free_contacts import BODY
+    from sweeps.validate.bodies.free_forms import SETS, fitted_to, shape, touches
+
+    points, normals = touches(shape("mug-1"), np.random.default_rng(SEED))
+    fits = fitted_to(points, normals)
+    count = points.shape[1]
+    target = np.repeat([-BODY.mean_m, BODY.offset_m - BODY.mean_m], count)
+    known = of == "known"
+    theirs = import_module("sklearn.gaussian_process")
+
+    def fitted(row: int) -> Any:
+        constant, matern = theirs.kernels.ConstantKernel, theirs.kernels.Matern
+        kernel = constant() * matern(nu=1.5)
+        if known:
+            kernel = constant(fits.amplitude_m[row]**2) * matern(fits.length_m[row], nu=1.5)
+        return theirs.GaussianProcessRegressor(
+            kernel, alpha=fits.noise_m2[row], optimizer=None if known else "fmin_l_bfgs_b",
+        ).fit(fits.points_m[row], target)
+
+    def call() -> int:
+        for n in range(batch):
+            fitted(n % SETS)
+        return batch
+
+    ours_m, _ = known_slopes(fits, 0, BODY, points[0])
+    off_m = np.abs(fitted(0).predict(points[0]) + BODY.mean_m - ours_m).max()
+    return Workload("free forms", call, {"off_mm": round(float(off_m) * 1e3, 6)} if known else {})
+
+
 def trimesh_distances(of: str, batch: int) -> Workload:
     """Signed distances to a mesh of 5,120 faces: trimesh's proximity, or `of` ours, baked."""
     import trimesh
@@ -210,5 +248,5 @@ def _turn(v: np.ndarray) -> np.ndarray:
 
 
 PEERS: dict[str, Callable[[str, int], Workload]] = {row.__name__: row for row in (
-    mujoco_rollout, same_closing, numba_closing, jax_closing, scipy_fits, trimesh_distances,
-    mujoco_scipy_episode)}
+    mujoco_rollout, same_closing, numba_closing, jax_closing, scipy_fits,
+    sklearn_free_forms, trimesh_distances, mujoco_scipy_episode)}

@@ -110,7 +110,7 @@ def fits(of: str, batch: int) -> Workload:
 def free_forms(of: str, batch: int) -> Workload:
     """Free forms of a mug by 96 touches with normals: the `fit`, or fit, mesh and all `scores`."""
     from fit.implicit.mesh import implicit_meshes
-    from strategies.reconstruct.free_contacts import BODY
+    from strategies.recovery.free_contacts import BODY
     from sweeps.episode.mesh_scores import score_meshes
     from sweeps.validate.bodies.free_forms import SETS, fitted_to, shape, touches
 

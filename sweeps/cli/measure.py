@@ -89,11 +89,11 @@ def bench(*, out: Annotated[Path, Parameter(name=["--out", "-o"])] = Path("runs/
     quick
         Fewer rows, each run once.
     peers
-        Beside MuJoCo, numba, JAX, scipy and trimesh (the optional group `peers`).
+        Beside MuJoCo, numba, JAX, scipy, scikit-learn and trimesh (the optional group `peers`).
     only
         Rows of this name alone (repeatable): closings, touches, metrics, fits, free_forms,
         episodes, study, start, and with --peers same_closing, mujoco_rollout, numba_closing,
-        jax_closing, scipy_fits, mujoco_scipy_episode, trimesh_distances.
+        jax_closing, scipy_fits, sklearn_free_forms, mujoco_scipy_episode, trimesh_distances.
     """
     from sweeps.bench.command import bench as measure_all
 

@@ -10,7 +10,7 @@ alone: the same for every strategy, setting and block.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import pi
 from pathlib import Path
@@ -27,14 +27,25 @@ from strategies.poses.waypoints import BoundingCylinder
 from strategies.procedures.possible import FAILED, STATUS, NotPossible, fault_status
 from strategies.recognition.answers import Recognition
 from strategies.reconstruct.free_form import Reconstruction, reconstruct
+from strategies.reconstruct.plug_in_name import BUILT_IN
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered
 from strategies.recovery.evidence import Evidence
 from sweeps.episode.columns import model_columns
 from sweeps.episode.contact_rows import contact_tables
+from sweeps.episode.curve_moments import (
+    Asked,
+    Grown,
+    Moment,
+    curves,
+    no_scores,
+    rebuilt_moments,
+    scored_moments,
+)
 from sweeps.episode.given_prior import (
     SEEN,
     draw_prior,
+    normalized_chamfer,
     prior_recovered,
     score_priors,
     seen_prior,
@@ -62,20 +73,6 @@ FAULTY = (FAILED, STATUS, REBUILD_FAILED)
 STOPPED = f"stopped: it wanted more than {MOST_STEPS} steps"
 Part = tuple[Cell, np.ndarray]
 """A cell and the numbers of some of its episodes."""
-
-
-@dataclass(frozen=True)
-class Moment:
-    """What an episode had reached when its bodies were fitted. Shapes (world,)."""
-
-    step: int
-    """How many steps had been made."""
-    touches: np.ndarray
-    time_s: np.ndarray
-    scores: Scores
-    recovered: Recovered
-    touched: np.ndarray
-    """Share of the surface near a contact so far."""
 
 
 @dataclass(frozen=True)
@@ -188,10 +185,10 @@ def _rows_of(
         "procedures": _procedures(block),
         "robot_time_s": belief.time_s,
         "arm_path_m": belief.path_m,
-        **_score_columns(scores),
+        **_score_columns(scores, block.prior_scores),
         **columns_of_recognition(block.recognition, cell.recognition, bodies, counts),
         "shape": _shape_names(block, names),
-        **_score_columns(block.prior_scores, "prior_"),
+        **_score_columns(block.prior_scores, block.prior_scores, "prior_"),
         "worse_than_prior": block.worse_than_prior,
     }
     if cell.keep == "contacts":
@@ -199,9 +196,11 @@ def _rows_of(
     return columns | model_columns(belief, recovered) | curves(block.moments, worlds)
 
 
-def _score_columns(scores: Scores, prefix: str = "") -> dict[str, np.ndarray]:
+def _score_columns(scores: Scores, prior: Scores, prefix: str = "") -> dict[str, np.ndarray]:
     return {f"{prefix}{name}": values for name, values in (
-        ("chamfer_mm", scores.chamfer_m * 1e3), ("hausdorff95_mm", scores.hausdorff95_m * 1e3),
+        ("chamfer_mm", scores.chamfer_m * 1e3),
+        ("normalized_chamfer", normalized_chamfer(scores, prior)),
+        ("hausdorff95_mm", scores.hausdorff95_m * 1e3),
         ("iou", scores.iou), ("volume_ratio", scores.volume_ratio),
         ("coverage5mm", scores.coverage))}
 
@@ -261,11 +260,22 @@ def run_parts(
     surface = TouchedSurface(scorer.worlds(), body_pose)
     begin = Moment(0, np.zeros(len(key)), np.zeros(len(key)), score_priors(scorer, given), given,
                    surface.share(truth))
+    rebuilds = curve and cell.fit.reconstruct != BUILT_IN[0]
     reached: list[Moment] = []
+    asked: list[Asked] = []
+    grown = Grown(len(key))
 
     def observe(belief: Belief, recovered: Recovered) -> None:
-        reached.append(Moment(belief.step, belief.touches, belief.time_s, begin.scores, recovered,
+        reached.append(Moment(belief.step, belief.touches, belief.time_s, no_scores(len(key)),
+                              recovered,
                               surface.share(truth) if curve else np.full(len(key), np.nan)))
+        if rebuilds and (wanted := grown(belief.touches)).any():
+            asked.append((len(reached) - 1, belief, wanted))
+
+    def rebuild(belief: Belief, recovered: Recovered, wanted: np.ndarray
+                ) -> Reconstruction | None:
+        return reconstruct(cell.fit.reconstruct, recovered, belief.evidence, prior, cell.fit,
+                           felt=belief.unplaced, links=belief.links, belief=belief, wanted=wanted)
 
     planner, fault = _planner(parts, robot, prior)
     # No subclass and nothing that looks like it: the truth is for the shipped one alone.
@@ -282,32 +292,19 @@ def run_parts(
         wrong = faults != ""
         found = replace(found, fault=np.where(wrong, faults, found.fault),
                         status=np.where(wrong, fault_status(faults), found.status))
-    moments = _scored(scorer, begin, reached, curve)
+    moments = scored_moments(scorer, begin, reached, curve and not rebuilds)
     scores = moments[-1].scores if moments else begin.scores
     recognition = recognize_objects(found.belief, found.recovered, cell.recognition, device)
-    rebuilt = reconstruct(cell.fit.reconstruct, found.recovered, found.belief.evidence, prior,
-                          cell.fit, felt=found.felt, links=found.belief.links, belief=found.belief)
+    rebuilt = rebuild(found.belief, found.recovered, np.ones(len(key), bool))
     if rebuilt is not None:
         from sweeps.episode.mesh_scores import scores_with_meshes
 
         found = _rebuilt_status(found, rebuilt)
         scores = scores_with_meshes(scorer, rebuilt.meshes, scores)
+        if rebuilds:
+            moments = rebuilt_moments(scorer, begin, moments, asked, rebuild, scores)
     return EpisodeBlock(tuple(bodies), truth, prior, found, scores, begin.scores, moments,
                         recognition, surface.share(truth), rebuilt)
-
-
-def _scored(scorer: Scorer, begin: Moment, reached: Sequence[Moment], curve: bool
-            ) -> tuple[Moment, ...]:
-    """The moments after `begin` with their scores: the last finely, those before it roughly, or
-    not at all without `curve`."""
-    rough = replace(scorer, samples=ROUGH)
-    scored, last = [], begin
-    unknown = Scores(*(np.full(len(begin.touches), np.nan) for _ in fields(Scores)))
-    for moment in reached[:-1]:
-        scored.append(last := replace(moment, scores=rough.score_again(
-            moment.recovered, last.recovered, last.scores) if curve else unknown))
-    return (*scored, *(replace(moment, scores=scorer.score_again(
-        moment.recovered, begin.recovered, begin.scores)) for moment in reached[-1:]))
 
 
 def _which(bodies: Sequence[Body]) -> np.ndarray:
@@ -350,30 +347,6 @@ def _procedures(block: EpisodeBlock) -> np.ndarray:
             if not words[world] or words[world][-1] != procedure.name:
                 words[world].append(procedure.name)
     return np.array([" ".join(w) for w in words])
-
-
-def curves(moments: tuple[Moment, ...], worlds: int) -> dict[str, np.ndarray]:
-    """Columns of arrays: touches, time and scores at each fit; of fits at the same touches and
-    time the last."""
-    columns: dict[str, list[np.ndarray]] = {name: [] for name in CURVES}
-    for world in range(worlds):
-        at = np.array([(m.touches[world], m.time_s[world]) for m in moments]).reshape(-1, 2)
-        # A pose that was barred took time, and the fit after it is another one.
-        kept = np.append((np.diff(at, axis=0) > 0).any(1), True)[:len(at)]
-        for name, values in (
-                ("curve_touches", at[:, 0]), ("curve_time_s", at[:, 1]),
-                ("curve_chamfer_mm", [m.scores.chamfer_m[world] * 1e3 for m in moments]),
-                ("curve_iou", [m.scores.iou[world] for m in moments]),
-                ("curve_touched10mm", [m.touched[world] for m in moments])):
-            columns[name].append(np.array(values, float)[kept])
-    found = {}
-    for name, rows in columns.items():
-        found[name] = np.empty(worlds, object)
-        found[name][:] = rows
-    return found
-
-
-CURVES = ("curve_touches", "curve_time_s", "curve_chamfer_mm", "curve_iou", "curve_touched10mm")
 
 
 def cell_body(cell: Cell) -> Body:

@@ -18,6 +18,7 @@ from warpgrasp.parameters import ObjectTable, StereoTable
 from warpgrasp.robot import Robot
 
 LEAST_RADIUS_M, LEAST_HEIGHT_M = 0.010, 0.020
+LEAST_SQUARE_M2 = 1e-18
 REMEMBERED = 100_000
 """Priors whose scores a process keeps, some 40 MiB; then it begins again."""
 _known: dict[bytes, np.ndarray] = {}
@@ -76,6 +77,15 @@ def worse_than_prior(scores: Scores, prior: Scores) -> np.ndarray:
     farther = np.where(scores.chamfer_m > prior.chamfer_m, "chamfer_mm", "")
     smaller = np.where(scores.iou < prior.iou, "iou", "")
     return np.char.strip(np.char.add(np.char.add(farther, " "), smaller))
+
+
+def normalized_chamfer(scores: Scores, prior: Scores) -> np.ndarray:
+    """What is left of the error of the prior that was given, (world,): 1 where nothing was gained.
+
+    As Smith, Meger, Pineda and others (2021, Active 3D shape reconstruction from vision and touch)
+    report it: the sum of the mean squared distances both ways, after exploring over before.
+    """
+    return scores.square_m2 / np.maximum(prior.square_m2, LEAST_SQUARE_M2)
 
 
 def score_priors(scorer: Scorer, given: Recovered) -> Scores:

@@ -70,6 +70,7 @@ def score_meshes(
     common = sample.common_volume(signed)
     return Scores(
         chamfer_m=0.5 * ((to_mesh * sample.surface_share).sum(1) + to_body.mean(1)),
+        square_m2=(to_mesh**2 * sample.surface_share).sum(1) + (to_body**2).mean(1),
         hausdorff95_m=np.maximum(weighted_quantile(to_mesh, sample.surface_share, 0.95),
                                  np.quantile(to_body, 0.95, axis=1)),
         iou=common / (volume + sample.volume_m3 - common),

@@ -76,6 +76,8 @@ class Scores:
 
     chamfer_m: np.ndarray
     """Mean of the two mean distances, surface to surface."""
+    square_m2: np.ndarray
+    """Sum of the two mean squares of these distances: the chamfer distance of learned methods."""
     hausdorff95_m: np.ndarray
     """Larger of the two 95 % quantiles of distance, surface to surface."""
     iou: np.ndarray
@@ -192,6 +194,7 @@ def _score(found: _Surface, body: Body, sample: BodySample, device: str) -> Scor
     share = found.area / found.area.sum(1, keepdims=True)
     return Scores(
         chamfer_m=0.5 * ((found.away * sample.surface_share).sum(1) + (to_body * share).sum(1)),
+        square_m2=(found.away**2 * sample.surface_share).sum(1) + (to_body**2 * share).sum(1),
         hausdorff95_m=np.maximum(weighted_quantile(found.away, sample.surface_share, 0.95),
                                  weighted_quantile(to_body, share, 0.95)),
         iou=found.common / (found.volume + sample.volume_m3 - found.common),

@@ -23,6 +23,7 @@ from sweeps.episode.columns import (
 )
 from sweeps.episode.contact_rows import COLUMNS, VECTORS, contact_columns
 from sweeps.episode.episodes import REBUILD_FAILED, EpisodeBlock, run_block
+from sweeps.episode.given_prior import normalized_chamfer
 from sweeps.figures.contacts import contacts_shown, draw_contacts
 from sweeps.figures.contour import contour_figure
 from sweeps.figures.faces import crossed_faces, draw_faces, faces_shown
@@ -171,6 +172,7 @@ def shape_record(cell: Cell, block: EpisodeBlock, world: int = 0) -> dict[str, A
         "procedures": list(_ends(block, world)),
         "metrics": {
             "chamfer_mm": float(scores.chamfer_m[world] * 1e3),
+            "normalized_chamfer": float(normalized_chamfer(scores, block.prior_scores)[world]),
             "hausdorff95_mm": float(scores.hausdorff95_m[world] * 1e3),
             "iou": float(scores.iou[world]),
             "volume_ratio": float(scores.volume_ratio[world]),

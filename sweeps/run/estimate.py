@@ -12,7 +12,7 @@ TOUCHES = 200  # of a procedure that feels with pads
 FIT_S = 0.008  # a body found from scratch, in five fits
 GRASP_S = 0.0008  # a pose of two closings
 TOUCHED_S = {"planar": 0.07, "contour": 0.03, "decide": 0.08}
-STEP_S = {"random": 0.012, "even": 0.012, "any-object": 0.05, "oracle": 0.3}
+STEP_S = {"random": 0.012, "even": 0.012, "any-object": 0.1, "oracle": 0.3}
 """A step of planners that choose one pose at a time, its fit included."""
 UNGUIDED, UNGUIDED_S = ("random", "even"), 0.0015
 """Those whose bodies are fitted once, and a pose of theirs."""

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import inf
 
-from strategies.ready_made import PLANNED_TOGETHER
+from strategies.ready_made import PLANNED_TOGETHER, SEARCH_FREELY
 from sweeps.output import write_atomic
 from sweeps.run.estimate import episode_seconds
 from sweeps.run.grown_units import begun, join, rest_of
@@ -163,7 +163,9 @@ class UnitQueue:
         one's own are called for a unit at a time, since they need not keep worlds apart.
         """
         call = unit.cell.strategy.call
-        if unit.cell_hash in self.alone or (call and call not in PLANNED_TOGETHER):
+        together = call in PLANNED_TOGETHER and not (
+            call in SEARCH_FREELY and unit.cell.fit.free_forms)
+        if unit.cell_hash in self.alone or (call and not together):
             return 1
         short = min(IN_HAND_S, self.unit_timeout_s / 4) / max(self.unit_s(unit), 1e-9)
         share = (1 + len(self.found) + self.ahead + elsewhere) / workers

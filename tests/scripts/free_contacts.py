@@ -18,9 +18,9 @@ from coverage_reach import body_table
 
 from fit.implicit.query import implicit_values
 from strategies.ready_made import STRATEGIES
-from strategies.reconstruct.free_contacts import BODY, fitted_freely
 from strategies.recovery.contact_verdict import NEAR_M, UNSURE_M
 from strategies.recovery.evidence import CONTRADICTED_FROM
+from strategies.recovery.free_contacts import BODY, fitted_freely
 from sweeps.episode.episodes import EpisodeBlock, run_block
 from sweeps.spec.cell import Cell
 from warpgrasp.parameters import FitTable

@@ -105,6 +105,11 @@ def test_what_ships_reads_no_truth(name: str) -> None:
     assert len(run(name, table=FitTable(taper=False, rivals=False, rounds=0))) == 2
 
 
+def test_a_search_by_free_forms_reads_no_truth() -> None:
+    table = FitTable(taper=False, rivals=False, rounds=0, reconstruct="implicit")
+    assert len(run("gaussian-process", poses=3, table=table)) == 2
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in STRATEGIES if name not in ("oracle",)])
 def test_all_that_ships_reads_no_truth(name: str) -> None:

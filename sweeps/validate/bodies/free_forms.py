@@ -9,7 +9,7 @@ from fit.implicit.known import KnownProcess, fit_known
 from fit.implicit.mesh import implicit_meshes
 from fit.implicit.query import implicit_distance
 from fit.implicit.record import ImplicitFit
-from strategies.reconstruct.free_contacts import BODY
+from strategies.recovery.free_contacts import BODY
 from sweeps.episode.mesh_scores import score_meshes
 from sweeps.validate.comparison import Comparison
 from warpgrasp.geometry.body import Body, distance_to_bodies, scene_of

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from fit.fit_status import FitStatus
-from fit.implicit.known import KnownProcess, fit_known, known_slopes, shared_error_means
+from fit.implicit.known import (
+    KnownProcess,
+    fit_known,
+    known_deviations,
+    known_slopes,
+    shared_error_means,
+)
 from fit.implicit.mesh import implicit_meshes
 from fit.implicit.query import implicit_distance, implicit_slopes, implicit_values
 
@@ -95,6 +101,20 @@ def test_slopes_of_one_body_are_those_of_all() -> None:
         own_value, own_slope = known_slopes(fits, row, PROCESS, asked[row])
         np.testing.assert_allclose(own_value, value[row], atol=3e-6)
         np.testing.assert_allclose(own_slope, slope[row], atol=3e-4)
+
+
+def test_deviations_of_one_body_are_those_of_all() -> None:
+    """By the programs of the general fit, which know nothing of these; none where none is felt."""
+    points, normals = ball(40)
+    kept = np.ones((2, 40), bool)
+    kept[1, 2:] = False
+    fits = fit_known(points.repeat(2, 0), kept, normals.repeat(2, 0), np.full(kept.shape, 0.0005),
+                     PROCESS)
+    asked = np.random.default_rng(3).uniform(-0.06, 0.06, (2, 50, 3))
+    other = implicit_distance(fits, asked, PROCESS.mean).std_m
+    np.testing.assert_allclose(known_deviations(fits, 0, PROCESS, asked[0]), other[0], rtol=1e-4)
+    np.testing.assert_array_equal(known_deviations(fits, 1, PROCESS, asked[1]),
+                                  PROCESS.amplitude_m)
 
 
 def test_wrong_numbers_are_named() -> None:

@@ -59,3 +59,18 @@ def test_where_touches_are_limited_fingers_that_would_find_little_stay_open() ->
     assert closed[0].min() >= 1
     assert closed[0].mean() < 3.0
     assert (closed[1] == 4).all()
+
+
+def test_gaussian_process_plans_with_the_free_form_that_it_recovers() -> None:
+    """About a superquadric it finds nothing of a hammer's head."""
+    table = family_table("hammer-1")
+    assert table is not None
+    short = replace(STRATEGIES["gaussian-process"], touches=40)
+    cell = Cell(short, table, "hammer-1", seed=4, fit=replace(FIT, reconstruct="implicit"))
+    rows = run_episodes(cell, np.arange(3), "cpu")
+    about_model = run_episodes(replace(cell, fit=FIT), np.arange(3), "cpu")
+    assert rows["touched10mm"].min() > 0.2 > 2.0 * about_model["touched10mm"].max()
+    assert rows["chamfer_mm"].mean() < 0.5 * about_model["chamfer_mm"].mean()
+    alone = run_episodes(cell, np.arange(1, 2), "cpu")
+    for name in ("touches", "touched10mm", "chamfer_mm", "robot_time_s", "contacts"):
+        assert rows[name][1] == alone[name][0], name

@@ -12,7 +12,7 @@ from strategies.procedures.planar_explorer import face_axes
 from strategies.ready_made import STRATEGIES
 from strategies.reconstruct.calibrated_planes import Planes, calibrated_planes
 from strategies.reconstruct.felt_polyhedron import crossed_planes, felt_polyhedron
-from strategies.reconstruct.free_contacts import LATER_SIGMA_M, PAD_SIGMA_M
+from strategies.recovery.free_contacts import LATER_SIGMA_M, PAD_SIGMA_M
 from sweeps.episode.episodes import EpisodeBlock, run_block, run_episodes
 from sweeps.report.episode_files import shape_record
 from sweeps.report.trust import choice_sentence

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from strategies.ready_made import STRATEGIES
-from strategies.reconstruct.free_contacts import fitted_freely
 from strategies.recovery.choose_model import Shape
 from strategies.recovery.contact_verdict import unexplained
+from strategies.recovery.free_contacts import believed_freely, fitted_freely
 from sweeps.episode.episodes import EpisodeBlock, run_block, run_episodes
 from sweeps.spec.cell import Cell
 from warpgrasp.objects.families import family_table
@@ -45,6 +45,21 @@ def test_contacts_move_towards_where_fingers_touched(bowls: EpisodeBlock) -> Non
     assert error(placed.points_m) < 0.0055
     assert error(placed.points_m) < 0.75 * error(found.felt.points_m)
     assert error(placed.points_m) < 0.75 * error(found.belief.evidence.points_m)
+
+
+def test_planners_may_ask_for_the_free_form_that_is_made() -> None:
+    short = replace(cell("bowl-2"), strategy=replace(STRATEGIES["any-object"], touches=24),
+                    fit=FitTable(reconstruct="implicit"))
+    block = run_block(short, np.arange(1), "cpu")
+    assert block.rebuilt is not None
+    assert block.rebuilt.fitted is not None
+    for fit, world in zip(block.rebuilt.fits, block.rebuilt.fitted, strict=True):
+        asked = believed_freely(block.exploration.belief, int(world))
+        assert (asked.alpha_per_m == fit.alpha_per_m).all()
+        assert (asked.points_m == fit.points_m).all()
+    assert len(block.rebuilt.fits) > 0
+    with pytest.raises(ValueError, match="does not say where contacts were felt"):
+        believed_freely(replace(block.exploration.belief, unplaced=None), 0)
 
 
 @pytest.mark.slow

@@ -29,8 +29,8 @@ from warpgrasp.probe_status import ProbeStatus
 
 CELL = Cell(STRATEGIES["rim12-ring12"], {"name": "large_cylinder"}, "large_cylinder", seed=11)
 CONTRACT = {"episode", "strategy", "object", "seed", "status", "contacts", "touches",
-            "robot_time_s", "arm_path_m", "chamfer_mm", "hausdorff95_mm", "iou", "volume_ratio",
-            "coverage5mm", "recognized_as", "recognized", "recognized_by",
+            "robot_time_s", "arm_path_m", "chamfer_mm", "normalized_chamfer", "hausdorff95_mm",
+            "iou", "volume_ratio", "coverage5mm", "recognized_as", "recognized", "recognized_by",
             "recognized_probability", "shape", "fit_rms_mm", "fit_iterations", "fit_status",
             "volume_low_m3", "volume_high_m3", "interval_trusted",
             "contradicted_share", "model_adequate"}

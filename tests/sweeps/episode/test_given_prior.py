@@ -98,11 +98,13 @@ def test_rows_hold_what_an_episode_without_a_touch_scores(words: dict) -> None:
     ok = active["status"] == "ok"
     assert ok.any()
     assert (active["chamfer_mm"] != active["prior_chamfer_mm"])[ok].all()
-    for name in ("chamfer_mm", "hausdorff95_mm", "iou", "volume_ratio", "coverage5mm"):
+    for name in ("chamfer_mm", "normalized_chamfer", "hausdorff95_mm", "iou", "volume_ratio",
+                 "coverage5mm"):
         assert np.array_equal(idle[name], idle[f"prior_{name}"])
         assert np.array_equal(idle[f"prior_{name}"], active[f"prior_{name}"])
         assert np.array_equal(active[name][~ok], active[f"prior_{name}"][~ok])
     assert (idle["worse_than_prior"] == "").all()
+    assert (idle["normalized_chamfer"] == 1.0).all()
     for row, words_of_row in enumerate(active["worse_than_prior"]):
         assert set(words_of_row.split()) == {
             name for name, sign in (("chamfer_mm", 1), ("iou", -1))

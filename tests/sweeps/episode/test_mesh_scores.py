@@ -88,6 +88,7 @@ def test_distances_and_shares_against_trimesh() -> None:
     on, _ = trimesh.sample.sample_surface(other, 6000, seed=1)
     back = cKDTree(sample_body(body, surface=16384).surface_m).query(on)[0]
     assert scores.chamfer_m[0] == pytest.approx(0.5 * (there.mean() + back.mean()), abs=4e-4)
+    assert scores.square_m2[0] == pytest.approx((there**2).mean() + (back**2).mean(), rel=0.05)
     assert scores.hausdorff95_m[0] == pytest.approx(
         max(np.quantile(there, 0.95), np.quantile(back, 0.95)), abs=1e-3)
     assert scores.coverage[0] == pytest.approx((there <= 0.005).mean(), abs=0.05)

@@ -211,6 +211,7 @@ def test_quantiles_of_two_spheres_against_the_integral(samples: Samples, within:
     assert found.hausdorff95_m[0] == pytest.approx(
         max(np.quantile(side, 0.95) for side in sides), rel=within)
     assert found.chamfer_m[0] == pytest.approx(np.mean(sides), rel=within)
+    assert found.square_m2[0] == pytest.approx(2.0 * np.mean(np.square(sides)), rel=2 * within)
 
 
 @pytest.mark.slow

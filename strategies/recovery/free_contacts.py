@@ -13,8 +13,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from fit.implicit.known import KnownProcess, fit_known, shared_error_means
-from fit.implicit.query import implicit_slopes
+from fit.arrays import rows_of
+from fit.implicit.known import KnownProcess, fit_known, known_slopes, shared_error_means
 from fit.implicit.record import ImplicitFit
 from strategies.contacts.field_placing import (
     can_be_placed,
@@ -25,6 +25,7 @@ from strategies.contacts.field_placing import (
 )
 from strategies.contacts.finger_touch import TouchedLinks
 from strategies.contacts.shared_errors import shared_vectors
+from strategies.recovery.belief import Belief
 from strategies.recovery.evidence import CONTRADICTED_FROM, SURE_LINK, Evidence
 from strategies.recovery.fit_contacts import (
     FARTHEST_M,
@@ -59,6 +60,8 @@ CALIBRATING = KnownProcess(length_m=0.1, slope=0.1)
 """Of the fit that tells of the robot's errors [est]."""
 BODY = KnownProcess(length_m=0.05)
 """Of the last fit [est]."""
+DIGITS = 9
+"""Of the field that contacts are placed by [m]: its products round by how they are computed."""
 
 
 def fitted_freely(
@@ -74,7 +77,7 @@ def fitted_freely(
     be. Where there are no `links`, all stay where they are.
     """
     placed, sigma = felt, _first_sigma(felt)
-    if links is None:
+    if links is None or not felt.mask.any():
         return _fit(placed, sigma, table, BODY), placed
     if can_be_placed(links) and (felt.mask & links.linked).any():
         stations = link_stations(links)
@@ -85,6 +88,16 @@ def fitted_freely(
     if calibration is not None:
         placed = _calibrated(placed, sigma, links, calibration)
     return _fit(placed, sigma, table, BODY), placed
+
+
+def believed_freely(belief: Belief, world: int) -> ImplicitFit:
+    """The free form that would be made of one world's contacts now; about nothing, where it has
+    hardly any. Raises ValueError for a belief that does not say where contacts were felt."""
+    if belief.unplaced is None:
+        raise ValueError("belief: does not say where contacts were felt")
+    own = np.array([world])
+    return fitted_freely(rows_of(belief.unplaced, own), rows_of(belief.links, own), belief.fit,
+                         (belief.errors, belief.arm))[0]
 
 
 def _calibrated(placed: Evidence, sigma: np.ndarray, links: TouchedLinks,
@@ -135,13 +148,11 @@ def _field(fits: ImplicitFit, stations: np.ndarray, wanted: np.ndarray
     """Distances [m] and unit normals of the bodies at the stations `wanted`, (world, point,
     station); 1 m and no normal elsewhere."""
     distance, normal = np.ones(wanted.shape), np.zeros(stations.shape)
-    at = np.nonzero(wanted)
-    world = at[0]
-    slot = np.arange(len(world)) - np.searchsorted(world, world)
-    asked = np.zeros((len(wanted), slot.max(initial=-1) + 1, 3))
-    asked[world, slot] = stations[at]
-    value, slope = implicit_slopes(fits, asked, PLACING.mean)
-    distance[at], normal[at] = field_of_process(value[world, slot], slope[world, slot])
+    for world, mine in enumerate(wanted):
+        if mine.any():
+            found = known_slopes(fits, world, PLACING, stations[world][mine])
+            value, slope = (np.round(values, DIGITS) for values in found)
+            distance[world][mine], normal[world][mine] = field_of_process(value, slope)
     return distance, normal
 
 
