@@ -22,7 +22,7 @@ TOUCH_M = 0.002
 """Standard deviation of a touch, as in what it tells [est]."""
 HARDLY = 0.02
 """Where opinions are pooled, blocks whose cells are all believed less are not asked about, which
-takes a third of the time away: there the given grid decides alone [est]."""
+halves the time: there the given grid decides alone [est]."""
 LEAST = 1e-12
 _NODES = tuple(count // EVERY for count in CELLS)
 _BLOCKS = tuple(number for count in _NODES for number in (count, EVERY))
