@@ -6,6 +6,7 @@ For contacts that are still to move, and for many touches with normals: the desc
 that the body would enter.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,7 @@ from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
 from scipy.spatial.distance import cdist
 
 from fit.fit_status import FitStatus
-from fit.implicit.record import ImplicitFit
+from fit.implicit.record import ImplicitFit, Mean
 
 SQRT3 = 3.0**0.5  # not that of `process`, which brings JAX's solvers
 FEWEST = 4
@@ -61,7 +62,7 @@ def fit_known(
     normals: Float[np.ndarray, "fit point 3"], sigma_m: Float[np.ndarray, "fit point"],
     process: KnownProcess, *, free_points: Float[np.ndarray, "fit free 3"] | None = None,
     free_radius: float = 0.0, free_mask: Bool[np.ndarray, "fit free"] | None = None,
-    table_z: float | None = None,
+    table_z: float | None = None, mean: Mean | None = None,
 ) -> ImplicitFit:
     """Fit free-form bodies to touches [m] with outward normals and deviations `sigma_m`.
 
@@ -70,8 +71,9 @@ def fit_known(
     and Notz 2003, section 3.3). The body stays the same; how sure it is depends on how well it
     agrees with what was expected.
 
-    Returns `ImplicitFit`, whose mean is `process.mean`; a set of fewer than four touches has the
-    status `too_few_points` and no body. Raises ValueError for arrays whose shapes disagree.
+    Returns `ImplicitFit`, whose mean is `mean`, or `process.mean` where none is given; a set of
+    fewer than four touches has the status `too_few_points` and no body. Raises ValueError for
+    arrays whose shapes disagree.
     """
     if normals.shape != points.shape or not mask.shape == sigma_m.shape == points.shape[:2]:
         raise ValueError(f"shapes disagree: points {points.shape}, mask {mask.shape}, normals "
@@ -83,8 +85,27 @@ def fit_known(
         if free_points is not None and free_mask is not None:
             free = free_points[world][free_mask[world]]
         found.append(_fitted(points[world][own], normals[world][own], sigma_m[world][own], free,
-                             free_radius, process))
+                             free_radius, process, of_world(mean or process.mean, world)))
     return _record(found, points, mask, process, table_z)
+
+
+def of_world(mean: Mean, world: int) -> Callable[[np.ndarray], np.ndarray]:
+    """The mean of one of the fits, at its points (point, 3) [m]."""
+    own = np.array([world])
+    return lambda points_m: mean(points_m[None], own)[0]
+
+
+def known_rows(
+    points: Float[np.ndarray, "point 3"], normals: Float[np.ndarray, "point 3"],
+    sigma_m: Float[np.ndarray, " point"], process: KnownProcess
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Places [m], distances [m] and variances [m^2] of the touches and of the points off the
+    surface along known normals, and which touch each of them comes from."""
+    known = np.flatnonzero(np.isfinite(normals).all(1))
+    touch = np.concatenate([np.arange(len(points)), known])
+    away = np.where(np.arange(len(touch)) < len(points), 0.0, process.offset_m)
+    at = points[touch] + away[:, None] * np.nan_to_num(normals[touch])
+    return at, away, sigma_m[touch] ** 2 + (process.slope * away) ** 2, touch
 
 
 def shared_error_means(
@@ -103,11 +124,11 @@ def shared_error_means(
     found = np.zeros((len(points), shared_m.shape[2]))
     for world, own in enumerate(mask):
         if own.sum() >= FEWEST:
-            at, value, noise, touch = _touch_rows(
+            at, away, noise, touch = known_rows(
                 points[world][own], normals[world][own], sigma_m[world][own], process)
             share = shared_m[world][own][touch]
-            covariance = _kernel(process, at, at) + np.diag(noise) + share @ share.T
-            told = share.T @ cho_solve(cho_factor(covariance, lower=True), value)
+            covariance = known_kernel(process, at, at) + np.diag(noise) + share @ share.T
+            told = share.T @ cho_solve(cho_factor(covariance, lower=True), away - process.mean_m)
             found[world] = np.round(told, 9)  # products round by where arrays lie in memory
     return found
 
@@ -141,56 +162,46 @@ def known_deviations(
     at, share = fits.points_m[row][used], (fits.amplitude_m[row] / process.amplitude_m) ** 2
     if len(at) == 0:
         return np.full(len(queries_m), fits.amplitude_m[row])
-    known = share * _kernel(process, at, at) + np.diag(fits.noise_m2[row][used])
+    known = share * known_kernel(process, at, at) + np.diag(fits.noise_m2[row][used])
     told = solve_triangular(cholesky(known, lower=True),
-                            share * _kernel(process, at, queries_m), lower=True)
+                            share * known_kernel(process, at, queries_m), lower=True)
     return np.sqrt(np.maximum(fits.amplitude_m[row] ** 2 - (told**2).sum(0), 0.0))
 
 
-def _kernel(process: KnownProcess, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def known_kernel(process: KnownProcess, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Covariance of distances at places `a` (row, 3) and `b` (column, 3) [m^2]."""
     scaled = (SQRT3 / process.length_m) * cdist(a, b)
     return process.amplitude_m**2 * (1.0 + scaled) * np.exp(-scaled)
 
 
 def _fitted(points: np.ndarray, normals: np.ndarray, sigma: np.ndarray, free: np.ndarray,
-            radius: float, process: KnownProcess
+            radius: float, process: KnownProcess, mean: Callable[[np.ndarray], np.ndarray]
             ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """Rows of one process, their coefficients [1/m] and variances [m^2], and the number that all
     variances were multiplied by."""
     if len(points) < FEWEST:
         return np.zeros((0, 3)), np.zeros(0), np.zeros(0), 1.0
-    at, value, noise, _ = _touch_rows(points, normals, sigma, process)
+    at, away, noise, _ = known_rows(points, normals, sigma, process)
+    value, clear = away - mean(at), radius - mean(free)
     alpha = _coefficients(process, at, value, noise)
     for _ in range(process.free_rounds if len(free) else 0):
-        depth = radius - process.mean_m - _kernel(process, free, at) @ alpha
+        depth = clear - known_kernel(process, free, at) @ alpha
         deep = np.argsort(-depth, kind="stable")[:process.free_rows]
         deep = deep[depth[deep] > process.free_sigma_m]
         if len(deep) == 0:
             break
         at = np.concatenate([at, free[deep]])
-        value = np.concatenate([value, np.full(len(deep), radius - process.mean_m)])
+        value = np.concatenate([value, clear[deep]])
         noise = np.concatenate([noise, np.full(len(deep), process.free_sigma_m**2)])
-        free = np.delete(free, deep, axis=0)
+        free, clear = np.delete(free, deep, axis=0), np.delete(clear, deep)
         alpha = _coefficients(process, at, value, noise)
     scale = float((value * alpha).sum() / len(value))
     return at, alpha / scale, noise * scale, scale
 
 
-def _touch_rows(points: np.ndarray, normals: np.ndarray, sigma: np.ndarray, process: KnownProcess
-                ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Places, targets and variances of the touches and of the points off the surface along known
-    normals, and which touch each of them comes from."""
-    known = np.flatnonzero(np.isfinite(normals).all(1))
-    off = process.offset_m
-    touch = np.concatenate([np.arange(len(points)), known])
-    away = np.where(np.arange(len(touch)) < len(points), 0.0, off)
-    at = points[touch] + away[:, None] * np.nan_to_num(normals[touch])
-    return at, away - process.mean_m, sigma[touch] ** 2 + (process.slope * away) ** 2, touch
-
-
 def _coefficients(process: KnownProcess, at: np.ndarray, value: np.ndarray, noise: np.ndarray
                   ) -> np.ndarray:
-    return cho_solve(cho_factor(_kernel(process, at, at) + np.diag(noise), lower=True), value)
+    return cho_solve(cho_factor(known_kernel(process, at, at) + np.diag(noise), lower=True), value)
 
 
 def _record(found: list, points: np.ndarray, mask: np.ndarray, process: KnownProcess,
