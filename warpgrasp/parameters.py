@@ -319,7 +319,8 @@ class FitTable:
     reconstruct: str = field(default="superquadric", metadata={
         "doc": "what stands for the body at the end: superquadric, the model recovered; implicit, "
                "a free-form surface; chosen, that where the model does not explain the touches, "
-               "or a polyhedron of the faces crossed where it explains them better; "
+               "a polyhedron of the faces crossed or a bent superquadric where it explains them "
+               "better; "
                "parts, two to four superquadrics where touches ask for them; "
                "or a function of yours, as mine.py:my_network"})
 

@@ -6,12 +6,12 @@ For contacts that are still to move, and for many touches with normals: the desc
 that the body would enter.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
+from scipy.linalg import cho_factor, cho_solve, cholesky, eigh, solve_triangular
 from scipy.spatial.distance import cdist
 
 from fit.fit_status import FitStatus
@@ -131,6 +131,29 @@ def shared_error_means(
             told = share.T @ cho_solve(cho_factor(covariance, lower=True), away - process.mean_m)
             found[world] = np.round(told, 9)  # products round by where arrays lie in memory
     return found
+
+
+def log_evidence(
+    points: Float[np.ndarray, "point 3"], normals: Float[np.ndarray, "point 3"],
+    sigma_m: Float[np.ndarray, " point"], process: KnownProcess,
+    means: Sequence[Callable[[np.ndarray], np.ndarray]], amplitudes_m: Sequence[float],
+) -> Float[np.ndarray, "mean amplitude"]:
+    """Logarithm of the likelihood of touches [m] of one body, with outward normals (NaN where not
+    known) and deviations `sigma_m`, about each of the `means` (signed distances [m] at points
+    (point, 3) [m]) for each amplitude in place of that of `process`.
+
+    It weighs how near a mean comes to the touches against how much it leaves to explain, the
+    amplitude (Rasmussen and Williams 2006, equation 2.30). All means share places, kernel and
+    noise: one eigendecomposition serves every mean and every amplitude.
+    """
+    at, away, noise, _ = known_rows(points, normals, sigma_m, process)
+    deviation = np.sqrt(noise)
+    ratio, turn = eigh(known_kernel(process, at, at) / deviation[:, None] / deviation
+                       / process.amplitude_m**2)
+    rest = np.array([(away - mean(at)) / deviation for mean in means]).reshape(-1, len(at)) @ turn
+    spread = 1.0 + np.square(amplitudes_m)[:, None] * np.maximum(ratio, 0.0)
+    return -0.5 * ((np.square(rest)[:, None] / spread + np.log(spread)).sum(2)
+                   + np.log(2.0 * np.pi * noise).sum())
 
 
 def known_slopes(

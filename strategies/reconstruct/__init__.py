@@ -9,5 +9,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "plug_in": ["Touches"],
     "plug_in_name": ["BUILT_IN", "CHOSEN", "PARTS", "call_by_content", "find_plug_in",
         "plug_in_file"],
-    "prior_distance": ["distance_to_recovered"],
+    "prior_distance": ["DistanceToRecovered"],
 })

@@ -29,7 +29,7 @@ from strategies.reconstruct.plug_in_name import (
     POLYHEDRON,
     find_plug_in,
 )
-from strategies.reconstruct.prior_distance import distance_to_recovered
+from strategies.reconstruct.prior_distance import DistanceToRecovered
 from strategies.recovery.belief import Belief, read_only
 from strategies.recovery.choose_model import Recovered
 from strategies.recovery.contact_verdict import (
@@ -270,4 +270,4 @@ def _touches(recovered: Recovered, evidence: Evidence, prior: BoundingCylinder) 
     normals = np.where(np.isfinite(seen.contradiction)[..., None], seen.normals, np.nan)
     return Touches(seen.points_m, seen.mask, seen.covariance_m2, normals, seen.free_m,
                    seen.free_radius_m, seen.free_mask, low, high,
-                   distance_to_recovered(recovered))
+                   DistanceToRecovered(recovered))

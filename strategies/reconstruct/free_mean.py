@@ -12,14 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fit.fit_status import is_fitted
-from fit.implicit.known import KnownProcess, of_world
-from fit.implicit.mean_evidence import mean_evidence
+from fit.implicit.known import KnownProcess, log_evidence, of_world
 from fit.implicit.record import Mean
 from fit.revolution.geometry import revolution_surface
 from fit.superquadric.geometry import Superquadric, superquadric_points
 from strategies.poses.waypoints import BoundingCylinder
 from strategies.reconstruct.plug_in_name import IMPLICIT
-from strategies.reconstruct.prior_distance import distance_to_recovered
+from strategies.reconstruct.prior_distance import DistanceToRecovered
 from strategies.recovery.choose_model import Recovered, Shape, parameter_count, superquadric_of
 from strategies.recovery.contact_verdict import mean_gap
 from strategies.recovery.evidence import Evidence
@@ -78,7 +77,7 @@ def likeliest_mean(
     amplitudes = [process.amplitude_m / 2.0**k for k in range(HALVINGS)]
 
     def likelihood(mean: Mean) -> np.ndarray:
-        return mean_evidence(*felt, process, [of_world(mean, 0)], amplitudes)[0]
+        return log_evidence(*felt, process, [of_world(mean, 0)], amplitudes)[0]
 
     best, most = none, float(likelihood(process.mean).max())
     for body, parameters in _bodies(placed, recovered, prior, table):
@@ -97,13 +96,13 @@ def _bodies(placed: Evidence, recovered: Recovered, prior: BoundingCylinder, tab
     process = KnownProcess()  # of what it leaves to explain, the likelihood tells
     if recovered.shape[0] == Shape.REVOLUTION and recovered.revolution is not None:
         points, _, _ = revolution_surface(recovered.revolution)
-        yield (FreeMean("revolution", distance_to_recovered(recovered), process, _box(points)),
+        yield (FreeMean("revolution", DistanceToRecovered(recovered), process, _box(points)),
                parameter_count(recovered, table))
     for kind in (table,) if table.bend else (table, replace(table, bend=True)):
         fit, _ = recover_bodies(placed, None, kind)
         if (is_fitted(fit.status) & plausible(fit, prior, table_plane=table.table_plane))[0]:
             model = Recovered(np.array([Shape.SUPERQUADRIC]), superquadric_of(fit))
-            yield (FreeMean(kind.superquadric_name, distance_to_recovered(model), process,
+            yield (FreeMean(kind.superquadric_name, DistanceToRecovered(model), process,
                             _box(superquadric_points(fit, _SURFACE_POINTS)), model.superquadric),
                    parameter_count(model, kind))
 

@@ -1,5 +1,6 @@
 """What a free form stands about: the body that was touched where it is one, or none."""
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -66,3 +67,8 @@ def test_a_free_form_about_the_body_knows_the_side_that_was_not_felt() -> None:
     volume = made.volume(0)
     assert volume is not None
     assert made.volume(0) is volume
+    again = pickle.loads(pickle.dumps(made))  # reports draw in other processes
+    assert again.name_of(0) == made.name_of(0)
+    at = made.meshes[0].vertices_m[None, :4]
+    assert (again.forms[0].about.mean(at, np.zeros(1, int))
+            == made.forms[0].about.mean(at, np.zeros(1, int))).all()

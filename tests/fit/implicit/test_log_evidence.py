@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
-from fit.implicit.known import KnownProcess, known_kernel, known_rows
-from fit.implicit.mean_evidence import mean_evidence
+from fit.implicit.known import KnownProcess, known_kernel, known_rows, log_evidence
 
 PROCESS = KnownProcess(length_m=0.05)
 AMPLITUDES_M = (0.03, 0.004, 0.0005)
@@ -40,7 +39,7 @@ def touched(count: int, noise_m: float, seed: int) -> tuple[np.ndarray, np.ndarr
 def test_it_is_the_density_of_the_rows(seed: int, count: int) -> None:
     felt = touched(count, 0.001, seed)
     means = [nothing, sphere(0.03)]
-    found = mean_evidence(*felt, PROCESS, means, AMPLITUDES_M)
+    found = log_evidence(*felt, PROCESS, means, AMPLITUDES_M)
     at, away, noise, _ = known_rows(*felt, PROCESS)
     for mean, row in zip(means, found, strict=True):
         for amplitude, value in zip(AMPLITUDES_M, row, strict=True):
@@ -52,7 +51,7 @@ def test_it_is_the_density_of_the_rows(seed: int, count: int) -> None:
 
 def test_the_body_that_was_touched_is_likelier_than_none_and_leaves_little() -> None:
     felt = touched(60, 0.0005, 3)
-    none, right, wrong = mean_evidence(*felt, PROCESS, [nothing, sphere(0.04), sphere(0.03)],
+    none, right, wrong = log_evidence(*felt, PROCESS, [nothing, sphere(0.04), sphere(0.03)],
                                        AMPLITUDES_M)
     assert right.max() > none.max() + 50.0
     assert right.argmax() == 2
@@ -65,5 +64,5 @@ def test_a_body_that_was_not_touched_is_likelier_than_none_by_no_means() -> None
     def plate(points: np.ndarray) -> np.ndarray:
         return points[:, 2] - 0.2
 
-    none, other = mean_evidence(*felt, PROCESS, [nothing, plate], AMPLITUDES_M)
+    none, other = log_evidence(*felt, PROCESS, [nothing, plate], AMPLITUDES_M)
     assert none.max() > other.max() + 20.0
