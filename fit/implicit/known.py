@@ -18,6 +18,8 @@ from fit.fit_status import FitStatus
 from fit.implicit.record import ImplicitFit, Mean
 
 SQRT3 = 3.0**0.5  # not that of `process`, which brings JAX's solvers
+LEAST_SCALE = 1e-9
+"""Of all variances, where touches lie on the mean exactly."""
 FEWEST = 4
 """Touches; with fewer there is no body."""
 NO_TABLE_M = -1e12
@@ -85,13 +87,13 @@ def fit_known(
         if free_points is not None and free_mask is not None:
             free = free_points[world][free_mask[world]]
         found.append(_fitted(points[world][own], normals[world][own], sigma_m[world][own], free,
-                             free_radius, process, of_world(mean or process.mean, world)))
+                             free_radius, process, of_fit(mean or process.mean, world)))
     return _record(found, points, mask, process, table_z)
 
 
-def of_world(mean: Mean, world: int) -> Callable[[np.ndarray], np.ndarray]:
-    """The mean of one of the fits, at its points (point, 3) [m]."""
-    own = np.array([world])
+def of_fit(mean: Mean, number: int) -> Callable[[np.ndarray], np.ndarray]:
+    """The mean of the fit of a number, at its points (point, 3) [m]."""
+    own = np.array([number])
     return lambda points_m: mean(points_m[None], own)[0]
 
 
@@ -99,8 +101,8 @@ def known_rows(
     points: Float[np.ndarray, "point 3"], normals: Float[np.ndarray, "point 3"],
     sigma_m: Float[np.ndarray, " point"], process: KnownProcess
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Places [m], distances [m] and variances [m^2] of the touches and of the points off the
-    surface along known normals, and which touch each of them comes from."""
+    """Places [m] (row, 3), distances [m] and variances [m^2] (row,) of touches and of points off
+    the surface along known normals, and which touch each of them comes from, int (row,)."""
     known = np.flatnonzero(np.isfinite(normals).all(1))
     touch = np.concatenate([np.arange(len(points)), known])
     away = np.where(np.arange(len(touch)) < len(points), 0.0, process.offset_m)
@@ -159,8 +161,8 @@ def log_evidence(
 def known_slopes(
     fits: ImplicitFit, row: int, process: KnownProcess, queries_m: Float[np.ndarray, "query 3"]
 ) -> tuple[Float[np.ndarray, " query"], Float[np.ndarray, "query 3"]]:
-    """Signed distances [m] of one of `fit_known`'s bodies at queries [m], and their gradients, the
-    table aside.
+    """Signed distances [m] of one of `fit_known`'s bodies, whose mean is that of `process`, at
+    queries [m], and their gradients, the table aside.
 
     As `implicit_slopes`, in double precision, without JAX: for one body at a time.
     """
@@ -176,7 +178,8 @@ def known_slopes(
 def known_deviations(
     fits: ImplicitFit, row: int, process: KnownProcess, queries_m: Float[np.ndarray, "query 3"]
 ) -> Float[np.ndarray, " query"]:
-    """Posterior standard deviations [m] of the distance of one of `fit_known`'s bodies, (query,).
+    """Posterior standard deviations [m] of the distance of one of `fit_known`'s bodies, (query,),
+    that was fitted with `process`.
 
     Variances are those before any touch less what the rows tell (Rasmussen and Williams 2006,
     equation 2.26), all scaled as the fit's are.
@@ -218,7 +221,7 @@ def _fitted(points: np.ndarray, normals: np.ndarray, sigma: np.ndarray, free: np
         noise = np.concatenate([noise, np.full(len(deep), process.free_sigma_m**2)])
         free, clear = np.delete(free, deep, axis=0), np.delete(clear, deep)
         alpha = _coefficients(process, at, value, noise)
-    scale = float((value * alpha).sum() / len(value))
+    scale = max(float((value * alpha).sum() / len(value)), LEAST_SCALE)
     return at, alpha / scale, noise * scale, scale
 
 

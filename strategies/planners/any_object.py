@@ -44,6 +44,7 @@ class _Asked:
     """Grasps along one closing path."""
 
     closing: int
+    """Number of the path."""
     pose: np.ndarray
     """(world, pose, 7)."""
     wanted: np.ndarray
@@ -58,9 +59,8 @@ class _Asked:
 class AnyObject:
     """Greedy expected worth of touches, each counted beside those before it."""
 
-    def __init__(self, poses: int = 4, candidates: int = CANDIDATES, opening: str = IN_TURN
-                 ) -> None:
-        """`poses` a step, chosen of so many `candidates`; `opening` says which closing path the
+    def __init__(self, poses: int = 4, candidates: int = CANDIDATES, paths: str = IN_TURN) -> None:
+        """`poses` a step, chosen of so many `candidates`; `paths` says which closing path the
         hand takes, and so how wide it opens: all in turn, or in each world the one that is expected
         to bring most there ("matched"). Raises ValueError."""
         self.poses, self.candidates = int(poses), int(candidates)
@@ -68,9 +68,9 @@ class AnyObject:
             raise ValueError(f"poses is {poses!r}; should be from 1 to 16")
         if not self.poses <= self.candidates <= 65536:
             raise ValueError(f"candidates is {candidates!r}; should be from {poses} to 65536")
-        if opening not in (IN_TURN, MATCHED):
-            raise ValueError(f"opening is {opening!r}; should be {IN_TURN!r} or {MATCHED!r}")
-        self.matched = opening == MATCHED
+        if paths not in (IN_TURN, MATCHED):
+            raise ValueError(f"paths is {paths!r}; should be {IN_TURN!r} or {MATCHED!r}")
+        self.matched = paths == MATCHED
         self.grid: Occupancy | None = None
         self.asked: list[_Asked] = []
         self.slots = 0
@@ -89,9 +89,9 @@ class AnyObject:
         over = np.zeros(belief.worlds, bool) if self.over is None else self.over
         active = belief.active & ~over
         seen, worth = self._looks(belief, grid, active)
-        paths = range(len(samples)) if self.matched else (self.step % len(samples),)
+        looked_at = range(len(samples)) if self.matched else (self.step % len(samples),)
         found = [self._best_of_path(belief, samples[path], path, seen, worth, active)
-                 for path in paths]
+                 for path in looked_at]
         most = np.argmax([asked.promise for asked in found], axis=0)
         found = [replace(asked, wanted=asked.wanted & (most == number)[:, None])
                  for number, asked in enumerate(found)]
@@ -209,7 +209,7 @@ def _greedy(gain: np.ndarray, place_m: np.ndarray, poses: int, price: float
             ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The best candidates, each counted beside those before it: their numbers (world, pose),
     whether anything is expected of them, which fingers are to close (world, pose, finger), and what
-    the fingers of the first are expected to bring together, however few are to close (world,)."""
+    all fingers that close in the first are expected to bring (world,)."""
     rows = np.arange(len(gain))
     left = gain.copy()
     chosen, wanted, closes, promise = [], [], [], np.zeros(len(gain))

@@ -20,11 +20,14 @@ from strategies.recovery.choose_model import (
     superquadric_of,
 )
 from strategies.recovery.fit_contacts import recover_bodies
-from strategies.recovery.misfit import DOUBTED_M, UNBELIEVED_M, schwarz, touch_misfit
+from strategies.recovery.misfit import (
+    LEAST_MISFIT_M,
+    RIVALS_FROM_M,
+    UNBELIEVED_M,
+    schwarz,
+    touch_misfit,
+)
 from strategies.recovery.plausibility import FEWEST_CONTACTS, plausible, swept, within_reach
-
-LEAST_MISFIT_M = 0.0008
-"""Mean distance of contacts from a body that explains them: nearer ones tell nothing [est]."""
 
 
 def with_bends(belief: Belief, recovered: Recovered, wanted: np.ndarray
@@ -34,7 +37,7 @@ def with_bends(belief: Belief, recovered: Recovered, wanted: np.ndarray
     table = belief.fit
     misfit = touch_misfit(belief.fits, belief.evidence)
     rows = np.flatnonzero(
-        wanted & (recovered.shape == Shape.SUPERQUADRIC) & (misfit > DOUBTED_M)
+        wanted & (recovered.shape == Shape.SUPERQUADRIC) & (misfit > RIVALS_FROM_M)
         & (belief.evidence.mask.sum(1) >= FEWEST_CONTACTS))
     if table.bend or belief.unplaced is None or len(rows) == 0:
         return belief, recovered

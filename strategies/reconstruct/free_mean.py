@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fit.fit_status import is_fitted
-from fit.implicit.known import KnownProcess, log_evidence, of_world
+from fit.implicit.known import KnownProcess, log_evidence, of_fit
 from fit.implicit.record import Mean
 from fit.revolution.geometry import revolution_surface
 from fit.superquadric.geometry import Superquadric, superquadric_points
@@ -23,7 +23,7 @@ from strategies.recovery.choose_model import Recovered, Shape, parameter_count, 
 from strategies.recovery.contact_verdict import mean_gap
 from strategies.recovery.evidence import Evidence
 from strategies.recovery.fit_contacts import recover_bodies
-from strategies.recovery.plausibility import plausible
+from strategies.recovery.plausibility import plausible, swept
 from warpgrasp.parameters import FitTable
 
 HALVINGS = 8
@@ -34,8 +34,8 @@ deviation [est]."""
 CONTACTS_OF_A_PARAMETER = 2
 """That there are at least, for a body to be tried [est]."""
 FAR_M = 0.004
-"""Where contacts lie farther than this from the model recovered, in the mean, no superquadric
-explains them, and none is tried [est]."""
+"""Where contacts lie farther than this from a model that was recovered, in the mean, no
+superquadric explains them, and none is tried [est]."""
 _SURFACE_POINTS = 216
 
 
@@ -67,17 +67,18 @@ def likeliest_mean(
     are likeliest: of those about which hardly anything is left to explain, or none.
 
     Bodies are a contour that was `recovered` and superquadrics, straight and bent, fitted to these
-    contacts. One that `prior` or table contradict is none. All arguments have one row.
+    contacts. One that `prior`, table or free space contradict is none. All arguments have one row.
     """
     none = FreeMean("", process.mean, process)
-    if mean_gap(recovered, placed)[0] > FAR_M:
+    known = recovered.shape[0] != Shape.PRIOR_CYLINDER
+    if known and mean_gap(recovered, placed)[0] > FAR_M:
         return none
     mask = placed.mask[0]
     felt = placed.points_m[0][mask], placed.normals[0][mask], sigma_m[0][mask]
     amplitudes = [process.amplitude_m / 2.0**k for k in range(HALVINGS)]
 
     def likelihood(mean: Mean) -> np.ndarray:
-        return log_evidence(*felt, process, [of_world(mean, 0)], amplitudes)[0]
+        return log_evidence(*felt, process, [of_fit(mean, 0)], amplitudes)[0]
 
     best, most = none, float(likelihood(process.mean).max())
     for body, parameters in _bodies(placed, recovered, prior, table):
@@ -100,7 +101,10 @@ def _bodies(placed: Evidence, recovered: Recovered, prior: BoundingCylinder, tab
                parameter_count(recovered, table))
     for kind in (table,) if table.bend else (table, replace(table, bend=True)):
         fit, _ = recover_bodies(placed, None, kind)
-        if (is_fitted(fit.status) & plausible(fit, prior, table_plane=table.table_plane))[0]:
+        allowed = is_fitted(fit.status) & plausible(fit, prior, table_plane=table.table_plane)
+        if table.free_space:
+            allowed &= ~swept(fit, placed)
+        if allowed[0]:
             model = Recovered(np.array([Shape.SUPERQUADRIC]), superquadric_of(fit))
             yield (FreeMean(kind.superquadric_name, DistanceToRecovered(model), process,
                             _box(superquadric_points(fit, _SURFACE_POINTS)), model.superquadric),

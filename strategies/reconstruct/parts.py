@@ -24,15 +24,13 @@ from strategies.reconstruct.prior_distance import superquadric_distance
 from strategies.recovery.choose_model import OF_A_SUPERQUADRIC
 from strategies.recovery.evidence import Evidence
 from strategies.recovery.fit_contacts import recover_bodies
-from strategies.recovery.misfit import FARTHEST_M, schwarz
+from strategies.recovery.misfit import FARTHEST_M, LEAST_MISFIT_M, schwarz
 from strategies.recovery.plausibility import FLOATING_M, plausible
 from warpgrasp.parameters import FitTable
 
 MOST_PARTS = 4
 ROUNDS = 3
 """Fits of all parts from each division [est]."""
-LEAST_MISFIT_M = 0.0008
-"""Mean distance of contacts from a body that explains them: nearer ones tell nothing [est]."""
 _MARGIN_M = 0.01
 _NOWHERE_M = 1.0
 _SURFACE_POINTS = 216

@@ -116,7 +116,8 @@ def _rms(distance: np.ndarray, mask: np.ndarray) -> np.ndarray:
 
 
 def parameter_count(recovered: Recovered, table: FitTable) -> int:
-    """Parameters of the model that stands for the first world: numbers that touches had to find."""
+    """Parameters of the model that stands for the first world, numbers that touches had to find;
+    those of superquadrics are the same in all."""
     if recovered.shape[0] == Shape.REVOLUTION and recovered.revolution is not None:
         nodes = int(np.isfinite(recovered.revolution.height_m[0]).sum())
         return OF_A_NODE * nodes + OF_A_LINE

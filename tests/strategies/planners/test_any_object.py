@@ -30,16 +30,16 @@ def test_options_out_of_range_are_named() -> None:
         AnyObject(poses=0)
     with pytest.raises(ValueError, match="candidates is 1; should be from 4 to 65536"):
         AnyObject(candidates=1)
-    with pytest.raises(ValueError, match="opening is 'wide'; should be 'in-turn' or 'matched'"):
-        AnyObject(opening="wide")
+    with pytest.raises(ValueError, match="paths is 'wide'; should be 'in-turn' or 'matched'"):
+        AnyObject(paths="wide")
 
 
-def test_an_opening_matched_takes_in_each_world_the_path_that_promises_most() -> None:
+def test_matched_paths_are_in_each_world_those_that_promise_most() -> None:
     """Several paths in one step, a world at most one of them, and not by the batch."""
     table = family_table("hammer-1")
     assert table is not None
     wide = replace(STRATEGIES["any-object"], touches=40, closings=("curl40", "from10", "from25"))
-    matched = replace(wide, options=(("opening", "matched"),))
+    matched = replace(wide, options=(("paths", "matched"),))
     cell = Cell(matched, table, "hammer-1", seed=4, fit=FIT)
     block = run_block(cell, np.arange(6), "cpu", curve=False)
     by_step: dict[int, list[np.ndarray]] = {}
