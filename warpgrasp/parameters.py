@@ -318,8 +318,9 @@ class FitTable:
     rounds: int = _number(4, 0, 32, "times contacts are re-projected onto the body last fitted")
     reconstruct: str = field(default="superquadric", metadata={
         "doc": "what stands for the body at the end: superquadric, the model recovered; implicit, "
-               "a free-form surface; chosen, that where the model does not explain the touches, "
-               "or a polyhedron of the faces crossed where it explains them better; "
+               "a free-form surface, about a body that explains its contacts if one does; chosen, "
+               "that where the model does not explain the touches, or what explains them better: "
+               "a polyhedron of the faces crossed, a bent superquadric; "
                "parts, two to four superquadrics where touches ask for them; "
                "or a function of yours, as mine.py:my_network"})
 

@@ -6,17 +6,20 @@ For contacts that are still to move, and for many touches with normals: the desc
 that the body would enter.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
+from scipy.linalg import cho_factor, cho_solve, cholesky, eigh, solve_triangular
 from scipy.spatial.distance import cdist
 
 from fit.fit_status import FitStatus
-from fit.implicit.record import ImplicitFit
+from fit.implicit.record import ImplicitFit, Mean
 
 SQRT3 = 3.0**0.5  # not that of `process`, which brings JAX's solvers
+LEAST_SCALE = 1e-9
+"""Of all variances, where touches lie on the mean exactly."""
 FEWEST = 4
 """Touches; with fewer there is no body."""
 NO_TABLE_M = -1e12
@@ -61,7 +64,7 @@ def fit_known(
     normals: Float[np.ndarray, "fit point 3"], sigma_m: Float[np.ndarray, "fit point"],
     process: KnownProcess, *, free_points: Float[np.ndarray, "fit free 3"] | None = None,
     free_radius: float = 0.0, free_mask: Bool[np.ndarray, "fit free"] | None = None,
-    table_z: float | None = None,
+    table_z: float | None = None, mean: Mean | None = None,
 ) -> ImplicitFit:
     """Fit free-form bodies to touches [m] with outward normals and deviations `sigma_m`.
 
@@ -70,8 +73,9 @@ def fit_known(
     and Notz 2003, section 3.3). The body stays the same; how sure it is depends on how well it
     agrees with what was expected.
 
-    Returns `ImplicitFit`, whose mean is `process.mean`; a set of fewer than four touches has the
-    status `too_few_points` and no body. Raises ValueError for arrays whose shapes disagree.
+    Returns `ImplicitFit`, whose mean is `mean`, or `process.mean` where none is given; a set of
+    fewer than four touches has the status `too_few_points` and no body. Raises ValueError for
+    arrays whose shapes disagree.
     """
     if normals.shape != points.shape or not mask.shape == sigma_m.shape == points.shape[:2]:
         raise ValueError(f"shapes disagree: points {points.shape}, mask {mask.shape}, normals "
@@ -83,8 +87,27 @@ def fit_known(
         if free_points is not None and free_mask is not None:
             free = free_points[world][free_mask[world]]
         found.append(_fitted(points[world][own], normals[world][own], sigma_m[world][own], free,
-                             free_radius, process))
+                             free_radius, process, of_fit(mean or process.mean, world)))
     return _record(found, points, mask, process, table_z)
+
+
+def of_fit(mean: Mean, number: int) -> Callable[[np.ndarray], np.ndarray]:
+    """The mean of the fit of a number, at its points (point, 3) [m]."""
+    own = np.array([number])
+    return lambda points_m: mean(points_m[None], own)[0]
+
+
+def known_rows(
+    points: Float[np.ndarray, "point 3"], normals: Float[np.ndarray, "point 3"],
+    sigma_m: Float[np.ndarray, " point"], process: KnownProcess
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Places [m] (row, 3), distances [m] and variances [m^2] (row,) of touches and of points off
+    the surface along known normals, and which touch each of them comes from, int (row,)."""
+    known = np.flatnonzero(np.isfinite(normals).all(1))
+    touch = np.concatenate([np.arange(len(points)), known])
+    away = np.where(np.arange(len(touch)) < len(points), 0.0, process.offset_m)
+    at = points[touch] + away[:, None] * np.nan_to_num(normals[touch])
+    return at, away, sigma_m[touch] ** 2 + (process.slope * away) ** 2, touch
 
 
 def shared_error_means(
@@ -103,20 +126,43 @@ def shared_error_means(
     found = np.zeros((len(points), shared_m.shape[2]))
     for world, own in enumerate(mask):
         if own.sum() >= FEWEST:
-            at, value, noise, touch = _touch_rows(
+            at, away, noise, touch = known_rows(
                 points[world][own], normals[world][own], sigma_m[world][own], process)
             share = shared_m[world][own][touch]
-            covariance = _kernel(process, at, at) + np.diag(noise) + share @ share.T
-            told = share.T @ cho_solve(cho_factor(covariance, lower=True), value)
+            covariance = known_kernel(process, at, at) + np.diag(noise) + share @ share.T
+            told = share.T @ cho_solve(cho_factor(covariance, lower=True), away - process.mean_m)
             found[world] = np.round(told, 9)  # products round by where arrays lie in memory
     return found
+
+
+def log_evidence(
+    points: Float[np.ndarray, "point 3"], normals: Float[np.ndarray, "point 3"],
+    sigma_m: Float[np.ndarray, " point"], process: KnownProcess,
+    means: Sequence[Callable[[np.ndarray], np.ndarray]], amplitudes_m: Sequence[float],
+) -> Float[np.ndarray, "mean amplitude"]:
+    """Logarithm of the likelihood of touches [m] of one body, with outward normals (NaN where not
+    known) and deviations `sigma_m`, about each of the `means` (signed distances [m] at points
+    (point, 3) [m]) for each amplitude in place of that of `process`.
+
+    It weighs how near a mean comes to the touches against how much it leaves to explain, the
+    amplitude (Rasmussen and Williams 2006, equation 2.30). All means share places, kernel and
+    noise: one eigendecomposition serves every mean and every amplitude.
+    """
+    at, away, noise, _ = known_rows(points, normals, sigma_m, process)
+    deviation = np.sqrt(noise)
+    ratio, turn = eigh(known_kernel(process, at, at) / deviation[:, None] / deviation
+                       / process.amplitude_m**2)
+    rest = np.array([(away - mean(at)) / deviation for mean in means]).reshape(-1, len(at)) @ turn
+    spread = 1.0 + np.square(amplitudes_m)[:, None] * np.maximum(ratio, 0.0)
+    return -0.5 * ((np.square(rest)[:, None] / spread + np.log(spread)).sum(2)
+                   + np.log(2.0 * np.pi * noise).sum())
 
 
 def known_slopes(
     fits: ImplicitFit, row: int, process: KnownProcess, queries_m: Float[np.ndarray, "query 3"]
 ) -> tuple[Float[np.ndarray, " query"], Float[np.ndarray, "query 3"]]:
-    """Signed distances [m] of one of `fit_known`'s bodies at queries [m], and their gradients, the
-    table aside.
+    """Signed distances [m] of one of `fit_known`'s bodies, whose mean is that of `process`, at
+    queries [m], and their gradients, the table aside.
 
     As `implicit_slopes`, in double precision, without JAX: for one body at a time.
     """
@@ -132,7 +178,8 @@ def known_slopes(
 def known_deviations(
     fits: ImplicitFit, row: int, process: KnownProcess, queries_m: Float[np.ndarray, "query 3"]
 ) -> Float[np.ndarray, " query"]:
-    """Posterior standard deviations [m] of the distance of one of `fit_known`'s bodies, (query,).
+    """Posterior standard deviations [m] of the distance of one of `fit_known`'s bodies, (query,),
+    that was fitted with `process`.
 
     Variances are those before any touch less what the rows tell (Rasmussen and Williams 2006,
     equation 2.26), all scaled as the fit's are.
@@ -141,56 +188,46 @@ def known_deviations(
     at, share = fits.points_m[row][used], (fits.amplitude_m[row] / process.amplitude_m) ** 2
     if len(at) == 0:
         return np.full(len(queries_m), fits.amplitude_m[row])
-    known = share * _kernel(process, at, at) + np.diag(fits.noise_m2[row][used])
+    known = share * known_kernel(process, at, at) + np.diag(fits.noise_m2[row][used])
     told = solve_triangular(cholesky(known, lower=True),
-                            share * _kernel(process, at, queries_m), lower=True)
+                            share * known_kernel(process, at, queries_m), lower=True)
     return np.sqrt(np.maximum(fits.amplitude_m[row] ** 2 - (told**2).sum(0), 0.0))
 
 
-def _kernel(process: KnownProcess, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def known_kernel(process: KnownProcess, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Covariance of distances at places `a` (row, 3) and `b` (column, 3) [m^2]."""
     scaled = (SQRT3 / process.length_m) * cdist(a, b)
     return process.amplitude_m**2 * (1.0 + scaled) * np.exp(-scaled)
 
 
 def _fitted(points: np.ndarray, normals: np.ndarray, sigma: np.ndarray, free: np.ndarray,
-            radius: float, process: KnownProcess
+            radius: float, process: KnownProcess, mean: Callable[[np.ndarray], np.ndarray]
             ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """Rows of one process, their coefficients [1/m] and variances [m^2], and the number that all
     variances were multiplied by."""
     if len(points) < FEWEST:
         return np.zeros((0, 3)), np.zeros(0), np.zeros(0), 1.0
-    at, value, noise, _ = _touch_rows(points, normals, sigma, process)
+    at, away, noise, _ = known_rows(points, normals, sigma, process)
+    value, clear = away - mean(at), radius - mean(free)
     alpha = _coefficients(process, at, value, noise)
     for _ in range(process.free_rounds if len(free) else 0):
-        depth = radius - process.mean_m - _kernel(process, free, at) @ alpha
+        depth = clear - known_kernel(process, free, at) @ alpha
         deep = np.argsort(-depth, kind="stable")[:process.free_rows]
         deep = deep[depth[deep] > process.free_sigma_m]
         if len(deep) == 0:
             break
         at = np.concatenate([at, free[deep]])
-        value = np.concatenate([value, np.full(len(deep), radius - process.mean_m)])
+        value = np.concatenate([value, clear[deep]])
         noise = np.concatenate([noise, np.full(len(deep), process.free_sigma_m**2)])
-        free = np.delete(free, deep, axis=0)
+        free, clear = np.delete(free, deep, axis=0), np.delete(clear, deep)
         alpha = _coefficients(process, at, value, noise)
-    scale = float((value * alpha).sum() / len(value))
+    scale = max(float((value * alpha).sum() / len(value)), LEAST_SCALE)
     return at, alpha / scale, noise * scale, scale
-
-
-def _touch_rows(points: np.ndarray, normals: np.ndarray, sigma: np.ndarray, process: KnownProcess
-                ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Places, targets and variances of the touches and of the points off the surface along known
-    normals, and which touch each of them comes from."""
-    known = np.flatnonzero(np.isfinite(normals).all(1))
-    off = process.offset_m
-    touch = np.concatenate([np.arange(len(points)), known])
-    away = np.where(np.arange(len(touch)) < len(points), 0.0, off)
-    at = points[touch] + away[:, None] * np.nan_to_num(normals[touch])
-    return at, away - process.mean_m, sigma[touch] ** 2 + (process.slope * away) ** 2, touch
 
 
 def _coefficients(process: KnownProcess, at: np.ndarray, value: np.ndarray, noise: np.ndarray
                   ) -> np.ndarray:
-    return cho_solve(cho_factor(_kernel(process, at, at) + np.diag(noise), lower=True), value)
+    return cho_solve(cho_factor(known_kernel(process, at, at) + np.diag(noise), lower=True), value)
 
 
 def _record(found: list, points: np.ndarray, mask: np.ndarray, process: KnownProcess,

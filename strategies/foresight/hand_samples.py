@@ -97,7 +97,7 @@ def samples_of_hand(hand: HandTable, closings: tuple[str, ...]) -> HandSamples:
     return _samples(capsules_of_hand(hand), closings)
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=32)
 def _samples(capsules: HandCapsules, closings: tuple[str, ...]) -> HandSamples:
     radius = outline_of(capsules.table).skin_m
     commands, count = padded_commands(closings, capsules.table)

@@ -7,8 +7,8 @@ least: each touch is worth what it would tell where it is made, if it is made, a
 poses nearby count less then (greedy, Nemhauser, Wolsey and Fisher 1978).
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
@@ -33,6 +33,7 @@ LOOKED_AT = 256
 of these."""
 UNSURE_M = 0.006
 """A contact whose standard deviation is this counts half [est]."""
+IN_TURN, MATCHED = "in-turn", "matched"
 PRICE = 0.55
 """Where the budget limits touches, a finger closes only if it is expected to find this share of
 what the best finger of all would: one that stays open costs no touch [est]."""
@@ -40,63 +41,84 @@ what the best finger of all would: one that stays open costs no touch [est]."""
 
 @dataclass(frozen=True)
 class _Asked:
-    """The grasps last asked for."""
+    """Grasps along one closing path."""
 
+    closing: int
+    """Number of the path."""
     pose: np.ndarray
     """(world, pose, 7)."""
     wanted: np.ndarray
     """(world, pose)."""
-    closing: int
-    slots: int
-    """Contacts in the evidence before them."""
+    closes: np.ndarray
+    """Which fingers close, (world, pose, finger)."""
+    promise: np.ndarray
+    """What the first pose is expected to bring, (world,)."""
 
 
 @planner("any-object", "where an object of any shape may be and is known least, by what was felt")
 class AnyObject:
     """Greedy expected worth of touches, each counted beside those before it."""
 
-    def __init__(self, poses: int = 4, candidates: int = CANDIDATES) -> None:
-        """`poses` a step, chosen of so many `candidates`. Raises ValueError."""
+    def __init__(self, poses: int = 4, candidates: int = CANDIDATES, paths: str = IN_TURN) -> None:
+        """`poses` a step, chosen of so many `candidates`; `paths` says which closing path the
+        hand takes, and so how wide it opens: all in turn, or in each world the one that is expected
+        to bring most there ("matched"). Raises ValueError."""
         self.poses, self.candidates = int(poses), int(candidates)
         if not 1 <= self.poses <= 16:
             raise ValueError(f"poses is {poses!r}; should be from 1 to 16")
         if not self.poses <= self.candidates <= 65536:
             raise ValueError(f"candidates is {candidates!r}; should be from {poses} to 65536")
+        if paths not in (IN_TURN, MATCHED):
+            raise ValueError(f"paths is {paths!r}; should be {IN_TURN!r} or {MATCHED!r}")
+        self.matched = paths == MATCHED
         self.grid: Occupancy | None = None
-        self.asked: _Asked | None = None
+        self.asked: list[_Asked] = []
+        self.slots = 0
+        """Contacts in the evidence before what was last asked for."""
         self.step = 0
         self.over: np.ndarray | None = None
         """Worlds of which nothing was wanted once: alone, their episodes would have ended."""
 
     def __call__(self, belief: Belief) -> list[Probe]:
         """The next poses of every world that is active."""
-        samples = samples_of_hand(belief.hand, belief.closings)
+        samples = [samples_of_hand(belief.hand, (name,)) for name in belief.closings]
         grid = self.grid or begin_occupancy(belief.prior, outline_of(belief.hand).skin_m)
         self.grid = grid
-        if self.asked is not None:
-            self._learn(belief, samples, grid, self.asked)
+        for asked, first in _made(self.asked, self.slots, belief):
+            self._learn(belief, samples[asked.closing], grid, asked, first)
         over = np.zeros(belief.worlds, bool) if self.over is None else self.over
         active = belief.active & ~over
-        closing = self.step % len(belief.closings)
-        evidence = belief.evidence
         seen, worth = self._looks(belief, grid, active)
-        lowest = TABLE_MARGIN_M + 0.5 * outline_of(belief.hand).skin_m
+        looked_at = range(len(samples)) if self.matched else (self.step % len(samples),)
+        found = [self._best_of_path(belief, samples[path], path, seen, worth, active)
+                 for path in looked_at]
+        most = np.argmax([asked.promise for asked in found], axis=0)
+        found = [replace(asked, wanted=asked.wanted & (most == number)[:, None])
+                 for number, asked in enumerate(found)]
+        self.over = over | (active & ~np.any([asked.wanted.any(1) for asked in found], axis=0))
+        self.asked = [asked for asked in found if asked.wanted.any()]
+        self.slots = belief.evidence.mask.shape[1]
+        self.step += 1
+        return [Grasp(asked.pose, asked.wanted, (belief.closings[asked.closing],), asked.closes)
+                for asked in self.asked]
+
+    def _best_of_path(self, belief: Belief, samples: HandSamples, closing: int, seen: Occupancy,
+                      worth: np.ndarray, active: np.ndarray) -> _Asked:
+        """The best poses for one closing path, whose hand is `samples`."""
+        evidence, outline = belief.evidence, outline_of(belief.hand)
+        lowest = TABLE_MARGIN_M + 0.5 * outline.skin_m
         poses = draw_aimed_poses(belief.seed, self.step, self.candidates, belief.prior,
-                                 evidence.points_m, evidence.mask, samples,
-                                 outline_of(belief.hand).reach_m)
+                                 evidence.points_m, evidence.mask, samples, outline.reach_m)
         price = 0.0 if belief.touches_left is None else PRICE
         poses = self._best_looking(poses, price, active, lambda some, wanted: seen.foresee(
-            samples.thinned.open_m, samples.thinned.swept[closing], some, wanted, worth, lowest,
+            samples.thinned.open_m, samples.thinned.swept[0], some, wanted, worth, lowest,
             closely=False))
         free = pose_reachable(belief.arm, belief.hand, poses) & active[:, None]
-        found = seen.foresee(samples.open_m, samples.swept[closing], poses, free, worth, lowest)
-        chosen, wanted, closes = _greedy(np.where(free[..., None], found.gain, 0.0), found.place_m,
-                                         self.poses, price)
-        self.over = over | (active & ~wanted.any(1))
-        pose = np.take_along_axis(poses, chosen[..., None], 1)
-        self.asked = _Asked(pose, wanted, closing, evidence.mask.shape[1])
-        self.step += 1
-        return [Grasp(pose, wanted, (belief.closings[closing],), closes)]
+        found = seen.foresee(samples.open_m, samples.swept[0], poses, free, worth, lowest)
+        chosen, wanted, closes, promise = _greedy(
+            np.where(free[..., None], found.gain, 0.0), found.place_m, self.poses, price)
+        return _Asked(closing, np.take_along_axis(poses, chosen[..., None], 1), wanted, closes,
+                      promise)
 
     def _looks(self, belief: Belief, grid: Occupancy, active: np.ndarray
                ) -> tuple[Occupancy, np.ndarray]:
@@ -120,12 +142,13 @@ class AnyObject:
         return np.take_along_axis(poses, np.sort(best, axis=1)[..., None], 1)
 
     @staticmethod
-    def _learn(belief: Belief, samples: HandSamples, grid: Occupancy, asked: _Asked) -> None:
-        """What the grasps last asked for have told of the cells."""
-        evidence = belief.evidence
+    def _learn(belief: Belief, samples: HandSamples, grid: Occupancy, asked: _Asked, first: int
+               ) -> None:
+        """What grasps whose contacts begin with slot `first` have told of the cells."""
+        evidence, swept = belief.evidence, samples.swept[0]
         worlds, poses = asked.wanted.shape
-        fingers = len(samples.swept[asked.closing].met)
-        new = slice(asked.slots, asked.slots + fingers * poses)
+        fingers = len(swept.met)
+        new = slice(first, first + fingers * poses)
         q = belief.links.q_rad[:, new].reshape(worlds, poses, fingers, -1)
         closed = asked.wanted[..., None] & (q != 0.0).any(-1)  # nothing is read of what was barred
         grid.learn_barred(samples.open_m, asked.pose,
@@ -136,7 +159,6 @@ class AnyObject:
         sure = np.isfinite(evidence.contradiction[:, new]) & (np.abs(normal).sum(-1) > 0.0)
         weight = np.where(mask & sure, 1.0 / (1.0 + (spread / UNSURE_M) ** 2), 0.0)
         grid.learn_touches(evidence.points_m[:, new], normal, weight)
-        swept = samples.swept[asked.closing]
         last = reached_place(swept, np.arange(fingers), q)
         # Where a finger touched, its last places are those of the contact itself.
         last = np.where(mask.reshape(closed.shape), last - 1, last + 1)
@@ -159,6 +181,18 @@ def _seen_freely(belief: Belief, grid: Occupancy, active: np.ndarray, *, pooled:
                                 BODY, pooled=pooled)
 
 
+def _made(asked: list[_Asked], first: int, belief: Belief) -> Iterator[tuple[_Asked, int]]:
+    """Of grasps those that were made, and the first slot of each, from slot `first` on. Not made
+    are those of worlds alone that ended before."""
+    left = sum(each.closes[0].size for each in asked) - (belief.evidence.mask.shape[1] - first)
+    for each in asked:
+        if left > 0 and not (each.wanted.any(1) & belief.active).any():
+            left -= each.closes[0].size
+            continue
+        yield each, first
+        first += each.closes[0].size
+
+
 def _beyond(gain: np.ndarray, price: float) -> np.ndarray:
     """What touches gain beyond their price, a share of the most of all (world, pose, finger)."""
     return gain - price * gain.max((1, 2), keepdims=True)
@@ -172,15 +206,18 @@ def _of_pose(gain: np.ndarray, price: float) -> np.ndarray:
 
 
 def _greedy(gain: np.ndarray, place_m: np.ndarray, poses: int, price: float
-            ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The best candidates, each counted beside those before it: their numbers (world, pose),
-    whether anything is expected of them, and which fingers are to close (world, pose, finger)."""
+    whether anything is expected of them, which fingers are to close (world, pose, finger), and what
+    all fingers that close in the first are expected to bring (world,)."""
     rows = np.arange(len(gain))
     left = gain.copy()
-    chosen, wanted, closes = [], [], []
-    for _ in range(poses):
+    chosen, wanted, closes, promise = [], [], [], np.zeros(len(gain))
+    for number in range(poses):
         total = _of_pose(left, price)
         best = total.argmax(1)
+        if number == 0:
+            promise = np.where(_beyond(left, price) >= 0.0, left, 0.0)[rows, best].sum(1)
         chosen.append(best)
         wanted.append(total[rows, best] > 0.0)
         closes.append(_beyond(left, price)[rows, best] >= 0.0)
@@ -190,4 +227,4 @@ def _greedy(gain: np.ndarray, place_m: np.ndarray, poses: int, price: float
         covered = likely[:, None, None] * np.clip(1.0 - apart / 0.02, 0.0, 1.0)
         left = left * (1.0 - covered.max(-1))
         left[rows, best] = 0.0
-    return np.stack(chosen, 1), np.stack(wanted, 1), np.stack(closes, 1)
+    return np.stack(chosen, 1), np.stack(wanted, 1), np.stack(closes, 1), promise

@@ -47,6 +47,9 @@ CLOSING_PATHS: dict[str, ClosingPath] = {path.name: path for path in (
     ClosingPath("base_then_curl", "the base closes almost straight, then the tip curls",
                 # Off their stops by 5 deg: at a stop a touch turns no joint, and tendons feel none.
                 _degrees((0, -10, 0, 0), (0, -10, 5, 5), (0, 60, 5, 5), (0, 90, 95, 95))),
+    *(ClosingPath(f"from{base}", f"the base opens to {base} deg only, then closes as "
+                  "base_then_curl", _degrees((0, base, 5, 5), (0, 60, 5, 5), (0, 90, 95, 95)))
+      for base in (10, 25)),
 )}
 
 

@@ -17,7 +17,13 @@ from strategies.poses.waypoints import BoundingCylinder
 from strategies.procedures.planar_faces import Face
 from strategies.recognition.descriptions import different_faces
 from strategies.reconstruct.calibrated_planes import Planes
-from strategies.recovery.choose_model import CONTRADICTS_M, MOST_STRAYED, Recovered, Shape
+from strategies.recovery.choose_model import (
+    CONTRADICTS_M,
+    MOST_STRAYED,
+    Recovered,
+    Shape,
+    parameter_count,
+)
 from strategies.recovery.contact_verdict import UNEXPLAINED_M, surface_gaps
 from strategies.recovery.evidence import Evidence
 from strategies.recovery.misfit import FARTHEST_M, schwarz
@@ -26,8 +32,8 @@ from warpgrasp.parameters import FitTable
 
 FEWEST_FACES = 3
 """That must be felt: with the table the fewest that close a body."""
-OF_A_FACE, OF_A_NODE, OF_A_LINE = 3, 2, 4
-"""Parameters: of a plane; of a contour's node, and of its axis."""
+OF_A_FACE = 3
+"""Parameters of a plane."""
 CURVED_M = 0.0015
 """Sagitta from which on touches that fall away to both ends are those of a curved surface [est].
 Where they rise instead, something stands out of a plane: the rim of a lid."""
@@ -61,7 +67,7 @@ def felt_polyhedron(
         others = _mean(surface_gaps(recovered, evidence.points_m, evidence.mask)[0][pads])
         count = int(pads.sum())
         if (_evidence(own, count, planes.felt * OF_A_FACE)
-                >= _evidence(others, count, _parameters(recovered, table))):
+                >= _evidence(others, count, parameter_count(recovered, table))):
             return None
     return planes if _agrees(planes, felt, prior, table) else None
 
@@ -125,14 +131,6 @@ def _evidence(misfit_m: float, contacts: int, parameters: int) -> float:
 
 def _mean(away: np.ndarray) -> float:
     return float(np.minimum(away, FARTHEST_M).mean())
-
-
-def _parameters(recovered: Recovered, table: FitTable) -> int:
-    """Of the model that stands for the first world."""
-    if recovered.shape[0] == Shape.REVOLUTION and recovered.revolution is not None:
-        nodes = int(np.isfinite(recovered.revolution.height_m[0]).sum())
-        return OF_A_NODE * nodes + OF_A_LINE
-    return 11 + 2 * table.taper + 2 * table.bend
 
 
 def _agrees(planes: Planes, felt: Evidence, prior: BoundingCylinder, table: FitTable) -> bool:

@@ -29,7 +29,7 @@ from strategies.reconstruct.plug_in_name import (
     POLYHEDRON,
     find_plug_in,
 )
-from strategies.reconstruct.prior_distance import distance_to_recovered
+from strategies.reconstruct.prior_distance import DistanceToRecovered
 from strategies.recovery.belief import Belief, read_only
 from strategies.recovery.choose_model import Recovered
 from strategies.recovery.contact_verdict import (
@@ -44,8 +44,19 @@ from warpgrasp.parameters import ArmTable, ErrorTable, FitTable
 if TYPE_CHECKING:
     from fit.implicit.volume import VolumeEstimate
     from strategies.reconstruct.calibrated_planes import Planes
+    from strategies.reconstruct.free_mean import FreeMean
 CLEARLY_BETTER = 0.85
 """A free form replaces a doubted model where torques contradict it by this share as much [est]."""
+
+
+@dataclass(frozen=True)
+class FreeForm:
+    """The free form of one world."""
+
+    fit: ImplicitFit
+    """Its process, one row."""
+    about: "FreeMean"
+    """The body that it stands about."""
 
 
 @dataclass(frozen=True)
@@ -60,9 +71,8 @@ class Reconstruction:
     """What a plug-in did wrong, str (world,)."""
     time_s: float
     """Wall time of all worlds together."""
-    fits: tuple[ImplicitFit, ...] = ()
-    """Of the Gaussian process, one of each of the worlds `fitted`, in order."""
-    fitted: np.ndarray | None = None
+    forms: Mapping[int, FreeForm] = field(default_factory=dict)
+    """Of worlds whose body is a free form."""
     parts: Mapping[int, SuperquadricFit] = field(default_factory=dict)
     """Of worlds whose body is several superquadrics."""
     polyhedra: "Mapping[int, Planes]" = field(default_factory=dict)
@@ -70,28 +80,24 @@ class Reconstruction:
 
     def name_of(self, world: int) -> str:
         """How its row names the shape of a world whose body is a mesh."""
-        return POLYHEDRON if world in self.polyhedra else self.name
+        if world in self.polyhedra:
+            return POLYHEDRON
+        return self.forms[world].about.name if world in self.forms else self.name
 
     def volume(self, world: int) -> "VolumeEstimate | None":
-        """Volume of a world's Gaussian process and its surface's uncertainty; None where there is
-        none."""
-        number = self.number(world)
-        return None if number is None else self._volumes[number]
+        """Volume of a world's free form and its surface's uncertainty; None where there is none."""
+        if world in self.forms and world not in self._volumes:
+            from fit.implicit.volume import implicit_volume
+            from strategies.recovery.free_contacts import LEFT_M
 
-    def number(self, world: int) -> int | None:
-        """Which of `fits` is that of a world."""
-        mine = np.zeros(0, int) if self.fitted is None else np.flatnonzero(self.fitted == world)
-        return int(mine[0]) if len(mine) else None
+            form = self.forms[world]
+            self._volumes[world] = implicit_volume(form.fit, [self.meshes[world]],
+                                                   form.about.mean, shared_m=LEFT_M)
+        return self._volumes.get(world)
 
     @cached_property
-    def _volumes(self) -> "tuple[VolumeEstimate, ...]":
-        from fit.implicit.volume import implicit_volume
-        from strategies.recovery.free_contacts import BODY, LEFT_M
-
-        assert self.fitted is not None
-        return tuple(implicit_volume(fit, [self.meshes[int(world)]], BODY.mean,
-                                     shared_m=LEFT_M)
-                     for fit, world in zip(self.fits, self.fitted, strict=True))
+    def _volumes(self) -> "dict[int, VolumeEstimate]":
+        return {}
 
     @property
     def made(self) -> np.ndarray:
@@ -140,8 +146,9 @@ def reconstruct(
         calibration = None if belief is None else (belief.errors, belief.arm)
         if word == PARTS:
             return _several(np.flatnonzero(free), felt, links, prior, table, begin, calibration)
-        return _with_polyhedra(_implicit(np.flatnonzero(free), felt, links, prior, table, begin,
-                                         most, calibration), polyhedra)
+        made = _implicit(np.flatnonzero(free), felt, links, recovered, prior, table, begin, most,
+                         calibration)
+        return _with_polyhedra(made, polyhedra)
     name = word.rpartition(":")[2]
     try:
         function = find_plug_in(word)
@@ -199,7 +206,7 @@ def _with_polyhedra(free: Reconstruction, polyhedra: "Mapping[int, Planes]") -> 
     return replace(free, meshes=tuple(meshes), polyhedra=polyhedra)
 
 
-def _implicit(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
+def _implicit(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None, recovered: Recovered,
               prior: BoundingCylinder, table: FitTable, begin: float, most: np.ndarray,
               calibration: tuple[ErrorTable, ArmTable] | None) -> Reconstruction:
     """Free forms of the worlds `rows`, where torques contradict them by less than `most` (world,).
@@ -207,28 +214,27 @@ def _implicit(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
     meshes = [NO_MESH] * len(felt.mask)
     none = np.full(len(meshes), "", object)
     if len(rows) == 0:
-        return Reconstruction(IMPLICIT, tuple(meshes), none, time.perf_counter() - begin,
-                              fitted=np.zeros(0, int))
+        return Reconstruction(IMPLICIT, tuple(meshes), none, time.perf_counter() - begin)
     from fit.implicit.mesh import implicit_meshes
     from strategies.reconstruct.believed_pieces import believed_pieces
-    from strategies.recovery.free_contacts import BODY, fitted_freely
+    from strategies.reconstruct.free_mean import likeliest_mean
+    from strategies.recovery.free_contacts import BODY, fit_placed, placed_freely
 
-    fits, fitted = [], []
+    forms = {}
     for row in rows:  # one at a time: sums over rows of a longer neighbour would round otherwise
         own = np.array([row])
-        fit, placed = fitted_freely(
+        placed, sigma = placed_freely(
             rows_of(felt, own), None if links is None else rows_of(links, own), table,
             calibration)
         if mean_contradiction(placed)[0] >= most[row]:
             continue
         given = rows_of(prior, own)
-        mesh = believed_pieces(implicit_meshes(fit, BODY.mean)[0], given)
+        about = likeliest_mean(placed, sigma, rows_of(recovered, own), given, table, BODY)
+        fit = fit_placed(placed, sigma, table, about.process, about.mean)
+        mesh = believed_pieces(implicit_meshes(fit, about.mean, box_m=about.box_m)[0], given)
         if plausible_vertices([mesh.vertices_m], given, table_plane=table.table_plane)[0]:
-            meshes[row] = mesh
-            fits.append(fit)
-            fitted.append(row)
-    return Reconstruction(IMPLICIT, tuple(meshes), none, time.perf_counter() - begin, tuple(fits),
-                          np.array(fitted, int))
+            meshes[row], forms[int(row)] = mesh, FreeForm(fit, about)
+    return Reconstruction(IMPLICIT, tuple(meshes), none, time.perf_counter() - begin, forms)
 
 
 def _several(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
@@ -236,12 +242,12 @@ def _several(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
              calibration: tuple[ErrorTable, ArmTable] | None) -> Reconstruction:
     """Bodies of several parts of the worlds `rows`."""
     from strategies.reconstruct.parts import fitted_parts, parts_mesh
-    from strategies.recovery.free_contacts import fitted_freely
+    from strategies.recovery.free_contacts import placed_freely
 
     meshes, parts = [NO_MESH] * len(felt.mask), {}
     for row in rows:
         own = np.array([row])
-        _, placed = fitted_freely(
+        placed, _ = placed_freely(
             rows_of(felt, own), None if links is None else rows_of(links, own), table,
             calibration)
         found = fitted_parts(placed, rows_of(prior, own), table)
@@ -264,4 +270,4 @@ def _touches(recovered: Recovered, evidence: Evidence, prior: BoundingCylinder) 
     normals = np.where(np.isfinite(seen.contradiction)[..., None], seen.normals, np.nan)
     return Touches(seen.points_m, seen.mask, seen.covariance_m2, normals, seen.free_m,
                    seen.free_radius_m, seen.free_mask, low, high,
-                   distance_to_recovered(recovered))
+                   DistanceToRecovered(recovered))

@@ -21,19 +21,16 @@ from fit.superquadric.geometry import superquadric_points
 from fit.superquadric.record import SuperquadricFit
 from strategies.poses.waypoints import BoundingCylinder
 from strategies.reconstruct.prior_distance import superquadric_distance
+from strategies.recovery.choose_model import OF_A_SUPERQUADRIC
 from strategies.recovery.evidence import Evidence
 from strategies.recovery.fit_contacts import recover_bodies
-from strategies.recovery.misfit import FARTHEST_M, schwarz
+from strategies.recovery.misfit import FARTHEST_M, LEAST_MISFIT_M, schwarz
 from strategies.recovery.plausibility import FLOATING_M, plausible
 from warpgrasp.parameters import FitTable
 
 MOST_PARTS = 4
 ROUNDS = 3
 """Fits of all parts from each division [est]."""
-LEAST_MISFIT_M = 0.0008
-"""Mean distance of contacts from a body that explains them: nearer ones tell nothing [est]."""
-PARAMETERS = 11
-"""Of a part: sizes, exponents, place and turn."""
 _MARGIN_M = 0.01
 _NOWHERE_M = 1.0
 _SURFACE_POINTS = 216
@@ -58,8 +55,8 @@ def fitted_parts(
 
     def evidence(count: int) -> float:
         parts, misfit = found[count]
-        return np.inf if len(parts) == 0 else schwarz(misfit, len(points), PARAMETERS * len(parts),
-                                                      LEAST_MISFIT_M)
+        numbers = OF_A_SUPERQUADRIC * len(parts)
+        return schwarz(misfit, len(points), numbers, LEAST_MISFIT_M) if len(parts) else np.inf
 
     best = min(found, key=evidence)
     return None if best == 1 or len(found[best][0]) < 2 else found[best][0]

@@ -1,23 +1,29 @@
 """Signed distance of recovered bodies: the prior mean of free-form bodies."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from fit.arrays import rows_of
-from fit.implicit.record import Mean
 from fit.revolution.geometry import RevolutionBody, revolution_inside
 from fit.superquadric.geometry import SuperquadricLike
 from strategies.recovery.body_distances import contour_distances, surface_distances
 from strategies.recovery.choose_model import Recovered, Shape
 
 
-def distance_to_recovered(recovered: Recovered) -> Mean:
+@dataclass(frozen=True)
+class DistanceToRecovered:
     """Signed distances [m] of points to the body that stands for each world, negative inside.
 
     Of a contour exact; of a superquadric, and of the prior cylinder, of first order in the
-    distance, and never deeper than the body's least half extent.
+    distance, and never deeper than the body's least half extent. A `Mean` that can be pickled.
     """
-    def distance(points_m: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        out = np.empty(points_m.shape[:2])
+
+    recovered: Recovered
+
+    def __call__(self, points_m: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Of the worlds numbered (row,) at points (row, point, 3): (row, point)."""
+        recovered, out = self.recovered, np.empty(points_m.shape[:2])
         turned = recovered.shape[rows] == Shape.REVOLUTION
         others = np.flatnonzero(~turned)
         if len(others):
@@ -27,8 +33,6 @@ def distance_to_recovered(recovered: Recovered) -> Mean:
         if len(mine) and recovered.revolution is not None:
             out[mine] = revolution_distance(recovered.revolution[rows[mine]], points_m[mine])
         return out
-
-    return distance
 
 
 def superquadric_distance(body: SuperquadricLike, points_m: np.ndarray) -> np.ndarray:

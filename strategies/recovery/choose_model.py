@@ -13,6 +13,7 @@ from strategies.procedures.contour_shape import Profile
 from strategies.recovery.body_distances import contour_distances, surface_distances
 from strategies.recovery.evidence import Evidence
 from strategies.recovery.plausibility import plausible_contour
+from warpgrasp.parameters import FitTable
 
 FEWEST_NODES = 4
 """Of a contour that is to stand for a body."""
@@ -25,6 +26,8 @@ CONTRADICTS_M = 0.010
 """Contacts farther than this from a contour do not belong to it."""
 MOST_STRAYED = 0.1
 LARGEST_RESIDUAL_M = 0.05
+OF_A_SUPERQUADRIC, OF_A_NODE, OF_A_LINE = 11, 2, 4
+"""Parameters: of sizes, exponents, place and turn; of a contour's node, and of its axis."""
 
 
 class Shape(IntEnum):
@@ -47,6 +50,11 @@ class Recovered:
 
     def __len__(self) -> int:
         return len(self.shape)
+
+
+def superquadric_of(fits: SuperquadricLike) -> Superquadric:
+    """The bodies of fits."""
+    return Superquadric(*(getattr(fits, name) for name in Superquadric._fields))
 
 
 def same_bodies(one: Recovered, other: Recovered) -> np.ndarray:
@@ -105,6 +113,15 @@ def choose_body(
 def _rms(distance: np.ndarray, mask: np.ndarray) -> np.ndarray:
     square = row_sums(np.where(mask, np.minimum(distance, LARGEST_RESIDUAL_M) ** 2, 0.0))
     return np.sqrt(square / np.maximum(mask.sum(1), 1))
+
+
+def parameter_count(recovered: Recovered, table: FitTable) -> int:
+    """Parameters of the model that stands for the first world, numbers that touches had to find;
+    those of superquadrics are the same in all."""
+    if recovered.shape[0] == Shape.REVOLUTION and recovered.revolution is not None:
+        nodes = int(np.isfinite(recovered.revolution.height_m[0]).sum())
+        return OF_A_NODE * nodes + OF_A_LINE
+    return OF_A_SUPERQUADRIC + 2 * table.taper + 2 * table.bend
 
 
 def prior_superquadric(prior: BoundingCylinder) -> Superquadric:

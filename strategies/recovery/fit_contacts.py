@@ -20,7 +20,7 @@ from strategies.contacts.finger_touch import TouchedLinks
 from strategies.contacts.placing import placing_of
 from strategies.recovery.body_distances import bodies_on, radial_distances
 from strategies.recovery.evidence import SURE_LINK, Evidence
-from strategies.recovery.misfit import CLEARLY, DOUBTED_M, RIVAL, touch_misfit
+from strategies.recovery.misfit import CLEARLY, RIVAL, RIVALS_FROM_M, touch_misfit
 from warpgrasp.core.dtypes import mat33, real, transform, vec3
 from warpgrasp.core.kernel_launch import launch
 from warpgrasp.parameters import FitTable
@@ -54,7 +54,8 @@ Bodies = tuple[SuperquadricFit, Evidence]
 
 
 def recover_bodies(
-    evidence: Evidence, links: TouchedLinks | None, table: FitTable, *, doubted_m: float = DOUBTED_M
+    evidence: Evidence, links: TouchedLinks | None, table: FitTable, *,
+    doubted_m: float = RIVALS_FROM_M
 ) -> Bodies:
     """Superquadrics of all worlds, and the contacts as placed for the last fit.
 
@@ -79,7 +80,7 @@ def _recover(
             placed = contacts_placed(evidence, links, fits)
         placed = nearest_free(placed, evidence, fits)
         # Early bodies may be wrong as a whole: from scratch where they are doubted.
-        from_scratch = (touch_misfit(fits, placed) > DOUBTED_M) & (2 * number < rounds)
+        from_scratch = (touch_misfit(fits, placed) > RIVALS_FROM_M) & (2 * number < rounds)
         iterations = LAST_ITERATIONS if number == rounds - 1 else 0
         for rows, start in ((np.flatnonzero(from_scratch), False),
                             (np.flatnonzero(~from_scratch), True)):
@@ -111,7 +112,7 @@ def refine_bodies(
 
 def beside_rivals(
     fits: SuperquadricFit, placed: Evidence, evidence: Evidence, links: TouchedLinks | None,
-    table: FitTable, *, doubted_m: float = DOUBTED_M
+    table: FitTable, *, doubted_m: float = RIVALS_FROM_M
 ) -> Bodies:
     """The fits, or in doubted worlds those of the rival residual where they are nearer."""
     far = touch_misfit(fits, placed) > doubted_m

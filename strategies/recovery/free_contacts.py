@@ -15,7 +15,7 @@ import numpy as np
 
 from fit.arrays import rows_of
 from fit.implicit.known import KnownProcess, fit_known, known_slopes, shared_error_means
-from fit.implicit.record import ImplicitFit
+from fit.implicit.record import ImplicitFit, Mean
 from strategies.contacts.field_placing import (
     can_be_placed,
     field_of_process,
@@ -64,12 +64,12 @@ DIGITS = 9
 """Of the field that contacts are placed by [m]: its products round by how they are computed."""
 
 
-def fitted_freely(
+def placed_freely(
     felt: Evidence, links: TouchedLinks | None, table: FitTable,
     calibration: tuple[ErrorTable, ArmTable] | None = None,
-) -> tuple[ImplicitFit, Evidence]:
-    """Free-form bodies of all worlds, whose mean is `BODY.mean`, and the contacts as placed on
-    them.
+) -> tuple[Evidence, np.ndarray]:
+    """Contacts of all worlds as placed on free forms of their own, and their deviations along the
+    normal [m], (world, point).
 
     `felt` has contacts as they were felt, `links` how fingers stood. Contacts of hands that are
     chains and those of pads are not placed anew; they, too, are moved by what all contacts
@@ -78,21 +78,42 @@ def fitted_freely(
     """
     placed, sigma = felt, _first_sigma(felt)
     if links is None or not felt.mask.any():
-        return _fit(placed, sigma, table, BODY), placed
+        return placed, sigma
     if can_be_placed(links) and (felt.mask & links.linked).any():
         stations = link_stations(links)
         for turn in range(ROUNDS):
-            fits = _fit(placed, sigma, table, PLACING)
+            fits = fit_placed(placed, sigma, table, PLACING)
             placed, sigma = _placed(fits, placed, sigma, links, stations,
                                     min(turn / SURE_ROUNDS, 1.0))
     if calibration is not None:
         placed = _calibrated(placed, sigma, links, calibration)
-    return _fit(placed, sigma, table, BODY), placed
+    return placed, sigma
+
+
+def fitted_freely(
+    felt: Evidence, links: TouchedLinks | None, table: FitTable,
+    calibration: tuple[ErrorTable, ArmTable] | None = None,
+) -> tuple[ImplicitFit, Evidence]:
+    """Free-form bodies of all worlds about no body, whose mean is `BODY.mean`, and the contacts as
+    placed on them; arguments are those of `placed_freely`."""
+    placed, sigma = placed_freely(felt, links, table, calibration)
+    return fit_placed(placed, sigma, table), placed
+
+
+def fit_placed(placed: Evidence, sigma_m: np.ndarray, table: FitTable,
+               process: KnownProcess = BODY, mean: Mean | None = None) -> ImplicitFit:
+    """Free-form bodies of contacts as they are `placed`, of deviations `sigma_m` (world, point),
+    about `mean`, or that of `process`."""
+    free = {"free_points": placed.free_m, "free_radius": placed.free_radius_m,
+            "free_mask": placed.free_mask} if table.free_space else {}
+    return fit_known(placed.points_m, placed.mask, placed.normals, sigma_m, process,
+                     table_z=0.0 if table.table_plane else None, mean=mean, **free)
 
 
 def believed_freely(belief: Belief, world: int) -> ImplicitFit:
-    """The free form that would be made of one world's contacts now; about nothing, where it has
-    hardly any. Raises ValueError for a belief that does not say where contacts were felt."""
+    """The free form about no body that would be made of one world's contacts now; one of nothing,
+    where it has hardly any. Raises ValueError for a belief that does not say where contacts were
+    felt."""
     if belief.unplaced is None:
         raise ValueError("belief: does not say where contacts were felt")
     own = np.array([world])
@@ -111,14 +132,6 @@ def _calibrated(placed: Evidence, sigma: np.ndarray, links: TouchedLinks,
         np.einsum("wpie,wpi->wpe", vectors, normals), CALIBRATING)
     shift = np.einsum("wpie,we->wpi", vectors, found)
     return replace(placed, points_m=placed.points_m + np.where(placed.mask[..., None], shift, 0.0))
-
-
-def _fit(placed: Evidence, sigma_m: np.ndarray, table: FitTable, process: KnownProcess
-         ) -> ImplicitFit:
-    free = {"free_points": placed.free_m, "free_radius": placed.free_radius_m,
-            "free_mask": placed.free_mask} if table.free_space else {}
-    return fit_known(placed.points_m, placed.mask, placed.normals, sigma_m, process,
-                     table_z=0.0 if table.table_plane else None, **free)
 
 
 def _placed(fits: ImplicitFit, before: Evidence, sigma: np.ndarray, links: TouchedLinks,

@@ -17,12 +17,14 @@ from strategies.recovery.evidence import Evidence
 
 RIVAL = "radial"
 """Residual of the second fit; see `fit.superquadric.field`."""
-DOUBTED_M = 0.0015
+RIVALS_FROM_M = 0.0015
 """Misfit from which a second fit is made [m]; sensor noise alone leaves 0.8 mm [est]."""
 UNBELIEVED_M = 0.006
 """Misfit from which a body is rejected as implausible [m] [est]."""
 CLEARLY = 0.95
 """The second body replaces the first where its misfit is below this share of the first's."""
+LEAST_MISFIT_M = 0.0008
+"""Mean distance of contacts from a body that explains them: nearer ones tell nothing [est]."""
 FARTHEST_M = 0.010
 """Distances are capped here [m], since some contacts do not lie on the body at all."""
 

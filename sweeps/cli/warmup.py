@@ -4,9 +4,10 @@ import importlib
 import os
 import time
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
+
+from warpgrasp.parameters import FitTable
 
 KERNEL_MODULES = (
     "strategies.contacts.placing_kernel",
@@ -47,7 +48,8 @@ KERNEL_MODULES = (
 EXPLORED = (
     "warpgrasp.closing.meeting_kernel", "warpgrasp.closing.friction_kernel",
     "warpgrasp.mechanism.arm_motion_kernel",
-    "warpgrasp.closing.readout", "strategies.contacts.placing_kernel", "warpgrasp.geometry.scene",
+    "warpgrasp.closing.readout", "strategies.contacts.placing_kernel",
+    "strategies.contacts.field_placing_kernel", "warpgrasp.geometry.scene",
     "warpgrasp.closing.near_kernel", "warpgrasp.closing.contact_estimate_kernel",
     "sweeps.episode.scores_kernel", "warpgrasp.closing.self_contact_kernel",
     "strategies.foresight.occupancy_kernel", "strategies.foresight.prospect_kernel",
@@ -57,8 +59,9 @@ EXPLORED = (
 )
 """What an episode of `explore` with the default strategy launches; those that compile longest come
 first, so that the cores are done at about the same time."""
-FITS = (("ring6", "block", True), ("contour-first", "beer_bottle", True), ("ring6", "block", False))
-"""Strategies, objects and whether the model tapers, which ask for all programs that ship."""
+FITS = (("ring6", "block", FitTable()), ("contour-first", "beer_bottle", FitTable()),
+        ("ring6", "block", FitTable(taper=False)), ("ring6", "block", FitTable(bend=True)))
+"""Strategies, objects and what is fitted, which ask for all programs that ship."""
 EPISODES = np.arange(4)
 
 
@@ -108,15 +111,14 @@ def compile_fits(device: str) -> float:
     return time.perf_counter() - begin
 
 
-def _run(strategy: str, name: str, taper: bool, device: str) -> None:
+def _run(strategy: str, name: str, fit: FitTable, device: str) -> None:
     from strategies.ready_made import STRATEGIES
     from sweeps.episode.episodes import run_episodes
     from sweeps.output import init_warp
     from sweeps.spec.cell import Cell
 
     init_warp()
-    cell = Cell(STRATEGIES[strategy], {"name": name}, name)
-    run_episodes(replace(cell, fit=replace(cell.fit, taper=taper)), EPISODES, device)
+    run_episodes(Cell(STRATEGIES[strategy], {"name": name}, name, fit=fit), EPISODES, device)
 
 
 def _turn() -> None:

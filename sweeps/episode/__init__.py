@@ -3,7 +3,8 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "columns": ["NODES", "contour_nodes", "interval_columns", "revolution_parameters",
+    "columns": ["NODES", "contour_nodes", "interval_columns", "model_names",
+        "revolution_parameters",
         "superquadric_parameters"],
     "contact_rows": ["COLUMNS", "VECTORS", "contact_columns"],
     "episodes": ["EpisodeBlock", "REBUILD_FAILED", "cell_body", "place_objects", "run_block",

@@ -4,6 +4,8 @@ Named as in `shape.json` and in what `warpgrasp fit` writes. What a model does n
 empty: the columns are the same whatever was recovered.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from fit.fit_status import status_names
@@ -14,6 +16,7 @@ from strategies.procedures.contour_shape import Profile
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered, Shape
 from strategies.recovery.contact_verdict import accepted_rms
+from warpgrasp.parameters import FitTable
 
 REVOLUTION = ("px_m", "py_m", "pz_m", "ax", "ay", "az", "height_m", "volume_m3")
 NODES = ("profile_z_m", "profile_r_m")
@@ -43,6 +46,15 @@ def model_columns(belief: Belief, recovered: Recovered) -> dict[str, np.ndarray]
     columns |= interval_columns(belief, recovered)
     return columns | {"fit_rms_mm": rms * 1e3, "fit_iterations": iterations.astype(np.int64),
                       "fit_status": np.array(status_names(status))}
+
+
+def model_names(recovered: Recovered, table: FitTable) -> np.ndarray:
+    """How rows name the model that stands for each world's body, str (world,). A superquadric may
+    be bent where none was asked for (`reconstruct = "chosen"`)."""
+    bent = recovered.superquadric.bend[:, 0] != 0.0
+    kind = np.where(bent, replace(table, bend=True).superquadric_name, table.superquadric_name)
+    return np.select([recovered.shape == Shape.SUPERQUADRIC, recovered.shape == Shape.REVOLUTION],
+                     [kind, "revolution"], "prior")
 
 
 def interval_columns(belief: Belief, recovered: Recovered) -> dict[str, np.ndarray]:

@@ -22,8 +22,10 @@ GROWTH = 1.5
 CURVES = ("curve_touches", "curve_time_s", "curve_chamfer_mm", "curve_iou", "curve_touched10mm")
 Asked = tuple[int, Belief, np.ndarray]
 """The number of a moment, what was believed then, and the worlds whose body is to be made."""
-Rebuild = Callable[[Belief, Recovered, np.ndarray], Reconstruction | None]
-"""Bodies of what was believed and recovered, of the worlds asked for (world,)."""
+Rebuild = Callable[[Belief, Recovered, np.ndarray],
+                   tuple[Belief, Recovered, Reconstruction | None]]
+"""Of what was believed and recovered, what stands for the bodies of the worlds asked for (world,).
+"""
 
 
 @dataclass(frozen=True)
@@ -92,10 +94,9 @@ def rebuilt_moments(
              for moment in moments]
     for number, belief, wanted in asked:
         if number < len(found) - 1:
-            recovered = moments[number].recovered
-            made = rebuild(belief, recovered, wanted)
+            _, model, made = rebuild(belief, moments[number].recovered, wanted)
             assert made is not None
-            models = rough.score_again(recovered, begin.recovered, begin.scores)
+            models = rough.score_again(model, begin.recovered, begin.scores)
             found[number] = replace(found[number], made=wanted, rebuilt=scores_with_meshes(
                 rough, made.meshes, models))
     return (*found[:-1], *(replace(moment, rebuilt=final, made=np.ones(worlds, bool))

@@ -26,12 +26,13 @@ from strategies.planners.register import Planner
 from strategies.poses.waypoints import BoundingCylinder
 from strategies.procedures.possible import FAILED, STATUS, NotPossible, fault_status
 from strategies.recognition.answers import Recognition
+from strategies.reconstruct.bent_model import with_bends
 from strategies.reconstruct.free_form import Reconstruction, reconstruct
-from strategies.reconstruct.plug_in_name import BUILT_IN
+from strategies.reconstruct.plug_in_name import BUILT_IN, CHOSEN
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered
 from strategies.recovery.evidence import Evidence
-from sweeps.episode.columns import model_columns
+from sweeps.episode.columns import model_columns, model_names
 from sweeps.episode.contact_rows import contact_tables
 from sweeps.episode.curve_moments import (
     Asked,
@@ -168,7 +169,6 @@ def _rows_of(
     # Probes in turn, a column each: which of them the arm could not make, and why.
     probes = np.concatenate([np.zeros((worlds, 0), int),
                              *(g.moves.status[:, :, 0] for g in block.grasps)], axis=1)
-    names = np.array(["prior", cell.fit.superquadric_name, "revolution"])
     columns: dict[str, np.ndarray] = {
         "episode": np.concatenate([np.asarray(episodes, np.int64) for _, episodes in parts]),
         "strategy": np.repeat([cell.strategy.name for cell, _ in parts], counts),
@@ -187,7 +187,7 @@ def _rows_of(
         "arm_path_m": belief.path_m,
         **_score_columns(scores, block.prior_scores),
         **columns_of_recognition(block.recognition, cell.recognition, bodies, counts),
-        "shape": _shape_names(block, names),
+        "shape": _shape_names(block, model_names(recovered, cell.fit)),
         **_score_columns(block.prior_scores, block.prior_scores, "prior_"),
         "worse_than_prior": block.worse_than_prior,
     }
@@ -217,12 +217,11 @@ def episode_notes(block: EpisodeBlock, cell: Cell, which: np.ndarray) -> np.ndar
 
 
 def _shape_names(block: EpisodeBlock, names: np.ndarray) -> np.ndarray:
-    """The model that stands for the body of each world, or how its free form was made."""
-    found = names[block.recovered.shape]
+    """Of each world the name of its model, or how its free form was made."""
     if block.rebuilt is None:
-        return found
+        return names
     return np.array([block.rebuilt.name_of(world) if made else str(name)
-                     for world, (made, name) in enumerate(zip(block.rebuilt.made, found,
+                     for world, (made, name) in enumerate(zip(block.rebuilt.made, names,
                                                               strict=True))])
 
 
@@ -273,9 +272,12 @@ def run_parts(
             asked.append((len(reached) - 1, belief, wanted))
 
     def rebuild(belief: Belief, recovered: Recovered, wanted: np.ndarray
-                ) -> Reconstruction | None:
-        return reconstruct(cell.fit.reconstruct, recovered, belief.evidence, prior, cell.fit,
+                ) -> tuple[Belief, Recovered, Reconstruction | None]:
+        made = reconstruct(cell.fit.reconstruct, recovered, belief.evidence, prior, cell.fit,
                            felt=belief.unplaced, links=belief.links, belief=belief, wanted=wanted)
+        if made is not None and cell.fit.reconstruct == CHOSEN:
+            belief, recovered = with_bends(belief, recovered, wanted & ~made.made)
+        return belief, recovered, made
 
     planner, fault = _planner(parts, robot, prior)
     # No subclass and nothing that looks like it: the truth is for the shipped one alone.
@@ -295,12 +297,14 @@ def run_parts(
     moments = scored_moments(scorer, begin, reached, curve and not rebuilds)
     scores = moments[-1].scores if moments else begin.scores
     recognition = recognize_objects(found.belief, found.recovered, cell.recognition, device)
-    rebuilt = rebuild(found.belief, found.recovered, np.ones(len(key), bool))
+    straight = found.recovered
+    belief, recovered, rebuilt = rebuild(found.belief, straight, np.ones(len(key), bool))
     if rebuilt is not None:
         from sweeps.episode.mesh_scores import scores_with_meshes
 
-        found = _rebuilt_status(found, rebuilt)
-        scores = scores_with_meshes(scorer, rebuilt.meshes, scores)
+        found = replace(_rebuilt_status(found, rebuilt), belief=belief, recovered=recovered)
+        scores = scores_with_meshes(scorer, rebuilt.meshes,
+                                    scorer.score_again(recovered, straight, scores))
         if rebuilds:
             moments = rebuilt_moments(scorer, begin, moments, asked, rebuild, scores)
     return EpisodeBlock(tuple(bodies), truth, prior, found, scores, begin.scores, moments,

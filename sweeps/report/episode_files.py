@@ -10,14 +10,16 @@ from typing import Any
 import numpy as np
 
 from fit.fit_status import status_names
+from fit.superquadric.geometry import SuperquadricLike
 from strategies.procedures.touches import REASON_TEXT, EndReason
 from strategies.reconstruct.plug_in_name import CHOSEN, PARTS
-from strategies.recovery.choose_model import Shape
+from strategies.recovery.choose_model import Recovered, Shape
 from strategies.strategy import Strategy
 from sweeps.episode.columns import (
     NODES,
     contour_nodes,
     interval_columns,
+    model_names,
     revolution_parameters,
     superquadric_parameters,
 )
@@ -149,8 +151,7 @@ def shape_record(cell: Cell, block: EpisodeBlock, world: int = 0) -> dict[str, A
     """The content of `shape.json`: the recovered models, the chosen one, and its scores."""
     scores, belief = block.scores, block.exploration.belief
     shape = Shape(int(block.recovered.shape[world]))
-    kinds = {Shape.PRIOR_CYLINDER: "prior", Shape.REVOLUTION: "revolution",
-             Shape.SUPERQUADRIC: cell.fit.superquadric_name}
+    name = str(model_names(block.recovered, cell.fit)[world])
     pose = block.truth.body_pose[world]
     return {
         "object": cell.object_name,
@@ -160,9 +161,9 @@ def shape_record(cell: Cell, block: EpisodeBlock, world: int = 0) -> dict[str, A
         "trust": trust_sentence(block, world),
         "models": list(_models(cell, block, world)),
         "chosen": block.rebuilt.name_of(world) if block.rebuilt and mesh_of_world(block, world)
-        else kinds[shape],
-        "interval": {name: None if shape == Shape.PRIOR_CYLINDER else float(values[world])
-                     for name, values in interval_columns(belief, block.recovered).items()},
+        else name,
+        "interval": {key: None if shape == Shape.PRIOR_CYLINDER else float(values[world])
+                     for key, values in interval_columns(belief, block.recovered).items()},
         "recognized_as": str(block.recognition.name[world]) or None,
         "recognized_by": str(block.recognition.way[world]) or None,
         "recognized_probability": (float(block.recognition.probability[world])
@@ -191,7 +192,9 @@ def _models(cell: Cell, block: EpisodeBlock, world: int) -> Iterator[dict[str, A
     belief = block.exploration.belief
     yield from _free_form(block, world)
     ok = bool(belief.fitted[world])
-    kind = cell.fit.superquadric_name if ok else "prior"
+    kind = str(model_names(Recovered(np.where(belief.fitted, Shape.SUPERQUADRIC,
+                                              Shape.PRIOR_CYLINDER), belief.body),
+                           cell.fit)[world])
     numbers = superquadric_parameters(belief.body)
     yield {"shape": kind, "parameters": {k: float(v[world]) for k, v in numbers.items()},
            "rms_mm": float(belief.fits.rms_m[world] * 1e3) if ok else None,
@@ -227,9 +230,7 @@ def _free_form(block: EpisodeBlock, world: int) -> Iterator[dict[str, Any]]:
         "shape": rebuilt.name_of(world), "file": "recovered.ply",
         "parameters": {"volume_m3": mesh.volume_m3, "faces": len(mesh.faces)}}
     if world in rebuilt.parts:
-        numbers = superquadric_parameters(rebuilt.parts[world])
-        found["parts"] = [{k: float(v[part]) for k, v in numbers.items()}
-                          for part in range(len(rebuilt.parts[world]))]
+        found["parts"] = _superquadrics(rebuilt.parts[world])
     if world in rebuilt.polyhedra:
         planes = rebuilt.polyhedra[world]
         found["planes"] = [
@@ -237,9 +238,11 @@ def _free_form(block: EpisodeBlock, world: int) -> Iterator[dict[str, Any]]:
              "offset_m": float(offset), "felt": number < planes.felt}
             for number, (normal, offset) in enumerate(zip(planes.normals, planes.offset_m,
                                                           strict=True))]
-    number, volume = rebuilt.number(world), rebuilt.volume(world)
-    if number is not None and volume is not None:
-        fit = rebuilt.fits[number]
+    volume = rebuilt.volume(world)
+    if volume is not None:
+        fit, about = rebuilt.forms[world].fit, rebuilt.forms[world].about
+        if about.superquadric is not None:
+            found["about"], = _superquadrics(about.superquadric)
         low, high = volume.interval_m3()[0].tolist()
         found["parameters"] |= {
             "volume_low_m3": low, "volume_high_m3": high,
@@ -249,6 +252,12 @@ def _free_form(block: EpisodeBlock, world: int) -> Iterator[dict[str, Any]]:
         found |= {"rms_mm": float(fit.rms_m[0] * 1e3),
                   "status": status_names(fit.status)[0], "contacts": int(fit.n_points[0])}
     yield found
+
+
+def _superquadrics(bodies: SuperquadricLike) -> list[dict[str, float]]:
+    """The parameters of each."""
+    numbers = superquadric_parameters(bodies)
+    return [{k: float(v[part]) for k, v in numbers.items()} for part in range(len(bodies.size_m))]
 
 
 def _ends(block: EpisodeBlock, world: int) -> Iterator[dict[str, Any]]:

@@ -83,7 +83,11 @@ def choice_sentence(block: EpisodeBlock, world: int = 0) -> str:
         return (f"chosen: a polyhedron of {planes.felt} faces felt{table}, to which touches of "
                 f"pads are nearer than to the {model}")
     if mesh_of_world(block, world) is not None:
-        return f"chosen: a free form, since {why}"
+        return f"chosen: a free form{_about(block, world)}, since {why}"
+    bent = block.exploration.belief.fit.bend
+    if (not bent and recovered.shape[0] == Shape.SUPERQUADRIC
+            and recovered.superquadric.bend[0, 0] != 0.0):
+        return f"chosen: a {model} that bends: {why}, clearly less than from a straight one"
     if not (unexplained(recovered, evidence) | doubted(recovered, evidence))[0]:
         return (f"chosen: the {model}, since {why}; a free form is tried from "
                 f"{1e3 * UNEXPLAINED_M:.0f} mm on, beside a round body {1e3 * DOUBTED_M:.1f} mm")
@@ -92,6 +96,15 @@ def choice_sentence(block: EpisodeBlock, world: int = 0) -> str:
     if not unexplained(recovered, evidence)[0]:
         return f"chosen: the {model}; {why}, but torques do not clearly agree with a free form"
     return f"chosen: the {model}; {why}, but table or prior contradict the free form"
+
+
+def _about(block: EpisodeBlock, world: int) -> str:
+    """What the free form of a world stands about, if anything."""
+    forms = {} if block.rebuilt is None else block.rebuilt.forms
+    shape = forms[world].about.shape if world in forms else ""
+    if shape == "revolution":
+        return " about the contour that was followed"
+    return f" about the {shape.replace('_', ' ')} that its contacts make" if shape else ""
 
 
 def _free_form_sentence(mesh: TriangleMesh, contacts_m: np.ndarray) -> str:

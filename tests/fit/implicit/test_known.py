@@ -193,3 +193,23 @@ def test_the_scale_of_all_variances_is_the_likeliest() -> None:
             scale * covariance)[1]
 
     assert cost(1.0) < min(cost(0.97), cost(1.03))
+
+
+def test_about_a_body_the_process_explains_what_remains() -> None:
+    """Touches of the lower half of a ball, and of a bump on it: what was not felt is the body's."""
+    points, normals = ball(200)
+    points = points[:, points[0, :, 2] < 0.0]
+    normals = points / np.linalg.norm(points, axis=2, keepdims=True)
+    bump = np.clip(1.0 - np.linalg.norm(points / RADIUS_M + [0, 0, 1.0], axis=2) / 0.7, 0.0, 1.0)
+    points = points + 0.006 * bump[..., None] * normals
+
+    def whole(at: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(at - [[0.0, 0.0, 0.0]], axis=-1) - RADIUS_M
+
+    fit = fitted(points, normals, mean=whole)
+    about = np.abs(implicit_values(fit, points, whole)).max()
+    top = np.array([[[0.0, 0.0, RADIUS_M]]])
+    assert about < 0.001 < np.abs(whole(points, np.zeros(1, int))).max()
+    alone = fitted(points, normals)
+    assert (abs(implicit_values(fit, top, whole)[0, 0]) < 0.004
+            < abs(implicit_values(alone, top, PROCESS.mean)[0, 0]))

@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from beliefs import belief
 
-from strategies.planners.any_object import AnyObject
+from strategies.planners.any_object import AnyObject, _Asked, _made
 from strategies.ready_made import STRATEGIES
 from strategies.strategy import Strategy
 from sweeps.episode.episodes import run_block, run_episodes
@@ -29,6 +30,42 @@ def test_options_out_of_range_are_named() -> None:
         AnyObject(poses=0)
     with pytest.raises(ValueError, match="candidates is 1; should be from 4 to 65536"):
         AnyObject(candidates=1)
+    with pytest.raises(ValueError, match="paths is 'wide'; should be 'in-turn' or 'matched'"):
+        AnyObject(paths="wide")
+
+
+def test_matched_paths_are_in_each_world_those_that_promise_most() -> None:
+    """Several paths in one step, a world at most one of them, and not by the batch."""
+    table = family_table("hammer-1")
+    assert table is not None
+    wide = replace(STRATEGIES["any-object"], touches=40, closings=("curl40", "from10", "from25"))
+    matched = replace(wide, options=(("paths", "matched"),))
+    cell = Cell(matched, table, "hammer-1", seed=4, fit=FIT)
+    block = run_block(cell, np.arange(6), "cpu", curve=False)
+    by_step: dict[int, list[np.ndarray]] = {}
+    for procedure in block.exploration.procedures:
+        by_step.setdefault(procedure.step, []).append(procedure.took_part)
+    assert max(map(len, by_step.values())) > 1
+    assert all(np.sum(took, axis=0).max() <= 1 for took in by_step.values())
+    assert block.touched.min() > 0.05
+    rows = run_episodes(cell, np.arange(4), "cpu")
+    alone = run_episodes(cell, np.arange(2, 3), "cpu")
+    for name in ("touches", "touched10mm", "chamfer_mm", "robot_time_s", "contacts"):
+        assert rows[name][2] == alone[name][0], name
+    assert (rows["touched10mm"] == block.touched[:4]).all()
+
+
+def test_what_grasps_told_is_learned_where_those_of_worlds_that_ended_were_not_made() -> None:
+    """Three grasps asked for, of which the second was not made: its world ended before."""
+    felt = belief(np.zeros((2, 16, 3)))
+    asked = [_Asked(path, np.zeros((2, 2, 7)), np.repeat([[world == 0], [world == 1]], 2, 1),
+                    np.ones((2, 2, 4), bool), np.zeros(2))
+             for path, world in ((0, 0), (1, 1), (2, 0))]
+    over = felt.with_active(np.array([True, False]))
+    assert [(a.closing, first) for a, first in _made(asked, 0, over)] == [(0, 0), (2, 8)]
+    longer = replace(felt, evidence=belief(np.zeros((2, 24, 3))).evidence)
+    assert [(a.closing, first) for a, first in _made(asked, 0, longer)] == [
+        (0, 0), (1, 8), (2, 16)]
 
 
 def test_it_finds_a_hammer_that_rings_miss_and_not_by_the_batch() -> None:

@@ -52,12 +52,11 @@ def test_planners_may_ask_for_the_free_form_that_is_made() -> None:
                     fit=FitTable(reconstruct="implicit"))
     block = run_block(short, np.arange(1), "cpu")
     assert block.rebuilt is not None
-    assert block.rebuilt.fitted is not None
-    for fit, world in zip(block.rebuilt.fits, block.rebuilt.fitted, strict=True):
-        asked = believed_freely(block.exploration.belief, int(world))
-        assert (asked.alpha_per_m == fit.alpha_per_m).all()
-        assert (asked.points_m == fit.points_m).all()
-    assert len(block.rebuilt.fits) > 0
+    (world, form), = block.rebuilt.forms.items()
+    assert form.about.name == "implicit"
+    asked = believed_freely(block.exploration.belief, world)
+    assert (asked.alpha_per_m == form.fit.alpha_per_m).all()
+    assert (asked.points_m == form.fit.points_m).all()
     with pytest.raises(ValueError, match="does not say where contacts were felt"):
         believed_freely(replace(block.exploration.belief, unplaced=None), 0)
 

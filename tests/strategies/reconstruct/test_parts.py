@@ -4,13 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from beliefs import belief
+from felt_bodies import HANDLE, HEAD, box_points, felt_at, hammer
 
-from fit.arrays import rows_of
 from strategies.poses.waypoints import BoundingCylinder
 from strategies.ready_made import STRATEGIES
-from strategies.reconstruct.parts import PARAMETERS, divisions, fitted_parts, parts_mesh
-from strategies.recovery.evidence import Evidence
+from strategies.reconstruct.parts import divisions, fitted_parts, parts_mesh
+from strategies.recovery.choose_model import OF_A_SUPERQUADRIC
 from strategies.recovery.misfit import schwarz
 from sweeps.episode.episodes import run_block
 from sweeps.spec.cell import Cell
@@ -19,36 +18,6 @@ from warpgrasp.parameters import FitTable
 
 TABLE = FitTable()
 PRIOR = BoundingCylinder(*(np.array([v]) for v in (0.45, 0.0, 0.12, 0.17)))
-HANDLE, HEAD = (0.012, 0.012, 0.06), (0.05, 0.02, 0.02)
-"""Half sizes of an upright bar and of one across its top."""
-
-
-def box_points(half: tuple[float, ...], middle: tuple[float, ...], count: int, seed: int
-               ) -> np.ndarray:
-    """Points on a box, evenly (point, 3)."""
-    rng = np.random.default_rng(seed)
-    side = np.array(half)
-    area = np.array([side[1] * side[2], side[0] * side[2], side[0] * side[1]])
-    axis = rng.choice(3, count, p=area / area.sum())
-    points = rng.uniform(-1.0, 1.0, (count, 3))
-    points[np.arange(count), axis] = rng.choice([-1.0, 1.0], count)
-    return points * side + np.array(middle)
-
-
-def hammer(count: int = 96) -> np.ndarray:
-    """Points on the union of handle and head, which stands on its handle."""
-    handle, head = (0.45, 0.0, 0.06), (0.45, 0.0, 0.14)
-    points = np.concatenate([box_points(HANDLE, handle, count, 0),
-                             box_points(HEAD, head, count, 1)])
-    inside = (np.abs(points - handle) < np.array(HANDLE) - 1e-9).all(1)
-    inside |= (np.abs(points - head) < np.array(HEAD) - 1e-9).all(1)
-    return points[~inside][::2]
-
-
-def felt_at(points_m: np.ndarray, noise_m: float = 0.0005) -> Evidence:
-    noise = np.random.default_rng(2).normal(0.0, noise_m, points_m.shape)
-    both = np.repeat((points_m + noise)[None], 2, 0)
-    return rows_of(belief(both).evidence, np.array([0]))
 
 
 def test_a_hammer_is_two_parts_of_its_sizes() -> None:
@@ -89,9 +58,9 @@ def test_divisions_are_whole_and_a_part_must_pay_for_its_parameters() -> None:
         assert all(set(way.tolist()) <= set(range(count)) for way in ways)
         slabs = [np.bincount(way, minlength=count) for way in ways[:3]]
         assert all(sizes.max() - sizes.min() <= 1 for sizes in slabs)
-    one = schwarz(0.006, 50, PARAMETERS, 0.0008)
-    assert schwarz(0.003, 50, 2 * PARAMETERS, 0.0008) < one
-    assert schwarz(0.0055, 50, 2 * PARAMETERS, 0.0008) > one
+    one = schwarz(0.006, 50, OF_A_SUPERQUADRIC, 0.0008)
+    assert schwarz(0.003, 50, 2 * OF_A_SUPERQUADRIC, 0.0008) < one
+    assert schwarz(0.0055, 50, 2 * OF_A_SUPERQUADRIC, 0.0008) > one
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ from fit.superquadric.geometry import Superquadric
 from strategies.poses.waypoints import BoundingCylinder
 from strategies.reconstruct.free_form import reconstruct
 from strategies.reconstruct.plug_in import checked_mesh
-from strategies.reconstruct.prior_distance import distance_to_recovered
+from strategies.reconstruct.prior_distance import DistanceToRecovered
 from strategies.recovery.choose_model import Recovered
 from strategies.recovery.evidence import Evidence
 from warpgrasp.parameters import FitTable
@@ -125,7 +125,7 @@ def test_meshes_are_checked(change, said: str) -> None:
 
 def test_the_mean_is_the_distance_to_what_was_recovered() -> None:
     points = np.array([[[0.05, 0, 0], [0, 0, 0.03], [0, 0.02, 0], [0, 0, 0]]])
-    found = distance_to_recovered(spheres())(points, np.array([1]))
+    found = DistanceToRecovered(spheres())(points, np.array([1]))
     assert np.allclose(found, [[0.02, 0.0, -0.01, -0.03]], atol=1e-9)
 
 

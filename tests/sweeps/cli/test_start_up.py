@@ -42,8 +42,8 @@ def test_a_whole_explore_imports_neither_what_draws_nor_kernels_that_it_does_not
                           "explore", "block", "-o", str(tmp_path))
     assert (tmp_path / "contacts.png").exists()
     assert (tmp_path / "surfaces.png").exists()
-    assert not found & {"matplotlib", "pydantic", "scipy.ndimage", "scipy.sparse.csgraph",
-                        "multiprocessing", "fit.implicit.process",
+    assert not found & {"matplotlib", "pydantic", "scipy.sparse.csgraph", "multiprocessing",
+                        "fit.implicit.process",
                         "strategies.foresight.foresight_kernel"}
     assert not {name for name in found if name.startswith(("warpgrasp.chain_closing.",
                                                            "warpgrasp.touch.pad_kernel",
@@ -59,10 +59,13 @@ def test_what_draws_an_episode_imports_no_simulator() -> None:
 
 @pytest.mark.slow
 def test_explore_compiles_at_once_what_the_default_launches() -> None:
-    """In a process of its own, since this one has launched the kernels of other tests."""
+    """In a process of its own, since this one has launched the kernels of other tests. Fingers meet
+    about a bowl, not about a block."""
     code = ("import numpy as np; from strategies.ready_made import DEFAULT, STRATEGIES; "
             "from sweeps.episode.episodes import run_block; from sweeps.spec.cell import Cell; "
-            "run_block(Cell(STRATEGIES[DEFAULT], {'name': 'block'}, 'block'), np.arange(1), 'cpu');"
+            "from warpgrasp.objects.families import family_table; "
+            "[run_block(Cell(STRATEGIES[DEFAULT], table, 'it'), np.arange(1), 'cpu') "
+            "for table in ({'name': 'block'}, family_table('bowl-1'))]; "
             "from warpgrasp.core import kernel_launch; print(*kernel_launch._launched)")
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True,
                           env={**os.environ, "PYTHONPATH": PYTHONPATH})
