@@ -11,6 +11,7 @@ from strategies.contacts.placing_kernel import _placing_kernel
 from warpgrasp.chain.chain_hand import chain_of_table, true_chains
 from warpgrasp.chain.chain_kernel import vec6
 from warpgrasp.core.dtypes import vec3, vec4
+from warpgrasp.core.kernel_launch import array_of
 from warpgrasp.mechanism.utah_mit_hand import hand_of
 from warpgrasp.parameters import ContactTable
 
@@ -33,7 +34,7 @@ def placing_of(links: TouchedLinks, device: str) -> Placing:
     felt = {"q": links.q_rad, "torque": links.torque_Nm, "torque_sigma": links.torque_sigma_Nm,
             "link_weight": links.weight}
     if chain is None:
-        rows = {name: wp.array(values, dtype=vec3 if name == "link_weight" else vec4, device=device)
+        rows = {name: array_of(values, vec3 if name == "link_weight" else vec4, device)
                 for name, values in felt.items()}
         return Placing(_placing_kernel, {"hand": hand_of(links.hand)}, {}, rows)
     # Imported for hands that are chains alone.
@@ -44,5 +45,5 @@ def placing_of(links: TouchedLinks, device: str) -> Placing:
     hands = true_chains(chain, links.hand, ContactTable(), no_chain_errors(chain), device)
     felt = {name: padded(values) for name, values in felt.items()}
     felt["torque_sigma"][..., links.q_rad.shape[-1]:] = 1.0
-    rows = {name: wp.array(values, dtype=vec6, device=device) for name, values in felt.items()}
+    rows = {name: array_of(values, vec6, device) for name, values in felt.items()}
     return Placing(chain_placing_kernel, {"hands": hands}, {"hands": "1 finger"}, rows)

@@ -22,7 +22,7 @@ from strategies.recovery.body_distances import bodies_on, radial_distances
 from strategies.recovery.evidence import SURE_LINK, Evidence
 from strategies.recovery.misfit import CLEARLY, RIVAL, RIVALS_FROM_M, touch_misfit
 from warpgrasp.core.dtypes import mat33, real, transform, vec3
-from warpgrasp.core.kernel_launch import launch
+from warpgrasp.core.kernel_launch import array_of, launch
 from warpgrasp.parameters import FitTable
 
 FREE_BALLS = 24
@@ -180,7 +180,7 @@ def contacts_placed(
         ("point", vec3), ("covariance", mat33), ("normal", vec3), ("chance", real),
         ("misfit", real))}
     placing = placing_of(links, device)
-    given = {name: wp.array(values, dtype=kind, device=device) for name, values, kind in (
+    given = {name: array_of(values, kind, device) for name, values, kind in (
         ("kept", asked, wp.bool), ("hand_pose", links.hand_pose, transform),
         ("finger", links.finger, int), ("lean", LEAN_SHARE * links.friction, real))}
     each = (*given, *placing.rows, *found)

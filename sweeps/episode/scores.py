@@ -34,8 +34,8 @@ from sweeps.episode.scores_kernel import (
 )
 from sweeps.episode.scores_lanes import PATCH
 from sweeps.episode.surface_elements import Elements, surface_elements
-from warpgrasp.core.dtypes import real, vec2, vec3, vec4
-from warpgrasp.core.kernel_launch import launch
+from warpgrasp.core.dtypes import real, vec2, vec3
+from warpgrasp.core.kernel_launch import array_of, launch
 from warpgrasp.geometry.body import (
     Body,
     distance_to_bodies,
@@ -236,7 +236,7 @@ def _distance_to_superquadrics(
     points, (begin, end) = sample.surface_m, sample.groups
     worlds, elements = found.area.shape
     patches = -(-elements // (PATCH * LANES)) * LANES
-    surface = {"element": wp.array(found.point, dtype=vec3, device=device, copy=False)}
+    surface = {"element": array_of(found.point, vec3, device)}
     shapes = {"element": "world element", "ball": "world 4 patch"}
     ball = wp.empty((worlds, 4, patches), dtype=real, device=device)
     launch(_ball_kernel, {"world": worlds, "patch": patches}, shapes,
@@ -247,10 +247,10 @@ def _distance_to_superquadrics(
         **shapes, "shape": "world", "pose": "world", "normal": "world element", "point": "point",
         "begin": "group", "end": "group", "distance": "world point"}, {
         **surface, "lanes": wp.get_device(device).is_cpu, "ball": ball, "shape": shape, "pose": pose,
-        "normal": wp.array(found.normal, dtype=vec3, device=device, copy=False),
-        "point": wp.array(points, dtype=vec3, device=device),
-        "begin": wp.array(begin, dtype=int, device=device),
-        "end": wp.array(end, dtype=int, device=device), "distance": out}, device=device)
+        "normal": array_of(found.normal, vec3, device),
+        "point": array_of(points, vec3, device),
+        "begin": array_of(begin, int, device),
+        "end": array_of(end, int, device), "distance": out}, device=device)
     return out.numpy()
 
 
@@ -261,10 +261,10 @@ def _distance_to_contours(bodies: RevolutionBody, points: np.ndarray, device: st
     launch(_contour_distance_kernel, {"world": len(bodies), "point": len(points)}, {
         "foot": "world", "axis": "world", "node": "world node", "point": "point",
         "distance": "world point"}, {
-        "foot": wp.array(bodies.foot_m, dtype=vec3, device=device),
-        "axis": wp.array(bodies.axis, dtype=vec3, device=device),
-        "node": wp.array(node, dtype=vec2, device=device),
-        "point": wp.array(points, dtype=vec3, device=device), "distance": out}, device=device)
+        "foot": array_of(bodies.foot_m, vec3, device),
+        "axis": array_of(bodies.axis, vec3, device),
+        "node": array_of(node, vec2, device),
+        "point": array_of(points, vec3, device), "distance": out}, device=device)
     return out.numpy()
 
 
@@ -279,8 +279,8 @@ def _signed_distance(fits: SuperquadricLike, sample: BodySample, device: str) ->
         "shape": "world", "pose": "world", "distance": "world point",
         **dict.fromkeys(("point", "order"), "point")}, {
         "lanes": wp.get_device(device).is_cpu, "shape": shape, "pose": pose, "enough": sample.ramp_m,
-        "order": wp.array(sample.about_order, dtype=int, device=device),
-        "point": wp.array(points, dtype=vec3, device=device), "distance": out}, device=device)
+        "order": array_of(sample.about_order, int, device),
+        "point": array_of(points, vec3, device), "distance": out}, device=device)
     return out.numpy()
 
 

@@ -14,7 +14,7 @@ from fit.superquadric.geometry import SuperquadricLike, cube_grid
 from strategies.recovery.body_distances import bodies_on
 from sweeps.episode.surface_elements_kernel import _element_kernel, _octant_kernel, _vertex_kernel
 from warpgrasp.core.dtypes import real, vec3, vec4
-from warpgrasp.core.kernel_launch import launch
+from warpgrasp.core.kernel_launch import array_of, launch
 from warpgrasp.geometry.superquadric_lanes import LANES
 
 TILE = (4, 4)
@@ -48,13 +48,13 @@ def surface_elements(
     lanes = wp.get_device(device).is_cpu
     launch(_octant_kernel, {"world": worlds, "block": -(-len(grid.octant) // LANES)}, {
         **axes, "direction": "octant"}, {
-        "lanes": lanes, "shape": shape, "pose": pose, "direction": wp.array(grid.octant, dtype=vec3, device=device),
+        "lanes": lanes, "shape": shape, "pose": pose, "direction": array_of(grid.octant, vec3, device),
         "gauge": gauge}, device=device)
     on = wp.empty((worlds, vertices), dtype=vec3, device=device)
     launch(_vertex_kernel, {"world": worlds, "vertex": vertices}, {
         **axes, "direction": "vertex", "octant": "vertex"}, {
-        "shape": shape, "direction": wp.array(grid.vertex, dtype=vec3, device=device),
-        "octant": wp.array(grid.vertex_octant, dtype=int, device=device), "gauge": gauge,
+        "shape": shape, "direction": array_of(grid.vertex, vec3, device),
+        "octant": array_of(grid.vertex_octant, int, device), "gauge": gauge,
         "vertex": on}, device=device)
     point, normal = (wp.empty((worlds, elements), dtype=vec3, device=device) for _ in range(2))
     area = wp.empty((worlds, elements), dtype=real, device=device)
@@ -62,9 +62,9 @@ def surface_elements(
         **axes, "corner": "element", "direction": "element", "octant": "element",
         "point": "world element", "normal": "world element", "area": "world element"}, {
         "lanes": lanes, "shape": shape, "pose": pose,
-        "corner": wp.array(grid.corner, dtype=wp.vec4i, device=device),
-        "direction": wp.array(grid.middle, dtype=vec3, device=device),
-        "octant": wp.array(grid.middle_octant, dtype=int, device=device), "gauge": gauge,
+        "corner": array_of(grid.corner, wp.vec4i, device),
+        "direction": array_of(grid.middle, vec3, device),
+        "octant": array_of(grid.middle_octant, int, device), "gauge": gauge,
         "vertex": on, "point": point, "normal": normal, "area": area}, device=device)
     return Elements(point.numpy(), normal.numpy(), area.numpy())
 

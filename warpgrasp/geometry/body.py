@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from warpgrasp.core.dtypes import real, transform, vec2, vec3, vec4
-from warpgrasp.core.kernel_launch import check_range, launch
+from warpgrasp.core.kernel_launch import array_of, check_range, launch
 from warpgrasp.geometry.scene import (
     Join,
     Primitive,
@@ -140,8 +140,8 @@ def distance_to_bodies(
     out = wp.empty((worlds, count), dtype=vec4, device=device)
     launch(distance_kernel, {"world": worlds, "point": count},
            {"body": "world?", "point": "world point", "gradient_distance": "world point"},
-           {"scene": scene, "body": wp.array(body, dtype=int, device=device),
-            "point": wp.array(points_m, dtype=vec3, device=device), "gradient_distance": out},
+           {"scene": scene, "body": array_of(body, int, device),
+            "point": array_of(points_m, vec3, device), "gradient_distance": out},
            device=device)
     values = out.numpy().copy()
     return values[..., 3], values[..., :3]
@@ -156,7 +156,7 @@ def signed_distance_to_bodies(
     out = wp.empty((worlds, count), dtype=real, device=device)
     launch(signed_distance_kernel, {"world": worlds, "point": count},
            {"body": "world?", "point": "world point", "distance": "world point"},
-           {"scene": scene, "body": wp.array(body, dtype=int, device=device),
-            "point": wp.array(points_m, dtype=vec3, device=device, copy=False), "distance": out},
+           {"scene": scene, "body": array_of(body, int, device),
+            "point": array_of(points_m, vec3, device), "distance": out},
            device=device)
     return out.numpy()

@@ -143,10 +143,8 @@ SUPERQUADRIC_LANES = """
         return g;
     };
 """
-for _name, _text in {
-    "LANES": str(LANES),
-    "LOGARITHM": _polynomial("tt", [2.0 / ((2 * k + 1) * log(2.0)) for k in range(_TERMS_LOGARITHM)]),
-    "EXPONENTIAL": _polynomial("r", [log(2.0) ** k / factorial(k) for k in range(_TERMS_EXPONENTIAL)]),
-}.items():
+_LOGARITHM = _polynomial("tt", [2.0 / ((2 * k + 1) * log(2.0)) for k in range(_TERMS_LOGARITHM)])
+_EXPONENTIAL = _polynomial("r", [log(2.0) ** k / factorial(k) for k in range(_TERMS_EXPONENTIAL)])
+for _name, _text in (("LANES", str(LANES)), ("LOGARITHM", _LOGARITHM),
+                     ("EXPONENTIAL", _EXPONENTIAL)):
     SUPERQUADRIC_LANES = SUPERQUADRIC_LANES.replace(_name, _text)
-
