@@ -61,7 +61,7 @@ from strategies.recovery.plausibility import (
     swept,
     within_reach,
 )
-from strategies.recovery.refit_policy import Fitted, finished, newly_felt, refitted
+from strategies.recovery.refit_policy import Due, Fitted, always, finished, newly_felt, refitted
 from warpgrasp.motion_cost import was_made
 from warpgrasp.parameters import FitTable
 from warpgrasp.probe_status import ProbeStatus
@@ -111,26 +111,26 @@ class Exploration:
 def explore(
     robot: Robot, planner: Planner, prior: BoundingCylinder, seed: np.ndarray, *, table: FitTable,
     closings: tuple[str, ...], budget: Budget | None = None,
-    observe: Callable[[Belief, Recovered], None] | None = None, oracle: Foreseeing | None = None,
-    fits_on_way: bool = True,
+    observe: Callable[[Belief, Recovered, np.ndarray], None] | None = None,
+    oracle: Foreseeing | None = None, due: Due = always,
 ) -> Exploration:
     """Run one episode in every world.
 
     `seed` (world,) uint64 is the strategy's own; `table` says what the fits go by; `closings` are
-    the paths of grasps that name none. `observe` is shown the belief after every fit. `oracle` is
-    the planner, if it is one that may foresee: what it is handed leads to the truth. Without
-    `fits_on_way` bodies are fitted after the first step and at the end."""
-    run = RunningExploration(robot, prior, seed, table, closings, budget or Budget(), fits_on_way)
+    the paths of grasps that name none. `observe` is shown the belief whenever bodies were fitted,
+    and in which worlds. `oracle` is the planner, if it is one that may foresee: what it is handed
+    leads to the truth. Bodies are fitted where they are `due`, and at the end."""
+    run = RunningExploration(robot, prior, seed, table, closings, budget or Budget(), due)
     if oracle is not None:
         oracle.foresee = run.imagine
     while run.active.any():
         before = run.step
         if not run.take_step(planner):
             break
-        if observe is not None and run.step > before and not run.news:
-            observe(run.belief, run.recovered)
+        if observe is not None and run.step > before and run.fresh.any():
+            observe(run.belief, run.recovered, run.fresh)
     if run.finish() and observe is not None:
-        observe(run.belief, run.recovered)
+        observe(run.belief, run.recovered, np.ones(robot.worlds, bool))
     return run.result()
 
 
@@ -141,15 +141,16 @@ class RunningExploration:
     """
 
     def __init__(self, robot: Robot, prior: BoundingCylinder, seed: np.ndarray, table: FitTable,
-                 closings: tuple[str, ...], budget: Budget, fits_on_way: bool = True) -> None:
+                 closings: tuple[str, ...], budget: Budget, due: Due = always) -> None:
         worlds = robot.worlds
         self.robot, self.prior, self.seed, self.table = robot, prior, seed, table
-        self.closings, self.budget, self.fits_on_way = closings, budget, fits_on_way
+        self.closings, self.budget, self.due = closings, budget, due
         radius = outline_of(robot.hand).skin_m
         self.intrinsic = robot.sensors.contact_estimator == "intrinsic"
         self.felt = no_evidence(worlds, radius)
         self.links = no_links(worlds, 0, robot.hand)
-        self.news: list[tuple[Evidence, TouchedLinks]] = []  # felt since the last fit
+        self.stale, self.fresh = np.zeros(worlds, bool), np.zeros(worlds, bool)
+        """Worlds that felt something since their last fit; those fitted in the last step."""
         self.slots = 0
         self.contour = np.zeros(0, int)  # slots of touches along a contour
         self.procedures: list[Procedure] = []
@@ -204,19 +205,21 @@ class RunningExploration:
         if changed.any():
             self.step += 1
             self.steps += changed
-            if self.fits_on_way or self.step == 1:
-                self._refit(np.flatnonzero(changed))
+            self.fresh = changed & self.due(self.steps)
+            if self.fresh.any():
+                self._refit(np.flatnonzero(self.fresh))
             else:
-                self.belief = read_only(replace(self.belief, step=self.step, **self._spent()))
+                self.belief = read_only(replace(self.belief, step=self.step, links=self.links,
+                                                unplaced=self.felt, **self._spent()))
             self.active &= within_budget(self.budget, self.belief)
             self.belief = self.belief.with_active(read_only(self.active.copy()))
         return bool((changed | stopped).any())
 
     def finish(self) -> bool:
         """Fit from new starts what was refined since, or never fitted; False if there is none."""
-        unfitted = len(self.news) > 0
+        unfitted = bool(self.stale.any())
         if unfitted:
-            self._refit(np.arange(self.robot.worlds))
+            self._refit(np.flatnonzero(self.stale))
         links = self.links if self.intrinsic else None
         self.fitted, rows = finished(self.fitted, self.felt, links, self.table)
         if len(rows):
@@ -321,18 +324,17 @@ class RunningExploration:
         self.procedures.append(Procedure(name, self.step, found, wanted, slots))
 
     def _add(self, evidence: Evidence, links: TouchedLinks) -> None:
-        self.news = [*self.news, (evidence, links)]
+        self.felt = joined_evidence(self.felt, evidence)
+        self.links = joined_links(self.links, links)
+        self.stale = self.stale | newly_felt(evidence)
         self.slots += evidence.mask.shape[1]
 
     def _refit(self, rows: np.ndarray) -> None:
         """Bodies of those of the worlds `rows` that felt something new, and what is concluded."""
-        self.felt = joined_evidence(self.felt, *(evidence for evidence, _ in self.news))
-        self.links = joined_links(self.links, *(links for _, links in self.news))
-        new = newly_felt([evidence for evidence, _ in self.news], self.robot.worlds)
-        self.news = []
         links = self.links if self.intrinsic else None
-        self.fitted = refitted(self.fitted, self.felt, links, rows[new[rows]], self.steps,
+        self.fitted = refitted(self.fitted, self.felt, links, rows[self.stale[rows]], self.steps,
                                self.believed, self.profile, self.table)
+        self.stale = with_rows(self.stale, rows, False)
         self._conclude(rows)
 
     @property

@@ -13,6 +13,7 @@ from functools import reduce
 
 import numpy as np
 
+from fit.arrays import rows_of, with_rows
 from strategies.contacts.field_placing import can_be_placed
 from strategies.foresight.aimed_poses import draw_aimed_poses
 from strategies.foresight.hand_samples import HandSamples, reached_place, samples_of_hand
@@ -23,8 +24,16 @@ from strategies.planners.register import planner
 from strategies.poses.hand_outline import outline_of
 from strategies.recovery.belief import Belief
 from strategies.recovery.evidence import TABLE_MARGIN_M
-from strategies.recovery.free_contacts import BODY, believed_freely
+from strategies.recovery.free_contacts import (
+    BODY,
+    FreePlaces,
+    calibrated,
+    fit_placed,
+    placed_further,
+)
+from warpgrasp.chain.chain_hand import chain_of_table
 from warpgrasp.mechanism.arm_reach import pose_reachable
+from warpgrasp.parameters import HandTable
 
 CANDIDATES = 16384
 """Poses drawn at each step; three times as many find no more."""
@@ -73,6 +82,7 @@ class AnyObject:
         self.matched = paths == MATCHED
         self.grid: Occupancy | None = None
         self.asked: list[_Asked] = []
+        self.places: FreePlaces | None = None
         self.slots = 0
         """Contacts in the evidence before what was last asked for."""
         self.step = 0
@@ -81,6 +91,7 @@ class AnyObject:
 
     def __call__(self, belief: Belief) -> list[Probe]:
         """The next poses of every world that is active."""
+        belief = self._placed_freely(belief)
         samples = [samples_of_hand(belief.hand, (name,)) for name in belief.closings]
         grid = self.grid or begin_occupancy(belief.prior, outline_of(belief.hand).skin_m)
         self.grid = grid
@@ -101,6 +112,21 @@ class AnyObject:
         self.step += 1
         return [Grasp(asked.pose, asked.wanted, (belief.closings[asked.closing],), asked.closes)
                 for asked in self.asked]
+
+    def looks_at_bodies(self, hand: HandTable) -> bool:
+        """Whether it goes by the bodies that are fitted on the way: by where these place contacts
+        that cannot be placed on free forms."""
+        return chain_of_table(hand) is not None
+
+    def _placed_freely(self, belief: Belief) -> Belief:
+        """The belief with contacts as placed on free forms, where they can be."""
+        if not can_be_placed(belief.links):
+            return belief
+        rows = np.flatnonzero(belief.active)
+        self.places = placed_further(self.places, belief, rows)
+        own = calibrated(rows_of(self.places.placed, rows), self.places.sigma_m[rows],
+                         rows_of(belief.links, rows), (belief.errors, belief.arm))
+        return replace(belief, evidence=with_rows(self.places.placed, rows, own))
 
     def _best_of_path(self, belief: Belief, samples: HandSamples, closing: int, seen: Occupancy,
                       worth: np.ndarray, active: np.ndarray) -> _Asked:
@@ -127,7 +153,14 @@ class AnyObject:
         be placed on it."""
         if not can_be_placed(belief.links):
             return grid, grid.worth(belief.evidence.points_m, belief.evidence.mask)
-        return _seen_freely(belief, grid, active, pooled=True)
+        return self._seen_freely(belief, grid, active, pooled=True)
+
+    def _seen_freely(self, belief: Belief, grid: Occupancy, active: np.ndarray, *, pooled: bool
+                     ) -> tuple[Occupancy, np.ndarray]:
+        rows = np.flatnonzero(active)
+        fits = fit_placed(rows_of(belief.evidence, rows), self.places.sigma_m[rows], belief.fit)
+        own = [rows_of(fits, np.array([n])) for n in range(len(rows))]
+        return occupancy_by_process(grid, own, rows, BODY, pooled=pooled)
 
     @staticmethod
     def _best_looking(poses: np.ndarray, price: float, active: np.ndarray,
@@ -171,14 +204,7 @@ class FreeFormSearch(AnyObject):
 
     def _looks(self, belief: Belief, grid: Occupancy, active: np.ndarray
                ) -> tuple[Occupancy, np.ndarray]:
-        return _seen_freely(belief, grid, active, pooled=False)
-
-
-def _seen_freely(belief: Belief, grid: Occupancy, active: np.ndarray, *, pooled: bool
-                 ) -> tuple[Occupancy, np.ndarray]:
-    rows = np.flatnonzero(active)
-    return occupancy_by_process(grid, [believed_freely(belief, int(row)) for row in rows], rows,
-                                BODY, pooled=pooled)
+        return self._seen_freely(belief, grid, active, pooled=False)
 
 
 def _made(asked: list[_Asked], first: int, belief: Belief) -> Iterator[tuple[_Asked, int]]:

@@ -9,11 +9,11 @@ Errors of calibration move all contacts of an episode together. Fingers that tou
 from other sides contradict one another where they do, which tells of these errors.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fit.arrays import rows_of
+from fit.arrays import rows_of, with_rows
 from fit.implicit.known import KnownProcess, fit_known, known_slopes, shared_error_means
 from fit.implicit.record import ImplicitFit, Mean
 from strategies.contacts.field_placing import (
@@ -36,10 +36,11 @@ from strategies.recovery.fit_contacts import (
 )
 from warpgrasp.parameters import ArmTable, ErrorTable, FitTable
 
-ROUNDS = 6
-"""Fits after which contacts are placed, before the last one [est]."""
-SURE_ROUNDS = 3
-"""Rounds until the surface is trusted as much as that of a superquadric is."""
+TRUSTS = (0.0, 1 / 3, 2 / 3, 1.0, 1.0, 1.0)
+"""How far the surface of each fit is trusted when contacts are placed on it: 1 as much as that of a
+superquadric is [est]."""
+LATER_TRUSTS = (2 / 3, 1.0)
+"""The same where most contacts have been placed before [est]."""
 FIRST_PLACE_M, FIRST_TURN_RAD = 0.006, 0.3
 """How well the first surface predicts where an axis passes and which way it looks [est]."""
 FIRST_SIGMA_M = 0.003
@@ -79,15 +80,66 @@ def placed_freely(
     placed, sigma = felt, _first_sigma(felt)
     if links is None or not felt.mask.any():
         return placed, sigma
-    if can_be_placed(links) and (felt.mask & links.linked).any():
-        stations = link_stations(links)
-        for turn in range(ROUNDS):
-            fits = fit_placed(placed, sigma, table, PLACING)
-            placed, sigma = _placed(fits, placed, sigma, links, stations,
-                                    min(turn / SURE_ROUNDS, 1.0))
+    if can_be_placed(links):
+        placed, sigma = placed_in_turns(placed, sigma, links, table, TRUSTS)
     if calibration is not None:
-        placed = _calibrated(placed, sigma, links, calibration)
+        placed = calibrated(placed, sigma, links, calibration)
     return placed, sigma
+
+
+def placed_in_turns(
+    placed: Evidence, sigma: np.ndarray, links: TouchedLinks, table: FitTable,
+    trusts: tuple[float, ...]
+) -> tuple[Evidence, np.ndarray]:
+    """Free forms fitted and contacts placed on them, as often as there are `trusts`: how far their
+    surface is trusted, from 0 to 1."""
+    if (placed.mask & links.linked).any():
+        stations = link_stations(links)
+        for trust in trusts:
+            fits = fit_placed(placed, sigma, table, PLACING)
+            placed, sigma = _placed(fits, placed, sigma, links, stations, trust)
+    return placed, sigma
+
+
+def _widened(before: Evidence, felt: Evidence) -> Evidence:
+    """What was felt, contacts placed earlier where they were placed."""
+    old = slice(before.mask.shape[1])
+    def both(name: str) -> np.ndarray:
+        values = getattr(felt, name).copy()
+        values[:, old] = getattr(before, name)
+        return values
+    return replace(felt, **{name: both(name) for name in (
+        "points_m", "covariance_m2", "normals", "contradiction")})
+
+
+@dataclass(frozen=True)
+class FreePlaces:
+    """Contacts of all worlds as placed on free forms so far."""
+
+    placed: Evidence
+    sigma_m: np.ndarray
+    """Deviations along the normal, (world, point)."""
+
+
+def placed_further(
+    before: FreePlaces | None, belief: Belief, rows: np.ndarray
+) -> FreePlaces:
+    """Contacts of a belief, those of the worlds `rows` placed on free forms of their own: from
+    where they stood `before`, if they did, beside what was felt since. The others stay.
+
+    Raises ValueError for a belief that does not say where contacts were felt.
+    """
+    felt = belief.unplaced
+    if felt is None:
+        raise ValueError("belief: does not say where contacts were felt")
+    placed, sigma, trusts = felt, _first_sigma(felt), TRUSTS
+    if before is not None:
+        trusts, old = LATER_TRUSTS, slice(before.sigma_m.shape[1])
+        placed, sigma = _widened(before.placed, felt), sigma.copy()
+        sigma[:, old] = before.sigma_m
+    some = placed_in_turns(rows_of(placed, rows), sigma[rows], rows_of(belief.links, rows),
+                           belief.fit, trusts)
+    return FreePlaces(with_rows(placed, rows, some[0]), with_rows(sigma, rows, some[1]))
 
 
 def fitted_freely(
@@ -121,9 +173,11 @@ def believed_freely(belief: Belief, world: int) -> ImplicitFit:
                          (belief.errors, belief.arm))[0]
 
 
-def _calibrated(placed: Evidence, sigma: np.ndarray, links: TouchedLinks,
+def calibrated(placed: Evidence, sigma: np.ndarray, links: TouchedLinks,
                 calibration: tuple[ErrorTable, ArmTable]) -> Evidence:
     """Contacts less what the robot's errors moved them by, as far as they tell."""
+    if not placed.mask.any():
+        return placed
     vectors = shared_vectors(links, placed.points_m, *calibration)
     normals = np.nan_to_num(placed.normals)
     found = shared_error_means(
