@@ -123,13 +123,12 @@ def explore(
     run = RunningExploration(robot, prior, seed, table, closings, budget or Budget(), due)
     if oracle is not None:
         oracle.foresee = run.imagine
-    while run.active.any():
-        before = run.step
-        if not run.take_step(planner):
-            break
-        if observe is not None and run.step > before and run.fresh.any():
+    shown = 0
+    while run.active.any() and run.take_step(planner):
+        if observe is not None and run.step > shown and run.fresh.any():
+            shown = run.step
             observe(run.belief, run.recovered, run.fresh)
-    if run.finish() and observe is not None:
+    if (run.finish() or run.step > shown) and observe is not None:
         observe(run.belief, run.recovered, np.ones(robot.worlds, bool))
     return run.result()
 
@@ -164,8 +163,8 @@ class RunningExploration:
         self.whole: Profile | None = None  # and completed by all else that was felt
         self.touches = np.zeros(worlds, int)
         self.time, self.path = np.zeros(worlds), np.zeros(worlds)
-        self.fitted = Fitted(_no_fits(worlds), self.felt, np.zeros(worlds, int),
-                             np.zeros(worlds, bool))
+        none = fit_superquadric(np.zeros((worlds, 1, 3)), np.zeros((worlds, 1), bool))
+        self.fitted = Fitted(none, self.felt, np.zeros(worlds, int), np.zeros(worlds, bool))
         self.shape = np.zeros(worlds, int)
         self.believed = self.agrees = np.zeros(worlds, bool)
         """Worlds whose fit is good enough to go on by, and those whose body nothing contradicts."""
@@ -334,7 +333,7 @@ class RunningExploration:
         links = self.links if self.intrinsic else None
         self.fitted = refitted(self.fitted, self.felt, links, rows[self.stale[rows]], self.steps,
                                self.believed, self.profile, self.table)
-        self.stale = with_rows(self.stale, rows, False)
+        self.stale = self.stale & ~np.isin(np.arange(self.robot.worlds), rows)
         self._conclude(rows)
 
     @property
@@ -395,8 +394,3 @@ class RunningExploration:
         return np.where(self.faulty, fault_status(self.fault), np.where(
             known, "ok", np.where(~enough, "too_few_contacts", np.where(
                 good, "fit_implausible", "fit_failed"))))
-
-
-def _no_fits(worlds: int) -> SuperquadricFit:
-    """Fits of nothing."""
-    return fit_superquadric(np.zeros((worlds, 1, 3)), np.zeros((worlds, 1), bool))

@@ -13,7 +13,7 @@ from functools import reduce
 
 import numpy as np
 
-from fit.arrays import rows_of, with_rows
+from fit.arrays import rows_of
 from strategies.contacts.field_placing import can_be_placed
 from strategies.foresight.aimed_poses import draw_aimed_poses
 from strategies.foresight.hand_samples import HandSamples, reached_place, samples_of_hand
@@ -27,13 +27,12 @@ from strategies.recovery.evidence import TABLE_MARGIN_M
 from strategies.recovery.free_contacts import (
     BODY,
     FreePlaces,
-    calibrated,
     fit_placed,
     placed_further,
 )
 from warpgrasp.chain.chain_hand import chain_of_table
 from warpgrasp.mechanism.arm_reach import pose_reachable
-from warpgrasp.parameters import HandTable
+from warpgrasp.parameters import FitTable, HandTable
 
 CANDIDATES = 16384
 """Poses drawn at each step; three times as many find no more."""
@@ -83,6 +82,7 @@ class AnyObject:
         self.grid: Occupancy | None = None
         self.asked: list[_Asked] = []
         self.places: FreePlaces | None = None
+        """Contacts as placed in the step before."""
         self.slots = 0
         """Contacts in the evidence before what was last asked for."""
         self.step = 0
@@ -113,9 +113,9 @@ class AnyObject:
         return [Grasp(asked.pose, asked.wanted, (belief.closings[asked.closing],), asked.closes)
                 for asked in self.asked]
 
-    def looks_at_bodies(self, hand: HandTable) -> bool:
-        """Whether it goes by the bodies that are fitted on the way: by where these place contacts
-        that cannot be placed on free forms."""
+    def looks_at_bodies(self, hand: HandTable, fit: FitTable) -> bool:
+        """Whether it goes by bodies fitted on the way: by where these place contacts that cannot be
+        placed on free forms."""
         return chain_of_table(hand) is not None
 
     def _placed_freely(self, belief: Belief) -> Belief:
@@ -124,9 +124,7 @@ class AnyObject:
             return belief
         rows = np.flatnonzero(belief.active)
         self.places = placed_further(self.places, belief, rows)
-        own = calibrated(rows_of(self.places.placed, rows), self.places.sigma_m[rows],
-                         rows_of(belief.links, rows), (belief.errors, belief.arm))
-        return replace(belief, evidence=with_rows(self.places.placed, rows, own))
+        return replace(belief, evidence=self.places.calibrated_for(belief, rows))
 
     def _best_of_path(self, belief: Belief, samples: HandSamples, closing: int, seen: Occupancy,
                       worth: np.ndarray, active: np.ndarray) -> _Asked:
@@ -157,10 +155,11 @@ class AnyObject:
 
     def _seen_freely(self, belief: Belief, grid: Occupancy, active: np.ndarray, *, pooled: bool
                      ) -> tuple[Occupancy, np.ndarray]:
+        """By free forms of the contacts, which are placed."""
+        assert self.places is not None
         rows = np.flatnonzero(active)
         fits = fit_placed(rows_of(belief.evidence, rows), self.places.sigma_m[rows], belief.fit)
-        own = [rows_of(fits, np.array([n])) for n in range(len(rows))]
-        return occupancy_by_process(grid, own, rows, BODY, pooled=pooled)
+        return occupancy_by_process(grid, fits, rows, BODY, pooled=pooled)
 
     @staticmethod
     def _best_looking(poses: np.ndarray, price: float, active: np.ndarray,

@@ -16,7 +16,7 @@ from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Shape
 from strategies.recovery.refit_policy import Due, always, at_first, at_renewals
 from strategies.strategy import Strategy
-from warpgrasp.parameters import StereoTable
+from warpgrasp.parameters import FitTable, HandTable, StereoTable
 from warpgrasp.robot import Robot
 
 MOST_STEPS = 128
@@ -84,12 +84,13 @@ def fits_on_way(strategy: Strategy, planner: Planner) -> bool:
     return not isinstance(planner, Unguided) or _asks_on_way(strategy)
 
 
-def bodies_due(strategy: Strategy, planner: Planner, robot: Robot) -> Due:
-    """After which steps bodies are fitted, in which worlds."""
+def bodies_due(strategy: Strategy, planner: Planner, hand: HandTable, fit: FitTable) -> Due:
+    """After which steps of an episode its body is fitted: seldom where the planner says by
+    `looks_at_bodies` that it does not go by it."""
     if not fits_on_way(strategy, planner):
         return at_first
     looks = getattr(planner, "looks_at_bodies", None)
-    if looks is None or looks(robot.hand) or _asks_on_way(strategy):
+    if looks is None or looks(hand, fit) or _asks_on_way(strategy):
         return always
     return at_renewals
 

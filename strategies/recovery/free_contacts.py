@@ -81,13 +81,13 @@ def placed_freely(
     if links is None or not felt.mask.any():
         return placed, sigma
     if can_be_placed(links):
-        placed, sigma = placed_in_turns(placed, sigma, links, table, TRUSTS)
+        placed, sigma = _placed_in_turns(placed, sigma, links, table, TRUSTS)
     if calibration is not None:
-        placed = calibrated(placed, sigma, links, calibration)
+        placed = _calibrated(placed, sigma, links, calibration)
     return placed, sigma
 
 
-def placed_in_turns(
+def _placed_in_turns(
     placed: Evidence, sigma: np.ndarray, links: TouchedLinks, table: FitTable,
     trusts: tuple[float, ...]
 ) -> tuple[Evidence, np.ndarray]:
@@ -103,13 +103,10 @@ def placed_in_turns(
 
 def _widened(before: Evidence, felt: Evidence) -> Evidence:
     """What was felt, contacts placed earlier where they were placed."""
-    old = slice(before.mask.shape[1])
-    def both(name: str) -> np.ndarray:
-        values = getattr(felt, name).copy()
-        values[:, old] = getattr(before, name)
-        return values
-    return replace(felt, **{name: both(name) for name in (
-        "points_m", "covariance_m2", "normals", "contradiction")})
+    names = ("points_m", "covariance_m2", "normals", "contradiction")
+    new = slice(before.mask.shape[1], None)
+    return replace(felt, **{name: np.concatenate(
+        [getattr(before, name), getattr(felt, name)[:, new]], 1) for name in names})
 
 
 @dataclass(frozen=True)
@@ -120,26 +117,34 @@ class FreePlaces:
     sigma_m: np.ndarray
     """Deviations along the normal, (world, point)."""
 
+    def calibrated_for(self, belief: Belief, rows: np.ndarray) -> Evidence:
+        """The contacts, those of the worlds `rows` of a belief less what the robot's errors moved
+        them by, as far as they tell."""
+        own = _calibrated(rows_of(self.placed, rows), self.sigma_m[rows],
+                          rows_of(belief.links, rows), (belief.errors, belief.arm))
+        return with_rows(self.placed, rows, own)
+
 
 def placed_further(
     before: FreePlaces | None, belief: Belief, rows: np.ndarray
 ) -> FreePlaces:
     """Contacts of a belief, those of the worlds `rows` placed on free forms of their own: from
-    where they stood `before`, if they did, beside what was felt since. The others stay.
+    where they stood `before`, if any did, beside what was felt since. The others stay.
 
     Raises ValueError for a belief that does not say where contacts were felt.
     """
     felt = belief.unplaced
     if felt is None:
         raise ValueError("belief: does not say where contacts were felt")
-    placed, sigma, trusts = felt, _first_sigma(felt), TRUSTS
+    placed, sigma, begun = felt, _first_sigma(felt), np.zeros(belief.worlds, bool)
     if before is not None:
-        trusts, old = LATER_TRUSTS, slice(before.sigma_m.shape[1])
-        placed, sigma = _widened(before.placed, felt), sigma.copy()
-        sigma[:, old] = before.sigma_m
-    some = placed_in_turns(rows_of(placed, rows), sigma[rows], rows_of(belief.links, rows),
-                           belief.fit, trusts)
-    return FreePlaces(with_rows(placed, rows, some[0]), with_rows(sigma, rows, some[1]))
+        placed, begun = _widened(before.placed, felt), np.asarray(before.placed.mask.any(1))
+        sigma[:, :before.sigma_m.shape[1]] = before.sigma_m
+    for own, trusts in ((rows[~begun[rows]], TRUSTS), (rows[begun[rows]], LATER_TRUSTS)):
+        found, spread = _placed_in_turns(rows_of(placed, own), sigma[own],
+                                         rows_of(belief.links, own), belief.fit, trusts)
+        placed, sigma = with_rows(placed, own, found), with_rows(sigma, own, spread)
+    return FreePlaces(placed, sigma)
 
 
 def fitted_freely(
@@ -173,7 +178,7 @@ def believed_freely(belief: Belief, world: int) -> ImplicitFit:
                          (belief.errors, belief.arm))[0]
 
 
-def calibrated(placed: Evidence, sigma: np.ndarray, links: TouchedLinks,
+def _calibrated(placed: Evidence, sigma: np.ndarray, links: TouchedLinks,
                 calibration: tuple[ErrorTable, ArmTable]) -> Evidence:
     """Contacts less what the robot's errors moved them by, as far as they tell."""
     if not placed.mask.any():

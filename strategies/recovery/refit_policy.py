@@ -88,7 +88,7 @@ class Fitted:
 
 def newly_felt(news: Evidence) -> np.ndarray:
     """Worlds in which something was touched or a link swept free space, bool (world,)."""
-    return news.mask.any(1) | news.free_mask.any(1)
+    return np.asarray(news.mask.any(1) | news.free_mask.any(1))
 
 
 def always(steps: np.ndarray) -> np.ndarray:

@@ -289,7 +289,7 @@ def run_parts(
     found = explore(robot, planner, prior, counter_key(noise, int(Purpose.STRATEGY)),
                     table=cell.fit, closings=cell.strategy.closings,
                     budget=budget_of(cell.strategy), observe=observe, oracle=oracle,
-                    due=bodies_due(cell.strategy, planner, robot))
+                    due=bodies_due(cell.strategy, planner, cell.hand, cell.fit))
     faults = np.full(len(key), fault, object) if fault else unseen
     if faults.any():
         wrong = faults != ""

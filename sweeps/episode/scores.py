@@ -246,7 +246,8 @@ def _distance_to_superquadrics(
     launch(_element_distance_kernel, {"world": worlds, "group": len(begin)}, {
         **shapes, "shape": "world", "pose": "world", "normal": "world element", "point": "point",
         "begin": "group", "end": "group", "distance": "world point"}, {
-        **surface, "lanes": wp.get_device(device).is_cpu, "ball": ball, "shape": shape, "pose": pose,
+        **surface, "lanes": wp.get_device(device).is_cpu, "ball": ball,
+        "shape": shape, "pose": pose,
         "normal": array_of(found.normal, vec3, device),
         "point": array_of(points, vec3, device),
         "begin": array_of(begin, int, device),
@@ -278,7 +279,8 @@ def _signed_distance(fits: SuperquadricLike, sample: BodySample, device: str) ->
            {"world": len(fits.size_m), "block": -(-len(points) // LANES)}, {
         "shape": "world", "pose": "world", "distance": "world point",
         **dict.fromkeys(("point", "order"), "point")}, {
-        "lanes": wp.get_device(device).is_cpu, "shape": shape, "pose": pose, "enough": sample.ramp_m,
+        "lanes": wp.get_device(device).is_cpu, "shape": shape, "pose": pose,
+        "enough": sample.ramp_m,
         "order": array_of(sample.about_order, int, device),
         "point": array_of(points, vec3, device), "distance": out}, device=device)
     return out.numpy()

@@ -48,7 +48,8 @@ def surface_elements(
     lanes = wp.get_device(device).is_cpu
     launch(_octant_kernel, {"world": worlds, "block": -(-len(grid.octant) // LANES)}, {
         **axes, "direction": "octant"}, {
-        "lanes": lanes, "shape": shape, "pose": pose, "direction": array_of(grid.octant, vec3, device),
+        "lanes": lanes, "shape": shape, "pose": pose,
+        "direction": array_of(grid.octant, vec3, device),
         "gauge": gauge}, device=device)
     on = wp.empty((worlds, vertices), dtype=vec3, device=device)
     launch(_vertex_kernel, {"world": worlds, "vertex": vertices}, {

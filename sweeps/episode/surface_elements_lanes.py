@@ -1,6 +1,6 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
-"""Surface elements of plain superquadrics, `LANES` side by side: what `surface_elements_kernel` does
-one by one.
+"""Surface elements of plain superquadrics, `LANES` side by side: what `surface_elements_kernel`
+does one by one.
 
 C++ for Clang, see `warpgrasp.geometry.superquadric_lanes`.
 """

@@ -19,8 +19,8 @@ _TERMS_EXPONENTIAL = 14
 
 
 def _polynomial(by: str, coefficients: list[float]) -> str:
-    """A polynomial, lowest power first, as sums of pairs, of pairs of pairs and so on (Estrin 1960):
-    no product waits for more than four others."""
+    """A polynomial, lowest power first, as sums of pairs, of pairs of pairs and so on (Estrin
+    1960): no product waits for more than four others."""
     terms, power = [f"{c!r}" for c in coefficients], by
     while len(terms) > 1:
         pairs = [" + ".join([low, *(f"{power} * {high}" for high in above)])
