@@ -12,7 +12,7 @@ from strategies.contacts.field_placing_kernel import (
     station_kernel,
 )
 from strategies.contacts.finger_touch import TouchedLinks
-from strategies.contacts.placing_kernel import STATIONS, UNLIKELY
+from strategies.contacts.placing_posterior import STATIONS, UNLIKELY
 from warpgrasp.chain.chain_hand import chain_of_table
 from warpgrasp.core.dtypes import mat33, real, transform, vec3, vec4
 from warpgrasp.core.kernel_launch import array_of, launch

@@ -142,10 +142,6 @@ def distances_in_lanes(
 _SIGNED_DISTANCES = SUPERQUADRIC_LANES + """
     auto number = [&](int l) { return order.data[begin + l < end ? begin + l : begin]; };
     const places p = in_frame(gathered(point.data, number)), q = untapered(p);
-    const double wide_x = s.size[0] * (1.0 + wp::abs(s.kx)) + enough;
-    const double wide_y = s.size[1] * (1.0 + wp::abs(s.ky)) + enough;
-    const flags out = (size_of(p.x) > wide_x) | (size_of(p.y) > wide_y)
-        | (size_of(p.z) > s.size[2] + enough);
     flags in = 0;
     if (s.e1 <= 1.0 && s.e2 <= 1.0) {
         const places r = {q.x * across_x, q.y * across_y, q.z * upwards};
@@ -153,14 +149,13 @@ _SIGNED_DISTANCES = SUPERQUADRIC_LANES + """
             * (1.0 - wp::max(wp::abs(s.kx), wp::abs(s.ky)));
         in = (1.0 - root(dot(r, r))) * least > enough;
     }
-    reals away = enough;
-    if (!__builtin_reduce_and(in | out)) {
+    reals away = 0.0;
+    if (!__builtin_reduce_and(in)) {
         const slopes g = gauge(q);
         const places by = tapered_slopes(g.by, p);
         away = (g.value - 1.0) / more(root(dot(by, by)), (reals)tiny);
         const reals past = size_of(p.z) - s.size[2];
         away = past > more(away, (reals)0.0) ? past : away;
-        away = out ? (reals)enough : away;
     }
     away = in ? (reals)-enough : away;
     for (int l = 0; l < L && begin + l < end; ++l)
@@ -174,4 +169,4 @@ def signed_distances_in_lanes(
     world: int, begin: int, end: int, s: SuperquadricShape, pose: transform,
     point: wp.array[vec3], order: wp.array[int], enough: real, distance: wp.array2d[real],
 ):
-    """`_signed_distance` of up to `LANES` points; none is taken far outside either."""
+    """`_signed_distance` of up to `LANES` points."""
