@@ -61,7 +61,7 @@ from strategies.recovery.plausibility import (
     swept,
     within_reach,
 )
-from strategies.recovery.refit_policy import Due, Fitted, always, finished, newly_felt, refitted
+from strategies.recovery.refit_policy import Fitted, finished, newly_felt, refitted
 from warpgrasp.motion_cost import was_made
 from warpgrasp.parameters import FitTable
 from warpgrasp.probe_status import ProbeStatus
@@ -111,25 +111,26 @@ class Exploration:
 def explore(
     robot: Robot, planner: Planner, prior: BoundingCylinder, seed: np.ndarray, *, table: FitTable,
     closings: tuple[str, ...], budget: Budget | None = None,
-    observe: Callable[[Belief, Recovered, np.ndarray], None] | None = None,
-    oracle: Foreseeing | None = None, due: Due = always,
+    observe: Callable[[Belief, Recovered], None] | None = None, oracle: Foreseeing | None = None,
+    fits_on_way: bool = True,
 ) -> Exploration:
     """Run one episode in every world.
 
     `seed` (world,) uint64 is the strategy's own; `table` says what the fits go by; `closings` are
-    the paths of grasps that name none. `observe` is shown the belief whenever bodies were fitted,
-    and in which worlds. `oracle` is the planner, if it is one that may foresee: what it is handed
-    leads to the truth. Bodies are fitted where they are `due`, and at the end."""
-    run = RunningExploration(robot, prior, seed, table, closings, budget or Budget(), due)
+    the paths of grasps that name none. `observe` is shown the belief after every fit. `oracle` is
+    the planner, if it is one that may foresee: what it is handed leads to the truth. Without
+    `fits_on_way` bodies are fitted after the first step and at the end."""
+    run = RunningExploration(robot, prior, seed, table, closings, budget or Budget(), fits_on_way)
     if oracle is not None:
         oracle.foresee = run.imagine
-    shown = 0
-    while run.active.any() and run.take_step(planner):
-        if observe is not None and run.step > shown and run.fresh.any():
-            shown = run.step
-            observe(run.belief, run.recovered, run.fresh)
-    if (run.finish() or run.step > shown) and observe is not None:
-        observe(run.belief, run.recovered, np.ones(robot.worlds, bool))
+    while run.active.any():
+        before = run.step
+        if not run.take_step(planner):
+            break
+        if observe is not None and run.step > before and not run.news:
+            observe(run.belief, run.recovered)
+    if run.finish() and observe is not None:
+        observe(run.belief, run.recovered)
     return run.result()
 
 
@@ -140,16 +141,15 @@ class RunningExploration:
     """
 
     def __init__(self, robot: Robot, prior: BoundingCylinder, seed: np.ndarray, table: FitTable,
-                 closings: tuple[str, ...], budget: Budget, due: Due = always) -> None:
+                 closings: tuple[str, ...], budget: Budget, fits_on_way: bool = True) -> None:
         worlds = robot.worlds
         self.robot, self.prior, self.seed, self.table = robot, prior, seed, table
-        self.closings, self.budget, self.due = closings, budget, due
+        self.closings, self.budget, self.fits_on_way = closings, budget, fits_on_way
         radius = outline_of(robot.hand).skin_m
         self.intrinsic = robot.sensors.contact_estimator == "intrinsic"
         self.felt = no_evidence(worlds, radius)
         self.links = no_links(worlds, 0, robot.hand)
-        self.stale, self.fresh = np.zeros(worlds, bool), np.zeros(worlds, bool)
-        """Worlds that felt something since their last fit; those fitted in the last step."""
+        self.news: list[tuple[Evidence, TouchedLinks]] = []  # felt since the last fit
         self.slots = 0
         self.contour = np.zeros(0, int)  # slots of touches along a contour
         self.procedures: list[Procedure] = []
@@ -163,8 +163,8 @@ class RunningExploration:
         self.whole: Profile | None = None  # and completed by all else that was felt
         self.touches = np.zeros(worlds, int)
         self.time, self.path = np.zeros(worlds), np.zeros(worlds)
-        none = fit_superquadric(np.zeros((worlds, 1, 3)), np.zeros((worlds, 1), bool))
-        self.fitted = Fitted(none, self.felt, np.zeros(worlds, int), np.zeros(worlds, bool))
+        self.fitted = Fitted(_no_fits(worlds), self.felt, np.zeros(worlds, int),
+                             np.zeros(worlds, bool))
         self.shape = np.zeros(worlds, int)
         self.believed = self.agrees = np.zeros(worlds, bool)
         """Worlds whose fit is good enough to go on by, and those whose body nothing contradicts."""
@@ -204,21 +204,19 @@ class RunningExploration:
         if changed.any():
             self.step += 1
             self.steps += changed
-            self.fresh = changed & self.due(self.steps)
-            if self.fresh.any():
-                self._refit(np.flatnonzero(self.fresh))
+            if self.fits_on_way or self.step == 1:
+                self._refit(np.flatnonzero(changed))
             else:
-                self.belief = read_only(replace(self.belief, step=self.step, links=self.links,
-                                                unplaced=self.felt, **self._spent()))
+                self.belief = read_only(replace(self.belief, step=self.step, **self._spent()))
             self.active &= within_budget(self.budget, self.belief)
             self.belief = self.belief.with_active(read_only(self.active.copy()))
         return bool((changed | stopped).any())
 
     def finish(self) -> bool:
         """Fit from new starts what was refined since, or never fitted; False if there is none."""
-        unfitted = bool(self.stale.any())
+        unfitted = len(self.news) > 0
         if unfitted:
-            self._refit(np.flatnonzero(self.stale))
+            self._refit(np.arange(self.robot.worlds))
         links = self.links if self.intrinsic else None
         self.fitted, rows = finished(self.fitted, self.felt, links, self.table)
         if len(rows):
@@ -323,17 +321,18 @@ class RunningExploration:
         self.procedures.append(Procedure(name, self.step, found, wanted, slots))
 
     def _add(self, evidence: Evidence, links: TouchedLinks) -> None:
-        self.felt = joined_evidence(self.felt, evidence)
-        self.links = joined_links(self.links, links)
-        self.stale = self.stale | newly_felt(evidence)
+        self.news = [*self.news, (evidence, links)]
         self.slots += evidence.mask.shape[1]
 
     def _refit(self, rows: np.ndarray) -> None:
         """Bodies of those of the worlds `rows` that felt something new, and what is concluded."""
+        self.felt = joined_evidence(self.felt, *(evidence for evidence, _ in self.news))
+        self.links = joined_links(self.links, *(links for _, links in self.news))
+        new = newly_felt([evidence for evidence, _ in self.news], self.robot.worlds)
+        self.news = []
         links = self.links if self.intrinsic else None
-        self.fitted = refitted(self.fitted, self.felt, links, rows[self.stale[rows]], self.steps,
+        self.fitted = refitted(self.fitted, self.felt, links, rows[new[rows]], self.steps,
                                self.believed, self.profile, self.table)
-        self.stale = self.stale & ~np.isin(np.arange(self.robot.worlds), rows)
         self._conclude(rows)
 
     @property
@@ -394,3 +393,8 @@ class RunningExploration:
         return np.where(self.faulty, fault_status(self.fault), np.where(
             known, "ok", np.where(~enough, "too_few_contacts", np.where(
                 good, "fit_implausible", "fit_failed"))))
+
+
+def _no_fits(worlds: int) -> SuperquadricFit:
+    """Fits of nothing."""
+    return fit_superquadric(np.zeros((worlds, 1, 3)), np.zeros((worlds, 1), bool))

@@ -3,8 +3,8 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "from_strategy": ["Budget", "MOST_STEPS", "bodies_due", "budget_of", "fits_on_way",
-                      "planner_of", "within_budget"],
+    "from_strategy": ["Budget", "MOST_STEPS", "budget_of", "fits_on_way", "planner_of",
+                      "within_budget"],
     "next_procedure": ["contour_to_follow", "faces_to_cross"],
     "oracle": ["Oracle"],
     "planner_file": ["PlannerError", "files_beside"],

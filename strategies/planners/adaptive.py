@@ -18,7 +18,6 @@ from strategies.planners.probes import Grasp, Probe
 from strategies.planners.register import planner
 from strategies.poses.waypoints import PRIOR_MARGIN_M
 from strategies.recovery.belief import Belief
-from warpgrasp.parameters import FitTable, HandTable
 
 NEW_AT_M = 0.03
 """A touch this far from all others is as new as can be."""
@@ -174,10 +173,6 @@ class SurfaceGaussianProcess(OneAtATime):
     def __call__(self, belief: Belief) -> list[Probe]:
         """One grasp about the model, or a few about a free form."""
         return self.search(belief) if belief.fit.free_forms else super().__call__(belief)
-
-    def looks_at_bodies(self, hand: HandTable, fit: FitTable) -> bool:
-        """Whether it goes by bodies fitted on the way: where no free form may stand for them."""
-        return not fit.free_forms or self.search.looks_at_bodies(hand, fit)
 
     def gain(self, belief: Belief, poses: np.ndarray, free: np.ndarray) -> np.ndarray:
         """Entropy of the surface's distances at each pose's predicted touches, up to a constant."""

@@ -13,7 +13,6 @@ from functools import reduce
 
 import numpy as np
 
-from fit.arrays import rows_of
 from strategies.contacts.field_placing import can_be_placed
 from strategies.foresight.aimed_poses import draw_aimed_poses
 from strategies.foresight.hand_samples import HandSamples, reached_place, samples_of_hand
@@ -24,15 +23,8 @@ from strategies.planners.register import planner
 from strategies.poses.hand_outline import outline_of
 from strategies.recovery.belief import Belief
 from strategies.recovery.evidence import TABLE_MARGIN_M
-from strategies.recovery.free_contacts import (
-    BODY,
-    FreePlaces,
-    fit_placed,
-    placed_further,
-)
-from warpgrasp.chain.chain_hand import chain_of_table
+from strategies.recovery.free_contacts import BODY, believed_freely
 from warpgrasp.mechanism.arm_reach import pose_reachable
-from warpgrasp.parameters import FitTable, HandTable
 
 CANDIDATES = 16384
 """Poses drawn at each step; three times as many find no more."""
@@ -81,8 +73,6 @@ class AnyObject:
         self.matched = paths == MATCHED
         self.grid: Occupancy | None = None
         self.asked: list[_Asked] = []
-        self.places: FreePlaces | None = None
-        """Contacts as placed in the step before."""
         self.slots = 0
         """Contacts in the evidence before what was last asked for."""
         self.step = 0
@@ -91,7 +81,6 @@ class AnyObject:
 
     def __call__(self, belief: Belief) -> list[Probe]:
         """The next poses of every world that is active."""
-        belief = self._placed_freely(belief)
         samples = [samples_of_hand(belief.hand, (name,)) for name in belief.closings]
         grid = self.grid or begin_occupancy(belief.prior, outline_of(belief.hand).skin_m)
         self.grid = grid
@@ -112,19 +101,6 @@ class AnyObject:
         self.step += 1
         return [Grasp(asked.pose, asked.wanted, (belief.closings[asked.closing],), asked.closes)
                 for asked in self.asked]
-
-    def looks_at_bodies(self, hand: HandTable, fit: FitTable) -> bool:
-        """Whether it goes by bodies fitted on the way: by where these place contacts that cannot be
-        placed on free forms."""
-        return chain_of_table(hand) is not None
-
-    def _placed_freely(self, belief: Belief) -> Belief:
-        """The belief with contacts as placed on free forms, where they can be."""
-        if not can_be_placed(belief.links):
-            return belief
-        rows = np.flatnonzero(belief.active)
-        self.places = placed_further(self.places, belief, rows)
-        return replace(belief, evidence=self.places.calibrated_for(belief, rows))
 
     def _best_of_path(self, belief: Belief, samples: HandSamples, closing: int, seen: Occupancy,
                       worth: np.ndarray, active: np.ndarray) -> _Asked:
@@ -151,15 +127,7 @@ class AnyObject:
         be placed on it."""
         if not can_be_placed(belief.links):
             return grid, grid.worth(belief.evidence.points_m, belief.evidence.mask)
-        return self._seen_freely(belief, grid, active, pooled=True)
-
-    def _seen_freely(self, belief: Belief, grid: Occupancy, active: np.ndarray, *, pooled: bool
-                     ) -> tuple[Occupancy, np.ndarray]:
-        """By free forms of the contacts, which are placed."""
-        assert self.places is not None
-        rows = np.flatnonzero(active)
-        fits = fit_placed(rows_of(belief.evidence, rows), self.places.sigma_m[rows], belief.fit)
-        return occupancy_by_process(grid, fits, rows, BODY, pooled=pooled)
+        return _seen_freely(belief, grid, active, pooled=True)
 
     @staticmethod
     def _best_looking(poses: np.ndarray, price: float, active: np.ndarray,
@@ -203,7 +171,13 @@ class FreeFormSearch(AnyObject):
 
     def _looks(self, belief: Belief, grid: Occupancy, active: np.ndarray
                ) -> tuple[Occupancy, np.ndarray]:
-        return self._seen_freely(belief, grid, active, pooled=False)
+        return _seen_freely(belief, grid, active, pooled=False)
+
+
+def _seen_freely(belief: Belief, grid: Occupancy, active: np.ndarray, *, pooled: bool
+                 ) -> tuple[Occupancy, np.ndarray]:
+    rows = np.flatnonzero(active)
+    return occupancy_by_process(grid, believed_freely(belief, rows), rows, BODY, pooled=pooled)
 
 
 def _made(asked: list[_Asked], first: int, belief: Belief) -> Iterator[tuple[_Asked, int]]:

@@ -14,9 +14,8 @@ from strategies.procedures.options import ContourTable, DecideTable, PlanarTable
 from strategies.procedures.possible import check_possible
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Shape
-from strategies.recovery.refit_policy import Due, always, at_first, at_renewals
 from strategies.strategy import Strategy
-from warpgrasp.parameters import FitTable, HandTable, StereoTable
+from warpgrasp.parameters import StereoTable
 from warpgrasp.robot import Robot
 
 MOST_STEPS = 128
@@ -81,23 +80,8 @@ def planner_of(
 def fits_on_way(strategy: Strategy, planner: Planner) -> bool:
     """Whether bodies are fitted after every step: where the planner looks at them, the strategy
     asks for it, or the budget is of what is looked at between steps."""
-    return not isinstance(planner, Unguided) or _asks_on_way(strategy)
-
-
-def bodies_due(strategy: Strategy, planner: Planner, hand: HandTable, fit: FitTable) -> Due:
-    """After which steps of an episode its body is fitted: seldom where the planner says by
-    `looks_at_bodies` that it does not go by it."""
-    if not fits_on_way(strategy, planner):
-        return at_first
-    looks = getattr(planner, "looks_at_bodies", None)
-    if looks is None or looks(hand, fit) or _asks_on_way(strategy):
-        return always
-    return at_renewals
-
-
-def _asks_on_way(strategy: Strategy) -> bool:
-    return (strategy.refit_every > 0 or strategy.robot_time_s is not None
-            or strategy.volume_ratio is not None)
+    return (not isinstance(planner, Unguided) or strategy.refit_every > 0
+            or strategy.robot_time_s is not None or strategy.volume_ratio is not None)
 
 
 def budget_of(strategy: Strategy) -> Budget:

@@ -9,11 +9,11 @@ Errors of calibration move all contacts of an episode together. Fingers that tou
 from other sides contradict one another where they do, which tells of these errors.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from fit.arrays import rows_of, with_rows
+from fit.arrays import rows_of
 from fit.implicit.known import KnownProcess, fit_known, known_slopes, shared_error_means
 from fit.implicit.record import ImplicitFit, Mean
 from strategies.contacts.field_placing import (
@@ -36,11 +36,10 @@ from strategies.recovery.fit_contacts import (
 )
 from warpgrasp.parameters import ArmTable, ErrorTable, FitTable
 
-TRUSTS = (0.0, 1 / 3, 2 / 3, 1.0, 1.0, 1.0)
-"""How far the surface of each fit is trusted when contacts are placed on it: 1 as much as that of a
-superquadric is [est]."""
-LATER_TRUSTS = (2 / 3, 1.0)
-"""The same where most contacts have been placed before [est]."""
+ROUNDS = 6
+"""Fits after which contacts are placed, before the last one [est]."""
+SURE_ROUNDS = 3
+"""Rounds until the surface is trusted as much as that of a superquadric is."""
 FIRST_PLACE_M, FIRST_TURN_RAD = 0.006, 0.3
 """How well the first surface predicts where an axis passes and which way it looks [est]."""
 FIRST_SIGMA_M = 0.003
@@ -80,71 +79,15 @@ def placed_freely(
     placed, sigma = felt, _first_sigma(felt)
     if links is None or not felt.mask.any():
         return placed, sigma
-    if can_be_placed(links):
-        placed, sigma = _placed_in_turns(placed, sigma, links, table, TRUSTS)
+    if can_be_placed(links) and (felt.mask & links.linked).any():
+        stations = link_stations(links)
+        for turn in range(ROUNDS):
+            fits = fit_placed(placed, sigma, table, PLACING)
+            placed, sigma = _placed(fits, placed, sigma, links, stations,
+                                    min(turn / SURE_ROUNDS, 1.0))
     if calibration is not None:
         placed = _calibrated(placed, sigma, links, calibration)
     return placed, sigma
-
-
-def _placed_in_turns(
-    placed: Evidence, sigma: np.ndarray, links: TouchedLinks, table: FitTable,
-    trusts: tuple[float, ...]
-) -> tuple[Evidence, np.ndarray]:
-    """Free forms fitted and contacts placed on them, as often as there are `trusts`: how far their
-    surface is trusted, from 0 to 1."""
-    if (placed.mask & links.linked).any():
-        stations = link_stations(links)
-        for trust in trusts:
-            fits = fit_placed(placed, sigma, table, PLACING)
-            placed, sigma = _placed(fits, placed, sigma, links, stations, trust)
-    return placed, sigma
-
-
-def _widened(before: Evidence, felt: Evidence) -> Evidence:
-    """What was felt, contacts placed earlier where they were placed."""
-    names = ("points_m", "covariance_m2", "normals", "contradiction")
-    new = slice(before.mask.shape[1], None)
-    return replace(felt, **{name: np.concatenate(
-        [getattr(before, name), getattr(felt, name)[:, new]], 1) for name in names})
-
-
-@dataclass(frozen=True)
-class FreePlaces:
-    """Contacts of all worlds as placed on free forms so far."""
-
-    placed: Evidence
-    sigma_m: np.ndarray
-    """Deviations along the normal, (world, point)."""
-
-    def calibrated_for(self, belief: Belief, rows: np.ndarray) -> Evidence:
-        """The contacts, those of the worlds `rows` of a belief less what the robot's errors moved
-        them by, as far as they tell."""
-        own = _calibrated(rows_of(self.placed, rows), self.sigma_m[rows],
-                          rows_of(belief.links, rows), (belief.errors, belief.arm))
-        return with_rows(self.placed, rows, own)
-
-
-def placed_further(
-    before: FreePlaces | None, belief: Belief, rows: np.ndarray
-) -> FreePlaces:
-    """Contacts of a belief, those of the worlds `rows` placed on free forms of their own: from
-    where they stood `before`, if any did, beside what was felt since. The others stay.
-
-    Raises ValueError for a belief that does not say where contacts were felt.
-    """
-    felt = belief.unplaced
-    if felt is None:
-        raise ValueError("belief: does not say where contacts were felt")
-    placed, sigma, begun = felt, _first_sigma(felt), np.zeros(belief.worlds, bool)
-    if before is not None:
-        placed, begun = _widened(before.placed, felt), np.asarray(before.placed.mask.any(1))
-        sigma[:, :before.sigma_m.shape[1]] = before.sigma_m
-    for own, trusts in ((rows[~begun[rows]], TRUSTS), (rows[begun[rows]], LATER_TRUSTS)):
-        found, spread = _placed_in_turns(rows_of(placed, own), sigma[own],
-                                         rows_of(belief.links, own), belief.fit, trusts)
-        placed, sigma = with_rows(placed, own, found), with_rows(sigma, own, spread)
-    return FreePlaces(placed, sigma)
 
 
 def fitted_freely(
@@ -167,13 +110,13 @@ def fit_placed(placed: Evidence, sigma_m: np.ndarray, table: FitTable,
                      table_z=0.0 if table.table_plane else None, mean=mean, **free)
 
 
-def believed_freely(belief: Belief, world: int) -> ImplicitFit:
-    """The free form about no body that would be made of one world's contacts now; one of nothing,
-    where it has hardly any. Raises ValueError for a belief that does not say where contacts were
-    felt."""
+def believed_freely(belief: Belief, worlds: np.ndarray | int) -> ImplicitFit:
+    """The free forms about no body that would be made now of the contacts of some worlds, by their
+    numbers, or of one; one of nothing, where there are hardly any. Raises ValueError for a belief
+    that does not say where contacts were felt."""
     if belief.unplaced is None:
         raise ValueError("belief: does not say where contacts were felt")
-    own = np.array([world])
+    own = np.atleast_1d(worlds)
     return fitted_freely(rows_of(belief.unplaced, own), rows_of(belief.links, own), belief.fit,
                          (belief.errors, belief.arm))[0]
 
@@ -181,8 +124,6 @@ def believed_freely(belief: Belief, world: int) -> ImplicitFit:
 def _calibrated(placed: Evidence, sigma: np.ndarray, links: TouchedLinks,
                 calibration: tuple[ErrorTable, ArmTable]) -> Evidence:
     """Contacts less what the robot's errors moved them by, as far as they tell."""
-    if not placed.mask.any():
-        return placed
     vectors = shared_vectors(links, placed.points_m, *calibration)
     normals = np.nan_to_num(placed.normals)
     found = shared_error_means(

@@ -37,9 +37,6 @@ ROUGH_ROUNDS = 1
 """Rounds of new starts that are not the last."""
 A_DOUBLING = 2
 """So many times a body has new starts while the steps of its episode double."""
-Due = Callable[[np.ndarray], np.ndarray]
-"""Whose bodies are fitted after a step, bool (world,), given how many steps each episode has made.
-"""
 EXPLAINED_M = 0.001
 """Mean distance of pads' touches from a contour that explains them [est]."""
 FEWEST_EXPLAINED = 8
@@ -86,24 +83,12 @@ class Fitted:
     """Bodies that are to have new starts when their episode ends, bool (world,)."""
 
 
-def newly_felt(news: Evidence) -> np.ndarray:
+def newly_felt(news: list[Evidence], worlds: int) -> np.ndarray:
     """Worlds in which something was touched or a link swept free space, bool (world,)."""
-    return np.asarray(news.mask.any(1) | news.free_mask.any(1))
-
-
-def always(steps: np.ndarray) -> np.ndarray:
-    """Bodies are due after every step of an episode, whose number is `steps` (world,), from 1."""
-    return steps > 0
-
-
-def at_first(steps: np.ndarray) -> np.ndarray:
-    """Bodies are due after the first step alone."""
-    return steps == 1
-
-
-def at_renewals(steps: np.ndarray) -> np.ndarray:
-    """Bodies are due after steps 1, 2, 3, 4, 6, 8, 12, 16 ..., when new starts are."""
-    return _renewals(steps) > _renewals(steps - 1)
+    felt = np.zeros(worlds, bool)
+    for evidence in news:
+        felt |= evidence.mask.any(1) | evidence.free_mask.any(1)
+    return felt
 
 
 def refitted(
@@ -117,8 +102,7 @@ def refitted(
     is to be gone on from, `profile` the contours followed.
     """
     by_pads = felt_by_pads(felt, rows)
-    slots = last.placed.mask.shape[1]
-    pads = by_pads.mask[:, slots:].any(1) | (by_pads.mask[:, :slots] & ~last.placed.mask).any(1)
+    pads = by_pads.mask[:, last.placed.mask.shape[1]:].any(1)
     first = np.asarray(~(last.placed.mask & ~last.placed.by_pad).any(1))
     whole = np.asarray(pads | first)
     due = _renewals(steps) > _renewals(last.renewed_at)

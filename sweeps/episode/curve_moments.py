@@ -44,8 +44,7 @@ class Moment:
     rebuilt: Scores | None = None
     """Of the bodies that `[fit] reconstruct` makes, if it makes any."""
     made: np.ndarray | None = None
-    """Worlds whose bodies are known, bool (world,): those fitted then, or in which `rebuilt` was
-    made; None: all."""
+    """Worlds in which `rebuilt` is known, bool (world,); all where no other body is made."""
 
 
 def no_scores(worlds: int) -> Scores:
@@ -59,9 +58,9 @@ class Grown:
     def __init__(self, worlds: int) -> None:
         self._last = np.zeros(worlds)
 
-    def __call__(self, touches: np.ndarray, among: np.ndarray) -> np.ndarray:
-        """Worlds `among` which they have, bool (world,)."""
-        grown = among & (touches > 0) & (touches >= GROWTH * self._last)
+    def __call__(self, touches: np.ndarray) -> np.ndarray:
+        """Worlds in which they have, bool (world,)."""
+        grown = (touches > 0) & (touches >= GROWTH * self._last)
         self._last = np.where(grown, touches, self._last)
         return grown
 
@@ -76,7 +75,7 @@ def scored_moments(scorer: Scorer, begin: Moment, reached: Sequence[Moment], cur
     for moment in reached[:-1]:
         scored.append(last := replace(moment, scores=rough.score_again(
             moment.recovered, last.recovered, last.scores) if curve else unknown))
-    return (*scored, *(replace(moment, made=None, scores=scorer.score_again(
+    return (*scored, *(replace(moment, scores=scorer.score_again(
         moment.recovered, begin.recovered, begin.scores)) for moment in reached[-1:]))
 
 

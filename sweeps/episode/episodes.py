@@ -19,7 +19,7 @@ import numpy as np
 
 from fit.arrays import joined
 from strategies.exploration import Exploration, explore
-from strategies.planners.from_strategy import MOST_STEPS, bodies_due, budget_of, planner_of
+from strategies.planners.from_strategy import MOST_STEPS, budget_of, fits_on_way, planner_of
 from strategies.planners.oracle import Oracle
 from strategies.planners.planner_file import PlannerError
 from strategies.planners.register import Planner
@@ -264,12 +264,11 @@ def run_parts(
     asked: list[Asked] = []
     grown = Grown(len(key))
 
-    def observe(belief: Belief, recovered: Recovered, fitted: np.ndarray) -> None:
+    def observe(belief: Belief, recovered: Recovered) -> None:
         reached.append(Moment(belief.step, belief.touches, belief.time_s, no_scores(len(key)),
                               recovered,
-                              surface.share(truth) if curve else np.full(len(key), np.nan),
-                              made=None if fitted.all() else fitted))
-        if rebuilds and (wanted := grown(belief.touches, fitted)).any():
+                              surface.share(truth) if curve else np.full(len(key), np.nan)))
+        if rebuilds and (wanted := grown(belief.touches)).any():
             asked.append((len(reached) - 1, belief, wanted))
 
     def rebuild(belief: Belief, recovered: Recovered, wanted: np.ndarray
@@ -289,7 +288,7 @@ def run_parts(
     found = explore(robot, planner, prior, counter_key(noise, int(Purpose.STRATEGY)),
                     table=cell.fit, closings=cell.strategy.closings,
                     budget=budget_of(cell.strategy), observe=observe, oracle=oracle,
-                    due=bodies_due(cell.strategy, planner, cell.hand, cell.fit))
+                    fits_on_way=fits_on_way(cell.strategy, planner))
     faults = np.full(len(key), fault, object) if fault else unseen
     if faults.any():
         wrong = faults != ""

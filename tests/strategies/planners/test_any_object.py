@@ -6,17 +6,14 @@ import numpy as np
 import pytest
 from beliefs import belief
 
-from strategies.planners.adaptive import SurfaceGaussianProcess
 from strategies.planners.any_object import AnyObject, _Asked, _made
-from strategies.planners.from_strategy import bodies_due
 from strategies.ready_made import STRATEGIES
-from strategies.recovery.refit_policy import always, at_renewals
 from strategies.strategy import Strategy
 from sweeps.episode.episodes import run_block, run_episodes
 from sweeps.spec.cell import Cell
 from warpgrasp.motion_cost import was_made
 from warpgrasp.objects.families import family_table
-from warpgrasp.parameters import FitTable, HandTable
+from warpgrasp.parameters import FitTable
 from warpgrasp.robot import Grasps
 
 FIT = FitTable(taper=False, rivals=False, rounds=0)
@@ -35,28 +32,6 @@ def test_options_out_of_range_are_named() -> None:
         AnyObject(candidates=1)
     with pytest.raises(ValueError, match="paths is 'wide'; should be 'in-turn' or 'matched'"):
         AnyObject(paths="wide")
-
-
-def test_it_goes_by_free_forms_and_its_body_is_fitted_seldom() -> None:
-    """But for hands whose contacts cannot be placed on free forms, and where something else asks
-    for bodies."""
-    planner, strategy = AnyObject(), STRATEGIES["any-object"]
-    assert bodies_due(strategy, planner, HandTable(), FIT) is at_renewals
-    assert bodies_due(strategy, planner, HandTable(kind="allegro"), FIT) is always
-    each = replace(strategy, refit_every=1)
-    assert bodies_due(each, planner, HandTable(), FIT) is always
-    free = FitTable(reconstruct="implicit")
-    assert bodies_due(strategy, SurfaceGaussianProcess(), HandTable(), free) is at_renewals
-    assert bodies_due(strategy, SurfaceGaussianProcess(), HandTable(), FIT) is always
-    seldom, often = (episodes(replace(chosen, touches=48), "hammer-1", np.arange(2))
-                     for chosen in (strategy, each))
-    for name in ("touches", "contacts", "touched10mm", "robot_time_s"):
-        np.testing.assert_array_equal(seldom[name], often[name], err_msg=name)
-    for world in range(2):
-        points, every = (rows["curve_touches"][world] for rows in (seldom, often))
-        assert 2 < len(points) < len(every)
-        assert set(points) <= set(every)
-        assert seldom["curve_chamfer_mm"][world][-1] == seldom["chamfer_mm"][world]
 
 
 def test_matched_paths_are_in_each_world_those_that_promise_most() -> None:

@@ -1,16 +1,15 @@
 """Free forms of episodes: their contacts lie nearer to where fingers truly touched, they stand
 where a model does not explain what was felt, and do not depend on the batch."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from strategies.ready_made import STRATEGIES
-from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Shape
 from strategies.recovery.contact_verdict import unexplained
-from strategies.recovery.free_contacts import believed_freely, fitted_freely, placed_further
+from strategies.recovery.free_contacts import believed_freely, fitted_freely
 from sweeps.episode.episodes import EpisodeBlock, run_block, run_episodes
 from sweeps.spec.cell import Cell
 from warpgrasp.objects.families import family_table
@@ -46,39 +45,6 @@ def test_contacts_move_towards_where_fingers_touched(bowls: EpisodeBlock) -> Non
     assert error(placed.points_m) < 0.0055
     assert error(placed.points_m) < 0.75 * error(found.felt.points_m)
     assert error(placed.points_m) < 0.75 * error(found.belief.evidence.points_m)
-
-
-def begun(belief: Belief, slots: int) -> Belief:
-    """What had been felt when there were so many slots."""
-    links, felt = belief.links, belief.unplaced
-    assert felt is not None
-    first = ("points_m", "mask", "covariance_m2", "normals", "by_pad", "contradiction")
-    return replace(
-        belief, unplaced=replace(felt, **{name: getattr(felt, name)[:, :slots] for name in first}),
-        links=replace(links, **{f.name: getattr(links, f.name)[:, :slots] for f in fields(links)
-                                if isinstance(getattr(links, f.name), np.ndarray)}))
-
-
-@pytest.mark.slow
-def test_contacts_placed_step_by_step_are_as_near_as_those_placed_at_once(
-        bowls: EpisodeBlock) -> None:
-    found = bowls.exploration
-    true = np.concatenate([bowls.truth.closings[p.closing].point_m.reshape(len(found.status), -1, 3)
-                           for p in found.procedures], axis=1)
-    use = found.felt.mask & np.isfinite(true).all(-1)
-    places, rows = None, np.arange(3)
-    for slots in (*range(64, use.shape[1], 32), use.shape[1]):
-        places = placed_further(places, begun(found.belief, slots), rows)
-    assert places is not None
-    alone = placed_further(None, begun(found.belief, 64).of(rows[1:2]), np.arange(1))
-    alone = placed_further(alone, found.belief.of(rows[1:2]), np.arange(1))
-    both = placed_further(None, begun(found.belief, 64), rows)
-    both = placed_further(both, found.belief, rows[1:])
-    assert (alone.placed.points_m[0] == both.placed.points_m[1]).all()
-    _, at_once = fitted_freely(found.felt, found.belief.links, FIT)
-    miss = [float(np.median(np.linalg.norm(placed.points_m - true, axis=-1)[use]))
-            for placed in (places.placed, at_once, found.felt)]
-    assert miss[0] < 1.15 * miss[1] < miss[2]
 
 
 def test_planners_may_ask_for_the_free_form_that_is_made() -> None:

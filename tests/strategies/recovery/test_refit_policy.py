@@ -13,9 +13,6 @@ from strategies.recovery.refit_policy import (
     FEWEST_EXPLAINED,
     Fitted,
     _renewals,
-    always,
-    at_first,
-    at_renewals,
     contradicted,
     explained,
     felt_by_pads,
@@ -88,11 +85,3 @@ def test_the_end_fits_rough_bodies_and_no_others() -> None:
     again, rows = finished(after, evidence, None, FitTable())
     assert len(rows) == 0
     assert again is after
-
-
-def test_bodies_that_nobody_looks_at_are_due_when_new_starts_are() -> None:
-    steps = np.arange(1, 25)
-    assert list(steps[at_renewals(steps)]) == [1, 2, 3, 4, 6, 8, 12, 16, 23]
-    assert list(steps[at_first(steps)]) == [1]
-    assert always(steps).all()
-    assert not at_renewals(np.zeros(2)).any()
