@@ -1,11 +1,11 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
 """Where capsules of a hand of chains touch a believed body: the torques of a finger and the body
-taken together, by the mathematics of `placing_kernel`."""
+taken together, by the mathematics of `placing_posterior`."""
 
 import warp as wp
 
 from strategies.contacts.link_places import ChainAt, direction_at
-from strategies.contacts.placing_kernel import (
+from strategies.contacts.placing_posterior import (
     ALONG,
     UNLIKELY,
     SuperquadricAt,

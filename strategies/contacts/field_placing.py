@@ -12,10 +12,10 @@ from strategies.contacts.field_placing_kernel import (
     station_kernel,
 )
 from strategies.contacts.finger_touch import TouchedLinks
-from strategies.contacts.placing_kernel import STATIONS, UNLIKELY
+from strategies.contacts.placing_posterior import STATIONS, UNLIKELY
 from warpgrasp.chain.chain_hand import chain_of_table
 from warpgrasp.core.dtypes import mat33, real, transform, vec3, vec4
-from warpgrasp.core.kernel_launch import launch
+from warpgrasp.core.kernel_launch import array_of, launch
 from warpgrasp.mechanism.utah_mit_hand import hand_of
 
 LEAST_SLOPE, STEEPEST = 0.5, 1.5
@@ -50,9 +50,9 @@ def link_stations(links: TouchedLinks, *, device: str = "cpu"
         **dict.fromkeys(("hand_pose", "q", "finger"), "world point"),
         "station": f"world point {LINKS * STATIONS}"}, {
         "hand": hand_of(links.hand),
-        "hand_pose": wp.array(links.hand_pose, dtype=transform, device=device),
-        "q": wp.array(links.q_rad, dtype=vec4, device=device),
-        "finger": wp.array(links.finger, dtype=int, device=device), "station": station},
+        "hand_pose": array_of(links.hand_pose, transform, device),
+        "q": array_of(links.q_rad, vec4, device),
+        "finger": array_of(links.finger, int, device), "station": station},
         device=device)
     return station.numpy()
 
@@ -89,7 +89,7 @@ def places_on_field(
     found = {name: wp.empty(asked.shape, dtype=kind, device=device) for name, kind in (
         ("point", vec3), ("covariance", mat33), ("normal", vec3), ("chance", real),
         ("misfit", real))}
-    given = {name: wp.array(values, dtype=kind, device=device) for name, values, kind in (
+    given = {name: array_of(values, kind, device) for name, values, kind in (
         ("kept", asked, wp.bool), ("hand_pose", links.hand_pose, transform),
         ("q", links.q_rad, vec4), ("finger", links.finger, int),
         ("torque", links.torque_Nm, vec4), ("torque_sigma", links.torque_sigma_Nm, vec4),
@@ -97,7 +97,7 @@ def places_on_field(
     launch(field_placing_kernel, {"world": asked.shape[0], "point": asked.shape[1]}, {
         "field": f"world point {LINKS * STATIONS}",
         **dict.fromkeys((*given, *found), "world point")}, {
-        "field": wp.array(field, dtype=vec4, device=device),
+        "field": array_of(field, vec4, device),
         "hand": hand_of(links.hand), "place_sigma": place_sigma_m,
         "turn_sigma": turn_sigma_rad, "farthest": farthest_m,
         "normal_variance": normal_sigma_m**2, **given, **found}, device=device)

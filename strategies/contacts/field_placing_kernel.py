@@ -1,5 +1,5 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
-"""Where links touch a believed body of any form, by the mathematics of `placing_kernel`.
+"""Where links touch a believed body of any form, by the mathematics of `placing_posterior`.
 
 Its normals and distances come from elsewhere: they are asked for at stations along the links.
 """
@@ -7,7 +7,7 @@ Its normals and distances come from elsewhere: they are asked for at stations al
 import warp as wp
 
 from strategies.contacts.link_places import direction_at, start_at
-from strategies.contacts.placing_kernel import STATIONS, FieldAt, placed_contact, station_along
+from strategies.contacts.placing_posterior import STATIONS, FieldAt, placed_contact, station_along
 from warpgrasp.core.dtypes import ZERO, mat33, real, transform, vec3, vec4
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_base, finger_pose
 

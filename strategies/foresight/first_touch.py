@@ -10,7 +10,7 @@ from strategies.foresight.foresight_kernel import SweptLink, approach_kernel, fi
 from strategies.procedures.containment import padded_commands
 from strategies.recovery.body_distances import bodies_on
 from warpgrasp.core.dtypes import real, transform, vec3
-from warpgrasp.core.kernel_launch import launch
+from warpgrasp.core.kernel_launch import array_of, launch
 from warpgrasp.core.struct_array import record_type
 from warpgrasp.hand_capsules import HandCapsules, capsules_of_hand
 from warpgrasp.parameters import HandTable
@@ -44,7 +44,7 @@ def first_touches(
         device=device)
 
     def there(values: np.ndarray, dtype: type) -> wp.array:
-        return wp.array(np.ascontiguousarray(values), dtype=dtype, device=device)
+        return array_of(values, dtype, device)
 
     given = {"shape": shape, "pose": pose, "hand_pose": there(hand_pose, transform),
              "base": there(capsules.base, transform), "links": links,

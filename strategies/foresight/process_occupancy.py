@@ -5,8 +5,6 @@ touch there would tell. Where it knows nothing, another grid counts: the prior, 
 was barred.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 from scipy.ndimage import zoom
 from scipy.special import ndtr
@@ -31,7 +29,7 @@ _DIGITS = 9
 
 
 def occupancy_by_process(
-    grid: Occupancy, fits: Sequence[ImplicitFit], worlds: np.ndarray, process: KnownProcess, *,
+    grid: Occupancy, fits: ImplicitFit, worlds: np.ndarray, process: KnownProcess, *,
     pooled: bool = False
 ) -> tuple[Occupancy, np.ndarray]:
     """The grids of all worlds with those of `worlds` as `fits`, one a world, have them, and what a
@@ -45,13 +43,13 @@ def occupancy_by_process(
     """
     hit, cap = grid.hit.copy(), grid.cap.copy()
     worth = np.ones_like(grid.hit)
-    for fit, world in zip(fits, worlds, strict=True):
+    for row, world in enumerate(worlds):
         given = grid.believed[world]
         asked = np.ones(_NODES, bool)
         if pooled:
             asked = given.reshape(_BLOCKS).max((1, 3, 5)) > HARDLY
-        distance, deviation = _asked(grid, int(world), fit, process, asked)
-        amplitude = float(fit.amplitude_m[0])
+        distance, deviation = _asked(grid, int(world), fits, row, process, asked)
+        amplitude = float(fits.amplitude_m[row])
         unknown = np.minimum((deviation / amplitude) ** 2, 1.0)
         likely = ndtr((grid.radius_m - distance) / np.hypot(deviation, TOUCH_M))
         likely = (1.0 - unknown) * likely + unknown * given
@@ -66,17 +64,17 @@ def occupancy_by_process(
     return seen, worth
 
 
-def _asked(grid: Occupancy, world: int, fit: ImplicitFit, process: KnownProcess,
+def _asked(grid: Occupancy, world: int, fits: ImplicitFit, row: int, process: KnownProcess,
            asked: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Distance [m] and its standard deviation in each cell of a world, (x, y, z), as `process` has
-    it at the nodes `asked`; elsewhere what it has where nothing was felt."""
+    """Distance [m] and its standard deviation in each cell of a world, (x, y, z), as a fit of
+    `process` has it at the nodes `asked`; elsewhere what it has where nothing was felt."""
     size, corner = grid.cell_m[world], grid.corner_m[world]
     node = corner + _middles(_NODES) * (size * EVERY)
     value, slope = np.full(_NODES, process.mean_m), np.zeros((*_NODES, 3))
-    deviation = np.full(_NODES, fit.amplitude_m[0])
-    found = known_slopes(fit, 0, process, node[asked])
+    deviation = np.full(_NODES, fits.amplitude_m[row])
+    found = known_slopes(fits, row, process, node[asked])
     value[asked], slope[asked] = (np.round(values, _DIGITS) for values in found)
-    deviation[asked] = np.round(known_deviations(fit, 0, process, node[asked]), _DIGITS)
+    deviation[asked] = np.round(known_deviations(fits, row, process, node[asked]), _DIGITS)
     arm = corner + _middles(CELLS) * size - _in_cells(node)
     distance = _in_cells(value)
     for axis in range(3):  # written out: one order of rounding

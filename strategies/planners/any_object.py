@@ -177,8 +177,7 @@ class FreeFormSearch(AnyObject):
 def _seen_freely(belief: Belief, grid: Occupancy, active: np.ndarray, *, pooled: bool
                  ) -> tuple[Occupancy, np.ndarray]:
     rows = np.flatnonzero(active)
-    return occupancy_by_process(grid, [believed_freely(belief, int(row)) for row in rows], rows,
-                                BODY, pooled=pooled)
+    return occupancy_by_process(grid, believed_freely(belief, rows), rows, BODY, pooled=pooled)
 
 
 def _made(asked: list[_Asked], first: int, belief: Belief) -> Iterator[tuple[_Asked, int]]:

@@ -9,7 +9,7 @@ import warp as wp
 
 from strategies.recognition.pose_alignment_kernel import _placement_kernel
 from warpgrasp.core.dtypes import real, vec3
-from warpgrasp.core.kernel_launch import ShapeError, launch
+from warpgrasp.core.kernel_launch import ShapeError, array_of, launch
 from warpgrasp.geometry.scene import Scene
 
 
@@ -39,12 +39,12 @@ def placed_squares(
         "body": "start", "start": "start", "turns": "start", "point": "world point",
         "kept": "world point", "deviation": "world point", "centre": "world 2",
         "square": "world start"}, {
-        "scene": scene, "body": wp.array(body, dtype=int, device=device),
-        "start": wp.array(start, dtype=real, device=device),
-        "turns": wp.array(np.repeat(np.array(counts) > 1, counts), dtype=int, device=device),
-        "point": wp.array(points_m, dtype=vec3, device=device),
-        "kept": wp.array(mask, dtype=int, device=device),
-        "deviation": wp.array(sigma_m, dtype=real, device=device),
-        "centre": wp.array(centre_m, dtype=real, device=device), "square": out}, device=device)
+        "scene": scene, "body": array_of(body, int, device),
+        "start": array_of(start, real, device),
+        "turns": array_of(np.repeat(np.array(counts) > 1, counts), int, device),
+        "point": array_of(points_m, vec3, device),
+        "kept": array_of(mask, int, device),
+        "deviation": array_of(sigma_m, real, device),
+        "centre": array_of(centre_m, real, device), "square": out}, device=device)
     firsts = np.cumsum([0, *counts[:-1]])
     return np.minimum.reduceat(out.numpy(), firsts, axis=1)

@@ -13,7 +13,7 @@ from strategies.recovery.body_distances_kernel import (
     _radial_kernel,
 )
 from warpgrasp.core.dtypes import real, transform, vec3
-from warpgrasp.core.kernel_launch import launch
+from warpgrasp.core.kernel_launch import array_of, launch
 from warpgrasp.core.struct_array import record_type
 from warpgrasp.geometry.sdf_superquadric import SuperquadricShape
 
@@ -57,12 +57,12 @@ def contour_distances(
         **dict.fromkeys(("foot", "axis"), "world"),
         **dict.fromkeys(("height", "radius"), "world node"),
         **dict.fromkeys(("point", "kept", "distance"), "world point")}, {
-        "foot": wp.array(body.foot_m, dtype=vec3, device=device),
-        "axis": wp.array(body.axis, dtype=vec3, device=device),
-        "height": wp.array(body.height_m, dtype=real, device=device),
-        "radius": wp.array(body.radius_m, dtype=real, device=device),
-        "point": wp.array(points_m, dtype=vec3, device=device),
-        "kept": wp.array(kept, dtype=wp.bool, device=device), "distance": distance},
+        "foot": array_of(body.foot_m, vec3, device),
+        "axis": array_of(body.axis, vec3, device),
+        "height": array_of(body.height_m, real, device),
+        "radius": array_of(body.radius_m, real, device),
+        "point": array_of(points_m, vec3, device),
+        "kept": array_of(kept, wp.bool, device), "distance": distance},
         device=device)
     return distance.numpy()
 
@@ -75,8 +75,8 @@ def _ask(
     launch(kernel, {"world": len(points_m), "point": points_m.shape[1]}, {
         "shape": "world", "pose": "world",
         **dict.fromkeys(("point", "kept", "distance", "normal"), "world point")}, {
-        "shape": shape, "pose": pose, "point": wp.array(points_m, dtype=vec3, device=device),
-        "kept": wp.array(kept, dtype=wp.bool, device=device), **others}, device=device)
+        "shape": shape, "pose": pose, "point": array_of(points_m, vec3, device),
+        "kept": array_of(kept, wp.bool, device), **others}, device=device)
 
 
 def bodies_on(body: SuperquadricLike, device: str) -> tuple[wp.array, wp.array]:
@@ -87,5 +87,5 @@ def bodies_on(body: SuperquadricLike, device: str) -> tuple[wp.array, wp.array]:
     rows["kx"], rows["ky"] = body.taper.T
     rows["bend"], rows["bend_angle"] = body.bend.T
     pose = np.concatenate([body.position_m, body.quaternion_xyzw], axis=1)
-    return (wp.array(rows, dtype=SuperquadricShape, device=device),
-            wp.array(pose, dtype=transform, device=device))
+    return (array_of(rows, SuperquadricShape, device),
+            array_of(pose, transform, device))

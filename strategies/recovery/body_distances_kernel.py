@@ -3,7 +3,7 @@
 
 import warp as wp
 
-from strategies.contacts.placing_kernel import world_radius
+from strategies.contacts.placing_posterior import world_radius
 from warpgrasp.core.dtypes import ONE, ZERO, real, transform, vec2, vec3
 from warpgrasp.geometry.sdf_superquadric import SuperquadricShape
 

@@ -10,19 +10,22 @@ the next fit is given the balls nearest to the body last fitted; only those can 
 from dataclasses import replace
 
 import numpy as np
-import warp as wp
 
 from fit.arrays import rows_of, with_rows
 from fit.superquadric.fit import fit_superquadric
 from fit.superquadric.geometry import SuperquadricLike
 from fit.superquadric.record import SuperquadricFit, SuperquadricOptions
+from strategies.contacts.chain_placing import chain_places
+from strategies.contacts.field_placing import (
+    can_be_placed,
+    link_stations,
+    places_on_field,
+    possible_stations,
+)
 from strategies.contacts.finger_touch import TouchedLinks
-from strategies.contacts.placing import placing_of
-from strategies.recovery.body_distances import bodies_on, radial_distances
+from strategies.recovery.body_distances import bodies_on, radial_distances, surface_distances
 from strategies.recovery.evidence import SURE_LINK, Evidence
 from strategies.recovery.misfit import CLEARLY, RIVAL, RIVALS_FROM_M, touch_misfit
-from warpgrasp.core.dtypes import mat33, real, transform, vec3
-from warpgrasp.core.kernel_launch import launch
 from warpgrasp.parameters import FitTable
 
 FREE_BALLS = 24
@@ -169,35 +172,31 @@ def contacts_placed(
     evidence: Evidence, links: TouchedLinks, body: SuperquadricLike, *, device: str = "cpu"
 ) -> Evidence:
     """Contacts where links touch `body`: on their likeliest link, where torques and body agree best
-    (`strategies.contacts.placing_kernel`).
+    (`strategies.contacts.placing_posterior`).
 
     Where a body is none, its contacts stay where they are felt. Raises ShapeError where shapes
     disagree.
     """
     asked = evidence.mask & links.linked
-    shape, pose = bodies_on(body, device)
-    found = {name: wp.empty(asked.shape, dtype=kind, device=device) for name, kind in (
-        ("point", vec3), ("covariance", mat33), ("normal", vec3), ("chance", real),
-        ("misfit", real))}
-    placing = placing_of(links, device)
-    given = {name: wp.array(values, dtype=kind, device=device) for name, values, kind in (
-        ("kept", asked, wp.bool), ("hand_pose", links.hand_pose, transform),
-        ("finger", links.finger, int), ("lean", LEAN_SHARE * links.friction, real))}
-    each = (*given, *placing.rows, *found)
-    launch(placing.kernel, {"world": len(asked), "point": asked.shape[1]}, {
-        "shape": "world", "pose": "world", **placing.shapes,
-        **dict.fromkeys(each, "world point")}, {
-        "shape": shape, "pose": pose, "place_sigma": PLACE_SIGMA_M,
-        "turn_sigma": TURN_SIGMA_RAD, "farthest": FARTHEST_M,
-        "normal_variance": NORMAL_SIGMA_M**2, **placing.hand, **placing.rows, **given, **found},
-        device=device)
-    point, covariance, normal, chance, misfit = (values.numpy() for values in found.values())
-    moved = asked & (chance > 0.0) & np.isfinite(point).all(-1)
-    sure = np.where(chance >= SURE_LINK, misfit, np.inf)
+    numbers = {"lean_share": LEAN_SHARE, "place_sigma_m": PLACE_SIGMA_M, "device": device,
+               "turn_sigma_rad": TURN_SIGMA_RAD, "farthest_m": FARTHEST_M,
+               "normal_sigma_m": NORMAL_SIGMA_M}
+    if can_be_placed(links):
+        stations = link_stations(links, device=device)
+        wanted = asked[..., None] & possible_stations(links)
+        flat = (len(wanted), wanted.shape[1] * wanted.shape[2])
+        distance, normal = surface_distances(body, stations.reshape(*flat, 3),
+                                             wanted.reshape(flat), device=device)
+        found = places_on_field(links, asked, distance.reshape(wanted.shape),
+                                normal.reshape(stations.shape), **numbers)
+    else:
+        found = chain_places(links, asked, *bodies_on(body, device), **numbers)
+    moved = asked & (found.chance > 0.0) & np.isfinite(found.point_m).all(-1)
+    sure = np.where(found.chance >= SURE_LINK, found.misfit, np.inf)
     return replace(
-        evidence, points_m=np.where(moved[..., None], point, evidence.points_m),
-        covariance_m2=np.where(moved[..., None, None], covariance, evidence.covariance_m2),
-        normals=np.where(moved[..., None], normal, evidence.normals),
+        evidence, points_m=np.where(moved[..., None], found.point_m, evidence.points_m),
+        covariance_m2=np.where(moved[..., None, None], found.covariance_m2, evidence.covariance_m2),
+        normals=np.where(moved[..., None], found.normal, evidence.normals),
         contradiction=np.where(moved, sure, evidence.contradiction))
 
 

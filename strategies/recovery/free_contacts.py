@@ -110,13 +110,13 @@ def fit_placed(placed: Evidence, sigma_m: np.ndarray, table: FitTable,
                      table_z=0.0 if table.table_plane else None, mean=mean, **free)
 
 
-def believed_freely(belief: Belief, world: int) -> ImplicitFit:
-    """The free form about no body that would be made of one world's contacts now; one of nothing,
-    where it has hardly any. Raises ValueError for a belief that does not say where contacts were
-    felt."""
+def believed_freely(belief: Belief, worlds: np.ndarray | int) -> ImplicitFit:
+    """The free forms about no body that would be made now of the contacts of some worlds, by their
+    numbers, or of one; one of nothing, where there are hardly any. Raises ValueError for a belief
+    that does not say where contacts were felt."""
     if belief.unplaced is None:
         raise ValueError("belief: does not say where contacts were felt")
-    own = np.array([world])
+    own = np.atleast_1d(worlds)
     return fitted_freely(rows_of(belief.unplaced, own), rows_of(belief.links, own), belief.fit,
                          (belief.errors, belief.arm))[0]
 

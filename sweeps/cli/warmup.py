@@ -10,7 +10,6 @@ import numpy as np
 from warpgrasp.parameters import FitTable
 
 KERNEL_MODULES = (
-    "strategies.contacts.placing_kernel",
     "strategies.foresight.aimed_poses_kernel",
     "strategies.foresight.foresight_kernel",
     "strategies.foresight.occupancy_kernel",
@@ -48,7 +47,7 @@ KERNEL_MODULES = (
 EXPLORED = (
     "warpgrasp.closing.meeting_kernel", "warpgrasp.closing.friction_kernel",
     "warpgrasp.mechanism.arm_motion_kernel",
-    "warpgrasp.closing.readout", "strategies.contacts.placing_kernel",
+    "warpgrasp.closing.readout",
     "strategies.contacts.field_placing_kernel", "warpgrasp.geometry.scene",
     "warpgrasp.closing.near_kernel", "warpgrasp.closing.contact_estimate_kernel",
     "sweeps.episode.scores_kernel", "warpgrasp.closing.self_contact_kernel",

@@ -27,17 +27,23 @@ from fit.superquadric.geometry import Superquadric, SuperquadricLike, superquadr
 from strategies.recovery.body_distances import bodies_on
 from strategies.recovery.choose_model import Recovered, Shape, same_bodies
 from sweeps.episode.scores_kernel import (
-    PATCH,
     _ball_kernel,
     _contour_distance_kernel,
     _element_distance_kernel,
     _signed_distance_kernel,
 )
+from sweeps.episode.scores_lanes import PATCH
 from sweeps.episode.surface_elements import Elements, surface_elements
-from warpgrasp.core.dtypes import real, vec2, vec3, vec4
-from warpgrasp.core.kernel_launch import launch
-from warpgrasp.geometry.body import Body, distance_to_bodies, scene_of
+from warpgrasp.core.dtypes import real, vec2, vec3
+from warpgrasp.core.kernel_launch import array_of, launch
+from warpgrasp.geometry.body import (
+    Body,
+    distance_to_bodies,
+    scene_of,
+    signed_distance_to_bodies,
+)
 from warpgrasp.geometry.body_sampling import BodySample, sample_body
+from warpgrasp.geometry.superquadric_lanes import LANES
 
 SURFACE_POINTS, ELEMENTS, INSIDE_POINTS = 2048, 1536, 3072
 AROUND = 16
@@ -206,11 +212,16 @@ def _score(found: _Surface, body: Body, sample: BodySample, device: str) -> Scor
 def weighted_quantile(values: np.ndarray, share: np.ndarray, q: float) -> np.ndarray:
     """Quantile of each row of `values` (row, value), weighed by `share` (row, value) or (value,):
     straight between values, each at the middle of its share."""
-    order = np.argsort(values, axis=1, kind="stable")
-    share = np.broadcast_to(share, values.shape)
-    part, rising = np.take_along_axis(share, order, 1), np.take_along_axis(values, order, 1)
-    middle = np.cumsum(part, axis=1) - 0.5 * part
     row, last = np.arange(len(values)), values.shape[1] - 1
+    if share.ndim == 1 and (share == share[0]).all():  # no need to sort
+        place = q * values.shape[1] - 0.5
+        above = int(np.clip(np.ceil(place), 1, last))
+        low, high = np.partition(values, (above - 1, above), axis=1)[:, above - 1:above + 1].T
+        return low + np.clip(place - (above - 1), 0.0, 1.0) * (high - low)
+    order = np.argsort(values, axis=1)
+    part = np.take_along_axis(np.broadcast_to(share, values.shape), order, 1)
+    rising = np.take_along_axis(values, order, 1)
+    middle = np.cumsum(part, axis=1) - 0.5 * part
     above = np.clip((middle < q).sum(1), 1, last)
     low, high = middle[row, above - 1], middle[row, above]
     t = np.clip((q - low) / np.maximum(high - low, 1e-12), 0.0, 1.0)
@@ -224,10 +235,10 @@ def _distance_to_superquadrics(
     (world, point)."""
     points, (begin, end) = sample.surface_m, sample.groups
     worlds, elements = found.area.shape
-    patches = -(-elements // PATCH)
-    surface = {"element": wp.array(found.point, dtype=vec3, device=device)}
-    shapes = {"element": "world element", "ball": "world patch"}
-    ball = wp.empty((worlds, patches), dtype=vec4, device=device)
+    patches = -(-elements // (PATCH * LANES)) * LANES
+    surface = {"element": array_of(found.point, vec3, device)}
+    shapes = {"element": "world element", "ball": "world 4 patch"}
+    ball = wp.empty((worlds, 4, patches), dtype=real, device=device)
     launch(_ball_kernel, {"world": worlds, "patch": patches}, shapes,
            {**surface, "ball": ball}, device=device)
     shape, pose = bodies_on(fits, device)
@@ -235,12 +246,13 @@ def _distance_to_superquadrics(
     launch(_element_distance_kernel, {"world": worlds, "group": len(begin)}, {
         **shapes, "shape": "world", "pose": "world", "normal": "world element", "point": "point",
         "begin": "group", "end": "group", "distance": "world point"}, {
-        **surface, "ball": ball, "shape": shape, "pose": pose,
-        "normal": wp.array(found.normal, dtype=vec3, device=device),
-        "point": wp.array(points, dtype=vec3, device=device),
-        "begin": wp.array(begin, dtype=int, device=device),
-        "end": wp.array(end, dtype=int, device=device), "distance": out}, device=device)
-    return out.numpy().copy()
+        **surface, "lanes": wp.get_device(device).is_cpu, "ball": ball,
+        "shape": shape, "pose": pose,
+        "normal": array_of(found.normal, vec3, device),
+        "point": array_of(points, vec3, device),
+        "begin": array_of(begin, int, device),
+        "end": array_of(end, int, device), "distance": out}, device=device)
+    return out.numpy()
 
 
 def _distance_to_contours(bodies: RevolutionBody, points: np.ndarray, device: str) -> np.ndarray:
@@ -250,11 +262,11 @@ def _distance_to_contours(bodies: RevolutionBody, points: np.ndarray, device: st
     launch(_contour_distance_kernel, {"world": len(bodies), "point": len(points)}, {
         "foot": "world", "axis": "world", "node": "world node", "point": "point",
         "distance": "world point"}, {
-        "foot": wp.array(bodies.foot_m, dtype=vec3, device=device),
-        "axis": wp.array(bodies.axis, dtype=vec3, device=device),
-        "node": wp.array(node, dtype=vec2, device=device),
-        "point": wp.array(points, dtype=vec3, device=device), "distance": out}, device=device)
-    return out.numpy().copy()
+        "foot": array_of(bodies.foot_m, vec3, device),
+        "axis": array_of(bodies.axis, vec3, device),
+        "node": array_of(node, vec2, device),
+        "point": array_of(points, vec3, device), "distance": out}, device=device)
+    return out.numpy()
 
 
 def _signed_distance(fits: SuperquadricLike, sample: BodySample, device: str) -> np.ndarray:
@@ -263,10 +275,14 @@ def _signed_distance(fits: SuperquadricLike, sample: BodySample, device: str) ->
     shape, pose = bodies_on(fits, device)
     points = sample.about_m
     out = wp.empty((len(fits.size_m), len(points)), dtype=real, device=device)
-    launch(_signed_distance_kernel, {"world": len(fits.size_m), "point": len(points)}, {
-        "shape": "world", "pose": "world", "point": "point", "distance": "world point"}, {
-        "shape": shape, "pose": pose, "enough": sample.ramp_m,
-        "point": wp.array(points, dtype=vec3, device=device), "distance": out}, device=device)
+    launch(_signed_distance_kernel,
+           {"world": len(fits.size_m), "block": -(-len(points) // LANES)}, {
+        "shape": "world", "pose": "world", "distance": "world point",
+        **dict.fromkeys(("point", "order"), "point")}, {
+        "lanes": wp.get_device(device).is_cpu, "shape": shape, "pose": pose,
+        "enough": sample.ramp_m,
+        "order": array_of(sample.about_order, int, device),
+        "point": array_of(points, vec3, device), "distance": out}, device=device)
     return out.numpy()
 
 
@@ -314,9 +330,8 @@ def distance_to_surface(body: Body, points_m: np.ndarray, *, device: str = "cpu"
     the gradient: the nearer of the two counts.
     """
     if body.has_exact_distance:
-        signed, _ = distance_to_bodies(scene_of([body], device), np.zeros(1, int), points_m,
-                                       device=device)
-        return np.abs(signed)
+        return np.abs(signed_distance_to_bodies(scene_of([body], device), np.zeros(1, int),
+                                                points_m, device=device))
     sample = sample_body(body, surface=None)
     known = np.isfinite(points_m).all(-1, keepdims=True)
     away, nearest = sample.tree.query(np.where(known, points_m, 0.0))

@@ -4,7 +4,14 @@
 
 import warp as wp
 
-from sweeps.episode.surface_elements import TILE
+from sweeps.episode.scores_lanes import (
+    NEAR,
+    PATCH,
+    PROJECTIONS,
+    SETTLED,
+    distances_in_lanes,
+    signed_distances_in_lanes,
+)
 from warpgrasp.core.dtypes import ONE, TWO, ZERO, real, transform, vec2, vec3, vec4
 from warpgrasp.geometry.sdf_superquadric import (
     SuperquadricShape,
@@ -12,28 +19,29 @@ from warpgrasp.geometry.sdf_superquadric import (
     sdf_superquadric_bound_grad,
     straighten,
     superquadric_gauge,
+    superquadric_is_plain,
     taper_and_bend,
 )
+from warpgrasp.geometry.superquadric_lanes import LANES
 
-PATCH = TILE[0] * TILE[1]
-"""Elements that follow each other lie side by side: so many share a ball."""
 _PATCH = wp.constant(PATCH)
+_LANES = wp.constant(LANES)
 _MOST = wp.constant(24)
 _Patches = wp.types.vector(length=24, dtype=int)
+_FAR = wp.constant(real(1e6))  # [m]
 _NO_LENGTH = wp.constant(real(1e-18))
-_PROJECTIONS = wp.constant(2)  # three and four change no mean by 0.1 %
-_NEAR = wp.constant(real(0.1))  # square of what is left to go, in that of the last step or radius
-_SETTLED = wp.constant(real(4e-6))  # [m]: a step aside then gains some two micrometres
+_PROJECTIONS = wp.constant(PROJECTIONS)
+_NEAR = wp.constant(real(NEAR))
+_SETTLED = wp.constant(real(SETTLED))
 
 
 @wp.func
-def _nearest_ball(p: vec3, ball: wp.array[vec4]):
+def _nearest_ball(p: vec3, ball: wp.array2d[real]):
     """Which ball's middle is nearest."""
     nearest = int(0)
     least = real(1e18)
-    for g in range(ball.shape[0]):
-        b = ball[g]
-        square = wp.length_sq(p - vec3(b[0], b[1], b[2]))
+    for g in range(ball.shape[1]):
+        square = wp.length_sq(p - vec3(ball[0, g], ball[1, g], ball[2, g]))
         if square < least:
             least = square
             nearest = int(g)
@@ -98,10 +106,11 @@ def _from_place(p: vec3, place: vec3, outward: vec3, s: SuperquadricShape):
 @wp.kernel(enable_backward=False)
 def _element_distance_kernel(
     first: int,
+    lanes: wp.bool,
     # Recovered surface in:
     element: wp.array2d[vec3],
     normal: wp.array2d[vec3],
-    ball: wp.array2d[vec4],
+    ball: wp.array3d[real],
     shape: wp.array[SuperquadricShape],
     pose: wp.array[transform],
     # True surface in, points group by group:
@@ -118,6 +127,10 @@ def _element_distance_kernel(
     """
     w, i = wp.tid()
     w += first
+    if lanes and superquadric_is_plain(shape[w]):
+        distances_in_lanes(w, begin[i], end[i], element, normal, ball, shape[w], pose[w], point,
+                            distance)
+        return
     middle = point[(begin[i] + end[i]) / 2]
     wide = real(0.0)
     for k in range(begin[i], end[i]):
@@ -130,8 +143,8 @@ def _element_distance_kernel(
     bound = wp.sqrt(best) + TWO * wide
     near = _Patches()
     count = int(0)
-    for g in range(ball.shape[1]):
-        b = ball[w, g]
+    for g in range(ball.shape[2]):
+        b = vec4(ball[w, 0, g], ball[w, 1, g], ball[w, 2, g], ball[w, 3, g])
         reach = bound + b[3]
         if wp.length_sq(middle - vec3(b[0], b[1], b[2])) < reach * reach:
             if count < _MOST:
@@ -139,7 +152,7 @@ def _element_distance_kernel(
             count += 1
     shared = count <= _MOST
     if not shared:
-        count = ball.shape[1]
+        count = ball.shape[2]
     to_body = wp.transform_inverse(pose[w])
     found = nearest * _PATCH
     for k in range(begin[i], end[i]):
@@ -150,7 +163,7 @@ def _element_distance_kernel(
             g = int(c)
             if shared:
                 g = near[c]
-            b = ball[w, g]
+            b = vec4(ball[w, 0, g], ball[w, 1, g], ball[w, 2, g], ball[w, 3, g])
             reach = away + b[3]
             if wp.length_sq(p - vec3(b[0], b[1], b[2])) < reach * reach:
                 for m in range(g * _PATCH, wp.min((g + 1) * _PATCH, element.shape[1])):
@@ -197,12 +210,17 @@ def _ball_kernel(
     # Recovered surface in:
     element: wp.array2d[vec3],
     # Balls out:
-    ball: wp.array2d[vec4],
+    ball: wp.array3d[real],
 ):
-    """A ball (centre, radius) around every patch of elements that follow each other."""
+    """A ball (centre, radius) around every patch of elements that follow each other; those of no
+    elements, which fill the last lanes, are far."""
     w, g = wp.tid()
     w += first
+    ball[w, 0, g] = _FAR
+    ball[w, 3, g] = ZERO
     stop = wp.min((g + 1) * _PATCH, element.shape[1])
+    if g * _PATCH >= stop:
+        return
     centre = vec3(ZERO, ZERO, ZERO)
     for k in range(g * _PATCH, stop):
         centre += element[w, k]
@@ -210,32 +228,49 @@ def _ball_kernel(
     reach = real(0.0)
     for k in range(g * _PATCH, stop):
         reach = wp.max(reach, wp.length(element[w, k] - centre))
-    ball[w, g] = vec4(centre[0], centre[1], centre[2], reach)
+    for axis in range(3):
+        ball[w, axis, g] = centre[axis]
+    ball[w, 3, g] = reach
 
 
-@wp.kernel(enable_backward=False)
-def _signed_distance_kernel(
-    first: int,
-    # Recovered body in:
-    shape: wp.array[SuperquadricShape],
-    pose: wp.array[transform],
-    # Points in; beyond `enough` a distance need not be known:
-    point: wp.array[vec3],
-    enough: real,
-    # Signed distance to first order out:
-    distance: wp.array2d[real],
-):
-    """A body of exponents up to 1 holds the ellipsoid in its box: no power is taken far inside."""
-    w, i = wp.tid()
-    w += first
-    s = shape[w]
-    p = wp.transform_point(wp.transform_inverse(pose[w]), point[i])
+@wp.func
+def _signed_distance(p: vec3, s: SuperquadricShape, enough: real):
+    """To first order; far inside, of an unknown size beyond `enough`: a body of exponents up to 1
+    holds the ellipsoid in its box, and no power is taken there."""
     if wp.max(s.e1, s.e2) <= ONE:
         q = straighten(p, s).point
         r = wp.length(wp.cw_div(q, s.size))
         least = wp.min(s.size[0], wp.min(s.size[1], s.size[2]))
         least *= ONE - wp.max(wp.abs(s.kx), wp.abs(s.ky))
         if (ONE - r) * least > enough:
-            distance[w, i] = -enough
-            return
-    distance[w, i] = sdf_superquadric_bound_grad(p, s)[3]
+            return -enough
+    return sdf_superquadric_bound_grad(p, s)[3]
+
+
+@wp.kernel(enable_backward=False)
+def _signed_distance_kernel(
+    first: int,
+    lanes: wp.bool,
+    # Recovered body in:
+    shape: wp.array[SuperquadricShape],
+    pose: wp.array[transform],
+    # Points in, in which order, and beyond which distance none need be known:
+    point: wp.array[vec3],
+    order: wp.array[int],
+    enough: real,
+    # Signed distance to first order out:
+    distance: wp.array2d[real],
+):
+    """Of `LANES` points that follow each other in that order."""
+    w, i = wp.tid()
+    w += first
+    s = shape[w]
+    begin = i * _LANES
+    end = wp.min(begin + _LANES, point.shape[0])
+    if lanes and superquadric_is_plain(s):
+        signed_distances_in_lanes(w, begin, end, s, pose[w], point, order, enough, distance)
+        return
+    to_body = wp.transform_inverse(pose[w])
+    for k in range(begin, end):
+        p = wp.transform_point(to_body, point[order[k]])
+        distance[w, order[k]] = _signed_distance(p, s, enough)

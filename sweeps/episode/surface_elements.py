@@ -14,7 +14,8 @@ from fit.superquadric.geometry import SuperquadricLike, cube_grid
 from strategies.recovery.body_distances import bodies_on
 from sweeps.episode.surface_elements_kernel import _element_kernel, _octant_kernel, _vertex_kernel
 from warpgrasp.core.dtypes import real, vec3, vec4
-from warpgrasp.core.kernel_launch import launch
+from warpgrasp.core.kernel_launch import array_of, launch
+from warpgrasp.geometry.superquadric_lanes import LANES
 
 TILE = (4, 4)
 """Elements of a face that follow each other: so many rows and columns of its grid."""
@@ -44,25 +45,27 @@ def surface_elements(
     shape, pose = bodies_on(body, device)
     axes = {"shape": "world", "pose": "world", "gauge": "world octant", "vertex": "world vertex"}
     gauge = wp.empty((worlds, len(grid.octant)), dtype=vec4, device=device)
-    launch(_octant_kernel, {"world": worlds, "octant": len(grid.octant)}, {
+    lanes = wp.get_device(device).is_cpu
+    launch(_octant_kernel, {"world": worlds, "block": -(-len(grid.octant) // LANES)}, {
         **axes, "direction": "octant"}, {
-        "shape": shape, "direction": wp.array(grid.octant, dtype=vec3, device=device),
+        "lanes": lanes, "shape": shape, "pose": pose,
+        "direction": array_of(grid.octant, vec3, device),
         "gauge": gauge}, device=device)
     on = wp.empty((worlds, vertices), dtype=vec3, device=device)
     launch(_vertex_kernel, {"world": worlds, "vertex": vertices}, {
         **axes, "direction": "vertex", "octant": "vertex"}, {
-        "shape": shape, "direction": wp.array(grid.vertex, dtype=vec3, device=device),
-        "octant": wp.array(grid.vertex_octant, dtype=int, device=device), "gauge": gauge,
+        "shape": shape, "direction": array_of(grid.vertex, vec3, device),
+        "octant": array_of(grid.vertex_octant, int, device), "gauge": gauge,
         "vertex": on}, device=device)
     point, normal = (wp.empty((worlds, elements), dtype=vec3, device=device) for _ in range(2))
     area = wp.empty((worlds, elements), dtype=real, device=device)
-    launch(_element_kernel, {"world": worlds, "element": elements}, {
+    launch(_element_kernel, {"world": worlds, "block": -(-elements // LANES)}, {
         **axes, "corner": "element", "direction": "element", "octant": "element",
         "point": "world element", "normal": "world element", "area": "world element"}, {
-        "shape": shape, "pose": pose,
-        "corner": wp.array(grid.corner, dtype=wp.vec4i, device=device),
-        "direction": wp.array(grid.middle, dtype=vec3, device=device),
-        "octant": wp.array(grid.middle_octant, dtype=int, device=device), "gauge": gauge,
+        "lanes": lanes, "shape": shape, "pose": pose,
+        "corner": array_of(grid.corner, wp.vec4i, device),
+        "direction": array_of(grid.middle, vec3, device),
+        "octant": array_of(grid.middle_octant, int, device), "gauge": gauge,
         "vertex": on, "point": point, "normal": normal, "area": area}, device=device)
     return Elements(point.numpy(), normal.numpy(), area.numpy())
 

@@ -14,7 +14,7 @@ from warpgrasp.arms.serial_arm_kernel import (
     joints_kernel,
 )
 from warpgrasp.core.dtypes import mat77, transform, vec7
-from warpgrasp.core.kernel_launch import launch
+from warpgrasp.core.kernel_launch import array_of, launch
 
 _Place = tuple[np.ndarray, Rotation]
 
@@ -58,7 +58,7 @@ def flange_poses(model: ArmModel, q_rad: np.ndarray, *, device: str = "cpu") -> 
     """Flange poses (pose, 7), [m] and quaternion xyzw, of joints (pose, joint) [rad]."""
     out = wp.empty(len(q_rad), dtype=transform, device=device)
     launch(flange_kernel, {"pose": len(q_rad)}, {"q": "pose", "flange": "pose"},
-           {"arm": serial_of(model), "q": wp.array(padded(q_rad), dtype=vec7, device=device),
+           {"arm": serial_of(model), "q": array_of(padded(q_rad), vec7, device),
             "flange": out}, device=device)
     return out.numpy().copy()
 
@@ -69,8 +69,8 @@ def nearest_joints(model: ArmModel, flange: np.ndarray, last_rad: np.ndarray, *,
     (pose, joint); NaN where none are found."""
     out = wp.empty(len(flange), dtype=vec7, device=device)  # pyright: ignore[reportArgumentType]
     launch(joints_kernel, {"pose": len(flange)}, {"flange": "pose", "last": "pose", "q": "pose"}, {
-        "arm": serial_of(model), "flange": wp.array(flange, dtype=transform, device=device),
-        "last": wp.array(padded(last_rad), dtype=vec7, device=device), "q": out}, device=device)
+        "arm": serial_of(model), "flange": array_of(flange, transform, device),
+        "last": array_of(padded(last_rad), vec7, device), "q": out}, device=device)
     return _unpadded(out.numpy(), model)
 
 
@@ -96,8 +96,8 @@ def joint_choices(model: ArmModel, flange: np.ndarray, *, starts: int = STARTS,
     home = np.tile(padded(model.home_rad), (len(flange), 1))
     launch(come_kernel, {"pose": len(flange), "start": starts},
            {"flange": "pose", "near": "pose", "q": "pose start"}, {
-        "arm": serial_of(model), "flange": wp.array(flange, dtype=transform, device=device),
-        "near": wp.array(home, dtype=vec7, device=device), "q": out}, device=device)
+        "arm": serial_of(model), "flange": array_of(flange, transform, device),
+        "near": array_of(home, vec7, device), "q": out}, device=device)
     return _unpadded(out.numpy(), model)
 
 

@@ -21,7 +21,7 @@ from warpgrasp.chain_closing.chain_record import ChainClosingRow, ChainTruthRow
 from warpgrasp.chain_closing.chain_slack import pair_slack
 from warpgrasp.closing.closing import Closing, ClosingTruth
 from warpgrasp.core.dtypes import real, transform
-from warpgrasp.core.kernel_launch import check_range, launch_in_turn
+from warpgrasp.core.kernel_launch import array_of, check_range, launch_in_turn
 from warpgrasp.core.random import Purpose, counter_key
 from warpgrasp.core.struct_array import Records
 from warpgrasp.geometry.scene import Scene
@@ -102,7 +102,7 @@ def close_chains(
     errors = errors or none
 
     def there(values: np.ndarray, dtype: type) -> wp.array:
-        return wp.array(values, dtype=dtype, device=device, copy=False)
+        return array_of(values, dtype, device)
 
     commands = np.ascontiguousarray(commands_rad, np.float64)
     path, come = _on_device(hand, table, contact, errors, commands.shape, commands.tobytes(),

@@ -17,7 +17,7 @@ from warpgrasp.closing.meeting_kernel import meeting_kernel
 from warpgrasp.closing.near_kernel import near_kernel
 from warpgrasp.closing.readout import reading_kernel
 from warpgrasp.core.dtypes import transform
-from warpgrasp.core.kernel_launch import check_range, launch, launch_in_turn
+from warpgrasp.core.kernel_launch import array_of, check_range, launch, launch_in_turn
 from warpgrasp.core.random import Purpose, counter_key
 from warpgrasp.core.struct_array import Records
 from warpgrasp.finger.energy import Equilibrium
@@ -129,7 +129,7 @@ def close_fingers(
     tendons = true_tendons(hand, sensors, contact, errors, device)
 
     def there(values: np.ndarray, dtype: type) -> wp.array:
-        return wp.array(values, dtype=dtype, device=device, copy=False)
+        return array_of(values, dtype, device)
 
     given = {
         "scene": scene, "body": there(body, int), "body_pose": there(body_pose, transform),

@@ -16,7 +16,7 @@ import warp as wp
 from warpgrasp.closing.closing import Closing
 from warpgrasp.closing.contact_estimate_kernel import _estimate_kernel
 from warpgrasp.core.dtypes import mat33, transform, vec3, vec4
-from warpgrasp.core.kernel_launch import launch
+from warpgrasp.core.kernel_launch import array_of, launch
 from warpgrasp.mechanism.calibration import place_variance
 from warpgrasp.mechanism.tendon import tendon_sensor_of
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, hand_of
@@ -89,7 +89,7 @@ def estimate_contacts(
     each = "world probe grasp finger"
 
     def put(values: np.ndarray, dtype: type) -> wp.array:
-        return wp.array(np.ascontiguousarray(values), dtype=dtype, device=device)
+        return array_of(values, dtype, device)
 
     launch(_estimate_kernel, dict(zip(("world", "probe", "grasp", "finger"), dims, strict=True)), {
         "status": each, "hand_pose": "world probe", "q": each, "flexor": each, "extensor": each,

@@ -3,7 +3,8 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "body": ["Body", "BodyError", "Part", "distance_to_bodies", "scene_of"],
+    "body": ["Body", "BodyError", "Part", "distance_to_bodies", "scene_of",
+        "signed_distance_to_bodies"],
     "body_sampling": ["BodySample", "KeyedBody", "body_lowered", "keyed_body", "sample_body"],
     "meshing": ["body_mesh"],
     "scene": ["Join", "Scene", "Shape", "body_distance", "body_distance_grad", "body_is_convex",
@@ -11,7 +12,9 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "sdf_grid": ["mesh_distance_kernel", "mesh_gap_kernel", "simple_mesh_distance_kernel"],
     "sdf_primitive": ["sign_of"],
     "sdf_superquadric": ["SuperquadricShape", "deformed_gradient", "sdf_superquadric_bound_grad",
-        "straighten", "superquadric_deformed_gauge", "superquadric_gauge", "taper_and_bend"],
+        "straighten", "superquadric_deformed_gauge", "superquadric_gauge",
+        "superquadric_is_plain", "taper_and_bend"],
+    "superquadric_lanes": ["LANES", "SUPERQUADRIC_LANES"],
     "segment_distance": ["LINK_SAMPLES", "deepest_valley", "link_valley", "lower_end",
         "nearest_along", "nearest_on_link"],
 })

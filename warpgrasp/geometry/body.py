@@ -7,9 +7,16 @@ from dataclasses import dataclass, field
 import numpy as np
 import warp as wp
 
-from warpgrasp.core.dtypes import transform, vec2, vec3, vec4
-from warpgrasp.core.kernel_launch import check_range, launch
-from warpgrasp.geometry.scene import Join, Primitive, Scene, Shape, distance_kernel
+from warpgrasp.core.dtypes import real, transform, vec2, vec3, vec4
+from warpgrasp.core.kernel_launch import array_of, check_range, launch
+from warpgrasp.geometry.scene import (
+    Join,
+    Primitive,
+    Scene,
+    Shape,
+    distance_kernel,
+    signed_distance_kernel,
+)
 from warpgrasp.geometry.sdf_superquadric import SuperquadricShape
 
 _EMPTY = np.zeros((0, 2))
@@ -133,8 +140,23 @@ def distance_to_bodies(
     out = wp.empty((worlds, count), dtype=vec4, device=device)
     launch(distance_kernel, {"world": worlds, "point": count},
            {"body": "world?", "point": "world point", "gradient_distance": "world point"},
-           {"scene": scene, "body": wp.array(body, dtype=int, device=device),
-            "point": wp.array(points_m, dtype=vec3, device=device), "gradient_distance": out},
+           {"scene": scene, "body": array_of(body, int, device),
+            "point": array_of(points_m, vec3, device), "gradient_distance": out},
            device=device)
     values = out.numpy().copy()
     return values[..., 3], values[..., :3]
+
+
+def signed_distance_to_bodies(
+    scene: Scene, body: np.ndarray, points_m: np.ndarray, *, device: str = "cpu"
+) -> np.ndarray:
+    """The distances of `distance_to_bodies` alone, in half of the time."""
+    check_range("body", body, 0, scene.bodies - 1)
+    worlds, count = points_m.shape[:2]
+    out = wp.empty((worlds, count), dtype=real, device=device)
+    launch(signed_distance_kernel, {"world": worlds, "point": count},
+           {"body": "world?", "point": "world point", "distance": "world point"},
+           {"scene": scene, "body": array_of(body, int, device),
+            "point": array_of(points_m, vec3, device), "distance": out},
+           device=device)
+    return out.numpy()

@@ -45,14 +45,19 @@ class BodySample:
     def groups(self) -> tuple[np.ndarray, np.ndarray]:
         """First and one past the last of points of the surface that follow each other, lie side by
         side and face about the same way, (group,) each."""
-        begin, first, wide = [], 0, 3.0 * self.spacing_m
+        begin, first, wide = [], 0, 4.5 * self.spacing_m
         while first < len(self.surface_m):
             begin.append(first)
             after = slice(first + 1, first + GROUP)
             apart = np.abs(self.surface_m[after] - self.surface_m[first]).max(1) > wide
-            apart |= self.surface_normal[after] @ self.surface_normal[first] < 0.8
+            apart |= self.surface_normal[after] @ self.surface_normal[first] < 0.5
             first += 1 + int(apart.argmax() if apart.any() else len(apart))
         return np.array(begin), np.array([*begin[1:], len(self.surface_m)])
+
+    @cached_property
+    def about_order(self) -> np.ndarray:
+        """Points of `about_m` along Morton's curve, (inside,): near ones follow each other."""
+        return _along_curve(self.about_m).astype(np.int32)
 
     def shares(self, distance_m: np.ndarray) -> np.ndarray:
         """What of the surroundings of points of `about_m` lies in a body, from their signed

@@ -268,3 +268,20 @@ def distance_kernel(
     w, i = wp.tid()
     w += first
     gradient_distance[w, i] = body_distance_grad(scene, body[w % body.shape[0]], point[w, i])
+
+
+@wp.kernel(enable_backward=False)
+def signed_distance_kernel(
+    first: int,
+    # Scene:
+    scene: Scene,
+    # Query in:
+    body: wp.array[int],
+    point: wp.array2d[vec3],
+    # Distance out:
+    distance: wp.array2d[real],
+):
+    """Distance of every point to its world's body."""
+    w, i = wp.tid()
+    w += first
+    distance[w, i] = body_distance(scene, body[w % body.shape[0]], point[w, i])

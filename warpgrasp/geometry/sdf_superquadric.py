@@ -214,6 +214,12 @@ def _past_frustum(p: vec3, q: Straightened, s: SuperquadricShape):
 
 
 @wp.func
+def superquadric_is_plain(s: SuperquadricShape):
+    """Whether a body is neither bent nor so tapered that its frustum counts."""
+    return s.bend <= _STRAIGHT and wp.max(wp.abs(s.kx), wp.abs(s.ky)) <= _STRONG
+
+
+@wp.func
 def sdf_superquadric_bound_grad(p: vec3, s: SuperquadricShape):
     """Unit gradient and first-order distance (nx, ny, nz, d) [m], see the module's text."""
     q = straighten(p, s)

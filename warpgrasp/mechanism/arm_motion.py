@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from warpgrasp.arms.serial_arm import padded
 from warpgrasp.core.dtypes import real, transform, vec7
-from warpgrasp.core.kernel_launch import check_range, launch
+from warpgrasp.core.kernel_launch import array_of, check_range, launch
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.arm import arm_flanges, arm_home, arm_of
 from warpgrasp.mechanism.arm_motion_kernel import _clearance_kernel, _move_kernel
@@ -136,12 +136,12 @@ def move_hand(
         "path": "world probe", "end": "world"}, {
         "arm": arm_of(arm, hand.mount_length_m),
         "true_arms": true_arms(arm, hand.mount_length_m, errors, device),
-        "key": wp.array(key, dtype=wp.uint64, device=device),
-        "probe_number": wp.array(probe_number, dtype=int, device=device),
-        "mount": wp.array(errors.mount, dtype=transform, device=device),
-        "wanted": wp.array(wanted_pose, dtype=transform, device=device),
-        "wanted_status": wp.array(tries, dtype=int, device=device),
-        "start": wp.array(state.q_rad, dtype=vec7, device=device), "status": status,
+        "key": array_of(key, wp.uint64, device),
+        "probe_number": array_of(probe_number, int, device),
+        "mount": array_of(errors.mount, transform, device),
+        "wanted": array_of(wanted_pose, transform, device),
+        "wanted_status": array_of(tries, int, device),
+        "start": array_of(state.q_rad, vec7, device), "status": status,
         "believed": believed, "actual": actual, "time": time, "path": path, "end": end},
         device=device)
     if clearance is None:
@@ -151,8 +151,8 @@ def move_hand(
     launch(kernel, {"world": worlds, "probe": probes, "grasp": grasps}, {
         "body": "world?", "body_pose": "world", "move_status": "world probe",
         "actual": "world probe", "status": "world probe grasp", **shapes}, {
-        "scene": scene, "body": wp.array(body, dtype=int, device=device),
-        "body_pose": wp.array(body_pose, dtype=transform, device=device),
+        "scene": scene, "body": array_of(body, int, device),
+        "body_pose": array_of(body_pose, transform, device),
         "march_scale": march_scale, "move_status": status, "actual": actual, "status": ready,
         **given}, device=device)
     ready_host = ready.numpy().copy()
@@ -169,6 +169,6 @@ def _utah_mit_clearance(hand: HandTable, contact: ContactTable, errors: Calibrat
         return _clearance_kernel, {"hands": "world? 4", "commands": "grasp 4 step 4"}, {
             "hands": true_hands(hand, contact, errors, device),
             "mount_length": hand.mount_length_m,
-            "commands": wp.array(commands_rad, dtype=real, device=device)}
+            "commands": array_of(commands_rad, real, device)}
 
     return kernel_of

@@ -12,7 +12,7 @@ from warpgrasp.core.dtypes import (
     transform,
     vec7,
 )
-from warpgrasp.core.kernel_launch import launch
+from warpgrasp.core.kernel_launch import array_of, launch
 from warpgrasp.mechanism.puma560_kernel import Arm, _forward_kernel, _inverse_kernel
 from warpgrasp.parameters import ArmTable
 
@@ -37,7 +37,7 @@ def puma_forward_batch(table: ArmTable, q_rad: np.ndarray, *, device: str = "cpu
     """Flange poses (x, y, z [m], quaternion xyzw), shape (pose, 7), of joints (pose, 6) [rad]."""
     out = wp.empty(len(q_rad), dtype=transform, device=device)
     launch(_forward_kernel, {"pose": len(q_rad)}, {"q": "pose", "flange": "pose"},
-           {"arm": puma_arm(table, 0.0), "q": wp.array(padded(q_rad), dtype=vec7, device=device),
+           {"arm": puma_arm(table, 0.0), "q": array_of(padded(q_rad), vec7, device),
             "flange": out}, device=device)
     return out.numpy().copy()
 
@@ -50,6 +50,6 @@ def puma_inverse_batch(table: ArmTable, flange: np.ndarray, *, device: str = "cp
     out = wp.empty((len(flange), 8), dtype=vec7, device=device)  # pyright: ignore[reportArgumentType]
     launch(_inverse_kernel, {"pose": len(flange), "branch": 8},
            {"flange": "pose", "q": "pose branch"},
-           {"arm": puma_arm(table, 0.0), "flange": wp.array(flange, dtype=transform, device=device),
+           {"arm": puma_arm(table, 0.0), "flange": array_of(flange, transform, device),
             "q": out}, device=device)
     return out.numpy()[..., :6].copy()

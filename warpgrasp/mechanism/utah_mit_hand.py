@@ -7,11 +7,13 @@ Finger frame: origin at the finger's base, x palmar, z along the straight finger
 parallel, so a finger lies in one plane, turned by the abduction.
 """
 
+from functools import lru_cache
+
 import numpy as np
 import warp as wp
 
 from warpgrasp.core.dtypes import transform, vec3, vec4
-from warpgrasp.core.kernel_launch import launch
+from warpgrasp.core.kernel_launch import array_of, launch
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, _links_kernel
 from warpgrasp.parameters import ContactTable, HandTable
 
@@ -24,8 +26,9 @@ WEIGHT_ASKEW = 0.02
 """What weight changes on the way: it turns joints by less than a hundredth of a radian."""
 
 
+@lru_cache(maxsize=32)
 def hand_of(table: HandTable, contact: ContactTable | None = None) -> Hand:
-    """The kernels' hand; the default of `contact` is `ContactTable()`."""
+    """The kernels' hand, not to be changed; the default of `contact` is `ContactTable()`."""
     contact = contact or ContactTable()
     hand = Hand()
     hand.abduction_offset = table.abduction_offset_m
@@ -88,7 +91,7 @@ def hand_links(
            {"hand_pose": "pose", "q": "pose finger", "joint_point": "pose finger 5",
             "palmar": "pose finger 3"},
            {"hand": hand_of(table),
-            "hand_pose": wp.array(hand_pose, dtype=transform, device=device),
-            "q": wp.array(q_rad, dtype=vec4, device=device),
+            "hand_pose": array_of(hand_pose, transform, device),
+            "q": array_of(q_rad, vec4, device),
             "joint_point": points, "palmar": palmar}, device=device)
     return points.numpy().copy(), palmar.numpy().copy()

@@ -7,8 +7,8 @@ size of the force. With friction the force leans: by a share of its normal part 
 normally distributed, each way along the surface. The posterior over places and directions is the
 likelihood of the torques, whatever the size and the lean of the force, times how well the body
 agrees: its surface is one link radius from the axis there, and its normal is the direction.
-
 """
+
 from typing import Any
 
 import warp as wp
@@ -40,8 +40,6 @@ from warpgrasp.geometry.sdf_superquadric import SuperquadricShape, superquadric_
 from warpgrasp.mechanism.utah_mit_hand_kernel import (
     FingerPose,
     Hand,
-    finger_base,
-    finger_pose,
 )
 
 ALONG = 12
@@ -269,54 +267,3 @@ def placed_contact(
     out.chance = ONE / others
     out.misfit = best.misfit
     return out
-
-
-@wp.kernel(enable_backward=False)
-def _placing_kernel(
-    first: int,
-    # Bodies in:
-    shape: wp.array[SuperquadricShape],
-    pose: wp.array[transform],
-    # Links in:
-    hand: Hand,
-    kept: wp.array2d[wp.bool],
-    hand_pose: wp.array2d[transform],
-    q: wp.array2d[vec4],
-    finger: wp.array2d[int],
-    torque: wp.array2d[vec4],
-    torque_sigma: wp.array2d[vec4],
-    link_weight: wp.array2d[vec3],
-    lean: wp.array2d[real],
-    place_sigma: real,
-    turn_sigma: real,
-    farthest: real,
-    normal_variance: real,
-    # Contacts out:
-    point: wp.array2d[vec3],
-    covariance: wp.array2d[mat33],
-    normal: wp.array2d[vec3],
-    chance: wp.array2d[real],
-    misfit: wp.array2d[real],
-):
-    w, i = wp.tid()
-    w += first
-    point[w, i] = vec3(ZERO, ZERO, ZERO)
-    covariance[w, i] = wp.identity(n=3, dtype=wp.float64)
-    normal[w, i] = vec3(ZERO, ZERO, ZERO)
-    chance[w, i] = ZERO
-    misfit[w, i] = ZERO
-    if not kept[w, i]:
-        return
-    f = finger_pose(hand, wp.transform_multiply(
-        hand_pose[w, i], finger_base(hand, finger[w, i])), q[w, i])
-    believed = SuperquadricAt()
-    believed.shape = shape[w]
-    believed.pose = pose[w]
-    found = placed_contact(f, hand, torque[w, i], torque_sigma[w, i], link_weight[w, i],
-                           lean[w, i], believed, place_sigma, turn_sigma, farthest,
-                           normal_variance)
-    point[w, i] = found.point
-    covariance[w, i] = found.covariance
-    normal[w, i] = found.normal
-    chance[w, i] = found.chance
-    misfit[w, i] = found.misfit
