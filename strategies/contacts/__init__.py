@@ -7,7 +7,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
         "surface_spread"],
     "chain_placing": ["chain_places"],
     "field_placing": ["can_be_placed", "field_of_process", "link_stations", "places_on_field",
-        "possible_stations"],
+        "possible_stations", "sampled_field", "superquadric_field"],
     "felt": ["Felt"], "volume_spread": ["FeltBy", "VolumeSigns", "interval_trusted"],
     "finger_touch": ["TouchedLinks", "joined_links", "links_of_touches", "no_links",
         "touched_links"],

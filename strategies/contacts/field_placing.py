@@ -10,6 +10,7 @@ from strategies.contacts.field_placing_kernel import (
     LINKS,
     field_placing_kernel,
     station_kernel,
+    superquadric_field_kernel,
 )
 from strategies.contacts.finger_touch import TouchedLinks
 from strategies.contacts.placing_posterior import STATIONS, UNLIKELY
@@ -72,35 +73,66 @@ def field_of_process(value_m: np.ndarray, slope: np.ndarray) -> tuple[np.ndarray
     return value_m / np.clip(size, LEAST_SLOPE, STEEPEST), normal
 
 
-def places_on_field(
-    links: TouchedLinks, asked: Bool[np.ndarray, "world point"],
+def sampled_field(
     distance_m: Float[np.ndarray, "world point station"],
-    normal: Float[np.ndarray, "world point station 3"], *, lean_share: float,
-    place_sigma_m: float, turn_sigma_rad: float, farthest_m: float, normal_sigma_m: float,
-    device: str = "cpu",
+    normal: Float[np.ndarray, "world point station 3"], *, device: str = "cpu",
+) -> wp.array:
+    """Bodies as `places_on_field` takes them, of which signed distance and outward normal at
+    `link_stations` are given."""
+    return array_of(np.concatenate([normal, distance_m[..., None]], -1), vec4, device)
+
+
+def superquadric_field(
+    links: TouchedLinks, asked: Bool[np.ndarray, "world point"], shape: wp.array, pose: wp.array,
+    *, device: str = "cpu",
+) -> wp.array:
+    """Superquadrics as `places_on_field` takes them, at the `possible_stations` of contacts that
+    are `asked` for; `shape` and `pose` (world,) are the kernels' arrays. Raises ShapeError where
+    shapes disagree."""
+    field = wp.empty((*asked.shape, LINKS * STATIONS), dtype=vec4, device=device)
+    given = {**_links_given(links, asked, device),
+             "link_weight": array_of(links.weight, vec3, device)}
+    launch(superquadric_field_kernel, {"world": asked.shape[0], "point": asked.shape[1]}, {
+        "shape": "world", "pose": "world", "field": f"world point {LINKS * STATIONS}",
+        **dict.fromkeys(given, "world point")}, {
+        "shape": shape, "pose": pose, "hand": hand_of(links.hand), **given, "field": field},
+        device=device)
+    return field
+
+
+def places_on_field(
+    links: TouchedLinks, asked: Bool[np.ndarray, "world point"], field: wp.array, *,
+    lean_share: float, place_sigma_m: float, turn_sigma_rad: float, farthest_m: float,
+    normal_sigma_m: float, device: str = "cpu",
 ) -> FieldPlaces:
-    """The likeliest places of the contacts `asked`, by torques and by a body of which signed
-    distance and outward normal at `link_stations` are given.
+    """The likeliest places of the contacts `asked`, by torques and by a body: its normals and
+    distances at stations, `superquadric_field` or `sampled_field`.
 
     The numbers are those of `strategies.recovery.fit_contacts`. Raises ShapeError where shapes
     disagree.
     """
-    field = np.concatenate([normal, distance_m[..., None]], -1)
     found = {name: wp.empty(asked.shape, dtype=kind, device=device) for name, kind in (
         ("point", vec3), ("covariance", mat33), ("normal", vec3), ("chance", real),
         ("misfit", real))}
-    given = {name: array_of(values, kind, device) for name, values, kind in (
-        ("kept", asked, wp.bool), ("hand_pose", links.hand_pose, transform),
-        ("q", links.q_rad, vec4), ("finger", links.finger, int),
-        ("torque", links.torque_Nm, vec4), ("torque_sigma", links.torque_sigma_Nm, vec4),
-        ("link_weight", links.weight, vec3), ("lean", lean_share * links.friction, real))}
+    given = _links_given(links, asked, device) | {
+        name: array_of(values, kind, device) for name, values, kind in (
+            ("torque", links.torque_Nm, vec4), ("torque_sigma", links.torque_sigma_Nm, vec4),
+            ("link_weight", links.weight, vec3), ("lean", lean_share * links.friction, real))}
     launch(field_placing_kernel, {"world": asked.shape[0], "point": asked.shape[1]}, {
         "field": f"world point {LINKS * STATIONS}",
         **dict.fromkeys((*given, *found), "world point")}, {
-        "field": array_of(field, vec4, device),
-        "hand": hand_of(links.hand), "place_sigma": place_sigma_m,
+        "field": field, "hand": hand_of(links.hand), "place_sigma": place_sigma_m,
         "turn_sigma": turn_sigma_rad, "farthest": farthest_m,
         "normal_variance": normal_sigma_m**2, **given, **found}, device=device)
     values = {name: array.numpy() for name, array in found.items()}
     return FieldPlaces(values["point"], values["covariance"], values["normal"], values["chance"],
                        values["misfit"])
+
+
+def _links_given(
+    links: TouchedLinks, asked: np.ndarray, device: str
+) -> dict[str, wp.array]:
+    """What both kernels take of fingers."""
+    return {name: array_of(values, kind, device) for name, values, kind in (
+        ("kept", asked, wp.bool), ("hand_pose", links.hand_pose, transform),
+        ("q", links.q_rad, vec4), ("finger", links.finger, int))}

@@ -1,14 +1,23 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
 """Where links touch a believed body of any form, by the mathematics of `placing_posterior`.
 
-Its normals and distances come from elsewhere: they are asked for at stations along the links.
+Its normals and distances at stations along the links are found first, those of superquadrics here.
 """
 
 import warp as wp
 
 from strategies.contacts.link_places import direction_at, start_at
-from strategies.contacts.placing_posterior import STATIONS, FieldAt, placed_contact, station_along
+from strategies.contacts.placing_posterior import (
+    STATIONS,
+    UNLIKELY,
+    FieldAt,
+    SuperquadricAt,
+    body_at,
+    placed_contact,
+    station_along,
+)
 from warpgrasp.core.dtypes import ZERO, mat33, real, transform, vec3, vec4
+from warpgrasp.geometry.sdf_superquadric import SuperquadricShape
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_base, finger_pose
 
 LINKS = 3
@@ -35,6 +44,40 @@ def station_kernel(
         for k in range(_STATIONS):
             station[w, i, link * _STATIONS + k] = start_at(f, link) + direction_at(
                 f, link) * station_along(k, hand.link_length[link])
+
+
+@wp.kernel(enable_backward=False)
+def superquadric_field_kernel(
+    first: int,
+    # Bodies in:
+    shape: wp.array[SuperquadricShape],
+    pose: wp.array[transform],
+    # Links in:
+    hand: Hand,
+    kept: wp.array2d[wp.bool],
+    hand_pose: wp.array2d[transform],
+    q: wp.array2d[vec4],
+    finger: wp.array2d[int],
+    link_weight: wp.array2d[vec3],
+    # Normals and distances out:
+    field: wp.array3d[vec4],
+):
+    """At the stations of links that contacts may be on; others are not looked at."""
+    w, i = wp.tid()
+    w += first
+    if not kept[w, i]:
+        return
+    f = finger_pose(hand, wp.transform_multiply(
+        hand_pose[w, i], finger_base(hand, finger[w, i])), q[w, i])
+    believed = SuperquadricAt()
+    believed.shape = shape[w]
+    believed.pose = pose[w]
+    for link in range(3):
+        if link_weight[w, i][link] >= UNLIKELY:
+            for k in range(_STATIONS):
+                at = start_at(f, link) + direction_at(f, link) * station_along(
+                    k, hand.link_length[link])
+                field[w, i, link * _STATIONS + k] = body_at(believed, at, link, k)
 
 
 @wp.kernel(enable_backward=False)

@@ -93,7 +93,7 @@ class FieldAt:
 
 
 @wp.func
-def _body_at(body: SuperquadricAt, p: vec3, link: int, station: int):
+def body_at(body: SuperquadricAt, p: vec3, link: int, station: int):
     """Outward normal and first-order signed distance of a body at a point [m]; no normal where the
     body has no gradient."""
     g = world_radius(p, body.shape, body.pose)
@@ -106,7 +106,7 @@ def _body_at(body: SuperquadricAt, p: vec3, link: int, station: int):
 
 
 @wp.func
-def _body_at(body: FieldAt, p: vec3, link: int, station: int):
+def body_at(body: FieldAt, p: vec3, link: int, station: int):  # noqa: F811 (an overload)
     """The same, by what was asked for at the station."""
     return body.stations[body.world, body.point, link * _STATIONS + station]
 
@@ -173,7 +173,7 @@ def places_of_link(
         tip = k == _ALONG
         along = station_along(k, length)
         x = a + u * along
-        body = _body_at(believed, x, link, k)
+        body = body_at(believed, x, link, k)
         towards = -vec3(body[0], body[1], body[2])
         inwards = wp.dot(towards, u)
         middle = towards - u * inwards

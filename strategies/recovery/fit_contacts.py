@@ -18,12 +18,11 @@ from fit.superquadric.record import SuperquadricFit, SuperquadricOptions
 from strategies.contacts.chain_placing import chain_places
 from strategies.contacts.field_placing import (
     can_be_placed,
-    link_stations,
     places_on_field,
-    possible_stations,
+    superquadric_field,
 )
 from strategies.contacts.finger_touch import TouchedLinks
-from strategies.recovery.body_distances import bodies_on, radial_distances, surface_distances
+from strategies.recovery.body_distances import bodies_on, radial_distances
 from strategies.recovery.evidence import SURE_LINK, Evidence
 from strategies.recovery.misfit import CLEARLY, RIVAL, RIVALS_FROM_M, touch_misfit
 from warpgrasp.parameters import FitTable
@@ -181,16 +180,12 @@ def contacts_placed(
     numbers = {"lean_share": LEAN_SHARE, "place_sigma_m": PLACE_SIGMA_M, "device": device,
                "turn_sigma_rad": TURN_SIGMA_RAD, "farthest_m": FARTHEST_M,
                "normal_sigma_m": NORMAL_SIGMA_M}
+    shape, pose = bodies_on(body, device)
     if can_be_placed(links):
-        stations = link_stations(links, device=device)
-        wanted = asked[..., None] & possible_stations(links)
-        flat = (len(wanted), wanted.shape[1] * wanted.shape[2])
-        distance, normal = surface_distances(body, stations.reshape(*flat, 3),
-                                             wanted.reshape(flat), device=device)
-        found = places_on_field(links, asked, distance.reshape(wanted.shape),
-                                normal.reshape(stations.shape), **numbers)
+        field = superquadric_field(links, asked, shape, pose, device=device)
+        found = places_on_field(links, asked, field, **numbers)
     else:
-        found = chain_places(links, asked, *bodies_on(body, device), **numbers)
+        found = chain_places(links, asked, shape, pose, **numbers)
     moved = asked & (found.chance > 0.0) & np.isfinite(found.point_m).all(-1)
     sure = np.where(found.chance >= SURE_LINK, found.misfit, np.inf)
     return replace(

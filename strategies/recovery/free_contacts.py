@@ -22,6 +22,7 @@ from strategies.contacts.field_placing import (
     link_stations,
     places_on_field,
     possible_stations,
+    sampled_field,
 )
 from strategies.contacts.finger_touch import TouchedLinks
 from strategies.contacts.shared_errors import shared_vectors
@@ -139,7 +140,7 @@ def _placed(fits: ImplicitFit, before: Evidence, sigma: np.ndarray, links: Touch
     asked = before.mask & links.linked
     distance, normal = _field(fits, stations, asked[..., None] & possible_stations(links))
     found = places_on_field(
-        links, asked, distance, normal, lean_share=LEAN_SHARE,
+        links, asked, sampled_field(distance, normal), lean_share=LEAN_SHARE,
         place_sigma_m=FIRST_PLACE_M + trust * (PLACE_SIGMA_M - FIRST_PLACE_M),
         turn_sigma_rad=FIRST_TURN_RAD + trust * (TURN_SIGMA_RAD - FIRST_TURN_RAD),
         farthest_m=FARTHEST_M, normal_sigma_m=NORMAL_SIGMA_M)

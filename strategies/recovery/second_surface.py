@@ -18,6 +18,7 @@ from strategies.contacts.field_placing import (
     link_stations,
     places_on_field,
     possible_stations,
+    sampled_field,
 )
 from strategies.contacts.finger_touch import TouchedLinks
 from strategies.recovery.evidence import Evidence
@@ -67,8 +68,9 @@ def _moved(evidence: Evidence, links: TouchedLinks, asked: np.ndarray) -> np.nda
     distance[wanted], normal[wanted] = field_of_process(
         *known_slopes(surface, 0, SURFACE, stations[wanted]))
     found = places_on_field(
-        links, asked, distance, normal, lean_share=LEAN_SHARE, place_sigma_m=PLACE_SIGMA_M,
-        turn_sigma_rad=TURN_SIGMA_RAD, farthest_m=FARTHEST_M, normal_sigma_m=NORMAL_SIGMA_M)
+        links, asked, sampled_field(distance, normal), lean_share=LEAN_SHARE,
+        place_sigma_m=PLACE_SIGMA_M, turn_sigma_rad=TURN_SIGMA_RAD,
+        farthest_m=FARTHEST_M, normal_sigma_m=NORMAL_SIGMA_M)
     there = asked & (found.chance > 0.0) & np.isfinite(found.point_m).all(-1)
     away = np.linalg.norm(found.point_m - evidence.points_m, axis=-1)
     return np.where(there, away, 0.0)

@@ -127,7 +127,7 @@ def _element_distance_kernel(
     """
     w, i = wp.tid()
     w += first
-    if lanes and superquadric_is_plain(shape[w]):
+    if lanes and superquadric_is_plain(shape[w], pose[w]):
         distances_in_lanes(w, begin[i], end[i], element, normal, ball, shape[w], pose[w], point,
                             distance)
         return
@@ -267,7 +267,7 @@ def _signed_distance_kernel(
     s = shape[w]
     begin = i * _LANES
     end = wp.min(begin + _LANES, point.shape[0])
-    if lanes and superquadric_is_plain(s):
+    if lanes and superquadric_is_plain(s, pose[w]):
         signed_distances_in_lanes(w, begin, end, s, pose[w], point, order, enough, distance)
         return
     to_body = wp.transform_inverse(pose[w])

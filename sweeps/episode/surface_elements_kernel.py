@@ -37,7 +37,7 @@ def _octant_kernel(
     s = shape[w]
     begin = i * _LANES
     end = wp.min(begin + _LANES, direction.shape[0])
-    if lanes:
+    if lanes and superquadric_is_plain(s, pose[w]):
         gauges_in_lanes(w, begin, end, s, pose[w], direction, gauge)
         return
     for k in range(begin, end):
@@ -120,7 +120,7 @@ def _element_kernel(
     w += first
     begin = i * _LANES
     end = wp.min(begin + _LANES, direction.shape[0])
-    if lanes and superquadric_is_plain(shape[w]):
+    if lanes and superquadric_is_plain(shape[w], pose[w]):
         elements_in_lanes(w, begin, end, shape[w], pose[w], corner, direction, octant, gauge,
                           vertex, point, normal, area)
         return

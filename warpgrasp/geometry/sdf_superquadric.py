@@ -12,7 +12,7 @@ faces is used.
 
 import warp as wp
 
-from warpgrasp.core.dtypes import HALF, ONE, TINY, TWO, ZERO, real, struct, vec3, vec4
+from warpgrasp.core.dtypes import HALF, ONE, TINY, TWO, ZERO, real, struct, transform, vec3, vec4
 from warpgrasp.geometry.sdf_primitive import sign_of
 
 _STRAIGHT = wp.constant(real(1e-6))  # curvatures below are no bend [1/m]
@@ -214,9 +214,15 @@ def _past_frustum(p: vec3, q: Straightened, s: SuperquadricShape):
 
 
 @wp.func
-def superquadric_is_plain(s: SuperquadricShape):
-    """Whether a body is neither bent nor so tapered that its frustum counts."""
-    return s.bend <= _STRAIGHT and wp.max(wp.abs(s.kx), wp.abs(s.ky)) <= _STRONG
+def superquadric_is_plain(s: SuperquadricShape, pose: transform):
+    """Whether a body is neither bent nor so tapered that its frustum counts, and all numbers of it
+    are finite: what `superquadric_lanes` takes."""
+    place = wp.transform_get_translation(pose)
+    turn = wp.transform_get_rotation(pose)
+    known = wp.isfinite(wp.length_sq(s.size) + s.e1 + s.e2 + s.kx + s.ky + wp.length_sq(place)
+                        + wp.dot(turn, turn))
+    strong = wp.abs(s.kx) > _STRONG or wp.abs(s.ky) > _STRONG
+    return known and s.bend <= _STRAIGHT and not strong
 
 
 @wp.func

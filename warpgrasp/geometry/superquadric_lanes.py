@@ -95,8 +95,7 @@ SUPERQUADRIC_LANES = """
         const reals z = size_of(p.z) * upwards;
         const flags wide = x >= y;
         const reals broad = more(wide ? x : y, (reals)tiny), most = more(broad, z);
-        const reals narrow = more((wide ? y : x) / broad, (reals)tiny);
-        const reals low = more(less(broad, z) / most, (reals)tiny);
+        const reals narrow = (wide ? y : x) / broad, low = less(broad, z) / most;
         const flags beside = broad >= z;
         const reals of_narrow = power(narrow, 2.0 / s.e2), a = of_narrow + 1.0;
         const reals of_low = power(low, 2.0 / s.e1);
@@ -104,12 +103,12 @@ SUPERQUADRIC_LANES = """
         const reals top = beside ? of_low : (reals)1.0;
         const reals total = ring + top, f = power(total, 0.5 * s.e1), common = f / total;
         // Slopes have powers less by one: quotients of those above.
-        const reals side = common * ring / (beside ? a : a * low);
-        const reals far = side * of_narrow / narrow;
+        const reals side = common * ring / (beside ? a : a * more(low, (reals)tiny));
+        const reals far = side * of_narrow / more(narrow, (reals)tiny);
         slopes g;
         g.by.x = (wide ? side : far) * across_x;
         g.by.y = (wide ? far : side) * across_y;
-        g.by.z = common * (beside ? of_low / low : (reals)1.0) * upwards;
+        g.by.z = common * (beside ? of_low / more(low, (reals)tiny) : (reals)1.0) * upwards;
         g.by.x = p.x < 0.0 ? -g.by.x : g.by.x;
         g.by.y = p.y < 0.0 ? -g.by.y : g.by.y;
         g.by.z = p.z < 0.0 ? -g.by.z : g.by.z;

@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from strategies.contacts.field_placing import link_stations, places_on_field, possible_stations
+from strategies.contacts.field_placing import (
+    link_stations,
+    places_on_field,
+    possible_stations,
+    sampled_field,
+)
 from strategies.ready_made import STRATEGIES
 from strategies.recovery.body_distances import surface_distances
 from strategies.recovery.fit_contacts import (
@@ -33,7 +38,8 @@ def test_they_are_those_of_the_superquadric(block: EpisodeBlock) -> None:
     flat = stations.reshape(worlds, -1, 3)
     distance, normal = surface_distances(body, flat, np.ones(flat.shape[:2], bool))
     found = places_on_field(
-        links, felt.mask, distance.reshape(stations.shape[:3]), normal.reshape(stations.shape),
+        links, felt.mask,
+        sampled_field(distance.reshape(stations.shape[:3]), normal.reshape(stations.shape)),
         lean_share=LEAN_SHARE, place_sigma_m=PLACE_SIGMA_M, turn_sigma_rad=TURN_SIGMA_RAD,
         farthest_m=FARTHEST_M, normal_sigma_m=NORMAL_SIGMA_M)
     expected = contacts_placed(felt, links, body)
@@ -54,6 +60,7 @@ def test_stations_of_links_that_torques_exclude_do_not_count(block: EpisodeBlock
     given = {"lean_share": LEAN_SHARE, "place_sigma_m": PLACE_SIGMA_M,
              "turn_sigma_rad": TURN_SIGMA_RAD, "farthest_m": FARTHEST_M,
              "normal_sigma_m": NORMAL_SIGMA_M}
-    one = places_on_field(links, felt.mask, np.full(shape, 0.008), normal, **given)
-    two = places_on_field(links, felt.mask, np.where(possible, 0.008, 5.0), normal, **given)
+    one = places_on_field(links, felt.mask, sampled_field(np.full(shape, 0.008), normal), **given)
+    two = places_on_field(
+        links, felt.mask, sampled_field(np.where(possible, 0.008, 5.0), normal), **given)
     assert (one.point_m == two.point_m).all()
