@@ -12,13 +12,11 @@ import warp as wp
 
 from fit.superquadric.geometry import SuperquadricLike, cube_grid
 from strategies.recovery.body_distances import bodies_on
+from sweeps.episode.scores_lanes import TILE
 from sweeps.episode.surface_elements_kernel import _element_kernel, _octant_kernel, _vertex_kernel
 from warpgrasp.core.dtypes import real, vec3, vec4
 from warpgrasp.core.kernel_launch import array_of, launch
 from warpgrasp.geometry.superquadric_lanes import LANES
-
-TILE = (4, 4)
-"""Elements of a face that follow each other: so many rows and columns of its grid."""
 
 
 class Elements(NamedTuple):

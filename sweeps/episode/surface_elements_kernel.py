@@ -3,7 +3,7 @@
 
 import warp as wp
 
-from sweeps.episode.surface_elements_lanes import elements_in_lanes, gauges_in_lanes
+from sweeps.episode.scores_lanes import elements_in_lanes, gauges_in_lanes
 from warpgrasp.core.dtypes import HALF, ZERO, real, struct, transform, vec3, vec4
 from warpgrasp.geometry.sdf_primitive import sign_of
 from warpgrasp.geometry.sdf_superquadric import (

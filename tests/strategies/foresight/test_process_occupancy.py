@@ -38,7 +38,7 @@ def felt_ball(count: int, upper: bool = False) -> ImplicitFit:
 def seen(fit: ImplicitFit) -> tuple[Occupancy, Occupancy, np.ndarray, np.ndarray]:
     """The grid given, that of the process, what touches are worth, and distances from the ball."""
     given = begin_occupancy(prior(2), RADIUS_M)
-    grid, worth = occupancy_by_process(given, [fit], np.array([1]), PROCESS)
+    grid, worth = occupancy_by_process(given, fit, np.array([1]), PROCESS)
     return given, grid, worth, np.linalg.norm(centres(grid) - MIDDLE, axis=-1).ravel() - BALL_M
 
 
@@ -77,7 +77,7 @@ def test_worlds_not_asked_for_and_fits_of_nothing_change_nothing() -> None:
 
 def test_pooled_opinions_are_the_mean_of_the_logarithms_of_their_odds() -> None:
     given, alone, worth, _ = seen(felt_ball(150))
-    pooled, also = occupancy_by_process(given, [felt_ball(150)], np.array([1]), PROCESS,
+    pooled, also = occupancy_by_process(given, felt_ball(150), np.array([1]), PROCESS,
                                         pooled=True)
     blocks = given.believed[1].reshape(20, 2, 20, 2, 14, 2).max((1, 3, 5)) > HARDLY
     asked = blocks.repeat(2, 0).repeat(2, 1).repeat(2, 2)

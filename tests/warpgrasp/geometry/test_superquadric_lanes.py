@@ -1,7 +1,7 @@
 """Eight points side by side against one at a time: elements, distances and signed distances of
 scores, which take the one way for plain bodies on a CPU and the other for all else."""
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -30,7 +30,7 @@ def bodies(taper: float = 0.74) -> Superquadric:
 
 
 @pytest.fixture
-def one_by_one(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+def one_by_one(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
     """Kernels told to take one point at a time, from a call of this on."""
     def alone(kernel: Any, extents: Any, shapes: Any, given: dict[str, Any], **how: Any) -> None:
         launch(kernel, extents, shapes, given | ({"lanes": False} if "lanes" in given else {}),
@@ -40,7 +40,7 @@ def one_by_one(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
         monkeypatch.setattr(scores, "launch", alone)
         monkeypatch.setattr(elements, "launch", alone)
 
-    yield begin
+    return begin
 
 
 @pytest.fixture(scope="module")
