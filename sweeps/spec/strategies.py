@@ -72,7 +72,8 @@ def _read_strategy(table: Any, path: KeyPath, base_dir: Path,
 
 def _read_call(strategy: Strategy, table: Mapping[str, Any], path: KeyPath, base_dir: Path,
                problems: Problems) -> Strategy:
-    """The planner that a strategy names, and its options."""
+    """The planner that a strategy names, and its options; of one that ships also its budget, where
+    the table has none."""
     call, options = table.get("strategy", strategy.call), table.get("options", {})
     if "strategy" in table:
         clash = [key for key in ("order", "waypoints") if key in table]
@@ -105,6 +106,9 @@ def _read_call(strategy: Strategy, table: Mapping[str, Any], path: KeyPath, base
         make_planner(call, options)
     except PlannerError as error:
         problems.add((*path, "strategy"), str(error))
+    known = STRATEGIES.get(call)
+    if known is not None and known.call == call and "budget" not in table:
+        strategy = replace(strategy, **{key: getattr(known, key) for key in BUDGET_KEYS})
     return replace(strategy, call=call, options=tuple(sorted(options.items())))
 
 

@@ -134,3 +134,20 @@ def test_what_a_planner_prints_is_no_result(
     printed = capsys.readouterr()
     assert json.loads(printed.out)["settings"] == "2"
     assert {"import", "init"} <= set(printed.err.split())
+
+
+@pytest.mark.parametrize(("lines", "budget"), [
+    ('strategy = "any-object"\noptions = { poses = 2 }', (96, None)),
+    ('strategy = "coverage"', (96, None)),
+    ('strategy = "any-object"\nbudget = {}', (None, None)),
+    ('strategy = "any-object"\nbudget = { robot_time_s = 60 }', (None, 60.0)),
+    ('strategy = "mine.py:f"', (None, None)),
+])
+def test_a_planner_that_ships_brings_its_budget_where_an_entry_has_none(
+        tmp_path: Path, lines: str, budget: tuple[int | None, float | None]) -> None:
+    """Or an entry that only sets an option would go on until its steps are used up."""
+    (tmp_path / "mine.py").write_text("def f(belief):\n    return []\n")
+    file = tmp_path / "study.toml"
+    file.write_text(f'schema = 1\nobjects = ["block"]\n{MINE}{lines}\n')
+    strategy = read_spec(file).strategies[0]
+    assert (strategy.touches, strategy.robot_time_s) == budget
