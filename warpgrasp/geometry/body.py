@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -135,28 +136,27 @@ def distance_to_bodies(
     (world,) or (1,), shared). Raises ShapeError where shapes disagree or the scene is on another
     device, ValueError for a body that the scene has not.
     """
-    check_range("body", body, 0, scene.bodies - 1)
-    worlds, count = points_m.shape[:2]
-    out = wp.empty((worlds, count), dtype=vec4, device=device)
-    launch(distance_kernel, {"world": worlds, "point": count},
-           {"body": "world?", "point": "world point", "gradient_distance": "world point"},
-           {"scene": scene, "body": array_of(body, int, device),
-            "point": array_of(points_m, vec3, device), "gradient_distance": out},
-           device=device)
-    values = out.numpy().copy()
+    values = _asked(distance_kernel, vec4, scene, body, points_m, device)
     return values[..., 3], values[..., :3]
 
 
 def signed_distance_to_bodies(
     scene: Scene, body: np.ndarray, points_m: np.ndarray, *, device: str = "cpu"
 ) -> np.ndarray:
-    """The distances of `distance_to_bodies` alone, in half of the time."""
+    """The distances [m] of `distance_to_bodies` alone, (world, point), in half of the time; it
+    raises the same errors."""
+    return _asked(signed_distance_kernel, real, scene, body, points_m, device)
+
+
+def _asked(
+    kernel: Any, answer: Any, scene: Scene, body: np.ndarray, points_m: np.ndarray, device: str
+) -> np.ndarray:
+    """What one of the scene's kernels, whose numbers are of the type `answer`, says of points."""
     check_range("body", body, 0, scene.bodies - 1)
     worlds, count = points_m.shape[:2]
-    out = wp.empty((worlds, count), dtype=real, device=device)
-    launch(signed_distance_kernel, {"world": worlds, "point": count},
-           {"body": "world?", "point": "world point", "distance": "world point"},
+    found = wp.empty((worlds, count), dtype=answer, device=device)
+    launch(kernel, {"world": worlds, "point": count},
+           {"body": "world?", "point": "world point", "found": "world point"},
            {"scene": scene, "body": array_of(body, int, device),
-            "point": array_of(points_m, vec3, device), "distance": out},
-           device=device)
-    return out.numpy()
+            "point": array_of(points_m, vec3, device), "found": found}, device=device)
+    return found.numpy()

@@ -262,12 +262,12 @@ def distance_kernel(
     body: wp.array[int],
     point: wp.array2d[vec3],
     # Distance out:
-    gradient_distance: wp.array2d[vec4],
+    found: wp.array2d[vec4],
 ):
     """Gradient and distance of every point to its world's body."""
     w, i = wp.tid()
     w += first
-    gradient_distance[w, i] = body_distance_grad(scene, body[w % body.shape[0]], point[w, i])
+    found[w, i] = body_distance_grad(scene, body[w % body.shape[0]], point[w, i])
 
 
 @wp.kernel(enable_backward=False)
@@ -279,9 +279,9 @@ def signed_distance_kernel(
     body: wp.array[int],
     point: wp.array2d[vec3],
     # Distance out:
-    distance: wp.array2d[real],
+    found: wp.array2d[real],
 ):
     """Distance of every point to its world's body."""
     w, i = wp.tid()
     w += first
-    distance[w, i] = body_distance(scene, body[w % body.shape[0]], point[w, i])
+    found[w, i] = body_distance(scene, body[w % body.shape[0]], point[w, i])

@@ -2,6 +2,7 @@
 scores, which take the one way for plain bodies on a CPU and the other for all else."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -106,9 +107,8 @@ def test_points_on_the_axes_and_in_the_middle_have_distances() -> None:
     block = sample_body(body_from_name("block"), surface=512, inside=768)
     along = np.linspace(-0.05, 0.05, 11)
     at = np.concatenate([along[:, None] * np.eye(3)[k] for k in range(3)])
-    fields = {**vars(block), "about_m": at, "distance_m": np.zeros(len(at)), "ramp_m": 1.0}
-    own = BodySample(**{k: v for k, v in fields.items() if k in BodySample.__dataclass_fields__})
-    signed = scores._signed_distance(body, own, "cpu")[0]
+    asked = replace(block, about_m=at, distance_m=np.zeros(len(at)), ramp_m=1.0)
+    signed = scores._signed_distance(body, asked, "cpu")[0]
     assert np.isfinite(signed).all()
     expected = np.abs(np.tile(along, 3)) - 0.03  # exact along the axes
     outer = np.abs(np.tile(along, 3)) > 0.02
