@@ -19,7 +19,7 @@ import numpy as np
 from jax.custom_batching import custom_vmap
 
 from fit.optimize.pieces import SLOTS, Span, in_slots, pieces_of
-from fit.optimize.program_cache import load_or_compile
+from fit.optimize.program_cache import cpu_device, load_or_compile
 from fit.optimize.xla_flags import set_xla_flags
 
 POINT_BUCKETS = (32, 64, 128, 256, 512)
@@ -115,7 +115,7 @@ def map_lanes(
         chunk = jax.tree.map(lambda leaf, start=start, rows=rows: _padded(leaf, start, rows), lanes)
         points = jax.tree.map(lambda leaf, start=start, rows=rows, groups=groups: in_slots(
             leaf[start : start + rows], GROUP, groups, slots), by_point)
-        with _lock, jax.enable_x64(True):
+        with _lock, jax.enable_x64(True), jax.default_device(cpu_device()):
             out = jax.device_get(_run(group_function, (
                 np.int64(groups), np.int64(pieces), chunk, points, *shared)))
         parts.append(jax.tree.map(lambda leaf, rows=rows: np.asarray(leaf)[:rows], out))

@@ -11,6 +11,8 @@ PEERS = ("same_closing", "mujoco_rollout", "numba_closing", "jax_closing", "scip
 def markdown(lines: Sequence[Line]) -> str:
     """The tables of one run."""
     head = next((v for v in lines if v["row"] == "environment"), {})
+    if head.get("device", "cpu") != "cpu":
+        return _on_device(head, lines)
     rates = [v for v in lines if v["row"] not in ("environment", "start", "study", *PEERS)]
     text = [f"Commit {str(head.get('commit'))[:10]}, {head.get('processor')}, "
             f"{head.get('cores')} cores, load {head.get('load')} at the start, "
@@ -45,6 +47,26 @@ def markdown(lines: Sequence[Line]) -> str:
                          _rate(v, "per_cpu_s"), v.get("s_ms_each", ""),
                          v.get("cpu_s_ms_each", "")) for v in studies))
     return "\n".join(text) + "\n"
+
+
+def _on_device(head: Line, lines: Sequence[Line]) -> str:
+    """What a device does, beside all cores of its machine."""
+    device = head["device"]
+    pairs = [(v, next((w for w in lines if w.get("device") == device and
+                       all(w[key] == v[key] for key in ("row", "of", "batch", "threads"))), None))
+             for v in lines if v.get("device") == "cpu"]
+    text = [f"Commit {str(head.get('commit'))[:10]}, {head.get('accelerator')}; beside it "
+            f"cores of {head.get('processor')}, load {head.get('load')} at the "
+            f"start, warp-lang {head.get('version.warp-lang')}, jax {head.get('version.jax')}, "
+            f"Python {head.get('python')}. Scores and episodes are made by that many processes, "
+            "which share the device.", ""]
+    return "\n".join(text + _table(
+        ("what", "of", "batch", "cores", "CPU, a second", f"{device}, a second", "ratio",
+         "first call [s]"),
+        ((v["row"], v["of"], v["batch"], v["threads"], _rate(v, "per_s"),
+          _rate(w, "per_s") if w else "", "" if w is None or "failed" in v or "failed" in w else
+          f"{w['per_s'] / v['per_s']:.2g}", (w or {}).get("first_s", ""))
+         for v, w in pairs))) + "\n"
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> list[str]:

@@ -72,24 +72,47 @@ def rows(*, quick: bool, peers: bool) -> Iterator[Row]:
         yield ("trimesh_distances", "trimesh", 500, 1)
 
 
-def bench(out: Path, *, quick: bool, peers: bool, only: Collection[str] = ()) -> int:
+def device_rows(*, quick: bool) -> Iterator[Row]:
+    """What is measured on a device, and beside it on as many cores of its machine: kernels, and
+    scores and episodes, whose processes share the device."""
+    cores = os.cpu_count() or 1
+    yield from (("closings", "block", batch, cores) for batch in ((4096,) if quick else
+                                                                  (4096, 65536)))
+    yield ("touches", "block", 1024 if quick else 16384, cores)
+    yield ("metrics", "block", 256, cores)
+    if not quick:
+        yield from (("closings", of, 65536, cores) for of in ("lightbulb", "mesh"))
+        yield from (("episodes", "ring6", AT_ONCE, workers) for workers in sorted({1, cores}))
+        yield ("episodes", "even", OTHERS["even"], cores)
+        yield ("episodes", "coarse-to-fine", FORESEEN, cores)
+
+
+def bench(out: Path, *, quick: bool, peers: bool, only: Collection[str] = (),
+          device: str = "cpu") -> int:
     """Measure every row, or those of the names `only`; `bench.jsonl` and `bench.md` in `out`.
 
-    The lines go to stdout too. Raises StoreError for a name that no row has.
+    On a `device` that is no CPU they are `device_rows`. The lines go to stdout too. Raises
+    StoreError for a name that no row has, and for peers on a device.
     """
-    names = dict.fromkeys([row[0] for row in rows(quick=quick, peers=peers)] + ["start", "study"])
+    if peers and device != "cpu":
+        raise StoreError("--peers: run on a CPU; leave --device out")
+    every = rows(quick=quick, peers=peers) if device == "cpu" else device_rows(quick=quick)
+    others = ("start", "study") if device == "cpu" else ()
+    names = dict.fromkeys([*(row[0] for row in every), *others])
     for name in only:
         if name not in names:
-            others = {row[0] for row in rows(quick=False, peers=True)}
+            known = {row[0] for row in rows(quick=False, peers=True)}
             raise StoreError(f"--only: no row {name!r}" + (
-                " with --quick or without --peers" if name in others else
-                f"; {choose(name, names)}"))
-    head = {**describe_environment("cpu"), "when": datetime.now(UTC).isoformat(timespec="seconds"),
+                "" if name not in known else
+                " with --quick or without --peers" if device == "cpu" else f" on {device}")
+                + ("" if name in known else f"; {choose(name, names)}"))
+    head = {**describe_environment(device), "when": datetime.now(UTC).isoformat(timespec="seconds"),
             "cores": os.cpu_count(), "load": [round(v, 1) for v in os.getloadavg()]}
     lines = [{"row": "environment", **head}]
     _say(lines[0])
     out.mkdir(parents=True, exist_ok=True)
-    for line in _measured(quick, peers, only):
+    for line in (_measured(quick, peers, only) if device == "cpu" else
+                 _on_both(quick, only, device)):
         lines.append(line)
         _say(line)
         # After every row: who stops it keeps what was measured.
@@ -107,7 +130,13 @@ def _measured(quick: bool, peers: bool, only: Collection[str]) -> Iterator[dict[
             yield from others(quick=quick)
 
 
-def _measure(row: Row, quick: bool) -> dict[str, Any]:
+def _on_both(quick: bool, only: Collection[str], device: str) -> Iterator[dict[str, Any]]:
+    for row in device_rows(quick=quick):
+        if not only or row[0] in only:
+            yield from (_measure(row, quick, where) for where in ("cpu", device))
+
+
+def _measure(row: Row, quick: bool, device: str = "") -> dict[str, Any]:
     """One row; processes run side by side, their rates added."""
     what, of, batch, threads = row
     split = what in _PROCESSES
@@ -117,7 +146,7 @@ def _measure(row: Row, quick: bool) -> dict[str, Any]:
         environment = {**os.environ, "WARPGRASP_THREADS": str(threads),
                        "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=true"}
     command = [sys.executable, "-m", "sweeps.bench.rows", what, of, str(batch)]
-    command += ["--quick"] if quick else []
+    command += [*(["--quick"] if quick else []), *(["--device", device] if device else [])]
     running = [subprocess.Popen(command, env=environment, stdout=subprocess.PIPE,
                                 stderr=subprocess.PIPE, text=True)
                for _ in range(threads if split else 1)]
@@ -134,7 +163,8 @@ def _measure(row: Row, quick: bool) -> dict[str, Any]:
         else:
             failed = (errors.strip().splitlines() or ["failed"])[-1]
     if failed:
-        return {"row": what, "of": of, "batch": batch, "threads": threads, "failed": failed}
+        return {"row": what, "of": of, "batch": batch, "threads": threads, "failed": failed,
+                **({"device": device} if device else {})}
     line = {**measured[0], "threads": threads}
     for key in ("per_s", "count"):
         line[key] = sum(m[key] for m in measured)

@@ -1,6 +1,8 @@
 """What `warpgrasp bench` measures of this package: one function a row, `(of, batch) -> Workload`.
 
-    python -m sweeps.bench.rows ROW OF BATCH [--quick]      prints one JSON line
+    python -m sweeps.bench.rows ROW OF BATCH [--device cuda:0] [--quick]      prints one JSON line
+
+Rows of kernels, `ON_DEVICES`, take a device too.
 """
 
 import json
@@ -21,7 +23,7 @@ def body_of(name: str):
     return mesh_body() if name == "mesh" else body_from_name(name)
 
 
-def closings(of: str, batch: int) -> Workload:
+def closings(of: str, batch: int, device: str = "cpu") -> Workload:
     """Finger closings of `rim12-ring12` (24 poses, two paths): `batch` slots or a few more, of
     robots with the errors of calibration that episodes draw."""
     from strategies.poses.hand_poses import waypoint_poses
@@ -43,20 +45,20 @@ def closings(of: str, batch: int) -> Workload:
     pose = place_objects(ObjectTable(), key)
     prior = draw_prior(body, pose, ObjectTable(), key)
     poses = waypoint_poses(strategy.waypoints, prior, hand, key)
-    scene, which = scene_of([body], "cpu"), np.zeros(1, int)
+    scene, which = scene_of([body], device), np.zeros(1, int)
     moves, actual = move_hand(scene, which, pose, ArmTable(), hand, key, ArmState.home(worlds),
-                              poses, np.ones(poses.shape[:2], bool), commands, device="cpu")
+                              poses, np.ones(poses.shape[:2], bool), commands, device=device)
     errors = draw_calibration(ErrorTable(), key)
 
     def call() -> int:
         felt, _ = close_fingers(scene, which, pose, hand, SensorTable(), key, moves.status, actual,
-                                commands, count, errors=errors)
+                                commands, count, errors=errors, device=device)
         return int(np.isfinite(felt.q_rad[..., 0]).sum())
 
     return Workload("closings", call)
 
 
-def touches(of: str, batch: int) -> Workload:
+def touches(of: str, batch: int, device: str = "cpu") -> Workload:
     """Guarded lines of 1 mm intervals that end on a pad of 16 x 16 taxels, of robots that make one
     after the other."""
     from strategies.poses.postures import poking_pose
@@ -69,7 +71,7 @@ def touches(of: str, batch: int) -> Workload:
     body = body_of(of)
     truth = Truth(np.tile([0.45, 0, 0, 0, 0, 0, 1.0], (batch, 1)))
     robot = Robot([body], np.zeros(1, int), truth, np.arange(batch).astype(np.uint64), ArmTable(),
-                  HandTable(), SensorTable())
+                  HandTable(), SensorTable(), device=device)
     gap, side, height = rng.uniform([0.005, -0.02, 0.03], [0.03, 0.02, 0.09], (batch, 3)).T
     one = extended_of(robot.hand, robot.pads)
     pose = np.stack([poking_pose(one, np.array([x, y, z]), inward, np.array([0.0, 0.0, -1.0]))
@@ -128,7 +130,7 @@ def free_forms(of: str, batch: int) -> Workload:
     return Workload("free forms", call)
 
 
-def metrics(of: str, batch: int) -> Workload:
+def metrics(of: str, batch: int, device: str = "cpu") -> Workload:
     """All scores of recovered superquadrics against a true body."""
     from sweeps.episode.scores import score_superquadrics
 
@@ -136,13 +138,13 @@ def metrics(of: str, batch: int) -> Workload:
     true, pose = body_of(of), np.tile([0.45, 0, 0, 0, 0, 0, 1.0], (batch, 1))
 
     def call() -> int:
-        score_superquadrics(body, true, pose)
+        score_superquadrics(body, true, pose, device=device)
         return batch
 
     return Workload("scores", call)
 
 
-def episodes(of: str, batch: int) -> Workload:
+def episodes(of: str, batch: int, device: str = "cpu") -> Workload:
     """Whole episodes of a shipped strategy: closings, fits, scores, rows written to disk."""
     from strategies.ready_made import STRATEGIES
     from sweeps.episode.episodes import run_episodes
@@ -157,7 +159,7 @@ def episodes(of: str, batch: int) -> Workload:
     def call() -> int:
         nonlocal done
         path = Path(folder) / "unit.parquet"
-        write_unit(path, "bench", run_episodes(cell, np.arange(done, done + batch), "cpu"))
+        write_unit(path, "bench", run_episodes(cell, np.arange(done, done + batch), device))
         extra["bytes_per_episode"] = round(path.stat().st_size / batch)
         path.unlink()
         done += batch
@@ -166,6 +168,8 @@ def episodes(of: str, batch: int) -> Workload:
     return Workload("episodes", call, extra)
 
 
+ON_DEVICES: dict[str, Callable[[str, int, str], Workload]] = {
+    row.__name__: row for row in (closings, touches, metrics, episodes)}
 ROWS: dict[str, Callable[[str, int], Workload]] = {
     row.__name__: row for row in (closings, touches, fits, free_forms, metrics, episodes)}
 
@@ -177,10 +181,13 @@ def main(arguments: list[str]) -> None:
 
     init_warp()
     row, of, batch = arguments[:3]
-    rows = ROWS | bench_peers.PEERS
-    work = rows[row](of, int(batch))
+    if "--device" in arguments:
+        device = arguments[arguments.index("--device") + 1]
+        work, where = ON_DEVICES[row](of, int(batch), device), {"device": device}
+    else:
+        work, where = (ROWS | bench_peers.PEERS)[row](of, int(batch)), {}
     measured = measure(work, quick="--quick" in arguments)
-    print(json.dumps({"row": row, "of": of, "batch": int(batch), **measured}), flush=True)
+    print(json.dumps({"row": row, "of": of, "batch": int(batch), **where, **measured}), flush=True)
 
 
 if __name__ == "__main__":

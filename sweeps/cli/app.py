@@ -60,11 +60,17 @@ def shard_of(text: str) -> tuple[int, int]:
     return int(match[1]), int(match[2])
 
 
-def device_of(text: str) -> str:
-    """A device's name as Warp knows it."""
+def device_of(text: str, *, here: bool = True) -> str:
+    """A device's name as Warp knows it; one of this machine, where it is used `here`."""
     if not re.fullmatch(r"cpu|cuda(:\d{1,2})?", text):
         raise UsageError(f"--device: is {text!r}; should be cpu or cuda:0")
-    return "cuda:0" if text == "cuda" else text
+    device = "cuda:0" if text == "cuda" else text
+    if here and device != "cpu":
+        from sweeps.output import devices
+
+        if device not in (found := devices()):
+            raise UsageError(f"--device: there is no {device} here; there are: {', '.join(found)}")
+    return device
 
 
 DONE = 0

@@ -10,7 +10,7 @@ from typing import Any
 
 from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
 from sweeps.cli.app import DONE, SOME_FAILED
-from sweeps.output import devices, note, say, write_atomic
+from sweeps.output import note, say, write_atomic
 from sweeps.run.grown_units import kept_units
 from sweeps.run.local_engine import UNIT_TIMEOUT_S, Options, run, terminated_as_interrupted
 from sweeps.run.plan import Plan, plan_study
@@ -34,8 +34,6 @@ def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], dev
           address: str | None = None, unit_timeout_s: float = UNIT_TIMEOUT_S,
           verify: bool = False, until: float | None = None) -> int:
     """Runs what is left of a study, then ranks it; `until` its best is known within so much."""
-    if device != "cpu" and engine == "local" and device not in (found := devices()):
-        raise StoreError(f"--device: there is no {device} here; there are: {', '.join(found)}")
     options = Options(workers, shard, device, EPISODES, unit_timeout_s, verify)
     if until is not None:
         return _sweep_until(spec, folder, until, options, settings, as_json, engine, address)

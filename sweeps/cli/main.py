@@ -1,6 +1,7 @@
 """The command line. Commands import what they need when they run, so that help answers at once."""
 
 import gc
+import os
 import sys
 
 from cyclopts import CycloptsError
@@ -19,6 +20,7 @@ search after 100,000 still 30 ms, four times in an episode of `explore`."""
 def main(arguments: list[str] | None = None) -> None:
     """The entry point: runs a command and exits with its code."""
     gc.set_threshold(*GARBAGE_AFTER)
+    os.environ.setdefault("JAX_PLATFORMS", "cpu")  # as workers have it
     code = run(sys.argv[1:] if arguments is None else arguments)
     gc.freeze()  # a collection at exit would take 0.7 s
     sys.exit(code)

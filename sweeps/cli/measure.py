@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sweeps.cli.app import Json, app, count_of
+from sweeps.cli.app import Json, app, count_of, device_of
 
 
 @app.command
@@ -79,7 +79,7 @@ def sensitivity(*, out: Annotated[Path, Parameter(name=["--out", "-o"])],
 def bench(*, out: Annotated[Path, Parameter(name=["--out", "-o"])] = Path("runs/bench"),
           quick: Annotated[bool, Parameter(negative="")] = False,
           peers: Annotated[bool, Parameter(negative="")] = False,
-          only: list[str] | None = None) -> int:
+          only: list[str] | None = None, device: str = "cpu") -> int:
     """Measure this machine: a JSON line for each row, bench.jsonl and bench.md.
 
     Parameters
@@ -94,7 +94,9 @@ def bench(*, out: Annotated[Path, Parameter(name=["--out", "-o"])] = Path("runs/
         Rows of this name alone (repeatable): closings, touches, metrics, fits, free_forms,
         episodes, study, start, and with --peers same_closing, mujoco_rollout, numba_closing,
         jax_closing, scipy_fits, sklearn_free_forms, mujoco_scipy_episode, trimesh_distances.
+    device
+        cpu, or cuda:0: what runs there, beside the same on all cores.
     """
     from sweeps.bench.command import bench as measure_all
 
-    return measure_all(out, quick=quick, peers=peers, only=only or ())
+    return measure_all(out, quick=quick, peers=peers, only=only or (), device=device_of(device))

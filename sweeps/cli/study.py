@@ -137,7 +137,8 @@ def sweep(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])
         raise UsageError("--until: what comes next depends on all units, so it takes no --shard; "
                          "use --engine ray for several machines")
     return commands.sweep(spec, out, workers=count_of(workers, "--workers"), shard=shard_of(shard),
-                          device=device_of(device), settings=set_ or [], engine=engine,
+                          device=device_of(device, here=engine == "local"),
+                          settings=set_ or [], engine=engine,
                           address=address, unit_timeout_s=timeout_of(unit_timeout_s), verify=verify,
                           as_json=json, until=until)
 
@@ -212,7 +213,8 @@ def race(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
     if budget_episodes is not None and budget_episodes < 1:
         raise UsageError(f"--budget-episodes: is {budget_episodes}; should be a whole number "
                          "from 1 on")
-    options = Options(count_of(workers, "--workers"), shard_of(shard), device_of(device), EPISODES,
+    options = Options(count_of(workers, "--workers"), shard_of(shard),
+                      device_of(device, here=engine == "local"), EPISODES,
                       timeout_of(unit_timeout_s))
     return run_race(spec, out, rules=rules_of(within, confidence, start, cap, metric),
                     episodes=budget_episodes, minutes=budget_minutes, metric=metric, over=over,

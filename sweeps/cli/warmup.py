@@ -88,9 +88,11 @@ def compile_explored(device: str) -> None:
 def _load(names: Sequence[str], device: str) -> None:
     import warp as wp
 
+    from warpgrasp.core.kernel_launch import GPU_BLOCK
+
     modules = [wp.get_module(importlib.import_module(name).__name__) for name in names]
     target = wp.get_device(device)
-    wp.force_load(target, modules, 1 if target.is_cpu else None, max_workers=os.cpu_count())
+    wp.force_load(target, modules, 1 if target.is_cpu else GPU_BLOCK, max_workers=os.cpu_count())
 
 
 def compile_fits(device: str) -> float:

@@ -15,6 +15,7 @@ def describe_environment(device: str) -> dict[str, Any]:
     """A record of this machine and installation."""
     return {
         "device": device,
+        **({} if device == "cpu" else {"accelerator": _accelerator(device)}),
         "python": platform.python_version(),
         "system": f"{platform.system()} {platform.machine()}",
         "processor": _processor(),
@@ -27,6 +28,19 @@ def _version(name: str) -> str | None:
     try:
         return version(name)
     except PackageNotFoundError:
+        return None
+
+
+def _accelerator(device: str) -> str | None:
+    """What a GPU is called; None where it is on another machine, of a cluster."""
+    from sweeps.output import init_warp
+
+    init_warp()
+    import warp as wp
+
+    try:
+        return wp.get_device(device).name
+    except ValueError:
         return None
 
 

@@ -44,6 +44,8 @@ ENVIRONMENT = {
     "MKL_NUM_THREADS": "1",
     "WARPGRASP_THREADS": "1",
     "PYTHONHASHSEED": "0",
+    # Fits are computed on a CPU; a JAX that finds a GPU would take most of its memory for nothing.
+    "JAX_PLATFORMS": os.environ.get("JAX_PLATFORMS", "cpu"),
 }
 
 

@@ -23,6 +23,9 @@ from warpgrasp.core.kernel_cache import check_kernels, seal_kernels
 wp.config.log_level = wp.LOG_ERROR  # banners are not results
 _SMALLEST_SLICE = 512  # threads; below, starting a Python thread costs more than it saves
 _SLICES = 16  # for each thread
+GPU_BLOCK = 64
+"""Threads of a block on a GPU. Rows differ in cost, and a block holds its place until its last row
+is done."""
 _pool: ThreadPoolExecutor | None = None
 _thread_count = max(1, int(os.environ.get("WARPGRASP_THREADS", os.cpu_count() or 1)))
 _launched: set[str] = set()
@@ -113,7 +116,8 @@ def _checked(
             _check_shape(kernel.key, argument.label, value, shapes.get(argument.label), bound)
             if value.device != there:
                 raise _elsewhere(kernel.key, argument.label, value.device, device)
-        elif getattr(value, "device", there) != there:  # of a struct of addresses, as a scene
+        elif "device" in getattr(value, "__dict__", ()) and value.device != there:
+            # A struct of addresses, as a scene. Numbers of NumPy have a device too: not in a dict.
             raise _elsewhere(kernel.key, argument.label, value.device, device)
         ordered.append(value)
     unknown = set(arguments) - {argument.label for argument in kernel.adj.args}
@@ -153,7 +157,11 @@ def _run(
     rows, total = dim[0], prod(dim)
     # More slices than threads: rows differ in cost, and a thread that is done takes the next.
     slices = min(_SLICES * _thread_count, rows, total // _SMALLEST_SLICE)
-    if _thread_count == 1 or slices < 2 or not wp.get_device(device).is_cpu:
+    if not wp.get_device(device).is_cpu:
+        for kernel, ordered in steps:
+            wp.launch(kernel, dim=dim, inputs=[0, *ordered], device=device, block_dim=GPU_BLOCK)
+        return
+    if _thread_count == 1 or slices < 2:
         for kernel, ordered in steps:
             wp.launch(kernel, dim=dim, inputs=[0, *ordered], device=device)
         return

@@ -93,3 +93,22 @@ def test_a_program_of_other_options_is_not_kept(
     monkeypatch.setattr(program_cache, "xla_flags_active", lambda: False)
     map_lanes(factors("by other options"), SETS)
     assert not list(folder.iterdir())
+
+
+def test_fits_stay_on_the_cpu_where_jax_prefers_another_device(folder: Path) -> None:
+    """As a GPU is; here a second CPU device stands for it, and is JAX's default."""
+    made = map_lanes(factors(), SETS)
+    text = ("import sys, jax; sys.path.insert(0, sys.argv[1]);"
+            "import test_program_cache as t; from pathlib import Path; kept = Path(sys.argv[2]);"
+            "jax.config.update('jax_default_device', jax.devices()[1]);"
+            "t.program_cache._folder = lambda: kept; run = t.batch._run; where = set();"
+            "seen = lambda out: [where.update(leaf.devices()) for leaf in jax.tree.leaves(out)];"
+            "t.batch._run = lambda *given: (out := run(*given), seen(out))[0];"
+            "print(t.map_lanes(t.factors('again'), t.SETS).tobytes().hex());"
+            "t.batch._programs.clear();"
+            "print(t.map_lanes(t.never('again'), t.SETS).tobytes().hex(), {d.id for d in where})")
+    fresh = subprocess.run(
+        [sys.executable, "-c", text, str(Path(__file__).parent), str(folder)], check=True,
+        capture_output=True, text=True,
+        env={**os.environ, "XLA_FLAGS": "--xla_force_host_platform_device_count=2"})
+    assert fresh.stdout.split() == [made.tobytes().hex()] * 2 + ["{0}"]

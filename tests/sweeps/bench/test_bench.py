@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from sweeps.bench.bench_table import markdown
-from sweeps.bench.command import bench, rows
+from sweeps.bench.command import bench, device_rows, rows
 from sweeps.bench.measure import Workload, measure
-from sweeps.bench.rows import ROWS
+from sweeps.bench.rows import ON_DEVICES, ROWS
 from sweeps.bench.whole_study import marginal
 from sweeps.cli.main import run
 from sweeps.spec.errors import StoreError
@@ -21,6 +21,35 @@ def test_rows_name_what_there_is() -> None:
     assert len(set(every)) == len(every)
     assert {row for row, *_ in every} == set(ROWS)
     assert set(rows(quick=True, peers=False)) < set(every)
+
+
+def test_rows_on_a_device_are_of_kernels() -> None:
+    every = list(device_rows(quick=False))
+    assert len(set(every)) == len(every)
+    assert {row for row, *_ in every} == set(ON_DEVICES)
+    assert {row for row, *_ in device_rows(quick=True)} < set(ON_DEVICES)
+
+
+def test_a_device_is_measured_beside_the_cores_of_its_machine(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def row(asked: Any, quick: bool, device: str) -> dict[str, Any]:
+        what, of, batch, threads = asked
+        line = {"row": what, "of": of, "batch": batch, "threads": threads, "device": device}
+        if of == "mesh" and device != "cpu":
+            return {**line, "failed": "out of memory"}
+        return {**line, "per_s": 3e5 if device == "cpu" else 6e5, "per_cpu_s": 2e3, "first_s": 0.2}
+
+    monkeypatch.setattr("sweeps.bench.command._measure", row)
+    assert bench(tmp_path, quick=False, peers=False, device="cuda:0") == 1  # one failed
+    table = (tmp_path / "bench.md").read_text()
+    assert re.search(r"\| closings \| block \| 4096 \| \d+ \| 300,000 \| 600,000 \| 2 \| 0.2 \|",
+                     table)
+    assert re.search(r"\| closings \| mesh \| 65536 \| \d+ \| 300,000 \| failed \|  \|", table)
+    with pytest.raises(StoreError, match=r"no row 'fits' on cuda:0"):
+        bench(tmp_path, quick=False, peers=False, only=["fits"], device="cuda:0")
+    with pytest.raises(StoreError, match=r"--peers: run on a CPU"):
+        bench(tmp_path, quick=False, peers=True, device="cuda:0")
 
 
 def test_a_name_that_no_row_has_is_named(tmp_path: Path) -> None:
