@@ -76,8 +76,8 @@ def device_rows(*, quick: bool) -> Iterator[Row]:
     """What is measured on a device, and beside it on as many cores of its machine: kernels, and
     scores and episodes, whose processes share the device."""
     cores = os.cpu_count() or 1
-    yield from (("closings", "block", batch, cores) for batch in ((4096,) if quick else
-                                                                  (4096, 65536)))
+    for batch in (4096,) if quick else (4096, 65536, 262144):
+        yield ("closings", "block", batch, cores)
     yield ("touches", "block", 1024 if quick else 16384, cores)
     yield ("metrics", "block", 256, cores)
     if not quick:
