@@ -18,6 +18,7 @@ with a row for each entry of a study, and the columns named. Sources:
 | keys | file | written by |
 |---|---|---|
 | `bench.ROW.OF.BATCH.THREADS.COLUMN` | `bench.jsonl` | `warpgrasp bench --peers` |
+| `gpu.ROW.OF.BATCH.CORES.DEVICE.COLUMN` | `bench_gpu.jsonl` | `warpgrasp bench --device cuda:0` |
 | `paper.TABLE.ROW.COLUMN` | `paper/TABLE.csv` | `warpgrasp paper` |
 | `validate.CHECK.WHAT.COLUMN` | `fidelity/validate.csv` | `warpgrasp validate` |
 | `studies.NAME.ENTRY.COLUMN` | `studies/NAME.csv` | `make studies-docs` |
@@ -30,6 +31,7 @@ import sys
 from collections.abc import Iterator
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import Any
 
 from sweeps.bench import bench_table
 
@@ -53,7 +55,7 @@ def pages() -> list[Path]:
 
 def collect() -> dict[str, float]:
     """The value of every key."""
-    return dict(sorted((key, value) for source in (_bench, _paper, _validate, _studies)
+    return dict(sorted((key, value) for source in (_bench, _gpu, _paper, _validate, _studies)
                        for key, value in source()))
 
 
@@ -70,11 +72,23 @@ def _rows(file: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
+def _lines(name: str) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in (DOCS / name).read_text().splitlines()]
+
+
 def _bench() -> Iterator[tuple[str, float]]:
-    for line in map(json.loads, (DOCS / "bench.jsonl").read_text().splitlines()):
+    for line in _lines("bench.jsonl"):
         name = ".".join(str(line[key]) for key in ("row", "of", "batch", "threads") if key in line)
         yield from _numbers(f"bench.{name}", {
             key: value for key, value in line.items() if key not in ("batch", "threads")})
+
+
+def _gpu() -> Iterator[tuple[str, float]]:
+    for line in _lines("bench_gpu.jsonl"):
+        parts = ("row", "of", "batch", "threads", "device")
+        name = ".".join(str(line[key]) for key in parts if key in line)
+        yield from _numbers(f"gpu.{name}", {
+            key: value for key, value in line.items() if key not in parts})
 
 
 def _paper() -> Iterator[tuple[str, float]]:
@@ -138,10 +152,10 @@ def main() -> int:
     """Writes `figures.json` and the pages."""
     figures = collect()
     FIGURES.write_text(json.dumps(figures, indent=0) + "\n")
-    lines = [json.loads(line) for line in (DOCS / "bench.jsonl").read_text().splitlines()]
     (DOCS / "speed_table.md").write_text(
-        "<!-- written by `make figures` from bench.jsonl; do not edit -->\n\n"
-        "# Every row of the benchmark\n\n" + bench_table.markdown(lines))
+        "<!-- written by `make figures` from bench.jsonl and bench_gpu.jsonl; do not edit -->\n\n"
+        "# Every row of the benchmark\n\n" + bench_table.markdown(_lines("bench.jsonl"))
+        + "\n## On a GPU\n\n" + bench_table.markdown(_lines("bench_gpu.jsonl")))
     if ERRORS.with_suffix(".csv").exists():
         ERRORS.write_text(errors_page(_rows(ERRORS.with_suffix(".csv"))))
     for page in pages():

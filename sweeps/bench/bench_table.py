@@ -55,7 +55,7 @@ def _on_device(head: Line, lines: Sequence[Line]) -> str:
     pairs = [(v, next((w for w in lines if w.get("device") == device and
                        all(w[key] == v[key] for key in ("row", "of", "batch", "threads"))), None))
              for v in lines if v.get("device") == "cpu"]
-    text = [f"Commit {str(head.get('commit'))[:10]}, {head.get('accelerator')}; beside it "
+    text = [f"Commit {str(head.get('commit'))[:10]}, {head.get('accelerator')}, beside "
             f"cores of {head.get('processor')}, load {head.get('load')} at the "
             f"start, warp-lang {head.get('version.warp-lang')}, jax {head.get('version.jax')}, "
             f"Python {head.get('python')}. Scores and episodes are made by that many processes, "
