@@ -36,6 +36,7 @@ from sweeps.episode.scores_lanes import PATCH
 from sweeps.episode.surface_elements import Elements, surface_elements
 from warpgrasp.core.dtypes import real, vec2, vec3
 from warpgrasp.core.kernel_launch import array_of, launch
+from warpgrasp.core.lanes import LANES
 from warpgrasp.geometry.body import (
     Body,
     distance_to_bodies,
@@ -43,7 +44,6 @@ from warpgrasp.geometry.body import (
     signed_distance_to_bodies,
 )
 from warpgrasp.geometry.body_sampling import BodySample, sample_body
-from warpgrasp.geometry.superquadric_lanes import LANES
 
 SURFACE_POINTS, ELEMENTS, INSIDE_POINTS = 2048, 1536, 3072
 AROUND = 16

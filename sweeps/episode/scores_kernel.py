@@ -13,6 +13,7 @@ from sweeps.episode.scores_lanes import (
     signed_distances_in_lanes,
 )
 from warpgrasp.core.dtypes import ONE, TWO, ZERO, real, transform, vec2, vec3, vec4
+from warpgrasp.core.lanes import LANES
 from warpgrasp.geometry.sdf_superquadric import (
     SuperquadricShape,
     deformed_gradient,
@@ -22,7 +23,6 @@ from warpgrasp.geometry.sdf_superquadric import (
     superquadric_is_plain,
     taper_and_bend,
 )
-from warpgrasp.geometry.superquadric_lanes import LANES
 
 _PATCH = wp.constant(PATCH)
 _LANES = wp.constant(LANES)

@@ -16,7 +16,7 @@ from sweeps.episode.scores_lanes import TILE
 from sweeps.episode.surface_elements_kernel import _element_kernel, _octant_kernel, _vertex_kernel
 from warpgrasp.core.dtypes import real, vec3, vec4
 from warpgrasp.core.kernel_launch import array_of, launch
-from warpgrasp.geometry.superquadric_lanes import LANES
+from warpgrasp.core.lanes import LANES
 
 
 class Elements(NamedTuple):

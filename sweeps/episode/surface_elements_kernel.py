@@ -5,6 +5,7 @@ import warp as wp
 
 from sweeps.episode.scores_lanes import elements_in_lanes, gauges_in_lanes
 from warpgrasp.core.dtypes import HALF, ZERO, real, struct, transform, vec3, vec4
+from warpgrasp.core.lanes import LANES
 from warpgrasp.geometry.sdf_primitive import sign_of
 from warpgrasp.geometry.sdf_superquadric import (
     SuperquadricShape,
@@ -14,7 +15,6 @@ from warpgrasp.geometry.sdf_superquadric import (
     superquadric_is_plain,
     taper_and_bend,
 )
-from warpgrasp.geometry.superquadric_lanes import LANES
 
 _LANES = wp.constant(LANES)
 _TINY_AREA = wp.constant(real(1e-300))

@@ -14,7 +14,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "sdf_superquadric": ["SuperquadricShape", "deformed_gradient", "sdf_superquadric_bound_grad",
         "straighten", "superquadric_deformed_gauge", "superquadric_gauge",
         "superquadric_is_plain", "taper_and_bend"],
-    "superquadric_lanes": ["LANES", "SUPERQUADRIC_LANES"],
+    "superquadric_lanes": ["SUPERQUADRIC_LANES"],
     "segment_distance": ["LINK_SAMPLES", "deepest_valley", "link_valley", "lower_end",
         "nearest_along", "nearest_on_link"],
 })

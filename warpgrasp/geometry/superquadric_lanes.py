@@ -1,49 +1,20 @@
-"""Straight superquadrics at several points side by side: C++ for Clang, which compiles Warp's
-kernels for CPUs.
+"""Straight superquadrics at several points side by side, in C++ (`core.lanes`).
 
 The same formulas as `sdf_superquadric`, for one body without bend and `LANES` points in the
-processor's vectors. A power is an exponential of a logarithm, both series of their own, since a
-library takes one number at a time; four powers a point cost a tenth of what they cost there. The
-text begins the body of a `wp.func_native` that has a body as `s`, a `SuperquadricShape`, and its
-`pose`.
+processor's vectors. A power is an exponential of a logarithm, both series; four powers a point cost
+a tenth of what a library's cost. The text begins the body of a `wp.func_native` that has a body as
+`s`, a `SuperquadricShape`, and its `pose`.
 """
 
 from math import factorial, log
 
-LANES = 8
-"""As many doubles as a vector of AVX-512 holds; others take two or four vectors."""
-_TERMS_LOGARITHM = 11
-"""Of the series of log((1 + t) / (1 - t)), |t| up to 0.1716: the first left out is 1e-18."""
+from warpgrasp.core.lanes import lanes_begin, polynomial
+
 _TERMS_EXPONENTIAL = 14
 """Of 2^r, |r| up to a half: the first left out is 4e-18."""
-
-
-def _polynomial(by: str, coefficients: list[float]) -> str:
-    """A polynomial, lowest power first, as sums of pairs, of pairs of pairs and so on (Estrin
-    1960): no product waits for more than four others."""
-    terms, power = [f"{c!r}" for c in coefficients], by
-    while len(terms) > 1:
-        pairs = [" + ".join([low, *(f"{power} * {high}" for high in above)])
-                 for low, *above in (terms[n:n + 2] for n in range(0, len(terms), 2))]
-        terms = [f"({pair})" for pair in pairs]
-        power = f"({power} * {power})"
-    return terms[0]
-
-
 SUPERQUADRIC_LANES = """
-#if !defined(__CUDA_ARCH__)
-    enum { L = LANES };
-    typedef double reals __attribute__((ext_vector_type(L)));
-    typedef double anywhere __attribute__((ext_vector_type(L), aligned(8)));  // in an array
-    typedef decltype(reals() < reals()) flags;  // 0, or all bits of 64
     struct places { reals x, y, z; };
     const double tiny = 1e-12, thin = 0.02;
-    auto bits = [](reals x) { return __builtin_bit_cast(flags, x); };
-    auto real_of = [](flags x) { return __builtin_bit_cast(reals, x); };
-    auto less = [](reals a, reals b) { return a < b ? a : b; };
-    auto more = [](reals a, reals b) { return a > b ? a : b; };
-    auto size_of = [](reals a) { return a < 0.0 ? -a : a; };
-    auto root = [](reals a) { return __builtin_elementwise_sqrt(a); };
     auto dot = [](places a, places b) { return a.x * b.x + a.y * b.y + a.z * b.z; };
     auto from_to = [](places a, places b) { return places{b.x - a.x, b.y - a.y, b.z - a.z}; };
     auto along = [](places a, reals t, places b) {
@@ -74,13 +45,8 @@ SUPERQUADRIC_LANES = """
         return turned_back(places{a.x - pose.p[0], a.y - pose.p[1], a.z - pose.p[2]}); };
 
     auto power = [&](reals base, double exponent) {
-        const flags held = bits(more(base, (reals)tiny));
-        reals c = real_of((held & 0xfffffffffffffLL) | 0x3ff0000000000000LL);
-        const flags wide = c > 1.4142135623730951;
-        c = wide ? c * 0.5 : c;
-        const reals t = (c - 1.0) / (c + 1.0), tt = t * t;
-        reals y = __builtin_convertvector((held >> 52) - 1023 - wide, reals) + t * LOGARITHM;
-        y = more(y * exponent, (reals)-1022.0);
+        const reals y = more(binary_logarithm(more(base, (reals)tiny)) * exponent,
+                             (reals)-1022.0);
         const double shift = 6755399441055744.0;  // leaves whole numbers in the last bits
         const reals n = y + shift, r = y - (n - shift);
         const reals two = real_of(bits(EXPONENTIAL) + (bits(n) << 52));
@@ -142,8 +108,5 @@ SUPERQUADRIC_LANES = """
         return g;
     };
 """
-_LOGARITHM = _polynomial("tt", [2.0 / ((2 * k + 1) * log(2.0)) for k in range(_TERMS_LOGARITHM)])
-_EXPONENTIAL = _polynomial("r", [log(2.0) ** k / factorial(k) for k in range(_TERMS_EXPONENTIAL)])
-for _name, _text in (("LANES", str(LANES)), ("LOGARITHM", _LOGARITHM),
-                     ("EXPONENTIAL", _EXPONENTIAL)):
-    SUPERQUADRIC_LANES = SUPERQUADRIC_LANES.replace(_name, _text)
+_EXPONENTIAL = polynomial("r", [log(2.0) ** k / factorial(k) for k in range(_TERMS_EXPONENTIAL)])
+SUPERQUADRIC_LANES = lanes_begin() + SUPERQUADRIC_LANES.replace("EXPONENTIAL", _EXPONENTIAL)

@@ -341,9 +341,9 @@ def noise_draw(reading_key: wp.uint64):
 
 
 @wp.func
-def pad_taxel_key(key: wp.uint64, finger: int, link: int, taxel: int):
-    """Key of one taxel of one pad of an episode."""
-    return counter_key(counter_key(counter_key(key, _GAIN), finger * 4 + link), taxel)
+def pad_key(key: wp.uint64, finger: int, link: int):
+    """Key of one pad of an episode; taxels are hashed in by the caller."""
+    return counter_key(counter_key(key, _GAIN), finger * 4 + link)
 
 
 @wp.func
@@ -394,4 +394,4 @@ def _pads_kernel(
             taxel = row * _SIDE + column
             count[i, slot, row, column] = wp.uint8(taxel_count(
                 pad, force[i, slot, row, column] * pad.gain[link],
-                pad_taxel_key(key[i], finger, link, taxel), counter_key(read, taxel)))
+                counter_key(pad_key(key[i], finger, link), taxel), counter_key(read, taxel)))

@@ -13,13 +13,16 @@ from warpgrasp.touch.pad_kernel import (
     depth_read,
     noise_draw,
     noise_limit,
-    pad_taxel_key,
+    pad_key,
     taxel_count,
     taxel_force,
     unloaded_count,
 )
+from warpgrasp.touch.taxel_lanes import TAXELS_AT_ONCE, read_unloaded
 
 _SIDE = wp.constant(16)
+_AT_ONCE = wp.constant(TAXELS_AT_ONCE)
+_GROUPS = wp.constant(16 * 16 // TAXELS_AT_ONCE)
 _WINDOW = wp.constant(3)  # taxels each way from the peak that count for the centroid
 
 
@@ -57,6 +60,7 @@ def pad_feels(
 
     Pressed taxels are read first, those that noise alone may raise only if none of them feels.
     """
+    own = pad_key(episode, finger, at.slot)
     for block in range(16):
         bits = near_bits[at.slot, block]
         if bits != 0:
@@ -71,7 +75,7 @@ def pad_feels(
                             force = taxel_force(scene, body, pad, x) * pad.gain[at.slot]
                             taxel = line * _SIDE + column
                             if force > ZERO and real(taxel_count(
-                                    pad, force, pad_taxel_key(episode, finger, at.slot, taxel),
+                                    pad, force, counter_key(own, taxel),
                                     counter_key(reading, taxel))) >= pad.threshold:
                                 return True
     most = noise_limit(pad)
@@ -92,8 +96,7 @@ def pad_feels(
                 row = taxel_row(pad, at, line, turns)
                 x = taxel_place(pad, at, row, column, turns)
                 force = taxel_force(scene, body, pad, x) * pad.gain[at.slot]
-            own = pad_taxel_key(episode, finger, at.slot, taxel)
-            if real(taxel_count(pad, force, own, key)) >= pad.threshold:
+            if real(taxel_count(pad, force, counter_key(own, taxel), key)) >= pad.threshold:
                 return True
     return False
 
@@ -108,10 +111,13 @@ def read_image(
 
     All taxels are first read as unloaded, then the pressed ones with their load.
     """
-    for taxel in range(_SIDE * _SIDE):
-        count = unloaded_count(pad, pad_taxel_key(episode, finger, at.slot, taxel),
-                               counter_key(reading, taxel))
-        image[i, taxel // _SIDE, taxel % _SIDE] = wp.uint8(count)
+    own = pad_key(episode, finger, at.slot)
+    for group in range(_GROUPS):
+        if not read_unloaded(pad.noise, pad.dead, own, reading, group * _AT_ONCE, image, i):
+            for lane in range(_AT_ONCE):
+                taxel = group * _AT_ONCE + lane
+                image[i, taxel // _SIDE, taxel % _SIDE] = wp.uint8(unloaded_count(
+                    pad, counter_key(own, taxel), counter_key(reading, taxel)))
     for block in range(16):
         bits = near_bits[at.slot, block]
         if bits != 0:
@@ -127,7 +133,7 @@ def read_image(
                             if force > ZERO:
                                 taxel = line * _SIDE + column
                                 image[i, line, column] = wp.uint8(taxel_count(
-                                    pad, force, pad_taxel_key(episode, finger, at.slot, taxel),
+                                    pad, force, counter_key(own, taxel),
                                     counter_key(reading, taxel)))
     peak = int(0)
     for taxel in range(_SIDE * _SIDE):

@@ -12,8 +12,8 @@ import sweeps.episode.scores as scores
 import sweeps.episode.surface_elements as elements
 from fit.superquadric.geometry import Superquadric, superquadric, superquadric_inside_outside
 from warpgrasp.core.kernel_launch import launch
+from warpgrasp.core.lanes import LANES
 from warpgrasp.geometry.body_sampling import BodySample, sample_body
-from warpgrasp.geometry.superquadric_lanes import LANES
 from warpgrasp.objects.catalogue import body_from_name
 
 WORLDS = 120
