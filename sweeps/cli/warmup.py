@@ -75,14 +75,15 @@ def compile_explored(device: str) -> None:
     """Compile, on all cores, what `explore` launches and the cache has no version of.
 
     Launches would compile one kernel after another, each when it is met. Kernels in the cache are
-    left to the first launch, which checks them before it loads them.
+    left to the first launch, which checks them before it loads them; on a GPU, where the cache may
+    have those of the CPU alone, all are loaded.
     """
     import warp as wp
 
     from warpgrasp.core.kernel_cache import has_kernels
 
-    if wp.get_device(device).is_cpu:
-        _load([name for name in EXPLORED if not has_kernels(name)], device)
+    missing = [name for name in EXPLORED if not has_kernels(name)]
+    _load(missing if wp.get_device(device).is_cpu else EXPLORED, device)
 
 
 def _load(names: Sequence[str], device: str) -> None:

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from places import PYTHONPATH
@@ -79,6 +80,10 @@ def test_kernels_that_are_kept_are_not_loaded_ahead(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr("warpgrasp.core.kernel_cache.has_kernels", lambda name: name != EXPLORED[1])
     warmup.compile_explored("cpu")
     assert loaded == [EXPLORED[1]]
+    # What is kept may be the CPU's.
+    monkeypatch.setattr("warp.get_device", lambda name: SimpleNamespace(is_cpu=name == "cpu"))
+    warmup.compile_explored("cuda:0")
+    assert loaded[1:] == list(EXPLORED)
 
 
 def test_the_parent_of_a_sweep_simulates_nothing(tmp_path: Path) -> None:
