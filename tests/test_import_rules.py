@@ -97,7 +97,8 @@ def test_folders_and_files_are_small() -> None:
         assert len(files) <= 15, f"{folder}: {len(files)} files"
 
 
-RECORDS = {"probe_status", "catalogue_names", "strategy", "closing_record", "plane_record"}
+RECORDS = {"probe_status", "catalogue_names", "strategy", "closing_record", "plane_record",
+           "closing_kernels"}
 """Files of one small record or list."""
 
 
@@ -160,8 +161,29 @@ def test_jaxopt_lives_in_one_file() -> None:
 def test_warmup_compiles_every_file_with_a_kernel() -> None:
     from sweeps.cli.warmup import KERNEL_MODULES
 
-    assert {name for path, name in FILES.items() if "@wp.kernel" in path.read_text()} == set(
-        KERNEL_MODULES)
+    assert {module_of(path, name) for path, name in FILES.items()
+            if "@wp.kernel" in path.read_text()} == set(KERNEL_MODULES)
+
+
+def module_of(path: Path, name: str) -> str:
+    """Warp's module of a file's kernels: the file itself, unless they name another."""
+    named = set(re.findall(r'@wp\.kernel\(.*module="([\w.]+)"', path.read_text()))
+    assert len(named) <= 1, f"{path}: {named}"
+    return named.pop() if named else name
+
+
+def test_kernels_of_one_module_are_known_together() -> None:
+    """Warp compiles a module again when it learns of another kernel of it."""
+    for path, name in FILES.items():
+        module = module_of(path, name)
+        if module != name:
+            home = next(p for p, n in FILES.items() if n == module)
+            assert name in set(ours(home)), f"{module} does not import {name}"
+            taken = {n.name for n in tree(path).body
+                     if isinstance(n, ast.FunctionDef) and "wp.kernel" in ast.unparse(n)}
+            for other, its in FILES.items():
+                names = {n for m, found in imported(other) if m == name for n in found}
+                assert its == module or not names & taken, f"{its} takes {names & taken} of {name}"
 
 
 def test_what_pages_and_kinds_import_by_name_is_there() -> None:

@@ -90,12 +90,10 @@ def _explored(object_: str, units: str | None, stable_pose: int | None, strategy
         table = object_of_argument(object_, units, stable_pose)
         word = _reconstruct_of_argument(
             reconstruct or ("chosen" if chosen.name == DEFAULT else "superquadric"))
+        from sweeps.cli.warmup import compile_explored
         from sweeps.report.episode_files import explore as explore_object
 
-        if chosen.name == DEFAULT:
-            from sweeps.cli.warmup import compile_explored
-
-            compile_explored(device)
+        compile_explored(chosen, device, bends=word == "chosen")
         out = rest["out"]
         try:
             out.mkdir(parents=True, exist_ok=True)

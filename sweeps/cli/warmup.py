@@ -4,10 +4,14 @@ import importlib
 import os
 import time
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warpgrasp.parameters import FitTable
+
+if TYPE_CHECKING:
+    from strategies.strategy import Strategy
 
 KERNEL_MODULES = (
     "strategies.foresight.aimed_poses_kernel",
@@ -29,10 +33,7 @@ KERNEL_MODULES = (
     "warpgrasp.chain_closing.chain_readout",
     "warpgrasp.chain_closing.chain_self_kernel",
     "warpgrasp.closing.closing_kernel",
-    "warpgrasp.closing.contact_estimate_kernel", "warpgrasp.closing.meeting_kernel",
-    "warpgrasp.closing.friction_kernel", "warpgrasp.closing.near_kernel",
-    "warpgrasp.closing.self_contact_kernel",
-    "warpgrasp.closing.readout",
+    "warpgrasp.closing.closing_kernels",
     "warpgrasp.geometry.scene",
     "warpgrasp.geometry.sdf_grid",
     "warpgrasp.hands.link_frames_kernel",
@@ -44,20 +45,30 @@ KERNEL_MODULES = (
     "warpgrasp.touch.pad_kernel",
     "warpgrasp.sight.silhouette_kernel",
 )
-EXPLORED = (
-    "warpgrasp.closing.meeting_kernel", "warpgrasp.closing.friction_kernel",
-    "warpgrasp.mechanism.arm_motion_kernel",
-    "warpgrasp.closing.readout",
-    "strategies.contacts.field_placing_kernel", "warpgrasp.geometry.scene",
-    "warpgrasp.closing.near_kernel", "warpgrasp.closing.contact_estimate_kernel",
-    "sweeps.episode.scores_kernel", "warpgrasp.closing.self_contact_kernel",
-    "strategies.foresight.occupancy_kernel", "strategies.foresight.prospect_kernel",
-    "warpgrasp.mechanism.puma560_kernel", "strategies.recovery.body_distances_kernel",
-    "sweeps.episode.surface_elements_kernel", "warpgrasp.mechanism.utah_mit_hand_kernel",
-    "strategies.foresight.aimed_poses_kernel",
+TO_CLOSE = ("warpgrasp.closing.closing_kernels", "warpgrasp.mechanism.arm_motion_kernel")
+"""What an episode of `explore` launches that grasps; those that compile longest come first, so that
+the cores are done at about the same time."""
+TO_FOLLOW = ("warpgrasp.touch.guarded_motion_kernel", "warpgrasp.mechanism.puma560_kernel")
+"""Where it follows faces or contours."""
+_FOLLOWING = {"planar", "contour", "decide"}
+TO_RECOVER = (
+    "strategies.contacts.field_placing_kernel", "sweeps.episode.scores_kernel",
+    "warpgrasp.geometry.scene", "sweeps.episode.surface_elements_kernel",
+    "strategies.recovery.body_distances_kernel",
 )
-"""What an episode of `explore` with the default strategy launches; those that compile longest come
-first, so that the cores are done at about the same time."""
+"""Always."""
+TO_PLAN = {
+    **dict.fromkeys(("random", "even", "oracle"), ("warpgrasp.mechanism.puma560_kernel",)),
+    **dict.fromkeys(("coverage", "most-uncertain", "information", "gaussian-process",
+                     "expected-error"),
+                    ("strategies.foresight.foresight_kernel",
+                     "warpgrasp.mechanism.puma560_kernel")),
+    "any-object": (
+        "strategies.foresight.aimed_poses_kernel", "strategies.foresight.occupancy_kernel",
+        "warpgrasp.mechanism.puma560_kernel", "warpgrasp.mechanism.utah_mit_hand_kernel",
+        "strategies.foresight.prospect_kernel"),
+}
+"""By planner."""
 FITS = (("ring6", "block", FitTable()), ("contour-first", "beer_bottle", FitTable()),
         ("ring6", "block", FitTable(taper=False)), ("ring6", "block", FitTable(bend=True)))
 """Strategies, objects and what is fitted, which ask for all programs that ship."""
@@ -71,19 +82,56 @@ def compile_kernels(device: str) -> float:
     return time.perf_counter() - begin
 
 
-def compile_explored(device: str) -> None:
-    """Compile, on all cores, what `explore` launches and the cache has no version of.
+def kernels_explored(strategy: "Strategy") -> list[str]:
+    """Modules with the kernels that an episode of `explore` launches."""
+    return [*(TO_CLOSE if "containment" in strategy.order else ()),
+            *(TO_FOLLOW if _FOLLOWING & set(strategy.order) else ()),
+            *TO_RECOVER, *TO_PLAN.get(strategy.call, ())]
 
-    Launches would compile one kernel after another, each when it is met. Kernels in the cache are
+
+def compile_explored(strategy: "Strategy", device: str, *, bends: bool) -> None:
+    """Compile, on all cores, what `explore` asks for and the caches have no version of.
+
+    Launches would compile one kernel after another, each when it is met, and the programs of the
+    fits after them; `bends` says whether bodies that bend are fitted. Kernels in the cache are
     left to the first launch, which checks them before it loads them; on a GPU, where the cache may
     have those of the CPU alone, all are loaded.
     """
+    from concurrent.futures import ThreadPoolExecutor
+
     import warp as wp
 
     from warpgrasp.core.kernel_cache import has_kernels
 
-    missing = [name for name in EXPLORED if not has_kernels(name)]
-    _load(missing if wp.get_device(device).is_cpu else EXPLORED, device)
+    names = kernels_explored(strategy)
+    if wp.get_device(device).is_cpu:
+        names = [name for name in names if not has_kernels(name)]
+    with ThreadPoolExecutor(1) as beside:
+        fitted = beside.submit(fit_explored, strategy, bends)
+        _load(names, device)
+        fitted.result()
+
+
+def fit_explored(strategy: "Strategy", bends: bool) -> None:
+    """Ask for the programs of the fits of an episode of `explore`, unless some are kept."""
+    from fit.optimize.program_cache import has_cached_programs
+    from fit.revolution.fit import fit_revolution
+    from fit.superquadric.fit import fit_superquadric
+    from fit.superquadric.record import SuperquadricOptions
+    from strategies.recovery.complete_contour import OPTIONS
+
+    if has_cached_programs():
+        return
+    points = 0.03 * np.random.default_rng(0).standard_normal((1, 32, 3)) + [0.45, 0.0, 0.06]
+    for bend in (False, True)[:1 + bends]:
+        fit_superquadric(
+            points, table_z=0.0, free_points=np.full((1, 1, 3), 0.3),
+            free_radius=np.full((1, 1), 0.01), options=SuperquadricOptions(
+                taper=True, bend=bend, loss=FitTable.loss))  # pyright: ignore
+    if strategy.order[0] == "contour":  # of a body that may stand off the table
+        fit_revolution(points, options=OPTIONS)
+    if {"contour", "decide"} & set(strategy.order):
+        fit_revolution(points, table_z=0.0, options=OPTIONS)
 
 
 def _load(names: Sequence[str], device: str) -> None:

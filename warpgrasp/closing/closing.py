@@ -11,11 +11,13 @@ import numpy as np
 import warp as wp
 
 from warpgrasp.closing.closing_kernel import closing_kernel
+from warpgrasp.closing.closing_kernels import (
+    friction_kernel,
+    meeting_kernel,
+    near_kernel,
+    reading_kernel,
+)
 from warpgrasp.closing.closing_record import ClosingRow, ClosingTruthRow
-from warpgrasp.closing.friction_kernel import friction_kernel
-from warpgrasp.closing.meeting_kernel import meeting_kernel
-from warpgrasp.closing.near_kernel import near_kernel
-from warpgrasp.closing.readout import reading_kernel
 from warpgrasp.core.dtypes import transform
 from warpgrasp.core.kernel_launch import array_of, check_range, launch, launch_in_turn
 from warpgrasp.core.random import Purpose, counter_key

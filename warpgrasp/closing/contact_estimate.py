@@ -14,7 +14,7 @@ import numpy as np
 import warp as wp
 
 from warpgrasp.closing.closing import Closing
-from warpgrasp.closing.contact_estimate_kernel import _estimate_kernel
+from warpgrasp.closing.closing_kernels import estimate_kernel
 from warpgrasp.core.dtypes import mat33, transform, vec3, vec4
 from warpgrasp.core.kernel_launch import array_of, launch
 from warpgrasp.mechanism.calibration import place_variance
@@ -91,7 +91,7 @@ def estimate_contacts(
     def put(values: np.ndarray, dtype: type) -> wp.array:
         return array_of(values, dtype, device)
 
-    launch(_estimate_kernel, dict(zip(("world", "probe", "grasp", "finger"), dims, strict=True)), {
+    launch(estimate_kernel, dict(zip(("world", "probe", "grasp", "finger"), dims, strict=True)), {
         "status": each, "hand_pose": "world probe", "q": each, "flexor": each, "extensor": each,
         "moving": each, "point": each, "covariance": each, "normal": each, "link_out": each,
         **dict.fromkeys(("link_weight", *joints, *torques), each)}, {

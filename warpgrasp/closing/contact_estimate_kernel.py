@@ -30,7 +30,6 @@ from warpgrasp.mechanism.utah_mit_hand_kernel import (
 from warpgrasp.probe_status import ProbeStatus
 
 # Loops over the grid of places are not unrolled: they would be copied for every place.
-wp.set_module_options({"max_unroll": 1})
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
 _NAN = wp.constant(real(float("nan")))
 ALONG, AROUND, CAP = 24, 13, 5
@@ -160,8 +159,8 @@ def _ways(
     return ways
 
 
-@wp.kernel(enable_backward=False)
-def _estimate_kernel(
+@wp.kernel(enable_backward=False, module="warpgrasp.closing.closing_kernels")
+def estimate_kernel(
     first: int,
     # Robot:
     hand: Hand,
@@ -191,6 +190,7 @@ def _estimate_kernel(
     torque_out: wp.array4d[vec4],
     torque_sigma: wp.array4d[vec4],
 ):
+    """Where a finger that stopped is believed to have touched."""
     w, p, g, finger = wp.tid()
     w += first
     nan3 = vec3(_NAN, _NAN, _NAN)

@@ -29,13 +29,12 @@ from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, free_joints
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.rubbing.friction_step import next_rubbed, refine_rubbed, start_rubbed
 
-wp.set_module_options({"max_unroll": 1})
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
 _NO_CONTACT = wp.constant(int(ProbeStatus.NO_CONTACT))
 _TENSION_STEP = wp.constant(int(Purpose.TENSION_STEP))
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, module="warpgrasp.closing.closing_kernels")
 def friction_kernel(
     first: int,
     # Scene:

@@ -31,7 +31,6 @@ from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_base, free_joi
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.rubbing.balance import Grip
 
-wp.set_module_options({"max_unroll": 1})
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
 _NO_CONTACT = wp.constant(int(ProbeStatus.NO_CONTACT))
 _TENSION_STEP = wp.constant(int(Purpose.TENSION_STEP))
@@ -60,7 +59,7 @@ def _note_rest(
         felt[w, p, g, f].difference = reading
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, module="warpgrasp.closing.closing_kernels")
 def meeting_kernel(
     first: int,
     # Scene:

@@ -24,7 +24,6 @@ from warpgrasp.mechanism.utah_mit_hand_kernel import (
 )
 from warpgrasp.probe_status import ProbeStatus
 
-wp.set_module_options({"max_unroll": 1})
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
 _NO_CONTACT = wp.constant(int(ProbeStatus.NO_CONTACT))
 _ROUGH = wp.constant(real(1e-4))  # [m]: `free_joints` is of first order
@@ -236,7 +235,7 @@ def first_near(
     return found
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, module="warpgrasp.closing.closing_kernels")
 def near_kernel(
     first: int,
     # Robot:

@@ -37,7 +37,6 @@ from warpgrasp.mechanism.utah_mit_hand_kernel import (
 )
 from warpgrasp.probe_status import ProbeStatus
 
-wp.set_module_options({"max_unroll": 1})
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
 _NO_CONTACT = wp.constant(int(ProbeStatus.NO_CONTACT))
 _TENSION_REST = wp.constant(int(Purpose.TENSION_REST))
@@ -45,7 +44,7 @@ _JOINT = wp.constant(int(Purpose.JOINT))
 _NAN = wp.constant(real(float("nan")))
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, module="warpgrasp.closing.closing_kernels")
 def reading_kernel(
     first: int,
     # Scene:

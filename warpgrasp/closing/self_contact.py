@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 from warpgrasp.closing.closing import Closing
-from warpgrasp.closing.self_contact_kernel import self_gap_kernel
+from warpgrasp.closing.closing_kernels import self_gap_kernel
 from warpgrasp.core.dtypes import real, vec4
 from warpgrasp.core.kernel_launch import launch
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, hand_of

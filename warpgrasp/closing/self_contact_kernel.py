@@ -12,7 +12,6 @@ from warpgrasp.mechanism.utah_mit_hand_kernel import (
     finger_pose,
 )
 
-wp.set_module_options({"max_unroll": 1})
 _FAR = wp.constant(real(1.0))  # [m]
 
 
@@ -26,7 +25,7 @@ def _beside(f: FingerPose, g: FingerPose, reach: real):
     return low - reach < over and under < high + reach
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, module="warpgrasp.closing.closing_kernels")
 def self_gap_kernel(
     first: int,
     # Robot:

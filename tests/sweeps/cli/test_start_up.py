@@ -11,9 +11,10 @@ import pytest
 from places import PYTHONPATH
 from studies import write_spec
 
+from strategies.ready_made import STRATEGIES
 from sweeps.cli import main as cli
 from sweeps.cli import warmup
-from sweeps.cli.warmup import EXPLORED
+from sweeps.cli.warmup import kernels_explored
 
 
 def modules_after(code: str, *arguments: str) -> set[str]:
@@ -59,31 +60,60 @@ def test_what_draws_an_episode_imports_no_simulator() -> None:
 
 
 @pytest.mark.slow
-def test_explore_compiles_at_once_what_the_default_launches() -> None:
+@pytest.mark.parametrize("name", STRATEGIES)
+def test_explore_compiles_at_once_what_its_strategy_launches(name: str) -> None:
     """In a process of its own, since this one has launched the kernels of other tests. Fingers meet
     about a bowl, not about a block."""
-    code = ("import numpy as np; from strategies.ready_made import DEFAULT, STRATEGIES; "
+    code = ("import sys, numpy as np; from strategies.ready_made import STRATEGIES; "
             "from sweeps.episode.episodes import run_block; from sweeps.spec.cell import Cell; "
             "from warpgrasp.objects.families import family_table; "
-            "[run_block(Cell(STRATEGIES[DEFAULT], table, 'it'), np.arange(1), 'cpu') "
-            "for table in ({'name': 'block'}, family_table('bowl-1'))]; "
+            "[run_block(Cell(STRATEGIES[sys.argv[1]], table, 'it'), np.arange(1), 'cpu') "
+            "for table in ({'name': 'block'}, {'name': 'funnel'}, family_table('bowl-1'))]; "
             "from warpgrasp.core import kernel_launch; print(*kernel_launch._launched)")
-    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True,
-                          env={**os.environ, "PYTHONPATH": PYTHONPATH})
-    assert set(EXPLORED) == set(done.stdout.split())
+    done = subprocess.run([sys.executable, "-c", code, name], check=True, capture_output=True,
+                          text=True, env={**os.environ, "PYTHONPATH": PYTHONPATH})
+    assert set(kernels_explored(STRATEGIES[name])) == set(done.stdout.split())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "of", "word"), [
+    ("ring6", "block", "superquadric"), ("any-object", "block", "chosen"),
+    ("contour-first", "beer_bottle", "superquadric"),
+    ("coarse-to-fine", "block", "superquadric")])
+def test_explore_compiles_at_once_the_programs_of_its_fits(
+        tmp_path: Path, name: str, of: str, word: str) -> None:
+    code = ("import sys, numpy as np; from pathlib import Path; name, of, word = sys.argv[1:]; "
+            "from strategies.ready_made import STRATEGIES; from sweeps.cli.warmup import "
+            "fit_explored; from fit.optimize.program_cache import _folder; "
+            "kept = lambda: {file.name for file in _folder().glob('*.xla')}; "
+            "from sweeps.episode.episodes import run_block; from sweeps.spec.cell import Cell; "
+            "from warpgrasp.parameters import FitTable; "
+            "fit_explored(STRATEGIES[name], word == 'chosen'); ahead = kept(); "
+            "run_block(Cell(STRATEGIES[name], {'name': of}, of, fit=FitTable(reconstruct=word)), "
+            "np.arange(1), 'cpu'); print(len(ahead), len(kept() - ahead))")
+    done = subprocess.run(
+        [sys.executable, "-c", code, name, of, word], check=True, capture_output=True, text=True,
+        env={**os.environ, "PYTHONPATH": PYTHONPATH, "XDG_CACHE_HOME": str(tmp_path),
+             "WARPGRASP_CACHE": str(tmp_path)})
+    ahead, later = map(int, done.stdout.split())
+    assert ahead > 0
+    assert later == 0
 
 
 def test_kernels_that_are_kept_are_not_loaded_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
     """Their first launch loads them, after it has checked them."""
     loaded: list[str] = []
     monkeypatch.setattr(warmup, "_load", lambda names, device: loaded.extend(names))
-    monkeypatch.setattr("warpgrasp.core.kernel_cache.has_kernels", lambda name: name != EXPLORED[1])
-    warmup.compile_explored("cpu")
-    assert loaded == [EXPLORED[1]]
+    monkeypatch.setattr(warmup, "fit_explored", lambda strategy, bends: None)
+    strategy = STRATEGIES["even"]
+    every = kernels_explored(strategy)
+    monkeypatch.setattr("warpgrasp.core.kernel_cache.has_kernels", lambda name: name != every[1])
+    warmup.compile_explored(strategy, "cpu", bends=False)
+    assert loaded == [every[1]]
     # What is kept may be the CPU's.
     monkeypatch.setattr("warp.get_device", lambda name: SimpleNamespace(is_cpu=name == "cpu"))
-    warmup.compile_explored("cuda:0")
-    assert loaded[1:] == list(EXPLORED)
+    warmup.compile_explored(strategy, "cuda:0", bends=False)
+    assert loaded[1:] == every
 
 
 def test_the_parent_of_a_sweep_simulates_nothing(tmp_path: Path) -> None:
