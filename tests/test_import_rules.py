@@ -98,7 +98,7 @@ def test_folders_and_files_are_small() -> None:
 
 
 RECORDS = {"probe_status", "catalogue_names", "strategy", "closing_record", "plane_record",
-           "closing_kernels"}
+           "closing_kernels", "chain_closing_kernels"}
 """Files of one small record or list."""
 
 

@@ -13,10 +13,9 @@ import warp as wp
 from warpgrasp.chain.chain_hand import ChainHand, true_chains
 from warpgrasp.chain.chain_kernel import CAPSULES, JOINTS, vec6
 from warpgrasp.chain.torque_sensor import command_range, true_sensors
-from warpgrasp.chain_closing.chain_closing_kernel import chain_closing_kernel
+from warpgrasp.chain_closing.chain_closing_kernels import chain_closing_kernel, chain_reading_kernel
 from warpgrasp.chain_closing.chain_meeting import CLOSE_M, pairs_on_device, resolve_meetings
 from warpgrasp.chain_closing.chain_path import come_bounds, padded
-from warpgrasp.chain_closing.chain_readout import chain_reading_kernel
 from warpgrasp.chain_closing.chain_record import ChainClosingRow, ChainTruthRow
 from warpgrasp.chain_closing.chain_slack import pair_slack
 from warpgrasp.closing.closing import Closing, ClosingTruth

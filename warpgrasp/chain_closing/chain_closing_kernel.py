@@ -43,7 +43,6 @@ from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.rubbing.chain_balance import ChainGrip, ChainRubbed, predicted, start_rubbed
 from warpgrasp.rubbing.friction_step import next_rubbed, refine_rubbed
 
-wp.set_module_options({"max_unroll": 1})
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
 _NO_CONTACT = wp.constant(int(ProbeStatus.NO_CONTACT))
 _TENSION_STEP = wp.constant(int(Purpose.TENSION_STEP))
@@ -114,7 +113,7 @@ def guarded_torque(hand: Chain, believed: Chain, base: transform, command: vec6,
     return felt
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, module="warpgrasp.chain_closing.chain_closing_kernels")
 def chain_closing_kernel(
     first: int,
     # Scene:

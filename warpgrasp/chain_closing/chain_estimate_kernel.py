@@ -45,7 +45,6 @@ from warpgrasp.closing.contact_estimate_kernel import (
 from warpgrasp.core.dtypes import HALF, ONE, PI, ZERO, mat33, real, struct, transform, vec2, vec3
 from warpgrasp.probe_status import ProbeStatus
 
-wp.set_module_options({"max_unroll": 1})
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
 _SELF = wp.constant(int(ProbeStatus.SELF_CONTACT))
 _TORQUES, _SWITCHES = wp.constant(TORQUES), wp.constant(SWITCHES)
@@ -212,7 +211,7 @@ def _felt(
     return felt
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, module="warpgrasp.chain_closing.chain_closing_kernels")
 def chain_estimate_kernel(
     first: int,
     # Robot:

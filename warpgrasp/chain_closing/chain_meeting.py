@@ -9,8 +9,7 @@ import warp as wp
 
 from warpgrasp.chain.chain_hand import ChainHand, capsule_ends, closing_way
 from warpgrasp.chain.chain_kernel import CAPSULES, ChainPose, vec6
-from warpgrasp.chain_closing.chain_meeting_kernel import chain_meeting_kernel
-from warpgrasp.chain_closing.chain_near_kernel import chain_near_kernel
+from warpgrasp.chain_closing.chain_closing_kernels import chain_meeting_kernel, chain_near_kernel
 from warpgrasp.core.dtypes import real, vec3, vec4
 from warpgrasp.core.kernel_launch import launch
 from warpgrasp.core.struct_array import Records, record_type

@@ -38,14 +38,13 @@ from warpgrasp.hand_rest.rubbing_hand import rubbed_at, rubbing_hand
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.rubbing.chain_balance import ChainGrip
 
-wp.set_module_options({"max_unroll": 1})
 _NONE = wp.constant(real(1e9))  # [rad]; at no drive
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
 _NO_CONTACT = wp.constant(int(ProbeStatus.NO_CONTACT))
 _TENSION_STEP = wp.constant(int(Purpose.TENSION_STEP))
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, module="warpgrasp.chain_closing.chain_closing_kernels")
 def chain_meeting_kernel(
     first: int,
     # Scene:

@@ -1,5 +1,5 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
-"""Which hands of chains links may touch in, and from which step on.
+"""How near links of hands of chains come: which hands they may touch in, and from which step on.
 
 Fingers that close alone are followed on their commands. Of a path it is tabulated how near each
 pair of capsules can come on it, whatever steps their fingers are at (`chain_slack`): most pairs
@@ -26,13 +26,13 @@ from warpgrasp.hand_rest.chain_meetings import (
     place_finger,
 )
 
-wp.set_module_options({"max_unroll": 1})
 _ROUGH = wp.constant(real(1e-4))  # [m]: what weight does is found to second order
 _SOON = wp.constant(8)  # steps, in which what it does changes so little that it may begin with it
 _hand_room = wp.types.vector(length=FINGERS, dtype=real)
 _WIDE = wp.constant(real(0.02))  # [m]: pairs as far apart are looked at roughly
 _CLOSE = wp.constant(real(5e-4))  # [m]: a path's least gap is found to within this
 _FARTHEST = wp.constant(real(0.1))  # [m]: nor of one that is larger
+_APART = wp.constant(real(1.0))  # [m]: of fingers that nothing is near to
 
 
 @wp.func
@@ -157,7 +157,7 @@ def first_near(
     return last + 1
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, module="warpgrasp.chain_closing.chain_closing_kernels")
 def chain_near_kernel(
     first: int,
     # Robot:
@@ -217,7 +217,7 @@ def _first_come(come: wp.array4d[real], g: int, finger: int, capsule: int, begin
     return low
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, module="warpgrasp.chain_closing.chain_closing_kernels")
 def path_gap_kernel(
     first: int,
     palm: wp.array2d[vec3],
@@ -257,3 +257,46 @@ def path_gap_kernel(
             t = int(after)
         s = _first_come(come, g, pair.one, pair.capsule, s, (here - least) * HALF + _CLOSE)
     gap[g, k] = least - _CLOSE - _CLOSE
+
+
+@wp.kernel(enable_backward=False, module="warpgrasp.chain_closing.chain_closing_kernels")
+def chain_self_gap_kernel(
+    first: int,
+    # Robot:
+    believed: wp.array2d[Chain],
+    palm: wp.array2d[vec3],
+    palm_balls: wp.array[vec4],
+    pairs: wp.array[CapsulePair],
+    # Drives in, a row a hand:
+    q: wp.array2d[vec6],
+    step: wp.array2d[int],
+    grasp: wp.array[int],
+    path: wp.array3d[vec6],
+    # Scratch:
+    ends: wp.array3d[vec3],
+    balls: wp.array2d[vec4],
+    # Gap out:
+    gap: wp.array2d[real],
+):
+    """The least gap between the skins of a finger and of the others and the palm [m], at most a
+    metre: when the finger stopped, where others that had not were commanded."""
+    i = wp.tid() + first
+    fingers = believed.shape[1]
+    build = ChainBuild()
+    build.palm = palm
+    build.palm_balls = palm_balls
+    build.pairs = pairs
+    build.ends = ends
+    build.balls = balls
+    for f in range(fingers):
+        least = real(_APART)
+        if wp.isfinite(q[i, f][0]):
+            for other in range(fingers):
+                there = q[i, other]
+                if step[i, other] > step[i, f] or not wp.isfinite(there[0]):
+                    there = path[grasp[i], other, wp.max(step[i, f], 0)]
+                place_finger(believed[0, other], there, ends, balls, i, other)
+            for k in range(pairs.shape[0]):
+                if pairs[k].one == f or pairs[k].two == f:
+                    least = wp.min(least, pair_gap(build, pairs[k], i, least))
+        gap[i, f] = least

@@ -33,14 +33,13 @@ from warpgrasp.geometry.segment_distance import lower_end
 from warpgrasp.mechanism.tendon_kernel import moving_sign
 from warpgrasp.probe_status import ProbeStatus
 
-wp.set_module_options({"max_unroll": 1})
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
 _NO_CONTACT = wp.constant(int(ProbeStatus.NO_CONTACT))
 _TENSION_REST = wp.constant(int(Purpose.TENSION_REST))
 _JOINT = wp.constant(int(Purpose.JOINT))
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, module="warpgrasp.chain_closing.chain_closing_kernels")
 def chain_reading_kernel(
     first: int,
     # Scene:

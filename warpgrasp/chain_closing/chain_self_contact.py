@@ -8,9 +8,9 @@ import warp as wp
 
 from warpgrasp.chain.chain_hand import ChainHand, true_chains
 from warpgrasp.chain.chain_kernel import CAPSULES, vec6
+from warpgrasp.chain_closing.chain_closing_kernels import chain_self_gap_kernel
 from warpgrasp.chain_closing.chain_meeting import CLOSE_M, pairs_on_device
 from warpgrasp.chain_closing.chain_path import padded
-from warpgrasp.chain_closing.chain_self_kernel import chain_self_gap_kernel
 from warpgrasp.closing.closing import Closing
 from warpgrasp.core.dtypes import real, vec3, vec4
 from warpgrasp.core.kernel_launch import launch

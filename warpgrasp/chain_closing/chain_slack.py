@@ -19,7 +19,7 @@ from warpgrasp.chain.chain_hand import (
     weight_moments,
 )
 from warpgrasp.chain.chain_kernel import CAPSULES
-from warpgrasp.chain_closing.chain_near_kernel import path_gap_kernel
+from warpgrasp.chain_closing.chain_closing_kernels import path_gap_kernel
 from warpgrasp.core.dtypes import real, vec3
 from warpgrasp.core.kernel_launch import launch
 from warpgrasp.mechanism.calibration import Calibration
