@@ -110,13 +110,14 @@ def compile_explored(strategy: "Strategy", device: str, *, bends: bool) -> None:
 def fit_explored(strategy: "Strategy", bends: bool) -> None:
     """Ask for the programs of the fits of an episode of `explore`, unless some are kept."""
     from fit.optimize.program_cache import has_cached_programs
+
+    if has_cached_programs():
+        return
     from fit.revolution.fit import fit_revolution
     from fit.superquadric.fit import fit_superquadric
     from fit.superquadric.record import SuperquadricOptions
     from strategies.recovery.complete_contour import OPTIONS
 
-    if has_cached_programs():
-        return
     points = 0.03 * np.random.default_rng(0).standard_normal((1, 32, 3)) + [0.45, 0.0, 0.06]
     for bend in (False, True)[:1 + bends]:
         fit_superquadric(

@@ -11,6 +11,7 @@ from functools import lru_cache
 from types import SimpleNamespace
 from typing import Any
 
+import pytest
 import warp as wp
 from warp._src import context
 
@@ -41,7 +42,8 @@ def other_device() -> Iterator[str]:
     """Its name, for as long as it is there."""
     there, copy = _device(), wp.copy
     known: dict[Any, Any] = context.runtime.device_map
-    assert NAME not in known, "this machine has a GPU: nothing needs to stand for one"
+    if NAME in known:
+        pytest.skip("this machine has a GPU, which sweeps.bench.device_agreement compares with")
 
     def copied(dest, source, dest_offset=0, src_offset=0, count=0, stream=None):
         """Between devices Warp asks whether a stream is recorded; CPUs have no streams."""
