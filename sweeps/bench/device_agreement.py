@@ -51,7 +51,8 @@ def robot_of(
 
 
 def closings(name: str, hand: HandTable, worlds: int, device: str) -> tuple[np.ndarray, np.ndarray]:
-    """Steps and joints of all closings of `ring6`."""
+    """Steps (world, probe, grasp, finger) and true joints [rad] (..., joint) of all closings of
+    `ring6`."""
     key = counter_key(7, np.arange(worlds))
     pose = place_objects(ObjectTable(), key)
     prior = draw_prior(body_of(name), pose, ObjectTable(), key)
@@ -63,7 +64,7 @@ def closings(name: str, hand: HandTable, worlds: int, device: str) -> tuple[np.n
 
 
 def lines(worlds: int, device: str) -> tuple[np.ndarray, np.ndarray]:
-    """Steps and contacts of guarded lines towards the block."""
+    """Steps (world,) and contacts [m] (world, 3) of guarded lines towards the block."""
     key = np.arange(worlds).astype(np.uint64)
     pose = np.tile([0.45, 0, 0, 0, 0, 0, 1.0], (worlds, 1))
     robot, _ = robot_of("block", HandTable(), key, pose, device)

@@ -157,13 +157,11 @@ def _run(
     rows, total = dim[0], prod(dim)
     # More slices than threads: rows differ in cost, and a thread that is done takes the next.
     slices = min(_SLICES * _thread_count, rows, total // _SMALLEST_SLICE)
-    if not wp.get_device(device).is_cpu:
+    on_cpu = wp.get_device(device).is_cpu
+    if _thread_count == 1 or slices < 2 or not on_cpu:
         for kernel, ordered in steps:
-            wp.launch(kernel, dim=dim, inputs=[0, *ordered], device=device, block_dim=GPU_BLOCK)
-        return
-    if _thread_count == 1 or slices < 2:
-        for kernel, ordered in steps:
-            wp.launch(kernel, dim=dim, inputs=[0, *ordered], device=device)
+            wp.launch(kernel, dim=dim, inputs=[0, *ordered], device=device,
+                      block_dim=None if on_cpu else GPU_BLOCK)
         return
     if _pool is None:
         _pool = ThreadPoolExecutor(_thread_count, thread_name_prefix="warpgrasp")

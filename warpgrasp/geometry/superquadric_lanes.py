@@ -1,9 +1,9 @@
 """Straight superquadrics at several points side by side, in C++ (`core.lanes`).
 
 The same formulas as `sdf_superquadric`, for one body without bend and `LANES` points in the
-processor's vectors. A power is an exponential of a logarithm, both series; four powers a point cost
-a tenth of what a library's cost. The text begins the body of a `wp.func_native` that has a body as
-`s`, a `SuperquadricShape`, and its `pose`.
+processor's vectors. A power is an exponential of a logarithm, both as series; four powers a point
+cost a tenth of what a library's cost. The text begins the body of a `wp.func_native` that has a
+body as `s`, a `SuperquadricShape`, and its `pose`.
 """
 
 from math import factorial, log

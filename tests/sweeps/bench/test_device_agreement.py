@@ -1,4 +1,4 @@
-"""A device that computes as the CPU does agrees with it; one that does not is told apart."""
+"""A device that computes as the CPU does agrees with it; one that does not is reported."""
 
 import numpy as np
 import pytest
