@@ -124,9 +124,9 @@ def fit_explored(strategy: "Strategy", bends: bool) -> None:
             points, table_z=0.0, free_points=np.full((1, 1, 3), 0.3),
             free_radius=np.full((1, 1), 0.01), options=SuperquadricOptions(
                 taper=True, bend=bend, loss=FitTable.loss))  # pyright: ignore
-    if strategy.order[0] == "contour":  # of a body that may stand off the table
+    if "contour" in strategy.order:  # its profile may end above the table
         fit_revolution(points, options=OPTIONS)
-    if {"contour", "decide"} & set(strategy.order):
+    if "decide" in strategy.order or strategy.order[0] == "contour":
         fit_revolution(points, table_z=0.0, options=OPTIONS)
 
 

@@ -78,7 +78,7 @@ def test_explore_compiles_at_once_what_its_strategy_launches(name: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "of", "word"), [
     ("ring6", "block", "superquadric"), ("any-object", "block", "chosen"),
-    ("contour-first", "beer_bottle", "superquadric"),
+    ("contour-first", "beer_bottle", "superquadric"), ("contour", "block", "superquadric"),
     ("coarse-to-fine", "block", "superquadric")])
 def test_explore_compiles_at_once_the_programs_of_its_fits(
         tmp_path: Path, name: str, of: str, word: str) -> None:
