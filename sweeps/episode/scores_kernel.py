@@ -28,7 +28,8 @@ _PATCH = wp.constant(PATCH)
 _LANES = wp.constant(LANES)
 _MOST = wp.constant(24)
 _Patches = wp.types.vector(length=24, dtype=int)
-_FAR = wp.constant(real(1e6))  # [m]
+_FAR = wp.constant(wp.float32(1e6))  # [m]
+_ROUNDING = wp.constant(real(2e-7))  # of a place in single precision [m]
 _NO_LENGTH = wp.constant(real(1e-18))
 _PROJECTIONS = wp.constant(PROJECTIONS)
 _NEAR = wp.constant(real(NEAR))
@@ -36,12 +37,19 @@ _SETTLED = wp.constant(real(SETTLED))
 
 
 @wp.func
-def _nearest_ball(p: vec3, ball: wp.array2d[real]):
+def _ball_of(ball: wp.array2d[wp.float32], g: int):
+    """Middle and radius."""
+    return vec4(real(ball[0, g]), real(ball[1, g]), real(ball[2, g]), real(ball[3, g]))
+
+
+@wp.func
+def _nearest_ball(p: vec3, ball: wp.array2d[wp.float32]):
     """Which ball's middle is nearest."""
     nearest = int(0)
     least = real(1e18)
     for g in range(ball.shape[1]):
-        square = wp.length_sq(p - vec3(ball[0, g], ball[1, g], ball[2, g]))
+        b = _ball_of(ball, g)
+        square = wp.length_sq(p - vec3(b[0], b[1], b[2]))
         if square < least:
             least = square
             nearest = int(g)
@@ -110,7 +118,8 @@ def _element_distance_kernel(
     # Recovered surface in:
     element: wp.array2d[vec3],
     normal: wp.array2d[vec3],
-    ball: wp.array3d[real],
+    rough: wp.array2d[wp.vec3f],
+    ball: wp.array3d[wp.float32],
     shape: wp.array[SuperquadricShape],
     pose: wp.array[transform],
     # True surface in, points group by group:
@@ -128,8 +137,9 @@ def _element_distance_kernel(
     w, i = wp.tid()
     w += first
     if lanes and superquadric_is_plain(shape[w], pose[w]):
-        distances_in_lanes(w, begin[i], end[i], element, normal, ball, shape[w], pose[w], point,
-                            distance)
+        distances_in_lanes(w, begin[i], end[i], element, normal, rough, ball, shape[w], pose[w],
+                           point,
+distance)
         return
     middle = point[(begin[i] + end[i]) / 2]
     wide = real(0.0)
@@ -144,7 +154,7 @@ def _element_distance_kernel(
     near = _Patches()
     count = int(0)
     for g in range(ball.shape[2]):
-        b = vec4(ball[w, 0, g], ball[w, 1, g], ball[w, 2, g], ball[w, 3, g])
+        b = _ball_of(ball[w], g)
         reach = bound + b[3]
         if wp.length_sq(middle - vec3(b[0], b[1], b[2])) < reach * reach:
             if count < _MOST:
@@ -163,7 +173,7 @@ def _element_distance_kernel(
             g = int(c)
             if shared:
                 g = near[c]
-            b = vec4(ball[w, 0, g], ball[w, 1, g], ball[w, 2, g], ball[w, 3, g])
+            b = _ball_of(ball[w], g)
             reach = away + b[3]
             if wp.length_sq(p - vec3(b[0], b[1], b[2])) < reach * reach:
                 for m in range(g * _PATCH, wp.min((g + 1) * _PATCH, element.shape[1])):
@@ -209,28 +219,30 @@ def _ball_kernel(
     first: int,
     # Recovered surface in:
     element: wp.array2d[vec3],
-    # Balls out:
-    ball: wp.array3d[real],
+    # In single precision out:
+    rough: wp.array2d[wp.vec3f],
+    ball: wp.array3d[wp.float32],
 ):
     """A ball (centre, radius) around every patch of elements that follow each other; those of no
     elements, which fill the last lanes, are far."""
     w, g = wp.tid()
     w += first
     ball[w, 0, g] = _FAR
-    ball[w, 3, g] = ZERO
+    ball[w, 3, g] = wp.float32(0.0)
     stop = wp.min((g + 1) * _PATCH, element.shape[1])
     if g * _PATCH >= stop:
         return
     centre = vec3(ZERO, ZERO, ZERO)
     for k in range(g * _PATCH, stop):
         centre += element[w, k]
+        rough[w, k] = wp.vec3f(element[w, k])
     centre = centre / real(stop - g * _PATCH)
     reach = real(0.0)
     for k in range(g * _PATCH, stop):
         reach = wp.max(reach, wp.length(element[w, k] - centre))
     for axis in range(3):
-        ball[w, axis, g] = centre[axis]
-    ball[w, 3, g] = reach
+        ball[w, axis, g] = wp.float32(centre[axis])
+    ball[w, 3, g] = wp.float32(reach + _ROUNDING)
 
 
 @wp.func

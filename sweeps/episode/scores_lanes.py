@@ -8,6 +8,7 @@ C++ for Clang, see `warpgrasp.geometry.superquadric_lanes`.
 import warp as wp
 
 from warpgrasp.core.dtypes import real, transform, vec3, vec4
+from warpgrasp.geometry.body_sampling import GROUP
 from warpgrasp.geometry.sdf_superquadric import SuperquadricShape
 from warpgrasp.geometry.superquadric_lanes import SUPERQUADRIC_LANES
 
@@ -94,111 +95,127 @@ def elements_in_lanes(
 
 
 _DISTANCES = SUPERQUADRIC_LANES + """
-    // The nearest element of each point.
+    // The nearest element of each point, in single precision: of elements that are as near within
+    // a tenth of a micrometre any will do.
+    enum { W = GROUP };
+    typedef float floats __attribute__((ext_vector_type(W)));
+    typedef float floats_anywhere __attribute__((ext_vector_type(W), aligned(4)));
+    typedef decltype(floats() < floats()) choices;
+    typedef bool bools __attribute__((ext_vector_type(W)));
+    auto mask_of = [](choices c) {  // a bit a lane
+        return (unsigned)__builtin_bit_cast(unsigned short, __builtin_convertvector(c, bools)); };
+    auto lesser = [](floats a, floats b) { return a < b ? a : b; };
+    auto float_root = [](floats a) { return __builtin_elementwise_sqrt(a); };
     const int count = end - begin, elements = element.shape[1], patches = ball.shape[2];
-    const wp::vec3d* on_body = element.data + (size_t)world * elements;
-    const double* balls = ball.data + (size_t)world * 4 * patches;
-    places p = gathered(point.data + begin, [&](int l) { return l < count ? l : 0; });
-    const wp::vec3d middle = point.data[(begin + end) / 2];
-    const places around = {middle[0] - p.x, middle[1] - p.y, middle[2] - p.z};
-    const double wide = __builtin_reduce_max(root(dot(around, around)));
-    auto apart = [&](int g, int of) {  // to the middles of `L` balls
-        return *(const anywhere*)(balls + (size_t)of * patches + g) - middle[of]; };
-    auto away_from = [&](int g) {
-        const reals x = apart(g, 0), y = apart(g, 1), z = apart(g, 2);
-        return x * x + y * y + z * z; };
-    reals least = 1e18;
-    flags first = 0, number;
-    for (int l = 0; l < L; ++l)
-        number[l] = l;
-    for (int g = 0; g < patches; g += L, number += flags(L)) {
-        const reals square = away_from(g);
-        first = square < least ? number : first;
-        least = less(square, least);
+    const wp::vec3f* middles = rough.data + (size_t)world * elements;
+    const float* balls = ball.data + (size_t)world * 4 * patches;
+    floats x, y, z;
+    for (int l = 0; l < W; ++l) {
+        const wp::vec3d& one = point.data[l < count ? begin + l : begin];
+        x[l] = (float)one[0];
+        y[l] = (float)one[1];
+        z[l] = (float)one[2];
     }
-    const double nearest_square = __builtin_reduce_min(least);
-    int nearest = 0;
-    for (int l = L - 1; l >= 0; --l)
-        nearest = least[l] == nearest_square ? first[l] : nearest;
+    const wp::vec3d& middle = point.data[(begin + end) / 2];
+    const float mx = (float)middle[0], my = (float)middle[1], mz = (float)middle[2];
+    const float wide = __builtin_sqrtf(__builtin_reduce_max(
+        (x - mx) * (x - mx) + (y - my) * (y - my) + (z - mz) * (z - mz)));
+    auto away_from = [&](int g) {  // squares of the middle to the middles of `W` balls
+        const floats u = *(const floats_anywhere*)(balls + g) - mx;
+        const floats v = *(const floats_anywhere*)(balls + patches + g) - my;
+        const floats w = *(const floats_anywhere*)(balls + 2 * patches + g) - mz;
+        return u * u + v * v + w * w; };
+    floats least = 1e18f;
+    choices first = 0, number;
+    for (int l = 0; l < W; ++l)
+        number[l] = l;
+    for (int g = 0; g < patches; g += W, number += choices(W)) {
+        const floats square = away_from(g);
+        first = square < least ? number : first;
+        least = lesser(square, least);
+    }
+    const float nearest_square = __builtin_reduce_min(least);
+    const int nearest = first[__builtin_ctz(mask_of(least == nearest_square))];
 
-    reals best = 1e18;
-    flags found = 0;
+    floats closest = 1e18f;
+    choices found = 0;
     auto look = [&](int g) {
         const int stop = wp::min((g + 1) * PATCH, elements);
         for (int m = g * PATCH; m < stop; ++m) {
-            const wp::vec3d& e = on_body[m];
-            const reals x = p.x - e[0], y = p.y - e[1], z = p.z - e[2];
-            const reals square = x * x + y * y + z * z;
-            found = square < best ? flags(m) : found;
-            best = less(square, best);
+            const wp::vec3f& e = middles[m];
+            const floats u = x - e[0], v = y - e[1], w = z - e[2];
+            const floats square = u * u + v * v + w * w;
+            found = square < closest ? choices(m) : found;
+            closest = lesser(square, closest);
         }
     };
     look(nearest);
-    reals away = root(best);
-    const double bound = __builtin_reduce_max(away) + wide;
-    for (int g = 0; g < patches; g += L) {
-        const reals reach = *(const anywhere*)(balls + 3 * (size_t)patches + g) + bound;
-        const flags may = away_from(g) < reach * reach;
-        if (!__builtin_reduce_or(may))
-            continue;
-        for (int l = 0; l < L; ++l) {
-            if (!may[l] || g + l == nearest)
+    floats away = float_root(closest);
+    const float bound = __builtin_reduce_max(away) + wide;
+    for (int g = 0; g < patches; g += W) {
+        const floats reach = *(const floats_anywhere*)(balls + 3 * (size_t)patches + g) + bound;
+        for (unsigned may = mask_of(away_from(g) < reach * reach); may; may &= may - 1) {
+            const int h = g + __builtin_ctz(may);
+            if (h == nearest)
                 continue;
-            const double* b = balls + g + l;
-            const reals x = p.x - b[0], y = p.y - b[patches], z = p.z - b[2 * patches];
-            const reals near = away + b[3 * patches];
-            if (__builtin_reduce_or(x * x + y * y + z * z < near * near)) {
-                look(g + l);
-                away = root(best);
+            const float* b = balls + h;
+            const floats u = x - b[0], v = y - b[patches], w = z - b[2 * patches];
+            const floats near = away + b[3 * patches];
+            if (mask_of(u * u + v * v + w * w < near * near)) {
+                look(h);
+                away = float_root(closest);
             }
         }
     }
 
-    // `_from_place` in the body's frame.
-    auto nearest_one = [&](int l) { return found[l]; };
-    places before = in_frame(gathered(on_body, nearest_one));
-    places outward = turned_back(gathered(normal.data + (size_t)world * elements, nearest_one));
-    p = in_frame(p);
-    const places there = from_to(before, p);
-    places foot = along(p, -dot(there, outward), outward);
-    best = root(dot(there, there));
-    flags going = -1;
-    for (int n = 0; n < PROJECTIONS && __builtin_reduce_or(going); ++n) {
-        const places q = untapered(foot);
-        const slopes g = gauge(q);
-        going &= g.value > 0.0;
-        const reals inward = 1.0 / g.value;
-        const places on = tapered(places{q.x * inward, q.y * inward, q.z * inward});
-        const places v = from_to(on, p);
-        const reals off = root(dot(v, v));
-        best = (going & (off < best)) ? off : best;
-        const places by = tapered_slopes(g.by, on);
-        const reals steep = root(dot(by, by));
-        going &= steep > 0.0;
-        const places facing = {by.x / steep, by.y / steep, by.z / steep};
-        const reals height = dot(v, facing);
-        const places aside = along(v, -height, facing);
-        const reals left = dot(aside, aside);
-        going &= left >= SETTLED * off;
-        const places step = from_to(before, on);
-        const reals gone = dot(step, step);
-        const reals bend = dot(from_to(outward, facing), step) / gone;
-        const flags even = (left < NEAR * gone) & (bend >= 0.0) & (bend * bend * left < NEAR);
-        const reals rise = 1.0 + bend * height;
-        reals round = 2.0 * height + bend * (height * height + left);
-        round = size_of(round / (1.0 + root(rise * rise + bend * bend * left)));
-        round = rise <= 0.0 ? root(left + height * height) : round;
-        best = (going & even & (round < best)) ? round : best;
-        going &= ~even;
-        before = on;
-        outward = facing;
-        foot = along(on, (reals)1.0, aside);
+    for (int from = 0; from < count; from += L) {
+        // `_from_place` in the body's frame.
+        auto of = [&](int l) { return from + l < count ? from + l : 0; };
+        auto nearest_one = [&](int l) { return found[of(l)]; };
+        places before = in_frame(gathered(element.data + (size_t)world * elements, nearest_one));
+        places outward = turned_back(gathered(normal.data + (size_t)world * elements, nearest_one));
+        const places p = in_frame(gathered(point.data + begin, of));
+        const places there = from_to(before, p);
+        places foot = along(p, -dot(there, outward), outward);
+        reals best = root(dot(there, there));
+        flags going = -1;
+        for (int n = 0; n < PROJECTIONS && __builtin_reduce_or(going); ++n) {
+            const places q = untapered(foot);
+            const slopes g = gauge(q);
+            going &= g.value > 0.0;
+            const reals inward = 1.0 / g.value;
+            const places on = tapered(places{q.x * inward, q.y * inward, q.z * inward});
+            const places v = from_to(on, p);
+            const reals off = root(dot(v, v));
+            best = (going & (off < best)) ? off : best;
+            const places by = tapered_slopes(g.by, on);
+            const reals steep = root(dot(by, by));
+            going &= steep > 0.0;
+            const places facing = {by.x / steep, by.y / steep, by.z / steep};
+            const reals height = dot(v, facing);
+            const places aside = along(v, -height, facing);
+            const reals left = dot(aside, aside);
+            going &= left >= SETTLED * off;
+            const places step = from_to(before, on);
+            const reals gone = dot(step, step);
+            const reals bend = dot(from_to(outward, facing), step) / gone;
+            const flags even = (left < NEAR * gone) & (bend >= 0.0) & (bend * bend * left < NEAR);
+            const reals rise = 1.0 + bend * height;
+            reals round = 2.0 * height + bend * (height * height + left);
+            round = size_of(round / (1.0 + root(rise * rise + bend * bend * left)));
+            round = rise <= 0.0 ? root(left + height * height) : round;
+            best = (going & even & (round < best)) ? round : best;
+            going &= ~even;
+            before = on;
+            outward = facing;
+            foot = along(on, (reals)1.0, aside);
+        }
+        for (int l = 0; l < L && from + l < count; ++l)
+            distance.data[(size_t)world * distance.shape[1] + begin + from + l] = best[l];
     }
-    for (int l = 0; l < count; ++l)
-        distance.data[(size_t)world * distance.shape[1] + begin + l] = best[l];
 #endif
 """
-for _name, _value in (("PATCH", PATCH), ("PROJECTIONS", PROJECTIONS), ("NEAR", NEAR),
+for _name, _value in (("GROUP", GROUP), ("PATCH", PATCH), ("PROJECTIONS", PROJECTIONS), ("NEAR", NEAR),
                       ("SETTLED", SETTLED)):
     _DISTANCES = _DISTANCES.replace(_name, str(_value))
 
@@ -206,10 +223,10 @@ for _name, _value in (("PATCH", PATCH), ("PROJECTIONS", PROJECTIONS), ("NEAR", N
 @wp.func_native(_DISTANCES)
 def distances_in_lanes(
     world: int, begin: int, end: int, element: wp.array2d[vec3], normal: wp.array2d[vec3],
-    ball: wp.array3d[real], s: SuperquadricShape, pose: transform, point: wp.array[vec3],
+    rough: wp.array2d[wp.vec3f], ball: wp.array3d[wp.float32], s: SuperquadricShape, pose: transform, point: wp.array[vec3],
     distance: wp.array2d[real],
 ):
-    """Of up to `LANES` points; as `_element_distance_kernel` goes on."""
+    """Of up to `GROUP` points; as `_element_distance_kernel` goes on."""
 
 
 _SIGNED_DISTANCES = SUPERQUADRIC_LANES + """

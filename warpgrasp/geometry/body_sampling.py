@@ -15,7 +15,7 @@ from warpgrasp.geometry.body import Body, BodyError, distance_to_bodies, scene_o
 from warpgrasp.geometry.surface_crossings import Crossings, surface_crossings
 
 _LOG2_POINTS = 18
-GROUP = 8
+GROUP = 16
 _LOG2_LINES = 13  # along each axis; as many as even points, where more are asked
 _OUTSIDE_M = 2e-4
 
@@ -45,7 +45,7 @@ class BodySample:
     def groups(self) -> tuple[np.ndarray, np.ndarray]:
         """First and one past the last of points of the surface that follow each other, lie side by
         side and face about the same way, (group,) each."""
-        begin, first, wide = [], 0, 4.5 * self.spacing_m
+        begin, first, wide = [], 0, 9.0 * self.spacing_m
         while first < len(self.surface_m):
             begin.append(first)
             after = slice(first + 1, first + GROUP)

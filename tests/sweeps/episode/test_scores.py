@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 from fit.revolution.geometry import RevolutionBody, revolution_distance
@@ -20,6 +22,7 @@ from sweeps.episode.scores import (
     score_recovered,
     score_superquadrics,
     scores_again,
+    weighted_quantile,
 )
 from sweeps.validate.bodies.dense_scores import Triangles, elements_of, split, superquadric_corners
 from warpgrasp.geometry.body_sampling import sample_body
@@ -240,3 +243,22 @@ def test_distances_to_a_compound_against_a_formula() -> None:
     found = distance_to_surface(body, points[None])[0]
     assert found.mean() == pytest.approx(true.mean(), rel=0.003)
     assert np.quantile(found - true, 0.99) < 5e-5
+
+
+@given(seed=st.integers(0, 2**32 - 1), count=st.sampled_from([2, 3, 50, 400]),
+       power=st.sampled_from([0.0, 1.0, 30.0]), q=st.sampled_from([0.5, 0.9, 0.95]))
+def test_weighted_quantiles_against_all_values_sorted(
+    seed: int, count: int, power: float, q: float
+) -> None:
+    """Also where a few values hold nearly all, and in rows beside such."""
+    rng = np.random.default_rng(seed)
+    values, share = rng.exponential(size=(4, count)), rng.uniform(size=(4, count))
+    share[::2] **= power
+    share /= share.sum(1, keepdims=True)
+    found = weighted_quantile(values, share, q)
+    for row in range(4):
+        order = np.argsort(values[row])
+        middle = np.cumsum(share[row][order]) - 0.5 * share[row][order]
+        rising = values[row][order]
+        assert found[row] == pytest.approx(np.interp(q, middle, rising), rel=1e-6, abs=1e-9)
+        assert found[row] == weighted_quantile(values[row:row + 1], share[row:row + 1], q)[0]
