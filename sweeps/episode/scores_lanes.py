@@ -215,16 +215,16 @@ _DISTANCES = SUPERQUADRIC_LANES + """
     }
 #endif
 """
-for _name, _value in (("GROUP", GROUP), ("PATCH", PATCH), ("PROJECTIONS", PROJECTIONS), ("NEAR", NEAR),
-                      ("SETTLED", SETTLED)):
+for _name, _value in (("GROUP", GROUP), ("PATCH", PATCH), ("PROJECTIONS", PROJECTIONS),
+                      ("NEAR", NEAR), ("SETTLED", SETTLED)):
     _DISTANCES = _DISTANCES.replace(_name, str(_value))
 
 
 @wp.func_native(_DISTANCES)
 def distances_in_lanes(
     world: int, begin: int, end: int, element: wp.array2d[vec3], normal: wp.array2d[vec3],
-    rough: wp.array2d[wp.vec3f], ball: wp.array3d[wp.float32], s: SuperquadricShape, pose: transform, point: wp.array[vec3],
-    distance: wp.array2d[real],
+    rough: wp.array2d[wp.vec3f], ball: wp.array3d[wp.float32], s: SuperquadricShape,
+    pose: transform, point: wp.array[vec3], distance: wp.array2d[real],
 ):
     """Of up to `GROUP` points; as `_element_distance_kernel` goes on."""
 
