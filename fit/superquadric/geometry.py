@@ -15,7 +15,7 @@ A cylinder along z has e1 ~ 0.1 and e2 ~ 1. Lengths in metres, the bend's curvat
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.special import beta
 
 from fit.rotation import matrix_of_quaternion, turn_points
@@ -109,10 +109,20 @@ def superquadric_areas(body: SuperquadricLike, n: int = 1000) -> tuple[np.ndarra
     return superquadric_points(body, n), np.linalg.norm(_facets(body, n), axis=-1)
 
 
-def _facets(body: SuperquadricLike, n: int) -> np.ndarray:
-    """Area times outward normal [m^2] of each quadrilateral, shape [fit, point, 3]."""
+def superquadric_areas_of(
+    body: SuperquadricLike, n: int, chosen: Int[np.ndarray, "fit chosen"]
+) -> Float[np.ndarray, "fit chosen"]:
+    """Areas [m^2] of the points `chosen` of `superquadric_points` with the same `n`."""
+    return np.linalg.norm(_facets(body, n, chosen), axis=-1)
+
+
+def _facets(body: SuperquadricLike, n: int, chosen: np.ndarray | None = None) -> np.ndarray:
+    """Area times outward normal [m^2] of each quadrilateral, shape [fit, point, 3]; of those
+    `chosen` [fit, point] alone."""
     corners, vertices = cube_grid(max(int(np.ceil(np.sqrt(n / 6))), 1))
-    quads = from_straight_frame(body, _project(body, vertices))[:, corners]
+    vertices = from_straight_frame(body, _project(body, vertices))
+    quads = (vertices[:, corners] if chosen is None
+             else vertices[np.arange(len(vertices))[:, None, None], corners[chosen]])
     return 0.5 * np.cross(quads[:, :, 2] - quads[:, :, 0], quads[:, :, 3] - quads[:, :, 1])
 
 

@@ -14,7 +14,8 @@ from fit.arrays import is_valid, row_medians, row_sums
 from fit.superquadric.geometry import (
     Superquadric,
     SuperquadricLike,
-    superquadric_areas,
+    superquadric_areas_of,
+    superquadric_points,
     superquadric_volume,
 )
 from fit.superquadric.slopes import displaced, radius_slopes
@@ -172,14 +173,17 @@ def _sigma(distance, normal, kept, parameters, covariance, floor) -> np.ndarray:
 
 def _table_slope(body: SuperquadricLike, prior) -> np.ndarray:
     """Derivative of the body's lowest height, averaged over points near it."""
-    points, area = superquadric_areas(body, 600)
+    points = superquadric_points(body, 600)
     height = points[..., 2]
     low, high = height.min(axis=1, keepdims=True), height.max(axis=1, keepdims=True)
-    weight = area * (height - low < 0.01 * (high - low))
+    counts = height - low < 0.01 * (high - low)
+    # Only the lowest points are computed further, summed in order, so that fits are independent.
+    room = counts.sum(axis=1).max(initial=1)
+    lowest = np.argsort(~counts, axis=1, kind="stable")[:, :room]
+    weight = np.zeros(counts.shape)
+    np.put_along_axis(weight, lowest, superquadric_areas_of(body, 600, lowest), axis=1)
+    weight *= counts
     weight = weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-300)
-    # Differentiate only the lowest points, summed in order, so that fits are independent.
-    room = (weight != 0).sum(axis=1).max(initial=1)
-    lowest = np.argsort(weight == 0, axis=1, kind="stable")[:, :room]
     weight = np.take_along_axis(weight, lowest, 1)
     slopes = distance_slopes(body, np.take_along_axis(points, lowest[..., None], 1), prior)
     return np.where(weight[..., None] != 0, weight[..., None] * slopes, 0.0).sum(axis=1)
