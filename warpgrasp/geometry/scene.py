@@ -115,14 +115,19 @@ def _first_row(scene: Scene, body: int):
 
 
 @wp.func(inline=False)
-def _primitive_distance(scene: Scene, row: Primitive, p: vec3):
+def _primitive_distance(
+    primitives: wp.uint64, k: int, profiles: wp.uint64, grids: wp.uint64, x: real, y: real, z: real
+):
+    rows = wp.array(ptr=primitives, shape=(k + 1,), dtype=Primitive)
+    row = rows[k]
+    p = vec3(x, y, z)
     size = row.size
     if row.shape == _BLOCK:
         return sdf_block(p, size)
     if row.shape == _CYLINDER:
         return sdf_cylinder(p, size[0], size[2])
     if row.shape == _REVOLUTION:
-        profile = wp.array(ptr=scene.profile, shape=(scene.profile_count,), dtype=vec2)
+        profile = wp.array(ptr=profiles, shape=(row.first + row.count,), dtype=vec2)
         return sdf_revolution(p, profile, row.first, row.count)
     if row.shape == _WEDGE:
         return sdf_wedge(p, size)
@@ -132,19 +137,24 @@ def _primitive_distance(scene: Scene, row: Primitive, p: vec3):
         return sdf_capsule(p, size[0], size[2])
     if row.shape == _SUPERQUADRIC:
         return sdf_superquadric_bound_grad(p, row.superquadric)[3]
-    grid = wp.array(ptr=scene.grid, shape=(scene.grid_count,), dtype=wp.float32)
+    grid = wp.array(ptr=grids, shape=(1,), dtype=wp.float32)
     return sdf_grid_grad(p, grid, row.first, row.nodes, row.origin, row.cell)[3]
 
 
 @wp.func(inline=False)
-def _primitive_distance_grad(scene: Scene, row: Primitive, p: vec3):
+def _primitive_distance_grad(
+    primitives: wp.uint64, k: int, profiles: wp.uint64, grids: wp.uint64, x: real, y: real, z: real
+):
+    rows = wp.array(ptr=primitives, shape=(k + 1,), dtype=Primitive)
+    row = rows[k]
+    p = vec3(x, y, z)
     size = row.size
     if row.shape == _BLOCK:
         return sdf_block_grad(p, size)
     if row.shape == _CYLINDER:
         return sdf_cylinder_grad(p, size[0], size[2])
     if row.shape == _REVOLUTION:
-        profile = wp.array(ptr=scene.profile, shape=(scene.profile_count,), dtype=vec2)
+        profile = wp.array(ptr=profiles, shape=(row.first + row.count,), dtype=vec2)
         return sdf_revolution_grad(p, profile, row.first, row.count)
     if row.shape == _WEDGE:
         return sdf_wedge_grad(p, size)
@@ -154,7 +164,7 @@ def _primitive_distance_grad(scene: Scene, row: Primitive, p: vec3):
         return sdf_capsule_grad(p, size[0], size[2])
     if row.shape == _SUPERQUADRIC:
         return sdf_superquadric_bound_grad(p, row.superquadric)
-    grid = wp.array(ptr=scene.grid, shape=(scene.grid_count,), dtype=wp.float32)
+    grid = wp.array(ptr=grids, shape=(1,), dtype=wp.float32)
     return sdf_grid_grad(p, grid, row.first, row.nodes, row.origin, row.cell)
 
 
@@ -191,7 +201,9 @@ def body_distance(scene: Scene, body: int, p: vec3):
     first = _first_row(scene, body)
     d = real(0.0)
     for k in range(first, _first_row(scene, body + 1)):
-        other = _primitive_distance(scene, rows[k], _in_primitive_frame(rows[k], p))
+        q = _in_primitive_frame(rows[k], p)
+        other = _primitive_distance(scene.primitives, k, scene.profile, scene.grid, q[0], q[1],
+                                    q[2])
         join = rows[k].join
         if k == first:
             d = other
@@ -205,11 +217,14 @@ def body_distance(scene: Scene, body: int, p: vec3):
 
 
 @wp.func
-def _placed_distance_grad(scene: Scene, row: Primitive, p: vec3):
-    other = _primitive_distance_grad(scene, row, _in_primitive_frame(row, p))
-    if row.placed == 0:
+def _placed_distance_grad(scene: Scene, k: int, p: vec3):
+    rows = wp.array(ptr=scene.primitives, shape=(scene.primitive_count,), dtype=Primitive)
+    q = _in_primitive_frame(rows[k], p)
+    other = _primitive_distance_grad(scene.primitives, k, scene.profile, scene.grid, q[0], q[1],
+                                     q[2])
+    if rows[k].placed == 0:
         return other
-    g = wp.quat_rotate(wp.transform_get_rotation(row.to_body), vec3(other[0], other[1], other[2]))
+    g = wp.quat_rotate(wp.transform_get_rotation(rows[k].to_body), vec3(other[0], other[1], other[2]))
     return vec4(g[0], g[1], g[2], other[3])
 
 
@@ -228,7 +243,7 @@ def body_distance_grad(scene: Scene, body: int, p: vec3):
     found = _Found()
     for k in range(first, _first_row(scene, body + 1)):
         join = rows[k].join
-        other = _placed_distance_grad(scene, rows[k], p) * wp.where(
+        other = _placed_distance_grad(scene, k, p) * wp.where(
             k > first and join == _DIFFERENCE, -ONE, ONE)
         take = other[3] > found.value[3]
         if join == _UNION:
