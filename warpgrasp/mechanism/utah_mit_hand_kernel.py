@@ -85,35 +85,44 @@ def finger_length(hand: Hand):
     return hand.abduction_offset + hand.link_length[0] + hand.link_length[1] + hand.link_length[2]
 
 
-@wp.func(inline=False)
+@wp.func
 def finger_pose(hand: Hand, base: transform, q: vec4):
     """Forward kinematics of one finger, joints (abduction, flexion 1, 2, 3) [rad]."""
+    return _finger_pose(base, hand.abduction_offset, hand.link_length[0], hand.link_length[1],
+                        hand.link_length[2], q[0], q[1], q[2], q[3])
+
+
+@wp.func(inline=False)
+def _finger_pose(
+    base: transform, offset: real, length_1: real, length_2: real, length_3: real, abduction: real,
+    flexion_1: real, flexion_2: real, flexion_3: real
+):
     r = wp.transform_get_rotation(base)
     x = wp.quat_rotate(r, vec3(ONE, ZERO, ZERO))
     y0 = wp.quat_rotate(r, vec3(ZERO, ONE, ZERO))
     z0 = wp.quat_rotate(r, vec3(ZERO, ZERO, ONE))
-    turn = sine_cosine(q[0])
+    turn = sine_cosine(abduction)
     z = z0 * turn[1] + y0 * turn[0]
     f = FingerPose()
     f.side = y0 * turn[1] - z0 * turn[0]
     f.abduct = -x
-    a = q[1]
+    a = flexion_1
     turn = sine_cosine(a)
     f.u1 = x * turn[0] + z * turn[1]
     f.n1 = x * turn[1] - z * turn[0]
-    a += q[2]
+    a += flexion_2
     turn = sine_cosine(a)
     f.u2 = x * turn[0] + z * turn[1]
     f.n2 = x * turn[1] - z * turn[0]
-    a += q[3]
+    a += flexion_3
     turn = sine_cosine(a)
     f.u3 = x * turn[0] + z * turn[1]
     f.n3 = x * turn[1] - z * turn[0]
     f.base = wp.transform_get_translation(base)
-    f.p1 = f.base + z * hand.abduction_offset
-    f.p2 = f.p1 + f.u1 * hand.link_length[0]
-    f.p3 = f.p2 + f.u2 * hand.link_length[1]
-    f.p4 = f.p3 + f.u3 * hand.link_length[2]
+    f.p1 = f.base + z * offset
+    f.p2 = f.p1 + f.u1 * length_1
+    f.p3 = f.p2 + f.u2 * length_2
+    f.p4 = f.p3 + f.u3 * length_3
     return f
 
 
