@@ -100,7 +100,7 @@ def yields_by(hand: Hand, by: vec4):
     return wp.dot(by, by) / hand.stiffness
 
 
-@wp.func(inline=False)
+@wp.func
 def hold_of(
     hand: Any, chain: Any, link: int, contact: int, place: vec3, normal: vec3, depth: real,
     turned: Any, grip: Any, tried: Any, begins: int, none: Any

@@ -6,7 +6,7 @@ As `mechanism.finger_pose`, with what those sums do not need left out.
 
 import warp as wp
 
-from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat33, struct, transform, vec3, vec4
+from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat33, real, struct, transform, vec3, vec4
 from warpgrasp.core.sincos import sine_cosine
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
 
@@ -26,28 +26,37 @@ class LinkChain:
     ways: mat33
 
 
-@wp.func(inline=False)
+@wp.func
 def finger_chain(hand: Hand, base: transform, q: vec4):
     """The chain at joints `q`."""
+    return _finger_chain(base, hand.abduction_offset, hand.link_length[0], hand.link_length[1],
+                         q[0], q[1], q[2], q[3])
+
+
+@wp.func(inline=False)
+def _finger_chain(
+    base: transform, offset: real, length_1: real, length_2: real, abduction: real,
+    flexion_1: real, flexion_2: real, flexion_3: real
+):
     chain = LinkChain()
     r = wp.transform_get_rotation(base)
     chain.origin = wp.transform_get_translation(base)
     x = wp.quat_rotate(r, vec3(ONE, ZERO, ZERO))
     y = wp.quat_rotate(r, vec3(ZERO, ONE, ZERO))
     z = wp.quat_rotate(r, vec3(ZERO, ZERO, ONE))
-    turn = sine_cosine(q[0])
-    turn1 = sine_cosine(q[1])
-    turn2 = sine_cosine(q[1] + q[2])
-    turn3 = sine_cosine(q[1] + q[2] + q[3])
+    turn = sine_cosine(abduction)
+    turn1 = sine_cosine(flexion_1)
+    turn2 = sine_cosine(flexion_1 + flexion_2)
+    turn3 = sine_cosine(flexion_1 + flexion_2 + flexion_3)
     chain.x = x
     chain.side = y * turn[1] - z * turn[0]
     z = z * turn[1] + y * turn[0]
     u = x * turn1[0] + z * turn1[1]
     u2 = x * turn2[0] + z * turn2[1]
     u3 = x * turn3[0] + z * turn3[1]
-    p1 = chain.origin + z * hand.abduction_offset
-    p2 = p1 + u * hand.link_length[0]
-    p3 = p2 + u2 * hand.link_length[1]
+    p1 = chain.origin + z * offset
+    p2 = p1 + u * length_1
+    p3 = p2 + u2 * length_2
     # Rows are looked up: a vector assigned in a branch would be copied at its end.
     chain.starts = mat33(p1[0], p1[1], p1[2], p2[0], p2[1], p2[2], p3[0], p3[1], p3[2])
     chain.ways = mat33(u[0], u[1], u[2], u2[0], u2[1], u2[2], u3[0], u3[1], u3[2])
