@@ -50,7 +50,7 @@ class _Found:
     near: Near
 
 
-@wp.func(inline=False)
+@wp.func
 def link_valley(
     scene: Scene, body: int, a: vec3, u: vec3, low: real, high: real, start: real, rate: real,
     enough: real, convex: bool
@@ -61,6 +61,18 @@ def link_valley(
     of a `convex` body the search ends where the plane through the body's nearest point shows that
     the whole segment stays beyond `enough` by half as much as the place evaluated.
     """
+    return _link_valley(scene, body, a[0], a[1], a[2], u[0], u[1], u[2], low, high, start, rate,
+                        enough, convex)
+
+
+@wp.func(inline=False)
+def _link_valley(
+    scene: Scene, body: int, ax: real, ay: real, az: real, ux: real, uy: real, uz: real, low: real,
+    high: real, start: real, rate: real, enough: real, convex: bool
+):
+    # Numbers, which go in registers: a vector is written to the stack, and waited for there.
+    a = vec3(ax, ay, az)
+    u = vec3(ux, uy, uz)
     near = Near()
     below = real(low)
     above = real(high)
@@ -120,7 +132,7 @@ def link_valley(
     return near
 
 
-@wp.func(inline=False)
+@wp.func
 def nearest_on_link(
     scene: Scene, body: int, a: vec3, u: vec3, length: real, guess: real, bend: real,
     samples: int, enough: real
@@ -132,6 +144,17 @@ def nearest_on_link(
     without any, as before a convex body, which has one valley, the middle of the link begins. A
     distance above `enough` may be a lower bound.
     """
+    return _nearest_on_link(scene, body, a[0], a[1], a[2], u[0], u[1], u[2], length, guess, bend,
+                            samples, enough)
+
+
+@wp.func(inline=False)
+def _nearest_on_link(
+    scene: Scene, body: int, ax: real, ay: real, az: real, ux: real, uy: real, uz: real,
+    length: real, guess: real, bend: real, samples: int, enough: real
+):
+    a = vec3(ax, ay, az)
+    u = vec3(ux, uy, uz)
     spacing = length / real(wp.max(samples - 1, 1))
     found = _Found()
     found.near.distance = real(1e9)
