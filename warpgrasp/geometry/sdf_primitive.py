@@ -176,7 +176,7 @@ def _nearer(best: vec3, p: vec2, a: vec2, b: vec2):
     return best
 
 
-@wp.func(inline=False)
+@wp.func
 def sdf_revolution_section(rho: real, z: real, profile: wp.array[vec2], first: int, count: int):
     """Signed offset (rho, z, sign) from the nearest point of a profile closed by its two ends.
 
