@@ -4,6 +4,7 @@
 import warp as wp
 
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, quat, real, struct, transform, vec3, vec4
+from warpgrasp.core.frame_axes import frame_axes
 from warpgrasp.core.sincos import sine_cosine
 
 THUMB = wp.constant(3)
@@ -97,10 +98,10 @@ def _finger_pose(
     base: transform, offset: real, length_1: real, length_2: real, length_3: real, abduction: real,
     flexion_1: real, flexion_2: real, flexion_3: real
 ):
-    r = wp.transform_get_rotation(base)
-    x = wp.quat_rotate(r, vec3(ONE, ZERO, ZERO))
-    y0 = wp.quat_rotate(r, vec3(ZERO, ONE, ZERO))
-    z0 = wp.quat_rotate(r, vec3(ZERO, ZERO, ONE))
+    axes = frame_axes(wp.transform_get_rotation(base))
+    x = axes[0]
+    y0 = axes[1]
+    z0 = axes[2]
     turn = sine_cosine(abduction)
     z = z0 * turn[1] + y0 * turn[0]
     f = FingerPose()

@@ -7,6 +7,7 @@ As `mechanism.finger_pose`, with what those sums do not need left out.
 import warp as wp
 
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat33, real, struct, transform, vec3, vec4
+from warpgrasp.core.frame_axes import frame_axes
 from warpgrasp.core.sincos import sine_cosine
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
 
@@ -39,11 +40,11 @@ def _finger_chain(
     flexion_1: real, flexion_2: real, flexion_3: real
 ):
     chain = LinkChain()
-    r = wp.transform_get_rotation(base)
+    axes = frame_axes(wp.transform_get_rotation(base))
     chain.origin = wp.transform_get_translation(base)
-    x = wp.quat_rotate(r, vec3(ONE, ZERO, ZERO))
-    y = wp.quat_rotate(r, vec3(ZERO, ONE, ZERO))
-    z = wp.quat_rotate(r, vec3(ZERO, ZERO, ONE))
+    x = axes[0]
+    y = axes[1]
+    z = axes[2]
     turn = sine_cosine(abduction)
     turn1 = sine_cosine(flexion_1)
     turn2 = sine_cosine(flexion_1 + flexion_2)
