@@ -13,6 +13,7 @@ skipped, and contact points are followed from where they were.
 import warp as wp
 
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, greater, mat33, mat44, real, struct, vec3, vec4
+from warpgrasp.core.frame_axes import frame_axes
 from warpgrasp.core.sincos import sine_cosine
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.geometry.segment_distance import lower_end, nearest_on_link
@@ -111,11 +112,11 @@ def finger_energy(
     rest.drive = -lag * k
     rest.gradient = past * hand.stop
     # The chain of `finger_pose`, link by link.
-    r = wp.transform_get_rotation(base)
+    axes = frame_axes(wp.transform_get_rotation(base))
     origin = wp.transform_get_translation(base)
-    x = wp.quat_rotate(r, vec3(ONE, ZERO, ZERO))
-    y = wp.quat_rotate(r, vec3(ZERO, ONE, ZERO))
-    z = wp.quat_rotate(r, vec3(ZERO, ZERO, ONE))
+    x = axes[0]
+    y = axes[1]
+    z = axes[2]
     turn = sine_cosine(q[0])
     turn1 = sine_cosine(q[1])
     turn2 = sine_cosine(q[1] + q[2])
