@@ -124,14 +124,15 @@ def chain_pose(hand: Chain, base: transform, q: vec6):
     pose = ChainPose()
     at = wp.transform_get_translation(base)
     turn = wp.transform_get_rotation(base)
+    rows = wp.array(ptr=hand.joints, shape=(_JOINTS,), dtype=ChainJoint)
     for j in range(hand.joint_count):
-        joint = chain_joint(hand, j)
-        at = at + wp.quat_rotate(turn, wp.transform_get_translation(joint.place))
-        turn = turn * wp.transform_get_rotation(joint.place)
-        axis = wp.quat_rotate(turn, joint.axis)
-        half = sine_cosine(HALF * (joint.factor * q[joint.drive] + joint.shift))
-        turn = turn * quat(joint.axis[0] * half[0], joint.axis[1] * half[0],
-                           joint.axis[2] * half[0], half[1])
+        place = rows[j].place
+        about = rows[j].axis
+        at = at + wp.quat_rotate(turn, wp.transform_get_translation(place))
+        turn = turn * wp.transform_get_rotation(place)
+        axis = wp.quat_rotate(turn, about)
+        half = sine_cosine(HALF * (rows[j].factor * q[rows[j].drive] + rows[j].shift))
+        turn = turn * quat(about[0] * half[0], about[1] * half[0], about[2] * half[0], half[1])
         pose.at[j] = at
         pose.axis[j] = axis
         pose.turn[j, 0] = turn[0]
@@ -164,9 +165,9 @@ def link_place(pose: ChainPose, joint: int, at: vec3):
 def chain_jacobian(hand: Chain, pose: ChainPose, joint: int, x: vec3, d: vec3):
     """Motion along `d` of the point `x` of a joint's link per radian of each drive."""
     by = vec6()
+    rows = wp.array(ptr=hand.joints, shape=(_JOINTS,), dtype=ChainJoint)
     for j in range(joint + 1):
-        row = chain_joint(hand, j)
-        by[row.drive] += row.factor * wp.dot(wp.cross(pose.axis[j], x - pose.at[j]), d)
+        by[rows[j].drive] += rows[j].factor * wp.dot(wp.cross(pose.axis[j], x - pose.at[j]), d)
     return by
 
 
@@ -189,13 +190,13 @@ def weight_along(hand: Chain, pose: ChainPose, up: vec3):
         # From the tip inwards: what turns a joint is what lies beyond it.
         carried = real(0.0)
         moment = vec3(ZERO, ZERO, ZERO)
+        rows = wp.array(ptr=hand.joints, shape=(_JOINTS,), dtype=ChainJoint)
         for beyond in range(hand.joint_count):
             j = hand.joint_count - 1 - beyond
-            row = chain_joint(hand, j)
-            carried += row.weight
-            moment += placed(pose.at[j], pose.turn[j], row.centre) * row.weight
+            carried += rows[j].weight
+            moment += placed(pose.at[j], pose.turn[j], rows[j].centre) * rows[j].weight
             arm = moment - pose.at[j] * carried
-            turns[row.drive] -= row.factor * wp.dot(wp.cross(pose.axis[j], arm), up)
+            turns[rows[j].drive] -= rows[j].factor * wp.dot(wp.cross(pose.axis[j], arm), up)
     return turns
 
 
