@@ -224,7 +224,8 @@ def _placed_distance_grad(scene: Scene, k: int, p: vec3):
                                      q[2])
     if rows[k].placed == 0:
         return other
-    g = wp.quat_rotate(wp.transform_get_rotation(rows[k].to_body), vec3(other[0], other[1], other[2]))
+    turn = wp.transform_get_rotation(rows[k].to_body)
+    g = wp.quat_rotate(turn, vec3(other[0], other[1], other[2]))
     return vec4(g[0], g[1], g[2], other[3])
 
 
