@@ -17,7 +17,6 @@ from fit.arrays import rows_of
 from fit.implicit.known import KnownProcess, fit_known, known_slopes, shared_error_means
 from fit.implicit.record import ImplicitFit, Mean
 from strategies.contacts.field_placing import (
-    can_be_placed,
     field_of_process,
     link_stations,
     places_on_field,
@@ -72,15 +71,15 @@ def placed_freely(
     """Contacts of all worlds as placed on free forms of their own, and their deviations along the
     normal [m], (world, point).
 
-    `felt` has contacts as they were felt, `links` how fingers stood. Contacts of hands that are
-    chains and those of pads are not placed anew; they, too, are moved by what all contacts
-    together tell of the robot's errors, if `calibration` says how large those of hand and arm may
-    be. Where there are no `links`, all stay where they are.
+    `felt` has contacts as they were felt, `links` how fingers stood. Those of pads are not placed
+    anew; they, too, are moved by what all contacts together tell of the robot's errors, if
+    `calibration` says how large those of hand and arm may be. Where there are no `links`, all stay
+    where they are.
     """
     placed, sigma = felt, _first_sigma(felt)
     if links is None or not felt.mask.any():
         return placed, sigma
-    if can_be_placed(links) and (felt.mask & links.linked).any():
+    if (felt.mask & links.linked).any():
         stations = link_stations(links)
         for turn in range(ROUNDS):
             fits = fit_placed(placed, sigma, table, PLACING)
