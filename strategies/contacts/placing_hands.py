@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import warp as wp
-from jaxtyping import Int
+from jaxtyping import Bool, Int
 
 from strategies.contacts.finger_touch import TouchedLinks
 from warpgrasp.chain.chain_hand import chain_of_table, true_chains
@@ -14,6 +14,10 @@ from warpgrasp.core.dtypes import transform, vec3, vec4
 from warpgrasp.core.kernel_launch import array_of
 from warpgrasp.mechanism.utah_mit_hand import hand_of
 from warpgrasp.parameters import ContactTable, HandTable
+
+ENOUGH_TORQUES = 4
+"""Of a finger, by which they tell which link touched, where along it, which way the surface looks
+and how hard."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +80,17 @@ def placing_hand(table: HandTable, device: str) -> PlacingHand:
         theirs.chain_station_kernel, theirs.chain_field_kernel, theirs.chain_placing_kernel,
         true_chains(chain, table, ContactTable(), no_chain_errors(chain), device),
         {"hand": "1 finger"}, vec6, vec6, joint_of)
+
+
+def told_by_torques(links: TouchedLinks) -> Bool[np.ndarray, "world point"]:
+    """Of which contacts the torques alone say about where on the finger they are: not of fingers
+    with few drives, or with a switch."""
+    chain = chain_of_table(links.hand)
+    if chain is None:
+        return np.ones(links.finger.shape, bool)
+    torques = chain.model.senses in ("joint_torques", "tendons")
+    told = np.array([torques and len(own) >= ENOUGH_TORQUES for own in chain.drives])
+    return told[links.finger]
 
 
 def _array(values: np.ndarray, kind: Any, device: str, fill: float = 0.0) -> wp.array:

@@ -24,6 +24,7 @@ from strategies.contacts.field_placing import (
     sampled_field,
 )
 from strategies.contacts.finger_touch import TouchedLinks
+from strategies.contacts.placing_hands import told_by_torques
 from strategies.contacts.shared_errors import shared_vectors
 from strategies.recovery.belief import Belief
 from strategies.recovery.evidence import CONTRADICTED_FROM, SURE_LINK, Evidence
@@ -62,6 +63,18 @@ BODY = KnownProcess(length_m=0.05)
 """Of the last fit [est]."""
 DIGITS = 9
 """Of the field that contacts are placed by [m]: its products round by how they are computed."""
+
+
+def begun_freely(felt: Evidence, modelled: Evidence, links: TouchedLinks | None) -> Evidence:
+    """Contacts as `placed_freely` begins with them: as they were `felt`, but as they were placed on
+    the model where torques alone hardly tell a place. It is centimetres off there."""
+    if links is None or told_by_torques(links).all():
+        return felt
+    own = ~told_by_torques(links)
+    return replace(felt, **{
+        name: np.where(own.reshape(*own.shape, *[1] * (getattr(felt, name).ndim - 2)),
+                       getattr(modelled, name), getattr(felt, name))
+        for name in ("points_m", "covariance_m2", "normals", "contradiction")})
 
 
 def placed_freely(
@@ -117,8 +130,9 @@ def believed_freely(belief: Belief, worlds: np.ndarray | int) -> ImplicitFit:
     if belief.unplaced is None:
         raise ValueError("belief: does not say where contacts were felt")
     own = np.atleast_1d(worlds)
-    return fitted_freely(rows_of(belief.unplaced, own), rows_of(belief.links, own), belief.fit,
-                         (belief.errors, belief.arm))[0]
+    links = rows_of(belief.links, own)
+    begun = begun_freely(rows_of(belief.unplaced, own), rows_of(belief.evidence, own), links)
+    return fitted_freely(begun, links, belief.fit, (belief.errors, belief.arm))[0]
 
 
 def _calibrated(placed: Evidence, sigma: np.ndarray, links: TouchedLinks,
