@@ -23,6 +23,8 @@ from warpgrasp.mechanism.utah_mit_hand_kernel import (
     link_start,
 )
 
+_BALL = wp.constant(real(1e-5))  # [m] what is shorter has no side: a ball has the axis it is given
+
 
 @struct
 class ChainAt:
@@ -126,15 +128,16 @@ def radius_of(hand: Chain, link: int):  # noqa: F811
 
 @wp.func
 def round_end(hand: Hand, link: int):
-    """1 of a link that touches with its end too, else 0."""
+    """What of a link's end touches: nothing 0, a half ball 1."""
     return wp.where(link == 2, 1, 0)
 
 
 @wp.func
 def round_end(hand: Chain, link: int):  # noqa: F811
-    """1 of a capsule that touches with its end too: of the last link, or a ball; else 0."""
-    last = chain_capsule(hand, link).joint == hand.joint_count - 1
-    return wp.where(last or length_of(hand, link) == ZERO, 1, 0)
+    """The same of a capsule; 2 of a ball, which touches all around."""
+    if length_of(hand, link) < _BALL:
+        return 2
+    return wp.where(chain_capsule(hand, link).joint == hand.joint_count - 1, 1, 0)
 
 
 @wp.func

@@ -168,7 +168,7 @@ def write_field(
         if link_weight[joint_of(hand, link)] >= UNLIKELY:
             a = start_at(f, link)
             u = direction_at(f, link)
-            for k in range(_ALONG + round_end(hand, link)):
+            for k in range(_ALONG + wp.min(round_end(hand, link), 1)):
                 field[world, point, link * _STATIONS + k] = body_at(
                     a + u * station_along(k, length_of(hand, link)), shape, pose)
 
@@ -178,7 +178,8 @@ def places_of_link(
     f: Any, link: int, ends: int, length: real, radius: real, lean: real, felt: Any, root: Any,
     believed: FieldAt, place_sigma: real, turn_sigma: real, farthest: real
 ):
-    """The posterior over the places of one link; with `ends` 1 it has a round tip."""
+    """The posterior over the places of one link; with `ends` 1 it has a round tip, with 2 it is a
+    ball."""
     post = Place()
     post.least = WORST
     post.alone_least = WORST
@@ -186,7 +187,7 @@ def places_of_link(
     a = start_at(f, link)
     u = direction_at(f, link)
     sharp = ONE / (turn_sigma * turn_sigma)
-    stations = _ALONG + ends
+    stations = _ALONG + wp.min(ends, 1)
     for k in range(stations):
         tip = k == _ALONG
         along = station_along(k, length)
@@ -196,7 +197,7 @@ def places_of_link(
         inwards = wp.dot(towards, u)
         middle = towards - u * inwards
         if tip:
-            middle = towards - u * wp.min(inwards, ZERO)
+            middle = towards - u * wp.where(ends == 2, ZERO, wp.min(inwards, ZERO))
         if wp.length(middle) > _FLAT:
             middle = wp.normalize(middle)
             e1 = wp.normalize(wp.cross(u, middle))
@@ -212,7 +213,7 @@ def places_of_link(
                         p = (real(i) * _CAP_STEP - _WIDEST) * turn_sigma
                         q = (real(j) * _CAP_STEP - _WIDEST) * turn_sigma
                         d = wp.normalize(middle + e1 * p + e2 * q)
-                        if wp.dot(d, u) >= ZERO:
+                        if wp.dot(d, u) >= ZERO or ends == 2:
                             off = wp.length_sq(d - towards) * sharp
                             chi = _unexplained(f, link, x, d, radius, lean, felt, root, total)
                             here = with_direction(here, d, chi[0] + off, chi[1])

@@ -3,6 +3,7 @@ superquadric that a field is of; the Utah-MIT hand as its own kernels have it.""
 
 from dataclasses import replace
 from importlib.resources import files
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -171,3 +172,29 @@ def test_a_switch_tells_no_more_than_that_the_last_link_touched() -> None:
     assert abs((found.point_m[0, 0] - middle) @ along) < 0.3 * np.linalg.norm(end - start)
     spread = along @ found.covariance_m2[0, 0] @ along - NORMAL_SIGMA_M**2
     assert spread == pytest.approx(np.sum((end - start)**2) / 12.0, rel=0.5)
+
+
+@pytest.mark.parametrize("joint", [2, 3])
+def test_a_ball_is_touched_from_all_sides(joint: int, tmp_path: Path) -> None:
+    """By a plane at its skin, whichever way the ball's axis, which has no length, is taken to be.
+    """
+    text = Path(AS_CHAIN.kind).read_text()
+    for length in ("28.0", "33.0"):
+        text = text.replace(f"[[0.0, 0.0, 0.0], [0.0, 0.0, {length}]]",
+                            f"[[0.0, 0.0, {length}], [0.0, 0.0, {length}]]")
+    (tmp_path / "balls.toml").write_text(text)
+    normal = np.random.default_rng(3).normal(size=(1, 40, 3))
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    links = no_links(1, 40, HandTable(kind=str(tmp_path / "balls.toml")))
+    weight = np.zeros_like(links.weight)
+    weight[..., joint] = 1.0
+    links = replace(links, linked=np.ones((1, 40), bool), weight=weight,
+                    hand_pose=np.tile([0, 0, 0, 0, 0, 0, 1.0], (1, 40, 1)))
+    stations = link_stations(links)
+    centre = stations[:, :, 13 * (joint - 1)]
+    distance = np.einsum("wpsi,wpi->wps", stations - centre[:, :, None], normal) + 0.008
+    everywhere = np.repeat(normal[:, :, None], stations.shape[2], 2)
+    found = placed(links, links.linked, distance, everywhere)
+    assert (found.chance == 1.0).all()
+    assert np.allclose(found.normal, normal, atol=1e-2)
+    assert np.allclose(found.point_m, centre - 0.008 * normal, atol=1e-4)
