@@ -38,7 +38,7 @@ def link_stations(links: TouchedLinks, *, device: str = "cpu"
     worlds, points = links.finger.shape
     each = f"world point {hand.links * STATIONS}"
     station = wp.zeros((worlds, points, hand.links * STATIONS), dtype=vec3, device=device)
-    given = hand.placed(links, device)
+    given = hand.stood(links, device)
     launch(hand.station, {"world": worlds, "point": points}, {
         **hand.shapes, **dict.fromkeys(given, "world point"), "station": each}, {
         "hand": hand.hand, **given, "station": station}, device=device)
@@ -80,7 +80,7 @@ def superquadric_field(
     shapes disagree."""
     hand = placing_hand(links.hand, device)
     field = wp.empty((*asked.shape, hand.links * STATIONS), dtype=vec4, device=device)
-    given = {"kept": array_of(asked, wp.bool, device), **hand.placed(links, device),
+    given = {"kept": array_of(asked, wp.bool, device), **hand.stood(links, device),
              **hand.weights(links, device)}
     launch(hand.superquadric_field, {"world": asked.shape[0], "point": asked.shape[1]}, {
         **hand.shapes, "shape": "world", "pose": "world",
@@ -104,7 +104,7 @@ def places_on_field(
     found = {name: wp.empty(asked.shape, dtype=kind, device=device) for name, kind in (
         ("point", vec3), ("covariance", mat33), ("normal", vec3), ("chance", real),
         ("misfit", real))}
-    given = {"kept": array_of(asked, wp.bool, device), **hand.placed(links, device),
+    given = {"kept": array_of(asked, wp.bool, device), **hand.stood(links, device),
              **hand.torques(links, device), **hand.weights(links, device),
              "lean": array_of(lean_share * links.friction, real, device)}
     launch(hand.placing, {"world": asked.shape[0], "point": asked.shape[1]}, {

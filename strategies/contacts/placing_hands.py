@@ -12,7 +12,7 @@ from strategies.contacts.finger_touch import TouchedLinks
 from warpgrasp.chain.chain_hand import chain_of_table, true_chains
 from warpgrasp.core.dtypes import transform, vec3, vec4
 from warpgrasp.core.kernel_launch import array_of
-from warpgrasp.mechanism.utah_mit_hand import hand_of
+from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, hand_of
 from warpgrasp.parameters import ContactTable, HandTable
 
 ENOUGH_TORQUES = 4
@@ -43,7 +43,7 @@ class PlacingHand:
         """Of the finger that has most."""
         return self.joint_of.shape[1]
 
-    def placed(self, links: TouchedLinks, device: str) -> dict[str, wp.array]:
+    def stood(self, links: TouchedLinks, device: str) -> dict[str, wp.array]:
         """How fingers stood."""
         return {"hand_pose": array_of(links.hand_pose, transform, device),
                 "q": _array(links.q_rad, self.joint_vector, device),
@@ -67,7 +67,8 @@ def placing_hand(table: HandTable, device: str) -> PlacingHand:
 
         return PlacingHand(
             own.station_kernel, own.superquadric_field_kernel, own.field_placing_kernel,
-            hand_of(table), {}, vec4, vec3, np.tile(np.arange(vec3._length_), (4, 1)))
+            hand_of(table), {}, vec4, vec3,
+            np.tile(np.arange(len(table.link_length_m)), (FINGER_COUNT, 1)))
     # Imported for hands that are chains alone.
     from strategies.contacts import chain_placing_kernel as theirs
     from warpgrasp.chain.chain_kernel import vec6
