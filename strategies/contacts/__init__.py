@@ -5,12 +5,11 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "body_uncertainty": ["BodyUncertainty", "INADEQUATE_FROM", "calibrated_uncertainty",
         "surface_spread"],
-    "chain_placing": ["chain_places"],
-    "field_placing": ["can_be_placed", "field_of_process", "link_stations", "places_on_field",
+    "field_placing": ["field_of_process", "link_stations", "places_on_field",
         "possible_stations", "sampled_field", "superquadric_field"],
     "felt": ["Felt"], "volume_spread": ["FeltBy", "VolumeSigns", "interval_trusted"],
     "finger_touch": ["TouchedLinks", "joined_links", "links_of_touches", "no_links",
         "touched_links"],
-    "placing_posterior": ["world_radius"],
+    "placing_hands": ["told_by_torques"], "placing_posterior": ["world_radius"],
     "shared_errors": ["shared_shifts", "shared_vectors"],
 })

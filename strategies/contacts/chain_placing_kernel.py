@@ -1,34 +1,80 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
-"""Where capsules of a hand of chains touch a believed body: the torques of a finger and the body
-taken together, by the mathematics of `placing_posterior`."""
+"""As `field_placing_kernel`, of hands that are chains: a finger's links are its capsules here."""
 
 import warp as wp
 
-from strategies.contacts.link_places import ChainAt, direction_at
+from strategies.contacts.link_places import ChainAt
 from strategies.contacts.placing_posterior import (
-    ALONG,
-    UNLIKELY,
-    SuperquadricAt,
-    places_of_link,
+    FieldAt,
+    placed_contact,
+    write_field,
+    write_stations,
 )
-from strategies.contacts.placing_sums import NEGLIGIBLE, WORST, Place
-from warpgrasp.chain.chain_kernel import CAPSULES, JOINTS, Chain, chain_capsule, chain_pose, vec6
-from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat33, real, transform, vec3
+from warpgrasp.chain.chain_kernel import JOINTS, Chain, chain_pose, vec6, vec12
+from warpgrasp.core.dtypes import ONE, ZERO, mat33, real, transform, vec3, vec4
 from warpgrasp.geometry.sdf_superquadric import SuperquadricShape
 
-_STEP = wp.constant(real(1.0 / ALONG))
-_JOINTS, _CAPSULES = wp.constant(JOINTS), wp.constant(CAPSULES)
-_logs = wp.types.vector(length=CAPSULES, dtype=real)
+_JOINTS = wp.constant(JOINTS)
+
+
+@wp.func
+def _chain_at(hand: Chain, hand_pose: transform, q: vec6):
+    f = ChainAt()
+    f.hand = hand
+    f.pose = chain_pose(hand, hand_pose, q)
+    return f
+
+
+@wp.kernel(enable_backward=False)
+def chain_station_kernel(
+    first: int,
+    # Links in:
+    hand: wp.array2d[Chain],
+    hand_pose: wp.array2d[transform],
+    q: wp.array2d[vec6],
+    finger: wp.array2d[int],
+    # Places out:
+    station: wp.array3d[vec3],
+):
+    """Where the stations of a finger's capsules are, capsule by capsule."""
+    w, i = wp.tid()
+    w += first
+    f = _chain_at(hand[0, finger[w, i]], hand_pose[w, i], q[w, i])
+    write_stations(f, f.hand, w, i, station)
+
+
+@wp.kernel(enable_backward=False)
+def chain_field_kernel(
+    first: int,
+    # Bodies in:
+    shape: wp.array[SuperquadricShape],
+    pose: wp.array[transform],
+    # Links in:
+    hand: wp.array2d[Chain],
+    kept: wp.array2d[wp.bool],
+    hand_pose: wp.array2d[transform],
+    q: wp.array2d[vec6],
+    finger: wp.array2d[int],
+    link_weight: wp.array2d[vec6],
+    # Normals and distances out:
+    field: wp.array3d[vec4],
+):
+    """At the stations of capsules that contacts may be on; others are not looked at."""
+    w, i = wp.tid()
+    w += first
+    if not kept[w, i]:
+        return
+    f = _chain_at(hand[0, finger[w, i]], hand_pose[w, i], q[w, i])
+    write_field(f, f.hand, link_weight[w, i], shape[w], pose[w], w, i, field)
 
 
 @wp.kernel(enable_backward=False)
 def chain_placing_kernel(
     first: int,
     # Bodies in:
-    shape: wp.array[SuperquadricShape],
-    pose: wp.array[transform],
+    field: wp.array3d[vec4],
     # Links in:
-    hands: wp.array2d[Chain],
+    hand: wp.array2d[Chain],
     kept: wp.array2d[wp.bool],
     hand_pose: wp.array2d[transform],
     q: wp.array2d[vec6],
@@ -48,7 +94,7 @@ def chain_placing_kernel(
     chance: wp.array2d[real],
     misfit: wp.array2d[real],
 ):
-    """The likeliest place of each contact; `chance` is that of the link that bears it."""
+    """`field` holds normal and distance at the stations of every contact."""
     w, i = wp.tid()
     w += first
     point[w, i] = vec3(ZERO, ZERO, ZERO)
@@ -58,54 +104,19 @@ def chain_placing_kernel(
     misfit[w, i] = ZERO
     if not kept[w, i]:
         return
-    f = ChainAt()
-    f.hand = hands[0, finger[w, i]]
-    f.pose = chain_pose(f.hand, hand_pose[w, i], q[w, i])
-    believed = SuperquadricAt()
-    believed.shape = shape[w]
-    believed.pose = pose[w]
+    f = _chain_at(hand[0, finger[w, i]], hand_pose[w, i], q[w, i])
+    believed = FieldAt()
+    believed.stations = field
+    believed.world = w
+    believed.point = i
     root = vec6()
     for d in range(_JOINTS):
         root[d] = ONE / torque_sigma[w, i][d]
-    felt = wp.cw_mul(torque[w, i], root)
-    best = Place()
-    best.least = WORST
-    best_capsule = int(-1)
-    most = real(-WORST)
-    logs = _logs()
-    for c in range(f.hand.capsule_count):
-        logs[c] = -WORST
-        capsule = chain_capsule(f.hand, c)
-        if link_weight[w, i][capsule.joint] >= UNLIKELY:
-            length = wp.length(capsule.end - capsule.start)
-            ends = wp.where(capsule.joint == f.hand.joint_count - 1 or length == ZERO, 1, 0)
-            post = places_of_link(f, c, ends, length, capsule.radius, lean[w, i], felt, root,
-                                  believed, place_sigma, turn_sigma, farthest)
-            if post.weight > ZERO:
-                logs[c] = wp.log(post.weight) - HALF * post.least
-                if logs[c] > most:
-                    most = logs[c]
-                    best = post
-                    best_capsule = c
-    if best_capsule < 0:
-        return
-    bears = chain_capsule(f.hand, best_capsule)
-    alike = real(0.0)
-    others = real(0.0)
-    for c in range(f.hand.capsule_count):
-        share = wp.exp(wp.max(logs[c] - most, -NEGLIGIBLE))
-        others += share
-        if chain_capsule(f.hand, c).joint == bears.joint:
-            alike += share
-    outward = wp.normalize(best.outward)
-    u = direction_at(f, best_capsule)
-    cell = wp.length(bears.end - bears.start) * _STEP
-    mean = best.alone_along / best.alone
-    spread = wp.max(best.alone_square / best.alone - mean * mean, cell * cell / real(12.0))
-    point[w, i] = best.axis / best.weight + outward * bears.radius
-    # Of the place along the axis as torques tell it: what the body says is no evidence of its own.
-    covariance[w, i] = (wp.identity(n=3, dtype=wp.float64) * normal_variance
-                        + wp.outer(u, u) * spread)
-    normal[w, i] = -outward
-    chance[w, i] = alike / others
-    misfit[w, i] = best.misfit
+    found = placed_contact(
+        f, f.hand, wp.cw_mul(torque[w, i], root), root, link_weight[w, i], vec12(), lean[w, i],
+        believed, place_sigma, turn_sigma, farthest, normal_variance)
+    point[w, i] = found.point
+    covariance[w, i] = found.covariance
+    normal[w, i] = found.normal
+    chance[w, i] = found.chance
+    misfit[w, i] = found.misfit

@@ -6,18 +6,11 @@ import numpy as np
 import warp as wp
 from jaxtyping import Bool, Float
 
-from strategies.contacts.field_placing_kernel import (
-    LINKS,
-    field_placing_kernel,
-    station_kernel,
-    superquadric_field_kernel,
-)
 from strategies.contacts.finger_touch import TouchedLinks
+from strategies.contacts.placing_hands import placing_hand
 from strategies.contacts.placing_posterior import STATIONS, UNLIKELY
-from warpgrasp.chain.chain_hand import chain_of_table
-from warpgrasp.core.dtypes import mat33, real, transform, vec3, vec4
+from warpgrasp.core.dtypes import mat33, real, vec3, vec4
 from warpgrasp.core.kernel_launch import array_of, launch
-from warpgrasp.mechanism.utah_mit_hand import hand_of
 
 LEAST_SLOPE, STEEPEST = 0.5, 1.5
 """Slopes of a process that its values are divided by to be distances [est]."""
@@ -37,30 +30,26 @@ class FieldPlaces:
     """Chi-square of torques and body there."""
 
 
-def can_be_placed(links: TouchedLinks) -> bool:
-    """Whether the contacts of a hand can be placed on bodies of any form: of the Utah-MIT hand."""
-    return chain_of_table(links.hand) is None
-
-
 def link_stations(links: TouchedLinks, *, device: str = "cpu"
                   ) -> Float[np.ndarray, "world point station 3"]:
-    """Places along the axes of each finger's links [m], link by link."""
-    shape = links.finger.shape
-    station = wp.empty((*shape, LINKS * STATIONS), dtype=vec3, device=device)
-    launch(station_kernel, {"world": shape[0], "point": shape[1]}, {
-        **dict.fromkeys(("hand_pose", "q", "finger"), "world point"),
-        "station": f"world point {LINKS * STATIONS}"}, {
-        "hand": hand_of(links.hand),
-        "hand_pose": array_of(links.hand_pose, transform, device),
-        "q": array_of(links.q_rad, vec4, device),
-        "finger": array_of(links.finger, int, device), "station": station},
-        device=device)
+    """Places along the axes of each finger's links [m], link by link; of a chain's, capsule by
+    capsule. Zeros where a finger has fewer than another."""
+    hand = placing_hand(links.hand, device)
+    worlds, points = links.finger.shape
+    each = f"world point {hand.links * STATIONS}"
+    station = wp.zeros((worlds, points, hand.links * STATIONS), dtype=vec3, device=device)
+    given = hand.stood(links, device)
+    launch(hand.station, {"world": worlds, "point": points}, {
+        **hand.shapes, **dict.fromkeys(given, "world point"), "station": each}, {
+        "hand": hand.hand, **given, "station": station}, device=device)
     return station.numpy()
 
 
 def possible_stations(links: TouchedLinks) -> Bool[np.ndarray, "world point station"]:
     """Those of links that torques leave possible; no other is looked at."""
-    return np.repeat(links.weight >= float(UNLIKELY), STATIONS, axis=-1)
+    joint = placing_hand(links.hand, "cpu").joint_of[links.finger]
+    weight = np.take_along_axis(links.weight, joint, axis=-1)
+    return np.repeat((joint >= 0) & (weight >= float(UNLIKELY)), STATIONS, axis=-1)
 
 
 def field_of_process(value_m: np.ndarray, slope: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -89,14 +78,14 @@ def superquadric_field(
     """Superquadrics as `places_on_field` takes them, at the `possible_stations` of contacts that
     are `asked` for; `shape` and `pose` (world,) are the kernels' arrays. Raises ShapeError where
     shapes disagree."""
-    field = wp.empty((*asked.shape, LINKS * STATIONS), dtype=vec4, device=device)
-    given = {**_links_given(links, asked, device),
-             "link_weight": array_of(links.weight, vec3, device)}
-    launch(superquadric_field_kernel, {"world": asked.shape[0], "point": asked.shape[1]}, {
-        "shape": "world", "pose": "world", "field": f"world point {LINKS * STATIONS}",
-        **dict.fromkeys(given, "world point")}, {
-        "shape": shape, "pose": pose, "hand": hand_of(links.hand), **given, "field": field},
-        device=device)
+    hand = placing_hand(links.hand, device)
+    field = wp.empty((*asked.shape, hand.links * STATIONS), dtype=vec4, device=device)
+    given = {"kept": array_of(asked, wp.bool, device), **hand.stood(links, device),
+             **hand.weights(links, device)}
+    launch(hand.superquadric_field, {"world": asked.shape[0], "point": asked.shape[1]}, {
+        **hand.shapes, "shape": "world", "pose": "world",
+        "field": f"world point {hand.links * STATIONS}", **dict.fromkeys(given, "world point")}, {
+        "shape": shape, "pose": pose, "hand": hand.hand, **given, "field": field}, device=device)
     return field
 
 
@@ -111,28 +100,17 @@ def places_on_field(
     The numbers are those of `strategies.recovery.fit_contacts`. Raises ShapeError where shapes
     disagree.
     """
+    hand = placing_hand(links.hand, device)
     found = {name: wp.empty(asked.shape, dtype=kind, device=device) for name, kind in (
         ("point", vec3), ("covariance", mat33), ("normal", vec3), ("chance", real),
         ("misfit", real))}
-    given = _links_given(links, asked, device) | {
-        name: array_of(values, kind, device) for name, values, kind in (
-            ("torque", links.torque_Nm, vec4), ("torque_sigma", links.torque_sigma_Nm, vec4),
-            ("link_weight", links.weight, vec3), ("lean", lean_share * links.friction, real))}
-    launch(field_placing_kernel, {"world": asked.shape[0], "point": asked.shape[1]}, {
-        "field": f"world point {LINKS * STATIONS}",
+    given = {"kept": array_of(asked, wp.bool, device), **hand.stood(links, device),
+             **hand.torques(links, device), **hand.weights(links, device),
+             "lean": array_of(lean_share * links.friction, real, device)}
+    launch(hand.placing, {"world": asked.shape[0], "point": asked.shape[1]}, {
+        **hand.shapes, "field": f"world point {hand.links * STATIONS}",
         **dict.fromkeys((*given, *found), "world point")}, {
-        "field": field, "hand": hand_of(links.hand), "place_sigma": place_sigma_m,
+        "field": field, "hand": hand.hand, "place_sigma": place_sigma_m,
         "turn_sigma": turn_sigma_rad, "farthest": farthest_m,
         "normal_variance": normal_sigma_m**2, **given, **found}, device=device)
-    values = {name: array.numpy() for name, array in found.items()}
-    return FieldPlaces(values["point"], values["covariance"], values["normal"], values["chance"],
-                       values["misfit"])
-
-
-def _links_given(
-    links: TouchedLinks, asked: np.ndarray, device: str
-) -> dict[str, wp.array]:
-    """What both kernels take of fingers."""
-    return {name: array_of(values, kind, device) for name, values, kind in (
-        ("kept", asked, wp.bool), ("hand_pose", links.hand_pose, transform),
-        ("q", links.q_rad, vec4), ("finger", links.finger, int))}
+    return FieldPlaces(*(values.numpy() for values in found.values()))

@@ -1,27 +1,22 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
-"""Where links touch a believed body of any form, by the mathematics of `placing_posterior`.
+"""Where links of the Utah-MIT hand touch a believed body of any form, by the mathematics of
+`placing_posterior`.
 
 Its normals and distances at stations along the links are found first, those of superquadrics here.
 """
 
 import warp as wp
 
-from strategies.contacts.link_places import direction_at, start_at
 from strategies.contacts.placing_posterior import (
-    STATIONS,
-    UNLIKELY,
     FieldAt,
-    SuperquadricAt,
-    body_at,
     placed_contact,
-    station_along,
+    write_field,
+    write_stations,
 )
-from warpgrasp.core.dtypes import ZERO, mat33, real, transform, vec3, vec4
+from strategies.contacts.placing_sums import WORST
+from warpgrasp.core.dtypes import ONE, ZERO, mat33, real, transform, vec3, vec4
 from warpgrasp.geometry.sdf_superquadric import SuperquadricShape
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, finger_base, finger_pose
-
-LINKS = 3
-_STATIONS = wp.constant(STATIONS)
 
 
 @wp.kernel(enable_backward=False)
@@ -40,10 +35,7 @@ def station_kernel(
     w += first
     f = finger_pose(hand, wp.transform_multiply(
         hand_pose[w, i], finger_base(hand, finger[w, i])), q[w, i])
-    for link in range(3):
-        for k in range(_STATIONS):
-            station[w, i, link * _STATIONS + k] = start_at(f, link) + direction_at(
-                f, link) * station_along(k, hand.link_length[link])
+    write_stations(f, hand, w, i, station)
 
 
 @wp.kernel(enable_backward=False)
@@ -69,15 +61,7 @@ def superquadric_field_kernel(
         return
     f = finger_pose(hand, wp.transform_multiply(
         hand_pose[w, i], finger_base(hand, finger[w, i])), q[w, i])
-    believed = SuperquadricAt()
-    believed.shape = shape[w]
-    believed.pose = pose[w]
-    for link in range(3):
-        if link_weight[w, i][link] >= UNLIKELY:
-            for k in range(_STATIONS):
-                at = start_at(f, link) + direction_at(f, link) * station_along(
-                    k, hand.link_length[link])
-                field[w, i, link * _STATIONS + k] = body_at(believed, at, link, k)
+    write_field(f, hand, link_weight[w, i], shape[w], pose[w], w, i, field)
 
 
 @wp.kernel(enable_backward=False)
@@ -122,9 +106,12 @@ def field_placing_kernel(
     believed.stations = field
     believed.world = w
     believed.point = i
-    found = placed_contact(f, hand, torque[w, i], torque_sigma[w, i], link_weight[w, i],
-                           lean[w, i], believed, place_sigma, turn_sigma, farthest,
-                           normal_variance)
+    sigma = torque_sigma[w, i]
+    root = vec4(ONE / sigma[0], ONE / sigma[1], ONE / sigma[2], ONE / sigma[3])
+    found = placed_contact(
+        f, hand, wp.cw_mul(torque[w, i], root), root, link_weight[w, i],
+        vec3(-WORST, -WORST, -WORST), lean[w, i], believed, place_sigma, turn_sigma, farthest,
+        normal_variance)
     point[w, i] = found.point
     covariance[w, i] = found.covariance
     normal[w, i] = found.normal

@@ -14,13 +14,16 @@ from warpgrasp.chain.chain_kernel import (
     link_place,
     link_turn,
 )
-from warpgrasp.core.dtypes import HALF, ONE, ZERO, struct, vec3
+from warpgrasp.core.dtypes import HALF, ONE, ZERO, real, struct, vec3
 from warpgrasp.mechanism.utah_mit_hand_kernel import (
     FingerPose,
+    Hand,
     finger_jacobian,
     link_direction,
     link_start,
 )
+
+_BALL = wp.constant(real(1e-5))  # [m] what is shorter has no side: a ball has the axis it is given
 
 
 @struct
@@ -72,3 +75,80 @@ def jacobian_at(f: FingerPose, link: int, x: vec3, d: vec3):
 def jacobian_at(f: ChainAt, link: int, x: vec3, d: vec3):  # noqa: F811
     """Motion along `d` of the point `x` of a capsule per radian of each drive."""
     return chain_jacobian(f.hand, f.pose, chain_capsule(f.hand, link).joint, x, d)
+
+
+@wp.func
+def links_of(hand: Hand):
+    """How many links a finger has."""
+    return 3
+
+
+@wp.func
+def links_of(hand: Chain):  # noqa: F811
+    """How many capsules a finger has."""
+    return hand.capsule_count
+
+
+@wp.func
+def joint_of(hand: Hand, link: int):
+    """Which number of a finger's weights is a link's."""
+    return link
+
+
+@wp.func
+def joint_of(hand: Chain, link: int):  # noqa: F811
+    """The joint whose link bears a capsule."""
+    return chain_capsule(hand, link).joint
+
+
+@wp.func
+def length_of(hand: Hand, link: int):
+    """Of a link's axis [m]."""
+    return hand.link_length[link]
+
+
+@wp.func
+def length_of(hand: Chain, link: int):  # noqa: F811
+    """Of a capsule's axis [m]."""
+    capsule = chain_capsule(hand, link)
+    return wp.length(capsule.end - capsule.start)
+
+
+@wp.func
+def radius_of(hand: Hand, link: int):
+    """Of a link [m]."""
+    return hand.link_radius
+
+
+@wp.func
+def radius_of(hand: Chain, link: int):  # noqa: F811
+    """Of a capsule [m]."""
+    return chain_capsule(hand, link).radius
+
+
+@wp.func
+def round_end(hand: Hand, link: int):
+    """What of a link's end touches: nothing 0, a half ball 1."""
+    return wp.where(link == 2, 1, 0)
+
+
+@wp.func
+def round_end(hand: Chain, link: int):  # noqa: F811
+    """The same of a capsule; 2 of a ball, which touches all around."""
+    if length_of(hand, link) < _BALL:
+        return 2
+    return wp.where(chain_capsule(hand, link).joint == hand.joint_count - 1, 1, 0)
+
+
+@wp.func
+def cell_square(hand: Hand, link: int, step: real):
+    """Square of `step`, a share of a link's length [m2]. It is rounded in another order than for
+    a chain, and contacts hang on the last bit."""
+    return hand.link_length[link] * hand.link_length[link] * step * step
+
+
+@wp.func
+def cell_square(hand: Chain, link: int, step: real):  # noqa: F811
+    """The same of a capsule."""
+    cell = length_of(hand, link) * step
+    return cell * cell

@@ -13,7 +13,17 @@ from typing import Any
 
 import warp as wp
 
-from strategies.contacts.link_places import direction_at, jacobian_at, start_at
+from strategies.contacts.link_places import (
+    cell_square,
+    direction_at,
+    jacobian_at,
+    joint_of,
+    length_of,
+    links_of,
+    radius_of,
+    round_end,
+    start_at,
+)
 from strategies.contacts.placing_sums import (
     NEGLIGIBLE,
     WORST,
@@ -37,10 +47,6 @@ from warpgrasp.core.dtypes import (
 )
 from warpgrasp.core.sincos import sine_cosine
 from warpgrasp.geometry.sdf_superquadric import SuperquadricShape, superquadric_deformed_gauge
-from warpgrasp.mechanism.utah_mit_hand_kernel import (
-    FingerPose,
-    Hand,
-)
 
 ALONG = 12
 """Places along a link's axis."""
@@ -75,14 +81,6 @@ def world_radius(p: vec3, shape: SuperquadricShape, pose: transform):
 
 
 @struct
-class SuperquadricAt:
-    """A believed body that is a superquadric."""
-
-    shape: SuperquadricShape
-    pose: transform
-
-
-@struct
 class FieldAt:
     """A believed body of any form, as it is at the stations of one finger's links."""
 
@@ -93,22 +91,16 @@ class FieldAt:
 
 
 @wp.func
-def body_at(body: SuperquadricAt, p: vec3, link: int, station: int):
-    """Outward normal and first-order signed distance of a body at a point [m]; no normal where the
-    body has no gradient."""
-    g = world_radius(p, body.shape, body.pose)
+def body_at(p: vec3, shape: SuperquadricShape, pose: transform):
+    """Outward normal and first-order signed distance of a superquadric at a point [m]; no normal
+    where it has no gradient."""
+    g = world_radius(p, shape, pose)
     slope = wp.length(vec3(g[0], g[1], g[2]))
     n = vec3(g[0], g[1], g[2]) / slope
     away = (g[3] - ONE) / wp.max(slope, _LEAST_SLOPE)
     if wp.isfinite(away):
         return vec4(n[0], n[1], n[2], away)
     return vec4(ZERO, ZERO, ZERO, ONE)
-
-
-@wp.func
-def body_at(body: FieldAt, p: vec3, link: int, station: int):  # noqa: F811 (an overload)
-    """The same, by what was asked for at the station."""
-    return body.stations[body.world, body.point, link * _STATIONS + station]
 
 
 @wp.func
@@ -155,12 +147,39 @@ def station_along(station: int, length: real):
     return (real(station) + HALF) * _STEP * length
 
 
+@wp.func
+def write_stations(f: Any, hand: Any, world: int, point: int, station: wp.array3d[vec3]):
+    """Where the stations of a finger's links are, link by link."""
+    for link in range(links_of(hand)):
+        a = start_at(f, link)
+        u = direction_at(f, link)
+        for k in range(_STATIONS):
+            station[world, point, link * _STATIONS + k] = a + u * station_along(
+                k, length_of(hand, link))
+
+
+@wp.func
+def write_field(
+    f: Any, hand: Any, link_weight: Any, shape: SuperquadricShape, pose: transform, world: int,
+    point: int, field: wp.array3d[vec4]
+):
+    """A superquadric at the stations that a contact is looked for at."""
+    for link in range(links_of(hand)):
+        if link_weight[joint_of(hand, link)] >= UNLIKELY:
+            a = start_at(f, link)
+            u = direction_at(f, link)
+            for k in range(_ALONG + wp.min(round_end(hand, link), 1)):
+                field[world, point, link * _STATIONS + k] = body_at(
+                    a + u * station_along(k, length_of(hand, link)), shape, pose)
+
+
 @wp.func(inline=False)
 def places_of_link(
     f: Any, link: int, ends: int, length: real, radius: real, lean: real, felt: Any, root: Any,
-    believed: Any, place_sigma: real, turn_sigma: real, farthest: real
+    believed: FieldAt, place_sigma: real, turn_sigma: real, farthest: real
 ):
-    """The posterior over the places of one link; with `ends` 1 it has a round tip."""
+    """The posterior over the places of one link; with `ends` 1 it has a round tip, with 2 it is a
+    ball."""
     post = Place()
     post.least = WORST
     post.alone_least = WORST
@@ -168,17 +187,17 @@ def places_of_link(
     a = start_at(f, link)
     u = direction_at(f, link)
     sharp = ONE / (turn_sigma * turn_sigma)
-    stations = _ALONG + ends
+    stations = _ALONG + wp.min(ends, 1)
     for k in range(stations):
         tip = k == _ALONG
         along = station_along(k, length)
         x = a + u * along
-        body = body_at(believed, x, link, k)
+        body = believed.stations[believed.world, believed.point, link * _STATIONS + k]
         towards = -vec3(body[0], body[1], body[2])
         inwards = wp.dot(towards, u)
         middle = towards - u * inwards
         if tip:
-            middle = towards - u * wp.min(inwards, ZERO)
+            middle = towards - u * wp.where(ends == 2, ZERO, wp.min(inwards, ZERO))
         if wp.length(middle) > _FLAT:
             middle = wp.normalize(middle)
             e1 = wp.normalize(wp.cross(u, middle))
@@ -194,7 +213,7 @@ def places_of_link(
                         p = (real(i) * _CAP_STEP - _WIDEST) * turn_sigma
                         q = (real(j) * _CAP_STEP - _WIDEST) * turn_sigma
                         d = wp.normalize(middle + e1 * p + e2 * q)
-                        if wp.dot(d, u) >= ZERO:
+                        if wp.dot(d, u) >= ZERO or ends == 2:
                             off = wp.length_sq(d - towards) * sharp
                             chi = _unexplained(f, link, x, d, radius, lean, felt, root, total)
                             here = with_direction(here, d, chi[0] + off, chi[1])
@@ -224,23 +243,22 @@ class Placed:
 
 @wp.func(inline=False)
 def placed_contact(
-    f: FingerPose, hand: Hand, torque: vec4, sigma: vec4, link_weight: vec3, lean: real,
-    believed: Any, place_sigma: real, turn_sigma: real, farthest: real, normal_variance: real
+    f: Any, hand: Any, felt: Any, root: Any, link_weight: Any, logs: Any, lean: real,
+    believed: FieldAt, place_sigma: real, turn_sigma: real, farthest: real, normal_variance: real
 ):
-    """The likeliest place of a contact of a finger."""
+    """The likeliest place of a contact of a finger. `felt` are its torques in units of their
+    deviations, `root` one over these; `logs` has room for a number a link."""
     out = Placed()
     out.covariance = wp.identity(n=3, dtype=wp.float64)
-    root = vec4(ONE / sigma[0], ONE / sigma[1], ONE / sigma[2], ONE / sigma[3])
-    felt = wp.cw_mul(torque, root)
     best = Place()
     best.least = WORST
     best_link = int(-1)
     most = real(-WORST)
-    logs = vec3(-WORST, -WORST, -WORST)
-    for link in range(3):
-        if link_weight[link] >= UNLIKELY:
-            post = places_of_link(f, link, wp.where(link == 2, 1, 0), hand.link_length[link],
-                                  hand.link_radius, lean, felt, root, believed,
+    for link in range(links_of(hand)):
+        logs[link] = -WORST
+        if link_weight[joint_of(hand, link)] >= UNLIKELY:
+            post = places_of_link(f, link, round_end(hand, link), length_of(hand, link),
+                                  radius_of(hand, link), lean, felt, root, believed,
                                   place_sigma, turn_sigma, farthest)
             if post.weight > ZERO:
                 logs[link] = wp.log(post.weight) - HALF * post.least
@@ -250,20 +268,23 @@ def placed_contact(
                     best_link = link
     if best_link < 0:
         return out
+    alike = real(0.0)
     others = real(0.0)
-    for link in range(3):
-        others += wp.exp(wp.max(logs[link] - most, -NEGLIGIBLE))
+    for link in range(links_of(hand)):
+        share = wp.exp(wp.max(logs[link] - most, -NEGLIGIBLE))
+        others += share
+        if joint_of(hand, link) == joint_of(hand, best_link):
+            alike += share
     outward = wp.normalize(best.outward)
     u = direction_at(f, best_link)
     mean = best.alone_along / best.alone
     spread = wp.max(best.alone_square / best.alone - mean * mean,
-                    hand.link_length[best_link] * hand.link_length[best_link] * _STEP * _STEP
-                    / real(12.0))
-    out.point = best.axis / best.weight + outward * hand.link_radius
+                    cell_square(hand, best_link, _STEP) / real(12.0))
+    out.point = best.axis / best.weight + outward * radius_of(hand, best_link)
     # Of the place along the axis as torques tell it: what the body says is no evidence of its own.
     out.covariance = (wp.identity(n=3, dtype=wp.float64) * normal_variance
                       + wp.outer(u, u) * spread)
     out.normal = -outward
-    out.chance = ONE / others
+    out.chance = alike / others
     out.misfit = best.misfit
     return out

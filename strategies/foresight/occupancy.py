@@ -16,12 +16,7 @@ from scipy.special import ndtr
 
 from strategies.foresight.cpu_launch import launch_on_cpu
 from strategies.foresight.hand_samples import SweptFingers
-from strategies.foresight.occupancy_kernel import (
-    barred_kernel,
-    learn_kernel,
-    swept_kernel,
-    worth_kernel,
-)
+from strategies.foresight.occupancy_kernel import barred_kernel, learn_kernel, swept_kernel
 from strategies.foresight.prospect_kernel import (
     BORDER,
     LANES,
@@ -43,15 +38,12 @@ PRIOR_SIGMA_M = 0.012
 """Of the prior's sides and top [est]."""
 AT_RIM, AT_AXIS = 0.03, 0.80
 """Probability of an object at the prior's rim and at its axis [est]."""
-NEAR_M = 0.010
-"""What a contact covers."""
-WORTH_REACH_M = 0.036
 SURE = 0.97
 """Of a touch: what is met more surely is not passed."""
 ON_TABLE_M = 0.0005
 """Links that close are not stopped by the table before."""
 _SHAPES = {"corner": "world", "cell": "world", "contact": "world contact", "normal":
-           "world contact", "weight": "world contact", "felt": "world contact", "came":
+           "world contact", "weight": "world contact", "came":
            "world pose", "until": "world pose finger", "hit": "world cells", "cap": "world cells",
            "worth": "world cells", "chance": "world padded", "value": "world padded", "open_ball":
            "open", "hand_pose": "world pose", "barred": "world pose", "swept_ball":
@@ -106,14 +98,6 @@ class Occupancy:
         (world, pose)."""
         self._launch(barred_kernel, {"world": len(self.hit)}, ("hit", "cap"), open_ball=open_m,
                      hand_pose=hand_pose, barred=barred)
-
-    def worth(self, contact_m: np.ndarray, felt: np.ndarray) -> np.ndarray:
-        """What a touch in each cell is worth beside contacts (world, contact, 3), (world, cells).
-        """
-        worth = np.ones_like(self.hit)
-        self._launch(worth_kernel, {"world": len(self.hit)}, ("worth",), contact=contact_m,
-                     felt=felt, radius=self.radius_m, near=NEAR_M, reach=WORTH_REACH_M, worth=worth)
-        return worth
 
     def foresee(self, open_m: np.ndarray, swept: SweptFingers, hand_pose: np.ndarray,
                 wanted: np.ndarray, worth: np.ndarray, lowest_m: float,

@@ -1,8 +1,8 @@
 """Strategies for objects of any shape: they spend touches where the object may still be.
 
-They keep an occupancy grid (`strategies.foresight`) instead of a fitted body and, where contacts
-can be placed on it, make a free form of them at each step. They draw hand poses about the prior and
-about what was felt, and take the one or few whose fingers are expected to touch what is known
+They keep an occupancy grid (`strategies.foresight`) instead of a fitted body, and at each step
+make a free form of the contacts. They draw hand poses about the prior and about what was felt, and
+take the one or few whose fingers are expected to touch what is known
 least: each touch is worth what it would tell where it is made, if it is made, and those of other
 poses nearby count less then (greedy, Nemhauser, Wolsey and Fisher 1978).
 """
@@ -13,7 +13,6 @@ from functools import reduce
 
 import numpy as np
 
-from strategies.contacts.field_placing import can_be_placed
 from strategies.foresight.aimed_poses import draw_aimed_poses
 from strategies.foresight.hand_samples import HandSamples, reached_place, samples_of_hand
 from strategies.foresight.occupancy import Occupancy, Prospect, begin_occupancy
@@ -123,10 +122,7 @@ class AnyObject:
     def _looks(self, belief: Belief, grid: Occupancy, active: np.ndarray
                ) -> tuple[Occupancy, np.ndarray]:
         """Where the object may be, and what a touch in each cell is worth, (world, cells), of the
-        worlds that are `active`. A free form tells more than the grid alone only where contacts can
-        be placed on it."""
-        if not can_be_placed(belief.links):
-            return grid, grid.worth(belief.evidence.points_m, belief.evidence.mask)
+        worlds that are `active`."""
         return _seen_freely(belief, grid, active, pooled=True)
 
     @staticmethod

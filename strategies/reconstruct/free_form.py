@@ -143,6 +143,9 @@ def reconstruct(
             free[list(polyhedra)] = False
         if felt is None:
             felt, links = evidence, None
+        from strategies.recovery.free_contacts import begun_freely
+
+        felt = begun_freely(felt, evidence, links)
         calibration = None if belief is None else (belief.errors, belief.arm)
         if word == PARTS:
             return _several(np.flatnonzero(free), felt, links, prior, table, begin, calibration)

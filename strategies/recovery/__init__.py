@@ -19,7 +19,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "fit_contacts": ["LEAN_SHARE", "NORMAL_SIGMA_M", "PLACE_SIGMA_M", "TURN_SIGMA_RAD",
         "recover_bodies"],
     "free_contacts": ["BODY", "LATER_SIGMA_M", "LEFT_M", "PAD_SIGMA_M",
-        "believed_freely", "fit_placed", "fitted_freely", "placed_freely"],
+        "begun_freely", "believed_freely", "fit_placed", "fitted_freely", "placed_freely"],
     "misfit": ["FARTHEST_M", "LEAST_MISFIT_M", "RIVALS_FROM_M", "UNBELIEVED_M", "schwarz",
         "touch_misfit"],
     "plausibility": ["FEWEST_CONTACTS", "FLOATING_M", "plausible", "plausible_vertices", "swept",

@@ -104,8 +104,8 @@ def contact_verdicts(
 ) -> np.ndarray:
     """The verdict of each contact of the evidence, (world, point); empty text where there is none.
 
-    With `links`, of hands whose contacts can be placed on any form, no contact is accepted whose
-    place depends on the model; that takes some hundredths of a second a world.
+    With `links` no contact is accepted whose place depends on the model; that takes some hundredths
+    of a second a world.
     """
     near = explained_by(recovered, evidence.points_m, evidence.mask)
     near &= evidence.by_pad | (

@@ -15,12 +15,7 @@ from fit.arrays import rows_of, with_rows
 from fit.superquadric.fit import fit_superquadric
 from fit.superquadric.geometry import SuperquadricLike
 from fit.superquadric.record import SuperquadricFit, SuperquadricOptions
-from strategies.contacts.chain_placing import chain_places
-from strategies.contacts.field_placing import (
-    can_be_placed,
-    places_on_field,
-    superquadric_field,
-)
+from strategies.contacts.field_placing import places_on_field, superquadric_field
 from strategies.contacts.finger_touch import TouchedLinks
 from strategies.recovery.body_distances import bodies_on, radial_distances
 from strategies.recovery.evidence import SURE_LINK, Evidence
@@ -177,15 +172,11 @@ def contacts_placed(
     disagree.
     """
     asked = evidence.mask & links.linked
-    numbers = {"lean_share": LEAN_SHARE, "place_sigma_m": PLACE_SIGMA_M, "device": device,
-               "turn_sigma_rad": TURN_SIGMA_RAD, "farthest_m": FARTHEST_M,
-               "normal_sigma_m": NORMAL_SIGMA_M}
-    shape, pose = bodies_on(body, device)
-    if can_be_placed(links):
-        field = superquadric_field(links, asked, shape, pose, device=device)
-        found = places_on_field(links, asked, field, **numbers)
-    else:
-        found = chain_places(links, asked, shape, pose, **numbers)
+    field = superquadric_field(links, asked, *bodies_on(body, device), device=device)
+    found = places_on_field(
+        links, asked, field, lean_share=LEAN_SHARE, place_sigma_m=PLACE_SIGMA_M,
+        turn_sigma_rad=TURN_SIGMA_RAD, farthest_m=FARTHEST_M, normal_sigma_m=NORMAL_SIGMA_M,
+        device=device)
     moved = asked & (found.chance > 0.0) & np.isfinite(found.point_m).all(-1)
     sure = np.where(found.chance >= SURE_LINK, found.misfit, np.inf)
     return replace(

@@ -17,7 +17,6 @@ from fit.arrays import rows_of
 from fit.implicit.known import KnownProcess, fit_known, known_slopes, shared_error_means
 from fit.implicit.record import ImplicitFit, Mean
 from strategies.contacts.field_placing import (
-    can_be_placed,
     field_of_process,
     link_stations,
     places_on_field,
@@ -25,6 +24,7 @@ from strategies.contacts.field_placing import (
     sampled_field,
 )
 from strategies.contacts.finger_touch import TouchedLinks
+from strategies.contacts.placing_hands import told_by_torques
 from strategies.contacts.shared_errors import shared_vectors
 from strategies.recovery.belief import Belief
 from strategies.recovery.evidence import CONTRADICTED_FROM, SURE_LINK, Evidence
@@ -65,6 +65,18 @@ DIGITS = 9
 """Of the field that contacts are placed by [m]: its products round by how they are computed."""
 
 
+def begun_freely(felt: Evidence, modelled: Evidence, links: TouchedLinks | None) -> Evidence:
+    """Contacts as `placed_freely` begins with them: as they were `felt`, but as they were placed on
+    the model where torques alone hardly tell a place. It is centimetres off there."""
+    if links is None or told_by_torques(links).all():
+        return felt
+    own = ~told_by_torques(links)
+    return replace(felt, **{
+        name: np.where(own.reshape(*own.shape, *[1] * (getattr(felt, name).ndim - 2)),
+                       getattr(modelled, name), getattr(felt, name))
+        for name in ("points_m", "covariance_m2", "normals", "contradiction")})
+
+
 def placed_freely(
     felt: Evidence, links: TouchedLinks | None, table: FitTable,
     calibration: tuple[ErrorTable, ArmTable] | None = None,
@@ -72,15 +84,15 @@ def placed_freely(
     """Contacts of all worlds as placed on free forms of their own, and their deviations along the
     normal [m], (world, point).
 
-    `felt` has contacts as they were felt, `links` how fingers stood. Contacts of hands that are
-    chains and those of pads are not placed anew; they, too, are moved by what all contacts
-    together tell of the robot's errors, if `calibration` says how large those of hand and arm may
-    be. Where there are no `links`, all stay where they are.
+    `felt` has contacts as they were felt, `links` how fingers stood. Those of pads are not placed
+    anew; they, too, are moved by what all contacts together tell of the robot's errors, if
+    `calibration` says how large those of hand and arm may be. Where there are no `links`, all stay
+    where they are.
     """
     placed, sigma = felt, _first_sigma(felt)
     if links is None or not felt.mask.any():
         return placed, sigma
-    if can_be_placed(links) and (felt.mask & links.linked).any():
+    if (felt.mask & links.linked).any():
         stations = link_stations(links)
         for turn in range(ROUNDS):
             fits = fit_placed(placed, sigma, table, PLACING)
@@ -118,8 +130,9 @@ def believed_freely(belief: Belief, worlds: np.ndarray | int) -> ImplicitFit:
     if belief.unplaced is None:
         raise ValueError("belief: does not say where contacts were felt")
     own = np.atleast_1d(worlds)
-    return fitted_freely(rows_of(belief.unplaced, own), rows_of(belief.links, own), belief.fit,
-                         (belief.errors, belief.arm))[0]
+    links = rows_of(belief.links, own)
+    begun = begun_freely(rows_of(belief.unplaced, own), rows_of(belief.evidence, own), links)
+    return fitted_freely(begun, links, belief.fit, (belief.errors, belief.arm))[0]
 
 
 def _calibrated(placed: Evidence, sigma: np.ndarray, links: TouchedLinks,

@@ -13,7 +13,6 @@ import numpy as np
 from fit.arrays import rows_of
 from fit.implicit.known import KnownProcess, fit_known, known_slopes
 from strategies.contacts.field_placing import (
-    can_be_placed,
     field_of_process,
     link_stations,
     places_on_field,
@@ -43,13 +42,11 @@ def moved_on_second_surface(
     """How far the contacts `asked`, bool (world, point), lie from where torques and a smooth
     surface through all contacts of their world put them [m], (world, point).
 
-    0 where contacts are not asked for, where no link can have made one, in worlds of fewer than
-    four contacts, and for hands whose contacts cannot be placed on any form.
+    0 where contacts are not asked for, where no link can have made one, and in worlds of fewer than
+    four contacts.
     """
     moved = np.zeros(asked.shape)
     asked = asked & evidence.mask & links.linked
-    if not can_be_placed(links):
-        return moved
     for row in np.flatnonzero(asked.any(1)):
         own = np.array([row])  # one at a time: a world's contacts do not depend on others
         moved[row] = _moved(rows_of(evidence, own), rows_of(links, own), asked[own])[0]

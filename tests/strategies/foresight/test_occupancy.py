@@ -6,7 +6,7 @@ from scipy.spatial import KDTree
 
 from fit.rotation import matrix_of_quaternion
 from strategies.foresight.hand_samples import SweptFingers, reached_place, samples_of_hand
-from strategies.foresight.occupancy import CELLS, NEAR_M, Occupancy, begin_occupancy
+from strategies.foresight.occupancy import CELLS, Occupancy, begin_occupancy
 from strategies.poses.waypoints import BoundingBox, BoundingCylinder
 from warpgrasp.parameters import HandTable
 
@@ -151,19 +151,7 @@ def test_links_free_all_cells_near_where_they_have_been() -> None:
         grid.learn_swept(samples.open_m, swept, pose, came, until * 0 + 57)
 
 
-def test_worth_is_the_share_of_the_surface_that_the_nearest_contact_leaves() -> None:
-    draw = np.random.default_rng(12)
-    grid = begin_occupancy(prior(), RADIUS_M)
-    contact = draw.normal([0.45, 0.0, 0.05], 0.03, (1, 9, 3))
-    felt = draw.random((1, 9)) < 0.7
-    worth = grid.worth(contact, felt)[0]
-    away = KDTree(contact[0, felt[0]]).query(centres(grid).reshape(-1, 3))[0]
-    want = np.clip((away - RADIUS_M) / (2 * NEAR_M), 0.0, 1.0)
-    np.testing.assert_allclose(worth, want, atol=1e-6)
-    assert ((want > 0.1) & (want < 0.9)).sum() > 1000
-
-
-def test_touches_of_a_sure_body_are_foreseen_on_it_and_cost_nothing_new_near_contacts() -> None:
+def test_touches_of_a_sure_body_are_foreseen_on_it_and_count_as_they_are_worth() -> None:
     """A post that the fingers stand around: each meets it, and rests a radius from its side."""
     grid = begin_occupancy(prior(), RADIUS_M)
     x, y, z = np.moveaxis(centres(grid), -1, 0)
@@ -173,7 +161,7 @@ def test_touches_of_a_sure_body_are_foreseen_on_it_and_cost_nothing_new_near_con
     samples = samples_of_hand(HAND, CLOSINGS)
     pose = np.array([[[0.45, 0.0, 0.17, *DOWN]]])
     wanted = np.ones((1, 1), bool)
-    none = grid.worth(np.zeros((1, 1, 3)), np.zeros((1, 1), bool))
+    none = np.ones_like(grid.hit)
     seen = grid.foresee(samples.open_m, samples.swept[1], pose, wanted, none, 0.0)
     assert seen.barred[0, 0] == 0.0
     met = seen.gain[0, 0] > 0.5
@@ -181,12 +169,10 @@ def test_touches_of_a_sure_body_are_foreseen_on_it_and_cost_nothing_new_near_con
     away = np.hypot(seen.place_m[0, 0, met, 0] - 0.45, seen.place_m[0, 0, met, 1]) - post
     np.testing.assert_allclose(away, RADIUS_M, atol=1.8 * grid.cell_m[0])
     there = seen.place_m[0, 0][met]
-    worth = grid.worth(there[None], np.ones((1, len(there)), bool))
+    apart = KDTree(there).query(centres(grid).reshape(-1, 3))[0]
+    worth = np.clip((apart - RADIUS_M) / 0.020, 0.0, 1.0)[None].astype(np.float32)
     again = grid.foresee(samples.open_m, samples.swept[1], pose, wanted, worth, 0.0)
     assert again.gain.sum() < 0.2 * seen.gain.sum()
-    far = np.linalg.norm(centres(grid) - there[0], axis=-1) > 2 * NEAR_M + 2 * RADIUS_M
-    one = grid.worth(there[None, :1], np.ones((1, 1), bool))
-    assert (one.reshape(CELLS)[far] == 1.0).all()
 
 
 def test_a_world_does_not_depend_on_those_beside_it() -> None:
@@ -204,9 +190,8 @@ def test_a_world_does_not_depend_on_those_beside_it() -> None:
         grid.learn_touches(contact[rows], normal[rows], ones)
         freed(grid, free[rows])
         grid.learn_barred(samples.open_m, pose[rows, :1], ones[:, :1] > 0)
-        worth = grid.worth(contact[rows], ones > 0)
         return grid.foresee(samples.open_m, samples.swept[0], pose[rows],
-                            np.ones(pose[rows].shape[:2], bool), worth, 0.01).gain
+                            np.ones(pose[rows].shape[:2], bool), np.ones_like(grid.hit), 0.01).gain
 
     np.testing.assert_array_equal(gains(slice(0, 3))[1:2], gains(slice(1, 2)))
 

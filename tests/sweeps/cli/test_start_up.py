@@ -46,6 +46,7 @@ def test_a_whole_explore_imports_neither_what_draws_nor_kernels_that_it_does_not
     assert (tmp_path / "surfaces.png").exists()
     assert not found & {"matplotlib", "pydantic", "scipy.sparse.csgraph", "multiprocessing",
                         "fit.implicit.process",
+                        "strategies.contacts.chain_placing_kernel",
                         "strategies.foresight.foresight_kernel"}
     assert not {name for name in found if name.startswith(("warpgrasp.chain_closing.",
                                                            "warpgrasp.touch.pad_kernel",
