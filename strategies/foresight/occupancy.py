@@ -25,7 +25,7 @@ from strategies.foresight.prospect_kernel import (
     foresee_kernel,
     looked_up_kernel,
 )
-from strategies.poses.waypoints import BoundingBox, BoundingCylinder
+from strategies.poses.waypoints import PRIOR_MARGIN_M, BoundingBox, BoundingCylinder
 from strategies.procedures.depth_prior import SeenBox, believed_after
 from warpgrasp.core.kernel_launch import check_range
 
@@ -33,9 +33,9 @@ CELLS = (40, 40, 28)
 """Of every grid, along x, y, z."""
 FINEST_M = 0.004
 MARGIN_M = 0.025
-"""Of the grid about the prior; objects outside are not looked for."""
-PRIOR_SIGMA_M = 0.012
-"""Of the prior's sides and top [est]."""
+"""Of the grid about a prior that is as sure as by default; objects outside are not looked for."""
+SIGMA_OF_MARGIN = 0.4
+"""Standard deviation of the prior's sides and top, of its margin [est]."""
 AT_RIM, AT_AXIS = 0.03, 0.80
 """Probability of an object at the prior's rim and at its axis [est]."""
 SURE = 0.97
@@ -135,8 +135,10 @@ class Occupancy:
 
 def begin_occupancy(prior: BoundingCylinder, radius_m: float) -> Occupancy:
     """What the prior alone says: likelier towards its axis, hardly beyond its sides and top."""
-    reach = prior.radius_m + MARGIN_M
-    high = prior.height_m + MARGIN_M
+    margin = MARGIN_M + prior.margin_m - PRIOR_MARGIN_M
+    sigma = SIGMA_OF_MARGIN * prior.margin_m
+    reach = prior.radius_m + margin
+    high = prior.height_m + margin
     size = np.maximum(np.maximum(2 * reach / CELLS[0], high / CELLS[2]), FINEST_M)
     corner = np.stack([prior.x_m - size * CELLS[0] / 2, prior.y_m - size * CELLS[1] / 2,
                        np.zeros(len(size))], 1)
@@ -155,9 +157,9 @@ def begin_occupancy(prior: BoundingCylinder, radius_m: float) -> Occupancy:
         outside = far - prior.radius_m[:, None, None]
         share = far / prior.radius_m[:, None, None]
     over = middle[2] - prior.height_m[:, None]
-    within = ndtr((radius_m - outside) / PRIOR_SIGMA_M) * (
+    within = ndtr((radius_m - outside) / sigma) * (
         AT_RIM + (AT_AXIS - AT_RIM) * np.clip(1.0 - share, 0.0, 1.0) ** 2)
-    hit = within[..., None] * ndtr((radius_m - over) / PRIOR_SIGMA_M)[:, None, None]
+    hit = within[..., None] * ndtr((radius_m - over) / sigma)[:, None, None]
     if isinstance(prior, SeenBox):
         places = np.stack(np.broadcast_arrays(
             middle[0][:, :, None, None], middle[1][:, None, :, None], middle[2][:, None, None]), -1)

@@ -16,7 +16,6 @@ from strategies.planners.candidates import candidate_poses, predicted_touches
 from strategies.planners.prior_body import planning_belief
 from strategies.planners.probes import Grasp, Probe
 from strategies.planners.register import planner
-from strategies.poses.waypoints import PRIOR_MARGIN_M
 from strategies.recovery.belief import Belief
 
 NEW_AT_M = 0.03
@@ -88,7 +87,7 @@ class OneAtATime(ABC):
             closed, felt = belief.touches - self._before[0], contacts - self._before[1]
             larger = np.where(closed == 0, self.larger_m + BARRED_M, np.where(
                 felt < POOR * closed, self.larger_m - EMPTY_M, FORGETS * self.larger_m))
-            self.larger_m = np.clip(larger, -PRIOR_MARGIN_M, PRIOR_MARGIN_M)
+            self.larger_m = np.clip(larger, -belief.prior.margin_m, belief.prior.margin_m)
         self._before = belief.touches.copy(), contacts
 
     @abstractmethod

@@ -8,7 +8,7 @@ import numpy as np
 from fit.superquadric.geometry import Superquadric
 from strategies.foresight.first_touch import first_touches
 from strategies.poses.hand_poses import waypoint_poses
-from strategies.poses.waypoints import PRIOR_MARGIN_M, BoundingCylinder, Placement, Ring, Top
+from strategies.poses.waypoints import BoundingCylinder, Placement, Ring, Top
 from strategies.procedures.possible import check_foreseeable
 from strategies.recovery.belief import Belief
 from strategies.recovery.evidence import TABLE_MARGIN_M
@@ -44,9 +44,9 @@ def candidate_poses(
         stands = stand_upright(belief.body)
         cylinder = BoundingCylinder(
             stands.centre_m[:, 0], stands.centre_m[:, 1],
-            np.clip(stands.radius_m + margin_m, 0.010, belief.prior.radius_m + PRIOR_MARGIN_M),
+            np.clip(stands.radius_m + margin_m, 0.010, cylinder.radius_m + cylinder.margin_m),
             np.clip(stands.top_m + np.maximum(margin_m, 0.0), 0.020,
-                    belief.prior.height_m + PRIOR_MARGIN_M))
+                    cylinder.height_m + cylinder.margin_m))
     poses = waypoint_poses(POOL, cylinder, belief.hand, belief.seed)
     return poses, pose_reachable(belief.arm, belief.hand, poses)
 

@@ -7,7 +7,6 @@ import numpy as np
 from fit.arrays import rows_of
 from fit.fit_status import FitStatus
 from strategies.planners.probes import CrossFaces, FollowContour
-from strategies.poses.waypoints import PRIOR_MARGIN_M
 from strategies.procedures.contour_follower import Axis, ContourOptions
 from strategies.procedures.options import ContourTable, DecideTable, PlanarTable
 from strategies.procedures.planar_explorer import PlanarOptions
@@ -71,7 +70,7 @@ def contour_to_follow(
     # The line's foot: where it meets the table.
     foot = centre - way * (centre[:, 2] / np.maximum(way[:, 2], 0.5))[:, None]
     # A fit to few contacts may flare out: no wider than the prior and its error.
-    radius = np.minimum(stands.radius_m, belief.prior.radius_m + PRIOR_MARGIN_M / 2)
+    radius = np.minimum(stands.radius_m, belief.prior.radius_m + belief.prior.margin_m / 2)
     axis = Axis(foot, way, stands.top_m / np.maximum(way[:, 2], 0.5), radius)
     if table.axis_error_rad > 0:
         draw = counter_uniform(counter_key(belief.seed, int(Purpose.STRATEGY), 1))

@@ -15,7 +15,7 @@ from fit.arrays import rows_of
 from fit.fit_status import FitStatus
 from fit.superquadric.fit import fit_superquadric
 from fit.superquadric.record import SuperquadricOptions
-from strategies.poses.waypoints import PRIOR_MARGIN_M, BoundingCylinder
+from strategies.poses.waypoints import BoundingCylinder
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import or_prior
 from strategies.recovery.misfit import touch_misfit
@@ -25,9 +25,9 @@ TRUSTED_FROM = 32
 """Contacts from which a fit to them alone is the better guide [est]."""
 DISTRUSTED_M = 0.003
 """A fit whose touches lie this far off in the mean is no guide [est]."""
-PRIOR_SIGMA_M = PRIOR_MARGIN_M / 2
-"""Standard deviation of a point on the prior cylinder: a third of the margin is the error of the
-prior, the rest allows for bodies that are not cylinders [est]."""
+SIGMA_OF_MARGIN = 0.5
+"""Standard deviation of a point on the prior cylinder, of its margin: a third of that is the error
+of the prior, the rest allows for bodies that are not cylinders [est]."""
 LEAST_RADIUS_M = 0.010
 _AROUND, _LEVELS = 8, 3
 _OPTIONS = SuperquadricOptions(taper=True, residual="radial", loss="cauchy", iterations=12)
@@ -53,7 +53,7 @@ def planning_belief(
         return replace(belief, body=body), trusted
     prior = rows_of(prior, rows)
     points = prior_surface(prior)
-    spread = np.tile(PRIOR_SIGMA_M**2 * np.eye(3), (*points.shape[:2], 1, 1))
+    spread = np.tile((SIGMA_OF_MARGIN * prior.margin_m)**2 * np.eye(3), (*points.shape[:2], 1, 1))
     fits = fit_superquadric(
         np.concatenate([evidence.points_m[rows], points], 1),
         np.concatenate([evidence.mask[rows], np.ones(points.shape[:2], bool)], 1),

@@ -17,7 +17,8 @@ import numpy as np
 from warpgrasp.spec_words import spec_words
 
 PRIOR_MARGIN_M = 0.03
-"""Three standard deviations of each number of the prior."""
+"""How far objects may reach beyond their prior, at least: three standard deviations of each of its
+numbers by default."""
 
 
 class WaypointError(ValueError):
@@ -32,6 +33,9 @@ class BoundingCylinder:
     y_m: np.ndarray
     radius_m: np.ndarray
     height_m: np.ndarray
+    margin_m: float = field(default=PRIOR_MARGIN_M, kw_only=True)
+    """How far the object may reach beyond it: three standard deviations of each of its numbers, and
+    at least `PRIOR_MARGIN_M`, for fits err too."""
 
     def larger(self, by_m: np.ndarray | float, least_m: float) -> "BoundingCylinder":
         """With radius, or half sides, and height larger `by_m` (world,); where that is negative the

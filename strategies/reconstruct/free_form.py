@@ -19,7 +19,7 @@ from fit.implicit.record import ImplicitFit, TriangleMesh
 from fit.superquadric.record import SuperquadricFit
 from strategies.contacts.finger_touch import TouchedLinks
 from strategies.planners.planner_file import PlannerError
-from strategies.poses.waypoints import PRIOR_MARGIN_M, BoundingCylinder
+from strategies.poses.waypoints import BoundingCylinder
 from strategies.reconstruct.plug_in import NO_MESH, Touches, run_plug_in
 from strategies.reconstruct.plug_in_name import (
     BUILT_IN,
@@ -31,13 +31,16 @@ from strategies.reconstruct.plug_in_name import (
 )
 from strategies.reconstruct.prior_distance import DistanceToRecovered
 from strategies.recovery.belief import Belief, read_only
-from strategies.recovery.choose_model import Recovered
+from strategies.recovery.choose_model import Recovered, Shape
 from strategies.recovery.contact_verdict import (
     doubted,
     mean_contradiction,
+    mean_gap,
+    mean_gap_to_mesh,
     unexplained,
 )
 from strategies.recovery.evidence import Evidence
+from strategies.recovery.misfit import UNBELIEVED_M
 from strategies.recovery.plausibility import FEWEST_CONTACTS, plausible_vertices
 from warpgrasp.parameters import ArmTable, ErrorTable, FitTable
 
@@ -120,9 +123,11 @@ def reconstruct(
     free form, and no polyhedron of the faces crossed, as the `belief` has them, explains it;
     "parts" makes a body of two to four superquadrics where contacts ask for it. None
     of them stands where prior or table contradict it: one that ends high above the table was not
-    felt to its foot. Small pieces of a free form that the prior contradicts are left out. A plug-in
-    is asked about every world. Its faults are data. If `wanted`, bool (world,), is given, bodies
-    are made, and a plug-in is asked, of these worlds alone.
+    felt to its foot. Nor does a free form that contacts lie off by `UNBELIEVED_M` in the mean, or,
+    "chosen", by as much as off the body recovered. Small pieces of a free form that the prior
+    contradicts are left out. A plug-in is asked about every world. Its faults are data. If
+    `wanted`, bool (world,), is given, bodies are made, and a plug-in is asked, of these worlds
+    alone.
     """
     if word == BUILT_IN[0]:
         return None
@@ -131,7 +136,7 @@ def reconstruct(
     asked = np.ones(worlds, bool) if wanted is None else wanted
     if word in BUILT_IN:
         free = asked & (evidence.mask.sum(1) >= FEWEST_CONTACTS)
-        most = np.full(worlds, np.inf)
+        most, nearest = np.full(worlds, np.inf), np.full(worlds, UNBELIEVED_M)
         polyhedra: dict[int, Planes] = {}
         if word == CHOSEN:
             polyhedra = _polyhedra(asked, recovered, belief, felt, prior, table)
@@ -141,6 +146,8 @@ def reconstruct(
                 doubt |= doubted(recovered, evidence)
             free &= doubt
             free[list(polyhedra)] = False
+            stands = recovered.shape != Shape.PRIOR_CYLINDER
+            nearest = np.minimum(nearest, np.where(stands, mean_gap(recovered, evidence), np.inf))
         if felt is None:
             felt, links = evidence, None
         from strategies.recovery.free_contacts import begun_freely
@@ -150,7 +157,7 @@ def reconstruct(
         if word == PARTS:
             return _several(np.flatnonzero(free), felt, links, prior, table, begin, calibration)
         made = _implicit(np.flatnonzero(free), felt, links, recovered, prior, table, begin, most,
-                         calibration)
+                         nearest, calibration)
         return _with_polyhedra(made, polyhedra)
     name = word.rpartition(":")[2]
     try:
@@ -211,9 +218,10 @@ def _with_polyhedra(free: Reconstruction, polyhedra: "Mapping[int, Planes]") -> 
 
 def _implicit(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None, recovered: Recovered,
               prior: BoundingCylinder, table: FitTable, begin: float, most: np.ndarray,
-              calibration: tuple[ErrorTable, ArmTable] | None) -> Reconstruction:
-    """Free forms of the worlds `rows`, where torques contradict them by less than `most` (world,).
-    """
+              nearest: np.ndarray, calibration: tuple[ErrorTable, ArmTable] | None
+              ) -> Reconstruction:
+    """Free forms of the worlds `rows`, where torques contradict them by less than `most` (world,)
+    and contacts lie less than `nearest` [m] (world,) off in the mean."""
     meshes = [NO_MESH] * len(felt.mask)
     none = np.full(len(meshes), "", object)
     if len(rows) == 0:
@@ -235,7 +243,8 @@ def _implicit(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None, reco
         about = likeliest_mean(placed, sigma, rows_of(recovered, own), given, table, BODY)
         fit = fit_placed(placed, sigma, table, about.process, about.mean)
         mesh = believed_pieces(implicit_meshes(fit, about.mean, box_m=about.box_m)[0], given)
-        if plausible_vertices([mesh.vertices_m], given, table_plane=table.table_plane)[0]:
+        if (plausible_vertices([mesh.vertices_m], given, table_plane=table.table_plane)[0]
+                and mean_gap_to_mesh(mesh, placed.points_m[placed.mask]) < nearest[row]):
             meshes[row], forms[int(row)] = mesh, FreeForm(fit, about)
     return Reconstruction(IMPLICIT, tuple(meshes), none, time.perf_counter() - begin, forms)
 
@@ -265,9 +274,9 @@ def _several(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
 
 
 def _touches(recovered: Recovered, evidence: Evidence, prior: BoundingCylinder) -> Touches:
-    reach = prior.radius_m + PRIOR_MARGIN_M
+    reach = prior.radius_m + prior.margin_m
     low = np.stack([prior.x_m - reach, prior.y_m - reach, np.zeros(len(reach))], 1)
-    high = np.stack([prior.x_m + reach, prior.y_m + reach, prior.height_m + PRIOR_MARGIN_M], 1)
+    high = np.stack([prior.x_m + reach, prior.y_m + reach, prior.height_m + prior.margin_m], 1)
     seen = read_only(evidence)
     # A contact whose link is in doubt tells no normal.
     normals = np.where(np.isfinite(seen.contradiction)[..., None], seen.normals, np.nan)

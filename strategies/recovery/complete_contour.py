@@ -14,7 +14,7 @@ from fit.fit_status import is_fitted
 from fit.revolution.fit import fit_revolution
 from fit.revolution.geometry import RevolutionBody
 from fit.revolution.record import RevolutionFit, RevolutionOptions
-from strategies.poses.waypoints import PRIOR_MARGIN_M, BoundingCylinder
+from strategies.poses.waypoints import BoundingCylinder
 from strategies.procedures.contour_shape import Profile
 from strategies.recovery.body_distances import contour_distances
 from strategies.recovery.evidence import Evidence
@@ -37,8 +37,8 @@ def revolution_of_all(evidence: Evidence, prior: BoundingCylinder) -> Revolution
     """
     x, y, z = np.moveaxis(evidence.points_m, -1, 0)
     away = np.hypot(x - prior.x_m[:, None], y - prior.y_m[:, None])
-    near = ((away <= prior.radius_m[:, None] + PRIOR_MARGIN_M)
-            & (z <= prior.height_m[:, None] + PRIOR_MARGIN_M))
+    near = ((away <= prior.radius_m[:, None] + prior.margin_m)
+            & (z <= prior.height_m[:, None] + prior.margin_m))
     return fit_revolution(evidence.points_m, evidence.mask & near, table_z=0.0, options=OPTIONS)
 
 

@@ -10,6 +10,7 @@ Everything here is known to the robot.
 import numpy as np
 
 from fit.arrays import row_sums
+from fit.implicit.record import TriangleMesh
 from strategies.contacts.finger_touch import TouchedLinks
 from strategies.recovery.body_distances import contour_distances, surface_distances
 from strategies.recovery.choose_model import Recovered, Shape
@@ -68,6 +69,14 @@ def mean_gap(recovered: Recovered, evidence: Evidence) -> np.ndarray:
     counted = np.where(alone[:, None], pads, evidence.mask)
     away = np.minimum(surface_gaps(recovered, evidence.points_m, counted), FARTHEST_M)
     return row_sums(np.where(counted, away, 0.0)) / np.maximum(counted.sum(1), 1)
+
+
+def mean_gap_to_mesh(mesh: TriangleMesh, points_m: np.ndarray) -> float:
+    """How far contacts (contact, 3) are from a surface, in the mean [m], as `mean_gap` counts."""
+    from warpgrasp.objects.mesh_orientation import mesh_gap, mesh_of  # of few bodies asked
+
+    away = mesh_gap(mesh_of(mesh.vertices_m, mesh.faces, winding=False), points_m)
+    return float(np.minimum(away, FARTHEST_M).mean())
 
 
 def unexplained(recovered: Recovered, evidence: Evidence) -> np.ndarray:

@@ -8,16 +8,17 @@ import numpy as np
 from fit.arrays import row_sums
 from fit.revolution.geometry import RevolutionBody, revolution_inside
 from fit.superquadric.geometry import SuperquadricLike, superquadric_points
-from strategies.poses.waypoints import PRIOR_MARGIN_M, BoundingCylinder
+from strategies.poses.waypoints import BoundingCylinder
 from strategies.recovery.body_distances import contour_distances, surface_distances
 from strategies.recovery.evidence import Evidence
 from strategies.recovery.misfit import FARTHEST_M, UNBELIEVED_M
 
 FEWEST_CONTACTS = 8
 """With fewer contacts no body is believed."""
-BEYOND_M = 2.0 * PRIOR_MARGIN_M
-"""A body that reaches farther than this beyond the prior cylinder contradicts it: six standard
-deviations of the prior's height, and four of its centre and its radius together."""
+BEYOND = 2.0
+"""A body that reaches farther than this many times `margin_m` beyond the prior cylinder contradicts
+it: six standard deviations of the prior's height, and four of its centre and its radius together.
+"""
 SUNK_M = 0.010
 """A body whose lowest point is deeper than this below the table contradicts the table [est]."""
 FLOATING_M = 0.030
@@ -34,7 +35,7 @@ def within_reach(fits: SuperquadricLike, prior: BoundingCylinder) -> np.ndarray:
     """Whether superquadrics stay within twice the reach of the prior cylinder and its error, bool
     (world,): enough to go on exploring by."""
     middle = np.stack([prior.x_m, prior.y_m, prior.height_m / 2], axis=1)
-    reach = np.hypot(prior.radius_m, prior.height_m / 2) + PRIOR_MARGIN_M
+    reach = np.hypot(prior.radius_m, prior.height_m / 2) + prior.margin_m
     far = (np.linalg.norm(fits.position_m - middle, axis=1)
            + np.linalg.norm(fits.size_m, axis=1))
     return far <= 2.0 * reach
@@ -114,5 +115,6 @@ def _mean_away(distance: np.ndarray, mask: np.ndarray) -> np.ndarray:
 def _within(reach: np.ndarray, low: np.ndarray, high: np.ndarray,
             prior: BoundingCylinder) -> np.ndarray:
     """Of the farthest distance from the prior's axis, the lowest and the highest point."""
-    return ((reach <= prior.radius_m + BEYOND_M) & (high <= prior.height_m + BEYOND_M)
+    beyond = BEYOND * prior.margin_m
+    return ((reach <= prior.radius_m + beyond) & (high <= prior.height_m + beyond)
             & (low >= -SUNK_M) & (low <= FLOATING_M))

@@ -23,8 +23,11 @@ NODES = ("profile_z_m", "profile_r_m")
 """Contours: an array a row."""
 
 
-def model_columns(belief: Belief, recovered: Recovered) -> dict[str, np.ndarray]:
-    """Columns of each world's model, a row each: of `recovered`, with the fit in `belief`."""
+def model_columns(
+    belief: Belief, recovered: Recovered, replaced: np.ndarray | None = None
+) -> dict[str, np.ndarray]:
+    """Columns of each world's model, a row each: of `recovered`, with the fit in `belief`. Where a
+    mesh stands in its place, bool `replaced` (world,), its interval is none of the body's."""
     fits, profile = belief.fits, belief.profile
     turned = recovered.shape == Shape.REVOLUTION
     rms = accepted_rms(recovered, belief.evidence)
@@ -43,7 +46,7 @@ def model_columns(belief: Belief, recovered: Recovered) -> dict[str, np.ndarray]
     for number, name in enumerate(NODES):
         columns[name] = np.empty(len(turned), object)
         columns[name][:] = [row[number] for row in nodes]
-    columns |= interval_columns(belief, recovered)
+    columns |= interval_columns(belief, recovered, replaced)
     return columns | {"fit_rms_mm": rms * 1e3, "fit_iterations": iterations.astype(np.int64),
                       "fit_status": np.array(status_names(status))}
 
@@ -57,15 +60,19 @@ def model_names(recovered: Recovered, table: FitTable) -> np.ndarray:
                      [kind, "revolution"], "prior")
 
 
-def interval_columns(belief: Belief, recovered: Recovered) -> dict[str, np.ndarray]:
-    """90 % intervals of volumes, (world,) each, NaN where nothing was recovered; if they are of a
-    kind that held, and whether the contacts agree with the model."""
+def interval_columns(
+    belief: Belief, recovered: Recovered, replaced: np.ndarray | None = None
+) -> dict[str, np.ndarray]:
+    """90 % intervals of volumes, (world,) each, NaN where nothing was recovered or a mesh stands,
+    bool `replaced` (world,); if they are of a kind that held, and whether the contacts agree with
+    the model."""
     known = recovered.shape != Shape.PRIOR_CYLINDER
+    stands = known if replaced is None else known & ~replaced
     low, high = np.full((2, len(known)), np.nan)
     trusted = np.zeros_like(known)
     if known.any():
-        low, high = np.where(known, belief.uncertainty.volume_interval_m3().T, np.nan)
-        trusted = known & interval_trusted(belief.uncertainty.signs)
+        low, high = np.where(stands, belief.uncertainty.volume_interval_m3().T, np.nan)
+        trusted = stands & interval_trusted(belief.uncertainty.signs)
     share = belief.felt.contradicted_share()
     return {"volume_low_m3": low, "volume_high_m3": high, "interval_trusted": trusted,
             "contradicted_share": np.where(known, share, np.nan),

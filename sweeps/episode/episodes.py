@@ -193,7 +193,8 @@ def _rows_of(
     }
     if cell.keep == "contacts":
         columns[CONTACTS] = contact_tables(block.exploration, block.truth)
-    return columns | model_columns(belief, recovered) | curves(block.moments, worlds)
+    replaced = None if block.rebuilt is None else block.rebuilt.made
+    return columns | model_columns(belief, recovered, replaced) | curves(block.moments, worlds)
 
 
 def _score_columns(scores: Scores, prior: Scores, prefix: str = "") -> dict[str, np.ndarray]:

@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 import numpy as np
 
 from fit.arrays import rows_of
-from strategies.poses.waypoints import BoundingBox, BoundingCylinder
+from strategies.poses.waypoints import PRIOR_MARGIN_M, BoundingBox, BoundingCylinder
 from strategies.procedures.depth_prior import or_drawn, see_box
 from strategies.procedures.stereo_prior import see_cylinder
 from strategies.recovery.choose_model import Recovered, Shape, prior_superquadric
@@ -36,11 +36,13 @@ def draw_prior(
     stream = counter_key(key, int(Purpose.PRIOR))
     error = table.prior_sigma_m * counter_normal(counter_key(stream[:, None], np.arange(6)))
     height = np.maximum(body.high_m[2] + error[:, 3], LEAST_HEIGHT_M)
+    margin = max(PRIOR_MARGIN_M, 3.0 * table.prior_sigma_m)
     if table.prior not in ("box", "depth"):
         surface = sample_body(body).surface_m
         radius = float(np.hypot(surface[:, 0], surface[:, 1]).max())
         return BoundingCylinder(body_pose[:, 0] + error[:, 0], body_pose[:, 1] + error[:, 1],
-                                np.maximum(radius + error[:, 2], LEAST_RADIUS_M), height)
+                                np.maximum(radius + error[:, 2], LEAST_RADIUS_M), height,
+                                margin_m=margin)
     middle, half, turned = rectangle_around(body)
     yaw = 2.0 * np.arctan2(body_pose[:, 5], body_pose[:, 6])
     cos, sin = np.cos(yaw), np.sin(yaw)
@@ -48,7 +50,7 @@ def draw_prior(
     return BoundingBox(
         body_pose[:, 0] + cos * middle[0] - sin * middle[1] + error[:, 0],
         body_pose[:, 1] + sin * middle[0] + cos * middle[1] + error[:, 1],
-        np.hypot(*half.T), height, half, yaw + turned + error[:, 5] / half.max(1))
+        np.hypot(*half.T), height, half, yaw + turned + error[:, 5] / half.max(1), margin_m=margin)
 
 
 def rectangle_around(body: Body) -> tuple[np.ndarray, np.ndarray, float]:
@@ -136,7 +138,7 @@ def seen_prior(
         np.where(whole, new, old) for new, old in (
             (seen.x_m, drawn.x_m), (seen.y_m, drawn.y_m),
             (np.maximum(seen.radius_m, LEAST_RADIUS_M), drawn.radius_m),
-            (np.maximum(seen.height_m, LEAST_HEIGHT_M), drawn.height_m))))
+            (np.maximum(seen.height_m, LEAST_HEIGHT_M), drawn.height_m))), margin_m=drawn.margin_m)
     why = np.where(whole, "", "object.prior silhouettes: the object is not whole in both images; "
                    "a larger stereo.field_of_view_deg or distance_mm would show it, and fewer "
                    "stereo.clutter leave it by itself")

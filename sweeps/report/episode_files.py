@@ -153,6 +153,7 @@ def shape_record(cell: Cell, block: EpisodeBlock, world: int = 0) -> dict[str, A
     shape = Shape(int(block.recovered.shape[world]))
     name = str(model_names(block.recovered, cell.fit)[world])
     pose = block.truth.body_pose[world]
+    replaced = None if block.rebuilt is None else block.rebuilt.made
     return {
         "object": cell.object_name,
         "strategy": cell.strategy.name,
@@ -162,8 +163,10 @@ def shape_record(cell: Cell, block: EpisodeBlock, world: int = 0) -> dict[str, A
         "models": list(_models(cell, block, world)),
         "chosen": block.rebuilt.name_of(world) if block.rebuilt and mesh_of_world(block, world)
         else name,
-        "interval": {key: None if shape == Shape.PRIOR_CYLINDER else float(values[world])
-                     for key, values in interval_columns(belief, block.recovered).items()},
+        "interval": {key: None if np.isnan(values[world]) or shape == Shape.PRIOR_CYLINDER
+                     else float(values[world])
+                     for key, values in interval_columns(belief, block.recovered,
+                                                         replaced).items()},
         "recognized_as": str(block.recognition.name[world]) or None,
         "recognized_by": str(block.recognition.way[world]) or None,
         "recognized_probability": (float(block.recognition.probability[world])

@@ -95,7 +95,7 @@ def choice_sentence(block: EpisodeBlock, world: int = 0) -> str:
         return f"chosen: the {model}, since {FEWEST_CONTACTS} contacts are needed for a free form"
     if not unexplained(recovered, evidence)[0]:
         return f"chosen: the {model}; {why}, but torques do not clearly agree with a free form"
-    return f"chosen: the {model}; {why}, but table or prior contradict the free form"
+    return (f"chosen: the {model}; {why}, but table, prior or contacts contradict the free form")
 
 
 def _about(block: EpisodeBlock, world: int) -> str:

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from fit.arrays import rows_of
 from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
 from strategies.poses.hand_poses import (
     CSV_COLUMNS,
@@ -91,7 +92,7 @@ def test_a_level_hand_is_raised_off_the_table_and_not_taken_away(tilt_deg: float
 
 
 def test_random_poses_depend_on_the_key_alone() -> None:
-    two = BoundingCylinder(*(np.repeat(v, 2) for v in vars(prior()).values()))
+    two = rows_of(prior(), [0, 0])
     both = waypoint_poses((Random(),), two, HAND, np.array([5, 6], np.uint64))
     one = waypoint_poses((Random(),), prior(), HAND, np.array([6], np.uint64))
     assert np.array_equal(both[1], one[0])
