@@ -2,14 +2,18 @@
 where a model does not explain what was felt, and do not depend on the batch."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 
+from fit.implicit.record import ImplicitFit, TriangleMesh
 from strategies.ready_made import STRATEGIES
 from strategies.recovery.choose_model import Shape
-from strategies.recovery.contact_verdict import unexplained
+from strategies.recovery.contact_verdict import mean_gap_to_mesh, unexplained
 from strategies.recovery.free_contacts import believed_freely, fitted_freely
+from strategies.recovery.misfit import FARTHEST_M
 from sweeps.episode.episodes import EpisodeBlock, run_block, run_episodes
 from sweeps.spec.cell import Cell
 from warpgrasp.objects.families import family_table
@@ -59,6 +63,38 @@ def test_planners_may_ask_for_the_free_form_that_is_made() -> None:
     assert (asked.points_m == form.fit.points_m).all()
     with pytest.raises(ValueError, match="does not say where contacts were felt"):
         believed_freely(replace(block.exploration.belief, unplaced=None), 0)
+
+
+def test_a_free_form_that_contacts_lie_off_does_not_stand(
+    monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A crumb among the contacts agrees with prior and table."""
+    short = replace(cell("bowl-2"), strategy=replace(STRATEGIES["any-object"], touches=24),
+                    fit=FitTable(reconstruct="implicit"))
+    as_made = run_episodes(short, np.arange(1), "cpu")
+    assert as_made["shape"][0] == "implicit"
+    # The interval of the model is none of the mesh that stands in its place.
+    assert np.isnan(as_made["volume_low_m3"][0])
+    assert not as_made["interval_trusted"][0]
+
+    def crumbs(fit: ImplicitFit, *args: Any, **words: Any) -> list[TriangleMesh]:
+        crumb = trimesh.creation.box((0.01, 0.01, 0.01))
+        middle = [*fit.points_m[0, :, :2].mean(0), 0.02]
+        return [TriangleMesh(np.asarray(crumb.vertices) + middle, np.asarray(crumb.faces))]
+
+    monkeypatch.setattr("fit.implicit.mesh.implicit_meshes", crumbs)
+    crumbled = run_episodes(short, np.arange(1), "cpu")
+    assert crumbled["shape"][0] != "implicit"
+    assert np.isfinite(crumbled["volume_low_m3"][0]) or crumbled["shape"][0] == "prior"
+
+
+def test_distances_of_contacts_from_a_sphere() -> None:
+    ball = trimesh.creation.icosphere(subdivisions=5, radius=0.04)
+    mesh = TriangleMesh(np.asarray(ball.vertices), np.asarray(ball.faces))
+    way = np.random.default_rng(3).normal(size=(50, 3))
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    for off, counts_as in ((0.003, 0.003), (-0.003, 0.003), (0.2, FARTHEST_M)):
+        assert mean_gap_to_mesh(mesh, (0.04 + off) * way) == pytest.approx(counts_as, abs=1e-4)
 
 
 @pytest.mark.slow

@@ -1,5 +1,7 @@
 """Bodies that what was felt, swept space, table or prior contradict are no results."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -39,6 +41,11 @@ def evidence(points: np.ndarray, free: np.ndarray) -> Evidence:
 ])
 def test_prior_and_table(found, right: bool) -> None:
     assert plausible(found, PRIOR).tolist() == [right]
+
+
+def test_a_prior_that_is_known_less_well_contradicts_fewer_bodies() -> None:
+    assert plausible(body(x=0.55), replace(PRIOR, margin_m=0.12)).tolist() == [True]
+    assert plausible(body(x=0.75), replace(PRIOR, margin_m=0.12)).tolist() == [False]
 
 
 def test_a_robot_that_is_not_told_the_table_does_not_judge_by_it() -> None:

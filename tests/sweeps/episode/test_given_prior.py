@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from fit.superquadric.geometry import superquadric
 from strategies.poses.hand_poses import waypoint_poses
 from strategies.poses.waypoints import BoundingBox, BoundingCylinder, Ring
 from strategies.ready_made import STRATEGIES
+from strategies.recovery.plausibility import plausible
 from strategies.strategy import Strategy
 from sweeps.episode.episodes import place_objects, run_episodes
 from sweeps.episode.given_prior import draw_prior, seen_prior
@@ -64,6 +66,18 @@ def seen_of(name: str, **words: float) -> tuple[BoundingCylinder, np.ndarray, np
     drawn = draw_prior(body, pose, table, KEY)
     prior, why = seen_prior(robot, drawn, StereoTable(**words), "silhouettes")  # type: ignore
     return prior, why, pose
+
+
+@pytest.mark.parametrize("prior", ["cylinder", "box"])
+@pytest.mark.parametrize("sigma_mm", [10.0, 40.0, 80.0])
+def test_the_true_body_agrees_with_its_prior_however_rough(prior: str, sigma_mm: float) -> None:
+    key = counter_key(4, np.arange(400))
+    table = ObjectTable(prior=prior, prior_sigma_m=1e-3 * sigma_mm)
+    body, pose = body_from_name("block"), place_objects(table, key)
+    half = 0.5 * np.asarray(body.parts[0].size_m)
+    true = superquadric(half, (0.1, 0.1), pose[:, :3] + [0.0, 0.0, half[2]], pose[:, 3:])
+    # Four standard deviations for centre and radius together; a radius has a least one, too.
+    assert plausible(true, draw_prior(body, pose, table, key)).mean() > 0.995
 
 
 @pytest.mark.parametrize("name", ["large_cylinder", "wine_bottle"])
