@@ -18,7 +18,7 @@ from warpgrasp.touch.pad_kernel import (
     taxel_force,
     unloaded_count,
 )
-from warpgrasp.touch.taxel_lanes import TAXELS_AT_ONCE, read_unloaded
+from warpgrasp.touch.taxel_lanes import TAXELS_AT_ONCE, greatest_count, read_unloaded
 
 _SIDE = wp.constant(16)
 _AT_ONCE = wp.constant(TAXELS_AT_ONCE)
@@ -135,10 +135,7 @@ def read_image(
                                 image[i, line, column] = wp.uint8(taxel_count(
                                     pad, force, counter_key(own, taxel),
                                     counter_key(reading, taxel)))
-    peak = int(0)
-    for taxel in range(_SIDE * _SIDE):
-        peak = wp.max(peak, int(image[i, taxel // _SIDE, taxel % _SIDE]))
-    return peak
+    return greatest_count(image, i)
 
 
 @wp.func

@@ -73,3 +73,24 @@ def read_unloaded(
 
     `pad` is `pad_key`, of which a taxel's is made, `reading` `pad_reading_key`.
     """
+
+
+_GREATEST = """
+    const wp::uint8* counts = image.data + (size_t)row * image.shape[1] * image.shape[2];
+    const int taxels = image.shape[1] * image.shape[2];
+    int greatest = 0;
+#if !defined(__CUDA_ARCH__)
+    typedef wp::uint8 bytes __attribute__((ext_vector_type(32), aligned(1)));
+    for (int k = 0; k < taxels; k += 32)
+        greatest = wp::max(greatest, (int)__builtin_reduce_max(*(const bytes*)(counts + k)));
+#else
+    for (int k = 0; k < taxels; ++k)
+        greatest = wp::max(greatest, (int)counts[k]);
+#endif
+    return greatest;
+"""
+
+
+@wp.func_native(_GREATEST)
+def greatest_count(image: wp.array3d[wp.uint8], row: int) -> int:
+    """The greatest count of an image, whose taxels are a multiple of 32."""
