@@ -36,13 +36,15 @@ def _misfit(
     hand: Hand, doubt: Doubt, f: FingerPose, link: int, near: Nearest, thick: real, free: vec4,
     turned: vec4, by_other: real
 ):
-    """That of a link of a finger, `free` at a pose, which presses on what has a skin `thick` [m]
-    and whose place along the way between them has variance `by_other` [m2]."""
+    """That of a link of a finger as read, `turned` from where it would be `free`, which presses on
+    what has a skin `thick` [m] and a place of variance `by_other` [m2] along the way between them.
+    """
     away = finger_jacobian(f, link, near.one, near.way)
     k = hand.stiffness
     give = pushed_turn(away, vec4(k, k, k, k), free, hand.low, hand.high, hand.stop)
     variance = doubt.place + doubt.zero * wp.dot(away, away) + by_other
-    return press_misfit(near.apart, hand.link_radius + thick, variance, away, give, turned, doubt)
+    return press_misfit(near.apart - wp.dot(away, turned), hand.link_radius + thick, variance,
+                        away, give, turned, doubt)
 
 
 @wp.kernel(enable_backward=False, module="warpgrasp.closing.closing_kernels")
@@ -71,7 +73,7 @@ def self_press_kernel(
     s = step[w, p, g, finger]
     free = _free(hand, hand_pose[w, p], commands, g, finger, s)
     turned = q[w, p, g, finger] - free
-    f = finger_pose(hand, finger_base(hand, finger), free)
+    f = finger_pose(hand, finger_base(hand, finger), q[w, p, g, finger])
     for other in range(4):
         if other != finger:
             there = q[w, p, g, other]

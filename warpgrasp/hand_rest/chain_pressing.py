@@ -12,7 +12,7 @@ from warpgrasp.chain.chain_kernel import (
     link_place,
     vec6,
 )
-from warpgrasp.core.dtypes import ZERO, real, transform, vec3
+from warpgrasp.core.dtypes import real, transform, vec3
 from warpgrasp.geometry.segment_pair import segment_pair
 from warpgrasp.hand_rest.chain_meetings import CapsulePair
 from warpgrasp.hand_rest.pressing import Doubt, press_misfit, pushed_turn
@@ -50,7 +50,7 @@ def chain_press_kernel(
     own = doubt[finger]
     free = chain_free_joints(hand, hand_pose[w, p], path[g, finger, s])
     turned = q[w, p, g, finger] - free
-    f = chain_pose(hand, frame, free)
+    f = chain_pose(hand, frame, q[w, p, g, finger])
     for other in range(-1, believed.shape[1]):
         if other == finger:
             continue
@@ -95,6 +95,6 @@ def chain_press_kernel(
                 by = chain_jacobian(from_hand, o, joint, near.two, near.way)
                 variance += from_doubt.place + angle * wp.dot(by, by)
             give = pushed_turn(away, hand.stiffness, free, hand.low, hand.high, hand.stop)
-            least = wp.min(least, press_misfit(near.apart, pair.both, variance, away, give,
-                                               turned, own))
+            least = wp.min(least, press_misfit(near.apart - wp.dot(away, turned), pair.both,
+                                               variance, away, give, turned, own))
     misfit[w, p, g, finger] = least
