@@ -14,7 +14,8 @@ from warpgrasp.chain_closing.chain_path import padded
 from warpgrasp.closing.closing import Closing
 from warpgrasp.core.dtypes import real, transform
 from warpgrasp.core.kernel_launch import array_of, launch
-from warpgrasp.hand_rest.pressing import MISFIT, Doubt, doubt_of
+from warpgrasp.hand_rest.press_kernel import Doubt
+from warpgrasp.hand_rest.pressing import MISFIT, doubt_of
 from warpgrasp.mechanism.calibration import no_errors
 from warpgrasp.parameters import ContactTable, ErrorTable, HandTable, SensorTable
 
@@ -39,14 +40,15 @@ def chain_self_contacts(
     each = "world probe grasp finger"
     launch(chain_press_kernel, dict(zip(each.split(), dims, strict=True)), {
         "believed": "1 finger", "palm": "bar 2", "pairs": "pair", "doubt": "finger",
-        "hand_pose": "world probe", "q": each, "step": each, "path": "grasp finger step",
-        "misfit": each}, {
+        "hand_pose": "world probe", "status": each, "q": each, "step": each,
+        "path": "grasp finger step", "misfit": each}, {
         "believed": true_chains(hand, table, contact or ContactTable(),
                                 no_errors(hand.fingers, 6, 6), device),
         "palm": palm, "pairs": pairs,
         "doubt": wp.array([doubt_of(sensors, errors, lengths_m(hand, f))
                            for f in range(hand.fingers)], dtype=Doubt, device=device),
         "hand_pose": array_of(believed_pose, transform, device),
+        "status": array_of(closing.status, int, device),
         "q": array_of(padded(read), vec6, device), "step": array_of(closing.step, int, device),
         "path": array_of(padded(commands_rad), vec6, device), "misfit": misfit}, device=device)
     return np.asarray(misfit.numpy() < MISFIT)

@@ -2,7 +2,7 @@
 
 A finger that stops at another finger or at the palm feels the same as at an object. It may have
 stopped there if pressing on the links that the robot believes explains where it is read, within
-what the errors of joint sensors and of calibration leave open: see `hand_rest.pressing`.
+what the errors of joint sensors and of calibration leave open: see `hand_rest.press_kernel`.
 """
 
 import numpy as np
@@ -32,11 +32,12 @@ def self_contacts(
     misfit = wp.empty(dims, dtype=real, device=device)
     each = "world probe grasp finger"
     launch(self_press_kernel, dict(zip(each.split(), dims, strict=True)), {
-        "hand_pose": "world probe", "q": each, "step": each, "commands": "grasp 4 step 4",
-        "misfit": each}, {
+        "hand_pose": "world probe", "status": each, "q": each, "step": each,
+        "commands": "grasp 4 step 4", "misfit": each}, {
         "hand": hand_of(hand, contact), "mount": hand.mount_length_m,
         "doubt": doubt_of(sensors, errors, np.array(hand.link_length_m)),
         "hand_pose": array_of(believed_pose, transform, device),
+        "status": array_of(closing.status, int, device),
         "q": array_of(closing.q_rad, vec4, device), "step": array_of(closing.step, int, device),
         "commands": wp.array(commands_rad, dtype=real, device=device), "misfit": misfit},
         device=device)

@@ -6,7 +6,7 @@ import warp as wp
 from warpgrasp.core.dtypes import HALF, ZERO, real, transform, vec4
 from warpgrasp.geometry.segment_pair import Nearest, segment_pair
 from warpgrasp.hand_rest.link_gap import above_palm, link_end, links_within, palm_capsule
-from warpgrasp.hand_rest.pressing import Doubt, press_misfit, pushed_turn
+from warpgrasp.hand_rest.press_kernel import Doubt, press_misfit, pushed_turn
 from warpgrasp.mechanism.utah_mit_hand_kernel import (
     FingerPose,
     Hand,
@@ -16,7 +16,9 @@ from warpgrasp.mechanism.utah_mit_hand_kernel import (
     free_joints,
     link_start,
 )
+from warpgrasp.probe_status import ProbeStatus
 
+_CONTACT = wp.constant(int(ProbeStatus.CONTACT))
 _FAR = wp.constant(real(1e9))  # squared deviations
 _REACH = wp.constant(real(0.03))  # [m]: links as far apart do not meet
 
@@ -56,6 +58,7 @@ def self_press_kernel(
     doubt: Doubt,
     # Closing in:
     hand_pose: wp.array2d[transform],
+    status: wp.array4d[int],
     q: wp.array4d[vec4],
     step: wp.array4d[int],
     commands: wp.array4d[real],
@@ -67,7 +70,7 @@ def self_press_kernel(
     w, p, g, finger = wp.tid()
     w += first
     least = real(_FAR)
-    if not wp.isfinite(q[w, p, g, finger][0]):
+    if status[w, p, g, finger] != _CONTACT:
         misfit[w, p, g, finger] = least
         return
     s = step[w, p, g, finger]

@@ -14,7 +14,7 @@ from sweeps.episode.episodes import place_objects
 from sweeps.episode.given_prior import draw_prior
 from warpgrasp.core.dtypes import real, vec4
 from warpgrasp.core.random import counter_key
-from warpgrasp.hand_rest.pressing import Doubt, press_misfit, pushed_turn
+from warpgrasp.hand_rest.press_kernel import Doubt, press_misfit, pushed_turn
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import ArmTable, ErrorTable, HandTable, ObjectTable, SensorTable
 from warpgrasp.probe_status import ProbeStatus

@@ -12,11 +12,13 @@ from warpgrasp.chain.chain_kernel import (
     link_place,
     vec6,
 )
-from warpgrasp.core.dtypes import real, transform, vec3
+from warpgrasp.core.dtypes import HALF, real, transform, vec3
 from warpgrasp.geometry.segment_pair import segment_pair
 from warpgrasp.hand_rest.chain_meetings import CapsulePair
-from warpgrasp.hand_rest.pressing import Doubt, press_misfit, pushed_turn
+from warpgrasp.hand_rest.press_kernel import Doubt, press_misfit, pushed_turn
+from warpgrasp.probe_status import ProbeStatus
 
+_CONTACT = wp.constant(int(ProbeStatus.CONTACT))
 _FAR = wp.constant(real(1e9))  # squared deviations
 _REACH = wp.constant(real(0.03))  # [m]: links as far apart do not meet
 
@@ -31,6 +33,7 @@ def chain_press_kernel(
     doubt: wp.array[Doubt],
     # Closing in:
     hand_pose: wp.array2d[transform],
+    status: wp.array4d[int],
     q: wp.array4d[vec6],
     step: wp.array4d[int],
     path: wp.array3d[vec6],
@@ -41,7 +44,7 @@ def chain_press_kernel(
     w, p, g, finger = wp.tid()
     w += first
     least = real(_FAR)
-    if not wp.isfinite(q[w, p, g, finger][0]):
+    if status[w, p, g, finger] != _CONTACT:
         misfit[w, p, g, finger] = least
         return
     frame = wp.transform_identity(dtype=wp.float64)
@@ -85,8 +88,12 @@ def chain_press_kernel(
             else:
                 c = palm[second, 0]
                 d = palm[second, 1]
-            near = segment_pair(link_place(f, mine.joint, mine.start),
-                                link_place(f, mine.joint, mine.end), c, d)
+            a = link_place(f, mine.joint, mine.start)
+            b = link_place(f, mine.joint, mine.end)
+            ball = (wp.length(b - a) + wp.length(d - c)) * HALF + pair.both + _REACH
+            if wp.length_sq((a + b - c - d) * HALF) > ball * ball:
+                continue
+            near = segment_pair(a, b, c, d)
             if near.apart > pair.both + _REACH:
                 continue
             away = chain_jacobian(hand, f, mine.joint, near.one, near.way)
