@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 from warpgrasp.closing.closing import Closing
-from warpgrasp.closing.closing_kernels import self_press_kernel
+from warpgrasp.closing.closing_kernels import hand_press_kernel
 from warpgrasp.core.dtypes import real, transform, vec4
 from warpgrasp.core.kernel_launch import array_of, launch
 from warpgrasp.hand_rest.pressing import MISFIT, doubt_of
@@ -31,7 +31,7 @@ def self_contacts(
     dims = closing.status.shape
     misfit = wp.empty(dims, dtype=real, device=device)
     each = "world probe grasp finger"
-    launch(self_press_kernel, dict(zip(each.split(), dims, strict=True)), {
+    launch(hand_press_kernel, dict(zip(each.split(), dims, strict=True)), {
         "hand_pose": "world probe", "status": each, "q": each, "step": each,
         "commands": "grasp 4 step 4", "misfit": each}, {
         "hand": hand_of(hand, contact), "mount": hand.mount_length_m,

@@ -40,7 +40,7 @@ def chain_press_kernel(
     # Misfit out:
     misfit: wp.array4d[real],
 ):
-    """As `closing.self_contact_kernel`; `doubt` are each finger's."""
+    """As `hand_press_kernel`; `doubt` are each finger's."""
     w, p, g, finger = wp.tid()
     w += first
     least = real(_FAR)

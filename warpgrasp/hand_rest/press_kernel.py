@@ -4,7 +4,8 @@
 A finger that nothing holds rests where its command has it. One that presses on a link with a force
 is turned from there by as much as the force turns its joints, until it is out of the link. So three
 things agree: how deep in the link the finger would rest if it were free, how far it is turned from
-there, and which way. What a force at best leaves unexplained of them is its misfit.
+there, and which way. What a force at best leaves unexplained of them is its misfit. The way is that
+between links as they are read: there they touch if they do.
 """
 
 from typing import Any

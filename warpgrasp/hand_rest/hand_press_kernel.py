@@ -50,7 +50,7 @@ def _misfit(
 
 
 @wp.kernel(enable_backward=False, module="warpgrasp.closing.closing_kernels")
-def self_press_kernel(
+def hand_press_kernel(
     first: int,
     # Robot:
     hand: Hand,
