@@ -173,7 +173,7 @@ class Robot:
             march_scale=self._march_scale, device=self._device)
         closing = _of_closed(closing, closes)
         if self.contact.self_contact:
-            closing = self._without_self(closing, commands_rad)
+            closing = self._without_self(closing, moves.believed_pose, commands_rad)
         self._truth.closings.append(truth)
         self._truth.hand_poses.append(actual)
         self._probes_made += wanted.sum(1)
@@ -184,9 +184,11 @@ class Robot:
                       moves.time_s + closing_time_s(self.arm, closing.status, closing.step,
                                                     commands_rad), commands_rad)
 
-    def _without_self(self, closing: Closing, commands_rad: np.ndarray) -> Closing:
+    def _without_self(
+        self, closing: Closing, believed_pose: np.ndarray, commands_rad: np.ndarray
+    ) -> Closing:
         """The closing with what the robot can tell to be its own fingers or palm named so."""
-        own = self._own.own_touches(closing, commands_rad, self.errors, self._device)
+        own = self._own.own_touches(closing, believed_pose, commands_rad, self.errors, self._device)
         own &= closing.status == ProbeStatus.CONTACT
         return replace(closing, status=np.where(own, ProbeStatus.SELF_CONTACT, closing.status))
 

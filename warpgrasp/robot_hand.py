@@ -43,8 +43,8 @@ class RobotHand(Protocol):
         """`close_fingers`, without hand and sensors."""
         ...
 
-    def own_touches(self, closing: Closing, commands_rad: np.ndarray, errors: ErrorTable,
-                    device: str) -> np.ndarray:
+    def own_touches(self, closing: Closing, believed_pose: np.ndarray, commands_rad: np.ndarray,
+                    errors: ErrorTable, device: str) -> np.ndarray:
         """Which fingers, by their angles, may have stopped at the hand itself."""
         ...
 
@@ -90,10 +90,11 @@ class UtahMit:
         return close_fingers(scene, body, body_pose, self.true.hand, self.true.sensors, *rest,
                              contact=self.contact, errors=errors, **words)
 
-    def own_touches(self, closing: Closing, commands_rad: np.ndarray, errors: ErrorTable,
-                    device: str) -> np.ndarray:
+    def own_touches(self, closing: Closing, believed_pose: np.ndarray, commands_rad: np.ndarray,
+                    errors: ErrorTable, device: str) -> np.ndarray:
         """As a `RobotHand`."""
-        return self_contacts(closing, commands_rad, self.hand, self.sensors, errors, device=device)
+        return self_contacts(closing, believed_pose, commands_rad, self.hand, self.sensors, errors,
+                             contact=self.contact, device=device)
 
     def estimate(self, closing: Closing, believed_pose: np.ndarray, commands_rad: np.ndarray,
                  arm: ArmTable, errors: ErrorTable, device: str) -> ContactEstimate:
@@ -135,13 +136,13 @@ class Chains:
         return close_chains(scene, body, body_pose, self.chain, self.true.hand, self.true.sensors,
                             *rest, contact=self.contact, errors=errors, **words)
 
-    def own_touches(self, closing: Closing, commands_rad: np.ndarray, errors: ErrorTable,
-                    device: str) -> np.ndarray:
+    def own_touches(self, closing: Closing, believed_pose: np.ndarray, commands_rad: np.ndarray,
+                    errors: ErrorTable, device: str) -> np.ndarray:
         """As a `RobotHand`."""
         from warpgrasp.chain_closing.chain_self_contact import chain_self_contacts
 
-        return chain_self_contacts(closing, commands_rad, self.chain, self.hand, self.sensors,
-                                   errors, device=device)
+        return chain_self_contacts(closing, believed_pose, commands_rad, self.chain, self.hand,
+                                   self.sensors, errors, contact=self.contact, device=device)
 
     def estimate(self, closing: Closing, believed_pose: np.ndarray, commands_rad: np.ndarray,
                  arm: ArmTable, errors: ErrorTable, device: str) -> ContactEstimate:

@@ -55,7 +55,7 @@ from sweeps.episode.given_prior import (
 from sweeps.episode.recognition_columns import columns_of_recognition, recognize_objects
 from sweeps.episode.scores import ROUGH, SAMPLES, Scorer, Scores
 from sweeps.episode.touched_share import TouchedSurface
-from sweeps.episode.untouched import why_untouched
+from sweeps.episode.untouched import mostly_itself, why_untouched
 from sweeps.spec.cell import CONTACTS, Cell
 from warpgrasp.core.random import (
     Purpose,
@@ -213,6 +213,7 @@ def episode_notes(block: EpisodeBlock, cell: Cell, which: np.ndarray) -> np.ndar
     """
     why = why_untouched(block.exploration, [block.bodies[n] for n in which],
                         block.truth.body_pose, block.prior, cell.arm, cell.hand)
+    why = np.where(why == "", mostly_itself(block.exploration), why)
     why = np.where(block.exploration.stopped, STOPPED, why)
     return np.where(np.isin(block.status, FAULTY), block.exploration.fault, why)
 

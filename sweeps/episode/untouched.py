@@ -1,4 +1,4 @@
-"""Why an episode's grasps touched nothing, for the one who reads its row: the truth is known here.
+"""Why an episode's grasps touched little, for the one who reads its row: the truth is known here.
 
 The space that fingers close in is taken as a box before the palm: as wide as the gap between thumb
 and fingers, as long as a finger. How far the object is from it, and on which side, says what is
@@ -56,6 +56,17 @@ def why_untouched(
             found[world] = (f"the open hand would strike the object or the table at all of "
                             f"{_poses(len(poses))}")
     return found
+
+
+def mostly_itself(exploration: Exploration) -> np.ndarray:
+    """A sentence for each world of whose fingers' stops more than three in four were taken for the
+    hand's own links, else empty, (world,)."""
+    status = [p.felt.closing.status for p in exploration.procedures if isinstance(p.felt, Grasps)]
+    own, at_object = (sum(((s == which).sum((1, 2, 3)) for s in status),
+                          np.zeros(len(exploration.status), int))
+                      for which in (ProbeStatus.SELF_CONTACT, ProbeStatus.CONTACT))
+    return np.array([f"{n} of {n + m} stops of fingers were taken for the hand's own links"
+                     if n > 3 * m else "" for n, m in zip(own, at_object, strict=True)], object)
 
 
 def _poses(count: int) -> str:

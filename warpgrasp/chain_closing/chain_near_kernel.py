@@ -32,7 +32,6 @@ _hand_room = wp.types.vector(length=FINGERS, dtype=real)
 _WIDE = wp.constant(real(0.02))  # [m]: pairs as far apart are looked at roughly
 _CLOSE = wp.constant(real(5e-4))  # [m]: a path's least gap is found to within this
 _FARTHEST = wp.constant(real(0.1))  # [m]: nor of one that is larger
-_APART = wp.constant(real(1.0))  # [m]: of fingers that nothing is near to
 
 
 @wp.func
@@ -257,46 +256,3 @@ def path_gap_kernel(
             t = int(after)
         s = _first_come(come, g, pair.one, pair.capsule, s, (here - least) * HALF + _CLOSE)
     gap[g, k] = least - _CLOSE - _CLOSE
-
-
-@wp.kernel(enable_backward=False, module="warpgrasp.chain_closing.chain_closing_kernels")
-def chain_self_gap_kernel(
-    first: int,
-    # Robot:
-    believed: wp.array2d[Chain],
-    palm: wp.array2d[vec3],
-    palm_balls: wp.array[vec4],
-    pairs: wp.array[CapsulePair],
-    # Drives in, a row a hand:
-    q: wp.array2d[vec6],
-    step: wp.array2d[int],
-    grasp: wp.array[int],
-    path: wp.array3d[vec6],
-    # Scratch:
-    ends: wp.array3d[vec3],
-    balls: wp.array2d[vec4],
-    # Gap out:
-    gap: wp.array2d[real],
-):
-    """The least gap between the skins of a finger and of the others and the palm [m], at most a
-    metre: when the finger stopped, where others that had not were commanded."""
-    i = wp.tid() + first
-    fingers = believed.shape[1]
-    build = ChainBuild()
-    build.palm = palm
-    build.palm_balls = palm_balls
-    build.pairs = pairs
-    build.ends = ends
-    build.balls = balls
-    for f in range(fingers):
-        least = real(_APART)
-        if wp.isfinite(q[i, f][0]):
-            for other in range(fingers):
-                there = q[i, other]
-                if step[i, other] > step[i, f] or not wp.isfinite(there[0]):
-                    there = path[grasp[i], other, wp.max(step[i, f], 0)]
-                place_finger(believed[0, other], there, ends, balls, i, other)
-            for k in range(pairs.shape[0]):
-                if pairs[k].one == f or pairs[k].two == f:
-                    least = wp.min(least, pair_gap(build, pairs[k], i, least))
-        gap[i, f] = least

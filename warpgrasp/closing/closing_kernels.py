@@ -11,8 +11,8 @@ from warpgrasp.closing.friction_kernel import friction_kernel
 from warpgrasp.closing.meeting_kernel import meeting_kernel
 from warpgrasp.closing.near_kernel import near_kernel
 from warpgrasp.closing.readout import reading_kernel
-from warpgrasp.closing.self_contact_kernel import self_gap_kernel
+from warpgrasp.hand_rest.hand_press_kernel import hand_press_kernel
 
-__all__ = ["estimate_kernel", "friction_kernel", "meeting_kernel", "near_kernel", "reading_kernel",
-           "self_gap_kernel"]
+__all__ = ["estimate_kernel", "friction_kernel", "hand_press_kernel", "meeting_kernel",
+           "near_kernel", "reading_kernel"]
 wp.set_module_options({"max_unroll": 1})

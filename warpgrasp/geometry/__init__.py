@@ -17,4 +17,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "superquadric_lanes": ["SUPERQUADRIC_LANES"],
     "segment_distance": ["LINK_SAMPLES", "deepest_valley", "link_valley", "lower_end",
         "nearest_along", "nearest_on_link"],
+    "segment_pair": ["Nearest"],
 })

@@ -91,13 +91,15 @@ def test_a_robot_tells_its_own_fingers_by_their_angles() -> None:
     hand = chain_of(hand_of_kind("leap"))
     commands = chain_commands(hand, "together")
     felt, truth = close(hand, "block", FAR, commands, contact=MEET)
-    own = chain_self_contacts(felt, commands[None], hand, TABLE, QUIET, ErrorTable.none())
+    poses = FAR[:, None]
+    own = chain_self_contacts(felt, poses, commands[None], hand, TABLE, QUIET, ErrorTable.none())
     stopped = felt.status == 1
     assert stopped.any()
     assert (own[stopped] == truth.self_contact[stopped]).all()
     short = commands[:, :40]
     felt, _ = close(hand, "block", FAR, short, contact=MEET)
-    assert not chain_self_contacts(felt, short[None], hand, TABLE, QUIET, ErrorTable.none()).any()
+    assert not chain_self_contacts(felt, poses, short[None], hand, TABLE, QUIET,
+                                   ErrorTable.none()).any()
 
 
 def test_fingers_that_do_not_meet_close_as_alone() -> None:

@@ -21,7 +21,6 @@ from warpgrasp.closing import closing
 from warpgrasp.closing.closing import Closing, ClosingTruth, close_fingers
 from warpgrasp.closing.closing_record import ClosingRow, ClosingTruthRow
 from warpgrasp.closing.near_kernel import pairs_that_may
-from warpgrasp.closing.self_contact import self_contacts, self_margin
 from warpgrasp.core.random import counter_key
 from warpgrasp.finger.path_record import PathStep
 from warpgrasp.geometry.body import Body, Part, scene_of
@@ -100,16 +99,6 @@ def test_what_found_nothing_stops_at_itself() -> None:
     assert truth.self_contact[air].mean() > 0.95
     assert (truth.link[air][truth.self_contact[air]] == -1).all()
     assert np.isnan(truth.point_m[truth.self_contact]).all()
-
-
-def test_the_robot_tells_its_own_links_by_its_joint_angles() -> None:
-    errors, sensors = ErrorTable(), SensorTable()
-    felt, truth, _ = close("wedge", ContactTable(), errors=errors)
-    stopped = felt.status == ProbeStatus.CONTACT
-    told = self_contacts(felt, COMMANDS, HAND, sensors, errors)
-    assert told[stopped & truth.self_contact].mean() > 0.95
-    assert told[stopped & (truth.link >= 0)].mean() < 0.15
-    assert 0.002 < self_margin(HAND, sensors, errors) < 0.006
 
 
 def test_a_finger_is_read_where_it_stops() -> None:

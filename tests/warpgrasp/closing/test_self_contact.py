@@ -1,0 +1,118 @@
+"""Which stops a robot takes for its own fingers and palm: those that pressing on them explains."""
+
+from dataclasses import replace
+from math import radians
+
+import numpy as np
+import pytest
+import warp as wp
+
+from strategies.poses.hand_poses import waypoint_poses
+from strategies.procedures.containment import padded_commands
+from strategies.ready_made import STRATEGIES
+from sweeps.episode.episodes import place_objects
+from sweeps.episode.given_prior import draw_prior
+from warpgrasp.core.dtypes import real, vec4
+from warpgrasp.core.random import counter_key
+from warpgrasp.hand_rest.press_kernel import Doubt, press_misfit, pushed_turn
+from warpgrasp.objects.catalogue import body_from_name
+from warpgrasp.parameters import ArmTable, ErrorTable, HandTable, ObjectTable, SensorTable
+from warpgrasp.probe_status import ProbeStatus
+from warpgrasp.robot import Robot, Truth
+
+HAND, SENSORS, ERRORS = HandTable(), SensorTable(), ErrorTable()
+NOISY = replace(SENSORS, joint_noise_rad=radians(2.0))
+WORLDS = 6
+
+
+def stops(name: str, hand: HandTable, sensors: SensorTable = SENSORS, errors: ErrorTable = ERRORS
+          ) -> tuple[np.ndarray, np.ndarray]:
+    """Of all stops of grasps about an object, those truly at it and those truly at the hand itself:
+    which of them the robot takes for its own links."""
+    key = counter_key(7, np.arange(WORLDS))
+    body, pose = body_from_name(name), place_objects(ObjectTable(), key)
+    truth = Truth(pose)
+    robot = Robot([body], np.zeros(WORLDS, int), truth, key, ArmTable(), hand, sensors,
+                  errors=errors)
+    poses = waypoint_poses(STRATEGIES["rim6-ring12"].waypoints,
+                           draw_prior(body, pose, ObjectTable(), key), hand, key)
+    found = robot.grasp(poses, np.ones(poses.shape[:2], bool),
+                        *padded_commands(("curl40", "together"), hand)).closing
+    met, at = truth.closings[0].self_contact, truth.closings[0].link >= 0
+    told = found.status == ProbeStatus.SELF_CONTACT
+    stopped = told | (found.status == ProbeStatus.CONTACT)
+    return told[stopped & at & ~met], told[stopped & met]
+
+
+@pytest.mark.parametrize(("hand", "sensors", "errors", "most", "least"), [
+    (HAND, SENSORS, ERRORS, 0.01, 0.98),
+    (HAND, NOISY, ERRORS, 0.2, 0.96),
+    (HAND, SENSORS, replace(ERRORS, scale=3.0), 0.03, 0.98),
+    (replace(HAND, link_radius_m=0.012), SENSORS, ERRORS, 0.02, 0.98),
+    (replace(HAND, finger_spacing_m=0.020), SENSORS, ERRORS, 0.02, 0.98),
+    (replace(HAND, kind="allegro"), SENSORS, ERRORS, 0.02, 0.98),
+    (replace(HAND, kind="allegro"), NOISY, ERRORS, 0.15, 0.98),
+    pytest.param(replace(HAND, kind="leap"), SENSORS, ERRORS, 0.07, 0.98,
+                 marks=pytest.mark.slow)],
+    ids=["utah_mit", "noise", "errors", "thick", "narrow", "allegro", "allegro noise", "leap"])
+def test_contacts_on_an_object_are_kept_and_meetings_told(
+    hand: HandTable, sensors: SensorTable, errors: ErrorTable, most: float, least: float
+) -> None:
+    """Also where the hand's own build keeps fingers nearer to one another than they are known."""
+    at_object, at_itself = stops("small_cylinder", hand, sensors, errors)
+    assert len(at_object) > 150
+    assert len(at_itself) > 50
+    assert at_object.mean() <= most
+    assert at_itself.mean() >= least
+
+
+def test_a_hand_whose_fingers_do_not_meet_keeps_its_contacts() -> None:
+    for errors in (ERRORS, replace(ERRORS, scale=0.0)):
+        at_object, at_itself = stops("small_cylinder", replace(HAND, kind="barrett"), errors=errors)
+        assert len(at_object) > 200
+        assert len(at_itself) == 0
+        assert at_object.mean() < 0.01
+
+
+@wp.kernel(enable_backward=False)
+def _misfit_kernel(  # type: ignore
+    apart: wp.array[real], turned: wp.array[vec4], doubt: Doubt,  # type: ignore
+    misfit: wp.array[real],  # type: ignore
+):
+    i = wp.tid()
+    away = vec4(real(0.0), real(0.1), real(0.05), real(0.0))
+    k = real(2.0)
+    far = vec4(real(1.0), real(1.0), real(1.0), real(1.0))
+    give = pushed_turn(away, vec4(k, k, k, k), vec4(), -far, far, real(200.0))
+    misfit[i] = press_misfit(  # type: ignore
+        apart[i], real(0.016), real(4e-6), away, give, turned[i], doubt)
+
+
+def test_a_press_explains_overlap_turn_and_its_way() -> None:
+    doubt = Doubt()
+    doubt.turn = 1e-4
+    press = 0.5 * np.array([0.0, 0.1, 0.05, 0.0]) * 0.8  # of 0.8 N [rad], which lift by 5 mm
+    cases = {
+        "it presses": (0.011, press), "the other gives, too": (0.008, press),
+        "4 mm short of it": (0.015, press), "16 mm short of it": (0.027, press),
+        "turned towards it": (0.011, -press), "turned aside": (0.011, press[[1, 0, 3, 2]] * 2.0),
+        "free, at it": (0.016, 0.0 * press)}
+    misfit = wp.zeros(len(cases), dtype=real, device="cpu")
+    wp.launch(_misfit_kernel, len(cases), [
+        wp.array([apart for apart, _ in cases.values()], dtype=real, device="cpu"),
+        wp.array([turned for _, turned in cases.values()], dtype=vec4, device="cpu"), doubt],
+        [misfit], device="cpu")
+    found = dict(zip(cases, misfit.numpy(), strict=True))
+    assert found["it presses"] == pytest.approx(0.0, abs=1e-6)
+    assert found["the other gives, too"] == pytest.approx(0.0, abs=1e-6)
+    assert found["free, at it"] == pytest.approx(0.0, abs=1e-6)
+    # The least of (gap / 2 mm)^2 and of what is left of the turn, for each force.
+    force = np.linspace(0.0, 3.0, 3001)
+    give = 0.5 * np.array([0.0, 0.1, 0.05, 0.0])
+    for name in ("4 mm short of it", "16 mm short of it", "turned towards it", "turned aside"):
+        apart, turned = cases[name]
+        gap = np.maximum(apart - 0.016 + 0.00625 * force, 0.0)
+        left = ((turned - give * force[:, None]) ** 2).sum(1)
+        doubtful = 1e-4 + (turned**2).sum() * 4e-6 / max(apart, 0.016) ** 2
+        assert found[name] == pytest.approx((gap**2 / 4e-6 + left / doubtful).min(), rel=1e-3)
+    assert found["16 mm short of it"] > 30.0
