@@ -45,7 +45,7 @@ from warpgrasp.core.dtypes import (
     vec3,
     vec4,
 )
-from warpgrasp.core.sincos import sine_cosine
+from warpgrasp.core.turns import sine_cosine
 from warpgrasp.geometry.sdf_superquadric import SuperquadricShape, superquadric_deformed_gauge
 
 ALONG = 12

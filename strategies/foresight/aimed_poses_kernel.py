@@ -18,7 +18,7 @@ from warpgrasp.core.dtypes import (
     vec3,
 )
 from warpgrasp.core.random_kernel import counter_key, counter_uniform
-from warpgrasp.core.sincos import sine_cosine
+from warpgrasp.core.turns import sine_cosine
 
 wp.set_module_options({"max_unroll": 1})
 

@@ -21,7 +21,7 @@ from sweeps.spec.cell import SECTIONS, TABLES, Cell
 from sweeps.spec.search import canonical_search, search_of
 from sweeps.spec.study import ARM_KEY, FILE_KEYS, HAND_KEY, Axis, Body, Study, StudyTable
 
-RESULTS_SCHEMA = 32  # raise when rows change their meaning: older units are then computed again
+RESULTS_SCHEMA = 33  # raise when rows change their meaning: older units are then computed again
 BLOCK = 64  # episodes of a unit; rows do not depend on it
 WIDEST = 100  # characters that are shown of a value
 LEAST_RUNS = 8  # of a shard: the last one may be missing in some, an eighth of their work

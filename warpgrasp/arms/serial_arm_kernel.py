@@ -25,7 +25,7 @@ from warpgrasp.core.dtypes import (
     vec6,
     vec7,
 )
-from warpgrasp.core.sincos import sine_cosine
+from warpgrasp.core.turns import sine_cosine
 
 STARTS = 24
 """Postures from which a pose is looked for at most; the first are the joints given and home."""

@@ -9,7 +9,7 @@ of joints and capsules are addresses, since Warp passes structs by value (see `g
 import warp as wp
 
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, quat, real, struct, transform, vec3, vec4
-from warpgrasp.core.sincos import sine_cosine
+from warpgrasp.core.turns import sine_cosine
 
 JOINTS = 6
 """Drives, and joints, of a finger at most."""

@@ -12,10 +12,10 @@ from warpgrasp.chain_closing.chain_closing_kernels import chain_press_kernel
 from warpgrasp.chain_closing.chain_meeting import CLOSE_M, pairs_on_device
 from warpgrasp.chain_closing.chain_path import padded
 from warpgrasp.closing.closing import Closing
+from warpgrasp.closing.self_contact import MISFIT, doubt_of
 from warpgrasp.core.dtypes import real, transform
 from warpgrasp.core.kernel_launch import array_of, launch
 from warpgrasp.hand_rest.press_kernel import Doubt
-from warpgrasp.hand_rest.pressing import MISFIT, doubt_of
 from warpgrasp.mechanism.calibration import no_errors
 from warpgrasp.parameters import ContactTable, ErrorTable, HandTable, SensorTable
 

@@ -14,6 +14,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "lanes": ["LANES", "lanes_begin", "polynomial"],
     "plain_text": ["csv_cell", "on_one_line", "printable"],
     "random": ["Purpose", "counter_key", "counter_normal", "counter_uniform", "normal_vector"],
-    "sincos": ["sine_cosine"],
+    "turns": ["frame_axes", "sine_cosine"],
     "struct_array": ["Records", "record_type", "repeated"],
 })

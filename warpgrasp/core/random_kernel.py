@@ -4,7 +4,7 @@
 import warp as wp
 
 from warpgrasp.core.dtypes import TWO, TWO_PI, real
-from warpgrasp.core.sincos import sine_cosine
+from warpgrasp.core.turns import sine_cosine
 
 _GAMMA = 0x9E3779B97F4A7C15
 _GAMMA_W = wp.constant(wp.uint64(_GAMMA))

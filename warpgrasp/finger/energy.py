@@ -13,8 +13,7 @@ skipped, and contact points are followed from where they were.
 import warp as wp
 
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, greater, mat33, mat44, real, struct, vec3, vec4
-from warpgrasp.core.frame_axes import frame_axes
-from warpgrasp.core.sincos import sine_cosine
+from warpgrasp.core.turns import frame_axes, sine_cosine
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.geometry.segment_distance import lower_end, nearest_on_link
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, beyond_stops

@@ -5,7 +5,8 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "body": ["Body", "BodyError", "Part", "distance_to_bodies", "scene_of",
         "signed_distance_to_bodies"],
-    "body_sampling": ["BodySample", "KeyedBody", "body_lowered", "keyed_body", "sample_body"],
+    "body_sampling": ["GROUP", "BodySample", "KeyedBody", "body_lowered", "keyed_body",
+        "sample_body"],
     "meshing": ["body_mesh"],
     "scene": ["Join", "Scene", "Shape", "body_distance", "body_distance_grad", "body_is_convex",
         "body_is_estimated", "body_table_distance", "body_table_distance_grad"],

@@ -10,6 +10,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
         "hand_angles", "near_pairs", "off_command", "ordered_pair", "pair_gap",
         "pairs_within", "place_finger"],
     "hand_equilibrium": ["hand_energy", "move_commands"],
-    "pressing": ["MISFIT", "doubt_of"],
     "rubbing_hand": ["rubbed_at"],
 })

@@ -7,7 +7,7 @@ The chain is walked joint by joint, so that one kernel serves every number of jo
 import warp as wp
 
 from warpgrasp.core.dtypes import HALF, quat, real, transform, vec3
-from warpgrasp.core.sincos import sine_cosine
+from warpgrasp.core.turns import sine_cosine
 
 
 @wp.func

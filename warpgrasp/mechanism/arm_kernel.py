@@ -10,7 +10,7 @@ import warp as wp
 
 from warpgrasp.arms.serial_arm_kernel import serial_flange, serial_joints
 from warpgrasp.core.dtypes import HALF, ONE, TWO, ZERO, quat, real, transform, vec3, vec7
-from warpgrasp.core.sincos import sine_cosine
+from warpgrasp.core.turns import sine_cosine
 from warpgrasp.mechanism.puma560_kernel import Arm, move_time, puma_forward, puma_reach
 
 _STILL = wp.constant(real(1e-12))

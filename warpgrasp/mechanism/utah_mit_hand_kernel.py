@@ -4,8 +4,7 @@
 import warp as wp
 
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, quat, real, struct, transform, vec3, vec4
-from warpgrasp.core.frame_axes import frame_axes
-from warpgrasp.core.sincos import sine_cosine
+from warpgrasp.core.turns import frame_axes, sine_cosine
 
 THUMB = wp.constant(3)
 

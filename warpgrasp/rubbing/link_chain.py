@@ -7,8 +7,7 @@ As `mechanism.finger_pose`, with what those sums do not need left out.
 import warp as wp
 
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, mat33, real, struct, transform, vec3, vec4
-from warpgrasp.core.frame_axes import frame_axes
-from warpgrasp.core.sincos import sine_cosine
+from warpgrasp.core.turns import frame_axes, sine_cosine
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
 
 

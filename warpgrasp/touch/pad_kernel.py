@@ -12,7 +12,7 @@ from warpgrasp.core.random_kernel import (
     counter_normal_is_negative,
     counter_uniform,
 )
-from warpgrasp.core.sincos import sine_cosine
+from warpgrasp.core.turns import sine_cosine
 from warpgrasp.geometry.scene import Scene, body_table_distance
 from warpgrasp.mechanism.utah_mit_hand import LINK_COUNT
 from warpgrasp.mechanism.utah_mit_hand_kernel import (

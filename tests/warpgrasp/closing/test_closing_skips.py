@@ -17,7 +17,7 @@ from warpgrasp.closing.closing import Closing, ClosingTruth, close_fingers
 from warpgrasp.core.dtypes import real, vec2, vec3
 from warpgrasp.core.kernel_launch import launch
 from warpgrasp.core.random import counter_key
-from warpgrasp.core.sincos import sine_cosine
+from warpgrasp.core.turns import sine_cosine
 from warpgrasp.geometry.body import Body, distance_to_bodies, scene_of
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.geometry.segment_distance import LINK_SAMPLES, nearest_along, nearest_on_link

@@ -1,5 +1,7 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
-"""Sine and cosine together, for angles of joints: some five times the speed of two library calls.
+"""Turns: sine and cosine together, and the axes of turned frames.
+
+For angles of joints some five times the speed of two library calls.
 
 Reduction to a quarter turn by a three-part pi/2 (Cody and Waite 1980), then the minimax
 polynomials of FDLIBM's kernels. Within an ulp or two of the library up to some 1e4 radians.
@@ -7,7 +9,7 @@ polynomials of FDLIBM's kernels. Within an ulp or two of the library up to some 
 
 import warp as wp
 
-from warpgrasp.core.dtypes import HALF, ONE, real, vec2
+from warpgrasp.core.dtypes import HALF, ONE, TWO, mat33, quat, real, vec2
 
 _TWO_BY_PI = wp.constant(real(0.6366197723675814))
 # pi/2 in three parts; products of the first two with a small whole number are exact.
@@ -44,3 +46,23 @@ def sine_cosine(x: real):
     sine = wp.where((quarter & 2) == 2, -sine, sine)
     cosine = wp.where(((quarter + 1) & 2) == 2, -cosine, cosine)
     return vec2(sine, cosine)
+
+
+@wp.func
+def frame_axes(r: quat):
+    """The axes x, y and z of a turned frame as rows: what `wp.quat_rotate` gives for unit vectors,
+    to the last bit, with a third of its operations (the products with zeros left out)."""
+    x = r[0]
+    y = r[1]
+    z = r[2]
+    w = r[3]
+    c = TWO * w * w - ONE
+    by_x = TWO * x
+    by_y = TWO * y
+    by_z = TWO * z
+    turn_x = x * w * TWO
+    turn_y = y * w * TWO
+    turn_z = z * w * TWO
+    return mat33(c + x * by_x, y * by_x + turn_z, z * by_x - turn_y,
+                 x * by_y - turn_z, c + y * by_y, z * by_y + turn_x,
+                 x * by_z + turn_y, y * by_z - turn_x, c + z * by_z)
