@@ -133,7 +133,8 @@ class UnitQueue:
     def unit_s(self, unit: Unit) -> float:
         """How long a unit should take [s]: what the last one of its strategy did."""
         strategy = unit.cell.strategy
-        each = episode_seconds(strategy) if strategy.call else EPISODE_S
+        each = (episode_seconds(strategy, unit.cell.arm.kind, unit.cell.hand.kind)
+                if strategy.call else EPISODE_S)
         return self.seconds.get(strategy.name, each * (unit.stop - unit.start))
 
     def _missing(self, units: Iterable[Unit]) -> Iterator[Unit]:
