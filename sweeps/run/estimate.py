@@ -27,7 +27,7 @@ OTHER_STEP_S = 0.018
 START_S = 4.0
 """Until the first unit is begun, where kernels and fits have been compiled (`warpgrasp warmup`)."""
 # Factors on all of these, measured with hands and arms that ship, in units of 4 episodes.
-CHAINS = {"any-object": 0.5}
+CHAINS = {"any-object": 0.35}
 CHAINS_OTHER = 1.3
 """Of hands that are chains of joints, by what the strategy calls."""
 ITERATED = {"any-object": 25.0}
