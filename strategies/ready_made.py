@@ -60,3 +60,9 @@ PLANNED_TOGETHER = frozenset(("random", "even", "coverage", "most-uncertain", "i
 """
 SEARCH_FREELY = frozenset(("gaussian-process",))
 """Of these, the ones that need more where a free form may stand for the body: one unit a call."""
+
+
+def run_together(call: str, free_forms: bool) -> bool:
+    """Whether several units of a strategy that calls this planner, or none, run in one call."""
+    return not call or (
+        call in PLANNED_TOGETHER and not (call in SEARCH_FREELY and free_forms))

@@ -66,5 +66,5 @@ def _is_number(text: str) -> bool:
     try:
         float(text)
     except ValueError:
-        return text == "NA"
+        return text in ("", "NA")
     return True

@@ -7,8 +7,9 @@ would pay: it scores what its row has (the prior body) or, where the row has no 
 coverage 0 and the largest distance that any entry had on that object. `failure_rate` is the share
 of failed episodes.
 
-The last row, `given-prior`, has no rank: it is what an entry scores that touches nothing
-(`entries.references_of`). `worse_than_prior` flags the entries that are worse.
+The last row, `given-prior`, is not ranked (NA): it is what an entry scores that touches nothing
+(`entries.references_of`). `worse_than_prior` flags the entries that are worse. An entry without a
+value has no rank (empty).
 
 `_ci_` columns are of objects like these, `_these_` columns of these objects with other episodes;
 see `interval`. Differences to the best hold for all entries at once.
@@ -202,7 +203,8 @@ class _Ranking:
             cells["worse_than_prior"] = worse[n]
             if name not in faults.names_objects and metric != "recognized":
                 cells["recognized"] = "NA"
-            rows.append(self._row(cells, str(rank), name, label))
+            known = np.isfinite(value.value[n])
+            rows.append(self._row(cells, str(rank) if known else "", name, label))
         return [*rows, *self._reference_rows(order[0], digits, label)]
 
     def _row(self, cells: dict[str, str], rank: str, name: str, label: str) -> tuple[str, ...]:

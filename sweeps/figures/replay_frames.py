@@ -51,7 +51,7 @@ class Frame:
     """The robot at one moment; metres, base frame."""
 
     arm_m: np.ndarray
-    """Joints of the arm and the hand's origin, (6, 3)."""
+    """Base and joints of the arm and the hand's origin, (place, 3); how many, the arm says."""
     hand_turn: np.ndarray
     """Of the hand, quaternion xyzw."""
     fingers_m: np.ndarray

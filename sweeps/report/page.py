@@ -99,7 +99,7 @@ def _parts(plan: Plan, stores: Sequence[Store], board: Leaderboard, paired: Pair
 def _rivals(board: Leaderboard) -> str:
     """How many entries cannot be told from the first, by each of the two intervals."""
     rows = [dict(zip(board.header, row, strict=True)) for row in board.rows[1:]]
-    rows = [row for row in rows if row["rank"] != "NA"]
+    rows = [row for row in rows if row["rank"].isdigit()]
     if not rows:
         return ""
     ties = [sum(row[f"delta_{over}_low"] == "NA" or float(row[f"delta_{over}_low"]) <= 0.0

@@ -26,7 +26,8 @@ PER_SECOND = 12
 LOCAL = "127.0.0.1"
 _ARM, _LINK, _FELT = (120, 126, 134), (86, 110, 150), (213, 94, 0)
 _TRUE, _ESTIMATE, _CONTACT, _TABLE = (150, 150, 150), (0, 114, 178), (213, 94, 0), (226, 222, 214)
-_ARM_RADII_M = (0.07, 0.055, 0.045, 0.03, 0.018)
+_ARM_RADII_M = 0.07, 0.018
+"""Of an arm's first segment and of its last."""
 
 
 def show(folders: Sequence[Path], out: Path | None, *, strategy: str | None, body: str | None,
@@ -117,8 +118,10 @@ class _Scene:
         scene.add_mesh_simple("/object", replay.body_m.astype(np.float32),
                               _triangles(replay.body_faces), color=_TRUE, opacity=0.45)
         first = replay.frames[0]
+        lengths = _lengths(first.arm_m)
         self.arm = [_capsule(scene, f"/arm/{n}", length, radius, _ARM) for n, (length, radius)
-                    in enumerate(zip(_lengths(first.arm_m), _ARM_RADII_M, strict=True))]
+                    in enumerate(zip(lengths, np.linspace(*_ARM_RADII_M, len(lengths)),
+                                     strict=True))]
         self.palm = scene.add_box("/palm", color=_LINK, dimensions=PALM_M)
         self.fingers = [[_capsule(scene, f"/finger/{f}/{n}", length, replay.link_radius_m, _LINK)
                          for n, length in enumerate(_lengths(points))]

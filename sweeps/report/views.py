@@ -3,7 +3,6 @@
 import base64
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -64,14 +63,12 @@ def _picked(place: str, strategy: int, row: np.ndarray) -> Picked:
 def _episodes(plan: Plan, stores: Sequence[Store]) -> list[np.ndarray]:
     """Chamfer distance, object, setting and number of each strategy's episodes, in that order."""
     found: list[list[np.ndarray]] = [[] for _ in plan.study.strategies]
-    units = plan.units()
-    for strategy, body, setting in plan.study.cells():
-        for unit in islice(units, plan.block_count):
-            rows = next((rows for store in stores if (rows := store.read(unit)) is not None), None)
-            if rows is not None:
-                chamfer, same = values_of(rows, "chamfer_mm"), np.ones(len(rows["episode"]))
-                found[strategy].append(np.column_stack([
-                    chamfer, body * same, setting * same, rows["episode"]]))
+    for ((strategy, body, setting), _), unit in zip(plan.blocks(), plan.units(), strict=True):
+        rows = next((rows for store in stores if (rows := store.read(unit)) is not None), None)
+        if rows is not None:
+            chamfer, same = values_of(rows, "chamfer_mm"), np.ones(len(rows["episode"]))
+            found[strategy].append(np.column_stack([
+                chamfer, body * same, setting * same, rows["episode"]]))
     tables = []
     for parts in found:
         table = np.concatenate([np.zeros((0, 4)), *parts])

@@ -1,7 +1,13 @@
 """Estimates of the disk space and time of a study before it is run."""
 
+from itertools import product
+from statistics import mean
+
 from strategies.strategy import Strategy
 from sweeps.run.plan import BLOCK, Plan
+from sweeps.spec.hands import hands_of
+from sweeps.spec.named_files import arms_of
+from warpgrasp.parameters import FLOATING, PUMA560, UTAH_MIT
 
 UNIT_BYTES = 30_000  # a full unit file of 64 episodes, measured
 MOVE_BYTES = 65  # of a guarded move whose contact is kept, measured
@@ -18,13 +24,24 @@ UNGUIDED, UNGUIDED_S = ("random", "even"), 0.0015
 """Those whose bodies are fitted once, and a pose of theirs."""
 OTHER_STEP_S = 0.018
 """Of the others, and of planners of the user's own."""
+START_S = 4.0
+"""Until the first unit is begun, where kernels and fits have been compiled (`warpgrasp warmup`)."""
+# Factors on all of these, measured with hands and arms that ship, in units of 4 episodes.
+CHAINS = {"any-object": 0.35}
+CHAINS_OTHER = 1.3
+"""Of hands that are chains of joints, by what the strategy calls."""
+ITERATED = {"any-object": 25.0}
+ITERATED_OTHER = 4.0
+"""Of arms whose inverse kinematics are iterated, where a planner tries many poses a step."""
 
 
 def estimate_cost(plan: Plan) -> list[tuple[str, str]]:
     """Rows of `warpgrasp check`: disk and time."""
     study = plan.study
     each = study.cell_count // len(study.strategies) * study.head.episodes_per_cell
-    seconds = sum(each * episode_seconds(strategy) for strategy in study.strategies)
+    robots = [*product(arms_of(study), hands_of(study))]
+    seconds = START_S + sum(each * mean(episode_seconds(strategy, *robot) for robot in robots)
+                            for strategy in study.strategies)
     disk = plan.unit_count * UNIT_BYTES * min(1.0, plan.study.head.episodes_per_cell / BLOCK)
     if study.head.keep == "contacts":
         disk += MOVE_BYTES * each * sum(episode_moves(strategy) for strategy in study.strategies)
@@ -32,8 +49,18 @@ def estimate_cost(plan: Plan) -> list[tuple[str, str]]:
             ("time", f"about {_time(seconds)} on one core (estimate)")]
 
 
-def episode_seconds(strategy: Strategy) -> float:
-    """What one episode costs one core, roughly."""
+def episode_seconds(strategy: Strategy, arm: str = PUMA560, hand: str = UTAH_MIT) -> float:
+    """What one episode costs one core, roughly, with an arm and a hand of these kinds."""
+    seconds = _usual_seconds(strategy)
+    if hand != UTAH_MIT:
+        seconds *= CHAINS.get(strategy.call, CHAINS_OTHER)
+    if arm not in (PUMA560, FLOATING) and strategy.call and strategy.call not in UNGUIDED:
+        seconds *= ITERATED.get(strategy.call, ITERATED_OTHER)
+    return seconds
+
+
+def _usual_seconds(strategy: Strategy) -> float:
+    """With the PUMA 560 or a floating wrist, and the Utah-MIT hand."""
     poses = sum(getattr(family, "count", 12) for family in strategy.waypoints)
     if strategy.call in UNGUIDED and not strategy.refit_every:
         return 2 * FIT_S + UNGUIDED_S * min((strategy.touches or 96) / 8, 38.0)

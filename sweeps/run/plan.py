@@ -10,6 +10,8 @@ import json
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from functools import cache
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +25,7 @@ from sweeps.spec.study import ARM_KEY, FILE_KEYS, HAND_KEY, Axis, Body, Study, S
 
 RESULTS_SCHEMA = 33  # raise when rows change their meaning: older units are then computed again
 BLOCK = 64  # episodes of a unit; rows do not depend on it
+TOGETHER = 8  # units of a cell before the next cell's turn: as many as one call takes
 WIDEST = 100  # characters that are shown of a value
 LEAST_RUNS = 8  # of a shard: the last one may be missing in some, an eighth of their work
 
@@ -62,16 +65,24 @@ class Plan:
         """The units of shard I of N, in the order they are run: every N-th run of some units."""
         index, count = shard
         run = self._run_length(count)
-        number = 0
-        for strategy, body, setting in self.study.cells():
-            mine = [block for block in range(self.block_count)
-                    if (number + block) // run % count == index - 1]
-            number += self.block_count
-            if mine:
-                cell = self.study.cell(strategy, body, setting)
-                name = cell_hash(cell, self.study.objects[body])
-                for block in mine:
-                    yield self.unit(cell, name, block)
+        mine = (found for number, found in enumerate(self.blocks())
+                if number // run % count == index - 1)
+        for indices, blocks in groupby(mine, key=itemgetter(0)):
+            cell = self.study.cell(*indices)
+            name = cell_hash(cell, self.study.objects[indices[1]])
+            for _, block in blocks:
+                yield self.unit(cell, name, block)
+
+    def blocks(self) -> Iterator[tuple[tuple[int, int, int], int]]:
+        """Every unit by its cell's strategy, object and setting, and its number in the cell.
+
+        In the order they are run: the first of every cell before the next ones of any, so that
+        entries can be compared when a part is done.
+        """
+        for start in range(0, self.block_count, TOGETHER):
+            for cell in self.study.cells():
+                for block in range(start, min(start + TOGETHER, self.block_count)):
+                    yield cell, block
 
     def shard_size(self, shard: tuple[int, int]) -> int:
         """How many units a shard has."""
@@ -84,7 +95,7 @@ class Plan:
     def _run_length(self, shards: int) -> int:
         """Units that follow each other in a shard: what can be run in one call, so that shards have
         it too, but so few that a shard has at least eight runs."""
-        together = self.study.group_size * self.block_count
+        together = self.study.group_size * min(self.block_count, TOGETHER)
         return max(1, min(together, self.unit_count // (LEAST_RUNS * shards)))
 
     def unit(self, cell: Cell, name: str, block: int) -> Unit:

@@ -5,17 +5,17 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import inf
 
-from strategies.ready_made import PLANNED_TOGETHER, SEARCH_FREELY
+from strategies.ready_made import run_together
 from sweeps.output import write_atomic
 from sweeps.run.estimate import episode_seconds
 from sweeps.run.grown_units import begun, join, rest_of
-from sweeps.run.plan import Plan, Unit
+from sweeps.run.plan import BLOCK, TOGETHER, Plan, Unit
 from sweeps.run.progress import Progress
 from sweeps.run.store import Store
 from sweeps.spec.cell import batch_key
 
 ATTEMPTS = 2
-MOST_EPISODES = 512
+MOST_EPISODES = TOGETHER * BLOCK
 """Handed out together; twice as many save no more and take 0.2 GiB more."""
 IN_HAND_S = 30.0
 """Seconds of work handed out together: what a kill may lose, of each worker. With ten,
@@ -121,18 +121,20 @@ class UnitQueue:
         return batch
 
     def _joins(self, batch: list[Unit], unit: Unit) -> bool:
-        """Whether a unit can be run together with a batch."""
+        """Whether a unit can be run together with a batch; what fills calls of its own does not
+        meet other cells."""
         size = sum(other.stop - other.start for other in (*batch, unit))
         last = batch[-1]
         apart = {unit.cell.object_name, last.cell.object_name} & self.spoilers
-        return size <= MOST_EPISODES and (unit.cell_hash == last.cell_hash or (
-            unit.cell_hash not in self.alone and not apart
+        return size <= MOST_EPISODES and bool(unit.cell_hash == last.cell_hash or (
+            last.stop % MOST_EPISODES and unit.cell_hash not in self.alone and not apart
             and batch_key(unit.cell) == batch_key(last.cell)))
 
     def unit_s(self, unit: Unit) -> float:
         """How long a unit should take [s]: what the last one of its strategy did."""
         strategy = unit.cell.strategy
-        each = episode_seconds(strategy) if strategy.call else EPISODE_S
+        each = (episode_seconds(strategy, unit.cell.arm.kind, unit.cell.hand.kind)
+                if strategy.call else EPISODE_S)
         return self.seconds.get(strategy.name, each * (unit.stop - unit.start))
 
     def _missing(self, units: Iterable[Unit]) -> Iterator[Unit]:
@@ -162,10 +164,8 @@ class UnitQueue:
         At most a worker's share of all that is not done yet, so that all end together. Planners of
         one's own are called for a unit at a time, since they need not keep worlds apart.
         """
-        call = unit.cell.strategy.call
-        together = call in PLANNED_TOGETHER and not (
-            call in SEARCH_FREELY and unit.cell.fit.free_forms)
-        if unit.cell_hash in self.alone or (call and not together):
+        together = run_together(unit.cell.strategy.call, unit.cell.fit.free_forms)
+        if unit.cell_hash in self.alone or not together:
             return 1
         short = min(IN_HAND_S, self.unit_timeout_s / 4) / max(self.unit_s(unit), 1e-9)
         share = (1 + len(self.found) + self.ahead + elsewhere) / workers

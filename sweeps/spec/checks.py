@@ -1,6 +1,9 @@
-"""Lower limits lie below upper ones: in the sections of a spec, and at every point of its sweep."""
+"""Values of a spec that do not go together, in its sections and at every point of its sweep.
 
-from collections.abc import Callable, Mapping, Sequence
+Lower limits lie below upper ones, pads fit their links, keys say something of the study's robots.
+"""
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from typing import Any
@@ -12,6 +15,7 @@ from sweeps.spec.errors import KeyPath, Problems
 from sweeps.spec.study import Axis, Study
 from sweeps.spec.units import spec_fields
 from warpgrasp.parameters import UTAH_MIT, HandTable, PadTable
+from warpgrasp.spec_words import word_of
 
 _PAIRS = (("arm", "limit_low_deg", "limit_high_deg"),
           ("arm", "box_low_mm", "box_high_mm"),
@@ -63,6 +67,43 @@ def _set(tables: Mapping[str, Any], section: str, name: str) -> np.ndarray:
     """What a section has for a key, in SI, shape (1, number)."""
     value = getattr(tables[section], spec_fields(SECTIONS[section])[name].name)
     return np.array(value, float).reshape(1, -1)
+
+
+def note_idle(study: Study, section: str, idle: Mapping[str, str], given: Collection[str],
+              problems: Problems) -> None:
+    """Notes keys that say nothing of the study: where they are among the `given`, swept or
+    searched. `idle` has, by field of the section's table, what to say of it."""
+    for key, field in spec_fields(SECTIONS[section]).items():
+        if field.name in idle:
+            for path in ([(section, key)] if key in given else []) + [
+                    *places_of_swept(study, f"{section}.{key}", problems)]:
+                problems.add(path, idle[field.name])
+
+
+def spec_keys(fields: Iterable[str]) -> str:
+    """The keys of fields in a spec, for a message."""
+    return ", ".join(word_of(name)[0] for name in fields)
+
+
+def changed(study: Study, section: str) -> set[str]:
+    """Keys of a section whose value is not the default."""
+    table = study.tables[section]
+    return {key for key, field in spec_fields(type(table)).items()
+            if getattr(table, field.name) != field.default}
+
+
+def places_of_swept(study: Study, key: str, problems: Problems) -> Iterator[KeyPath]:
+    """Where a spec sweeps or searches a key; of a key that `--set` sweeps, as in [sweep.grid]."""
+    swept = any(key in axis.keys for axis in study.axes)
+    for told, start in ((swept, ("sweep", "grid")), (is_searched(study, key), ("search",))):
+        if told:
+            yield next((path for path in problems.lines if path[:1] == start[:1]
+                        and ".".join(map(str, path[len(start):])) == key), (*start, key))
+
+
+def is_searched(study: Study, key: str) -> bool:
+    """Whether a race proposes the values of a key."""
+    return study.search is not None and any(f.key == key for f in study.search.factors)
 
 
 PROCEDURES = {"planar", "contour", "decide"}

@@ -4,16 +4,16 @@ The same word in a sweep, `hand = ["utah_mit", "allegro"]`, compares hands.
 """
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 from strategies.poses.closing_paths import CLOSING_PATHS
 from sweeps.spec.axes import WORDS
+from sweeps.spec.checks import changed, is_searched, note_idle, places_of_swept, spec_keys
 from sweeps.spec.errors import KeyPath, Problems, choose, short
 from sweeps.spec.objects import NoFile, named_file
 from sweeps.spec.study import HAND_KEY, Axis, Study
-from sweeps.spec.units import spec_fields
 from warpgrasp.hands.hand_model import HandError
 from warpgrasp.parameters import UTAH_MIT, HandTable
 
@@ -22,6 +22,18 @@ CLOSINGS_KEY = "strategy.closings"
 COUNTS = ("kind", "mount_length_m", "palm_thickness_m", "joint_stop_Nm_rad", "link_density_kg_m3",
           "skin_stiffness_N_m")
 """Fields of `HandTable` that count for every hand."""
+_TENSIONS, _TORQUES, _SWITCHES, _NOTHING = (
+    "tendon tensions", "joint torques", "switches in the tips", "nothing")
+_SENSES = {"tendons": _TORQUES, "joint_torques": _TORQUES, "tip_switches": _SWITCHES,
+           "nothing": _NOTHING}
+"""What is read, by what a hand's file says; tendons of the Utah-MIT hand alone are read as such."""
+_READ_BY = {
+    "tendon_threshold_N": (_TENSIONS,), "tension_noise_N": (_TENSIONS,),
+    "tension_step_N": (_TENSIONS,), "tension_readings": (_TENSIONS, _TORQUES),
+    "torque_threshold_Nm": (_TORQUES,), "torque_noise_Nm": (_TORQUES,),
+    "torque_step_Nm": (_TORQUES,), "torque_friction_Nm": (_TORQUES,),
+    "switch_force_N": (_SWITCHES,)}
+"""Fields of `SensorTable` that count for hands of some senses only."""
 
 
 def spelled_out(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -64,33 +76,51 @@ def with_hands(axis: Axis, base_dir: Path, problems: Problems) -> Axis:
     return replace(axis, si=si)
 
 
-def check_hands(study: Study, given: Mapping[str, Any], pads_given: Mapping[str, Any],
-                problems: Problems) -> None:
-    """Notes keys of `[hand]` and `[pads]` that say nothing of the hand, and hands that a robot
-    would mistake."""
+def check_hands(study: Study, given: Mapping[str, Any], problems: Problems) -> None:
+    """Notes keys of `[hand]`, `[pads]` and `[sensors]` that say nothing of any hand of the study,
+    and hands that a robot would mistake; `given` is the spec."""
     hands = hands_of(study)
-    if hands == {UTAH_MIT}:
-        return
-    if UTAH_MIT not in hands:
-        for key, field in spec_fields(HandTable).items():
-            if key in given and field.name not in COUNTS:
-                problems.add(("hand", key), "is a number of the Utah-MIT hand; other hands have "
-                             f"their numbers in their TOML file, and {', '.join(COUNTS[1:])}")
-        for key in _pads_said(hands) & pads_given.keys():
-            problems.add(("pads", key), "says nothing of this hand: which of its links bear pads, "
-                         "and how large they are, its TOML file says")
+    if not is_searched(study, HAND_KEY):
+        note_idle(study, "sensors", _unread(hands), changed(study, "sensors"), problems)
+        if UTAH_MIT not in hands:
+            note_idle(study, "hand", {
+                field.name: "is a number of the Utah-MIT hand; other hands have their numbers in "
+                f"their TOML file, and {spec_keys(COUNTS[1:])}"
+                for field in fields(HandTable) if field.name not in COUNTS},
+                given.get("hand", {}), problems)
+            note_idle(study, "pads", dict.fromkeys(
+                _pads_said(hands), "says nothing of this hand: which of its links bear pads, and "
+                "how large they are, its TOML file says"), given.get("pads", {}), problems)
     if len(hands) > 1 and _sides(study) != {"both"}:
         problems.add(("robot", "swept"), "hands are swept, and a robot knows which hand it has; "
                      "should be both")
 
 
+def _unread(hands: set[str]) -> dict[str, str]:
+    """Fields of `[sensors]` that no hand reads, and what to say of them."""
+    senses = {_sense(kind) for kind in hands}
+    read = [name for name, by in _READ_BY.items() if senses & {*by}]
+    told = f"says nothing of this study's hands, which sense {' or '.join(sorted(senses))}"
+    advice = f"; of those count {spec_keys(read)}" if read else ""
+    return {name: told + advice for name in _READ_BY if name not in read}
+
+
+def _sense(kind: str) -> str:
+    """What a hand's fingers feel beside their joint angles."""
+    if kind == UTAH_MIT:
+        return _TENSIONS
+    from warpgrasp.chain.chain_hand import hand_of_kind
+
+    return _SENSES[hand_of_kind(kind).senses]
+
+
 def _pads_said(hands: set[str]) -> set[str]:
-    """Keys of `[pads]` that say nothing of any of these hands, none of them the Utah-MIT."""
+    """Fields of `[pads]` that say nothing of any of these hands, none of them the Utah-MIT."""
     from warpgrasp.chain.chain_hand import hand_of_kind
 
     said = {"distal", "middle", "proximal"}
     if all(hand_of_kind(kind).pad_size is not None for kind in hands):
-        said |= {"width_mm", "length_mm", "wrap_deg", "thickness_mm"}
+        said |= {"width_m", "length_m", "wrap_rad", "thickness_m"}
     return said
 
 
@@ -116,8 +146,7 @@ def _closings(study: Study, problems: Problems) -> Iterator[tuple[KeyPath, str, 
         for k, name in enumerate(strategy.closings):
             yield ("strategy", n, "closings", k), name, hands
     for axis, at in swept:
-        places = [p for p in problems.lines if p and p[0] == "sweep" and p[-1] == CLOSINGS_KEY]
-        path = places[0] if places else ("sweep",)
+        path = next(places_of_swept(study, CLOSINGS_KEY, problems))
         for point in axis.si:
             own = {point[axis.keys.index(HAND_KEY)]} if HAND_KEY in axis.keys else hands
             for name in point[at] or ():

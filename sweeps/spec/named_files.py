@@ -13,11 +13,11 @@ from typing import Any
 from strategies.planners.planner_file import PlannerError
 from strategies.reconstruct.plug_in_name import BUILT_IN as WORDS
 from strategies.reconstruct.plug_in_name import find_plug_in, plug_in_file
+from sweeps.spec.checks import changed, is_searched, note_idle, spec_keys
 from sweeps.spec.errors import KeyPath, Problems, choose, short
 from sweeps.spec.objects import CSV_LIMIT, NoFile, named_file
 from sweeps.spec.study import ARM_KEY, Axis, Study
-from sweeps.spec.units import spec_fields
-from warpgrasp.parameters import FLOATING, PUMA560, ArmTable, RecognitionTable
+from warpgrasp.parameters import FLOATING, PUMA560, RecognitionTable
 
 KEY = "fit.reconstruct"
 MODELS_LIMIT = 1 << 24
@@ -29,6 +29,8 @@ JOINT_FIELDS = ("d_m", "a_m", "limit_low_rad", "limit_high_rad", "speed_rad_s")
 """Fields of `ArmTable` that say something of the PUMA 560 alone."""
 WRIST_FIELDS = ("box_low_m", "box_high_m", "wrist_speed_m_s", "wrist_turn_rad_s")
 """Fields that say something of a floating wrist alone."""
+JOINT_ERRORS = ("arm_joint_offset_rad", "arm_link_m")
+"""Fields of `ErrorTable` that say nothing of a floating wrist."""
 
 
 def read_reconstruct(value: str, base_dir: Path, problems: Problems,
@@ -118,14 +120,29 @@ def with_arms(axis: Axis, base_dir: Path, problems: Problems) -> Axis:
 
 
 def check_arms(study: Study, given: Mapping[str, Any], problems: Problems) -> None:
-    """Notes keys of `[arm]` that say nothing of an arm with a file of its own."""
-    if arms_of(study) & {PUMA560, FLOATING}:
+    """Notes keys of `[arm]` and `[errors]` that say nothing of any arm of the study; `given` is the
+    spec's `[arm]`."""
+    arms = arms_of(study)
+    if is_searched(study, ARM_KEY):
         return
-    for key, field in spec_fields(ArmTable).items():
-        for names, whose in ((JOINT_FIELDS, "the PUMA 560"), (WRIST_FIELDS, "a floating wrist")):
-            if key in given and field.name in names:
-                problems.add(("arm", key), f"is a number of {whose}; other arms have their numbers "
-                             "in their TOML file")
+    instead = "; ".join([f"the PUMA 560 has {spec_keys(JOINT_FIELDS)}"] * (PUMA560 in arms)
+                        + [f"a floating wrist has {spec_keys(WRIST_FIELDS)}"] * (FLOATING in arms)
+                        + ["other arms have their numbers in their TOML file"]
+                        * bool(arms - {PUMA560, FLOATING}))
+    idle: dict[str, str] = {}
+    if PUMA560 not in arms:
+        idle |= dict.fromkeys(JOINT_FIELDS, f"is a number of the PUMA 560; {instead}")
+    if FLOATING not in arms:
+        idle |= dict.fromkeys(WRIST_FIELDS, "is a number of a floating wrist, arm = \"none\"; "
+                              f"{instead}")
+    if arms == {FLOATING}:
+        errors: dict[str, str] = dict.fromkeys(
+            JOINT_ERRORS, "is an error of an arm's joints, and a floating wrist has none; should "
+            "be left out")
+        note_idle(study, "errors", errors, changed(study, "errors"), problems)
+        idle["encoder_step_rad"] = f"is of an arm's joints; {instead}"
+    # As `init` writes them, all of [arm] may stand there of the PUMA 560.
+    note_idle(study, "arm", idle, changed(study, "arm") if PUMA560 in arms else given, problems)
 
 
 def arms_of(study: Study) -> set[str]:

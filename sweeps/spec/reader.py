@@ -91,7 +91,7 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
                      f"{study.cell_count:,} cells; the limit is {EPISODE_LIMIT:,}")
     check_closings(study, problems)
     if not problems.found:
-        check_hands(study, values.get("hand", {}), values.get("pads", {}), problems)
+        check_hands(study, values, problems)
         check_arms(study, values.get("arm", {}), problems)
         check_pads(study, problems)
     return study

@@ -2,9 +2,13 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import product
 from math import prod
 from typing import Any
 
+import numpy as np
+
+from strategies.ready_made import run_together
 from strategies.strategy import BUDGET_KEYS, Strategy
 from sweeps.spec.cell import APART, SECTIONS, TABLES, Cell
 from warpgrasp.parameters import TrueTables
@@ -126,17 +130,30 @@ class Study:
         return getattr(self.tables[section], _si_name(section, name)) == si
 
     def cells(self) -> Iterator[tuple[int, int, int]]:
-        """Index triples (strategy, object, setting), the strategies of one case side by side.
+        """Index triples (strategy, object, setting), the entries of one case side by side.
 
-        Objects of few episodes come in groups, so that their episodes can be run in one call.
+        Objects of few episodes come in groups, so that their episodes can be run in one call; one
+        by one of the strategies that no call runs together.
         """
+        free = self.tables["fit"].free_forms
+        alone = [n for n, s in enumerate(self.strategies) if not run_together(s.call, free)]
+        together = [n for n in range(len(self.strategies)) if n not in alone]
         groups = -(-len(self.objects) // self.group_size)
         for group in range(groups):
             bodies = range(*(len(self.objects) * n // groups for n in (group, group + 1)))
-            for setting in range(self.setting_count):
-                for strategy in range(len(self.strategies)):
-                    for body in bodies:
-                        yield strategy, body, setting
+            for settings in self._cases():
+                for setting, strategy, body in product(settings, together, bodies):
+                    yield strategy, body, setting
+                for body, setting, strategy in product(bodies, settings, alone):
+                    yield strategy, body, setting
+
+    def _cases(self) -> Iterator[list[int]]:
+        """The settings of each point of the sampled axes: of entries that are compared there."""
+        axes = sorted(range(len(self.axes)), key=lambda n: not self.axes[n].sampled)
+        cases = prod(len(axis.values) for axis in self.axes if axis.sampled)
+        settings = np.arange(self.setting_count).reshape([len(axis.values) for axis in self.axes])
+        for case in settings.transpose(axes).reshape(cases, -1):
+            yield case.tolist()
 
 
 def _si_name(section: str, key: str) -> str:

@@ -113,6 +113,7 @@ def test_missing_units_leave_out_the_block_for_all(tmp_path: Path) -> None:
         file.unlink()
     empty = rows_of(make_leaderboard(plan, [store]))
     assert {row["chamfer_mm"] for row in empty} == {"NA"}
+    assert {row["rank"] for row in empty} == {""}
 
 
 def test_what_is_not_offered_is_na(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import patch
 from urllib.request import urlopen
 
 import browser as browser_module
@@ -24,14 +25,16 @@ from strategies.poses.waypoints import Ring
 from strategies.strategy import Strategy
 from sweeps.episode.episodes import EpisodeBlock, run_block
 from sweeps.figures.grasp import grasp_figure
-from sweeps.figures.replay_frames import Replay, arm_points, make_replay
+from sweeps.figures.replay_frames import Frame, Replay, arm_points, make_replay
 from sweeps.figures.style import encode
 from sweeps.report import replay
 from sweeps.spec.cell import Cell
 from sweeps.spec.errors import StoreError
+from warpgrasp.arms.arm_file import SHIPPED_ARMS
+from warpgrasp.mechanism.arm import arm_home
 from warpgrasp.mechanism.arm_motion import arm_hand_links
 from warpgrasp.mechanism.puma560 import puma_forward_batch
-from warpgrasp.parameters import ArmTable, HandTable
+from warpgrasp.parameters import FLOATING, PUMA560, ArmTable, HandTable
 from warpgrasp.probe_status import ProbeStatus
 
 CELL = Cell(Strategy("ring3", (Ring(count=3),), ("curl40", "base_then_curl")),
@@ -103,6 +106,23 @@ def test_a_file_that_loads_nothing(played: tuple[Replay, EpisodeBlock], tmp_path
     content = out.read_bytes()
     assert len(content) <= 2e6
     assert content.lstrip()[:9].lower() == b"<!doctype"
+
+
+@pytest.mark.parametrize("name", [PUMA560, FLOATING, *SHIPPED_ARMS])
+def test_every_arm_is_drawn(name: str, tmp_path: Path) -> None:
+    """Arms differ in their number of joints; a segment is not thicker than the one before it."""
+    pytest.importorskip("viser")
+    arm = ArmTable(kind=name)
+    places, turn = arm_points(arm, arm_home(arm), 0.1)
+    frame = Frame(places, turn, np.zeros((1, 2, 3)), np.zeros(1), 0, -1, "home")
+    body = np.array([[0.4, 0, 0], [0.5, 0, 0], [0.5, 0.1, 0.1], [0.4, 0.1, 0.1]])
+    made = Replay("an arm", (frame, frame), np.zeros((0, 3)), (), body, np.array([[0, 1, 2, 3]]),
+                  0.01)
+    with patch.object(replay, "_capsule", wraps=replay._capsule) as drawn:
+        replay.write_replay(made, tmp_path / "replay.html")
+    radii = [call.args[3] for call in drawn.call_args_list if call.args[1].startswith("/arm/")]
+    assert len(radii) == len(places) - 1
+    assert radii == sorted(radii, reverse=True)
 
 
 LIVE = """

@@ -56,6 +56,28 @@ def test_a_shard_has_what_can_be_run_together(tmp_path: Path) -> None:
     assert len({(u.cell.strategy.name, str(u.cell.setting)) for u in units[:4]}) == 1
 
 
+def test_a_part_of_the_units_can_be_compared(tmp_path: Path) -> None:
+    """The first blocks of all entries come before the next ones, case by case of sampled axes."""
+    plan = plan_of(tmp_path, SWEPT.replace("= 70\n", "= 1000\n"))
+    units = list(plan.units())
+    entries = 4 * 2  # of the grid and zip axes, and strategies
+    first = units[:8 * entries]
+    assert {(u.start, u.stop) for u in units[:len(units) // 2]} == {
+        (64 * n, 64 * n + 64) for n in range(8)}
+    assert {u.cell.object_name for u in first} == {"block"}
+    assert len({u.cell.setting["object.yaw_deg"] for u in first}) == 1
+    assert len({u.cell_hash for u in first}) == entries
+
+
+def test_planners_that_run_alone_take_objects_one_by_one(tmp_path: Path) -> None:
+    text = SMALL.partition("[[strategy]]")[0].replace("= 70", "= 4") + (
+        '[[strategy]]\nname = "any-object"\n[[strategy]]\nname = "ring6"\n'
+        '[sweep.grid]\n"sensors.tendon_threshold_N" = [3.0, 6.0]\n')
+    told = [(u.cell.strategy.name, u.cell.object_name) for u in plan_of(tmp_path, text).units()]
+    assert told == [*[("ring6", "block"), ("ring6", "wedge")] * 2,
+                    *[("any-object", "block")] * 2, *[("any-object", "wedge")] * 2]
+
+
 def test_the_resolved_file_names_the_same_units(tmp_path: Path) -> None:
     trimesh.creation.box((80, 80, 80)).export(tmp_path / "mug.stl")
     text = SWEPT.replace('"block"', '{ mesh = "mug.stl", units = "mm" }, { name = "egg", '

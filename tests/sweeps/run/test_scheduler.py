@@ -18,7 +18,7 @@ from sweeps.run.unit_file import Columns, encode_unit, write_unit
 from sweeps.run.worker import run_units
 from sweeps.spec.cell import Cell
 
-TEXT = SMALL.replace("= 70\no", "= 1000\no").partition('[[strategy]]\nname = "mine"')[0]
+TEXT = SMALL.replace("= 70\no", "= 1024\no").partition('[[strategy]]\nname = "mine"')[0]
 UNITS = 16  # of each of two cells
 MOST_UNITS = MOST_EPISODES // 64
 FEW = """\
@@ -97,8 +97,9 @@ def test_batches_are_shares_of_what_is_left_and_keep_to_one_cell(
     while batch := work.take(3):
         batches.append(batch)
         assert len({unit.cell_hash for unit in batch}) == 1
-    # Thirds of what is left, of which the others are told to have nothing; eight at most.
-    assert [len(batch) for batch in batches] == [8, 8, 5, 4, 2, 2, 1, 1, 1]
+    # Thirds of what is left, of which the others are told to have nothing; eight at most, and
+    # eight of each cell before the next ones of any.
+    assert [len(batch) for batch in batches] == [8, 8, 5, 3, 3, 2, 1, 1, 1]
     assert [unit.id for batch in batches for unit in batch] == [unit.id for unit in plan.units()]
 
 
@@ -137,7 +138,7 @@ def test_where_all_is_compiled_a_unit_goes_ahead_and_tells_nothing(
     first = work.take(2, cold=True)
     assert len(first) == 1
     finish(work, first[0], 1000.0)
-    assert len(work.take(2)) == MOST_UNITS
+    assert len(work.take(2)) == MOST_UNITS - 1  # the rest of the cell's turn
 
 
 def test_units_are_looked_for_and_not_lost(tmp_path: Path, plan: Plan) -> None:
@@ -192,7 +193,7 @@ def test_planners_of_ones_own_are_called_for_a_unit_at_a_time(tmp_path: Path) ->
 
 
 def test_planners_of_the_package_are_called_for_many_units_of_many_objects(tmp_path: Path) -> None:
-    small = TEXT.replace("ring6", "random").replace("1000", "32")
+    small = TEXT.replace("ring6", "random").replace("1024", "32")
     work = work_of(plan_of(tmp_path / "spec", small), tmp_path)
     assert len({unit.cell.object_name for unit in work.take()}) == 2
 

@@ -104,6 +104,47 @@ def test_a_robot_knows_which_hand_it_has(tmp_path: Path) -> None:
     assert "a robot knows which hand it has" in told(tmp_path, text)
 
 
+LENGTHS = '"hand.link_length_mm" = [[40, 30, 25], [43, 33, 28]]\n'
+TORQUES = '"sensors.torque_threshold_Nm" = [0.05, 0.1]\n'
+SWITCH = '"sensors.switch_force_N" = [0.5, 1.0]\n'
+
+
+@pytest.mark.parametrize(("head", "tail", "key", "said"), [
+    ('hand = "leap"\n', "[sweep.grid]\n" + LENGTHS, "'hand.link_length_mm'", "Utah-MIT hand"),
+    ('hand = "leap"\n', "[sweep.grid.hand]\njoint_stiffness_Nm_rad = [1, 2]\n",
+     "hand.joint_stiffness_Nm_rad", "mount_length_mm, palm_thickness_mm"),
+    ('hand = "leap"\n', '[sweep.lhs]\nn = 2\n"pads.width_mm" = {low = 10, high = 15}\n',
+     "'pads.width_mm'", "says nothing of this hand"),
+    ('hand = "leap"\n', '[search]\n"hand.link_radius_mm" = {low = 7, high = 9}\n',
+     "'hand.link_radius_mm'", "Utah-MIT hand"),
+    ('hand = "leap"\n', '[sweep.grid]\n"sensors.tendon_threshold_N" = [3, 6]\n',
+     "'sensors.tendon_threshold_N'", "sense joint torques; of those count tension_readings"),
+    ('hand = "leap"\n', "[sensors]\ntendon_threshold_N = 3.0\n", "sensors.tendon_threshold_N",
+     "joint torques"),
+    ("", "[sweep.grid]\n" + TORQUES, "'sensors.torque_threshold_Nm'", "sense tendon tensions"),
+    ("", '[sweep.grid]\nhand = ["utah_mit", "leap"]\n' + SWITCH, "'sensors.switch_force_N'",
+     "joint torques or tendon tensions"),
+])
+def test_a_key_that_says_nothing_of_any_hand_is_refused(
+        tmp_path: Path, head: str, tail: str, key: str, said: str) -> None:
+    """Fixed or swept: entries that are the same would be ranked as if they were not."""
+    text = HEAD + head + RING + ALONE + tail
+    (line,) = told(tmp_path, text).splitlines()
+    assert key in line
+    assert said in line
+    name = key.strip("'").rpartition(".")[2]
+    assert f":{[name in row for row in text.splitlines()].index(True) + 1}: " in line
+
+
+def test_a_key_may_say_something_of_one_hand_alone(tmp_path: Path) -> None:
+    """And what is fixed at its default does no harm."""
+    hands = '[sweep.grid]\nhand = ["utah_mit", "leap"]\n'
+    for tail in (hands + LENGTHS + TORQUES, "[sensors]\ntorque_threshold_Nm = 0.05\n",
+                 "[sensors]\ntorque_threshold_Nm = 0.1\n" + hands):
+        read(tmp_path, HEAD + RING + ALONE + tail)
+    own = tmp_path / "my_hand.toml"
+    own.write_text(hand_text(replace(hand_named("leap"), senses="tip_switches")))
+    read(tmp_path, HEAD + 'hand = "my_hand.toml"\n' + RING + ALONE + "[sweep.grid]\n" + SWITCH)
 
 
 def test_pads_that_do_not_fit_the_hand_are_refused(tmp_path: Path) -> None:

@@ -159,3 +159,24 @@ def test_what_is_wrong_with_an_arm_is_named(arm: str, message: str, tmp_path: Pa
     with pytest.raises(SpecError, match="arm") as error:
         read_spec(file)
     assert message in str(error.value)
+
+
+@pytest.mark.parametrize(("arm", "rest", "message"), [
+    ("panda", '[sweep.grid]\n"arm.speed_deg_s" = [[82, 54, 122, 228, 241, 228]]', "PUMA 560"),
+    ("none", '[sweep.grid]\n"arm.speed_deg_s" = [[82, 54, 122, 228, 241, 228]]',
+     "a floating wrist has box_low_mm, box_high_mm, wrist_speed_mm_s, wrist_turn_deg_s"),
+    ("puma560", '[sweep.grid]\n"arm.wrist_speed_mm_s" = [300, 500]', "the PUMA 560 has d_mm"),
+    ("none", '[sweep.grid]\n"errors.arm_link_mm" = [0.3, 1.0]', "an error of an arm's joints"),
+    ("none", "[errors]\narm_link_mm = 1.0", "an error of an arm's joints"),
+])
+def test_a_key_that_says_nothing_of_any_arm_is_refused(
+        arm: str, rest: str, message: str, tmp_path: Path) -> None:
+    """Fixed or swept, but not where one of the arms that are compared has it."""
+    file = tmp_path / "study.toml"
+    file.write_text(spec_text(f'arm = "{arm}"') + f"{rest}\n")
+    with pytest.raises(SpecError) as error:
+        read_spec(file)
+    assert message in str(error.value)
+    arms = "\n[sweep.zip]\narm = [\"puma560\", \"none\", \"panda\"]\n"
+    file.write_text(spec_text("") + f"{rest}\n{arms}")
+    read_spec(file)

@@ -1,0 +1,40 @@
+"""The time that `check` tells knows the study's arms and hands, and a run's start."""
+
+from pathlib import Path
+
+import pytest
+from studies import plan_of
+
+from strategies.ready_made import STRATEGIES
+from sweeps.run.estimate import START_S, episode_seconds, estimate_cost
+
+HEAD = 'schema = 1\nepisodes_per_cell = 64\nobjects = ["block"]\n'
+LEARNING = '[[strategy]]\nname = "any-object"\n'
+
+
+def seconds(folder: Path, text: str) -> float:
+    """What is told, in seconds."""
+    _, number, unit, *_ = dict(estimate_cost(plan_of(folder, text)))["time"].split()
+    return float(number) * {"seconds": 1, "minutes": 60, "hours": 3600}[unit]
+
+
+@pytest.mark.parametrize(("name", "arm", "hand", "measured"), [
+    ("any-object", "puma560", "utah_mit", 2.0), ("any-object", "ur5e", "utah_mit", 34.0),
+    ("any-object", "none", "allegro", 0.74), ("any-object", "ur5e", "allegro", 5.9),
+    ("coverage", "puma560", "utah_mit", 0.28), ("coverage", "ur5e", "utah_mit", 1.16),
+    ("expected-error", "panda", "utah_mit", 1.58), ("ring6", "puma560", "allegro", 0.033)])
+def test_episodes_cost_about_what_was_measured(
+        name: str, arm: str, hand: str, measured: float) -> None:
+    """On one core, in units of four episodes of 96 touches, some of them of 24 and times four."""
+    told = episode_seconds(STRATEGIES[name], arm, hand)
+    assert measured / 3 < told < 3 * measured
+
+
+def test_the_estimate_knows_arms_and_the_start(tmp_path: Path) -> None:
+    usual = seconds(tmp_path, HEAD + LEARNING)
+    iterated = seconds(tmp_path, 'arm = "ur5e"\n' + HEAD + LEARNING)
+    both = seconds(tmp_path, HEAD + LEARNING + '[sweep.grid]\narm = ["puma560", "ur5e"]\n')
+    assert iterated > 10 * usual
+    assert both == pytest.approx(usual + iterated, rel=0.1)
+    few = HEAD.replace("64", "1") + '[[strategy]]\nname = "ring6"\n'
+    assert seconds(tmp_path, few) == START_S
