@@ -34,7 +34,7 @@ from sweeps.episode.scores_kernel import (
 )
 from sweeps.episode.scores_lanes import PATCH
 from sweeps.episode.surface_elements import Elements, surface_elements
-from warpgrasp.core.dtypes import real, vec2, vec3
+from warpgrasp.core.dtypes import float32, float32_vec3, real, vec2, vec3
 from warpgrasp.core.kernel_launch import array_of, launch
 from warpgrasp.core.lanes import LANES
 from warpgrasp.geometry.body import (
@@ -260,8 +260,8 @@ def _distance_to_superquadrics(
     patches = -(-elements // (PATCH * GROUP)) * GROUP
     surface = {"element": array_of(found.point, vec3, device)}
     shapes = {"element": "world element", "rough": "world element", "ball": "world 4 patch"}
-    rough = wp.empty((worlds, elements), dtype=wp.vec3f, device=device)
-    ball = wp.empty((worlds, 4, patches), dtype=wp.float32, device=device)
+    rough = wp.empty((worlds, elements), dtype=float32_vec3, device=device)
+    ball = wp.empty((worlds, 4, patches), dtype=float32, device=device)
     launch(_ball_kernel, {"world": worlds, "patch": patches}, shapes,
            {**surface, "rough": rough, "ball": ball}, device=device)
     shape, pose = bodies_on(fits, device)

@@ -21,6 +21,7 @@ else:
 real: Any = wp.float64
 uint8: Any = wp.uint8
 float32: Any = wp.float32
+float32_vec3: Any = wp.vec3f
 vec2: Any = wp.vec2d
 vec3: Any = wp.vec3d
 vec4: Any = wp.vec4d
