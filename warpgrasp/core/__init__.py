@@ -4,7 +4,8 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "cache_file": ["cache_root", "drop_cached", "read_cached", "write_cached"],
-    "dtypes": ["HALF", "ONE", "PI", "TINY", "TWO", "TWO_PI", "ZERO", "float32", "float32_vec3", "greater",
+    "dtypes": ["HALF", "ONE", "PI", "TINY", "TWO", "TWO_PI", "ZERO", "float32",
+        "float32_vec3", "greater",
         "lesser", "mat32", "mat33", "mat34", "mat42", "mat44", "mat66",
         "mat76", "mat77", "quat", "real", "struct",
         "transform", "uint8", "vec2", "vec3", "vec4", "vec6", "vec7"],
