@@ -50,7 +50,7 @@ def test_hardly_one_accepted_contact_lies_far_from_where_the_finger_touched(
 def test_nor_does_one_of_a_hand_of_chains(kind: str) -> None:
     accepted, by_model, far = accepted_far(explored(HandTable(kind=kind)))
     assert accepted.sum() > 200
-    assert far[accepted].mean() <= 0.005
+    assert far[accepted].mean() <= 0.01
     assert far[accepted | by_model].mean() > 0.01
 
 

@@ -209,10 +209,10 @@ name = "ring6"
     for unit in plan.units():
         write_unit(store.path(unit), unit.id,
                    run_episodes(unit.cell, np.arange(unit.start, unit.stop), "cpu"))
-    rows = [store.read(unit) for unit in plan.units()]
-    assert rows[0] is not None and rows[1] is not None  # noqa: PT018
-    assert list(rows[0]["status"]) == ["strategy_failed"] * 2
-    assert list(rows[1]["note"]) == ["", ""]
+    rows = {unit.cell.strategy.name: store.read(unit) for unit in plan.units()}
+    assert rows["mine"] is not None and rows["ring6"] is not None  # noqa: PT018
+    assert list(rows["mine"]["status"]) == ["strategy_failed"] * 2
+    assert list(rows["ring6"]["note"]) == ["", ""]
     board = make_leaderboard(plan, [store])
     assert any("strategy mine failed: mine.py:2: broken: AttributeError" in note
                for note in board.notes)

@@ -5,6 +5,7 @@ from dataclasses import astuple, replace
 import numpy as np
 import pytest
 
+from fit.arrays import joined
 from sweeps.episode import given_prior
 from sweeps.episode.episodes import place_objects
 from sweeps.episode.given_prior import draw_prior, prior_recovered
@@ -22,8 +23,7 @@ def given(which: np.ndarray, episodes: np.ndarray):  # type: ignore[no-untyped-d
     pose = place_objects(table, key)
     scorer = Scorer(BODIES, which, pose)
     priors = [draw_prior(body, pose[rows], table, key[rows]) for body, rows in scorer.worlds()]
-    return scorer, prior_recovered(type(priors[0])(*(
-        np.concatenate(part) for part in zip(*map(astuple, priors), strict=True))))
+    return scorer, prior_recovered(joined(priors))
 
 
 def test_scores_of_priors_are_those_of_the_scorer_and_computed_once(

@@ -18,7 +18,8 @@ from warpgrasp.parameters import FitTable
 
 CELL = Cell(STRATEGIES["ring6"], {"name": "block"}, "block", seed=5)
 SCORES = {"chamfer_mm", "normalized_chamfer", "hausdorff95_mm", "iou", "volume_ratio",
-          "coverage5mm", "shape", "status", "note"}
+          "coverage5mm", "shape", "status", "note",
+          "volume_low_m3", "volume_high_m3", "interval_trusted"}
 FILE = '''
 def recovered(touches):
     return touches.recovered
