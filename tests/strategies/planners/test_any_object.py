@@ -41,18 +41,18 @@ def test_matched_paths_are_in_each_world_those_that_promise_most() -> None:
     wide = replace(STRATEGIES["any-object"], touches=28, closings=("curl40", "from10", "from25"))
     matched = replace(wide, options=(("candidates", 4096), ("paths", "matched")))
     cell = Cell(matched, table, "hammer-1", seed=4, fit=FIT)
-    block = run_block(cell, np.arange(4), "cpu", curve=False)
+    block = run_block(cell, np.arange(2), "cpu", curve=False)
     by_step: dict[int, list[np.ndarray]] = {}
     for procedure in block.exploration.procedures:
         by_step.setdefault(procedure.step, []).append(procedure.took_part)
     assert max(map(len, by_step.values())) > 1
     assert all(np.sum(took, axis=0).max() <= 1 for took in by_step.values())
     assert block.touched.min() > 0.05
-    rows = run_episodes(cell, np.arange(3), "cpu")
-    alone = run_episodes(cell, np.arange(2, 3), "cpu")
+    rows = run_episodes(cell, np.arange(2), "cpu")
+    alone = run_episodes(cell, np.arange(1, 2), "cpu")
     for name in ("touches", "touched10mm", "chamfer_mm", "robot_time_s", "contacts"):
-        assert rows[name][2] == alone[name][0], name
-    assert (rows["touched10mm"] == block.touched[:3]).all()
+        assert rows[name][1] == alone[name][0], name
+    assert (rows["touched10mm"] == block.touched).all()
 
 
 def test_what_grasps_told_is_learned_where_those_of_worlds_that_ended_were_not_made() -> None:
@@ -104,8 +104,8 @@ def test_gaussian_process_plans_with_the_free_form_that_it_recovers() -> None:
     assert table is not None
     short = replace(STRATEGIES["gaussian-process"], touches=40)
     cell = Cell(short, table, "hammer-1", seed=4, fit=replace(FIT, reconstruct="implicit"))
-    rows = run_episodes(cell, np.arange(3), "cpu")
-    about_model = run_episodes(replace(cell, fit=FIT), np.arange(3), "cpu")
+    rows = run_episodes(cell, np.arange(2), "cpu")
+    about_model = run_episodes(replace(cell, fit=FIT), np.arange(2), "cpu")
     assert rows["touched10mm"].min() > 0.2 > 2.0 * about_model["touched10mm"].max()
     assert rows["chamfer_mm"].mean() < 0.5 * about_model["chamfer_mm"].mean()
     alone = run_episodes(cell, np.arange(1, 2), "cpu")
