@@ -143,7 +143,7 @@ def round_end(hand: Chain, link: int):  # noqa: F811
 @wp.func
 def cell_square(hand: Hand, link: int, step: real):
     """Square of `step`, a share of a link's length [m2]. It is rounded in another order than for
-    a chain, and contacts hang on the last bit."""
+    a chain, and contacts depend on the last bit."""
     return hand.link_length[link] * hand.link_length[link] * step * step
 
 

@@ -13,7 +13,7 @@ LEARNING = '[[strategy]]\nname = "any-object"\n'
 
 
 def seconds(folder: Path, text: str) -> float:
-    """What is told, in seconds."""
+    """The estimate, in seconds."""
     _, number, unit, *_ = dict(estimate_cost(plan_of(folder, text)))["time"].split()
     return float(number) * {"seconds": 1, "minutes": 60, "hours": 3600}[unit]
 
