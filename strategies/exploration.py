@@ -9,7 +9,7 @@ table) ends the episode in the worlds concerned; earlier contacts still count.
 
 from collections.abc import Callable
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ from strategies.contacts.finger_touch import (
     no_links,
     touched_links,
 )
+from strategies.exploration_record import Exploration, Procedure
 from strategies.planners.from_strategy import Budget, within_budget
 from strategies.planners.guarded_call import guarded_call
 from strategies.planners.probes import CrossFaces, FollowContour, Grasp, Probe, misfits, wanted_of
@@ -65,47 +66,9 @@ from strategies.recovery.refit_policy import Fitted, finished, newly_felt, refit
 from warpgrasp.motion_cost import was_made
 from warpgrasp.parameters import FitTable
 from warpgrasp.probe_status import ProbeStatus
-from warpgrasp.robot import Grasps, Robot
+from warpgrasp.robot import Robot
 
 _SAFE_POSE = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
-
-
-@dataclass(frozen=True)
-class Procedure:
-    """One exploratory procedure as carried out, for the whole batch."""
-
-    name: str
-    """containment, planar or contour."""
-    step: int
-    felt: Grasps | PlanarExploration | ContourExploration
-    took_part: np.ndarray
-    """Bool (world,)."""
-    slots: int
-    """How many slots of the evidence are its own; procedures fill them in order."""
-    closing: int = -1
-    """Of a containment: which of the truth's closings it is."""
-    asked_pose: np.ndarray | None = None
-    """Of a containment: the hand poses asked for, (world, probe, 7)."""
-
-
-@dataclass(frozen=True)
-class Exploration:
-    """An episode of each world, as the robot knows it."""
-
-    procedures: tuple[Procedure, ...]
-    belief: Belief
-    """At the end."""
-    recovered: Recovered
-    status: np.ndarray
-    """ok, too_few_contacts, fit_failed, fit_implausible, strategy_failed or not_possible, (world,).
-    """
-    fault: np.ndarray
-    """What the strategy did wrong in each world, with file and line; empty where nothing, (world,).
-    """
-    stopped: np.ndarray
-    """Worlds in which it wanted more than `Budget.steps` steps, bool (world,)."""
-    felt: Evidence
-    """All that was felt, contacts where they were felt: not placed on any body."""
 
 
 def explore(

@@ -22,7 +22,8 @@ FLOORS = {
             "revolution", "implicit", "plane_record", "plane", "polyhedron", "match_parameters",
             "interpretation_tree", "points_csv"],
     "strategies": ["poses", "strategy", "ready_made", "procedures", "contacts", "recovery",
-                   "recognition", "foresight", "planners", "reconstruct", "exploration"],
+                   "recognition", "foresight", "planners", "reconstruct", "exploration_record",
+                   "exploration"],
     "sweeps": ["output", "text_table", "spec", "episode", "run", "analysis", "compare", "figures",
                "race", "report", "watch", "gym", "paper", "validate", "bench", "cli", "__main__"],
 }

@@ -20,7 +20,10 @@ search after 100,000 still 30 ms, four times in an episode of `explore`."""
 def main(arguments: list[str] | None = None) -> None:
     """The entry point: runs a command and exits with its code."""
     gc.set_threshold(*GARBAGE_AFTER)
-    os.environ.setdefault("JAX_PLATFORMS", "cpu")  # as workers have it
+    # As workers have them. Threads of BLAS gain nothing with matrices of a thousand rows, and on a
+    # busy machine their waiting for one another takes a hundred times as long as the work.
+    os.environ.setdefault("JAX_PLATFORMS", "cpu")
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     code = run(sys.argv[1:] if arguments is None else arguments)
     gc.freeze()  # a collection at exit would take 0.7 s
     sys.exit(code)

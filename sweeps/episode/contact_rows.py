@@ -14,7 +14,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from strategies.exploration import Exploration, Procedure
+from strategies.exploration_record import Exploration, Procedure
 from strategies.procedures.contour_follower import ContourExploration
 from strategies.procedures.planar_explorer import PlanarExploration
 from strategies.procedures.touches import true_touches
@@ -23,7 +23,6 @@ from strategies.recovery.contact_verdict import (
     ACCEPTED,
     FAR,
     TABLE,
-    contact_verdicts,
     explained_by,
 )
 from strategies.recovery.evidence import TABLE_MARGIN_M, Evidence
@@ -87,11 +86,10 @@ def contact_tables(found: Exploration, truth: Truth) -> np.ndarray:
 def _procedures(found: Exploration, truth: Truth) -> Iterator[Parts]:
     slot, probes = 0, np.zeros(len(found.status), int)
     belief = found.belief
-    verdicts = contact_verdicts(found.recovered, belief.evidence, belief.links)
     for procedure in found.procedures:
         if isinstance(procedure.felt, Grasps):
             yield _grasps(procedure, procedure.felt, truth.closings[procedure.closing],
-                          belief.evidence, verdicts, slot, probes)
+                          belief.evidence, found.verdicts, slot, probes)
         else:
             yield _touches(procedure.name, procedure.felt, truth, probes)
         slot += procedure.slots

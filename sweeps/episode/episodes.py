@@ -18,7 +18,8 @@ from pathlib import Path
 import numpy as np
 
 from fit.arrays import joined
-from strategies.exploration import Exploration, explore
+from strategies.exploration import explore
+from strategies.exploration_record import Exploration
 from strategies.planners.from_strategy import MOST_STEPS, budget_of, fits_on_way, planner_of
 from strategies.planners.oracle import Oracle
 from strategies.planners.planner_file import PlannerError

@@ -8,7 +8,7 @@ wrong with a waypoint.
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from strategies.exploration import Exploration
+from strategies.exploration_record import Exploration
 from strategies.poses.hand_outline import outline_of
 from strategies.poses.waypoints import BoundingCylinder
 from warpgrasp.geometry.body import Body

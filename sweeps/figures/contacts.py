@@ -54,7 +54,7 @@ def contacts_shown(block: "EpisodeBlock", name: str, world: int = 0) -> Contacts
     """What the figure of one world of a block shows."""
     from fit.arrays import rows_of
     from strategies.recovery.choose_model import Shape
-    from strategies.recovery.contact_verdict import accepted_contacts
+    from strategies.recovery.contact_verdict import ACCEPTED
     from sweeps.figures.meshes import mesh_of_world, recovered_faces
     from warpgrasp.geometry.meshing import body_mesh
 
@@ -64,8 +64,7 @@ def contacts_shown(block: "EpisodeBlock", name: str, world: int = 0) -> Contacts
     own = np.array([world])
     evidence = rows_of(block.evidence, own)
     mine = evidence.mask[0]
-    near = accepted_contacts(rows_of(block.recovered, own), evidence,
-                             rows_of(block.exploration.belief.links, own))[0][mine]
+    near = np.asarray(block.exploration.verdicts[world] == ACCEPTED)[mine]
     near |= prior or free_form  # nothing was recovered that contacts could contradict
     yaw = 2.0 * np.arctan2(pose[5], pose[6])
     turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])

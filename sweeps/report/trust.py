@@ -10,9 +10,9 @@ from strategies.contacts.body_uncertainty import INADEQUATE_FROM
 from strategies.contacts.volume_spread import interval_trusted
 from strategies.recovery.choose_model import Recovered, Shape
 from strategies.recovery.contact_verdict import (
+    ACCEPTED,
     DOUBTED_M,
     UNEXPLAINED_M,
-    accepted_contacts,
     doubted,
     mean_gap,
     unexplained,
@@ -40,7 +40,6 @@ def trust_sentence(block: EpisodeBlock, world: int = 0) -> str:
     """What speaks for the recovered body of one world, and how much of it was never felt."""
     recovered = rows_of(block.recovered, np.array([world]))
     evidence = rows_of(block.evidence, np.array([world]))
-    links = rows_of(block.exploration.belief.links, np.array([world]))
     felt = int(evidence.mask.sum())
     mesh = mesh_of_world(block, world)
     if mesh is not None:
@@ -49,8 +48,8 @@ def trust_sentence(block: EpisodeBlock, world: int = 0) -> str:
         why = _NOTHING.get(str(block.status[world]), str(block.status[world]))
         return (f"nothing was recovered: {why} ({felt} contacts); the body written is the cylinder "
                 "that the strategy was given as prior")
-    near = accepted_contacts(recovered, evidence, links)
-    share = surface_near(recovered, evidence.points_m[0][near[0]])
+    near = np.asarray(block.exploration.verdicts[world] == ACCEPTED)
+    share = surface_near(recovered, evidence.points_m[0][near])
     far = felt - int(near.sum())
     text = (f"{100 * share:.0f} % of the recovered surface is within {1e3 * NEAR_M:.0f} mm of one "
             f"of {felt - far} contacts, the rest is the model's guess")

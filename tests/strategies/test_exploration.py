@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from places import HELPERS
 
-from strategies.exploration import Exploration, explore
+from strategies.exploration import explore
+from strategies.exploration_record import Exploration
 from strategies.planners.from_strategy import MOST_STEPS, Budget, budget_of
 from strategies.planners.ordered import OrderedPlanner
 from strategies.planners.planner_file import PlannerError

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from strategies.exploration import Procedure
+from strategies.exploration_record import Procedure
 from strategies.poses.waypoints import Ring
 from strategies.strategy import Strategy
 from sweeps.episode.episodes import run_episodes
