@@ -18,9 +18,9 @@ from warpgrasp.closing.contact_estimate import ContactEstimate
 from warpgrasp.core.kernel_launch import check_range
 from warpgrasp.core.random import Purpose, counter_key, normal_vector
 from warpgrasp.geometry.body import Body, scene_of
-from warpgrasp.geometry.scene import Shape
 from warpgrasp.mechanism.arm_motion import ArmMoves, ArmState
 from warpgrasp.motion_cost import closing_time_s
+from warpgrasp.objects.touched_body import touched_body
 from warpgrasp.parameters import (
     ArmTable,
     ContactTable,
@@ -66,11 +66,6 @@ class Truth:
     """Guarded lines, in the order they were made."""
 
 
-def has_deformed_part(bodies: Sequence[Body]) -> bool:
-    """Whether the distance to any of the bodies may overshoot."""
-    return any(p.shape == Shape.SUPERQUADRIC for b in bodies for p in b.parts)
-
-
 def _of_closed(closing: Closing, closes: np.ndarray) -> Closing:
     """The closing with fingers that stayed open as NOT_TRIED."""
     made = np.isin(closing.status, (ProbeStatus.CONTACT, ProbeStatus.NO_CONTACT))
@@ -106,7 +101,7 @@ class Robot:
         cannot be used.
         """
         check_range("body", body, 0, len(bodies) - 1)
-        self._scene = scene_of(bodies, device)
+        self._scene = scene_of([touched_body(body) for body in bodies], device)
         self._body = body
         self._truth = truth
         self._key = key
@@ -115,8 +110,6 @@ class Robot:
         self._lines_made = np.zeros(len(key), int)
         self._line_count = 0
         self._state = ArmState.home(len(key), arm)
-        # A first-order distance to a deformed superquadric may overshoot: march half of it.
-        self._march_scale = 0.5 if has_deformed_part(bodies) else 1.0
         self.arm, self.hand, self.sensors = arm, hand, sensors
         self.pads = pads or PadTable()
         self.errors = (errors or ErrorTable()).scaled()
@@ -170,7 +163,7 @@ class Robot:
             self._scene, self._body, self._truth.body_pose, self._key, moves.status, actual,
             commands_rad, command_count, closes=closes, errors=self._calibration,
             probe_number=number,
-            march_scale=self._march_scale, device=self._device)
+            device=self._device)
         closing = _of_closed(closing, closes)
         if self.contact.self_contact:
             closing = self._without_self(closing, moves.believed_pose, commands_rad)
@@ -203,7 +196,7 @@ class Robot:
         return self._own.move(
             self._scene, self._body, self._truth.body_pose, self.arm, self._key, self._state,
             hand_pose, wanted, commands_rad, errors=self._calibration, probe_number=number,
-            march_scale=self._march_scale, device=self._device)
+            device=self._device)
 
     def _within(self, room: np.ndarray, hand_pose: np.ndarray, wanted: np.ndarray,
                 commands_rad: np.ndarray, closes: np.ndarray) -> np.ndarray:
@@ -238,8 +231,7 @@ class Robot:
         touch, truth, arm_q = guarded_line(
             self._scene, self._body, self._truth.body_pose, self.arm, self.hand, self.sensors,
             self.pads, self._key, self._calibration, self._state.q_rad[rows], move,
-            true=self._true, contact=self.contact, march_scale=self._march_scale,
-            device=self._device)
+            true=self._true, contact=self.contact, device=self._device)
         self._truth.lines.append(truth)
         self._lines_made[rows] += 1
         self._line_count += 1
@@ -255,7 +247,7 @@ class Robot:
         from warpgrasp.sight.silhouette_faults import faulty_silhouettes
 
         seen = silhouettes(self._scene, self._body, self._truth.body_pose, cameras,
-                           march_scale=self._march_scale, device=self._device)
+                           device=self._device)
         return faulty_silhouettes(seen, self._key, table)
 
     def look_deep(self, cameras: "Cameras", table: StereoTable) -> "DepthView":
@@ -264,7 +256,7 @@ class Robot:
         from warpgrasp.sight.depth_view import seen_depths
 
         return seen_depths(self._scene, self._body, self._truth.body_pose, cameras, table,
-                           self._key, march_scale=self._march_scale, device=self._device)
+                           self._key, device=self._device)
 
     def camera_noise(self, size: int) -> np.ndarray:
         """Standard normals (world, size) for what is read off the cameras' images."""

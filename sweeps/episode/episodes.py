@@ -67,7 +67,7 @@ from warpgrasp.geometry.body import Body
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
 from warpgrasp.parameters import ObjectTable
 from warpgrasp.probe_status import ProbeStatus
-from warpgrasp.robot import Grasps, Robot, Truth, has_deformed_part
+from warpgrasp.robot import Grasps, Robot, Truth
 
 REBUILD_FAILED = "reconstruct_failed"
 FAULTY = (FAILED, STATUS, REBUILD_FAILED)
@@ -137,17 +137,13 @@ def run_cells(parts: Sequence[Part], device: str) -> list[dict[str, np.ndarray]]
     made = {cell.object_name: cell_body(cell) for cell, _ in parts}
     names = list(made)
     bodies = [made[cell.object_name] for cell, _ in parts]
+    numbers = sorted(range(len(parts)), key=lambda n: names.index(parts[n][0].object_name))
+    rows = _rows_of([parts[n] for n in numbers], [bodies[n] for n in numbers], device)
+    ends = np.cumsum([len(parts[n][1]) for n in numbers])
     found: dict[int, dict[str, np.ndarray]] = {}
-    # Hands move more carefully before bodies whose distance may overshoot.
-    for careful in (False, True):
-        numbers = [n for n, body in enumerate(bodies) if has_deformed_part([body]) == careful]
-        numbers.sort(key=lambda n: names.index(parts[n][0].object_name))
-        if numbers:
-            rows = _rows_of([parts[n] for n in numbers], [bodies[n] for n in numbers], device)
-            ends = np.cumsum([len(parts[n][1]) for n in numbers])
-            for n, end in zip(numbers, ends, strict=True):
-                mine = slice(end - len(parts[n][1]), end)
-                found[n] = {name: values[mine] for name, values in rows.items()}
+    for n, end in zip(numbers, ends, strict=True):
+        mine = slice(end - len(parts[n][1]), end)
+        found[n] = {name: values[mine] for name, values in rows.items()}
     return [found[n] for n in range(len(parts))]
 
 

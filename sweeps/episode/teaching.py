@@ -13,7 +13,6 @@ from strategies.recognition.lessons import UNLISTED, Lesson, lesson_of
 from strategies.strategy import Strategy
 from sweeps.episode.episodes import cell_body, run_parts
 from sweeps.spec.cell import Cell
-from warpgrasp.robot import has_deformed_part
 
 TEACHERS = ("ring6", "random18", "ring18", "rim12-ring12", "planar", "contour", "coarse-to-fine")
 """Strategies that teach, unless others are named: grasps, few and many, faces and contours."""
@@ -54,15 +53,10 @@ def teach(
     for strategy in strategies:
         cells = [Cell(strategy, table, name, seed=seed) for name, table in objects.items()]
         bodies = [cell_body(cell) for cell in cells]
-        # Hands move more carefully before bodies whose distance may overshoot.
-        for careful in (False, True):
-            own = [n for n, body in enumerate(bodies) if has_deformed_part([body]) == careful]
-            if own:
-                block = run_parts([(cells[n], np.arange(episodes)) for n in own],
-                                  [bodies[n] for n in own], device)
-                names = np.repeat(np.array([cells[n].object_name if listed else UNLISTED
-                                            for n in own], object), episodes)
-                yield strategy, lesson_of(block.exploration.belief, block.recovered, names)
+        block = run_parts([(cell, np.arange(episodes)) for cell in cells], bodies, device)
+        names = np.repeat(np.array([cell.object_name if listed else UNLISTED for cell in cells],
+                                   object), episodes)
+        yield strategy, lesson_of(block.exploration.belief, block.recovered, names)
 
 
 def contents_of(objects: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:

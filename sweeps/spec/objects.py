@@ -108,10 +108,11 @@ def _build(table: Mapping[str, Any], base_dir: Path) -> None:
     init_warp()
     from warpgrasp.geometry.body import BodyError
     from warpgrasp.objects.catalogue import body_from_table  # heavy; names need no building
+    from warpgrasp.objects.touched_body import touched_body
 
     try:
         with quiet_stdout():
-            body_from_table(table, base_dir)
+            touched_body(body_from_table(table, base_dir))
     except BodyError as error:
         raise ObjectError(str(error)) from error
     except Exception as error:  # not foreseen, but a user's file or table is no reason to crash

@@ -36,6 +36,7 @@ from warpgrasp.geometry.body import Body, Part, scene_of
 from warpgrasp.geometry.scene import Shape
 from warpgrasp.mechanism.utah_mit_hand import hand_links
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
+from warpgrasp.objects.touched_body import touched_body
 from warpgrasp.parameters import ContactTable, HandTable, SensorTable
 from warpgrasp.probe_status import ProbeStatus
 
@@ -184,7 +185,7 @@ def bodies_compared() -> dict[str, tuple[Body, list[Solid]]]:
     profile = np.stack([along * (1.0 - np.cos(angle)), across * np.sin(angle)], 1)
     ellipsoid = Body("ellipsoid", (Part(Shape.REVOLUTION, profile_m=profile),),
                      (-across, -across, 0.0), (across, across, 2 * along))
-    bound = body_from_table({"name": "superquadric", "superquadric": {
+    superquadric = body_from_table({"name": "superquadric", "superquadric": {
         "size_mm": [25, 35, 50], "exponents": [1.0, 1.0]}}, Path())
     capsule = body_from_table({"name": "capsule", "compound": [
         {"shape": "capsule", "radius_mm": 25, "height_mm": 110}]}, Path())
@@ -194,7 +195,8 @@ def bodies_compared() -> dict[str, tuple[Body, list[Solid]]]:
     found = {name: (body, object_solids(body)) for name, body in bodies.items()}
     found["ellipsoid"] = (ellipsoid, [Solid("ellipsoid", (across, across, along),
                                             (0.0, 0.0, along, 0.0, 0.0, 0.0, 1.0))])
-    found["superquadric (a bound)"] = bound, object_solids(bound)
+    found["superquadric (baked grid)"] = (touched_body(superquadric),
+                                          object_solids(superquadric))
     found["hull (baked grid)"] = random_hull()
     return found
 
@@ -283,8 +285,7 @@ def _ours(body: Body, places: np.ndarray, commands: np.ndarray, threshold: float
         scene_of([body], "cpu"), np.zeros(1, int), np.tile([0, 0, 0, 0, 0, 0, 1.0], (n, 1)), HAND,
         quiet, np.arange(n, dtype=np.uint64), np.full((n, 1, 1), int(ProbeStatus.CONTACT)),
         places[:, None], commands[None], np.array([commands.shape[1]]),
-        contact=contact,
-        march_scale=0.5 if body.parts[0].shape == Shape.SUPERQUADRIC else 1.0)
+        contact=contact)
 
 
 def _tell(tally: _Tally, body: Body, pose: np.ndarray, commands: np.ndarray, threshold: float,
@@ -324,10 +325,8 @@ def _tell(tally: _Tally, body: Body, pose: np.ndarray, commands: np.ndarray, thr
 def _cause(body: Body, pose: np.ndarray, commands: np.ndarray, threshold: float, ours: _Ours,
            theirs: MujocoStop | None, contact: ContactTable) -> str:
     """Why two closings differ."""
-    if body.parts[0].shape == Shape.SUPERQUADRIC:
-        return "distance of a superquadric is a bound"
     if body.parts[0].shape == Shape.GRID:
-        return "distance of a mesh is baked on a grid"
+        return "distance is baked on a grid"
     if theirs is None:
         return "MuJoCo never reaches the threshold" if _margin(
             ours, commands, threshold) > 0.01 else "threshold grazed"

@@ -26,7 +26,6 @@ from sweeps.episode.teaching import TEACHERS, unlisted_table
 from sweeps.spec.cell import Cell
 from warpgrasp.objects.catalogue_names import BODY_NAMES
 from warpgrasp.parameters import RecognitionTable
-from warpgrasp.robot import has_deformed_part
 
 EDGES = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99, 1.0001)
 TABLES = (RecognitionTable(), RecognitionTable(way=ALIGNMENT))
@@ -45,26 +44,18 @@ class Answers:
 
 
 def answers_of(objects: Mapping[str, tuple[str, Mapping[str, Any]]], strategy: str, episodes: int,
-               seed: int) -> list[Answers]:
+               seed: int) -> Answers:
     """Answers by both tables; `objects` maps a name to its kind and table."""
     cells = [Cell(STRATEGIES[strategy], table, name, seed=seed)
              for name, (_, table) in objects.items()]
     kinds = [kind for kind, _ in objects.values()]
     bodies = [cell_body(cell) for cell in cells]
-    answers = []
-    for careful in (False, True):
-        own = [n for n, body in enumerate(bodies) if has_deformed_part([body]) == careful]
-        if not own:
-            continue
-        mine = [bodies[n] for n in own]
-        block = run_parts([(cells[n], np.arange(episodes)) for n in own], mine, "cpu")
-        found = {table.way: recognize_objects(block.exploration.belief, block.recovered, table,
-                                              "cpu") for table in TABLES}
-        right = {table.way: found[table.way].name == np.repeat(right_answers(mine, table), episodes)
-                 for table in TABLES}
-        answers.append(Answers(strategy, np.repeat([kinds[n] for n in own], episodes), found,
-                               right))
-    return answers
+    block = run_parts([(cell, np.arange(episodes)) for cell in cells], bodies, "cpu")
+    found = {table.way: recognize_objects(block.exploration.belief, block.recovered, table, "cpu")
+             for table in TABLES}
+    right = {table.way: found[table.way].name == np.repeat(right_answers(bodies, table), episodes)
+             for table in TABLES}
+    return Answers(strategy, np.repeat(kinds, episodes), found, right)
 
 
 def reliability(answers: Sequence[Answers], none_prior: float = TABLES[0].none_prior
@@ -123,13 +114,12 @@ def main() -> None:
     print("|---|---|---|---|---|---|")
     for strategy in asked.strategy:
         new = answers_of(objects, strategy, asked.episodes, asked.seed)
-        every += new
+        every.append(new)
         for kind in ("catalogue", "random", "scan"):
-            mine = np.concatenate([a.kind for a in new]) == kind
+            mine = new.kind == kind
             if mine.any():
-                answered = np.concatenate([a.found[TABLES[0].way].name for a in new])[mine] != ""
-                right, exact = (np.concatenate([a.right[t.way] for a in new])[mine]
-                                for t in TABLES)
+                answered = new.found[TABLES[0].way].name[mine] != ""
+                right, exact = (new.right[t.way][mine] for t in TABLES)
                 print(f"| {strategy} | {kind} | {mine.sum()} | {answered.mean():.3f} | "
                       f"{right.mean():.3f} | {exact.mean():.3f} |", flush=True)
     print("\n| way | probability | episodes | predicted | observed |")

@@ -4,12 +4,21 @@
 The spline's gradient is continuous, and a finger's rest is found in a few Newton steps; between
 linear pieces a descent stalls on their kinks. Its weights are positive and sum to one, so it is as
 1-Lipschitz as the nodes; where the distance curves it lies cell^2 / 8 times the curvature off.
+
+The nodes reach `GRID_MARGIN_M`, m, beyond the object's box. Outside the grid the value is a lower
+bound. Let c be the nearest point of the grid to a point p, d the value there, and w = p - c. Every
+place x of the object is at least m behind each side of the grid that p is beyond. So
+|p - x|^2 = |c - x|^2 + 2 (c - x).w + |w|^2 >= d^2 + 2 m (|wx| + |wy| + |wz|) + |w|^2.
+Before a face of the box this is the distance itself.
 """
 
 import warp as wp
 
 from warpgrasp.core.dtypes import HALF, TINY, ZERO, real, vec3, vec4
 
+GRID_MARGIN_M = 0.016
+"""All around the object: skin that touches has its link's axis 8 mm away, inside the grid."""
+_MARGIN = wp.constant(real(GRID_MARGIN_M))
 _THREE_QUARTERS = wp.constant(real(0.75))
 _TWO = wp.constant(real(2.0))
 
@@ -41,15 +50,21 @@ def _sheet(
     return vec3(wp.dot(wy, v), wp.dot(sy, v), wp.dot(wy, s))
 
 
+@wp.func
+def _beyond(gap: real, slope: real, d: real):
+    """Half the slope of the bound's square along one axis."""
+    if gap == ZERO:
+        return slope * d
+    return gap + wp.where(gap > ZERO, _MARGIN, -_MARGIN)
+
+
 @wp.func(inline=False)
 def sdf_grid_grad(
     p: vec3, values: wp.array[wp.float32], first: int, nodes: wp.vec3i, origin: vec3, cell: real
 ):
     """Gradient and distance (gx, gy, gz, d) [m] of a grid of node values starting at `first`.
 
-    Nodes are numbered x slowest, z fastest, the first at `origin`. Outside the grid the value is
-    the lower bound sqrt(gap^2 + d^2), d the value at the nearest point of the grid: the object lies
-    inside the grid, so the angle at that point is obtuse.
+    Nodes are numbered x slowest, z fastest, the first at `origin`.
     """
     high = vec3(real(nodes[0] - 1), real(nodes[1] - 1), real(nodes[2] - 1)) * cell
     q = p - origin
@@ -82,10 +97,10 @@ def sdf_grid_grad(
     gap = q - c
     gap_length = wp.length(gap)
     if gap_length > TINY and d > ZERO:
-        bound = wp.sqrt(gap_length * gap_length + d * d)
+        bound = wp.sqrt(d * d + gap_length * gap_length
+                        + _TWO * _MARGIN * (wp.abs(gap[0]) + wp.abs(gap[1]) + wp.abs(gap[2])))
         # Along an axis that is clamped only the gap grows.
-        g = (gap + vec3(wp.where(gap[0] == ZERO, gx, ZERO), wp.where(gap[1] == ZERO, gy, ZERO),
-                        wp.where(gap[2] == ZERO, gz, ZERO)) * d) / bound
+        g = vec3(_beyond(gap[0], gx, d), _beyond(gap[1], gy, d), _beyond(gap[2], gz, d)) / bound
         return vec4(g[0], g[1], g[2], bound)
     return vec4(gx, gy, gz, d)
 

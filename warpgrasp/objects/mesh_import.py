@@ -6,14 +6,13 @@ import logging
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import warp as wp
 
-from warpgrasp.core.cache_file import cache_root, read_cached, write_cached
-from warpgrasp.geometry.body import Body, BodyError, Part, distance_to_bodies, scene_of
-from warpgrasp.geometry.scene import Shape
+from warpgrasp.geometry.body import Body, BodyError
+from warpgrasp.objects.grid_baking import Distance, baked_body, cached_grid, lost, volumes_m3
 from warpgrasp.objects.mesh_orientation import mesh_distance, mesh_of, outward_faces
 
 KINDS = ("stl", "obj", "ply", "off")
@@ -22,11 +21,7 @@ UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 LARGEST_FILE_BYTES = 256 * 2**20
 LARGEST_FACE_COUNT = 2_000_000
 SMALLEST_M, LARGEST_M = 0.005, 1.0  # of the longest side: what one hand can explore
-_NODES = 96  # along the longest side
 _MARGIN_M = 0.016  # all around: skin that touches has its link's axis 8 mm away, inside the grid
-_VOLUME_POINTS = 32_768
-_VOLUME_SHARE = 0.1  # of its volume that a body may lose or gain when it is baked
-_BAKE_VERSION = 4
 
 
 def body_from_mesh(path: Path, *, units: str, name: str | None = None) -> Body:
@@ -55,22 +50,18 @@ def body_from_mesh(path: Path, *, units: str, name: str | None = None) -> Body:
     except OSError as error:
         raise BodyError(f"{path}: cannot be read: {error.strerror or error}") from None
     key = hashlib.sha256(content)
-    key.update(f"{kind} {units} {_NODES} {_MARGIN_M} {_BAKE_VERSION}".encode())
-    cached = cache_root() / "grids" / f"{key.hexdigest()[:32]}.grid"
-    baked = _read_baked(cached)
-    if baked is None:
+    key.update(f"{kind} {units}".encode())
+
+    def baked() -> Body:
         with _quiet_reader():
             vertices, faces = _read_checked(path, content, units)
         try:
-            baked = _bake(vertices, faces)
+            return _bake(vertices, faces)
         except BodyError as error:
             raise BodyError(f"{path}: {error}") from None
-        _write_baked(cached, baked)
-    grid, origin, cell, low, high, error = (
-        baked[k] for k in ("grid", "origin", "cell", "low", "high", "error"))
-    part = Part(Shape.GRID, grid_m=grid, grid_origin_m=_triple(origin), grid_cell_m=float(cell))
-    return Body(name or path.stem, (part,), _triple(low), _triple(high),
-                f"mesh {path.name}", float(error))
+
+    return replace(cached_grid(key.hexdigest(), baked), name=name or path.stem,
+                   doc=f"mesh {path.name}")
 
 
 def can_be_explored(longest_m: float) -> bool:
@@ -86,10 +77,6 @@ def mesh_triangles(path: Path, *, units: str) -> tuple[np.ndarray, np.ndarray]:
     """
     with _quiet_reader():
         return _read_checked(path, path.read_bytes(), units)
-
-
-def _triple(values: np.ndarray) -> tuple[float, float, float]:
-    return float(values[0]), float(values[1]), float(values[2])
 
 
 @contextmanager
@@ -187,54 +174,20 @@ def _count(word: bytes) -> int:
     return int(word[:20]) if word.isdigit() else 0
 
 
-def _bake(vertices: np.ndarray, faces: np.ndarray) -> dict[str, np.ndarray]:
+def _bake(vertices: np.ndarray, faces: np.ndarray) -> Body:
     mesh = mesh_of(vertices, faces)
-    low, high = vertices.min(0), vertices.max(0)
-    cell = (float((high - low).max()) + 2 * _MARGIN_M) / (_NODES - 1)
-    origin = low - _MARGIN_M
-    nodes = np.ceil((high - low + 2 * _MARGIN_M) / cell - 1e-9).astype(int) + 1
-    axes = [origin[k] + cell * np.arange(nodes[k]) for k in range(3)]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
-    grid = mesh_distance(mesh, points).reshape(nodes)
-    # The error is measured where contacts happen: within two cells of the surface.
-    band = points[np.abs(grid.ravel()) < 2 * cell]
-    near = band[:: max(1, len(band) // 4000)] + 0.5 * cell * np.array([1.0, 0.7, 0.4])
-    body = Body("", (Part(Shape.GRID, grid_m=grid, grid_origin_m=_triple(origin),
-                          grid_cell_m=cell),), _triple(low), _triple(high))
-    baked, _ = distance_to_bodies(scene_of([body], "cpu"), np.zeros(1, int), near[None])
-    error = float(np.quantile(np.abs(baked[0] - mesh_distance(mesh, near)), 0.99))
-    _check_volume(mesh, body, band, int((grid <= -2 * cell).sum()))
-    return {"grid": grid, "origin": origin, "cell": np.array(cell), "low": low, "high": high,
-            "error": np.array(error)}
+    distance = lambda points: mesh_distance(mesh, points)  # noqa: E731
+    body = baked_body(vertices.min(0), vertices.max(0), distance)
+    _check_volume(body, distance)
+    return body
 
 
-def _check_volume(mesh: wp.Mesh, body: Body, band: np.ndarray, deep: int) -> None:
-    """Refuse a body that does not hold what its mesh does: thin walls are lost between the nodes.
-
-    Both are sampled about the nodes near the surface, `band`, (n, 3); `deep` more are well inside.
-    """
-    cell = body.parts[0].grid_cell_m
-    sample = band[:: max(1, len(band) // _VOLUME_POINTS)]
-    sample = sample + np.random.default_rng(0).uniform(-cell / 2, cell / 2, sample.shape)
-    baked, _ = distance_to_bodies(scene_of([body], "cpu"), np.zeros(1, int), sample[None])
-    held, wanted = (cell**3 * (deep + len(band) * float((d < 0.0).mean()))
-                    for d in (baked[0], mesh_distance(mesh, sample)))
-    if wanted == 0.0 or abs(held - wanted) > _VOLUME_SHARE * wanted:
+def _check_volume(body: Body, distance: Distance) -> None:
+    """Refuse a body that does not hold what its mesh does."""
+    held, wanted = volumes_m3(body, distance)
+    if lost(held, wanted):
+        cell = body.parts[0].grid_cell_m
         raise BodyError(
             f"it would be baked to nodes {1000 * cell:.2g} mm apart, which hold {held * 1e6:.3g} "
             f"of its {wanted * 1e6:.3g} cm3: walls and gaps of two nodes, {2000 * cell:.2g} mm, "
             "are kept; thicken its walls, or bring a mesh whose longest side is shorter")
-
-
-def _read_baked(file: Path) -> dict[str, np.ndarray] | None:
-    content = read_cached(file)
-    if content is None:
-        return None
-    with np.load(io.BytesIO(content), allow_pickle=False) as stored:
-        return {key: stored[key] for key in stored.files}
-
-
-def _write_baked(file: Path, baked: dict[str, np.ndarray]) -> None:
-    content = io.BytesIO()
-    np.savez_compressed(content, allow_pickle=False, **baked)
-    write_cached(file, content.getvalue())

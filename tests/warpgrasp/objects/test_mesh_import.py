@@ -41,6 +41,21 @@ def test_a_baked_block_is_the_block(tmp_path: Path) -> None:
     assert np.abs(d - exact)[near].max() < 0.5 * cell
     assert baked.grid_error_m < 0.5 * cell
     assert (d - exact)[exact > 0.02].max() < 0.5 * cell  # outside the grid: a lower bound
+    # Before a face it is the distance itself, however far: but for a cell that is rounded up to.
+    ahead = np.array([[[x, 0.01, 0.06] for x in np.linspace(0.04, 0.12, 9)]])
+    before, slope = distance_to_bodies(scene_of([baked], "cpu"), np.zeros(1, int), ahead)
+    short = ahead[0, :, 0] - true.high_m[0] - before[0]
+    assert ((short > -1e-6) & (short < 1e-3)).all()
+    assert np.allclose(slope[0], [1.0, 0.0, 0.0], atol=0.08)
+    h = 1e-6
+    far = points[:, exact[0] > 0.02][:, :200]
+    scene = scene_of([baked], "cpu")
+    _, slope = distance_to_bodies(scene, np.zeros(1, int), far)
+    by_steps = np.stack([(distance_to_bodies(scene, np.zeros(1, int), far + h * e)[0]
+                          - distance_to_bodies(scene, np.zeros(1, int), far - h * e)[0]) / (2 * h)
+                         for e in np.eye(3)], -1)
+    assert np.quantile(np.abs(slope - by_steps), 0.98) < 1e-4
+    assert np.linalg.norm(slope, axis=-1).max() < 1.0 + 1e-6
     assert body_from_mesh(block_file(tmp_path), units="m").content == baked.content  # from cache
 
 
@@ -141,7 +156,8 @@ def test_walls_that_the_grid_would_lose_are_refused(tmp_path: Path, wall_mm: flo
     with pytest.raises(BodyError, match=r"tube.stl: .* 1.4 mm apart, which hold .* of its") as said:
         body_from_mesh(tmp_path / "tube.stl", units="m")
     true = float(str(said.value).split("of its ")[1].split(" cm3")[0])
-    assert true == pytest.approx(mesh.volume * 1e6, rel=0.03)
+    # Points sampled about so thin a wall tell its volume to 1.3 %, a standard deviation.
+    assert true == pytest.approx(mesh.volume * 1e6, rel=0.05)
 
 
 @pytest.mark.parametrize("mesh", [
