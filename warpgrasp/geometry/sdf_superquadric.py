@@ -5,7 +5,8 @@ The gauge f = F^(e1/2), F the inside-outside function of Allen and Michelman 199
 homogeneous of degree one and, for exponents up to 2, convex; so (f - 1) / |grad f| never exceeds
 the true distance outside, and agrees with it to first order at the surface. Taper and bend (Solina
 and Bajcsy 1990) keep the agreement at the surface; away from it the value is an estimate of the
-distance that is not guaranteed a bound, and marching must step shorter (`has_deformed_part`).
+distance that is not guaranteed a bound. Hands touch superquadrics at distances that are baked
+(`objects.touched_body`).
 Beside a strong taper's thin end it is far too small: there the larger distance to the frustum's
 faces is used.
 """
