@@ -20,7 +20,7 @@ from warpgrasp.core.random import Purpose, counter_key, normal_vector
 from warpgrasp.geometry.body import Body, scene_of
 from warpgrasp.mechanism.arm_motion import ArmMoves, ArmState
 from warpgrasp.motion_cost import closing_time_s
-from warpgrasp.objects.touched_body import touched_body
+from warpgrasp.objects.body_baking import touched_body
 from warpgrasp.parameters import (
     ArmTable,
     ContactTable,

@@ -107,8 +107,8 @@ def _build(table: Mapping[str, Any], base_dir: Path) -> None:
     """Build the object once. Raises ObjectError for any failure, also of a reader."""
     init_warp()
     from warpgrasp.geometry.body import BodyError
+    from warpgrasp.objects.body_baking import touched_body
     from warpgrasp.objects.catalogue import body_from_table  # heavy; names need no building
-    from warpgrasp.objects.touched_body import touched_body
 
     try:
         with quiet_stdout():

@@ -35,8 +35,8 @@ from warpgrasp.export.convex_solids import Solid, object_solids
 from warpgrasp.geometry.body import Body, Part, scene_of
 from warpgrasp.geometry.scene import Shape
 from warpgrasp.mechanism.utah_mit_hand import hand_links
+from warpgrasp.objects.body_baking import touched_body
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
-from warpgrasp.objects.touched_body import touched_body
 from warpgrasp.parameters import ContactTable, HandTable, SensorTable
 from warpgrasp.probe_status import ProbeStatus
 

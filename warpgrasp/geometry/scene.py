@@ -3,7 +3,7 @@
 
 A body is a range of rows. The first row is the base; each further row is united with, subtracted
 from, or intersected with the result so far (constructive solid geometry by min and max: exact for
-unions outside, a bound elsewhere, see `objects.touched_body`). Several bodies share one table, so
+unions outside, a bound elsewhere, see `objects.body_baking`). Several bodies share one table, so
 that a batch may hold different objects. A body stands on z = 0 of its own frame, the table top.
 """
 

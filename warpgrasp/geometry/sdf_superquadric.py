@@ -6,7 +6,7 @@ homogeneous of degree one and, for exponents up to 2, convex; so (f - 1) / |grad
 the true distance outside, and agrees with it to first order at the surface. Taper and bend (Solina
 and Bajcsy 1990) keep the agreement at the surface; away from it the value is an estimate of the
 distance that is not guaranteed a bound. Hands touch superquadrics at distances that are baked
-(`objects.touched_body`).
+(`objects.body_baking`).
 Beside a strong taper's thin end it is far too small: there the larger distance to the frustum's
 faces is used.
 """

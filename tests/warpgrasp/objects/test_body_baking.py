@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from warpgrasp.geometry.body import Body, BodyError, distance_to_bodies, scene_of
+from warpgrasp.objects.body_baking import distance_falls_short, touched_body
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
 from warpgrasp.objects.mesh_orientation import mesh_gap, mesh_of
-from warpgrasp.objects.touched_body import distance_falls_short, touched_body
 
 RADIUS, HEIGHT, WALL, BOTTOM = 40.0, 80.0, 5.0, 6.0
 
