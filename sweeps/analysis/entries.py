@@ -190,11 +190,15 @@ def failed(rows: Columns) -> np.ndarray:
 def values_of(rows: Columns, name: str) -> np.ndarray:
     """A column as numbers, NaN where the rows have none; `failure_rate` too.
 
-    Rows of a unit that failed recognized nothing.
+    A failed episode without a value of which more is better has 0. Rows of a unit that failed
+    recognized nothing.
     """
     count = len(rows["status"])
     if name == "failure_rate":
         return failed(rows).astype(float)
     if name == "recognized" and name not in rows:
         return np.zeros(count)
-    return rows[name].astype(float) if name in rows else np.full(count, np.nan)
+    values = rows[name].astype(float) if name in rows else np.full(count, np.nan)
+    if name in HIGHER_IS_BETTER:
+        values = np.where(failed(rows) & ~np.isfinite(values), 0.0, values)
+    return values

@@ -41,6 +41,7 @@ from sweeps.analysis.paired import (
     ObjectRows,
     by_episode,
     few_episodes_note,
+    lost_notes,
     read_objects,
 )
 from sweeps.run.plan import Plan
@@ -161,13 +162,18 @@ class _Ranking:
                              for name in self.means}
         self.plain: dict[str, list[np.ndarray]] = {name: [] for name in PLAIN}
         self.objects = self.episodes = 0
+        self.lost: list[str] = []  # objects on which no episode has a value
 
     def add(self, found: ObjectRows) -> None:
-        """Takes in an object's rows."""
+        """Takes in an object's rows; one on which no episode has a value is left out."""
+        values = {name: found.filled(name) for name in self.means}
+        if not np.isfinite(values[self.metric]).all():
+            self.lost.append(found.name)
+            return
         for name, mean in self.means.items():
-            mean.add(found.filled(name))
+            mean.add(values[name])
             column = prior_column(name)
-            self.beside_prior[name].add(found.filled(name), None if column is None else by_episode(
+            self.beside_prior[name].add(values[name], None if column is None else by_episode(
                 found.values[column], found.episodes))
         for name, of_objects in self.plain.items():
             of_objects.append(found.plain(name))
@@ -275,7 +281,9 @@ def make_leaderboard(plan: Plan, stores: Sequence[Store], metric: str = "chamfer
     rows = [row for label, ranking in rankings.items() for row in ranking.rows(label, faults)]
     measured = max(ranking.objects for ranking in rankings.values())
     most = max(ranking.episodes for ranking in rankings.values())
+    lost = [name for ranking in rankings.values() for name in ranking.lost]
     notes = [*_notes(plan, missing, measured), *few_episodes_note(measured, most),
+             *_few([*lost_notes(lost, metric)]),
              *_few([f"strategy {name} {fault}" for name, fault in sorted(faults.first.items())])]
     for label, ranking in rankings.items():
         where = f" ({label})" if label else ""

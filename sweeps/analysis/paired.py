@@ -76,7 +76,7 @@ class Paired:
 
     entries: tuple[Entry, ...]
     objects: tuple[str, ...]
-    """The objects that have episodes; those without are left out."""
+    """The objects that have episodes with values of the first metric; others are left out."""
     values: dict[str, tuple[np.ndarray, ...]]
     """By metric, for each object (episode, entry); a failed episode counts as in a leaderboard.
 
@@ -117,10 +117,14 @@ def read_paired(plan: Plan, stores: Sequence[Store], metrics: Sequence[str],
     seed = int(plan.hash, 16)
     values: dict[str, list[np.ndarray]] = {name: [] for name in metrics}
     objects: list[str] = []
+    lost: list[str] = []
     missing = 0
     for found in read_objects(plan, stores, entries, axes, metrics):
         missing += found.missing
         if not found.episodes:
+            continue
+        if not np.isfinite(found.filled(metrics[0])).all():
+            lost.append(found.name)
             continue
         objects.append(found.name)
         for name in metrics:
@@ -131,9 +135,16 @@ def read_paired(plan: Plan, stores: Sequence[Store], metrics: Sequence[str],
     over = population(over, len(objects))
     return Paired(tuple(entries), tuple(objects),
                   {name: tuple(found) for name, found in values.items()}, means,
-                  (*reading_notes(plan, missing, len(objects)),
+                  (*reading_notes(plan, missing, len(objects)), *lost_notes(lost, metrics[0]),
                    *few_episodes_note(len(objects), len(values[metrics[0]][0]) if objects else 0),
                    interval_note(over)), over)
+
+
+def lost_notes(objects: Sequence[str], metric: str) -> Iterator[str]:
+    """What a reader should know of objects on which no episode has a value."""
+    for name in objects:
+        yield (f"no entry has a {metric} on {name}, where all of them failed or nothing has one; "
+               "it is left out of all means")
 
 
 def interval_note(over: str) -> str:

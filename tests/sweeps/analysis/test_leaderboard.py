@@ -1,5 +1,6 @@
 import csv
 import io
+from collections.abc import Sequence
 from pathlib import Path
 
 import fake_episodes
@@ -9,6 +10,8 @@ from studies import SMALL, fill, plan_of
 
 from sweeps.analysis.entries import LeaderboardError
 from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
+from sweeps.analysis.paired import read_paired
+from sweeps.run.plan import Plan
 from sweeps.run.store import Store
 from sweeps.spec.cell import Cell
 
@@ -114,6 +117,38 @@ def test_missing_units_leave_out_the_block_for_all(tmp_path: Path) -> None:
     empty = rows_of(make_leaderboard(plan, [store]))
     assert {row["chamfer_mm"] for row in empty} == {"NA"}
     assert {row["rank"] for row in empty} == {""}
+
+
+def failed_on(plan: Plan, store: Store, body: str, strategies: Sequence[str]) -> None:
+    """Sets the units of some strategies on an object aside as failed."""
+    store.logs.mkdir(exist_ok=True)
+    for unit in plan.units():
+        if unit.cell.object_name == body and unit.cell.strategy.name in strategies:
+            store.path(unit).unlink()
+            store.log(unit).write_text("hung")
+
+
+def test_an_object_on_which_every_entry_failed_is_left_out_and_told(tmp_path: Path) -> None:
+    plan = plan_of(tmp_path)
+    store = fill(tmp_path, plan)
+    alone = rows_of(make_leaderboard(plan, [store], by=["strategy", "object"]))[2:]
+    failed_on(plan, store, "block", ("mine", "ring6"))
+    board = make_leaderboard(plan, [store])
+    told = "on block, where all of them failed or nothing has one; it is left out of all means"
+    assert any(told in line for line in board.notes)
+    for row, other in zip(rows_of(board), alone, strict=True):
+        assert (row["n_objects"], row["n_episodes"]) == ("1", "70")
+        for column in ("chamfer_mm", "iou", "touches", "failure_rate"):
+            assert row[column] == other[column]
+    paired = read_paired(plan, [store], ["chamfer_mm"])
+    assert paired.objects == ("wedge",)
+    assert paired.over == "these"
+    assert any(told in line for line in paired.notes)
+    # of a share a failure is 0, on whatever object
+    by_iou = rows_of(make_leaderboard(plan, [store], metric="iou"))
+    for row, other in zip(by_iou, alone, strict=True):
+        assert row["n_objects"] == "2"
+        assert float(row["iou"]) == pytest.approx(float(other["iou"]) / 2, abs=1e-4)
 
 
 def test_what_is_not_offered_is_na(tmp_path: Path) -> None:
