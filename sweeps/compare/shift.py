@@ -133,7 +133,8 @@ def _values(mine: ObjectRows, theirs: ObjectRows, metric: str, same_seed: bool
     A failed episode without a value counts as a leaderboard of both together would count it.
     """
     sides = (mine, theirs)
-    rows = filled(np.concatenate([side.values[metric] for side in sides]), failure_score(metric))
+    rows = filled(np.concatenate([side.values[metric] for side in sides]), failure_score(metric),
+                  np.concatenate([side.given(metric) for side in sides]))
     split = np.split(rows, [len(mine.episodes)])
     values = [by_episode(part, side.episodes) for part, side in zip(split, sides, strict=True)]
     if not same_seed:

@@ -132,6 +132,21 @@ def test_contacts_are_rows_where_they_are_kept(
     assert not (tmp_path / "x.csv").exists()
 
 
+def test_failed_units_are_told_apart_from_missing_ones(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    plan = plan_of(tmp_path)
+    store = fill(tmp_path, plan)
+    failed, missing, *_ = plan.units()
+    for unit in (failed, missing):
+        store.path(unit).unlink()
+    store.log(failed).write_text("hung")
+    capsys.readouterr()
+    rows_of(store.folder, tmp_path / "rows.csv")
+    said = capsys.readouterr().err
+    assert "1 of 8 units failed and have no rows; see logs/*.failed.log" in said
+    assert "1 of 8 units are missing" in said
+
+
 def test_missing_units_are_told_and_shards_merge(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     plan, store = wide_study(tmp_path / "one", wide_text(2, 2, 5))

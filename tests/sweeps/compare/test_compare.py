@@ -86,6 +86,22 @@ def test_equal_episodes_do_not_differ_at_all(
         assert (row["n_objects"], row["n_episodes_a"], row["n_episodes_b"]) == (2, 140, 140)
 
 
+def test_what_failed_counts_as_what_was_given_where_that_is_worse(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    @fake_episodes.cell_by_cell
+    def given(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
+        rows = fake_episodes.rows_of(cell, episodes)
+        return rows | {"prior_chamfer_mm": np.full(len(episodes), 40.0)}
+
+    one, plan = made(tmp_path / "a", episodes=given), plan_of(tmp_path / "b")
+    store = fill(tmp_path / "b", plan, given)
+    for unit in plan.units():
+        if unit.cell.strategy.name == "mine":
+            store.path(unit).unlink()
+            store.log(unit).write_text("hung")
+    assert compared(capsys, one, store.folder)["table"]["mine"]["chamfer_mm_b"] == 40.0
+
+
 def test_a_study_that_has_grown_is_compared_on_what_was_there(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     one, other = made(tmp_path / "a"), made(tmp_path / "b", GROWN)
