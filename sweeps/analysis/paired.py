@@ -125,6 +125,7 @@ def read_paired(plan: Plan, stores: Sequence[Store], metrics: Sequence[str],
     axes = entry_axes(plan, None)[0] if axes is None else axes
     entries = entries_of(plan, axes)
     seed = int(plan.hash, 16)
+    metrics = tuple(dict.fromkeys(metrics))  # one may be a column of a table besides
     values: dict[str, list[np.ndarray]] = {name: [] for name in metrics}
     objects: list[str] = []
     lost: list[str] = []
