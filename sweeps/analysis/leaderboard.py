@@ -172,6 +172,7 @@ class _Ranking:
                              for name in self.means}
         self.plain: dict[str, list[np.ndarray]] = {name: [] for name in PLAIN}
         self.objects = self.episodes = 0
+        self.distinct = 0  # episodes, an episode at many points of an axis counted once
         self.lost: list[str] = []  # objects on which no episode has a value
 
     def add(self, found: ObjectRows) -> None:
@@ -189,6 +190,7 @@ class _Ranking:
             of_objects.append(found.plain(name))
         self.objects += 1
         self.episodes += len(found.episodes)
+        self.distinct += len(values[self.metric])
 
     def rows(self, label: str, faults: _Faults) -> list[tuple[str, ...]]:
         """The rows of a leaderboard, the best first."""
@@ -288,7 +290,7 @@ def make_leaderboard(plan: Plan, stores: Sequence[Store], metric: str = "chamfer
             ranking.add(found)
     rows = [row for label, ranking in rankings.items() for row in ranking.rows(label, faults)]
     measured = max(ranking.objects for ranking in rankings.values())
-    most = max(ranking.episodes for ranking in rankings.values())
+    most = max(ranking.distinct for ranking in rankings.values())
     lost = [name for ranking in rankings.values() for name in ranking.lost]
     notes = [*_notes(plan, missing, measured), *few_episodes_note(measured, most),
              *_few([*lost_notes(lost, metric)]),

@@ -184,6 +184,14 @@ def test_a_setting_that_changes_nothing_leaves_the_intervals(tmp_path: Path) -> 
     assert float(mine["chamfer_mm_these_high"]) - float(mine["chamfer_mm_these_low"]) > 0.3
 
 
+def test_few_episodes_are_few_however_many_points_they_are_averaged_over(tmp_path: Path) -> None:
+    text = SWEPT.replace('"block", "wedge"', '"block"').replace("cell = 70", "cell = 12")
+    plan = plan_of(tmp_path, text)
+    board = make_leaderboard(plan, [fill(tmp_path, plan)])
+    assert {row["n_episodes"] for row in rows_of(board)} == {"36"}
+    assert any(line.startswith("one object, 12 episodes: below 32") for line in board.notes)
+
+
 def test_one_object_finished_of_two_has_the_interval_of_its_episodes(tmp_path: Path) -> None:
     plan = plan_of(tmp_path)
     store = fill(tmp_path, plan)
