@@ -12,7 +12,7 @@ from sweeps.spec.cell import SECTIONS
 from sweeps.spec.checks import check_swept_order
 from sweeps.spec.errors import KeyPath, Problem, Problems, SpecError, choose, short
 from sweeps.spec.named_files import UNSWEPT
-from sweeps.spec.strategies import read_names
+from sweeps.spec.strategies import is_option, read_names
 from sweeps.spec.study import ARM_KEY, HAND_KEY, Axis
 from sweeps.spec.units import spec_fields
 
@@ -128,8 +128,7 @@ def _read_option(name: str, value: Any, strategies: Sequence[Strategy], path: Ke
     from strategies.planners.planner_file import PlannerError
     from strategies.planners.registry import make_planner  # heavy, and only planners need it
 
-    if not isinstance(value, int | float | str | bool):
-        problems.add(path, f"is {short(value)}; should be a number, a text or a boolean")
+    if not is_option(value, path, problems):
         return value
     for strategy in strategies:
         options = dict(strategy.options)

@@ -368,8 +368,9 @@ options = { poses = 2 }
     assert study.cell(0, 0, 1).strategy.options == ()
     assert any("poses: at least 1" in line
                for line in refusals(tmp_path, text.replace("[4, 8]", "[4, 0]")))
-    assert any("should be a number, a text or a boolean" in line
-               for line in refusals(tmp_path, text.replace("[4, 8]", "[[4], 8]")))
+    for wrong in ("[4]", "nan", "inf"):
+        assert any("should be a finite number, a text or a boolean" in line
+                   for line in refusals(tmp_path, text.replace("[4, 8]", f"[{wrong}, 8]")))
     assert any("unknown key 'strategy.options.pose'" in line
                for line in refusals(tmp_path, text.replace("options.poses", "options.pose")))
 
