@@ -12,6 +12,7 @@ from scipy import stats
 from studies import SMALL, fill, plan_of
 
 from sweeps.analysis.entries import LeaderboardError
+from sweeps.analysis.interval import small_sample_widening
 from sweeps.cli import main as cli
 from sweeps.compare.matching import changes, shared_by
 from sweeps.compare.shift import Differences, measure_shift
@@ -210,13 +211,12 @@ def test_intervals_are_t_tests_corrected_for_their_number(tmp_path: Path) -> Non
     found = Differences()
     for values in apart:
         found.add([values])
-    level = 1 - 0.05 / 3
-    for over, data in (("like-these", apart.mean(axis=1)), ("these", None)):
-        made = found.estimate(over)
-        if data is not None:
-            low, high = stats.ttest_1samp(data[:, 1], 0.0).confidence_interval(level)
-            assert (made.low[1], made.high[1]) == pytest.approx((low, high))
-        assert made.value[2] == pytest.approx(apart.mean())
+    low, high = stats.ttest_1samp(apart.mean(axis=1)[:, 1], 0.0).confidence_interval(1 - 0.05 / 3)
+    like = found.estimate("like-these")
+    assert like.low[1] + like.high[1] == pytest.approx(low + high)
+    assert like.high[1] - like.low[1] == pytest.approx((high - low) * small_sample_widening(5))
+    for over in ("like-these", "these"):
+        assert found.estimate(over).value[2] == pytest.approx(apart.mean())
     single = Differences()
     single.add([apart[0, :, :1]])
     low, high = stats.ttest_1samp(apart[0, :, 0], 0.0).confidence_interval(0.95)
