@@ -166,12 +166,16 @@ def _listed(table: Mapping[str, tuple[KeyPath, Any]], readers: Mapping[str, Read
             continue
         lists[key] = values
         si[key] = [readers[key](value, (*path, n), problems) for n, value in enumerate(values)]
-        if len(table) == 1 and len({repr(value) for value in si[key]}) < len(values):
-            problems.add(path, "holds the same value twice")
     if len({len(values) for values in lists.values()}) > 1:
         lengths = ", ".join(f"{key} has {len(values)}" for key, values in lists.items())
         problems.add(next(iter(table.values()))[0][:2], f"lists should be equally long; {lengths}")
     if not lists or len(problems.found) > before:
+        return []
+    if len(set(map(repr, zip(*si.values(), strict=True)))) < len(next(iter(lists.values()))):
+        path = next(iter(table.values()))[0]
+        problems.add(*((path, "holds the same value twice") if len(table) == 1 else
+                       (path[:2], "holds the same values twice, all keys at once; each point "
+                        "should differ in one key at least")))
         return []
     return [Axis(tuple(lists), tuple(zip(*map(_frozen, lists.values()), strict=True)),
                  tuple(zip(*si.values(), strict=True)))]

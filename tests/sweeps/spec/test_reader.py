@@ -139,6 +139,8 @@ BAD_TABLES = [
     ("[sweep.grid]", "spec.toml:10: sweep.grid: is empty"),
     ('[sweep.grid]\n"sensors.tendon_threshold_N" = []', "should be a list of at least one value"),
     ('[sweep.grid]\n"sensors.tendon_threshold_N" = [1, 1]', "holds the same value twice"),
+    ('[sweep.zip]\n"object.x_mm" = [450, 430, 450]\n"object.y_mm" = [0, 0, 0.0]',
+     "spec.toml:10: sweep.zip: holds the same values twice, all keys at once"),
     ('[sweep.grid]\n"sensors.tendon_threshold" = [1]', "spec.toml:11: sweep.grid.'sensors."
      "tendon_threshold': unknown key 'sensors.tendon_threshold'; did you mean "
      "sensors.tendon_threshold_N?"),
