@@ -41,9 +41,8 @@ def read_axes(sweep: Any, extra_grid: Mapping[str, list[Any]],
         elif not isinstance(table, Mapping) or not table:
             problems.add(("sweep", kind), "is empty; give it keys such as "
                          '"sensors.tendon_threshold_N" = [3.0, 6.0]')
-    parts = {kind: {WORDS.get(key, key): found for key, found in _flat(
-        sweep.get(kind, {}), ("sweep", kind))} for kind in KINDS}
-    parts["grid"].update({WORDS.get(key, key): (("sweep", "grid", key), list(values))
+    parts = {kind: _keys(sweep.get(kind, {}), ("sweep", kind), problems) for kind in KINDS}
+    parts["grid"].update({key: (("sweep", "grid", key), list(values))
                           for key, values in extra_grid.items()})
     readers = readers_of(strategies)
     _check_keys(parts, readers, problems)
@@ -64,7 +63,7 @@ def read_overrides(settings: Sequence[str]) -> tuple[dict[str, list[Any]], dict[
     wrong: list[Problem] = []
     for text in settings:
         key, equals, values = text.partition("=")
-        key = key.strip()
+        key = WORDS.get(key.strip(), key.strip())
         if not equals or not values.strip():
             wrong.append(Problem("--set", text, "should be KEY=VALUE or KEY=V1,V2"))
             continue
@@ -74,7 +73,7 @@ def read_overrides(settings: Sequence[str]) -> tuple[dict[str, list[Any]], dict[
             parsed = [value.strip() for value in values.split(",")]
         if key in grid or key in head:
             wrong.append(Problem("--set", key, "is given twice"))
-        elif "." in key or key in WORDS:
+        elif "." in key:
             grid[key] = parsed
         elif key in SETTABLE and len(parsed) == 1:
             head[key] = parsed[0]
@@ -85,6 +84,17 @@ def read_overrides(settings: Sequence[str]) -> tuple[dict[str, list[Any]], dict[
     if wrong:
         raise SpecError(wrong)
     return grid, head
+
+
+def _keys(table: Any, path: KeyPath, problems: Problems) -> dict[str, tuple[KeyPath, Any]]:
+    """The keys of a part of a sweep, each by its full name, with where it stands."""
+    found: dict[str, tuple[KeyPath, Any]] = {}
+    for key, leaf in _flat(table, path):
+        name = WORDS.get(key, key)
+        if name in found:
+            problems.add(leaf[0], f"is {name} a second time; should be given once")
+        found.setdefault(name, leaf)
+    return found
 
 
 def _flat(table: Any, path: KeyPath) -> Iterator[tuple[str, tuple[KeyPath, Any]]]:
