@@ -110,12 +110,16 @@ def _flat(table: Any, path: KeyPath) -> Iterator[tuple[str, tuple[KeyPath, Any]]
 
 
 def readers_of(strategies: Sequence[Strategy]) -> dict[str, Reader]:
-    """How to check and convert one value of every key that can be swept."""
+    """How to check and convert one value of every key that can be swept.
+
+    Planners choose for themselves: of them neither waypoints nor an order can be.
+    """
     readers: dict[str, Reader] = {f"{section}.{name}": field.read
                                   for section, table in SECTIONS.items()
                                   for name, field in spec_fields(table).items()
                                   if f"{section}.{name}" != UNSWEPT}
-    for strategy in strategies:
+    ordered = [strategy for strategy in strategies if not strategy.call]
+    for strategy in ordered:
         for family in strategy.waypoints:
             for name, field in spec_fields(type(family)).items():
                 if name != "file":
@@ -124,7 +128,7 @@ def readers_of(strategies: Sequence[Strategy]) -> dict[str, Reader]:
         readers[f"strategy.options.{name}"] = (
             lambda value, path, problems, name=name: _read_option(
                 name, value, strategies, path, problems))
-    for name in ("closings", "order"):
+    for name in ("closings", "order") if ordered or not strategies else ("closings",):
         readers[f"strategy.{name}"] = lambda value, path, problems, name=name: read_names(
             name, value, path, problems) or None
     for name in (*BUDGET_KEYS, "refit_every"):
@@ -158,10 +162,17 @@ def _check_keys(parts: Mapping[str, Mapping[str, tuple[KeyPath, Any]]],
             if key == "n" and kind in ("sobol", "lhs"):
                 continue
             if key not in readers:
-                problems.add(path, f"unknown key {short(key)}; {choose(key, readers)}")
+                problems.add(path, f"unknown key {short(key)}; {_instead(key, readers)}")
             elif key in seen:
                 problems.add(path, f"{key} is swept already in sweep.{seen[key]}")
             seen.setdefault(key, kind)
+
+
+def _instead(key: str, readers: Mapping[str, Reader]) -> str:
+    if not key.startswith("strategy."):
+        return choose(key, readers)
+    own = [known for known in readers if known.startswith("strategy.")]
+    return f"no strategy of this study has it; {choose(key, own)}"
 
 
 def _listed(table: Mapping[str, tuple[KeyPath, Any]], readers: Mapping[str, Reader],

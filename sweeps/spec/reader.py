@@ -8,7 +8,7 @@ from typing import Any
 from sweeps.output import quiet_stdout
 from sweeps.spec.axes import read_axes, read_overrides
 from sweeps.spec.cell import SECTIONS
-from sweeps.spec.checks import check_order, check_pads
+from sweeps.spec.checks import check_order, check_pads, check_used
 from sweeps.spec.errors import Problem, Problems, SpecError, choose
 from sweeps.spec.hands import check_closings, check_hands, read_hand, spelled_out, with_hands
 from sweeps.spec.named_files import (
@@ -94,6 +94,8 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
         check_hands(study, values, problems)
         check_arms(study, values.get("arm", {}), problems)
         check_pads(study, problems)
+    if not problems.found:
+        check_used(study, problems)
     return study
 
 
