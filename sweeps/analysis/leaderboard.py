@@ -176,21 +176,21 @@ class _Ranking:
         self.lost: list[str] = []  # objects on which no episode has a value
 
     def add(self, found: ObjectRows) -> None:
-        """Takes in an object's rows; one on which no episode has a value is left out."""
-        values = {name: found.filled(name) for name in self.means}
-        if not np.isfinite(values[self.metric]).all():
-            self.lost.append(found.name)
-            return
+        """Takes in an object's rows; one on which no episode has a value does not count."""
         for name, mean in self.means.items():
-            mean.add(values[name])
-            column = prior_column(name)
-            self.beside_prior[name].add(values[name], None if column is None else by_episode(
+            values, column = found.filled(name), prior_column(name)
+            mean.add(values)
+            self.beside_prior[name].add(values, None if column is None else by_episode(
                 found.values[column], found.episodes))
         for name, of_objects in self.plain.items():
             of_objects.append(found.plain(name))
+        values = found.filled(self.metric)
+        if not np.isfinite(values).all():
+            self.lost.append(found.name)
+            return
         self.objects += 1
         self.episodes += len(found.episodes)
-        self.distinct += len(values[self.metric])
+        self.distinct += len(values)
 
     def rows(self, label: str, faults: _Faults) -> list[tuple[str, ...]]:
         """The rows of a leaderboard, the best first."""

@@ -86,7 +86,7 @@ class Paired:
 
     entries: tuple[Entry, ...]
     objects: tuple[str, ...]
-    """The objects that have episodes with values of the first metric; others are left out."""
+    """The objects that have episodes; those without are left out."""
     values: dict[str, tuple[np.ndarray, ...]]
     """By metric, for each object (episode, entry); a failed episode counts as in a leaderboard.
 
@@ -109,6 +109,10 @@ class Paired:
             found.add(values)
         return found
 
+    def known_objects(self, metric: str) -> int:
+        """How many objects have values: of the others every mean is left out."""
+        return int(np.isfinite(self.object_means(metric)).all(axis=1).sum())
+
     def object_means(self, metric: str) -> np.ndarray:
         """Each object's mean over episodes, (object, entry)."""
         return np.array([values.mean(axis=0) for values in self.values[metric]]).reshape(
@@ -128,14 +132,10 @@ def read_paired(plan: Plan, stores: Sequence[Store], metrics: Sequence[str],
     metrics = tuple(dict.fromkeys(metrics))  # one may be a column of a table besides
     values: dict[str, list[np.ndarray]] = {name: [] for name in metrics}
     objects: list[str] = []
-    lost: list[str] = []
     missing = 0
     for found in read_objects(plan, stores, entries, axes, metrics):
         missing += found.missing
         if not found.episodes:
-            continue
-        if not np.isfinite(found.filled(metrics[0])).all():
-            lost.append(found.name)
             continue
         objects.append(found.name)
         for name in metrics:
@@ -143,11 +143,14 @@ def read_paired(plan: Plan, stores: Sequence[Store], metrics: Sequence[str],
     means = {name: replicate_means(of_objects, seed, over) if of_objects
              else np.full((1 + REPLICATES, len(entries)), np.nan)
              for name, of_objects in values.items()}
-    over = population(over, len(objects))
+    lost = [name for name, found in zip(objects, values[metrics[0]], strict=True)
+            if not np.isfinite(found).all()]
+    known = len(objects) - len(lost)
+    over = population(over, known)
     return Paired(tuple(entries), tuple(objects),
                   {name: tuple(found) for name, found in values.items()}, means,
-                  (*reading_notes(plan, missing, len(objects)), *lost_notes(lost, metrics[0]),
-                   *few_episodes_note(len(objects), len(values[metrics[0]][0]) if objects else 0),
+                  (*reading_notes(plan, missing, known), *lost_notes(lost, metrics[0]),
+                   *few_episodes_note(known, min(map(len, values[metrics[0]]), default=0)),
                    interval_note(over)), over)
 
 
@@ -155,7 +158,7 @@ def lost_notes(objects: Sequence[str], metric: str) -> Iterator[str]:
     """What a reader should know of objects on which no episode has a value."""
     for name in objects:
         yield (f"no entry has a {metric} on {name}, where all of them failed or nothing has one; "
-               "it is left out of all means")
+               f"means and intervals of {metric} leave it out")
 
 
 def interval_note(over: str) -> str:

@@ -11,6 +11,7 @@ from studies import SMALL, fill, plan_of
 from sweeps.analysis.entries import LeaderboardError
 from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
 from sweeps.analysis.paired import read_paired
+from sweeps.analysis.pairs import pairs_table
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
 from sweeps.spec.cell import Cell
@@ -134,21 +135,25 @@ def test_an_object_on_which_every_entry_failed_is_left_out_and_told(tmp_path: Pa
     alone = rows_of(make_leaderboard(plan, [store], by=["strategy", "object"]))[2:]
     failed_on(plan, store, "block", ("mine", "ring6"))
     board = make_leaderboard(plan, [store])
-    told = "on block, where all of them failed or nothing has one; it is left out of all means"
+    told = "no entry has a chamfer_mm on block, where all of them failed"
     assert any(told in line for line in board.notes)
     for row, other in zip(rows_of(board), alone, strict=True):
         assert (row["n_objects"], row["n_episodes"]) == ("1", "70")
-        for column in ("chamfer_mm", "iou", "touches", "failure_rate"):
+        for column in ("chamfer_mm", "chamfer_mm_these_low", "touches"):
             assert row[column] == other[column]
+        rate = (1.0 + float(other["failure_rate"])) / 2
+        assert float(row["failure_rate"]) == pytest.approx(rate, abs=1e-4)
     paired = read_paired(plan, [store], ["chamfer_mm"])
-    assert paired.objects == ("wedge",)
+    assert paired.objects == ("block", "wedge")
     assert paired.over == "these"
+    assert pairs_table(paired, "chamfer_mm").rows[0][7] in ("0/1", "1/1")
     assert any(told in line for line in paired.notes)
     # of a share a failure is 0, on whatever object
     by_iou = rows_of(make_leaderboard(plan, [store], metric="iou"))
     for row, other in zip(by_iou, alone, strict=True):
         assert row["n_objects"] == "2"
         assert float(row["iou"]) == pytest.approx(float(other["iou"]) / 2, abs=1e-4)
+    assert [row["iou"] for row in rows_of(board)] == [row["iou"] for row in by_iou]
 
 
 def test_what_is_not_offered_is_na(tmp_path: Path) -> None:
