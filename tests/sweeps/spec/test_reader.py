@@ -388,6 +388,22 @@ def test_overrides_add_and_replace(tmp_path: Path) -> None:
         assert refusals(tmp_path, text, wrong)
 
 
+@pytest.mark.parametrize(("setting", "says"), [
+    ("sensors.tendon_threshold_N=-4", "--set: sensors.tendon_threshold_N[0]: is -4; should be"),
+    ("fit.los=none", "--set: fit.los: unknown key 'fit.los'"),
+    ("seed=x", "--set: seed: is 'x'; should be"),
+    ("hand=bogus", "--set: hand.kind: no hand 'bogus'"),
+    ("arm=bogus", "--set: arm.kind: no arm 'bogus'"),
+    ("fit.reconstruct=bogus", "--set: fit.reconstruct: fit.reconstruct: is 'bogus'"),
+    ("planar.step_mm=3,4", "--set: planar.step_mm: changes nothing"),
+])
+def test_a_bad_override_is_told_as_such(tmp_path: Path, setting: str, says: str) -> None:
+    text = SMALL + '[sweep.grid]\n"sensors.tendon_threshold_N" = [3.0, 6.0]\n'
+    found = refusals(tmp_path, text, setting)
+    assert len(found) == 1
+    assert found[0].startswith(says)
+
+
 def test_the_template_is_a_spec_that_names_every_key(tmp_path: Path) -> None:
     text = spec_template()
     assert read(tmp_path, text).cell_count == 12
