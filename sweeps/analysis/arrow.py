@@ -17,7 +17,7 @@ import pyarrow as pa
 from sweeps.analysis.entries import value_text
 from sweeps.output import atomic_file
 from sweeps.run.plan import Plan, Unit, cell_hash
-from sweeps.run.store import Store, open_study
+from sweeps.run.store import Store, damaged_notes, open_study
 from sweeps.run.unit_file import Columns
 from sweeps.spec.errors import StoreError
 from sweeps.spec.study import Study
@@ -78,7 +78,7 @@ def write_rows(folders: Sequence[Path], out: Path, what: str = "episodes") -> tu
         if not found:
             raise StoreError(_nothing(folders[0], finished, what))
         write(waiting)
-    return count, list(_notes(plan, failed, finished, found, what))
+    return count, [*_notes(plan, failed, finished, found, what), *damaged_notes(stores)]
 
 
 def _units(plan: Plan) -> Iterator[tuple[Unit, int]]:

@@ -147,6 +147,21 @@ def test_failed_units_are_told_apart_from_missing_ones(
     assert "1 of 8 units are missing" in said
 
 
+@pytest.mark.parametrize("words", [["table", "objects"], ["rows", "-o", "rows.csv"]])
+def test_damaged_units_are_told_by_whoever_finds_them(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
+        words: list[str]) -> None:
+    monkeypatch.chdir(tmp_path)
+    plan = plan_of(tmp_path / "s")
+    store = fill(tmp_path / "s", plan)
+    file = store.path(next(plan.units()))
+    file.write_bytes(file.read_bytes()[:200])
+    capsys.readouterr()
+    assert cli.run([words[0], "s", *words[1:]]) == 0
+    assert (f"1 damaged units were set aside; see {Path('s') / 'logs'}; run the sweep again"
+            in capsys.readouterr().err)
+
+
 def test_missing_units_are_told_and_shards_merge(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     plan, store = wide_study(tmp_path / "one", wide_text(2, 2, 5))
