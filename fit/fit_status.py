@@ -19,7 +19,7 @@ class FitStatus(IntEnum):
     not_converged = 1
     """The iteration limit was reached first; the parameters are finite and usable."""
     too_few_points = 2
-    """Fewer points than the shape needs; the result is their bounding box."""
+    """Fewer different points than the shape needs; the result is their bounding box."""
     degenerate_point = 3
     """All points coincide."""
     degenerate_line = 4

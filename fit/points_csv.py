@@ -28,6 +28,8 @@ ROWS_AT_ONCE = 512
 """Few enough that Python's garbage collector does not walk through the rows again and again."""
 LARGEST_M = 2.0
 """The diagonal of what may be touched by a hand on an arm [est]."""
+SMALLEST_M = 0.002
+"""Touches on anything that a finger feels the shape of are farther apart [est]."""
 
 
 class PointsError(ValueError):
@@ -56,8 +58,9 @@ def read_points(path: str | Path, *, units: str | None = None,
     """Read sets of touches from a CSV file.
 
     The unit of length is that of the columns (`x_m`, `x_cm` or `x_mm`), unless `units` says
-    otherwise. Sets of more than `LARGEST_M` are refused unless it does: nobody touches them with
-    one hand, and a column of millimetres named `x_m` is the usual reason.
+    otherwise. Unless it does, sets of more than `LARGEST_M` are refused, and files of which no set
+    has `SMALLEST_M`: nobody touches them with one hand, and columns of millimetres named `x_m`, or
+    of metres named `x_mm`, are the usual reason.
 
     Raises PointsError with the file, line and column of each error (a missing column, a cell that
     is not a number, a row of the wrong length, no rows), and OSError if the file cannot be read.
@@ -143,7 +146,8 @@ class _Block:
 
 
 def _check_extent(path: Path, sets: PointSets, unit: str) -> None:
-    """Raises PointsError for a set that is too large to have been touched by a hand."""
+    """Raises PointsError for a set that is too large to have been touched by a hand, or where all
+    are too small; a set of one place is neither."""
     good = (sets.mask & np.isfinite(sets.points).all(2))[..., None]
     low = np.where(good, sets.points, np.inf).min(1)
     high = np.where(good, sets.points, -np.inf).max(1)
@@ -154,6 +158,11 @@ def _check_extent(path: Path, sets: PointSets, unit: str) -> None:
             f"{path}:1: x_{unit}: the points of set {sets.names[n]} are {extent[n]:.3g} m across; "
             f"objects of a hand are below {LARGEST_M:g} m. If they are millimetres, give --units "
             f"mm or name the columns x_mm, y_mm, z_mm; if not, --units {unit}"])
+    if 0.0 < extent.max() < SMALLEST_M:
+        raise PointsError([
+            f"{path}:1: x_{unit}: the points of no set are more than {extent.max():.3g} m across; "
+            f"objects of a hand are above {SMALLEST_M:g} m. If they are metres, give --units m or "
+            f"name the columns x_m, y_m, z_m; if they are {unit}, --units {unit}"])
 
 
 def _columns(path: Path, header: list[str]) -> tuple[dict[str, int], str]:

@@ -84,7 +84,7 @@ def prepare(
 ) -> Sets:
     """Sets from the arguments of a fit. Raises ValueError for a wrong shape, never for a value.
 
-    A shape needs `least_points` points; a `solid` needs points that are not coplanar.
+    A shape needs `least_points` different points; a `solid` needs points that are not coplanar.
     """
     points = _array("points", points, (None, None, 3))
     n, width = points.shape[:2]
@@ -110,7 +110,8 @@ def prepare(
     size = np.sqrt((lengths**2).sum(axis=1))
     scale = np.where(size > 0, size, 1.0)
     reach = np.abs(origin).max(axis=1) + size
-    status = _status(count, lengths, reach, bad, least_points, solid)
+    repeated = kept[:, 1:] & (points[:, 1:] == points[:, :-1]).all(axis=2)  # they are sorted
+    status = _status(count, repeated.sum(axis=1), lengths, reach, bad, least_points, solid)
 
     def bounds(fill, pick):
         edge = pick(np.where(kept[..., None], points, fill), axis=1, initial=fill)
@@ -162,16 +163,16 @@ def _semidefinite(covariance: np.ndarray) -> np.ndarray:
     return sure
 
 
-def _status(count, lengths, reach, bad, least_points, solid) -> np.ndarray:
+def _status(count, repeated, lengths, reach, bad, least_points, solid) -> np.ndarray:
     """Reason why a set cannot be fitted, or `converged`."""
     # Rounding spreads coincident points by about 1e-16 of their distance from the origin.
     point = lengths[:, 0] <= 1e-12 * np.maximum(reach, 1e-300)
     line = lengths[:, 1] <= FLAT * lengths[:, 0]
     plane = solid & (lengths[:, 2] <= FLAT * lengths[:, 0])
     return np.select(
-        [bad, count < least_points, point, line, plane],
+        [bad, count < least_points, point, line, plane, count - repeated < least_points],
         [FitStatus.bad_points, FitStatus.too_few_points, FitStatus.degenerate_point,
-         FitStatus.degenerate_line, FitStatus.degenerate_plane],
+         FitStatus.degenerate_line, FitStatus.degenerate_plane, FitStatus.too_few_points],
         FitStatus.converged,
     )
 

@@ -85,6 +85,13 @@ def write_atomic(path: Path, content: bytes) -> None:
         stream.write(content)
 
 
+def why_unwritable(path: Path) -> str:
+    """Why no file can be written there, as far as that is known beforehand; else empty."""
+    if not path.parent.is_dir():
+        return f"{path}: cannot be written: there is no folder {path.parent}"
+    return f"{path}: cannot be written: it is a folder" if path.is_dir() else ""
+
+
 @contextmanager
 def atomic_file(path: Path) -> Iterator[BinaryIO]:
     """A temporary file to write to; it becomes `path` at the end, and is removed on an error."""

@@ -9,7 +9,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "curves": ["AXES", "Curves", "Steps", "episode_steps", "grid_of", "mean_curve", "on_grid",
         "reach_table", "read_curves"],
     "entries": ["Entry", "HIGHER_IS_BETTER", "LeaderboardError", "bounds_of", "check_metric",
-        "entries_of", "entry_axes", "setting_index", "value_text", "values_of"],
+        "entries_of", "entry_axes", "prior_column", "setting_index", "value_text", "values_of"],
     "interval": ["LEVEL", "ObjectMeans", "critical_difference", "small_sample_widening",
         "students_t"],
     "leaderboard": ["Leaderboard", "make_leaderboard"],

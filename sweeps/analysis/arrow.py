@@ -17,7 +17,7 @@ import pyarrow as pa
 from sweeps.analysis.entries import value_text
 from sweeps.output import atomic_file
 from sweeps.run.plan import Plan, Unit, cell_hash
-from sweeps.run.store import Store, open_study
+from sweeps.run.store import Store, damaged_notes, open_study
 from sweeps.run.unit_file import Columns
 from sweeps.spec.errors import StoreError
 from sweeps.spec.study import Study
@@ -58,11 +58,12 @@ def write_rows(folders: Sequence[Path], out: Path, what: str = "episodes") -> tu
     """
     plan, stores = open_study(folders)
     find, _ = KINDS[what]
-    finished = found = count = 0
+    finished = found = count = failed = 0
     waiting: list[pa.Table] = []
     with atomic_file(out) as stream, _writer(stream, out.suffix) as write:
         for unit, setting in _units(plan):
             if not any(store.path(unit).exists() for store in stores):
+                failed += any(store.log(unit).exists() for store in stores)
                 continue
             finished += 1
             columns = find(stores, unit)
@@ -77,7 +78,7 @@ def write_rows(folders: Sequence[Path], out: Path, what: str = "episodes") -> tu
         if not found:
             raise StoreError(_nothing(folders[0], finished, what))
         write(waiting)
-    return count, list(_notes(plan, finished, found, what))
+    return count, [*_notes(plan, failed, finished, found, what), *damaged_notes(stores)]
 
 
 def _units(plan: Plan) -> Iterator[tuple[Unit, int]]:
@@ -206,8 +207,11 @@ def _nothing(folder: Path, finished: int, what: str) -> str:
     return f"{folder}: holds no curves"
 
 
-def _notes(plan: Plan, finished: int, found: int, what: str) -> Iterator[str]:
-    if finished < plan.unit_count:
-        yield f"{plan.unit_count - finished} of {plan.unit_count} units are missing"
+def _notes(plan: Plan, failed: int, finished: int, found: int, what: str) -> Iterator[str]:
+    if failed:
+        yield (f"{failed} of {plan.unit_count} units failed and have no rows; see "
+               "logs/*.failed.log")
+    if missing := plan.unit_count - finished - failed:
+        yield f"{missing} of {plan.unit_count} units are missing"
     if found < finished:
         yield f"{finished - found} finished units have no {KINDS[what][1]}"

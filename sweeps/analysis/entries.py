@@ -20,6 +20,7 @@ import numpy as np
 from strategies.ready_made import REFERENCE
 from sweeps.run.plan import Plan, Unit, cell_hash
 from sweeps.spec.errors import choose
+from sweeps.spec.study import Axis
 
 if TYPE_CHECKING:
     from sweeps.run.store import Store
@@ -93,12 +94,10 @@ def entry_axes(plan: Plan, by: Sequence[str] | None) -> tuple[list[int], bool]:
 def entries_of(plan: Plan, axes: Sequence[int]) -> list[Entry]:
     """Every strategy under every setting of `axes`."""
     entries = []
+    texts = {n: point_texts(plan.study.axes[n]) for n in axes}
     for number, strategy in enumerate(plan.study.strategies):
         for points in product(*(range(len(plan.study.axes[n].values)) for n in axes)):
-            told = [f"{key}={value_text(value)}" for n, point in zip(axes, points, strict=True)
-                    for key, value in zip(plan.study.axes[n].keys,
-                                          plan.study.axes[n].values[point], strict=True)
-                    if value is not None]
+            told = [text for n, point in zip(axes, points, strict=True) for text in texts[n][point]]
             label = strategy.name + (f" [{', '.join(told)}]" if told else "")
             entries.append(Entry(number, label, dict(zip(axes, points, strict=True))))
     return entries
@@ -114,14 +113,12 @@ class Reference:
 
 def references_of(plan: Plan, entries: Sequence[Entry]) -> list[Reference]:
     """The references of a study's entries, in the order of the entries."""
-    axes = [n for n, axis in enumerate(plan.study.axes)
-            if any(key.startswith(_TELLING) for key in axis.keys)]
+    texts = {n: point_texts(axis) for n, axis in enumerate(plan.study.axes)
+             if any(key.startswith(_TELLING) for key in axis.keys)}
     groups: dict[tuple[str, ...], list[int]] = {}
     for number, entry in enumerate(entries):
-        told = tuple(
-            f"{key}={value_text(value)}" for n in axes if n in entry.points
-            for key, value in zip(plan.study.axes[n].keys,
-                                  plan.study.axes[n].values[entry.points[n]], strict=True))
+        told = tuple(text for n, of_points in texts.items() if n in entry.points
+                     for text in of_points[entry.points[n]])
         groups.setdefault(told, []).append(number)
     return [Reference(REFERENCE + (f" [{', '.join(told)}]" if told else ""), tuple(numbers))
             for told, numbers in groups.items()]
@@ -132,11 +129,27 @@ def prior_column(metric: str) -> str | None:
     return f"prior_{metric}" if metric in SCORES else None
 
 
-def value_text(value: Any) -> str:
-    """A swept value as a label shows it."""
+def point_texts(axis: Axis) -> list[list[str]]:
+    """Of each point of an axis its keys with their values, as labels show them."""
+    columns = [value_texts(column) for column in zip(*axis.values, strict=True)]
+    return [[f"{key}={text}" for key, value, text in zip(axis.keys, point, texts, strict=True)
+             if value is not None]
+            for point, texts in zip(axis.values, zip(*columns, strict=True), strict=True)]
+
+
+def value_texts(values: Sequence[Any]) -> list[str]:
+    """Swept values as labels show them, in so many digits that different ones differ."""
+    found = [value_text(value) for value in values]
+    if len({*found}) < len({*values}):
+        found = [value_text(value, exact=True) for value in values]
+    return found
+
+
+def value_text(value: Any, exact: bool = False) -> str:
+    """A swept value as a label shows it, to six digits or `exact`."""
     if isinstance(value, tuple):
-        return "(" + " ".join(map(value_text, value)) + ")"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+        return "(" + " ".join(value_text(part, exact) for part in value) + ")"
+    return f"{value:.6g}" if isinstance(value, float) and not exact else str(value)
 
 
 def paired_blocks(plan: Plan, stores: Sequence[Store], entries: Sequence[Entry],
@@ -190,11 +203,15 @@ def failed(rows: Columns) -> np.ndarray:
 def values_of(rows: Columns, name: str) -> np.ndarray:
     """A column as numbers, NaN where the rows have none; `failure_rate` too.
 
-    Rows of a unit that failed recognized nothing.
+    A failed episode without a value of which more is better has 0. Rows of a unit that failed
+    recognized nothing.
     """
     count = len(rows["status"])
     if name == "failure_rate":
         return failed(rows).astype(float)
     if name == "recognized" and name not in rows:
         return np.zeros(count)
-    return rows[name].astype(float) if name in rows else np.full(count, np.nan)
+    values = rows[name].astype(float) if name in rows else np.full(count, np.nan)
+    if name in HIGHER_IS_BETTER:
+        values = np.where(failed(rows) & ~np.isfinite(values), 0.0, values)
+    return values

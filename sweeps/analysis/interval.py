@@ -17,7 +17,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from sweeps.analysis.bootstrap import Estimate, object_weights, probability_best, replicate_means
+from sweeps.analysis.bootstrap import Estimate, probability_best, replicate_means
 
 LEVEL = 0.95
 _SKEWNESS = 0.8
@@ -95,13 +95,11 @@ class ObjectMeans:
         return Estimate(apart, apart - half, apart + half)
 
     def p_best(self, sign: float) -> np.ndarray:
-        """The share of bootstrap replicates that each entry wins: over objects, or of one object
-        over its episodes; `sign` -1 if more is better."""
-        if len(self.objects) > 1:
-            means = np.einsum("ro,oe->re", object_weights(self.seed, len(self.objects)),
-                              np.array(self.objects))
-            return probability_best(means, sign)
-        return probability_best(replicate_means([self.single], self.seed), sign)
+        """The share of bootstrap replicates, widened as few draws deserve, that each entry wins:
+        over objects, or of one object over its episodes; `sign` -1 if more is better."""
+        one = len(self.objects) < 2
+        drawn = [self.single] if one else [mean[None] for mean in self.objects]
+        return probability_best(replicate_means(drawn, self.seed), sign)
 
     def _mean(self) -> np.ndarray:
         if not self.objects:

@@ -4,8 +4,8 @@ An entry is a strategy, under each setting of the grid and zip axes; Sobol and L
 axes are draws of a nuisance and are averaged over: an episode repeated at many points counts once.
 Entries are compared on the same objects and episodes. A failed episode counts too, or failing
 would pay: it scores what its row has (the prior body) or, where the row has no number, IoU and
-coverage 0 and the largest distance that any entry had on that object. `failure_rate` is the share
-of failed episodes.
+coverage 0 and the largest distance that any entry had on that object, or was given. `failure_rate`
+is the share of failed episodes.
 
 The last row, `given-prior`, is not ranked (NA): it is what an entry scores that touches nothing
 (`entries.references_of`). `worse_than_prior` flags the entries that are worse. An entry without a
@@ -41,6 +41,7 @@ from sweeps.analysis.paired import (
     ObjectRows,
     by_episode,
     few_episodes_note,
+    lost_notes,
     read_objects,
 )
 from sweeps.run.plan import Plan
@@ -65,6 +66,7 @@ class _Faults:
         self.first: dict[str, str] = {}  # of each entry, the first note of a strategy
         self.names_objects: set[str] = set()  # entries that recognize objects
         self.silent: dict[tuple[str, str], list[Any]] = {}  # entry, object: untouched, all, why
+        self.units: dict[str, list[int]] = {}  # of each entry, units that failed, and all
 
     def __call__(self, entry: Entry, rows: Columns) -> None:
         nothing = np.full(len(rows["status"]), "")
@@ -78,8 +80,17 @@ class _Faults:
             count[0] += not (contacts or failed)
             count[1] += 1
             count[2] = count[2] or ("" if contacts or failed else note)
+        units = self.units.setdefault(entry.label, [0, 0])
+        units[0] += bool((rows["status"] == "unit_failed").all())
+        units[1] += 1
         if any(rows.get("recognized_as", ())):
             self.names_objects.add(entry.label)
+
+    def failed_units(self) -> list[str]:
+        """Entries of which units failed, those with the most first."""
+        found = sorted((-failed, label, of) for label, (failed, of) in self.units.items() if failed)
+        return [f"{label}: {-failed} of {of} units failed (see logs/*.failed.log); their episodes "
+                "count as the worst that any entry had or was given" for failed, label, of in found]
 
     def untouched(self) -> list[str]:
         """Where half of an entry's episodes or more touched nothing of an object, and why."""
@@ -161,18 +172,25 @@ class _Ranking:
                              for name in self.means}
         self.plain: dict[str, list[np.ndarray]] = {name: [] for name in PLAIN}
         self.objects = self.episodes = 0
+        self.distinct = 0  # episodes, an episode at many points of an axis counted once
+        self.lost: list[str] = []  # objects on which no episode has a value
 
     def add(self, found: ObjectRows) -> None:
-        """Takes in an object's rows."""
+        """Takes in an object's rows; one on which no episode has a value does not count."""
         for name, mean in self.means.items():
-            mean.add(found.filled(name))
-            column = prior_column(name)
-            self.beside_prior[name].add(found.filled(name), None if column is None else by_episode(
+            values, column = found.filled(name), prior_column(name)
+            mean.add(values)
+            self.beside_prior[name].add(values, None if column is None else by_episode(
                 found.values[column], found.episodes))
         for name, of_objects in self.plain.items():
             of_objects.append(found.plain(name))
+        values = found.filled(self.metric)
+        if not np.isfinite(values).all():
+            self.lost.append(found.name)
+            return
         self.objects += 1
         self.episodes += len(found.episodes)
+        self.distinct += len(values)
 
     def rows(self, label: str, faults: _Faults) -> list[tuple[str, ...]]:
         """The rows of a leaderboard, the best first."""
@@ -264,9 +282,7 @@ def make_leaderboard(plan: Plan, stores: Sequence[Store], metric: str = "chamfer
     faults, seed = _Faults(), int(plan.hash, 16)
     rankings: dict[str, _Ranking] = {}
     missing = 0
-    metrics = tuple({metric, "iou", *PLAIN, *(
-        f"prior_{name}" for name in (metric, "iou") if name in SCORES)})
-    for found in read_objects(plan, stores, entries, axes, metrics, faults):
+    for found in read_objects(plan, stores, entries, axes, (metric, "iou", *PLAIN), faults):
         missing += found.missing
         label = f"object={found.name}" if per_object else ""
         ranking = rankings.setdefault(label, _Ranking(entries, references, metric, seed))
@@ -274,8 +290,11 @@ def make_leaderboard(plan: Plan, stores: Sequence[Store], metric: str = "chamfer
             ranking.add(found)
     rows = [row for label, ranking in rankings.items() for row in ranking.rows(label, faults)]
     measured = max(ranking.objects for ranking in rankings.values())
-    most = max(ranking.episodes for ranking in rankings.values())
+    most = max(ranking.distinct for ranking in rankings.values())
+    lost = [name for ranking in rankings.values() for name in ranking.lost]
     notes = [*_notes(plan, missing, measured), *few_episodes_note(measured, most),
+             *_few([*lost_notes(lost, metric)]),
+             *_few(faults.failed_units()),
              *_few([f"strategy {name} {fault}" for name, fault in sorted(faults.first.items())])]
     for label, ranking in rankings.items():
         where = f" ({label})" if label else ""

@@ -83,18 +83,17 @@ def objects_table(paired: Paired, metric: str) -> TextTable:
 def beside_table(paired: Paired) -> TextTable:
     """The table of `warpgrasp table DIR beside`: means of each strategy on each object, the
     settings of a study side by side."""
-    names = [label.partition(" [")[0] for label in paired.labels]
-    settings = [label.partition(" [")[2].removesuffix("]") for label in paired.labels]
-    shown = list(dict.fromkeys(settings))
+    of_strategies: dict[int, list[int]] = {}  # entries, all strategies' in the same order
+    for n, entry in enumerate(paired.entries):
+        of_strategies.setdefault(entry.strategy, []).append(n)
+    settings = [paired.labels[n].partition(" [")[2].removesuffix("]")
+                for n in next(iter(of_strategies.values()), ())]
     header = ("object", "strategy", *(f"{metric} {setting}".strip() for metric in BESIDE
-                                      for setting in shown))
+                                      for setting in settings))
     rows = []
     for number, name in enumerate(paired.objects):
-        for strategy in dict.fromkeys(names):
-            values = []
-            for metric in BESIDE:
-                means = paired.values[metric][number].mean(axis=0)
-                values += [means[n] for setting in shown for n in range(len(names))
-                           if names[n] == strategy and settings[n] == setting]
-            rows.append((name, strategy, *(number_text(float(v), 2) for v in values)))
+        for own in of_strategies.values():
+            values = [paired.values[metric][number][:, n].mean() for metric in BESIDE for n in own]
+            rows.append((name, paired.labels[own[0]].partition(" [")[0],
+                         *(number_text(float(v), 2) for v in values)))
     return TextTable(header, tuple(rows), paired.notes)

@@ -12,6 +12,7 @@ from sweeps.analysis.entries import (
     entries_of,
     entry_axes,
     paired_blocks,
+    prior_column,
     values_of,
 )
 from sweeps.analysis.interval import ObjectMeans
@@ -39,7 +40,12 @@ class ObjectRows:
     def filled(self, metric: str) -> np.ndarray:
         """(episode, entry): a failed episode as a leaderboard counts it, and an episode of several
         rows as their mean."""
-        return by_episode(filled(self.values[metric], failure_score(metric)), self.episodes)
+        return by_episode(filled(self.values[metric], failure_score(metric), self.given(metric)),
+                          self.episodes)
+
+    def given(self, metric: str) -> np.ndarray:
+        """What the priors of the rows score, (row, entry); nothing for a metric that has none."""
+        return self.values.get(prior_column(metric) or "", np.zeros((0, 0)))
 
     def plain(self, metric: str) -> np.ndarray:
         """Each entry's mean of the values there are, (entry,)."""
@@ -52,16 +58,20 @@ class ObjectRows:
 def read_objects(plan: Plan, stores: Sequence[Store], entries: Sequence[Entry],
                  axes: Sequence[int], metrics: Sequence[str],
                  also: Callable[[Entry, Columns], None] | None = None) -> Iterator[ObjectRows]:
-    """A study object by object; `also` is shown the rows of every entry and block."""
+    """A study object by object; `also` is shown the rows of every entry and block.
+
+    Beside the metrics their priors' columns are read.
+    """
+    columns = {*metrics, *filter(None, map(prior_column, metrics))}
     for number, body in enumerate(plan.study.objects):
         found = ObjectRows(number, body.name)
-        parts: dict[str, list[np.ndarray]] = {name: [] for name in metrics}
+        parts: dict[str, list[np.ndarray]] = {name: [] for name in columns}
         for block in paired_blocks(plan, stores, entries, axes, number):
             if block.missing:
                 found.missing += block.missing
                 continue
             found.episodes += [(block.number, n) for n in range(block.count)]
-            for name in metrics:
+            for name in columns:
                 parts[name].append(np.column_stack([values_of(rows, name) for rows in block.rows]))
             for entry, rows in zip(entries, block.rows if also else (), strict=False):
                 also(entry, rows)  # type: ignore[misc]
@@ -99,6 +109,10 @@ class Paired:
             found.add(values)
         return found
 
+    def known_objects(self, metric: str) -> int:
+        """How many objects have values: of the others every mean is left out."""
+        return int(np.isfinite(self.object_means(metric)).all(axis=1).sum())
+
     def object_means(self, metric: str) -> np.ndarray:
         """Each object's mean over episodes, (object, entry)."""
         return np.array([values.mean(axis=0) for values in self.values[metric]]).reshape(
@@ -115,6 +129,7 @@ def read_paired(plan: Plan, stores: Sequence[Store], metrics: Sequence[str],
     axes = entry_axes(plan, None)[0] if axes is None else axes
     entries = entries_of(plan, axes)
     seed = int(plan.hash, 16)
+    metrics = tuple(dict.fromkeys(metrics))  # one may be a column of a table besides
     values: dict[str, list[np.ndarray]] = {name: [] for name in metrics}
     objects: list[str] = []
     missing = 0
@@ -128,12 +143,22 @@ def read_paired(plan: Plan, stores: Sequence[Store], metrics: Sequence[str],
     means = {name: replicate_means(of_objects, seed, over) if of_objects
              else np.full((1 + REPLICATES, len(entries)), np.nan)
              for name, of_objects in values.items()}
-    over = population(over, len(objects))
+    lost = [name for name, found in zip(objects, values[metrics[0]], strict=True)
+            if not np.isfinite(found).all()]
+    known = len(objects) - len(lost)
+    over = population(over, known)
     return Paired(tuple(entries), tuple(objects),
                   {name: tuple(found) for name, found in values.items()}, means,
-                  (*reading_notes(plan, missing, len(objects)),
-                   *few_episodes_note(len(objects), len(values[metrics[0]][0]) if objects else 0),
+                  (*reading_notes(plan, missing, known), *lost_notes(lost, metrics[0]),
+                   *few_episodes_note(known, min(map(len, values[metrics[0]]), default=0)),
                    interval_note(over)), over)
+
+
+def lost_notes(objects: Sequence[str], metric: str) -> Iterator[str]:
+    """What a reader should know of objects on which no episode has a value."""
+    for name in objects:
+        yield (f"no entry has a {metric} on {name}, where all of them failed or nothing has one; "
+               f"means and intervals of {metric} leave it out")
 
 
 def interval_note(over: str) -> str:
@@ -143,16 +168,25 @@ def interval_note(over: str) -> str:
 
 
 def failure_score(metric: str) -> float | None:
-    """What an episode without a value counts as; None: as the worst that any entry had."""
+    """What an episode without a value counts as; None: as the worst that any entry had or was
+    given."""
     return 0.0 if metric in HIGHER_IS_BETTER else None
 
 
-def filled(values: np.ndarray, score: float | None) -> np.ndarray:
-    """One object's values with a number for the episodes that have none, if any has one."""
+def filled(values: np.ndarray, score: float | None, given: np.ndarray | None = None
+           ) -> np.ndarray:
+    """One object's values with a number for the episodes that have none, if any is known.
+
+    That is `score`, or without it the largest of these values and of the priors' that were
+    `given`: or failing would score better than doing nothing.
+    """
     good = np.isfinite(values)
-    if not good.any():
+    known = values[good]
+    if given is not None:
+        known = np.concatenate([known, given[np.isfinite(given)]])
+    if not len(known):
         return np.full_like(values, np.nan)
-    return np.where(good, values, values[good].max() if score is None else score)
+    return np.where(good, values, known.max() if score is None else score)
 
 
 def by_episode(rows: np.ndarray, episodes: Sequence[tuple[int, int]]) -> np.ndarray:

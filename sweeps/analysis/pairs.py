@@ -140,16 +140,17 @@ def pairs_table(paired: Paired, metric: str, against: str | None = None) -> Text
     digits = 4 if metric in HIGHER_IS_BETTER else 3
     of_objects = holm(np.array([pair.p_objects for pair in pairs]))
     of_episodes = holm(np.array([pair.p_episodes for pair in pairs]))
+    known = paired.known_objects(metric)
     rows = tuple(
         (pair.first, pair.second, number_text(pair.difference, digits),
          *(number_text(end, digits) for end in (*pair.like_these, *pair.these)),
-         f"{pair.wins}/{len(paired.objects)}", _p(pair.p_objects), _p(of_objects[n]),
+         f"{pair.wins}/{known}", _p(pair.p_objects), _p(of_objects[n]),
          _p(pair.p_episodes), _p(of_episodes[n]), number_text(pair.variance_ratio, 2))
         for n, pair in enumerate(pairs))
     header = ("strategy", "other", f"{metric}_difference", "ci_low", "ci_high", "these_low",
               "these_high", "wins", "p_objects", "p_objects_holm", "p_episodes", "p_episodes_holm",
               "paired_over_unpaired")
-    return TextTable(header, rows, (*paired.notes, *_power(len(paired.objects), len(pairs))))
+    return TextTable(header, rows, (*paired.notes, *_power(known, len(pairs))))
 
 
 def _p(value: float) -> str:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sweeps.analysis.bootstrap import estimate
-from sweeps.analysis.entries import HIGHER_IS_BETTER, LeaderboardError, bounds_of, value_text
+from sweeps.analysis.entries import HIGHER_IS_BETTER, LeaderboardError, bounds_of, value_texts
 from sweeps.analysis.paired import Paired, read_paired
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
@@ -79,7 +79,7 @@ def _levels(values: list[object]) -> tuple[tuple[str, ...], np.ndarray]:
     distinct = list(dict.fromkeys(values))
     if len(distinct) <= MANY_VALUES or not all(
             isinstance(v, int | float) and not isinstance(v, bool) for v in distinct):
-        return (tuple(value_text(v) for v in distinct),
+        return (tuple(value_texts(distinct)),
                 np.array([distinct.index(v) for v in values]))
     numbers = np.array(values, float)
     rank = np.searchsorted(np.sort(numbers), numbers)

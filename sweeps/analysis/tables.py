@@ -20,7 +20,7 @@ from sweeps.analysis.pareto import COST, pareto_table
 from sweeps.analysis.settings import read_settings, settings_table
 from sweeps.output import note, write_atomic
 from sweeps.run.plan import Plan
-from sweeps.run.store import Store, open_study
+from sweeps.run.store import Store, damaged_notes, open_study
 from sweeps.spec.errors import StoreError
 from sweeps.text_table import TextTable, print_table
 
@@ -78,6 +78,6 @@ def table(folders: Sequence[Path], kind: str, out: Path | None, *, metric: str,
         except OSError as error:
             raise StoreError(f"{out}: cannot be written: {error.strerror}") from None
     print_table(made.header, made.rows, as_json)
-    for line in made.notes:
+    for line in (*made.notes, *damaged_notes(stores)):
         note(f"note: {line}")
     return 0

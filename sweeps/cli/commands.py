@@ -16,7 +16,7 @@ from sweeps.run.local_engine import UNIT_TIMEOUT_S, Options, run, terminated_as_
 from sweeps.run.plan import Plan, plan_study
 from sweeps.run.progress import Progress, read_note
 from sweeps.run.scheduler import Outcome
-from sweeps.run.store import Store, open_study, plan_of
+from sweeps.run.store import Store, damaged_notes, open_study, plan_of
 from sweeps.run.worker import EPISODES
 from sweeps.spec.errors import StoreError
 from sweeps.spec.reader import read_spec
@@ -150,9 +150,8 @@ def leaderboard(folders: Sequence[Path], out: Path | None, *, metric: str,
         if (store.folder / "race.csv").exists():
             note(f"note: {store.folder} holds a race, whose outcome is in its race.csv; a "
                  "leaderboard is of the episodes of a sweep")
-        if store.damaged:
-            note(f"note: {store.damaged} damaged units were set aside; see {store.logs}; run "
-                 "the sweep again to repeat them")
+    for line in damaged_notes(stores):
+        note(f"note: {line}")
     return DONE
 
 

@@ -23,7 +23,7 @@ from fit.points_csv import (
     rows_csv,
     superquadric_rows,
 )
-from sweeps.output import say, write_atomic
+from sweeps.output import say, why_unwritable, write_atomic
 from sweeps.spec.errors import StoreError
 
 SETS_A_PROCESS = 1024
@@ -185,10 +185,6 @@ def _check(shape: str, points: Path, out: Path, taper: bool, bend: bool, robust:
         named.append(profile_path(out).resolve())
     if len(set(named)) < len(named):
         problems.append(f"--out: {out}: a file is named twice; it would be written over")
-    for path in (out, figure):
-        if path is not None and not path.parent.is_dir():
-            problems.append(f"{path}: cannot be written: there is no folder {path.parent}")
-        elif path is not None and path.is_dir():
-            problems.append(f"{path}: cannot be written: it is a folder")
+    problems += [wrong for path in (out, figure) if path and (wrong := why_unwritable(path))]
     if problems:
         raise StoreError("\n".join(problems))

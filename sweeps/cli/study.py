@@ -202,12 +202,15 @@ def race(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
     if address is not None and engine != "ray":
         raise UsageError("--address: is for --engine ray")
     for name, value, low, high in (
-            ("--within", within, 0.0, 1e9), ("--confidence", confidence, 0.0, 100.0),
+            ("--within", within, 0.0, 1e9),
             ("--budget-minutes", 1.0 if budget_minutes is None else budget_minutes, 0.0, 1e9),
             ("--cap", 1.0 if cap is None else cap, 0.0, 1e9)):
         if not low < value < high:
             raise UsageError(f"{name}: is {value:g}; should be a number between {low:g} and "
                              f"{high:g}")
+    if not 50.0 <= confidence < 100.0:
+        raise UsageError(f"--confidence: is {confidence:g}; should be in percent, from 50 to below "
+                         "100, such as 95")
     if not 2 <= start <= 1_000_000:
         raise UsageError(f"--start: is {start}; should be a whole number from 2 to 1,000,000")
     if budget_episodes is not None and budget_episodes < 1:

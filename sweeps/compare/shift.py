@@ -3,8 +3,9 @@
 The difference of an entry is B minus A: of each episode with itself where they are paired, else of
 the two means. The variance for *these* objects is that of episodes within each object (Welch and
 Satterthwaite's degrees of freedom); for objects *like these* an object's mean difference is one
-observation. There is an interval for every shared entry, and one for their mean; Student's
-quantile is that of so many comparisons (Bonferroni).
+observation, and intervals are widened as those of a leaderboard. There is an interval for every
+shared entry, and one for their mean; Student's quantile is that of so many comparisons
+(Bonferroni).
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,7 +15,7 @@ import numpy as np
 
 from sweeps.analysis.bootstrap import Estimate, population
 from sweeps.analysis.entries import entry_axes
-from sweeps.analysis.interval import students_t
+from sweeps.analysis.interval import small_sample_widening, students_t
 from sweeps.analysis.paired import (
     ObjectRows,
     by_episode,
@@ -76,7 +77,7 @@ class Differences:
             error = np.sqrt(variance) / count
             freedom = np.divide(variance**2, square, where=square > 0, out=np.full(rows, np.inf))
         elif count > 1:
-            error = means.std(axis=0, ddof=1) / np.sqrt(count)
+            error = means.std(axis=0, ddof=1) / np.sqrt(count) * small_sample_widening(count)
             freedom = np.full(rows, count - 1.0)
         else:
             error = freedom = np.full(rows, np.nan)
@@ -133,7 +134,8 @@ def _values(mine: ObjectRows, theirs: ObjectRows, metric: str, same_seed: bool
     A failed episode without a value counts as a leaderboard of both together would count it.
     """
     sides = (mine, theirs)
-    rows = filled(np.concatenate([side.values[metric] for side in sides]), failure_score(metric))
+    rows = filled(np.concatenate([side.values[metric] for side in sides]), failure_score(metric),
+                  np.concatenate([side.given(metric) for side in sides]))
     split = np.split(rows, [len(mine.episodes)])
     values = [by_episode(part, side.episodes) for part, side in zip(split, sides, strict=True)]
     if not same_seed:

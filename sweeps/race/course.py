@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from sweeps.analysis.entries import HIGHER_IS_BETTER, LeaderboardError
+from sweeps.analysis.entries import HIGHER_IS_BETTER, LeaderboardError, bounds_of
 from sweeps.output import note
 from sweeps.race.elimination import Look, Part, Race, Rules
 from sweeps.race.race_note import write_race_note
@@ -94,10 +94,15 @@ def rules_of(within: float, confidence: float, start: int, cap: float | None, me
     """The rules of a race from the command's arguments; `confidence` in percent.
 
     What is right or wrong has safe bounds always: entries that were right eight times are no proof
-    that they never differ, as a standard error of zero would have it.
+    that they never differ, as a standard error of zero would have it. Raises LeaderboardError where
+    no difference can be larger than `within`.
     """
     if metric == "recognized":
         cap = 1.0
+    most = bounds_of(metric)[1] if cap is None else cap
+    if within >= most:
+        raise LeaderboardError(f"--within: is {within:g}; should be below {most:g}, the largest "
+                               f"difference in {metric} that there can be")
     bounds = None if cap is None else (-cap, 0.0) if metric in HIGHER_IS_BETTER else (0.0, cap)
     return Rules(within, confidence / 100.0, start, bounds)
 

@@ -28,7 +28,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sweeps.race.confidence_sequence import safe_lower, stratified_lower
+from sweeps.race.confidence_sequence import safe_lower, stratified_lower, unseen_loss
 from sweeps.race.rung_level import level_at_rungs, next_rung
 
 START = 8
@@ -228,20 +228,30 @@ def _against(leader: int, number: int, scores: Sequence[np.ndarray], count: np.n
     alpha = (1.0 - rules.confidence) / max(len(scores) - 1, 1)
     difference, lower, surely = np.zeros((3, len(scores)))
     others = np.arange(len(scores)) != leader
+    most = _largest_difference(scores)
     for shared in np.unique(np.minimum(count, count[leader])[others]):
         mine = np.flatnonzero(others & (np.minimum(count, count[leader]) == shared))
         apart = np.stack([scores[int(e)][:, :shared] - scores[leader][:, :shared] for e in mine])
         difference[mine] = apart.mean(axis=(1, 2))
-        lower[mine], surely[mine] = (_lower(apart, level, rules)
+        lower[mine], surely[mine] = (_lower(apart, level, most, rules)
                                      for level in (alpha, alpha / len(scores)))
     beaten = out | (surely > 0.0)
     return Look(number, count.copy(), leader, difference, np.where(beaten, surely, lower), beaten,
                 ~beaten & (lower < -rules.within))
 
 
-def _lower(apart: np.ndarray, alpha: float, rules: Rules) -> np.ndarray:
-    """Lower bounds of mean differences (case, stratum, replicate)."""
+def _largest_difference(scores: Sequence[np.ndarray]) -> float:
+    """The largest difference on one object between any two scores so far."""
+    taken = [values for values in scores if values.size]
+    highest = np.max([values.max(axis=1) for values in taken], axis=0)
+    return float((highest - np.min([values.min(axis=1) for values in taken], axis=0)).max())
+
+
+def _lower(apart: np.ndarray, alpha: float, most: float, rules: Rules) -> np.ndarray:
+    """Lower bounds of mean differences (case, stratum, replicate); none is thought to be larger
+    than `most`."""
     if rules.bounds is None:
-        return stratified_lower(apart, level_at_rungs(rules.start, alpha, rules.whole))
+        return (stratified_lower(apart, level_at_rungs(rules.start, alpha, rules.whole))
+                - unseen_loss(apart, alpha, most))
     width = rules.bounds[1] - rules.bounds[0]
     return safe_lower(apart.mean(axis=1), alpha, -width, width)

@@ -17,6 +17,7 @@ from sweeps.analysis.entries import (
     Entry,
     entries_of,
     entry_axes,
+    prior_column,
     setting_index,
     values_of,
 )
@@ -103,7 +104,8 @@ class RaceUnits:
     def scores(self, asked: Sequence[Part]) -> list[np.ndarray]:
         """The scores of what was asked, each (stratum, replicate), less being better.
 
-        An episode without a score counts as the worst that any entry has had on its object.
+        An episode without a score counts as the worst that any entry has had on its object, or
+        was given.
         """
         self.missing = []
         before = self.statuses.copy(), self._touches.copy()
@@ -114,9 +116,7 @@ class RaceUnits:
             self.statuses, self._touches = before
         for of_objects in raw:
             for body, values in of_objects.items():
-                known = values[np.isfinite(values)]
-                if len(known):
-                    self._worst[body] = max(self._worst.get(body, -np.inf), float(known.max()))
+                self._note_worst(body, values)
         score = failure_score(self.metric)
         found = []
         for of_objects in raw:
@@ -127,6 +127,11 @@ class RaceUnits:
             found.append(np.array([[row.mean() for row in rows]])
                          if self.over == "like-these" else np.array(rows))
         return found
+
+    def _note_worst(self, body: int, values: np.ndarray) -> None:
+        known = values[np.isfinite(values)]
+        if len(known):
+            self._worst[body] = max(self._worst.get(body, -np.inf), float(known.max()))
 
     def _by_object(self, start: int, stop: int) -> dict[int, list[tuple[int, int]]]:
         """The blocks of episodes of some replicates, by object."""
@@ -149,6 +154,7 @@ class RaceUnits:
     def _values(self, entry: int, body: int, blocks: Sequence[tuple[int, int]]) -> np.ndarray:
         """The scores of an entry on an object, (case, episode); NaN where there is none."""
         sign = -1.0 if self.metric in HIGHER_IS_BETTER else 1.0
+        given = prior_column(self.metric)
         parts = []
         for first, last in blocks:
             of_cases = []
@@ -156,6 +162,8 @@ class RaceUnits:
                 rows = self.store.read(unit)
                 if rows is None and not self.store.log(unit).exists():
                     self.missing.append(unit)
+                if rows is not None and given is not None:
+                    self._note_worst(body, sign * values_of(rows, given))
                 self._count(entry, last - first, rows)
                 of_cases.append(np.full(last - first, np.nan) if rows is None
                                 else sign * values_of(rows, self.metric))

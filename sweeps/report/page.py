@@ -15,7 +15,7 @@ from sweeps.analysis.confusion import Confusion, read_confusion
 from sweeps.analysis.curves import Curves, read_curves
 from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
 from sweeps.analysis.paired import Paired, read_paired
-from sweeps.output import note, write_atomic
+from sweeps.output import note, why_unwritable, write_atomic
 from sweeps.report.html import page, paragraph
 from sweeps.report.sections import (
     confusion_section,
@@ -44,6 +44,8 @@ NAMED = 5
 def report(folders: Sequence[Path], out: Path, *, views: bool, device: str,
            workers: int = 1) -> int:
     """Writes the report of a study and prints its path; StoreError where it cannot be written."""
+    if wrong := why_unwritable(out):
+        raise StoreError(wrong)
     plan, stores = open_study(folders)
     content = make_report(plan, stores, views=views, device=device, workers=workers)
     try:

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from sweeps.analysis.rerun_episode import cell_of, choose_episode, in_a_worker
 from sweeps.figures.replay_frames import PALM_M, Replay, replay_of, segment_pose
-from sweeps.output import write_atomic
+from sweeps.output import why_unwritable, write_atomic
 from sweeps.run.store import open_study
 from sweeps.spec.errors import StoreError
 
@@ -34,6 +34,8 @@ def show(folders: Sequence[Path], out: Path | None, *, strategy: str | None, bod
          episode: int, live: bool, port: int, device: str) -> int:
     """Runs an episode of a study again and replays it, in a file or live until Ctrl-C."""
     check_viser()
+    if out is not None and (wrong := why_unwritable(out)):
+        raise StoreError(wrong)
     plan, stores = open_study(folders)
     chosen = choose_episode(plan, stores, strategy, body, episode)
     replay = in_a_worker(replay_of, (cell_of(plan, chosen), chosen.episode, device))

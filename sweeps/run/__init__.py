@@ -14,7 +14,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "progress": ["Progress", "read_note"],
     "ray_engine": ["run_on_ray"],
     "scheduler": ["Outcome"],
-    "store": ["Store", "open_study", "plan_of"],
+    "store": ["Store", "damaged_notes", "open_study", "plan_of"],
     "unit_file": ["Columns", "DamagedUnit", "read_unit", "write_unit"],
     "worker": ["ENVIRONMENT", "EPISODES"],
 })

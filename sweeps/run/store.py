@@ -299,6 +299,12 @@ def open_study(folders: Sequence[Path]) -> tuple[Plan, list[Store]]:
     return replace(plan_of(stores[0]), folders=tuple(folders)), stores
 
 
+def damaged_notes(stores: Sequence[Store]) -> list[str]:
+    """What a reader should know of files that turned out to be damaged while they were read."""
+    return [f"{store.damaged} damaged units were set aside; see {store.logs}; run the sweep again "
+            "to repeat them" for store in stores if store.damaged]
+
+
 def plan_of(store: Store) -> Plan:
     """The plan that a directory's `resolved.json` holds."""
     resolved = store.resolved()

@@ -12,7 +12,7 @@ from sweeps.spec.cell import SECTIONS
 from sweeps.spec.checks import check_swept_order
 from sweeps.spec.errors import KeyPath, Problem, Problems, SpecError, choose, short
 from sweeps.spec.named_files import UNSWEPT
-from sweeps.spec.strategies import read_names
+from sweeps.spec.strategies import is_option, read_names
 from sweeps.spec.study import ARM_KEY, HAND_KEY, Axis
 from sweeps.spec.units import spec_fields
 
@@ -41,9 +41,8 @@ def read_axes(sweep: Any, extra_grid: Mapping[str, list[Any]],
         elif not isinstance(table, Mapping) or not table:
             problems.add(("sweep", kind), "is empty; give it keys such as "
                          '"sensors.tendon_threshold_N" = [3.0, 6.0]')
-    parts = {kind: {WORDS.get(key, key): found for key, found in _flat(
-        sweep.get(kind, {}), ("sweep", kind))} for kind in KINDS}
-    parts["grid"].update({WORDS.get(key, key): (("sweep", "grid", key), list(values))
+    parts = {kind: _keys(sweep.get(kind, {}), ("sweep", kind), problems) for kind in KINDS}
+    parts["grid"].update({key: (("sweep", "grid", key), list(values))
                           for key, values in extra_grid.items()})
     readers = readers_of(strategies)
     _check_keys(parts, readers, problems)
@@ -64,7 +63,7 @@ def read_overrides(settings: Sequence[str]) -> tuple[dict[str, list[Any]], dict[
     wrong: list[Problem] = []
     for text in settings:
         key, equals, values = text.partition("=")
-        key = key.strip()
+        key = WORDS.get(key.strip(), key.strip())
         if not equals or not values.strip():
             wrong.append(Problem("--set", text, "should be KEY=VALUE or KEY=V1,V2"))
             continue
@@ -74,7 +73,7 @@ def read_overrides(settings: Sequence[str]) -> tuple[dict[str, list[Any]], dict[
             parsed = [value.strip() for value in values.split(",")]
         if key in grid or key in head:
             wrong.append(Problem("--set", key, "is given twice"))
-        elif "." in key or key in WORDS:
+        elif "." in key:
             grid[key] = parsed
         elif key in SETTABLE and len(parsed) == 1:
             head[key] = parsed[0]
@@ -85,6 +84,17 @@ def read_overrides(settings: Sequence[str]) -> tuple[dict[str, list[Any]], dict[
     if wrong:
         raise SpecError(wrong)
     return grid, head
+
+
+def _keys(table: Any, path: KeyPath, problems: Problems) -> dict[str, tuple[KeyPath, Any]]:
+    """The keys of a part of a sweep, each by its full name, with where it stands."""
+    found: dict[str, tuple[KeyPath, Any]] = {}
+    for key, leaf in _flat(table, path):
+        name = WORDS.get(key, key)
+        if name in found:
+            problems.add(leaf[0], f"is {name} a second time; should be given once")
+        found.setdefault(name, leaf)
+    return found
 
 
 def _flat(table: Any, path: KeyPath) -> Iterator[tuple[str, tuple[KeyPath, Any]]]:
@@ -100,12 +110,16 @@ def _flat(table: Any, path: KeyPath) -> Iterator[tuple[str, tuple[KeyPath, Any]]
 
 
 def readers_of(strategies: Sequence[Strategy]) -> dict[str, Reader]:
-    """How to check and convert one value of every key that can be swept."""
+    """How to check and convert one value of every key that can be swept.
+
+    Planners choose for themselves: of them neither waypoints nor an order can be.
+    """
     readers: dict[str, Reader] = {f"{section}.{name}": field.read
                                   for section, table in SECTIONS.items()
                                   for name, field in spec_fields(table).items()
                                   if f"{section}.{name}" != UNSWEPT}
-    for strategy in strategies:
+    ordered = [strategy for strategy in strategies if not strategy.call]
+    for strategy in ordered:
         for family in strategy.waypoints:
             for name, field in spec_fields(type(family)).items():
                 if name != "file":
@@ -114,7 +128,7 @@ def readers_of(strategies: Sequence[Strategy]) -> dict[str, Reader]:
         readers[f"strategy.options.{name}"] = (
             lambda value, path, problems, name=name: _read_option(
                 name, value, strategies, path, problems))
-    for name in ("closings", "order"):
+    for name in ("closings", "order") if ordered or not strategies else ("closings",):
         readers[f"strategy.{name}"] = lambda value, path, problems, name=name: read_names(
             name, value, path, problems) or None
     for name in (*BUDGET_KEYS, "refit_every"):
@@ -128,8 +142,7 @@ def _read_option(name: str, value: Any, strategies: Sequence[Strategy], path: Ke
     from strategies.planners.planner_file import PlannerError
     from strategies.planners.registry import make_planner  # heavy, and only planners need it
 
-    if not isinstance(value, int | float | str | bool):
-        problems.add(path, f"is {short(value)}; should be a number, a text or a boolean")
+    if not is_option(value, path, problems):
         return value
     for strategy in strategies:
         options = dict(strategy.options)
@@ -149,10 +162,17 @@ def _check_keys(parts: Mapping[str, Mapping[str, tuple[KeyPath, Any]]],
             if key == "n" and kind in ("sobol", "lhs"):
                 continue
             if key not in readers:
-                problems.add(path, f"unknown key {short(key)}; {choose(key, readers)}")
+                problems.add(path, f"unknown key {short(key)}; {_instead(key, readers)}")
             elif key in seen:
                 problems.add(path, f"{key} is swept already in sweep.{seen[key]}")
             seen.setdefault(key, kind)
+
+
+def _instead(key: str, readers: Mapping[str, Reader]) -> str:
+    if not key.startswith("strategy."):
+        return choose(key, readers)
+    own = [known for known in readers if known.startswith("strategy.")]
+    return f"no strategy of this study has it; {choose(key, own)}"
 
 
 def _listed(table: Mapping[str, tuple[KeyPath, Any]], readers: Mapping[str, Reader],
@@ -167,12 +187,16 @@ def _listed(table: Mapping[str, tuple[KeyPath, Any]], readers: Mapping[str, Read
             continue
         lists[key] = values
         si[key] = [readers[key](value, (*path, n), problems) for n, value in enumerate(values)]
-        if len(table) == 1 and len({repr(value) for value in si[key]}) < len(values):
-            problems.add(path, "holds the same value twice")
     if len({len(values) for values in lists.values()}) > 1:
         lengths = ", ".join(f"{key} has {len(values)}" for key, values in lists.items())
         problems.add(next(iter(table.values()))[0][:2], f"lists should be equally long; {lengths}")
     if not lists or len(problems.found) > before:
+        return []
+    if len(set(map(repr, zip(*si.values(), strict=True)))) < len(next(iter(lists.values()))):
+        path = next(iter(table.values()))[0]
+        problems.add(*((path, "holds the same value twice") if len(table) == 1 else
+                       (path[:2], "holds the same values twice, all keys at once; each point "
+                        "should differ in one key at least")))
         return []
     return [Axis(tuple(lists), tuple(zip(*map(_frozen, lists.values()), strict=True)),
                  tuple(zip(*si.values(), strict=True)))]

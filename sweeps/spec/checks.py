@@ -108,8 +108,48 @@ def is_searched(study: Study, key: str) -> bool:
 
 PROCEDURES = {"planar", "contour", "decide"}
 """What feels with pads; planners that do so find out by themselves."""
+_DECIDING = ("strategy.order", "object.prior", "contour.axis", "errors.scale")
+"""Keys that decide of which tables others are read."""
 KEYS = ("pads.length_mm", "pads.wrap_deg", "pads.thickness_mm", "pads.distal", "pads.middle",
         "pads.proximal", "hand.kind", "hand.link_length_mm", "hand.link_radius_mm")
+
+
+def check_used(study: Study, problems: Problems) -> None:
+    """Notes swept or searched keys of tables that nothing in the study reads, whatever they are.
+
+    Keys that are given once may stand there all the same, as `init` writes them.
+    """
+    if any(is_searched(study, key) for key in _DECIDING):
+        return
+    orders = {name for order in _orders(study) for name in order}
+    turned = bool({"contour", "decide"} & orders)
+    views = {"silhouettes", "depth"} & _values(study, "object.prior")
+    used = {
+        "planar": ({"planar", "decide"} & orders, "faces are crossed where an order has planar or "
+                   "decide"),
+        "contour": (turned, "contours are followed where an order has contour or decide"),
+        "decide": ("decide" in orders, "it is for an order with decide"),
+        "pads": (PROCEDURES & orders or any(s.call for s in study.strategies), "pads feel where an "
+                 "order has planar, contour or decide, or a planner moves them"),
+        "stereo": (views or (turned and "stereo" in _values(study, "contour.axis")),
+                   "cameras look where object.prior is silhouettes or depth, or contour.axis is "
+                   "stereo and an order has contour or decide"),
+        "errors": (_values(study, "errors.scale") != {0.0}, "errors.scale is 0, and is a factor of "
+                   "all other errors")}
+    for section, (reason, where) in used.items():
+        if not reason:
+            note_idle(study, section, {
+                field.name: f"changes nothing in this study: {where}"
+                for key, field in spec_fields(SECTIONS[section]).items()
+                if f"{section}.{key}" not in _DECIDING}, (), problems)
+
+
+def _values(study: Study, key: str) -> set[Any]:
+    """What a key is in a study, in SI: at all points of a sweep, else in its table."""
+    section, name = key.split(".")
+    swept = {point[axis.keys.index(key)] for axis in study.axes if key in axis.keys
+             for point in axis.si}
+    return swept or {getattr(study.tables[section], spec_fields(SECTIONS[section])[name].name)}
 
 
 def check_pads(study: Study, problems: Problems) -> None:

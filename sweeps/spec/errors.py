@@ -43,9 +43,20 @@ class Problems:
         self.file = file
         self.lines = lines
         self.found: list[Problem] = []
+        self.overrides: frozenset[KeyPath] = frozenset()
+        """Where values of `--set` would stand in the file."""
+
+    def at_swept(self, key: str) -> KeyPath:
+        """Where to note what is wrong with the values of a key of a sweep."""
+        place: KeyPath = ("sweep", "grid", key)
+        return place if place in self.overrides else ("sweep",)
 
     def add(self, path: KeyPath, what: str) -> None:
-        """Notes a problem at `path`, or at the nearest enclosing key that has a line."""
+        """Notes a problem at `path`, or at the nearest enclosing key that has a line; of a value of
+        `--set` there."""
+        if given := next((place for place in self.overrides if path[:len(place)] == place), None):
+            self.found.append(Problem("--set", f"{given[-1]}{dotted(path[len(given):])}", what))
+            return
         line = next((self.lines[path[:n]] for n in range(len(path), -1, -1)
                      if path[:n] in self.lines), 1)
         self.found.append(Problem(f"{self.file}:{line}", dotted(path), what))

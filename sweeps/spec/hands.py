@@ -71,8 +71,9 @@ def with_hands(axis: Axis, base_dir: Path, problems: Problems) -> Axis:
     if HAND_KEY not in axis.keys:
         return axis
     at = axis.keys.index(HAND_KEY)
-    si = tuple((*point[:at], read_hand(point[at], base_dir, problems, ("sweep",)),
-                *point[at + 1:]) for point in axis.si)
+    path = problems.at_swept(HAND_KEY)
+    si = tuple((*point[:at], read_hand(point[at], base_dir, problems, path), *point[at + 1:])
+               for point in axis.si)
     return replace(axis, si=si)
 
 

@@ -114,8 +114,9 @@ def with_arms(axis: Axis, base_dir: Path, problems: Problems) -> Axis:
     if ARM_KEY not in axis.keys:
         return axis
     at = axis.keys.index(ARM_KEY)
-    si = tuple((*point[:at], read_arm(point[at], base_dir, problems, ("sweep",)),
-                *point[at + 1:]) for point in axis.si)
+    path = problems.at_swept(ARM_KEY)
+    si = tuple((*point[:at], read_arm(point[at], base_dir, problems, path), *point[at + 1:])
+               for point in axis.si)
     return replace(axis, si=si)
 
 

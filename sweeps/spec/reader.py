@@ -8,7 +8,7 @@ from typing import Any
 from sweeps.output import quiet_stdout
 from sweeps.spec.axes import read_axes, read_overrides
 from sweeps.spec.cell import SECTIONS
-from sweeps.spec.checks import check_order, check_pads
+from sweeps.spec.checks import check_order, check_pads, check_used
 from sweeps.spec.errors import Problem, Problems, SpecError, choose
 from sweeps.spec.hands import check_closings, check_hands, read_hand, spelled_out, with_hands
 from sweeps.spec.named_files import (
@@ -41,6 +41,8 @@ def read_spec(file: FilePath, overrides: Sequence[str] = ()) -> Study:
     except SpecError as error:
         problems.found.extend(error.problems)
         text_axes, head_values = {}, {}
+    problems.overrides = frozenset([*((key,) for key in head_values),
+                                    *(("sweep", "grid", key) for key in text_axes)])
     with quiet_stdout():  # planners' files are run
         study = resolve({**values, **head_values}, file.resolve().parent, problems, text_axes)
     if problems.found:
@@ -80,7 +82,7 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
     for axis in axes:
         if KEY in axis.keys:
             check_swept_reconstruct([point[axis.keys.index(KEY)] for point in axis.values],
-                                    ("sweep",), problems)
+                                    problems.at_swept(KEY), problems)
     search = read_search(values.get("search"), strategies, axes, problems)
     study = Study(head, objects, strategies, tables, axes, search)
     if study.cell_count > CELL_LIMIT:
@@ -94,6 +96,8 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
         check_hands(study, values, problems)
         check_arms(study, values.get("arm", {}), problems)
         check_pads(study, problems)
+    if not problems.found:
+        check_used(study, problems)
     return study
 
 

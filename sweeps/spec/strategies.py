@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import fields, replace
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -84,10 +85,11 @@ def _read_call(strategy: Strategy, table: Mapping[str, Any], path: KeyPath, base
         for key in clash:
             problems.add((*path, key), "has no meaning beside a planner (strategy = ...), which "
                          "chooses for itself")
-    if not isinstance(options, Mapping) or any(
-            not isinstance(v, int | float | str | bool) for v in options.values()):
+    if not isinstance(options, Mapping):
         problems.add((*path, "options"), "should be a table of numbers, texts and booleans")
         options = {}
+    options = {key: value for key, value in options.items()
+               if is_option(value, (*path, "options", key), problems)}
     if options and not call:
         problems.add((*path, "options"), "has no meaning without a planner (strategy = ...)")
     if not call:
@@ -110,6 +112,14 @@ def _read_call(strategy: Strategy, table: Mapping[str, Any], path: KeyPath, base
     if known is not None and known.call == call and "budget" not in table:
         strategy = replace(strategy, **{key: getattr(known, key) for key in BUDGET_KEYS})
     return replace(strategy, call=call, options=tuple(sorted(options.items())))
+
+
+def is_option(value: Any, path: KeyPath, problems: Problems) -> bool:
+    """Whether a value may be a planner's option; what may not is noted."""
+    if isinstance(value, int | str) or (isinstance(value, float) and isfinite(value)):
+        return True
+    problems.add(path, f"is {short(value)}; should be a finite number, a text or a boolean")
+    return False
 
 
 def _read_budget(value: Any, path: KeyPath, problems: Problems) -> dict[str, Any]:

@@ -33,6 +33,7 @@ class Found:
     """What one entry has on one object so far, a list item a unit."""
 
     scores: list[np.ndarray] = field(default_factory=list)
+    given: list[np.ndarray] = field(default_factory=list)
     episodes: list[np.ndarray] = field(default_factory=list)  # their numbers
     touches: list[np.ndarray] = field(default_factory=list)
     steps: list[Steps] = field(default_factory=list)
@@ -41,6 +42,7 @@ class Found:
     def add(self, unit: Unit, rows: UnitRows) -> None:
         """Takes in a unit."""
         self.scores.append(rows.scores)
+        self.given.append(rows.given)
         self.episodes.append(np.arange(unit.start, unit.stop))
         self.touches.append(rows.touches)
         self.steps.extend(rows.steps)
@@ -189,7 +191,7 @@ class SweepView:
         score = failure_score(self.metric)
         for of_objects in self.found:
             for body, part in of_objects.items():
-                values = np.concatenate(part.scores)
+                values = np.concatenate([*part.scores, *part.given])
                 known = values[np.isfinite(values)]
                 if len(known):
                     found[body] = (max(found.get(body, -np.inf), float(known.max()))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from sweeps.analysis.curves import Steps, episode_steps
-from sweeps.analysis.entries import values_of
+from sweeps.analysis.entries import HIGHER_IS_BETTER, prior_column, values_of
 from sweeps.run.plan import Unit
 from sweeps.run.unit_file import Columns, DamagedUnit, read_unit
 
@@ -21,6 +21,8 @@ class UnitRows:
 
     scores: np.ndarray
     """(episode,), NaN for an episode without a score."""
+    given: np.ndarray
+    """What their priors score, (episode,); nothing for a metric that has none."""
     touches: np.ndarray
     statuses: Counter[str]
     steps: tuple[Steps, ...]
@@ -56,10 +58,13 @@ class UnitReader:
             if not (self.logs / f"{unit.id}.failed.log").exists():
                 return None
             nothing = np.full(count, np.nan)
-            return UnitRows(nothing, nothing, Counter(unit_failed=count), ())
+            return UnitRows(np.zeros(count) if self.metric in HIGHER_IS_BETTER else nothing,
+                            nothing, nothing, Counter(unit_failed=count), ())
         return self._shown(unit, rows)
 
     def _shown(self, unit: Unit, rows: Columns) -> UnitRows:
         steps = tuple(episode_steps(rows, "touches")) if unit.start < CURVES_OF else ()
-        return UnitRows(values_of(rows, self.metric), values_of(rows, "touches"),
-                        Counter(map(str, rows["status"])), steps)
+        prior = prior_column(self.metric)
+        return UnitRows(values_of(rows, self.metric),
+                        np.zeros(0) if prior is None else values_of(rows, prior),
+                        values_of(rows, "touches"), Counter(map(str, rows["status"])), steps)

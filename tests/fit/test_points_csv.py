@@ -31,9 +31,10 @@ def test_without_a_set_column_there_is_one_set(tmp_path) -> None:
 @pytest.mark.parametrize(("unit", "scale"), [("m", 1.0), ("cm", 0.01), ("mm", 0.001)])
 def test_columns_name_their_unit(tmp_path, unit, scale) -> None:
     path = tmp_path / "points.csv"
-    path.write_text(f"x_{unit},y_{unit},z_{unit}\n0.1,0.2,0.3\n0.4,0.5,0.6\n")
-    assert np.allclose(read_points(path).points[0], scale * np.array([[0.1, 0.2, 0.3],
-                                                                      [0.4, 0.5, 0.6]]))
+    points = np.array([[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]])
+    rows = "".join("{},{},{}\n".format(*row) for row in points / scale)
+    path.write_text(f"x_{unit},y_{unit},z_{unit}\n{rows}")
+    assert np.allclose(read_points(path).points[0], points)
 
 
 def test_millimetres_in_columns_of_metres_are_refused_unless_units_are_given(tmp_path) -> None:
@@ -44,6 +45,20 @@ def test_millimetres_in_columns_of_metres_are_refused_unless_units_are_given(tmp
         read_points(path)
     assert read_points(path, units="mm").points[1, 1].tolist() == [0.08, 0.03, 0.02]
     assert read_points(path, units="m").points[1, 1].tolist() == [80, 30, 20]
+
+
+def test_metres_in_columns_of_millimetres_are_refused_unless_units_are_given(tmp_path) -> None:
+    path = tmp_path / "points.csv"
+    head = "set,x_mm,y_mm,z_mm\na,0.45,0,0\na,0.45,0,0\nb,0.43,0,0.02\nb,0.47,0.03,0.05\n"
+    path.write_text(head)
+    with pytest.raises(PointsError, match=r"x_mm: the points of no set are more than 5.83e-05 m"):
+        read_points(path)
+    assert read_points(path, units="m").points[1, 1].tolist() == [0.47, 0.03, 0.05]
+    assert read_points(path, units="mm").points[1, 1, 2] == pytest.approx(5e-5)
+    path.write_text(head + "c,440,0,0\nc,440,0,7\n")  # one set is of a size to be touched
+    assert read_points(path).names == ("a", "b", "c")
+    path.write_text("x_m,y_m,z_m\n0.4,0,0.1\n0.4,0,0.1\n")  # one place says nothing of the unit
+    assert len(read_points(path).points) == 1
 
 
 @pytest.mark.parametrize(("text", "said"), [

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fit import prepare
+from fit.fit_status import FitStatus
 from fit.plane import fit_plane
 from fit.prepare import _semidefinite
 from fit.superquadric.fit import fit_superquadric
@@ -23,6 +24,17 @@ def test_semidefinite_is_told_as_by_eigenvalues() -> None:
     told = _semidefinite(matrix)
     clear = (np.abs(least) > 1e-10 * np.abs(variance).max(1)) | (least == 0.0)
     assert (told == ((least >= -1e-6 * most) & (most >= 0.0)))[clear].all()
+
+
+def test_a_point_that_is_repeated_counts_once() -> None:
+    rng = np.random.default_rng(6)
+    points = rng.normal(size=(3, 8, 3))
+    points[1, 7], points[2, 4:] = points[1, 2], points[2, :4]
+    repeated = np.stack([of_set[rng.permutation(80)] for of_set in np.repeat(points, 10, axis=1)])
+    ok, few = FitStatus.converged, FitStatus.too_few_points
+    for given in (points, repeated):
+        assert prepare.prepare(given, None).status.tolist() == [ok, few, few]
+        assert prepare.prepare(given, None, least_points=4, solid=False).status.tolist() == [ok] * 3
 
 
 def test_sets_fitted_in_parts_are_those_fitted_at_once(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,10 +1,14 @@
 """The table of settings side by side: means of each strategy on each object, by hand."""
 
+from pathlib import Path
+
 import numpy as np
+from studies import SMALL, fill, plan_of
 
 from sweeps.analysis.entries import Entry
-from sweeps.analysis.objects import beside_table
-from sweeps.analysis.paired import Paired
+from sweeps.analysis.objects import BESIDE, beside_table
+from sweeps.analysis.paired import Paired, read_paired
+from sweeps.analysis.settings import effects
 
 
 def test_settings_stand_side_by_side() -> None:
@@ -23,6 +27,29 @@ def test_settings_stand_side_by_side() -> None:
         ("block", "b", "4.00", "6.00", "0.40", "0.60"),
         ("wedge", "a", "4.00", "6.00", "0.10", "0.15"),
         ("wedge", "b", "8.00", "12.00", "0.20", "0.30"))
+
+
+def test_settings_that_differ_little_are_told_apart(tmp_path: Path) -> None:
+    """Labels of six digits would be the same."""
+    text = SMALL + '[sweep.grid]\n"sensors.tendon_threshold_N" = [3, 3.0000001]\n'
+    plan = plan_of(tmp_path, text)
+    paired = read_paired(plan, [fill(tmp_path, plan)], BESIDE)
+    key = "sensors.tendon_threshold_N"
+    assert paired.labels[:2] == [f"ring6 [{key}=3]", f"ring6 [{key}=3.0000001]"]
+    assert beside_table(paired).header == (
+        "object", "strategy", f"chamfer_mm {key}=3", f"chamfer_mm {key}=3.0000001",
+        f"iou {key}=3", f"iou {key}=3.0000001")
+    assert [e.levels for e in effects(plan, paired, "iou")] == [("3", "3.0000001")] * 2
+
+
+def test_entries_of_the_same_label_keep_their_columns() -> None:
+    values = np.array([[1.0, 2.0, 3.0, 4.0]])
+    entries = tuple(Entry(n // 2, label, {0: n % 2}) for n, label in enumerate("aabb"))
+    table = beside_table(Paired(entries, ("block",), {"chamfer_mm": (values,),
+                                                      "iou": (values / 10,)}, {}, ()))
+    assert table.header == ("object", "strategy", "chamfer_mm", "chamfer_mm", "iou", "iou")
+    assert table.rows == (("block", "a", "1.00", "2.00", "0.10", "0.20"),
+                          ("block", "b", "3.00", "4.00", "0.30", "0.40"))
 
 
 def test_a_study_that_sweeps_nothing_has_one_column_a_metric() -> None:

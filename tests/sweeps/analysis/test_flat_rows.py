@@ -132,6 +132,36 @@ def test_contacts_are_rows_where_they_are_kept(
     assert not (tmp_path / "x.csv").exists()
 
 
+def test_failed_units_are_told_apart_from_missing_ones(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    plan = plan_of(tmp_path)
+    store = fill(tmp_path, plan)
+    failed, missing, *_ = plan.units()
+    for unit in (failed, missing):
+        store.path(unit).unlink()
+    store.log(failed).write_text("hung")
+    capsys.readouterr()
+    rows_of(store.folder, tmp_path / "rows.csv")
+    said = capsys.readouterr().err
+    assert "1 of 8 units failed and have no rows; see logs/*.failed.log" in said
+    assert "1 of 8 units are missing" in said
+
+
+@pytest.mark.parametrize("words", [["table", "objects"], ["rows", "-o", "rows.csv"]])
+def test_damaged_units_are_told_by_whoever_finds_them(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
+        words: list[str]) -> None:
+    monkeypatch.chdir(tmp_path)
+    plan = plan_of(tmp_path / "s")
+    store = fill(tmp_path / "s", plan)
+    file = store.path(next(plan.units()))
+    file.write_bytes(file.read_bytes()[:200])
+    capsys.readouterr()
+    assert cli.run([words[0], "s", *words[1:]]) == 0
+    assert (f"1 damaged units were set aside; see {Path('s') / 'logs'}; run the sweep again"
+            in capsys.readouterr().err)
+
+
 def test_missing_units_are_told_and_shards_merge(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     plan, store = wide_study(tmp_path / "one", wide_text(2, 2, 5))

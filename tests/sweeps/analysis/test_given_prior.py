@@ -10,9 +10,11 @@ import pytest
 from studies import SMALL, board, fill, plan_of, run_in
 
 from sweeps.analysis.leaderboard import make_leaderboard
+from sweeps.analysis.paired import read_paired
 from sweeps.report.page import make_report
 from sweeps.spec.cell import Cell
 from sweeps.spec.errors import SpecError
+from sweeps.watch.view import View
 
 SWEPT = SMALL + """
 [sweep.grid]
@@ -112,6 +114,29 @@ def test_costs_of_doing_nothing_are_nothing_and_flag_nobody(tmp_path: Path) -> N
     *entries, last = rows_of(make_leaderboard(plan, [store], metric="robot_time_s").csv())
     assert last["robot_time_s"] == "0.000"
     assert {row["worse_than_prior"] for row in entries} == {"NA"}
+
+
+def test_failing_scores_no_better_than_doing_nothing(tmp_path: Path) -> None:
+    """Units of one entry fail; all others are better than the prior in every episode."""
+    @fake_episodes.cell_by_cell
+    def far(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
+        rows = told(cell, episodes)
+        return rows | {"prior_chamfer_mm": rows["prior_chamfer_mm"] + 20.0}
+
+    plan = plan_of(tmp_path, THREE)
+    store = fill(tmp_path, plan, far)
+    for unit in plan.units():
+        if unit.cell.strategy.name == "mine":
+            store.path(unit).unlink()
+            store.log(unit).write_text("hung")
+    made = make_leaderboard(plan, [store])
+    scores = {row["strategy"]: row["chamfer_mm"] for row in rows_of(made.csv())}
+    assert float(scores["mine"]) > float(scores["given-prior"]) > 20.0
+    assert any(line.startswith("mine: 4 of 4 units failed") for line in made.notes)
+    assert read_paired(plan, [store], ["chamfer_mm"]).means["chamfer_mm"][0, 1] == pytest.approx(
+        float(scores["mine"]), abs=1e-3)
+    shown = {row.label: row.mean for row in View(tmp_path, "chamfer_mm").state().rows}
+    assert shown["mine"] == pytest.approx(float(scores["mine"]), abs=1e-3)
 
 
 def test_any_number_of_workers_gives_the_same_bytes(tmp_path: Path) -> None:

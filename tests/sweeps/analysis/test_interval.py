@@ -53,6 +53,13 @@ def test_objects_as_skewed_as_assumed_are_covered(objects: int, skewness: float)
     assert 0.945 < np.mean((found.low <= 0.0) & (found.high >= 0.0)) < 0.975
 
 
+def test_equal_entries_over_few_objects_are_seldom_called_the_best() -> None:
+    """Of two equal entries each is first in 95 % of replicates in one board of twenty."""
+    boards = np.random.default_rng(8).normal(size=(400, 3, 1, 2))
+    first = [means_of(board).p_best(1.0).max() >= 0.95 for board in boards]
+    assert 0.06 < np.mean(first) < 0.16
+
+
 def test_two_objects_of_one_entry_against_a_constant_is_welchs_test() -> None:
     """The mean of two object means is Welch's two-sample interval, one sample negated."""
     generator = np.random.default_rng(3)

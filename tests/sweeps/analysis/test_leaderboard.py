@@ -1,5 +1,6 @@
 import csv
 import io
+from collections.abc import Sequence
 from pathlib import Path
 
 import fake_episodes
@@ -9,6 +10,9 @@ from studies import SMALL, fill, plan_of
 
 from sweeps.analysis.entries import LeaderboardError
 from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
+from sweeps.analysis.paired import read_paired
+from sweeps.analysis.pairs import pairs_table
+from sweeps.run.plan import Plan
 from sweeps.run.store import Store
 from sweeps.spec.cell import Cell
 
@@ -116,6 +120,42 @@ def test_missing_units_leave_out_the_block_for_all(tmp_path: Path) -> None:
     assert {row["rank"] for row in empty} == {""}
 
 
+def failed_on(plan: Plan, store: Store, body: str, strategies: Sequence[str]) -> None:
+    """Sets the units of some strategies on an object aside as failed."""
+    store.logs.mkdir(exist_ok=True)
+    for unit in plan.units():
+        if unit.cell.object_name == body and unit.cell.strategy.name in strategies:
+            store.path(unit).unlink()
+            store.log(unit).write_text("hung")
+
+
+def test_an_object_on_which_every_entry_failed_is_left_out_and_told(tmp_path: Path) -> None:
+    plan = plan_of(tmp_path)
+    store = fill(tmp_path, plan)
+    alone = rows_of(make_leaderboard(plan, [store], by=["strategy", "object"]))[2:]
+    failed_on(plan, store, "block", ("mine", "ring6"))
+    board = make_leaderboard(plan, [store])
+    told = "no entry has a chamfer_mm on block, where all of them failed"
+    assert any(told in line for line in board.notes)
+    for row, other in zip(rows_of(board), alone, strict=True):
+        assert (row["n_objects"], row["n_episodes"]) == ("1", "70")
+        for column in ("chamfer_mm", "chamfer_mm_these_low", "touches"):
+            assert row[column] == other[column]
+        rate = (1.0 + float(other["failure_rate"])) / 2
+        assert float(row["failure_rate"]) == pytest.approx(rate, abs=1e-4)
+    paired = read_paired(plan, [store], ["chamfer_mm"])
+    assert paired.objects == ("block", "wedge")
+    assert paired.over == "these"
+    assert pairs_table(paired, "chamfer_mm").rows[0][7] in ("0/1", "1/1")
+    assert any(told in line for line in paired.notes)
+    # of a share a failure is 0, on whatever object
+    by_iou = rows_of(make_leaderboard(plan, [store], metric="iou"))
+    for row, other in zip(by_iou, alone, strict=True):
+        assert row["n_objects"] == "2"
+        assert float(row["iou"]) == pytest.approx(float(other["iou"]) / 2, abs=1e-4)
+    assert [row["iou"] for row in rows_of(board)] == [row["iou"] for row in by_iou]
+
+
 def test_what_is_not_offered_is_na(tmp_path: Path) -> None:
     @fake_episodes.cell_by_cell
     def few(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
@@ -147,6 +187,14 @@ def test_a_setting_that_changes_nothing_leaves_the_intervals(tmp_path: Path) -> 
                         "iou_ci_low", "iou_ci_high")
                 assert [alone[key] for key in same] == [averaged[key] for key in same]
     assert float(mine["chamfer_mm_these_high"]) - float(mine["chamfer_mm_these_low"]) > 0.3
+
+
+def test_few_episodes_are_few_however_many_points_they_are_averaged_over(tmp_path: Path) -> None:
+    text = SWEPT.replace('"block", "wedge"', '"block"').replace("cell = 70", "cell = 12")
+    plan = plan_of(tmp_path, text)
+    board = make_leaderboard(plan, [fill(tmp_path, plan)])
+    assert {row["n_episodes"] for row in rows_of(board)} == {"36"}
+    assert any(line.startswith("one object, 12 episodes: below 32") for line in board.notes)
 
 
 def test_one_object_finished_of_two_has_the_interval_of_its_episodes(tmp_path: Path) -> None:

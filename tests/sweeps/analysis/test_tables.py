@@ -31,7 +31,7 @@ from sweeps.analysis.pairs import (
 )
 from sweeps.analysis.pareto import dominating, pareto_table
 from sweeps.analysis.settings import effects, read_settings, settings_table
-from sweeps.analysis.tables import KINDS
+from sweeps.analysis.tables import KINDS, Asked
 from sweeps.cli import main as cli
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
@@ -221,6 +221,21 @@ def test_the_command_writes_the_same_bytes_twice(
         assert cli.run(["table", folder, kind, *against, "-o", str(tmp_path / name)]) == 0
     assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
     assert capsys.readouterr().out.split()[0] in ("strategy", "object")
+
+
+@pytest.mark.parametrize(("kind", "metric"), [
+    ("pareto", "robot_time_s"), ("objects", "robot_time_s"), ("objects", "touches")])
+def test_a_metric_that_is_a_column_besides(
+        study: tuple[Plan, Store], paired: Paired, kind: str, metric: str) -> None:
+    plan, store = study
+    made = KINDS[kind][0](Asked(plan, [store], metric, None, None))
+    row = dict(zip(made.header, made.rows[0], strict=True))
+    mean = float(row[metric if kind == "pareto" else f"{metric}_mean"])
+    values = paired.values[metric]
+    number = paired.labels.index(row["strategy"])
+    of_objects = [found[:, number].mean() for found in values]
+    assert mean == pytest.approx(np.mean(of_objects) if kind == "pareto" else of_objects[0],
+                                 abs=5e-3)
 
 
 @pytest.mark.parametrize(("arguments", "says"), [

@@ -12,6 +12,7 @@ from scipy import stats
 from studies import SMALL, fill, plan_of
 
 from sweeps.analysis.entries import LeaderboardError
+from sweeps.analysis.interval import small_sample_widening
 from sweeps.cli import main as cli
 from sweeps.compare.matching import changes, shared_by
 from sweeps.compare.shift import Differences, measure_shift
@@ -84,6 +85,22 @@ def test_equal_episodes_do_not_differ_at_all(
     for row in found["table"].values():
         assert (row["b_minus_a"], row["ci_low"], row["ci_high"]) == (0.0, 0.0, 0.0)
         assert (row["n_objects"], row["n_episodes_a"], row["n_episodes_b"]) == (2, 140, 140)
+
+
+def test_what_failed_counts_as_what_was_given_where_that_is_worse(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    @fake_episodes.cell_by_cell
+    def given(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
+        rows = fake_episodes.rows_of(cell, episodes)
+        return rows | {"prior_chamfer_mm": np.full(len(episodes), 40.0)}
+
+    one, plan = made(tmp_path / "a", episodes=given), plan_of(tmp_path / "b")
+    store = fill(tmp_path / "b", plan, given)
+    for unit in plan.units():
+        if unit.cell.strategy.name == "mine":
+            store.path(unit).unlink()
+            store.log(unit).write_text("hung")
+    assert compared(capsys, one, store.folder)["table"]["mine"]["chamfer_mm_b"] == 40.0
 
 
 def test_a_study_that_has_grown_is_compared_on_what_was_there(
@@ -194,13 +211,12 @@ def test_intervals_are_t_tests_corrected_for_their_number(tmp_path: Path) -> Non
     found = Differences()
     for values in apart:
         found.add([values])
-    level = 1 - 0.05 / 3
-    for over, data in (("like-these", apart.mean(axis=1)), ("these", None)):
-        made = found.estimate(over)
-        if data is not None:
-            low, high = stats.ttest_1samp(data[:, 1], 0.0).confidence_interval(level)
-            assert (made.low[1], made.high[1]) == pytest.approx((low, high))
-        assert made.value[2] == pytest.approx(apart.mean())
+    low, high = stats.ttest_1samp(apart.mean(axis=1)[:, 1], 0.0).confidence_interval(1 - 0.05 / 3)
+    like = found.estimate("like-these")
+    assert like.low[1] + like.high[1] == pytest.approx(low + high)
+    assert like.high[1] - like.low[1] == pytest.approx((high - low) * small_sample_widening(5))
+    for over in ("like-these", "these"):
+        assert found.estimate(over).value[2] == pytest.approx(apart.mean())
     single = Differences()
     single.add([apart[0, :, :1]])
     low, high = stats.ttest_1samp(apart[0, :, 0], 0.0).confidence_interval(0.95)

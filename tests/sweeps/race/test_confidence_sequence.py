@@ -9,6 +9,7 @@ from sweeps.race.confidence_sequence import (
     safe_lower,
     stratified_lower,
     students_multiple,
+    unseen_loss,
 )
 
 LOOKS = 2000
@@ -54,6 +55,28 @@ def test_a_stratified_bound_is_made_of_its_strata() -> None:
         assert lower == pytest.approx(case.mean() - multiple * np.sqrt(sum(errors)))
     assert np.isinf(stratified_lower(values[:, :, :1], 0.01)).all()
     assert (stratified_lower(values * 0.0, 0.01) == 0.0).all()
+
+
+@pytest.mark.parametrize("strata", [1, 3])
+def test_draws_that_all_agree_may_hide_a_rare_loss(strata: int) -> None:
+    """At every look together, the chance that more is lost unseen than is allowed for is alpha."""
+    share, alpha = 0.05, 0.1
+    lost = np.random.default_rng(6).random((4000, strata, 60)) < share
+    wrong = np.zeros(4000, bool)
+    for count in range(2, 61):
+        values = -1.0 * lost[:, :, :count]
+        unseen = (values == 0.0).all(axis=(1, 2))
+        wrong |= unseen & (unseen_loss(values, alpha, 1.0) < share)
+    assert 0.8 * alpha < wrong.mean() < 1.1 * alpha
+
+
+def test_what_differs_hides_nothing() -> None:
+    values = np.random.default_rng(7).normal(size=(1, 4, 12))
+    assert (unseen_loss(values, 0.05, 9.0) == 0.0).all()
+    values[:, 0] = 3.0
+    alone = unseen_loss(values[:, :1], 0.05, 9.0)
+    assert unseen_loss(values, 0.05, 9.0) == pytest.approx(alone / 4)
+    assert alone == pytest.approx(9.0 * 3.0 / 12, rel=0.15)  # the rule of three
 
 
 def test_safe_bounds_hold_for_rare_losses() -> None:

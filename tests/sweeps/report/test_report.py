@@ -168,6 +168,16 @@ def test_a_study_without_units(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert "no block of episodes is finished" in capsys.readouterr().err
 
 
+def test_a_report_that_cannot_be_written_is_refused_first(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Before the study is read, let alone played."""
+    out = tmp_path / "none" / "r.html"
+    assert cli.run(["report", str(tmp_path), "-o", str(out)]) == 2
+    assert f"{out}: cannot be written: there is no folder {out.parent}" in capsys.readouterr().err
+    assert cli.run(["report", str(tmp_path), "-o", str(tmp_path)]) == 2
+    assert "cannot be written: it is a folder" in capsys.readouterr().err
+
+
 def test_a_study_of_failures_alone(tmp_path: Path) -> None:
     """The report is written, without the comparison with the best."""
     plan, store = wide_study(tmp_path, wide_text(2, 2, 2))

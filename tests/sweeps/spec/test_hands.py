@@ -46,6 +46,15 @@ def test_hands_can_be_swept(tmp_path: Path) -> None:
     assert again.setting_count == 2
 
 
+def test_a_hand_is_swept_once_by_its_word_or_its_key(tmp_path: Path) -> None:
+    text = HEAD + RING + ALONE
+    for settings in (["hand=allegro", "hand.kind=leap"], ["hand.kind=leap", "hand=allegro"]):
+        with pytest.raises(SpecError, match=r"--set: hand\.kind: is given twice"):
+            read(tmp_path, text, *settings)
+    twice = text + '[sweep.grid]\nhand = ["utah_mit"]\n"hand.kind" = ["allegro"]\n'
+    assert "is hand.kind a second time" in told(tmp_path, twice)
+
+
 def test_a_hand_of_ones_own_is_known_by_its_content(tmp_path: Path) -> None:
     own = tmp_path / "my_hand.toml"
     own.write_text(hand_text(hand_named("barrett")))

@@ -139,6 +139,8 @@ BAD_TABLES = [
     ("[sweep.grid]", "spec.toml:10: sweep.grid: is empty"),
     ('[sweep.grid]\n"sensors.tendon_threshold_N" = []', "should be a list of at least one value"),
     ('[sweep.grid]\n"sensors.tendon_threshold_N" = [1, 1]', "holds the same value twice"),
+    ('[sweep.zip]\n"object.x_mm" = [450, 430, 450]\n"object.y_mm" = [0, 0, 0.0]',
+     "spec.toml:10: sweep.zip: holds the same values twice, all keys at once"),
     ('[sweep.grid]\n"sensors.tendon_threshold" = [1]', "spec.toml:11: sweep.grid.'sensors."
      "tendon_threshold': unknown key 'sensors.tendon_threshold'; did you mean "
      "sensors.tendon_threshold_N?"),
@@ -219,7 +221,8 @@ def test_pads_fit_their_links_where_a_strategy_feels(
     found = refusals(tmp_path, feels + text)
     assert len(found) == 1
     assert says in found[0]
-    read_spec(write_spec(tmp_path, SMALL + text))  # only grasps
+    swept = '"pads.wrap_deg" = [10, 80]\n'
+    read_spec(write_spec(tmp_path, SMALL + text.replace(swept, "")))  # only grasps
     order = '"strategy.order" = [["containment"], ["decide"]]\n'
     text += order if "[sweep" in text else f"[sweep.grid]\n{order}"
     assert refusals(tmp_path, SMALL + text)
@@ -368,8 +371,9 @@ options = { poses = 2 }
     assert study.cell(0, 0, 1).strategy.options == ()
     assert any("poses: at least 1" in line
                for line in refusals(tmp_path, text.replace("[4, 8]", "[4, 0]")))
-    assert any("should be a number, a text or a boolean" in line
-               for line in refusals(tmp_path, text.replace("[4, 8]", "[[4], 8]")))
+    for wrong in ("[4]", "nan", "inf"):
+        assert any("should be a finite number, a text or a boolean" in line
+                   for line in refusals(tmp_path, text.replace("[4, 8]", f"[{wrong}, 8]")))
     assert any("unknown key 'strategy.options.pose'" in line
                for line in refusals(tmp_path, text.replace("options.poses", "options.pose")))
 
@@ -382,6 +386,22 @@ def test_overrides_add_and_replace(tmp_path: Path) -> None:
     assert replace(study.head, name="") == type(study.head)(seed=9, episodes_per_cell=2)
     for wrong in ("fit.loss", "fit.los=none", "seed=1,2", "fit.loss=", "seed=x"):
         assert refusals(tmp_path, text, wrong)
+
+
+@pytest.mark.parametrize(("setting", "says"), [
+    ("sensors.tendon_threshold_N=-4", "--set: sensors.tendon_threshold_N[0]: is -4; should be"),
+    ("fit.los=none", "--set: fit.los: unknown key 'fit.los'"),
+    ("seed=x", "--set: seed: is 'x'; should be"),
+    ("hand=bogus", "--set: hand.kind: no hand 'bogus'"),
+    ("arm=bogus", "--set: arm.kind: no arm 'bogus'"),
+    ("fit.reconstruct=bogus", "--set: fit.reconstruct: fit.reconstruct: is 'bogus'"),
+    ("planar.step_mm=3,4", "--set: planar.step_mm: changes nothing"),
+])
+def test_a_bad_override_is_told_as_such(tmp_path: Path, setting: str, says: str) -> None:
+    text = SMALL + '[sweep.grid]\n"sensors.tendon_threshold_N" = [3.0, 6.0]\n'
+    found = refusals(tmp_path, text, setting)
+    assert len(found) == 1
+    assert found[0].startswith(says)
 
 
 def test_the_template_is_a_spec_that_names_every_key(tmp_path: Path) -> None:

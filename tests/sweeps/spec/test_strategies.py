@@ -28,6 +28,9 @@ MINE = '[[strategy]]\nname = "mine"\n'
     ('strategy = 3', "should be a planner's name"),
     ('strategy = "mine.py:f"\norder = ["containment"]', "has no meaning beside a planner"),
     ('strategy = "mine.py:f"\noptions = { size = 3 }', "takes no options"),
+    ('strategy = "even"\noptions = { grasps = nan }', "is nan; should be a finite number"),
+    ('strategy = "even"\noptions = { grasps = -inf }', "is -inf; should be a finite number"),
+    ('strategy = "even"\noptions = { grasps = [3] }', "is [3]; should be a finite number"),
     ('options = { size = 3 }', "has no meaning without a planner"),
     ('budget = { touches = 0 }', "should be a whole number from 1 to 1000000"),
     ('budget = { touches = 1.5 }', "should be a whole number"),
@@ -47,6 +50,44 @@ def test_what_is_wrong_with_a_strategy_is_told_with_its_line(
         read_spec(file)
     assert any(says in problem.what for problem in error.value.problems), error.value.problems
     assert all(f"{file}:" in problem.where for problem in error.value.problems)
+
+
+RING, DECIDE = '[[strategy]]\nname = "ring6"\n', '[[strategy]]\nname = "coarse-to-fine"\n'
+RANDOM = '[[strategy]]\nname = "random"\n'
+STEREO = '[contour]\naxis = "stereo"\n'
+ORDERS = '"strategy.order" = [["containment"], ["containment", "planar"]]\n'
+
+
+@pytest.mark.parametrize(("lines", "swept", "said"), [
+    (RING, '"planar.step_mm" = [4, 6]', "changes nothing in this study: faces are crossed where"),
+    (DECIDE, '"planar.step_mm" = [4, 6]', ""),
+    (RING, ORDERS + '"planar.step_mm" = [4, 6]', ""),
+    (RING, ORDERS + '"contour.step_mm" = [4, 6]', "contours are followed where an order has"),
+    (RANDOM, '"decide.flat_below" = [0.1, 0.2]', "it is for an order with decide"),
+    (RING, '"pads.gain_spread" = [0.1, 0.2]', "pads feel where an order has"),
+    (RANDOM, '"pads.gain_spread" = [0.1, 0.2]', ""),
+    (DECIDE, '"stereo.pixels" = [128, 256]', "cameras look where object.prior is"),
+    (DECIDE + STEREO, '"stereo.pixels" = [128, 256]', ""),
+    (RING + STEREO, '"stereo.pixels" = [128, 256]', "cameras look where object.prior is"),
+    (RING, '"object.prior" = ["box", "depth"]\n"stereo.pixels" = [128, 256]', ""),
+    (RING + "[errors]\nscale = 0\n", '"errors.mount_mm" = [0.1, 0.2]', "errors.scale is 0, and is"),
+    (RING, '"errors.scale" = [0, 1]\n"errors.mount_mm" = [0.1, 0.2]', ""),
+    (RING + "[errors]\nscale = 0\n", '"errors.scale" = [0]', ""),
+    (RANDOM, '"strategy.tilt_deg" = [35, 55]', "no strategy of this study has it"),
+    (RANDOM, '"strategy.order" = [["planar"]]', "no strategy of this study has it"),
+    (RING + RANDOM, '"strategy.tilt_deg" = [35, 55]', ""),
+])
+def test_a_swept_key_changes_something(
+        tmp_path: Path, lines: str, swept: str, said: str) -> None:
+    file = tmp_path / "study.toml"
+    file.write_text(f'schema = 1\nobjects = ["block"]\n{lines}[sweep.grid]\n{swept}\n')
+    if not said:
+        assert read_spec(file).setting_count > 0
+        return
+    with pytest.raises(SpecError) as error:
+        read_spec(file)
+    assert len(error.value.problems) == 1
+    assert said in error.value.problems[0].what
 
 
 def test_a_users_planner_is_named_by_its_content(tmp_path: Path) -> None:
