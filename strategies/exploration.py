@@ -46,6 +46,7 @@ from strategies.recovery.choose_model import (
     revolution_of,
 )
 from strategies.recovery.complete_contour import whole_profile
+from strategies.recovery.contact_verdict import refuted
 from strategies.recovery.evidence import (
     CONTOUR_TOUCHES,
     FACE_TOUCHES,
@@ -322,11 +323,12 @@ class RunningExploration:
             self.whole = with_profiles(before, rows, profile)
         all_felt = replace(placed, free_m=self.felt.free_m[rows],
                            free_mask=self.felt.free_mask[rows])
-        self.shape = with_rows(self.shape, rows, choose_body(
-            fitted, body, profile, all_felt, self.contour, prior).shape)
+        chosen = choose_body(fitted, body, profile, all_felt, self.contour, prior)
+        self.shape = with_rows(self.shape, rows, chosen.shape)
         # What is contradicted may lead to where it is felt to be wrong, but it is no result.
         # Evidence that the fit may not use is not used to judge it either.
-        agrees = plausible(body, prior, table_plane=self.table.table_plane)
+        agrees = (plausible(body, prior, table_plane=self.table.table_plane)
+                  & ~refuted(chosen, placed))
         if self.table.free_space:
             agrees &= ~swept(body, all_felt)
         self.believed = with_rows(self.believed, rows, fitted)
