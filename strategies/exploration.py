@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from fit.arrays import rows_of, with_rows
+from fit.arrays import row_sums, rows_of, with_rows
 from fit.fit_status import FitStatus
 from fit.superquadric.fit import fit_superquadric
 from fit.superquadric.record import SuperquadricFit
@@ -245,8 +245,8 @@ class RunningExploration:
         evidence = evidence_from_grasps(grasps, radius)
         self._add(evidence, links)
         self.touches += was_made(grasps.closing.status).sum((1, 2, 3))
-        self.time += np.where(mask, grasps.time_s, 0.0).sum(1)
-        self.path += np.where(mask, grasps.moves.path_m, 0.0).sum(1)
+        self.time += row_sums(np.where(mask, grasps.time_s, 0.0))
+        self.path += row_sums(np.where(mask, grasps.moves.path_m, 0.0))
         self.procedures.append(Procedure("containment", self.step, grasps, np.asarray(mask.any(1)),
                                          evidence.mask.shape[1], self.closings_made, pose))
         self.closings_made += 1

@@ -321,6 +321,24 @@ def test_a_body_that_contacts_contradict_is_no_result_but_is_gone_on_by(
         assert not np.array_equal(belief.body.size_m[:, 0], belief.prior.radius_m)
 
 
+def test_path_and_time_do_not_depend_on_the_probes_of_others() -> None:
+    """Pairwise sums of padded rows would differ in the last digit."""
+    poses: list[np.ndarray] = []
+
+    def some(belief: Belief) -> list[Grasp]:
+        if belief.step:
+            return []
+        if not poses:
+            poses.append(waypoint_poses((Ring(count=24),), belief.prior, belief.hand, belief.seed))
+        count = 24 if belief.worlds == 2 else 11
+        wanted = np.arange(count) < np.array([[11], [24]])[:belief.worlds]
+        return [Grasp(poses[0][:belief.worlds, :count], wanted)]
+
+    both, alone = run(some).belief, run(some, (0,)).belief
+    assert both.path_m[0] == alone.path_m[0] > 0.0
+    assert both.time_s[0] == alone.time_s[0] > 0.0
+
+
 def test_cutting_a_sequence_changes_no_contact() -> None:
     whole, cut = run(ordered("containment")), run(ordered("containment", refit_every=2))
     assert np.array_equal(whole.belief.touches, cut.belief.touches)
