@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from fit.arrays import rows_of, with_rows
+from fit.arrays import row_sums, rows_of, with_rows
 from fit.fit_status import FitStatus
 from fit.superquadric.fit import fit_superquadric
 from fit.superquadric.record import SuperquadricFit
@@ -46,6 +46,7 @@ from strategies.recovery.choose_model import (
     revolution_of,
 )
 from strategies.recovery.complete_contour import whole_profile
+from strategies.recovery.contact_verdict import refuted
 from strategies.recovery.evidence import (
     CONTOUR_TOUCHES,
     FACE_TOUCHES,
@@ -244,8 +245,8 @@ class RunningExploration:
         evidence = evidence_from_grasps(grasps, radius)
         self._add(evidence, links)
         self.touches += was_made(grasps.closing.status).sum((1, 2, 3))
-        self.time += np.where(mask, grasps.time_s, 0.0).sum(1)
-        self.path += np.where(mask, grasps.moves.path_m, 0.0).sum(1)
+        self.time += row_sums(np.where(mask, grasps.time_s, 0.0))
+        self.path += row_sums(np.where(mask, grasps.moves.path_m, 0.0))
         self.procedures.append(Procedure("containment", self.step, grasps, np.asarray(mask.any(1)),
                                          evidence.mask.shape[1], self.closings_made, pose))
         self.closings_made += 1
@@ -322,11 +323,12 @@ class RunningExploration:
             self.whole = with_profiles(before, rows, profile)
         all_felt = replace(placed, free_m=self.felt.free_m[rows],
                            free_mask=self.felt.free_mask[rows])
-        self.shape = with_rows(self.shape, rows, choose_body(
-            fitted, body, profile, all_felt, self.contour, prior).shape)
+        chosen = choose_body(fitted, body, profile, all_felt, self.contour, prior)
+        self.shape = with_rows(self.shape, rows, chosen.shape)
         # What is contradicted may lead to where it is felt to be wrong, but it is no result.
         # Evidence that the fit may not use is not used to judge it either.
-        agrees = plausible(body, prior, table_plane=self.table.table_plane)
+        agrees = (plausible(body, prior, table_plane=self.table.table_plane)
+                  & ~refuted(chosen, placed))
         if self.table.free_space:
             agrees &= ~swept(body, all_felt)
         self.believed = with_rows(self.believed, rows, fitted)

@@ -26,14 +26,18 @@ def extended_finger(hand: HandTable, pads: PadTable) -> ExtendedFinger | None:
     """The hand with one finger extended; None where no finger's tip bears a pad. Raises HandError
     for a hand that cannot be used."""
     chain = chain_of_table(hand)
-    return utah_mit_extended(hand, pads) if chain is None else chain_extended(chain, pads)
+    if chain is not None:
+        return chain_extended(chain, pads)
+    return utah_mit_extended(hand, pads) if pads.distal else None
 
 
 @lru_cache(maxsize=16)
 def opposed_pair(hand: HandTable, pads: PadTable) -> OpposedPair | None:
     """Two of its fingers that close towards each other; None where no two with pads do."""
     chain = chain_of_table(hand)
-    return utah_mit_opposed(hand, pads) if chain is None else chain_opposed(chain, pads)
+    if chain is not None:
+        return chain_opposed(chain, pads)
+    return utah_mit_opposed(hand, pads) if pads.distal else None
 
 
 def poking_pose(

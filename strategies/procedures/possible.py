@@ -31,7 +31,8 @@ def opposed_of(hand: HandTable, pads: PadTable) -> OpposedPair:
     found = opposed_pair(hand, pads)
     if found is None:
         raise NotPossible(f"{STATUS}: contour feels with the pads of an opposed pair of fingers, "
-                          f"and the hand {_name(hand)} has no opposed pair")
+                          f"and the hand {_name(hand)} has no opposed pair with pads on their last "
+                          "links")
     return found
 
 

@@ -12,7 +12,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "contact_verdict": ["ACCEPTED", "DOUBTED_M", "FAR", "TABLE", "UNEXPLAINED_M",
                         "accepted_contacts", "accepted_rms", "contact_verdicts", "doubted",
                         "explained_by", "mean_contradiction", "mean_gap",
-                        "mean_gap_to_mesh", "surface_gaps",
+                        "mean_gap_to_mesh", "refuted", "surface_gaps",
                         "unexplained"],
     "evidence": ["CONTOUR_TOUCHES", "CONTRADICTED_FROM", "Evidence", "FACE_TOUCHES", "SURE_LINK",
         "TABLE_MARGIN_M", "evidence_from_grasps", "evidence_from_touches", "joined_evidence",

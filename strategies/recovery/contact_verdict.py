@@ -9,7 +9,7 @@ Everything here is known to the robot.
 
 import numpy as np
 
-from fit.arrays import row_sums
+from fit.arrays import row_sums, rows_of
 from fit.implicit.record import TriangleMesh
 from strategies.contacts.finger_touch import TouchedLinks
 from strategies.recovery.body_distances import contour_distances, surface_distances
@@ -33,6 +33,9 @@ DOUBTED_M = 0.0016
 """The same of a round body beside which a free form is tried [m] [est]."""
 ROUND_FROM = 0.5
 """Exponent of the level section from which a superquadric is round, as `decide` takes it."""
+REFUTED_SHARE, SPARED_SHARE = 0.5, 0.1
+"""A body is refuted where torques contradict it at this share of its contacts, and no more than the
+second share of them is accepted [est]."""
 MOST_CONTRADICTED = 9.0
 """What a contact that contradicts a body more, or of a link in doubt, counts as."""
 ACCEPTED, UNSURE_LINK, UNSURE_PLACE, UNSURE_BODY, CONTRADICTED, FAR, TABLE = (
@@ -129,6 +132,22 @@ def contact_verdicts(
         asked = np.asarray(verdict == ACCEPTED) & ~evidence.by_pad
         verdict[moved_on_second_surface(evidence, links, asked) > MOVED_M] = UNSURE_BODY
     return verdict
+
+
+def refuted(recovered: Recovered, evidence: Evidence) -> np.ndarray:
+    """Worlds whose contacts speak against the body fitted to them, bool (world,): fingers that
+    stopped elsewhere, at the hand itself or at nothing.
+
+    That hardly any contact is accepted does not suffice: the place of each may be vague, and the
+    body true all the same.
+    """
+    contacts = evidence.mask.sum(1)
+    against = (evidence.mask & (evidence.contradiction > CONTRADICTED_FROM)).sum(1)
+    found = np.asarray((contacts > 0) & (against >= REFUTED_SHARE * contacts))
+    rows = np.flatnonzero(found)
+    accepted = accepted_contacts(rows_of(recovered, rows), rows_of(evidence, rows)).sum(1)
+    found[rows] = accepted <= SPARED_SHARE * contacts[rows]
+    return found
 
 
 def _widest(evidence: Evidence) -> np.ndarray:

@@ -208,8 +208,8 @@ def episode_notes(block: EpisodeBlock, cell: Cell, which: np.ndarray) -> np.ndar
 
     `which` (world,) tells which of the block's bodies stands in each.
     """
-    why = why_untouched(block.exploration, [block.bodies[n] for n in which],
-                        block.truth.body_pose, block.prior, cell.arm, cell.hand)
+    why = why_untouched(block.exploration, [block.bodies[n] for n in which], block.truth,
+                        block.prior, cell.arm, cell.hand)
     why = np.where(why == "", mostly_itself(block.exploration), why)
     why = np.where(block.exploration.stopped, STOPPED, why)
     return np.where(np.isin(block.status, FAULTY), block.exploration.fault, why)

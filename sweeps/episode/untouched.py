@@ -11,12 +11,13 @@ from scipy.spatial.transform import Rotation
 from strategies.exploration_record import Exploration
 from strategies.poses.hand_outline import outline_of
 from strategies.poses.waypoints import BoundingCylinder
+from strategies.procedures.touches import REASON_TEXT, EndReason
 from warpgrasp.geometry.body import Body
 from warpgrasp.geometry.body_sampling import sample_body
 from warpgrasp.mechanism.arm_reach import nearest_reachable, pose_reachable
 from warpgrasp.parameters import ArmTable, HandTable
 from warpgrasp.probe_status import ProbeStatus
-from warpgrasp.robot import Grasps
+from warpgrasp.robot import Grasps, Truth
 
 _SLAB_M = 0.010
 _LEAST_M = 0.002
@@ -25,29 +26,36 @@ _WIDE = 1.3
 
 
 def why_untouched(
-    exploration: Exploration, bodies: list[Body], body_pose: np.ndarray,
+    exploration: Exploration, bodies: list[Body], truth: Truth,
     prior: BoundingCylinder, arm: ArmTable, hand: HandTable,
 ) -> np.ndarray:
-    """A sentence for each world that was grasped at and has no contact, else empty, (world,).
+    """A sentence for each world without a contact that was grasped at or felt for, else empty,
+    (world,).
 
-    `bodies` has one entry a world, `body_pose` is (world, 7).
+    `bodies` has one entry a world.
     """
-    found = np.full(len(bodies), "", object)
-    grasps = [(p.asked_pose, p.felt.moves.status[:, :, 0]) for p in exploration.procedures
+    worlds = len(bodies)
+    found = np.full(worlds, "", object)
+    grasps = [(p.asked_pose, p.felt, truth.closings[p.closing]) for p in exploration.procedures
               if isinstance(p.felt, Grasps) and p.asked_pose is not None]
-    if not grasps:
-        return found
-    asked = np.concatenate([pose for pose, _ in grasps], 1)
-    status = np.concatenate([value for _, value in grasps], 1)
+    asked = np.concatenate([np.zeros((worlds, 0, 7)), *(pose for pose, _, _ in grasps)], 1)
+    status = np.concatenate([np.zeros((worlds, 0), int),
+                             *(felt.moves.status[:, :, 0] for _, felt, _ in grasps)], 1)
     tried = status != ProbeStatus.NOT_TRIED
-    silent = tried.any(1) & ~exploration.belief.evidence.mask.any(1)
-    for world in np.flatnonzero(silent).tolist():
+    unfelt = np.zeros(worlds, bool)
+    for _, felt, true in grasps:
+        free = felt.closing.status == ProbeStatus.NO_CONTACT
+        unfelt |= (free & true.pressed).any((1, 2, 3))
+    silent = ~exploration.belief.evidence.mask.any(1)
+    for world in np.flatnonzero(silent & ~tried.any(1)).tolist():
+        found[world] = _why_ended(exploration, world)
+    for world in np.flatnonzero(silent & tried.any(1)).tolist():
         mine = status[world][tried[world]]
         poses = asked[world][tried[world]]
         there = np.isin(mine, (ProbeStatus.CONTACT, ProbeStatus.NO_CONTACT))
         if there.any():
-            found[world] = _why_missed(poses[there], bodies[world], body_pose[world], prior, world,
-                                       hand)
+            found[world] = _why_missed(poses[there], bodies[world], truth.body_pose[world], prior,
+                                       world, hand, bool(unfelt[world]))
         elif (mine == ProbeStatus.UNREACHABLE).any():
             out = poses[mine == ProbeStatus.UNREACHABLE]
             where = _nearest_text(out[0], arm, hand)
@@ -69,6 +77,13 @@ def mostly_itself(exploration: Exploration) -> np.ndarray:
                      if n > 3 * m else "" for n, m in zip(own, at_object, strict=True)], object)
 
 
+def _why_ended(exploration: Exploration, world: int) -> str:
+    """Why what felt with pads ended in a world, each reason once."""
+    return "; ".join(dict.fromkeys(
+        f"{p.name}: {REASON_TEXT[EndReason(p.felt.reason[world])]}"
+        for p in exploration.procedures if not isinstance(p.felt, Grasps) and p.took_part[world]))
+
+
 def _poses(count: int) -> str:
     return "1 pose" if count == 1 else f"{count} poses"
 
@@ -88,7 +103,7 @@ def _place(pose: np.ndarray) -> str:
 
 
 def _why_missed(poses: np.ndarray, body: Body, body_pose: np.ndarray, prior: BoundingCylinder,
-                world: int, hand: HandTable) -> str:
+                world: int, hand: HandTable, unfelt: bool) -> str:
     points = Rotation.from_quat(body_pose[3:]).apply(sample_body(body).surface_m) + body_pose[:3]
     outline = outline_of(hand)
     side = np.array([outline.half_gap_m, outline.half_side_m, 0.0])
@@ -103,11 +118,13 @@ def _why_missed(poses: np.ndarray, body: Body, body_pose: np.ndarray, prior: Bou
         gaps.append(float(apart[near]))
         ways.append(turn.apply(seen[near] - inside[near]))
     best = int(np.argmin(gaps))
-    closed = f"fingers closed at {_poses(len(poses))} and touched nothing"
+    closed = f"fingers closed at {_poses(len(poses))} and touched"
+    if gaps[best] < _LEAST_M and unfelt:
+        return f"{closed} the object, but the sensors did not feel it"
     if gaps[best] < _LEAST_M:
-        text = f"{closed}: they stayed open around the object"
+        text = f"{closed} nothing: they stayed open around the object"
     else:
-        text = f"{closed}: at the nearest they closed {1e3 * gaps[best]:.0f} mm " + _side(
+        text = f"{closed} nothing: at the nearest they closed {1e3 * gaps[best]:.0f} mm " + _side(
             ways[best], turns[best].apply([0.0, 0.0, 1.0]))
     wide = _half_width(points, poses[best], turns[best])
     given = float(prior.radius_m[world])

@@ -4,6 +4,7 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "cell": ["CONTACTS", "Cell", "SECTIONS", "TABLES", "batch_key"],
+    "checks": ["false_stops"],
     "errors": ["Held", "OtherStudy", "Problem", "Problems", "SpecError", "StoreError",
         "choose", "short"],
     "hands": ["hands_of"],

@@ -1,6 +1,7 @@
 """Values of a spec that do not go together, in its sections and at every point of its sweep.
 
-Lower limits lie below upper ones, pads fit their links, keys say something of the study's robots.
+Lower limits lie below upper ones, pads fit their links, keys say something of the study's robots,
+thresholds clear what tendons read in free motion.
 """
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -156,22 +157,57 @@ def check_pads(study: Study, problems: Problems) -> None:
     """Notes the first setting under which a pad does not fit its link, if any strategy feels."""
     if not any(PROCEDURES & set(order) for order in _orders(study)):
         return
-    points = [dict.fromkeys(
-        tuple(entry for entry in zip(axis.keys, values, si, strict=True) if entry[0] in KEYS)
+    for swept, tables in _points(study, KEYS):
+        if wrong := _misfit(tables["hand"], tables["pads"]):
+            given = [path for key in KEYS if (path := tuple(key.split("."))) in problems.lines]
+            at = [("sweep",)] if swept else [*given, ("pads",)]
+            problems.add(at[0], _told(swept) + wrong)
+            return
+
+
+FALSE_STOPS_FROM = 5.0
+"""Deviations of the difference of two tensions: readings are many, and the links' weight adds to
+them [est]."""
+STOPS = ("hand.kind", "hand.tendon_friction", "hand.co_contraction_N", "hand.tension_low_N",
+         "sensors.tendon_threshold_N", "sensors.tension_noise_N")
+
+
+def false_stops(study: Study) -> str:
+    """What to say of the first setting under which friction and noise of the tendons may stop
+    fingers that touch nothing; empty where there is none."""
+    for swept, tables in _points(study, STOPS):
+        hand, sensors = tables["hand"], tables["sensors"]
+        rub = 2.0 * hand.tendon_friction * max(hand.co_contraction_N, hand.tension_low_N)
+        read = rub + FALSE_STOPS_FROM * 2.0**0.5 * sensors.tension_noise_N
+        if hand.kind == UTAH_MIT and read > sensors.tendon_threshold_N:
+            return (f"{_told(swept)}friction and noise of tendons read up to {read:.1f} N where "
+                    f"nothing is touched, and fingers stop from {sensors.tendon_threshold_N:g} N "
+                    "on: some contacts will be of nothing")
+    return ""
+
+
+def _points(study: Study, keys: Collection[str]
+            ) -> Iterator[tuple[list[tuple[str, Any, Any]], dict[str, Any]]]:
+    """The combinations of values that a study sweeps some keys over, as (key, value, SI value) of
+    each, and the tables of the keys' sections there."""
+    axes = [dict.fromkeys(
+        tuple(entry for entry in zip(axis.keys, values, si, strict=True) if entry[0] in keys)
         for values, si in zip(axis.values, axis.si, strict=True)) for axis in study.axes]
-    for chosen in product(*points):
-        tables = {section: study.tables[section] for section in ("pads", "hand")}
+    for chosen in product(*axes):
         swept = [entry for point in chosen for entry in point]
+        tables = {section: study.tables[section] for section in
+                  dict.fromkeys(key.split(".")[0] for key in keys)}
         for key, _, si in swept:
             section, name = key.split(".")
             field = spec_fields(SECTIONS[section])[name]
             tables[section] = replace(tables[section], **{field.name: si})
-        if wrong := _misfit(tables["hand"], tables["pads"]):
-            given = [path for key in KEYS if (path := tuple(key.split("."))) in problems.lines]
-            at = [("sweep",)] if swept else [*given, ("pads",)]
-            told = ", ".join(f"{key} = {value}" for key, value, _ in swept)
-            problems.add(at[0], f"with {told}: {wrong}" if told else wrong)
-            return
+        yield swept, tables
+
+
+def _told(swept: Sequence[tuple[str, Any, Any]]) -> str:
+    """Where in a sweep something is so, for a message; empty without a sweep."""
+    told = ", ".join(f"{key} = {value}" for key, value, _ in swept)
+    return f"with {told}: " if told else ""
 
 
 def _misfit(hand: HandTable, pads: PadTable) -> str:

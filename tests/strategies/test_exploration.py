@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from places import HELPERS
 
+from strategies import exploration
 from strategies.exploration import explore
 from strategies.exploration_record import Exploration
 from strategies.planners.from_strategy import MOST_STEPS, Budget, budget_of
@@ -22,7 +23,9 @@ from strategies.procedures.options import ContourTable, DecideTable, PlanarTable
 from strategies.ready_made import STRATEGIES
 from strategies.recovery import refit_policy
 from strategies.recovery.belief import Belief
+from strategies.recovery.choose_model import Recovered, Shape
 from strategies.recovery.fit_contacts import recover_bodies
+from strategies.recovery.refit_policy import Fitted, refitted
 from strategies.strategy import Strategy
 from warpgrasp.core.random import counter_key
 from warpgrasp.objects.catalogue import body_from_name
@@ -37,7 +40,7 @@ CLOSINGS = ("curl40",)
 
 
 def run(planner, episodes=(0, 1), name="large_cylinder", budget: Budget | None = None,
-        table: FitTable = QUICK, closings=CLOSINGS) -> Exploration:
+        table: FitTable = QUICK, closings=CLOSINGS, observe=None) -> Exploration:
     worlds = len(episodes)
     key = counter_key(7, np.asarray(episodes))
     pose = np.tile([0.45, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (worlds, 1))
@@ -47,7 +50,8 @@ def run(planner, episodes=(0, 1), name="large_cylinder", budget: Budget | None =
     one = np.ones(worlds)
     prior = BoundingCylinder(0.45 * one, 0.0 * one, float(np.hypot(*body.high_m[:2])) * one,
                             body.high_m[2] * one)
-    return explore(robot, planner, prior, key, table=table, closings=closings, budget=budget)
+    return explore(robot, planner, prior, key, table=table, closings=closings, budget=budget,
+                   observe=observe)
 
 
 def ordered(*order: str, count: int = 6, refit_every: int = 0) -> OrderedPlanner:
@@ -293,6 +297,46 @@ def test_a_needle_among_its_touches_is_not_believed(monkeypatch: pytest.MonkeyPa
     found = run(ordered("containment"))
     assert (found.status == "fit_implausible").all()
     assert np.allclose(found.belief.body.size_m[:, 0], found.belief.prior.radius_m)
+
+
+def test_a_body_that_contacts_contradict_is_no_result_but_is_gone_on_by(
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fingers that stop at one another make such bodies."""
+
+    def contradicted(*arguments: Any) -> Fitted:
+        last = refitted(*arguments)
+        placed = replace(last.placed, contradiction=np.full(last.placed.mask.shape, 50.0))
+        return replace(last, placed=placed, rough=np.zeros_like(last.rough))
+
+    monkeypatch.setattr(exploration, "refitted", contradicted)
+    seen: list[tuple[Belief, Recovered]] = []
+    found = run(ordered("containment", refit_every=3),
+                observe=lambda belief, recovered: seen.append((belief, recovered)))
+    assert len(seen) > 1
+    assert (found.status == "fit_implausible").all()
+    for belief, recovered in seen:
+        assert (recovered.shape == Shape.PRIOR_CYLINDER).all()
+        assert np.array_equal(recovered.superquadric.size_m[:, 0], belief.prior.radius_m)
+        assert belief.fitted.all()
+        assert not np.array_equal(belief.body.size_m[:, 0], belief.prior.radius_m)
+
+
+def test_path_and_time_do_not_depend_on_the_probes_of_others() -> None:
+    """Pairwise sums of padded rows would differ in the last digit."""
+    poses: list[np.ndarray] = []
+
+    def some(belief: Belief) -> list[Grasp]:
+        if belief.step:
+            return []
+        if not poses:
+            poses.append(waypoint_poses((Ring(count=24),), belief.prior, belief.hand, belief.seed))
+        count = 24 if belief.worlds == 2 else 11
+        wanted = np.arange(count) < np.array([[11], [24]])[:belief.worlds]
+        return [Grasp(poses[0][:belief.worlds, :count], wanted)]
+
+    both, alone = run(some).belief, run(some, (0,)).belief
+    assert both.path_m[0] == alone.path_m[0] > 0.0
+    assert both.time_s[0] == alone.time_s[0] > 0.0
 
 
 def test_cutting_a_sequence_changes_no_contact() -> None:

@@ -137,7 +137,8 @@ def close_chains(
                 row["torque"][..., :width], row["reading"]),
             ClosingTruth(true["q"][..., :width], true["rest"][..., :width],
                          true["torque"][..., :width], true["link"], true["point"], true["normal"],
-                         true["on_table"].astype(bool), true["self_depth"] > 0.0))
+                         true["on_table"].astype(bool), true["self_depth"] > 0.0,
+                         true["touched"] >= 0))
 
 
 @lru_cache(maxsize=32)

@@ -53,6 +53,8 @@ class ClosingTruth:
     """Whether the table, not the object, was touched."""
     self_contact: np.ndarray
     """Whether another finger or the palm bears most."""
+    pressed: np.ndarray
+    """Whether a link pressed object or table on the way, felt or not."""
 
 
 @dataclass(frozen=True)
@@ -157,7 +159,8 @@ def close_fingers(
     true = truth.numpy()
     return (Closing(row["status"], row["step"], row["q"], row["tension"], row["difference"]),
             ClosingTruth(true["q"], true["rest"], true["torque"], true["link"], true["point"],
-                         true["normal"], true["on_table"].astype(bool), true["self_depth"] > 0.0))
+                         true["normal"], true["on_table"].astype(bool), true["self_depth"] > 0.0,
+                         true["touched"] >= 0))
 
 
 def _named(kernel: Any, values: dict[str, Any]) -> dict[str, Any]:

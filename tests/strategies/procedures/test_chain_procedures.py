@@ -131,3 +131,10 @@ def test_what_a_hand_cannot_do_is_said(tmp_path) -> None:
     for procedure in ("contour", "decide"):
         with pytest.raises(NotPossible, match="no opposed pair"):
             check_possible(procedure, second, PadTable())
+
+
+@pytest.mark.parametrize("procedure", ["planar", "contour", "decide"])
+def test_the_utah_mit_hand_without_pads_on_its_fingertips_feels_with_none(procedure: str) -> None:
+    check_possible(procedure, HandTable(), PadTable(middle=True))
+    with pytest.raises(NotPossible, match=r"^not_possible: .* utah_mit ha.* last link"):
+        check_possible(procedure, HandTable(), PadTable(distal=False, middle=True))

@@ -16,6 +16,7 @@ from strategies.recovery.contact_verdict import (
     contact_verdicts,
     doubted,
     mean_contradiction,
+    refuted,
     unexplained,
 )
 from strategies.recovery.evidence import Evidence, no_evidence
@@ -119,3 +120,28 @@ def test_torques_of_a_link_in_doubt_contradict_as_much_as_any() -> None:
     felt = replace(none, points_m=np.zeros((1, 4, 3)), mask=np.array([[True, True, True, False]]),
                    contradiction=np.array([[1.0, np.inf, 100.0, 5.0]]))
     assert mean_contradiction(felt)[0] == pytest.approx((1.0 + 9.0 + 9.0) / 3.0)
+
+
+@pytest.mark.parametrize(("contradicted", "off_m", "vague", "wrong"), [
+    (30, 0.0, False, True), (30, 0.02, False, True), (28, 0.0, False, True),
+    (24, 0.0, False, False),  # six agree
+    (0, 0.0, True, False), (10, 0.0, True, False),  # hardly any place is known
+    (16, 0.0, True, True), (0, 0.02, False, False),
+])
+def test_contacts_refute_a_body_that_most_contradict_and_hardly_any_confirms(
+        contradicted: int, off_m: float, vague: bool, wrong: bool) -> None:
+    felt = touched(off_m)
+    contradiction = np.where(np.arange(30) < contradicted, [[50.0], [np.inf]], 1.0)
+    sigma = 0.01 if vague else 0.001
+    felt = replace(felt, contradiction=contradiction,
+                   covariance_m2=np.tile(sigma**2 * np.eye(3), (2, 30, 1, 1)))
+    assert refuted(ball(), felt).tolist() == [wrong, wrong]
+    alone = rows_of(felt, np.array([1]))
+    assert refuted(rows_of(ball(), np.array([1])), alone).tolist() == [wrong]
+
+
+def test_neither_pads_nor_the_lack_of_contacts_refute_a_body() -> None:
+    felt = touched(0.02)
+    pads = replace(felt, by_pad=np.ones_like(felt.mask), contradiction=np.zeros(felt.mask.shape))
+    assert not refuted(ball(), pads).any()
+    assert not refuted(ball(), replace(felt, mask=np.zeros_like(felt.mask))).any()

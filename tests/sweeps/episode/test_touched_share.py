@@ -28,7 +28,7 @@ def closing(points_m: np.ndarray, **more: np.ndarray) -> ClosingTruth:
     given = {"link": np.full(shape, 2), "on_table": none, "self_contact": none} | more
     return ClosingTruth(np.zeros((*shape, 4)), np.zeros((*shape, 4)), np.zeros((*shape, 4)),
                         given["link"], points_m.reshape(*shape, 3), np.zeros((*shape, 3)),
-                        given["on_table"], given["self_contact"])
+                        given["on_table"], given["self_contact"], ~none)
 
 
 def test_a_contact_on_a_sphere_covers_a_cap() -> None:

@@ -10,12 +10,13 @@ import pytest
 
 from strategies.exploration_record import Procedure
 from strategies.poses.waypoints import Ring
+from strategies.ready_made import STRATEGIES
 from strategies.strategy import Strategy
 from sweeps.episode.episodes import run_episodes
 from sweeps.episode.untouched import mostly_itself
 from sweeps.spec.cell import Cell
 from warpgrasp.mechanism.arm_reach import nearest_reachable, pose_reachable
-from warpgrasp.parameters import ArmTable, HandTable
+from warpgrasp.parameters import ArmTable, HandTable, ObjectTable, SensorTable
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Grasps
 
@@ -58,6 +59,26 @@ def test_a_hand_that_closes_beside_the_object_is_told_where_it_is() -> None:
     assert any("the prior, " in note and " times as wide as the object there" in note
                for note in notes)
     assert all("touched nothing: " in note or "would strike" in note for note in notes)
+
+
+@pytest.mark.parametrize(("sensors", "hand"), [
+    (SensorTable(tendon_threshold_N=1000.0), HAND),
+    (SensorTable(), HandTable(skin_stiffness_N_m=10.0))])
+def test_fingers_that_press_unfelt_are_not_said_to_touch_nothing(
+        sensors: SensorTable, hand: HandTable) -> None:
+    cell = Cell(STRATEGIES["ring6"], {"name": "block"}, "it", seed=0, sensors=sensors, hand=hand)
+    rows = run_episodes(cell, np.arange(2), "cpu")
+    assert not rows["contacts"].any()
+    assert all(note.endswith("touched the object, but the sensors did not feel it")
+               for note in rows["note"])
+
+
+@pytest.mark.parametrize(("x_m", "says"), [
+    (1.5, "contour: the arm cannot reach there"), (0.45, "")])
+def test_what_feels_with_pads_out_of_reach_says_so(x_m: float, says: str) -> None:
+    cell = Cell(STRATEGIES["contour-only"], {"name": "large_cylinder"}, "it", seed=2,
+                placement=ObjectTable(x_m=x_m))
+    assert set(run_episodes(cell, np.arange(2), "cpu")["note"]) == {says}
 
 
 def test_no_reachable_place_is_much_nearer_than_the_nearest() -> None:

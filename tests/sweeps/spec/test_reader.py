@@ -203,31 +203,6 @@ def test_lower_limits_below_upper_ones_can_be_swept(tmp_path: Path, text: str) -
     assert read(tmp_path, SMALL + text + "\n").axes
 
 
-PADS = [
-    ("[hand]\nlink_radius_mm = 20\n", "spec.toml:12: hand.link_radius_mm: pad of 25.4 mm does not "
-     "fit link 2 of 28 mm; should be 29.3 to 57.3 mm long"),
-    ("[pads]\nmiddle = true\nlength_mm = 35\n", "spec.toml:13: pads.length_mm: pad of 35 mm does "
-     "not fit link 1 of 33 mm; should be 0 to 33 mm long"),
-    ('[sweep.grid]\n"object.x_mm" = [450, 460]\n"hand.link_radius_mm" = [8, 20]\n'
-     '"pads.wrap_deg" = [10, 80]\n', "spec.toml:11: sweep: with hand.link_radius_mm = 20, "
-     "pads.wrap_deg = 80: pad of 25.4 mm does not fit link 2"),
-]
-
-
-@pytest.mark.parametrize(("text", "says"), PADS)
-def test_pads_fit_their_links_where_a_strategy_feels(
-        tmp_path: Path, text: str, says: str) -> None:
-    feels = SMALL + 'order = ["containment", "planar"]\n'
-    found = refusals(tmp_path, feels + text)
-    assert len(found) == 1
-    assert says in found[0]
-    swept = '"pads.wrap_deg" = [10, 80]\n'
-    read_spec(write_spec(tmp_path, SMALL + text.replace(swept, "")))  # only grasps
-    order = '"strategy.order" = [["containment"], ["decide"]]\n'
-    text += order if "[sweep" in text else f"[sweep.grid]\n{order}"
-    assert refusals(tmp_path, SMALL + text)
-
-
 def test_every_problem_comes_at_once_in_the_order_of_the_file(tmp_path: Path) -> None:
     text = SMALL.replace("seed = 7", "seed = -1").replace('"wedge"', '"wegde"').replace(
         "ring6", "rign6") + "[hand]\nlink = 3\n"
