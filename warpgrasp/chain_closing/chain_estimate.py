@@ -92,8 +92,8 @@ def estimate_chain_contacts(
 
 def chain_place_variance(errors: ErrorTable, arm: ArmTable, hand: ChainHand) -> float:
     """As `calibration.place_variance`: of where a place on a finger is believed to be [m2]."""
-    longest = max(float(np.linalg.norm(joint.place[:3]))
-                  for finger in hand.model.fingers for joint in finger.joints[1:])
+    longest = max((float(np.linalg.norm(joint.place[:3]))
+                   for finger in hand.model.fingers for joint in finger.joints[1:]), default=0.0)
     return (arm_variance(errors, arm) + errors.mount_m**2
             + (_MOUNT_LEVER_M * errors.mount_rad) ** 2 + errors.finger_base_m**2
             + (errors.link_length_share * longest) ** 2)
