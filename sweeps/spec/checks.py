@@ -114,23 +114,30 @@ KEYS = ("pads.length_mm", "pads.wrap_deg", "pads.thickness_mm", "pads.distal", "
 
 def check_pads(study: Study, problems: Problems) -> None:
     """Notes the first setting under which a pad does not fit its link, if any strategy feels."""
-    if not any(PROCEDURES & set(order) for order in _orders(study)):
-        return
+    if any(PROCEDURES & set(order) for order in _orders(study)):
+        note_misfit(study, KEYS, lambda tables: _misfit(tables["hand"], tables["pads"]), ("pads",),
+                    problems)
+
+
+def note_misfit(study: Study, keys: Collection[str], misfit: Callable[[Mapping[str, Any]], str],
+                path: KeyPath, problems: Problems) -> None:
+    """Notes the first point of the sweep at which tables do not fit together, as far as they depend
+    on `keys`: where one of them is given, or else at `path`."""
     points = [dict.fromkeys(
-        tuple(entry for entry in zip(axis.keys, values, si, strict=True) if entry[0] in KEYS)
+        tuple(entry for entry in zip(axis.keys, values, si, strict=True) if entry[0] in keys)
         for values, si in zip(axis.values, axis.si, strict=True)) for axis in study.axes]
     for chosen in product(*points):
-        tables = {section: study.tables[section] for section in ("pads", "hand")}
+        tables = dict(study.tables)
         swept = [entry for point in chosen for entry in point]
         for key, _, si in swept:
             section, name = key.split(".")
             field = spec_fields(SECTIONS[section])[name]
             tables[section] = replace(tables[section], **{field.name: si})
-        if wrong := _misfit(tables["hand"], tables["pads"]):
-            given = [path for key in KEYS if (path := tuple(key.split("."))) in problems.lines]
-            at = [("sweep",)] if swept else [*given, ("pads",)]
+        if wrong := misfit(tables):
+            given = [own for key in keys if (own := tuple(key.split("."))) in problems.lines]
+            at = ("sweep",) if swept else [*given, path][0]
             told = ", ".join(f"{key} = {value}" for key, value, _ in swept)
-            problems.add(at[0], f"with {told}: {wrong}" if told else wrong)
+            problems.add(at, f"with {told}: {wrong}" if told else wrong)
             return
 
 
@@ -144,6 +151,12 @@ def _misfit(hand: HandTable, pads: PadTable) -> str:
 
     chain = chain_of_table(hand)
     return pad_misfit(chain, pads) if chain is not None else ""
+
+
+def closes_fingers(study: Study) -> bool:
+    """Whether a strategy may close fingers on the object."""
+    return any(strategy.call for strategy in study.strategies) or any(
+        "containment" in order for order in _orders(study))
 
 
 def _orders(study: Study) -> list[tuple[str, ...]]:
