@@ -157,7 +157,7 @@ def test_pads_that_do_not_fit_the_hand_are_refused(tmp_path: Path) -> None:
                                                             "length_mm = 80.0"))
     said = told(tmp_path, HEAD + 'hand = "my_hand.toml"\n' + feels + ALONE)
     assert "finger index: pad of 80 mm does not fit link joint_3.0 of 20 mm" in said
-    assert "should be 18.7 to 38.7 mm long" in said
+    assert "[pads] length_mm of the file of the hand should be 18.7 to 38.7" in said
     read(tmp_path, HEAD + 'hand = "my_hand.toml"\n' + RING + ALONE)
     for key in ("length_mm = 45.0", "middle = true"):
         assert "says nothing of this hand" in told(
@@ -167,6 +167,7 @@ def test_pads_that_do_not_fit_the_hand_are_refused(tmp_path: Path) -> None:
     said = told(tmp_path, HEAD + 'hand = "my_hand.toml"\n' + feels + ALONE
                 + "[pads]\nlength_mm = 15.0\n")
     assert "pads.length_mm: leap: finger index: pad of 15 mm does not fit link 3" in said
+    assert "[pads] length_mm of a spec should be" in said
     read(tmp_path, HEAD + 'hand = "my_hand.toml"\n' + feels + ALONE + "[pads]\nlength_mm = 30.0\n")
 
 
