@@ -72,7 +72,7 @@ def placing_hand(table: HandTable, device: str) -> PlacingHand:
     # Imported for hands that are chains alone.
     from strategies.contacts import chain_placing_kernel as theirs
     from warpgrasp.chain.chain_kernel import vec6
-    from warpgrasp.chain_closing.chain_closing import no_chain_errors
+    from warpgrasp.chain_closing.chain_path import no_chain_errors
 
     joint_of = np.full((chain.fingers, max(map(len, chain.capsule_joint))), -1)
     for finger, joints in enumerate(chain.capsule_joint):

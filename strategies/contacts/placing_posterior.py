@@ -6,7 +6,8 @@ a place along the axis and a direction around it explain the four torques of a f
 size of the force. With friction the force leans: by a share of its normal part that is taken as
 normally distributed, each way along the surface. The posterior over places and directions is the
 likelihood of the torques, whatever the size and the lean of the force, times how well the body
-agrees: its surface is one link radius from the axis there, and its normal is the direction.
+agrees: its surface is one link radius from the axis there, its normal is the direction, and no
+capsule beside it is nearer to the body.
 """
 
 from typing import Any
@@ -70,6 +71,7 @@ _TINY = wp.constant(real(1e-300))
 _FLAT = wp.constant(real(1e-9))
 _LEAST_SLOPE = wp.constant(real(1e-3))
 UNLIKELY = wp.constant(real(1e-3))
+_BESIDE = wp.constant(real(2e-3))  # [m] how well a body tells which of two capsules is nearer [est]
 
 
 @wp.func
@@ -241,6 +243,28 @@ class Placed:
     misfit: real
 
 
+@wp.func
+def _gap(hand: Any, link: int, believed: FieldAt):
+    """How far from the body a link is where it is nearest, less than 0 inside [m]."""
+    nearest = WORST
+    for k in range(_ALONG + wp.min(round_end(hand, link), 1)):
+        nearest = wp.min(nearest, believed.stations[believed.world, believed.point,
+                                                    link * _STATIONS + k][3])
+    return nearest - radius_of(hand, link)
+
+
+@wp.func
+def _behind(hand: Any, link: int, believed: FieldAt):
+    """How much nearer to the body another capsule of the same joint is [m], 0 where none is. A
+    body that is off is off by the same for both."""
+    most = ZERO
+    gap = _gap(hand, link, believed)
+    for other in range(links_of(hand)):
+        if other != link and joint_of(hand, other) == joint_of(hand, link):
+            most = wp.max(most, gap - _gap(hand, other, believed))
+    return most
+
+
 @wp.func(inline=False)
 def placed_contact(
     f: Any, hand: Any, felt: Any, root: Any, link_weight: Any, logs: Any, lean: real,
@@ -261,7 +285,9 @@ def placed_contact(
                                   radius_of(hand, link), lean, felt, root, believed,
                                   place_sigma, turn_sigma, farthest)
             if post.weight > ZERO:
-                logs[link] = wp.log(post.weight) - HALF * post.least
+                # Of capsules side by side the one behind cannot have touched.
+                behind = wp.min(_behind(hand, link, believed), farthest) / _BESIDE
+                logs[link] = wp.log(post.weight) - HALF * (post.least + behind * behind)
                 if logs[link] > most:
                     most = logs[link]
                     best = post

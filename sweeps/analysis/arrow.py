@@ -58,6 +58,7 @@ def write_rows(folders: Sequence[Path], out: Path, what: str = "episodes") -> tu
     """
     plan, stores = open_study(folders)
     find, _ = KINDS[what]
+    known = _contact_types(plan, stores) if what == "contacts" else {}
     finished = found = count = failed = 0
     waiting: list[pa.Table] = []
     with atomic_file(out) as stream, _writer(stream, out.suffix) as write:
@@ -70,7 +71,7 @@ def write_rows(folders: Sequence[Path], out: Path, what: str = "episodes") -> tu
             if columns is None:
                 continue
             found += 1
-            waiting.append(_table(columns, unit, setting, plan.study))
+            waiting.append(_table(columns, known, unit, setting, plan.study))
             count += len(waiting[-1])
             if sum(map(len, waiting)) >= GROUP:
                 write(waiting)
@@ -129,19 +130,35 @@ KINDS: dict[str, tuple[Callable[[Sequence[Store], Unit], Columns | None], str]] 
     "curves": (_curves, "curves")}
 
 
-def _table(columns: Columns, unit: Unit, setting: int, study: Study) -> pa.Table:
-    """A unit's columns, with those of its setting after its names."""
+def _contact_types(plan: Plan, stores: Sequence[Store]) -> dict[str, pa.DataType]:
+    """The columns of the contacts of all units: hands differ in their number of joints."""
+    found: dict[str, pa.DataType] = {}
+    for unit, _ in _units(plan):
+        for store in stores:
+            found = store.contact_types(unit) | found
+    return found
+
+
+def _table(columns: Columns, known: dict[str, pa.DataType], unit: Unit, setting: int, study: Study
+           ) -> pa.Table:
+    """A unit's columns, with those of its setting after its names, and nulls in those `known` ones
+    that it has not."""
     count = len(next(iter(columns.values())))
-    arrays = {name: pa.array(columns[name]) for name in NAMES if name in columns}
+    arrays = {name: _array(columns[name]) for name in NAMES if name in columns}
     arrays["setting"] = pa.array(np.full(count, setting, np.int64))
     for key, kind in _setting_types(study).items():
         value = unit.cell.setting[key]
         arrays[key] = pa.array([value_text(value) if kind == pa.string() else value] * count, kind)
-    for name, values in columns.items():
-        if name not in arrays:  # of numbers NaN becomes null
-            arrays[name] = pa.array(values, pa.string() if values.dtype == object else None,
-                                    from_pandas=True)
+    for name in known | columns:
+        if name not in arrays:
+            arrays[name] = (_array(columns[name]) if name in columns
+                            else pa.nulls(count, known[name]))
     return pa.table(arrays)
+
+
+def _array(values: np.ndarray) -> pa.Array:
+    """Text, of which there may be none, or numbers, of which NaN becomes null."""
+    return pa.array(values, pa.string() if values.dtype == object else None, from_pandas=True)
 
 
 def _setting_types(study: Study) -> dict[str, pa.DataType]:

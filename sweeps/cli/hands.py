@@ -62,7 +62,7 @@ def hand(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
     from sweeps.spec.errors import StoreError
     from warpgrasp.hands.hand_file import hand_from_file
     from warpgrasp.hands.hand_writer import hand_text
-    from warpgrasp.hands.urdf_hand import hand_from_urdf
+    from warpgrasp.hands.urdf_hand import FRAMED, hand_from_urdf
 
     if out.suffix != ".toml":
         raise UsageError(f"--out: is {out}; should end in .toml")
@@ -71,7 +71,7 @@ def hand(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
             model, text = hand_from_file(urdf), None
         else:
             model, notes = hand_from_urdf(urdf, palm=palm, tips=tip or [], held_rad=_held(hold))
-            text = hand_text(model, notes, guessed=True)
+            text = hand_text(model, notes, guessed=True, framed=FRAMED in notes)
             for line in notes:
                 note(f"note: {line}")
         _say_guesses(model)

@@ -23,6 +23,7 @@ from strategies.recovery.plausibility import FEWEST_CONTACTS
 from sweeps.episode.episodes import EpisodeBlock, run_block
 from sweeps.figures.meshes import recovered_grid, surface_grid
 from sweeps.spec.cell import Cell
+from sweeps.spec.errors import StoreError
 from warpgrasp.arms.serial_arm import nearest_joints, serial_places
 from warpgrasp.chain.chain_hand import chain_of_table, closing_way, finger_lines
 from warpgrasp.geometry.meshing import body_mesh
@@ -87,11 +88,13 @@ class Replay:
 
 
 def make_replay(cell: Cell, block: EpisodeBlock, world: int = 0) -> Replay:
-    """The replay of one world of a block."""
+    """The replay of one world of a block. Raises StoreError where the robot did not move."""
     pose = block.truth.body_pose[world]
     vertices, faces = body_mesh(block.body, 24)
     made = _Recording(cell, block, world)
     frames = tuple(made.frames())
+    if not frames:
+        raise StoreError(f"nothing to replay: the episode ended {block.status[world]}")
     score = float(block.scores.chamfer_m[world] * 1e3)
     return Replay(
         f"{cell.strategy.name} on {cell.object_name}: {len(made.contacts)} contacts, chamfer "
@@ -313,6 +316,11 @@ def _retreated(pose: np.ndarray, by_m: float) -> np.ndarray:
 
 
 def replay_of(task: tuple[Cell, int, str]) -> Replay:
-    """Runs an episode again and makes its replay; in a worker, so that it is bit-identical."""
+    """Runs an episode again and makes its replay; in a worker, so that it is bit-identical. Raises
+    StoreError where there is none."""
     cell, episode, device = task
-    return make_replay(cell, run_block(cell, np.array([episode]), device))
+    try:
+        block = run_block(cell, np.array([episode]), device)
+    except ValueError as error:
+        raise StoreError(f"nothing to replay: the episode fails: {error}") from error
+    return make_replay(cell, block)

@@ -16,7 +16,14 @@ from sweeps.output import write_atomic
 from sweeps.run.environment import describe_environment
 from sweeps.run.inputs import keep_inputs
 from sweeps.run.plan import Plan, Unit, differences, digest, extends, plan_study, study_of
-from sweeps.run.unit_file import Columns, DamagedUnit, contacts_id, looks_whole, read_unit
+from sweeps.run.unit_file import (
+    Columns,
+    DamagedUnit,
+    column_types,
+    contacts_id,
+    looks_whole,
+    read_unit,
+)
 from sweeps.spec.errors import Held, OtherStudy, StoreError, short
 
 OWN_FILES = ("spec.toml", "resolved.json", "environment.json", "leaderboard.csv",
@@ -188,6 +195,11 @@ class Store:
         except DamagedUnit as error:
             self.set_aside(path, str(error))
             return None
+
+    def contact_types(self, unit: Unit) -> dict[str, Any]:
+        """The names and types of the columns of a unit's contacts; none where they are not there.
+        """
+        return column_types(self.contacts / f"{unit.id}.parquet")
 
     def has(self, unit: Unit, verify: bool = False) -> bool:
         """Whether a unit is there, with its contacts if they are kept: by a look at its files'

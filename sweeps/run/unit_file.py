@@ -122,6 +122,16 @@ def looks_whole(path: Path, unit_id: str) -> bool:
     return unit_id.encode() in tail[-8 - footer:]
 
 
+def column_types(path: Path) -> dict[str, pa.DataType]:
+    """The names and types of a unit file's columns, by its end; none where there is no whole file.
+    """
+    try:
+        schema = pq.read_schema(path)
+    except (OSError, pa.ArrowException):
+        return {}
+    return dict(zip(schema.names, schema.types, strict=True))
+
+
 def _arrow(values: np.ndarray) -> pa.Array:
     if _holds_curves(values):
         return pa.array([v.tolist() for v in values], type=pa.list_(pa.float64()))

@@ -155,13 +155,19 @@ def _values(study: Study, key: str) -> set[Any]:
 
 def check_pads(study: Study, problems: Problems) -> None:
     """Notes the first setting under which a pad does not fit its link, if any strategy feels."""
-    if not any(PROCEDURES & set(order) for order in _orders(study)):
-        return
-    for swept, tables in _points(study, KEYS):
-        if wrong := _misfit(tables["hand"], tables["pads"]):
-            given = [path for key in KEYS if (path := tuple(key.split("."))) in problems.lines]
-            at = [("sweep",)] if swept else [*given, ("pads",)]
-            problems.add(at[0], _told(swept) + wrong)
+    if any(PROCEDURES & set(order) for order in _orders(study)):
+        note_misfit(study, KEYS, lambda tables: _misfit(tables["hand"], tables["pads"]), ("pads",),
+                    problems)
+
+
+def note_misfit(study: Study, keys: Collection[str], misfit: Callable[[Mapping[str, Any]], str],
+                path: KeyPath, problems: Problems) -> None:
+    """Notes the first point of the sweep at which tables do not fit together, as far as they depend
+    on `keys`: where one of them is given, or else at `path`."""
+    for swept, tables in _points(study, keys):
+        if wrong := misfit(tables):
+            given = [own for key in keys if (own := tuple(key.split("."))) in problems.lines]
+            problems.add(("sweep",) if swept else [*given, path][0], _told(swept) + wrong)
             return
 
 
@@ -189,14 +195,13 @@ def false_stops(study: Study) -> str:
 def _points(study: Study, keys: Collection[str]
             ) -> Iterator[tuple[list[tuple[str, Any, Any]], dict[str, Any]]]:
     """The combinations of values that a study sweeps some keys over, as (key, value, SI value) of
-    each, and the tables of the keys' sections there."""
+    each, and the tables there."""
     axes = [dict.fromkeys(
         tuple(entry for entry in zip(axis.keys, values, si, strict=True) if entry[0] in keys)
         for values, si in zip(axis.values, axis.si, strict=True)) for axis in study.axes]
     for chosen in product(*axes):
         swept = [entry for point in chosen for entry in point]
-        tables = {section: study.tables[section] for section in
-                  dict.fromkeys(key.split(".")[0] for key in keys)}
+        tables = dict(study.tables)
         for key, _, si in swept:
             section, name = key.split(".")
             field = spec_fields(SECTIONS[section])[name]
@@ -220,6 +225,12 @@ def _misfit(hand: HandTable, pads: PadTable) -> str:
 
     chain = chain_of_table(hand)
     return pad_misfit(chain, pads) if chain is not None else ""
+
+
+def closes_fingers(study: Study) -> bool:
+    """Whether a strategy may close fingers on the object."""
+    return any(strategy.call for strategy in study.strategies) or any(
+        "containment" in order for order in _orders(study))
 
 
 def _orders(study: Study) -> list[tuple[str, ...]]:

@@ -10,7 +10,15 @@ from typing import Any
 
 from strategies.poses.closing_paths import CLOSING_PATHS
 from sweeps.spec.axes import WORDS
-from sweeps.spec.checks import changed, is_searched, note_idle, places_of_swept, spec_keys
+from sweeps.spec.checks import (
+    changed,
+    closes_fingers,
+    is_searched,
+    note_idle,
+    note_misfit,
+    places_of_swept,
+    spec_keys,
+)
 from sweeps.spec.errors import KeyPath, Problems, choose, short
 from sweeps.spec.objects import NoFile, named_file
 from sweeps.spec.study import HAND_KEY, Axis, Study
@@ -34,6 +42,8 @@ _READ_BY = {
     "torque_step_Nm": (_TORQUES,), "torque_friction_Nm": (_TORQUES,),
     "switch_force_N": (_SWITCHES,)}
 """Fields of `SensorTable` that count for hands of some senses only."""
+_CLOSED_BY = ("hand.kind", "hand.link_density_kg_m3", "contact.weight", "contact.self_contact")
+"""Keys by which a hand can be closed or not."""
 
 
 def spelled_out(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -95,6 +105,17 @@ def check_hands(study: Study, given: Mapping[str, Any], problems: Problems) -> N
     if len(hands) > 1 and _sides(study) != {"both"}:
         problems.add(("robot", "swept"), "hands are swept, and a robot knows which hand it has; "
                      "should be both")
+    if hands != {UTAH_MIT} and closes_fingers(study):
+        note_misfit(study, _CLOSED_BY, _misfit, ("hand", "kind"), problems)
+
+
+def _misfit(tables: Mapping[str, Any]) -> str:
+    """Why a hand cannot be closed; empty where it can."""
+    from warpgrasp.chain.chain_hand import chain_of_table
+    from warpgrasp.chain_closing.chain_path import closing_misfit
+
+    chain = chain_of_table(tables["hand"])
+    return "" if chain is None else closing_misfit(chain, tables["hand"], tables["contact"])
 
 
 def _unread(hands: set[str]) -> dict[str, str]:

@@ -58,8 +58,9 @@ def pad_places(hand: ChainHand, finger: int, pads: PadTable) -> tuple[PadPlace, 
         if not 0.0 <= pads.length_m - bent <= length:
             raise HandError(
                 f"{hand.model.name}: finger {model.name}: pad of {pads.length_m * 1e3:g} mm does "
-                f"not fit link {name} of {length * 1e3:.3g} mm; should be {bent * 1e3:.3g} to "
-                f"{(bent + length) * 1e3:.3g} mm long")
+                f"not fit link {name} of {length * 1e3:.3g} mm; [pads] length_mm of "
+                f"{'a spec' if hand.model.pad_size is None else 'the file of the hand'} should be "
+                f"{bent * 1e3:.3g} to {(bent + length) * 1e3:.3g}")
         found.append(place)
     return tuple(found)
 

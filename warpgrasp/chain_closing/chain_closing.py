@@ -11,11 +11,11 @@ import numpy as np
 import warp as wp
 
 from warpgrasp.chain.chain_hand import ChainHand, true_chains
-from warpgrasp.chain.chain_kernel import CAPSULES, JOINTS, vec6
+from warpgrasp.chain.chain_kernel import CAPSULES, vec6
 from warpgrasp.chain.torque_sensor import command_range, true_sensors
 from warpgrasp.chain_closing.chain_closing_kernels import chain_closing_kernel, chain_reading_kernel
 from warpgrasp.chain_closing.chain_meeting import CLOSE_M, pairs_on_device, resolve_meetings
-from warpgrasp.chain_closing.chain_path import come_bounds, padded
+from warpgrasp.chain_closing.chain_path import come_bounds, no_chain_errors, padded
 from warpgrasp.chain_closing.chain_record import ChainClosingRow, ChainTruthRow
 from warpgrasp.chain_closing.chain_slack import pair_slack
 from warpgrasp.closing.closing import Closing, ClosingTruth
@@ -24,7 +24,7 @@ from warpgrasp.core.kernel_launch import array_of, check_range, launch_in_turn
 from warpgrasp.core.random import Purpose, counter_key
 from warpgrasp.core.struct_array import Records
 from warpgrasp.geometry.scene import Scene
-from warpgrasp.mechanism.calibration import Calibration, no_errors
+from warpgrasp.mechanism.calibration import Calibration
 from warpgrasp.parameters import ContactTable, HandTable, SensorTable
 from warpgrasp.rubbing.chain_balance import ChainGrip
 
@@ -47,11 +47,6 @@ _SHAPES = {
     "hand_pose": "world probe", "path": "grasp finger step",
     "come": f"grasp finger {CAPSULES} step", "command_count": "grasp", "felt": _EACH,
     "truth": _EACH, "ended": "world? probe? grasp? finger?"}
-
-
-def no_chain_errors(hand: ChainHand) -> Calibration:
-    """The hand that is believed."""
-    return no_errors(hand.fingers, JOINTS, JOINTS)
 
 
 def close_chains(
@@ -79,8 +74,7 @@ def close_chains(
     As `closing.close_fingers`, with `hand` in place of the Utah-MIT's, and of `table` the numbers
     that any hand has: skin, stops, density. `commands_rad` has shape (grasp, finger, step, width),
     angles of drives. Links are numbered by their joints. Raises ShapeError, and ValueError for a
-    body or a count of steps that there is not, for a hand that sags by its own weight, and for
-    `unsupported_contact`.
+    body or a count of steps that there is not, and for what `closing_misfit` says.
     """
     check_range("body", body, 0, scene.bodies - 1)
     check_range("command_count", command_count, 1, np.shape(commands_rad)[2])

@@ -13,10 +13,10 @@ import warp as wp
 from warpgrasp.chain.chain_hand import ChainHand, true_chains
 from warpgrasp.chain.chain_kernel import vec6
 from warpgrasp.chain.torque_sensor import true_sensors
-from warpgrasp.chain_closing.chain_closing import ChainClosing, no_chain_errors
+from warpgrasp.chain_closing.chain_closing import ChainClosing
 from warpgrasp.chain_closing.chain_closing_kernels import chain_estimate_kernel
 from warpgrasp.chain_closing.chain_estimate_kernel import balls_type
-from warpgrasp.chain_closing.chain_path import padded
+from warpgrasp.chain_closing.chain_path import no_chain_errors, padded
 from warpgrasp.closing.contact_estimate import ContactEstimate, moving_senses
 from warpgrasp.core.dtypes import mat33, transform, vec3
 from warpgrasp.core.kernel_launch import launch
@@ -92,8 +92,8 @@ def estimate_chain_contacts(
 
 def chain_place_variance(errors: ErrorTable, arm: ArmTable, hand: ChainHand) -> float:
     """As `calibration.place_variance`: of where a place on a finger is believed to be [m2]."""
-    longest = max(float(np.linalg.norm(joint.place[:3]))
-                  for finger in hand.model.fingers for joint in finger.joints[1:])
+    longest = max((float(np.linalg.norm(joint.place[:3]))
+                   for finger in hand.model.fingers for joint in finger.joints[1:]), default=0.0)
     return (arm_variance(errors, arm) + errors.mount_m**2
             + (_MOUNT_LEVER_M * errors.mount_rad) ** 2 + errors.finger_base_m**2
             + (errors.link_length_share * longest) ** 2)

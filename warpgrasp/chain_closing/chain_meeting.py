@@ -15,7 +15,7 @@ from warpgrasp.core.kernel_launch import launch
 from warpgrasp.core.struct_array import Records, record_type
 from warpgrasp.finger.chain_energy import ChainRest
 from warpgrasp.finger.chain_friction import ChainFriction
-from warpgrasp.hand_rest.chain_meetings import FINGERS, CapsulePair, ChainMeeting
+from warpgrasp.hand_rest.chain_meetings import CapsulePair, ChainMeeting
 from warpgrasp.hand_rest.meetings import MEETINGS
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.rubbing.chain_balance import ChainGrip
@@ -48,11 +48,8 @@ def resolve_meetings(
 
     `status` (world, probe, grasp) are those of the closings made, `order` and `slack` are as
     `pair_slack`, `given` are the closing's arguments, and `rubs` says whether there is friction.
-    Raises ValueError for a hand of more than `FINGERS` fingers.
+    The hand has `MOST_MEETING` fingers at most.
     """
-    if hand.fingers > FINGERS:
-        raise ValueError(f"{hand.model.name} has {hand.fingers} fingers; {FINGERS} at most can "
-                         "meet: contact.self_contact should be false")
     place = np.argwhere(np.isin(status, (ProbeStatus.CONTACT, ProbeStatus.NO_CONTACT)))
     if len(place) == 0:
         return

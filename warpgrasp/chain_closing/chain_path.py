@@ -4,7 +4,8 @@ import numpy as np
 
 from warpgrasp.chain.chain_hand import ChainHand, chain_rows, joint_reaches, weight_moments
 from warpgrasp.chain.chain_kernel import CAPSULES, JOINTS
-from warpgrasp.mechanism.calibration import Calibration
+from warpgrasp.hands.hand_checks import MOST_MEETING
+from warpgrasp.mechanism.calibration import Calibration, no_errors
 from warpgrasp.parameters import ContactTable, HandTable
 
 _MOST_SAG = 0.5
@@ -17,6 +18,40 @@ def padded(q: np.ndarray) -> np.ndarray:
                                 np.float64)
 
 
+def no_chain_errors(hand: ChainHand) -> Calibration:
+    """The hand that is believed."""
+    return no_errors(hand.fingers, JOINTS, JOINTS)
+
+
+def closing_misfit(hand: ChainHand, table: HandTable, contact: ContactTable) -> str:
+    """Why a hand, as it is believed, cannot be closed; empty where it can."""
+    if contact.self_contact and hand.fingers > MOST_MEETING:
+        return (f"{hand.model.name} has {hand.fingers} fingers; {MOST_MEETING} at most can meet: "
+                "[contact] self_contact should be false")
+    chains, joints, _ = chain_rows(hand, table, contact, no_chain_errors(hand))
+    for f in range(hand.fingers):
+        if contact.weight and _weight_yields(chains[0, f], joints[:, f]).sum() > _MOST_SAG:
+            return _sags(hand, f)
+    return ""
+
+
+def _sags(hand: ChainHand, finger: int) -> str:
+    return (f"finger {hand.model.fingers[finger].name} sags by its own weight; its servos should "
+            "be stiffer (stiffness_Nm_rad in the hand's file) or its links lighter ([hand] "
+            "link_density_kg_m3)")
+
+
+def _weight_yields(chain: np.ndarray, joints: np.ndarray) -> np.ndarray:
+    """How far a finger's weight turns each drive while its joints turn by a radian, at most
+    [rad/rad], of its rows of Chain and ChainJoint (world or 1, joint)."""
+    moment, row = weight_moments(joints).max(0), joints[0]
+    found = np.zeros(JOINTS)
+    for j in range(int(chain["joint_count"])):
+        d = int(row["drive"][j])
+        found[d] += abs(row["factor"][j]) * moment[j] / chain["stiffness"][d]
+    return found
+
+
 def come_bounds(
     hand: ChainHand, table: HandTable, contact: ContactTable, errors: Calibration,
     commands_rad: np.ndarray
@@ -26,28 +61,24 @@ def come_bounds(
 
     A drive's turn moves a place by no more than its longest distance from the joint. What a link's
     weight turns joints by changes with the turns of all joints, by no more than the torque it can
-    make over the servo's stiffness each radian. Raises ValueError for servos that yield so much
-    that no bound follows.
+    make over the servo's stiffness each radian. Raises ValueError for what `closing_misfit` says,
+    and for servos that yield so much in one of the worlds.
     """
+    if wrong := closing_misfit(hand, table, contact):
+        raise ValueError(wrong)
     chains, joints, capsules = (rows.copy() for rows in chain_rows(hand, table, contact, errors))
     grasps, fingers, steps, width = commands_rad.shape
     found = np.zeros((grasps, fingers, CAPSULES, steps))
     for f in range(fingers):
-        count = int(chains[0, f]["joint_count"])
         arm, row = joints[:, f]["arm"].max(0), joints[0, f]
         far = capsules[:, f]["far"].max(0)
         between = joint_reaches(arm)
         turns = np.zeros((grasps, steps - 1, width))
         turns[:] = np.abs(np.diff(commands_rad[:, f], axis=1))
         if contact.weight:
-            moment = weight_moments(joints[:, f]).max(0)
-            yields = np.zeros(width)
-            for j in range(count):
-                d = int(row["drive"][j])
-                yields[d] += abs(row["factor"][j]) * moment[j] / chains[0, f]["stiffness"][d]
+            yields = _weight_yields(chains[0, f], joints[:, f])[:width]
             if yields.sum() > _MOST_SAG:
-                raise ValueError(f"finger {hand.model.fingers[f].name} sags by its own weight; its "
-                                 "servos should be stiffer or its links lighter")
+                raise ValueError(_sags(hand, f))
             turns = turns + turns.sum(-1, keepdims=True) * yields / (1.0 - yields.sum())
         for c in range(int(chains[0, f]["capsule_count"])):
             bearing = int(capsules[0, f]["joint"][c])

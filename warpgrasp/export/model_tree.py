@@ -11,19 +11,22 @@ import numpy as np
 from warpgrasp.export.robot_tree import STILL, Joint, Link, arm_tree
 from warpgrasp.hands.hand_frames import matrix_of, place_of
 from warpgrasp.hands.hand_model import Box, Capsule, Follow, HandJoint, HandModel, Shape
+from warpgrasp.hands.urdf_tree import FRAME_LINK
 from warpgrasp.parameters import ArmTable
 
 
 def hand_model_tree(
     model: HandModel, *, parent: str = "", place: Sequence[float] = STILL
 ) -> list[Link]:
-    """The palm, and every link and tip of the fingers; `place` of the hand's frame in `parent`.
+    """The palm, a link in the hand's frame, and every link and tip of the fingers; `place` of the
+    hand's frame in `parent`.
 
     Names are escaped, ready to stand in an attribute of XML.
     """
     x, y, z, a, b, c, d = place
     palm = matrix_of((x, y, z, a, b, c, d)) @ np.linalg.inv(matrix_of(model.grasp_frame))
-    links = [Link("palm", parent, place_of(palm), None, *_shapes(model.palm))]
+    links = [Link("palm", parent, place_of(palm), None, *_shapes(model.palm)),
+             Link(FRAME_LINK, "palm", model.grasp_frame)]
     for finger in model.fingers:
         above = "palm"
         for joint in finger.joints:

@@ -13,8 +13,9 @@ from scipy.spatial.transform import Rotation
 from warpgrasp.export.convex_solids import Solid
 from warpgrasp.export.robot_tree import DENSITY_KG_M3, STILL, Link
 from warpgrasp.hands.hand_model import Box, Capsule
+from warpgrasp.hands.urdf_tree import NO_LIMIT_NM
 
-_EFFORT, _SPEED = 10.0, 10.0  # of a joint [N m, rad/s, est]: URDF requires both
+_SPEED = 10.0  # of a joint [rad/s, est]: URDF requires it
 
 
 def urdf_text(
@@ -55,7 +56,7 @@ def _joint(link: Link) -> list[str]:
              f'    <parent link="{parent}"/>', f'    <child link="{link.name}"/>',
              f"    {_origin(link.place)}", f'    <axis xyz="{_all(j.axis)}"/>',
              f'    <limit lower="{_n(j.low)}" upper="{_n(j.high)}" '
-             f'effort="{_n(j.effort or _EFFORT)}" velocity="{_n(_SPEED)}"/>']
+             f'effort="{_n(j.effort or NO_LIMIT_NM)}" velocity="{_n(_SPEED)}"/>']
     if j.follows is not None:
         f = j.follows
         lines.append(f'    <mimic joint="{f.joint}" multiplier="{_n(f.factor)}" '

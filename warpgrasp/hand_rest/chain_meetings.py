@@ -28,8 +28,9 @@ from warpgrasp.hand_rest.meetings import (
     servo_torques,
     takes_part,
 )
+from warpgrasp.hands.hand_checks import MOST_MEETING
 
-FINGERS = 5
+FINGERS = MOST_MEETING
 """Fingers of a hand at most."""
 CAPSULE_ROWS = wp.constant(CAPSULES)
 """Of a finger, in a row of all capsules of a hand."""

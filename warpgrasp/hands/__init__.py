@@ -3,6 +3,7 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "hand_checks": ["MOST_MEETING"],
     "hand_file": ["SHIPPED", "hand_from_file", "hand_named"],
     "hand_frames": ["driven_angles", "finger_tips", "link_frames", "matrix_of",
                     "place_of", "posture_angles"],
@@ -12,6 +13,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "frames_batch": ["link_frames_batch"],
     "strict_toml": ["read_strict"],
     "touch_shapes": ["bulk_of", "palmar_directions", "touch_model"],
-    "urdf_hand": ["hand_from_urdf"],
-    "urdf_tree": ["UrdfJoint", "UrdfTree", "read_urdf"],
+    "urdf_hand": ["FRAMED", "hand_from_urdf"],
+    "urdf_tree": ["FRAME_LINK", "NO_LIMIT_NM", "UrdfJoint", "UrdfTree", "read_urdf"],
 })

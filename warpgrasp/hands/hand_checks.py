@@ -21,6 +21,8 @@ from warpgrasp.hands.hand_model import (
 )
 
 MOST_JOINTS, MOST_FINGERS, MOST_PADS = 6, 6, 3
+MOST_MEETING = 5
+"""Fingers of a hand whose meetings with one another are found, at most."""
 NEAR = 1e-9
 """Lengths [m] and angles [rad] that count as nothing."""
 

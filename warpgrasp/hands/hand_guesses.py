@@ -1,10 +1,18 @@
 """First guesses of what no URDF says: thumb, frame of the grasp, postures, closing path."""
 
+from collections.abc import Mapping
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
-from warpgrasp.hands.hand_frames import finger_tips, matrix_of, place_of, posture_angles
+from warpgrasp.hands.hand_frames import (
+    finger_tips,
+    link_frames,
+    matrix_of,
+    place_of,
+    posture_angles,
+)
 from warpgrasp.hands.hand_model import (
     Box,
     HandClosing,
@@ -17,23 +25,111 @@ from warpgrasp.hands.hand_model import (
 
 FLEXES = 1.25
 """A joint whose range is by this factor longer on one side of zero bends to that side."""
-CLOSED = 0.8
-"""Share of the way to its limit at which a bent joint counts as closed."""
+PARALLEL = 0.8
+"""Cosine between the axes of a joint and of its finger's last one from which on it bends the
+finger; others spread it, or turn a thumb [est]."""
+OPEN, CLOSED, CURLED = 0.2, 0.8, 0.5
+"""How far a finger's first bending joint is turned in the open hand and in the closed one, and the
+others in the closed one: shares of the way from its rest to its limit [est]."""
+_TRIED = 2000
+"""Places of a thumb that are tried, at most."""
+_STEPS = 13
+"""Angles of one of its joints, at most."""
+_EASE = 0.1
+"""A radian from its rest is worth this cosine between axes [est]."""
 _FIRST = 1e-3
 """Share of a closing that shows where tips go first."""
 _OPPOSED = -0.5
-"""Cosine between the ways of thumb and fingers below which they go against each other."""
+"""Cosine between the ways of two fingers below which they go against each other."""
+
+Bending = tuple[tuple[HandJoint, ...], ...]
+"""The joints that bend each finger."""
 
 
 def with_guesses(model: HandModel) -> HandModel:
     """The hand with a thumb, a frame, the postures open and closed, and a path between them."""
-    bent = tuple((joint.name, CLOSED * _farther(joint)) for joint in model.driven
-                 if _bends(joint))
-    moves = tuple(name for name, _ in bent)
-    guessed = replace(model, postures=(Posture("open", ()), Posture("closed", bent)),
-                      closings=(HandClosing("grasp", "open", "closed", moves),) if moves else ())
-    guessed = replace(guessed, thumb=guessed_thumb(guessed))
+    bending = _bending(model)
+    model = replace(model, thumb=guessed_thumb(_closing(model, bending)))
+    turned = _against_fingers(model, bending)
+    guessed = _closing(model, bending, turned)
+    if not _is_gripper(guessed):
+        guessed = _closing(model, bending, turned, OPEN)
     return replace(guessed, grasp_frame=guessed_frame(guessed))
+
+
+def _bending(model: HandModel) -> Bending:
+    """Of each finger the driven joints that turn about the axis of its last one, and of these only
+    those whose range says to which side they bend, if there are any."""
+    found = []
+    for finger, axes in zip(model.fingers, _axes(model, _angles(model)[None]), strict=True):
+        driven = [j for j in finger.joints if j.follows is None]
+        level = [j for j, axis in zip(finger.joints, axes[0], strict=True)
+                 if j in driven and abs(axis @ axes[0, -1]) > PARALLEL]
+        found.append(tuple([j for j in level if _bends(j)] or level or driven))
+    return tuple(found)
+
+
+def _closing(model: HandModel, bending: Bending, turned_rad: Mapping[str, float] | None = None,
+             share: float = 0.0) -> HandModel:
+    """The hand with a path that bends its fingers. Some joints stay at `turned_rad`; in the open
+    hand the first joint that bends each finger but the thumb is turned by `share`."""
+    open_, closed = dict(turned_rad or {}), dict(turned_rad or {})
+    for finger, joints in zip(model.fingers, bending, strict=True):
+        for n, joint in enumerate(joints):
+            closed[joint.name] = _part_way(joint, CURLED if n else CLOSED)
+        if joints and share and finger.name != model.thumb:
+            open_[joints[0].name] = _part_way(joints[0], share)
+    return replace(
+        model, postures=(Posture("open", (*open_.items(),)), Posture("closed", (*closed.items(),))),
+        closings=(HandClosing("grasp", "open", "closed",
+                              tuple(joint.name for joints in bending for joint in joints)),))
+
+
+def _is_gripper(model: HandModel) -> bool:
+    """Whether two fingers begin to close against each other."""
+    open_, closed = (posture_angles(model, model.posture(name)) for name in ("open", "closed"))
+    tip, after = finger_tips(model, np.stack([open_, open_ + _FIRST * (closed - open_)]))
+    ways = np.array([_unit(way) for way in after - tip])
+    return bool((ways @ ways.T).min() < _OPPOSED)
+
+
+def _against_fingers(model: HandModel, bending: Bending) -> dict[str, float]:
+    """Angles [rad] of those joints of the thumb that do not bend it, at which it bends most against
+    the other fingers, and not far from their rest; none of a hand without a thumb."""
+    names = [finger.name for finger in model.fingers]
+    if model.thumb not in names or len(names) < 2:
+        return {}
+    own = names.index(model.thumb)
+    turning = [joint for joint in model.fingers[own].joints
+               if joint.follows is None and joint not in bending[own]]
+    steps = min(_STEPS, int(_TRIED ** (1.0 / max(len(turning), 1))))
+    tried = np.array([*product(*(np.linspace(j.low_rad, j.high_rad, steps) for j in turning))])
+    q = np.tile(_angles(model), (len(tried), 1))
+    at = [model.driven.index(joint) for joint in turning]
+    far = np.abs(tried - q[:, at]).sum(1)
+    q[:, at] = tried
+    ways = [axes[:, -1] * np.sign(_farther(finger.joints[-1]))
+            for finger, axes in zip(model.fingers, _axes(model, q), strict=True)]
+    fingers = _unit(np.mean([way[0] for n, way in enumerate(ways) if n != own], axis=0))
+    best = int(np.argmin(ways[own] @ fingers + _EASE * far))
+    return {joint.name: float(angle) for joint, angle in zip(turning, tried[best], strict=True)}
+
+
+def _angles(model: HandModel) -> np.ndarray:
+    """Of the driven joints at rest [rad], (driven,)."""
+    return posture_angles(model, Posture("", ()))
+
+
+def _axes(model: HandModel, q_rad: np.ndarray) -> list[np.ndarray]:
+    """Of each finger's joints, (pose, joint, 3), in the palm's frame."""
+    return [np.einsum("pjxy,jy->pjx", frames[..., :3, :3], [j.axis for j in finger.joints])
+            for finger, frames in zip(model.fingers, link_frames(model, q_rad), strict=True)]
+
+
+def _part_way(joint: HandJoint, share: float) -> float:
+    """A joint's angle [rad] at a share of the way from its rest to its farther limit."""
+    rest = min(max(0.0, joint.low_rad), joint.high_rad)
+    return rest + share * (_farther(joint) - rest)
 
 
 def guessed_thumb(model: HandModel) -> str:

@@ -6,10 +6,12 @@ from collections.abc import Iterable, Sequence
 from warpgrasp.hands.hand_model import SENSES, Box, Finger, HandJoint, HandModel, Place, Shape
 
 
-def hand_text(model: HandModel, notes: Sequence[str] = (), *, guessed: bool = False) -> str:
+def hand_text(model: HandModel, notes: Sequence[str] = (), *, guessed: bool = False,
+              framed: bool = False) -> str:
     """The file of a hand, which `hand_file` reads. `notes` are said at its head; with `guessed`
-    what no URDF says is marked as a guess."""
+    what no URDF says is marked as a guess, but not the grasp frame of one that is `framed`."""
     mark = "  # GUESS" if guessed else ""
+    frame_mark = "  #" if framed or not guessed else mark
     lines = [
         "# A hand: fingers as chains of joints. Lengths are in mm, angles in degrees; a turn is a",
         "# quaternion (x, y, z, w); a joint stands in the frame of the link before it.",
@@ -20,7 +22,7 @@ def hand_text(model: HandModel, notes: Sequence[str] = (), *, guessed: bool = Fa
         f"licence = {_text(model.licence)}",
         f"thumb = {_text(model.thumb)}{mark}",
         f"senses = {_text(model.senses)}{mark or '  #'}; one of {', '.join(SENSES)}", "",
-        f"[grasp_frame]{mark or '  #'}; of the palm's frame: z is the approach, x to the thumb",
+        f"[grasp_frame]{frame_mark}; of the palm's frame: z is the approach, x to the thumb",
         *_place(model.grasp_frame), "",
     ]
     for posture in model.postures:

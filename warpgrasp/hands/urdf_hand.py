@@ -1,13 +1,15 @@
 """A hand from a URDF alone: its chains and shapes as they stand, the rest guessed and said."""
 
+import math
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from warpgrasp.hands.hand_checks import check_hand
+from warpgrasp.hands.hand_checks import NEAR, check_hand
 from warpgrasp.hands.hand_frames import place_of
 from warpgrasp.hands.hand_guesses import farthest_point, with_guesses
 from warpgrasp.hands.hand_model import (
@@ -17,17 +19,20 @@ from warpgrasp.hands.hand_model import (
     HandError,
     HandJoint,
     HandModel,
+    Place,
     Shape,
 )
 from warpgrasp.hands.urdf_chains import Chains, finger_chains
 from warpgrasp.hands.urdf_shapes import shapes_of
-from warpgrasp.hands.urdf_tree import UrdfJoint, UrdfTree, read_urdf
+from warpgrasp.hands.urdf_tree import FRAME_LINK, UrdfJoint, UrdfTree, read_urdf
 from warpgrasp.parameters import HandTable
 
 _WORDS = (("thumb", r"thumb|(^|_)th($|[^a-z])"), ("index", r"index|(^|_)ff"),
           ("middle", r"middle|(^|_)mf"), ("ring", r"ring|(^|_)rf"),
           ("little", r"little|pinky|(^|_)lf"))
 """Names of fingers, and how their links and joints are called."""
+FRAMED = f"the grasp frame is the URDF's link {FRAME_LINK}"
+"""What is said where it is no guess."""
 
 
 def hand_from_urdf(
@@ -38,8 +43,8 @@ def hand_from_urdf(
 
     `palm` is the link that fingers start from, by default the root; what lies before it is left
     out. Only chains to the links `tips` are fingers, by default all that end in a joint. Joints in
-    `held_rad` stand still at these angles. Thumb, frame of the grasp, postures and closing path are
-    guesses. Raises HandError.
+    `held_rad` stand still at these angles. Thumb, postures and closing path are guesses, and so is
+    the frame of the grasp unless a link called `FRAME_LINK` says it. Raises HandError.
     """
     tree = read_urdf(file)
     for what, names in (("palm", [palm] if palm else []), ("tip", tips)):
@@ -47,11 +52,15 @@ def hand_from_urdf(
             if name not in tree.links:
                 raise HandError(f"{file}: {what}: there is no link {name!r}; should be one of "
                                 f"{', '.join(tree.links)}")
-    turning = [joint.name for joint in tree.joint_to.values() if joint.turns]
-    for name in held_rad or {}:
+    turning = {joint.name: joint for joint in tree.joint_to.values() if joint.turns}
+    for name, angle in (held_rad or {}).items():
         if name not in turning:
             raise HandError(f"{file}: hold: there is no moving joint {name!r}; should be one of "
                             f"{', '.join(turning)}")
+        low, high = (math.degrees(v) for v in (turning[name].low_rad, turning[name].high_rad))
+        if not low - NEAR <= math.degrees(angle) <= high + NEAR:
+            raise HandError(f"{file}: hold: joint {name} at {math.degrees(angle):.4g} deg; should "
+                            f"be {low:.4g} to {high:.4g}")
     root = palm or tree.root
     chains = finger_chains(tree, root, tips, held_rad or {})
     names = _names(tree, chains)
@@ -64,11 +73,30 @@ def hand_from_urdf(
     fits = tuple(f"{name}: a capsule stands for a mesh or cylinder, off by at most "
                  f"{shape.fit_error_m * 1e3:.2f} mm" for name, shapes in where
                  for shape in shapes if isinstance(shape, Capsule) and shape.fit_error_m)
+    frame = _grasp_frame(tree, root, chains)
     try:
         check_hand(model)
-        return check_hand(with_guesses(model)), (*chains.notes, *fits)
+        guessed = check_hand(with_guesses(model))
     except HandError as error:
         raise HandError(f"{file}: {error}") from None
+    if frame is None:
+        return guessed, (*chains.notes, *fits)
+    return replace(guessed, grasp_frame=frame), (*chains.notes, *fits, FRAMED)
+
+
+def _grasp_frame(tree: UrdfTree, root: str, chains: Chains) -> Place | None:
+    """In the palm's frame, of the link that says it; None where none is fixed to the palm."""
+    joints = tree.path(FRAME_LINK)
+    moving = {joint.name for chain in chains.fingers for joint in chain}
+    if root not in [joint.parent for joint in joints]:
+        return None
+    joints = joints[len(tree.path(root)):]
+    if any(joint.name in moving for joint in joints):
+        return None
+    frame = np.eye(4)
+    for joint in joints:
+        frame = frame @ _still(joint, chains)
+    return place_of(frame)
 
 
 def _finger(

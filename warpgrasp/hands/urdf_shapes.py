@@ -1,6 +1,7 @@
-"""Collision shapes of a URDF's links: boxes and balls as they are, cylinders and meshes as fitted
-capsules."""
+"""Collision shapes of a URDF's links: boxes and balls as they are, cylinders with a ball at either
+end as capsules, other cylinders and meshes as fitted capsules."""
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import trimesh
 
 from warpgrasp.hands.capsule_fit import fit_capsule
 from warpgrasp.hands.hand_frames import place_of
-from warpgrasp.hands.hand_model import Box, Capsule, HandError, Shape
+from warpgrasp.hands.hand_model import Box, Capsule, HandError, Shape, Vector
 
 _LEAST_M = 1e-6
 
@@ -19,7 +20,8 @@ def shapes_of(file: Path, link: Any, frame: np.ndarray) -> tuple[Shape, ...]:
 
     Raises HandError for a shape without size and a mesh that is missing or flat.
     """
-    found = []
+    found: list[Shape] = []
+    rods: dict[int, Capsule] = {}
     for collision in link.collisions:
         geometry = collision.geometry
         where = f"{file}: link {link.name}"
@@ -34,18 +36,42 @@ def shapes_of(file: Path, link: Any, frame: np.ndarray) -> tuple[Shape, ...]:
             found.append(Box(place_of(at), (x, y, z)))
         elif geometry.sphere is not None:
             radius, = _sizes(where, "sphere", [geometry.sphere.radius], 1)
-            x, y, z = (float(v) for v in at[:3, 3])
-            found.append(Capsule((x, y, z), (x, y, z), radius))
+            found.append(Capsule(_vector(at[:3, 3]), _vector(at[:3, 3]), radius))
         elif geometry.cylinder is not None:
             radius, length = _sizes(where, "cylinder", [geometry.cylinder.radius,
                                                         geometry.cylinder.length], 2)
+            start, end = (at[:3, 3] + share * length * at[:3, 2] for share in (-0.5, 0.5))
+            rods[len(found)] = Capsule(_vector(start), _vector(end), radius)
             found.append(_fitted(where, trimesh.creation.cylinder(radius, length).vertices, at))
         else:
             mesh = geometry.mesh
             scale = 1.0 if mesh.scale is None else np.asarray(mesh.scale, float)
             found.append(_fitted(f"{where}: mesh {mesh.filename}",
                                  _vertices(where, file, mesh.filename) * scale, at))
-    return tuple(found)
+    return _with_capsules(found, rods)
+
+
+def _with_capsules(shapes: list[Shape], rods: dict[int, Capsule]) -> tuple[Shape, ...]:
+    """The shapes of a link, with `rods` in place of those of its cylinders that have balls as thick
+    at both ends, and without these balls: URDF has no capsule."""
+    caps: set[int] = set()
+    for n, rod in rods.items():
+        own = [{k for k, shape in enumerate(shapes) if _is_ball(shape, end, rod.radius)}
+               for end in (rod.start, rod.end)]
+        if all(own):
+            shapes[n] = rod
+            caps |= set.union(*own)
+    return tuple(shape for k, shape in enumerate(shapes) if k not in caps)
+
+
+def _is_ball(shape: Shape, centre: Vector, radius: float) -> bool:
+    return (isinstance(shape, Capsule) and shape.start == shape.end
+            and abs(shape.radius - radius) < _LEAST_M and math.dist(shape.start, centre) < _LEAST_M)
+
+
+def _vector(values: np.ndarray) -> Vector:
+    x, y, z = (float(v) for v in values)
+    return x, y, z
 
 
 def _sizes(where: str, kind: str, numbers: Any, wanted: int) -> list[float]:

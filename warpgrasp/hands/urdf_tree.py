@@ -14,6 +14,10 @@ import numpy as np
 from warpgrasp.hands.hand_model import HandError
 
 LARGEST_BYTES = 8 * 2**20
+FRAME_LINK = "grasp_frame"
+"""A link without shapes, fixed to the palm, that stands in the frame of the grasp."""
+NO_LIMIT_NM = 1000.0
+"""Written where a joint's effort is not known, since URDF requires one, and read as such [est]."""
 _TURNING = ("revolute", "continuous")
 
 
@@ -30,8 +34,8 @@ class UrdfJoint:
     low_rad: float
     high_rad: float
     effort_Nm: float
+    """0 where it is not known, as `speed_rad_s`."""
     speed_rad_s: float
-    """0 where the file does not say."""
     follows: tuple[str, float, float] | None
     """Another joint's name, a factor, and an offset [rad]."""
 
@@ -139,6 +143,7 @@ def _joint(file: Path, given: Any) -> UrdfJoint:
         limit = given.limit
         if limit is not None:
             effort, speed = float(limit.effort or 0.0), float(limit.velocity or 0.0)
+            effort = effort if effort < NO_LIMIT_NM else 0.0
         if given.type == "revolute":
             if limit is None:
                 raise HandError(f"{where}: has no limit; should have lower and upper [rad]")

@@ -198,3 +198,27 @@ def test_a_ball_is_touched_from_all_sides(joint: int, tmp_path: Path) -> None:
     assert (found.chance == 1.0).all()
     assert np.allclose(found.normal, normal, atol=1e-2)
     assert np.allclose(found.point_m, centre - 0.008 * normal, atol=1e-4)
+
+
+def test_of_capsules_side_by_side_the_one_in_front_is_touched() -> None:
+    """By a body that is believed so far in the hand that the one behind is at its skin."""
+    hand = chain_of(hand_of_kind("leap"))
+    last = [k for k, joint in enumerate(hand.capsule_joint[0]) if joint == hand.links - 1]
+    links = no_links(1, 1, HandTable(kind="leap"))
+    weight = np.zeros_like(links.weight)
+    weight[..., hand.links - 1] = 1.0
+    links = replace(links, linked=np.ones((1, 1), bool), weight=weight,
+                    hand_pose=np.array([[[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]]]))
+    start, end = capsule_ends(hand, 0, links.q_rad[0, 0])[[last[0], last[-1]]].swapaxes(0, 1)
+    along = (end - start)[0] / np.linalg.norm((end - start)[0])
+    across = (start + end)[0] - (start + end)[1]
+    across -= (across @ along) * along
+    normal = across / np.linalg.norm(across)
+    radius = hand.capsules[0][last[0]].radius
+    assert np.ptp(start @ normal) > 0.004
+    stations = link_stations(links)
+    distance = (stations - start[0]) @ normal + radius
+    found = placed(links, links.linked, distance, np.broadcast_to(normal, stations.shape).copy())
+    assert found.chance[0, 0] == pytest.approx(1.0)
+    front = start[1] - radius * normal
+    assert abs((found.point_m[0, 0] - front) @ normal) < 1e-3

@@ -18,6 +18,8 @@ from sweeps.analysis.arrow import read_rows
 from sweeps.cli import main as cli
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
+from sweeps.run.unit_file import Columns
+from sweeps.spec.cell import CONTACTS, Cell
 
 KEY = "sensors.tendon_threshold_N"
 DRAWN = "object.yaw_deg"
@@ -160,6 +162,31 @@ def test_damaged_units_are_told_by_whoever_finds_them(
     assert cli.run([words[0], "s", *words[1:]]) == 0
     assert (f"1 damaged units were set aside; see {Path('s') / 'logs'}; run the sweep again"
             in capsys.readouterr().err)
+
+
+@fake_episodes.cell_by_cell
+def of_two_hands(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
+    """Contacts with more joints in one setting; on one object none."""
+    rows = fake_episodes.with_contacts(fake_episodes.rows_of(cell, episodes), cell, episodes)
+    for n, table in enumerate(rows[CONTACTS]):
+        if cell.sensors.tendon_threshold_N > 3.0:
+            table["q4_rad"] = np.full(len(table["status"]), 0.5, np.float32)
+        if cell.object_name == "wedge":
+            rows[CONTACTS][n] = {name: values[:0] for name, values in table.items()}
+    return rows
+
+
+@pytest.mark.parametrize("order", ["[3.0, 6.0]", "[6.0, 3.0]"])
+@pytest.mark.parametrize("objects", ['["block", "wedge"]', '["wedge", "block"]'])
+def test_contacts_of_hands_that_differ_are_one_table(tmp_path: Path, order: str, objects: str
+                                                     ) -> None:
+    text = SMALL.replace("seed = 7", 'seed = 7\nkeep = "contacts"').replace(
+        '["block", "wedge"]', objects) + f'[sweep.grid]\n"{KEY}" = {order}\n'
+    plan = plan_of(tmp_path / "s", text)
+    store = fill(tmp_path / "s", plan, of_two_hands)
+    rows = pq.read_table(rows_of(store.folder, "--contacts", tmp_path / "c.parquet")).to_pylist()
+    assert len(rows) == 4 * sum(n % 3 for n in range(70))
+    assert {(row[KEY], row["q4_rad"]) for row in rows} == {(3.0, None), (6.0, 0.5)}
 
 
 def test_missing_units_are_told_and_shards_merge(

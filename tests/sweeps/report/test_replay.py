@@ -22,15 +22,18 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from strategies.poses.waypoints import Ring
+from strategies.ready_made import STRATEGIES
 from strategies.strategy import Strategy
 from sweeps.episode.episodes import EpisodeBlock, run_block
 from sweeps.figures.grasp import grasp_figure
-from sweeps.figures.replay_frames import Frame, Replay, arm_points, make_replay
+from sweeps.figures.replay_frames import Frame, Replay, arm_points, make_replay, replay_of
 from sweeps.figures.style import encode
 from sweeps.report import replay
 from sweeps.spec.cell import Cell
 from sweeps.spec.errors import StoreError
 from warpgrasp.arms.arm_file import SHIPPED_ARMS
+from warpgrasp.hands.hand_file import hand_named
+from warpgrasp.hands.hand_writer import hand_text
 from warpgrasp.mechanism.arm import arm_home
 from warpgrasp.mechanism.arm_motion import arm_hand_links
 from warpgrasp.mechanism.puma560 import puma_forward_batch
@@ -123,6 +126,21 @@ def test_every_arm_is_drawn(name: str, tmp_path: Path) -> None:
     radii = [call.args[3] for call in drawn.call_args_list if call.args[1].startswith("/arm/")]
     assert len(radii) == len(places) - 1
     assert radii == sorted(radii, reverse=True)
+
+
+def test_an_episode_without_motion_is_said(tmp_path: Path) -> None:
+    """And one whose robot cannot be run."""
+    hand = replace(hand_named("barrett"), opposed=None)
+    own = tmp_path / "hand.toml"
+    own.write_text(hand_text(replace(hand, fingers=tuple(
+        replace(finger, pads=(), pad_places=()) for finger in hand.fingers), extended=None)))
+    cell = replace(CELL, strategy=STRATEGIES["contour-only"], hand=HandTable(kind=str(own)),
+                   arm=ArmTable(kind=FLOATING))
+    with pytest.raises(StoreError, match="nothing to replay: the episode ended not_possible"):
+        replay_of((cell, 0, "cpu"))
+    with (patch("sweeps.figures.replay_frames.run_block", side_effect=ValueError("it sags")),
+          pytest.raises(StoreError, match="nothing to replay: the episode fails: it sags")):
+        replay_of((cell, 0, "cpu"))
 
 
 LIVE = """

@@ -10,6 +10,7 @@ from sweeps.spec.errors import SpecError
 from sweeps.spec.reader import read_spec
 from sweeps.spec.study import Study
 from warpgrasp.hands.hand_file import hand_named
+from warpgrasp.hands.hand_model import HandClosing, Posture
 from warpgrasp.hands.hand_writer import hand_text
 
 HEAD = 'schema = 1\nobjects = ["block"]\n'
@@ -165,7 +166,7 @@ def test_pads_that_do_not_fit_the_hand_are_refused(tmp_path: Path) -> None:
                                                             "length_mm = 80.0"))
     said = told(tmp_path, HEAD + 'hand = "my_hand.toml"\n' + feels + ALONE)
     assert "finger index: pad of 80 mm does not fit link joint_3.0 of 20 mm" in said
-    assert "should be 18.7 to 38.7 mm long" in said
+    assert "[pads] length_mm of the file of the hand should be 18.7 to 38.7" in said
     read(tmp_path, HEAD + 'hand = "my_hand.toml"\n' + RING + ALONE)
     for key in ("length_mm = 45.0", "middle = true"):
         assert "says nothing of this hand" in told(
@@ -175,4 +176,31 @@ def test_pads_that_do_not_fit_the_hand_are_refused(tmp_path: Path) -> None:
     said = told(tmp_path, HEAD + 'hand = "my_hand.toml"\n' + feels + ALONE
                 + "[pads]\nlength_mm = 15.0\n")
     assert "pads.length_mm: leap: finger index: pad of 15 mm does not fit link 3" in said
+    assert "[pads] length_mm of a spec should be" in said
     read(tmp_path, HEAD + 'hand = "my_hand.toml"\n' + feels + ALONE + "[pads]\nlength_mm = 30.0\n")
+
+
+def test_hands_that_cannot_be_closed_are_refused(tmp_path: Path) -> None:
+    """Of more fingers than can meet, or that sag; by the keys that mend it."""
+    model, own = hand_named("leap"), tmp_path / "my_hand.toml"
+    few = model.fingers[0]
+    fingers = tuple(replace(few, name=f"f{n}", pads=(), pad_places=(), joints=tuple(
+        replace(joint, name=f"f{n}_{joint.name}") for joint in few.joints)) for n in range(6))
+    moves = tuple(joint.name for finger in fingers for joint in finger.joints)
+    own.write_text(hand_text(replace(
+        model, fingers=fingers, thumb="", extended=None, opposed=None,
+        postures=(Posture("open", ()), Posture("closed", tuple((m, 0.2) for m in moves))),
+        closings=(HandClosing("grasp", "open", "closed", moves),))))
+    text = HEAD + 'hand = "my_hand.toml"\n' + RING
+    said = told(tmp_path, text)
+    assert ":3: hand.kind: " in said
+    assert "6 fingers; 5 at most can meet: [contact] self_contact should be false" in said
+    read(tmp_path, text + "[contact]\nself_contact = false\n")
+    own.write_text(hand_text(model).replace("stiffness_Nm_rad = 2.0", "stiffness_Nm_rad = 0.1"))
+    said = told(tmp_path, text)
+    assert "sags by its own weight" in said
+    assert "stiffness_Nm_rad" in said
+    dense = "[sweep.grid]\n\"hand.link_density_kg_m3\" = [100, 1000]\n"
+    assert "with hand.link_density_kg_m3 = 1000: " in told(tmp_path, text + dense)
+    read(tmp_path, text + "[contact]\nweight = false\n")
+    read(tmp_path, text + 'order = ["planar"]\n')

@@ -11,8 +11,7 @@ from reference_chain import ReferenceChain
 from strategies.poses.chain_paths import chain_commands
 from warpgrasp.chain.chain_hand import chain_of, hand_of_kind, true_chains
 from warpgrasp.chain.chain_kernel import Chain, vec6
-from warpgrasp.chain_closing.chain_closing import no_chain_errors
-from warpgrasp.chain_closing.chain_path import padded
+from warpgrasp.chain_closing.chain_path import no_chain_errors, padded
 from warpgrasp.core.dtypes import real, transform
 from warpgrasp.core.kernel_launch import launch
 from warpgrasp.finger.chain_energy import largest_magnitude

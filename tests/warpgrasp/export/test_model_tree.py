@@ -15,9 +15,9 @@ from warpgrasp.export.model_tree import arm_model_tree, hand_model_tree
 from warpgrasp.export.urdf import urdf_text
 from warpgrasp.hands.hand_file import SHIPPED, hand_named
 from warpgrasp.hands.hand_frames import driven_angles, finger_tips, matrix_of
-from warpgrasp.hands.hand_model import Box, Follow, HandModel
+from warpgrasp.hands.hand_model import Box, Capsule, Follow, HandModel
 from warpgrasp.hands.touch_shapes import touch_model
-from warpgrasp.hands.urdf_hand import hand_from_urdf
+from warpgrasp.hands.urdf_hand import FRAMED, hand_from_urdf
 from warpgrasp.parameters import ArmTable
 
 NEAR = 1e-9
@@ -81,10 +81,20 @@ def test_our_urdf_is_read_as_the_same_hand(name: str, tmp_path: Path) -> None:
     model = following(hand_named(name))
     file = tmp_path / "hand.urdf"
     file.write_text(urdf_text(hand_model_tree(model))[0])
-    again, _ = hand_from_urdf(file)
+    again, notes = hand_from_urdf(file)
     q = random_angles(model, 50)
     assert [j.name for j in again.driven] == [j.name for j in model.driven]
     assert np.abs(finger_tips(again, q) - tips_in_grasp_frame(model, q)).max() < NEAR
+    # The root is the grasp frame, which a link says; efforts that are not known remain so.
+    assert FRAMED in notes
+    assert np.abs(matrix_of(again.grasp_frame) - np.eye(4)).max() < NEAR
+    assert [j.effort_Nm for j in again.joints] == [j.effort_Nm for j in model.joints]
+    assert not any("stands for" in note for note in notes)
+    for mine, theirs in zip(model.joints, again.joints, strict=True):
+        kept = [[s for s in j.shapes if isinstance(s, Capsule)] for j in (mine, theirs)]
+        ends = [[(*c.start, *c.end, c.radius) for c in capsules] for capsules in kept]
+        assert np.allclose(*ends, atol=NEAR)
+        assert len(mine.shapes) == len(theirs.shapes)
     inertia = [float(i.attrib[k]) for i in ET.fromstring(file.read_text()).iter("inertia")
                for k in ("ixx", "iyy", "izz")]
     assert np.min(inertia) > 0.0

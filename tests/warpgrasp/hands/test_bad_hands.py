@@ -207,4 +207,7 @@ def test_the_command_writes_what_it_reads(tmp_path: Path,
     assert "barrett" in capsys.readouterr().out
     assert cli.run(["hand", str(file), "-o", str(out), "--hold", "j1=x"]) == 2
     assert cli.run(["hand", str(file), "-o", str(out), "--palm", "q"]) == 2
+    capsys.readouterr()
+    assert cli.run(["hand", str(file), "-o", str(out), "--hold", "j1=200"]) == 2
+    assert "hold: joint j1 at 200 deg; should be 0 to 57.3" in capsys.readouterr().err
     assert cli.run(["hand", str(tmp_path / "none.urdf"), "-o", str(out)]) == 2

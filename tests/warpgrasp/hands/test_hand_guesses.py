@@ -1,0 +1,74 @@
+"""What a hand's first file guesses: which joints bend, how the thumb stands, what is closed."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from warpgrasp.hands.hand_file import hand_from_file
+from warpgrasp.hands.hand_frames import link_frames, posture_angles
+from warpgrasp.hands.hand_guesses import CLOSED, CURLED, OPEN, with_guesses
+from warpgrasp.hands.hand_model import STILL, Capsule, Finger, HandJoint, HandModel, Vector
+from warpgrasp.hands.hand_writer import hand_text
+
+ACROSS, ASIDE, UP = (0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+Range = tuple[float, float]
+
+
+def finger(name: str, x: float, axes: tuple[Vector, ...], ranges: tuple[Range, ...],
+           turn: float = 0.0) -> Finger:
+    """Links of 40 mm that point along z, from a base at x, turned about z."""
+    skin = (Capsule((0.0, 0.0, 0.0), (0.0, 0.0, 0.04), 0.008),)
+    base = (x, 0.0, 0.0, 0.0, 0.0, np.sin(turn / 2), np.cos(turn / 2))
+    places = [base, *[(0.0, 0.0, 0.04, 0.0, 0.0, 0.0, 1.0)] * (len(axes) - 1)]
+    return Finger(name, tuple(
+        HandJoint(f"{name}{n}", place, axis, *limits, 0.0, 2.0, None, skin)
+        for n, (place, axis, limits) in enumerate(zip(places, axes, ranges, strict=True))),
+        (0.0, 0.0, 0.04), ())
+
+
+def guessed(*fingers: Finger) -> HandModel:
+    return with_guesses(HandModel("x", "", "", STILL, (), fingers, "", "nothing", (), ()))
+
+
+def angles(model: HandModel, posture: str) -> dict[str, float]:
+    return dict(model.posture(posture).angles_rad)
+
+
+def test_a_hand_of_symmetric_ranges_closes_and_is_read_again(tmp_path: Path) -> None:
+    both = ((-1.2, 1.2),) * 2
+    model = guessed(*(finger(name, 0.1 * n, (ACROSS,) * 2, both) for n, name in enumerate("abc")))
+    assert len(model.closings[0].moves) == 6
+    file = tmp_path / "hand.toml"
+    file.write_text(hand_text(model, guessed=True))
+    assert hand_from_file(file).closings == model.closings
+
+
+def test_joints_that_spread_a_finger_do_not_close_it() -> None:
+    """By their axes, though their ranges lie on one side; a rest beyond zero is a limit."""
+    model = guessed(*(finger(name, x, (ASIDE, ACROSS, ACROSS), ((0.0, 1.0), (0.2, 1.2), (0.0, 1.0)))
+                      for name, x in (("a", 0.0), ("b", 0.02))))
+    assert model.closings[0].moves == ("a1", "a2", "b1", "b2")
+    assert angles(model, "open") == pytest.approx(dict.fromkeys(("a1", "b1"), 0.2 + OPEN))
+    assert angles(model, "closed") == pytest.approx(
+        {"a1": 0.2 + CLOSED, "b1": 0.2 + CLOSED, "a2": CURLED, "b2": CURLED})
+
+
+def test_a_gripper_is_open_as_it_stands() -> None:
+    model = guessed(finger("a", -0.05, (ACROSS,), ((0.0, 1.0),)),
+                    finger("b", 0.05, (ACROSS,), ((0.0, 1.0),), np.pi))
+    assert not any(angles(model, "open").values())
+
+
+def test_a_thumb_is_turned_against_the_fingers() -> None:
+    """One that bends beside them, as it stands."""
+    ranges = ((-1.0, 4.0), (0.0, 1.0))
+    fingers = (finger(name, -0.05, (ACROSS, ACROSS), ((0.0, 1.0),) * 2) for name in "ab")
+    model = guessed(*fingers, finger("thumb", 0.05, (UP, ACROSS), ranges, np.pi / 2))
+    assert model.thumb == "thumb"
+    turned = angles(model, "open")["thumb0"]
+    assert angles(model, "closed")["thumb0"] == turned
+    assert "thumb1" not in angles(model, "open")
+    axes = [frames[0, -1, :3, :3] @ ACROSS for frames in
+            link_frames(model, posture_angles(model, model.posture("open"))[None])]
+    assert axes[-1] @ axes[0] < -0.95
