@@ -55,6 +55,8 @@ PLAIN = {"recognized": 4, "touches": 2, "robot_time_s": 2, "failure_rate": 4, "c
 """Columns without an interval, and their digits."""
 FEW_CONTACTS = 8.0
 """Contacts of an episode, in the mean, below which hardly any fit is possible."""
+ROUNDING = 1e-9
+"""Share of a score that its mean over many rows may be off by."""
 MOST_LINES = 6
 """Of notes of one kind; the others are counted."""
 
@@ -135,7 +137,8 @@ class ReferenceMeans:
             apart = self.means.differences(self.entries + number, "these")
             for n in reference.entries:
                 ends = sorted((sign * apart.low[n], sign * apart.high[n]))
-                found[n] = ("no" if not sign * apart.value[n] > 0.0 else
+                rounding = ROUNDING * abs(self.means.values("these").value[n])
+                found[n] = ("no" if not sign * apart.value[n] > rounding else
                             "yes" if ends[0] > 0.0 else "mean")
         return found
 
@@ -258,10 +261,10 @@ class _Ranking:
                 value = beside.means.values("these").value
                 low, high = sorted((self.sign * apart.low[n], self.sign * apart.high[n]))
                 sure = ("" if worse[n] == "yes" else ": in the mean, which may be chance")
+                by = f", by {low:.2f} to {high:.2f} on these objects" if np.isfinite(low) else ""
                 lines.append((-float(self.sign * apart.value[n]), (
                     f"{self.entries[n].label} is worse than {reference.label}, {value[n]:.2f} "
-                    f"against {value[beside.entries + number]:.2f}, by {low:.2f} to {high:.2f} "
-                    f"on these objects{sure}")))
+                    f"against {value[beside.entries + number]:.2f}{by}{sure}")))
         return [line for _, line in sorted(lines)]
 
     def rarely_touching(self) -> Iterator[tuple[str, float]]:

@@ -21,6 +21,8 @@ from warpgrasp.robot import Grasps, Truth
 
 _SLAB_M = 0.010
 _LEAST_M = 0.002
+_NO_PLACE_M = 10.0
+"""Positions beyond are perhaps in millimetres."""
 _WIDE = 1.3
 """A prior this many times as wide as the object is worth a word."""
 
@@ -56,13 +58,17 @@ def why_untouched(
         if there.any():
             found[world] = _why_missed(poses[there], bodies[world], truth.body_pose[world], prior,
                                        world, hand, bool(unfelt[world]))
-        elif (mine == ProbeStatus.UNREACHABLE).any():
-            out = poses[mine == ProbeStatus.UNREACHABLE]
-            where = _nearest_text(out[0], arm, hand)
-            found[world] = f"the arm reaches none of {_poses(len(poses))}, {where}"
+            continue
+        out = poses[mine == ProbeStatus.UNREACHABLE]
+        every = _poses(len(poses))
+        strikes = "the open hand would strike the object or the table"
+        if len(out) == len(poses):
+            found[world] = (f"the arm reaches none of {every}, {_nearest_text(out[0], arm, hand)}")
+        elif len(out):
+            found[world] = (f"the arm does not reach {len(out)} of {every}, "
+                            f"{_nearest_text(out[0], arm, hand)}; at the others {strikes}")
         else:
-            found[world] = (f"the open hand would strike the object or the table at all of "
-                            f"{_poses(len(poses))}")
+            found[world] = f"{strikes} at all of {every}"
     return found
 
 
@@ -91,7 +97,7 @@ def _poses(count: int) -> str:
 def _nearest_text(pose: np.ndarray, arm: ArmTable, hand: HandTable) -> str:
     text = f"such as {_place(pose)}"
     metres = np.concatenate([pose[:3] / 1000, pose[3:]])
-    if pose_reachable(arm, hand, metres):
+    if np.abs(pose[:3]).max() > _NO_PLACE_M and pose_reachable(arm, hand, metres):
         return f"{text}: positions are in metres, not millimetres ({_place(metres)} is reachable)"
     near = nearest_reachable(arm, hand, pose)
     return text + (": turned so, the arm reaches no place" if near is None else

@@ -80,6 +80,18 @@ def test_an_entry_that_is_worse_than_doing_nothing_is_flagged(tmp_path: Path) ->
     assert {row["strategy"]: row["worse_than_prior"] for row in by_iou}["worst-of-all"] == "yes"
 
 
+def test_rounding_makes_no_entry_worse_than_its_prior(tmp_path: Path) -> None:
+    @fake_episodes.cell_by_cell
+    def nothing(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
+        rows = told(cell, episodes)
+        return rows | {"chamfer_mm": rows["prior_chamfer_mm"] * (1.0 + 1e-15)}
+
+    plan = plan_of(tmp_path)
+    made = make_leaderboard(plan, [fill(tmp_path, plan, nothing)])
+    assert {row["worse_than_prior"] for row in rows_of(made.csv())[:2]} == {"no"}
+    assert not any("worse than given-prior" in line for line in made.notes)
+
+
 def test_a_mean_that_is_worse_by_chance_is_told_from_one_that_is_surely_worse(
         tmp_path: Path) -> None:
     @fake_episodes.cell_by_cell

@@ -53,6 +53,16 @@ def test_poses_out_of_reach_are_told_with_the_nearest_one(
                                                  {"name": "block"}))
 
 
+def test_poses_out_of_reach_are_not_told_for_those_that_strike(tmp_path: Path) -> None:
+    file = tmp_path / "mixed.py"
+    file.write_text(FAR.format(x=0.45, z=0.02).replace(
+        "    return", "    poses[:, 0, 0] = 1.6\n    return"))
+    notes = notes_of(Strategy("mixed", call=f"{file}:far"), {"name": "block"})
+    assert all(note.startswith("the arm does not reach 1 of 3 poses, such as (1.6, 0, 0.02) m; ")
+               and note.endswith("; at the others the open hand would strike the object or the "
+                                 "table") for note in notes)
+
+
 def test_a_hand_that_closes_beside_the_object_is_told_where_it_is() -> None:
     notes = [n for n in notes_of(Strategy("r", (Ring(count=6, tilt_rad=0.6),)), TEE) if n]
     assert notes
