@@ -47,7 +47,7 @@ def test_one_accepted_contact_in_a_hundred_is_nowhere_near() -> None:
     felt, accepted, far = rows
     print(rows)
     assert far <= 0.01 * accepted
-    assert accepted >= 0.8 * felt
+    assert accepted >= 0.65 * felt  # not those whose place another surface would have elsewhere
 
 
 VOLUME_HELD, SURFACE_HELD = 0.80, 0.85
