@@ -107,12 +107,12 @@ def _build(table: Mapping[str, Any], base_dir: Path) -> None:
     """Build the object once. Raises ObjectError for any failure, also of a reader."""
     init_warp()
     from warpgrasp.geometry.body import BodyError
-    from warpgrasp.objects.body_baking import touched_body
+    from warpgrasp.objects.body_baking import check_walls
     from warpgrasp.objects.catalogue import body_from_table  # heavy; names need no building
 
     try:
         with quiet_stdout():
-            touched_body(body_from_table(table, base_dir))
+            check_walls(body_from_table(table, base_dir))
     except BodyError as error:
         raise ObjectError(str(error)) from error
     except Exception as error:  # not foreseen, but a user's file or table is no reason to crash

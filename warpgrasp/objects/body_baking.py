@@ -16,7 +16,7 @@ import numpy as np
 from warpgrasp.geometry.body import Body, BodyError, scene_of, signed_distance_to_bodies
 from warpgrasp.geometry.meshing import body_mesh
 from warpgrasp.geometry.scene import Join, Shape
-from warpgrasp.objects.grid_baking import NODES, baked_body, cached_grid, lost, volumes_m3
+from warpgrasp.objects.grid_baking import NODES, Distance, baked_body, cached_grid, lost, volumes_m3
 from warpgrasp.objects.mesh_orientation import mesh_gap, mesh_of
 
 _CELLS = 96
@@ -42,28 +42,35 @@ def touched_body(body: Body) -> Body:
     return replace(baked, name=body.name, doc=body.doc)
 
 
-def _baked(body: Body) -> Body:
-    vertices, faces = body_mesh(body, _CELLS)
-    if len(faces) == 0:
-        raise _too_thin(body, max(np.subtract(body.high_m, body.low_m)) / _CELLS)
-    halves = np.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]])
-    mesh, scene = mesh_of(vertices, halves, winding=False), scene_of([body], "cpu")
+def check_walls(body: Body) -> None:
+    """Raise BodyError where walls of a body are too thin for `touched_body`, without making it."""
+    if distance_falls_short(body):
+        _nodes_for(body)
 
-    def distance(points: np.ndarray) -> np.ndarray:
-        side = signed_distance_to_bodies(scene, np.zeros(1, int), points[None])[0]
-        return np.copysign(mesh_gap(mesh, points), side)
 
+def _nodes_for(body: Body) -> int:
+    """How many nodes keep the walls of a body, by its formula: it is right near the surface."""
     cell = 0.0
     for nodes in _FINER:
-        baked = baked_body(np.array(body.low_m), np.array(body.high_m), distance, nodes)
-        if not lost(*volumes_m3(baked, distance)):
-            return baked
-        cell = baked.parts[0].grid_cell_m
-    raise _too_thin(body, cell)
-
-
-def _too_thin(body: Body, cell_m: float) -> BodyError:
-    return BodyError(
+        rough = baked_body(np.array(body.low_m), np.array(body.high_m), _formula(body), nodes)
+        if not lost(*volumes_m3(rough, _formula(body))):
+            return nodes
+        cell = rough.parts[0].grid_cell_m
+    raise BodyError(
         f"{body.name}: it has superquadrics or cuts, whose distances are baked to nodes at least "
-        f"{1000 * cell_m:.2g} mm apart: walls and gaps of {2000 * cell_m:.2g} mm are kept; thicken "
+        f"{1000 * cell:.2g} mm apart: walls and gaps of {2000 * cell:.2g} mm are kept; thicken "
         "its walls, or make it shorter")
+
+
+def _formula(body: Body) -> Distance:
+    scene = scene_of([body], "cpu")
+    return lambda points: signed_distance_to_bodies(scene, np.zeros(1, int), points[None])[0]
+
+
+def _baked(body: Body) -> Body:
+    nodes, side = _nodes_for(body), _formula(body)
+    vertices, faces = body_mesh(body, max(_CELLS, nodes))
+    halves = np.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]])
+    mesh = mesh_of(vertices, halves, winding=False)
+    return baked_body(np.array(body.low_m), np.array(body.high_m),
+                      lambda points: np.copysign(mesh_gap(mesh, points), side(points)), nodes)

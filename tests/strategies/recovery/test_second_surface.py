@@ -51,7 +51,7 @@ def test_nor_does_one_of_a_hand_of_chains(kind: str) -> None:
     accepted, by_model, far = accepted_far(explored(HandTable(kind=kind)))
     assert accepted.sum() > 200
     assert far[accepted].mean() <= 0.01
-    assert far[accepted | by_model].mean() > 0.01
+    assert far[by_model].mean() > 2.0 * far[accepted].mean()
 
 
 def test_a_world_does_not_depend_on_those_beside_it(wedges: EpisodeBlock) -> None:
