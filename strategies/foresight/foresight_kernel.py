@@ -10,7 +10,18 @@ costs no powers, then five places along the link against the body itself.
 
 import warp as wp
 
-from warpgrasp.core.dtypes import HALF, ONE, ZERO, greater, lesser, real, struct, transform, vec3
+from warpgrasp.core.dtypes import (
+    HALF,
+    ONE,
+    ZERO,
+    greater,
+    lesser,
+    real,
+    struct,
+    transform,
+    vec3,
+    vec4,
+)
 from warpgrasp.geometry.sdf_superquadric import SuperquadricShape, sdf_superquadric_bound_grad
 from warpgrasp.mechanism.arm_motion_kernel import RETREAT_M
 
@@ -51,6 +62,21 @@ def _box_distance(p: vec3, s: SuperquadricShape):
 
 
 @wp.func
+def _foot(p: vec3, s: SuperquadricShape):
+    """The place of the body's surface that a place outside it leads to, and how far that is: as
+    far as the formula says along its gradient, which falls short, and from there once more."""
+    grad = sdf_superquadric_bound_grad(p, s)
+    n = vec3(grad[0], grad[1], grad[2])
+    if grad[3] <= ZERO:
+        foot = p - n * grad[3]
+        return vec4(foot[0], foot[1], foot[2], grad[3])
+    half_way = p - n * grad[3]
+    rest = sdf_superquadric_bound_grad(half_way, s)
+    foot = half_way - vec3(rest[0], rest[1], rest[2]) * rest[3]
+    return vec4(foot[0], foot[1], foot[2], wp.length(foot - p))
+
+
+@wp.func
 def _place(a: vec3, b: vec3, k: int):
     """Place number `k` along a segment."""
     return a + (b - a) * (real(k) / real(_PLACES - 1))
@@ -79,11 +105,17 @@ def _capsule_distance(s: SuperquadricShape, a: vec3, b: vec3, radius: real, enou
         return far
     # The place that is nearest to the box is likely the nearest to the body.
     least = sdf_superquadric_bound_grad(_place(a, b, first), s)[3]
+    nearest = int(first)
     for k in range(_PLACES):
         p = _place(a, b, k)
         if k != first and _box_distance(p, s) < lesser(least, enough + radius):
-            least = lesser(least, sdf_superquadric_bound_grad(p, s)[3])
-    return least - radius
+            bound = sdf_superquadric_bound_grad(p, s)[3]
+            if bound < least:
+                least = bound
+                nearest = int(k)
+    if least > radius:
+        return least - radius
+    return _foot(_place(a, b, nearest), s)[3] - radius
 
 
 @wp.func
@@ -229,4 +261,5 @@ def first_touch_kernel(
                               + (after.end - at.end - after.start + at.start) * share)
     if wp.dot(way, n) > -_GRAZING * wp.length(way):
         return
-    point[w, probe, g, finger] = wp.transform_point(pose[w], p - n * grad[3])
+    foot = _foot(p, s)
+    point[w, probe, g, finger] = wp.transform_point(pose[w], vec3(foot[0], foot[1], foot[2]))
