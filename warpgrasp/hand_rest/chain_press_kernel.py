@@ -15,12 +15,16 @@ from warpgrasp.chain.chain_kernel import (
 from warpgrasp.core.dtypes import HALF, real, transform, vec3
 from warpgrasp.geometry.segment_pair import segment_pair
 from warpgrasp.hand_rest.chain_meetings import CapsulePair
-from warpgrasp.hand_rest.press_kernel import Doubt, press_misfit, pushed_turn
+from warpgrasp.hand_rest.press_kernel import (
+    NO_PRESS,
+    PRESS_REACH,
+    Doubt,
+    press_misfit,
+    pushed_turn,
+)
 from warpgrasp.probe_status import ProbeStatus
 
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
-_FAR = wp.constant(real(1e9))  # squared deviations
-_REACH = wp.constant(real(0.03))  # [m]: links as far apart do not meet
 
 
 @wp.kernel(enable_backward=False, module="warpgrasp.chain_closing.chain_closing_kernels")
@@ -43,7 +47,7 @@ def chain_press_kernel(
     """As `hand_press_kernel`; `doubt` are each finger's."""
     w, p, g, finger = wp.tid()
     w += first
-    least = real(_FAR)
+    least = real(NO_PRESS)
     if status[w, p, g, finger] != _CONTACT:
         misfit[w, p, g, finger] = least
         return
@@ -90,11 +94,11 @@ def chain_press_kernel(
                 d = palm[second, 1]
             a = link_place(f, mine.joint, mine.start)
             b = link_place(f, mine.joint, mine.end)
-            ball = (wp.length(b - a) + wp.length(d - c)) * HALF + pair.both + _REACH
+            ball = (wp.length(b - a) + wp.length(d - c)) * HALF + pair.both + PRESS_REACH
             if wp.length_sq((a + b - c - d) * HALF) > ball * ball:
                 continue
             near = segment_pair(a, b, c, d)
-            if near.apart > pair.both + _REACH:
+            if near.apart > pair.both + PRESS_REACH:
                 continue
             away = chain_jacobian(hand, f, mine.joint, near.one, near.way)
             variance = own.place + own.zero * wp.dot(away, away)

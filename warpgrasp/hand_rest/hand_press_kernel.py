@@ -6,7 +6,13 @@ import warp as wp
 from warpgrasp.core.dtypes import HALF, ZERO, real, transform, vec4
 from warpgrasp.geometry.segment_pair import Nearest, segment_pair
 from warpgrasp.hand_rest.link_gap import above_palm, link_end, links_within, palm_capsule
-from warpgrasp.hand_rest.press_kernel import Doubt, press_misfit, pushed_turn
+from warpgrasp.hand_rest.press_kernel import (
+    NO_PRESS,
+    PRESS_REACH,
+    Doubt,
+    press_misfit,
+    pushed_turn,
+)
 from warpgrasp.mechanism.utah_mit_hand_kernel import (
     FingerPose,
     Hand,
@@ -19,8 +25,6 @@ from warpgrasp.mechanism.utah_mit_hand_kernel import (
 from warpgrasp.probe_status import ProbeStatus
 
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
-_FAR = wp.constant(real(1e9))  # squared deviations
-_REACH = wp.constant(real(0.03))  # [m]: links as far apart do not meet
 
 
 @wp.func
@@ -69,7 +73,7 @@ def hand_press_kernel(
     others where they had stopped by then, or else would rest free."""
     w, p, g, finger = wp.tid()
     w += first
-    least = real(_FAR)
+    least = real(NO_PRESS)
     if status[w, p, g, finger] != _CONTACT:
         misfit[w, p, g, finger] = least
         return
@@ -87,7 +91,7 @@ def hand_press_kernel(
             o = finger_pose(hand, finger_base(hand, other), there)
             for a in range(3):
                 for b in range(3):
-                    if links_within(hand, f, a, hand, o, b, _REACH):
+                    if links_within(hand, f, a, hand, o, b, PRESS_REACH):
                         near = segment_pair(link_start(f, a), link_end(f, a), link_start(o, b),
                                             link_end(o, b))
                         by = finger_jacobian(o, b, near.two, near.way)
@@ -95,7 +99,7 @@ def hand_press_kernel(
                             hand, doubt, f, a, near, hand.link_radius, free, turned,
                             doubt.place + angle * wp.dot(by, by)))
     for a in range(1, 3):
-        if not above_palm(hand, f, a, _REACH):
+        if not above_palm(hand, f, a, PRESS_REACH):
             for bar in range(4):
                 near = segment_pair(link_start(f, a), link_end(f, a),
                                     palm_capsule(hand, mount, bar, 0),

@@ -14,6 +14,8 @@ import warp as wp
 
 from warpgrasp.core.dtypes import ZERO, real, struct
 
+NO_PRESS = wp.constant(real(1e9))  # misfit of links that cannot press, in squared deviations
+PRESS_REACH = wp.constant(real(0.03))  # [m]: links as far apart do not meet
 _TINY = wp.constant(real(1e-12))  # [rad2/N2]
 _AT_STOP = wp.constant(real(0.03))  # [rad]: from a stop, which the joint then is pushed against
 
