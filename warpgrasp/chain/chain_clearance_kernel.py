@@ -87,7 +87,6 @@ def chain_clearance_kernel(
     # Robot:
     hands: wp.array2d[Chain],
     palm: wp.array[ChainBar],
-    march_scale: real,
     # Probe in:
     move_status: wp.array2d[int],
     actual: wp.array2d[transform],
@@ -116,4 +115,4 @@ def chain_clearance_kernel(
             return
         if left <= ZERO:
             return
-        left = approach_left(left, clear, march_scale)
+        left = approach_left(left, clear)

@@ -113,7 +113,7 @@ def close_fingers(
     probe or 1, finger) says which fingers close, all unless given; the others hold their first
     command, may be pushed there, and end as NO_CONTACT at step 0. `contact` says what acts on the
     fingers; `errors` are those of the true robots, none unless given. `march_scale`
-    shortens the skipping of free steps for bodies whose distance is not a sure bound. Raises
+    below 1 has free steps skipped in shorter jumps, to check that skipping changes nothing. Raises
     ShapeError, and ValueError for a body or a count of steps that there is not.
     """
     check_range("body", body, 0, scene.bodies - 1)

@@ -19,11 +19,10 @@ from warpgrasp.finger.chain_energy import (
     refined_energy,
     secant_compliance,
 )
-from warpgrasp.geometry.scene import Scene, body_is_convex, body_is_estimated
+from warpgrasp.geometry.scene import Scene, body_is_convex
 
 _ITERATIONS = wp.constant(60)
 _SEARCH = wp.constant(40)
-_FEW = wp.constant(10)
 _ATTEMPTS = wp.constant(6)
 _LEVEL = wp.constant(real(1e-6))  # slope [N m]
 _NUDGE = wp.constant(real(1e-4))  # [rad]: off the crease that the first attempt starts on
@@ -40,17 +39,11 @@ def refine_equilibrium(
     """The equilibrium at or below `begun`; `base` is in the body's frame. The energy never rises.
 
     `hand` is a Hand, and `begun` its Equilibrium; or a Chain, and its ChainRest.
-
-    For a body whose distance is an estimate the search is made once, with few iterations: its
-    gradients are not those of its energy, so that the gradient would never vanish.
     """
     convex = body_is_convex(scene, body)
-    estimated = body_is_estimated(scene, body)
-    attempts = wp.where(estimated, 1, _ATTEMPTS)
-    tries = wp.where(estimated, _FEW, _SEARCH)
     best = begun
     nudge = begun.q - begun.q
-    for attempt in range(attempts):
+    for attempt in range(_ATTEMPTS):
         at = wp.where(attempt == 0, begun.q, best.q)
         rest = refined_energy(scene, body, convex, hand, base, command, at + nudge, begun,
                               friction)
@@ -65,7 +58,7 @@ def refine_equilibrium(
             high = real(-1.0)
             found = int(0)
             trial = rest
-            for _try in range(tries):
+            for _try in range(_SEARCH):
                 trial = refined_energy(scene, body, convex, hand, base, command,
                                      rest.q + way * share, rest, friction)
                 if trial.energy >= rest.energy + _ARMIJO * share * fall:

@@ -9,7 +9,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
         "sample_body"],
     "meshing": ["body_mesh"],
     "scene": ["Join", "Scene", "Shape", "body_distance", "body_distance_grad", "body_is_convex",
-        "body_is_estimated", "body_table_distance", "body_table_distance_grad"],
+        "body_table_distance", "body_table_distance_grad"],
     "sdf_grid": ["GRID_MARGIN_M", "mesh_distance_kernel", "mesh_gap_kernel",
         "simple_mesh_distance_kernel"],
     "sdf_primitive": ["sign_of"],

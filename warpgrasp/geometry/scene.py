@@ -177,17 +177,6 @@ def body_is_convex(scene: Scene, body: int):
 
 
 @wp.func
-def body_is_estimated(scene: Scene, body: int):
-    """Whether the distance of a part is of first order, so that its gradient is not exact."""
-    rows = wp.array(ptr=scene.primitives, shape=(scene.primitive_count,), dtype=Primitive)
-    estimated = int(0)
-    for k in range(_first_row(scene, body), _first_row(scene, body + 1)):
-        if rows[k].shape == _SUPERQUADRIC:
-            estimated = int(1)
-    return estimated == 1
-
-
-@wp.func
 def _in_primitive_frame(row: Primitive, p: vec3):
     if row.placed == 0:
         return p

@@ -97,7 +97,6 @@ def move_hand(
     contact: ContactTable | None = None,
     errors: Calibration | None = None,
     probe_number: np.ndarray | None = None,
-    march_scale: float = 1.0,
     clearance: Clearance | None = None,
     device: str = "cpu",
 ) -> tuple[ArmMoves, np.ndarray]:
@@ -153,7 +152,7 @@ def move_hand(
         "actual": "world probe", "status": "world probe grasp", **shapes}, {
         "scene": scene, "body": array_of(body, int, device),
         "body_pose": array_of(body_pose, transform, device),
-        "march_scale": march_scale, "move_status": status, "actual": actual, "status": ready,
+        "move_status": status, "actual": actual, "status": ready,
         **given}, device=device)
     ready_host = ready.numpy().copy()
     # A probe whose way in is barred is barred for all its grasps.

@@ -87,9 +87,9 @@ def _move_kernel(
 
 
 @wp.func
-def approach_left(left: real, clear: real, march_scale: real):
+def approach_left(left: real, clear: real):
     """What is left of an approach [m] when the hand has gone as far as it is clear."""
-    ahead = wp.max(left - wp.max(clear * march_scale, _SHORTEST), ZERO)
+    ahead = wp.max(left - wp.max(clear, _SHORTEST), ZERO)
     if ahead < _GLANCE:
         return ZERO
     return ahead
@@ -105,7 +105,6 @@ def _clearance_kernel(
     # Robot:
     hands: wp.array2d[Hand],
     mount_length: real,
-    march_scale: real,
     # Probe in:
     move_status: wp.array2d[int],
     actual: wp.array2d[transform],
@@ -134,4 +133,4 @@ def _clearance_kernel(
             return
         if left <= ZERO:
             return
-        left = approach_left(left, clear, march_scale)
+        left = approach_left(left, clear)

@@ -46,14 +46,14 @@ class DepthView:
 
 def seen_depths(
     scene: Scene, body: np.ndarray, body_pose: np.ndarray, cameras: Cameras, table: StereoTable,
-    key: np.ndarray, *, march_scale: float = 1.0, device: str = "cpu",
+    key: np.ndarray, *, device: str = "cpu",
 ) -> DepthView:
     """What the first of two cameras (world, camera 2) and stereo tell; `key` (world,) uint64 seeds
     errors and gaps. Raises as `silhouettes`."""
     first = replace(cameras, centre_m=cameras.centre_m[:, :1], axes=cameras.axes[:, :1],
                     focal_pixels=cameras.focal_pixels / MATCHED,
                     pixels=max(cameras.pixels // MATCHED, 1))
-    depth = depths(scene, body, body_pose, first, march_scale=march_scale, device=device)[:, 0]
+    depth = depths(scene, body, body_pose, first, device=device)[:, 0]
     stream = counter_key(key, int(Purpose.CAMERA), 0)[:, None, None]
     number = np.arange(depth[0].size).reshape(depth.shape[1:])
     wrong = table.pixel_noise * counter_normal(counter_key(stream, _NOISE, number))

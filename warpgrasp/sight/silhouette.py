@@ -44,31 +44,30 @@ def stereo_cameras(table: StereoTable, target_m: np.ndarray) -> Cameras:
 
 def silhouettes(
     scene: Scene, body: np.ndarray, body_pose: np.ndarray, cameras: Cameras, *,
-    march_scale: float = 1.0, device: str = "cpu",
+    device: str = "cpu",
 ) -> np.ndarray:
     """Which pixels see the object, bool (world, camera, row, column). Raises ShapeError,
     and ValueError for a body that the scene has not.
     """
-    seen = _traced(_silhouette_kernel, "seen", uint8, scene, body, body_pose, cameras, march_scale,
-                   device)
+    seen = _traced(_silhouette_kernel, "seen", uint8, scene, body, body_pose, cameras, device)
     return seen.astype(bool)
 
 
 def depths(
     scene: Scene, body: np.ndarray, body_pose: np.ndarray, cameras: Cameras, *,
-    march_scale: float = 1.0, device: str = "cpu",
+    device: str = "cpu",
 ) -> np.ndarray:
     """How far along each camera's forward axis the object is [m], (world, camera, row, column);
     infinite where a pixel sees past it. Raises as `silhouettes`.
     """
-    far = _traced(_range_kernel, "far", real, scene, body, body_pose, cameras, march_scale, device)
+    far = _traced(_range_kernel, "far", real, scene, body, body_pose, cameras, device)
     at = (np.arange(cameras.pixels) + 0.5 - cameras.pixels / 2) / cameras.focal_pixels
     return np.where(far < 0.0, np.inf, far / np.sqrt(1.0 + at**2 + at[:, None] ** 2))
 
 
 def _traced(
     kernel: Any, name: str, kind: type, scene: Scene, body: np.ndarray, body_pose: np.ndarray,
-    cameras: Cameras, march_scale: float, device: str,
+    cameras: Cameras, device: str,
 ) -> np.ndarray:
     """What a kernel writes to its argument `name`, (world, camera, row, column)."""
     check_range("body", body, 0, scene.bodies - 1)
@@ -82,7 +81,6 @@ def _traced(
         name: "world camera row column"}, {
         "scene": scene, "body": wp.array(np.broadcast_to(body, worlds), dtype=int, device=device),
         "body_pose": wp.array(body_pose, dtype=transform, device=device),
-        "march_scale": march_scale,
         "centre": wp.array(cameras.centre_m, dtype=vec3, device=device),
         "axes": wp.array(cameras.axes, dtype=mat33, device=device),
         "focal": cameras.focal_pixels, "reach": reach, name: image}, device=device)

@@ -13,7 +13,7 @@ _HIT = wp.constant(real(2e-4))  # [m]
 @wp.func
 def _range(
     scene: Scene, body: int, to_body: transform, centre: vec3, axes: mat33, focal: real,
-    pixels: int, row: int, column: int, march_scale: real, reach: real
+    pixels: int, row: int, column: int, reach: real
 ):
     """How far along a pixel's ray the object is [m]; negative where it is not."""
     middle = real(pixels) * HALF
@@ -26,7 +26,7 @@ def _range(
         d = body_distance(scene, body, start + ray * t)
         if d < _HIT:
             return t
-        t += wp.max(d * march_scale, _HIT * HALF)
+        t += wp.max(d, _HIT * HALF)
         if t > reach:
             return -ONE
     return -ONE
@@ -39,7 +39,6 @@ def _silhouette_kernel(
     scene: Scene,
     body: wp.array[int],
     body_pose: wp.array[transform],
-    march_scale: real,
     # Camera in:
     centre: wp.array2d[vec3],
     axes: wp.array2d[mat33],
@@ -51,7 +50,7 @@ def _silhouette_kernel(
     w, camera, row, column = wp.tid()
     w += first
     far = _range(scene, body[w], wp.transform_inverse(body_pose[w]), centre[w, camera],
-                 axes[w, camera], focal, seen.shape[2], row, column, march_scale, reach)
+                 axes[w, camera], focal, seen.shape[2], row, column, reach)
     seen[w, camera, row, column] = wp.uint8(far >= ZERO)
 
 
@@ -62,7 +61,6 @@ def _range_kernel(
     scene: Scene,
     body: wp.array[int],
     body_pose: wp.array[transform],
-    march_scale: real,
     # Camera in:
     centre: wp.array2d[vec3],
     axes: wp.array2d[mat33],
@@ -75,4 +73,4 @@ def _range_kernel(
     w += first
     far[w, camera, row, column] = _range(
         scene, body[w], wp.transform_inverse(body_pose[w]), centre[w, camera], axes[w, camera],
-        focal, far.shape[2], row, column, march_scale, reach)
+        focal, far.shape[2], row, column, reach)

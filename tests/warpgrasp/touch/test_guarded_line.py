@@ -1,6 +1,7 @@
 """Guarded lines: what ends them, what is believed, and that the finger truly rests."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from warpgrasp.parameters import (
 )
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Robot, Truth
+from warpgrasp.touch import guarded_motion
 from warpgrasp.touch.line_touch import Until
 from warpgrasp.touch.pad import false_touch_probability, read_pads
 
@@ -209,12 +211,14 @@ def test_lines_of_several_kinds_are_those_made_one_by_one() -> None:
             np.testing.assert_array_equal(getattr(mixed, name)[row], values[row], name)
 
 
-def test_skipping_free_intervals_changes_nothing() -> None:
+def test_skipping_free_intervals_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """With a march of almost nothing every interval is looked at: the same touches."""
     quick, _ = robot_before_block(4)
     slow, _ = robot_before_block(4)
-    slow._march_scale = 1e-6
-    a, b = poke(quick, gap=0.02), poke(slow, gap=0.02)
+    a = poke(quick, gap=0.02)
+    monkeypatch.setattr(guarded_motion, "guarded_line",
+                        partial(guarded_motion.guarded_line, march_scale=1e-6))
+    b = poke(slow, gap=0.02)
     np.testing.assert_array_equal(a.steps, b.steps)
     np.testing.assert_array_equal(a.point_m, b.point_m)
 
