@@ -154,8 +154,10 @@ def _describe(sets: Sets, weight: np.ndarray) -> dict[str, np.ndarray]:
     bow = (root * (5 * root - 4)).sum(axis=1) / count
     noise = (psi**2).sum(axis=1) / np.maximum(count - 3, 1) / np.maximum(bow, 0.1) ** 2
     share = np.maximum(total, 1e-300) / count
-    # Rotation about u is determined by the scatter along v, and conversely.
-    tips = noise[:, None] * share[:, None] / np.maximum(values[:, [1, 2]], 1e-300)
+    # Rotation about u is determined by the scatter along v, and conversely; by what of it is not
+    # the touches' own spread.
+    scatter = values[:, [1, 2]] - (noise * total)[:, None]
+    tips = noise[:, None] * share[:, None] / np.maximum(scatter, 1e-300)
     shift = noise / count
     scale = sets.scale
     variances = np.concatenate([np.minimum(tips, 1.0), (shift * scale**2)[:, None]], axis=1)

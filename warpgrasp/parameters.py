@@ -6,11 +6,13 @@ source found. Inside the program all units are SI; a spec writes the same fields
 """
 
 from dataclasses import dataclass, field, fields
-from math import inf, pi, radians
+from math import ceil, erfc, expm1, inf, log1p, pi, radians, sqrt
 from typing import Any
 
 from warpgrasp.spec_words import spec_words
 
+TAXELS = 16
+"""Rows and columns of a pad [paper]."""
 OBJECT_REACH_M = 2.0
 """How far from the robot's base an object may stand, along x and along y."""
 
@@ -243,6 +245,30 @@ class PadTable:
                         f"{hand.link_length_m[link] * 1e3:g} mm; should be {bent * 1e3:.3g} to "
                         f"{(bent + hand.link_length_m[link]) * 1e3:.3g} mm long")
         return ""
+
+    def unread(self) -> str:
+        """Why no force changes a reading; empty where forces do."""
+        pressed = (self.least_ohm if self.law == "exponential"
+                   else self.newton_ohm * self.saturation_N**-self.power)
+        if pressed >= self.rest_ohm:
+            return (f"pad of {pressed:g} ohm under load: wants less than without, "
+                    f"{self.rest_ohm:g} ohm")
+        if self.floor_N >= self.saturation_N:
+            return (f"taxels feel from {self.floor_N:g} N on: wants less than the full scale, "
+                    f"{self.saturation_N:g} N")
+        return ""
+
+    def false_touch_probability(self) -> float:
+        """The probability that noise alone raises a taxel of one unloaded pad to the threshold in
+        a reading.
+
+        Counts are rounded: the threshold is reached from half a count below the next whole number.
+        """
+        if self.noise_counts == 0.0:
+            return 0.0
+        level = (ceil(self.threshold_counts) - 0.5) / self.noise_counts
+        one = 0.5 * erfc(level / sqrt(2.0)) * (1.0 - self.dead_fraction)
+        return -expm1(TAXELS**2 * log1p(-one)) if one < 1.0 else 1.0
 
 
 @spec_words

@@ -17,6 +17,10 @@ from fit.fit_status import Loss
 DAMPING = 1e-3
 """Initial damping, as a fraction of the largest diagonal element of JᵀJ."""
 
+LEAST_DAMPING = 1e-12
+"""The least damping, as such a fraction: where touches leave a parameter open JᵀJ has no inverse,
+and jaxopt multiplies a step that it rejects by zero, which leaves NaN."""
+
 
 class Descent(NamedTuple):
     """State of one descent between calls."""
@@ -45,8 +49,10 @@ def descend(equations: Callable, theta, damping, iterations, lanes: Any) -> Desc
         theta, state = carry
         # Only products of the Jacobian are used, and the state holds them.
         theta, state = solver.update(theta, state._replace(jac=none, jt=none), lane)
-        chosen = DAMPING * jnp.max(jnp.diagonal(state.jtj))
-        damping = jnp.where(first, jnp.where(begin > 0, begin, chosen), state.damping_factor)
+        largest = jnp.max(jnp.diagonal(state.jtj))
+        damping = jnp.where(first, jnp.where(begin > 0, begin, DAMPING * largest),
+                            state.damping_factor)
+        damping = jnp.maximum(damping, LEAST_DAMPING * largest)
         return theta, state._replace(
             damping_factor=damping, jac=None, jt=None,
             increase_factor=jnp.asarray(state.increase_factor, theta.dtype))

@@ -6,5 +6,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "fit": ["fit_revolution", "revolution_inside"],
     "geometry": ["RevolutionBody", "closed_contours", "revolution_inside", "revolution_surface",
         "revolution_volume"],
-    "record": ["RevolutionFit", "RevolutionOptions"],
+    "record": ["Middle", "RevolutionFit", "RevolutionOptions"],
 })

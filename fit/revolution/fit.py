@@ -17,10 +17,14 @@ from fit.optimize.batch import Program, map_lanes, take
 from fit.optimize.multistart import Problem, advance, finish, screen
 from fit.optimize.pieces import PIECE, divided, undivided
 from fit.prepare import Sets, prepare
-from fit.revolution.record import RevolutionFit, RevolutionOptions
+from fit.revolution.record import Middle, RevolutionFit, RevolutionOptions
 from fit.revolution.residuals import BY_POINT, FitData, evaluate, normal_equations
 from fit.rotation import is_upward
 from fit.superquadric.starts import box_starts
+
+TOUCH_STD_M = 0.001
+"""Of a touch about the contour, which priors are weighed against [est]."""
+_LEAST_TILT_WEIGHT = 1e-3  # so that a sphere has one answer
 
 
 def fit_revolution(
@@ -28,12 +32,14 @@ def fit_revolution(
     mask: Bool[np.ndarray, "fit point"] | None = None,
     *,
     table_z: float | Float[np.ndarray, " fit"] | None = None,
+    middle: Middle | None = None,
     options: RevolutionOptions | None = None,
 ) -> RevolutionFit:
     """Fit surfaces of revolution to sets of points [m].
 
-    With `table_z` [m] the lower end lies on the table. Raises ValueError for an array of the wrong
-    shape; any other problem of a set is its `status`.
+    With `table_z` [m] the lower end lies on the table. `middle` tells what else is known of where
+    the axes go through: touches all on one side, or on two that are opposite, tell it badly.
+    Raises ValueError for an array of the wrong shape; any other problem of a set is its `status`.
     """
     options = options or RevolutionOptions()
     sets = prepare(points, mask, table_z=table_z)
@@ -50,8 +56,9 @@ def fit_revolution(
         "status": sets.status.copy(),
         "n_points": sets.count.copy(),
     }
+    known = Middle(np.zeros((n, 3)), np.full(n, np.inf)) if middle is None else middle
     for index, bucket in sets.buckets():
-        for name, values in _fit_bucket(bucket, options).items():
+        for name, values in _fit_bucket(bucket, known.rows(index), options).items():
             rows[name][index] = values
     return RevolutionFit(**rows)
 
@@ -63,7 +70,9 @@ def revolution_volume(height_m: np.ndarray, radius_m: np.ndarray) -> np.ndarray:
     return np.pi / 3 * step * (low**2 + low * high + high**2).sum(axis=1)
 
 
-def _fit_bucket(sets: Sets, options: RevolutionOptions) -> dict[str, np.ndarray]:
+def _fit_bucket(
+    sets: Sets, middle: Middle, options: RevolutionOptions
+) -> dict[str, np.ndarray]:
     n = len(sets.count)
     down, floor = (None, None) if sets.plane is None else (sets.plane[:, :3], sets.plane[:, 3])
     if options.upright and down is None:
@@ -87,12 +96,16 @@ def _fit_bucket(sets: Sets, options: RevolutionOptions) -> dict[str, np.ndarray]
     if sets.plane is not None:
         plane = np.concatenate([sets.plane, np.full((n, 1), options.plane_weight)], axis=1)
     lanes = FitData(np.moveaxis(sets.points, 2, 1).copy(), weight, rotation[:, 0],
-                  0.1 / np.sqrt(sets.count), plane)
+                  0.1 / np.sqrt(sets.count), plane, _tilt_weight(sets, options),
+                  _middle(sets, middle, rotation[:, 0]))
     spread = take(lanes, np.repeat(np.arange(n), starts))
-    spread = spread._replace(rotation=rotation.reshape(-1, 3, 3))
+    spread = spread._replace(rotation=rotation.reshape(-1, 3, 3), middle=np.concatenate([
+        _middle(sets, middle, rotation[:, start])[:, None] for start in range(starts)], 1
+    ).reshape(-1, 3))
     problem = _problem(options)
     best, found = screen(problem, theta, spread, options.screen_iterations)
-    lanes = lanes._replace(rotation=rotation[np.arange(n), best])
+    rotation = rotation[np.arange(n), best]
+    lanes = lanes._replace(rotation=rotation, middle=_middle(sets, middle, rotation))
     if options.loss != "none":
         for _ in range(2):
             lanes = lanes._replace(loss_scale=_scale(found, lanes, sets, options))
@@ -100,6 +113,21 @@ def _fit_bucket(sets: Sets, options: RevolutionOptions) -> dict[str, np.ndarray]
     end = finish(problem, found, lanes, at_a_time=options.round_iterations,
                  at_most=options.iterations, least_fall=options.least_fall)
     return _rows(end, lanes, sets, options)
+
+
+def _tilt_weight(sets: Sets, options: RevolutionOptions) -> np.ndarray:
+    """Of the slopes' residuals beside touches', which are weighted by 1 / sqrt(count)."""
+    if options.tilt_std_rad is None:
+        return np.full(len(sets.count), _LEAST_TILT_WEIGHT)
+    return np.maximum(TOUCH_STD_M / (sets.scale * options.tilt_std_rad * np.sqrt(sets.count)),
+                      _LEAST_TILT_WEIGHT)
+
+
+def _middle(sets: Sets, known: Middle, rotation: np.ndarray) -> np.ndarray:
+    """`FitData.middle` of frames, (fit, 3)."""
+    unit = (known.point_m - sets.origin) / sets.scale[:, None]
+    return np.concatenate([np.einsum("fji,fj->fi", rotation, unit)[:, :2],
+                           (TOUCH_STD_M / (known.std_m * np.sqrt(sets.count)))[:, None]], 1)
 
 
 def _scale(theta, lanes: FitData, sets: Sets, options: RevolutionOptions) -> np.ndarray:

@@ -12,7 +12,7 @@ from fit.fit_status import LEAST_FALL, Loss, Monotone, check_word
 class RevolutionOptions:
     """Options of a fit; hashable, as they name the compiled program.
 
-    Raises ValueError for an unknown word or fewer than two nodes.
+    Raises ValueError for an unknown word, fewer than two nodes or a tilt that is not positive.
     """
 
     nodes: int = 8
@@ -24,6 +24,8 @@ class RevolutionOptions:
     loss: Loss = "cauchy"
     upright: bool = False
     """Start only from axes along the world's z; the fitted axis may tilt."""
+    tilt_std_rad: float | None = None
+    """Standard deviation of that tilt before anything is felt; any tilt is as likely if None."""
     plane_weight: float = 1.0
     screen_iterations: int = 6
     round_iterations: int = 8
@@ -33,10 +35,26 @@ class RevolutionOptions:
     """A fit has converged when a round lowers its cost by less than this fraction."""
 
     def __post_init__(self) -> None:
+        if self.tilt_std_rad is not None and not self.tilt_std_rad > 0:
+            raise ValueError(f"tilt_std_rad: {self.tilt_std_rad}, should be positive")
         if self.nodes < 2:
             raise ValueError(f"nodes: {self.nodes}, should be 2 at least")
         check_word("monotone", self.monotone, Monotone)
         check_word("loss", self.loss, Loss)
+
+
+@dataclass(frozen=True)
+class Middle:
+    """What is known, before a fit, of points that the middles of axes lie near."""
+
+    point_m: Float[np.ndarray, "fit 3"]
+    """Its place along the axis does not count."""
+    std_m: Float[np.ndarray, " fit"]
+    """Of each coordinate across the axis; infinite where nothing is known."""
+
+    def rows(self, index: np.ndarray) -> "Middle":
+        """Those of the fits `index`."""
+        return Middle(self.point_m[index], self.std_m[index])
 
 
 @dataclass(frozen=True)

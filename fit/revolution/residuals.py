@@ -29,6 +29,11 @@ class FitData(NamedTuple):
     loss_scale: Float[Tensor, ""]
     plane: Float[Tensor, " 5"] | None
     """Down direction (3), height of the table along it, weight of its residual."""
+    tilt_weight: Float[Tensor, ""]
+    """Of the axis' slopes against the start's, as residuals."""
+    middle: Float[Tensor, " 3"]
+    """Where the axis' middle is expected across z, in the frame of the start (2), and the weight of
+    that."""
 
 
 class Body(NamedTuple):
@@ -216,7 +221,7 @@ def _touch_rows(theta, data: FitData, options: RevolutionOptions) -> Float[Array
 
 
 def _body_residuals(theta, data: FitData, options: RevolutionOptions) -> Float[Array, " residual"]:
-    """Smoothing, table, monotonicity and a weak prior against tilt."""
+    """Smoothing, table, monotonicity, and priors of tilt and middle."""
     foot, axis, height, radius = unpack(theta, data.rotation)
     bow = radius[2:] - 2.0 * radius[1:-1] + radius[:-2]
     parts = [options.smoothing * bow]
@@ -231,5 +236,6 @@ def _body_residuals(theta, data: FitData, options: RevolutionOptions) -> Float[A
         rise = jnp.diff(radius) * jnp.sign(axis[2] + 1e-12)
         wrong = rise if options.monotone == "falling" else -rise
         parts.append(3.0 * jnp.maximum(wrong, 0.0))
-    parts.append(1e-3 * theta[0:2])
+    parts.append(data.tilt_weight * theta[0:2])
+    parts.append(data.middle[2] * (theta[2:4] - data.middle[:2]))
     return jnp.concatenate(parts)

@@ -20,8 +20,8 @@ from strategies.foresight.process_occupancy import occupancy_by_process
 from strategies.planners.probes import Grasp, Probe
 from strategies.planners.register import planner
 from strategies.poses.hand_outline import outline_of
+from strategies.procedures.touches import TABLE_MARGIN_M
 from strategies.recovery.belief import Belief
-from strategies.recovery.evidence import TABLE_MARGIN_M
 from strategies.recovery.free_contacts import BODY, believed_freely
 from warpgrasp.mechanism.arm_reach import pose_reachable
 

@@ -10,8 +10,8 @@ from strategies.foresight.first_touch import first_touches
 from strategies.poses.hand_poses import waypoint_poses
 from strategies.poses.waypoints import BoundingCylinder, Placement, Ring, Top
 from strategies.procedures.possible import check_foreseeable
+from strategies.procedures.touches import TABLE_MARGIN_M
 from strategies.recovery.belief import Belief
-from strategies.recovery.evidence import TABLE_MARGIN_M
 from strategies.recovery.upright import stand_upright
 from warpgrasp.mechanism.arm_reach import pose_reachable
 

@@ -15,5 +15,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "stereo_axis": ["StereoAxis", "see_axis"],
     "depth_prior": ["SeenBox", "believed_after", "or_drawn", "see_box"],
     "stereo_prior": ["see_cylinder"],
-    "touches": ["EndReason", "MissedTips", "REASON_TEXT", "TouchTable", "true_touches"],
+    "touches": ["EndReason", "MissedTips", "REASON_TEXT", "TABLE_MARGIN_M", "TouchTable",
+        "true_touches"],
 })

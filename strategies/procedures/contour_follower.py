@@ -7,7 +7,7 @@ may be wrong by some degrees; each section's own centre steers the next.
 
     axis = Axis.upright(prior.x_m, prior.y_m, prior.height_m, prior.radius_m)
     found = explore_contour(robot, axis)
-    profile = profile_of(found)                             # strategies.contour_profile
+    profile = profile_of(found)                             # strategies.procedures.contour_shape
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from strategies.procedures.possible import opposed_of
-from strategies.procedures.touches import EndReason, MissedTips, TouchLog, TouchTable
+from strategies.procedures.touches import (
+    TABLE_MARGIN_M,
+    EndReason,
+    MissedTips,
+    TouchLog,
+    TouchTable,
+)
 from warpgrasp.mechanism.arm_reach import hand_reachable
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Robot
@@ -30,6 +36,7 @@ _LOW, _HIGH = 2.0, 1.0
 """What a reachable place of the hand is worth at the lower end, and at the upper one."""
 _LOWER_END = 3 * _LOW  # for both swings, and the way in for one
 _ALL_REACHED = _LOWER_END + 2 * _HIGH
+_LONGER, _MORE_SECTIONS, _LEAST_SECTIONS = 1.3, 12, 80  # than the axis is told, and its ends take
 _LEAST_REACH = 0.75  # wide objects: fingertips short of the axis by this share of the radius
 _FINGERS_PASS = 0.9  # by more, however much the hand is held off, they could pass in front of it
 
@@ -80,7 +87,8 @@ class ContourOptions:
     """The hand comes from this far behind its first place."""
     sidesteps_m: tuple[float, ...] = (0.0, 0.012, -0.012, 0.024, -0.024)
     """Tried across the approach until the open fingers come around the object."""
-    most_sections: int = 80
+    most_sections: int | None = None
+    """As many as the axis is long, and some more, unless given."""
     most_blocked: int = 4
     """Sections running without two touches that end the search."""
 
@@ -98,9 +106,10 @@ class ContourExploration:
     thumb: int
     """The number of the finger that is, or stands for, the thumb; the others are opposed to it."""
     found_m: np.ndarray
-    """Highest place along the axis where both fingers touched, from its foot, (world,)."""
+    """Highest place of the hand along the axis at which both fingers touched, from its foot,
+    (world,). Round tips touch an edge from above, so it may lie a tip's radius above the object."""
     nothing_m: np.ndarray
-    """Lowest place above it where a finger found nothing; NaN where none did."""
+    """Lowest place of the hand above it at which a finger found nothing; NaN where none did."""
     rejected: np.ndarray
     """Closings blocked without tactile contact."""
     touch_count: np.ndarray
@@ -149,12 +158,16 @@ class _Follower:
             self.reason = np.where(wanted, self.reason, EndReason.COMPLETE)
         self.offset = np.zeros((worlds, 3))  # measured centre against the axis as given
         self.backed_off_m = np.zeros(worlds)  # farther away, to clear the object
+        self.nearer = np.zeros(worlds, bool)  # this section is tried again, less held off
         self.place = np.zeros(worlds)  # of the section, along the axis from its foot
         self.step = np.full(worlds, options.step_m)
         self.searching = np.zeros(worlds, bool)  # for the end, by halving
         self.found = np.full(worlds, np.nan)
         self.nothing = np.full(worlds, np.nan)
         self.section = np.zeros(worlds, int)
+        enough = np.ceil(_LONGER * np.where(good, axis.length_m, 0.0) / options.step_m)
+        self.most_sections = np.maximum(enough.astype(int) + _MORE_SECTIONS, _LEAST_SECTIONS) if (
+            options.most_sections is None) else np.full(worlds, options.most_sections)
         self.missed = np.zeros(worlds, int)
         self.rejected = np.zeros(worlds, int)
         self.touch_count = np.zeros(worlds, int)
@@ -298,10 +311,19 @@ class _Follower:
         pose = self._pose(rows)
         thumb, index = (self._close(rows, pose, which) for which in (1, 0))
         status = np.stack([thumb.status, index.status], 1)
+        low = np.stack([thumb.point_m[:, 2], index.point_m[:, 2]], 1) < TABLE_MARGIN_M
+        status[low & (status == ProbeStatus.CONTACT)] = ProbeStatus.BLOCKED  # by the table
         both = (status == ProbeStatus.CONTACT).all(1)
         nothing = (status == ProbeStatus.NO_CONTACT).any(1) & ~both
+        # Held off from a wider part, one finger may pass in front of a thin one: once more, nearer.
+        passed = (nothing & (status == ProbeStatus.CONTACT).any(1) & ~self.nearer[rows]
+                  & (self.backed_off_m[rows] > 0.0))
+        nothing &= ~passed
+        self.nearer[rows] = passed
+        self.backed_off_m[rows[passed]] = np.maximum(
+            self.backed_off_m[rows[passed]] - _BACK_OFF_M, 0.0)
         gone = (status == ProbeStatus.UNREACHABLE).any(1)
-        stopped = ~both & ~nothing & ~gone
+        stopped = ~both & ~nothing & ~gone & ~passed
         self.rejected[rows] += (status == ProbeStatus.BLOCKED).sum(1)
         self._steer(rows[both], thumb, index, np.flatnonzero(both))
         self.section[rows] += 1
@@ -317,8 +339,9 @@ class _Follower:
         self.nothing[rows[nothing]] = np.fmin(self.nothing[rows[nothing]],
                                               self.place[rows[nothing]])
         self._shift_from(rows[stopped], status[stopped])
-        self._advance(rows[~stopped], nothing[~stopped])
-        self.reason[rows[(self.section[rows] >= self.o.most_sections)
+        going = ~stopped & ~passed
+        self._advance(rows[going], nothing[going])
+        self.reason[rows[(self.section[rows] >= self.most_sections[rows])
                          & (self.reason[rows] == EndReason.GOING_ON)]] = EndReason.SPENT
 
     def _close(self, rows: np.ndarray, pose: np.ndarray, which: int) -> LineTouch:

@@ -62,19 +62,11 @@ def _contour(
     exploration: ContourExploration, world: int, table_z_m: float | None, split_m: float
 ) -> tuple[np.ndarray, np.ndarray, int]:
     """Foot (3,), nodes (node, height and radius) and number of sections of one world."""
-    table, axis = exploration.touches, exploration.axis
-    mine = np.flatnonzero((table.world == world) & np.isfinite(table.point_m).all(1)
-                          & np.isfinite(table.normal).all(1))
-    thumb = {table.part[row]: row for row in mine if table.finger[row] == exploration.thumb}
-    index = {table.part[row]: row for row in mine if table.finger[row] != exploration.thumb}
-    both = sorted(thumb.keys() & index.keys())
-    nothing = np.full(3, np.nan), np.full((1, 2), np.nan), len(both)
-    if len(both) < 2:
-        return nothing
-    one, other = (np.array([of[part] for part in both]) for of in (thumb, index))
+    axis = exploration.axis
+    centre, radius = section_circles(exploration, world, table_z_m)
+    if len(centre) < 2:
+        return np.full(3, np.nan), np.full((1, 2), np.nan), len(centre)
     along = axis.direction[world] / np.linalg.norm(axis.direction[world])
-    centre, radius = section_circle(table.point_m[one], table.normal[one], table.point_m[other],
-                                    table.normal[other], np.tile(along, (len(one), 1)))
     height = (centre - axis.foot_m[world]) @ along
     order = np.argsort(height, kind="stable")
     height, radius = height[order], np.clip(radius[order], *_RADII_M)
@@ -86,7 +78,26 @@ def _contour(
         nodes = np.concatenate([[[begin, nodes[0, 1]]], nodes])
     across = centre - axis.foot_m[world]
     across = np.median(across - (across @ along)[:, None] * along, axis=0)
-    return axis.foot_m[world] + across + begin * along, nodes - [begin, 0.0], len(both)
+    return axis.foot_m[world] + across + begin * along, nodes - [begin, 0.0], len(centre)
+
+
+def section_circles(
+    exploration: ContourExploration, world: int, table_z_m: float | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Centres (section, 3) and radii (section,) [m] of the sections of a world with two touches,
+    neither of which is of the table."""
+    table, axis = exploration.touches, exploration.axis
+    mine = np.flatnonzero((table.world == world) & np.isfinite(table.point_m).all(1)
+                          & np.isfinite(table.normal).all(1) & table.above(table_z_m))
+    thumb = {table.part[row]: row for row in mine if table.finger[row] == exploration.thumb}
+    index = {table.part[row]: row for row in mine if table.finger[row] != exploration.thumb}
+    both = sorted(thumb.keys() & index.keys())
+    one, other = (np.array([of[part] for part in both], int) for of in (thumb, index))
+    if len(both) == 0:
+        return np.zeros((0, 3)), np.zeros(0)
+    along = axis.direction[world] / np.linalg.norm(axis.direction[world])
+    return section_circle(table.point_m[one], table.normal[one], table.point_m[other],
+                          table.normal[other], np.tile(along, (len(one), 1)))
 
 
 def linear_segments(height: np.ndarray, radius: np.ndarray, split_m: float) -> np.ndarray:

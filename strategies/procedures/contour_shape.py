@@ -5,7 +5,7 @@ revolution is fitted to them (`fit.revolution.fit`, jaxopt), which refines the a
 each section is a circle, and the contour runs straight from one section to the next.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -15,11 +15,14 @@ from scipy.spatial.transform import Rotation
 from fit.arrays import row_sums, with_rows
 from fit.fit_status import is_fitted
 from fit.revolution.fit import fit_revolution
-from fit.revolution.record import RevolutionFit, RevolutionOptions
+from fit.revolution.record import Middle, RevolutionFit, RevolutionOptions
 from strategies.procedures.contour_follower import ContourExploration
-from strategies.procedures.contour_sections import SectionProfile
+from strategies.procedures.contour_sections import SectionProfile, section_circles
 
-FIT = RevolutionOptions(nodes=10, upright=True, least_fall=1e-5)
+FIT = RevolutionOptions(nodes=10, upright=True, tilt_std_rad=np.radians(5), least_fall=1e-5)
+"""An axis is known to some degrees [est], which touches of a short object do not tell better."""
+_LEAST_RADIUS_M = 0.005
+_TURNED_RAD = 0.1  # normals of all sections together, at least [est]
 
 
 @dataclass(frozen=True)
@@ -55,14 +58,15 @@ def profile_of(
     """
     given = exploration.axis
     worlds = len(exploration.reason)
-    points, mask = exploration.touches.sets(worlds)
+    points, mask = exploration.touches.sets(worlds, exploration.touches.above(table_z_m))
     ways, which = np.unique(np.nan_to_num(given.direction, nan=0.0), axis=0, return_inverse=True)
     turns = [_upright(way) for way in ways]
     to_axis, from_axis = ([each[k] for k in which.ravel()] for each in (
         turns, [turn.inv() for turn in turns]))
     local = np.stack([turn.apply(p - f) for turn, p, f in
                       zip(to_axis, points, np.nan_to_num(given.foot_m), strict=True)])
-    fit = fit_revolution(local, mask, options=options)
+    fit = fit_revolution(local, mask, options=options, middle=_middles(
+        exploration, to_axis, table_z_m))
     good = is_fitted(fit.status)
     axis_local = np.where(good[:, None], fit.axis, [0.0, 0.0, 1.0])
     point_local = np.where(good[:, None], fit.position_m, 0.0)
@@ -97,6 +101,27 @@ def profile_of(
     return Profile(through + axis * bottom[:, None], axis, height, radius,
                    np.where(known, volume, np.nan), largest,
                    np.where(known, top - bottom, np.nan), np.where(known, rms, np.nan), fit)
+
+
+def _middles(
+    exploration: ContourExploration, to_axis: Sequence[Rotation], table_z_m: float | None
+) -> Middle:
+    """Where the axes go through, by the sections' own circles, in the frames of the given axes.
+
+    Both touches of a section are told by places and normals; without normals two opposite touches
+    fit any larger circle whose middle lies aside.
+    """
+    foot = np.nan_to_num(exploration.axis.foot_m)
+    point, std = np.zeros((len(foot), 3)), np.full(len(foot), np.inf)
+    for world, turn in enumerate(to_axis):
+        centre, radius = section_circles(exploration, world, table_z_m)
+        if len(centre) > 1:
+            own = turn.apply(centre - foot[world])
+            point[world] = np.median(own, axis=0)
+            spread = own[:, :2].std(axis=0, ddof=1)
+            std[world] = np.hypot(_TURNED_RAD * max(float(np.median(radius)), _LEAST_RADIUS_M),
+                                  np.hypot(*spread) / np.sqrt(2 * len(own)))
+    return Middle(point, std)
 
 
 def _upright(direction: np.ndarray) -> Rotation:

@@ -8,7 +8,7 @@ across. A host-side state machine over the whole batch: worlds that are done are
     truth = Truth(body_pose)
     robot = Robot([body], np.zeros(1, int), truth, key, ArmTable(), HandTable(), SensorTable())
     found = explore_plane(robot, point_m, outward_normal)   # both (world, 3)
-    planes = planes_of(found)                               # strategies.planar_faces
+    planes = planes_of(found)                               # strategies.procedures.planar_faces
 """
 
 from dataclasses import dataclass

@@ -11,6 +11,9 @@ from fit.plane_record import PlaneFit
 from strategies.procedures.planar_explorer import PlanarExploration
 
 _FACING_RAD = np.radians(35)
+NARROWEST = 10.0
+"""A face is at least so many times as wide as its touches lie off it, or it is not called flat
+[est]: its normal is told to some ten degrees then."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +41,7 @@ def planes_of(
 
     A face is called flat if the touches on the plane lie within `flat_rms_m`, and no parabola along
     u or v bows by more than `flat_bow_m`; a touch past an edge, or of what lies below, takes no
-    part.
+    part. Of one so narrow that the touches hardly tell how it is turned it cannot be said.
     """
     worlds = len(exploration.reason)
     points, mask = exploration.touches.sets(worlds)
@@ -51,7 +54,8 @@ def planes_of(
     outward = np.where((fit.normal * exploration.axes[:, 2]).sum(1) < 0, -1.0, 1.0)
     share = (fit.weight > 0.05).sum(1) / np.maximum(mask.sum(1), 1)
     bow = _bow(exploration, rows)[index]
-    flat = ((fit.status == FitStatus.converged) & (fit.rms_m <= flat_rms_m)
+    wide = fit.extent_m.min(1) >= NARROWEST * fit.rms_m
+    flat = ((fit.status == FitStatus.converged) & (fit.rms_m <= flat_rms_m) & wide
             & (np.abs(bow) <= flat_bow_m).all(1))
     return Face(fit.normal * outward[:, None], fit.offset_m * outward, share, bow, flat, fit)
 

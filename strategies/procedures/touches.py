@@ -5,10 +5,13 @@ from enum import IntEnum
 
 import numpy as np
 
+from warpgrasp.parameters import TAXELS
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Truth
-from warpgrasp.touch.line_touch import TAXELS, LineTouch
+from warpgrasp.touch.line_touch import LineTouch
 
+TABLE_MARGIN_M = 0.006
+"""Contacts believed less than this above the table are taken to be the table."""
 SLOTS = 256
 """More than one exploration can make with the options' limits."""
 
@@ -53,7 +56,8 @@ REASON_TEXT = {
     EndReason.SPENT: "the steps allowed were used up",
     EndReason.NO_CONTACT: "the first approach met nothing: does the start miss the object?",
     EndReason.START_BLOCKED: "the hand strikes something where it starts: is the start inside the "
-                             "object, or does the normal point into it?",
+                             "object, does the normal point into it, or do pads feel where nothing "
+                             "is?",
     EndReason.BAD_START: "the start has a number that is not finite, or a direction of length 0",
     EndReason.UNREACHABLE: "the arm cannot reach there",
     EndReason.BLOCKED: "the hand was stopped, but no pad felt anything: are the pads dead?",
@@ -92,6 +96,12 @@ class TouchTable:
 
     def __len__(self) -> int:
         return len(self.world)
+
+    def above(self, table_z_m: float | None) -> np.ndarray:
+        """Which touches are not of the table, bool (row,); all where none is known (None)."""
+        if table_z_m is None:
+            return np.ones(len(self.world), bool)
+        return np.nan_to_num(self.point_m[:, 2] - table_z_m) > TABLE_MARGIN_M
 
     def sets(self, worlds: int, keep: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Points (world, slot, 3) and mask (world, slot) of the contacts (and `keep`, (row,)).

@@ -93,7 +93,7 @@ def _best(placed: Evidence, label: np.ndarray, count: int, prior: BoundingCylind
         mask = np.zeros((len(label), count, len(touched)), bool)
         mask[:, :, touched] = label[:, None] == np.arange(count)[:, None]
         fits, _ = recover_bodies(replace(every, mask=mask.reshape(-1, len(touched))), None, table)
-        made = _made(fits) & plausible(fits, given, table_plane=False)
+        made = _made(fits) & plausible(fits, given, table_plane=False, whole=False)
         away = np.where(made[:, None], _distances(fits, points), _NOWHERE_M)
         away = away.reshape(len(label), count, -1)
         # The surface of a union: what lies within another part is no part's surface.

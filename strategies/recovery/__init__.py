@@ -15,7 +15,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
                         "mean_gap_to_mesh", "refuted", "surface_gaps",
                         "unexplained"],
     "evidence": ["CONTOUR_TOUCHES", "CONTRADICTED_FROM", "Evidence", "FACE_TOUCHES", "SURE_LINK",
-        "TABLE_MARGIN_M", "evidence_from_grasps", "evidence_from_touches", "joined_evidence",
+        "evidence_from_grasps", "evidence_from_touches", "joined_evidence",
         "no_evidence"],
     "fit_contacts": ["LEAN_SHARE", "NORMAL_SIGMA_M", "PLACE_SIGMA_M", "TURN_SIGMA_RAD",
         "recover_bodies"],

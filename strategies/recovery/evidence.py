@@ -6,13 +6,11 @@ from typing import Any
 import numpy as np
 
 from strategies.contacts.finger_touch import TouchedLinks, links_of_touches
-from strategies.procedures.touches import MissedTips, TouchTable
+from strategies.procedures.touches import TABLE_MARGIN_M, MissedTips, TouchTable
 from warpgrasp.parameters import HandTable
 from warpgrasp.probe_status import FELT_TO_THE_END, ProbeStatus
 from warpgrasp.robot import Grasps
 
-TABLE_MARGIN_M = 0.006
-"""Contacts believed lower than this are taken to be the table."""
 SURE_LINK = 0.9
 """Probability of its likeliest link from which on a contact counts as of that link [est]."""
 CONTRADICTED_FROM = 10.0
@@ -93,7 +91,7 @@ def evidence_from_touches(
     its ball is free, with the radius of those in `like`.
     """
     keep = np.isfinite(table.point_m).all(1) & np.isfinite(table.normal).all(1)
-    keep &= np.nan_to_num(table.point_m[:, 2]) > TABLE_MARGIN_M
+    keep &= table.above(0.0)
     chosen, at = _slots(table.world[keep], worlds, slots)
     points = np.zeros((worlds, slots, 3))
     normals = np.full((worlds, slots, 3), np.nan)

@@ -19,7 +19,7 @@ from strategies.contacts.field_placing import places_on_field, superquadric_fiel
 from strategies.contacts.finger_touch import TouchedLinks
 from strategies.recovery.body_distances import bodies_on, radial_distances
 from strategies.recovery.evidence import SURE_LINK, Evidence
-from strategies.recovery.misfit import CLEARLY, RIVAL, RIVALS_FROM_M, touch_misfit
+from strategies.recovery.misfit import CLEARLY, RIVAL, RIVALS_FROM_M, doubt
 from warpgrasp.parameters import FitTable
 
 FREE_BALLS = 24
@@ -57,7 +57,8 @@ def recover_bodies(
     """Superquadrics of all worlds, and the contacts as placed for the last fit.
 
     Without `links` (the paper's fingertip estimate) the points stay where they are felt, and one
-    more fit brings in free space. Bodies whose contacts lie `doubted_m` off have rivals (`misfit`).
+    more fit brings in free space. Bodies whose contacts lie `doubted_m` off, and
+    sheets, have rivals (`misfit`).
     """
     return beside_rivals(*_recover(evidence, links, table), evidence, links, table,
                          doubted_m=doubted_m)
@@ -77,7 +78,7 @@ def _recover(
             placed = contacts_placed(evidence, links, fits)
         placed = nearest_free(placed, evidence, fits)
         # Early bodies may be wrong as a whole: from scratch where they are doubted.
-        from_scratch = (touch_misfit(fits, placed) > RIVALS_FROM_M) & (2 * number < rounds)
+        from_scratch = (doubt(fits, placed) > RIVALS_FROM_M) & (2 * number < rounds)
         iterations = LAST_ITERATIONS if number == rounds - 1 else 0
         for rows, start in ((np.flatnonzero(from_scratch), False),
                             (np.flatnonzero(~from_scratch), True)):
@@ -112,7 +113,7 @@ def beside_rivals(
     table: FitTable, *, doubted_m: float = RIVALS_FROM_M
 ) -> Bodies:
     """The fits, or in doubted worlds those of the rival residual where they are nearer."""
-    far = touch_misfit(fits, placed) > doubted_m
+    far = doubt(fits, placed) > doubted_m
     rows = np.flatnonzero(far & placed.mask.any(1) & table.rivals)
     if len(rows) == 0:
         return fits, placed
@@ -123,8 +124,8 @@ def beside_rivals(
 
 
 def nearer(one: Bodies, other: Bodies, share: float = 1.0) -> Bodies:
-    """Of each world the `other` body where its misfit is below `share` of the first's."""
-    won = np.flatnonzero(touch_misfit(*other) < share * touch_misfit(*one))
+    """Of each world the `other` body where its `doubt` is below `share` of the first's."""
+    won = np.flatnonzero(doubt(*other) < share * doubt(*one))
     return (with_rows(one[0], won, other[0][won]), with_rows(one[1], won, rows_of(other[1], won)))
 
 

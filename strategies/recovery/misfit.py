@@ -25,6 +25,8 @@ CLEARLY = 0.95
 """The second body replaces the first where its misfit is below this share of the first's."""
 LEAST_MISFIT_M = 0.0008
 """Mean distance of contacts from a body that explains them: nearer ones tell nothing [est]."""
+THINNEST_M = 0.0005
+"""A body with a half axis below this is doubted whatever its misfit [m] [est]."""
 FARTHEST_M = 0.010
 """Distances are capped here [m], since some contacts do not lie on the body at all."""
 
@@ -40,6 +42,12 @@ def touch_misfit(fits: SuperquadricFit, placed: Evidence) -> np.ndarray:
     mean = row_sums(np.where(placed.mask, away, 0.0)) / np.maximum(count, 1)
     good = np.isin(fits.status, (FitStatus.converged, FitStatus.not_converged)) & (count > 0)
     return np.where(good, mean, np.inf)
+
+
+def doubt(fits: SuperquadricFit, placed: Evidence) -> np.ndarray:
+    """The misfit, infinite for a body thinner than any that a hand explores: a sheet may pass near
+    a crowd of contacts."""
+    return np.where(fits.size_m.min(1) < THINNEST_M, np.inf, touch_misfit(fits, placed))
 
 
 def schwarz(misfit_m: float, contacts: int, parameters: int, least_m: float) -> float:

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from fit.arrays import row_sums
-from fit.revolution.geometry import RevolutionBody, revolution_inside
-from fit.superquadric.geometry import SuperquadricLike, superquadric_points
+from fit.revolution.geometry import RevolutionBody, revolution_inside, revolution_volume
+from fit.superquadric.geometry import SuperquadricLike, superquadric_points, superquadric_volume
 from strategies.poses.waypoints import BoundingCylinder
 from strategies.recovery.body_distances import contour_distances, surface_distances
 from strategies.recovery.evidence import Evidence
@@ -28,6 +28,9 @@ INSIDE_M = 0.005
 """A ball of free space whose centre lies deeper than this contradicts the body [est]."""
 MOST_INSIDE = 0.1
 """Share of the balls that may: links are not where they are believed to be [est]."""
+LEAST_FILL = 0.01
+"""A body that fills less than this share of the prior cylinder contradicts it: of the objects that
+ship the least is 0.07 [est]."""
 _SURFACE_POINTS = 216
 
 
@@ -42,19 +45,22 @@ def within_reach(fits: SuperquadricLike, prior: BoundingCylinder) -> np.ndarray:
 
 
 def plausible(
-    body: SuperquadricLike, prior: BoundingCylinder, *, table_plane: bool = True
+    body: SuperquadricLike, prior: BoundingCylinder, *, table_plane: bool = True,
+    whole: bool = True,
 ) -> np.ndarray:
     """Whether superquadrics agree with the prior cylinder and with the table, bool (world,).
 
     Few contacts on one side may let a fit diverge; with the rough size as prior one would not
     believe it, and neither is it scored. A robot that does not know the table (`table_plane`
-    switched off) is contradicted by the prior alone.
+    switched off) is contradicted by the prior alone. Superquadrics that are not `whole` bodies but
+    parts of one may be as small as they like.
     """
     with np.errstate(invalid="ignore", divide="ignore"):  # where nothing was fitted
         points = np.nan_to_num(superquadric_points(body, _SURFACE_POINTS))
     away = np.hypot(points[..., 0] - prior.x_m[:, None], points[..., 1] - prior.y_m[:, None])
     low, high = points[..., 2].min(1), points[..., 2].max(1)
-    return _within(away.max(1), low if table_plane else np.zeros_like(low), high, prior)
+    return (_within(away.max(1), low if table_plane else np.zeros_like(low), high, prior)
+            & ~(_shrunk(superquadric_volume(body), prior) & whole))
 
 
 def plausible_contour(
@@ -75,7 +81,9 @@ def plausible_contour(
     felt = contour_distances(body, evidence.points_m, evidence.mask)
     free = contour_distances(body, evidence.free_m, evidence.free_mask)
     inside = revolution_inside(body, evidence.free_m)
-    return (within & known.any(1) & (evidence.mask.sum(1) >= FEWEST_CONTACTS)
+    volume = revolution_volume(RevolutionBody(body.foot_m, body.axis, height, radius))
+    return (within & known.any(1) & ~_shrunk(volume, prior)
+            & (evidence.mask.sum(1) >= FEWEST_CONTACTS)
             & (_mean_away(felt, evidence.mask) < UNBELIEVED_M)
             & ~swept_by(np.where(inside, -free, free), evidence.free_mask))
 
@@ -110,6 +118,12 @@ def swept_by(distance: np.ndarray, mask: np.ndarray) -> np.ndarray:
 def _mean_away(distance: np.ndarray, mask: np.ndarray) -> np.ndarray:
     square = row_sums(np.where(mask, np.minimum(np.abs(distance), FARTHEST_M), 0.0))
     return square / np.maximum(mask.sum(1), 1)
+
+
+def _shrunk(volume_m3: np.ndarray, prior: BoundingCylinder) -> np.ndarray:
+    """Whether bodies leave all but nothing of the prior cylinder filled, bool (world,)."""
+    with np.errstate(invalid="ignore"):  # where nothing was fitted
+        return ~(volume_m3 >= LEAST_FILL * np.pi * prior.radius_m**2 * prior.height_m)
 
 
 def _within(reach: np.ndarray, low: np.ndarray, high: np.ndarray,

@@ -30,7 +30,7 @@ from strategies.recovery.fit_contacts import (
     recover_bodies,
     refine_bodies,
 )
-from strategies.recovery.misfit import FARTHEST_M, RIVALS_FROM_M, touch_misfit
+from strategies.recovery.misfit import FARTHEST_M, RIVALS_FROM_M, doubt, touch_misfit
 from warpgrasp.parameters import FitTable
 
 ROUGH_ROUNDS = 1
@@ -160,7 +160,7 @@ def _refined_or_begun(felt: Evidence, links: TouchedLinks | None, table: FitTabl
     """Refined bodies; of those that are doubted, those from rough new starts where they are nearer.
     """
     found, where = refine_bodies(felt, links, table, start)
-    rows = np.flatnonzero(touch_misfit(found, where) > RIVALS_FROM_M)
+    rows = np.flatnonzero(doubt(found, where) > RIVALS_FROM_M)
     if len(rows) == 0:
         return found, where
     rough = replace(table, rounds=min(table.rounds, ROUGH_ROUNDS), rivals=False)

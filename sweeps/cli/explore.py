@@ -46,9 +46,9 @@ def explore(object_: str, /, *, strategy: str | None = None,
     reconstruct
         What stands for the body at the end: superquadric; chosen, a free-form surface where the
         model does not explain the touches, or a polyhedron of the faces crossed where it explains
-        them better; implicit, a free form wherever it is plausible; or a function of yours, as
-        mine.py:my_network. If not given, chosen with any-object, which touches all
-        around, else superquadric.
+        them better; implicit, a free form wherever it is plausible; parts, several superquadrics
+        where contacts ask for them; or a function of yours, as mine.py:my_network. If not given,
+        chosen with any-object, which touches all around, else superquadric.
     device
         cpu, or cuda:0.
     """

@@ -17,7 +17,7 @@ import numpy as np
 from strategies.exploration_record import Exploration, Procedure
 from strategies.procedures.contour_follower import ContourExploration
 from strategies.procedures.planar_explorer import PlanarExploration
-from strategies.procedures.touches import true_touches
+from strategies.procedures.touches import TABLE_MARGIN_M, true_touches
 from strategies.recovery.choose_model import Recovered
 from strategies.recovery.contact_verdict import (
     ACCEPTED,
@@ -25,7 +25,7 @@ from strategies.recovery.contact_verdict import (
     TABLE,
     explained_by,
 )
-from strategies.recovery.evidence import TABLE_MARGIN_M, Evidence
+from strategies.recovery.evidence import Evidence
 from warpgrasp.closing.closing import ClosingTruth
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Grasps, Truth

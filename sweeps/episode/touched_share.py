@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from fit.rotation import matrix_of_quaternion
-from strategies.recovery.evidence import TABLE_MARGIN_M
+from strategies.procedures.touches import TABLE_MARGIN_M
 from warpgrasp.geometry.body import Body
 from warpgrasp.geometry.body_sampling import sample_body
 from warpgrasp.robot import Truth

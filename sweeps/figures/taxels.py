@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sweeps.figures.style import cut, drawing, encode, figure
-from warpgrasp.parameters import PadTable
+from warpgrasp.parameters import TAXELS, PadTable
 from warpgrasp.probe_status import ProbeStatus
-from warpgrasp.touch.line_touch import TAXELS
 from warpgrasp.touch.tactile_image import moments
 
 if TYPE_CHECKING:

@@ -8,6 +8,7 @@ from fit.revolution.geometry import revolution_surface
 from fit.superquadric.geometry import superquadric_areas
 from strategies.contacts.body_uncertainty import INADEQUATE_FROM
 from strategies.contacts.volume_spread import interval_trusted
+from strategies.procedures.touches import TABLE_MARGIN_M
 from strategies.recovery.choose_model import Recovered, Shape
 from strategies.recovery.contact_verdict import (
     ACCEPTED,
@@ -17,7 +18,6 @@ from strategies.recovery.contact_verdict import (
     mean_gap,
     unexplained,
 )
-from strategies.recovery.evidence import TABLE_MARGIN_M
 from strategies.recovery.plausibility import FEWEST_CONTACTS
 from sweeps.episode.episodes import EpisodeBlock
 from sweeps.figures.meshes import mesh_of_world

@@ -1,7 +1,6 @@
 """Values of a spec that do not go together, in its sections and at every point of its sweep.
 
-Lower limits lie below upper ones, pads fit their links, keys say something of the study's robots,
-thresholds clear what tendons read in free motion.
+Lower limits lie below upper ones, pads fit their links, keys say something of the study's robots.
 """
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -112,7 +111,9 @@ PROCEDURES = {"planar", "contour", "decide"}
 _DECIDING = ("strategy.order", "object.prior", "contour.axis", "errors.scale")
 """Keys that decide of which tables others are read."""
 KEYS = ("pads.length_mm", "pads.wrap_deg", "pads.thickness_mm", "pads.distal", "pads.middle",
-        "pads.proximal", "hand.kind", "hand.link_length_mm", "hand.link_radius_mm")
+        "pads.proximal", "pads.law", "pads.rest_ohm", "pads.least_ohm", "pads.newton_ohm",
+        "pads.power", "pads.floor_N", "pads.saturation_N", "hand.kind", "hand.link_length_mm",
+        "hand.link_radius_mm")
 
 
 def check_used(study: Study, problems: Problems) -> None:
@@ -154,8 +155,9 @@ def _values(study: Study, key: str) -> set[Any]:
 
 
 def check_pads(study: Study, problems: Problems) -> None:
-    """Notes the first setting under which a pad does not fit its link, if any strategy feels."""
-    if any(PROCEDURES & set(order) for order in _orders(study)):
+    """Notes the first setting under which a pad tells no force or does not fit its link, if any
+    strategy feels."""
+    if feels_with_pads(study):
         note_misfit(study, KEYS, lambda tables: _misfit(tables["hand"], tables["pads"]), ("pads",),
                     problems)
 
@@ -164,35 +166,14 @@ def note_misfit(study: Study, keys: Collection[str], misfit: Callable[[Mapping[s
                 path: KeyPath, problems: Problems) -> None:
     """Notes the first point of the sweep at which tables do not fit together, as far as they depend
     on `keys`: where one of them is given, or else at `path`."""
-    for swept, tables in _points(study, keys):
+    for swept, tables in swept_points(study, keys):
         if wrong := misfit(tables):
             given = [own for key in keys if (own := tuple(key.split("."))) in problems.lines]
-            problems.add(("sweep",) if swept else [*given, path][0], _told(swept) + wrong)
+            problems.add(("sweep",) if swept else [*given, path][0], told_of(swept) + wrong)
             return
 
 
-FALSE_STOPS_FROM = 5.0
-"""Deviations of the difference of two tensions: readings are many, and the links' weight adds to
-them [est]."""
-STOPS = ("hand.kind", "hand.tendon_friction", "hand.co_contraction_N", "hand.tension_low_N",
-         "sensors.tendon_threshold_N", "sensors.tension_noise_N")
-
-
-def false_stops(study: Study) -> str:
-    """What to say of the first setting under which friction and noise of the tendons may stop
-    fingers that touch nothing; empty where there is none."""
-    for swept, tables in _points(study, STOPS):
-        hand, sensors = tables["hand"], tables["sensors"]
-        rub = 2.0 * hand.tendon_friction * max(hand.co_contraction_N, hand.tension_low_N)
-        read = rub + FALSE_STOPS_FROM * 2.0**0.5 * sensors.tension_noise_N
-        if hand.kind == UTAH_MIT and read > sensors.tendon_threshold_N:
-            return (f"{_told(swept)}friction and noise of tendons read up to {read:.1f} N where "
-                    f"nothing is touched, and fingers stop from {sensors.tendon_threshold_N:g} N "
-                    "on: some contacts will be of nothing")
-    return ""
-
-
-def _points(study: Study, keys: Collection[str]
+def swept_points(study: Study, keys: Collection[str]
             ) -> Iterator[tuple[list[tuple[str, Any, Any]], dict[str, Any]]]:
     """The combinations of values that a study sweeps some keys over, as (key, value, SI value) of
     each, and the tables there."""
@@ -209,14 +190,16 @@ def _points(study: Study, keys: Collection[str]
         yield swept, tables
 
 
-def _told(swept: Sequence[tuple[str, Any, Any]]) -> str:
+def told_of(swept: Sequence[tuple[str, Any, Any]]) -> str:
     """Where in a sweep something is so, for a message; empty without a sweep."""
     told = ", ".join(f"{key} = {value}" for key, value, _ in swept)
     return f"with {told}: " if told else ""
 
 
 def _misfit(hand: HandTable, pads: PadTable) -> str:
-    """Why pads do not fit a hand's links; empty where they do."""
+    """Why pads tell no force, or do not fit a hand's links; empty where all is well."""
+    if wrong := pads.unread():
+        return wrong
     if hand.kind == UTAH_MIT:
         return pads.misfit(hand)
     # What reads hands is not imported where the hand is the Utah-MIT's.
@@ -225,6 +208,11 @@ def _misfit(hand: HandTable, pads: PadTable) -> str:
 
     chain = chain_of_table(hand)
     return pad_misfit(chain, pads) if chain is not None else ""
+
+
+def feels_with_pads(study: Study) -> bool:
+    """Whether a strategy that is no planner feels with pads."""
+    return any(PROCEDURES & set(order) for order in _orders(study))
 
 
 def closes_fingers(study: Study) -> bool:

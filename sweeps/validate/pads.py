@@ -11,8 +11,7 @@ from warpgrasp.export.convex_solids import object_solids
 from warpgrasp.export.mjcf import mjcf_text
 from warpgrasp.geometry.body import Body, Part, scene_of
 from warpgrasp.geometry.scene import Shape
-from warpgrasp.parameters import HandTable, PadTable
-from warpgrasp.touch.line_touch import TAXELS
+from warpgrasp.parameters import TAXELS, HandTable, PadTable
 from warpgrasp.touch.pad import read_pads
 
 HAND, PADS = HandTable(), PadTable()

@@ -24,8 +24,8 @@ from scipy.spatial.transform import Rotation
 from fit.rotation import matrix_of_quaternion
 from strategies.poses.closing_paths import CLOSING_PATHS
 from strategies.procedures.containment import padded_commands
+from strategies.procedures.touches import TABLE_MARGIN_M
 from strategies.ready_made import STRATEGIES
-from strategies.recovery.evidence import TABLE_MARGIN_M
 from sweeps.episode.contact_rows import contact_columns
 from sweeps.episode.episodes import EpisodeBlock, cell_body, run_block
 from sweeps.episode.touched_share import NEAR_M, open_surface, touched_points

@@ -4,7 +4,7 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "guarded_motion": ["guarded_line"],
-    "line_touch": ["TAXELS", "LineMove", "LineTouch", "LineTruth", "Until"],
+    "line_touch": ["LineMove", "LineTouch", "LineTruth", "Until"],
     "pad": ["read_pads"],
     "tactile_image": ["hough_lines", "moments"],
 })

@@ -27,6 +27,7 @@ from warpgrasp.mechanism.calibration import Calibration, true_arms, true_hands
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, LINK_COUNT, hand_of
 from warpgrasp.motion_cost import line_time_s, was_made
 from warpgrasp.parameters import (
+    TAXELS,
     ArmTable,
     ContactTable,
     HandTable,
@@ -37,7 +38,7 @@ from warpgrasp.parameters import (
 from warpgrasp.touch.chain_line_kernel import chain_line_kernel
 from warpgrasp.touch.guarded_motion_kernel import line_kernel
 from warpgrasp.touch.line_record import LineBegin, LineEnd
-from warpgrasp.touch.line_touch import TAXELS, LineMove, LineTouch, LineTruth, Until
+from warpgrasp.touch.line_touch import LineMove, LineTouch, LineTruth, Until
 from warpgrasp.touch.pad import (
     chain_pad_turns,
     chain_pads,

@@ -5,9 +5,6 @@ from enum import IntEnum
 
 import numpy as np
 
-TAXELS = 16
-"""Rows and columns of a pad [paper]."""
-
 
 class Until(IntEnum):
     """What ends a guarded line."""

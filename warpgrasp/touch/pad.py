@@ -8,7 +8,6 @@ along the flexion axis.
 
 from dataclasses import dataclass
 from functools import lru_cache
-from math import erf, sqrt
 from typing import Any
 
 import numpy as np
@@ -22,8 +21,7 @@ from warpgrasp.core.struct_array import record_type, repeated
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.calibration import Calibration
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, LINK_COUNT, hand_of
-from warpgrasp.parameters import HandTable, PadTable
-from warpgrasp.touch.line_touch import TAXELS
+from warpgrasp.parameters import TAXELS, HandTable, PadTable
 from warpgrasp.touch.pad_culling import BLOCKS
 from warpgrasp.touch.pad_kernel import ChainPad, Pad, _pads_kernel
 
@@ -32,8 +30,8 @@ TURNS = 40
 
 
 def pad_of(table: PadTable, hand: HandTable) -> Pad:
-    """The kernels' pad. Raises ValueError for a pad that does not fit its links, or that
-    no force makes conduct better."""
+    """The kernels' pad. Raises ValueError for a pad that does not fit its links, or whose
+    readings no force changes."""
     if wrong := table.misfit(hand):
         raise ValueError(wrong)
     pad = _pad(table)
@@ -43,11 +41,8 @@ def pad_of(table: PadTable, hand: HandTable) -> Pad:
 
 def _pad(table: PadTable) -> Pad:
     """A finger's pads, none of them on."""
-    pressed = (table.least_ohm if table.law == "exponential"
-               else table.newton_ohm * table.saturation_N**-table.power)
-    if pressed >= table.rest_ohm:
-        raise ValueError(f"pad of {pressed:g} ohm under load: wants less than without, "
-                         f"{table.rest_ohm:g} ohm")
+    if wrong := table.unread():
+        raise ValueError(wrong)
     pad = Pad()
     pad.width, pad.length, pad.wrap = table.width_m, table.length_m, table.wrap_rad
     pad.thickness, pad.stiffness = table.thickness_m, table.stiffness_N_m
@@ -60,22 +55,9 @@ def _pad(table: PadTable) -> Pad:
     pad.repeatability, pad.noise = table.repeatability, table.noise_counts
     pad.dead, pad.threshold = table.dead_fraction, table.threshold_counts
     pad.yield_angle = table.yield_rad
-    pad.false_touch = false_touch_probability(table)
+    pad.false_touch = table.false_touch_probability()
     pad.gain = wp.vec3d(1.0, 1.0, 1.0)
     return pad
-
-
-def false_touch_probability(table: PadTable) -> float:
-    """The probability that noise alone raises a taxel of one unloaded pad to the threshold in a
-    reading.
-
-    Counts are rounded: the threshold is reached from half a count below the next whole number.
-    """
-    if table.noise_counts == 0.0:
-        return 0.0
-    level = (np.ceil(table.threshold_counts) - 0.5) / table.noise_counts
-    one = 0.5 * (1.0 - erf(level / sqrt(2.0))) * (1.0 - table.dead_fraction)
-    return float(-np.expm1(TAXELS**2 * np.log1p(-one))) if one < 1.0 else 1.0
 
 
 @lru_cache(maxsize=8)

@@ -13,7 +13,7 @@ from warpgrasp.finger.chain_energy import links_moved
 from warpgrasp.geometry.scene import Scene, body_table_distance
 from warpgrasp.mechanism.utah_mit_hand import LINK_COUNT
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
-from warpgrasp.touch.line_touch import TAXELS
+from warpgrasp.parameters import TAXELS
 from warpgrasp.touch.pad_kernel import (
     ChainPad,
     Pad,

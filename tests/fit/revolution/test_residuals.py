@@ -27,7 +27,8 @@ def test_normal_equations_are_those_of_the_residuals(options: RevolutionOptions)
     q = rng.normal(size=4)
     lane = FitData(rng.normal(size=(3, 40)), rng.random(40),
                 matrix_of_quaternion(q / np.linalg.norm(q)), np.asarray(0.3),
-                np.array([0.1, 0.2, -0.97, 0.6, 0.5]))
+                np.array([0.1, 0.2, -0.97, 0.6, 0.5]), np.asarray(0.02),
+                np.array([0.1, -0.2, 0.3]))
     radii = 0.4 + 0.3 * rng.random(options.nodes)
     theta = np.concatenate([0.3 * rng.normal(size=4), [-0.8, 0.7], np.log(radii)])
     count, step = len(theta), 1e-6

@@ -13,8 +13,8 @@ from strategies.planners.expected_error import ExpectedError
 from strategies.planners.probes import Grasp
 from strategies.procedures.containment import padded_commands
 from strategies.procedures.possible import NotPossible
+from strategies.procedures.touches import TABLE_MARGIN_M
 from strategies.recovery.belief import Belief
-from strategies.recovery.evidence import TABLE_MARGIN_M
 from warpgrasp.geometry.body import Body, Part
 from warpgrasp.geometry.scene import Shape as Solid
 from warpgrasp.parameters import ArmTable, ErrorTable, HandTable

@@ -146,7 +146,7 @@ def test_early_bodies_are_begun_anew_only_where_they_are_doubted(
         return fit(some, table, start=start, iterations=iterations)
 
     monkeypatch.setattr(recovery, "fit_evidence", watched)
-    monkeypatch.setattr(recovery, "touch_misfit", lambda fits, placed: np.array([0.0, 1.0, 0.0]))
+    monkeypatch.setattr(recovery, "doubt", lambda fits, placed: np.array([0.0, 1.0, 0.0]))
     recover_bodies(evidence, links, FitTable(rounds=4, rivals=False))
     one, two, three = evidence.normals[:, -1, 0].tolist()  # of an empty slot: it names its world
     assert asked == [([one, two, three], False, 0),

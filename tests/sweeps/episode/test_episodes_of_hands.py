@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from strategies.procedures.touches import TABLE_MARGIN_M
 from strategies.ready_made import STRATEGIES
-from strategies.recovery.evidence import TABLE_MARGIN_M
 from sweeps.episode.contact_rows import contact_columns
 from sweeps.episode.episodes import episode_notes, run_block, run_episodes
 from sweeps.spec.cell import Cell

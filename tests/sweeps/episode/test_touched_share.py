@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from strategies.procedures.touches import TABLE_MARGIN_M
 from strategies.ready_made import STRATEGIES
-from strategies.recovery.evidence import TABLE_MARGIN_M
 from sweeps.episode import touched_share
 from sweeps.episode.episodes import run_episodes
 from sweeps.episode.touched_share import NEAR_M, TouchedSurface, open_surface, touched_points

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from studies import SMALL, write_spec
 
-from sweeps.spec.checks import false_stops
 from sweeps.spec.errors import SpecError
+from sweeps.spec.false_contacts import false_contacts
 from sweeps.spec.reader import read_spec
 
 
@@ -24,6 +24,8 @@ PADS = [
     ('[sweep.grid]\n"object.x_mm" = [450, 460]\n"hand.link_radius_mm" = [8, 20]\n'
      '"pads.wrap_deg" = [10, 80]\n', "spec.toml:11: sweep: with hand.link_radius_mm = 20, "
      "pads.wrap_deg = 80: pad of 25.4 mm does not fit link 2"),
+    ("[pads]\nrest_ohm = 500\n", "spec.toml:12: pads.rest_ohm: pad of 1000 ohm under load"),
+    ("[pads]\nfloor_N = 5\n", "spec.toml:12: pads.floor_N: taxels feel from 5 N on"),
 ]
 
 
@@ -47,9 +49,13 @@ def test_pads_fit_their_links_where_a_strategy_feels(
     ("[sensors]\ntension_noise_N = 5\n", "fingers stop from 6 N on: some contacts"),
     ('[sweep.grid]\n"sensors.tendon_threshold_N" = [6, 2]\n',
      "with sensors.tendon_threshold_N = 2: friction"),
+    ("[pads]\nnoise_counts = 4\n", ""),
+    ('order = ["contour"]\n[pads]\nnoise_counts = 4\n', "threshold in 1 of a pad's readings"),
+    ('order = ["planar"]\n[sweep.grid]\n"pads.threshold_counts" = [6, 4]\n',
+     "with pads.threshold_counts = 4: noise alone"),
 ])
-def test_a_threshold_that_friction_and_noise_pass_is_told(
+def test_a_threshold_that_noise_passes_is_told(
         tmp_path: Path, more: str, says: str) -> None:
-    found = false_stops(read_spec(write_spec(tmp_path, SMALL + more)))
+    found = "".join(false_contacts(read_spec(write_spec(tmp_path, SMALL + more))))
     assert says in found
     assert bool(found) == bool(says)

@@ -26,7 +26,7 @@ from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Robot, Truth
 from warpgrasp.touch import guarded_motion
 from warpgrasp.touch.line_touch import Until
-from warpgrasp.touch.pad import false_touch_probability, read_pads
+from warpgrasp.touch.pad import read_pads
 
 EXACT_ARM = ArmTable(encoder_step_rad=0.0, repeatability_m=0.0)
 EXACT = SensorTable(joint_noise_rad=0.0)
@@ -239,7 +239,7 @@ def test_noise_touches_where_there_are_pads_as_often_as_its_chance_says(links) -
     n, steps = 1000, 40
     touch, truth = in_free_air(pads, np.tile([0.0, 0.0, -1.0], (n, 1)), steps=steps)
     felt = touch.status == ProbeStatus.CONTACT
-    chance = 1.0 - (1.0 - false_touch_probability(pads)) ** (steps * len(links))
+    chance = 1.0 - (1.0 - pads.false_touch_probability()) ** (steps * len(links))
     assert felt.mean() == pytest.approx(chance, abs=4 * np.sqrt(chance * (1 - chance) / n))
     assert set(touch.link[felt]) == set(links)
     if not links:

@@ -10,7 +10,7 @@ from warpgrasp.geometry.body import Body, Part, scene_of
 from warpgrasp.geometry.scene import Shape
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import HandTable, PadTable
-from warpgrasp.touch.pad import false_touch_probability, pad_of, read_pads
+from warpgrasp.touch.pad import pad_of, read_pads
 from warpgrasp.touch.tactile_image import moments
 
 QUIET = PadTable(noise_counts=0.0, gain_spread=0.0, repeatability=0.0, dead_fraction=0.0)
@@ -121,7 +121,7 @@ def test_false_touches_are_as_frequent_as_said() -> None:
                        HandTable(), noisy, np.arange(n).astype(np.uint64), far,
                        np.tile(STRAIGHT, (n, 1, 1)))
     seen = (images.counts[:, :, 2].max((2, 3)) >= 6).mean()
-    told = false_touch_probability(noisy)
+    told = noisy.false_touch_probability()
     assert abs(seen - told) < 4 * np.sqrt(told * (1 - told) / (4 * n))
 
 
