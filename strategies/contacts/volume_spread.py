@@ -22,6 +22,9 @@ where few contacts leave a body open, and the prior knows more then [est]."""
 CONTRADICTED_FROM, EMPTY_FROM, UNFELT_FROM = 0.3, 1.5, 4.0
 """Signs of a body felt by grasps alone from which on its interval is not trusted [est]; the fourth
 is an `own_std` of `MOST_OF_GRASPS`, which the interval leaves out."""
+SLIVER_FROM = MOST_EMPTY
+"""A sign `empty` from which on no interval is trusted, whatever felt the body: it is a twentieth of
+the prior, as of touches all on one side [est]."""
 
 
 class FeltBy(IntEnum):
@@ -105,8 +108,9 @@ def interval_trusted(signs: VolumeSigns) -> np.ndarray:
     Intervals of each kind held in 85 to 95 % of the episodes but of four: bodies that many contacts
     contradict, bodies of which hardly anything was felt, bodies that leave most of the prior empty,
     and bodies that so few contacts hold that least squares know less than the prior. Those held in
-    71 to 80 %. A sign that is no number is not trusted.
+    71 to 80 %. Slivers are not trusted, whatever felt them, nor is a sign that is no number.
     """
     sound = ((signs.contradicted < CONTRADICTED_FROM) & (signs.empty < EMPTY_FROM)
              & (signs.unfelt < UNFELT_FROM) & (signs.own_std < MOST_OF_GRASPS))
-    return (sound | (signs.felt_by != FeltBy.GRASPS)) & np.isfinite(signs.own_std)
+    whole = (signs.felt_by != FeltBy.GRASPS) & (signs.empty < SLIVER_FROM)
+    return (sound | whole) & np.isfinite(signs.own_std)

@@ -53,6 +53,8 @@ def test_what_failed_most_is_not_trusted() -> None:
                     {"own_std": 0.5}):
         assert not interval_trusted(signs(**changed))
         assert interval_trusted(signs(FeltBy.PADS, **changed))
+    for felt_by in FeltBy:
+        assert not interval_trusted(signs(felt_by, empty=3.2))  # a sliver
     for name in ("own_std", "contradicted", "empty", "unfelt"):
         assert not interval_trusted(signs(**{name: np.nan}))
 

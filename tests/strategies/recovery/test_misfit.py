@@ -7,7 +7,7 @@ from beliefs import BODY, belief, on_side
 
 from fit.superquadric.fit import fit_superquadric
 from strategies.recovery.fit_contacts import recover_bodies
-from strategies.recovery.misfit import FARTHEST_M, touch_misfit
+from strategies.recovery.misfit import FARTHEST_M, doubt, touch_misfit
 from warpgrasp.parameters import FitTable
 
 
@@ -19,6 +19,13 @@ def test_misfit_is_the_capped_mean_distance() -> None:
     assert np.allclose(touch_misfit(needle, evidence), FARTHEST_M)
     failed = replace(fits, status=np.array([fits.status[0], 99]))
     assert np.isinf(touch_misfit(failed, evidence)).tolist() == [False, True]
+
+
+def test_a_sheet_is_doubted_however_near_it_lies() -> None:
+    evidence = belief(on_side(0, 360)).evidence
+    fits = fit_superquadric(evidence.points_m, evidence.mask, table_z=0.0)
+    np.testing.assert_array_equal(doubt(fits, evidence), touch_misfit(fits, evidence))
+    assert np.isinf(doubt(replace(fits, size_m=fits.size_m * [1e-3, 1.0, 1.0]), evidence)).all()
 
 
 def test_a_doubted_body_is_never_farther_from_its_touches_with_rivals() -> None:

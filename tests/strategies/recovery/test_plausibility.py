@@ -38,9 +38,16 @@ def evidence(points: np.ndarray, free: np.ndarray) -> Evidence:
     (body(z=0.03), False),  # 20 mm in the table
     (body(z=0.09), False),  # 40 mm above the table
     (body(size=(0.16, 0.03, 0.05)), False),
+    (body(size=(0.0001, 0.03, 0.05)), False),  # a sheet
+    (body(size=(0.001, 0.001, 0.05)), False),  # a needle
+    (body(size=(0.004, 0.03, 0.05)), True),  # a plate
 ])
 def test_prior_and_table(found, right: bool) -> None:
     assert plausible(found, PRIOR).tolist() == [right]
+
+
+def test_a_part_may_be_as_small_as_it_likes() -> None:
+    assert plausible(body(size=(0.001, 0.001, 0.05)), PRIOR, whole=False).tolist() == [True]
 
 
 def test_a_prior_that_is_known_less_well_contradicts_fewer_bodies() -> None:
