@@ -84,6 +84,7 @@ ON_THE_AXIS = np.column_stack([np.full(4, 0.45), np.zeros(4), np.linspace(0.03, 
     (contour(0.05), felt(contour(0.05), 20), ON_THE_AXIS, False),  # fingers went through it
     (contour(0.15), felt(contour(0.15), 20), OUTSIDE, False),  # three times as wide as the prior
     (contour(0.05, 0.25), felt(contour(0.05, 0.25), 20), OUTSIDE, False),
+    (contour(0.004), felt(contour(0.004), 20), OUTSIDE, False),  # it fills nothing of the prior
 ])
 def test_contours(found, points, free, right: bool) -> None:
     assert plausible_contour(found, evidence(points, free), PRIOR).tolist() == [right]
