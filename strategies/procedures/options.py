@@ -25,7 +25,8 @@ class PlanarTable:
     interval_m: float = _number(0.001, 1e-4, 0.02, "of a guarded line")
     stand_off_m: float = _number(0.030, 0.001, 0.2, "the approach starts this far before a face")
     edge_drop_m: float = _number(0.004, 5e-4, 0.1, "no contact this far down: the face ended")
-    most_steps: int = _number(60, 1, 60, "in one direction")
+    most_steps: int = _number(60, 1, 60, "in one direction; with fine steps a face is crossed "
+                              "no farther than these go")
 
 
 @spec_words
