@@ -200,6 +200,8 @@ class RunningExploration:
             v.copy() for v in (self.touches, self.time, self.path))
         mask = wanted_of(probe, self.robot.worlds, self.robot.hand) & self.active[:, None]
         copied._grasp(probe, mask)
+        # As of the step it would be: that says which bodies get new starts.
+        copied.step, copied.steps = self.step + 1, self.steps + mask.any(1)
         copied._refit(np.flatnonzero(mask.any(1)))
         return copied.recovered
 
