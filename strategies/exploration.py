@@ -67,7 +67,7 @@ from strategies.recovery.refit_policy import Fitted, finished, newly_felt, refit
 from warpgrasp.motion_cost import was_made
 from warpgrasp.parameters import FitTable
 from warpgrasp.probe_status import ProbeStatus
-from warpgrasp.robot import Robot
+from warpgrasp.robot import Grasps, Robot
 
 _SAFE_POSE = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
 
@@ -239,15 +239,21 @@ class RunningExploration:
 
     def _grasp(self, probe: Grasp, mask: np.ndarray) -> None:
         pose = np.where(mask[..., None], np.asarray(probe.hand_pose, float), _SAFE_POSE)
-        grasps = explore_by_containment(self.robot, pose, mask, probe.closings or self.closings,
-                                        self._touches_left(), probe.fingers)
+        closings, room = probe.closings or self.closings, self._touches_left()
+        if self.budget.robot_time_s is not None and self.budget.time_each_pose:
+            # Poses that would begin too late are known once all were tried on a copy.
+            time_s = _time_of(explore_by_containment(self.robot.rehearsing(), pose, mask, closings,
+                                                     room, probe.fingers))
+            mask = mask & (self.time[:, None] + np.cumsum(time_s, axis=1) - time_s
+                           < self.budget.robot_time_s)
+        grasps = explore_by_containment(self.robot, pose, mask, closings, room, probe.fingers)
         mask = grasps.moves.status[:, :, 0] != ProbeStatus.NOT_TRIED
         radius = outline_of(self.robot.hand).skin_m
         links = touched_links(grasps, self.robot.hand, self.robot.contact)
         evidence = evidence_from_grasps(grasps, radius)
         self._add(evidence, links)
         self.touches += was_made(grasps.closing.status).sum((1, 2, 3))
-        self.time += row_sums(np.where(mask, grasps.time_s, 0.0))
+        self.time += row_sums(_time_of(grasps))
         self.path += row_sums(np.where(mask, grasps.moves.path_m, 0.0))
         self.procedures.append(Procedure("containment", self.step, grasps, np.asarray(mask.any(1)),
                                          evidence.mask.shape[1], self.closings_made, pose))
@@ -360,6 +366,11 @@ class RunningExploration:
         return np.where(self.faulty, fault_status(self.fault), np.where(
             known, "ok", np.where(~enough, "too_few_contacts", np.where(
                 good, "fit_implausible", "fit_failed"))))
+
+
+def _time_of(grasps: Grasps) -> np.ndarray:
+    """Time of each hand pose, 0 where it was not tried, (world, probe) [s]."""
+    return np.where(grasps.moves.status[:, :, 0] != ProbeStatus.NOT_TRIED, grasps.time_s, 0.0)
 
 
 def _no_fits(worlds: int) -> SuperquadricFit:
