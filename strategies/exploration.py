@@ -27,7 +27,15 @@ from strategies.contacts.finger_touch import (
 from strategies.exploration_record import Exploration, Procedure
 from strategies.planners.from_strategy import Budget, within_budget
 from strategies.planners.guarded_call import guarded_call
-from strategies.planners.probes import CrossFaces, FollowContour, Grasp, Probe, misfits, wanted_of
+from strategies.planners.probes import (
+    CrossFaces,
+    FollowContour,
+    Grasp,
+    Probe,
+    listed,
+    misfits,
+    wanted_of,
+)
 from strategies.planners.register import Foreseeing, Planner, fault_text, place_of
 from strategies.poses.hand_outline import outline_of
 from strategies.poses.waypoints import BoundingCylinder
@@ -138,7 +146,7 @@ class RunningExploration:
         """Ask once and carry out the answer; False if no probe of it can be made."""
         try:
             with guarded_call():
-                probes = list(planner(self.belief))
+                probes = listed(planner(self.belief))
             wanted = [wanted_of(probe, self.robot.worlds, self.robot.hand) for probe in probes]
         except NotPossible as error:
             self._blame(np.ones(self.robot.worlds, bool), str(error))
