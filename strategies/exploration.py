@@ -27,7 +27,15 @@ from strategies.contacts.finger_touch import (
 from strategies.exploration_record import Exploration, Procedure
 from strategies.planners.from_strategy import Budget, within_budget
 from strategies.planners.guarded_call import guarded_call
-from strategies.planners.probes import CrossFaces, FollowContour, Grasp, Probe, misfits, wanted_of
+from strategies.planners.probes import (
+    CrossFaces,
+    FollowContour,
+    Grasp,
+    Probe,
+    listed,
+    misfits,
+    wanted_of,
+)
 from strategies.planners.register import Foreseeing, Planner, fault_text, place_of
 from strategies.poses.hand_outline import outline_of
 from strategies.poses.waypoints import BoundingCylinder
@@ -67,7 +75,7 @@ from strategies.recovery.refit_policy import Fitted, finished, newly_felt, refit
 from warpgrasp.motion_cost import was_made
 from warpgrasp.parameters import FitTable
 from warpgrasp.probe_status import ProbeStatus
-from warpgrasp.robot import Robot
+from warpgrasp.robot import Grasps, Robot
 
 _SAFE_POSE = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
 
@@ -138,7 +146,7 @@ class RunningExploration:
         """Ask once and carry out the answer; False if no probe of it can be made."""
         try:
             with guarded_call():
-                probes = list(planner(self.belief))
+                probes = listed(planner(self.belief))
             wanted = [wanted_of(probe, self.robot.worlds, self.robot.hand) for probe in probes]
         except NotPossible as error:
             self._blame(np.ones(self.robot.worlds, bool), str(error))
@@ -200,6 +208,8 @@ class RunningExploration:
             v.copy() for v in (self.touches, self.time, self.path))
         mask = wanted_of(probe, self.robot.worlds, self.robot.hand) & self.active[:, None]
         copied._grasp(probe, mask)
+        # As of the step it would be: that says which bodies get new starts.
+        copied.step, copied.steps = self.step + 1, self.steps + mask.any(1)
         copied._refit(np.flatnonzero(mask.any(1)))
         return copied.recovered
 
@@ -237,15 +247,21 @@ class RunningExploration:
 
     def _grasp(self, probe: Grasp, mask: np.ndarray) -> None:
         pose = np.where(mask[..., None], np.asarray(probe.hand_pose, float), _SAFE_POSE)
-        grasps = explore_by_containment(self.robot, pose, mask, probe.closings or self.closings,
-                                        self._touches_left(), probe.fingers)
+        closings, room = probe.closings or self.closings, self._touches_left()
+        if self.budget.robot_time_s is not None and self.budget.time_each_pose:
+            # Poses that would begin too late are known once all were tried on a copy.
+            time_s = _time_of(explore_by_containment(self.robot.rehearsing(), pose, mask, closings,
+                                                     room, probe.fingers))
+            mask = mask & (self.time[:, None] + np.cumsum(time_s, axis=1) - time_s
+                           < self.budget.robot_time_s)
+        grasps = explore_by_containment(self.robot, pose, mask, closings, room, probe.fingers)
         mask = grasps.moves.status[:, :, 0] != ProbeStatus.NOT_TRIED
         radius = outline_of(self.robot.hand).skin_m
         links = touched_links(grasps, self.robot.hand, self.robot.contact)
         evidence = evidence_from_grasps(grasps, radius)
         self._add(evidence, links)
         self.touches += was_made(grasps.closing.status).sum((1, 2, 3))
-        self.time += row_sums(np.where(mask, grasps.time_s, 0.0))
+        self.time += row_sums(_time_of(grasps))
         self.path += row_sums(np.where(mask, grasps.moves.path_m, 0.0))
         self.procedures.append(Procedure("containment", self.step, grasps, np.asarray(mask.any(1)),
                                          evidence.mask.shape[1], self.closings_made, pose))
@@ -358,6 +374,11 @@ class RunningExploration:
         return np.where(self.faulty, fault_status(self.fault), np.where(
             known, "ok", np.where(~enough, "too_few_contacts", np.where(
                 good, "fit_implausible", "fit_failed"))))
+
+
+def _time_of(grasps: Grasps) -> np.ndarray:
+    """Time of each hand pose, 0 where it was not tried, (world, probe) [s]."""
+    return np.where(grasps.moves.status[:, :, 0] != ProbeStatus.NOT_TRIED, grasps.time_s, 0.0)
 
 
 def _no_fits(worlds: int) -> SuperquadricFit:

@@ -35,8 +35,9 @@ class Strategy:
     options: tuple[tuple[str, Any], ...] = ()
     """Arguments of the planner, by name."""
     refit_every: int = _number(
-        0, 0, 256, "poses of a containment between two fits; 0: one fit after all of them; of "
-                   "planners only random and even go by it")
+        0, 0, 256, "poses of a containment between two fits; 0: one fit after all of them, "
+                   "after each where volume_ratio is a budget; of planners only random and even "
+                   "go by it")
     noise_stream: int = _number(0, 0, 10**6, "strategies of one stream meet the same noise")
     touches: int | None = _number(
         None, 1, 10**6, "budget: guarded motions of a finger in an episode, felt or not")

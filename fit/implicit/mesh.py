@@ -29,6 +29,8 @@ STEEPEST = 1.1
 HIDDEN = 0.75
 """A flat sheet through a new node of a cell is in the mean at most this share of the cell's half
 diagonal away from its corners."""
+APART = 1e-3
+"""The surface stays this share of an edge of the grid away from nodes."""
 
 
 Values = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
@@ -94,7 +96,8 @@ def zero_set_meshes(
     for first in range(0, len(low), FITS_AT_ONCE):
         rows = np.arange(first, min(first + FITS_AT_ONCE, len(low)))
         field = _field(values, rows, low[rows], step[rows], cells)
-        meshes += [_marched(*each) for each in zip(field, low[rows], step[rows], strict=True)]
+        meshes += [_marched(_off_nodes(each), *grid) for each, *grid in zip(
+            field, low[rows], step[rows], strict=True)]
     return meshes
 
 
@@ -178,6 +181,23 @@ def _corners(node: np.ndarray, join: np.ufunc) -> np.ndarray:
         near = np.moveaxis(node, axis, 0)
         node = np.moveaxis(join(near[:-1], near[1:]), 0, axis)
     return node
+
+
+def _off_nodes(field: Float[np.ndarray, "x y z"]) -> Float[np.ndarray, "x y z"]:
+    """The same field, no node so near to zero beside its neighbours that the surface passes through
+    it: there vertices of several edges would coincide in single precision, and the mesh of whoever
+    joins them would not be closed. Where a body stands on the table that is at all nodes below it.
+    """
+    for _ in range(2):  # a node that was moved may leave a neighbour too near
+        size = np.abs(field)
+        most = size.copy()
+        for axis in range(3):
+            own, there = np.moveaxis(most, axis, 0), np.moveaxis(size, axis, 0)
+            np.maximum(own[1:], there[:-1], out=own[1:])
+            np.maximum(own[:-1], there[1:], out=own[:-1])
+        field = np.where(field < 0.0, np.minimum(field, -APART * most),
+                         np.maximum(field, APART * most))
+    return field
 
 
 def _marched(field: np.ndarray, low: np.ndarray, step: np.ndarray) -> TriangleMesh:

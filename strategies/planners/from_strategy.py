@@ -35,6 +35,9 @@ class Budget:
     """Stop when the 90 % interval of the volume, upper over lower bound, is below this (> 1)."""
     steps: int | None = MOST_STEPS
     """Steps in which the world wanted something; None where a strategy is known to end."""
+    time_each_pose: bool = False
+    """Whether a batch of grasps is cut for `robot_time_s` too, so as to pass it by no more than the
+    last hand pose."""
 
 
 def within_budget(budget: Budget, belief: Belief) -> np.ndarray:
@@ -85,6 +88,7 @@ def fits_on_way(strategy: Strategy, planner: Planner) -> bool:
 
 
 def budget_of(strategy: Strategy) -> Budget:
-    """The budget a strategy sets itself; an order given in advance ends as it is."""
+    """The budget a strategy sets itself; an order given in advance ends as it is, and asks for all
+    poses of a containment at once."""
     return Budget(strategy.touches, strategy.robot_time_s, strategy.volume_ratio,
-                  MOST_STEPS if strategy.call else None)
+                  MOST_STEPS if strategy.call else None, time_each_pose=not strategy.call)

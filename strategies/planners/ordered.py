@@ -55,7 +55,8 @@ class OrderedPlanner:
         return []
 
     def _parts(self, belief: Belief) -> list[tuple[str, np.ndarray | None]]:
-        """The order, each containment with its poses, cut where a fit is wanted between."""
+        """The order, each containment with its poses, cut where a fit is wanted between: after each
+        pose where the budget looks at the volume."""
         strategy = self.strategy
         poses = self._poses(belief)
         times = max(strategy.order.count("containment"), 1)
@@ -66,7 +67,8 @@ class OrderedPlanner:
                 parts.append((name, None))
                 continue
             share = next(shares)
-            step = strategy.refit_every or max(share.shape[1], 1)
+            every = 1 if strategy.volume_ratio is not None else max(share.shape[1], 1)
+            step = strategy.refit_every or every
             parts += [("containment", share[:, k:k + step])
                       for k in range(0, share.shape[1], step)]
         return parts

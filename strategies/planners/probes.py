@@ -4,7 +4,9 @@ A strategy answers with a list of these for the whole batch; an empty list, or o
 nothing in any world, ends the episode.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -60,10 +62,19 @@ class FollowContour:
 
 
 Probe = Grasp | CrossFaces | FollowContour
+_PROBES = "Grasp, CrossFaces and FollowContour"
 
 
 class ProbeError(ValueError):
     """A probe that cannot be asked for; the message says what is wrong and what would be right."""
+
+
+def listed(answer: Any) -> list[Probe]:
+    """The probes that a strategy answered with. Raises ProbeError for what is no list."""
+    if isinstance(answer, str) or not isinstance(answer, Iterable):
+        what = "None" if answer is None else type(answer).__name__
+        raise ProbeError(f"answered with {what}; should be a list of {_PROBES}")
+    return list(answer)
 
 
 def wanted_of(probe: Probe, worlds: int, hand: HandTable) -> np.ndarray:
@@ -99,8 +110,8 @@ def wanted_of(probe: Probe, worlds: int, hand: HandTable) -> np.ndarray:
                                  f"should be {shape}")
         wanted = None if probe.wanted is None else np.asarray(probe.wanted)[:, None]
         return _mask("FollowContour.wanted", wanted, (worlds, 1))
-    raise ProbeError(f"a strategy answered with {type(probe).__name__}; should be a list of "
-                     "Grasp, CrossFaces and FollowContour")
+    raise ProbeError(f"answered with {type(probe).__name__} in a list; should be a list of "
+                     f"{_PROBES}")
 
 
 def misfits(probe: Probe) -> list[tuple[np.ndarray, str]]:

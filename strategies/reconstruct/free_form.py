@@ -81,6 +81,9 @@ class Reconstruction:
     polyhedra: "Mapping[int, Planes]" = field(default_factory=dict)
     """Of worlds whose body is one of the faces crossed."""
 
+    note: np.ndarray | None = None
+    """What a plug-in's author may not have meant, str (world,); None of bodies of ours."""
+
     def name_of(self, world: int) -> str:
         """How its row names the shape of a world whose body is a mesh."""
         if world in self.polyhedra:
@@ -166,13 +169,13 @@ def reconstruct(
         fault = np.full(worlds, str(error), object)
         return Reconstruction(name, (NO_MESH,) * worlds, fault, 0.0)
     rows = np.flatnonzero(asked)
-    made, faults = run_plug_in(function, _touches(
+    answer = run_plug_in(function, _touches(
         rows_of(recovered, rows), rows_of(evidence, rows), rows_of(prior, rows)))
-    meshes, fault = [NO_MESH] * worlds, np.full(worlds, "", object)
-    fault[rows] = faults
-    for row, mesh in zip(rows, made, strict=True):
+    meshes, fault, note = [NO_MESH] * worlds, *(np.full(worlds, "", object) for _ in range(2))
+    fault[rows], note[rows] = answer.fault, answer.note
+    for row, mesh in zip(rows, answer.meshes, strict=True):
         meshes[row] = mesh
-    return Reconstruction(name, tuple(meshes), fault, time.perf_counter() - begin)
+    return Reconstruction(name, tuple(meshes), fault, time.perf_counter() - begin, note=note)
 
 
 def _polyhedra(asked: np.ndarray, recovered: Recovered, belief: Belief | None,

@@ -8,7 +8,7 @@ answer. Instead of meshes it may return a function of (points_m [row, point, 3],
 gives signed distances [m] (row, point), whose zero set becomes the mesh.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -55,26 +55,55 @@ class Touches:
         return len(self.mask)
 
 
-def run_plug_in(function: Callable[..., Any], touches: Touches) -> tuple[list[TriangleMesh],
-                                                                         np.ndarray]:
-    """A mesh of each world, empty where there is none, and what was wrong, str (world,)."""
+@dataclass(frozen=True)
+class PlugInBodies:
+    """What a function of a user's has answered."""
+
+    meshes: list[TriangleMesh]
+    """One a world, empty where there is none."""
+    fault: np.ndarray
+    """What was wrong, str (world,)."""
+    note: np.ndarray
+    """What its author may not have meant, str (world,): no body, or one that the box cuts off."""
+
+
+def run_plug_in(function: Callable[..., Any], touches: Touches) -> PlugInBodies:
+    """The bodies of all worlds, by a function of a user's."""
+    meshes, fault, cut = _answered(function, touches)
+    empty = np.array([len(mesh.faces) == 0 for mesh in meshes], bool)
+    place = place_of(function)
+    note = np.where(empty, f"{place}: gave no body, what was recovered stands", np.where(
+        cut, f"{place}: its body is cut off by the sides or the top of the box from low_m to "
+        "high_m; should distances there be positive?", ""))
+    return PlugInBodies(meshes, fault, np.where(fault == "", note, ""))
+
+
+def _answered(function: Callable[..., Any], touches: Touches
+              ) -> tuple[list[TriangleMesh], np.ndarray, np.ndarray]:
+    """Meshes, faults, and whether the box cuts off a mesh, bool (world,)."""
     from fit.implicit.mesh import zero_set_meshes
 
     worlds = touches.worlds
-    meshes, fault = [NO_MESH] * worlds, np.full(worlds, "", object)
+    meshes, fault, cut = [NO_MESH] * worlds, np.full(worlds, "", object), np.zeros(worlds, bool)
     try:
         with guarded_call():
             answer = function(touches)
             if callable(answer):
-                answer = zero_set_meshes(_checked(answer), touches.low_m, touches.high_m)
-                return answer, fault
-            answer = list(answer)
+                found = zero_set_meshes(_checked(answer, touches, cut), touches.low_m,
+                                        touches.high_m)
+                return found, fault, cut
+            answer = list(answer) if isinstance(answer, Iterable) else answer
     except Exception as error:  # whatever a user's function may raise
         fault[:] = fault_text(function, error)
-        return meshes, fault
+        return meshes, fault, cut
+    if not isinstance(answer, list):
+        what = "None" if answer is None else type(answer).__name__
+        fault[:] = (f"{place_of(function)}: answered with {what}; should be a list of a mesh or "
+                    "None for each world, or a function of (points_m, worlds)")
+        return meshes, fault, cut
     if len(answer) != worlds:
         fault[:] = f"{place_of(function)}: {len(answer)} meshes for {worlds} worlds"
-        return meshes, fault
+        return meshes, fault, cut
     for world, given in enumerate(answer):
         if given is None:
             continue
@@ -82,17 +111,25 @@ def run_plug_in(function: Callable[..., Any], touches: Touches) -> tuple[list[Tr
             meshes[world] = checked_mesh(given, touches.low_m[world], touches.high_m[world])
         except (ValueError, TypeError) as error:
             fault[world] = f"{place_of(function)}: world {world}: {error}"
-    return meshes, fault
+    return meshes, fault, cut
 
 
-def _checked(distance: Callable[..., Any]) -> Callable[..., np.ndarray]:
-    """The user's distance, checked. It raises ValueError."""
+def _checked(distance: Callable[..., Any], touches: Touches, cut: np.ndarray
+             ) -> Callable[..., np.ndarray]:
+    """The user's distance, checked. It raises ValueError, and notes in `cut` (world,) where it is
+    negative on the sides or the top of the box."""
+    low, high = touches.low_m[:, None], touches.high_m[:, None]
+    rim = 1e-6 * (high - low)
+
     def values(points: np.ndarray, worlds: np.ndarray, counts: np.ndarray) -> np.ndarray:
         found = np.asarray(distance(points, worlds), float)
         if found.shape != points.shape[:2]:
             raise ValueError(f"distances of shape {found.shape}, should be {points.shape[:2]}")
         if not np.isfinite(found).all():
             raise ValueError("a distance is not finite")
+        out = points >= (high - rim)[worlds]
+        out[..., :2] |= (points <= (low + rim)[worlds])[..., :2]  # a body may stand on the table
+        cut[worlds] |= (out.any(-1) & (found < 0.0)).any(1)
         return found
 
     return values

@@ -212,6 +212,9 @@ def episode_notes(block: EpisodeBlock, cell: Cell, which: np.ndarray) -> np.ndar
                         block.prior, cell.arm, cell.hand)
     why = np.where(why == "", mostly_itself(block.exploration), why)
     why = np.where(block.exploration.stopped, STOPPED, why)
+    if block.rebuilt is not None and block.rebuilt.note is not None:
+        why = np.array(["; ".join(filter(None, both)) for both in zip(
+            why, block.rebuilt.note, strict=True)], object)
     return np.where(np.isin(block.status, FAULTY), block.exploration.fault, why)
 
 

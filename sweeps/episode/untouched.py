@@ -23,6 +23,7 @@ _SLAB_M = 0.010
 _LEAST_M = 0.002
 _NO_PLACE_M = 10.0
 """Positions beyond are perhaps in millimetres."""
+UNTRIED = "it did not try: its strategy wanted nothing"
 _WIDE = 1.3
 """A prior this many times as wide as the object is worth a word."""
 
@@ -31,8 +32,7 @@ def why_untouched(
     exploration: Exploration, bodies: list[Body], truth: Truth,
     prior: BoundingCylinder, arm: ArmTable, hand: HandTable,
 ) -> np.ndarray:
-    """A sentence for each world without a contact that was grasped at or felt for, else empty,
-    (world,).
+    """A sentence for each world without a contact, else empty, (world,).
 
     `bodies` has one entry a world.
     """
@@ -84,10 +84,11 @@ def mostly_itself(exploration: Exploration) -> np.ndarray:
 
 
 def _why_ended(exploration: Exploration, world: int) -> str:
-    """Why what felt with pads ended in a world, each reason once."""
+    """Why what felt with pads ended in a world, each reason once; `UNTRIED` where nothing did."""
     return "; ".join(dict.fromkeys(
         f"{p.name}: {REASON_TEXT[EndReason(p.felt.reason[world])]}"
-        for p in exploration.procedures if not isinstance(p.felt, Grasps) and p.took_part[world]))
+        for p in exploration.procedures
+        if not isinstance(p.felt, Grasps) and p.took_part[world])) or UNTRIED
 
 
 def _poses(count: int) -> str:

@@ -24,7 +24,7 @@ from sweeps.episode.columns import (
     superquadric_parameters,
 )
 from sweeps.episode.contact_rows import COLUMNS, VECTORS, contact_columns
-from sweeps.episode.episodes import REBUILD_FAILED, EpisodeBlock, run_block
+from sweeps.episode.episodes import REBUILD_FAILED, EpisodeBlock, episode_notes, run_block
 from sweeps.episode.given_prior import normalized_chamfer
 from sweeps.figures.contacts import contacts_shown, draw_contacts
 from sweeps.figures.contour import contour_figure
@@ -51,8 +51,8 @@ def explore(
 
     `contacts.png` and `surfaces.png` always; `faces.png` where faces were crossed, `contour.png`
     where a contour was followed, `taxels.png` where pads had contact, `replay.html` for `replay`.
-    stderr says how far to trust the recovered shape, what was chosen and why, and which figures
-    could not be drawn.
+    stderr says how far to trust the recovered shape, what was chosen and why, what the note of the
+    episode's row would be, and which figures could not be drawn.
     `body_table` names the object as in a spec; `yaw_rad` None gives it a random yaw; `pictures`
     draws figures beside the episode, else they are drawn here. Raises
     BodyError for an object that cannot be built, OSError where `out` cannot be written.
@@ -62,8 +62,8 @@ def explore(
                 placement=ObjectTable(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad),
                 fit=FitTable(reconstruct=reconstruct))
     block = run_block(cell, np.arange(1), device, curve=False)
-    shape = json.dumps(shape_record(cell, block), indent=2) + "\n"
-    files = {"contacts.csv": contacts_csv(block), "shape.json": shape}
+    record = shape_record(cell, block)
+    files = {"contacts.csv": contacts_csv(block), "shape.json": json.dumps(record, indent=2) + "\n"}
     for file, content in files.items():
         write_atomic(out / file, content.encode())
     written = list(files)
@@ -92,6 +92,8 @@ def explore(
     if block.exploration.fault[0]:
         what = "reconstruct" if block.status[0] == REBUILD_FAILED else "the strategy"
         say(f"{what} failed: {block.exploration.fault[0]}")
+    elif record["note"]:
+        say(record["note"])
     if block.worse_than_prior[0]:
         say("worse than the prior it was given: " + ", ".join(block.worse_than_prior[0].split()))
     if block.rebuilt is not None and block.rebuilt.made[0]:
@@ -159,6 +161,7 @@ def shape_record(cell: Cell, block: EpisodeBlock, world: int = 0) -> dict[str, A
         "strategy": cell.strategy.name,
         "seed": cell.seed,
         "status": str(block.status[world]),
+        "note": str(episode_notes(block, cell, np.zeros(len(block.status), int))[world]),
         "trust": trust_sentence(block, world),
         "models": list(_models(cell, block, world)),
         "chosen": block.rebuilt.name_of(world) if block.rebuilt and mesh_of_world(block, world)

@@ -43,7 +43,7 @@ def trust_sentence(block: EpisodeBlock, world: int = 0) -> str:
     felt = int(evidence.mask.sum())
     mesh = mesh_of_world(block, world)
     if mesh is not None:
-        return _free_form_sentence(mesh, evidence.points_m[0][evidence.mask[0]])
+        return free_form_sentence(mesh, evidence.points_m[0][evidence.mask[0]])
     if recovered.shape[0] == Shape.PRIOR_CYLINDER:
         why = _NOTHING.get(str(block.status[world]), str(block.status[world]))
         return (f"nothing was recovered: {why} ({felt} contacts); the body written is the cylinder "
@@ -51,8 +51,7 @@ def trust_sentence(block: EpisodeBlock, world: int = 0) -> str:
     near = np.asarray(block.exploration.verdicts[world] == ACCEPTED)
     share = surface_near(recovered, evidence.points_m[0][near])
     far = felt - int(near.sum())
-    text = (f"{100 * share:.0f} % of the recovered surface is within {1e3 * NEAR_M:.0f} mm of one "
-            f"of {felt - far} contacts, the rest is the model's guess")
+    text = _share_text(share, felt - far, "is the model's guess")
     if far:
         text += f"; {far} more contacts contradict it, or may be elsewhere"
     belief = block.exploration.belief
@@ -106,23 +105,32 @@ def _about(block: EpisodeBlock, world: int) -> str:
     return f" about the {shape.replace('_', ' ')} that its contacts make" if shape else ""
 
 
-def _free_form_sentence(mesh: TriangleMesh, contacts_m: np.ndarray) -> str:
+def free_form_sentence(mesh: TriangleMesh, contacts_m: np.ndarray) -> str:
+    """How much of the surface of a free form was felt, contacts (point, 3)."""
     from fit.implicit.volume import surface_samples  # with it JAX's solvers, for a free form alone
 
     points = surface_samples(mesh, SURFACE_POINTS)
     points = points[points[:, 2] > TABLE_MARGIN_M]
     away = np.linalg.norm(points[:, None] - contacts_m, axis=-1).min(1, initial=np.inf)
-    share = float((away <= NEAR_M).mean()) if len(points) else 0.0
+    share = float((away <= NEAR_M).mean()) if len(points) else np.nan
+    return _share_text(share, len(contacts_m), "was not felt")
+
+
+def _share_text(share: float, contacts: int, rest: str) -> str:
+    if np.isnan(share):
+        return (f"the recovered body is lower than {1e3 * TABLE_MARGIN_M:.0f} mm, so low that a "
+                f"touch of it is hardly told from the table's ({contacts} contacts)")
     return (f"{100 * share:.0f} % of the recovered surface is within {1e3 * NEAR_M:.0f} mm of one "
-            f"of {len(contacts_m)} contacts, the rest was not felt")
+            f"of {contacts} contacts, the rest {rest}")
 
 
 def surface_near(recovered: Recovered, contacts_m: np.ndarray) -> float:
-    """Share of one body's surface above the table within `NEAR_M` of a contact, (point, 3)."""
+    """Share of one body's surface above the table within `NEAR_M` of a contact, (point, 3); NaN
+    where nothing of it is."""
     if recovered.shape[0] == Shape.REVOLUTION and recovered.revolution is not None:
         points, _, area = revolution_surface(recovered.revolution)
     else:
         points, area = superquadric_areas(recovered.superquadric, SURFACE_POINTS)
     area = np.where(points[0, :, 2] > TABLE_MARGIN_M, area[0], 0.0)
     away = np.linalg.norm(points[0][:, None] - contacts_m, axis=-1).min(1, initial=np.inf)
-    return float(area[away <= NEAR_M].sum() / max(area.sum(), 1e-12))
+    return float(area[away <= NEAR_M].sum() / area.sum()) if area.any() else np.nan

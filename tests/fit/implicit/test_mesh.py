@@ -1,9 +1,13 @@
 """Zero sets of signed distances on a grid that is refined only where the surface may pass."""
 
+from io import BytesIO
+
 import numpy as np
 import pytest
+import trimesh
 
 from fit.implicit.mesh import zero_set_meshes
+from sweeps.figures.meshes import ply_of
 from warpgrasp.objects.mesh_orientation import mesh_of, simple_mesh_distance
 
 CELLS = 32
@@ -43,6 +47,29 @@ def test_plates_that_hide_between_coarse_nodes_are_found(cells_thick: float) -> 
         clear = np.abs(true) > 1e-6  # single precision
         assert ((found < 0.0) == (true < 0.0))[clear].all()
     assert sum(asked) < 0.5 * len(normals) * len(nodes)
+
+
+@pytest.mark.parametrize("scale", [1e-4, 1.0, 1e4])
+def test_a_file_of_a_body_is_closed_for_whoever_joins_its_vertices(scale: float) -> None:
+    """Where its surface passes through nodes, all but passes through them, is cut off by the grid,
+    and stands on a table; also where distances are in another unit."""
+    side, middle = HALF_SIDE_M, np.array([0.45, 0.1, 0.05])
+    half = np.array([[8, 5, 12], [8, 20, 12], [9, 9, 12]]) * 2 * side / CELLS
+    off = np.array([0.0, 1e-9, 1e-7])
+
+    def box(points: np.ndarray, rows: np.ndarray, counts: np.ndarray) -> np.ndarray:
+        away = np.abs(points - middle) - half[rows, None] - off[rows, None, None]
+        return scale * np.maximum(away.max(-1), -points[..., 2])
+
+    low, high = np.tile(middle - side, (3, 1)), np.tile(middle + side, (3, 1))
+    meshes = zero_set_meshes(box, low, high, np.zeros(3), cells=CELLS)
+    for row, mesh in enumerate(meshes):
+        read = trimesh.load(BytesIO(ply_of(mesh)), file_type="ply")
+        assert read.is_watertight, row
+        assert read.volume == pytest.approx(mesh.volume_m3, rel=1e-4)
+    wide, deep, tall = half[2]
+    whole = 4 * wide * deep * (middle[2] + tall)
+    assert meshes[2].volume_m3 == pytest.approx(whole, rel=0.01)  # edges are cut off
 
 
 def test_a_grid_has_a_multiple_of_four_cells() -> None:

@@ -14,11 +14,9 @@ from strategies.planners.adaptive import (
     SurfaceGaussianProcess,
 )
 from strategies.planners.candidates import POOL, candidate_poses, predicted_touches
-from strategies.planners.oracle import Oracle
 from strategies.planners.planner_file import PlannerError
 from strategies.planners.probes import Grasp
 from strategies.planners.registry import make_planner
-from strategies.recovery.choose_model import Recovered, Shape
 
 CURLED = replace(belief(), closings=("curl40",))
 
@@ -79,25 +77,6 @@ def test_information_is_that_of_the_linear_model() -> None:
     spread = np.where(found, normal[..., 0] ** 2, 0.0).sum(-1) * 1e-4 / 0.0015**2
     assert just_sides.sum() > 5
     assert np.allclose(gain[just_sides], 0.5 * np.log1p(spread)[just_sides], rtol=0.05, atol=0.02)
-
-
-def test_the_oracle_takes_what_turns_out_best() -> None:
-    oracle, here = Oracle(tried=6), belief()
-    seen: list[np.ndarray] = []
-
-    def foresee(probe: Grasp) -> Recovered:
-        seen.append(probe.hand_pose[:, 0])
-        return Recovered(np.full(2, Shape.SUPERQUADRIC), BODY)
-
-    oracle.foresee = foresee
-    oracle.let_see(lambda recovered: np.abs(seen[-1][:, 1] - 0.05))
-    probe, = oracle(here)
-    tried = np.stack(seen, 1)
-    assert tried.shape[1] == 6
-    best = np.abs(tried[..., 1] - 0.05).argmin(1)
-    assert np.allclose(probe.hand_pose[:, 0], tried[np.arange(2), best])
-    with pytest.raises(RuntimeError, match="sees nothing"):
-        Oracle()(here)
 
 
 def test_options_a_planner_cannot_use_are_refused_by_name() -> None:

@@ -24,6 +24,24 @@ def balls(touches):
     middle = (touches.low_m + touches.high_m) / 2
     return lambda points, worlds: np.linalg.norm(points - middle[worlds][:, None], axis=2) - 0.03
 
+def inside_out(touches):
+    return lambda points, worlds: -balls(touches)(points, worlds)
+
+def everywhere(touches):
+    return lambda points, worlds: np.full(points.shape[:2], -1.0)
+
+def nowhere(touches):
+    return lambda points, worlds: np.full(points.shape[:2], 1.0)
+
+def endless(touches):
+    return lambda points, worlds: np.linalg.norm(points[..., :2], axis=2) - 0.03
+
+def on_the_table(touches):
+    return lambda points, worlds: np.linalg.norm(points - [0, 0, 0.01], axis=2) - 0.03
+
+def forgets(touches):
+    balls(touches)
+
 def second_only(touches):
     return [None, trimesh.creation.icosphere(2, 0.03)]
 
@@ -93,12 +111,35 @@ def test_a_world_without_an_answer_keeps_what_was_recovered(asked) -> None:
 
 @pytest.mark.parametrize(("name", "said"), [
     ("too_few", "0 meshes for 2 worlds"), ("writes", "read-only"), ("leaves", "SystemExit"),
+    ("forgets", "mine.py:24: forgets: answered with None; should be a list of a mesh or None"),
     ("not_finite", "not finite"), ("missing", "has no function 'missing'"),
 ])
 def test_faults_name_the_function_and_what_is_wrong(asked, name: str, said: str) -> None:
     found = asked(name)
     assert not found.made.any()
     assert all(said in text for text in found.fault)
+
+
+@pytest.mark.parametrize(("name", "cut"), [
+    ("inside_out", [True, True]), ("everywhere", [True, True]), ("endless", [True, True]),
+    ("balls", [False, False]), ("on_the_table", [False, False]),
+])
+def test_a_body_that_the_box_cuts_off_is_told(asked, name: str, cut: list[bool]) -> None:
+    """Distances of the wrong sign are: outside of what was meant is the rest of the box."""
+    found = asked(name)
+    assert found.made.all()
+    assert not found.fault.any()
+    assert ["is cut off by the sides or the top of the box" in text for text in found.note] == cut
+    assert [text != "" for text in found.note] == cut
+
+
+@pytest.mark.parametrize(("name", "none"), [
+    ("nowhere", [True, True]), ("second_only", [True, False])])
+def test_a_world_without_a_body_is_told(asked, name: str, none: list[bool]) -> None:
+    found = asked(name)
+    assert not found.fault.any()
+    assert [f"{name}: gave no body, what was recovered stands" in text
+            for text in found.note] == none
 
 
 def test_a_fault_of_one_mesh_is_its_world_s_alone(asked) -> None:

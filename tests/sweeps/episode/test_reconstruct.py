@@ -26,6 +26,9 @@ def recovered(touches):
 
 def broken(touches):
     raise RuntimeError("no weights")
+
+def inside_out(touches):
+    return lambda points, worlds: -touches.recovered(points, worlds)
 '''
 
 
@@ -83,6 +86,12 @@ def test_a_fault_is_a_row(plain, file: Path) -> None:
     assert all("mine.py:6: broken: RuntimeError: no weights" in note for note in found["note"])
     for name in SCORES - {"status", "note"}:
         assert (found[name] == plain[name]).all()
+
+
+def test_a_row_says_that_the_box_cut_its_body_off(file: Path) -> None:
+    found = rows(f"{file}:inside_out")
+    assert (found["shape"] == "inside_out").all()
+    assert all("mine.py:8: inside_out: its body is cut off" in note for note in found["note"])
 
 
 def test_a_plug_in_counts_by_its_content_and_not_its_place(file: Path, tmp_path: Path) -> None:

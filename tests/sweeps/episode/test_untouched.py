@@ -13,7 +13,7 @@ from strategies.poses.waypoints import Ring
 from strategies.ready_made import STRATEGIES
 from strategies.strategy import Strategy
 from sweeps.episode.episodes import run_episodes
-from sweeps.episode.untouched import mostly_itself
+from sweeps.episode.untouched import UNTRIED, mostly_itself
 from sweeps.spec.cell import Cell
 from warpgrasp.mechanism.arm_reach import nearest_reachable, pose_reachable
 from warpgrasp.parameters import ArmTable, HandTable, ObjectTable, SensorTable
@@ -133,3 +133,9 @@ def test_a_row_says_when_nearly_all_stops_were_taken_for_the_hand_itself() -> No
     found = mostly_itself(SimpleNamespace(procedures=(done,), status=np.full(3, "ok")))
     assert list(found) == ["4 of 5 stops of fingers were taken for the hand's own links", "",
                            "4 of 4 stops of fingers were taken for the hand's own links"]
+
+
+def test_a_row_says_that_nothing_was_tried(tmp_path: Path) -> None:
+    (tmp_path / "idle.py").write_text("def idle(belief):\n    return []\n")
+    assert notes_of(Strategy("idle", call=f"{tmp_path}/idle.py:idle"), {"name": "block"}) == [
+        UNTRIED] * 4

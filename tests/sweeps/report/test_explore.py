@@ -1,17 +1,22 @@
 """`explore` where nothing but the object is named: what it runs, what it says it chose and why."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
+from fit.implicit.record import TriangleMesh
+from fit.superquadric.geometry import Superquadric
 from strategies import exploration_record
 from strategies.ready_made import DEFAULT, STRATEGIES
+from strategies.recovery.choose_model import Recovered, Shape
 from strategies.recovery.contact_verdict import contact_verdicts
 from sweeps.episode.episodes import run_block
 from sweeps.report.episode_files import explore
-from sweeps.report.trust import choice_sentence
+from sweeps.report.trust import choice_sentence, free_form_sentence, surface_near
 from sweeps.spec.cell import Cell
 from sweeps.spec.template import spec_template
 from warpgrasp.parameters import FitTable
@@ -43,3 +48,25 @@ def test_explore_says_what_it_chose(
             seed=0, yaw_rad=0.0, x_m=0.45, y_m=0.0, out=tmp_path, device="cpu")
     assert "\nchosen: " in capsys.readouterr().err
     assert len(found) == 1
+
+
+def test_explore_says_the_note_that_a_row_would_have(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    explore(body_table={"name": "block"}, strategy=STRATEGIES["ring6"], seed=0, yaw_rad=0.0,
+            x_m=1.2, y_m=0.0, out=tmp_path, device="cpu", reconstruct="superquadric")
+    note = json.loads((tmp_path / "shape.json").read_text())["note"]
+    assert note.startswith("the arm reaches none of 6 poses, such as (")
+    assert f"\n{note}\n" in capsys.readouterr().err
+
+
+def test_a_body_too_low_to_be_told_from_the_table_is_not_said_to_be_unfelt() -> None:
+    flat = Superquadric(np.array([[0.03, 0.02, 0.0025]]), np.ones((1, 2)),
+                        np.array([[0.45, 0.0, 0.0025]]), np.array([[0.0, 0.0, 0.0, 1.0]]),
+                        np.zeros((1, 2)), np.zeros((1, 2)))
+    assert np.isnan(surface_near(Recovered(np.array([Shape.SUPERQUADRIC]), flat),
+                                 np.array([[0.45, 0.0, 0.005]])))
+    ball = trimesh.creation.icosphere(2, 0.002)
+    text = free_form_sentence(TriangleMesh(ball.vertices + [0.45, 0.0, 0.002], ball.faces),
+                              np.array([[0.45, 0.0, 0.004]]))
+    assert "0 %" not in text
+    assert text.startswith("the recovered body is lower than 6 mm")

@@ -1,0 +1,43 @@
+"""Orders given in advance keep to their budgets, also where all poses are asked for at once."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from strategies.poses.waypoints import Ring
+from strategies.strategy import Strategy
+from sweeps.episode.episodes import run_episodes
+from sweeps.spec.cell import Cell
+
+RING = Strategy("s", (Ring(count=8, tilt_rad=np.radians(50)),), closings=("curl40",))
+CURVE = "curve_touches"
+
+
+def rows(strategy: Strategy, name: str = "block") -> dict[str, np.ndarray]:
+    return run_episodes(Cell(strategy, {"name": name}, name, seed=4), np.arange(3), "cpu")
+
+
+def test_a_budget_of_time_ends_a_sequence_that_is_fitted_once() -> None:
+    """After the pose after which it would have ended, had bodies been fitted after each; one that
+    is not spent changes nothing."""
+    whole = rows(RING)
+    least = float(whole["robot_time_s"].min())
+    assert least > 30.0
+    short = replace(RING, robot_time_s=20.0)
+    cut, each = rows(short), rows(replace(short, refit_every=1))
+    assert ((cut["robot_time_s"] >= 20.0) & (cut["robot_time_s"] < least)).all()
+    for column in ("touches", "contacts", "probes", "unreachable", "collisions"):
+        np.testing.assert_array_equal(cut[column], each[column], err_msg=column)
+    np.testing.assert_allclose(cut["robot_time_s"], each["robot_time_s"], rtol=1e-12)
+    assert {len(curve) for curve in cut[CURVE]} == {1}
+    unspent = rows(replace(RING, robot_time_s=1e4))
+    for column, values in unspent.items():
+        for mine, other in zip(values, whole[column], strict=True):
+            np.testing.assert_array_equal(mine, other, err_msg=column)
+
+
+def test_a_budget_of_volume_is_looked_at_after_every_pose() -> None:
+    whole, sure = (rows(replace(RING, volume_ratio=ratio), "large_cylinder")
+                   for ratio in (None, 30.0))
+    assert (sure["touches"] <= whole["touches"]).all()
+    assert (sure["touches"] < whole["touches"]).sum() == 2  # one is never as sure
