@@ -156,10 +156,14 @@ def test_a_reconstruct_function_shares_its_process_with_no_other_strategy(tmp_pa
 
 def test_folder_and_numpy_are_as_before_after_a_call(tmp_path: Path) -> None:
     before = Path.cwd(), np.geterr()
-    with pytest.raises(ZeroDivisionError), guarded_call():
+
+    def choose() -> None:
         os.chdir(tmp_path)
         np.seterr(all="raise")
         raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError), guarded_call():
+        choose()
     assert (Path.cwd(), np.geterr()) == before
 
 
