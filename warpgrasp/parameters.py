@@ -15,6 +15,8 @@ TAXELS = 16
 """Rows and columns of a pad [paper]."""
 OBJECT_REACH_M = 2.0
 """How far from the robot's base an object may stand, along x and along y."""
+ARM_COLUMN_M = 0.1
+"""Radius of what an arm stands on, where no object can stand [est]."""
 
 PUMA560, FLOATING = "puma560", "none"
 UTAH_MIT = "utah_mit"

@@ -3,7 +3,9 @@
 import os
 import signal
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+
+import numpy as np
 
 
 class EndedProcess(Exception):
@@ -17,8 +19,11 @@ def guarded_call() -> Iterator[None]:
     `os._exit` and `sys.exit` raise EndedProcess there; so does KeyboardInterrupt where Ctrl-C is
     ignored, as in workers, since it can only come from that code. A forked copy of the process
     that comes back ends here: only one process may go on.
+
+    Afterwards the process is in the folder it was in, and numpy treats errors as it did: paths of
+    ours are relative to that folder, and what follows must not fail for a setting of that code's.
     """
-    process, leave = os.getpid(), os._exit
+    process, leave, folder = os.getpid(), os._exit, _folder()
 
     def refuse(status: int) -> None:
         if os.getpid() != process:
@@ -27,7 +32,8 @@ def guarded_call() -> Iterator[None]:
 
     os._exit = refuse  # type: ignore[assignment]
     try:
-        yield
+        with np.errstate():
+            yield
     except SystemExit as error:
         raise EndedProcess(f"SystemExit: {error}").with_traceback(error.__traceback__) from None
     except KeyboardInterrupt as error:
@@ -38,3 +44,13 @@ def guarded_call() -> Iterator[None]:
         if os.getpid() != process:
             leave(1)
         os._exit = leave
+        if folder is not None and _folder() != folder:
+            with suppress(OSError):  # it was removed
+                os.chdir(folder)
+
+
+def _folder() -> str | None:
+    try:
+        return os.getcwd()
+    except OSError:  # it was removed
+        return None

@@ -3,7 +3,8 @@
 An episode's error is that of its last body so far, and stays after its end. Rows of a strategy
 that was fitted once, at its end, hold no curve: it is that one step. At a point of the grid
 episodes that have no fit yet are left out; where they are more than one in twenty there is no
-mean (a mean over the quick ones alone would flatter).
+mean (a mean over the quick ones alone would flatter). Intervals are those of a leaderboard, at
+each point by itself; medians of the table `reach` have them from bootstrap replicates.
 """
 
 from collections.abc import Sequence
@@ -16,20 +17,20 @@ from sweeps.analysis.bootstrap import (
     REPLICATES,
     Estimate,
     episode_weights,
-    estimate,
     object_weights,
     population,
-    replicate_means,
-    widened,
 )
 from sweeps.analysis.entries import (
     Entry,
     LeaderboardError,
+    bounds_of,
     entries_of,
     entry_axes,
     paired_blocks,
+    prior_column,
     values_of,
 )
+from sweeps.analysis.interval import ObjectMeans
 from sweeps.analysis.paired import by_episode, filled, interval_note, reading_notes
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
@@ -37,6 +38,7 @@ from sweeps.run.unit_file import Columns
 from sweeps.spec.errors import choose
 from sweeps.text_table import TextTable, number_text
 
+ERROR = "chamfer_mm"
 AXES = {"touches": ("curve_touches", "touches"), "time_s": ("curve_time_s", "robot_time_s")}
 POINTS = 48
 KNOWN = 0.95
@@ -50,6 +52,8 @@ class Curves:
     entries: tuple[Entry, ...]
     objects: tuple[str, ...]
     steps: dict[str, list[list[list[Steps]]]]
+    priors: list[np.ndarray]
+    """What the priors of each object's rows score [mm], (entry, row); NaN where it is not known."""
     episodes: list[list[tuple[int, int]]]
     """For each object, of each of its rows the block and the place there."""
     weights: list[np.ndarray]
@@ -80,27 +84,31 @@ def read_curves(plan: Plan, stores: Sequence[Store], over: str | None = None) ->
     entries = entries_of(plan, axes)
     seed = int(plan.hash, 16)
     steps: dict[str, list[list[list[Steps]]]] = {axis: [] for axis in AXES}
-    episodes, objects, missing = [], [], 0
+    episodes, objects, priors, missing = [], [], [], 0
+    given = prior_column(ERROR) or ""
     for number, body in enumerate(plan.study.objects):
         mine: dict[str, list[list[Steps]]] = {axis: [[] for _ in entries] for axis in AXES}
         own: list[tuple[int, int]] = []
+        of_priors: list[np.ndarray] = []
         for block in paired_blocks(plan, stores, entries, axes, number):
             if block.missing:
                 missing += block.missing
                 continue
             own += [(block.number, n) for n in range(block.count)]
+            of_priors.append(np.array([values_of(rows, given) for rows in block.rows]))
             for axis, of_entries in mine.items():
                 for found, rows in zip(of_entries, block.rows, strict=True):
                     found += episode_steps(rows, axis)
         if own:
             objects.append(body.name)
             episodes.append(own)
+            priors.append(np.concatenate(of_priors, axis=1))
             for axis, of_entries in mine.items():
-                steps[axis].append(_failures_filled(of_entries))
+                steps[axis].append(_failures_filled(of_entries, priors[-1]))
     over = population(over, len(objects))
     drawn = object_weights(seed, len(objects)) if over == "like-these" else np.ones(
         (1 + REPLICATES, len(objects)))
-    return Curves(tuple(entries), tuple(objects), steps, episodes,
+    return Curves(tuple(entries), tuple(objects), steps, priors, episodes,
                   _weights(seed, episodes, over),
                   drawn, over, seed,
                   (*reading_notes(plan, missing, len(objects)), interval_note(over)))
@@ -125,7 +133,7 @@ def episode_steps(rows: Columns, axis: str) -> list[Steps]:
                  for at, error in zip(rows[curve], rows["curve_chamfer_mm"], strict=True)]
     else:
         found = [(_numbers(()), _numbers(()))] * len(rows["status"])
-    ends = zip(found, values_of(rows, end), values_of(rows, "chamfer_mm"), strict=True)
+    ends = zip(found, values_of(rows, end), values_of(rows, ERROR), strict=True)
     return [steps if len(steps[0]) else (np.array([at]), np.array([error]))
             for steps, at, error in ends]
 
@@ -134,10 +142,11 @@ def _numbers(values: object) -> np.ndarray:
     return np.asarray(() if values is None else values, float)
 
 
-def _failures_filled(of_entries: list[list[Steps]]) -> list[list[Steps]]:
-    """An error that is no number counts as the worst on its object, as in a leaderboard."""
+def _failures_filled(of_entries: list[list[Steps]], priors: np.ndarray) -> list[list[Steps]]:
+    """An error that is no number counts as the worst on its object, or as the worst prior that was
+    given there, as in a leaderboard."""
     errors = [error for found in of_entries for _, error in found]
-    every = filled(np.concatenate(errors), None) if errors else np.zeros(0)
+    every = filled(np.concatenate(errors), None, priors) if errors else np.zeros(0)
     parts = iter(np.split(every, np.cumsum([len(error) for error in errors])[:-1]))
     return [[(np.where(np.isfinite(at), at, np.inf), next(parts)) for at, _ in found]
             for found in of_entries]
@@ -165,27 +174,28 @@ def on_grid(steps: Steps, grid: np.ndarray) -> np.ndarray:
 
 def mean_curve(curves: Curves, axis: str, entry: int, grid: np.ndarray) -> Estimate:
     """The mean over objects, then episodes, with its interval; NaN where too few have a fit."""
-    total = np.zeros((1 + REPLICATES, len(grid)))
-    weight = np.zeros_like(total)
+    points = ObjectMeans(len(grid), 0)
     unknown = np.zeros(len(grid))
-    for number, found in enumerate(curves.steps[axis]):
+    for found, own in zip(curves.steps[axis], curves.episodes, strict=True):
         values = np.array([on_grid(steps, grid) for steps in found[entry]])
-        good = np.isfinite(values)
-        drawn = curves.weights[number].astype(float)
-        count = np.einsum("re,eg->rg", drawn, good.astype(float))
-        seen = count > 0
-        mean = np.divide(np.einsum("re,eg->rg", drawn, np.where(good, values, 0.0)), count,
-                         where=seen, out=np.zeros_like(total))
-        total += curves.drawn[:, [number]] * mean
-        weight += curves.drawn[:, [number]] * seen
-        unknown = np.maximum(unknown, 1.0 - good.mean(axis=0))
-    mean = np.divide(total, weight, where=weight > 0, out=np.full_like(total, np.nan))
-    mean = np.maximum(widened(mean, curves.draws), 0.0)
-    mean[:, unknown > 1.0 - KNOWN] = np.nan
-    # point by point: a replicate that drew nothing at one of them still counts at the others
-    found = [estimate(mean[:, [n]]) for n in range(len(grid))]
-    return Estimate(mean[0], np.concatenate([point.low for point in found]),
-                    np.concatenate([point.high for point in found]))
+        points.add(by_episode(_completed(values), own))
+        unknown = np.maximum(unknown, 1.0 - np.isfinite(values).mean(axis=0))
+    found = points.values(curves.over, bounds_of(ERROR))
+    return Estimate(*(np.where(unknown > 1.0 - KNOWN, np.nan, part)
+                      for part in (found.value, found.low, found.high)))
+
+
+def _completed(values: np.ndarray) -> np.ndarray:
+    """Values (row, point) with their point's mean where they have none, and as far from it
+    elsewhere as leaves the variance of that mean what it is; 0 where a point has no value."""
+    good = np.isfinite(values)
+    rows, known = len(values), good.sum(axis=0)
+    mean = np.divide(np.where(good, values, 0.0).sum(axis=0), known, where=known > 0,
+                     out=np.zeros(values.shape[1]))
+    wider = np.sqrt(np.divide(rows * (rows - 1), known * (known - 1.0), where=known > 1,
+                              out=np.ones(values.shape[1])))
+    # what is complete stays as it is, bit for bit: its mean is a leaderboard's
+    return np.where(good, np.where(known < rows, mean + wider * (values - mean), values), mean)
 
 
 BOUNDS_MM = (5.0, 3.0)
@@ -297,16 +307,21 @@ def same_time_table(curves: Curves, against: str | None) -> TextTable:
 
 def errors_then(curves: Curves, other: int) -> tuple[np.ndarray, Estimate, np.ndarray]:
     """Mean errors (entry,), differences to `other` with intervals, and the objects' mean errors
-    (object, entry), at the time `other` ended [mm]."""
-    of_objects = []
-    for found, own in zip(curves.steps["time_s"], curves.episodes, strict=True):
+    (object, entry), at the time `other` ended [mm].
+
+    Before its first fit an episode has its prior, as it was given. A unit that failed has none
+    either: its episodes count as the worst that any entry then had, or was given.
+    """
+    found = ObjectMeans(len(curves.labels), 0)
+    for steps, priors, own in zip(curves.steps["time_s"], curves.priors, curves.episodes,
+                                  strict=True):
         errors = np.array([[_error_at(mine, end[0][-1]) for mine, end in
-                            zip(of_entry, found[other], strict=True)] for of_entry in found]).T
-        of_objects.append(by_episode(filled(errors, None), own))
-    known = [values for values in of_objects if np.isfinite(values).all()]
-    every = replicate_means(known, curves.seed, curves.over)
-    means = np.array([values.mean(axis=0) for values in known])
-    return every[0], estimate(every - every[:, [other]]), means.reshape(-1, len(curves.labels))
+                            zip(of_entry, steps[other], strict=True)] for of_entry in steps])
+        errors = np.where(np.isfinite(errors), errors, priors)
+        found.add(by_episode(filled(errors, None, priors).T, own))
+    means = np.array(found.objects).reshape(-1, len(curves.labels))
+    difference = found.differences(other, curves.over, simultaneous=False)
+    return found.values(curves.over).value, difference, means
 
 
 def _error_at(steps: Steps, time_s: float) -> float:

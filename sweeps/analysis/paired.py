@@ -7,6 +7,7 @@ import numpy as np
 
 from sweeps.analysis.bootstrap import REPLICATES, population, replicate_means
 from sweeps.analysis.entries import (
+    COSTS,
     HIGHER_IS_BETTER,
     Entry,
     entries_of,
@@ -42,6 +43,12 @@ class ObjectRows:
         rows as their mean."""
         return by_episode(filled(self.values[metric], failure_score(metric), self.given(metric)),
                           self.episodes)
+
+    def costs(self, metric: str) -> np.ndarray:
+        """(episode, entry) of touches, time or path: one that is not known counts as its entry's
+        mean on this object, for nobody made it; NaN where the entry has none here."""
+        values = self.values[metric]
+        return by_episode(np.where(np.isfinite(values), values, self.plain(metric)), self.episodes)
 
     def given(self, metric: str) -> np.ndarray:
         """What the priors of the rows score, (row, entry); nothing for a metric that has none."""
@@ -88,7 +95,9 @@ class Paired:
     objects: tuple[str, ...]
     """The objects that have episodes; those without are left out."""
     values: dict[str, tuple[np.ndarray, ...]]
-    """By metric, for each object (episode, entry); a failed episode counts as in a leaderboard.
+    """By metric, for each object (episode, entry); a failed episode counts as in a leaderboard:
+    as the worst in the first metric, by which entries are ranked, and in other scores, but not in
+    what touches, time and path they took.
 
     An episode run under several settings is one row: its mean over them."""
     means: dict[str, np.ndarray]
@@ -139,9 +148,11 @@ def read_paired(plan: Plan, stores: Sequence[Store], metrics: Sequence[str],
             continue
         objects.append(found.name)
         for name in metrics:
-            values[name].append(found.filled(name))
-    means = {name: replicate_means(of_objects, seed, over) if of_objects
-             else np.full((1 + REPLICATES, len(entries)), np.nan)
+            ranked = name == metrics[0] or name not in COSTS
+            values[name].append(found.filled(name) if ranked else found.costs(name))
+    means = {name: replicate_means(
+                 of_objects if name == metrics[0] else _objects_filled(of_objects), seed, over)
+             if of_objects else np.full((1 + REPLICATES, len(entries)), np.nan)
              for name, of_objects in values.items()}
     lost = [name for name, found in zip(objects, values[metrics[0]], strict=True)
             if not np.isfinite(found).all()]
@@ -152,6 +163,16 @@ def read_paired(plan: Plan, stores: Sequence[Store], metrics: Sequence[str],
                   (*reading_notes(plan, missing, known), *lost_notes(lost, metrics[0]),
                    *few_episodes_note(known, min(map(len, values[metrics[0]]), default=0)),
                    interval_note(over)), over)
+
+
+def _objects_filled(of_objects: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Where an entry has nothing on an object, its mean over the objects where it has: so the mean
+    over all is that over those, and no other entry loses the object."""
+    means = np.array([values.mean(axis=0) for values in of_objects])
+    known = np.isfinite(means)
+    mean = np.divide(np.where(known, means, 0.0).sum(axis=0), known.sum(axis=0),
+                     where=known.any(axis=0), out=np.full(means.shape[1], np.nan))
+    return [np.where(np.isfinite(values), values, mean) for values in of_objects]
 
 
 def lost_notes(objects: Sequence[str], metric: str) -> Iterator[str]:

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sweeps.analysis.bootstrap import Estimate, estimate
+from sweeps.analysis.bootstrap import Estimate
 from sweeps.analysis.entries import HIGHER_IS_BETTER, bounds_of
+from sweeps.analysis.interval import ObjectMeans
 from sweeps.analysis.paired import Paired
 from sweeps.text_table import TextTable, number_text
 
@@ -14,10 +15,11 @@ COST = "robot_time_s"
 
 @dataclass(frozen=True)
 class Pareto:
-    """Means with intervals, shapes (entry,)."""
+    """Means with a leaderboard's intervals, shapes (entry,)."""
 
     error: Estimate
     cost: Estimate
+    """Over the objects where an entry has any; no time is made up for units that failed."""
     dominated_by: tuple[int | None, ...]
     """The best entry that is no worse in both and better in one."""
     p_front: np.ndarray
@@ -33,9 +35,22 @@ def find_front(paired: Paired, metric: str) -> Pareto:
                  for row in by)
     drawn = [~dominating(sign * e, c).any(axis=1)
              for e, c in zip(error[1:], cost[1:], strict=True) if np.isfinite([e, c]).all()]
-    return Pareto(estimate(error, bounds_of(metric)), estimate(cost, bounds_of(COST)),
+    return Pareto(paired.statistics(metric).values(paired.over, bounds_of(metric)),
+                  _costs(paired),
                   tuple(None if n is None else int(n) for n in best),
                   np.mean(drawn, axis=0) if drawn else np.full(len(by), np.nan))
+
+
+def _costs(paired: Paired) -> Estimate:
+    """Each entry's own: another's failures say nothing of it."""
+    found = []
+    for n in range(len(paired.entries)):
+        own = ObjectMeans(1, 0)
+        for values in paired.values[COST]:
+            own.add(values[:, [n]])
+        found.append(own.values(paired.over, bounds_of(COST)))
+    return Estimate(*(np.concatenate(parts) for parts in zip(
+        *((part.value, part.low, part.high) for part in found), strict=True)))
 
 
 def dominating(error: np.ndarray, cost: np.ndarray) -> np.ndarray:

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sweeps.analysis.bootstrap import estimate
 from sweeps.analysis.entries import HIGHER_IS_BETTER, LeaderboardError, bounds_of, value_texts
+from sweeps.analysis.interval import ObjectMeans
 from sweeps.analysis.paired import Paired, read_paired
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
@@ -37,7 +37,7 @@ class Effect:
     """How many settings each level has."""
     spread: tuple[float, float, float]
     """The largest minus the smallest level mean, and the interval of the difference of these two
-    levels: in a replicate either may be the larger."""
+    levels: with other objects or episodes either may be the larger."""
     share: float
 
 
@@ -54,23 +54,28 @@ def effects(plan: Plan, paired: Paired, metric: str) -> Iterator[Effect]:
     """Strategy by strategy, the factors in the order of the spec."""
     for number, strategy in enumerate(plan.study.strategies):
         mine = [n for n, entry in enumerate(paired.entries) if entry.strategy == number]
-        means = paired.means[metric][:, mine]
-        between = means[0].var()
+        means = paired.means[metric][0, mine]
+        between = means.var()
         for place, axis in enumerate(plan.study.axes):
             points = np.array([paired.entries[n].points[place] for n in mine])
             for k, key in enumerate(axis.keys):
                 names, level = _levels([axis.values[point][k] for point in points])
-                of_levels = np.stack([means[:, level == n].mean(axis=1)
-                                      for n in range(len(names))], axis=1)
-                found = estimate(of_levels, bounds_of(metric))
+                of_levels = ObjectMeans(len(names), 0)
+                for values in paired.values[metric]:
+                    own = values[:, mine]
+                    of_levels.add(np.stack([own[:, level == n].mean(axis=1)
+                                            for n in range(len(names))], axis=1))
+                found = of_levels.values(paired.over, bounds_of(metric))
                 most, least = found.value.argmax(), found.value.argmin()
-                spread = estimate(of_levels[:, [most]] - of_levels[:, [least]],
-                                  (-bounds_of(metric)[1], bounds_of(metric)[1]))
+                apart = of_levels.differences(int(least), paired.over, simultaneous=False)
+                widest = bounds_of(metric)[1]
+                spread = tuple(float(np.clip(ends[most], -widest, widest))
+                               for ends in (apart.value, apart.low, apart.high))
                 counts = np.bincount(level, minlength=len(names))
-                inside = counts @ (found.value - means[0].mean()) ** 2 / len(mine)
+                inside = counts @ (found.value - means.mean()) ** 2 / len(mine)
                 yield Effect(strategy.name, key, names, found.value, found.low, found.high,
                              tuple(int(count) for count in counts),
-                             (float(spread.value[0]), float(spread.low[0]), float(spread.high[0])),
+                             spread,
                              float(inside / between) if between > 0 else float("nan"))
 
 

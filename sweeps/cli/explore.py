@@ -1,6 +1,6 @@
 """The commands that need no study: one episode, a fit of points, lists, the robot as a file."""
 
-from math import radians
+from math import hypot, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -56,6 +56,7 @@ def explore(object_: str, /, *, strategy: str | None = None,
         raise UsageError(f"--yaw-deg: is {yaw_deg}; should be a finite number")
     _check_place("--x-m", x_m)
     _check_place("--y-m", y_m)
+    _check_apart(x_m, y_m)
     if not 0 <= seed < 2**63:
         raise UsageError(f"--seed: is {seed}; should be a whole number from 0 to 2^63 - 1")
     device = device_of(device)
@@ -147,6 +148,15 @@ def _check_place(name: str, value: float) -> None:
     if not abs(value) <= far:
         guess = f"; did you mean {value / 1e3:g}?" if 10 <= abs(value) <= 1e3 * far else ""
         raise UsageError(f"{name}: is {value:g}; should be metres from {-far:g} to {far:g}{guess}")
+
+
+def _check_apart(x_m: float, y_m: float) -> None:
+    """Raises UsageError for a place where the arm stands."""
+    from warpgrasp.parameters import ARM_COLUMN_M
+
+    if hypot(x_m, y_m) < ARM_COLUMN_M:
+        raise UsageError(f"--x-m: {x_m:g} with --y-m {y_m:g} is where the arm itself stands; "
+                         f"should be {ARM_COLUMN_M:g} or more from there")
 
 
 @app.command

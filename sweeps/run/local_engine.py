@@ -4,8 +4,8 @@ The parent hands out batches of units (`scheduler`) and runs none itself. Where 
 compiled before, only one worker works until the first unit has come back: it fills the caches of
 kernels and fits that the others then load, instead of all compiling the same.
 
-A worker that has run a planner of the user's runs no other units after it: what that code did to
-its process stays with its own rows.
+A worker that has run a planner or a reconstruct function of the user's runs no units of other
+strategies after it: what that code did to its process stays with its own rows.
 """
 
 import os
@@ -21,12 +21,12 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from types import FrameType
 
-from strategies.ready_made import STRATEGIES
 from sweeps.run.plan import Plan, Unit
 from sweeps.run.progress import Progress
 from sweeps.run.scheduler import Outcome, UnitQueue
 from sweeps.run.store import Store
 from sweeps.run.worker import ENVIRONMENT, EPISODES, SAY_WHERE, Report, work
+from sweeps.spec.cell import own_code
 from sweeps.spec.errors import StoreError
 from warpgrasp.core.cache_file import cache_root, drop_cached
 
@@ -62,7 +62,7 @@ class _Slot:
     ready: bool = False
     sent: bool = False  # its units
     warm: bool = False  # nothing is left to compile
-    call: str = ""  # a planner of the user's that it has run
+    own: str = ""  # code of the user's that it has run, and for which strategy
     since: float = field(default_factory=time.monotonic)  # when it was started, or got its units
 
 
@@ -137,7 +137,7 @@ class _Run:
             units = self.work.take(len(self.slots), self._in_hand(), cold=cold)
             if not units:
                 continue
-            if slot.call and slot.call != _own_planner(units[0]):
+            if slot.own and slot.own != own_code(units[0].cell):
                 self._end(slot)
                 slot = self.slots[number] = self._start_worker(number + 1)
             slot.units = units
@@ -146,8 +146,8 @@ class _Run:
 
     def _send(self, slot: _Slot) -> None:
         slot.since, slot.sent = time.monotonic(), True
-        slot.call = slot.call or _own_planner(slot.units[0])
-        paths = [self.work.store.path(unit) for unit in slot.units]
+        slot.own = slot.own or own_code(slot.units[0].cell)
+        paths = [self.work.store.path(unit).absolute() for unit in slot.units]
         with suppress(OSError):  # it has died, which its pipe will report
             slot.pipe.send((slot.units, paths))
 
@@ -170,7 +170,12 @@ class _Run:
         elif report.kind == "broken":
             raise StoreError(f"a worker cannot start:\n{report.text.rstrip()}", 1)
         elif report.kind == "disk":
-            raise disk_error(report.text)
+            if not (slot.own and self.work.store.takes_files()):
+                raise disk_error(report.text)
+            # it is code of the user's that keeps its process from writing
+            units, slot.units, slot.sent = slot.units, [], False
+            self.work.failed(units, report.text)
+            return self._replace(slot, number)
         elif report.kind == "done" and slot.units and report.unit == slot.units[0].id:
             self.work.done(slot.units.pop(0), float(report.text))
             slot.sent = bool(slot.units)
@@ -194,7 +199,7 @@ class _Run:
             slot.units.remove(unit)  # written, and died before its report
             self.work.done(unit, self.work.unit_s(unit))
         code = slot.process.exitcode
-        dropped = code in CRASHES and not slot.call and self._drop_caches()
+        dropped = code in CRASHES and not slot.own and self._drop_caches()
         if slot.units and timed_out:
             self.work.failed(slot.units, f"{_tail(slot.log)}\nstopped: it took longer than "
                              f"{self.options.unit_timeout_s:g} s (--unit-timeout-s)", final=True)
@@ -297,12 +302,6 @@ def _say_where(slot: _Slot) -> None:
         with suppress(OSError):
             os.kill(slot.process.pid, SAY_WHERE)
         slot.process.join(SAY_WHERE_S)
-
-
-def _own_planner(unit: Unit) -> str:
-    """The planner of the user's that a unit calls; "" for those that come with the package."""
-    call = unit.cell.strategy.call
-    return "" if call in STRATEGIES else call
 
 
 def _bound(log: Path) -> None:

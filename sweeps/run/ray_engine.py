@@ -18,6 +18,7 @@ from sweeps.run.scheduler import Outcome, UnitQueue
 from sweeps.run.store import Store
 from sweeps.run.unit_file import encode_files
 from sweeps.run.worker import ENVIRONMENT, find_function, run_units
+from sweeps.spec.cell import own_code
 from sweeps.spec.errors import StoreError
 
 LOST_TASK_RETRIES = 4  # a node that goes away is no fault of the unit
@@ -59,13 +60,17 @@ def run_on_ray(plan: Plan, store: Store, options: Options, progress: Progress,
 
 def _go(ray: Any, work: UnitQueue, options: Options) -> None:
     gpus = float(options.device.startswith("cuda"))
-    task = ray.remote(num_cpus=1, num_gpus=gpus, max_retries=LOST_TASK_RETRIES)(compute_units)
+    about = {"num_cpus": 1, "num_gpus": gpus, "max_retries": LOST_TASK_RETRIES}
+    task = ray.remote(**about)(compute_units)
+    # code of the user's leaves its process to no other units
+    once = ray.remote(**about, max_calls=1)(compute_units)
     running: dict[Any, tuple[list[Unit], float]] = {}
     limit = AHEAD * options.unit_timeout_s  # it may wait for another before it begins
     while not work.over:
         room = AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1)))
         while len(running) < room and (units := work.take(room)):
-            reference = task.remote(units, options.function, options.device)
+            of_kind = once if own_code(units[0].cell) else task
+            reference = of_kind.remote(units, options.function, options.device)
             running[reference] = units, time.monotonic()
         ready, _ = ray.wait(list(running), num_returns=1, timeout=1.0) if running else ([], [])
         for reference in ready:

@@ -12,7 +12,7 @@ from sweeps.run.grown_units import begun, join, rest_of
 from sweeps.run.plan import BLOCK, TOGETHER, Plan, Unit
 from sweeps.run.progress import Progress
 from sweeps.run.store import Store
-from sweeps.spec.cell import batch_key
+from sweeps.spec.cell import batch_key, own_code
 
 ATTEMPTS = 2
 MOST_EPISODES = TOGETHER * BLOCK
@@ -161,10 +161,12 @@ class UnitQueue:
     def _room(self, unit: Unit, workers: int, elsewhere: float) -> int:
         """How many units to hand out with this one as the first.
 
-        At most a worker's share of all that is not done yet, so that all end together. Planners of
-        one's own are called for a unit at a time, since they need not keep worlds apart.
+        At most a worker's share of all that is not done yet, so that all end together. Planners and
+        reconstruct functions of one's own are called for a unit at a time, since they need not keep
+        worlds apart.
         """
-        together = run_together(unit.cell.strategy.call, unit.cell.fit.free_forms)
+        together = not own_code(unit.cell) and run_together(
+            unit.cell.strategy.call, unit.cell.fit.free_forms)
         if unit.cell_hash in self.alone or not together:
             return 1
         short = min(IN_HAND_S, self.unit_timeout_s / 4) / max(self.unit_s(unit), 1e-9)

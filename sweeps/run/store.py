@@ -6,7 +6,7 @@ import os
 import socket
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -29,6 +29,10 @@ from sweeps.spec.errors import Held, OtherStudy, StoreError, short
 OWN_FILES = ("spec.toml", "resolved.json", "environment.json", "leaderboard.csv",
              "race.csv", "race.svg", "search.csv", "sensitivity.toml", "sensitivity.csv",
              "sensitivity.md")
+
+
+PROBE_BYTES = 1 << 16
+"""About what a unit's file takes."""
 
 
 def _locked(descriptor: int) -> bool:
@@ -284,6 +288,21 @@ class Store:
         """Temporary files of units, or of one by its id."""
         return chain(*(folder.glob(f".{of}.parquet.*.tmp")
                        for folder in (self.units, self.contacts)))
+
+    def takes_files(self) -> bool:
+        """Whether this process can write what a unit takes, where units are written."""
+        probe = self.units / f".probe.parquet.{os.urandom(6).hex()}.tmp"
+        try:
+            with probe.open("xb") as stream:
+                stream.write(bytes(PROBE_BYTES))
+                stream.flush()
+                os.fsync(stream.fileno())
+        except OSError:
+            return False
+        finally:
+            with suppress(OSError):
+                probe.unlink(missing_ok=True)
+        return True
 
     def left_behind(self) -> set[str]:
         """Ids of units of which a killed run left temporary files; lists the folder once."""

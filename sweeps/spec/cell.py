@@ -5,6 +5,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from strategies.procedures.options import ContourTable, DecideTable, PlanarTable
+from strategies.ready_made import STRATEGIES
+from strategies.reconstruct.plug_in_name import BUILT_IN
 from strategies.strategy import Strategy
 from warpgrasp.parameters import (
     ArmTable,
@@ -70,6 +72,15 @@ class Cell:
     setting: Mapping[str, Any] = field(default_factory=dict)
     keep: str = "nothing"
     """What is kept beside the rows: nothing, or contacts. No row depends on it."""
+
+
+def own_code(cell: Cell) -> str:
+    """The user's planner and reconstruct function that a cell calls, and for which strategy; empty
+    where all comes with the package."""
+    strategy, function = cell.strategy, cell.fit.reconstruct
+    calls = [*(() if strategy.call in ("", *STRATEGIES) else (strategy.call,)),
+             *(() if function in BUILT_IN else (function,))]
+    return " ".join((*calls, "for", strategy.name)) if calls else ""
 
 
 def batch_key(cell: Cell) -> Cell:

@@ -7,17 +7,24 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from math import hypot
 from pathlib import Path
 from typing import Any
 
 from strategies.planners.planner_file import PlannerError
 from strategies.reconstruct.plug_in_name import BUILT_IN as WORDS
 from strategies.reconstruct.plug_in_name import find_plug_in, plug_in_file
-from sweeps.spec.checks import changed, is_searched, note_idle, spec_keys
+from sweeps.spec.checks import changed, is_searched, note_idle, note_misfit, spec_keys
 from sweeps.spec.errors import KeyPath, Problems, choose, short
 from sweeps.spec.objects import CSV_LIMIT, NoFile, named_file
 from sweeps.spec.study import ARM_KEY, Axis, Study
-from warpgrasp.parameters import FLOATING, PUMA560, RecognitionTable
+from warpgrasp.parameters import (
+    ARM_COLUMN_M,
+    FLOATING,
+    OBJECT_REACH_M,
+    PUMA560,
+    RecognitionTable,
+)
 
 KEY = "fit.reconstruct"
 MODELS_LIMIT = 1 << 24
@@ -25,6 +32,9 @@ MODELS_LIMIT = 1 << 24
 UNSWEPT = "recognition.models"
 """The key that names a file; a study keeps one."""
 ARM_LIMIT = 1 << 20
+_STANDS_BELOW_M = 0.5
+"""Height of its base from which an arm hangs from above, and an object may stand below it [est].
+"""
 JOINT_FIELDS = ("d_m", "a_m", "limit_low_rad", "limit_high_rad", "speed_rad_s")
 """Fields of `ArmTable` that say something of the PUMA 560 alone."""
 WRIST_FIELDS = ("box_low_m", "box_high_m", "wrist_speed_m_s", "wrist_turn_rad_s")
@@ -144,6 +154,35 @@ def check_arms(study: Study, given: Mapping[str, Any], problems: Problems) -> No
         idle["encoder_step_rad"] = f"is of an arm's joints; {instead}"
     # As `init` writes them, all of [arm] may stand there of the PUMA 560.
     note_idle(study, "arm", idle, changed(study, "arm") if PUMA560 in arms else given, problems)
+
+
+def check_places(study: Study, problems: Problems) -> None:
+    """Notes the first setting under which the object stands where the arm does, as when metres are
+    written for millimetres."""
+    note_misfit(study, ("object.x_mm", "object.y_mm", ARM_KEY), _in_column, ("object",), problems)
+
+
+def _in_column(tables: Mapping[str, Any]) -> str:
+    """Why the object cannot stand there; empty where it can. A floating wrist has no column."""
+    arm, place = tables["arm"].kind, tables["object"]
+    if arm == FLOATING:
+        return ""
+    x_m, y_m = 0.0, 0.0
+    if arm != PUMA560:
+        from warpgrasp.arms.arm_file import arm_from_file, arm_named
+
+        model = arm_from_file(Path(arm)) if arm.endswith(".toml") else arm_named(arm)
+        x_m, y_m, z_m = model.base_xyz_m
+        if z_m > _STANDS_BELOW_M:
+            return ""
+    if hypot(place.x_m - x_m, place.y_m - y_m) >= ARM_COLUMN_M:
+        return ""
+    meant = 1e3 * max(abs(place.x_m), abs(place.y_m))  # [m], where metres were written
+    guess = (f"; lengths are in mm: did you mean x_mm = {1e6 * place.x_m:g}, y_mm = "
+             f"{1e6 * place.y_m:g}?" if ARM_COLUMN_M <= meant <= OBJECT_REACH_M else "")
+    return (f"x_mm = {1e3 * place.x_m:g}, y_mm = {1e3 * place.y_m:g} is where the arm itself "
+            f"stands; should be {1e3 * ARM_COLUMN_M:g} mm or more from x_mm = {1e3 * x_m:g}, "
+            f"y_mm = {1e3 * y_m:g}{guess}")
 
 
 def arms_of(study: Study) -> set[str]:

@@ -14,6 +14,7 @@ from sweeps.spec.hands import check_closings, check_hands, read_hand, spelled_ou
 from sweeps.spec.named_files import (
     KEY,
     check_arms,
+    check_places,
     check_swept_reconstruct,
     read_arm,
     read_reconstruct,
@@ -95,6 +96,7 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
     if not problems.found:
         check_hands(study, values, problems)
         check_arms(study, values.get("arm", {}), problems)
+        check_places(study, problems)
         check_pads(study, problems)
     if not problems.found:
         check_used(study, problems)

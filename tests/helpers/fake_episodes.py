@@ -182,6 +182,13 @@ def planned_episodes(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
 
 
 @cell_by_cell
+def told_processes(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
+    """Notes the process that ran a row, and how many units its call had."""
+    note = f"{os.getpid()} {len(_units(episodes))}"
+    return rows_of(cell, episodes) | {"note": np.full(len(episodes), note, object)}
+
+
+@cell_by_cell
 def crashing_while_cached(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
     """Crashes as long as there are cached programs."""
     from warpgrasp.core.cache_file import cache_root

@@ -1,12 +1,16 @@
 """Curves and what is read off them, against cases worked by hand."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from curved_episodes import lists, table_rows, unfinished_study, wide_study, wide_text
+from studies import plan_of
 
 from sweeps.analysis.curves import (
+    _completed,
+    curves_table,
     episode_steps,
     grid_of,
     mean_curve,
@@ -17,9 +21,11 @@ from sweeps.analysis.curves import (
     same_time_table,
 )
 from sweeps.analysis.entries import LeaderboardError
+from sweeps.analysis.leaderboard import make_leaderboard
 from sweeps.analysis.paired import Paired
-from sweeps.run.plan import Plan
+from sweeps.run.plan import Plan, Unit
 from sweeps.run.store import Store
+from sweeps.run.unit_file import Columns, write_unit
 
 
 def test_same_time_without_a_finished_block_is_told(tmp_path: Path) -> None:
@@ -75,6 +81,63 @@ def test_mean_curves_end_at_the_leaderboards_mean(
         assert (found.low[known] <= found.value[known]).all()
         assert (np.diff(found.value[known]) <= 1e-9).all()  # these fakes only get better
         assert np.isnan(found.value[0])
+
+
+def written(folder: Path, objects: int, rows: Callable[[Unit], Columns]) -> tuple[Plan, Store]:
+    """A study of two strategies, "s" and "sx", of eight episodes."""
+    plan, store = plan_of(folder, wide_text(2, objects, 8)), Store(folder)
+    store.open_for(plan, None, "cpu")
+    for unit in plan.units():
+        write_unit(store.path(unit), unit.id, {
+            "episode": np.arange(8), "status": np.full(8, "ok", object),
+            "touches": np.full(8, 8), **rows(unit)})
+    return plan, store
+
+
+@pytest.mark.parametrize("over", ["like-these", "these"])
+def test_intervals_at_the_end_are_the_leaderboards(tmp_path: Path, over: str) -> None:
+    """Percentiles of replicates held in 88 to 92 %."""
+    def rows(unit: Unit) -> Columns:
+        generator = np.random.default_rng(int(unit.id[:8], 16))
+        return {"chamfer_mm": np.exp(generator.normal(1.5, 0.7) + generator.normal(0, 0.3, 8)),
+                "robot_time_s": np.full(8, 50.0)}
+
+    plan, store = written(tmp_path, 3, rows)
+    curves = read_curves(plan, [store], over)
+    named = "ci" if over == "like-these" else "these"
+    board = {row["strategy"]: row for row in table_rows(make_leaderboard(plan, [store]))}
+    last = {row["strategy"]: row for row in table_rows(curves_table(curves))}
+    for label in curves.labels:
+        assert [last[label][key] for key in ("chamfer_mm", "ci_low", "ci_high")] == [
+            board[label][f"chamfer_mm{key}"] for key in ("", f"_{named}_low", f"_{named}_high")]
+
+
+def test_a_mean_of_most_has_the_interval_of_those_alone() -> None:
+    values = np.random.default_rng(3).normal(5.0, 1.0, (40, 2))
+    values[[3, 20], 0] = np.nan
+    known, every = values[np.isfinite(values[:, 0]), 0], _completed(values)
+    assert every[:, 0].mean() == pytest.approx(known.mean())
+    assert every[:, 0].var(ddof=1) / 40 == pytest.approx(known.var(ddof=1) / 38)
+    assert (every[:, 1] == values[:, 1]).all()
+
+
+def test_who_has_no_fit_yet_has_its_prior_at_the_same_time(tmp_path: Path) -> None:
+    """It counted as the worst that others had by then, which may be far better than nothing."""
+    def rows(unit: Unit) -> Columns:
+        quick = unit.cell.strategy.name == "s"
+        return {"chamfer_mm": np.full(8, 4.0 if quick else 3.0),
+                "robot_time_s": np.full(8, 50.0 if quick else 300.0),
+                "prior_chamfer_mm": 9.0 + np.arange(8)}
+
+    plan, store = written(tmp_path, 2, rows)
+    (row,) = table_rows(same_time_table(read_curves(plan, [store]), "s"))
+    assert (row["chamfer_mm_then"], row["chamfer_mm_difference"]) == ("12.500", "8.500")
+    assert row["wins"] == "0/2"
+    first = next(unit for unit in plan.units() if unit.cell.strategy.name == "sx")
+    store.path(first).unlink()
+    store.log(first).write_text("it broke")
+    (row,) = table_rows(same_time_table(read_curves(plan, [store]), "s"))
+    assert row["chamfer_mm_then"] == "14.250"  # the worst prior, and the mean of the others'
 
 
 def test_reach_by_hand(study: tuple[Plan, Store]) -> None:

@@ -130,16 +130,21 @@ def test_better_is_first_and_lower_for_errors(study: tuple[Plan, Store]) -> None
 
 
 def test_intervals_keep_to_the_scores_range() -> None:
-    """Student's t over two objects knows no bounds; an IoU lies between 0 and 1."""
+    """Student's t over two objects knows no bounds; an IoU lies between 0 and 1, and time
+    is positive."""
     means = np.random.default_rng(1).normal(0.5, 0.6, (1 + REPLICATES, 2))
     means[0] = 0.4, 0.6
     entries = tuple(Entry(0, name, {}) for name in "ab")
     values = (np.array([[0.1, 0.9]] * 4), np.array([[0.7, 0.3]] * 4))
-    paired = Paired(entries, ("block", "wedge"), {"iou": values},
+    paired = Paired(entries, ("block", "wedge"),
+                    {"iou": values, COST: tuple(9 * v for v in values)},
                     {"iou": means, COST: 9 * means}, ())
     found = find_front(paired, "iou")
-    assert found.error.low.tolist() == found.cost.low.tolist() == [0.0, 0.0]
-    assert found.error.high.tolist() == [1.0, 1.0]
+    assert (found.error.low >= 0.0).all()
+    assert (found.error.low < 0.01).all()
+    assert (found.error.high > 0.99).all()
+    assert (found.error.high <= 1.0).all()
+    assert (found.cost.low >= 0.0).all()
     assert (found.cost.high > 9).all()
     drawn = draw_forest(paired, "iou")
     bars = [c for c in drawn.axes[0].collections if isinstance(c, LineCollection)]

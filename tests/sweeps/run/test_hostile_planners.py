@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from studies import contents, plan_of, run_in
 
@@ -36,7 +37,7 @@ def spec(folder: Path, lines: list[str]) -> str:
     """The honest study with a planner of the user's for each line."""
     text = HONEST
     for number, line in enumerate(lines):
-        file = folder / f"p{number}.py"
+        file = (folder / f"p{number}.py").absolute()
         file.write_text("import os, sys, time, subprocess\n\n\ndef choose(belief):\n"
                         f"    {line}\n    return []\n")
         text += f'[[strategy]]\nname = "p{number}"\nstrategy = "{file}:choose"\n'
@@ -118,6 +119,52 @@ def test_deaths_at_the_start_are_counted_in_a_row(
         outcome = runner.run(plan, store, options, progress)
     assert outcome == Outcome(kept=0, done=plan.unit_count, failed=0, lost=0)
     assert len(list(starts.iterdir())) >= 8  # four and more died
+
+
+@pytest.mark.parametrize(("line", "aside"), [
+    ("os.chdir('/')", False),
+    ("__import__('resource').setrlimit(__import__('resource').RLIMIT_FSIZE, (99, 99))", True)])
+def test_who_keeps_its_process_from_writing_ends_no_run(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch, line: str, aside: bool) -> None:
+    """Every resumed run used to end at the same unit, and later strategies never had rows."""
+    monkeypatch.chdir(tmp_path)
+    plan, outcome = run_with(Path(), [line, "pass"])
+    assert (outcome.done, outcome.failed, outcome.lost) == (3 - aside, int(aside), 0)
+    said = notes(tmp_path, plan)
+    assert ("cannot be written: File too large" in said["p0"]) == aside
+    assert said["p1"] == said["ring6"] == ""
+    assert not list((tmp_path / "out/units").glob(".*"))
+
+
+def test_a_reconstruct_function_shares_its_process_with_no_other_strategy(tmp_path: Path) -> None:
+    """A setting of numpy that one changed made another strategy's units fail, with one worker."""
+    net = tmp_path / "net.py"
+    net.write_text("def bodies(touches):\n    return [None] * touches.worlds\n")
+    text = HONEST.replace("= 64", "= 200") + (
+        '[[strategy]]\nname = "rim6-ring12"\n[[strategy]]\nname = "ring18"\n')
+    for name, more in (("plain", ""), ("own", f'[fit]\nreconstruct = "{net}:bodies"\n')):
+        plan = plan_of(tmp_path / f"spec-{name}", text + more)
+        run_in(tmp_path / name, plan, function="told_processes")
+        store = Store(tmp_path / name)
+        ran = {(unit.cell.strategy.name, *str(rows["note"][0]).split())
+               for unit in plan.units() if (rows := store.read(unit))}
+        assert len({process for _, process, _ in ran}) == (3 if more else 1)
+        if more:  # it need not keep worlds apart, so a call is for one unit
+            assert {units for _, _, units in ran} == {"1"}
+            assert len({(strategy, process) for strategy, process, _ in ran}) == 3
+
+
+def test_folder_and_numpy_are_as_before_after_a_call(tmp_path: Path) -> None:
+    before = Path.cwd(), np.geterr()
+
+    def choose() -> None:
+        os.chdir(tmp_path)
+        np.seterr(all="raise")
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError), guarded_call():
+        choose()
+    assert (Path.cwd(), np.geterr()) == before
 
 
 def test_two_crashes_throw_compiled_programs_away(

@@ -1,5 +1,6 @@
 """Values that do not go together: pads and their links, thresholds and what tendons read."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,7 @@ from studies import SMALL, write_spec
 from sweeps.spec.errors import SpecError
 from sweeps.spec.false_contacts import false_contacts
 from sweeps.spec.reader import read_spec
+from warpgrasp.arms.arm_file import arm_named, arm_text
 
 
 def refusals(folder: Path, text: str) -> list[str]:
@@ -59,3 +61,36 @@ def test_a_threshold_that_noise_passes_is_told(
     found = "".join(false_contacts(read_spec(write_spec(tmp_path, SMALL + more))))
     assert says in found
     assert bool(found) == bool(says)
+
+
+METRES = ("[object]\nx_mm = 0.45\n", 'x_mm = 0.45, y_mm = 0 is where the arm itself stands; should '
+          "be 100 mm or more from x_mm = 0, y_mm = 0; lengths are in mm: did you mean x_mm = 450, "
+          "y_mm = 0?")
+
+
+def test_an_object_in_the_arms_column_is_refused(tmp_path: Path) -> None:
+    """Metres written for millimetres gave a leaderboard."""
+    text, says = METRES
+    assert refusals(tmp_path, SMALL + text) == [f"{tmp_path}/spec.toml:11: object.x_mm: {says}"]
+    for arm in ("ur5e", "panda"):
+        assert says.partition(";")[0] in refusals(tmp_path, f'arm = "{arm}"\n' + SMALL + text)[0]
+    swept = '[sweep.grid]\n"object.x_mm" = [450, -60]\n'
+    found, = refusals(tmp_path, SMALL + swept)
+    assert "sweep: with object.x_mm = -60: x_mm = -60, y_mm = 0 is where the arm" in found
+    assert "did you mean" not in found
+    drawn = '[sweep.sobol]\nn = 8\n"object.x_mm" = { low = 0.43, high = 0.47 }\n'
+    assert "is where the arm itself stands" in refusals(tmp_path, SMALL + drawn)[0]
+
+
+def test_a_place_without_a_column_is_taken(tmp_path: Path) -> None:
+    """A floating wrist has none; an arm may hang from above; beside it there is room."""
+    text = METRES[0]
+    read_spec(write_spec(tmp_path, 'arm = "none"\n' + SMALL + text))
+    read_spec(write_spec(tmp_path, SMALL + text + "y_mm = -120\n"))
+    arm = arm_named("ur5e")
+    (tmp_path / "hung.toml").write_text(arm_text(replace(arm, base_xyz_m=(0.0, 0.0, 1.2))))
+    (tmp_path / "beside.toml").write_text(arm_text(replace(arm, base_xyz_m=(0.44, 0.0, 0.0))))
+    read_spec(write_spec(tmp_path, 'arm = "hung.toml"\n' + SMALL + text))
+    assert "from x_mm = 440, y_mm = 0" in refusals(tmp_path, 'arm = "beside.toml"\n' + SMALL)[0]
+    together = '[sweep.zip]\narm = ["none", "puma560"]\n"object.x_mm" = [0, 450]\n'
+    read_spec(write_spec(tmp_path, SMALL + together))
