@@ -40,7 +40,8 @@ from strategies.planners.register import Foreseeing, Planner, fault_text, place_
 from strategies.poses.hand_outline import outline_of
 from strategies.poses.waypoints import BoundingCylinder
 from strategies.procedures.containment import explore_by_containment
-from strategies.procedures.contour_follower import ContourExploration, explore_contour
+from strategies.procedures.contour_follower import explore_contour
+from strategies.procedures.contour_record import ContourExploration
 from strategies.procedures.contour_shape import Profile, later_profile, profile_of, with_profiles
 from strategies.procedures.planar_explorer import PlanarExploration, explore_plane
 from strategies.procedures.planar_faces import Face, planes_of

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from strategies.procedures.contour_follower import ContourExploration
+from strategies.procedures.contour_record import ContourExploration
 from strategies.procedures.planar_explorer import PlanarExploration
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered

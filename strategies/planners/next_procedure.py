@@ -7,7 +7,7 @@ import numpy as np
 from fit.arrays import rows_of
 from fit.fit_status import FitStatus
 from strategies.planners.probes import CrossFaces, FollowContour
-from strategies.procedures.contour_follower import Axis, ContourOptions
+from strategies.procedures.contour_record import Axis, ContourOptions
 from strategies.procedures.options import ContourTable, DecideTable, PlanarTable
 from strategies.procedures.planar_explorer import PlanarOptions
 from strategies.recovery.belief import Belief

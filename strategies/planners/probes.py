@@ -12,7 +12,7 @@ import numpy as np
 
 from strategies.poses.hand_outline import outline_of
 from strategies.procedures.containment import closing_names
-from strategies.procedures.contour_follower import Axis, ContourOptions
+from strategies.procedures.contour_record import Axis, ContourOptions
 from strategies.procedures.planar_explorer import PlanarOptions
 from warpgrasp.parameters import HandTable
 

@@ -4,7 +4,8 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "containment": ["closing_names", "explore_by_containment", "padded_commands"],
-    "contour_follower": ["Axis", "ContourExploration", "ContourOptions", "explore_contour"],
+    "contour_follower": ["explore_contour"],
+    "contour_record": ["Axis", "ContourExploration", "ContourOptions"],
     "contour_sections": ["SectionProfile", "profile_by_sections"],
     "contour_shape": ["Profile", "later_profile", "match_profiles", "profile_of", "with_profiles"],
     "options": ["ContourTable", "DecideTable", "PlanarTable"],

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from strategies.procedures.contour_follower import ContourExploration, section_circle
+from strategies.procedures.contour_follower import section_circle
+from strategies.procedures.contour_record import ContourExploration
 
 SPLIT_M = 0.0015
 """A segment is split where a radius is farther than this from it [est]: twice the deviation of a

@@ -16,7 +16,7 @@ from fit.arrays import row_sums, with_rows
 from fit.fit_status import is_fitted
 from fit.revolution.fit import fit_revolution
 from fit.revolution.record import Middle, RevolutionFit, RevolutionOptions
-from strategies.procedures.contour_follower import ContourExploration
+from strategies.procedures.contour_record import ContourExploration
 from strategies.procedures.contour_sections import SectionProfile, section_circles
 
 FIT = RevolutionOptions(nodes=10, upright=True, tilt_std_rad=np.radians(5), least_fall=1e-5)

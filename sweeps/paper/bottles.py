@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from strategies.procedures.contour_follower import Axis, ContourExploration, explore_contour
+from strategies.procedures.contour_follower import explore_contour
+from strategies.procedures.contour_record import Axis, ContourExploration
 from strategies.procedures.contour_sections import SectionProfile, profile_by_sections
 from strategies.procedures.contour_shape import Profile, match_profiles, profile_of
 from strategies.procedures.touches import EndReason

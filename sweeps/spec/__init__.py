@@ -6,7 +6,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "cell": ["CONTACTS", "Cell", "SECTIONS", "TABLES", "batch_key"],
         "errors": ["Held", "OtherStudy", "Problem", "Problems", "SpecError", "StoreError",
         "choose", "short"],
-    "false_contacts": ["false_contacts"],
+    "checks": ["feels_with_pads", "swept_points", "told_of"],
     "hands": ["hands_of"],
     "named_files": ["UNSWEPT", "arms_of", "read_reconstruct", "with_models"],
     "objects": ["files_digest", "object_of_argument", "read_objects"],

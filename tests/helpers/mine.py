@@ -8,7 +8,7 @@ from strategies.planners.probes import CrossFaces, FollowContour, Grasp
 from strategies.planners.register import planner
 from strategies.poses.hand_poses import waypoint_poses
 from strategies.poses.waypoints import Ring
-from strategies.procedures.contour_follower import Axis
+from strategies.procedures.contour_record import Axis
 
 
 def one_ring(belief):

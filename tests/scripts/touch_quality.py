@@ -12,7 +12,8 @@ import time
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from strategies.procedures.contour_follower import Axis, explore_contour
+from strategies.procedures.contour_follower import explore_contour
+from strategies.procedures.contour_record import Axis
 from strategies.procedures.contour_shape import match_profiles, profile_of, radius_at
 from strategies.procedures.planar_explorer import explore_plane
 from strategies.procedures.planar_faces import angle_between, planes_of

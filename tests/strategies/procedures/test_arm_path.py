@@ -5,7 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from strategies.procedures.contour_follower import Axis, explore_contour
+from strategies.procedures.contour_follower import explore_contour
+from strategies.procedures.contour_record import Axis
 from strategies.procedures.planar_explorer import explore_plane
 from warpgrasp.mechanism.arm import HOME_RAD
 from warpgrasp.mechanism.puma560 import puma_forward_batch

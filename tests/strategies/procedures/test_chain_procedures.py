@@ -7,7 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from strategies.poses.postures import opposed_pair
-from strategies.procedures.contour_follower import Axis, explore_contour
+from strategies.procedures.contour_follower import explore_contour
+from strategies.procedures.contour_record import Axis
 from strategies.procedures.contour_shape import profile_of, radius_at
 from strategies.procedures.planar_explorer import explore_plane
 from strategies.procedures.planar_faces import planes_of

@@ -9,12 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from strategies.procedures.contour_follower import (
-    Axis,
-    ContourOptions,
-    explore_contour,
-    section_circle,
-)
+from strategies.procedures.contour_follower import explore_contour, section_circle
+from strategies.procedures.contour_record import Axis, ContourOptions
 from strategies.procedures.contour_shape import match_profiles, profile_of, radius_at
 from strategies.procedures.touches import REASON_TEXT, EndReason, true_touches
 from warpgrasp.geometry.body import Body

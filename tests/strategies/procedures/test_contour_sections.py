@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from strategies.procedures.contour_follower import Axis, ContourExploration
+from strategies.procedures.contour_record import Axis, ContourExploration
 from strategies.procedures.contour_sections import linear_segments, profile_by_sections
 from strategies.procedures.contour_shape import match_profiles
 from strategies.procedures.touches import EndReason, MissedTips, TouchTable

@@ -12,7 +12,8 @@ from places import SHARED
 from scipy.spatial.transform import Rotation
 
 from fit.plane import fit_plane
-from strategies.procedures.contour_follower import Axis, explore_contour
+from strategies.procedures.contour_follower import explore_contour
+from strategies.procedures.contour_record import Axis
 from strategies.procedures.contour_shape import profile_of
 from strategies.procedures.planar_explorer import explore_plane
 from strategies.procedures.planar_faces import angle_between, planes_of

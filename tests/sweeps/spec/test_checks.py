@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from studies import SMALL, write_spec
 
+from sweeps.run.false_contacts import false_contact_warnings
 from sweeps.spec.errors import SpecError
-from sweeps.spec.false_contacts import false_contacts
 from sweeps.spec.reader import read_spec
 from warpgrasp.arms.arm_file import arm_named, arm_text
 
@@ -58,7 +58,7 @@ def test_pads_fit_their_links_where_a_strategy_feels(
 ])
 def test_a_threshold_that_noise_passes_is_told(
         tmp_path: Path, more: str, says: str) -> None:
-    found = "".join(false_contacts(read_spec(write_spec(tmp_path, SMALL + more))))
+    found = "".join(false_contact_warnings(read_spec(write_spec(tmp_path, SMALL + more))))
     assert says in found
     assert bool(found) == bool(says)
 

@@ -19,7 +19,7 @@ STOPS = ("hand.kind", "hand.tendon_friction", "hand.co_contraction_N", "hand.ten
 TOUCHES = ("pads.noise_counts", "pads.threshold_counts", "pads.dead_fraction")
 
 
-def false_contacts(study: Study) -> Iterator[str]:
+def false_contact_warnings(study: Study) -> Iterator[str]:
     """What to say of the first setting of each kind under which contacts will be of nothing."""
     yield from filter(None, (_false_stops(study), _false_touches(study)))
 
