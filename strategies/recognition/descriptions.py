@@ -89,7 +89,7 @@ def _free_forms(known: np.ndarray, meshes: Sequence[TriangleMesh] | None) -> Des
     rows = np.flatnonzero([len(mesh.faces) > 0 for mesh in meshes])
     tried = known.copy()
     tried[rows] = True
-    numbers = np.array([mesh_description(meshes[world].corners_m) for world in rows]
+    numbers = np.array([mesh_description(meshes[int(world)].corners_m) for world in rows]
                        ).reshape(-1, width)
     sound = np.isfinite(numbers).all(1)
     rows, numbers = rows[sound], numbers[sound]
