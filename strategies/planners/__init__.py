@@ -8,7 +8,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "next_procedure": ["contour_to_follow", "faces_to_cross"],
     "oracle": ["Oracle"],
     "planner_file": ["PlannerError", "files_beside"],
-    "probes": ["CrossFaces", "FollowContour", "Grasp", "Probe", "misfits", "wanted_of"],
+    "probes": ["CrossFaces", "FollowContour", "Grasp", "Probe", "listed", "misfits",
+               "wanted_of"],
     "register": ["Foreseeing", "Planner", "fault_text", "place_of", "planner"],
     "registry": ["make_planner"],
 })
