@@ -9,7 +9,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "oracle": ["Oracle"],
     "planner_file": ["PlannerError", "files_beside"],
     "probes": ["CrossFaces", "FollowContour", "Grasp", "Probe", "listed", "misfits",
-        "wanted_of"],
+               "wanted_of"],
     "register": ["Foreseeing", "Planner", "fault_text", "place_of", "planner"],
     "registry": ["make_planner"],
 })
