@@ -86,14 +86,26 @@ def beside_table(paired: Paired) -> TextTable:
     of_strategies: dict[int, list[int]] = {}  # entries, all strategies' in the same order
     for n, entry in enumerate(paired.entries):
         of_strategies.setdefault(entry.strategy, []).append(n)
-    settings = [paired.labels[n].partition(" [")[2].removesuffix("]")
-                for n in next(iter(of_strategies.values()), ())]
+    first = next(iter(of_strategies.values()), [])
+    settings = [_setting(paired, n) for n in first]
     header = ("object", "strategy", *(f"{metric} {setting}".strip() for metric in BESIDE
                                       for setting in settings))
     rows = []
     for number, name in enumerate(paired.objects):
         for own in of_strategies.values():
             values = [paired.values[metric][number][:, n].mean() for metric in BESIDE for n in own]
-            rows.append((name, paired.labels[own[0]].partition(" [")[0],
+            rows.append((name, _strategy_of(paired, own[0]),
                          *(number_text(float(v), 2) for v in values)))
     return TextTable(header, tuple(rows), paired.notes)
+
+
+def _setting(paired: Paired, entry: int) -> str:
+    """An entry's setting as its label ends; a name of the user's may hold brackets itself."""
+    return paired.labels[entry][len(_strategy_of(paired, entry)):].strip().removeprefix(
+        "[").removesuffix("]")
+
+
+def _strategy_of(paired: Paired, entry: int) -> str:
+    """The name of an entry's strategy: its label without a setting."""
+    label = paired.labels[entry]
+    return label.rpartition(" [")[0] or label if paired.entries[entry].points else label

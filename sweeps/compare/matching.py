@@ -19,7 +19,7 @@ from sweeps.analysis.entries import (
     setting_index,
     value_text,
 )
-from sweeps.run.plan import Plan, canonical_body, differences
+from sweeps.run.plan import Plan, by_key, canonical_body, differences
 
 NAMED = ("strategies", "objects")
 
@@ -52,7 +52,7 @@ class Shared:
 
 def changes(one: Plan, other: Plan) -> list[str]:
     """Where the specs differ, a line each; what only one of them has is one line."""
-    old, new = _by_key(one.resolved), _by_key(other.resolved)
+    old, new = by_key(one.resolved), by_key(other.resolved)
     lines = []
     for section in NAMED:
         for name in sorted({*old[section]} ^ {*new[section]}):
@@ -61,13 +61,6 @@ def changes(one: Plan, other: Plan) -> list[str]:
             side[section] = {name: value for name, value in side[section].items()
                              if name in rest[section]}
     return sorted([*lines, *differences(old, new)])
-
-
-def _by_key(resolved: Mapping[str, Any]) -> dict[str, Any]:
-    """A resolved study with a list of values for every swept key, as `sweep.KEY`."""
-    swept = {f"sweep.{key}": [point[n] for point in axis["values"]] for axis in resolved["sweep"]
-             for n, key in enumerate(axis["keys"])}
-    return {name: value for name, value in resolved.items() if name != "sweep"} | swept
 
 
 def shared_by(one: Plan, other: Plan) -> Shared:

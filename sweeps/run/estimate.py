@@ -1,15 +1,20 @@
 """Estimates of the disk space and time of a study before it is run."""
 
 from itertools import product
+from math import log
 from statistics import mean
 
+from strategies.ready_made import run_together
 from strategies.strategy import Strategy
-from sweeps.run.plan import BLOCK, Plan
+from sweeps.run.plan import Plan
 from sweeps.spec.hands import hands_of
+from sweeps.spec.named_files import KEY as RECONSTRUCT
 from sweeps.spec.named_files import arms_of
-from warpgrasp.parameters import FLOATING, PUMA560, UTAH_MIT
+from sweeps.spec.study import Study
+from warpgrasp.parameters import FLOATING, PUMA560, UTAH_MIT, FitTable
 
-UNIT_BYTES = 30_000  # a full unit file of 64 episodes, measured
+UNIT_BYTES = 21_000  # of a unit file beside its episodes: what its columns are, measured
+EPISODE_BYTES = 270  # measured
 MOVE_BYTES = 65  # of a guarded move whose contact is kept, measured
 TOUCHES = 200  # of a procedure that feels with pads
 # Seconds of one core, measured on objects of the catalogue and a scanned bottle, in units of 64
@@ -26,6 +31,18 @@ OTHER_STEP_S = 0.018
 """Of the others, and of planners of the user's own."""
 START_S = 4.0
 """Until the first unit is begun, where kernels and fits have been compiled (`warpgrasp warmup`)."""
+# What few episodes do not share: user CPU seconds on two cores with other work on them, of
+# catalogue objects, mugs and bottles, 1 to 16 episodes a call [est].
+OBJECT_S = 0.6
+"""The first time that a worker meets an object: its grid, the elements of its surface."""
+UNIT_S = 0.15
+"""A unit beside its episodes: placing, fits and scores of few worlds."""
+UNIT_STEP_S = 0.04
+"""A step of a planner that is called for one unit at a time, beside its worlds."""
+FORM_S = 0.15
+"""Making and scoring a body where a free form may stand for it [est]."""
+GROWN = 1.5
+"""By which factor touches have grown when the next such body is made (docs/fit.md)."""
 # Factors on all of these, measured with hands and arms that ship, in units of 4 episodes.
 CHAINS = {"any-object": 0.35}
 CHAINS_OTHER = 1.3
@@ -40,9 +57,13 @@ def estimate_cost(plan: Plan) -> list[tuple[str, str]]:
     study = plan.study
     each = study.cell_count // len(study.strategies) * study.head.episodes_per_cell
     robots = [*product(arms_of(study), hands_of(study))]
-    seconds = START_S + sum(each * mean(episode_seconds(strategy, *robot) for robot in robots)
-                            for strategy in study.strategies)
-    disk = plan.unit_count * UNIT_BYTES * min(1.0, plan.study.head.episodes_per_cell / BLOCK)
+    units, free = plan.unit_count // len(study.strategies), _free_share(study)
+    seconds = START_S + OBJECT_S * len(study.objects)
+    for strategy in study.strategies:
+        seconds += each * mean(episode_seconds(strategy, *robot) for robot in robots)
+        seconds += each * free * form_seconds(strategy) + units * unit_seconds(strategy, free > 0)
+    disk = (plan.unit_count * UNIT_BYTES
+            + EPISODE_BYTES * study.cell_count * study.head.episodes_per_cell)
     if study.head.keep == "contacts":
         disk += MOVE_BYTES * each * sum(episode_moves(strategy) for strategy in study.strategies)
     return [("disk", f"about {disk / 1e6:.1f} MB (estimate)"),
@@ -57,6 +78,27 @@ def episode_seconds(strategy: Strategy, arm: str = PUMA560, hand: str = UTAH_MIT
     if arm not in (PUMA560, FLOATING) and strategy.call and strategy.call not in UNGUIDED:
         seconds *= ITERATED.get(strategy.call, ITERATED_OTHER)
     return seconds
+
+
+def form_seconds(strategy: Strategy) -> float:
+    """What free forms add to an episode: one at its end, and of planners those on the way."""
+    steps = (strategy.touches or 96) / 8 if strategy.call or strategy.refit_every else 1.0
+    return FORM_S * (1.0 + log(max(1.0, steps)) / log(GROWN))
+
+
+def unit_seconds(strategy: Strategy, free_forms: bool) -> float:
+    """What a unit costs beside its episodes."""
+    if run_together(strategy.call, free_forms):
+        return UNIT_S
+    return UNIT_S + UNIT_STEP_S * min((strategy.touches or 96) / 8, 64.0)
+
+
+def _free_share(study: Study) -> float:
+    """The share of settings in which a free form may stand for the body."""
+    words = [point[axis.keys.index(RECONSTRUCT)] for axis in study.axes
+             if RECONSTRUCT in axis.keys for point in axis.si]
+    return mean(FitTable(reconstruct=word).free_forms
+                for word in words or [study.tables["fit"].reconstruct])
 
 
 def _usual_seconds(strategy: Strategy) -> float:

@@ -276,9 +276,18 @@ def _tuples(value: Any) -> Any:
 
 def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
     """Where two resolved studies differ, one line each, as `key: old -> new`."""
-    before, after = dict(_leaves(old)), dict(_leaves(new))
+    before, after = dict(_leaves(by_key(old))), dict(_leaves(by_key(new)))
+    if before == after:  # the same values, in another kind of sweep
+        before, after = dict(_leaves(old)), dict(_leaves(new))
     return [f"{key}: {_cut(before.get(key, 'absent'))} -> {_cut(after.get(key, 'absent'))}"
             for key in sorted(before | after) if before.get(key) != after.get(key)]
+
+
+def by_key(resolved: Mapping[str, Any]) -> dict[str, Any]:
+    """A resolved study with a list of values for every swept key, as `sweep.KEY`."""
+    swept = {f"sweep.{key}": [point[n] for point in axis["values"]]
+             for axis in resolved.get("sweep", ()) for n, key in enumerate(axis["keys"])}
+    return {name: value for name, value in resolved.items() if name != "sweep"} | swept
 
 
 def _cut(text: str) -> str:

@@ -7,7 +7,7 @@ from math import inf
 
 from strategies.ready_made import run_together
 from sweeps.output import write_atomic
-from sweeps.run.estimate import episode_seconds
+from sweeps.run.estimate import episode_seconds, form_seconds
 from sweeps.run.grown_units import begun, join, rest_of
 from sweeps.run.plan import BLOCK, TOGETHER, Plan, Unit
 from sweeps.run.progress import Progress
@@ -134,6 +134,7 @@ class UnitQueue:
         """How long a unit should take [s]: what the last one of its strategy did."""
         strategy = unit.cell.strategy
         each = (episode_seconds(strategy, unit.cell.arm.kind, unit.cell.hand.kind)
+                + unit.cell.fit.free_forms * form_seconds(strategy)
                 if strategy.call else EPISODE_S)
         return self.seconds.get(strategy.name, each * (unit.stop - unit.start))
 

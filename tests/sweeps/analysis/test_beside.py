@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 from studies import SMALL, fill, plan_of
 
 from sweeps.analysis.entries import Entry
@@ -50,6 +51,19 @@ def test_entries_of_the_same_label_keep_their_columns() -> None:
     assert table.header == ("object", "strategy", "chamfer_mm", "chamfer_mm", "iou", "iou")
     assert table.rows == (("block", "a", "1.00", "2.00", "0.10", "0.20"),
                           ("block", "b", "3.00", "4.00", "0.30", "0.40"))
+
+
+@pytest.mark.parametrize("sweep", [False, True])
+def test_names_that_hold_brackets_are_whole(tmp_path: Path, sweep: bool) -> None:
+    """Two strategies were both called "a", with columns of settings that nothing had."""
+    text = SMALL.replace('"ring6"', '"a [b=1]"\nwaypoints = { kind = "ring", count = 5 }').replace(
+        '"mine"', '"a [c=1]"')
+    text += '[sweep.grid]\n"sensors.tendon_threshold_N" = [3, 6]\n' if sweep else ""
+    plan = plan_of(tmp_path, text)
+    table = beside_table(read_paired(plan, [fill(tmp_path, plan)], BESIDE))
+    ends = [f" sensors.tendon_threshold_N={n}" for n in (3, 6)] if sweep else [""]
+    assert table.header[2:] == tuple(f"{metric}{end}" for metric in BESIDE for end in ends)
+    assert [row[1] for row in table.rows] == ["a [b=1]", "a [c=1]"] * 2
 
 
 def test_a_study_that_sweeps_nothing_has_one_column_a_metric() -> None:

@@ -176,6 +176,10 @@ def test_a_report_that_cannot_be_written_is_refused_first(
     assert f"{out}: cannot be written: there is no folder {out.parent}" in capsys.readouterr().err
     assert cli.run(["report", str(tmp_path), "-o", str(tmp_path)]) == 2
     assert "cannot be written: it is a folder" in capsys.readouterr().err
+    long = tmp_path / f"{'r' * 240}.html"  # what the disk refuses, as a read-only one does
+    assert cli.run(["report", str(tmp_path), "-o", str(long)]) == 2
+    assert f"{long}: cannot be written: File name too long" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_study_of_failures_alone(tmp_path: Path) -> None:

@@ -5,8 +5,17 @@ from pathlib import Path
 import pytest
 from studies import plan_of
 
+import sweeps
 from strategies.ready_made import STRATEGIES
-from sweeps.run.estimate import START_S, episode_seconds, estimate_cost
+from sweeps.run.estimate import (
+    OBJECT_S,
+    START_S,
+    UNIT_S,
+    episode_seconds,
+    estimate_cost,
+)
+from sweeps.run.plan import plan_study
+from sweeps.spec.reader import read_spec
 
 HEAD = 'schema = 1\nepisodes_per_cell = 64\nobjects = ["block"]\n'
 LEARNING = '[[strategy]]\nname = "any-object"\n'
@@ -37,4 +46,26 @@ def test_the_estimate_knows_arms_and_the_start(tmp_path: Path) -> None:
     assert iterated > 10 * usual
     assert both == pytest.approx(usual + iterated, rel=0.1)
     few = HEAD.replace("64", "1") + '[[strategy]]\nname = "ring6"\n'
-    assert seconds(tmp_path, few) == START_S
+    assert seconds(tmp_path, few) == pytest.approx(START_S + OBJECT_S + UNIT_S, abs=1.0)
+
+
+@pytest.mark.parametrize(("name", "measured"), [("everyday", 2242.0), ("held_out", 1128.0)])
+def test_studies_of_few_episodes_a_unit_take_about_what_was_measured(
+        name: str, measured: float) -> None:
+    """Twice the time of two workers, on a machine with other work; 726 and 192 s were told."""
+    plan = plan_study(read_spec(Path(sweeps.__file__).parent / f"studies/{name}.toml"))
+    _, number, unit, *_ = dict(estimate_cost(plan))["time"].split()
+    told = float(number) * {"minutes": 60, "hours": 3600}[unit]
+    assert measured / 2 < told < measured
+
+
+def test_the_disk_of_short_units_is_told(tmp_path: Path) -> None:
+    """A unit of one episode takes 21 kB, not a 64th of what one of 64 does."""
+    def megabytes(episodes: int) -> float:
+        text = HEAD.replace("64", str(episodes)) + '[[strategy]]\nname = "ring6"\n'
+        axis = '[sweep.grid]\n"sensors.tendon_threshold_N" = [' + ", ".join(
+            str(3 + n / 100) for n in range(500)) + "]\n"
+        return float(dict(estimate_cost(plan_of(tmp_path, text + axis)))["disk"].split()[1])
+
+    assert 10.0 < megabytes(1) < 12.0  # 750 units of one episode took 16 MB
+    assert 17.0 < megabytes(64) < 21.0  # one of 64 takes 31 to 47 kB

@@ -119,6 +119,21 @@ def test_a_grown_study_keeps_its_units(tmp_path: Path) -> None:
     assert not extends(after.resolved, before.resolved)
 
 
+def test_a_changed_sweep_is_told_by_its_keys(tmp_path: Path) -> None:
+    """Not by `sweep[0].si` and `sweep[0].values`, which no spec has."""
+    def swept(text: str) -> dict[str, object]:
+        return dict(plan_of(tmp_path, SMALL + text).resolved)
+
+    key = '"sensors.tendon_threshold_N"'
+    before, after = (swept(f"[sweep.grid]\n{key} = {values}\n") for values in (
+        "[3, 6]", "[3, 6, 9]"))
+    assert differences(before, after) == [
+        "sweep.sensors.tendon_threshold_N: [3, 6] -> [3, 6, 9]"]
+    zipped = swept(f"[sweep.zip]\n{key} = [3, 6]\n\"object.y_mm\" = [0, 1]\n")
+    apart = swept(f"[sweep.zip]\n{key} = [3, 6]\n[sweep.grid]\n\"object.y_mm\" = [0, 1]\n")
+    assert differences(zipped, apart)  # the same values, in other settings
+
+
 def test_other_studies_do_not_extend_and_differences_are_told(tmp_path: Path) -> None:
     before = plan_of(tmp_path, SMALL)
     for old, new, line in [
