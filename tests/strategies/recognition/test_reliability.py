@@ -12,8 +12,8 @@ SEED = 78
 @pytest.fixture(scope="module")
 def answers():
     objects = held_out_objects(SEED, 16, None)
-    return [each for strategy in ("rim12-ring12", "coarse-to-fine")
-            for each in answers_of(objects, strategy, 4, SEED)]
+    return [answers_of(objects, strategy, 4, SEED)
+            for strategy in ("rim12-ring12", "coarse-to-fine")]
 
 
 def test_the_mean_probability_is_the_share_observed(answers) -> None:
