@@ -8,13 +8,13 @@ from strategies.ready_made import run_together
 from strategies.strategy import Strategy
 from sweeps.run.plan import Plan
 from sweeps.spec.hands import hands_of
-from sweeps.spec.named_files import KEY as RECONSTRUCT
 from sweeps.spec.named_files import arms_of
 from sweeps.spec.study import Study
 from warpgrasp.parameters import FLOATING, PUMA560, UTAH_MIT, FitTable
 
 UNIT_BYTES = 21_000  # of a unit file beside its episodes: what its columns are, measured
 EPISODE_BYTES = 270  # measured
+RECONSTRUCT = "fit.reconstruct"
 MOVE_BYTES = 65  # of a guarded move whose contact is kept, measured
 TOUCHES = 200  # of a procedure that feels with pads
 # Seconds of one core, measured on objects of the catalogue and a scanned bottle, in units of 64
