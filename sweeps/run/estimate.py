@@ -35,8 +35,8 @@ START_S = 4.0
 # catalogue objects, mugs and bottles, 1 to 16 episodes a call [est].
 OBJECT_S = 0.6
 """The first time that a worker meets an object: its grid, the elements of its surface."""
-UNIT_S = 0.15
-"""A unit beside its episodes: placing, fits and scores of few worlds."""
+UNIT_S = 0.1
+"""A unit beside its episodes, placing, fits and scores of few worlds: 0.04 to 0.3."""
 UNIT_STEP_S = 0.04
 """A step of a planner that is called for one unit at a time, beside its worlds."""
 FORM_S = 0.15
