@@ -69,13 +69,14 @@ def effects(plan: Plan, paired: Paired, metric: str) -> Iterator[Effect]:
                 most, least = found.value.argmax(), found.value.argmin()
                 apart = of_levels.differences(int(least), paired.over, simultaneous=False)
                 widest = bounds_of(metric)[1]
-                spread = tuple(float(np.clip(ends[most], -widest, widest))
-                               for ends in (apart.value, apart.low, apart.high))
+                between_two, least_apart, most_apart = (
+                    float(np.clip(ends[most], -widest, widest))
+                    for ends in (apart.value, apart.low, apart.high))
                 counts = np.bincount(level, minlength=len(names))
                 inside = counts @ (found.value - means.mean()) ** 2 / len(mine)
                 yield Effect(strategy.name, key, names, found.value, found.low, found.high,
                              tuple(int(count) for count in counts),
-                             spread,
+                             (between_two, least_apart, most_apart),
                              float(inside / between) if between > 0 else float("nan"))
 
 

@@ -8,13 +8,13 @@ from strategies.ready_made import run_together
 from strategies.strategy import Strategy
 from sweeps.run.plan import Plan
 from sweeps.spec.hands import hands_of
-from sweeps.spec.named_files import KEY as RECONSTRUCT
 from sweeps.spec.named_files import arms_of
 from sweeps.spec.study import Study
 from warpgrasp.parameters import FLOATING, PUMA560, UTAH_MIT, FitTable
 
 UNIT_BYTES = 21_000  # of a unit file beside its episodes: what its columns are, measured
 EPISODE_BYTES = 270  # measured
+RECONSTRUCT = "fit.reconstruct"
 MOVE_BYTES = 65  # of a guarded move whose contact is kept, measured
 TOUCHES = 200  # of a procedure that feels with pads
 # Seconds of one core, measured on objects of the catalogue and a scanned bottle, in units of 64
@@ -35,8 +35,8 @@ START_S = 4.0
 # catalogue objects, mugs and bottles, 1 to 16 episodes a call [est].
 OBJECT_S = 0.6
 """The first time that a worker meets an object: its grid, the elements of its surface."""
-UNIT_S = 0.15
-"""A unit beside its episodes: placing, fits and scores of few worlds."""
+UNIT_S = 0.1
+"""A unit beside its episodes, placing, fits and scores of few worlds: 0.04 to 0.3."""
 UNIT_STEP_S = 0.04
 """A step of a planner that is called for one unit at a time, beside its worlds."""
 FORM_S = 0.15
