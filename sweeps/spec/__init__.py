@@ -4,9 +4,9 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "cell": ["CONTACTS", "Cell", "SECTIONS", "TABLES", "batch_key", "own_code"],
-        "errors": ["Held", "OtherStudy", "Problem", "Problems", "SpecError", "StoreError",
-        "choose", "short"],
     "checks": ["feels_with_pads", "swept_points", "told_of"],
+    "errors": ["Held", "OtherStudy", "Problem", "Problems", "SpecError", "StoreError",
+        "choose", "short"],
     "hands": ["hands_of"],
     "named_files": ["UNSWEPT", "arms_of", "read_reconstruct", "with_models"],
     "objects": ["files_digest", "object_of_argument", "read_objects"],
