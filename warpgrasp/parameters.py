@@ -368,11 +368,10 @@ class FitTable:
 class RecognitionTable:
     """Which of the known objects was felt."""
 
-    way: str = _choice("as_felt", ("as_felt", "faces", "profile", "parameters", "free_form",
+    way: str = _choice("as_felt", ("as_felt", "faces", "profile", "parameters",
                                    "catalogue_alignment"),
                        "what is compared with models recovered before; as_felt: faces where two "
-                       "were felt, else the profile of a contour, else the parameters, else the "
-                       "moments of a free form; "
+                       "were felt, else the profile of a contour, else the parameters; "
                        "catalogue_alignment lays the catalogue's exact bodies on the touches")
     models: str = field(default="", metadata={
         "doc": "a file that `warpgrasp learn` wrote; empty: the models that ship"})

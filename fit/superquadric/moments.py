@@ -14,12 +14,21 @@ from jaxtyping import Float
 from scipy.special import betaln, gammaln
 
 from fit.rotation import matrix_of_quaternion
-from fit.standing_moments import DESCRIPTION, StandingMoments, description_of
 from fit.superquadric.geometry import Superquadric, SuperquadricLike
 from fit.superquadric.slopes import displaced
 
+DESCRIPTION = (
+    "log_size", "log_centre_height", "log_height_std", "log_section",
+    "elongation", "taper", "uneven_taper", "squareness", "height_kurtosis",
+)
+"""Numbers of a description: logarithms of the cube root of the volume, of the height of the
+centroid above the table, of the standard deviation of height and of the mean radius of gyration of
+the level section [m]; then, without units, how much longer than wide it is, how the section shrinks
+with height, how that differs between its two directions, its fourth harmonic (corners), and the
+kurtosis of height (flat or pointed ends)."""
 STEP = 1e-4
 """Step of the differences, in standard deviations of each tangent coordinate."""
+LEAST_HEIGHT_M = 1e-3
 _HELD = (8, 9, 13, 14)
 """Tangent coordinates that change nothing (places on the table) or are not described (bend)."""
 
@@ -79,12 +88,22 @@ def superquadric_description(body: SuperquadricLike) -> Float[np.ndarray, "fit 9
                           square[:, 0] * square[:, 1]], 1)
         return (fourth * square**2).sum(1) + 6 * (mixed * pairs).sum(1)
 
+    height = np.sqrt((second * up**2).sum(1))
+    spread = (second * np.abs(across) ** 2).sum(1)
+    elongation = np.abs((second * across**2).sum(1))
     centre = body.position_m[:, 2] + turn[:, 2, 2] * c
-    return description_of(StandingMoments(
-        volume, centre, height=(second * up**2).sum(1),
-        spread=(second * np.abs(across) ** 2).sum(1), long=np.abs((second * across**2).sum(1)),
-        shrinks=three(up, across, other).real, shrinks_long=np.abs(three(up, across, across)),
-        corners=np.abs(four(across)), ends=four(up)))
+    area = np.sqrt(np.maximum(spread**2 - elongation**2, 1e-12 * spread**2)) / 2
+    return np.stack([
+        np.log(volume) / 3,
+        np.log(np.maximum(centre, LEAST_HEIGHT_M)),
+        np.log(height),
+        np.log(area) / 2,
+        elongation / spread,
+        three(up, across, other).real / (height * spread),
+        np.abs(three(up, across, across)) / (height * spread),
+        np.abs(four(across)) / spread**2,
+        four(up) / height**4,
+    ], axis=1)
 
 
 def description_covariance(

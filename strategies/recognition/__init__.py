@@ -5,7 +5,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "answers": ["ALIGNMENT", "NONE", "Recognition", "recognize"],
     "catalogue_alignment": ["Recognizer", "recognizer"],
-    "descriptions": ["WAYS", "described", "different_faces"],
+    "descriptions": ["described", "different_faces"],
     "known_models": ["KnownModels", "ModelsError", "models_from_file", "models_text"],
     "lessons": ["UNLISTED", "Lesson", "add_objects", "learn_models", "lesson_of"],
 })

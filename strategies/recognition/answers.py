@@ -3,16 +3,13 @@
     belief and recovered body → description by one way → density of each known object → probability
 
 Faces come first where two or more were felt that are not parallel, then the profile where a contour
-stands for the body, then the parameters of the superquadric that is believed, else the moments of a
-free form.
+stands for the body, else the parameters of the superquadric.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from fit.implicit.record import TriangleMesh
 from fit.match_parameters import log_density, posterior
 from strategies.recognition.descriptions import (
     FACES,
@@ -40,7 +37,7 @@ class Recognition:
     name: np.ndarray
     """A known object, "none of these", or "" where there is nothing to compare."""
     way: np.ndarray
-    """By which way it was recognized: one of `WAYS`, catalogue_alignment, or ""."""
+    """By which way it was recognized: faces, profile, parameters, catalogue_alignment, or ""."""
     probability: np.ndarray
     """Of the answer; NaN where there is none."""
 
@@ -53,22 +50,22 @@ def no_answer(worlds: int) -> Recognition:
 
 def recognize(
     belief: Belief, recovered: Recovered, models: KnownModels, *, way: str = AS_FELT,
-    none_prior: float = 0.2, meshes: Sequence[TriangleMesh] | None = None,
+    none_prior: float = 0.2,
 ) -> Recognition:
     """The likeliest answer in each world, by `way` or by the first that there is evidence for.
 
     `none_prior` is the probability of an object that is not among the models before anything is
-    felt; `meshes` are as `described` takes them.
+    felt.
     """
     answer = no_answer(belief.worlds)
     names = np.array([*models.names, NONE], object)
     left = np.ones(belief.worlds, bool)
     for one in WAYS if way == AS_FELT else (way,):
-        if not models.tells(one, every=way == AS_FELT):
-            continue
+        if way == AS_FELT and not all(known.tried[one] for known in models.objects):
+            continue  # of some object it is not known what would be found
         if not left.any():
             break
-        found = described(belief, recovered, one, meshes).part(left)
+        found = described(belief, recovered, one).part(left)
         share = probabilities(found, models, one, none_prior=none_prior)
         best = share.argmax(1)
         answer.name[found.rows] = names[best]

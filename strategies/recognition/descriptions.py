@@ -1,30 +1,31 @@
 """What of a recovered body is compared with known models: numbers that depend on the body alone.
 
 Neither the place on the table, nor the turn about the vertical, nor the names of a superquadric's
-axes change them. Four ways, by what was felt: the planes of faces, the radius profile with size and
-volume, parameters of the superquadric with their covariance, and the moments of a free form.
+axes change them. Three ways, by what was felt: parameters of the superquadric with their
+covariance, the radius profile with size and volume, and the planes of faces.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fit.fit_status import FitStatus
-from fit.implicit.record import TriangleMesh
-from fit.standing_moments import DESCRIPTION, mesh_description
-from fit.superquadric.moments import description_covariance, superquadric_description
+from fit.superquadric.moments import (
+    DESCRIPTION,
+    description_covariance,
+    superquadric_description,
+)
 from strategies.procedures.contour_shape import Profile
 from strategies.procedures.planar_faces import Face
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered, Shape
 
-FACES, PROFILE, PARAMETERS, FREE_FORM = WAYS = ("faces", "profile", "parameters", "free_form")
+FACES, PROFILE, PARAMETERS = WAYS = ("faces", "profile", "parameters")
 """Ways to recognize, in the order in which they are tried."""
 SHARES = np.linspace(0.05, 0.95, 10)
 """Heights at which a profile is compared, as shares of its length."""
 NUMBERS = {PROFILE: ("log_size", "log_length", *(f"radius_{100 * s:.0f}" for s in SHARES)),
-           PARAMETERS: DESCRIPTION, FREE_FORM: DESCRIPTION}
+           PARAMETERS: DESCRIPTION}
 """Names of the numbers; radii are relative to the cube root of the volume."""
 APART_RAD = np.radians(20)
 """Faces whose normals differ by less do not fix how a body is turned."""
@@ -66,34 +67,10 @@ class Described:
                          self.covariance[own], faces)
 
 
-def described(
-    belief: Belief, recovered: Recovered, way: str, meshes: Sequence[TriangleMesh] | None = None
-) -> Described:
-    """The recovered bodies of a batch by one of `WAYS`.
-
-    `meshes` are the free forms that stand for bodies, one a world, empty where none does; without
-    them none was looked for.
-    """
-    known = recovered.shape != Shape.PRIOR_CYLINDER
-    if way == FREE_FORM:
-        return _free_forms(known, meshes)
+def described(belief: Belief, recovered: Recovered, way: str) -> Described:
+    """The recovered bodies of a batch by one of `WAYS`."""
     of_way = {FACES: _faces, PROFILE: _profiles, PARAMETERS: _parameters}
-    return of_way[way](belief, recovered, known)
-
-
-def _free_forms(known: np.ndarray, meshes: Sequence[TriangleMesh] | None) -> Described:
-    """Bodies for which a mesh stands; how sure of it the robot is, populations tell."""
-    width = len(DESCRIPTION)
-    if meshes is None:
-        return _nothing(np.zeros_like(known), width)
-    rows = np.flatnonzero([len(mesh.faces) > 0 for mesh in meshes])
-    tried = known.copy()
-    tried[rows] = True
-    numbers = np.array([mesh_description(meshes[int(world)].corners_m) for world in rows]
-                       ).reshape(-1, width)
-    sound = np.isfinite(numbers).all(1)
-    rows, numbers = rows[sound], numbers[sound]
-    return Described(tried, rows, numbers, np.zeros((len(rows), width, width)))
+    return of_way[way](belief, recovered, recovered.shape != Shape.PRIOR_CYLINDER)
 
 
 def _parameters(belief: Belief, recovered: Recovered, known: np.ndarray) -> Described:

@@ -16,7 +16,7 @@ import numpy as np
 
 from fit.interpretation_tree import FaceModel
 from fit.match_parameters import Population
-from strategies.recognition.descriptions import FACES, FREE_FORM, NUMBERS, WAYS
+from strategies.recognition.descriptions import FACES, NUMBERS, WAYS
 from strategies.recognition.match_faces import closed_model
 
 FORMAT = "warpgrasp models 1"
@@ -73,12 +73,6 @@ class KnownModels:
     def __post_init__(self) -> None:
         object.__setattr__(self, "names", tuple(known.name for known in self.objects))
 
-    def tells(self, way: str, *, every: bool) -> bool:
-        """Whether it is known what a way finds of unlisted objects and, if so asked, of `every`
-        object."""
-        tried = all(known.tried[way] for known in self.objects) or not every
-        return tried and (way not in NUMBERS or way in self.unlisted.populations)
-
 
 def shipped_models() -> KnownModels:
     """The models that ship."""
@@ -106,7 +100,7 @@ def _models_of(text: str) -> KnownModels:
     objects = tuple(_object_of(name, entry) for name, entry in value["objects"].items())
     if not objects:
         raise ValueError("objects: none")
-    temperature = {way: float(_of_way(value["temperature"], way, 1.0)) for way in WAYS}
+    temperature = {way: float(value["temperature"][way]) for way in WAYS}
     if not all(0 < t < np.inf for t in temperature.values()):
         raise ValueError("temperature: should be positive numbers")
     return KnownModels(objects, _object_of("", value["unlisted"]), temperature,
@@ -114,8 +108,7 @@ def _models_of(text: str) -> KnownModels:
 
 
 def _object_of(name: str, entry: Mapping[str, Any]) -> KnownObject:
-    tried, found = ({way: int(_of_way(entry[key], way, 0)) for way in WAYS}
-                    for key in ("tried", "found"))
+    tried, found = ({way: int(entry[key][way]) for way in WAYS} for key in ("tried", "found"))
     populations = {way: _population_of(way, entry[way]) for way in NUMBERS if way in entry}
     faces = None
     if FACES in entry:
@@ -129,11 +122,6 @@ def _object_of(name: str, entry: Mapping[str, Any]) -> KnownObject:
             raise ValueError(f"{name}: the planes of its faces hold no body")
         faces = FacePlanes(normals, offset, std, model)
     return KnownObject(name, tried, found, populations, faces, str(entry.get("content", "")))
-
-
-def _of_way(table: Mapping[str, Any], way: str, unknown: float) -> Any:
-    """The value of a way; older files know nothing of free forms."""
-    return table.get(way, unknown) if way == FREE_FORM else table[way]
 
 
 def _population_of(way: str, entry: Mapping[str, Any]) -> Population:

@@ -8,13 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fit.implicit.record import TriangleMesh
 from fit.interpretation_tree import FaceModel, Interpretation
 from fit.match_parameters import Population, population_of, posterior
 from strategies.recognition.answers import log_densities
 from strategies.recognition.descriptions import (
     FACES,
-    FREE_FORM,
     NUMBERS,
     WAYS,
     Described,
@@ -56,19 +54,9 @@ class Lesson:
         return Lesson(self.names, {way: found.part(kept) for way, found in self.found.items()})
 
 
-def lesson_of(
-    belief: Belief, recovered: Recovered, names: np.ndarray,
-    meshes: Sequence[TriangleMesh] | None = None,
-) -> Lesson:
-    """What a batch of episodes teaches of the objects that stood in its worlds, str (world,).
-
-    With `meshes` (see `described`) it teaches of free forms, and the other ways were not tried.
-    """
-    found = {way: described(belief, recovered, way, meshes) for way in WAYS}
-    if meshes is not None:
-        none = np.zeros(len(names), bool)
-        found = {way: one if way == FREE_FORM else one.part(none) for way, one in found.items()}
-    return Lesson(names, found)
+def lesson_of(belief: Belief, recovered: Recovered, names: np.ndarray) -> Lesson:
+    """What a batch of episodes teaches of the objects that stood in its worlds, str (world,)."""
+    return Lesson(names, {way: described(belief, recovered, way) for way in WAYS})
 
 
 def learn_models(
@@ -111,8 +99,7 @@ def _models(lessons: Sequence[Lesson], contents: Mapping[str, str],
     objects = tuple(_object(name, lessons, common, content)
                     for name, content in contents.items())
     unlisted = _object(UNLISTED, lessons, {})
-    missing = [way for way in NUMBERS if way not in unlisted.populations
-               and any(one.tried[way] for one in objects)]
+    missing = [way for way in NUMBERS if way not in unlisted.populations]
     if missing:
         raise ValueError(f"lessons: too few unlisted objects were told by {', '.join(missing)}")
     return KnownModels(objects, unlisted, temperature, made_by)
@@ -204,8 +191,6 @@ def _averaged(
 def _temperature(models: KnownModels, lessons: Sequence[Lesson], way: str) -> float:
     """The temperature under which the lessons' names are likeliest."""
     log, truth = [], []
-    if not models.tells(way, every=False):
-        return 1.0
     for lesson in lessons:
         found = lesson.found[way]
         log.append(log_densities(found, models, way))

@@ -32,7 +32,6 @@ def learn(
     with quiet_stdout():
         init_warp()
         objects = _tables(what, units)
-        from strategies.recognition.descriptions import WAYS
         from strategies.recognition.known_models import ModelsError, models_from_file, models_text
 
         try:
@@ -47,9 +46,10 @@ def learn(
             write_atomic(out, models_text(models).encode())
         except OSError as error:
             raise StoreError(f"{out}: cannot be written: {error.strerror or error}") from None
-    print_table(("object", "recovered", *WAYS),
+    print_table(("object", "recovered", "faces", "profile", "parameters"),
                 [(one.name or "unlisted", str(max(one.tried.values())),
-                  *(f"{one.found[way]} of {one.tried[way]}" for way in WAYS))
+                  *(f"{one.found[way]} of {one.tried[way]}" for way in
+                    ("faces", "profile", "parameters")))
                  for one in (*models.objects, models.unlisted)], False)
     return 0
 

@@ -298,10 +298,9 @@ def run_parts(
                         status=np.where(wrong, fault_status(faults), found.status))
     moments = scored_moments(scorer, begin, reached, curve and not rebuilds)
     scores = moments[-1].scores if moments else begin.scores
+    recognition = recognize_objects(found.belief, found.recovered, cell.recognition, device)
     straight = found.recovered
     belief, recovered, rebuilt = rebuild(found.belief, straight, np.ones(len(key), bool))
-    recognition = recognize_objects(found.belief, straight, cell.recognition, device,
-                                    None if rebuilt is None else rebuilt.meshes)
     if rebuilt is not None:
         from sweeps.episode.mesh_scores import scores_with_meshes
 

@@ -9,7 +9,6 @@ from functools import cache
 
 import numpy as np
 
-from fit.implicit.record import TriangleMesh
 from strategies.recognition.answers import ALIGNMENT, NONE, Recognition, recognize
 from strategies.recognition.catalogue_alignment import Recognizer, recognizer
 from strategies.recognition.known_models import models_from_file
@@ -22,17 +21,13 @@ from warpgrasp.parameters import RecognitionTable
 
 
 def recognize_objects(
-    belief: Belief, recovered: Recovered, table: RecognitionTable, device: str,
-    meshes: Sequence[TriangleMesh] | None = None,
+    belief: Belief, recovered: Recovered, table: RecognitionTable, device: str
 ) -> Recognition:
-    """What each world's object is taken for; `meshes` are the free forms that stand for bodies.
-
-    Raises ModelsError where the models cannot be read.
-    """
+    """What each world's object is taken for. Raises ModelsError where the models cannot be read."""
     if table.way == ALIGNMENT:
         return _recognizer(device).recognize(belief, recovered)
     return recognize(belief, recovered, models_from_file(table.models), way=table.way,
-                     none_prior=table.none_prior, meshes=meshes)
+                     none_prior=table.none_prior)
 
 
 def columns_of_recognition(

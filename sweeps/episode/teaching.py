@@ -10,17 +10,12 @@ from typing import Any
 import numpy as np
 
 from strategies.recognition.lessons import UNLISTED, Lesson, lesson_of
-from strategies.reconstruct.plug_in_name import BUILT_IN, CHOSEN
 from strategies.strategy import Strategy
 from sweeps.episode.episodes import cell_body, run_parts
 from sweeps.spec.cell import Cell
-from warpgrasp.parameters import FitTable
 
-TEACHERS = ("ring6", "random18", "ring18", "rim12-ring12", "planar", "contour", "coarse-to-fine",
-            "any-object")
-"""Strategies that teach, unless others are named: grasps, few and many, faces and contours, and
-free forms."""
-ALL_AROUND = "any-object"
+TEACHERS = ("ring6", "random18", "ring18", "rim12-ring12", "planar", "contour", "coarse-to-fine")
+"""Strategies that teach, unless others are named: grasps, few and many, faces and contours."""
 HALF_WIDTH_MM, HALF_HEIGHT_MM = (18.0, 50.0), (25.0, 120.0)
 """Of unlisted objects: the least and the greatest."""
 
@@ -56,19 +51,12 @@ def teach(
     Objects that are not `listed` are learned without their names.
     """
     for strategy in strategies:
-        cells = [Cell(strategy, table, name, seed=seed, fit=fit_of(strategy))
-                 for name, table in objects.items()]
+        cells = [Cell(strategy, table, name, seed=seed) for name, table in objects.items()]
         bodies = [cell_body(cell) for cell in cells]
         block = run_parts([(cell, np.arange(episodes)) for cell in cells], bodies, device)
         names = np.repeat(np.array([cell.object_name if listed else UNLISTED for cell in cells],
                                    object), episodes)
-        yield strategy, lesson_of(block.exploration.belief, block.recovered, names,
-                                  None if block.rebuilt is None else block.rebuilt.meshes)
-
-
-def fit_of(strategy: Strategy) -> FitTable:
-    """As `explore` has it: what touches all around ends with a free form where it needs one."""
-    return FitTable(reconstruct=CHOSEN if strategy.call == ALL_AROUND else BUILT_IN[0])
+        yield strategy, lesson_of(block.exploration.belief, block.recovered, names)
 
 
 def contents_of(objects: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:

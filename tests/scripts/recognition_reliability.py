@@ -22,7 +22,7 @@ from strategies.ready_made import STRATEGIES
 from strategies.recognition.answers import ALIGNMENT, Recognition
 from sweeps.episode.episodes import cell_body, run_parts
 from sweeps.episode.recognition_columns import recognize_objects, right_answers
-from sweeps.episode.teaching import TEACHERS, fit_of, unlisted_table
+from sweeps.episode.teaching import TEACHERS, unlisted_table
 from sweeps.spec.cell import Cell
 from warpgrasp.objects.catalogue_names import BODY_NAMES
 from warpgrasp.parameters import RecognitionTable
@@ -46,15 +46,13 @@ class Answers:
 def answers_of(objects: Mapping[str, tuple[str, Mapping[str, Any]]], strategy: str, episodes: int,
                seed: int) -> Answers:
     """Answers by both tables; `objects` maps a name to its kind and table."""
-    fit = fit_of(STRATEGIES[strategy])
-    cells = [Cell(STRATEGIES[strategy], table, name, seed=seed, fit=fit)
+    cells = [Cell(STRATEGIES[strategy], table, name, seed=seed)
              for name, (_, table) in objects.items()]
     kinds = [kind for kind, _ in objects.values()]
     bodies = [cell_body(cell) for cell in cells]
     block = run_parts([(cell, np.arange(episodes)) for cell in cells], bodies, "cpu")
-    felt, exact = TABLES
-    found = {felt.way: block.recognition, exact.way: recognize_objects(
-        block.exploration.belief, block.recovered, exact, "cpu")}
+    found = {table.way: recognize_objects(block.exploration.belief, block.recovered, table, "cpu")
+             for table in TABLES}
     right = {table.way: found[table.way].name == np.repeat(right_answers(bodies, table), episodes)
              for table in TABLES}
     return Answers(strategy, np.repeat(kinds, episodes), found, right)

@@ -8,19 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-import trimesh
 
 from fit.fit_status import FitStatus
-from fit.implicit.record import TriangleMesh
-from fit.rotation import matrix_of_quaternion
-from fit.superquadric.geometry import (
-    Superquadric,
-    superquadric,
-    superquadric_inside_outside,
-)
+from fit.superquadric.geometry import Superquadric, superquadric
 from strategies.procedures.planar_faces import Face
 from strategies.recognition.answers import NONE, Recognition, recognize
-from strategies.recognition.descriptions import FACES, FREE_FORM, PARAMETERS, PROFILE, WAYS
+from strategies.recognition.descriptions import FACES, PARAMETERS, PROFILE, WAYS
 from strategies.recognition.known_models import (
     KnownModels,
     ModelsError,
@@ -185,39 +178,6 @@ def test_a_file_gives_the_same_models_again(known: KnownModels, tmp_path: Path) 
     one, other = answers(known, made), answers(again, made)
     assert list(one.name) == list(other.name)
     assert np.allclose(one.probability, other.probability, atol=1e-3)
-
-
-def with_meshes(made: Batch) -> list[TriangleMesh]:
-    """The bodies of a batch as meshes; no superquadric is believed any more."""
-    belief, recovered, _ = made
-    belief.fitted[:] = False
-    recovered.shape[:] = Shape.PRIOR_CYLINDER
-    ball = trimesh.creation.icosphere(3)
-    meshes = []
-    for row in range(len(recovered)):
-        body = Superquadric(*(field[row:row + 1] for field in recovered.superquadric))
-        turn = matrix_of_quaternion(body.quaternion_xyzw)[0]
-        arm = (ball.vertices * body.size_m) @ turn.T
-        # The function is one on the surface, and grows as the distance from the middle does.
-        share = superquadric_inside_outside(body, (body.position_m + arm)[None])[0]
-        meshes.append(TriangleMesh(body.position_m + arm / share[:, None], np.asarray(ball.faces)))
-    return meshes
-
-
-def test_a_free_form_is_named_where_no_superquadric_is_believed(known: KnownModels) -> None:
-    names = [name for name in SIZES for _ in range(12)] + [UNLISTED] * 60
-    plain, free = batch(names, 70), batch(names, 71)
-    lessons = [lesson_of(*plain), lesson_of(*free, with_meshes(free))]  # pyright: ignore
-    contents = {name: f"hash of {name}" for name in SIZES}
-    models = learn_models(lessons, contents, "test")
-    assert all(one.found[FREE_FORM] == 12 for one in models.objects)
-    made = batch([name for name in SIZES for _ in range(10)], 72)
-    meshes = with_meshes(made)
-    found = answers(models, made, meshes=meshes)
-    assert set(found.way) == {FREE_FORM}
-    assert (found.name == made[2]).mean() >= 0.9
-    assert set(answers(models, made).name) == {""}  # no free form was looked for
-    assert set(answers(known, made, meshes=meshes).name) == {""}  # nor learned
 
 
 def test_objects_are_added_and_replaced(known: KnownModels) -> None:
