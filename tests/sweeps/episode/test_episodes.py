@@ -224,7 +224,7 @@ def test_none_but_the_oracle_foresees() -> None:
     theirs = HELPERS / "theirs.py"
     seer = run_episodes(replace(CELL, strategy=Strategy("s", call=f"{theirs}:Seer")),
                         np.arange(1), "cpu")
-    assert list(seer["note"]) == [""]
+    assert "wanted nothing" in seer["note"][0]
     kin = run_episodes(replace(CELL, strategy=Strategy("s", call=f"{theirs}:OracleOfMine")),
                        np.arange(1), "cpu")
     assert "the oracle sees nothing" in kin["note"][0]
