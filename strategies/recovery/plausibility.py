@@ -81,7 +81,9 @@ def plausible_contour(
     felt = contour_distances(body, evidence.points_m, evidence.mask)
     free = contour_distances(body, evidence.free_m, evidence.free_mask)
     inside = revolution_inside(body, evidence.free_m)
-    volume = revolution_volume(RevolutionBody(body.foot_m, body.axis, height, radius))
+    # Nodes that there are not lie at the height of the last: they add nothing.
+    volume = revolution_volume(RevolutionBody(
+        body.foot_m, body.axis, np.maximum.accumulate(height, axis=1), radius))
     return (within & known.any(1) & ~_shrunk(volume, prior)
             & (evidence.mask.sum(1) >= FEWEST_CONTACTS)
             & (_mean_away(felt, evidence.mask) < UNBELIEVED_M)

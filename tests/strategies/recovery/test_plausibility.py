@@ -90,6 +90,14 @@ def test_contours(found, points, free, right: bool) -> None:
     assert plausible_contour(found, evidence(points, free), PRIOR).tolist() == [right]
 
 
+def test_a_contour_of_fewer_nodes_than_its_neighbours_is_as_large() -> None:
+    one = contour(0.05)
+    padded = RevolutionBody(one.foot_m, one.axis, np.pad(
+        one.height_m, ((0, 0), (0, 3)), constant_values=np.nan), np.pad(
+        one.radius_m, ((0, 0), (0, 3)), constant_values=np.nan))
+    assert plausible_contour(padded, evidence(felt(one, 20), OUTSIDE), PRIOR).tolist() == [True]
+
+
 def test_a_finger_that_passed_through_contradicts_any_body() -> None:
     assert swept(body(), evidence(np.zeros((1, 3)), ON_THE_AXIS)).tolist() == [True]
     assert swept(body(), evidence(np.zeros((1, 3)), OUTSIDE)).tolist() == [False]
