@@ -248,7 +248,7 @@ class PadTable:
                         f"{(bent + hand.link_length_m[link]) * 1e3:.3g} mm long")
         return ""
 
-    def unread(self) -> str:
+    def insensitive(self) -> str:
         """Why no force changes a reading; empty where forces do."""
         pressed = (self.least_ohm if self.law == "exponential"
                    else self.newton_ohm * self.saturation_N**-self.power)

@@ -45,8 +45,8 @@ def touch_misfit(fits: SuperquadricFit, placed: Evidence) -> np.ndarray:
 
 
 def doubt(fits: SuperquadricFit, placed: Evidence) -> np.ndarray:
-    """The misfit, infinite for a body thinner than any that a hand explores: a sheet may pass near
-    a crowd of contacts."""
+    """The misfit [m], shape (world,), infinite for a body thinner than any that a hand explores: a
+    sheet may pass near a crowd of contacts."""
     return np.where(fits.size_m.min(1) < THINNEST_M, np.inf, touch_misfit(fits, placed))
 
 

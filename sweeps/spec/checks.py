@@ -198,7 +198,7 @@ def told_of(swept: Sequence[tuple[str, Any, Any]]) -> str:
 
 def _misfit(hand: HandTable, pads: PadTable) -> str:
     """Why pads tell no force, or do not fit a hand's links; empty where all is well."""
-    if wrong := pads.unread():
+    if wrong := pads.insensitive():
         return wrong
     if hand.kind == UTAH_MIT:
         return pads.misfit(hand)

@@ -121,3 +121,14 @@ def test_bad_sets_have_a_status() -> None:
     assert [FitStatus(s).name for s in found.status] == [
         "converged", "bad_points", "degenerate_line", "degenerate_point"]
     assert all(np.isfinite(value).all() for value in vars(found).values())
+
+
+def test_the_covariance_of_a_narrow_strip_knows_how_badly_it_is_told() -> None:
+    """What touches scatter by themselves is no width of the strip."""
+    rng = np.random.default_rng(4)
+    sets, count = 200, 30
+    points = rng.uniform(-0.5, 0.5, (sets, count, 3)) * [0.1, 0.002, 0.0]
+    fit = fit_plane(points + rng.normal(0.0, 0.0005, points.shape))
+    across = fit.normal[:, 1] / fit.normal[:, 2]
+    away = np.arctan(across) / np.sqrt(fit.covariance[:, 0, 0])
+    assert 0.5 < np.sqrt((away**2).mean()) < 1.6

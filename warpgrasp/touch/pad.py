@@ -41,7 +41,7 @@ def pad_of(table: PadTable, hand: HandTable) -> Pad:
 
 def _pad(table: PadTable) -> Pad:
     """A finger's pads, none of them on."""
-    if wrong := table.unread():
+    if wrong := table.insensitive():
         raise ValueError(wrong)
     pad = Pad()
     pad.width, pad.length, pad.wrap = table.width_m, table.length_m, table.wrap_rad

@@ -92,6 +92,7 @@ def test_contours(found, points, free, right: bool) -> None:
 
 def test_a_contour_of_fewer_nodes_than_its_neighbours_is_as_large() -> None:
     one = contour(0.05)
+    one.radius_m[0] = np.linspace(0.001, 0.05, 6)  # as a funnel's
     padded = RevolutionBody(one.foot_m, one.axis, np.pad(
         one.height_m, ((0, 0), (0, 3)), constant_values=np.nan), np.pad(
         one.radius_m, ((0, 0), (0, 3)), constant_values=np.nan))
