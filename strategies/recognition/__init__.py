@@ -7,5 +7,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "catalogue_alignment": ["Recognizer", "recognizer"],
     "descriptions": ["described", "different_faces"],
     "known_models": ["KnownModels", "ModelsError", "models_from_file", "models_text"],
-    "lessons": ["UNLISTED", "Lesson", "add_objects", "learn_models", "lesson_of"],
+    "lessons": ["UNLISTED", "Lesson", "add_objects", "learn_models", "lesson_of",
+                "taught"],
 })

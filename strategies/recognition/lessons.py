@@ -59,6 +59,13 @@ def lesson_of(belief: Belief, recovered: Recovered, names: np.ndarray) -> Lesson
     return Lesson(names, {way: described(belief, recovered, way) for way in WAYS})
 
 
+def taught(lessons: Sequence[Lesson], contents: Mapping[str, str]) -> dict[str, str]:
+    """Those of `contents` that can be learned: a body was recovered in one of their episodes."""
+    return {name: content for name, content in contents.items()
+            if any(len(lesson.found[way].part(lesson.names == name).rows)
+                   for lesson in lessons for way in WAYS)}
+
+
 def learn_models(
     lessons: Sequence[Lesson], contents: Mapping[str, str], made_by: str
 ) -> KnownModels:

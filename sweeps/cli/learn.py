@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sweeps.cli.app import DONE, SOME_FAILED
 from sweeps.output import init_warp, note, quiet_stdout, write_atomic
 from sweeps.spec.errors import StoreError
 from sweeps.spec.objects import object_of_argument
@@ -27,7 +28,8 @@ def learn(
     """Feel each object and write what was recovered; prints a row an object.
 
     With `unlisted` objects everything is learned anew, else the objects are added to the models of
-    `extend`, by default those that ship.
+    `extend`, by default those that ship. An object of which no body was recovered is left out, and
+    the exit code says so.
     """
     with quiet_stdout():
         init_warp()
@@ -40,7 +42,7 @@ def learn(
             if unlisted == 0:
                 raise StoreError(str(error)) from None
             known = None
-        models = _learned(objects, strategies, episodes, seed, unlisted, known, only, device,
+        models, left_out = _learned(objects, strategies, episodes, seed, unlisted, known, only, device,
                           _command(what, strategies, episodes, seed, unlisted, extend, only))
         try:
             write_atomic(out, models_text(models).encode())
@@ -51,7 +53,7 @@ def learn(
                   *(f"{one.found[way]} of {one.tried[way]}" for way in
                     ("faces", "profile", "parameters")))
                  for one in (*models.objects, models.unlisted)], False)
-    return 0
+    return SOME_FAILED if left_out else DONE
 
 
 def _tables(what: Sequence[str], units: str | None) -> dict[str, dict[str, Any]]:
@@ -69,27 +71,33 @@ def _tables(what: Sequence[str], units: str | None) -> dict[str, dict[str, Any]]
 def _learned(
     objects: dict[str, dict[str, Any]], strategies: Sequence["Strategy"], episodes: int, seed: int,
     unlisted: int, known: "KnownModels | None", only: bool, device: str, made_by: str,
-) -> "KnownModels":
+) -> tuple["KnownModels", set[str]]:
+    """The models, and objects of which no body was recovered."""
     from dataclasses import replace
 
-    from strategies.recognition.lessons import add_objects, learn_models
+    from strategies.recognition.lessons import add_objects, learn_models, taught
     from sweeps.episode.teaching import contents_of, teach, unlisted_table
 
     lessons: list[Lesson] = []
     for strategy, lesson in teach(objects, strategies, episodes, seed, device):
         lessons.append(lesson)
         note(f"{strategy.name}: {len(lesson.names)} episodes")
-    contents = contents_of(objects)
+    contents = taught(lessons, contents_of(objects))
+    left_out = set(objects) - set(contents)
+    for name in sorted(left_out):
+        note(f"{name}: no body was recovered in any episode; it is left out")
+    if not contents:
+        raise StoreError("no object can be learned; nothing was written")
     try:
         if unlisted == 0 and known is not None:
-            return add_objects(replace(known, objects=()) if only else known, lessons, contents,
-                               made_by)
+            before = replace(known, objects=()) if only else known
+            return add_objects(before, lessons, contents, made_by), left_out
         others = [unlisted_table(seed, number) for number in range(unlisted)]
         for strategy, lesson in teach({table["name"]: table for table in others}, strategies, 2,
                                       seed, device, listed=False):
             lessons.append(lesson)
             note(f"{strategy.name}: {len(lesson.names)} episodes with unlisted objects")
-        return learn_models(lessons, contents, made_by)
+        return learn_models(lessons, contents, made_by), left_out
     except ValueError as error:
         raise StoreError(str(error)) from None
 

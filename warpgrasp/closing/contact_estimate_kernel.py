@@ -38,6 +38,10 @@ _ALONG, _AROUND, _CAP = wp.constant(ALONG), wp.constant(AROUND), wp.constant(CAP
 # Warp turns a constant that is cast in one place into a real everywhere: have both kinds.
 _AROUND_REAL, _CAP_REAL = wp.constant(real(AROUND)), wp.constant(real(CAP))
 _STEP = wp.constant(real(1.0 / ALONG))
+LINES = 3 + CAP
+"""Lines of places at one turn about the links: one along each, and those of the cap, of no length."""
+_LINES = wp.constant(LINES)
+_lines_vec = wp.types.vector(length=AROUND * LINES, dtype=real)
 _around_vec = wp.types.vector(length=AROUND, dtype=real)
 _cap_vec = wp.types.vector(length=CAP, dtype=real)
 _TURNS = np.pi * ((np.arange(AROUND) + 0.5) / AROUND - 0.5)
@@ -252,6 +256,7 @@ def estimate_kernel(
     post = _Posterior()
     # First the largest likelihood of all places, then the places that come close to it.
     most = real(0.0)
+    line_most = _lines_vec()
     leans = wp.where(hand.friction > ZERO, _LEANS, 1)
     arm = wp.where(hand.friction > ZERO, r, ZERO)
     for turn in range(2):
@@ -271,35 +276,41 @@ def estimate_kernel(
                     n = f.n3
                 length = hand.link_length[link]
                 out = n * real(AROUND_COS[k]) + side
-                # Along the surface a force acts on the skin, a radius from the axis.
-                ways = _ways(f, link, a + out * arm, u * length, out, u, wp.cross(u, out), root,
-                             leans)
-                for lean in range(leans):
-                    along_link = hand.friction * real(LEAN_ALONG[lean])
-                    across = hand.friction * real(LEAN_ACROSS[lean])
-                    low = ways.out + ways.along * along_link + ways.across * across
-                    rise = ways.out_rise + ways.across_rise * across
-                    square = vec3(wp.dot(low, low), real(2.0) * wp.dot(low, rise),
-                                  wp.dot(rise, rise))
-                    product = vec2(wp.dot(low, felt), wp.dot(rise, felt))
-                    line_most = most_force_gain(square, product, _TINY)
-                    if turn == 0:
-                        most = wp.max(most, line_most)
-                    elif line_most >= most - _DEEPEST:
-                        sums = vec3(ZERO, ZERO, ZERO)
-                        best = real(-1.0)
-                        for i in range(_ALONG):
-                            share = (real(i) + HALF) * _STEP
-                            gain = force_gain_at(square, product, share, _TINY)
-                            best = wp.max(best, gain)
-                            if gain >= most - _DEEPEST:
-                                weight = wp.exp((gain - most) * HALF)
-                                sums += vec3(ONE, share, share * share) * weight
-                        area = PI * r / _AROUND_REAL * length * _STEP
-                        sums = vec3(sums[0], sums[1] * length, sums[2] * length * length) * area
-                        post = _gathered(post, a + out * r, u, out, sums, link, best)
+                line = k * _LINES + link
+                if turn == 0 or line_most[line] >= most - _DEEPEST:
+                    # Along the surface a force acts on the skin, a radius from the axis.
+                    ways = _ways(f, link, a + out * arm, u * length, out, u, wp.cross(u, out),
+                                 root, leans)
+                    for lean in range(leans):
+                        along_link = hand.friction * real(LEAN_ALONG[lean])
+                        across = hand.friction * real(LEAN_ACROSS[lean])
+                        low = ways.out + ways.along * along_link + ways.across * across
+                        rise = ways.out_rise + ways.across_rise * across
+                        square = vec3(wp.dot(low, low), real(2.0) * wp.dot(low, rise),
+                                      wp.dot(rise, rise))
+                        product = vec2(wp.dot(low, felt), wp.dot(rise, felt))
+                        lean_most = most_force_gain(square, product, _TINY)
+                        if turn == 0:
+                            line_most[line] = wp.max(line_most[line], lean_most)
+                            most = wp.max(most, lean_most)
+                        elif lean_most >= most - _DEEPEST:
+                            sums = vec3(ZERO, ZERO, ZERO)
+                            best = real(-1.0)
+                            for i in range(_ALONG):
+                                share = (real(i) + HALF) * _STEP
+                                gain = force_gain_at(square, product, share, _TINY)
+                                best = wp.max(best, gain)
+                                if gain >= most - _DEEPEST:
+                                    weight = wp.exp((gain - most) * HALF)
+                                    sums += vec3(ONE, share, share * share) * weight
+                            area = PI * r / _AROUND_REAL * length * _STEP
+                            sums = vec3(sums[0], sums[1] * length, sums[2] * length * length) * area
+                            post = _gathered(post, a + out * r, u, out, sums, link, best)
                 if link == 2:
                     for c in range(_CAP):
+                        line = k * _LINES + 3 + c
+                        if turn == 1 and line_most[line] < most - _DEEPEST:
+                            continue
                         tip_out = out * real(CAP_COS[c]) + u * real(CAP_SIN[c])
                         up = u * real(CAP_COS[c]) - out * real(CAP_SIN[c])
                         cell = (PI * r / _AROUND_REAL * real(CAP_COS[c])) * (
@@ -312,6 +323,7 @@ def estimate_kernel(
                                     + ways.across * (hand.friction * real(LEAN_ACROSS[lean])))
                             gain = force_gain(wp.dot(push, push), wp.dot(push, felt), _TINY)
                             if turn == 0:
+                                line_most[line] = wp.max(line_most[line], gain)
                                 most = wp.max(most, gain)
                             elif gain >= most - _DEEPEST:
                                 weight = cell * wp.exp((gain - most) * HALF)

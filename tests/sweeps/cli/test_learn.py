@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from strategies.ready_made import STRATEGIES
 from strategies.recognition.known_models import models_from_file
@@ -57,3 +58,17 @@ def test_only_leaves_the_others_out(tmp_path: Path) -> None:
                     "-o", str(file)]) == 0
     assert models_from_file(str(file)).names == ("small_cylinder",)
     assert json.loads(file.read_text())["unlisted"]["parameters"]["count"] > 20
+
+
+def test_an_object_that_nothing_is_felt_of_is_left_out(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    trimesh.creation.box((0.3, 0.3, 0.3)).export(tmp_path / "speck.stl")  # in mm
+    words = ["--units", "mm", "--strategy", "ring6", "--episodes", "4", "--only", "-o"]
+    file = tmp_path / "mine.json"
+    assert cli.run(["learn", "small_cylinder", str(tmp_path / "speck.stl"), *words, str(file)]) == 1
+    assert models_from_file(str(file)).names == ("small_cylinder",)
+    assert "speck: no body was recovered" in capsys.readouterr().err
+    alone = tmp_path / "alone.json"
+    assert cli.run(["learn", str(tmp_path / "speck.stl"), *words, str(alone)]) == 2
+    assert "nothing was written" in capsys.readouterr().err
+    assert not alone.exists()
