@@ -6,7 +6,7 @@ run again when the originals have changed or the directory was moved. `HASH` is 
 `resolved.json` knows the content; a copy that no longer has it counts as missing.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from hashlib import sha256
@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 from strategies.planners.planner_file import files_beside
 from strategies.reconstruct.plug_in_name import plug_in_file
 from sweeps.output import write_atomic
+from sweeps.run.changed_files import named_files
 from sweeps.run.plan import files_hash, program_hash
 from sweeps.spec.cell import Cell
 from sweeps.spec.errors import StoreError
@@ -41,7 +42,7 @@ def keep_inputs(folder: Path, study: Study) -> None:
     """
     inputs = folder / FOLDER
     for body in study.objects:
-        for number, file in enumerate(map(Path, _named_files(body.table))):
+        for number, file in enumerate(map(Path, named_files(body.table))):
             _keep(file, inputs / body.sha256 / str(number) / file.name)
     for strategy in study.strategies:
         for family in strategy.waypoints:
@@ -59,9 +60,10 @@ def keep_inputs(folder: Path, study: Study) -> None:
 
 
 def _keep(file: Path, copy: Path) -> None:
-    if not copy.is_file():
+    content = file.read_bytes()
+    if not copy.is_file() or copy.read_bytes() != content:
         copy.parent.mkdir(parents=True, exist_ok=True)
-        write_atomic(copy, file.read_bytes())
+        write_atomic(copy, content)
 
 
 def kept_cell(cell: Cell, body: Body, folders: tuple[Path, ...]) -> Cell:
@@ -69,7 +71,7 @@ def kept_cell(cell: Cell, body: Body, folders: tuple[Path, ...]) -> Cell:
 
     Raises StoreError that names the file that none does.
     """
-    names = list(_named_files(cell.body_table))
+    names = list(named_files(cell.body_table))
     table, strategy = cell.body_table, cell.strategy
     if names:
         place = _find(folders, body.sha256, names[0], lambda place: body.sha256 == files_digest(
@@ -128,19 +130,6 @@ def _find(folders: Sequence[Path], key: str, name: str, whole: Callable[[Path], 
     where = ", ".join(map(str, folders)) or "the study"
     raise StoreError(f"{name}: {where} keeps no copy with the content that the study was run with; "
                      "run the sweep again with its spec and its files, which keeps one")
-
-
-def _named_files(value: Any) -> Iterator[str]:
-    """The files that an object's table names, in its order."""
-    if isinstance(value, Mapping):
-        for key, entry in value.items():
-            if key in FILE_KEYS and isinstance(entry, str):
-                yield entry
-            else:
-                yield from _named_files(entry)
-    elif isinstance(value, list | tuple):
-        for entry in value:
-            yield from _named_files(entry)
 
 
 def _with_files(value: Any, following: Callable[[], str]) -> Any:

@@ -107,10 +107,15 @@ class Plan:
 
 def plan_study(study: Study) -> Plan:
     """The plan of a study; the files it names are read once."""
-    _file_hash.cache_clear()
-    _TABLES.clear()
+    forget_files()
     resolved = canonical_study(study)
     return Plan(study, resolved, digest(resolved))
+
+
+def forget_files() -> None:
+    """Has files that were hashed read again."""
+    _file_hash.cache_clear()
+    _TABLES.clear()
 
 
 def digest(value: Any) -> str:

@@ -26,6 +26,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sweeps.run.changed_files import check_files
 from sweeps.run.plan import Unit
 from sweeps.run.unit_file import Columns, write_files
 from sweeps.spec.cell import Cell
@@ -102,11 +103,15 @@ def run_units(run_cells: RunCells, units: Sequence[Unit], device: str) -> list[C
 
     They are the rows of a call for each, bit for bit. What names them comes from the units. Where
     a strategy failed its message names the world of its batch, so the units are then run alone.
+    Raises ChangedFilesError where files that the cells name are not what they were when the units
+    were planned.
     """
+    check_files(units)
     parts = [list(same) for _, same in groupby(units, key=lambda unit: unit.cell_hash)]
     asked = [(same[0].cell, np.concatenate(
         [np.arange(u.start, u.stop, dtype=np.int64) for u in same])) for same in parts]
     found = run_cells(asked, device)
+    check_files(units)
     if len(units) > 1 and any("strategy_failed" in rows.get("status", ()) for rows in found):
         return [run_units(run_cells, [unit], device)[0] for unit in units]
     return [rows for same, (cell, episodes), columns in zip(parts, asked, found, strict=True)

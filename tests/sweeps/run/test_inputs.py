@@ -1,17 +1,23 @@
 """What a study read is kept by its content: episodes are run again after it moved and changed."""
 
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
 from studies import plan_of
 
+from strategies.planners.planner_file import planner_file
 from sweeps.analysis.rerun_episode import Episode, cell_of
 from sweeps.episode.episodes import cell_body, run_episodes
+from sweeps.run.changed_files import ChangedFilesError
 from sweeps.run.plan import Plan, cell_hash
 from sweeps.run.store import Store, open_study
+from sweeps.run.worker import run_units
+from sweeps.spec.cell import Cell
 from sweeps.spec.errors import StoreError
 
 SPEC = """\
@@ -81,3 +87,46 @@ def test_a_copy_that_is_not_what_was_run_is_not_used(
     copy.unlink()
     with pytest.raises(StoreError, match="keeps no copy"):
         cell_of(opened(study), episode)
+
+
+def test_a_damaged_copy_is_made_again(tmp_path: Path, study: Path) -> None:
+    copy, = (study / "inputs").rglob("box.stl")
+    whole = copy.read_bytes()
+    copy.write_bytes(b"garbage")
+    Store(study).open_for(plan_of(tmp_path / "given", SPEC), None, "cpu")
+    assert copy.read_bytes() == whole
+
+
+@pytest.mark.parametrize("which", ["box.stl", "poses.csv", "helper.py", "mine.py"])
+def test_units_whose_files_changed_are_not_run(
+        tmp_path: Path, study: Path, which: str) -> None:
+    plan = plan_of(tmp_path / "given", SPEC)
+    units = [next(iter(plan.units()))] if which == "poses.csv" else list(plan.units())
+    asked = []
+
+    def run(cells: Sequence[tuple[Cell, np.ndarray]], device: str) -> list[dict[str, np.ndarray]]:
+        asked.append(len(cells))
+        return [{"touches": np.zeros(len(episodes))} for _, episodes in cells]
+
+    run_units(run, units, "cpu")
+    file = tmp_path / "given" / which
+    whole = file.read_bytes()
+
+    def changing(*given: Any) -> list[dict[str, np.ndarray]]:
+        file.write_bytes(whole + b"\n")
+        planner_file(tmp_path / "given" / "mine.py")  # as a planner is made
+        return run(*given)
+
+    with pytest.raises(ChangedFilesError, match=which.replace("helper", "mine")):
+        run_units(changing, units, "cpu")
+    done = len(asked)
+    with pytest.raises(ChangedFilesError, match="changed since the study was read"):
+        run_units(run, units, "cpu")
+    assert len(asked) == done
+    file.write_bytes(whole)
+    planner_file(tmp_path / "given" / "mine.py")
+    run_units(run, units, "cpu")
+    file.unlink()
+    if which != "helper.py":  # which nothing asks for until the planner is made again
+        with pytest.raises(ChangedFilesError):
+            run_units(run, units, "cpu")
