@@ -70,7 +70,7 @@ def _weights(sets: Sets, robust: bool) -> np.ndarray:
     for _ in range(ROUNDS):
         points, mask = sets.points[active], sets.mask[active]
         away = np.abs(np.einsum("fpi,fi->fp", points, normal) - offset[:, None])
-        typical = 1.4826 * _masked_median(away, mask)
+        typical = _typical(away, mask)
         scale = np.maximum(TUKEY * typical, 1e-9)
         new = np.where(mask, np.maximum(1 - (away / scale[:, None]) ** 2, 0.0) ** 2, 0.0)
         moves = np.abs(new - weight[active]).max(axis=1) > SETTLED
@@ -152,12 +152,14 @@ def _describe(sets: Sets, weight: np.ndarray) -> dict[str, np.ndarray]:
     psi = weight * np.einsum("fpi,fi->fp", spread, normal)
     root = np.sqrt(weight)
     bow = (root * (5 * root - 4)).sum(axis=1) / count
-    noise = (psi**2).sum(axis=1) / np.maximum(count - 3, 1) / np.maximum(bow, 0.1) ** 2
+    # Of three touches nothing is left to tell it by.
+    noise = np.where(count > 3, (psi**2).sum(axis=1) / np.maximum(count - 3, 1)
+                     / np.maximum(bow, 0.1) ** 2, np.inf)
     share = np.maximum(total, 1e-300) / count
     # Rotation about u is determined by the scatter along v, and conversely; by what of it is not
     # the touches' own spread.
     scatter = values[:, [1, 2]] - (noise * total)[:, None]
-    tips = noise[:, None] * share[:, None] / np.maximum(scatter, 1e-300)
+    tips = noise[:, None] * share[:, None] / np.maximum(scatter, 1e-300)  # at most 1 rad^2 below
     shift = noise / count
     scale = sets.scale
     variances = np.concatenate([np.minimum(tips, 1.0), (shift * scale**2)[:, None]], axis=1)
@@ -170,7 +172,7 @@ def _describe(sets: Sets, weight: np.ndarray) -> dict[str, np.ndarray]:
         "axes": np.stack([u, v], axis=1),
         "extent_m": np.stack(extent, axis=1) * scale[:, None],
         "rms_m": np.sqrt(values[:, 0] / np.maximum(total, 1e-300)) * scale,
-        "covariance": variances[:, :, None] * np.eye(3),
+        "covariance": np.where(np.eye(3, dtype=bool), variances[:, :, None], 0.0),
         "status": np.where(straight, FitStatus.degenerate_line, FitStatus.converged),
     }
 
@@ -186,7 +188,15 @@ def _reach(coordinate: np.ndarray, on: np.ndarray) -> np.ndarray:
     return np.where(np.isfinite(high - low), high - low, 0.0)
 
 
-def _masked_median(values: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    ordered = np.sort(np.where(mask, values, np.inf), axis=1)
-    middle = (np.maximum(mask.sum(axis=1), 1) - 1) // 2
-    return np.take_along_axis(ordered, middle[:, None], axis=1)[:, 0]
+def _typical(away: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Standard deviation of touches about each plane, by the median of their distances [fit, point]
+    (Rousseeuw and Leroy 1987, Robust Regression and Outlier Detection, p. 202).
+
+    Three touches lie on a plane through them: of few touches more than the median's share do, and
+    the others lie farther off than their median says.
+    """
+    count = mask.sum(axis=1)
+    ordered = np.sort(np.where(mask, away, np.inf), axis=1)
+    middle = np.minimum(np.maximum((count - 1) // 2, 3), np.maximum(count, 1) - 1)
+    median = np.take_along_axis(ordered, middle[:, None], axis=1)[:, 0]
+    return 1.4826 * (1.0 + 5.0 / np.maximum(count - 3, 1)) * median

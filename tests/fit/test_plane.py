@@ -132,3 +132,29 @@ def test_the_covariance_of_a_narrow_strip_knows_how_badly_it_is_told() -> None:
     across = fit.normal[:, 1] / fit.normal[:, 2]
     away = np.arctan(across) / np.sqrt(fit.covariance[:, 0, 0])
     assert 0.5 < np.sqrt((away**2).mean()) < 1.6
+
+
+@pytest.mark.parametrize(("count", "off_deg", "held"), [
+    (5, 3.2, 0.5), (8, 3.0, 0.4), (12, 1.6, 0.7), (24, 0.9, 0.8), (60, 0.6, 0.84)])
+def test_few_touches_do_not_fall_onto_three_of_them(
+        count: int, off_deg: float, held: float) -> None:
+    """Without strays, beside least squares: how far off, and how often 90 % intervals hold."""
+    points, normal, _ = patch(600, count, 3e-4, np.random.default_rng(13))
+    found, plain = fit_plane(points), fit_plane(points, robust=False)
+    off, best = (np.degrees(np.quantile(angle(fit.normal, normal), 0.9)) for fit in (found, plain))
+    assert off < off_deg
+    assert off < 2.1 * best
+    u, v = found.axes[:, 0], found.axes[:, 1]
+    true = normal * np.sign((normal * found.normal).sum(1))[:, None]
+    for axis, across in ((0, v), (1, u)):  # a turn about u tips the normal along v
+        sigma = np.sqrt(found.covariance[:, axis, axis])
+        assert np.mean(np.abs((true * across).sum(1)) < 1.645 * sigma) > held
+    assert (found.rms_m > 0).mean() > 0.99
+
+
+def test_three_touches_tell_no_deviation() -> None:
+    points, normal, _ = patch(4, 3, 0.0, np.random.default_rng(1))
+    found = fit_plane(points)
+    assert angle(found.normal, normal).max() < 1e-6
+    assert np.array_equal(found.covariance[:, [0, 1], [0, 1]], np.ones((4, 2)))
+    assert np.isinf(found.covariance[:, 2, 2]).all()

@@ -62,7 +62,7 @@ def test_only_leaves_the_others_out(tmp_path: Path) -> None:
 
 def test_an_object_that_nothing_is_felt_of_is_left_out(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    trimesh.creation.box((0.3, 0.3, 0.3)).export(tmp_path / "speck.stl")  # in mm
+    trimesh.creation.box((6.0, 6.0, 6.0)).export(tmp_path / "speck.stl")
     words = ["--units", "mm", "--strategy", "ring6", "--episodes", "4", "--only", "-o"]
     file = tmp_path / "mine.json"
     assert cli.run(["learn", "small_cylinder", str(tmp_path / "speck.stl"), *words, str(file)]) == 1
