@@ -54,6 +54,18 @@ def test_what_is_round_lies_on_its_side_in_one_way() -> None:
     assert np.abs(standing) == pytest.approx([1.0, 1.0], abs=1e-3)
 
 
+def test_an_ellipsoid_lies_on_its_broadest_sides_alone() -> None:
+    """On its middle axis it is level too, and would roll off."""
+    body = body_from_table({"name": "egg", "superquadric": {
+        "size_mm": [30, 40, 70], "exponents": [1, 1]}}, Path())
+    poses = stable_poses(body)
+    ups = np.array([Rotation.from_quat(pose.quaternion_xyzw).inv().apply([0, 0, 1])
+                    for pose in poses])
+    assert len(poses) == 2
+    assert np.sort(ups[:, 0]) == pytest.approx([-1.0, 1.0], abs=3e-3)  # four degrees
+    assert [pose.probability for pose in poses] == pytest.approx([0.5, 0.5], abs=0.03)
+
+
 def test_turning_moves_nothing_within_the_body() -> None:
     body = body_of("hammer-1")
     lying = body_in_stable_pose(body, 1)
