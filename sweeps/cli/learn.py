@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sweeps.cli.app import DONE, SOME_FAILED
-from sweeps.output import init_warp, note, quiet_stdout, write_atomic
+from sweeps.output import init_warp, note, quiet_stdout, why_unwritable, write_atomic
 from sweeps.spec.errors import StoreError
 from sweeps.spec.objects import object_of_argument
 from sweeps.text_table import print_table
@@ -31,6 +31,8 @@ def learn(
     `extend`, by default those that ship. An object of which no body was recovered is left out, and
     the exit code says so.
     """
+    if reason := why_unwritable(out):
+        raise StoreError(reason)
     with quiet_stdout():
         init_warp()
         objects = _tables(what, units)
@@ -42,8 +44,9 @@ def learn(
             if unlisted == 0:
                 raise StoreError(str(error)) from None
             known = None
-        models, left_out = _learned(objects, strategies, episodes, seed, unlisted, known, only, device,
-                          _command(what, strategies, episodes, seed, unlisted, extend, only))
+        models, left_out = _learned(
+            objects, strategies, episodes, seed, unlisted, known, only, device,
+            _command(what, strategies, episodes, seed, unlisted, extend, only))
         try:
             write_atomic(out, models_text(models).encode())
         except OSError as error:

@@ -42,6 +42,11 @@ from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Grasps
 
 
+OTHERS = ("recovered.ply", "surfaces.png", "contacts.png", "faces.png", "taxels.png",
+          "contour.png", "replay.html")
+"""What an episode may have besides `contacts.csv` and `shape.json`."""
+
+
 def explore(
     *, body_table: Mapping[str, Any], strategy: Strategy, seed: int, yaw_rad: float | None,
     x_m: float, y_m: float, out: Path, device: str, replay: bool = False,
@@ -64,6 +69,9 @@ def explore(
     block = run_block(cell, np.arange(1), device, curve=False)
     record = shape_record(cell, block)
     files = {"contacts.csv": contacts_csv(block), "shape.json": json.dumps(record, indent=2) + "\n"}
+    if (out / "shape.json").exists():  # an earlier episode's files would be taken for this one's
+        for old in OTHERS:
+            (out / old).unlink(missing_ok=True)
     for file, content in files.items():
         write_atomic(out / file, content.encode())
     written = list(files)

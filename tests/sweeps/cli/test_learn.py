@@ -31,6 +31,15 @@ def test_what_cannot_be_learned_is_said(
     assert not out.exists()
 
 
+def test_where_nothing_can_be_written_nothing_is_felt(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sweeps.episode.teaching.teach", lambda *given: pytest.fail("felt"))
+    for out in (tmp_path, tmp_path / "absent" / "mine.json"):
+        assert cli.run(["learn", "block", "-o", str(out)]) == 2
+        assert "cannot be written" in capsys.readouterr().err
+
+
 @pytest.mark.slow
 def test_an_object_learned_by_grasps_is_named_in_rows(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

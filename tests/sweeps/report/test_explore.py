@@ -59,6 +59,18 @@ def test_explore_says_the_note_that_a_row_would_have(
     assert f"\n{note}\n" in capsys.readouterr().err
 
 
+def test_files_of_an_earlier_episode_do_not_stay(tmp_path: Path) -> None:
+    """But those of a folder that holds none are the user's."""
+    for name in ("recovered.ply", "mine.csv"):
+        (tmp_path / name).write_text("the user's")
+    for yaw in (0.0, 1.0):
+        explore(body_table={"name": "block"}, strategy=STRATEGIES["ring6"], seed=0, yaw_rad=yaw,
+                x_m=1.2, y_m=0.0, out=tmp_path, device="cpu", reconstruct="superquadric")
+        assert (tmp_path / "recovered.ply").exists() == (yaw == 0.0)
+    assert (tmp_path / "mine.csv").exists()
+    assert (tmp_path / "surfaces.png").exists()
+
+
 def test_a_body_too_low_to_be_told_from_the_table_is_not_said_to_be_unfelt() -> None:
     flat = Superquadric(np.array([[0.03, 0.02, 0.0025]]), np.ones((1, 2)),
                         np.array([[0.45, 0.0, 0.0025]]), np.array([[0.0, 0.0, 0.0, 1.0]]),
