@@ -41,7 +41,6 @@ from warpgrasp.parameters import FitTable, ObjectTable
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Grasps
 
-
 OTHERS = ("recovered.ply", "surfaces.png", "contacts.png", "faces.png", "taxels.png",
           "contour.png", "replay.html")
 """What an episode may have besides `contacts.csv` and `shape.json`."""
