@@ -8,7 +8,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "errors": ["Held", "OtherStudy", "Problem", "Problems", "SpecError", "StoreError",
         "choose", "short"],
     "hands": ["hands_of"],
-    "named_files": ["UNSWEPT", "arms_of", "read_reconstruct", "with_models"],
+    "named_files": ["UNSWEPT", "arms_of", "in_column", "read_arm", "read_reconstruct", "with_models"],
     "objects": ["files_digest", "object_of_argument", "read_objects"],
     "reader": ["read_spec"],
     "search": ["Factor", "Search", "canonical_search", "refuse_search", "search_of",
