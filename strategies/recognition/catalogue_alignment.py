@@ -89,7 +89,7 @@ class Recognizer:
 
     def recognize(self, belief: Belief, recovered: Recovered) -> Recognition:
         """The likeliest answer of each world, "" where no body was recovered."""
-        there = recovered.shape != Shape.PRIOR_CYLINDER
+        there = recovered.shape != Shape.PRIOR
         if not there.any():
             return no_answer(len(there))
         found = self.ranking(belief, recovered)

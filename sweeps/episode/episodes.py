@@ -5,7 +5,7 @@
 Cells that differ in their object, or in where their waypoints stand, can be run in one block: many
 episodes at once cost less each.
 
-An episode's object, pose, prior cylinder and noise come from (study seed, object, episode number)
+An episode's object, pose, prior and noise come from (study seed, object, episode number)
 alone: the same for every strategy, setting and block.
 """
 

@@ -110,5 +110,5 @@ def test_contacts_far_from_the_body_are_not_its() -> None:
                         [0.45 + 0.10, 0.0, 0.05], [0.45, 0.0, 0.05]]])
     near = explained_by(recovered, points, np.ones((1, 4), bool))
     assert near.tolist() == [[True, True, False, False]]
-    nothing = Recovered(np.array([Shape.PRIOR_CYLINDER]), body())
+    nothing = Recovered(np.array([Shape.PRIOR]), body())
     assert not explained_by(nothing, points, np.ones((1, 4), bool)).any()
