@@ -147,12 +147,12 @@ def guarded_line(
     march_scale: float = 1.0,
     device: str = "cpu",
 ) -> tuple[LineTouch, LineTruth, np.ndarray]:
-    """Make one guarded line; also returns the arms' joints after it (row, 6).
+    """Make one guarded line; also returns the arms' joints after it (row, 7).
 
     `body` (world or 1,), `body_pose` (world, 7), `key` (world,) uint64, `errors` of the true
-    robots, whose tables are `true` (those believed unless given), `arm_q_rad` (row, 6) where the
-    arms stand. Worlds not among `move.rows` cost
-    nothing. Raises ShapeError, and ValueError for a body or a finger that there is not.
+    robots, whose tables are `true` (those believed unless given), `arm_q_rad` (row, 7) where the
+    arms stand. Worlds not among `move.rows` cost nothing. Raises ShapeError, and ValueError for a
+    body or a finger that there is not.
     """
     check_range("body", body, 0, scene.bodies - 1)
     n = len(move.rows)
