@@ -85,8 +85,9 @@ def test_any_number_of_entries_is_readable(entries: tuple[Plan, Store], kind: st
 
 
 def test_settings_of_any_number_of_levels_are_readable(entries: tuple[Plan, Store]) -> None:
-    if entries[0].study.axes:
-        looks_right(KINDS["settings"](Asked(entries[0], [entries[1]])))
+    if not entries[0].study.axes:
+        pytest.skip("a study of one setting has no such figure")
+    looks_right(KINDS["settings"](Asked(entries[0], [entries[1]])))
 
 
 @pytest.mark.parametrize("kind", ["forest", "pareto", "curves-time"])
