@@ -57,8 +57,8 @@ def line_time_s(
 ) -> np.ndarray:
     """Time of `steps` (row,) guarded steps, and of the finger's way back [s], (row,).
 
-    `commands_rad` (step, joint) are the finger's, the last one held; `arm_time_s` (row,) is what the
-    arm's joints need for the way alone.
+    `commands_rad` (step, joint) are the finger's, the last one held; `arm_time_s` (row,) is what
+    the arm's joints need for the way alone.
     """
     last = np.minimum(steps, len(commands_rad) - 1)
     guarded = guarded_time_s(arm, commands_rad)[last] + (steps - last) * arm.guarded_step_s

@@ -44,8 +44,8 @@ class Ranking:
 
     names: tuple[str, ...]
     square: np.ndarray
-    """Mean squared deviation of the touches, each at most the square of `pose_alignment_kernel.CAP`,
-    with the height's."""
+    """Mean squared deviation of the touches, each at most `pose_alignment_kernel.CAP` squared, with
+    the height's."""
     probability: np.ndarray
     """Of each body, and last of none of them: (world, body + 1); rows sum to one."""
 
