@@ -354,7 +354,7 @@ class RunningExploration:
         turned = None if self.whole is None else revolution_of(self.whole)
         denied = (self.shape == Shape.SUPERQUADRIC) & ~self.agrees
         self.recovered = Recovered(
-            np.where(denied, Shape.PRIOR_CYLINDER, self.shape),
+            np.where(denied, Shape.PRIOR, self.shape),
             or_prior(whole, self.prior, ~denied), turned)
         self.belief = read_only(Belief(
             self.step, self.active.copy(), self.prior, self.seed, self.robot.arm,

@@ -76,6 +76,11 @@ def note(text: str) -> None:
         say(text)
 
 
+def extra_hint(extra: str) -> str:
+    """How to install one of the package's optional groups."""
+    return f"run `pip install '.[{extra}]'` in the clone"
+
+
 def write_atomic(path: Path, content: bytes) -> None:
     """Write a temporary file, sync it, rename it to `path`, and sync the folder.
 

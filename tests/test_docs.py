@@ -21,6 +21,8 @@ from doc_blocks import ROOT, Block, blocks, commands, pages
 LIGHT = {"objects", "hands", "hand", "strategies", "init", "check", "sweep", "status",
          "leaderboard", "table", "rows", "compare", "figure", "export", "completion"}
 NUMBER = re.compile(r"-?\d+\.\d*")
+NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten",
+           "eleven", "twelve", "thirteen")
 PROGRAMS = [block for block in commands() if "warpgrasp " in block.text
             and not run_docs.excuse(block)]
 
@@ -43,8 +45,10 @@ def test_every_kind_of_table_and_figure_is_told() -> None:
 
     text = (ROOT / "docs/leaderboard.md").read_text()
     assert [kind for kind in (*tables.KINDS, *figures.KINDS) if f"`{kind}`" not in text] == []
-    assert "ten kinds more" in (ROOT / "README.md").read_text()
-    assert len(figures.KINDS) == 11
+    readme, changes = ((ROOT / name).read_text() for name in ("README.md", "CHANGELOG.md"))
+    assert f"and {NUMBERS[len(figures.KINDS) - 1]} kinds more" in readme
+    assert (f"`table` with {NUMBERS[len(tables.KINDS)]} kinds, `figure` with "
+            f"{NUMBERS[len(figures.KINDS)]}") in changes
 
 
 def test_there_are_commands_and_blocks_to_check() -> None:

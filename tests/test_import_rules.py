@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
+from typing import Any
 
 import pytest
 from places import ROOT
@@ -148,6 +149,9 @@ def test_facades_give_what_they_name() -> None:
         if path.name == "__init__.py":
             facade = importlib.import_module(name.removesuffix(".__init__"))
             assert (facade.__doc__ or "").endswith("."), f"{path}: says nothing"
+            listed = [name.value for node in ast.walk(tree(path)) if isinstance(node, ast.List)
+                      for name in node.elts if isinstance(name, ast.Constant)]
+            assert len(listed) == len(set(listed)), f"{path}: names one thing twice"
             for public in getattr(facade, "__all__", ()):
                 assert not (path.parent / f"{public}.py").exists(), f"{path}: {public} is a file"
                 getattr(facade, public)
@@ -185,6 +189,38 @@ def test_kernels_of_one_module_are_known_together() -> None:
             for other, its in FILES.items():
                 names = {n for m, found in imported(other) if m == name for n in found}
                 assert its == module or not names & taken, f"{its} takes {names & taken} of {name}"
+
+
+NAMED = re.compile(rf"`((?:{'|'.join(FLOORS)})(?:\.\w+)+)[`(]")
+NO_NAMES = {"warpgrasp.strategies"}
+"""In back-ticks too: an entry point group."""
+
+
+def resolve(name: str) -> None:
+    """A module, or what stands in one. Raises AttributeError where there is none."""
+    found: Any = importlib.import_module(name.split(".")[0])
+    for n, part in enumerate(name.split(".")[1:], 2):
+        try:
+            found = importlib.import_module(".".join(name.split(".")[:n]))
+        except ModuleNotFoundError:
+            found = getattr(found, part)
+
+
+def test_names_in_back_ticks_are_there() -> None:
+    """In pages, docstrings and comments; keys of a spec (`fit.taper`) have dots too."""
+    from sweeps.spec.cell import SECTIONS
+    from sweeps.spec.units import spec_fields
+
+    keys = {f"{section}.{key}" for section, table in SECTIONS.items() for key in spec_fields(table)}
+    tests = (ROOT / "tests").rglob("*.py")
+    missing = []
+    for path in (ROOT / "README.md", *(ROOT / "docs").rglob("*.md"), *FILES, *tests):
+        for name in sorted({*NAMED.findall(path.read_text())} - keys - NO_NAMES):
+            try:
+                resolve(name)
+            except AttributeError:
+                missing.append(f"{path.relative_to(ROOT)}: {name}")
+    assert missing == []
 
 
 def test_what_pages_and_kinds_import_by_name_is_there() -> None:

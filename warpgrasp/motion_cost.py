@@ -28,7 +28,7 @@ def was_made(status: np.ndarray) -> np.ndarray:
 def guarded_time_s(arm: ArmTable, commands_rad: np.ndarray) -> np.ndarray:
     """Time of a guarded motion of a finger from its first command to each of them [s].
 
-    `commands_rad` (..., step, 4); returns (..., step).
+    `commands_rad` (..., step, joint); returns (..., step).
     """
     return _summed(np.maximum(_turns(commands_rad) / arm.finger_speed_rad_s, arm.guarded_step_s))
 
@@ -44,7 +44,7 @@ def closing_time_s(
     """Time of closing all fingers in step, and of opening all, at each probe [s], (world, probe).
 
     `status` and `step`, the command where it stopped, (world, probe, grasp, finger);
-    `commands_rad` (grasp, finger, step, 4). Grasps of a probe follow one another.
+    `commands_rad` (grasp, finger, step, joint). Grasps of a probe follow one another.
     """
     grasp, finger = np.ogrid[:commands_rad.shape[0], :commands_rad.shape[1]]
     made, last = was_made(status), np.maximum(step, 0)
@@ -57,8 +57,8 @@ def line_time_s(
 ) -> np.ndarray:
     """Time of `steps` (row,) guarded steps, and of the finger's way back [s], (row,).
 
-    `commands_rad` (step, 4) are the finger's, the last one held; `arm_time_s` (row,) is what the
-    arm's joints need for the way alone.
+    `commands_rad` (step, joint) are the finger's, the last one held; `arm_time_s` (row,) is what
+    the arm's joints need for the way alone.
     """
     last = np.minimum(steps, len(commands_rad) - 1)
     guarded = guarded_time_s(arm, commands_rad)[last] + (steps - last) * arm.guarded_step_s

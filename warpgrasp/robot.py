@@ -50,7 +50,7 @@ class Grasps:
     time_s: np.ndarray
     """Arm and finger time of each probe [s]."""
     commands_rad: np.ndarray
-    """As closed along, (grasp, finger, step, 4)."""
+    """As closed along, (grasp, finger, step, joint)."""
 
 
 @dataclass
@@ -148,8 +148,8 @@ class Robot:
         """Take the hands to poses in turn; at each, close guarded once along every path.
 
         `hand_pose` (world, probe, 7) [m], quaternion xyzw; `wanted` (world, probe) bool;
-        `commands_rad` (grasp, finger, step, 4), `command_count` (grasp,) steps that count. Poses
-        are left out from where the fingers' closings are as many as `room` (world,). `closes`
+        `commands_rad` (grasp, finger, step, joint), `command_count` (grasp,) steps that count.
+        Poses are left out from where the fingers' closings are as many as `room` (world,). `closes`
         (world, probe, finger) bool says which fingers close, all unless given; the others stay
         open, and are NOT_TRIED.
         """

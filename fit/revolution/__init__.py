@@ -3,7 +3,7 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "fit": ["fit_revolution", "revolution_inside"],
+    "fit": ["fit_revolution"],
     "geometry": ["RevolutionBody", "closed_contours", "revolution_inside", "revolution_surface",
         "revolution_volume"],
     "record": ["Middle", "RevolutionFit", "RevolutionOptions"],

@@ -63,8 +63,9 @@ def fit_revolution(
     return RevolutionFit(**rows)
 
 
-def revolution_volume(height_m: np.ndarray, radius_m: np.ndarray) -> np.ndarray:
-    """Volume [m^3] of stacked cone frustums, height [fit] and radii [fit, node] in metres."""
+def _even_volume(height_m: np.ndarray, radius_m: np.ndarray) -> np.ndarray:
+    """Volume [m^3] of cone frustums of one height, all of them [fit] and radii [fit, node] in [m].
+    """
     low, high = radius_m[:, :-1], radius_m[:, 1:]
     step = height_m / (radius_m.shape[1] - 1)
     return np.pi / 3 * step * (low**2 + low * high + high**2).sum(axis=1)
@@ -157,7 +158,7 @@ def _rows(end, lanes: FitData, sets: Sets, options: RevolutionOptions) -> dict[s
     information = information / (noise / sets.count)[:, None, None].clip(1e-18)
     cov = np.linalg.inv(information + np.eye(parameters))
     radius_std = np.sqrt(np.diagonal(cov, axis1=1, axis2=2)[:, 6:]) * radius
-    volume = revolution_volume(height, radius)
+    volume = _even_volume(height, radius)
     volume_std = np.sqrt(np.einsum("fi,fij,fj->f", slopes, cov, slopes))
     return {
         "position_m": position * scale[:, None] + sets.origin,
@@ -198,15 +199,3 @@ def _evaluated(theta, lanes: FitData, options: RevolutionOptions) -> Any:
 def _evaluate(options: RevolutionOptions):
     return Program(f"evaluate {options}",
                    jax.vmap(lambda theta, data: evaluate(theta, data, options)))
-
-
-def revolution_inside(fit: RevolutionFit, points: Float[np.ndarray, "fit point 3"]) -> np.ndarray:
-    """Whether points [m] lie inside, shape [fit, point]."""
-    arms = points - fit.position_m[:, None]
-    s = np.einsum("fpi,fi->fp", arms, fit.axis)
-    rho = np.linalg.norm(arms - s[..., None] * fit.axis[:, None], axis=2)
-    place = np.linspace(0, 1, fit.radius_m.shape[1])
-    height = np.maximum(fit.height_m, 1e-12)[:, None]
-    share = s / height
-    radius = np.stack([np.interp(x, place, r) for x, r in zip(share, fit.radius_m, strict=True)])
-    return (s >= 0) & (s <= height) & (rho <= radius)

@@ -46,7 +46,7 @@ class OneAtATime(ABC):
         """By how much the object is taken to be larger than believed, (world,)."""
         self._before: tuple[np.ndarray, np.ndarray] | None = None
         self._stood: np.ndarray | None = None
-        """The same of all worlds."""
+        """Where it is in all worlds, (world, 1, 7)."""
 
     def __call__(self, belief: Belief) -> list[Probe]:
         """One grasp in every world that has a candidate left."""

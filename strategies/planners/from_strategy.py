@@ -47,7 +47,7 @@ def within_budget(budget: Budget, belief: Belief) -> np.ndarray:
         on &= belief.touches < budget.touches
     if budget.robot_time_s is not None:
         on &= belief.time_s < budget.robot_time_s
-    known = belief.shape != Shape.PRIOR_CYLINDER
+    known = belief.shape != Shape.PRIOR
     if budget.volume_ratio is not None and belief.step and known.any():
         low, high = belief.uncertainty.volume_interval_m3().T
         on &= ~(known & (high <= budget.volume_ratio * low))

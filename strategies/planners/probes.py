@@ -101,7 +101,7 @@ def wanted_of(probe: Probe, worlds: int, hand: HandTable) -> np.ndarray:
         _check_options("FollowContour", probe.options, ContourOptions)
         if not isinstance(probe.axis, Axis):
             raise ProbeError(f"FollowContour.axis is {type(probe.axis).__name__}; should be an "
-                             "Axis (strategies.contour)")
+                             "Axis (strategies.procedures.contour_record)")
         for name, width in (("foot_m", 3), ("direction", 3), ("length_m", 0), ("radius_m", 0)):
             value = np.asarray(getattr(probe.axis, name))
             shape = (worlds, width) if width else (worlds,)

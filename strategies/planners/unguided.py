@@ -68,7 +68,7 @@ class Unguided(ABC):
         last."""
 
 
-@planner("random", "a pose at random among the candidates about the prior cylinder")
+@planner("random", "a pose at random among the candidates about the prior")
 class RandomPose(Unguided):
     """A pose at random."""
 
@@ -82,7 +82,7 @@ class RandomPose(Unguided):
         return _greedy(drawn, reachable)
 
 
-@planner("even", "the pose farthest from all poses taken, about the prior cylinder")
+@planner("even", "the pose farthest from all poses taken, about the prior")
 class EvenPoses(Unguided):
     """Farthest-point order (Gonzalez 1985) over the places of the hand and its approach."""
 

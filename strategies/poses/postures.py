@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from warpgrasp.chain.chain_hand import chain_of_table
+from warpgrasp.chain.chain_hand import ChainHand, chain_of_table
 from warpgrasp.chain.chain_pairs import chain_opposed
 from warpgrasp.chain.chain_postures import chain_extended
 from warpgrasp.mechanism.touch_postures import (
@@ -21,20 +21,28 @@ from warpgrasp.mechanism.touch_postures import (
 from warpgrasp.parameters import HandTable, PadTable
 
 
-@lru_cache(maxsize=16)
 def extended_finger(hand: HandTable, pads: PadTable) -> ExtendedFinger | None:
     """The hand with one finger extended; None where no finger's tip bears a pad. Raises HandError
     for a hand that cannot be used."""
-    chain = chain_of_table(hand)
+    return _extended(hand, pads, chain_of_table(hand))
+
+
+@lru_cache(maxsize=16)
+def _extended(hand: HandTable, pads: PadTable, chain: ChainHand | None) -> ExtendedFinger | None:
+    """As `extended_finger`; `chain` is the table's, whose file may have changed."""
     if chain is not None:
         return chain_extended(chain, pads)
     return utah_mit_extended(hand, pads) if pads.distal else None
 
 
-@lru_cache(maxsize=16)
 def opposed_pair(hand: HandTable, pads: PadTable) -> OpposedPair | None:
     """Two of its fingers that close towards each other; None where no two with pads do."""
-    chain = chain_of_table(hand)
+    return _opposed(hand, pads, chain_of_table(hand))
+
+
+@lru_cache(maxsize=16)
+def _opposed(hand: HandTable, pads: PadTable, chain: ChainHand | None) -> OpposedPair | None:
+    """As `opposed_pair`; `chain` is the table's."""
     if chain is not None:
         return chain_opposed(chain, pads)
     return utah_mit_opposed(hand, pads) if pads.distal else None

@@ -30,7 +30,8 @@ MODEL_SIGMA_M = 0.0015
 TOP_SIGMA_M = 0.006
 """How well the height of what was felt is known [est]."""
 TOP_CAP = 6.0
-"""The same for the height, which is one number and decides more."""
+"""Cap of the height's deviation, as `pose_alignment_kernel.CAP` of a touch's: the height is one
+number and decides more."""
 EFFECTIVE = 0.25
 """Independent touches of all: neighbours err together [est]."""
 NONE_SQUARE = 2.2
@@ -43,7 +44,8 @@ class Ranking:
 
     names: tuple[str, ...]
     square: np.ndarray
-    """Mean squared deviation of the touches, each at most `CAP` squared, with the height's."""
+    """Mean squared deviation of the touches, each at most `pose_alignment_kernel.CAP` squared, with
+    the height's."""
     probability: np.ndarray
     """Of each body, and last of none of them: (world, body + 1); rows sum to one."""
 
@@ -89,7 +91,7 @@ class Recognizer:
 
     def recognize(self, belief: Belief, recovered: Recovered) -> Recognition:
         """The likeliest answer of each world, "" where no body was recovered."""
-        there = recovered.shape != Shape.PRIOR_CYLINDER
+        there = recovered.shape != Shape.PRIOR
         if not there.any():
             return no_answer(len(there))
         found = self.ranking(belief, recovered)

@@ -70,7 +70,7 @@ class Described:
 def described(belief: Belief, recovered: Recovered, way: str) -> Described:
     """The recovered bodies of a batch by one of `WAYS`."""
     of_way = {FACES: _faces, PROFILE: _profiles, PARAMETERS: _parameters}
-    return of_way[way](belief, recovered, recovered.shape != Shape.PRIOR_CYLINDER)
+    return of_way[way](belief, recovered, recovered.shape != Shape.PRIOR)
 
 
 def _parameters(belief: Belief, recovered: Recovered, known: np.ndarray) -> Described:

@@ -63,7 +63,7 @@ def felt_polyhedron(
     own = _mean(away[pads[mask]])
     if own > UNEXPLAINED_M or (away > CONTRADICTS_M).mean() > MOST_STRAYED:
         return None
-    if recovered.shape[0] != Shape.PRIOR_CYLINDER:
+    if recovered.shape[0] != Shape.PRIOR:
         others = _mean(surface_gaps(recovered, evidence.points_m, evidence.mask)[0][pads])
         count = int(pads.sum())
         if (_evidence(own, count, planes.felt * OF_A_FACE)

@@ -149,7 +149,7 @@ def reconstruct(
                 doubt |= doubted(recovered, evidence)
             free &= doubt
             free[list(polyhedra)] = False
-            stands = recovered.shape != Shape.PRIOR_CYLINDER
+            stands = recovered.shape != Shape.PRIOR
             nearest = np.minimum(nearest, np.where(stands, mean_gap(recovered, evidence), np.inf))
         if felt is None:
             felt, links = evidence, None

@@ -70,7 +70,7 @@ def likeliest_mean(
     contacts. One that `prior`, table or free space contradict is none. All arguments have one row.
     """
     none = FreeMean("", process.mean, process)
-    known = recovered.shape[0] != Shape.PRIOR_CYLINDER
+    known = recovered.shape[0] != Shape.PRIOR
     if known and mean_gap(recovered, placed)[0] > FAR_M:
         return none
     mask = placed.mask[0]

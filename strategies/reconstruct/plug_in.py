@@ -43,10 +43,10 @@ class Touches:
     free_mask: np.ndarray
     """(world, ball)."""
     low_m: np.ndarray
-    """Corners of a box that holds the given prior cylinder and its error, (world, 3)."""
+    """Corners of a box that holds the given prior and its error, (world, 3)."""
     high_m: np.ndarray
     recovered: Mean
-    """Signed distance [m] of the superquadric or contour recovered, or of the prior cylinder:
+    """Signed distance [m] of the superquadric or contour recovered, or of the prior:
     recovered(points_m [row, point, 3], worlds [row])."""
 
     @property

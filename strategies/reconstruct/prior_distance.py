@@ -15,8 +15,8 @@ from strategies.recovery.choose_model import Recovered, Shape
 class DistanceToRecovered:
     """Signed distances [m] of points to the body that stands for each world, negative inside.
 
-    Of a contour exact; of a superquadric, and of the prior cylinder, of first order in the
-    distance, and never deeper than the body's least half extent. A `Mean` that can be pickled.
+    Of a contour exact; of a superquadric, and of the prior, of first order in the distance, and
+    never deeper than the body's least half extent. A `Mean` that can be pickled.
     """
 
     recovered: Recovered

@@ -48,7 +48,7 @@ class Belief:
     fitted: np.ndarray
     """Whether the fit is to be believed, bool (world,)."""
     body: Superquadric
-    """The fit where it is plausible, else the prior cylinder."""
+    """The fit where it is plausible, else the prior."""
     faces: tuple[Face, ...]
     """Faces crossed so far; `Face.fit.status` says in which worlds."""
     profile: Profile | None

@@ -33,7 +33,7 @@ OF_A_SUPERQUADRIC, OF_A_NODE, OF_A_LINE = 11, 2, 4
 class Shape(IntEnum):
     """Which model stands for a world's body."""
 
-    PRIOR_CYLINDER = 0
+    PRIOR = 0
     SUPERQUADRIC = 1
     REVOLUTION = 2
 
@@ -45,7 +45,7 @@ class Recovered:
     shape: np.ndarray
     """`Shape`, (world,)."""
     superquadric: Superquadric
-    """The fit, or the prior cylinder."""
+    """The fit, or the prior."""
     revolution: RevolutionBody | None = None
 
     def __len__(self) -> int:
@@ -90,7 +90,7 @@ def choose_body(
     rest of the evidence does not contradict it: a contour that was broken off half way up leaves
     contacts above it. One that is not plausible is never taken.
     """
-    shape = np.where(fitted, Shape.SUPERQUADRIC, Shape.PRIOR_CYLINDER)
+    shape = np.where(fitted, Shape.SUPERQUADRIC, Shape.PRIOR)
     if profile is None:
         return Recovered(shape, superquadric)
     body = revolution_of(profile)
@@ -139,7 +139,7 @@ def prior_superquadric(prior: BoundingCylinder) -> Superquadric:
 
 
 def or_prior(fits: SuperquadricLike, prior: BoundingCylinder, good: np.ndarray) -> Superquadric:
-    """The good fits, and the prior cylinder in place of the others; `good` is bool (fit,)."""
-    cylinder = prior_superquadric(prior)
-    return Superquadric(*(np.where(good[:, None], getattr(fits, name), getattr(cylinder, name))
+    """The good fits, and the prior in place of the others; `good` is bool (fit,)."""
+    given = prior_superquadric(prior)
+    return Superquadric(*(np.where(good[:, None], getattr(fits, name), getattr(given, name))
                           for name in Superquadric._fields))

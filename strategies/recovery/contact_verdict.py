@@ -59,7 +59,7 @@ def explained_by(recovered: Recovered, points_m: np.ndarray, mask: np.ndarray) -
     `FARTHEST_M` is how far; farther ones weigh nothing more in a body's misfit. None of a world
     where only the prior stands for the body.
     """
-    known = (recovered.shape != Shape.PRIOR_CYLINDER)[:, None]
+    known = (recovered.shape != Shape.PRIOR)[:, None]
     return mask & known & (surface_gaps(recovered, points_m, mask) <= FARTHEST_M)
 
 
@@ -89,7 +89,7 @@ def unexplained(recovered: Recovered, evidence: Evidence) -> np.ndarray:
     only contradict the model. Where they do not, the model stands, for it knows more of what was
     not felt.
     """
-    return ((recovered.shape == Shape.PRIOR_CYLINDER)
+    return ((recovered.shape == Shape.PRIOR)
             | (mean_gap(recovered, evidence) > UNEXPLAINED_M))
 
 

@@ -118,8 +118,8 @@ def swept_by(distance: np.ndarray, mask: np.ndarray) -> np.ndarray:
 
 
 def _mean_away(distance: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    square = row_sums(np.where(mask, np.minimum(np.abs(distance), FARTHEST_M), 0.0))
-    return square / np.maximum(mask.sum(1), 1)
+    total = row_sums(np.where(mask, np.minimum(np.abs(distance), FARTHEST_M), 0.0))
+    return total / np.maximum(mask.sum(1), 1)
 
 
 def _shrunk(volume_m3: np.ndarray, prior: BoundingCylinder) -> np.ndarray:

@@ -79,5 +79,5 @@ def table(folders: Sequence[Path], kind: str, out: Path | None, *, metric: str,
             raise StoreError(f"{out}: cannot be written: {error.strerror}") from None
     print_table(made.header, made.rows, as_json)
     for line in (*made.notes, *damaged_notes(stores)):
-        note(f"note: {line}")
+        note(line)
     return 0

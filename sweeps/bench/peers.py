@@ -1,7 +1,8 @@
 """What a user would take instead, doing the same work: the peers of `warpgrasp bench --peers`.
 
-They need the optional group `peers` (`pip install warpgrasp[peers]`). A row's `of` is the peer's
-setting; every closing is of the hand straight above the small cylinder, as `bench_closing` says.
+They need the optional group `peers` (`pip install '.[peers]'` in the clone). A row's `of` is the
+peer's setting; every closing is of the hand straight above the small cylinder, as `peer_closing`
+says.
 """
 
 from collections.abc import Callable

@@ -62,7 +62,7 @@ def arm(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])],
     with quiet_stdout():
         model, notes = arm_from_urdf(urdf, flange=flange)
         for line in notes:
-            note(f"note: {line}")
+            note(line)
         try:
             write_atomic(out, arm_text(model).encode())
         except OSError as error:

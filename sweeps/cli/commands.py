@@ -148,10 +148,10 @@ def leaderboard(folders: Sequence[Path], out: Path | None, *, metric: str,
     _show(board, as_json)
     for store in stores:
         if (store.folder / "race.csv").exists():
-            note(f"note: {store.folder} holds a race, whose outcome is in its race.csv; a "
-                 "leaderboard is of the episodes of a sweep")
+            note(f"{store.folder} holds a race, whose outcome is in its race.csv; a leaderboard is "
+                 "of the episodes of a sweep")
     for line in damaged_notes(stores):
-        note(f"note: {line}")
+        note(line)
     return DONE
 
 
@@ -198,7 +198,7 @@ def sensitivity(
     write_atomic(folder / "sensitivity.md", "\n".join(lines).encode())
     print_table(HEADER, rows, as_json)
     for line in notes:
-        say(f"note: {line}")
+        say(line)
     return code
 
 
@@ -209,7 +209,7 @@ def _show(board: Leaderboard, as_json: bool) -> None:
     print_table([board.header[n] for n in keep], [[row[n] for n in keep] for row in board.rows],
                 as_json)
     for line in board.notes:
-        note(f"note: {line}")
+        note(line)
 
 
 def _count_files(store: Store) -> int:

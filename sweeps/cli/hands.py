@@ -73,7 +73,7 @@ def hand(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
             model, notes = hand_from_urdf(urdf, palm=palm, tips=tip or [], held_rad=_held(hold))
             text = hand_text(model, notes, guessed=True, framed=FRAMED in notes)
             for line in notes:
-                note(f"note: {line}")
+                note(line)
         _say_guesses(model)
         picture = out.with_suffix(".png")
         files = {} if text is None else {out: text.encode()}

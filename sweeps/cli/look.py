@@ -82,7 +82,7 @@ def rows(folders: list[Path], /, *,
         count, notes = write_rows(folders, out, what)
     except OSError as error:
         raise StoreError(f"{out}: cannot be written: {error.strerror or error}") from None
-    for line in (f"{out}: {count} rows", *(f"note: {text}" for text in notes)):
+    for line in (f"{out}: {count} rows", *notes):
         note(line)
     return 0
 

@@ -62,7 +62,7 @@ def compare(one: Path, other: Path, out: Path | None, *, metric: str, over: str 
     print(_shared_text(shared, shift), end="\n\n")
     print_table(made.header, made.rows, False)
     for text in made.notes:
-        note(f"note: {text}")
+        note(text)
     return 0
 
 

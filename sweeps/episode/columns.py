@@ -66,7 +66,7 @@ def interval_columns(
     """90 % intervals of volumes, (world,) each, NaN where nothing was recovered or a mesh stands,
     bool `replaced` (world,); if they are of a kind that held, and whether the contacts agree with
     the model."""
-    known = recovered.shape != Shape.PRIOR_CYLINDER
+    known = recovered.shape != Shape.PRIOR
     stands = known if replaced is None else known & ~replaced
     low, high = np.full((2, len(known)), np.nan)
     trusted = np.zeros_like(known)

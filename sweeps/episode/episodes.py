@@ -5,7 +5,7 @@
 Cells that differ in their object, or in where their waypoints stand, can be run in one block: many
 episodes at once cost less each.
 
-An episode's object, pose, prior cylinder and noise come from (study seed, object, episode number)
+An episode's object, pose, prior and noise come from (study seed, object, episode number)
 alone: the same for every strategy, setting and block.
 """
 
@@ -150,7 +150,7 @@ def run_cells(parts: Sequence[Part], device: str) -> list[dict[str, np.ndarray]]
 def run_episodes(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
     """Rows of episodes `episodes` (numbers within the study) of a cell, a column each.
 
-    Columns as in `docs/leaderboard`; text columns hold str, curves an array a row.
+    Columns as in `docs/leaderboard.md`; text columns hold str, curves an array a row.
     """
     return run_cells([(cell, episodes)], device)[0]
 

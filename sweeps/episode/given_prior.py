@@ -70,7 +70,7 @@ def rectangle_around(body: Body) -> tuple[np.ndarray, np.ndarray, float]:
 
 def prior_recovered(prior: BoundingCylinder) -> Recovered:
     """What an episode recovers that touches nothing: the prior of each world."""
-    return Recovered(np.full(len(prior.x_m), Shape.PRIOR_CYLINDER), prior_superquadric(prior))
+    return Recovered(np.full(len(prior.x_m), Shape.PRIOR), prior_superquadric(prior))
 
 
 def worse_than_prior(scores: Scores, prior: Scores) -> np.ndarray:

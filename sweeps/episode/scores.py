@@ -348,8 +348,8 @@ def distance_to_surface(body: Body, points_m: np.ndarray, *, device: str = "cpu"
 
     `points_m` has shape (world, point, 3), in the body's frame. A point that is not finite has a
     distance that is not finite. The signed distance of a single primitive is exact; that of a
-    compound, a grid or a superquadric is a bound. There the nearest of `DISCS` points of the
-    surface is taken, and the foot of the perpendicular on its disc is moved onto the surface along
+    compound, a grid or a superquadric is a bound. There the nearest of the sample's points
+    is taken, and the foot of the perpendicular on its disc is moved onto the surface along
     the gradient: the nearer of the two counts.
     """
     if body.has_exact_distance:

@@ -1,4 +1,5 @@
-"""Recovered superquadrics as surface elements, in kernels: what `fit.superquadric_surface` gives.
+"""Recovered superquadrics as surface elements, in kernels, as
+`fit.superquadric.geometry.superquadric_surface` gives them.
 
 A cube's grid is projected onto each body; every quadrilateral is an element with its own point,
 normal and area. A straight body is the same in all eight octants, so powers are computed in one.

@@ -60,7 +60,7 @@ def contacts_shown(block: "EpisodeBlock", name: str, world: int = 0) -> Contacts
 
     pose = block.truth.body_pose[world]
     free_form = mesh_of_world(block, world) is not None
-    prior = bool(block.recovered.shape[world] == Shape.PRIOR_CYLINDER) and not free_form
+    prior = bool(block.recovered.shape[world] == Shape.PRIOR) and not free_form
     own = np.array([world])
     evidence = rows_of(block.evidence, own)
     mine = evidence.mask[0]
@@ -70,7 +70,7 @@ def contacts_shown(block: "EpisodeBlock", name: str, world: int = 0) -> Contacts
     turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
     vertices, sides = body_mesh(block.body, 48)
     return ContactsShown(
-        name, "cylinder given as prior" if prior else "recovered surface" if free_form
+        name, "given prior" if prior else "recovered surface" if free_form
         else "recovered body", prior, 1e3 * (recovered_faces(block, world) - pose[:3]),
         (1e3 * (vertices @ turn.T))[sides], 1e3 * (evidence.points_m[0][mine] - pose[:3]), near)
 

@@ -134,7 +134,7 @@ class _Recording:
                 yield self._still(f"{procedure.name}: fitted again")
 
     def _believe(self, recovered: Recovered) -> None:
-        if recovered.shape[self.world] != Shape.PRIOR_CYLINDER:
+        if recovered.shape[self.world] != Shape.PRIOR:
             self.estimates.append(recovered_grid(recovered, self.world, 12))
             self.estimate = len(self.estimates) - 1
 

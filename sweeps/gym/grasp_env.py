@@ -13,10 +13,11 @@ from gymnasium.vector.utils import batch_space
 from fit.arrays import joined, rows_of
 from strategies.exploration import RunningExploration
 from strategies.planners.from_strategy import Budget
+from strategies.poses.hand_outline import outline_of
 from strategies.procedures.containment import closing_names
 from sweeps.episode.episodes import place_objects
 from sweeps.episode.given_prior import SEEN, draw_prior, seen_prior
-from sweeps.episode.scores import Scorer, Scores
+from sweeps.episode.scores import SAMPLES, Scorer, Scores
 from sweeps.gym.actions import PROCEDURES, action_size, probes_of
 from sweeps.gym.observations import BOUND, contact_slots, observation_size, observe
 from sweeps.gym.settings import read_settings
@@ -78,7 +79,8 @@ class GraspVectorEnv(VectorEnv):
         self.num_envs, self.render_mode = num_envs, render_mode
         self._probes, self._device = probes, device
         self._procedures, self._closings = tuple(procedures), tuple(closings)
-        self._slots = contact_slots(self._procedures, len(self._closings), probes)
+        fingers = outline_of(self._made_with.cell.hand).fingers
+        self._slots = contact_slots(self._procedures, len(self._closings), probes, fingers)
         self.single_observation_space = spaces.Box(
             -BOUND, BOUND, (observation_size(self._slots),), np.float64)
         self.single_action_space = spaces.Box(-1.0, 1.0, (action_size(self._procedures),),
@@ -101,7 +103,8 @@ class GraspVectorEnv(VectorEnv):
         self._which = np.minimum((draw * len(bodies)).astype(int), len(bodies) - 1)
         self._truth = Truth(place_objects(cell.placement, key))
         robot = Robot(bodies, self._which, self._truth, key, cell.arm, cell.hand, cell.sensors,
-                      pads=cell.pads, device=self._device)
+                      pads=cell.pads, errors=cell.errors, contact=cell.contact, true=cell.true,
+                      device=self._device)
         prior = self._merged([
             draw_prior(body, self._truth.body_pose[mine], cell.placement, key[mine])
             for body, mine in self._worlds_of()])
@@ -127,9 +130,10 @@ class GraspVectorEnv(VectorEnv):
 
     def _score(self) -> np.ndarray:
         """Chamfer distances of what is recovered [mm], (world,)."""
+        samples = SAMPLES[self._made_with.cell.scores.samples]
         scores: Scores = self._merged([
             Scorer([body], np.zeros(len(rows), int), self._truth.body_pose[rows],
-                   self._device).score(rows_of(self._run.recovered, rows))
+                   self._device, samples).score(rows_of(self._run.recovered, rows))
             for body, rows in self._worlds_of()])
         return scores.chamfer_m * 1e3
 

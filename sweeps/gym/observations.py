@@ -14,11 +14,15 @@ BOUND = 10.0
 """Of every number of an observation."""
 PRIOR, BODY, MODELS, SHARES, CONTACT = 8, 16, 3, 3, 5
 """Numbers of the prior, the body, the model it is of, the shares, and one contact."""
+FEWEST_FINGERS = 4
+"""Fingers that there are slots for at least, so that hands of three and four fingers are observed
+alike."""
 
 
-def contact_slots(procedures: Sequence[str], closings: int, probes: int) -> int:
-    """The most contacts that an episode can make."""
-    most = {"containment": 4 * closings, "planar": FACE_TOUCHES, "contour": CONTOUR_TOUCHES}
+def contact_slots(procedures: Sequence[str], closings: int, probes: int, fingers: int) -> int:
+    """The most contacts that an episode can make with a hand of so many fingers, or of four."""
+    most = {"containment": max(FEWEST_FINGERS, fingers) * closings, "planar": FACE_TOUCHES,
+            "contour": CONTOUR_TOUCHES}
     return probes * max(most[name] for name in procedures)
 
 

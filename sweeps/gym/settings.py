@@ -1,15 +1,17 @@
 """What an environment is made with: objects and tables, in the words of a spec."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from strategies.ready_made import STRATEGIES
+from strategies.reconstruct.plug_in_name import BUILT_IN
 from sweeps.episode.episodes import cell_body
 from sweeps.spec.cell import SECTIONS, Cell
 from sweeps.spec.errors import Problems, choose
-from sweeps.spec.named_files import with_models
+from sweeps.spec.hands import read_hand
+from sweeps.spec.named_files import in_column, read_arm, with_models
 from sweeps.spec.objects import read_objects
 from sweeps.spec.units import read_table
 from warpgrasp.geometry.body import Body
@@ -42,7 +44,15 @@ def read_settings(objects: Any, tables: Mapping[str, Any] | None) -> Settings:
             problems.add(("settings", name), f"unknown table; {choose(name, SECTIONS)}")
     read = {name: table(**read_table(table, given.get(name, {}), ("settings", name), problems))
             for name, table in SECTIONS.items()}
+    for name, read_kind in (("hand", read_hand), ("arm", read_arm)):
+        read[name] = replace(read[name], kind=read_kind(
+            read[name].kind, Path.cwd(), problems, ("settings", name, "kind")))
+    if read["fit"].reconstruct != BUILT_IN[0]:
+        problems.add(("settings", "fit", "reconstruct"), "bodies are made anew after an episode "
+                     f"alone, and an environment does not; should be {BUILT_IN[0]}")
     read["recognition"] = with_models(read["recognition"], Path.cwd(), problems)
+    if not problems.found and (wrong := in_column(read)):
+        problems.add(("settings", "object"), wrong)
     if problems.found:
         raise ValueError("\n".join(f"{p.key}: {p.what}" for p in problems.found))
     read["placement"] = read.pop("object")

@@ -99,7 +99,7 @@ BOTTLES_HEADER = (
 def bottle_rows(found: list[Followed]) -> list[tuple[str, ...]]:
     """The table, a row for each bottle and way, over the worlds in which its end was reached.
 
-    `to_the_end` and `right_by` count those worlds.
+    `to_the_end` and the columns `right_by_...` count those worlds.
     """
     rows = []
     for f in found:

@@ -52,7 +52,7 @@ class Recovered:
     evidence: Evidence
     """Contacts as placed for the last fit."""
     bodies: Superquadric
-    """What is scored: the fits, and where nothing could be fitted the prior cylinder."""
+    """What is scored: the fits, and where nothing could be fitted the prior."""
     body_pose: np.ndarray
     """Where the objects truly stand, (episode, 7)."""
     fitted: np.ndarray

@@ -62,8 +62,8 @@ def race(spec: Path, folder: Path, *, rules: Rules, episodes: int | None, minute
     _show(found, as_json, search_lines(course) if isinstance(course, SearchCourse) else {})
     if not found.reached:
         spent = "time" if course.late else "budget of episodes" if episodes else "objects"
-        note(f"note: the {spent} ended before the best was known within "
-             f"{amount(rules.within, metric)}; more of it goes on from here")
+        note(f"the {spent} ended before the best was known within {amount(rules.within, metric)}; "
+             "more of it goes on from here")
     if outcome.failed:
         note(f"{outcome.failed} units failed and count as the worst; see {store.logs}/*.failed.log")
     return int(bool(outcome.failed or outcome.lost))

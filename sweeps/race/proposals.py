@@ -8,6 +8,7 @@ hyper-parameter optimization, NeurIPS 24; Akiba and others 2019, Optuna, KDD.
 from collections.abc import Sequence
 from typing import Any
 
+from sweeps.output import extra_hint
 from sweeps.spec.errors import StoreError
 from sweeps.spec.search import Factor, Search
 
@@ -25,8 +26,7 @@ class Proposals:
         try:
             import optuna
         except ImportError:
-            raise StoreError("[search]: needs Optuna, an optional extra: "
-                             "pip install 'warpgrasp[search]'") from None
+            raise StoreError(f"[search]: needs Optuna: {extra_hint('search')}") from None
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         self.search = search
         sampler = optuna.samplers.TPESampler(seed=seed % 2**32, n_startup_trials=STARTUP,

@@ -41,7 +41,7 @@ class RacePlan(Plan):
         return len(self.asked)
 
     def units(self, shard: tuple[int, int] = (1, 1)) -> Iterator[Unit]:
-        """Those units; a race has no shards."""
+        """The same for every shard; `SharedRungs` deals them out."""
         return iter(self.asked)
 
     def shard_size(self, shard: tuple[int, int] = (1, 1)) -> int:

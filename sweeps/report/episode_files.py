@@ -173,7 +173,7 @@ def shape_record(cell: Cell, block: EpisodeBlock, world: int = 0) -> dict[str, A
         "models": list(_models(cell, block, world)),
         "chosen": block.rebuilt.name_of(world) if block.rebuilt and mesh_of_world(block, world)
         else name,
-        "interval": {key: None if np.isnan(values[world]) or shape == Shape.PRIOR_CYLINDER
+        "interval": {key: None if np.isnan(values[world]) or shape == Shape.PRIOR
                      else float(values[world])
                      for key, values in interval_columns(belief, block.recovered,
                                                          replaced).items()},
@@ -201,13 +201,12 @@ def shape_record(cell: Cell, block: EpisodeBlock, world: int = 0) -> dict[str, A
 
 
 def _models(cell: Cell, block: EpisodeBlock, world: int) -> Iterator[dict[str, Any]]:
-    """Every model of the body: the superquadric (or the prior cylinder), faces, the contour."""
+    """Every model of the body: the superquadric (or the prior), faces, the contour."""
     belief = block.exploration.belief
     yield from _free_form(block, world)
     ok = bool(belief.fitted[world])
-    kind = str(model_names(Recovered(np.where(belief.fitted, Shape.SUPERQUADRIC,
-                                              Shape.PRIOR_CYLINDER), belief.body),
-                           cell.fit)[world])
+    kind = str(model_names(Recovered(
+        np.where(belief.fitted, Shape.SUPERQUADRIC, Shape.PRIOR), belief.body), cell.fit)[world])
     numbers = superquadric_parameters(belief.body)
     yield {"shape": kind, "parameters": {k: float(v[world]) for k, v in numbers.items()},
            "rms_mm": float(belief.fits.rms_m[world] * 1e3) if ok else None,

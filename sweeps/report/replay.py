@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from sweeps.analysis.rerun_episode import cell_of, choose_episode, in_a_worker
 from sweeps.figures.replay_frames import PALM_M, Replay, replay_of, segment_pose
-from sweeps.output import why_unwritable, write_atomic
+from sweeps.output import extra_hint, why_unwritable, write_atomic
 from sweeps.run.store import open_study
 from sweeps.spec.errors import StoreError
 
@@ -52,7 +52,7 @@ def check_viser() -> None:
     try:
         import viser  # noqa: F401
     except ImportError:
-        raise StoreError("a replay needs viser: pip install 'warpgrasp[show]'") from None
+        raise StoreError(f"a replay needs viser: {extra_hint('show')}") from None
 
 
 def write_replay(replay: Replay, out: Path) -> None:

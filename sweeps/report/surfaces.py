@@ -43,7 +43,7 @@ def surface_sigma(block: "EpisodeBlock", points_m: np.ndarray, world: int = 0) -
         weight = 1.0 / np.maximum(far, 1e-6)
         return (volume.surface_std_m[0][near] * weight).sum(1) / weight.sum(1)
     belief, mine = block.exploration.belief, np.array([world])
-    if block.recovered.shape[world] == Shape.PRIOR_CYLINDER:
+    if block.recovered.shape[world] == Shape.PRIOR:
         return None
     return surface_spread(rows_of(belief.body, mine), rows_of(belief.uncertainty, mine),
                           rows_of(belief.felt, mine), points_m[None])[0]

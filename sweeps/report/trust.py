@@ -44,10 +44,10 @@ def trust_sentence(block: EpisodeBlock, world: int = 0) -> str:
     mesh = mesh_of_world(block, world)
     if mesh is not None:
         return free_form_sentence(mesh, evidence.points_m[0][evidence.mask[0]])
-    if recovered.shape[0] == Shape.PRIOR_CYLINDER:
+    if recovered.shape[0] == Shape.PRIOR:
         why = _NOTHING.get(str(block.status[world]), str(block.status[world]))
-        return (f"nothing was recovered: {why} ({felt} contacts); the body written is the cylinder "
-                "that the strategy was given as prior")
+        return (f"nothing was recovered: {why} ({felt} contacts); the body written is the prior "
+                "that the strategy was given")
     near = np.asarray(block.exploration.verdicts[world] == ACCEPTED)
     share = surface_near(recovered, evidence.points_m[0][near])
     far = felt - int(near.sum())
@@ -68,11 +68,11 @@ def choice_sentence(block: EpisodeBlock, world: int = 0) -> str:
     """Which body `reconstruct = "chosen"` has chosen for one world, and why."""
     mine = np.array([world])
     recovered, evidence = rows_of(block.recovered, mine), rows_of(block.evidence, mine)
-    model = {Shape.PRIOR_CYLINDER: "given prior", Shape.SUPERQUADRIC: "superquadric",
+    model = {Shape.PRIOR: "given prior", Shape.SUPERQUADRIC: "superquadric",
              Shape.REVOLUTION: "contour"}[Shape(int(recovered.shape[0]))]
     why = (f"contacts lie {1e3 * mean_gap(recovered, evidence)[0]:.1f} mm from the {model} in the "
            "mean")
-    if recovered.shape[0] == Shape.PRIOR_CYLINDER:
+    if recovered.shape[0] == Shape.PRIOR:
         why = "no model was recovered"
     rebuilt = block.rebuilt
     if rebuilt is not None and world in rebuilt.polyhedra:

@@ -10,7 +10,7 @@ import traceback
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from sweeps.output import write_atomic
+from sweeps.output import extra_hint, write_atomic
 from sweeps.run.local_engine import Options, disk_error
 from sweeps.run.plan import Plan, Unit
 from sweeps.run.progress import Progress
@@ -107,6 +107,5 @@ def _ray() -> Any:
     try:
         import ray  # pyright: ignore[reportMissingImports]
     except ImportError:
-        raise StoreError("--engine ray: Ray is not installed; "
-                         "pip install 'warpgrasp[ray]' adds it") from None
+        raise StoreError(f"--engine ray: Ray is not installed: {extra_hint('ray')}") from None
     return ray

@@ -159,10 +159,10 @@ def check_arms(study: Study, given: Mapping[str, Any], problems: Problems) -> No
 def check_places(study: Study, problems: Problems) -> None:
     """Notes the first setting under which the object stands where the arm does, as when metres are
     written for millimetres."""
-    note_misfit(study, ("object.x_mm", "object.y_mm", ARM_KEY), _in_column, ("object",), problems)
+    note_misfit(study, ("object.x_mm", "object.y_mm", ARM_KEY), in_column, ("object",), problems)
 
 
-def _in_column(tables: Mapping[str, Any]) -> str:
+def in_column(tables: Mapping[str, Any]) -> str:
     """Why the object cannot stand there; empty where it can. A floating wrist has no column."""
     arm, place = tables["arm"].kind, tables["object"]
     if arm == FLOATING:

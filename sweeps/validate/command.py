@@ -8,7 +8,7 @@ from functools import partial
 from importlib import import_module
 from pathlib import Path
 
-from sweeps.output import init_warp, quiet_stdout, write_atomic
+from sweeps.output import extra_hint, init_warp, quiet_stdout, write_atomic
 from sweeps.spec.errors import StoreError, choose
 from sweeps.text_table import print_table
 from sweeps.validate.comparison import HEADER, Comparison, MissingEngine
@@ -35,8 +35,8 @@ def validate(only: Sequence[str], out: Path | None, *, poses: int, workers: int,
                 rows += _compare(name, poses, workers)()
             except (MissingEngine, ModuleNotFoundError) as error:
                 missing = True
-                print(f"{name}: left out: {error}; `make validate` installs what it needs",
-                      file=sys.stderr)
+                print(f"{name}: left out: {error}; `make validate` installs what it needs, "
+                      f"or {extra_hint('validate')}", file=sys.stderr)
     if out is not None:
         try:
             out.mkdir(parents=True, exist_ok=True)

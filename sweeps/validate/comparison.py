@@ -38,15 +38,14 @@ def _text(value: float) -> str:
 
 
 class MissingEngine(Exception):
-    """An engine to compare with is not installed; the message says how to get it."""
+    """An engine to compare with is not installed."""
 
 
 def engine(name: str) -> Any:
-    """Import an engine, or say how to install it."""
+    """Import an engine. Raises MissingEngine."""
     from importlib import import_module
 
     try:
         return import_module(name)
     except ImportError as error:
-        raise MissingEngine(f"{name} is not installed ({error}); `make validate` installs it, or "
-                            "pip install 'warpgrasp[validate]'") from None
+        raise MissingEngine(f"{name} is not installed ({error})") from None

@@ -25,7 +25,7 @@ def episode_columns(cell: Cell, episodes: int) -> dict[str, np.ndarray]:
     they are off the superquadric, `off_m`, and what the robot knows there."""
     block = run_block(cell, np.arange(episodes), "cpu")
     belief, recovered = block.exploration.belief, block.recovered
-    known = (block.status == "ok") & (recovered.shape != Shape.PRIOR_CYLINDER)
+    known = (block.status == "ok") & (recovered.shape != Shape.PRIOR)
     uncertainty = belief.uncertainty
     true = sample_body(block.body, surface=PLACES)
     pose = block.truth.body_pose

@@ -65,7 +65,7 @@ def interval_row(cell: Cell, episodes: int) -> dict[str, float]:
     of the interval of the volume's logarithm."""
     block = run_block(cell, np.arange(episodes), "cpu")
     belief, recovered = block.exploration.belief, block.recovered
-    known = (block.status == "ok") & (recovered.shape != Shape.PRIOR_CYLINDER)
+    known = (block.status == "ok") & (recovered.shape != Shape.PRIOR)
     low, high = belief.uncertainty.volume_interval_m3().T
     true = sample_body(block.body, surface=256)
     held = (low < true.volume_m3) & (true.volume_m3 < high)

@@ -1,7 +1,7 @@
 """Shows that a change of the code changes no result: run at two checkouts, then compare.
 
-    python tests/same_results.py run OUT            # with the environment that is active
-    python tests/same_results.py compare OUT OTHER  # 0 if every file has the same bytes
+    python tests/scripts/same_results.py run OUT            # with the environment that is active
+    python tests/scripts/same_results.py compare OUT OTHER  # 0 if every file has the same bytes
 
 `run` uses the command line alone, so that it also runs at older checkouts (`PYTHONPATH=CHECKOUT`).
 It runs ten strategies on ten objects with eight episodes each, a study that sweeps settings over a

@@ -319,7 +319,7 @@ def test_a_body_that_contacts_contradict_is_no_result_but_is_gone_on_by(
     assert len(seen) > 1
     assert (found.status == "fit_implausible").all()
     for belief, recovered in seen:
-        assert (recovered.shape == Shape.PRIOR_CYLINDER).all()
+        assert (recovered.shape == Shape.PRIOR).all()
         assert np.array_equal(recovered.superquadric.size_m[:, 0], belief.prior.radius_m)
         assert belief.fitted.all()
         assert not np.array_equal(belief.body.size_m[:, 0], belief.prior.radius_m)

@@ -104,7 +104,7 @@ def hand_of_kind(kind: str) -> HandModel:
 
 @lru_cache(maxsize=16)
 def _hand_of_file(kind: str, changed_ns: int, size: int) -> HandModel:
-    """The hand of a file, read again when the file has changed."""
+    """The hand of a file; `changed_ns` and `size` only tell versions of the file apart."""
     from warpgrasp.hands.hand_file import hand_from_file
 
     return hand_from_file(Path(kind))

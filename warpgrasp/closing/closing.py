@@ -1,7 +1,7 @@
 """Tendon-guarded closing: the contact event of the paper's first exploratory procedure.
 
 All fingers of all grasps of all probes of all worlds close in one launch (`closing_kernel`), and
-what is felt where they stop is read in a second one (`closing_reading`).
+what is felt where they stop is read in a second one (`reading_kernel`).
 """
 
 from dataclasses import dataclass
@@ -38,11 +38,11 @@ class ClosingTruth:
     """The true outcome, for the scorer alone. Shapes start with (world, probe, grasp, finger)."""
 
     q_rad: np.ndarray
-    """Joints where the finger stopped [rad], (..., 4)."""
+    """Joints where the finger stopped [rad], (..., joint)."""
     rest_rad: np.ndarray
-    """Joints when all fingers had stopped [rad], (..., 4): one may have been pushed by others."""
+    """Joints when all fingers had stopped [rad], (..., joint): others may have pushed a finger."""
     torque_Nm: np.ndarray
-    """Joint torques where it stopped [N m], (..., 4)."""
+    """Joint torques where it stopped [N m], (..., joint)."""
     link: np.ndarray
     """Link that bears the largest force (0 proximal to 2 distal), -1: none on object or table."""
     point_m: np.ndarray
@@ -59,16 +59,19 @@ class ClosingTruth:
 
 @dataclass(frozen=True)
 class Closing:
-    """What the robot knows of a closing. Shapes start with (world, probe, grasp, finger)."""
+    """What the robot knows of a closing. Shapes start with (world, probe, grasp, finger).
+
+    A joint of a hand of chains is one of its drives.
+    """
 
     status: np.ndarray
     """ProbeStatus."""
     step: np.ndarray
     """Command at which the finger stopped (its number on the path)."""
     q_rad: np.ndarray
-    """Joint angles as read [rad], (..., 4)."""
+    """Joint angles as read [rad], (..., joint)."""
     tension_N: np.ndarray
-    """Mean tensions read at rest [N], (..., joint 4, flexor and extensor 2)."""
+    """Mean tensions read at rest [N], (..., joint, flexor and extensor 2)."""
     tension_difference_N: np.ndarray
     """The reading that stopped the finger [N] (largest of the flexions); NaN without a stop."""
 

@@ -39,13 +39,14 @@ class ContactEstimate:
     link: np.ndarray
     """Link believed in touch (0 proximal to 2 distal), -1 without a contact."""
     link_weight: np.ndarray
-    """Posterior probability of each link, (..., link 3); zeros without a contact."""
+    """Posterior probability of each link, (..., link); zeros without a contact."""
     torque_Nm: np.ndarray
-    """By which contacts turn the joints, the links' weight taken off, (..., 4)."""
+    """By which contacts turn the joints, the links' weight taken off, (..., joint)."""
     torque_sigma_Nm: np.ndarray
-    """Its standard deviation; huge where a joint is held by its stop, (..., 4)."""
+    """Its standard deviation; huge where a joint is held by its stop, (..., joint)."""
     link_points_m: np.ndarray
-    """Believed joints and tip centre of each finger, (..., 4, 3): the links' axes between them."""
+    """Believed joints and tip centre of each finger, (..., 4, 3): the links' axes between them.
+    NaN of a hand of chains."""
 
     def inside_m(self) -> np.ndarray:
         """Places of the links' axes that are believed, (..., place, 3): a ball of a link's radius

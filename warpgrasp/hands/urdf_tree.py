@@ -108,8 +108,8 @@ def _parsed(file: Path) -> Any:
     try:
         from yourdfpy import URDF
     except ImportError:
-        raise HandError(f"{file}: reading a URDF needs yourdfpy; install it by `pip install "
-                        "'warpgrasp[hands]'`") from None
+        raise HandError(f"{file}: reading a URDF needs yourdfpy: run `pip install '.[hands]'` in "
+                        "the clone") from None
     for joint in root.iter("joint"):  # the reader's own messages name no element
         if joint.get("type") and None in (joint.find("parent"), joint.find("child")):
             raise HandError(f"{file}: joint {joint.get('name')}: has no parent or no child; should "

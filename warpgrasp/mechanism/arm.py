@@ -29,7 +29,6 @@ def is_floating(table: ArmTable) -> bool:
     return table.kind == FLOATING
 
 
-@lru_cache(maxsize=16)
 def serial_model(table: ArmTable) -> ArmModel | None:
     """The model of a serial arm; None of the PUMA 560 and of a floating wrist. Raises ArmError for
     an arm that cannot be used."""
@@ -38,9 +37,21 @@ def serial_model(table: ArmTable) -> ArmModel | None:
     # What reads files of arms is imported for other arms alone.
     from warpgrasp.arms.arm_file import arm_from_file, arm_named
 
-    if table.kind.endswith(".toml"):
-        return arm_from_file(Path(table.kind))
-    return arm_named(table.kind)
+    if not table.kind.endswith(".toml"):
+        return arm_named(table.kind)
+    try:
+        changed = Path(table.kind).stat()
+    except OSError:
+        return arm_from_file(Path(table.kind))  # which says what is wrong
+    return _arm_of_file(table.kind, changed.st_mtime_ns, changed.st_size)
+
+
+@lru_cache(maxsize=16)
+def _arm_of_file(file: str, changed_ns: int, size: int) -> ArmModel:
+    """The arm of a file; `changed_ns` and `size` only tell versions of the file apart."""
+    from warpgrasp.arms.arm_file import arm_from_file
+
+    return arm_from_file(Path(file))
 
 
 def arm_of(table: ArmTable, mount_length_m: float) -> Arm:

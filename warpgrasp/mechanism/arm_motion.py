@@ -103,9 +103,9 @@ def move_hand(
     """Move each world's hand to its poses in turn, and say which probes can be made.
 
     `wanted_pose` (world, probe, 7) are hand poses [m], quaternion xyzw, base frame; `wanted`
-    (world, probe) is False where a world has no such probe. `commands_rad` (grasp, finger, step, 4)
-    gives each grasp's open hand (its first step), which must clear object and table on the last
-    0.12 m of the approach. `errors` are those of the true robots; none unless given.
+    (world, probe) is False where a world has no such probe. `commands_rad` (grasp, finger, step,
+    joint) gives each grasp's open hand (its first step), which must clear object and table on the
+    last 0.12 m of the approach. `errors` are those of the true robots; none unless given.
     `probe_number` (world, probe) numbers the probes for the noise, each world's from 0 unless
     given. `clearance` stands for a hand other than the Utah-MIT's. Returns the moves and the true
     hand poses (world, probe, 7), which only the simulator may use. Raises ShapeError, and

@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 from scipy.spatial.transform import Rotation
 
-from warpgrasp.arms.arm_model import ARM_JOINTS
+from warpgrasp.arms.arm_model import ARM_JOINTS, ArmModel
 from warpgrasp.core.random import Purpose, counter_key, normal_vector
 from warpgrasp.core.struct_array import repeated
 from warpgrasp.mechanism.arm import arm_of, is_floating, serial_model
@@ -183,13 +183,20 @@ def true_tendons(
     return wp.array(rows, dtype=TendonSensor, device=device)
 
 
-@lru_cache(maxsize=8)
 def true_arms(
     table: ArmTable, mount_length_m: float, errors: Calibration, device: str
 ) -> wp.array:
     """The true arms as kernels take them, (world or 1,)."""
+    return _true_arms(table, serial_model(table), mount_length_m, errors, device)
+
+
+@lru_cache(maxsize=8)
+def _true_arms(
+    table: ArmTable, model: ArmModel | None, mount_length_m: float, errors: Calibration, device: str
+) -> wp.array:
+    """As `true_arms`; `model` is the table's, whose file may have changed."""
     rows = repeated(arm_of(table, mount_length_m), Arm, (errors.worlds,))
-    if serial_model(table) is not None:
+    if model is not None:
         _lengthen(rows["serial"], errors.arm_length_m)
     else:
         for n, name in enumerate(_ARM_LENGTHS):

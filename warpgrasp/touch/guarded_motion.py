@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warpgrasp.arms.arm_model import ArmModel
 from warpgrasp.chain.chain_hand import ChainHand, chain_of_table, chain_rows, true_chains
 from warpgrasp.chain.chain_kernel import vec6
 from warpgrasp.chain.chain_pads import own_pads, pad_places
@@ -22,7 +23,7 @@ from warpgrasp.core.dtypes import real, transform
 from warpgrasp.core.kernel_launch import ShapeError, check_range, launch
 from warpgrasp.core.struct_array import Records, record_type
 from warpgrasp.geometry.scene import Scene
-from warpgrasp.mechanism.arm import arm_of
+from warpgrasp.mechanism.arm import arm_of, serial_model
 from warpgrasp.mechanism.calibration import Calibration, true_arms, true_hands
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, LINK_COUNT, hand_of
 from warpgrasp.motion_cost import line_time_s, was_made
@@ -73,10 +74,10 @@ class _LineRobot:
 @lru_cache(maxsize=16)
 def _robot(
     arm: ArmTable, hand: HandTable, true_hand: HandTable, pads: PadTable, contact: ContactTable,
-    errors: Calibration, finger: int, device: str
+    errors: Calibration, finger: int, device: str, chain: ChainHand | None, model: ArmModel | None
 ) -> _LineRobot:
-    """The robots, kept for the next line."""
-    chain = chain_of_table(hand)
+    """The robots, kept for the next line; `chain` and `model` are those of the tables, whose files
+    may have changed."""
     check_range("finger", finger, 0, (FINGER_COUNT if chain is None else chain.fingers) - 1)
     arms = {"arm": arm_of(arm, hand.mount_length_m),
             "true_arms": true_arms(arm, hand.mount_length_m, errors, device),
@@ -147,12 +148,12 @@ def guarded_line(
     march_scale: float = 1.0,
     device: str = "cpu",
 ) -> tuple[LineTouch, LineTruth, np.ndarray]:
-    """Make one guarded line; also returns the arms' joints after it (row, 6).
+    """Make one guarded line; also returns the arms' joints after it (row, 7).
 
     `body` (world or 1,), `body_pose` (world, 7), `key` (world,) uint64, `errors` of the true
-    robots, whose tables are `true` (those believed unless given), `arm_q_rad` (row, 6) where the
-    arms stand. Worlds not among `move.rows` cost
-    nothing. Raises ShapeError, and ValueError for a body or a finger that there is not.
+    robots, whose tables are `true` (those believed unless given), `arm_q_rad` (row, 7) where the
+    arms stand. Worlds not among `move.rows` cost nothing. Raises ShapeError, and ValueError for a
+    body or a finger that there is not.
     """
     check_range("body", body, 0, scene.bodies - 1)
     n = len(move.rows)
@@ -172,7 +173,7 @@ def guarded_line(
         column[...] = value
     speed = np.linalg.norm(move.direction, axis=1)
     robot = _robot(arm, hand, true_hand, pads, contact or ContactTable(), errors, move.finger,
-                   device)
+                   device, chain_of_table(hand), serial_model(arm))
     commands, swing = _commands(
         np.shape(move.commands_rad), np.ascontiguousarray(move.commands_rad, float).tobytes(),
         move.finger, robot.kernel is chain_line_kernel, device)

@@ -111,8 +111,8 @@ def line_row(
     begins: wp.array[LineBegin], finger: int, commands: Any, swing: real, checked: int,
     near_bits: wp.array3d[int], image: wp.array3d[wp.uint8], ends: wp.array[LineEnd],
 ):
-    """One row of `guarded_line.guarded_line`, which says what goes in and what comes out; `palm` is
-    what `others_free` takes."""
+    """One row of `guarded_motion.guarded_line`, which says what goes in and what comes out; `palm`
+    is what `others_free` takes."""
     begin = begins[i]
     which = begin.body
     key = begin.key

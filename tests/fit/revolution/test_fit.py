@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from fit.fit_status import FitStatus
-from fit.revolution.fit import fit_revolution, revolution_inside, revolution_volume
+from fit.revolution.fit import fit_revolution
+from fit.revolution.geometry import RevolutionBody, revolution_inside, revolution_volume
 from fit.revolution.record import RevolutionOptions
 from fit.rotation import matrix_of_quaternion
 
@@ -37,14 +38,16 @@ def test_a_bottle_on_the_table() -> None:
     assert np.abs(found.height_m - 0.2).max() < 0.015
 
 
-def test_volume_of_a_cone_and_inside() -> None:
-    assert revolution_volume(np.array([0.3]), np.array([[0.1, 0.0]])) == pytest.approx(
-        np.pi * 0.001, rel=1e-12)
+def test_volume_and_inside_are_those_of_the_body() -> None:
     points = bottle(2, 60, 5e-4, np.random.default_rng(1))
     found = fit_revolution(points, table_z=0.0)
     on_axis = found.position_m[:, None] + 0.5 * found.height_m[:, None, None] * found.axis[:, None]
-    assert revolution_inside(found, on_axis).all()
-    assert not revolution_inside(found, on_axis + np.array([0.2, 0, 0])).any()
+    share = np.linspace(0.0, 1.0, found.radius_m.shape[1])
+    body = RevolutionBody(found.position_m, found.axis, found.height_m[:, None] * share,
+                          found.radius_m)
+    assert found.volume_m3 == pytest.approx(revolution_volume(body), rel=1e-12)
+    assert revolution_inside(body, on_axis).all()
+    assert not revolution_inside(body, on_axis + np.array([0.2, 0, 0])).any()
 
 
 def test_a_tilted_cylinder_without_a_table() -> None:

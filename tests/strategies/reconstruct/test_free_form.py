@@ -137,7 +137,7 @@ def test_a_model_that_explains_its_touches_stands() -> None:
 
 @pytest.mark.slow
 def test_no_body_is_unexplained(bowls: EpisodeBlock) -> None:
-    none = replace(bowls.recovered, shape=np.full(3, Shape.PRIOR_CYLINDER))
+    none = replace(bowls.recovered, shape=np.full(3, Shape.PRIOR))
     assert unexplained(none, bowls.evidence).all()
 
 

@@ -70,8 +70,8 @@ def test_a_touch_of_a_pad_may_lie_as_far_as_one_that_counts() -> None:
 
 
 def test_the_prior_explains_nothing() -> None:
-    assert not accepted_contacts(ball(Shape.PRIOR_CYLINDER), touched()).any()
-    assert np.isnan(accepted_rms(ball(Shape.PRIOR_CYLINDER), touched())).all()
+    assert not accepted_contacts(ball(Shape.PRIOR), touched()).any()
+    assert np.isnan(accepted_rms(ball(Shape.PRIOR), touched())).all()
 
 
 @pytest.mark.parametrize(("away_mm", "section", "tried", "replaced"), [

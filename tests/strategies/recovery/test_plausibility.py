@@ -11,7 +11,12 @@ from strategies.poses.waypoints import BoundingCylinder
 from strategies.recovery.choose_model import Recovered, Shape
 from strategies.recovery.contact_verdict import explained_by
 from strategies.recovery.evidence import Evidence
-from strategies.recovery.plausibility import plausible, plausible_contour, swept
+from strategies.recovery.plausibility import (
+    plausible,
+    plausible_contour,
+    swept,
+    within_reach,
+)
 
 PRIOR = BoundingCylinder(np.array([0.45]), np.array([0.0]), np.array([0.05]), np.array([0.12]))
 SIZE = (0.04, 0.03, 0.05)
@@ -27,6 +32,20 @@ def evidence(points: np.ndarray, free: np.ndarray) -> Evidence:
                     np.full((1, count, 3), np.nan), free[None], 0.006,
                     np.ones((1, len(free)), bool), np.zeros((1, count), bool),
                     np.zeros((1, count)))
+
+
+@pytest.mark.parametrize(("side_m", "shift_m"), [(0.04, 0.0), (0.02, 0.06), (0.06, -0.03)])
+def test_a_body_to_explore_by_stays_within_twice_the_priors_reach(
+        side_m: float, shift_m: float) -> None:
+    """The prior reaches 50 mm from its middle, and 10 mm is its error: up to 120 mm."""
+    prior = BoundingCylinder(np.array([0.45]), np.array([0.0]), np.array([0.03]), np.array([0.08]),
+                             margin_m=0.01)
+    corner = np.sqrt(0.75) * side_m  # from a cube's middle
+    for factor, right in ((1.001, False), (0.999, True)):
+        high = factor * np.sqrt((0.12 - corner) ** 2 - shift_m**2)
+        cube = body(x=0.45 + shift_m, z=0.04 + high, size=(side_m / 2,) * 3)
+        assert within_reach(cube, prior).tolist() == [right]
+    assert not within_reach(body(x=np.nan), prior).any()
 
 
 @pytest.mark.parametrize(("found", "right"), [
@@ -110,5 +129,5 @@ def test_contacts_far_from_the_body_are_not_its() -> None:
                         [0.45 + 0.10, 0.0, 0.05], [0.45, 0.0, 0.05]]])
     near = explained_by(recovered, points, np.ones((1, 4), bool))
     assert near.tolist() == [[True, True, False, False]]
-    nothing = Recovered(np.array([Shape.PRIOR_CYLINDER]), body())
+    nothing = Recovered(np.array([Shape.PRIOR]), body())
     assert not explained_by(nothing, points, np.ones((1, 4), bool)).any()

@@ -18,7 +18,7 @@ def test_rows_hold_the_interval_that_budgets_use() -> None:
 
     belief, recovered = block.exploration.belief, block.recovered
     rows = interval_columns(belief, recovered)
-    known = recovered.shape != Shape.PRIOR_CYLINDER
+    known = recovered.shape != Shape.PRIOR
     assert known.any()
     used = belief.uncertainty.volume_interval_m3()[known]
     assert np.array_equal(np.stack([rows["volume_low_m3"], rows["volume_high_m3"]], 1)[known], used)

@@ -1,5 +1,6 @@
 """Figures: the same bytes twice, and no text over another or off the page."""
 
+import re
 from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
@@ -84,8 +85,9 @@ def test_any_number_of_entries_is_readable(entries: tuple[Plan, Store], kind: st
 
 
 def test_settings_of_any_number_of_levels_are_readable(entries: tuple[Plan, Store]) -> None:
-    if entries[0].study.axes:
-        looks_right(KINDS["settings"](Asked(entries[0], [entries[1]])))
+    if not entries[0].study.axes:
+        pytest.skip("a study of one setting has no such figure")
+    looks_right(KINDS["settings"](Asked(entries[0], [entries[1]])))
 
 
 @pytest.mark.parametrize("kind", ["forest", "pareto", "curves-time"])
@@ -106,7 +108,7 @@ def test_the_same_study_gives_the_same_bytes(
         assert cli.run(["figure", folder, "forest", "-o", str(tmp_path / f"{name}.{ending}")]) == 0
     content = (tmp_path / f"a.{ending}").read_bytes()
     assert content == (tmp_path / f"b.{ending}").read_bytes()
-    assert b"2026-" not in content
+    assert not re.search(rb"20\d\d-\d\d-\d\d", content)  # no date
     if ending == "png":
         with Image.open(tmp_path / "a.png") as image:
             assert image.width == pytest.approx(85 / 25.4 * 300, abs=1)

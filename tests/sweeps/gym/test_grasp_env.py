@@ -2,6 +2,7 @@
 vector environment promises beside that is checked here from its documentation."""
 
 import runpy
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from places import ROOT
 
 from strategies.planners.probes import Probe
 from strategies.planners.register import planner
+from strategies.poses.hand_outline import outline_of
 from strategies.recovery.belief import Belief
 from strategies.recovery.misfit import touch_misfit
 from strategies.strategy import Strategy
@@ -19,7 +21,7 @@ from sweeps.episode.columns import model_columns
 from sweeps.episode.episodes import run_episodes
 from sweeps.spec.cell import Cell
 from warpgrasp.core.random import counter_key
-from warpgrasp.parameters import SensorTable
+from warpgrasp.parameters import ContactTable, ErrorTable, ScoreTable, SensorTable
 
 gymnasium = pytest.importorskip("gymnasium")
 
@@ -89,15 +91,18 @@ def test_a_world_with_a_seed_of_its_own_is_as_alone() -> None:
 
 
 PROBES = 4
+SENSITIVE: dict[str, dict[str, Any]] = {"sensors": {"tendon_threshold_N": 4.0}}
 
 
-def sweep_and_environment() -> tuple[Rows, GraspVectorEnv, dict[str, Any]]:
+def sweep_and_environment(
+    settings: dict[str, dict[str, Any]] = SENSITIVE, **tables: Any
+) -> tuple[Rows, GraspVectorEnv, dict[str, Any]]:
     """Rows of six episodes near the side, and an environment that made the same probes: so many
-    that no new starts are due at the last."""
+    that no new starts are due at the last. `tables` are those of the sweep that `settings` mean."""
     actions = np.random.default_rng(4).uniform(-0.3, 0.3, (PROBES, 6, 4))
     cell = Cell(Strategy("same", call="same_actions", closings=("curl40", "base_then_curl")),
                 {"name": "block"}, "block", seed=9,
-                sensors=SensorTable(tendon_threshold_N=4.0))
+                **(tables or {"sensors": SensorTable(tendon_threshold_N=4.0)}))
 
     def same_actions(belief: Belief) -> list[Probe]:
         return (probes_of(actions[belief.step], ("containment",), belief, cell)
@@ -105,8 +110,7 @@ def sweep_and_environment() -> tuple[Rows, GraspVectorEnv, dict[str, Any]]:
 
     planner("same_actions")(lambda: same_actions)
     rows = run_episodes(cell, np.arange(6), "cpu")
-    worlds = GraspVectorEnv(6, objects="block", probes=PROBES,
-                            settings={"sensors": {"tendon_threshold_N": 4.0}})
+    worlds = GraspVectorEnv(6, objects="block", probes=PROBES, settings=settings)
     body = worlds._made_with.bodies[0]
     worlds._drawn_keys = lambda seed: counter_key(  # type: ignore[method-assign]
         9, int(body.content[:15], 16), np.arange(6))
@@ -129,6 +133,27 @@ def assert_the_same(rows: Rows, worlds: GraspVectorEnv, info: dict[str, Any]) ->
 def test_an_episode_here_is_the_sweeps_row_of_the_same_probes() -> None:
     """Noise, recovered body and score are those of `run_episodes`."""
     assert_the_same(*sweep_and_environment())
+
+
+def test_every_table_of_an_episode_counts_here_as_in_a_sweep() -> None:
+    """Each of these alone changes the rows: calibration, friction, and the points of scores."""
+    rows, worlds, info = sweep_and_environment(
+        {"errors": {"scale": 0.0}, "contact": {"friction": 0.0}, "scores": {"samples": "dense"}},
+        errors=ErrorTable(scale=0.0), contact=ContactTable(friction=0.0),
+        scores=ScoreTable(samples="dense"))
+    assert_the_same(rows, worlds, info)
+    errors = worlds._run.robot.errors
+    assert not any(getattr(errors, f.name) for f in fields(errors) if f.name != "scale")
+
+
+@pytest.mark.parametrize(("fingers", "slots"), [(3, 64), (4, 64), (5, 80), (6, 96)])
+def test_there_is_a_slot_for_every_finger(fingers: int, slots: int,
+                                          monkeypatch: pytest.MonkeyPatch) -> None:
+    """Hands of three and four fingers are observed alike."""
+    monkeypatch.setattr(
+        "sweeps.gym.grasp_env.outline_of",
+        lambda hand: replace(outline_of(hand), fingers=fingers), raising=False)
+    assert GraspVectorEnv(1, probes=8)._slots == slots
 
 
 def test_a_body_far_from_its_touches_is_rewarded_no_more_than_in_a_sweep(
@@ -207,6 +232,10 @@ def test_pictures_are_of_every_world() -> None:
     ({"objects": []}, "objects: is empty"), ({"render_mode": "human"}, "should be one of None"),
     ({"settings": {"sensor": {}}}, "settings.sensor: unknown table; did you mean sensors"),
     ({"settings": {"sensors": {"tendon_threshold": 4}}}, "did you mean tendon_threshold_N"),
+    ({"settings": {"object": {"x_mm": 0.45}}}, "settings.object: .*where the arm itself stands"),
+    ({"settings": {"arm": {"kind": "ur6e"}}}, r"settings.arm.kind: no arm 'ur6e'.*ur5e"),
+    ({"settings": {"hand": {"kind": "allegra"}}}, "settings.hand.kind: no hand 'allegra'"),
+    ({"settings": {"fit": {"reconstruct": "chosen"}}}, "reconstruct: .* should be superquadric"),
 ])
 def test_settings_that_cannot_be_used_are_refused(settings: dict[str, Any], says: str) -> None:
     with pytest.raises(ValueError, match=says):

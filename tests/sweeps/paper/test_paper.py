@@ -87,5 +87,6 @@ def line_with(text: str, words: str) -> str:
 @pytest.mark.slow
 def test_the_shipped_documents_are_current(tmp_path) -> None:
     paper(tmp_path)
+    assert {file.name for file in tmp_path.iterdir()} == {file.name for file in DOCS.iterdir()}
     for file in sorted(DOCS.iterdir()):
         assert (tmp_path / file.name).read_bytes() == file.read_bytes(), file.name

@@ -164,7 +164,7 @@ def test_without_optuna_it_says_what_to_install(tmp_path: Path, monkeypatch: pyt
                                                 capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setitem(__import__("sys").modules, "optuna", None)
     assert search(write_spec(tmp_path, SPEC), tmp_path / "out") == 2
-    assert "pip install 'warpgrasp[search]'" in capsys.readouterr().err
+    assert "pip install '.[search]'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("line", "message"), [

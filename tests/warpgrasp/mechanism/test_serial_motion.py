@@ -66,6 +66,23 @@ def test_reachable_poses_are_taken_exactly(name: str) -> None:
     assert (moved(arm, far)[0].status == ProbeStatus.UNREACHABLE).all()
 
 
+def test_an_arms_file_that_has_changed_is_read_again(tmp_path: Path) -> None:
+    """Both the arm that is believed and the true one: poses are taken exactly again."""
+    file, model, poses = tmp_path / "arm.toml", arm_named("ur5e"), hand_poses(8)
+    homes = []
+    for lower_m in (0.0, 0.05):
+        x, y, z = model.base_xyz_m
+        file.write_text(arm_text(replace(
+            model, base_xyz_m=(x, y, z - lower_m), home_rad=(lower_m, *model.home_rad[1:]))))
+        arm = exact(str(file))
+        homes.append(arm_home(arm)[0])
+        moves, actual = moved(arm, poses)
+        made = moves.status[0, :, 0] != ProbeStatus.UNREACHABLE
+        assert made.sum() > 3
+        np.testing.assert_allclose(actual[0, made, :3], poses[made, :3], atol=2e-8)
+    assert homes == [pytest.approx(0.0), pytest.approx(0.05)]
+
+
 @pytest.mark.parametrize("name", SHIPPED_ARMS)
 def test_no_move_is_faster_than_its_slowest_joint(name: str) -> None:
     arm, poses = exact(name), hand_poses(8, 1)

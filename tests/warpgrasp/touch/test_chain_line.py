@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from importlib import resources
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -93,6 +94,17 @@ def test_a_line_ends_where_the_ball_of_the_tip_meets_the_face(kind: str) -> None
     spent = poke(kind, gap=0.04)[2]
     assert spent.status[0] == ProbeStatus.NO_CONTACT
     assert spent.steps[0] == 30
+
+
+def test_a_hands_file_that_has_changed_is_read_again(tmp_path: Path) -> None:
+    """A line of a hand's file is that of the hand that ships, whatever the file was before."""
+    file = tmp_path / "hand.toml"
+    for kind in ("allegro", "leap"):
+        shipped = resources.files("warpgrasp.hands") / "data" / f"{kind}.toml"
+        file.write_text(shipped.read_text())
+        mine, theirs = poke(str(file))[2], poke(kind)[2]
+        for name in ("status", "steps", "link", "q_rad", "point_m", "image"):
+            np.testing.assert_array_equal(getattr(mine, name), getattr(theirs, name))
 
 
 @pytest.mark.parametrize("kind", OTHERS)
