@@ -37,9 +37,3 @@ def outlier_weights(
     if at_first:
         return inlying / (inlying + probability * outlier**2)
     return 1.0 - probability * (1.0 - inlying / wide)
-
-
-def outlier_probability(weight, inlying, outlier) -> np.ndarray:
-    """Probability of an outlier that a weight of `outlier_weights` stands for."""
-    wide = inlying + np.asarray(outlier) ** 2
-    return (1.0 - np.asarray(weight)) / (1.0 - inlying / wide)

@@ -1,4 +1,6 @@
-"""Recovered superquadrics as surface elements, in kernels: what `fit.superquadric_surface` gives.
+"""Recovered superquadrics as surface elements, in kernels.
+
+They are those that `fit.superquadric.superquadric_surface` gives.
 
 A cube's grid is projected onto each body; every quadrilateral is an element with its own point,
 normal and area. A straight body is the same in all eight octants, so powers are computed in one.

@@ -1,4 +1,4 @@
-"""Surface elements of kernels against those of `fit.superquadric_surface`."""
+"""Surface elements of kernels against those of `fit.superquadric.superquadric_surface`."""
 
 import numpy as np
 import pytest
