@@ -33,7 +33,7 @@ class Elements(NamedTuple):
 
 
 def surface_elements(
-    body: SuperquadricLike, count: int, *, device: str, graded: bool = False
+    body: SuperquadricLike, count: int, *, device: str, graded: bool
 ) -> Elements:
     """About `count` elements of each body: the least 6 k^2 that are as many.
 

@@ -44,9 +44,10 @@ def _odd(size: int) -> int:
 
 def mean_filter(images: np.ndarray, size: int = 3) -> np.ndarray:
     """Mean of each `size` x `size` neighbourhood, (n, row, column)."""
-    from scipy.ndimage import uniform_filter
+    from scipy.ndimage import uniform_filter1d
 
-    return uniform_filter(_stack(images), (1, _odd(size), size), mode="nearest")
+    along_rows = uniform_filter1d(_stack(images), _odd(size), 1, mode="nearest")
+    return uniform_filter1d(along_rows, size, 2, mode="nearest")
 
 
 def median_filter(images: np.ndarray, size: int = 3) -> np.ndarray:
